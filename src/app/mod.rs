@@ -1,0 +1,3 @@
+//! The command line: packaging, experiments, reports.
+
+pub mod recording;

@@ -1,0 +1,1 @@
+//! The C interface of FMI 2.0 for co-simulation.

@@ -1,0 +1,3 @@
+//! The command `magnetic-bearing`.
+
+fn main() {}

@@ -1,0 +1,1 @@
+//! Co-simulation slaves, whatever the standard.
