@@ -1,1 +1,30 @@
 //! Co-simulation slaves, whatever the standard.
+//!
+//! A slave is short and reads from top to bottom: its values, its table of variables, its step. The table is the one
+//! place where a variable exists: start value, reference, unit, access, model description and reset all derive from it.
+//!
+//! [`unit`], [`variable`], [`instance`], [`clock`] and [`log`] know nothing of bearings; [`plant`], [`controller`] and
+//! [`estimator`] are the slaves of this project, listed in [`catalogue`].
+
+pub mod clock;
+pub mod controller;
+pub mod estimator;
+pub mod instance;
+pub mod log;
+pub mod plant;
+pub mod unit;
+pub mod variable;
+
+mod bearing;
+
+pub use instance::{AnySlave, Kind};
+
+/// All slaves of this project, in the order in which they are presented.
+pub fn catalogue() -> &'static [&'static Kind] {
+    &[&plant::KIND, &controller::KIND, &estimator::KIND]
+}
+
+/// The slave of that model name, for instance `MagneticBearing`.
+pub fn find(name: &str) -> Option<&'static Kind> {
+    catalogue().iter().copied().find(|kind| kind.name == name)
+}

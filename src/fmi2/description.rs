@@ -1,0 +1,266 @@
+//! Writes `modelDescription.xml` from the table of variables of a slave.
+
+use quick_xml::Writer;
+use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, Event};
+use sha2::{Digest, Sha256};
+
+use super::logger::Category;
+use crate::slave::Kind;
+use crate::slave::unit::Unit;
+use crate::slave::variable::{Causality, Enumeration, Type, Variability, Variable};
+
+/// The GUID of a model and the text of its model description.
+///
+/// The GUID is the first half of the SHA-256 of the description with an empty GUID: any change of the interface changes
+/// it.
+pub fn write(kind: &Kind) -> (String, String) {
+    let variables = (kind.variables)();
+    let digest = Sha256::digest(document(kind, &variables, "").as_bytes());
+    let digits: String = digest[..16].iter().map(|byte| format!("{byte:02x}")).collect();
+    let guid = format!(
+        "{{{}-{}-{}-{}-{}}}",
+        &digits[..8],
+        &digits[8..12],
+        &digits[12..16],
+        &digits[16..20],
+        &digits[20..]
+    );
+    let text = document(kind, &variables, &guid);
+    (guid, text)
+}
+
+/// An element with attributes, in the order in which they are added.
+struct Element {
+    name: &'static str,
+    attributes: Vec<(&'static str, String)>,
+}
+
+fn element(name: &'static str) -> Element {
+    Element { name, attributes: Vec::new() }
+}
+
+impl Element {
+    fn with(mut self, name: &'static str, value: impl Into<String>) -> Self {
+        self.attributes.push((name, value.into()));
+        self
+    }
+
+    fn with_some(self, name: &'static str, value: Option<impl Into<String>>) -> Self {
+        match value {
+            Some(value) => self.with(name, value),
+            None => self,
+        }
+    }
+
+    fn tag(&self) -> BytesStart<'_> {
+        let mut tag = BytesStart::new(self.name);
+        for (name, value) in &self.attributes {
+            tag.push_attribute((*name, value.as_str()));
+        }
+        tag
+    }
+}
+
+/// Writes into memory, which cannot fail.
+struct Page(Writer<Vec<u8>>);
+
+impl Page {
+    fn event(&mut self, event: Event<'_>) {
+        self.0.write_event(event).expect("a vector takes any number of bytes");
+    }
+
+    fn empty(&mut self, element: Element) {
+        self.event(Event::Empty(element.tag()));
+    }
+
+    fn nest(&mut self, element: Element, content: impl FnOnce(&mut Self)) {
+        self.event(Event::Start(element.tag()));
+        content(self);
+        self.event(Event::End(BytesEnd::new(element.name)));
+    }
+}
+
+fn document(kind: &Kind, variables: &[&Variable], guid: &str) -> String {
+    let mut page = Page(Writer::new_with_indent(Vec::new(), b' ', 2));
+    page.event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)));
+    let root = element("fmiModelDescription")
+        .with("fmiVersion", "2.0")
+        .with("modelName", kind.name)
+        .with("guid", guid)
+        .with("description", kind.description)
+        .with("version", env!("CARGO_PKG_VERSION"))
+        .with("license", env!("CARGO_PKG_LICENSE"))
+        .with("generationTool", concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")))
+        .with("variableNamingConvention", "structured");
+    page.nest(root, |page| {
+        page.empty(
+            element("CoSimulation")
+                .with("modelIdentifier", kind.name)
+                .with("needsExecutionTool", "false")
+                .with("canHandleVariableCommunicationStepSize", "true")
+                .with("canInterpolateInputs", "false")
+                .with("maxOutputDerivativeOrder", "0")
+                .with("canRunAsynchronuously", "false")
+                .with("canBeInstantiatedOnlyOncePerProcess", "false")
+                .with("canNotUseMemoryManagementFunctions", "true")
+                .with("canGetAndSetFMUstate", "false")
+                .with("canSerializeFMUstate", "false")
+                .with("providesDirectionalDerivative", "false"),
+        );
+        page.nest(element("UnitDefinitions"), |page| {
+            for unit in units(variables) {
+                write_unit(page, unit);
+            }
+        });
+        let enumerations = enumerations(variables);
+        if !enumerations.is_empty() {
+            page.nest(element("TypeDefinitions"), |page| {
+                for enumeration in enumerations {
+                    write_enumeration(page, enumeration);
+                }
+            });
+        }
+        page.nest(element("LogCategories"), |page| {
+            for category in Category::ALL {
+                let name = category.name().to_string_lossy();
+                page.empty(element("Category").with("name", name).with("description", category.description()));
+            }
+        });
+        page.empty(
+            element("DefaultExperiment")
+                .with("startTime", "0")
+                .with("stopTime", real(kind.stop_s))
+                .with("stepSize", real(kind.step_s)),
+        );
+        page.nest(element("ModelVariables"), |page| {
+            for (reference, variable) in variables.iter().enumerate() {
+                write_variable(page, reference, variable);
+            }
+        });
+        page.nest(element("ModelStructure"), |page| write_structure(page, variables));
+    });
+    let mut text = String::from_utf8(page.0.into_inner()).expect("all that was written is UTF-8");
+    text.push('\n');
+    text
+}
+
+/// The shortest text that is read back as the same number.
+fn real(value: f64) -> String {
+    if value != 0.0 && !(1e-3..1e6).contains(&value.abs()) { format!("{value:e}") } else { format!("{value}") }
+}
+
+/// The units in use, each once, in the order of the variables.
+fn units<'v>(variables: &[&'v Variable]) -> Vec<&'v Unit> {
+    let mut units: Vec<&Unit> = Vec::new();
+    for variable in variables {
+        if let Type::Real { unit, .. } = &variable.kind
+            && units.iter().all(|known| known.name != unit.name)
+        {
+            units.push(unit);
+        }
+    }
+    units
+}
+
+fn enumerations(variables: &[&Variable]) -> Vec<&'static Enumeration> {
+    let mut enumerations: Vec<&'static Enumeration> = Vec::new();
+    for variable in variables {
+        if let Type::Enumeration { items, .. } = variable.kind
+            && enumerations.iter().all(|known| known.name != items.name)
+        {
+            enumerations.push(items);
+        }
+    }
+    enumerations
+}
+
+fn write_unit(page: &mut Page, unit: &Unit) {
+    page.nest(element("Unit").with("name", unit.name), |page| {
+        let base = unit.base.iter();
+        page.empty(base.fold(element("BaseUnit"), |tag, (name, exponent)| tag.with(name, exponent.to_string())));
+        for display in unit.displays {
+            page.empty(element("DisplayUnit").with("name", display.name).with("factor", real(display.factor)));
+        }
+    });
+}
+
+fn write_enumeration(page: &mut Page, enumeration: &Enumeration) {
+    let root = element("SimpleType").with("name", enumeration.name).with("description", enumeration.description);
+    page.nest(root, |page| {
+        page.nest(element("Enumeration"), |page| {
+            for ((name, description), value) in enumeration.items.iter().zip(1..) {
+                let item = element("Item").with("name", *name).with("value", i32::to_string(&value));
+                page.empty(item.with("description", *description));
+            }
+        });
+    });
+}
+
+fn write_variable(page: &mut Page, reference: usize, variable: &Variable) {
+    let causality = match variable.causality {
+        Causality::Parameter => "parameter",
+        Causality::Input => "input",
+        Causality::Output => "output",
+        Causality::Local => "local",
+    };
+    let variability = match variable.variability {
+        Variability::Fixed => "fixed",
+        Variability::Tunable => "tunable",
+        Variability::Discrete => "discrete",
+        Variability::Continuous => "continuous",
+    };
+    let initial = match variable.causality {
+        Causality::Parameter => Some("exact"),
+        Causality::Input => None,
+        Causality::Output | Causality::Local => Some("calculated"),
+    };
+    let root = element("ScalarVariable")
+        .with("name", variable.name.as_ref())
+        .with("valueReference", reference.to_string())
+        .with("description", variable.description.as_ref())
+        .with("causality", causality)
+        .with("variability", variability)
+        .with_some("initial", initial);
+    // What is computed has no start value: it follows from the others.
+    let settable = variable.is_settable();
+    page.nest(root, |page| {
+        let kind = match &variable.kind {
+            Type::Real { start, unit, display, nominal, min, max } => element("Real")
+                .with("unit", unit.name)
+                .with_some("displayUnit", *display)
+                .with_some("min", min.map(real))
+                .with_some("max", max.map(real))
+                .with("nominal", real(*nominal))
+                .with_some("start", settable.then(|| real(*start))),
+            Type::Integer { start, min, max } => element("Integer")
+                .with_some("min", min.map(|min| min.to_string()))
+                .with_some("max", max.map(|max| max.to_string()))
+                .with_some("start", settable.then(|| start.to_string())),
+            Type::Boolean { start } => element("Boolean").with_some("start", settable.then(|| start.to_string())),
+            Type::Enumeration { start, items } => element("Enumeration")
+                .with("declaredType", items.name)
+                .with_some("start", settable.then(|| start.to_string())),
+        };
+        page.empty(kind);
+    });
+}
+
+/// Outputs with the inputs that act on them at the same instant, and the unknowns of the initialization.
+fn write_structure(page: &mut Page, variables: &[&Variable]) {
+    let outputs: Vec<_> =
+        (1..).zip(variables).filter(|(_, variable)| variable.causality == Causality::Output).collect();
+    let index_of = |name: &str| variables.iter().position(|variable| variable.name == name).map(|index| index + 1);
+    page.nest(element("Outputs"), |page| {
+        for (index, output) in &outputs {
+            let indices: Vec<_> =
+                output.depends_on.iter().filter_map(|input| index_of(input)).map(|index| index.to_string()).collect();
+            page.empty(element("Unknown").with("index", i32::to_string(index)).with("dependencies", indices.join(" ")));
+        }
+    });
+    page.nest(element("InitialUnknowns"), |page| {
+        for (index, _) in &outputs {
+            // Without `dependencies` an unknown depends on every known: all parameters count at the start.
+            page.empty(element("Unknown").with("index", i32::to_string(index)));
+        }
+    });
+}

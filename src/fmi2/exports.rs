@@ -1,0 +1,575 @@
+//! The 34 functions of FMI 2.0 for co-simulation.
+//!
+//! Names, arguments and answers are the standard's. All functions that take an instance have one safety contract: the
+//! instance came from [`fmi2Instantiate`] of this library, was not freed since, and no other call on it is under way; an
+//! array has as many elements as its length says. Null pointers are refused.
+
+#![allow(non_snake_case, reason = "the names are those of the standard")]
+
+use std::ffi::{CStr, CString, c_char};
+use std::panic::catch_unwind;
+
+use super::bindings::*;
+use super::component::{Component, Outcome, Problem};
+use super::door::{enter, words};
+use super::logger::{Category, Logger};
+use super::registry;
+use super::sequence::{Function, State};
+use crate::slave::instance::Step;
+use crate::slave::variable::Value;
+
+/// Declares functions that C can call, and proves at compile time that their types are those of the bindings.
+macro_rules! export {
+    ($(
+        $(#[$attribute:meta])*
+        fn $name:ident: $type:ident ($($argument:ident: $of:ty),* $(,)?) -> $result:ty $body:block
+    )*) => {$(
+        $(#[$attribute])*
+        ///
+        /// # Safety
+        /// As for all functions of [this module](self).
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name($($argument: $of),*) -> $result $body
+
+        const _: $type = Some($name);
+    )*};
+}
+
+/// The elements of an array of the importer's.
+///
+/// # Safety
+/// `first` is null or points to `length` elements that stay valid and unchanged until the call returns.
+unsafe fn elements<'a, T>(name: &str, first: *const T, length: usize) -> Result<&'a [T], Problem> {
+    check_array::<T>(name, first.is_null(), length)?;
+    if length == 0 {
+        return Ok(&[]);
+    }
+    // SAFETY: the pointer is not null, and by this function's contract the elements are there; the length was checked.
+    Ok(unsafe { std::slice::from_raw_parts(first, length) })
+}
+
+/// The elements of an array of the importer's that is to be filled.
+///
+/// # Safety
+/// `first` is null or points to `length` elements that nobody else uses until the call returns.
+unsafe fn elements_mut<'a, T>(name: &str, first: *mut T, length: usize) -> Result<&'a mut [T], Problem> {
+    check_array::<T>(name, first.is_null(), length)?;
+    if length == 0 {
+        return Ok(&mut []);
+    }
+    // SAFETY: the pointer is not null, and by this function's contract the elements are there; the length was checked.
+    Ok(unsafe { std::slice::from_raw_parts_mut(first, length) })
+}
+
+fn check_array<T>(name: &str, null: bool, length: usize) -> Outcome {
+    if length > isize::MAX as usize / size_of::<T>() {
+        return Err(Problem::Call(format!("{name} cannot have {length} elements: that is more than memory can hold")));
+    }
+    if null && length > 0 {
+        return Err(Problem::Call(format!("{name} is null: an array of {length} elements is wanted")));
+    }
+    Ok(())
+}
+
+/// A text of the importer's.
+///
+/// # Safety
+/// `text` is null or ends with a zero byte and stays valid and unchanged until the call returns.
+unsafe fn text<'a>(text: fmi2String) -> Option<&'a CStr> {
+    // SAFETY: the pointer is not null, and by this function's contract the text ends with a zero byte.
+    (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) })
+}
+
+/// Reads the variables of one type.
+///
+/// # Safety
+/// As for all functions of this module.
+unsafe fn get<T>(
+    component: fmi2Component,
+    function: Function,
+    (references, count): (*const fmi2ValueReference, usize),
+    values: *mut T,
+    take: impl Fn(Value) -> Option<T>,
+    noun: &str,
+) -> fmi2Status {
+    let body = |component: &mut Component| {
+        // SAFETY: the arrays are as the contract of the exported function says.
+        let (references, values) = unsafe { (elements("vr", references, count)?, elements_mut("value", values, count)?) };
+        for (reference, value) in references.iter().zip(values) {
+            let found = component.slave.get(*reference as usize).map_err(Problem::call)?;
+            *value = take(found)
+                .ok_or_else(|| Problem::Call(format!("value reference {reference} is no {noun} but a {}", found.noun())))?;
+        }
+        Ok(())
+    };
+    // SAFETY: the component is as the contract of the exported function says.
+    unsafe { enter(component, function, body) }
+}
+
+/// Writes the variables of one type.
+///
+/// # Safety
+/// As for all functions of this module.
+unsafe fn set<T: Copy>(
+    component: fmi2Component,
+    function: Function,
+    (references, count): (*const fmi2ValueReference, usize),
+    values: *const T,
+    wrap: impl Fn(T) -> Result<Value, String>,
+) -> fmi2Status {
+    let body = |component: &mut Component| {
+        // SAFETY: the arrays are as the contract of the exported function says.
+        let (references, values) = unsafe { (elements("vr", references, count)?, elements("value", values, count)?) };
+        for (reference, value) in references.iter().zip(values) {
+            let value = wrap(*value).map_err(|why| Problem::Call(format!("value reference {reference}: {why}")))?;
+            component.slave.set(*reference as usize, value).map_err(Problem::call)?;
+        }
+        Ok(())
+    };
+    // SAFETY: the component is as the contract of the exported function says.
+    unsafe { enter(component, function, body) }
+}
+
+/// Answers a function that these FMUs do not offer, as their model description says.
+///
+/// # Safety
+/// As for all functions of this module.
+unsafe fn not_offered(component: fmi2Component, function: Function, what: &str) -> fmi2Status {
+    // SAFETY: the component is as the contract of the exported function says.
+    unsafe { enter(component, function, |_| Err(Problem::Call(format!("{what}; the model description says so")))) }
+}
+
+/// There are no variables of type String: an empty list is served, any reference is unknown.
+///
+/// # Safety
+/// As for all functions of this module.
+unsafe fn no_strings(component: fmi2Component, function: Function, count: usize) -> fmi2Status {
+    let body = |_: &mut Component| match count {
+        0 => Ok(()),
+        _ => Err(Problem::call("there are no variables of type String")),
+    };
+    // SAFETY: the component is as the contract of the exported function says.
+    unsafe { enter(component, function, body) }
+}
+
+/// Answers a question about the last step.
+///
+/// # Safety
+/// As for all functions of this module.
+unsafe fn status<T>(
+    component: fmi2Component,
+    function: Function,
+    kind: fmi2StatusKind,
+    value: *mut T,
+    answer: impl Fn(&Component, fmi2StatusKind) -> Option<T>,
+) -> fmi2Status {
+    let body = |component: &mut Component| {
+        // SAFETY: the pointer is as the contract of the exported function says.
+        let value = unsafe { elements_mut("value", value, 1)? };
+        value[0] = answer(component, kind)
+            .ok_or_else(|| Problem::Call(format!("the status kind {} is not of the type asked for", kind.0)))?;
+        Ok(())
+    };
+    // SAFETY: the component is as the contract of the exported function says.
+    unsafe { enter(component, function, body) }
+}
+
+fn instantiate(
+    name: fmi2String,
+    kind: fmi2Type,
+    guid: fmi2String,
+    functions: *const fmi2CallbackFunctions,
+    logging_on: fmi2Boolean,
+) -> Option<fmi2Component> {
+    // SAFETY: the importer keeps the callbacks and both texts valid for the length of the call, the callbacks' content
+    // for the life of the instance; null is looked for.
+    let (callbacks, name, guid) = unsafe { (functions.as_ref()?, text(name), text(guid)) };
+    let shown = name.filter(|name| !name.is_empty()).unwrap_or(c"(no name)");
+    let logger = Logger::new(CString::from(shown), callbacks, logging_on != fmi2False);
+    let refuse = |why: std::fmt::Arguments<'_>| {
+        logger.send(fmi2Status::fmi2Error, Category::StatusError, format_args!("fmi2Instantiate: {why}"));
+        None
+    };
+    if name.is_none_or(CStr::is_empty) {
+        return refuse(format_args!("instanceName is empty: a name is wanted"));
+    }
+    if kind != fmi2Type::fmi2CoSimulation {
+        return refuse(format_args!("fmuType = {} is refused: fmi2CoSimulation (1) is wanted", kind.0));
+    }
+    let Some(guid) = guid else {
+        return refuse(format_args!("fmuGUID is null: the guid of the model description is wanted"));
+    };
+    let Some(slave) = guid.to_str().ok().and_then(registry::by_guid) else {
+        return refuse(format_args!(
+            "fmuGUID = {} is none of this binary's: model description and binary do not belong together; wanted is {}",
+            guid.to_string_lossy(),
+            registry::listed()
+        ));
+    };
+    let component = Component::new((slave.instantiate)(), logger);
+    Some(Box::into_raw(Box::new(component)).cast())
+}
+
+export! {
+    /// The platform type of the interface, `default`.
+    fn fmi2GetTypesPlatform: fmi2GetTypesPlatformTYPE() -> *const c_char {
+        fmi2TypesPlatform.as_ptr()
+    }
+
+    /// The version of the interface, `2.0`.
+    fn fmi2GetVersion: fmi2GetVersionTYPE() -> *const c_char {
+        fmi2Version.as_ptr()
+    }
+
+    /// Switches categories of messages on or off.
+    fn fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(
+        c: fmi2Component,
+        loggingOn: fmi2Boolean,
+        nCategories: usize,
+        categories: *const fmi2String,
+    ) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: the array and its texts are as this module's contract says; null is looked for.
+            let names = unsafe { elements("categories", categories, nCategories)? }.iter().map(|name| unsafe { text(*name) });
+            let names: Vec<&CStr> =
+                names.collect::<Option<_>>().ok_or_else(|| Problem::call("categories holds a null pointer"))?;
+            component.logger.switch(loggingOn != fmi2False, &names).map_err(|name| {
+                Problem::Call(format!("{} is no category of the model description", name.to_string_lossy()))
+            })
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::SetDebugLogging, body) }
+    }
+
+    /// Makes an instance of the model that the GUID names; null when that is not possible, with a message that says why.
+    fn fmi2Instantiate: fmi2InstantiateTYPE(
+        instanceName: fmi2String,
+        fmuType: fmi2Type,
+        fmuGUID: fmi2String,
+        _fmuResourceLocation: fmi2String,
+        functions: *const fmi2CallbackFunctions,
+        _visible: fmi2Boolean,
+        loggingOn: fmi2Boolean,
+    ) -> fmi2Component {
+        let made = catch_unwind(|| instantiate(instanceName, fmuType, fmuGUID, functions, loggingOn));
+        made.unwrap_or_else(|panic| {
+            // The message of the panic went to the standard error already; there is no instance whose logger could be used.
+            let _ = words(panic.as_ref());
+            None
+        })
+        .unwrap_or(std::ptr::null_mut())
+    }
+
+    /// Ends an instance.
+    fn fmi2FreeInstance: fmi2FreeInstanceTYPE(c: fmi2Component) -> () {
+        if !c.is_null() {
+            // SAFETY: by this module's contract the pointer came from `fmi2Instantiate` and is not used again.
+            let component = unsafe { Box::from_raw(c.cast::<Component>()) };
+            let _ = catch_unwind(std::panic::AssertUnwindSafe(|| drop(component)));
+        }
+    }
+
+    /// Tells start and stop time. A tolerance is accepted and has no effect: these slaves have a fixed accuracy.
+    fn fmi2SetupExperiment: fmi2SetupExperimentTYPE(
+        c: fmi2Component,
+        _toleranceDefined: fmi2Boolean,
+        _tolerance: fmi2Real,
+        startTime: fmi2Real,
+        stopTimeDefined: fmi2Boolean,
+        stopTime: fmi2Real,
+    ) -> fmi2Status {
+        let stop_s = (stopTimeDefined != fmi2False).then_some(stopTime);
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::SetupExperiment, |component| component.setup(startTime, stop_s)) }
+    }
+
+    /// Begins the initialization.
+    fn fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE(c: fmi2Component) -> fmi2Status {
+        let body = |component: &mut Component| {
+            component.state = State::InitializationMode;
+            Ok(())
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::EnterInitializationMode, body) }
+    }
+
+    /// Ends the initialization. Every parameter that cannot be accepted is named in the message.
+    fn fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE(c: fmi2Component) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::ExitInitializationMode, Component::exit_initialization) }
+    }
+
+    /// Ends the run.
+    fn fmi2Terminate: fmi2TerminateTYPE(c: fmi2Component) -> fmi2Status {
+        let body = |component: &mut Component| {
+            component.state = State::Terminated;
+            Ok(())
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::Terminate, body) }
+    }
+
+    /// Makes the instance what it was after `fmi2Instantiate`.
+    fn fmi2Reset: fmi2ResetTYPE(c: fmi2Component) -> fmi2Status {
+        let body = |component: &mut Component| {
+            component.reset();
+            Ok(())
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::Reset, body) }
+    }
+
+    /// Reads Real variables.
+    fn fmi2GetReal: fmi2GetRealTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *mut fmi2Real,
+    ) -> fmi2Status {
+        let take = |value| if let Value::Real(value) = value { Some(value) } else { None };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { get(c, Function::GetReal, (vr, nvr), value, take, "Real") }
+    }
+
+    /// Reads Integer variables and choices.
+    fn fmi2GetInteger: fmi2GetIntegerTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *mut fmi2Integer,
+    ) -> fmi2Status {
+        let take = |value| if let Value::Integer(value) = value { Some(value) } else { None };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { get(c, Function::GetInteger, (vr, nvr), value, take, "Integer") }
+    }
+
+    /// Reads Boolean variables.
+    fn fmi2GetBoolean: fmi2GetBooleanTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *mut fmi2Boolean,
+    ) -> fmi2Status {
+        let take = |value| if let Value::Boolean(value) = value { Some(fmi2Boolean::from(value)) } else { None };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { get(c, Function::GetBoolean, (vr, nvr), value, take, "Boolean") }
+    }
+
+    /// There are no String variables.
+    fn fmi2GetString: fmi2GetStringTYPE(
+        c: fmi2Component,
+        _vr: *const fmi2ValueReference,
+        nvr: usize,
+        _value: *mut fmi2String,
+    ) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { no_strings(c, Function::GetString, nvr) }
+    }
+
+    /// Writes Real variables, in the order given; those before one that is refused are written.
+    fn fmi2SetReal: fmi2SetRealTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *const fmi2Real,
+    ) -> fmi2Status {
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { set(c, Function::SetReal, (vr, nvr), value, |value| Ok(Value::Real(value))) }
+    }
+
+    /// Writes Integer variables and choices, in the order given; those before one that is refused are written.
+    fn fmi2SetInteger: fmi2SetIntegerTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *const fmi2Integer,
+    ) -> fmi2Status {
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { set(c, Function::SetInteger, (vr, nvr), value, |value| Ok(Value::Integer(value))) }
+    }
+
+    /// Writes Boolean variables, in the order given; those before one that is refused are written.
+    fn fmi2SetBoolean: fmi2SetBooleanTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *const fmi2Boolean,
+    ) -> fmi2Status {
+        let wrap = |value| match value {
+            fmi2False => Ok(Value::Boolean(false)),
+            fmi2True => Ok(Value::Boolean(true)),
+            other => Err(format!("{other} is refused: fmi2False (0) or fmi2True (1) is wanted")),
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { set(c, Function::SetBoolean, (vr, nvr), value, wrap) }
+    }
+
+    /// There are no String variables.
+    fn fmi2SetString: fmi2SetStringTYPE(
+        c: fmi2Component,
+        _vr: *const fmi2ValueReference,
+        nvr: usize,
+        _value: *const fmi2String,
+    ) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { no_strings(c, Function::SetString, nvr) }
+    }
+
+    /// Not offered.
+    fn fmi2GetFMUstate: fmi2GetFMUstateTYPE(c: fmi2Component, _FMUstate: *mut fmi2FMUstate) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { not_offered(c, Function::GetFMUstate, NO_STATES) }
+    }
+
+    /// Not offered.
+    fn fmi2SetFMUstate: fmi2SetFMUstateTYPE(c: fmi2Component, _FMUstate: fmi2FMUstate) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { not_offered(c, Function::SetFMUstate, NO_STATES) }
+    }
+
+    /// Not offered.
+    fn fmi2FreeFMUstate: fmi2FreeFMUstateTYPE(c: fmi2Component, _FMUstate: *mut fmi2FMUstate) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { not_offered(c, Function::FreeFMUstate, NO_STATES) }
+    }
+
+    /// Not offered.
+    fn fmi2SerializedFMUstateSize: fmi2SerializedFMUstateSizeTYPE(
+        c: fmi2Component,
+        _FMUstate: fmi2FMUstate,
+        _size: *mut usize,
+    ) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { not_offered(c, Function::SerializedFMUstateSize, NO_STATES) }
+    }
+
+    /// Not offered.
+    fn fmi2SerializeFMUstate: fmi2SerializeFMUstateTYPE(
+        c: fmi2Component,
+        _FMUstate: fmi2FMUstate,
+        _serializedState: *mut fmi2Byte,
+        _size: usize,
+    ) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { not_offered(c, Function::SerializeFMUstate, NO_STATES) }
+    }
+
+    /// Not offered.
+    fn fmi2DeSerializeFMUstate: fmi2DeSerializeFMUstateTYPE(
+        c: fmi2Component,
+        _serializedState: *const fmi2Byte,
+        _size: usize,
+        _FMUstate: *mut fmi2FMUstate,
+    ) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { not_offered(c, Function::DeSerializeFMUstate, NO_STATES) }
+    }
+
+    /// Not offered.
+    fn fmi2GetDirectionalDerivative: fmi2GetDirectionalDerivativeTYPE(
+        c: fmi2Component,
+        _vUnknown_ref: *const fmi2ValueReference,
+        _nUnknown: usize,
+        _vKnown_ref: *const fmi2ValueReference,
+        _nKnown: usize,
+        _dvKnown: *const fmi2Real,
+        _dvUnknown: *mut fmi2Real,
+    ) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { not_offered(c, Function::GetDirectionalDerivative, "directional derivatives are not provided") }
+    }
+
+    /// Not offered.
+    fn fmi2SetRealInputDerivatives: fmi2SetRealInputDerivativesTYPE(
+        c: fmi2Component,
+        _vr: *const fmi2ValueReference,
+        _nvr: usize,
+        _order: *const fmi2Integer,
+        _value: *const fmi2Real,
+    ) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { not_offered(c, Function::SetRealInputDerivatives, "inputs are held over the step, not interpolated") }
+    }
+
+    /// Not offered.
+    fn fmi2GetRealOutputDerivatives: fmi2GetRealOutputDerivativesTYPE(
+        c: fmi2Component,
+        _vr: *const fmi2ValueReference,
+        _nvr: usize,
+        _order: *const fmi2Integer,
+        _value: *mut fmi2Real,
+    ) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { not_offered(c, Function::GetRealOutputDerivatives, "derivatives of outputs are not provided") }
+    }
+
+    /// Does one communication step.
+    fn fmi2DoStep: fmi2DoStepTYPE(
+        c: fmi2Component,
+        currentCommunicationPoint: fmi2Real,
+        communicationStepSize: fmi2Real,
+        _noSetFMUStatePriorToCurrentPoint: fmi2Boolean,
+    ) -> fmi2Status {
+        let step = Step { time_s: currentCommunicationPoint, length_s: communicationStepSize };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::DoStep, |component| component.step(step)) }
+    }
+
+    /// A step is never in progress when this is called.
+    fn fmi2CancelStep: fmi2CancelStepTYPE(c: fmi2Component) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::CancelStep, |_| Ok(())) }
+    }
+
+    /// How the last step ended.
+    fn fmi2GetStatus: fmi2GetStatusTYPE(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Status) -> fmi2Status {
+        let answer = |component: &Component, kind| {
+            (kind == fmi2StatusKind::fmi2DoStepStatus).then_some(component.last_step)
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { status(c, Function::GetStatus, s, value, answer) }
+    }
+
+    /// The time up to which the run has come.
+    fn fmi2GetRealStatus: fmi2GetRealStatusTYPE(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Real) -> fmi2Status {
+        let answer = |component: &Component, kind| {
+            (kind == fmi2StatusKind::fmi2LastSuccessfulTime).then(|| component.time_s())
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { status(c, Function::GetRealStatus, s, value, answer) }
+    }
+
+    /// The standard has no question with an answer of this type.
+    fn fmi2GetIntegerStatus: fmi2GetIntegerStatusTYPE(
+        c: fmi2Component,
+        s: fmi2StatusKind,
+        value: *mut fmi2Integer,
+    ) -> fmi2Status {
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { status(c, Function::GetIntegerStatus, s, value, |_, _| None) }
+    }
+
+    /// Whether the slave wants the simulation to end: it never does.
+    fn fmi2GetBooleanStatus: fmi2GetBooleanStatusTYPE(
+        c: fmi2Component,
+        s: fmi2StatusKind,
+        value: *mut fmi2Boolean,
+    ) -> fmi2Status {
+        let answer = |_: &Component, kind| (kind == fmi2StatusKind::fmi2Terminated).then_some(fmi2False);
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { status(c, Function::GetBooleanStatus, s, value, answer) }
+    }
+
+    /// What a pending step is doing: no step is ever pending, so the text is empty.
+    fn fmi2GetStringStatus: fmi2GetStringStatusTYPE(
+        c: fmi2Component,
+        s: fmi2StatusKind,
+        value: *mut fmi2String,
+    ) -> fmi2Status {
+        let answer = |_: &Component, kind| (kind == fmi2StatusKind::fmi2PendingStatus).then_some(c"".as_ptr());
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { status(c, Function::GetStringStatus, s, value, answer) }
+    }
+}
+
+const NO_STATES: &str = "states can be neither read nor restored";

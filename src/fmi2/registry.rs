@@ -1,0 +1,40 @@
+//! Which models this binary serves, by GUID.
+
+use std::sync::LazyLock;
+
+use super::description;
+use crate::slave::{Kind, catalogue};
+
+/// A model with the GUID of its interface and its model description.
+pub struct Entry {
+    /// The model.
+    pub kind: &'static Kind,
+    /// GUID, with braces: a hash of the model description, so that model description and binary belong together.
+    pub guid: String,
+    /// The text of `modelDescription.xml`.
+    pub description: String,
+}
+
+static ENTRIES: LazyLock<Vec<Entry>> = LazyLock::new(|| {
+    let entry = |kind: &&'static Kind| {
+        let (guid, description) = description::write(kind);
+        Entry { kind, guid, description }
+    };
+    catalogue().iter().map(entry).collect()
+});
+
+/// All models.
+pub fn entries() -> &'static [Entry] {
+    &ENTRIES
+}
+
+/// The model of that GUID.
+pub(super) fn by_guid(guid: &str) -> Option<&'static Kind> {
+    entries().iter().find(|entry| entry.guid == guid).map(|entry| entry.kind)
+}
+
+/// All GUIDs with their models, for messages.
+pub(super) fn listed() -> String {
+    let listed: Vec<_> = entries().iter().map(|entry| format!("{} ({})", entry.guid, entry.kind.name)).collect();
+    listed.join(" or ")
+}

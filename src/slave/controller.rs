@@ -1,0 +1,241 @@
+//! `FlatnessController`: reference, tracking law, perturbation observer and force allocation.
+
+use std::sync::LazyLock;
+
+use super::bearing::{geometry, lambda0, sample_time};
+use super::clock::Clock;
+use super::instance::{Fault, Kind, Slave, Step, instantiate, variables};
+use super::log::{Log, Topic};
+use super::unit::{AMPERE, LAMBDA, METRE, NEWTON, RADIAN_PER_SECOND, SECOND};
+use super::variable::{Enumeration, Row, place};
+use crate::model::Invalid;
+use crate::model::controller::{
+    Controller, ControllerConfig, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
+};
+use crate::model::reference::Shape;
+
+/// The controller as a sort of slave.
+pub static KIND: Kind = Kind {
+    name: "FlatnessController",
+    description: "Flatness-based tracking controller with perturbation observer for a three-phase magnetic bearing",
+    stop_s: 0.4,
+    step_s: 1e-4,
+    variables: variables::<Tracking>,
+    instantiate: instantiate::<Tracking>,
+};
+
+/// When the estimated force constants are taken over.
+pub static UPDATE_MODE: Enumeration = Enumeration {
+    name: "UpdateMode",
+    description: "When the controller takes over the estimated force constants",
+    items: &[
+        ("never", "The first guess is kept"),
+        ("atTime", "Once, at update.time or as soon after it as the estimate is valid"),
+        ("whenValid", "Always while the estimate is valid"),
+    ],
+};
+
+/// Shape of the path.
+pub static SHAPE: Enumeration = Enumeration {
+    name: "ReferenceShape",
+    description: "Shape of the path that the rotor is to follow",
+    items: &[
+        ("ellipse", "Ellipse with the half axes rY and rZ"),
+        ("lobes", "Ellipse with lobes"),
+        ("external", "The inputs Yref and Zref"),
+    ],
+};
+
+static TABLE: LazyLock<Vec<Row<Values>>> = LazyLock::new(table);
+
+/// The values of all variables of the controller.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Values {
+    config: ControllerConfig,
+    update_mode: i32,
+    shape: i32,
+    lobes: i32,
+    input: ControllerInput,
+    output: ControllerOutput,
+}
+
+fn table() -> Vec<Row<Values>> {
+    let mut rows: Vec<Row<Values>> = Vec::new();
+
+    rows.extend(geometry(place!(config.m_kg), place!(config.gap_m), place!(config.alpha_rad[k])));
+    rows.push(sample_time(place!(config.step_s)));
+    rows.extend(lambda0(place!(config.lambda0_nm2_a2[k])));
+    rows.push(
+        Row::real("F0", place!(config.f0_n), NEWTON, 20.0)
+            .fixed()
+            .min(0.0)
+            .nominal(10.0)
+            .says("Least force that each magnet is asked for"),
+    );
+    rows.push(
+        Row::real("bandwidth.tracking", place!(config.tracking_rad_s), RADIAN_PER_SECOND, 1000.0)
+            .fixed()
+            .min(0.0)
+            .nominal(1000.0)
+            .shown_in("Hz")
+            .says("Poles of the tracking error"),
+    );
+    rows.push(
+        Row::real("bandwidth.observer", place!(config.observer_rad_s), RADIAN_PER_SECOND, 4000.0)
+            .fixed()
+            .min(0.0)
+            .nominal(1000.0)
+            .shown_in("Hz")
+            .says("Poles of the perturbation observer"),
+    );
+    rows.push(
+        Row::choice("update.mode", place!(update_mode), &UPDATE_MODE, 2)
+            .fixed()
+            .says("When the estimated force constants are taken over"),
+    );
+    rows.push(
+        Row::real("update.time", place!(config.update_time_s), SECOND, 0.2)
+            .fixed()
+            .shown_in("ms")
+            .says("Time of the update with update.mode = atTime"),
+    );
+    rows.push(
+        Row::choice("reference.shape", place!(shape), &SHAPE, 1)
+            .fixed()
+            .says("Shape of the path that the rotor is to follow"),
+    );
+    rows.push(
+        Row::real("reference.rY", place!(config.reference.r_y_m), METRE, 30e-6)
+            .fixed()
+            .nominal(1e-5)
+            .says("Half axis of the path along y"),
+    );
+    rows.push(
+        Row::real("reference.rZ", place!(config.reference.r_z_m), METRE, 70e-6)
+            .fixed()
+            .nominal(1e-5)
+            .says("Half axis of the path along z"),
+    );
+    rows.push(
+        Row::integer("reference.lobes", place!(lobes), 3).fixed().min(0.0).says("Number of lobes with shape = lobes"),
+    );
+    rows.push(
+        Row::real("reference.lobeAmplitude", place!(config.reference.lobe_amplitude_m), METRE, 0.0)
+            .fixed()
+            .nominal(1e-5)
+            .says("Amplitude of the lobes with shape = lobes"),
+    );
+    rows.push(
+        Row::real("reference.bandwidth", place!(config.reference.bandwidth_rad_s), RADIAN_PER_SECOND, 2000.0)
+            .fixed()
+            .min(0.0)
+            .nominal(1000.0)
+            .shown_in("Hz")
+            .says("Poles of the filter that takes derivatives of an external reference"),
+    );
+    rows.push(
+        Row::real("reference.omega", place!(input.omega_rad_s), RADIAN_PER_SECOND, 100.0 * std::f64::consts::PI)
+            .tunable()
+            .nominal(100.0)
+            .says("Angular velocity on the path"),
+    );
+
+    rows.extend(
+        Row::named_reals(["Ym", "Zm"], place!(input.position_m[k]), METRE, [0.0; 2])
+            .map(|row| row.input().nominal(1e-5).says("Measured position of the rotor along {axis}")),
+    );
+    rows.extend(
+        Row::reals("lambdaHat", place!(input.lambda_hat_nm2_a2[k]), LAMBDA, [0.0; 3])
+            .map(|row| row.input().nominal(1e-6).says("Estimated force constant of magnet {k}")),
+    );
+    rows.push(
+        Row::boolean("lambdaValid", place!(input.lambda_valid), false)
+            .input()
+            .says("Whether lambdaHat may be used"),
+    );
+    rows.extend(
+        Row::named_reals(["Yref", "Zref"], place!(input.reference_m[k]), METRE, [0.0; 2])
+            .map(|row| row.input().nominal(1e-5).says("Path along {axis} with reference.shape = external")),
+    );
+
+    rows.extend(
+        Row::reals("i", place!(output.current_a[k]), AMPERE, [0.0; 3])
+            .map(|row| row.sampled_output().says("Current that magnet {k} is to carry until the next sample")),
+    );
+    rows.extend(Row::named_reals(["eY", "eZ"], place!(output.tracking_error_m[k]), METRE, [0.0; 2]).map(|row| {
+        row.sampled_output().nominal(1e-6).says("Tracking error at the last sample, measured less reference, along {axis}")
+    }));
+    rows.extend(
+        Row::named_reals(["pYHat", "pZHat"], place!(output.perturbation_n[k]), NEWTON, [0.0; 2])
+            .map(|row| row.sampled_output().nominal(10.0).says("Observed perturbation force along {axis}")),
+    );
+    rows.extend(
+        Row::reals("lambdaUsed", place!(output.lambda_used_nm2_a2[k]), LAMBDA, [0.0; 3])
+            .map(|row| row.sampled_output().nominal(1e-6).says("Force constant of magnet {k} that the controller uses")),
+    );
+    rows.extend(
+        Row::named_reals(["FYdes", "FZdes"], place!(output.force_n[k]), NEWTON, [0.0; 2])
+            .map(|row| row.sampled_output().nominal(10.0).says("Force asked of the magnets along {axis}")),
+    );
+    rows.extend(
+        Row::named_reals(["reference.Y", "reference.Z"], place!(output.reference_m[k]), METRE, [0.0; 2])
+            .map(|row| row.sampled_output().nominal(1e-5).says("Reference at the last sample, along {axis}")),
+    );
+    rows
+}
+
+/// A run of the controller.
+pub struct Tracking {
+    controller: Controller,
+    state: ControllerState,
+    clock: Clock,
+}
+
+impl Slave for Tracking {
+    type Values = Values;
+
+    fn table() -> &'static [Row<Values>] {
+        &TABLE
+    }
+
+    fn start(values: &mut Values, start_s: f64) -> Result<Self, Vec<Invalid>> {
+        use UpdateMode::{AtTime, Never, WhenValid};
+        let mut findings = Vec::new();
+        let modes = [Never, AtTime, WhenValid];
+        UPDATE_MODE.choose("update.mode", values.update_mode, modes, &mut values.config.update, &mut findings);
+        let shapes = [Shape::Ellipse, Shape::Lobes, Shape::External];
+        SHAPE.choose("reference.shape", values.shape, shapes, &mut values.config.reference.shape, &mut findings);
+        values.config.reference.omega_rad_s = values.input.omega_rad_s;
+        match u32::try_from(values.lobes) {
+            Ok(lobes) => values.config.reference.lobes = lobes,
+            Err(_) => findings.push(Invalid {
+                name: "reference.lobes".into(),
+                value: values.lobes.to_string(),
+                wanted: "a whole number, 0 or above".into(),
+            }),
+        }
+        let controller = match Controller::new(values.config.clone()) {
+            Ok(controller) if findings.is_empty() => controller,
+            Ok(_) => return Err(findings),
+            Err(others) => return Err(findings.into_iter().chain(others).collect()),
+        };
+        let state = controller.start(start_s);
+        values.output = state.output().clone();
+        Ok(Self { clock: Clock::new(start_s, values.config.step_s), controller, state })
+    }
+
+    fn step(&mut self, values: &mut Values, step: Step, log: &mut dyn Log) -> Result<(), Fault> {
+        while let Some(instant_s) = self.clock.next_before(step.end_s()) {
+            let used = values.output.lambda_used_nm2_a2;
+            values.output = self.controller.sample(&mut self.state, &values.input).map_err(Fault::of)?;
+            let now = values.output.lambda_used_nm2_a2;
+            if used != now && values.config.update == UpdateMode::AtTime && log.wants(Topic::Event) {
+                log.say(
+                    Topic::Event,
+                    format_args!("the force constants {used:?} are replaced by {now:?} N.m2/A2 at {instant_s} s"),
+                );
+            }
+        }
+        Ok(())
+    }
+}

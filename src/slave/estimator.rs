@@ -1,0 +1,188 @@
+//! `AlgebraicEstimator`: the force constants from positions and currents, on line.
+
+use std::sync::LazyLock;
+
+use super::bearing::{geometry, lambda0, sample_time};
+use super::clock::Clock;
+use super::instance::{Fault, Kind, Slave, Step, instantiate, variables};
+use super::log::{Log, Topic};
+use super::unit::{AMPERE, LAMBDA, METRE, ONE, RADIAN, RADIAN_PER_SECOND, SECOND};
+use super::variable::{Enumeration, Row, place};
+use crate::model::Invalid;
+use crate::model::estimator::{
+    Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method,
+};
+
+/// The estimator as a sort of slave.
+pub static KIND: Kind = Kind {
+    name: "AlgebraicEstimator",
+    description: "Algebraic on-line estimator of the force constants of a three-phase magnetic bearing",
+    stop_s: 0.4,
+    step_s: 1e-4,
+    variables: variables::<Estimation>,
+    instantiate: instantiate::<Estimation>,
+};
+
+/// How the force constants follow from the windows.
+pub static METHOD: Enumeration = Enumeration {
+    name: "EstimationMethod",
+    description: "How the force constants follow from the windows",
+    items: &[
+        ("paperLiteral", "Filtered signed determinants, equation (20) to the letter; diverges"),
+        ("paper", "Equation (20) with the sign of the determinant aligned; z axis only"),
+        ("leastSquares", "Filtered normal equations of both axes"),
+    ],
+};
+
+/// What a sample of a current stands for.
+pub static HOLD: Enumeration = Enumeration {
+    name: "CurrentHold",
+    description: "What a sample of a current stands for",
+    items: &[
+        ("heldBefore", "The current held over the interval that ends at the sample"),
+        ("heldAfter", "The current held over the interval that begins at the sample"),
+        ("linear", "A point of a continuous current"),
+    ],
+};
+
+static TABLE: LazyLock<Vec<Row<Values>>> = LazyLock::new(table);
+
+/// The values of all variables of the estimator.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Values {
+    config: EstimatorConfig,
+    method: i32,
+    hold: i32,
+    input: EstimatorInput,
+    output: EstimatorOutput,
+}
+
+fn table() -> Vec<Row<Values>> {
+    let mut rows: Vec<Row<Values>> = Vec::new();
+
+    rows.extend(geometry(place!(config.m_kg), place!(config.gap_m), place!(config.alpha_rad[k])));
+    rows.push(sample_time(place!(config.step_s)));
+    rows.push(
+        Row::real("Tf", place!(config.window_s), SECOND, 0.02)
+            .fixed()
+            .min(0.0)
+            .nominal(1e-2)
+            .says("Length of the window, a whole multiple of Ts; one revolution is a good choice"),
+    );
+    rows.push(
+        Row::real("epsilon", place!(config.epsilon_s), SECOND, 0.02)
+            .fixed()
+            .min(0.0)
+            .nominal(1e-2)
+            .says("Time from the start before which the estimate is the first guess"),
+    );
+    rows.extend(lambda0(place!(config.lambda0_nm2_a2[k])));
+    rows.push(
+        Row::choice("method", place!(method), &METHOD, 3)
+            .fixed()
+            .says("How the force constants follow from the windows"),
+    );
+    rows.push(Row::choice("hold", place!(hold), &HOLD, 1).fixed().says("What a sample of a current stands for"));
+    rows.push(
+        Row::real("filter.omega", place!(config.filter_omega_rad_s), RADIAN_PER_SECOND, 15.0)
+            .fixed()
+            .min(0.0)
+            .nominal(10.0)
+            .shown_in("Hz")
+            .says("Natural frequency of the low-pass filter"),
+    );
+    rows.push(
+        Row::real("filter.zeta", place!(config.filter_zeta), ONE, 0.707)
+            .fixed()
+            .min(0.0)
+            .says("Damping ratio of the low-pass filter"),
+    );
+
+    rows.extend(
+        Row::named_reals(["Ym", "Zm"], place!(input.position_m[k]), METRE, [0.0; 2])
+            .map(|row| row.input().nominal(1e-5).says("Measured position of the rotor along {axis}")),
+    );
+    rows.extend(
+        Row::reals("im", place!(input.current_a[k]), AMPERE, [0.0; 3])
+            .map(|row| row.input().says("Measured current through magnet {k}")),
+    );
+    rows.push(
+        Row::boolean("enable", place!(input.enable), true).input().says("Whether samples are taken into account"),
+    );
+    rows.push(
+        Row::boolean("reset", place!(input.reset), false)
+            .input()
+            .says("A rising edge starts the estimation afresh"),
+    );
+
+    rows.extend(
+        Row::reals("lambdaHat", place!(output.lambda_hat_nm2_a2[k]), LAMBDA, [0.0; 3])
+            .map(|row| row.sampled_output().nominal(1e-6).says("Estimated force constant of magnet {k}")),
+    );
+    rows.extend(Row::reals("lambdaRaw", place!(output.lambda_raw_nm2_a2[k]), LAMBDA, [0.0; 3]).map(|row| {
+        row.sampled_output().nominal(1e-6).says("Force constant of magnet {k} from the present window alone")
+    }));
+    rows.push(
+        Row::boolean("valid", place!(output.valid), false)
+            .sampled_output()
+            .says("Whether the estimate can be relied on; if not, lambdaHat is the last valid one"),
+    );
+    rows.push(
+        Row::real("condition", place!(output.condition), ONE, 0.0)
+            .sampled_output()
+            .min(0.0)
+            .nominal(10.0)
+            .says("Condition number of the equations"),
+    );
+    rows.push(
+        Row::real("residual", place!(output.residual), ONE, 0.0)
+            .sampled_output()
+            .min(0.0)
+            .says("Part of the motion that the present window leaves unexplained"),
+    );
+    rows
+}
+
+/// A run of the estimator.
+pub struct Estimation {
+    estimator: Estimator,
+    state: EstimatorState,
+    clock: Clock,
+}
+
+impl Slave for Estimation {
+    type Values = Values;
+
+    fn table() -> &'static [Row<Values>] {
+        &TABLE
+    }
+
+    fn start(values: &mut Values, start_s: f64) -> Result<Self, Vec<Invalid>> {
+        let mut findings = Vec::new();
+        let methods = [Method::PaperLiteral, Method::Paper, Method::LeastSquares];
+        METHOD.choose("method", values.method, methods, &mut values.config.method, &mut findings);
+        let holds = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear];
+        HOLD.choose("hold", values.hold, holds, &mut values.config.hold, &mut findings);
+        let estimator = match Estimator::new(values.config.clone()) {
+            Ok(estimator) if findings.is_empty() => estimator,
+            Ok(_) => return Err(findings),
+            Err(others) => return Err(findings.into_iter().chain(others).collect()),
+        };
+        let state = estimator.start();
+        values.output = state.output().clone();
+        Ok(Self { clock: Clock::new(start_s, values.config.step_s), estimator, state })
+    }
+
+    fn step(&mut self, values: &mut Values, step: Step, log: &mut dyn Log) -> Result<(), Fault> {
+        while let Some(instant_s) = self.clock.next_before(step.end_s()) {
+            let former = values.output.reason;
+            values.output = self.estimator.sample(&mut self.state, &values.input);
+            let reason = values.output.reason;
+            let topic = if reason.is_singular() { Topic::SingularLinearSystem } else { Topic::Event };
+            if former != reason && log.wants(topic) {
+                log.say(topic, format_args!("at {instant_s} s the estimate is {reason}"));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,256 @@
+//! `MagneticBearing`: the rotor, its three magnets, unbalance, perturbation forces and sensors.
+
+use std::sync::LazyLock;
+
+use super::bearing::{geometry, of_magnets};
+use super::instance::{Fault, Kind, Slave, Step, instantiate, variables};
+use super::log::Log;
+use super::unit::{
+    AMPERE, KILOGRAM_METRE, LAMBDA, METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND,
+    SECOND,
+};
+use super::variable::{Row, place};
+use crate::model::Invalid;
+use crate::model::plant::{Plant, PlantConfig, PlantInput, PlantOutput, PlantState};
+
+/// The plant as a sort of slave.
+pub static KIND: Kind = Kind {
+    name: "MagneticBearing",
+    description: "Rotor in a three-phase radial magnetic bearing, with unbalance, perturbation forces and sensors",
+    stop_s: 0.4,
+    step_s: 1e-4,
+    variables: variables::<Bearing>,
+    instantiate: instantiate::<Bearing>,
+};
+
+/// Speed of the paper's experiments, 3000 rpm.
+const OMEGA_RAD_S: f64 = 100.0 * std::f64::consts::PI;
+/// Velocity r_Z ω on the paper's reference ellipse at its start.
+const START_VELOCITY_M_S: f64 = 70e-6 * OMEGA_RAD_S;
+
+static TABLE: LazyLock<Vec<Row<Values>>> = LazyLock::new(table);
+
+/// The values of all variables of the plant.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Values {
+    config: PlantConfig,
+    seed: i32,
+    input: PlantInput,
+    output: PlantOutput,
+    position_m: [f64; 2],
+    velocity_m_s: [f64; 2],
+    measured_position_m: [f64; 2],
+    measured_current_a: [f64; 3],
+    measured_theta_rad: f64,
+}
+
+fn table() -> Vec<Row<Values>> {
+    let mut rows: Vec<Row<Values>> = Vec::new();
+
+    rows.extend(geometry(place!(config.m_kg), place!(config.gap_m), place!(config.alpha_rad[k])));
+    rows.extend(
+        Row::named_reals(["Y0", "Z0"], place!(config.position_m[k]), METRE, [30e-6, 0.0])
+            .map(|row| row.fixed().nominal(1e-5).says("Position of the rotor at the start, along {axis}")),
+    );
+    rows.extend(
+        Row::named_reals(["vY0", "vZ0"], place!(config.velocity_m_s[k]), METRE_PER_SECOND, [0.0, START_VELOCITY_M_S])
+            .map(|row| row.fixed().nominal(1e-2).says("Velocity of the rotor at the start, along {axis}")),
+    );
+    rows.push(Row::real("theta0", place!(config.theta_rad), RADIAN, 0.0).fixed().says("Rotor angle at the start"));
+
+    rows.push(
+        Row::real("sensor.positionNoise", place!(config.sensor.position_noise_m), METRE, 0.0)
+            .fixed()
+            .min(0.0)
+            .nominal(1e-7)
+            .says("Standard deviation of the noise on Ym and Zm"),
+    );
+    rows.push(
+        Row::real("sensor.currentNoise", place!(config.sensor.current_noise_a), AMPERE, 0.0)
+            .fixed()
+            .min(0.0)
+            .nominal(1e-2)
+            .says("Standard deviation of the noise on im"),
+    );
+    rows.push(
+        Row::real("sensor.Ts", place!(config.sensor.step_s), SECOND, 1e-4)
+            .fixed()
+            .min(0.0)
+            .nominal(1e-4)
+            .shown_in("µs")
+            .says("Sample time of the sensors"),
+    );
+    rows.push(Row::integer("sensor.seed", place!(seed), 1).fixed().says("Seed of the noise; equal seeds, equal noise"));
+    rows.push(
+        Row::real("solver.maxStep", place!(config.max_step_s), SECOND, 5e-5)
+            .fixed()
+            .min(0.0)
+            .nominal(1e-5)
+            .shown_in("µs")
+            .says("Upper bound of the integration step"),
+    );
+
+    rows.extend(
+        Row::reals("lambda", place!(config.lambda_nm2_a2[k]), LAMBDA, [1.8e-6, 2.0e-6, 2.2e-6])
+            .map(|row| row.tunable().min(0.0).nominal(1e-6).says("Force constant of magnet {k}")),
+    );
+    rows.push(
+        Row::real("unbalance.magnitude", place!(config.unbalance_kgm), KILOGRAM_METRE, 0.0)
+            .tunable()
+            .min(0.0)
+            .nominal(1e-4)
+            .says("Unbalance of the rotor, mass times eccentricity"),
+    );
+    rows.push(
+        Row::real("unbalance.phase", place!(config.unbalance_phase_rad), RADIAN, 0.0)
+            .tunable()
+            .says("Angle of the unbalance from the mark on the rotor that theta refers to"),
+    );
+    rows.extend(
+        Row::named_reals(
+            ["perturbation.amplitudeY", "perturbation.amplitudeZ"],
+            place!(config.harmonic.amplitude_n[k]),
+            NEWTON,
+            [0.0; 2],
+        )
+        .map(|row| row.tunable().min(0.0).says("Amplitude of a harmonic perturbation force along {axis}")),
+    );
+    rows.push(
+        Row::real("perturbation.omega", place!(config.harmonic.omega_rad_s), RADIAN_PER_SECOND, OMEGA_RAD_S)
+            .tunable()
+            .min(0.0)
+            .nominal(100.0)
+            .shown_in("Hz")
+            .says("Angular frequency of the harmonic perturbation force"),
+    );
+    rows.extend(
+        Row::named_reals(
+            ["perturbation.phaseY", "perturbation.phaseZ"],
+            place!(config.harmonic.phase_rad[k]),
+            RADIAN,
+            [0.0; 2],
+        )
+        .map(|row| row.tunable().says("Phase at time 0 of the harmonic perturbation force along {axis}, a sine")),
+    );
+
+    rows.extend(
+        Row::reals("i", place!(input.current_a[k]), AMPERE, [0.0; 3])
+            .map(|row| row.input().says("Current through magnet {k}, held over the step")),
+    );
+    rows.extend(
+        Row::named_reals(["pY", "pZ"], place!(input.perturbation_n[k]), NEWTON, [0.0; 2])
+            .map(|row| row.input().says("Perturbation force on the rotor along {axis}")),
+    );
+    rows.push(
+        Row::real("omega", place!(input.omega_rad_s), RADIAN_PER_SECOND, OMEGA_RAD_S)
+            .input()
+            .nominal(100.0)
+            .says("Speed of the rotor"),
+    );
+
+    rows.extend(
+        Row::named_reals(["Y", "Z"], place!(position_m[k]), METRE, [0.0; 2])
+            .map(|row| row.output().nominal(1e-5).says("Position of the rotor along {axis}")),
+    );
+    rows.extend(Row::named_reals(["Ym", "Zm"], place!(measured_position_m[k]), METRE, [0.0; 2]).map(|row| {
+        row.sampled_output().nominal(1e-5).says("Position along {axis} as the sensor read it at its last sample")
+    }));
+    rows.extend(Row::reals("im", place!(measured_current_a[k]), AMPERE, [0.0; 3]).map(|row| {
+        row.sampled_output().says("Current through magnet {k} at the last sample, held over the interval that ended there")
+    }));
+    rows.push(
+        Row::real("theta", place!(measured_theta_rad), RADIAN, 0.0)
+            .sampled_output()
+            .says("Rotor angle at the last sample, counted on over the revolutions"),
+    );
+    rows.extend(Row::reals("F", place!(output.force_n[k]), NEWTON, [0.0; 3]).map(|row| {
+        row.output().nominal(10.0).says("Force of magnet {k} on the rotor").depends_on(of_magnets("i"))
+    }));
+    rows.extend(Row::named_reals(["FY", "FZ"], place!(output.resultant_n[k]), NEWTON, [0.0; 2]).map(|row| {
+        row.output().nominal(10.0).says("Force of all magnets on the rotor along {axis}").depends_on(of_magnets("i"))
+    }));
+    rows.extend(
+        Row::reals("gap", place!(output.gap_m[k]), METRE, [0.0; 3])
+            .map(|row| row.output().nominal(1e-4).shown_in("mm").says("Air gap at magnet {k}")),
+    );
+    rows.extend(
+        Row::named_reals(
+            ["perturbation.Y", "perturbation.Z"],
+            place!(output.perturbation_n[k]),
+            NEWTON,
+            [0.0; 2],
+        )
+        .enumerate()
+        .map(|(axis, row)| {
+            let inputs = [["pY", "pZ"][axis], "omega"].map(String::from);
+            row.output()
+                .nominal(10.0)
+                .says("All forces on the rotor beside those of the magnets, along {axis}")
+                .depends_on(inputs)
+        }),
+    );
+    rows.extend(
+        Row::named_reals(["vY", "vZ"], place!(velocity_m_s[k]), METRE_PER_SECOND, [0.0; 2])
+            .map(|row| row.local().nominal(1e-2).says("Velocity of the rotor along {axis}")),
+    );
+    rows.extend(
+        Row::named_reals(["aY", "aZ"], place!(output.acceleration_m_s2[k]), METRE_PER_SECOND2, [0.0; 2])
+            .map(|row| row.local().says("Acceleration of the rotor along {axis}")),
+    );
+    rows
+}
+
+/// A run of the plant.
+pub struct Bearing {
+    plant: Plant,
+    state: PlantState,
+}
+
+impl Bearing {
+    fn fill(&self, values: &mut Values, time_s: f64) {
+        values.position_m = self.state.position_m;
+        values.velocity_m_s = self.state.velocity_m_s;
+        values.measured_position_m = self.state.measured.position_m;
+        values.measured_current_a = self.state.measured.current_a;
+        values.measured_theta_rad = self.state.measured.theta_rad;
+        values.output = self.plant.outputs(&self.state, &values.input, time_s);
+    }
+}
+
+impl Slave for Bearing {
+    type Values = Values;
+
+    fn table() -> &'static [Row<Values>] {
+        &TABLE
+    }
+
+    fn start(values: &mut Values, start_s: f64) -> Result<Self, Vec<Invalid>> {
+        // Any integer is a seed; the bits of a negative one serve as well as others.
+        values.config.sensor.seed = u64::from(values.seed.cast_unsigned());
+        let plant = Plant::new(values.config.clone())?;
+        let state = plant.start(start_s);
+        let run = Self { plant, state };
+        run.fill(values, start_s);
+        Ok(run)
+    }
+
+    fn retune(&mut self, values: &Values) -> Result<(), Vec<Invalid>> {
+        let config = &values.config;
+        self.plant.retune(
+            config.lambda_nm2_a2,
+            config.unbalance_kgm,
+            config.unbalance_phase_rad,
+            config.harmonic.clone(),
+        )
+    }
+
+    fn step(&mut self, values: &mut Values, step: Step, _: &mut dyn Log) -> Result<(), Fault> {
+        let outcome = self.plant.advance(&mut self.state, &values.input, step.time_s, step.length_s);
+        self.fill(values, step.end_s());
+        outcome.map_err(Fault::of)
+    }
+
+    fn refresh(&self, values: &mut Values, time_s: f64) {
+        self.fill(values, time_s);
+    }
+}

@@ -1,0 +1,80 @@
+//! Units: the one a variable is computed in, and those in which people read it.
+
+/// A unit of the interface, with its exponents over the SI base units and the units for display.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unit {
+    /// Name as it stands in the interface, for instance `N.m2/A2`.
+    pub name: &'static str,
+    /// Exponents over SI base units, by the names FMI 2.0 uses: `kg`, `m`, `s`, `A`, `rad`.
+    pub base: &'static [(&'static str, i32)],
+    /// Units for display; the first is the one proposed for variables that name none.
+    pub displays: &'static [Display],
+}
+
+/// A unit for display: shown value = factor × value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Display {
+    /// Name, for instance `µm`.
+    pub name: &'static str,
+    /// Shown value per value.
+    pub factor: f64,
+}
+
+const fn display(name: &'static str, factor: f64) -> Display {
+    Display { name, factor }
+}
+
+const PER_DEGREE: f64 = 180.0 / std::f64::consts::PI;
+const RPM: f64 = 30.0 / std::f64::consts::PI;
+
+/// Dimensionless.
+pub const ONE: Unit = Unit { name: "1", base: &[], displays: &[] };
+/// Mass.
+pub const KILOGRAM: Unit = Unit { name: "kg", base: &[("kg", 1)], displays: &[display("g", 1e3)] };
+/// Length.
+pub const METRE: Unit = Unit { name: "m", base: &[("m", 1)], displays: &[display("µm", 1e6), display("mm", 1e3)] };
+/// Velocity.
+pub const METRE_PER_SECOND: Unit =
+    Unit { name: "m/s", base: &[("m", 1), ("s", -1)], displays: &[display("mm/s", 1e3)] };
+/// Acceleration.
+pub const METRE_PER_SECOND2: Unit = Unit { name: "m/s2", base: &[("m", 1), ("s", -2)], displays: &[] };
+/// Time.
+pub const SECOND: Unit = Unit { name: "s", base: &[("s", 1)], displays: &[display("ms", 1e3), display("µs", 1e6)] };
+/// Angle.
+pub const RADIAN: Unit = Unit { name: "rad", base: &[("rad", 1)], displays: &[display("deg", PER_DEGREE)] };
+/// Angular velocity.
+pub const RADIAN_PER_SECOND: Unit = Unit {
+    name: "rad/s",
+    base: &[("rad", 1), ("s", -1)],
+    displays: &[display("rpm", RPM), display("Hz", 0.5 / std::f64::consts::PI)],
+};
+/// Electric current.
+pub const AMPERE: Unit = Unit { name: "A", base: &[("A", 1)], displays: &[display("mA", 1e3)] };
+/// Force.
+pub const NEWTON: Unit = Unit { name: "N", base: &[("kg", 1), ("m", 1), ("s", -2)], displays: &[] };
+/// Force constant λ of a magnet.
+pub const LAMBDA: Unit = Unit {
+    name: "N.m2/A2",
+    base: &[("kg", 1), ("m", 3), ("s", -2), ("A", -2)],
+    displays: &[display("N.mm2/A2", 1e6)],
+};
+/// Unbalance, mass times eccentricity.
+pub const KILOGRAM_METRE: Unit =
+    Unit { name: "kg.m", base: &[("kg", 1), ("m", 1)], displays: &[display("g.mm", 1e6)] };
+
+impl Unit {
+    /// A value given in the unit `name`, converted to this unit, or `None` for a name this unit does not know. `µ` may
+    /// be written as `u`.
+    pub fn convert(&self, value: f64, name: &str) -> Option<f64> {
+        let plain = |text: &str| text.replace(['µ', 'μ'], "u");
+        if plain(name) == plain(self.name) {
+            return Some(value);
+        }
+        self.displays.iter().find(|display| plain(display.name) == plain(name)).map(|display| value / display.factor)
+    }
+
+    /// All names by which values of this unit may be given.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+        std::iter::once(self.name).chain(self.displays.iter().map(|display| display.name))
+    }
+}
