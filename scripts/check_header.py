@@ -1,0 +1,198 @@
+#!/usr/bin/env python3
+"""Compare our FMI 2.0 header, item by item, with the headers that fmpy ships.
+
+Both sides are read by libclang, so that what is compared is what a compiler understands, whatever the layout of the text:
+the values of macros and enumeration constants, the types of typedefs, structure fields, function types and prototypes.
+A type is compared twice, as written and with all typedefs resolved: the first tells fmi2Integer from fmi2Boolean, the
+second is what the other side of the call relies on.
+
+Needs the packages fmpy and libclang in the interpreter that runs it; no compiler is needed.
+"""
+
+import argparse
+import importlib.util
+import sys
+from pathlib import Path
+
+from clang import cindex
+
+HEADER = Path(__file__).resolve().parent.parent / "src" / "fmi2" / "fmi2.h"
+
+# The C library is replaced by these lines, so that the result depends on no compiler of the machine.
+LIBRARY = {"stddef.h": "typedef __SIZE_TYPE__ size_t;\n", "stdlib.h": ""}
+LIBRARY_FOLDER = "/library"
+# One fixed platform, since the width of size_t is part of the resolved types.
+COMPILER_ARGUMENTS = ["-x", "c", "-std=c99", "-target", "x86_64-unknown-linux-gnu", "-nostdinc", "-isystem", LIBRARY_FOLDER]
+
+# An FMU for co-simulation exports none of these.
+MODEL_EXCHANGE_FUNCTIONS = [
+    "fmi2EnterEventMode",
+    "fmi2NewDiscreteStates",
+    "fmi2EnterContinuousTimeMode",
+    "fmi2CompletedIntegratorStep",
+    "fmi2SetTime",
+    "fmi2SetContinuousStates",
+    "fmi2GetDerivatives",
+    "fmi2GetEventIndicators",
+    "fmi2GetContinuousStates",
+    "fmi2GetNominalsOfContinuousStates",
+]
+MODEL_EXCHANGE_TYPES = ["fmi2EventInfo"] + [f"{name}TYPE" for name in MODEL_EXCHANGE_FUNCTIONS]
+# The means by which C sources decorate the names they export; our exports are made in Rust.
+EXPORT_MACROS = ["FMI2_Export", "fmi2FullName"]
+
+ABSENT = set(MODEL_EXCHANGE_FUNCTIONS + MODEL_EXCHANGE_TYPES + EXPORT_MACROS)
+
+
+def described(kind):
+    """Describe a type as written and as resolved.
+
+    Parameters
+    ----------
+    kind : clang.cindex.Type
+        The type to describe.
+
+    Returns
+    -------
+    str
+        Both spellings.
+    """
+    return f"{kind.spelling} = {kind.get_canonical().spelling}"
+
+
+def cursor_items(cursor):
+    """Yield what one declaration says, in comparable pieces.
+
+    Parameters
+    ----------
+    cursor : clang.cindex.Cursor
+        A declaration or macro at the top level of a header.
+
+    Yields
+    ------
+    tuple of (tuple of str, str)
+        A key (kind, name, part), and the value that two headers must share.
+    """
+    kinds = cindex.CursorKind
+    name = cursor.spelling
+    if cursor.kind == kinds.MACRO_DEFINITION:
+        value = " ".join(token.spelling for token in list(cursor.get_tokens())[1:])
+        # Without a value it is an include guard; with the macro for full names it is the decoration of an exported name.
+        if value and "fmi2FullName (" not in value:
+            yield ("macro", name, ""), value
+    elif cursor.kind == kinds.TYPEDEF_DECL:
+        yield ("typedef", name, ""), described(cursor.underlying_typedef_type)
+    elif cursor.kind == kinds.ENUM_DECL:
+        for place, constant in enumerate(cursor.get_children()):
+            yield ("enum", name, f"constant {place}"), f"{constant.spelling} = {constant.enum_value}"
+    elif cursor.kind == kinds.STRUCT_DECL:
+        for place, field in enumerate(cursor.type.get_fields()):
+            yield ("struct", name, f"field {place}"), f"{field.spelling}: {described(field.type)}"
+    elif cursor.kind == kinds.FUNCTION_DECL:
+        yield ("function", name, ""), described(cursor.type)
+    elif cursor.kind not in (kinds.MACRO_INSTANTIATION, kinds.INCLUSION_DIRECTIVE):
+        yield ("other", name or str(cursor.location), ""), cursor.kind.name
+
+
+def header_items(header):
+    """Read all items of a header and of those that it includes.
+
+    Parameters
+    ----------
+    header : pathlib.Path
+        The header.
+
+    Returns
+    -------
+    dict
+        Values by key, see `cursor_items`.
+
+    Raises
+    ------
+    SystemExit
+        If the header does not compile.
+    """
+    library = [(f"{LIBRARY_FOLDER}/{name}", text) for name, text in LIBRARY.items()]
+    options = cindex.TranslationUnit.PARSE_DETAILED_PROCESSING_RECORD
+    unit = cindex.Index.create().parse(str(header), args=COMPILER_ARGUMENTS, unsaved_files=library, options=options)
+    if unit.diagnostics:
+        sys.exit("\n".join(str(diagnostic) for diagnostic in unit.diagnostics))
+    items = {}
+    for cursor in unit.cursor.get_children():
+        file = cursor.location.file
+        # Macros without a file are the compiler's own.
+        if file is not None and not file.name.startswith(LIBRARY_FOLDER):
+            items.update(cursor_items(cursor))
+    return items
+
+
+def reference_header():
+    """Find the header in the installed fmpy that includes all others.
+
+    Returns
+    -------
+    pathlib.Path
+        The header of the functions.
+
+    Raises
+    ------
+    SystemExit
+        If there is no fmpy, or none of its files is that header.
+    """
+    package = importlib.util.find_spec("fmpy")
+    folders = package.submodule_search_locations if package else []
+    found = sorted(path for folder in folders for path in Path(folder).rglob("fmi2Functions.h"))
+    if not found:
+        sys.exit("fmpy with its header fmi2Functions.h is not installed for this interpreter")
+    return found[0]
+
+
+def differences(ours, theirs):
+    """Compare two headers.
+
+    Parameters
+    ----------
+    ours, theirs : dict
+        Items of our header and of the reference.
+
+    Returns
+    -------
+    list of str
+        One line per difference.
+    """
+    lines = []
+    for key in sorted(ours.keys() | theirs.keys()):
+        if key in ours and key[1] in ABSENT:
+            lines.append(f"{' '.join(key).strip()}: listed as absent, but our header has it")
+        elif key[1] not in ABSENT and ours.get(key) != theirs.get(key):
+            lines.append(f"{' '.join(key).strip()}: ours {ours.get(key)}, theirs {theirs.get(key)}")
+    # A name that the reference does not know would hide nothing now, and perhaps a mistake later.
+    known = {name for _, name, _ in theirs}
+    lines += [f"{name}: listed as absent, but the reference does not have it" for name in sorted(ABSENT - known)]
+    return lines
+
+
+def main():
+    """Compare the headers and print what differs.
+
+    Returns
+    -------
+    int
+        0 if the headers agree, 1 if not.
+    """
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("header", nargs="?", type=Path, default=HEADER, help="the header to check")
+    ours = header_items(parser.parse_args().header)
+    theirs = header_items(reference_header())
+    lines = differences(ours, theirs)
+    for line in lines:
+        print(line)
+    compared = sum(name not in ABSENT for _, name, _ in ours.keys() | theirs.keys())
+    absent = sorted(ABSENT & {name for _, name, _ in theirs})
+    print(f"deliberately absent: {', '.join(absent)}")
+    print(f"{compared} items compared, {len(lines)} differences")
+    return 1 if lines else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
