@@ -1,1 +1,391 @@
-//! To be written.
+//! Flatness-based tracking of the path, with an observer of the perturbation, sampled.
+//!
+//! Per axis, with the path Y* and the perturbation p̂ observed,
+//!
+//! ```text
+//! F = m (Ÿ* − k_1 (Ẏ − Ẏ*) − k_0 (Y − Y*)) − p̂
+//! ```
+//!
+//! # Timing
+//!
+//! Sample k measures at `t_k = start + k · T_s`. Its currents act over `[t_{k+1}, t_{k+2})`, as one sample of delay is
+//! what co-simulation means; the force asked for at sample k − 1 is under way during `[t_k, t_{k+1})`. So the
+//! measurement corrects the observer at `t_k`, the force under way predicts it at `t_{k+1}`, and there the feedback is
+//! formed:
+//!
+//! - gains for the sampled double integrator with both poles at `ρ = exp(−ω_c T_s)`;
+//! - feed-forward by the mean acceleration of the path over `[t_{k+1}, t_{k+2})`, from its velocities at both ends;
+//! - currents from the gaps predicted for the middle of `[t_{k+1}, t_{k+2})`, over which they are held.
+//!
+//! At the first sample the rotor is taken to be on the path: position as measured, velocity of the path, perturbation 0.
+//! Until the first command acts, from `t_0` to `t_1`, no current flows, and the observer knows it.
+//!
+//! # A change of λ
+//!
+//! The currents under way stay what they are; a new λ gives them new forces. The difference of the resultants goes into
+//! the perturbation, so that force and perturbation together do not change. The smallest force asked for starts from
+//! that of the new forces under way and returns to `F_0` with the time constant [`PRELOAD_S`]. The currents go on
+//! without a jump.
+
+use serde::{Deserialize, Serialize};
+
+use super::magnet::Magnets;
+use super::observer::{Estimate, PerturbationObserver, pole};
+use super::plant::check_step;
+use super::reference::{Reference, ReferenceConfig, ReferenceState, Shape};
+use super::{Checks, Invalid};
+
+/// Time constant, in s, with which λ follows its estimate in [`UpdateMode::WhenValid`].
+pub const FOLLOW_S: f64 = 0.01;
+
+/// Time constant, in s, with which the smallest force returns to `F_0` after a change of λ.
+pub const PRELOAD_S: f64 = 0.01;
+
+/// Part of the nominal gap below which a predicted gap is not believed.
+///
+/// The currents are then computed for this gap, which keeps them finite, and the output says so.
+pub const SMALLEST_GAP: f64 = 0.01;
+
+/// Part of the sample time by which a sample may come before the time of the update and still count.
+pub const INSTANT_TOLERANCE: f64 = 1e-3;
+
+/// When the estimated λ is taken over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum UpdateMode {
+    /// Never: λ0 for good.
+    Never,
+    /// Once, at the time of the update or as soon after it as the estimate is valid: the paper's way.
+    #[default]
+    AtTime,
+    /// From the start, whenever it is valid, with a lag of [`FOLLOW_S`].
+    WhenValid,
+}
+
+/// The controller.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ControllerConfig {
+    /// Mass of the rotor `m`, in kg.
+    pub m_kg: f64,
+    /// Nominal gap `s`, in m.
+    pub gap_m: f64,
+    /// Angles `α_k` of the magnets as in P(3), in rad.
+    pub alpha_rad: [f64; 3],
+    /// Sample time `T_s`, in s.
+    pub step_s: f64,
+    /// First guess of `λ_k`, in N·m²/A².
+    pub lambda0_nm2_a2: [f64; 3],
+    /// Smallest force of a magnet `F_0`, in N; 0 is admitted.
+    pub f0_n: f64,
+    /// Poles of the tracking error, ω_c, in rad/s.
+    pub tracking_rad_s: f64,
+    /// Poles of the perturbation observer, ω_o, in rad/s.
+    pub observer_rad_s: f64,
+    /// When the estimated λ is taken over.
+    pub update: UpdateMode,
+    /// Time of the update in [`UpdateMode::AtTime`], in s.
+    pub update_time_s: f64,
+    /// The path.
+    pub reference: ReferenceConfig,
+}
+
+impl Default for ControllerConfig {
+    /// The paper's bearing and its first guess.
+    fn default() -> Self {
+        use std::f64::consts::PI;
+        Self {
+            m_kg: 6.7,
+            gap_m: 5e-4,
+            alpha_rad: [PI, -PI / 3.0, PI / 3.0],
+            step_s: 1e-4,
+            lambda0_nm2_a2: [4e-6; 3],
+            f0_n: 20.0,
+            tracking_rad_s: 1000.0,
+            observer_rad_s: 4000.0,
+            update: UpdateMode::AtTime,
+            update_time_s: 0.2,
+            reference: ReferenceConfig::default(),
+        }
+    }
+}
+
+/// What the controller reads at a sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControllerInput {
+    /// Position measured (Ym, Zm), in m.
+    pub position_m: [f64; 2],
+    /// Estimate of λ, in N·m²/A².
+    pub lambda_hat_nm2_a2: [f64; 3],
+    /// Whether that estimate is valid.
+    pub lambda_valid: bool,
+    /// External reference (Yref, Zref), in m; has to be finite only if it is the one in use.
+    pub reference_m: [f64; 2],
+    /// Angular velocity at which the path is run through from now on, in rad/s.
+    pub omega_rad_s: f64,
+}
+
+/// What the controller says at a sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControllerOutput {
+    /// Currents to hold from the next sample on, in A.
+    pub current_a: [f64; 3],
+    /// Position measured minus path at this sample, (y, z), in m.
+    pub tracking_error_m: [f64; 2],
+    /// Perturbation observed p̂, (y, z), in N.
+    pub perturbation_n: [f64; 2],
+    /// λ in use, in N·m²/A².
+    pub lambda_used_nm2_a2: [f64; 3],
+    /// Force asked for, (F_y, F_z), in N.
+    pub force_n: [f64; 2],
+    /// Path at this sample, (y, z), in m.
+    pub reference_m: [f64; 2],
+    /// Whether a predicted gap was not believed: the currents are those for [`SMALLEST_GAP`], and the
+    /// forces of the magnets are not those asked for.
+    pub saturated: bool,
+}
+
+/// Where the controller stands; belongs to a [`Controller`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControllerState {
+    /// Number of samples taken.
+    pub samples: u64,
+    /// Start time, in s.
+    start_s: f64,
+    /// What the observers expect at the next sample, (y, z).
+    expected: [Estimate; 2],
+    /// Forces of the magnets, by the model, from the next sample on, in N.
+    under_way_n: [f64; 3],
+    /// λ in use, in N·m²/A².
+    lambda_nm2_a2: [f64; 3],
+    /// Whether the estimate was taken over, in [`UpdateMode::AtTime`].
+    updated: bool,
+    /// Smallest force asked for, in N.
+    preload_n: f64,
+    reference: ReferenceState,
+}
+
+/// Why a sample was refused. The state is unchanged, and no current is given.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ControllerFault {
+    /// An input is not finite.
+    #[error("the input {name} is not finite: {value}")]
+    Input {
+        /// Name of the input as in the interface.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// The inputs are finite, but so large that what follows from them is not.
+    #[error("sample {sample} leads to currents or estimates that are not finite")]
+    Overflow {
+        /// Number of the sample, from 0.
+        sample: u64,
+    },
+}
+
+/// A checked controller.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Controller {
+    config: ControllerConfig,
+    magnets: Magnets,
+    observer: PerturbationObserver,
+    reference: Reference,
+    /// `[k_0, k_1]` in 1/s² and 1/s.
+    gains: [f64; 2],
+    /// Parts of the way to its target that λ, and the smallest force, go in one sample.
+    follow: f64,
+    relax: f64,
+}
+
+/// `[k_0, k_1]`, in 1/s² and 1/s, that put both poles of the sampled double integrator at `ρ = exp(−ω T_s)`.
+///
+/// `k_0 = (1 − ρ)²/T_s²`, `k_1 = (1 − ρ)(3 + ρ)/(2 T_s)`.
+pub fn tracking_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 2] {
+    let (rho, q) = pole(bandwidth_rad_s, step_s);
+    [q * q / (step_s * step_s), q * (3.0 + rho) / (2.0 * step_s)]
+}
+
+impl Controller {
+    /// A controller of the given configuration.
+    ///
+    /// # Errors
+    /// Every parameter that is not finite or outside its range, by its name in the interface; `s` and `alpha[k]` as in
+    /// [`Magnets::new`], the path as in [`Reference::new`].
+    pub fn new(config: ControllerConfig) -> Result<Self, Vec<Invalid>> {
+        let mut checks = Checks::default();
+        checks.positive("m", config.m_kg, "kg");
+        let magnets = Magnets::checked(config.gap_m, config.alpha_rad, &mut checks);
+        check_step("Ts", config.step_s, &mut checks);
+        for (name, lambda) in ["lambda0[1]", "lambda0[2]", "lambda0[3]"].into_iter().zip(config.lambda0_nm2_a2) {
+            checks.positive(name, lambda, "N.m2/A2");
+        }
+        checks.not_negative("F0", config.f0_n, "N");
+        checks.positive("bandwidth.tracking", config.tracking_rad_s, "rad/s");
+        checks.positive("bandwidth.observer", config.observer_rad_s, "rad/s");
+        checks.finite("update.time", config.update_time_s, "s");
+        let reference = Reference::checked(config.reference.clone(), config.step_s, &magnets, &mut checks);
+        checks.finish()?;
+        Ok(Self {
+            magnets,
+            observer: PerturbationObserver::new(config.observer_rad_s, config.step_s),
+            reference,
+            gains: tracking_gains(config.tracking_rad_s, config.step_s),
+            follow: -libm::expm1(-config.step_s / FOLLOW_S),
+            relax: -libm::expm1(-config.step_s / PRELOAD_S),
+            config,
+        })
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &ControllerConfig {
+        &self.config
+    }
+
+    /// The controller before its first sample, which is due at `start_s`, in s.
+    pub fn start(&self, start_s: f64) -> ControllerState {
+        ControllerState {
+            samples: 0,
+            start_s,
+            expected: [[0.0; 3]; 2],
+            under_way_n: [0.0; 3],
+            lambda_nm2_a2: self.config.lambda0_nm2_a2,
+            updated: false,
+            preload_n: self.config.f0_n,
+            reference: self.reference.start(),
+        }
+    }
+
+    /// When the next sample is due, in s: start + count · T_s.
+    pub fn due_s(&self, state: &ControllerState) -> f64 {
+        state.start_s + state.samples as f64 * self.config.step_s
+    }
+
+    /// Takes the sample that is due.
+    ///
+    /// # Errors
+    /// [`ControllerFault`] if a number that is needed is not finite; the state is then unchanged, and the currents given
+    /// last are the last that have meaning. An estimate of λ that is of no use is no error: it is not used.
+    pub fn sample(
+        &self,
+        state: &mut ControllerState,
+        input: &ControllerInput,
+    ) -> Result<ControllerOutput, ControllerFault> {
+        self.check_input(input)?;
+        let mut next = state.clone();
+        let output = self.next(&mut next, input);
+        let estimates = next.expected.iter().flatten().chain(&next.under_way_n).chain(&output.current_a);
+        let outputs = output.force_n.iter().chain(&output.perturbation_n).chain(&output.tracking_error_m);
+        if !estimates.chain(outputs).all(|value| value.is_finite()) {
+            return Err(ControllerFault::Overflow { sample: state.samples });
+        }
+        *state = next;
+        Ok(output)
+    }
+
+    fn next(&self, state: &mut ControllerState, input: &ControllerInput) -> ControllerOutput {
+        let m = self.config.m_kg;
+        let step_s = self.config.step_s;
+        let first = state.samples == 0;
+
+        self.reference.sample(&mut state.reference, input.omega_rad_s, input.reference_m);
+        let here = self.reference.ahead(&state.reference, 0.0);
+        let begin = self.reference.ahead(&state.reference, step_s);
+        let end = self.reference.ahead(&state.reference, 2.0 * step_s);
+        // The error is that against the path itself, not against what an observer makes of it.
+        let reference_m = match self.config.reference.shape {
+            Shape::External => input.reference_m,
+            _ => here.map(|point| point.position_m),
+        };
+
+        let mut estimate: [Estimate; 2] = std::array::from_fn(|a| {
+            if first {
+                [input.position_m[a], here[a].velocity_m_s, 0.0]
+            } else {
+                self.observer.update(state.expected[a], input.position_m[a])
+            }
+        });
+        self.update_lambda(state, &mut estimate, input);
+
+        let under_way_n = self.magnets.resultant(state.under_way_n);
+        let [k_0, k_1] = self.gains;
+        let mut force_n = [0.0; 2];
+        let mut middle_m = [0.0; 2];
+        for a in 0..2 {
+            let expected = self.observer.predict(estimate[a], under_way_n[a] / m);
+            let [x, v, d] = expected;
+            let feedforward = (end[a].velocity_m_s - begin[a].velocity_m_s) / step_s;
+            let acceleration = feedforward - k_1 * (v - begin[a].velocity_m_s) - k_0 * (x - begin[a].position_m);
+            force_n[a] = m * (acceleration - d);
+            middle_m[a] = self.observer.predict_by(expected, acceleration - d, 0.5 * step_s)[0];
+            state.expected[a] = expected;
+        }
+
+        state.preload_n += self.relax * (self.config.f0_n - state.preload_n);
+        let wanted_n = self.magnets.allocate(force_n, state.preload_n);
+        let floor_m = SMALLEST_GAP * self.config.gap_m;
+        let predicted_m = self.magnets.gaps(middle_m);
+        let saturated = predicted_m.iter().any(|gap| *gap < floor_m);
+        let current_a = self.magnets.currents(wanted_n, predicted_m.map(|gap| gap.max(floor_m)), state.lambda_nm2_a2);
+        state.under_way_n = wanted_n;
+        state.samples += 1;
+
+        ControllerOutput {
+            current_a,
+            tracking_error_m: std::array::from_fn(|a| input.position_m[a] - reference_m[a]),
+            perturbation_n: estimate.map(|[_, _, d]| m * d),
+            lambda_used_nm2_a2: state.lambda_nm2_a2,
+            force_n,
+            reference_m,
+            saturated,
+        }
+    }
+
+    /// Takes the estimated λ over if it is time to, and hands the difference in force to the perturbation.
+    fn update_lambda(&self, state: &mut ControllerState, estimate: &mut [Estimate; 2], input: &ControllerInput) {
+        let hat = input.lambda_hat_nm2_a2;
+        let usable = input.lambda_valid && hat.iter().all(|lambda| lambda.is_finite() && *lambda > 0.0);
+        let before = state.lambda_nm2_a2;
+        let after = match self.config.update {
+            UpdateMode::AtTime if usable && !state.updated && self.update_is_due(state) => {
+                state.updated = true;
+                hat
+            }
+            UpdateMode::WhenValid if usable => std::array::from_fn(|k| before[k] + self.follow * (hat[k] - before[k])),
+            _ => return,
+        };
+        state.lambda_nm2_a2 = after;
+        if state.samples == 0 {
+            // No current is under way yet.
+            return;
+        }
+        let old_n = self.magnets.resultant(state.under_way_n);
+        // The currents and gaps are what they were, so P(4) changes by the ratio of the λ.
+        for k in 0..3 {
+            state.under_way_n[k] *= after[k] / before[k];
+        }
+        let new_n = self.magnets.resultant(state.under_way_n);
+        for a in 0..2 {
+            estimate[a][2] += (old_n[a] - new_n[a]) / self.config.m_kg;
+        }
+        let [f_1, f_2, f_3] = state.under_way_n;
+        state.preload_n = f_1.min(f_2).min(f_3);
+    }
+
+    fn update_is_due(&self, state: &ControllerState) -> bool {
+        self.due_s(state) >= self.config.update_time_s - INSTANT_TOLERANCE * self.config.step_s
+    }
+
+    fn check_input(&self, input: &ControllerInput) -> Result<(), ControllerFault> {
+        let finite = |name, value: f64| {
+            if value.is_finite() { Ok(()) } else { Err(ControllerFault::Input { name, value }) }
+        };
+        finite("Ym", input.position_m[0])?;
+        finite("Zm", input.position_m[1])?;
+        finite("reference.omega", input.omega_rad_s)?;
+        if self.config.reference.shape == Shape::External {
+            finite("Yref", input.reference_m[0])?;
+            finite("Zref", input.reference_m[1])?;
+        }
+        Ok(())
+    }
+}

@@ -12,10 +12,13 @@ pub mod controller;
 pub mod estimator;
 pub mod integration;
 pub mod kernel;
+pub mod lowpass;
 pub mod magnet;
 pub mod noise;
 pub mod observer;
 pub mod plant;
 pub mod reference;
+pub mod regression;
+pub mod window;
 
 pub use invalid::{Checks, Invalid};

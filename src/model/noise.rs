@@ -1,1 +1,40 @@
-//! To be written.
+//! Sensor noise: seeded, reproducible on every platform, and part of the state.
+
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use serde::{Deserialize, Serialize};
+
+/// A generator of Gaussian noise for one channel; its value is its whole state.
+///
+/// Each channel has a generator of its own, so that switching the noise of one channel on does not change another.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Noise {
+    generator: Pcg64,
+}
+
+impl Noise {
+    /// One generator for each of `N` channels, all from one seed, statistically independent of each other.
+    pub fn channels<const N: usize>(seed: u64) -> [Self; N] {
+        let mut parent = Pcg64::seed_from_u64(seed);
+        std::array::from_fn(|_| Self { generator: Pcg64::from_rng(&mut parent) })
+    }
+
+    /// The next number of the standard normal distribution, by Box and Muller.
+    ///
+    /// Every draw takes two numbers from the generator, so that draw k is the same whatever the values before it.
+    /// Logarithm and cosine come from `libm`: the same seed gives the same bits everywhere.
+    pub fn standard_normal(&mut self) -> f64 {
+        const UNIT: f64 = 1.0 / (1u64 << 53) as f64;
+        // In (0, 1], as the logarithm of 0 is not wanted, and in [0, 1).
+        let a = ((self.generator.next_u64() >> 11) + 1) as f64 * UNIT;
+        let b = (self.generator.next_u64() >> 11) as f64 * UNIT;
+        (-2.0 * libm::log(a)).sqrt() * libm::cos(std::f64::consts::TAU * b)
+    }
+
+    /// `value` with noise of the given standard deviation, in the unit of `value`.
+    ///
+    /// A standard deviation of 0 returns `value` itself, to the bit, and draws nothing.
+    pub fn measure(&mut self, value: f64, standard_deviation: f64) -> f64 {
+        if standard_deviation == 0.0 { value } else { value + standard_deviation * self.standard_normal() }
+    }
+}

@@ -1,1 +1,121 @@
-//! To be written.
+//! Sampled observers of chains of integrators, gains by pole placement for the sampled system.
+//!
+//! Between samples the chain is exact: a position whose highest derivative is held over the sample time moves along
+//! a polynomial. The measurement enters at its own instant ("current" form):
+//!
+//! ```text
+//! x⁻_{k+1} = A x_k + B u_k
+//! x_k      = x⁻_k + L (measured_k − x⁻_k[0])
+//! ```
+//!
+//! The error of `x_k` is governed by `(I − L C) A`; with all its poles at ρ, a bandwidth ω sampled at T_s, that is
+//! ρ = exp(−ω T_s), the gains are those of the fading-memory polynomial filters.
+
+use serde::{Deserialize, Serialize};
+
+/// Gains L for a chain of three, `[x, x', x'']`, with all three poles at `exp(−bandwidth · step)`.
+///
+/// `[1 − ρ³, (3/2)(1 − ρ²)(1 − ρ)/T_s, (1 − ρ)³/T_s²]`, in 1, 1/s and 1/s².
+pub fn gains_of_three(bandwidth_rad_s: f64, step_s: f64) -> [f64; 3] {
+    let (rho, q) = pole(bandwidth_rad_s, step_s);
+    [q * (1.0 + rho + rho * rho), 1.5 * q * q * (1.0 + rho) / step_s, q * q * q / (step_s * step_s)]
+}
+
+/// Gains L for a chain of four, `[x, x', x'', x''']`, with all four poles at `exp(−bandwidth · step)`.
+///
+/// `[1 − ρ⁴, (1 − ρ)²(11 + 14ρ + 11ρ²)/(6 T_s), 2(1 − ρ)³(1 + ρ)/T_s², (1 − ρ)⁴/T_s³]`.
+pub fn gains_of_four(bandwidth_rad_s: f64, step_s: f64) -> [f64; 4] {
+    let (rho, q) = pole(bandwidth_rad_s, step_s);
+    [
+        q * (1.0 + rho) * (1.0 + rho * rho),
+        q * q * (11.0 + 14.0 * rho + 11.0 * rho * rho) / (6.0 * step_s),
+        2.0 * q * q * q * (1.0 + rho) / (step_s * step_s),
+        q * q * q * q / (step_s * step_s * step_s),
+    ]
+}
+
+/// `(ρ, 1 − ρ)` of `ρ = exp(−ω T_s)`, the difference without cancellation.
+pub(crate) fn pole(bandwidth_rad_s: f64, step_s: f64) -> (f64, f64) {
+    (libm::exp(-bandwidth_rad_s * step_s), -libm::expm1(-bandwidth_rad_s * step_s))
+}
+
+/// Observer of one axis: position, velocity and perturbation of a mass with known force.
+///
+/// Its estimate is `[x, v, d]` in `[m, m/s, m/s²]`, `d = p/m` the perturbation per mass, P(6) and P(7), with the sign
+/// of the axis. The perturbation is taken as constant between samples; one that varies is followed with the lag of the
+/// observer's poles.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PerturbationObserver {
+    step_s: f64,
+    gains: [f64; 3],
+}
+
+/// Estimate of a [`PerturbationObserver`]: `[x, v, d]` in `[m, m/s, m/s²]`.
+pub type Estimate = [f64; 3];
+
+impl PerturbationObserver {
+    /// An observer with a triple pole at `exp(−bandwidth · step)`; both arguments finite and above 0.
+    pub fn new(bandwidth_rad_s: f64, step_s: f64) -> Self {
+        Self { step_s, gains: gains_of_three(bandwidth_rad_s, step_s) }
+    }
+
+    /// The gains L of the update, in 1, 1/s and 1/s².
+    pub fn gains(&self) -> [f64; 3] {
+        self.gains
+    }
+
+    /// The estimate one sample later, with the acceleration `force/m`, in m/s², held in between.
+    pub fn predict(&self, estimate: Estimate, acceleration_m_s2: f64) -> Estimate {
+        self.predict_by(estimate, acceleration_m_s2, self.step_s)
+    }
+
+    /// The estimate `ahead_s` later, with the acceleration `force/m`, in m/s², held in between.
+    pub fn predict_by(&self, [x, v, d]: Estimate, acceleration_m_s2: f64, ahead_s: f64) -> Estimate {
+        let a = acceleration_m_s2 + d;
+        [x + ahead_s * (v + 0.5 * ahead_s * a), v + ahead_s * a, d]
+    }
+
+    /// The estimate, predicted for the instant of the measurement, corrected by the position measured, in m.
+    pub fn update(&self, [x, v, d]: Estimate, position_m: f64) -> Estimate {
+        let [l_1, l_2, l_3] = self.gains;
+        let innovation = position_m - x;
+        [x + l_1 * innovation, v + l_2 * innovation, d + l_3 * innovation]
+    }
+}
+
+/// Observer of a sampled signal and its first three derivatives, for references that come from outside.
+///
+/// Its estimate is `[r, r', r'', r''']` in `[m, m/s, m/s², m/s³]`. Polynomials up to degree 3 are followed without
+/// lag, once the start has died away; the derivatives are consistent with each other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SignalObserver {
+    step_s: f64,
+    gains: [f64; 4],
+}
+
+/// Estimate of a [`SignalObserver`]: `[r, r', r'', r''']` in `[m, m/s, m/s², m/s³]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Signal(pub [f64; 4]);
+
+impl Signal {
+    /// The signal `ahead_s` later, by Taylor's formula.
+    pub fn ahead(self, ahead_s: f64) -> Self {
+        let [r, v, a, j] = self.0;
+        let h = ahead_s;
+        Self([r + h * (v + h / 2.0 * (a + h / 3.0 * j)), v + h * (a + h / 2.0 * j), a + h * j, j])
+    }
+}
+
+impl SignalObserver {
+    /// An observer with four poles at `exp(−bandwidth · step)`; both arguments finite and above 0.
+    pub fn new(bandwidth_rad_s: f64, step_s: f64) -> Self {
+        Self { step_s, gains: gains_of_four(bandwidth_rad_s, step_s) }
+    }
+
+    /// The estimate at a sample from the one at the sample before and the value now, in m.
+    pub fn update(&self, before: Signal, value_m: f64) -> Signal {
+        let predicted = before.ahead(self.step_s);
+        let innovation = value_m - predicted.0[0];
+        Signal(std::array::from_fn(|j| predicted.0[j] + self.gains[j] * innovation))
+    }
+}

@@ -1,1 +1,544 @@
-//! To be written.
+//! The rotor between its magnets, with current drive, and the sensors that look at it.
+//!
+//! ```text
+//! m Ÿ = Σ F_k sin α_k + p_y      P(6), P(3)
+//! m Z̈ = Σ F_k cos α_k + p_z      P(7), P(3)
+//! F_k = λ_k i_k² / gap_k²        P(4)
+//! ```
+//!
+//! `p` is all that acts on the rotor beside the magnets: per axis a, with `t` the absolute time,
+//! `p_a + amplitude_a sin(ω_p t + phase_a)`, and the unbalance `U ω² (cos(θ + φ), sin(θ + φ))` of axes (y, z).
+//!
+//! # Samples
+//!
+//! The sensors read at `start + k · T_s`. A sample of the currents is the value just before the instant, that is the
+//! current held over the interval that ends there (`heldBefore`). Sample 0 is taken at the start; no current is held
+//! before it, so it reads 0 A. Steps may have any length; see [`Plant::advance`].
+
+use std::f64::consts::PI;
+
+use serde::{Deserialize, Serialize};
+
+use super::integration::{rk4, substeps};
+use super::magnet::Magnets;
+use super::noise::Noise;
+use super::{Checks, Invalid};
+
+/// Part of the sensor step within which an instant counts as the end of a step.
+pub const INSTANT_TOLERANCE: f64 = 1e-3;
+
+/// Part of the sensor step up to which a difference in time is taken for rounding and removed.
+///
+/// Times that were added up differ in their last bits from those that were multiplied. With this, both give the same
+/// bits of position.
+pub const ROUNDING_TOLERANCE: f64 = 1e-6;
+
+/// The shortest sensor step, and the shortest sub-step of the integration, in s.
+///
+/// Shorter ones are lost in the rounding of the time, or never come to an end.
+pub const SHORTEST_STEP_S: f64 = 1e-9;
+
+/// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, t the absolute time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Harmonic {
+    /// Amplitude, (y, z), in N.
+    pub amplitude_n: [f64; 2],
+    /// Angular frequency, common to both axes, in rad/s.
+    pub omega_rad_s: f64,
+    /// Phase at t = 0, (y, z), in rad.
+    pub phase_rad: [f64; 2],
+}
+
+impl Default for Harmonic {
+    /// None, at 50 Hz.
+    fn default() -> Self {
+        Self { amplitude_n: [0.0; 2], omega_rad_s: 2.0 * PI * 50.0, phase_rad: [0.0; 2] }
+    }
+}
+
+/// The sensors of position and current.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SensorConfig {
+    /// Standard deviation of the position noise, in m; 0 for none.
+    pub position_noise_m: f64,
+    /// Standard deviation of the current noise, in A; 0 for none.
+    pub current_noise_a: f64,
+    /// Time between samples `T_s`, in s.
+    pub step_s: f64,
+    /// Seed of the noise; the same seed gives the same noise.
+    pub seed: u64,
+}
+
+impl Default for SensorConfig {
+    /// Without noise, 10 kHz.
+    fn default() -> Self {
+        Self { position_noise_m: 0.0, current_noise_a: 0.0, step_s: 1e-4, seed: 0 }
+    }
+}
+
+/// The bearing and the rotor's start.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PlantConfig {
+    /// Mass of the rotor `m`, in kg.
+    pub m_kg: f64,
+    /// Nominal gap `s`, in m.
+    pub gap_m: f64,
+    /// Angles `α_k` of the magnets as in P(3), in rad.
+    pub alpha_rad: [f64; 3],
+    /// `λ_k` of P(4), in N·m²/A²; may be retuned.
+    pub lambda_nm2_a2: [f64; 3],
+    /// Unbalance `U`, mass × eccentricity, in kg·m; may be retuned.
+    pub unbalance_kgm: f64,
+    /// Angle `φ` of the unbalance on the rotor, from y towards z, in rad; may be retuned.
+    pub unbalance_phase_rad: f64,
+    /// Harmonic perturbation; may be retuned.
+    pub harmonic: Harmonic,
+    /// Position (Y, Z) at the start, in m.
+    pub position_m: [f64; 2],
+    /// Velocity at the start, (y, z), in m/s.
+    pub velocity_m_s: [f64; 2],
+    /// Angle of the rotor at the start, in rad.
+    pub theta_rad: f64,
+    /// The sensors.
+    pub sensor: SensorConfig,
+    /// Longest sub-step of the integration, in s.
+    pub max_step_s: f64,
+}
+
+impl Default for PlantConfig {
+    /// The paper's bearing, the rotor on the paper's ellipse.
+    fn default() -> Self {
+        Self {
+            m_kg: 6.7,
+            gap_m: 5e-4,
+            alpha_rad: [PI, -PI / 3.0, PI / 3.0],
+            lambda_nm2_a2: [1.8e-6, 2.0e-6, 2.2e-6],
+            unbalance_kgm: 0.0,
+            unbalance_phase_rad: 0.0,
+            harmonic: Harmonic::default(),
+            position_m: [30e-6, 0.0],
+            velocity_m_s: [0.0, 0.021991148575128554],
+            theta_rad: 0.0,
+            sensor: SensorConfig::default(),
+            max_step_s: 5e-5,
+        }
+    }
+}
+
+/// What acts on the plant, held over a step.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PlantInput {
+    /// Currents of the magnets, in A; the sign has no effect on the force.
+    pub current_a: [f64; 3],
+    /// Perturbation force on the rotor, (y, z), in N.
+    pub perturbation_n: [f64; 2],
+    /// Angular velocity of the rotor, from y towards z, in rad/s.
+    pub omega_rad_s: f64,
+}
+
+/// What the sensors read at their last instant.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// Position (Y, Z), in m.
+    pub position_m: [f64; 2],
+    /// Currents held over the interval that ended at the instant, in A.
+    pub current_a: [f64; 3],
+    /// Angle of the rotor, unwrapped, in rad.
+    pub theta_rad: f64,
+}
+
+/// Where the plant stands; belongs to a [`Plant`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlantState {
+    /// Time up to which the plant has been advanced, in s.
+    pub time_s: f64,
+    /// Position (Y, Z), in m.
+    pub position_m: [f64; 2],
+    /// Velocity, (y, z), in m/s.
+    pub velocity_m_s: [f64; 2],
+    /// Angle of the rotor, unwrapped, in rad.
+    pub theta_rad: f64,
+    /// The sample taken last.
+    pub measured: Measured,
+    /// Number of samples taken; sample k is that of `start + k · T_s`.
+    pub samples: u64,
+    /// Start time, in s.
+    start_s: f64,
+    /// Where the angle has come from.
+    turn: Turn,
+    /// Noise of Y, Z, and of the three currents.
+    noise: [Noise; 5],
+}
+
+/// θ = `base + ω (t − since)`, the base moved when ω changes, so that a long run does not add up rounding.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Turn {
+    base_rad: f64,
+    since_s: f64,
+    omega_rad_s: f64,
+}
+
+impl Turn {
+    fn theta_rad(&self, t_s: f64) -> f64 {
+        self.base_rad + self.omega_rad_s * (t_s - self.since_s)
+    }
+}
+
+/// What can be said of the plant at an instant, inputs included.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlantOutput {
+    /// Gap of each magnet, in m.
+    pub gap_m: [f64; 3],
+    /// Force of each magnet, in N, P(4).
+    pub force_n: [f64; 3],
+    /// Resultant of the magnets, (F_y, F_z), in N, P(3).
+    pub resultant_n: [f64; 2],
+    /// Everything but the magnets, (y, z), in N.
+    pub perturbation_n: [f64; 2],
+    /// Acceleration of the rotor, (y, z), in m/s².
+    pub acceleration_m_s2: [f64; 2],
+}
+
+/// Why the plant could not go on.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PlantFault {
+    /// The rotor has left the gap, or its motion is no longer finite. The state is that before the sub-step in
+    /// which it happened.
+    #[error(
+        "the rotor leaves the gap at magnet {magnet} after t = {time_s} s, coming from Y = {} m, Z = {} m",
+        position_m[0],
+        position_m[1]
+    )]
+    Contact {
+        /// Number of the magnet, 1 to 3: the one the rotor was nearest to.
+        magnet: usize,
+        /// Begin of the sub-step that ended outside, in s.
+        time_s: f64,
+        /// Position (Y, Z) at that time, in m.
+        position_m: [f64; 2],
+    },
+    /// An input is not finite. The state is unchanged.
+    #[error("the input {name} is not finite: {value}")]
+    Input {
+        /// Name of the input as in the interface.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// The step does not begin where the last one ended, or its length is not a time. The state is unchanged.
+    #[error("a step of {h_s} s from t = {t_s} s is refused: the plant stands at t = {time_s} s")]
+    Time {
+        /// Begin of the step refused, in s.
+        t_s: f64,
+        /// Its length, in s.
+        h_s: f64,
+        /// Where the plant stands, in s.
+        time_s: f64,
+    },
+}
+
+/// A checked plant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plant {
+    config: PlantConfig,
+    magnets: Magnets,
+}
+
+impl Plant {
+    /// A plant of the given configuration.
+    ///
+    /// # Errors
+    /// Every parameter that is not finite or outside its range, by its name in the interface; `s` and `alpha[k]` as in
+    /// [`Magnets::new`]; `Y0` or `Z0` if the rotor would start outside the gap.
+    pub fn new(config: PlantConfig) -> Result<Self, Vec<Invalid>> {
+        let mut checks = Checks::default();
+        checks.positive("m", config.m_kg, "kg");
+        let magnets = Magnets::checked(config.gap_m, config.alpha_rad, &mut checks);
+        check_tunable(
+            config.lambda_nm2_a2,
+            config.unbalance_kgm,
+            config.unbalance_phase_rad,
+            &config.harmonic,
+            &mut checks,
+        );
+        for (name, value) in ["Y0", "Z0"].into_iter().zip(config.position_m) {
+            checks.finite(name, value, "m");
+        }
+        for (name, value) in ["vY0", "vZ0"].into_iter().zip(config.velocity_m_s) {
+            checks.finite(name, value, "m/s");
+        }
+        checks.finite("theta0", config.theta_rad, "rad");
+        check_start(&config, &magnets, &mut checks);
+        checks.not_negative("sensor.positionNoise", config.sensor.position_noise_m, "m");
+        checks.not_negative("sensor.currentNoise", config.sensor.current_noise_a, "A");
+        check_step("sensor.Ts", config.sensor.step_s, &mut checks);
+        check_step("solver.maxStep", config.max_step_s, &mut checks);
+        checks.finish()?;
+        Ok(Self { config, magnets })
+    }
+
+    /// The configuration, as it was retuned last.
+    pub fn config(&self) -> &PlantConfig {
+        &self.config
+    }
+
+    /// The magnets.
+    pub fn magnets(&self) -> &Magnets {
+        &self.magnets
+    }
+
+    /// Changes the parameters that may change while running: λ in N·m²/A², unbalance in kg·m and rad, harmonic.
+    ///
+    /// # Errors
+    /// As in [`Plant::new`]; nothing is changed then.
+    pub fn retune(
+        &mut self,
+        lambda_nm2_a2: [f64; 3],
+        unbalance_kgm: f64,
+        unbalance_phase_rad: f64,
+        harmonic: Harmonic,
+    ) -> Result<(), Vec<Invalid>> {
+        let mut checks = Checks::default();
+        check_tunable(lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, &harmonic, &mut checks);
+        checks.finish()?;
+        self.config.lambda_nm2_a2 = lambda_nm2_a2;
+        self.config.unbalance_kgm = unbalance_kgm;
+        self.config.unbalance_phase_rad = unbalance_phase_rad;
+        self.config.harmonic = harmonic;
+        Ok(())
+    }
+
+    /// The plant at its start, the time `start_s`, with sample 0 taken.
+    pub fn start(&self, start_s: f64) -> PlantState {
+        let config = &self.config;
+        let mut state = PlantState {
+            time_s: start_s,
+            position_m: config.position_m,
+            velocity_m_s: config.velocity_m_s,
+            theta_rad: config.theta_rad,
+            measured: Measured { position_m: [0.0; 2], current_a: [0.0; 3], theta_rad: 0.0 },
+            samples: 0,
+            start_s,
+            turn: Turn { base_rad: config.theta_rad, since_s: start_s, omega_rad_s: 0.0 },
+            noise: Noise::channels(config.sensor.seed),
+        };
+        self.take_sample(&mut state, [0.0; 3]);
+        state
+    }
+
+    /// Advances from `t_s` to `t_s + h_s`, in s, with the input held.
+    ///
+    /// The sensors read at every instant `start + k · T_s` in `(t, t + h]`. An instant within [`INSTANT_TOLERANCE`] of
+    /// `t + h` is read at `t + h`; at one inside, the step is divided. Each part is integrated in equal sub-steps, none
+    /// longer than `max_step_s`. A step of 0 changes nothing; one too short to move the time neither loses nor doubles
+    /// a sample.
+    ///
+    /// # Errors
+    /// [`PlantFault::Contact`] when the rotor leaves the gap; [`PlantFault::Input`] for an input that is not finite;
+    /// [`PlantFault::Time`] for a step that is negative, not finite, or does not begin where the last one ended.
+    pub fn advance(&self, state: &mut PlantState, input: &PlantInput, t_s: f64, h_s: f64) -> Result<(), PlantFault> {
+        check_input(input)?;
+        let step_s = self.config.sensor.step_s;
+        let tolerance = INSTANT_TOLERANCE * step_s;
+        let end_s = t_s + h_s;
+        let follows = (t_s - state.time_s).abs() <= tolerance;
+        if !(follows && h_s >= 0.0 && end_s.is_finite()) {
+            return Err(PlantFault::Time { t_s, h_s, time_s: state.time_s });
+        }
+        if h_s == 0.0 {
+            return Ok(());
+        }
+        let mut now_s = t_s;
+        loop {
+            let instant_s = state.start_s + state.samples as f64 * step_s;
+            let inside = instant_s < end_s - tolerance;
+            let part_end_s = if inside { instant_s.max(now_s) } else { end_s };
+            let length_s = if now_s == t_s && !inside { h_s } else { part_end_s - now_s };
+            self.integrate(state, input, now_s, length_s, part_end_s)?;
+            if instant_s > end_s + tolerance {
+                return Ok(());
+            }
+            self.take_sample(state, input.current_a);
+            if !inside {
+                return Ok(());
+            }
+            now_s = part_end_s;
+        }
+    }
+
+    /// What can be said at the time `t_s`, in s, at which the state stands.
+    pub fn outputs(&self, state: &PlantState, input: &PlantInput, t_s: f64) -> PlantOutput {
+        let gap_m = self.magnets.gaps(state.position_m);
+        let force_n = self.magnets.forces(self.config.lambda_nm2_a2, input.current_a, gap_m);
+        let resultant_n = self.magnets.resultant(force_n);
+        let perturbation_n = self.perturbation(input, t_s, state.theta_rad);
+        let acceleration_m_s2 = std::array::from_fn(|a| (resultant_n[a] + perturbation_n[a]) / self.config.m_kg);
+        PlantOutput { gap_m, force_n, resultant_n, perturbation_n, acceleration_m_s2 }
+    }
+
+    /// Everything but the magnets, (y, z), in N.
+    fn perturbation(&self, input: &PlantInput, t_s: f64, theta_rad: f64) -> [f64; 2] {
+        let Harmonic { amplitude_n, omega_rad_s, phase_rad } = &self.config.harmonic;
+        let mut p = input.perturbation_n;
+        for a in 0..2 {
+            // Without amplitude nothing is added, so that the common case costs no sine.
+            if amplitude_n[a] != 0.0 {
+                p[a] += amplitude_n[a] * libm::sin(omega_rad_s * t_s + phase_rad[a]);
+            }
+        }
+        if self.config.unbalance_kgm != 0.0 {
+            let force = self.config.unbalance_kgm * input.omega_rad_s * input.omega_rad_s;
+            let angle = theta_rad + self.config.unbalance_phase_rad;
+            p[0] += force * libm::cos(angle);
+            p[1] += force * libm::sin(angle);
+        }
+        p
+    }
+
+    /// Integrates over a part of a step that has no sample inside; the state then stands at `end_s`.
+    fn integrate(
+        &self,
+        state: &mut PlantState,
+        input: &PlantInput,
+        from_s: f64,
+        length_s: f64,
+        end_s: f64,
+    ) -> Result<(), PlantFault> {
+        let (from_s, length_s) = self.without_rounding(state, from_s, length_s);
+        if input.omega_rad_s != state.turn.omega_rad_s {
+            state.turn = Turn { base_rad: state.theta_rad, since_s: from_s, omega_rad_s: input.omega_rad_s };
+        }
+        let n = substeps(length_s, self.config.max_step_s);
+        let h = length_s / n as f64;
+        for j in 0..n {
+            let t = from_s + j as f64 * h;
+            let [y, z] = state.position_m;
+            let [v_y, v_z] = state.velocity_m_s;
+            let turn = &state.turn;
+            let x = rk4([y, z, v_y, v_z], t, h, |t, x| self.slope(input, t, turn.theta_rad(t), x));
+            let inside = self.magnets.gaps([x[0], x[1]]).iter().all(|gap| *gap > 0.0);
+            if !(inside && x.iter().all(|value| value.is_finite())) {
+                let gap_m = self.magnets.gaps(state.position_m);
+                let nearest = (0..3).fold(0, |k, other| if gap_m[other] < gap_m[k] { other } else { k });
+                state.time_s = t;
+                return Err(PlantFault::Contact { magnet: nearest + 1, time_s: t, position_m: state.position_m });
+            }
+            state.position_m = [x[0], x[1]];
+            state.velocity_m_s = [x[2], x[3]];
+            state.theta_rad = turn.theta_rad(t + h);
+        }
+        state.time_s = end_s;
+        state.theta_rad = state.turn.theta_rad(from_s + length_s);
+        Ok(())
+    }
+
+    /// Begin and length of a part, rounding removed: a begin at a sample instant is that instant, a length of
+    /// one sensor step is that step.
+    fn without_rounding(&self, state: &PlantState, from_s: f64, length_s: f64) -> (f64, f64) {
+        let step_s = self.config.sensor.step_s;
+        let rounding = ROUNDING_TOLERANCE * step_s;
+        // Sample 0 is taken at the start, so there is a last one.
+        let last_s = state.start_s + (state.samples.max(1) - 1) as f64 * step_s;
+        (
+            if (from_s - last_s).abs() <= rounding { last_s } else { from_s },
+            if (length_s - step_s).abs() <= rounding { step_s } else { length_s },
+        )
+    }
+
+    /// d/dt of `[Y, Z, Ẏ, Ż]`; not a number outside the gap, where P(4) has no meaning.
+    fn slope(&self, input: &PlantInput, t_s: f64, theta_rad: f64, x: &[f64; 4]) -> [f64; 4] {
+        let gap_m = self.magnets.gaps([x[0], x[1]]);
+        if !gap_m.iter().all(|gap| *gap > 0.0) {
+            return [f64::NAN; 4];
+        }
+        let force_n = self.magnets.forces(self.config.lambda_nm2_a2, input.current_a, gap_m);
+        let f = self.magnets.resultant(force_n);
+        let p = self.perturbation(input, t_s, theta_rad);
+        let m = self.config.m_kg;
+        [x[2], x[3], (f[0] + p[0]) / m, (f[1] + p[1]) / m]
+    }
+
+    /// The sensors read; `current_a` are the currents held until now, in A.
+    fn take_sample(&self, state: &mut PlantState, current_a: [f64; 3]) {
+        let sensor = &self.config.sensor;
+        let [noise_y, noise_z, noise_currents @ ..] = &mut state.noise;
+        state.measured.position_m = [
+            noise_y.measure(state.position_m[0], sensor.position_noise_m),
+            noise_z.measure(state.position_m[1], sensor.position_noise_m),
+        ];
+        for (k, noise) in noise_currents.iter_mut().enumerate() {
+            state.measured.current_a[k] = noise.measure(current_a[k], sensor.current_noise_a);
+        }
+        state.measured.theta_rad = state.theta_rad;
+        state.samples += 1;
+    }
+}
+
+/// A step has to be finite and long enough to be resolved.
+pub(crate) fn check_step(name: &'static str, step_s: f64, checks: &mut Checks) {
+    checks.require(
+        step_s.is_finite() && step_s >= SHORTEST_STEP_S,
+        name,
+        format_args!("{step_s} s"),
+        format!("a finite time of at least {SHORTEST_STEP_S} s"),
+    );
+}
+
+fn check_tunable(
+    lambda_nm2_a2: [f64; 3],
+    unbalance_kgm: f64,
+    unbalance_phase_rad: f64,
+    harmonic: &Harmonic,
+    checks: &mut Checks,
+) {
+    for (name, lambda) in ["lambda[1]", "lambda[2]", "lambda[3]"].into_iter().zip(lambda_nm2_a2) {
+        checks.positive(name, lambda, "N.m2/A2");
+    }
+    checks.not_negative("unbalance.magnitude", unbalance_kgm, "kg.m");
+    checks.finite("unbalance.phase", unbalance_phase_rad, "rad");
+    for (name, value) in ["perturbation.amplitudeY", "perturbation.amplitudeZ"].into_iter().zip(harmonic.amplitude_n) {
+        checks.finite(name, value, "N");
+    }
+    checks.not_negative("perturbation.omega", harmonic.omega_rad_s, "rad/s");
+    for (name, value) in ["perturbation.phaseY", "perturbation.phaseZ"].into_iter().zip(harmonic.phase_rad) {
+        checks.finite(name, value, "rad");
+    }
+}
+
+/// Refuses a rotor that starts at a magnet, by the coordinate that takes it there.
+fn check_start(config: &PlantConfig, magnets: &Magnets, checks: &mut Checks) {
+    let [y, z] = config.position_m;
+    let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+    if !(finite(&config.position_m) && finite(&config.alpha_rad) && config.gap_m.is_finite() && config.gap_m > 0.0) {
+        return;
+    }
+    for (k, (gap, e_k)) in magnets.gaps([y, z]).into_iter().zip(magnets.directions()).enumerate() {
+        if gap > 0.0 {
+            continue;
+        }
+        let (name, value) = if (y * e_k[0]) > (z * e_k[1]) { ("Y0", y) } else { ("Z0", z) };
+        let number = k + 1;
+        checks.require(
+            false,
+            name,
+            format_args!("{value} m"),
+            format!("a start inside the gap (that of magnet {number} would be {gap} m)"),
+        );
+        return;
+    }
+}
+
+fn check_input(input: &PlantInput) -> Result<(), PlantFault> {
+    let names = ["i[1]", "i[2]", "i[3]", "pY", "pZ", "omega"];
+    let [i_1, i_2, i_3] = input.current_a;
+    let [p_y, p_z] = input.perturbation_n;
+    for (name, value) in names.into_iter().zip([i_1, i_2, i_3, p_y, p_z, input.omega_rad_s]) {
+        if !value.is_finite() {
+            return Err(PlantFault::Input { name, value });
+        }
+    }
+    Ok(())
+}
