@@ -1,5 +1,7 @@
 //! A table of sampled signals: what a run leaves behind.
 
+use std::io;
+
 /// One signal over the samples of a [`Recording`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
@@ -24,5 +26,28 @@ impl Recording {
     /// The values of the signal of that name, if there is one.
     pub fn get(&self, name: &str) -> Option<&[f64]> {
         self.columns.iter().find(|column| column.name == name).map(|column| column.values.as_slice())
+    }
+
+    /// Writes the table as CSV: a header with names and units, for instance `plant.Y [m]`, then one row per sample.
+    /// Numbers are written with as many digits as it takes to read the same number again.
+    ///
+    /// # Errors
+    /// Whatever the writer reports.
+    pub fn write_csv(&self, to: impl io::Write) -> io::Result<()> {
+        let mut writer = csv::Writer::from_writer(to);
+        let unit = |unit: &str| if unit.is_empty() || unit == "1" { String::new() } else { format!(" [{unit}]") };
+        writer.write_field("time [s]")?;
+        for column in &self.columns {
+            writer.write_field(format!("{}{}", column.name, unit(&column.unit)))?;
+        }
+        writer.write_record(None::<&[u8]>)?;
+        for (row, time_s) in self.time_s.iter().enumerate() {
+            writer.write_field(time_s.to_string())?;
+            for column in &self.columns {
+                writer.write_field(format!("{:e}", column.values[row]))?;
+            }
+            writer.write_record(None::<&[u8]>)?;
+        }
+        writer.flush()
     }
 }

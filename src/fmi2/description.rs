@@ -1,10 +1,9 @@
 //! Writes `modelDescription.xml` from the table of variables of a slave.
 
-use quick_xml::Writer;
-use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, Event};
 use sha2::{Digest, Sha256};
 
 use super::logger::Category;
+use super::xml::{Page, element, real, units, write_base_unit};
 use crate::slave::Kind;
 use crate::slave::unit::Unit;
 use crate::slave::variable::{Causality, Enumeration, Type, Variability, Variable};
@@ -29,60 +28,7 @@ pub fn write(kind: &Kind) -> (String, String) {
     (guid, text)
 }
 
-/// An element with attributes, in the order in which they are added.
-struct Element {
-    name: &'static str,
-    attributes: Vec<(&'static str, String)>,
-}
-
-fn element(name: &'static str) -> Element {
-    Element { name, attributes: Vec::new() }
-}
-
-impl Element {
-    fn with(mut self, name: &'static str, value: impl Into<String>) -> Self {
-        self.attributes.push((name, value.into()));
-        self
-    }
-
-    fn with_some(self, name: &'static str, value: Option<impl Into<String>>) -> Self {
-        match value {
-            Some(value) => self.with(name, value),
-            None => self,
-        }
-    }
-
-    fn tag(&self) -> BytesStart<'_> {
-        let mut tag = BytesStart::new(self.name);
-        for (name, value) in &self.attributes {
-            tag.push_attribute((*name, value.as_str()));
-        }
-        tag
-    }
-}
-
-/// Writes into memory, which cannot fail.
-struct Page(Writer<Vec<u8>>);
-
-impl Page {
-    fn event(&mut self, event: Event<'_>) {
-        self.0.write_event(event).expect("a vector takes any number of bytes");
-    }
-
-    fn empty(&mut self, element: Element) {
-        self.event(Event::Empty(element.tag()));
-    }
-
-    fn nest(&mut self, element: Element, content: impl FnOnce(&mut Self)) {
-        self.event(Event::Start(element.tag()));
-        content(self);
-        self.event(Event::End(BytesEnd::new(element.name)));
-    }
-}
-
 fn document(kind: &Kind, variables: &[&Variable], guid: &str) -> String {
-    let mut page = Page(Writer::new_with_indent(Vec::new(), b' ', 2));
-    page.event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)));
     let root = element("fmiModelDescription")
         .with("fmiVersion", "2.0")
         .with("modelName", kind.name)
@@ -92,7 +38,7 @@ fn document(kind: &Kind, variables: &[&Variable], guid: &str) -> String {
         .with("license", env!("CARGO_PKG_LICENSE"))
         .with("generationTool", concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")))
         .with("variableNamingConvention", "structured");
-    page.nest(root, |page| {
+    Page::document(root, |page| {
         page.empty(
             element("CoSimulation")
                 .with("modelIdentifier", kind.name)
@@ -108,7 +54,7 @@ fn document(kind: &Kind, variables: &[&Variable], guid: &str) -> String {
                 .with("providesDirectionalDerivative", "false"),
         );
         page.nest(element("UnitDefinitions"), |page| {
-            for unit in units(variables) {
+            for unit in units(variables.iter().copied()) {
                 write_unit(page, unit);
             }
         });
@@ -138,28 +84,7 @@ fn document(kind: &Kind, variables: &[&Variable], guid: &str) -> String {
             }
         });
         page.nest(element("ModelStructure"), |page| write_structure(page, variables));
-    });
-    let mut text = String::from_utf8(page.0.into_inner()).expect("all that was written is UTF-8");
-    text.push('\n');
-    text
-}
-
-/// The shortest text that is read back as the same number.
-fn real(value: f64) -> String {
-    if value != 0.0 && !(1e-3..1e6).contains(&value.abs()) { format!("{value:e}") } else { format!("{value}") }
-}
-
-/// The units in use, each once, in the order of the variables.
-fn units<'v>(variables: &[&'v Variable]) -> Vec<&'v Unit> {
-    let mut units: Vec<&Unit> = Vec::new();
-    for variable in variables {
-        if let Type::Real { unit, .. } = &variable.kind
-            && units.iter().all(|known| known.name != unit.name)
-        {
-            units.push(unit);
-        }
-    }
-    units
+    })
 }
 
 fn enumerations(variables: &[&Variable]) -> Vec<&'static Enumeration> {
@@ -176,8 +101,7 @@ fn enumerations(variables: &[&Variable]) -> Vec<&'static Enumeration> {
 
 fn write_unit(page: &mut Page, unit: &Unit) {
     page.nest(element("Unit").with("name", unit.name), |page| {
-        let base = unit.base.iter();
-        page.empty(base.fold(element("BaseUnit"), |tag, (name, exponent)| tag.with(name, exponent.to_string())));
+        write_base_unit(page, "BaseUnit", unit);
         for display in unit.displays {
             page.empty(element("DisplayUnit").with("name", display.name).with("factor", real(display.factor)));
         }

@@ -396,8 +396,8 @@ export! {
         value: *const fmi2Boolean,
     ) -> fmi2Status {
         let wrap = |value| match value {
-            fmi2False => Ok(Value::Boolean(false)),
-            fmi2True => Ok(Value::Boolean(true)),
+            0 => Ok(Value::Boolean(false)),
+            1 => Ok(Value::Boolean(true)),
             other => Err(format!("{other} is refused: fmi2False (0) or fmi2True (1) is wanted")),
         };
         // SAFETY: all arguments are as this module's contract says.

@@ -16,11 +16,11 @@ pub struct Entry {
 }
 
 static ENTRIES: LazyLock<Vec<Entry>> = LazyLock::new(|| {
-    let entry = |kind: &&'static Kind| {
+    let entry = |kind: &'static Kind| {
         let (guid, description) = description::write(kind);
         Entry { kind, guid, description }
     };
-    catalogue().iter().map(entry).collect()
+    catalogue().into_iter().map(entry).collect()
 });
 
 /// All models.

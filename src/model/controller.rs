@@ -110,7 +110,7 @@ impl Default for ControllerConfig {
 }
 
 /// What the controller reads at a sample.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ControllerInput {
     /// Position measured (Ym, Zm), in m.
     pub position_m: [f64; 2],
@@ -125,7 +125,7 @@ pub struct ControllerInput {
 }
 
 /// What the controller says at a sample.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ControllerOutput {
     /// Currents to hold from the next sample on, in A.
     pub current_a: [f64; 3],
@@ -139,6 +139,8 @@ pub struct ControllerOutput {
     pub force_n: [f64; 2],
     /// Path at this sample, (y, z), in m.
     pub reference_m: [f64; 2],
+    /// Path at the next sample, (y, z), in m; predicted if it is external.
+    pub reference_ahead_m: [f64; 2],
     /// Whether a predicted gap was not believed: the currents are those for [`SMALLEST_GAP`], and the
     /// forces of the magnets are not those asked for.
     pub saturated: bool,
@@ -255,6 +257,17 @@ impl Controller {
         }
     }
 
+    /// What stands at the outputs before the first sample: no current, the first guess of λ, and where the path begins.
+    pub fn output_at_start(&self) -> ControllerOutput {
+        let begin = self.reference.ahead(&self.reference.start(), 0.0).map(|point| point.position_m);
+        ControllerOutput {
+            lambda_used_nm2_a2: self.config.lambda0_nm2_a2,
+            reference_m: begin,
+            reference_ahead_m: begin,
+            ..ControllerOutput::default()
+        }
+    }
+
     /// When the next sample is due, in s: start + count · T_s.
     pub fn due_s(&self, state: &ControllerState) -> f64 {
         state.start_s + state.samples as f64 * self.config.step_s
@@ -336,6 +349,7 @@ impl Controller {
             lambda_used_nm2_a2: state.lambda_nm2_a2,
             force_n,
             reference_m,
+            reference_ahead_m: begin.map(|point| point.position_m),
             saturated,
         }
     }

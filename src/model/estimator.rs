@@ -11,6 +11,8 @@
 //! Every row is divided by its gain for white position noise, so that a row carries metres and every row the same
 //! noise; the column of `λ_k` is multiplied by `λ_0,k`, so that the unknowns are `λ_k/λ_0,k`.
 
+use std::fmt;
+
 use libm::{atan2, cos, sin};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
@@ -132,7 +134,7 @@ impl Default for EstimatorConfig {
 }
 
 /// One sample of the measurements, all of the same instant.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EstimatorInput {
     /// Position (Y, Z) of the rotor, m.
     pub position_m: [f64; 2],
@@ -170,8 +172,23 @@ pub enum Reason {
     ForeignState,
 }
 
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Reason::Valid => "valid",
+            Reason::Filling => "not valid: the window is not full yet, or epsilon has not passed",
+            Reason::Disabled => "not valid: enable is false",
+            Reason::BadSample => "not valid: a sample is not finite, or outside the gap; the window starts afresh",
+            Reason::Singular => "not valid: the excitation does not tell the unknowns apart",
+            Reason::NotPositive => "not valid: a force constant came out zero or negative",
+            Reason::Unexplained => "not valid: the model does not explain the motion",
+            Reason::ForeignState => "not valid: the state was made by another estimator",
+        })
+    }
+}
+
 /// The estimates after a sample. All numbers are finite at all times.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EstimatorOutput {
     /// λ̂, N·m²/A²: λ_0 at first, then the last valid estimate ([`Method::PaperLiteral`]: the last finite one).
     pub lambda_hat: [f64; 3],

@@ -188,7 +188,7 @@ impl Turn {
 }
 
 /// What can be said of the plant at an instant, inputs included.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlantOutput {
     /// Gap of each magnet, in m.
     pub gap_m: [f64; 3],

@@ -2,6 +2,7 @@
 
 use super::unit::{KILOGRAM, LAMBDA, METRE, RADIAN, SECOND};
 use super::variable::{Access, Row};
+use crate::model::Invalid;
 
 /// Rotor mass, nominal air gap and angles of the magnets, with the paper's values.
 pub(super) fn geometry<D>(
@@ -37,6 +38,18 @@ pub(super) fn sample_time<D>(ts: Access<D, f64>) -> Row<D> {
         .nominal(1e-4)
         .shown_in("µs")
         .says("Sample time; samples are at the start time plus whole multiples of it")
+}
+
+/// What was made, unless there were findings before or in the making.
+pub(super) fn together<T>(mut findings: Vec<Invalid>, made: Result<T, Vec<Invalid>>) -> Result<T, Vec<Invalid>> {
+    match made {
+        Ok(made) if findings.is_empty() => Ok(made),
+        Ok(_) => Err(findings),
+        Err(others) => {
+            findings.extend(others);
+            Err(findings)
+        }
+    }
 }
 
 /// The names `name[1]`, `name[2]`, `name[3]`.

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use super::bearing::{geometry, lambda0, sample_time};
+use super::bearing::{geometry, lambda0, sample_time, together};
 use super::clock::Clock;
 use super::instance::{Fault, Kind, Slave, Step, instantiate, variables};
 use super::log::{Log, Topic};
@@ -126,7 +126,7 @@ fn table() -> Vec<Row<Values>> {
             .says("Amplitude of the lobes with shape = lobes"),
     );
     rows.push(
-        Row::real("reference.bandwidth", place!(config.reference.bandwidth_rad_s), RADIAN_PER_SECOND, 2000.0)
+        Row::real("bandwidth.reference", place!(config.reference.bandwidth_rad_s), RADIAN_PER_SECOND, 2000.0)
             .fixed()
             .min(0.0)
             .nominal(1000.0)
@@ -178,8 +178,13 @@ fn table() -> Vec<Row<Values>> {
             .map(|row| row.sampled_output().nominal(10.0).says("Force asked of the magnets along {axis}")),
     );
     rows.extend(
-        Row::named_reals(["reference.Y", "reference.Z"], place!(output.reference_m[k]), METRE, [0.0; 2])
-            .map(|row| row.sampled_output().nominal(1e-5).says("Reference at the last sample, along {axis}")),
+        Row::named_reals(["reference.Y", "reference.Z"], place!(output.reference_ahead_m[k]), METRE, [0.0; 2])
+            .map(|row| row.sampled_output().nominal(1e-5).says("Reference at the next sample, along {axis}")),
+    );
+    rows.push(
+        Row::boolean("saturated", place!(output.saturated), false)
+            .sampled_output()
+            .says("Whether the gap predicted for the currents was too small to be believed"),
     );
     rows
 }
@@ -214,13 +219,9 @@ impl Slave for Tracking {
                 wanted: "a whole number, 0 or above".into(),
             }),
         }
-        let controller = match Controller::new(values.config.clone()) {
-            Ok(controller) if findings.is_empty() => controller,
-            Ok(_) => return Err(findings),
-            Err(others) => return Err(findings.into_iter().chain(others).collect()),
-        };
+        let controller = together(findings, Controller::new(values.config.clone()))?;
         let state = controller.start(start_s);
-        values.output = state.output().clone();
+        values.output = controller.output_at_start();
         Ok(Self { clock: Clock::new(start_s, values.config.step_s), controller, state })
     }
 

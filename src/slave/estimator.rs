@@ -2,15 +2,15 @@
 
 use std::sync::LazyLock;
 
-use super::bearing::{geometry, lambda0, sample_time};
+use super::bearing::{geometry, lambda0, sample_time, together};
 use super::clock::Clock;
 use super::instance::{Fault, Kind, Slave, Step, instantiate, variables};
 use super::log::{Log, Topic};
-use super::unit::{AMPERE, LAMBDA, METRE, ONE, RADIAN, RADIAN_PER_SECOND, SECOND};
+use super::unit::{AMPERE, KILOGRAM_METRE, LAMBDA, METRE, NEWTON, ONE, RADIAN, RADIAN_PER_SECOND, SECOND};
 use super::variable::{Enumeration, Row, place};
 use crate::model::Invalid;
 use crate::model::estimator::{
-    Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method,
+    Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method, Reason,
 };
 
 /// The estimator as a sort of slave.
@@ -31,6 +31,7 @@ pub static METHOD: Enumeration = Enumeration {
         ("paperLiteral", "Filtered signed determinants, equation (20) to the letter; diverges"),
         ("paper", "Equation (20) with the sign of the determinant aligned; z axis only"),
         ("leastSquares", "Filtered normal equations of both axes"),
+        ("unbalance", "Filtered normal equations of both axes, the unbalance identified as well"),
     ],
 };
 
@@ -78,7 +79,7 @@ fn table() -> Vec<Row<Values>> {
     );
     rows.extend(lambda0(place!(config.lambda0_nm2_a2[k])));
     rows.push(
-        Row::choice("method", place!(method), &METHOD, 3)
+        Row::choice("method", place!(method), &METHOD, 4)
             .fixed()
             .says("How the force constants follow from the windows"),
     );
@@ -107,6 +108,17 @@ fn table() -> Vec<Row<Values>> {
             .map(|row| row.input().says("Measured current through magnet {k}")),
     );
     rows.push(
+        Row::real("theta", place!(input.theta_rad), RADIAN, 0.0)
+            .input()
+            .says("Rotor angle; the method unbalance needs it"),
+    );
+    rows.push(
+        Row::real("omega", place!(input.omega_rad_s), RADIAN_PER_SECOND, 100.0 * std::f64::consts::PI)
+            .input()
+            .nominal(100.0)
+            .says("Speed of the rotor; the method unbalance needs it"),
+    );
+    rows.push(
         Row::boolean("enable", place!(input.enable), true).input().says("Whether samples are taken into account"),
     );
     rows.push(
@@ -116,10 +128,10 @@ fn table() -> Vec<Row<Values>> {
     );
 
     rows.extend(
-        Row::reals("lambdaHat", place!(output.lambda_hat_nm2_a2[k]), LAMBDA, [0.0; 3])
+        Row::reals("lambdaHat", place!(output.lambda_hat[k]), LAMBDA, [0.0; 3])
             .map(|row| row.sampled_output().nominal(1e-6).says("Estimated force constant of magnet {k}")),
     );
-    rows.extend(Row::reals("lambdaRaw", place!(output.lambda_raw_nm2_a2[k]), LAMBDA, [0.0; 3]).map(|row| {
+    rows.extend(Row::reals("lambdaRaw", place!(output.lambda_raw[k]), LAMBDA, [0.0; 3]).map(|row| {
         row.sampled_output().nominal(1e-6).says("Force constant of magnet {k} from the present window alone")
     }));
     rows.push(
@@ -138,7 +150,23 @@ fn table() -> Vec<Row<Values>> {
         Row::real("residual", place!(output.residual), ONE, 0.0)
             .sampled_output()
             .min(0.0)
-            .says("Part of the motion that the present window leaves unexplained"),
+            .says("Part of the motion that the estimate leaves unexplained, between 0 and 1 where the model holds"),
+    );
+    rows.extend(
+        Row::named_reals(["pYHat", "pZHat"], place!(output.load_n[k]), NEWTON, [0.0; 2])
+            .map(|row| row.sampled_output().nominal(10.0).says("Static load on the rotor along {axis}")),
+    );
+    rows.push(
+        Row::real("unbalance.magnitude", place!(output.unbalance_kg_m), KILOGRAM_METRE, 0.0)
+            .sampled_output()
+            .min(0.0)
+            .nominal(1e-4)
+            .says("Identified unbalance, mass times eccentricity; 0 with other methods than unbalance"),
+    );
+    rows.push(
+        Row::real("unbalance.phase", place!(output.unbalance_phase_rad), RADIAN, 0.0)
+            .sampled_output()
+            .says("Identified angle of the unbalance from the mark on the rotor that theta refers to"),
     );
     rows
 }
@@ -159,15 +187,11 @@ impl Slave for Estimation {
 
     fn start(values: &mut Values, start_s: f64) -> Result<Self, Vec<Invalid>> {
         let mut findings = Vec::new();
-        let methods = [Method::PaperLiteral, Method::Paper, Method::LeastSquares];
+        let methods = [Method::PaperLiteral, Method::Paper, Method::LeastSquares, Method::Unbalance];
         METHOD.choose("method", values.method, methods, &mut values.config.method, &mut findings);
         let holds = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear];
         HOLD.choose("hold", values.hold, holds, &mut values.config.hold, &mut findings);
-        let estimator = match Estimator::new(values.config.clone()) {
-            Ok(estimator) if findings.is_empty() => estimator,
-            Ok(_) => return Err(findings),
-            Err(others) => return Err(findings.into_iter().chain(others).collect()),
-        };
+        let estimator = together(findings, Estimator::new(values.config.clone()))?;
         let state = estimator.start();
         values.output = state.output().clone();
         Ok(Self { clock: Clock::new(start_s, values.config.step_s), estimator, state })
@@ -178,7 +202,7 @@ impl Slave for Estimation {
             let former = values.output.reason;
             values.output = self.estimator.sample(&mut self.state, &values.input);
             let reason = values.output.reason;
-            let topic = if reason.is_singular() { Topic::SingularLinearSystem } else { Topic::Event };
+            let topic = if reason == Reason::Singular { Topic::SingularLinearSystem } else { Topic::Event };
             if former != reason && log.wants(topic) {
                 log.say(topic, format_args!("at {instant_s} s the estimate is {reason}"));
             }

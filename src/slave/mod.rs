@@ -20,11 +20,11 @@ mod bearing;
 pub use instance::{AnySlave, Kind};
 
 /// All slaves of this project, in the order in which they are presented.
-pub fn catalogue() -> &'static [&'static Kind] {
-    &[&plant::KIND, &controller::KIND, &estimator::KIND]
+pub fn catalogue() -> [&'static Kind; 3] {
+    [&plant::KIND, &controller::KIND, &estimator::KIND]
 }
 
 /// The slave of that model name, for instance `MagneticBearing`.
 pub fn find(name: &str) -> Option<&'static Kind> {
-    catalogue().iter().copied().find(|kind| kind.name == name)
+    catalogue().into_iter().find(|kind| kind.name == name)
 }

@@ -42,6 +42,7 @@ pub struct Values {
     measured_position_m: [f64; 2],
     measured_current_a: [f64; 3],
     measured_theta_rad: f64,
+    measured_omega_rad_s: f64,
 }
 
 fn table() -> Vec<Row<Values>> {
@@ -113,7 +114,7 @@ fn table() -> Vec<Row<Values>> {
             NEWTON,
             [0.0; 2],
         )
-        .map(|row| row.tunable().min(0.0).says("Amplitude of a harmonic perturbation force along {axis}")),
+        .map(|row| row.tunable().says("Amplitude of a harmonic perturbation force along {axis}")),
     );
     rows.push(
         Row::real("perturbation.omega", place!(config.harmonic.omega_rad_s), RADIAN_PER_SECOND, OMEGA_RAD_S)
@@ -162,6 +163,12 @@ fn table() -> Vec<Row<Values>> {
         Row::real("theta", place!(measured_theta_rad), RADIAN, 0.0)
             .sampled_output()
             .says("Rotor angle at the last sample, counted on over the revolutions"),
+    );
+    rows.push(
+        Row::real("omegam", place!(measured_omega_rad_s), RADIAN_PER_SECOND, 0.0)
+            .sampled_output()
+            .nominal(100.0)
+            .says("Speed of the rotor at the last sample, held over the interval that ended there"),
     );
     rows.extend(Row::reals("F", place!(output.force_n[k]), NEWTON, [0.0; 3]).map(|row| {
         row.output().nominal(10.0).says("Force of magnet {k} on the rotor").depends_on(of_magnets("i"))
@@ -230,6 +237,7 @@ impl Slave for Bearing {
         let plant = Plant::new(values.config.clone())?;
         let state = plant.start(start_s);
         let run = Self { plant, state };
+        values.measured_omega_rad_s = values.input.omega_rad_s;
         run.fill(values, start_s);
         Ok(run)
     }
@@ -245,7 +253,11 @@ impl Slave for Bearing {
     }
 
     fn step(&mut self, values: &mut Values, step: Step, _: &mut dyn Log) -> Result<(), Fault> {
+        let samples = self.state.samples;
         let outcome = self.plant.advance(&mut self.state, &values.input, step.time_s, step.length_s);
+        if self.state.samples != samples {
+            values.measured_omega_rad_s = values.input.omega_rad_s;
+        }
         self.fill(values, step.end_s());
         outcome.map_err(Fault::of)
     }

@@ -231,20 +231,20 @@ impl<D> Clone for Place<D> {
 
 impl<D> Copy for Place<D> {}
 
-/// Makes an [`Access`] from the path of a field; `[k]` at its end stands for the element of an array.
+/// Makes an [`Access`] from the path of a field of `Values`; `[k]` at its end stands for the element of an array.
 ///
 /// `place!(sensor.step_s)` and `place!(lambda[k])` both work.
 macro_rules! place {
     ($($field:ident).+) => {
         $crate::slave::variable::Access {
-            get: |values, _| values.$($field).+,
-            set: |values, _, value| values.$($field).+ = value,
+            get: |values: &Values, _| values.$($field).+,
+            set: |values: &mut Values, _, value| values.$($field).+ = value,
         }
     };
     ($($field:ident).+ [$index:ident]) => {
         $crate::slave::variable::Access {
-            get: |values, $index| values.$($field).+[$index],
-            set: |values, $index, value| values.$($field).+[$index] = value,
+            get: |values: &Values, $index| values.$($field).+[$index],
+            set: |values: &mut Values, $index, value| values.$($field).+[$index] = value,
         }
     };
 }

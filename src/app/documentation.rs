@@ -1,0 +1,115 @@
+//! The page `documentation/index.html` of an FMU: what it models, its equations, its variables, an example.
+
+use maud::{DOCTYPE, PreEscaped, html};
+
+use crate::fmi2::registry::Entry;
+use crate::fmi2::xml::real;
+use crate::slave::variable::{Causality, Type, Variability, Variable};
+
+const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1c2430}\
+table{border-collapse:collapse;width:100%;font-size:.9rem;margin:.5rem 0 1.5rem}\
+th,td{text-align:left;vertical-align:top;padding:.25rem .6rem;border-bottom:1px solid #d5dae1}\
+th{border-bottom:2px solid #8a94a3}td:first-child{white-space:nowrap}\
+code,pre{font-family:ui-monospace,monospace;font-size:.9em}pre{background:#f4f6f8;padding:.8rem;overflow-x:auto}\
+h1{margin-bottom:.2rem}h2{margin-top:2rem}.lead{font-size:1.1rem;color:#465264;margin-top:0}";
+
+/// The parts of the page that are written by hand, one file per model.
+fn prose(name: &str) -> &'static str {
+    match name {
+        "MagneticBearing" => include_str!("../../modelDescription/MagneticBearing.html"),
+        "FlatnessController" => include_str!("../../modelDescription/FlatnessController.html"),
+        "AlgebraicEstimator" => include_str!("../../modelDescription/AlgebraicEstimator.html"),
+        other => unreachable!("{other} has no documentation"),
+    }
+}
+
+/// Groups of variables, with the heading of their table.
+const GROUPS: [(&str, fn(&Variable) -> bool); 5] = [
+    ("Inputs", |variable| variable.causality == Causality::Input),
+    ("Outputs", |variable| variable.causality == Causality::Output),
+    ("Parameters", |variable| is_parameter(variable, Variability::Fixed)),
+    ("Tunable parameters", |variable| is_parameter(variable, Variability::Tunable)),
+    ("Local variables", |variable| variable.causality == Causality::Local),
+];
+
+fn is_parameter(variable: &Variable, variability: Variability) -> bool {
+    variable.causality == Causality::Parameter && variable.variability == variability
+}
+
+/// The page.
+pub fn page(entry: &Entry) -> String {
+    let variables = (entry.kind.variables)();
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (entry.kind.name) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { (entry.kind.name) }
+                p.lead { (entry.kind.description) "." }
+                p {
+                    "FMI 2.0 for co-simulation, " (env!("CARGO_PKG_NAME")) " " (env!("CARGO_PKG_VERSION"))
+                    ", guid " code { (entry.guid) } "."
+                }
+                (PreEscaped(prose(entry.kind.name)))
+                h2 { "Variables" }
+                @for (title, belongs) in GROUPS {
+                    @let group: Vec<_> = variables.iter().copied().filter(|variable| belongs(variable)).collect();
+                    @if !group.is_empty() {
+                        h3 { (title) }
+                        (table(&group))
+                    }
+                }
+                h2 { "Licence" }
+                p {
+                    "MIT or Apache-2.0, at your choice; the texts, and those of the libraries in the binary, are in the folder "
+                    a href="licenses" { "licenses" } "."
+                }
+            }
+        }
+    }
+    .into_string()
+}
+
+fn table(variables: &[&Variable]) -> maud::Markup {
+    html! {
+        table {
+            thead { tr { th { "Name" } th { "Unit" } th { "Start" } th { "Description" } } }
+            tbody {
+                @for variable in variables {
+                    tr {
+                        td { code { (variable.name) } }
+                        td { (unit(variable)) }
+                        td { (start(variable)) }
+                        td { (variable.description) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn unit(variable: &Variable) -> String {
+    match &variable.kind {
+        Type::Real { unit, display: Some(display), .. } if *display != unit.name => format!("{} ({display})", unit.name),
+        _ => variable.unit_name().into(),
+    }
+}
+
+fn start(variable: &Variable) -> String {
+    if !variable.is_settable() {
+        return String::new();
+    }
+    match &variable.kind {
+        Type::Real { start, .. } => real(*start),
+        Type::Integer { start, .. } => start.to_string(),
+        Type::Boolean { start } => start.to_string(),
+        Type::Enumeration { start, items } => {
+            format!("{} of {}", items.item(*start).unwrap_or_default(), items.listed())
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! A progress bar for what takes more than a second.
+
+use std::cell::OnceCell;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// How long the work goes on before a bar is shown.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Shows a bar on the standard error once the work has taken more than a second.
+pub struct Progress {
+    title: &'static str,
+    length: u64,
+    since: Instant,
+    bar: OnceCell<ProgressBar>,
+}
+
+impl Progress {
+    /// Work of so many parts.
+    pub fn new(title: &'static str, length: u64) -> Self {
+        Self { title, length, since: Instant::now(), bar: OnceCell::new() }
+    }
+
+    /// Tells how many parts are done.
+    pub fn set(&self, done: u64) {
+        // Looking at the clock costs more than a part of the work may.
+        if done % 1024 == 0 && self.since.elapsed() > PATIENCE {
+            self.bar.get_or_init(|| self.show()).set_position(done);
+        }
+    }
+
+    fn show(&self) -> ProgressBar {
+        let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} % {eta} left");
+        let bar = ProgressBar::new(self.length).with_message(self.title);
+        bar.with_style(style.expect("the template is well formed"))
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some(bar) = self.bar.get() {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,364 @@
+//! Scenarios: what is connected to what, and which values the variables have at the start.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::slave::variable::{Type, Value, Variable, element};
+use crate::slave::{Kind, controller, estimator, plant};
+
+/// The scenarios that come with the program, by name.
+pub const BUILT_IN: [(&str, &str); 3] = [
+    ("paper", include_str!("scenarios/paper.toml")),
+    ("unbalanced", include_str!("scenarios/unbalanced.toml")),
+    ("turned", include_str!("scenarios/turned.toml")),
+];
+
+/// What is wrong with a scenario; every finding on a line of its own.
+#[derive(Debug, thiserror::Error)]
+#[error("{origin}:\n  {}", .findings.join("\n  "))]
+pub struct ScenarioError {
+    /// The file or the built-in scenario.
+    pub origin: String,
+    /// What is wrong, each with the name of the key and what is wanted.
+    pub findings: Vec<String>,
+}
+
+/// The text of a scenario as TOML has it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    title: String,
+    #[serde(default)]
+    description: String,
+    duration: toml::Value,
+    step: toml::Value,
+    #[serde(default)]
+    compare: Vec<String>,
+    #[serde(default)]
+    all: toml::Table,
+    #[serde(default)]
+    plant: toml::Table,
+    #[serde(default)]
+    controller: toml::Table,
+    #[serde(default)]
+    estimator: toml::Table,
+}
+
+/// A value that a scenario gives to a variable.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setting {
+    /// Index of the variable in the table of its slave.
+    pub index: usize,
+    /// The value, in the unit of the variable.
+    pub value: Value,
+}
+
+/// One slave of a scenario.
+#[derive(Clone)]
+pub struct Element {
+    /// Name, unique in the scenario.
+    pub name: String,
+    /// What it is.
+    pub kind: &'static Kind,
+    /// Values that differ from the start values.
+    pub settings: Vec<Setting>,
+}
+
+/// A scenario, checked as far as that is possible without running it.
+#[derive(Clone)]
+pub struct Scenario {
+    /// One line.
+    pub title: String,
+    /// A paragraph.
+    pub description: String,
+    /// Length of the run, in seconds.
+    pub duration_s: f64,
+    /// Communication step, in seconds.
+    pub step_s: f64,
+    /// The closed loop, `plant`, `controller`, `estimator`, followed by estimators that run beside it on the same data.
+    pub elements: Vec<Element>,
+}
+
+/// Connections of the closed loop, from an output to an input.
+const LOOP: [[&str; 2]; 16] = [
+    ["plant.Ym", "controller.Ym"],
+    ["plant.Zm", "controller.Zm"],
+    ["controller.i[1]", "plant.i[1]"],
+    ["controller.i[2]", "plant.i[2]"],
+    ["controller.i[3]", "plant.i[3]"],
+    ["estimator.lambdaHat[1]", "controller.lambdaHat[1]"],
+    ["estimator.lambdaHat[2]", "controller.lambdaHat[2]"],
+    ["estimator.lambdaHat[3]", "controller.lambdaHat[3]"],
+    ["estimator.valid", "controller.lambdaValid"],
+    ["plant.Ym", "estimator.Ym"],
+    ["plant.Zm", "estimator.Zm"],
+    ["plant.im[1]", "estimator.im[1]"],
+    ["plant.im[2]", "estimator.im[2]"],
+    ["plant.im[3]", "estimator.im[3]"],
+    ["plant.theta", "estimator.theta"],
+    ["plant.omegam", "estimator.omega"],
+];
+
+/// An output and the input it feeds, by element and variable name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Connection {
+    /// Element and variable that the value comes from.
+    pub from: [String; 2],
+    /// Element and variable that it goes to.
+    pub to: [String; 2],
+}
+
+impl Scenario {
+    /// Reads a built-in scenario by its name, or else a file.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, each finding naming the key and what is wanted.
+    pub fn open(name: &Path) -> Result<Self, ScenarioError> {
+        let origin = name.display().to_string();
+        if let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)) {
+            return Self::parse(&origin, text);
+        }
+        let text = std::fs::read_to_string(name).map_err(|error| {
+            let names: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
+            let finding = format!("cannot be read ({error}): a file is wanted, or one of {}", names.join(", "));
+            ScenarioError { origin: origin.clone(), findings: vec![finding] }
+        })?;
+        Self::parse(&origin, &text)
+    }
+
+    /// Reads a scenario from its text. `origin` says in messages where it comes from.
+    ///
+    /// # Errors
+    /// As for [`Self::open`].
+    pub fn parse(origin: &str, text: &str) -> Result<Self, ScenarioError> {
+        let mut findings = Vec::new();
+        let document: Document = match toml::from_str(text) {
+            Ok(document) => document,
+            Err(error) => {
+                return Err(ScenarioError { origin: origin.into(), findings: vec![error.to_string()] });
+            }
+        };
+        let scenario = read(document, &mut findings);
+        if findings.is_empty() { Ok(scenario) } else { Err(ScenarioError { origin: origin.into(), findings }) }
+    }
+
+    /// The connections, those of the estimators that run beside the loop included.
+    pub fn connections(&self) -> Vec<Connection> {
+        let split = |path: &str| {
+            let (element, variable) = path.split_once('.').expect("a path has an element and a variable");
+            [element.to_owned(), variable.to_owned()]
+        };
+        let closed = LOOP.iter().map(|[from, to]| Connection { from: split(from), to: split(to) });
+        let mut connections: Vec<_> = closed.collect();
+        for element in self.elements.iter().skip(3) {
+            let beside = LOOP.iter().filter(|[_, to]| to.starts_with("estimator.")).map(|[from, to]| Connection {
+                from: split(from),
+                to: [element.name.clone(), split(to)[1].clone()],
+            });
+            connections.extend(beside);
+        }
+        connections
+    }
+
+    /// The value that a variable has at the start.
+    pub fn value(&self, element: &str, variable: &str) -> Option<Value> {
+        let element = self.elements.iter().find(|candidate| candidate.name == element)?;
+        let variables = (element.kind.variables)();
+        let index = variables.iter().position(|candidate| candidate.name == variable)?;
+        let set = element.settings.iter().rev().find(|setting| setting.index == index);
+        Some(set.map_or_else(|| variables[index].start(), |setting| setting.value))
+    }
+}
+
+fn read(document: Document, findings: &mut Vec<String>) -> Scenario {
+    let mut time = |key: &str, value: &toml::Value| {
+        let unit = crate::slave::unit::SECOND;
+        let kind = Type::Real { start: 0.0, unit, display: None, nominal: 1.0, min: None, max: None };
+        match convert(&kind, value) {
+            Ok(Value::Real(value)) if value.is_finite() && value > 0.0 => value,
+            Ok(_) => {
+                findings.push(format!("{key} = {value} is refused: a finite time above 0 is wanted"));
+                1.0
+            }
+            Err(why) => {
+                findings.push(format!("{key} = {value} is refused: {why}"));
+                1.0
+            }
+        }
+    };
+    let duration_s = time("duration", &document.duration);
+    let step_s = time("step", &document.step);
+
+    let tables: [(&str, &'static Kind, &toml::Table); 3] = [
+        ("plant", &plant::KIND, &document.plant),
+        ("controller", &controller::KIND, &document.controller),
+        ("estimator", &estimator::KIND, &document.estimator),
+    ];
+    let mut elements: Vec<Element> = Vec::new();
+    for (name, kind, table) in tables {
+        let mut settings = Vec::new();
+        for (key, value) in flatten(&document.all) {
+            // What only other elements know is not for this one; what none knows is found below.
+            if knows(kind, &key) {
+                set(name, kind, "all", &key, value, &mut settings, findings);
+            }
+        }
+        for (key, value) in flatten(table) {
+            if knows(kind, &key) {
+                set(name, kind, name, &key, value, &mut settings, findings);
+            } else {
+                findings.push(unknown(name, &key, &names(&[kind])));
+            }
+        }
+        elements.push(Element { name: name.into(), kind, settings });
+    }
+    for (key, _) in flatten(&document.all) {
+        let kinds = tables.map(|(_, kind, _)| kind);
+        if !kinds.iter().any(|kind| knows(kind, &key)) {
+            findings.push(unknown("all", &key, &names(&kinds)));
+        }
+    }
+    beside(&document.compare, &mut elements, findings);
+    Scenario { title: document.title, description: document.description, duration_s, step_s, elements }
+}
+
+/// Adds estimators of other methods that run beside the loop.
+fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<String>) {
+    let settings = elements[2].settings.clone();
+    let variables = (estimator::KIND.variables)();
+    let index = variables.iter().position(|variable| variable.name == "method").expect("the estimator has a method");
+    for method in methods {
+        let Some(value) = estimator::METHOD.value_of(method) else {
+            let wanted = estimator::METHOD.listed();
+            findings.push(format!("compare = \"{method}\" is refused: one of {wanted} is wanted"));
+            continue;
+        };
+        if elements.iter().any(|element| element.name == *method) {
+            findings.push(format!("compare = \"{method}\" is refused: it stands there twice"));
+            continue;
+        }
+        let mut settings = settings.clone();
+        settings.push(Setting { index, value: Value::Integer(value) });
+        elements.push(Element { name: method.clone(), kind: &estimator::KIND, settings });
+    }
+}
+
+/// The leaves of a table with their keys joined by dots, so that `reference.rY` may be written as TOML likes it.
+fn flatten(table: &toml::Table) -> Vec<(String, &toml::Value)> {
+    let mut leaves = Vec::new();
+    for (key, value) in table {
+        match value {
+            toml::Value::Table(inner) => {
+                leaves.extend(flatten(inner).into_iter().map(|(rest, value)| (format!("{key}.{rest}"), value)));
+            }
+            value => leaves.push((key.clone(), value)),
+        }
+    }
+    leaves
+}
+
+fn position(kind: &Kind, name: &str) -> Option<usize> {
+    (kind.variables)().iter().position(|variable| variable.name == name)
+}
+
+/// Whether a slave has a variable, or an array, of that name.
+fn knows(kind: &Kind, key: &str) -> bool {
+    position(kind, key).is_some() || position(kind, &element(key, 0)).is_some()
+}
+
+/// The names by which the variables of these slaves can be set, arrays by their common name.
+fn names(kinds: &[&Kind]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for variable in kinds.iter().flat_map(|kind| (kind.variables)()).filter(|variable| variable.is_settable()) {
+        let name = variable.name.split('[').next().unwrap_or_default().to_owned();
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names
+}
+
+fn unknown(table: &str, key: &str, known: &[String]) -> String {
+    let near = known
+        .iter()
+        .map(|name| (strsim::jaro_winkler(&name.to_lowercase(), &key.to_lowercase()), name))
+        .filter(|(likeness, _)| *likeness > 0.8)
+        .max_by(|one, other| one.0.total_cmp(&other.0));
+    let wanted = match near {
+        Some((_, name)) => format!("did you mean {name}?"),
+        None => format!("known are {}", known.join(", ")),
+    };
+    format!("[{table}] {key}: there is no variable of this name; {wanted}")
+}
+
+/// Takes over one key of a table for one element.
+fn set(
+    element_name: &str,
+    kind: &Kind,
+    table: &str,
+    key: &str,
+    value: &toml::Value,
+    settings: &mut Vec<Setting>,
+    findings: &mut Vec<String>,
+) {
+    let variables = (kind.variables)();
+    let mut one = |index: usize, value: &toml::Value| {
+        let variable = variables[index];
+        match permitted(element_name, variable).and_then(|()| convert(&variable.kind, value)) {
+            Ok(value) => settings.push(Setting { index, value }),
+            Err(why) => findings.push(format!("[{table}] {} = {value} is refused: {why}", variable.name)),
+        }
+    };
+    if let Some(index) = position(kind, key) {
+        return one(index, value);
+    }
+    let indices: Vec<usize> = (0..).map_while(|k| position(kind, &element(key, k))).collect();
+    match value.as_array() {
+        Some(values) if values.len() == indices.len() => {
+            for (index, value) in indices.into_iter().zip(values) {
+                one(index, value);
+            }
+        }
+        _ => findings.push(format!("[{table}] {key} = {value} is refused: a list of {} is wanted", indices.len())),
+    }
+}
+
+fn permitted(element: &str, variable: &Variable) -> Result<(), String> {
+    if !variable.is_settable() {
+        return Err("it is computed, and parameters and inputs alone can be set".into());
+    }
+    let path = format!("{element}.{}", variable.name);
+    match LOOP.iter().find(|[_, to]| *to == path) {
+        Some([from, _]) => Err(format!("it is connected to {from}")),
+        None => Ok(()),
+    }
+}
+
+/// A value of TOML as the value of a variable. Numbers are in the unit of the interface, texts carry their unit.
+fn convert(kind: &Type, value: &toml::Value) -> Result<Value, String> {
+    match (kind, value) {
+        (Type::Real { .. }, toml::Value::Float(value)) => Ok(Value::Real(*value)),
+        (Type::Real { .. }, toml::Value::Integer(value)) => Ok(Value::Real(*value as f64)),
+        (Type::Real { unit, .. }, toml::Value::String(text)) => {
+            let text = text.trim();
+            let (number, name) = text.split_once(char::is_whitespace).unwrap_or((text, unit.name));
+            let number: f64 = number.parse().map_err(|_| format!("{number} is no number"))?;
+            unit.convert(number, name.trim()).map(Value::Real).ok_or_else(|| {
+                let names: Vec<_> = unit.names().collect();
+                format!("the unit {} is none of {}", name.trim(), names.join(", "))
+            })
+        }
+        (Type::Real { unit, .. }, _) => Err(format!("a number in {}, or a text like \"1 {0}\", is wanted", unit.name)),
+        (Type::Integer { .. }, toml::Value::Integer(value)) => {
+            i32::try_from(*value).map(Value::Integer).map_err(|_| "a whole number of 32 bits is wanted".into())
+        }
+        (Type::Integer { .. }, _) => Err("a whole number is wanted".into()),
+        (Type::Boolean { .. }, toml::Value::Boolean(value)) => Ok(Value::Boolean(*value)),
+        (Type::Boolean { .. }, _) => Err("true or false is wanted".into()),
+        (Type::Enumeration { items, .. }, toml::Value::String(item)) => {
+            items.value_of(item).map(Value::Integer).ok_or_else(|| format!("one of {} is wanted", items.listed()))
+        }
+        (Type::Enumeration { items, .. }, _) => Err(format!("the name of one of {} is wanted", items.listed())),
+    }
+}

@@ -1,0 +1,153 @@
+//! Runs a scenario over the slaves, as an importer would run the FMUs.
+//!
+//! At every communication point all outputs are read, then all connected inputs are set, then every slave does its step.
+//! No slave sees the results of another's step before the next point, so the order of the slaves does not matter.
+
+use super::progress::Progress;
+use super::recording::{Column, Recording};
+use super::scenario::{Element, Scenario};
+use crate::slave::AnySlave;
+use crate::slave::instance::{Step, all};
+use crate::slave::log::{Log, Topic};
+use crate::slave::variable::{Causality, Value};
+
+/// A run, complete or cut short.
+#[derive(Clone, Debug, Default)]
+pub struct Run {
+    /// All outputs of all slaves at every communication point that was reached.
+    pub recording: Recording,
+    /// Why the run ended early, if it did.
+    pub fault: Option<String>,
+    /// What the slaves had to say, each line with the name of the slave.
+    pub messages: Vec<String>,
+}
+
+/// Why a run could not begin: every parameter that was refused.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("the scenario cannot be run:\n  {}", .0.join("\n  "))]
+pub struct Refused(pub Vec<String>);
+
+struct Slave {
+    name: String,
+    slave: Box<dyn AnySlave>,
+}
+
+/// An output and the input it feeds, by index.
+struct Wire {
+    from: (usize, usize),
+    to: (usize, usize),
+}
+
+struct Messages<'a> {
+    name: &'a str,
+    lines: &'a mut Vec<String>,
+}
+
+impl Log for Messages<'_> {
+    fn wants(&self, _: Topic) -> bool {
+        true
+    }
+
+    fn say(&mut self, _: Topic, message: std::fmt::Arguments<'_>) {
+        self.lines.push(format!("{}: {message}", self.name));
+    }
+}
+
+/// Runs a scenario from time 0.
+///
+/// # Errors
+/// Every parameter that a slave refuses. A run that fails on its way is no error: what was computed is kept and
+/// [`Run::fault`] says why it ended.
+pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
+    let mut slaves = Vec::new();
+    let mut refused = Vec::new();
+    for element in &scenario.elements {
+        match start(element) {
+            Ok(slave) => slaves.push(Slave { name: element.name.clone(), slave }),
+            Err(findings) => refused.extend(findings),
+        }
+    }
+    if !refused.is_empty() {
+        return Err(Refused(refused));
+    }
+    let wires = wires(scenario);
+    let mut run = Run::default();
+    let outputs = outputs(scenario, &mut run.recording);
+
+    let steps = (scenario.duration_s / scenario.step_s).round() as usize;
+    let progress = Progress::new("simulating", steps as u64);
+    for step in 0..=steps {
+        let time_s = step as f64 * scenario.step_s;
+        run.recording.time_s.push(time_s);
+        for (column, (element, index)) in run.recording.columns.iter_mut().zip(&outputs) {
+            column.values.push(read(&mut slaves, (*element, *index)).as_f64());
+        }
+        if step == steps {
+            break;
+        }
+        for wire in &wires {
+            let value = read(&mut slaves, wire.from);
+            let set = slaves[wire.to.0].slave.set(wire.to.1, value);
+            debug_assert!(set.is_ok(), "an input takes any value");
+        }
+        for Slave { name, slave } in &mut slaves {
+            let mut messages = Messages { name, lines: &mut run.messages };
+            if let Err(fault) = slave.step(Step { time_s, length_s: scenario.step_s }, &mut messages) {
+                run.fault = Some(format!("{name}: {fault}"));
+            }
+        }
+        if run.fault.is_some() {
+            break;
+        }
+        progress.set(step as u64);
+    }
+    Ok(run)
+}
+
+fn read(slaves: &mut [Slave], (element, index): (usize, usize)) -> Value {
+    slaves[element].slave.get(index).expect("indices come from the table of the slave")
+}
+
+fn start(element: &Element) -> Result<Box<dyn AnySlave>, Vec<String>> {
+    let mut slave = (element.kind.instantiate)();
+    for setting in &element.settings {
+        slave.set(setting.index, setting.value).map_err(|error| vec![format!("[{}] {error}", element.name)])?;
+    }
+    match slave.start() {
+        Ok(()) => Ok(slave),
+        Err(findings) => {
+            Err(findings.iter().map(|finding| format!("[{}] {}", element.name, all(std::slice::from_ref(finding)))).collect())
+        }
+    }
+}
+
+fn wires(scenario: &Scenario) -> Vec<Wire> {
+    let find = |[element, variable]: &[String; 2]| {
+        let at = scenario.elements.iter().position(|candidate| candidate.name == *element)?;
+        let variables = (scenario.elements[at].kind.variables)();
+        Some((at, variables.iter().position(|candidate| candidate.name == *variable)?))
+    };
+    let wire = |connection: super::scenario::Connection| {
+        let (from, to) = (find(&connection.from), find(&connection.to));
+        Wire { from: from.expect("an output of a slave"), to: to.expect("an input of a slave") }
+    };
+    scenario.connections().into_iter().map(wire).collect()
+}
+
+/// Makes a column for every output and says where each is found.
+fn outputs(scenario: &Scenario, recording: &mut Recording) -> Vec<(usize, usize)> {
+    let mut found = Vec::new();
+    for (at, element) in scenario.elements.iter().enumerate() {
+        for (index, variable) in (element.kind.variables)().into_iter().enumerate() {
+            if variable.causality == Causality::Output {
+                found.push((at, index));
+                recording.columns.push(Column {
+                    name: format!("{}.{}", element.name, variable.name),
+                    unit: variable.unit_name().into(),
+                    values: Vec::new(),
+                });
+            }
+        }
+    }
+    found
+}
