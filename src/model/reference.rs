@@ -228,7 +228,8 @@ fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks)
     };
     let [r_y, r_z] = [config.r_y_m, config.r_z_m];
     let s = magnets.gap_m();
-    if ![r_y, r_z, a, s].iter().all(|value| value.is_finite()) {
+    // What was refused already is not refused again for what follows from it.
+    if ![r_y, r_z, a, s].iter().all(|value| value.is_finite() && *value >= 0.0) || s == 0.0 {
         return;
     }
     for (k, e_k) in magnets.directions().into_iter().enumerate() {
