@@ -98,33 +98,37 @@ fn a_free_rotor_with_unbalance_follows_the_closed_form() {
     below("error at the default sub-step, m", error(400.0), 1e-13);
 }
 
-/// With constant currents and nothing else, `½ m v² − Σ λ i²/gap` stays what it is.
+/// With constant currents and nothing else, `½ m v² − Σ λ i²/gap` stays what it is, while the rotor falls towards
+/// magnet 1.
 #[test]
 fn energy_is_conserved() {
-    /// Integration error of sub-steps of 50 µs relative to the kinetic energy at the start, over 20 ms, in which the
-    /// rotor goes some 100 µm; it falls by more than 16 with half the sub-step.
-    const ENERGY: f64 = 2e-9;
-    let config = PlantConfig { velocity_m_s: [4e-3, -7e-3], ..PlantConfig::default() };
-    let plant = plant(config.clone());
-    let input = PlantInput { current_a: [1.6, 1.5, -1.4], ..PlantInput::default() };
-    let energy = |state: &PlantState| {
-        let [v_y, v_z] = state.velocity_m_s;
-        let gaps = plant.outputs(state, &input, 0.0).gap_m;
-        let magnetic: f64 = (0..3).map(|k| config.lambda_nm2_a2[k] * input.current_a[k].powi(2) / gaps[k]).sum();
-        0.5 * config.m_kg * (v_y * v_y + v_z * v_z) - magnetic
+    /// Integration error of sub-steps of 50 µs relative to the kinetic energy at the start, after 12 ms, in which the
+    /// gap of magnet 1 goes from 0.50 mm to 0.37 mm. Measured 2.7e-10; it grows without bound towards contact.
+    const ENERGY: f64 = 4e-10;
+    let drift = |max_step_s: f64| {
+        let config = PlantConfig { velocity_m_s: [4e-3, -7e-3], max_step_s, ..PlantConfig::default() };
+        let plant = plant(config.clone());
+        let input = PlantInput { current_a: [1.6, 1.5, -1.4], ..PlantInput::default() };
+        let kinetic = |state: &PlantState| {
+            let [v_y, v_z] = state.velocity_m_s;
+            0.5 * config.m_kg * (v_y * v_y + v_z * v_z)
+        };
+        let energy = |state: &PlantState| {
+            let gaps = plant.outputs(state, &input, 0.0).gap_m;
+            let magnetic = |k: usize| config.lambda_nm2_a2[k] * input.current_a[k].powi(2) / gaps[k];
+            kinetic(state) - magnetic(0) - magnetic(1) - magnetic(2)
+        };
+        let start = plant.start(0.0);
+        let mut state = start.clone();
+        for k in 0..120 {
+            plant.advance(&mut state, &input, f64::from(k) * STEP_S, STEP_S).expect("advance");
+        }
+        let moved = kinetic(&state) / kinetic(&start);
+        assert!(moved > 1.5, "the kinetic energy grew by only {moved}: the test shows nothing");
+        (energy(&state) - energy(&start)).abs() / kinetic(&start)
     };
-    let mut state = plant.start(0.0);
-    let before = energy(&state);
-    let kinetic = 0.5 * config.m_kg * (4e-3f64.powi(2) + 7e-3f64.powi(2));
-    let mut moved = 0.0f64;
-    for k in 0..200 {
-        plant.advance(&mut state, &input, f64::from(k) * STEP_S, STEP_S).expect("advance");
-        below("energy drift", (energy(&state) - before).abs() / kinetic, ENERGY);
-        let [v_y, v_z] = state.velocity_m_s;
-        moved = moved.max((0.5 * config.m_kg * (v_y * v_y + v_z * v_z) / kinetic - 1.0).abs());
-    }
-    println!("energy drift {:e}, moved {moved} {:?}", (energy(&state) - before).abs() / kinetic, state.position_m);
-    assert!(moved > 0.1, "the kinetic energy moved by only {moved} of itself: the test shows nothing");
+    below("energy drift", drift(5e-5), ENERGY);
+    between("order", (drift(5e-5) / drift(2.5e-5)).log2(), 3.8, 4.2);
 }
 
 #[test]
@@ -141,8 +145,8 @@ fn outputs_are_the_equations_of_motion() {
         0.5 + 2.0 * (OMEGA_RAD_S * t + 0.1).sin() + u * angle.cos(),
         -0.3 + 1.0 * (OMEGA_RAD_S * t + 0.2).sin() + u * angle.sin(),
     ];
-    for a in 0..2 {
-        below("perturbation, N", (out.perturbation_n[a] - p[a]).abs(), 1e-12);
+    for (a, p_a) in p.into_iter().enumerate() {
+        below("perturbation, N", (out.perturbation_n[a] - p_a).abs(), 1e-12);
         let sum = out.resultant_n[a] + out.perturbation_n[a];
         below("acceleration, m/s²", (out.acceleration_m_s2[a] - sum / 6.7).abs(), 1e-12);
     }
