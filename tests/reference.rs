@@ -169,24 +169,21 @@ fn the_observers_have_their_poles_where_they_are_wanted() {
     // A step of 1 s keeps the numbers near 1; the gains depend on the step by their units alone, see below.
     for bandwidth in [0.05, 0.4, 2.0] {
         let rho = (-bandwidth * 1.0f64).exp();
-        // Columns of the error's map: predict a unit vector, then update against a measurement of 0.
+        // The error's map, column by column: predict a unit vector, then update against a measurement of 0. The columns
+        // stand as rows here; the transpose has the same polynomial.
         let three = PerturbationObserver::new(bandwidth, 1.0);
-        let mut m = [[0.0; 3]; 3];
-        for j in 0..3 {
+        let m: [[f64; 3]; 3] = std::array::from_fn(|j| {
             let unit = std::array::from_fn(|i| f64::from(i == j));
-            let column = three.update(three.predict(unit, 0.0), 0.0);
-            (0..3).for_each(|i| m[i][j] = column[i]);
-        }
+            three.update(three.predict(unit, 0.0), 0.0)
+        });
         for (c, wanted) in characteristic(m).into_iter().zip(all_at(rho, 3)) {
             below("coefficient, three", (c - wanted).abs(), COEFFICIENT);
         }
         let four = SignalObserver::new(bandwidth, 1.0);
-        let mut m = [[0.0; 4]; 4];
-        for j in 0..4 {
+        let m: [[f64; 4]; 4] = std::array::from_fn(|j| {
             let unit = Signal(std::array::from_fn(|i| f64::from(i == j)));
-            let column = four.update(unit, 0.0).0;
-            (0..4).for_each(|i| m[i][j] = column[i]);
-        }
+            four.update(unit, 0.0).0
+        });
         for (c, wanted) in characteristic(m).into_iter().zip(all_at(rho, 4)) {
             below("coefficient, four", (c - wanted).abs(), COEFFICIENT);
         }
