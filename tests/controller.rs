@@ -379,8 +379,7 @@ fn before_the_first_command_no_force_is_under_way() {
 
 #[test]
 fn an_external_reference_is_followed() {
-    /// Error, in m, from the lag of the acceleration found: about `6 (ω/ω_r)² ω² r / ω_c²`, here 0.26 µm, and as much
-    /// again from the sampling.
+    /// Error, in m, from the lag of the acceleration found; measured 0.45 µm. The ellipse known from within costs 4 nm.
     const EXTERNAL_M: f64 = 0.6e-6;
     let config = ControllerConfig {
         reference: ReferenceConfig { shape: Shape::External, bandwidth_rad_s: 4000.0, ..ReferenceConfig::default() },
