@@ -139,10 +139,8 @@ impl Magnets {
     /// not even by rounding.
     pub fn allocate(&self, force_n: [f64; 2], f0_n: f64) -> [f64; 3] {
         let particular = self.inverse.map(|row| row[0] * force_n[0] + row[1] * force_n[1]);
-        let mut c = f64::NEG_INFINITY;
-        for k in 0..3 {
-            c = c.max((f0_n - particular[k]) / self.null[k]);
-        }
+        let needed = particular.iter().zip(self.null).map(|(f_k, n_k)| (f0_n - f_k) / n_k);
+        let c = needed.fold(f64::NEG_INFINITY, f64::max);
         std::array::from_fn(|k| (particular[k] + c * self.null[k]).max(f0_n))
     }
 
