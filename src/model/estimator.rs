@@ -24,8 +24,9 @@ use super::{Checks, Invalid};
 /// The shortest window, in sample times: the test functions need room for their three changes of sign.
 pub const MIN_INTERVALS: f64 = 8.0;
 
-/// The longest window, in sample times: a step costs time and memory in proportion.
-pub const MAX_INTERVALS: f64 = 1.0e6;
+/// The longest window, in sample times: a step costs time and memory in proportion, and rounding of the kernels
+/// grows with the cube.
+pub const MAX_INTERVALS: f64 = 1.0e5;
 
 /// The largest condition number with which an estimate counts as valid.
 ///
@@ -288,7 +289,7 @@ impl Estimator {
     ///
     /// # Errors
     /// Every parameter that cannot be accepted, under its name in the interface: not finite or not positive; `Tf` less than
-    /// 8 or more than 10⁶ sample times or not a whole number of them; `epsilon` shorter than the window; two magnets
+    /// 8 or more than 10⁵ sample times or not a whole number of them; `epsilon` shorter than the window; two magnets
     /// on one line.
     pub fn new(config: EstimatorConfig) -> Result<Self, Vec<Invalid>> {
         check(&config)?;
@@ -705,7 +706,7 @@ fn check(config: &EstimatorConfig) -> Result<(), Vec<Invalid>> {
     if positive(config.step_s) && positive(config.window_s) {
         let value = format!("{} s", config.window_s);
         checks.require(intervals >= MIN_INTERVALS * (1.0 - WHOLE_NUMBER_TOLERANCE), "Tf", &value, "at least 8 Ts");
-        checks.require(intervals <= MAX_INTERVALS * (1.0 + WHOLE_NUMBER_TOLERANCE), "Tf", &value, "at most 1000000 Ts");
+        checks.require(intervals <= MAX_INTERVALS * (1.0 + WHOLE_NUMBER_TOLERANCE), "Tf", &value, "at most 100000 Ts");
         checks.require(
             (intervals - intervals.round()).abs() <= WHOLE_NUMBER_TOLERANCE * intervals,
             "Tf",
