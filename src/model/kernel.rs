@@ -22,7 +22,8 @@
 //! `φ(τ) = (Ψ(τ + h/2) − Ψ(τ − h/2))/h`, and therefore `Σ φ_j = 0` telescopes: a constant force drops out as well.
 //! `Ψ` is `ψ_n` with one factor `τ²` read as `τ² − h²/4` and one factor `(1 − τ)²` as `(1 − τ)² − h²/4`
 //! (central factorials). It differs from `ψ_n` by O(h²) and makes the two end values of `φ` vanish.
-//! All differences are formed on the polynomials and not on sampled values, so long windows lose no digits.
+//! All differences are those of the rounded values, so that the sums that telescope on paper telescope in the computer
+//! too. What rounding does to the shape of `φ''` grows with N³: relative 1e-11 at N = 200, 2e-3 at 100 000.
 
 use serde::{Deserialize, Serialize};
 
@@ -101,24 +102,6 @@ impl Polynomial {
     pub fn integral(&self) -> f64 {
         self.coefficients.iter().enumerate().map(|(n, c)| c / (n as f64 + 1.0)).sum()
     }
-
-    /// The central difference `(p(τ + h/2) − p(τ − h/2))/h`, again a polynomial.
-    ///
-    /// It is the Taylor series `Σ_k (h/2)^{2k} p^{(2k+1)}/(2k+1)!`, which ends with the degree of the polynomial.
-    #[must_use]
-    pub fn central_difference(&self, h: f64) -> Self {
-        let mut sum = Self::default();
-        let mut term = self.derivative();
-        let mut factor = 1.0;
-        let mut order = 1.0;
-        while !term.coefficients.is_empty() {
-            sum = sum.plus(&term.scaled(factor));
-            term = term.derivative().derivative();
-            factor *= h * h / (4.0 * (order + 1.0) * (order + 2.0));
-            order += 2.0;
-        }
-        sum
-    }
 }
 
 /// `ψ_n(τ) = τⁿ (1 − τ)³`.
@@ -127,17 +110,17 @@ pub fn psi(n: usize) -> Polynomial {
     Polynomial::power(n).times(&Polynomial::new([1.0, -3.0, 3.0, -1.0]))
 }
 
-/// `Ψ_n`, the primitive between the nodes: `ψ_n` with central factorials of step `h` at both ends.
+/// `Ψ_n(τ) = τ^{n−2} (τ² − h²/4) (1 − τ) ((1 − τ)² − h²/4)` at `τ = (j + ½) h`, for n ≥ 2 and j < N.
 ///
-/// `Ψ_n(τ) = τ^{n−2} (τ² − h²/4) (1 − τ) ((1 − τ)² − h²/4)`, for n ≥ 2; it vanishes at ±h/2 and at 1 ± h/2, and
-/// `psi_between_nodes(n, 0.0)` is `psi(n)`.
+/// This is `ψ_n` with central factorials of step `h = 1/N`; it is exactly zero half a step inside both ends.
 #[must_use]
-pub fn psi_between_nodes(n: usize, h: f64) -> Polynomial {
-    let q = h * h / 4.0;
-    Polynomial::power(n.saturating_sub(2))
-        .times(&Polynomial::new([-q, 0.0, 1.0]))
-        .times(&Polynomial::new([1.0, -1.0]))
-        .times(&Polynomial::new([1.0 - q, -2.0, 1.0]))
+pub fn psi_between_nodes(n: usize, j: usize, intervals: usize) -> f64 {
+    let from_start = (2 * j + 1) as f64;
+    let width = (2 * intervals) as f64;
+    let from_end = width - from_start;
+    let (a, b) = (from_start / width, from_end / width);
+    let cut = |x: f64| (x * x - 1.0) / (width * width);
+    (2..n).fold(cut(from_start) * b * cut(from_end), |product, _| product * a)
 }
 
 /// `(n, factor)` of row `i` = 0, 1, 2: the paper's `g_u,i+1` is `factor · ψ_n'`.
@@ -174,28 +157,18 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// Weights of the broken line through `phi` at the nodes of `intervals` equal intervals.
-    ///
-    /// `phi` must vanish at 0 and 1; the values there are taken as zero.
+    /// Weights of the broken line through `phi`, its values at all nodes; the two end values count as zero.
     #[must_use]
-    pub fn new(phi: &Polynomial, intervals: usize) -> Self {
-        let last = intervals.max(1);
+    pub fn new(phi: &[f64]) -> Self {
+        let last = phi.len().saturating_sub(1).max(1);
         let h = 1.0 / last as f64;
-        let at = |j: usize| if j == 0 || j >= last { 0.0 } else { phi.value(j as f64 * h) };
+        let at = |j: usize| if j == 0 || j >= last { 0.0 } else { phi[j] };
         let before = |j: usize| if j == 0 { 0.0 } else { at(j - 1) };
-        let second = phi.central_difference(h).central_difference(h);
-        let position = (0..=last)
-            .map(|j| match j {
-                0 => at(1) / h,
-                j if j == last => before(j) / h,
-                j => second.value(j as f64 * h) * h,
-            })
-            .collect();
         let interval = |j: usize, start: f64, end: f64| {
             if j == 0 { 0.0 } else { h / 6.0 * (start * before(j) + end * at(j)) }
         };
         Self {
-            position,
+            position: (0..=last).map(|j| ((at(j + 1) - at(j)) - (at(j) - before(j))) / h).collect(),
             held_start: (0..=last).map(|j| interval(j, 2.0, 1.0)).collect(),
             held_end: (0..=last).map(|j| interval(j, 1.0, 2.0)).collect(),
             node: (0..=last).map(|j| h / 12.0 * (before(j) + 10.0 * at(j) + at(j + 1))).collect(),
@@ -205,16 +178,28 @@ impl Weights {
     /// Weights of row `row` = 0, 1, 2 of P(18), the discrete counterpart of the paper's kernels i = 1, 2, 3.
     #[must_use]
     pub fn paper(row: usize, intervals: usize) -> Self {
-        let h = 1.0 / intervals.max(1) as f64;
         let (n, factor) = exponent_and_factor(row);
-        Self::new(&psi_between_nodes(n, h).central_difference(h).scaled(factor), intervals)
+        let between = |j: usize| psi_between_nodes(n, j, intervals);
+        let phi: Vec<f64> =
+            (0..=intervals)
+                .map(|j| {
+                    if j == 0 || j == intervals {
+                        0.0
+                    } else {
+                        factor * intervals as f64 * (between(j) - between(j - 1))
+                    }
+                })
+                .collect();
+        Self::new(&phi)
     }
 
     /// Weights that keep a constant force (method section 6, static load): `φ = ψ_3/∫ψ_3`, with mean one.
     #[must_use]
     pub fn static_load(intervals: usize) -> Self {
         let psi_3 = psi(3);
-        Self::new(&psi_3.scaled(1.0 / psi_3.integral()), intervals)
+        let mean = psi_3.integral();
+        let phi: Vec<f64> = (0..=intervals).map(|j| psi_3.value(j as f64 / intervals as f64) / mean).collect();
+        Self::new(&phi)
     }
 
     /// Gain of the position side for white noise, `√Σ position_j²`.
