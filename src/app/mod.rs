@@ -1,3 +1,5 @@
 //! The command line: packaging, experiments, reports.
 
+pub mod plot;
 pub mod recording;
+pub mod report;

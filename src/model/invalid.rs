@@ -42,12 +42,7 @@ impl Checks {
 
     /// Requires a finite number above zero.
     pub fn positive(&mut self, name: impl Into<Cow<'static, str>>, value: f64, unit: &'static str) {
-        self.require(
-            value.is_finite() && value > 0.0,
-            name,
-            format_args!("{value} {unit}"),
-            "a finite number above 0",
-        );
+        self.require(value.is_finite() && value > 0.0, name, format_args!("{value} {unit}"), "a finite number above 0");
     }
 
     /// Requires a finite number that is not negative.
