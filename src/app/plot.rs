@@ -28,6 +28,8 @@ const RIGHT_PX: f64 = 14.0;
 const BOTTOM_PX: (f64, f64) = (42.0, 24.0);
 /// Lengths of a dash and of the gap after it, in pixels.
 const DASH_PX: (f64, f64) = (5.0, 3.5);
+/// How many dashes a line may have; a longer one is drawn solid.
+const MOST_DASHES: f64 = 1000.0;
 /// What is further out than this many frames is brought there, lest the arithmetic of clipping overflow.
 const FAR: f64 = 1e6;
 
@@ -123,8 +125,10 @@ pub fn significant(value: f64, digits: usize) -> String {
     if value == 0.0 {
         "0".into()
     } else if (-4..6).contains(&exponent) {
+        // By way of the rounded text, so that 2755 with two digits is 2800 and not more exact than said.
+        let rounded: f64 = scientific.parse().unwrap_or(value);
         let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
-        format!("{value:.decimals$}").replace('-', "−")
+        format!("{rounded:.decimals$}").replace('-', "−")
     } else {
         format!("{}·10{}", mantissa.replace('-', "−"), superscript(exponent))
     }
@@ -473,7 +477,8 @@ impl<'a> Plot<'a> {
 
         let mut shown = false;
         let mut notes = Vec::new();
-        let mut cut: Vec<String> = Vec::new();
+        let mut cut: Vec<&str> = Vec::new();
+        let mut farthest: Option<(f64, f64)> = None;
         let mut missing: Vec<String> = Vec::new();
         for line in &self.lines {
             let trace = Trace::new(self, layout, line);
@@ -481,7 +486,8 @@ impl<'a> Plot<'a> {
             let colour = line.colour.rgb();
             for piece in &trace.pieces {
                 let points = simplified(piece);
-                if line.dashed {
+                // A line that fills the frame would come to more dashes than anyone can see.
+                if line.dashed && length(&points) < MOST_DASHES * (DASH_PX.0 + DASH_PX.1) * SCALE {
                     for dash in dashes(&points, DASH_PX) {
                         area.draw(&path(dash, colour, line.width_px))?;
                     }
@@ -492,14 +498,18 @@ impl<'a> Plot<'a> {
             for &dot in &trace.dots {
                 area.draw(&Circle::new(dot, layout.device(line.width_px), colour.filled()))?;
             }
-            if let Some(farthest) = trace.farthest {
-                cut.push(format!("{} (reaches {})", line.name, self.y.unit.show(farthest, 2)));
+            if let Some(out) = trace.farthest {
+                cut.push(&line.name);
+                farthest = farthest.filter(|known| known.0 >= out.0).or(Some(out));
             }
             if trace.missing > 0 {
                 missing.push(format!("{} ({} of {})", line.name, trace.missing, line.x.len().min(line.y.len())));
             }
         }
-        area.draw(&Rectangle::new([at(frame.left, frame.top), at(frame.right, frame.bottom)], stroke(FRAME, 1.0)))?;
+        // As a path, for the backend draws the edge of a rectangle in a width of its own.
+        let (left_top, right_bottom) = (at(frame.left, frame.top), at(frame.right, frame.bottom));
+        let corners = [left_top, (right_bottom.0, left_top.1), right_bottom, (left_top.0, right_bottom.1), left_top];
+        area.draw(&path(corners.to_vec(), FRAME, 1.0))?;
         if !shown {
             let middle = at(0.5 * (frame.left + frame.right), 0.5 * (frame.top + frame.bottom));
             let text = "no values to show here";
@@ -518,8 +528,10 @@ impl<'a> Plot<'a> {
             write(area, name, at(x + 27.0, *y), INK, TEXT_PX, (HPos::Left, VPos::Center), false)?;
         }
 
-        if !cut.is_empty() {
-            notes.push(format!("Cut off at the frame: {}.", cut.join(", ")));
+        if let Some((_, value)) = farthest {
+            let names = cut.iter().filter(|name| !name.is_empty()).copied().collect::<Vec<_>>().join(", ");
+            let names = if names.is_empty() { "values".into() } else { names };
+            notes.push(format!("Cut off at the frame: {names}, out to {}.", self.y.unit.show(value, 2)));
         }
         if !missing.is_empty() {
             notes.push(format!("Samples left out because they are no finite numbers: {}.", missing.join(", ")));
@@ -653,8 +665,8 @@ impl<'p> Layout<'p> {
             };
             (x, y) = (widened(x, frame.width()), widened(y, frame.height()));
         }
-        let x_ticks = plot.x.ticks(x, frame.width() / 75.0);
-        let y_ticks = plot.y.ticks(y, if plot.equal { frame.width() / 75.0 } else { frame.height() / 34.0 });
+        let x_ticks = plot.x.ticks(x, frame.width() / 70.0);
+        let y_ticks = plot.y.ticks(y, if plot.equal { frame.height() / 70.0 } else { frame.height() / 25.0 });
 
         let mut layout = Layout { width, height, frame, x, y, x_ticks, y_ticks, legend, value_labels: Vec::new() };
         layout.value_labels = layout.spread(plot);
@@ -703,8 +715,8 @@ struct Trace {
     pieces: Vec<Vec<(i32, i32)>>,
     /// Samples without a neighbour.
     dots: BTreeSet<(i32, i32)>,
-    /// The value furthest out of the range shown, SI, if any is.
-    farthest: Option<f64>,
+    /// How far the value furthest out of the range shown is beyond it, in frames, and that value, SI; if any is.
+    farthest: Option<(f64, f64)>,
     /// How many samples are not finite.
     missing: usize,
 }
@@ -713,17 +725,16 @@ impl Trace {
     fn new(plot: &Plot, layout: &Layout, line: &Line) -> Trace {
         let mut trace = Trace { pieces: Vec::new(), dots: BTreeSet::new(), farthest: None, missing: 0 };
         let mut run: Vec<(f64, f64)> = Vec::new();
-        let mut out = 1e-9;
         for (&x, &y) in line.x.iter().zip(line.y.iter()) {
             // A zero has no logarithm and yet is a number: it is cut off, not missing.
             trace.missing += usize::from(!(x.is_finite() && y.is_finite()));
             let (x_shown, y_shown) = (plot.x.shown(x), plot.y.shown(y));
             if x_shown.is_finite() && y_shown.is_finite() {
                 let (u, v) = (layout.u(x_shown), layout.v(y_shown));
-                let beyond = (v - 1.0).max(-v);
-                if (0.0..=1.0).contains(&u) && beyond > out {
-                    out = beyond;
-                    trace.farthest = Some(y);
+                // What goes down in decades goes to zero, which is no news.
+                let beyond = if plot.y.log { v - 1.0 } else { (v - 1.0).max(-v) };
+                if (0.0..=1.0).contains(&u) && beyond > trace.farthest.map_or(1e-9, |(known, _)| known) {
+                    trace.farthest = Some((beyond, y));
                 }
                 run.push((u, v));
             } else {
@@ -849,6 +860,10 @@ fn simplified(points: &[(i32, i32)]) -> Vec<(i32, i32)> {
         kept.push(kept[0]);
     }
     kept
+}
+
+fn length(points: &[(i32, i32)]) -> f64 {
+    points.windows(2).map(|pair| f64::from(pair[1].0 - pair[0].0).hypot(f64::from(pair[1].1 - pair[0].1))).sum()
 }
 
 /// A line cut into dashes of `on` pixels with `off` pixels between them.

@@ -2,7 +2,6 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::app::plot::Unit;
 use crate::app::recording::Recording;
 
 mod figures;
@@ -107,8 +106,8 @@ pub fn page(report: &Report) -> String {
         (Some(first), Some(last)) => format!(
             "{} samples from {} to {}.",
             report.recording.time_s.len(),
-            Unit::SECOND.show(*first, 4),
-            Unit::SECOND.show(*last, 4)
+            figures::instant(*first),
+            figures::instant(*last)
         ),
         _ => "The recording is empty.".into(),
     };
