@@ -58,6 +58,8 @@ fn recording(samples: usize) -> Recording {
         let diverges = |t: f64| settles(t, 0.0) * (1.0 + 0.02 / (0.2503 - t) * (t / 0.1).powi(2));
         add(&format!("paperLiteral.lambdaHat[{k}]"), "N.m2/A2", &|_, t| diverges(t));
     }
+    add("estimator.valid", "", &|_, t| if t < 0.03 { 0.0 } else { 1.0 });
+    add("paperLiteral.valid", "", &|_, _| 0.0);
     add("estimator.condition", "", &|_, t| 8.0 + 2.0 * (2.0 * theta(t)).sin());
     add("paper.condition", "", &|_, t| 80.0 + 60.0 * (2.0 * theta(t)).sin());
     Recording { time_s, columns }
@@ -214,6 +216,8 @@ fn every_figure_is_there_with_its_plots() {
     assert!(figure(&page, "axis-z").contains("After the update: 360.0 to 400.0 ms"));
     assert!(figure(&page, "axis-z").contains("Before the update: 159.9 to 199.9 ms"));
     assert!(figure(&page, "lambda").contains("update at 0.2 s"));
+    assert!(figure(&page, "lambda").contains("Valid by its own account from 0.03 s<"));
+    assert!(figure(&page, "lambda").contains("Never valid by its own account"));
 }
 
 #[test]
@@ -236,7 +240,7 @@ fn captions_state_what_the_data_say() {
     near(number("Largest distance from the true one: "), (50.0, 3.0), 1.0);
     // What leaves the frame is told.
     assert!(
-        figure(&page, "lambda").contains("P(20) to the letter: Cut off at the frame: λ̂₁, λ̂₂, λ̂₃, out to −2800·10⁻⁶")
+        figure(&page, "lambda").contains("P(20) to the letter: cut off at the frame: λ̂₁, λ̂₂, λ̂₃, out to −2800·10⁻⁶")
     );
 }
 

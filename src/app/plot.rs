@@ -293,7 +293,7 @@ impl Axis {
                 let at = (first + index as f64) * step;
                 let label = if self.log {
                     significant(10f64.powf(at), 1)
-                } else if step >= 1e6 || step < 1e-6 {
+                } else if !(1e-6..1e6).contains(&step) {
                     significant(at, 3)
                 } else {
                     // Zero may come out as −0.

@@ -71,7 +71,8 @@ impl Figure {
             let mut seen: Vec<String> = Vec::new();
             for panel in self.columns.iter().flatten() {
                 for note in &panel.drawing.notes {
-                    let note = if panel.name.is_empty() { note.clone() } else { format!("{}: {note}", panel.name) };
+                    let note =
+                        if panel.name.is_empty() { note.clone() } else { format!("{}: {}", panel.name, lower(note)) };
                     if !seen.contains(&note) {
                         seen.push(note);
                     }
@@ -106,6 +107,12 @@ impl Figure {
             }
         }
     }
+}
+
+/// A sentence to stand after a colon.
+fn lower(sentence: &str) -> String {
+    let mut chars = sentence.chars();
+    chars.next().map_or(String::new(), |first| first.to_lowercase().chain(chars).collect())
 }
 
 /// A stretch of the run, and what to call it.
@@ -269,14 +276,30 @@ pub(super) fn all(report: &Report) -> Vec<Figure> {
 struct Estimate<'r> {
     label: &'r str,
     lambda: [&'r [f64]; 3],
+    valid: Option<&'r [f64]>,
 }
 
 fn estimates_of<'r>(run: &Run<'r>) -> Vec<Estimate<'r>> {
     let column = |element: &str, k: usize| format!("{element}.lambdaHat[{k}]");
     let of = |method: &'r super::Method| {
-        Some(Estimate { label: &method.label, lambda: run.get3(|k| column(&method.element, k))? })
+        let lambda = run.get3(|k| column(&method.element, k))?;
+        Some(Estimate { label: &method.label, lambda, valid: run.get(&format!("{}.valid", method.element)) })
     };
     run.report.methods.iter().filter_map(of).collect()
+}
+
+/// Since when an estimator calls its estimate valid, and whether it ever took that back.
+fn validity(run: &Run, valid: &[f64]) -> String {
+    match valid.iter().position(|valid| *valid > 0.5) {
+        None => "\nNever valid by its own account".into(),
+        Some(first) => {
+            let rest = &valid[first..];
+            let invalid = rest.iter().filter(|valid| **valid <= 0.5).count();
+            let share = 100.0 * invalid as f64 / rest.len() as f64;
+            let but = if invalid > 0 { format!(", but for {share:.1} % of the time after") } else { String::new() };
+            format!("\nValid by its own account from {}{but}", instant(run.time_s[first]))
+        }
+    }
 }
 
 /// One plot per method, side by side in rows of two; a single one takes the whole width.
@@ -333,8 +356,9 @@ fn estimates(run: &Run) -> Option<Figure> {
             let mut below = format!("At the end ({})·10⁻⁶", list(&|k| significant_lambda(ends[k])));
             if let Some(truth) = truth {
                 let error = |k: usize| signed_percent(ends[k] / truth[k] - 1.0);
-                below += &format!(", errors ({})\u{a0}%", list(&error));
+                below += &format!("\nErrors ({}) %", list(&error));
             }
+            below += &estimate.valid.map_or(String::new(), |valid| validity(run, valid));
             Panel { below, ..Panel::from(plot) }
         })
         .collect();
@@ -421,7 +445,11 @@ fn estimate_errors(run: &Run) -> Option<Figure> {
                 method_size(estimates.len()),
             );
             for (k, error) in errors.into_iter().enumerate() {
-                plot.lines.push(Line::new(&format!("λ̂{}", INDEX[k]), run.time_s, error, Colour::MAGNETS[k]));
+                // The last revolution has no full one to follow.
+                let known = error.len() - revolution.min(error.len() / 2);
+                let instants = &run.time_s[..known];
+                let error = error[..known].to_vec();
+                plot.lines.push(Line::new(&format!("λ̂{}", INDEX[k]), instants, error, Colour::MAGNETS[k]));
             }
             if run.report.paper {
                 plot.values.push(Mark::new(PAPER_ERROR, "paper 3.6 %", Colour::Ink));
@@ -655,7 +683,7 @@ fn currents(run: &Run) -> Figure {
     let mut head = vec!["".to_string()];
     for window in &run.windows {
         head.push(format!("{}: least", window.name));
-        head.push("and greatest".into());
+        head.push(format!("{}: greatest", window.name));
     }
     let row = |k: usize| {
         let mut row = vec![format!("i{}", INDEX[k])];
