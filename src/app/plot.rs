@@ -104,7 +104,8 @@ impl Unit {
             "" => number,
             // 10⁻⁶ is a factor, and so wants the sign of a product.
             name if name.starts_with("10") => format!("{number}·{name}"),
-            name => format!("{number} {name}"),
+            // No line break between number and unit.
+            name => format!("{number}\u{a0}{name}"),
         }
     }
 }
