@@ -271,6 +271,17 @@ fn a_run_without_update_shows_its_end() {
 }
 
 #[test]
+fn the_stretches_shown_follow_the_rotor() {
+    let mut recording = recording(4001);
+    // 1000 rpm: two revolutions take 120 ms. The angle comes within one turn, as angles may.
+    for column in recording.columns.iter_mut().filter(|column| column.name == "plant.theta") {
+        column.values = recording.time_s.iter().map(|t| (TAU * t / 0.06) % TAU).collect();
+    }
+    let page = page(&report(&recording));
+    assert!(figure(&page, "axis-z").contains("After the update: 280.0 to 400.0 ms"));
+}
+
+#[test]
 fn the_update_is_where_the_controller_made_it() {
     let mut recording = recording(4001);
     // Planned before the estimate was valid.
@@ -403,13 +414,15 @@ fn lines_are_cut_where_they_cross_the_frame() {
     let (x, y) = ([0.0, 1.0], [-1.0, 2.0]);
     let mut plot = plot(&x, &y);
     plot.y.range = Some(Range::new(0.0, 1.0));
-    plot.lines[0].colour = Colour::Blue;
     let points = points(&plot.draw().svg);
     // From a third to two thirds of the width.
     assert_eq!(points.len(), 2, "{points:?}");
     assert!((points[0].0 - 660 - 1733).abs() <= 1 && (points[1].0 - 660 - 3467).abs() <= 1, "{points:?}");
     plot.lines[0].name = "line".into();
     assert_eq!(plot.draw().notes, ["Cut off at the frame: line, out to −1.0."]);
+    plot.lines[0].name = String::new();
+    plot.lines[0].y = vec![2.0, 3.0].into();
+    assert!(self::points(&plot.draw().svg).is_empty(), "nothing of this line is within the frame");
 }
 
 #[test]
