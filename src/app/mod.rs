@@ -1,6 +1,14 @@
 //! The command line: packaging, experiments, reports.
 
+pub mod cli;
+pub mod documentation;
+pub mod experiment;
+pub mod package;
+pub mod plot;
 pub mod progress;
 pub mod recording;
+pub mod report;
 pub mod scenario;
 pub mod simulate;
+
+mod ssp;

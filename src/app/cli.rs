@@ -1,0 +1,163 @@
+//! Commands and their arguments.
+
+use std::error::Error;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use super::experiment;
+use super::package;
+use super::scenario::{BUILT_IN, Scenario};
+use super::simulate::{self, Run};
+
+/// Where things go when nothing else is said, below the folder in which the program is run.
+const FMU_FOLDER: &str = "target/fmu";
+const REPORT_FOLDER: &str = "target/report";
+
+/// On-line parameter estimation of a magnetic bearing, as FMI 2.0 co-simulation FMUs.
+///
+/// Without a command: packages the FMUs and the SSP into target/fmu, runs the simulation of the paper, prints the estimates
+/// beside the truth and the paper's, and writes target/report/index.html.
+#[derive(Parser)]
+#[command(version, max_term_width = 100)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Packages the three FMUs and the SSP out of the library that was built together with this program.
+    Package {
+        /// Folder for the archives; it is made if it is not there.
+        #[arg(long, value_name = "DIR", default_value = FMU_FOLDER)]
+        out: PathBuf,
+    },
+    /// Runs a scenario and prints the estimates beside the truth.
+    ///
+    /// A scenario is a TOML file. Keys are the names of the variables in the tables [plant], [controller], [estimator], or
+    /// [all] for every element that has a variable of that name; `reference.rY = "30 µm"` and `reference.rY = 30e-6` say
+    /// the same. `simulate --print paper` prints one to start from.
+    Simulate {
+        /// A file, or the name of a scenario that comes with the program: paper, unbalanced, turned.
+        #[arg(value_name = "SCENARIO")]
+        scenario: PathBuf,
+        /// Writes all outputs at every communication point as CSV, with names and units in the header.
+        #[arg(long, value_name = "FILE")]
+        csv: Option<PathBuf>,
+        /// Writes a report page, index.html, into this folder.
+        #[arg(long, value_name = "DIR")]
+        report: Option<PathBuf>,
+        /// Prints the text of a scenario that comes with the program instead of running it.
+        #[arg(long, conflicts_with_all = ["csv", "report"])]
+        print: bool,
+    },
+    /// Writes the model descriptions, which stand under review, out of the tables of variables.
+    Describe {
+        /// Folder for the XML files.
+        #[arg(long, value_name = "DIR", default_value = "modelDescription")]
+        out: PathBuf,
+    },
+}
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// Runs the program. The exit code is 1 when something went wrong, which is then said on the standard error, and 2 when the
+/// arguments make no sense.
+pub fn main() -> ExitCode {
+    let outcome = match Arguments::parse().command {
+        None => everything(),
+        Some(Command::Package { out }) => package(&out),
+        Some(Command::Simulate { scenario, print: true, .. }) => print(&scenario),
+        Some(Command::Simulate { scenario, csv, report, print: false }) => {
+            simulate(&scenario, csv.as_deref(), report.as_deref())
+        }
+        Some(Command::Describe { out }) => package::write_descriptions(&out).map_err(Into::into),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// An error that names the file.
+fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
+    move |error| format!("{}: {error}", path.display()).into()
+}
+
+fn everything() -> Result<()> {
+    package(Path::new(FMU_FOLDER))?;
+    println!();
+    simulate(Path::new("paper"), None, Some(Path::new(REPORT_FOLDER)))
+}
+
+fn package(folder: &Path) -> Result<()> {
+    let library = package::built_library()?;
+    for written in package::package(&library, folder)? {
+        println!("{} ({} kB)", written.path.display(), written.bytes.div_ceil(1000));
+    }
+    Ok(())
+}
+
+fn print(name: &Path) -> Result<()> {
+    let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)) else {
+        let names: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
+        return Err(format!("{}: one of {} is wanted with --print", name.display(), names.join(", ")).into());
+    };
+    print!("{text}");
+    Ok(())
+}
+
+fn simulate(name: &Path, csv: Option<&Path>, report: Option<&Path>) -> Result<()> {
+    let scenario = Scenario::open(name)?;
+    let run = simulate::run(&scenario)?;
+    print_run(&scenario, &run);
+    // What was computed is kept, whatever ended the run.
+    if let Some(path) = csv {
+        let file = fs::File::create(path).map_err(named(path))?;
+        run.recording.write_csv(io::BufWriter::new(file)).map_err(named(path))?;
+        println!("\n{}", path.display());
+    }
+    if let Some(folder) = report {
+        fs::create_dir_all(folder).map_err(named(folder))?;
+        let path = folder.join("index.html");
+        fs::write(&path, experiment::page(name, &scenario, &run)).map_err(named(&path))?;
+        println!("\n{}", path.display());
+    }
+    match run.fault {
+        Some(fault) => Err(format!("the run ended early: {fault}").into()),
+        None => Ok(()),
+    }
+}
+
+fn print_run(scenario: &Scenario, run: &Run) {
+    println!("{}", scenario.title);
+    for message in &run.messages {
+        println!("  {message}");
+    }
+    for table in experiment::tables(scenario, run) {
+        println!("\n{}", table.title);
+        print_table(&table.head, &table.rows);
+    }
+}
+
+/// Prints a table whose first column is words and whose others are numbers.
+fn print_table(head: &[String], rows: &[Vec<String>]) {
+    let all = || std::iter::once(head).chain(rows.iter().map(Vec::as_slice));
+    let width = |column: usize| all().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max();
+    let widths: Vec<usize> = (0..head.len()).map(|column| width(column).unwrap_or(0)).collect();
+    for row in all() {
+        let mut line = String::from(" ");
+        for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
+            let pad = " ".repeat(width - cell.chars().count().min(*width));
+            line += &if column == 0 { format!(" {cell}{pad}") } else { format!("  {pad}{cell}") };
+        }
+        println!("{}", line.trim_end());
+    }
+}

@@ -1,0 +1,273 @@
+//! What a run says in numbers, and its report page.
+
+use std::path::Path;
+
+use super::report::{self, Method, Parameter, Report, Table};
+use super::scenario::Scenario;
+use super::simulate::Run;
+use crate::slave::estimator::METHOD;
+use crate::slave::variable::{Type, Value, Variable};
+
+/// Estimates of the paper: figure 2, simulation, after less than 0.1 s.
+const PAPER_LAMBDA: [f64; 3] = [1.786e-6, 2.072e-6, 2.199e-6];
+/// What the paper says its perturbation estimates fall by, at least.
+const PAPER_SWING_RATIO: &str = "at least 3";
+/// Instants at which estimates are compared.
+const INSTANTS_S: [f64; 2] = [0.1, 0.2];
+/// Length of the stretches before and after the update over which errors are taken, in seconds.
+const STRETCH_S: f64 = 0.04;
+
+/// Whether the scenario is the paper's, so that its figures can stand beside ours.
+fn is_paper(name: &Path) -> bool {
+    name == Path::new("paper")
+}
+
+/// The true force constants.
+fn truth(scenario: &Scenario) -> [f64; 3] {
+    std::array::from_fn(|k| real(scenario, "plant", &format!("lambda[{}]", k + 1)))
+}
+
+fn real(scenario: &Scenario, element: &str, variable: &str) -> f64 {
+    scenario.value(element, variable).map_or(f64::NAN, Value::as_f64)
+}
+
+/// The time at which the controller is to take the estimates over, if it is to do so once.
+fn update_s(scenario: &Scenario) -> Option<f64> {
+    let at_time = scenario.value("controller", "update.mode") == Some(Value::Integer(2));
+    at_time.then(|| real(scenario, "controller", "update.time")).filter(|time| *time < scenario.duration_s)
+}
+
+/// The estimators of a scenario: those that run beside the loop, or that of the loop where there are none.
+fn methods(scenario: &Scenario) -> Vec<Method> {
+    let beside = &scenario.elements[3..];
+    if beside.is_empty() {
+        let method = scenario.value("estimator", "method");
+        let label = method.and_then(|value| METHOD.item(value.as_f64() as i32)).unwrap_or("estimator");
+        return vec![Method { element: "estimator".into(), label: label.into() }];
+    }
+    beside.iter().map(|element| Method::from(element.name.as_str())).collect()
+}
+
+/// The tables of results.
+pub fn tables(scenario: &Scenario, run: &Run) -> Vec<Table> {
+    let mut tables = vec![estimates(scenario, run)];
+    tables.extend(tracking(scenario, run));
+    tables
+}
+
+/// λ̂ of every method at the instants, beside the truth and the paper's.
+fn estimates(scenario: &Scenario, run: &Run) -> Table {
+    let truth = truth(scenario);
+    let head = ["", "λ1", "λ2", "λ3", "error 1", "error 2", "error 3", "valid"];
+    let mut rows = Vec::new();
+    let values = |lambda: [f64; 3]| lambda.map(|value| format!("{:.4}", value * 1e6));
+    let errors = |lambda: [f64; 3]| {
+        std::array::from_fn::<String, 3, _>(|k| percent(100.0 * (lambda[k] / truth[k] - 1.0)))
+    };
+    let row = |name: String, lambda: [f64; 3], valid: &str| {
+        let cells = values(lambda).into_iter().chain(errors(lambda));
+        std::iter::once(name).chain(cells).chain([valid.to_owned()]).collect::<Vec<_>>()
+    };
+    rows.push(
+        std::iter::once("truth".to_owned())
+            .chain(values(truth))
+            .chain(std::iter::repeat_n(String::new(), 4))
+            .collect::<Vec<_>>(),
+    );
+    // The paper's figures stand beside its own bearing alone.
+    if truth == [1.8e-6, 2.0e-6, 2.2e-6] {
+        rows.push(row("paper, figure 2".into(), PAPER_LAMBDA, ""));
+    }
+    for instant_s in INSTANTS_S {
+        for method in methods(scenario) {
+            let lambda = at(run, instant_s, |k| format!("{}.lambdaHat[{k}]", method.element));
+            let valid = at(run, instant_s, |_| format!("{}.valid", method.element));
+            if let (Some(lambda), Some([valid, ..])) = (lambda, valid) {
+                let valid = if valid == 1.0 { "yes" } else { "no" };
+                rows.push(row(format!("{} at {instant_s} s", method.label), lambda, valid));
+            }
+        }
+    }
+    Table {
+        title: "Estimated force constants, 10⁻⁶ N·m²/A², and their errors".into(),
+        note: estimates_note(scenario, run, &truth),
+        head: head.map(String::from).into(),
+        rows,
+    }
+}
+
+/// How far the literal reading of P(20) strays, if it was run.
+fn estimates_note(scenario: &Scenario, run: &Run, truth: &[f64; 3]) -> String {
+    if !scenario.elements.iter().any(|element| element.name == "paperLiteral") {
+        return String::new();
+    }
+    let mut worst: (f64, f64) = (0.0, 0.0);
+    for (k, truth) in truth.iter().enumerate() {
+        let column = run.recording.get(&format!("paperLiteral.lambdaHat[{}]", k + 1)).unwrap_or(&[]);
+        let late = run.recording.time_s.iter().zip(column).filter(|(time_s, _)| **time_s >= INSTANTS_S[0]);
+        for (time_s, value) in late {
+            let error = (value / truth - 1.0).abs();
+            if error > worst.0 {
+                worst = (error, *time_s);
+            }
+        }
+    }
+    format!(
+        "Equation (20) to the letter (paperLiteral) divides by a signed determinant that passes through zero: its greatest \
+         error after {} s is {:.0} %, at {:.4} s.",
+        INSTANTS_S[0],
+        100.0 * worst.0,
+        worst.1
+    )
+}
+
+/// Three signals at an instant; `None` when the run did not get there.
+fn at(run: &Run, instant_s: f64, name: impl Fn(usize) -> String) -> Option<[f64; 3]> {
+    let row = run.recording.time_s.iter().position(|time_s| *time_s >= instant_s - 1e-9)?;
+    let mut values = [0.0; 3];
+    for (k, value) in values.iter_mut().enumerate() {
+        *value = *run.recording.get(&name(k + 1))?.get(row)?;
+    }
+    Some(values)
+}
+
+fn percent(value: f64) -> String {
+    if value.abs() < 0.005 {
+        "0.00 %".into()
+    } else if value.abs() < 1000.0 {
+        format!("{value:+.2} %")
+    } else {
+        format!("{value:+.1e} %")
+    }
+}
+
+/// Tracking error and swing of the perturbation estimate before and after the update.
+fn tracking(scenario: &Scenario, run: &Run) -> Option<Table> {
+    let update_s = update_s(scenario)?;
+    let last_s = *run.recording.time_s.last()?;
+    if last_s < update_s + STRETCH_S || update_s < STRETCH_S {
+        return None;
+    }
+    let before = (update_s - STRETCH_S, update_s);
+    let after = (last_s - STRETCH_S, last_s);
+    let mut rows = Vec::new();
+    for axis in ["Y", "Z"] {
+        let position = run.recording.get(&format!("plant.{axis}"))?;
+        let reference = run.recording.get(&format!("controller.reference.{axis}"))?;
+        let estimate = run.recording.get(&format!("controller.p{axis}Hat"))?;
+        let perturbation = run.recording.get(&format!("plant.perturbation.{axis}"))?;
+        let error: Vec<f64> = position.iter().zip(reference).map(|(is, ought)| is - ought).collect();
+        let letter = axis.to_lowercase();
+        let largest = |range| over(run, &error, range).map(|(low, high)| high.max(-low));
+        let swing = |signal: &[f64], range| over(run, signal, range).map(|(low, high)| high - low);
+        rows.push(row(
+            format!("largest tracking error, {letter}"),
+            [largest(before)? * 1e6, largest(after)? * 1e6],
+            "µm",
+            "slightly smaller after",
+        ));
+        rows.push(row(
+            format!("swing of the observed perturbation, {letter}"),
+            [swing(estimate, before)?, swing(estimate, after)?],
+            "N",
+            PAPER_SWING_RATIO,
+        ));
+        rows.push(row(
+            format!("swing of the true perturbation, {letter}"),
+            [swing(perturbation, before)?, swing(perturbation, after)?],
+            "N",
+            "",
+        ));
+    }
+    Some(Table {
+        title: "Tracking before and after the update".into(),
+        note: format!(
+            "Over {:.0} ms before the update at {update_s} s and the last {:.0} ms of the run; a swing is the difference \
+             of the greatest and the least value.",
+            STRETCH_S * 1e3,
+            STRETCH_S * 1e3
+        ),
+        head: ["", "before", "after", "unit", "before : after", "paper"].map(String::from).into(),
+        rows,
+    })
+}
+
+fn row(name: String, [before, after]: [f64; 2], unit: &str, paper: &str) -> Vec<String> {
+    let ratio = if after > 0.0 { format!("{:.1}", before / after) } else { String::new() };
+    vec![name, format!("{before:.3}"), format!("{after:.3}"), unit.into(), ratio, paper.into()]
+}
+
+/// Least and greatest value over a stretch of time.
+fn over(run: &Run, signal: &[f64], (from_s, to_s): (f64, f64)) -> Option<(f64, f64)> {
+    let within = run.recording.time_s.iter().zip(signal).filter(|(time_s, _)| (from_s..=to_s).contains(*time_s));
+    within.map(|(_, value)| (*value, *value)).reduce(|(low, high), (value, _)| (low.min(value), high.max(value)))
+}
+
+/// The report page of a run of the scenario of that name.
+pub fn page(name: &Path, scenario: &Scenario, run: &Run) -> String {
+    let command = if is_paper(name) {
+        "cargo run --release".into()
+    } else {
+        format!("cargo run --release -- simulate {} --report DIR", name.display())
+    };
+    let report = Report {
+        description: scenario.description.clone(),
+        command,
+        message: run.fault.clone(),
+        tables: tables(scenario, run),
+        parameters: parameters(scenario),
+        update_s: update_s(scenario),
+        truth: Some(truth(scenario)),
+        methods: methods(scenario),
+        paper: is_paper(name),
+        ..Report::new(&scenario.title, &run.recording)
+    };
+    report::page(&report)
+}
+
+/// Every parameter and unconnected input of the loop.
+fn parameters(scenario: &Scenario) -> Vec<Parameter> {
+    let connections = scenario.connections();
+    let mut parameters = Vec::new();
+    for element in &scenario.elements[..3] {
+        for variable in (element.kind.variables)() {
+            let connected = connections
+                .iter()
+                .any(|connection| connection.to[0] == element.name && connection.to[1] == variable.name);
+            if variable.is_settable() && !connected {
+                let value = scenario.value(&element.name, &variable.name).expect("the variable is in the table");
+                parameters.push(Parameter {
+                    group: element.name.clone(),
+                    name: variable.name.to_string(),
+                    value: shown(variable, value),
+                    description: variable.description.to_string(),
+                });
+            }
+        }
+    }
+    parameters
+}
+
+/// A value in the unit in which people read it.
+fn shown(variable: &Variable, value: Value) -> String {
+    match (&variable.kind, value) {
+        (Type::Real { unit, display, .. }, Value::Real(value)) => {
+            let display = unit.displays.iter().find(|candidate| Some(candidate.name) == *display);
+            match display {
+                Some(display) => format!("{} {}", rounded(value * display.factor), display.name),
+                None if unit.name == "1" => rounded(value),
+                None => format!("{} {}", rounded(value), unit.name),
+            }
+        }
+        (Type::Enumeration { items, .. }, Value::Integer(value)) => items.item(value).unwrap_or("?").into(),
+        (_, Value::Integer(value)) => value.to_string(),
+        (_, Value::Boolean(value)) => value.to_string(),
+        (_, Value::Real(value)) => rounded(value),
+    }
+}
+
+/// A number without the digits that a conversion between units adds.
+fn rounded(value: f64) -> String {
+    let rounded: f64 = format!("{value:.11e}").parse().unwrap_or(value);
+    rounded.to_string()
+}
