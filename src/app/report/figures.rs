@@ -189,7 +189,7 @@ impl<'r> Run<'r> {
         if turned.abs() > TAU { 0..end } else { by_time() }
     }
 
-    /// How often the rotor turns around the update or at the end, samples per revolution.
+    /// Some revolutions with the update in their middle, or those at the end.
     fn around_update(&self) -> Window {
         match self.windows.as_slice() {
             [before, _] => {
@@ -682,8 +682,12 @@ fn currents(run: &Run) -> Figure {
     plot.instants = run.update_mark();
     let mut head = vec!["".to_string()];
     for window in &run.windows {
-        head.push(format!("{}: least", window.name));
-        head.push(format!("{}: greatest", window.name));
+        // Before, after, or neither.
+        let when = window.name.split_once(" the update").map_or("", |(when, _)| when);
+        head.extend(
+            [format!("{when}: least"), format!("{when}: greatest")]
+                .map(|cell| cell.trim_start_matches(": ").to_lowercase()),
+        );
     }
     let row = |k: usize| {
         let mut row = vec![format!("i{}", INDEX[k])];
@@ -698,7 +702,9 @@ fn currents(run: &Run) -> Figure {
     let what = if measured.is_some() { "The measured currents" } else { "The commanded currents" };
     let when =
         if run.windows.len() > 1 { "two revolutions before and after the update" } else { "at the end of the run" };
-    let caption = format!("{what}, {when}. The magnets only pull, so the currents need no sign and stay above zero.");
+    let below =
+        if run.windows.len() > 1 { " Below: the last two revolutions before the update and of the run." } else { "" };
+    let caption = format!("{what}, {when}. The magnets only pull: the sign of a current has no meaning.{below}");
     Figure { id, title: title.into(), paper, columns: vec![vec![plot.into()]], caption, table: Some(table) }
 }
 
