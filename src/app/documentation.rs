@@ -23,8 +23,11 @@ fn prose(name: &str) -> &'static str {
     }
 }
 
+/// Whether a variable belongs to a group.
+type Belongs = fn(&Variable) -> bool;
+
 /// Groups of variables, with the heading of their table.
-const GROUPS: [(&str, fn(&Variable) -> bool); 5] = [
+const GROUPS: [(&str, Belongs); 5] = [
     ("Inputs", |variable| variable.causality == Causality::Input),
     ("Outputs", |variable| variable.causality == Causality::Output),
     ("Parameters", |variable| is_parameter(variable, Variability::Fixed)),
@@ -95,7 +98,9 @@ fn table(variables: &[&Variable]) -> maud::Markup {
 
 fn unit(variable: &Variable) -> String {
     match &variable.kind {
-        Type::Real { unit, display: Some(display), .. } if *display != unit.name => format!("{} ({display})", unit.name),
+        Type::Real { unit, display: Some(display), .. } if *display != unit.name => {
+            format!("{} ({display})", unit.name)
+        }
         _ => variable.unit_name().into(),
     }
 }

@@ -61,9 +61,8 @@ fn estimates(scenario: &Scenario, run: &Run) -> Table {
     let head = ["", "λ1", "λ2", "λ3", "error 1", "error 2", "error 3", "valid"];
     let mut rows = Vec::new();
     let values = |lambda: [f64; 3]| lambda.map(|value| format!("{:.4}", value * 1e6));
-    let errors = |lambda: [f64; 3]| {
-        std::array::from_fn::<String, 3, _>(|k| percent(100.0 * (lambda[k] / truth[k] - 1.0)))
-    };
+    let errors =
+        |lambda: [f64; 3]| std::array::from_fn::<String, 3, _>(|k| percent(100.0 * (lambda[k] / truth[k] - 1.0)));
     let row = |name: String, lambda: [f64; 3], valid: &str| {
         let cells = values(lambda).into_iter().chain(errors(lambda));
         std::iter::once(name).chain(cells).chain([valid.to_owned()]).collect::<Vec<_>>()

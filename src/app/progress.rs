@@ -25,7 +25,7 @@ impl Progress {
     /// Tells how many parts are done.
     pub fn set(&self, done: u64) {
         // Looking at the clock costs more than a part of the work may.
-        if done % 1024 == 0 && self.since.elapsed() > PATIENCE {
+        if done.is_multiple_of(1024) && self.since.elapsed() > PATIENCE {
             self.bar.get_or_init(|| self.show()).set_position(done);
         }
     }

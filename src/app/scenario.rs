@@ -152,10 +152,10 @@ impl Scenario {
         let closed = LOOP.iter().map(|[from, to]| Connection { from: split(from), to: split(to) });
         let mut connections: Vec<_> = closed.collect();
         for element in self.elements.iter().skip(3) {
-            let beside = LOOP.iter().filter(|[_, to]| to.starts_with("estimator.")).map(|[from, to]| Connection {
-                from: split(from),
-                to: [element.name.clone(), split(to)[1].clone()],
-            });
+            let beside = LOOP
+                .iter()
+                .filter(|[_, to]| to.starts_with("estimator."))
+                .map(|[from, to]| Connection { from: split(from), to: [element.name.clone(), split(to)[1].clone()] });
             connections.extend(beside);
         }
         connections

@@ -115,9 +115,10 @@ fn start(element: &Element) -> Result<Box<dyn AnySlave>, Vec<String>> {
     }
     match slave.start() {
         Ok(()) => Ok(slave),
-        Err(findings) => {
-            Err(findings.iter().map(|finding| format!("[{}] {}", element.name, all(std::slice::from_ref(finding)))).collect())
-        }
+        Err(findings) => Err(findings
+            .iter()
+            .map(|finding| format!("[{}] {}", element.name, all(std::slice::from_ref(finding))))
+            .collect()),
     }
 }
 

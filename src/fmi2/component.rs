@@ -37,14 +37,7 @@ pub(super) struct Component {
 
 impl Component {
     pub(super) fn new(slave: Box<dyn AnySlave>, logger: Logger) -> Self {
-        Self {
-            slave,
-            state: State::Instantiated,
-            logger,
-            time_s: 0.0,
-            stop_s: None,
-            last_step: fmi2Status::fmi2OK,
-        }
+        Self { slave, state: State::Instantiated, logger, time_s: 0.0, stop_s: None, last_step: fmi2Status::fmi2OK }
     }
 
     pub(super) fn time_s(&self) -> f64 {
@@ -83,8 +76,8 @@ impl Component {
                 "communicationStepSize = {length_s} is refused: a finite number, not negative, is wanted"
             )));
         }
-        // A comparison that NaN fails.
-        if !((time_s - self.time_s).abs() <= self.tolerance_s()) {
+        let follows = (time_s - self.time_s).abs() <= self.tolerance_s();
+        if !follows {
             return Err(Problem::Call(format!(
                 "currentCommunicationPoint = {time_s} is refused: {}, the end of the last step, is wanted",
                 self.time_s

@@ -16,14 +16,8 @@ pub fn write(kind: &Kind) -> (String, String) {
     let variables = (kind.variables)();
     let digest = Sha256::digest(document(kind, &variables, "").as_bytes());
     let digits: String = digest[..16].iter().map(|byte| format!("{byte:02x}")).collect();
-    let guid = format!(
-        "{{{}-{}-{}-{}-{}}}",
-        &digits[..8],
-        &digits[8..12],
-        &digits[12..16],
-        &digits[16..20],
-        &digits[20..]
-    );
+    let guid =
+        format!("{{{}-{}-{}-{}-{}}}", &digits[..8], &digits[8..12], &digits[12..16], &digits[16..20], &digits[20..]);
     let text = document(kind, &variables, &guid);
     (guid, text)
 }

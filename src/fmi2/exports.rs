@@ -94,11 +94,13 @@ unsafe fn get<T>(
 ) -> fmi2Status {
     let body = |component: &mut Component| {
         // SAFETY: the arrays are as the contract of the exported function says.
-        let (references, values) = unsafe { (elements("vr", references, count)?, elements_mut("value", values, count)?) };
+        let (references, values) =
+            unsafe { (elements("vr", references, count)?, elements_mut("value", values, count)?) };
         for (reference, value) in references.iter().zip(values) {
             let found = component.slave.get(*reference as usize).map_err(Problem::call)?;
-            *value = take(found)
-                .ok_or_else(|| Problem::Call(format!("value reference {reference} is no {noun} but a {}", found.noun())))?;
+            *value = take(found).ok_or_else(|| {
+                Problem::Call(format!("value reference {reference} is no {noun} but a {}", found.noun()))
+            })?;
         }
         Ok(())
     };

@@ -12,7 +12,13 @@ pub mod sequence;
 pub mod xml;
 
 /// The types and constants of the standard's C header, under the names they have there.
-#[allow(missing_docs, non_camel_case_types, non_snake_case, non_upper_case_globals, reason = "generated from a C header")]
+#[allow(
+    missing_docs,
+    non_camel_case_types,
+    non_snake_case,
+    non_upper_case_globals,
+    reason = "generated from a C header"
+)]
 pub mod bindings;
 
 mod component;

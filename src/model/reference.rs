@@ -57,7 +57,7 @@ impl Default for ReferenceConfig {
             lobes: 3,
             lobe_amplitude_m: 0.0,
             omega_rad_s: 2.0 * PI * 50.0,
-            bandwidth_rad_s: 2000.0,
+            bandwidth_rad_s: 4000.0,
         }
     }
 }

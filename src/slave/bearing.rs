@@ -5,11 +5,7 @@ use super::variable::{Access, Row};
 use crate::model::Invalid;
 
 /// Rotor mass, nominal air gap and angles of the magnets, with the paper's values.
-pub(super) fn geometry<D>(
-    m: Access<D, f64>,
-    s: Access<D, f64>,
-    alpha: Access<D, f64>,
-) -> impl Iterator<Item = Row<D>> {
+pub(super) fn geometry<D>(m: Access<D, f64>, s: Access<D, f64>, alpha: Access<D, f64>) -> impl Iterator<Item = Row<D>> {
     use std::f64::consts::{FRAC_PI_3, PI};
     [
         Row::real("m", m, KILOGRAM, 6.7).min(0.0).says("Mass of the rotor").shown_in("kg"),
@@ -25,9 +21,8 @@ pub(super) fn geometry<D>(
 
 /// First guess of the force constants.
 pub(super) fn lambda0<D>(lambda0: Access<D, f64>) -> impl Iterator<Item = Row<D>> {
-    Row::reals("lambda0", lambda0, LAMBDA, [4e-6; 3]).map(|row| {
-        row.fixed().min(0.0).nominal(1e-6).says("First guess of the force constant of magnet {k}")
-    })
+    Row::reals("lambda0", lambda0, LAMBDA, [4e-6; 3])
+        .map(|row| row.fixed().min(0.0).nominal(1e-6).says("First guess of the force constant of magnet {k}"))
 }
 
 /// Sample time of a sampled slave.

@@ -126,7 +126,7 @@ fn table() -> Vec<Row<Values>> {
             .says("Amplitude of the lobes with shape = lobes"),
     );
     rows.push(
-        Row::real("bandwidth.reference", place!(config.reference.bandwidth_rad_s), RADIAN_PER_SECOND, 2000.0)
+        Row::real("bandwidth.reference", place!(config.reference.bandwidth_rad_s), RADIAN_PER_SECOND, 4000.0)
             .fixed()
             .min(0.0)
             .nominal(1000.0)
@@ -149,9 +149,7 @@ fn table() -> Vec<Row<Values>> {
             .map(|row| row.input().nominal(1e-6).says("Estimated force constant of magnet {k}")),
     );
     rows.push(
-        Row::boolean("lambdaValid", place!(input.lambda_valid), false)
-            .input()
-            .says("Whether lambdaHat may be used"),
+        Row::boolean("lambdaValid", place!(input.lambda_valid), false).input().says("Whether lambdaHat may be used"),
     );
     rows.extend(
         Row::named_reals(["Yref", "Zref"], place!(input.reference_m[k]), METRE, [0.0; 2])
@@ -163,15 +161,18 @@ fn table() -> Vec<Row<Values>> {
             .map(|row| row.sampled_output().says("Current that magnet {k} is to carry until the next sample")),
     );
     rows.extend(Row::named_reals(["eY", "eZ"], place!(output.tracking_error_m[k]), METRE, [0.0; 2]).map(|row| {
-        row.sampled_output().nominal(1e-6).says("Tracking error at the last sample, measured less reference, along {axis}")
+        row.sampled_output()
+            .nominal(1e-6)
+            .says("Tracking error at the last sample, measured less reference, along {axis}")
     }));
     rows.extend(
         Row::named_reals(["pYHat", "pZHat"], place!(output.perturbation_n[k]), NEWTON, [0.0; 2])
             .map(|row| row.sampled_output().nominal(10.0).says("Observed perturbation force along {axis}")),
     );
     rows.extend(
-        Row::reals("lambdaUsed", place!(output.lambda_used_nm2_a2[k]), LAMBDA, [0.0; 3])
-            .map(|row| row.sampled_output().nominal(1e-6).says("Force constant of magnet {k} that the controller uses")),
+        Row::reals("lambdaUsed", place!(output.lambda_used_nm2_a2[k]), LAMBDA, [0.0; 3]).map(|row| {
+            row.sampled_output().nominal(1e-6).says("Force constant of magnet {k} that the controller uses")
+        }),
     );
     rows.extend(
         Row::named_reals(["FYdes", "FZdes"], place!(output.force_n[k]), NEWTON, [0.0; 2])

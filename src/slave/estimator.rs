@@ -122,9 +122,7 @@ fn table() -> Vec<Row<Values>> {
         Row::boolean("enable", place!(input.enable), true).input().says("Whether samples are taken into account"),
     );
     rows.push(
-        Row::boolean("reset", place!(input.reset), false)
-            .input()
-            .says("A rising edge starts the estimation afresh"),
+        Row::boolean("reset", place!(input.reset), false).input().says("A rising edge starts the estimation afresh"),
     );
 
     rows.extend(

@@ -256,4 +256,3 @@ impl<S: Slave> AnySlave for Instance<S> {
         *self = Self::new();
     }
 }
-

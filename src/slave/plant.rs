@@ -157,7 +157,8 @@ fn table() -> Vec<Row<Values>> {
         row.sampled_output().nominal(1e-5).says("Position along {axis} as the sensor read it at its last sample")
     }));
     rows.extend(Row::reals("im", place!(measured_current_a[k]), AMPERE, [0.0; 3]).map(|row| {
-        row.sampled_output().says("Current through magnet {k} at the last sample, held over the interval that ended there")
+        row.sampled_output()
+            .says("Current through magnet {k} at the last sample, held over the interval that ended there")
     }));
     rows.push(
         Row::real("theta", place!(measured_theta_rad), RADIAN, 0.0)
@@ -170,9 +171,10 @@ fn table() -> Vec<Row<Values>> {
             .nominal(100.0)
             .says("Speed of the rotor at the last sample, held over the interval that ended there"),
     );
-    rows.extend(Row::reals("F", place!(output.force_n[k]), NEWTON, [0.0; 3]).map(|row| {
-        row.output().nominal(10.0).says("Force of magnet {k} on the rotor").depends_on(of_magnets("i"))
-    }));
+    rows.extend(
+        Row::reals("F", place!(output.force_n[k]), NEWTON, [0.0; 3])
+            .map(|row| row.output().nominal(10.0).says("Force of magnet {k} on the rotor").depends_on(of_magnets("i"))),
+    );
     rows.extend(Row::named_reals(["FY", "FZ"], place!(output.resultant_n[k]), NEWTON, [0.0; 2]).map(|row| {
         row.output().nominal(10.0).says("Force of all magnets on the rotor along {axis}").depends_on(of_magnets("i"))
     }));
@@ -181,20 +183,15 @@ fn table() -> Vec<Row<Values>> {
             .map(|row| row.output().nominal(1e-4).shown_in("mm").says("Air gap at magnet {k}")),
     );
     rows.extend(
-        Row::named_reals(
-            ["perturbation.Y", "perturbation.Z"],
-            place!(output.perturbation_n[k]),
-            NEWTON,
-            [0.0; 2],
-        )
-        .enumerate()
-        .map(|(axis, row)| {
-            let inputs = [["pY", "pZ"][axis], "omega"].map(String::from);
-            row.output()
-                .nominal(10.0)
-                .says("All forces on the rotor beside those of the magnets, along {axis}")
-                .depends_on(inputs)
-        }),
+        Row::named_reals(["perturbation.Y", "perturbation.Z"], place!(output.perturbation_n[k]), NEWTON, [0.0; 2])
+            .enumerate()
+            .map(|(axis, row)| {
+                let inputs = [["pY", "pZ"][axis], "omega"].map(String::from);
+                row.output()
+                    .nominal(10.0)
+                    .says("All forces on the rotor beside those of the magnets, along {axis}")
+                    .depends_on(inputs)
+            }),
     );
     rows.extend(
         Row::named_reals(["vY", "vZ"], place!(velocity_m_s[k]), METRE_PER_SECOND, [0.0; 2])

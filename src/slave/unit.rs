@@ -53,14 +53,10 @@ pub const AMPERE: Unit = Unit { name: "A", base: &[("A", 1)], displays: &[displa
 /// Force.
 pub const NEWTON: Unit = Unit { name: "N", base: &[("kg", 1), ("m", 1), ("s", -2)], displays: &[] };
 /// Force constant λ of a magnet.
-pub const LAMBDA: Unit = Unit {
-    name: "N.m2/A2",
-    base: &[("kg", 1), ("m", 3), ("s", -2), ("A", -2)],
-    displays: &[display("N.mm2/A2", 1e6)],
-};
+pub const LAMBDA: Unit =
+    Unit { name: "N.m2/A2", base: &[("kg", 1), ("m", 3), ("s", -2), ("A", -2)], displays: &[display("N.mm2/A2", 1e6)] };
 /// Unbalance, mass times eccentricity.
-pub const KILOGRAM_METRE: Unit =
-    Unit { name: "kg.m", base: &[("kg", 1), ("m", 1)], displays: &[display("g.mm", 1e6)] };
+pub const KILOGRAM_METRE: Unit = Unit { name: "kg.m", base: &[("kg", 1), ("m", 1)], displays: &[display("g.mm", 1e6)] };
 
 impl Unit {
     /// A value given in the unit `name`, converted to this unit, or `None` for a name this unit does not know. `µ` may
