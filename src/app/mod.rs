@@ -4,6 +4,7 @@ pub mod cli;
 pub mod documentation;
 pub mod experiment;
 pub mod package;
+pub mod platforms;
 pub mod plot;
 pub mod progress;
 pub mod recording;
