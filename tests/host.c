@@ -2,9 +2,9 @@
  * platform. It shares no code with the FMUs but the standard's header, and computes nothing itself, so that its results can
  * be compared between platforms to the last bit.
  *
- *     host FOLDER PLATFORM OUTPUT [ELEMENT.VARIABLE=VALUE ...]
+ *     host STRUCTURE PLATFORM OUTPUT [ELEMENT.VARIABLE=VALUE ...]
  *
- * FOLDER holds SystemStructure.ssd and, unpacked, resources/NAME of every resources/NAME.fmu. All outputs of all elements at
+ * The folder of STRUCTURE, an .ssd file, holds resources/NAME, unpacked, of every resources/NAME.fmu. All outputs of all elements at
  * every step go to OUTPUT, Reals as the hexadecimal digits of their bits. The settings are made beside the SSP's own. */
 
 /* The C library of Windows reads numbers with an error in the last bit; that of mingw does not. */
@@ -302,10 +302,11 @@ static void load(Fmu *fmu, const char *folder, const char *platform)
     fmu->callbacks.componentEnvironment = &fmu->heard;
 }
 
-static void read_structure(const char *folder, const char *platform)
+static void read_structure(const char *path, const char *platform)
 {
-    char *structure = read_file(text("%s/SystemStructure.ssd", folder)), *parameters;
+    char *structure = read_file(path), *folder = absolute(path), *parameters;
     const char *tag;
+    *strrchr(folder, '/') = 0;
     for (tag = find_tag(structure, "ssd:Component"); tag; tag = find_tag(tag, "ssd:Component")) {
         Fmu *fmu = &fmus[fmu_count++];
         char *source = attribute(tag, "source");
@@ -329,7 +330,7 @@ static void read_structure(const char *folder, const char *platform)
         settings[setting_count++][1] = attribute(strchr(tag, '<') + 1, "value");
     }
     if (fmu_count != 3 || !wire_count || !setting_count)
-        fail("%s has %d elements, %d connections, %d parameters", folder, fmu_count, wire_count, setting_count);
+        fail("%s has %d elements, %d connections, %d parameters", path, fmu_count, wire_count, setting_count);
 }
 
 /* ---- The loop ---- */
@@ -550,7 +551,7 @@ int main(int count, char **arguments)
     Record record;
     int i;
     if (count < 4)
-        fail("host FOLDER PLATFORM OUTPUT [ELEMENT.VARIABLE=VALUE ...] is wanted");
+        fail("host STRUCTURE PLATFORM OUTPUT [ELEMENT.VARIABLE=VALUE ...] is wanted");
     read_structure(arguments[1], arguments[2]);
     for (i = 4; i < count; i++) {
         char *equals = strchr(arguments[i], '=');
