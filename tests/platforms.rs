@@ -180,8 +180,8 @@ fn package(folder: &Path, arguments: &[String]) -> Output {
 
 fn members(archive: &Path) -> Vec<String> {
     let archive = zip::ZipArchive::new(fs::File::open(archive).expect("an archive")).expect("a sound archive");
-    let mut names: Vec<_> =
-        archive.file_names().filter(|name| name.starts_with("binaries/")).map(String::from).collect();
+    let names = archive.file_names().map(|name| name.expect("a name").into_owned());
+    let mut names: Vec<_> = names.filter(|name| name.starts_with("binaries/")).collect();
     names.sort();
     names
 }
