@@ -130,7 +130,9 @@ def check_content(name, folder, content, expected):
     else:
         cpu = lief.MachO.Header.CPU_TYPE
         machines = [cpu.ARM64] if arm else [cpu.X86_64, cpu.ARM64]
-        slices = list(lief.MachO.parse(io.BytesIO(content)))
+        # The parts live as long as the whole.
+        whole = lief.MachO.parse(io.BytesIO(content))
+        slices = list(whole)
         check(len(slices) == len(machines), f"{name} holds {len(slices)} libraries")
         exports = [check_macho(name, part, machine) for part, machine in zip(slices, machines)]
     for names in exports:
