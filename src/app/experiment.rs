@@ -106,7 +106,7 @@ fn coherence_note(scenario: &Scenario) -> String {
     }
     let inertia_n = real(scenario, "plant", "m") * omega * omega * real(scenario, "controller", "reference.rZ");
     format!(
-        "The perturbation along z turns in phase with the path: {force_n} N beside m ω² r_Z = {inertia_n:.1} N look like \
+        "The perturbation along z runs in phase with the path: {force_n} N beside m ω² r_Z = {inertia_n:.1} N look like \
          magnets weaker by {:.2} %. No filter takes that away; the paper's method reads it as λ. ",
         100.0 * force_n / (inertia_n + force_n)
     )
