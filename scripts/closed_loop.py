@@ -416,18 +416,24 @@ def differences(one, other, first_row=0):
     return findings
 
 
-def largest_difference(one, other, models, system, first_row=0):
+def largest_difference(one, other, nominals, first_row=0):
     """Find the largest difference of two recordings in parts of the nominal values.
+
+    Parameters
+    ----------
+    one, other : dict
+        Recordings with the same names and rows.
+    nominals : dict
+        Nominal values by name.
+    first_row : int, optional
+        Where to begin.
 
     Returns
     -------
     tuple of (float, str)
         The difference and the variable.
     """
-    worst = (0.0, "none")
-    for name in one.keys() & other.keys():
-        element, _, output = name.partition(".")
-        nominal = float(models[system.elements[element][0]].variables[output].nominal or 1.0)
-        apart = float(np.max(np.abs(one[name][first_row:] - other[name][first_row:]))) / nominal
-        worst = max(worst, (apart, name))
-    return worst
+    apart = {name: float(np.max(np.abs(one[name] - other[name])[first_row:])) / nominals[name] for name in one}
+    # A difference that is no number is the worst.
+    worst = max(apart, key=lambda name: (apart[name] != apart[name], apart[name]))
+    return apart[worst], worst
