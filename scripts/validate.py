@@ -76,8 +76,9 @@ TIME_ROUNDING = 1e-10
 # The shortest steps that importers were seen to make at the end of a run, and the jitter of others, in seconds.
 LAST_STEP_S = 1.1e-16
 JITTER_S = 1e-16
-# Rounding grows 3000-fold in 0.06 s of falling at 130 rad/s; a sensor that read one sample late would be above 1e-2.
-STEP_ROUNDING = 1e-9
+# The shortest steps add up to 7e-14 s, in which a rotor at 0.02 m/s moves 1e-10 of the nominal 1e-5 m; without control,
+# disturbances grow 3000-fold in 0.06 s, at 130 rad/s. A sensor that read one sample late would be above 1e-2.
+STEP_ROUNDING = 1e-6
 # Lengths of runs of one FMU, in sample times: with the currents of the closed loop, and with currents held too long.
 DRIVEN_SAMPLES = 600
 FALLING_SAMPLES = 60
