@@ -28,9 +28,9 @@ HEAD = """\
 Software by others in the binaries of these FMUs
 ================================================
 
-The binaries are made of this project, of the Rust standard library (MIT or Apache-2.0, the Rust Project Developers,
-https://www.rust-lang.org), and of the packages below from https://crates.io. Where a licence expression offers a choice with
-"OR", any of them may be chosen. Each text is printed once, after the list.
+The binaries are made of this project, of the Rust standard library (MIT or Apache-2.0, the Rust Project Developers), and of
+the Rust packages below. Where a licence expression offers a choice with "OR", any of them may be chosen. Each text is printed
+once, after the list.
 """
 
 
