@@ -1,7 +1,7 @@
 """Run the packaged FMUs with direct calls, as the master of the program does, and describe how they are wired.
 
-What is connected to what and which parameters are set is read from the packaged system structure (SSP), or from the text of
-a scenario; both are read here independently of the Rust program.
+What is connected to what and which parameters are set is read from the packaged system structure (SSP), or from the
+text of a scenario; both are read here independently of the Rust program.
 """
 
 import tomllib
@@ -40,7 +40,8 @@ NAMESPACES = {
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
 }
 
-# Messages of all instances by instance name. The native proxy that puts messages together knows one receiver per process.
+# Messages of all instances by instance name. The native proxy that puts messages together knows one receiver per
+# process.
 MESSAGES = {}
 
 
@@ -348,8 +349,8 @@ def run(system, models, times_s, lengths_s, instances=None, after_inputs=False):
     instances : dict, optional
         Instances by element that were already started; by default new ones are made and closed again.
     after_inputs : bool, optional
-        Record the outputs when the new inputs are set, as ecos does, and not when they are read to be handed on. It makes a
-        difference to outputs that follow an input at the same instant, the forces of the magnets.
+        Record the outputs when the new inputs are set, as ecos does, and not when they are read to be handed on. It
+        makes a difference to outputs that follow an input at the same instant, the forces of the magnets.
 
     Returns
     -------
@@ -412,7 +413,9 @@ def differences(one, other, first_row=0):
             findings.append(f"{name}: {len(a)} rows against {len(b)}")
         elif count := same_bits(a, b):
             row = int(np.flatnonzero(a.view(np.uint64) != b.view(np.uint64))[0])
-            findings.append(f"{name}: {count} of {len(a)} values differ, first at row {row + first_row}: {a[row]!r} {b[row]!r}")
+            findings.append(
+                f"{name}: {count} of {len(a)} values differ, first at row {row + first_row}: {a[row]!r} {b[row]!r}"
+            )
     return findings
 
 

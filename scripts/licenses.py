@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Collect the licences of the crates that are linked into the FMUs: modelDescription/licenses/THIRD-PARTY.txt.
 
-Run without arguments it writes the file; with ``--check`` it writes nothing and says whether the file is current. What is
-linked is what `cargo tree` gives as normal dependencies of this package on Linux, without those that only run while
-compiling: procedural macros, build scripts, tests. The texts come from the sources of the crates as cargo has unpacked them.
+Run without arguments it writes the file; with ``--check`` it writes nothing and says whether the file is current. What
+is linked is what `cargo tree` gives as normal dependencies of this package on Linux, without those that only run while
+compiling: procedural macros, build scripts, tests. The texts come from the sources of the crates as cargo has unpacked
+them.
 """
 
 import argparse
@@ -15,29 +16,34 @@ from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parent.parent
 FILE = PROJECT / "modelDescription" / "licenses" / "THIRD-PARTY.txt"
-# One platform for all machines, so that the file is the same everywhere; the others add no more than bindings to their system.
+# One platform for all machines, so that the file is the same everywhere; the others add no more than bindings to their
+# system.
 PLATFORM = "x86_64-unknown-linux-gnu"
 LICENSE_NAMES = re.compile(r"^(licen[cs]e|copying|notice|unlicense|copyright)", re.IGNORECASE)
 # A line that names a holder, and not one in the middle of a licence that speaks about notices.
 COPYRIGHT = re.compile(r"^\W*(?i:copyright)\s+(?:\([cC]\)|©|[12]\d{3}|[A-Z])")
 # The licences speak of copyright, too, and leave blanks to be filled in.
-NO_HOLDER = re.compile(r"copyright (notice|license|holder|owner|and related|statement|\[yyyy\]|\{yyyy\}|law)", re.IGNORECASE)
+NO_HOLDER = re.compile(
+    r"copyright (notice|license|holder|owner|and related|statement|\[yyyy\]|\{yyyy\}|law)", re.IGNORECASE
+)
 WIDTH = 100
 
 HEAD = """\
 Software by others in the binaries of these FMUs
 ================================================
 
-The binaries are made of this project, of the Rust standard library (MIT or Apache-2.0, the Rust Project Developers), and of
-the Rust packages below. Where a licence expression offers a choice with "OR", any of them may be chosen. Each text is printed
-once, after the list.
+The binaries are made of this project, of the Rust standard library (MIT or Apache-2.0, the Rust Project Developers), and
+of the Rust packages below. Where a licence expression offers a choice with "OR", any of them may be chosen. Each text is
+printed once, after the list.
 """
 
 
 def cargo(*arguments):
     """Ask cargo about the packages, without letting it change the versions that are locked."""
     command = ["cargo", *arguments, "--locked"]
-    return subprocess.run(command, cwd=PROJECT, check=True, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, encoding="utf-8").stdout
+    return subprocess.run(
+        command, cwd=PROJECT, check=True, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, encoding="utf-8"
+    ).stdout
 
 
 def linked():
@@ -53,7 +59,9 @@ def linked():
     names = {tuple(line.split()[:2]) for line in tree.splitlines()}
     packages = json.loads(cargo("metadata", "--format-version=1", f"--filter-platform={PLATFORM}"))["packages"]
     # Packages without a source are this project's own.
-    chosen = [package for package in packages if package["source"] and (package["name"], f"v{package['version']}") in names]
+    chosen = [
+        package for package in packages if package["source"] and (package["name"], f"v{package['version']}") in names
+    ]
     return sorted(chosen, key=lambda package: (package["name"], package["version"]))
 
 
@@ -77,7 +85,11 @@ def license_files(package):
         paths.add((folder / package["license_file"]).resolve())
     # A file may hold no more than the name of another one, where a link was lost in packing.
     texts = [(path.name, path.read_text(encoding="utf-8", errors="replace")) for path in sorted(paths)]
-    return [(name, "\n".join(line.rstrip() for line in text.strip("\n").splitlines())) for name, text in texts if len(text) > 80]
+    return [
+        (name, "\n".join(line.rstrip() for line in text.strip("\n").splitlines()))
+        for name, text in texts
+        if len(text) > 80
+    ]
 
 
 def holders(texts):
@@ -134,8 +146,10 @@ def generate():
         entry += [f"  {line}" for line in holders(files)]
         if not files:
             # The package was published without its licence text; its authors are what is known of the holders.
-            entry += [f"  authors: {', '.join(re.sub(r' *<[^>]*>', '', author) for author in package['authors']) or 'not named'}"]
-        entry += [f"  texts: {', '.join(map(str, sorted(set(numbers)))) or 'none in the package; those of the same name below'}"]
+            authors = [re.sub(r" *<[^>]*>", "", author) for author in package["authors"]]
+            entry += [f"  authors: {', '.join(authors) or 'not named'}"]
+        found = ", ".join(map(str, sorted(set(numbers))))
+        entry += [f"  texts: {found or 'none in the package; those of the same name below'}"]
         listed.append("\n".join(entry))
     parts = [HEAD, "\n\n".join(listed)]
     for number, text, users in texts.values():

@@ -1,7 +1,7 @@
 """Run the SSP in libcosim or in ecos and record all outputs: `system_tools.py TOOL SYSTEM OUT.npz [PARAMETER_SET]`.
 
-A program of its own, because these tools are native libraries: one that crashes then fails a check instead of ending all
-of them, and what they print can be looked at. The SSP or the system structure is handed over as it is.
+A program of its own, because these tools are native libraries: one that crashes then fails a check instead of ending
+all of them, and what they print can be looked at. The SSP or the system structure is handed over as it is.
 """
 
 import sys

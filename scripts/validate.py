@@ -1,21 +1,23 @@
 #!/usr/bin/env python3
 """Check the packaged FMUs and the SSP from outside, with tools that other people made.
 
-Needs the packages of scripts/requirements.txt; scripts/test installs them. Everything is checked on the archives as they are
-in target/fmu, or in the folder that --fmu names; what the archives are compared with comes from the program, run by cargo.
+Needs the packages of scripts/requirements.txt; scripts/test installs them. Everything is checked on the archives as
+they are in target/fmu, or in the folder that --fmu names; what the archives are compared with comes from the program,
+run by cargo.
 
 How the SSP runs elsewhere, as found by these checks:
 
 - libcosim reads the system structure, the parameter sets bound to the elements, and the communication step from the
-  annotation of Open Simulation Platform. All elements step at once, then outputs are handed on, as in the program. It counts
-  time in nanoseconds, so that the points of communication differ from count × step in the last bits; given the same points,
-  the direct run has the same bits. Outputs at the start are not offered.
-- ecos is given the step by its user, adds it up, and applies a parameter set only if its user names it (`paper`); otherwise
-  the FMUs run with their start values. Outputs are handed on after all steps, as in the program. What it then shows for
-  outputs that follow an input at the same instant, the forces of the magnets, belongs to the new inputs. Given the same
-  points in time and read at the same place, the direct run has the same bits. It knows no name but SystemStructure.ssd.
-- Neither of the two knows variables of type Enumeration: `method` and `update.mode` keep the start values of the FMUs, and
-  a warning says so. The estimator then runs the method `unbalance`, not the paper's.
+  annotation of Open Simulation Platform. All elements step at once, then outputs are handed on, as in the program. It
+  counts time in nanoseconds, so that the points of communication differ from count × step in the last bits; given the
+  same points, the direct run has the same bits. Outputs at the start are not offered.
+- ecos is given the step by its user, adds it up, and applies a parameter set only if its user names it (`paper`);
+  otherwise the FMUs run with their start values. Outputs are handed on after all steps, as in the program. What it then
+  shows for outputs that follow an input at the same instant, the forces of the magnets, belongs to the new inputs.
+  Given the same points in time and read at the same place, the direct run has the same bits. It knows no name but
+  SystemStructure.ssd.
+- Neither of the two knows variables of type Enumeration: `method` and `update.mode` keep the start values of the FMUs,
+  and a warning says so. The estimator then runs the method `unbalance`, not the paper's.
 """
 
 import argparse
@@ -69,9 +71,9 @@ SCENARIOS = ("paper", "unbalanced", "turned")
 DURATION_S = 0.4
 STEPS = round(DURATION_S / STEP_S)
 
-# Points in time that were added up differ by up to 3e-14 s after 4000 steps. At 314 rad/s that turns a harmonic force of
-# nominal 10 N by 1e-11 of its amplitude; a loop that damps disturbances makes no more of it. A sample of misalignment would
-# be above 1e-2, and so would a parameter that was not applied.
+# Points in time that were added up differ by up to 3e-14 s after 4000 steps. At 314 rad/s that turns a harmonic force
+# of nominal 10 N by 1e-11 of its amplitude; a loop that damps disturbances makes no more of it. A sample of
+# misalignment would be above 1e-2, and so would a parameter that was not applied.
 TIME_ROUNDING = 1e-10
 # The shortest steps that importers were seen to make at the end of a run, and the jitter of others, in seconds.
 LAST_STEP_S = 1.1e-16
@@ -101,7 +103,15 @@ MACHINE_PATHS = re.compile(rb"(?<![\w.])/(?:root|home|Users|tmp|work|builds|gith
 REFUSED = [
     (fmu, settings, list(settings))
     for fmu in FMUS
-    for settings in [{"m": math.nan}, {"m": 0.0}, {"m": -6.7}, {"m": math.inf}, {"s": math.nan}, {"s": 0.0}, {"s": -5e-4}]
+    for settings in [
+        {"m": math.nan},
+        {"m": 0.0},
+        {"m": -6.7},
+        {"m": math.inf},
+        {"s": math.nan},
+        {"s": 0.0},
+        {"s": -5e-4},
+    ]
 ]
 REFUSED += [
     (fmu, {name: value}, [name])
@@ -152,10 +162,16 @@ class Report:
             findings, note = function(*arguments)
         except Exception as error:  # A check that cannot be carried out has failed, whatever the reason.
             place = traceback.extract_tb(error.__traceback__)[-1]
-            findings, note = [f"{type(error).__name__} in {Path(place.filename).name}, line {place.lineno}: {error}"], ""
+            findings, note = (
+                [f"{type(error).__name__} in {Path(place.filename).name}, line {place.lineno}: {error}"],
+                "",
+            )
         self.passed += not findings
         self.failed += bool(findings)
-        print(f"{'FAILED' if findings else 'ok':6} {time.monotonic() - start:5.1f} s  {name:58} {note}".rstrip(), flush=True)
+        print(
+            f"{'FAILED' if findings else 'ok':6} {time.monotonic() - start:5.1f} s  {name:58} {note}".rstrip(),
+            flush=True,
+        )
         for finding in findings[:10]:
             print(f"         {finding}")
         if len(findings) > 10:
@@ -183,7 +199,9 @@ class Archives:
 
     def scenario(self, name):
         """Read a scenario that comes with the program."""
-        return read_scenario(program("simulate", "--print", name), self.models, self.systems["SystemStructure.ssd"].connections)
+        return read_scenario(
+            program("simulate", "--print", name), self.models, self.systems["SystemStructure.ssd"].connections
+        )
 
     def direct(self, name):
         """Run a scenario over the packaged FMUs, once."""
@@ -192,7 +210,9 @@ class Archives:
 
 def program(*arguments):
     """Run the program of this project and return what it prints."""
-    done = subprocess.run([*PROGRAM, *map(str, arguments)], cwd=PROJECT, capture_output=True, encoding="utf-8", stdin=subprocess.DEVNULL)
+    done = subprocess.run(
+        [*PROGRAM, *map(str, arguments)], cwd=PROJECT, capture_output=True, encoding="utf-8", stdin=subprocess.DEVNULL
+    )
     if done.returncode:
         raise RuntimeError(done.stderr.strip() or f"the program ended with {done.returncode}")
     return done.stdout
@@ -209,16 +229,25 @@ def fmpy_validation(archives, fmu):
 def fmutool_check(archives, fmu):
     """Let the FMU manipulation toolbox look at an FMU."""
     tool = Path(sys.executable).with_name("fmutool")
-    done = subprocess.run([tool, "-input", archives.models[fmu].archive, "-check"], capture_output=True, encoding="utf-8", stdin=subprocess.DEVNULL)
+    done = subprocess.run(
+        [tool, "-input", archives.models[fmu].archive, "-check"],
+        capture_output=True,
+        encoding="utf-8",
+        stdin=subprocess.DEVNULL,
+    )
     text = done.stdout + done.stderr
     findings = [line for line in text.splitlines() if not line.startswith("INFO")]
-    findings += [f"it does not say: {words}" for words in ("compliant with FMI-2.0", "No semantic error") if words not in text]
+    findings += [
+        f"it does not say: {words}" for words in ("compliant with FMI-2.0", "No semantic error") if words not in text
+    ]
     return findings + ([f"it ended with {done.returncode}"] if done.returncode else []), ""
 
 
 def schema_of_fmi(archives, fmu):
     """Compare a model description with the schema of the standard."""
-    return schema_findings("schema/fmi2/fmi2ModelDescription.xsd", archives.models[fmu].archive, "modelDescription.xml"), ""
+    return schema_findings(
+        "schema/fmi2/fmi2ModelDescription.xsd", archives.models[fmu].archive, "modelDescription.xml"
+    ), ""
 
 
 def schema_of_ssp(archives, member):
@@ -237,13 +266,13 @@ def schema_findings(schema, archive, member):
 
 
 def ssp_rules(archives, structure):
-    """Check what schemas cannot: names, kinds, types and units against the FMUs, and what tools are known to insist on."""
+    """Check what schemas cannot: names, kinds, types and units against the FMUs, and what tools insist on."""
     findings = []
     with zipfile.ZipFile(archives.ssp) as archive:
-        members = archive.namelist()
         text = archive.read(structure)
         root = etree.fromstring(text)
-        sets = {name: etree.fromstring(archive.read(name)) for name in members if name.endswith(".ssv")}
+        names = archive.namelist()
+        sets = {name: etree.fromstring(archive.read(name)) for name in names if name.endswith(".ssv")}
         for name in FMUS:
             if archive.read(f"resources/{name}.fmu") != archives.models[name].archive.read_bytes():
                 findings.append(f"resources/{name}.fmu is another than {archives.models[name].archive.name}")
@@ -254,52 +283,70 @@ def ssp_rules(archives, structure):
         findings.append("the system has connectors of its own, which ecos cannot connect")
     if root.find("ssd:System/ssd:ParameterBindings", NAMESPACES) is not None:
         findings.append("parameters are bound to the system, where libcosim and ecos do not look")
-
     units = {unit.get("name"): exponents(unit) for unit in root.iterfind("ssd:Units/ssc:Unit", NAMESPACES)}
     connectors = {}
     for component in root.iterfind(".//ssd:Component", NAMESPACES):
         element = component.get("name")
-        if component.get("type") != "application/x-fmu-sharedlibrary" or component.get("source") not in members:
-            findings.append(f"{element}: type {component.get('type')}, source {component.get('source')}")
         model = archives.models[ELEMENTS[element]]
-        declared = {unit.name: unit.baseUnit for unit in model.description.unitDefinitions}
-        for connector in component.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES):
-            name, kind = connector.get("name"), etree.QName(connector[0]).localname
-            variable = model.variables.get(name)
-            connectors[element, name] = connector
-            if variable is None or connector.get("kind") != variable.causality:
-                findings.append(f"{element}.{name}: the FMU has no {connector.get('kind')} of that name")
-            elif kind != {"Enumeration": "Integer"}.get(variable.type, variable.type):
-                findings.append(f"{element}.{name}: {kind} against {variable.type} in the FMU")
-            elif (unit := connector[0].get("unit")) != variable.unit:
-                findings.append(f"{element}.{name}: unit {unit} against {variable.unit} in the FMU")
-            elif unit is not None and units.get(unit) != exponents_of_fmu(declared[unit]):
-                findings.append(f"{element}.{name}: unit {unit} is {units.get(unit)} and {exponents_of_fmu(declared[unit])} in the FMU")
-        for missing in {v for v in model.variables if model.variables[v].causality != "local"} - {n for e, n in connectors if e == element}:
-            findings.append(f"{element}.{missing} has no connector")
+        if component.get("type") != "application/x-fmu-sharedlibrary" or component.get("source") not in names:
+            findings.append(f"{element}: type {component.get('type')}, source {component.get('source')}")
+        own = {c.get("name"): c for c in component.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES)}
+        connectors |= {(element, name): connector for name, connector in own.items()}
+        findings += [f"{element}.{line}" for line in connector_rules(own, model, units)]
         for binding in component.iterfind("ssd:ParameterBindings/ssd:ParameterBinding", NAMESPACES):
-            if binding.get("source") not in sets:
-                findings.append(f"{element}: {binding.get('source')} is not in the archive")
-                continue
-            values = sets[binding.get("source")]
-            if values.get("name") != VARIANTS[structure]:
-                findings.append(f"{binding.get('source')} is named {values.get('name')}, which users of ecos would have to know")
-            for parameter in values.iterfind(".//ssv:Parameter", NAMESPACES):
-                variable = model.variables.get(parameter.get("name"))
-                if variable is None or variable.causality not in ("parameter", "input"):
-                    findings.append(f"{element}: {parameter.get('name')} cannot be set")
-                elif parameter[0].get("unit") != variable.unit:
-                    findings.append(f"{element}.{variable.name} is given in {parameter[0].get('unit')}, the FMU has {variable.unit}")
-    for (start, end) in archives.systems[structure].connections:
-        if start not in connectors or connectors[start].get("kind") != "output":
-            findings.append(f"{'.'.join(start)} is no output to be connected")
-        elif end not in connectors or connectors[end].get("kind") != "input":
-            findings.append(f"{'.'.join(end)} is no input to be connected")
-        elif connectors[start][0].tag != connectors[end][0].tag or connectors[start][0].get("unit") != connectors[end][0].get("unit"):
-            findings.append(f"{'.'.join(start)} and {'.'.join(end)} differ in type or unit, which OMSimulator refuses")
-    ends = [end for _, end in archives.systems[structure].connections]
-    findings += [f"{'.'.join(end)} is connected twice" for end in sorted(set(ends)) if ends.count(end) > 1]
-    return findings, f"{len(connectors)} connectors, {len(ends)} connections"
+            source = binding.get("source")
+            if source in sets:
+                findings += [f"{source}: {line}" for line in parameter_rules(sets[source], model, VARIANTS[structure])]
+            else:
+                findings.append(f"{element}: {source} is not in the archive")
+    connections = archives.systems[structure].connections
+    findings += connection_rules(connections, connectors)
+    return findings, f"{len(connectors)} connectors, {len(connections)} connections"
+
+
+def connector_rules(connectors, model, units):
+    """Compare the connectors of an element with the variables of its FMU."""
+    kinds = {"Enumeration": "Integer"}
+    declared = {unit.name: exponents_of_fmu(unit.baseUnit) for unit in model.description.unitDefinitions}
+    for name, connector in connectors.items():
+        variable, kind, unit = model.variables.get(name), etree.QName(connector[0]).localname, connector[0].get("unit")
+        if variable is None or connector.get("kind") != variable.causality:
+            yield f"{name}: the FMU has no {connector.get('kind')} of that name"
+        elif kind != kinds.get(variable.type, variable.type):
+            yield f"{name}: {kind} against {variable.type} in the FMU"
+        elif unit != variable.unit:
+            yield f"{name}: unit {unit} against {variable.unit} in the FMU"
+        elif unit is not None and units.get(unit) != declared[unit]:
+            yield f"{name}: unit {unit} is {units.get(unit)}, in the FMU {declared[unit]}"
+    for name, variable in model.variables.items():
+        if variable.causality != "local" and name not in connectors:
+            yield f"{name} has no connector"
+
+
+def parameter_rules(parameters, model, name):
+    """Compare a parameter set with the variables of the FMU that it is bound to."""
+    if parameters.get("name") != name:
+        yield f"it is named {parameters.get('name')} and not {name}, by which users of ecos ask for it"
+    for parameter in parameters.iterfind(".//ssv:Parameter", NAMESPACES):
+        variable = model.variables.get(parameter.get("name"))
+        if variable is None or variable.causality not in ("parameter", "input"):
+            yield f"{parameter.get('name')} cannot be set"
+        elif parameter[0].get("unit") != variable.unit:
+            yield f"{variable.name} is given in {parameter[0].get('unit')}, the FMU has {variable.unit}"
+
+
+def connection_rules(connections, connectors):
+    """Check that connections lead from outputs to inputs of the same type and unit, and to each input once."""
+    for start, end in connections:
+        output, into = connectors.get(start), connectors.get(end)
+        if output is None or output.get("kind") != "output":
+            yield f"{'.'.join(start)} is no output to be connected"
+        elif into is None or into.get("kind") != "input":
+            yield f"{'.'.join(end)} is no input to be connected"
+        elif (output[0].tag, output[0].get("unit")) != (into[0].tag, into[0].get("unit")):
+            yield f"{'.'.join(start)} and {'.'.join(end)} differ in type or unit, which OMSimulator refuses"
+    ends = [end for _, end in connections]
+    yield from (f"{'.'.join(end)} is connected twice" for end in sorted(set(ends)) if ends.count(end) > 1)
 
 
 def exponents(unit):
@@ -366,7 +413,11 @@ def exported_symbols(archives, fmu):
     for binary in binaries:
         with binary.open("rb") as file:
             table = ELFFile(file).get_section_by_name(".dynsym")
-            found = {s.name for s in table.iter_symbols() if s["st_shndx"] != "SHN_UNDEF" and s["st_info"]["bind"] != "STB_LOCAL"}
+            found = {
+                s.name
+                for s in table.iter_symbols()
+                if s["st_shndx"] != "SHN_UNDEF" and s["st_info"]["bind"] != "STB_LOCAL"
+            }
         findings += [f"{binary.parent.name}: {name} is missing" for name in sorted(wanted - found)]
         findings += [f"{binary.parent.name}: {name} should not be exported" for name in sorted(found - wanted)]
     if not binaries:
@@ -416,12 +467,14 @@ def as_the_program(archives, scenario):
 def parameters_of_ssp(archives, structure):
     """Compare the parameter sets of the SSP with the scenario that they come from."""
     scenario, findings, count = archives.scenario(VARIANTS[structure]), [], 0
-    for element, (fmu, settings) in archives.systems[structure].elements.items():
+    for element, (_, settings) in archives.systems[structure].elements.items():
         wanted = scenario.elements[element][1]
         count += len(wanted)
         for name in sorted(settings.keys() | wanted.keys()):
             if settings.get(name) != wanted.get(name):
-                findings.append(f"{element}.{name}: {settings.get(name)} in the SSP, {wanted.get(name)} in the scenario")
+                findings.append(
+                    f"{element}.{name}: {settings.get(name)} in the SSP, {wanted.get(name)} in the scenario"
+                )
     return findings, f"{count} values"
 
 
@@ -450,7 +503,14 @@ def in_tool(archives, tool, structure, named):
         else:
             (path / structure).replace(path / "SystemStructure.ssd")
     out = archives.scratch / f"{tool}.npz"
-    command = [sys.executable, PROJECT / "scripts" / "system_tools.py", tool, path, out, *([VARIANTS[structure]] if named else [])]
+    command = [
+        sys.executable,
+        PROJECT / "scripts" / "system_tools.py",
+        tool,
+        path,
+        out,
+        *([VARIANTS[structure]] if named else []),
+    ]
     done = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", stdin=subprocess.DEVNULL)
     text = done.stdout + done.stderr
     if done.returncode:
@@ -463,7 +523,9 @@ def in_tool(archives, tool, structure, named):
     findings = []
     for line in text.splitlines():
         # What is known to be passed over is a choice; any other warning is news.
-        if re.search(r"warning|error", line, re.IGNORECASE) and not any(re.search(rf"\b{re.escape(choice)}\b", line) for choice in choices):
+        if re.search(r"warning|error", line, re.IGNORECASE) and not any(
+            re.search(rf"\b{re.escape(choice)}\b", line) for choice in choices
+        ):
             findings.append(line)
     if tool == "libcosim":
         times_s = [step * round(STEP_S * 1e9) / 1e9 for step in range(STEPS + 1)]
@@ -479,13 +541,18 @@ def in_tool(archives, tool, structure, named):
     ours = run(settings, archives.models, times_s, lengths_s, after_inputs=after_inputs)
     findings += differences(ours, theirs, first_row)
     even = run(settings, archives.models, *even_times(DURATION_S), after_inputs=after_inputs)
-    apart, name = largest_difference(theirs, even, nominals(archives, {f"{element}.": fmu for element, (fmu, _) in settings.elements.items()}), first_row)
+    parts = {f"{element}.": fmu for element, (fmu, _) in settings.elements.items()}
+    apart, name = largest_difference(theirs, even, nominals(archives, parts), first_row)
     if not apart <= TIME_ROUNDING:
-        findings.append(f"{name} is {apart:.1e} of its nominal value from the run with even steps, limit {TIME_ROUNDING:.0e}")
+        findings.append(
+            f"{name} is {apart:.1e} of its nominal value from the run with even steps, limit {TIME_ROUNDING:.0e}"
+        )
     names = [f"estimator.lambdaHat[{k}]" for k in (1, 2, 3)]
     estimates = max(abs(theirs[name][-1] / even[name][-1] - 1) for name in names)
     if not estimates <= TIME_ROUNDING:
-        findings.append(f"the final estimates are {estimates:.1e} from the run with even steps, limit {TIME_ROUNDING:.0e}")
+        findings.append(
+            f"the final estimates are {estimates:.1e} from the run with even steps, limit {TIME_ROUNDING:.0e}"
+        )
     shown = " ".join(f"{theirs[name][-1] * 1e6:.4f}" for name in names)
     return findings, f"same bits at its times; even steps within {apart:.0e} of nominal; lambda {shown} e-6"
 
@@ -550,8 +617,9 @@ def other_steps(archives, fmu):
     """Compare runs with the inputs held over the same time and steps of different lengths.
 
     The sampled FMUs act at multiples of the sample time only and must give the same bits whatever the steps. The plant
-    integrates with sub-steps of half a sample time, so that halves and doubles of it lead to the same sub-steps and differ by
-    rounding; with doubles the inputs of the reference are held as long, and the run is short, because the rotor falls.
+    integrates with sub-steps of half a sample time, so that halves and doubles of it lead to the same sub-steps and
+    differ by rounding; with doubles the inputs of the reference are held as long, and the run is short, because the
+    rotor falls.
     """
     cases = [("halves", 2, 1, False), ("quarters", 4, 1, False), ("jitter", 1, 1, True)]
     if fmu == "MagneticBearing":
@@ -577,6 +645,27 @@ def other_steps(archives, fmu):
 # Misuse.
 
 
+def start_values(archives, fmu):
+    """Read all variables of a new instance, as some tools do, and compare with the start values that tools show to
+people."""
+    findings, count = [], 0
+    instance = Instance(archives.models[fmu], "new")
+    for name, variable in archives.models[fmu].variables.items():
+        value = instance.get(name)[0]
+        if not math.isfinite(value):
+            findings.append(f"{name} is {value} in a new instance")
+        if variable.start is None:
+            continue
+        count += 1
+        start = float({"true": 1, "false": 0}.get(variable.start, variable.start))
+        if value != start:
+            findings.append(f"{name} starts at {value}, the description says {variable.start}")
+        if (variable.min and float(variable.min) > start) or (variable.max and float(variable.max) < start):
+            findings.append(f"{name} = {variable.start} lies outside {variable.min} to {variable.max}")
+    instance.close()
+    return findings, f"{count} start values"
+
+
 def wrong_guid(archives, fmu):
     """Ask for an instance with a GUID that the binary does not know."""
     try:
@@ -586,7 +675,11 @@ def wrong_guid(archives, fmu):
         if "Failed to instantiate" not in str(error):
             raise
     messages = MESSAGES["wrong guid"]
-    findings = [] if any("fmuGUID" in text and "00000000" in text for _, _, text in messages) else [f"no message names the GUID: {messages}"]
+    findings = (
+        []
+        if any("fmuGUID" in text and "00000000" in text for _, _, text in messages)
+        else [f"no message names the GUID: {messages}"]
+    )
     return findings, "no instance, and a message"
 
 
@@ -594,9 +687,17 @@ def odd_callers(archives, fmu):
     """Instantiate with the resource locations and names that importers are known to pass."""
     findings, model = [], archives.models[fmu]
     folder = Path(model.folder).as_posix()
-    for location in [f"file:{folder}/resources", f"file://{folder}/resources/", f"file:///{folder}/resources", "file:///a%20b/resources", ""]:
+    for location in [
+        f"file:{folder}/resources",
+        f"file://{folder}/resources/",
+        f"file:///{folder}/resources",
+        "file:///a%20b/resources",
+        "",
+    ]:
         for name in ["plain", "system.element with spaces.dots", "/a/path to/an instance.fmu", "é"]:
-            instance = FMU2Slave(guid=model.description.guid, unzipDirectory=model.folder, modelIdentifier=fmu, instanceName=name)
+            instance = FMU2Slave(
+                guid=model.description.guid, unzipDirectory=model.folder, modelIdentifier=fmu, instanceName=name
+            )
             component = instance.fmi2Instantiate(
                 name.encode(), 1, model.description.guid.encode(), location.encode(), CALLBACKS, 0, 1
             )
@@ -621,7 +722,9 @@ def refused_parameters(archives, fmu):
                 instance.fmu.exitInitializationMode()
                 findings.append(f"{settings} was accepted")
             except FMICallException as error:
-                texts = [text for status, category, text in instance.messages if status == 3 and category == "logStatusError"]
+                texts = [
+                    text for status, category, text in instance.messages if status == 3 and category == "logStatusError"
+                ]
                 line = " ".join(texts)
                 if error.status != 3:
                     findings.append(f"{settings}: status {error.status} and not fmi2Error")
@@ -730,22 +833,26 @@ def two_at_once(archives):
     return differences(expected, together), f"{steps} steps"
 
 
+def resident_kb():
+    """Memory of this process, where the system tells it."""
+    status = Path("/proc/self/status")
+    return int(re.search(r"VmRSS:\s+(\d+)", status.read_text()).group(1)) if status.exists() else 0
+
+
 def campaign(archives):
     """Load, instantiate, run and free many times; memory must not grow."""
-    status = Path("/proc/self/status")
-    resident = lambda: int(re.search(r"VmRSS:\s+(\d+)", status.read_text()).group(1)) if status.exists() else 0
     start = 0
     for count in range(INSTANCES):
         # The first rounds fill caches of the interpreter and of the allocator.
         if count == INSTANCES // 5:
-            start = resident()
+            start = resident_kb()
         for model in archives.models.values():
             instance = Instance(model, "campaign")
             instance.start()
             instance.step(0.0, 10 * STEP_S)
             instance.fmu.terminate()
             instance.close()
-    growth = resident() - start
+    growth = resident_kb() - start
     findings = [f"memory grew by {growth} kB"] if growth > MEMORY_GROWTH_KB else []
     return findings, f"{3 * INSTANCES} instances, memory grew by {growth} kB"
 
@@ -759,7 +866,9 @@ def main():
         0 if all passed, 1 if not.
     """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--fmu", type=Path, default=PROJECT / "target" / "fmu", metavar="DIR", help="folder with the archives")
+    parser.add_argument(
+        "--fmu", type=Path, default=PROJECT / "target" / "fmu", metavar="DIR", help="folder with the archives"
+    )
     parser.add_argument("--only", metavar="TEXT", default="", help="carry out only checks whose name holds this text")
     arguments = parser.parse_args()
     report = Report()
@@ -795,8 +904,16 @@ def main():
         for structure in VARIANTS:
             check(f"{structure}: in libcosim", in_tool, archives, "libcosim", structure, False)
             check(f"{structure}: in ecos, parameter set named", in_tool, archives, "ecos", structure, True)
-        check("SystemStructure.ssd: in ecos, no parameter set named", in_tool, archives, "ecos", "SystemStructure.ssd", False)
+        check(
+            "SystemStructure.ssd: in ecos, no parameter set named",
+            in_tool,
+            archives,
+            "ecos",
+            "SystemStructure.ssd",
+            False,
+        )
         for fmu in FMUS:
+            check(f"{fmu}: start values", start_values, archives, fmu)
             check(f"{fmu}: steps of other lengths", other_steps, archives, fmu)
             check(f"{fmu}: wrong GUID", wrong_guid, archives, fmu)
             check(f"{fmu}: names and locations of odd callers", odd_callers, archives, fmu)
