@@ -646,14 +646,16 @@ def other_steps(archives, fmu):
 
 
 def start_values(archives, fmu):
-    """Read all variables of a new instance, as some tools do, and compare with the start values that tools show to
-people."""
+    """Read all variables during initialization and compare with the start values, which are all that people see."""
     findings, count = [], 0
     instance = Instance(archives.models[fmu], "new")
+    instance.fmu.setupExperiment()
+    # libcosim reads everything here, the inputs as well.
+    instance.fmu.enterInitializationMode()
     for name, variable in archives.models[fmu].variables.items():
         value = instance.get(name)[0]
         if not math.isfinite(value):
-            findings.append(f"{name} is {value} in a new instance")
+            findings.append(f"{name} is {value} before the run")
         if variable.start is None:
             continue
         count += 1
