@@ -71,6 +71,7 @@ impl Unit {
 
     /// All names by which values of this unit may be given.
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
-        std::iter::once(self.name).chain(self.displays.iter().map(|display| display.name))
+        let displays = self.displays.iter().map(|display| display.name);
+        std::iter::once(self.name).chain(displays.filter(|name| *name != self.name))
     }
 }
