@@ -7,6 +7,7 @@ use std::f64::consts::{FRAC_PI_3, PI};
 use std::fs;
 use std::path::Path;
 
+use magnetic_bearing::app::documentation;
 use magnetic_bearing::fmi2::description;
 use magnetic_bearing::fmi2::registry::{self, Entry};
 use magnetic_bearing::slave::variable::{Type, Variable};
@@ -201,6 +202,11 @@ fn the_files_under_review_are_current() {
         let file = fs::read_to_string(folder.join(&name)).unwrap_or_default();
         assert!(file == entry.description, "modelDescription/{name} is stale: `cargo run -- describe` writes it anew");
     }
+    let file = fs::read_to_string(folder.join("VARIABLES.md")).unwrap_or_default();
+    assert!(
+        file == documentation::markdown(),
+        "modelDescription/VARIABLES.md is stale: `cargo run -- describe` writes it anew"
+    );
 }
 
 #[test]
@@ -347,7 +353,7 @@ fn every_variable_can_be_read_by_people() {
                 let displays = units.get(unit).unwrap_or_else(|| panic!("{model}.{name}: {unit} is not declared"));
                 let display = kind.attribute("displayUnit");
                 assert!(
-                    display.is_none_or(|display| display == unit || displays.iter().any(|known| known == display)),
+                    display.is_none_or(|display| display != unit && displays.iter().any(|known| known == display)),
                     "{model}.{name}: {display:?} is no unit for display of {unit}"
                 );
                 let nominal = number(kind, "nominal").unwrap_or_else(|| panic!("{model}.{name} has no nominal"));
@@ -371,16 +377,18 @@ fn number_or_none(kind: Node<'_, '_>) -> Option<f64> {
 #[test]
 fn units_are_declared_once_and_by_their_base_units() {
     // Name, exponents as they are written, and what displays show for 1.
-    const UNITS: &[(&str, &[(&str, &str)], &[(&str, f64)])] = &[
+    // The first unit for display is the one that is proposed, which may be the unit itself.
+    type Declared = (&'static str, &'static [(&'static str, &'static str)], &'static [(&'static str, f64)]);
+    const UNITS: &[Declared] = &[
         ("1", &[], &[]),
-        ("kg", &[("kg", "1")], &[("g", 1e3)]),
+        ("kg", &[("kg", "1")], &[("kg", 1.0), ("g", 1e3)]),
         ("m", &[("m", "1")], &[("µm", 1e6), ("mm", 1e3)]),
         ("m/s", &[("m", "1"), ("s", "-1")], &[("mm/s", 1e3)]),
         ("m/s2", &[("m", "1"), ("s", "-2")], &[]),
         ("s", &[("s", "1")], &[("ms", 1e3), ("µs", 1e6)]),
         ("rad", &[("rad", "1")], &[("deg", 57.29577951308232)]),
         ("rad/s", &[("rad", "1"), ("s", "-1")], &[("rpm", 9.549296585513721), ("Hz", 0.15915494309189535)]),
-        ("A", &[("A", "1")], &[("mA", 1e3)]),
+        ("A", &[("A", "1")], &[("A", 1.0), ("mA", 1e3)]),
         ("N", &[("kg", "1"), ("m", "1"), ("s", "-2")], &[]),
         ("N.m2/A2", &[("kg", "1"), ("m", "3"), ("s", "-2"), ("A", "-2")], &[("N.mm2/A2", 1e6)]),
         ("kg.m", &[("kg", "1"), ("m", "1")], &[("g.mm", 1e6)]),
@@ -494,8 +502,11 @@ fn changed(change: impl FnOnce(&mut Vec<Variable>)) -> Vec<&'static Variable> {
     Box::leak(variables.into_boxed_slice()).iter().collect()
 }
 
+/// How a kind tells its variables.
+type Variables = fn() -> Vec<&'static Variable>;
+
 /// The GUID that the plant would have with these variables.
-fn guid(variables: fn() -> Vec<&'static Variable>) -> String {
+fn guid(variables: Variables) -> String {
     description::write(&Kind { variables, ..plant::KIND }).0
 }
 
@@ -503,7 +514,7 @@ fn guid(variables: fn() -> Vec<&'static Variable>) -> String {
 fn the_guid_follows_the_interface() {
     let now = entry("MagneticBearing").guid.clone();
     assert_eq!(guid(|| changed(|_| {})), now, "without a change the GUID stays");
-    let changes: [(&str, fn() -> Vec<&'static Variable>); 5] = [
+    let changes: [(&str, Variables); 5] = [
         ("a name", || changed(|variables| variables[0].name = "mass".into())),
         ("a description", || changed(|variables| variables[0].description = "Mass".into())),
         ("a start", || {

@@ -8,6 +8,7 @@ use std::ptr::{null, null_mut};
 use std::thread;
 
 use magnetic_bearing::fmi2::bindings::*;
+use magnetic_bearing::fmi2::sequence::Function;
 use magnetic_bearing::slave::variable::{Causality, Type};
 use support::ffi::{Expect, Fmu, Message, Request, guid, text};
 use support::says;
@@ -191,6 +192,16 @@ fn every_function_is_refused_in_every_state_that_is_not_its_own() {
             }
             assert_eq!(state_of(&fmu), state, "fmi2{function} in `{words}` changed the state");
         }
+    }
+}
+
+/// The table above leaves out nothing but the function that ends an instance and answers nothing.
+#[test]
+fn every_function_is_swept() {
+    let swept: Vec<_> = SEQUENCE.iter().map(|(function, _)| format!("fmi2{function}")).collect();
+    for function in Function::ALL {
+        let name = function.name();
+        assert!(swept.iter().any(|known| known == name) || name == "fmi2FreeInstance", "{name} is not swept");
     }
 }
 
@@ -469,8 +480,11 @@ fn steps_of_any_length_are_taken() {
     }
 }
 
+/// Calls of `fmi2SetDebugLogging`: on or off, and the categories.
+type Switches = &'static [(bool, &'static [&'static str])];
+
 /// What an importer hears of a controller that takes over new force constants at its first sample.
-fn heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<Message> {
+fn heard(logging: bool, switches: Switches) -> Vec<Message> {
     let fmu = Request { logging, ..Request::of(CONTROLLER) }.instantiate(CONTROLLER).expect("an instance");
     for (on, categories) in switches {
         fmu.set_logging(*on, categories).ok(&fmu);
@@ -493,7 +507,7 @@ fn messages_come_in_the_categories_that_are_wanted() {
     says(&message.text, &["force constants", "2e-6"]);
     assert_eq!(message.instance, "instance");
 
-    let cases: [(bool, &[(bool, &[&str])], bool); 9] = [
+    let cases: [(bool, Switches, bool); 9] = [
         (false, &[], false),
         (false, &[(true, &[])], true),
         (false, &[(true, &["logEvents"])], true),

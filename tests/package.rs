@@ -2,10 +2,11 @@
 
 mod support;
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fs;
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use magnetic_bearing::app::package::{self, Written};
 use magnetic_bearing::app::scenario::Scenario;
@@ -192,8 +193,11 @@ fn the_system_holds_the_fmus_as_they_are() {
         "resources/AlgebraicEstimator.fmu",
         "resources/FlatnessController.fmu",
         "resources/MagneticBearing.fmu",
-        "resources/paper.ssv",
-        "resources/unbalanced.ssv",
+        "resources/paper-controller.ssv",
+        "resources/paper-estimator.ssv",
+        "resources/paper-plant.ssv",
+        "resources/unbalanced-estimator.ssv",
+        "resources/unbalanced-plant.ssv",
     ];
     assert_eq!(system.keys().collect::<Vec<_>>(), wanted);
     for fmu in &written[..3] {
@@ -215,14 +219,27 @@ fn systems_connect_what_exists_and_name_what_is_there() {
         says(&text, &["<ssd:SystemStructureDescription ", "version=\"1.0\""]);
         for node in root.descendants().filter(Node::is_element) {
             let prefix = node.tag_name().namespace().and_then(|space| node.lookup_prefix(space));
-            assert!(matches!(prefix, Some("ssd" | "ssc")), "{file}: {:?} has the prefix {prefix:?}", node.tag_name());
+            assert!(
+                matches!(prefix, Some("ssd" | "ssc" | "osp")),
+                "{file}: {:?} has the prefix {prefix:?}",
+                node.tag_name()
+            );
         }
         for source in named(root, "Component").chain(named(root, "ParameterBinding")) {
             let source = source.attribute("source").expect("a source");
             assert!(system.contains_key(source), "{file}: {source} is not in the archive");
         }
-        let bindings: Vec<_> = named(root, "ParameterBinding").filter_map(|node| node.attribute("source")).collect();
-        assert_eq!(bindings, [format!("resources/{set}.ssv")]);
+        // One set for every element that has settings, bound at the element: some tools look nowhere else.
+        let scenario = Scenario::open(Path::new(set)).expect("a scenario of the program");
+        for component in named(root, "Component") {
+            let element = component.attribute("name").expect("a name");
+            let bound: Vec<_> =
+                named(component, "ParameterBinding").filter_map(|node| node.attribute("source")).collect();
+            let part = scenario.elements.iter().find(|part| part.name == element).expect("an element");
+            let wanted: Vec<_> =
+                (!part.settings.is_empty()).then(|| format!("resources/{set}-{element}.ssv")).into_iter().collect();
+            assert_eq!(bound, wanted, "{file}: {element}");
+        }
 
         // Connectors by element and name: kind, type, unit. They are those of the variables, and there are none at the root.
         let mut connectors = HashMap::new();
@@ -277,39 +294,65 @@ fn systems_connect_what_exists_and_name_what_is_there() {
 fn parameter_sets_give_what_the_scenarios_say() {
     let system = archive("MagneticBearing.ssp", "parameters");
     for name in ["paper", "unbalanced"] {
-        let text = String::from_utf8(system[&format!("resources/{name}.ssv")].clone()).expect("UTF-8");
-        let document = Document::parse(&text).unwrap_or_else(|error| panic!("{name}: {error}"));
-        let root = document.root_element();
-        says(&text, &["<ssv:ParameterSet ", "version=\"1.0\""]);
-        for node in root.descendants().filter(Node::is_element) {
-            let prefix = node.tag_name().namespace().and_then(|space| node.lookup_prefix(space));
-            assert!(matches!(prefix, Some("ssv" | "ssc")), "{name}: {:?} has the prefix {prefix:?}", node.tag_name());
-        }
-        let units: HashSet<_> = named(root, "Unit").filter_map(|unit| unit.attribute("name")).collect();
         let scenario = Scenario::open(Path::new(name)).expect("a scenario of the program");
-        let mut seen = HashSet::new();
-        for parameter in named(root, "Parameter") {
-            let path = parameter.attribute("name").expect("a name");
-            assert!(seen.insert(path), "{name}: {path} stands there twice");
-            let (element, variable) = path.split_once('.').expect("element and variable");
-            let kind = scenario.elements.iter().find(|candidate| candidate.name == element).expect("an element").kind;
-            let of_table = (kind.variables)().into_iter().find(|known| known.name == variable).expect("a variable");
-            assert!(of_table.is_settable(), "{name}: {path} can be set");
-            let value = parameter.first_element_child().expect("a value");
-            let said: f64 = match value.attribute("value").expect("a value") {
-                "true" => 1.0,
-                "false" => 0.0,
-                text => text.parse().unwrap_or_else(|_| panic!("{name}: {path} = {text}")),
-            };
-            let wanted = scenario.value(element, variable).expect("a value").as_f64();
-            assert_eq!(said.to_bits(), wanted.to_bits(), "{name}: {path}");
-            let unit = value.attribute("unit").unwrap_or_default();
-            assert_eq!(unit, of_table.unit_name(), "{name}: {path}");
-            assert!(unit.is_empty() || units.contains(unit), "{name}: the unit {unit} is not declared");
+        for part in scenario.elements[..3].iter().filter(|part| !part.settings.is_empty()) {
+            let file = format!("resources/{name}-{}.ssv", part.name);
+            let text = String::from_utf8(system[&file].clone()).expect("UTF-8");
+            let document = Document::parse(&text).unwrap_or_else(|error| panic!("{file}: {error}"));
+            let root = document.root_element();
+            says(&text, &["<ssv:ParameterSet ", "version=\"1.0\""]);
+            for node in root.descendants().filter(Node::is_element) {
+                let prefix = node.tag_name().namespace().and_then(|space| node.lookup_prefix(space));
+                assert!(
+                    matches!(prefix, Some("ssv" | "ssc")),
+                    "{file}: {:?} has the prefix {prefix:?}",
+                    node.tag_name()
+                );
+            }
+            let units: HashSet<_> = named(root, "Unit").filter_map(|unit| unit.attribute("name")).collect();
+            let mut seen = HashSet::new();
+            for parameter in named(root, "Parameter") {
+                let variable = parameter.attribute("name").expect("a name");
+                assert!(seen.insert(variable), "{file}: {variable} stands there twice");
+                let variables = (part.kind.variables)();
+                let of_table = variables.into_iter().find(|known| known.name == variable).expect("a variable");
+                assert!(of_table.is_settable(), "{file}: {variable} can be set");
+                let value = parameter.first_element_child().expect("a value");
+                let said: f64 = match value.attribute("value").expect("a value") {
+                    "true" => 1.0,
+                    "false" => 0.0,
+                    text => text.parse().unwrap_or_else(|_| panic!("{file}: {variable} = {text}")),
+                };
+                let wanted = scenario.value(&part.name, variable).expect("a value").as_f64();
+                assert_eq!(said.to_bits(), wanted.to_bits(), "{file}: {variable}");
+                let unit = value.attribute("unit").unwrap_or_default();
+                assert_eq!(unit, of_table.unit_name(), "{file}: {variable}");
+                assert!(unit.is_empty() || units.contains(unit), "{file}: the unit {unit} is not declared");
+            }
+            assert_eq!(seen.len(), part.settings.len(), "{file}: every setting of the scenario");
         }
-        let settings: usize = scenario.elements[..3].iter().map(|element| element.settings.len()).sum();
-        assert_eq!(seen.len(), settings, "{name}: every setting of the scenario");
     }
+}
+
+/// The bytes of an FMU do not depend on whether tests were built before: what tests need switches on no feature of a crate
+/// that the library is made of.
+#[test]
+fn tests_do_not_change_the_library() {
+    let features = |edges: &str| {
+        let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
+        cargo.current_dir(env!("CARGO_MANIFEST_DIR")).args(["tree", "--locked", "--offline", "--no-dedupe"]);
+        let output = cargo.args(["--prefix", "none", "--edges", edges]).output().expect("cargo runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let text = String::from_utf8(output.stdout).expect("UTF-8");
+        let lines = text.lines().filter(|line| line.contains(" feature "));
+        lines.map(|line| line.trim_end_matches(" (*)").to_owned()).collect::<BTreeSet<_>>()
+    };
+    let library = features("normal,build,features");
+    assert!(library.len() > 50, "only {} features were found", library.len());
+    let crates: HashSet<&str> = library.iter().filter_map(|line| line.split(' ').next()).collect();
+    let more: Vec<String> = features("normal,build,dev,features").difference(&library).cloned().collect();
+    let more: Vec<_> = more.iter().filter(|line| crates.contains(line.split(' ').next().unwrap_or_default())).collect();
+    assert!(more.is_empty(), "the tests switch on {more:?}");
 }
 
 #[test]

@@ -137,7 +137,7 @@ fn what_cannot_be_understood_is_refused_by_name() {
         ("stepp = 1", "", &["stepp", "step", "line"]),
         // Units.
         ("", "[plant]\nY0 = \"30 furlong\"", &["[plant]", "Y0", "30 furlong", "m, µm, mm"]),
-        ("", "[plant]\nm = \"7 m\"", &["m = \"7 m\"", "kg, g"]),
+        ("", "[plant]\nm = \"7 m\"", &["m = \"7 m\"", "none of kg, g"]),
         ("", "[controller]\nreference.omega = \"50 kHz\"", &["reference.omega", "kHz", "rad/s, rpm, Hz"]),
         ("", "[plant]\nY0 = \"thirty µm\"", &["Y0", "thirty is no number"]),
         // Types.
