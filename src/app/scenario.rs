@@ -81,12 +81,18 @@ pub struct Scenario {
 }
 
 /// Connections of the closed loop, from an output to an input.
-const LOOP: [[&str; 2]; 16] = [
+const LOOP: [[&str; 2]; 22] = [
     ["plant.Ym", "controller.Ym"],
     ["plant.Zm", "controller.Zm"],
+    ["plant.im[1]", "controller.im[1]"],
+    ["plant.im[2]", "controller.im[2]"],
+    ["plant.im[3]", "controller.im[3]"],
     ["controller.i[1]", "plant.i[1]"],
     ["controller.i[2]", "plant.i[2]"],
     ["controller.i[3]", "plant.i[3]"],
+    ["controller.u[1]", "plant.u[1]"],
+    ["controller.u[2]", "plant.u[2]"],
+    ["controller.u[3]", "plant.u[3]"],
     ["estimator.lambdaHat[1]", "controller.lambdaHat[1]"],
     ["estimator.lambdaHat[2]", "controller.lambdaHat[2]"],
     ["estimator.lambdaHat[3]", "controller.lambdaHat[3]"],
