@@ -98,6 +98,7 @@ impl Loop {
         for k in 0..samples {
             let t_s = k as f64 * step_s;
             let input = ControllerInput {
+                current_a: [0.0; 3],
                 position_m: x.measured.position_m,
                 lambda_hat_nm2_a2: self.lambda_hat,
                 lambda_valid: t_s >= self.valid_s,
@@ -112,7 +113,12 @@ impl Loop {
                 output: output.clone(),
             });
             let held_a = std::mem::replace(&mut commanded_a, output.current_a);
-            let input = PlantInput { current_a: held_a, perturbation_n: self.load_n, omega_rad_s: TAU * 50.0 };
+            let input = PlantInput {
+                current_a: held_a,
+                perturbation_n: self.load_n,
+                omega_rad_s: TAU * 50.0,
+                ..PlantInput::default()
+            };
             plant.advance(&mut x, &input, t_s, step_s).expect("advance");
         }
         records
@@ -304,6 +310,7 @@ fn a_change_of_lambda_moves_neither_the_rotor_nor_force_and_perturbation() {
 /// A rotor that stands still away from the path, with an estimate of λ.
 fn still() -> ControllerInput {
     ControllerInput {
+        current_a: [0.0; 3],
         position_m: [20e-6, 10e-6],
         lambda_hat_nm2_a2: [1.8e-6, 2.0e-6, 2.2e-6],
         lambda_valid: false,
@@ -403,7 +410,7 @@ fn an_external_reference_is_followed() {
             worst = worst.max(output.tracking_error_m[0].abs()).max(output.tracking_error_m[1].abs());
         }
         let held_a = std::mem::replace(&mut commanded_a, output.current_a);
-        let input = PlantInput { current_a: held_a, perturbation_n: [0.0; 2], omega_rad_s: 0.0 };
+        let input = PlantInput { current_a: held_a, ..PlantInput::default() };
         plant.advance(&mut x, &input, t_s, 1e-4).expect("advance");
     }
     below("error, m", worst, EXTERNAL_M);

@@ -206,6 +206,34 @@ pub struct ControllerState {
     reference: ReferenceState,
 }
 
+/// How many numbers a small motion of the loop changes in a [`ControllerState`].
+pub(crate) const UNKNOWNS: usize = 15;
+
+impl ControllerState {
+    /// Increments of the unknowns for differences, each of the size of a small motion.
+    pub(crate) const INCREMENTS: [f64; UNKNOWNS] =
+        [1e-9, 1e-6, 1e-3, 1e-9, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-5, 1e-5, 1e-5];
+
+    /// `[x, v, d]` of y and of z, forces and voltages under way, currents planned.
+    pub(crate) fn unknowns(&self) -> [f64; UNKNOWNS] {
+        let mut all = [0.0; UNKNOWNS];
+        let parts = self.expected.iter().flatten().chain(&self.under_way_n).chain(&self.voltage_v).chain(&self.planned_a);
+        for (place, value) in all.iter_mut().zip(parts) {
+            *place = *value;
+        }
+        all
+    }
+
+    /// Sets what [`unknowns`](Self::unknowns) gives.
+    pub(crate) fn set_unknowns(&mut self, all: [f64; UNKNOWNS]) {
+        let parts = self.expected.iter_mut().flatten();
+        let parts = parts.chain(&mut self.under_way_n).chain(&mut self.voltage_v).chain(&mut self.planned_a);
+        for (place, value) in parts.zip(all) {
+            *place = value;
+        }
+    }
+}
+
 /// What a sample leads to.
 struct Command {
     current_a: [f64; 3],

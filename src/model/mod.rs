@@ -20,6 +20,7 @@ pub mod observer;
 pub mod plant;
 pub mod reference;
 pub mod regression;
+pub mod sensitivity;
 pub mod sensor;
 pub mod touchdown;
 pub mod window;

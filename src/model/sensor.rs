@@ -88,9 +88,10 @@ impl SensorConfig {
         for (name, error) in GAINS.into_iter().zip(errors) {
             checks.require(error.is_finite() && error > -1.0, name, error, "a finite number above -1");
         }
+        // A sample time that was refused is not held against the delay as well.
         let longest_s = LONGEST_DELAY as f64 * self.step_s;
         checks.require(
-            self.delay_s >= 0.0 && (self.delay_s <= longest_s || !longest_s.is_finite()),
+            self.delay_s >= 0.0 && (self.delay_s <= longest_s || !(longest_s.is_finite() && longest_s > 0.0)),
             "sensor.delay",
             format_args!("{} s", self.delay_s),
             format!("a time from 0 to {LONGEST_DELAY} sample times"),
