@@ -1,5 +1,6 @@
 //! The command line: packaging, experiments, reports.
 
+pub mod bearing;
 pub mod cli;
 pub mod contour;
 pub mod documentation;

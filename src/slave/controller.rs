@@ -7,7 +7,7 @@ use super::clock::Clock;
 use super::instance::{Fault, Kind, Slave, Step, instantiate, variables};
 use super::log::{Log, Topic};
 use super::unit::{AMPERE, LAMBDA, METRE, NEWTON, RADIAN_PER_SECOND, SECOND, VOLT};
-use super::variable::{Enumeration, Row, place};
+use super::variable::{Enumeration, Row, Value, place, with};
 use crate::model::Invalid;
 use crate::model::coil::Drive;
 use crate::model::controller::{
@@ -60,6 +60,39 @@ pub struct Values {
     lobes: i32,
     input: ControllerInput,
     output: ControllerOutput,
+}
+
+impl Values {
+    /// Brings into the configuration what the interface has in another form.
+    fn complete(&mut self) -> Vec<Invalid> {
+        use UpdateMode::{AtTime, Never, WhenValid};
+        let mut findings = Vec::new();
+        let modes = [Never, AtTime, WhenValid];
+        UPDATE_MODE.choose("update.mode", self.update_mode, modes, &mut self.config.update, &mut findings);
+        let shapes = [Shape::Ellipse, Shape::Lobes, Shape::External, Shape::Fourier];
+        SHAPE.choose("reference.shape", self.shape, shapes, &mut self.config.reference.shape, &mut findings);
+        let drives = [Drive::Current, Drive::Voltage];
+        DRIVE.choose("drive", self.drive, drives, &mut self.config.coil.drive, &mut findings);
+        self.config.reference.omega_rad_s = self.input.omega_rad_s;
+        match u32::try_from(self.lobes) {
+            Ok(lobes) => self.config.reference.lobes = lobes,
+            Err(_) => findings.push(Invalid {
+                name: "reference.lobes".into(),
+                value: self.lobes.to_string(),
+                wanted: "a whole number, 0 or above".into(),
+            }),
+        }
+        findings
+    }
+}
+
+/// The configuration of a controller whose variables, by index, have the values given and else their start values.
+///
+/// # Errors
+/// Every choice that cannot be accepted.
+pub fn configuration(settings: &[(usize, Value)]) -> Result<ControllerConfig, Vec<Invalid>> {
+    let mut values: Values = with(&TABLE, settings);
+    together(values.complete(), Ok(values.config))
 }
 
 fn table() -> Vec<Row<Values>> {
@@ -283,23 +316,7 @@ impl Slave for Tracking {
     }
 
     fn start(values: &mut Values, start_s: f64) -> Result<Self, Vec<Invalid>> {
-        use UpdateMode::{AtTime, Never, WhenValid};
-        let mut findings = Vec::new();
-        let modes = [Never, AtTime, WhenValid];
-        UPDATE_MODE.choose("update.mode", values.update_mode, modes, &mut values.config.update, &mut findings);
-        let shapes = [Shape::Ellipse, Shape::Lobes, Shape::External, Shape::Fourier];
-        SHAPE.choose("reference.shape", values.shape, shapes, &mut values.config.reference.shape, &mut findings);
-        let drives = [Drive::Current, Drive::Voltage];
-        DRIVE.choose("drive", values.drive, drives, &mut values.config.coil.drive, &mut findings);
-        values.config.reference.omega_rad_s = values.input.omega_rad_s;
-        match u32::try_from(values.lobes) {
-            Ok(lobes) => values.config.reference.lobes = lobes,
-            Err(_) => findings.push(Invalid {
-                name: "reference.lobes".into(),
-                value: values.lobes.to_string(),
-                wanted: "a whole number, 0 or above".into(),
-            }),
-        }
+        let findings = values.complete();
         let controller = together(findings, Controller::new(values.config.clone()))?;
         let state = controller.start(start_s);
         values.output = controller.output_at_start();

@@ -10,7 +10,7 @@ use super::unit::{
     AMPERE, KILOGRAM_METRE, LAMBDA, METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, NEWTON_PER_METRE,
     NEWTON_SECOND_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND, SECOND, VOLT, WEBER,
 };
-use super::variable::{Row, place};
+use super::variable::{Row, Value, place, with};
 use crate::model::Invalid;
 use crate::model::coil::Drive;
 use crate::model::plant::{Plant, PlantConfig, PlantInput, PlantOutput, PlantState};
@@ -48,6 +48,27 @@ pub struct Values {
     measured_current_a: [f64; 3],
     measured_theta_rad: f64,
     measured_omega_rad_s: f64,
+}
+
+impl Values {
+    /// Brings into the configuration what the interface has in another form.
+    fn complete(&mut self) -> Vec<Invalid> {
+        // Any integer is a seed; the bits of a negative one serve as well as others.
+        self.config.sensor.seed = u64::from(self.seed.cast_unsigned());
+        let mut findings = Vec::new();
+        let drives = [Drive::Current, Drive::Voltage];
+        DRIVE.choose("drive", self.drive, drives, &mut self.config.coil.drive, &mut findings);
+        findings
+    }
+}
+
+/// The configuration of a plant whose variables, by index, have the values given and else their start values.
+///
+/// # Errors
+/// Every choice that cannot be accepted.
+pub fn configuration(settings: &[(usize, Value)]) -> Result<PlantConfig, Vec<Invalid>> {
+    let mut values: Values = with(&TABLE, settings);
+    together(values.complete(), Ok(values.config))
 }
 
 fn table() -> Vec<Row<Values>> {
@@ -360,11 +381,7 @@ impl Slave for Bearing {
     }
 
     fn start(values: &mut Values, start_s: f64) -> Result<Self, Vec<Invalid>> {
-        // Any integer is a seed; the bits of a negative one serve as well as others.
-        values.config.sensor.seed = u64::from(values.seed.cast_unsigned());
-        let mut findings = Vec::new();
-        let drives = [Drive::Current, Drive::Voltage];
-        DRIVE.choose("drive", values.drive, drives, &mut values.config.coil.drive, &mut findings);
+        let findings = values.complete();
         let plant = together(findings, Plant::new(values.config.clone()))?;
         let mut state = plant.start(start_s);
         state.open = values.open;

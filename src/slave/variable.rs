@@ -468,6 +468,17 @@ impl<D> Row<D> {
     }
 }
 
+/// The values of a table at their start, with those at the given indices replaced; what does not fit is left out.
+pub(super) fn with<D: Default>(table: &[Row<D>], settings: &[(usize, Value)]) -> D {
+    let mut values = D::default();
+    let starts = table.iter().map(|row| (row, row.variable.start()));
+    let given = settings.iter().filter_map(|(index, value)| Some((table.get(*index)?, *value)));
+    for (row, value) in starts.chain(given) {
+        let _ = row.set(&mut values, value);
+    }
+    values
+}
+
 /// The name of the element of an array, whose index counts from 0: `element("i", 0)` is `i[1]`.
 pub fn element(name: &str, index: usize) -> String {
     format!("{name}[{}]", index + 1)
