@@ -44,13 +44,17 @@ fn current_and_force_are_the_derivatives_of_one_energy() {
                 let current = |psi, gap| coil.at_linkage(psi, gap).current_a;
                 let force = |psi, gap| coil.at_linkage(psi, gap).force_n;
                 let mut same = |what: &str, is: f64, ought: f64, scale: f64| {
-                    below(&format!("{config:?}, ψ = {linkage} Wb, gap = {gap} m, {what}"), (is - ought).abs() / scale, DIFFERENCES);
+                    below(
+                        &format!("{config:?}, ψ = {linkage} Wb, gap = {gap} m, {what}"),
+                        (is - ought).abs() / scale,
+                        DIFFERENCES,
+                    );
                 };
                 same("i = ∂W/∂ψ", at.current_a, slope(&energy, false), at.current_a.abs());
                 // In saturated iron most of the energy is not in the gap, and its rounding is not that of the force.
                 same("F = ∂W/∂gap", at.force_n, slope(&energy, true), at.energy_j / gap);
                 same("∂i/∂ψ", at.current_by_linkage, slope(&current, false), at.current_by_linkage);
-                same("∂i/∂gap", at.force_by_linkage, slope(&current, true), at.force_by_linkage.abs());
+                same("∂i/∂gap", at.force_by_linkage, slope(&current, true), (at.current_a / gap).abs());
                 same("∂F/∂ψ", at.force_by_linkage, slope(&force, false), at.force_by_linkage.abs());
                 // Without leakage the force does not depend on the gap at all.
                 same("∂F/∂gap", at.force_by_gap, slope(&force, true), at.force_n / gap);
@@ -117,8 +121,7 @@ fn the_energy_of_coils_and_rotor_balances() {
             let work: f64 = (0..2).map(|a| out.resultant_n[a] * state.velocity_m_s[a]).sum();
             ([power, loss, work], out.energy_j.iter().sum::<f64>())
         };
-        let kinetic =
-            |state: &PlantState| 0.5 * config.m_kg * state.velocity_m_s.iter().map(|v| v * v).sum::<f64>();
+        let kinetic = |state: &PlantState| 0.5 * config.m_kg * state.velocity_m_s.iter().map(|v| v * v).sum::<f64>();
         let kinetic_at_start = kinetic(&state);
         let mut sums = [0.0; 3];
         let mut transferred = 0.0;
@@ -171,7 +174,8 @@ fn stiff_coils_and_small_gaps_keep_to_a_reference_solution() {
         ("5 µs and saturation", CoilConfig { saturation_wb: 0.01, leakage_h: 1e-3, ..stiff }, [0.0, 100e-6]),
     ] {
         let run = |max_step_s: f64| {
-            let mut config = PlantConfig { coil: voltage(coil.clone()), position_m, max_step_s, ..PlantConfig::default() };
+            let mut config =
+                PlantConfig { coil: voltage(coil.clone()), position_m, max_step_s, ..PlantConfig::default() };
             config.touchdown.clearance_m = 1.0;
             config.velocity_m_s = [0.0; 2];
             let plant = Plant::new(config).expect("plant");
@@ -258,7 +262,11 @@ fn the_derivative_can_be_differentiated() {
         let e_k = plant.magnets().directions()[k];
         for a in 0..2 {
             let is = (above[2 + a] - under[2 + a]) / (2.0 * h);
-            below("∂acceleration/∂ψ", (is - coil.force_by_linkage * e_k[a] / 6.7).abs(), DIFFERENCES * coil.force_by_linkage);
+            below(
+                "∂acceleration/∂ψ",
+                (is - coil.force_by_linkage * e_k[a] / 6.7).abs(),
+                DIFFERENCES * coil.force_by_linkage,
+            );
         }
         let is = (above[4 + k] - under[4 + k]) / (2.0 * h);
         below("∂ψ'/∂ψ", (is + coil.current_by_linkage).abs(), DIFFERENCES * coil.current_by_linkage);

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use magnetic_bearing::model::controller::{
     Controller, ControllerConfig, ControllerFault, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
-    tracking_gains,
+    ramp_gains, tracking_gains,
 };
 use magnetic_bearing::model::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
 use magnetic_bearing::model::reference::{ReferenceConfig, Shape};
@@ -506,4 +506,29 @@ fn bad_parameters_are_refused_by_name_all_at_once() {
 fn names(config: ControllerConfig) -> Vec<String> {
     let found = Controller::new(config).expect_err("a refusal");
     found.into_iter().map(|finding| finding.name.into_owned()).collect()
+}
+
+/// Both poles of the tracking at ρ, and one at 0, of the double integrator whose input is a polygon.
+#[test]
+fn the_gains_of_voltage_drive_place_the_poles() {
+    let step_s = 1e-4;
+    for bandwidth in [100.0, 1000.0, 5000.0] {
+        let [k_0, k_1, k_2] = ramp_gains(bandwidth, step_s);
+        let rho = (-bandwidth * step_s).exp();
+        // The error falls as ρ^k along the eigenvector; with the third pole at 0 any start is there after three samples, up to
+        // the part k ρ^k of the double pole: e_{k+2} = 2ρ e_{k+1} − ρ² e_k.
+        let (mut x, mut v, mut a) = (1e-6, 1e-3, 2.0);
+        let mut path = Vec::new();
+        for _ in 0..12 {
+            path.push(x);
+            let next = -k_0 * x - k_1 * v - k_2 * a;
+            let h = step_s;
+            (x, v, a) = (x + h * v + h * h * (a / 3.0 + next / 6.0), v + 0.5 * h * (a + next), next);
+        }
+        let largest = path.iter().fold(0.0f64, |size, x| size.max(x.abs()));
+        for three in path[1..].windows(3) {
+            let rest = three[2] - 2.0 * rho * three[1] + rho * rho * three[0];
+            below("recursion of the error", rest.abs() / largest, ROUNDING);
+        }
+    }
 }

@@ -4,10 +4,10 @@ use std::f64::consts::{PI, TAU};
 
 use magnetic_bearing::model::integration::{rk4, substeps};
 use magnetic_bearing::model::noise::Noise;
-use magnetic_bearing::model::touchdown::TouchdownConfig;
 use magnetic_bearing::model::plant::{
     Harmonic, Measured, Plant, PlantConfig, PlantFault, PlantInput, PlantState, SensorConfig,
 };
+use magnetic_bearing::model::touchdown::TouchdownConfig;
 
 const STEP_S: f64 = 1e-4;
 const OMEGA_RAD_S: f64 = TAU * 50.0;
@@ -371,7 +371,8 @@ fn the_state_survives_being_written_and_read() {
 fn a_rotor_that_leaves_the_gap_is_a_fault_and_the_state_stays_finite() {
     // With no backup bearing to catch it.
     let touchdown = TouchdownConfig { clearance_m: 1.0, ..TouchdownConfig::default() };
-    let plant = plant(PlantConfig { velocity_m_s: [0.0; 2], position_m: [0.0; 2], touchdown, ..PlantConfig::default() });
+    let plant =
+        plant(PlantConfig { velocity_m_s: [0.0; 2], position_m: [0.0; 2], touchdown, ..PlantConfig::default() });
     // Pulled by magnet 1 alone, then by 2, then by 3; pushed into magnet 1.
     let pull = |k: usize| {
         let current_a = std::array::from_fn(|j| if j == k { 4.0 } else { 0.0 });

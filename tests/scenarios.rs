@@ -20,7 +20,9 @@ fn column<'r>(run: &'r Run, name: &str) -> &'r [f64] {
 /// Largest radial tracking error in a stretch of time, in m.
 fn error_m(run: &Run, from_s: f64, to_s: f64) -> f64 {
     let error = |k: usize| {
-        let miss = |axis: &str| column(run, &format!("plant.{axis}"))[k] - column(run, &format!("controller.reference.{axis}"))[k];
+        let miss = |axis: &str| {
+            column(run, &format!("plant.{axis}"))[k] - column(run, &format!("controller.reference.{axis}"))[k]
+        };
         miss("Y").hypot(miss("Z"))
     };
     let within = run.recording.time_s.iter().enumerate().filter(|(_, time)| (from_s..=to_s).contains(*time));
@@ -105,7 +107,8 @@ fn a_lost_coil_lets_the_rotor_fall_onto_the_ring_and_a_found_one_lifts_it() {
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.0, 0.2), 0.0);
     below("current of the open coil, A: noise alone", largest(&run, "plant.im[3]", 0.2005, 0.2995), 0.03);
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.2, 0.3), 1.0, "it falls");
-    let radius = column(&run, "plant.Y").iter().zip(column(&run, "plant.Z")).map(|(y, z)| y.hypot(*z)).fold(0.0, f64::max);
+    let radius =
+        column(&run, "plant.Y").iter().zip(column(&run, "plant.Z")).map(|(y, z)| y.hypot(*z)).fold(0.0, f64::max);
     below("largest distance from the centre, m", radius, 3.5e-4);
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.32, 0.5), 0.0, "it is lifted again");
     below("error on the path at the end, m", error_m(&run, 0.45, 0.5), 0.5e-6);

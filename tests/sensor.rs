@@ -37,8 +37,7 @@ fn gain_offset_and_resolution_are_what_they_say() {
         assert!((current[0] / current[2] - 1.1).abs() < 1e-12);
         assert!((current[1] - current[2] - 0.05).abs() < 1e-12);
     }
-    let sensor =
-        SensorConfig { position_resolution_m: 2e-7, current_resolution_a: 0.025, ..SensorConfig::default() };
+    let sensor = SensorConfig { position_resolution_m: 2e-7, current_resolution_a: 0.025, ..SensorConfig::default() };
     let mut rounded = false;
     for (position, current, truth) in readings(sensor, STEP_S, 20) {
         for a in 0..2 {

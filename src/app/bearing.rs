@@ -153,7 +153,8 @@ pub fn sensitivities(scenario: &Scenario, run: &Run) -> Vec<Sensitivity> {
     let Some(stretches) = stretches(run) else { return Vec::new() };
     let settings = |element: &Element| element.settings.iter().map(|setting| (setting.index, setting.value)).collect();
     let settings: [Vec<(usize, Value)>; 2] = [settings(&scenario.elements[0]), settings(&scenario.elements[1])];
-    let (Ok(plant), Ok(controller)) = (plant::configuration(&settings[0]), controller::configuration(&settings[1])) else {
+    let (Ok(plant), Ok(controller)) = (plant::configuration(&settings[0]), controller::configuration(&settings[1]))
+    else {
         // A run that could begin has configurations that can be had.
         return Vec::new();
     };

@@ -38,9 +38,8 @@ pub fn read(text: &str) -> Result<Fit, String> {
         });
         let (index, given) = found.ok_or_else(|| format!("there is no column {name} with its unit: {wanted}"))?;
         let factor = unit.convert(1.0, &given);
-        let factor = factor.ok_or_else(|| {
-            format!("the unit {given} is none of {}", unit.names().collect::<Vec<_>>().join(", "))
-        })?;
+        let factor = factor
+            .ok_or_else(|| format!("the unit {given} is none of {}", unit.names().collect::<Vec<_>>().join(", ")))?;
         Ok::<_, String>((index, factor))
     };
     let columns = [column("theta", RADIAN)?, column("Y", METRE)?, column("Z", METRE)?];
@@ -87,13 +86,8 @@ pub fn fit(points: &[[f64; 3]]) -> Result<Fit, String> {
     let (y, z) = (solve(1)?, solve(2)?);
     let cos = |x: &DVector<f64>| std::array::from_fn(|n| x[1 + n]);
     let sin = |x: &DVector<f64>| std::array::from_fn(|n| x[1 + HARMONICS + n]);
-    let contour = Contour {
-        centre_m: [y[0], z[0]],
-        cos_y_m: cos(&y),
-        sin_y_m: sin(&y),
-        cos_z_m: cos(&z),
-        sin_z_m: sin(&z),
-    };
+    let contour =
+        Contour { centre_m: [y[0], z[0]], cos_y_m: cos(&y), sin_y_m: sin(&y), cos_z_m: cos(&z), sin_z_m: sin(&z) };
     let distance = |[theta, y, z]: &[f64; 3]| {
         let [[at_y, ..], [at_z, ..]] = contour.at(*theta);
         (at_y - y).hypot(at_z - z)

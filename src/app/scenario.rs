@@ -374,14 +374,8 @@ fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mu
     };
     let kind = &(elements[at].kind.variables)()[variable].kind;
     let real = matches!(kind, Type::Real { .. });
-    let second = Type::Real {
-        start: 0.0,
-        unit: crate::slave::unit::SECOND,
-        display: None,
-        nominal: 1.0,
-        min: None,
-        max: None,
-    };
+    let second =
+        Type::Real { start: 0.0, unit: crate::slave::unit::SECOND, display: None, nominal: 1.0, min: None, max: None };
     let mut all = |kind: &Type, values: &[toml::Value]| -> Vec<Value> {
         let one = |value| match convert(kind, value) {
             Ok(value) => Some(value),

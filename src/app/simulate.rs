@@ -65,9 +65,10 @@ pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
         // What a profile gives at the start is there when the slave starts.
         let at_start = scenario.profiles.iter().flat_map(|profile| {
             let given = profile.targets.iter().filter(move |target| target.0 == at);
-            profile.at(0.0).into_iter().flat_map(move |value| {
-                given.clone().map(move |(_, index)| Setting { index: *index, value })
-            })
+            profile
+                .at(0.0)
+                .into_iter()
+                .flat_map(move |value| given.clone().map(move |(_, index)| Setting { index: *index, value }))
         });
         let mut element = element.clone();
         element.settings.extend(at_start);

@@ -165,10 +165,7 @@ impl Coil {
         }
         let ratio = flux / self.saturation_wb;
         let sixth = ratio * ratio * ratio * ratio * ratio * ratio;
-        (
-            flux * reluctance + self.iron_a * sixth * ratio,
-            reluctance + 7.0 * self.iron_a / self.saturation_wb * sixth,
-        )
+        (flux * reluctance + self.iron_a * sixth * ratio, reluctance + 7.0 * self.iron_a / self.saturation_wb * sixth)
     }
 
     fn at_flux(&self, flux: f64, gap_m: f64) -> CoilPoint {

@@ -217,7 +217,8 @@ impl ControllerState {
     /// `[x, v, d]` of y and of z, forces and voltages under way, currents planned.
     pub(crate) fn unknowns(&self) -> [f64; UNKNOWNS] {
         let mut all = [0.0; UNKNOWNS];
-        let parts = self.expected.iter().flatten().chain(&self.under_way_n).chain(&self.voltage_v).chain(&self.planned_a);
+        let parts =
+            self.expected.iter().flatten().chain(&self.under_way_n).chain(&self.voltage_v).chain(&self.planned_a);
         for (place, value) in all.iter_mut().zip(parts) {
             *place = *value;
         }

@@ -572,12 +572,16 @@ impl Plant {
             let step = |h_s: f64| {
                 let turn = &state.turn;
                 let slope = |t: f64, x: &Motion| {
-                    self.derivative(x, input, Conditions {
-                        time_s: t,
-                        theta_rad: turn.theta_rad(t),
-                        contact: state.contact,
-                        open: state.open,
-                    })
+                    self.derivative(
+                        x,
+                        input,
+                        Conditions {
+                            time_s: t,
+                            theta_rad: turn.theta_rad(t),
+                            contact: state.contact,
+                            open: state.open,
+                        },
+                    )
                 };
                 match self.config.coil.drive {
                     Drive::Voltage => rk4(x, now_s, h_s, slope),

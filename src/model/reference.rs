@@ -57,10 +57,7 @@ impl Contour {
             }
             sums
         };
-        [
-            axis(self.centre_m[0], &self.cos_y_m, &self.sin_y_m),
-            axis(self.centre_m[1], &self.cos_z_m, &self.sin_z_m),
-        ]
+        [axis(self.centre_m[0], &self.cos_y_m, &self.sin_y_m), axis(self.centre_m[1], &self.cos_z_m, &self.sin_z_m)]
     }
 }
 
@@ -144,11 +141,7 @@ impl RefPoint {
     /// The point times a factor that varies: `[factor, its first, its second derivative by time]`.
     fn grown(self, [s, s_1, s_2]: [f64; 3]) -> Self {
         let Self { position_m: x, velocity_m_s: v, acceleration_m_s2: a } = self;
-        Self {
-            position_m: s * x,
-            velocity_m_s: s_1 * x + s * v,
-            acceleration_m_s2: s_2 * x + 2.0 * s_1 * v + s * a,
-        }
+        Self { position_m: s * x, velocity_m_s: s_1 * x + s * v, acceleration_m_s2: s_2 * x + 2.0 * s_1 * v + s * a }
     }
 
     /// The point and what is left of the way from `first_m`, of which the factor has been covered.

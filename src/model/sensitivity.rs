@@ -184,9 +184,7 @@ impl SampledLoop {
         };
         let mut a = DMatrix::zeros(STATES, STATES);
         // With current drive, fluxes and voltages are no states: they stay what they are and touch nothing.
-        let idle = |index: usize| {
-            !voltage && ((4..PLANT).contains(&index) || index >= STATES - 2 * COMMANDS)
-        };
+        let idle = |index: usize| !voltage && ((4..PLANT).contains(&index) || index >= STATES - 2 * COMMANDS);
         for (column, increment) in increments.into_iter().enumerate().filter(|(column, _)| !idle(*column)) {
             let (mut above, mut below) = (at, at);
             above[column] += increment;

@@ -8,9 +8,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Checks;
 use super::noise::Noise;
 use super::plant::check_step;
-use super::Checks;
 
 /// The longest delay, in samples.
 pub const LONGEST_DELAY: usize = 16;

@@ -182,9 +182,8 @@ fn table() -> Vec<Row<Values>> {
                 .says("When the path begins to grow out of the centre, from the first sample on"),
             Row::real("reference.rampTime", place!(config.reference.ramp_s), SECOND, 0.0)
                 .says("How long the path takes to grow; 0 for the whole path at once"),
-            Row::real("reference.liftTime", place!(config.reference.lift_s), SECOND, 0.0).says(
-                "How long the rotor is taken from where it is first measured to the centre; 0 for not at all",
-            ),
+            Row::real("reference.liftTime", place!(config.reference.lift_s), SECOND, 0.0)
+                .says("How long the rotor is taken from where it is first measured to the centre; 0 for not at all"),
         ]
         .map(|row| row.fixed().min(0.0).nominal(0.1).shown_in("ms")),
     );
@@ -223,13 +222,13 @@ fn table() -> Vec<Row<Values>> {
             .map(|row| row.input().nominal(1e-5).says("Path along {axis} with reference.shape = external")),
     );
 
-    rows.extend(
-        Row::reals("i", place!(output.current_a[k]), AMPERE, [0.0; 3])
-            .map(|row| row.sampled_output().says("Current that magnet {k} is to carry, with drive = voltage at the end of the sample")),
-    );
-    rows.extend(Row::reals("u", place!(output.voltage_v[k]), VOLT, [0.0; 3]).map(|row| {
-        row.sampled_output().nominal(10.0).says("Voltage asked of amplifier {k}, with drive = voltage")
+    rows.extend(Row::reals("i", place!(output.current_a[k]), AMPERE, [0.0; 3]).map(|row| {
+        row.sampled_output().says("Current that magnet {k} is to carry, with drive = voltage at the end of the sample")
     }));
+    rows.extend(
+        Row::reals("u", place!(output.voltage_v[k]), VOLT, [0.0; 3])
+            .map(|row| row.sampled_output().nominal(10.0).says("Voltage asked of amplifier {k}, with drive = voltage")),
+    );
     rows.extend(Row::named_reals(["eY", "eZ"], place!(output.tracking_error_m[k]), METRE, [0.0; 2]).map(|row| {
         row.sampled_output()
             .nominal(1e-6)

@@ -211,8 +211,9 @@ fn table() -> Vec<Row<Values>> {
         row.sampled_output().nominal(1e-5).says("Position along {axis} as the sensor read it at its last sample")
     }));
     rows.extend(Row::reals("im", place!(measured_current_a[k]), AMPERE, [0.0; 3]).map(|row| {
-        row.sampled_output()
-            .says("Current through magnet {k} as the sensor read it at its last sample, with drive = current held until then")
+        row.sampled_output().says(
+            "Current through magnet {k} as the sensor read it at its last sample, with drive = current held until then",
+        )
     }));
     rows.push(
         Row::real("theta", place!(measured_theta_rad), RADIAN, 0.0)
@@ -342,8 +343,9 @@ fn sensor_errors() -> Vec<Row<Values>> {
             .map(|row| row.nominal(1e-2).says("What the current sensor of magnet {k} reads without current")),
     );
     rows.extend(
-        Row::reals("sensor.currentGainError", place!(config.sensor.current_gain_error[k]), ONE, [0.0; 3])
-            .map(|row| row.nominal(0.01).min(-1.0).says("Relative error of the gain of the current sensor of magnet {k}")),
+        Row::reals("sensor.currentGainError", place!(config.sensor.current_gain_error[k]), ONE, [0.0; 3]).map(|row| {
+            row.nominal(0.01).min(-1.0).says("Relative error of the gain of the current sensor of magnet {k}")
+        }),
     );
     rows.push(
         Row::real("sensor.delay", place!(config.sensor.delay_s), SECOND, 0.0)

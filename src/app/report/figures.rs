@@ -830,7 +830,9 @@ fn clearance(run: &Run) -> Option<Figure> {
     let mut caption = String::from("The rotor in the clearance of the backup bearing, all of the run.");
     if let Some((force_y, force_z)) = force {
         let push: Vec<f64> = force_y.iter().zip(force_z).map(|(y, z)| y.hypot(*z)).collect();
-        let axis = Axis::new("push of the backup bearing", Unit::NEWTON);
+        // The blows are short, and they are what there is to see.
+        let range = Range::hull(&push).map(|range| range.with_air(0.05));
+        let axis = Axis::new("push of the backup bearing", Unit::NEWTON).from_to(range);
         let mut plot = Plot::new("", run.time_axis(&window, true), axis, (HALF_PX, 250.0));
         plot.lines.push(Line::new("push", part(run.time_s, &window), part(&push, &window), Colour::Vermillion));
         beside.push(plot.into());
@@ -877,13 +879,15 @@ fn sensitivity(run: &Run) -> Option<Figure> {
                 (width, 330.0),
             );
             for (axis, (name, colour)) in [("y", Colour::Blue), ("z", Colour::Vermillion)].into_iter().enumerate() {
-                let column = |points: &[[f64; 3]], index: usize| points.iter().map(|point| point[index]).collect::<Vec<_>>();
+                let column =
+                    |points: &[[f64; 3]], index: usize| points.iter().map(|point| point[index]).collect::<Vec<_>>();
                 plot.lines.push(Line::new(name, omegas.clone(), column(&one.sweep, 1 + axis), colour));
                 // Crosses at the frequencies injected.
                 for [omega, value] in one.injected.iter().map(|point| [point[0], point[1 + axis]]) {
                     let wide = 1.04;
                     let across = Line::new("", vec![omega / wide, omega * wide], vec![value, value], Colour::Ink);
-                    let up = Line::new("", vec![omega, omega], vec![value - 0.08, value + 0.08], Colour::Ink);
+                    let up =
+                        Line::new("", vec![omega, omega], vec![(value - 0.08).max(0.0), value + 0.08], Colour::Ink);
                     plot.lines.extend([across, up]);
                 }
             }
