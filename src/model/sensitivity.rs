@@ -102,7 +102,7 @@ impl SampledLoop {
             this.step(&mut state, [0.0; 2])?;
         }
         let [y, z] = state.plant.position_m;
-        if state.plant.contact || !(libm::hypot(y, z) < CENTRED_M) {
+        if state.plant.contact || libm::hypot(y, z) > CENTRED_M {
             return Err(NoSensitivity::Unsettled(format!("after {SETTLING_S} s the rotor is at Y = {y} m, Z = {z} m")));
         }
         this.settled = state;
