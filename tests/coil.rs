@@ -43,7 +43,7 @@ fn current_and_force_are_the_derivatives_of_one_energy() {
                 let energy = |psi, gap| coil.at_linkage(psi, gap).energy_j;
                 let current = |psi, gap| coil.at_linkage(psi, gap).current_a;
                 let force = |psi, gap| coil.at_linkage(psi, gap).force_n;
-                let mut same = |what: &str, is: f64, ought: f64, scale: f64| {
+                let same = |what: &str, is: f64, ought: f64, scale: f64| {
                     below(
                         &format!("{config:?}, ψ = {linkage} Wb, gap = {gap} m, {what}"),
                         (is - ought).abs() / scale,
