@@ -8,6 +8,7 @@
 
 mod invalid;
 
+pub mod coil;
 pub mod controller;
 pub mod estimator;
 pub mod integration;
@@ -19,6 +20,9 @@ pub mod observer;
 pub mod plant;
 pub mod reference;
 pub mod regression;
+pub mod sensitivity;
+pub mod sensor;
+pub mod touchdown;
 pub mod window;
 
 pub use invalid::{Checks, Invalid};

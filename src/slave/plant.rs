@@ -1,16 +1,18 @@
-//! `MagneticBearing`: the rotor, its three magnets, unbalance, perturbation forces and sensors.
+//! `MagneticBearing`: the rotor, its three magnets and their coils, unbalance, perturbation forces, backup bearing and
+//! sensors.
 
 use std::sync::LazyLock;
 
-use super::bearing::{geometry, of_magnets};
+use super::bearing::{DRIVE, coils, geometry, of_magnets, together};
 use super::instance::{Fault, Kind, Slave, Step, instantiate, variables};
 use super::log::Log;
 use super::unit::{
-    AMPERE, KILOGRAM_METRE, LAMBDA, METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND,
-    SECOND,
+    AMPERE, KILOGRAM_METRE, LAMBDA, METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, NEWTON_PER_METRE,
+    NEWTON_SECOND_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND, SECOND, VOLT, WEBER,
 };
-use super::variable::{Row, place};
+use super::variable::{Row, Value, place, with};
 use crate::model::Invalid;
+use crate::model::coil::Drive;
 use crate::model::plant::{Plant, PlantConfig, PlantInput, PlantOutput, PlantState};
 
 /// The plant as a sort of slave.
@@ -35,6 +37,9 @@ static TABLE: LazyLock<Vec<Row<Values>>> = LazyLock::new(table);
 pub struct Values {
     config: PlantConfig,
     seed: i32,
+    drive: i32,
+    open: [bool; 3],
+    contact: bool,
     input: PlantInput,
     output: PlantOutput,
     position_m: [f64; 2],
@@ -43,6 +48,27 @@ pub struct Values {
     measured_current_a: [f64; 3],
     measured_theta_rad: f64,
     measured_omega_rad_s: f64,
+}
+
+impl Values {
+    /// Brings into the configuration what the interface has in another form.
+    fn complete(&mut self) -> Vec<Invalid> {
+        // Any integer is a seed; the bits of a negative one serve as well as others.
+        self.config.sensor.seed = u64::from(self.seed.cast_unsigned());
+        let mut findings = Vec::new();
+        let drives = [Drive::Current, Drive::Voltage];
+        DRIVE.choose("drive", self.drive, drives, &mut self.config.coil.drive, &mut findings);
+        findings
+    }
+}
+
+/// The configuration of a plant whose variables, by index, have the values given and else their start values.
+///
+/// # Errors
+/// Every choice that cannot be accepted.
+pub fn configuration(settings: &[(usize, Value)]) -> Result<PlantConfig, Vec<Invalid>> {
+    let mut values: Values = with(&TABLE, settings);
+    together(values.complete(), Ok(values.config))
 }
 
 fn table() -> Vec<Row<Values>> {
@@ -57,6 +83,24 @@ fn table() -> Vec<Row<Values>> {
         Row::named_reals(["vY0", "vZ0"], place!(config.velocity_m_s[k]), METRE_PER_SECOND, [0.0, START_VELOCITY_M_S])
             .map(|row| row.fixed().nominal(1e-2).says("Velocity of the rotor at the start, along {axis}")),
     );
+    rows.extend(coils(
+        place!(drive),
+        place!(config.coil.resistance_ohm),
+        place!(config.coil.leakage_h),
+        place!(config.coil.limit_v),
+    ));
+    rows.push(
+        Row::real("coil.fluxSaturation", place!(config.coil.saturation_wb), WEBER, 0.0)
+            .fixed()
+            .min(0.0)
+            .nominal(1e-2)
+            .says("Flux at which the iron needs as much current as the nominal gap; 0 for iron that does not saturate"),
+    );
+    rows.extend(
+        Row::named_reals(["gravity.Y", "gravity.Z"], place!(config.gravity_m_s2[k]), METRE_PER_SECOND2, [0.0; 2])
+            .map(|row| row.fixed().nominal(10.0).says("Acceleration of gravity along {axis}")),
+    );
+    rows.extend(touchdown());
     rows.push(Row::real("theta0", place!(config.theta_rad), RADIAN, 0.0).fixed().says("Rotor angle at the start"));
 
     rows.push(
@@ -73,6 +117,7 @@ fn table() -> Vec<Row<Values>> {
             .nominal(1e-2)
             .says("Standard deviation of the noise on im"),
     );
+    rows.extend(sensor_errors());
     rows.push(
         Row::real("sensor.Ts", place!(config.sensor.step_s), SECOND, 1e-4)
             .fixed()
@@ -135,8 +180,17 @@ fn table() -> Vec<Row<Values>> {
     );
 
     rows.extend(
+        Row::booleans("coil.open", place!(open[k]), [false; 3])
+            .map(|row| row.tunable().says("Whether the circuit of magnet {k} is open, so that it carries no current")),
+    );
+
+    rows.extend(
         Row::reals("i", place!(input.current_a[k]), AMPERE, [0.0; 3])
-            .map(|row| row.input().says("Current through magnet {k}, held over the step")),
+            .map(|row| row.input().says("Current through magnet {k}, held over the step, with drive = current")),
+    );
+    rows.extend(
+        Row::reals("u", place!(input.voltage_v[k]), VOLT, [0.0; 3])
+            .map(|row| row.input().nominal(10.0).says("Voltage asked of amplifier {k}, with drive = voltage")),
     );
     rows.extend(
         Row::named_reals(["pY", "pZ"], place!(input.perturbation_n[k]), NEWTON, [0.0; 2])
@@ -157,8 +211,9 @@ fn table() -> Vec<Row<Values>> {
         row.sampled_output().nominal(1e-5).says("Position along {axis} as the sensor read it at its last sample")
     }));
     rows.extend(Row::reals("im", place!(measured_current_a[k]), AMPERE, [0.0; 3]).map(|row| {
-        row.sampled_output()
-            .says("Current through magnet {k} at the last sample, held over the interval that ended there")
+        row.sampled_output().says(
+            "Current through magnet {k} as the sensor read it at its last sample, with drive = current held until then",
+        )
     }));
     rows.push(
         Row::real("theta", place!(measured_theta_rad), RADIAN, 0.0)
@@ -189,9 +244,30 @@ fn table() -> Vec<Row<Values>> {
                 let inputs = [["pY", "pZ"][axis], "omega"].map(String::from);
                 row.output()
                     .nominal(10.0)
-                    .says("All forces on the rotor beside those of the magnets, along {axis}")
+                    .says("All forces on the rotor beside those of magnets and backup bearing, along {axis}")
                     .depends_on(inputs)
             }),
+    );
+    rows.push(
+        Row::boolean("touchdown.contact", place!(contact), false)
+            .output()
+            .says("Whether the rotor touches the backup bearing"),
+    );
+    rows.extend(Row::named_reals(["touchdown.FY", "touchdown.FZ"], place!(output.contact_n[k]), NEWTON, [0.0; 2]).map(
+        |row| {
+            row.output()
+                .nominal(1000.0)
+                .says("Force of the backup bearing on the rotor along {axis}")
+                .depends_on([String::from("omega")])
+        },
+    ));
+    rows.extend(
+        Row::reals("psi", place!(output.linkage_wb[k]), WEBER, [0.0; 3])
+            .map(|row| row.local().nominal(1e-2).says("Flux linked with coil {k}")),
+    );
+    rows.extend(
+        Row::reals("coil.i", place!(output.current_a[k]), AMPERE, [0.0; 3])
+            .map(|row| row.local().says("Current through coil {k}")),
     );
     rows.extend(
         Row::named_reals(["vY", "vZ"], place!(velocity_m_s[k]), METRE_PER_SECOND, [0.0; 2])
@@ -202,6 +278,83 @@ fn table() -> Vec<Row<Values>> {
             .map(|row| row.local().says("Acceleration of the rotor along {axis}")),
     );
     rows
+}
+
+/// The backup bearing.
+fn touchdown() -> impl Iterator<Item = Row<Values>> {
+    [
+        Row::real("touchdown.clearance", place!(config.touchdown.clearance_m), METRE, 2.5e-4)
+            .nominal(1e-4)
+            .shown_in("mm")
+            .says("Distance from the centre at which the rotor touches the backup bearing"),
+        Row::real("touchdown.stiffness", place!(config.touchdown.stiffness_n_m), NEWTON_PER_METRE, 5e7)
+            .nominal(1e7)
+            .says("Stiffness of the backup bearing"),
+        Row::real("touchdown.damping", place!(config.touchdown.damping_ns_m), NEWTON_SECOND_PER_METRE, 5e3)
+            .nominal(1e3)
+            .says("Damping of the backup bearing"),
+        Row::real("touchdown.friction", place!(config.touchdown.friction), ONE, 0.0)
+            .nominal(0.1)
+            .says("Coefficient of friction of the backup bearing"),
+        Row::real("touchdown.radius", place!(config.touchdown.radius_m), METRE, 0.025)
+            .nominal(1e-2)
+            .shown_in("mm")
+            .says("Radius of the rotor at the backup bearing, which friction asks for"),
+    ]
+    .into_iter()
+    .map(|row| row.fixed().min(0.0))
+}
+
+/// Errors of the sensors beside noise.
+fn sensor_errors() -> Vec<Row<Values>> {
+    let mut rows = Vec::new();
+    rows.push(
+        Row::real("sensor.positionResolution", place!(config.sensor.position_resolution_m), METRE, 0.0)
+            .min(0.0)
+            .nominal(1e-7)
+            .says("Ym and Zm are whole multiples of this; 0 for no rounding"),
+    );
+    rows.push(
+        Row::real("sensor.currentResolution", place!(config.sensor.current_resolution_a), AMPERE, 0.0)
+            .min(0.0)
+            .nominal(1e-3)
+            .says("im are whole multiples of this; 0 for no rounding"),
+    );
+    rows.extend(
+        Row::named_reals(
+            ["sensor.offsetY", "sensor.offsetZ"],
+            place!(config.sensor.position_offset_m[k]),
+            METRE,
+            [0.0; 2],
+        )
+        .map(|row| row.nominal(1e-6).says("What the position sensor along {axis} reads in the centre")),
+    );
+    rows.extend(
+        Row::named_reals(
+            ["sensor.gainErrorY", "sensor.gainErrorZ"],
+            place!(config.sensor.position_gain_error[k]),
+            ONE,
+            [0.0; 2],
+        )
+        .map(|row| row.nominal(0.01).min(-1.0).says("Relative error of the gain of the position sensor along {axis}")),
+    );
+    rows.extend(
+        Row::reals("sensor.currentOffset", place!(config.sensor.current_offset_a[k]), AMPERE, [0.0; 3])
+            .map(|row| row.nominal(1e-2).says("What the current sensor of magnet {k} reads without current")),
+    );
+    rows.extend(
+        Row::reals("sensor.currentGainError", place!(config.sensor.current_gain_error[k]), ONE, [0.0; 3]).map(|row| {
+            row.nominal(0.01).min(-1.0).says("Relative error of the gain of the current sensor of magnet {k}")
+        }),
+    );
+    rows.push(
+        Row::real("sensor.delay", place!(config.sensor.delay_s), SECOND, 0.0)
+            .min(0.0)
+            .nominal(1e-4)
+            .shown_in("µs")
+            .says("By how much Ym, Zm and im are late, up to 16 sample times"),
+    );
+    rows.into_iter().map(Row::fixed).collect()
 }
 
 /// A run of the plant.
@@ -218,6 +371,7 @@ impl Bearing {
         values.measured_current_a = self.state.measured.current_a;
         values.measured_theta_rad = self.state.measured.theta_rad;
         values.output = self.plant.outputs(&self.state, &values.input, time_s);
+        values.contact = self.state.contact;
     }
 }
 
@@ -229,10 +383,10 @@ impl Slave for Bearing {
     }
 
     fn start(values: &mut Values, start_s: f64) -> Result<Self, Vec<Invalid>> {
-        // Any integer is a seed; the bits of a negative one serve as well as others.
-        values.config.sensor.seed = u64::from(values.seed.cast_unsigned());
-        let plant = Plant::new(values.config.clone())?;
-        let state = plant.start(start_s);
+        let findings = values.complete();
+        let plant = together(findings, Plant::new(values.config.clone()))?;
+        let mut state = plant.start(start_s);
+        state.open = values.open;
         let run = Self { plant, state };
         values.measured_omega_rad_s = values.input.omega_rad_s;
         run.fill(values, start_s);
@@ -246,7 +400,9 @@ impl Slave for Bearing {
             config.unbalance_kgm,
             config.unbalance_phase_rad,
             config.harmonic.clone(),
-        )
+        )?;
+        self.state.open = values.open;
+        Ok(())
     }
 
     fn step(&mut self, values: &mut Values, step: Step, _: &mut dyn Log) -> Result<(), Fault> {

@@ -330,6 +330,19 @@ impl<D> Row<D> {
         Self::new(name, Type::Boolean { start }, Place::Boolean(place), 0)
     }
 
+    /// The elements of an array of Booleans.
+    pub fn booleans<const N: usize>(
+        name: &str,
+        place: Access<D, bool>,
+        starts: [bool; N],
+    ) -> impl Iterator<Item = Self> {
+        std::array::from_fn::<_, N, _>(|index| {
+            let kind = Type::Boolean { start: starts[index] };
+            Self::new(element(name, index), kind, Place::Boolean(place), index)
+        })
+        .into_iter()
+    }
+
     /// A choice among the items of an enumeration.
     pub fn choice(
         name: impl Into<Cow<'static, str>>,
@@ -453,6 +466,17 @@ impl<D> Row<D> {
         }
         true
     }
+}
+
+/// The values of a table at their start, with those at the given indices replaced; what does not fit is left out.
+pub(super) fn with<D: Default>(table: &[Row<D>], settings: &[(usize, Value)]) -> D {
+    let mut values = D::default();
+    let starts = table.iter().map(|row| (row, row.variable.start()));
+    let given = settings.iter().filter_map(|(index, value)| Some((table.get(*index)?, *value)));
+    for (row, value) in starts.chain(given) {
+        let _ = row.set(&mut values, value);
+    }
+    values
 }
 
 /// The name of the element of an array, whose index counts from 0: `element("i", 0)` is `i[1]`.
