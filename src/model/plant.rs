@@ -139,6 +139,68 @@ pub struct PlantInput {
     pub omega_rad_s: f64,
 }
 
+/// The highest order of a derivative of an input that [`PlantCourse`] knows.
+pub const HIGHEST_ORDER: usize = 4;
+
+/// What acts on the plant over a step, as polynomials: `u(t) = u + Σ_j d_j (t − t_0)^j / j!`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlantCourse {
+    /// u, at the time `since_s`.
+    pub input: PlantInput,
+    /// d_1, d_2, …; in the unit of the input over powers of seconds. `None` holds the inputs.
+    pub slopes: Option<[PlantInput; HIGHEST_ORDER]>,
+    /// t_0, in s.
+    pub since_s: f64,
+}
+
+impl PlantCourse {
+    /// Inputs that are held.
+    pub fn held(input: &PlantInput) -> Self {
+        Self { input: input.clone(), slopes: None, since_s: 0.0 }
+    }
+
+    /// The inputs at a time, in s.
+    pub fn at(&self, t_s: f64) -> PlantInput {
+        let mut input = self.input.clone();
+        let Some(slopes) = &self.slopes else { return input };
+        let elapsed_s = t_s - self.since_s;
+        let mut weight = 1.0;
+        for (slope, order) in slopes.iter().zip(1..) {
+            weight *= elapsed_s / f64::from(order);
+            for (value, slope) in input.current_a.iter_mut().zip(slope.current_a) {
+                *value += weight * slope;
+            }
+            for (value, slope) in input.perturbation_n.iter_mut().zip(slope.perturbation_n) {
+                *value += weight * slope;
+            }
+            input.omega_rad_s += weight * slope.omega_rad_s;
+        }
+        input
+    }
+
+    /// Whether ω is held.
+    fn turns_evenly(&self) -> bool {
+        self.slopes.as_ref().is_none_or(|slopes| slopes.iter().all(|slope| slope.omega_rad_s == 0.0))
+    }
+
+    /// `∫ ω dt` from t_0 to a time in s, in rad.
+    fn turned_rad(&self, t_s: f64) -> f64 {
+        let elapsed_s = t_s - self.since_s;
+        let mut weight = elapsed_s;
+        let mut angle_rad = self.input.omega_rad_s * weight;
+        for (slope, order) in self.slopes.iter().flatten().zip(2..) {
+            weight *= elapsed_s / f64::from(order);
+            angle_rad += weight * slope.omega_rad_s;
+        }
+        angle_rad
+    }
+
+    fn check(&self) -> Result<(), PlantFault> {
+        self.slopes.iter().flatten().try_for_each(check_input)?;
+        check_input(&self.input)
+    }
+}
+
 /// What the sensors read at their last instant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
@@ -329,7 +391,16 @@ impl Plant {
         state
     }
 
-    /// Advances from `t_s` to `t_s + h_s`, in s, with the input held.
+    /// Advances from `t_s` to `t_s + h_s`, in s, with the input held; see [`Plant::advance_along`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn advance(&self, state: &mut PlantState, input: &PlantInput, t_s: f64, h_s: f64) -> Result<(), PlantFault> {
+        self.advance_along(state, &PlantCourse::held(input), t_s, h_s)
+    }
+
+    /// Advances from `t_s` to `t_s + h_s`, in s, with inputs that change on the way. A sample of the currents is their
+    /// value just before the instant.
     ///
     /// The sensors read at every instant `start + k · T_s` in `(t, t + h]`. An instant within [`INSTANT_TOLERANCE`] of
     /// `t + h` is read at `t + h`; at one inside, the step is divided. Each part is integrated in equal sub-steps, none
@@ -339,8 +410,14 @@ impl Plant {
     /// # Errors
     /// [`PlantFault::Contact`] when the rotor leaves the gap; [`PlantFault::Input`] for an input that is not finite;
     /// [`PlantFault::Time`] for a step that is negative, not finite, or does not begin where the last one ended.
-    pub fn advance(&self, state: &mut PlantState, input: &PlantInput, t_s: f64, h_s: f64) -> Result<(), PlantFault> {
-        check_input(input)?;
+    pub fn advance_along(
+        &self,
+        state: &mut PlantState,
+        inputs: &PlantCourse,
+        t_s: f64,
+        h_s: f64,
+    ) -> Result<(), PlantFault> {
+        inputs.check()?;
         let step_s = self.config.sensor.step_s;
         let tolerance = INSTANT_TOLERANCE * step_s;
         let end_s = t_s + h_s;
@@ -357,16 +434,41 @@ impl Plant {
             let inside = instant_s < end_s - tolerance;
             let part_end_s = if inside { instant_s.max(now_s) } else { end_s };
             let length_s = if now_s == t_s && !inside { h_s } else { part_end_s - now_s };
-            self.integrate(state, input, now_s, length_s, part_end_s)?;
+            self.integrate(state, inputs, now_s, length_s, part_end_s)?;
             if instant_s > end_s + tolerance {
                 return Ok(());
             }
-            self.take_sample(state, input.current_a);
+            self.take_sample(state, inputs.at(part_end_s).current_a);
             if !inside {
                 return Ok(());
             }
             now_s = part_end_s;
         }
+    }
+
+    /// Whether a state, for instance one read from a file, is such that this plant can go on with it at `t_s`, in s: its
+    /// numbers are finite, the rotor is inside the gap, and the samples before `t_s` are taken, those after it are not.
+    pub fn accepts(&self, state: &PlantState, t_s: f64) -> bool {
+        let step_s = self.config.sensor.step_s;
+        let Turn { base_rad, since_s, omega_rad_s } = state.turn;
+        let numbers = [state.time_s, state.start_s, state.theta_rad, base_rad, since_s, omega_rad_s, t_s];
+        let mut numbers = numbers.iter().chain(&state.position_m).chain(&state.velocity_m_s);
+        let inside = self.magnets.gaps(state.position_m).iter().all(|gap| *gap > 0.0);
+        // Importers may begin a step a little beside the end of the last one.
+        let beside_s = step_s + 1e-6 * t_s.abs().max(1.0);
+        let instant_s = |count: u64| state.start_s + count as f64 * step_s;
+        let taken = instant_s(state.samples) >= t_s - beside_s && instant_s(state.samples.max(1) - 1) <= t_s + beside_s;
+        numbers.all(|value| value.is_finite()) && inside && taken && (state.time_s - t_s).abs() <= beside_s
+    }
+
+    /// The instant of the last sample, in s.
+    pub fn sampled_s(&self, state: &PlantState) -> f64 {
+        state.start_s + (state.samples.max(1) - 1) as f64 * self.config.sensor.step_s
+    }
+
+    /// The shortest step inside: that of the sensors or of the integration, in s.
+    pub fn grain_s(&self) -> f64 {
+        self.config.sensor.step_s.min(self.config.max_step_s)
     }
 
     /// What can be said at the time `t_s`, in s, at which the state stands.
@@ -402,15 +504,21 @@ impl Plant {
     fn integrate(
         &self,
         state: &mut PlantState,
-        input: &PlantInput,
+        inputs: &PlantCourse,
         from_s: f64,
         length_s: f64,
         end_s: f64,
     ) -> Result<(), PlantFault> {
         let (from_s, length_s) = self.without_rounding(state, from_s, length_s);
-        if input.omega_rad_s != state.turn.omega_rad_s {
-            state.turn = Turn { base_rad: state.theta_rad, since_s: from_s, omega_rad_s: input.omega_rad_s };
+        let evenly = inputs.turns_evenly();
+        if !evenly || inputs.input.omega_rad_s != state.turn.omega_rad_s {
+            let omega_rad_s = inputs.at(from_s).omega_rad_s;
+            state.turn = Turn { base_rad: state.theta_rad, since_s: from_s, omega_rad_s };
         }
+        let turned_rad = inputs.turned_rad(from_s);
+        let theta_rad = |turn: &Turn, t: f64| {
+            if evenly { turn.theta_rad(t) } else { turn.base_rad + (inputs.turned_rad(t) - turned_rad) }
+        };
         let n = substeps(length_s, self.config.max_step_s);
         let h = length_s / n as f64;
         for j in 0..n {
@@ -418,7 +526,7 @@ impl Plant {
             let [y, z] = state.position_m;
             let [v_y, v_z] = state.velocity_m_s;
             let turn = &state.turn;
-            let x = rk4([y, z, v_y, v_z], t, h, |t, x| self.slope(input, t, turn.theta_rad(t), x));
+            let x = rk4([y, z, v_y, v_z], t, h, |t, x| self.slope(&inputs.at(t), t, theta_rad(turn, t), x));
             let inside = self.magnets.gaps([x[0], x[1]]).iter().all(|gap| *gap > 0.0);
             if !(inside && x.iter().all(|value| value.is_finite())) {
                 let gap_m = self.magnets.gaps(state.position_m);
@@ -428,10 +536,15 @@ impl Plant {
             }
             state.position_m = [x[0], x[1]];
             state.velocity_m_s = [x[2], x[3]];
-            state.theta_rad = turn.theta_rad(t + h);
+            state.theta_rad = theta_rad(turn, t + h);
         }
         state.time_s = end_s;
-        state.theta_rad = state.turn.theta_rad(from_s + length_s);
+        state.theta_rad = theta_rad(&state.turn, from_s + length_s);
+        if !evenly {
+            // The next part begins with an angle and a speed of its own.
+            let omega_rad_s = inputs.at(from_s + length_s).omega_rad_s;
+            state.turn = Turn { base_rad: state.theta_rad, since_s: from_s + length_s, omega_rad_s };
+        }
         Ok(())
     }
 
