@@ -32,8 +32,8 @@ pub static KIND: Kind = Kind {
 
 /// Speed of the paper's experiments, 3000 rpm.
 const OMEGA_RAD_S: f64 = 100.0 * std::f64::consts::PI;
-/// Velocity r_Z ω on the paper's reference ellipse at its start.
-const START_VELOCITY_M_S: f64 = 70e-6 * OMEGA_RAD_S;
+/// Velocity r_Z ω on the paper's reference ellipse at its start, rounded as the interface has it.
+const START_VELOCITY_M_S: f64 = 0.021991148575128554;
 
 static TABLE: LazyLock<Vec<Row<Values>>> = LazyLock::new(table);
 
