@@ -8,7 +8,9 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::plant::{Plant, PlantInput, PlantState};
+use super::coil::Drive;
+use super::plant::{PlantConfig, PlantInput, PlantState};
+use super::touchdown::SLIDING_M_S;
 
 /// The coefficients c of `Σ_j c_j τ^j`, j < N.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +25,16 @@ impl<const N: usize> Jet<N> {
     /// The derivative of order `j` at the begin of the line: `j! c_j`.
     pub fn derivative(&self, j: usize) -> f64 {
         (1..=j).fold(self.0[j], |product, factor| product * factor as f64)
+    }
+
+    /// The square root of a number above 0, from `r² = x`.
+    pub fn sqrt(self) -> Self {
+        let mut root = Self::constant(self.0[0].sqrt());
+        for j in 1..N {
+            let known: f64 = (1..j).map(|i| root.0[i] * root.0[j - i]).sum();
+            root.0[j] = (self.0[j] - known) / (2.0 * root.0[0]);
+        }
+        root
     }
 
     /// Sine and cosine, from `s' = x' c`, `c' = −x' s`.
@@ -92,10 +104,22 @@ pub struct Point<T> {
     pub amplitude_n: [T; 2],
     pub harmonic_omega_rad_s: T,
     pub harmonic_phase_rad: [T; 2],
+    pub gravity_m_s2: [T; 2],
+    pub resistance_ohm: T,
+    pub leakage_h: T,
+    pub limit_v: T,
+    pub saturation_wb: T,
+    pub clearance_m: T,
+    pub stiffness_n_m: T,
+    pub damping_ns_m: T,
+    pub friction: T,
+    pub radius_m: T,
     pub position_m: [T; 2],
     pub velocity_m_s: [T; 2],
     pub theta_rad: T,
+    pub linkage_wb: [T; 3],
     pub current_a: [T; 3],
+    pub voltage_v: [T; 3],
     pub perturbation_n: [T; 2],
     pub omega_rad_s: T,
     pub time_s: T,
@@ -103,8 +127,8 @@ pub struct Point<T> {
 
 impl Point<f64> {
     /// Where a plant stands at the time `t_s`, in s.
-    pub fn of(plant: &Plant, state: &PlantState, input: &PlantInput, t_s: f64) -> Self {
-        let config = plant.config();
+    pub fn of(config: &PlantConfig, state: &PlantState, input: &PlantInput, t_s: f64) -> Self {
+        let (coil, ring) = (&config.coil, &config.touchdown);
         Self {
             m_kg: config.m_kg,
             gap_m: config.gap_m,
@@ -115,10 +139,22 @@ impl Point<f64> {
             amplitude_n: config.harmonic.amplitude_n,
             harmonic_omega_rad_s: config.harmonic.omega_rad_s,
             harmonic_phase_rad: config.harmonic.phase_rad,
+            gravity_m_s2: config.gravity_m_s2,
+            resistance_ohm: coil.resistance_ohm,
+            leakage_h: coil.leakage_h,
+            limit_v: coil.limit_v,
+            saturation_wb: coil.saturation_wb,
+            clearance_m: ring.clearance_m,
+            stiffness_n_m: ring.stiffness_n_m,
+            damping_ns_m: ring.damping_ns_m,
+            friction: ring.friction,
+            radius_m: ring.radius_m,
             position_m: state.position_m,
             velocity_m_s: state.velocity_m_s,
             theta_rad: state.theta_rad,
+            linkage_wb: state.linkage_wb,
             current_a: input.current_a,
+            voltage_v: input.voltage_v,
             perturbation_n: input.perturbation_n,
             omega_rad_s: input.omega_rad_s,
             time_s: t_s,
@@ -138,11 +174,23 @@ impl<T: Copy> Point<T> {
             };
         }
         joined!(
-            m_kg, gap_m, unbalance_kgm, unbalance_phase_rad, harmonic_omega_rad_s, theta_rad, omega_rad_s, time_s;
-            alpha_rad, lambda_nm2_a2, amplitude_n, harmonic_phase_rad, position_m, velocity_m_s, current_a,
-            perturbation_n
+            m_kg, gap_m, unbalance_kgm, unbalance_phase_rad, harmonic_omega_rad_s, resistance_ohm, leakage_h, limit_v,
+            saturation_wb, clearance_m, stiffness_n_m, damping_ns_m, friction, radius_m, theta_rad, omega_rad_s, time_s;
+            alpha_rad, lambda_nm2_a2, amplitude_n, harmonic_phase_rad, gravity_m_s2, position_m, velocity_m_s, linkage_wb,
+            current_a, voltage_v, perturbation_n
         )
     }
+}
+
+/// What the equations depend on beside numbers; where it changes, there are no derivatives.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Modes {
+    /// Whether current or voltage is given.
+    pub drive: Drive,
+    /// Coils whose circuit is open.
+    pub open: [bool; 3],
+    /// Whether rotor and backup bearing push each other.
+    pub contact: bool,
 }
 
 /// What follows at a [`Point`], in the units of [`PlantOutput`](super::plant::PlantOutput).
@@ -150,54 +198,140 @@ impl<T: Copy> Point<T> {
 #[allow(missing_docs, reason = "the names are those of the output")]
 pub struct Response<T> {
     pub gap_m: [T; 3],
+    pub induced_v: [T; 3],
     pub force_n: [T; 3],
     pub resultant_n: [T; 2],
     pub perturbation_n: [T; 2],
+    pub contact_n: [T; 2],
     pub acceleration_m_s2: [T; 2],
 }
 
-/// The equations of the plant, those of [`Plant::outputs`], along a line.
-pub fn response<const N: usize>(at: &Point<Jet<N>>) -> Response<Jet<N>> {
+/// The equations of the plant, those of [`Plant::outputs`](super::plant::Plant::outputs), along a line.
+pub fn response<const N: usize>(modes: &Modes, at: &Point<Jet<N>>) -> Response<Jet<N>> {
     let e = at.alpha_rad.map(Jet::sin_cos);
     let [y, z] = at.position_m;
     // gap_k = s − e_k · (Y, Z)
     let gap_m = e.map(|(sine, cosine)| at.gap_m - (sine * y + cosine * z));
-    // F_k = λ_k i_k² / gap_k²                                                    P(4)
-    let force_n = std::array::from_fn(|k| {
-        let i_per_gap = at.current_a[k] / gap_m[k];
-        at.lambda_nm2_a2[k] * i_per_gap * i_per_gap
-    });
-    let [f_1, f_2, f_3]: [Jet<N>; 3] = force_n;
+    let coils: [[Jet<N>; 2]; 3] = std::array::from_fn(|k| coil(modes, at, k, gap_m[k]));
+    let force_n = coils.map(|[force_n, _]| force_n);
+    let [f_1, f_2, f_3] = force_n;
     // (F_y, F_z) = Σ F_k e_k                                                     P(3)
     let resultant_n = [f_1 * e[0].0 + f_2 * e[1].0 + f_3 * e[2].0, f_1 * e[0].1 + f_2 * e[1].1 + f_3 * e[2].1];
-    // p_a + amplitude_a sin(ω_p t + phase_a) + U ω² (cos, sin)(θ + φ)
+    // dψ_k/dt = u_k − R i_k, u_k within the limit
+    let induced_v = std::array::from_fn(|k| {
+        if modes.drive == Drive::Current || modes.open[k] {
+            return Jet::constant(0.0);
+        }
+        let (u, limit) = (at.voltage_v[k], at.limit_v);
+        let within = if u.0[0] > limit.0[0] {
+            limit
+        } else if u.0[0] < -limit.0[0] {
+            -limit
+        } else {
+            u
+        };
+        within - at.resistance_ohm * coils[k][1]
+    });
+    // p_a + amplitude_a sin(ω_p t + phase_a) + m g_a + U ω² (cos, sin)(θ + φ)
     let unbalance_n = at.unbalance_kgm * at.omega_rad_s * at.omega_rad_s;
     let (sine, cosine) = (at.theta_rad + at.unbalance_phase_rad).sin_cos();
     let turning = [cosine, sine];
     let perturbation_n = std::array::from_fn(|a| {
         let (wave, _) = (at.harmonic_omega_rad_s * at.time_s + at.harmonic_phase_rad[a]).sin_cos();
-        at.perturbation_n[a] + at.amplitude_n[a] * wave + unbalance_n * turning[a]
+        at.perturbation_n[a] + at.amplitude_n[a] * wave + at.m_kg * at.gravity_m_s2[a] + unbalance_n * turning[a]
     });
-    let acceleration_m_s2 = std::array::from_fn(|a| (resultant_n[a] + perturbation_n[a]) / at.m_kg);
-    Response { gap_m, force_n, resultant_n, perturbation_n, acceleration_m_s2 }
+    let contact_n = if modes.contact { contact(at) } else { [Jet::constant(0.0); 2] };
+    let acceleration_m_s2 = std::array::from_fn(|a| (resultant_n[a] + perturbation_n[a] + contact_n[a]) / at.m_kg);
+    Response { gap_m, induced_v, force_n, resultant_n, perturbation_n, contact_n, acceleration_m_s2 }
+}
+
+/// Force and current of a coil, `F = φ²/(4λ)`, `i = φ gap/(2λ) + i_s (φ/φ_s)⁷`.
+fn coil<const N: usize>(modes: &Modes, at: &Point<Jet<N>>, k: usize, gap_m: Jet<N>) -> [Jet<N>; 2] {
+    if modes.open[k] {
+        return [Jet::constant(0.0); 2];
+    }
+    let two = Jet::constant(2.0);
+    let lambda = at.lambda_nm2_a2[k];
+    let reluctance = gap_m / (two * lambda);
+    let saturates = at.saturation_wb.0[0] > 0.0;
+    // i and ∂i/∂φ.
+    let current = |flux: Jet<N>| {
+        if !saturates {
+            return [flux * reluctance, reluctance];
+        }
+        let ratio = flux / at.saturation_wb;
+        let cube = ratio * ratio * ratio;
+        let iron_a_wb = at.gap_m / (two * lambda);
+        let sixth = cube * cube;
+        [
+            flux * reluctance + iron_a_wb * at.saturation_wb * sixth * ratio,
+            reluctance + Jet::constant(7.0) * iron_a_wb * sixth,
+        ]
+    };
+    let mut flux = match modes.drive {
+        Drive::Current => at.current_a[k] / reluctance,
+        Drive::Voltage => at.linkage_wb[k] / (Jet::constant(1.0) + at.leakage_h / reluctance),
+    };
+    if saturates {
+        // Newton's method, at first for the number, then also for the other coefficients, of which every step doubles those
+        // that are right. It starts beyond the solution, where the curve is convex.
+        if modes.drive == Drive::Current {
+            let bound = at.current_a[k].0[0] / (at.gap_m.0[0] / (2.0 * lambda.0[0]) * at.saturation_wb.0[0]);
+            let bound = at.saturation_wb.0[0] * libm::pow(bound.abs(), 1.0 / 7.0);
+            flux = Jet::constant(flux.0[0].clamp(-bound, bound));
+        }
+        for _ in 0..MOST_ITERATIONS {
+            let [i, by_flux] = current(flux);
+            let (miss, slope) = match modes.drive {
+                Drive::Current => (i - at.current_a[k], by_flux),
+                Drive::Voltage => {
+                    (flux + at.leakage_h * i - at.linkage_wb[k], Jet::constant(1.0) + at.leakage_h * by_flux)
+                }
+            };
+            flux = flux - miss / slope;
+        }
+    }
+    let force_n = flux * flux / (Jet::constant(4.0) * lambda);
+    match modes.drive {
+        Drive::Current => [force_n, at.current_a[k]],
+        Drive::Voltage => [force_n, current(flux)[0]],
+    }
+}
+
+/// Newton steps for saturated iron; those of [`coil`](super::coil) come to their end before.
+const MOST_ITERATIONS: usize = 60;
+
+/// The push of the backup bearing, touchdown.rs.
+fn contact<const N: usize>(at: &Point<Jet<N>>) -> [Jet<N>; 2] {
+    let [y, z] = at.position_m;
+    let [v_y, v_z] = at.velocity_m_s;
+    let r = (y * y + z * z).sqrt();
+    let (out_y, out_z) = (y / r, z / r);
+    let push = at.stiffness_n_m * (r - at.clearance_m) + at.damping_ns_m * (out_y * v_y + out_z * v_z);
+    let v = out_y * v_z - out_z * v_y + at.omega_rad_s * at.radius_m;
+    let drag = at.friction * push * v / (v * v + Jet::constant(SLIDING_M_S * SLIDING_M_S)).sqrt();
+    [-(push * out_y) + drag * out_z, -(push * out_z) - drag * out_y]
 }
 
 /// The values at a point and their derivatives in a direction, which has the units of the point.
-pub fn along(point: &Point<f64>, direction: &Point<f64>) -> Response<Jet<2>> {
-    response(&point.with(direction, |value, slope| Jet([value, slope])))
+pub fn along(modes: &Modes, point: &Point<f64>, direction: &Point<f64>) -> Response<Jet<2>> {
+    response(modes, &point.with(direction, |value, slope| Jet([value, slope])))
 }
 
 /// The motion from a point on, and its outputs, as Taylor series in time. `slopes[j]` are the derivatives of order j + 1
 /// of the inputs; with fewer of them than N − 1 the others are 0.
-pub fn in_time<const N: usize>(point: &Point<f64>, slopes: &[PlantInput]) -> (Point<Jet<N>>, Response<Jet<N>>) {
+pub fn in_time<const N: usize>(
+    modes: &Modes,
+    point: &Point<f64>,
+    slopes: &[PlantInput],
+) -> (Point<Jet<N>>, Response<Jet<N>>) {
     let mut motion = point.with(point, |value, _| Jet::<N>::constant(value));
     let mut factorial = 1.0;
     for (j, slope) in (1..N).zip(slopes) {
         factorial *= j as f64;
-        for (series, slope) in motion.current_a.iter_mut().zip(slope.current_a) {
-            series.0[j] = slope / factorial;
-        }
-        for (series, slope) in motion.perturbation_n.iter_mut().zip(slope.perturbation_n) {
+        let series = motion.current_a.iter_mut().chain(&mut motion.voltage_v).chain(&mut motion.perturbation_n);
+        let values = slope.current_a.iter().chain(&slope.voltage_v).chain(&slope.perturbation_n);
+        for (series, slope) in series.zip(values) {
             series.0[j] = slope / factorial;
         }
         motion.omega_rad_s.0[j] = slope.omega_rad_s / factorial;
@@ -207,13 +341,16 @@ pub fn in_time<const N: usize>(point: &Point<f64>, slopes: &[PlantInput]) -> (Po
     }
     // Each round makes one more coefficient of the states right: x_j+1 = ẋ_j / (j + 1).
     for j in 0..N.saturating_sub(1) {
-        let rate = response(&motion);
+        let rate = response(modes, &motion);
         let over = 1.0 / (j + 1) as f64;
         for a in 0..2 {
             motion.position_m[a].0[j + 1] = motion.velocity_m_s[a].0[j] * over;
             motion.velocity_m_s[a].0[j + 1] = rate.acceleration_m_s2[a].0[j] * over;
         }
+        for k in 0..3 {
+            motion.linkage_wb[k].0[j + 1] = rate.induced_v[k].0[j] * over;
+        }
         motion.theta_rad.0[j + 1] = motion.omega_rad_s.0[j] * over;
     }
-    (motion, response(&motion))
+    (motion, response(modes, &motion))
 }

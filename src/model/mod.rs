@@ -8,6 +8,7 @@
 
 mod invalid;
 
+pub mod coil;
 pub mod controller;
 pub mod estimator;
 pub mod integration;
@@ -20,6 +21,8 @@ pub mod observer;
 pub mod plant;
 pub mod reference;
 pub mod regression;
+pub mod sensor;
+pub mod touchdown;
 pub mod window;
 
 pub use invalid::{Checks, Invalid};

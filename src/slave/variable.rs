@@ -356,6 +356,19 @@ impl<D> Row<D> {
         Self::new(name, Type::Boolean { start }, Place::Boolean(place), 0)
     }
 
+    /// The elements of an array of Booleans.
+    pub fn booleans<const N: usize>(
+        name: &str,
+        place: Access<D, bool>,
+        starts: [bool; N],
+    ) -> impl Iterator<Item = Self> {
+        std::array::from_fn::<_, N, _>(|index| {
+            let kind = Type::Boolean { start: starts[index] };
+            Self::new(element(name, index), kind, Place::Boolean(place), index)
+        })
+        .into_iter()
+    }
+
     /// A choice among the items of an enumeration.
     pub fn choice(
         name: impl Into<Cow<'static, str>>,
