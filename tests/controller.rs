@@ -112,7 +112,7 @@ impl Loop {
                 output: output.clone(),
             });
             let held_a = std::mem::replace(&mut commanded_a, output.current_a);
-            let input = PlantInput { current_a: held_a, perturbation_n: self.load_n, omega_rad_s: TAU * 50.0 };
+            let input = PlantInput { current_a: held_a, perturbation_n: self.load_n, omega_rad_s: TAU * 50.0, ..PlantInput::default() };
             plant.advance(&mut x, &input, t_s, step_s).expect("advance");
         }
         records
@@ -403,7 +403,7 @@ fn an_external_reference_is_followed() {
             worst = worst.max(output.tracking_error_m[0].abs()).max(output.tracking_error_m[1].abs());
         }
         let held_a = std::mem::replace(&mut commanded_a, output.current_a);
-        let input = PlantInput { current_a: held_a, perturbation_n: [0.0; 2], omega_rad_s: 0.0 };
+        let input = PlantInput { current_a: held_a, perturbation_n: [0.0; 2], ..PlantInput::default() };
         plant.advance(&mut x, &input, t_s, 1e-4).expect("advance");
     }
     below("error, m", worst, EXTERNAL_M);

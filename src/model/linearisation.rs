@@ -270,7 +270,7 @@ fn coil<const N: usize>(modes: &Modes, at: &Point<Jet<N>>, k: usize, gap_m: Jet<
     };
     let mut flux = match modes.drive {
         Drive::Current => at.current_a[k] / reluctance,
-        Drive::Voltage => at.linkage_wb[k] / (Jet::constant(1.0) + at.leakage_h / reluctance),
+        Drive::Voltage => at.linkage_wb[k] / (Jet::constant(1.0) + at.leakage_h * reluctance),
     };
     if saturates {
         // Newton's method, at first for the number, then also for the other coefficients, of which every step doubles those

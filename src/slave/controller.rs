@@ -247,6 +247,9 @@ impl Slave for Tracking {
         time_s: Option<f64>,
     ) -> Result<Self, String> {
         let controller = controller(values).map_err(|findings| all(&findings))?;
+        if !controller.accepts(&state) {
+            return Err("the numbers of the state are not such as occur".into());
+        }
         if time_s.is_some_and(|time_s| !clock.suits(values.config.step_s, time_s)) {
             return Err("the samples taken do not belong to the time".into());
         }
