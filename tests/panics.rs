@@ -1,7 +1,5 @@
-//! A panic inside an FMU stays inside it: planted ones become fmi2Error, and a reset recovers. Debug builds only, for
-//! others have no place to plant one.
-
-#![cfg(debug_assertions)]
+//! A panic inside an FMU stays inside it: planted ones become fmi2Error, and a reset recovers.
+//! Run with `cargo test --features planted-panics --test panics`; no other build has a place to plant one.
 
 mod support;
 

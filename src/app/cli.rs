@@ -8,6 +8,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use super::documentation;
 use super::experiment;
 use super::package;
 use super::scenario::{BUILT_IN, Scenario};
@@ -55,9 +56,9 @@ enum Command {
         #[arg(long, conflicts_with_all = ["csv", "report"])]
         print: bool,
     },
-    /// Writes the model descriptions, which stand under review, out of the tables of variables.
+    /// Writes the model descriptions and VARIABLES.md, which stand under review, out of the tables of variables.
     Describe {
-        /// Folder for the XML files.
+        /// Folder for the files.
         #[arg(long, value_name = "DIR", default_value = "modelDescription")]
         out: PathBuf,
     },
@@ -75,7 +76,7 @@ pub fn main() -> ExitCode {
         Some(Command::Simulate { scenario, csv, report, print: false }) => {
             simulate(&scenario, csv.as_deref(), report.as_deref())
         }
-        Some(Command::Describe { out }) => package::write_descriptions(&out).map_err(Into::into),
+        Some(Command::Describe { out }) => describe(&out),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -103,6 +104,12 @@ fn package(folder: &Path) -> Result<()> {
         println!("{} ({} kB)", written.path.display(), written.bytes.div_ceil(1000));
     }
     Ok(())
+}
+
+fn describe(folder: &Path) -> Result<()> {
+    package::write_descriptions(folder)?;
+    let path = folder.join("VARIABLES.md");
+    fs::write(&path, documentation::markdown()).map_err(named(&path))
 }
 
 fn print(name: &Path) -> Result<()> {
@@ -143,8 +150,26 @@ fn print_run(scenario: &Scenario, run: &Run) {
     }
     for table in experiment::tables(scenario, run) {
         println!("\n{}", table.title);
+        for line in wrapped(&table.note) {
+            println!("  {line}");
+        }
         print_table(&table.head, &table.rows);
     }
+}
+
+/// Breaks a text into lines that a terminal can show.
+fn wrapped(text: &str) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + word.chars().count() < 100 => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.into()),
+        }
+    }
+    lines
 }
 
 /// Prints a table whose first column is words and whose others are numbers.

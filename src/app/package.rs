@@ -97,14 +97,14 @@ pub fn platform() -> Result<(&'static str, &'static str), PackageError> {
 pub fn built_library() -> Result<PathBuf, PackageError> {
     let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
     let file = format!("{}magnetic_bearing{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
-    // Test programs lie one folder deeper than the library.
-    let folders = program.ancestors().skip(1).take(2);
-    let mut candidates = folders.map(|folder| folder.join(&file));
-    let nearest = candidates.next().unwrap_or_else(|| PathBuf::from(&file));
-    if nearest.is_file() {
-        return Ok(nearest);
-    }
-    candidates.find(|candidate| candidate.is_file()).ok_or(PackageError::NoBinary(nearest))
+    let folder = program.parent().unwrap_or(Path::new(""));
+    // Cargo compiles into `deps`, where test programs lie as well, and links the library up from there only when it is
+    // asked for the library itself: beside a program that `cargo run` has built it is missing, or an old one.
+    let beside = folder.join(&file);
+    [folder.join("deps").join(&file), beside.clone()]
+        .into_iter()
+        .find(|candidate| candidate.is_file())
+        .ok_or(PackageError::NoBinary(beside))
 }
 
 /// The FMU of a model around a binary.

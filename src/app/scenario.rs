@@ -189,6 +189,9 @@ fn read(document: Document, findings: &mut Vec<String>) -> Scenario {
     };
     let duration_s = time("duration", &document.duration);
     let step_s = time("step", &document.step);
+    if findings.is_empty() && step_s > duration_s {
+        findings.push(format!("step = {} is refused: at most the duration, {duration_s} s, is wanted", document.step));
+    }
 
     let tables: [(&str, &'static Kind, &toml::Table); 3] = [
         ("plant", &plant::KIND, &document.plant),

@@ -151,7 +151,8 @@ fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state:
         let kind = match &variable.kind {
             Type::Real { start, unit, display, nominal, min, max } => element("Real")
                 .with("unit", unit.name)
-                .with_some("displayUnit", *display)
+                // FMI Library, which several importers are built on, refuses a display unit that is the unit itself.
+                .with_some("displayUnit", display.filter(|display| *display != unit.name))
                 .with_some("min", min.map(real))
                 .with_some("max", max.map(real))
                 .with("nominal", real(*nominal))

@@ -8,7 +8,7 @@ use crate::model::Invalid;
 pub(super) fn geometry<D>(m: Access<D, f64>, s: Access<D, f64>, alpha: Access<D, f64>) -> impl Iterator<Item = Row<D>> {
     use std::f64::consts::{FRAC_PI_3, PI};
     [
-        Row::real("m", m, KILOGRAM, 6.7).min(0.0).says("Mass of the rotor").shown_in("kg"),
+        Row::real("m", m, KILOGRAM, 6.7).min(0.0).says("Mass of the rotor"),
         Row::real("s", s, METRE, 5e-4).min(0.0).nominal(1e-4).shown_in("mm").says("Nominal air gap"),
     ]
     .into_iter()

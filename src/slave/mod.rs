@@ -3,8 +3,8 @@
 //! A slave is short and reads from top to bottom: its values, its table of variables, its step. The table is the one
 //! place where a variable exists: start value, reference, unit, access, model description and reset all derive from it.
 //!
-//! [`unit`], [`variable`], [`instance`], [`clock`], [`course`] and [`log`] know nothing of bearings; [`plant`], [`controller`] and
-//! [`estimator`] are the slaves of this project, listed in [`catalogue`].
+//! [`mod@unit`], [`variable`], [`instance`], [`clock`], [`course`] and [`log`] know nothing of bearings; [`plant`],
+//! [`controller`] and [`estimator`] are the slaves of this project, listed in [`catalogue`].
 
 pub mod clock;
 pub mod controller;
@@ -13,7 +13,7 @@ pub mod estimator;
 pub mod instance;
 pub mod log;
 pub mod plant;
-#[cfg(debug_assertions)]
+#[cfg(feature = "planted-panics")]
 pub mod planted;
 pub mod unit;
 pub mod variable;

@@ -1,4 +1,5 @@
-//! A panic planted by a test, to see that none crosses the border to C. Only debug builds have it.
+//! A panic planted by a test, to see that none crosses the border to C. Only builds with the feature
+//! `planted-panics` have it, which no FMU is built with.
 
 use std::cell::Cell;
 

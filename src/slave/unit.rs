@@ -30,7 +30,7 @@ const RPM: f64 = 30.0 / std::f64::consts::PI;
 /// Dimensionless.
 pub const ONE: Unit = Unit { name: "1", base: &[], displays: &[] };
 /// Mass.
-pub const KILOGRAM: Unit = Unit { name: "kg", base: &[("kg", 1)], displays: &[display("g", 1e3)] };
+pub const KILOGRAM: Unit = Unit { name: "kg", base: &[("kg", 1)], displays: &[display("kg", 1.0), display("g", 1e3)] };
 /// Length.
 pub const METRE: Unit = Unit { name: "m", base: &[("m", 1)], displays: &[display("µm", 1e6), display("mm", 1e3)] };
 /// Velocity.
@@ -49,7 +49,7 @@ pub const RADIAN_PER_SECOND: Unit = Unit {
     displays: &[display("rpm", RPM), display("Hz", 0.5 / std::f64::consts::PI)],
 };
 /// Electric current.
-pub const AMPERE: Unit = Unit { name: "A", base: &[("A", 1)], displays: &[display("mA", 1e3)] };
+pub const AMPERE: Unit = Unit { name: "A", base: &[("A", 1)], displays: &[display("A", 1.0), display("mA", 1e3)] };
 /// Force.
 pub const NEWTON: Unit = Unit { name: "N", base: &[("kg", 1), ("m", 1), ("s", -2)], displays: &[] };
 /// Voltage.
