@@ -112,7 +112,12 @@ impl Loop {
                 output: output.clone(),
             });
             let held_a = std::mem::replace(&mut commanded_a, output.current_a);
-            let input = PlantInput { current_a: held_a, perturbation_n: self.load_n, omega_rad_s: TAU * 50.0, ..PlantInput::default() };
+            let input = PlantInput {
+                current_a: held_a,
+                perturbation_n: self.load_n,
+                omega_rad_s: TAU * 50.0,
+                ..PlantInput::default()
+            };
             plant.advance(&mut x, &input, t_s, step_s).expect("advance");
         }
         records

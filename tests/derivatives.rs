@@ -99,7 +99,8 @@ fn derivatives_by_parameters_are_those_that_setting_them_shows() {
             fmu.set(name, *value).ok(&fmu);
         }
         fmu.enter_initialization().ok(&fmu);
-        let smooth = ["m", "s", "Y0", "Z0", "theta0", "coil.R", "alpha[2]", "lambda[3]", "unbalance.phase", "gravity.Z"];
+        let smooth =
+            ["m", "s", "Y0", "Z0", "theta0", "coil.R", "alpha[2]", "lambda[3]", "unbalance.phase", "gravity.Z"];
         for known in smooth {
             let exact = column(&fmu, known);
             let value = fmu.get(known);

@@ -25,7 +25,12 @@ fn plant(config: PlantConfig) -> Plant {
 
 /// Currents that hold the rotor near the centre for some milliseconds.
 fn held() -> PlantInput {
-    PlantInput { current_a: [1.5, 1.4, 1.3], perturbation_n: [0.5, -0.3], omega_rad_s: OMEGA_RAD_S, ..PlantInput::default() }
+    PlantInput {
+        current_a: [1.5, 1.4, 1.3],
+        perturbation_n: [0.5, -0.3],
+        omega_rad_s: OMEGA_RAD_S,
+        ..PlantInput::default()
+    }
 }
 
 fn all_on() -> PlantConfig {

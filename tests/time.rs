@@ -120,7 +120,9 @@ fn samples_of_the_plant_do_not_depend_on_how_time_is_cut() {
         let got = run(cut);
         // 1 nm: a hundredth of the noise of a good sensor; the integration of other sub-steps leaves less, and an instant
         // within a thousandth of a sample time before the end of a step counts as that end.
-        for (at, (tolerance, name)) in [(1e-9, "Ym"), (1e-9, "Zm"), (0.0, "im"), (5e-5, "theta"), (0.0, "omegam")].iter().enumerate() {
+        for (at, (tolerance, name)) in
+            [(1e-9, "Ym"), (1e-9, "Zm"), (0.0, "im"), (5e-5, "theta"), (0.0, "omegam")].iter().enumerate()
+        {
             assert!((got[at] - wanted[at]).abs() <= *tolerance, "{name}: {:e} {:e}", got[at], wanted[at]);
         }
     }

@@ -1,6 +1,7 @@
 //! The command line: packaging, experiments, reports.
 
 pub mod cli;
+pub mod contour;
 pub mod documentation;
 pub mod experiment;
 pub mod package;

@@ -203,7 +203,9 @@ impl<S: Source> Abuse<S> {
                 let mut values = [null()];
                 // SAFETY: as above.
                 let status = match self.below(2)? {
-                    0 => unsafe { call!(fmi2GetString: fmi2GetStringTYPE(c, [0].as_ptr(), count, values.as_mut_ptr())) },
+                    0 => unsafe {
+                        call!(fmi2GetString: fmi2GetStringTYPE(c, [0].as_ptr(), count, values.as_mut_ptr()))
+                    },
                     _ => unsafe { call!(fmi2SetString: fmi2SetStringTYPE(c, [0].as_ptr(), count, values.as_ptr())) },
                 };
                 self.answered(at, status)
