@@ -354,6 +354,14 @@ impl Controller {
         }
     }
 
+    /// Whether a state, for instance one read from a file, can be gone on with: its numbers are finite, its counts in order.
+    pub fn accepts(&self, state: &ControllerState) -> bool {
+        let lists = state.expected.iter().flatten().chain(&state.under_way_n).chain(&state.lambda_nm2_a2);
+        let lists = lists.chain(&state.voltage_v).chain(&state.planned_a);
+        let numbers = lists.chain([&state.start_s, &state.preload_n]);
+        self.reference.accepts(&state.reference) && state.samples < u64::MAX && numbers.copied().all(f64::is_finite)
+    }
+
     /// What stands at the outputs before the first sample: no current, the first guess of λ, and where the path begins.
     pub fn output_at_start(&self) -> ControllerOutput {
         let begin = self.reference.ahead(&self.reference.start(), 0.0).map(|point| point.position_m);

@@ -13,6 +13,7 @@ pub mod controller;
 pub mod estimator;
 pub mod integration;
 pub mod kernel;
+pub mod linearisation;
 pub mod lowpass;
 pub mod magnet;
 pub mod noise;

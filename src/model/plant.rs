@@ -49,6 +49,9 @@ pub type Motion = [f64; 7];
 /// that rate.
 pub const SAFETY: f64 = 0.1;
 
+/// The most parts that one call integrates over; some seconds of computing.
+pub const MOST_PARTS: usize = 10_000_000;
+
 /// How many meetings with the backup bearing are located within one sub-step; further ones are stepped across.
 const MOST_CROSSINGS: usize = 8;
 
@@ -160,6 +163,69 @@ pub struct PlantInput {
     pub omega_rad_s: f64,
 }
 
+/// The highest order of a derivative of an input that [`PlantCourse`] knows.
+pub const HIGHEST_ORDER: usize = 4;
+
+/// What acts on the plant over a step, as polynomials: `u(t) = u + Σ_j d_j (t − t_0)^j / j!`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlantCourse {
+    /// u, at the time `since_s`.
+    pub input: PlantInput,
+    /// d_1, d_2, …; in the unit of the input over powers of seconds. `None` holds the inputs.
+    pub slopes: Option<[PlantInput; HIGHEST_ORDER]>,
+    /// t_0, in s.
+    pub since_s: f64,
+}
+
+impl PlantCourse {
+    /// Inputs that are held.
+    pub fn held(input: &PlantInput) -> Self {
+        Self { input: input.clone(), slopes: None, since_s: 0.0 }
+    }
+
+    /// The inputs at a time, in s.
+    pub fn at(&self, t_s: f64) -> PlantInput {
+        let mut input = self.input.clone();
+        let Some(slopes) = &self.slopes else { return input };
+        let elapsed_s = t_s - self.since_s;
+        let mut weight = 1.0;
+        for (slope, order) in slopes.iter().zip(1..) {
+            weight *= elapsed_s / f64::from(order);
+            let actuators = slope.current_a.into_iter().chain(slope.voltage_v);
+            for (value, slope) in input.current_a.iter_mut().chain(&mut input.voltage_v).zip(actuators) {
+                *value += weight * slope;
+            }
+            for (value, slope) in input.perturbation_n.iter_mut().zip(slope.perturbation_n) {
+                *value += weight * slope;
+            }
+            input.omega_rad_s += weight * slope.omega_rad_s;
+        }
+        input
+    }
+
+    /// Whether ω is held.
+    fn turns_evenly(&self) -> bool {
+        self.slopes.as_ref().is_none_or(|slopes| slopes.iter().all(|slope| slope.omega_rad_s == 0.0))
+    }
+
+    /// `∫ ω dt` from t_0 to a time in s, in rad.
+    fn turned_rad(&self, t_s: f64) -> f64 {
+        let elapsed_s = t_s - self.since_s;
+        let mut weight = elapsed_s;
+        let mut angle_rad = self.input.omega_rad_s * weight;
+        for (slope, order) in self.slopes.iter().flatten().zip(2..) {
+            weight *= elapsed_s / f64::from(order);
+            angle_rad += weight * slope.omega_rad_s;
+        }
+        angle_rad
+    }
+
+    fn check(&self) -> Result<(), PlantFault> {
+        self.slopes.iter().flatten().try_for_each(check_input)?;
+        check_input(&self.input)
+    }
+}
+
 /// What the sensors read at their last instant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
@@ -233,6 +299,8 @@ pub struct PlantOutput {
     pub resultant_n: [f64; 2],
     /// Everything but magnets and backup bearing, (y, z), in N.
     pub perturbation_n: [f64; 2],
+    /// What changes the flux linkage of each coil, `u − R i` with voltage drive, in V; 0 without, where it is no state.
+    pub induced_v: [f64; 3],
     /// Push of the backup bearing, (y, z), in N.
     pub contact_n: [f64; 2],
     /// Acceleration of the rotor, (y, z), in m/s².
@@ -256,6 +324,13 @@ pub enum PlantFault {
         time_s: f64,
         /// Position (Y, Z) at that time, in m.
         position_m: [f64; 2],
+    },
+    /// The motion is so fast that the step would not come to an end. The state is that before the sub-step in which that
+    /// was seen.
+    #[error("the motion of the rotor is too fast for a step after t = {time_s} s: more than {MOST_PARTS} parts")]
+    Fast {
+        /// Begin of the sub-step, in s.
+        time_s: f64,
     },
     /// An input is not finite. The state is unchanged.
     #[error("the input {name} is not finite: {value}")]
@@ -375,7 +450,16 @@ impl Plant {
         state
     }
 
-    /// Advances from `t_s` to `t_s + h_s`, in s, with the input held.
+    /// Advances from `t_s` to `t_s + h_s`, in s, with the input held; see [`Plant::advance_along`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn advance(&self, state: &mut PlantState, input: &PlantInput, t_s: f64, h_s: f64) -> Result<(), PlantFault> {
+        self.advance_along(state, &PlantCourse::held(input), t_s, h_s)
+    }
+
+    /// Advances from `t_s` to `t_s + h_s`, in s, with inputs that change on the way. A sample of the currents is their
+    /// value just before the instant.
     ///
     /// The sensors read at every instant `start + k · T_s` in `(t, t + h]`. An instant within [`INSTANT_TOLERANCE`] of
     /// `t + h` is read at `t + h`; at one inside, the step is divided. Each part is integrated in equal sub-steps, none
@@ -383,10 +467,17 @@ impl Plant {
     /// a sample.
     ///
     /// # Errors
-    /// [`PlantFault::Contact`] when the rotor leaves the gap; [`PlantFault::Input`] for an input that is not finite;
+    /// [`PlantFault::Contact`] when the rotor leaves the gap; [`PlantFault::Fast`] if the step would not end;
+    /// [`PlantFault::Input`] for an input that is not finite;
     /// [`PlantFault::Time`] for a step that is negative, not finite, or does not begin where the last one ended.
-    pub fn advance(&self, state: &mut PlantState, input: &PlantInput, t_s: f64, h_s: f64) -> Result<(), PlantFault> {
-        check_input(input)?;
+    pub fn advance_along(
+        &self,
+        state: &mut PlantState,
+        inputs: &PlantCourse,
+        t_s: f64,
+        h_s: f64,
+    ) -> Result<(), PlantFault> {
+        inputs.check()?;
         let step_s = self.config.sensor.step_s;
         let tolerance = INSTANT_TOLERANCE * step_s;
         let end_s = t_s + h_s;
@@ -399,6 +490,7 @@ impl Plant {
         }
         let delay_s = self.config.sensor.delay_s;
         let mut now_s = t_s;
+        let mut budget = MOST_PARTS;
         loop {
             let sample_s = state.start_s + state.samples as f64 * step_s;
             // Without delay a reading is seen when it is told.
@@ -410,11 +502,11 @@ impl Plant {
             let inside = instant_s < end_s - tolerance;
             let part_end_s = if inside { instant_s.max(now_s) } else { end_s };
             let length_s = if now_s == t_s && !inside { h_s } else { part_end_s - now_s };
-            self.integrate(state, input, now_s, length_s, part_end_s)?;
+            self.integrate(state, inputs, (now_s, length_s, part_end_s), &mut budget)?;
             if instant_s > end_s + tolerance {
                 return Ok(());
             }
-            let seen = self.seen(state, input);
+            let seen = self.seen(state, &inputs.at(part_end_s));
             if delay_s == 0.0 {
                 self.take_sample(state, seen);
                 if !inside {
@@ -431,6 +523,37 @@ impl Plant {
             }
             now_s = part_end_s;
         }
+    }
+
+    /// Whether a state, for instance one read from a file, is such that this plant can go on with it at `t_s`, in s: its
+    /// numbers are finite, the rotor is inside the gap, and the samples before `t_s` are taken, those after it are not.
+    pub fn accepts(&self, state: &PlantState, t_s: f64) -> bool {
+        let step_s = self.config.sensor.step_s;
+        let Turn { base_rad, since_s, omega_rad_s } = state.turn;
+        let numbers = [state.time_s, state.start_s, state.theta_rad, base_rad, since_s, omega_rad_s, t_s];
+        let mut numbers = numbers.iter().chain(&state.position_m).chain(&state.velocity_m_s).chain(&state.linkage_wb);
+        let inside = self.magnets.gaps(state.position_m).iter().all(|gap| *gap > 0.0);
+        // Importers may begin a step a little beside the end of the last one.
+        let beside_s = step_s + 1e-6 * t_s.abs().max(1.0);
+        let instant_s = |count: u64| state.start_s + count as f64 * step_s;
+        let taken = instant_s(state.samples) >= t_s - beside_s && instant_s(state.samples.max(1) - 1) <= t_s + beside_s;
+        let delay = (self.config.sensor.delay_s / step_s) as u64 + 2;
+        let seen = state.samples.saturating_sub(2)..=state.samples.saturating_add(delay);
+        numbers.all(|value| value.is_finite())
+            && inside
+            && taken
+            && (self.config.sensor.delay_s == 0.0 || seen.contains(&state.delayed.seen))
+            && (state.time_s - t_s).abs() <= beside_s
+    }
+
+    /// The instant of the last sample, in s.
+    pub fn sampled_s(&self, state: &PlantState) -> f64 {
+        state.start_s + (state.samples.max(1) - 1) as f64 * self.config.sensor.step_s
+    }
+
+    /// The shortest step inside: that of the sensors or of the integration, in s.
+    pub fn grain_s(&self) -> f64 {
+        self.config.sensor.step_s.min(self.config.max_step_s)
     }
 
     /// What can be said at the time `t_s`, in s, at which the state stands.
@@ -451,6 +574,7 @@ impl Plant {
             current_a: coils.map(|coil| coil.current_a),
             linkage_wb: coils.map(|coil| coil.linkage_wb),
             energy_j: coils.map(|coil| coil.energy_j),
+            induced_v: self.induced_v(state.open, &coils, input),
             force_n,
             resultant_n,
             perturbation_n,
@@ -486,6 +610,18 @@ impl Plant {
             _ if open[k] => CoilPoint::default(),
             Drive::Current => self.coil(k).at_current(input.current_a[k], gap_m[k]),
             Drive::Voltage => self.coil(k).at_linkage(linkage_wb[k], gap_m[k]),
+        })
+    }
+
+    /// `dψ_k/dt = u_k − R i_k` with voltage drive, u_k within the limit of the amplifier; 0 without, or if the circuit is
+    /// open; in V.
+    fn induced_v(&self, open: [bool; 3], coils: &[CoilPoint; 3], input: &PlantInput) -> [f64; 3] {
+        let CoilConfig { drive, resistance_ohm, limit_v, .. } = self.config.coil;
+        std::array::from_fn(|k| {
+            if drive == Drive::Current || open[k] {
+                return 0.0;
+            }
+            input.voltage_v[k].clamp(-limit_v, limit_v) - resistance_ohm * coils[k].current_a
         })
     }
 
@@ -525,19 +661,25 @@ impl Plant {
         p
     }
 
-    /// Integrates over a part of a step that has no sample inside; the state then stands at `end_s`.
+    /// Integrates over a part of a step, from one time over a length, that has no sample inside; the state then stands at
+    /// its end.
     fn integrate(
         &self,
         state: &mut PlantState,
-        input: &PlantInput,
-        from_s: f64,
-        length_s: f64,
-        end_s: f64,
+        inputs: &PlantCourse,
+        (from_s, length_s, end_s): (f64, f64, f64),
+        budget: &mut usize,
     ) -> Result<(), PlantFault> {
         let (from_s, length_s) = self.without_rounding(state, from_s, length_s);
-        if input.omega_rad_s != state.turn.omega_rad_s {
-            state.turn = Turn { base_rad: state.theta_rad, since_s: from_s, omega_rad_s: input.omega_rad_s };
+        let evenly = inputs.turns_evenly();
+        if !evenly || inputs.input.omega_rad_s != state.turn.omega_rad_s {
+            let omega_rad_s = inputs.at(from_s).omega_rad_s;
+            state.turn = Turn { base_rad: state.theta_rad, since_s: from_s, omega_rad_s };
         }
+        let turned_rad = inputs.turned_rad(from_s);
+        let theta_rad = |turn: &Turn, t: f64| {
+            if evenly { turn.theta_rad(t) } else { turn.base_rad + (inputs.turned_rad(t) - turned_rad) }
+        };
         let n = substeps(length_s, self.config.max_step_s);
         let h = length_s / n as f64;
         for k in 0..3 {
@@ -547,17 +689,30 @@ impl Plant {
         }
         for j in 0..n {
             let t = from_s + j as f64 * h;
-            self.sub_step(state, input, t, h)?;
-            state.theta_rad = state.turn.theta_rad(t + h);
+            self.sub_step(state, inputs, t, h, &theta_rad, budget)?;
+            state.theta_rad = theta_rad(&state.turn, t + h);
         }
         state.time_s = end_s;
-        state.theta_rad = state.turn.theta_rad(from_s + length_s);
+        state.theta_rad = theta_rad(&state.turn, from_s + length_s);
+        if !evenly {
+            // The next part begins with an angle and a speed of its own.
+            let omega_rad_s = inputs.at(from_s + length_s).omega_rad_s;
+            state.turn = Turn { base_rad: state.theta_rad, since_s: from_s + length_s, omega_rad_s };
+        }
         Ok(())
     }
 
     /// Integrates over one sub-step from `t_s` over `h_s`, divided where the model is faster and where contact begins or
     /// ends.
-    fn sub_step(&self, state: &mut PlantState, input: &PlantInput, t_s: f64, h_s: f64) -> Result<(), PlantFault> {
+    fn sub_step(
+        &self,
+        state: &mut PlantState,
+        inputs: &PlantCourse,
+        t_s: f64,
+        h_s: f64,
+        theta_rad: &impl Fn(&Turn, f64) -> f64,
+        budget: &mut usize,
+    ) -> Result<(), PlantFault> {
         let mut done_s = 0.0;
         let mut crossings = 0;
         while done_s < h_s || done_s == 0.0 {
@@ -566,18 +721,23 @@ impl Plant {
             let [psi_1, psi_2, psi_3] = state.linkage_wb;
             let x = [y, z, v_y, v_z, psi_1, psi_2, psi_3];
             let left_s = h_s - done_s;
-            let parts = substeps(left_s, self.longest_step_s(state, input));
+            let parts = substeps(left_s, self.longest_step_s(state, &inputs.at(t_s + done_s)));
             let mut part_s = if parts == 1 { left_s } else { left_s / parts as f64 };
             let now_s = t_s + done_s;
+            *budget = budget.saturating_sub(1);
+            if parts > *budget {
+                state.time_s = now_s;
+                return Err(PlantFault::Fast { time_s: now_s });
+            }
             let step = |h_s: f64| {
                 let turn = &state.turn;
                 let slope = |t: f64, x: &Motion| {
                     self.derivative(
                         x,
-                        input,
+                        &inputs.at(t),
                         Conditions {
                             time_s: t,
-                            theta_rad: turn.theta_rad(t),
+                            theta_rad: theta_rad(turn, t),
                             contact: state.contact,
                             open: state.open,
                         },
@@ -681,17 +841,7 @@ impl Plant {
             false => [0.0; 2],
         };
         let m = self.config.m_kg;
-        let CoilConfig { drive, resistance_ohm, limit_v, .. } = self.config.coil;
-        let mut linkage_v = [0.0; 3];
-        if drive == Drive::Voltage {
-            for k in 0..3 {
-                if !conditions.open[k] {
-                    let voltage_v = input.voltage_v[k].clamp(-limit_v, limit_v);
-                    linkage_v[k] = voltage_v - resistance_ohm * coils[k].current_a;
-                }
-            }
-        }
-        let [u_1, u_2, u_3] = linkage_v;
+        let [u_1, u_2, u_3] = self.induced_v(conditions.open, &coils, input);
         [x[2], x[3], sum(f[0] + p[0], c[0]) / m, sum(f[1] + p[1], c[1]) / m, u_1, u_2, u_3]
     }
 

@@ -251,6 +251,13 @@ impl Reference {
         }
     }
 
+    /// Whether a state, for instance one read from a file, can be gone on with: its numbers are finite, its counts in order.
+    pub fn accepts(&self, state: &ReferenceState) -> bool {
+        let angles = [state.base_rad, state.omega_rad_s, state.theta_rad];
+        let numbers = angles.iter().chain(&state.first_m).chain(state.signal.iter().flat_map(|signal| &signal.0));
+        state.base_sample <= state.samples && state.samples < u64::MAX && numbers.copied().all(f64::is_finite)
+    }
+
     /// Goes on to the next sample: `omega_rad_s` is valid from this sample on, `external_m` is what (Yref, Zref) are at
     /// it, in m; only a path from outside looks at it.
     ///

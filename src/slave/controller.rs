@@ -1,10 +1,13 @@
 //! `FlatnessController`: reference, tracking law, perturbation observer, force allocation and current loop.
 
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
+
+use serde::{Deserialize, Serialize};
 
 use super::bearing::{DRIVE, coils, geometry, lambda0, sample_time, together};
 use super::clock::Clock;
-use super::instance::{Fault, Kind, Slave, Step, instantiate, variables};
+use super::course::Course;
+use super::instance::{Fault, Kind, Slave, Step, all, instantiate, variables};
 use super::log::{Log, Topic};
 use super::unit::{AMPERE, LAMBDA, METRE, NEWTON, RADIAN_PER_SECOND, SECOND, VOLT};
 use super::variable::{Enumeration, Row, Value, place, with};
@@ -21,6 +24,7 @@ pub static KIND: Kind = Kind {
     description: "Flatness-based tracking controller with perturbation observer for a three-phase magnetic bearing",
     stop_s: 0.4,
     step_s: 1e-4,
+    capabilities: Tracking::CAPABILITIES,
     variables: variables::<Tracking>,
     instantiate: instantiate::<Tracking>,
 };
@@ -51,7 +55,7 @@ pub static SHAPE: Enumeration = Enumeration {
 static TABLE: LazyLock<Vec<Row<Values>>> = LazyLock::new(table);
 
 /// The values of all variables of the controller.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Values {
     config: ControllerConfig,
     update_mode: i32,
@@ -73,7 +77,6 @@ impl Values {
         SHAPE.choose("reference.shape", self.shape, shapes, &mut self.config.reference.shape, &mut findings);
         let drives = [Drive::Current, Drive::Voltage];
         DRIVE.choose("drive", self.drive, drives, &mut self.config.coil.drive, &mut findings);
-        self.config.reference.omega_rad_s = self.input.omega_rad_s;
         match u32::try_from(self.lobes) {
             Ok(lobes) => self.config.reference.lobes = lobes,
             Err(_) => findings.push(Invalid {
@@ -92,6 +95,7 @@ impl Values {
 /// Every choice that cannot be accepted.
 pub fn configuration(settings: &[(usize, Value)]) -> Result<ControllerConfig, Vec<Invalid>> {
     let mut values: Values = with(&TABLE, settings);
+    values.config.reference.omega_rad_s = values.input.omega_rad_s;
     together(values.complete(), Ok(values.config))
 }
 
@@ -301,29 +305,66 @@ fn contour() -> Vec<Row<Values>> {
 }
 
 /// A run of the controller.
+#[derive(Clone)]
 pub struct Tracking {
-    controller: Controller,
+    controller: Arc<Controller>,
     state: ControllerState,
     clock: Clock,
 }
 
+/// The controller that the values describe.
+fn controller(values: &mut Values) -> Result<Arc<Controller>, Vec<Invalid>> {
+    together(values.complete(), Controller::new(values.config.clone())).map(Arc::new)
+}
+
 impl Slave for Tracking {
     type Values = Values;
+    type State = (ControllerState, Clock);
 
     fn table() -> &'static [Row<Values>] {
         &TABLE
     }
 
     fn start(values: &mut Values, start_s: f64) -> Result<Self, Vec<Invalid>> {
-        let findings = values.complete();
-        let controller = together(findings, Controller::new(values.config.clone()))?;
+        values.config.reference.omega_rad_s = values.input.omega_rad_s;
+        let controller = controller(values)?;
         let state = controller.start(start_s);
         values.output = controller.output_at_start();
         Ok(Self { clock: Clock::new(start_s, values.config.step_s), controller, state })
     }
 
-    fn step(&mut self, values: &mut Values, step: Step, log: &mut dyn Log) -> Result<(), Fault> {
+    fn state(&self) -> (ControllerState, Clock) {
+        (self.state.clone(), self.clock)
+    }
+
+    fn resume(
+        values: &mut Values,
+        (state, clock): (ControllerState, Clock),
+        time_s: Option<f64>,
+    ) -> Result<Self, String> {
+        let controller = controller(values).map_err(|findings| all(&findings))?;
+        if !controller.accepts(&state) {
+            return Err("the numbers of the state are not such as occur".into());
+        }
+        if time_s.is_some_and(|time_s| !clock.suits(values.config.step_s, time_s)) {
+            return Err("the samples taken do not belong to the time".into());
+        }
+        Ok(Self { controller, state, clock })
+    }
+
+    fn grain_s(&self) -> f64 {
+        self.controller.config().step_s
+    }
+
+    fn step(
+        &mut self,
+        values: &mut Values,
+        step: Step,
+        inputs: &Course<Values>,
+        log: &mut dyn Log,
+    ) -> Result<(), Fault> {
         while let Some(instant_s) = self.clock.next_before(step.end_s()) {
+            inputs.put(values, instant_s);
             let used = values.output.lambda_used_nm2_a2;
             values.output = self.controller.sample(&mut self.state, &values.input).map_err(Fault::of)?;
             let now = values.output.lambda_used_nm2_a2;
