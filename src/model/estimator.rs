@@ -13,6 +13,8 @@
 
 mod config;
 
+use std::f64::consts::TAU;
+
 use libm::{atan2, cos, exp, sin};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
@@ -71,6 +73,16 @@ const NOMINAL_ACCELERATION: f64 = 9.81;
 /// What the discretisation may leave of a motion without noise, relative.
 const MODEL_RESIDUAL: f64 = 2.0e-3;
 
+/// Noise found from the residual is reckoned with so many of its own standard deviations higher.
+const NOISE_MARGIN: f64 = 0.5;
+
+/// How many of its own standard deviations a correlation of residuals one or more revolutions apart must have to count as
+/// an error of the model.
+const COHERENCE_LIMIT: f64 = 3.0;
+
+/// Residuals of so many windows are kept.
+const ECHOES: usize = 4 * HOPS_PER_WINDOW;
+
 /// Squares of the coefficients of a fourth difference: its variance for white noise of variance one.
 const FOURTH_DIFFERENCE_GAIN: f64 = 70.0;
 
@@ -104,8 +116,12 @@ struct Learnt {
     /// Scaled unknowns, once the memory has some.
     unknowns: Option<NormalVector>,
     covariance: NormalMatrix,
-    /// What the memory leaves unexplained over what noise explains, 1 at least.
-    excess: f64,
+    /// What the last windows left unexplained, and how many of them there are.
+    echoes: Vec<Targets>,
+    next_echo: usize,
+    echoed: usize,
+    /// `Σ w e(t)·e(t − L)` and the weights, L being whole revolutions that last longer than a window.
+    coherent: [f64; 2],
     /// The last four positions, newest first, and how many there are.
     former: [[f64; 2]; 4],
     formers: u32,
@@ -256,7 +272,10 @@ impl Estimator {
                 verdict: Reason::Filling,
                 unknowns: None,
                 covariance: NormalMatrix::zeros(),
-                excess: 1.0,
+                echoes: vec![Targets::zeros(); if self.bank.is_some() { ECHOES } else { 0 }],
+                next_echo: 0,
+                echoed: 0,
+                coherent: [0.0; 2],
                 former: [[0.0; 2]; 4],
                 formers: 0,
                 roughness: [0.0; 2],
@@ -271,6 +290,8 @@ impl Estimator {
     pub fn accepts(&self, state: &EstimatorState) -> bool {
         state.window.has_shape(self.signals, self.intervals + 1)
             && state.learnt.memory.has_shape(if self.bank.is_some() { self.intervals + 1 } else { 0 })
+            && state.learnt.echoes.len() == if self.bank.is_some() { ECHOES } else { 0 }
+            && state.learnt.next_echo < ECHOES
     }
 
     /// Takes in one sample; to be called once every T_s.
@@ -341,7 +362,7 @@ impl Estimator {
                 return state.learnt.verdict;
             }
             state.learnt.until_hop = self.hop as u64 - 1;
-            let Some(verdict) = self.evaluate(state, bank) else {
+            let Some(verdict) = self.evaluate(state, bank, input.omega_rad_s) else {
                 state.learnt.clear();
                 return interrupt(state, Reason::BadSample);
             };
@@ -466,7 +487,7 @@ impl Estimator {
     }
 
     /// Evaluates the present window by least squares, together with those before. `None` if its numbers cannot be used.
-    fn evaluate(&self, state: &mut EstimatorState, bank: &Bank) -> Option<Reason> {
+    fn evaluate(&self, state: &mut EstimatorState, bank: &Bank, omega_rad_s: f64) -> Option<Reason> {
         let EstimatorState { learnt, output, window, .. } = state;
         // What noise does depends a little on λ; before anything is known the window itself says what it is.
         let plausible = |x: &NormalVector| (0..MAGNETS).all(|k| x[k] > 0.01 && x[k] < 100.0);
@@ -493,7 +514,10 @@ impl Estimator {
         let guess = learnt.unknowns.or(raw).filter(plausible).unwrap_or(guess);
         let sensitivity = |j: usize| self.sensitivity(window, &guess, j);
         learnt.memory.add(bank, (&d, &sums), sensitivity, (self.hop, self.keep), &self.direction);
-        let verdict = self.conclude(learnt, output);
+        if let Some(x) = learnt.unknowns.or(raw) {
+            self.listen(learnt, &(n - d * x), omega_rad_s);
+        }
+        let verdict = self.conclude(learnt, output, bank.rows.len());
         if verdict == Reason::Valid {
             if let Some(unknowns) = learnt.unknowns {
                 output.lambda_hat = self.lambda([unknowns[0], unknowns[1], unknowns[2]]);
@@ -514,15 +538,37 @@ impl Estimator {
     ) -> bool {
         let Some(x) = learnt.unknowns else { return false };
         let [position, current] = output.noise.map(|noise| noise * noise);
-        let noise = (position * sums.trace[0] + current * sums.trace[1]) * learnt.excess;
+        let noise = position * sums.trace[0] + current * sums.trace[1];
         let uncertain = (sums.p * learnt.covariance).trace();
         let model = MODEL_RESIDUAL * MODEL_RESIDUAL * sums.square;
         output.surprise = ((n - d * x).norm_squared() / (noise + uncertain + model)).min(RESIDUAL_CAP);
         output.surprise.is_nan() || output.surprise > CHANGE_LIMIT
     }
 
+    /// Compares what is left unexplained with what was left whole revolutions ago: noise has no memory, while what the model
+    /// lacks comes back.
+    fn listen(&self, learnt: &mut Learnt, left: &Targets, omega_rad_s: f64) {
+        let window = self.intervals as f64;
+        let hop = self.hop as f64;
+        let revolution = TAU / (omega_rad_s.abs() * self.config.step_s);
+        // Windows that far apart have no sample in common.
+        let apart = (window / hop).ceil();
+        let whole = ((window / revolution - 1e-3).ceil() * revolution / hop).round().max(apart);
+        let lag = if whole < ECHOES as f64 { whole as usize } else { apart as usize };
+        let keep = self.keep;
+        learnt.coherent = learnt.coherent.map(|sum| sum * keep);
+        if (1..ECHOES).contains(&lag) && learnt.echoed >= lag {
+            let former = learnt.echoes[(learnt.next_echo + ECHOES - lag) % ECHOES];
+            learnt.coherent[0] += left.dot(&former);
+            learnt.coherent[1] += 1.0;
+        }
+        learnt.echoes[learnt.next_echo] = *left;
+        learnt.next_echo = (learnt.next_echo + 1) % ECHOES;
+        learnt.echoed = (learnt.echoed + 1).min(ECHOES);
+    }
+
     /// Solves the normal equations of the memory, with the noise that it finds in them.
-    fn conclude(&self, learnt: &mut Learnt, output: &mut EstimatorOutput) -> Reason {
+    fn conclude(&self, learnt: &mut Learnt, output: &mut EstimatorOutput, functions: usize) -> Reason {
         let memory = &learnt.memory;
         let sums = &memory.sums;
         let excited =
@@ -532,9 +578,14 @@ impl Estimator {
         let smooth = if weight > 0.0 { rough / weight } else { 0.0 };
         let mut variance = output.noise.map(|noise| noise * noise);
         variance[0] = if given[0] > 0.0 { given[0] } else { variance[0].min(smooth) };
-        let mut excess = 1.0;
         let mut solution = self.solve(&sums.p, &sums.h);
         output.condition = solution.condition;
+        // As many independent rows as there are in windows that do not overlap, and how far their sum of squares scatters.
+        let [weight, weight2] = memory.weight;
+        let windows = 1.0 + (weight * weight / weight2 - 1.0) * self.hop as f64 / self.intervals as f64;
+        let freedom = (2.0 * functions as f64 * windows - self.unknowns as f64).max(1.0);
+        let scatter = (2.0 / freedom).sqrt();
+        let mut compensate = variance;
         // The noise follows from the residual, the compensation from the noise; two rounds settle it.
         for _ in 0..3 {
             let (Some(x), Some(inverse)) = (solution.unknowns, solution.inverse) else { break };
@@ -544,18 +595,25 @@ impl Estimator {
             if given[0] == 0.0 {
                 variance[0] = smooth.min(rest / left[0]);
             }
-            if given[1] == 0.0 {
-                variance[1] = ((rest - variance[0] * left[0]) / left[1]).max(0.0);
+            // What noise does not explain counts as noise of the currents, whatever it is.
+            let unexplained = ((rest - variance[0] * left[0]) / left[1]).max(0.0);
+            compensate = [variance[0], if given[1] > 0.0 { given[1] } else { unexplained }];
+            let chance = scatter * rest / left[1];
+            variance[1] = if given[1] > 0.0 && unexplained < given[1] + 2.0 * chance {
+                given[1]
+            } else if given[1] > 0.0 {
+                unexplained
             } else {
-                excess = (rest / (variance[0] * left[0] + variance[1] * left[1])).max(1.0);
-            }
-            let (p, h) = sums.compensated(variance);
+                // The less is known of the noise, the more of it is reckoned with.
+                unexplained + NOISE_MARGIN * chance
+            };
+            let (p, h) = sums.compensated(compensate);
             solution = self.solve(&p, &h);
         }
         let (Some(x), Some(inverse)) = (solution.unknowns, solution.inverse) else {
             return Reason::Singular;
         };
-        if !variance.iter().all(|v| v.is_finite()) || !excess.is_finite() {
+        if !variance.iter().chain(&compensate).all(|v| v.is_finite()) {
             return Reason::Singular;
         }
         output.noise = variance.map(f64::sqrt);
@@ -568,19 +626,35 @@ impl Estimator {
             return Reason::NotPositive;
         }
         let score = memory.score[0] * variance[0] + memory.score[1] * variance[1];
-        let covariance = inverse * score * inverse * excess;
+        let covariance = inverse * score * inverse;
         if !covariance.iter().all(|c| c.is_finite()) {
             return Reason::Singular;
         }
+        // Part of the residual that is no noise, brought to the windows of the memory.
+        let rest = sums.rest(&x);
+        let [echo, pairs] = learnt.coherent;
+        let pairs_of_windows = pairs * self.hop as f64 / self.intervals as f64;
+        let coherent = if pairs_of_windows >= 0.5 {
+            let echo = echo * weight / pairs;
+            let chance = rest / (2.0 * functions as f64 * pairs_of_windows).sqrt();
+            if echo > COHERENCE_LIMIT * chance { echo } else { 0.0 }
+        } else if given[1] == 0.0 {
+            rest
+        } else if variance[1] > given[1] {
+            rest * (1.0 - given[1] / variance[1])
+        } else {
+            0.0
+        };
         let mut sure = true;
         for k in 0..MAGNETS {
-            let std = (covariance[(k, k)].max(0.0) + (MODEL_STD * x[k]) * (MODEL_STD * x[k])).sqrt();
+            let model = MODEL_STD * x[k];
+            let model_error = inverse[(k, k)].max(0.0) * coherent;
+            let std = (covariance[(k, k)].max(0.0) + model_error + model * model).sqrt();
             output.lambda_std[k] = self.config.lambda0_nm2_a2[k] * std.min(STD_CAP);
             sure &= std <= STD_LIMIT * x[k];
         }
         learnt.unknowns = Some(x);
         learnt.covariance = covariance;
-        learnt.excess = excess;
         if sure { Reason::Valid } else { Reason::Uncertain }
     }
 
@@ -715,9 +789,7 @@ impl Estimator {
             state.output.determinant = determinant;
         }
 
-        // The paper uses the z axis alone; condition and residual are to speak of the same rows.
-        d.fixed_rows_mut::<3>(0).fill(0.0);
-        n.fixed_rows_mut::<3>(0).fill(0.0);
+        // The paper solves the rows of the z axis; those of both axes judge the result.
         let p: NormalMatrix = d.tr_mul(&d);
         let h: NormalVector = d.tr_mul(&n);
         for (channel, (row, column)) in upper_triangle().enumerate() {
@@ -758,7 +830,7 @@ impl Estimator {
         unknowns.fixed_rows_mut::<MAGNETS>(0).copy_from_slice(&scaled);
         output.residual = residual(filtered, &unknowns);
         // Whatever is left unexplained counts as one coherent error, for it may be: no averaging over windows.
-        let rest = output.residual * output.residual * filtered[SQUARE] / ROWS_PER_AXIS as f64;
+        let rest = output.residual * output.residual * filtered[SQUARE];
         for k in 0..MAGNETS {
             let spread = solution.inverse.map_or(f64::INFINITY, |inverse| (inverse[(k, k)].max(0.0) * rest).sqrt());
             let std = (spread * spread + (MODEL_STD * scaled[k]) * (MODEL_STD * scaled[k])).sqrt();
@@ -848,7 +920,14 @@ impl Learnt {
         self.memory.clear();
         self.unknowns = None;
         self.covariance = NormalMatrix::zeros();
-        self.excess = 1.0;
+        self.forget_echoes();
+        self.coherent = [0.0; 2];
+    }
+
+    /// No window to come is a whole number of hops after those before.
+    fn forget_echoes(&mut self) {
+        self.next_echo = 0;
+        self.echoed = 0;
     }
 
     /// Forgets everything.
@@ -868,6 +947,7 @@ impl Learnt {
 fn interrupt(state: &mut EstimatorState, reason: Reason) -> Reason {
     state.window.clear();
     state.learnt.memory.part();
+    state.learnt.forget_echoes();
     state.learnt.until_hop = 0;
     state.learnt.until_clean = 0;
     state.learnt.formers = 0;
