@@ -89,6 +89,8 @@ fn never_confident_and_wrong() {
                     println!("{}method {method} noise {noise:?} told {told} {name}: worst {worst:.1} valid {valid}/{} last {} {errors:.2?} ± {stds:.2?} cond {:.0} res {:.3}",
                         if worst > 5.0 { "XXX " } else { "" }, said.len(), last.valid, last.condition, last.residual);
                     let _ = wanted;
+                    let bad: Vec<f64> = said.iter().filter(|s| s.valid && (0..3).any(|k| (s.hat[k] - truth(&scenario)[k]).abs() > CONFIDENT * s.std[k])).map(|s| s.time_s).collect();
+                    if !bad.is_empty() { println!("method bad from {} to {} n {}", bad[0], bad[bad.len() - 1], bad.len()); }
                 }
             }
         }

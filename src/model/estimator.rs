@@ -80,6 +80,13 @@ const NOISE_MARGIN: f64 = 0.5;
 /// an error of the model.
 const COHERENCE_LIMIT: f64 = 3.0;
 
+/// Pairs of windows, counted without overlap, that it takes to tell a coherent residual from noise. Before, all of it counts
+/// as coherent if the noise is not given, and what the noise does not explain if it is.
+const PAIRS_TO_JUDGE: f64 = 1.5;
+
+/// Before so many windows, counted without overlap, too little is left over to show that the model holds.
+const WINDOWS_TO_TRUST: f64 = 1.25;
+
 /// Residuals of so many windows are kept.
 const ECHOES: usize = 4 * HOPS_PER_WINDOW;
 
@@ -599,7 +606,7 @@ impl Estimator {
             let unexplained = ((rest - variance[0] * left[0]) / left[1]).max(0.0);
             compensate = [variance[0], if given[1] > 0.0 { given[1] } else { unexplained }];
             let chance = scatter * rest / left[1];
-            variance[1] = if given[1] > 0.0 && unexplained < given[1] + 2.0 * chance {
+            variance[1] = if given[1] > 0.0 && unexplained < given[1] + chance {
                 given[1]
             } else if given[1] > 0.0 {
                 unexplained
@@ -634,11 +641,11 @@ impl Estimator {
         let rest = sums.rest(&x);
         let [echo, pairs] = learnt.coherent;
         let pairs_of_windows = pairs * self.hop as f64 / self.intervals as f64;
-        let coherent = if pairs_of_windows >= 0.5 {
+        let coherent = if pairs_of_windows >= PAIRS_TO_JUDGE {
             let echo = echo * weight / pairs;
             let chance = rest / (2.0 * functions as f64 * pairs_of_windows).sqrt();
             if echo > COHERENCE_LIMIT * chance { echo } else { 0.0 }
-        } else if given[1] == 0.0 {
+        } else if given[1] == 0.0 || windows < WINDOWS_TO_TRUST {
             rest
         } else if variance[1] > given[1] {
             rest * (1.0 - given[1] / variance[1])
