@@ -245,6 +245,12 @@ pub fn json(samples: &Samples, tracks: &[Track]) -> Json {
     })
 }
 
+/// What the lines of the estimates are.
+const BAND: &str = "Thick: estimate; thin: one standard deviation above and below. Gaps are instants without a valid estimate.";
+
+/// Begins the note on samples without a value, which here are those without a valid estimate, as the caption says.
+const LEFT_OUT: &str = "Samples left out";
+
 /// Width and height of a plot, in pixels.
 const PLOT_PX: (f64, f64) = (1060.0, 300.0);
 
@@ -256,9 +262,11 @@ pub fn page(title: &str, command: &str, samples: &Samples, tracks: &[Track], hol
     for track in tracks {
         figures.push((
             format!("Force constants over time, {}", track.name),
-            vec![bands(&recording, track)],
-            "Thick: estimate; thin: one standard deviation above and below. Gaps are instants without a valid estimate. ".to_owned()
-                + &track.verdict(),
+            if track.last_valid().is_some() { vec![bands(&recording, track)] } else { Vec::new() },
+            match track.last_valid() {
+                Some(_) => format!("{BAND} {}", track.verdict()),
+                None => track.verdict(),
+            },
         ));
     }
     if let Some(track) = tracks.iter().find(|track| track.config.method == Method::Unbalance) {
@@ -304,7 +312,7 @@ pub fn page(title: &str, command: &str, samples: &Samples, tracks: &[Track], hol
                             div class="panels wide" {
                                 @for plot in plots {
                                     @let drawing = plot.draw();
-                                    div { (PreEscaped(&drawing.svg)) @for note in &drawing.notes { p.ends { (note) } } }
+                                    div { (PreEscaped(&drawing.svg)) @for note in drawing.notes.iter().filter(|note| !note.starts_with(LEFT_OUT)) { p.ends { (note) } } }
                                 }
                             }
                             figcaption { (caption) }

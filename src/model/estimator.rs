@@ -134,6 +134,9 @@ struct Learnt {
     formers: u32,
     /// Weighted sum of the squares of fourth differences, and of the weights.
     roughness: [f64; 2],
+    /// The last usable sample.
+    last_position_m: [f64; 2],
+    last_current_a: [f64; 3],
     /// For how many samples each position has read the same.
     same: [u32; 2],
 }
@@ -286,6 +289,8 @@ impl Estimator {
                 former: [[0.0; 2]; 4],
                 formers: 0,
                 roughness: [0.0; 2],
+                last_position_m: [0.0; 2],
+                last_current_a: [0.0; 3],
                 same: [0; 2],
             },
             output: self.first_output(),
@@ -399,12 +404,10 @@ impl Estimator {
         if window.filled() == 0 {
             learnt.formers = 0;
         }
-        let last = |signal: usize| window.signal(signal).last().copied();
-        let mut moved = [false; 2];
-        for axis in 0..2 {
-            moved[axis] = last(axis) != Some(now[axis]);
-        }
-        let currents = (0..MAGNETS).any(|k| last(self.sensitivities + k) != Some(signals[self.sensitivities + k]));
+        let moved = [0, 1].map(|axis| learnt.last_position_m[axis] != now[axis]);
+        let currents = learnt.last_current_a != input.current_a;
+        learnt.last_position_m = now;
+        learnt.last_current_a = input.current_a;
         for axis in 0..2 {
             let others = moved[1 - axis] || currents;
             learnt.same[axis] = match (moved[axis], others) {
@@ -508,6 +511,15 @@ impl Estimator {
             output.lambda_raw = self.lambda([raw[0], raw[1], raw[2]]);
             if learnt.unknowns.is_none() && plausible(&raw) {
                 sums = self.evidence(window, bank, &raw).2;
+            }
+        }
+        // What was learnt while something was wrong is of no use once a window fits by itself so much better.
+        if learnt.verdict != Reason::Valid && learnt.memory.weight[0] > 0.0 {
+            let [position, current] = output.noise.map(|noise| noise * noise);
+            let noise = position * sums.trace[0] + current * sums.trace[1];
+            let own = raw.filter(plausible).map_or(f64::INFINITY, |raw| sums.rest(&raw));
+            if CHANGE_LIMIT * own < noise && noise > MODEL_RESIDUAL * MODEL_RESIDUAL * sums.square {
+                learnt.forget();
             }
         }
         if self.contradicts(learnt, output, (&d, &n, &sums)) {
@@ -946,6 +958,8 @@ impl Learnt {
         self.formers = 0;
         self.former = [[0.0; 2]; 4];
         self.roughness = [0.0; 2];
+        self.last_position_m = [0.0; 2];
+        self.last_current_a = [0.0; 3];
         self.same = [0; 2];
     }
 }
