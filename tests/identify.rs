@@ -86,8 +86,8 @@ fn the_hold_is_found() {
     assert!(largest(errors) < 4e-3, "{errors:?}, limit 0.4 %");
 }
 
-/// The recording in tests/data: semicolons, decimal commas, German names, µm and mA, remarks before the header, every ninth
-/// row without a position or two, currents at a fifth of the rate, the angle in wrapped degrees, no speed.
+/// The recording in tests/data: semicolons, decimal commas, German names, ms, µm and mA, remarks before the header, a clock
+/// with jitter, positions and currents missing here and there, the angle in wrapped degrees, no speed.
 #[test]
 fn a_recording_with_all_imperfections() {
     let text = include_str!("data/bench.csv");
