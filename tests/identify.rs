@@ -154,9 +154,8 @@ fn what_cannot_be_used_is_said() {
     let header = "time [s],Ym [furlong],Zm [m],im[1],im[2],im[3]\n";
     assert!(refused(header, &plain).contains("furlong is none of m, µm, mm"));
     let header = "time,Ym,Zm,im[1],im[2],im[3]\n";
-    let rows = |time: &dyn Fn(usize) -> f64| {
-        (0..50).map(|j| format!("{},1e-5,1e-5,1,1,1\n", time(j))).collect::<String>()
-    };
+    let rows =
+        |time: &dyn Fn(usize) -> f64| (0..50).map(|j| format!("{},1e-5,1e-5,1,1,1\n", time(j))).collect::<String>();
     let words = refused(&format!("{header}0,here,0,1,1,1\n"), &plain);
     assert!(words.contains("is no number"), "{words}");
     let back = refused(&format!("{header}{}", rows(&|j| (j as f64 - 25.0).abs())), &plain);

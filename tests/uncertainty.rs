@@ -23,9 +23,7 @@ fn truth(scenario: &Scenario) -> [f64; 3] {
 /// Greatest |error|/standard deviation while valid, and how often it was valid.
 fn confidence(said: &[Said], truth: &[f64; 3]) -> (f64, usize) {
     let valid: Vec<&Said> = said.iter().filter(|said| said.valid).collect();
-    let ratio = |said: &&Said| {
-        (0..3).map(|k| ((said.hat[k] - truth[k]) / said.std[k]).abs()).fold(0.0, f64::max)
-    };
+    let ratio = |said: &&Said| (0..3).map(|k| ((said.hat[k] - truth[k]) / said.std[k]).abs()).fold(0.0, f64::max);
     (valid.iter().map(ratio).fold(0.0, f64::max), valid.len())
 }
 
@@ -63,7 +61,12 @@ const MATRIX: [(&str, &str, Settings, Option<bool>); 13] = [
     ),
     ("wrong hold", "unbalanced", &[("estimator", "hold", 2.0)], None),
     ("a force along y that turns with nothing", "unbalanced", &[("plant", "perturbation.amplitudeY", 5.0)], None),
-    ("slow perturbation", "unbalanced", &[("plant", "perturbation.amplitudeZ", 5.0), ("plant", "perturbation.omega", 30.0)], None),
+    (
+        "slow perturbation",
+        "unbalanced",
+        &[("plant", "perturbation.amplitudeZ", 5.0), ("plant", "perturbation.omega", 30.0)],
+        None,
+    ),
 ];
 
 /// Runs a row of the matrix; the estimates over 0.3 s.
@@ -125,14 +128,21 @@ fn a_step_of_lambda_is_followed() {
             bench.set("plant", &format!("lambda[{magnet}]"), after[magnet - 1]);
             let said = bench.until(STEP_S + FOLLOWED_S + 0.1, |_| ());
             let noticed = said.iter().find(|said| !said.valid).map(|said| said.time_s - STEP_S);
-            let recovered = said.iter().skip_while(|said| said.valid).find(|said| said.valid).map(|said| said.time_s - STEP_S);
+            let recovered =
+                said.iter().skip_while(|said| said.valid).find(|said| said.valid).map(|said| said.time_s - STEP_S);
             let late = said.iter().filter(|said| said.time_s > STEP_S + FOLLOWED_S);
             let worst = late.map(|said| largest_error(said, &after)).fold(0.0, f64::max);
             let known = said.iter().filter(|said| said.time_s > STEP_S + NOTICED_S).cloned().collect::<Vec<_>>();
             let (ratio, _) = confidence(&known, &after);
-            println!("noise {noise:?} told {told} magnet {magnet}: noticed {noticed:?}, valid again {recovered:?}, then {:.3} %, {ratio:.1} std", 100.0 * worst);
+            println!(
+                "noise {noise:?} told {told} magnet {magnet}: noticed {noticed:?}, valid again {recovered:?}, then {:.3} %, {ratio:.1} std",
+                100.0 * worst
+            );
             assert!(worst < 0.01, "magnet {magnet}: {:.3} % after {FOLLOWED_S} s, limit 1 %", 100.0 * worst);
-            assert!(noticed.is_some_and(|noticed| noticed < NOTICED_S), "noticed after {noticed:?} s, limit {NOTICED_S}");
+            assert!(
+                noticed.is_some_and(|noticed| noticed < NOTICED_S),
+                "noticed after {noticed:?} s, limit {NOTICED_S}"
+            );
             assert!(ratio < CONFIDENT, "magnet {magnet}: {ratio:.1} standard deviations once the step can be known");
             assert!(bench.lines.iter().any(|line| line.contains("contradict")), "{:?}", bench.lines);
         }
@@ -167,7 +177,9 @@ fn faults_are_named_and_left_behind() {
         ("contact told", "contact", |bench| bench.set("estimator", "contact", 1.0)),
         ("disabled", "enable is false", |bench| bench.set("estimator", "enable", 0.0)),
         ("no current in a magnet", "not valid", |bench| bench.set("estimator", "im[2]", 0.0)),
-        ("an unknown blow", "not valid", |bench| bench.set("plant", "pY", 10.0 + 40.0 * (900.0 * bench.time_s()).sin())),
+        ("an unknown blow", "not valid", |bench| {
+            bench.set("plant", "pY", 10.0 + 40.0 * (900.0 * bench.time_s()).sin())
+        }),
     ];
     for noise in [[0.0; 2], NOISE] {
         for (name, reason, spoil) in faults {
@@ -184,10 +196,17 @@ fn faults_are_named_and_left_behind() {
             let after = bench.until(0.35, |_| ());
             let invalid = during.iter().find(|said| !said.valid).map(|said| said.time_s - 0.15);
             let back = after.iter().rev().take_while(|said| said.valid).last().map(|said| said.time_s - 0.2);
-            println!("{name}, noise {noise:?}: invalid after {invalid:?} s, valid again {back:?} s after the end; {:?}", bench.lines);
+            println!(
+                "{name}, noise {noise:?}: invalid after {invalid:?} s, valid again {back:?} s after the end; {:?}",
+                bench.lines
+            );
             assert!(before.valid);
             assert!(invalid.is_some_and(|time_s| time_s < 0.01), "{name}: invalid after {invalid:?} s, limit 0.01");
-            assert!(bench.lines.iter().any(|line| line.contains(reason)), "{name}: {reason:?} is not in {:?}", bench.lines);
+            assert!(
+                bench.lines.iter().any(|line| line.contains(reason)),
+                "{name}: {reason:?} is not in {:?}",
+                bench.lines
+            );
             assert!(back.is_some_and(|time_s| time_s < 0.1), "{name}: valid again after {back:?} s, limit 0.1");
             let late: Vec<Said> = during.iter().chain(&after).filter(|said| said.time_s > 0.16).cloned().collect();
             let (worst, _) = confidence(&late, &truth);

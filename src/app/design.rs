@@ -17,8 +17,8 @@ use crate::slave::variable::Value;
 /// Windows that are compared, in revolutions.
 const REVOLUTIONS: [f64; 9] = [0.25, 0.4, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0];
 
-/// A window is preferred to a longer one unless that promises a standard deviation smaller by more than this part.
-const WORTH_WAITING: f64 = 0.1;
+/// Windows whose largest standard deviation exceeds the least by no more than this part are as good.
+const AS_GOOD: f64 = 0.1;
 
 /// What is asked.
 #[derive(Clone, Debug)]
@@ -89,7 +89,8 @@ pub fn design(scenario: &Scenario, question: &Question) -> Result<(Vec<Promise>,
             current_noise_a: question.noise[1],
             ..told.clone()
         };
-        let estimator = Estimator::new(config).map_err(|found| Refused(found.iter().map(ToString::to_string).collect()))?;
+        let estimator =
+            Estimator::new(config).map_err(|found| Refused(found.iter().map(ToString::to_string).collect()))?;
         let mut state = estimator.start();
         for j in 0..y.len() {
             estimator.sample(
@@ -125,7 +126,10 @@ pub fn design(scenario: &Scenario, question: &Question) -> Result<(Vec<Promise>,
     }
     let worst = |promise: &Promise| promise.std.iter().copied().fold(0.0, f64::max);
     let best = promises.iter().map(worst).fold(f64::INFINITY, f64::min);
-    let recommended = promises.iter().position(|promise| worst(promise) <= best * (1.0 + WORTH_WAITING));
+    // Short windows lean on the compensation of the noise, long ones follow a change late: near a revolution is between.
+    let from_revolution = |n: &usize| (promises[*n].window_s / revolution_s).ln().abs();
+    let good = (0..promises.len()).filter(|n| worst(&promises[*n]) <= best * (1.0 + AS_GOOD));
+    let recommended = good.min_by(|a, b| from_revolution(a).total_cmp(&from_revolution(b)));
     Ok((promises, recommended.filter(|_| best.is_finite())))
 }
 
@@ -150,7 +154,8 @@ fn band(estimator: &Estimator, step_s: f64, question: &Question) -> [f64; 2] {
             })
             .sum::<f64>()
     };
-    let points: Vec<(f64, f64)> = (1..400).map(|n| f64::from(n) * 0.02 / config.window_s).map(|hz| (hz, power(hz))).collect();
+    let points: Vec<(f64, f64)> =
+        (1..400).map(|n| f64::from(n) * 0.02 / config.window_s).map(|hz| (hz, power(hz))).collect();
     let peak = points.iter().map(|(_, power)| *power).fold(0.0, f64::max);
     let above: Vec<f64> = points.iter().filter(|(_, power)| *power > 0.5 * peak).map(|(hz, _)| *hz).collect();
     [above.first().copied().unwrap_or(0.0), above.last().copied().unwrap_or(0.0)]
@@ -183,7 +188,7 @@ pub fn table(question: &Question, promises: &[Promise], recommended: Option<usiz
             question.noise[1] * 1e3,
             (question.instant_s * 1e3).round()
         ),
-        note: "The shortest window whose largest standard deviation is within 10 % of the least is recommended. – means that the \
+        note: "Of the windows whose largest standard deviation is within 10 % of the least, the one nearest to a revolution is recommended. – means that the \
                estimate is not valid."
             .into(),
         head: [

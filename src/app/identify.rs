@@ -159,7 +159,22 @@ impl Track {
 /// Estimates in numbers, one row per method.
 #[must_use]
 pub fn table(tracks: &[Track]) -> Table {
-    let head = ["", "λ1", "λ2", "λ3", "± 1", "± 2", "± 3", "U, g·mm", "φ, rad", "pY, N", "pZ, N", "residual", "condition", "valid"];
+    let head = [
+        "",
+        "λ1",
+        "λ2",
+        "λ3",
+        "± 1",
+        "± 2",
+        "± 3",
+        "U, g·mm",
+        "φ, rad",
+        "pY, N",
+        "pZ, N",
+        "residual",
+        "condition",
+        "valid",
+    ];
     let row = |track: &Track| {
         let Some(last) = track.last_valid() else {
             let mut row = vec![track.name.to_owned()];
@@ -246,7 +261,8 @@ pub fn json(samples: &Samples, tracks: &[Track]) -> Json {
 }
 
 /// What the lines of the estimates are.
-const BAND: &str = "Thick: estimate; thin: one standard deviation above and below. Gaps are instants without a valid estimate.";
+const BAND: &str =
+    "Thick: estimate; thin: one standard deviation above and below. Gaps are instants without a valid estimate.";
 
 /// Begins the note on samples without a value, which here are those without a valid estimate, as the caption says.
 const LEFT_OUT: &str = "Samples left out";
@@ -273,8 +289,20 @@ pub fn page(title: &str, command: &str, samples: &Samples, tracks: &[Track], hol
         figures.push((
             "Unbalance and static load".into(),
             vec![
-                lines(&recording, track, "Unbalance", ("U", Unit { name: "g·mm", factor: 1e6 }), &[("unbalance.magnitude", "U")]),
-                lines(&recording, track, "Static load", ("load", Unit::NEWTON), &[("pYHat", "along y"), ("pZHat", "along z")]),
+                lines(
+                    &recording,
+                    track,
+                    "Unbalance",
+                    ("U", Unit { name: "g·mm", factor: 1e6 }),
+                    &[("unbalance.magnitude", "U")],
+                ),
+                lines(
+                    &recording,
+                    track,
+                    "Static load",
+                    ("load", Unit::NEWTON),
+                    &[("pYHat", "along y"), ("pZHat", "along z")],
+                ),
             ],
             "As identified together with the force constants.".into(),
         ));
@@ -284,9 +312,14 @@ pub fn page(title: &str, command: &str, samples: &Samples, tracks: &[Track], hol
         .zip([Colour::Blue, Colour::Vermillion, Colour::Green, Colour::Purple])
         .map(|(track, colour)| shown(&recording, track, "residual", track.name, colour, |_| true))
         .collect();
-    let mut plot = Plot::new("Residual", Axis::new("time", Unit::SECOND), Axis::new("residual", Unit::PERCENT), PLOT_PX);
+    let mut plot =
+        Plot::new("Residual", Axis::new("time", Unit::SECOND), Axis::new("residual", Unit::PERCENT), PLOT_PX);
     plot.lines = residuals;
-    figures.push(("What the model leaves unexplained".into(), vec![plot], "Part of the motion, noise included.".into()));
+    figures.push((
+        "What the model leaves unexplained".into(),
+        vec![plot],
+        "Part of the motion, noise included.".into(),
+    ));
     let tables: Vec<Table> = std::iter::once(table(tracks)).chain(holds.cloned()).collect();
     html! {
         (DOCTYPE)

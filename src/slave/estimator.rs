@@ -152,7 +152,10 @@ fn table() -> Vec<Row<Values>> {
         row.sampled_output().nominal(1e-6).says("Force constant of magnet {k} from the present window alone")
     }));
     rows.extend(Row::reals("lambdaStd", place!(output.lambda_std[k]), LAMBDA, [0.0; 3]).map(|row| {
-        row.sampled_output().min(0.0).nominal(1e-8).says("Standard deviation of the estimated force constant of magnet {k}")
+        row.sampled_output()
+            .min(0.0)
+            .nominal(1e-8)
+            .says("Standard deviation of the estimated force constant of magnet {k}")
     }));
     rows.push(
         Row::boolean("valid", place!(output.valid), false)

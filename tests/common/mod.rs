@@ -54,7 +54,8 @@ impl Bench {
             slave
         });
         let slaves = slaves.collect();
-        let mut bench = Self { scenario: scenario.clone(), slaves, wires: Vec::new(), step: 0, lines: Vec::new(), fault: None };
+        let mut bench =
+            Self { scenario: scenario.clone(), slaves, wires: Vec::new(), step: 0, lines: Vec::new(), fault: None };
         let wire = |connection: magnetic_bearing::app::scenario::Connection| {
             let find = |[element, variable]: &[String; 2]| bench.find(element, variable);
             (find(&connection.from), find(&connection.to))

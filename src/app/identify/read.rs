@@ -158,7 +158,9 @@ impl Table {
             let Some(place) = place else {
                 if at < NEEDED && told.is_none() {
                     let known = known.join(", ");
-                    findings.push(format!("{signal}: no column of this name; name one with --column {signal}=…, of {known}"));
+                    findings.push(format!(
+                        "{signal}: no column of this name; name one with --column {signal}=…, of {known}"
+                    ));
                 }
                 places.push(None);
                 continue;
@@ -179,7 +181,10 @@ impl Table {
                 }
             }
             if name.is_none() && *unit != ONE {
-                notes.push(format!("{signal} (column {}) has no unit; it is taken to be in {}.", known[place], unit.name));
+                notes.push(format!(
+                    "{signal} (column {}) has no unit; it is taken to be in {}.",
+                    known[place], unit.name
+                ));
             }
         }
         if !findings.is_empty() {
@@ -220,7 +225,12 @@ impl Table {
         }
         let time = columns[0].clone();
         if let Some(row) = time.windows(2).position(|pair| pair[1] <= pair[0]) {
-            return refuse(format!("time does not rise from row {} ({} s) to the next ({} s)", row + 1, time[row], time[row + 1]));
+            return refuse(format!(
+                "time does not rise from row {} ({} s) to the next ({} s)",
+                row + 1,
+                time[row],
+                time[row + 1]
+            ));
         }
         // The pace is that of the positions; currents may have one of their own.
         let at: Vec<usize> =
@@ -250,7 +260,8 @@ impl Table {
             return refuse(format!(
                 "the positions have no uniform pace: instants are up to {:.0} % of {:.4} ms off it; --resample {median} \
                  interpolates, at the price of errors that the standard deviation does not know",
-                100.0 * worst, step_s * 1e3
+                100.0 * worst,
+                step_s * 1e3
             ));
         }
         let mut samples = Samples { start_s, step_s, ..Samples::default() };
@@ -282,7 +293,10 @@ impl Table {
             };
             let missing = samples.current_a[k].iter().filter(|value| !value.is_finite()).count();
             if missing > 0 {
-                notes.push(format!("{missing} of {count} samples have no im[{}]; they follow from their neighbours.", k + 1));
+                notes.push(format!(
+                    "{missing} of {count} samples have no im[{}]; they follow from their neighbours.",
+                    k + 1
+                ));
             }
         }
         let mut theta = unwrap(signal(&columns[6]));
@@ -290,7 +304,8 @@ impl Table {
         for line in [&mut theta, &mut omega] {
             fill_straight(line);
         }
-        if theta.is_empty() && omega.is_empty()
+        if theta.is_empty()
+            && omega.is_empty()
             && let Some(speed) = reading.omega_rad_s
         {
             omega = vec![speed; count];
@@ -307,7 +322,10 @@ impl Table {
                     now
                 })
                 .collect();
-            notes.push("There is no angle; it is the integral of the speed, and the phase of the unbalance counts from it.".into());
+            notes.push(
+                "There is no angle; it is the integral of the speed, and the phase of the unbalance counts from it."
+                    .into(),
+            );
         } else if omega.is_empty() && !theta.is_empty() {
             omega = speed_of(&theta, step_s);
             notes.push("There is no speed; it is the slope of the angle.".into());
