@@ -112,6 +112,9 @@ const PAIRS_TO_JUDGE: f64 = 1.5;
 /// Before so many windows, counted without overlap, too little is left over to show that the model holds.
 const WINDOWS_TO_TRUST: f64 = 1.25;
 
+/// How many times more than [`CHANGE_LIMIT`] a window must fit better by itself to end the memory of an uncertain estimate.
+const MUCH_BETTER: f64 = 25.0;
+
 /// Residuals of so many windows are kept.
 const ECHOES: usize = 4 * HOPS_PER_WINDOW;
 
@@ -538,11 +541,17 @@ impl Estimator {
             }
         }
         // What was learnt while something was wrong is of no use once a window fits by itself so much better.
-        if matches!(learnt.verdict, Reason::Singular | Reason::NotPositive) && learnt.memory.weight[0] > 0.0 {
+        let better = match learnt.verdict {
+            Reason::Singular | Reason::NotPositive => CHANGE_LIMIT,
+            // A lasting error of the model makes single windows fit better too, but not that much.
+            Reason::Uncertain => MUCH_BETTER * CHANGE_LIMIT,
+            _ => f64::INFINITY,
+        };
+        if better.is_finite() && learnt.memory.weight[0] > 0.0 {
             let [position, current] = output.noise.map(|noise| noise * noise);
             let noise = position * sums.trace[0] + current * sums.trace[1];
             let own = raw.filter(plausible).map_or(f64::INFINITY, |raw| sums.rest(&raw));
-            if CHANGE_LIMIT * own < noise && noise > MODEL_RESIDUAL * MODEL_RESIDUAL * sums.square {
+            if better * own < noise && noise > MODEL_RESIDUAL * MODEL_RESIDUAL * sums.square {
                 learnt.forget();
             }
         }
