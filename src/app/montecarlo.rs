@@ -357,7 +357,7 @@ const STATES: usize = 11;
 pub fn bound(scenario: &Scenario, recording: &Recording, instant_s: f64) -> Option<[f64; 3]> {
     let (position_noise, current_noise) =
         (real(scenario, "sensor.positionNoise"), real(scenario, "sensor.currentNoise"));
-    if !(position_noise > 0.0) {
+    if position_noise.is_nan() || position_noise <= 0.0 {
         return None;
     }
     let (m, gap_m) = (real(scenario, "m"), real(scenario, "s"));

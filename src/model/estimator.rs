@@ -482,25 +482,25 @@ impl Estimator {
         let gap: [&[f64]; 3] = std::array::from_fn(|k| window.signal(self.sensitivities + MAGNETS + k));
         let mut pairs = [[0.0; MAGNETS]; MAGNETS];
         for (j, [zz, zu, uu]) in bank.profile.iter().enumerate() {
-            for k in 0..MAGNETS {
+            for (k, row) in pairs.iter_mut().enumerate() {
                 sums.p_current[k] += uu * current[k][j] * current[k][j];
                 sums.h_position[k] += zu * gap[k][j];
-                for l in k..MAGNETS {
-                    pairs[k][l] += uu * gap[k][j] * gap[l][j];
+                for (l, pair) in row.iter_mut().enumerate().skip(k) {
+                    *pair += uu * gap[k][j] * gap[l][j];
                 }
             }
             let Sensitivity { stiffness: [s_yy, s_yz, s_zz], current } = self.sensitivity(window, unknowns, j);
             sums.trace[0] += 2.0 * zz - 2.0 * zu * (s_yy + s_zz) + uu * (s_yy * s_yy + 2.0 * s_yz * s_yz + s_zz * s_zz);
             sums.trace[1] += uu * current.iter().map(|gain| gain * gain).sum::<f64>();
         }
-        for k in 0..MAGNETS {
+        for (k, row) in pairs.iter().enumerate() {
             let scale = self.column_scale[k];
             sums.p_current[k] *= scale * scale;
             sums.h_position[k] *= scale;
-            for l in k..MAGNETS {
+            for (l, pair) in row.iter().enumerate().skip(k) {
                 let [[sin_k, cos_k], [sin_l, cos_l]] = [self.direction[k], self.direction[l]];
                 let along = sin_k * sin_l + cos_k * cos_l;
-                let value = scale * self.column_scale[l] * along * along * pairs[k][l];
+                let value = scale * self.column_scale[l] * along * along * pair;
                 sums.p_position[(k, l)] = value;
                 sums.p_position[(l, k)] = value;
             }
@@ -757,11 +757,11 @@ impl Estimator {
             signals[self.sensitivities - 1] = omega2 * sin(input.theta_rad);
         }
         if self.bank.is_some() {
-            for k in 0..MAGNETS {
+            for (k, w) in w.iter().enumerate() {
                 let i = if self.config.hold == Hold::HeldAfter { state.current_a[k] } else { input.current_a[k] };
                 let at = self.sensitivities + k;
-                signals[at] = 2.0 * i * w[k];
-                signals[at + MAGNETS] = 2.0 * i * i * w[k] * w[k].sqrt();
+                signals[at] = 2.0 * i * w;
+                signals[at + MAGNETS] = 2.0 * i * i * w * w.sqrt();
             }
         }
         let fine = signals.iter().chain(&w).chain(&input.current_a).all(|x| x.is_finite());

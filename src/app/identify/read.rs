@@ -473,9 +473,9 @@ fn fill_current(values: &[f64], how: Currents) -> Vec<f64> {
         if next - former > reach {
             continue;
         }
-        for j in former + 1..next {
+        for (j, place) in filled.iter_mut().enumerate().take(next).skip(former + 1) {
             let share = (j - former) as f64 / (next - former) as f64;
-            filled[j] = match how {
+            *place = match how {
                 Currents::Before => values[next],
                 Currents::After => values[former],
                 Currents::Linear => values[former] + share * (values[next] - values[former]),
@@ -490,8 +490,8 @@ fn fill_straight(values: &mut [f64]) {
     let known: Vec<usize> = (0..values.len()).filter(|j| values[*j].is_finite()).collect();
     for pair in known.windows(2) {
         let (former, next) = (values[pair[0]], values[pair[1]]);
-        for j in pair[0] + 1..pair[1] {
-            values[j] = former + (next - former) * (j - pair[0]) as f64 / (pair[1] - pair[0]) as f64;
+        for (j, place) in values.iter_mut().enumerate().take(pair[1]).skip(pair[0] + 1) {
+            *place = former + (next - former) * (j - pair[0]) as f64 / (pair[1] - pair[0]) as f64;
         }
     }
 }
