@@ -43,8 +43,8 @@ fn errors(samples: &Samples, config: &EstimatorConfig) -> [f64; 3] {
     let last = track.last_valid().unwrap_or_else(|| panic!("{}", track.verdict()));
     let errors = [0, 1, 2].map(|k| last.lambda_hat[k] / TRUTH[k] - 1.0);
     println!("{errors:.5?} ± {:.5?}; {}", [0, 1, 2].map(|k| last.lambda_std[k] / TRUTH[k]), track.verdict());
-    for k in 0..3 {
-        let ratio = (last.lambda_hat[k] - TRUTH[k]).abs() / last.lambda_std[k];
+    for (k, truth) in TRUTH.into_iter().enumerate() {
+        let ratio = (last.lambda_hat[k] - truth).abs() / last.lambda_std[k];
         assert!(ratio < CONFIDENT, "lambda[{}]: {ratio:.1} standard deviations, limit {CONFIDENT}", k + 1);
     }
     errors
@@ -103,8 +103,8 @@ fn a_recording_with_all_imperfections() {
     let track = identify::track(&samples, &config).expect("a good configuration");
     println!("{}", track.verdict());
     for output in track.outputs.iter().filter(|output| output.valid) {
-        for k in 0..3 {
-            let ratio = (output.lambda_hat[k] - TRUTH[k]).abs() / output.lambda_std[k];
+        for (k, truth) in TRUTH.into_iter().enumerate() {
+            let ratio = (output.lambda_hat[k] - truth).abs() / output.lambda_std[k];
             assert!(ratio < CONFIDENT, "lambda[{}]: {ratio:.1} standard deviations, limit {CONFIDENT}", k + 1);
         }
     }
