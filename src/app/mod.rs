@@ -3,8 +3,11 @@
 pub mod bearing;
 pub mod cli;
 pub mod contour;
+pub mod design;
 pub mod documentation;
 pub mod experiment;
+pub mod identify;
+pub mod montecarlo;
 pub mod package;
 pub mod plot;
 pub mod progress;

@@ -16,6 +16,7 @@ pub mod kernel;
 pub mod linearisation;
 pub mod lowpass;
 pub mod magnet;
+pub mod memory;
 pub mod noise;
 pub mod observer;
 pub mod plant;
