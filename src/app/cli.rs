@@ -41,9 +41,11 @@ enum Command {
     ///
     /// A scenario is a TOML file. Keys are the names of the variables in the tables [plant], [controller], [estimator], or
     /// [all] for every element that has a variable of that name; `reference.rY = "30 µm"` and `reference.rY = 30e-6` say
-    /// the same. `simulate --print paper` prints one to start from.
+    /// the same. `simulate --print paper` prints one to start from. A `[[profile]]` lets inputs and tunable parameters change
+    /// in time, `contour = "hole.csv"` makes a closed path of points the reference.
     Simulate {
-        /// A file, or the name of a scenario that comes with the program: paper, unbalanced, turned.
+        /// A file, or the name of a scenario that comes with the program: paper, experiment, unbalanced, turned, run-up,
+        /// lift-off, coil-loss, circle, hole.
         #[arg(value_name = "SCENARIO")]
         scenario: PathBuf,
         /// Writes all outputs at every communication point as CSV, with names and units in the header.

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::bearing;
 use super::report::{self, Method, Parameter, Report, Table};
 use super::scenario::Scenario;
 use super::simulate::Run;
@@ -226,11 +227,16 @@ pub fn page(name: &Path, scenario: &Scenario, run: &Run) -> String {
     } else {
         format!("cargo run --release -- simulate {} --report DIR", name.display())
     };
+    let sensitivities = bearing::sensitivities(scenario, run);
+    let mut tables = tables(scenario, run);
+    tables.extend(bearing::table(scenario, run, &sensitivities));
     let report = Report {
         description: scenario.description.clone(),
         command,
         message: run.fault.clone(),
-        tables: tables(scenario, run),
+        tables,
+        sensitivities,
+        clearance_m: Some(real(scenario, "plant", "touchdown.clearance")),
         parameters: parameters(scenario),
         update_s: update_s(scenario),
         truth: Some(truth(scenario)),

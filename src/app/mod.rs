@@ -1,6 +1,8 @@
 //! The command line: packaging, experiments, reports.
 
+pub mod bearing;
 pub mod cli;
+pub mod contour;
 pub mod documentation;
 pub mod experiment;
 pub mod package;

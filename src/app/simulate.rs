@@ -5,7 +5,7 @@
 
 use super::progress::Progress;
 use super::recording::{Column, Recording};
-use super::scenario::{Element, Scenario};
+use super::scenario::{Element, Profile, Scenario, Setting};
 use crate::slave::AnySlave;
 use crate::slave::instance::{Step, all};
 use crate::slave::log::{Log, Topic};
@@ -61,8 +61,18 @@ impl Log for Messages<'_> {
 pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
     let mut slaves = Vec::new();
     let mut refused = Vec::new();
-    for element in &scenario.elements {
-        match start(element) {
+    for (at, element) in scenario.elements.iter().enumerate() {
+        // What a profile gives at the start is there when the slave starts.
+        let at_start = scenario.profiles.iter().flat_map(|profile| {
+            let given = profile.targets.iter().filter(move |target| target.0 == at);
+            profile
+                .at(0.0)
+                .into_iter()
+                .flat_map(move |value| given.clone().map(move |(_, index)| Setting { index: *index, value }))
+        });
+        let mut element = element.clone();
+        element.settings.extend(at_start);
+        match start(&element) {
             Ok(slave) => slaves.push(Slave { name: element.name.clone(), slave }),
             Err(findings) => refused.extend(findings),
         }
@@ -85,6 +95,11 @@ pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
         if step == steps {
             break;
         }
+        for profile in &scenario.profiles {
+            if let Err(error) = apply(profile, time_s, &mut slaves) {
+                run.fault = Some(error);
+            }
+        }
         for wire in &wires {
             let value = read(&mut slaves, wire.from);
             let set = slaves[wire.to.0].slave.set(wire.to.1, value);
@@ -102,6 +117,16 @@ pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
         progress.set(step as u64);
     }
     Ok(run)
+}
+
+/// Gives the targets of a profile their values; the error names the slave that refuses its value.
+fn apply(profile: &Profile, time_s: f64, slaves: &mut [Slave]) -> Result<(), String> {
+    let Some(value) = profile.at(time_s) else { return Ok(()) };
+    for (element, index) in &profile.targets {
+        let Slave { name, slave } = &mut slaves[*element];
+        slave.set(*index, value).map_err(|error| format!("{name}: {error}"))?;
+    }
+    Ok(())
 }
 
 fn read(slaves: &mut [Slave], (element, index): (usize, usize)) -> Value {

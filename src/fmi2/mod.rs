@@ -24,3 +24,4 @@ pub mod bindings;
 mod component;
 mod door;
 mod logger;
+mod snapshot;

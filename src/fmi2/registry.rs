@@ -29,8 +29,8 @@ pub fn entries() -> &'static [Entry] {
 }
 
 /// The model of that GUID.
-pub(super) fn by_guid(guid: &str) -> Option<&'static Kind> {
-    entries().iter().find(|entry| entry.guid == guid).map(|entry| entry.kind)
+pub(super) fn by_guid(guid: &str) -> Option<&'static Entry> {
+    entries().iter().find(|entry| entry.guid == guid)
 }
 
 /// All GUIDs with their models, for messages.

@@ -2,6 +2,7 @@
 
 #![allow(dead_code, reason = "every test is a crate of its own and uses a part of this")]
 
+pub mod abuse;
 pub mod ffi;
 pub mod named;
 
