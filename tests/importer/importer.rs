@@ -131,7 +131,7 @@ fn the_closed_loop_over_fmus_is_the_direct_run_bit_for_bit() {
     let builders = packaged("loop");
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("loop");
     run(&folder, &["package", "--out", "."]);
-    fmi_rs::zip::extract_zip_archive(&folder.join("MagneticBearing.ssp"), &folder.join("system")).expect("the system");
+    fmi_rs::zip::extract_zip_archive(folder.join("MagneticBearing.ssp"), folder.join("system")).expect("the system");
 
     for (name, file) in [("paper", "SystemStructure.ssd"), ("unbalanced", "UnbalancedRotor.ssd")] {
         direct(&folder, name, DURATION);
