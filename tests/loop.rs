@@ -75,8 +75,10 @@ fn plant_config(values: &Values) -> PlantConfig {
             current_noise_a: values.real("sensor.currentNoise"),
             step_s: values.real("sensor.Ts"),
             seed: values.integer("sensor.seed") as u64,
+            ..SensorConfig::default()
         },
         max_step_s: values.real("solver.maxStep"),
+        ..PlantConfig::default()
     }
 }
 
@@ -100,7 +102,9 @@ fn controller_config(values: &Values) -> ControllerConfig {
             lobe_amplitude_m: values.real("reference.lobeAmplitude"),
             omega_rad_s: values.real("reference.omega"),
             bandwidth_rad_s: values.real("bandwidth.reference"),
+            ..ReferenceConfig::default()
         },
+        ..ControllerConfig::default()
     }
 }
 
@@ -118,6 +122,8 @@ fn estimator_config(values: &Values) -> EstimatorConfig {
         hold: values.choice("hold", &[Hold::HeldBefore, Hold::HeldAfter, Hold::Linear]),
         filter_omega_rad_s: values.real("filter.omega"),
         filter_zeta: values.real("filter.zeta"),
+        position_noise_m: values.real("sensor.positionNoise"),
+        current_noise_a: values.real("sensor.currentNoise"),
     }
 }
 
@@ -180,6 +186,7 @@ fn models_and_slaves_agree_bit_for_bit() {
             current_a: [0.0; 3],
             perturbation_n: ["pY", "pZ"].map(|name| of("plant").real(name)),
             omega_rad_s: of("plant").real("omega"),
+            ..PlantInput::default()
         };
         let step_s = scenario.step_s;
         let steps = (scenario.duration_s / step_s).round() as usize;
@@ -234,8 +241,8 @@ fn models_and_slaves_agree_bit_for_bit() {
                 position_m: rotor.measured.position_m,
                 lambda_hat_nm2_a2: estimates[0].output().lambda_hat,
                 lambda_valid: estimates[0].output().valid,
-                reference_m: [0.0; 2],
                 omega_rad_s: of("controller").real("reference.omega"),
+                ..ControllerInput::default()
             };
             let heard = EstimatorInput {
                 position_m: rotor.measured.position_m,
@@ -243,7 +250,7 @@ fn models_and_slaves_agree_bit_for_bit() {
                 theta_rad: rotor.measured.theta_rad,
                 omega_rad_s: input.omega_rad_s,
                 enable: true,
-                reset: false,
+                ..EstimatorInput::default()
             };
             input.current_a = command.current_a;
             plant.advance(&mut rotor, &input, time_s, step_s).expect("the rotor stays in the gap");
