@@ -85,10 +85,10 @@ fn the_experiment_finds_the_constants_through_amplifiers_and_noise() {
 /// What the industry asks for, and what was aimed at.
 #[test]
 fn circle_and_hole_are_cut_within_half_a_micrometre() {
-    for name in ["circle", "hole"] {
+    // The circle has no update, and steady state after 50 ms; the estimate of the hole becomes valid at about 0.39 s.
+    for (name, from_s) in [("circle", 0.05), ("hole", 0.45)] {
         let (_, run) = of(name);
-        // From 50 ms after the update on.
-        below(&format!("{name}: radial error, m"), error_m(&run, 0.35, 0.6), 0.5e-6);
+        below(&format!("{name}: radial error, m"), error_m(&run, from_s, 0.6), 0.5e-6);
     }
 }
 
