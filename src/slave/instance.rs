@@ -315,6 +315,8 @@ pub struct Kind {
     pub step_s: f64,
     /// What it can do beyond stepping.
     pub capabilities: Capabilities,
+    /// Where its table is kept: a `LazyLock` that is made once and can be dropped by whoever knows that all is over.
+    pub shelf: &'static (dyn Any + Send + Sync),
     /// The variables in the order of the table.
     pub variables: fn() -> Vec<&'static Variable>,
     /// Makes an instance with the start values of the table.
