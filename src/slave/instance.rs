@@ -632,6 +632,13 @@ impl<S: Slave> AnySlave for Instance<S> {
         if !(Self::are_sound(&slopes) && Self::are_sound(&left)) {
             return Err("derivatives of inputs are not such as can be set".into());
         }
+        for row in S::table().iter().filter(|row| row.variable.is_settable()) {
+            if let Value::Real(value) = row.get(&values)
+                && !value.is_finite()
+            {
+                return Err(format!("{} = {value} is not finite", row.variable.name));
+            }
+        }
         let run = match state {
             Some(state) => Some(S::resume(&mut values, state, stepping.then_some(time_s))?),
             None => None,
