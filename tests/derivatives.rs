@@ -146,6 +146,20 @@ fn dependencies_are_honest() {
     }
 }
 
+/// Fails if a dependency is misspelt, which the model description then leaves out.
+#[test]
+fn dependencies_name_variables() {
+    for model in [PLANT, "FlatnessController", "AlgebraicEstimator"] {
+        let fmu = Fmu::new(model);
+        for variable in fmu.variables() {
+            let names = variable.depends_on.iter().map(|(name, _)| name).chain(variable.starts_from.iter().flatten());
+            for name in names.map(|name| name.as_ref()).chain(variable.derivative_of) {
+                assert!(fmu.variables().iter().any(|other| other.name == name), "{} names {name}", variable.name);
+            }
+        }
+    }
+}
+
 #[test]
 fn directional_derivatives_are_linear_and_refuse_what_is_not_known() {
     let fmu = Fmu::started(PLANT, &RUNNING);

@@ -176,13 +176,16 @@ fn write_structure(page: &mut Page, variables: &[&Variable]) {
     let chosen = |choice: fn(&Variable) -> bool| (1..).zip(variables).filter(move |(_, variable)| choice(variable));
     let unknown = |index: i32| element("Unknown").with("index", index.to_string());
     let indices = |names: &mut dyn Iterator<Item = &str>| {
-        let mut indices: Vec<usize> =
-            names.map(|name| variables.iter().position(|variable| variable.name == name)).map(known).collect();
+        let mut indices: Vec<usize> = names
+            .filter_map(|name| variables.iter().position(|variable| variable.name == name))
+            .map(|at| at + 1)
+            .collect();
         indices.sort_unstable();
         indices.iter().map(usize::to_string).collect::<Vec<_>>().join(" ")
     };
     let dependent = |page: &mut Page, index: i32, variable: &Variable| {
-        let mut depends_on: Vec<_> = variable.depends_on.iter().collect();
+        let there = |name: &str| variables.iter().any(|variable| variable.name == name);
+        let mut depends_on: Vec<_> = variable.depends_on.iter().filter(|(name, _)| there(name)).collect();
         depends_on.sort_by_key(|(name, _)| variables.iter().position(|variable| variable.name == *name));
         let kinds: Vec<_> = depends_on.iter().map(|(_, how)| kind_of(*how)).collect();
         let tag = unknown(index).with("dependencies", indices(&mut depends_on.iter().map(|(name, _)| name.as_ref())));
@@ -216,10 +219,6 @@ fn write_structure(page: &mut Page, variables: &[&Variable]) {
             page.empty(unknown(index).with_some("dependencies", from));
         }
     });
-}
-
-fn known(position: Option<usize>) -> usize {
-    position.expect("dependencies name variables of the same table") + 1
 }
 
 fn kind_of(how: Dependency) -> &'static str {

@@ -17,6 +17,7 @@ use super::logger::{Category, Logger};
 use super::registry;
 use super::sequence::{Function, State};
 use super::snapshot::Snapshot;
+use super::unload;
 use crate::slave::instance::Step;
 use crate::slave::variable::Value;
 
@@ -235,6 +236,7 @@ fn instantiate(
             registry::listed()
         ));
     };
+    unload::prepare();
     let component = Component::new(entry, logger);
     Some(Box::into_raw(Box::new(component)).cast())
 }

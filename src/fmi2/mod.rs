@@ -25,3 +25,4 @@ mod component;
 mod door;
 mod logger;
 mod snapshot;
+mod unload;

@@ -38,3 +38,8 @@ pub(super) fn listed() -> String {
     let listed: Vec<_> = entries().iter().map(|entry| format!("{} ({})", entry.guid, entry.kind.name)).collect();
     listed.join(" or ")
 }
+
+/// Where the models are kept, to be dropped when the library is unloaded.
+pub(super) fn shelf() -> &'static (dyn std::any::Any + Send + Sync) {
+    &ENTRIES
+}

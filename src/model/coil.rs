@@ -148,7 +148,8 @@ impl Coil {
         if self.saturation_wb > 0.0 {
             // Beyond φ_s the iron alone bounds the flux more tightly; from there it is a few iterations.
             let bound = self.saturation_wb * libm::pow((current_a / self.iron_a).abs(), 1.0 / 7.0);
-            flux = flux.clamp(-bound, bound);
+            // Not `clamp`, which panics where 0/0 has made the bound no number.
+            flux = flux.min(bound).max(-bound);
             flux = solve(flux, |flux| {
                 let (current, by_flux) = self.current(flux, gap_m);
                 (current - current_a, by_flux)

@@ -278,7 +278,7 @@ fn coil<const N: usize>(modes: &Modes, at: &Point<Jet<N>>, k: usize, gap_m: Jet<
         if modes.drive == Drive::Current {
             let bound = at.current_a[k].0[0] / (at.gap_m.0[0] / (2.0 * lambda.0[0]) * at.saturation_wb.0[0]);
             let bound = at.saturation_wb.0[0] * libm::pow(bound.abs(), 1.0 / 7.0);
-            flux = Jet::constant(flux.0[0].clamp(-bound, bound));
+            flux = Jet::constant(flux.0[0].min(bound).max(-bound));
         }
         for _ in 0..MOST_ITERATIONS {
             let [i, by_flux] = current(flux);

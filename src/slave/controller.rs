@@ -25,6 +25,7 @@ pub static KIND: Kind = Kind {
     stop_s: 0.4,
     step_s: 1e-4,
     capabilities: Tracking::CAPABILITIES,
+    shelf: &TABLE,
     variables: variables::<Tracking>,
     instantiate: instantiate::<Tracking>,
 };

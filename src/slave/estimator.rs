@@ -23,6 +23,7 @@ pub static KIND: Kind = Kind {
     stop_s: 0.4,
     step_s: 1e-4,
     capabilities: Estimation::CAPABILITIES,
+    shelf: &TABLE,
     variables: variables::<Estimation>,
     instantiate: instantiate::<Estimation>,
 };

@@ -315,6 +315,8 @@ pub struct Kind {
     pub step_s: f64,
     /// What it can do beyond stepping.
     pub capabilities: Capabilities,
+    /// Where its table is kept: a `LazyLock` that is made once and can be dropped by whoever knows that all is over.
+    pub shelf: &'static (dyn Any + Send + Sync),
     /// The variables in the order of the table.
     pub variables: fn() -> Vec<&'static Variable>,
     /// Makes an instance with the start values of the table.
@@ -629,6 +631,13 @@ impl<S: Slave> AnySlave for Instance<S> {
         let Record { mut values, state, stale, slopes, left } = record;
         if !(Self::are_sound(&slopes) && Self::are_sound(&left)) {
             return Err("derivatives of inputs are not such as can be set".into());
+        }
+        for row in S::table().iter().filter(|row| row.variable.is_settable()) {
+            if let Value::Real(value) = row.get(&values)
+                && !value.is_finite()
+            {
+                return Err(format!("{} = {value} is not finite", row.variable.name));
+            }
         }
         let run = match state {
             Some(state) => Some(S::resume(&mut values, state, stepping.then_some(time_s))?),

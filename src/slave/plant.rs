@@ -28,6 +28,7 @@ pub static KIND: Kind = Kind {
     stop_s: 0.4,
     step_s: 1e-4,
     capabilities: Bearing::CAPABILITIES,
+    shelf: &TABLE,
     variables: variables::<Bearing>,
     instantiate: instantiate::<Bearing>,
 };
