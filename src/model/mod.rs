@@ -19,6 +19,7 @@ pub mod observer;
 pub mod plant;
 pub mod reference;
 pub mod regression;
+pub mod sliding;
 pub mod window;
 
 pub use invalid::{Checks, Invalid};
