@@ -212,6 +212,7 @@ impl Scenario {
             theta_rad: sample.theta_rad,
             omega_rad_s: self.omega_rad_s,
             enable: true,
+            contact: false,
             reset: false,
         }
     }
@@ -423,6 +424,7 @@ fn says_when_it_cannot_know() {
             theta_rad: 0.0,
             omega_rad_s: 0.0,
             enable: true,
+            contact: false,
             reset: false,
         };
         for _ in 0..600 {
@@ -542,6 +544,7 @@ fn outputs_are_finite_on_wild_inputs() {
                     theta_rad: wild(10.0, 100),
                     omega_rad_s: wild(300.0, 30),
                     enable: j % 97 != 0,
+                    contact: false,
                     reset: j % 501 == 0,
                 };
                 let o = estimator.sample(&mut state, &input);

@@ -10,6 +10,7 @@ use clap::{Parser, Subcommand};
 
 use super::documentation;
 use super::experiment;
+use super::montecarlo;
 use super::package;
 use super::scenario::{BUILT_IN, Scenario};
 use super::simulate::{self, Run};
@@ -56,6 +57,33 @@ enum Command {
         #[arg(long, conflicts_with_all = ["csv", "report"])]
         print: bool,
     },
+    /// Repeats a scenario with many seeds of the sensor noise and prints errors, stated standard deviations and the bound of
+    /// Cramér and Rao.
+    ///
+    /// Without a scenario: the studies of the unbalanced rotor, another bearing and other speeds.
+    Montecarlo {
+        /// A file, or the name of a scenario that comes with the program; the method is `unbalance`.
+        #[arg(value_name = "SCENARIO")]
+        scenario: Option<PathBuf>,
+        /// How many runs of each study.
+        #[arg(long, value_name = "N", default_value_t = 100)]
+        runs: usize,
+        /// Only studies with this text in their title.
+        #[arg(long, value_name = "TEXT")]
+        only: Option<String>,
+        /// Standard deviation of the noise of the positions, in m.
+        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], requires = "scenario")]
+        position_noise: f64,
+        /// Standard deviation of the noise of the currents, in A.
+        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], requires = "scenario")]
+        current_noise: f64,
+        /// The estimator is to find the noise in its residual instead of being told.
+        #[arg(long, requires = "scenario")]
+        untold: bool,
+        /// When the estimates are looked at, in seconds.
+        #[arg(long, value_name = "SECONDS", value_delimiter = ',')]
+        at: Vec<f64>,
+    },
     /// Writes the model descriptions and VARIABLES.md, which stand under review, out of the tables of variables.
     Describe {
         /// Folder for the files.
@@ -75,6 +103,16 @@ pub fn main() -> ExitCode {
         Some(Command::Simulate { scenario, print: true, .. }) => print(&scenario),
         Some(Command::Simulate { scenario, csv, report, print: false }) => {
             simulate(&scenario, csv.as_deref(), report.as_deref())
+        }
+        Some(Command::Montecarlo { scenario, runs, only, position_noise, current_noise, untold, at }) => {
+            let studies = match &scenario {
+                None => Ok(montecarlo::studies(runs)),
+                Some(name) => Scenario::open(name).map_err(Into::into).map(|scenario| {
+                    let title = scenario.title.clone();
+                    vec![montecarlo::study(&title, &scenario, [position_noise, current_noise], !untold, runs)]
+                }),
+            };
+            studies.and_then(|studies| monte_carlo(studies, only.as_deref(), &at))
         }
         Some(Command::Describe { out }) => describe(&out),
     };
@@ -141,6 +179,20 @@ fn simulate(name: &Path, csv: Option<&Path>, report: Option<&Path>) -> Result<()
         Some(fault) => Err(format!("the run ended early: {fault}").into()),
         None => Ok(()),
     }
+}
+
+fn monte_carlo(studies: Vec<montecarlo::Study>, only: Option<&str>, at: &[f64]) -> Result<()> {
+    let wanted = |study: &montecarlo::Study| only.is_none_or(|text| study.title.contains(text));
+    for mut study in studies.into_iter().filter(wanted) {
+        if !at.is_empty() {
+            study.instants_s = at.to_vec();
+        }
+        let table = montecarlo::table(&study, &study.run()?);
+        println!("{}\n  {}", table.title, table.note);
+        print_table(&table.head, &table.rows);
+        println!();
+    }
+    Ok(())
 }
 
 fn print_run(scenario: &Scenario, run: &Run) {

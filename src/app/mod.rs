@@ -3,6 +3,7 @@
 pub mod cli;
 pub mod documentation;
 pub mod experiment;
+pub mod montecarlo;
 pub mod package;
 pub mod plot;
 pub mod progress;

@@ -14,6 +14,7 @@ pub mod integration;
 pub mod kernel;
 pub mod lowpass;
 pub mod magnet;
+pub mod memory;
 pub mod noise;
 pub mod observer;
 pub mod plant;

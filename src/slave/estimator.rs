@@ -30,8 +30,8 @@ pub static METHOD: Enumeration = Enumeration {
     items: &[
         ("paperLiteral", "Filtered signed determinants, equation (20) to the letter; diverges"),
         ("paper", "Equation (20) with the sign of the determinant aligned; z axis only"),
-        ("leastSquares", "Filtered normal equations of both axes"),
-        ("unbalance", "Filtered normal equations of both axes, the unbalance identified as well"),
+        ("leastSquares", "Weighted least squares of both axes"),
+        ("unbalance", "Weighted least squares of both axes, the unbalance identified as well"),
     ],
 };
 
@@ -98,6 +98,20 @@ fn table() -> Vec<Row<Values>> {
             .min(0.0)
             .says("Damping ratio of the low-pass filter"),
     );
+    rows.push(
+        Row::real("sensor.positionNoise", place!(config.position_noise_m), METRE, 0.0)
+            .fixed()
+            .min(0.0)
+            .nominal(1e-7)
+            .says("Standard deviation of the noise of Ym and Zm; 0 finds it from the data"),
+    );
+    rows.push(
+        Row::real("sensor.currentNoise", place!(config.current_noise_a), AMPERE, 0.0)
+            .fixed()
+            .min(0.0)
+            .nominal(1e-2)
+            .says("Standard deviation of the noise of im; 0 finds it from the data"),
+    );
 
     rows.extend(
         Row::named_reals(["Ym", "Zm"], place!(input.position_m[k]), METRE, [0.0; 2])
@@ -122,6 +136,11 @@ fn table() -> Vec<Row<Values>> {
         Row::boolean("enable", place!(input.enable), true).input().says("Whether samples are taken into account"),
     );
     rows.push(
+        Row::boolean("contact", place!(input.contact), false)
+            .input()
+            .says("Whether the rotor touches something beside the magnets, so that samples are of no use"),
+    );
+    rows.push(
         Row::boolean("reset", place!(input.reset), false).input().says("A rising edge starts the estimation afresh"),
     );
 
@@ -131,6 +150,9 @@ fn table() -> Vec<Row<Values>> {
     );
     rows.extend(Row::reals("lambdaRaw", place!(output.lambda_raw[k]), LAMBDA, [0.0; 3]).map(|row| {
         row.sampled_output().nominal(1e-6).says("Force constant of magnet {k} from the present window alone")
+    }));
+    rows.extend(Row::reals("lambdaStd", place!(output.lambda_std[k]), LAMBDA, [0.0; 3]).map(|row| {
+        row.sampled_output().min(0.0).nominal(1e-8).says("Standard deviation of the estimated force constant of magnet {k}")
     }));
     rows.push(
         Row::boolean("valid", place!(output.valid), false)
