@@ -11,5 +11,6 @@ pub mod recording;
 pub mod report;
 pub mod scenario;
 pub mod simulate;
+pub mod sweep;
 
 mod ssp;
