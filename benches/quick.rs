@@ -1,21 +1,25 @@
+mod support;
 use magnetic_bearing::model::estimator::*;
 fn main() {
-    for method in [Method::Paper, Method::LeastSquares, Method::Unbalance] {
+    let record = support::record();
+    let only = std::env::args().nth(1).filter(|a| !a.starts_with("--"));
+    for (name, method) in [("paper", Method::Paper), ("unbalance", Method::Unbalance)] {
+        if only.as_ref().is_some_and(|o| o != name) { continue }
         for n in [200usize, 2000, 20000] {
             let c = EstimatorConfig { window_s: n as f64 * 1e-4, epsilon_s: n as f64 * 1e-4, method, ..Default::default() };
             let e = Estimator::new(c).unwrap();
             let mut s = e.start();
-            let steps = 2 * n + 20000;
-            let mut worst = 0u128; let mut total = 0u128; let mut count = 0;
-            for k in 0..steps {
-                let th = 0.0314159 * k as f64;
-                let input = EstimatorInput { position_m: [30e-6 * th.cos(), 70e-6 * th.sin()], current_a: [2.0 + th.sin(), 2.0 + (th + 1.0).cos(), 2.0 - (2.0 * th).sin()], theta_rad: th, omega_rad_s: 314.159, enable: true, reset: false, ..Default::default() };
+            let steps = 2 * n + 40000;
+            let mut spent = vec![];
+            let inputs: Vec<_> = record.iter().cycle().take(steps).cloned().collect();
+            let (mut valid, mut worst) = (0, 0);
+            for (k, chunk) in inputs.chunks(400).enumerate() {
                 let t = std::time::Instant::now();
-                std::hint::black_box(e.sample(&mut s, &input));
-                let d = t.elapsed().as_nanos();
-                if k > n { total += d; count += 1; worst = worst.max(d); }
+                for input in chunk { let t = std::time::Instant::now(); let o = e.sample(&mut s, input); valid += o.valid as usize; worst = worst.max(t.elapsed().as_nanos()) }
+                if k * 400 > n { spent.push(t.elapsed().as_nanos() as f64 / chunk.len() as f64); }
             }
-            println!("{method:?} N={n}: mean {} ns, worst {} ns", total / count, worst);
+            spent.sort_by(f64::total_cmp);
+            println!("{name} N={n}: min {:.0} median {:.0} ns, worst {worst}, valid {valid} {:?}", spent[0], spent[spent.len() / 2], s.output().lambda_hat);
         }
     }
 }
