@@ -138,19 +138,11 @@ def flatten(table, prefix=""):
             yield prefix + key, value
 
 
-# Messages of all instances, for fmpy hands those of every instance to the logger that was made last.
-MESSAGES = []
-
-
-def complaint():
-    """What an instance has said, without the name of the function."""
-    text = " ".join(MESSAGES).partition(": ")[2]
-    MESSAGES.clear()
-    return text
-
-
 class Element:
     """One instance of an FMU."""
+
+    # Those of all instances, for fmpy hands the messages of every one to the logger that was made last.
+    messages = []
 
     def __init__(self, name, folder, description):
         from ctypes import byref
@@ -162,7 +154,7 @@ class Element:
         self.variables = {variable.name: variable for variable in description.modelVariables}
 
         def take(_environment, _instance, _status, _category, message):
-            MESSAGES.append(message.decode())
+            Element.messages.append(message.decode())
 
         self.callbacks = fmi2CallbackFunctions.from_buffer_copy(defaultCallbacks)
         self.callbacks.logger = fmi2CallbackLoggerTYPE(take)
@@ -174,6 +166,13 @@ class Element:
             instanceName=name,
         )
         self.fmu.instantiate(callbacks=self.callbacks, loggingOn=False)
+
+    @classmethod
+    def complaint(cls):
+        """What was said since the last complaint, without the name of the function."""
+        text = " ".join(cls.messages).partition(": ")[2]
+        cls.messages.clear()
+        return text
 
     def kind(self, name):
         return "Integer" if self.variables[name].type == "Enumeration" else self.variables[name].type
@@ -244,7 +243,7 @@ def run_case(case, ssp, scenario_text, columns, cells):
 
 def simulate(made, elements, connections, scenario, values):
     """The closed loop: read all outputs, set all inputs, step all slaves."""
-    MESSAGES.clear()
+    Element.messages.clear()
     refused = []
     for name, (folder, description) in elements.items():
         element = made[name] = Element(name, folder, description)
@@ -255,7 +254,7 @@ def simulate(made, elements, connections, scenario, values):
         try:
             element.fmu.exitInitializationMode()
         except Exception:
-            refused += [f"[{name}] {finding}" for finding in complaint().split("; ")]
+            refused += [f"[{name}] {finding}" for finding in Element.complaint().split("; ")]
     if refused:
         return "; ".join(refused), {name: "" for name in LAST}
 
@@ -279,7 +278,7 @@ def simulate(made, elements, connections, scenario, values):
             try:
                 element.fmu.doStep(currentCommunicationPoint=step * step_s, communicationStepSize=step_s)
             except Exception:
-                faults.append(f"{name}: {complaint()}")
+                faults.append(f"{name}: {Element.complaint()}")
         if faults:
             status = faults[-1]
             break
