@@ -9,12 +9,15 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use super::documentation;
+use super::design;
 use super::experiment;
+use super::identify;
 use super::montecarlo;
 use super::package;
 use super::scenario::{BUILT_IN, Scenario};
 use super::simulate::{self, Run};
 use super::sweep::Design;
+use crate::model::estimator::{EstimatorConfig, Method};
 
 /// Where things go when nothing else is said, below the folder in which the program is run.
 const FMU_FOLDER: &str = "target/fmu";
@@ -57,6 +60,78 @@ enum Command {
         /// Prints the text of a scenario that comes with the program instead of running it.
         #[arg(long, conflicts_with_all = ["csv", "report"])]
         print: bool,
+    },
+    /// Identifies from a recording of a test bench, a table of text with one row per sample.
+    ///
+    /// Columns are named as in the interface (time, Ym, Zm, im[1], im[2], im[3], theta, omega), also behind the name of an
+    /// element (plant.Ym), or by --column. Units stand in the header, `Ym [µm]`, or are given by --unit.
+    Identify {
+        /// The recording: columns parted by comma, semicolon or tab; a decimal comma is understood with the latter two.
+        #[arg(value_name = "RECORDING")]
+        recording: PathBuf,
+        /// A column: signal as in the interface = name in the header.
+        #[arg(long, value_name = "SIGNAL=COLUMN", value_parser = pair)]
+        column: Vec<(String, String)>,
+        /// A unit: signal as in the interface = unit.
+        #[arg(long, value_name = "SIGNAL=UNIT", value_parser = pair)]
+        unit: Vec<(String, String)>,
+        /// Whose estimator has the parameters of the bearing: a file, or the name of a scenario that comes with the program.
+        #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
+        scenario: PathBuf,
+        /// paperLiteral, paper, leastSquares, unbalance, or all of them.
+        #[arg(long, value_name = "METHOD", default_value = "unbalance")]
+        method: String,
+        /// What a current sample stands for: heldBefore, heldAfter, linear, or auto to find out.
+        #[arg(long, value_name = "HOLD", default_value = "heldBefore")]
+        hold: String,
+        /// Length of the window, in s; one revolution if not given.
+        #[arg(long, value_name = "SECONDS")]
+        window: Option<f64>,
+        /// Speed in rpm, for recordings without angle and speed.
+        #[arg(long, value_name = "RPM")]
+        speed: Option<f64>,
+        /// Standard deviation of the noise of the positions, in m; found from the data if not given.
+        #[arg(long, value_name = "METRES")]
+        position_noise: Option<f64>,
+        /// Standard deviation of the noise of the currents, in A; found from the data if not given.
+        #[arg(long, value_name = "AMPERES")]
+        current_noise: Option<f64>,
+        /// Interpolates to this sample time, in s, where the recording has no uniform one.
+        #[arg(long, value_name = "SECONDS")]
+        resample: Option<f64>,
+        /// Writes the estimates over time as CSV.
+        #[arg(long, value_name = "FILE")]
+        csv: Option<PathBuf>,
+        /// Writes the result as JSON; - is the standard output.
+        #[arg(long, value_name = "FILE")]
+        json: Option<PathBuf>,
+        /// Writes a report page, index.html, into this folder.
+        #[arg(long, value_name = "DIR")]
+        report: Option<PathBuf>,
+    },
+    /// Compares lengths of the window: noise gain, band, delay and the standard deviations to be expected.
+    Design {
+        /// Bearing, path and load: a file, or the name of a scenario that comes with the program.
+        #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
+        scenario: PathBuf,
+        /// Speed of the rotor, in rpm.
+        #[arg(long, value_name = "RPM", default_value_t = 3000.0)]
+        speed: f64,
+        /// Sample time, in s.
+        #[arg(long, value_name = "SECONDS")]
+        sample_time: Option<f64>,
+        /// Lengths of the window to compare, in s; parts and multiples of a revolution if none is given.
+        #[arg(long, value_name = "SECONDS", value_delimiter = ',')]
+        window: Vec<f64>,
+        /// Standard deviation of the noise of the positions, in m.
+        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0])]
+        position_noise: f64,
+        /// Standard deviation of the noise of the currents, in A.
+        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1])]
+        current_noise: f64,
+        /// When the standard deviations are compared, in s; five revolutions if not given.
+        #[arg(long, value_name = "SECONDS")]
+        at: Option<f64>,
     },
     /// Repeats a scenario with many seeds of the sensor noise and prints errors, stated standard deviations and the bound of
     /// Cramér and Rao.
@@ -140,6 +215,17 @@ pub fn main() -> ExitCode {
             sweep(&design, scenario.as_deref(), out.as_deref(), jobs)
         }
         Some(Command::Describe { out }) => describe(&out),
+        Some(command @ Command::Identify { .. }) => identify(command),
+        Some(Command::Design { scenario, speed, sample_time, window, position_noise, current_noise, at }) => {
+            let question = design::Question {
+                rpm: speed,
+                step_s: sample_time,
+                windows_s: window,
+                noise: [position_noise, current_noise],
+                instant_s: at.unwrap_or(300.0 / speed),
+            };
+            choose_window(&scenario, &question)
+        }
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -216,6 +302,128 @@ fn simulate(name: &Path, csv: Option<&Path>, report: Option<&Path>) -> Result<()
         Some(fault) => Err(format!("the run ended early: {fault}").into()),
         None => Ok(()),
     }
+}
+
+/// `name=value`.
+fn pair(text: &str) -> std::result::Result<(String, String), String> {
+    let (name, value) = text.split_once('=').ok_or("a pair NAME=VALUE is wanted")?;
+    Ok((name.trim().into(), value.trim().into()))
+}
+
+fn choose_window(name: &Path, question: &design::Question) -> Result<()> {
+    let (promises, recommended) = design::design(&Scenario::open(name)?, question)?;
+    let table = design::table(question, &promises, recommended);
+    println!("{}\n  {}", table.title, table.note);
+    print_table(&table.head, &table.rows);
+    match recommended {
+        Some(n) => println!("\nRecommended: Tf = {:.1} ms.", promises[n].window_s * 1e3),
+        None => println!("\nNo window identifies the force constants here: more time, a larger path or less noise is needed."),
+    }
+    Ok(())
+}
+
+fn identify(command: Command) -> Result<()> {
+    let Command::Identify {
+        recording,
+        column,
+        unit,
+        scenario,
+        method,
+        hold,
+        window,
+        speed,
+        position_noise,
+        current_noise,
+        resample,
+        csv,
+        json,
+        report,
+    } = command
+    else {
+        unreachable!("called for this command alone");
+    };
+    let text = String::from_utf8_lossy(&fs::read(&recording).map_err(named(&recording))?).into_owned();
+    let reading = identify::Reading {
+        columns: column,
+        units: unit,
+        omega_rad_s: speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
+        resample_s: resample,
+    };
+    let samples = identify::Samples::read(&text, &reading).map_err(|error| format!("{}: {error}", recording.display()))?;
+    let bearing = Scenario::open(&scenario)?;
+    let mut config =
+        identify::config(|name| bearing.value("estimator", name).map_or(f64::NAN, crate::slave::variable::Value::as_f64));
+    config.step_s = samples.step_s;
+    config.window_s = match window {
+        Some(window_s) => (window_s / samples.step_s).round() * samples.step_s,
+        None => identify::one_revolution(&samples),
+    };
+    config.epsilon_s = config.window_s;
+    config.position_noise_m = position_noise.unwrap_or(0.0);
+    config.current_noise_a = current_noise.unwrap_or(0.0);
+    let one = |names: &[&str], what: &str, given: &str| format!("--{what} {given}: one of {} is wanted", names.join(", "));
+    let angle = !samples.theta_rad.is_empty();
+    let methods: Vec<_> = identify::METHODS
+        .into_iter()
+        .filter(|(name, _)| method == *name || (method == "all" && (angle || *name != "unbalance")))
+        .collect();
+    if methods.is_empty() {
+        let names = [identify::METHODS.map(|(name, _)| name).as_slice(), &["all"]].concat();
+        return Err(one(&names, "method", &method).into());
+    }
+    let mut holds = None;
+    if hold == "auto" {
+        let method = if angle { Method::Unbalance } else { Method::LeastSquares };
+        let trial = EstimatorConfig { method, ..config.clone() };
+        let residuals = identify::residuals_of_holds(&samples, &trial)?;
+        let least = (0..3).min_by(|a, b| residuals[*a].total_cmp(&residuals[*b])).unwrap_or(0);
+        config.hold = identify::HOLDS[least].1;
+        holds = Some(identify::table_of_holds(&residuals, config.hold));
+    } else {
+        let found = identify::HOLDS.into_iter().find(|(name, _)| *name == hold);
+        let names = [identify::HOLDS.map(|(name, _)| name).as_slice(), &["auto"]].concat();
+        config.hold = found.ok_or_else(|| one(&names, "hold", &hold))?.1;
+    }
+    let mut tracks = Vec::new();
+    for (_, method) in methods {
+        tracks.push(identify::track(&samples, &EstimatorConfig { method, ..config.clone() })?);
+    }
+    let to_standard_output = json.as_deref() == Some(Path::new("-"));
+    if !to_standard_output {
+        println!("{}", recording.display());
+        for note in &samples.notes {
+            println!("  {note}");
+        }
+        for table in holds.iter().cloned().chain([identify::table(&tracks)]) {
+            println!("\n{}", table.title);
+            print_table(&table.head, &table.rows);
+        }
+        println!();
+        for track in &tracks {
+            println!("{}: {}", track.name, track.verdict());
+        }
+    }
+    if let Some(path) = csv {
+        let file = fs::File::create(&path).map_err(named(&path))?;
+        identify::recording(&samples, &tracks).write_csv(io::BufWriter::new(file)).map_err(named(&path))?;
+    }
+    if let Some(path) = json {
+        let text = format!("{:#}\n", identify::json(&samples, &tracks));
+        if to_standard_output {
+            print!("{text}");
+        } else {
+            fs::write(&path, text).map_err(named(&path))?;
+        }
+    }
+    if let Some(folder) = report {
+        fs::create_dir_all(&folder).map_err(named(&folder))?;
+        let path = folder.join("index.html");
+        let title = format!("Identification from {}", recording.file_name().unwrap_or_default().to_string_lossy());
+        let command = format!("cargo run --release -- identify {} --method {method} --hold {hold} --report DIR", recording.display());
+        fs::write(&path, identify::page(&title, &command, &samples, &tracks, holds.as_ref())).map_err(named(&path))?;
+        println!("\n{}", path.display());
+    }
+    Ok(())
 }
 
 fn monte_carlo(studies: Vec<montecarlo::Study>, only: Option<&str>, at: &[f64]) -> Result<()> {

@@ -1,8 +1,10 @@
 //! The command line: packaging, experiments, reports.
 
 pub mod cli;
+pub mod design;
 pub mod documentation;
 pub mod experiment;
+pub mod identify;
 pub mod montecarlo;
 pub mod package;
 pub mod plot;

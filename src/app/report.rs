@@ -7,7 +7,7 @@ use crate::app::recording::Recording;
 mod figures;
 
 /// Inline, for the page is to be a single file.
-const STYLE: &str = include_str!("report/style.css");
+pub(super) const STYLE: &str = include_str!("report/style.css");
 
 /// What the page shows. Start from [`Report::new`] and fill in what there is.
 #[derive(Clone, Debug)]
@@ -157,7 +157,7 @@ pub fn page(report: &Report) -> String {
 }
 
 /// A table with its heading and note.
-fn table_of(table: &Table) -> Markup {
+pub(super) fn table_of(table: &Table) -> Markup {
     // A column of numbers reads best flush right.
     let numeric = |column: usize| {
         let mut cells = table.rows.iter().filter_map(|row| row.get(column)).filter(|cell| !cell.is_empty()).peekable();

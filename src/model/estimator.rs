@@ -13,6 +13,8 @@
 
 mod config;
 
+use std::f64::consts::TAU;
+
 use libm::{atan2, cos, exp, sin};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
@@ -28,7 +30,7 @@ use super::kernel::{ROWS_PER_AXIS, Weights};
 use super::lowpass::{LowPass, LowPassState};
 use super::memory::{Bank, MAX_FUNCTIONS, Memory, Regressors, Sensitivity, Sums, Targets};
 use super::regression::{CONDITION_CAP, MAX_UNKNOWNS, NormalMatrix, NormalVector, SymmetricEigen};
-use super::window::{Window, dot};
+use super::window::{Integrals, KERNELS, Sample, Window, WindowSums, WindowSumsState, dot};
 
 const MAGNETS: usize = 3;
 const ROWS: usize = 2 * ROWS_PER_AXIS;
@@ -71,6 +73,23 @@ const NOMINAL_ACCELERATION: f64 = 9.81;
 /// What the discretisation may leave of a motion without noise, relative.
 const MODEL_RESIDUAL: f64 = 2.0e-3;
 
+/// Noise found from the residual is reckoned with so many of its own standard deviations higher.
+const NOISE_MARGIN: f64 = 0.5;
+
+/// How many of its own standard deviations a correlation of residuals one or more revolutions apart must have to count as
+/// an error of the model.
+const COHERENCE_LIMIT: f64 = 3.0;
+
+/// Pairs of windows, counted without overlap, that it takes to tell a coherent residual from noise. Before, all of it counts
+/// as coherent if the noise is not given, and what the noise does not explain if it is.
+const PAIRS_TO_JUDGE: f64 = 1.5;
+
+/// Before so many windows, counted without overlap, too little is left over to show that the model holds.
+const WINDOWS_TO_TRUST: f64 = 1.25;
+
+/// Residuals of so many windows are kept.
+const ECHOES: usize = 4 * HOPS_PER_WINDOW;
+
 /// Squares of the coefficients of a fourth difference: its variance for white noise of variance one.
 const FOURTH_DIFFERENCE_GAIN: f64 = 70.0;
 
@@ -86,6 +105,8 @@ pub struct EstimatorState {
     /// Currents of the last sample, A.
     current_a: [f64; 3],
     window: Window,
+    /// What the paper's methods keep of the window instead.
+    sums: Option<WindowSumsState>,
     filtered: LowPassState<CHANNELS>,
     learnt: Learnt,
     output: EstimatorOutput,
@@ -104,13 +125,20 @@ struct Learnt {
     /// Scaled unknowns, once the memory has some.
     unknowns: Option<NormalVector>,
     covariance: NormalMatrix,
-    /// What the memory leaves unexplained over what noise explains, 1 at least.
-    excess: f64,
+    /// What the last windows left unexplained, and how many of them there are.
+    echoes: Vec<Targets>,
+    next_echo: usize,
+    echoed: usize,
+    /// `Σ w e(t)·e(t − L)` and the weights, L being whole revolutions that last longer than a window.
+    coherent: [f64; 2],
     /// The last four positions, newest first, and how many there are.
     former: [[f64; 2]; 4],
     formers: u32,
     /// Weighted sum of the squares of fourth differences, and of the weights.
     roughness: [f64; 2],
+    /// The last usable sample.
+    last_position_m: [f64; 2],
+    last_current_a: [f64; 3],
     /// For how many samples each position has read the same.
     same: [u32; 2],
 }
@@ -121,16 +149,6 @@ impl EstimatorState {
     pub fn output(&self) -> &EstimatorOutput {
         &self.output
     }
-}
-
-/// The integrals of one test function over the present window.
-struct Integrals {
-    /// `∫ φ'' (Y, Z) dτ`, m.
-    position: [f64; 2],
-    /// `∫ φ i_k²/gap_k² dτ`, A²/m².
-    squares: [f64; 3],
-    /// `∫ φ ω² (cos θ, sin θ) dτ`, rad²/s².
-    rotating: [f64; 2],
 }
 
 /// Solution of normal equations.
@@ -161,7 +179,10 @@ pub struct Estimator {
     keep: f64,
     /// What is left after one sample.
     keep_sample: f64,
-    rows: [Weights; ROWS_PER_AXIS],
+    /// Samples that are kept as they are: a window of them for least squares, the last ones for the paper's methods.
+    nodes: usize,
+    /// The integrals of the paper's methods.
+    sums: Option<WindowSums>,
     /// One over the gain of each row for position noise.
     row_scale: [f64; ROWS_PER_AXIS],
     static_load: Weights,
@@ -228,7 +249,8 @@ impl Estimator {
             reach: std::array::from_fn(|k| reach * column_scale[k]),
             column_scale,
             low_pass: LowPass::new(config.filter_omega_rad_s, config.filter_zeta, config.step_s),
-            rows,
+            nodes: if least_squares { intervals + 1 } else { 2 },
+            sums: (!least_squares).then(|| WindowSums::new(intervals, config.hold == Hold::Linear)),
             config,
         })
     }
@@ -247,7 +269,8 @@ impl Estimator {
             reset_was_high: false,
             inverse_square_gap: [[0.0; 3]; 2],
             current_a: [0.0; 3],
-            window: Window::new(self.signals, self.intervals + 1),
+            window: Window::new(self.signals, self.nodes),
+            sums: self.sums.as_ref().map(WindowSums::start),
             filtered: LowPassState::default(),
             learnt: Learnt {
                 memory: Memory::new(if self.bank.is_some() { self.intervals + 1 } else { 0 }),
@@ -256,10 +279,15 @@ impl Estimator {
                 verdict: Reason::Filling,
                 unknowns: None,
                 covariance: NormalMatrix::zeros(),
-                excess: 1.0,
+                echoes: vec![Targets::zeros(); if self.bank.is_some() { ECHOES } else { 0 }],
+                next_echo: 0,
+                echoed: 0,
+                coherent: [0.0; 2],
                 former: [[0.0; 2]; 4],
                 formers: 0,
                 roughness: [0.0; 2],
+                last_position_m: [0.0; 2],
+                last_current_a: [0.0; 3],
                 same: [0; 2],
             },
             output: self.first_output(),
@@ -269,8 +297,15 @@ impl Estimator {
     /// Whether a state, for instance one read from a file, has the shape this estimator needs.
     #[must_use]
     pub fn accepts(&self, state: &EstimatorState) -> bool {
-        state.window.has_shape(self.signals, self.intervals + 1)
+        let sums = match (&self.sums, &state.sums) {
+            (Some(sums), Some(state)) => sums.accepts(state),
+            (None, None) => true,
+            _ => false,
+        };
+        sums && state.window.has_shape(self.signals, self.nodes)
             && state.learnt.memory.has_shape(if self.bank.is_some() { self.intervals + 1 } else { 0 })
+            && state.learnt.echoes.len() == if self.bank.is_some() { ECHOES } else { 0 }
+            && state.learnt.next_echo < ECHOES
     }
 
     /// Takes in one sample; to be called once every T_s.
@@ -282,7 +317,7 @@ impl Estimator {
         if self.accepts(state) {
             if input.reset && !state.reset_was_high {
                 state.samples = 0;
-                state.window.clear();
+                clear(state);
                 state.filtered = LowPassState::default();
                 state.learnt.clear();
                 state.output = self.first_output();
@@ -331,7 +366,12 @@ impl Estimator {
         }
         state.window.push(&signals[..self.signals.min(MAX_SIGNALS)]);
         state.samples = state.samples.saturating_add(1);
-        if !state.window.is_full() || state.samples < self.samples_until_epsilon {
+        let integrals = match (&self.sums, &mut state.sums) {
+            (Some(sums), Some(state)) => sums.push(state, &self.pair(&signals)),
+            _ => None,
+        };
+        let full = integrals.is_some() || (self.bank.is_some() && state.window.is_full());
+        if !full || state.samples < self.samples_until_epsilon {
             return Reason::Filling;
         }
         if let Some(bank) = &self.bank {
@@ -341,21 +381,29 @@ impl Estimator {
                 return state.learnt.verdict;
             }
             state.learnt.until_hop = self.hop as u64 - 1;
-            let Some(verdict) = self.evaluate(state, bank) else {
+            let Some(verdict) = self.evaluate(state, bank, input.omega_rad_s) else {
                 state.learnt.clear();
                 return interrupt(state, Reason::BadSample);
             };
             state.learnt.verdict = verdict;
             return verdict;
         }
-        let channels = self.channels(state);
+        let integrals = integrals.unwrap_or_default();
+        let channels = self.channels(state, &integrals);
         // Written so that a NaN fails as well.
         if !channels.iter().all(|x| x.abs() < CHANNEL_LIMIT) {
             return interrupt(state, Reason::BadSample);
         }
         self.low_pass.step(&mut state.filtered, &channels);
         self.window_alone(&mut state.output, &channels);
-        self.estimate(state)
+        self.estimate(state, &integrals[ROWS_PER_AXIS])
+    }
+
+    /// A sample for the integrals of the paper's methods.
+    fn pair(&self, signals: &[f64; MAX_SIGNALS]) -> Sample {
+        let squares = |at: usize| std::array::from_fn(|k| signals[at + k]);
+        let end = if self.config.hold == Hold::Linear { SQUARES } else { SQUARES + MAGNETS };
+        Sample { position: [signals[0], signals[1]], squares: [squares(SQUARES), squares(end)] }
     }
 
     /// Follows the roughness of the positions and whether they move at all. True if a sensor is stuck.
@@ -371,12 +419,10 @@ impl Estimator {
         if window.filled() == 0 {
             learnt.formers = 0;
         }
-        let last = |signal: usize| window.signal(signal).last().copied();
-        let mut moved = [false; 2];
-        for axis in 0..2 {
-            moved[axis] = last(axis) != Some(now[axis]);
-        }
-        let currents = (0..MAGNETS).any(|k| last(self.sensitivities + k) != Some(signals[self.sensitivities + k]));
+        let moved = [0, 1].map(|axis| learnt.last_position_m[axis] != now[axis]);
+        let currents = learnt.last_current_a != input.current_a;
+        learnt.last_position_m = now;
+        learnt.last_current_a = input.current_a;
         for axis in 0..2 {
             let others = moved[1 - axis] || currents;
             learnt.same[axis] = match (moved[axis], others) {
@@ -466,7 +512,7 @@ impl Estimator {
     }
 
     /// Evaluates the present window by least squares, together with those before. `None` if its numbers cannot be used.
-    fn evaluate(&self, state: &mut EstimatorState, bank: &Bank) -> Option<Reason> {
+    fn evaluate(&self, state: &mut EstimatorState, bank: &Bank, omega_rad_s: f64) -> Option<Reason> {
         let EstimatorState { learnt, output, window, .. } = state;
         // What noise does depends a little on λ; before anything is known the window itself says what it is.
         let plausible = |x: &NormalVector| (0..MAGNETS).all(|k| x[k] > 0.01 && x[k] < 100.0);
@@ -482,6 +528,15 @@ impl Estimator {
                 sums = self.evidence(window, bank, &raw).2;
             }
         }
+        // What was learnt while something was wrong is of no use once a window fits by itself so much better.
+        if learnt.verdict != Reason::Valid && learnt.memory.weight[0] > 0.0 {
+            let [position, current] = output.noise.map(|noise| noise * noise);
+            let noise = position * sums.trace[0] + current * sums.trace[1];
+            let own = raw.filter(plausible).map_or(f64::INFINITY, |raw| sums.rest(&raw));
+            if CHANGE_LIMIT * own < noise && noise > MODEL_RESIDUAL * MODEL_RESIDUAL * sums.square {
+                learnt.forget();
+            }
+        }
         if self.contradicts(learnt, output, (&d, &n, &sums)) {
             learnt.forget();
             learnt.until_clean = self.intervals as u64;
@@ -493,11 +548,14 @@ impl Estimator {
         let guess = learnt.unknowns.or(raw).filter(plausible).unwrap_or(guess);
         let sensitivity = |j: usize| self.sensitivity(window, &guess, j);
         learnt.memory.add(bank, (&d, &sums), sensitivity, (self.hop, self.keep), &self.direction);
-        let verdict = self.conclude(learnt, output);
+        if let Some(x) = learnt.unknowns.or(raw) {
+            self.listen(learnt, &(n - d * x), omega_rad_s);
+        }
+        let verdict = self.conclude(learnt, output, bank.rows.len());
         if verdict == Reason::Valid {
             if let Some(unknowns) = learnt.unknowns {
                 output.lambda_hat = self.lambda([unknowns[0], unknowns[1], unknowns[2]]);
-                self.report(output, window, &unknowns);
+                self.report(output, &self.integrals(window, &self.static_load), &unknowns);
             }
         } else {
             self.doubt(output);
@@ -514,15 +572,37 @@ impl Estimator {
     ) -> bool {
         let Some(x) = learnt.unknowns else { return false };
         let [position, current] = output.noise.map(|noise| noise * noise);
-        let noise = (position * sums.trace[0] + current * sums.trace[1]) * learnt.excess;
+        let noise = position * sums.trace[0] + current * sums.trace[1];
         let uncertain = (sums.p * learnt.covariance).trace();
         let model = MODEL_RESIDUAL * MODEL_RESIDUAL * sums.square;
         output.surprise = ((n - d * x).norm_squared() / (noise + uncertain + model)).min(RESIDUAL_CAP);
         output.surprise.is_nan() || output.surprise > CHANGE_LIMIT
     }
 
+    /// Compares what is left unexplained with what was left whole revolutions ago: noise has no memory, while what the model
+    /// lacks comes back.
+    fn listen(&self, learnt: &mut Learnt, left: &Targets, omega_rad_s: f64) {
+        let window = self.intervals as f64;
+        let hop = self.hop as f64;
+        let revolution = TAU / (omega_rad_s.abs() * self.config.step_s);
+        // Windows that far apart have no sample in common.
+        let apart = (window / hop).ceil();
+        let whole = ((window / revolution - 1e-3).ceil() * revolution / hop).round().max(apart);
+        let lag = if whole < ECHOES as f64 { whole as usize } else { apart as usize };
+        let keep = self.keep;
+        learnt.coherent = learnt.coherent.map(|sum| sum * keep);
+        if (1..ECHOES).contains(&lag) && learnt.echoed >= lag {
+            let former = learnt.echoes[(learnt.next_echo + ECHOES - lag) % ECHOES];
+            learnt.coherent[0] += left.dot(&former);
+            learnt.coherent[1] += 1.0;
+        }
+        learnt.echoes[learnt.next_echo] = *left;
+        learnt.next_echo = (learnt.next_echo + 1) % ECHOES;
+        learnt.echoed = (learnt.echoed + 1).min(ECHOES);
+    }
+
     /// Solves the normal equations of the memory, with the noise that it finds in them.
-    fn conclude(&self, learnt: &mut Learnt, output: &mut EstimatorOutput) -> Reason {
+    fn conclude(&self, learnt: &mut Learnt, output: &mut EstimatorOutput, functions: usize) -> Reason {
         let memory = &learnt.memory;
         let sums = &memory.sums;
         let excited =
@@ -532,9 +612,14 @@ impl Estimator {
         let smooth = if weight > 0.0 { rough / weight } else { 0.0 };
         let mut variance = output.noise.map(|noise| noise * noise);
         variance[0] = if given[0] > 0.0 { given[0] } else { variance[0].min(smooth) };
-        let mut excess = 1.0;
         let mut solution = self.solve(&sums.p, &sums.h);
         output.condition = solution.condition;
+        // As many independent rows as there are in windows that do not overlap, and how far their sum of squares scatters.
+        let [weight, weight2] = memory.weight;
+        let windows = 1.0 + (weight * weight / weight2 - 1.0) * self.hop as f64 / self.intervals as f64;
+        let freedom = (2.0 * functions as f64 * windows - self.unknowns as f64).max(1.0);
+        let scatter = (2.0 / freedom).sqrt();
+        let mut compensate = variance;
         // The noise follows from the residual, the compensation from the noise; two rounds settle it.
         for _ in 0..3 {
             let (Some(x), Some(inverse)) = (solution.unknowns, solution.inverse) else { break };
@@ -544,18 +629,25 @@ impl Estimator {
             if given[0] == 0.0 {
                 variance[0] = smooth.min(rest / left[0]);
             }
-            if given[1] == 0.0 {
-                variance[1] = ((rest - variance[0] * left[0]) / left[1]).max(0.0);
+            // What noise does not explain counts as noise of the currents, whatever it is.
+            let unexplained = ((rest - variance[0] * left[0]) / left[1]).max(0.0);
+            compensate = [variance[0], if given[1] > 0.0 { given[1] } else { unexplained }];
+            let chance = scatter * rest / left[1];
+            variance[1] = if given[1] > 0.0 && unexplained < given[1] + chance {
+                given[1]
+            } else if given[1] > 0.0 {
+                unexplained
             } else {
-                excess = (rest / (variance[0] * left[0] + variance[1] * left[1])).max(1.0);
-            }
-            let (p, h) = sums.compensated(variance);
+                // The less is known of the noise, the more of it is reckoned with.
+                unexplained + NOISE_MARGIN * chance
+            };
+            let (p, h) = sums.compensated(compensate);
             solution = self.solve(&p, &h);
         }
         let (Some(x), Some(inverse)) = (solution.unknowns, solution.inverse) else {
             return Reason::Singular;
         };
-        if !variance.iter().all(|v| v.is_finite()) || !excess.is_finite() {
+        if !variance.iter().chain(&compensate).all(|v| v.is_finite()) {
             return Reason::Singular;
         }
         output.noise = variance.map(f64::sqrt);
@@ -568,19 +660,35 @@ impl Estimator {
             return Reason::NotPositive;
         }
         let score = memory.score[0] * variance[0] + memory.score[1] * variance[1];
-        let covariance = inverse * score * inverse * excess;
+        let covariance = inverse * score * inverse;
         if !covariance.iter().all(|c| c.is_finite()) {
             return Reason::Singular;
         }
+        // Part of the residual that is no noise, brought to the windows of the memory.
+        let rest = sums.rest(&x);
+        let [echo, pairs] = learnt.coherent;
+        let pairs_of_windows = pairs * self.hop as f64 / self.intervals as f64;
+        let coherent = if pairs_of_windows >= PAIRS_TO_JUDGE {
+            let echo = echo * weight / pairs;
+            let chance = rest / (2.0 * functions as f64 * pairs_of_windows).sqrt();
+            if echo > COHERENCE_LIMIT * chance { echo } else { 0.0 }
+        } else if given[1] == 0.0 || windows < WINDOWS_TO_TRUST {
+            rest
+        } else if variance[1] > given[1] {
+            rest * (1.0 - given[1] / variance[1])
+        } else {
+            0.0
+        };
         let mut sure = true;
         for k in 0..MAGNETS {
-            let std = (covariance[(k, k)].max(0.0) + (MODEL_STD * x[k]) * (MODEL_STD * x[k])).sqrt();
+            let model = MODEL_STD * x[k];
+            let model_error = inverse[(k, k)].max(0.0) * coherent;
+            let std = (covariance[(k, k)].max(0.0) + model_error + model * model).sqrt();
             output.lambda_std[k] = self.config.lambda0_nm2_a2[k] * std.min(STD_CAP);
             sure &= std <= STD_LIMIT * x[k];
         }
         learnt.unknowns = Some(x);
         learnt.covariance = covariance;
-        learnt.excess = excess;
         if sure { Reason::Valid } else { Reason::Uncertain }
     }
 
@@ -686,12 +794,11 @@ impl Estimator {
     }
 
     /// What the present window contributes to the filtered quantities.
-    fn channels(&self, state: &mut EstimatorState) -> Channels {
+    fn channels(&self, state: &mut EstimatorState, integrals: &[Integrals; KERNELS]) -> Channels {
         let mut d = SMatrix::<f64, ROWS, MAX_UNKNOWNS>::zeros();
         let mut n = SVector::<f64, ROWS>::zeros();
-        for (row, (weights, scale)) in self.rows.iter().zip(self.row_scale).enumerate() {
-            let integrals = self.integrals(&state.window, weights);
-            for (axis, values) in self.row_pair(&integrals).iter().enumerate() {
+        for (row, (integrals, scale)) in integrals.iter().zip(self.row_scale).enumerate() {
+            for (axis, values) in self.row_pair(integrals).iter().enumerate() {
                 let at = axis * ROWS_PER_AXIS + row;
                 n[at] = scale * integrals.position[axis];
                 for (k, value) in values.iter().enumerate() {
@@ -715,9 +822,7 @@ impl Estimator {
             state.output.determinant = determinant;
         }
 
-        // The paper uses the z axis alone; condition and residual are to speak of the same rows.
-        d.fixed_rows_mut::<3>(0).fill(0.0);
-        n.fixed_rows_mut::<3>(0).fill(0.0);
+        // The paper solves the rows of the z axis; those of both axes judge the result.
         let p: NormalMatrix = d.tr_mul(&d);
         let h: NormalVector = d.tr_mul(&n);
         for (channel, (row, column)) in upper_triangle().enumerate() {
@@ -741,7 +846,7 @@ impl Estimator {
     }
 
     /// The paper's estimate from the filtered quantities.
-    fn estimate(&self, state: &mut EstimatorState) -> Reason {
+    fn estimate(&self, state: &mut EstimatorState, static_load: &Integrals) -> Reason {
         let filtered = &state.filtered.value;
         let output = &mut state.output;
         let p = normal(filtered);
@@ -758,7 +863,7 @@ impl Estimator {
         unknowns.fixed_rows_mut::<MAGNETS>(0).copy_from_slice(&scaled);
         output.residual = residual(filtered, &unknowns);
         // Whatever is left unexplained counts as one coherent error, for it may be: no averaging over windows.
-        let rest = output.residual * output.residual * filtered[SQUARE] / ROWS_PER_AXIS as f64;
+        let rest = output.residual * output.residual * filtered[SQUARE];
         for k in 0..MAGNETS {
             let spread = solution.inverse.map_or(f64::INFINITY, |inverse| (inverse[(k, k)].max(0.0) * rest).sqrt());
             let std = (spread * spread + (MODEL_STD * scaled[k]) * (MODEL_STD * scaled[k])).sqrt();
@@ -777,12 +882,12 @@ impl Estimator {
             return Reason::Unexplained;
         }
         output.lambda_hat = lambda;
-        self.report(output, &state.window, &unknowns);
+        self.report(output, static_load, &unknowns);
         Reason::Valid
     }
 
     /// Unbalance and static load that go with a valid estimate.
-    fn report(&self, output: &mut EstimatorOutput, window: &Window, unknowns: &NormalVector) {
+    fn report(&self, output: &mut EstimatorOutput, static_load: &Integrals, unknowns: &NormalVector) {
         let unit = self.config.m_kg * self.config.gap_m;
         let (along, across) = (unit * unknowns[MAGNETS], unit * unknowns[MAGNETS + 1]);
         let magnitude = (along * along + across * across).sqrt();
@@ -790,16 +895,15 @@ impl Estimator {
             output.unbalance_kg_m = magnitude;
             output.unbalance_phase_rad = atan2(across, along);
         }
-        let load = self.static_load(window, unknowns);
+        let load = self.static_load(static_load, unknowns);
         if load.iter().all(|p| p.is_finite()) {
             output.load_n = load;
         }
     }
 
     /// The constant force that is left over in the present window: `m (∫ ψ'' Z/T_f² − Σ λ̂ ∫ ψ u)/∫ ψ` per axis.
-    fn static_load(&self, window: &Window, unknowns: &NormalVector) -> [f64; 2] {
-        let integrals = self.integrals(window, &self.static_load);
-        let rows = self.row_pair(&integrals);
+    fn static_load(&self, integrals: &Integrals, unknowns: &NormalVector) -> [f64; 2] {
+        let rows = self.row_pair(integrals);
         std::array::from_fn(|axis| {
             let modelled: f64 = rows[axis].iter().zip(unknowns.iter()).map(|(d, x)| d * x).sum();
             self.config.m_kg * (integrals.position[axis] - modelled) / (self.config.window_s * self.config.window_s)
@@ -848,7 +952,14 @@ impl Learnt {
         self.memory.clear();
         self.unknowns = None;
         self.covariance = NormalMatrix::zeros();
-        self.excess = 1.0;
+        self.forget_echoes();
+        self.coherent = [0.0; 2];
+    }
+
+    /// No window to come is a whole number of hops after those before.
+    fn forget_echoes(&mut self) {
+        self.next_echo = 0;
+        self.echoed = 0;
     }
 
     /// Forgets everything.
@@ -860,14 +971,25 @@ impl Learnt {
         self.formers = 0;
         self.former = [[0.0; 2]; 4];
         self.roughness = [0.0; 2];
+        self.last_position_m = [0.0; 2];
+        self.last_current_a = [0.0; 3];
         self.same = [0; 2];
+    }
+}
+
+/// Forgets the samples.
+fn clear(state: &mut EstimatorState) {
+    state.window.clear();
+    if let Some(sums) = &mut state.sums {
+        sums.clear();
     }
 }
 
 /// A gap in the data: the next window begins after it.
 fn interrupt(state: &mut EstimatorState, reason: Reason) -> Reason {
-    state.window.clear();
+    clear(state);
     state.learnt.memory.part();
+    state.learnt.forget_echoes();
     state.learnt.until_hop = 0;
     state.learnt.until_clean = 0;
     state.learnt.formers = 0;

@@ -157,8 +157,8 @@ type Node = [NormalVector; 4];
 pub struct Memory {
     /// The sums.
     pub sums: Sums,
-    /// Windows taken in since the start.
-    pub windows: u64,
+    /// Sums of the weights of the windows and of their squares.
+    pub weight: [f64; 2],
     /// `M_z`, `M_i` of the samples that no further window will hold.
     done: [NormalMatrix; 2],
     /// `M_z`, `M_i` of all samples.
@@ -173,7 +173,7 @@ impl Memory {
     pub fn new(nodes: usize) -> Self {
         Self {
             sums: Sums::default(),
-            windows: 0,
+            weight: [0.0; 2],
             done: [NormalMatrix::zeros(); 2],
             score: [NormalMatrix::zeros(); 2],
             nodes: vec![[NormalVector::zeros(); 4]; nodes],
@@ -189,7 +189,7 @@ impl Memory {
     /// Forgets everything.
     pub fn clear(&mut self) {
         self.sums = Sums::default();
-        self.windows = 0;
+        self.weight = [0.0; 2];
         self.done = [NormalMatrix::zeros(); 2];
         self.score = [NormalMatrix::zeros(); 2];
         self.nodes.fill([NormalVector::zeros(); 4]);
@@ -211,7 +211,7 @@ impl Memory {
         direction: &[[f64; 2]; 3],
     ) {
         self.sums.blend(keep, window);
-        self.windows = self.windows.saturating_add(1);
+        self.weight = [self.weight[0] * keep + 1.0, self.weight[1] * keep * keep + 1.0];
         let hop = hop.min(self.nodes.len());
         self.nodes.copy_within(hop.., 0);
         let fresh = self.nodes.len() - hop;

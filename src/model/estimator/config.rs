@@ -19,7 +19,7 @@ pub const MAX_INTERVALS: f64 = 1.0e5;
 /// On the paper's orbit both axes have about 3, the z axis alone 17 to 32, both axes with the unbalance 40 to 80; on
 /// a circular orbit, where the unbalance is not identifiable, imperfect tracking leaves 1300 to 2000. With sensor noise of
 /// 0.1 µm and 10 mA the error of λ̂ is about 0.5 % at 45, 1.4 % at 120 and 4 % at 280.
-pub const CONDITION_LIMIT: f64 = 200.0;
+pub const CONDITION_LIMIT: f64 = 60.0;
 
 /// The largest residual with which an estimate counts as valid: beyond it the model explains less than three
 /// quarters (in the mean square) of the motion that it is asked to explain.
