@@ -114,7 +114,12 @@ fn a_step_allocates_nothing() {
         for _ in 0..steps {
             assert!(closed.step(), "step {} fails", closed.steps);
         }
-        assert_eq!(CALLS.get() - before, 0, "calls of the allocator in {steps} steps of {} slaves", closed.slaves.len());
+        assert_eq!(
+            CALLS.get() - before,
+            0,
+            "calls of the allocator in {steps} steps of {} slaves",
+            closed.slaves.len()
+        );
     }
 }
 

@@ -70,8 +70,7 @@ fn afresh(window: &[[f64; LANES]]) -> (Sums<LANES, KERNELS>, Sums<LANES, KERNELS
     for (j, sample) in window.iter().enumerate() {
         let v = Double::quotient(2.0 * j as f64 - (length - 1.0), length + 1.0);
         for (k, kernel) in kernels().iter().enumerate() {
-            let weight =
-                kernel.iter().rev().fold(Double(0.0, 0.0), |sum, a| sum.times(v).plus(Double(*a, 0.0)));
+            let weight = kernel.iter().rev().fold(Double(0.0, 0.0), |sum, a| sum.times(v).plus(Double(*a, 0.0)));
             for lane in 0..LANES {
                 let product = weight.times(Double(sample[lane], 0.0));
                 sums[k][lane] = sums[k][lane].plus(product);
@@ -256,7 +255,10 @@ fn compare_with_weights(intervals: usize, continuous: bool, way: Way) {
             for axis in 0..2 {
                 let (sum, size) = dot(&weights.position, &|sample| sample.position[axis]);
                 let error = (integrals.position[axis] - sum).abs() / size;
-                assert!(error <= between_ways(intervals), "{way:?}, N = {intervals}, row {row}, axis {axis}: {error:e}");
+                assert!(
+                    error <= between_ways(intervals),
+                    "{way:?}, N = {intervals}, row {row}, axis {axis}: {error:e}"
+                );
             }
             for k in 0..3 {
                 let (sum, size) = if continuous {

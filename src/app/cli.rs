@@ -8,8 +8,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use super::documentation;
 use super::design;
+use super::documentation;
 use super::experiment;
 use super::identify;
 use super::montecarlo;
@@ -317,7 +317,9 @@ fn choose_window(name: &Path, question: &design::Question) -> Result<()> {
     print_table(&table.head, &table.rows);
     match recommended {
         Some(n) => println!("\nRecommended: Tf = {:.1} ms.", promises[n].window_s * 1e3),
-        None => println!("\nNo window identifies the force constants here: more time, a larger path or less noise is needed."),
+        None => println!(
+            "\nNo window identifies the force constants here: more time, a larger path or less noise is needed."
+        ),
     }
     Ok(())
 }
@@ -349,10 +351,12 @@ fn identify(command: Command) -> Result<()> {
         omega_rad_s: speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
         resample_s: resample,
     };
-    let samples = identify::Samples::read(&text, &reading).map_err(|error| format!("{}: {error}", recording.display()))?;
+    let samples =
+        identify::Samples::read(&text, &reading).map_err(|error| format!("{}: {error}", recording.display()))?;
     let bearing = Scenario::open(&scenario)?;
-    let mut config =
-        identify::config(|name| bearing.value("estimator", name).map_or(f64::NAN, crate::slave::variable::Value::as_f64));
+    let mut config = identify::config(|name| {
+        bearing.value("estimator", name).map_or(f64::NAN, crate::slave::variable::Value::as_f64)
+    });
     config.step_s = samples.step_s;
     config.window_s = match window {
         Some(window_s) => (window_s / samples.step_s).round() * samples.step_s,
@@ -361,7 +365,8 @@ fn identify(command: Command) -> Result<()> {
     config.epsilon_s = config.window_s;
     config.position_noise_m = position_noise.unwrap_or(0.0);
     config.current_noise_a = current_noise.unwrap_or(0.0);
-    let one = |names: &[&str], what: &str, given: &str| format!("--{what} {given}: one of {} is wanted", names.join(", "));
+    let one =
+        |names: &[&str], what: &str, given: &str| format!("--{what} {given}: one of {} is wanted", names.join(", "));
     let angle = !samples.theta_rad.is_empty();
     let methods: Vec<_> = identify::METHODS
         .into_iter()
@@ -419,7 +424,10 @@ fn identify(command: Command) -> Result<()> {
         fs::create_dir_all(&folder).map_err(named(&folder))?;
         let path = folder.join("index.html");
         let title = format!("Identification from {}", recording.file_name().unwrap_or_default().to_string_lossy());
-        let command = format!("cargo run --release -- identify {} --method {method} --hold {hold} --report DIR", recording.display());
+        let command = format!(
+            "cargo run --release -- identify {} --method {method} --hold {hold} --report DIR",
+            recording.display()
+        );
         fs::write(&path, identify::page(&title, &command, &samples, &tracks, holds.as_ref())).map_err(named(&path))?;
         println!("\n{}", path.display());
     }

@@ -160,11 +160,7 @@ fn outputs(scenario: &Scenario, wanted: impl Fn(&str) -> bool, recording: &mut R
             let name = format!("{}.{}", element.name, variable.name);
             if variable.causality == Causality::Output && wanted(&name) {
                 found.push((at, index));
-                recording.columns.push(Column {
-                    name,
-                    unit: variable.unit_name().into(),
-                    values: Vec::new(),
-                });
+                recording.columns.push(Column { name, unit: variable.unit_name().into(), values: Vec::new() });
             }
         }
     }

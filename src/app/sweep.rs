@@ -413,7 +413,8 @@ fn split(column: &str) -> (&str, Option<&str>) {
 fn table(text: &str) -> Result<(Vec<String>, Vec<Vec<String>>), csv::Error> {
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(text.as_bytes());
     let columns = reader.headers()?.iter().map(String::from).collect();
-    let cases = reader.records().map(|row| Ok(row?.iter().map(String::from).collect())).collect::<Result<_, csv::Error>>()?;
+    let cases =
+        reader.records().map(|row| Ok(row?.iter().map(String::from).collect())).collect::<Result<_, csv::Error>>()?;
     Ok((columns, cases))
 }
 
@@ -445,8 +446,7 @@ fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> 
                     if !(from.is_finite() && to.is_finite()) || (log && !(from > 0.0 && to > 0.0)) {
                         return Err(format!("{path}: finite ends are wanted, above 0 where log = true"));
                     }
-                    let value =
-                        if log { from * libm::pow(to / from, share) } else { from + (to - from) * share };
+                    let value = if log { from * libm::pow(to / from, share) } else { from + (to - from) * share };
                     format!("{value:e}")
                 }
                 Range::OneOf(items) => {

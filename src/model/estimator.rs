@@ -987,8 +987,11 @@ fn clear(state: &mut EstimatorState) {
 
 /// A gap in the data: the next window begins after it.
 fn interrupt(state: &mut EstimatorState, reason: Reason) -> Reason {
+    // Parting costs time in proportion to the window; once is enough.
+    if state.window.filled() > 0 {
+        state.learnt.memory.part();
+    }
     clear(state);
-    state.learnt.memory.part();
     state.learnt.forget_echoes();
     state.learnt.until_hop = 0;
     state.learnt.until_clean = 0;

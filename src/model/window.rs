@@ -38,9 +38,9 @@ impl Window {
 
     /// Forgets all samples.
     pub fn clear(&mut self) {
+        // What is left behind is overwritten before the window is full again; the time this takes does not depend on its length.
         self.next = 0;
         self.filled = 0;
-        self.values.fill(0.0);
     }
 
     /// Number of samples since the last [`Window::clear`], at most the length of the window.
@@ -78,8 +78,9 @@ impl Window {
 }
 
 /// `Σ a_j b_j`, in eight partial sums: the order is fixed, so every platform gives the same bits, and the compiler
-/// can use vector registers.
+/// can use vector registers, the widest that the processor has.
 #[must_use]
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let (blocks_a, blocks_b) = (a.chunks_exact(8), b.chunks_exact(8));
@@ -92,9 +93,8 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     ((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7])) + rest
 }
 
-/// From this number of intervals on, moments of blocks are faster than a product per sample: measured by the benchmark
-/// `crossover`.
-pub const BLOCKS_FROM: usize = 64;
+/// From this number of intervals on, moments of blocks are faster than a product per sample: measured by the benchmark `ratios`.
+pub const BLOCKS_FROM: usize = 128;
 
 /// Number of kernels: the rows of P(18), then that of the static load.
 pub const KERNELS: usize = ROWS_PER_AXIS + 1;
@@ -280,7 +280,7 @@ fn differences(p: &Polynomial, d: f64, n: usize) -> Polynomial {
     for (k, coefficient) in p.coefficients.iter().enumerate() {
         let mut choose = 1.0;
         for i in 0..=k {
-            if i >= n && (i - n) % 2 == 0 {
+            if i >= n && (i - n).is_multiple_of(2) {
                 result[k - i] += coefficient * choose * libm::pow(d, (i - n) as f64);
             }
             choose = choose * (k - i) as f64 / (i + 1) as f64;
