@@ -8,14 +8,15 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use super::documentation;
 use super::design;
+use super::documentation;
 use super::experiment;
 use super::identify;
 use super::montecarlo;
 use super::package;
 use super::scenario::{BUILT_IN, Scenario};
 use super::simulate::{self, Run};
+use super::sweep::Design;
 use crate::model::estimator::{EstimatorConfig, Method};
 
 /// Where things go when nothing else is said, below the folder in which the program is run.
@@ -161,6 +162,27 @@ enum Command {
         #[arg(long, value_name = "SECONDS", value_delimiter = ',')]
         at: Vec<f64>,
     },
+    /// Runs a scenario many times with other values, on all processors: a row per case in, a row per case out.
+    ///
+    /// A design is a CSV file whose columns are variables such as `plant.lambda[1]` or `plant.pZ [N]`, or a TOML file that says
+    /// how to draw one. A sweep that was interrupted goes on where it stopped; a case that fails is a row that says why.
+    Sweep {
+        /// The design.
+        #[arg(value_name = "DESIGN.csv|DESIGN.toml")]
+        design: PathBuf,
+        /// Where the rows go.
+        #[arg(long, value_name = "ROWS.csv", required_unless_present = "expand")]
+        out: Option<PathBuf>,
+        /// The scenario that is varied: a file, or one that comes with the program; `unbalanced` if the design names none.
+        #[arg(long, value_name = "SCENARIO")]
+        scenario: Option<PathBuf>,
+        /// How many cases are run at once; all processors if nothing is said.
+        #[arg(long, value_name = "N")]
+        jobs: Option<usize>,
+        /// Prints the design as CSV, drawn values included, instead of running it.
+        #[arg(long, conflicts_with_all = ["out", "jobs"])]
+        expand: bool,
+    },
     /// Writes the model descriptions and VARIABLES.md, which stand under review, out of the tables of variables.
     Describe {
         /// Folder for the files.
@@ -181,7 +203,6 @@ pub fn main() -> ExitCode {
         Some(Command::Simulate { scenario, csv, report, print: false }) => {
             simulate(&scenario, csv.as_deref(), report.as_deref())
         }
-        Some(Command::Describe { out }) => describe(&out),
         Some(Command::Montecarlo { scenario, runs, only, position_noise, current_noise, untold, at }) => {
             let studies = match &scenario {
                 None => Ok(montecarlo::studies(runs)),
@@ -192,6 +213,10 @@ pub fn main() -> ExitCode {
             };
             studies.and_then(|studies| monte_carlo(studies, only.as_deref(), &at))
         }
+        Some(Command::Sweep { design, out, scenario, jobs, expand: _ }) => {
+            sweep(&design, scenario.as_deref(), out.as_deref(), jobs)
+        }
+        Some(Command::Describe { out }) => describe(&out),
         Some(command @ Command::Identify { .. }) => identify(command),
         Some(Command::Design { scenario, speed, sample_time, window, position_noise, current_noise, at }) => {
             let question = design::Question {
@@ -236,6 +261,18 @@ fn describe(folder: &Path) -> Result<()> {
     package::write_descriptions(folder)?;
     let path = folder.join("VARIABLES.md");
     fs::write(&path, documentation::markdown()).map_err(named(&path))
+}
+
+fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Option<usize>) -> Result<()> {
+    let design = Design::open(design, scenario)?;
+    let Some(out) = out else {
+        return design.write(io::stdout().lock()).map_err(Into::into);
+    };
+    let jobs = jobs.or_else(|| std::thread::available_parallelism().ok().map(Into::into)).unwrap_or(1);
+    let before = design.run(out, jobs)?;
+    let there = if before > 0 { format!(", {before} of which were there") } else { String::new() };
+    println!("{}: {} rows{there}", out.display(), design.len());
+    Ok(())
 }
 
 fn print(name: &Path) -> Result<()> {

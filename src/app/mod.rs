@@ -15,5 +15,6 @@ pub mod recording;
 pub mod report;
 pub mod scenario;
 pub mod simulate;
+pub mod sweep;
 
 mod ssp;

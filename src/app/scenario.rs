@@ -235,6 +235,44 @@ impl Scenario {
         connections
     }
 
+    /// Finds the variable that a path such as `plant.lambda[1]` means: the index of its element and its own.
+    ///
+    /// # Errors
+    /// There is no such variable, or it cannot be set.
+    pub fn settable(&self, path: &str) -> Result<(usize, usize), String> {
+        let (name, key) = path.split_once('.').unwrap_or(("", path));
+        let Some(at) = self.elements.iter().position(|element| element.name == name) else {
+            let names: Vec<_> = self.elements.iter().map(|element| element.name.as_str()).collect();
+            return Err(format!("{path}: a path that begins with one of {} is wanted", names.join(", ")));
+        };
+        let variables = (self.elements[at].kind.variables)();
+        let Some(index) = variables.iter().position(|variable| variable.name == key) else {
+            let settable = variables.iter().filter(|variable| variable.is_settable());
+            return Err(unknown(name, key, &settable.map(|variable| variable.name.to_string()).collect::<Vec<_>>()));
+        };
+        permitted(name, variables[index]).map_err(|why| format!("{path} is refused: {why}"))?;
+        Ok((at, index))
+    }
+
+    /// Gives the variable of that path the value that a text says: a number with or without a unit, a name, `true` or `false`.
+    ///
+    /// # Errors
+    /// What is wrong with the path or the value.
+    pub fn assign(&mut self, path: &str, text: &str) -> Result<(), String> {
+        let (at, index) = self.settable(path)?;
+        let kind = &(self.elements[at].kind.variables)()[index].kind;
+        let text = text.trim();
+        let value = match kind {
+            Type::Integer { .. } => text.parse().map(toml::Value::Integer).ok(),
+            Type::Boolean { .. } => text.parse().map(toml::Value::Boolean).ok(),
+            Type::Real { .. } | Type::Enumeration { .. } => None,
+        };
+        let value = convert(kind, &value.unwrap_or_else(|| toml::Value::String(text.into())));
+        let value = value.map_err(|why| format!("{path} = {text} is refused: {why}"))?;
+        self.elements[at].settings.push(Setting { index, value });
+        Ok(())
+    }
+
     /// The value that a variable has at the start.
     pub fn value(&self, element: &str, variable: &str) -> Option<Value> {
         let element = self.elements.iter().find(|candidate| candidate.name == element)?;

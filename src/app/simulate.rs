@@ -59,6 +59,19 @@ impl Log for Messages<'_> {
 /// Every parameter that a slave refuses. A run that fails on its way is no error: what was computed is kept and
 /// [`Run::fault`] says why it ended.
 pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
+    let progress = Progress::new("simulating", steps(scenario) as u64);
+    run_for(scenario, |_| true, |step| progress.set(step as u64))
+}
+
+/// As [`run`], recording the outputs alone that are `wanted` by their paths; tells every step that is done.
+///
+/// # Errors
+/// As for [`run`].
+pub fn run_for(
+    scenario: &Scenario,
+    wanted: impl Fn(&str) -> bool,
+    mut tell: impl FnMut(usize),
+) -> Result<Run, Refused> {
     let mut slaves = Vec::new();
     let mut refused = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
@@ -82,10 +95,9 @@ pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
     }
     let wires = wires(scenario);
     let mut run = Run::default();
-    let outputs = outputs(scenario, &mut run.recording);
+    let outputs = outputs(scenario, wanted, &mut run.recording);
 
-    let steps = (scenario.duration_s / scenario.step_s).round() as usize;
-    let progress = Progress::new("simulating", steps as u64);
+    let steps = steps(scenario);
     for step in 0..=steps {
         let time_s = step as f64 * scenario.step_s;
         run.recording.time_s.push(time_s);
@@ -114,7 +126,7 @@ pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
         if run.fault.is_some() {
             break;
         }
-        progress.set(step as u64);
+        tell(step);
     }
     Ok(run)
 }
@@ -127,6 +139,11 @@ fn apply(profile: &Profile, time_s: f64, slaves: &mut [Slave]) -> Result<(), Str
         slave.set(*index, value).map_err(|error| format!("{name}: {error}"))?;
     }
     Ok(())
+}
+
+/// Number of communication steps of a run.
+fn steps(scenario: &Scenario) -> usize {
+    (scenario.duration_s / scenario.step_s).round() as usize
 }
 
 fn read(slaves: &mut [Slave], (element, index): (usize, usize)) -> Value {
@@ -160,18 +177,15 @@ fn wires(scenario: &Scenario) -> Vec<Wire> {
     scenario.connections().into_iter().map(wire).collect()
 }
 
-/// Makes a column for every output and says where each is found.
-fn outputs(scenario: &Scenario, recording: &mut Recording) -> Vec<(usize, usize)> {
+/// Makes a column for every output that is wanted and says where each is found.
+fn outputs(scenario: &Scenario, wanted: impl Fn(&str) -> bool, recording: &mut Recording) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
         for (index, variable) in (element.kind.variables)().into_iter().enumerate() {
-            if variable.causality == Causality::Output {
+            let name = format!("{}.{}", element.name, variable.name);
+            if variable.causality == Causality::Output && wanted(&name) {
                 found.push((at, index));
-                recording.columns.push(Column {
-                    name: format!("{}.{}", element.name, variable.name),
-                    unit: variable.unit_name().into(),
-                    values: Vec::new(),
-                });
+                recording.columns.push(Column { name, unit: variable.unit_name().into(), values: Vec::new() });
             }
         }
     }

@@ -55,7 +55,7 @@ use super::kernel::{ROWS_PER_AXIS, Weights};
 use super::lowpass::{LowPass, LowPassState};
 use super::memory::{Bank, MAX_FUNCTIONS, Memory, Regressors, Sensitivity, Sums, Targets};
 use super::regression::{CONDITION_CAP, MAX_UNKNOWNS, NormalMatrix, NormalVector, SymmetricEigen};
-use super::window::{Window, dot};
+use super::window::{Integrals, KERNELS, Sample, Window, WindowSums, WindowSumsState, dot};
 
 const MAGNETS: usize = 3;
 const ROWS: usize = 2 * ROWS_PER_AXIS;
@@ -133,6 +133,8 @@ pub struct EstimatorState {
     /// Currents of the last sample, A.
     current_a: [f64; 3],
     window: Window,
+    /// What the paper's methods keep of the window instead.
+    sums: Option<WindowSumsState>,
     filtered: LowPassState<CHANNELS>,
     learnt: Learnt,
     output: EstimatorOutput,
@@ -177,16 +179,6 @@ impl EstimatorState {
     }
 }
 
-/// The integrals of one test function over the present window.
-struct Integrals {
-    /// `∫ φ'' (Y, Z) dτ`, m.
-    position: [f64; 2],
-    /// `∫ φ i_k²/gap_k² dτ`, A²/m².
-    squares: [f64; 3],
-    /// `∫ φ ω² (cos θ, sin θ) dτ`, rad²/s².
-    rotating: [f64; 2],
-}
-
 /// Solution of normal equations.
 struct Solution {
     condition: f64,
@@ -215,7 +207,10 @@ pub struct Estimator {
     keep: f64,
     /// What is left after one sample.
     keep_sample: f64,
-    rows: [Weights; ROWS_PER_AXIS],
+    /// Samples that are kept as they are: a window of them for least squares, the last ones for the paper's methods.
+    nodes: usize,
+    /// The integrals of the paper's methods.
+    sums: Option<WindowSums>,
     /// One over the gain of each row for position noise.
     row_scale: [f64; ROWS_PER_AXIS],
     static_load: Weights,
@@ -282,7 +277,8 @@ impl Estimator {
             reach: std::array::from_fn(|k| reach * column_scale[k]),
             column_scale,
             low_pass: LowPass::new(config.filter_omega_rad_s, config.filter_zeta, config.step_s),
-            rows,
+            nodes: if least_squares { intervals + 1 } else { 2 },
+            sums: (!least_squares).then(|| WindowSums::new(intervals, config.hold == Hold::Linear)),
             config,
         })
     }
@@ -301,7 +297,8 @@ impl Estimator {
             reset_was_high: false,
             inverse_square_gap: [[0.0; 3]; 2],
             current_a: [0.0; 3],
-            window: Window::new(self.signals, self.intervals + 1),
+            window: Window::new(self.signals, self.nodes),
+            sums: self.sums.as_ref().map(WindowSums::start),
             filtered: LowPassState::default(),
             learnt: Learnt {
                 memory: Memory::new(if self.bank.is_some() { self.intervals + 1 } else { 0 }),
@@ -328,7 +325,12 @@ impl Estimator {
     /// Whether a state, for instance one read from a file, has the shape this estimator needs.
     #[must_use]
     pub fn accepts(&self, state: &EstimatorState) -> bool {
-        state.window.has_shape(self.signals, self.intervals + 1)
+        let sums = match (&self.sums, &state.sums) {
+            (Some(sums), Some(state)) => sums.accepts(state),
+            (None, None) => true,
+            _ => false,
+        };
+        sums && state.window.has_shape(self.signals, self.nodes)
             && state.learnt.memory.has_shape(if self.bank.is_some() { self.intervals + 1 } else { 0 })
             && state.learnt.echoes.len() == if self.bank.is_some() { ECHOES } else { 0 }
             && state.learnt.next_echo < ECHOES
@@ -343,7 +345,7 @@ impl Estimator {
         if self.accepts(state) {
             if input.reset && !state.reset_was_high {
                 state.samples = 0;
-                state.window.clear();
+                clear(state);
                 state.filtered = LowPassState::default();
                 state.learnt.clear();
                 state.output = self.first_output();
@@ -392,7 +394,12 @@ impl Estimator {
         }
         state.window.push(&signals[..self.signals.min(MAX_SIGNALS)]);
         state.samples = state.samples.saturating_add(1);
-        if !state.window.is_full() || state.samples < self.samples_until_epsilon {
+        let integrals = match (&self.sums, &mut state.sums) {
+            (Some(sums), Some(state)) => sums.push(state, &self.pair(&signals)),
+            _ => None,
+        };
+        let full = integrals.is_some() || (self.bank.is_some() && state.window.is_full());
+        if !full || state.samples < self.samples_until_epsilon {
             return Reason::Filling;
         }
         if let Some(bank) = &self.bank {
@@ -409,14 +416,22 @@ impl Estimator {
             state.learnt.verdict = verdict;
             return verdict;
         }
-        let channels = self.channels(state);
+        let integrals = integrals.unwrap_or_default();
+        let channels = self.channels(state, &integrals);
         // Written so that a NaN fails as well.
         if !channels.iter().all(|x| x.abs() < CHANNEL_LIMIT) {
             return interrupt(state, Reason::BadSample);
         }
         self.low_pass.step(&mut state.filtered, &channels);
         self.window_alone(&mut state.output, &channels);
-        self.estimate(state)
+        self.estimate(state, &integrals[ROWS_PER_AXIS])
+    }
+
+    /// A sample for the integrals of the paper's methods.
+    fn pair(&self, signals: &[f64; MAX_SIGNALS]) -> Sample {
+        let squares = |at: usize| std::array::from_fn(|k| signals[at + k]);
+        let end = if self.config.hold == Hold::Linear { SQUARES } else { SQUARES + MAGNETS };
+        Sample { position: [signals[0], signals[1]], squares: [squares(SQUARES), squares(end)] }
     }
 
     /// Follows the roughness of the positions and whether they move at all. True if a sensor is stuck.
@@ -573,7 +588,7 @@ impl Estimator {
         if verdict == Reason::Valid {
             if let Some(unknowns) = learnt.unknowns {
                 output.lambda_hat = self.lambda([unknowns[0], unknowns[1], unknowns[2]]);
-                self.report(output, window, &unknowns);
+                self.report(output, &self.integrals(window, &self.static_load), &unknowns);
             }
         } else {
             self.doubt(output);
@@ -811,12 +826,11 @@ impl Estimator {
     }
 
     /// What the present window contributes to the filtered quantities.
-    fn channels(&self, state: &mut EstimatorState) -> Channels {
+    fn channels(&self, state: &mut EstimatorState, integrals: &[Integrals; KERNELS]) -> Channels {
         let mut d = SMatrix::<f64, ROWS, MAX_UNKNOWNS>::zeros();
         let mut n = SVector::<f64, ROWS>::zeros();
-        for (row, (weights, scale)) in self.rows.iter().zip(self.row_scale).enumerate() {
-            let integrals = self.integrals(&state.window, weights);
-            for (axis, values) in self.row_pair(&integrals).iter().enumerate() {
+        for (row, (integrals, scale)) in integrals.iter().zip(self.row_scale).enumerate() {
+            for (axis, values) in self.row_pair(integrals).iter().enumerate() {
                 let at = axis * ROWS_PER_AXIS + row;
                 n[at] = scale * integrals.position[axis];
                 for (k, value) in values.iter().enumerate() {
@@ -864,7 +878,7 @@ impl Estimator {
     }
 
     /// The paper's estimate from the filtered quantities.
-    fn estimate(&self, state: &mut EstimatorState) -> Reason {
+    fn estimate(&self, state: &mut EstimatorState, static_load: &Integrals) -> Reason {
         let filtered = &state.filtered.value;
         let output = &mut state.output;
         let p = normal(filtered);
@@ -900,12 +914,12 @@ impl Estimator {
             return Reason::Unexplained;
         }
         output.lambda_hat = lambda;
-        self.report(output, &state.window, &unknowns);
+        self.report(output, static_load, &unknowns);
         Reason::Valid
     }
 
     /// Unbalance and static load that go with a valid estimate.
-    fn report(&self, output: &mut EstimatorOutput, window: &Window, unknowns: &NormalVector) {
+    fn report(&self, output: &mut EstimatorOutput, static_load: &Integrals, unknowns: &NormalVector) {
         let unit = self.config.m_kg * self.config.gap_m;
         let (along, across) = (unit * unknowns[MAGNETS], unit * unknowns[MAGNETS + 1]);
         let magnitude = (along * along + across * across).sqrt();
@@ -913,16 +927,15 @@ impl Estimator {
             output.unbalance_kg_m = magnitude;
             output.unbalance_phase_rad = atan2(across, along);
         }
-        let load = self.static_load(window, unknowns);
+        let load = self.static_load(static_load, unknowns);
         if load.iter().all(|p| p.is_finite()) {
             output.load_n = load;
         }
     }
 
     /// The constant force that is left over in the present window: `m (∫ ψ'' Z/T_f² − Σ λ̂ ∫ ψ u)/∫ ψ` per axis.
-    fn static_load(&self, window: &Window, unknowns: &NormalVector) -> [f64; 2] {
-        let integrals = self.integrals(window, &self.static_load);
-        let rows = self.row_pair(&integrals);
+    fn static_load(&self, integrals: &Integrals, unknowns: &NormalVector) -> [f64; 2] {
+        let rows = self.row_pair(integrals);
         std::array::from_fn(|axis| {
             let modelled: f64 = rows[axis].iter().zip(unknowns.iter()).map(|(d, x)| d * x).sum();
             self.config.m_kg * (integrals.position[axis] - modelled) / (self.config.window_s * self.config.window_s)
@@ -996,10 +1009,21 @@ impl Learnt {
     }
 }
 
+/// Forgets the samples.
+fn clear(state: &mut EstimatorState) {
+    state.window.clear();
+    if let Some(sums) = &mut state.sums {
+        sums.clear();
+    }
+}
+
 /// A gap in the data: the next window begins after it.
 fn interrupt(state: &mut EstimatorState, reason: Reason) -> Reason {
-    state.window.clear();
-    state.learnt.memory.part();
+    // Parting costs time in proportion to the window; once is enough.
+    if state.window.filled() > 0 {
+        state.learnt.memory.part();
+    }
+    clear(state);
     state.learnt.forget_echoes();
     state.learnt.until_hop = 0;
     state.learnt.until_clean = 0;

@@ -125,7 +125,7 @@ pub fn psi_between_nodes(n: usize, j: usize, intervals: usize) -> f64 {
 }
 
 /// `(n, factor)` of row `i` = 0, 1, 2: the paper's `g_u,i+1` is `factor · ψ_n'`.
-fn exponent_and_factor(row: usize) -> (usize, f64) {
+pub(super) fn exponent_and_factor(row: usize) -> (usize, f64) {
     let sign = if row % 2 == 1 { -1.0 } else { 1.0 };
     (row + 3, sign / 6.0)
 }

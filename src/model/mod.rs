@@ -24,6 +24,7 @@ pub mod reference;
 pub mod regression;
 pub mod sensitivity;
 pub mod sensor;
+pub mod sliding;
 pub mod touchdown;
 pub mod window;
 
