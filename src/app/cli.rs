@@ -8,8 +8,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use super::documentation;
 use super::design;
+use super::documentation;
 use super::experiment;
 use super::identify;
 use super::montecarlo;
