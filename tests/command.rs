@@ -99,7 +99,7 @@ fn a_scenario_that_cannot_be_read_is_refused() {
 
     let (code, _, err) = said(&run(&folder, &["simulate", "none.toml"]));
     assert_eq!(code, 1);
-    says(&err, &["none.toml", "cannot be read", "paper, unbalanced, turned"]);
+    says(&err, &["none.toml", "cannot be read", "paper,", "unbalanced", "turned"]);
 
     fs::write(folder.join("zero.toml"), "title = \"Zero\"\nduration = 1\nstep = 1e-4\n[all]\nm = 0\n").expect("a file");
     let (code, _, err) = said(&run(&folder, &["simulate", "zero.toml"]));
@@ -108,7 +108,7 @@ fn a_scenario_that_cannot_be_read_is_refused() {
 
     let (code, _, err) = said(&run(&folder, &["simulate", "--print", "nothing"]));
     assert_eq!(code, 1);
-    says(&err, &["nothing", "paper, unbalanced, turned"]);
+    says(&err, &["nothing", "paper,", "unbalanced", "turned"]);
 }
 
 #[test]

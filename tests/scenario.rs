@@ -53,7 +53,7 @@ fn the_scenarios_of_the_program_are_sound() {
         assert!(!opened.title.is_empty() && !opened.description.is_empty(), "{name} says what it is");
         let names: Vec<_> = opened.elements[..3].iter().map(|element| element.name.as_str()).collect();
         assert_eq!(names, ["plant", "controller", "estimator"]);
-        assert_eq!(opened.duration_s, 0.4, "{name}");
+        assert!(opened.duration_s > 0.0 && opened.step_s <= opened.duration_s, "{name}");
     }
 }
 
@@ -241,7 +241,7 @@ fn what_is_missing_is_named() {
     let Err(error) = Scenario::parse("short.toml", "title = \"A test\"\nstep = 1e-4\n") else { panic!("accepted") };
     says(&error.to_string(), &["short.toml", "duration"]);
     let Err(error) = Scenario::open(Path::new("no/such/file.toml")) else { panic!("there is no such file") };
-    says(&error.to_string(), &["no/such/file.toml", "paper, unbalanced, turned"]);
+    says(&error.to_string(), &["no/such/file.toml", "paper,", "unbalanced", "turned"]);
 }
 
 #[test]

@@ -293,7 +293,14 @@ fn outputs_follow_an_input_at_once_only_where_the_table_says_so() {
                 continue;
             }
             let follows = before[index] != after[index];
-            assert_eq!(follows, !variable.depends_on.is_empty(), "{model}.{}", variable.name);
+            let input = |name: &str| {
+                let found = slave.variables.iter().find(|candidate| candidate.name == name);
+                found.is_some_and(|candidate| candidate.causality == Causality::Input)
+            };
+            let may = variable.depends_on.iter().any(|(name, _)| input(name));
+            assert!(may || !follows, "{model}.{} follows an input", variable.name);
+            let force = variable.name.starts_with('F') || variable.name.starts_with("perturbation.");
+            assert!(follows || !(model == "MagneticBearing" && force), "{model}.{} stands still", variable.name);
         }
     }
 }
@@ -423,12 +430,12 @@ fn sampled_slaves_do_not_depend_on_how_time_is_cut() {
 
 #[test]
 fn the_sensors_of_the_plant_do_not_depend_on_how_time_is_cut() {
-    // A smooth motion over 10 ms, integrated by sub-steps of different lengths.
+    // A smooth motion over 5 ms, far from the backup bearing, integrated by sub-steps of different lengths.
     let positions = |parts: usize| {
         let mut bearing =
             Named::started("MagneticBearing", &[("i[1]", 1.5), ("i[2]", 1.4), ("i[3]", 1.3), ("sensor.seed", 4.0)]);
         bearing.step(0.0, 0.0);
-        for step in 0..100 * parts {
+        for step in 0..50 * parts {
             bearing.step(step as f64 * TS / parts as f64, TS / parts as f64);
         }
         [bearing.get("Ym"), bearing.get("Zm"), bearing.get("theta"), bearing.get("im[1]")]

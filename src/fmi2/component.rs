@@ -1,6 +1,6 @@
 //! One instance as the importer sees it: a slave, its state in the sequence of calls, and its logger.
 
-use super::bindings::fmi2Status;
+use super::bindings::{fmi2Status, fmi2ValueReference};
 use super::logger::Logger;
 use super::registry::Entry;
 use super::sequence::State;
@@ -37,6 +37,13 @@ pub(super) struct Component {
 impl Component {
     pub(super) fn new(entry: &'static Entry, logger: Logger) -> Self {
         Self { entry, slave: (entry.kind.instantiate)(), stage: Stage::BEGIN, logger }
+    }
+
+    /// What messages call a variable: its name, or its value reference where there is none of that reference.
+    pub(super) fn name_of(&self, reference: fmi2ValueReference) -> String {
+        let variables = (self.entry.kind.variables)();
+        let found = variables.get(reference as usize).map(|variable| variable.name.to_string());
+        found.unwrap_or_else(|| format!("value reference {reference}"))
     }
 
     pub(super) fn setup(&mut self, start_s: f64, stop_s: Option<f64>) -> Outcome {

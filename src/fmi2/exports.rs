@@ -102,10 +102,10 @@ unsafe fn get<T>(
         for (reference, value) in references.iter().zip(values) {
             let found = component.slave.get(*reference as usize).map_err(Problem::call)?;
             if let Value::Real(number) = found {
-                handed_out(*reference, number)?;
+                handed_out(component, *reference, number)?;
             }
             *value = take(found).ok_or_else(|| {
-                Problem::Call(format!("value reference {reference} is no {noun} but a {}", found.noun()))
+                Problem::Call(format!("{} is no {noun} but a {}", component.name_of(*reference), found.noun()))
             })?;
         }
         Ok(())
@@ -129,7 +129,7 @@ unsafe fn set<T: Copy>(
         // SAFETY: the arrays are as the contract of the exported function says.
         let (references, values) = unsafe { (elements("vr", references, count)?, elements("value", values, count)?) };
         for (reference, value) in references.iter().zip(values) {
-            wrap(*value).map_err(|why| Problem::Call(format!("value reference {reference}: {why}")))?;
+            wrap(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
         }
         let setting = |at: usize| (references[at] as usize, wrap(values[at]).expect("all values were checked"));
         component.slave.set_all(count, &setting).map_err(Problem::call)
@@ -139,9 +139,9 @@ unsafe fn set<T: Copy>(
 }
 
 /// Lets a number out if it is finite: inputs can be finite and so large that what follows from them is not.
-fn handed_out(reference: fmi2ValueReference, value: fmi2Real) -> Result<fmi2Real, Problem> {
-    let why =
-        || Problem::Call(format!("value reference {reference}: with the inputs as they stand it would be {value}"));
+fn handed_out(component: &Component, reference: fmi2ValueReference, value: fmi2Real) -> Result<fmi2Real, Problem> {
+    let name = || component.name_of(reference);
+    let why = || Problem::Call(format!("{}: with the inputs as they stand it would be {value}", name()));
     if value.is_finite() { Ok(value) } else { Err(why()) }
 }
 
@@ -572,12 +572,12 @@ export! {
                 )
             };
             for (reference, value) in knowns.iter().zip(direction) {
-                finite(*value).map_err(|why| Problem::Call(format!("value reference {reference}: {why}")))?;
+                finite(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
             }
             let known = |at: usize| (knowns[at] as usize, direction[at]);
             let found = component.slave.differentiate(nKnown, &known).map_err(Problem::call)?;
             for (reference, derivative) in unknowns.iter().zip(derivatives) {
-                *derivative = handed_out(*reference, found.of(*reference as usize).map_err(Problem::call)?)?;
+                *derivative = handed_out(component, *reference, found.of(*reference as usize).map_err(Problem::call)?)?;
             }
             Ok(())
         };
@@ -603,7 +603,7 @@ export! {
             let (references, orders, values) =
                 unsafe { (elements("vr", vr, nvr)?, elements("order", order, nvr)?, elements("value", value, nvr)?) };
             for (reference, value) in references.iter().zip(values) {
-                finite(*value).map_err(|why| Problem::Call(format!("value reference {reference}: {why}")))?;
+                finite(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
             }
             let setting = |at: usize| (references[at] as usize, orders[at], values[at]);
             component.slave.set_slopes(nvr, &setting).map_err(Problem::call)
@@ -628,7 +628,7 @@ export! {
             };
             for ((reference, order), value) in references.iter().zip(orders).zip(values) {
                 let found = component.slave.output_derivative(*reference as usize, *order).map_err(Problem::call)?;
-                *value = handed_out(*reference, found)?;
+                *value = handed_out(component, *reference, found)?;
             }
             Ok(())
         };
