@@ -6,7 +6,7 @@ use super::registry::Entry;
 use super::sequence::State;
 use super::snapshot::{Snapshot, Stage};
 use crate::slave::AnySlave;
-use crate::slave::instance::{LONGEST_STEP, Step};
+use crate::slave::instance::Step;
 
 /// Why a call is answered with fmi2Error.
 pub(super) enum Problem {
@@ -25,6 +25,9 @@ impl Problem {
 
 /// How a call ends.
 pub(super) type Outcome = Result<(), Problem>;
+
+/// The latest start: beyond it a double precision number does not tell the instants of fast samples apart.
+const LATEST_START_S: f64 = 1e9;
 
 /// What `fmi2Component` points to.
 pub(super) struct Component {
@@ -47,8 +50,10 @@ impl Component {
     }
 
     pub(super) fn setup(&mut self, start_s: f64, stop_s: Option<f64>) -> Outcome {
-        if !start_s.is_finite() {
-            return Err(Problem::Call(format!("startTime = {start_s} is refused: a finite number is wanted")));
+        if start_s.is_nan() || start_s.abs() > LATEST_START_S {
+            return Err(Problem::Call(format!(
+                "startTime = {start_s} is refused: a finite number, at most {LATEST_START_S} either way, is wanted"
+            )));
         }
         if let Some(stop_s) = stop_s.filter(|stop_s| stop_s.is_nan() || *stop_s < start_s) {
             return Err(Problem::Call(format!(
@@ -97,8 +102,7 @@ impl Component {
         let longest_s = self.slave.longest_step_s();
         if length_s > longest_s {
             return refuse(format!(
-                "communicationStepSize = {length_s} is refused: at most {longest_s} is wanted, {LONGEST_STEP} times the \
-                 shortest step inside"
+                "communicationStepSize = {length_s} is refused: at most {longest_s} is wanted, or it would take too long"
             ));
         }
         self.stage.last_step = fmi2Status::fmi2Error;

@@ -50,7 +50,7 @@ pub type Motion = [f64; 7];
 pub const SAFETY: f64 = 0.1;
 
 /// The most parts that one call integrates over; some seconds of computing.
-pub const MOST_PARTS: usize = 10_000_000;
+pub const MOST_PARTS: usize = 3_000_000;
 
 /// How many meetings with the backup bearing are located within one sub-step; further ones are stepped across.
 const MOST_CROSSINGS: usize = 8;

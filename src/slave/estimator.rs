@@ -253,7 +253,9 @@ impl Slave for Estimation {
     }
 
     fn grain_s(&self) -> f64 {
-        self.estimator.config().step_s
+        // Every sample goes over the whole window: with a long one, fewer samples are done in reasonable time.
+        let config = self.estimator.config();
+        config.step_s * (20.0 * config.step_s / config.window_s).min(1.0)
     }
 
     fn step(

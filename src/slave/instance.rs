@@ -96,7 +96,7 @@ pub trait Slave: Clone + Sized + Send + 'static {
     /// Why values and state do not make a run that can go on.
     fn resume(values: &mut Self::Values, state: Self::State, time_s: Option<f64>) -> Result<Self, String>;
 
-    /// The shortest step that stepping takes inside, in seconds.
+    /// The shortest step that stepping takes inside, in seconds; shorter than that if each is much work.
     fn grain_s(&self) -> f64;
 
     /// Takes over tunable parameters that have changed.

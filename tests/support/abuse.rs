@@ -180,9 +180,11 @@ impl<S: Source> Abuse<S> {
                 let value = [integers[self.below(6)?.saturating_sub(2)]];
                 let reference = [self.reference(at)?];
                 // SAFETY: as above.
-                let status = match self.below(4)? {
-                    0 => unsafe { call!(fmi2SetBoolean: fmi2SetBooleanTYPE(c, reference.as_ptr(), 1, value.as_ptr())) },
-                    _ => unsafe { call!(fmi2SetInteger: fmi2SetIntegerTYPE(c, reference.as_ptr(), 1, value.as_ptr())) },
+                let status = unsafe {
+                    match self.below(4)? {
+                        0 => call!(fmi2SetBoolean: fmi2SetBooleanTYPE(c, reference.as_ptr(), 1, value.as_ptr())),
+                        _ => call!(fmi2SetInteger: fmi2SetIntegerTYPE(c, reference.as_ptr(), 1, value.as_ptr())),
+                    }
                 };
                 self.answered(at, status)
             }
@@ -190,9 +192,11 @@ impl<S: Source> Abuse<S> {
                 let (reference, mut value) = ([self.reference(at)?], [-7]);
                 let (choice, place) = (self.below(2)?, value.as_mut_ptr());
                 // SAFETY: as above.
-                let status = match choice {
-                    0 => unsafe { call!(fmi2GetBoolean: fmi2GetBooleanTYPE(c, reference.as_ptr(), 1, place)) },
-                    _ => unsafe { call!(fmi2GetInteger: fmi2GetIntegerTYPE(c, reference.as_ptr(), 1, place)) },
+                let status = unsafe {
+                    match choice {
+                        0 => call!(fmi2GetBoolean: fmi2GetBooleanTYPE(c, reference.as_ptr(), 1, place)),
+                        _ => call!(fmi2GetInteger: fmi2GetIntegerTYPE(c, reference.as_ptr(), 1, place)),
+                    }
                 };
                 let ok = self.answered(at, status);
                 assert!(!(ok && choice == 0) || (0..=1).contains(&value[0]));
@@ -202,11 +206,11 @@ impl<S: Source> Abuse<S> {
                 let count = self.below(2)?;
                 let mut values = [null()];
                 // SAFETY: as above.
-                let status = match self.below(2)? {
-                    0 => unsafe {
-                        call!(fmi2GetString: fmi2GetStringTYPE(c, [0].as_ptr(), count, values.as_mut_ptr()))
-                    },
-                    _ => unsafe { call!(fmi2SetString: fmi2SetStringTYPE(c, [0].as_ptr(), count, values.as_ptr())) },
+                let status = unsafe {
+                    match self.below(2)? {
+                        0 => call!(fmi2GetString: fmi2GetStringTYPE(c, [0].as_ptr(), count, values.as_mut_ptr())),
+                        _ => call!(fmi2SetString: fmi2SetStringTYPE(c, [0].as_ptr(), count, values.as_ptr())),
+                    }
                 };
                 self.answered(at, status)
             }
