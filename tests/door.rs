@@ -666,22 +666,39 @@ fn after_an_error_the_end_is_safe() {
 }
 
 #[test]
-fn what_is_no_number_is_refused_by_name() {
+fn parameters_that_are_no_numbers_are_refused_by_name() {
     for model in MODELS {
-        let fmu = Fmu::new(model);
-        for variable in fmu.variables().to_vec() {
-            if !(variable.is_settable() && matches!(variable.kind, Type::Real { .. })) {
+        for variable in Fmu::new(model).variables().to_vec() {
+            if variable.causality != Causality::Parameter || !matches!(variable.kind, Type::Real { .. }) {
                 continue;
             }
-            let before = fmu.reference(&variable.name);
             for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-                let said = fmu.set_reals(&[before], &[value]).error(&fmu);
-                says(&said, &["fmi2SetReal", &variable.name, &value.to_string(), "a finite number is wanted"]);
+                let fmu = Fmu::new(model);
+                fmu.set(&variable.name, value).ok(&fmu);
+                fmu.setup(0.0, None).ok(&fmu);
+                fmu.enter_initialization().ok(&fmu);
+                let said = fmu.exit_initialization().error(&fmu);
+                says(&said, &["fmi2ExitInitializationMode", &variable.name, &value.to_string()]);
             }
         }
-        fmu.start(0.0, None);
-        fmu.step(0.0, TS).ok(&fmu);
     }
+}
+
+/// A missing sensor is news for the estimator, not an error; plant and controller cannot go on without theirs.
+#[test]
+fn inputs_that_are_no_numbers_end_the_step_or_the_validity() {
+    for (model, name) in [(PLANT, "i[2]"), (PLANT, "omega"), ("FlatnessController", "Zm")] {
+        let fmu = Fmu::started(model, &[]);
+        fmu.set(name, f64::NAN).ok(&fmu);
+        says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep", name, "NaN"]);
+    }
+    let fmu = Fmu::started("AlgebraicEstimator", &[]);
+    for name in ["Ym", "im[3]", "theta"] {
+        fmu.set(name, f64::NAN).ok(&fmu);
+    }
+    fmu.step(0.0, TS).ok(&fmu);
+    assert_eq!(fmu.get("valid"), 0.0, "a missing sample gives no valid estimate");
+    assert_eq!(fmu.get("lambdaHat[1]"), 4e-6);
 }
 
 /// Steps an instance with inputs that depend on the number of the step, and gives all its values at the end.

@@ -405,7 +405,7 @@ export! {
         value: *const fmi2Real,
     ) -> fmi2Status {
         // SAFETY: all arguments are as this module's contract says.
-        unsafe { set(c, Function::SetReal, (vr, nvr), value, |value| finite(value).map(Value::Real)) }
+        unsafe { set(c, Function::SetReal, (vr, nvr), value, |value| Ok(Value::Real(value))) }
     }
 
     /// Writes Integer variables and choices: all of them, or none if one is refused.

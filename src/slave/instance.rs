@@ -632,7 +632,8 @@ impl<S: Slave> AnySlave for Instance<S> {
         if !(Self::are_sound(&slopes) && Self::are_sound(&left)) {
             return Err("derivatives of inputs are not such as can be set".into());
         }
-        for row in S::table().iter().filter(|row| row.variable.is_settable()) {
+        // An input may be missing, as a sensor may; what that means is the step's affair.
+        for row in S::table().iter().filter(|row| row.variable.causality == Causality::Parameter) {
             if let Value::Real(value) = row.get(&values)
                 && !value.is_finite()
             {
