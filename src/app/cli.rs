@@ -2,7 +2,7 @@
 
 use std::error::Error;
 use std::fs;
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -191,6 +191,21 @@ enum Command {
     },
 }
 
+/// Prints a line to the standard output.
+macro_rules! say {
+    () => { tell(format_args!("")) };
+    ($($what:tt)*) => { tell(format_args!($($what)*)) };
+}
+
+/// Whoever reads the standard output may stop reading when there is enough; the work goes on all the same.
+fn tell(line: std::fmt::Arguments<'_>) {
+    if let Err(error) = writeln!(io::stdout().lock(), "{line}")
+        && error.kind() != io::ErrorKind::BrokenPipe
+    {
+        eprintln!("error: standard output: {error}");
+    }
+}
+
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// Runs the program. The exit code is 1 when something went wrong, which is then said on the standard error, and 2 when the
@@ -245,14 +260,14 @@ fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
 
 fn everything() -> Result<()> {
     package(Path::new(FMU_FOLDER))?;
-    println!();
+    say!();
     simulate(Path::new("paper"), None, Some(Path::new(REPORT_FOLDER)))
 }
 
 fn package(folder: &Path) -> Result<()> {
     let library = package::built_library()?;
     for written in package::package(&library, folder)? {
-        println!("{} ({} kB)", written.path.display(), written.bytes.div_ceil(1000));
+        say!("{} ({} kB)", written.path.display(), written.bytes.div_ceil(1000));
     }
     Ok(())
 }
@@ -271,7 +286,7 @@ fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Optio
     let jobs = jobs.or_else(|| std::thread::available_parallelism().ok().map(Into::into)).unwrap_or(1);
     let before = design.run(out, jobs)?;
     let there = if before > 0 { format!(", {before} of which were there") } else { String::new() };
-    println!("{}: {} rows{there}", out.display(), design.len());
+    say!("{}: {} rows{there}", out.display(), design.len());
     Ok(())
 }
 
@@ -280,25 +295,25 @@ fn print(name: &Path) -> Result<()> {
         let names: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
         return Err(format!("{}: one of {} is wanted with --print", name.display(), names.join(", ")).into());
     };
-    print!("{text}");
+    say!("{}", text.trim_end());
     Ok(())
 }
 
 fn simulate(name: &Path, csv: Option<&Path>, report: Option<&Path>) -> Result<()> {
     let scenario = Scenario::open(name)?;
     let run = simulate::run(&scenario)?;
-    print_run(&scenario, &run);
+    print_run(name, &scenario, &run);
     // What was computed is kept, whatever ended the run.
     if let Some(path) = csv {
         let file = fs::File::create(path).map_err(named(path))?;
         run.recording.write_csv(io::BufWriter::new(file)).map_err(named(path))?;
-        println!("\n{}", path.display());
+        say!("\n{}", path.display());
     }
     if let Some(folder) = report {
         fs::create_dir_all(folder).map_err(named(folder))?;
         let path = folder.join("index.html");
         fs::write(&path, experiment::page(name, &scenario, &run)).map_err(named(&path))?;
-        println!("\n{}", path.display());
+        say!("\n{}", path.display());
     }
     match run.fault {
         Some(fault) => Err(format!("the run ended early: {fault}").into()),
@@ -315,11 +330,11 @@ fn pair(text: &str) -> std::result::Result<(String, String), String> {
 fn choose_window(name: &Path, question: &design::Question) -> Result<()> {
     let (promises, recommended) = design::design(&Scenario::open(name)?, question)?;
     let table = design::table(question, &promises, recommended);
-    println!("{}\n  {}", table.title, table.note);
+    say!("{}\n  {}", table.title, table.note);
     print_table(&table.head, &table.rows);
     match recommended {
-        Some(n) => println!("\nRecommended: Tf = {:.1} ms.", promises[n].window_s * 1e3),
-        None => println!(
+        Some(n) => say!("\nRecommended: Tf = {:.1} ms.", promises[n].window_s * 1e3),
+        None => say!(
             "\nNo window identifies the force constants here: more time, a larger path or less noise is needed."
         ),
     }
@@ -397,17 +412,17 @@ fn identify(command: Command) -> Result<()> {
     }
     let to_standard_output = json.as_deref() == Some(Path::new("-"));
     if !to_standard_output {
-        println!("{}", recording.display());
+        say!("{}", recording.display());
         for note in &samples.notes {
-            println!("  {note}");
+            say!("  {note}");
         }
         for table in holds.iter().cloned().chain([identify::table(&tracks)]) {
-            println!("\n{}", table.title);
+            say!("\n{}", table.title);
             print_table(&table.head, &table.rows);
         }
-        println!();
+        say!();
         for track in &tracks {
-            println!("{}: {}", track.name, track.verdict());
+            say!("{}: {}", track.name, track.verdict());
         }
     }
     if let Some(path) = csv {
@@ -417,7 +432,7 @@ fn identify(command: Command) -> Result<()> {
     if let Some(path) = json {
         let text = format!("{:#}\n", identify::json(&samples, &tracks));
         if to_standard_output {
-            print!("{text}");
+            say!("{}", text.trim_end());
         } else {
             fs::write(&path, text).map_err(named(&path))?;
         }
@@ -431,7 +446,7 @@ fn identify(command: Command) -> Result<()> {
             recording.display()
         );
         fs::write(&path, identify::page(&title, &command, &samples, &tracks, holds.as_ref())).map_err(named(&path))?;
-        println!("\n{}", path.display());
+        say!("\n{}", path.display());
     }
     Ok(())
 }
@@ -443,22 +458,22 @@ fn monte_carlo(studies: Vec<montecarlo::Study>, only: Option<&str>, at: &[f64]) 
             study.instants_s = at.to_vec();
         }
         let table = montecarlo::table(&study, &study.run()?);
-        println!("{}\n  {}", table.title, table.note);
+        say!("{}\n  {}", table.title, table.note);
         print_table(&table.head, &table.rows);
-        println!();
+        say!();
     }
     Ok(())
 }
 
-fn print_run(scenario: &Scenario, run: &Run) {
-    println!("{}", scenario.title);
+fn print_run(name: &Path, scenario: &Scenario, run: &Run) {
+    say!("{}", scenario.title);
     for message in &run.messages {
-        println!("  {message}");
+        say!("  {message}");
     }
-    for table in experiment::tables(scenario, run) {
-        println!("\n{}", table.title);
+    for table in experiment::tables(name, scenario, run) {
+        say!("\n{}", table.title);
         for line in wrapped(&table.note) {
-            println!("  {line}");
+            say!("  {line}");
         }
         print_table(&table.head, &table.rows);
     }
@@ -490,6 +505,6 @@ fn print_table(head: &[String], rows: &[Vec<String>]) {
             let pad = " ".repeat(width - cell.chars().count().min(*width));
             line += &if column == 0 { format!(" {cell}{pad}") } else { format!("  {pad}{cell}") };
         }
-        println!("{}", line.trim_end());
+        say!("{}", line.trim_end());
     }
 }
