@@ -104,7 +104,6 @@ impl Loop {
                 lambda_valid: t_s >= self.valid_s,
                 reference_m: [0.0; 2],
                 omega_rad_s: self.controller.reference.omega_rad_s,
-                ..ControllerInput::default()
             };
             let output = controller.sample(&mut c, &input).expect("sample");
             assert!(!output.saturated, "saturated at t = {t_s}");
@@ -317,7 +316,6 @@ fn still() -> ControllerInput {
         lambda_valid: false,
         reference_m: [0.0; 2],
         omega_rad_s: TAU * 50.0,
-        ..ControllerInput::default()
     }
 }
 

@@ -334,9 +334,9 @@ fn choose_window(name: &Path, question: &design::Question) -> Result<()> {
     print_table(&table.head, &table.rows);
     match recommended {
         Some(n) => say!("\nRecommended: Tf = {:.1} ms.", promises[n].window_s * 1e3),
-        None => say!(
-            "\nNo window identifies the force constants here: more time, a larger path or less noise is needed."
-        ),
+        None => {
+            say!("\nNo window identifies the force constants here: more time, a larger path or less noise is needed.")
+        }
     }
     Ok(())
 }

@@ -90,7 +90,7 @@ impl<const N: usize> Div for Jet<N> {
     }
 }
 
-/// All that the outputs of the plant follow from, in the units of [`PlantConfig`](super::plant::PlantConfig),
+/// All that the outputs of the plant follow from, in the units of [`PlantConfig`],
 /// [`PlantState`] and [`PlantInput`]; `T` is a number or a [`Jet`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs, reason = "the names are those of the configuration, the state and the input")]

@@ -18,7 +18,7 @@
 //! * **bias**: `E[δDᵀδD]` and `E[δDᵀδN]` are known sums over the nodes, per σ_z² and per σ_i². They are taken off P and h
 //!   (compensated least squares), so that noise in the regressors does not draw λ̂ towards zero;
 //! * **covariance**: the score `Σ w Dᵀ e` is linear in the noise of every single sample. Its coefficients are gathered
-//!   sample by sample while the windows pass ([`Memory::nodes`]), so that `cov x̂ = P⁻¹ (σ_z² M_z + σ_i² M_i) P⁻¹` counts
+//!   sample by sample while the windows pass (`Memory::nodes`), so that `cov x̂ = P⁻¹ (σ_z² M_z + σ_i² M_i) P⁻¹` counts
 //!   every sample once, however many windows it stands in;
 //! * **noise level**: `E[Σ w |e|²] = Σ σ² (T − tr P⁻¹M)`, from which an unknown σ is found.
 

@@ -223,7 +223,7 @@ pub struct EstimatorOutput {
     /// Why.
     pub reason: Reason,
     /// Condition number of the filtered, scaled D of the rows that the method uses (the square root of that of
-    /// `F(DᵀD)`), dimensionless; [`CONDITION_CAP`] if singular, and before the first full window.
+    /// `F(DᵀD)`), dimensionless; [`CONDITION_CAP`](crate::model::regression::CONDITION_CAP) if singular, and before the first full window.
     pub condition: f64,
     /// `√(F(|N − D Λ̂|²)/F(|N|²))`, dimensionless: the part of the motion that the model leaves unexplained. 1 before
     /// the first full window and without motion, at most [`RESIDUAL_CAP`]. Rounding leaves about 1e-7.
