@@ -522,11 +522,12 @@ struct Direction {
 fn signals<'r>(run: &Run<'r>, name: &str) -> Option<Signals<'r>> {
     let position = run.get(&format!("plant.{name}")).or_else(|| run.get(&format!("plant.{name}m")))?;
     let reference = run.get(&format!("controller.reference.{name}"));
-    let error = match (run.get(&format!("controller.e{name}")), reference) {
-        (Some(error), _) => error.to_vec(),
-        (None, Some(reference)) => {
+    // The true error where it can be had: that of the controller is of the sample before, with the noise of the sensor.
+    let error = match (reference, run.get(&format!("controller.e{name}"))) {
+        (Some(reference), _) => {
             position.iter().zip(reference).map(|(position, reference)| position - reference).collect()
         }
+        (None, Some(error)) => error.to_vec(),
         (None, None) => Vec::new(),
     };
     let estimate = run.get(&format!("controller.p{name}Hat"));
