@@ -7,6 +7,7 @@
 //! 3. [`fmi2`]: the C interface of FMI 2.0 for co-simulation;
 //! 4. [`app`]: the command line: packaging, experiments, reports.
 
+#[cfg(feature = "app")]
 pub mod app;
 pub mod fmi2;
 pub mod model;

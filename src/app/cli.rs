@@ -14,6 +14,7 @@ use super::experiment;
 use super::identify;
 use super::montecarlo;
 use super::package;
+use super::platforms::{self, Platform};
 use super::scenario::{BUILT_IN, Scenario};
 use super::simulate::{self, Run};
 use super::sweep::Design;
@@ -37,7 +38,13 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Packages the three FMUs and the SSP out of the library that was built together with this program.
+    ///
+    /// Binaries that were built for other platforms can be put in beside it; `scripts/build-platforms` makes them all.
     Package {
+        /// A binary of another platform: linux64, win64, darwin64, aarch64-linux or aarch64-darwin (can be repeated). One
+        /// for this platform takes the place of the library that was built together with this program.
+        #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = binary)]
+        binaries: Vec<(&'static Platform, PathBuf)>,
         /// Folder for the archives; it is made if it is not there.
         #[arg(long, value_name = "DIR", default_value = FMU_FOLDER)]
         out: PathBuf,
@@ -213,7 +220,7 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 pub fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         None => everything(),
-        Some(Command::Package { out }) => package(&out),
+        Some(Command::Package { binaries, out }) => package(&binaries, &out),
         Some(Command::Simulate { scenario, print: true, .. }) => print(&scenario),
         Some(Command::Simulate { scenario, csv, report, print: false }) => {
             simulate(&scenario, csv.as_deref(), report.as_deref())
@@ -259,15 +266,21 @@ fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
 }
 
 fn everything() -> Result<()> {
-    package(Path::new(FMU_FOLDER))?;
+    package(&[], Path::new(FMU_FOLDER))?;
     say!();
     simulate(Path::new("paper"), None, Some(Path::new(REPORT_FOLDER)))
 }
 
-fn package(folder: &Path) -> Result<()> {
-    let library = package::built_library()?;
-    for written in package::package(&library, folder)? {
-        say!("{} ({} kB)", written.path.display(), written.bytes.div_ceil(1000));
+/// Reads the argument `PLATFORM=FILE`.
+fn binary(argument: &str) -> std::result::Result<(&'static Platform, PathBuf), String> {
+    let (name, path) = argument.split_once('=').ok_or("PLATFORM=FILE is wanted, as in win64=magnetic_bearing.dll")?;
+    Ok((platforms::by_name(name)?, path.into()))
+}
+
+fn package(binaries: &[(&'static Platform, PathBuf)], folder: &Path) -> Result<()> {
+    for written in package::package_for(&package::binaries(binaries)?, folder)? {
+        let platforms = written.platforms.join(", ");
+        say!("{} ({} kB) for {platforms}", written.path.display(), written.bytes.div_ceil(1000));
     }
     Ok(())
 }

@@ -9,6 +9,7 @@ pub mod experiment;
 pub mod identify;
 pub mod montecarlo;
 pub mod package;
+pub mod platforms;
 pub mod plot;
 pub mod progress;
 pub mod recording;

@@ -1,4 +1,4 @@
-//! Packages the FMUs and the SSP out of what was just built.
+//! Packages the FMUs and the SSP out of what was just built, and of what was built for other platforms.
 
 use std::fs;
 use std::io::{Cursor, Write};
@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
+use super::platforms::{self, Binaries, NotFor, Platform};
 use super::{documentation, ssp};
 use crate::fmi2::registry::{self, Entry};
 
@@ -24,6 +25,12 @@ pub enum PackageError {
     /// The binary to be packaged is not there.
     #[error("{0} is not there: build the library together with the program, as `cargo build --release` does")]
     NoBinary(PathBuf),
+    /// A file is no binary for the platform it is meant for.
+    #[error("{0} is {1}")]
+    NotFor(PathBuf, NotFor),
+    /// Two binaries are given for one platform.
+    #[error("two binaries are given for the platform {0}: one is wanted")]
+    Twice(&'static str),
     /// FMI 2.0 has no name for this platform.
     #[error("FMI 2.0 has no folder name for the platform {0}")]
     Platform(String),
@@ -57,6 +64,8 @@ pub struct Written {
     pub path: PathBuf,
     /// How many bytes it has.
     pub bytes: usize,
+    /// Names of the platforms it serves.
+    pub platforms: Vec<&'static str>,
 }
 
 /// Picture of a model, drawn for this project.
@@ -81,13 +90,12 @@ const LICENSES: [(&str, &str); 3] = [
 /// # Errors
 /// [`PackageError::Platform`] where the standard has no name.
 pub fn platform() -> Result<(&'static str, &'static str), PackageError> {
+    own().map(|platform| (platform.name, platform.ending))
+}
+
+fn own() -> Result<&'static Platform, PackageError> {
     use std::env::consts::{ARCH, OS};
-    match (OS, ARCH) {
-        ("linux", "x86_64") => Ok(("linux64", "so")),
-        ("windows", "x86_64") => Ok(("win64", "dll")),
-        ("macos", "x86_64" | "aarch64") => Ok(("darwin64", "dylib")),
-        _ => Err(PackageError::Platform(format!("{OS} on {ARCH}"))),
-    }
+    platforms::own().ok_or_else(|| PackageError::Platform(format!("{OS} on {ARCH}")))
 }
 
 /// The library that was built together with the program that is running.
@@ -107,32 +115,66 @@ pub fn built_library() -> Result<PathBuf, PackageError> {
         .ok_or(PackageError::NoBinary(beside))
 }
 
-/// The FMU of a model around a binary.
+/// Reads binaries for the platforms they are given for, and adds the library that was built together with this program
+/// unless one is given for this platform.
 ///
 /// # Errors
-/// [`PackageError::Platform`], [`PackageError::Archive`].
-pub fn fmu(entry: &Entry, binary: &[u8]) -> Result<Vec<u8>, PackageError> {
-    let (folder, ending) = platform()?;
+/// Whatever file could not be read, or is not what it is said to be.
+pub fn binaries(given: &[(&'static Platform, PathBuf)]) -> Result<Binaries, PackageError> {
+    let mut binaries = Binaries::default();
+    for (index, (platform, path)) in given.iter().enumerate() {
+        if given[..index].iter().any(|(other, _)| other == platform) {
+            return Err(PackageError::Twice(platform.name));
+        }
+        read(&mut binaries, platform, path)?;
+    }
+    match own() {
+        Ok(platform) if !binaries.serve(platform) => read(&mut binaries, platform, &built_library()?)?,
+        Err(unknown) if given.is_empty() => return Err(unknown),
+        _ => {}
+    }
+    Ok(binaries)
+}
+
+fn read(binaries: &mut Binaries, platform: &'static Platform, path: &Path) -> Result<(), PackageError> {
+    let content = fs::read(path).map_err(at(path))?;
+    binaries.add(platform, &content).map_err(|why| PackageError::NotFor(path.into(), why))
+}
+
+/// The FMU of a model around its binaries.
+///
+/// # Errors
+/// [`PackageError::Archive`].
+pub fn fmu(entry: &Entry, binaries: &Binaries) -> Result<Vec<u8>, PackageError> {
     let name = entry.kind.name;
-    let mut members = vec![
-        Member::new("modelDescription.xml", entry.description.as_str()),
-        Member::new("model.png", picture(name)),
-        Member::new(format!("binaries/{folder}/{name}.{ending}"), binary),
-        Member::new("documentation/index.html", documentation::page(entry)),
-    ];
+    let mut members =
+        vec![Member::new("modelDescription.xml", entry.description.as_str()), Member::new("model.png", picture(name))];
+    members.extend(binaries.places().into_iter().map(|place| {
+        Member::new(format!("binaries/{}/{name}.{}", place.folder, place.ending), place.content.into_owned())
+    }));
+    members.push(Member::new("documentation/index.html", documentation::page(entry)));
     members.extend(LICENSES.map(|(file, text)| Member::new(format!("documentation/licenses/{file}"), text)));
     archive(name, &members)
+}
+
+/// Writes all FMUs and the SSP, with a library for this platform, into a folder, which is made if need be.
+///
+/// # Errors
+/// Whatever file could not be read or written.
+pub fn package(library: &Path, folder: &Path) -> Result<Vec<Written>, PackageError> {
+    let mut binaries = Binaries::default();
+    read(&mut binaries, own()?, library)?;
+    package_for(&binaries, folder)
 }
 
 /// Writes all FMUs and the SSP into a folder, which is made if need be.
 ///
 /// # Errors
-/// Whatever file could not be read or written.
-pub fn package(library: &Path, folder: &Path) -> Result<Vec<Written>, PackageError> {
-    let binary = fs::read(library).map_err(at(library))?;
+/// Whatever file could not be written.
+pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, PackageError> {
     let mut archives = Vec::new();
     for entry in registry::entries() {
-        archives.push((format!("{}.fmu", entry.kind.name), fmu(entry, &binary)?));
+        archives.push((format!("{}.fmu", entry.kind.name), fmu(entry, binaries)?));
     }
     let system = archive("MagneticBearing.ssp", &ssp::members(&archives))?;
     archives.push(("MagneticBearing.ssp".into(), system));
@@ -142,7 +184,8 @@ pub fn package(library: &Path, folder: &Path) -> Result<Vec<Written>, PackageErr
     for (name, content) in archives {
         let path = folder.join(name);
         fs::write(&path, &content).map_err(at(&path))?;
-        written.push(Written { path, bytes: content.len() });
+        let platforms = binaries.platforms().map(|platform| platform.name).collect();
+        written.push(Written { path, bytes: content.len(), platforms });
     }
     Ok(written)
 }
