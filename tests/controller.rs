@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use magnetic_bearing::model::controller::{
     Controller, ControllerConfig, ControllerFault, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
-    tracking_gains,
+    ramp_gains, tracking_gains,
 };
 use magnetic_bearing::model::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
 use magnetic_bearing::model::reference::{ReferenceConfig, Shape};
@@ -98,6 +98,7 @@ impl Loop {
         for k in 0..samples {
             let t_s = k as f64 * step_s;
             let input = ControllerInput {
+                current_a: [0.0; 3],
                 position_m: x.measured.position_m,
                 lambda_hat_nm2_a2: self.lambda_hat,
                 lambda_valid: t_s >= self.valid_s,
@@ -112,7 +113,12 @@ impl Loop {
                 output: output.clone(),
             });
             let held_a = std::mem::replace(&mut commanded_a, output.current_a);
-            let input = PlantInput { current_a: held_a, perturbation_n: self.load_n, omega_rad_s: TAU * 50.0 };
+            let input = PlantInput {
+                current_a: held_a,
+                perturbation_n: self.load_n,
+                omega_rad_s: TAU * 50.0,
+                ..PlantInput::default()
+            };
             plant.advance(&mut x, &input, t_s, step_s).expect("advance");
         }
         records
@@ -304,6 +310,7 @@ fn a_change_of_lambda_moves_neither_the_rotor_nor_force_and_perturbation() {
 /// A rotor that stands still away from the path, with an estimate of λ.
 fn still() -> ControllerInput {
     ControllerInput {
+        current_a: [0.0; 3],
         position_m: [20e-6, 10e-6],
         lambda_hat_nm2_a2: [1.8e-6, 2.0e-6, 2.2e-6],
         lambda_valid: false,
@@ -403,7 +410,7 @@ fn an_external_reference_is_followed() {
             worst = worst.max(output.tracking_error_m[0].abs()).max(output.tracking_error_m[1].abs());
         }
         let held_a = std::mem::replace(&mut commanded_a, output.current_a);
-        let input = PlantInput { current_a: held_a, perturbation_n: [0.0; 2], omega_rad_s: 0.0 };
+        let input = PlantInput { current_a: held_a, ..PlantInput::default() };
         plant.advance(&mut x, &input, t_s, 1e-4).expect("advance");
     }
     below("error, m", worst, EXTERNAL_M);
@@ -499,4 +506,29 @@ fn bad_parameters_are_refused_by_name_all_at_once() {
 fn names(config: ControllerConfig) -> Vec<String> {
     let found = Controller::new(config).expect_err("a refusal");
     found.into_iter().map(|finding| finding.name.into_owned()).collect()
+}
+
+/// Both poles of the tracking at ρ, and one at 0, of the double integrator whose input is a polygon.
+#[test]
+fn the_gains_of_voltage_drive_place_the_poles() {
+    let step_s = 1e-4;
+    for bandwidth in [100.0, 1000.0, 5000.0] {
+        let [k_0, k_1, k_2] = ramp_gains(bandwidth, step_s);
+        let rho = (-bandwidth * step_s).exp();
+        // The error falls as ρ^k along the eigenvector; with the third pole at 0 any start is there after three samples, up to
+        // the part k ρ^k of the double pole: e_{k+2} = 2ρ e_{k+1} − ρ² e_k.
+        let (mut x, mut v, mut a) = (1e-6, 1e-3, 2.0);
+        let mut path = Vec::new();
+        for _ in 0..12 {
+            path.push(x);
+            let next = -k_0 * x - k_1 * v - k_2 * a;
+            let h = step_s;
+            (x, v, a) = (x + h * v + h * h * (a / 3.0 + next / 6.0), v + 0.5 * h * (a + next), next);
+        }
+        let largest = path.iter().fold(0.0f64, |size, x| size.max(x.abs()));
+        for three in path[1..].windows(3) {
+            let rest = three[2] - 2.0 * rho * three[1] + rho * rho * three[0];
+            below("recursion of the error", rest.abs() / largest, ROUNDING);
+        }
+    }
 }

@@ -212,6 +212,7 @@ impl Scenario {
             theta_rad: sample.theta_rad,
             omega_rad_s: self.omega_rad_s,
             enable: true,
+            contact: false,
             reset: false,
         }
     }
@@ -382,12 +383,11 @@ fn unbalance_is_identified_with_lambda() {
     );
 }
 
-/// 0.1 µm and 10 mA: the rms error over 20 seeds is (0.10, 0.42, 0.49) %, of which (0.03, 0.28, 0.30) % is bias, for the
-/// noise of the currents enters the regressors.
+/// 0.1 µm and 10 mA; tests/uncertainty.rs looks at the figures with more seeds and the bound beside them.
 #[test]
 fn noise_costs_what_is_known() {
     const SEEDS: u64 = 8;
-    const LIMITS_PERCENT: [f64; 3] = [0.15, 0.6, 0.7];
+    const LIMITS_PERCENT: [f64; 3] = [0.2, 0.45, 0.5];
     let mut squares = [0.0; 3];
     for seed in 1..=SEEDS {
         let noisy = Scenario { noise: (1e-7, 1e-2), seed, ..unbalanced() };
@@ -423,6 +423,7 @@ fn says_when_it_cannot_know() {
             theta_rad: 0.0,
             omega_rad_s: 0.0,
             enable: true,
+            contact: false,
             reset: false,
         };
         for _ in 0..600 {
@@ -438,7 +439,7 @@ fn says_when_it_cannot_know() {
 
     let noisy_rest = Scenario { radius_m: [0.0; 2], noise: (1e-7, 1e-2), ..Scenario::default() };
     let outputs = noisy_rest.identify(noisy_rest.config(Method::LeastSquares, Hold::HeldBefore));
-    assert_eq!(outputs.last().map(|o| o.reason), Some(Reason::Unexplained));
+    assert_eq!(outputs.last().map(|o| o.reason), Some(Reason::Uncertain));
 }
 
 #[test]
@@ -542,6 +543,7 @@ fn outputs_are_finite_on_wild_inputs() {
                     theta_rad: wild(10.0, 100),
                     omega_rad_s: wild(300.0, 30),
                     enable: j % 97 != 0,
+                    contact: false,
                     reset: j % 501 == 0,
                 };
                 let o = estimator.sample(&mut state, &input);

@@ -7,6 +7,7 @@ use magnetic_bearing::model::noise::Noise;
 use magnetic_bearing::model::plant::{
     Harmonic, Measured, Plant, PlantConfig, PlantFault, PlantInput, PlantState, SensorConfig,
 };
+use magnetic_bearing::model::touchdown::TouchdownConfig;
 
 const STEP_S: f64 = 1e-4;
 const OMEGA_RAD_S: f64 = TAU * 50.0;
@@ -25,7 +26,12 @@ fn plant(config: PlantConfig) -> Plant {
 
 /// Currents that hold the rotor near the centre for some milliseconds.
 fn held() -> PlantInput {
-    PlantInput { current_a: [1.5, 1.4, 1.3], perturbation_n: [0.5, -0.3], omega_rad_s: OMEGA_RAD_S }
+    PlantInput {
+        current_a: [1.5, 1.4, 1.3],
+        perturbation_n: [0.5, -0.3],
+        omega_rad_s: OMEGA_RAD_S,
+        ..PlantInput::default()
+    }
 }
 
 fn all_on() -> PlantConfig {
@@ -363,7 +369,10 @@ fn the_state_survives_being_written_and_read() {
 
 #[test]
 fn a_rotor_that_leaves_the_gap_is_a_fault_and_the_state_stays_finite() {
-    let plant = plant(PlantConfig { velocity_m_s: [0.0; 2], position_m: [0.0; 2], ..PlantConfig::default() });
+    // With no backup bearing to catch it.
+    let touchdown = TouchdownConfig { clearance_m: 1.0, ..TouchdownConfig::default() };
+    let plant =
+        plant(PlantConfig { velocity_m_s: [0.0; 2], position_m: [0.0; 2], touchdown, ..PlantConfig::default() });
     // Pulled by magnet 1 alone, then by 2, then by 3; pushed into magnet 1.
     let pull = |k: usize| {
         let current_a = std::array::from_fn(|j| if j == k { 4.0 } else { 0.0 });
@@ -385,10 +394,10 @@ fn a_rotor_that_leaves_the_gap_is_a_fault_and_the_state_stays_finite() {
         assert!(state.position_m.iter().chain(&state.velocity_m_s).all(|value| value.is_finite()));
         let gaps = plant.outputs(&state, &input, state.time_s).gap_m;
         assert!(gaps.iter().all(|gap| *gap > 0.0), "{gaps:?}");
-        // It can be told to go on with other currents.
+        // It can be told to go on with other currents, if only for as long as the rotor needs to the magnet.
         let calm = PlantInput::default();
         let t_s = state.time_s;
-        plant.advance(&mut state, &calm, t_s, 1e-9).expect("advance");
+        plant.advance(&mut state, &calm, t_s, 1e-12).expect("advance");
     }
 }
 

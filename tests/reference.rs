@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use magnetic_bearing::model::magnet::Magnets;
 use magnetic_bearing::model::observer::{PerturbationObserver, Signal, SignalObserver};
-use magnetic_bearing::model::reference::{Reference, ReferenceConfig, Shape};
+use magnetic_bearing::model::reference::{Contour, Reference, ReferenceConfig, Shape};
 
 const STEP_S: f64 = 1e-4;
 const OMEGA_RAD_S: f64 = TAU * 50.0;
@@ -230,4 +230,89 @@ fn bad_references_are_refused_by_name() {
         let found: Vec<_> = found.iter().map(|finding| finding.name.as_ref()).collect();
         assert_eq!(found, names, "{config:?}");
     }
+}
+
+/// A path with lobes, written as a Fourier series: `cos 3θ cos θ = (cos 2θ + cos 4θ)/2`, `cos 3θ sin θ = (sin 4θ − sin 2θ)/2`.
+#[test]
+fn a_fourier_series_is_the_lobes_it_is_the_series_of() {
+    let magnets = Magnets::new(5e-4, ReferenceMagnets::ALPHA).expect("magnets");
+    let (r, a) = (50e-6, 20e-6);
+    let mut contour = Contour::default();
+    contour.cos_y_m[0] = r;
+    contour.sin_z_m[0] = r;
+    (contour.cos_y_m[1], contour.cos_y_m[3]) = (0.5 * a, 0.5 * a);
+    (contour.sin_z_m[1], contour.sin_z_m[3]) = (-0.5 * a, 0.5 * a);
+    let lobes =
+        ReferenceConfig { shape: Shape::Lobes, r_y_m: r, r_z_m: r, lobe_amplitude_m: a, ..ReferenceConfig::default() };
+    let series = ReferenceConfig { shape: Shape::Fourier, contour, ..ReferenceConfig::default() };
+    let [lobes, series] = [lobes, series].map(|config| Reference::new(config, 1e-4, &magnets).expect("reference"));
+    for k in 0..50 {
+        let theta = 0.13 * f64::from(k);
+        for (one, other) in lobes.point(theta, 314.0).into_iter().zip(series.point(theta, 314.0)) {
+            // Roundings of sums of a few terms, relative to r, r ω, 10 r ω².
+            assert!((one.position_m - other.position_m).abs() < 1e-18);
+            assert!((one.velocity_m_s - other.velocity_m_s).abs() < 1e-15);
+            assert!((one.acceleration_m_s2 - other.acceleration_m_s2).abs() < 1e-12);
+        }
+    }
+}
+
+/// A lift and a ramp: begin and end, and derivatives that are those of the positions.
+#[test]
+fn a_smooth_start_is_smooth() {
+    let magnets = Magnets::new(5e-4, ReferenceMagnets::ALPHA).expect("magnets");
+    let config = ReferenceConfig { lift_s: 0.02, start_s: 0.01, ramp_s: 0.03, ..ReferenceConfig::default() };
+    let reference = Reference::new(config, 1e-4, &magnets).expect("reference");
+    let plain = Reference::new(ReferenceConfig::default(), 1e-4, &magnets).expect("reference");
+    let (mut state, mut other) = (reference.start(), plain.start());
+    reference.begin(&mut state, [1e-5, -2.5e-4]);
+    for k in 0..600 {
+        reference.sample(&mut state, 314.0, [0.0; 2]);
+        plain.sample(&mut other, 314.0, [0.0; 2]);
+        let at = |ahead_s: f64| reference.ahead(&state, ahead_s);
+        let h = 1e-6;
+        for a in 0..2 {
+            let (before, here, after) = (at(-h)[a], at(0.0)[a], at(h)[a]);
+            if k > 0 {
+                let slope = (after.position_m - before.position_m) / (2.0 * h);
+                // Third derivatives of up to 2e3 m/s³ times h²/6, and rounding of 1e-19/h.
+                assert!((slope - here.velocity_m_s).abs() < 1e-9, "{k}: {slope} {}", here.velocity_m_s);
+                let slope = (after.velocity_m_s - before.velocity_m_s) / (2.0 * h);
+                // At the seams the third derivative jumps, by up to 2e3 m/s³, over h.
+                assert!((slope - here.acceleration_m_s2).abs() < 2e-3, "{k}: {slope} {}", here.acceleration_m_s2);
+            }
+            if k == 0 {
+                assert_eq!((here.position_m, here.velocity_m_s), ([1e-5, -2.5e-4][a], 0.0));
+            }
+            if k > 400 {
+                assert_eq!(here, plain.ahead(&other, 0.0)[a]);
+            }
+        }
+    }
+}
+
+struct ReferenceMagnets;
+
+impl ReferenceMagnets {
+    const ALPHA: [f64; 3] = [std::f64::consts::PI, -std::f64::consts::FRAC_PI_3, std::f64::consts::FRAC_PI_3];
+}
+
+#[test]
+fn bad_starts_and_contours_are_refused_by_name() {
+    let magnets = Magnets::new(5e-4, ReferenceMagnets::ALPHA).expect("magnets");
+    let names = |config: ReferenceConfig| -> Vec<String> {
+        let found = Reference::new(config, 1e-4, &magnets).expect_err("a refusal");
+        found.into_iter().map(|finding| finding.name.into_owned()).collect()
+    };
+    let bad = ReferenceConfig { start_s: -1.0, ramp_s: f64::NAN, lift_s: -1.0, ..ReferenceConfig::default() };
+    assert_eq!(names(bad), ["reference.startTime", "reference.rampTime", "reference.liftTime"]);
+    let mut contour = Contour::default();
+    contour.sin_z_m[2] = 6e-4;
+    assert_eq!(
+        names(ReferenceConfig { shape: Shape::Fourier, contour, ..ReferenceConfig::default() }),
+        ["reference.sinZ[3]"]
+    );
+    let mut contour = Contour::default();
+    contour.cos_y_m[7] = f64::NAN;
+    assert_eq!(names(ReferenceConfig { contour, ..ReferenceConfig::default() }), ["reference.cosY[8]"]);
 }

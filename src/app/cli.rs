@@ -2,17 +2,23 @@
 
 use std::error::Error;
 use std::fs;
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use super::design;
+use super::documentation;
 use super::experiment;
+use super::identify;
+use super::montecarlo;
 use super::package;
 use super::platforms::{self, Platform};
 use super::scenario::{BUILT_IN, Scenario};
 use super::simulate::{self, Run};
+use super::sweep::Design;
+use crate::model::estimator::{EstimatorConfig, Method};
 
 /// Where things go when nothing else is said, below the folder in which the program is run.
 const FMU_FOLDER: &str = "target/fmu";
@@ -47,9 +53,11 @@ enum Command {
     ///
     /// A scenario is a TOML file. Keys are the names of the variables in the tables [plant], [controller], [estimator], or
     /// [all] for every element that has a variable of that name; `reference.rY = "30 µm"` and `reference.rY = 30e-6` say
-    /// the same. `simulate --print paper` prints one to start from.
+    /// the same. `simulate --print paper` prints one to start from. A `[[profile]]` lets inputs and tunable parameters change
+    /// in time, `contour = "hole.csv"` makes a closed path of points the reference.
     Simulate {
-        /// A file, or the name of a scenario that comes with the program: paper, unbalanced, turned.
+        /// A file, or the name of a scenario that comes with the program: paper, experiment, unbalanced, turned, run-up,
+        /// lift-off, coil-loss, circle, hole.
         #[arg(value_name = "SCENARIO")]
         scenario: PathBuf,
         /// Writes all outputs at every communication point as CSV, with names and units in the header.
@@ -62,12 +70,147 @@ enum Command {
         #[arg(long, conflicts_with_all = ["csv", "report"])]
         print: bool,
     },
-    /// Writes the model descriptions, which stand under review, out of the tables of variables.
+    /// Identifies from a recording of a test bench, a table of text with one row per sample.
+    ///
+    /// Columns are named as in the interface (time, Ym, Zm, im[1], im[2], im[3], theta, omega), also behind the name of an
+    /// element (plant.Ym), or by --column. Units stand in the header, `Ym [µm]`, or are given by --unit.
+    Identify {
+        /// The recording: columns parted by comma, semicolon or tab; a decimal comma is understood with the latter two.
+        #[arg(value_name = "RECORDING")]
+        recording: PathBuf,
+        /// A column: signal as in the interface = name in the header.
+        #[arg(long, value_name = "SIGNAL=COLUMN", value_parser = pair)]
+        column: Vec<(String, String)>,
+        /// A unit: signal as in the interface = unit.
+        #[arg(long, value_name = "SIGNAL=UNIT", value_parser = pair)]
+        unit: Vec<(String, String)>,
+        /// Whose estimator has the parameters of the bearing: a file, or the name of a scenario that comes with the program.
+        #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
+        scenario: PathBuf,
+        /// paperLiteral, paper, leastSquares, unbalance, or all of them.
+        #[arg(long, value_name = "METHOD", default_value = "unbalance")]
+        method: String,
+        /// What a current sample stands for: heldBefore, heldAfter, linear, or auto to find out.
+        #[arg(long, value_name = "HOLD", default_value = "heldBefore")]
+        hold: String,
+        /// Length of the window, in s; one revolution if not given.
+        #[arg(long, value_name = "SECONDS")]
+        window: Option<f64>,
+        /// Speed in rpm, for recordings without angle and speed.
+        #[arg(long, value_name = "RPM")]
+        speed: Option<f64>,
+        /// Standard deviation of the noise of the positions, in m; found from the data if not given.
+        #[arg(long, value_name = "METRES")]
+        position_noise: Option<f64>,
+        /// Standard deviation of the noise of the currents, in A; found from the data if not given.
+        #[arg(long, value_name = "AMPERES")]
+        current_noise: Option<f64>,
+        /// Interpolates to this sample time, in s, where the recording has no uniform one.
+        #[arg(long, value_name = "SECONDS")]
+        resample: Option<f64>,
+        /// Writes the estimates over time as CSV.
+        #[arg(long, value_name = "FILE")]
+        csv: Option<PathBuf>,
+        /// Writes the result as JSON; - is the standard output.
+        #[arg(long, value_name = "FILE")]
+        json: Option<PathBuf>,
+        /// Writes a report page, index.html, into this folder.
+        #[arg(long, value_name = "DIR")]
+        report: Option<PathBuf>,
+    },
+    /// Compares lengths of the window: noise gain, band, delay and the standard deviations to be expected.
+    Design {
+        /// Bearing, path and load: a file, or the name of a scenario that comes with the program.
+        #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
+        scenario: PathBuf,
+        /// Speed of the rotor, in rpm.
+        #[arg(long, value_name = "RPM", default_value_t = 3000.0)]
+        speed: f64,
+        /// Sample time, in s.
+        #[arg(long, value_name = "SECONDS")]
+        sample_time: Option<f64>,
+        /// Lengths of the window to compare, in s; parts and multiples of a revolution if none is given.
+        #[arg(long, value_name = "SECONDS", value_delimiter = ',')]
+        window: Vec<f64>,
+        /// Standard deviation of the noise of the positions, in m.
+        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0])]
+        position_noise: f64,
+        /// Standard deviation of the noise of the currents, in A.
+        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1])]
+        current_noise: f64,
+        /// When the standard deviations are compared, in s; five revolutions if not given.
+        #[arg(long, value_name = "SECONDS")]
+        at: Option<f64>,
+    },
+    /// Repeats a scenario with many seeds of the sensor noise and prints errors, stated standard deviations and the bound of
+    /// Cramér and Rao.
+    ///
+    /// Without a scenario: the studies of the unbalanced rotor, another bearing and other speeds.
+    Montecarlo {
+        /// A file, or the name of a scenario that comes with the program; the method is `unbalance`.
+        #[arg(value_name = "SCENARIO")]
+        scenario: Option<PathBuf>,
+        /// How many runs of each study.
+        #[arg(long, value_name = "N", default_value_t = 100)]
+        runs: usize,
+        /// Only studies with this text in their title.
+        #[arg(long, value_name = "TEXT")]
+        only: Option<String>,
+        /// Standard deviation of the noise of the positions, in m.
+        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], requires = "scenario")]
+        position_noise: f64,
+        /// Standard deviation of the noise of the currents, in A.
+        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], requires = "scenario")]
+        current_noise: f64,
+        /// The estimator is to find the noise in its residual instead of being told.
+        #[arg(long, requires = "scenario")]
+        untold: bool,
+        /// When the estimates are looked at, in seconds.
+        #[arg(long, value_name = "SECONDS", value_delimiter = ',')]
+        at: Vec<f64>,
+    },
+    /// Runs a scenario many times with other values, on all processors: a row per case in, a row per case out.
+    ///
+    /// A design is a CSV file whose columns are variables such as `plant.lambda[1]` or `plant.pZ [N]`, or a TOML file that says
+    /// how to draw one. A sweep that was interrupted goes on where it stopped; a case that fails is a row that says why.
+    Sweep {
+        /// The design.
+        #[arg(value_name = "DESIGN.csv|DESIGN.toml")]
+        design: PathBuf,
+        /// Where the rows go.
+        #[arg(long, value_name = "ROWS.csv", required_unless_present = "expand")]
+        out: Option<PathBuf>,
+        /// The scenario that is varied: a file, or one that comes with the program; `unbalanced` if the design names none.
+        #[arg(long, value_name = "SCENARIO")]
+        scenario: Option<PathBuf>,
+        /// How many cases are run at once; all processors if nothing is said.
+        #[arg(long, value_name = "N")]
+        jobs: Option<usize>,
+        /// Prints the design as CSV, drawn values included, instead of running it.
+        #[arg(long, conflicts_with_all = ["out", "jobs"])]
+        expand: bool,
+    },
+    /// Writes the model descriptions and VARIABLES.md, which stand under review, out of the tables of variables.
     Describe {
-        /// Folder for the XML files.
+        /// Folder for the files.
         #[arg(long, value_name = "DIR", default_value = "modelDescription")]
         out: PathBuf,
     },
+}
+
+/// Prints a line to the standard output.
+macro_rules! say {
+    () => { tell(format_args!("")) };
+    ($($what:tt)*) => { tell(format_args!($($what)*)) };
+}
+
+/// Whoever reads the standard output may stop reading when there is enough; the work goes on all the same.
+fn tell(line: std::fmt::Arguments<'_>) {
+    if let Err(error) = writeln!(io::stdout().lock(), "{line}")
+        && error.kind() != io::ErrorKind::BrokenPipe
+    {
+        eprintln!("error: standard output: {error}");
+    }
 }
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -82,7 +225,31 @@ pub fn main() -> ExitCode {
         Some(Command::Simulate { scenario, csv, report, print: false }) => {
             simulate(&scenario, csv.as_deref(), report.as_deref())
         }
-        Some(Command::Describe { out }) => package::write_descriptions(&out).map_err(Into::into),
+        Some(Command::Montecarlo { scenario, runs, only, position_noise, current_noise, untold, at }) => {
+            let studies = match &scenario {
+                None => Ok(montecarlo::studies(runs)),
+                Some(name) => Scenario::open(name).map_err(Into::into).map(|scenario| {
+                    let title = scenario.title.clone();
+                    vec![montecarlo::study(&title, &scenario, [position_noise, current_noise], !untold, runs)]
+                }),
+            };
+            studies.and_then(|studies| monte_carlo(studies, only.as_deref(), &at))
+        }
+        Some(Command::Sweep { design, out, scenario, jobs, expand: _ }) => {
+            sweep(&design, scenario.as_deref(), out.as_deref(), jobs)
+        }
+        Some(Command::Describe { out }) => describe(&out),
+        Some(command @ Command::Identify { .. }) => identify(command),
+        Some(Command::Design { scenario, speed, sample_time, window, position_noise, current_noise, at }) => {
+            let question = design::Question {
+                rpm: speed,
+                step_s: sample_time,
+                windows_s: window,
+                noise: [position_noise, current_noise],
+                instant_s: at.unwrap_or(300.0 / speed),
+            };
+            choose_window(&scenario, &question)
+        }
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -100,7 +267,7 @@ fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
 
 fn everything() -> Result<()> {
     package(&[], Path::new(FMU_FOLDER))?;
-    println!();
+    say!();
     simulate(Path::new("paper"), None, Some(Path::new(REPORT_FOLDER)))
 }
 
@@ -113,8 +280,26 @@ fn binary(argument: &str) -> std::result::Result<(&'static Platform, PathBuf), S
 fn package(binaries: &[(&'static Platform, PathBuf)], folder: &Path) -> Result<()> {
     for written in package::package_for(&package::binaries(binaries)?, folder)? {
         let platforms = written.platforms.join(", ");
-        println!("{} ({} kB) for {platforms}", written.path.display(), written.bytes.div_ceil(1000));
+        say!("{} ({} kB) for {platforms}", written.path.display(), written.bytes.div_ceil(1000));
     }
+    Ok(())
+}
+
+fn describe(folder: &Path) -> Result<()> {
+    package::write_descriptions(folder)?;
+    let path = folder.join("VARIABLES.md");
+    fs::write(&path, documentation::markdown()).map_err(named(&path))
+}
+
+fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Option<usize>) -> Result<()> {
+    let design = Design::open(design, scenario)?;
+    let Some(out) = out else {
+        return design.write(io::stdout().lock()).map_err(Into::into);
+    };
+    let jobs = jobs.or_else(|| std::thread::available_parallelism().ok().map(Into::into)).unwrap_or(1);
+    let before = design.run(out, jobs)?;
+    let there = if before > 0 { format!(", {before} of which were there") } else { String::new() };
+    say!("{}: {} rows{there}", out.display(), design.len());
     Ok(())
 }
 
@@ -123,25 +308,25 @@ fn print(name: &Path) -> Result<()> {
         let names: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
         return Err(format!("{}: one of {} is wanted with --print", name.display(), names.join(", ")).into());
     };
-    print!("{text}");
+    say!("{}", text.trim_end());
     Ok(())
 }
 
 fn simulate(name: &Path, csv: Option<&Path>, report: Option<&Path>) -> Result<()> {
     let scenario = Scenario::open(name)?;
     let run = simulate::run(&scenario)?;
-    print_run(&scenario, &run);
+    print_run(name, &scenario, &run);
     // What was computed is kept, whatever ended the run.
     if let Some(path) = csv {
         let file = fs::File::create(path).map_err(named(path))?;
         run.recording.write_csv(io::BufWriter::new(file)).map_err(named(path))?;
-        println!("\n{}", path.display());
+        say!("\n{}", path.display());
     }
     if let Some(folder) = report {
         fs::create_dir_all(folder).map_err(named(folder))?;
         let path = folder.join("index.html");
         fs::write(&path, experiment::page(name, &scenario, &run)).map_err(named(&path))?;
-        println!("\n{}", path.display());
+        say!("\n{}", path.display());
     }
     match run.fault {
         Some(fault) => Err(format!("the run ended early: {fault}").into()),
@@ -149,15 +334,177 @@ fn simulate(name: &Path, csv: Option<&Path>, report: Option<&Path>) -> Result<()
     }
 }
 
-fn print_run(scenario: &Scenario, run: &Run) {
-    println!("{}", scenario.title);
-    for message in &run.messages {
-        println!("  {message}");
+/// `name=value`.
+fn pair(text: &str) -> std::result::Result<(String, String), String> {
+    let (name, value) = text.split_once('=').ok_or("a pair NAME=VALUE is wanted")?;
+    Ok((name.trim().into(), value.trim().into()))
+}
+
+fn choose_window(name: &Path, question: &design::Question) -> Result<()> {
+    let (promises, recommended) = design::design(&Scenario::open(name)?, question)?;
+    let table = design::table(question, &promises, recommended);
+    say!("{}\n  {}", table.title, table.note);
+    print_table(&table.head, &table.rows);
+    match recommended {
+        Some(n) => say!("\nRecommended: Tf = {:.1} ms.", promises[n].window_s * 1e3),
+        None => {
+            say!("\nNo window identifies the force constants here: more time, a larger path or less noise is needed.")
+        }
     }
-    for table in experiment::tables(scenario, run) {
-        println!("\n{}", table.title);
+    Ok(())
+}
+
+fn identify(command: Command) -> Result<()> {
+    let Command::Identify {
+        recording,
+        column,
+        unit,
+        scenario,
+        method,
+        hold,
+        window,
+        speed,
+        position_noise,
+        current_noise,
+        resample,
+        csv,
+        json,
+        report,
+    } = command
+    else {
+        unreachable!("called for this command alone");
+    };
+    let text = String::from_utf8_lossy(&fs::read(&recording).map_err(named(&recording))?).into_owned();
+    let reading = identify::Reading {
+        columns: column,
+        units: unit,
+        omega_rad_s: speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
+        resample_s: resample,
+    };
+    let samples =
+        identify::Samples::read(&text, &reading).map_err(|error| format!("{}: {error}", recording.display()))?;
+    let bearing = Scenario::open(&scenario)?;
+    let mut config = identify::config(|name| {
+        bearing.value("estimator", name).map_or(f64::NAN, crate::slave::variable::Value::as_f64)
+    });
+    config.step_s = samples.step_s;
+    config.window_s = match window {
+        Some(window_s) => (window_s / samples.step_s).round() * samples.step_s,
+        None => identify::one_revolution(&samples),
+    };
+    config.epsilon_s = config.window_s;
+    config.position_noise_m = position_noise.unwrap_or(0.0);
+    config.current_noise_a = current_noise.unwrap_or(0.0);
+    let one =
+        |names: &[&str], what: &str, given: &str| format!("--{what} {given}: one of {} is wanted", names.join(", "));
+    let angle = !samples.theta_rad.is_empty();
+    let methods: Vec<_> = identify::METHODS
+        .into_iter()
+        .filter(|(name, _)| method == *name || (method == "all" && (angle || *name != "unbalance")))
+        .collect();
+    if methods.is_empty() {
+        let names = [identify::METHODS.map(|(name, _)| name).as_slice(), &["all"]].concat();
+        return Err(one(&names, "method", &method).into());
+    }
+    let mut holds = None;
+    if hold == "auto" {
+        let method = if angle { Method::Unbalance } else { Method::LeastSquares };
+        let trial = EstimatorConfig { method, ..config.clone() };
+        let residuals = identify::residuals_of_holds(&samples, &trial)?;
+        let least = (0..3).min_by(|a, b| residuals[*a].total_cmp(&residuals[*b])).unwrap_or(0);
+        config.hold = identify::HOLDS[least].1;
+        holds = Some(identify::table_of_holds(&residuals, config.hold));
+    } else {
+        let found = identify::HOLDS.into_iter().find(|(name, _)| *name == hold);
+        let names = [identify::HOLDS.map(|(name, _)| name).as_slice(), &["auto"]].concat();
+        config.hold = found.ok_or_else(|| one(&names, "hold", &hold))?.1;
+    }
+    let mut tracks = Vec::new();
+    for (_, method) in methods {
+        tracks.push(identify::track(&samples, &EstimatorConfig { method, ..config.clone() })?);
+    }
+    let to_standard_output = json.as_deref() == Some(Path::new("-"));
+    if !to_standard_output {
+        say!("{}", recording.display());
+        for note in &samples.notes {
+            say!("  {note}");
+        }
+        for table in holds.iter().cloned().chain([identify::table(&tracks)]) {
+            say!("\n{}", table.title);
+            print_table(&table.head, &table.rows);
+        }
+        say!();
+        for track in &tracks {
+            say!("{}: {}", track.name, track.verdict());
+        }
+    }
+    if let Some(path) = csv {
+        let file = fs::File::create(&path).map_err(named(&path))?;
+        identify::recording(&samples, &tracks).write_csv(io::BufWriter::new(file)).map_err(named(&path))?;
+    }
+    if let Some(path) = json {
+        let text = format!("{:#}\n", identify::json(&samples, &tracks));
+        if to_standard_output {
+            say!("{}", text.trim_end());
+        } else {
+            fs::write(&path, text).map_err(named(&path))?;
+        }
+    }
+    if let Some(folder) = report {
+        fs::create_dir_all(&folder).map_err(named(&folder))?;
+        let path = folder.join("index.html");
+        let title = format!("Identification from {}", recording.file_name().unwrap_or_default().to_string_lossy());
+        let command = format!(
+            "cargo run --release -- identify {} --method {method} --hold {hold} --report DIR",
+            recording.display()
+        );
+        fs::write(&path, identify::page(&title, &command, &samples, &tracks, holds.as_ref())).map_err(named(&path))?;
+        say!("\n{}", path.display());
+    }
+    Ok(())
+}
+
+fn monte_carlo(studies: Vec<montecarlo::Study>, only: Option<&str>, at: &[f64]) -> Result<()> {
+    let wanted = |study: &montecarlo::Study| only.is_none_or(|text| study.title.contains(text));
+    for mut study in studies.into_iter().filter(wanted) {
+        if !at.is_empty() {
+            study.instants_s = at.to_vec();
+        }
+        let table = montecarlo::table(&study, &study.run()?);
+        say!("{}\n  {}", table.title, table.note);
+        print_table(&table.head, &table.rows);
+        say!();
+    }
+    Ok(())
+}
+
+fn print_run(name: &Path, scenario: &Scenario, run: &Run) {
+    say!("{}", scenario.title);
+    for message in &run.messages {
+        say!("  {message}");
+    }
+    for table in experiment::tables(name, scenario, run) {
+        say!("\n{}", table.title);
+        for line in wrapped(&table.note) {
+            say!("  {line}");
+        }
         print_table(&table.head, &table.rows);
     }
+}
+
+/// Breaks a text into lines that a terminal can show.
+fn wrapped(text: &str) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + word.chars().count() < 100 => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.into()),
+        }
+    }
+    lines
 }
 
 /// Prints a table whose first column is words and whose others are numbers.
@@ -171,6 +518,6 @@ fn print_table(head: &[String], rows: &[Vec<String>]) {
             let pad = " ".repeat(width - cell.chars().count().min(*width));
             line += &if column == 0 { format!(" {cell}{pad}") } else { format!("  {pad}{cell}") };
         }
-        println!("{}", line.trim_end());
+        say!("{}", line.trim_end());
     }
 }

@@ -2,7 +2,7 @@
 
 use maud::{DOCTYPE, PreEscaped, html};
 
-use crate::fmi2::registry::Entry;
+use crate::fmi2::registry::{self, Entry};
 use crate::fmi2::xml::real;
 use crate::slave::variable::{Causality, Type, Variability, Variable};
 
@@ -76,6 +76,30 @@ pub fn page(entry: &Entry) -> String {
         }
     }
     .into_string()
+}
+
+/// The variables of all FMUs as Markdown, for readers of the project.
+pub fn markdown() -> String {
+    let mut text = String::from(
+        "# Variables of the FMUs\n\nWritten by `cargo run --release -- describe` out of the tables in `src/slave/`. The unit in \
+         brackets is proposed for display.\n",
+    );
+    for entry in registry::entries() {
+        text += &format!("\n## {}\n\n{}.\n", entry.kind.name, entry.kind.description);
+        let variables = (entry.kind.variables)();
+        for (title, belongs) in GROUPS {
+            let group: Vec<_> = variables.iter().copied().filter(|variable| belongs(variable)).collect();
+            if group.is_empty() {
+                continue;
+            }
+            text += &format!("\n### {title}\n\n| Name | Unit | Start | Description |\n|---|---|---|---|\n");
+            for variable in group {
+                let (unit, start) = (unit(variable), start(variable));
+                text += &format!("| `{}` | {unit} | {start} | {} |\n", variable.name, variable.description);
+            }
+        }
+    }
+    text
 }
 
 fn table(variables: &[&Variable]) -> maud::Markup {

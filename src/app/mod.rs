@@ -1,8 +1,13 @@
 //! The command line: packaging, experiments, reports.
 
+pub mod bearing;
 pub mod cli;
+pub mod contour;
+pub mod design;
 pub mod documentation;
 pub mod experiment;
+pub mod identify;
+pub mod montecarlo;
 pub mod package;
 pub mod platforms;
 pub mod plot;
@@ -11,5 +16,6 @@ pub mod recording;
 pub mod report;
 pub mod scenario;
 pub mod simulate;
+pub mod sweep;
 
 mod ssp;

@@ -30,6 +30,13 @@ impl Progress {
         }
     }
 
+    /// As [`Self::set`], for work whose parts take longer than a look at the clock.
+    pub fn tell(&self, done: u64) {
+        if self.since.elapsed() > PATIENCE {
+            self.bar.get_or_init(|| self.show()).set_position(done);
+        }
+    }
+
     fn show(&self) -> ProgressBar {
         let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} % {eta} left");
         let bar = ProgressBar::new(self.length).with_message(self.title);

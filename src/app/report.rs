@@ -7,7 +7,7 @@ use crate::app::recording::Recording;
 mod figures;
 
 /// Inline, for the page is to be a single file.
-const STYLE: &str = include_str!("report/style.css");
+pub(super) const STYLE: &str = include_str!("report/style.css");
 
 /// What the page shows. Start from [`Report::new`] and fill in what there is.
 #[derive(Clone, Debug)]
@@ -32,6 +32,10 @@ pub struct Report<'a> {
     pub truth: Option<[f64; 3]>,
     /// The estimators to compare.
     pub methods: Vec<Method>,
+    /// Clearance of the backup bearing, in m, where there is one.
+    pub clearance_m: Option<f64>,
+    /// Sensitivity functions of the loop.
+    pub sensitivities: Vec<Sensitivity>,
     /// Whether the run repeats the paper's, so that captions name the figures they redraw.
     pub paper: bool,
 }
@@ -50,6 +54,8 @@ impl<'a> Report<'a> {
             update_s: None,
             truth: None,
             methods: Vec::new(),
+            clearance_m: None,
+            sensitivities: Vec::new(),
             paper: false,
         }
     }
@@ -69,6 +75,19 @@ impl From<&str> for Method {
     fn from(element: &str) -> Method {
         Method { element: element.into(), label: element.into() }
     }
+}
+
+/// The sensitivity function of both axes for one λ of the controller.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sensitivity {
+    /// When it holds: before or after the update, or at the end of the run.
+    pub name: String,
+    /// `[ω, |S_y|, |S_z|]` from the linearisation, ω in rad/s.
+    pub sweep: Vec<[f64; 3]>,
+    /// The same from injection in time.
+    pub injected: Vec<[f64; 3]>,
+    /// Why there is none, if there is none.
+    pub missing: Option<String>,
 }
 
 /// A table of results.
@@ -157,7 +176,7 @@ pub fn page(report: &Report) -> String {
 }
 
 /// A table with its heading and note.
-fn table_of(table: &Table) -> Markup {
+pub(super) fn table_of(table: &Table) -> Markup {
     // A column of numbers reads best flush right.
     let numeric = |column: usize| {
         let mut cells = table.rows.iter().filter_map(|row| row.get(column)).filter(|cell| !cell.is_empty()).peekable();

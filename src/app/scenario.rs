@@ -4,15 +4,26 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::slave::variable::{Type, Value, Variable, element};
+use super::contour::Fit;
+use crate::model::reference::HARMONICS;
+use crate::slave::variable::{Causality, Type, Value, Variability, Variable, element};
 use crate::slave::{Kind, controller, estimator, plant};
 
 /// The scenarios that come with the program, by name.
-pub const BUILT_IN: [(&str, &str); 3] = [
+pub const BUILT_IN: [(&str, &str); 9] = [
     ("paper", include_str!("scenarios/paper.toml")),
+    ("experiment", include_str!("scenarios/experiment.toml")),
     ("unbalanced", include_str!("scenarios/unbalanced.toml")),
     ("turned", include_str!("scenarios/turned.toml")),
+    ("run-up", include_str!("scenarios/run-up.toml")),
+    ("lift-off", include_str!("scenarios/lift-off.toml")),
+    ("coil-loss", include_str!("scenarios/coil-loss.toml")),
+    ("circle", include_str!("scenarios/circle.toml")),
+    ("hole", include_str!("scenarios/hole.toml")),
 ];
+
+/// The contours that these scenarios name.
+const BUILT_IN_CONTOURS: [(&str, &str); 1] = [("hole.csv", include_str!("scenarios/hole.csv"))];
 
 /// What is wrong with a scenario; every finding on a line of its own.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +47,10 @@ struct Document {
     #[serde(default)]
     compare: Vec<String>,
     #[serde(default)]
+    contour: Option<String>,
+    #[serde(default)]
+    profile: Vec<ProfileText>,
+    #[serde(default)]
     all: toml::Table,
     #[serde(default)]
     plant: toml::Table,
@@ -43,6 +58,53 @@ struct Document {
     controller: toml::Table,
     #[serde(default)]
     estimator: toml::Table,
+}
+
+/// A `[[profile]]` as TOML has it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ProfileText {
+    of: Vec<String>,
+    time: Vec<toml::Value>,
+    value: Vec<toml::Value>,
+    #[serde(default)]
+    hold: bool,
+}
+
+/// Values that variables take in the course of a run: inputs that nothing is connected to, and tunable parameters.
+///
+/// Between the instants the value runs straight; with `hold`, and for what is no real number, it stays until the next
+/// instant. Before the first instant it is the first value, with `hold` what it was at the start. A communication step has
+/// the value of its begin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    /// Element and variable, by index, that take the values.
+    pub targets: Vec<(usize, usize)>,
+    /// The instants, in seconds, rising.
+    pub time_s: Vec<f64>,
+    /// A value for each instant, in the unit of the variables.
+    pub values: Vec<Value>,
+    /// Whether values stay from one instant to the next.
+    pub hold: bool,
+}
+
+impl Profile {
+    /// The value at an instant in seconds, if it has one.
+    pub fn at(&self, time_s: f64) -> Option<Value> {
+        // Instants and communication points are computed in floating point.
+        const ROUNDING_S: f64 = 1e-9;
+        let passed = self.time_s.partition_point(|instant| *instant <= time_s + ROUNDING_S);
+        if passed == 0 {
+            return (!self.hold).then(|| self.values[0]);
+        }
+        match (self.values[passed - 1], self.values.get(passed)) {
+            (Value::Real(from), Some(Value::Real(to))) if !self.hold => {
+                let [begin, end] = [self.time_s[passed - 1], self.time_s[passed]];
+                Some(Value::Real(from + (to - from) * ((time_s - begin) / (end - begin)).max(0.0)))
+            }
+            (value, _) => Some(value),
+        }
+    }
 }
 
 /// A value that a scenario gives to a variable.
@@ -78,15 +140,23 @@ pub struct Scenario {
     pub step_s: f64,
     /// The closed loop, `plant`, `controller`, `estimator`, followed by estimators that run beside it on the same data.
     pub elements: Vec<Element>,
+    /// What changes while it runs.
+    pub profiles: Vec<Profile>,
 }
 
 /// Connections of the closed loop, from an output to an input.
-const LOOP: [[&str; 2]; 16] = [
+const LOOP: [[&str; 2]; 22] = [
     ["plant.Ym", "controller.Ym"],
     ["plant.Zm", "controller.Zm"],
+    ["plant.im[1]", "controller.im[1]"],
+    ["plant.im[2]", "controller.im[2]"],
+    ["plant.im[3]", "controller.im[3]"],
     ["controller.i[1]", "plant.i[1]"],
     ["controller.i[2]", "plant.i[2]"],
     ["controller.i[3]", "plant.i[3]"],
+    ["controller.u[1]", "plant.u[1]"],
+    ["controller.u[2]", "plant.u[2]"],
+    ["controller.u[3]", "plant.u[3]"],
     ["estimator.lambdaHat[1]", "controller.lambdaHat[1]"],
     ["estimator.lambdaHat[2]", "controller.lambdaHat[2]"],
     ["estimator.lambdaHat[3]", "controller.lambdaHat[3]"],
@@ -99,6 +169,9 @@ const LOOP: [[&str; 2]; 16] = [
     ["plant.theta", "estimator.theta"],
     ["plant.omegam", "estimator.omega"],
 ];
+
+/// By how much of its size a path may miss the points of its contour.
+const CONTOUR_MISS: f64 = 0.01;
 
 /// An output and the input it feeds, by element and variable name.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -139,7 +212,8 @@ impl Scenario {
                 return Err(ScenarioError { origin: origin.into(), findings: vec![error.to_string()] });
             }
         };
-        let scenario = read(document, &mut findings);
+        let folder = Path::new(origin).parent().unwrap_or(Path::new(""));
+        let scenario = read(document, folder, &mut findings);
         if findings.is_empty() { Ok(scenario) } else { Err(ScenarioError { origin: origin.into(), findings }) }
     }
 
@@ -161,6 +235,44 @@ impl Scenario {
         connections
     }
 
+    /// Finds the variable that a path such as `plant.lambda[1]` means: the index of its element and its own.
+    ///
+    /// # Errors
+    /// There is no such variable, or it cannot be set.
+    pub fn settable(&self, path: &str) -> Result<(usize, usize), String> {
+        let (name, key) = path.split_once('.').unwrap_or(("", path));
+        let Some(at) = self.elements.iter().position(|element| element.name == name) else {
+            let names: Vec<_> = self.elements.iter().map(|element| element.name.as_str()).collect();
+            return Err(format!("{path}: a path that begins with one of {} is wanted", names.join(", ")));
+        };
+        let variables = (self.elements[at].kind.variables)();
+        let Some(index) = variables.iter().position(|variable| variable.name == key) else {
+            let settable = variables.iter().filter(|variable| variable.is_settable());
+            return Err(unknown(name, key, &settable.map(|variable| variable.name.to_string()).collect::<Vec<_>>()));
+        };
+        permitted(name, variables[index]).map_err(|why| format!("{path} is refused: {why}"))?;
+        Ok((at, index))
+    }
+
+    /// Gives the variable of that path the value that a text says: a number with or without a unit, a name, `true` or `false`.
+    ///
+    /// # Errors
+    /// What is wrong with the path or the value.
+    pub fn assign(&mut self, path: &str, text: &str) -> Result<(), String> {
+        let (at, index) = self.settable(path)?;
+        let kind = &(self.elements[at].kind.variables)()[index].kind;
+        let text = text.trim();
+        let value = match kind {
+            Type::Integer { .. } => text.parse().map(toml::Value::Integer).ok(),
+            Type::Boolean { .. } => text.parse().map(toml::Value::Boolean).ok(),
+            Type::Real { .. } | Type::Enumeration { .. } => None,
+        };
+        let value = convert(kind, &value.unwrap_or_else(|| toml::Value::String(text.into())));
+        let value = value.map_err(|why| format!("{path} = {text} is refused: {why}"))?;
+        self.elements[at].settings.push(Setting { index, value });
+        Ok(())
+    }
+
     /// The value that a variable has at the start.
     pub fn value(&self, element: &str, variable: &str) -> Option<Value> {
         let element = self.elements.iter().find(|candidate| candidate.name == element)?;
@@ -171,7 +283,7 @@ impl Scenario {
     }
 }
 
-fn read(document: Document, findings: &mut Vec<String>) -> Scenario {
+fn read(document: Document, folder: &Path, findings: &mut Vec<String>) -> Scenario {
     let mut time = |key: &str, value: &toml::Value| {
         let unit = crate::slave::unit::SECOND;
         let kind = Type::Real { start: 0.0, unit, display: None, nominal: 1.0, min: None, max: None };
@@ -189,6 +301,9 @@ fn read(document: Document, findings: &mut Vec<String>) -> Scenario {
     };
     let duration_s = time("duration", &document.duration);
     let step_s = time("step", &document.step);
+    if findings.is_empty() && step_s > duration_s {
+        findings.push(format!("step = {} is refused: at most the duration, {duration_s} s, is wanted", document.step));
+    }
 
     let tables: [(&str, &'static Kind, &toml::Table); 3] = [
         ("plant", &plant::KIND, &document.plant),
@@ -219,8 +334,106 @@ fn read(document: Document, findings: &mut Vec<String>) -> Scenario {
             findings.push(unknown("all", &key, &names(&kinds)));
         }
     }
+    if let Some(file) = &document.contour {
+        match contour(file, folder) {
+            Ok(settings) => elements[1].settings.extend(settings),
+            Err(why) => findings.push(format!("contour = \"{file}\" is refused: {why}")),
+        }
+    }
     beside(&document.compare, &mut elements, findings);
-    Scenario { title: document.title, description: document.description, duration_s, step_s, elements }
+    let profiles =
+        document.profile.iter().enumerate().filter_map(|(index, text)| profile(index, text, &elements, findings));
+    let profiles = profiles.collect();
+    Scenario { title: document.title, description: document.description, duration_s, step_s, elements, profiles }
+}
+
+/// The settings of the controller for the contour in a file, which a scenario names relative to itself.
+fn contour(file: &str, folder: &Path) -> Result<Vec<Setting>, String> {
+    let text = match BUILT_IN_CONTOURS.iter().find(|(name, _)| *name == file) {
+        Some((_, text)) if !folder.join(file).exists() => (*text).to_owned(),
+        _ => std::fs::read_to_string(folder.join(file)).map_err(|error| error.to_string())?,
+    };
+    let Fit { contour, largest_m } = super::contour::read(&text)?;
+    let largest_size = |values: &[f64]| values.iter().fold(0.0f64, |size, value| size.max(value.abs()));
+    let size_m = largest_size(&contour.cos_y_m).max(largest_size(&contour.sin_z_m));
+    if largest_m > CONTOUR_MISS * size_m {
+        return Err(format!(
+            "the {HARMONICS} harmonics that the path may have miss a point by {:.3} µm, more than {} % of the path's size",
+            largest_m * 1e6,
+            CONTOUR_MISS * 100.0
+        ));
+    }
+    let mut values = vec![
+        ("reference.centreY".to_owned(), contour.centre_m[0]),
+        ("reference.centreZ".to_owned(), contour.centre_m[1]),
+    ];
+    for (name, coefficients) in [
+        ("reference.cosY", contour.cos_y_m),
+        ("reference.sinY", contour.sin_y_m),
+        ("reference.cosZ", contour.cos_z_m),
+        ("reference.sinZ", contour.sin_z_m),
+    ] {
+        values.extend(coefficients.into_iter().enumerate().map(|(n, value)| (element(name, n), value)));
+    }
+    let settings = values
+        .into_iter()
+        .map(|(name, value)| (name, Value::Real(value)))
+        .chain([("reference.shape".to_owned(), Value::Integer(4))])
+        .map(|(name, value)| Setting { index: position(&controller::KIND, &name).expect("a path has these"), value })
+        .collect();
+    Ok(settings)
+}
+
+/// Reads a `[[profile]]`; every finding names it by its number.
+fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mut Vec<String>) -> Option<Profile> {
+    let before = findings.len();
+    let mut refuse = |why: String| findings.push(format!("[[profile]] number {}: {why}", index + 1));
+    let mut targets = Vec::new();
+    for path in &text.of {
+        let found = path.split_once('.').and_then(|(name, variable)| {
+            let at = elements.iter().position(|element| element.name == name)?;
+            Some((at, position(elements[at].kind, variable)?))
+        });
+        let Some((at, variable)) = found else {
+            refuse(format!("there is no variable {path}; element.variable is wanted, like plant.omega"));
+            continue;
+        };
+        let known = (elements[at].kind.variables)()[variable];
+        match permitted(&elements[at].name, known) {
+            Err(why) => refuse(format!("{path}: {why}")),
+            Ok(()) if known.causality == Causality::Parameter && known.variability != Variability::Tunable => {
+                refuse(format!("{path} is fixed once the run has begun; an input or a tunable parameter is wanted"));
+            }
+            Ok(()) => targets.push((at, variable)),
+        }
+    }
+    let Some(&(at, variable)) = targets.first() else {
+        if text.of.is_empty() {
+            refuse("of = [] names nothing that takes the values".into());
+        }
+        return None;
+    };
+    let kind = &(elements[at].kind.variables)()[variable].kind;
+    let real = matches!(kind, Type::Real { .. });
+    let second =
+        Type::Real { start: 0.0, unit: crate::slave::unit::SECOND, display: None, nominal: 1.0, min: None, max: None };
+    let mut all = |kind: &Type, values: &[toml::Value]| -> Vec<Value> {
+        let one = |value| match convert(kind, value) {
+            Ok(value) => Some(value),
+            Err(why) => {
+                refuse(format!("{value} is refused: {why}"));
+                None
+            }
+        };
+        values.iter().filter_map(one).collect()
+    };
+    let time_s: Vec<f64> = all(&second, &text.time).into_iter().map(Value::as_f64).collect();
+    let values = all(kind, &text.value);
+    let rises = time_s.windows(2).all(|pair| pair[0] < pair[1]) && time_s.iter().all(|time| time.is_finite());
+    if text.time.is_empty() || text.time.len() != text.value.len() || !rises {
+        refuse("as many values as times are wanted, at least one, the times rising".into());
+    }
+    (findings.len() == before).then_some(Profile { targets, time_s, values, hold: text.hold || !real })
 }
 
 /// Adds estimators of other methods that run beside the loop.

@@ -5,7 +5,7 @@
 
 use super::progress::Progress;
 use super::recording::{Column, Recording};
-use super::scenario::{Element, Scenario};
+use super::scenario::{Element, Profile, Scenario, Setting};
 use crate::slave::AnySlave;
 use crate::slave::instance::{Step, all};
 use crate::slave::log::{Log, Topic};
@@ -59,10 +59,33 @@ impl Log for Messages<'_> {
 /// Every parameter that a slave refuses. A run that fails on its way is no error: what was computed is kept and
 /// [`Run::fault`] says why it ended.
 pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
+    let progress = Progress::new("simulating", steps(scenario) as u64);
+    run_for(scenario, |_| true, |step| progress.set(step as u64))
+}
+
+/// As [`run`], recording the outputs alone that are `wanted` by their paths; tells every step that is done.
+///
+/// # Errors
+/// As for [`run`].
+pub fn run_for(
+    scenario: &Scenario,
+    wanted: impl Fn(&str) -> bool,
+    mut tell: impl FnMut(usize),
+) -> Result<Run, Refused> {
     let mut slaves = Vec::new();
     let mut refused = Vec::new();
-    for element in &scenario.elements {
-        match start(element) {
+    for (at, element) in scenario.elements.iter().enumerate() {
+        // What a profile gives at the start is there when the slave starts.
+        let at_start = scenario.profiles.iter().flat_map(|profile| {
+            let given = profile.targets.iter().filter(move |target| target.0 == at);
+            profile
+                .at(0.0)
+                .into_iter()
+                .flat_map(move |value| given.clone().map(move |(_, index)| Setting { index: *index, value }))
+        });
+        let mut element = element.clone();
+        element.settings.extend(at_start);
+        match start(&element) {
             Ok(slave) => slaves.push(Slave { name: element.name.clone(), slave }),
             Err(findings) => refused.extend(findings),
         }
@@ -72,10 +95,9 @@ pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
     }
     let wires = wires(scenario);
     let mut run = Run::default();
-    let outputs = outputs(scenario, &mut run.recording);
+    let outputs = outputs(scenario, wanted, &mut run.recording);
 
-    let steps = (scenario.duration_s / scenario.step_s).round() as usize;
-    let progress = Progress::new("simulating", steps as u64);
+    let steps = steps(scenario);
     for step in 0..=steps {
         let time_s = step as f64 * scenario.step_s;
         run.recording.time_s.push(time_s);
@@ -84,6 +106,11 @@ pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
         }
         if step == steps {
             break;
+        }
+        for profile in &scenario.profiles {
+            if let Err(error) = apply(profile, time_s, &mut slaves) {
+                run.fault = Some(error);
+            }
         }
         for wire in &wires {
             let value = read(&mut slaves, wire.from);
@@ -99,9 +126,24 @@ pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
         if run.fault.is_some() {
             break;
         }
-        progress.set(step as u64);
+        tell(step);
     }
     Ok(run)
+}
+
+/// Gives the targets of a profile their values; the error names the slave that refuses its value.
+fn apply(profile: &Profile, time_s: f64, slaves: &mut [Slave]) -> Result<(), String> {
+    let Some(value) = profile.at(time_s) else { return Ok(()) };
+    for (element, index) in &profile.targets {
+        let Slave { name, slave } = &mut slaves[*element];
+        slave.set(*index, value).map_err(|error| format!("{name}: {error}"))?;
+    }
+    Ok(())
+}
+
+/// Number of communication steps of a run.
+fn steps(scenario: &Scenario) -> usize {
+    (scenario.duration_s / scenario.step_s).round() as usize
 }
 
 fn read(slaves: &mut [Slave], (element, index): (usize, usize)) -> Value {
@@ -135,18 +177,15 @@ fn wires(scenario: &Scenario) -> Vec<Wire> {
     scenario.connections().into_iter().map(wire).collect()
 }
 
-/// Makes a column for every output and says where each is found.
-fn outputs(scenario: &Scenario, recording: &mut Recording) -> Vec<(usize, usize)> {
+/// Makes a column for every output that is wanted and says where each is found.
+fn outputs(scenario: &Scenario, wanted: impl Fn(&str) -> bool, recording: &mut Recording) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
         for (index, variable) in (element.kind.variables)().into_iter().enumerate() {
-            if variable.causality == Causality::Output {
+            let name = format!("{}.{}", element.name, variable.name);
+            if variable.causality == Causality::Output && wanted(&name) {
                 found.push((at, index));
-                recording.columns.push(Column {
-                    name: format!("{}.{}", element.name, variable.name),
-                    unit: variable.unit_name().into(),
-                    values: Vec::new(),
-                });
+                recording.columns.push(Column { name, unit: variable.unit_name().into(), values: Vec::new() });
             }
         }
     }

@@ -1,8 +1,10 @@
 //! One instance as the importer sees it: a slave, its state in the sequence of calls, and its logger.
 
-use super::bindings::fmi2Status;
+use super::bindings::{fmi2Status, fmi2ValueReference};
 use super::logger::Logger;
+use super::registry::Entry;
 use super::sequence::State;
+use super::snapshot::{Snapshot, Stage};
 use crate::slave::AnySlave;
 use crate::slave::instance::Step;
 
@@ -24,80 +26,122 @@ impl Problem {
 /// How a call ends.
 pub(super) type Outcome = Result<(), Problem>;
 
+/// The latest start: beyond it a double precision number does not tell the instants of fast samples apart.
+const LATEST_START_S: f64 = 1e9;
+
 /// What `fmi2Component` points to.
 pub(super) struct Component {
+    pub(super) entry: &'static Entry,
     pub(super) slave: Box<dyn AnySlave>,
-    pub(super) state: State,
+    pub(super) stage: Stage,
     pub(super) logger: Logger,
-    /// End of the last completed step, or the start time.
-    time_s: f64,
-    stop_s: Option<f64>,
-    pub(super) last_step: fmi2Status,
 }
 
 impl Component {
-    pub(super) fn new(slave: Box<dyn AnySlave>, logger: Logger) -> Self {
-        Self { slave, state: State::Instantiated, logger, time_s: 0.0, stop_s: None, last_step: fmi2Status::fmi2OK }
+    pub(super) fn new(entry: &'static Entry, logger: Logger) -> Self {
+        Self { entry, slave: (entry.kind.instantiate)(), stage: Stage::BEGIN, logger }
     }
 
-    pub(super) fn time_s(&self) -> f64 {
-        self.time_s
+    /// What messages call a variable: its name, or its value reference where there is none of that reference.
+    pub(super) fn name_of(&self, reference: fmi2ValueReference) -> String {
+        let variables = (self.entry.kind.variables)();
+        let found = variables.get(reference as usize).map(|variable| variable.name.to_string());
+        found.unwrap_or_else(|| format!("value reference {reference}"))
     }
 
     pub(super) fn setup(&mut self, start_s: f64, stop_s: Option<f64>) -> Outcome {
-        if !start_s.is_finite() {
-            return Err(Problem::Call(format!("startTime = {start_s} is refused: a finite number is wanted")));
+        if start_s.is_nan() || start_s.abs() > LATEST_START_S {
+            return Err(Problem::Call(format!(
+                "startTime = {start_s} is refused: a finite number, at most {LATEST_START_S} either way, is wanted"
+            )));
         }
         if let Some(stop_s) = stop_s.filter(|stop_s| stop_s.is_nan() || *stop_s < start_s) {
             return Err(Problem::Call(format!(
                 "stopTime = {stop_s} is refused: a number not below startTime = {start_s} is wanted"
             )));
         }
-        (self.time_s, self.stop_s) = (start_s, stop_s);
+        (self.stage.time_s, self.stage.start_s, self.stage.stop_s) = (start_s, start_s, stop_s);
         self.slave.set_start(start_s);
         Ok(())
     }
 
     pub(super) fn exit_initialization(&mut self) -> Outcome {
         self.slave.start().map_err(|findings| Problem::Run(crate::slave::instance::all(&findings)))?;
-        self.state = State::StepComplete;
+        self.stage.state = State::StepComplete;
         Ok(())
     }
 
-    /// How far two instants may be apart and still be the same: importers add up steps in floating point.
+    /// How far two instants may be apart and still be the same: importers add up steps in floating point, whose errors
+    /// grow with the length of the run, and far from 0 the last bits of a time are coarse.
     fn tolerance_s(&self) -> f64 {
-        1e-9 * self.time_s.abs().max(1.0)
+        let Stage { time_s, start_s, .. } = self.stage;
+        1e-9 * (time_s - start_s).abs().max(1.0) + 4096.0 * f64::EPSILON * time_s.abs()
     }
 
     pub(super) fn step(&mut self, step: Step) -> Outcome {
         let Step { time_s, length_s } = step;
+        let refuse = |why: String| Err(Problem::Call(why));
         if !length_s.is_finite() || length_s < 0.0 {
-            return Err(Problem::Call(format!(
+            return refuse(format!(
                 "communicationStepSize = {length_s} is refused: a finite number, not negative, is wanted"
-            )));
+            ));
         }
-        let follows = (time_s - self.time_s).abs() <= self.tolerance_s();
+        // Written so that no number is refused as well.
+        let follows = (time_s - self.stage.time_s).abs() <= self.tolerance_s() && step.end_s().is_finite();
         if !follows {
-            return Err(Problem::Call(format!(
+            return refuse(format!(
                 "currentCommunicationPoint = {time_s} is refused: {}, the end of the last step, is wanted",
-                self.time_s
-            )));
+                self.stage.time_s
+            ));
         }
-        if let Some(stop_s) = self.stop_s.filter(|stop_s| step.end_s() > stop_s + self.tolerance_s()) {
-            return Err(Problem::Call(format!(
+        if let Some(stop_s) = self.stage.stop_s.filter(|stop_s| step.end_s() > stop_s + self.tolerance_s()) {
+            return refuse(format!(
                 "a step from {time_s} over {length_s} is refused: it ends beyond stopTime = {stop_s}"
-            )));
+            ));
         }
-        self.last_step = fmi2Status::fmi2Error;
+        let longest_s = self.slave.longest_step_s();
+        if length_s > longest_s {
+            return refuse(format!(
+                "communicationStepSize = {length_s} is refused: at most {longest_s} is wanted, or it would take too long"
+            ));
+        }
+        self.stage.last_step = fmi2Status::fmi2Error;
         self.slave.step(step, &mut self.logger).map_err(|fault| Problem::Run(fault.to_string()))?;
-        self.last_step = fmi2Status::fmi2OK;
-        self.time_s = step.end_s();
+        self.stage.last_step = fmi2Status::fmi2OK;
+        self.stage.time_s = step.end_s();
         Ok(())
     }
 
     pub(super) fn reset(&mut self) {
         self.slave.reset();
-        self.state = State::Instantiated;
-        (self.time_s, self.stop_s, self.last_step) = (0.0, None, fmi2Status::fmi2OK);
+        self.stage = Stage::BEGIN;
     }
+
+    /// A snapshot of this instance.
+    pub(super) fn save(&self) -> Snapshot {
+        Snapshot { entry: self.entry, slave: self.slave.duplicate(), stage: self.stage }
+    }
+
+    /// A snapshot of this instance, in place of another of the same model, whose memory is used again.
+    pub(super) fn save_over(&self, snapshot: &mut Snapshot) -> Outcome {
+        if !snapshot.slave.copy_from(self.slave.as_ref()) {
+            return Err(foreign(snapshot, self.entry));
+        }
+        snapshot.stage = self.stage;
+        Ok(())
+    }
+
+    /// Makes this instance what it, or another of the same model, was. Name, callbacks and log categories stay.
+    pub(super) fn restore(&mut self, snapshot: &Snapshot) -> Outcome {
+        if !self.slave.copy_from(snapshot.slave.as_ref()) {
+            return Err(foreign(snapshot, self.entry));
+        }
+        self.stage = snapshot.stage;
+        Ok(())
+    }
+}
+
+fn foreign(snapshot: &Snapshot, entry: &Entry) -> Problem {
+    let (found, wanted) = (snapshot.entry.kind.name, entry.kind.name);
+    Problem::Call(format!("FMUstate is a snapshot of {found}: one of {wanted} is wanted"))
 }

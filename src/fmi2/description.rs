@@ -6,7 +6,7 @@ use super::logger::Category;
 use super::xml::{Page, element, real, units, write_base_unit};
 use crate::slave::Kind;
 use crate::slave::unit::Unit;
-use crate::slave::variable::{Causality, Enumeration, Type, Variability, Variable};
+use crate::slave::variable::{Causality, Dependency, Enumeration, Type, Variability, Variable};
 
 /// The GUID of a model and the text of its model description.
 ///
@@ -38,14 +38,14 @@ fn document(kind: &Kind, variables: &[&Variable], guid: &str) -> String {
                 .with("modelIdentifier", kind.name)
                 .with("needsExecutionTool", "false")
                 .with("canHandleVariableCommunicationStepSize", "true")
-                .with("canInterpolateInputs", "false")
-                .with("maxOutputDerivativeOrder", "0")
+                .with("canInterpolateInputs", "true")
+                .with("maxOutputDerivativeOrder", kind.capabilities.output_derivative_order.to_string())
                 .with("canRunAsynchronuously", "false")
                 .with("canBeInstantiatedOnlyOncePerProcess", "false")
                 .with("canNotUseMemoryManagementFunctions", "true")
-                .with("canGetAndSetFMUstate", "false")
-                .with("canSerializeFMUstate", "false")
-                .with("providesDirectionalDerivative", "false"),
+                .with("canGetAndSetFMUstate", "true")
+                .with("canSerializeFMUstate", "true")
+                .with("providesDirectionalDerivative", kind.capabilities.directional_derivatives.to_string()),
         );
         page.nest(element("UnitDefinitions"), |page| {
             for unit in units(variables.iter().copied()) {
@@ -74,7 +74,8 @@ fn document(kind: &Kind, variables: &[&Variable], guid: &str) -> String {
         );
         page.nest(element("ModelVariables"), |page| {
             for (reference, variable) in variables.iter().enumerate() {
-                write_variable(page, reference, variable);
+                let state = variable.derivative_of.and_then(|state| index_of(variables, state));
+                write_variable(page, reference, variable, state);
             }
         });
         page.nest(element("ModelStructure"), |page| write_structure(page, variables));
@@ -114,7 +115,12 @@ fn write_enumeration(page: &mut Page, enumeration: &Enumeration) {
     });
 }
 
-fn write_variable(page: &mut Page, reference: usize, variable: &Variable) {
+/// The number of a variable, counted from 1, as other elements refer to it.
+fn index_of(variables: &[&Variable], name: &str) -> Option<String> {
+    variables.iter().position(|variable| variable.name == name).map(|index| (index + 1).to_string())
+}
+
+fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state: Option<String>) {
     let causality = match variable.causality {
         Causality::Parameter => "parameter",
         Causality::Input => "input",
@@ -145,11 +151,13 @@ fn write_variable(page: &mut Page, reference: usize, variable: &Variable) {
         let kind = match &variable.kind {
             Type::Real { start, unit, display, nominal, min, max } => element("Real")
                 .with("unit", unit.name)
-                .with_some("displayUnit", *display)
+                // FMI Library, which several importers are built on, refuses a display unit that is the unit itself.
+                .with_some("displayUnit", display.filter(|display| *display != unit.name))
                 .with_some("min", min.map(real))
                 .with_some("max", max.map(real))
                 .with("nominal", real(*nominal))
-                .with_some("start", settable.then(|| real(*start))),
+                .with_some("start", settable.then(|| real(*start)))
+                .with_some("derivative", state),
             Type::Integer { start, min, max } => element("Integer")
                 .with_some("min", min.map(|min| min.to_string()))
                 .with_some("max", max.map(|max| max.to_string()))
@@ -163,22 +171,60 @@ fn write_variable(page: &mut Page, reference: usize, variable: &Variable) {
     });
 }
 
-/// Outputs with the inputs that act on them at the same instant, and the unknowns of the initialization.
+/// Outputs and derivatives of states with what acts on them at the same instant, and the unknowns of the initialization.
 fn write_structure(page: &mut Page, variables: &[&Variable]) {
-    let outputs: Vec<_> =
-        (1..).zip(variables).filter(|(_, variable)| variable.causality == Causality::Output).collect();
-    let index_of = |name: &str| variables.iter().position(|variable| variable.name == name).map(|index| index + 1);
+    let chosen = |choice: fn(&Variable) -> bool| (1..).zip(variables).filter(move |(_, variable)| choice(variable));
+    let unknown = |index: i32| element("Unknown").with("index", index.to_string());
+    let indices = |names: &mut dyn Iterator<Item = &str>| {
+        let mut indices: Vec<usize> = names
+            .filter_map(|name| variables.iter().position(|variable| variable.name == name))
+            .map(|at| at + 1)
+            .collect();
+        indices.sort_unstable();
+        indices.iter().map(usize::to_string).collect::<Vec<_>>().join(" ")
+    };
+    let dependent = |page: &mut Page, index: i32, variable: &Variable| {
+        let there = |name: &str| variables.iter().any(|variable| variable.name == name);
+        let mut depends_on: Vec<_> = variable.depends_on.iter().filter(|(name, _)| there(name)).collect();
+        depends_on.sort_by_key(|(name, _)| variables.iter().position(|variable| variable.name == *name));
+        let kinds: Vec<_> = depends_on.iter().map(|(_, how)| kind_of(*how)).collect();
+        let tag = unknown(index).with("dependencies", indices(&mut depends_on.iter().map(|(name, _)| name.as_ref())));
+        page.empty(tag.with_some("dependenciesKind", (!kinds.is_empty()).then(|| kinds.join(" "))));
+    };
     page.nest(element("Outputs"), |page| {
-        for (index, output) in &outputs {
-            let indices: Vec<_> =
-                output.depends_on.iter().filter_map(|input| index_of(input)).map(|index| index.to_string()).collect();
-            page.empty(element("Unknown").with("index", i32::to_string(index)).with("dependencies", indices.join(" ")));
+        for (index, output) in chosen(|variable| variable.causality == Causality::Output) {
+            dependent(page, index, output);
         }
     });
+    if variables.iter().any(|variable| variable.derivative_of.is_some()) {
+        page.nest(element("Derivatives"), |page| {
+            // In the order of the states, which is that of the vector of states.
+            for state in variables.iter().filter(|variable| variable.state) {
+                for (index, derivative) in chosen(|variable| variable.derivative_of.is_some()) {
+                    if derivative.derivative_of == Some(state.name.as_ref()) {
+                        dependent(page, index, derivative);
+                    }
+                }
+            }
+        });
+    }
+    let computed = |variable: &Variable| {
+        variable.causality == Causality::Output || variable.state || variable.derivative_of.is_some()
+    };
     page.nest(element("InitialUnknowns"), |page| {
-        for (index, _) in &outputs {
-            // Without `dependencies` an unknown depends on every known: all parameters count at the start.
-            page.empty(element("Unknown").with("index", i32::to_string(index)));
+        for (index, variable) in chosen(computed) {
+            // Without `dependencies` an unknown depends on every known: all parameters and inputs.
+            let from = variable.starts_from.as_ref();
+            let from = from.map(|names| indices(&mut names.iter().map(|name| name.as_ref())));
+            page.empty(unknown(index).with_some("dependencies", from));
         }
     });
+}
+
+fn kind_of(how: Dependency) -> &'static str {
+    match how {
+        Dependency::Any => "dependent",
+        Dependency::Constant => "constant",
+        Dependency::Fixed => "fixed",
+    }
 }

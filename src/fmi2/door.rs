@@ -23,7 +23,7 @@ pub(super) unsafe fn enter(
         // Nobody can be told: the logger belongs to the instance.
         return fmi2Status::fmi2Error;
     };
-    let outcome = if function.allowed_in(component.state) {
+    let outcome = if function.allowed_in(component.stage.state) {
         // After a panic the slave is not used again before it is reset, so a broken invariant cannot be seen.
         catch_unwind(AssertUnwindSafe(|| body(component))).unwrap_or_else(|panic| {
             Err(Problem::Run(format!(
@@ -34,7 +34,7 @@ pub(super) unsafe fn enter(
     } else {
         Err(Problem::Call(format!(
             "not allowed in the state `{}`; allowed in: {}",
-            component.state,
+            component.stage.state,
             function.where_allowed()
         )))
     };
@@ -42,7 +42,7 @@ pub(super) unsafe fn enter(
         Ok(()) => return fmi2Status::fmi2OK,
         Err(Problem::Call(text)) => text,
         Err(Problem::Run(text)) => {
-            component.state = State::Error;
+            component.stage.state = State::Error;
             text
         }
     };

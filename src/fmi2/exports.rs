@@ -2,7 +2,8 @@
 //!
 //! Names, arguments and answers are the standard's. All functions that take an instance have one safety contract: the
 //! instance came from [`fmi2Instantiate`] of this library, was not freed since, and no other call on it is under way; an
-//! array has as many elements as its length says. Null pointers are refused.
+//! array has as many elements as its length says; an `fmi2FMUstate` is null or came from [`fmi2GetFMUstate`] or
+//! [`fmi2DeSerializeFMUstate`] of this library, was not freed since, and no other call uses it. Null pointers are refused.
 
 #![allow(non_snake_case, reason = "the names are those of the standard")]
 
@@ -15,6 +16,8 @@ use super::door::{enter, words};
 use super::logger::{Category, Logger};
 use super::registry;
 use super::sequence::{Function, State};
+use super::snapshot::Snapshot;
+use super::unload;
 use crate::slave::instance::Step;
 use crate::slave::variable::Value;
 
@@ -98,8 +101,11 @@ unsafe fn get<T>(
             unsafe { (elements("vr", references, count)?, elements_mut("value", values, count)?) };
         for (reference, value) in references.iter().zip(values) {
             let found = component.slave.get(*reference as usize).map_err(Problem::call)?;
+            if let Value::Real(number) = found {
+                handed_out(component, *reference, number)?;
+            }
             *value = take(found).ok_or_else(|| {
-                Problem::Call(format!("value reference {reference} is no {noun} but a {}", found.noun()))
+                Problem::Call(format!("{} is no {noun} but a {}", component.name_of(*reference), found.noun()))
             })?;
         }
         Ok(())
@@ -108,7 +114,7 @@ unsafe fn get<T>(
     unsafe { enter(component, function, body) }
 }
 
-/// Writes the variables of one type.
+/// Writes the variables of one type: all of them, or none if anything is wrong with one.
 ///
 /// # Safety
 /// As for all functions of this module.
@@ -123,22 +129,44 @@ unsafe fn set<T: Copy>(
         // SAFETY: the arrays are as the contract of the exported function says.
         let (references, values) = unsafe { (elements("vr", references, count)?, elements("value", values, count)?) };
         for (reference, value) in references.iter().zip(values) {
-            let value = wrap(*value).map_err(|why| Problem::Call(format!("value reference {reference}: {why}")))?;
-            component.slave.set(*reference as usize, value).map_err(Problem::call)?;
+            wrap(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
         }
-        Ok(())
+        let setting = |at: usize| (references[at] as usize, wrap(values[at]).expect("all values were checked"));
+        component.slave.set_all(count, &setting).map_err(Problem::call)
     };
     // SAFETY: the component is as the contract of the exported function says.
     unsafe { enter(component, function, body) }
 }
 
-/// Answers a function that these FMUs do not offer, as their model description says.
+/// Lets a number out if it is finite: inputs can be finite and so large that what follows from them is not.
+fn handed_out(component: &Component, reference: fmi2ValueReference, value: fmi2Real) -> Result<fmi2Real, Problem> {
+    let name = || component.name_of(reference);
+    let why = || Problem::Call(format!("{}: with the inputs as they stand it would be {value}", name()));
+    if value.is_finite() { Ok(value) } else { Err(why()) }
+}
+
+/// Refuses a number that is not finite.
+fn finite(value: fmi2Real) -> Result<fmi2Real, String> {
+    if value.is_finite() { Ok(value) } else { Err(format!("{value} is refused: a finite number is wanted")) }
+}
+
+/// A snapshot that the importer was handed before.
 ///
 /// # Safety
-/// As for all functions of this module.
-unsafe fn not_offered(component: fmi2Component, function: Function, what: &str) -> fmi2Status {
-    // SAFETY: the component is as the contract of the exported function says.
-    unsafe { enter(component, function, |_| Err(Problem::Call(format!("{what}; the model description says so")))) }
+/// The pointer is null or came from [`fmi2GetFMUstate`] or [`fmi2DeSerializeFMUstate`] of this library and was not freed
+/// since; nobody else uses the snapshot while the answer is in use.
+unsafe fn snapshot<'a>(state: fmi2FMUstate) -> Result<&'a mut Snapshot, Problem> {
+    // SAFETY: a pointer that is not null is, by this function's contract, a live snapshot that no one else uses.
+    unsafe { state.cast::<Snapshot>().as_mut() }.ok_or_else(|| Problem::call("FMUstate is null: a snapshot is wanted"))
+}
+
+/// The place of a single value of the importer's.
+///
+/// # Safety
+/// As for [`elements_mut`].
+unsafe fn element_mut<'a, T>(name: &str, place: *mut T) -> Result<&'a mut T, Problem> {
+    // SAFETY: by this function's contract.
+    unsafe { elements_mut(name, place, 1) }.map(|elements| &mut elements[0])
 }
 
 /// There are no variables of type String: an empty list is served, any reference is unknown.
@@ -201,14 +229,15 @@ fn instantiate(
     let Some(guid) = guid else {
         return refuse(format_args!("fmuGUID is null: the guid of the model description is wanted"));
     };
-    let Some(slave) = guid.to_str().ok().and_then(registry::by_guid) else {
+    let Some(entry) = guid.to_str().ok().and_then(registry::by_guid) else {
         return refuse(format_args!(
             "fmuGUID = {} is none of this binary's: model description and binary do not belong together; wanted is {}",
             guid.to_string_lossy(),
             registry::listed()
         ));
     };
-    let component = Component::new((slave.instantiate)(), logger);
+    unload::prepare();
+    let component = Component::new(entry, logger);
     Some(Box::into_raw(Box::new(component)).cast())
 }
 
@@ -288,7 +317,7 @@ export! {
     /// Begins the initialization.
     fn fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE(c: fmi2Component) -> fmi2Status {
         let body = |component: &mut Component| {
-            component.state = State::InitializationMode;
+            component.stage.state = State::InitializationMode;
             Ok(())
         };
         // SAFETY: the component is as this module's contract says.
@@ -304,7 +333,7 @@ export! {
     /// Ends the run.
     fn fmi2Terminate: fmi2TerminateTYPE(c: fmi2Component) -> fmi2Status {
         let body = |component: &mut Component| {
-            component.state = State::Terminated;
+            component.stage.state = State::Terminated;
             Ok(())
         };
         // SAFETY: the component is as this module's contract says.
@@ -368,7 +397,7 @@ export! {
         unsafe { no_strings(c, Function::GetString, nvr) }
     }
 
-    /// Writes Real variables, in the order given; those before one that is refused are written.
+    /// Writes Real variables: all of them, or none if one is refused. Numbers that are not finite are refused.
     fn fmi2SetReal: fmi2SetRealTYPE(
         c: fmi2Component,
         vr: *const fmi2ValueReference,
@@ -379,7 +408,7 @@ export! {
         unsafe { set(c, Function::SetReal, (vr, nvr), value, |value| Ok(Value::Real(value))) }
     }
 
-    /// Writes Integer variables and choices, in the order given; those before one that is refused are written.
+    /// Writes Integer variables and choices: all of them, or none if one is refused.
     fn fmi2SetInteger: fmi2SetIntegerTYPE(
         c: fmi2Component,
         vr: *const fmi2ValueReference,
@@ -390,7 +419,7 @@ export! {
         unsafe { set(c, Function::SetInteger, (vr, nvr), value, |value| Ok(Value::Integer(value))) }
     }
 
-    /// Writes Boolean variables, in the order given; those before one that is refused are written.
+    /// Writes Boolean variables: all of them, or none if one is refused.
     fn fmi2SetBoolean: fmi2SetBooleanTYPE(
         c: fmi2Component,
         vr: *const fmi2ValueReference,
@@ -417,92 +446,194 @@ export! {
         unsafe { no_strings(c, Function::SetString, nvr) }
     }
 
-    /// Not offered.
-    fn fmi2GetFMUstate: fmi2GetFMUstateTYPE(c: fmi2Component, _FMUstate: *mut fmi2FMUstate) -> fmi2Status {
+    /// Takes a snapshot; into an existing one if there is one.
+    fn fmi2GetFMUstate: fmi2GetFMUstateTYPE(c: fmi2Component, FMUstate: *mut fmi2FMUstate) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: the pointer is as this module's contract says, and what it points to is null or a live snapshot.
+            let place = unsafe { element_mut("FMUstate", FMUstate)? };
+            if place.is_null() {
+                *place = Box::into_raw(Box::new(component.save())).cast();
+                return Ok(());
+            }
+            // SAFETY: as above.
+            component.save_over(unsafe { snapshot(*place)? })
+        };
         // SAFETY: the component is as this module's contract says.
-        unsafe { not_offered(c, Function::GetFMUstate, NO_STATES) }
+        unsafe { enter(c, Function::GetFMUstate, body) }
     }
 
-    /// Not offered.
-    fn fmi2SetFMUstate: fmi2SetFMUstateTYPE(c: fmi2Component, _FMUstate: fmi2FMUstate) -> fmi2Status {
+    /// Makes the instance what it, or another instance of the same model, was when the snapshot was taken, its state in
+    /// the sequence of calls and its time included. The snapshot stays.
+    fn fmi2SetFMUstate: fmi2SetFMUstateTYPE(c: fmi2Component, FMUstate: fmi2FMUstate) -> fmi2Status {
+        // SAFETY: the pointer is null or a live snapshot, as this module's contract says.
+        let body = |component: &mut Component| component.restore(unsafe { snapshot(FMUstate)? });
         // SAFETY: the component is as this module's contract says.
-        unsafe { not_offered(c, Function::SetFMUstate, NO_STATES) }
+        unsafe { enter(c, Function::SetFMUstate, body) }
     }
 
-    /// Not offered.
-    fn fmi2FreeFMUstate: fmi2FreeFMUstateTYPE(c: fmi2Component, _FMUstate: *mut fmi2FMUstate) -> fmi2Status {
+    /// Ends a snapshot and makes the pointer null; a null pointer is left as it is. Any instance of this library can be
+    /// asked to do that.
+    fn fmi2FreeFMUstate: fmi2FreeFMUstateTYPE(c: fmi2Component, FMUstate: *mut fmi2FMUstate) -> fmi2Status {
+        let body = |_: &mut Component| {
+            if FMUstate.is_null() {
+                return Ok(());
+            }
+            // SAFETY: the pointer is as this module's contract says.
+            let place = unsafe { element_mut("FMUstate", FMUstate)? };
+            let state = std::mem::replace(place, std::ptr::null_mut());
+            if !state.is_null() {
+                // SAFETY: a live snapshot, made by `Box::into_raw`, which the importer does not use again.
+                drop(unsafe { Box::from_raw(state.cast::<Snapshot>()) });
+            }
+            Ok(())
+        };
         // SAFETY: the component is as this module's contract says.
-        unsafe { not_offered(c, Function::FreeFMUstate, NO_STATES) }
+        unsafe { enter(c, Function::FreeFMUstate, body) }
     }
 
-    /// Not offered.
+    /// Tells how many bytes a snapshot has when it is written down.
     fn fmi2SerializedFMUstateSize: fmi2SerializedFMUstateSizeTYPE(
         c: fmi2Component,
-        _FMUstate: fmi2FMUstate,
-        _size: *mut usize,
+        FMUstate: fmi2FMUstate,
+        size: *mut usize,
     ) -> fmi2Status {
+        let body = |_: &mut Component| {
+            // SAFETY: both pointers are as this module's contract says.
+            let (snapshot, size) = unsafe { (snapshot(FMUstate)?, element_mut("size", size)?) };
+            *size = snapshot.write().len();
+            Ok(())
+        };
         // SAFETY: the component is as this module's contract says.
-        unsafe { not_offered(c, Function::SerializedFMUstateSize, NO_STATES) }
+        unsafe { enter(c, Function::SerializedFMUstateSize, body) }
     }
 
-    /// Not offered.
+    /// Writes a snapshot down. Bytes beyond its size are left alone.
     fn fmi2SerializeFMUstate: fmi2SerializeFMUstateTYPE(
         c: fmi2Component,
-        _FMUstate: fmi2FMUstate,
-        _serializedState: *mut fmi2Byte,
-        _size: usize,
+        FMUstate: fmi2FMUstate,
+        serializedState: *mut fmi2Byte,
+        size: usize,
     ) -> fmi2Status {
+        let body = |_: &mut Component| {
+            // SAFETY: pointer and array are as this module's contract says.
+            let (snapshot, room) =
+                unsafe { (snapshot(FMUstate)?, elements_mut("serializedState", serializedState.cast::<u8>(), size)?) };
+            let bytes = snapshot.write();
+            let room = room.get_mut(..bytes.len()).ok_or_else(|| {
+                Problem::Call(format!("size = {size} is refused: the snapshot has {} bytes", bytes.len()))
+            })?;
+            room.copy_from_slice(&bytes);
+            Ok(())
+        };
         // SAFETY: the component is as this module's contract says.
-        unsafe { not_offered(c, Function::SerializeFMUstate, NO_STATES) }
+        unsafe { enter(c, Function::SerializeFMUstate, body) }
     }
 
-    /// Not offered.
+    /// Makes a new snapshot of bytes that this function's counterpart wrote, in this process or another. Bytes of another
+    /// model, another version, cut short or changed are refused.
     fn fmi2DeSerializeFMUstate: fmi2DeSerializeFMUstateTYPE(
         c: fmi2Component,
-        _serializedState: *const fmi2Byte,
-        _size: usize,
-        _FMUstate: *mut fmi2FMUstate,
+        serializedState: *const fmi2Byte,
+        size: usize,
+        FMUstate: *mut fmi2FMUstate,
     ) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: array and pointer are as this module's contract says.
+            let (bytes, place) = unsafe {
+                (elements("serializedState", serializedState.cast::<u8>(), size)?, element_mut("FMUstate", FMUstate)?)
+            };
+            let snapshot = Snapshot::read(component.entry, bytes).map_err(Problem::Call)?;
+            *place = Box::into_raw(Box::new(snapshot)).cast();
+            Ok(())
+        };
         // SAFETY: the component is as this module's contract says.
-        unsafe { not_offered(c, Function::DeSerializeFMUstate, NO_STATES) }
+        unsafe { enter(c, Function::DeSerializeFMUstate, body) }
     }
 
-    /// Not offered.
+    /// Directional derivatives of outputs and of derivatives of states with respect to inputs and states, in
+    /// initialization also with respect to parameters; exact.
     fn fmi2GetDirectionalDerivative: fmi2GetDirectionalDerivativeTYPE(
         c: fmi2Component,
-        _vUnknown_ref: *const fmi2ValueReference,
-        _nUnknown: usize,
-        _vKnown_ref: *const fmi2ValueReference,
-        _nKnown: usize,
-        _dvKnown: *const fmi2Real,
-        _dvUnknown: *mut fmi2Real,
+        vUnknown_ref: *const fmi2ValueReference,
+        nUnknown: usize,
+        vKnown_ref: *const fmi2ValueReference,
+        nKnown: usize,
+        dvKnown: *const fmi2Real,
+        dvUnknown: *mut fmi2Real,
     ) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: all arrays are as this module's contract says.
+            let (unknowns, knowns, direction, derivatives) = unsafe {
+                (
+                    elements("vUnknown_ref", vUnknown_ref, nUnknown)?,
+                    elements("vKnown_ref", vKnown_ref, nKnown)?,
+                    elements("dvKnown", dvKnown, nKnown)?,
+                    elements_mut("dvUnknown", dvUnknown, nUnknown)?,
+                )
+            };
+            for (reference, value) in knowns.iter().zip(direction) {
+                finite(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
+            }
+            let known = |at: usize| (knowns[at] as usize, direction[at]);
+            let found = component.slave.differentiate(nKnown, &known).map_err(Problem::call)?;
+            for (reference, derivative) in unknowns.iter().zip(derivatives) {
+                *derivative = handed_out(component, *reference, found.of(*reference as usize).map_err(Problem::call)?)?;
+            }
+            Ok(())
+        };
         // SAFETY: the component is as this module's contract says.
-        unsafe { not_offered(c, Function::GetDirectionalDerivative, "directional derivatives are not provided") }
+        unsafe { enter(c, Function::GetDirectionalDerivative, body) }
     }
 
-    /// Not offered.
+    /// Gives continuous inputs derivatives with respect to time, valid at the begin of the next step and for that step
+    /// alone: all of them, or none if one is refused.
+    ///
+    /// With derivatives d the input is `u(t) = u + Σ_j d_j (t − t_0)^j / j!` over the step from t_0, where u is what
+    /// `fmi2SetReal` set, before or after this call. A plant integrates along it; what is sampled sees its value at the
+    /// instants of its samples. After the step the input stays at the value it has reached and all derivatives are 0.
     fn fmi2SetRealInputDerivatives: fmi2SetRealInputDerivativesTYPE(
         c: fmi2Component,
-        _vr: *const fmi2ValueReference,
-        _nvr: usize,
-        _order: *const fmi2Integer,
-        _value: *const fmi2Real,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        order: *const fmi2Integer,
+        value: *const fmi2Real,
     ) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: all arrays are as this module's contract says.
+            let (references, orders, values) =
+                unsafe { (elements("vr", vr, nvr)?, elements("order", order, nvr)?, elements("value", value, nvr)?) };
+            for (reference, value) in references.iter().zip(values) {
+                finite(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
+            }
+            let setting = |at: usize| (references[at] as usize, orders[at], values[at]);
+            component.slave.set_slopes(nvr, &setting).map_err(Problem::call)
+        };
         // SAFETY: the component is as this module's contract says.
-        unsafe { not_offered(c, Function::SetRealInputDerivatives, "inputs are held over the step, not interpolated") }
+        unsafe { enter(c, Function::SetRealInputDerivatives, body) }
     }
 
-    /// Not offered.
+    /// Derivatives of outputs with respect to time at the end of the last step, the inputs moving on as they did at its
+    /// end; an input that was set since is held. Exact; 0 for outputs that are sampled, since they stand still in between.
     fn fmi2GetRealOutputDerivatives: fmi2GetRealOutputDerivativesTYPE(
         c: fmi2Component,
-        _vr: *const fmi2ValueReference,
-        _nvr: usize,
-        _order: *const fmi2Integer,
-        _value: *mut fmi2Real,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        order: *const fmi2Integer,
+        value: *mut fmi2Real,
     ) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: all arrays are as this module's contract says.
+            let (references, orders, values) = unsafe {
+                (elements("vr", vr, nvr)?, elements("order", order, nvr)?, elements_mut("value", value, nvr)?)
+            };
+            for ((reference, order), value) in references.iter().zip(orders).zip(values) {
+                let found = component.slave.output_derivative(*reference as usize, *order).map_err(Problem::call)?;
+                *value = handed_out(component, *reference, found)?;
+            }
+            Ok(())
+        };
         // SAFETY: the component is as this module's contract says.
-        unsafe { not_offered(c, Function::GetRealOutputDerivatives, "derivatives of outputs are not provided") }
+        unsafe { enter(c, Function::GetRealOutputDerivatives, body) }
     }
 
     /// Does one communication step.
@@ -526,7 +657,7 @@ export! {
     /// How the last step ended.
     fn fmi2GetStatus: fmi2GetStatusTYPE(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Status) -> fmi2Status {
         let answer = |component: &Component, kind| {
-            (kind == fmi2StatusKind::fmi2DoStepStatus).then_some(component.last_step)
+            (kind == fmi2StatusKind::fmi2DoStepStatus).then_some(component.stage.last_step)
         };
         // SAFETY: all arguments are as this module's contract says.
         unsafe { status(c, Function::GetStatus, s, value, answer) }
@@ -535,7 +666,7 @@ export! {
     /// The time up to which the run has come.
     fn fmi2GetRealStatus: fmi2GetRealStatusTYPE(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Real) -> fmi2Status {
         let answer = |component: &Component, kind| {
-            (kind == fmi2StatusKind::fmi2LastSuccessfulTime).then(|| component.time_s())
+            (kind == fmi2StatusKind::fmi2LastSuccessfulTime).then_some(component.stage.time_s)
         };
         // SAFETY: all arguments are as this module's contract says.
         unsafe { status(c, Function::GetRealStatus, s, value, answer) }
@@ -573,5 +704,3 @@ export! {
         unsafe { status(c, Function::GetStringStatus, s, value, answer) }
     }
 }
-
-const NO_STATES: &str = "states can be neither read nor restored";

@@ -29,12 +29,17 @@ pub fn entries() -> &'static [Entry] {
 }
 
 /// The model of that GUID.
-pub(super) fn by_guid(guid: &str) -> Option<&'static Kind> {
-    entries().iter().find(|entry| entry.guid == guid).map(|entry| entry.kind)
+pub(super) fn by_guid(guid: &str) -> Option<&'static Entry> {
+    entries().iter().find(|entry| entry.guid == guid)
 }
 
 /// All GUIDs with their models, for messages.
 pub(super) fn listed() -> String {
     let listed: Vec<_> = entries().iter().map(|entry| format!("{} ({})", entry.guid, entry.kind.name)).collect();
     listed.join(" or ")
+}
+
+/// Where the models are kept, to be dropped when the library is unloaded.
+pub(super) fn shelf() -> &'static (dyn std::any::Any + Send + Sync) {
+    &ENTRIES
 }

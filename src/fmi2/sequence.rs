@@ -19,7 +19,8 @@ pub enum State {
 }
 
 impl State {
-    const ALL: [Self; 5] =
+    /// All states.
+    pub const ALL: [Self; 5] =
         [Self::Instantiated, Self::InitializationMode, Self::StepComplete, Self::Terminated, Self::Error];
 }
 

@@ -20,6 +20,28 @@
 //! At the first sample the rotor is taken to be on the path: position as measured, velocity of the path, perturbation 0.
 //! Until the first command acts, from `t_0` to `t_1`, no current flows, and the observer knows it.
 //!
+//! # Voltage drive
+//!
+//! The currents measured say where the coils stand at `t_k`; the voltages under way, limited as the amplifiers limit them,
+//! predict them at `t_{k+1}`. The force of a magnet is then known at the sample instants, and runs between them
+//! nearly along a straight line. What is chosen at sample k is the acceleration at `t_{k+2}`, by feedback of position,
+//! velocity and acceleration predicted for `t_{k+1}`:
+//!
+//! ```text
+//! Ÿ_{k+2} = Ÿ*_{k+2} − k_0 (Y − Y*)_{k+1} − k_1 (Ẏ − Ẏ*)_{k+1} − k_2 (Ÿ − Ÿ*)_{k+1}
+//! ```
+//!
+//! with poles at ρ, ρ and 0 of the double integrator whose input is a polygon. The currents `i*` for the forces give the
+//! voltages by the mean of `u = R i + d(L i)/dt` over `[t_{k+1}, t_{k+2})`, the change of L with the gap (the speed voltage)
+//! included; what the currents miss of their references at `t_{k+1}` is left to decay by `ρ_i = exp(−ω_i T_s)` per sample:
+//!
+//! ```text
+//! i_{k+2} = i*_{k+2} + ρ_i (i − i*)_{k+1}
+//! ```
+//!
+//! There is no integrator that could wind up at the limit of the amplifiers: the integral action of the loop is the observer
+//! of the perturbation, and it is told the forces of the currents that flow, not those asked for.
+//!
 //! # A change of λ
 //!
 //! The currents under way stay what they are; a new λ gives them new forces. The difference of the resultants goes into
@@ -29,10 +51,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::coil::{CoilConfig, Drive};
 use super::magnet::Magnets;
 use super::observer::{Estimate, PerturbationObserver, pole};
 use super::plant::check_step;
-use super::reference::{Reference, ReferenceConfig, ReferenceState, Shape};
+use super::reference::{RefPoint, Reference, ReferenceConfig, ReferenceState, Shape};
 use super::{Checks, Invalid};
 
 /// Time constant, in s, with which λ follows its estimate in [`UpdateMode::WhenValid`].
@@ -81,6 +104,11 @@ pub struct ControllerConfig {
     pub tracking_rad_s: f64,
     /// Poles of the perturbation observer, ω_o, in rad/s.
     pub observer_rad_s: f64,
+    /// How fast currents that miss their references return to them with voltage drive, ω_i, in rad/s.
+    pub current_rad_s: f64,
+    /// The coils as the controller knows them: drive, resistance, leakage, limit of the voltage. Their iron is taken not
+    /// to saturate.
+    pub coil: CoilConfig,
     /// When the estimated λ is taken over.
     pub update: UpdateMode,
     /// Time of the update in [`UpdateMode::AtTime`], in s.
@@ -102,6 +130,8 @@ impl Default for ControllerConfig {
             f0_n: 20.0,
             tracking_rad_s: 1000.0,
             observer_rad_s: 4000.0,
+            current_rad_s: 5000.0,
+            coil: CoilConfig::default(),
             update: UpdateMode::AtTime,
             update_time_s: 0.2,
             reference: ReferenceConfig::default(),
@@ -114,6 +144,8 @@ impl Default for ControllerConfig {
 pub struct ControllerInput {
     /// Position measured (Ym, Zm), in m.
     pub position_m: [f64; 2],
+    /// Currents measured, in A; have to be finite only with voltage drive.
+    pub current_a: [f64; 3],
     /// Estimate of λ, in N·m²/A².
     pub lambda_hat_nm2_a2: [f64; 3],
     /// Whether that estimate is valid.
@@ -127,8 +159,10 @@ pub struct ControllerInput {
 /// What the controller says at a sample.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ControllerOutput {
-    /// Currents to hold from the next sample on, in A.
+    /// Currents to hold from the next sample on, in A; with voltage drive those to be reached at the end of that sample.
     pub current_a: [f64; 3],
+    /// Voltages to hold from the next sample on, in V, with voltage drive.
+    pub voltage_v: [f64; 3],
     /// Position measured minus path at this sample, (y, z), in m.
     pub tracking_error_m: [f64; 2],
     /// Perturbation observed p̂, (y, z), in N.
@@ -144,6 +178,8 @@ pub struct ControllerOutput {
     /// Whether a predicted gap was not believed: the currents are those for [`SMALLEST_GAP`], and the
     /// forces of the magnets are not those asked for.
     pub saturated: bool,
+    /// Whether an amplifier is asked for its limit.
+    pub limited: bool,
 }
 
 /// Where the controller stands; belongs to a [`Controller`].
@@ -155,8 +191,12 @@ pub struct ControllerState {
     start_s: f64,
     /// What the observers expect at the next sample, (y, z).
     expected: [Estimate; 2],
-    /// Forces of the magnets, by the model, from the next sample on, in N.
+    /// Forces of the magnets, by the model, from the next sample on, in N; with voltage drive those at the last sample.
     under_way_n: [f64; 3],
+    /// Voltages from the next sample on, in V.
+    voltage_v: [f64; 3],
+    /// Currents asked for at the next sample, in A, with voltage drive.
+    planned_a: [f64; 3],
     /// λ in use, in N·m²/A².
     lambda_nm2_a2: [f64; 3],
     /// Whether the estimate was taken over, in [`UpdateMode::AtTime`].
@@ -164,6 +204,44 @@ pub struct ControllerState {
     /// Smallest force asked for, in N.
     preload_n: f64,
     reference: ReferenceState,
+}
+
+/// How many numbers a small motion of the loop changes in a [`ControllerState`].
+pub(crate) const UNKNOWNS: usize = 15;
+
+impl ControllerState {
+    /// Increments of the unknowns for differences, each of the size of a small motion.
+    pub(crate) const INCREMENTS: [f64; UNKNOWNS] =
+        [1e-9, 1e-6, 1e-3, 1e-9, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-5, 1e-5, 1e-5];
+
+    /// `[x, v, d]` of y and of z, forces and voltages under way, currents planned.
+    pub(crate) fn unknowns(&self) -> [f64; UNKNOWNS] {
+        let mut all = [0.0; UNKNOWNS];
+        let parts =
+            self.expected.iter().flatten().chain(&self.under_way_n).chain(&self.voltage_v).chain(&self.planned_a);
+        for (place, value) in all.iter_mut().zip(parts) {
+            *place = *value;
+        }
+        all
+    }
+
+    /// Sets what [`unknowns`](Self::unknowns) gives.
+    pub(crate) fn set_unknowns(&mut self, all: [f64; UNKNOWNS]) {
+        let parts = self.expected.iter_mut().flatten();
+        let parts = parts.chain(&mut self.under_way_n).chain(&mut self.voltage_v).chain(&mut self.planned_a);
+        for (place, value) in parts.zip(all) {
+            *place = value;
+        }
+    }
+}
+
+/// What a sample leads to.
+struct Command {
+    current_a: [f64; 3],
+    voltage_v: [f64; 3],
+    force_n: [f64; 2],
+    saturated: bool,
+    limited: bool,
 }
 
 /// Why a sample was refused. The state is unchanged, and no current is given.
@@ -194,6 +272,10 @@ pub struct Controller {
     reference: Reference,
     /// `[k_0, k_1]` in 1/s² and 1/s.
     gains: [f64; 2],
+    /// `[k_0, k_1, k_2]` in 1/s², 1/s and 1, with voltage drive.
+    ramp_gains: [f64; 3],
+    /// `ρ_i`.
+    decay: f64,
     /// Parts of the way to its target that λ, and the smallest force, go in one sample.
     follow: f64,
     relax: f64,
@@ -205,6 +287,15 @@ pub struct Controller {
 pub fn tracking_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 2] {
     let (rho, q) = pole(bandwidth_rad_s, step_s);
     [q * q / (step_s * step_s), q * (3.0 + rho) / (2.0 * step_s)]
+}
+
+/// `[k_0, k_1, k_2]`, in 1/s², 1/s and 1, that put the poles of the double integrator, whose input is a polygon with one corner
+/// per sample, at `ρ = exp(−ω T_s)`, ρ and 0.
+///
+/// `k_0 = (1 − ρ)²/T_s²`, `k_1 = 2(1 − ρ)/T_s`, `k_2 = (1 − ρ) − (1 − ρ)²/6`.
+pub fn ramp_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 3] {
+    let (_, q) = pole(bandwidth_rad_s, step_s);
+    [q * q / (step_s * step_s), 2.0 * q / step_s, q - q * q / 6.0]
 }
 
 impl Controller {
@@ -224,6 +315,8 @@ impl Controller {
         checks.not_negative("F0", config.f0_n, "N");
         checks.positive("bandwidth.tracking", config.tracking_rad_s, "rad/s");
         checks.positive("bandwidth.observer", config.observer_rad_s, "rad/s");
+        checks.positive("bandwidth.current", config.current_rad_s, "rad/s");
+        config.coil.check(config.gap_m, config.lambda0_nm2_a2, &mut checks);
         checks.finite("update.time", config.update_time_s, "s");
         let reference = Reference::checked(config.reference.clone(), config.step_s, &magnets, &mut checks);
         checks.finish()?;
@@ -232,6 +325,8 @@ impl Controller {
             observer: PerturbationObserver::new(config.observer_rad_s, config.step_s),
             reference,
             gains: tracking_gains(config.tracking_rad_s, config.step_s),
+            ramp_gains: ramp_gains(config.tracking_rad_s, config.step_s),
+            decay: pole(config.current_rad_s, config.step_s).0,
             follow: -libm::expm1(-config.step_s / FOLLOW_S),
             relax: -libm::expm1(-config.step_s / PRELOAD_S),
             config,
@@ -250,11 +345,21 @@ impl Controller {
             start_s,
             expected: [[0.0; 3]; 2],
             under_way_n: [0.0; 3],
+            voltage_v: [0.0; 3],
+            planned_a: [0.0; 3],
             lambda_nm2_a2: self.config.lambda0_nm2_a2,
             updated: false,
             preload_n: self.config.f0_n,
             reference: self.reference.start(),
         }
+    }
+
+    /// Whether a state, for instance one read from a file, can be gone on with: its numbers are finite, its counts in order.
+    pub fn accepts(&self, state: &ControllerState) -> bool {
+        let lists = state.expected.iter().flatten().chain(&state.under_way_n).chain(&state.lambda_nm2_a2);
+        let lists = lists.chain(&state.voltage_v).chain(&state.planned_a);
+        let numbers = lists.chain([&state.start_s, &state.preload_n]);
+        self.reference.accepts(&state.reference) && state.samples < u64::MAX && numbers.copied().all(f64::is_finite)
     }
 
     /// What stands at the outputs before the first sample: no current, the first guess of λ, and where the path begins.
@@ -287,8 +392,9 @@ impl Controller {
         let mut next = state.clone();
         let output = self.next(&mut next, input);
         let estimates = next.expected.iter().flatten().chain(&next.under_way_n).chain(&output.current_a);
+        let coils = output.voltage_v.iter().chain(&next.planned_a);
         let outputs = output.force_n.iter().chain(&output.perturbation_n).chain(&output.tracking_error_m);
-        if !estimates.chain(outputs).all(|value| value.is_finite()) {
+        if !estimates.chain(outputs).chain(coils).all(|value| value.is_finite()) {
             return Err(ControllerFault::Overflow { sample: state.samples });
         }
         *state = next;
@@ -296,10 +402,12 @@ impl Controller {
     }
 
     fn next(&self, state: &mut ControllerState, input: &ControllerInput) -> ControllerOutput {
-        let m = self.config.m_kg;
         let step_s = self.config.step_s;
         let first = state.samples == 0;
 
+        if first {
+            self.reference.begin(&mut state.reference, input.position_m);
+        }
         self.reference.sample(&mut state.reference, input.omega_rad_s, input.reference_m);
         let here = self.reference.ahead(&state.reference, 0.0);
         let begin = self.reference.ahead(&state.reference, step_s);
@@ -317,8 +425,45 @@ impl Controller {
                 self.observer.update(state.expected[a], input.position_m[a])
             }
         });
+        let voltage = self.config.coil.drive == Drive::Voltage;
+        let floor_m = SMALLEST_GAP * self.config.gap_m;
+        let gap_m = self.magnets.gaps(estimate.map(|[x, ..]| x)).map(|gap| gap.max(floor_m));
+        if voltage {
+            state.under_way_n = self.magnets.forces(state.lambda_nm2_a2, input.current_a, gap_m);
+        }
         self.update_lambda(state, &mut estimate, input);
+        state.preload_n += self.relax * (self.config.f0_n - state.preload_n);
 
+        let command = match voltage {
+            true => self.voltages(state, &estimate, input.current_a, gap_m, [begin, end]),
+            false => self.currents(state, &estimate, [begin, end]),
+        };
+        state.samples += 1;
+        let Command { current_a, voltage_v, force_n, saturated, limited } = command;
+
+        ControllerOutput {
+            current_a,
+            voltage_v,
+            tracking_error_m: std::array::from_fn(|a| input.position_m[a] - reference_m[a]),
+            perturbation_n: estimate.map(|[_, _, d]| self.config.m_kg * d),
+            lambda_used_nm2_a2: state.lambda_nm2_a2,
+            force_n,
+            reference_m,
+            reference_ahead_m: begin.map(|point| point.position_m),
+            saturated,
+            limited,
+        }
+    }
+
+    /// Currents to hold over the sample time that begins at the next sample, with the path at its begin and its end.
+    fn currents(
+        &self,
+        state: &mut ControllerState,
+        estimate: &[Estimate; 2],
+        [begin, end]: [[RefPoint; 2]; 2],
+    ) -> Command {
+        let m = self.config.m_kg;
+        let step_s = self.config.step_s;
         let under_way_n = self.magnets.resultant(state.under_way_n);
         let [k_0, k_1] = self.gains;
         let mut force_n = [0.0; 2];
@@ -332,26 +477,72 @@ impl Controller {
             middle_m[a] = self.observer.predict_by(expected, acceleration - d, 0.5 * step_s)[0];
             state.expected[a] = expected;
         }
-
-        state.preload_n += self.relax * (self.config.f0_n - state.preload_n);
         let wanted_n = self.magnets.allocate(force_n, state.preload_n);
         let floor_m = SMALLEST_GAP * self.config.gap_m;
         let predicted_m = self.magnets.gaps(middle_m);
         let saturated = predicted_m.iter().any(|gap| *gap < floor_m);
         let current_a = self.magnets.currents(wanted_n, predicted_m.map(|gap| gap.max(floor_m)), state.lambda_nm2_a2);
         state.under_way_n = wanted_n;
-        state.samples += 1;
+        Command { current_a, voltage_v: [0.0; 3], force_n, saturated, limited: false }
+    }
 
-        ControllerOutput {
-            current_a,
-            tracking_error_m: std::array::from_fn(|a| input.position_m[a] - reference_m[a]),
-            perturbation_n: estimate.map(|[_, _, d]| m * d),
-            lambda_used_nm2_a2: state.lambda_nm2_a2,
-            force_n,
-            reference_m,
-            reference_ahead_m: begin.map(|point| point.position_m),
-            saturated,
+    /// Voltages to hold over the sample time that begins at the next sample, with the path at its begin and its end; the
+    /// currents and gaps are those of this sample.
+    fn voltages(
+        &self,
+        state: &mut ControllerState,
+        estimate: &[Estimate; 2],
+        current_a: [f64; 3],
+        gap_m: [f64; 3],
+        [begin, end]: [[RefPoint; 2]; 2],
+    ) -> Command {
+        let m = self.config.m_kg;
+        let step_s = self.config.step_s;
+        let CoilConfig { resistance_ohm, limit_v, .. } = self.config.coil;
+        let floor_m = SMALLEST_GAP * self.config.gap_m;
+        let lambda = state.lambda_nm2_a2;
+        let inductance = |k: usize, gap_m: f64| self.config.coil.of(lambda[k], self.config.gap_m).inductance_h(gap_m);
+
+        // Position at the next sample: the change of the force until then moves the rotor by less than a gap's rounding.
+        let now_n = self.magnets.resultant(state.under_way_n);
+        let next_m = std::array::from_fn(|a| self.observer.predict(estimate[a], now_n[a] / m)[0]);
+        let next_gap_m = self.magnets.gaps(next_m).map(|gap| gap.max(floor_m));
+        // ψ' = u − R i with the mean of the currents at both ends.
+        let half = 0.5 * step_s * resistance_ohm;
+        let next_a: [f64; 3] = std::array::from_fn(|k| {
+            let linkage = inductance(k, gap_m[k]) * current_a[k] + step_s * state.voltage_v[k] - half * current_a[k];
+            linkage / (inductance(k, next_gap_m[k]) + half)
+        });
+        let next_n = self.magnets.resultant(self.magnets.forces(lambda, next_a, next_gap_m));
+
+        let [k_0, k_1, k_2] = self.ramp_gains;
+        let mut force_n = [0.0; 2];
+        let mut last_m = [0.0; 2];
+        for a in 0..2 {
+            let expected = self.observer.predict_ramp(estimate[a], now_n[a] / m, next_n[a] / m);
+            let [x, v, d] = expected;
+            let acceleration = end[a].acceleration_m_s2
+                - k_2 * (next_n[a] / m + d - begin[a].acceleration_m_s2)
+                - k_1 * (v - begin[a].velocity_m_s)
+                - k_0 * (x - begin[a].position_m);
+            force_n[a] = m * (acceleration - d);
+            last_m[a] = self.observer.predict_ramp(expected, next_n[a] / m, acceleration - d)[0];
+            state.expected[a] = expected;
         }
+        let wanted_n = self.magnets.allocate(force_n, state.preload_n);
+        let predicted_m = self.magnets.gaps(last_m);
+        let saturated = predicted_m.iter().any(|gap| *gap < floor_m);
+        let last_gap_m = predicted_m.map(|gap| gap.max(floor_m));
+        let reference_a = self.magnets.currents(wanted_n, last_gap_m, lambda);
+        let wanted_v: [f64; 3] = std::array::from_fn(|k| {
+            let last_a = (reference_a[k] + self.decay * (next_a[k] - state.planned_a[k])).max(0.0);
+            let change = inductance(k, last_gap_m[k]) * last_a - inductance(k, next_gap_m[k]) * next_a[k];
+            change / step_s + 0.5 * resistance_ohm * (last_a + next_a[k])
+        });
+        let voltage_v = wanted_v.map(|u| u.clamp(-limit_v, limit_v));
+        state.voltage_v = voltage_v;
+        state.planned_a = reference_a;
+        Command { current_a: reference_a, voltage_v, force_n, saturated, limited: voltage_v != wanted_v }
     }
 
     /// Takes the estimated λ over if it is time to, and hands the difference in force to the perturbation.
@@ -396,6 +587,11 @@ impl Controller {
         finite("Ym", input.position_m[0])?;
         finite("Zm", input.position_m[1])?;
         finite("reference.omega", input.omega_rad_s)?;
+        if self.config.coil.drive == Drive::Voltage {
+            for (name, value) in ["im[1]", "im[2]", "im[3]"].into_iter().zip(input.current_a) {
+                finite(name, value)?;
+            }
+        }
         if self.config.reference.shape == Shape::External {
             finite("Yref", input.reference_m[0])?;
             finite("Zref", input.reference_m[1])?;

@@ -25,6 +25,7 @@
 //! All differences are those of the rounded values, so that the sums that telescope on paper telescope in the computer
 //! too. What rounding does to the shape of `φ''` grows with N³: relative 1e-11 at N = 200, 2e-3 at 100 000.
 
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 /// Number of rows that one axis contributes to P(18).
@@ -124,7 +125,7 @@ pub fn psi_between_nodes(n: usize, j: usize, intervals: usize) -> f64 {
 }
 
 /// `(n, factor)` of row `i` = 0, 1, 2: the paper's `g_u,i+1` is `factor · ψ_n'`.
-fn exponent_and_factor(row: usize) -> (usize, f64) {
+pub(super) fn exponent_and_factor(row: usize) -> (usize, f64) {
     let sign = if row % 2 == 1 { -1.0 } else { 1.0 };
     (row + 3, sign / 6.0)
 }
@@ -191,6 +192,58 @@ impl Weights {
                 })
                 .collect();
         Self::new(&phi)
+    }
+
+    /// Weights of at most `most − 1` test functions that together see all that a window tells below `most/(2 T_f)`.
+    ///
+    /// They span `sin nπτ`, n = 1 … `most`, without their mean, so that a constant force drops out; they need no more than
+    /// the zeros at both ends that the weak form asks for. Noise of the positions, standard deviation `position_noise`, and
+    /// of the forces, `force_noise` (per sample and unit of `g_u`, in the unit of the positions), has the covariance
+    /// `R = position_noise² G_z G_zᵀ + force_noise² G_u G_uᵀ` in them; the functions returned are combined by the inverse of
+    /// its Cholesky factor, so that there `R = 1`: plain least squares on them is the weighted least squares of a window.
+    #[must_use]
+    pub fn sines(intervals: usize, most: usize, position_noise: f64, force_noise: f64) -> Vec<Self> {
+        use std::f64::consts::PI;
+        let most = most.min(intervals / 2).max(2);
+        let sine = |n: usize| -> Vec<f64> {
+            (0..=intervals).map(|j| libm::sin(PI * ((n * j) % (2 * intervals)) as f64 / intervals as f64)).collect()
+        };
+        let first = sine(1);
+        let first_sum: f64 = first.iter().sum();
+        let functions: Vec<Vec<f64>> = (2..=most)
+            .map(|n| {
+                let mut phi = sine(n);
+                let share = if n % 2 == 1 { phi.iter().sum::<f64>() / first_sum } else { 0.0 };
+                for (value, first) in phi.iter_mut().zip(&first) {
+                    *value -= share * first;
+                }
+                phi[0] = 0.0;
+                phi[intervals] = 0.0;
+                phi
+            })
+            .collect();
+        let plain: Vec<Self> = functions.iter().map(|phi| Self::new(phi)).collect();
+        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let count = plain.len();
+        let covariance = DMatrix::from_fn(count, count, |i, l| {
+            position_noise * position_noise * product(&plain[i].position, &plain[l].position)
+                + force_noise * force_noise * product(&plain[i].node, &plain[l].node)
+        });
+        // A Gram matrix of independent functions is positive definite; where rounding says otherwise the plain ones do.
+        let Some(factor) = covariance.cholesky().and_then(|cholesky| cholesky.l().try_inverse()) else {
+            return plain;
+        };
+        (0..count)
+            .map(|i| {
+                let mut phi = vec![0.0; intervals + 1];
+                for (l, function) in functions.iter().enumerate().take(i + 1) {
+                    for (sum, value) in phi.iter_mut().zip(function) {
+                        *sum += factor[(i, l)] * value;
+                    }
+                }
+                Self::new(&phi)
+            })
+            .collect()
     }
 
     /// Weights that keep a constant force (method section 6, static load): `φ = ψ_3/∫ψ_3`, with mean one.

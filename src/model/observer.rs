@@ -75,6 +75,13 @@ impl PerturbationObserver {
         [x + ahead_s * (v + 0.5 * ahead_s * a), v + ahead_s * a, d]
     }
 
+    /// The estimate one sample later, with `force/m`, in m/s², running straight from one value to the other.
+    pub fn predict_ramp(&self, [x, v, d]: Estimate, from_m_s2: f64, to_m_s2: f64) -> Estimate {
+        let h = self.step_s;
+        let [a, b] = [from_m_s2 + d, to_m_s2 + d];
+        [x + h * (v + h * (a / 3.0 + b / 6.0)), v + 0.5 * h * (a + b), d]
+    }
+
     /// The estimate, predicted for the instant of the measurement, corrected by the position measured, in m.
     pub fn update(&self, [x, v, d]: Estimate, position_m: f64) -> Estimate {
         let [l_1, l_2, l_3] = self.gains;

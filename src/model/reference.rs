@@ -1,4 +1,16 @@
 //! The path the rotor is to follow: the flat output and its derivatives.
+//!
+//! # Start
+//!
+//! Where the rotor starts away from the path, at rest on the backup bearing for instance, the reference takes it there
+//! without jumps:
+//!
+//! ```text
+//! X*(t) = (1 − σ(t/lift)) X_0 + σ((t − start)/ramp) path(θ)      σ(τ) = 10τ³ − 15τ⁴ + 6τ⁵, 0 before, 1 after
+//! ```
+//!
+//! with `X_0` the first position measured and t the time since then. A lift of 0 leaves the first term out, a ramp of 0
+//! is a step; start, ramp and lift of 0 are the path itself.
 
 use std::f64::consts::PI;
 
@@ -11,6 +23,44 @@ use super::{Checks, Invalid};
 /// The most lobes a path may have; beyond, no sample time in use resolves them.
 pub const MOST_LOBES: u32 = 1000;
 
+/// The number of harmonics of [`Contour`].
+pub const HARMONICS: usize = 8;
+
+/// A closed path as a Fourier series, n from 1 to [`HARMONICS`]:
+/// `Y* = y_0 + Σ (cosY_n cos nθ + sinY_n sin nθ)`, `Z*` alike, all in m.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Contour {
+    /// Mean position `(y_0, z_0)`.
+    pub centre_m: [f64; 2],
+    /// `cosY_n`.
+    pub cos_y_m: [f64; HARMONICS],
+    /// `sinY_n`.
+    pub sin_y_m: [f64; HARMONICS],
+    /// `cosZ_n`.
+    pub cos_z_m: [f64; HARMONICS],
+    /// `sinZ_n`.
+    pub sin_z_m: [f64; HARMONICS],
+}
+
+impl Contour {
+    /// `[value, d/dθ, d²/dθ²]`, in m, of the axes (y, z) at the angle θ in rad.
+    pub fn at(&self, theta_rad: f64) -> [[f64; 3]; 2] {
+        let axis = |mean: f64, cos_m: &[f64; HARMONICS], sin_m: &[f64; HARMONICS]| {
+            let mut sums = [mean, 0.0, 0.0];
+            for (index, (a, b)) in cos_m.iter().zip(sin_m).enumerate() {
+                let n = (index + 1) as f64;
+                let (sin, cos) = (libm::sin(n * theta_rad), libm::cos(n * theta_rad));
+                sums[0] += a * cos + b * sin;
+                sums[1] += n * (b * cos - a * sin);
+                sums[2] -= n * n * (a * cos + b * sin);
+            }
+            sums
+        };
+        [axis(self.centre_m[0], &self.cos_y_m, &self.sin_y_m), axis(self.centre_m[1], &self.cos_z_m, &self.sin_z_m)]
+    }
+}
+
 /// What kind of path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Shape {
@@ -21,6 +71,8 @@ pub enum Shape {
     Lobes,
     /// Positions sampled from outside.
     External,
+    /// A Fourier series, for holes of any form.
+    Fourier,
 }
 
 /// The path to follow.
@@ -37,6 +89,14 @@ pub struct ReferenceConfig {
     pub lobes: u32,
     /// Amplitude `a` of the lobes, in m; below 0 turns them by half a lobe.
     pub lobe_amplitude_m: f64,
+    /// The path of [`Shape::Fourier`].
+    pub contour: Contour,
+    /// Time from the first sample at which the path begins to grow out of the centre, in s.
+    pub start_s: f64,
+    /// How long it takes to grow, in s.
+    pub ramp_s: f64,
+    /// How long it takes to bring the rotor from where it was first measured to the centre, in s; 0 for not at all.
+    pub lift_s: f64,
     /// Angular velocity at which the path is run through, in rad/s; below 0 runs it backwards.
     pub omega_rad_s: f64,
     /// How fast the observer of an external reference is, in rad/s.
@@ -56,6 +116,10 @@ impl Default for ReferenceConfig {
             r_z_m: 70e-6,
             lobes: 3,
             lobe_amplitude_m: 0.0,
+            contour: Contour::default(),
+            start_s: 0.0,
+            ramp_s: 0.0,
+            lift_s: 0.0,
             omega_rad_s: 2.0 * PI * 50.0,
             bandwidth_rad_s: 4000.0,
         }
@@ -73,6 +137,39 @@ pub struct RefPoint {
     pub acceleration_m_s2: f64,
 }
 
+impl RefPoint {
+    /// The point times a factor that varies: `[factor, its first, its second derivative by time]`.
+    fn grown(self, [s, s_1, s_2]: [f64; 3]) -> Self {
+        let Self { position_m: x, velocity_m_s: v, acceleration_m_s2: a } = self;
+        Self { position_m: s * x, velocity_m_s: s_1 * x + s * v, acceleration_m_s2: s_2 * x + 2.0 * s_1 * v + s * a }
+    }
+
+    /// The point and what is left of the way from `first_m`, of which the factor has been covered.
+    fn from(self, first_m: f64, [s, s_1, s_2]: [f64; 3]) -> Self {
+        Self {
+            position_m: self.position_m + (1.0 - s) * first_m,
+            velocity_m_s: self.velocity_m_s - s_1 * first_m,
+            acceleration_m_s2: self.acceleration_m_s2 - s_2 * first_m,
+        }
+    }
+}
+
+/// `σ(t/length)` with its first and second derivative by t, in 1, 1/s, 1/s²: from 0 to 1, both derivatives 0 at the ends.
+fn rise(t_s: f64, length_s: f64) -> [f64; 3] {
+    if t_s < 0.0 {
+        return [0.0; 3];
+    }
+    if t_s >= length_s {
+        return [1.0, 0.0, 0.0];
+    }
+    let x = t_s / length_s;
+    [
+        x * x * x * (10.0 + x * (6.0 * x - 15.0)),
+        30.0 * x * x * (1.0 - x) * (1.0 - x) / length_s,
+        60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / (length_s * length_s),
+    ]
+}
+
 /// Where a reference stands; belongs to a [`Reference`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceState {
@@ -86,6 +183,8 @@ pub struct ReferenceState {
     omega_rad_s: f64,
     /// θ at the sample taken last, in rad.
     theta_rad: f64,
+    /// Where the rotor was first measured, (y, z), in m.
+    first_m: [f64; 2],
     /// What the external reference of each axis is taken to be at the sample taken last.
     signal: [Signal; 2],
 }
@@ -123,6 +222,10 @@ impl Reference {
             format!("a number up to {MOST_LOBES}"),
         );
         checks.finite("reference.lobeAmplitude", config.lobe_amplitude_m, "m");
+        checks.not_negative("reference.startTime", config.start_s, "s");
+        checks.not_negative("reference.rampTime", config.ramp_s, "s");
+        checks.not_negative("reference.liftTime", config.lift_s, "s");
+        check_contour(&config.contour, checks);
         checks.finite("reference.omega", config.omega_rad_s, "rad/s");
         checks.positive("bandwidth.reference", config.bandwidth_rad_s, "rad/s");
         check_reach(&config, magnets, checks);
@@ -143,8 +246,16 @@ impl Reference {
             base_sample: 0,
             omega_rad_s: self.config.omega_rad_s,
             theta_rad: 0.0,
+            first_m: [0.0; 2],
             signal: [Signal::default(); 2],
         }
+    }
+
+    /// Whether a state, for instance one read from a file, can be gone on with: its numbers are finite, its counts in order.
+    pub fn accepts(&self, state: &ReferenceState) -> bool {
+        let angles = [state.base_rad, state.omega_rad_s, state.theta_rad];
+        let numbers = angles.iter().chain(&state.first_m).chain(state.signal.iter().flat_map(|signal| &signal.0));
+        state.base_sample <= state.samples && state.samples < u64::MAX && numbers.copied().all(f64::is_finite)
     }
 
     /// Goes on to the next sample: `omega_rad_s` is valid from this sample on, `external_m` is what (Yref, Zref) are at
@@ -170,13 +281,26 @@ impl Reference {
         state.samples += 1;
     }
 
+    /// Tells where the rotor is first measured, (y, z), in m; a lift begins there.
+    pub fn begin(&self, state: &mut ReferenceState, position_m: [f64; 2]) {
+        state.first_m = position_m;
+    }
+
     /// The path, (y, z), `ahead_s` after the sample taken last, in s.
     ///
     /// An external reference is continued by the derivatives its observer has found.
     pub fn ahead(&self, state: &ReferenceState, ahead_s: f64) -> [RefPoint; 2] {
         match self.config.shape {
-            Shape::Ellipse | Shape::Lobes => {
-                self.point(state.theta_rad + state.omega_rad_s * ahead_s, state.omega_rad_s)
+            Shape::Ellipse | Shape::Lobes | Shape::Fourier => {
+                let path = self.point(state.theta_rad + state.omega_rad_s * ahead_s, state.omega_rad_s);
+                let ReferenceConfig { start_s, ramp_s, lift_s, .. } = self.config;
+                if [start_s, ramp_s, lift_s] == [0.0; 3] {
+                    return path;
+                }
+                let t_s = (state.samples.max(1) - 1) as f64 * self.step_s + ahead_s;
+                let grown = rise(t_s - start_s, ramp_s);
+                let left = if lift_s > 0.0 { rise(t_s, lift_s) } else { [1.0, 0.0, 0.0] };
+                std::array::from_fn(|a| path[a].grown(grown).from(state.first_m[a], left))
             }
             Shape::External => state.signal.map(|signal| {
                 let [position_m, velocity_m_s, acceleration_m_s2, _] = signal.ahead(ahead_s).0;
@@ -193,12 +317,19 @@ impl Reference {
     /// The path, (y, z), at the angle `theta_rad`, run through at the constant `omega_rad_s`.
     ///
     /// `Y* = (r_Y + a cos nθ) cos θ`, `Z* = (r_Z + a cos nθ) sin θ`, derivatives exact; an ellipse has a = 0. An external
-    /// reference has no such points: it gives those of the ellipse.
+    /// reference has no such points: it gives those of the ellipse. A Fourier series is [`Contour::at`].
     pub fn point(&self, theta_rad: f64, omega_rad_s: f64) -> [RefPoint; 2] {
+        if self.config.shape == Shape::Fourier {
+            return self.config.contour.at(theta_rad).map(|[x, x_1, x_2]| RefPoint {
+                position_m: x,
+                velocity_m_s: omega_rad_s * x_1,
+                acceleration_m_s2: omega_rad_s * omega_rad_s * x_2,
+            });
+        }
         let (sin, cos) = (libm::sin(theta_rad), libm::cos(theta_rad));
         let (a, n) = match self.config.shape {
             Shape::Lobes => (self.config.lobe_amplitude_m, f64::from(self.config.lobes)),
-            Shape::Ellipse | Shape::External => (0.0, 0.0),
+            Shape::Ellipse | Shape::External | Shape::Fourier => (0.0, 0.0),
         };
         let (sin_n, cos_n) = (libm::sin(n * theta_rad), libm::cos(n * theta_rad));
         // The radius r + a cos nθ, its first and second derivative with respect to θ.
@@ -227,6 +358,7 @@ impl Reference {
 fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks) {
     let a = match config.shape {
         Shape::External => return,
+        Shape::Fourier => return check_contour_reach(&config.contour, magnets, checks),
         Shape::Ellipse => 0.0,
         Shape::Lobes => config.lobe_amplitude_m.abs(),
     };
@@ -257,4 +389,56 @@ fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks)
             return;
         }
     }
+}
+
+/// The arrays of a contour with their names in the interface.
+fn coefficients(contour: &Contour) -> [(&'static str, &[f64; HARMONICS]); 4] {
+    [
+        ("reference.cosY", &contour.cos_y_m),
+        ("reference.sinY", &contour.sin_y_m),
+        ("reference.cosZ", &contour.cos_z_m),
+        ("reference.sinZ", &contour.sin_z_m),
+    ]
+}
+
+fn check_contour(contour: &Contour, checks: &mut Checks) {
+    for (name, value) in ["reference.centreY", "reference.centreZ"].into_iter().zip(contour.centre_m) {
+        checks.finite(name, value, "m");
+    }
+    for (name, values) in coefficients(contour) {
+        for (index, value) in values.iter().enumerate() {
+            checks.finite(format!("{name}[{}]", index + 1), *value, "m");
+        }
+    }
+}
+
+/// Refuses a contour that reaches a magnet at one of so many angles, 45 to the shortest wave; the coefficient named is the
+/// largest.
+fn check_contour_reach(contour: &Contour, magnets: &Magnets, checks: &mut Checks) {
+    const ANGLES: usize = 45 * HARMONICS;
+    let mut least = (f64::INFINITY, 0);
+    for index in 0..ANGLES {
+        let theta_rad = 2.0 * PI * index as f64 / ANGLES as f64;
+        let position_m = contour.at(theta_rad).map(|[x, ..]| x);
+        for (k, gap) in magnets.gaps(position_m).into_iter().enumerate() {
+            if gap < least.0 {
+                least = (gap, k + 1);
+            }
+        }
+    }
+    let mut largest = (String::from("reference.centreY"), contour.centre_m[0]);
+    for (name, values) in coefficients(contour) {
+        for (index, value) in values.iter().enumerate() {
+            if value.abs() > largest.1.abs() {
+                largest = (format!("{name}[{}]", index + 1), *value);
+            }
+        }
+    }
+    let (gap, number) = least;
+    checks.require(
+        gap > 0.0 || gap.is_infinite(),
+        largest.0,
+        format_args!("{} m", largest.1),
+        format!("a path that does not reach magnet {number} (the least gap would be {gap} m)"),
+    );
 }

@@ -85,6 +85,23 @@ impl SymmetricEigen {
         if low > 0.0 && ratio.is_finite() { ratio.clamp(1.0, CONDITION_CAP) } else { CONDITION_CAP }
     }
 
+    /// The inverse of the matrix; `None` if the condition has reached its cap or the result is not finite.
+    #[must_use]
+    pub fn inverse(&self) -> Option<NormalMatrix> {
+        if self.condition() >= CONDITION_CAP {
+            return None;
+        }
+        let mut inverse = NormalMatrix::zeros();
+        for e in 0..self.unknowns {
+            for row in 0..self.unknowns {
+                for column in 0..self.unknowns {
+                    inverse[(row, column)] += self.vectors[(row, e)] * self.vectors[(column, e)] / self.values[e];
+                }
+            }
+        }
+        inverse.iter().all(|x| x.is_finite()).then_some(inverse)
+    }
+
     /// Solves `matrix · x = h`; `None` if the condition has reached its cap or the result is not finite.
     #[must_use]
     pub fn solve(&self, h: &NormalVector) -> Option<NormalVector> {

@@ -1,14 +1,14 @@
 //! Rows that several slaves of this project have in common.
 
-use super::unit::{KILOGRAM, LAMBDA, METRE, RADIAN, SECOND};
-use super::variable::{Access, Row};
+use super::unit::{HENRY, KILOGRAM, LAMBDA, METRE, OHM, RADIAN, SECOND, VOLT};
+use super::variable::{Access, Enumeration, Row};
 use crate::model::Invalid;
 
 /// Rotor mass, nominal air gap and angles of the magnets, with the paper's values.
 pub(super) fn geometry<D>(m: Access<D, f64>, s: Access<D, f64>, alpha: Access<D, f64>) -> impl Iterator<Item = Row<D>> {
     use std::f64::consts::{FRAC_PI_3, PI};
     [
-        Row::real("m", m, KILOGRAM, 6.7).min(0.0).says("Mass of the rotor").shown_in("kg"),
+        Row::real("m", m, KILOGRAM, 6.7).min(0.0).says("Mass of the rotor"),
         Row::real("s", s, METRE, 5e-4).min(0.0).nominal(1e-4).shown_in("mm").says("Nominal air gap"),
     ]
     .into_iter()
@@ -16,6 +16,36 @@ pub(super) fn geometry<D>(m: Access<D, f64>, s: Access<D, f64>, alpha: Access<D,
         Row::reals("alpha", alpha, RADIAN, [PI, -FRAC_PI_3, FRAC_PI_3])
             .map(|row| row.says("Angle of magnet {k}, its direction being (sin alpha, cos alpha) in the y-z plane")),
     )
+    .map(Row::fixed)
+}
+
+/// What drives the coils.
+pub static DRIVE: Enumeration = Enumeration {
+    name: "Drive",
+    description: "What drives the coils",
+    items: &[("current", "Currents, held over the step"), ("voltage", "Voltages of amplifiers, held over the step")],
+};
+
+/// Drive, resistance, leakage and limit of the voltage of the coils.
+pub(super) fn coils<D>(
+    drive: Access<D, i32>,
+    resistance: Access<D, f64>,
+    leakage: Access<D, f64>,
+    limit: Access<D, f64>,
+) -> impl Iterator<Item = Row<D>> {
+    [
+        Row::choice("drive", drive, &DRIVE, 1).says("What drives the coils"),
+        Row::real("coil.R", resistance, OHM, 1.0).min(0.0).says("Resistance of each coil, with drive = voltage"),
+        Row::real("coil.Lleak", leakage, HENRY, 0.0)
+            .min(0.0)
+            .nominal(1e-3)
+            .says("Leakage inductance of each coil, beside the 2 lambda/gap of its magnet, with drive = voltage"),
+        Row::real("coil.uMax", limit, VOLT, 100.0)
+            .min(0.0)
+            .nominal(100.0)
+            .says("Voltage limit of the amplifiers, either way, with drive = voltage"),
+    ]
+    .into_iter()
     .map(Row::fixed)
 }
 

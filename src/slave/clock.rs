@@ -37,4 +37,16 @@ impl Clock {
     pub fn taken(&self) -> u64 {
         self.taken
     }
+
+    /// Whether a run with samples every `period_s` can go on from `time_s` with this clock: the samples before are taken,
+    /// the others are not. A clock read from a file may fail this.
+    pub fn suits(&self, period_s: f64, time_s: f64) -> bool {
+        let numbers = self.start_s.is_finite() && self.period_s == period_s && period_s > 0.0;
+        let instant_s = |count: u64| self.start_s + count as f64 * self.period_s;
+        // The end of the last step is `time_s`, so this is the comparison by which samples were taken.
+        let complete = instant_s(self.taken) >= time_s - Self::TOLERANCE * self.period_s;
+        // Importers may begin a step a little before the end of the last one.
+        let ahead_s = self.period_s + 1e-6 * time_s.abs().max(1.0);
+        numbers && complete && (self.taken == 0 || instant_s(self.taken - 1) <= time_s + ahead_s)
+    }
 }

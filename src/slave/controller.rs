@@ -1,18 +1,22 @@
-//! `FlatnessController`: reference, tracking law, perturbation observer and force allocation.
+//! `FlatnessController`: reference, tracking law, perturbation observer, force allocation and current loop.
 
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
-use super::bearing::{geometry, lambda0, sample_time, together};
+use serde::{Deserialize, Serialize};
+
+use super::bearing::{DRIVE, coils, geometry, lambda0, sample_time, together};
 use super::clock::Clock;
-use super::instance::{Fault, Kind, Slave, Step, instantiate, variables};
+use super::course::Course;
+use super::instance::{Fault, Kind, Slave, Step, all, instantiate, variables};
 use super::log::{Log, Topic};
-use super::unit::{AMPERE, LAMBDA, METRE, NEWTON, RADIAN_PER_SECOND, SECOND};
-use super::variable::{Enumeration, Row, place};
+use super::unit::{AMPERE, LAMBDA, METRE, NEWTON, RADIAN_PER_SECOND, SECOND, VOLT};
+use super::variable::{Enumeration, Row, Value, place, with};
 use crate::model::Invalid;
+use crate::model::coil::Drive;
 use crate::model::controller::{
     Controller, ControllerConfig, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
 };
-use crate::model::reference::Shape;
+use crate::model::reference::{HARMONICS, Shape};
 
 /// The controller as a sort of slave.
 pub static KIND: Kind = Kind {
@@ -20,6 +24,8 @@ pub static KIND: Kind = Kind {
     description: "Flatness-based tracking controller with perturbation observer for a three-phase magnetic bearing",
     stop_s: 0.4,
     step_s: 1e-4,
+    capabilities: Tracking::CAPABILITIES,
+    shelf: &TABLE,
     variables: variables::<Tracking>,
     instantiate: instantiate::<Tracking>,
 };
@@ -43,20 +49,55 @@ pub static SHAPE: Enumeration = Enumeration {
         ("ellipse", "Ellipse with the half axes rY and rZ"),
         ("lobes", "Ellipse with lobes"),
         ("external", "The inputs Yref and Zref"),
+        ("fourier", "A Fourier series with centre, cosY, sinY, cosZ, sinZ"),
     ],
 };
 
 static TABLE: LazyLock<Vec<Row<Values>>> = LazyLock::new(table);
 
 /// The values of all variables of the controller.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Values {
     config: ControllerConfig,
     update_mode: i32,
     shape: i32,
+    drive: i32,
     lobes: i32,
     input: ControllerInput,
     output: ControllerOutput,
+}
+
+impl Values {
+    /// Brings into the configuration what the interface has in another form.
+    fn complete(&mut self) -> Vec<Invalid> {
+        use UpdateMode::{AtTime, Never, WhenValid};
+        let mut findings = Vec::new();
+        let modes = [Never, AtTime, WhenValid];
+        UPDATE_MODE.choose("update.mode", self.update_mode, modes, &mut self.config.update, &mut findings);
+        let shapes = [Shape::Ellipse, Shape::Lobes, Shape::External, Shape::Fourier];
+        SHAPE.choose("reference.shape", self.shape, shapes, &mut self.config.reference.shape, &mut findings);
+        let drives = [Drive::Current, Drive::Voltage];
+        DRIVE.choose("drive", self.drive, drives, &mut self.config.coil.drive, &mut findings);
+        match u32::try_from(self.lobes) {
+            Ok(lobes) => self.config.reference.lobes = lobes,
+            Err(_) => findings.push(Invalid {
+                name: "reference.lobes".into(),
+                value: self.lobes.to_string(),
+                wanted: "a whole number, 0 or above".into(),
+            }),
+        }
+        findings
+    }
+}
+
+/// The configuration of a controller whose variables, by index, have the values given and else their start values.
+///
+/// # Errors
+/// Every choice that cannot be accepted.
+pub fn configuration(settings: &[(usize, Value)]) -> Result<ControllerConfig, Vec<Invalid>> {
+    let mut values: Values = with(&TABLE, settings);
+    values.config.reference.omega_rad_s = values.input.omega_rad_s;
+    together(values.complete(), Ok(values.config))
 }
 
 fn table() -> Vec<Row<Values>> {
@@ -64,6 +105,12 @@ fn table() -> Vec<Row<Values>> {
 
     rows.extend(geometry(place!(config.m_kg), place!(config.gap_m), place!(config.alpha_rad[k])));
     rows.push(sample_time(place!(config.step_s)));
+    rows.extend(coils(
+        place!(drive),
+        place!(config.coil.resistance_ohm),
+        place!(config.coil.leakage_h),
+        place!(config.coil.limit_v),
+    ));
     rows.extend(lambda0(place!(config.lambda0_nm2_a2[k])));
     rows.push(
         Row::real("F0", place!(config.f0_n), NEWTON, 20.0)
@@ -87,6 +134,14 @@ fn table() -> Vec<Row<Values>> {
             .nominal(1000.0)
             .shown_in("Hz")
             .says("Poles of the perturbation observer"),
+    );
+    rows.push(
+        Row::real("bandwidth.current", place!(config.current_rad_s), RADIAN_PER_SECOND, 5000.0)
+            .fixed()
+            .min(0.0)
+            .nominal(1000.0)
+            .shown_in("Hz")
+            .says("Pole of the currents' errors with drive = voltage"),
     );
     rows.push(
         Row::choice("update.mode", place!(update_mode), &UPDATE_MODE, 2)
@@ -125,6 +180,18 @@ fn table() -> Vec<Row<Values>> {
             .nominal(1e-5)
             .says("Amplitude of the lobes with shape = lobes"),
     );
+    rows.extend(contour());
+    rows.extend(
+        [
+            Row::real("reference.startTime", place!(config.reference.start_s), SECOND, 0.0)
+                .says("When the path begins to grow out of the centre, from the first sample on"),
+            Row::real("reference.rampTime", place!(config.reference.ramp_s), SECOND, 0.0)
+                .says("How long the path takes to grow; 0 for the whole path at once"),
+            Row::real("reference.liftTime", place!(config.reference.lift_s), SECOND, 0.0)
+                .says("How long the rotor is taken from where it is first measured to the centre; 0 for not at all"),
+        ]
+        .map(|row| row.fixed().min(0.0).nominal(0.1).shown_in("ms")),
+    );
     rows.push(
         Row::real("bandwidth.reference", place!(config.reference.bandwidth_rad_s), RADIAN_PER_SECOND, 4000.0)
             .fixed()
@@ -145,6 +212,10 @@ fn table() -> Vec<Row<Values>> {
             .map(|row| row.input().nominal(1e-5).says("Measured position of the rotor along {axis}")),
     );
     rows.extend(
+        Row::reals("im", place!(input.current_a[k]), AMPERE, [0.0; 3])
+            .map(|row| row.input().says("Measured current of magnet {k}, with drive = voltage")),
+    );
+    rows.extend(
         Row::reals("lambdaHat", place!(input.lambda_hat_nm2_a2[k]), LAMBDA, [0.0; 3])
             .map(|row| row.input().nominal(1e-6).says("Estimated force constant of magnet {k}")),
     );
@@ -156,9 +227,12 @@ fn table() -> Vec<Row<Values>> {
             .map(|row| row.input().nominal(1e-5).says("Path along {axis} with reference.shape = external")),
     );
 
+    rows.extend(Row::reals("i", place!(output.current_a[k]), AMPERE, [0.0; 3]).map(|row| {
+        row.sampled_output().says("Current that magnet {k} is to carry, with drive = voltage at the end of the sample")
+    }));
     rows.extend(
-        Row::reals("i", place!(output.current_a[k]), AMPERE, [0.0; 3])
-            .map(|row| row.sampled_output().says("Current that magnet {k} is to carry until the next sample")),
+        Row::reals("u", place!(output.voltage_v[k]), VOLT, [0.0; 3])
+            .map(|row| row.sampled_output().nominal(10.0).says("Voltage asked of amplifier {k}, with drive = voltage")),
     );
     rows.extend(Row::named_reals(["eY", "eZ"], place!(output.tracking_error_m[k]), METRE, [0.0; 2]).map(|row| {
         row.sampled_output()
@@ -187,47 +261,111 @@ fn table() -> Vec<Row<Values>> {
             .sampled_output()
             .says("Whether the gap predicted for the currents was too small to be believed"),
     );
+    rows.push(
+        Row::boolean("limited", place!(output.limited), false)
+            .sampled_output()
+            .says("Whether an amplifier is asked for its limit, with drive = voltage"),
+    );
     rows
 }
 
+/// The path as a Fourier series.
+fn contour() -> Vec<Row<Values>> {
+    let mut rows = Vec::new();
+    rows.extend(
+        Row::named_reals(
+            ["reference.centreY", "reference.centreZ"],
+            place!(config.reference.contour.centre_m[k]),
+            METRE,
+            [0.0; 2],
+        )
+        .map(|row| row.says("Mean of the path along {axis} with shape = fourier")),
+    );
+    let cos_y = place!(config.reference.contour.cos_y_m[k]);
+    let sin_y = place!(config.reference.contour.sin_y_m[k]);
+    let cos_z = place!(config.reference.contour.cos_z_m[k]);
+    let sin_z = place!(config.reference.contour.sin_z_m[k]);
+    let none = [0.0; HARMONICS];
+    rows.extend(
+        Row::reals("reference.cosY", cos_y, METRE, none)
+            .map(|row| row.says("Cosine of harmonic {k} of the path along y with shape = fourier")),
+    );
+    rows.extend(
+        Row::reals("reference.sinY", sin_y, METRE, none)
+            .map(|row| row.says("Sine of harmonic {k} of the path along y with shape = fourier")),
+    );
+    rows.extend(
+        Row::reals("reference.cosZ", cos_z, METRE, none)
+            .map(|row| row.says("Cosine of harmonic {k} of the path along z with shape = fourier")),
+    );
+    rows.extend(
+        Row::reals("reference.sinZ", sin_z, METRE, none)
+            .map(|row| row.says("Sine of harmonic {k} of the path along z with shape = fourier")),
+    );
+    rows.into_iter().map(|row| row.fixed().nominal(1e-5)).collect()
+}
+
 /// A run of the controller.
+#[derive(Clone)]
 pub struct Tracking {
-    controller: Controller,
+    controller: Arc<Controller>,
     state: ControllerState,
     clock: Clock,
 }
 
+/// The controller that the values describe.
+fn controller(values: &mut Values) -> Result<Arc<Controller>, Vec<Invalid>> {
+    together(values.complete(), Controller::new(values.config.clone())).map(Arc::new)
+}
+
 impl Slave for Tracking {
     type Values = Values;
+    type State = (ControllerState, Clock);
 
     fn table() -> &'static [Row<Values>] {
         &TABLE
     }
 
     fn start(values: &mut Values, start_s: f64) -> Result<Self, Vec<Invalid>> {
-        use UpdateMode::{AtTime, Never, WhenValid};
-        let mut findings = Vec::new();
-        let modes = [Never, AtTime, WhenValid];
-        UPDATE_MODE.choose("update.mode", values.update_mode, modes, &mut values.config.update, &mut findings);
-        let shapes = [Shape::Ellipse, Shape::Lobes, Shape::External];
-        SHAPE.choose("reference.shape", values.shape, shapes, &mut values.config.reference.shape, &mut findings);
         values.config.reference.omega_rad_s = values.input.omega_rad_s;
-        match u32::try_from(values.lobes) {
-            Ok(lobes) => values.config.reference.lobes = lobes,
-            Err(_) => findings.push(Invalid {
-                name: "reference.lobes".into(),
-                value: values.lobes.to_string(),
-                wanted: "a whole number, 0 or above".into(),
-            }),
-        }
-        let controller = together(findings, Controller::new(values.config.clone()))?;
+        let controller = controller(values)?;
         let state = controller.start(start_s);
         values.output = controller.output_at_start();
         Ok(Self { clock: Clock::new(start_s, values.config.step_s), controller, state })
     }
 
-    fn step(&mut self, values: &mut Values, step: Step, log: &mut dyn Log) -> Result<(), Fault> {
+    fn state(&self) -> (ControllerState, Clock) {
+        (self.state.clone(), self.clock)
+    }
+
+    fn resume(
+        values: &mut Values,
+        (state, clock): (ControllerState, Clock),
+        time_s: Option<f64>,
+    ) -> Result<Self, String> {
+        let controller = controller(values).map_err(|findings| all(&findings))?;
+        if !controller.accepts(&state) {
+            return Err("the numbers of the state are not such as occur".into());
+        }
+        if time_s.is_some_and(|time_s| !clock.suits(values.config.step_s, time_s)) {
+            return Err("the samples taken do not belong to the time".into());
+        }
+        Ok(Self { controller, state, clock })
+    }
+
+    fn grain_s(&self) -> f64 {
+        self.controller.config().step_s
+    }
+
+    fn step(
+        &mut self,
+        values: &mut Values,
+        step: Step,
+        inputs: &Course<Values>,
+        log: &mut dyn Log,
+    ) -> Result<(), Fault> {
         while let Some(instant_s) = self.clock.next_before(step.end_s()) {
+            inputs.put(values, instant_s);
             let used = values.output.lambda_used_nm2_a2;
             values.output = self.controller.sample(&mut self.state, &values.input).map_err(Fault::of)?;
             let now = values.output.lambda_used_nm2_a2;

@@ -1,10 +1,13 @@
 //! `AlgebraicEstimator`: the force constants from positions and currents, on line.
 
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
+
+use serde::{Deserialize, Serialize};
 
 use super::bearing::{geometry, lambda0, sample_time, together};
 use super::clock::Clock;
-use super::instance::{Fault, Kind, Slave, Step, instantiate, variables};
+use super::course::Course;
+use super::instance::{Fault, Kind, Slave, Step, all, instantiate, variables};
 use super::log::{Log, Topic};
 use super::unit::{AMPERE, KILOGRAM_METRE, LAMBDA, METRE, NEWTON, ONE, RADIAN, RADIAN_PER_SECOND, SECOND};
 use super::variable::{Enumeration, Row, place};
@@ -19,6 +22,8 @@ pub static KIND: Kind = Kind {
     description: "Algebraic on-line estimator of the force constants of a three-phase magnetic bearing",
     stop_s: 0.4,
     step_s: 1e-4,
+    capabilities: Estimation::CAPABILITIES,
+    shelf: &TABLE,
     variables: variables::<Estimation>,
     instantiate: instantiate::<Estimation>,
 };
@@ -30,8 +35,8 @@ pub static METHOD: Enumeration = Enumeration {
     items: &[
         ("paperLiteral", "Filtered signed determinants, equation (20) to the letter; diverges"),
         ("paper", "Equation (20) with the sign of the determinant aligned; z axis only"),
-        ("leastSquares", "Filtered normal equations of both axes"),
-        ("unbalance", "Filtered normal equations of both axes, the unbalance identified as well"),
+        ("leastSquares", "Weighted least squares of both axes"),
+        ("unbalance", "Weighted least squares of both axes, the unbalance identified as well"),
     ],
 };
 
@@ -49,7 +54,7 @@ pub static HOLD: Enumeration = Enumeration {
 static TABLE: LazyLock<Vec<Row<Values>>> = LazyLock::new(table);
 
 /// The values of all variables of the estimator.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Values {
     config: EstimatorConfig,
     method: i32,
@@ -98,6 +103,20 @@ fn table() -> Vec<Row<Values>> {
             .min(0.0)
             .says("Damping ratio of the low-pass filter"),
     );
+    rows.push(
+        Row::real("sensor.positionNoise", place!(config.position_noise_m), METRE, 0.0)
+            .fixed()
+            .min(0.0)
+            .nominal(1e-7)
+            .says("Standard deviation of the noise of Ym and Zm; 0 finds it from the data"),
+    );
+    rows.push(
+        Row::real("sensor.currentNoise", place!(config.current_noise_a), AMPERE, 0.0)
+            .fixed()
+            .min(0.0)
+            .nominal(1e-2)
+            .says("Standard deviation of the noise of im; 0 finds it from the data"),
+    );
 
     rows.extend(
         Row::named_reals(["Ym", "Zm"], place!(input.position_m[k]), METRE, [0.0; 2])
@@ -122,6 +141,11 @@ fn table() -> Vec<Row<Values>> {
         Row::boolean("enable", place!(input.enable), true).input().says("Whether samples are taken into account"),
     );
     rows.push(
+        Row::boolean("contact", place!(input.contact), false)
+            .input()
+            .says("Whether the rotor touches something beside the magnets, so that samples are of no use"),
+    );
+    rows.push(
         Row::boolean("reset", place!(input.reset), false).input().says("A rising edge starts the estimation afresh"),
     );
 
@@ -131,6 +155,12 @@ fn table() -> Vec<Row<Values>> {
     );
     rows.extend(Row::reals("lambdaRaw", place!(output.lambda_raw[k]), LAMBDA, [0.0; 3]).map(|row| {
         row.sampled_output().nominal(1e-6).says("Force constant of magnet {k} from the present window alone")
+    }));
+    rows.extend(Row::reals("lambdaStd", place!(output.lambda_std[k]), LAMBDA, [0.0; 3]).map(|row| {
+        row.sampled_output()
+            .min(0.0)
+            .nominal(1e-8)
+            .says("Standard deviation of the estimated force constant of magnet {k}")
     }));
     rows.push(
         Row::boolean("valid", place!(output.valid), false)
@@ -170,33 +200,73 @@ fn table() -> Vec<Row<Values>> {
 }
 
 /// A run of the estimator.
+#[derive(Clone)]
 pub struct Estimation {
-    estimator: Estimator,
+    /// With the kernels, which are large and the same for all copies.
+    estimator: Arc<Estimator>,
     state: EstimatorState,
     clock: Clock,
 }
 
+/// The estimator that the values describe.
+fn estimator(values: &mut Values) -> Result<Arc<Estimator>, Vec<Invalid>> {
+    let mut findings = Vec::new();
+    let methods = [Method::PaperLiteral, Method::Paper, Method::LeastSquares, Method::Unbalance];
+    METHOD.choose("method", values.method, methods, &mut values.config.method, &mut findings);
+    let holds = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear];
+    HOLD.choose("hold", values.hold, holds, &mut values.config.hold, &mut findings);
+    together(findings, Estimator::new(values.config.clone())).map(Arc::new)
+}
+
 impl Slave for Estimation {
     type Values = Values;
+    type State = (EstimatorState, Clock);
 
     fn table() -> &'static [Row<Values>] {
         &TABLE
     }
 
     fn start(values: &mut Values, start_s: f64) -> Result<Self, Vec<Invalid>> {
-        let mut findings = Vec::new();
-        let methods = [Method::PaperLiteral, Method::Paper, Method::LeastSquares, Method::Unbalance];
-        METHOD.choose("method", values.method, methods, &mut values.config.method, &mut findings);
-        let holds = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear];
-        HOLD.choose("hold", values.hold, holds, &mut values.config.hold, &mut findings);
-        let estimator = together(findings, Estimator::new(values.config.clone()))?;
+        let estimator = estimator(values)?;
         let state = estimator.start();
         values.output = state.output().clone();
         Ok(Self { clock: Clock::new(start_s, values.config.step_s), estimator, state })
     }
 
-    fn step(&mut self, values: &mut Values, step: Step, log: &mut dyn Log) -> Result<(), Fault> {
+    fn state(&self) -> (EstimatorState, Clock) {
+        (self.state.clone(), self.clock)
+    }
+
+    fn resume(
+        values: &mut Values,
+        (state, clock): (EstimatorState, Clock),
+        time_s: Option<f64>,
+    ) -> Result<Self, String> {
+        let estimator = estimator(values).map_err(|findings| all(&findings))?;
+        if !estimator.accepts(&state) {
+            return Err("the window is not that of the parameters".into());
+        }
+        if time_s.is_some_and(|time_s| !clock.suits(values.config.step_s, time_s)) {
+            return Err("the samples taken do not belong to the time".into());
+        }
+        Ok(Self { estimator, state, clock })
+    }
+
+    fn grain_s(&self) -> f64 {
+        // Every sample goes over the whole window: with a long one, fewer samples are done in reasonable time.
+        let config = self.estimator.config();
+        config.step_s * (20.0 * config.step_s / config.window_s).min(1.0)
+    }
+
+    fn step(
+        &mut self,
+        values: &mut Values,
+        step: Step,
+        inputs: &Course<Values>,
+        log: &mut dyn Log,
+    ) -> Result<(), Fault> {
         while let Some(instant_s) = self.clock.next_before(step.end_s()) {
+            inputs.put(values, instant_s);
             let former = values.output.reason;
             values.output = self.estimator.sample(&mut self.state, &values.input);
             let reason = values.output.reason;

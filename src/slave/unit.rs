@@ -30,7 +30,7 @@ const RPM: f64 = 30.0 / std::f64::consts::PI;
 /// Dimensionless.
 pub const ONE: Unit = Unit { name: "1", base: &[], displays: &[] };
 /// Mass.
-pub const KILOGRAM: Unit = Unit { name: "kg", base: &[("kg", 1)], displays: &[display("g", 1e3)] };
+pub const KILOGRAM: Unit = Unit { name: "kg", base: &[("kg", 1)], displays: &[display("kg", 1.0), display("g", 1e3)] };
 /// Length.
 pub const METRE: Unit = Unit { name: "m", base: &[("m", 1)], displays: &[display("µm", 1e6), display("mm", 1e3)] };
 /// Velocity.
@@ -49,9 +49,24 @@ pub const RADIAN_PER_SECOND: Unit = Unit {
     displays: &[display("rpm", RPM), display("Hz", 0.5 / std::f64::consts::PI)],
 };
 /// Electric current.
-pub const AMPERE: Unit = Unit { name: "A", base: &[("A", 1)], displays: &[display("mA", 1e3)] };
+pub const AMPERE: Unit = Unit { name: "A", base: &[("A", 1)], displays: &[display("A", 1.0), display("mA", 1e3)] };
 /// Force.
 pub const NEWTON: Unit = Unit { name: "N", base: &[("kg", 1), ("m", 1), ("s", -2)], displays: &[] };
+/// Voltage.
+pub const VOLT: Unit = Unit { name: "V", base: &[("kg", 1), ("m", 2), ("s", -3), ("A", -1)], displays: &[] };
+/// Resistance.
+pub const OHM: Unit = Unit { name: "Ohm", base: &[("kg", 1), ("m", 2), ("s", -3), ("A", -2)], displays: &[] };
+/// Inductance.
+pub const HENRY: Unit =
+    Unit { name: "H", base: &[("kg", 1), ("m", 2), ("s", -2), ("A", -2)], displays: &[display("mH", 1e3)] };
+/// Magnetic flux.
+pub const WEBER: Unit =
+    Unit { name: "Wb", base: &[("kg", 1), ("m", 2), ("s", -2), ("A", -1)], displays: &[display("mWb", 1e3)] };
+/// Stiffness.
+pub const NEWTON_PER_METRE: Unit =
+    Unit { name: "N/m", base: &[("kg", 1), ("s", -2)], displays: &[display("N/µm", 1e-6)] };
+/// Damping.
+pub const NEWTON_SECOND_PER_METRE: Unit = Unit { name: "N.s/m", base: &[("kg", 1), ("s", -1)], displays: &[] };
 /// Force constant λ of a magnet.
 pub const LAMBDA: Unit =
     Unit { name: "N.m2/A2", base: &[("kg", 1), ("m", 3), ("s", -2), ("A", -2)], displays: &[display("N.mm2/A2", 1e6)] };
@@ -71,6 +86,7 @@ impl Unit {
 
     /// All names by which values of this unit may be given.
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
-        std::iter::once(self.name).chain(self.displays.iter().map(|display| display.name))
+        let displays = self.displays.iter().map(|display| display.name);
+        std::iter::once(self.name).chain(displays.filter(|name| *name != self.name))
     }
 }

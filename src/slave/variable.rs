@@ -31,6 +31,17 @@ pub enum Variability {
     Continuous,
 }
 
+/// How an unknown depends on one of the variables it is computed from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dependency {
+    /// In any way.
+    Any,
+    /// Linearly, with a factor that no parameter changes.
+    Constant,
+    /// Linearly, with a factor that changes with fixed parameters alone.
+    Fixed,
+}
+
 /// Names for the values 1, 2, … of an enumeration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Enumeration {
@@ -169,8 +180,15 @@ pub struct Variable {
     pub variability: Variability,
     /// Type, start value, unit and limits.
     pub kind: Type,
-    /// For outputs: names of the inputs that change it at the same instant.
-    pub depends_on: Vec<Cow<'static, str>>,
+    /// Whether it is a continuous state: integrated, not computed from others at the same instant.
+    pub state: bool,
+    /// For the derivative of a state: the name of the state.
+    pub derivative_of: Option<&'static str>,
+    /// For outputs and derivatives: the inputs and states that change it at the same instant, by name.
+    pub depends_on: Vec<(Cow<'static, str>, Dependency)>,
+    /// For what is computed at the start: the parameters and inputs it then follows from, by name; `None` stands for
+    /// all of them.
+    pub starts_from: Option<Vec<Cow<'static, str>>>,
 }
 
 impl Variable {
@@ -194,6 +212,11 @@ impl Variable {
     /// Whether users may set it at all.
     pub fn is_settable(&self) -> bool {
         matches!(self.causality, Causality::Parameter | Causality::Input)
+    }
+
+    /// Whether it is a Real that may change at any time.
+    pub fn is_continuous(&self) -> bool {
+        self.variability == Variability::Continuous && matches!(self.kind, Type::Real { .. })
     }
 }
 
@@ -267,7 +290,10 @@ impl<D> Row<D> {
                 causality: Causality::Local,
                 variability: Variability::Continuous,
                 kind,
+                state: false,
+                derivative_of: None,
                 depends_on: Vec::new(),
+                starts_from: None,
             },
             place,
             index,
@@ -328,6 +354,19 @@ impl<D> Row<D> {
     /// True or false.
     pub fn boolean(name: impl Into<Cow<'static, str>>, place: Access<D, bool>, start: bool) -> Self {
         Self::new(name, Type::Boolean { start }, Place::Boolean(place), 0)
+    }
+
+    /// The elements of an array of Booleans.
+    pub fn booleans<const N: usize>(
+        name: &str,
+        place: Access<D, bool>,
+        starts: [bool; N],
+    ) -> impl Iterator<Item = Self> {
+        std::array::from_fn::<_, N, _>(|index| {
+            let kind = Type::Boolean { start: starts[index] };
+            Self::new(element(name, index), kind, Place::Boolean(place), index)
+        })
+        .into_iter()
     }
 
     /// A choice among the items of an enumeration.
@@ -427,10 +466,43 @@ impl<D> Row<D> {
         self
     }
 
-    /// Names inputs that change this output at the same instant.
-    pub fn depends_on(mut self, inputs: impl IntoIterator<Item = String>) -> Self {
-        self.variable.depends_on.extend(inputs.into_iter().map(Cow::Owned));
+    /// Names inputs and states that change it at the same instant.
+    pub fn depends_on(self, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
+        self.depends(Dependency::Any, names)
+    }
+
+    /// Names inputs and states that change it at the same instant, and how they do that.
+    pub fn depends(mut self, how: Dependency, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
+        self.variable.depends_on.extend(names.into_iter().map(|name| (name.into(), how)));
         self
+    }
+
+    /// Makes it a continuous state, which at any instant is what it is.
+    pub fn state(mut self) -> Self {
+        self.variable.state = true;
+        self
+    }
+
+    /// Makes it the derivative of a state with respect to time.
+    pub fn derivative_of(mut self, state: &'static str) -> Self {
+        self.variable.derivative_of = Some(state);
+        self
+    }
+
+    /// Names the parameters and inputs from which it is computed at the start, so that others are known to have no part.
+    pub fn starts_from(mut self, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
+        self.variable.starts_from.get_or_insert_default().extend(names.into_iter().map(Into::into));
+        self
+    }
+
+    /// Whether values of that type can be written.
+    pub(super) fn takes(&self, value: Value) -> bool {
+        matches!(
+            (self.place, value),
+            (Place::Real(_), Value::Real(_))
+                | (Place::Integer(_), Value::Integer(_))
+                | (Place::Boolean(_), Value::Boolean(_))
+        )
     }
 
     /// Reads the value.
@@ -453,6 +525,17 @@ impl<D> Row<D> {
         }
         true
     }
+}
+
+/// The values of a table at their start, with those at the given indices replaced; what does not fit is left out.
+pub(super) fn with<D: Default>(table: &[Row<D>], settings: &[(usize, Value)]) -> D {
+    let mut values = D::default();
+    let starts = table.iter().map(|row| (row, row.variable.start()));
+    let given = settings.iter().filter_map(|(index, value)| Some((table.get(*index)?, *value)));
+    for (row, value) in starts.chain(given) {
+        let _ = row.set(&mut values, value);
+    }
+    values
 }
 
 /// The name of the element of an array, whose index counts from 0: `element("i", 0)` is `i[1]`.

@@ -266,6 +266,8 @@ pub(super) fn all(report: &Report) -> Vec<Figure> {
     figures.push(axis(&run, Direction { letter: "y", name: "Y", id: "axis-y", paper: "Figs. 7 and 9" }));
     figures.push(axis(&run, Direction { letter: "z", name: "Z", id: "axis-z", paper: "Figs. 8 and 10" }));
     figures.push(orbit(&run));
+    figures.extend(clearance(&run));
+    figures.extend(sensitivity(&run));
     for figure in &mut figures {
         figure.paper = figure.paper.filter(|_| report.paper);
     }
@@ -520,11 +522,12 @@ struct Direction {
 fn signals<'r>(run: &Run<'r>, name: &str) -> Option<Signals<'r>> {
     let position = run.get(&format!("plant.{name}")).or_else(|| run.get(&format!("plant.{name}m")))?;
     let reference = run.get(&format!("controller.reference.{name}"));
-    let error = match (run.get(&format!("controller.e{name}")), reference) {
-        (Some(error), _) => error.to_vec(),
-        (None, Some(reference)) => {
+    // The true error where it can be had: that of the controller is of the sample before, with the noise of the sensor.
+    let error = match (reference, run.get(&format!("controller.e{name}"))) {
+        (Some(reference), _) => {
             position.iter().zip(reference).map(|(position, reference)| position - reference).collect()
         }
+        (None, Some(error)) => error.to_vec(),
         (None, None) => Vec::new(),
     };
     let estimate = run.get(&format!("controller.p{name}Hat"));
@@ -794,6 +797,115 @@ fn orbit(run: &Run) -> Figure {
                     industry asks for less than 1 µm on circular paths and 3 µm on others.";
     }
     Figure { id, title: title.into(), paper, columns, caption, table: None }
+}
+
+/// The orbit of the whole run within the clearance of the backup bearing.
+fn clearance(run: &Run) -> Option<Figure> {
+    let clearance_m = run.report.clearance_m?;
+    let (y, z) = (run.get("plant.Y")?, run.get("plant.Z")?);
+    let circle = |radius: f64, of: fn(f64) -> f64| -> Vec<f64> {
+        (0..=180).map(|i| radius * of(TAU * f64::from(i) / 180.0)).collect()
+    };
+    let axis = |name| Axis::new(name, Unit::MICROMETRE);
+    let mut plot = Plot::new("", axis("y"), axis("z"), (HALF_PX, 500.0));
+    plot.equal = true;
+    let ring = Line::new("clearance", circle(clearance_m, f64::cos), circle(clearance_m, f64::sin), Colour::Ink);
+    plot.lines.push(Line::new("rotor", y, z, Colour::Blue));
+    plot.lines.push(ring.dashed());
+    let mut columns = vec![vec![plot.into()]];
+    let radius: Vec<f64> = y.iter().zip(z).map(|(y, z)| y.hypot(*z)).collect();
+    let window = run.whole();
+    let mut distance = Plot::new(
+        "",
+        run.time_axis(&window, true),
+        Axis::new("distance from the centre", Unit::MICROMETRE),
+        (HALF_PX, 250.0),
+    );
+    distance.lines.push(Line::new("rotor", part(run.time_s, &window), part(&radius, &window), Colour::Blue));
+    distance.values.push(Mark::new(clearance_m, "clearance", Colour::Ink));
+    distance.instants = run.update_mark();
+    let mut beside: Vec<Panel> = vec![distance.into()];
+    let contact = run.get("plant.touchdown.contact").unwrap_or(&[]);
+    let touched = contact.iter().filter(|contact| **contact > 0.5).count();
+    let force = run.get("plant.touchdown.FY").zip(run.get("plant.touchdown.FZ")).filter(|_| touched > 0);
+    let mut caption = String::from("The rotor in the clearance of the backup bearing, all of the run.");
+    if let Some((force_y, force_z)) = force {
+        let push: Vec<f64> = force_y.iter().zip(force_z).map(|(y, z)| y.hypot(*z)).collect();
+        // The blows are short, and they are what there is to see.
+        let range = Range::hull(&push).map(|range| range.with_air(0.05));
+        let axis = Axis::new("push of the backup bearing", Unit::NEWTON).from_to(range);
+        let mut plot = Plot::new("", run.time_axis(&window, true), axis, (HALF_PX, 250.0));
+        plot.lines.push(Line::new("push", part(run.time_s, &window), part(&push, &window), Colour::Vermillion));
+        beside.push(plot.into());
+        let first = contact.iter().position(|contact| *contact > 0.5).unwrap_or(0);
+        let last = contact.iter().rposition(|contact| *contact > 0.5).unwrap_or(0);
+        caption += &format!(
+            " It is touched between {} and {}, and pushes with {} at most at the instants recorded.",
+            instant(run.time_s[first]),
+            instant(run.time_s[last]),
+            Unit::NEWTON.show(largest(&push).unwrap_or(0.0), 3)
+        );
+    } else {
+        caption += " The backup bearing is never touched.";
+    }
+    columns.push(beside);
+    Some(Figure { id: "clearance", title: "The clearance".into(), paper: None, columns, caption, table: None })
+}
+
+/// The sensitivity functions of both axes, before and after the update.
+fn sensitivity(run: &Run) -> Option<Figure> {
+    let all = &run.report.sensitivities;
+    let drawn: Vec<_> = all.iter().filter(|one| !one.sweep.is_empty()).collect();
+    let missing: Vec<&String> = all.iter().filter_map(|one| one.missing.as_ref()).collect();
+    if drawn.is_empty() && missing.is_empty() {
+        return None;
+    }
+    let hertz = Unit { name: "Hz", factor: 1.0 / TAU };
+    let peak = drawn.iter().flat_map(|one| &one.sweep).flat_map(|point| [point[1], point[2]]).fold(0.0, f64::max);
+    let columns = drawn
+        .iter()
+        .map(|one| {
+            let title = match one.name.as_str() {
+                "before" => "Before the update",
+                "after" => "After the update",
+                _ => "",
+            };
+            let width = if drawn.len() > 1 { HALF_PX } else { WIDE_PX };
+            let omegas: Vec<f64> = one.sweep.iter().map(|point| point[0]).collect();
+            let ends = Range::hull(&omegas);
+            let mut plot = Plot::new(
+                title,
+                Axis::new("frequency", hertz).in_decades().from_to(ends),
+                Axis::new("|S|", Unit::ONE).from_to(Some(Range::new(0.0, 5.3f64.max(1.1 * peak)))),
+                (width, 330.0),
+            );
+            for (axis, (name, colour)) in [("y", Colour::Blue), ("z", Colour::Vermillion)].into_iter().enumerate() {
+                let column =
+                    |points: &[[f64; 3]], index: usize| points.iter().map(|point| point[index]).collect::<Vec<_>>();
+                plot.lines.push(Line::new(name, omegas.clone(), column(&one.sweep, 1 + axis), colour));
+                // Crosses at the frequencies injected.
+                for [omega, value] in one.injected.iter().map(|point| [point[0], point[1 + axis]]) {
+                    let wide = 1.04;
+                    let across = Line::new("", vec![omega / wide, omega * wide], vec![value, value], Colour::Ink);
+                    let up =
+                        Line::new("", vec![omega, omega], vec![(value - 0.08).max(0.0), value + 0.08], Colour::Ink);
+                    plot.lines.extend([across, up]);
+                }
+            }
+            for (limit, zone) in crate::model::sensitivity::ZONES {
+                plot.values.push(Mark::new(limit, &format!("{zone} below"), Colour::Grey));
+            }
+            vec![plot.into()]
+        })
+        .collect();
+    let mut caption = String::from(
+        "By how much an error of a position sensor appears in its reading, with the rotor at rest in the centre under the          static load: lines from the linearised loop, crosses from a sine injected in the time simulation. The zones are          those of ISO 14839-3.",
+    );
+    for why in missing {
+        caption += &format!(" Not drawn: {why}.");
+    }
+    let title = "Sensitivity function of each axis".into();
+    Some(Figure { id: "sensitivity", title, paper: None, columns, caption, table: None })
 }
 
 /// Gives all the plots the ranges that hold the data of each.

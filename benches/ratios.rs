@@ -1,0 +1,308 @@
+//! The table of the README: costs beside their peers, measured in turns. `scripts/bench` runs it.
+
+#[path = "support/interleave.rs"]
+mod interleave;
+mod support;
+
+use std::ffi::CString;
+use std::hint::black_box;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use interleave::{candidate, shown, table};
+use libloading::{Library, Symbol};
+use magnetic_bearing::app::package;
+use magnetic_bearing::app::scenario::Scenario;
+use magnetic_bearing::app::simulate;
+use magnetic_bearing::fmi2::bindings::*;
+use magnetic_bearing::fmi2::registry;
+use magnetic_bearing::model::controller::{Controller, ControllerConfig, ControllerInput};
+use magnetic_bearing::model::estimator::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method};
+use magnetic_bearing::model::plant::{Plant, PlantConfig, PlantInput};
+use magnetic_bearing::model::sliding::Way;
+use magnetic_bearing::model::window::{Sample, WindowSums, WindowSumsState};
+
+const ROUNDS: usize = 101;
+
+fn main() {
+    // `cargo bench` hands over options for a harness, `cargo test --benches` wants nothing timed.
+    if std::env::args().any(|argument| argument == "--test") {
+        return;
+    }
+    let record = support::record();
+    sums();
+    steps(&record);
+    interface(&record);
+    closed_loop();
+    worst(&record);
+}
+
+/// An estimator that has run until its window is full and its estimate settled.
+fn estimator(method: Method, intervals: usize, record: &[EstimatorInput]) -> (Estimator, EstimatorState) {
+    let window_s = intervals as f64 * 1e-4;
+    let config = EstimatorConfig { method, window_s, epsilon_s: window_s, ..EstimatorConfig::default() };
+    let estimator = Estimator::new(config).expect("parameters that are in order");
+    let mut state = estimator.start();
+    for input in record.iter().cycle().take(intervals + 2000) {
+        estimator.sample(&mut state, input);
+    }
+    (estimator, state)
+}
+
+type FirPush =
+    unsafe extern "C" fn(*mut f64, usize, usize, *const f64, usize, *const f64, *const f64, *mut f64) -> usize;
+
+/// Compiles the peer in C; `None` where there is no compiler.
+fn peer() -> Option<Library> {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/fir.c");
+    let target = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("libfir.so");
+    let options = ["-O3", "-march=native", "-ffast-math", "-shared", "-fPIC", "-o"];
+    let done = Command::new("cc").args(options).arg(&target).arg(&source).status();
+    if !done.is_ok_and(|status| status.success()) {
+        println!("no C compiler: the peer in C is left out");
+        return None;
+    }
+    // SAFETY: the library was compiled a moment ago and does nothing when it is loaded.
+    unsafe { Library::new(&target) }.ok()
+}
+
+/// The integrals of four kernels over two positions and three magnets.
+fn sums() {
+    let library = peer();
+    // SAFETY: the type is that of the function in fir.c.
+    let fir: Option<Symbol<FirPush>> =
+        library.as_ref().map(|library| unsafe { library.get(b"fir_push\0") }.expect("fir.c has this function"));
+    let sample = |j: u32| {
+        let x = f64::from(j % 200) * 0.031;
+        Sample { position: [x, 1.0 - x], squares: [[x, 2.0, 3.0 - x], [4.0 - x, x, 1.0]] }
+    };
+    fn push(sums: &WindowSums, state: &mut WindowSumsState, times: u32, sample: impl Fn(u32) -> Sample) {
+        for j in 0..times {
+            black_box(sums.push(state, &sample(j)));
+        }
+    }
+    for intervals in [16, 32, 48, 64, 96, 200, 2000, 20_000] {
+        let n = intervals + 1;
+        let weights: Vec<f64> = (0..4 * n).map(|j| (j as f64 * 0.01).sin()).collect();
+        let mut ring = vec![0.0; 12 * n];
+        let (mut next, mut out) = (0, [0.0; 24]);
+        let fir = fir.as_ref();
+        let ways = [Way::Blocks, Way::Direct].map(|way| WindowSums::by(way, intervals, false));
+        let mut states = ways.each_ref().map(WindowSums::start);
+        let [blocks, direct] = &mut states;
+        let times = (400_000 / n as u32).clamp(20, 2000);
+        let mut candidates = Vec::new();
+        if let Some(fir) = fir {
+            candidates.push(candidate(format!("C, finite impulse responses, N = {intervals}"), times, |times| {
+                for j in 0..times {
+                    let x = sample(j);
+                    let signals =
+                        [x.position[0], x.position[1], x.squares[0][0], x.squares[0][1], x.squares[0][2], 0.0];
+                    // SAFETY: the ring holds six signals of 2 n samples, the weights are four rows of n, `out` holds 24.
+                    next = unsafe {
+                        fir(
+                            ring.as_mut_ptr(),
+                            n,
+                            next,
+                            signals.as_ptr(),
+                            4,
+                            weights.as_ptr(),
+                            weights.as_ptr(),
+                            out.as_mut_ptr(),
+                        )
+                    };
+                    black_box(&out);
+                }
+            }));
+        }
+        let first = candidates.len();
+        let mut more = [
+            candidate(format!("Rust, blocks, N = {intervals}"), 2000, |times| push(&ways[0], blocks, times, sample)),
+            candidate(format!("Rust, direct, N = {intervals}"), times, |times| push(&ways[1], direct, times, sample)),
+        ];
+        if first > 0 {
+            more = more.map(|c| c.beside(0));
+        }
+        candidates.extend(more);
+        table("sums of 4 kernels over 5 signals, per sample", ROUNDS, candidates);
+    }
+}
+
+/// Steps of the models.
+fn steps(record: &[EstimatorInput]) {
+    let mut candidates = Vec::new();
+    let methods = [("paper", Method::Paper), ("leastSquares", Method::LeastSquares), ("unbalance", Method::Unbalance)];
+    for (name, method) in methods {
+        let base = candidates.len();
+        for intervals in [200, 2000, 20_000] {
+            let (estimator, mut state) = estimator(method, intervals, record);
+            // A round holds whole hops, so that every round does the same work.
+            let times = (intervals as u32 / 25).max(800);
+            let mut at = 0;
+            let c = candidate(format!("estimator, {name}, N = {intervals}"), times, move |times| {
+                for _ in 0..times {
+                    black_box(estimator.sample(&mut state, &record[at % record.len()]));
+                    at += 1;
+                }
+            });
+            candidates.push(if intervals == 200 { c } else { c.beside(base) });
+        }
+    }
+    let plant = Plant::new(PlantConfig::default()).expect("parameters that are in order");
+    let mut state = plant.start(0.0);
+    let start = state.clone();
+    let input = PlantInput { current_a: [2.0, 2.0, 2.0], omega_rad_s: 314.0, ..PlantInput::default() };
+    candidates.push(candidate("plant, current drive", 1000, move |times| {
+        for step in 0..times {
+            // The rotor would not stay in the gap for long without a controller.
+            if step % 20 == 0 {
+                state = start.clone();
+            }
+            let t_s = f64::from(step % 20) * 1e-4;
+            let _ = black_box(plant.advance(&mut state, &input, t_s, 1e-4));
+            black_box(plant.outputs(&state, &input, t_s + 1e-4));
+        }
+    }));
+    let controller = Controller::new(ControllerConfig::default()).expect("parameters that are in order");
+    let mut state = controller.start(0.0);
+    let mut input = ControllerInput { position_m: [30e-6, 0.0], omega_rad_s: 314.0, ..ControllerInput::default() };
+    candidates.push(candidate("controller", 1000, move |times| {
+        for step in 0..times {
+            input.position_m[1] = f64::from(step % 7) * 1e-6;
+            let _ = black_box(controller.sample(&mut state, &input));
+        }
+    }));
+    table("one step of", ROUNDS, candidates);
+}
+
+unsafe extern "C" fn silent(_: fmi2ComponentEnvironment, _: fmi2String, _: fmi2Status, _: fmi2String, _: fmi2String) {}
+
+/// Calls through the C interface of the library that goes into the FMUs.
+fn interface(record: &[EstimatorInput]) {
+    let path = package::built_library().expect("the library is built with the benchmark");
+    // SAFETY: the library is this project's and does nothing when it is loaded.
+    let library = unsafe { Library::new(path) }.expect("a library that can be loaded");
+    let entry = registry::entries().iter().find(|entry| entry.kind.name == "AlgebraicEstimator").expect("a model");
+    let index = |name: &str| {
+        let variables = (entry.kind.variables)();
+        variables.iter().position(|variable| variable.name == name).expect("a variable") as fmi2ValueReference
+    };
+    macro_rules! function {
+        ($name:ident: $type:ty) => {
+            // SAFETY: the function has the type that the bindings give it.
+            unsafe { *library.get::<$type>(concat!(stringify!($name), "\0").as_bytes()).expect("an exported function") }
+                .expect("a function is no null pointer")
+        };
+    }
+    let instantiate = function!(fmi2Instantiate: fmi2InstantiateTYPE);
+    let setup = function!(fmi2SetupExperiment: fmi2SetupExperimentTYPE);
+    let enter = function!(fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE);
+    let exit = function!(fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE);
+    let do_step = function!(fmi2DoStep: fmi2DoStepTYPE);
+    let set_real = function!(fmi2SetReal: fmi2SetRealTYPE);
+    let get_real = function!(fmi2GetReal: fmi2GetRealTYPE);
+    let set_boolean = function!(fmi2SetBoolean: fmi2SetBooleanTYPE);
+    let free = function!(fmi2FreeInstance: fmi2FreeInstanceTYPE);
+    let guid = CString::new(entry.guid.as_str()).expect("a GUID");
+    // SAFETY: null is a valid value for every callback.
+    let mut callbacks: fmi2CallbackFunctions = unsafe { std::mem::zeroed() };
+    // SAFETY: a logger takes more arguments after these, and this one looks at none.
+    callbacks.logger = unsafe { std::mem::transmute::<*const (), fmi2CallbackLogger>(silent as *const ()) };
+    // SAFETY: all pointers live until the instance is freed.
+    let component = unsafe {
+        let component = instantiate(
+            c"bench".as_ptr(),
+            fmi2Type::fmi2CoSimulation,
+            guid.as_ptr(),
+            c"file:///".as_ptr(),
+            &callbacks,
+            fmi2False,
+            fmi2False,
+        );
+        assert!(!component.is_null());
+        setup(component, fmi2False, 0.0, 0.0, fmi2False, 0.0);
+        enter(component);
+        exit(component);
+        component
+    };
+    let inputs = ["Ym", "Zm", "im[1]", "im[2]", "im[3]"].map(index);
+    let outputs = ["lambdaHat[1]", "lambdaHat[2]", "lambdaHat[3]", "pYHat", "pZHat"].map(index);
+    // A step that ignores its sample costs the model next to nothing: what is left is the interface.
+    // SAFETY: the arrays have one element.
+    unsafe { set_boolean(component, &index("enable"), 1, &fmi2False) };
+    let disabled = EstimatorInput { enable: false, ..record[0].clone() };
+    let (estimator, mut state) = estimator(Method::Unbalance, 200, record);
+    let step = std::cell::Cell::new(0_u32);
+    let mut values = [0.0; 5];
+    let candidates = vec![
+        candidate("model's step, samples ignored", 2000, |times| {
+            for _ in 0..times {
+                black_box(estimator.sample(&mut state, black_box(&disabled)));
+            }
+        }),
+        candidate("fmi2DoStep, samples ignored", 2000, |times| {
+            for _ in 0..times {
+                // SAFETY: the instance is a live one.
+                let status = unsafe { do_step(component, f64::from(step.get()) * 1e-4, 1e-4, fmi2True) };
+                assert_eq!(status, fmi2Status::fmi2OK);
+                step.set(step.get() + 1);
+            }
+        })
+        .beside(0),
+        candidate("fmi2SetReal of 5", 2000, |times| {
+            for _ in 0..times {
+                // SAFETY: the arrays have five elements.
+                black_box(unsafe { set_real(component, inputs.as_ptr(), 5, [1e-5, 1e-5, 2.0, 2.0, 2.0].as_ptr()) });
+            }
+        }),
+        candidate("fmi2GetReal of 5", 2000, |times| {
+            for _ in 0..times {
+                // SAFETY: the arrays have five elements.
+                black_box(unsafe { get_real(component, outputs.as_ptr(), 5, values.as_mut_ptr()) });
+            }
+        }),
+    ];
+    let medians = table("through the C interface", ROUNDS, candidates);
+    println!("\nfmi2DoStep adds {} to the model's step.", shown(medians[1] - medians[0]));
+    // SAFETY: the instance is not used again.
+    unsafe { free(component) };
+}
+
+/// One second of the closed loop.
+fn closed_loop() {
+    let loops = [("paper", "current"), ("unbalanced", "current")];
+    let candidates = loops
+        .iter()
+        .map(|(name, drive)| {
+            let mut scenario = Scenario::open(Path::new(name)).expect("a built-in scenario");
+            scenario.elements.truncate(3);
+            scenario.duration_s = 1.0;
+            candidate(format!("1 s of the closed loop, {name}, {drive} drive"), 1, move |_| {
+                black_box(simulate::run_for(&scenario, |_| false, |_| ()).expect("a scenario that runs"));
+            })
+        })
+        .collect();
+    for (median, (name, _)) in table("closed loop", 21, candidates).iter().zip(loops) {
+        println!("\n{name}: {:.0} times real time.", 1e9 / median);
+    }
+}
+
+/// The longest of many steps, the clock and interruptions by the system included.
+fn worst(record: &[EstimatorInput]) {
+    println!("\n| longest of 10⁶ steps | median | 99.9 % | longest |\n|---|---:|---:|---:|");
+    for (method, intervals) in
+        [(Method::Paper, 200), (Method::Paper, 20_000), (Method::Unbalance, 200), (Method::Unbalance, 20_000)]
+    {
+        let (estimator, mut state) = estimator(method, intervals, record);
+        let mut spent: Vec<u32> = Vec::with_capacity(1_000_000);
+        for input in record.iter().cycle().take(1_000_000) {
+            let since = Instant::now();
+            black_box(estimator.sample(&mut state, input));
+            spent.push(since.elapsed().as_nanos() as u32);
+        }
+        spent.sort_unstable();
+        let [median, high, longest] = [500_000, 999_000, 999_999].map(|at| shown(f64::from(spent[at])));
+        println!("| estimator, {method:?}, N = {intervals} | {median} | {high} | {longest} |");
+    }
+}

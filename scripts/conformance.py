@@ -1,0 +1,280 @@
+"""Call every function of the packaged FMUs through fmpy, and run each FMU alone in fmpy, libcosim and ecos.
+
+Usage: `conformance.py DIST`, with the folder of the packaged FMUs. The same final values are wanted from all tools,
+compared with the nominal of every variable. Needs the packages of scripts/requirements.txt.
+"""
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from closed_loop import FMUS, Instance, Model
+from fmpy import simulate_fmu, supported_platforms
+from fmpy.validation import validate_fmu
+
+STEP_S = 1e-4
+STEPS = 50
+# Final values of different tools: in parts of the nominal. The arithmetic is the same; only the times are summed up or
+# multiplied.
+SAME_RUN = 1e-9
+# A central difference against an exact derivative: in parts of the largest in its column.
+QUOTIENT = 1e-5
+PLANT = "MagneticBearing"
+# What fmpy calls on its own or by another of its names.
+INDIRECT = {"fmi2FreeInstance", "fmi2Instantiate", "fmi2GetVersion", "fmi2GetTypesPlatform"}
+
+
+class Findings:
+    """Collect what went wrong, so that one run shows all of it."""
+
+    def __init__(self):
+        self.lines = []
+        self.checks = 0
+
+    def expect(self, holds, text):
+        """Count a check, and note it if it fails."""
+        self.checks += 1
+        if not holds:
+            self.lines.append(text)
+
+
+class Counted(Instance):
+    """An instance that knows which functions were called."""
+
+    def __init__(self, model, name, called):
+        super().__init__(model, name)
+        for function in [n for n in dir(self.fmu) if n.startswith("fmi2")]:
+            setattr(self.fmu, function, self.counting(function, getattr(self.fmu, function), called))
+
+    @staticmethod
+    def counting(name, function, called):
+        """Wrap a function of the library so that its name is kept."""
+
+        def wrapped(*arguments):
+            called.add(name)
+            return function(*arguments)
+
+        return wrapped
+
+
+def refused(call):
+    """Tell whether a call is answered with an error."""
+    try:
+        call()
+    except Exception:
+        return True
+    return False
+
+
+def reals(model, causality):
+    """List the continuous Reals of a causality: names and references."""
+    chosen = [v for v in model.description.modelVariables if v.causality == causality and v.type == "Real"]
+    chosen = [v for v in chosen if v.variability == "continuous"]
+    return [v.name for v in chosen], [v.valueReference for v in chosen]
+
+
+def states(model, called, findings):
+    """Replay from snapshots and from bytes, bit for bit."""
+    name = model.description.modelName
+    one, other = (Counted(model, f"{name} {k}", called) for k in range(2))
+    outputs = model.outputs()
+    one.start()
+    for k in range(STEPS):
+        one.step(k * STEP_S, STEP_S)
+    state = one.fmu.getFMUState()
+    written = one.fmu.serializeFMUState(state)
+    ends = []
+    for instance in (one, one, other):
+        instance.fmu.setFMUState(instance.fmu.deSerializeFMUstate(written) if instance is other else state)
+        for k in range(STEPS, 2 * STEPS):
+            instance.step(k * STEP_S, STEP_S)
+        ends.append(instance.get(*outputs))
+    findings.expect(ends[0] == ends[1], f"{name}: a run replays from a snapshot")
+    findings.expect(ends[0] == ends[2], f"{name}: a run replays from bytes in another instance")
+    damaged = bytes([written[0] ^ 1]) + written[1:]
+    findings.expect(refused(lambda: other.fmu.deSerializeFMUstate(damaged)), f"{name}: damaged bytes are refused")
+    one.fmu.freeFMUState(state)
+    one.fmu.terminate()
+    one.fmu.reset()
+    one.start()
+    one.close()
+    other.close()
+
+
+def questions(model, called, findings):
+    """Ask everything else that can be asked."""
+    name = model.description.modelName
+    instance = Counted(model, f"{name} asked", called)
+    fmu = instance.fmu
+    findings.expect(fmu.getVersion() == b"2.0" or fmu.getVersion() == "2.0", f"{name}: version 2.0")
+    fmu.setDebugLogging(True, ["logEvents"])
+    instance.start()
+    instance.step(0.0, STEP_S)
+    time_s = fmu.getRealStatus(2)
+    findings.expect(abs(getattr(time_s, "value", time_s) - STEP_S) < 1e-15, f"{name}: the last successful time")
+    findings.expect(refused(lambda: fmu.getIntegerStatus(0)), f"{name}: no status is an Integer")
+    fmu.getStatus(0)
+    fmu.getBooleanStatus(3)
+    fmu.getStringStatus(1)
+    findings.expect(refused(fmu.cancelStep), f"{name}: no step can be cancelled")
+    fmu.fmi2GetString(fmu.component, None, 0, None)
+    fmu.fmi2SetString(fmu.component, None, 0, None)
+    names, inputs = reals(model, "input")
+    fmu.setReal(inputs, fmu.getReal(inputs))
+    fmu.setRealInputDerivatives(inputs, [1] * len(inputs), [0.0] * len(inputs))
+    booleans = [v for v in model.description.modelVariables if v.type == "Boolean"]
+    instance.get(*[v.name for v in booleans])
+    settable = [v.valueReference for v in booleans if v.causality in ("input", "parameter") and v.variability != "fixed"]
+    fmu.setBoolean(settable, fmu.getBoolean(settable))
+    integers = [v.name for v in model.description.modelVariables if v.type in ("Integer", "Enumeration")]
+    instance.get(*integers)
+    fmu.fmi2SetInteger(fmu.component, None, 0, None)
+    order = model.description.coSimulation.maxOutputDerivativeOrder
+    names, outputs = reals(model, "output")
+    if order:
+        rates = fmu.getRealOutputDerivatives(outputs, [1] * len(outputs))
+        rates = dict(zip(names, rates))
+        findings.expect(rates["Y"] == instance.get("vY")[0], f"{name}: the rate of a position is the velocity")
+    else:
+        findings.expect(
+            refused(lambda: fmu.getRealOutputDerivatives([0], [1])), f"{name}: no derivatives of outputs are promised"
+        )
+    if model.description.coSimulation.providesDirectionalDerivative:
+        directional(model, instance, findings)
+    else:
+        findings.expect(refused(lambda: fmu.getDirectionalDerivative([], [], [])), f"{name}: no directional derivatives")
+    instance.close()
+
+
+def directional(model, instance, findings):
+    """Compare all derivatives by the inputs with differences, and with the dependencies that are declared."""
+    names, inputs = reals(model, "input")
+    outputs, unknowns = reals(model, "output")
+    instance.set({"i[1]": 1.5, "i[2]": 1.4, "i[3]": 1.3})
+    declared = {u.variable.name: {d.name for d in u.dependencies or []} for u in model.description.outputs}
+    for known, reference in zip(names, inputs):
+        exact = instance.fmu.getDirectionalDerivative(unknowns, [reference], [1.0])
+        value = instance.get(known)[0]
+        step = 1e-4 * max(abs(value), 1.0)
+        sides = []
+        for side in (value - step, value + step):
+            instance.set({known: side})
+            sides.append(np.array(instance.get(*outputs)))
+        instance.set({known: value})
+        quotient = (sides[1] - sides[0]) / (2 * step)
+        scale = max(np.abs(quotient).max(), 1e-9)
+        for output, got, wanted in zip(outputs, exact, quotient):
+            findings.expect(abs(got - wanted) <= QUOTIENT * scale, f"d {output}/d {known}: {got} against {wanted}")
+            findings.expect(got == 0 or known in declared[output], f"{output} follows {known}, which is not declared")
+
+
+def alone_in_fmpy(archive, model):
+    """Final outputs of a run in fmpy."""
+    result = simulate_fmu(
+        str(archive), stop_time=STEPS * STEP_S, step_size=STEP_S, output_interval=STEP_S, output=model.outputs()
+    )
+    return {name: float(result[name][-1]) for name in model.outputs()}
+
+
+def alone_in_libcosim(archive, model):
+    """Final outputs of a run in libcosim."""
+    from libcosimpy.CosimEnums import CosimVariableCausality, CosimVariableType
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    log_output_level(CosimLogLevel.ERROR)
+    execution = CosimExecution.from_step_size(step_size=round(STEP_S * 1e9))
+    slave = execution.add_local_slave(CosimLocalSlave(fmu_path=str(archive), instance_name="alone"))
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer)
+    for _ in range(STEPS):
+        execution.step()
+    values = {}
+    for kind, read in [
+        (CosimVariableType.REAL, observer.last_real_values),
+        (CosimVariableType.BOOLEAN, observer.last_boolean_values),
+    ]:
+        chosen = [v for v in execution.slave_variables(slave) if v.type == kind.value]
+        chosen = [v for v in chosen if v.causality == CosimVariableCausality.OUTPUT.value]
+        if chosen:
+            found = read(slave, [v.reference for v in chosen])
+            values.update({v.name.decode(): float(value) for v, value in zip(chosen, found)})
+    return values
+
+
+def alone_in_ecos(archive, model):
+    """Final outputs of a run in ecos."""
+    from ecospy.EcosSimulation import EcosSimulation
+    from ecospy.EcosSimulationStructure import EcosSimulationStructure
+
+    structure = EcosSimulationStructure()
+    structure.add_model("alone", str(archive))
+    with EcosSimulation(STEP_S, structure=structure) as simulation:
+        if not simulation.init():
+            raise RuntimeError("the FMU cannot be initialized")
+        for _ in range(STEPS):
+            simulation.step()
+        kinds = {name: model.variables[name].type for name in model.outputs()}
+        read = {"Real": simulation.get_real, "Boolean": simulation.get_bool, "Integer": simulation.get_integer}
+        values = {name: float(read[kind](f"alone::{name}")) for name, kind in kinds.items() if kind in read}
+        simulation.terminate()
+    return values
+
+
+def final_values(archive, model, findings):
+    """Run the FMU alone in every tool and compare with direct calls."""
+    name = model.description.modelName
+    instance = Instance(model, f"{name} direct")
+    instance.start()
+    for k in range(STEPS):
+        instance.step(k * STEP_S, STEP_S)
+    wanted = dict(zip(model.outputs(), instance.get(*model.outputs())))
+    instance.close()
+    for tool, run in [("fmpy", alone_in_fmpy), ("libcosim", alone_in_libcosim), ("ecos", alone_in_ecos)]:
+        try:
+            got = run(archive, model)
+        except ImportError as error:
+            findings.expect(False, f"{tool} is not there: {error}")
+            continue
+        for output, value in got.items():
+            nominal = float(model.variables[output].nominal or 1.0)
+            miss = abs(value - wanted[output]) / nominal
+            findings.expect(miss <= SAME_RUN, f"{name}: {output} in {tool}: {value} against {wanted[output]}")
+        findings.expect(len(got) > 0, f"{name}: {tool} tells no outputs")
+
+
+def main():
+    """Run all checks.
+
+    Returns
+    -------
+    int
+        0 if all hold, 1 otherwise.
+    """
+    folder = Path(sys.argv[1])
+    findings = Findings()
+    for name in FMUS:
+        archive = folder / f"{name}.fmu"
+        called = set(INDIRECT)
+        with tempfile.TemporaryDirectory() as place:
+            model = Model.open(archive, Path(place))
+            findings.expect(validate_fmu(str(archive)) == [], f"{name}: {validate_fmu(str(archive))}")
+            findings.expect(len(supported_platforms(str(archive))) > 0, f"{name}: no binary")
+            states(model, called, findings)
+            questions(model, called, findings)
+            final_values(archive, model, findings)
+            probe = Instance(model, f"{name} probe")
+            exported = {n for n in dir(probe.fmu) if n.startswith("fmi2")}
+            probe.close()
+            findings.expect(exported <= called, f"{name}: never called: {sorted(exported - called)}")
+    for line in findings.lines:
+        print(f"FAILED {line}")
+    print(f"{findings.checks - len(findings.lines)} of {findings.checks} checks passed")
+    return 1 if findings.lines else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,452 @@
+#!/usr/bin/env python3
+"""Sweep the packaged FMUs over a design on a Dask cluster.
+
+    scripts/sweep.py DESIGN.csv --out ROWS.csv [--scheduler ADDRESS]
+
+A row per case in, a row per case out: the same rows, to the last digit, as those of `magnetic-bearing sweep`, which also makes a
+design in CSV out of one in TOML (`sweep DESIGN.toml --expand`). The FMUs come out of the SSP and travel to the workers with the
+tasks, so that a worker needs the packages of `requirements-sweep.txt` and nothing else.
+
+Without `--scheduler` a cluster is made on this machine, a process per processor. Every row is on the disk before it counts; a
+sweep that was interrupted goes on where it stopped, and what a lost worker was at is done by another.
+"""
+
+import argparse
+import csv
+import decimal
+import functools
+import hashlib
+import io
+import os
+import pathlib
+import re
+import sys
+import tempfile
+import time
+import tomllib
+import zipfile
+from xml.etree import ElementTree
+
+HERE = pathlib.Path(__file__).resolve().parent.parent
+SCENARIOS = HERE / "src" / "app" / "scenarios"
+SSD = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
+
+# Stretch at the end of a run over which tracking is judged, in s.
+STRETCH_S = 0.04
+
+# Columns that come out: name, and the output whose last value it is.
+LAST = {
+    "valid": "estimator.valid",
+    "lambdaHat[1] [N.m2/A2]": "estimator.lambdaHat[1]",
+    "lambdaHat[2] [N.m2/A2]": "estimator.lambdaHat[2]",
+    "lambdaHat[3] [N.m2/A2]": "estimator.lambdaHat[3]",
+    "lambdaStd[1] [N.m2/A2]": "estimator.lambdaStd[1]",
+    "lambdaStd[2] [N.m2/A2]": "estimator.lambdaStd[2]",
+    "lambdaStd[3] [N.m2/A2]": "estimator.lambdaStd[3]",
+    "error[1]": None,
+    "error[2]": None,
+    "error[3]": None,
+    "condition": "estimator.condition",
+    "residual": "estimator.residual",
+    "unbalance.magnitude [kg.m]": "estimator.unbalance.magnitude",
+    "unbalance.phase [rad]": "estimator.unbalance.phase",
+    "pZHat [N]": "estimator.pZHat",
+    "tracking.Y [m]": None,
+    "tracking.Z [m]": None,
+}
+TRACKING = {"tracking.Y [m]": "controller.eY", "tracking.Z [m]": "controller.eZ"}
+
+
+class Refused(Exception):
+    """A case that cannot be run, in words."""
+
+
+def shortest(value):
+    """A number with as many digits as it takes to read it again, written as the native sweep does."""
+    sign, digits, exponent = decimal.Decimal(repr(float(value))).as_tuple()
+    text = "".join(map(str, digits)).lstrip("0")
+    exponent += len(text) - 1
+    text = text.rstrip("0") or "0"
+    if text == "0":
+        exponent = 0
+    return ("-" if sign else "") + text[0] + ("." + text[1:] if len(text) > 1 else "") + f"e{exponent}"
+
+
+def split(column):
+    """`plant.m [g]` as path and unit."""
+    found = re.fullmatch(r"\s*(.*?) \[(.*)\]\s*", column)
+    return (found[1].strip(), found[2].strip()) if found else (column.strip(), None)
+
+
+# What follows runs on the workers.
+
+
+@functools.lru_cache(maxsize=4)
+def system(ssp):
+    """The FMUs of an SSP, unzipped, with their model descriptions, and the connections."""
+    import fmpy
+
+    archive = zipfile.ZipFile(io.BytesIO(ssp))
+    structure = ElementTree.fromstring(archive.read("SystemStructure.ssd"))
+    elements = {}
+    for component in structure.iterfind(".//ssd:Component", SSD):
+        folder = tempfile.mkdtemp(prefix="sweep-")
+        zipfile.ZipFile(io.BytesIO(archive.read(component.get("source")))).extractall(folder)
+        elements[component.get("name")] = folder, fmpy.read_model_description(folder)
+    connections = [
+        (wire.get("startElement"), wire.get("startConnector"), wire.get("endElement"), wire.get("endConnector"))
+        for wire in structure.iterfind(".//ssd:Connection", SSD)
+    ]
+    return elements, connections
+
+
+def convert(path, description, variable, value):
+    """A value of a scenario or a design as a number in the unit of the interface."""
+    if variable.type == "Boolean":
+        return value if isinstance(value, bool) else {"true": True, "false": False}[value]
+    if variable.type == "Enumeration":
+        items = {item.name: int(item.value) for item in variable.declaredType.items}
+        if value not in items:
+            listed = ", ".join(f"{name} ({number})" for name, number in items.items())
+            raise Refused(f"{path} = {value} is refused: one of {listed} is wanted")
+        return items[value]
+    if variable.type == "Integer":
+        return int(value)
+    if not isinstance(value, str):
+        return float(value)
+    number, _, unit = value.strip().partition(" ")
+    try:
+        number, unit = float(number), unit.strip().replace("μ", "µ")
+    except ValueError:
+        raise Refused(f"{path} = {value} is refused: {number} is no number") from None
+    name = variable.unit or variable.declaredType.unit
+    if unit in ("", name):
+        return number
+    displays = next(candidate.displayUnits for candidate in description.unitDefinitions if candidate.name == name)
+    for display in displays:
+        if display.name.replace("µ", "u") == unit.replace("µ", "u"):
+            return number / float(display.factor)
+    raise Refused(f"{path} = {value} is refused: the unit {unit} is none of {', '.join(d.name for d in displays)}")
+
+
+def flatten(table, prefix=""):
+    """The leaves of a table with their keys joined by dots."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value
+
+
+class Element:
+    """One instance of an FMU."""
+
+    # Those of all instances, for fmpy hands the messages of every one to the logger that was made last.
+    messages = []
+
+    def __init__(self, name, folder, description):
+        from ctypes import byref
+
+        from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+        from fmpy.logging import addLoggerProxy
+
+        self.name, self.description = name, description
+        self.variables = {variable.name: variable for variable in description.modelVariables}
+
+        def take(_environment, _instance, _status, _category, message):
+            Element.messages.append(message.decode())
+
+        self.callbacks = fmi2CallbackFunctions.from_buffer_copy(defaultCallbacks)
+        self.callbacks.logger = fmi2CallbackLoggerTYPE(take)
+        addLoggerProxy(byref(self.callbacks))
+        self.fmu = FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=folder,
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName=name,
+        )
+        self.fmu.instantiate(callbacks=self.callbacks, loggingOn=False)
+
+    @classmethod
+    def complaint(cls):
+        """What was said since the last complaint, without the name of the function."""
+        text = " ".join(cls.messages).partition(": ")[2]
+        cls.messages.clear()
+        return text
+
+    def kind(self, name):
+        return "Integer" if self.variables[name].type == "Enumeration" else self.variables[name].type
+
+    def get(self, name):
+        return getattr(self.fmu, f"get{self.kind(name)}")([self.variables[name].valueReference])[0]
+
+    def set(self, name, value):
+        getattr(self.fmu, f"set{self.kind(name)}")([self.variables[name].valueReference], [value])
+
+    def free(self):
+        self.fmu.freeInstance()
+
+
+def seconds(value):
+    """A time of a scenario."""
+    if not isinstance(value, str):
+        return float(value)
+    number, _, unit = value.strip().partition(" ")
+    return float(number) / {"": 1.0, "s": 1.0, "ms": 1e3, "µs": 1e6, "us": 1e6}[unit.strip()]
+
+
+def settings(scenario, columns, cells, elements):
+    """The values of a case per element: those of the scenario, then those of the design."""
+    values = {name: {} for name in elements}
+    for name, (_, description) in elements.items():
+        variables = {variable.name: variable for variable in description.modelVariables}
+        for table in ("all", name):
+            for key, value in flatten(scenario.get(table, {})):
+                if key in variables:
+                    values[name][key] = convert(f"{name}.{key}", description, variables[key], value)
+                elif f"{key}[1]" in variables:
+                    for k, item in enumerate(value, 1):
+                        at = f"{key}[{k}]"
+                        values[name][at] = convert(f"{name}.{at}", description, variables[at], item)
+    for column, cell in zip(columns, cells):
+        path, unit = split(column)
+        name, _, key = path.partition(".")
+        if cell == "":
+            continue
+        _, description = elements[name]
+        variable = next(variable for variable in description.modelVariables if variable.name == key)
+        if unit and variable.type == "Real" and " " not in cell:
+            cell = f"{cell} {unit}"
+        values[name][key] = convert(path, description, variable, cell)
+    return values
+
+
+def run_case(case, ssp, scenario_text, columns, cells):
+    """Run one case. Returns its seed, its status and its figures."""
+    figures = {name: "" for name in LAST}
+    elements, connections = system(ssp)
+    scenario = tomllib.loads(scenario_text)
+    try:
+        values = settings(scenario, columns, cells, elements)
+    except (Refused, KeyError, ValueError) as error:
+        return case, "", str(error), figures
+    defaults = {v.name: v.start for v in elements["plant"][1].modelVariables}
+    seed = values["plant"].get("sensor.seed", defaults.get("sensor.seed"))
+    made = {}
+    try:
+        status, figures = simulate(made, elements, connections, scenario, values)
+    finally:
+        for element in made.values():
+            element.free()
+    return case, str(seed), status, figures
+
+
+def simulate(made, elements, connections, scenario, values):
+    """The closed loop: read all outputs, set all inputs, step all slaves."""
+    Element.messages.clear()
+    refused = []
+    for name, (folder, description) in elements.items():
+        element = made[name] = Element(name, folder, description)
+        for key, value in values[name].items():
+            element.set(key, value)
+        element.fmu.setupExperiment(startTime=0.0)
+        element.fmu.enterInitializationMode()
+        try:
+            element.fmu.exitInitializationMode()
+        except Exception:
+            refused += [f"[{name}] {finding}" for finding in Element.complaint().split("; ")]
+    if refused:
+        return "; ".join(refused), {name: "" for name in LAST}
+
+    step_s, duration_s = seconds(scenario["step"]), seconds(scenario["duration"])
+    steps = round(duration_s / step_s)
+    points = round(STRETCH_S / step_s)
+    tracking = {name: [] for name in TRACKING}
+    # Outputs are read and inputs set with one call per instance and type.
+    wires = group(made, connections)
+    watched = {name: (path.partition(".")[0], path.partition(".")[2]) for name, path in TRACKING.items()}
+    status = "ok"
+    for step in range(steps + 1):
+        for name, (element, key) in watched.items():
+            tracking[name].append(abs(made[element].get(key)))
+        if step == steps:
+            break
+        for read, write in wires:
+            write(read())
+        faults = []
+        for name, element in made.items():
+            try:
+                element.fmu.doStep(currentCommunicationPoint=step * step_s, communicationStepSize=step_s)
+            except Exception:
+                faults.append(f"{name}: {Element.complaint()}")
+        if faults:
+            status = faults[-1]
+            break
+    last = outputs(made)
+    figures = {name: shortest(last[path]) if path else "" for name, path in LAST.items()}
+    truth = {v.name: float(v.start) for v in elements["plant"][1].modelVariables if v.name.startswith("lambda[")}
+    for k in (1, 2, 3):
+        true = values["plant"].get(f"lambda[{k}]", truth[f"lambda[{k}]"])
+        figures[f"error[{k}]"] = shortest(last[f"estimator.lambdaHat[{k}]"] / true - 1.0)
+    for name, errors in tracking.items():
+        figures[name] = shortest(max(errors[-points:]))
+    return status, figures
+
+
+def outputs(made):
+    """The outputs that figures are made of."""
+    return {path: made[path.partition(".")[0]].get(path.partition(".")[2]) for path in LAST.values() if path}
+
+
+def group(made, connections):
+    """Readers and writers of the connections, by pair of instances and type."""
+    bundles = {}
+    for source, output, target, input_ in connections:
+        kind = made[source].kind(output)
+        bundles.setdefault((source, target, kind), []).append((output, input_))
+    wires = []
+    for (source, target, kind), pairs in bundles.items():
+        reads = [made[source].variables[output].valueReference for output, _ in pairs]
+        writes = [made[target].variables[input_].valueReference for _, input_ in pairs]
+        read = functools.partial(getattr(made[source].fmu, f"get{kind}"), reads)
+        write = functools.partial(getattr(made[target].fmu, f"set{kind}"), writes)
+        wires.append((read, write))
+    return wires
+
+
+# What follows runs here.
+
+
+class Rows:
+    """The file of rows, which a sweep of either kind goes on with."""
+
+    def __init__(self, path, columns, cases, scenario_text):
+        self.path, self.columns, self.cases, self.scenario_text = path, columns, cases, scenario_text
+        self.header = ["case", "seed", "status", *LAST, "fingerprint", *columns]
+
+    def fingerprint(self, case):
+        digest = hashlib.sha256(self.scenario_text.encode())
+        for column, cell in zip(self.columns, self.cases[case]):
+            digest.update(b"\0" + column.encode() + b"\0" + cell.encode())
+        return digest.hexdigest()[:12]
+
+    def resume(self):
+        """The cases that are done; cuts off a row that was torn."""
+        text = self.path.read_bytes() if self.path.exists() else b""
+        whole = text.rfind(b"\n") + 1
+        with open(self.path, "ab") as file:
+            file.truncate(whole)
+        if whole == 0:
+            self.append([self.header])
+            return set()
+        header, *rows = csv.reader(io.StringIO(text[:whole].decode()))
+        if header != self.header:
+            raise SystemExit(f"{self.path}: the rows in it have other columns; name another file with --out")
+        at = self.header.index("fingerprint")
+        done = set()
+        for row in rows:
+            case = int(row[0]) - 1
+            if not 0 <= case < len(self.cases) or row[at] != self.fingerprint(case):
+                raise SystemExit(f"{self.path}: case {row[0]} in it is of another design or scenario; name another file")
+            done.add(case)
+        return done
+
+    def append(self, rows):
+        with open(self.path, "a", newline="", encoding="utf-8") as file:
+            csv.writer(file, lineterminator="\n").writerows(rows)
+            file.flush()
+            os.fsync(file.fileno())
+
+    def row(self, case, seed, status, figures):
+        status = status.replace("\n", " ")
+        return [case + 1, seed, status, *(figures[name] for name in LAST), self.fingerprint(case), *self.cases[case]]
+
+    def put_in_order(self):
+        with open(self.path, newline="", encoding="utf-8") as file:
+            header, *rows = csv.reader(file)
+        rows.sort(key=lambda row: int(row[0]))
+        aside = self.path.with_name(self.path.name + ".sorted")
+        with open(aside, "w", newline="", encoding="utf-8") as file:
+            csv.writer(file, lineterminator="\n").writerows([header, *rows])
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(aside, self.path)
+
+
+def progress(done, of, since):
+    """One line on a terminal: how far, how long still."""
+    if sys.stderr.isatty():
+        left = (time.monotonic() - since) / done * (of - done)
+        print(f"\r{done} of {of} cases, {left:.0f} s left ", end="" if done < of else "\n", file=sys.stderr)
+
+
+def read_design(path):
+    """Columns and cases of a design in CSV."""
+    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    columns, *cases = [[cell.strip() for cell in row] for row in csv.reader(lines)]
+    return columns, cases
+
+
+def sweep(client, design, out, scenario_text, ssp):
+    """Run all cases of a design that `out` has no row of. Returns how many there were left to do."""
+    from distributed import as_completed
+
+    columns, cases = read_design(design)
+    rows = Rows(out, columns, cases, scenario_text)
+    done = rows.resume()
+    todo = [case for case in range(len(cases)) if case not in done]
+    # The same FMUs for all; a key of their content keeps sweeps of different FMUs apart.
+    [shipped] = client.scatter([ssp], broadcast=True, hash=True)
+    futures = [
+        client.submit(run_case, case, shipped, scenario_text, columns, cases[case], pure=False) for case in todo
+    ]
+    since, count = time.monotonic(), 0
+    for batch in as_completed(futures, with_results=True, raise_errors=False).batches():
+        fresh = []
+        for future, result in batch:
+            if future.status == "error":
+                # What happened to the worker, not to the bearing: say it in the row and go on.
+                case = todo[futures.index(future)]
+                result = case, "", f"{type(future.exception()).__name__}: {future.exception()}", dict.fromkeys(LAST, "")
+            fresh.append(rows.row(*result))
+        rows.append(fresh)
+        count += len(fresh)
+        progress(count, len(todo), since)
+    rows.put_in_order()
+    return len(todo)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("design", type=pathlib.Path, help="CSV; `sweep DESIGN.toml --expand` makes one of TOML")
+    parser.add_argument("--out", type=pathlib.Path, required=True, help="where the rows go")
+    parser.add_argument("--scenario", default="unbalanced", help="a file, or a scenario that comes with the program")
+    parser.add_argument("--ssp", type=pathlib.Path, default=HERE / "target" / "fmu" / "MagneticBearing.ssp")
+    parser.add_argument("--scheduler", help="address of a Dask scheduler; without it a cluster is made here")
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes of the cluster made here")
+    arguments = parser.parse_args()
+
+    import dask
+    from distributed import Client, LocalCluster
+
+    built_in = SCENARIOS / f"{arguments.scenario}.toml"
+    scenario = built_in if built_in.is_file() else pathlib.Path(arguments.scenario)
+    # A worker that dies may have been at the same case several times without the case being the cause.
+    dask.config.set({"distributed.scheduler.allowed-failures": 10})
+    if arguments.scheduler:
+        cluster, address = None, arguments.scheduler
+    else:
+        cluster = LocalCluster(n_workers=arguments.workers, threads_per_worker=1, dashboard_address=None)
+        address = cluster.scheduler_address
+    with Client(address) as client:
+        count = sweep(
+            client, arguments.design, arguments.out, scenario.read_text(encoding="utf-8"), arguments.ssp.read_bytes()
+        )
+    if cluster:
+        cluster.close()
+    print(f"{arguments.out}: {count} cases run")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,125 @@
+"""Run the SSP in libcosim or in ecos and record all outputs: `system_tools.py TOOL SYSTEM OUT.npz [PARAMETER_SET]`.
+
+A program of its own, because these tools are native libraries: one that crashes then fails a check instead of ending
+all of them, and what they print can be looked at. The SSP or the system structure is handed over as it is.
+"""
+
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+STEP_S = 1e-4
+STEPS = 4000
+# libcosim counts time in nanoseconds.
+STEP_NS = 100_000
+SSD = "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
+
+
+def outputs(path):
+    """List the outputs of all elements of a packed or extracted SSP.
+
+    Returns
+    -------
+    list of tuple of str
+        Element, variable and type.
+    """
+    if Path(path).is_dir():
+        text = Path(path, "SystemStructure.ssd").read_bytes()
+    else:
+        with zipfile.ZipFile(path) as archive:
+            text = archive.read("SystemStructure.ssd")
+    return [
+        (component.get("name"), connector.get("name"), etree.QName(connector[0]).localname)
+        for component in etree.fromstring(text).iter(f"{SSD}Component")
+        for connector in component.iter(f"{SSD}Connector")
+        if connector.get("kind") == "output"
+    ]
+
+
+def run_libcosim(path, _parameter_set):
+    """Run the system in libcosim with the step that it finds in the system structure.
+
+    Returns
+    -------
+    dict
+        Values of all outputs by `element.variable`; those at the start are not available and stand as 0.
+    """
+    from libcosimpy.CosimEnums import CosimVariableCausality, CosimVariableType
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimObserver import CosimObserver
+
+    log_output_level(CosimLogLevel.WARNING)
+    execution = CosimExecution.from_ssp_file(path)
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer)
+    readers = []
+    for info in execution.slave_infos():
+        variables = execution.slave_variables(info.index)
+        outputs = [v for v in variables if v.causality == CosimVariableCausality.OUTPUT.value]
+        for kind, read in [
+            (CosimVariableType.REAL, observer.last_real_values),
+            (CosimVariableType.BOOLEAN, observer.last_boolean_values),
+        ]:
+            chosen = [v for v in outputs if v.type == kind.value]
+            if chosen:
+                names = [f"{info.name.decode()}.{v.name.decode()}" for v in chosen]
+                readers.append((names, read, info.index, [v.reference for v in chosen]))
+    names = [name for group in readers for name in group[0]]
+    rows = [[0.0] * len(names)]
+    for step in range(STEPS):
+        if not execution.step():
+            raise RuntimeError(f"step {step} failed")
+        rows.append([float(value) for _, read, index, references in readers for value in read(index, references)])
+    time_ns = execution.status().current_time
+    if time_ns != STEPS * STEP_NS:
+        raise RuntimeError(f"after {STEPS} steps it is {time_ns} ns and not {STEPS * STEP_NS} ns")
+    return dict(zip(names, np.array(rows).T))
+
+
+def run_ecos(path, parameter_set):
+    """Run the system in ecos; the user of ecos gives the step and names the parameter set.
+
+    Returns
+    -------
+    dict
+        Values of all outputs by `element.variable`.
+    """
+    from ecospy.EcosSimulation import EcosSimulation
+    from ecospy.lib import EcosLib
+
+    EcosLib.set_log_level("warn")
+    with EcosSimulation(STEP_S, ssp_path=path) as simulation:
+        if not simulation.init(parameter_set=parameter_set):
+            raise RuntimeError(EcosLib.get_last_error())
+        readers = []
+        for element, name, kind in outputs(path):
+            read = simulation.get_bool if kind == "Boolean" else simulation.get_real
+            readers.append((f"{element}.{name}", f"{element}::{name}", read))
+        rows = [[float(read(identifier)) for _, identifier, read in readers]]
+        for _ in range(STEPS):
+            simulation.step()
+            rows.append([float(read(identifier)) for _, identifier, read in readers])
+        simulation.terminate()
+    return dict(zip([name for name, _, _ in readers], np.array(rows).T))
+
+
+def main():
+    """Run a system and write the recording.
+
+    Returns
+    -------
+    int
+        0; a tool that fails raises.
+    """
+    tool, path, out, *rest = sys.argv[1:]
+    recording = {"libcosim": run_libcosim, "ecos": run_ecos}[tool](path, rest[0] if rest else None)
+    np.savez(out, **recording)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

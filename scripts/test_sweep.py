@@ -1,0 +1,85 @@
+"""The sweep on a cluster gives the rows of the native sweep, and survives the loss of a worker.
+
+Needs the packages of `requirements-sweep.txt` and pytest, and the FMUs and the program built by `cargo build --release`.
+"""
+
+import os
+import pathlib
+import signal
+import subprocess
+import threading
+import time
+
+import dask
+import pytest
+from distributed import Client, LocalCluster
+
+import sweep
+
+HERE = pathlib.Path(__file__).resolve().parent.parent
+PROGRAM = HERE / "target" / "release" / "magnetic-bearing"
+DESIGNS = HERE / "tests" / "designs"
+
+
+def native(*arguments):
+    return subprocess.run([PROGRAM, "sweep", *map(str, arguments)], check=True, capture_output=True, text=True).stdout
+
+
+@pytest.fixture(scope="module")
+def ssp(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fmu")
+    subprocess.run([PROGRAM, "package", "--out", folder], check=True, capture_output=True)
+    return (folder / "MagneticBearing.ssp").read_bytes()
+
+
+@pytest.fixture
+def client():
+    dask.config.set({"distributed.scheduler.allowed-failures": 10})
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
+        yield client
+
+
+def scenario():
+    return (sweep.SCENARIOS / "unbalanced.toml").read_text(encoding="utf-8")
+
+
+def test_rows_are_those_of_the_native_sweep_to_the_last_byte(tmp_path, client, ssp):
+    native(DESIGNS / "cases.csv", "--out", tmp_path / "native.csv")
+    sweep.sweep(client, DESIGNS / "cases.csv", tmp_path / "cluster.csv", scenario(), ssp)
+    assert (tmp_path / "cluster.csv").read_text() == (tmp_path / "native.csv").read_text()
+
+
+def test_a_lost_worker_loses_no_row(tmp_path, client, ssp):
+    design = tmp_path / "design.csv"
+    design.write_text(native(DESIGNS / "hypercube.toml", "--expand"))
+    native(design, "--out", tmp_path / "native.csv")
+    killed = []
+
+    def kill():
+        # Once rows come in, a worker is at work.
+        while not (tmp_path / "cluster.csv").exists() or len((tmp_path / "cluster.csv").read_text().splitlines()) < 5:
+            time.sleep(0.01)
+        victim = client.run(os.getpid, workers=[next(iter(client.scheduler_info()["workers"]))])
+        for process in victim.values():
+            os.kill(process, signal.SIGKILL)
+            killed.append(process)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    sweep.sweep(client, design, tmp_path / "cluster.csv", scenario(), ssp)
+    killer.join()
+    assert len(killed) == 1, "nothing was killed: the sweep was over too early"
+    assert (tmp_path / "cluster.csv").read_text() == (tmp_path / "native.csv").read_text()
+
+
+def test_either_sweep_goes_on_with_the_rows_of_the_other(tmp_path, client, ssp):
+    native(DESIGNS / "cases.csv", "--out", tmp_path / "whole.csv")
+    lines = (tmp_path / "whole.csv").read_text().splitlines(keepends=True)
+    (tmp_path / "rows.csv").write_text("".join([lines[0], lines[4], lines[2], lines[5], lines[3], lines[6][:30]]))
+    assert sweep.sweep(client, DESIGNS / "cases.csv", tmp_path / "rows.csv", scenario(), ssp) == 2
+    assert (tmp_path / "rows.csv").read_text() == "".join(lines)
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0, -1.5e-6, 1e8, 0.1, 123456.789, 5e-324, 1.7976931348623157e308])
+def test_numbers_read_again_as_themselves(value):
+    assert float(sweep.shortest(value)) == value

@@ -1,0 +1,200 @@
+//! What a bearing engineer looks for in a run: displacement and clearance, harmonics of the speed, currents, voltages, loads,
+//! sensitivity.
+
+use std::f64::consts::TAU;
+
+use super::report::{Sensitivity, Table};
+use super::scenario::{Element, Scenario};
+use super::simulate::Run;
+use crate::model::sensitivity::{NoSensitivity, SampledLoop, zone};
+use crate::slave::variable::Value;
+use crate::slave::{controller, plant};
+
+/// How many revolutions the figures are taken over, and how long where the rotor hardly turns, in s.
+const REVOLUTIONS: f64 = 2.0;
+const WITHOUT_TURNING_S: f64 = 0.05;
+/// Amplitude of the sine that is injected to confirm the sensitivity function, in m.
+const INJECTED_M: f64 = 0.02e-6;
+/// Samples of an injection, and the periods within them.
+const SAMPLES: usize = 2000;
+const PERIODS: [usize; 7] = [2, 6, 20, 40, 80, 160, 400];
+
+fn real(scenario: &Scenario, element: &str, variable: &str) -> f64 {
+    scenario.value(element, variable).map_or(f64::NAN, Value::as_f64)
+}
+
+/// A stretch of the run: its name, and samples from and up to.
+struct Stretch {
+    name: &'static str,
+    from: usize,
+    to: usize,
+}
+
+/// The last whole revolutions before the update and those of the run, or those of the run alone.
+fn stretches(run: &Run) -> Option<Vec<Stretch>> {
+    let theta = run.recording.get("plant.theta")?;
+    let time_s = &run.recording.time_s;
+    let begin = |to: usize| {
+        let turned = |from: &usize| (theta[to - 1] - theta[*from]).abs() >= TAU * REVOLUTIONS * (1.0 - 1e-9);
+        let from = (0..to).rev().find(turned);
+        from.unwrap_or_else(|| time_s.partition_point(|time| *time < time_s[to - 1] - WITHOUT_TURNING_S))
+    };
+    let end = time_s.len();
+    if end < 2 {
+        return None;
+    }
+    let used = run.recording.get("controller.lambdaUsed[1]")?;
+    let mut all = Vec::new();
+    if let Some(update) = used.iter().position(|value| *value != used[0]).filter(|update| *update > 1) {
+        all.push(Stretch { name: "before", from: begin(update), to: update });
+    }
+    all.push(Stretch { name: if all.is_empty() { "end of the run" } else { "after" }, from: begin(end), to: end });
+    Some(all)
+}
+
+/// Amplitude of harmonic n of the rotor's angle in a signal, over whole revolutions.
+fn harmonic(signal: &[f64], theta: &[f64], n: f64) -> f64 {
+    // By the trapezoidal rule over the angle, so that a speed that changes does no harm.
+    let (mut re, mut im, mut turned) = (0.0, 0.0, 0.0);
+    for (x, angle) in signal.windows(2).zip(theta.windows(2)) {
+        let width = angle[1] - angle[0];
+        re += 0.5 * width * (x[0] * (n * angle[0]).cos() + x[1] * (n * angle[1]).cos());
+        im += 0.5 * width * (x[0] * (n * angle[0]).sin() + x[1] * (n * angle[1]).sin());
+        turned += width;
+    }
+    if turned == 0.0 { 0.0 } else { 2.0 * re.hypot(im) / turned.abs() }
+}
+
+/// The table of figures; `None` when the recording is too short.
+pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> Option<Table> {
+    let stretches = stretches(run)?;
+    let clearance_m = real(scenario, "plant", "touchdown.clearance");
+    let get = |name: &str| run.recording.get(name);
+    let [y, z, theta] = [get("plant.Y")?, get("plant.Z")?, get("plant.theta")?];
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    let mut row = |name: String, unit: &str, value: &dyn Fn(&Stretch) -> String| {
+        let cells = stretches.iter().map(value);
+        rows.push(std::iter::once(name).chain(cells).chain([unit.to_owned()]).collect());
+    };
+    let peak = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
+    let radius = |s: &Stretch| peak(&mut (s.from..s.to).map(|k| y[k].hypot(z[k])));
+    row("largest displacement from the centre".into(), "µm", &|s| format!("{:.2}", radius(s) * 1e6));
+    row("the same, of the clearance".into(), "%", &|s| format!("{:.1}", 100.0 * radius(s) / clearance_m));
+    if let (Some(ry), Some(rz)) = (get("controller.reference.Y"), get("controller.reference.Z")) {
+        let error = |k: usize| (y[k] - ry[k]).hypot(z[k] - rz[k]);
+        row("largest tracking error, radial".into(), "µm", &|s| {
+            format!("{:.3}", 1e6 * peak(&mut (s.from..s.to).map(error)))
+        });
+        row("tracking error, radial, rms".into(), "µm", &|s| {
+            let squares: f64 = (s.from..s.to).map(|k| error(k).powi(2)).sum();
+            format!("{:.3}", 1e6 * (squares / (s.to - s.from) as f64).sqrt())
+        });
+    }
+    for (axis, signal) in [("y", y), ("z", z)] {
+        row(format!("1× / 2× / 3× components of {axis}"), "µm", &|s| {
+            let part = |n| 1e6 * harmonic(&signal[s.from..s.to], &theta[s.from..s.to], n);
+            format!("{:.2} / {:.3} / {:.3}", part(1.0), part(2.0), part(3.0))
+        });
+    }
+    for k in 1..=3 {
+        if let Some(current) = get(&format!("plant.im[{k}]")) {
+            row(format!("current of magnet {k}, peak / rms"), "A", &|s| {
+                let squares: f64 = current[s.from..s.to].iter().map(|i| i * i).sum();
+                let rms = (squares / (s.to - s.from) as f64).sqrt();
+                format!("{:.3} / {rms:.3}", peak(&mut current[s.from..s.to].iter().map(|i| i.abs())))
+            });
+        }
+    }
+    if scenario.value("plant", "drive") == Some(Value::Integer(2)) {
+        let limit_v = real(scenario, "plant", "coil.uMax");
+        for k in 1..=3 {
+            if let Some(voltage) = get(&format!("controller.u[{k}]")) {
+                let largest = |s: &Stretch| peak(&mut voltage[s.from..s.to].iter().map(|u| u.abs()));
+                row(format!("voltage of amplifier {k}, peak / headroom"), "V / %", &|s| {
+                    format!("{:.1} / {:.0}", largest(s), 100.0 * (1.0 - largest(s) / limit_v))
+                });
+            }
+        }
+    }
+    for k in 1..=3 {
+        if let Some(force) = get(&format!("plant.F[{k}]")) {
+            row(format!("static load of magnet {k}"), "N", &|s| {
+                format!("{:.1}", force[s.from..s.to].iter().sum::<f64>() / (s.to - s.from) as f64)
+            });
+        }
+    }
+    for (axis, letter) in ["y", "z"].into_iter().enumerate() {
+        if sensitivities.len() == stretches.len() {
+            let each: Vec<String> = sensitivities.iter().map(|sensitivity| sensitivity.peak_in_words(axis)).collect();
+            let mut cells = vec![format!("peak of the sensitivity function of {letter}")];
+            cells.extend(each);
+            cells.push("".into());
+            rows.push(cells);
+        }
+    }
+    let head = std::iter::once(String::new())
+        .chain(stretches.iter().map(|stretch| stretch.name.to_owned()))
+        .chain(["unit".to_owned()])
+        .collect();
+    Some(Table {
+        title: "Figures of the bearing".into(),
+        note: format!(
+            "Over the last {REVOLUTIONS} revolutions, where there was an update those before it and those of the run. The \
+             clearance of the backup bearing is {:.0} µm. Zones of ISO 14839-3: A below 3, B below 4, C below 5.",
+            clearance_m * 1e6
+        ),
+        head,
+        rows,
+    })
+}
+
+/// Sensitivity functions before and after the update, or the one; what stands in the way as text.
+pub fn sensitivities(scenario: &Scenario, run: &Run) -> Vec<Sensitivity> {
+    let Some(stretches) = stretches(run) else { return Vec::new() };
+    let settings = |element: &Element| element.settings.iter().map(|setting| (setting.index, setting.value)).collect();
+    let settings: [Vec<(usize, Value)>; 2] = [settings(&scenario.elements[0]), settings(&scenario.elements[1])];
+    let (Ok(plant), Ok(controller)) = (plant::configuration(&settings[0]), controller::configuration(&settings[1]))
+    else {
+        // A run that could begin has configurations that can be had.
+        return Vec::new();
+    };
+    let load_n = ["pY", "pZ"].map(|name| real(scenario, "plant", name));
+    let one = |stretch: &Stretch| {
+        let mut lambda = [0.0; 3];
+        for (k, value) in lambda.iter_mut().enumerate() {
+            *value = *run.recording.get(&format!("controller.lambdaUsed[{}]", k + 1))?.get(stretch.to - 1)?;
+        }
+        let computed = || -> Result<_, NoSensitivity> {
+            let sampled = SampledLoop::new(&plant, &controller, lambda, load_n)?;
+            let sweep = sampled.linearise()?.sweep(TAU, 200);
+            let mut injected = Vec::new();
+            for periods in PERIODS {
+                let (omega, in_y) = sampled.inject(0, INJECTED_M, periods, SAMPLES)?;
+                let (_, in_z) = sampled.inject(1, INJECTED_M, periods, SAMPLES)?;
+                injected.push([omega, in_y.norm(), in_z.norm()]);
+            }
+            Ok((sweep, injected))
+        };
+        let (sweep, injected, missing) = match computed() {
+            Ok((sweep, injected)) => (sweep, injected, None),
+            Err(error) => (Vec::new(), Vec::new(), Some(error.to_string())),
+        };
+        Some(Sensitivity { name: stretch.name.into(), sweep, injected, missing })
+    };
+    stretches.iter().filter_map(one).collect()
+}
+
+impl Sensitivity {
+    /// `[ω, |S|]` at the peak of an axis, 0 for y.
+    pub fn peak(&self, axis: usize) -> Option<[f64; 2]> {
+        let points = self.sweep.iter().map(|point| [point[0], point[1 + axis]]);
+        points.max_by(|one, other| one[1].total_cmp(&other[1]))
+    }
+
+    fn peak_in_words(&self, axis: usize) -> String {
+        match self.peak(axis) {
+            Some([omega, peak]) => format!("{peak:.2} at {:.0} Hz, zone {}", omega / TAU, zone(peak)),
+            None => "none".into(),
+        }
+    }
+}

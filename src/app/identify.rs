@@ -1,0 +1,448 @@
+//! Identification from a recording of a test bench, with the estimator that runs on line.
+
+mod read;
+
+use std::f64::consts::TAU;
+
+use maud::{DOCTYPE, PreEscaped, html};
+use serde_json::{Value as Json, json};
+
+pub use self::read::{Currents, Reading, Samples, Unusable};
+use super::plot::{Axis, Colour, Line, Plot, Unit};
+use super::recording::{Column, Recording};
+use super::report::{self, Table};
+use crate::model::Invalid;
+use crate::model::estimator::{
+    CONDITION_LIMIT, Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, Reason, STD_LIMIT,
+};
+use crate::slave::estimator::{HOLD, METHOD};
+
+/// The methods by the names of the interface.
+pub const METHODS: [(&str, Method); 4] = [
+    ("paperLiteral", Method::PaperLiteral),
+    ("paper", Method::Paper),
+    ("leastSquares", Method::LeastSquares),
+    ("unbalance", Method::Unbalance),
+];
+
+/// What current samples may stand for, by the names of the interface.
+pub const HOLDS: [(&str, Hold); 3] =
+    [("heldBefore", Hold::HeldBefore), ("heldAfter", Hold::HeldAfter), ("linear", Hold::Linear)];
+
+/// One method over a whole recording.
+#[derive(Clone, Debug)]
+pub struct Track {
+    /// Name of the method.
+    pub name: &'static str,
+    /// What the estimator was told.
+    pub config: EstimatorConfig,
+    /// What it said at every sample.
+    pub outputs: Vec<EstimatorOutput>,
+}
+
+/// Why no identification was made.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum Failed {
+    /// The estimator refuses its parameters.
+    #[error("the estimator cannot be started: {}", .0.iter().map(Invalid::to_string).collect::<Vec<_>>().join("; "))]
+    Refused(Vec<Invalid>),
+    /// The method needs what the recording has not.
+    #[error("the method unbalance needs the angle or the speed of the rotor: --speed gives a constant one")]
+    NoAngle,
+}
+
+/// The window of one revolution that fits the recording, in seconds; the paper's where the speed is not known.
+#[must_use]
+pub fn one_revolution(samples: &Samples) -> f64 {
+    let known: Vec<f64> = samples.omega_rad_s.iter().copied().filter(|omega| omega.is_finite()).collect();
+    let mean = known.iter().sum::<f64>().abs() / known.len().max(1) as f64;
+    let window_s = if mean > 0.0 { TAU / mean } else { 0.02 };
+    // Two periods of the slowest that the window can see, eight samples at least.
+    (window_s.min(0.2) / samples.step_s).round().max(8.0) * samples.step_s
+}
+
+/// Runs one method over a recording.
+///
+/// # Errors
+/// What keeps the method from being run.
+pub fn track(samples: &Samples, config: &EstimatorConfig) -> Result<Track, Failed> {
+    if config.method == Method::Unbalance && samples.theta_rad.is_empty() {
+        return Err(Failed::NoAngle);
+    }
+    let estimator = Estimator::new(config.clone()).map_err(Failed::Refused)?;
+    let mut state = estimator.start();
+    let currents = samples.currents(match config.hold {
+        Hold::HeldBefore => Currents::Before,
+        Hold::HeldAfter => Currents::After,
+        Hold::Linear => Currents::Linear,
+    });
+    let outputs = (0..samples.len()).map(|j| {
+        let input = EstimatorInput {
+            position_m: [samples.position_m[0][j], samples.position_m[1][j]],
+            current_a: [currents[0][j], currents[1][j], currents[2][j]],
+            theta_rad: samples.theta_rad.get(j).copied().unwrap_or(0.0),
+            omega_rad_s: samples.omega_rad_s.get(j).copied().unwrap_or(TAU / config.window_s),
+            enable: true,
+            contact: false,
+            reset: false,
+        };
+        estimator.sample(&mut state, &input)
+    });
+    let name = METHODS.iter().find(|(_, method)| *method == config.method).map_or("", |(name, _)| name);
+    Ok(Track { name, config: config.clone(), outputs: outputs.collect() })
+}
+
+/// Residuals of the three readings of a current sample, in the order of [`HOLDS`]: what each leaves unexplained on the same
+/// data, in the mean after the first window.
+///
+/// # Errors
+/// As for [`track`].
+pub fn residuals_of_holds(samples: &Samples, config: &EstimatorConfig) -> Result<[f64; 3], Failed> {
+    let mut residuals = [f64::INFINITY; 3];
+    for (residual, (_, hold)) in residuals.iter_mut().zip(HOLDS) {
+        let track = track(samples, &EstimatorConfig { hold, ..config.clone() })?;
+        let used = track.outputs.iter().filter(|output| {
+            !matches!(output.reason, Reason::Filling | Reason::BadSample | Reason::Stuck | Reason::Disabled)
+        });
+        let (sum, count) = used.fold((0.0, 0.0), |(sum, count), output| (sum + output.residual, count + 1.0));
+        if count > 0.0 {
+            *residual = sum / count;
+        }
+    }
+    Ok(residuals)
+}
+
+impl Track {
+    /// The last valid estimate.
+    #[must_use]
+    pub fn last_valid(&self) -> Option<&EstimatorOutput> {
+        self.outputs.iter().rev().find(|output| output.valid)
+    }
+
+    /// What the recording is good for, in a sentence or two.
+    #[must_use]
+    pub fn verdict(&self) -> String {
+        let valid = self.outputs.iter().filter(|output| output.valid).count();
+        let share = 100.0 * valid as f64 / self.outputs.len().max(1) as f64;
+        let mut reasons: Vec<(Reason, usize)> = Vec::new();
+        for output in self.outputs.iter().filter(|output| !output.valid) {
+            match reasons.iter_mut().find(|(reason, _)| *reason == output.reason) {
+                Some((_, count)) => *count += 1,
+                None => reasons.push((output.reason, 1)),
+            }
+        }
+        reasons.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        let others: Vec<String> =
+            reasons.iter().take(3).map(|(reason, count)| format!("{count} samples {reason}")).collect();
+        let why = if others.is_empty() { String::new() } else { format!(" Otherwise: {}.", others.join("; ")) };
+        match self.last_valid() {
+            None => format!("The recording does not identify the force constants.{why}"),
+            Some(last) => {
+                let worst = (0..3).map(|k| last.lambda_std[k] / last.lambda_hat[k]).fold(0.0, f64::max);
+                let word = if worst < 0.2 * STD_LIMIT && last.condition < 0.5 * CONDITION_LIMIT {
+                    "The excitation is sufficient"
+                } else {
+                    "The excitation is weak"
+                };
+                format!(
+                    "{word}: condition {:.1} (limit {CONDITION_LIMIT}), largest standard deviation {:.2} % of its force constant \
+                     (limit {:.0} %), valid during {share:.0} % of the recording.{why}",
+                    last.condition,
+                    100.0 * worst,
+                    100.0 * STD_LIMIT
+                )
+            }
+        }
+    }
+}
+
+/// Estimates in numbers, one row per method.
+#[must_use]
+pub fn table(tracks: &[Track]) -> Table {
+    let head = [
+        "",
+        "λ1",
+        "λ2",
+        "λ3",
+        "± 1",
+        "± 2",
+        "± 3",
+        "U, g·mm",
+        "φ, rad",
+        "pY, N",
+        "pZ, N",
+        "residual",
+        "condition",
+        "valid",
+    ];
+    let row = |track: &Track| {
+        let Some(last) = track.last_valid() else {
+            let mut row = vec![track.name.to_owned()];
+            row.extend(std::iter::repeat_n("–".to_owned(), head.len() - 2));
+            row.push("never".into());
+            return row;
+        };
+        let numbers = last.lambda_hat.iter().map(|l| format!("{:.4}", l * 1e6));
+        let stds = last.lambda_std.iter().map(|l| format!("{:.4}", l * 1e6));
+        let (u, phi) = if track.config.method == Method::Unbalance {
+            (format!("{:.2}", last.unbalance_kg_m * 1e6), format!("{:.4}", last.unbalance_phase_rad))
+        } else {
+            ("–".into(), "–".into())
+        };
+        let at_end = track.outputs.last().is_some_and(|output| output.valid);
+        std::iter::once(track.name.to_owned())
+            .chain(numbers)
+            .chain(stds)
+            .chain([u, phi, format!("{:.2}", last.load_n[0]), format!("{:.2}", last.load_n[1])])
+            .chain([format!("{:.4}", last.residual), format!("{:.1}", last.condition)])
+            .chain([if at_end { "yes" } else { "not at the end" }.to_owned()])
+            .collect()
+    };
+    Table {
+        title: "Force constants, 10⁻⁶ N·m²/A², with their standard deviations".into(),
+        note: "The last valid estimates.".into(),
+        head: head.map(String::from).into(),
+        rows: tracks.iter().map(row).collect(),
+    }
+}
+
+/// The estimates over time, with columns named `method.variable`.
+#[must_use]
+pub fn recording(samples: &Samples, tracks: &[Track]) -> Recording {
+    let time_s = (0..samples.len()).map(|j| samples.start_s + j as f64 * samples.step_s).collect();
+    let mut columns = Vec::new();
+    for track in tracks {
+        let mut add = |name: &str, unit: &str, value: &dyn Fn(&EstimatorOutput) -> f64| {
+            columns.push(Column {
+                name: format!("{}.{name}", track.name),
+                unit: unit.into(),
+                values: track.outputs.iter().map(value).collect(),
+            });
+        };
+        for k in 0..3 {
+            add(&format!("lambdaHat[{}]", k + 1), "N.m2/A2", &|output| output.lambda_hat[k]);
+        }
+        for k in 0..3 {
+            add(&format!("lambdaStd[{}]", k + 1), "N.m2/A2", &|output| output.lambda_std[k]);
+        }
+        add("valid", "", &|output| f64::from(u8::from(output.valid)));
+        add("condition", "", &|output| output.condition);
+        add("residual", "", &|output| output.residual);
+        add("pYHat", "N", &|output| output.load_n[0]);
+        add("pZHat", "N", &|output| output.load_n[1]);
+        add("unbalance.magnitude", "kg.m", &|output| output.unbalance_kg_m);
+        add("unbalance.phase", "rad", &|output| output.unbalance_phase_rad);
+    }
+    Recording { time_s, columns }
+}
+
+/// The result as JSON: what was read, what was told, and the last valid estimate of every method in SI units.
+#[must_use]
+pub fn json(samples: &Samples, tracks: &[Track]) -> Json {
+    let method = |track: &Track| {
+        let hold = HOLDS.iter().find(|(_, hold)| *hold == track.config.hold).map_or("", |(name, _)| name);
+        let estimate = track.last_valid().map(|last| {
+            json!({
+                "lambdaHat": last.lambda_hat, "lambdaStd": last.lambda_std, "condition": last.condition,
+                "residual": last.residual, "pYHat": last.load_n[0], "pZHat": last.load_n[1],
+                "unbalance.magnitude": last.unbalance_kg_m, "unbalance.phase": last.unbalance_phase_rad,
+                "sensor.positionNoise": last.noise[0], "sensor.currentNoise": last.noise[1],
+            })
+        });
+        json!({
+            "method": track.name, "hold": hold, "Tf": track.config.window_s, "estimate": estimate,
+            "validAtEnd": track.outputs.last().is_some_and(|output| output.valid), "verdict": track.verdict(),
+        })
+    };
+    json!({
+        "samples": samples.len(), "start": samples.start_s, "Ts": samples.step_s, "notes": samples.notes,
+        "methods": tracks.iter().map(method).collect::<Vec<_>>(),
+    })
+}
+
+/// What the lines of the estimates are.
+const BAND: &str =
+    "Thick: estimate; thin: one standard deviation above and below. Gaps are instants without a valid estimate.";
+
+/// Begins the note on samples without a value, which here are those without a valid estimate, as the caption says.
+const LEFT_OUT: &str = "Samples left out";
+
+/// Width and height of a plot, in pixels.
+const PLOT_PX: (f64, f64) = (1060.0, 300.0);
+
+/// The result as a page of its own.
+#[must_use]
+pub fn page(title: &str, command: &str, samples: &Samples, tracks: &[Track], holds: Option<&Table>) -> String {
+    let recording = recording(samples, tracks);
+    let mut figures = Vec::new();
+    for track in tracks {
+        figures.push((
+            format!("Force constants over time, {}", track.name),
+            if track.last_valid().is_some() { vec![bands(&recording, track)] } else { Vec::new() },
+            match track.last_valid() {
+                Some(_) => format!("{BAND} {}", track.verdict()),
+                None => track.verdict(),
+            },
+        ));
+    }
+    if let Some(track) = tracks.iter().find(|track| track.config.method == Method::Unbalance) {
+        figures.push((
+            "Unbalance and static load".into(),
+            vec![
+                lines(
+                    &recording,
+                    track,
+                    "Unbalance",
+                    ("U", Unit { name: "g·mm", factor: 1e6 }),
+                    &[("unbalance.magnitude", "U")],
+                ),
+                lines(
+                    &recording,
+                    track,
+                    "Static load",
+                    ("load", Unit::NEWTON),
+                    &[("pYHat", "along y"), ("pZHat", "along z")],
+                ),
+            ],
+            "As identified together with the force constants.".into(),
+        ));
+    }
+    let residuals: Vec<Line> = tracks
+        .iter()
+        .zip([Colour::Blue, Colour::Vermillion, Colour::Green, Colour::Purple])
+        .map(|(track, colour)| shown(&recording, track, "residual", track.name, colour, |_| true))
+        .collect();
+    let mut plot =
+        Plot::new("Residual", Axis::new("time", Unit::SECOND), Axis::new("residual", Unit::PERCENT), PLOT_PX);
+    plot.lines = residuals;
+    figures.push((
+        "What the model leaves unexplained".into(),
+        vec![plot],
+        "Part of the motion, noise included.".into(),
+    ));
+    let tables: Vec<Table> = std::iter::once(table(tracks)).chain(holds.cloned()).collect();
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(report::STYLE)) }
+            }
+            body {
+                header {
+                    h1 { (title) }
+                    @if let Some(track) = tracks.last() { p { (track.verdict()) } }
+                    ul { @for note in &samples.notes { li { (note) } } }
+                    pre { code { (command) } }
+                }
+                main {
+                    section id="results" { @for table in &tables { (report::table_of(table)) } }
+                    @for (title, plots, caption) in &figures {
+                        figure {
+                            h2 { (title) }
+                            div class="panels wide" {
+                                @for plot in plots {
+                                    @let drawing = plot.draw();
+                                    div { (PreEscaped(&drawing.svg)) @for note in drawing.notes.iter().filter(|note| !note.starts_with(LEFT_OUT)) { p.ends { (note) } } }
+                                }
+                            }
+                            figcaption { (caption) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+    .into_string()
+}
+
+/// A signal of a track as a line, NaN where it is not to be shown.
+fn shown(
+    recording: &Recording,
+    track: &Track,
+    name: &str,
+    label: &str,
+    colour: Colour,
+    show: impl Fn(usize) -> bool,
+) -> Line<'static> {
+    let values = recording.get(&format!("{}.{name}", track.name)).unwrap_or(&[]);
+    let filling = |j: usize| track.outputs.get(j).is_none_or(|output| output.reason == Reason::Filling);
+    let y: Vec<f64> =
+        values.iter().enumerate().map(|(j, y)| if show(j) && !filling(j) { *y } else { f64::NAN }).collect();
+    Line::new(label, recording.time_s.clone(), y, colour)
+}
+
+fn lines(
+    recording: &Recording,
+    track: &Track,
+    title: &str,
+    (quantity, unit): (&str, Unit),
+    names: &[(&str, &str)],
+) -> Plot<'static> {
+    let mut plot = Plot::new(title, Axis::new("time", Unit::SECOND), Axis::new(quantity, unit), PLOT_PX);
+    let valid = |j: usize| track.outputs[j].valid;
+    plot.lines = names
+        .iter()
+        .zip(Colour::MAGNETS)
+        .map(|((name, label), colour)| shown(recording, track, name, label, colour, valid))
+        .collect();
+    plot
+}
+
+fn bands(recording: &Recording, track: &Track) -> Plot<'static> {
+    let title = format!("Estimates of the method {}", track.name);
+    let mut plot = Plot::new(&title, Axis::new("time", Unit::SECOND), Axis::new("λ", Unit::LAMBDA), PLOT_PX);
+    let band = |k: usize, sign: f64| -> Vec<f64> {
+        let values = track.outputs.iter();
+        values
+            .map(|output| if output.valid { output.lambda_hat[k] + sign * output.lambda_std[k] } else { f64::NAN })
+            .collect()
+    };
+    for (k, colour) in Colour::MAGNETS.into_iter().enumerate() {
+        for sign in [-1.0, 1.0] {
+            let mut line = Line::new("", recording.time_s.clone(), band(k, sign), colour);
+            line.width_px = 0.6;
+            plot.lines.push(line);
+        }
+        plot.lines.push(Line::new(&format!("λ{}", ["₁", "₂", "₃"][k]), recording.time_s.clone(), band(k, 0.0), colour));
+    }
+    plot
+}
+
+/// The residuals of the three readings of a current as a table.
+#[must_use]
+pub fn table_of_holds(residuals: &[f64; 3], chosen: Hold) -> Table {
+    let rows = HOLDS.iter().zip(residuals).map(|((name, hold), residual)| {
+        let mark = if *hold == chosen { "chosen" } else { "" };
+        vec![(*name).to_owned(), format!("{residual:.5}"), mark.to_owned()]
+    });
+    Table {
+        title: "What a current sample stands for".into(),
+        note: "Residual of each reading on the same data; the least one is right.".into(),
+        head: ["", "residual", ""].map(String::from).into(),
+        rows: rows.collect(),
+    }
+}
+
+/// The configuration of an estimator from the values of its variables, by name.
+pub fn config(real: impl Fn(&str) -> f64) -> EstimatorConfig {
+    let three = |name: &str| [1, 2, 3].map(|k| real(&format!("{name}[{k}]")));
+    let nth = |name: &str, count: usize| (real(name) as usize).clamp(1, count) - 1;
+    EstimatorConfig {
+        m_kg: real("m"),
+        gap_m: real("s"),
+        alpha_rad: three("alpha"),
+        step_s: real("Ts"),
+        window_s: real("Tf"),
+        epsilon_s: real("epsilon"),
+        lambda0_nm2_a2: three("lambda0"),
+        method: METHODS[nth("method", METHOD.items.len().min(METHODS.len()))].1,
+        hold: HOLDS[nth("hold", HOLD.items.len().min(HOLDS.len()))].1,
+        filter_omega_rad_s: real("filter.omega"),
+        filter_zeta: real("filter.zeta"),
+        position_noise_m: real("sensor.positionNoise"),
+        current_noise_a: real("sensor.currentNoise"),
+    }
+}

@@ -1,0 +1,186 @@
+//! A step allocates nothing and calls the system for nothing, whatever the slave.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::path::Path;
+
+use magnetic_bearing::app::scenario::Scenario;
+use magnetic_bearing::slave::AnySlave;
+use magnetic_bearing::slave::instance::Step;
+use magnetic_bearing::slave::log::Silent;
+
+/// Steps of every slave; without optimisation fewer, for a test is not to take minutes.
+const STEPS: u64 = if cfg!(debug_assertions) { 50_000 } else { 1_000_000 };
+
+const STEP_S: f64 = 1e-4;
+
+struct Counting;
+
+thread_local! {
+    static CALLS: Cell<u64> = const { Cell::new(0) };
+}
+
+fn count() {
+    CALLS.with(|calls| calls.set(calls.get() + 1));
+}
+
+// SAFETY: every request goes to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller's contract is that of the system's allocator.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count();
+        // SAFETY: the caller's contract is that of the system's allocator.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: the caller's contract is that of the system's allocator.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// The closed loop of a scenario, wired by index.
+struct Loop {
+    slaves: Vec<Box<dyn AnySlave>>,
+    /// Element and variable, from and to.
+    wires: Vec<[(usize, usize); 2]>,
+    steps: u64,
+}
+
+impl Loop {
+    fn new(scenario: &str, settings: &[(&str, &str)]) -> Self {
+        let mut scenario = Scenario::open(Path::new(scenario)).expect("a built-in scenario");
+        for (path, value) in settings {
+            scenario.assign(path, value).expect("a variable of the loop");
+        }
+        let find = |[element, variable]: &[String; 2]| {
+            let at = scenario.elements.iter().position(|candidate| candidate.name == *element).expect("an element");
+            let variables = (scenario.elements[at].kind.variables)();
+            (at, variables.iter().position(|candidate| candidate.name == *variable).expect("a variable"))
+        };
+        let wires = scenario.connections().iter().map(|wire| [find(&wire.from), find(&wire.to)]).collect();
+        let slaves = scenario.elements.iter().map(|element| {
+            let mut slave = (element.kind.instantiate)();
+            for setting in &element.settings {
+                slave.set(setting.index, setting.value).expect("a value of the scenario");
+            }
+            slave.start().expect("parameters that are in order");
+            slave
+        });
+        Self { slaves: slaves.collect(), wires, steps: 0 }
+    }
+
+    /// Does one step of every slave; whether all went well.
+    fn step(&mut self) -> bool {
+        let mut fine = true;
+        for [(from, output), (to, input)] in &self.wires {
+            let value = self.slaves[*from].get(*output);
+            fine &= value.is_ok_and(|value| self.slaves[*to].set(*input, value).is_ok());
+        }
+        let step = Step { time_s: self.steps as f64 * STEP_S, length_s: STEP_S };
+        for slave in &mut self.slaves {
+            fine &= slave.step(step, &mut Silent).is_ok();
+        }
+        self.steps += 1;
+        fine
+    }
+}
+
+/// The loop with every way of estimating, short windows and long ones, noise, and estimates that are taken over.
+fn loops() -> [(Loop, u64); 3] {
+    let noise = [("plant.sensor.positionNoise", "0.1 µm"), ("plant.sensor.currentNoise", "10 mA")];
+    let mut long = noise.to_vec();
+    long.extend([("estimator.Tf", "0.1"), ("estimator.epsilon", "0.1"), ("estimator.hold", "linear")]);
+    [
+        (Loop::new("paper", &[("controller.update.mode", "whenValid")]), STEPS / 20),
+        (Loop::new("unbalanced", &noise), STEPS),
+        (Loop::new("unbalanced", &long), STEPS / 20),
+    ]
+}
+
+#[test]
+fn a_step_allocates_nothing() {
+    for (mut closed, steps) in loops() {
+        let before = CALLS.get();
+        for _ in 0..steps {
+            assert!(closed.step(), "step {} fails", closed.steps);
+        }
+        assert_eq!(
+            CALLS.get() - before,
+            0,
+            "calls of the allocator in {steps} steps of {} slaves",
+            closed.slaves.len()
+        );
+    }
+}
+
+#[test]
+fn the_counter_counts() {
+    let before = CALLS.get();
+    drop(std::hint::black_box(vec![1_u8]));
+    assert_eq!(CALLS.get() - before, 2);
+}
+
+/// The process does its steps where the kernel ends it at the first call of the system: seccomp in its strict mode allows
+/// reading, writing, and the end.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod confined {
+    use super::{Loop, loops};
+
+    unsafe extern "C" {
+        fn fork() -> i32;
+        fn waitpid(process: i32, status: *mut i32, options: i32) -> i32;
+        fn prctl(option: i32, ...) -> i32;
+        fn syscall(number: i64, ...) -> i64;
+    }
+
+    const PR_SET_SECCOMP: i32 = 22;
+    const SECCOMP_MODE_STRICT: u64 = 1;
+    const SYS_EXIT: i64 = 60;
+    const SYS_GETPID: i64 = 39;
+    const KILLED: i32 = 9;
+
+    /// What becomes of a process that does so many steps; its status as `waitpid` tells it.
+    fn confine(closed: &mut Loop, steps: u64, call: bool) -> i32 {
+        // SAFETY: the child does nothing but step, which the other test shows not to allocate, and ends without cleaning up;
+        // all arguments are of the types that the functions want.
+        unsafe {
+            let child = fork();
+            if child == 0 {
+                let mut failed = i64::from(prctl(PR_SET_SECCOMP, SECCOMP_MODE_STRICT) != 0);
+                for _ in 0..steps {
+                    failed |= i64::from(!closed.step());
+                }
+                if call {
+                    syscall(SYS_GETPID);
+                }
+                syscall(SYS_EXIT, failed);
+            }
+            let mut status = -1;
+            assert_eq!(waitpid(child, &mut status, 0), child);
+            status
+        }
+    }
+
+    #[test]
+    fn a_step_calls_the_system_for_nothing() {
+        for (mut closed, steps) in loops() {
+            assert_eq!(confine(&mut closed, steps, false), 0, "the status of the process after {steps} steps");
+        }
+    }
+
+    #[test]
+    fn a_call_of_the_system_is_noticed() {
+        let [(mut closed, _), ..] = loops();
+        assert_eq!(confine(&mut closed, 1, true) & 0x7f, KILLED);
+    }
+}

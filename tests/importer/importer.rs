@@ -1,0 +1,254 @@
+//! The packaged FMUs in an importer that nobody here wrote: fmi-rs, which unpacks, validates, loads and runs them.
+//!
+//! The program packages the FMUs and simulates the scenario; both are read back from files. Nothing of this project is
+//! linked in.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+
+use fmi_rs::fmi2::builder::FMU2Builder;
+use fmi_rs::fmi2::types::{fmi2Status, fmi2True};
+use fmi_rs::fmi2::{CS, FMU2};
+use fmi_rs::model_description::fmi2::{Causality, ScalarVariable, VariableType};
+
+const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
+
+/// An empty folder of this test's own.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).expect("a folder");
+    folder
+}
+
+/// Runs the program, which was built before, in a folder.
+fn run(folder: &Path, arguments: &[&str]) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let program = root.join("target/release").join(format!("magnetic-bearing{}", std::env::consts::EXE_SUFFIX));
+    let output = Command::new(&program).current_dir(folder).args(arguments).output();
+    let output = output.unwrap_or_else(|error| panic!("{}: {error}: run `cargo build --release`", program.display()));
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// The FMUs, packaged into a folder of that name.
+fn packaged(name: &str) -> HashMap<&'static str, FMU2Builder> {
+    let folder = folder(name);
+    run(&folder, &["package", "--out", "."]);
+    let builder = |model: &str| {
+        let path = folder.join(format!("{model}.fmu"));
+        FMU2Builder::new(&path).unwrap_or_else(|error| panic!("{model}: {error}"))
+    };
+    MODELS.into_iter().map(|model| (model, builder(model))).collect()
+}
+
+#[track_caller]
+fn ok(what: &str, status: fmi2Status) {
+    assert_eq!(status, fmi2Status::Ok, "{what}");
+}
+
+/// An instance of a packaged FMU.
+struct Instance<'a> {
+    fmu: Arc<FMU2<CS>>,
+    /// By name, from the model description within the archive.
+    variables: HashMap<&'a str, &'a ScalarVariable>,
+}
+
+impl<'a> Instance<'a> {
+    fn new(name: &str, builder: &'a FMU2Builder) -> Self {
+        let fmu = builder.instantiate_cs(name).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let variables = &builder.model_description.modelVariables;
+        Self { fmu, variables: variables.iter().map(|variable| (variable.name.as_str(), variable)).collect() }
+    }
+
+    fn variable(&self, name: &str) -> &'a ScalarVariable {
+        self.variables.get(name).unwrap_or_else(|| panic!("there is no {name}"))
+    }
+
+    /// Sets a variable of any type; Booleans are 0 and 1.
+    fn set(&self, name: &str, value: f64) {
+        let variable = self.variable(name);
+        let reference = [variable.valueReference];
+        ok(
+            name,
+            match variable.variableType {
+                VariableType::Real { .. } => self.fmu.setReal(&reference, &[value]),
+                VariableType::Boolean { .. } => self.fmu.setBoolean(&reference, &[value as i32]),
+                _ => self.fmu.setInteger(&reference, &[value as i32]),
+            },
+        );
+    }
+
+    fn get(&self, name: &str) -> f64 {
+        let variable = self.variable(name);
+        let reference = [variable.valueReference];
+        let (mut real, mut integer) = ([f64::NAN], [i32::MIN]);
+        match variable.variableType {
+            VariableType::Real { .. } => {
+                ok(name, self.fmu.getReal(&reference, &mut real));
+                return real[0];
+            }
+            VariableType::Boolean { .. } => ok(name, self.fmu.getBoolean(&reference, &mut integer)),
+            _ => ok(name, self.fmu.getInteger(&reference, &mut integer)),
+        }
+        f64::from(integer[0])
+    }
+
+    fn start(&self) {
+        ok("setupExperiment", self.fmu.setupExperiment(None, 0.0, None));
+        ok("enterInitializationMode", self.fmu.enterInitializationMode());
+        ok("exitInitializationMode", self.fmu.exitInitializationMode());
+    }
+}
+
+#[test]
+fn the_importer_s_validation_finds_nothing() {
+    for (model, builder) in packaged("validation") {
+        let findings = builder.model_description.validate().into_iter();
+        let findings: Vec<_> = findings.map(|finding| finding.message).collect();
+        assert!(findings.is_empty(), "{model}: {findings:#?}");
+    }
+}
+
+#[test]
+fn version_and_platform_are_the_standard_s() {
+    for (model, builder) in packaged("version") {
+        let name = "a name with blanks/and.dots";
+        let fmu = builder.instantiate_cs(name).unwrap_or_else(|error| panic!("{model}: {error}"));
+        assert_eq!((fmu.getVersion().as_str(), fmu.getTypesPlatform().as_str()), ("2.0", "default"), "{model}");
+    }
+}
+
+/// The closed loop of the FMUs: outputs are read, inputs are set, all step; every output is that of the direct run.
+///
+/// Elements, connections and parameters are those of the system in the SSP, which the program made as well.
+#[test]
+fn the_closed_loop_over_fmus_is_the_direct_run_bit_for_bit() {
+    const STEP_S: f64 = 1e-4;
+    const DURATION: &str = "0.1 s";
+    let builders = packaged("loop");
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("loop");
+    run(&folder, &["package", "--out", "."]);
+    fmi_rs::zip::extract_zip_archive(folder.join("MagneticBearing.ssp"), folder.join("system")).expect("the system");
+
+    for (name, file) in [("paper", "SystemStructure.ssd"), ("unbalanced", "UnbalancedRotor.ssd")] {
+        direct(&folder, name, DURATION);
+        let mut table = csv::Reader::from_path(folder.join("direct.csv")).expect("the direct run");
+        let head: Vec<String> = table.headers().expect("a head").iter().map(unitless).collect();
+
+        let text = fs::read_to_string(folder.join("system").join(file)).expect("the structure");
+        let structure = roxmltree::Document::parse(&text).expect("well-formed XML");
+        let nodes = |tag: &'static str| structure.descendants().filter(move |node| node.tag_name().name() == tag);
+        let instances: HashMap<&str, Instance> = nodes("Component")
+            .map(|component| {
+                let name = component.attribute("name").expect("a name");
+                let model = Path::new(component.attribute("source").expect("a source")).file_stem().expect("a file");
+                (name, Instance::new(name, &builders[model.to_str().expect("a name")]))
+            })
+            .collect();
+        let connections: Vec<_> = nodes("Connection")
+            .map(|connection| {
+                ["startElement", "startConnector", "endElement", "endConnector"]
+                    .map(|end| connection.attribute(end).expect("element to element"))
+            })
+            .collect();
+        for binding in nodes("ParameterBinding") {
+            let element = binding.ancestors().find(|node| node.tag_name().name() == "Component").expect("an element");
+            let instance = &instances[element.attribute("name").expect("a name")];
+            let source = binding.attribute("source").expect("a source");
+            let text = fs::read_to_string(folder.join("system").join(source)).expect("a parameter set");
+            let set = roxmltree::Document::parse(&text).expect("well-formed XML");
+            for parameter in set.descendants().filter(|node| node.tag_name().name() == "Parameter") {
+                let value = parameter.first_element_child().and_then(|value| value.attribute("value"));
+                let value = match value.expect("a value") {
+                    "true" => 1.0,
+                    "false" => 0.0,
+                    number => number.parse().expect("a number"),
+                };
+                instance.set(parameter.attribute("name").expect("a name"), value);
+            }
+        }
+        for instance in instances.values() {
+            instance.start();
+        }
+
+        let mut rows = 0;
+        for record in table.records() {
+            let record = record.expect("a row");
+            let time_s = rows as f64 * STEP_S;
+            let mut compared = 0;
+            for (path, cell) in head.iter().zip(&record) {
+                let Some((element, variable)) = path.split_once('.') else { continue };
+                // Estimators that run beside the loop are not part of the system.
+                let Some(instance) = instances.get(element) else { continue };
+                let (fmu, direct): (f64, f64) = (instance.get(variable), cell.parse().expect("a number"));
+                assert!(
+                    fmu.to_bits() == direct.to_bits(),
+                    "{name}: {path} at {time_s} s: FMU {fmu:e}, direct {direct:e}"
+                );
+                compared += 1;
+            }
+            let outputs = instances.values().flat_map(|instance| instance.variables.values());
+            let outputs = outputs.filter(|variable| variable.causality == Causality::Output).count();
+            assert_eq!(compared, outputs, "every output of every FMU");
+
+            let values: Vec<f64> = connections.iter().map(|[from, output, ..]| instances[from].get(output)).collect();
+            for ([.., to, input], value) in connections.iter().zip(values) {
+                instances[to].set(input, value);
+            }
+            for instance in instances.values() {
+                ok("doStep", instance.fmu.doStep(time_s, STEP_S, fmi2True));
+            }
+            rows += 1;
+        }
+        assert_eq!(rows, 1001, "0.1 s in steps of 100 µs, both ends included");
+    }
+}
+
+/// Runs a scenario of the program for a time of our own, into `direct.csv`.
+fn direct(folder: &Path, name: &str, duration: &str) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let text = fs::read_to_string(root.join(format!("src/app/scenarios/{name}.toml"))).expect("a scenario");
+    let mut scenario: toml::Table = text.parse().expect("a TOML file");
+    scenario.insert("duration".into(), duration.into());
+    fs::write(folder.join("direct.toml"), scenario.to_string()).expect("a file");
+    run(folder, &["simulate", "direct.toml", "--csv", "direct.csv"]);
+}
+
+/// The name of a column without its unit.
+fn unitless(head: &str) -> String {
+    head.split(" [").next().unwrap_or(head).to_owned()
+}
+
+/// Messages pass through the importer's variadic logger.
+#[test]
+fn the_importer_is_told_why() {
+    let builder = packaged("messages").remove("MagneticBearing").expect("the plant");
+    let log = Path::new(env!("CARGO_TARGET_TMPDIR")).join("messages/log.txt");
+    let builder = FMU2Builder { logFile: Some(log.clone()), ..builder };
+    let plant = Instance::new("plant", &builder);
+    plant.set("m", -6.7);
+    ok("setupExperiment", plant.fmu.setupExperiment(None, 0.0, None));
+    ok("enterInitializationMode", plant.fmu.enterInitializationMode());
+    assert_eq!(plant.fmu.exitInitializationMode(), fmi2Status::Error);
+    drop(plant);
+    let told = fs::read_to_string(&log).expect("the log");
+    for words in ["fmi2ExitInitializationMode", "m = -6.7 kg is refused", "above 0"] {
+        assert!(told.contains(words), "`{words}` is not said in: {told}");
+    }
+}
+
+/// Long campaigns load and free FMUs without end; each instance here loads its binary anew.
+#[test]
+fn binaries_can_be_loaded_and_freed_without_end() {
+    const TIMES: usize = 200;
+    for (model, builder) in packaged("campaign") {
+        for _ in 0..TIMES {
+            let instance = Instance::new(model, &builder);
+            instance.start();
+            ok("doStep", instance.fmu.doStep(0.0, 1e-4, fmi2True));
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! What several tests share. A test takes what it needs of it.
+
+#![allow(dead_code, reason = "every test is a crate of its own and uses a part of this")]
+
+pub mod abuse;
+pub mod ffi;
+pub mod named;
+
+/// Numbers that look random and are the same in every run (SplitMix64).
+pub struct Random(u64);
+
+impl Random {
+    /// A sequence of its own for every seed.
+    pub fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// A number in `[low, high)`.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+/// Demands a value of at most `limit`; a miss prints both.
+#[track_caller]
+pub fn below(what: &str, value: f64, limit: f64) {
+    assert!(value <= limit, "{what}: {value:e} is above the limit {limit:e}");
+}
+
+/// Demands that an error message holds all of these words.
+#[track_caller]
+pub fn says(message: &str, words: &[&str]) {
+    for word in words {
+        assert!(message.contains(word), "`{word}` is not said in: {message}");
+    }
+}

@@ -1,0 +1,103 @@
+//! A slave whose variables are reached by name.
+
+use magnetic_bearing::model::Invalid;
+use magnetic_bearing::slave::instance::{AccessError, Fault, Step};
+use magnetic_bearing::slave::log::Silent;
+use magnetic_bearing::slave::variable::{Type, Value, Variable};
+use magnetic_bearing::slave::{AnySlave, find};
+
+/// A slave with its variables.
+pub struct Named {
+    /// The slave.
+    pub slave: Box<dyn AnySlave>,
+    /// Its variables, by index.
+    pub variables: Vec<&'static Variable>,
+}
+
+/// A number as a value of the type of a variable.
+pub fn value(kind: &Type, number: f64) -> Value {
+    match kind {
+        Type::Real { .. } => Value::Real(number),
+        Type::Integer { .. } | Type::Enumeration { .. } => Value::Integer(number as i32),
+        Type::Boolean { .. } => Value::Boolean(number != 0.0),
+    }
+}
+
+impl Named {
+    /// A new slave of the model of that name.
+    pub fn new(model: &str) -> Self {
+        let kind = find(model).unwrap_or_else(|| panic!("there is no model {model}"));
+        Self { slave: (kind.instantiate)(), variables: (kind.variables)() }
+    }
+
+    /// A slave that runs, with these values set before the start at time 0.
+    pub fn started(model: &str, values: &[(&str, f64)]) -> Self {
+        let mut named = Self::new(model);
+        for (name, number) in values {
+            named.set(name, *number);
+        }
+        named.start().unwrap_or_else(|findings| panic!("{model}: {findings:?}"));
+        named
+    }
+
+    /// The index of a variable.
+    pub fn index(&self, name: &str) -> usize {
+        let found = self.variables.iter().position(|variable| variable.name == name);
+        found.unwrap_or_else(|| panic!("there is no variable {name}"))
+    }
+
+    /// Reads a variable.
+    pub fn get(&mut self, name: &str) -> f64 {
+        let index = self.index(name);
+        self.slave.get(index).expect("the index is that of a variable").as_f64()
+    }
+
+    /// Three elements of an array.
+    pub fn three(&mut self, name: &str) -> [f64; 3] {
+        std::array::from_fn(|k| self.get(&format!("{name}[{}]", k + 1)))
+    }
+
+    /// Sets a variable, if it may be set.
+    ///
+    /// # Errors
+    /// As the slave has it.
+    pub fn try_set(&mut self, name: &str, number: f64) -> Result<(), AccessError> {
+        let index = self.index(name);
+        self.slave.set(index, value(&self.variables[index].kind, number))
+    }
+
+    /// Sets a variable that may be set.
+    #[track_caller]
+    pub fn set(&mut self, name: &str, number: f64) {
+        self.try_set(name, number).unwrap_or_else(|error| panic!("{name} = {number}: {error}"));
+    }
+
+    /// Begins the run.
+    ///
+    /// # Errors
+    /// As the slave has it.
+    pub fn start(&mut self) -> Result<(), Vec<Invalid>> {
+        self.slave.start()
+    }
+
+    /// Does a step.
+    ///
+    /// # Errors
+    /// As the slave has it.
+    pub fn try_step(&mut self, time_s: f64, length_s: f64) -> Result<(), Fault> {
+        self.slave.step(Step { time_s, length_s }, &mut Silent)
+    }
+
+    /// Does a step that has no reason to fail.
+    #[track_caller]
+    pub fn step(&mut self, time_s: f64, length_s: f64) {
+        self.try_step(time_s, length_s).unwrap_or_else(|fault| panic!("step at {time_s} s: {fault}"));
+    }
+
+    /// All values by index, bit for bit.
+    pub fn bits(&mut self) -> Vec<u64> {
+        (0..self.variables.len())
+            .map(|index| self.slave.get(index).expect("the index is that of a variable").as_f64().to_bits())
+            .collect()
+    }
+}

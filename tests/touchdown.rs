@@ -1,0 +1,166 @@
+//! The backup bearing: nothing until it is touched, then a ring that pushes, never pulls, and keeps the rotor inside.
+
+use magnetic_bearing::model::plant::{Plant, PlantConfig, PlantInput, PlantState, SensorConfig};
+use magnetic_bearing::model::touchdown::TouchdownConfig;
+
+const CLEARANCE_M: f64 = 2.5e-4;
+
+fn below(what: &str, value: f64, limit: f64) {
+    assert!(value <= limit, "{what}: {value:e} is above the limit {limit:e}");
+}
+
+/// A rotor without currents that falls under gravity along z.
+fn falling(touchdown: TouchdownConfig) -> PlantConfig {
+    PlantConfig {
+        gravity_m_s2: [0.0, -9.81],
+        position_m: [0.0; 2],
+        velocity_m_s: [0.0; 2],
+        touchdown,
+        sensor: SensorConfig { step_s: 1.0, ..SensorConfig::default() },
+        ..PlantConfig::default()
+    }
+}
+
+fn run(config: &PlantConfig, duration_s: f64, steps: usize) -> Vec<PlantState> {
+    let plant = Plant::new(config.clone()).expect("plant");
+    let mut state = plant.start(0.0);
+    let h = duration_s / steps as f64;
+    let step = |k: usize| {
+        plant.advance(&mut state, &PlantInput::default(), k as f64 * h, h).expect("advance");
+        state.clone()
+    };
+    (0..steps).map(step).collect()
+}
+
+/// Free fall, then half a swing on the spring, then the way back: all in closed form.
+#[test]
+fn a_bounce_without_damping_follows_the_closed_form() {
+    /// Error of the position, in m: the spring swings 26 µm deep in steps of a tenth of a radian, whose error is about 1e-7 each,
+    /// and three bounces add up; measured 4.1e-11.
+    const POSITION_M: f64 = 1e-10;
+    let ring = TouchdownConfig { damping_ns_m: 0.0, ..TouchdownConfig::default() };
+    let config = falling(ring.clone());
+    let (g, omega) = (9.81, (ring.stiffness_n_m / config.m_kg).sqrt());
+    let fall_s = (2.0 * CLEARANCE_M / g).sqrt();
+    let v = g * fall_s;
+    // On the spring: δ = g/ω² (1 − cos) + v/ω sin, back at 0 with −v.
+    let contact_s = 2.0 / omega * (std::f64::consts::PI - (v * omega / g).atan());
+    let ought = |t: f64| {
+        let period = 2.0 * fall_s + contact_s;
+        let t = t % period;
+        let height = |t: f64| -0.5 * g * t * t;
+        if t < fall_s {
+            height(t)
+        } else if t < fall_s + contact_s {
+            let x = omega * (t - fall_s);
+            -CLEARANCE_M - (g / omega / omega * (1.0 - x.cos()) + v / omega * x.sin())
+        } else {
+            height(period - t)
+        }
+    };
+    let steps = 400;
+    let duration_s = 0.05;
+    let mut largest: f64 = 0.0;
+    let mut touched = 0;
+    for (k, state) in run(&config, duration_s, steps).iter().enumerate() {
+        let t = duration_s * (k + 1) as f64 / steps as f64;
+        largest = largest.max((state.position_m[1] - ought(t)).abs());
+        touched += usize::from(state.contact);
+    }
+    assert!(touched > 3, "touched at {touched} instants only: the test shows nothing");
+    below("position, m", largest, POSITION_M);
+}
+
+#[test]
+fn the_rotor_comes_to_rest_where_its_weight_presses_it() {
+    let config = falling(TouchdownConfig::default());
+    let states = run(&config, 2.0, 2000);
+    let last = &states[states.len() - 1];
+    let depth = config.m_kg * 9.81 / config.touchdown.stiffness_n_m;
+    below("depth, m", (last.position_m[1] + CLEARANCE_M + depth).abs(), 1e-9);
+    assert!(last.contact);
+    // Energy is only lost: no bounce goes higher than the one before.
+    let tops: Vec<f64> = states
+        .windows(3)
+        .filter(|w| !w[1].contact && w[1].position_m[1] >= w[0].position_m[1].max(w[2].position_m[1]))
+        .map(|w| w[1].position_m[1])
+        .collect();
+    assert!(tops.len() > 2, "{tops:?}");
+    for pair in tops.windows(2) {
+        assert!(pair[1] <= pair[0] + 1e-9, "{tops:?}");
+    }
+}
+
+#[test]
+fn until_it_is_touched_the_ring_changes_no_bit() {
+    let none = TouchdownConfig { clearance_m: 1.0, ..TouchdownConfig::default() };
+    let hard = TouchdownConfig { stiffness_n_m: 1e9, friction: 0.3, ..TouchdownConfig::default() };
+    // 7 ms of free fall: 240 µm.
+    let [with, without] = [hard, none].map(|ring| run(&falling(ring), 0.007, 70));
+    for (a, b) in with.iter().zip(&without) {
+        assert_eq!((a.position_m, a.velocity_m_s, a.contact), (b.position_m, b.velocity_m_s, false));
+    }
+    assert!(with[69].position_m[1] < -0.9 * CLEARANCE_M, "{:?}", with[69].position_m);
+}
+
+#[test]
+fn it_never_pulls_and_its_damping_takes_what_it_should() {
+    let ring = TouchdownConfig::default();
+    // Deep inside but leaving fast: the spring's push is less than what the damper would hold back.
+    assert!(!ring.touches([0.0, -CLEARANCE_M - 1e-6], [0.0, 0.5]));
+    assert!(ring.touches([0.0, -CLEARANCE_M - 1e-6], [0.0, 0.0]));
+    assert!(!ring.touches([0.0, -CLEARANCE_M + 1e-9], [0.0, -0.5]), "not yet there");
+    let [y, z] = ring.force_n([0.0, -CLEARANCE_M - 1e-6], [0.0, -0.01], 0.0);
+    assert_eq!(y, 0.0);
+    below("push, N", (z - (ring.stiffness_n_m * 1e-6 + ring.damping_ns_m * 0.01)).abs(), 1e-6);
+}
+
+/// Friction of a rotor that turns from y towards z drags it backwards where it touches: at the bottom, towards −y.
+#[test]
+fn friction_drags_against_the_surface() {
+    let ring = TouchdownConfig { friction: 0.2, ..TouchdownConfig::default() };
+    let at = [0.0, -CLEARANCE_M - 1e-5];
+    let [y, z] = ring.force_n(at, [0.0; 2], 300.0);
+    below("friction over push", (y.abs() / z - 0.2).abs(), 1e-5);
+    // At the bottom, the direction of turning from y towards z is +y.
+    assert!(y < 0.0, "{y}");
+    let [back, _] = ring.force_n(at, [0.0; 2], -300.0);
+    assert_eq!(back, -y);
+    let [rest, _] = ring.force_n(at, [0.0; 2], 0.0);
+    assert_eq!(rest, 0.0);
+}
+
+#[test]
+fn a_rotor_thrown_at_the_ring_stays_inside_whatever_the_ring() {
+    for (stiffness_n_m, damping_ns_m, friction) in
+        [(5e7, 5e3, 0.0), (1e9, 0.0, 0.0), (2e8, 1e5, 0.05), (5e7, 5e3, 0.05), (1e9, 1e6, 0.1)]
+    {
+        let ring = TouchdownConfig { stiffness_n_m, damping_ns_m, friction, ..TouchdownConfig::default() };
+        let config = PlantConfig { velocity_m_s: [0.3, -0.4], ..falling(ring.clone()) };
+        let plant = Plant::new(config).expect("plant");
+        let mut state = plant.start(0.0);
+        // At speed, friction would drive the rotor backwards around the ring ever faster, as in life: no ring holds that.
+        let input = PlantInput::default();
+        let mut touched = false;
+        let mut largest: f64 = 0.0;
+        for k in 0..1000 {
+            plant.advance(&mut state, &input, f64::from(k) * 1e-4, 1e-4).expect("advance");
+            touched |= state.contact;
+            largest = largest.max(state.position_m[0].hypot(state.position_m[1]));
+        }
+        assert!(touched, "{ring:?}");
+        assert!(largest < 4.6e-4, "{ring:?}: {largest} m");
+    }
+}
+
+#[test]
+fn bad_parameters_are_refused_by_name() {
+    for bad in [f64::NAN, -1.0, f64::INFINITY] {
+        let ring =
+            TouchdownConfig { clearance_m: bad, stiffness_n_m: bad, damping_ns_m: bad, friction: bad, radius_m: bad };
+        let found = Plant::new(falling(ring)).expect_err("a refusal");
+        let names: Vec<_> = found.iter().map(|finding| finding.name.as_ref()).collect();
+        let parts = ["clearance", "stiffness", "damping", "friction", "radius"];
+        assert_eq!(names, parts.map(|part| format!("touchdown.{part}")), "{bad}");
+    }
+}
