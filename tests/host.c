@@ -152,7 +152,7 @@ typedef struct {
 } Heard;
 
 typedef struct {
-    char *name, *model, *guid, *resources;
+    char *name, *model, *guid, *resources, *path;
     int keeps_states, serializes_states;
     Variable *variables;
     int count;
@@ -290,8 +290,8 @@ static void load(Fmu *fmu, const char *folder, const char *platform)
         tag = strchr(tag, '<') + 1;
         variable->type = *tag == 'E' ? 'I' : *tag;
     }
-    fmu->library = open_library(absolute(text("%s/resources/%s/binaries/%s/%s.%s", folder, fmu->model, platform,
-                                              fmu->model, ending)));
+    fmu->path = absolute(text("%s/resources/%s/binaries/%s/%s.%s", folder, fmu->model, platform, fmu->model, ending));
+    fmu->library = open_library(fmu->path);
 #define RESOLVE(name) \
     *(void **)&fmu->name = symbol(fmu->library, "fmi2" #name); \
     check(fmu->name != NULL, "%s: fmi2" #name " is not exported", fmu->model); \
@@ -302,9 +302,27 @@ static void load(Fmu *fmu, const char *folder, const char *platform)
     fmu->callbacks.componentEnvironment = &fmu->heard;
 }
 
+/* The parameter sets of a structure. One that is bound within an element names that element's variables, one that is bound
+ * before all elements names elements and variables. */
+static void read_parameters(const char *structure, const char *folder)
+{
+    const char *binding, *tag, *component;
+    for (binding = find_tag(structure, "ssd:ParameterBinding"); binding;
+         binding = find_tag(binding, "ssd:ParameterBinding")) {
+        char *parameters = read_file(text("%s/%s", folder, attribute(binding, "source"))), *prefix = "";
+        for (component = find_tag(structure, "ssd:Component"); component && component < binding;
+             component = find_tag(component, "ssd:Component"))
+            prefix = text("%s.", attribute(component, "name"));
+        for (tag = find_tag(parameters, "ssv:Parameter"); tag; tag = find_tag(tag, "ssv:Parameter")) {
+            settings[setting_count][0] = text("%s%s", prefix, attribute(tag, "name"));
+            settings[setting_count++][1] = attribute(strchr(tag, '<') + 1, "value");
+        }
+    }
+}
+
 static void read_structure(const char *path, const char *platform)
 {
-    char *structure = read_file(path), *folder = absolute(path), *parameters;
+    char *structure = read_file(path), *folder = absolute(path);
     const char *tag;
     *strrchr(folder, '/') = 0;
     for (tag = find_tag(structure, "ssd:Component"); tag; tag = find_tag(tag, "ssd:Component")) {
@@ -324,11 +342,7 @@ static void read_structure(const char *path, const char *platform)
         if (ends[0].variable->type != ends[1].variable->type)
             fail("this importer converts no types");
     }
-    parameters = read_file(text("%s/%s", folder, attribute(find_tag(structure, "ssd:ParameterBinding"), "source")));
-    for (tag = find_tag(parameters, "ssv:Parameter"); tag; tag = find_tag(tag, "ssv:Parameter")) {
-        settings[setting_count][0] = attribute(tag, "name");
-        settings[setting_count++][1] = attribute(strchr(tag, '<') + 1, "value");
-    }
+    read_parameters(structure, folder);
     if (fmu_count != 3 || !wire_count || !setting_count)
         fail("%s has %d elements, %d connections, %d parameters", path, fmu_count, wire_count, setting_count);
 }
@@ -546,6 +560,24 @@ static void try_states(void)
         check(fmus[i].FreeFMUstate(fmus[i].component, &states[i]) == fmi2OK, "%s: state freed", fmus[i].name);
 }
 
+/* Importers load and unload FMUs without end. */
+static void try_loading(void)
+{
+    int i, round;
+    for (i = 0; i < fmu_count; i++)
+        for (round = 0; round < 20; round++) {
+            Fmu again = fmus[i];
+            void *library = open_library(fmus[i].path);
+            fmi2Component component;
+            *(void **)&again.Instantiate = symbol(library, "fmi2Instantiate");
+            *(void **)&again.FreeInstance = symbol(library, "fmi2FreeInstance");
+            component = again.Instantiate("again", fmi2CoSimulation, again.guid, again.resources, &again.callbacks, 0, 0);
+            check(component != NULL, "%s: not instantiated when loaded again", again.name);
+            again.FreeInstance(component);
+            check(close_library(library), "%s: not unloaded again", again.name);
+        }
+}
+
 int main(int count, char **arguments)
 {
     Record record;
@@ -580,6 +612,7 @@ int main(int count, char **arguments)
         fmus[i].FreeInstance(fmus[i].component);
         check(close_library(fmus[i].library), "%s: the library is not unloaded", fmus[i].name);
     }
+    try_loading();
     printf("%s: %d passed, %d failed\n", arguments[2], passed, failed);
     return failed != 0;
 }
