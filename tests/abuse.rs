@@ -29,7 +29,8 @@ fn nothing_that_an_importer_does_breaks_an_instance() {
     let calls = number("ABUSE_CALLS").unwrap_or(CALLS);
     let first = number("ABUSE_SEED").unwrap_or(1);
     let begin = Instant::now();
-    let (mut made, mut served, mut steps, mut longest) = (0, 0, 0, Duration::ZERO);
+    let (mut made, mut served, mut refused, mut steps, mut longest) = (0, 0, 0, 0, Duration::ZERO);
+    let mut instantiations = [0, 0];
     let mut seed = first;
     while made < calls {
         let mut abuse = Abuse::new(Random::new(seed));
@@ -43,10 +44,14 @@ fn nothing_that_an_importer_does_breaks_an_instance() {
         }
         made += abuse.calls;
         served += abuse.served;
+        refused += abuse.refused;
+        instantiations = [0, 1].map(|at| instantiations[at] + abuse.instantiations[at]);
         steps += abuse.steps;
         seed += 1;
     }
-    println!("{made} calls, {served} served, {steps} steps, {:?}, the longest {longest:?}", begin.elapsed());
+    let [instances, without] = instantiations;
+    println!("{made} calls: {served} fmi2OK, {refused} fmi2Error, {instances} instances made and {without} refused;");
+    println!("{steps} steps; {:?}, the longest call {longest:?}", begin.elapsed());
     // The calls are no mere refusals.
     assert!(served > made / 3 && steps > made / 20, "{made} calls, {served} served, {steps} steps");
 }

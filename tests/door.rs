@@ -283,6 +283,14 @@ fn instances_are_made_only_of_sound_requests() {
     says(&refused(Request { guid: None, ..sound() }), &["fmuGUID is null"]);
     let said = refused(Request { guid: Some(text("{0}")), ..sound() });
     says(&said, &["fmuGUID = {0}", &guid(PLANT), "MagneticBearing", "AlgebraicEstimator"]);
+    // No text at all, and one that would be a format.
+    let bytes = std::ffi::CString::new([0xff, 0xfe]).expect("no zero byte");
+    says(&refused(Request { guid: Some(bytes), ..sound() }), &["fmuGUID = \u{fffd}\u{fffd}", &guid(PLANT)]);
+    says(&refused(Request { guid: Some(text("%s%n%s")), ..sound() }), &["fmuGUID = %s%n%s"]);
+    let long = "{".repeat(1_000_000);
+    says(&refused(Request { guid: Some(text(&long)), ..sound() }), &["fmuGUID = {{{"]);
+    let without = guid(PLANT).replace(['{', '}'], "");
+    says(&refused(Request { guid: Some(text(&without)), ..sound() }), &["fmuGUID = "]);
     let shouted = guid(PLANT).to_uppercase();
     says(&refused(Request { guid: Some(text(&shouted)), ..sound() }), &["fmuGUID = "]);
     // Nobody can be told without callbacks, and it must not matter.
@@ -294,14 +302,21 @@ fn instances_are_made_only_of_sound_requests() {
 /// What importers really hand over: names with paths, no resources, no logger.
 #[test]
 fn instances_are_made_of_whatever_importers_say() {
-    for name in ["/tmp/a folder/MagneticBearing.fmu", "loop.plant", "Läufer µ", " "] {
+    let long = "a/".repeat(100_000);
+    for name in ["/tmp/a folder/MagneticBearing.fmu", "loop.plant", "Läufer µ", " ", "%s%n%d", &long] {
         let fmu = Request { name: Some(text(name)), ..Request::of(PLANT) }.instantiate(PLANT).expect("an instance");
         fmu.step(0.0, TS).error(&fmu);
         let again = fmu.step(0.0, TS);
         assert_eq!(again, fmi2Status::fmi2Error);
         assert_eq!(fmu.take_messages()[0].instance, name);
     }
-    for resources in [None, Some("file:/tmp/x"), Some("file:////tmp/x/"), Some("file:///tmp/a%20b"), Some("nonsense")] {
+    // A name in an encoding of its own comes back in messages as it was.
+    let latin = std::ffi::CString::new(*b"L\xe4ufer").expect("no zero byte");
+    let fmu = Request { name: Some(latin), ..Request::of(PLANT) }.instantiate(PLANT).expect("an instance");
+    assert_eq!(fmu.step(0.0, TS), fmi2Status::fmi2Error);
+    assert_eq!(fmu.take_messages()[0].instance, "L\u{fffd}ufer");
+    let locations = ["file:/tmp/x", "file:///tmp/x", "file:////tmp/x/", "file:///tmp/a%20b", "nonsense", "", "%s%n"];
+    for resources in locations.map(Some).into_iter().chain([None]) {
         let request = Request { resources: resources.map(text), ..Request::of(PLANT) };
         assert!(request.instantiate(PLANT).is_ok(), "{resources:?}");
     }
@@ -524,12 +539,156 @@ fn messages_come_in_the_categories_that_are_wanted() {
     }
 }
 
+/// The categories of what an importer hears of an estimator without currents, and of a wrong call.
+fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> {
+    const ESTIMATOR: &str = "AlgebraicEstimator";
+    let fmu = Request { logging, ..Request::of(ESTIMATOR) }.instantiate(ESTIMATOR).expect("an instance");
+    for (on, categories) in switches {
+        fmu.set_logging(*on, categories).ok(&fmu);
+    }
+    fmu.set("Tf", 2e-3).ok(&fmu);
+    fmu.set("epsilon", 2e-3).ok(&fmu);
+    fmu.start(0.0, None);
+    for step in 0..100 {
+        // A sample that is missing begins another window, which is an event. Without currents the matrix of the equations is
+        // 0 once the window is full.
+        let position = 1e-6 * f64::from(step % 3);
+        for name in ["Ym", "Zm"] {
+            fmu.set(name, if step == 50 { f64::NAN } else { position }).ok(&fmu);
+        }
+        fmu.step(f64::from(step) * TS, TS).ok(&fmu);
+    }
+    assert_eq!(fmu.step(0.0, -1.0), fmi2Status::fmi2Error);
+    let messages = fmu.take_messages();
+    for message in messages.iter().filter(|message| message.category == "logSingularLinearSystems") {
+        says(&message.text, &["does not tell the unknowns apart"]);
+    }
+    let mut categories: Vec<_> = messages.into_iter().map(|message| message.category).collect();
+    categories.sort();
+    categories.dedup();
+    categories
+}
+
+/// The categories that the model description declares.
+fn declared_categories() -> Vec<String> {
+    let entry = magnetic_bearing::fmi2::registry::entries().iter().find(|entry| entry.kind.name == PLANT).expect("it");
+    let document = roxmltree::Document::parse(&entry.description).expect("well-formed XML");
+    let categories = document.descendants().filter(|node| node.has_tag_name("Category"));
+    categories.map(|node| node.attribute("name").expect("a name").to_owned()).collect()
+}
+
+/// Every category of the model description, switched on with nothing else and off with all others on. Nothing is ever said
+/// in `logStatusWarning` and `logStatusFatal`, so that theirs is a matter of what else is heard.
+/// Fails if two categories share a bit, if a category that is switched on brings others with it, if errors cannot be switched off by
+/// name, and if a singular matrix is an event like any other.
 #[test]
-fn errors_are_told_even_while_logging_is_off() {
+fn every_category_is_switched_alone() {
+    let said = ["logEvents", "logSingularLinearSystems", "logStatusError"];
+    assert_eq!(categories_heard(true, &[]), said);
+    let declared = declared_categories();
+    assert_eq!(declared.len(), 6);
+    for category in declared.iter().map(String::as_str) {
+        let all = category == "logAll";
+        // Errors are told unless they are switched off by name.
+        let on = categories_heard(false, &[(false, &["logStatusError"]), (true, &[category])]);
+        let wanted: Vec<_> = said.into_iter().filter(|said| all || *said == category).collect();
+        assert_eq!(on, wanted, "{category} alone");
+        let off = categories_heard(true, &[(false, &[category])]);
+        let wanted: Vec<_> =
+            if all { vec!["logStatusError"] } else { said.into_iter().filter(|said| *said != category).collect() };
+        assert_eq!(off, wanted, "all but {category}");
+        // Off and on again is on.
+        let again = categories_heard(true, &[(false, &[category]), (true, &[category])]);
+        assert_eq!(again, said, "{category} off and on");
+    }
+}
+
+/// Fails if a list with an unknown category switches the known ones, and if the message does not name the unknown one.
+#[test]
+fn a_list_with_an_unknown_category_switches_nothing() {
     let fmu = Request::of(PLANT).instantiate(PLANT).expect("an instance");
     fmu.set_logging(false, &[]).ok(&fmu);
+    // Errors are told even while logging is off: else nobody could tell why a simulation has ended.
     says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
-    says(&fmu.set_logging(true, &["logEvents", "logNonsense"]).error(&fmu), &["logNonsense", "no category"]);
+    let unknown = ["logNonsense", "logevents", "logEvents ", ""];
+    for name in unknown {
+        let said = fmu.set_logging(false, &["logStatusError", name]).error(&fmu);
+        says(&said, &["fmi2SetDebugLogging: ", &format!("{name} is no category")]);
+    }
+    says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
+}
+
+/// What a logger that calls back into its instance has in hand.
+struct Caller {
+    component: std::cell::Cell<fmi2Component>,
+    answers: std::cell::RefCell<Vec<fmi2Status>>,
+    frees: bool,
+}
+
+/// A logger that uses the instance that speaks: it reads, steps, resets, also in another thread, and asks for its end.
+unsafe extern "C" fn call_back(
+    environment: fmi2ComponentEnvironment,
+    _: fmi2String,
+    _: fmi2Status,
+    _: fmi2String,
+    _: fmi2String,
+    _: fmi2String,
+) {
+    // SAFETY: the environment is the address of the caller, which outlives the instance.
+    let caller = unsafe { &*environment.cast::<Caller>() };
+    let (c, mut value) = (caller.component.get(), 0.0);
+    // SAFETY: the instance is live; the arrays have one element.
+    unsafe {
+        let answers = [
+            call!(fmi2GetReal: fmi2GetRealTYPE(c, [0].as_ptr(), 1, &raw mut value)),
+            call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True)),
+            call!(fmi2Reset: fmi2ResetTYPE(c)),
+            call!(fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(c, fmi2False, 0, null())),
+        ];
+        caller.answers.borrow_mut().extend(answers);
+        let address = c.expose_provenance();
+        let another = move || {
+            let c = std::ptr::with_exposed_provenance_mut(address);
+            call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True))
+        };
+        caller.answers.borrow_mut().push(thread::spawn(another).join().expect("no panic"));
+        if caller.frees {
+            call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(c));
+        }
+    }
+}
+
+/// Loggers of importers call back, for instance to read the time, and so do other threads meanwhile. Fails if the door lets a
+/// second call in: then this process ends in endless recursion, or the instance is freed in the middle of its call.
+#[test]
+fn a_logger_that_calls_back_is_turned_away() {
+    for frees in [false, true] {
+        let caller =
+            Box::new(Caller { component: null_mut::<std::ffi::c_void>().into(), answers: Vec::new().into(), frees });
+        let callbacks = fmi2CallbackFunctions {
+            logger: support::ffi::variadic(call_back),
+            allocateMemory: None,
+            freeMemory: None,
+            stepFinished: None,
+            componentEnvironment: (&raw const *caller).cast_mut().cast(),
+        };
+        let (name, guid) = (text("speaker"), text(&guid(PLANT)));
+        let kind = fmi2Type::fmi2CoSimulation;
+        // SAFETY: callbacks, texts and environment outlive the instance, which is freed once.
+        unsafe {
+            let c = call!(fmi2Instantiate: fmi2InstantiateTYPE(name.as_ptr(), kind, guid.as_ptr(), null(), &raw const callbacks, 0, 0));
+            caller.component.set(c);
+            let error = fmi2Status::fmi2Error;
+            for _ in 0..2 {
+                assert_eq!(call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True)), error);
+                assert_eq!(caller.answers.take(), [error; 5]);
+            }
+            // The call has ended, and the instance is as it was.
+            assert_eq!(call!(fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE(c)), fmi2Status::fmi2OK);
+            assert_eq!(call!(fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE(c)), fmi2Status::fmi2OK);
+            call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(c));
+        }
+    }
 }
 
 #[test]
