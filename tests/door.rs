@@ -168,6 +168,8 @@ const SEQUENCE: [(&str, &str); 30] = [
     ("GetStringStatus", "ste"),
 ];
 
+/// Fails if the sequence of calls is not looked at, if a single row of it is open, and if a message does not say where the
+/// function is allowed.
 #[test]
 fn every_function_is_refused_in_every_state_that_is_not_its_own() {
     for (function, allowed) in SEQUENCE {
@@ -196,6 +198,7 @@ fn every_function_is_refused_in_every_state_that_is_not_its_own() {
 }
 
 /// The table above leaves out nothing but the function that ends an instance and answers nothing.
+/// Fails if a row is taken out of it.
 #[test]
 fn every_function_is_swept() {
     let swept: Vec<_> = SEQUENCE.iter().map(|(function, _)| format!("fmi2{function}")).collect();
@@ -205,6 +208,7 @@ fn every_function_is_swept() {
     }
 }
 
+/// Fails if fmi2Terminate leaves the state as it was.
 #[test]
 fn the_states_follow_one_another() {
     let fmu = Fmu::new(PLANT);
@@ -222,6 +226,7 @@ fn the_states_follow_one_another() {
     assert_eq!(state_of(&fmu), 'i');
 }
 
+/// Fails if the initialization asks for fmi2SetupExperiment.
 #[test]
 fn an_experiment_need_not_be_set_up() {
     let fmu = Fmu::new(PLANT);
@@ -230,6 +235,7 @@ fn an_experiment_need_not_be_set_up() {
     fmu.step(0.0, TS).ok(&fmu);
 }
 
+/// Fails if a call on no instance is answered with fmi2OK.
 #[test]
 fn null_instances_are_refused_and_freed() {
     let c = null_mut();
@@ -272,6 +278,7 @@ fn refused(request: Request) -> String {
     text.clone()
 }
 
+/// Fails if the name, the kind of interface, or the GUID is not looked at.
 #[test]
 fn instances_are_made_only_of_sound_requests() {
     let sound = || Request::of(PLANT);
@@ -300,6 +307,7 @@ fn instances_are_made_only_of_sound_requests() {
 }
 
 /// What importers really hand over: names with paths, no resources, no logger.
+/// Fails if a name may hold no slash, and if the location of the resources has to be of one form.
 #[test]
 fn instances_are_made_of_whatever_importers_say() {
     let long = "a/".repeat(100_000);
@@ -326,6 +334,7 @@ fn instances_are_made_of_whatever_importers_say() {
     assert!(silent.take_messages().is_empty());
 }
 
+/// Fails if a reference beyond the table is taken for the last variable.
 #[test]
 fn unknown_references_are_refused() {
     for model in MODELS {
@@ -345,6 +354,7 @@ fn unknown_references_are_refused() {
     }
 }
 
+/// Fails if fmi2GetReal converts what is no Real.
 #[test]
 fn values_have_the_type_of_their_variable() {
     for model in MODELS {
@@ -375,6 +385,7 @@ fn values_have_the_type_of_their_variable() {
     }
 }
 
+/// Fails if whatever is not 0 is taken for true.
 #[test]
 fn booleans_are_0_or_1() {
     let fmu = Fmu::started(CONTROLLER, &[]);
@@ -387,6 +398,7 @@ fn booleans_are_0_or_1() {
     assert_eq!(fmu.get("lambdaValid"), 1.0);
 }
 
+/// Fails if references are accepted.
 #[test]
 fn there_are_no_strings() {
     let fmu = Fmu::started(PLANT, &[]);
@@ -402,6 +414,7 @@ fn there_are_no_strings() {
     }
 }
 
+/// Fails if null, or a length beyond memory, is believed: then this process ends.
 #[test]
 fn arrays_that_are_not_there_are_refused() {
     let fmu = Fmu::started(PLANT, &[]);
@@ -433,6 +446,7 @@ fn arrays_that_are_not_there_are_refused() {
     assert_eq!(state_of(&fmu), 's');
 }
 
+/// Fails if the values are written one by one until one is refused.
 #[test]
 fn a_list_with_a_refused_value_writes_nothing() {
     let fmu = Fmu::started(PLANT, &[]);
@@ -445,6 +459,8 @@ fn a_list_with_a_refused_value_writes_nothing() {
     says(&fmu.set("Y", 1.0).error(&fmu), &["Y cannot be set", "computed"]);
 }
 
+/// Fails if the start is not looked at, if a stop before the start is accepted, and if the end of a step is compared with
+/// stopTime not at all.
 #[test]
 fn an_experiment_has_a_beginning_and_an_end() {
     let fmu = Fmu::new(PLANT);
@@ -467,6 +483,7 @@ fn an_experiment_has_a_beginning_and_an_end() {
     fmu.step(time_s, TS).error(&fmu);
 }
 
+/// Fails if the begin of a step is believed whatever it is, and if a negative length is done.
 #[test]
 fn steps_follow_one_another() {
     let fmu = Fmu::started(PLANT, &[]);
@@ -482,6 +499,7 @@ fn steps_follow_one_another() {
     fmu.step(TS, TS).ok(&fmu);
 }
 
+/// Fails if a step of no length, or of 1.1e-16 s, is refused.
 #[test]
 fn steps_of_any_length_are_taken() {
     for model in MODELS {
@@ -514,6 +532,7 @@ fn heard(logging: bool, switches: Switches) -> Vec<Message> {
     fmu.take_messages()
 }
 
+/// Fails if all messages pass, and if one category brings the others with it.
 #[test]
 fn messages_come_in_the_categories_that_are_wanted() {
     let messages = heard(true, &[]);
@@ -691,6 +710,7 @@ fn a_logger_that_calls_back_is_turned_away() {
     }
 }
 
+/// Fails if fmi2GetRealStatus answers every kind of question.
 #[test]
 fn questions_about_the_step_are_answered() {
     let fmu = Fmu::started(PLANT, &[]);
@@ -738,6 +758,7 @@ fn questions_about_the_step_are_answered() {
     }
 }
 
+/// Fails if only the first finding is told, and if the run can begin all the same.
 #[test]
 fn refused_parameters_end_the_initialization_with_all_their_names() {
     let bad: [(&str, &[(&str, f64)]); 3] = [
@@ -776,6 +797,7 @@ fn crash(fmu: &Fmu) -> (f64, String) {
     panic!("the rotor stays in the gap");
 }
 
+/// Fails if the run goes on after the fault, and if a reset keeps anything of the slave.
 #[test]
 fn a_fault_in_a_step_ends_the_run_and_a_reset_begins_another() {
     let fmu = Fmu::started(PLANT, &[]);
@@ -807,6 +829,7 @@ fn a_fault_in_a_step_ends_the_run_and_a_reset_begins_another() {
     assert_eq!(fmu.all_bits(), fresh.all_bits());
 }
 
+/// Fails if fmi2Terminate is refused after an error.
 #[test]
 fn after_an_error_the_end_is_safe() {
     let terminated = Fmu::started(PLANT, &[]);
@@ -823,6 +846,7 @@ fn after_an_error_the_end_is_safe() {
     }
 }
 
+/// Fails if the checks of parameters let through what is not finite.
 #[test]
 fn parameters_that_are_no_numbers_are_refused_by_name() {
     for model in MODELS {
@@ -843,6 +867,7 @@ fn parameters_that_are_no_numbers_are_refused_by_name() {
 }
 
 /// A missing sensor is news for the estimator, not an error; plant and controller cannot go on without theirs.
+/// Fails if plant and controller compute with what is not finite.
 #[test]
 fn inputs_that_are_no_numbers_end_the_step_or_the_validity() {
     for (model, name) in [(PLANT, "i[2]"), (PLANT, "omega"), ("FlatnessController", "Zm")] {
@@ -871,6 +896,7 @@ fn driven(fmu: &Fmu, step: u32) {
     fmu.step(f64::from(step) * TS, TS).ok(fmu);
 }
 
+/// Fails if instances count their steps together.
 #[test]
 fn instances_do_not_see_one_another() {
     const STEPS: u32 = 120;
@@ -909,6 +935,7 @@ fn instances_do_not_see_one_another() {
     }
 }
 
+/// Fails if a binary serves a thousand instances and no more.
 #[test]
 fn instances_can_be_made_and_freed_without_end() {
     for model in MODELS {
@@ -918,6 +945,7 @@ fn instances_can_be_made_and_freed_without_end() {
     }
 }
 
+/// Fails if a reset keeps the values.
 #[test]
 fn reset_is_a_fresh_instance_bit_for_bit() {
     for model in MODELS {
@@ -937,6 +965,7 @@ fn reset_is_a_fresh_instance_bit_for_bit() {
     }
 }
 
+/// Fails if the version is `2.0.4`.
 #[test]
 fn version_and_platform_are_the_standard_s() {
     // SAFETY: the functions take nothing and answer constants.

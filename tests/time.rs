@@ -40,7 +40,7 @@ fn sampled(model: &str, start_s: f64, samples: u32, mut cut: impl FnMut() -> f64
     fmu.all_bits()
 }
 
-/// Fails if a sample is lost or doubled: when the clock compares without a tolerance, or counts with a running sum.
+/// Fails if a sample is lost or doubled: when the clock compares without a tolerance.
 #[test]
 fn sampled_outputs_do_not_depend_on_how_time_is_cut() {
     for model in [CONTROLLER, ESTIMATOR] {

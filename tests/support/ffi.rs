@@ -403,6 +403,14 @@ impl Fmu {
         unsafe { call!(fmi2DeSerializeFMUstate: fmi2DeSerializeFMUstateTYPE(self.component, first, size, state)) }
     }
 
+    /// `fmi2GetRealStatus`.
+    pub fn real_status(&self, kind: fmi2StatusKind) -> Result<f64, fmi2Status> {
+        let mut value = f64::NAN;
+        // SAFETY: the instance is live; the value can be written.
+        let status = unsafe { call!(fmi2GetRealStatus: fmi2GetRealStatusTYPE(self.component, kind, &raw mut value)) };
+        if status == fmi2Status::fmi2OK { Ok(value) } else { Err(status) }
+    }
+
     /// `fmi2GetDirectionalDerivative`.
     pub fn directional_derivative(
         &self,
