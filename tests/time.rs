@@ -181,7 +181,8 @@ fn a_step_that_would_not_end_is_refused() {
     }
 }
 
-/// Fails if the start time is left out of the samples, of the harmonic perturbation, or of the reference.
+/// Parameters that name a time, such as that of an update, mean the time of the simulation.
+/// Fails if the start time is left out of the samples, which then does not end, or of the time of the update.
 #[test]
 fn a_start_time_shifts_samples_and_nothing_else() {
     for model in [CONTROLLER, ESTIMATOR] {
@@ -189,7 +190,11 @@ fn a_start_time_shifts_samples_and_nothing_else() {
         let [here, there] = [0.0, 4.0].map(|start| {
             let fmu = Fmu::new(model);
             if model == CONTROLLER {
-                fmu.set("update.mode", 1.0).ok(&fmu);
+                let update = [("update.mode", 2.0), ("update.time", start + 20.5 * TS), ("lambdaValid", 1.0)];
+                let estimates = [("lambdaHat[1]", 2e-6), ("lambdaHat[2]", 2e-6), ("lambdaHat[3]", 2e-6)];
+                for (name, value) in update.into_iter().chain(estimates) {
+                    fmu.set(name, value).ok(&fmu);
+                }
             }
             fmu.start(start, Some(start + 1.0));
             for step in 0..40 {
@@ -198,6 +203,9 @@ fn a_start_time_shifts_samples_and_nothing_else() {
             }
             fmu
         });
+        if model == CONTROLLER {
+            assert_eq!(there.get("lambdaUsed[1]"), 2e-6, "the update has taken place");
+        }
         let outputs = |fmu: &Fmu| {
             let names = fmu.variables().iter().filter(|variable| !variable.is_settable());
             names.map(|variable| fmu.get(&variable.name).to_bits()).collect::<Vec<_>>()
