@@ -757,7 +757,10 @@ impl Estimator {
             // The mean of (i + n)² is i² + σ_i².
             let square = i * i - self.config.current_noise_a * self.config.current_noise_a;
             if self.config.hold == Hold::Linear {
-                signals[SQUARES + k] = square * w[k];
+                // The mean of i² along the straight line from i_0 to i_1 is (i_0² + i_1²)/2 − (i_1 − i_0)²/6.
+                let step = if state.window.filled() > 0 { i - state.current_a[k] } else { 0.0 };
+                let chord = step * step - 2.0 * self.config.current_noise_a * self.config.current_noise_a;
+                signals[SQUARES + k] = (square - chord / 6.0) * w[k];
             } else if state.window.filled() > 0 {
                 // Within the interval 1/gap² is a parabola; one twelfth of its second difference, taken off both
                 // ends of the chord, gives the chord the area of the parabola.
