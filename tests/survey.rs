@@ -30,6 +30,7 @@ fn asked(name: &str, otherwise: u64) -> u64 {
 /// What one method said in one run.
 #[derive(Clone, Debug, Default)]
 struct Said {
+    case: String,
     samples: usize,
     valid: usize,
     /// Greatest |error|/standard deviation while valid, when, and the error and the deviation there, relative.
@@ -54,7 +55,7 @@ fn run(scenario: &Scenario) -> Vec<(&'static str, Said)> {
             let valid = read("valid".into());
             let hat = [1, 2, 3].map(|k| read(format!("lambdaHat[{k}]")));
             let std = [1, 2, 3].map(|k| read(format!("lambdaStd[{k}]")));
-            let mut said = Said { samples: valid.len(), ..Said::default() };
+            let mut said = Said { case: scenario.description.clone(), samples: valid.len(), ..Said::default() };
             for j in (0..valid.len()).filter(|j| valid[*j] == 1.0) {
                 said.valid += 1;
                 for k in 0..3 {
@@ -99,7 +100,10 @@ fn open(name: &str) -> Scenario {
 }
 
 /// Runs all cases on all processors; per group and method: what was said, worst first.
-fn survey(cases: u64, make: impl Fn(u64) -> (String, Scenario) + Sync) -> BTreeMap<(String, &'static str), Vec<(u64, Said)>> {
+fn survey(
+    cases: u64,
+    make: impl Fn(u64) -> (String, Scenario) + Sync,
+) -> BTreeMap<(String, &'static str), Vec<(u64, Said)>> {
     let next = AtomicU64::new(0);
     let found = Mutex::new(BTreeMap::<_, Vec<_>>::new());
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -139,7 +143,8 @@ fn judge(found: &BTreeMap<(String, &'static str), Vec<(u64, Said)>>) -> Vec<Stri
         println!(
             "{group:34} {method:13} {:5} {:6.1}% {wrong:6} {:7.2} {:7} {:8.2}% {:8.2}%  case {case} at {:.4} s: {:.2} % by {:.2} %",
             list.len(),
-            100.0 * list.iter().map(|(_, said)| said.valid as f64 / said.samples as f64).sum::<f64>() / list.len() as f64,
+            100.0 * list.iter().map(|(_, said)| said.valid as f64 / said.samples as f64).sum::<f64>()
+                / list.len() as f64,
             worst.worst,
             list.iter().filter(|(_, said)| said.worst > 3.0).count(),
             100.0 * most(|said| said.largest_error),
@@ -150,11 +155,12 @@ fn judge(found: &BTreeMap<(String, &'static str), Vec<(u64, Said)>>) -> Vec<Stri
         );
         misses.extend(list.iter().filter(|(_, said)| said.worst > CONFIDENT).map(|(case, said)| {
             format!(
-                "{group}, {method}, case {case}: {:.1} standard deviations at {:.4} s ({:.2} % by {:.2} %), limit {CONFIDENT}",
+                "{group}, {method}, case {case}: {:.1} standard deviations at {:.4} s ({:.2} % by {:.2} %), limit {CONFIDENT}; {}",
                 said.worst,
                 said.when_s,
                 100.0 * said.error,
-                100.0 * said.std
+                100.0 * said.std,
+                said.case
             )
         }));
     }
@@ -251,7 +257,18 @@ fn drawn(seed: u64) -> (String, Scenario) {
         scenario.set("controller", "update.mode", Value::Integer(1));
     }
     scenario.duration_s = 0.3;
-    let group = format!("{}, noise {}", if voltage { "voltage" } else { "current" }, if told { "told" } else { "found" });
+    scenario.description = format!(
+        "rY {:.0} rZ {:.0} um, {:.0} rpm, Tf {:.2} rev, noise {:.2} um {:.0} mA, U {:.1} N",
+        radius[0] * 1e6,
+        radius[1] * 1e6,
+        omega * 60.0 / TAU,
+        window_s * omega / TAU,
+        noise[0] * 1e6,
+        noise[1] * 1e3,
+        scenario.value("plant", "unbalance.magnitude").map_or(0.0, Value::as_f64) * omega * omega
+    );
+    let group =
+        format!("{}, noise {}", if voltage { "voltage" } else { "current" }, if told { "told" } else { "found" });
     (group, scenario)
 }
 

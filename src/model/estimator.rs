@@ -46,8 +46,8 @@ use serde::{Deserialize, Serialize};
 
 pub use self::config::{
     CHANGE_LIMIT, CONDITION_LIMIT, EXCITATION_FLOOR, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold,
-    LEAST_SINE_BETWEEN_MAGNETS, MAX_INTERVALS, MIN_INTERVALS, MODEL_STD, Method, RESIDUAL_CAP, RESIDUAL_LIMIT, Reason,
-    STD_CAP, STD_LIMIT, STUCK_SAMPLES,
+    LEAST_SINE_BETWEEN_MAGNETS, MAX_INTERVALS, MIN_INTERVALS, MODEL_STD, Method, PAPER_STD_LIMIT, PAPER_WINDOWS,
+    RESIDUAL_CAP, RESIDUAL_LIMIT, ROUND_LIMIT, Reason, STD_CAP, STD_LIMIT, STUCK_SAMPLES,
 };
 use self::config::{CHANNEL_LIMIT, WHOLE_NUMBER_TOLERANCE, check};
 use super::Invalid;
@@ -73,7 +73,9 @@ const SQUARE: usize = RIGHT + MAX_UNKNOWNS;
 const RATIO: usize = SQUARE + 1;
 /// The squares of what each column of D would be if nothing cancelled follow.
 const LEVEL: usize = RATIO + MAGNETS + 1;
-const CHANNELS: usize = LEVEL + MAGNETS;
+/// `|N_y|² − |N_z|²` and `2 N_y·N_z` follow.
+const SHAPE: usize = LEVEL + MAGNETS;
+const CHANNELS: usize = SHAPE + 2;
 
 /// Signals in the window: Y, Z, then `i²/gap²` of each magnet (its values at the start of the hold intervals and at
 /// their ends, or at the nodes if the current is continuous), then `ω² cos θ`, `ω² sin θ` if they are needed, then for
@@ -108,6 +110,11 @@ const COHERENCE_LIMIT: f64 = 3.0;
 /// Pairs of windows, counted without overlap, that it takes to tell a coherent residual from noise. Before, all of it counts
 /// as coherent if the noise is not given, and what the noise does not explain if it is.
 const PAIRS_TO_JUDGE: f64 = 1.5;
+
+/// Part of the noise of the positions that the controller answers within the band of the test functions, and its standard
+/// deviation. The estimator does not know the controller: 0 is one that hardly reacts there, 1 one that follows
+/// the noise. In fifteen loops (current and voltage, poles from 500 to 6000 rad/s, windows of 14 to 30 ms) it was 0.5 in the mean.
+const FED_BACK: [f64; 2] = [0.5, 0.2];
 
 /// Before so many windows, counted without overlap, too little is left over to show that the model holds.
 const WINDOWS_TO_TRUST: f64 = 1.25;
@@ -488,7 +495,9 @@ impl Estimator {
                 }
             }
         }
-        let mut sums = Sums { p: d.tr_mul(&d), h: d.tr_mul(&n), square: n.norm_squared(), ..Sums::default() };
+        let (n_y, n_z) = n.as_slice().split_at(functions);
+        let shape = shape(n_y, &n_z[..functions]);
+        let mut sums = Sums { p: d.tr_mul(&d), h: d.tr_mul(&n), square: n.norm_squared(), shape, ..Sums::default() };
         for k in 0..MAGNETS {
             let newest = window.signal(SQUARES + k).last().copied().unwrap_or(0.0);
             sums.level[k] = (newest * self.reach[k]) * (newest * self.reach[k]);
@@ -685,14 +694,17 @@ impl Estimator {
         output.noise = variance.map(f64::sqrt);
         output.condition = output.condition.max(solution.condition);
         output.residual = if sums.square > 0.0 { (sums.rest(&x) / sums.square).sqrt().min(RESIDUAL_CAP) } else { 1.0 };
-        if !excited || output.condition > CONDITION_LIMIT {
+        let hidden = self.config.method == Method::LeastSquares && is_round(sums.shape, sums.square);
+        if !excited || output.condition > CONDITION_LIMIT || hidden {
             return Reason::Singular;
         }
+        let fed_back = inverse * fed_back(&x, variance[0] * sums.trace[0]);
+        let x = x - fed_back * FED_BACK[0];
         if !(0..MAGNETS).all(|k| x[k] > 0.0) {
             return Reason::NotPositive;
         }
         let score = memory.score[0] * variance[0] + memory.score[1] * variance[1];
-        let covariance = inverse * score * inverse;
+        let covariance = inverse * score * inverse + fed_back * fed_back.transpose() * (FED_BACK[1] * FED_BACK[1]);
         if !covariance.iter().all(|c| c.is_finite()) {
             return Reason::Singular;
         }
@@ -865,6 +877,9 @@ impl Estimator {
         }
         channels.fixed_rows_mut::<MAX_UNKNOWNS>(RIGHT).copy_from(&h);
         channels[SQUARE] = n.norm_squared();
+        let [shape_0, shape_1] = shape(&n.as_slice()[..ROWS_PER_AXIS], &n.as_slice()[ROWS_PER_AXIS..]);
+        channels[SHAPE] = shape_0;
+        channels[SHAPE + 1] = shape_1;
         for k in 0..MAGNETS {
             let newest = state.window.signal(SQUARES + k).last().copied().unwrap_or(0.0);
             channels[LEVEL + k] = (newest * self.reach[k]) * (newest * self.reach[k]);
@@ -907,7 +922,10 @@ impl Estimator {
         if literal {
             output.lambda_hat = lambda;
         }
-        if !excited || output.condition > CONDITION_LIMIT {
+        if !excited
+            || output.condition > CONDITION_LIMIT
+            || is_round([filtered[SHAPE], filtered[SHAPE + 1]], filtered[SQUARE])
+        {
             return Reason::Singular;
         }
         if !lambda.iter().all(|l| *l > 0.0) {
@@ -915,6 +933,10 @@ impl Estimator {
         }
         if !literal && output.residual > RESIDUAL_LIMIT {
             return Reason::Unexplained;
+        }
+        let few = state.samples <= PAPER_WINDOWS * self.intervals as u64;
+        if few || (0..MAGNETS).any(|k| output.lambda_std[k] > PAPER_STD_LIMIT * lambda[k]) {
+            return Reason::Uncertain;
         }
         output.lambda_hat = lambda;
         self.report(output, static_load, &unknowns);
@@ -1035,6 +1057,26 @@ fn interrupt(state: &mut EstimatorState, reason: Reason) -> Reason {
         state.learnt.same = [0; 2];
     }
     reason
+}
+
+/// `|N_y|² − |N_z|²` and `2 N_y·N_z`: both are zero on a circle.
+fn shape(n_y: &[f64], n_z: &[f64]) -> [f64; 2] {
+    let pairs = || n_y.iter().zip(n_z);
+    [pairs().map(|(y, z)| y * y - z * z).sum(), pairs().map(|(y, z)| 2.0 * y * z).sum()]
+}
+
+/// `E[Σ w Dᵀ δN]` if the controller answers all of the noise of the positions with forces of the magnets, given what that
+/// noise contributes to `Σ w |N|²`.
+///
+/// A controller takes noise n for motion and moves the rotor by −T n, T being the complementary sensitivity: D x then
+/// contains −T n, and N contains n beside. Each of three magnets bears a third of that.
+fn fed_back(x: &NormalVector, noise: f64) -> NormalVector {
+    NormalVector::from_fn(|k, _| if k < MAGNETS { -noise / (MAGNETS as f64 * x[k]) } else { 0.0 })
+}
+
+/// Whether the motion is so nearly a circle that an unbalance would look like other force constants: see [`ROUND_LIMIT`].
+fn is_round([difference, product]: [f64; 2], square: f64) -> bool {
+    (difference * difference + product * product).sqrt() < ROUND_LIMIT * square
 }
 
 /// Row and column of the upper triangle, in the order of the channels.

@@ -98,6 +98,8 @@ pub struct Sums {
     pub h: NormalVector,
     /// `Σ w |N|²`.
     pub square: f64,
+    /// `Σ w (|N_y|² − |N_z|²)` and `Σ w 2 N_y·N_z`.
+    pub shape: [f64; 2],
     /// The squares of what each column would be if nothing cancelled.
     pub level: [f64; 3],
     /// Expected `Σ w δDᵀδD` per σ_z².
@@ -124,6 +126,7 @@ impl Sums {
         }
         for k in 0..2 {
             self.trace[k] = self.trace[k] * keep + other.trace[k];
+            self.shape[k] = self.shape[k] * keep + other.shape[k];
         }
     }
 
