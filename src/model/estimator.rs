@@ -100,6 +100,10 @@ const NOMINAL_ACCELERATION: f64 = 9.81;
 /// What the discretisation may leave of a motion without noise, relative.
 const MODEL_RESIDUAL: f64 = 2.0e-3;
 
+/// What is left of a motion without noise, relative, if a voltage drives the currents: they are not quite straight between
+/// samples.
+const LINEAR_RESIDUAL: f64 = 3.0e-5;
+
 /// Noise found from the residual is reckoned with so many of its own standard deviations higher.
 const NOISE_MARGIN: f64 = 0.5;
 
@@ -672,8 +676,11 @@ impl Estimator {
             }
             // What noise does not explain counts as noise of the currents, whatever it is.
             let unexplained = ((rest - variance[0] * left[0]) / left[1]).max(0.0);
-            compensate = [variance[0], if given[1] > 0.0 { given[1] } else { unexplained }];
             let chance = scatter * rest / left[1];
+            // What may be chance is not taken off: too much compensation feeds itself, for it makes the residual grow.
+            let weight = unexplained * unexplained / (unexplained * unexplained + chance * chance);
+            let known = if weight.is_finite() { unexplained * weight } else { 0.0 };
+            compensate = [variance[0], if given[1] > 0.0 { given[1] } else { known }];
             variance[1] = if given[1] > 0.0 && unexplained < given[1] + chance {
                 given[1]
             } else if given[1] > 0.0 {
@@ -723,6 +730,8 @@ impl Estimator {
         } else {
             0.0
         };
+        let bend = if self.config.hold == Hold::Linear { LINEAR_RESIDUAL * LINEAR_RESIDUAL * sums.square } else { 0.0 };
+        let coherent = coherent + bend;
         let mut sure = true;
         for k in 0..MAGNETS {
             let model = MODEL_STD * x[k];
