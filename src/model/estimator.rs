@@ -102,7 +102,7 @@ const MODEL_RESIDUAL: f64 = 2.0e-3;
 
 /// What is left of a motion without noise, relative, if a voltage drives the currents: they are not quite straight between
 /// samples.
-const LINEAR_RESIDUAL: f64 = 3.0e-5;
+const LINEAR_RESIDUAL: f64 = 1.0e-4;
 
 /// Noise found from the residual is reckoned with so many of its own standard deviations higher.
 const NOISE_MARGIN: f64 = 0.5;
@@ -725,11 +725,19 @@ impl Estimator {
         let rest = sums.rest(&x);
         let [echo, pairs] = learnt.coherent;
         let pairs_of_windows = pairs * self.hop as f64 / self.intervals as f64;
+        // Without the unbalance among the unknowns, what could hide below the limit counts as well: it is no small error of λ.
+        let presumes = self.config.method == Method::LeastSquares;
         let coherent = if pairs_of_windows >= PAIRS_TO_JUDGE {
             let echo = echo * weight / pairs;
             let chance = rest / (2.0 * functions as f64 * pairs_of_windows).sqrt();
-            if echo > COHERENCE_LIMIT * chance { echo } else { 0.0 }
-        } else if given[1] == 0.0 || windows < WINDOWS_TO_TRUST {
+            if echo > COHERENCE_LIMIT * chance {
+                echo
+            } else if presumes {
+                COHERENCE_LIMIT * chance
+            } else {
+                0.0
+            }
+        } else if presumes || given[1] == 0.0 || windows < WINDOWS_TO_TRUST {
             rest
         } else if variance[1] > given[1] {
             rest * (1.0 - given[1] / variance[1])
