@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use super::identify;
 use super::montecarlo;
-use super::plot::{Axis, Colour, Line, Mark, Plot, Unit};
+use super::plot::{Axis, Colour, Line, Mark, Plot, Range, Unit};
 use super::report::Table;
 use super::scenario::Scenario;
 use super::simulate::{self, Refused};
@@ -206,6 +206,9 @@ pub fn table(question: &Question, promises: &[Promise], recommended: Option<usiz
 const PLOTTED: std::ops::RangeInclusive<u32> = 5..=60;
 const PLOTTED_PART: f64 = 0.05;
 
+/// When the dashed line of the plot is looked at, in revolutions: a window of one revolution is full, and a little more.
+const EARLY_REVOLUTIONS: f64 = 1.75;
+
 /// Width of the plot and height of one of its parts, in pixels.
 const PLOT_PX: (f64, f64) = (760.0, 250.0);
 
@@ -220,6 +223,11 @@ pub fn plot(scenario: &Scenario, question: &Question) -> Result<String, Refused>
         question.windows_s = PLOTTED.map(|part| f64::from(part) * PLOTTED_PART * 60.0 / question.rpm).collect();
     }
     let (mut promises, recommended) = design(scenario, &question)?;
+    // The same while there is little data.
+    let early_s = EARLY_REVOLUTIONS * 60.0 / question.rpm;
+    let soon = Question { instant_s: early_s, ..question.clone() };
+    let (mut early, _) = design(scenario, &soon)?;
+    early.sort_by(|a, b| a.window_s.total_cmp(&b.window_s));
     let recommended_s = recommended.map(|n| promises[n].window_s);
     promises.sort_by(|a, b| a.window_s.total_cmp(&b.window_s));
     let lengths: Vec<f64> = promises.iter().map(|promise| promise.window_s).collect();
@@ -236,7 +244,7 @@ pub fn plot(scenario: &Scenario, question: &Question) -> Result<String, Refused>
         (question.noise[1] * 1e6).round() / 1e3,
     );
     let [std, band, delay] = [
-        (title.as_str(), "standard deviation", Unit::PERCENT, true),
+        (title.as_str(), "standard deviation", Unit::PERCENT, false),
         ("Band in which the rows see more than half of their peak power", "frequency", hertz, true),
         ("Mean age of the data", "delay", Unit::MILLISECOND, false),
     ]
@@ -248,11 +256,16 @@ pub fn plot(scenario: &Scenario, question: &Question) -> Result<String, Refused>
         plot
     });
     let magnets = ["λ₁", "λ₂", "λ₃"].into_iter().zip(Colour::MAGNETS).enumerate();
+    let mut stds: Vec<Line> =
+        magnets.map(|(k, (name, colour))| line(name, colour, &|promise| promise.std[k])).collect();
+    let known: Vec<&Promise> = early.iter().filter(|promise| promise.std[2].is_finite()).collect();
+    let soon: Vec<f64> = known.iter().map(|promise| promise.std[2]).collect();
+    let windows: Vec<f64> = known.iter().map(|promise| promise.window_s).collect();
+    stds.push(Line::new(&format!("λ₃ after {:.0} ms", early_s * 1e3), windows, soon, Colour::Green).dashed());
+    let most = stds.iter().flat_map(|line| line.y.iter()).copied().filter(|std| std.is_finite()).fold(0.0, f64::max);
+    let std = Plot { y: std.y.from_to(Some(Range::new(0.0, 1.1 * most.max(1e-4)))), ..std };
     let plots = [
-        Plot {
-            lines: magnets.map(|(k, (name, colour))| line(name, colour, &|promise| promise.std[k])).collect(),
-            ..std
-        },
+        Plot { lines: stds, ..std },
         Plot {
             lines: vec![
                 line("upper end", Colour::Blue, &|promise| promise.band_hz[1]),
@@ -260,7 +273,12 @@ pub fn plot(scenario: &Scenario, question: &Question) -> Result<String, Refused>
             ],
             ..band
         },
-        Plot { lines: vec![line("window and memory", Colour::Green, &|promise| promise.delay_s)], ..delay },
+        Plot {
+            lines: vec![line("half a window and the mean age in the memory", Colour::Green, &|promise| {
+                promise.delay_s
+            })],
+            ..delay
+        },
     ];
     let (width, height) = PLOT_PX;
     let mut svg = format!(
