@@ -102,7 +102,7 @@ const MODEL_RESIDUAL: f64 = 2.0e-3;
 
 /// Two steps of a current that differ by less than this part of their squares belong to a smooth course; at 3000 rpm
 /// those of the path differ by 5e-4.
-const KINK: f64 = 0.01;
+const KINK: f64 = 0.03;
 
 /// What is left of a motion without noise, relative, if a voltage drives the currents: they are not quite straight between
 /// samples.
@@ -803,7 +803,7 @@ impl Estimator {
                 // The mean of i² along the straight line from i_0 to i_1 is (i_0² + i_1²)/2 − (i_1 − i_0)²/6.
                 // Where the current is smooth its curvature makes up for that.
                 let step = if state.window.filled() > 0 { i - state.current_a[k] } else { 0.0 };
-                let former = state.step_a[k];
+                let former = if state.window.filled() > 1 { state.step_a[k] } else { step };
                 steps[k] = step;
                 let noise = self.config.current_noise_a * self.config.current_noise_a;
                 let kinked = (step - former) * (step - former) > KINK * (step * step + former * former);
