@@ -100,9 +100,14 @@ const NOMINAL_ACCELERATION: f64 = 9.81;
 /// What the discretisation may leave of a motion without noise, relative.
 const MODEL_RESIDUAL: f64 = 2.0e-3;
 
-/// Two steps of a current that differ by less than this part of their squares belong to a smooth course; at 3000 rpm
-/// those of the path differ by 5e-4.
+/// Two steps of a current whose difference squared is more than this part of their squares make a kink; at 3000 rpm those of
+/// the path differ by 5e-4.
 const KINK: f64 = 0.03;
+
+/// A current is straight between samples, and not smooth, if so many of its last steps make kinks, and what is left of that
+/// count after a step. At its extremes a smooth current has about eleven such steps in a row.
+const KINKED: f64 = 0.4;
+const KINK_KEEP: f64 = 0.97;
 
 /// What is left of a motion without noise, relative, if a voltage drives the currents: they are not quite straight between
 /// samples.
@@ -152,6 +157,8 @@ pub struct EstimatorState {
     current_a: [f64; 3],
     /// By how much they differed from those before, A; for continuous currents.
     step_a: [f64; 3],
+    /// How many of the last steps made a kink, as a part of one.
+    kinks: [f64; 3],
     window: Window,
     /// What the paper's methods keep of the window instead.
     sums: Option<WindowSumsState>,
@@ -321,6 +328,7 @@ impl Estimator {
             inverse_square_gap: [[0.0; 3]; 2],
             current_a: [0.0; 3],
             step_a: [0.0; 3],
+            kinks: [0.0; 3],
             window: Window::new(self.signals, self.nodes),
             sums: self.sums.as_ref().map(WindowSums::start),
             filtered: LowPassState::default(),
@@ -369,6 +377,7 @@ impl Estimator {
         if self.accepts(state) {
             if input.reset && !state.reset_was_high {
                 state.samples = 0;
+                state.kinks = [0.0; MAGNETS];
                 clear(state);
                 state.filtered = LowPassState::default();
                 state.learnt.clear();
@@ -791,7 +800,7 @@ impl Estimator {
         signals[0] = y;
         signals[1] = z;
         let [w_last, w_before] = state.inverse_square_gap;
-        let mut steps = [0.0; MAGNETS];
+        let (mut steps, mut kinks) = ([0.0; MAGNETS], [0.0; MAGNETS]);
         for k in 0..MAGNETS {
             let i = match self.config.hold {
                 Hold::HeldBefore | Hold::Linear => input.current_a[k],
@@ -806,8 +815,9 @@ impl Estimator {
                 let former = if state.window.filled() > 1 { state.step_a[k] } else { step };
                 steps[k] = step;
                 let noise = self.config.current_noise_a * self.config.current_noise_a;
-                let kinked = (step - former) * (step - former) > KINK * (step * step + former * former);
-                let chord = if kinked { step * step - 2.0 * noise } else { 0.0 };
+                let kink = (step - former) * (step - former) > KINK * (step * step + former * former);
+                kinks[k] = KINK_KEEP * state.kinks[k] + if kink { 1.0 - KINK_KEEP } else { 0.0 };
+                let chord = if kinks[k] > KINKED { step * step - 2.0 * noise } else { 0.0 };
                 signals[SQUARES + k] = (square - chord / 6.0) * w[k];
             } else if state.window.filled() > 0 {
                 // Within the interval 1/gap² is a parabola; one twelfth of its second difference, taken off both
@@ -835,6 +845,7 @@ impl Estimator {
             state.inverse_square_gap = [w, w_last];
             state.current_a = input.current_a;
             state.step_a = steps;
+            state.kinks = kinks;
         }
         fine.then_some(signals)
     }
