@@ -193,7 +193,7 @@ fn currents_may_have_a_table_of_their_own() {
     let mut currents = String::from("Time [ms];Coil A [mA];Coil B [mA];Coil C [mA]\n");
     for n in 0..4 * (recording.time_s.len() - 1) {
         // Held before: the sample at the end of an interval and those within it are the same.
-        let at = (n + 3) / 4;
+        let at = n.div_ceil(4);
         let cells = [1, 2, 3].map(|k| format!("{:.9}", 1e3 * column(&format!("plant.im[{k}]"))[at]).replace('.', ","));
         currents += &format!("{};{}\n", format!("{:.4}", 0.025 * n as f64).replace('.', ","), cells.join(";"));
     }
