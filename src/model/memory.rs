@@ -78,6 +78,24 @@ impl Bank {
             .collect();
         Self { rows, current, profile }
     }
+
+    /// `Σ g_z·(T g_z)/Σ g_z²` over the rows, dimensionless: how much of their position noise a loop follows whose complementary
+    /// sensitivity T is a low-pass of second order that forgets to the part `keep` in a sample. Below 0 where it lags
+    /// by more than a quarter turn.
+    #[must_use]
+    pub fn followed(&self, keep: f64) -> f64 {
+        let (mut both, mut own) = (0.0, 0.0);
+        for row in &self.rows {
+            let mut lag = [0.0; 2];
+            for g in &row.position {
+                lag[0] = keep * lag[0] + (1.0 - keep) * g;
+                lag[1] = keep * lag[1] + (1.0 - keep) * lag[0];
+                both += g * lag[1];
+                own += g * g;
+            }
+        }
+        if own > 0.0 { both / own } else { 0.0 }
+    }
 }
 
 /// What noise does at the nodes of a window, seen through λ.
@@ -98,6 +116,8 @@ pub struct Sums {
     pub h: NormalVector,
     /// `Σ w |N|²`.
     pub square: f64,
+    /// `Σ w (|N_y|² − |N_z|²)` and `Σ w 2 N_y·N_z`.
+    pub shape: [f64; 2],
     /// The squares of what each column would be if nothing cancelled.
     pub level: [f64; 3],
     /// Expected `Σ w δDᵀδD` per σ_z².
@@ -124,6 +144,7 @@ impl Sums {
         }
         for k in 0..2 {
             self.trace[k] = self.trace[k] * keep + other.trace[k];
+            self.shape[k] = self.shape[k] * keep + other.shape[k];
         }
     }
 
