@@ -121,7 +121,7 @@ fn circle_and_hole_are_cut_within_half_a_micrometre() {
     }
 }
 
-/// Fails with the method `leastSquares`, which knows of no unbalance: it is sure of constants that are 23 % too small.
+/// Fails with a method that knows of no unbalance and does not mind nearly circular paths: it is sure of constants 23 % too small.
 #[test]
 fn on_a_circle_beside_an_unbalance_no_estimate_is_valid_nor_taken() {
     let (scenario, run) = of("circle");
