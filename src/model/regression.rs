@@ -118,3 +118,47 @@ impl SymmetricEigen {
         x.iter().all(|x| x.is_finite()).then_some(x)
     }
 }
+
+/// Solution of normal equations.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solution {
+    /// As [`SymmetricEigen::condition`], of the scaled matrix.
+    pub condition: f64,
+    /// The unknowns, unless the matrix is singular.
+    pub unknowns: Option<NormalVector>,
+    /// The inverse of the matrix, unless it is singular.
+    pub inverse: Option<NormalMatrix>,
+}
+
+impl Solution {
+    /// Solves `p · x = h` for three unknowns, the magnets, or five, the unbalance as well.
+    ///
+    /// The columns of the unbalance are brought to the size of those of the magnets first, for their natural size
+    /// changes with ω⁴; without rotation they vanish and the system is singular.
+    #[must_use]
+    pub fn of(p: &NormalMatrix, h: &NormalVector, unknowns: usize) -> Self {
+        let mut p = *p;
+        let magnets = (p[(0, 0)] + p[(1, 1)] + p[(2, 2)]) / 3.0;
+        let mut scale = NormalVector::repeat(1.0);
+        if unknowns > 3 {
+            let unbalance = (p[(3, 3)] + p[(4, 4)]) / 2.0;
+            let factor = (magnets / unbalance).sqrt();
+            if !(factor.is_finite() && factor > 0.0) {
+                return Self { condition: CONDITION_CAP, unknowns: None, inverse: None };
+            }
+            scale[3] = factor;
+            scale[4] = factor;
+        }
+        for row in 0..MAX_UNKNOWNS {
+            for column in 0..MAX_UNKNOWNS {
+                p[(row, column)] *= scale[row] * scale[column];
+            }
+        }
+        let eigen = SymmetricEigen::new(&p, unknowns);
+        let unknowns = eigen.solve(&h.component_mul(&scale)).map(|x| x.component_mul(&scale));
+        let inverse = eigen
+            .inverse()
+            .map(|inverse| NormalMatrix::from_fn(|row, column| inverse[(row, column)] * scale[row] * scale[column]));
+        Self { condition: eigen.condition(), unknowns, inverse }
+    }
+}
