@@ -15,7 +15,7 @@ mod config;
 mod least_squares;
 mod paper;
 
-use libm::{atan2, cos, exp, sin};
+use libm::{atan2, cos, sin, sincos};
 use serde::{Deserialize, Serialize};
 
 pub use self::config::{
@@ -23,34 +23,27 @@ pub use self::config::{
     LEAST_SINE_BETWEEN_MAGNETS, MAX_INTERVALS, MIN_INTERVALS, MODEL_STD, Method, RESIDUAL_CAP, RESIDUAL_LIMIT, Reason,
     STD_CAP, STD_LIMIT, STUCK_SAMPLES,
 };
-use self::config::{CHANNEL_LIMIT, WHOLE_NUMBER_TOLERANCE, check};
-use self::least_squares::{ECHOES, Learnt};
+use self::config::{WHOLE_NUMBER_TOLERANCE, check};
+use self::least_squares::{Learnt, LeastSquares};
 use self::paper::CHANNELS;
 use super::Invalid;
 use super::kernel::{ROWS_PER_AXIS, Weights};
 use super::lowpass::{LowPass, LowPassState};
-use super::memory::{Bank, Memory, Targets};
-use super::regression::{CONDITION_CAP, MAX_UNKNOWNS, NormalMatrix, NormalVector, Solution};
-use super::window::{Integrals, Window, WindowSums, WindowSumsState};
+use super::regression::{CONDITION_CAP, MAX_UNKNOWNS, NormalVector};
+use super::window::{Integrals, Sample, WindowSums, WindowSumsState};
 
 const MAGNETS: usize = 3;
 
-/// Signals in the window: Y, Z, then `i²/gap²` of each magnet (its values at the start of the hold intervals and at
-/// their ends, or at the nodes if the current is continuous), then `ω² cos θ`, `ω² sin θ` if they are needed, then for
-/// least squares `2 i/gap²` and `2 i²/gap³` of each magnet, what noise of currents and positions is multiplied by.
-const MAX_SIGNALS: usize = 2 + 2 * MAGNETS + 2 + 2 * MAGNETS;
-const SQUARES: usize = 2;
-
-/// A window is evaluated anew by least squares after this part of its length: half the distance between the zeros of the
-/// fastest test function, so that nothing is missed in between.
-const HOPS_PER_WINDOW: usize = 25;
-
-/// Noise that the test functions are made for where none is stated, m and A. Another noise is counted as it is; only
-/// the weights are then not the best ones.
-const NOMINAL_NOISE: [f64; 2] = [1.0e-7, 1.0e-2];
-
-/// Acceleration by the magnets that the test functions are made for, m/s²: the weight of the rotor.
-const NOMINAL_ACCELERATION: f64 = 9.81;
+/// What a sample gives the windows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Signals {
+    /// Position, and `i²/gap²` of each magnet.
+    sample: Sample,
+    /// `ω² (cos θ, sin θ)`, rad²/s², with [`Method::Unbalance`].
+    rotating: [f64; 2],
+    /// `2 i/gap²` and `2 i²/gap³` of each magnet, what noise of currents and positions is multiplied by, with least squares.
+    gain: [[f64; 3]; 2],
+}
 
 /// All that changes with a sample. Made by [`Estimator::start`], and good only for estimators with the same window,
 /// method and hold.
@@ -63,11 +56,13 @@ pub struct EstimatorState {
     inverse_square_gap: [[f64; 3]; 2],
     /// Currents of the last sample, A.
     current_a: [f64; 3],
-    window: Window,
-    /// What the paper's methods keep of the window instead.
+    /// Samples since the last gap in the data.
+    filled: u64,
+    /// What the paper's methods keep of the window.
     sums: Option<WindowSumsState>,
     filtered: LowPassState<CHANNELS>,
-    learnt: Learnt,
+    /// What least squares keeps of it, and has made of those before.
+    learnt: Option<Learnt>,
     output: EstimatorOutput,
 }
 
@@ -88,20 +83,9 @@ pub struct Estimator {
     samples_until_epsilon: u64,
     /// Number of unknowns: 3, or 5 with the unbalance.
     unknowns: usize,
-    signals: usize,
     /// `(sin α_k, cos α_k)`.
     direction: [[f64; 2]; 3],
-    /// Where the signals for the noise begin in the window.
-    sensitivities: usize,
-    /// The test functions of least squares; with the paper's methods empty.
-    bank: Option<Bank>,
-    /// Samples from one evaluation of least squares to the next, and what is then left of what was learnt.
-    hop: usize,
-    keep: f64,
-    /// What is left after one sample.
-    keep_sample: f64,
-    /// Samples that are kept as they are: a window of them for least squares, the last ones for the paper's methods.
-    nodes: usize,
+    least_squares: Option<LeastSquares>,
     /// The integrals of the paper's methods.
     sums: Option<WindowSums>,
     /// One over the gain of each row for position noise.
@@ -126,7 +110,6 @@ impl Estimator {
         let intervals = (config.window_s / config.step_s).round() as usize;
         let epsilon_steps = config.epsilon_s / config.step_s;
         let unknowns = if config.method == Method::Unbalance { MAX_UNKNOWNS } else { MAGNETS };
-        let squares = if config.hold == Hold::Linear { MAGNETS } else { 2 * MAGNETS };
         let rows: [Weights; ROWS_PER_AXIS] = std::array::from_fn(|row| Weights::paper(row, intervals));
         let row_scale = std::array::from_fn(|row| 1.0 / rows[row].noise_gain());
         let window2 = config.window_s * config.window_s;
@@ -134,44 +117,23 @@ impl Estimator {
             Some(lambda0) => window2 * lambda0 / config.m_kg,
             None => window2 * config.gap_m,
         });
-        let least_squares = matches!(config.method, Method::LeastSquares | Method::Unbalance);
-        let bank = least_squares.then(|| {
-            let noise = if config.position_noise_m > 0.0 && config.current_noise_a > 0.0 {
-                [config.position_noise_m, config.current_noise_a]
-            } else {
-                NOMINAL_NOISE
-            };
-            // A magnet force F = m g varies by 2 √(λ F)/s per ampere.
-            let lambda0 = config.lambda0_nm2_a2.iter().sum::<f64>() / 3.0;
-            let per_ampere = 2.0 * (lambda0 * config.m_kg * NOMINAL_ACCELERATION).sqrt() / config.gap_m;
-            let force_noise = window2 / config.m_kg * per_ampere * noise[1];
-            Bank::new(intervals, config.hold == Hold::Linear, noise[0], force_noise)
-        });
-        let reach: f64 = match &bank {
-            Some(bank) => bank.rows.iter().map(Weights::reach).sum(),
+        let least_squares = LeastSquares::new(&config, intervals);
+        let reach: f64 = match &least_squares {
+            Some(least_squares) => least_squares.bank.reach(),
             None => rows.iter().zip(&row_scale).map(|(w, scale): (&Weights, &f64)| w.reach() * scale).sum(),
         };
-        let sensitivities = SQUARES + squares + unknowns - MAGNETS;
-        let hop = (intervals / HOPS_PER_WINDOW).max(1);
-        let rate = config.filter_omega_rad_s / (2.0 * config.filter_zeta);
         Ok(Self {
             intervals,
             samples_until_epsilon: ((epsilon_steps * (1.0 - WHOLE_NUMBER_TOLERANCE)).ceil() as u64).saturating_add(1),
             unknowns,
-            sensitivities,
-            signals: sensitivities + if least_squares { 2 * MAGNETS } else { 0 },
-            bank,
-            hop,
-            keep: exp(-rate * config.step_s * hop as f64),
-            keep_sample: exp(-rate * config.step_s),
             direction: config.alpha_rad.map(|alpha| [sin(alpha), cos(alpha)]),
             row_scale,
             static_load: Weights::static_load(intervals),
             reach: std::array::from_fn(|k| reach * column_scale[k]),
             column_scale,
             low_pass: LowPass::new(config.filter_omega_rad_s, config.filter_zeta, config.step_s),
-            nodes: if least_squares { intervals + 1 } else { 2 },
-            sums: (!least_squares).then(|| WindowSums::new(intervals, config.hold == Hold::Linear)),
+            sums: least_squares.is_none().then(|| WindowSums::new(intervals, config.hold == Hold::Linear)),
+            least_squares,
             config,
         })
     }
@@ -190,27 +152,10 @@ impl Estimator {
             reset_was_high: false,
             inverse_square_gap: [[0.0; 3]; 2],
             current_a: [0.0; 3],
-            window: Window::new(self.signals, self.nodes),
+            filled: 0,
             sums: self.sums.as_ref().map(WindowSums::start),
             filtered: LowPassState::default(),
-            learnt: Learnt {
-                memory: Memory::new(if self.bank.is_some() { self.intervals + 1 } else { 0 }),
-                until_hop: 0,
-                until_clean: 0,
-                verdict: Reason::Filling,
-                unknowns: None,
-                covariance: NormalMatrix::zeros(),
-                echoes: vec![Targets::zeros(); if self.bank.is_some() { ECHOES } else { 0 }],
-                next_echo: 0,
-                echoed: 0,
-                coherent: [0.0; 2],
-                former: [[0.0; 2]; 4],
-                formers: 0,
-                roughness: [0.0; 2],
-                last_position_m: [0.0; 2],
-                last_current_a: [0.0; 3],
-                same: [0; 2],
-            },
+            learnt: self.least_squares.as_ref().map(LeastSquares::start),
             output: self.first_output(),
         }
     }
@@ -223,10 +168,12 @@ impl Estimator {
             (None, None) => true,
             _ => false,
         };
-        sums && state.window.has_shape(self.signals, self.nodes)
-            && state.learnt.memory.has_shape(if self.bank.is_some() { self.intervals + 1 } else { 0 })
-            && state.learnt.echoes.len() == if self.bank.is_some() { ECHOES } else { 0 }
-            && state.learnt.next_echo < ECHOES
+        let learnt = match (&self.least_squares, &state.learnt) {
+            (Some(least_squares), Some(learnt)) => least_squares.accepts(learnt),
+            (None, None) => true,
+            _ => false,
+        };
+        sums && learnt
     }
 
     /// Takes in one sample; to be called once every T_s.
@@ -240,7 +187,9 @@ impl Estimator {
                 state.samples = 0;
                 clear(state);
                 state.filtered = LowPassState::default();
-                state.learnt.clear();
+                if let Some(learnt) = &mut state.learnt {
+                    learnt.clear();
+                }
                 state.output = self.first_output();
             }
             state.reset_was_high = input.reset;
@@ -282,47 +231,16 @@ impl Estimator {
             Ok(signals) => signals,
             Err(reason) => return interrupt(state, reason),
         };
-        if self.bank.is_some() && self.watch(&mut state.learnt, &signals, input, &state.window) {
-            return interrupt(state, Reason::Stuck);
-        }
-        state.window.push(&signals[..self.signals.min(MAX_SIGNALS)]);
-        state.samples = state.samples.saturating_add(1);
-        let integrals = match (&self.sums, &mut state.sums) {
-            (Some(sums), Some(state)) => sums.push(state, &self.pair(&signals)),
-            _ => None,
+        let said = match (&self.least_squares, &self.sums) {
+            (Some(least_squares), _) => self.learn(state, least_squares, &signals, input),
+            (None, Some(sums)) => self.filter(state, sums, &signals.sample),
+            (None, None) => Err(Reason::ForeignState),
         };
-        let full = integrals.is_some() || (self.bank.is_some() && state.window.is_full());
-        if !full || state.samples < self.samples_until_epsilon {
-            return Reason::Filling;
-        }
-        if let Some(bank) = &self.bank {
-            state.learnt.until_clean = state.learnt.until_clean.saturating_sub(1);
-            if state.learnt.until_hop > 0 {
-                state.learnt.until_hop -= 1;
-                return state.learnt.verdict;
-            }
-            state.learnt.until_hop = self.hop as u64 - 1;
-            let Some(verdict) = self.evaluate(state, bank, input.omega_rad_s) else {
-                state.learnt.clear();
-                return interrupt(state, Reason::BadSample);
-            };
-            state.learnt.verdict = verdict;
-            return verdict;
-        }
-        let integrals = integrals.unwrap_or_default();
-        let channels = self.channels(state, &integrals);
-        // Written so that a NaN fails as well.
-        if !channels.iter().all(|x| x.abs() < CHANNEL_LIMIT) {
-            return interrupt(state, Reason::BadSample);
-        }
-        self.low_pass.step(&mut state.filtered, &channels);
-        self.window_alone(&mut state.output, &channels);
-        self.estimate(state, &integrals[ROWS_PER_AXIS])
+        said.unwrap_or_else(|reason| interrupt(state, reason))
     }
 
-    /// The signals of one sample in the order of the window, and the memory of the last samples brought up to date.
-    /// `None` if the sample is of no use.
-    fn signals(&self, state: &mut EstimatorState, input: &EstimatorInput) -> Option<[f64; MAX_SIGNALS]> {
+    /// What one sample gives the windows, and the memory of the last samples brought up to date. `None` if the sample is of no use.
+    fn signals(&self, state: &mut EstimatorState, input: &EstimatorInput) -> Option<Signals> {
         let [y, z] = input.position_m;
         let mut w = [0.0; MAGNETS];
         for (w, [sin, cos]) in w.iter_mut().zip(self.direction) {
@@ -332,9 +250,8 @@ impl Estimator {
             }
             *w = 1.0 / (gap * gap);
         }
-        let mut signals = [0.0; MAX_SIGNALS];
-        signals[0] = y;
-        signals[1] = z;
+        let mut signals = Signals::default();
+        signals.sample.position = input.position_m;
         let [w_last, w_before] = state.inverse_square_gap;
         for k in 0..MAGNETS {
             let i = match self.config.hold {
@@ -343,30 +260,30 @@ impl Estimator {
             };
             // The mean of (i + n)² is i² + σ_i².
             let square = i * i - self.config.current_noise_a * self.config.current_noise_a;
+            let [start, end] = &mut signals.sample.squares;
             if self.config.hold == Hold::Linear {
-                signals[SQUARES + k] = square * w[k];
-            } else if state.window.filled() > 0 {
+                start[k] = square * w[k];
+                end[k] = start[k];
+            } else if state.filled > 0 {
                 // Within the interval 1/gap² is a parabola; one twelfth of its second difference, taken off both
                 // ends of the chord, gives the chord the area of the parabola.
-                let bulge = if state.window.filled() > 1 { (w[k] - 2.0 * w_last[k] + w_before[k]) / 12.0 } else { 0.0 };
-                signals[SQUARES + k] = square * (w_last[k] - bulge);
-                signals[SQUARES + MAGNETS + k] = square * (w[k] - bulge);
+                let bulge = if state.filled > 1 { (w[k] - 2.0 * w_last[k] + w_before[k]) / 12.0 } else { 0.0 };
+                start[k] = square * (w_last[k] - bulge);
+                end[k] = square * (w[k] - bulge);
+            }
+            if self.least_squares.is_some() {
+                signals.gain[0][k] = 2.0 * i * w[k];
+                signals.gain[1][k] = 2.0 * i * i * w[k] * w[k].sqrt();
             }
         }
         if self.config.method == Method::Unbalance {
             let omega2 = input.omega_rad_s * input.omega_rad_s;
-            signals[self.sensitivities - 2] = omega2 * cos(input.theta_rad);
-            signals[self.sensitivities - 1] = omega2 * sin(input.theta_rad);
+            let (sin, cos) = sincos(input.theta_rad);
+            signals.rotating = [omega2 * cos, omega2 * sin];
         }
-        if self.bank.is_some() {
-            for (k, w) in w.iter().enumerate() {
-                let i = if self.config.hold == Hold::HeldAfter { state.current_a[k] } else { input.current_a[k] };
-                let at = self.sensitivities + k;
-                signals[at] = 2.0 * i * w;
-                signals[at + MAGNETS] = 2.0 * i * i * w * w.sqrt();
-            }
-        }
-        let fine = signals.iter().chain(&w).chain(&input.current_a).all(|x| x.is_finite());
+        let Signals { sample, rotating, gain } = &signals;
+        let values = sample.position.iter().chain(sample.squares.as_flattened()).chain(rotating);
+        let fine = values.chain(gain.as_flattened()).chain(&w).chain(&input.current_a).all(|x| x.is_finite());
         if fine {
             state.inverse_square_gap = [w, w_last];
             state.current_a = input.current_a;
@@ -421,16 +338,11 @@ impl Estimator {
     fn lambda(&self, scaled: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|k| self.config.lambda0_nm2_a2[k] * scaled[k])
     }
-
-    /// Solves normal equations.
-    fn solve(&self, p: &NormalMatrix, h: &NormalVector) -> Solution {
-        Solution::of(p, h, self.unknowns)
-    }
 }
 
 /// Forgets the samples.
 fn clear(state: &mut EstimatorState) {
-    state.window.clear();
+    state.filled = 0;
     if let Some(sums) = &mut state.sums {
         sums.clear();
     }
@@ -438,17 +350,9 @@ fn clear(state: &mut EstimatorState) {
 
 /// A gap in the data: the next window begins after it.
 fn interrupt(state: &mut EstimatorState, reason: Reason) -> Reason {
-    // Parting costs time in proportion to the window; once is enough.
-    if state.window.filled() > 0 {
-        state.learnt.memory.part();
+    if let Some(learnt) = &mut state.learnt {
+        learnt.part(state.filled > 0, reason);
     }
     clear(state);
-    state.learnt.forget_echoes();
-    state.learnt.until_hop = 0;
-    state.learnt.until_clean = 0;
-    state.learnt.formers = 0;
-    if reason != Reason::Stuck {
-        state.learnt.same = [0; 2];
-    }
     reason
 }

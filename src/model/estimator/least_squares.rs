@@ -25,17 +25,18 @@
 
 use std::f64::consts::TAU;
 
+use libm::exp;
 use serde::{Deserialize, Serialize};
 
 use super::config::{
-    CHANGE_LIMIT, CONDITION_LIMIT, EXCITATION_FLOOR, EstimatorInput, EstimatorOutput, Hold, MODEL_STD, Method,
-    RESIDUAL_CAP, Reason, STD_CAP, STD_LIMIT, STUCK_SAMPLES,
+    CHANGE_LIMIT, CONDITION_LIMIT, EXCITATION_FLOOR, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, MODEL_STD,
+    Method, RESIDUAL_CAP, Reason, STD_CAP, STD_LIMIT, STUCK_SAMPLES,
 };
-use super::{Estimator, EstimatorState, HOPS_PER_WINDOW, MAGNETS, MAX_SIGNALS, SQUARES};
-use crate::model::kernel::Weights;
-use crate::model::memory::{Bank, MAX_FUNCTIONS, Memory, Regressors, Sensitivity, Sums, Targets};
-use crate::model::regression::{NormalMatrix, NormalVector};
-use crate::model::window::{Integrals, Window, dot};
+use super::{Estimator, EstimatorState, MAGNETS, Signals};
+use crate::model::memory::{Bank, Gains, Memory, Residuals, Rows, Sensitivity, Sums};
+use crate::model::regression::{Equations, NormalMatrix, NormalVector};
+use crate::model::sines::{HOPS_PER_WINDOW, LANES, SlidingSines, SlidingSinesState};
+use crate::model::window::{Integrals, Window, combined};
 
 /// Sums of squares of regressors beyond this come from samples that no bearing makes.
 const SUM_LIMIT: f64 = 1.0e60;
@@ -61,40 +62,71 @@ const WINDOWS_TO_TRUST: f64 = 1.25;
 const MUCH_BETTER: f64 = 25.0;
 
 /// Residuals of so many windows are kept.
-pub(super) const ECHOES: usize = 4 * HOPS_PER_WINDOW;
+const ECHOES: usize = 4 * HOPS_PER_WINDOW;
 
 /// Squares of the coefficients of a fourth difference: its variance for white noise of variance one.
 const FOURTH_DIFFERENCE_GAIN: f64 = 70.0;
 
-/// What the methods of least squares have learnt.
+/// Noise that the test functions are made for where none is stated, m and A. Another noise is counted as it is; only
+/// the weights are then not the best ones.
+const NOMINAL_NOISE: [f64; 2] = [1.0e-7, 1.0e-2];
+
+/// Acceleration by the magnets that the test functions are made for, m/s²: the weight of the rotor.
+const NOMINAL_ACCELERATION: f64 = 9.81;
+
+/// Signals of a cell: the squares of the gains of the currents, then the gains of the positions.
+const CELL_SIGNALS: usize = 2 * MAGNETS;
+
+/// What least squares needs beside the configuration.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct LeastSquares {
+    pub(super) bank: Bank,
+    sines: SlidingSines,
+    intervals: usize,
+    continuous: bool,
+    /// Samples from one evaluation to the next, and what is then left of what was learnt.
+    hop: usize,
+    keep: f64,
+    /// What is left after one sample.
+    keep_sample: f64,
+}
+
+/// What the methods of least squares keep of the window, and have learnt.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Learnt {
-    pub(super) memory: Memory,
-    /// Samples until the window is evaluated again.
-    pub(super) until_hop: u64,
+    /// The last sample and the one before.
+    recent: [Signals; 2],
+    sines: SlidingSinesState,
+    /// The cells of the window, the sums over the one that is filling up, and of how many samples.
+    cells: Window,
+    cell: [f64; CELL_SIGNALS],
+    in_cell: u32,
+    memory: Memory,
+    /// Samples until the window is evaluated.
+    until_hop: u64,
     /// Samples until the windows hold none from before a change.
-    pub(super) until_clean: u64,
+    until_clean: u64,
     /// What the last evaluation said.
-    pub(super) verdict: Reason,
+    verdict: Reason,
     /// Scaled unknowns, once the memory has some.
-    pub(super) unknowns: Option<NormalVector>,
-    pub(super) covariance: NormalMatrix,
+    unknowns: Option<NormalVector>,
+    covariance: NormalMatrix,
     /// What the last windows left unexplained, and how many of them there are.
-    pub(super) echoes: Vec<Targets>,
-    pub(super) next_echo: usize,
-    pub(super) echoed: usize,
+    echoes: Vec<Residuals>,
+    next_echo: usize,
+    echoed: usize,
     /// `Σ w e(t)·e(t − L)` and the weights, L being whole revolutions that last longer than a window.
-    pub(super) coherent: [f64; 2],
+    coherent: [f64; 2],
     /// The last four positions, newest first, and how many there are.
-    pub(super) former: [[f64; 2]; 4],
-    pub(super) formers: u32,
+    former: [[f64; 2]; 4],
+    formers: u32,
     /// Weighted sum of the squares of fourth differences, and of the weights.
-    pub(super) roughness: [f64; 2],
+    roughness: [f64; 2],
     /// The last usable sample.
-    pub(super) last_position_m: [f64; 2],
-    pub(super) last_current_a: [f64; 3],
+    last_position_m: [f64; 2],
+    last_current_a: [f64; 3],
     /// For how many samples each position has read the same.
-    pub(super) same: [u32; 2],
+    same: [u32; 2],
 }
 
 impl Learnt {
@@ -108,146 +140,216 @@ impl Learnt {
     }
 
     /// No window to come is a whole number of hops after those before.
-    pub(super) fn forget_echoes(&mut self) {
+    fn forget_echoes(&mut self) {
         self.next_echo = 0;
         self.echoed = 0;
     }
 
+    /// A gap in the data, for this reason; `filled` if there are samples before it.
+    pub(super) fn part(&mut self, filled: bool, reason: Reason) {
+        if filled {
+            self.memory.part();
+        }
+        self.sines.clear();
+        self.cells.clear();
+        self.cell = [0.0; CELL_SIGNALS];
+        self.in_cell = 0;
+        self.forget_echoes();
+        self.until_clean = 0;
+        self.formers = 0;
+        if reason != Reason::Stuck {
+            self.same = [0; 2];
+        }
+    }
+
     /// Forgets everything.
     pub(super) fn clear(&mut self) {
+        self.part(false, Reason::Filling);
         self.forget();
-        self.until_hop = 0;
-        self.until_clean = 0;
         self.verdict = Reason::Filling;
-        self.formers = 0;
         self.former = [[0.0; 2]; 4];
         self.roughness = [0.0; 2];
         self.last_position_m = [0.0; 2];
         self.last_current_a = [0.0; 3];
-        self.same = [0; 2];
+    }
+}
+
+impl LeastSquares {
+    /// What the methods of least squares need; `None` for the others.
+    pub(super) fn new(config: &EstimatorConfig, intervals: usize) -> Option<Self> {
+        if !matches!(config.method, Method::LeastSquares | Method::Unbalance) {
+            return None;
+        }
+        let noise = if config.position_noise_m > 0.0 && config.current_noise_a > 0.0 {
+            [config.position_noise_m, config.current_noise_a]
+        } else {
+            NOMINAL_NOISE
+        };
+        // A magnet force F = m g varies by 2 √(λ F)/s per ampere.
+        let lambda0 = config.lambda0_nm2_a2.iter().sum::<f64>() / 3.0;
+        let per_ampere = 2.0 * (lambda0 * config.m_kg * NOMINAL_ACCELERATION).sqrt() / config.gap_m;
+        let force_noise = config.window_s * config.window_s / config.m_kg * per_ampere * noise[1];
+        let continuous = config.hold == Hold::Linear;
+        let hop = (intervals / HOPS_PER_WINDOW).max(1);
+        let rate = config.filter_omega_rad_s / (2.0 * config.filter_zeta);
+        Some(Self {
+            bank: Bank::new(intervals, hop, continuous, noise[0], force_noise),
+            sines: SlidingSines::new(intervals, hop),
+            intervals,
+            continuous,
+            hop,
+            keep: exp(-rate * config.step_s * hop as f64),
+            keep_sample: exp(-rate * config.step_s),
+        })
+    }
+
+    fn cells(&self) -> usize {
+        self.bank.cells().sizes().len()
+    }
+
+    /// A fresh state; the only place that allocates.
+    pub(super) fn start(&self) -> Learnt {
+        Learnt {
+            recent: [Signals::default(); 2],
+            sines: self.sines.start(),
+            cells: Window::new(CELL_SIGNALS, self.cells()),
+            cell: [0.0; CELL_SIGNALS],
+            in_cell: 0,
+            memory: Memory::new(self.cells()),
+            until_hop: 0,
+            until_clean: 0,
+            verdict: Reason::Filling,
+            unknowns: None,
+            covariance: NormalMatrix::zeros(),
+            echoes: vec![Residuals::zeros(); ECHOES],
+            next_echo: 0,
+            echoed: 0,
+            coherent: [0.0; 2],
+            former: [[0.0; 2]; 4],
+            formers: 0,
+            roughness: [0.0; 2],
+            last_position_m: [0.0; 2],
+            last_current_a: [0.0; 3],
+            same: [0; 2],
+        }
+    }
+
+    /// Whether a state, for instance one read from a file, has the shape that is needed.
+    pub(super) fn accepts(&self, learnt: &Learnt) -> bool {
+        self.sines.accepts(&learnt.sines)
+            && learnt.cells.has_shape(CELL_SIGNALS, self.cells())
+            && learnt.memory.has_shape(self.cells())
+            && learnt.echoes.len() == ECHOES
+            && learnt.next_echo < ECHOES
+    }
+
+    /// Takes a sample into the window, the one after so many since the last gap, and number `r` in its hop.
+    fn push(&self, learnt: &mut Learnt, filled: u64, r: usize, signals: &Signals) {
+        let [last, before] = learnt.recent;
+        learnt.recent = [*signals, last];
+        if filled >= 2 {
+            let n = self.intervals as f64;
+            let unit = if self.continuous { 1.0 / (12.0 * n) } else { 1.0 / (6.0 * n) };
+            let mut x = [0.0; LANES];
+            for axis in 0..2 {
+                let [a, b, c] = [&before, &last, signals].map(|signals| signals.sample.position[axis]);
+                // Second differences of the test function times the positions are second differences of these times it.
+                x[axis] = ((c - b) - (b - a)) * n;
+                let [a, b, c] = [&before, &last, signals].map(|signals| signals.rotating[axis]);
+                x[2 + MAGNETS + axis] = (a + 10.0 * b + c) / (12.0 * n);
+            }
+            for k in 0..MAGNETS {
+                x[2 + k] = unit * combined(k, self.continuous, [&before.sample, &last.sample, &signals.sample]);
+            }
+            self.sines.push(&mut learnt.sines, r, &x);
+        }
+        let [current, gap] = &signals.gain;
+        for k in 0..MAGNETS {
+            learnt.cell[k] += current[k] * current[k];
+            learnt.cell[MAGNETS + k] += gap[k];
+        }
+        learnt.in_cell += 1;
+        if self.bank.cells().ends(r) {
+            let samples = f64::from(learnt.in_cell);
+            learnt.cells.push(&learnt.cell.map(|sum| sum / samples));
+            learnt.cell = [0.0; CELL_SIGNALS];
+            learnt.in_cell = 0;
+        }
     }
 }
 
 impl Estimator {
-    /// Follows the roughness of the positions and whether they move at all. True if a sensor is stuck.
-    pub(super) fn watch(
+    /// Takes in one sample; what comes of it, or why the window has to start afresh.
+    pub(super) fn learn(
         &self,
-        learnt: &mut Learnt,
-        signals: &[f64; MAX_SIGNALS],
+        state: &mut EstimatorState,
+        least_squares: &LeastSquares,
+        signals: &Signals,
         input: &EstimatorInput,
-        window: &Window,
-    ) -> bool {
-        let former = learnt.former;
-        let now = [signals[0], signals[1]];
-        if window.filled() == 0 {
-            learnt.formers = 0;
+    ) -> Result<Reason, Reason> {
+        let EstimatorState { samples, filled, learnt: Some(learnt), output, .. } = state else {
+            return Err(Reason::ForeignState);
+        };
+        if watch(learnt, input, *filled, least_squares.keep_sample) {
+            return Err(Reason::Stuck);
         }
-        let moved = [0, 1].map(|axis| learnt.last_position_m[axis] != now[axis]);
-        let currents = learnt.last_current_a != input.current_a;
-        learnt.last_position_m = now;
-        learnt.last_current_a = input.current_a;
-        for axis in 0..2 {
-            let others = moved[1 - axis] || currents;
-            learnt.same[axis] = match (moved[axis], others) {
-                (true, _) => 0,
-                (false, true) => learnt.same[axis].saturating_add(1),
-                (false, false) => learnt.same[axis],
-            };
+        let (hop, window) = (least_squares.hop as u64, self.intervals as u64 + 1);
+        if *filled == 0 {
+            learnt.until_hop = window.max(self.samples_until_epsilon.saturating_sub(*samples)) - 1;
         }
-        if learnt.formers >= 4 {
-            learnt.roughness = learnt.roughness.map(|sum| sum * self.keep_sample);
-            for axis in 0..2 {
-                let [a, b, c, d] = former.map(|position| position[axis]);
-                let difference = (now[axis] + d) - 4.0 * (a + c) + 6.0 * b;
-                learnt.roughness[0] += difference * difference;
-                learnt.roughness[1] += FOURTH_DIFFERENCE_GAIN;
-            }
+        // Hops end with the samples after which the window is evaluated.
+        let r = hop - 1 - learnt.until_hop % hop;
+        least_squares.push(learnt, *filled, r as usize, signals);
+        *filled = filled.saturating_add(1);
+        *samples = samples.saturating_add(1);
+        if *filled >= window && *samples >= self.samples_until_epsilon {
+            learnt.until_clean = learnt.until_clean.saturating_sub(1);
         }
-        learnt.former = [input.position_m, former[0], former[1], former[2]];
-        learnt.formers = learnt.formers.saturating_add(1);
-        learnt.same.iter().any(|same| *same >= STUCK_SAMPLES)
-    }
-
-    /// The rows of the present window, and its sums with the noise in them.
-    fn evidence(&self, window: &Window, bank: &Bank, unknowns: &NormalVector) -> (Regressors, Targets, Sums) {
-        let mut d = Regressors::zeros();
-        let mut n = Targets::zeros();
-        let functions = bank.rows.len().min(MAX_FUNCTIONS);
-        for (row, weights) in bank.rows.iter().enumerate().take(functions) {
-            let integrals = self.integrals(window, weights);
-            for (axis, values) in self.row_pair(&integrals).iter().enumerate() {
-                let at = axis * functions + row;
-                n[at] = integrals.position[axis];
-                for (k, value) in values.iter().enumerate() {
-                    d[(at, k)] = *value;
-                }
-            }
+        if learnt.until_hop > 0 {
+            learnt.until_hop -= 1;
+            let full = *filled >= window && *samples >= self.samples_until_epsilon;
+            return Ok(if full { learnt.verdict } else { Reason::Filling });
         }
-        let mut sums = Sums { p: d.tr_mul(&d), h: d.tr_mul(&n), square: n.norm_squared(), ..Sums::default() };
-        for k in 0..MAGNETS {
-            let newest = window.signal(SQUARES + k).last().copied().unwrap_or(0.0);
-            sums.level[k] = (newest * self.reach[k]) * (newest * self.reach[k]);
-        }
-        let current: [&[f64]; 3] = std::array::from_fn(|k| window.signal(self.sensitivities + k));
-        let gap: [&[f64]; 3] = std::array::from_fn(|k| window.signal(self.sensitivities + MAGNETS + k));
-        let mut pairs = [[0.0; MAGNETS]; MAGNETS];
-        for (j, [zz, zu, uu]) in bank.profile.iter().enumerate() {
-            for (k, row) in pairs.iter_mut().enumerate() {
-                sums.p_current[k] += uu * current[k][j] * current[k][j];
-                sums.h_position[k] += zu * gap[k][j];
-                for (l, pair) in row.iter_mut().enumerate().skip(k) {
-                    *pair += uu * gap[k][j] * gap[l][j];
-                }
-            }
-            let Sensitivity { stiffness: [s_yy, s_yz, s_zz], current } = self.sensitivity(window, unknowns, j);
-            sums.trace[0] += 2.0 * zz - 2.0 * zu * (s_yy + s_zz) + uu * (s_yy * s_yy + 2.0 * s_yz * s_yz + s_zz * s_zz);
-            sums.trace[1] += uu * current.iter().map(|gain| gain * gain).sum::<f64>();
-        }
-        for (k, row) in pairs.iter().enumerate() {
-            let scale = self.column_scale[k];
-            sums.p_current[k] *= scale * scale;
-            sums.h_position[k] *= scale;
-            for (l, pair) in row.iter().enumerate().skip(k) {
-                let [[sin_k, cos_k], [sin_l, cos_l]] = [self.direction[k], self.direction[l]];
-                let along = sin_k * sin_l + cos_k * cos_l;
-                let value = scale * self.column_scale[l] * along * along * pair;
-                sums.p_position[(k, l)] = value;
-                sums.p_position[(l, k)] = value;
-            }
-        }
-        (d, n, sums)
-    }
-
-    /// What noise does at a node of the window.
-    fn sensitivity(&self, window: &Window, unknowns: &NormalVector, node: usize) -> Sensitivity {
-        let mut sensitivity = Sensitivity::default();
-        for k in 0..MAGNETS {
-            let scale = self.column_scale[k] * unknowns[k];
-            let [sin, cos] = self.direction[k];
-            let stiffness = scale * window.signal(self.sensitivities + MAGNETS + k)[node];
-            sensitivity.stiffness[0] += stiffness * sin * sin;
-            sensitivity.stiffness[1] += stiffness * sin * cos;
-            sensitivity.stiffness[2] += stiffness * cos * cos;
-            sensitivity.current[k] = scale * window.signal(self.sensitivities + k)[node];
-        }
-        sensitivity
+        learnt.until_hop = hop - 1;
+        let level = std::array::from_fn(|k| {
+            let level = signals.sample.squares[0][k] * self.reach[k];
+            level * level
+        });
+        let Some(verdict) = self.evaluate(least_squares, learnt, output, level, input.omega_rad_s) else {
+            learnt.clear();
+            return Err(Reason::BadSample);
+        };
+        learnt.verdict = verdict;
+        Ok(verdict)
     }
 
     /// Evaluates the present window by least squares, together with those before. `None` if its numbers cannot be used.
-    pub(super) fn evaluate(&self, state: &mut EstimatorState, bank: &Bank, omega_rad_s: f64) -> Option<Reason> {
-        let EstimatorState { learnt, output, window, .. } = state;
+    fn evaluate(
+        &self,
+        least_squares: &LeastSquares,
+        learnt: &mut Learnt,
+        output: &mut EstimatorOutput,
+        level: [f64; MAGNETS],
+        omega_rad_s: f64,
+    ) -> Option<Reason> {
+        let LeastSquares { bank, sines, keep, .. } = least_squares;
+        let [first, second, third, ..] = self.column_scale;
+        let columns = [first, second, third];
         // What noise does depends a little on λ; before anything is known the window itself says what it is.
         let plausible = |x: &NormalVector| (0..MAGNETS).all(|k| x[k] > 0.01 && x[k] < 100.0);
         let guess = learnt.unknowns.filter(plausible).unwrap_or(NormalVector::repeat(1.0));
-        let (d, n, mut sums) = self.evidence(window, bank, &guess);
+        let integrals = sines.sums(&learnt.sines);
+        let rows = bank.rows(&integrals, &self.column_scale);
+        let noise = bank.noise(gains(&learnt.cells), columns, &self.direction);
+        let mut sums = Sums::of(&rows, &self.direction, level, &noise, &guess);
         if !sums.is_below(SUM_LIMIT) {
             return None;
         }
-        let raw = self.solve(&sums.p, &sums.h).unknowns;
+        let raw = Equations::new(&sums.p, self.unknowns).solve(&sums.h);
         if let Some(raw) = raw {
             output.lambda_raw = self.lambda([raw[0], raw[1], raw[2]]);
             if learnt.unknowns.is_none() && plausible(&raw) {
-                sums = self.evidence(window, bank, &raw).2;
+                sums.trace = noise.trace(&raw);
             }
         }
         // What was learnt while something was wrong is of no use once a window fits by itself so much better.
@@ -265,7 +367,7 @@ impl Estimator {
                 learnt.forget();
             }
         }
-        if self.contradicts(learnt, output, (&d, &n, &sums)) {
+        if self.contradicts(learnt, output, (&rows, &sums)) {
             learnt.forget();
             learnt.until_clean = self.intervals as u64;
         }
@@ -274,16 +376,20 @@ impl Estimator {
             return Some(Reason::Changed);
         }
         let guess = learnt.unknowns.or(raw).filter(plausible).unwrap_or(guess);
-        let sensitivity = |j: usize| self.sensitivity(window, &guess, j);
-        learnt.memory.add(bank, (&d, &sums), sensitivity, (self.hop, self.keep), &self.direction);
+        let scale = std::array::from_fn(|k| columns[k] * guess[k]);
+        let Learnt { cells, memory, .. } = &mut *learnt;
+        let sensitivity = Sensitivity { gains: gains(cells), scale, direction: &self.direction };
+        memory.add(bank, (&rows, &sums), *keep, &sensitivity);
         if let Some(x) = learnt.unknowns.or(raw) {
-            self.listen(learnt, &(n - d * x), omega_rad_s);
+            listen(least_squares, learnt, &rows.left(&self.direction, &x), omega_rad_s * self.config.step_s);
         }
-        let verdict = self.conclude(learnt, output, bank.rows.len());
+        let verdict = self.conclude(least_squares, learnt, output);
         if verdict == Reason::Valid {
             if let Some(unknowns) = learnt.unknowns {
                 output.lambda_hat = self.lambda([unknowns[0], unknowns[1], unknowns[2]]);
-                self.report(output, &self.integrals(window, &self.static_load), &unknowns);
+                let [y, z, a, b, c, cos, sin] = bank.load(&integrals);
+                let load = Integrals { position: [y, z], squares: [a, b, c], rotating: [cos, sin] };
+                self.report(output, &load, &unknowns);
             }
         } else {
             self.doubt(output);
@@ -292,45 +398,21 @@ impl Estimator {
     }
 
     /// Whether the window is at odds with what was learnt before.
-    fn contradicts(
-        &self,
-        learnt: &Learnt,
-        output: &mut EstimatorOutput,
-        (d, n, sums): (&Regressors, &Targets, &Sums),
-    ) -> bool {
+    fn contradicts(&self, learnt: &Learnt, output: &mut EstimatorOutput, (rows, sums): (&Rows, &Sums)) -> bool {
         let Some(x) = learnt.unknowns else { return false };
         let [position, current] = output.noise.map(|noise| noise * noise);
         let noise = position * sums.trace[0] + current * sums.trace[1];
-        let uncertain = (sums.p * learnt.covariance).trace();
+        let uncertain = sums.p.dot(&learnt.covariance);
         let model = MODEL_RESIDUAL * MODEL_RESIDUAL * sums.square;
-        output.surprise = ((n - d * x).norm_squared() / (noise + uncertain + model)).min(RESIDUAL_CAP);
+        let left = rows.left(&self.direction, &x).norm_squared();
+        output.surprise = (left / (noise + uncertain + model)).min(RESIDUAL_CAP);
         output.surprise.is_nan() || output.surprise > CHANGE_LIMIT
     }
 
-    /// Compares what is left unexplained with what was left whole revolutions ago: noise has no memory, while what the model
-    /// lacks comes back.
-    fn listen(&self, learnt: &mut Learnt, left: &Targets, omega_rad_s: f64) {
-        let window = self.intervals as f64;
-        let hop = self.hop as f64;
-        let revolution = TAU / (omega_rad_s.abs() * self.config.step_s);
-        // Windows that far apart have no sample in common.
-        let apart = (window / hop).ceil();
-        let whole = ((window / revolution - 1e-3).ceil() * revolution / hop).round().max(apart);
-        let lag = if whole < ECHOES as f64 { whole as usize } else { apart as usize };
-        let keep = self.keep;
-        learnt.coherent = learnt.coherent.map(|sum| sum * keep);
-        if (1..ECHOES).contains(&lag) && learnt.echoed >= lag {
-            let former = learnt.echoes[(learnt.next_echo + ECHOES - lag) % ECHOES];
-            learnt.coherent[0] += left.dot(&former);
-            learnt.coherent[1] += 1.0;
-        }
-        learnt.echoes[learnt.next_echo] = *left;
-        learnt.next_echo = (learnt.next_echo + 1) % ECHOES;
-        learnt.echoed = (learnt.echoed + 1).min(ECHOES);
-    }
-
     /// Solves the normal equations of the memory, with the noise that it finds in them.
-    fn conclude(&self, learnt: &mut Learnt, output: &mut EstimatorOutput, functions: usize) -> Reason {
+    fn conclude(&self, least_squares: &LeastSquares, learnt: &mut Learnt, output: &mut EstimatorOutput) -> Reason {
+        let functions = least_squares.bank.functions();
+        let hops_per_window = least_squares.intervals as f64 / least_squares.hop as f64;
         let memory = &learnt.memory;
         let sums = &memory.sums;
         let excited = (0..MAGNETS).all(|k| sums.p[(k, k)] > EXCITATION_FLOOR * EXCITATION_FLOOR * sums.level[k]);
@@ -339,20 +421,21 @@ impl Estimator {
         let smooth = if weight > 0.0 { rough / weight } else { 0.0 };
         let mut variance = output.noise.map(|noise| noise * noise);
         variance[0] = if given[0] > 0.0 { given[0] } else { variance[0].min(smooth) };
-        let mut solution = self.solve(&sums.p, &sums.h);
-        output.condition = solution.condition;
+        let mut equations = Equations::new(&sums.p, self.unknowns);
+        let mut solution = (equations.solve(&sums.h), equations.inverse());
+        output.condition = equations.condition();
         // As many independent rows as there are in windows that do not overlap, and how far their sum of squares scatters.
         let [weight, weight2] = memory.weight;
-        let windows = 1.0 + (weight * weight / weight2 - 1.0) * self.hop as f64 / self.intervals as f64;
+        let windows = 1.0 + (weight * weight / weight2 - 1.0) / hops_per_window;
         let freedom = (2.0 * functions as f64 * windows - self.unknowns as f64).max(1.0);
         let scatter = (2.0 / freedom).sqrt();
         let mut compensate = variance;
         // The noise follows from the residual, the compensation from the noise; two rounds settle it.
         for _ in 0..3 {
-            let (Some(x), Some(inverse)) = (solution.unknowns, solution.inverse) else { break };
+            let (Some(x), Some(inverse)) = solution else { break };
             let rest = sums.rest(&x);
             let left: [f64; 2] =
-                std::array::from_fn(|s| (sums.trace[s] - (inverse * memory.score[s]).trace()).max(0.1 * sums.trace[s]));
+                std::array::from_fn(|s| (sums.trace[s] - inverse.dot(&memory.score[s])).max(0.1 * sums.trace[s]));
             if given[0] == 0.0 {
                 variance[0] = smooth.min(rest / left[0]);
             }
@@ -369,16 +452,17 @@ impl Estimator {
                 unexplained + NOISE_MARGIN * chance
             };
             let (p, h) = sums.compensated(compensate);
-            solution = self.solve(&p, &h);
+            equations = Equations::new(&p, self.unknowns);
+            solution = (equations.solve(&h), equations.inverse());
         }
-        let (Some(x), Some(inverse)) = (solution.unknowns, solution.inverse) else {
+        let (Some(x), Some(inverse)) = solution else {
             return Reason::Singular;
         };
         if !variance.iter().chain(&compensate).all(|v| v.is_finite()) {
             return Reason::Singular;
         }
         output.noise = variance.map(f64::sqrt);
-        output.condition = output.condition.max(solution.condition);
+        output.condition = output.condition.max(equations.condition());
         output.residual = if sums.square > 0.0 { (sums.rest(&x) / sums.square).sqrt().min(RESIDUAL_CAP) } else { 1.0 };
         if !excited || output.condition > CONDITION_LIMIT {
             return Reason::Singular;
@@ -394,7 +478,7 @@ impl Estimator {
         // Part of the residual that is no noise, brought to the windows of the memory.
         let rest = sums.rest(&x);
         let [echo, pairs] = learnt.coherent;
-        let pairs_of_windows = pairs * self.hop as f64 / self.intervals as f64;
+        let pairs_of_windows = pairs / hops_per_window;
         let coherent = if pairs_of_windows >= PAIRS_TO_JUDGE {
             let echo = echo * weight / pairs;
             let chance = rest / (2.0 * functions as f64 * pairs_of_windows).sqrt();
@@ -427,23 +511,64 @@ impl Estimator {
             output.lambda_std[k] = output.lambda_std[k].max(off).min(cap);
         }
     }
+}
 
-    /// The integrals of one test function over the present window.
-    fn integrals(&self, window: &Window, weights: &Weights) -> Integrals {
-        let node = |signal| dot(&weights.node, window.signal(signal));
-        Integrals {
-            position: std::array::from_fn(|axis| dot(&weights.position, window.signal(axis))),
-            squares: std::array::from_fn(|k| match self.config.hold {
-                Hold::Linear => node(SQUARES + k),
-                Hold::HeldBefore | Hold::HeldAfter => {
-                    dot(&weights.held_start, window.signal(SQUARES + k))
-                        + dot(&weights.held_end, window.signal(SQUARES + MAGNETS + k))
-                }
-            }),
-            rotating: match self.config.method {
-                Method::Unbalance => [node(self.sensitivities - 2), node(self.sensitivities - 1)],
-                _ => [0.0; 2],
-            },
+/// Follows the roughness of the positions and whether they move at all. True if a sensor is stuck.
+fn watch(learnt: &mut Learnt, input: &EstimatorInput, filled: u64, keep: f64) -> bool {
+    let former = learnt.former;
+    let now = input.position_m;
+    if filled == 0 {
+        learnt.formers = 0;
+    }
+    let moved = [0, 1].map(|axis| learnt.last_position_m[axis] != now[axis]);
+    let currents = learnt.last_current_a != input.current_a;
+    learnt.last_position_m = now;
+    learnt.last_current_a = input.current_a;
+    for axis in 0..2 {
+        let others = moved[1 - axis] || currents;
+        learnt.same[axis] = match (moved[axis], others) {
+            (true, _) => 0,
+            (false, true) => learnt.same[axis].saturating_add(1),
+            (false, false) => learnt.same[axis],
+        };
+    }
+    if learnt.formers >= 4 {
+        learnt.roughness = learnt.roughness.map(|sum| sum * keep);
+        for axis in 0..2 {
+            let [a, b, c, d] = former.map(|position| position[axis]);
+            let difference = (now[axis] + d) - 4.0 * (a + c) + 6.0 * b;
+            learnt.roughness[0] += difference * difference;
+            learnt.roughness[1] += FOURTH_DIFFERENCE_GAIN;
         }
     }
+    learnt.former = [input.position_m, former[0], former[1], former[2]];
+    learnt.formers = learnt.formers.saturating_add(1);
+    learnt.same.iter().any(|same| *same >= STUCK_SAMPLES)
+}
+
+/// Compares what is left unexplained with what was left whole revolutions ago: noise has no memory, while what the model
+/// lacks comes back. The rotor turns by `turn_rad` from sample to sample.
+fn listen(least_squares: &LeastSquares, learnt: &mut Learnt, left: &Residuals, turn_rad: f64) {
+    let window = least_squares.intervals as f64;
+    let hop = least_squares.hop as f64;
+    let revolution = TAU / turn_rad.abs();
+    // Windows that far apart have no sample in common.
+    let apart = (window / hop).ceil();
+    let whole = ((window / revolution - 1e-3).ceil() * revolution / hop).round().max(apart);
+    let lag = if whole < ECHOES as f64 { whole as usize } else { apart as usize };
+    let keep = least_squares.keep;
+    learnt.coherent = learnt.coherent.map(|sum| sum * keep);
+    if (1..ECHOES).contains(&lag) && learnt.echoed >= lag {
+        let former = learnt.echoes[(learnt.next_echo + ECHOES - lag) % ECHOES];
+        learnt.coherent[0] += left.dot(&former);
+        learnt.coherent[1] += 1.0;
+    }
+    learnt.echoes[learnt.next_echo] = *left;
+    learnt.next_echo = (learnt.next_echo + 1) % ECHOES;
+    learnt.echoed = (learnt.echoed + 1).min(ECHOES);
+}
+
+/// The cells of the window.
+fn gains(cells: &Window) -> Gains<'_> {
+    Gains { current: std::array::from_fn(|k| cells.signal(k)), gap: std::array::from_fn(|k| cells.signal(MAGNETS + k)) }
 }

@@ -7,16 +7,16 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::config::{
-    CONDITION_LIMIT, EXCITATION_FLOOR, EstimatorOutput, Hold, MODEL_STD, Method, RESIDUAL_CAP, RESIDUAL_LIMIT, Reason,
-    STD_CAP,
+    CHANNEL_LIMIT, CONDITION_LIMIT, EXCITATION_FLOOR, EstimatorOutput, MODEL_STD, Method, RESIDUAL_CAP, RESIDUAL_LIMIT,
+    Reason, STD_CAP,
 };
-use super::{Estimator, EstimatorState, MAGNETS, MAX_SIGNALS, SQUARES};
+use super::{Estimator, EstimatorState, MAGNETS};
 use crate::model::kernel::ROWS_PER_AXIS;
-use crate::model::regression::{MAX_UNKNOWNS, NormalMatrix, NormalVector};
-use crate::model::window::{Integrals, KERNELS, Sample};
+use crate::model::regression::{Equations, MAX_UNKNOWNS, NormalMatrix, NormalVector};
+use crate::model::window::{Integrals, KERNELS, Sample, WindowSums};
 
 /// The low-passed quantities: normal equations and the ratio of P(20).
-pub(super) type Channels = SVector<f64, CHANNELS>;
+type Channels = SVector<f64, CHANNELS>;
 
 const ROWS: usize = 2 * ROWS_PER_AXIS;
 
@@ -38,15 +38,36 @@ const LEVEL: usize = RATIO + MAGNETS + 1;
 pub(super) const CHANNELS: usize = LEVEL + MAGNETS;
 
 impl Estimator {
-    /// A sample for the integrals of the paper's methods.
-    pub(super) fn pair(&self, signals: &[f64; MAX_SIGNALS]) -> Sample {
-        let squares = |at: usize| std::array::from_fn(|k| signals[at + k]);
-        let end = if self.config.hold == Hold::Linear { SQUARES } else { SQUARES + MAGNETS };
-        Sample { position: [signals[0], signals[1]], squares: [squares(SQUARES), squares(end)] }
+    /// Takes in one sample; what comes of it, or why the window has to start afresh.
+    pub(super) fn filter(
+        &self,
+        state: &mut EstimatorState,
+        sums: &WindowSums,
+        sample: &Sample,
+    ) -> Result<Reason, Reason> {
+        state.filled = state.filled.saturating_add(1);
+        state.samples = state.samples.saturating_add(1);
+        let integrals = state.sums.as_mut().and_then(|state| sums.push(state, sample));
+        let Some(integrals) = integrals.filter(|_| state.samples >= self.samples_until_epsilon) else {
+            return Ok(Reason::Filling);
+        };
+        let channels = self.channels(state, &integrals, &sample.squares[0]);
+        // Written so that a NaN fails as well.
+        if !channels.iter().all(|x| x.abs() < CHANNEL_LIMIT) {
+            return Err(Reason::BadSample);
+        }
+        self.low_pass.step(&mut state.filtered, &channels);
+        self.window_alone(&mut state.output, &channels);
+        Ok(self.estimate(state, &integrals[ROWS_PER_AXIS]))
     }
 
     /// What the present window contributes to the filtered quantities.
-    pub(super) fn channels(&self, state: &mut EstimatorState, integrals: &[Integrals; KERNELS]) -> Channels {
+    fn channels(
+        &self,
+        state: &mut EstimatorState,
+        integrals: &[Integrals; KERNELS],
+        squares: &[f64; MAGNETS],
+    ) -> Channels {
         let mut d = SMatrix::<f64, ROWS, MAX_UNKNOWNS>::zeros();
         let mut n = SVector::<f64, ROWS>::zeros();
         for (row, (integrals, scale)) in integrals.iter().zip(self.row_scale).enumerate() {
@@ -83,14 +104,14 @@ impl Estimator {
         channels.fixed_rows_mut::<MAX_UNKNOWNS>(RIGHT).copy_from(&h);
         channels[SQUARE] = n.norm_squared();
         for k in 0..MAGNETS {
-            let newest = state.window.signal(SQUARES + k).last().copied().unwrap_or(0.0);
-            channels[LEVEL + k] = (newest * self.reach[k]) * (newest * self.reach[k]);
+            let level = squares[k] * self.reach[k];
+            channels[LEVEL + k] = level * level;
         }
         channels
     }
 
     /// P(19): the estimate from the present window, which the output keeps if there is one.
-    pub(super) fn window_alone(&self, output: &mut EstimatorOutput, channels: &Channels) {
+    fn window_alone(&self, output: &mut EstimatorOutput, channels: &Channels) {
         let lambda = self.lambda(ratio(channels));
         if lambda.iter().all(|l| l.is_finite()) {
             output.lambda_raw = lambda;
@@ -98,12 +119,13 @@ impl Estimator {
     }
 
     /// The paper's estimate from the filtered quantities.
-    pub(super) fn estimate(&self, state: &mut EstimatorState, static_load: &Integrals) -> Reason {
+    fn estimate(&self, state: &mut EstimatorState, static_load: &Integrals) -> Reason {
         let filtered = &state.filtered.value;
         let output = &mut state.output;
         let p = normal(filtered);
-        let solution = self.solve(&p, &filtered.fixed_rows::<MAX_UNKNOWNS>(RIGHT).into_owned());
-        output.condition = solution.condition;
+        let equations = Equations::new(&p, MAGNETS);
+        output.condition = equations.condition();
+        let inverse = equations.inverse();
         let excited = (0..MAGNETS).all(|k| p[(k, k)] > EXCITATION_FLOOR * EXCITATION_FLOOR * filtered[LEVEL + k]);
         let literal = self.config.method == Method::PaperLiteral;
         let scaled = ratio(filtered);
@@ -117,7 +139,7 @@ impl Estimator {
         // Whatever is left unexplained counts as one coherent error, for it may be: no averaging over windows.
         let rest = output.residual * output.residual * filtered[SQUARE];
         for k in 0..MAGNETS {
-            let spread = solution.inverse.map_or(f64::INFINITY, |inverse| (inverse[(k, k)].max(0.0) * rest).sqrt());
+            let spread = inverse.map_or(f64::INFINITY, |inverse| (inverse[(k, k)].max(0.0) * rest).sqrt());
             let std = (spread * spread + (MODEL_STD * scaled[k]) * (MODEL_STD * scaled[k])).sqrt();
             output.lambda_std[k] = self.config.lambda0_nm2_a2[k] * if std < STD_CAP { std } else { STD_CAP };
         }
