@@ -2,14 +2,14 @@
 //!
 //! What noise does needs the test functions to a per cent, not to the last digit, and these are smooth: neighbouring samples
 //! of a long window have nearly the same weights. So samples are taken together, as many as leave [`CELLS_PER_HOP`] cells or more
-//! to a hop; windows of less than 400 intervals keep every sample a cell of its own. A cell then spans at most a sixteenth of a
-//! period of the fastest test function.
+//! to a hop; windows of less than 200 intervals keep every sample a cell of its own. A cell then spans at most a sixteenth of a
+//! period of the fastest test function, and a function that is replaced by its mean there loses 1 % of its square at most.
 //!
 //! The first and the last sample of every window are cells by themselves, for there the weight of a position is out of
 //! proportion to its neighbours. As windows move by whole hops, the pattern of cells repeats with every hop, and every window
 //! consists of whole cells.
 
-/// At least so many cells are in a hop of eight samples or more.
+/// At least so many cells are in a hop of as many samples or more.
 pub const CELLS_PER_HOP: usize = 4;
 
 /// How the samples of a window and of a hop are taken together.

@@ -268,7 +268,7 @@ impl LeastSquares {
             learnt.cell[k] += current[k] * current[k];
             learnt.cell[MAGNETS + k] += gap[k];
         }
-        learnt.in_cell += 1;
+        learnt.in_cell = learnt.in_cell.saturating_add(1);
         if self.bank.cells().ends(r) {
             let samples = f64::from(learnt.in_cell);
             learnt.cells.push(&learnt.cell.map(|sum| sum / samples));

@@ -12,7 +12,7 @@ use super::config::{
 };
 use super::{Estimator, EstimatorState, MAGNETS};
 use crate::model::kernel::ROWS_PER_AXIS;
-use crate::model::regression::{Equations, MAX_UNKNOWNS, NormalMatrix, NormalVector};
+use crate::model::regression::{Equations, NormalMatrix, NormalVector};
 use crate::model::window::{Integrals, KERNELS, Sample, WindowSums};
 
 /// The low-passed quantities: normal equations and the ratio of P(20).
@@ -21,13 +21,13 @@ type Channels = SVector<f64, CHANNELS>;
 const ROWS: usize = 2 * ROWS_PER_AXIS;
 
 /// Upper triangle of DᵀD.
-const NORMAL: usize = MAX_UNKNOWNS * (MAX_UNKNOWNS + 1) / 2;
+const NORMAL: usize = MAGNETS * (MAGNETS + 1) / 2;
 
 /// DᵀN follows.
 const RIGHT: usize = NORMAL;
 
 /// |N|² follows.
-const SQUARE: usize = RIGHT + MAX_UNKNOWNS;
+const SQUARE: usize = RIGHT + MAGNETS;
 
 /// n_1, n_2, n_3, d of P(20) follow, signs aligned or not as the method says.
 const RATIO: usize = SQUARE + 1;
@@ -68,13 +68,13 @@ impl Estimator {
         integrals: &[Integrals; KERNELS],
         squares: &[f64; MAGNETS],
     ) -> Channels {
-        let mut d = SMatrix::<f64, ROWS, MAX_UNKNOWNS>::zeros();
+        let mut d = SMatrix::<f64, ROWS, MAGNETS>::zeros();
         let mut n = SVector::<f64, ROWS>::zeros();
         for (row, (integrals, scale)) in integrals.iter().zip(self.row_scale).enumerate() {
             for (axis, values) in self.row_pair(integrals).iter().enumerate() {
                 let at = axis * ROWS_PER_AXIS + row;
                 n[at] = scale * integrals.position[axis];
-                for (k, value) in values.iter().enumerate() {
+                for (k, value) in values.iter().enumerate().take(MAGNETS) {
                     d[(at, k)] = scale * value;
                 }
             }
@@ -96,12 +96,12 @@ impl Estimator {
         }
 
         // The paper solves the rows of the z axis; those of both axes judge the result.
-        let p: NormalMatrix = d.tr_mul(&d);
-        let h: NormalVector = d.tr_mul(&n);
+        let p = d.tr_mul(&d);
+        let h = d.tr_mul(&n);
         for (channel, (row, column)) in upper_triangle().enumerate() {
             channels[channel] = p[(row, column)];
         }
-        channels.fixed_rows_mut::<MAX_UNKNOWNS>(RIGHT).copy_from(&h);
+        channels.fixed_rows_mut::<MAGNETS>(RIGHT).copy_from(&h);
         channels[SQUARE] = n.norm_squared();
         for k in 0..MAGNETS {
             let level = squares[k] * self.reach[k];
@@ -163,7 +163,7 @@ impl Estimator {
 
 /// Row and column of the upper triangle, in the order of the channels.
 fn upper_triangle() -> impl Iterator<Item = (usize, usize)> {
-    (0..MAX_UNKNOWNS).flat_map(|row| (row..MAX_UNKNOWNS).map(move |column| (row, column)))
+    (0..MAGNETS).flat_map(|row| (row..MAGNETS).map(move |column| (row, column)))
 }
 
 /// DᵀD out of the channels.
@@ -183,7 +183,8 @@ fn ratio(channels: &Channels) -> [f64; 3] {
 
 /// `√(F(|N − D x|²)/F(|N|²))`, between 0 and [`RESIDUAL_CAP`], 1 without motion.
 fn residual(channels: &Channels, x: &NormalVector) -> f64 {
-    let h: NormalVector = channels.fixed_rows::<MAX_UNKNOWNS>(RIGHT).into_owned();
+    let mut h = NormalVector::zeros();
+    h.fixed_rows_mut::<MAGNETS>(0).copy_from(&channels.fixed_rows::<MAGNETS>(RIGHT));
     let square = channels[SQUARE];
     let rest = square - 2.0 * x.dot(&h) + x.dot(&(normal(channels) * x));
     let residual = (rest.max(0.0) / square).sqrt();
