@@ -134,6 +134,7 @@ pub struct Definite {
 
 impl Definite {
     /// Factors the leading `unknowns` × `unknowns` block; `None` if it is not definite.
+    #[inline]
     #[must_use]
     pub fn new(matrix: &NormalMatrix, unknowns: usize) -> Option<Self> {
         let n = unknowns.min(MAX_UNKNOWNS);
@@ -185,6 +186,7 @@ impl Definite {
     }
 
     /// `A⁻¹`; `None` if the result is not finite.
+    #[inline]
     #[must_use]
     pub fn inverse(&self) -> Option<NormalMatrix> {
         let n = self.unknowns;
@@ -229,50 +231,63 @@ pub fn condition(matrix: &NormalMatrix, unknowns: usize) -> f64 {
 /// The smallest and the largest eigenvalue; `None` if they are not found in a bounded number of iterations, which happens to matrices
 /// that are not finite alone.
 fn eigenvalues<const N: usize>(matrix: &NormalMatrix) -> Option<[f64; 2]> {
-    let (mut diagonal, mut beside) = tridiagonal::<N>(matrix);
     const ITERATIONS: usize = 30;
-    let floor = f64::EPSILON * f64::EPSILON;
-    for l in 0..N {
-        let mut iterations = 0;
-        loop {
-            let mut m = l;
-            while m + 1 < N && beside[m] > floor * (diagonal[m] * diagonal[m + 1]).abs() {
-                m += 1;
-            }
-            if m + 1 < N {
-                beside[m] = 0.0;
-            }
-            if m == l {
-                break;
-            }
-            if iterations == ITERATIONS {
-                return None;
-            }
-            iterations += 1;
-            let root = beside[l].sqrt();
-            let half = (diagonal[l + 1] - diagonal[l]) / (2.0 * root);
-            let r = (half * half + 1.0).sqrt();
-            let shift = diagonal[l] - root / (half + if half < 0.0 { -r } else { r });
-            let (mut c, mut s) = (1.0, 0.0);
-            let mut gamma = diagonal[m] - shift;
-            let mut p = gamma * gamma;
-            for i in (l..m).rev() {
-                let square = beside[i];
-                let r = p + square;
-                if i + 1 != m {
-                    beside[i + 1] = s * r;
-                }
-                let (former_c, former_gamma) = (c, gamma);
-                c = p / r;
-                s = square / r;
-                let alpha = diagonal[i];
-                gamma = c * (alpha - shift) - s * former_gamma;
-                diagonal[i + 1] = former_gamma + (alpha - gamma);
-                p = if c == 0.0 { former_c * square } else { gamma * gamma / c };
-            }
-            beside[l] = s * p;
-            diagonal[l] = shift + gamma;
+    /// Squares of elements beside the diagonal below this, relative to those on it, count as zero: an eigenvalue is then off by
+    /// the root of this, where it has a neighbour as near as that, and by this elsewhere.
+    const FLOOR: f64 = 1.0e-28;
+    let (mut diagonal, mut beside) = tridiagonal::<N>(matrix);
+    let mut l = 0;
+    let mut iterations = 0;
+    while l + 1 < N {
+        let mut m = l;
+        while m + 1 < N && beside[m] > FLOOR * (diagonal[m] * diagonal[m + 1]).abs() {
+            m += 1;
         }
+        if m + 1 < N {
+            beside[m] = 0.0;
+        }
+        if m == l {
+            l += 1;
+            iterations = 0;
+            continue;
+        }
+        // Towards the eigenvalue of the first two rows that is nearer to the first element: a ∓ e²/(δ ± √(δ² + e²)).
+        let (square, half) = (beside[l], 0.5 * (diagonal[l + 1] - diagonal[l]));
+        let root = (half * half + square).sqrt();
+        let shift = square / (half + if half < 0.0 { -root } else { root });
+        if m == l + 1 {
+            // Two rows alone.
+            diagonal[l] -= shift;
+            diagonal[l + 1] += shift;
+            beside[l] = 0.0;
+            l += 2;
+            iterations = 0;
+            continue;
+        }
+        if iterations == ITERATIONS {
+            return None;
+        }
+        iterations += 1;
+        let shift = diagonal[l] - shift;
+        let (mut c, mut s) = (1.0, 0.0);
+        let mut gamma = diagonal[m] - shift;
+        let mut p = gamma * gamma;
+        for i in (l..m).rev() {
+            let square = beside[i];
+            let r = p + square;
+            if i + 1 != m {
+                beside[i + 1] = s * r;
+            }
+            let (former_c, former_gamma) = (c, gamma);
+            c = p / r;
+            s = square / r;
+            let alpha = diagonal[i];
+            gamma = c * (alpha - shift) - s * former_gamma;
+            diagonal[i + 1] = former_gamma + (alpha - gamma);
+            p = if c == 0.0 { former_c * square } else { gamma * gamma / c };
+        }
+        beside[l] = s * p;
+        diagonal[l] = shift + gamma;
     }
     let (mut low, mut high) = (diagonal[0], diagonal[0]);
     for value in diagonal {
@@ -358,6 +373,7 @@ pub struct Equations {
 
 impl Equations {
     /// The equations with the normal matrix `p`.
+    #[inline]
     #[must_use]
     pub fn new(p: &NormalMatrix, unknowns: usize) -> Self {
         let mut scale = NormalVector::repeat(1.0);
