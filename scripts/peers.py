@@ -1,7 +1,8 @@
 """Peers on the same data: recursive least squares and an extended Kalman filter beside the estimators of this project.
 
-Reads a recording of ``simulate SCENARIO --csv``, in which the scenario compares methods, and prints the errors at 35 ms, 100 ms
-and 200 ms and the time from which each stays within one per cent.
+Runs the scenario ``unbalanced`` with sensor noise and several seeds (``cargo build --release`` first), or reads recordings of
+``simulate SCENARIO --csv`` in which the scenario compares methods. Prints the rms errors at 35 ms, 100 ms and 200 ms and the time
+from which each stays within one per cent.
 
 * RLS: ``filterpy`` has none for vectors, so ``padasip.filters.FilterRLS`` is used, on the equations of motion with both sides
   low-passed (state-variable filter of third order), one filter per axis, the results weighted alike.
@@ -9,12 +10,15 @@ and 200 ms and the time from which each stays within one per cent.
 
 Both know what our estimator knows: mass, gap, angles, angle and speed of the rotor, and the sensor noise.
 
-Requires: numpy, scipy, filterpy, padasip; matplotlib for ``--plot``.
+Requires: the packages of ``scripts/requirements-peers.txt``.
 """
 
 import argparse
 import csv
+import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
@@ -32,6 +36,10 @@ CURRENT_NOISE_A = 1e-2
 FILTER_RAD_S = 2 * np.pi * 150.0
 INSTANTS_S = (0.035, 0.1, 0.2)
 WITHIN = 0.01
+ROOT = Path(__file__).resolve().parents[1]
+PROGRAM = ROOT / "target" / "release" / "magnetic-bearing"
+# Okabe and Ito.
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#b55a92", "#6b727a")
 
 
 def read(path):
@@ -147,45 +155,89 @@ def settled_s(time, found):
     return None if last[-1] == time.size - 1 else time[last[-1] + 1]
 
 
+def simulate(seed, folder):
+    """Path of a recording of the unbalanced rotor with this seed of the sensor noise."""
+    run = [str(PROGRAM), "simulate"]
+    text = subprocess.run([*run, "--print", "unbalanced"], check=True, capture_output=True, text=True).stdout
+    noise = f"sensor.positionNoise = {POSITION_NOISE_M}\nsensor.currentNoise = {CURRENT_NOISE_A}\n"
+    text = text.replace("[plant]\n", f"[plant]\nsensor.seed = {seed}\n{noise}").replace("[estimator]\n", f"[estimator]\n{noise}")
+    scenario, recording = folder / "scenario.toml", folder / f"{seed}.csv"
+    scenario.write_text(text, encoding="utf-8")
+    subprocess.run([*run, str(scenario), "--csv", str(recording)], check=True, capture_output=True)
+    return recording
+
+
+def estimates(path):
+    """Time, and the estimates of every method over time."""
+    data = read(path)
+    tracks = {name: own(data, name) for name in ("paper", "leastSquares", "unbalance")}
+    tracks["RLS (padasip)"] = recursive_least_squares(data)
+    tracks["EKF (filterpy)"] = extended_kalman_filter(data)
+    return data["time"], {name: found for name, found in tracks.items() if found is not None}
+
+
+def draw(path, time, runs):
+    """The largest of the three errors over time: median of the runs, and from the least to the greatest."""
+    import matplotlib
+
+    matplotlib.use("svg")
+    import matplotlib.pyplot as plt
+
+    plt.rcParams["svg.hashsalt"] = "peers"
+    figure, axes = plt.subplots(figsize=(9, 5), layout="constrained")
+    shown = time >= 0.02
+    for colour, name in zip(COLOURS, runs[0], strict=False):
+        errors = np.array([100 * np.max(np.abs(tracks[name] / TRUTH - 1), axis=1) for tracks in runs])[:, shown]
+        errors = np.clip(errors, 1e-2, None)
+        axes.fill_between(1e3 * time[shown], errors.min(axis=0), errors.max(axis=0), color=colour, alpha=0.15, linewidth=0)
+        style = "--" if name == "leastSquares" else "-"
+        axes.plot(1e3 * time[shown], np.median(errors, axis=0), style, color=colour, label=name)
+    axes.axhline(100 * WITHIN, color="grey", linestyle=":", label="1 %")
+    axes.set(yscale="log", xlabel="time in ms", ylabel="largest error of a force constant in %", ylim=(2e-2, 3e3))
+    axes.set_xlim(20, 1e3 * time[-1])
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set_title(f"Unbalance 20 N, load (10, −20) N, 0.1 µm and 10 mA: median of {len(runs)} runs and their range", fontsize=11)
+    axes.legend(ncols=3, loc="upper right")
+    axes.grid(alpha=0.3)
+    figure.savefig(path, metadata={"Date": None})
+
+
 def main():
     """Runs the comparison; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("recording", help="written by: cargo run --release -- simulate SCENARIO --csv FILE")
+    parser.add_argument("recordings", nargs="*", help="written by: cargo run --release -- simulate SCENARIO --csv FILE")
+    parser.add_argument("--seeds", type=int, default=10, help="without recordings: how many runs (default: %(default)s)")
+    parser.add_argument("--first", type=int, default=1, help="the first seed (default: %(default)s)")
     parser.add_argument("--plot", metavar="FILE", help="draws the errors over time")
     arguments = parser.parse_args()
-    data = read(arguments.recording)
-    time = data["time"]
-    tracks = {name: own(data, name) for name in ("paper", "leastSquares", "unbalance")}
-    if tracks["unbalance"] is None:
-        tracks["unbalance"] = own(data, "estimator")
-    tracks["RLS (padasip)"] = recursive_least_squares(data)
-    tracks["EKF (filterpy)"] = extended_kalman_filter(data)
-    head = "".join(f"{f'{1e3 * instant:.0f} ms':>26}" for instant in INSTANTS_S)
-    print(f"{'errors of lambda 1, 2, 3 in %':32}{head}{'within 1 % from':>18}")
-    for name, found in tracks.items():
-        if found is None:
-            continue
+    with tempfile.TemporaryDirectory() as folder:
+        if not arguments.recordings and not PROGRAM.exists():
+            print("error: cargo build --release comes first", file=sys.stderr)
+            return 1
+        paths = arguments.recordings or (
+            simulate(seed, Path(folder)) for seed in range(arguments.first, arguments.first + arguments.seeds)
+        )
+        found = [estimates(path) for path in paths]
+    time, runs = found[0][0], [tracks for _, tracks in found]
+    head = "".join(f"{f'{1e3 * instant:.0f} ms':>22}" for instant in INSTANTS_S)
+    print(f"{len(runs)} runs; rms errors of lambda 1, 2, 3 in %")
+    print(f"{'':16}{head}{'within 1 % from, ms: median (range)':>38}")
+    for name in runs[0]:
         cells = ""
         for instant in INSTANTS_S:
             row = min(np.searchsorted(time, instant - 1e-9), time.size - 1)
-            cells += f"{'  '.join(f'{100 * error:+.2f}' for error in found[row] / TRUTH - 1):>26}"
-        when = settled_s(time, found)
-        print(f"{name:32}{cells}{'never' if when is None else f'{1e3 * when:.0f} ms':>18}")
+            errors = np.array([tracks[name][row] / TRUTH - 1 for tracks in runs])
+            cells += f"{'  '.join(f'{100 * rms:.2f}' for rms in np.sqrt(np.mean(errors**2, axis=0))):>22}"
+        settled = [settled_s(time, tracks[name]) for tracks in runs]
+        reached = sorted(1e3 * when for when in settled if when is not None)
+        if reached:
+            when = f"{np.median(reached):.0f} ({reached[0]:.0f} to {reached[-1]:.0f})"
+            when += "" if len(reached) == len(runs) else f", {len(reached)} of {len(runs)} runs"
+        else:
+            when = "never"
+        print(f"{name:16}{cells}{when:>38}")
     if arguments.plot:
-        import matplotlib
-
-        matplotlib.use("svg")
-        import matplotlib.pyplot as plt
-
-        figure, axes = plt.subplots(figsize=(10, 5), layout="constrained")
-        for name, found in tracks.items():
-            if found is not None:
-                axes.semilogy(1e3 * time, 100 * np.max(np.abs(found / TRUTH - 1), axis=1) + 1e-6, label=name)
-        axes.set(xlabel="time in ms", ylabel="largest error in %", ylim=(1e-2, 1e3))
-        axes.axhline(100 * WITHIN, color="grey", linestyle=":")
-        axes.legend()
-        axes.grid(alpha=0.3)
-        figure.savefig(arguments.plot)
+        draw(arguments.plot, time, runs)
     return 0
 
 

@@ -18,28 +18,30 @@ struct Counting;
 
 thread_local! {
     static CALLS: Cell<u64> = const { Cell::new(0) };
+    static BYTES: Cell<usize> = const { Cell::new(0) };
 }
 
-fn count() {
+fn count(bytes: usize) {
     CALLS.with(|calls| calls.set(calls.get() + 1));
+    BYTES.with(|all| all.set(all.get() + bytes));
 }
 
 // SAFETY: every request goes to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
+        count(layout.size());
         // SAFETY: the caller's contract is that of the system's allocator.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
+        count(0);
         // SAFETY: the caller's contract is that of the system's allocator.
         unsafe { System.dealloc(pointer, layout) }
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
+        count(size);
         // SAFETY: the caller's contract is that of the system's allocator.
         unsafe { System.realloc(pointer, layout, size) }
     }
@@ -121,6 +123,27 @@ fn a_step_allocates_nothing() {
             closed.slaves.len()
         );
     }
+}
+
+/// What is large and does not change, such as the kernels of the estimator, is shared between an instance and its snapshots.
+/// Fails if a copy of an estimation copies the estimator.
+#[test]
+fn a_snapshot_copies_the_state_alone() {
+    let mut slave = (magnetic_bearing::slave::find("AlgebraicEstimator").expect("it").instantiate)();
+    let before = BYTES.get();
+    slave.start().expect("the start values are in order");
+    let start = BYTES.get() - before;
+    for step in 0..400 {
+        slave.step(Step { time_s: f64::from(step) * STEP_S, length_s: STEP_S }, &mut Silent).expect("a step");
+    }
+    let before = BYTES.get();
+    let mut snapshot = slave.duplicate();
+    let saved = BYTES.get() - before;
+    let before = BYTES.get();
+    assert!(snapshot.copy_from(slave.as_ref()));
+    let again = BYTES.get() - before;
+    println!("bytes for a start {start}, for a snapshot {saved}, into an existing one {again}");
+    assert!(2 * saved < start && again <= saved, "{start} {saved} {again}");
 }
 
 #[test]

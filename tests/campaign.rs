@@ -103,7 +103,7 @@ fn is_mapped(library: &Path) -> bool {
     std::fs::read_to_string("/proc/self/maps").expect("a system with /proc").contains(name.as_ref())
 }
 
-/// Fails if fmi2FreeInstance forgets the instance, or fmi2FreeFMUstate the snapshot: 10,000 rounds then leave hundreds of
+/// Fails if fmi2FreeInstance forgets the instance, fmi2FreeFMUstate the snapshot, or the library its tables: 10,000 rounds then leave hundreds of
 /// megabytes. Whether the library leaves at all is seen as well: one with thread-local destructors stays mapped.
 #[test]
 fn loading_and_unloading_leaves_nothing_behind() {
@@ -128,7 +128,7 @@ fn loading_and_unloading_leaves_nothing_behind() {
     assert!(grown <= GROWTH_BYTES, "{grown} bytes more after {rounds} rounds");
 }
 
-/// Fails if instances share anything that changes.
+/// Fails if the steps that all instances have done together change the length of the next one by a part in 10⁹.
 #[test]
 fn a_thousand_instances_in_turn_are_each_like_one_alone() {
     let _alone = ALONE.lock();
@@ -160,7 +160,7 @@ fn a_thousand_instances_in_turn_are_each_like_one_alone() {
     }
 }
 
-/// Fails if instances share anything that changes, and under a thread sanitizer if they only look at it.
+/// Fails if the steps that all instances have done together change the length of the next one by a part in 10⁹.
 #[test]
 fn eight_threads_at_once_compute_what_one_does() {
     let _alone = ALONE.lock();

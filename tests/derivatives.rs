@@ -160,6 +160,7 @@ fn dependencies_name_variables() {
     }
 }
 
+/// Fails if a known that is given twice counts once, and if every variable passes for a known.
 #[test]
 fn directional_derivatives_are_linear_and_refuse_what_is_not_known() {
     let fmu = Fmu::started(PLANT, &RUNNING);
@@ -171,6 +172,9 @@ fn directional_derivatives_are_linear_and_refuse_what_is_not_known() {
         let sum = 0.5 * single[0][at] + 1e-5 * single[1][at] - 2.0 * single[2][at];
         assert!((all[at] - sum).abs() <= 1e-12 * sum.abs().max(1e-9), "{}", UNKNOWNS[at]);
     }
+    let twice = references(&fmu, &["i[1]", "i[1]"]);
+    let halves = fmu.directional_derivative(&unknowns, &twice, &[0.25, 0.75]).expect("a derivative");
+    assert_eq!(halves, single[0], "a known that is given twice counts twice");
     assert_eq!(fmu.directional_derivative(&[], &[], &[]), Ok(Vec::new()));
 
     let refused = |unknown: &str, known: &str| {
@@ -283,6 +287,7 @@ fn samples_within_a_step_see_the_extrapolated_input() {
     assert!((coarse.get("Ym") - position(2e-3)).abs() < 1e-15);
 }
 
+/// Fails if they are taken one by one until one is refused.
 #[test]
 fn derivatives_of_inputs_are_taken_together_or_not_at_all() {
     let fmu = Fmu::started(PLANT, &RUNNING);

@@ -191,6 +191,7 @@ fn number(node: Node<'_, '_>, attribute: &str) -> Option<f64> {
     node.attribute(attribute).map(|text| text.parse().unwrap_or_else(|_| panic!("{attribute} = {text} is a number")))
 }
 
+/// Fails if anything is written otherwise than it stands there.
 #[test]
 fn the_files_under_review_are_current() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("modelDescription");
@@ -206,6 +207,7 @@ fn the_files_under_review_are_current() {
     );
 }
 
+/// Fails if a start value is another by 1e-3.
 #[test]
 fn the_interface_keeps_its_promises() {
     let mut broken = Vec::new();
@@ -295,6 +297,7 @@ fn children_of_type<'a>(root: Node<'a, '_>, name: &str) -> Vec<(&'a str, &'a str
     items.map(|item| (item.attribute("name").expect("a name"), item.attribute("value").expect("a value"))).collect()
 }
 
+/// Fails if two variables have one reference.
 #[test]
 fn names_and_references_are_unique() {
     each(|model, root| {
@@ -312,6 +315,7 @@ fn names_and_references_are_unique() {
     });
 }
 
+/// Fails if descriptions are left out, and if the unit itself is named as the unit for display.
 #[test]
 fn every_variable_can_be_read_by_people() {
     for entry in registry::entries() {
@@ -359,6 +363,7 @@ fn number_or_none(kind: Node<'_, '_>) -> Option<f64> {
     if kind.has_tag_name("Boolean") { None } else { number(kind, "start") }
 }
 
+/// Fails if a unit is declared twice.
 #[test]
 fn units_are_declared_once_and_by_their_base_units() {
     // Name, exponents as they are written, and what displays show for 1.
@@ -403,6 +408,7 @@ fn units_are_declared_once_and_by_their_base_units() {
     });
 }
 
+/// Fails if an output is left out, and if variables are counted from 0 instead of from 1.
 #[test]
 fn the_structure_lists_every_output_and_what_acts_on_it_at_once() {
     // What depends on an input at the same instant; samples never do.
@@ -434,6 +440,17 @@ fn the_structure_lists_every_output_and_what_acts_on_it_at_once() {
             let name = variables[index - 1].attribute("name").expect("a name");
             let dependencies =
                 unknown.attribute("dependencies").unwrap_or_else(|| panic!("{model}.{name}: nothing said"));
+            let mut named: Vec<_> = dependencies
+                .split_whitespace()
+                .map(|index| {
+                    variables[index.parse::<usize>().expect("an index") - 1].attribute("name").expect("a name")
+                })
+                .collect();
+            let depends_on = &(entry.kind.variables)()[index - 1].depends_on;
+            let mut meant: Vec<_> = depends_on.iter().map(|(name, _)| name.as_ref()).collect();
+            named.sort_unstable();
+            meant.sort_unstable();
+            assert_eq!(named, meant, "{model}.{name}");
             let acts = |index: &str| {
                 let cause = variables[index.parse::<usize>().expect("an index") - 1];
                 cause.attribute("causality") == Some("input")
@@ -448,6 +465,7 @@ fn the_structure_lists_every_output_and_what_acts_on_it_at_once() {
     }
 }
 
+/// Fails if the version is `2.0.4`, and if steps are said to run asynchronously.
 #[test]
 fn attributes_say_what_is_offered() {
     each(|model, root| {
@@ -511,6 +529,7 @@ fn named<'a>(variables: &'a mut [Variable], name: &str) -> &'a mut Variable {
     variables.iter_mut().find(|variable| variable.name == name).expect("a variable of the plant")
 }
 
+/// Fails if the GUID follows from the name of the model, or from those of the variables alone.
 #[test]
 fn the_guid_follows_the_interface() {
     let now = entry("MagneticBearing").guid.clone();

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use magnetic_bearing::app::design::{Question, design};
+use magnetic_bearing::app::design::{Question, design, figure};
 use magnetic_bearing::app::montecarlo::{self, NOISE};
 use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::slave::variable::Value;
@@ -51,4 +51,15 @@ fn a_window_is_recommended_or_none() {
     }
     let (_, none) = design(&circle, &question(3000.0, vec![0.02], 0.2)).expect("a good scenario");
     assert_eq!(none, None, "the unbalance cannot be told apart on a circle");
+}
+
+#[test]
+fn the_plot_in_the_documentation_is_current() {
+    let drawn = figure();
+    assert_eq!(drawn, include_str!("../modelDescription/window.svg"), "run `cargo run --release -- describe`");
+    assert_eq!(drawn.matches("<svg").count(), 4, "one in all and three parts");
+    for text in ["standard deviation in %", "window Tf in ms", "frequency in Hz", "delay in ms", "λ₃", "recommended"]
+    {
+        assert!(drawn.contains(text), "the plot does not say {text:?}");
+    }
 }

@@ -168,6 +168,8 @@ const SEQUENCE: [(&str, &str); 30] = [
     ("GetStringStatus", "ste"),
 ];
 
+/// Fails if the sequence of calls is not looked at, if a single row of it is open, and if a message does not say where the
+/// function is allowed.
 #[test]
 fn every_function_is_refused_in_every_state_that_is_not_its_own() {
     for (function, allowed) in SEQUENCE {
@@ -196,6 +198,7 @@ fn every_function_is_refused_in_every_state_that_is_not_its_own() {
 }
 
 /// The table above leaves out nothing but the function that ends an instance and answers nothing.
+/// Fails if a row is taken out of it.
 #[test]
 fn every_function_is_swept() {
     let swept: Vec<_> = SEQUENCE.iter().map(|(function, _)| format!("fmi2{function}")).collect();
@@ -205,6 +208,7 @@ fn every_function_is_swept() {
     }
 }
 
+/// Fails if fmi2Terminate leaves the state as it was.
 #[test]
 fn the_states_follow_one_another() {
     let fmu = Fmu::new(PLANT);
@@ -222,6 +226,7 @@ fn the_states_follow_one_another() {
     assert_eq!(state_of(&fmu), 'i');
 }
 
+/// Fails if the initialization asks for fmi2SetupExperiment.
 #[test]
 fn an_experiment_need_not_be_set_up() {
     let fmu = Fmu::new(PLANT);
@@ -230,6 +235,7 @@ fn an_experiment_need_not_be_set_up() {
     fmu.step(0.0, TS).ok(&fmu);
 }
 
+/// Fails if a call on no instance is answered with fmi2OK.
 #[test]
 fn null_instances_are_refused_and_freed() {
     let c = null_mut();
@@ -272,6 +278,7 @@ fn refused(request: Request) -> String {
     text.clone()
 }
 
+/// Fails if the name, the kind of interface, or the GUID is not looked at.
 #[test]
 fn instances_are_made_only_of_sound_requests() {
     let sound = || Request::of(PLANT);
@@ -283,6 +290,14 @@ fn instances_are_made_only_of_sound_requests() {
     says(&refused(Request { guid: None, ..sound() }), &["fmuGUID is null"]);
     let said = refused(Request { guid: Some(text("{0}")), ..sound() });
     says(&said, &["fmuGUID = {0}", &guid(PLANT), "MagneticBearing", "AlgebraicEstimator"]);
+    // No text at all, and one that would be a format.
+    let bytes = std::ffi::CString::new([0xff, 0xfe]).expect("no zero byte");
+    says(&refused(Request { guid: Some(bytes), ..sound() }), &["fmuGUID = \u{fffd}\u{fffd}", &guid(PLANT)]);
+    says(&refused(Request { guid: Some(text("%s%n%s")), ..sound() }), &["fmuGUID = %s%n%s"]);
+    let long = "{".repeat(1_000_000);
+    says(&refused(Request { guid: Some(text(&long)), ..sound() }), &["fmuGUID = {{{"]);
+    let without = guid(PLANT).replace(['{', '}'], "");
+    says(&refused(Request { guid: Some(text(&without)), ..sound() }), &["fmuGUID = "]);
     let shouted = guid(PLANT).to_uppercase();
     says(&refused(Request { guid: Some(text(&shouted)), ..sound() }), &["fmuGUID = "]);
     // Nobody can be told without callbacks, and it must not matter.
@@ -292,16 +307,24 @@ fn instances_are_made_only_of_sound_requests() {
 }
 
 /// What importers really hand over: names with paths, no resources, no logger.
+/// Fails if a name may hold no slash, and if the location of the resources has to be of one form.
 #[test]
 fn instances_are_made_of_whatever_importers_say() {
-    for name in ["/tmp/a folder/MagneticBearing.fmu", "loop.plant", "Läufer µ", " "] {
+    let long = "a/".repeat(100_000);
+    for name in ["/tmp/a folder/MagneticBearing.fmu", "loop.plant", "Läufer µ", " ", "%s%n%d", &long] {
         let fmu = Request { name: Some(text(name)), ..Request::of(PLANT) }.instantiate(PLANT).expect("an instance");
         fmu.step(0.0, TS).error(&fmu);
         let again = fmu.step(0.0, TS);
         assert_eq!(again, fmi2Status::fmi2Error);
         assert_eq!(fmu.take_messages()[0].instance, name);
     }
-    for resources in [None, Some("file:/tmp/x"), Some("file:////tmp/x/"), Some("file:///tmp/a%20b"), Some("nonsense")] {
+    // A name in an encoding of its own comes back in messages as it was.
+    let latin = std::ffi::CString::new(*b"L\xe4ufer").expect("no zero byte");
+    let fmu = Request { name: Some(latin), ..Request::of(PLANT) }.instantiate(PLANT).expect("an instance");
+    assert_eq!(fmu.step(0.0, TS), fmi2Status::fmi2Error);
+    assert_eq!(fmu.take_messages()[0].instance, "L\u{fffd}ufer");
+    let locations = ["file:/tmp/x", "file:///tmp/x", "file:////tmp/x/", "file:///tmp/a%20b", "nonsense", "", "%s%n"];
+    for resources in locations.map(Some).into_iter().chain([None]) {
         let request = Request { resources: resources.map(text), ..Request::of(PLANT) };
         assert!(request.instantiate(PLANT).is_ok(), "{resources:?}");
     }
@@ -311,6 +334,7 @@ fn instances_are_made_of_whatever_importers_say() {
     assert!(silent.take_messages().is_empty());
 }
 
+/// Fails if a reference beyond the table is taken for the last variable.
 #[test]
 fn unknown_references_are_refused() {
     for model in MODELS {
@@ -330,6 +354,7 @@ fn unknown_references_are_refused() {
     }
 }
 
+/// Fails if fmi2GetReal converts what is no Real.
 #[test]
 fn values_have_the_type_of_their_variable() {
     for model in MODELS {
@@ -360,6 +385,7 @@ fn values_have_the_type_of_their_variable() {
     }
 }
 
+/// Fails if whatever is not 0 is taken for true.
 #[test]
 fn booleans_are_0_or_1() {
     let fmu = Fmu::started(CONTROLLER, &[]);
@@ -372,6 +398,7 @@ fn booleans_are_0_or_1() {
     assert_eq!(fmu.get("lambdaValid"), 1.0);
 }
 
+/// Fails if references are accepted.
 #[test]
 fn there_are_no_strings() {
     let fmu = Fmu::started(PLANT, &[]);
@@ -387,6 +414,7 @@ fn there_are_no_strings() {
     }
 }
 
+/// Fails if null, or a length beyond memory, is believed: then this process ends.
 #[test]
 fn arrays_that_are_not_there_are_refused() {
     let fmu = Fmu::started(PLANT, &[]);
@@ -418,6 +446,7 @@ fn arrays_that_are_not_there_are_refused() {
     assert_eq!(state_of(&fmu), 's');
 }
 
+/// Fails if the values are written one by one until one is refused.
 #[test]
 fn a_list_with_a_refused_value_writes_nothing() {
     let fmu = Fmu::started(PLANT, &[]);
@@ -430,6 +459,8 @@ fn a_list_with_a_refused_value_writes_nothing() {
     says(&fmu.set("Y", 1.0).error(&fmu), &["Y cannot be set", "computed"]);
 }
 
+/// Fails if the start is not looked at, if a stop before the start is accepted, and if the end of a step is compared with
+/// stopTime not at all.
 #[test]
 fn an_experiment_has_a_beginning_and_an_end() {
     let fmu = Fmu::new(PLANT);
@@ -452,6 +483,7 @@ fn an_experiment_has_a_beginning_and_an_end() {
     fmu.step(time_s, TS).error(&fmu);
 }
 
+/// Fails if the begin of a step is believed whatever it is, and if a negative length is done.
 #[test]
 fn steps_follow_one_another() {
     let fmu = Fmu::started(PLANT, &[]);
@@ -467,6 +499,7 @@ fn steps_follow_one_another() {
     fmu.step(TS, TS).ok(&fmu);
 }
 
+/// Fails if a step of no length, or of 1.1e-16 s, is refused.
 #[test]
 fn steps_of_any_length_are_taken() {
     for model in MODELS {
@@ -499,6 +532,7 @@ fn heard(logging: bool, switches: Switches) -> Vec<Message> {
     fmu.take_messages()
 }
 
+/// Fails if all messages pass, and if one category brings the others with it.
 #[test]
 fn messages_come_in_the_categories_that_are_wanted() {
     let messages = heard(true, &[]);
@@ -524,14 +558,159 @@ fn messages_come_in_the_categories_that_are_wanted() {
     }
 }
 
-#[test]
-fn errors_are_told_even_while_logging_is_off() {
-    let fmu = Request::of(PLANT).instantiate(PLANT).expect("an instance");
-    fmu.set_logging(false, &[]).ok(&fmu);
-    says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
-    says(&fmu.set_logging(true, &["logEvents", "logNonsense"]).error(&fmu), &["logNonsense", "no category"]);
+/// The categories of what an importer hears of an estimator without currents, and of a wrong call.
+fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> {
+    const ESTIMATOR: &str = "AlgebraicEstimator";
+    let fmu = Request { logging, ..Request::of(ESTIMATOR) }.instantiate(ESTIMATOR).expect("an instance");
+    for (on, categories) in switches {
+        fmu.set_logging(*on, categories).ok(&fmu);
+    }
+    fmu.set("Tf", 2e-3).ok(&fmu);
+    fmu.set("epsilon", 2e-3).ok(&fmu);
+    fmu.start(0.0, None);
+    for step in 0..100 {
+        // A sample that is missing begins another window, which is an event. Without currents the matrix of the equations is
+        // 0 once the window is full.
+        let position = 1e-6 * f64::from(step % 3);
+        for name in ["Ym", "Zm"] {
+            fmu.set(name, if step == 50 { f64::NAN } else { position }).ok(&fmu);
+        }
+        fmu.step(f64::from(step) * TS, TS).ok(&fmu);
+    }
+    assert_eq!(fmu.step(0.0, -1.0), fmi2Status::fmi2Error);
+    let messages = fmu.take_messages();
+    for message in messages.iter().filter(|message| message.category == "logSingularLinearSystems") {
+        says(&message.text, &["does not tell the unknowns apart"]);
+    }
+    let mut categories: Vec<_> = messages.into_iter().map(|message| message.category).collect();
+    categories.sort();
+    categories.dedup();
+    categories
 }
 
+/// The categories that the model description declares.
+fn declared_categories() -> Vec<String> {
+    let entry = magnetic_bearing::fmi2::registry::entries().iter().find(|entry| entry.kind.name == PLANT).expect("it");
+    let document = roxmltree::Document::parse(&entry.description).expect("well-formed XML");
+    let categories = document.descendants().filter(|node| node.has_tag_name("Category"));
+    categories.map(|node| node.attribute("name").expect("a name").to_owned()).collect()
+}
+
+/// Every category of the model description, switched on with nothing else and off with all others on. Nothing is ever said
+/// in `logStatusWarning` and `logStatusFatal`, so that theirs is a matter of what else is heard.
+/// Fails if two categories share a bit, if a category that is switched on brings others with it, if errors cannot be switched off by
+/// name, and if a singular matrix is an event like any other.
+#[test]
+fn every_category_is_switched_alone() {
+    let said = ["logEvents", "logSingularLinearSystems", "logStatusError"];
+    assert_eq!(categories_heard(true, &[]), said);
+    let declared = declared_categories();
+    assert_eq!(declared.len(), 6);
+    for category in declared.iter().map(String::as_str) {
+        let all = category == "logAll";
+        // Errors are told unless they are switched off by name.
+        let on = categories_heard(false, &[(false, &["logStatusError"]), (true, &[category])]);
+        let wanted: Vec<_> = said.into_iter().filter(|said| all || *said == category).collect();
+        assert_eq!(on, wanted, "{category} alone");
+        let off = categories_heard(true, &[(false, &[category])]);
+        let wanted: Vec<_> =
+            if all { vec!["logStatusError"] } else { said.into_iter().filter(|said| *said != category).collect() };
+        assert_eq!(off, wanted, "all but {category}");
+        // Off and on again is on.
+        let again = categories_heard(true, &[(false, &[category]), (true, &[category])]);
+        assert_eq!(again, said, "{category} off and on");
+    }
+}
+
+/// Fails if a list with an unknown category switches the known ones, and if the message does not name the unknown one.
+#[test]
+fn a_list_with_an_unknown_category_switches_nothing() {
+    let fmu = Request::of(PLANT).instantiate(PLANT).expect("an instance");
+    fmu.set_logging(false, &[]).ok(&fmu);
+    // Errors are told even while logging is off: else nobody could tell why a simulation has ended.
+    says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
+    let unknown = ["logNonsense", "logevents", "logEvents ", ""];
+    for name in unknown {
+        let said = fmu.set_logging(false, &["logStatusError", name]).error(&fmu);
+        says(&said, &["fmi2SetDebugLogging: ", &format!("{name} is no category")]);
+    }
+    says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
+}
+
+/// What a logger that calls back into its instance has in hand.
+struct Caller {
+    component: std::cell::Cell<fmi2Component>,
+    answers: std::cell::RefCell<Vec<fmi2Status>>,
+    frees: bool,
+}
+
+/// A logger that uses the instance that speaks: it reads, steps, resets, also in another thread, and asks for its end.
+unsafe extern "C" fn call_back(
+    environment: fmi2ComponentEnvironment,
+    _: fmi2String,
+    _: fmi2Status,
+    _: fmi2String,
+    _: fmi2String,
+    _: fmi2String,
+) {
+    // SAFETY: the environment is the address of the caller, which outlives the instance.
+    let caller = unsafe { &*environment.cast::<Caller>() };
+    let (c, mut value) = (caller.component.get(), 0.0);
+    // SAFETY: the instance is live; the arrays have one element.
+    unsafe {
+        let answers = [
+            call!(fmi2GetReal: fmi2GetRealTYPE(c, [0].as_ptr(), 1, &raw mut value)),
+            call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True)),
+            call!(fmi2Reset: fmi2ResetTYPE(c)),
+            call!(fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(c, fmi2False, 0, null())),
+        ];
+        caller.answers.borrow_mut().extend(answers);
+        let address = c.expose_provenance();
+        let another = move || {
+            let c = std::ptr::with_exposed_provenance_mut(address);
+            call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True))
+        };
+        caller.answers.borrow_mut().push(thread::spawn(another).join().expect("no panic"));
+        if caller.frees {
+            call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(c));
+        }
+    }
+}
+
+/// Loggers of importers call back, for instance to read the time, and so do other threads meanwhile. Fails if the door lets a
+/// second call in: then this process ends in endless recursion, or the instance is freed in the middle of its call.
+#[test]
+fn a_logger_that_calls_back_is_turned_away() {
+    for frees in [false, true] {
+        let caller =
+            Box::new(Caller { component: null_mut::<std::ffi::c_void>().into(), answers: Vec::new().into(), frees });
+        let callbacks = fmi2CallbackFunctions {
+            logger: support::ffi::variadic(call_back),
+            allocateMemory: None,
+            freeMemory: None,
+            stepFinished: None,
+            componentEnvironment: (&raw const *caller).cast_mut().cast(),
+        };
+        let (name, guid) = (text("speaker"), text(&guid(PLANT)));
+        let kind = fmi2Type::fmi2CoSimulation;
+        // SAFETY: callbacks, texts and environment outlive the instance, which is freed once.
+        unsafe {
+            let c = call!(fmi2Instantiate: fmi2InstantiateTYPE(name.as_ptr(), kind, guid.as_ptr(), null(), &raw const callbacks, 0, 0));
+            caller.component.set(c);
+            let error = fmi2Status::fmi2Error;
+            for _ in 0..2 {
+                assert_eq!(call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True)), error);
+                assert_eq!(caller.answers.take(), [error; 5]);
+            }
+            // The call has ended, and the instance is as it was.
+            assert_eq!(call!(fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE(c)), fmi2Status::fmi2OK);
+            assert_eq!(call!(fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE(c)), fmi2Status::fmi2OK);
+            call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(c));
+        }
+    }
+}
+
+/// Fails if fmi2GetRealStatus answers every kind of question.
 #[test]
 fn questions_about_the_step_are_answered() {
     let fmu = Fmu::started(PLANT, &[]);
@@ -579,6 +758,7 @@ fn questions_about_the_step_are_answered() {
     }
 }
 
+/// Fails if only the first finding is told, and if the run can begin all the same.
 #[test]
 fn refused_parameters_end_the_initialization_with_all_their_names() {
     let bad: [(&str, &[(&str, f64)]); 3] = [
@@ -617,6 +797,7 @@ fn crash(fmu: &Fmu) -> (f64, String) {
     panic!("the rotor stays in the gap");
 }
 
+/// Fails if the run goes on after the fault, and if a reset keeps anything of the slave.
 #[test]
 fn a_fault_in_a_step_ends_the_run_and_a_reset_begins_another() {
     let fmu = Fmu::started(PLANT, &[]);
@@ -648,6 +829,7 @@ fn a_fault_in_a_step_ends_the_run_and_a_reset_begins_another() {
     assert_eq!(fmu.all_bits(), fresh.all_bits());
 }
 
+/// Fails if fmi2Terminate is refused after an error.
 #[test]
 fn after_an_error_the_end_is_safe() {
     let terminated = Fmu::started(PLANT, &[]);
@@ -664,6 +846,7 @@ fn after_an_error_the_end_is_safe() {
     }
 }
 
+/// Fails if the checks of parameters let through what is not finite.
 #[test]
 fn parameters_that_are_no_numbers_are_refused_by_name() {
     for model in MODELS {
@@ -684,6 +867,7 @@ fn parameters_that_are_no_numbers_are_refused_by_name() {
 }
 
 /// A missing sensor is news for the estimator, not an error; plant and controller cannot go on without theirs.
+/// Fails if plant and controller compute with what is not finite.
 #[test]
 fn inputs_that_are_no_numbers_end_the_step_or_the_validity() {
     for (model, name) in [(PLANT, "i[2]"), (PLANT, "omega"), ("FlatnessController", "Zm")] {
@@ -712,6 +896,7 @@ fn driven(fmu: &Fmu, step: u32) {
     fmu.step(f64::from(step) * TS, TS).ok(fmu);
 }
 
+/// Fails if instances count their steps together.
 #[test]
 fn instances_do_not_see_one_another() {
     const STEPS: u32 = 120;
@@ -750,6 +935,7 @@ fn instances_do_not_see_one_another() {
     }
 }
 
+/// Fails if a binary serves a thousand instances and no more.
 #[test]
 fn instances_can_be_made_and_freed_without_end() {
     for model in MODELS {
@@ -759,6 +945,7 @@ fn instances_can_be_made_and_freed_without_end() {
     }
 }
 
+/// Fails if a reset keeps the values.
 #[test]
 fn reset_is_a_fresh_instance_bit_for_bit() {
     for model in MODELS {
@@ -778,6 +965,7 @@ fn reset_is_a_fresh_instance_bit_for_bit() {
     }
 }
 
+/// Fails if the version is `2.0.4`.
 #[test]
 fn version_and_platform_are_the_standard_s() {
     // SAFETY: the functions take nothing and answer constants.

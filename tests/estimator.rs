@@ -458,7 +458,7 @@ fn the_estimate_is_lambda0_until_epsilon() {
 
 #[test]
 fn reset_equals_a_fresh_state() {
-    let scenario = Scenario { samples: 400, ..Scenario::default() };
+    let scenario = Scenario { samples: 700, ..Scenario::default() };
     let data = scenario.run();
     for method in [Method::Paper, Method::Unbalance] {
         let estimator = Estimator::new(scenario.config(method, Hold::HeldAfter)).expect("a good configuration");

@@ -182,3 +182,56 @@ fn results_can_be_read_back() {
     let page = identify::page("A <title>", "command", &samples, &tracks, None);
     assert!(page.contains("A &lt;title&gt;") && page.matches("<svg").count() == 4);
 }
+
+/// Currents in a table of their own: held ones at four times the rate, and points of a continuous current at another rate.
+#[test]
+fn currents_may_have_a_table_of_their_own() {
+    let (_, recording) = run(montecarlo::NOISE, 0.15);
+    let whole = csv(&recording);
+    let together = Samples::read(&whole, &Reading::default()).expect("a good recording");
+    let column = |name: &str| recording.get(name).expect("a column");
+    let mut currents = String::from("Time [ms];Coil A [mA];Coil B [mA];Coil C [mA]\n");
+    for n in 0..4 * (recording.time_s.len() - 1) {
+        // Held before: the sample at the end of an interval and those within it are the same.
+        let at = n.div_ceil(4);
+        let cells = [1, 2, 3].map(|k| format!("{:.9}", 1e3 * column(&format!("plant.im[{k}]"))[at]).replace('.', ","));
+        currents += &format!("{};{}\n", format!("{:.4}", 0.025 * n as f64).replace('.', ","), cells.join(";"));
+    }
+    let columns = [1, 2, 3].map(|k| (format!("im[{k}]"), format!("Coil {}", ["A", "B", "C"][k - 1]))).to_vec();
+    let reading = Reading { columns, ..Reading::default() };
+    let apart = Samples::read_apart(&whole, &currents, &reading).expect("usable recordings");
+    assert!(apart.notes.iter().any(|note| note.contains("of their own")), "{:?}", apart.notes);
+    let [one, other] = [&together, &apart].map(|samples| {
+        let track = identify::track(samples, &config(samples)).expect("a good configuration");
+        track.last_valid().expect("an estimate").lambda_hat
+    });
+    for (one, other) in one.iter().zip(other) {
+        // The table begins and ends with an interval less, and has nine digits.
+        assert!((one / other - 1.0).abs() < 1e-3, "{one} in one table, {other} in two");
+    }
+
+    let sine = |time_s: f64, k: usize| 1.5 + 0.5 * (100.0 * std::f64::consts::PI * time_s + k as f64).sin();
+    let mut currents = String::from("time,im[1],im[2],im[3]\n");
+    for n in (0..1000).filter(|n| !(400..450).contains(n)) {
+        let time_s = 1e-5 + f64::from(n) / 7000.0;
+        let cells = [0, 1, 2].map(|k| format!("{:.9}", sine(time_s, k)));
+        currents += &format!("{time_s:.9},{}\n", cells.join(","));
+    }
+    let apart = Samples::read_apart(&whole, &currents, &Reading::default()).expect("usable recordings");
+    for (k, values) in apart.currents(identify::Currents::Linear).iter().enumerate() {
+        let mut missing = 0;
+        for (j, value) in values.iter().enumerate() {
+            let time_s = apart.start_s + j as f64 * apart.step_s;
+            if value.is_nan() {
+                missing += 1;
+            } else {
+                // A chord of a seventh of a millisecond is off by at most 0.13 mA here.
+                assert!((value - sine(time_s, k)).abs() < 2e-4, "{value} A at {time_s} s, wanted {}", sine(time_s, k));
+            }
+        }
+        // The hole of 7.1 ms, and the end after 142.9 ms.
+        assert!((100..160).contains(&missing), "{missing} samples without a current");
+    }
+    let refused = Samples::read_apart(&whole, "time,im[1]\n0,1\n", &Reading::default()).expect_err("two are missing");
+    assert!(refused.to_string().contains("im[2]"), "{refused}");
+}

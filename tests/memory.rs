@@ -79,7 +79,7 @@ fn by_the_book(intervals: usize, hop: usize) -> [NormalMatrix; 2] {
 
 /// The same by the memory.
 fn in_cells(intervals: usize, hop: usize) -> [NormalMatrix; 2] {
-    let bank = Bank::new(intervals, hop, false, NOISE[0], NOISE[1]);
+    let bank = Bank::new(intervals, hop, false, NOISE, 0.9);
     let sizes = bank.cells().sizes();
     let mut memory = Memory::new(sizes.len());
     for w in 0..WINDOWS {
@@ -140,7 +140,7 @@ fn a_window_fits_what_it_was_made_of() {
 
 #[test]
 fn clearing_and_parting() {
-    let bank = Bank::new(50, 2, false, NOISE[0], NOISE[1]);
+    let bank = Bank::new(50, 2, false, NOISE, 0.9);
     let cells = bank.cells().sizes().len();
     let ones = vec![1.0; cells];
     let gains = Gains { current: [&ones; 3], gap: [&ones; 3] };

@@ -53,6 +53,7 @@ fn archive(name: &str, folder: &str) -> BTreeMap<String, Vec<u8>> {
     members(&fs::read(&found.path).expect("the archive"))
 }
 
+/// Fails if a member holds the time.
 #[test]
 fn two_packagings_give_the_same_bytes() {
     let (first, second) = (packaged("first"), packaged("second"));
@@ -69,6 +70,7 @@ fn two_packagings_give_the_same_bytes() {
 }
 
 /// No member says when or by whom it was made, and no text says where.
+/// Fails if a member holds the folder of the project.
 #[test]
 fn archives_hold_no_traces_of_their_making() {
     for written in packaged("traces") {
@@ -94,6 +96,7 @@ fn archives_hold_no_traces_of_their_making() {
     }
 }
 
+/// Fails if there is a member more, or less.
 #[test]
 fn an_fmu_holds_what_it_should_and_nothing_else() {
     let (platform, ending) = package::platform().expect("a platform that FMI 2.0 knows");
@@ -131,6 +134,7 @@ fn an_fmu_holds_what_it_should_and_nothing_else() {
     }
 }
 
+/// Fails if the picture is none.
 #[test]
 fn pictures_are_square_and_large_enough() {
     const SIDE: u32 = 256;
@@ -146,6 +150,7 @@ fn pictures_are_square_and_large_enough() {
     }
 }
 
+/// Fails if the names of the sensors are left out.
 #[test]
 fn documentation_names_every_variable_and_loads_nothing() {
     for (kind, written) in catalogue().into_iter().zip(packaged("documentation")) {
@@ -162,6 +167,7 @@ fn documentation_names_every_variable_and_loads_nothing() {
     }
 }
 
+/// Fails if they are not.
 #[test]
 fn the_licences_are_there() {
     let members = archive("MagneticBearing.fmu", "licences");
@@ -183,6 +189,7 @@ fn named<'a>(root: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = Nod
     root.descendants().filter(move |node| node.is_element() && node.tag_name().name() == name)
 }
 
+/// Fails if an FMU in the system has a byte more.
 #[test]
 fn the_system_holds_the_fmus_as_they_are() {
     let written = packaged("system");
@@ -206,6 +213,7 @@ fn the_system_holds_the_fmus_as_they_are() {
     }
 }
 
+/// Fails if a connection ends at `i[9]`.
 #[test]
 fn systems_connect_what_exists_and_name_what_is_there() {
     let system = archive("MagneticBearing.ssp", "structure");
@@ -292,6 +300,7 @@ fn systems_connect_what_exists_and_name_what_is_there() {
     }
 }
 
+/// Fails if a value of a parameter set is another.
 #[test]
 fn parameter_sets_give_what_the_scenarios_say() {
     let system = archive("MagneticBearing.ssp", "parameters");

@@ -195,7 +195,7 @@ fn every_figure_is_there_with_its_plots() {
         ("lambda-error", "", 4),
         ("condition", "", 1),
         ("tracking", "the paper’s Fig. 3)", 3),
-        ("currents", "the paper’s Fig. 5)", 1),
+        ("currents", "the paper’s Fig. 5)", 2),
         ("axis-y", "the paper’s Figs. 7 and 9)", 6),
         ("axis-z", "the paper’s Figs. 8 and 10)", 6),
         ("orbit", "the paper’s Figs. 11 and 12)", 4),

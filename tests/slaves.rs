@@ -334,6 +334,7 @@ fn demanded(start_s: f64, count: usize) -> Vec<f64> {
     (0..count).map(|k| start_s + k as f64 * TS).collect()
 }
 
+/// Fails if the clock compares without a tolerance, or counts with a running sum.
 #[test]
 fn samples_do_not_depend_on_how_time_is_cut() {
     const SAMPLES: usize = 1000;

@@ -139,7 +139,6 @@ fn a_rotor_thrown_at_the_ring_stays_inside_whatever_the_ring() {
         let config = PlantConfig { velocity_m_s: [0.3, -0.4], ..falling(ring.clone()) };
         let plant = Plant::new(config).expect("plant");
         let mut state = plant.start(0.0);
-        // At speed, friction would drive the rotor backwards around the ring ever faster, as in life: no ring holds that.
         let input = PlantInput::default();
         let mut touched = false;
         let mut largest: f64 = 0.0;
@@ -150,6 +149,25 @@ fn a_rotor_thrown_at_the_ring_stays_inside_whatever_the_ring() {
         }
         assert!(touched, "{ring:?}");
         assert!(largest < 4.6e-4, "{ring:?}: {largest} m");
+    }
+}
+
+/// Friction of a turning rotor drives it backwards around the ring; the damper of the ring's mount ends that.
+///
+/// Fails if the damper acts along the radius only: the whirl then grows until the rotor is at a magnet.
+#[test]
+fn a_backward_whirl_comes_to_an_end() {
+    for friction in [0.05, 0.1, 0.15] {
+        let ring = TouchdownConfig { friction, ..TouchdownConfig::default() };
+        let plant = Plant::new(PlantConfig { velocity_m_s: [0.3, -0.4], ..falling(ring.clone()) }).expect("plant");
+        let mut state = plant.start(0.0);
+        let input = PlantInput { omega_rad_s: 314.0, ..PlantInput::default() };
+        let mut largest: f64 = 0.0;
+        for k in 0..5000 {
+            plant.advance(&mut state, &input, f64::from(k) * 1e-4, 1e-4).expect("advance");
+            largest = largest.max(state.position_m[0].hypot(state.position_m[1]));
+        }
+        assert!(largest < 4.6e-4, "{friction}: {largest} m");
     }
 }
 

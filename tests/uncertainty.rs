@@ -7,6 +7,7 @@ use std::path::Path;
 use common::{Bench, Said};
 use magnetic_bearing::app::montecarlo::{self, NOISE};
 use magnetic_bearing::app::scenario::Scenario;
+use magnetic_bearing::app::simulate;
 use magnetic_bearing::slave::variable::Value;
 
 /// While an estimate is valid its error is to stay below so many of its standard deviations.
@@ -212,6 +213,34 @@ fn faults_are_named_and_left_behind() {
             let (worst, _) = confidence(&late, &truth);
             assert!(worst < CONFIDENT, "{name}: {worst:.1} standard deviations while valid, limit {CONFIDENT}");
         }
+    }
+}
+
+/// At 1 µm the controller feeds the noise of the positions back. A part is taken off, and the standard deviation covers the rest.
+#[test]
+fn noise_that_is_fed_back_is_covered() {
+    const RUNS: usize = 200;
+    let study = montecarlo::study("", &open("unbalanced"), [10.0 * NOISE[0], NOISE[1]], true, RUNS);
+    let [_, late] = study.run().expect("a good scenario").try_into().expect("two instants");
+    println!("{late:.4?}");
+    assert_eq!(late.valid, RUNS);
+    for k in 0..3 {
+        let normalised = late.normalised[k];
+        assert!((0.8..=1.25).contains(&normalised), "lambda[{}]: error/std {normalised:.2}", k + 1);
+        assert!(late.bias[k].abs() < late.rms[k] / 3.0, "bias {:?}, rms {:?}", late.bias, late.rms);
+    }
+    assert!(late.worst < CONFIDENT, "{:.1} standard deviations", late.worst);
+}
+
+/// The paper's method is valid on the paper's simulation, and says no more where an unbalance makes it wrong by half.
+#[test]
+fn the_papers_method_knows_its_limit() {
+    for (name, wanted) in [("paper", true), ("experiment", false)] {
+        let run = simulate::run(&open(name)).expect("a good scenario");
+        let valid = run.recording.get("paper.valid").expect("the scenario compares the method");
+        let late: Vec<f64> =
+            run.recording.time_s.iter().zip(valid).filter(|(t, _)| **t >= 0.1).map(|(_, valid)| *valid).collect();
+        assert!(late.iter().all(|valid| (*valid == 1.0) == wanted), "{name}: wanted {wanted} from 0.1 s on");
     }
 }
 

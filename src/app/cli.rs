@@ -78,6 +78,9 @@ enum Command {
         /// The recording: columns parted by comma, semicolon or tab; a decimal comma is understood with the latter two.
         #[arg(value_name = "RECORDING")]
         recording: PathBuf,
+        /// The currents in a table of their own, with a column of times by the same clock, at any rate.
+        #[arg(long, value_name = "FILE.csv")]
+        currents: Option<PathBuf>,
         /// A column: signal as in the interface = name in the header.
         #[arg(long, value_name = "SIGNAL=COLUMN", value_parser = pair)]
         column: Vec<(String, String)>,
@@ -141,6 +144,9 @@ enum Command {
         /// When the standard deviations are compared, in s; five revolutions if not given.
         #[arg(long, value_name = "SECONDS")]
         at: Option<f64>,
+        /// Draws standard deviations, band and delay over the length of the window into this SVG file.
+        #[arg(long, value_name = "FILE.svg")]
+        plot: Option<PathBuf>,
     },
     /// Repeats a scenario with many seeds of the sensor noise and prints errors, stated standard deviations and the bound of
     /// Cramér and Rao.
@@ -190,7 +196,8 @@ enum Command {
         #[arg(long, conflicts_with_all = ["out", "jobs"])]
         expand: bool,
     },
-    /// Writes the model descriptions and VARIABLES.md, which stand under review, out of the tables of variables.
+    /// Writes the model descriptions and VARIABLES.md, which stand under review, out of the tables of variables, and the plot
+    /// for the choice of the window, window.svg.
     Describe {
         /// Folder for the files.
         #[arg(long, value_name = "DIR", default_value = "modelDescription")]
@@ -240,7 +247,7 @@ pub fn main() -> ExitCode {
         }
         Some(Command::Describe { out }) => describe(&out),
         Some(command @ Command::Identify { .. }) => identify(command),
-        Some(Command::Design { scenario, speed, sample_time, window, position_noise, current_noise, at }) => {
+        Some(Command::Design { scenario, speed, sample_time, window, position_noise, current_noise, at, plot }) => {
             let question = design::Question {
                 rpm: speed,
                 step_s: sample_time,
@@ -248,7 +255,7 @@ pub fn main() -> ExitCode {
                 noise: [position_noise, current_noise],
                 instant_s: at.unwrap_or(300.0 / speed),
             };
-            choose_window(&scenario, &question)
+            choose_window(&scenario, &question, plot.as_deref())
         }
     };
     match outcome {
@@ -288,7 +295,9 @@ fn package(binaries: &[(&'static Platform, PathBuf)], folder: &Path) -> Result<(
 fn describe(folder: &Path) -> Result<()> {
     package::write_descriptions(folder)?;
     let path = folder.join("VARIABLES.md");
-    fs::write(&path, documentation::markdown()).map_err(named(&path))
+    fs::write(&path, documentation::markdown()).map_err(named(&path))?;
+    let path = folder.join("window.svg");
+    fs::write(&path, design::figure()).map_err(named(&path))
 }
 
 fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Option<usize>) -> Result<()> {
@@ -340,8 +349,9 @@ fn pair(text: &str) -> std::result::Result<(String, String), String> {
     Ok((name.trim().into(), value.trim().into()))
 }
 
-fn choose_window(name: &Path, question: &design::Question) -> Result<()> {
-    let (promises, recommended) = design::design(&Scenario::open(name)?, question)?;
+fn choose_window(name: &Path, question: &design::Question, plot: Option<&Path>) -> Result<()> {
+    let scenario = Scenario::open(name)?;
+    let (promises, recommended) = design::design(&scenario, question)?;
     let table = design::table(question, &promises, recommended);
     say!("{}\n  {}", table.title, table.note);
     print_table(&table.head, &table.rows);
@@ -351,12 +361,17 @@ fn choose_window(name: &Path, question: &design::Question) -> Result<()> {
             say!("\nNo window identifies the force constants here: more time, a larger path or less noise is needed.")
         }
     }
+    if let Some(path) = plot {
+        fs::write(path, design::plot(&scenario, question)?).map_err(named(path))?;
+        say!("\n{}", path.display());
+    }
     Ok(())
 }
 
 fn identify(command: Command) -> Result<()> {
     let Command::Identify {
         recording,
+        currents,
         column,
         unit,
         scenario,
@@ -374,15 +389,20 @@ fn identify(command: Command) -> Result<()> {
     else {
         unreachable!("called for this command alone");
     };
-    let text = String::from_utf8_lossy(&fs::read(&recording).map_err(named(&recording))?).into_owned();
+    let text = |path: &Path| -> Result<String> {
+        Ok(String::from_utf8_lossy(&fs::read(path).map_err(named(path))?).into_owned())
+    };
     let reading = identify::Reading {
         columns: column,
         units: unit,
         omega_rad_s: speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
         resample_s: resample,
     };
-    let samples =
-        identify::Samples::read(&text, &reading).map_err(|error| format!("{}: {error}", recording.display()))?;
+    let samples = match &currents {
+        None => identify::Samples::read(&text(&recording)?, &reading),
+        Some(path) => identify::Samples::read_apart(&text(&recording)?, &text(path)?, &reading),
+    };
+    let samples = samples.map_err(|error| format!("{}: {error}", recording.display()))?;
     let bearing = Scenario::open(&scenario)?;
     let mut config = identify::config(|name| {
         bearing.value("estimator", name).map_or(f64::NAN, crate::slave::variable::Value::as_f64)

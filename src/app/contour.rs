@@ -71,8 +71,8 @@ pub fn fit(points: &[[f64; 3]]) -> Result<Fit, String> {
     }
     let basis = |theta: f64, column: usize| match column {
         0 => 1.0,
-        _ if column <= HARMONICS => (column as f64 * theta).cos(),
-        _ => ((column - HARMONICS) as f64 * theta).sin(),
+        _ if column <= HARMONICS => libm::cos(column as f64 * theta),
+        _ => libm::sin((column - HARMONICS) as f64 * theta),
     };
     let matrix = DMatrix::from_fn(points.len(), UNKNOWNS, |row, column| basis(points[row][0], column));
     let svd = matrix.svd(true, true);
@@ -90,7 +90,7 @@ pub fn fit(points: &[[f64; 3]]) -> Result<Fit, String> {
         Contour { centre_m: [y[0], z[0]], cos_y_m: cos(&y), sin_y_m: sin(&y), cos_z_m: cos(&z), sin_z_m: sin(&z) };
     let distance = |[theta, y, z]: &[f64; 3]| {
         let [[at_y, ..], [at_z, ..]] = contour.at(*theta);
-        (at_y - y).hypot(at_z - z)
+        libm::hypot(at_y - y, at_z - z)
     };
     let largest_m = points.iter().map(distance).fold(0.0, f64::max);
     Ok(Fit { contour, largest_m })

@@ -7,6 +7,7 @@ use std::f64::consts::TAU;
 
 use super::identify;
 use super::montecarlo;
+use super::plot::{Axis, Colour, Line, Mark, Plot, Range, Unit};
 use super::report::Table;
 use super::scenario::Scenario;
 use super::simulate::{self, Refused};
@@ -199,4 +200,109 @@ pub fn table(question: &Question, promises: &[Promise], recommended: Option<usiz
         .into(),
         rows: rows.collect(),
     }
+}
+
+/// Windows of the plot, in revolutions: from a quarter to three.
+const PLOTTED: std::ops::RangeInclusive<u32> = 5..=60;
+const PLOTTED_PART: f64 = 0.05;
+
+/// When the dashed line of the plot is looked at, in revolutions: a window of one revolution is full, and a little more.
+const EARLY_REVOLUTIONS: f64 = 1.75;
+
+/// Width of the plot and height of one of its parts, in pixels.
+const PLOT_PX: (f64, f64) = (760.0, 250.0);
+
+/// The choice as a plot, an SVG file: standard deviations, band and delay over the length of the window. The windows of the
+/// question, if there are some, else enough of them for a smooth line.
+///
+/// # Errors
+/// As for [`design`].
+pub fn plot(scenario: &Scenario, question: &Question) -> Result<String, Refused> {
+    let mut question = question.clone();
+    if question.windows_s.is_empty() {
+        question.windows_s = PLOTTED.map(|part| f64::from(part) * PLOTTED_PART * 60.0 / question.rpm).collect();
+    }
+    let (mut promises, recommended) = design(scenario, &question)?;
+    // The same while there is little data.
+    let early_s = EARLY_REVOLUTIONS * 60.0 / question.rpm;
+    let soon = Question { instant_s: early_s, ..question.clone() };
+    let (mut early, _) = design(scenario, &soon)?;
+    early.sort_by(|a, b| a.window_s.total_cmp(&b.window_s));
+    let recommended_s = recommended.map(|n| promises[n].window_s);
+    promises.sort_by(|a, b| a.window_s.total_cmp(&b.window_s));
+    let lengths: Vec<f64> = promises.iter().map(|promise| promise.window_s).collect();
+    let line = |name: &str, colour, value: &dyn Fn(&Promise) -> f64| {
+        let values = promises.iter().map(value).map(|value| if value.is_finite() { value } else { f64::NAN });
+        Line::new(name, lengths.clone(), values.collect::<Vec<_>>(), colour)
+    };
+    let hertz = Unit { name: "Hz", factor: 1.0 };
+    let title = format!(
+        "Expected standard deviation of λ after {:.0} ms at {} rpm, noise {} µm and {} mA",
+        question.instant_s * 1e3,
+        question.rpm,
+        (question.noise[0] * 1e9).round() / 1e3,
+        (question.noise[1] * 1e6).round() / 1e3,
+    );
+    let [std, band, delay] = [
+        (title.as_str(), "standard deviation", Unit::PERCENT, false),
+        ("Band in which the rows see more than half of their peak power", "frequency", hertz, true),
+        ("Mean age of the data", "delay", Unit::MILLISECOND, false),
+    ]
+    .map(|(title, quantity, unit, log)| {
+        let x = Axis::new("window Tf", Unit::MILLISECOND);
+        let y = Axis { log, ..Axis::new(quantity, unit) };
+        let mut plot = Plot::new(title, x, y, PLOT_PX);
+        plot.instants.extend(recommended_s.map(|at| Mark::new(at, "recommended", Colour::Grey)));
+        plot
+    });
+    let magnets = ["λ₁", "λ₂", "λ₃"].into_iter().zip(Colour::MAGNETS).enumerate();
+    let mut stds: Vec<Line> =
+        magnets.map(|(k, (name, colour))| line(name, colour, &|promise| promise.std[k])).collect();
+    let known: Vec<&Promise> = early.iter().filter(|promise| promise.std[2].is_finite()).collect();
+    let soon: Vec<f64> = known.iter().map(|promise| promise.std[2]).collect();
+    let windows: Vec<f64> = known.iter().map(|promise| promise.window_s).collect();
+    stds.push(Line::new(&format!("λ₃ after {:.0} ms", early_s * 1e3), windows, soon, Colour::Green).dashed());
+    let most = stds.iter().flat_map(|line| line.y.iter()).copied().filter(|std| std.is_finite()).fold(0.0, f64::max);
+    let std = Plot { y: std.y.from_to(Some(Range::new(0.0, 1.1 * most.max(1e-4)))), ..std };
+    let plots = [
+        Plot { lines: stds, ..std },
+        Plot {
+            lines: vec![
+                line("upper end", Colour::Blue, &|promise| promise.band_hz[1]),
+                line("lower end", Colour::Vermillion, &|promise| promise.band_hz[0]),
+            ],
+            ..band
+        },
+        Plot {
+            lines: vec![line("half a window and the mean age in the memory", Colour::Green, &|promise| {
+                promise.delay_s
+            })],
+            ..delay
+        },
+    ];
+    let (width, height) = PLOT_PX;
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{0}\" viewBox=\"0 0 {width} {0}\" \
+         font-family=\"system-ui,sans-serif\">\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n",
+        height * plots.len() as f64
+    );
+    for (n, plot) in plots.iter().enumerate() {
+        let place = format!("<svg y=\"{}\" width=\"{width}\" height=\"{height}\" ", height * n as f64);
+        svg += &plot.draw().svg.replacen("<svg class=\"plot\" ", &place, 1);
+        svg.push('\n');
+    }
+    svg += "</svg>\n";
+    Ok(svg)
+}
+
+/// The plot that stands in the documentation.
+///
+/// # Panics
+/// Never: the scenario comes with the program.
+#[must_use]
+pub fn figure() -> String {
+    let scenario = Scenario::open(std::path::Path::new("unbalanced")).expect("a scenario that comes with the program");
+    let question =
+        Question { rpm: 3000.0, step_s: None, windows_s: Vec::new(), noise: montecarlo::NOISE, instant_s: 0.1 };
+    plot(&scenario, &question).expect("a good scenario")
 }

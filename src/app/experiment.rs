@@ -77,7 +77,8 @@ fn estimates(scenario: &Scenario, run: &Run, paper: bool) -> Table {
     if paper {
         rows.push(row("paper, figure 2".into(), PAPER_LAMBDA, ""));
     }
-    for instant_s in INSTANTS_S {
+    let end_s = run.recording.time_s.last().copied().filter(|end_s| !paper && *end_s > INSTANTS_S[1]);
+    for instant_s in INSTANTS_S.into_iter().chain(end_s) {
         for method in methods(scenario) {
             let lambda = at(run, instant_s, |k| format!("{}.lambdaHat[{k}]", method.element));
             let valid = at(run, instant_s, |_| format!("{}.valid", method.element));

@@ -13,7 +13,8 @@ use super::recording::{Column, Recording};
 use super::report::{self, Table};
 use crate::model::Invalid;
 use crate::model::estimator::{
-    CONDITION_LIMIT, Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, Reason, STD_LIMIT,
+    CONDITION_LIMIT, Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, PAPER_STD_LIMIT,
+    Reason, STD_LIMIT,
 };
 use crate::slave::estimator::{HOLD, METHOD};
 
@@ -139,7 +140,11 @@ impl Track {
             None => format!("The recording does not identify the force constants.{why}"),
             Some(last) => {
                 let worst = (0..3).map(|k| last.lambda_std[k] / last.lambda_hat[k]).fold(0.0, f64::max);
-                let word = if worst < 0.2 * STD_LIMIT && last.condition < 0.5 * CONDITION_LIMIT {
+                let limit = match self.config.method {
+                    Method::PaperLiteral | Method::Paper => PAPER_STD_LIMIT,
+                    Method::LeastSquares | Method::Unbalance => STD_LIMIT,
+                };
+                let word = if worst < 0.2 * limit && last.condition < 0.5 * CONDITION_LIMIT {
                     "The excitation is sufficient"
                 } else {
                     "The excitation is weak"
@@ -149,7 +154,7 @@ impl Track {
                      (limit {:.0} %), valid during {share:.0} % of the recording.{why}",
                     last.condition,
                     100.0 * worst,
-                    100.0 * STD_LIMIT
+                    100.0 * limit
                 )
             }
         }

@@ -5,6 +5,7 @@ use super::logger::Logger;
 use super::registry::Entry;
 use super::sequence::State;
 use super::snapshot::{Snapshot, Stage};
+use super::unload::Presence;
 use crate::slave::AnySlave;
 use crate::slave::instance::Step;
 
@@ -29,17 +30,18 @@ pub(super) type Outcome = Result<(), Problem>;
 /// The latest start: beyond it a double precision number does not tell the instants of fast samples apart.
 const LATEST_START_S: f64 = 1e9;
 
-/// What `fmi2Component` points to.
+/// What a call works on.
 pub(super) struct Component {
     pub(super) entry: &'static Entry,
     pub(super) slave: Box<dyn AnySlave>,
     pub(super) stage: Stage,
     pub(super) logger: Logger,
+    _presence: Presence,
 }
 
 impl Component {
-    pub(super) fn new(entry: &'static Entry, logger: Logger) -> Self {
-        Self { entry, slave: (entry.kind.instantiate)(), stage: Stage::BEGIN, logger }
+    pub(super) fn new(entry: &'static Entry, logger: Logger, presence: Presence) -> Self {
+        Self { entry, slave: (entry.kind.instantiate)(), stage: Stage::BEGIN, logger, _presence: presence }
     }
 
     /// What messages call a variable: its name, or its value reference where there is none of that reference.

@@ -1,30 +1,91 @@
 //! The one door through which calls from an importer come in.
 
 use std::any::Any;
+use std::cell::UnsafeCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::bindings::{fmi2Component, fmi2Status};
 use super::component::{Component, Outcome, Problem};
 use super::logger::Category;
 use super::sequence::{Function, State};
 
-/// Lets one call in: checks the instance and the sequence of calls, carries the call out, and answers with a status. A
-/// problem becomes fmi2Error with a message; so does a panic, after which only a reset or the end are allowed.
+/// What `fmi2Component` points to: an instance, and whether a call on it is under way.
+///
+/// The standard forbids a second call meanwhile, and yet loggers call back into the instance that speaks, and importers
+/// share instances between threads. Such a call is turned away, instead of finding the instance in the middle of a change.
+struct Guarded {
+    busy: AtomicBool,
+    component: UnsafeCell<Component>,
+}
+
+impl Guarded {
+    /// Begins a call, unless one is under way.
+    fn begin(&self) -> Option<Turn<'_>> {
+        // A turn is made only where there is one: its end is that of the call.
+        (!self.busy.swap(true, Ordering::Acquire)).then(|| Turn(self))
+    }
+}
+
+/// A call that is under way; its end lets the next one in.
+struct Turn<'g>(&'g Guarded);
+
+impl Turn<'_> {
+    fn component(&mut self) -> &mut Component {
+        // SAFETY: `busy` lets one turn exist at a time, and only a turn reaches the component.
+        unsafe { &mut *self.0.component.get() }
+    }
+}
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        self.0.busy.store(false, Ordering::Release);
+    }
+}
+
+/// What an importer holds of a new instance.
+pub(super) fn hand_out(component: Component) -> fmi2Component {
+    let guarded = Guarded { busy: AtomicBool::new(false), component: UnsafeCell::new(component) };
+    Box::into_raw(Box::new(guarded)).cast()
+}
+
+/// Ends an instance. One in the middle of a call, whose logger asks for its end, is left behind: the call goes on with it.
 ///
 /// # Safety
-/// `component` is null or was made by `fmi2Instantiate`, was not freed since, and is not used by another call meanwhile.
+/// `component` is null or was made by [`hand_out`], and is not used again.
+pub(super) unsafe fn take_back(component: fmi2Component) {
+    let guarded = component.cast::<Guarded>();
+    // SAFETY: a pointer that is not null is, by this function's contract, a live instance.
+    let Some(busy) = (unsafe { guarded.as_ref() }).map(|guarded| guarded.busy.swap(true, Ordering::Acquire)) else {
+        return;
+    };
+    if !busy {
+        // SAFETY: `hand_out` made the pointer of a box; no call is under way, and by contract none follows.
+        let guarded = unsafe { Box::from_raw(guarded) };
+        let _ = catch_unwind(AssertUnwindSafe(|| drop(guarded)));
+    }
+}
+
+/// Lets one call in: checks the instance and the sequence of calls, carries the call out, and answers with a status. A
+/// problem becomes fmi2Error with a message; so does a panic, after which the run cannot go on before a reset.
+///
+/// # Safety
+/// `component` is null or was made by [`hand_out`], and was not taken back since.
 pub(super) unsafe fn enter(
     component: fmi2Component,
     function: Function,
     body: impl FnOnce(&mut Component) -> Outcome,
 ) -> fmi2Status {
-    // SAFETY: a pointer that is not null is, by this function's contract, a live component that no one else uses.
-    let Some(component) = (unsafe { component.cast::<Component>().as_mut() }) else {
-        // Nobody can be told: the logger belongs to the instance.
+    // SAFETY: a pointer that is not null is, by this function's contract, a live instance.
+    let guarded = unsafe { component.cast::<Guarded>().as_ref() };
+    let Some(mut turn) = guarded.and_then(Guarded::begin) else {
+        // Nobody can be told: the logger belongs to the instance, and may be what called.
         return fmi2Status::fmi2Error;
     };
+    let component = turn.component();
     let outcome = if function.allowed_in(component.stage.state) {
-        // After a panic the slave is not used again before it is reset, so a broken invariant cannot be seen.
+        // After a panic the values may be any, and can be looked at; a second panic ends here as well. No step is done
+        // with them: the state `error` is left by a reset or by a snapshot, which replace them all.
         catch_unwind(AssertUnwindSafe(|| body(component))).unwrap_or_else(|panic| {
             Err(Problem::Run(format!(
                 "a defect of this FMU, please report it: {}; it can be used again after fmi2Reset",
@@ -51,7 +112,7 @@ pub(super) unsafe fn enter(
 }
 
 /// What a panic said.
-pub(super) fn words(panic: &(dyn Any + Send)) -> &str {
+fn words(panic: &(dyn Any + Send)) -> &str {
     panic
         .downcast_ref::<&str>()
         .copied()

@@ -1,9 +1,10 @@
 //! The 34 functions of FMI 2.0 for co-simulation.
 //!
 //! Names, arguments and answers are the standard's. All functions that take an instance have one safety contract: the
-//! instance came from [`fmi2Instantiate`] of this library, was not freed since, and no other call on it is under way; an
-//! array has as many elements as its length says; an `fmi2FMUstate` is null or came from [`fmi2GetFMUstate`] or
-//! [`fmi2DeSerializeFMUstate`] of this library, was not freed since, and no other call uses it. Null pointers are refused.
+//! instance came from [`fmi2Instantiate`] of this library and was not freed since; an array has as many elements as its
+//! length says; an `fmi2FMUstate` is null or came from [`fmi2GetFMUstate`] or [`fmi2DeSerializeFMUstate`] of this library,
+//! was not freed since, and no other call uses it. Null pointers are refused; so is a call on an instance while another one
+//! is under way, such as a logger's on the instance that speaks.
 
 #![allow(non_snake_case, reason = "the names are those of the standard")]
 
@@ -12,12 +13,12 @@ use std::panic::catch_unwind;
 
 use super::bindings::*;
 use super::component::{Component, Outcome, Problem};
-use super::door::{enter, words};
+use super::door::{enter, hand_out, take_back};
 use super::logger::{Category, Logger};
 use super::registry;
 use super::sequence::{Function, State};
 use super::snapshot::Snapshot;
-use super::unload;
+use super::unload::Presence;
 use crate::slave::instance::Step;
 use crate::slave::variable::Value;
 
@@ -211,6 +212,7 @@ fn instantiate(
     functions: *const fmi2CallbackFunctions,
     logging_on: fmi2Boolean,
 ) -> Option<fmi2Component> {
+    let presence = Presence::begin()?;
     // SAFETY: the importer keeps the callbacks and both texts valid for the length of the call, the callbacks' content
     // for the life of the instance; null is looked for.
     let (callbacks, name, guid) = unsafe { (functions.as_ref()?, text(name), text(guid)) };
@@ -236,9 +238,7 @@ fn instantiate(
             registry::listed()
         ));
     };
-    unload::prepare();
-    let component = Component::new(entry, logger);
-    Some(Box::into_raw(Box::new(component)).cast())
+    Some(hand_out(Component::new(entry, logger, presence)))
 }
 
 export! {
@@ -283,21 +283,14 @@ export! {
         loggingOn: fmi2Boolean,
     ) -> fmi2Component {
         let made = catch_unwind(|| instantiate(instanceName, fmuType, fmuGUID, functions, loggingOn));
-        made.unwrap_or_else(|panic| {
-            // The message of the panic went to the standard error already; there is no instance whose logger could be used.
-            let _ = words(panic.as_ref());
-            None
-        })
-        .unwrap_or(std::ptr::null_mut())
+        // What a panic said went to the standard error already; there is no instance whose logger could be used.
+        made.ok().flatten().unwrap_or(std::ptr::null_mut())
     }
 
     /// Ends an instance.
     fn fmi2FreeInstance: fmi2FreeInstanceTYPE(c: fmi2Component) -> () {
-        if !c.is_null() {
-            // SAFETY: by this module's contract the pointer came from `fmi2Instantiate` and is not used again.
-            let component = unsafe { Box::from_raw(c.cast::<Component>()) };
-            let _ = catch_unwind(std::panic::AssertUnwindSafe(|| drop(component)));
-        }
+        // SAFETY: by this module's contract the pointer came from `fmi2Instantiate` and is not used again.
+        unsafe { take_back(c) }
     }
 
     /// Tells start and stop time. A tolerance is accepted and has no effect: these slaves have a fixed accuracy.
@@ -397,7 +390,8 @@ export! {
         unsafe { no_strings(c, Function::GetString, nvr) }
     }
 
-    /// Writes Real variables: all of them, or none if one is refused. Numbers that are not finite are refused.
+    /// Writes Real variables: all of them, or none if one is refused. What is not finite is refused where it is used: a
+    /// parameter at the end of the initialization, an input in the step, unless its lack is news and not an error.
     fn fmi2SetReal: fmi2SetRealTYPE(
         c: fmi2Component,
         vr: *const fmi2ValueReference,

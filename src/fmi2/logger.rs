@@ -68,7 +68,10 @@ pub(super) struct Logger {
     instance: CString,
     callback: fmi2CallbackLogger,
     environment: fmi2ComponentEnvironment,
+    /// Categories that were switched on.
     wanted: u8,
+    /// Categories that were switched off by their names.
+    unwanted: u8,
 }
 
 impl Logger {
@@ -79,6 +82,7 @@ impl Logger {
             callback: callbacks.logger,
             environment: callbacks.componentEnvironment,
             wanted: if on { Category::All.bit() } else { 0 },
+            unwanted: 0,
         }
     }
 
@@ -93,8 +97,8 @@ impl Logger {
             bits |= category.bit();
         }
         match (on, names.is_empty() || bits & Category::All.bit() != 0) {
-            (true, true) => self.wanted = Category::All.bit(),
-            (true, false) => self.wanted |= bits,
+            (true, true) => (self.wanted, self.unwanted) = (Category::All.bit(), 0),
+            (true, false) => (self.wanted, self.unwanted) = (self.wanted | bits, self.unwanted & !bits),
             (false, true) => self.wanted = 0,
             (false, false) => {
                 // What was switched on as a whole goes on without these.
@@ -103,15 +107,17 @@ impl Logger {
                     self.wanted &= !Category::All.bit();
                 }
                 self.wanted &= !bits;
+                self.unwanted |= bits;
             }
         }
         Ok(())
     }
 
     fn passes(&self, category: Category) -> bool {
-        // Errors are passed on in any case: without them nobody could tell why a simulation ended.
-        matches!(category, Category::StatusError | Category::StatusFatal)
-            || self.wanted & (Category::All.bit() | category.bit()) != 0
+        // Errors are passed on while logging is off, and kept back only if they were switched off by name: without them
+        // nobody could tell why a simulation ended.
+        let serious = matches!(category, Category::StatusError | Category::StatusFatal);
+        self.wanted & (Category::All.bit() | category.bit()) != 0 || serious && self.unwanted & category.bit() == 0
     }
 
     /// Sends one message.

@@ -308,9 +308,11 @@ fn contact<const N: usize>(at: &Point<Jet<N>>) -> [Jet<N>; 2] {
     let r = (y * y + z * z).sqrt();
     let (out_y, out_z) = (y / r, z / r);
     let push = at.stiffness_n_m * (r - at.clearance_m) + at.damping_ns_m * (out_y * v_y + out_z * v_z);
-    let v = out_y * v_z - out_z * v_y + at.omega_rad_s * at.radius_m;
+    let around = out_y * v_z - out_z * v_y;
+    let v = around + at.omega_rad_s * at.radius_m;
     let drag = at.friction * push * v / (v * v + Jet::constant(SLIDING_M_S * SLIDING_M_S)).sqrt();
-    [-(push * out_y) + drag * out_z, -(push * out_z) - drag * out_y]
+    let sideways = drag + at.damping_ns_m * (r - at.clearance_m) / r * around;
+    [-(push * out_y) + sideways * out_z, -(push * out_z) - sideways * out_y]
 }
 
 /// The values at a point and their derivatives in a direction, which has the units of the point.

@@ -135,6 +135,7 @@ pub struct Bank {
     load: [f64; HARMONICS],
     /// `Σ |node|` over all test functions, the largest answer of the current side to a signal bounded by one.
     reach: f64,
+    followed: f64,
     cells: Cells,
     /// Weights of the cells that the next window will not hold, then of those that it will.
     chunks: [Vec<Chunk>; 2],
@@ -146,9 +147,9 @@ pub struct Bank {
 
 impl Bank {
     /// The test functions of [`Weights::sines`] for windows of that many intervals, one every `hop` samples; `position` and `current`
-    /// are the nominal noise of a position and of `∫ dτ`-ed acceleration times T_f², in the same unit.
+    /// are the nominal noise of a position and of `∫ dτ`-ed acceleration times T_f², in the same unit; `keep` as in [`Bank::followed`].
     #[must_use]
-    pub fn new(intervals: usize, hop: usize, continuous: bool, position: f64, current: f64) -> Self {
+    pub fn new(intervals: usize, hop: usize, continuous: bool, [position, current]: [f64; 2], keep: f64) -> Self {
         let rows = Weights::sines(intervals, HARMONICS, position, current);
         let forces: Vec<Vec<f64>> = rows
             .iter()
@@ -202,6 +203,7 @@ impl Bank {
             .map(|(from, end)| (from..end).step_by(WIDTH).map(|first| chunk(first, end)).collect());
         Self {
             functions: rows.len(),
+            followed: followed(&rows, keep),
             combinations,
             load,
             reach: rows.iter().map(Weights::reach).sum(),
@@ -222,6 +224,14 @@ impl Bank {
     #[must_use]
     pub fn reach(&self) -> f64 {
         self.reach
+    }
+
+    /// `Σ g_z·(T g_z)/Σ g_z²` over the rows, dimensionless: how much of their position noise a loop follows whose complementary
+    /// sensitivity T is a low-pass of second order that forgets to the part `keep` in a sample. Below 0 where it lags
+    /// by more than a quarter turn.
+    #[must_use]
+    pub fn followed(&self) -> f64 {
+        self.followed
     }
 
     /// The samples that are taken together.
@@ -272,6 +282,21 @@ impl Bank {
     }
 }
 
+/// See [`Bank::followed`].
+fn followed(rows: &[Weights], keep: f64) -> f64 {
+    let (mut both, mut own) = (0.0, 0.0);
+    for row in rows {
+        let mut lag = [0.0; 2];
+        for g in &row.position {
+            lag[0] = keep * lag[0] + (1.0 - keep) * g;
+            lag[1] = keep * lag[1] + (1.0 - keep) * lag[0];
+            both += g * lag[1];
+            own += g * g;
+        }
+    }
+    if own > 0.0 { both / own } else { 0.0 }
+}
+
 /// Mean over each cell of what noise is multiplied by, oldest cell first.
 #[derive(Clone, Copy, Debug)]
 pub struct Gains<'a> {
@@ -317,6 +342,8 @@ pub struct Sums {
     pub h: NormalVector,
     /// `Σ w |N|²`.
     pub square: f64,
+    /// `Σ w (|N_y|² − |N_z|²)` and `Σ w 2 N_y·N_z`.
+    pub shape: [f64; 2],
     /// The squares of what each column would be if nothing cancelled.
     pub level: [f64; 3],
     /// Expected `Σ w δDᵀδD` per σ_z²; unknowns beyond the magnets have none.
@@ -335,7 +362,7 @@ impl Sums {
     pub fn of(rows: &Rows, direction: &Directions, level: [f64; 3], noise: &NoiseSums, x: &NormalVector) -> Self {
         let (p, h, square) = rows.normal(direction);
         let NoiseSums { p_position, h_position, p_current, .. } = *noise;
-        Self { p, h, square, level, p_position, h_position, p_current, trace: noise.trace(x) }
+        Self { p, h, square, level, p_position, h_position, p_current, trace: noise.trace(x), shape: [0.0; 2] }
     }
 
     /// `self · keep + other`.
@@ -351,6 +378,7 @@ impl Sums {
         }
         for k in 0..2 {
             self.trace[k] = self.trace[k] * keep + other.trace[k];
+            self.shape[k] = self.shape[k] * keep + other.shape[k];
         }
     }
 

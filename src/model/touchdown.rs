@@ -8,6 +8,10 @@
 //!
 //! so that it never pulls, and drags with the friction `−μ N v/√(v² + v_0²)`, v the velocity of the rotor's surface against
 //! the ring, `v_t + ω · radius`, and `v_0` [`SLIDING_M_S`]. The speed of the rotor is an input: friction does not brake it.
+//!
+//! The ring is a body without mass on a soft mount. A rotor that whirls in contact moves it along, by δ around the centre with
+//! `v_t/r`, and the mount's damper holds against that with `−d δ v_t/r`. So a backward whirl, which friction drives, ends where
+//! `μ k = d Ω` and does not grow for ever; far above the ring's natural frequency it is still what destroys bearings.
 
 use serde::{Deserialize, Serialize};
 
@@ -84,12 +88,14 @@ impl TouchdownConfig {
         let push = self.push_n(position_m, velocity_m_s);
         let out = [y / r, z / r];
         let along = [-out[1], out[0]];
+        let around = velocity_m_s[0] * along[0] + velocity_m_s[1] * along[1];
         let mut drag = 0.0;
         if self.friction > 0.0 {
-            let v = velocity_m_s[0] * along[0] + velocity_m_s[1] * along[1] + omega_rad_s * self.radius_m;
+            let v = around + omega_rad_s * self.radius_m;
             drag = self.friction * push * v / libm::hypot(v, SLIDING_M_S);
         }
-        std::array::from_fn(|a| -push * out[a] - drag * along[a])
+        let mount = self.damping_ns_m * (r - self.clearance_m) / r * around;
+        std::array::from_fn(|a| -push * out[a] - (drag + mount) * along[a])
     }
 
     /// The fastest rate of the contact, in 1/s, of a rotor of the given mass in kg that is pushed with `push_n` in N.

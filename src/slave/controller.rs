@@ -8,7 +8,7 @@ use super::bearing::{DRIVE, coils, geometry, lambda0, sample_time, together};
 use super::clock::Clock;
 use super::course::Course;
 use super::instance::{Fault, Kind, Slave, Step, all, instantiate, variables};
-use super::log::{Log, Topic};
+use super::log::{Digits, Log, Topic};
 use super::unit::{AMPERE, LAMBDA, METRE, NEWTON, RADIAN_PER_SECOND, SECOND, VOLT};
 use super::variable::{Enumeration, Row, Value, place, with};
 use crate::model::Invalid;
@@ -370,9 +370,14 @@ impl Slave for Tracking {
             values.output = self.controller.sample(&mut self.state, &values.input).map_err(Fault::of)?;
             let now = values.output.lambda_used_nm2_a2;
             if used != now && values.config.update == UpdateMode::AtTime && log.wants(Topic::Event) {
+                let [a, b, c] = used.map(Digits::<6>);
+                let [x, y, z] = now.map(Digits::<6>);
+                let at_s = Digits::<9>(instant_s);
                 log.say(
                     Topic::Event,
-                    format_args!("the force constants {used:?} are replaced by {now:?} N.m2/A2 at {instant_s} s"),
+                    format_args!(
+                        "at {at_s} s the force constants ({a}, {b}, {c}) N.m2/A2 are replaced by ({x}, {y}, {z}) N.m2/A2"
+                    ),
                 );
             }
         }

@@ -8,7 +8,7 @@ use super::bearing::{geometry, lambda0, sample_time, together};
 use super::clock::Clock;
 use super::course::Course;
 use super::instance::{Fault, Kind, Slave, Step, all, instantiate, variables};
-use super::log::{Log, Topic};
+use super::log::{Digits, Log, Topic};
 use super::unit::{AMPERE, KILOGRAM_METRE, LAMBDA, METRE, NEWTON, ONE, RADIAN, RADIAN_PER_SECOND, SECOND};
 use super::variable::{Enumeration, Row, place};
 use crate::model::Invalid;
@@ -270,7 +270,7 @@ impl Slave for Estimation {
             let reason = values.output.reason;
             let topic = if reason == Reason::Singular { Topic::SingularLinearSystem } else { Topic::Event };
             if former != reason && log.wants(topic) {
-                log.say(topic, format_args!("at {instant_s} s the estimate is {reason}"));
+                log.say(topic, format_args!("at {} s the estimate is {reason}", Digits::<9>(instant_s)));
             }
         }
         Ok(())

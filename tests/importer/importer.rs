@@ -121,58 +121,96 @@ fn version_and_platform_are_the_standard_s() {
     }
 }
 
-/// The closed loop of the FMUs: outputs are read, inputs are set, all step; every output is that of the direct run.
-///
-/// Elements, connections and parameters are those of the system in the SSP, which the program made as well.
-#[test]
-fn the_closed_loop_over_fmus_is_the_direct_run_bit_for_bit() {
-    const STEP_S: f64 = 1e-4;
-    const DURATION: &str = "0.1 s";
-    let builders = packaged("loop");
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("loop");
-    run(&folder, &["package", "--out", "."]);
-    fmi_rs::zip::extract_zip_archive(folder.join("MagneticBearing.ssp"), folder.join("system")).expect("the system");
+/// The closed loop of a system in the SSP: its elements, started, and what is connected to what.
+struct Loop<'a> {
+    instances: HashMap<String, Instance<'a>>,
+    /// Element and output, element and input.
+    connections: Vec<[String; 4]>,
+}
 
-    for (name, file) in [("paper", "SystemStructure.ssd"), ("unbalanced", "UnbalancedRotor.ssd")] {
-        direct(&folder, name, DURATION);
-        let mut table = csv::Reader::from_path(folder.join("direct.csv")).expect("the direct run");
-        let head: Vec<String> = table.headers().expect("a head").iter().map(unitless).collect();
-
-        let text = fs::read_to_string(folder.join("system").join(file)).expect("the structure");
+impl<'a> Loop<'a> {
+    /// The system that a file in the folder of the unpacked SSP describes, with or without the parameters that are choices.
+    fn new(folder: &Path, file: &str, builders: &'a HashMap<&'static str, FMU2Builder>, choices: bool) -> Self {
+        let text = fs::read_to_string(folder.join(file)).expect("the structure");
         let structure = roxmltree::Document::parse(&text).expect("well-formed XML");
         let nodes = |tag: &'static str| structure.descendants().filter(move |node| node.tag_name().name() == tag);
-        let instances: HashMap<&str, Instance> = nodes("Component")
+        let instances: HashMap<_, _> = nodes("Component")
             .map(|component| {
                 let name = component.attribute("name").expect("a name");
                 let model = Path::new(component.attribute("source").expect("a source")).file_stem().expect("a file");
-                (name, Instance::new(name, &builders[model.to_str().expect("a name")]))
+                (name.to_owned(), Instance::new(name, &builders[model.to_str().expect("a name")]))
             })
             .collect();
-        let connections: Vec<_> = nodes("Connection")
+        let connections = nodes("Connection")
             .map(|connection| {
                 ["startElement", "startConnector", "endElement", "endConnector"]
-                    .map(|end| connection.attribute(end).expect("element to element"))
+                    .map(|end| connection.attribute(end).expect("element to element").to_owned())
             })
             .collect();
         for binding in nodes("ParameterBinding") {
             let element = binding.ancestors().find(|node| node.tag_name().name() == "Component").expect("an element");
             let instance = &instances[element.attribute("name").expect("a name")];
             let source = binding.attribute("source").expect("a source");
-            let text = fs::read_to_string(folder.join("system").join(source)).expect("a parameter set");
+            let text = fs::read_to_string(folder.join(source)).expect("a parameter set");
             let set = roxmltree::Document::parse(&text).expect("well-formed XML");
             for parameter in set.descendants().filter(|node| node.tag_name().name() == "Parameter") {
+                let name = parameter.attribute("name").expect("a name");
+                if !choices && matches!(instance.variable(name).variableType, VariableType::Enumeration { .. }) {
+                    continue;
+                }
                 let value = parameter.first_element_child().and_then(|value| value.attribute("value"));
                 let value = match value.expect("a value") {
                     "true" => 1.0,
                     "false" => 0.0,
                     number => number.parse().expect("a number"),
                 };
-                instance.set(parameter.attribute("name").expect("a name"), value);
+                instance.set(name, value);
             }
         }
         for instance in instances.values() {
             instance.start();
         }
+        Self { instances, connections }
+    }
+
+    /// Outputs are read, inputs are set, all step.
+    fn step(&self, time_s: f64, length_s: f64) {
+        let read = |[from, output, ..]: &[String; 4]| self.instances[from].get(output);
+        let values: Vec<f64> = self.connections.iter().map(read).collect();
+        for ([.., to, input], value) in self.connections.iter().zip(values) {
+            self.instances[to].set(input, value);
+        }
+        for instance in self.instances.values() {
+            ok("doStep", instance.fmu.doStep(time_s, length_s, fmi2True));
+        }
+    }
+}
+
+/// The SSP that the program packages, unpacked into a folder of that name.
+fn unpacked(name: &str) -> PathBuf {
+    let folder = folder(name);
+    run(&folder, &["package", "--out", "."]);
+    fmi_rs::zip::extract_zip_archive(folder.join("MagneticBearing.ssp"), folder.join("system")).expect("the system");
+    folder.join("system")
+}
+
+const STEP_S: f64 = 1e-4;
+
+/// The closed loop of the FMUs: every output at every step is that of the direct run.
+///
+/// Elements, connections and parameters are those of the system in the SSP, which the program made as well.
+/// Fails if an instance gets a parameter of another.
+#[test]
+fn the_closed_loop_over_fmus_is_the_direct_run_bit_for_bit() {
+    const DURATION: &str = "0.1 s";
+    let builders = packaged("loop");
+    let system = unpacked("loop-system");
+
+    for (name, file) in [("paper", "SystemStructure.ssd"), ("unbalanced", "UnbalancedRotor.ssd")] {
+        direct(&system, name, DURATION);
+        let mut table = csv::Reader::from_path(system.join("direct.csv")).expect("the direct run");
+        let head: Vec<String> = table.headers().expect("a head").iter().map(unitless).collect();
+        let whole = Loop::new(&system, file, &builders, true);
 
         let mut rows = 0;
         for record in table.records() {
@@ -182,7 +220,7 @@ fn the_closed_loop_over_fmus_is_the_direct_run_bit_for_bit() {
             for (path, cell) in head.iter().zip(&record) {
                 let Some((element, variable)) = path.split_once('.') else { continue };
                 // Estimators that run beside the loop are not part of the system.
-                let Some(instance) = instances.get(element) else { continue };
+                let Some(instance) = whole.instances.get(element) else { continue };
                 let (fmu, direct): (f64, f64) = (instance.get(variable), cell.parse().expect("a number"));
                 assert!(
                     fmu.to_bits() == direct.to_bits(),
@@ -190,21 +228,37 @@ fn the_closed_loop_over_fmus_is_the_direct_run_bit_for_bit() {
                 );
                 compared += 1;
             }
-            let outputs = instances.values().flat_map(|instance| instance.variables.values());
+            let outputs = whole.instances.values().flat_map(|instance| instance.variables.values());
             let outputs = outputs.filter(|variable| variable.causality == Causality::Output).count();
             assert_eq!(compared, outputs, "every output of every FMU");
-
-            let values: Vec<f64> = connections.iter().map(|[from, output, ..]| instances[from].get(output)).collect();
-            for ([.., to, input], value) in connections.iter().zip(values) {
-                instances[to].set(input, value);
-            }
-            for instance in instances.values() {
-                ok("doStep", instance.fmu.doStep(time_s, STEP_S, fmi2True));
-            }
+            whole.step(time_s, STEP_S);
             rows += 1;
         }
         assert_eq!(rows, 1001, "0.1 s in steps of 100 µs, both ends included");
     }
+}
+
+/// Writes the final outputs of the loop that all tools run alike, for scripts/conformance.py to compare: 0.4 s, and without the
+/// choices that some tools cannot set. They go to `final.csv` in the temporary folder of this package's build.
+#[test]
+fn final_values_are_written_down_for_comparison() {
+    const STEPS: u32 = 4000;
+    let builders = packaged("final");
+    let whole = Loop::new(&unpacked("final-system"), "SystemStructure.ssd", &builders, false);
+    for step in 0..STEPS {
+        whole.step(f64::from(step) * STEP_S, STEP_S);
+    }
+    let mut lines = Vec::new();
+    for (element, instance) in &whole.instances {
+        for (name, variable) in &instance.variables {
+            if variable.causality == Causality::Output {
+                lines.push(format!("{element}.{name},{:e}\n", instance.get(name)));
+            }
+        }
+    }
+    lines.sort();
+    assert!(lines.len() > 30, "outputs of three FMUs: {}", lines.len());
+    fs::write(Path::new(env!("CARGO_TARGET_TMPDIR")).join("final.csv"), lines.concat()).expect("a file");
 }
 
 /// Runs a scenario of the program for a time of our own, into `direct.csv`.

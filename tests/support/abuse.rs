@@ -41,6 +41,10 @@ pub struct Abuse<S> {
     pub calls: u64,
     /// Calls that were answered with fmi2OK.
     pub served: u64,
+    /// Calls that were answered with fmi2Error.
+    pub refused: u64,
+    /// Instances that were made and instances that were refused.
+    pub instantiations: [u64; 2],
     /// Steps that were completed.
     pub steps: u64,
 }
@@ -60,7 +64,17 @@ impl<S: Source> Abuse<S> {
     /// Two instances of each model, fresh.
     pub fn new(source: S) -> Self {
         let instances = (0..6).map(|at| (at % 3, Fmu::new(MODELS[at % 3]))).collect();
-        Self { source, instances, snapshots: Vec::new(), written: Vec::new(), calls: 0, served: 0, steps: 0 }
+        Self {
+            source,
+            instances,
+            snapshots: Vec::new(),
+            written: Vec::new(),
+            calls: 0,
+            served: 0,
+            refused: 0,
+            instantiations: [6, 0],
+            steps: 0,
+        }
     }
 
     fn below(&mut self, limit: usize) -> Option<usize> {
@@ -135,6 +149,7 @@ impl<S: Source> Abuse<S> {
             other => panic!("{other:?} is no answer of these FMUs: {messages:?}"),
         }
         self.served += u64::from(status == fmi2Status::fmi2OK);
+        self.refused += u64::from(status == fmi2Status::fmi2Error);
         status == fmi2Status::fmi2OK
     }
 
@@ -458,6 +473,9 @@ impl<S: Source> Abuse<S> {
         // SAFETY: the instance is live; the texts end with a zero byte; the array is as long as is said, null, or impossible.
         let status = unsafe { call!(fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(c, on, count, first)) };
         self.answered(at, status);
+        // Errors that were switched off by name are no longer told, and the next one is to be counted.
+        let status = self.instances[at].1.set_logging(true, &["logStatusError"]);
+        self.answered(at, status);
         Some(())
     }
 
@@ -478,8 +496,12 @@ impl<S: Source> Abuse<S> {
             9 => request.logging = false,
             _ => {}
         }
-        self.calls += 2;
-        if let Ok(fmu) = request.instantiate(MODELS[model]) {
+        let made = request.instantiate(MODELS[model]);
+        self.instantiations[usize::from(made.is_err())] += 1;
+        self.calls += 1;
+        if let Ok(fmu) = made {
+            // The former instance is freed by the assignment.
+            self.calls += 1;
             self.instances[at] = (model, fmu);
         }
         Some(())
@@ -503,6 +525,7 @@ impl<S: Source> Abuse<S> {
             }
         };
         self.calls += 1;
+        self.refused += 1;
         assert_eq!(status, fmi2Status::fmi2Error);
         Some(())
     }

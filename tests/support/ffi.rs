@@ -60,18 +60,22 @@ unsafe extern "C" fn take_message(
     };
     let words = |text: &CStr| text.to_str().expect("texts are UTF-8").to_owned();
     assert_eq!(format, c"%s", "the format takes exactly the text that follows it");
-    let message = Message { instance: words(instance), status, category: words(category), text: words(text) };
+    // The name is what the importer gave, whatever its encoding.
+    let instance = instance.to_string_lossy().into_owned();
+    let message = Message { instance, status, category: words(category), text: words(text) };
     messages.lock().expect("no test panics while it holds the messages").push(message);
 }
 
-/// The logger as the standard's variadic type.
-pub fn logger() -> fmi2CallbackLogger {
-    type Fixed =
-        unsafe extern "C" fn(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String, fmi2String);
+/// A logger that takes one text after the format.
+pub type Fixed =
+    unsafe extern "C" fn(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String, fmi2String);
+
+/// A logger as the standard's variadic type.
+pub fn variadic(logger: Fixed) -> fmi2CallbackLogger {
     type Variadic = unsafe extern "C" fn(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String, ...);
     // SAFETY: on x86-64, the platform of these tests, a variadic call passes six integers and pointers in the same
     // registers as any other call, and the caller passes exactly these six.
-    Some(unsafe { std::mem::transmute::<Fixed, Variadic>(take_message) })
+    Some(unsafe { std::mem::transmute::<Fixed, Variadic>(logger) })
 }
 
 unsafe extern "C" fn allocate(_: usize, _: usize) -> *mut c_void {
@@ -116,7 +120,7 @@ impl Request {
     pub fn instantiate(self, model: &str) -> Result<Fmu, Vec<Message>> {
         let messages: Box<Messages> = Box::default();
         let callbacks = Box::new(fmi2CallbackFunctions {
-            logger: if self.logger { logger() } else { None },
+            logger: if self.logger { variadic(take_message) } else { None },
             allocateMemory: Some(allocate),
             freeMemory: Some(release),
             stepFinished: None,
@@ -397,6 +401,14 @@ impl Fmu {
         let (first, size) = (bytes.as_ptr().cast(), bytes.len());
         // SAFETY: the instance is live; there are as many bytes as is said; the pointer may be written.
         unsafe { call!(fmi2DeSerializeFMUstate: fmi2DeSerializeFMUstateTYPE(self.component, first, size, state)) }
+    }
+
+    /// `fmi2GetRealStatus`.
+    pub fn real_status(&self, kind: fmi2StatusKind) -> Result<f64, fmi2Status> {
+        let mut value = f64::NAN;
+        // SAFETY: the instance is live; the value can be written.
+        let status = unsafe { call!(fmi2GetRealStatus: fmi2GetRealStatusTYPE(self.component, kind, &raw mut value)) };
+        if status == fmi2Status::fmi2OK { Ok(value) } else { Err(status) }
     }
 
     /// `fmi2GetDirectionalDerivative`.

@@ -14,6 +14,8 @@ const SIGNALS: [(&str, &[&str], Unit); 8] = [
     ("omega", &["omegam"], RADIAN_PER_SECOND),
 ];
 const NEEDED: usize = 6;
+/// Where the currents stand among them.
+const CURRENTS: std::ops::Range<usize> = 3..6;
 
 /// How far an instant may be from the uniform pace, in sample times.
 const JITTER: f64 = 0.05;
@@ -60,6 +62,8 @@ pub struct Samples {
     pub theta_rad: Vec<f64>,
     /// Speed, in rad/s; empty if not known.
     pub omega_rad_s: Vec<f64>,
+    /// The currents at instants of their own, if they were recorded apart: in s and A.
+    pub apart: Option<(Vec<f64>, [Vec<f64>; 3])>,
     /// What was found and done, in sentences.
     pub notes: Vec<String>,
 }
@@ -85,6 +89,12 @@ impl Samples {
     /// The currents with a value at every sample where one can be had.
     #[must_use]
     pub fn currents(&self, how: Currents) -> [Vec<f64>; 3] {
+        if let Some((time, columns)) = &self.apart {
+            return std::array::from_fn(|k| {
+                let instants = (0..self.len()).map(|j| self.start_s + j as f64 * self.step_s);
+                instants.map(|instant_s| resampled(time, &columns[k], instant_s, self.step_s, how)).collect()
+            });
+        }
         std::array::from_fn(|k| fill_current(&self.current_a[k], how))
     }
 
@@ -96,8 +106,39 @@ impl Samples {
     /// # Errors
     /// Everything that keeps the recording from being used.
     pub fn read(text: &str, reading: &Reading) -> Result<Self, Unusable> {
-        let table = Table::read(text, reading)?;
-        table.samples(reading)
+        Table::read(text, reading, |_| true)?.samples(reading)
+    }
+
+    /// Reads a recording whose currents stand in a table of their own, at any rate, by the same clock. What a current sample
+    /// stands for decides how they are brought to the pace of the positions ([`Samples::currents`]).
+    ///
+    /// # Errors
+    /// As for [`Samples::read`], of both tables.
+    pub fn read_apart(motion: &str, currents: &str, reading: &Reading) -> Result<Self, Unusable> {
+        let motion = Table::read(motion, reading, |signal| !CURRENTS.contains(&signal))?;
+        // The tables need not have the same name for the time.
+        let mut own = reading.clone();
+        own.columns.retain(|(signal, name)| signal != "time" || currents.contains(name.as_str()));
+        let apart = Table::read(currents, &own, |signal| signal == 0 || CURRENTS.contains(&signal))?;
+        let mut samples = motion.samples(reading)?;
+        let known = |row: &usize| [0].into_iter().chain(CURRENTS).all(|signal| apart.columns[signal][*row].is_finite());
+        let rows: Vec<usize> = (0..apart.columns[0].len()).filter(known).collect();
+        let column = |signal: usize| rows.iter().map(|row| apart.columns[signal][*row]).collect::<Vec<f64>>();
+        let time = column(0);
+        if time.len() < 20 || time.windows(2).any(|pair| pair[1] <= pair[0]) {
+            return Err(Unusable(vec![format!(
+                "{} samples of all currents, 20 at least are wanted at rising times",
+                time.len()
+            )]));
+        }
+        samples.notes.extend(apart.notes);
+        samples.notes.push(format!(
+            "The currents have {} samples of their own, every {:.6} ms.",
+            time.len(),
+            median(&time) * 1e3
+        ));
+        samples.apart = Some((time, std::array::from_fn(|k| column(CURRENTS.start + k))));
+        Ok(samples)
     }
 }
 
@@ -109,7 +150,8 @@ struct Table {
 }
 
 impl Table {
-    fn read(text: &str, reading: &Reading) -> Result<Self, Unusable> {
+    /// Reads the signals that are `wanted`, by their places in [`SIGNALS`].
+    fn read(text: &str, reading: &Reading, wanted: impl Fn(usize) -> bool) -> Result<Self, Unusable> {
         let text = text.trim_start_matches('\u{feff}');
         // Lines before the header, as data loggers write them, hold no separator or a remark.
         let header_line =
@@ -143,6 +185,10 @@ impl Table {
         // Where each signal stands, and what brings it to SI units.
         let mut places = Vec::new();
         for (at, (signal, others, unit)) in SIGNALS.iter().enumerate() {
+            if !wanted(at) {
+                places.push(None);
+                continue;
+            }
             let told = reading.columns.iter().rev().find(|(name, _)| name == signal).map(|(_, column)| column);
             let place = match told {
                 Some(column) => {
@@ -285,7 +331,7 @@ impl Table {
             }
             samples.position_m[axis] = filled;
         }
-        for k in 0..3 {
+        for k in (0..3).filter(|k| !columns[CURRENTS.start + k].is_empty()) {
             samples.current_a[k] = if uniform {
                 mean_square(&time, &columns[3 + k], start_s, step_s, count)
             } else {
@@ -411,6 +457,42 @@ fn mean_square(time: &[f64], column: &[f64], start_s: f64, step_s: f64, count: u
         }
     }
     sums.iter().map(|(sum, number)| if *number == 0 { f64::NAN } else { (sum / f64::from(*number)).sqrt() }).collect()
+}
+
+/// The usual distance of instants that rise.
+fn median(time: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// The current that a sample at an instant is to have, from samples at other instants: the root of the mean of its square over
+/// the interval that the sample stands for, or the value on the straight line. NaN in gaps.
+fn resampled(time: &[f64], column: &[f64], instant_s: f64, step_s: f64, how: Currents) -> f64 {
+    // Instants come from decimal fractions.
+    let rounding = 1e-6 * step_s;
+    let reach = (FILLED as f64 + 1.0) * median(time).max(step_s);
+    let (mut at, end) = match how {
+        Currents::Linear => {
+            let after = time.partition_point(|time| *time < instant_s - rounding);
+            let near = |row: usize| time.get(row).is_some_and(|time| (time - instant_s).abs() <= reach);
+            let between = near(after) && (after == 0 || near(after - 1));
+            return if between { interpolate(time, column, instant_s) } else { f64::NAN };
+        }
+        Currents::Before => (instant_s - step_s, instant_s),
+        Currents::After => (instant_s, instant_s + step_s),
+    };
+    let mut sum = 0.0;
+    while at < end - rounding {
+        // The first sample after the instant; it stands for what is before it, or the one before it for what is after.
+        let next = time.partition_point(|time| *time <= at + rounding);
+        let row = if how == Currents::Before { next } else { next.wrapping_sub(1) };
+        let Some(value) = column.get(row).filter(|_| (time[row] - at).abs() <= reach) else { return f64::NAN };
+        let until = time.get(next).copied().unwrap_or(end).min(end);
+        sum += value * value * (until - at);
+        at = until;
+    }
+    (sum / step_s).sqrt()
 }
 
 /// A straight line between the known neighbours of an instant.

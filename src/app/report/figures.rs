@@ -677,12 +677,21 @@ fn currents(run: &Run) -> Figure {
     let Some(currents) = measured.or_else(|| run.get3(|k| format!("controller.i[{k}]"))) else {
         return Figure::missing(id, title, paper, &["plant.im[1..3]"]);
     };
-    let window = run.around_update();
-    let mut plot = Plot::new("", run.time_axis(&window, true), Axis::new("current", Unit::AMPERE), (WIDE_PX, 300.0));
-    for k in 0..3 {
-        plot.lines.push(run.line(&format!("i{}", INDEX[k]), currents[k], &window, Colour::MAGNETS[k]));
+    let panel = |title: &str, window: &Window, height_px: f64| {
+        let axes = (run.time_axis(window, true), Axis::new("current", Unit::AMPERE));
+        let mut plot = Plot::new(title, axes.0, axes.1, (WIDE_PX, height_px));
+        for k in 0..3 {
+            plot.lines.push(run.line(&format!("i{}", INDEX[k]), currents[k], window, Colour::MAGNETS[k]));
+        }
+        plot.instants = run.update_mark();
+        Panel::from(plot)
+    };
+    // The paper shows the revolutions around the update; what else happens in a run is seen in the whole of it.
+    let (around, whole) = (run.around_update(), run.whole());
+    let mut panels = vec![panel(around.name, &around, 300.0)];
+    if around.samples != whole.samples {
+        panels.push(panel("All of the run", &whole, 220.0));
     }
-    plot.instants = run.update_mark();
     let mut head = vec!["".to_string()];
     for window in &run.windows {
         // Before, after, or neither.
@@ -708,7 +717,7 @@ fn currents(run: &Run) -> Figure {
     let below =
         if run.windows.len() > 1 { " Below: the last two revolutions before the update and of the run." } else { "" };
     let caption = format!("{what}, {when}. The magnets only pull: the sign of a current has no meaning.{below}");
-    Figure { id, title: title.into(), paper, columns: vec![vec![plot.into()]], caption, table: Some(table) }
+    Figure { id, title: title.into(), paper, columns: vec![panels], caption, table: Some(table) }
 }
 
 fn orbit(run: &Run) -> Figure {

@@ -27,6 +27,21 @@ pub const RESIDUAL_LIMIT: f64 = 0.5;
 /// The largest standard deviation of a λ, relative to the λ, with which an estimate counts as valid.
 pub const STD_LIMIT: f64 = 0.05;
 
+/// The same for the paper's methods. Their standard deviation takes all that is left unexplained for one error in the worst
+/// direction, which is about five times the error that it makes: in the paper's own simulation, where a perturbation of 2 N in
+/// phase with the path costs 4.6 %, it is 20 %.
+pub const PAPER_STD_LIMIT: f64 = 5.0 * STD_LIMIT;
+
+/// Before so many windows without a common sample have passed, the residual of the paper's methods says nothing: the six
+/// rows of the first one leave three degrees of freedom, and fit by chance what the model does not hold.
+pub const PAPER_WINDOWS: u64 = 3;
+
+/// The methods that know no unbalance presume that there is none, and it is the residual that shows if that is wrong. On a
+/// circle it cannot: the force of an unbalance turns with the acceleration of the rotor, and looks like force constants that
+/// are all too small or too large by the same part. `(a² − b²)/(a² + b²)` of the acceleration with the half-axes a and b must be at
+/// least this; it is 0.69 on the paper's orbit and 0.1 where the half-axes differ by a tenth.
+pub const ROUND_LIMIT: f64 = 0.1;
+
 /// Upper end of [`EstimatorOutput::lambda_std`], in units of λ_0.
 pub const STD_CAP: f64 = 1.0e3;
 
@@ -61,7 +76,7 @@ pub enum Method {
     /// P(20) to the letter, `F(n_i)/F(d)` with signed Cramer numerators and determinant of the z axis.
     ///
     /// `d` changes sign twice per revolution and nearly cancels in the mean, so this diverges; it is here to be
-    /// compared with. Its values are shown as they are, and no residual makes them invalid.
+    /// compared with. Its values are shown as they are, valid or not, and no residual makes them invalid.
     PaperLiteral,
     /// P(20) with the signs aligned first, `F(n_i sign d)/F(|d|)`: what reproduces the paper.
     Paper,
@@ -174,13 +189,14 @@ pub enum Reason {
     Stuck,
     /// The latest windows contradict those before: what was learnt is forgotten, and learnt anew.
     Changed,
-    /// The excitation does not tell the unknowns apart: see [`CONDITION_LIMIT`] and [`EXCITATION_FLOOR`].
+    /// The excitation does not tell the unknowns apart: see [`CONDITION_LIMIT`], [`EXCITATION_FLOOR`] and, where the
+    /// unbalance is none of the unknowns, [`ROUND_LIMIT`].
     Singular,
     /// A magnet constant came out zero or negative, which a magnet cannot have.
     NotPositive,
     /// The model does not explain the motion: see [`RESIDUAL_LIMIT`].
     Unexplained,
-    /// A standard deviation is too large for the estimate to be of use: see [`STD_LIMIT`].
+    /// A standard deviation is too large for the estimate to be of use: see [`STD_LIMIT`] and [`PAPER_STD_LIMIT`].
     Uncertain,
     /// The state was made by an estimator with another window or method; it is left untouched.
     ForeignState,

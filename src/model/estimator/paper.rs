@@ -7,10 +7,10 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::config::{
-    CHANNEL_LIMIT, CONDITION_LIMIT, EXCITATION_FLOOR, EstimatorOutput, MODEL_STD, Method, RESIDUAL_CAP, RESIDUAL_LIMIT,
-    Reason, STD_CAP,
+    CHANNEL_LIMIT, CONDITION_LIMIT, EXCITATION_FLOOR, EstimatorOutput, MODEL_STD, Method, PAPER_STD_LIMIT,
+    PAPER_WINDOWS, RESIDUAL_CAP, RESIDUAL_LIMIT, Reason, STD_CAP,
 };
-use super::{Estimator, EstimatorState, MAGNETS};
+use super::{Estimator, EstimatorState, MAGNETS, is_round, shape};
 use crate::model::kernel::ROWS_PER_AXIS;
 use crate::model::regression::{Equations, NormalMatrix, NormalVector};
 use crate::model::window::{Integrals, KERNELS, Sample, WindowSums};
@@ -35,7 +35,10 @@ const RATIO: usize = SQUARE + 1;
 /// The squares of what each column of D would be if nothing cancelled follow.
 const LEVEL: usize = RATIO + MAGNETS + 1;
 
-pub(super) const CHANNELS: usize = LEVEL + MAGNETS;
+/// `|N_y|² − |N_z|²` and `2 N_y·N_z` follow.
+const SHAPE: usize = LEVEL + MAGNETS;
+
+pub(super) const CHANNELS: usize = SHAPE + 2;
 
 impl Estimator {
     /// Takes in one sample; what comes of it, or why the window has to start afresh.
@@ -103,6 +106,9 @@ impl Estimator {
         }
         channels.fixed_rows_mut::<MAGNETS>(RIGHT).copy_from(&h);
         channels[SQUARE] = n.norm_squared();
+        let [shape_0, shape_1] = shape(&n.as_slice()[..ROWS_PER_AXIS], &n.as_slice()[ROWS_PER_AXIS..]);
+        channels[SHAPE] = shape_0;
+        channels[SHAPE + 1] = shape_1;
         for k in 0..MAGNETS {
             let level = squares[k] * self.reach[k];
             channels[LEVEL + k] = level * level;
@@ -146,7 +152,10 @@ impl Estimator {
         if literal {
             output.lambda_hat = lambda;
         }
-        if !excited || output.condition > CONDITION_LIMIT {
+        if !excited
+            || output.condition > CONDITION_LIMIT
+            || is_round([filtered[SHAPE], filtered[SHAPE + 1]], filtered[SQUARE])
+        {
             return Reason::Singular;
         }
         if !lambda.iter().all(|l| *l > 0.0) {
@@ -154,6 +163,10 @@ impl Estimator {
         }
         if !literal && output.residual > RESIDUAL_LIMIT {
             return Reason::Unexplained;
+        }
+        let few = state.samples <= PAPER_WINDOWS * self.intervals as u64;
+        if few || (0..MAGNETS).any(|k| output.lambda_std[k] > PAPER_STD_LIMIT * lambda[k]) {
+            return Reason::Uncertain;
         }
         output.lambda_hat = lambda;
         self.report(output, static_load, &unknowns);
