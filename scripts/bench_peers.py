@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""The estimator FMU beside an estimator in Python, both through fmpy, and numpy alone.
+"""The estimator FMU beside an estimator in Python, both through fmpy, and numpy and SciPy alone.
 
     scripts/bench_peers.py [--ssp target/fmu/MagneticBearing.ssp]
 
 The peer is P(20) with aligned signs (method `paper`) in numpy, exported by PythonFMU; its sums are products of a matrix of weights
-and the window. Both FMUs get the same samples in turns of some hundred steps; medians and quartiles of the turns are printed, and
+and the window. A second peer takes sums and low-pass from SciPy, a sample at a time: `scipy.signal.lfilter` with its state kept. Both
+FMUs get the same samples in turns of some hundred steps; medians and quartiles of the turns are printed, and
 the medians of the ratios turn by turn. Needs the packages of `requirements-bench.txt`.
 """
 
@@ -96,6 +97,49 @@ class Estimation:
         self.value += STEP_S / 2 * (self.rate + rate)
         self.rate = rate
         self.estimate = self.value[:3] / self.value[3]
+        return self.estimate
+
+
+class WithScipy(Estimation):
+    """The same with the filters of SciPy: one finite impulse response per kernel, the low-pass a biquad."""
+
+    def __init__(self):
+        from scipy import signal
+
+        super().__init__()
+        self.lfilter = signal.lfilter
+        # An impulse response runs backwards through the window.
+        self.responses = [kernel[:, ::-1] for kernel in (self.position, self.start, self.end)]
+        self.memories = [[numpy.zeros((rows, N)) for _ in range(3)] for rows in (1, 3, 3)]
+        self.low = signal.bilinear([OMEGA**2], [1, 2 * ZETA * OMEGA, OMEGA**2], 1 / STEP_S)
+        self.low_memory = numpy.zeros((4, 2))
+
+    def sums(self, group, signals):
+        """The three integrals of every signal after one more sample."""
+        result = numpy.empty((3, len(signals)))
+        for i, response in enumerate(self.responses[group]):
+            memory = self.memories[group][i]
+            value, self.memories[group][i] = self.lfilter(response, [1.0], signals[:, None], zi=memory)
+            result[i] = value[:, 0]
+        return result
+
+    def sample(self, y, z, currents):
+        inverse = 1 / (GAP - numpy.sin(ALPHA) * y - numpy.cos(ALPHA) * z) ** 2
+        bulge = (inverse - 2 * self.inverse[0] + self.inverse[1]) / 12 if self.filled > 1 else 0.0
+        square = currents * currents if self.filled else 0 * currents
+        right = self.sums(0, numpy.array([z]))[:, 0]
+        matrix = self.sums(1, square * (self.inverse[0] - bulge)) + self.sums(2, square * (inverse - bulge))
+        self.inverse[1], self.inverse[0] = self.inverse[0], inverse
+        self.filled += 1
+        if self.filled <= N:
+            return self.estimate
+        matrix = matrix * self.columns
+        determinant = numpy.linalg.det(matrix)
+        cramer = numpy.repeat(matrix[None], 3, axis=0)
+        cramer[numpy.arange(3), :, numpy.arange(3)] = right
+        inputs = numpy.append(numpy.linalg.det(cramer), determinant) * numpy.sign(determinant)
+        value, self.low_memory = self.lfilter(*self.low, inputs[:, None], zi=self.low_memory)
+        self.estimate = value[:3, 0] / value[3, 0]
         return self.estimate
 
 
@@ -192,7 +236,7 @@ def main():
 
     namespace = {"__name__": "peer"}
     exec(compile(PEER, "peer.py", "exec"), namespace)
-    alone = namespace["Estimation"]()
+    alone, filters = namespace["Estimation"](), namespace["WithScipy"]()
     paper, unbalance, python = "AlgebraicEstimator.fmu, paper", "AlgebraicEstimator.fmu, unbalance", "PythonFMU, paper"
     fmus = {
         paper: Fmu(*own, INPUTS, OUTPUTS, [("method", 2)]),
@@ -201,6 +245,7 @@ def main():
     }
     candidates = {name: fmu.step for name, fmu in fmus.items()}
     candidates["numpy alone, paper"] = lambda s: alone.sample(s[0], s[1], numpy.array(s[2:]))
+    candidates["SciPy alone, paper"] = lambda s: filters.sample(s[0], s[1], numpy.array(s[2:]))
     samples = record()
     spent = {name: [] for name in candidates}
     stepping = {name: [] for name in fmus}
@@ -218,7 +263,9 @@ def main():
             last[name] = numpy.array(result)
     report("set 5, step, get 3", spent, paper)
     report("doStep alone", stepping, paper)
-    print(f"\nlargest difference of the estimates, relative: {numpy.abs(last[paper] / last[python] - 1).max():.1e}")
+    for name in (python, "SciPy alone, paper"):
+        difference = numpy.abs(last[paper] / last[name] - 1).max()
+        print(f"\nlargest difference of the estimates of {name}, relative: {difference:.1e}")
     shutil.rmtree(folder)
     return 0
 

@@ -19,6 +19,8 @@ pub fn record() -> Vec<EstimatorInput> {
     for (path, value) in [("plant.sensor.positionNoise", "0.1 µm"), ("plant.sensor.currentNoise", "10 mA")] {
         scenario.assign(path, value).expect("a variable of the plant");
     }
+    // The update of λ at 0.2 s is past when the record begins, so that its end goes on with its beginning.
+    scenario.duration_s = 1.0;
     let run = simulate::run(&scenario).expect("a scenario that runs");
     let column = |name: &str| run.recording.get(name).expect("an output of the plant");
     let [y, z, theta, omega] = ["plant.Ym", "plant.Zm", "plant.theta", "plant.omegam"].map(column);

@@ -96,6 +96,7 @@ pub fn run_for(
     let wires = wires(scenario);
     let mut run = Run::default();
     let outputs = outputs(scenario, wanted, &mut run.recording);
+    let mut carried = Vec::with_capacity(wires.len());
 
     let steps = steps(scenario);
     for step in 0..=steps {
@@ -112,9 +113,11 @@ pub fn run_for(
                 run.fault = Some(error);
             }
         }
-        for wire in &wires {
-            let value = read(&mut slaves, wire.from);
-            let set = slaves[wire.to.0].slave.set(wire.to.1, value);
+        // A slave that is read after one of its inputs was set computes its outputs anew: all are read first.
+        carried.clear();
+        carried.extend(wires.iter().map(|wire| read(&mut slaves, wire.from)));
+        for (wire, value) in wires.iter().zip(&carried) {
+            let set = slaves[wire.to.0].slave.set(wire.to.1, *value);
             debug_assert!(set.is_ok(), "an input takes any value");
         }
         for Slave { name, slave } in &mut slaves {

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! 8 bytes   the letters FMU2SNAP
-//! 2 bytes   version of this format, 1
+//! 2 bytes   version of this format, 2
 //! 1 + n     length and text of the model name
 //! 1 + n     length and text of the GUID
 //! 8 bytes   length of the content
@@ -24,7 +24,7 @@ use crate::slave::AnySlave;
 
 const MAGIC: &[u8; 8] = b"FMU2SNAP";
 /// To be raised with every change in what the values or the state of any slave hold.
-const VERSION: u16 = 1;
+const VERSION: u16 = 2;
 const HASH_BYTES: usize = 32;
 
 /// What `fmi2FMUstate` points to: all that an instance has, but for its name, its callbacks and its log categories.

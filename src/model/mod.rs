@@ -8,6 +8,7 @@
 
 mod invalid;
 
+pub mod cells;
 pub mod coil;
 pub mod controller;
 pub mod estimator;
@@ -24,6 +25,7 @@ pub mod reference;
 pub mod regression;
 pub mod sensitivity;
 pub mod sensor;
+pub mod sines;
 pub mod sliding;
 pub mod touchdown;
 pub mod window;

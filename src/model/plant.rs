@@ -25,6 +25,7 @@
 //! before it, so it reads 0 A. With voltage drive currents are continuous, and a sample is that of the instant (`linear`).
 //! Steps may have any length; see [`Plant::advance`].
 
+use std::cell::Cell;
 use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
@@ -591,7 +592,7 @@ impl Plant {
     /// The coils at the given gaps, in m; `linkage_wb` counts with voltage drive, the currents of the input without.
     fn coils(&self, open: [bool; 3], linkage_wb: [f64; 3], input: &PlantInput, gap_m: [f64; 3]) -> [CoilPoint; 3] {
         let coil = &self.config.coil;
-        if coil.drive == Drive::Current && coil.saturation_wb == 0.0 {
+        if self.is_plain() {
             // P(4) as it stands, in the order of operations that gives the fewest roundings.
             let current_a = std::array::from_fn(|k| if open[k] { 0.0 } else { input.current_a[k] });
             let force_n = self.magnets.forces(self.config.lambda_nm2_a2, current_a, gap_m);
@@ -611,6 +612,20 @@ impl Plant {
             Drive::Current => self.coil(k).at_current(input.current_a[k], gap_m[k]),
             Drive::Voltage => self.coil(k).at_linkage(linkage_wb[k], gap_m[k]),
         })
+    }
+
+    /// The forces of the magnets alone, in N, as in [`Plant::coils`].
+    fn forces(&self, open: [bool; 3], linkage_wb: [f64; 3], input: &PlantInput, gap_m: [f64; 3]) -> [f64; 3] {
+        if self.is_plain() {
+            let current_a = std::array::from_fn(|k| if open[k] { 0.0 } else { input.current_a[k] });
+            return self.magnets.forces(self.config.lambda_nm2_a2, current_a, gap_m);
+        }
+        self.coils(open, linkage_wb, input, gap_m).map(|coil| coil.force_n)
+    }
+
+    /// Whether the forces are those of P(4) with the currents of the input.
+    fn is_plain(&self) -> bool {
+        self.config.coil.drive == Drive::Current && self.config.coil.saturation_wb == 0.0
     }
 
     /// `dψ_k/dt = u_k − R i_k` with voltage drive, u_k within the limit of the amplifier; 0 without, or if the circuit is
@@ -655,8 +670,9 @@ impl Plant {
         if self.config.unbalance_kgm != 0.0 {
             let force = self.config.unbalance_kgm * input.omega_rad_s * input.omega_rad_s;
             let angle = theta_rad + self.config.unbalance_phase_rad;
-            p[0] += force * libm::cos(angle);
-            p[1] += force * libm::sin(angle);
+            let (sin, cos) = libm::sincos(angle);
+            p[0] += force * cos;
+            p[1] += force * sin;
         }
         p
     }
@@ -687,9 +703,12 @@ impl Plant {
                 state.linkage_wb[k] = 0.0;
             }
         }
+        // Time, angle and force of the perturbation computed last: two of the four slopes of a sub-step are taken at one instant, and
+        // the last one mostly where the next sub-step begins.
+        let latest = Cell::new(None);
         for j in 0..n {
             let t = from_s + j as f64 * h;
-            self.sub_step(state, inputs, t, h, &theta_rad, budget)?;
+            self.sub_step(state, inputs, (t, h), &theta_rad, &latest, budget)?;
             state.theta_rad = theta_rad(&state.turn, t + h);
         }
         state.time_s = end_s;
@@ -708,13 +727,14 @@ impl Plant {
         &self,
         state: &mut PlantState,
         inputs: &PlantCourse,
-        t_s: f64,
-        h_s: f64,
+        (t_s, h_s): (f64, f64),
         theta_rad: &impl Fn(&Turn, f64) -> f64,
+        latest: &Cell<Option<(f64, f64, [f64; 2])>>,
         budget: &mut usize,
     ) -> Result<(), PlantFault> {
         let mut done_s = 0.0;
         let mut crossings = 0;
+        let held = inputs.slopes.is_none();
         while done_s < h_s || done_s == 0.0 {
             let [y, z] = state.position_m;
             let [v_y, v_z] = state.velocity_m_s;
@@ -732,16 +752,17 @@ impl Plant {
             let step = |h_s: f64| {
                 let turn = &state.turn;
                 let slope = |t: f64, x: &Motion| {
-                    self.derivative(
-                        x,
-                        &inputs.at(t),
-                        Conditions {
-                            time_s: t,
-                            theta_rad: theta_rad(turn, t),
-                            contact: state.contact,
-                            open: state.open,
-                        },
-                    )
+                    let theta_rad = theta_rad(turn, t);
+                    let conditions = Conditions { time_s: t, theta_rad, contact: state.contact, open: state.open };
+                    if !held {
+                        return self.derivative(x, &inputs.at(t), conditions);
+                    }
+                    let perturbation_n = match latest.get() {
+                        Some((at, angle, force)) if at == t && angle == theta_rad => force,
+                        _ => self.perturbation(&inputs.input, t, theta_rad),
+                    };
+                    latest.set(Some((t, theta_rad, perturbation_n)));
+                    self.derivative_under(x, &inputs.input, conditions, perturbation_n)
                 };
                 match self.config.coil.drive {
                     Drive::Voltage => rk4(x, now_s, h_s, slope),
@@ -793,14 +814,21 @@ impl Plant {
     fn longest_step_s(&self, state: &PlantState, input: &PlantInput) -> f64 {
         let m = self.config.m_kg;
         let gap_m = self.magnets.gaps(state.position_m);
-        let coils = self.coils(state.open, state.linkage_wb, input, gap_m);
+        let mut rate: f64 = 0.0;
+        let force_n = if self.is_plain() {
+            self.forces(state.open, state.linkage_wb, input, gap_m)
+        } else {
+            let coils = self.coils(state.open, state.linkage_wb, input, gap_m);
+            for coil in &coils {
+                rate = rate.max(self.config.coil.resistance_ohm * coil.current_by_linkage);
+            }
+            coils.map(|coil| coil.force_n)
+        };
         let mut softness = 0.0;
         let mut least_m = f64::INFINITY;
-        let mut rate: f64 = 0.0;
         for k in 0..3 {
-            softness += 2.0 * coils[k].force_n / gap_m[k];
+            softness += 2.0 * force_n[k] / gap_m[k];
             least_m = least_m.min(gap_m[k]);
-            rate = rate.max(self.config.coil.resistance_ohm * coils[k].current_by_linkage);
         }
         rate = rate.max((softness / m).sqrt());
         let [v_y, v_z] = state.velocity_m_s;
@@ -829,19 +857,30 @@ impl Plant {
     ///
     /// Not a number outside the gap, where P(4) has no meaning. With current drive the fluxes have no derivative: 0.
     pub fn derivative(&self, x: &Motion, input: &PlantInput, conditions: Conditions) -> Motion {
+        let perturbation_n = self.perturbation(input, conditions.time_s, conditions.theta_rad);
+        self.derivative_under(x, input, conditions, perturbation_n)
+    }
+
+    /// [`Plant::derivative`] with the perturbation known, in N.
+    fn derivative_under(&self, x: &Motion, input: &PlantInput, conditions: Conditions, p: [f64; 2]) -> Motion {
         let gap_m = self.magnets.gaps([x[0], x[1]]);
         if !gap_m.iter().all(|gap| *gap > 0.0) {
             return [f64::NAN; 7];
         }
-        let coils = self.coils(conditions.open, [x[4], x[5], x[6]], input, gap_m);
-        let f = self.magnets.resultant(coils.map(|coil| coil.force_n));
-        let p = self.perturbation(input, conditions.time_s, conditions.theta_rad);
+        let linkage_wb = [x[4], x[5], x[6]];
+        let (force_n, induced_v) = if self.is_plain() {
+            (self.forces(conditions.open, linkage_wb, input, gap_m), [0.0; 3])
+        } else {
+            let coils = self.coils(conditions.open, linkage_wb, input, gap_m);
+            (coils.map(|coil| coil.force_n), self.induced_v(conditions.open, &coils, input))
+        };
+        let f = self.magnets.resultant(force_n);
         let c = match conditions.contact {
             true => self.config.touchdown.force_n([x[0], x[1]], [x[2], x[3]], input.omega_rad_s),
             false => [0.0; 2],
         };
         let m = self.config.m_kg;
-        let [u_1, u_2, u_3] = self.induced_v(conditions.open, &coils, input);
+        let [u_1, u_2, u_3] = induced_v;
         [x[2], x[3], sum(f[0] + p[0], c[0]) / m, sum(f[1] + p[1], c[1]) / m, u_1, u_2, u_3]
     }
 

@@ -326,12 +326,13 @@ impl Reference {
                 acceleration_m_s2: omega_rad_s * omega_rad_s * x_2,
             });
         }
-        let (sin, cos) = (libm::sin(theta_rad), libm::cos(theta_rad));
+        let (sin, cos) = libm::sincos(theta_rad);
         let (a, n) = match self.config.shape {
             Shape::Lobes => (self.config.lobe_amplitude_m, f64::from(self.config.lobes)),
             Shape::Ellipse | Shape::External | Shape::Fourier => (0.0, 0.0),
         };
-        let (sin_n, cos_n) = (libm::sin(n * theta_rad), libm::cos(n * theta_rad));
+        // The sine of a zero is that zero.
+        let (sin_n, cos_n) = if n == 0.0 { (n * theta_rad, 1.0) } else { libm::sincos(n * theta_rad) };
         // The radius r + a cos nθ, its first and second derivative with respect to θ.
         let [r_1, r_2] = [-a * n * sin_n, -a * n * n * cos_n];
         let r_y = self.config.r_y_m + a * cos_n;

@@ -225,14 +225,9 @@ fn push(sums: &WindowSums, state: &mut WindowSumsState, sample: &Sample) -> Opti
         state.seen = 1;
         return None;
     }
-    let combined: [f64; 4] = std::array::from_fn(|k| match (k, sums.continuous) {
-        (3.., _) => 0.0,
-        (_, true) => sums.unit * (before.squares[0][k] + 10.0 * last.squares[0][k] + sample.squares[0][k]),
-        (_, false) => {
-            let [[start, end], [next_start, next_end]] =
-                [last.squares.map(|square| square[k]), sample.squares.map(|square| square[k])];
-            sums.unit * ((start + 2.0 * end) + (2.0 * next_start + next_end))
-        }
+    let combined: [f64; 4] = std::array::from_fn(|k| match k {
+        3.. => 0.0,
+        _ => sums.unit * combined(k, sums.continuous, [&before, &last, sample]),
     });
     let positions = sums.position.push(&mut state.position, &last.position);
     let squares = sums.squares.push(&mut state.squares, &combined);
@@ -247,6 +242,17 @@ fn push(sums: &WindowSums, state: &mut WindowSumsState, sample: &Sample) -> Opti
             rotating: [0.0; 2],
         }
     }))
+}
+
+/// What a test function weighs at the middle one of three samples for magnet k, in units of h/12 if the current is continuous, else of h/6.
+#[inline(always)]
+pub(super) fn combined(k: usize, continuous: bool, [before, last, sample]: [&Sample; 3]) -> f64 {
+    if continuous {
+        return before.squares[0][k] + 10.0 * last.squares[0][k] + sample.squares[0][k];
+    }
+    let [[start, end], [next_start, next_end]] =
+        [last.squares.map(|square| square[k]), sample.squares.map(|square| square[k])];
+    (start + 2.0 * end) + (2.0 * next_start + next_end)
 }
 
 /// φ of [`Weights::paper`] as a polynomial in v ∈ [−1, 1], τ = (1 + v)/2: the central difference of

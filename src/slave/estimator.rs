@@ -253,9 +253,7 @@ impl Slave for Estimation {
     }
 
     fn grain_s(&self) -> f64 {
-        // Every sample goes over the whole window: with a long one, fewer samples are done in reasonable time.
-        let config = self.estimator.config();
-        config.step_s * (20.0 * config.step_s / config.window_s).min(1.0)
+        self.estimator.config().step_s
     }
 
     fn step(

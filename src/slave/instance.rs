@@ -451,6 +451,19 @@ impl<S: Slave> AnySlave for Instance<S> {
         Ok(row.get(&self.values))
     }
 
+    fn set(&mut self, index: usize, value: Value) -> Result<(), AccessError> {
+        // What a loop does at every step, the value of an input, goes without the checks of lists.
+        if let Some(row) = S::table().get(index)
+            && row.variable.causality == Causality::Input
+            && self.left.is_empty()
+            && row.set(&mut self.values, value)
+        {
+            self.stale = true;
+            return Ok(());
+        }
+        self.set_all(1, &|_| (index, value))
+    }
+
     fn set_all(&mut self, count: usize, settings: &dyn Fn(usize) -> (usize, Value)) -> Result<(), AccessError> {
         let mut tunes = false;
         for at in 0..count {

@@ -10,8 +10,7 @@ use crate::model::{Checks, Invalid};
 /// The shortest window, in sample times: the test functions need room for their three changes of sign.
 pub const MIN_INTERVALS: f64 = 8.0;
 
-/// The longest window, in sample times: a step costs time and memory in proportion, and rounding of the kernels
-/// grows with the cube.
+/// The longest window, in sample times: memory grows in proportion, and rounding of the kernels with the cube.
 pub const MAX_INTERVALS: f64 = 1.0e5;
 
 /// The largest condition number with which an estimate counts as valid.
