@@ -147,6 +147,8 @@ fn files_that_are_not_of_the_platform_are_refused() {
         ("win64", pe(0xaa64, 0x2022), "it is one for another machine (PE, 0xaa64)"),
         ("win64", pe(0x8664, 0x22), "but not a shared library"),
         ("linux64", program, "but not a shared library"),
+        ("darwin64", with_u32(dylib(MACH_X86), 12, 2), "but not a shared library"),
+        ("win64", pe(X86, 0x2022), "it is one for another machine (PE, 0x3e)"),
         ("linux64", with_u16(elf(X86), 4, 0x0101), "neither ELF nor PE nor Mach-O with 64 bits"),
         ("linux64", Vec::new(), "neither ELF nor PE nor Mach-O with 64 bits"),
         ("linux64", elf(X86)[..12].to_vec(), "neither ELF nor PE nor Mach-O with 64 bits"),
