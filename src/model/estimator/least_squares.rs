@@ -436,7 +436,6 @@ impl Estimator {
         variance[0] = if given[0] > 0.0 { given[0] } else { variance[0].min(smooth) };
         let mut equations = Equations::new(&sums.p, self.unknowns);
         let mut solution = (equations.solve(&sums.h), equations.inverse());
-        output.condition = equations.condition();
         // As many independent rows as there are in windows that do not overlap, and how far their sum of squares scatters.
         let [weight, weight2] = memory.weight;
         let windows = 1.0 + (weight * weight / weight2 - 1.0) / hops_per_window;
@@ -444,8 +443,9 @@ impl Estimator {
         let scatter = (2.0 / freedom).sqrt();
         let mut compensate = variance;
         // The noise follows from the residual, the compensation from the noise; two rounds settle it.
-        for _ in 0..3 {
+        for round in 0..3 {
             let (Some(x), Some(inverse)) = solution else { break };
+            let former = compensate;
             let rest = sums.rest(&x);
             let left: [f64; 2] =
                 std::array::from_fn(|s| (sums.trace[s] - inverse.dot(&memory.score[s])).max(0.1 * sums.trace[s]));
@@ -467,10 +467,14 @@ impl Estimator {
                 // The less is known of the noise, the more of it is reckoned with.
                 unexplained + NOISE_MARGIN * chance
             };
+            if round > 0 && compensate == former {
+                break;
+            }
             let (p, h) = sums.compensated(compensate);
             equations = Equations::new(&p, self.unknowns);
             solution = (equations.solve(&h), equations.inverse());
         }
+        output.condition = equations.condition();
         let (Some(x), Some(inverse)) = solution else {
             return Reason::Singular;
         };
@@ -478,7 +482,6 @@ impl Estimator {
             return Reason::Singular;
         }
         output.noise = variance.map(f64::sqrt);
-        output.condition = output.condition.max(equations.condition());
         output.residual = if sums.square > 0.0 { (sums.rest(&x) / sums.square).sqrt().min(RESIDUAL_CAP) } else { 1.0 };
         let hidden = self.config.method == Method::LeastSquares && is_round(sums.shape, sums.square);
         if !excited || output.condition > CONDITION_LIMIT || hidden {
