@@ -8,26 +8,18 @@
 
 mod invalid;
 
-pub mod cells;
 pub mod coil;
 pub mod controller;
-pub mod estimator;
+pub mod estimation;
 pub mod integration;
-pub mod kernel;
 pub mod linearisation;
-pub mod lowpass;
 pub mod magnet;
-pub mod memory;
 pub mod noise;
 pub mod observer;
 pub mod plant;
 pub mod reference;
-pub mod regression;
 pub mod sensitivity;
 pub mod sensor;
-pub mod sines;
-pub mod sliding;
 pub mod touchdown;
-pub mod window;
 
 pub use invalid::{Checks, Invalid};

@@ -9,17 +9,20 @@ use super::clock::Clock;
 use super::course::Course;
 use super::instance::{Fault, Kind, Slave, Step, all, instantiate, variables};
 use super::log::{Digits, Log, Topic};
-use super::unit::{AMPERE, KILOGRAM_METRE, LAMBDA, METRE, NEWTON, ONE, RADIAN, RADIAN_PER_SECOND, SECOND};
-use super::variable::{Enumeration, Row, place};
+use super::unit::{
+    AMPERE, KILOGRAM, KILOGRAM_METRE, LAMBDA, METRE, NEWTON, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN,
+    RADIAN_PER_SECOND, SECOND,
+};
+use super::variable::{Access, Enumeration, Row, place};
 use crate::model::Invalid;
-use crate::model::estimator::{
-    Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method, Reason,
+use crate::model::estimation::{
+    Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method, Verdict,
 };
 
 /// The estimator as a sort of slave.
 pub static KIND: Kind = Kind {
     name: "AlgebraicEstimator",
-    description: "Algebraic on-line estimator of the force constants of a three-phase magnetic bearing",
+    description: "On-line estimator of the force constants of a three-phase magnetic bearing",
     stop_s: 0.4,
     step_s: 1e-4,
     capabilities: Estimation::CAPABILITIES,
@@ -28,15 +31,36 @@ pub static KIND: Kind = Kind {
     instantiate: instantiate::<Estimation>,
 };
 
-/// How the force constants follow from the windows.
+/// How the force constants are computed.
 pub static METHOD: Enumeration = Enumeration {
     name: "EstimationMethod",
-    description: "How the force constants follow from the windows",
+    description: "How the force constants are computed",
     items: &[
         ("paperLiteral", "Filtered signed determinants, equation (20) to the letter; diverges"),
         ("paper", "Equation (20) with the sign of the determinant aligned; z axis only"),
-        ("leastSquares", "Weighted least squares of both axes"),
-        ("unbalance", "Weighted least squares of both axes, the unbalance identified as well"),
+        ("predictionError", "Prediction errors and instrumental variables; unbalance and noise identified as well"),
+    ],
+};
+
+/// Why an estimate is valid or not.
+pub static VERDICT: Enumeration = Enumeration {
+    name: "Verdict",
+    description: "Why an estimate is valid or not",
+    items: &[
+        ("valid", "The estimate can be relied on"),
+        ("collecting", "Too few samples so far"),
+        ("disabled", "The input enable is false"),
+        ("badSample", "A sample is not finite, or outside the gap"),
+        ("contact", "The rotor is in contact"),
+        ("stuck", "A position sensor reads the same all the time"),
+        ("changed", "The latest revolution contradicts those before; estimation begins anew"),
+        ("singular", "The excitation does not tell the unknowns apart"),
+        ("notPositive", "A force constant came out zero or negative"),
+        ("unexplained", "The model does not explain the motion"),
+        ("coloured", "The innovations are not white"),
+        ("unsteady", "The estimate has contradicted itself several times"),
+        ("uncertain", "The standard deviation is too large"),
+        ("foreignState", "The state was made by an estimator with other parameters"),
     ],
 };
 
@@ -68,54 +92,94 @@ fn table() -> Vec<Row<Values>> {
 
     rows.extend(geometry(place!(config.m_kg), place!(config.gap_m), place!(config.alpha_rad[k])));
     rows.push(sample_time(place!(config.step_s)));
+    rows.extend(lambda0(place!(config.lambda0_nm2_a2[k])));
+    rows.push(Row::choice("method", place!(method), &METHOD, 3).fixed().says("How the force constants are computed"));
+    rows.push(Row::choice("hold", place!(hold), &HOLD, 1).fixed().says("What a sample of a current stands for"));
     rows.push(
-        Row::real("Tf", place!(config.window_s), SECOND, 0.02)
+        Row::boolean("identify.unbalance", place!(config.identify_unbalance), true)
             .fixed()
-            .min(0.0)
-            .nominal(1e-2)
-            .says("Length of the window, a whole multiple of Ts; one revolution is a good choice"),
+            .says("Whether the rotor may have an unbalance, which is then identified as well"),
+    );
+    for (name, place, unit, nominal, description) in [
+        (
+            "sensor.positionNoise",
+            place!(config.position_noise_m),
+            METRE,
+            1e-7,
+            "Standard deviation of the noise of Ym and Zm; 0 finds it from the data",
+        ),
+        (
+            "sensor.currentNoise",
+            place!(config.current_noise_a),
+            AMPERE,
+            1e-2,
+            "Standard deviation of the noise of im; 0 finds it from the data",
+        ),
+        ("tolerance.m", place!(config.tolerance.m_kg), KILOGRAM, 0.1, "Standard deviation of m; 0 means exactly known"),
+        ("tolerance.s", place!(config.tolerance.gap_m), METRE, 1e-5, "Standard deviation of s; 0 means exactly known"),
+        (
+            "tolerance.alpha",
+            place!(config.tolerance.alpha_rad),
+            RADIAN,
+            1e-2,
+            "Standard deviation of each alpha; 0 means exactly known",
+        ),
+        (
+            "tolerance.positionGain",
+            place!(config.tolerance.position_gain),
+            ONE,
+            1e-2,
+            "Relative standard deviation of the gains of Ym and Zm; 0 means exact",
+        ),
+        (
+            "tolerance.positionOffset",
+            place!(config.tolerance.position_offset_m),
+            METRE,
+            1e-5,
+            "Standard deviation of the offsets of Ym and Zm; 0 means none",
+        ),
+        (
+            "tolerance.currentGain",
+            place!(config.tolerance.current_gain),
+            ONE,
+            1e-2,
+            "Relative standard deviation of the gain of each im; 0 means exact",
+        ),
+        (
+            "tolerance.currentOffset",
+            place!(config.tolerance.current_offset_a),
+            AMPERE,
+            1e-2,
+            "Standard deviation of the offset of each im; 0 means none",
+        ),
+    ] {
+        rows.push(Row::real(name, place, unit, 0.0).fixed().min(0.0).nominal(nominal).says(description));
+    }
+    rows.push(
+        Row::real("Tf", place!(config.window_s), SECOND, 0.02).fixed().min(0.0).nominal(1e-2).says(
+            "Length of the window of the paper's methods, a whole multiple of Ts; one revolution is a good choice",
+        ),
     );
     rows.push(
         Row::real("epsilon", place!(config.epsilon_s), SECOND, 0.02)
             .fixed()
             .min(0.0)
             .nominal(1e-2)
-            .says("Time from the start before which the estimate is the first guess"),
+            .says("Time since the first sample before which the paper's methods give the first guess"),
     );
-    rows.extend(lambda0(place!(config.lambda0_nm2_a2[k])));
-    rows.push(
-        Row::choice("method", place!(method), &METHOD, 4)
-            .fixed()
-            .says("How the force constants follow from the windows"),
-    );
-    rows.push(Row::choice("hold", place!(hold), &HOLD, 1).fixed().says("What a sample of a current stands for"));
     rows.push(
         Row::real("filter.omega", place!(config.filter_omega_rad_s), RADIAN_PER_SECOND, 15.0)
             .fixed()
             .min(0.0)
             .nominal(10.0)
             .shown_in("Hz")
-            .says("Natural frequency of the low-pass filter"),
+            .says("Natural frequency of the low-pass filter of the paper's methods"),
     );
     rows.push(
         Row::real("filter.zeta", place!(config.filter_zeta), ONE, 0.707)
             .fixed()
             .min(0.0)
-            .says("Damping ratio of the low-pass filter"),
-    );
-    rows.push(
-        Row::real("sensor.positionNoise", place!(config.position_noise_m), METRE, 0.0)
-            .fixed()
-            .min(0.0)
-            .nominal(1e-7)
-            .says("Standard deviation of the noise of Ym and Zm; 0 finds it from the data"),
-    );
-    rows.push(
-        Row::real("sensor.currentNoise", place!(config.current_noise_a), AMPERE, 0.0)
-            .fixed()
-            .min(0.0)
-            .nominal(1e-2)
-            .says("Standard deviation of the noise of im; 0 finds it from the data"),
+            .says("Damping ratio of the low-pass filter of the paper's methods"),
     );
 
     rows.extend(
@@ -129,13 +193,13 @@ fn table() -> Vec<Row<Values>> {
     rows.push(
         Row::real("theta", place!(input.theta_rad), RADIAN, 0.0)
             .input()
-            .says("Rotor angle; the method unbalance needs it"),
+            .says("Rotor angle, wrapped or not; without it no unbalance can be identified"),
     );
     rows.push(
         Row::real("omega", place!(input.omega_rad_s), RADIAN_PER_SECOND, 100.0 * std::f64::consts::PI)
             .input()
             .nominal(100.0)
-            .says("Speed of the rotor; the method unbalance needs it"),
+            .says("Speed of the rotor, which the force of an unbalance goes with"),
     );
     rows.push(
         Row::boolean("enable", place!(input.enable), true).input().says("Whether samples are taken into account"),
@@ -154,31 +218,69 @@ fn table() -> Vec<Row<Values>> {
             .map(|row| row.sampled_output().nominal(1e-6).says("Estimated force constant of magnet {k}")),
     );
     rows.extend(Row::reals("lambdaRaw", place!(output.lambda_raw[k]), LAMBDA, [0.0; 3]).map(|row| {
-        row.sampled_output().nominal(1e-6).says("Force constant of magnet {k} from the present window alone")
+        row.sampled_output().nominal(1e-6).says("Force constant of magnet {k} from the last revolution alone")
     }));
     rows.extend(Row::reals("lambdaStd", place!(output.lambda_std[k]), LAMBDA, [0.0; 3]).map(|row| {
         row.sampled_output()
             .min(0.0)
             .nominal(1e-8)
-            .says("Standard deviation of the estimated force constant of magnet {k}")
+            .says("Standard deviation of the force constant of magnet {k} by noise alone")
     }));
+    rows.extend(Row::reals("lambdaStdTotal", place!(output.lambda_std_total[k]), LAMBDA, [0.0; 3]).map(|row| {
+        row.sampled_output()
+            .min(0.0)
+            .nominal(1e-8)
+            .says("Standard deviation of the force constant of magnet {k} by noise and tolerances")
+    }));
+    rows.extend(Row::reals("ki", place!(output.ki[k]), NEWTON_PER_AMPERE, [0.0; 3]).map(|row| {
+        row.sampled_output().nominal(10.0).says("Force per current of magnet {k}, mean over the last revolution")
+    }));
+    rows.extend(Row::reals("ks", place!(output.ks[k]), NEWTON_PER_METRE, [0.0; 3]).map(|row| {
+        row.sampled_output().nominal(1e5).says("Negative stiffness of magnet {k}, mean over the last revolution")
+    }));
+    for (name, place, unit, nominal, description) in [
+        (
+            "noise.position",
+            place!(output.position_noise_m),
+            METRE,
+            1e-7,
+            "Standard deviation of the noise of Ym and Zm, told or found",
+        ),
+        (
+            "noise.current",
+            place!(output.current_noise_a),
+            AMPERE,
+            1e-2,
+            "Standard deviation of the noise of im, told or found",
+        ),
+    ] {
+        rows.push(Row::real(name, place, unit, 0.0).sampled_output().min(0.0).nominal(nominal).says(description));
+    }
     rows.push(
         Row::boolean("valid", place!(output.valid), false)
             .sampled_output()
             .says("Whether the estimate can be relied on; if not, lambdaHat is the last valid one"),
     );
+    let verdict = Access {
+        get: |values: &Values, _| verdict_number(values.output.verdict),
+        set: |values: &mut Values, _, number| {
+            let at = usize::try_from(number).ok().and_then(|number| number.checked_sub(1));
+            values.output.verdict = at.and_then(|at| Verdict::ALL.get(at)).copied().unwrap_or_default();
+        },
+    };
+    rows.push(Row::choice("verdict", verdict, &VERDICT, 2).sampled_output().says("Why the estimate is valid or not"));
     rows.push(
         Row::real("condition", place!(output.condition), ONE, 0.0)
             .sampled_output()
             .min(0.0)
             .nominal(10.0)
-            .says("Condition number of the equations"),
+            .says("Condition number of the information matrix scaled to unit diagonal"),
     );
     rows.push(
         Row::real("residual", place!(output.residual), ONE, 0.0)
             .sampled_output()
             .min(0.0)
-            .says("Part of the motion that the estimate leaves unexplained, between 0 and 1 where the model holds"),
+            .says("Normalised innovation squared, 1 where model and noise are right; the paper's methods: part of the motion left unexplained"),
     );
     rows.extend(
         Row::named_reals(["pYHat", "pZHat"], place!(output.load_n[k]), NEWTON, [0.0; 2])
@@ -189,7 +291,7 @@ fn table() -> Vec<Row<Values>> {
             .sampled_output()
             .min(0.0)
             .nominal(1e-4)
-            .says("Identified unbalance, mass times eccentricity; 0 with other methods than unbalance"),
+            .says("Identified unbalance, mass times eccentricity; 0 where none is identified"),
     );
     rows.push(
         Row::real("unbalance.phase", place!(output.unbalance_phase_rad), RADIAN, 0.0)
@@ -199,10 +301,15 @@ fn table() -> Vec<Row<Values>> {
     rows
 }
 
+/// The number of a verdict in the interface.
+fn verdict_number(verdict: Verdict) -> i32 {
+    Verdict::ALL.iter().zip(1..).find(|(one, _)| **one == verdict).map_or(0, |(_, number)| number)
+}
+
 /// A run of the estimator.
 #[derive(Clone)]
 pub struct Estimation {
-    /// With the kernels, which are large and the same for all copies.
+    /// With the paper's kernels, which are large and the same for all copies.
     estimator: Arc<Estimator>,
     state: EstimatorState,
     clock: Clock,
@@ -211,7 +318,7 @@ pub struct Estimation {
 /// The estimator that the values describe.
 fn estimator(values: &mut Values) -> Result<Arc<Estimator>, Vec<Invalid>> {
     let mut findings = Vec::new();
-    let methods = [Method::PaperLiteral, Method::Paper, Method::LeastSquares, Method::Unbalance];
+    let methods = [Method::PaperLiteral, Method::Paper, Method::PredictionError];
     METHOD.choose("method", values.method, methods, &mut values.config.method, &mut findings);
     let holds = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear];
     HOLD.choose("hold", values.hold, holds, &mut values.config.hold, &mut findings);
@@ -244,7 +351,7 @@ impl Slave for Estimation {
     ) -> Result<Self, String> {
         let estimator = estimator(values).map_err(|findings| all(&findings))?;
         if !estimator.accepts(&state) {
-            return Err("the window is not that of the parameters".into());
+            return Err("the state is not that of the parameters".into());
         }
         if time_s.is_some_and(|time_s| !clock.suits(values.config.step_s, time_s)) {
             return Err("the samples taken do not belong to the time".into());
@@ -265,12 +372,12 @@ impl Slave for Estimation {
     ) -> Result<(), Fault> {
         while let Some(instant_s) = self.clock.next_before(step.end_s()) {
             inputs.put(values, instant_s);
-            let former = values.output.reason;
+            let former = values.output.verdict;
             values.output = self.estimator.sample(&mut self.state, &values.input);
-            let reason = values.output.reason;
-            let topic = if reason == Reason::Singular { Topic::SingularLinearSystem } else { Topic::Event };
-            if former != reason && log.wants(topic) {
-                log.say(topic, format_args!("at {} s the estimate is {reason}", Digits::<9>(instant_s)));
+            let verdict = values.output.verdict;
+            let topic = if verdict == Verdict::Singular { Topic::SingularLinearSystem } else { Topic::Event };
+            if former != verdict && log.wants(topic) {
+                log.say(topic, format_args!("at {} s the estimate is {verdict}", Digits::<9>(instant_s)));
             }
         }
         Ok(())

@@ -52,6 +52,9 @@ pub const RADIAN_PER_SECOND: Unit = Unit {
 pub const AMPERE: Unit = Unit { name: "A", base: &[("A", 1)], displays: &[display("A", 1.0), display("mA", 1e3)] };
 /// Force.
 pub const NEWTON: Unit = Unit { name: "N", base: &[("kg", 1), ("m", 1), ("s", -2)], displays: &[] };
+/// Force per current.
+pub const NEWTON_PER_AMPERE: Unit =
+    Unit { name: "N/A", base: &[("kg", 1), ("m", 1), ("s", -2), ("A", -1)], displays: &[] };
 /// Voltage.
 pub const VOLT: Unit = Unit { name: "V", base: &[("kg", 1), ("m", 2), ("s", -3), ("A", -1)], displays: &[] };
 /// Resistance.

@@ -25,7 +25,6 @@
 //! All differences are those of the rounded values, so that the sums that telescope on paper telescope in the computer
 //! too. What rounding does to the shape of `φ''` grows with N³: relative 1e-11 at N = 200, 2e-3 at 100 000.
 
-use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 /// Number of rows that one axis contributes to P(18).
@@ -194,25 +193,6 @@ impl Weights {
         Self::new(&phi)
     }
 
-    /// Weights of at most `most − 1` test functions, the broken lines through [`sine_combinations`].
-    #[must_use]
-    pub fn sines(intervals: usize, most: usize, position_noise: f64, force_noise: f64) -> Vec<Self> {
-        let combinations = sine_combinations(intervals, most, position_noise, force_noise);
-        let sines: Vec<Vec<f64>> = (1..=combinations.len() + 1).map(|n| sine(n, intervals).collect()).collect();
-        combinations
-            .iter()
-            .map(|combination| {
-                let mut phi = vec![0.0; intervals + 1];
-                for (sine, coefficient) in sines.iter().zip(combination) {
-                    for (value, sine) in phi.iter_mut().zip(sine) {
-                        *value += coefficient * sine;
-                    }
-                }
-                Self::new(&phi)
-            })
-            .collect()
-    }
-
     /// Weights that keep a constant force (method section 6, static load): `φ = ψ_3/∫ψ_3`, with mean one.
     #[must_use]
     pub fn static_load(intervals: usize) -> Self {
@@ -228,73 +208,9 @@ impl Weights {
         self.position.iter().map(|w| w * w).sum::<f64>().sqrt()
     }
 
-    /// `Σ |node_j|`, the largest answer of the current side to a signal bounded by one.
+    /// `Σ |node_j|`, the L1 gain of the current side: its largest answer to a signal bounded by one.
     #[must_use]
-    pub fn reach(&self) -> f64 {
+    pub fn l1_gain(&self) -> f64 {
         self.node.iter().map(|w| w.abs()).sum()
     }
-}
-
-/// `sin nπτ` at the nodes of a window, both end values exactly zero.
-fn sine(n: usize, intervals: usize) -> impl Iterator<Item = f64> {
-    (0..=intervals).map(move |j| {
-        if j == 0 || j == intervals {
-            0.0
-        } else {
-            libm::sin(std::f64::consts::PI * ((n * j) % (2 * intervals)) as f64 / intervals as f64)
-        }
-    })
-}
-
-/// Coefficients of `sin nπτ`, n = 1 … `most`, in at most `most − 1` test functions that together see all that a window tells below
-/// `most/(2 T_f)`.
-///
-/// They span the sines without their mean, so that a constant force drops out; they need no more than
-/// the zeros at both ends that the weak form asks for. Noise of the positions, standard deviation `position_noise`, and
-/// of the forces, `force_noise` (per sample and unit of `g_u`, in the unit of the positions), has the covariance
-/// `R = position_noise² G_z G_zᵀ + force_noise² G_u G_uᵀ` in them; the functions returned are combined by the inverse of
-/// its Cholesky factor, so that there `R = 1`: plain least squares on them is the weighted least squares of a window.
-#[must_use]
-pub fn sine_combinations(intervals: usize, most: usize, position_noise: f64, force_noise: f64) -> Vec<Vec<f64>> {
-    let most = most.min(intervals / 2).max(2);
-    let first: Vec<f64> = sine(1, intervals).collect();
-    let first_sum: f64 = first.iter().sum();
-    let (shares, plain): (Vec<f64>, Vec<Weights>) = (2..=most)
-        .map(|n| {
-            let mut phi: Vec<f64> = sine(n, intervals).collect();
-            let share = if n % 2 == 1 { phi.iter().sum::<f64>() / first_sum } else { 0.0 };
-            for (value, first) in phi.iter_mut().zip(&first) {
-                *value -= share * first;
-            }
-            (share, Weights::new(&phi))
-        })
-        .unzip();
-    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let count = plain.len();
-    let covariance = DMatrix::from_fn(count, count, |i, l| {
-        position_noise * position_noise * product(&plain[i].position, &plain[l].position)
-            + force_noise * force_noise * product(&plain[i].node, &plain[l].node)
-    });
-    // A Gram matrix of independent functions is positive definite; where rounding says otherwise the plain ones do.
-    let factor = covariance.cholesky().and_then(|cholesky| cholesky.l().try_inverse());
-    let factor = factor.unwrap_or_else(|| DMatrix::identity(count, count));
-    (0..count)
-        .map(|i| {
-            let of_first: f64 = -(0..=i).map(|l| factor[(i, l)] * shares[l]).sum::<f64>();
-            std::iter::once(of_first).chain((0..count).map(|l| if l <= i { factor[(i, l)] } else { 0.0 })).collect()
-        })
-        .collect()
-}
-
-/// Coefficients of `sin nπτ`, n = 1 … `most`, in the sum of sines nearest to `τ³ (1 − τ)³`, with mean one: the test function of the static
-/// load where sums of sines are at hand. With twelve sines it is off by 1e-5 of its peak.
-#[must_use]
-pub fn static_load_sines(intervals: usize, most: usize) -> Vec<f64> {
-    let psi_3 = psi(3);
-    let h = 1.0 / intervals as f64;
-    let coefficients: Vec<f64> = (1..=most)
-        .map(|n| sine(n, intervals).enumerate().map(|(j, sine)| psi_3.value(j as f64 * h) * sine).sum())
-        .collect();
-    let mean: f64 = coefficients.iter().enumerate().map(|(n, c)| c * sine(n + 1, intervals).sum::<f64>() * h).sum();
-    coefficients.iter().map(|coefficient| coefficient / mean).collect()
 }
