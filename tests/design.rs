@@ -25,7 +25,7 @@ fn promises_are_kept() {
         let mut study = montecarlo::study("", &open(), NOISE, true, RUNS);
         montecarlo::at_speed(&mut study.scenario, rpm, window_s);
         study.instants_s = vec![0.1];
-        let figures = &study.run().expect("a good scenario")[0];
+        let figures = &study.run().expect("a good scenario").figures[0];
         for k in 0..3 {
             let ratio = figures.rms[k] / promises[0].std[k];
             println!("{rpm} rpm, lambda[{}]: promised {:.4}, found {:.4}", k + 1, promises[0].std[k], figures.rms[k]);

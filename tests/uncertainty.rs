@@ -221,7 +221,7 @@ fn faults_are_named_and_left_behind() {
 fn noise_that_is_fed_back_is_covered() {
     const RUNS: usize = 200;
     let study = montecarlo::study("", &open("unbalanced"), [10.0 * NOISE[0], NOISE[1]], true, RUNS);
-    let [_, late] = study.run().expect("a good scenario").try_into().expect("two instants");
+    let [_, late] = study.run().expect("a good scenario").figures.try_into().expect("two instants");
     println!("{late:.4?}");
     assert_eq!(late.valid, RUNS);
     for k in 0..3 {
@@ -256,7 +256,7 @@ fn errors_over_many_seeds() {
     for told in [true, false] {
         let mut study = montecarlo::study("", &open("unbalanced"), NOISE, told, RUNS);
         study.instants_s = vec![0.035, 0.1];
-        let [early, late] = study.run().expect("a good scenario").try_into().expect("two instants");
+        let [early, late] = study.run().expect("a good scenario").figures.try_into().expect("two instants");
         println!("told {told}: {early:.5?}\n{late:.5?}");
         assert_eq!(late.valid, RUNS);
         for (k, limit) in AT_100_MS.into_iter().enumerate() {

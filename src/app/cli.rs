@@ -6,7 +6,8 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser, Subcommand};
 
 use super::design;
 use super::documentation;
@@ -148,17 +149,20 @@ enum Command {
         #[arg(long, value_name = "FILE.svg")]
         plot: Option<PathBuf>,
     },
-    /// Repeats a scenario with many seeds of the sensor noise and prints errors, stated standard deviations and the bound of
-    /// Cramér and Rao.
+    /// Repeats runs with many seeds and prints errors, stated standard deviations and the Cramér–Rao bound.
     ///
-    /// Without a scenario: the studies of the unbalanced rotor, another bearing and other speeds.
+    /// Without a scenario: drawn bearings, the unbalanced rotor with several noises, controllers, speeds and drives, wrong
+    /// parameters, a step of λ, long runs. With one: that scenario with many seeds of the sensor noise.
     Montecarlo {
-        /// A file, or the name of a scenario that comes with the program; the method is `unbalance`.
-        #[arg(value_name = "SCENARIO")]
+        /// A file, or the name of a scenario that comes with the program; the method is the default.
+        #[arg(value_name = "SCENARIO", conflicts_with = "only")]
         scenario: Option<PathBuf>,
-        /// How many runs of each study.
-        #[arg(long, value_name = "N", default_value_t = 100)]
+        /// How many runs of each study; of drawn bearings, how many bearings.
+        #[arg(long, value_name = "N", default_value = "100", value_parser = count)]
         runs: usize,
+        /// Seed of the first run; the others follow one by one.
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        seed: u32,
         /// Only studies with this text in their title.
         #[arg(long, value_name = "TEXT")]
         only: Option<String>,
@@ -168,7 +172,7 @@ enum Command {
         /// Standard deviation of the noise of the currents, in A.
         #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], requires = "scenario")]
         current_noise: f64,
-        /// The estimator is to find the noise in its residual instead of being told.
+        /// The estimator is to find the noise itself instead of being told.
         #[arg(long, requires = "scenario")]
         untold: bool,
         /// When the estimates are looked at, in seconds.
@@ -232,7 +236,7 @@ pub fn main() -> ExitCode {
         Some(Command::Simulate { scenario, csv, report, print: false }) => {
             simulate(&scenario, csv.as_deref(), report.as_deref())
         }
-        Some(Command::Montecarlo { scenario, runs, only, position_noise, current_noise, untold, at }) => {
+        Some(Command::Montecarlo { scenario, runs, seed, only, position_noise, current_noise, untold, at }) => {
             let studies = match &scenario {
                 None => Ok(montecarlo::studies(runs)),
                 Some(name) => Scenario::open(name).map_err(Into::into).map(|scenario| {
@@ -240,7 +244,7 @@ pub fn main() -> ExitCode {
                     vec![montecarlo::study(&title, &scenario, [position_noise, current_noise], !untold, runs)]
                 }),
             };
-            studies.and_then(|studies| monte_carlo(studies, only.as_deref(), &at))
+            studies.and_then(|studies| monte_carlo(studies, only.as_deref(), seed, &at))
         }
         Some(Command::Sweep { design, out, scenario, jobs, expand: _ }) => {
             sweep(&design, scenario.as_deref(), out.as_deref(), jobs)
@@ -484,14 +488,34 @@ fn identify(command: Command) -> Result<()> {
     Ok(())
 }
 
-fn monte_carlo(studies: Vec<montecarlo::Study>, only: Option<&str>, at: &[f64]) -> Result<()> {
+/// A number of runs.
+fn count(text: &str) -> std::result::Result<usize, String> {
+    match text.parse() {
+        Ok(runs) if runs > 0 => Ok(runs),
+        _ => Err("a whole number above 0 is wanted".into()),
+    }
+}
+
+fn monte_carlo(studies: Vec<montecarlo::Study>, only: Option<&str>, seed: u32, at: &[f64]) -> Result<()> {
+    let titles: Vec<_> = studies.iter().map(|study| study.title.clone()).collect();
     let wanted = |study: &montecarlo::Study| only.is_none_or(|text| study.title.contains(text));
-    for mut study in studies.into_iter().filter(wanted) {
+    let chosen: Vec<_> = studies.into_iter().filter(wanted).collect();
+    if chosen.is_empty() {
+        let text = only.unwrap_or_default();
+        let message =
+            format!("--only \"{text}\": no study has this in its title; there are\n  {}\n", titles.join("\n  "));
+        Arguments::command().error(ErrorKind::InvalidValue, message).exit();
+    }
+    for mut study in chosen {
+        study.first_seed = seed.into();
         if !at.is_empty() {
             study.instants_s = at.to_vec();
         }
         let table = montecarlo::table(&study, &study.run()?);
-        say!("{}\n  {}", table.title, table.note);
+        say!("{}", table.title);
+        for line in wrapped(&table.note) {
+            say!("  {line}");
+        }
         print_table(&table.head, &table.rows);
         say!();
     }

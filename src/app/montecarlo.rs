@@ -1,70 +1,105 @@
-//! How often the estimate is off by how much: the same scenario with many seeds of the sensor noise.
+//! How far the estimate is off, how far it says it may be, and how far it must be: many runs of bearings drawn at random, of
+//! one bearing with many seeds of the noise, with wrong parameters, with a λ that changes.
 //!
-//! Beside the errors stands what no unbiased estimator can do better than on the same data, the bound of Cramér and Rao
-//! ([`bound`]), and the standard deviation that the estimator itself states.
+//! Beside the errors stand the standard deviation that the estimator states and the Cramér–Rao bound ([`bound`]), the least
+//! that an unbiased estimate from the same data can have. Nothing here depends on the method.
+
+pub mod bound;
+pub mod cases;
+pub mod figures;
 
 use std::f64::consts::TAU;
-use std::sync::Mutex;
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 
-use nalgebra::{SMatrix, SVector};
-
-use super::identify::{self, Samples};
 use super::progress::Progress;
-use super::recording::Recording;
 use super::report::Table;
 use super::scenario::{Scenario, Setting};
 use super::simulate::{self, Refused};
-use crate::model::estimator::{EstimatorConfig, Hold};
 use crate::slave::variable::Value;
+use cases::{Draw, TOLERANCES};
+use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, pooled};
 
-/// Runs of one scenario that differ in the seed of the sensor noise.
+/// Makes the scenario of a run from the study's, the seed of the run, and how often the rotor touched down with the former.
+pub type Vary = Arc<dyn Fn(&Scenario, u64, u64) -> Scenario + Send + Sync>;
+
+/// Runs that are judged together.
 #[derive(Clone)]
 pub struct Study {
     /// One line.
     pub title: String,
-    /// The scenario; its plant has the noise.
+    /// The scenario that the runs vary.
     pub scenario: Scenario,
-    /// When the estimates are looked at, in seconds.
+    /// When the estimates are looked at, in s; the last ends the runs.
     pub instants_s: Vec<f64>,
-    /// How many runs; the seeds are 1, 2, 3 …
+    /// How many runs.
     pub runs: usize,
-    /// Whether the estimator is given the commanded currents, which have no noise, in place of the measured ones.
-    pub commanded: bool,
+    /// The seed of the first run; the others follow one by one.
+    pub first_seed: u64,
+    /// What differs from run to run.
+    pub vary: Vary,
+    /// Whether the runs differ in more than noise, so that errors in per cent mean little.
+    pub mixed: bool,
 }
 
-/// The figures of a study at one instant. Errors are relative to the true λ.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Figures {
-    /// When, in seconds.
-    pub instant_s: f64,
-    /// Runs whose estimate was valid.
-    pub valid: usize,
-    /// Runs in all.
-    pub runs: usize,
-    /// Root mean square of the errors.
-    pub rms: [f64; 3],
-    /// Mean of the errors.
-    pub bias: [f64; 3],
-    /// Root mean square of error/standard deviation.
-    pub normalised: [f64; 3],
-    /// Greatest |error|/standard deviation.
-    pub worst: f64,
-    /// Mean of the standard deviations stated.
-    pub stated: [f64; 3],
-    /// The bound of Cramér and Rao for the standard deviation; 0 without noise.
-    pub bound: [f64; 3],
-    /// Root mean square of the error of the magnitude of the unbalance, relative, and of its phase, in rad.
-    pub unbalance: [f64; 2],
+/// What a study found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// At the instants.
+    pub figures: Vec<Figures>,
+    /// Every run, in the order of the seeds.
+    pub trials: Vec<Trial>,
 }
 
-/// What one run says at one instant.
-#[derive(Clone, Copy, Debug, Default)]
-struct Sample {
-    valid: bool,
-    error: [f64; 3],
-    std: [f64; 3],
-    unbalance: [f64; 2],
+impl Outcome {
+    /// The worst valid sample of all runs, and the seed of its run.
+    pub fn worst(&self) -> (u64, Worst) {
+        let worst = self.trials.iter().max_by(|one, other| one.worst.ratio.total_cmp(&other.worst.ratio));
+        worst.map_or((0, Worst::default()), |trial| (trial.seed, trial.worst))
+    }
+
+    /// Runs with a valid sample beyond [`CONFIDENT`] of its standard deviations.
+    pub fn beyond(&self) -> usize {
+        self.trials.iter().filter(|trial| trial.worst.ratio > CONFIDENT).count()
+    }
+}
+
+/// How often a drawn bearing that touches down is drawn again.
+const ATTEMPTS: u64 = 20;
+
+/// Seeds of the noise for each drawn bearing.
+pub const SEEDS: u64 = 2;
+
+/// Does the work of every index on all processors; the results in order.
+pub fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let next = AtomicUsize::new(0);
+    let found = Mutex::new(Vec::with_capacity(count));
+    let progress = Progress::new("runs", count as u64);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(count.max(1));
+    let share = |progress: Option<&Progress>| {
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            if index >= count {
+                break;
+            }
+            if let Some(progress) = progress {
+                progress.tell(index as u64);
+            }
+            let result = work(index);
+            found.lock().expect("no thread has panicked").push((index, result));
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(|| share(None));
+        }
+        // The bar is drawn by this thread alone.
+        share(Some(&progress));
+    });
+    let mut found = found.into_inner().expect("no thread has panicked");
+    found.sort_by_key(|(index, _)| *index);
+    found.into_iter().map(|(_, result)| result).collect()
 }
 
 impl Study {
@@ -72,167 +107,98 @@ impl Study {
     ///
     /// # Errors
     /// Every parameter that a slave refuses.
-    pub fn run(&self) -> Result<Vec<Figures>, Refused> {
-        let next = AtomicUsize::new(0);
-        let samples = Mutex::new(vec![Vec::new(); self.runs]);
-        let refused = Mutex::new(None);
-        let bounds = Mutex::new(Vec::new());
-        let progress = Progress::new("runs", self.runs as u64);
-        let threads = std::thread::available_parallelism().map_or(1, usize::from).min(self.runs.max(1));
-        let work = |progress: Option<&Progress>| {
-            loop {
-                let run = next.fetch_add(1, Ordering::Relaxed);
-                if run >= self.runs {
-                    break;
-                }
-                if let Some(progress) = progress {
-                    progress.tell(run as u64);
-                }
-                match self.one(run) {
-                    Ok((found, bound)) => {
-                        samples.lock().expect("no thread has panicked")[run] = found;
-                        if let Some(bound) = bound {
-                            *bounds.lock().expect("no thread has panicked") = bound;
-                        }
-                    }
-                    Err(error) => *refused.lock().expect("no thread has panicked") = Some(error),
-                }
-            }
-        };
-        std::thread::scope(|scope| {
-            for _ in 1..threads {
-                scope.spawn(|| work(None));
-            }
-            // The bar is drawn by this thread alone.
-            work(Some(&progress));
+    pub fn run(&self) -> Result<Outcome, Refused> {
+        let trials = in_parallel(self.runs, |run| self.trial(self.first_seed + run as u64));
+        let trials = trials.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let figures = self.instants_s.iter().enumerate().map(|(at, instant_s)| {
+            let samples: Vec<_> = trials.iter().filter_map(|trial| trial.samples.get(at)).collect();
+            Figures::new(*instant_s, &samples)
         });
-        if let Some(error) = refused.into_inner().expect("no thread has panicked") {
-            return Err(error);
-        }
-        let samples = samples.into_inner().expect("no thread has panicked");
-        let bounds = bounds.into_inner().expect("no thread has panicked");
-        Ok((0..self.instants_s.len()).map(|at| self.figures(at, &samples, &bounds)).collect())
+        Ok(Outcome { figures: figures.collect(), trials })
     }
 
-    /// One run: what it says at the instants, and from the first run the bound.
-    #[expect(clippy::type_complexity, reason = "a pair of lists")]
-    fn one(&self, run: usize) -> Result<(Vec<Sample>, Option<Vec<[f64; 3]>>), Refused> {
-        let mut scenario = self.scenario.clone();
-        scenario.set("plant", "sensor.seed", Value::Integer(run as i32 + 1));
+    /// The scenario of the run with that seed, drawn for the n-th time.
+    pub fn case(&self, seed: u64, attempt: u64) -> Scenario {
+        let mut scenario = (self.vary)(&self.scenario, seed, attempt);
         scenario.duration_s = self.instants_s.iter().copied().fold(0.0, f64::max);
-        let run_of = simulate::run(&scenario)?;
-        let mut recording = run_of.recording;
-        if self.commanded {
-            command(&scenario, &mut recording);
-        }
-        let recording = &recording;
-        let truth = truth(&scenario);
-        let unbalance = [real(&scenario, "unbalance.magnitude"), real(&scenario, "unbalance.phase")];
-        let at = |instant_s: f64| {
-            let row = recording.time_s.iter().position(|time_s| *time_s >= instant_s - 1e-9)?;
-            let read = |name: &str| recording.get(name).and_then(|values| values.get(row)).copied();
-            let magnets = |name: &str| {
-                let values = [1, 2, 3].map(|k| read(&format!("estimator.{name}[{k}]")));
-                Some([values[0]?, values[1]?, values[2]?])
-            };
-            let (hat, std) = (magnets("lambdaHat")?, magnets("lambdaStd")?);
-            let phase = read("estimator.unbalance.phase")? - unbalance[1];
-            Some(Sample {
-                valid: read("estimator.valid")? == 1.0,
-                error: std::array::from_fn(|k| hat[k] / truth[k] - 1.0),
-                std: std::array::from_fn(|k| std[k] / truth[k]),
-                unbalance: [
-                    if unbalance[0] > 0.0 { read("estimator.unbalance.magnitude")? / unbalance[0] - 1.0 } else { 0.0 },
-                    if unbalance[0] > 0.0 { phase - TAU * (phase / TAU).round() } else { 0.0 },
-                ],
-            })
-        };
-        let found = self.instants_s.iter().map(|instant_s| at(*instant_s).unwrap_or_default()).collect();
-        let bound = (run == 0).then(|| {
-            self.instants_s
-                .iter()
-                .map(|instant_s| bound(&scenario, recording, *instant_s).unwrap_or_default())
-                .collect()
-        });
-        Ok((found, bound))
+        scenario
     }
 
-    fn figures(&self, at: usize, samples: &[Vec<Sample>], bounds: &[[f64; 3]]) -> Figures {
-        let here: Vec<&Sample> = samples.iter().filter_map(|run| run.get(at)).filter(|sample| sample.valid).collect();
-        let count = here.len().max(1) as f64;
-        let mean = |value: &dyn Fn(&Sample) -> f64| here.iter().map(|sample| value(sample)).sum::<f64>() / count;
-        let each = |value: &dyn Fn(&Sample, usize) -> f64| -> [f64; 3] {
-            std::array::from_fn(|k| mean(&|sample| value(sample, k)))
-        };
-        Figures {
-            instant_s: self.instants_s[at],
-            valid: here.len(),
-            runs: self.runs,
-            rms: each(&|sample, k| sample.error[k] * sample.error[k]).map(f64::sqrt),
-            bias: each(&|sample, k| sample.error[k]),
-            normalised: each(&|sample, k| (sample.error[k] / sample.std[k]).powi(2)).map(f64::sqrt),
-            worst: here
-                .iter()
-                .flat_map(|sample| (0..3).map(|k| (sample.error[k] / sample.std[k]).abs()))
-                .fold(0.0, f64::max),
-            stated: each(&|sample, k| sample.std[k]),
-            bound: bounds.get(at).copied().unwrap_or_default(),
-            unbalance: [0, 1].map(|n| mean(&|sample| sample.unbalance[n] * sample.unbalance[n]).sqrt()),
+    /// One run. A rotor that touches down before it takes an estimate over says nothing about the estimator: its bearing is
+    /// drawn again. After that, what was said until then counts.
+    fn trial(&self, seed: u64) -> Result<Trial, Refused> {
+        let mut attempt = 0;
+        loop {
+            let scenario = self.case(seed, attempt);
+            let run = simulate::run_for(&scenario, figures::wanted, |_| ())?;
+            if let Some(fault) = run.fault {
+                return Err(Refused(vec![format!("{}, seed {seed}: {fault}", self.title)]));
+            }
+            let missing = || Refused(vec!["the plant or the estimator lacks an output that a study needs".into()]);
+            let trial = judge(&scenario, &run.recording, &self.instants_s, seed).ok_or_else(missing)?;
+            let update_s = real(&scenario, "controller", "update.time");
+            attempt += 1;
+            if trial.touched_s.is_none_or(|touched_s| touched_s > update_s) || attempt == ATTEMPTS {
+                return Ok(trial);
+            }
         }
     }
 }
 
-/// What is left of the noise of a current where it is commanded, in A: enough to weigh by.
-const COMMAND_NOISE_A: f64 = 1e-4;
-
-/// Replaces the estimates in a recording by those from the commanded currents, held over the interval after the sample.
-fn command(scenario: &Scenario, recording: &mut Recording) {
-    let config = EstimatorConfig {
-        hold: Hold::HeldAfter,
-        current_noise_a: COMMAND_NOISE_A,
-        ..identify::config(|name| scenario.value("estimator", name).map_or(f64::NAN, Value::as_f64))
-    };
-    let read = |name: &str| recording.get(name).unwrap_or(&[]).to_vec();
-    let samples = Samples {
-        step_s: config.step_s,
-        position_m: [read("plant.Ym"), read("plant.Zm")],
-        current_a: [1, 2, 3].map(|k| read(&format!("controller.i[{k}]"))),
-        theta_rad: read("plant.theta"),
-        omega_rad_s: read("plant.omegam"),
-        ..Samples::default()
-    };
-    let Ok(track) = identify::track(&samples, &config) else { return };
-    let found = identify::recording(&samples, &[track]);
-    for column in &mut recording.columns {
-        if let Some(name) = column.name.strip_prefix("estimator.")
-            && let Some(values) = found.get(&format!("unbalance.{name}"))
-        {
-            column.values = values.to_vec();
-        }
-    }
-}
-
-/// Sensor noise of the studies of the command: position in m, current in A.
+/// Sensor noise of the studies: position in m, current in A.
 pub const NOISE: [f64; 2] = [1e-7, 1e-2];
 
-/// A study of the unbalanced rotor, or of another scenario, with this noise, which the estimator is told or not.
+/// When the estimates are looked at, in s.
+pub const INSTANTS_S: [f64; 5] = [0.035, 0.1, 0.2, 0.4, 1.0];
+
+/// A study of one scenario over seeds of this noise, which the estimator, of the default method, is told or not.
 #[must_use]
 pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: usize) -> Study {
     let mut scenario = base.clone();
-    for (name, noise) in [("sensor.positionNoise", noise[0]), ("sensor.currentNoise", noise[1])] {
-        scenario.set("plant", name, Value::Real(noise));
-        scenario.set("estimator", name, Value::Real(if told { noise } else { 0.0 }));
-    }
-    scenario.set("estimator", "method", Value::Integer(4));
-    // The loop alone: no estimator beside it, and no update while the estimates are looked at.
+    // The loop alone: no estimator beside it.
     scenario.elements.truncate(3);
-    Study { title: title.into(), scenario, instants_s: vec![0.035, 0.1], runs, commanded: false }
+    let element = &scenario.elements[2];
+    let method = (element.kind.variables)().into_iter().find(|variable| variable.name == "method");
+    if let Some(method) = method.map(|variable| variable.start()) {
+        scenario.set("estimator", "method", method);
+    }
+    cases::noise(&mut scenario, noise, told);
+    let vary: Vary = Arc::new(|scenario: &Scenario, seed, _| {
+        let mut scenario = scenario.clone();
+        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+        scenario
+    });
+    Study { title: title.into(), scenario, instants_s: vec![0.035, 0.1], runs, first_seed: 1, vary, mixed: false }
+}
+
+/// A study of drawn bearings, [`SEEDS`] runs of each; see [`cases::drawn`].
+#[must_use]
+pub fn drawn(title: &str, told: bool, bearings: usize) -> Study {
+    let mut study = study(title, &nominal(), NOISE, told, bearings * SEEDS as usize);
+    study.vary = Arc::new(move |scenario: &Scenario, seed, attempt| {
+        // Seeds of the n-th drawing are far from those of the others.
+        let mut scenario = cases::drawn(scenario, seed / SEEDS + (attempt << 32), told);
+        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+        scenario
+    });
+    study.instants_s = INSTANTS_S.to_vec();
+    study.mixed = true;
+    study
+}
+
+/// The paper's bearing with an unbalance of 20 N and a load of (10, −20) N.
+///
+/// # Panics
+/// Never: the scenario comes with the program.
+#[must_use]
+pub fn nominal() -> Scenario {
+    Scenario::open(Path::new("unbalanced")).expect("a scenario that comes with the program")
 }
 
 /// The scenario at another speed, with the window given.
 pub fn at_speed(scenario: &mut Scenario, rpm: f64, window_s: f64) {
     let omega = rpm * TAU / 60.0;
-    let radius = scenario.value("controller", "reference.rZ").map_or(0.0, Value::as_f64);
+    let radius = real(scenario, "controller", "reference.rZ");
     for (element, variable, value) in [
         ("plant", "omega", omega),
         ("plant", "vZ0", radius * omega),
@@ -244,95 +210,197 @@ pub fn at_speed(scenario: &mut Scenario, rpm: f64, window_s: f64) {
     }
 }
 
-/// All studies of the command without arguments.
-///
-/// # Panics
-/// Never: the scenarios come with the program.
+/// Pairs of noise from the least to the most that an estimator must find by itself, in µm and mA.
+const PAIRS: [[f64; 2]; 14] = [
+    [0.02, 1.0],
+    [0.02, 10.0],
+    [0.02, 100.0],
+    [0.05, 3.0],
+    [0.1, 1.0],
+    [0.1, 10.0],
+    [0.1, 100.0],
+    [0.3, 30.0],
+    [1.0, 1.0],
+    [1.0, 10.0],
+    [1.0, 100.0],
+    [3.0, 30.0],
+    [5.0, 1.0],
+    [5.0, 100.0],
+];
+
+/// When λ steps, in s, and by which part.
+const STEP: (f64, f64) = (0.6, 0.05);
+
+/// How long a run for false restarts lasts, in s, and how many there are.
+const LONG: (f64, usize) = (50.0, 20);
+
+/// All studies of the command without arguments, each with so many runs (of drawn bearings: with so many bearings).
 #[must_use]
 pub fn studies(runs: usize) -> Vec<Study> {
-    let open = |name: &str| Scenario::open(std::path::Path::new(name)).expect("a scenario that comes with the program");
-    let (unbalanced, mut other) = (open("unbalanced"), open("turned"));
-    // 20 N at 63 Hz, the load of the other studies.
-    other.set("plant", "unbalance.magnitude", Value::Real(20.0 / (126.0 * std::f64::consts::PI).powi(2)));
-    other.set("plant", "unbalance.phase", Value::Real(0.7));
-    other.set("plant", "pY", Value::Real(10.0));
-    other.set("plant", "pZ", Value::Real(-20.0));
+    let nominal = nominal();
     let tenfold = [10.0 * NOISE[0], NOISE[1]];
-    let mut commanded =
-        study("Unbalance 20 N, 0.1 µm, commanded currents for the measured ones", &unbalanced, NOISE, true, runs);
-    commanded.commanded = true;
-    let mut studies = vec![
-        study("Unbalance 20 N, load (10, −20) N, 0.1 µm and 10 mA, noise told", &unbalanced, NOISE, true, runs),
-        study("The same, noise from the residual", &unbalanced, NOISE, false, runs),
-        commanded,
-        study("1 µm and 10 mA, noise told", &unbalanced, tenfold, true, runs),
-        study("1 µm and 10 mA, noise from the residual", &unbalanced, tenfold, false, runs),
-        study("0.03 µm and 3 mA, noise from the residual", &unbalanced, NOISE.map(|noise| 0.3 * noise), false, runs),
-        study("Without noise", &unbalanced, [0.0; 2], false, 1),
-        study("Another bearing at 63 Hz, unbalance 20 N, noise told", &other, NOISE, true, runs),
-    ];
-    for (rpm, window_s) in SPEEDS {
-        let mut scenario = unbalanced.clone();
-        at_speed(&mut scenario, rpm, window_s);
-        let title = format!("{rpm} rpm, Tf = {:.1} ms, noise told", window_s * 1e3);
-        let mut study = study(&title, &scenario, NOISE, true, runs);
-        study.instants_s = vec![0.1, 0.2];
+    let mut studies = Vec::new();
+    for (told, says) in [(true, "noise told"), (false, "noise not told")] {
+        studies.push(drawn(&format!("Drawn bearings, {says}"), told, runs));
+        let mut add = |title: &str, instants_s: &[f64], noise: [f64; 2], set: &dyn Fn(&mut Scenario)| {
+            let mut study = study(&format!("{title}, {says}"), &nominal, noise, told, runs);
+            study.instants_s = instants_s.to_vec();
+            set(&mut study.scenario);
+            studies.push(study);
+        };
+        add("Unbalance 20 N, load (10, −20) N, 0.1 µm and 10 mA", &INSTANTS_S, NOISE, &|_| ());
+        add("The same with voltage drive", &INSTANTS_S, NOISE, &cases::voltage_drive);
+        for poles in [500.0, 1000.0, 2000.0] {
+            let title = format!("1 µm and 10 mA, tracking poles at {poles} rad/s");
+            add(&title, &INSTANTS_S, tenfold, &|scenario| cases::tracking(scenario, poles));
+        }
+        let slow = 1000.0 * TAU / 60.0;
+        add("1000 rpm on the paper's path", &[0.2, 0.4, 0.8, 1.6], NOISE, &|scenario| {
+            cases::path(scenario, [30e-6, 70e-6], (3, 0.0), slow);
+        });
+        add("Run-up from 500 to 6000 rpm in 1 s and back", &[0.1, 0.2, 0.4, 1.0, 2.0], NOISE, &|scenario| {
+            cases::speed(scenario, &[0.0, 1.0, 2.0], &[500.0, 6000.0, 500.0].map(|rpm| rpm * TAU / 60.0));
+        });
+    }
+    let mut without = study("Without noise", &nominal, [0.0; 2], false, 1);
+    without.instants_s = INSTANTS_S.to_vec();
+    studies.push(without);
+
+    let mut pairs = study(
+        "14 pairs of noise from 20 nm and 1 mA to 5 µm and 0.1 A, not told",
+        &nominal,
+        NOISE,
+        false,
+        runs.max(14),
+    );
+    pairs.instants_s = INSTANTS_S.to_vec();
+    pairs.mixed = true;
+    pairs.vary = Arc::new(|scenario: &Scenario, seed, _| {
+        let mut scenario = scenario.clone();
+        let [position, current] = PAIRS[seed as usize % PAIRS.len()];
+        cases::noise(&mut scenario, [position * 1e-6, current * 1e-3], false);
+        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+        scenario
+    });
+    studies.push(pairs);
+
+    let each = TOLERANCES.iter().map(std::slice::from_ref);
+    for tolerances in each.chain([TOLERANCES.as_slice()]).map(<[_]>::to_vec) {
+        let name = if let [(name, _)] = tolerances[..] { name } else { "all at once" };
+        let mut study = study(&format!("Tolerance {name}, noise told"), &nominal, NOISE, true, runs);
+        study.instants_s = vec![0.1, 0.4];
+        study.vary = Arc::new(move |scenario: &Scenario, seed, _| {
+            let mut scenario = scenario.clone();
+            let mut draw = Draw::new(seed);
+            for tolerance in &tolerances {
+                cases::tolerance(&mut scenario, *tolerance, &mut draw);
+            }
+            scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+            scenario
+        });
         studies.push(study);
+    }
+
+    for (told, says) in [(true, "noise told"), (false, "noise not told")] {
+        let title = format!("Step of λ by {} % at {} s, {says}", 100.0 * STEP.1, STEP.0);
+        let mut step = study(&title, &nominal, NOISE, told, runs);
+        step.instants_s = vec![0.59, 0.64, 0.7, 1.0];
+        step.vary = Arc::new(|scenario: &Scenario, seed, _| {
+            let mut scenario = scenario.clone();
+            cases::step_of_lambda(&mut scenario, 1 + seed as usize % 3, STEP.1, STEP.0);
+            scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+            scenario
+        });
+        studies.push(step);
+        let (length_s, count) = LONG;
+        let title = format!("False restarts: {count} runs of {length_s} s, {says}");
+        let mut long = study(&title, &nominal, NOISE, told, count.min(runs));
+        long.instants_s = vec![1.0, 10.0, length_s];
+        studies.push(long);
     }
     studies
 }
 
-/// Speeds of the studies, in rpm, and the windows that `design` recommends for them, in seconds.
-///
-/// At 1000 rpm it recommends none: magnet 1 hardly varies, and its λ cannot be known within 5 %.
-pub const SPEEDS: [(f64, f64); 5] = [(1000.0, 0.06), (2000.0, 0.03), (3000.0, 0.02), (4500.0, 0.0133), (6000.0, 0.01)];
-
-/// The figures as a table.
-pub fn table(study: &Study, figures: &[Figures]) -> Table {
-    let mut rows = Vec::new();
-    for figures in figures {
-        let three = |values: [f64; 3], factor: f64, digits: usize| {
-            values.map(|value| format!("{:.*}", digits, factor * value)).to_vec()
-        };
-        let at = format!("{} ms", (figures.instant_s * 1e3).round());
-        let mut row = |name: &str, values: Vec<String>| {
-            rows.push([vec![format!("{at}, {name}")], values].concat());
-        };
-        if figures.valid == 0 {
-            row("no valid estimate; Cramér–Rao bound, %", three(figures.bound, 100.0, 3));
-            continue;
-        }
-        row("rms error, %", three(figures.rms, 100.0, 3));
-        row("bias, %", three(figures.bias, 100.0, 3));
-        row("standard deviation stated, %", three(figures.stated, 100.0, 3));
-        row("error/standard deviation, rms", three(figures.normalised, 1.0, 2));
-        if figures.bound[0] > 0.0 {
-            row("Cramér–Rao bound, %", three(figures.bound, 100.0, 3));
-            row("rms error/bound", three(std::array::from_fn(|k| figures.rms[k] / figures.bound[k]), 1.0, 2));
-        }
-        row(
-            "unbalance: rms error of U, %; of φ, rad; valid runs",
-            vec![
-                format!("{:.3}", 100.0 * figures.unbalance[0]),
-                format!("{:.4}", figures.unbalance[1]),
-                format!("{}/{}", figures.valid, figures.runs),
-            ],
+/// The figures as a table, a column for each instant.
+pub fn table(study: &Study, outcome: &Outcome) -> Table {
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    let mut row = |name: &str, value: &dyn Fn(&Figures) -> String| {
+        rows.push(std::iter::once(name.to_owned()).chain(outcome.figures.iter().map(value)).collect());
+    };
+    let known = |value: f64, digits: usize| {
+        if value.is_finite() { format!("{value:.digits$}") } else { "–".to_owned() }
+    };
+    let of_valid = |figures: &Figures, value: f64, digits: usize| {
+        if figures.valid > 0 { known(value, digits) } else { "–".to_owned() }
+    };
+    let percent = |values: [f64; 3]| values.map(|value| known(100.0 * value, 3)).join(" ");
+    row("valid, runs", &|figures| format!("{}/{}", figures.valid, figures.runs));
+    row(&format!("valid where the bound is below {} %", 100.0 * IDENTIFIABLE), &|figures| {
+        format!("{}/{}", figures.identified, figures.identifiable)
+    });
+    row("rms error/bound", &|figures| of_valid(figures, pooled(figures.over_bound), 2));
+    row("rms error/standard deviation (noise)", &|figures| of_valid(figures, pooled(figures.normalised), 2));
+    row("rms error/standard deviation (total)", &|figures| of_valid(figures, pooled(figures.over_total), 2));
+    row("greatest error/standard deviation", &|figures| of_valid(figures, figures.worst, 1));
+    if !study.mixed {
+        row("rms error of λ1 λ2 λ3, %", &|figures| percent(figures.rms));
+        row("bias, %", &|figures| percent(figures.bias));
+        row("standard deviation stated (noise), %", &|figures| percent(figures.stated));
+        row("Cramér–Rao bound, %", &|figures| percent(figures.bound));
+        row("rms error of U, %; of φ, rad", &|figures| {
+            let [magnitude, phase] = figures.unbalance;
+            format!("{} {}", of_valid(figures, 100.0 * magnitude, 3), of_valid(figures, phase, 4))
+        });
+    }
+    if outcome.figures.iter().any(|figures| !figures.verdicts.is_empty()) {
+        row("why not valid", &|figures| {
+            let all: Vec<_> = figures.verdicts.iter().map(|(verdict, count)| format!("{verdict} {count}")).collect();
+            if all.is_empty() { "–".into() } else { all.join(", ") }
+        });
+    }
+    let (seed, worst) = outcome.worst();
+    let count = |what: &dyn Fn(&Trial) -> bool| outcome.trials.iter().filter(|trial| what(trial)).count();
+    let mut note = format!(
+        "{} runs, seeds {} to {}. Over all valid samples the greatest error is {:.1} standard deviations (seed {seed}, {:.4} s: \
+         {:.2} % by {:.2} %); {} runs have one beyond {CONFIDENT}. Valid estimates ceased to be valid {} times.",
+        study.runs,
+        study.first_seed,
+        study.first_seed + study.runs as u64 - 1,
+        worst.ratio,
+        worst.time_s,
+        100.0 * worst.error,
+        100.0 * worst.std,
+        outcome.beyond(),
+        outcome.trials.iter().map(|trial| trial.lost).sum::<usize>(),
+    );
+    let touched = count(&|trial| trial.touched_s.is_some());
+    if touched > 0 {
+        note += &format!(" The rotor touched down in {touched} runs.");
+    }
+    let mut noticed: Vec<f64> = outcome.trials.iter().filter_map(|trial| trial.noticed_s).collect();
+    noticed.sort_by(f64::total_cmp);
+    if let (Some(last), true) = (noticed.last(), !noticed.is_empty()) {
+        note += &format!(
+            " The change was noticed in {} runs, after {:.1} ms (median), {:.1} ms at most; the greatest error counts from two \
+             revolutions after it.",
+            noticed.len(),
+            1e3 * noticed[noticed.len() / 2],
+            1e3 * last
         );
     }
-    Table {
-        title: study.title.clone(),
-        note: format!("{} runs, seeds 1 to {0}.", study.runs),
-        head: ["", "λ1", "λ2", "λ3"].map(String::from).into(),
-        rows,
-    }
+    let head = std::iter::once(String::new())
+        .chain(study.instants_s.iter().map(|instant_s| format!("{:.0} ms", instant_s * 1e3)))
+        .collect();
+    Table { title: study.title.clone(), note, head, rows }
 }
 
-fn truth(scenario: &Scenario) -> [f64; 3] {
-    std::array::from_fn(|k| real(scenario, &format!("lambda[{}]", k + 1)))
+/// The true λ at the start.
+pub(crate) fn truth(scenario: &Scenario) -> [f64; 3] {
+    std::array::from_fn(|k| real(scenario, "plant", &format!("lambda[{}]", k + 1)))
 }
 
-fn real(scenario: &Scenario, variable: &str) -> f64 {
-    scenario.value("plant", variable).map_or(f64::NAN, Value::as_f64)
+pub(crate) fn real(scenario: &Scenario, element: &str, variable: &str) -> f64 {
+    scenario.value(element, variable).map_or(f64::NAN, Value::as_f64)
 }
 
 impl Scenario {
@@ -343,94 +411,4 @@ impl Scenario {
             element.settings.extend(index.map(|index| Setting { index, value }));
         }
     }
-}
-
-/// States of the bound: position and velocity of both axes, load of both axes, λ of three magnets, U cos φ, U sin φ.
-const STATES: usize = 11;
-
-/// The bound of Cramér and Rao for the standard deviation of an unbiased estimate of λ from the positions, currents and
-/// angles of a recording up to an instant, relative to λ. `None` without noise or without the signals.
-///
-/// The motion is linear in everything unknown: initial position and velocity, constant load, λ, unbalance. Noise of the
-/// currents acts as noise of the forces, `2 λ_k i_k/gap_k² n_k`. The bound is therefore the covariance that the Kalman filter
-/// for these eleven states ends with when it starts knowing nothing; it does not depend on the noise itself.
-pub fn bound(scenario: &Scenario, recording: &Recording, instant_s: f64) -> Option<[f64; 3]> {
-    let (position_noise, current_noise) =
-        (real(scenario, "sensor.positionNoise"), real(scenario, "sensor.currentNoise"));
-    if position_noise.is_nan() || position_noise <= 0.0 {
-        return None;
-    }
-    let (m, gap_m) = (real(scenario, "m"), real(scenario, "s"));
-    let direction: [[f64; 2]; 3] = std::array::from_fn(|k| {
-        let alpha = real(scenario, &format!("alpha[{}]", k + 1));
-        [alpha.sin(), alpha.cos()]
-    });
-    let truth = truth(scenario);
-    let signal = |name: &str| recording.get(&format!("plant.{name}"));
-    let (y, z, theta) = (signal("Y")?, signal("Z")?, signal("theta")?);
-    let currents = [signal("im[1]")?, signal("im[2]")?, signal("im[3]")?];
-    let omega = signal("omegam")?;
-    // Scales that make every unknown about one.
-    let scale: [f64; STATES] = {
-        let u0 = m * gap_m * 1e-2;
-        let mut scale = [1e-4, 1e-4, 1e-2, 1e-2, 1e2, 1e2, truth[0], truth[1], truth[2], u0, u0];
-        scale[4] = m;
-        scale[5] = m;
-        scale
-    };
-    let mut p = SMatrix::<f64, STATES, STATES>::identity() * 1e6;
-    let measure = |p: &mut SMatrix<f64, STATES, STATES>| {
-        for axis in 0..2 {
-            let mut c = SVector::<f64, STATES>::zeros();
-            c[axis] = scale[axis];
-            let pc = *p * c;
-            let s = c.dot(&pc) + position_noise * position_noise;
-            *p -= pc * pc.transpose() / s;
-        }
-    };
-    measure(&mut p);
-    for row in 1..recording.time_s.len() {
-        if recording.time_s[row] > instant_s + 1e-9 {
-            break;
-        }
-        let ts = recording.time_s[row] - recording.time_s[row - 1];
-        let mut a = SMatrix::<f64, STATES, STATES>::identity();
-        let mut q = SMatrix::<f64, STATES, STATES>::zeros();
-        let middle = 0.5 * (theta[row] + theta[row - 1]);
-        let w2 = omega[row] * omega[row];
-        let (sin, cos) = middle.sin_cos();
-        for axis in 0..2 {
-            let (x, v) = (axis, 2 + axis);
-            a[(x, v)] = ts * scale[v] / scale[x];
-            let turning = if axis == 0 { [w2 * cos, -w2 * sin] } else { [w2 * sin, w2 * cos] };
-            let mut force = [0.0; STATES];
-            force[4 + axis] = 1.0;
-            force[9] = turning[0];
-            force[10] = turning[1];
-            for k in 0..3 {
-                let gap = gap_m
-                    - direction[k][0] * 0.5 * (y[row] + y[row - 1])
-                    - direction[k][1] * 0.5 * (z[row] + z[row - 1]);
-                let i = currents[k][row];
-                force[6 + k] = direction[k][axis] * i * i / (gap * gap);
-                let noise = 2.0 * truth[k] * i * current_noise / (gap * gap * m);
-                let mut g = SVector::<f64, STATES>::zeros();
-                if axis == 0 {
-                    for (other, along) in direction[k].iter().enumerate() {
-                        g[other] = 0.5 * ts * ts * along * noise / scale[other];
-                        g[2 + other] = ts * along * noise / scale[2 + other];
-                    }
-                    q += g * g.transpose();
-                }
-            }
-            for n in 4..STATES {
-                a[(x, n)] += 0.5 * ts * ts * force[n] / m * scale[n] / scale[x];
-                a[(v, n)] += ts * force[n] / m * scale[n] / scale[v];
-            }
-        }
-        p = a * p * a.transpose() + q;
-        p = (p + p.transpose()) * 0.5;
-        measure(&mut p);
-    }
-    Some(std::array::from_fn(|k| p[(6 + k, 6 + k)].max(0.0).sqrt()))
 }
