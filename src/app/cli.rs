@@ -19,7 +19,7 @@ use super::platforms::{self, Platform};
 use super::scenario::{BUILT_IN, Scenario};
 use super::simulate::{self, Run};
 use super::sweep::Design;
-use crate::model::estimator::{EstimatorConfig, Method};
+use crate::model::estimation::{EstimatorConfig, Method};
 
 /// Where things go when nothing else is said, below the folder in which the program is run.
 const FMU_FOLDER: &str = "target/fmu";
@@ -91,8 +91,8 @@ enum Command {
         /// Whose estimator has the parameters of the bearing: a file, or the name of a scenario that comes with the program.
         #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
         scenario: PathBuf,
-        /// paperLiteral, paper, leastSquares, unbalance, or all of them.
-        #[arg(long, value_name = "METHOD", default_value = "unbalance")]
+        /// paperLiteral, paper, predictionError, or all of them.
+        #[arg(long, value_name = "METHOD", default_value = "predictionError")]
         method: String,
         /// What a current sample stands for: heldBefore, heldAfter, linear, or auto to find out.
         #[arg(long, value_name = "HOLD", default_value = "heldBefore")]
@@ -122,32 +122,26 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         report: Option<PathBuf>,
     },
-    /// Compares lengths of the window: noise gain, band, delay and the standard deviations to be expected.
+    /// Compares excitations: how well λ can be known after which time, on the path alone and with F0 modulated.
     Design {
         /// Bearing, path and load: a file, or the name of a scenario that comes with the program.
         #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
         scenario: PathBuf,
-        /// Speed of the rotor, in rpm.
-        #[arg(long, value_name = "RPM", default_value_t = 3000.0)]
+        /// Speed of the rotor, in rpm; 0 is a rotor at rest.
+        #[arg(long, value_name = "RPM", default_value_t = 3000.0, allow_negative_numbers = true)]
         speed: f64,
         /// Sample time, in s.
         #[arg(long, value_name = "SECONDS")]
         sample_time: Option<f64>,
-        /// Lengths of the window to compare, in s; parts and multiples of a revolution if none is given.
-        #[arg(long, value_name = "SECONDS", value_delimiter = ',')]
-        window: Vec<f64>,
         /// Standard deviation of the noise of the positions, in m.
-        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0])]
+        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], allow_negative_numbers = true)]
         position_noise: f64,
         /// Standard deviation of the noise of the currents, in A.
-        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1])]
+        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], allow_negative_numbers = true)]
         current_noise: f64,
-        /// When the standard deviations are compared, in s; five revolutions if not given.
-        #[arg(long, value_name = "SECONDS")]
-        at: Option<f64>,
-        /// Draws standard deviations, band and delay over the length of the window into this SVG file.
-        #[arg(long, value_name = "FILE.svg")]
-        plot: Option<PathBuf>,
+        /// When λ is to be known, in s.
+        #[arg(long, value_name = "SECONDS", default_value_t = 0.1, allow_negative_numbers = true)]
+        at: f64,
     },
     /// Repeats runs with many seeds and prints errors, stated standard deviations and the Cramér–Rao bound.
     ///
@@ -251,15 +245,10 @@ pub fn main() -> ExitCode {
         }
         Some(Command::Describe { out }) => describe(&out),
         Some(command @ Command::Identify { .. }) => identify(command),
-        Some(Command::Design { scenario, speed, sample_time, window, position_noise, current_noise, at, plot }) => {
-            let question = design::Question {
-                rpm: speed,
-                step_s: sample_time,
-                windows_s: window,
-                noise: [position_noise, current_noise],
-                instant_s: at.unwrap_or(300.0 / speed),
-            };
-            choose_window(&scenario, &question, plot.as_deref())
+        Some(Command::Design { scenario, speed, sample_time, position_noise, current_noise, at }) => {
+            let noise = [position_noise, current_noise];
+            let question = design::Question { rpm: speed, step_s: sample_time, noise, instant_s: at };
+            choose_excitation(&scenario, &question)
         }
     };
     match outcome {
@@ -299,9 +288,7 @@ fn package(binaries: &[(&'static Platform, PathBuf)], folder: &Path) -> Result<(
 fn describe(folder: &Path) -> Result<()> {
     package::write_descriptions(folder)?;
     let path = folder.join("VARIABLES.md");
-    fs::write(&path, documentation::markdown()).map_err(named(&path))?;
-    let path = folder.join("window.svg");
-    fs::write(&path, design::figure()).map_err(named(&path))
+    fs::write(&path, documentation::markdown()).map_err(named(&path))
 }
 
 fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Option<usize>) -> Result<()> {
@@ -353,21 +340,18 @@ fn pair(text: &str) -> std::result::Result<(String, String), String> {
     Ok((name.trim().into(), value.trim().into()))
 }
 
-fn choose_window(name: &Path, question: &design::Question, plot: Option<&Path>) -> Result<()> {
+fn choose_excitation(name: &Path, question: &design::Question) -> Result<()> {
     let scenario = Scenario::open(name)?;
-    let (promises, recommended) = design::design(&scenario, question)?;
-    let table = design::table(question, &promises, recommended);
-    say!("{}\n  {}", table.title, table.note);
-    print_table(&table.head, &table.rows);
-    match recommended {
-        Some(n) => say!("\nRecommended: Tf = {:.1} ms.", promises[n].window_s * 1e3),
-        None => {
-            say!("\nNo window identifies the force constants here: more time, a larger path or less noise is needed.")
-        }
+    let promises = design::design(&scenario, question)?;
+    let table = design::table(question, &promises);
+    say!("{}", table.title);
+    for line in wrapped(&table.note) {
+        say!("  {line}");
     }
-    if let Some(path) = plot {
-        fs::write(path, design::plot(&scenario, question)?).map_err(named(path))?;
-        say!("\n{}", path.display());
+    print_table(&table.head, &table.rows);
+    say!();
+    for line in wrapped(&design::advice(question, &promises)) {
+        say!("{line}");
     }
     Ok(())
 }
@@ -421,19 +405,15 @@ fn identify(command: Command) -> Result<()> {
     config.current_noise_a = current_noise.unwrap_or(0.0);
     let one =
         |names: &[&str], what: &str, given: &str| format!("--{what} {given}: one of {} is wanted", names.join(", "));
-    let angle = !samples.theta_rad.is_empty();
-    let methods: Vec<_> = identify::METHODS
-        .into_iter()
-        .filter(|(name, _)| method == *name || (method == "all" && (angle || *name != "unbalance")))
-        .collect();
+    let methods: Vec<_> =
+        identify::METHODS.into_iter().filter(|(name, _)| method == *name || method == "all").collect();
     if methods.is_empty() {
         let names = [identify::METHODS.map(|(name, _)| name).as_slice(), &["all"]].concat();
         return Err(one(&names, "method", &method).into());
     }
     let mut holds = None;
     if hold == "auto" {
-        let method = if angle { Method::Unbalance } else { Method::LeastSquares };
-        let trial = EstimatorConfig { method, ..config.clone() };
+        let trial = EstimatorConfig { method: Method::PredictionError, ..config.clone() };
         let residuals = identify::residuals_of_holds(&samples, &trial)?;
         let least = (0..3).min_by(|a, b| residuals[*a].total_cmp(&residuals[*b])).unwrap_or(0);
         config.hold = identify::HOLDS[least].1;

@@ -23,12 +23,6 @@ fn prose(name: &str) -> &'static str {
     }
 }
 
-/// What the plot says that `describe` writes.
-const WINDOW: &str = "<p>A long window averages more noise, but noise in the currents then hides more of what a short one would show, \
-and a change is followed later; a short window sees high frequencies, where positions are mostly noise. About one revolution is \
-between. Whole revolutions are no need. The command <code>design</code> computes this plot for another bearing, speed or noise, \
-<code>design --plot FILE.svg</code> draws it.</p>";
-
 /// Whether a variable belongs to a group.
 type Belongs = fn(&Variable) -> bool;
 
@@ -65,11 +59,6 @@ pub fn page(entry: &Entry) -> String {
                     ", guid " code { (entry.guid) } "."
                 }
                 (PreEscaped(prose(entry.kind.name)))
-                @if entry.kind.name == "AlgebraicEstimator" {
-                    h2 { "Which window" }
-                    (PreEscaped(WINDOW))
-                    (PreEscaped(include_str!("../../modelDescription/window.svg")))
-                }
                 h2 { "Variables" }
                 @for (title, belongs) in GROUPS {
                     @let group: Vec<_> = variables.iter().copied().filter(|variable| belongs(variable)).collect();

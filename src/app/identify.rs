@@ -12,19 +12,14 @@ use super::plot::{Axis, Colour, Line, Plot, Unit};
 use super::recording::{Column, Recording};
 use super::report::{self, Table};
 use crate::model::Invalid;
-use crate::model::estimator::{
-    CONDITION_LIMIT, Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, PAPER_STD_LIMIT,
-    Reason, STD_LIMIT,
+use crate::model::estimation::{
+    Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, STD_LIMIT, Tolerance, Verdict,
 };
 use crate::slave::estimator::{HOLD, METHOD};
 
 /// The methods by the names of the interface.
-pub const METHODS: [(&str, Method); 4] = [
-    ("paperLiteral", Method::PaperLiteral),
-    ("paper", Method::Paper),
-    ("leastSquares", Method::LeastSquares),
-    ("unbalance", Method::Unbalance),
-];
+pub const METHODS: [(&str, Method); 3] =
+    [("paperLiteral", Method::PaperLiteral), ("paper", Method::Paper), ("predictionError", Method::PredictionError)];
 
 /// What current samples may stand for, by the names of the interface.
 pub const HOLDS: [(&str, Hold); 3] =
@@ -47,9 +42,6 @@ pub enum Failed {
     /// The estimator refuses its parameters.
     #[error("the estimator cannot be started: {}", .0.iter().map(Invalid::to_string).collect::<Vec<_>>().join("; "))]
     Refused(Vec<Invalid>),
-    /// The method needs what the recording has not.
-    #[error("the method unbalance needs the angle or the speed of the rotor: --speed gives a constant one")]
-    NoAngle,
 }
 
 /// The window of one revolution that fits the recording, in seconds; the paper's where the speed is not known.
@@ -67,9 +59,9 @@ pub fn one_revolution(samples: &Samples) -> f64 {
 /// # Errors
 /// What keeps the method from being run.
 pub fn track(samples: &Samples, config: &EstimatorConfig) -> Result<Track, Failed> {
-    if config.method == Method::Unbalance && samples.theta_rad.is_empty() {
-        return Err(Failed::NoAngle);
-    }
+    let mut config = config.clone();
+    // Without the angle of the rotor there is no telling where an unbalance points.
+    config.identify_unbalance &= config.method != Method::PredictionError || !samples.theta_rad.is_empty();
     let estimator = Estimator::new(config.clone()).map_err(Failed::Refused)?;
     let mut state = estimator.start();
     let currents = samples.currents(match config.hold {
@@ -90,7 +82,8 @@ pub fn track(samples: &Samples, config: &EstimatorConfig) -> Result<Track, Faile
         estimator.sample(&mut state, &input)
     });
     let name = METHODS.iter().find(|(_, method)| *method == config.method).map_or("", |(name, _)| name);
-    Ok(Track { name, config: config.clone(), outputs: outputs.collect() })
+    let outputs = outputs.collect();
+    Ok(Track { name, config, outputs })
 }
 
 /// Residuals of the three readings of a current sample, in the order of [`HOLDS`]: what each leaves unexplained on the same
@@ -103,7 +96,7 @@ pub fn residuals_of_holds(samples: &Samples, config: &EstimatorConfig) -> Result
     for (residual, (_, hold)) in residuals.iter_mut().zip(HOLDS) {
         let track = track(samples, &EstimatorConfig { hold, ..config.clone() })?;
         let used = track.outputs.iter().filter(|output| {
-            !matches!(output.reason, Reason::Filling | Reason::BadSample | Reason::Stuck | Reason::Disabled)
+            !matches!(output.verdict, Verdict::Collecting | Verdict::BadSample | Verdict::Stuck | Verdict::Disabled)
         });
         let (sum, count) = used.fold((0.0, 0.0), |(sum, count), output| (sum + output.residual, count + 1.0));
         if count > 0.0 {
@@ -125,11 +118,11 @@ impl Track {
     pub fn verdict(&self) -> String {
         let valid = self.outputs.iter().filter(|output| output.valid).count();
         let share = 100.0 * valid as f64 / self.outputs.len().max(1) as f64;
-        let mut reasons: Vec<(Reason, usize)> = Vec::new();
+        let mut reasons: Vec<(Verdict, usize)> = Vec::new();
         for output in self.outputs.iter().filter(|output| !output.valid) {
-            match reasons.iter_mut().find(|(reason, _)| *reason == output.reason) {
+            match reasons.iter_mut().find(|(reason, _)| *reason == output.verdict) {
                 Some((_, count)) => *count += 1,
-                None => reasons.push((output.reason, 1)),
+                None => reasons.push((output.verdict, 1)),
             }
         }
         reasons.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
@@ -139,22 +132,13 @@ impl Track {
         match self.last_valid() {
             None => format!("The recording does not identify the force constants.{why}"),
             Some(last) => {
-                let worst = (0..3).map(|k| last.lambda_std[k] / last.lambda_hat[k]).fold(0.0, f64::max);
-                let limit = match self.config.method {
-                    Method::PaperLiteral | Method::Paper => PAPER_STD_LIMIT,
-                    Method::LeastSquares | Method::Unbalance => STD_LIMIT,
-                };
-                let word = if worst < 0.2 * limit && last.condition < 0.5 * CONDITION_LIMIT {
-                    "The excitation is sufficient"
-                } else {
-                    "The excitation is weak"
-                };
+                let worst = (0..3).map(|k| last.lambda_std_total[k] / last.lambda_hat[k]).fold(0.0, f64::max);
+                let word =
+                    if worst < 0.2 * STD_LIMIT { "The excitation is sufficient" } else { "The excitation is weak" };
                 format!(
-                    "{word}: condition {:.1} (limit {CONDITION_LIMIT}), largest standard deviation {:.2} % of its force constant \
-                     (limit {:.0} %), valid during {share:.0} % of the recording.{why}",
-                    last.condition,
+                    "{word}: largest standard deviation {:.2} % of its force constant, valid during {share:.0} % of the \
+                     recording.{why}",
                     100.0 * worst,
-                    100.0 * limit
                 )
             }
         }
@@ -189,7 +173,7 @@ pub fn table(tracks: &[Track]) -> Table {
         };
         let numbers = last.lambda_hat.iter().map(|l| format!("{:.4}", l * 1e6));
         let stds = last.lambda_std.iter().map(|l| format!("{:.4}", l * 1e6));
-        let (u, phi) = if track.config.method == Method::Unbalance {
+        let (u, phi) = if track.config.method == Method::PredictionError {
             (format!("{:.2}", last.unbalance_kg_m * 1e6), format!("{:.4}", last.unbalance_phase_rad))
         } else {
             ("–".into(), "–".into())
@@ -251,7 +235,8 @@ pub fn json(samples: &Samples, tracks: &[Track]) -> Json {
                 "lambdaHat": last.lambda_hat, "lambdaStd": last.lambda_std, "condition": last.condition,
                 "residual": last.residual, "pYHat": last.load_n[0], "pZHat": last.load_n[1],
                 "unbalance.magnitude": last.unbalance_kg_m, "unbalance.phase": last.unbalance_phase_rad,
-                "sensor.positionNoise": last.noise[0], "sensor.currentNoise": last.noise[1],
+                "noise.position": last.position_noise_m, "noise.current": last.current_noise_a,
+                "lambdaStdTotal": last.lambda_std_total, "ki": last.ki, "ks": last.ks,
             })
         });
         json!({
@@ -290,7 +275,7 @@ pub fn page(title: &str, command: &str, samples: &Samples, tracks: &[Track], hol
             },
         ));
     }
-    if let Some(track) = tracks.iter().find(|track| track.config.method == Method::Unbalance) {
+    if let Some(track) = tracks.iter().find(|track| track.config.method == Method::PredictionError) {
         figures.push((
             "Unbalance and static load".into(),
             vec![
@@ -373,7 +358,7 @@ fn shown(
     show: impl Fn(usize) -> bool,
 ) -> Line<'static> {
     let values = recording.get(&format!("{}.{name}", track.name)).unwrap_or(&[]);
-    let filling = |j: usize| track.outputs.get(j).is_none_or(|output| output.reason == Reason::Filling);
+    let filling = |j: usize| track.outputs.get(j).is_none_or(|output| output.verdict == Verdict::Collecting);
     let y: Vec<f64> =
         values.iter().enumerate().map(|(j, y)| if show(j) && !filling(j) { *y } else { f64::NAN }).collect();
     Line::new(label, recording.time_s.clone(), y, colour)
@@ -447,7 +432,17 @@ pub fn config(real: impl Fn(&str) -> f64) -> EstimatorConfig {
         hold: HOLDS[nth("hold", HOLD.items.len().min(HOLDS.len()))].1,
         filter_omega_rad_s: real("filter.omega"),
         filter_zeta: real("filter.zeta"),
+        identify_unbalance: real("identify.unbalance") != 0.0,
         position_noise_m: real("sensor.positionNoise"),
         current_noise_a: real("sensor.currentNoise"),
+        tolerance: Tolerance {
+            m_kg: real("tolerance.m"),
+            gap_m: real("tolerance.s"),
+            alpha_rad: real("tolerance.alpha"),
+            position_gain: real("tolerance.positionGain"),
+            position_offset_m: real("tolerance.positionOffset"),
+            current_gain: real("tolerance.currentGain"),
+            current_offset_a: real("tolerance.currentOffset"),
+        },
     }
 }

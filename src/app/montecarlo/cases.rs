@@ -129,6 +129,23 @@ pub fn noise(scenario: &mut Scenario, noise: [f64; 2], told: bool) {
     }
 }
 
+/// The rotor at rest in the centre.
+pub fn at_rest(scenario: &mut Scenario) {
+    for (element, name) in [
+        ("plant", "Y0"),
+        ("plant", "Z0"),
+        ("plant", "vY0"),
+        ("plant", "vZ0"),
+        ("plant", "omega"),
+        ("controller", "reference.rY"),
+        ("controller", "reference.rZ"),
+        ("controller", "reference.lobeAmplitude"),
+        ("controller", "reference.omega"),
+    ] {
+        scenario.set(element, name, Value::Real(0.0));
+    }
+}
+
 /// Sets the sample time of all, in s.
 pub fn sample_time(scenario: &mut Scenario, step_s: f64) {
     for (element, name) in [("plant", "sensor.Ts"), ("controller", "Ts"), ("estimator", "Ts")] {
