@@ -77,6 +77,8 @@ pub struct Running {
     pub position_variance: f64,
     /// σ_i², A².
     pub current_variance: f64,
+    /// Whether ϑ comes from the data, and not from the first guess.
+    pub estimated: bool,
     /// Mean of `i_k²/gap_k³` over the last revolution, A²/m³.
     pub field_gradient: [f64; 3],
 }
@@ -87,6 +89,8 @@ pub struct FilterState {
     /// Samples since the last gap in the data.
     pub samples: u64,
     pub last: Sample,
+    /// The last position less the one before, m.
+    difference_m: [f64; 2],
     /// ω̇, rad/s².
     acceleration: f64,
     /// Response of (y, z, ẏ, ż) to each column.
@@ -175,6 +179,7 @@ impl WhiteningFilter {
         let mut state = FilterState {
             samples: 0,
             last: sample,
+            difference_m: [0.0; 2],
             acceleration: 0.0,
             columns: [[0.0; COLUMNS]; 4],
             tolerances: [[0.0; TOLERANCES]; 4],
@@ -224,7 +229,12 @@ impl WhiteningFilter {
             let columns = &state.columns[row];
             running.unknowns.iter().zip(&columns[1..]).fold(columns[0], |sum, (x, column)| sum + x * column)
         };
-        let velocity = [estimate(2), estimate(3)];
+        let velocity = match running.estimated {
+            true => [estimate(2), estimate(3)],
+            // A first guess that knows no load would lead astray within a few samples.
+            false => state.difference_m.map(|difference| difference / h),
+        };
+        state.difference_m = std::array::from_fn(|a| sample.position_m[a] - last.position_m[a]);
         let (currents, parts) = self.currents(&last, sample);
         let mut squares = [[0.0; 3]; 3];
         let mut acceleration = [0.0; 2];

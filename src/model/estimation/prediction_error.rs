@@ -198,7 +198,8 @@ impl PredictionError {
             let gaps = self.filter.gaps(sample.position_m);
             std::array::from_fn(|k| input.current_a[k] * input.current_a[k] / (gaps[k] * gaps[k] * gaps[k]))
         });
-        let running = Running { unknowns: state.running, position_variance, current_variance, field_gradient };
+        let (unknowns, estimated) = (state.running, state.estimated);
+        let running = Running { unknowns, estimated, position_variance, current_variance, field_gradient };
         let angle_rad = filter.last.theta_rad + 0.5 * by_rad;
         let passed = (state.angle_rad + by_rad).abs() / std::f64::consts::TAU;
         let table = &mut state.table;
@@ -257,15 +258,13 @@ impl PredictionError {
         if sums.samples < LEAST_SAMPLES {
             return;
         }
-        let prediction_error = sums.solve(self.lambda0, variances);
-        match &prediction_error {
-            Some((_, inverse, condition)) => (state.inverse, state.condition) = (*inverse, *condition),
-            None => state.condition = CONDITION_CAP,
-        }
-        let instrumental =
-            (state.instrumented >= LEAST_INSTRUMENTED).then(|| state.instrumental.solve(variances[0])).flatten();
-        let solutions = prediction_error.map(|(solution, ..)| solution).into_iter().chain(instrumental);
-        let Some(solution) = solutions.min_by(|a, b| a.relative_std().total_cmp(&b.relative_std())) else { return };
+        let Some(found) = sums.solve(self.lambda0, variances) else {
+            state.condition = CONDITION_CAP;
+            return;
+        };
+        (state.inverse, state.condition) = (found.inverse, found.condition);
+        let instrumental = (state.instrumented >= LEAST_INSTRUMENTED).then_some(&state.instrumental);
+        let solution = found.combine(instrumental, variances[0]);
         let std = solution.relative_std();
         if !std.is_finite() {
             return;
@@ -313,8 +312,9 @@ impl PredictionError {
         let [position_variance, _] = noise.variances();
         let mut revolution = Sums::default();
         state.last.iter().for_each(|quarter| revolution.merge(&quarter.sums));
-        if let Some((alone, ..)) = revolution.solve(self.lambda0, noise.variances()) {
-            output.lambda_raw = [alone.unknowns[0], alone.unknowns[1], alone.unknowns[2]];
+        if let Some(alone) = revolution.solve(self.lambda0, noise.variances()) {
+            let [l1, l2, l3, ..] = alone.combine(None, position_variance).unknowns;
+            output.lambda_raw = [l1, l2, l3];
         }
         let testable = state.estimated
             && state.before.samples > revolution.samples

@@ -116,10 +116,8 @@ impl Sums {
         SMatrix::from_fn(|row, column| self.tolerances[row][column])
     }
 
-    /// The prediction-error estimate with a prior of 100 % about λ_0, for noises of these variances; the inverse of J and its condition.
-    ///
-    /// Its deviation carries how far noise in the regressors may pull it: `J⁻¹ D λ σ_i²`.
-    pub fn solve(&self, lambda0: [f64; 3], [position, current]: [f64; 2]) -> Option<(Solution, Square, f64)> {
+    /// The prediction-error estimate with a prior of 100 % about λ_0, for noises of these variances.
+    pub fn solve(&self, lambda0: [f64; 3], [position, current]: [f64; 2]) -> Option<PredictionErrorSolution> {
         let (mut information, mut right) = (self.information(), self.right());
         for (k, lambda0) in lambda0.into_iter().enumerate() {
             information[(k, k)] += position / (lambda0 * lambda0);
@@ -128,18 +126,75 @@ impl Sums {
         let definite = Definite::new(&information)?;
         let inverse = definite.inverse();
         let unknowns = product(&inverse, &right);
-        let mut noise = Vector::zeros();
-        for k in 0..3 {
-            noise[k] = current * self.current_noise[k] * unknowns[k];
-        }
-        let pulled = product(&inverse, &noise);
-        let solution = Solution {
-            unknowns: unknowns.into(),
-            variance: std::array::from_fn(|k| position * inverse[(k, k)] + pulled[k] * pulled[k]),
+        let noise = Vector::from_fn(|k, _| if k < 3 { current * self.current_noise[k] * unknowns[k] } else { 0.0 });
+        let solution = PredictionErrorSolution {
+            attenuation: product(&inverse, &noise),
             sensitivity: sensitivity(&inverse, &self.tolerances),
+            condition: definite.condition(&information, &inverse),
+            unknowns,
+            information,
+            inverse,
         };
-        finite(&solution).then(|| (solution, inverse, definite.condition(&information, &inverse)))
+        solution.unknowns.iter().chain(&solution.attenuation).all(|x| x.is_finite()).then_some(solution)
     }
+}
+
+/// What prediction errors tell.
+pub struct PredictionErrorSolution {
+    unknowns: Vector,
+    /// How far noise of the currents in the regressors may pull the unknowns: `J⁻¹ D λ σ_i²`.
+    attenuation: Vector,
+    information: Square,
+    pub inverse: Square,
+    sensitivity: [[f64; TOLERANCES]; UNKNOWNS],
+    pub condition: f64,
+}
+
+impl PredictionErrorSolution {
+    /// The estimate of both: the attenuation counts as a bias of the known direction a and of a size s with variance one, which instruments,
+    /// free of it, tell as far as they can.
+    ///
+    /// With `l = J a/(aᵀ J a)`, so that `lᵀ a = 1`, the difference `lᵀ (ϑ_IV − ϑ_PE)` is s with the variance `v = lᵀ (P_IV − P_PE) l`. So
+    /// `ŝ = lᵀ (ϑ_IV − ϑ_PE)/(1 + v)`, `ϑ = ϑ_PE + ŝ a`, and the variance is that of ϑ_PE and `a² v/(1 + v)`.
+    pub fn combine(&self, instrumental: Option<&InstrumentalSums>, position_variance: f64) -> Solution {
+        let a = &self.attenuation;
+        let direction = product(&self.information, a);
+        let weight = a.dot(&direction);
+        let told = instrumental.filter(|_| weight > 0.0).and_then(|sums| {
+            let l = direction / weight;
+            let own = position_variance / weight;
+            sums.contrast(&l, position_variance, &self.unknowns, &self.sensitivity).map(|mut told| {
+                told.variance = (told.variance - own).max(0.0);
+                told
+            })
+        });
+        let mut solution = Solution {
+            unknowns: self.unknowns.into(),
+            variance: std::array::from_fn(|k| position_variance * self.inverse[(k, k)]),
+            sensitivity: self.sensitivity,
+        };
+        let unknown_part = told.as_ref().map_or(1.0, |told| told.variance / (1.0 + told.variance));
+        for k in 0..3 {
+            solution.variance[k] += unknown_part * a[k] * a[k];
+        }
+        if let Some(told) = told {
+            let part = 1.0 / (1.0 + told.variance);
+            for (row, a) in a.iter().enumerate() {
+                solution.unknowns[row] += part * told.difference * a;
+                for (by, contrast) in solution.sensitivity[row].iter_mut().zip(told.sensitivity) {
+                    *by += part * contrast * a;
+                }
+            }
+        }
+        solution
+    }
+}
+
+/// What instruments say of one combination of the unknowns, beside another estimate.
+pub struct Contrast {
+    difference: f64,
+    variance: f64,
+    sensitivity: [f64; TOLERANCES],
 }
 
 impl InstrumentalSums {
@@ -174,20 +229,25 @@ impl InstrumentalSums {
         sums.chain(self.tolerances.as_flattened_mut()).for_each(|sum| *sum *= weight);
     }
 
-    /// The estimate by instrumental variables, for position noise of this variance.
-    pub fn solve(&self, position_variance: f64) -> Option<Solution> {
+    /// `lᵀ (ϑ_IV − ϑ)` with the variance of `lᵀ ϑ_IV`, and its change by the tolerances.
+    fn contrast(
+        &self,
+        l: &Vector,
+        position_variance: f64,
+        unknowns: &Vector,
+        sensitivity: &[[f64; TOLERANCES]; UNKNOWNS],
+    ) -> Option<Contrast> {
         let h = Square::from_fn(|row, column| self.equations[row][1 + column]);
         // What is not excited has a row and a column of zeros, and stays zero.
         let scale = Vector::from_fn(|j, _| match h[(j, j)] {
             0.0 => 1.0,
             diagonal => 1.0 / diagonal.abs().sqrt(),
         });
-        let scaled = Square::from_fn(|r, c| match r == c && h[(r, r)] == 0.0 {
+        let transposed = Square::from_fn(|r, c| match r == c && h[(r, r)] == 0.0 {
             true => 1.0,
-            false => scale[r] * h[(r, c)] * scale[c],
+            false => scale[r] * h[(c, r)] * scale[c],
         });
-        let inverse = scaled.try_inverse()?;
-        let inverse = Square::from_fn(|r, c| scale[r] * inverse[(r, c)] * scale[c]);
+        let w = transposed.lu().solve(&l.component_mul(&scale))?.component_mul(&scale);
         let g = Square::from_fn(|r, c| match (r < 3, c < 3) {
             (true, true) => self.instruments[r][c],
             (true, false) => self.equations[r][1 + c],
@@ -195,16 +255,15 @@ impl InstrumentalSums {
             (false, false) => h[(r, c)],
         });
         let right = Vector::from_fn(|row, _| self.equations[row][0]);
-        let variance = std::array::from_fn(|k| {
-            let row = inverse.row(k).transpose();
-            position_variance * product(&g, &row).dot(&row)
-        });
-        let solution = Solution {
-            unknowns: product(&inverse, &right).into(),
-            variance,
-            sensitivity: sensitivity(&inverse, &self.tolerances),
+        let contrast = Contrast {
+            difference: w.dot(&right) - l.dot(unknowns),
+            variance: position_variance * product(&g, &w).dot(&w),
+            sensitivity: std::array::from_fn(|n| {
+                -(0..UNKNOWNS).map(|j| w[j] * self.tolerances[j][n] + l[j] * sensitivity[j][n]).sum::<f64>()
+            }),
         };
-        finite(&solution).then_some(solution)
+        (contrast.difference.is_finite() && contrast.variance >= 0.0 && contrast.variance.is_finite())
+            .then_some(contrast)
     }
 }
 
@@ -337,8 +396,4 @@ fn sensitivity(inverse: &Square, tolerances: &[[f64; TOLERANCES]; UNKNOWNS]) -> 
     std::array::from_fn(|row| {
         std::array::from_fn(|n| -(0..UNKNOWNS).map(|l| inverse[(row, l)] * tolerances[l][n]).sum::<f64>())
     })
-}
-
-fn finite(solution: &Solution) -> bool {
-    solution.unknowns.iter().chain(&solution.variance).all(|x| x.is_finite())
 }
