@@ -330,7 +330,12 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     let known = |value: f64, digits: usize| {
         if value.is_finite() { format!("{value:.digits$}") } else { "–".to_owned() }
     };
-    let percent = |values: [f64; 3]| values.map(|value| known(100.0 * value, 3)).join(" ");
+    // Errors without noise have fewer digits before them than three.
+    let small = |value: f64| value != 0.0 && value.abs() < 1e-5;
+    let percent = |values: [f64; 3]| {
+        let one = |value: f64| if small(value) { format!("{:.0e}", 100.0 * value) } else { known(100.0 * value, 3) };
+        values.map(one).join(" ")
+    };
     row("valid, runs", &|figures| format!("{}/{}", figures.valid, figures.runs));
     row(&format!("valid where the bound is below {} %", 100.0 * IDENTIFIABLE), &|figures| {
         format!("{}/{}", figures.identified, figures.identifiable)

@@ -277,7 +277,7 @@ impl Figures {
             worst: valid
                 .iter()
                 .flat_map(|sample| (0..3).map(|k| (sample.error[k] / sample.total[k]).abs()))
-                .fold(0.0, f64::max),
+                .fold(f64::NAN, f64::max),
             unbalance: [0, 1].map(|n| mean(&|sample| sample.unbalance[n].powi(2)).sqrt()),
             verdicts,
         }
