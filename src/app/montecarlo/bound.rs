@@ -178,9 +178,9 @@ impl Bound {
                 let disturbed: f64 = (0..3).map(|k| disturbance[row][k] * disturbance[n][k]).sum();
                 self.p[row][n] = motion + disturbed;
             }
-            for n in 4..STATES {
-                self.p[row][n] = rows[row][n];
-                self.p[n][row] = rows[row][n];
+            for (n, value) in rows[row].into_iter().enumerate().skip(4) {
+                self.p[row][n] = value;
+                self.p[n][row] = value;
             }
         }
         for row in 0..4 {
