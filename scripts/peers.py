@@ -1,14 +1,16 @@
-"""Peers on the same data: recursive least squares and an extended Kalman filter beside the estimators of this project.
+"""Peers on the same data: recursive least squares and an extended Kalman filter beside the estimator of this project.
 
-Runs the scenario ``unbalanced`` with sensor noise and several seeds (``cargo build --release`` first), or reads recordings of
-``simulate SCENARIO --csv`` in which the scenario compares methods. Prints the rms errors at 35 ms, 100 ms and 200 ms and the time
-from which each stays within one per cent.
+Simulates the nominal unbalanced rotor and bearings drawn at random (``cargo build --release`` first), several seeds of the sensor
+noise each, with the estimator told the noise and not told; or reads recordings of ``simulate SCENARIO --csv`` of the nominal
+bearing. Prints, while the estimate is valid, the rms of error/bound and of error/standard deviation at some instants and the
+greatest error/standard deviation of all samples. The peers have no notion of validity and are judged always.
 
-* RLS: ``filterpy`` has none for vectors, so ``padasip.filters.FilterRLS`` is used, on the equations of motion with both sides
-  low-passed (state-variable filter of third order), one filter per axis, the results weighted alike.
-* EKF: ``filterpy.kalman.ExtendedKalmanFilter`` with the states [y, z, vy, vz, py, pz, lambda 1 to 3, Uc, Us].
+* RLS: ``padasip.filters.FilterRLS`` on the equations of motion with both sides low-passed (state-variable filter of third order),
+  one filter per axis, the results weighted alike. It states no standard deviation.
+* EKF: the textbook filter with the states [y, z, vy, vz, lambda 1 to 3, Uc, Us, py, pz], told the noise. The noise of the currents is
+  the noise of its process. Its covariance along the true trajectory, from no knowledge, is the Cramér–Rao bound.
 
-Both know what our estimator knows: mass, gap, angles, angle and speed of the rotor, and the sensor noise.
+All know mass, gap, angles, angle and speed of the rotor, and the same first guess of lambda.
 
 Requires: the packages of ``scripts/requirements-peers.txt``.
 """
@@ -18,28 +20,116 @@ import csv
 import subprocess
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
 from padasip.filters import FilterRLS
 from scipy import signal
 
-M_KG = 6.7
-GAP_M = 5e-4
-ALPHA_RAD = np.array([np.pi, -np.pi / 3, np.pi / 3])
-DIRECTION = np.stack([np.sin(ALPHA_RAD), np.cos(ALPHA_RAD)])  # axis, magnet
-TRUTH = np.array([1.8e-6, 2.0e-6, 2.2e-6])
-LAMBDA0 = 4e-6
-POSITION_NOISE_M = 1e-7
-CURRENT_NOISE_A = 1e-2
 FILTER_RAD_S = 2 * np.pi * 150.0
-INSTANTS_S = (0.035, 0.1, 0.2)
-WITHIN = 0.01
+INSTANTS_S = (0.035, 0.1, 0.2, 0.4, 1.0)
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = ROOT / "target" / "release" / "magnetic-bearing"
+TOLD, NOT_TOLD, EKF, RLS = "ours, noise told", "ours, not told", "EKF, noise told", "RLS (padasip)"
 # Okabe and Ito.
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#b55a92", "#6b727a")
+COLOURS = {TOLD: "#0072b2", NOT_TOLD: "#d55e00", EKF: "#009e73", RLS: "#6b727a"}
+
+
+@dataclass
+class Bearing:
+    """What a run needs; SI units. The default is the nominal one: the scenario ``unbalanced`` with noise."""
+
+    name: str = "nominal"
+    m: float = 6.7
+    s: float = 5e-4
+    alpha: tuple = (np.pi, -np.pi / 3, np.pi / 3)
+    truth: tuple = (1.8e-6, 2.0e-6, 2.2e-6)
+    guess: tuple = (4e-6, 4e-6, 4e-6)
+    step: float = 1e-4
+    omega: float = 100 * np.pi
+    radius: tuple = (30e-6, 70e-6)
+    lobes: tuple = (3, 0.0)
+    unbalance: tuple = (20 / (100 * np.pi) ** 2, np.radians(40))
+    load: tuple = (10.0, -20.0)
+    least_force: float = 20.0
+    poles: float = 1000.0
+    noise: tuple = (1e-7, 1e-2)
+
+    @property
+    def direction(self):
+        """Unit vectors of the magnets; axis, magnet."""
+        return np.stack([np.sin(self.alpha), np.cos(self.alpha)])
+
+
+def draw(seed):
+    """A bearing from the ranges of ``montecarlo``'s drawn bearings."""
+    rng = np.random.default_rng(seed)
+    m, s, omega = np.exp(rng.uniform(np.log(2), np.log(15))), rng.uniform(3e-4, 8e-4), 2 * np.pi * rng.uniform(40, 120)
+    truth = np.exp(rng.uniform(np.log(1e-6), np.log(3e-6))) * 2 ** rng.uniform(0, 1, 3)
+    direction = rng.uniform(-np.pi, np.pi)
+    return Bearing(
+        name=f"drawn {seed}",
+        m=m,
+        s=s,
+        alpha=tuple(rng.uniform(-np.pi, np.pi) + 2 * np.pi / 3 * np.arange(3) + rng.uniform(-0.3, 0.3, 3)),
+        truth=tuple(truth),
+        guess=tuple(truth * rng.uniform(0.7, 1.6, 3)),
+        step=rng.choice([5e-5, 1e-4, 2e-4]),
+        omega=omega,
+        radius=tuple(s * rng.uniform(0.04, 0.18, 2)),
+        lobes=(int(rng.integers(2, 5)), s * rng.uniform(0, 0.05) * rng.integers(0, 2)),
+        unbalance=(rng.uniform(0, 60) / omega**2, rng.uniform(-np.pi, np.pi)),
+        load=tuple(rng.uniform(0, 0.5) * 9.81 * m * np.array([np.cos(direction), np.sin(direction)])),
+        least_force=m * rng.uniform(2, 5),
+        poles=np.exp(rng.uniform(np.log(500), np.log(2000))),
+        noise=(np.exp(rng.uniform(np.log(5e-8), np.log(2e-6))), np.exp(rng.uniform(np.log(5e-3), np.log(5e-2)))),
+    )
+
+
+def scenario(bearing, seed, told):
+    """The text of a scenario."""
+
+    def table(title, **values):
+        lines = [f"[{title}]"]
+        for key, value in values.items():
+            value = [float(x) for x in value] if isinstance(value, tuple) else value
+            lines.append(f"{key.replace('__', '.')} = {value if isinstance(value, (list, int, str)) else float(value)!r}")
+        return "\n".join(lines)
+
+    lobes, amplitude = bearing.lobes
+    noise = {"sensor__positionNoise": bearing.noise[0], "sensor__currentNoise": bearing.noise[1]}
+    start = {"Y0": bearing.radius[0] + amplitude, "vZ0": (bearing.radius[1] + amplitude) * bearing.omega}
+    shape = {"reference__shape": "lobes", "reference__lobes": lobes, "reference__lobeAmplitude": amplitude} if amplitude else {}
+    return "\n".join([
+        f'title = "{bearing.name}"\nduration = "1 s"\nstep = {float(bearing.step)!r}',
+        table("all", m=bearing.m, s=bearing.s, alpha=bearing.alpha, lambda0=bearing.guess, Ts=bearing.step),
+        table(
+            "plant",
+            **{"lambda": bearing.truth, "sensor__Ts": bearing.step, "sensor__seed": seed, "omega": bearing.omega},
+            **{"unbalance__magnitude": bearing.unbalance[0], "unbalance__phase": bearing.unbalance[1]},
+            **{"pY": bearing.load[0], "pZ": bearing.load[1], "touchdown__clearance": bearing.s / 2},
+            **start,
+            **noise,
+        ),
+        table(
+            "controller",
+            **{"reference__rY": bearing.radius[0], "reference__rZ": bearing.radius[1], "reference__omega": bearing.omega},
+            **{"F0": bearing.least_force, "bandwidth__tracking": bearing.poles},
+            **shape,
+        ),
+        table("estimator", **(noise if told else {})),
+    ])  # fmt: skip
+
+
+def simulate(bearing, seed, told, folder):
+    """Path of a recording."""
+    text, recording = folder / "scenario.toml", folder / "recording.csv"
+    text.write_text(scenario(bearing, seed, told), encoding="utf-8")
+    done = subprocess.run([str(PROGRAM), "simulate", str(text), "--csv", str(recording)], capture_output=True, text=True)
+    if done.returncode:
+        raise SystemExit(done.stderr)
+    return recording
 
 
 def read(path):
@@ -50,133 +140,147 @@ def read(path):
     return dict(zip(names, np.array(rows[1:], dtype=float).T, strict=True))
 
 
-def inputs(data):
-    """Time, positions (axis, sample), currents and mean 1/gap^2 of each interval (magnet, sample), angle and speed."""
-    position = np.stack([data["plant.Ym"], data["plant.Zm"]])
-    current = np.stack([data[f"plant.im[{k}]"] for k in (1, 2, 3)])
-    inverse = 1.0 / (GAP_M - DIRECTION.T @ position) ** 2
+def magnets(data, name):
+    """A signal of the three magnets; sample, magnet."""
+    return np.stack([data[f"{name}[{k}]"] for k in (1, 2, 3)], axis=1)
+
+
+def own(data):
+    """Estimates, standard deviations and validity of the estimator of the loop over time."""
+    total = "estimator.lambdaStdTotal" if "estimator.lambdaStdTotal[1]" in data else "estimator.lambdaStd"
+    return magnets(data, "estimator.lambdaHat"), magnets(data, total), data["estimator.valid"] > 0
+
+
+def recursive_least_squares(data, bearing):
+    """Estimates over time from filtered equations of motion, sample by sample."""
+    position, current = np.stack([data["plant.Ym"], data["plant.Zm"]]), magnets(data, "plant.im").T
+    theta, omega, guess = data["plant.theta"], data["plant.omegam"], np.mean(bearing.guess)
+    inverse = 1.0 / (bearing.s - bearing.direction.T @ position) ** 2
     # The sample of a current is the one held over the interval that ends there.
-    mean = inverse.copy()
-    mean[:, 1:] = 0.5 * (inverse[:, 1:] + inverse[:, :-1])
-    return data["time"], position, current, mean, data["plant.theta"], data["plant.omegam"]
-
-
-def regressors(square, theta, omega, axis):
-    """Columns of the motion along one axis, in m/s^2 per scaled unknown [lambda/lambda0, Uc/U0, Us/U0, load/(m g)]."""
-    turning = omega**2 * np.stack([np.cos(theta), np.sin(theta)])
-    pair = turning * np.array([[1], [-1]]) if axis == 0 else turning[::-1]
-    magnets = LAMBDA0 * DIRECTION[axis][:, None] * square
-    return np.vstack([magnets, GAP_M * M_KG * pair, np.full_like(theta, 9.81 * M_KG)[None]]) / M_KG
-
-
-def recursive_least_squares(data):
-    """Estimates of lambda over time from filtered equations of motion, sample by sample."""
-    time, position, current, mean, theta, omega = inputs(data)
-    square = current**2 * mean
-    step = time[1] - time[0]
+    square = current**2 * inverse
+    square[:, 1:] = current[:, 1:] ** 2 * 0.5 * (inverse[:, 1:] + inverse[:, :-1])
+    middle = theta - 0.5 * omega * bearing.step
+    turning = bearing.s * omega**2 * np.stack([np.cos(middle), np.sin(middle)])
+    still, weight = np.zeros_like(middle), np.full_like(middle, 9.81)
+    # Columns per scaled unknown [lambda/guess, Uc/(m s), Us/(m s), py/(m g), pz/(m g)], in m/s^2.
+    along = [guess * e[:, None] * square / bearing.m for e in bearing.direction]
+    columns = [[*along[0], turning[0], -turning[1], weight, still], [*along[1], turning[1], turning[0], still, weight]]
     # Acceleration and forces pass the same low-pass filter of third order; initial values die away with it.
     b, a = signal.butter(3, FILTER_RAD_S, analog=True)
-    smooth = signal.cont2discrete((b, a), step, "bilinear")
-    twice = signal.cont2discrete((np.polymul(b, [1, 0, 0]), a), step, "bilinear")
+    smooth = signal.cont2discrete((b, a), bearing.step, "bilinear")
+    twice = signal.cont2discrete((np.polymul(b, [1, 0, 0]), a), bearing.step, "bilinear")
+    targets = [signal.lfilter(np.ravel(twice[0]), twice[1], axis - axis[0]) for axis in position]
     # Held currents stand half a sample before the instant of their sample.
-    half = np.array([0.5, 0.5])
-    found = np.full((time.size, 3), LAMBDA0)
-    rows, targets = [], []
-    for axis in range(2):
-        offset = position[axis] - position[axis][0]
-        targets.append(signal.lfilter(np.ravel(twice[0]), twice[1], offset))
-        held = regressors(square, theta - 0.5 * omega * step, omega, axis)
-        at_sample = np.array([signal.lfilter(half, [1.0], np.append(row[1:], row[-1])) for row in held])
-        rows.append(signal.lfilter(np.ravel(smooth[0]), smooth[1], at_sample))
-    size = rows[0].shape[0] + 1
-    stacked = [np.vstack([rows[0], np.zeros_like(time)]), np.vstack([rows[1][:-1], np.zeros_like(time), rows[1][-1]])]
-    recursion = FilterRLS(n=size, mu=0.9999, eps=1e-6, w="zeros")
-    recursion.w[:3] = 1.0
-    settled = int(3 / FILTER_RAD_S * 2 * np.pi / step)
-    for sample in range(time.size):
-        if sample > settled:
-            for axis in range(2):
-                recursion.adapt(targets[axis][sample], stacked[axis][:, sample])
-        found[sample] = LAMBDA0 * recursion.w[:3]
+    centred = [[0.5 * (column + np.append(column[1:], column[-1])) for column in axis] for axis in columns]
+    stacked = [np.array([signal.lfilter(np.ravel(smooth[0]), smooth[1], column) for column in axis]) for axis in centred]
+    recursion = FilterRLS(n=7, mu=0.9999, eps=1e-6, w="zeros")
+    recursion.w[:3] = np.array(bearing.guess) / guess
+    found = np.tile(np.array(bearing.guess), (theta.size, 1))
+    for sample in range(int(3 / FILTER_RAD_S * 2 * np.pi / bearing.step), theta.size):
+        for axis in range(2):
+            recursion.adapt(targets[axis][sample], stacked[axis][:, sample])
+        found[sample] = guess * recursion.w[:3]
+    return found, np.full_like(found, np.nan), np.ones(theta.size, dtype=bool)
+
+
+def extended_kalman_filter(data, bearing, true=False):
+    """Estimates and standard deviations over time; with ``true`` the covariance along the true trajectory, starting from no
+    knowledge: the Cramér–Rao bound."""
+    measured = np.stack([data["plant.Ym"], data["plant.Zm"]], axis=1)
+    truly = np.stack([data["plant.Y"], data["plant.Z"]], axis=1)
+    theta, omega, step, e, m = data["plant.theta"], data["plant.omegam"], bearing.step, bearing.direction, bearing.m
+    current = magnets(data, "plant.im")
+    if true:
+        current = magnets(data, "plant.gap") * np.sqrt(magnets(data, "plant.F") / bearing.truth)
+    lam, (sigma_x, sigma_i) = np.array(bearing.truth if true else bearing.guess), bearing.noise
+    spread = 60 / omega[0] ** 2
+    scale = np.array([sigma_x, sigma_x, 1e-3, 1e-3, *lam, spread, spread, 5 * m, 5 * m])
+    prior = np.array([1, 1, 1e3, 1e3, *[30] * 3, *[100] * 4]) if true else np.array([1, 1, 200, 200, *[1] * 7])
+    x = np.zeros(11)
+    x[:2], x[4:7] = measured[0], lam
+    p = np.diag(prior**2.0)
+    found, std = np.tile(lam, (theta.size, 1)), np.tile(np.inf, (theta.size, 3))
+    eye, observe = np.eye(2), np.eye(2, 11)
+
+    def force(where, current, angle, omega):
+        """Acceleration per unit of each parameter, i^2/gap^2 of the magnets, and their gaps."""
+        gap = bearing.s - e.T @ where
+        pull = (current / gap) ** 2
+        cos, sin = omega**2 * np.cos(angle), omega**2 * np.sin(angle)
+        return np.hstack([e * pull, [[cos, -sin], [sin, cos]], eye]) / m, pull, gap
+
+    for n in range(1, theta.size):
+        # Linearised in the middle of the interval; the current is held until the sample.
+        middle = 0.5 * (truly[n] + truly[n - 1]) if true else x[:2] + 0.5 * step * x[2:4]
+        columns, pull, gap = force(middle, current[n], theta[n] - 0.5 * omega[n] * step, omega[n])
+        stiffness = e * (2 * x[4:7] * pull / gap) @ e.T / m
+        a = np.eye(11)
+        a[:2, :2] += 0.5 * step**2 * stiffness
+        a[:2, 2:4] = step * eye + step**3 / 6 * stiffness
+        a[2:4, :2] = step * stiffness
+        a[2:4, 2:4] += 0.5 * step**2 * stiffness
+        a[:2, 4:], a[2:4, 4:] = 0.5 * step**2 * columns, step * columns
+        if not true:
+            # The motion itself by Nyström's method of fourth order.
+            at = lambda where, part: force(where, current[n], theta[n] - part * omega[n] * step, omega[n])[0] @ x[4:]  # noqa: E731
+            begin = at(x[:2], 1)
+            half = at(x[:2] + 0.5 * step * x[2:4] + step**2 / 8 * begin, 0.5)
+            end = at(x[:2] + step * x[2:4] + 0.5 * step**2 * half, 0)
+            x[:2] += step * x[2:4] + step**2 / 6 * (begin + 2 * half)
+            x[2:4] += step / 6 * (begin + 4 * half + end)
+        shaken = e * (2 * x[4:7] * current[n] / gap**2 * sigma_i) / m
+        g = np.vstack([0.5 * step**2 * shaken, step * shaken]) / scale[:4, None]
+        a *= scale / scale[:, None]
+        p = a @ p @ a.T
+        p[:4, :4] += g @ g.T
+        # In the units of the state the noise of the positions is 1.
+        gain = np.linalg.solve(p[:2, :2] + eye, p[:2]).T
+        if not true:
+            x += scale * (gain @ (measured[n] - x[:2]) / sigma_x)
+        keep = np.eye(11) - gain @ observe
+        p = keep @ p @ keep.T + gain @ gain.T
+        found[n], std[n] = x[4:7], np.sqrt(np.diag(p)[4:7]) * scale[4:7]
+    return found, std, np.ones(theta.size, dtype=bool)
+
+
+def estimates(bearing, told, not_told):
+    """Estimates, standard deviations and validity of every estimator over time, by name."""
+    tracks = {TOLD: own(told)} | ({NOT_TOLD: own(not_told)} if not_told else {})
+    return tracks | {EKF: extended_kalman_filter(told, bearing), RLS: recursive_least_squares(told, bearing)}
+
+
+def judge(bearing, tracks, bound, rows):
+    """Per estimator: validity, error/bound and error/standard deviation at the rows, greatest error/standard deviation."""
+    found = {}
+    for name, (hat, std, valid) in tracks.items():
+        error = hat - bearing.truth
+        with np.errstate(invalid="ignore", divide="ignore"):
+            normalised = np.abs(error / std)
+        # A filter that has seen no revolution is not judged, as ours is not valid before.
+        late = valid & (np.arange(valid.size) * bearing.step > 2 * np.pi / bearing.omega)
+        worst = np.max(normalised[late], initial=0) if np.isfinite(normalised[late]).all() else np.nan
+        found[name] = (valid[rows], error[rows] / bound[rows], normalised[rows], worst)
     return found
 
 
-def extended_kalman_filter(data):
-    """Estimates of lambda over time; the noise of the currents is the noise of the process."""
-    time, position, current, mean, theta, omega = inputs(data)
-    step = time[1] - time[0]
-    scale = np.array([1e-4, 1e-4, 1e-2, 1e-2, 10, 10, LAMBDA0, LAMBDA0, LAMBDA0, GAP_M * M_KG * 0.1, GAP_M * M_KG * 0.1])
-    kalman = ExtendedKalmanFilter(dim_x=11, dim_z=2)
-    kalman.x = np.array([*position[:, 0] / scale[:2], 0, 0, 0, 0, 1, 1, 1, 0, 0], dtype=float)
-    kalman.P = np.diag([1e-6, 1e-6, 25, 25, 100, 100, 1, 1, 1, 1, 1.0])
-    kalman.R = np.eye(2) * POSITION_NOISE_M**2
-    observe = np.zeros((2, 11))
-    observe[0, 0] = observe[1, 1] = scale[0]
-    found = np.full((time.size, 3), LAMBDA0)
-    for sample in range(1, time.size):
-        middle = 0.5 * (theta[sample] + theta[sample - 1])
-        c, s = omega[sample] ** 2 * np.cos(middle), omega[sample] ** 2 * np.sin(middle)
-        force = np.zeros((2, 11))
-        force[:, 4:6] = np.eye(2)
-        # 1/gap^2 from the filter's own position rather than from one noisy sample.
-        where = kalman.x[:2] * scale[:2] + 0.5 * step * kalman.x[2:4] * scale[2:4]
-        gap = GAP_M - DIRECTION.T @ where
-        force[:, 6:9] = DIRECTION * (current[:, sample] / gap) ** 2
-        force[:, 9:] = [[c, -s], [s, c]]
-        accel = force / M_KG * scale
-        transition = np.eye(11)
-        transition[0:2, 2:4] += np.eye(2) * step * scale[2] / scale[0]
-        transition[0:2] += 0.5 * step**2 * accel / scale[0]
-        transition[2:4] += step * accel / scale[2]
-        noise = np.zeros((11, 3))
-        strength = 2 * kalman.x[6:9] * LAMBDA0 * current[:, sample] * mean[:, sample] * CURRENT_NOISE_A / M_KG
-        noise[0:2] = 0.5 * step**2 * DIRECTION * strength / scale[0]
-        noise[2:4] = step * DIRECTION * strength / scale[2]
-        kalman.F = transition
-        kalman.Q = noise @ noise.T
-        kalman.predict()
-        kalman.update(position[:, sample], lambda _x: observe, lambda x: observe @ x)
-        found[sample] = LAMBDA0 * kalman.x[6:9]
-    return found
+def show(title, judged):
+    """Prints the figures of some runs."""
+    print(f"\n{title}")
+    head = "".join(f"{f'{1e3 * instant:.0f} ms':>20}" for instant in INSTANTS_S)
+    print(f"{'error/bound, error/std, valid':30}{head}{'worst/std':>11}")
+    for name in judged[0]:
+        valid, over_bound, normalised = (np.array([run[name][n] for run in judged]) for n in range(3))
+        cells = ""
+        for n in range(len(INSTANTS_S)):
+            which = valid[:, n]
+            rms = [np.sqrt(np.mean(x[which, n] ** 2)) if which.any() else np.nan for x in (over_bound, normalised)]
+            words = " ".join("  –  " if np.isnan(value) else f"{value:.2f}" for value in rms)
+            cells += f"{f'{words} {which.sum()}/{which.size}':>20}"
+        worst = max(run[name][3] for run in judged)
+        print(f"{name:30}{cells}{'–' if np.isnan(worst) else f'{worst:.1f}':>11}")
 
 
-def own(data, method):
-    """Estimates of one of the methods of this project, if the recording has them."""
-    names = [f"{method}.lambdaHat[{k}]" for k in (1, 2, 3)]
-    return np.stack([data[name] for name in names], axis=1) if names[0] in data else None
-
-
-def settled_s(time, found):
-    """The instant from which every estimate stays within one per cent, or None."""
-    outside = np.any(np.abs(found / TRUTH - 1) > WITHIN, axis=1)
-    last = np.flatnonzero(outside)
-    if last.size == 0:
-        return time[0]
-    return None if last[-1] == time.size - 1 else time[last[-1] + 1]
-
-
-def simulate(seed, folder):
-    """Path of a recording of the unbalanced rotor with this seed of the sensor noise."""
-    run = [str(PROGRAM), "simulate"]
-    text = subprocess.run([*run, "--print", "unbalanced"], check=True, capture_output=True, text=True).stdout
-    noise = f"sensor.positionNoise = {POSITION_NOISE_M}\nsensor.currentNoise = {CURRENT_NOISE_A}\n"
-    text = text.replace("[plant]\n", f"[plant]\nsensor.seed = {seed}\n{noise}").replace("[estimator]\n", f"[estimator]\n{noise}")
-    scenario, recording = folder / "scenario.toml", folder / f"{seed}.csv"
-    scenario.write_text(text, encoding="utf-8")
-    subprocess.run([*run, str(scenario), "--csv", str(recording)], check=True, capture_output=True)
-    return recording
-
-
-def estimates(path):
-    """Time, and the estimates of every method over time."""
-    data = read(path)
-    tracks = {name: own(data, name) for name in ("paper", "leastSquares", "unbalance")}
-    tracks["RLS (padasip)"] = recursive_least_squares(data)
-    tracks["EKF (filterpy)"] = extended_kalman_filter(data)
-    return data["time"], {name: found for name, found in tracks.items() if found is not None}
-
-
-def draw(path, time, runs):
+def plot(path, bearing, runs):
     """The largest of the three errors over time: median of the runs, and from the least to the greatest."""
     import matplotlib
 
@@ -185,19 +289,19 @@ def draw(path, time, runs):
 
     plt.rcParams["svg.hashsalt"] = "peers"
     figure, axes = plt.subplots(figsize=(9, 5), layout="constrained")
+    time = np.arange(runs[0][TOLD][0].shape[0]) * bearing.step
     shown = time >= 0.02
-    for colour, name in zip(COLOURS, runs[0], strict=False):
-        errors = np.array([100 * np.max(np.abs(tracks[name] / TRUTH - 1), axis=1) for tracks in runs])[:, shown]
-        errors = np.clip(errors, 1e-2, None)
+    for name in runs[0]:
+        errors = np.array([100 * np.max(np.abs(tracks[name][0] / bearing.truth - 1), axis=1) for tracks in runs])[:, shown]
+        errors, colour = np.clip(errors, 1e-3, None), COLOURS[name]
         axes.fill_between(1e3 * time[shown], errors.min(axis=0), errors.max(axis=0), color=colour, alpha=0.15, linewidth=0)
-        style = "--" if name == "leastSquares" else "-"
-        axes.plot(1e3 * time[shown], np.median(errors, axis=0), style, color=colour, label=name)
-    axes.axhline(100 * WITHIN, color="grey", linestyle=":", label="1 %")
-    axes.set(yscale="log", xlabel="time in ms", ylabel="largest error of a force constant in %", ylim=(2e-2, 3e3))
+        axes.plot(1e3 * time[shown], np.median(errors, axis=0), color=colour, label=name)
+    axes.set(xscale="log", yscale="log", xlabel="time in ms", ylabel="largest error of a force constant in %", ylim=(2e-2, 3e2))
     axes.set_xlim(20, 1e3 * time[-1])
+    axes.xaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_major_formatter("{x:g}")
     axes.set_title(f"Unbalance 20 N, load (10, −20) N, 0.1 µm and 10 mA: median of {len(runs)} runs and their range", fontsize=11)
-    axes.legend(ncols=3, loc="upper right")
+    axes.legend(ncols=2, loc="upper right")
     axes.grid(alpha=0.3)
     figure.savefig(path, metadata={"Date": None})
 
@@ -206,38 +310,47 @@ def main():
     """Runs the comparison; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("recordings", nargs="*", help="written by: cargo run --release -- simulate SCENARIO --csv FILE")
-    parser.add_argument("--seeds", type=int, default=10, help="without recordings: how many runs (default: %(default)s)")
-    parser.add_argument("--first", type=int, default=1, help="the first seed (default: %(default)s)")
-    parser.add_argument("--plot", metavar="FILE", help="draws the errors over time")
+    parser.add_argument("--bearings", type=int, default=4, help="drawn bearings beside the nominal one (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=4, help="seeds of the noise of each (default: %(default)s)")
+    parser.add_argument("--first", type=int, default=1, help="the first seed of noise and bearings (default: %(default)s)")
+    parser.add_argument("--plot", metavar="FILE", help="draws the errors over time of the nominal bearing")
     arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        if not arguments.recordings and not PROGRAM.exists():
-            print("error: cargo build --release comes first", file=sys.stderr)
-            return 1
-        paths = arguments.recordings or (
-            simulate(seed, Path(folder)) for seed in range(arguments.first, arguments.first + arguments.seeds)
-        )
-        found = [estimates(path) for path in paths]
-    time, runs = found[0][0], [tracks for _, tracks in found]
-    head = "".join(f"{f'{1e3 * instant:.0f} ms':>22}" for instant in INSTANTS_S)
-    print(f"{len(runs)} runs; rms errors of lambda 1, 2, 3 in %")
-    print(f"{'':16}{head}{'within 1 % from, ms: median (range)':>38}")
-    for name in runs[0]:
-        cells = ""
-        for instant in INSTANTS_S:
-            row = min(np.searchsorted(time, instant - 1e-9), time.size - 1)
-            errors = np.array([tracks[name][row] / TRUTH - 1 for tracks in runs])
-            cells += f"{'  '.join(f'{100 * rms:.2f}' for rms in np.sqrt(np.mean(errors**2, axis=0))):>22}"
-        settled = [settled_s(time, tracks[name]) for tracks in runs]
-        reached = sorted(1e3 * when for when in settled if when is not None)
-        if reached:
-            when = f"{np.median(reached):.0f} ({reached[0]:.0f} to {reached[-1]:.0f})"
-            when += "" if len(reached) == len(runs) else f", {len(reached)} of {len(runs)} runs"
-        else:
-            when = "never"
-        print(f"{name:16}{cells}{when:>38}")
-    if arguments.plot:
-        draw(arguments.plot, time, runs)
+    if not arguments.recordings and not PROGRAM.exists():
+        print("error: cargo build --release comes first", file=sys.stderr)
+        return 1
+    bearings = [Bearing()]
+    if not arguments.recordings:
+        bearings += [draw(arguments.first + n) for n in range(arguments.bearings)]
+    everything = []
+    for bearing in bearings:
+        runs, judged, bound = [], [], None
+        with tempfile.TemporaryDirectory() as folder:
+            if arguments.recordings:
+                pairs = ((read(path), None) for path in arguments.recordings)
+            else:
+                seeds = range(arguments.first, arguments.first + arguments.seeds)
+                pairs = (tuple(read(simulate(bearing, seed, told, Path(folder))) for told in (True, False)) for seed in seeds)
+            for told, not_told in pairs:
+                if told.get("plant.touchdown.contact", np.zeros(1)).any():
+                    print(f"{bearing.name}: the rotor touches down", file=sys.stderr)
+                    continue
+                bound = extended_kalman_filter(told, bearing, true=True)[1] if bound is None else bound
+                rows = [min(round(instant / bearing.step), bound.shape[0] - 1) for instant in INSTANTS_S]
+                runs.append(estimates(bearing, told, not_told))
+                judged.append(judge(bearing, runs[-1], bound, rows))
+        if not runs:
+            continue
+        last = " ".join(f"{100 * value:.3f}" for value in bound[rows[-1]] / bearing.truth)
+        noise = f"{1e6 * bearing.noise[0]:.2f} µm, {1e3 * bearing.noise[1]:.0f} mA"
+        show(f"{bearing.name}: {noise}, {len(runs)} seeds; bound in the end {last} %", judged)
+        everything += judged
+        if arguments.plot and bearing is bearings[0]:
+            plot(arguments.plot, bearing, runs)
+    if not everything:
+        print("error: no run to judge", file=sys.stderr)
+        return 1
+    if len(bearings) > 1:
+        show(f"all: {len(everything)} runs", everything)
     return 0
 
 

@@ -186,3 +186,18 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
         says(&err, &["error: ", "--help"]);
     }
 }
+
+#[test]
+fn montecarlo_refuses_what_it_cannot_run() {
+    let folder = folder("montecarlo");
+    for (arguments, wanted) in [
+        (["--only", "nosuch"], ["--only \"nosuch\"", "no study has this in its title", "Drawn bearings, noise told"]),
+        (["--runs", "0"], ["--runs", "'0'", "a whole number above 0 is wanted"]),
+        (["--runs", "many"], ["--runs", "'many'", "a whole number above 0 is wanted"]),
+    ] {
+        let (code, out, err) = said(&run(&folder, &[["montecarlo"].as_slice(), &arguments].concat()));
+        assert_eq!(code, 2, "{err}");
+        assert_eq!(out, "");
+        says(&err, &wanted);
+    }
+}

@@ -330,18 +330,20 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     let known = |value: f64, digits: usize| {
         if value.is_finite() { format!("{value:.digits$}") } else { "–".to_owned() }
     };
-    let of_valid = |figures: &Figures, value: f64, digits: usize| {
-        if figures.valid > 0 { known(value, digits) } else { "–".to_owned() }
+    // Errors without noise have fewer digits before them than three.
+    let small = |value: f64| value != 0.0 && value.abs() < 1e-5;
+    let percent = |values: [f64; 3]| {
+        let one = |value: f64| if small(value) { format!("{:.0e}", 100.0 * value) } else { known(100.0 * value, 3) };
+        values.map(one).join(" ")
     };
-    let percent = |values: [f64; 3]| values.map(|value| known(100.0 * value, 3)).join(" ");
     row("valid, runs", &|figures| format!("{}/{}", figures.valid, figures.runs));
     row(&format!("valid where the bound is below {} %", 100.0 * IDENTIFIABLE), &|figures| {
         format!("{}/{}", figures.identified, figures.identifiable)
     });
-    row("rms error/bound", &|figures| of_valid(figures, pooled(figures.over_bound), 2));
-    row("rms error/standard deviation (noise)", &|figures| of_valid(figures, pooled(figures.normalised), 2));
-    row("rms error/standard deviation (total)", &|figures| of_valid(figures, pooled(figures.over_total), 2));
-    row("greatest error/standard deviation", &|figures| of_valid(figures, figures.worst, 1));
+    row("rms error/bound", &|figures| known(pooled(figures.over_bound), 2));
+    row("rms error/standard deviation (noise)", &|figures| known(pooled(figures.normalised), 2));
+    row("rms error/standard deviation (total)", &|figures| known(pooled(figures.over_total), 2));
+    row("greatest error/standard deviation", &|figures| known(figures.worst, 1));
     if !study.mixed {
         row("rms error of λ1 λ2 λ3, %", &|figures| percent(figures.rms));
         row("bias, %", &|figures| percent(figures.bias));
@@ -349,7 +351,7 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
         row("Cramér–Rao bound, %", &|figures| percent(figures.bound));
         row("rms error of U, %; of φ, rad", &|figures| {
             let [magnitude, phase] = figures.unbalance;
-            format!("{} {}", of_valid(figures, 100.0 * magnitude, 3), of_valid(figures, phase, 4))
+            format!("{} {}", known(100.0 * magnitude, 3), known(phase, 4))
         });
     }
     if outcome.figures.iter().any(|figures| !figures.verdicts.is_empty()) {

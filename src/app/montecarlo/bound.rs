@@ -120,22 +120,42 @@ impl Bound {
         columns[0][3..].copy_from_slice(&[along / m_kg, -across / m_kg, 1.0 / m_kg, 0.0]);
         columns[1][3..].copy_from_slice(&[across / m_kg, along / m_kg, 0.0, 1.0 / m_kg]);
 
-        // Transition of the motion; the parameters stay. To third order in the length, as the stiffness is small.
+        // ẍ = K x + f with constant coefficients: [x, ẋ] becomes [C x + S ẋ + D f, K S x + C ẋ + S f] with C = cosh(√K T),
+        // S = sinh(√K T)/√K, D = (C − 1)/K, as series in K T².
+        let square: [[f64; 2]; 2] = std::array::from_fn(|a| {
+            std::array::from_fn(|b| stiffness[a][0] * stiffness[0][b] + stiffness[a][1] * stiffness[1][b])
+        });
+        let series = |first: f64, second: f64, third: f64| -> [[f64; 2]; 2] {
+            let unit = |a: usize, b: usize| if a == b { first } else { 0.0 };
+            let t2 = ts * ts;
+            std::array::from_fn(|a| {
+                std::array::from_fn(|b| unit(a, b) + stiffness[a][b] * t2 * second + square[a][b] * t2 * t2 * third)
+            })
+        };
+        let cosh = series(1.0, 1.0 / 2.0, 1.0 / 24.0);
+        let sinh = series(ts, ts / 6.0, ts / 120.0);
+        let twice = series(ts * ts / 2.0, ts * ts / 24.0, ts * ts / 720.0);
+        let applied =
+            |by: &[[f64; 2]; 2], axis: usize, force: [f64; 2]| by[axis][0] * force[0] + by[axis][1] * force[1];
+        // The parameters stay.
         let mut transition = [[0.0; STATES]; 4];
+        let mut disturbance = [[0.0; 3]; 4];
         for axis in 0..2 {
-            transition[axis][axis] = 1.0;
-            transition[axis][2 + axis] = ts;
-            transition[2 + axis][2 + axis] = 1.0;
             for other in 0..2 {
-                let k = stiffness[axis][other];
-                transition[axis][other] += k * ts * ts / 2.0;
-                transition[axis][2 + other] += k * ts * ts * ts / 6.0;
-                transition[2 + axis][other] += k * ts;
-                transition[2 + axis][2 + other] += k * ts * ts / 2.0;
+                transition[axis][other] = cosh[axis][other];
+                transition[axis][2 + other] = sinh[axis][other];
+                transition[2 + axis][other] = applied(&sinh, axis, stiffness[other]);
+                transition[2 + axis][2 + other] = cosh[axis][other];
             }
             for n in 0..PARAMETERS {
-                transition[axis][4 + n] = columns[axis][n] * ts * ts / 2.0;
-                transition[2 + axis][4 + n] = columns[axis][n] * ts;
+                let force = [columns[0][n], columns[1][n]];
+                transition[axis][4 + n] = applied(&twice, axis, force);
+                transition[2 + axis][4 + n] = applied(&sinh, axis, force);
+            }
+            for k in 0..3 {
+                let force = [noise[0][k], noise[1][k]];
+                disturbance[axis][k] = applied(&twice, axis, force) / self.scale[axis];
+                disturbance[2 + axis][k] = applied(&sinh, axis, force) / self.scale[2 + axis];
             }
         }
         for (row, values) in transition.iter_mut().enumerate() {
@@ -155,13 +175,12 @@ impl Bound {
         for row in 0..4 {
             for n in 0..4 {
                 let motion: f64 = (0..STATES).map(|other| rows[row][other] * transition[n][other]).sum();
-                let of_noise =
-                    |at: usize, k: usize| noise[at % 2][k] * if at < 2 { ts * ts / 2.0 } else { ts } / self.scale[at];
-                self.p[row][n] = motion + (0..3).map(|k| of_noise(row, k) * of_noise(n, k)).sum::<f64>();
+                let disturbed: f64 = (0..3).map(|k| disturbance[row][k] * disturbance[n][k]).sum();
+                self.p[row][n] = motion + disturbed;
             }
-            for n in 4..STATES {
-                self.p[row][n] = rows[row][n];
-                self.p[n][row] = rows[row][n];
+            for (n, value) in rows[row].into_iter().enumerate().skip(4) {
+                self.p[row][n] = value;
+                self.p[n][row] = value;
             }
         }
         for row in 0..4 {

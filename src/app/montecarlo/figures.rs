@@ -197,7 +197,8 @@ fn verdict(scenario: &Scenario, value: f64) -> String {
     }
 }
 
-/// The figures of a study at one instant, over the runs whose estimate was valid. Errors are relative to the true λ.
+/// The figures of a study at one instant, over the runs whose estimate was valid: no numbers if there is none. Errors are
+/// relative to the true λ.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Figures {
     /// When, in s.
@@ -216,7 +217,7 @@ pub struct Figures {
     pub bias: [f64; 3],
     /// Root mean square of the standard deviations stated.
     pub stated: [f64; 3],
-    /// Root mean square of the bound; not finite without noise.
+    /// Root mean square of the bound of all runs, valid or not; not finite without noise.
     pub bound: [f64; 3],
     /// Root mean square of error/bound.
     pub over_bound: [f64; 3],
@@ -243,7 +244,12 @@ impl Figures {
         let valid: Vec<&&Sample> = samples.iter().filter(|sample| sample.valid).collect();
         let identifiable = |sample: &Sample| sample.bound.iter().all(|bound| *bound < IDENTIFIABLE);
         let mean = |value: &dyn Fn(&Sample) -> f64| {
-            valid.iter().map(|sample| value(sample)).sum::<f64>() / valid.len().max(1) as f64
+            // Without a valid estimate there is no figure.
+            if valid.is_empty() {
+                f64::NAN
+            } else {
+                valid.iter().map(|sample| value(sample)).sum::<f64>() / valid.len() as f64
+            }
         };
         let rms = |value: &dyn Fn(&Sample, usize) -> f64| -> [f64; 3] {
             std::array::from_fn(|k| mean(&|sample| value(sample, k).powi(2)).sqrt())
@@ -261,14 +267,17 @@ impl Figures {
             rms: rms(&|sample, k| sample.error[k]),
             bias: std::array::from_fn(|k| mean(&|sample| sample.error[k])),
             stated: rms(&|sample, k| sample.std[k]),
-            bound: rms(&|sample, k| sample.bound[k]),
+            bound: std::array::from_fn(|k| {
+                let squares: f64 = samples.iter().map(|sample| sample.bound[k].powi(2)).sum();
+                (squares / samples.len() as f64).sqrt()
+            }),
             over_bound: rms(&|sample, k| sample.error[k] / sample.bound[k]),
             normalised: rms(&|sample, k| sample.error[k] / sample.std[k]),
             over_total: rms(&|sample, k| sample.error[k] / sample.total[k]),
             worst: valid
                 .iter()
                 .flat_map(|sample| (0..3).map(|k| (sample.error[k] / sample.total[k]).abs()))
-                .fold(0.0, f64::max),
+                .fold(f64::NAN, f64::max),
             unbalance: [0, 1].map(|n| mean(&|sample| sample.unbalance[n].powi(2)).sqrt()),
             verdicts,
         }
