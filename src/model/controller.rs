@@ -46,9 +46,12 @@
 //!
 //! The currents in effect stay what they are; a new λ gives them new forces. The difference of the resultants goes into
 //! the perturbation, so that force and perturbation together do not change. The smallest force starts from that of the
-//! forces asked for last, as the new λ has them, and returns to `F_0` with the time constant [`PRELOAD_S`]. The currents go
-//! on without a jump. It does not start from the forces measured: an estimate that changes at every sample would then let
-//! the smallest force follow whatever the currents do, and nothing would hold it at `F_0`.
+//! new forces and returns to `F_0` with the time constant [`PRELOAD_S`]. The currents go on without a jump.
+//!
+//! Both are taken from the forces that the last sample asked for. With current drive they are the forces in effect. With voltage
+//! drive those in effect are known by currents measured at one instant: their noise and the errors of the current loop
+//! would go into the perturbation, and with an estimate that changes at every sample the smallest force would follow whatever the
+//! currents do, with nothing that holds it at `F_0`.
 //!
 //! # Excitation
 //!
@@ -431,7 +434,7 @@ impl Controller {
         let lists = lists.chain(&state.asked_n).chain(&state.voltage_v).chain(&state.planned_a);
         let modulation = [&state.swing, &state.base_rev, &state.modulation_hz];
         let numbers = lists.chain([&state.start_s, &state.preload_n]).chain(modulation);
-        let counts = state.base_sample <= state.samples && state.samples < u64::MAX;
+        let counts = state.base_sample < state.samples.max(1) && state.samples < u64::MAX;
         self.reference.accepts(&state.reference) && counts && numbers.copied().all(f64::is_finite)
     }
 
@@ -639,13 +642,13 @@ impl Controller {
             // No current flows yet, or nothing changes.
             return;
         }
-        let old_n = self.magnets.resultant(state.under_way_n);
+        let old_n = self.magnets.resultant(state.asked_n);
         // The currents and gaps are what they were, so P(4) changes by the ratio of the λ.
         for k in 0..3 {
             state.under_way_n[k] *= after[k] / before[k];
             state.asked_n[k] *= after[k] / before[k];
         }
-        let new_n = self.magnets.resultant(state.under_way_n);
+        let new_n = self.magnets.resultant(state.asked_n);
         for a in 0..2 {
             estimate[a][2] += (old_n[a] - new_n[a]) / self.config.m_kg;
         }

@@ -372,8 +372,12 @@ impl Slave for Tracking {
     }
 
     fn retune(&mut self, values: &Values) -> Result<(), Vec<Invalid>> {
-        // A copy of the run keeps the modulation that it has.
         let (modulation, modulation_hz) = (values.config.modulation, values.config.modulation_hz);
+        let config = self.controller.config();
+        if (config.modulation, config.modulation_hz) == (modulation, modulation_hz) {
+            return Ok(());
+        }
+        // Snapshots of the run keep the modulation that they have.
         Arc::make_mut(&mut self.controller).retune(modulation, modulation_hz)
     }
 
