@@ -133,8 +133,8 @@ fn chatter(scenario: &Scenario, run: &Run) -> [usize; 3] {
     })
 }
 
-/// Fails if the smallest force starts from the forces measured when λ changes: with an estimate that changes at every sample,
-/// nothing then holds it at F0, the coil that carries it empties, and its amplifier goes from limit to limit (68 times in 10 ms).
+/// Fails (68 times in 10 ms) if λ moves to its estimate in small steps, one per sample, and each step lets the smallest force start
+/// from the forces measured: nothing then holds it at F0, and the coil that carries it empties.
 #[test]
 fn no_amplifier_chatters() {
     for (name, _) in BUILT_IN {
