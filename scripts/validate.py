@@ -128,6 +128,7 @@ REFUSED += [
     ("MagneticBearing", {"solver.maxStep": 0.0}, ["solver.maxStep"]),
     ("FlatnessController", {"lambda0[1]": 0.0}, ["lambda0[1]"]),
     ("FlatnessController", {"F0": -1.0}, ["F0"]),
+    ("FlatnessController", {"F0.modulation": 1.5, "F0.modulationFrequency": 6000.0}, ["F0.modulation", "F0.modulationFrequency"]),
     ("FlatnessController", {"reference.lobes": -1}, ["reference.lobes"]),
     ("FlatnessController", {"update.mode": 9}, ["update.mode"]),
     ("AlgebraicEstimator", {"Tf": 7e-4}, ["Tf"]),

@@ -90,6 +90,8 @@ fn controller_config(values: &Values) -> ControllerConfig {
         step_s: values.real("Ts"),
         lambda0_nm2_a2: values.three("lambda0"),
         f0_n: values.real("F0"),
+        modulation: values.real("F0.modulation"),
+        modulation_hz: values.real("F0.modulationFrequency"),
         tracking_rad_s: values.real("bandwidth.tracking"),
         observer_rad_s: values.real("bandwidth.observer"),
         update: values.choice("update.mode", &[UpdateMode::Never, UpdateMode::AtTime, UpdateMode::WhenValid]),

@@ -111,6 +111,72 @@ fn amplifiers_at_their_limit_leave_nothing_behind() {
     below("error 40 ms later, m", error_m(&run, 0.31, 0.4), 1.2e-6);
 }
 
+/// How often each voltage goes from one limit to the other between two samples, at most in 10 ms.
+fn chatter(scenario: &Scenario, run: &Run) -> [usize; 3] {
+    /// Part of the limit from which an amplifier counts as at its limit.
+    const AT_LIMIT: f64 = 0.999;
+    let limit_v = AT_LIMIT * scenario.value("controller", "coil.uMax").expect("a parameter").as_f64();
+    let samples = (10e-3 / scenario.step_s).round() as usize;
+    std::array::from_fn(|k| {
+        let voltage = column(run, &format!("controller.u[{}]", k + 1));
+        let side = |u: f64| {
+            if u >= limit_v {
+                1
+            } else if u <= -limit_v {
+                -1
+            } else {
+                0
+            }
+        };
+        let turns: Vec<_> = voltage.windows(2).map(|two| usize::from(side(two[0]) * side(two[1]) < 0)).collect();
+        turns.windows(samples).map(|within| within.iter().sum()).max().unwrap_or(0)
+    })
+}
+
+/// Fails (68 times in 10 ms) if λ moves to its estimate in small steps, one per sample, and each step lets the smallest force start
+/// from the forces measured: nothing then holds it at F0, and the coil that carries it empties.
+#[test]
+fn no_amplifier_chatters() {
+    for (name, _) in BUILT_IN {
+        let (scenario, run) = of(name);
+        for (k, turns) in chatter(&scenario, &run).into_iter().enumerate() {
+            // One comes about where the estimate is taken over or a lift ends.
+            assert!(turns <= 1, "{name}: u[{}] goes from limit to limit {turns} times in 10 ms", k + 1);
+        }
+    }
+    // With constants that are known, coils follow: 30 ms after the update no magnet pulls with less than four fifths of F0.
+    let (_, run) = of("run-up");
+    let update = column(&run, "estimator.valid").iter().position(|valid| *valid == 1.0).expect("a valid estimate");
+    for k in 1..=3 {
+        let force = &column(&run, &format!("plant.F[{k}]"))[update + 300..];
+        let least = force.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(least > 16.0, "magnet {k} pulls with {least} N");
+    }
+}
+
+/// Both drives. The load is there before the first current, and is taken up within 20 ms.
+#[test]
+fn at_standstill_the_modulation_moves_the_currents_and_not_the_rotor() {
+    let (scenario, _) = of("standstill");
+    for drive in [1, 2] {
+        let mut scenario = scenario.clone();
+        for element in ["plant", "controller"] {
+            scenario.set(element, "drive", Value::Integer(drive));
+        }
+        let run = run(&scenario).expect("a run");
+        assert_eq!(run.fault, None);
+        let radius = |from, to| error_m(&run, from, to);
+        below(&format!("drive {drive}: radius while the load is taken up, m"), radius(0.0, 0.02), 10e-6);
+        below(&format!("drive {drive}: radius, m"), radius(0.02, 0.6), 1e-6);
+        for k in 1..=3 {
+            let current = &column(&run, &format!("plant.im[{k}]"))[400..];
+            let (low, high) =
+                current.iter().fold((f64::INFINITY, 0.0f64), |(low, high), i| (low.min(*i), high.max(*i)));
+            assert!(high - low > 0.3, "drive {drive}: current {k} stays between {low} and {high} A");
+        }
+    }
+}
+
 /// What the industry asks for, and what was aimed at.
 #[test]
 fn circle_and_hole_are_cut_within_half_a_micrometre() {

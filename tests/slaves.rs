@@ -237,6 +237,40 @@ fn tunable_parameters_act() {
 }
 
 #[test]
+fn the_modulation_is_tuned_while_running_and_what_is_refused_changes_nothing() {
+    let [mut with, mut without] = [(); 2].map(|()| Named::started("FlatnessController", &[]));
+    let currents = |slave: &mut Named| slave.three("i");
+    with.step(0.0, TS);
+    without.step(0.0, TS);
+    assert_eq!(currents(&mut with), currents(&mut without), "off by default");
+    for (name, bad) in [
+        ("F0.modulation", -0.1),
+        ("F0.modulation", 1.1),
+        ("F0.modulation", f64::NAN),
+        ("F0.modulationFrequency", -110.0),
+        ("F0.modulationFrequency", 5001.0),
+        ("F0.modulationFrequency", f64::INFINITY),
+    ] {
+        let former = with.get(name);
+        match with.slave.set(with.index(name), Value::Real(bad)) {
+            Err(AccessError::Refused(findings)) => assert_eq!(findings[0].name, name, "{bad}"),
+            other => panic!("{name} = {bad}: {other:?}"),
+        }
+        assert_eq!(with.get(name), former);
+    }
+    with.step(TS, TS);
+    without.step(TS, TS);
+    assert_eq!(currents(&mut with), currents(&mut without), "what was refused has no effect");
+    let mut copy = Named { slave: with.slave.duplicate(), ..Named::new("FlatnessController") };
+    with.set("F0.modulation", 0.5);
+    for slave in [&mut with, &mut without, &mut copy] {
+        slave.step(2.0 * TS, TS);
+    }
+    assert!(currents(&mut with) != currents(&mut without), "tuned, it acts");
+    assert_eq!(currents(&mut copy), currents(&mut without), "a copy keeps what it had");
+}
+
+#[test]
 fn before_the_run_outputs_follow_the_parameters() {
     let mut bearing = Named::new("MagneticBearing");
     assert_eq!(bearing.get("Y"), 30e-6);
@@ -471,6 +505,15 @@ fn refused_parameters_are_all_named_at_once() {
         ("FlatnessController", "Ts", 0.0, &["0 s", "time of at least"]),
         ("FlatnessController", "lambda0[1]", -4e-6, &["above 0"]),
         ("FlatnessController", "F0", -1.0, &["0 or above"]),
+        ("FlatnessController", "F0.modulation", 1.5, &["1.5", "from 0 to 1"]),
+        ("FlatnessController", "F0.modulation", f64::NAN, &["NaN", "from 0 to 1"]),
+        ("FlatnessController", "F0.modulationFrequency", 0.0, &["0 Hz", "above 0"]),
+        (
+            "FlatnessController",
+            "F0.modulationFrequency",
+            6000.0,
+            &["6000 Hz", "at most half the sample rate (5000 Hz)"],
+        ),
         ("FlatnessController", "bandwidth.tracking", 0.0, &["above 0"]),
         ("FlatnessController", "update.mode", 4.0, &["4", "never (1), atTime (2), whenValid (3)"]),
         ("FlatnessController", "update.mode", i32::MIN as f64, &["never (1)"]),

@@ -58,7 +58,7 @@ enum Command {
     /// in time, `contour = "hole.csv"` makes a closed path of points the reference.
     Simulate {
         /// A file, or the name of a scenario that comes with the program: paper, experiment, unbalanced, turned, run-up,
-        /// lift-off, coil-loss, circle, hole.
+        /// lift-off, coil-loss, circle, hole, standstill.
         #[arg(value_name = "SCENARIO")]
         scenario: PathBuf,
         /// Writes all outputs at every communication point as CSV, with names and units in the header.

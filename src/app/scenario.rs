@@ -10,7 +10,7 @@ use crate::slave::variable::{Causality, Type, Value, Variability, Variable, elem
 use crate::slave::{Kind, controller, estimator, plant};
 
 /// The scenarios that come with the program, by name.
-pub const BUILT_IN: [(&str, &str); 9] = [
+pub const BUILT_IN: [(&str, &str); 10] = [
     ("paper", include_str!("scenarios/paper.toml")),
     ("experiment", include_str!("scenarios/experiment.toml")),
     ("unbalanced", include_str!("scenarios/unbalanced.toml")),
@@ -20,6 +20,7 @@ pub const BUILT_IN: [(&str, &str); 9] = [
     ("coil-loss", include_str!("scenarios/coil-loss.toml")),
     ("circle", include_str!("scenarios/circle.toml")),
     ("hole", include_str!("scenarios/hole.toml")),
+    ("standstill", include_str!("scenarios/standstill.toml")),
 ];
 
 /// The contours that these scenarios name.

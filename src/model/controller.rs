@@ -44,10 +44,29 @@
 //!
 //! # A change of λ
 //!
-//! The currents under way stay what they are; a new λ gives them new forces. The difference of the resultants goes into
-//! the perturbation, so that force and perturbation together do not change. The smallest force asked for starts from
-//! that of the new forces under way and returns to `F_0` with the time constant [`PRELOAD_S`]. The currents go on
-//! without a jump.
+//! The currents in effect stay what they are; a new λ gives them new forces. The difference of the resultants goes into
+//! the perturbation, so that force and perturbation together do not change. The smallest force starts from that of the
+//! new forces and returns to `F_0` with the time constant [`PRELOAD_S`]. The currents go on without a jump.
+//!
+//! Both are taken from the forces that the last sample asked for. With current drive they are the forces in effect. With voltage
+//! drive those in effect are known by currents measured at one instant: their noise and the errors of the current loop
+//! would go into the perturbation, and with an estimate that changes at every sample the smallest force would follow whatever the
+//! currents do, with nothing that holds it at `F_0`.
+//!
+//! # Excitation
+//!
+//! Forces along the null vector of P(3) cancel on the rotor, so that the smallest force may vary without moving it:
+//!
+//! ```text
+//! min F_k = F_0 (1 + a sin 2πφ)        φ = f t
+//! ```
+//!
+//! `a` is `F0.modulation`, `f` is `F0.modulationFrequency`, t runs from the first sample on. For current drive t is the
+//! middle of the interval over which the currents are held, for voltage drive the instant at which they are reached. The
+//! variation of the currents makes λ identifiable where the path alone does not, for instance with the rotor at rest. As long
+//! as the λ in use is wrong, the forces do not cancel exactly, and the rotor moves a little.
+
+use std::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
@@ -58,11 +77,14 @@ use super::plant::check_step;
 use super::reference::{RefPoint, Reference, ReferenceConfig, ReferenceState, Shape};
 use super::{Checks, Invalid};
 
-/// Time constant, in s, with which λ follows its estimate in [`UpdateMode::WhenValid`].
-pub const FOLLOW_S: f64 = 0.01;
-
 /// Time constant, in s, with which the smallest force returns to `F_0` after a change of λ.
 pub const PRELOAD_S: f64 = 0.01;
+
+/// Part of the preload below which the smallest force does not tell the preload.
+///
+/// In the trough of a full modulation the smallest force is 0 whatever the preload. Forces of 100 N are rounded to 10⁻¹⁴ N;
+/// divided by this part, that is still 10⁻⁸ N of preload.
+const TROUGH: f64 = 1e-6;
 
 /// Part of the nominal gap below which a predicted gap is not believed.
 ///
@@ -80,7 +102,7 @@ pub enum UpdateMode {
     /// Once, at the time of the update or as soon after it as the estimate is valid: the paper's way.
     #[default]
     AtTime,
-    /// From the start, whenever it is valid, with a lag of [`FOLLOW_S`].
+    /// From the start, at every sample at which it is valid.
     WhenValid,
 }
 
@@ -100,6 +122,10 @@ pub struct ControllerConfig {
     pub lambda0_nm2_a2: [f64; 3],
     /// Smallest force of a magnet `F_0`, in N; 0 is admitted.
     pub f0_n: f64,
+    /// Amplitude `a` of the modulation of the smallest force, as a part of `F_0`, from 0 to 1; may be retuned.
+    pub modulation: f64,
+    /// Frequency `f` of that modulation, in Hz, at most half the sample rate; may be retuned.
+    pub modulation_hz: f64,
     /// Poles of the tracking error, ω_c, in rad/s.
     pub tracking_rad_s: f64,
     /// Poles of the perturbation observer, ω_o, in rad/s.
@@ -128,6 +154,8 @@ impl Default for ControllerConfig {
             step_s: 1e-4,
             lambda0_nm2_a2: [4e-6; 3],
             f0_n: 20.0,
+            modulation: 0.0,
+            modulation_hz: 110.0,
             tracking_rad_s: 1000.0,
             observer_rad_s: 4000.0,
             current_rad_s: 5000.0,
@@ -193,6 +221,8 @@ pub struct ControllerState {
     expected: [Estimate; 2],
     /// Forces of the magnets, by the model, from the next sample on, in N; with voltage drive those at the last sample.
     under_way_n: [f64; 3],
+    /// Forces of the magnets asked for at the last sample, in N.
+    asked_n: [f64; 3],
     /// Voltages from the next sample on, in V.
     voltage_v: [f64; 3],
     /// Currents asked for at the next sample, in A, with voltage drive.
@@ -201,8 +231,16 @@ pub struct ControllerState {
     lambda_nm2_a2: [f64; 3],
     /// Whether the estimate was taken over, in [`UpdateMode::AtTime`].
     updated: bool,
-    /// Smallest force asked for, in N.
+    /// Smallest force asked for, without modulation, in N.
     preload_n: f64,
+    /// `1 + a sin 2πφ` at the last sample.
+    swing: f64,
+    /// φ at the sample at which f changed last, in revolutions, in [0, 1).
+    base_rev: f64,
+    /// Number of that sample.
+    base_sample: u64,
+    /// f since then, in Hz.
+    modulation_hz: f64,
     reference: ReferenceState,
 }
 
@@ -276,8 +314,7 @@ pub struct Controller {
     ramp_gains: [f64; 3],
     /// `ρ_i`.
     decay: f64,
-    /// Parts of the way to its target that λ, and the smallest force, go in one sample.
-    follow: f64,
+    /// Part of the way to `F_0` that the smallest force goes in one sample.
     relax: f64,
 }
 
@@ -298,12 +335,29 @@ pub fn ramp_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 3] {
     [q * q / (step_s * step_s), 2.0 * q / step_s, q - q * q / 6.0]
 }
 
+/// Notes what is wrong with a modulation; a sample time that is refused itself refuses no frequency.
+fn check_modulation(modulation: f64, modulation_hz: f64, step_s: f64, checks: &mut Checks) {
+    checks.require((0.0..=1.0).contains(&modulation), "F0.modulation", modulation, "a part of F0 from 0 to 1");
+    let highest_hz = if step_s.is_finite() && step_s > 0.0 { 0.5 / step_s } else { f64::INFINITY };
+    checks.require(
+        modulation_hz.is_finite() && modulation_hz > 0.0 && modulation_hz <= highest_hz,
+        "F0.modulationFrequency",
+        format_args!("{modulation_hz} Hz"),
+        format!("a finite number above 0, at most half the sample rate ({highest_hz} Hz)"),
+    );
+}
+
+/// Revolutions, not below 0, less the whole ones.
+fn wrapped(revolutions: f64) -> f64 {
+    revolutions - libm::floor(revolutions)
+}
+
 impl Controller {
     /// A controller of the given configuration.
     ///
     /// # Errors
     /// Every parameter that is not finite or outside its range, by its name in the interface; `s` and `alpha[k]` as in
-    /// [`Magnets::new`], the path as in [`Reference::new`].
+    /// [`Magnets::new`], the path as in [`Reference::new`], the modulation as in [`Controller::retune`].
     pub fn new(config: ControllerConfig) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         checks.positive("m", config.m_kg, "kg");
@@ -313,6 +367,7 @@ impl Controller {
             checks.positive(name, lambda, "N.m2/A2");
         }
         checks.not_negative("F0", config.f0_n, "N");
+        check_modulation(config.modulation, config.modulation_hz, config.step_s, &mut checks);
         checks.positive("bandwidth.tracking", config.tracking_rad_s, "rad/s");
         checks.positive("bandwidth.observer", config.observer_rad_s, "rad/s");
         checks.positive("bandwidth.current", config.current_rad_s, "rad/s");
@@ -327,13 +382,27 @@ impl Controller {
             gains: tracking_gains(config.tracking_rad_s, config.step_s),
             ramp_gains: ramp_gains(config.tracking_rad_s, config.step_s),
             decay: pole(config.current_rad_s, config.step_s).0,
-            follow: -libm::expm1(-config.step_s / FOLLOW_S),
             relax: -libm::expm1(-config.step_s / PRELOAD_S),
             config,
         })
     }
 
-    /// The configuration.
+    /// Takes over another modulation of the smallest force: `modulation` as a part of `F_0`, its frequency in Hz.
+    ///
+    /// The phase goes on without a jump.
+    ///
+    /// # Errors
+    /// `F0.modulation` outside 0 to 1; `F0.modulationFrequency` unless it is above 0 and at most half the sample rate. The
+    /// former values then stay.
+    pub fn retune(&mut self, modulation: f64, modulation_hz: f64) -> Result<(), Vec<Invalid>> {
+        let mut checks = Checks::default();
+        check_modulation(modulation, modulation_hz, self.config.step_s, &mut checks);
+        checks.finish()?;
+        (self.config.modulation, self.config.modulation_hz) = (modulation, modulation_hz);
+        Ok(())
+    }
+
+    /// The configuration, as it was retuned last.
     pub fn config(&self) -> &ControllerConfig {
         &self.config
     }
@@ -345,11 +414,16 @@ impl Controller {
             start_s,
             expected: [[0.0; 3]; 2],
             under_way_n: [0.0; 3],
+            asked_n: [0.0; 3],
             voltage_v: [0.0; 3],
             planned_a: [0.0; 3],
             lambda_nm2_a2: self.config.lambda0_nm2_a2,
             updated: false,
             preload_n: self.config.f0_n,
+            swing: 1.0,
+            base_rev: wrapped(self.config.modulation_hz * self.ahead_s()),
+            base_sample: 0,
+            modulation_hz: self.config.modulation_hz,
             reference: self.reference.start(),
         }
     }
@@ -357,9 +431,11 @@ impl Controller {
     /// Whether a state, for instance one read from a file, can be gone on with: its numbers are finite, its counts in order.
     pub fn accepts(&self, state: &ControllerState) -> bool {
         let lists = state.expected.iter().flatten().chain(&state.under_way_n).chain(&state.lambda_nm2_a2);
-        let lists = lists.chain(&state.voltage_v).chain(&state.planned_a);
-        let numbers = lists.chain([&state.start_s, &state.preload_n]);
-        self.reference.accepts(&state.reference) && state.samples < u64::MAX && numbers.copied().all(f64::is_finite)
+        let lists = lists.chain(&state.asked_n).chain(&state.voltage_v).chain(&state.planned_a);
+        let modulation = [&state.swing, &state.base_rev, &state.modulation_hz];
+        let numbers = lists.chain([&state.start_s, &state.preload_n]).chain(modulation);
+        let counts = state.base_sample < state.samples.max(1) && state.samples < u64::MAX;
+        self.reference.accepts(&state.reference) && counts && numbers.copied().all(f64::is_finite)
     }
 
     /// What stands at the outputs before the first sample: no current, the first guess of λ, and where the path begins.
@@ -433,6 +509,7 @@ impl Controller {
         }
         self.update_lambda(state, &mut estimate, input);
         state.preload_n += self.relax * (self.config.f0_n - state.preload_n);
+        state.swing = self.modulate(state);
 
         let command = match voltage {
             true => self.voltages(state, &estimate, input.current_a, gap_m, [begin, end]),
@@ -477,12 +554,13 @@ impl Controller {
             middle_m[a] = self.observer.predict_by(expected, acceleration - d, 0.5 * step_s)[0];
             state.expected[a] = expected;
         }
-        let wanted_n = self.magnets.allocate(force_n, state.preload_n);
+        let wanted_n = self.magnets.allocate(force_n, state.preload_n * state.swing);
         let floor_m = SMALLEST_GAP * self.config.gap_m;
         let predicted_m = self.magnets.gaps(middle_m);
         let saturated = predicted_m.iter().any(|gap| *gap < floor_m);
         let current_a = self.magnets.currents(wanted_n, predicted_m.map(|gap| gap.max(floor_m)), state.lambda_nm2_a2);
         state.under_way_n = wanted_n;
+        state.asked_n = wanted_n;
         Command { current_a, voltage_v: [0.0; 3], force_n, saturated, limited: false }
     }
 
@@ -529,7 +607,7 @@ impl Controller {
             last_m[a] = self.observer.predict_ramp(expected, next_n[a] / m, acceleration - d)[0];
             state.expected[a] = expected;
         }
-        let wanted_n = self.magnets.allocate(force_n, state.preload_n);
+        let wanted_n = self.magnets.allocate(force_n, state.preload_n * state.swing);
         let predicted_m = self.magnets.gaps(last_m);
         let saturated = predicted_m.iter().any(|gap| *gap < floor_m);
         let last_gap_m = predicted_m.map(|gap| gap.max(floor_m));
@@ -542,6 +620,7 @@ impl Controller {
         let voltage_v = wanted_v.map(|u| u.clamp(-limit_v, limit_v));
         state.voltage_v = voltage_v;
         state.planned_a = reference_a;
+        state.asked_n = wanted_n;
         Command { current_a: reference_a, voltage_v, force_n, saturated, limited: voltage_v != wanted_v }
     }
 
@@ -555,25 +634,58 @@ impl Controller {
                 state.updated = true;
                 hat
             }
-            UpdateMode::WhenValid if usable => std::array::from_fn(|k| before[k] + self.follow * (hat[k] - before[k])),
+            UpdateMode::WhenValid if usable => hat,
             _ => return,
         };
         state.lambda_nm2_a2 = after;
-        if state.samples == 0 {
-            // No current is under way yet.
+        if state.samples == 0 || after == before {
+            // No current flows yet, or nothing changes.
             return;
         }
-        let old_n = self.magnets.resultant(state.under_way_n);
+        let old_n = self.magnets.resultant(state.asked_n);
         // The currents and gaps are what they were, so P(4) changes by the ratio of the λ.
         for k in 0..3 {
             state.under_way_n[k] *= after[k] / before[k];
+            state.asked_n[k] *= after[k] / before[k];
         }
-        let new_n = self.magnets.resultant(state.under_way_n);
+        let new_n = self.magnets.resultant(state.asked_n);
         for a in 0..2 {
             estimate[a][2] += (old_n[a] - new_n[a]) / self.config.m_kg;
         }
-        let [f_1, f_2, f_3] = state.under_way_n;
-        state.preload_n = f_1.min(f_2).min(f_3);
+        if state.swing > TROUGH {
+            let [f_1, f_2, f_3] = state.asked_n;
+            state.preload_n = f_1.min(f_2).min(f_3) / state.swing;
+        }
+    }
+
+    /// `1 + a sin 2πφ` for the force that this sample asks for.
+    fn modulate(&self, state: &mut ControllerState) -> f64 {
+        let ControllerConfig { modulation, modulation_hz, step_s, .. } = self.config;
+        // Count × step, so that φ does not drift.
+        let phase_rev = |state: &ControllerState, sample: u64| {
+            wrapped(state.base_rev + state.modulation_hz * ((sample - state.base_sample) as f64 * step_s))
+        };
+        if modulation_hz != state.modulation_hz {
+            // From the last force asked for on, f is another.
+            (state.base_rev, state.base_sample) = match state.samples.checked_sub(1) {
+                Some(last) => (phase_rev(state, last), last),
+                None => (wrapped(modulation_hz * self.ahead_s()), 0),
+            };
+            state.modulation_hz = modulation_hz;
+        }
+        if modulation == 0.0 {
+            return 1.0;
+        }
+        1.0 + modulation * libm::sin(TAU * phase_rev(state, state.samples))
+    }
+
+    /// How long after its sample the force asked for is in effect, in s: held currents in the mean, voltages at the end.
+    fn ahead_s(&self) -> f64 {
+        let samples = match self.config.coil.drive {
+            Drive::Current => 1.5,
+            Drive::Voltage => 2.0,
+        };
+        samples * self.config.step_s
     }
 
     fn update_is_due(&self, state: &ControllerState) -> bool {

@@ -92,6 +92,8 @@ impl SampledLoop {
         let mut controller =
             ControllerConfig { lambda0_nm2_a2: lambda_nm2_a2, update: UpdateMode::Never, ..controller.clone() };
         controller.reference.shape = Shape::Ellipse;
+        // A modulated force has no operating point.
+        controller.modulation = 0.0;
         (controller.reference.r_y_m, controller.reference.r_z_m) = (0.0, 0.0);
         let plant = Plant::new(plant).map_err(NoSensitivity::Refused)?;
         let controller = Controller::new(controller).map_err(NoSensitivity::Refused)?;

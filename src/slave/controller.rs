@@ -9,7 +9,7 @@ use super::clock::Clock;
 use super::course::Course;
 use super::instance::{Fault, Kind, Slave, Step, all, instantiate, variables};
 use super::log::{Digits, Log, Topic};
-use super::unit::{AMPERE, LAMBDA, METRE, NEWTON, RADIAN_PER_SECOND, SECOND, VOLT};
+use super::unit::{AMPERE, HERTZ, LAMBDA, METRE, NEWTON, ONE, RADIAN_PER_SECOND, SECOND, VOLT};
 use super::variable::{Enumeration, Row, Value, place, with};
 use crate::model::Invalid;
 use crate::model::coil::Drive;
@@ -117,7 +117,21 @@ fn table() -> Vec<Row<Values>> {
             .fixed()
             .min(0.0)
             .nominal(10.0)
-            .says("Least force that each magnet is asked for"),
+            .says("Least force that each magnet is asked for, without modulation"),
+    );
+    rows.push(
+        Row::real("F0.modulation", place!(config.modulation), ONE, 0.0)
+            .tunable()
+            .min(0.0)
+            .max(1.0)
+            .says("Amplitude of the modulation of the least force, as a part of F0"),
+    );
+    rows.push(
+        Row::real("F0.modulationFrequency", place!(config.modulation_hz), HERTZ, 110.0)
+            .tunable()
+            .min(0.0)
+            .nominal(100.0)
+            .says("Frequency of that modulation, at most half the sample rate"),
     );
     rows.push(
         Row::real("bandwidth.tracking", place!(config.tracking_rad_s), RADIAN_PER_SECOND, 1000.0)
@@ -355,6 +369,16 @@ impl Slave for Tracking {
 
     fn grain_s(&self) -> f64 {
         self.controller.config().step_s
+    }
+
+    fn retune(&mut self, values: &Values) -> Result<(), Vec<Invalid>> {
+        let (modulation, modulation_hz) = (values.config.modulation, values.config.modulation_hz);
+        let config = self.controller.config();
+        if (config.modulation, config.modulation_hz) == (modulation, modulation_hz) {
+            return Ok(());
+        }
+        // Snapshots of the run keep the modulation that they have.
+        Arc::make_mut(&mut self.controller).retune(modulation, modulation_hz)
     }
 
     fn step(

@@ -40,6 +40,8 @@ pub const METRE_PER_SECOND: Unit =
 pub const METRE_PER_SECOND2: Unit = Unit { name: "m/s2", base: &[("m", 1), ("s", -2)], displays: &[] };
 /// Time.
 pub const SECOND: Unit = Unit { name: "s", base: &[("s", 1)], displays: &[display("ms", 1e3), display("µs", 1e6)] };
+/// Frequency.
+pub const HERTZ: Unit = Unit { name: "Hz", base: &[("s", -1)], displays: &[display("kHz", 1e-3)] };
 /// Angle.
 pub const RADIAN: Unit = Unit { name: "rad", base: &[("rad", 1)], displays: &[display("deg", PER_DEGREE)] };
 /// Angular velocity.
