@@ -194,12 +194,16 @@ impl Samples {
         let origin_ns = |table: &Table| table.stamps.as_ref().map_or(0, stamps::Stamps::origin_ns);
         let later_s = (origin_ns(&apart) - origin_ns(&motion)) as f64 * 1e-9;
         let mut samples = samples(motion, reading)?;
-        let known = |row: &usize| [TIME_AT].into_iter().chain(CURRENTS).all(|signal| apart.columns[signal][*row].is_finite());
+        let known =
+            |row: &usize| [TIME_AT].into_iter().chain(CURRENTS).all(|signal| apart.columns[signal][*row].is_finite());
         let rows: Vec<usize> = (0..apart.lines.len()).filter(known).collect();
         let column = |signal: usize| rows.iter().map(|row| apart.columns[signal][*row]).collect::<Vec<f64>>();
         let time: Vec<f64> = column(TIME_AT).into_iter().map(|time| time + later_s).collect();
         if time.len() < LEAST {
-            return Err(Unusable(vec![format!("currents: {} samples of all of them, {LEAST} at least are wanted", time.len())]));
+            return Err(Unusable(vec![format!(
+                "currents: {} samples of all of them, {LEAST} at least are wanted",
+                time.len()
+            )]));
         }
         if let Some(row) = time.windows(2).position(|pair| pair[1] <= pair[0]) {
             return Err(Unusable(vec![format!(
@@ -267,7 +271,9 @@ fn samples(table: Table, reading: &Reading) -> Result<Samples, Unusable> {
         }
     }
     // The pace is that of the positions; currents may have one of their own.
-    let known = |row: &usize| POSITIONS.into_iter().all(|signal| columns[signal].get(*row).is_some_and(|value| value.is_finite()));
+    let known = |row: &usize| {
+        POSITIONS.into_iter().all(|signal| columns[signal].get(*row).is_some_and(|value| value.is_finite()))
+    };
     let at: Vec<usize> = (0..lines.len()).filter(known).collect();
     if at.len() < LEAST {
         return refuse(format!("{} samples of both positions, {LEAST} at least are wanted", at.len()));
@@ -342,7 +348,10 @@ fn grid_of_stamps(
     let same = |a: f64, b: f64, freedom: f64| (a / b - 1.0).abs() <= freedom;
     let pace = match (found, reading.resample_s) {
         (Ok(pace), Some(told)) if !same(pace.step_s, told, NEAR / at.len() as f64) => {
-            notes.push(format!("The recording has a pace of {}; it was interpolated, as told.", units::time(pace.step_s)));
+            notes.push(format!(
+                "The recording has a pace of {}; it was interpolated, as told.",
+                units::time(pace.step_s)
+            ));
             return Ok(None);
         }
         (Err(_), Some(_)) => {
@@ -377,7 +386,8 @@ fn grid_of_stamps(
         for (row, place) in at.iter().zip(&pace.place) {
             sample[*row] = *place;
         }
-        let interval = time.iter().map(place).map(|place| (place - near).ceil()).map(|end| (end >= 0.0).then_some(end as u32));
+        let interval =
+            time.iter().map(place).map(|place| (place - near).ceil()).map(|end| (end >= 0.0).then_some(end as u32));
         (sample, interval.collect())
     };
     // The grid reaches from the first row with both positions to the last.
@@ -423,13 +433,22 @@ fn take_rows(samples: &mut Samples, grid: &Grid, mut columns: Vec<Vec<f64>>, not
         samples.current_a[k] = mean_square(&std::mem::take(&mut columns[at]), &grid.interval, count);
         let missing = samples.current_a[k].iter().filter(|value| !value.is_finite()).count();
         if missing > 0 {
-            notes.push(format!("{missing} of {count} samples have no {}; they follow from their neighbours.", SIGNALS[at].name));
+            notes.push(format!(
+                "{missing} of {count} samples have no {}; they follow from their neighbours.",
+                SIGNALS[at].name
+            ));
         }
     }
 }
 
 /// The signals at a pace of their own, interpolated.
-fn interpolate_rows(samples: &mut Samples, count: usize, time: &[f64], mut columns: Vec<Vec<f64>>, notes: &mut Vec<String>) {
+fn interpolate_rows(
+    samples: &mut Samples,
+    count: usize,
+    time: &[f64],
+    mut columns: Vec<Vec<f64>>,
+    notes: &mut Vec<String>,
+) {
     let (start_s, step_s) = (samples.start_s, samples.step_s);
     unwrap(&mut columns[THETA], |row| (time[row] - time[0]) / step_s);
     let signal = |column: &[f64]| -> Vec<f64> {
@@ -519,7 +538,8 @@ fn mean_square(column: &[f64], interval: &[Option<u32>], count: usize) -> Vec<f6
 /// By how much an angle jumps when it wraps; none if it never jumps by more than half its range against its direction.
 fn wrap(angle: &[f64]) -> Option<f64> {
     let known = || angle.iter().copied().filter(|value| value.is_finite());
-    let (low, high) = known().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+    let (low, high) =
+        known().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
     let mut jumps = Vec::new();
     let mut others = Vec::new();
     for (former, next) in known().zip(known().skip(1)) {

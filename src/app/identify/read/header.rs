@@ -138,15 +138,15 @@ pub(super) fn places(
     findings: &mut Vec<String>,
 ) -> Vec<Option<Place>> {
     let known = columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ");
-    for (option, (signal, _)) in reading
-        .columns
-        .iter()
-        .map(|pair| ("--column", pair))
-        .chain(reading.units.iter().map(|pair| ("--unit", pair)))
+    for (option, (signal, _)) in
+        reading.columns.iter().map(|pair| ("--column", pair)).chain(reading.units.iter().map(|pair| ("--unit", pair)))
     {
         if !SIGNALS.iter().any(|candidate| candidate.name == signal) {
             let names: Vec<_> = SIGNALS.iter().map(|signal| signal.name).collect();
-            findings.push(format!("{option} {signal}: {signal} is no signal of a recording; known are {}", names.join(", ")));
+            findings.push(format!(
+                "{option} {signal}: {signal} is no signal of a recording; known are {}",
+                names.join(", ")
+            ));
         }
     }
     let mut absent = Vec::new();

@@ -69,7 +69,8 @@ impl Line {
     /// Distances of the stamps from the line, in sample times: rms and largest.
     fn misses(self, time: &[f64], rows: &[u32], places: &[u64]) -> (f64, f64) {
         let misses = rows.iter().zip(places).map(|(row, place)| (time[*row as usize] - self.at(*place)) / self.step_s);
-        let (sum, largest) = misses.fold((0.0, 0.0), |(sum, largest): (f64, f64), miss| (sum + miss * miss, largest.max(miss.abs())));
+        let (sum, largest) =
+            misses.fold((0.0, 0.0), |(sum, largest): (f64, f64), miss| (sum + miss * miss, largest.max(miss.abs())));
         ((sum / rows.len() as f64).sqrt(), largest)
     }
 }
@@ -205,8 +206,10 @@ fn rising(time: &[f64]) -> Vec<u32> {
 /// A pace to start from: the median of the mean steps over a few rows, which neither rounding nor missing rows disturb much.
 fn first_pace(time: &[f64], rows: &[u32]) -> f64 {
     let span = 16.min(rows.len() - 1);
-    let mut means: Vec<f64> =
-        rows.windows(span + 1).map(|window| (time[window[span] as usize] - time[window[0] as usize]) / span as f64).collect();
+    let mut means: Vec<f64> = rows
+        .windows(span + 1)
+        .map(|window| (time[window[span] as usize] - time[window[0] as usize]) / span as f64)
+        .collect();
     let middle = means.len() / 2;
     *means.select_nth_unstable_by(middle, f64::total_cmp).1
 }
@@ -302,12 +305,17 @@ fn assemble(
     }
     // What lies before the first or behind the last good stamp has no neighbour to go by.
     let ends = rowless(&place);
-    discarded.extend(ends.into_iter().filter(|row| *row < rows[0] as usize || *row > rows[rows.len() - 1] as usize).map(&line));
+    discarded.extend(
+        ends.into_iter().filter(|row| *row < rows[0] as usize || *row > rows[rows.len() - 1] as usize).map(&line),
+    );
     if !findings.is_empty() {
         return Err(shortened(findings));
     }
     if !corrected.is_empty() {
-        notes.push(format!("Wrong time stamps in {} replaced: the rows follow from their neighbours.", lines(&corrected)));
+        notes.push(format!(
+            "Wrong time stamps in {} replaced: the rows follow from their neighbours.",
+            lines(&corrected)
+        ));
     }
     if !discarded.is_empty() {
         notes.push(format!("Rows left out because their time stamps are wrong: {}.", lines(&discarded)));

@@ -15,10 +15,10 @@ const CURRENT_A: [f64; 2] = [20e-3, 200.0];
 const SPEED_RAD_S: f64 = 150_000.0 * PI / 30.0;
 /// A controller takes so many samples a turn at least, or the rotor would not levitate.
 const SAMPLES_PER_TURN: f64 = 8.0;
-/// Motion of less than 0.1 µm peak to peak ...
-const STILL_M: f64 = 0.1e-6;
-/// ... without at least 2 nm of noise is none that a sensor of position would show.
-const SILENT_M: f64 = 2e-9;
+/// Motion of less than 1 µm peak to peak ...
+const STILL_M: f64 = 1e-6;
+/// ... without at least 5 nm of noise is none that a sensor of position would show: they have 50 nm to 2 µm.
+const SILENT_M: f64 = 5e-9;
 /// The slope of the angle and the speed may differ by so much.
 const AGREE: f64 = 0.05;
 /// Below this speed, in rad/s, the rotor counts as being at rest.
@@ -90,7 +90,10 @@ fn remedy(at: usize, samples: &Samples, fits: impl Fn(f64) -> bool) -> (String, 
         [one] => (format!("{one}{read}?"), format!("--unit {name}={one} if so")),
         several => (
             format!("{}{read}?", several.join(" or ")),
-            format!("{} if so", several.iter().map(|unit| format!("--unit {name}={unit}")).collect::<Vec<_>>().join(" or ")),
+            format!(
+                "{} if so",
+                several.iter().map(|unit| format!("--unit {name}={unit}")).collect::<Vec<_>>().join(" or ")
+            ),
         ),
     }
 }
@@ -122,7 +125,8 @@ fn range(values: &[f64]) -> Option<[f64; 2]> {
 
 /// Standard deviation of the noise from fourth differences, whose squares sum to 70.
 fn noise(values: &[f64]) -> f64 {
-    let differences = values.windows(5).map(|v| v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4]).filter(|d| d.is_finite());
+    let differences =
+        values.windows(5).map(|v| v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4]).filter(|d| d.is_finite());
     let (sum, count) = differences.fold((0.0, 0.0), |(sum, count), d| (sum + d * d, count + 1.0));
     (sum / count / 70.0).sqrt()
 }
@@ -145,7 +149,8 @@ fn positions(samples: &Samples, gap_m: f64) -> Vec<Finding> {
             findings.push(Finding { signal: SIGNALS[at].name, value, suspicion, remedy });
         } else if still && swing(axis) > 0.0 {
             let value = format!("it moves by {} nm only, and without noise", significant(swing(axis) * 1e9, 3));
-            let (suspicion, remedy) = remedy(at, samples, |scale| scale * swing(axis) > STILL_M && scale * furthest < gap_m);
+            let (suspicion, remedy) =
+                remedy(at, samples, |scale| scale * swing(axis) > STILL_M && scale * furthest < gap_m);
             findings.push(Finding { signal: SIGNALS[at].name, value, suspicion, remedy });
         }
     }
@@ -375,12 +380,8 @@ fn motion_against_angle(samples: &Samples) -> Option<Finding> {
     let (part, (suspicion, remedy, scale)) =
         parts.filter(|(part, _)| *part > MOST).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let speed = middle(&samples.omega_rad_s);
-    let value = format!(
-        "{}, while {:.0} % of the motion turns at {}",
-        rpm(speed),
-        100.0 * part.min(1.0),
-        rpm(speed * scale)
-    );
+    let value =
+        format!("{}, while {:.0} % of the motion turns at {}", rpm(speed), 100.0 * part.min(1.0), rpm(speed * scale));
     let signal = source(samples).map_or("omega", |at| SIGNALS[at].name);
     Some(Finding { signal, value, suspicion, remedy })
 }

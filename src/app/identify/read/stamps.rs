@@ -53,7 +53,11 @@ impl Stamps {
     ///
     /// # Errors
     /// What contradicts the unit.
-    pub(super) fn of(first: &[u8], separator: char, unit: Option<(&'static str, f64)>) -> Result<(Self, Option<String>), String> {
+    pub(super) fn of(
+        first: &[u8],
+        separator: char,
+        unit: Option<(&'static str, f64)>,
+    ) -> Result<(Self, Option<String>), String> {
         let shown = String::from_utf8_lossy(first);
         let Some((whole, rest)) = parts(first, separator) else {
             return match iso_ns(first) {

@@ -46,7 +46,8 @@ impl Table {
             .comment(Some(b'#'))
             .from_reader(text.from(header.start));
         let mut record = csv::ByteRecord::new();
-        let line_of = |record: &csv::ByteRecord| header.line + record.position().map_or(1, csv::Position::line) as u32 - 1;
+        let line_of =
+            |record: &csv::ByteRecord| header.line + record.position().map_or(1, csv::Position::line) as u32 - 1;
         let mut more = reader.read_byte_record(&mut record).map_err(|error| broken(&error))?;
         let cells = owned(&record);
         let mut columns = header::columns(cells.iter().map(String::as_str));
@@ -122,7 +123,9 @@ impl Table {
             }
         }
         if shorter > 0 {
-            table.notes.push(format!("{shorter} rows have fewer cells than the header; the missing ones count as empty."));
+            table
+                .notes
+                .push(format!("{shorter} rows have fewer cells than the header; the missing ones count as empty."));
         }
         if findings.is_empty() { Ok(table) } else { Err(Unusable(findings)) }
     }

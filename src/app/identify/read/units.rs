@@ -10,8 +10,13 @@ pub(super) const TIME: Quantity =
     &[(&["s", "sec", "seconds"], 1.0), (&["ms", "msec"], 1e-3), (&["us", "usec"], 1e-6), (&["ns", "nsec"], 1e-9)];
 
 /// A mil is a thousandth of an inch.
-pub(super) const LENGTH: Quantity =
-    &[(&["m"], 1.0), (&["mm"], 1e-3), (&["um", "micron", "microns"], 1e-6), (&["nm"], 1e-9), (&["mil", "mils"], 25.4e-6)];
+pub(super) const LENGTH: Quantity = &[
+    (&["m"], 1.0),
+    (&["mm"], 1e-3),
+    (&["um", "micron", "microns"], 1e-6),
+    (&["nm"], 1e-9),
+    (&["mil", "mils"], 25.4e-6),
+];
 
 pub(super) const CURRENT: Quantity = &[(&["A", "Amp", "Ampere"], 1.0), (&["mA"], 1e-3)];
 
@@ -41,7 +46,9 @@ fn plain(name: &str) -> String {
 pub(super) fn find(quantity: Quantity, name: &str) -> Option<(&'static str, f64)> {
     let name = plain(name);
     let same = |known: &&str| {
-        **known == name || (known.chars().count() > 2 && known.eq_ignore_ascii_case(&name)) || (*known == "Hz" && name == "HZ")
+        **known == name
+            || (known.chars().count() > 2 && known.eq_ignore_ascii_case(&name))
+            || (*known == "Hz" && name == "HZ")
     };
     quantity.iter().find(|(names, _)| names.iter().any(|known| same(&known))).map(|(names, factor)| (names[0], *factor))
 }
@@ -96,7 +103,8 @@ fn number_and_unit(text: &str) -> Option<(f64, &str)> {
 
 /// A time in the unit in which it has the fewest zeros.
 pub(super) fn time(seconds: f64) -> String {
-    let (factor, name) = match seconds.abs() {
+    // What is a hair less than a unit for rounding is shown in it.
+    let (factor, name) = match seconds.abs() * (1.0 + 1e-9) {
         size if size >= 1.0 || size == 0.0 => (1.0, "s"),
         size if size >= 1e-3 => (1e3, "ms"),
         size if size >= 1e-6 => (1e6, "µs"),
