@@ -386,7 +386,7 @@ fn the_pace_is_a_straight_line_through_the_stamps() {
             Box::new(|j| (j % 97 != 50).then(|| format!("{:.4}", at(j)))),
             1e-4,
             rows,
-            "104 rows are missing at 104",
+            "103 rows are missing at 103",
         ),
         (
             "dropped, jitter",
@@ -394,7 +394,7 @@ fn the_pace_is_a_straight_line_through_the_stamps() {
             Box::new(|j| (j % 97 != 50).then(|| format!("{:.7}", at(j) + jittered[j]))),
             1e-4,
             rows,
-            "104 rows are missing at 104",
+            "103 rows are missing at 103",
         ),
         (
             "a long hole",

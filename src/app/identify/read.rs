@@ -297,9 +297,10 @@ fn samples(table: Table, reading: &Reading) -> Result<Samples, Unusable> {
         return Err(Unusable(findings));
     }
     let mut samples = Samples { units, ..Samples::default() };
-    samples.wrap_rad = wrap(&columns[THETA]);
+    let jumps;
+    (jumps, samples.wrap_rad) = wrap(&columns[THETA]);
     match grid {
-        Some(grid) => take_rows(&mut samples, &grid, columns, &mut notes),
+        Some(grid) => take_rows(&mut samples, &grid, columns, jumps, &mut notes),
         None => {
             let step_s = reading.resample_s.unwrap_or(f64::NAN);
             if let Some(row) = time.windows(2).position(|pair| pair[1] <= pair[0]) {
@@ -313,7 +314,7 @@ fn samples(table: Table, reading: &Reading) -> Result<Samples, Unusable> {
             if !(count >= LEAST as f64 && count < 100.0 * lines.len() as f64) {
                 return refuse(format!("--resample {step_s}: {count:.0} samples would come from {} rows", lines.len()));
             }
-            interpolate_rows(&mut samples, count as usize + 1, &time, columns, &mut notes);
+            interpolate_rows(&mut samples, count as usize + 1, &time, columns, jumps, &mut notes);
         }
     }
     let count = samples.len();
@@ -402,7 +403,7 @@ fn grid_of_stamps(
 }
 
 /// The signals at the samples that the rows are.
-fn take_rows(samples: &mut Samples, grid: &Grid, mut columns: Vec<Vec<f64>>, notes: &mut Vec<String>) {
+fn take_rows(samples: &mut Samples, grid: &Grid, mut columns: Vec<Vec<f64>>, jumps: bool, notes: &mut Vec<String>) {
     let count = grid.count;
     samples.start_s = grid.start_s;
     samples.step_s = grid.step_s;
@@ -424,7 +425,9 @@ fn take_rows(samples: &mut Samples, grid: &Grid, mut columns: Vec<Vec<f64>>, not
         samples.position_m[axis] = filled;
     }
     samples.theta_rad = signal(THETA);
-    unwrap(&mut samples.theta_rad, |sample| sample as f64);
+    if jumps {
+        unwrap(&mut samples.theta_rad, |sample| sample as f64);
+    }
     samples.omega_rad_s = signal(OMEGA);
     for (k, at) in CURRENTS.enumerate() {
         if columns[at].is_empty() {
@@ -447,10 +450,13 @@ fn interpolate_rows(
     count: usize,
     time: &[f64],
     mut columns: Vec<Vec<f64>>,
+    jumps: bool,
     notes: &mut Vec<String>,
 ) {
     let (start_s, step_s) = (samples.start_s, samples.step_s);
-    unwrap(&mut columns[THETA], |row| (time[row] - time[0]) / step_s);
+    if jumps {
+        unwrap(&mut columns[THETA], |row| (time[row] - time[0]) / step_s);
+    }
     let signal = |column: &[f64]| -> Vec<f64> {
         let instants = (0..count).map(|sample| start_s + sample as f64 * step_s);
         if column.is_empty() { Vec::new() } else { gaps::interpolate(time, column, instants, step_s) }
@@ -535,8 +541,9 @@ fn mean_square(column: &[f64], interval: &[Option<u32>], count: usize) -> Vec<f6
     sums.iter().map(mean).collect()
 }
 
-/// By how much an angle jumps when it wraps; none if it never jumps by more than half its range against its direction.
-fn wrap(angle: &[f64]) -> Option<f64> {
+/// Whether an angle ever jumps by more than half its range, and by how much it jumps when it wraps: always against its
+/// direction. An angle without jumps is left as it is, for a unit that was misread must not be hidden by taking turns off it.
+fn wrap(angle: &[f64]) -> (bool, Option<f64>) {
     let known = || angle.iter().copied().filter(|value| value.is_finite());
     let (low, high) =
         known().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
@@ -547,7 +554,7 @@ fn wrap(angle: &[f64]) -> Option<f64> {
         if step.abs() > 0.5 * (high - low) { jumps.push(step) } else { others.push(step) }
     }
     if jumps.is_empty() || others.len() < 2 * jumps.len() {
-        return None;
+        return (!jumps.is_empty(), None);
     }
     let median = |steps: &mut Vec<f64>| {
         let middle = steps.len() / 2;
@@ -555,7 +562,7 @@ fn wrap(angle: &[f64]) -> Option<f64> {
     };
     let (jump, step) = (median(&mut jumps), median(&mut others));
     let against = jumps.iter().all(|one| one.signum() == jump.signum()) && jump * step < 0.0;
-    against.then(|| (step - jump).abs())
+    (true, against.then(|| (step - jump).abs()))
 }
 
 /// An angle without jumps of whole turns; `at` is where the value of an index lies, in samples. Over a gap the rotor turns on

@@ -40,7 +40,7 @@ pub struct Finding {
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}: {}", self.signal, self.value, self.suspicion)?;
-        if self.remedy.is_empty() { Ok(()) } else { write!(f, "; {}", self.remedy) }
+        if self.remedy.is_empty() { Ok(()) } else { write!(f, " ({})", self.remedy) }
     }
 }
 
@@ -50,13 +50,15 @@ pub(super) fn findings(samples: &Samples, gap_m: f64) -> Vec<Finding> {
     findings.extend(pace(samples));
     findings.extend(positions(samples, gap_m));
     findings.extend(currents(samples));
+    let paced = !findings.iter().any(|finding| finding.signal == SIGNALS[TIME_AT].name);
     let before = findings.len();
     findings.extend(wrapping(samples));
     findings.extend(angle_against_speed(samples));
-    if findings.len() == before {
+    // What follows goes by a speed that makes sense only if the time does, and says less than what was found.
+    if paced && findings.len() == before {
         findings.extend(speed(samples));
     }
-    if findings.len() == before {
+    if paced && findings.len() == before {
         findings.extend(motion_against_angle(samples));
     }
     findings
@@ -87,13 +89,10 @@ fn remedy(at: usize, samples: &Samples, fits: impl Fn(f64) -> bool) -> (String, 
     let read = taken.map_or(String::new(), |taken| format!(" read as {}", written(taken)));
     match units.as_slice() {
         [] => ("no unit known here explains it".into(), String::new()),
-        [one] => (format!("{one}{read}?"), format!("--unit {name}={one} if so")),
+        [one] => (format!("{one}{read}?"), format!("--unit {name}={one}")),
         several => (
             format!("{}{read}?", several.join(" or ")),
-            format!(
-                "{} if so",
-                several.iter().map(|unit| format!("--unit {name}={unit}")).collect::<Vec<_>>().join(" or ")
-            ),
+            several.iter().map(|unit| format!("--unit {name}={unit}")).collect::<Vec<_>>().join(" or "),
         ),
     }
 }
@@ -266,8 +265,7 @@ fn angle_against_speed(samples: &Samples) -> Option<Finding> {
     } else {
         "no unit known here explains it".into()
     };
-    let remedy = if remedies.is_empty() { String::new() } else { format!("{} if so", remedies.join(" or ")) };
-    Some(Finding { signal: "theta", value, suspicion, remedy })
+    Some(Finding { signal: "theta", value, suspicion, remedy: remedies.join(" or ") })
 }
 
 /// The median of the known values.
@@ -357,7 +355,7 @@ fn motion_against_angle(samples: &Samples) -> Option<Finding> {
             let signal = SIGNALS[at].name;
             candidates.push((
                 format!("{signal} in {name} read as {taken}?"),
-                format!("--unit {signal}={name} if so"),
+                format!("--unit {signal}={name}"),
                 scale.powf(power),
             ));
         }
