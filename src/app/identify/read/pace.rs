@@ -288,8 +288,8 @@ fn assemble(
                 });
             }
         } else if between > 0 && between == free {
-            for row in from + 1..to {
-                place[row] = Some(first + (row - from) as u32);
+            for (row, own) in place.iter_mut().enumerate().take(to).skip(from + 1) {
+                *own = Some(first + (row - from) as u32);
                 corrected.push(line(row));
             }
         } else {

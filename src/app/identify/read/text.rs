@@ -8,10 +8,13 @@ use encoding_rs_io::{DecodeReaderBytes, DecodeReaderBytesBuilder};
 /// The header must lie within so many bytes of the beginning, in UTF-8.
 const HEAD: usize = 64 * 1024;
 
+/// What is left to read: the bytes that were looked at to find the encoding, and all that follow.
+type Decoder<R> = DecodeReaderBytes<io::Chain<Cursor<Vec<u8>>, R>, Vec<u8>>;
+
 /// The beginning of a recording as lines, and the whole of it to be read again as UTF-8.
 pub(super) struct Text<R: Read> {
     head: Vec<u8>,
-    rest: BufReader<DecodeReaderBytes<io::Chain<Cursor<Vec<u8>>, R>, Vec<u8>>>,
+    rest: BufReader<Decoder<R>>,
 }
 
 impl<R: Read> Text<R> {

@@ -50,7 +50,7 @@ pub(super) fn find(quantity: Quantity, name: &str) -> Option<(&'static str, f64)
             || (known.chars().count() > 2 && known.eq_ignore_ascii_case(&name))
             || (*known == "Hz" && name == "HZ")
     };
-    quantity.iter().find(|(names, _)| names.iter().any(|known| same(&known))).map(|(names, factor)| (names[0], *factor))
+    quantity.iter().find(|(names, _)| names.iter().any(same)).map(|(names, factor)| (names[0], *factor))
 }
 
 /// Whether any quantity has a unit of that name.
@@ -97,7 +97,7 @@ fn number_and_unit(text: &str) -> Option<(f64, &str)> {
     let text = text.trim();
     // The longest beginning that is a number, so that an exponent is not taken for a unit.
     let ends = text.char_indices().map(|(at, _)| at).chain([text.len()]);
-    let end = ends.filter(|end| text[..*end].trim().parse::<f64>().is_ok()).last()?;
+    let end = ends.rev().find(|end| text[..*end].trim().parse::<f64>().is_ok())?;
     Some((text[..end].trim().parse().ok()?, text[end..].trim()))
 }
 
