@@ -201,3 +201,87 @@ fn montecarlo_refuses_what_it_cannot_run() {
         says(&err, &wanted);
     }
 }
+
+/// A short run of the unbalanced rotor, as a table.
+fn bench(folder: &Path) -> String {
+    let (_, text, _) = said(&run(folder, &["simulate", "--print", "unbalanced"]));
+    fs::write(folder.join("bench.toml"), text.replace("duration = \"0.4 s\"", "duration = \"0.1 s\"")).expect("a file");
+    let (code, _, err) = said(&run(folder, &["simulate", "bench.toml", "--csv", "bench.csv"]));
+    assert_eq!(code, 0, "{err}");
+    fs::read_to_string(folder.join("bench.csv")).expect("the table")
+}
+
+#[test]
+fn recordings_that_cannot_be_used_are_answered_with_2() {
+    let folder = folder("misread");
+    let text = bench(&folder);
+    let (code, out, err) = said(&run(&folder, &["identify", "bench.csv"]));
+    assert_eq!((code, err.as_str()), (0, ""), "{out}");
+    // What each wrong header makes of the recording, and what is said.
+    let cases: [(&[(&str, &str)], &[&str]); 4] = [
+        (&[("time [s]", "time [ms]")], &["every 100 ns", "--unit time=s"]),
+        (&[("plant.theta [rad]", "plant.theta [rev]")], &["--unit theta=rad"]),
+        (
+            &[
+                ("plant.im[1] [A]", "plant.im[1] [mA]"),
+                ("plant.im[2] [A]", "plant.im[2] [mA]"),
+                ("plant.im[3] [A]", "plant.im[3] [mA]"),
+            ],
+            &["--unit im[1]=A", "--unit im[3]=A"],
+        ),
+        (&[("plant.Ym [m]", "plant.Ym [furlong]"), ("plant.Zm [m]", "plant.Zm [ell]")], &["furlong", "ell", "µm"]),
+    ];
+    for (changes, words) in cases {
+        let mut changed = text.clone();
+        for (from, to) in changes {
+            assert!(changed.contains(from), "{from} stands in the header");
+            changed = changed.replacen(from, to, 1);
+        }
+        fs::write(folder.join("changed.csv"), changed).expect("a file");
+        for options in [&[][..], &["--json", "-"], &["--hold", "auto", "--method", "all"]] {
+            let arguments = [&["identify", "changed.csv"], options].concat();
+            let (code, out, err) = said(&run(&folder, &arguments));
+            assert_eq!((code, out.as_str()), (2, ""), "{changes:?} {options:?}: {err}");
+            says(&err, &["error: changed.csv: the recording cannot be used"]);
+            says(&err, words);
+        }
+    }
+    // The file itself is another matter.
+    let (code, _, err) = said(&run(&folder, &["identify", "none.csv"]));
+    assert_eq!(code, 1);
+    says(&err, &["none.csv"]);
+    for arguments in [
+        &["identify", "bench.csv", "--rate", "10"][..],
+        &["identify", "bench.csv", "--step", "1 kg"],
+        &["identify", "bench.csv", "--rate", "10kHz", "--step", "100us"],
+        &["identify", "bench.csv", "--rate", "9kHz"],
+    ] {
+        let (code, out, err) = said(&run(&folder, arguments));
+        assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}: {err}");
+    }
+}
+
+#[test]
+fn json_on_the_standard_output_is_one_document_and_nothing_else() {
+    let folder = folder("json");
+    bench(&folder);
+    let arguments = [
+        "identify",
+        "bench.csv",
+        "--rate",
+        "10kHz",
+        "--hold",
+        "auto",
+        "--json",
+        "-",
+        "--csv",
+        "out.csv",
+        "--report",
+        "page",
+    ];
+    let (code, out, err) = said(&run(&folder, &arguments));
+    assert_eq!(code, 0, "{err}");
+    let document: serde_json::Value = serde_json::from_str(&out).unwrap_or_else(|error| panic!("{error}: {out}"));
+    assert!(document.is_object(), "{out}");
+    says(&err, &["1001 samples of 100 µs", "page/index.html"]);
+}

@@ -37,6 +37,7 @@ struct Arguments {
 }
 
 #[derive(Subcommand)]
+#[allow(clippy::large_enum_variant, reason = "there is one of it, and it is taken apart at once")]
 enum Command {
     /// Packages the three FMUs and the SSP out of the library that was built together with this program.
     ///
@@ -74,9 +75,13 @@ enum Command {
     /// Identifies from a recording of a test bench, a table of text with one row per sample.
     ///
     /// Columns are named as in the interface (time, Ym, Zm, im[1], im[2], im[3], theta, omega), also behind the name of an
-    /// element (plant.Ym), or by --column. Units stand in the header, `Ym [µm]`, or are given by --unit.
+    /// element (plant.Ym), or by --column. Units stand in the header, `Ym [µm]`, or in a row below it, or are given by --unit.
+    /// Times are numbers, Unix times or ISO 8601 stamps; the pace is the slope of the straight line through them.
+    ///
+    /// The exit code is 2 if the recording cannot be used: all that is wrong with it is said on the standard error.
     Identify {
-        /// The recording: columns parted by comma, semicolon or tab; a decimal comma is understood with the latter two.
+        /// The recording, in UTF-8, UTF-16 or Windows-1252: columns separated by comma, semicolon or tab; a decimal comma is
+        /// understood with the latter two.
         #[arg(value_name = "RECORDING")]
         recording: PathBuf,
         /// The currents in a table of their own, with a column of times by the same clock, at any rate.
@@ -85,9 +90,16 @@ enum Command {
         /// A column: signal as in the interface = name in the header.
         #[arg(long, value_name = "SIGNAL=COLUMN", value_parser = pair)]
         column: Vec<(String, String)>,
-        /// A unit: signal as in the interface = unit.
+        /// A unit: signal as in the interface = unit. Known are s, ms, µs, ns; m, mm, µm (um), nm, mil; A, mA; rad, deg (°),
+        /// rev; rad/s, rpm (1/min, U/min, min-1), Hz, deg/s.
         #[arg(long, value_name = "SIGNAL=UNIT", value_parser = pair)]
         unit: Vec<(String, String)>,
+        /// Rate of the samples, as in 10kHz, for recordings without times; where there are some they must agree.
+        #[arg(long, value_name = "RATE", value_parser = identify::rate_s, conflicts_with = "step")]
+        rate: Option<f64>,
+        /// The same as the time from sample to sample, as in 100us; seconds if there is no unit.
+        #[arg(long, value_name = "TIME", value_parser = identify::duration_s)]
+        step: Option<f64>,
         /// Whose estimator has the parameters of the bearing: a file, or the name of a scenario that comes with the program.
         #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
         scenario: PathBuf,
@@ -109,13 +121,13 @@ enum Command {
         /// Standard deviation of the noise of the currents, in A; found from the data if not given.
         #[arg(long, value_name = "AMPERES")]
         current_noise: Option<f64>,
-        /// Interpolates to this sample time, in s, where the recording has no uniform one.
-        #[arg(long, value_name = "SECONDS")]
+        /// Interpolates to this sample time, as in 100us, where the recording has no uniform one; seconds if there is no unit.
+        #[arg(long, value_name = "TIME", value_parser = identify::duration_s, conflicts_with_all = ["rate", "step"])]
         resample: Option<f64>,
         /// Writes the estimates over time as CSV.
         #[arg(long, value_name = "FILE")]
         csv: Option<PathBuf>,
-        /// Writes the result as JSON; - is the standard output.
+        /// Writes the result as JSON; - is the standard output, and what is said otherwise goes to the standard error then.
         #[arg(long, value_name = "FILE")]
         json: Option<PathBuf>,
         /// Writes a report page, index.html, into this folder.
@@ -221,7 +233,7 @@ fn tell(line: std::fmt::Arguments<'_>) {
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// Runs the program. The exit code is 1 when something went wrong, which is then said on the standard error, and 2 when the
-/// arguments make no sense.
+/// arguments make no sense or a recording cannot be used.
 pub fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         None => everything(),
@@ -255,10 +267,15 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");
-            ExitCode::FAILURE
+            if error.is::<Refused>() { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }
 }
+
+/// Input that cannot be used, and why; the exit code is 2.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct Refused(String);
 
 /// An error that names the file.
 fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
@@ -362,6 +379,8 @@ fn identify(command: Command) -> Result<()> {
         currents,
         column,
         unit,
+        rate,
+        step,
         scenario,
         method,
         hold,
@@ -377,24 +396,28 @@ fn identify(command: Command) -> Result<()> {
     else {
         unreachable!("called for this command alone");
     };
-    let text = |path: &Path| -> Result<String> {
-        Ok(String::from_utf8_lossy(&fs::read(path).map_err(named(path))?).into_owned())
-    };
     let reading = identify::Reading {
         columns: column,
         units: unit,
         omega_rad_s: speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
+        rate_s: rate.or(step),
         resample_s: resample,
     };
+    let open = |path: &Path| fs::File::open(path).map_err(named(path));
     let samples = match &currents {
-        None => identify::Samples::read(&text(&recording)?, &reading),
-        Some(path) => identify::Samples::read_apart(&text(&recording)?, &text(path)?, &reading),
+        None => identify::Samples::read_from(open(&recording)?, &reading),
+        Some(path) => identify::Samples::read_apart_from(open(&recording)?, open(path)?, &reading),
     };
-    let samples = samples.map_err(|error| format!("{}: {error}", recording.display()))?;
+    let refused = |findings| Refused(format!("{}: {}", recording.display(), identify::Unusable(findings)));
+    let samples = samples.map_err(|unusable| refused(unusable.0))?;
     let bearing = Scenario::open(&scenario)?;
     let mut config = identify::config(|name| {
         bearing.value("estimator", name).map_or(f64::NAN, crate::slave::variable::Value::as_f64)
     });
+    let implausible = samples.implausible(config.gap_m);
+    if !implausible.is_empty() {
+        return Err(refused(implausible.iter().map(ToString::to_string).collect()).into());
+    }
     config.step_s = samples.step_s;
     config.window_s = match window {
         Some(window_s) => (window_s / samples.step_s).round() * samples.step_s,
@@ -428,7 +451,11 @@ fn identify(command: Command) -> Result<()> {
         tracks.push(identify::track(&samples, &EstimatorConfig { method, ..config.clone() })?);
     }
     let to_standard_output = json.as_deref() == Some(Path::new("-"));
-    if !to_standard_output {
+    if to_standard_output {
+        for note in &samples.notes {
+            eprintln!("{note}");
+        }
+    } else {
         say!("{}", recording.display());
         for note in &samples.notes {
             say!("  {note}");
@@ -463,7 +490,11 @@ fn identify(command: Command) -> Result<()> {
             recording.display()
         );
         fs::write(&path, identify::page(&title, &command, &samples, &tracks, holds.as_ref())).map_err(named(&path))?;
-        say!("\n{}", path.display());
+        if to_standard_output {
+            eprintln!("{}", path.display());
+        } else {
+            say!("\n{}", path.display());
+        }
     }
     Ok(())
 }

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use maud::{DOCTYPE, PreEscaped, html};
 use serde_json::{Value as Json, json};
 
-pub use self::read::{Currents, Reading, Samples, Unusable};
+pub use self::read::{Currents, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use super::plot::{Axis, Colour, Line, Plot, Unit};
 use super::recording::{Column, Recording};
 use super::report::{self, Table};
