@@ -171,6 +171,22 @@ impl Bench {
         force
     }
 
+    /// Noise that the controller never saw: the same bench without it, noise added to the readings afterwards.
+    #[must_use]
+    pub fn record_with_noise_afterwards(&self) -> Recorded {
+        let mut recorded = Self { position_noise: 0.0, current_noise: 0.0, ..self.clone() }.record();
+        let mut noise: [Noise; 5] = Noise::channels(self.seed);
+        for (position, current) in recorded.position.iter_mut().zip(&mut recorded.current) {
+            for a in 0..2 {
+                position[a] = noise[a].measure(position[a], self.position_noise);
+            }
+            for k in 0..3 {
+                current[k] = noise[2 + k].measure(current[k], self.current_noise);
+            }
+        }
+        recorded
+    }
+
     /// Runs it.
     #[must_use]
     pub fn record(&self) -> Recorded {

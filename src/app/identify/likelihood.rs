@@ -189,7 +189,7 @@ pub struct BenchEstimate {
 pub struct BudgetLine {
     /// Number of the parameter in [`PARAMETERS`].
     pub parameter: usize,
-    /// `∂λ_k/∂p` relative to λ_k, per unit of the parameter, all that is not estimated fixed.
+    /// Error of λ̂_k relative to λ_k, per unit by which the parameter differs from its told value and nobody knows.
     pub sensitivity: [f64; 3],
     /// The standard deviation with which `contribution` is reckoned, in the parameter's unit: the tolerance told, or that of a typical bench.
     pub tolerance: f64,
@@ -299,6 +299,16 @@ pub const SHORTEST: usize = 16;
 pub fn identify(recordings: &[Recording<'_>], options: &Options) -> Result<Identification, Failed> {
     check(recordings, options)?;
     search::identify(recordings, options)
+}
+
+/// The Cramér–Rao bound of all unknowns along recordings without noise, whose noise levels are told: standard deviations of λ
+/// (N·m²/A²), U cos φ and U sin φ (kg·m), the bench parameters, and of the loads (N), two for each recording; 0 for what is not estimated.
+///
+/// # Errors
+/// As for [`identify`].
+pub fn cramer_rao(recordings: &[Recording<'_>], options: &Options) -> Result<Vec<f64>, Failed> {
+    check(recordings, options)?;
+    search::cramer_rao(recordings, options)
 }
 
 fn check(recordings: &[Recording<'_>], options: &Options) -> Result<(), Failed> {

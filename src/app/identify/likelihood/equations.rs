@@ -82,7 +82,6 @@ pub(super) struct Interval {
     middle: [f64; 2],
     squares: [f64; 3],
     gaps: [f64; 3],
-    acceleration: [f64; 2],
 }
 
 /// Squared currents at start, middle, and end of an interval.
@@ -155,17 +154,21 @@ impl Bearing {
         self.gaps([at[0], at[1]])
     }
 
+    /// Force of all but the magnets, N.
+    fn external(&self, shaft: Shaft) -> [f64; 2] {
+        let [by_cos, by_sin] = shaft.unbalance();
+        let (b_c, b_s) = (self.bench(BACKWARD), self.bench(BACKWARD + 1));
+        let turning = |a: usize| self.theta[LOAD + a] + self.theta[3] * by_cos[a] + self.theta[4] * by_sin[a];
+        [turning(0) + b_c * shaft.cos + b_s * shaft.sin, turning(1) - b_c * shaft.sin + b_s * shaft.cos]
+    }
+
     fn acceleration(&self, gaps: [f64; 3], squares: [f64; 3], shaft: Shaft) -> [f64; 2] {
-        let mut force = [self.theta[LOAD], self.theta[LOAD + 1]];
+        let mut force = self.external(shaft);
         for k in 0..3 {
             let pull = self.theta[k] * squares[k] / (gaps[k] * gaps[k]);
             force[0] += self.e[k][0] * pull;
             force[1] += self.e[k][1] * pull;
         }
-        let [by_cos, by_sin] = shaft.unbalance();
-        let (b_c, b_s) = (self.bench(BACKWARD), self.bench(BACKWARD + 1));
-        force[0] += self.theta[3] * by_cos[0] + self.theta[4] * by_sin[0] + b_c * shaft.cos + b_s * shaft.sin;
-        force[1] += self.theta[3] * by_cos[1] + self.theta[4] * by_sin[1] - b_c * shaft.sin + b_s * shaft.cos;
         force.map(|force| force * self.per_mass)
     }
 
@@ -186,7 +189,7 @@ impl Bearing {
         let a_0 = self.acceleration(self.gaps([from[0], from[1]]), squares.start, at_start);
         let a_m = self.acceleration(gaps, squares.middle, at_middle);
         let a_1 = self.acceleration(self.gaps([to[0], to[1]]), squares.end, at_end);
-        let mut interval = Interval { end: a_1, middle, gaps, acceleration: a_m, ..Interval::default() };
+        let mut interval = Interval { end: a_1, middle, gaps, ..Interval::default() };
         for a in 0..2 {
             interval.offset[a] = from[a] + h * from[2 + a] + h * h / 6.0 * (a_0[a] + 2.0 * a_m[a]) - to[a];
             interval.offset[2 + a] = from[2 + a] + h / 6.0 * (a_0[a] + 4.0 * a_m[a] + a_1[a]) - to[2 + a];
@@ -219,6 +222,7 @@ impl Bearing {
             d[1][j] = z;
         };
         let mut stretch = [0.0; 2];
+        let mut magnets = [0.0; 2];
         for k in 0..3 {
             let (e, across, gap, square) = (self.e[k], self.across[k], interval.gaps[k], interval.squares[k]);
             let per_lambda = square / (gap * gap) * per_mass;
@@ -228,6 +232,8 @@ impl Bearing {
             }
             let pull = self.theta[k] * per_lambda;
             let by_gap = -2.0 * pull / gap;
+            magnets[0] += e[0] * pull;
+            magnets[1] += e[1] * pull;
             stretch[0] += e[0] * by_gap;
             stretch[1] += e[1] * by_gap;
             let turned = -by_gap * (across[0] * interval.middle[0] + across[1] * interval.middle[1]);
@@ -246,7 +252,9 @@ impl Bearing {
             return;
         }
         let heavier = -1.0 / (1.0 + self.bench(MASS));
-        put(BASE + MASS, interval.acceleration[0] * heavier, interval.acceleration[1] * heavier);
+        // As in the columns of λ, with smoothed currents.
+        let rest = self.external(shaft).map(|force| force * per_mass);
+        put(BASE + MASS, (magnets[0] + rest[0]) * heavier, (magnets[1] + rest[1]) * heavier);
         put(BASE + GAP, stretch[0] * self.nominal.gap_m, stretch[1] * self.nominal.gap_m);
         put(BASE + IRON, stretch[0], stretch[1]);
         put(BASE + BACKWARD, shaft.cos * per_mass, -shaft.sin * per_mass);

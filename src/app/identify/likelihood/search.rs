@@ -637,6 +637,17 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
     Ok(report(&finished, held, contradictions))
 }
 
+/// See [`super::cramer_rao`].
+pub(super) fn cramer_rao(recordings: &[Recording<'_>], options: &Options) -> Result<Vec<f64>, Failed> {
+    let masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.position_m.len()]).collect();
+    let finished = fit(recordings, &masks, options, &mut Vec::new())?;
+    let (a, _) = finished.search.equations(&finished.normal, &finished.estimated);
+    let covariance = inverse(&a).ok_or_else(|| Failed::Diverged("the information matrix is singular".into()))?;
+    Ok((0..finished.search.x.len())
+        .map(|unknown| finished.at(unknown).map_or(0.0, |i| covariance[(i, i)].sqrt()))
+        .collect())
+}
+
 /// A change of λ or load in a recording.
 struct Found {
     recording: usize,
@@ -852,7 +863,7 @@ fn budget(finished: &Finished) -> Vec<BudgetLine> {
         let (a, _) = search.equations(&finished.normal, &others);
         let response = inverse(&a).map(|inverse| inverse * part(&finished.normal.j, &others, &[unknown]));
         let sensitivity = std::array::from_fn(|k| {
-            response.as_ref().map_or(f64::NAN, |response| relative(k, -response[(k, 0)]))
+            response.as_ref().map_or(f64::NAN, |response| relative(k, response[(k, 0)]))
         });
         let contribution = match finished.at(unknown) {
             None => sensitivity.map(|s: f64| s.abs() * tolerance),
