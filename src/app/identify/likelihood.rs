@@ -17,6 +17,7 @@
 
 mod bench;
 mod equations;
+mod feedback;
 mod filter;
 mod search;
 mod solve;

@@ -154,6 +154,23 @@ impl Bearing {
         self.gaps([at[0], at[1]])
     }
 
+    /// Forces of the magnets, N, by squared currents.
+    pub fn forces(&self, at: &State, squares: [f64; 3]) -> [f64; 3] {
+        let gaps = self.gaps_at(at);
+        std::array::from_fn(|k| self.theta[k] * squares[k] / (gaps[k] * gaps[k]))
+    }
+
+    /// Squared currents, A², that make these forces.
+    pub fn squares_of(&self, at: &State, forces: [f64; 3]) -> [f64; 3] {
+        let gaps = self.gaps_at(at);
+        std::array::from_fn(|k| forces[k] * gaps[k] * gaps[k] / self.theta[k])
+    }
+
+    /// Resultant (y, z) of the magnets' forces, N.
+    pub fn resultant(&self, forces: [f64; 3]) -> [f64; 2] {
+        std::array::from_fn(|a| (0..3).map(|k| self.e[k][a] * forces[k]).sum())
+    }
+
     /// Force of all but the magnets, N.
     fn external(&self, shaft: Shaft) -> [f64; 2] {
         let [by_cos, by_sin] = shaft.unbalance();
@@ -172,13 +189,14 @@ impl Bearing {
         force.map(|force| force * self.per_mass)
     }
 
-    /// The interval between two points of the trajectory; `smoothed` is what the smoother adds to the measured squares.
+    /// The interval between two points of the trajectory; `smoothed` is what the smoother adds to the measured squares, `answer` what regressors
+    /// go without.
     #[inline(always)]
     pub fn interval(
         &self,
         [from, to]: [&State; 2],
         squares: &Squares,
-        smoothed: [f64; 3],
+        [smoothed, answer]: [[f64; 3]; 2],
         [at_start, at_middle, at_end]: [Shaft; 3],
     ) -> Interval {
         let h = self.h;
@@ -198,7 +216,7 @@ impl Bearing {
             let gain = 1.0 + self.bench(CURRENT_GAIN + k);
             let noise = self.noise / gain;
             let square = squares.middle[k] + smoothed[k];
-            interval.squares[k] = square;
+            interval.squares[k] = square - answer[k];
             // Var (i + n)² = 4 i² σ² + 2 σ⁴.
             interval.square_std[k] = (4.0 * square.max(0.0) + 2.0 * noise * noise).sqrt() * noise;
             let e = self.e[k];

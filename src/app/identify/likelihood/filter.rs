@@ -83,7 +83,8 @@ impl Data<'_> {
         };
         let between = self.shaft_between(row, from, to);
         let states = [&track.state[row - 1], &track.state[row]];
-        (bearing.interval(states, &squares, track.smoothed[row], [*from, between, *to]), between)
+        let parts = [track.smoothed[row], track.answer[row]];
+        (bearing.interval(states, &squares, parts, [*from, between, *to]), between)
     }
 
     /// Squared current that the interval ending at `row` is driven by, A².
@@ -103,6 +104,8 @@ pub(super) struct Track {
     pub state: Vec<State>,
     /// What the smoother adds to the squared current of the interval that ends at the row, A².
     pub smoothed: Vec<[f64; 3]>,
+    /// The part of it that answers position noise, and has no place in regressors.
+    pub answer: Vec<[f64; 3]>,
 }
 
 /// A piece of a recording: the rows that count, within those that are filtered. The first row of `filtered` starts a filter.
@@ -580,7 +583,8 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
     let (m, d) = (&bearing.sensor, bearing.delay);
     let mut r: State = [0.0; 4];
     let counted = piece.counted.len();
-    let mut smoothed = Track { state: vec![[0.0; 4]; counted], smoothed: vec![[0.0; 3]; counted] };
+    let mut smoothed =
+        Track { state: vec![[0.0; 4]; counted], smoothed: vec![[0.0; 3]; counted], answer: Vec::new() };
     for row in piece.filtered.clone().rev() {
         let keep = &kept[row - start];
         let innovation = &keep.innovation;

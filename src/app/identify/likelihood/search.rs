@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::bench::{BENCH, PARAMETERS};
 use super::equations::{ALL, BASE, Bearing, LOAD, Nominal, Theta};
+use super::feedback;
 use super::filter::{self, Block, Data, HARMONICS, LAGS, Piece, Track};
 use super::solve::{Normal, SHARED, inverse, part, unknown};
 use super::{
@@ -47,6 +48,7 @@ const NOT_SEPARATED: f64 = 20.0;
 struct Case<'a> {
     data: Data<'a>,
     recording: &'a Recording<'a>,
+    segments: Vec<Range<usize>>,
     pieces: Vec<Piece>,
     position_noise: f64,
     current_noise: f64,
@@ -162,7 +164,7 @@ fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Option<Case<'a>
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
         reach: ((RATE_S / h).round() as usize).max(1),
     };
-    let mut track = Track { state: vec![[0.0; 4]; rows], smoothed: vec![[0.0; 3]; rows] };
+    let mut track = Track { state: vec![[0.0; 4]; rows], smoothed: vec![[0.0; 3]; rows], answer: vec![[0.0; 3]; rows] };
     for segment in &segments {
         for row in segment.clone() {
             let (before, after) = (row.max(segment.start + 1) - 1, (row + 1).min(segment.end - 1));
@@ -178,6 +180,7 @@ fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Option<Case<'a>
         data,
         recording,
         pieces: pieces(&segments, h),
+        segments,
         position_noise: noise.max(1e-10),
         current_noise: recording.current_noise_a.unwrap_or(CURRENT_NOISE_A).max(1e-7),
         track,
@@ -194,6 +197,8 @@ struct Search<'a> {
     prior: Vec<(f64, f64)>,
     iterations: usize,
     converged: bool,
+    /// Whether the recordings have noise that the controller may answer.
+    has_noise: bool,
 }
 
 impl<'a> Search<'a> {
@@ -292,6 +297,12 @@ impl<'a> Search<'a> {
         for (r, rows, track) in smoothed {
             self.cases[r].track.state[rows.clone()].copy_from_slice(&track.state);
             self.cases[r].track.smoothed[rows].copy_from_slice(&track.smoothed);
+        }
+        if !self.has_noise {
+            return;
+        }
+        for (case, bearing) in self.cases.iter_mut().zip(&bearings) {
+            feedback::find(&case.data, bearing, &mut case.track, &case.segments);
         }
     }
 
@@ -444,7 +455,7 @@ fn start<'a>(recordings: &'a [Recording<'a>], masks: &[Vec<bool>], options: &'a 
         };
         prior[LOAD + j] = (told.value, std);
     }
-    Ok(Search { cases, options, x, prior, iterations: 0, converged: false })
+    Ok(Search { cases, options, x, prior, iterations: 0, converged: false, has_noise: true })
 }
 
 /// χ² of a change of three force constants between two blocks, over all places where it may be, above which it counts: chance makes 30 once
@@ -592,8 +603,10 @@ fn fit<'a>(
     masks: &[Vec<bool>],
     options: &'a Options,
     held: &mut Vec<usize>,
+    has_noise: bool,
 ) -> Result<Finished<'a>, Failed> {
     let mut search = start(recordings, masks, options)?;
+    search.has_noise = has_noise;
     for j in held.iter() {
         search.prior[LOAD + j].1 = 0.0;
     }
@@ -613,7 +626,7 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
     let mut masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.position_m.len()]).collect();
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();
-    let mut finished = fit(recordings, &masks, options, &mut held)?;
+    let mut finished = fit(recordings, &masks, options, &mut held, true)?;
     // Each round leaves out what contradicts most.
     for _ in 0..4 {
         if let Some(change) = change(&finished) {
@@ -632,7 +645,7 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
                 contradictions.push(contradiction);
             }
         }
-        finished = fit(recordings, &masks, options, &mut held)?;
+        finished = fit(recordings, &masks, options, &mut held, true)?;
     }
     Ok(report(&finished, held, contradictions))
 }
@@ -640,7 +653,7 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
 /// See [`super::cramer_rao`].
 pub(super) fn cramer_rao(recordings: &[Recording<'_>], options: &Options) -> Result<Vec<f64>, Failed> {
     let masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.position_m.len()]).collect();
-    let finished = fit(recordings, &masks, options, &mut Vec::new())?;
+    let finished = fit(recordings, &masks, options, &mut Vec::new(), false)?;
     let (a, _) = finished.search.equations(&finished.normal, &finished.estimated);
     let covariance = inverse(&a).ok_or_else(|| Failed::Diverged("the information matrix is singular".into()))?;
     Ok((0..finished.search.x.len())
@@ -723,7 +736,7 @@ fn describe(
         let mut mask = vec![false; masks[recording].len()];
         mask[rows.clone()].fill(true);
         let alone = &recordings[recording..=recording];
-        let fitted = fit(alone, &[mask], options, &mut Vec::new());
+        let fitted = fit(alone, &[mask], options, &mut Vec::new(), true);
         let lambda = fitted.map_or([Estimate { value: f64::NAN, noise_std: f64::NAN, total_std: f64::NAN }; 3], |fitted| {
             [0, 1, 2].map(|k| fitted.estimate(k))
         });
