@@ -66,7 +66,11 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 fn study_nominal() {
     let draws: u64 = std::env::var("DRAWS").map_or(40, |s| s.parse().unwrap());
     for (seconds, noise, current) in
-        [(1.0, 1e-7, 1e-2), (1.0, 1e-6, 1e-2), (5.0, 1e-6, 1e-2), (1.0, 1e-6, 5e-2), (1.0, 1e-7, 5e-2), (0.1, 1e-6, 1e-2)]
+        [(1.0, 1e-7, 1e-2), (1.0, 1e-6, 1e-2), (5.0, 1e-6, 1e-2), (1.0, 1e-6, 5e-2), (1.0, 1e-7, 5e-2), (0.1, 1e-6, 1e-2), (5.0, 1e-6, 1e-3), (5.0, 3e-6, 1e-2)]
+            .into_iter()
+            .enumerate()
+            .filter(|(at, _)| std::env::var("ONLY").map_or(true, |only| only.contains(&at.to_string())))
+            .map(|(_, case)| case)
     {
         for told in if std::env::var("TOLD").is_ok() { vec![true] } else { vec![true, false] } {
             let (mut errors, mut over_bound, mut over_std, mut worst) = (vec![], vec![], vec![], 0.0_f64);
@@ -77,6 +81,7 @@ fn study_nominal() {
                     seconds,
                     position_noise: noise,
                     current_noise: current,
+                    lambda0: if std::env::var("TRUE0").is_ok() { Bench::default().lambda } else { [4e-6; 3] },
                     seed: 1000 + seed,
                     ..Bench::default()
                 };
@@ -227,3 +232,23 @@ const MIXED: &[(&str, f64)] = &[
     ("force.backward.cos", 5.0),
     ("force.backward.sin", 5.0),
 ];
+
+#[test]
+#[ignore = "debug"]
+fn debug_truth() {
+    for noise in [0.0, 1e-6, 3e-6] {
+        let bench = Bench { seconds: 1.0, position_noise: noise, lambda0: Bench::default().lambda, ..Bench::default() };
+        let recorded = bench.record();
+        for (p, c) in [(1e-6, 1e-6), (1e-9, 1e-5), (1e-9, 1e-3)] {
+            let truth = Recording {
+                position_m: &recorded.true_position,
+                current_a: &recorded.true_current,
+                position_noise_m: Some(p),
+                current_noise_a: Some(c),
+                ..recording(&recorded, &bench, true)
+            };
+            let found = likelihood::identify(&[truth], &options(&bench)).unwrap();
+            println!("{noise} {p} {c} {:?} {:e}", [0, 1, 2].map(|k| found.lambda[k].value / bench.lambda[k] - 1.0), found.lambda[0].total_std / 2e-6);
+        }
+    }
+}

@@ -160,6 +160,14 @@ impl Bearing {
         std::array::from_fn(|k| self.theta[k] * squares[k] / (gaps[k] * gaps[k]))
     }
 
+    /// The part of the forces, N, that currents alone make vary: without what motion does to them.
+    pub fn forces_by_current(&self, at: &State, squares: [f64; 3]) -> [f64; 3] {
+        let (gaps, forces) = (self.gaps_at(at), self.forces(at, squares));
+        std::array::from_fn(|k| {
+            forces[k] * (1.0 - 2.0 / gaps[k] * (self.e[k][0] * at[0] + self.e[k][1] * at[1]))
+        })
+    }
+
     /// Squared currents, A², that make these forces.
     pub fn squares_of(&self, at: &State, forces: [f64; 3]) -> [f64; 3] {
         let gaps = self.gaps_at(at);
@@ -190,13 +198,13 @@ impl Bearing {
     }
 
     /// The interval between two points of the trajectory; `smoothed` is what the smoother adds to the measured squares, `answer` what regressors
-    /// go without.
+    /// go without, `level` the squares by which noise is reckoned.
     #[inline(always)]
     pub fn interval(
         &self,
         [from, to]: [&State; 2],
         squares: &Squares,
-        [smoothed, answer]: [[f64; 3]; 2],
+        [smoothed, answer, level]: [[f64; 3]; 3],
         [at_start, at_middle, at_end]: [Shaft; 3],
     ) -> Interval {
         let h = self.h;
@@ -218,7 +226,7 @@ impl Bearing {
             let square = squares.middle[k] + smoothed[k];
             interval.squares[k] = square - answer[k];
             // Var (i + n)² = 4 i² σ² + 2 σ⁴.
-            interval.square_std[k] = (4.0 * square.max(0.0) + 2.0 * noise * noise).sqrt() * noise;
+            interval.square_std[k] = (4.0 * level[k].max(0.0) + 2.0 * noise * noise).sqrt() * noise;
             let e = self.e[k];
             let per_square = self.theta[k] / (gaps[k] * gaps[k]) * self.per_mass;
             let by_noise = per_square * interval.square_std[k];
@@ -231,9 +239,18 @@ impl Bearing {
         interval
     }
 
-    /// `∂a/∂θ`, (y, z), in the middle of the interval.
+    /// `∂a/∂θ`, (y, z), in the middle of the interval; `predicted` is the deviation (y, z) of the filter there.
+    ///
+    /// The pull is taken where the filter predicts the rotor, not on the smoothed trajectory: that one knows the innovations to come, and with the
+    /// negative stiffness their product has an expectation (the derivative of ln det S, for a rotor held by feedback).
     #[inline(always)]
-    pub fn force_columns<const P: usize>(&self, interval: &Interval, shaft: Shaft, d: &mut [[f64; P]; 2]) {
+    pub fn force_columns<const P: usize>(
+        &self,
+        interval: &Interval,
+        predicted: [f64; 2],
+        shaft: Shaft,
+        d: &mut [[f64; P]; 2],
+    ) {
         let per_mass = self.per_mass;
         let mut put = |j: usize, y: f64, z: f64| {
             d[0][j] = y;
@@ -243,7 +260,8 @@ impl Bearing {
         let mut magnets = [0.0; 2];
         for k in 0..3 {
             let (e, across, gap, square) = (self.e[k], self.across[k], interval.gaps[k], interval.squares[k]);
-            let per_lambda = square / (gap * gap) * per_mass;
+            let nearer = 1.0 + 2.0 / gap * (e[0] * predicted[0] + e[1] * predicted[1]);
+            let per_lambda = square / (gap * gap) * per_mass * nearer;
             put(k, e[0] * per_lambda, e[1] * per_lambda);
             if P <= BASE + 1 {
                 continue;

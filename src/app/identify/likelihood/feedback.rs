@@ -82,7 +82,7 @@ impl Signals {
             } else {
                 let squares = data.square(bearing, row);
                 let squares = std::array::from_fn(|k| squares[k] + track.smoothed[row][k]);
-                bearing.forces(&middle(track, row), squares)
+                bearing.forces_by_current(&middle(track, row), squares)
             });
             let (read, _) = bearing.reading(&track.state[row], [0.0; 2], data.shaft(row));
             for a in 0..2 {

@@ -21,6 +21,8 @@ pub(super) const MANY: usize = 40;
 const LANES: usize = 8;
 /// Rows of whitened sensitivities that are summed at once.
 const BATCH: usize = 16;
+/// Rows to each side over which the level of a squared current is taken.
+const LEVEL: usize = 16;
 /// Harmonics of the shaft angle that are tested.
 pub(super) const HARMONICS: usize = 4;
 /// Lags that are tested.
@@ -83,7 +85,7 @@ impl Data<'_> {
         };
         let between = self.shaft_between(row, from, to);
         let states = [&track.state[row - 1], &track.state[row]];
-        let parts = [track.smoothed[row], track.answer[row]];
+        let parts = [track.smoothed[row], track.answer[row], track.level[row]];
         (bearing.interval(states, &squares, parts, [*from, between, *to]), between)
     }
 
@@ -106,6 +108,36 @@ pub(super) struct Track {
     pub smoothed: Vec<[f64; 3]>,
     /// The part of it that answers position noise, and has no place in regressors.
     pub answer: Vec<[f64; 3]>,
+    /// Squared currents, A², by which the noise of an interval is reckoned: with those of the interval itself, noise would decide on the gain
+    /// that weighs it.
+    pub level: Vec<[f64; 3]>,
+}
+
+impl Track {
+    /// Levels: means over [`LEVEL`] rows to each side.
+    pub fn set_levels(&mut self, data: &Data, bearing: &Bearing, segment: &Range<usize>) {
+        let squares: Vec<[f64; 3]> = segment
+            .clone()
+            .skip(1)
+            .map(|row| {
+                let square = data.square(bearing, row);
+                std::array::from_fn(|k| square[k] + self.smoothed[row][k] - self.answer[row][k])
+            })
+            .collect();
+        let (mut sum, mut from, mut to) = ([0.0; 3], 0, 0);
+        for at in 0..squares.len() {
+            let (first, last) = (at.saturating_sub(LEVEL), (at + LEVEL + 1).min(squares.len()));
+            while to < last {
+                sum = std::array::from_fn(|k| sum[k] + squares[to][k]);
+                to += 1;
+            }
+            while from < first {
+                sum = std::array::from_fn(|k| sum[k] - squares[from][k]);
+                from += 1;
+            }
+            self.level[segment.start + 1 + at] = sum.map(|sum| sum / (to - from) as f64);
+        }
+    }
 }
 
 /// A piece of a recording: the rows that count, within those that are filtered. The first row of `filtered` starts a filter.
@@ -398,9 +430,11 @@ fn columns_of<const P: usize>(
         let mut acceleration = [0.0; 2];
         if row > piece.filtered.start {
             let (interval, between) = data.interval(bearing, track, row, &from, &to);
+            let ahead = |a: usize| kalman.x[a] + 0.5 * h * kalman.x[2 + a];
+            let predicted = [ahead(0), ahead(1)];
             kalman.predict(h, &interval, 1.0);
             acceleration = interval.end;
-            bearing.force_columns(&interval, between, &mut force);
+            bearing.force_columns(&interval, predicted, between, &mut force);
             let [k_0, k_1, k_2] = interval.stiffness;
             let h_3 = h * h * h / 6.0;
             let [x_0, x_1, x_2, x_3] = &mut x;
@@ -584,7 +618,7 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
     let mut r: State = [0.0; 4];
     let counted = piece.counted.len();
     let mut smoothed =
-        Track { state: vec![[0.0; 4]; counted], smoothed: vec![[0.0; 3]; counted], answer: Vec::new() };
+        Track { state: vec![[0.0; 4]; counted], smoothed: vec![[0.0; 3]; counted], answer: Vec::new(), level: Vec::new() };
     for row in piece.filtered.clone().rev() {
         let keep = &kept[row - start];
         let innovation = &keep.innovation;

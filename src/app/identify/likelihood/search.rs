@@ -164,7 +164,7 @@ fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Option<Case<'a>
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
         reach: ((RATE_S / h).round() as usize).max(1),
     };
-    let mut track = Track { state: vec![[0.0; 4]; rows], smoothed: vec![[0.0; 3]; rows], answer: vec![[0.0; 3]; rows] };
+    let mut track = Track { state: vec![[0.0; 4]; rows], smoothed: vec![[0.0; 3]; rows], answer: vec![[0.0; 3]; rows], level: vec![[0.0; 3]; rows] };
     for segment in &segments {
         for row in segment.clone() {
             let (before, after) = (row.max(segment.start + 1) - 1, (row + 1).min(segment.end - 1));
@@ -298,11 +298,13 @@ impl<'a> Search<'a> {
             self.cases[r].track.state[rows.clone()].copy_from_slice(&track.state);
             self.cases[r].track.smoothed[rows].copy_from_slice(&track.smoothed);
         }
-        if !self.has_noise {
-            return;
-        }
         for (case, bearing) in self.cases.iter_mut().zip(&bearings) {
-            feedback::find(&case.data, bearing, &mut case.track, &case.segments);
+            if self.has_noise && std::env::var("NOCLEAN").is_err() {
+                feedback::find(&case.data, bearing, &mut case.track, &case.segments);
+            }
+            for segment in &case.segments {
+                case.track.set_levels(&case.data, bearing, segment);
+            }
         }
     }
 
@@ -336,6 +338,13 @@ impl<'a> Search<'a> {
     fn run(&mut self) -> Result<(), Failed> {
         let all = self.estimated().iter().any(|at| (LOAD..SHARED).contains(at));
         self.converged = false;
+        for r in 0..self.cases.len() {
+            let bearing = self.bearing(r);
+            let case = &mut self.cases[r];
+            for segment in &case.segments {
+                case.track.set_levels(&case.data, &bearing, segment);
+            }
+        }
         for iteration in 0..MOST {
             self.iterations = iteration + 1;
             let blocks = self.pass(all);
