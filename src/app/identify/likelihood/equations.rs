@@ -77,8 +77,6 @@ pub(super) struct Interval {
     pub noise: [[f64; 2]; 3],
     /// Acceleration at the end.
     pub end: [f64; 2],
-    /// One standard deviation of each measured squared current, A².
-    pub square_std: [f64; 3],
     middle: [f64; 2],
     squares: [f64; 3],
     gaps: [f64; 3],
@@ -154,31 +152,6 @@ impl Bearing {
         self.gaps([at[0], at[1]])
     }
 
-    /// Forces of the magnets, N, by squared currents.
-    pub fn forces(&self, at: &State, squares: [f64; 3]) -> [f64; 3] {
-        let gaps = self.gaps_at(at);
-        std::array::from_fn(|k| self.theta[k] * squares[k] / (gaps[k] * gaps[k]))
-    }
-
-    /// The part of the forces, N, that currents alone make vary: without what motion does to them.
-    pub fn forces_by_current(&self, at: &State, squares: [f64; 3]) -> [f64; 3] {
-        let (gaps, forces) = (self.gaps_at(at), self.forces(at, squares));
-        std::array::from_fn(|k| {
-            forces[k] * (1.0 - 2.0 / gaps[k] * (self.e[k][0] * at[0] + self.e[k][1] * at[1]))
-        })
-    }
-
-    /// Squared currents, A², that make these forces.
-    pub fn squares_of(&self, at: &State, forces: [f64; 3]) -> [f64; 3] {
-        let gaps = self.gaps_at(at);
-        std::array::from_fn(|k| forces[k] * gaps[k] * gaps[k] / self.theta[k])
-    }
-
-    /// Resultant (y, z) of the magnets' forces, N.
-    pub fn resultant(&self, forces: [f64; 3]) -> [f64; 2] {
-        std::array::from_fn(|a| (0..3).map(|k| self.e[k][a] * forces[k]).sum())
-    }
-
     /// Force of all but the magnets, N.
     fn external(&self, shaft: Shaft) -> [f64; 2] {
         let [by_cos, by_sin] = shaft.unbalance();
@@ -197,14 +170,13 @@ impl Bearing {
         force.map(|force| force * self.per_mass)
     }
 
-    /// The interval between two points of the trajectory; `smoothed` is what the smoother adds to the measured squares, `answer` what regressors
-    /// go without, `level` the squares by which noise is reckoned.
+    /// The interval between two points of the trajectory; `level` are the squares by which noise is reckoned.
     #[inline(always)]
     pub fn interval(
         &self,
         [from, to]: [&State; 2],
         squares: &Squares,
-        [smoothed, answer, level]: [[f64; 3]; 3],
+        level: [f64; 3],
         [at_start, at_middle, at_end]: [Shaft; 3],
     ) -> Interval {
         let h = self.h;
@@ -223,13 +195,13 @@ impl Bearing {
         for k in 0..3 {
             let gain = 1.0 + self.bench(CURRENT_GAIN + k);
             let noise = self.noise / gain;
-            let square = squares.middle[k] + smoothed[k];
-            interval.squares[k] = square - answer[k];
+            let square = squares.middle[k];
+            interval.squares[k] = square;
             // Var (i + n)² = 4 i² σ² + 2 σ⁴.
-            interval.square_std[k] = (4.0 * level[k].max(0.0) + 2.0 * noise * noise).sqrt() * noise;
+            let square_std = (4.0 * level[k].max(0.0) + 2.0 * noise * noise).sqrt() * noise;
             let e = self.e[k];
             let per_square = self.theta[k] / (gaps[k] * gaps[k]) * self.per_mass;
-            let by_noise = per_square * interval.square_std[k];
+            let by_noise = per_square * square_std;
             interval.noise[k] = [e[0] * by_noise, e[1] * by_noise];
             let stiff = 2.0 * per_square * square / gaps[k];
             interval.stiffness[0] += stiff * e[0] * e[0];
@@ -288,7 +260,7 @@ impl Bearing {
             return;
         }
         let heavier = -1.0 / (1.0 + self.bench(MASS));
-        // As in the columns of λ, with smoothed currents.
+        // The sum of the columns of λ, unbalance and load.
         let rest = self.external(shaft).map(|force| force * per_mass);
         put(BASE + MASS, (magnets[0] + rest[0]) * heavier, (magnets[1] + rest[1]) * heavier);
         put(BASE + GAP, stretch[0] * self.nominal.gap_m, stretch[1] * self.nominal.gap_m);

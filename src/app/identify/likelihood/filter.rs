@@ -85,8 +85,7 @@ impl Data<'_> {
         };
         let between = self.shaft_between(row, from, to);
         let states = [&track.state[row - 1], &track.state[row]];
-        let parts = [track.smoothed[row], track.answer[row], track.level[row]];
-        (bearing.interval(states, &squares, parts, [*from, between, *to]), between)
+        (bearing.interval(states, &squares, track.level[row], [*from, between, *to]), between)
     }
 
     /// Squared current that the interval ending at `row` is driven by, A².
@@ -104,10 +103,6 @@ impl Data<'_> {
 pub(super) struct Track {
     /// (y, z, ẏ, ż) at every row.
     pub state: Vec<State>,
-    /// What the smoother adds to the squared current of the interval that ends at the row, A².
-    pub smoothed: Vec<[f64; 3]>,
-    /// The part of it that answers position noise, and has no place in regressors.
-    pub answer: Vec<[f64; 3]>,
     /// Squared currents, A², by which the noise of an interval is reckoned: with those of the interval itself, noise would decide on the gain
     /// that weighs it.
     pub level: Vec<[f64; 3]>,
@@ -116,14 +111,7 @@ pub(super) struct Track {
 impl Track {
     /// Levels: means over [`LEVEL`] rows to each side.
     pub fn set_levels(&mut self, data: &Data, bearing: &Bearing, segment: &Range<usize>) {
-        let squares: Vec<[f64; 3]> = segment
-            .clone()
-            .skip(1)
-            .map(|row| {
-                let square = data.square(bearing, row);
-                std::array::from_fn(|k| square[k] + self.smoothed[row][k] - self.answer[row][k])
-            })
-            .collect();
+        let squares: Vec<[f64; 3]> = segment.clone().skip(1).map(|row| data.square(bearing, row)).collect();
         let (mut sum, mut from, mut to) = ([0.0; 3], 0, 0);
         for at in 0..squares.len() {
             let (first, last) = (at.saturating_sub(LEVEL), (at + LEVEL + 1).min(squares.len()));
@@ -338,8 +326,6 @@ pub(super) struct Block {
     /// `Σ φᵀ S⁻¹ e`.
     pub b: Vec<f64>,
     pub columns: usize,
-    /// `Σ tr S⁻¹ C_k`, C_k the part of S that the noise of current k makes.
-    pub by_noise: [f64; 3],
     /// Whitened innovations by harmonic, axis, and cos or sin.
     pub harmonics: [[[f64; 2]; 2]; HARMONICS],
     /// `Σ w_t w_{t−lag}` of the whitened innovations, both axes.
@@ -406,7 +392,6 @@ fn columns_of<const P: usize>(
     let mut force = [[0.0; P]; 2];
     let mut sensor = [[0.0; P]; 2];
     let mut sums = Box::new(Sums::<P>::new());
-    let mut parts = [[[0.0; 4]; 4]; 3];
     let mut blocks = Vec::new();
     let block_of = |row: usize| (row - piece.blocks_from) / piece.block;
     let empty = |row: usize| Block {
@@ -417,7 +402,6 @@ fn columns_of<const P: usize>(
         j: Vec::new(),
         b: Vec::new(),
         columns: P,
-        by_noise: [0.0; 3],
         harmonics: [[[0.0; 2]; 2]; HARMONICS],
         lags: [0.0; LAGS],
     };
@@ -447,9 +431,6 @@ fn columns_of<const P: usize>(
                 x_1[l] = z + h * w + k_1 * p + k_2 * q + h_2 * g;
                 x_2[l] = v + k_0 * a + k_1 * b + h * f;
                 x_3[l] = w + k_1 * a + k_2 * b + h * g;
-            }
-            for (k, part) in parts.iter_mut().enumerate().filter(|_| P > FEW) {
-                propagate(h, &interval.stiffness, &interval.noise[k..=k], 1.0, part);
             }
         }
         from = to;
@@ -481,12 +462,6 @@ fn columns_of<const P: usize>(
             let first = phi_0 * f_0;
             w_0[l] = first;
             w_1[l] = (phi_1 - l_10 * first) * f_1;
-        }
-        for (k, part) in parts.iter_mut().enumerate().filter(|_| P > FEW) {
-            let trace = explained(bearing, &innovation, part);
-            if counts {
-                block.by_noise[k] += trace;
-            }
         }
         if counts {
             if block_of(row) != block_of(block.rows.start) {
@@ -533,34 +508,6 @@ fn close<const P: usize>(block: &mut Block, sums: &mut Sums<P>, log_det: &mut Lo
     *log_det = LogProduct::new();
 }
 
-/// `tr S⁻¹ H X Hᵀ` for the part X of the covariance, then `(1 − K H) X (1 − K H)ᵀ`.
-#[inline(always)]
-fn explained(bearing: &Bearing, innovation: &Innovation, x: &mut [[f64; 4]; 4]) -> f64 {
-    let (m, d, g) = (&bearing.sensor, bearing.delay, &innovation.gain);
-    let at = |row: &State| {
-        let t = [row[0] - d * row[2], row[1] - d * row[3]];
-        [m[0][0] * t[0] + m[0][1] * t[1], m[1][0] * t[0] + m[1][1] * t[1]]
-    };
-    let rows: [[f64; 2]; 4] = std::array::from_fn(|i| at(&x[i]));
-    let column = |a: usize| at(&[rows[0][a], rows[1][a], rows[2][a], rows[3][a]]);
-    let (first, second) = (innovation.whiten(column(0)), innovation.whiten(column(1)));
-    // Whitened on the other side as well; of that the diagonal.
-    let trace = first[0] * innovation.factor[0]
-        + (second[1] - innovation.factor[1] * innovation.factor[0] * first[1]) * innovation.factor[2];
-    let half: [State; 4] = std::array::from_fn(|i| {
-        std::array::from_fn(|j| x[i][j] - (g[j][0] * rows[i][0] + g[j][1] * rows[i][1]))
-    });
-    let turned: [[f64; 2]; 4] = std::array::from_fn(|j| at(&[half[0][j], half[1][j], half[2][j], half[3][j]]));
-    for i in 0..4 {
-        for j in 0..=i {
-            let value = half[i][j] - (g[i][0] * turned[j][0] + g[i][1] * turned[j][1]);
-            x[i][j] = value;
-            x[j][i] = value;
-        }
-    }
-    trace
-}
-
 /// Sums of the sensitivities of λ, unbalance and load, block by block.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn few_columns(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<Block> {
@@ -579,8 +526,6 @@ const _: () = assert!(ALL <= MANY && BASE <= FEW);
 #[derive(Clone, Copy, Debug, Default)]
 struct Kept {
     stiffness: [f64; 3],
-    noise: [[f64; 2]; 3],
-    square_std: [f64; 3],
     x: State,
     p: [[f64; 4]; 4],
     innovation: Innovation,
@@ -588,7 +533,7 @@ struct Kept {
 
 /// The smoothed trajectory of the counted rows (modified Bryson–Frazier recursion, Bierman 1973).
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Track {
+pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<State> {
     let h = data.h;
     let mut kalman = Kalman::diffuse();
     let start = piece.filtered.start;
@@ -603,8 +548,6 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
             kalman.predict(h, &interval, 1.0);
             acceleration = interval.end;
             keep.stiffness = interval.stiffness;
-            keep.noise = interval.noise;
-            keep.square_std = interval.square_std;
         }
         from = to;
         keep.x = kalman.x;
@@ -617,8 +560,7 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
     let (m, d) = (&bearing.sensor, bearing.delay);
     let mut r: State = [0.0; 4];
     let counted = piece.counted.len();
-    let mut smoothed =
-        Track { state: vec![[0.0; 4]; counted], smoothed: vec![[0.0; 3]; counted], answer: Vec::new(), level: Vec::new() };
+    let mut smoothed = vec![[0.0; 4]; counted];
     for row in piece.filtered.clone().rev() {
         let keep = &kept[row - start];
         let innovation = &keep.innovation;
@@ -633,12 +575,7 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
             let at = row - piece.counted.start;
             for i in 0..4 {
                 let change: f64 = (0..4).map(|j| keep.p[i][j] * r[j]).sum();
-                smoothed.state[at][i] = track.state[row][i] + keep.x[i] + change;
-            }
-            for k in 0..3 {
-                let g = keep.noise[k];
-                let w = h * (g[0] * (0.5 * h * r[0] + r[2]) + g[1] * (0.5 * h * r[1] + r[3]));
-                smoothed.smoothed[at][k] = w * keep.square_std[k];
+                smoothed[at][i] = track.state[row][i] + keep.x[i] + change;
             }
         }
         r = transition_transposed(h, &keep.stiffness, r);

@@ -8,7 +8,6 @@ use nalgebra::{DMatrix, DVector};
 
 use super::bench::{BENCH, PARAMETERS};
 use super::equations::{ALL, BASE, Bearing, LOAD, Nominal, Theta};
-use super::feedback;
 use super::filter::{self, Block, Data, HARMONICS, LAGS, Piece, Track};
 use super::solve::{Normal, SHARED, inverse, part, unknown};
 use super::{
@@ -164,7 +163,7 @@ fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Option<Case<'a>
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
         reach: ((RATE_S / h).round() as usize).max(1),
     };
-    let mut track = Track { state: vec![[0.0; 4]; rows], smoothed: vec![[0.0; 3]; rows], answer: vec![[0.0; 3]; rows], level: vec![[0.0; 3]; rows] };
+    let mut track = Track { state: vec![[0.0; 4]; rows], level: vec![[0.0; 3]; rows] };
     for segment in &segments {
         for row in segment.clone() {
             let (before, after) = (row.max(segment.start + 1) - 1, (row + 1).min(segment.end - 1));
@@ -197,8 +196,6 @@ struct Search<'a> {
     prior: Vec<(f64, f64)>,
     iterations: usize,
     converged: bool,
-    /// Whether the recordings have noise that the controller may answer.
-    has_noise: bool,
 }
 
 impl<'a> Search<'a> {
@@ -235,10 +232,9 @@ impl<'a> Search<'a> {
 
     fn normal(&self, blocks: &[(usize, Vec<Block>)], all: bool) -> Normal {
         let mut normal = Normal::new(self.cases.len());
-        let lambda = [self.x[0], self.x[1], self.x[2]];
         for (r, blocks) in blocks {
             for block in blocks {
-                normal.add(block, *r, if all { ALL } else { BASE }, lambda);
+                normal.add(block, *r, if all { ALL } else { BASE });
             }
         }
         normal
@@ -295,13 +291,9 @@ impl<'a> Search<'a> {
             (*r, piece.counted.clone(), track)
         });
         for (r, rows, track) in smoothed {
-            self.cases[r].track.state[rows.clone()].copy_from_slice(&track.state);
-            self.cases[r].track.smoothed[rows].copy_from_slice(&track.smoothed);
+            self.cases[r].track.state[rows].copy_from_slice(&track);
         }
         for (case, bearing) in self.cases.iter_mut().zip(&bearings) {
-            if self.has_noise && std::env::var("NOCLEAN").is_err() {
-                feedback::find(&case.data, bearing, &mut case.track, &case.segments);
-            }
             for segment in &case.segments {
                 case.track.set_levels(&case.data, bearing, segment);
             }
@@ -464,7 +456,7 @@ fn start<'a>(recordings: &'a [Recording<'a>], masks: &[Vec<bool>], options: &'a 
         };
         prior[LOAD + j] = (told.value, std);
     }
-    Ok(Search { cases, options, x, prior, iterations: 0, converged: false, has_noise: true })
+    Ok(Search { cases, options, x, prior, iterations: 0, converged: false })
 }
 
 /// χ² of a change of three force constants between two blocks, over all places where it may be, above which it counts: chance makes 30 once
@@ -526,16 +518,8 @@ fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
     }
     let estimated = search.estimated();
     let (a, _) = search.equations(&normal, &estimated);
-    let mut hessian = a.clone();
-    for k in 0..3 {
-        if let Some(i) = estimated.iter().position(|at| *at == k) {
-            hessian[(i, i)] -= ATTENUATION * normal.attenuation[k];
-        }
-    }
-    // Where noise makes up most of what varies in the regressors, nothing is known of λ.
-    let response = inverse(&hessian)
-        .or_else(|| inverse(&a).map(|inverse| inverse * 1e3))
-        .ok_or_else(|| Failed::Diverged("the information matrix is not positive definite".into()))?;
+    let response =
+        inverse(&a).ok_or_else(|| Failed::Diverged("the information matrix is not positive definite".into()))?;
     let weights = DMatrix::from_fn(estimated.len(), estimated.len(), |i, l| {
         if i == l { 1.0 / (search.prior[estimated[i]].1 * search.prior[estimated[i]].1) } else { 0.0 }
     });
@@ -559,10 +543,6 @@ fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
     Ok(Finished { search, blocks, normal, estimated, noise, total, covariance })
 }
 
-/// Part of the noise in the regressors that the smoother leaves there. Where the noise of the currents dominates the innovations it is smoothed away, where
-/// that of the positions does it is not; between the two the spectrum falls with the fourth power of the frequency.
-const ATTENUATION: f64 = 0.5;
-
 /// Covariance of the sum of the scores, with the covariance between neighbouring blocks (Newey and West 1987, one lag).
 fn scores(blocks: &[(usize, Vec<Block>)], of: &[usize], step: &[f64], recordings: usize) -> Option<DMatrix<f64>> {
     let count: usize = blocks.iter().map(|(_, blocks)| blocks.len()).sum();
@@ -574,7 +554,7 @@ fn scores(blocks: &[(usize, Vec<Block>)], of: &[usize], step: &[f64], recordings
     for (r, blocks) in blocks {
         for block in blocks {
             let mut alone = Normal::new(recordings);
-            alone.add(block, *r, ALL, [1.0; 3]);
+            alone.add(block, *r, ALL);
             let step = DVector::from_column_slice(step);
             let score = alone.b - alone.j * step;
             let score = DVector::from_fn(of.len(), |i, _| score[of[i]]);
@@ -612,10 +592,8 @@ fn fit<'a>(
     masks: &[Vec<bool>],
     options: &'a Options,
     held: &mut Vec<usize>,
-    has_noise: bool,
 ) -> Result<Finished<'a>, Failed> {
     let mut search = start(recordings, masks, options)?;
-    search.has_noise = has_noise;
     for j in held.iter() {
         search.prior[LOAD + j].1 = 0.0;
     }
@@ -635,7 +613,7 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
     let mut masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.position_m.len()]).collect();
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();
-    let mut finished = fit(recordings, &masks, options, &mut held, true)?;
+    let mut finished = fit(recordings, &masks, options, &mut held)?;
     // Each round leaves out what contradicts most.
     for _ in 0..4 {
         if let Some(change) = change(&finished) {
@@ -654,7 +632,7 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
                 contradictions.push(contradiction);
             }
         }
-        finished = fit(recordings, &masks, options, &mut held, true)?;
+        finished = fit(recordings, &masks, options, &mut held)?;
     }
     Ok(report(&finished, held, contradictions))
 }
@@ -662,7 +640,7 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
 /// See [`super::cramer_rao`].
 pub(super) fn cramer_rao(recordings: &[Recording<'_>], options: &Options) -> Result<Vec<f64>, Failed> {
     let masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.position_m.len()]).collect();
-    let finished = fit(recordings, &masks, options, &mut Vec::new(), false)?;
+    let finished = fit(recordings, &masks, options, &mut Vec::new())?;
     let (a, _) = finished.search.equations(&finished.normal, &finished.estimated);
     let covariance = inverse(&a).ok_or_else(|| Failed::Diverged("the information matrix is singular".into()))?;
     Ok((0..finished.search.x.len())
@@ -694,7 +672,7 @@ fn change(finished: &Finished) -> Option<Found> {
         let blocks: Vec<&Block> =
             finished.blocks.iter().filter(|(of, _)| *of == r).flat_map(|(_, blocks)| blocks).collect();
         for block in blocks.iter().take(blocks.len().saturating_sub(1)) {
-            until.add(block, r, ALL, [1.0; 3]);
+            until.add(block, r, ALL);
             for (lambda, unknowns) in [(true, vec![0, 1, 2]), (false, vec![unknown(LOAD, r), unknown(LOAD + 1, r)])] {
                 let g = DVector::from_fn(unknowns.len(), |i, _| until.b[unknowns[i]]);
                 let c = part(&until.j, &unknowns, of);
@@ -745,7 +723,7 @@ fn describe(
         let mut mask = vec![false; masks[recording].len()];
         mask[rows.clone()].fill(true);
         let alone = &recordings[recording..=recording];
-        let fitted = fit(alone, &[mask], options, &mut Vec::new(), true);
+        let fitted = fit(alone, &[mask], options, &mut Vec::new());
         let lambda = fitted.map_or([Estimate { value: f64::NAN, noise_std: f64::NAN, total_std: f64::NAN }; 3], |fitted| {
             [0, 1, 2].map(|k| fitted.estimate(k))
         });
@@ -847,7 +825,7 @@ fn conditions(finished: &Finished, r: usize, lambda: &[Estimate; 3]) -> Conditio
             let gaps = bearing.gaps_at(&case.track.state[row]);
             let squares = case.data.square(&bearing, row);
             for k in 0..3 {
-                let square = (squares[k] + case.track.smoothed[row][k]).max(0.0);
+                let square = squares[k].max(0.0);
                 ki[k] += square.sqrt() / (gaps[k] * gaps[k]);
                 ks[k] += square / (gaps[k] * gaps[k] * gaps[k]);
             }

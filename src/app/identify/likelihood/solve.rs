@@ -23,18 +23,16 @@ pub(super) fn unknown(j: usize, r: usize) -> usize {
 pub(super) struct Normal {
     pub j: DMatrix<f64>,
     pub b: DVector<f64>,
-    /// What noise in the regressors adds to the diagonal of λ.
-    pub attenuation: [f64; 3],
 }
 
 impl Normal {
     pub fn new(recordings: usize) -> Self {
         let n = SHARED + 2 * recordings;
-        Self { j: DMatrix::zeros(n, n), b: DVector::zeros(n), attenuation: [0.0; 3] }
+        Self { j: DMatrix::zeros(n, n), b: DVector::zeros(n) }
     }
 
-    /// Adds a block of recording `r`; `lambda` are the values at which it was made.
-    pub fn add(&mut self, block: &Block, r: usize, parameters: usize, lambda: [f64; 3]) {
+    /// Adds a block of recording `r`.
+    pub fn add(&mut self, block: &Block, r: usize, parameters: usize) {
         for i in 0..parameters {
             let row = unknown(i, r);
             self.b[row] += block.b[i];
@@ -46,9 +44,6 @@ impl Normal {
                     self.j[(column, row)] += value;
                 }
             }
-        }
-        for k in 0..3 {
-            self.attenuation[k] += block.by_noise[k] / (lambda[k] * lambda[k]);
         }
     }
 }
