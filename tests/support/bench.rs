@@ -221,12 +221,14 @@ impl Bench {
             let (sin, cos) = angle.sin_cos();
             let (sin_2, cos_2) = (2.0 * angle).sin_cos();
             let (r, q) = (self.runout1, self.runout2);
-            let y = history[at][0] * (1.0 - part) + history[next][0] * part
+            let y = history[at][0] * (1.0 - part)
+                + history[next][0] * part
                 + (r[0] + r[2]) * cos
                 + (r[3] - r[1]) * sin
                 + q[0] * cos_2
                 + q[1] * sin_2;
-            let z = history[at][1] * (1.0 - part) + history[next][1] * part
+            let z = history[at][1] * (1.0 - part)
+                + history[next][1] * part
                 + (r[0] - r[2]) * sin
                 + (r[1] + r[3]) * cos
                 + q[2] * cos_2

@@ -362,13 +362,13 @@ fn check_recording(number: usize, recording: &Recording<'_>) -> Result<(), Faile
             return Err(Failed::Lengths { recording: number, column, got, wanted });
         }
     }
-    let invalid =
-        |name: &str, value: f64, wanted| Err(Failed::Invalid { name: format!("{name} of recording {number}"), value, wanted });
+    let invalid = |name: &str, value: f64, wanted| {
+        Err(Failed::Invalid { name: format!("{name} of recording {number}"), value, wanted })
+    };
     if !(recording.step_s.is_finite() && recording.step_s > 0.0) {
         return invalid("step", recording.step_s, "a finite time above 0, in s");
     }
-    for (name, noise) in
-        [("position noise", recording.position_noise_m), ("current noise", recording.current_noise_a)]
+    for (name, noise) in [("position noise", recording.position_noise_m), ("current noise", recording.current_noise_a)]
     {
         if let Some(noise) = noise.filter(|noise| !(noise.is_finite() && *noise >= 0.0)) {
             return invalid(name, noise, "a finite standard deviation, 0 or above");

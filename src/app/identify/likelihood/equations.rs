@@ -181,8 +181,7 @@ impl Bearing {
     ) -> Interval {
         let h = self.h;
         // The cubic through both points and both velocities.
-        let middle: [f64; 2] =
-            std::array::from_fn(|a| 0.5 * (from[a] + to[a]) + h / 8.0 * (from[2 + a] - to[2 + a]));
+        let middle: [f64; 2] = std::array::from_fn(|a| 0.5 * (from[a] + to[a]) + h / 8.0 * (from[2 + a] - to[2 + a]));
         let gaps = self.gaps(middle);
         let a_0 = self.acceleration(self.gaps([from[0], from[1]]), squares.start, at_start);
         let a_m = self.acceleration(gaps, squares.middle, at_middle);
@@ -280,10 +279,7 @@ impl Bearing {
         let y = late(0) + (r(0) + r(2)) * c + (r(3) - r(1)) * s + q(0) * c_2 + q(1) * s_2;
         let z = late(1) + (r(0) - r(2)) * s + (r(1) + r(3)) * c + q(2) * c_2 + q(3) * s_2;
         let m = &self.sensor;
-        let read = [
-            m[0][0] * y + m[0][1] * z + self.bench(OFFSET),
-            m[1][0] * y + m[1][1] * z + self.bench(OFFSET + 1),
-        ];
+        let read = [m[0][0] * y + m[0][1] * z + self.bench(OFFSET), m[1][0] * y + m[1][1] * z + self.bench(OFFSET + 1)];
         (read, [y, z])
     }
 

@@ -267,9 +267,7 @@ impl Kalman {
         let rest = s_11 - l_10 * l_10;
         let l_11 = rest.sqrt();
         let det = s_00 * rest;
-        let gain = pht.map(|row| {
-            [(row[0] * s_11 - row[1] * s_01) / det, (row[1] * s_00 - row[0] * s_01) / det]
-        });
+        let gain = pht.map(|row| [(row[0] * s_11 - row[1] * s_01) / det, (row[1] * s_00 - row[0] * s_01) / det]);
         let predicted = at(&self.x);
         let e = [residual[0] - predicted[0], residual[1] - predicted[1]];
         for i in 0..4 {

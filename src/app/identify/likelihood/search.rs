@@ -32,6 +32,8 @@ const UNSMOOTHED: usize = 2;
 const MOST: usize = 30;
 /// Converged: largest step in standard deviations.
 const CONVERGED: f64 = 0.02;
+/// The same before bench parameters are estimated with the rest.
+const ROUGH: f64 = 1.0;
 /// Step of the logarithm of the current noise for the parabola through its likelihood.
 const NOISE_STEP: f64 = 0.25;
 /// First guess of the current noise, A, and how far it holds, as a standard deviation of the logarithm: it decides only where
@@ -141,10 +143,10 @@ fn parallel<T: Sync, R: Send>(threads: usize, items: &[T], work: impl Fn(&T) -> 
 fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Option<Case<'a>> {
     let h = recording.step_s;
     let rows = recording.position_m.len();
-    let segments =
-        segments((0..rows).map(|row| {
-            recording.usable.get(row).copied().unwrap_or(true) && usable.get(row).copied().unwrap_or(true)
-        }));
+    let segments = segments(
+        (0..rows)
+            .map(|row| recording.usable.get(row).copied().unwrap_or(true) && usable.get(row).copied().unwrap_or(true)),
+    );
     if segments.is_empty() {
         return None;
     }
@@ -306,8 +308,7 @@ impl<'a> Search<'a> {
         let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
         let unknown =
             |case: &Case| case.recording.position_noise_m.is_none() || case.recording.current_noise_a.is_none();
-        let tasks: Vec<(usize, &Piece)> =
-            self.tasks().into_iter().filter(|(r, _)| unknown(&self.cases[*r])).collect();
+        let tasks: Vec<(usize, &Piece)> = self.tasks().into_iter().filter(|(r, _)| unknown(&self.cases[*r])).collect();
         let sums = parallel(self.options.threads, &tasks, |(r, piece)| {
             let case = &self.cases[*r];
             let variance = case.position_noise * case.position_noise;
@@ -327,7 +328,23 @@ impl<'a> Search<'a> {
         largest
     }
 
+    /// λ, unbalance and load first, then all: far from the solution, bench parameters would take up what λ has to explain.
     fn run(&mut self) -> Result<(), Failed> {
+        let told = self.prior.clone();
+        if self.estimated().iter().any(|at| (LOAD..SHARED).contains(at)) {
+            for prior in &mut self.prior[LOAD..SHARED] {
+                prior.1 = 0.0;
+            }
+            let first = self.iterate(0, ROUGH);
+            self.prior = told;
+            first?;
+            return self.iterate(UNSMOOTHED, CONVERGED);
+        }
+        self.iterate(0, CONVERGED)
+    }
+
+    /// Iterates until the largest step is smaller than `enough` standard deviations; the first `begun` iterations are done.
+    fn iterate(&mut self, begun: usize, enough: f64) -> Result<(), Failed> {
         let all = self.estimated().iter().any(|at| (LOAD..SHARED).contains(at));
         self.converged = false;
         for r in 0..self.cases.len() {
@@ -337,7 +354,7 @@ impl<'a> Search<'a> {
                 case.track.set_levels(&case.data, &bearing, segment);
             }
         }
-        for iteration in 0..MOST {
+        for iteration in begun..MOST {
             self.iterations = iteration + 1;
             let blocks = self.pass(all);
             let normal = self.normal(&blocks, all);
@@ -346,7 +363,7 @@ impl<'a> Search<'a> {
                 largest = largest.max(self.noise());
                 self.smooth();
             }
-            if iteration > UNSMOOTHED && largest < CONVERGED {
+            if iteration > UNSMOOTHED && largest < enough {
                 self.converged = true;
                 break;
             }
@@ -495,9 +512,7 @@ impl Finished<'_> {
     }
 
     fn estimate(&self, unknown: usize) -> Estimate {
-        let std = |matrix: &DMatrix<f64>| {
-            self.at(unknown).map_or(0.0, |i| matrix[(i, i)].max(0.0).sqrt())
-        };
+        let std = |matrix: &DMatrix<f64>| self.at(unknown).map_or(0.0, |i| matrix[(i, i)].max(0.0).sqrt());
         Estimate { value: self.search.x[unknown], noise_std: std(&self.noise), total_std: std(&self.total) }
     }
 
@@ -526,8 +541,7 @@ fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
     let information = part(&normal.j, &estimated, &estimated);
     let mut noise = &response * &information * &response;
     let mut covariance = Covariance::Information;
-    let told =
-        |case: &Case| case.recording.position_noise_m.is_some() && case.recording.current_noise_a.is_some();
+    let told = |case: &Case| case.recording.position_noise_m.is_some() && case.recording.current_noise_a.is_some();
     if !search.cases.iter().all(told) {
         let step: Vec<f64> = search.x.iter().zip(&before).map(|(x, before)| x - before).collect();
         if let Some(scores) = scores(&blocks, &estimated, &step, search.cases.len()) {
@@ -616,12 +630,17 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
     let mut finished = fit(recordings, &masks, options, &mut held)?;
     // Each round leaves out what contradicts most.
     for _ in 0..4 {
+        // Away from the solution everything contradicts everything.
+        if !finished.search.converged {
+            break;
+        }
         if let Some(change) = change(&finished) {
             let Some(other) = leave_smaller_side(&mut masks, &finished, &change) else { break };
             contradictions.push(describe(recordings, &masks, options, &change, other));
         } else {
             let disturbed = disturbed(&finished);
-            let rows = |r: usize| finished.search.cases[r].pieces.iter().map(|piece| piece.counted.len()).sum::<usize>();
+            let rows =
+                |r: usize| finished.search.cases[r].pieces.iter().map(|piece| piece.counted.len()).sum::<usize>();
             let left: usize = disturbed.iter().map(|contradiction| contradiction.rows.len()).sum();
             let all: usize = (0..recordings.len()).map(rows).sum();
             if disturbed.is_empty() || left as f64 > (1.0 - REMAINS) * all as f64 {
@@ -724,9 +743,10 @@ fn describe(
         mask[rows.clone()].fill(true);
         let alone = &recordings[recording..=recording];
         let fitted = fit(alone, &[mask], options, &mut Vec::new());
-        let lambda = fitted.map_or([Estimate { value: f64::NAN, noise_std: f64::NAN, total_std: f64::NAN }; 3], |fitted| {
-            [0, 1, 2].map(|k| fitted.estimate(k))
-        });
+        let lambda = fitted
+            .map_or([Estimate { value: f64::NAN, noise_std: f64::NAN, total_std: f64::NAN }; 3], |fitted| {
+                [0, 1, 2].map(|k| fitted.estimate(k))
+            });
         Change::Lambda { lambda, chi_square: change.chi_square }
     } else {
         Change::Load { chi_square: change.chi_square }
@@ -805,7 +825,9 @@ fn polar(finished: &Finished, [c, s]: [Estimate; 2]) -> (Estimate, Estimate) {
     };
     let (along, across) = ([c.value / size, s.value / size], [-s.value / size, c.value / size]);
     let std = |matrix: &DMatrix<f64>, d: [f64; 2]| {
-        (d[0] * d[0] * matrix[(i, i)] + 2.0 * d[0] * d[1] * matrix[(i, l)] + d[1] * d[1] * matrix[(l, l)]).max(0.0).sqrt()
+        (d[0] * d[0] * matrix[(i, i)] + 2.0 * d[0] * d[1] * matrix[(i, l)] + d[1] * d[1] * matrix[(l, l)])
+            .max(0.0)
+            .sqrt()
     };
     let of = |value: f64, d: [f64; 2], per: f64| Estimate {
         value,
@@ -862,9 +884,8 @@ fn budget(finished: &Finished) -> Vec<BudgetLine> {
         let others: Vec<usize> = finished.estimated.iter().copied().filter(|at| *at != unknown).collect();
         let (a, _) = search.equations(&finished.normal, &others);
         let response = inverse(&a).map(|inverse| inverse * part(&finished.normal.j, &others, &[unknown]));
-        let sensitivity = std::array::from_fn(|k| {
-            response.as_ref().map_or(f64::NAN, |response| relative(k, response[(k, 0)]))
-        });
+        let sensitivity =
+            std::array::from_fn(|k| response.as_ref().map_or(f64::NAN, |response| relative(k, response[(k, 0)])));
         let contribution = match finished.at(unknown) {
             None => sensitivity.map(|s: f64| s.abs() * tolerance),
             Some(i) => std::array::from_fn(|k| {
