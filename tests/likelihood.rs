@@ -263,7 +263,8 @@ const MIXED: &[(&str, f64)] = &[
 #[test]
 #[ignore = "prints time for 1.2 million rows with all bench parameters"]
 fn show_speed() {
-    let bench = Bench { seconds: 120.0, ..Bench::default() };
+    let seconds = std::env::var("SECONDS").map_or(120.0, |s| s.parse().unwrap());
+    let bench = Bench { seconds, ..Bench::default() };
     let recorded = bench.record();
     let mut options = options(&bench);
     for (told, parameter) in options.bench.iter_mut().zip(&PARAMETERS) {

@@ -212,7 +212,7 @@ impl Bearing {
 
     /// `∂a/∂θ`, (y, z), in the middle of the interval; `predicted` is the deviation (y, z) of the filter there.
     ///
-    /// The pull is taken where the filter predicts the rotor, not on the smoothed trajectory: that one knows the innovations to come, and with the
+    /// All is taken where the filter predicts the rotor, not on the smoothed trajectory: that one knows the innovations to come, and with the
     /// negative stiffness their product has an expectation (the derivative of ln det S, for a rotor held by feedback).
     #[inline(always)]
     pub fn force_columns<const P: usize>(
@@ -229,10 +229,11 @@ impl Bearing {
         };
         let mut stretch = [0.0; 2];
         let mut magnets = [0.0; 2];
+        let at = [interval.middle[0] + predicted[0], interval.middle[1] + predicted[1]];
         for k in 0..3 {
-            let (e, across, gap, square) = (self.e[k], self.across[k], interval.gaps[k], interval.squares[k]);
-            let nearer = 1.0 + 2.0 / gap * (e[0] * predicted[0] + e[1] * predicted[1]);
-            let per_lambda = square / (gap * gap) * per_mass * nearer;
+            let (e, across, square) = (self.e[k], self.across[k], interval.squares[k]);
+            let gap = interval.gaps[k] - (e[0] * predicted[0] + e[1] * predicted[1]);
+            let per_lambda = square / (gap * gap) * per_mass;
             put(k, e[0] * per_lambda, e[1] * per_lambda);
             if P <= BASE + 1 {
                 continue;
@@ -243,7 +244,7 @@ impl Bearing {
             magnets[1] += e[1] * pull;
             stretch[0] += e[0] * by_gap;
             stretch[1] += e[1] * by_gap;
-            let turned = -by_gap * (across[0] * interval.middle[0] + across[1] * interval.middle[1]);
+            let turned = -by_gap * (across[0] * at[0] + across[1] * at[1]);
             put(BASE + ALPHA + k, pull * across[0] + turned * e[0], pull * across[1] + turned * e[1]);
             let gain = 1.0 + self.bench(CURRENT_GAIN + k);
             let by_offset = -2.0 * self.theta[k] * square.max(0.0).sqrt() / (gap * gap) * per_mass / gain;

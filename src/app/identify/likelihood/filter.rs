@@ -432,9 +432,12 @@ fn columns_of<const P: usize>(
             }
         }
         from = to;
-        let (read, plain) = bearing.reading(&track.state[row], acceleration, to);
+        let (read, _) = bearing.reading(&track.state[row], acceleration, to);
         if P > FEW {
-            bearing.sensor_columns(&track.state[row], acceleration, to, plain, &mut sensor);
+            // Where the filter predicts the rotor, as the force.
+            let at: State = std::array::from_fn(|i| track.state[row][i] + kalman.x[i]);
+            let (_, plain) = bearing.reading(&at, acceleration, to);
+            bearing.sensor_columns(&at, acceleration, to, plain, &mut sensor);
         }
         let residual = [data.position[row][0] - read[0], data.position[row][1] - read[1]];
         let innovation = kalman.update(bearing, variance, residual);

@@ -34,6 +34,8 @@ const MOST: usize = 30;
 const CONVERGED: f64 = 0.02;
 /// The same before bench parameters are estimated with the rest.
 const ROUGH: f64 = 1.0;
+/// Longest step of a bench parameter, in typical tolerances.
+const LONGEST: f64 = 3.0;
 /// Step of the logarithm of the current noise for the parabola through its likelihood.
 const NOISE_STEP: f64 = 0.25;
 /// First guess of the current noise, A, and how far it holds, as a standard deviation of the logarithm: it decides only where
@@ -264,18 +266,21 @@ impl<'a> Search<'a> {
             .ok_or_else(|| Failed::Diverged("the normal equations are not positive definite".into()))?;
         let step = &covariance * b;
         let mut largest: f64 = 0.0;
+        // The linearisation does not reach further; a step is shortened as a whole, for its components belong together.
+        let mut part: f64 = 1.0;
         for (i, at) in of.iter().enumerate() {
             largest = largest.max((step[i] / covariance[(i, i)].sqrt()).abs());
-            let wanted = self.x[*at] + step[i];
-            self.x[*at] = match *at {
-                // λ is a positive number, and the linearisation does not reach further than a factor.
-                0..3 => wanted.clamp(0.3 * self.x[*at], 3.0 * self.x[*at]),
-                LOAD..SHARED => {
-                    let most = 10.0 * PARAMETERS[*at - LOAD].typical;
-                    wanted.clamp(self.x[*at] - most, self.x[*at] + most)
-                }
-                _ => wanted,
+            let most = match *at {
+                LOAD..SHARED => LONGEST * PARAMETERS[*at - LOAD].typical,
+                // λ is a positive number.
+                0..3 if step[i] < 0.0 => 0.7 * self.x[*at],
+                0..3 => 2.0 * self.x[*at],
+                _ => f64::INFINITY,
             };
+            part = part.min(most / step[i].abs());
+        }
+        for (i, at) in of.iter().enumerate() {
+            self.x[*at] += part * step[i];
         }
         if self.x.iter().all(|x| x.is_finite()) {
             Ok(largest)
@@ -362,6 +367,9 @@ impl<'a> Search<'a> {
             if iteration + 1 >= UNSMOOTHED {
                 largest = largest.max(self.noise());
                 self.smooth();
+            }
+            if std::env::var("TRACE").is_ok() {
+                eprintln!("{iteration} {largest:.3e} {:.4?} {:.2e} {:.2e}", self.x.iter().enumerate().map(|(i, x)| if i < 3 { x * 1e6 } else if (LOAD..SHARED).contains(&i) { x / PARAMETERS[i - LOAD].typical } else { *x }).collect::<Vec<_>>(), self.cases[0].position_noise, self.cases[0].current_noise);
             }
             if iteration > UNSMOOTHED && largest < enough {
                 self.converged = true;
