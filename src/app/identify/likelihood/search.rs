@@ -368,9 +368,6 @@ impl<'a> Search<'a> {
                 largest = largest.max(self.noise());
                 self.smooth();
             }
-            if std::env::var("TRACE").is_ok() {
-                eprintln!("{iteration} {largest:.3e} {:.4?} {:.2e} {:.2e}", self.x.iter().enumerate().map(|(i, x)| if i < 3 { x * 1e6 } else if (LOAD..SHARED).contains(&i) { x / PARAMETERS[i - LOAD].typical } else { *x }).collect::<Vec<_>>(), self.cases[0].position_noise, self.cases[0].current_noise);
-            }
             if iteration > UNSMOOTHED && largest < enough {
                 self.converged = true;
                 break;
