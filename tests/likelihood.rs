@@ -90,7 +90,7 @@ fn study_nominal() {
                     position_noise: noise,
                     current_noise: current,
                     lambda0: if std::env::var("TRUE0").is_ok() { Bench::default().lambda } else { [4e-6; 3] },
-                    seed: 1000 + seed,
+                    seed: std::env::var("SEED").map_or(1000, |s| s.parse::<u64>().unwrap()) + seed,
                     ..Bench::default()
                 };
                 let recorded =
