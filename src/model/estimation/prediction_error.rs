@@ -43,7 +43,7 @@ const VALID_AFTER: [f64; 2] = [1.25, 2.0];
 const CHANGES_AFTER: [f64; 2] = [2.0, 8.0];
 
 /// The greatest relative standard deviation of a λ with which the filter runs.
-const RUNNING_STD: f64 = 0.5;
+const RUNNING_STD: f64 = 0.2;
 
 /// The greatest relative standard deviation of a λ, tolerances included, with which an estimate is valid.
 pub const STD_LIMIT: f64 = 0.05;
