@@ -50,7 +50,7 @@ fn the_main_job_packages_runs_and_reports() {
         let kilobytes = bytes.len().div_ceil(1000);
         says(&out, &[&format!("{archive} ({kilobytes} kB)")]);
     }
-    says(&out, &["truth", "paper, figure 2", "paperLiteral at 0.1 s", "paper at 0.1 s", "leastSquares at 0.2 s"]);
+    says(&out, &["truth", "paper, figure 2", "paperLiteral at 0.1 s", "paper at 0.1 s", "predictionError at 0.2 s"]);
     says(&out, &["before", "after", "µm", "N", "target/report/index.html"]);
     let page = fs::read_to_string(folder.join("target/report/index.html")).expect("the report");
     says(&page, &["<!DOCTYPE html>", "<svg", "</html>"]);
@@ -72,7 +72,7 @@ fn a_scenario_is_printed_changed_and_run() {
     let mut lines = csv.lines();
     let head = lines.next().expect("a head");
     let names =
-        ["time [s]", "plant.Y [m]", "controller.i[1] [A]", "estimator.lambdaHat[1] [N.m2/A2]", "unbalance.valid"];
+        ["time [s]", "plant.Y [m]", "controller.i[1] [A]", "estimator.lambdaHat[1] [N.m2/A2]", "predictionError.valid"];
     says(head, &names);
     let columns = head.split(',').count();
     let rows: Vec<Vec<f64>> = lines
