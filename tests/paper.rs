@@ -122,15 +122,14 @@ fn another_bearing() {
 #[test]
 fn the_estimate_is_lambda0_until_epsilon() {
     let quiet = Rotor { samples: 500, ..Rotor::default() };
-    let config = EstimatorConfig { epsilon_s: 0.03, ..quiet.config(Method::Paper, Hold::HeldBefore) };
+    let config = EstimatorConfig { epsilon_s: 0.03, ..quiet.config(Method::PaperLiteral, Hold::HeldBefore) };
     for (j, output) in quiet.identify(config.clone()).iter().enumerate() {
-        assert_eq!(output.valid, j >= 300, "sample {j}: {:?}", output.verdict);
-        if j < 300 {
-            assert_eq!(output.lambda_hat, config.lambda0_nm2_a2);
-        }
+        assert_eq!(output.verdict == Verdict::Collecting, j < 300, "sample {j}: {:?}", output.verdict);
+        assert_eq!(output.lambda_hat == config.lambda0_nm2_a2, j < 300, "sample {j}");
     }
     let outputs = quiet.identify(quiet.config(Method::Paper, Hold::HeldBefore));
-    assert_eq!(outputs.iter().position(|o| o.valid), Some(200), "201 samples span 200 intervals");
+    let first = outputs.iter().position(|output| output.verdict != Verdict::Collecting);
+    assert_eq!(first, Some(200), "201 samples span 200 intervals");
 }
 
 #[test]
@@ -210,16 +209,20 @@ fn a_state_read_back_continues_bit_for_bit() {
 fn a_foreign_state_is_refused_without_panic() {
     let rotor = Rotor { samples: 1, ..Rotor::default() };
     let input = rotor.input(&rotor.run()[0], Hold::HeldBefore);
-    let estimator = Estimator::new(EstimatorConfig::default()).expect("a good configuration");
-    let short = EstimatorConfig { window_s: 0.01, ..EstimatorConfig::default() };
-    let mut state = Estimator::new(short).expect("a good configuration").start();
-    assert!(!estimator.accepts(&state));
-    assert_eq!(estimator.sample(&mut state, &input).verdict, Verdict::ForeignState);
+    let paper = rotor.config(Method::Paper, Hold::HeldBefore);
+    let short = EstimatorConfig { window_s: 0.01, ..paper.clone() };
+    let other = rotor.config(Method::PredictionError, Hold::HeldBefore);
+    for (one, another) in [(&paper, &short), (&short, &paper), (&paper, &other), (&other, &paper)] {
+        let [estimator, another] = [one, another].map(|config| Estimator::new(config.clone()).expect("good"));
+        let mut state = another.start();
+        assert!(!estimator.accepts(&state));
+        assert_eq!(estimator.sample(&mut state, &input).verdict, Verdict::ForeignState);
+    }
 }
 
 #[test]
 fn every_bad_parameter_is_named() {
-    let good = EstimatorConfig::default();
+    let good = EstimatorConfig { method: Method::Paper, ..EstimatorConfig::default() };
     assert!(Estimator::new(good.clone()).is_ok());
     let names = |config: EstimatorConfig| -> Vec<String> {
         Estimator::new(config).map_or_else(|found| found.iter().map(|i| i.name.to_string()).collect(), |_| Vec::new())

@@ -55,6 +55,8 @@ pub struct Rotor {
     /// Deviation of the start from the reference: position (m), velocity (m/s), both axes.
     pub start_off: (f64, f64),
     pub samples: usize,
+    /// Greatest current, A.
+    pub limit_a: f64,
     /// Least magnet force, N.
     pub f0_n: f64,
     /// Standard deviations of the sensors, m and A.
@@ -107,6 +109,7 @@ impl Default for Rotor {
             unbalance: (0.0, 0.0),
             start_off: (0.0, 0.0),
             samples: 1001,
+            limit_a: f64::INFINITY,
             f0_n: 20.0,
             noise: (0.0, 0.0),
             seed: 1,
@@ -144,7 +147,7 @@ impl Rotor {
         let lift = (0..3).map(|k| (self.f0_n - particular[k]) / null[k]).fold(f64::NEG_INFINITY, f64::max);
         let gaps = self.gaps(x);
         let currents = std::array::from_fn(|k| {
-            gaps[k] * ((particular[k] + lift * null[k]).max(0.0) / self.lambda_controller[k]).sqrt()
+            (gaps[k] * ((particular[k] + lift * null[k]).max(0.0) / self.lambda_controller[k]).sqrt()).min(self.limit_a)
         });
         (force, currents)
     }
