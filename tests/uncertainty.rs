@@ -32,15 +32,12 @@ fn confidence(said: &[Said], truth: &[f64; 3]) -> (f64, usize) {
 type Settings = &'static [(&'static str, &'static str, f64)];
 
 /// Scenarios: name, base, settings, whether an estimate is to be had in the end.
-const MATRIX: [(&str, &str, Settings, Option<bool>); 13] = [
+const MATRIX: [(&str, &str, Settings, Option<bool>); 10] = [
     ("as it is", "unbalanced", &[], Some(true)),
     ("heavy unbalance", "unbalanced", &[("plant", "unbalance.magnitude", 5e-4)], Some(true)),
     ("the paper's perturbation", "paper", &[], None),
     ("the paper's perturbation and unbalance", "paper", &[("plant", "unbalance.magnitude", 2e-4)], None),
     ("another bearing", "turned", &[("plant", "unbalance.magnitude", 1e-4)], Some(true)),
-    ("window of 17.3 ms", "unbalanced", &[("estimator", "Tf", 0.0173), ("estimator", "epsilon", 0.0173)], Some(true)),
-    ("window of 31.1 ms", "unbalanced", &[("estimator", "Tf", 0.0311), ("estimator", "epsilon", 0.0311)], Some(true)),
-    ("window of 8 ms", "unbalanced", &[("estimator", "Tf", 0.008), ("estimator", "epsilon", 0.008)], None),
     (
         "circle",
         "unbalanced",
@@ -85,7 +82,7 @@ fn row(base: &str, settings: Settings, method: i32, noise: [f64; 2], told: bool)
 #[test]
 fn never_confident_and_wrong() {
     let mut misses = Vec::new();
-    for method in [4, 3, 2] {
+    for method in [3, 2] {
         for (noise, told) in [([0.0; 2], false), (NOISE, false), (NOISE, true)] {
             for (name, base, settings, wanted) in MATRIX {
                 let (scenario, mut bench) = row(base, settings, method, noise, told);
@@ -98,7 +95,7 @@ fn never_confident_and_wrong() {
                 if worst > CONFIDENT {
                     misses.push(format!("{case}: {worst:.1} standard deviations, limit {CONFIDENT}"));
                 }
-                if method == 4 && wanted.is_some_and(|wanted| wanted != last.valid) {
+                if method == 3 && wanted.is_some_and(|wanted| wanted != last.valid) {
                     misses.push(format!("{case}: valid {} at the end, wanted {wanted:?}", last.valid));
                 }
             }
@@ -121,7 +118,7 @@ fn a_step_of_lambda_is_followed() {
     const NOTICED_S: f64 = 0.005;
     for (noise, told) in [([0.0; 2], false), (NOISE, false), (NOISE, true)] {
         for (magnet, factor) in [(1, 1.1), (2, 1.1), (3, 0.9)] {
-            let (scenario, mut bench) = row("unbalanced", &[], 4, noise, told);
+            let (scenario, mut bench) = row("unbalanced", &[], 3, noise, told);
             let before = truth(&scenario);
             let mut after = before;
             after[magnet - 1] *= factor;
@@ -153,7 +150,7 @@ fn a_step_of_lambda_is_followed() {
 /// A run-up by 500 rpm per second, with a window of 20 ms throughout.
 #[test]
 fn speed_may_change() {
-    let (scenario, mut bench) = row("unbalanced", &[], 4, [0.0; 2], false);
+    let (scenario, mut bench) = row("unbalanced", &[], 3, [0.0; 2], false);
     let truth = truth(&scenario);
     let said = bench.until(1.0, |bench| {
         let omega = 100.0 * std::f64::consts::PI * (1.0 + bench.time_s() / 6.0);
@@ -184,7 +181,7 @@ fn faults_are_named_and_left_behind() {
     ];
     for noise in [[0.0; 2], NOISE] {
         for (name, reason, spoil) in faults {
-            let (scenario, mut bench) = row("unbalanced", &[], 4, noise, true);
+            let (scenario, mut bench) = row("unbalanced", &[], 3, noise, true);
             let truth = truth(&scenario);
             bench.until(0.15, |_| ());
             let before = bench.said();
