@@ -109,12 +109,12 @@ fn largest_error(said: &Said, truth: &[f64; 3]) -> f64 {
     (0..3).map(|k| (said.hat[k] / truth[k] - 1.0).abs()).fold(0.0, f64::max)
 }
 
-/// A step of a tenth in one λ is followed to within 1 % in 0.15 s, and the estimate says so meanwhile.
+/// A step of a tenth in one λ is followed to within 1 % in 0.2 s, and the estimate says so meanwhile.
 #[test]
 fn a_step_of_lambda_is_followed() {
     const STEP_S: f64 = 0.25;
-    const FOLLOWED_S: f64 = 0.15;
-    /// Longest time in which the step cannot be known yet: a quarter of the window.
+    const FOLLOWED_S: f64 = 0.2;
+    /// Longest time in which the step cannot be known yet: a quarter of a revolution.
     const NOTICED_S: f64 = 0.005;
     for (noise, told) in [([0.0; 2], false), (NOISE, false), (NOISE, true)] {
         for (magnet, factor) in [(1, 1.1), (2, 1.1), (3, 0.9)] {
@@ -168,6 +168,8 @@ fn speed_may_change() {
 /// What spoils the samples for a while: the estimate becomes invalid for a stated reason, stays, and comes back by itself.
 #[test]
 fn faults_are_named_and_left_behind() {
+    /// What spoilt the samples before it was named is forgotten after ten revolutions.
+    const BACK_S: f64 = 0.25;
     type Spoil = fn(&mut Bench);
     let faults: [(&str, &str, Spoil); 6] = [
         ("sensor missing", "not finite", |bench| bench.set("estimator", "Ym", f64::NAN)),
@@ -191,7 +193,7 @@ fn faults_are_named_and_left_behind() {
                 bench.set("estimator", variable, value);
             }
             bench.set("plant", "pY", 10.0);
-            let after = bench.until(0.35, |_| ());
+            let after = bench.until(0.6, |_| ());
             let invalid = during.iter().find(|said| !said.valid).map(|said| said.time_s - 0.15);
             let back = after.iter().rev().take_while(|said| said.valid).last().map(|said| said.time_s - 0.2);
             println!(
@@ -205,7 +207,7 @@ fn faults_are_named_and_left_behind() {
                 "{name}: {reason:?} is not in {:?}",
                 bench.lines
             );
-            assert!(back.is_some_and(|time_s| time_s < 0.1), "{name}: valid again after {back:?} s, limit 0.1");
+            assert!(back.is_some_and(|time_s| time_s < BACK_S), "{name}: valid again after {back:?} s, limit {BACK_S}");
             let late: Vec<Said> = during.iter().chain(&after).filter(|said| said.time_s > 0.16).cloned().collect();
             let (worst, _) = confidence(&late, &truth);
             assert!(worst < CONFIDENT, "{name}: {worst:.1} standard deviations while valid, limit {CONFIDENT}");
