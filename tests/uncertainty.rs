@@ -42,7 +42,7 @@ const MATRIX: [(&str, &str, Settings, Option<bool>); 10] = [
         "circle",
         "unbalanced",
         &[("controller", "reference.rY", 5e-5), ("controller", "reference.rZ", 5e-5), ("plant", "Y0", 5e-5)],
-        Some(false),
+        None,
     ),
     (
         "rotor at rest",
