@@ -147,6 +147,16 @@ impl Innovation {
     }
 }
 
+impl Innovation {
+    /// `L⁻¹` times the rows of both axes.
+    #[inline(always)]
+    pub fn whitened_rows<const N: usize>(&self, rows: &[[f64; N]; 2]) -> [[f64; N]; 2] {
+        let [yy, yz, zz] = self.covariance;
+        let (y, across, z) = (1.0 / sqrt(yy), yz / yy, 1.0 / sqrt(zz - yz * yz / yy));
+        [rows[0].map(|x| x * y), std::array::from_fn(|n| (rows[1][n] - across * rows[0][n]) * z)]
+    }
+}
+
 impl WhiteningFilter {
     /// The filter of a checked configuration.
     pub fn new(config: &EstimatorConfig) -> Self {

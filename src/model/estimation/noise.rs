@@ -12,7 +12,8 @@ use super::innovations::{Innovation, Running};
 /// Samples whose differences the start is taken from: their standard deviation is then known to about a tenth.
 const START_SAMPLES: u32 = 64;
 
-/// Standard deviation of the noise of a current that the search starts from, A.
+/// Standard deviation of the noise of a current that the search starts from, A: the geometric mean of 1 mA and 0.1 A, between which it is
+/// found.
 const START_CURRENT_NOISE_A: f64 = 1.0e-2;
 
 /// Least and greatest standard deviation of a position, m: what is below is rounding, what is above hides a clearance.

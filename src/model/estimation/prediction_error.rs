@@ -16,8 +16,9 @@ use super::{CONDITION_CAP, MAGNETS};
 /// Quarters of a revolution that are kept apart.
 const QUARTERS: usize = 4;
 
-/// The longest time that counts as a quarter of a revolution, s: a rotor at rest has no revolutions, but λ may change all the same.
-const LONGEST_QUARTER_S: f64 = 0.02;
+/// The longest time that counts as a quarter of a revolution, s: a rotor at rest has no revolutions, but λ may change all the same. That
+/// of 2250 rpm.
+const LONGEST_QUARTER_S: f64 = 1.0 / 150.0;
 
 /// The estimate is solved for every so many samples.
 const SOLVE_EVERY: u64 = 4;
@@ -31,8 +32,11 @@ const INSTRUMENTS_AFTER: f64 = 1.3;
 /// Quarters with instruments before their estimate counts.
 const LEAST_INSTRUMENTED: u64 = 2;
 
+/// Where the noise is not told, innovations below this leverage are those of a settled estimate.
+const SETTLED_LEVERAGE: f64 = 0.1;
+
 /// Least revolutions before an estimate is valid, with the noise told and found.
-const VALID_AFTER: [f64; 2] = [1.3, 2.0];
+const VALID_AFTER: [f64; 2] = [1.25, 2.0];
 
 /// Revolutions before changes are looked for, with the noise told and found: it must be known by then. The sums compared with hold as many
 /// quarters as those of the last revolution.
@@ -50,7 +54,7 @@ const RELINEARISE: f64 = 0.2;
 const RELINEARISATIONS: u32 = 5;
 const RELINEARISE_AFTER: u32 = 40;
 
-/// A new estimate replaces the former one unless it is so much less certain.
+/// After the sums began anew the former estimate stays until the new one is at most so much less certain.
 const WORSE: f64 = 1.05;
 
 /// A quarter of a revolution.
@@ -96,6 +100,8 @@ pub struct PredictionErrorState {
     samples: u64,
     /// The solution that is given out, with the variance of λ, and the inverse of J for the leverage.
     solution: Option<Solution>,
+    /// Whether it is of before the sums began anew, and stays until they tell as much.
+    held: bool,
     inverse: Square,
     condition: f64,
     validation: Validation,
@@ -129,10 +135,10 @@ impl PredictionError {
 
     /// A fresh state.
     pub fn start(&self) -> PredictionErrorState {
-        let [told, _] = self.told;
+        let told = self.told.iter().all(|noise| *noise > 0.0);
         PredictionErrorState {
             differences: Differences::default(),
-            noise: (told > 0.0).then(|| Noise::new(self.told, told)),
+            noise: told.then(|| Noise::new(self.told, self.told[0])),
             filter: None,
             running: self.first_guess(),
             estimated: false,
@@ -149,6 +155,7 @@ impl PredictionError {
             mean_square_a2: 0.0,
             samples: 0,
             solution: None,
+            held: false,
             inverse: Square::zeros(),
             condition: CONDITION_CAP,
             validation: Validation::start(0.0),
@@ -227,13 +234,10 @@ impl PredictionError {
         if instrumented {
             state.instrumental.add(&innovation, with_tolerances);
         }
-        let revolution = state.revolution();
         let per_revolution = state.per_revolution();
-        if state.estimated {
-            let sensitivity = state.solution.as_ref().filter(|_| with_tolerances).map(|solution| &solution.sensitivity);
-            let turn = sample.turn;
-            state.validation.add(&innovation, position_variance, turn, revolution, per_revolution, sensitivity);
-        }
+        let settled = if noise.is_told() { state.estimated } else { leverage < SETTLED_LEVERAGE };
+        let turn = sample.turn;
+        state.validation.add(&innovation, position_variance, turn, per_revolution, settled, with_tolerances);
         let square = input.current_a.iter().map(|i| i * i).sum::<f64>() / 3.0;
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
         if weight > 0.0
@@ -273,11 +277,11 @@ impl PredictionError {
             (state.running, state.estimated) = (solution.unknowns, true);
         }
         let moved = (0..MAGNETS).map(|k| (state.running[k] / state.linearised[k] - 1.0).abs()).fold(0.0, f64::max);
-        let better = state.solution.as_ref().is_none_or(|former| {
-            solution.variance.iter().zip(former.variance).all(|(new, old)| *new <= WORSE * WORSE * old)
+        let worse = state.solution.as_ref().filter(|_| state.held).is_some_and(|former| {
+            solution.variance.iter().zip(former.variance).any(|(new, old)| *new > WORSE * WORSE * old)
         });
-        if better {
-            state.solution = Some(solution);
+        if !worse {
+            (state.solution, state.held) = (Some(solution), false);
         }
         let samples = f64::from(sums.samples);
         if state.relinearisations < RELINEARISATIONS
@@ -293,6 +297,7 @@ impl PredictionError {
                     solution.variance[k] = solution.variance[k].max(error * error);
                 }
             }
+            state.held = true;
             state.forget();
             state.filter = Some(self.filter.start(sample, variances[0]));
         }
@@ -306,10 +311,14 @@ impl PredictionError {
         state.last.rotate_left(1);
         let oldest = std::mem::replace(&mut state.last[QUARTERS - 1], quarter);
         state.before.merge(&oldest.sums);
-        state.validation.judge_harmonics(self.filter.has_tolerances());
-
         let Some(noise) = &state.noise else { return false };
         let [position_variance, _] = noise.variances();
+        let now = state.revolution();
+        let mut all = state.before.clone();
+        state.last.iter().for_each(|quarter| all.merge(&quarter.sums));
+        if let Some(found) = all.solve(self.lambda0, noise.variances()) {
+            state.validation.judge_harmonics(now, &found, position_variance);
+        }
         let mut revolution = Sums::default();
         state.last.iter().for_each(|quarter| revolution.merge(&quarter.sums));
         if let Some(alone) = revolution.solve(self.lambda0, noise.variances()) {
@@ -355,7 +364,7 @@ impl PredictionError {
             solution.variance[k] + by_tolerances[k] + self.scale_variance * lambda[k] * lambda[k]
         });
         let told = noise.is_told();
-        let verdict = if state.validation.revolutions(state.revolution()) <= VALID_AFTER[usize::from(!told)] {
+        let verdict = if state.validation.revolutions(state.revolution()) < VALID_AFTER[usize::from(!told)] {
             Verdict::Collecting
         } else if lambda.iter().any(|lambda| *lambda <= 0.0) {
             Verdict::NotPositive
@@ -429,6 +438,8 @@ impl PredictionErrorState {
     /// Counts all samples so far with this weight.
     fn discount(&mut self, weight: f64) {
         if weight < 1.0 {
+            let now = self.revolution();
+            self.validation.forget(now);
             self.before.discount(weight);
             self.instrumental.discount(weight);
             self.last.iter_mut().chain([&mut self.present]).for_each(|quarter| quarter.sums.discount(weight));
@@ -437,6 +448,8 @@ impl PredictionErrorState {
 
     /// Forgets all sums; the means of the field stay.
     fn forget(&mut self) {
+        let now = self.revolution();
+        self.validation.forget(now);
         self.before = Sums::default();
         self.instrumental = InstrumentalSums::default();
         self.instrumented = 0;

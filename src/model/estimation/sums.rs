@@ -141,12 +141,12 @@ impl Sums {
 
 /// What prediction errors tell.
 pub struct PredictionErrorSolution {
-    unknowns: Vector,
+    pub unknowns: Vector,
     /// How far noise of the currents in the regressors may pull the unknowns: `J⁻¹ D λ σ_i²`.
     attenuation: Vector,
     information: Square,
     pub inverse: Square,
-    sensitivity: [[f64; TOLERANCES]; UNKNOWNS],
+    pub sensitivity: [[f64; TOLERANCES]; UNKNOWNS],
     pub condition: f64,
 }
 

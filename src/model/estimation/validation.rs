@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::config::Verdict;
 use super::innovations::{Innovation, TOLERANCES, UNKNOWNS};
 use super::noise::OUTLIER;
-use super::sums::{Definite, Sums, product};
+use super::sums::{Definite, PredictionErrorSolution, Sums, product};
 
 /// Limit of χ² with seven degrees of freedom between the last revolution and those before: probability 1.4·10⁻⁷.
 const CHANGE_LIMIT: f64 = 45.0;
@@ -19,8 +19,11 @@ const CHANGE_LIMIT: f64 = 45.0;
 const HARMONICS: usize = 4;
 const HARMONIC_LIMIT: f64 = 35.0;
 
-/// Revolutions after a start before the innovations are tested for harmonics: those of a first estimate hold its error.
-const HARMONICS_AFTER: f64 = 3.0;
+/// The part of the innovations' power at a harmonic that is taken to remain, whatever the estimate has absorbed: gains change while it settles.
+const LEAST_LEFT: f64 = 1.0e-3;
+
+/// Revolutions that the sums must hold before the innovations are tested for harmonics.
+const HARMONICS_AFTER: f64 = 2.0;
 
 /// Limit of the correlation of successive innovations, in standard deviations: probability 5.7·10⁻⁷.
 const WHITENESS_LIMIT: f64 = 5.0;
@@ -38,17 +41,14 @@ const NIS_LIMIT: f64 = 2.0;
 const RESTART_LIMIT: f64 = 1.5;
 const RESTART_REVOLUTIONS: f64 = 10.0;
 
-/// What the tests have gathered since the last start.
+/// What the tests have gathered.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Validation {
     /// Revolutions at the last start, and at the last restart after a change with the count of restarts that has not leaked away.
     since: f64,
     restarted: f64,
     restarts: f64,
-    /// Samples in the sums of whitened innovations times cosine and sine of each harmonic, and of what each tolerance makes of them.
-    samples: f64,
-    harmonics: [[f64; 4]; HARMONICS],
-    by_tolerance: [[[f64; TOLERANCES]; 4]; HARMONICS],
+    harmonics: Harmonics,
     /// The greatest χ² of a harmonic.
     greatest: f64,
     /// Innovations in the means; product of successive ones, square, the last one.
@@ -60,6 +60,74 @@ pub struct Validation {
     pub nis: f64,
 }
 
+/// Sums of the whitened regression times cosine and sine of each harmonic of the rotor angle, rows y cos, y sin, z cos, z sin. The innovations
+/// of any estimate follow from them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Harmonics {
+    since: f64,
+    /// Sums of cos², cos sin and sin².
+    squares: [[f64; 3]; HARMONICS],
+    regression: [[[f64; 1 + UNKNOWNS]; 4]; HARMONICS],
+    tolerances: [[[f64; TOLERANCES]; 4]; HARMONICS],
+}
+
+impl Harmonics {
+    #[inline(always)]
+    fn add(&mut self, innovation: &Innovation, turn: [f64; 2], with_tolerances: bool) {
+        let regression = innovation.whitened_rows(&innovation.regression);
+        let tolerances =
+            if with_tolerances { innovation.whitened_rows(&innovation.tolerance) } else { Default::default() };
+        let [c, s] = turn;
+        let mut at = [1.0, 0.0];
+        for harmonic in 0..HARMONICS {
+            at = [at[0] * c - at[1] * s, at[1] * c + at[0] * s];
+            for (sum, square) in self.squares[harmonic].iter_mut().zip([at[0] * at[0], at[0] * at[1], at[1] * at[1]]) {
+                *sum += square;
+            }
+            for row in 0..4 {
+                let weight = at[row % 2];
+                for (sum, value) in self.regression[harmonic][row].iter_mut().zip(regression[row / 2]) {
+                    *sum += weight * value;
+                }
+                if with_tolerances {
+                    for (sum, value) in self.tolerances[harmonic][row].iter_mut().zip(tolerances[row / 2]) {
+                        *sum += weight * value;
+                    }
+                }
+            }
+        }
+    }
+
+    /// The greatest χ² of a harmonic (score test): with the estimate `ϑ = J⁻¹ b`, the sums a of its innovations have the covariance
+    /// `C − B J⁻¹ Bᵀ`, C that of white innovations and B the sums of φ, and what the tolerances make of them.
+    fn greatest(&self, found: &PredictionErrorSolution, position_variance: f64) -> f64 {
+        let scale = 1.0 / position_variance.sqrt();
+        let mut greatest: f64 = 0.0;
+        for ((regression, tolerances), [cc, cs, ss]) in self.regression.iter().zip(&self.tolerances).zip(self.squares) {
+            let b = SMatrix::<f64, 4, UNKNOWNS>::from_fn(|row, n| regression[row][1 + n]);
+            let sums = SVector::<f64, 4>::from_fn(|row, _| {
+                scale * (regression[row][0] - b.row(row).transpose().dot(&found.unknowns))
+            });
+            // ψ, and what the estimate makes of it.
+            let by = SMatrix::<f64, 4, TOLERANCES>::from_fn(|row, n| {
+                let moved: f64 = (0..UNKNOWNS).map(|l| b[(row, l)] * found.sensitivity[l][n]).sum();
+                scale * (tolerances[row][n] + moved)
+            });
+            let white = [[cc, cs], [cs, ss]];
+            let covariance = SMatrix::<f64, 4, 4>::from_fn(|r, c| {
+                let explained: f64 = (0..TOLERANCES).map(|n| by[(r, n)] * by[(c, n)]).sum();
+                let white = if r / 2 == c / 2 { white[r % 2][c % 2] } else { 0.0 };
+                let fitted = product(&found.inverse, &b.row(c).transpose()).dot(&b.row(r).transpose());
+                let floor = if r == c { LEAST_LEFT * (cc + ss) } else { 0.0 };
+                explained + white - fitted + floor
+            });
+            let square = covariance.cholesky().map_or(0.0, |factor| factor.solve(&sums).dot(&sums));
+            greatest = greatest.max(square);
+        }
+        greatest
+    }
+}
+
 impl Validation {
     /// Begins anew at a revolution.
     pub fn start(revolution: f64) -> Self {
@@ -69,8 +137,14 @@ impl Validation {
     /// Begins anew after a change of λ.
     pub fn restart(&mut self, revolution: f64) {
         self.restarts = self.recent_restarts(revolution) + 1.0;
-        (self.restarted, self.since, self.samples) = (revolution, revolution, 0.0);
-        (self.harmonics, self.by_tolerance, self.greatest) = Default::default();
+        (self.restarted, self.since) = (revolution, revolution);
+        self.forget(revolution);
+    }
+
+    /// Forgets the sums, as the estimate has.
+    pub fn forget(&mut self, revolution: f64) {
+        self.harmonics = Harmonics { since: revolution, ..Harmonics::default() };
+        self.greatest = 0.0;
     }
 
     /// Revolutions since the last start.
@@ -82,47 +156,23 @@ impl Validation {
         self.restarts * exp(-(revolution - self.restarted) / RESTART_REVOLUTIONS)
     }
 
-    /// Takes in an innovation at the rotor angle (cos θ, sin θ); `sensitivity` is that of the estimate, if there are tolerances.
+    /// Takes in an innovation at the rotor angle (cos θ, sin θ); that of a good estimate if it is `settled`.
     #[inline(always)]
     pub fn add(
         &mut self,
         innovation: &Innovation,
         position_variance: f64,
         turn: [f64; 2],
-        revolution: f64,
         per_revolution: f64,
-        sensitivity: Option<&[[f64; TOLERANCES]; UNKNOWNS]>,
+        settled: bool,
+        with_tolerances: bool,
     ) {
+        self.harmonics.add(innovation, turn, with_tolerances);
+        if !settled {
+            return;
+        }
         let scale = 1.0 / position_variance.sqrt();
         let white = innovation.whitened(innovation.error).map(|e| scale * e);
-        if self.revolutions(revolution) > HARMONICS_AFTER {
-            self.samples += 1.0;
-            let explained = sensitivity.map(|sensitivity| {
-                let mut changes = innovation.tolerance;
-                for (axis, change) in changes.iter_mut().enumerate() {
-                    for (phi, by) in innovation.regression[axis][1..].iter().zip(sensitivity) {
-                        // ψ, and what the estimate makes of it.
-                        change.iter_mut().zip(by).for_each(|(change, by)| *change += phi * by);
-                    }
-                }
-                std::array::from_fn::<[f64; 2], TOLERANCES, _>(|n| {
-                    innovation.whitened([changes[0][n], changes[1][n]]).map(|e| scale * e)
-                })
-            });
-            let [c, s] = turn;
-            let mut at = [1.0, 0.0];
-            for (sums, by) in self.harmonics.iter_mut().zip(&mut self.by_tolerance) {
-                at = [at[0] * c - at[1] * s, at[1] * c + at[0] * s];
-                for (n, sum) in sums.iter_mut().enumerate() {
-                    *sum += white[n / 2] * at[n % 2];
-                }
-                if let Some(explained) = &explained {
-                    for (n, row) in by.iter_mut().enumerate() {
-                        row.iter_mut().zip(explained).for_each(|(sum, e)| *sum += e[n / 2] * at[n % 2]);
-                    }
-                }
-            }
-        }
         let clipped = white.map(|e| e.clamp(-WHITENESS_CLIP, WHITENESS_CLIP));
         self.averaged += 1.0;
         let part = 1.0 / self.averaged.min(MEAN_REVOLUTIONS * per_revolution);
@@ -133,25 +183,10 @@ impl Validation {
         self.nis += (0.5 * nis - self.nis) / (MEAN_REVOLUTIONS * per_revolution);
     }
 
-    /// Judges the harmonics: the sums of right innovations have the variance n/2, and what the tolerances make of them.
-    pub fn judge_harmonics(&mut self, with_tolerances: bool) {
-        self.greatest = 0.0;
-        if self.samples < 1.0 {
-            return;
-        }
-        for (sums, by) in self.harmonics.iter().zip(&self.by_tolerance) {
-            let sums = SVector::from(*sums);
-            let square = if with_tolerances {
-                let covariance = SMatrix::<f64, 4, 4>::from_fn(|r, c| {
-                    let explained: f64 = by[r].iter().zip(&by[c]).map(|(a, b)| a * b).sum();
-                    explained + if r == c { 0.5 * self.samples } else { 0.0 }
-                });
-                covariance.cholesky().map_or(f64::INFINITY, |factor| factor.solve(&sums).dot(&sums))
-            } else {
-                2.0 * sums.norm_squared() / self.samples
-            };
-            self.greatest = self.greatest.max(square);
-        }
+    /// Judges the harmonics of what an estimate leaves unexplained.
+    pub fn judge_harmonics(&mut self, revolution: f64, found: &PredictionErrorSolution, position_variance: f64) {
+        let enough = revolution - self.harmonics.since > HARMONICS_AFTER;
+        self.greatest = if enough { self.harmonics.greatest(found, position_variance) } else { 0.0 };
     }
 
     /// What the tests say.
