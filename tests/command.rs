@@ -218,7 +218,8 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
     let (code, out, err) = said(&run(&folder, &["identify", "bench.csv"]));
     assert_eq!((code, err.as_str()), (0, ""), "{out}");
     // What each wrong header makes of the recording, and what is said.
-    let cases: [(&[(&str, &str)], &[&str]); 4] = [
+    type Case<'a> = (&'a [(&'a str, &'a str)], &'a [&'a str]);
+    let cases: [Case; 4] = [
         (&[("time [s]", "time [ms]")], &["every 100 ns", "--unit time=s"]),
         (&[("plant.theta [rad]", "plant.theta [rev]")], &["--unit theta=rad"]),
         (
@@ -258,6 +259,12 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
     ] {
         let (code, out, err) = said(&run(&folder, arguments));
         assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}: {err}");
+    }
+    // Methods that are gone are refused with what replaces them.
+    for method in ["leastSquares", "unbalance"] {
+        let (code, _, err) = said(&run(&folder, &["identify", "bench.csv", "--method", method]));
+        assert_ne!(code, 0);
+        says(&err, &["--method", method, "predictionError"]);
     }
 }
 

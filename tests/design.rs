@@ -30,10 +30,10 @@ fn promises_are_kept() {
             study.scenario.set("controller", "F0.modulationFrequency", Value::Real(design::MODULATION.1));
             let figures = &study.run().expect("a good scenario").figures[0];
             let promised = promise.std.last().expect("the instant asked for");
-            for k in 0..3 {
-                let ratio = figures.rms[k] / promised[k];
-                let what = format!("{rpm} rpm, modulation {modulation}, lambda[{}]", k + 1);
-                println!("{what}: promised {:.4}, found {:.4}", promised[k], figures.rms[k]);
+            for ((k, found), promised) in (1..).zip(figures.rms).zip(promised) {
+                let ratio = found / promised;
+                let what = format!("{rpm} rpm, modulation {modulation}, lambda[{k}]");
+                println!("{what}: promised {promised:.4}, found {found:.4}");
                 assert!(KEPT.contains(&ratio), "{what}: {ratio}");
             }
         }

@@ -41,8 +41,8 @@ fn confidence(rotor: &Rotor, outputs: &[EstimatorOutput], from: usize) -> (f64, 
     for (j, output) in outputs.iter().enumerate().skip(from).filter(|(_, output)| output.valid) {
         let truth = truth_at(rotor, j);
         valid += 1;
-        for k in 0..3 {
-            let ratio = ((output.lambda_hat[k] - truth[k]) / output.lambda_std[k]).abs();
+        for ((hat, truth), std) in output.lambda_hat.iter().zip(truth).zip(output.lambda_std) {
+            let ratio = ((hat - truth) / std).abs();
             if ratio.is_nan() || ratio > worst {
                 (worst, at) = (ratio, j);
             }
