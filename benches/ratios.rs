@@ -134,7 +134,9 @@ fn steps(record: &[EstimatorInput]) {
             Sample { position: [x, 1.0 - x], squares: [[x, 2.0, 3.0 - x], [4.0 - x, x, 1.0]] }
         };
         // There are no sums before the window is full.
-        (0..=intervals as u32).for_each(|j| drop(sums.push(&mut window, &sample(j))));
+        (0..=intervals as u32).for_each(|j| {
+            black_box(sums.push(&mut window, &sample(j)));
+        });
         let times = (400_000 / intervals as u32).clamp(20, 2000);
         let c = candidate(format!("Rust, sums of the paper, N = {intervals}"), times, move |times| {
             for j in 0..times {
