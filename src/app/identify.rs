@@ -1,5 +1,7 @@
 //! Identification from a recording of a test bench, with the estimator that runs on line.
 
+pub mod likelihood;
+
 mod read;
 
 use std::f64::consts::TAU;

@@ -1,0 +1,629 @@
+//! Passes of the Kalman filter over a piece of a recording: sensitivities of the innovations, smoothed trajectory, likelihood of
+//! noise levels.
+//!
+//! The state is the deviation δ of (y, z, ẏ, ż) from the trajectory of the pass before. With the gains of the filter given, the
+//! innovation is linear in the parameters, and its derivative to each of them is the output of the same filter driven by the
+//! derivatives of force and reading (sensitivity equations).
+//!
+//! A piece is filtered with a margin of rows before it, and smoothed with one behind it, so that pieces are independent of each
+//! other: what lies further away is forgotten. Their number does not depend on that of the processors.
+
+use std::ops::Range;
+
+use multiversion::multiversion;
+
+use super::equations::{ALL, BASE, Bearing, Interval, Shaft, State};
+
+/// Columns of a pass without bench parameters, and of one with them: numbers of parameters, rounded up to whole registers.
+pub(super) const FEW: usize = 8;
+pub(super) const MANY: usize = 40;
+/// Columns in a register.
+const LANES: usize = 8;
+/// Rows of whitened sensitivities that are summed at once.
+const BATCH: usize = 16;
+/// Rows to each side over which the level of a squared current is taken.
+const LEVEL: usize = 16;
+/// Harmonics of the shaft angle that are tested.
+pub(super) const HARMONICS: usize = 4;
+/// Lags that are tested.
+pub(super) const LAGS: usize = 4;
+
+/// What a current sample stands for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CurrentHold {
+    /// Sample j was held over `[t_{j−1}, t_j)`: the current measured just before it jumps.
+    #[default]
+    Before,
+    /// Sample j is held over `[t_j, t_{j+1})`: the command issued at the sample.
+    After,
+    /// Sample j is a point of a continuous current.
+    Linear,
+}
+
+/// A recording as the passes need it.
+#[derive(Debug)]
+pub(super) struct Data<'a> {
+    pub h: f64,
+    pub position: &'a [[f64; 2]],
+    pub current: &'a [[f64; 3]],
+    pub omega: &'a [f64],
+    pub hold: CurrentHold,
+    /// cos θ, sin θ at the samples, and in the middle of the interval that ends there.
+    pub at: Vec<[f64; 2]>,
+    pub middle: Vec<[f64; 2]>,
+    /// Half the number of rows over which ω̇ is taken.
+    pub reach: usize,
+}
+
+impl Data<'_> {
+    #[inline(always)]
+    fn rate(&self, row: usize) -> f64 {
+        let (from, to) = (row.saturating_sub(self.reach), (row + self.reach).min(self.omega.len() - 1));
+        (self.omega[to] - self.omega[from]) / ((to - from) as f64 * self.h)
+    }
+
+    #[inline(always)]
+    pub fn shaft(&self, row: usize) -> Shaft {
+        let [cos, sin] = self.at[row];
+        let omega = self.omega[row];
+        Shaft { cos, sin, square: omega * omega, rate: self.rate(row) }
+    }
+
+    #[inline(always)]
+    fn shaft_between(&self, row: usize, from: &Shaft, to: &Shaft) -> Shaft {
+        let [cos, sin] = self.middle[row];
+        Shaft { cos, sin, square: 0.5 * (from.square + to.square), rate: 0.5 * (from.rate + to.rate) }
+    }
+
+    /// The interval that ends at `row`, and the shaft in its middle.
+    #[inline(always)]
+    fn interval(&self, bearing: &Bearing, track: &Track, row: usize, from: &Shaft, to: &Shaft) -> (Interval, Shaft) {
+        let squares = match self.hold {
+            CurrentHold::Before => bearing.squares(self.current[row], None),
+            CurrentHold::After => bearing.squares(self.current[row - 1], None),
+            CurrentHold::Linear => bearing.squares(self.current[row], Some(self.current[row - 1])),
+        };
+        let between = self.shaft_between(row, from, to);
+        let states = [&track.state[row - 1], &track.state[row]];
+        (bearing.interval(states, &squares, track.level[row], [*from, between, *to]), between)
+    }
+
+    /// Squared current that the interval ending at `row` is driven by, A².
+    pub fn square(&self, bearing: &Bearing, row: usize) -> [f64; 3] {
+        match self.hold {
+            CurrentHold::Before => bearing.squares(self.current[row], None).middle,
+            CurrentHold::After => bearing.squares(self.current[row - 1], None).middle,
+            CurrentHold::Linear => bearing.squares(self.current[row], Some(self.current[row - 1])).middle,
+        }
+    }
+}
+
+/// The trajectory about which a pass is linearised.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Track {
+    /// (y, z, ẏ, ż) at every row.
+    pub state: Vec<State>,
+    /// Squared currents, A², by which the noise of an interval is reckoned: with those of the interval itself, noise would decide on the gain
+    /// that weighs it.
+    pub level: Vec<[f64; 3]>,
+}
+
+impl Track {
+    /// Levels: means over [`LEVEL`] rows to each side.
+    pub fn set_levels(&mut self, data: &Data, bearing: &Bearing, segment: &Range<usize>) {
+        let squares: Vec<[f64; 3]> = segment.clone().skip(1).map(|row| data.square(bearing, row)).collect();
+        let (mut sum, mut from, mut to) = ([0.0; 3], 0, 0);
+        for at in 0..squares.len() {
+            let (first, last) = (at.saturating_sub(LEVEL), (at + LEVEL + 1).min(squares.len()));
+            while to < last {
+                sum = std::array::from_fn(|k| sum[k] + squares[to][k]);
+                to += 1;
+            }
+            while from < first {
+                sum = std::array::from_fn(|k| sum[k] - squares[from][k]);
+                from += 1;
+            }
+            self.level[segment.start + 1 + at] = sum.map(|sum| sum / (to - from) as f64);
+        }
+    }
+}
+
+/// A piece of a recording: the rows that count, within those that are filtered. The first row of `filtered` starts a filter.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Piece {
+    pub filtered: Range<usize>,
+    pub counted: Range<usize>,
+    /// Rows of a block; blocks are counted from `blocks_from`.
+    pub block: usize,
+    pub blocks_from: usize,
+}
+
+/// Kalman filter of the deviation.
+#[derive(Clone, Debug)]
+struct Kalman {
+    x: State,
+    p: [[f64; 4]; 4],
+}
+
+/// One innovation.
+#[derive(Clone, Copy, Debug, Default)]
+struct Innovation {
+    e: [f64; 2],
+    /// Cholesky factor of the covariance of e: 1/l_00, l_10, 1/l_11.
+    factor: [f64; 3],
+    gain: [[f64; 2]; 4],
+    /// ln det of the covariance.
+    log_det: f64,
+}
+
+impl Innovation {
+    #[inline(always)]
+    fn whiten(&self, e: [f64; 2]) -> [f64; 2] {
+        let first = e[0] * self.factor[0];
+        [first, (e[1] - self.factor[1] * first) * self.factor[2]]
+    }
+
+    /// `S⁻¹ e` from the whitened e.
+    #[inline(always)]
+    fn unwhiten(&self, w: [f64; 2]) -> [f64; 2] {
+        let second = w[1] * self.factor[2];
+        [(w[0] - self.factor[1] * second) * self.factor[0], second]
+    }
+}
+
+/// `F x`: the stiffness acts over one interval, to the third order of its length.
+#[inline(always)]
+fn transition(h: f64, k: &[f64; 3], x: State) -> State {
+    let [y, z, v, w] = x;
+    let (h_2, h_3) = (0.5 * h * h, h * h * h / 6.0);
+    let velocity = [h * y + h_2 * v, h * z + h_2 * w];
+    let position = [h_2 * y + h_3 * v, h_2 * z + h_3 * w];
+    [
+        y + h * v + k[0] * position[0] + k[1] * position[1],
+        z + h * w + k[1] * position[0] + k[2] * position[1],
+        v + k[0] * velocity[0] + k[1] * velocity[1],
+        w + k[1] * velocity[0] + k[2] * velocity[1],
+    ]
+}
+
+/// `Fᵀ r`.
+#[inline(always)]
+fn transition_transposed(h: f64, k: &[f64; 3], r: State) -> State {
+    let (h_2, h_3) = (0.5 * h * h, h * h * h / 6.0);
+    let kr = [k[0] * r[0] + k[1] * r[1], k[1] * r[0] + k[2] * r[1]];
+    let kv = [k[0] * r[2] + k[1] * r[3], k[1] * r[2] + k[2] * r[3]];
+    [
+        r[0] + h_2 * kr[0] + h * kv[0],
+        r[1] + h_2 * kr[1] + h * kv[1],
+        r[2] + h * r[0] + h_3 * kr[0] + h_2 * kv[0],
+        r[3] + h * r[1] + h_3 * kr[1] + h_2 * kv[1],
+    ]
+}
+
+/// `F P Fᵀ + scale² Σ Γ Γᵀ`.
+#[inline(always)]
+fn propagate(h: f64, k: &[f64; 3], noise: &[[f64; 2]], scale: f64, p: &mut [[f64; 4]; 4]) {
+    // P is symmetric: its rows are its columns.
+    let half: [State; 4] = std::array::from_fn(|j| transition(h, k, p[j]));
+    let full: [State; 4] = std::array::from_fn(|i| transition(h, k, [half[0][i], half[1][i], half[2][i], half[3][i]]));
+    let mut w = [0.0; 3];
+    for g in noise {
+        w[0] += g[0] * g[0];
+        w[1] += g[0] * g[1];
+        w[2] += g[1] * g[1];
+    }
+    let w = w.map(|w| w * scale * scale);
+    let (q_0, q_1, q_2) = (0.25 * h * h * h * h, 0.5 * h * h * h, h * h);
+    let w = [[w[0], w[1]], [w[1], w[2]]];
+    for a in 0..2 {
+        for b in 0..2 {
+            p[a][b] = full[a][b] + q_0 * w[a][b];
+            p[a][2 + b] = full[a][2 + b] + q_1 * w[a][b];
+            p[2 + a][b] = p[a][2 + b];
+            p[2 + a][2 + b] = full[2 + a][2 + b] + q_2 * w[a][b];
+        }
+    }
+    // Rounding must not make it unsymmetric.
+    p[1][0] = p[0][1];
+    p[3][2] = p[2][3];
+    p[2][1] = p[1][2];
+    p[3][0] = p[0][3];
+}
+
+impl Kalman {
+    /// Nothing is known of the state but that the rotor is near the trajectory, within a gap and a metre per second.
+    fn diffuse() -> Self {
+        let mut p = [[0.0; 4]; 4];
+        for a in 0..2 {
+            p[a][a] = 1e-6;
+            p[2 + a][2 + a] = 1.0;
+        }
+        Self { x: [0.0; 4], p }
+    }
+
+    #[inline(always)]
+    fn predict(&mut self, h: f64, interval: &Interval, scale: f64) {
+        self.x = transition(h, &interval.stiffness, self.x);
+        for (x, offset) in self.x.iter_mut().zip(interval.offset) {
+            *x += offset;
+        }
+        propagate(h, &interval.stiffness, &interval.noise, scale, &mut self.p);
+    }
+
+    /// `residual`: measured minus read at the trajectory.
+    #[inline(always)]
+    fn update(&mut self, bearing: &Bearing, variance: f64, residual: [f64; 2]) -> Innovation {
+        let (m, d) = (&bearing.sensor, bearing.delay);
+        let at = |row: &State| {
+            let t = [row[0] - d * row[2], row[1] - d * row[3]];
+            [m[0][0] * t[0] + m[0][1] * t[1], m[1][0] * t[0] + m[1][1] * t[1]]
+        };
+        let pht: [[f64; 2]; 4] = std::array::from_fn(|i| at(&self.p[i]));
+        let column = |a: usize| at(&[pht[0][a], pht[1][a], pht[2][a], pht[3][a]]);
+        let (first, second) = (column(0), column(1));
+        let (s_00, s_01, s_11) = (first[0] + variance, 0.5 * (first[1] + second[0]), second[1] + variance);
+        let l_00 = s_00.sqrt();
+        let l_10 = s_01 / l_00;
+        let rest = s_11 - l_10 * l_10;
+        let l_11 = rest.sqrt();
+        let det = s_00 * rest;
+        let gain = pht.map(|row| [(row[0] * s_11 - row[1] * s_01) / det, (row[1] * s_00 - row[0] * s_01) / det]);
+        let predicted = at(&self.x);
+        let e = [residual[0] - predicted[0], residual[1] - predicted[1]];
+        for i in 0..4 {
+            self.x[i] += gain[i][0] * e[0] + gain[i][1] * e[1];
+            for j in 0..=i {
+                let p = self.p[i][j] - (gain[i][0] * pht[j][0] + gain[i][1] * pht[j][1]);
+                self.p[i][j] = p;
+                self.p[j][i] = p;
+            }
+        }
+        // The logarithm is taken of many at once.
+        Innovation { e, factor: [1.0 / l_00, l_10, 1.0 / l_11], gain, log_det: det }
+    }
+}
+
+/// Product of many numbers as a logarithm, without one of each.
+#[derive(Clone, Copy, Debug)]
+struct LogProduct {
+    sum: f64,
+    product: f64,
+}
+
+impl LogProduct {
+    fn new() -> Self {
+        Self { sum: 0.0, product: 1.0 }
+    }
+
+    #[inline(always)]
+    fn times(&mut self, factor: f64) {
+        // Determinants lie far below 1.
+        self.product *= factor * 1e26;
+        if !(1e-200..1e200).contains(&self.product) {
+            self.sum += libm::log(self.product);
+            self.product = 1.0;
+        }
+    }
+
+    fn finish(self, count: f64) -> f64 {
+        self.sum + libm::log(self.product) - count * 26.0 * std::f64::consts::LN_10
+    }
+}
+
+/// Sums of one block of rows.
+#[derive(Clone, Debug)]
+pub(super) struct Block {
+    pub rows: Range<usize>,
+    /// Innovations (rows).
+    pub count: f64,
+    /// Sum of the normalised innovations squared; its expectation is 2 per row.
+    pub nis: f64,
+    pub log_det: f64,
+    /// `Σ φᵀ S⁻¹ φ`, lower triangle, `columns` to a row.
+    pub j: Vec<f64>,
+    /// `Σ φᵀ S⁻¹ e`.
+    pub b: Vec<f64>,
+    pub columns: usize,
+    /// Whitened innovations by harmonic, axis, and cos or sin.
+    pub harmonics: [[[f64; 2]; 2]; HARMONICS],
+    /// `Σ w_t w_{t−lag}` of the whitened innovations, both axes.
+    pub lags: [f64; LAGS],
+}
+
+struct Sums<const P: usize> {
+    j: Box<[[f64; P]; P]>,
+    b: [f64; P],
+    batch: Box<[[f64; P]; BATCH]>,
+    filled: usize,
+}
+
+impl<const P: usize> Sums<P> {
+    fn new() -> Self {
+        Self { j: Box::new([[0.0; P]; P]), b: [0.0; P], batch: Box::new([[0.0; P]; BATCH]), filled: 0 }
+    }
+
+    #[inline(always)]
+    fn flush(&mut self) {
+        for row in &mut self.batch[self.filled..] {
+            *row = [0.0; P];
+        }
+        self.filled = 0;
+        for i in 0..P {
+            for c in 0..=i / LANES {
+                let mut sum = [0.0; LANES];
+                for row in self.batch.iter() {
+                    let factor = row[i];
+                    for l in 0..LANES {
+                        sum[l] += factor * row[c * LANES + l];
+                    }
+                }
+                for l in 0..LANES {
+                    self.j[i][c * LANES + l] += sum[l];
+                }
+            }
+        }
+    }
+
+    fn take(&mut self) -> (Vec<f64>, Vec<f64>) {
+        self.flush();
+        let j = self.j.as_flattened().to_vec();
+        let b = self.b.to_vec();
+        *self.j = [[0.0; P]; P];
+        self.b = [0.0; P];
+        (j, b)
+    }
+}
+
+#[inline(always)]
+fn columns_of<const P: usize>(
+    data: &Data,
+    bearing: &Bearing,
+    track: &Track,
+    variance: f64,
+    piece: &Piece,
+) -> Vec<Block> {
+    let h = data.h;
+    let (h_2, d) = (0.5 * h * h, bearing.delay);
+    let m = bearing.sensor;
+    let mut kalman = Kalman::diffuse();
+    let mut x = [[0.0; P]; 4];
+    let mut force = [[0.0; P]; 2];
+    let mut sensor = [[0.0; P]; 2];
+    let mut sums = Box::new(Sums::<P>::new());
+    let mut blocks = Vec::new();
+    let block_of = |row: usize| (row - piece.blocks_from) / piece.block;
+    let empty = |row: usize| Block {
+        rows: row..row,
+        count: 0.0,
+        nis: 0.0,
+        log_det: 0.0,
+        j: Vec::new(),
+        b: Vec::new(),
+        columns: P,
+        harmonics: [[[0.0; 2]; 2]; HARMONICS],
+        lags: [0.0; LAGS],
+    };
+    let mut block = empty(piece.counted.start);
+    let mut log_det = LogProduct::new();
+    let mut former = [[0.0; 2]; LAGS];
+    let mut from = data.shaft(piece.filtered.start);
+    for row in piece.filtered.start..piece.counted.end {
+        let to = data.shaft(row);
+        let mut acceleration = [0.0; 2];
+        if row > piece.filtered.start {
+            let (interval, between) = data.interval(bearing, track, row, &from, &to);
+            let ahead = |a: usize| kalman.x[a] + 0.5 * h * kalman.x[2 + a];
+            let predicted = [ahead(0), ahead(1)];
+            kalman.predict(h, &interval, 1.0);
+            acceleration = interval.end;
+            bearing.force_columns(&interval, predicted, between, &mut force);
+            let [k_0, k_1, k_2] = interval.stiffness;
+            let h_3 = h * h * h / 6.0;
+            let [x_0, x_1, x_2, x_3] = &mut x;
+            for l in 0..P {
+                let (y, z, v, w) = (x_0[l], x_1[l], x_2[l], x_3[l]);
+                let (f, g) = (force[0][l], force[1][l]);
+                let (a, b) = (h * y + h_2 * v, h * z + h_2 * w);
+                let (p, q) = (h_2 * y + h_3 * v, h_2 * z + h_3 * w);
+                x_0[l] = y + h * v + k_0 * p + k_1 * q + h_2 * f;
+                x_1[l] = z + h * w + k_1 * p + k_2 * q + h_2 * g;
+                x_2[l] = v + k_0 * a + k_1 * b + h * f;
+                x_3[l] = w + k_1 * a + k_2 * b + h * g;
+            }
+        }
+        from = to;
+        let (read, _) = bearing.reading(&track.state[row], acceleration, to);
+        if P > FEW {
+            // Where the filter predicts the rotor, as the force.
+            let at: State = std::array::from_fn(|i| track.state[row][i] + kalman.x[i]);
+            let (_, plain) = bearing.reading(&at, acceleration, to);
+            bearing.sensor_columns(&at, acceleration, to, plain, &mut sensor);
+        }
+        let residual = [data.position[row][0] - read[0], data.position[row][1] - read[1]];
+        let innovation = kalman.update(bearing, variance, residual);
+        let counts = row >= piece.counted.start;
+        let w = innovation.whiten(innovation.e);
+        let [f_0, l_10, f_1] = innovation.factor;
+        let g = &innovation.gain;
+        let [x_0, x_1, x_2, x_3] = &mut x;
+        if sums.filled + 2 > BATCH {
+            sums.flush();
+        }
+        let filled = sums.filled;
+        let (before, after) = sums.batch.split_at_mut(filled + 1);
+        let (w_0, w_1) = (&mut before[filled], &mut after[0]);
+        for l in 0..P {
+            let (y, z) = (x_0[l] - d * x_2[l], x_1[l] - d * x_3[l]);
+            let phi_0 = m[0][0] * y + m[0][1] * z + sensor[0][l];
+            let phi_1 = m[1][0] * y + m[1][1] * z + sensor[1][l];
+            x_0[l] -= g[0][0] * phi_0 + g[0][1] * phi_1;
+            x_1[l] -= g[1][0] * phi_0 + g[1][1] * phi_1;
+            x_2[l] -= g[2][0] * phi_0 + g[2][1] * phi_1;
+            x_3[l] -= g[3][0] * phi_0 + g[3][1] * phi_1;
+            let first = phi_0 * f_0;
+            w_0[l] = first;
+            w_1[l] = (phi_1 - l_10 * first) * f_1;
+        }
+        if counts {
+            if block_of(row) != block_of(block.rows.start) {
+                // The batch holds the row that begins the next block.
+                let (next_0, next_1) = (sums.batch[filled], sums.batch[filled + 1]);
+                close(&mut block, &mut sums, &mut log_det);
+                blocks.push(std::mem::replace(&mut block, empty(row)));
+                sums.batch[0] = next_0;
+                sums.batch[1] = next_1;
+            }
+            let filled = sums.filled;
+            for l in 0..P {
+                sums.b[l] += w[0] * sums.batch[filled][l] + w[1] * sums.batch[filled + 1][l];
+            }
+            sums.filled += 2;
+            block.rows.end = row + 1;
+            block.count += 1.0;
+            block.nis += w[0] * w[0] + w[1] * w[1];
+            log_det.times(innovation.log_det);
+            let (c, s) = (to.cos, to.sin);
+            let mut turn = [c, s];
+            for harmonic in &mut block.harmonics {
+                for (axis, w) in harmonic.iter_mut().zip(w) {
+                    axis[0] += w * turn[0];
+                    axis[1] += w * turn[1];
+                }
+                turn = [turn[0] * c - turn[1] * s, turn[1] * c + turn[0] * s];
+            }
+            for (sum, former) in block.lags.iter_mut().zip(&former) {
+                *sum += w[0] * former[0] + w[1] * former[1];
+            }
+        }
+        former.copy_within(..LAGS - 1, 1);
+        former[0] = if counts { w } else { [0.0; 2] };
+    }
+    close(&mut block, &mut sums, &mut log_det);
+    blocks.push(block);
+    blocks
+}
+
+fn close<const P: usize>(block: &mut Block, sums: &mut Sums<P>, log_det: &mut LogProduct) {
+    (block.j, block.b) = sums.take();
+    block.log_det = log_det.finish(block.count);
+    *log_det = LogProduct::new();
+}
+
+/// Sums of the sensitivities of λ, unbalance and load, block by block.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+pub(super) fn few_columns(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<Block> {
+    columns_of::<FEW>(data, bearing, track, variance, piece)
+}
+
+/// Sums of the sensitivities of all parameters, block by block.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+pub(super) fn all_columns(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<Block> {
+    columns_of::<MANY>(data, bearing, track, variance, piece)
+}
+
+const _: () = assert!(ALL <= MANY && BASE <= FEW);
+
+/// What the smoother keeps of a row.
+#[derive(Clone, Copy, Debug, Default)]
+struct Kept {
+    stiffness: [f64; 3],
+    x: State,
+    p: [[f64; 4]; 4],
+    innovation: Innovation,
+}
+
+/// The smoothed trajectory of the counted rows (modified Bryson–Frazier recursion, Bierman 1973).
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<State> {
+    let h = data.h;
+    let mut kalman = Kalman::diffuse();
+    let start = piece.filtered.start;
+    let mut kept = Vec::with_capacity(piece.filtered.len());
+    let mut from = data.shaft(start);
+    for row in piece.filtered.clone() {
+        let to = data.shaft(row);
+        let mut acceleration = [0.0; 2];
+        let mut keep = Kept::default();
+        if row > start {
+            let (interval, _) = data.interval(bearing, track, row, &from, &to);
+            kalman.predict(h, &interval, 1.0);
+            acceleration = interval.end;
+            keep.stiffness = interval.stiffness;
+        }
+        from = to;
+        keep.x = kalman.x;
+        keep.p = kalman.p;
+        let (read, _) = bearing.reading(&track.state[row], acceleration, to);
+        let residual = [data.position[row][0] - read[0], data.position[row][1] - read[1]];
+        keep.innovation = kalman.update(bearing, variance, residual);
+        kept.push(keep);
+    }
+    let (m, d) = (&bearing.sensor, bearing.delay);
+    let mut r: State = [0.0; 4];
+    let counted = piece.counted.len();
+    let mut smoothed = vec![[0.0; 4]; counted];
+    for row in piece.filtered.clone().rev() {
+        let keep = &kept[row - start];
+        let innovation = &keep.innovation;
+        // r ← Hᵀ (S⁻¹ e − Kᵀ r) + r.
+        let mut u = innovation.unwhiten(innovation.whiten(innovation.e));
+        for (a, u) in u.iter_mut().enumerate() {
+            *u -= (0..4).map(|i| innovation.gain[i][a] * r[i]).sum::<f64>();
+        }
+        let back = [m[0][0] * u[0] + m[1][0] * u[1], m[0][1] * u[0] + m[1][1] * u[1]];
+        r = [r[0] + back[0], r[1] + back[1], r[2] - d * back[0], r[3] - d * back[1]];
+        if row >= piece.counted.start && row < piece.counted.end {
+            let at = row - piece.counted.start;
+            for i in 0..4 {
+                let change: f64 = (0..4).map(|j| keep.p[i][j] * r[j]).sum();
+                smoothed[at][i] = track.state[row][i] + keep.x[i] + change;
+            }
+        }
+        r = transition_transposed(h, &keep.stiffness, r);
+    }
+    smoothed
+}
+
+/// `[ln det sum, NIS sum, rows]` for each factor of the current noise, at the same position noise.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+pub(super) fn likelihoods(
+    data: &Data,
+    bearing: &Bearing,
+    track: &Track,
+    variance: f64,
+    factors: [f64; 3],
+    piece: &Piece,
+) -> [[f64; 3]; 3] {
+    let mut kalman = [Kalman::diffuse(), Kalman::diffuse(), Kalman::diffuse()];
+    let mut logs = [LogProduct::new(); 3];
+    let mut sums = [[0.0; 3]; 3];
+    let start = piece.filtered.start;
+    let mut from = data.shaft(start);
+    for row in start..piece.counted.end {
+        let to = data.shaft(row);
+        let mut acceleration = [0.0; 2];
+        if row > start {
+            let (interval, _) = data.interval(bearing, track, row, &from, &to);
+            acceleration = interval.end;
+            for (kalman, factor) in kalman.iter_mut().zip(factors) {
+                kalman.predict(data.h, &interval, factor);
+            }
+        }
+        from = to;
+        let (read, _) = bearing.reading(&track.state[row], acceleration, to);
+        let residual = [data.position[row][0] - read[0], data.position[row][1] - read[1]];
+        for f in 0..3 {
+            let innovation = kalman[f].update(bearing, variance, residual);
+            if row >= piece.counted.start.max(start + 4) {
+                let w = innovation.whiten(innovation.e);
+                logs[f].times(innovation.log_det);
+                sums[f][1] += w[0] * w[0] + w[1] * w[1];
+                sums[f][2] += 1.0;
+            }
+        }
+    }
+    for f in 0..3 {
+        sums[f][0] = logs[f].finish(sums[f][2]);
+    }
+    sums
+}

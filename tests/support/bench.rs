@@ -1,0 +1,311 @@
+//! A test bench with imperfections: bearing, sampled controller, and everything in which a bench differs from its data sheet.
+//!
+//! The controller knows the data sheet only. It holds currents over a sample; a reading is what was held before (`HeldBefore`).
+
+use std::f64::consts::{FRAC_PI_3, PI, TAU};
+
+use magnetic_bearing::model::controller::tracking_gains;
+use magnetic_bearing::model::magnet::Magnets;
+use magnetic_bearing::model::noise::Noise;
+use magnetic_bearing::model::observer::gains_of_three;
+
+/// Runge–Kutta steps within a sample.
+const SUBSTEPS: usize = 8;
+
+/// A bearing, its controller, and its bench. Angles in rad, otherwise SI units.
+#[derive(Clone, Debug)]
+#[allow(missing_docs)]
+pub struct Bench {
+    pub m: f64,
+    pub s: f64,
+    pub alpha: [f64; 3],
+    pub lambda: [f64; 3],
+    pub lambda0: [f64; 3],
+    /// The controller takes the true λ from this time on; 0 for never.
+    pub update_s: f64,
+    pub omega: f64,
+    pub r: [f64; 2],
+    pub lobes: f64,
+    pub lobe_amplitude: f64,
+    pub f0: f64,
+    /// Modulation of the smallest force, part, and frequency in Hz.
+    pub modulation: [f64; 2],
+    pub load: [f64; 2],
+    pub unbalance: [f64; 2],
+    pub position_noise: f64,
+    pub current_noise: f64,
+    pub step: f64,
+    pub seconds: f64,
+    pub seed: u64,
+    pub tracking: f64,
+    pub observer: f64,
+    pub theta0: f64,
+    // Imperfections: what the true bench has and the controller does not know.
+    pub m_error: f64,
+    pub s_error: f64,
+    pub alpha_error: [f64; 3],
+    pub offset: [f64; 2],
+    pub gain: [f64; 2],
+    pub rotation: f64,
+    pub delay: f64,
+    /// Forward cos, sin; backward cos, sin.
+    pub runout1: [f64; 4],
+    /// y cos, sin; z cos, sin.
+    pub runout2: [f64; 4],
+    pub current_offset: [f64; 3],
+    pub current_gain: [f64; 3],
+    pub iron: f64,
+    pub backward: [f64; 2],
+    /// First-order lag of the position sensors, s.
+    pub sensor_lag: f64,
+    /// Elliptic force of the other bearing, amplitude y, z, in N.
+    pub elliptic: [f64; 2],
+    /// λ steps by this part at that time.
+    pub change: [f64; 2],
+    /// Impact: half sine of 0.5 ms, in N in z, at that time.
+    pub impact: [f64; 2],
+}
+
+impl Default for Bench {
+    fn default() -> Self {
+        let omega = TAU * 50.0;
+        let u = 20.0 / (omega * omega);
+        let phi = 40.0_f64.to_radians();
+        Self {
+            m: 6.7,
+            s: 5e-4,
+            alpha: [PI, -FRAC_PI_3, FRAC_PI_3],
+            lambda: [1.8e-6, 2.0e-6, 2.2e-6],
+            lambda0: [4e-6; 3],
+            update_s: 0.2,
+            omega,
+            r: [30e-6, 70e-6],
+            lobes: 3.0,
+            lobe_amplitude: 0.0,
+            f0: 20.0,
+            modulation: [0.0; 2],
+            load: [10.0, -20.0],
+            unbalance: [u * phi.cos(), u * phi.sin()],
+            position_noise: 1e-7,
+            current_noise: 1e-2,
+            step: 1e-4,
+            seconds: 0.4,
+            seed: 1,
+            tracking: 1000.0,
+            observer: 4000.0,
+            theta0: 0.0,
+            m_error: 0.0,
+            s_error: 0.0,
+            alpha_error: [0.0; 3],
+            offset: [0.0; 2],
+            gain: [0.0; 2],
+            rotation: 0.0,
+            delay: 0.0,
+            runout1: [0.0; 4],
+            runout2: [0.0; 4],
+            current_offset: [0.0; 3],
+            current_gain: [0.0; 3],
+            iron: 0.0,
+            backward: [0.0; 2],
+            sensor_lag: 0.0,
+            elliptic: [0.0; 2],
+            change: [0.0; 2],
+            impact: [0.0; 2],
+        }
+    }
+}
+
+/// A recording and its truth.
+#[derive(Clone, Debug, Default)]
+#[allow(missing_docs)]
+pub struct Recorded {
+    pub position: Vec<[f64; 2]>,
+    pub current: Vec<[f64; 3]>,
+    pub theta: Vec<f64>,
+    pub omega: Vec<f64>,
+    /// What the sensors would have read without noise and imperfections; the current is that of the interval before.
+    pub true_position: Vec<[f64; 2]>,
+    pub true_current: Vec<[f64; 3]>,
+    /// Whether the rotor stayed within its gap.
+    pub levitated: bool,
+}
+
+impl Bench {
+    fn reference(&self, t: f64) -> [[f64; 3]; 2] {
+        let (w, a) = (self.omega, self.omega * t);
+        let (n_1, n_2, h) = (self.lobes + 1.0, self.lobes - 1.0, 0.5 * self.lobe_amplitude);
+        let [r_y, r_z] = self.r;
+        [
+            [
+                r_y * a.cos() + h * ((n_1 * a).cos() + (n_2 * a).cos()),
+                w * (-r_y * a.sin() - h * (n_1 * (n_1 * a).sin() + n_2 * (n_2 * a).sin())),
+                w * w * (-r_y * a.cos() - h * (n_1 * n_1 * (n_1 * a).cos() + n_2 * n_2 * (n_2 * a).cos())),
+            ],
+            [
+                r_z * a.sin() + h * ((n_1 * a).sin() - (n_2 * a).sin()),
+                w * (r_z * a.cos() + h * (n_1 * (n_1 * a).cos() - n_2 * (n_2 * a).cos())),
+                w * w * (-r_z * a.sin() - h * (n_1 * n_1 * (n_1 * a).sin() - n_2 * n_2 * (n_2 * a).sin())),
+            ],
+        ]
+    }
+
+    fn force(&self, t: f64, x: &[f64; 4], current: [f64; 3], e: &[[f64; 2]; 3]) -> [f64; 2] {
+        let gap = self.s * (1.0 + self.s_error) + self.iron;
+        let lambda_factor = if self.change[0] > 0.0 && t >= self.change[0] { 1.0 + self.change[1] } else { 1.0 };
+        let mut force = self.load;
+        for k in 0..3 {
+            let b = current[k] / (gap - e[k][0] * x[0] - e[k][1] * x[1]);
+            let pull = self.lambda[k] * lambda_factor * b * b;
+            force[0] += e[k][0] * pull;
+            force[1] += e[k][1] * pull;
+        }
+        let (sin, cos) = (self.theta0 + self.omega * t).sin_cos();
+        let w_2 = self.omega * self.omega;
+        let [u_c, u_s] = self.unbalance;
+        let [b_c, b_s] = self.backward;
+        force[0] += w_2 * (u_c * cos - u_s * sin) + b_c * cos + b_s * sin + self.elliptic[0] * cos;
+        force[1] += w_2 * (u_c * sin + u_s * cos) - b_c * sin + b_s * cos + self.elliptic[1] * sin;
+        if self.impact[1] != 0.0 && t >= self.impact[0] && t < self.impact[0] + 5e-4 {
+            force[1] += self.impact[1] * (PI * (t - self.impact[0]) / 5e-4).sin();
+        }
+        force
+    }
+
+    /// Noise that the controller never saw: the same bench without it, noise added to the readings afterwards.
+    #[must_use]
+    pub fn record_with_noise_afterwards(&self) -> Recorded {
+        let mut recorded = Self { position_noise: 0.0, current_noise: 0.0, ..self.clone() }.record();
+        let mut noise: [Noise; 5] = Noise::channels(self.seed);
+        for (position, current) in recorded.position.iter_mut().zip(&mut recorded.current) {
+            for a in 0..2 {
+                position[a] = noise[a].measure(position[a], self.position_noise);
+            }
+            for k in 0..3 {
+                current[k] = noise[2 + k].measure(current[k], self.current_noise);
+            }
+        }
+        recorded
+    }
+
+    /// Runs it.
+    #[must_use]
+    pub fn record(&self) -> Recorded {
+        let rows = (self.seconds / self.step).round() as usize + 1;
+        let magnets = Magnets::new(self.s, self.alpha).expect("magnets");
+        let true_alpha: [f64; 3] = std::array::from_fn(|k| self.alpha[k] + self.alpha_error[k]);
+        let e = true_alpha.map(|alpha| [alpha.sin(), alpha.cos()]);
+        let mut noise: [Noise; 5] = Noise::channels(self.seed);
+        let gains = gains_of_three(self.observer, self.step);
+        let tracking = tracking_gains(self.tracking, self.step);
+        let (h, sub) = (self.step, self.step / SUBSTEPS as f64);
+        let m = self.m * (1.0 + self.m_error);
+        let start = self.reference(0.0);
+        let mut x = [start[0][0], start[1][0], start[0][1], start[1][1]];
+        let mut observed = [[start[0][0], start[0][1], 0.0], [start[1][0], start[1][1], 0.0]];
+        let ahead = self.reference(0.5 * h);
+        let mut wanted = [self.m * ahead[0][2], self.m * ahead[1][2]];
+        let gaps = magnets.gaps([x[0], x[1]]);
+        let mut lambda = self.lambda0;
+        let mut current = magnets.currents(magnets.allocate(wanted, self.f0), gaps, lambda);
+        let mut held = current;
+        let mut lagged = [x[0], x[1]];
+        let mut history = vec![[x[0], x[1]]];
+        let mut out = Recorded { levitated: true, ..Recorded::default() };
+        for row in 0..rows {
+            let t = row as f64 * h;
+            let late = (row * SUBSTEPS) as f64 - self.delay / sub;
+            let late = late.max(0.0);
+            let (at, part) = (late.floor() as usize, late.fract());
+            let next = (at + 1).min(history.len() - 1);
+            let angle = self.theta0 + self.omega * t;
+            let (sin, cos) = angle.sin_cos();
+            let (sin_2, cos_2) = (2.0 * angle).sin_cos();
+            let (r, q) = (self.runout1, self.runout2);
+            let y = history[at][0] * (1.0 - part)
+                + history[next][0] * part
+                + (r[0] + r[2]) * cos
+                + (r[3] - r[1]) * sin
+                + q[0] * cos_2
+                + q[1] * sin_2;
+            let z = history[at][1] * (1.0 - part)
+                + history[next][1] * part
+                + (r[0] - r[2]) * sin
+                + (r[1] + r[3]) * cos
+                + q[2] * cos_2
+                + q[3] * sin_2;
+            let (s_r, c_r) = self.rotation.sin_cos();
+            let [noise_y, noise_z, noise_1, noise_2, noise_3] = &mut noise;
+            let read = [
+                noise_y.measure((1.0 + self.gain[0]) * (c_r * y - s_r * z) + self.offset[0], self.position_noise),
+                noise_z.measure((1.0 + self.gain[1]) * (s_r * y + c_r * z) + self.offset[1], self.position_noise),
+            ];
+            let mut k = 0;
+            let reading = [noise_1, noise_2, noise_3].map(|noise| {
+                let value = (1.0 + self.current_gain[k]) * held[k] + self.current_offset[k];
+                k += 1;
+                noise.measure(value, self.current_noise)
+            });
+            out.position.push(read);
+            out.current.push(reading);
+            out.theta.push(angle);
+            out.omega.push(self.omega);
+            out.true_position.push([x[0], x[1]]);
+            out.true_current.push(held);
+
+            if self.update_s > 0.0 && (t - self.update_s).abs() < 0.5 * h {
+                lambda = self.lambda;
+            }
+            let (middle, end) = (self.reference(t + 1.5 * h), self.reference(t + h));
+            let mut force = [0.0; 2];
+            let mut predicted = [0.0; 2];
+            for a in 0..2 {
+                let error = read[a] - observed[a][0];
+                let o: [f64; 3] = std::array::from_fn(|j| observed[a][j] + gains[j] * error);
+                let acceleration = wanted[a] / self.m + o[2];
+                observed[a] = [o[0] + h * o[1] + 0.5 * h * h * acceleration, o[1] + h * acceleration, o[2]];
+                force[a] = self.m
+                    * (middle[a][2]
+                        - tracking[1] * (observed[a][1] - end[a][1])
+                        - tracking[0] * (observed[a][0] - end[a][0])
+                        - observed[a][2]);
+                predicted[a] = observed[a][0] + 0.5 * h * observed[a][1];
+            }
+            let f0 = self.f0 * (1.0 + self.modulation[0] * (TAU * self.modulation[1] * (t + 1.5 * h)).sin());
+            let gaps = magnets.gaps(predicted).map(|gap| gap.max(1e-5));
+            let next = magnets.currents(magnets.allocate(force, f0), gaps, lambda);
+
+            for step in 0..SUBSTEPS {
+                let t_0 = t + step as f64 * sub;
+                let slope = |t: f64, x: &[f64; 4]| {
+                    let force = self.force(t, x, current, &e);
+                    [x[2], x[3], force[0] / m, force[1] / m]
+                };
+                let moved = |d: &[f64; 4], by: f64| -> [f64; 4] { std::array::from_fn(|i| x[i] + by * d[i]) };
+                let k_1 = slope(t_0, &x);
+                let k_2 = slope(t_0 + 0.5 * sub, &moved(&k_1, 0.5 * sub));
+                let k_3 = slope(t_0 + 0.5 * sub, &moved(&k_2, 0.5 * sub));
+                let k_4 = slope(t_0 + sub, &moved(&k_3, sub));
+                for i in 0..4 {
+                    x[i] += sub / 6.0 * (k_1[i] + 2.0 * k_2[i] + 2.0 * k_3[i] + k_4[i]);
+                }
+                if self.sensor_lag > 0.0 {
+                    let part = 1.0 - (-sub / self.sensor_lag).exp();
+                    for a in 0..2 {
+                        lagged[a] += part * (x[a] - lagged[a]);
+                    }
+                    history.push(lagged);
+                } else {
+                    history.push([x[0], x[1]]);
+                }
+            }
+            if magnets.gaps([x[0], x[1]]).into_iter().any(|gap| gap.is_nan() || gap < 0.05 * self.s) {
+                out.levitated = false;
+                break;
+            }
+            held = current;
+            current = next;
+            wanted = force;
+        }
+        out
+    }
+}
