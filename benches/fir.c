@@ -1,5 +1,5 @@
-/* The integrals of the estimator's kernels by finite impulse responses, as well as C can: what src/model/window.rs and
- * src/model/sines.rs are measured against. Compiled by the benchmark with `cc -O3 -march=native -ffast-math`, which lets the compiler reorder sums and fuse
+/* The integrals of the estimator's kernels by finite impulse responses, as well as C can: what the
+ * estimator is measured against. Compiled by the benchmark with `cc -O3 -march=native -ffast-math`, which lets the compiler reorder sums and fuse
  * multiplications, both denied to the Rust side. */
 
 #include <stddef.h>
@@ -40,44 +40,5 @@ size_t fir_push(double *restrict ring, size_t n, size_t next, const double *rest
     pair(position, n, window, window + 2 * n, out);
     for (size_t s = 2; s < 2 + others; s += 2)
         pair(force, n, window + 2 * n * s, window + 2 * n * (s + 1), out + KERNELS * s);
-    return next;
-}
-
-/* What least squares wants of a window: SINES test functions over SIGNALS combined signals. */
-enum { SINES = 11, SIGNALS = 7 };
-
-/* Sums of `count` test functions, four at most, over two signals at once. */
-static inline void pair_of(int count, const double *restrict w, size_t n, const double *restrict x,
-                           const double *restrict y, double *restrict out)
-{
-    double a[4] = {0}, b[4] = {0};
-    for (size_t j = 0; j < n; j++)
-        for (int i = 0; i < count; i++) {
-            a[i] += w[i * n + j] * x[j];
-            b[i] += w[i * n + j] * y[j];
-        }
-    for (int i = 0; i < count; i++)
-        out[i] = a[i], out[SINES + i] = b[i];
-}
-
-/* As fir_push, with one matrix of weights for all signals; sums are taken if `wanted`. `out` holds eight
- * signals, the last of which is the seventh again. */
-size_t fir_sines(double *restrict ring, size_t n, size_t next, const double *restrict sample,
-                 const double *restrict weights, int wanted, double *restrict out)
-{
-    for (size_t s = 0; s < SIGNALS; s++) {
-        ring[2 * n * s + next] = sample[s];
-        ring[2 * n * s + next + n] = sample[s];
-    }
-    next = next + 1 == n ? 0 : next + 1;
-    if (!wanted)
-        return next;
-    const double *window = ring + next;
-    for (size_t s = 0; s < SIGNALS; s += 2) {
-        const double *x = window + 2 * n * s, *y = s + 1 < SIGNALS ? x + 2 * n : x;
-        pair_of(4, weights, n, x, y, out + SINES * s);
-        pair_of(4, weights + 4 * n, n, x, y, out + SINES * s + 4);
-        pair_of(3, weights + 8 * n, n, x, y, out + SINES * s + 8);
-    }
     return next;
 }

@@ -18,11 +18,11 @@ use magnetic_bearing::app::simulate;
 use magnetic_bearing::fmi2::bindings::*;
 use magnetic_bearing::fmi2::registry;
 use magnetic_bearing::model::controller::{Controller, ControllerConfig, ControllerInput};
-use magnetic_bearing::model::estimator::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method};
+use magnetic_bearing::model::estimation::paper::window::{Sample, WindowSums};
+use magnetic_bearing::model::estimation::{
+    Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method, Tolerance,
+};
 use magnetic_bearing::model::plant::{Plant, PlantConfig, PlantInput};
-use magnetic_bearing::model::sines::SlidingSines;
-use magnetic_bearing::model::sliding::Way;
-use magnetic_bearing::model::window::{Sample, WindowSums, WindowSumsState};
 
 const ROUNDS: usize = 101;
 
@@ -32,24 +32,44 @@ fn main() {
         return;
     }
     let record = support::record();
-    sums();
-    sines(&record);
     steps(&record);
+    first_and_millionth(&record);
     interface(&record);
     closed_loop();
     worst(&record);
 }
 
 /// An estimator that has run until its window is full and its estimate settled.
-fn estimator(method: Method, intervals: usize, record: &[EstimatorInput]) -> (Estimator, EstimatorState) {
-    let window_s = intervals as f64 * 1e-4;
-    let config = EstimatorConfig { method, window_s, epsilon_s: window_s, ..EstimatorConfig::default() };
+fn settled(config: EstimatorConfig, record: &[EstimatorInput]) -> (Estimator, EstimatorState) {
+    let warm_up = (config.window_s / config.step_s) as usize + 2000;
     let estimator = Estimator::new(config).expect("parameters that are in order");
     let mut state = estimator.start();
-    for input in record.iter().cycle().take(intervals + 2000) {
+    for input in record.iter().cycle().take(warm_up) {
         estimator.sample(&mut state, input);
     }
     (estimator, state)
+}
+
+fn paper(intervals: usize) -> EstimatorConfig {
+    let window_s = intervals as f64 * 1e-4;
+    EstimatorConfig { method: Method::Paper, window_s, epsilon_s: window_s, ..EstimatorConfig::default() }
+}
+
+/// The default method: noise told, found, and with all tolerances.
+fn prediction_error() -> [(&'static str, EstimatorConfig); 3] {
+    let found = EstimatorConfig::default();
+    let told = EstimatorConfig { position_noise_m: 1e-7, current_noise_a: 1e-2, ..found.clone() };
+    let tolerance = Tolerance {
+        m_kg: 0.02,
+        gap_m: 2e-6,
+        alpha_rad: 2e-3,
+        position_gain: 2e-3,
+        position_offset_m: 2e-6,
+        current_gain: 2e-3,
+        current_offset_a: 5e-3,
+    };
+    let tolerances = EstimatorConfig { tolerance, ..found.clone() };
+    [("noise told", told), ("noise found", found), ("noise found, all tolerances", tolerances)]
 }
 
 type FirPush =
@@ -69,151 +89,76 @@ fn peer() -> Option<Library> {
     unsafe { Library::new(&target) }.ok()
 }
 
-/// The integrals of four kernels over two positions and three magnets.
-fn sums() {
+/// Steps of the models; the peer are the integrals of the paper's four kernels over two positions and three magnets, in C.
+fn steps(record: &[EstimatorInput]) {
     let library = peer();
     // SAFETY: the type is that of the function in fir.c.
     let fir: Option<Symbol<FirPush>> =
         library.as_ref().map(|library| unsafe { library.get(b"fir_push\0") }.expect("fir.c has this function"));
-    let sample = |j: u32| {
-        let x = f64::from(j % 200) * 0.031;
-        Sample { position: [x, 1.0 - x], squares: [[x, 2.0, 3.0 - x], [4.0 - x, x, 1.0]] }
-    };
-    fn push(sums: &WindowSums, state: &mut WindowSumsState, times: u32, sample: impl Fn(u32) -> Sample) {
-        for j in 0..times {
-            black_box(sums.push(state, &sample(j)));
-        }
-    }
-    for intervals in [16, 32, 48, 64, 96, 200, 2000, 20_000] {
+    let mut candidates = Vec::new();
+    let sizes = [200, 2000, 20_000];
+    for intervals in sizes {
         let n = intervals + 1;
         let weights: Vec<f64> = (0..4 * n).map(|j| (j as f64 * 0.01).sin()).collect();
-        let mut ring = vec![0.0; 12 * n];
-        let (mut next, mut out) = (0, [0.0; 24]);
-        let fir = fir.as_ref();
-        let ways = [Way::Blocks, Way::Direct].map(|way| WindowSums::by(way, intervals, false));
-        let mut states = ways.each_ref().map(WindowSums::start);
-        let [blocks, direct] = &mut states;
+        let (mut ring, mut next, mut out) = (vec![0.0; 12 * n], 0, [0.0; 24]);
+        let Some(fir) = fir.as_ref() else { continue };
         let times = (400_000 / n as u32).clamp(20, 2000);
-        let mut candidates = Vec::new();
-        if let Some(fir) = fir {
-            candidates.push(candidate(format!("C, finite impulse responses, N = {intervals}"), times, |times| {
-                for j in 0..times {
-                    let x = sample(j);
-                    let signals =
-                        [x.position[0], x.position[1], x.squares[0][0], x.squares[0][1], x.squares[0][2], 0.0];
-                    // SAFETY: the ring holds six signals of 2 n samples, the weights are four rows of n, `out` holds 24.
-                    next = unsafe {
-                        fir(
-                            ring.as_mut_ptr(),
-                            n,
-                            next,
-                            signals.as_ptr(),
-                            4,
-                            weights.as_ptr(),
-                            weights.as_ptr(),
-                            out.as_mut_ptr(),
-                        )
-                    };
-                    black_box(&out);
-                }
-            }));
-        }
-        let first = candidates.len();
-        let mut more = [
-            candidate(format!("Rust, blocks, N = {intervals}"), 2000, |times| push(&ways[0], blocks, times, sample)),
-            candidate(format!("Rust, direct, N = {intervals}"), times, |times| push(&ways[1], direct, times, sample)),
-        ];
-        if first > 0 {
-            more = more.map(|c| c.beside(0));
-        }
-        candidates.extend(more);
-        table("sums of 4 kernels over 5 signals, per sample", ROUNDS, candidates);
-    }
-}
-
-type FirSines =
-    unsafe extern "C" fn(*mut f64, usize, usize, *const f64, *const f64, std::ffi::c_int, *mut f64) -> usize;
-
-/// The sums of least squares, eleven test functions over seven signals: by finite impulse responses at every sample and at hops alone,
-/// by blocks, and the whole step of the estimator beside them.
-fn sines(record: &[EstimatorInput]) {
-    let library = peer();
-    // SAFETY: the type is that of the function in fir.c.
-    let fir: Option<Symbol<FirSines>> =
-        library.as_ref().map(|library| unsafe { library.get(b"fir_sines\0") }.expect("fir.c has this function"));
-    let sample = |j: u32| {
-        let x = f64::from(j % 200) * 0.031;
-        [x, 1.0 - x, x, 2.0, 3.0 - x, 4.0 - x, 1.0]
-    };
-    for intervals in [200, 2000, 20_000] {
-        let (n, hop) = (intervals - 1, intervals as u32 / 25);
-        let weights: Vec<f64> = (0..11 * n).map(|j| (j as f64 * 0.01).sin()).collect();
-        // Every round does whole hops.
-        let whole = hop * (800 / hop).max(1);
-        let mut candidates = Vec::new();
-        for (name, times, every) in [("every sample", (100_000 / n as u32).clamp(20, 800), 1), ("hops", whole, hop)] {
-            let Some(fir) = fir.as_ref() else { continue };
-            let (mut ring, mut next, mut out) = (vec![0.0; 14 * n], 0, [0.0; 88]);
-            let weights = &weights;
-            candidates.push(candidate(
-                format!("C, finite impulse responses at {name}, N = {intervals}"),
-                times,
-                move |times| {
-                    for j in 0..times {
-                        let x = sample(j);
-                        let wanted = (j % every == 0).into();
-                        // SAFETY: the ring holds seven signals of 2 n samples, the weights are eleven rows of n, `out` holds 88.
-                        next = unsafe {
-                            fir(ring.as_mut_ptr(), n, next, x.as_ptr(), weights.as_ptr(), wanted, out.as_mut_ptr())
-                        };
-                        black_box(&out);
-                    }
-                },
-            ));
-        }
-        let beside_c = !candidates.is_empty();
-        let sines = SlidingSines::new(intervals, hop as usize);
-        let mut state = sines.start();
-        let blocks = candidate(format!("Rust, blocks, sums at hops, N = {intervals}"), whole, move |times| {
+        candidates.push(candidate(format!("C, sums of the paper, N = {intervals}"), times, move |times| {
             for j in 0..times {
-                sines.push(&mut state, (j % hop) as usize, &sample(j));
-                if (j + 1) % hop == 0 {
-                    black_box(sines.sums(&state));
-                }
+                let x = f64::from(j % 200) * 0.031;
+                let signals = [x, 1.0 - x, x, 2.0, 3.0 - x, 0.0];
+                // SAFETY: the ring holds six signals of 2 n samples, the weights are four rows of n, `out` holds 24.
+                next = unsafe {
+                    fir(
+                        ring.as_mut_ptr(),
+                        n,
+                        next,
+                        signals.as_ptr(),
+                        4,
+                        weights.as_ptr(),
+                        weights.as_ptr(),
+                        out.as_mut_ptr(),
+                    )
+                };
+                black_box(&out);
+            }
+        }));
+    }
+    let peers = candidates.len();
+    let beside = |at: usize, c| if at < peers { interleave::Candidate::beside(c, at) } else { c };
+    for (at, intervals) in sizes.into_iter().enumerate() {
+        let sums = WindowSums::new(intervals, false);
+        let mut window = sums.start();
+        let sample = |j: u32| {
+            let x = f64::from(j % 200) * 0.031;
+            Sample { position: [x, 1.0 - x], squares: [[x, 2.0, 3.0 - x], [4.0 - x, x, 1.0]] }
+        };
+        // There are no sums before the window is full.
+        (0..=intervals as u32).for_each(|j| {
+            black_box(sums.push(&mut window, &sample(j)));
+        });
+        let times = (400_000 / intervals as u32).clamp(20, 2000);
+        let c = candidate(format!("Rust, sums of the paper, N = {intervals}"), times, move |times| {
+            for j in 0..times {
+                black_box(sums.push(&mut window, &sample(j)));
             }
         });
-        let (estimator, mut state) = estimator(Method::Unbalance, intervals, record);
+        candidates.push(beside(at, c));
+    }
+    // The sums of a window of 2000 samples: a revolution at 20 kHz and 600 rpm.
+    let methods = prediction_error().map(|(name, config)| (format!("predictionError, {name}"), config, 1)).into_iter();
+    let papers = sizes.into_iter().enumerate().map(|(at, n)| (format!("paper, N = {n}"), paper(n), at));
+    for (name, config, peer) in methods.chain(papers) {
+        let times = if name.starts_with("paper") { 200 } else { record.len() as u32 };
+        let (estimator, mut state) = settled(config, record);
         let mut at = 0;
-        let step = candidate(format!("Rust, whole step of unbalance, N = {intervals}"), whole, move |times| {
+        let c = candidate(format!("estimator, {name}"), times, move |times| {
             for _ in 0..times {
                 black_box(estimator.sample(&mut state, &record[at % record.len()]));
                 at += 1;
             }
         });
-        candidates.extend([blocks, step].map(|c| if beside_c { c.beside(0) } else { c }));
-        table("sums of 11 test functions over 7 signals, per sample", ROUNDS, candidates);
-    }
-}
-
-/// Steps of the models.
-fn steps(record: &[EstimatorInput]) {
-    let mut candidates = Vec::new();
-    let methods = [("paper", Method::Paper), ("leastSquares", Method::LeastSquares), ("unbalance", Method::Unbalance)];
-    for (name, method) in methods {
-        let base = candidates.len();
-        for intervals in [200, 2000, 20_000] {
-            let (estimator, mut state) = estimator(method, intervals, record);
-            // A round holds whole hops, so that every round does the same work.
-            let times = (intervals as u32 / 25).max(800);
-            let mut at = 0;
-            let c = candidate(format!("estimator, {name}, N = {intervals}"), times, move |times| {
-                for _ in 0..times {
-                    black_box(estimator.sample(&mut state, &record[at % record.len()]));
-                    at += 1;
-                }
-            });
-            candidates.push(if intervals == 200 { c } else { c.beside(base) });
-        }
+        candidates.push(beside(peer, c));
     }
     let plant = Plant::new(PlantConfig::default()).expect("parameters that are in order");
     let mut state = plant.start(0.0);
@@ -298,7 +243,7 @@ fn interface(record: &[EstimatorInput]) {
     // SAFETY: the arrays have one element.
     unsafe { set_boolean(component, &index("enable"), 1, &fmi2False) };
     let disabled = EstimatorInput { enable: false, ..record[0].clone() };
-    let (estimator, mut state) = estimator(Method::Unbalance, 200, record);
+    let (estimator, mut state) = settled(EstimatorConfig::default(), record);
     let step = std::cell::Cell::new(0_u32);
     let mut values = [0.0; 5];
     let candidates = vec![
@@ -354,36 +299,65 @@ fn closed_loop() {
     }
 }
 
+/// A thousand steps at the start, after the noise is found, and a thousand around the millionth sample: the cost does not grow.
+fn first_and_millionth(record: &[EstimatorInput]) {
+    println!("\n| mean of 1000 steps | at sample 1000 | at sample 1 000 000 | ratio |\n|---|---:|---:|---:|");
+    for (name, config) in prediction_error() {
+        let estimator = Estimator::new(config).expect("parameters that are in order");
+        // The median of some turns: one alone may be interrupted.
+        let mut means = [Vec::new(), Vec::new()];
+        for _ in 0..5 {
+            let mut state = estimator.start();
+            let mut inputs = record.iter().cycle();
+            for (mean, before) in means.iter_mut().zip([1000, 998_000]) {
+                inputs.by_ref().take(before).for_each(|input| {
+                    black_box(estimator.sample(&mut state, input));
+                });
+                let since = Instant::now();
+                inputs.by_ref().take(1000).for_each(|input| {
+                    black_box(estimator.sample(&mut state, input));
+                });
+                mean.push(since.elapsed().as_nanos() as f64 / 1000.0);
+            }
+        }
+        let [first, late] = means.map(|mut mean| {
+            mean.sort_by(f64::total_cmp);
+            mean[mean.len() / 2]
+        });
+        println!("| predictionError, {name} | {} | {} | {:.2} |", shown(first), shown(late), late / first);
+    }
+}
+
 /// The longest of many steps, the clock and interruptions by the system included.
 fn worst(record: &[EstimatorInput]) {
     println!(
         "\n| longest of 10⁶ steps | median | 99.9 % | longest | longest that comes back |\n|---|---:|---:|---:|---:|"
     );
-    for (method, intervals) in
-        [Method::Paper, Method::Unbalance].into_iter().flat_map(|m| [200, 2000, 20_000].map(|n| (m, n)))
-    {
-        let (estimator, mut state) = estimator(method, intervals, record);
-        let mut spent: Vec<u32> = Vec::with_capacity(1_000_000);
-        for input in record.iter().cycle().take(1_000_000) {
+    let methods = prediction_error().map(|(name, config)| (format!("predictionError, {name}"), config)).into_iter();
+    let papers = [200, 2000, 20_000].map(|n| (format!("paper, N = {n}"), paper(n)));
+    for (name, config) in methods.chain(papers) {
+        // A window of two seconds takes as long as all others together; a tenth of the steps shows the same.
+        let steps = if config.window_s > 1.0 { 100_000 } else { 1_000_000 };
+        let (estimator, mut state) = settled(config, record);
+        let mut spent: Vec<u32> = Vec::with_capacity(steps);
+        for input in record.iter().cycle().take(steps) {
             let since = Instant::now();
             black_box(estimator.sample(&mut state, input));
             spent.push(since.elapsed().as_nanos() as u32);
         }
         // What the system interrupts does not come back with the samples of the record, what a step itself costs does: of the steps
-        // with the same sample and place in their hop, the median.
-        let period = record.len() * (intervals / 25) / gcd(record.len(), intervals / 25);
-        let again = (0..period).map(|at| {
-            let mut same: Vec<u32> = spent.iter().skip(at).step_by(period).copied().collect();
+        // with the same sample, the median.
+        let again = (0..record.len()).map(|at| {
+            let mut same: Vec<u32> = spent.iter().skip(at).step_by(record.len()).copied().collect();
             same.sort_unstable();
             same[same.len() / 2]
         });
         let again = shown(again.max().map_or(f64::NAN, f64::from));
         spent.sort_unstable();
-        let [median, high, longest] = [500_000, 999_000, 999_999].map(|at| shown(f64::from(spent[at])));
-        println!("| estimator, {method:?}, N = {intervals} | {median} | {high} | {longest} | {again} |");
+        let [median, high, longest] = [0.5, 0.999, 1.0].map(|part| {
+            let at = ((steps as f64 * part) as usize).min(steps - 1);
+            shown(f64::from(spent[at]))
+        });
+        println!("| estimator, {name} | {median} | {high} | {longest} | {again} |");
     }
-}
-
-fn gcd(a: usize, b: usize) -> usize {
-    if b == 0 { a } else { gcd(b, a % b) }
 }

@@ -3,25 +3,26 @@
 mod support;
 
 use divan::{Bencher, black_box};
-use magnetic_bearing::model::estimator::{Estimator, EstimatorConfig, Method};
+use magnetic_bearing::model::estimation::{Estimator, EstimatorConfig, Method, Tolerance};
+
+/// Steps that are measured together: a revolution, for some samples do more than others.
+const TOGETHER: usize = 200;
 
 fn main() {
     divan::main();
 }
 
-fn bench(bencher: Bencher, method: Method, intervals: usize) {
-    let window_s = intervals as f64 * 1e-4;
-    let config = EstimatorConfig { method, window_s, epsilon_s: window_s, ..EstimatorConfig::default() };
+fn bench(bencher: Bencher, config: EstimatorConfig) {
+    let warm_up = (config.window_s / config.step_s) as usize + 2000;
     let estimator = Estimator::new(config).expect("parameters that are in order");
     let mut state = estimator.start();
     let record = support::record();
     let mut inputs = record.iter().cycle();
-    let hop = (intervals / 25).max(8);
-    for input in inputs.by_ref().take(intervals + 2 * hop) {
+    for input in inputs.by_ref().take(warm_up) {
         estimator.sample(&mut state, input);
     }
-    bencher.counter(hop).bench_local(|| {
-        for input in inputs.by_ref().take(hop) {
+    bencher.counter(TOGETHER).bench_local(|| {
+        for input in inputs.by_ref().take(TOGETHER) {
             black_box(estimator.sample(&mut state, input));
         }
     });
@@ -29,15 +30,23 @@ fn bench(bencher: Bencher, method: Method, intervals: usize) {
 
 #[divan::bench(args = [200, 2000, 20_000])]
 fn paper(bencher: Bencher, intervals: usize) {
-    bench(bencher, Method::Paper, intervals);
+    let window_s = intervals as f64 * 1e-4;
+    let config = EstimatorConfig { method: Method::Paper, window_s, epsilon_s: window_s, ..EstimatorConfig::default() };
+    bench(bencher, config);
 }
 
-#[divan::bench(args = [200, 2000, 20_000])]
-fn least_squares(bencher: Bencher, intervals: usize) {
-    bench(bencher, Method::LeastSquares, intervals);
+#[divan::bench]
+fn noise_told(bencher: Bencher) {
+    bench(bencher, EstimatorConfig { position_noise_m: 1e-7, current_noise_a: 1e-2, ..EstimatorConfig::default() });
 }
 
-#[divan::bench(args = [200, 2000, 20_000])]
-fn unbalance(bencher: Bencher, intervals: usize) {
-    bench(bencher, Method::Unbalance, intervals);
+#[divan::bench]
+fn noise_found(bencher: Bencher) {
+    bench(bencher, EstimatorConfig::default());
+}
+
+#[divan::bench]
+fn tolerances(bencher: Bencher) {
+    let tolerance = Tolerance { gap_m: 2e-6, alpha_rad: 2e-3, ..Tolerance::default() };
+    bench(bencher, EstimatorConfig { tolerance, ..EstimatorConfig::default() });
 }

@@ -237,10 +237,10 @@ def main():
     namespace = {"__name__": "peer"}
     exec(compile(PEER, "peer.py", "exec"), namespace)
     alone, filters = namespace["Estimation"](), namespace["WithScipy"]()
-    paper, unbalance, python = "AlgebraicEstimator.fmu, paper", "AlgebraicEstimator.fmu, unbalance", "PythonFMU, paper"
+    paper, default, python = "AlgebraicEstimator.fmu, paper", "AlgebraicEstimator.fmu, predictionError", "PythonFMU, paper"
     fmus = {
         paper: Fmu(*own, INPUTS, OUTPUTS, [("method", 2)]),
-        unbalance: Fmu(*own, INPUTS, OUTPUTS),
+        default: Fmu(*own, INPUTS, OUTPUTS),
         python: Fmu(*unzip(next(folder.glob("*.fmu"))), ["y", "z", "i1", "i2", "i3"], ["l1", "l2", "l3"]),
     }
     candidates = {name: fmu.step for name, fmu in fmus.items()}

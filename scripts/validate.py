@@ -17,7 +17,7 @@ How the SSP runs elsewhere, as found by these checks:
   Given the same points in time and read at the same place, the direct run has the same bits. It knows no name but
   SystemStructure.ssd.
 - Neither of the two knows variables of type Enumeration: `method` and `update.mode` keep the start values of the FMUs,
-  and a warning says so. The estimator then runs the method `unbalance`, not the paper's.
+  and a warning says so. The estimator then runs the method `predictionError`, not the paper's.
 """
 
 import argparse

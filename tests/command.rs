@@ -50,7 +50,7 @@ fn the_main_job_packages_runs_and_reports() {
         let kilobytes = bytes.len().div_ceil(1000);
         says(&out, &[&format!("{archive} ({kilobytes} kB)")]);
     }
-    says(&out, &["truth", "paper, figure 2", "paperLiteral at 0.1 s", "paper at 0.1 s", "leastSquares at 0.2 s"]);
+    says(&out, &["truth", "paper, figure 2", "paperLiteral at 0.1 s", "paper at 0.1 s", "predictionError at 0.2 s"]);
     says(&out, &["before", "after", "µm", "N", "target/report/index.html"]);
     let page = fs::read_to_string(folder.join("target/report/index.html")).expect("the report");
     says(&page, &["<!DOCTYPE html>", "<svg", "</html>"]);
@@ -72,7 +72,7 @@ fn a_scenario_is_printed_changed_and_run() {
     let mut lines = csv.lines();
     let head = lines.next().expect("a head");
     let names =
-        ["time [s]", "plant.Y [m]", "controller.i[1] [A]", "estimator.lambdaHat[1] [N.m2/A2]", "unbalance.valid"];
+        ["time [s]", "plant.Y [m]", "controller.i[1] [A]", "estimator.lambdaHat[1] [N.m2/A2]", "predictionError.valid"];
     says(head, &names);
     let columns = head.split(',').count();
     let rows: Vec<Vec<f64>> = lines
@@ -218,7 +218,8 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
     let (code, out, err) = said(&run(&folder, &["identify", "bench.csv"]));
     assert_eq!((code, err.as_str()), (0, ""), "{out}");
     // What each wrong header makes of the recording, and what is said.
-    let cases: [(&[(&str, &str)], &[&str]); 4] = [
+    type Case<'a> = (&'a [(&'a str, &'a str)], &'a [&'a str]);
+    let cases: [Case; 4] = [
         (&[("time [s]", "time [ms]")], &["every 100 ns", "--unit time=s"]),
         (&[("plant.theta [rad]", "plant.theta [rev]")], &["--unit theta=rad"]),
         (
@@ -258,6 +259,12 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
     ] {
         let (code, out, err) = said(&run(&folder, arguments));
         assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}: {err}");
+    }
+    // Methods that are gone are refused with what replaces them.
+    for method in ["leastSquares", "unbalance"] {
+        let (code, _, err) = said(&run(&folder, &["identify", "bench.csv", "--method", method]));
+        assert_ne!(code, 0);
+        says(&err, &["--method", method, "predictionError"]);
     }
 }
 

@@ -139,13 +139,7 @@ impl Loop {
                 output: output.clone(),
             });
             let (current_a, voltage_v) = std::mem::replace(&mut commanded, (output.current_a, output.voltage_v));
-            let input = PlantInput {
-                current_a,
-                voltage_v,
-                perturbation_n: self.load_n,
-                omega_rad_s: TAU * 50.0,
-                ..PlantInput::default()
-            };
+            let input = PlantInput { current_a, voltage_v, perturbation_n: self.load_n, omega_rad_s: TAU * 50.0 };
             plant.advance(&mut x, &input, t_s, step_s).expect("advance");
         }
         records
@@ -453,7 +447,7 @@ fn the_phase_of_the_modulation_does_not_drift() {
 
 #[test]
 fn tuned_modulation_goes_on_without_a_jump_of_its_phase() {
-    let tuned_hz = |k: u64| if k < 100 || k >= 250 { 110.0 } else { 1700.0 };
+    let tuned_hz = |k: u64| if (100..250).contains(&k) { 1700.0 } else { 110.0 };
     let parts = modulation(ControllerConfig::default(), 400, |controller, k| {
         controller.retune(0.5, tuned_hz(k)).expect("a sound frequency");
     });

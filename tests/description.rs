@@ -29,12 +29,14 @@ enum Start {
     None,
     /// As `None`, of type Boolean.
     NoneBoolean,
+    /// As `None`, of an enumeration.
+    NoneItem,
     /// The model may choose; it must have one.
     AnyReal,
     /// As `AnyReal`, of type Integer.
     AnyInteger,
 }
-use Start::{AnyInteger, AnyReal, Boolean, Integer, Item, NoneBoolean, Real, Reals};
+use Start::{AnyInteger, AnyReal, Boolean, Integer, Item, NoneBoolean, NoneItem, Real, Reals};
 
 /// Names, with `[]` for three elements; causality; variability; unit; start.
 type Promise = (&'static str, &'static str, &'static str, &'static str, Start);
@@ -136,12 +138,20 @@ const ESTIMATOR: &[Promise] = &[
     ("Tf", "parameter", "fixed", "s", Real(0.02)),
     ("epsilon", "parameter", "fixed", "s", Real(0.02)),
     ("lambda0[]", "parameter", "fixed", "N.m2/A2", Real(4e-6)),
-    ("method", "parameter", "fixed", "", Item(&["paperLiteral", "paper", "leastSquares", "unbalance"], 4)),
+    ("method", "parameter", "fixed", "", Item(&["paperLiteral", "paper", "predictionError"], 3)),
     ("hold", "parameter", "fixed", "", Item(&["heldBefore", "heldAfter", "linear"], 1)),
     ("filter.omega", "parameter", "fixed", "rad/s", Real(15.0)),
     ("filter.zeta", "parameter", "fixed", "1", Real(0.707)),
     ("sensor.positionNoise", "parameter", "fixed", "m", Real(0.0)),
     ("sensor.currentNoise", "parameter", "fixed", "A", Real(0.0)),
+    ("identify.unbalance", "parameter", "fixed", "", Boolean(true)),
+    ("tolerance.m", "parameter", "fixed", "kg", Real(0.0)),
+    ("tolerance.s", "parameter", "fixed", "m", Real(0.0)),
+    ("tolerance.alpha", "parameter", "fixed", "rad", Real(0.0)),
+    ("tolerance.positionGain", "parameter", "fixed", "1", Real(0.0)),
+    ("tolerance.positionOffset", "parameter", "fixed", "m", Real(0.0)),
+    ("tolerance.currentGain", "parameter", "fixed", "1", Real(0.0)),
+    ("tolerance.currentOffset", "parameter", "fixed", "A", Real(0.0)),
     ("Ym", "input", "continuous", "m", Real(0.0)),
     ("Zm", "input", "continuous", "m", Real(0.0)),
     ("im[]", "input", "continuous", "A", Real(0.0)),
@@ -152,6 +162,12 @@ const ESTIMATOR: &[Promise] = &[
     ("lambdaHat[]", "output", "discrete", "N.m2/A2", NO),
     ("lambdaRaw[]", "output", "discrete", "N.m2/A2", NO),
     ("lambdaStd[]", "output", "discrete", "N.m2/A2", NO),
+    ("lambdaStdTotal[]", "output", "discrete", "N.m2/A2", NO),
+    ("ki[]", "output", "discrete", "N/A", NO),
+    ("ks[]", "output", "discrete", "N/m", NO),
+    ("noise.position", "output", "discrete", "m", NO),
+    ("noise.current", "output", "discrete", "A", NO),
+    ("verdict", "output", "discrete", "", NoneItem),
     ("valid", "output", "discrete", "", NoneBoolean),
     ("condition", "output", "discrete", "1", NO),
     ("residual", "output", "discrete", "1", NO),
@@ -254,7 +270,7 @@ fn differences(root: Node<'_, '_>, variable: Node<'_, '_>, promise: &Promise, k:
         Start::Real(_) | Start::Reals(_) | Start::None | Start::AnyReal => "Real",
         Start::Integer(_) | Start::AnyInteger => "Integer",
         Start::Boolean(_) | Start::NoneBoolean => "Boolean",
-        Start::Item(..) => "Enumeration",
+        Start::Item(..) | Start::NoneItem => "Enumeration",
     };
     compare("type", Some(kind.tag_name().name()), Some(of_type));
     match start {
@@ -277,7 +293,7 @@ fn differences(root: Node<'_, '_>, variable: Node<'_, '_>, promise: &Promise, k:
                 found.push(format!("items are {declared:?}, promised are {wanted:?}"));
             }
         }
-        Start::None | Start::NoneBoolean => compare("start", kind.attribute("start"), None),
+        Start::None | Start::NoneBoolean | Start::NoneItem => compare("start", kind.attribute("start"), None),
         Start::AnyReal | Start::AnyInteger => {
             if number(kind, "start").is_none() {
                 found.push("there is no start".into());
@@ -381,6 +397,7 @@ fn units_are_declared_once_and_by_their_base_units() {
         ("Ohm", &[("kg", "1"), ("m", "2"), ("s", "-3"), ("A", "-2")], &[]),
         ("H", &[("kg", "1"), ("m", "2"), ("s", "-2"), ("A", "-2")], &[("mH", 1e3)]),
         ("Wb", &[("kg", "1"), ("m", "2"), ("s", "-2"), ("A", "-1")], &[("mWb", 1e3)]),
+        ("N/A", &[("kg", "1"), ("m", "1"), ("s", "-2"), ("A", "-1")], &[]),
         ("N/m", &[("kg", "1"), ("s", "-2")], &[("N/µm", 1e-6)]),
         ("N.s/m", &[("kg", "1"), ("s", "-1")], &[]),
         ("s", &[("s", "1")], &[("ms", 1e3), ("µs", 1e6)]),

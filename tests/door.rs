@@ -565,6 +565,7 @@ fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> 
     for (on, categories) in switches {
         fmu.set_logging(*on, categories).ok(&fmu);
     }
+    fmu.set("method", 2.0).ok(&fmu);
     fmu.set("Tf", 2e-3).ok(&fmu);
     fmu.set("epsilon", 2e-3).ok(&fmu);
     fmu.start(0.0, None);
@@ -764,7 +765,7 @@ fn refused_parameters_end_the_initialization_with_all_their_names() {
     let bad: [(&str, &[(&str, f64)]); 3] = [
         (PLANT, &[("m", 0.0), ("s", -1.0), ("lambda[2]", -1e-6), ("sensor.Ts", 0.0)]),
         (CONTROLLER, &[("m", -1.0), ("Ts", 0.0), ("update.mode", 7.0), ("bandwidth.observer", -1.0)]),
-        ("AlgebraicEstimator", &[("m", -1.0), ("Tf", 7e-4), ("method", 0.0), ("hold", 4.0)]),
+        ("AlgebraicEstimator", &[("m", -1.0), ("tolerance.s", -1e-6), ("method", 4.0), ("hold", 4.0)]),
     ];
     for (model, values) in bad {
         let fmu = Fmu::new(model);

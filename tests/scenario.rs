@@ -106,10 +106,10 @@ fn the_common_table_reaches_every_element_that_knows_the_name() {
 
 #[test]
 fn estimators_beside_the_loop_differ_in_their_method_alone() {
-    let scenario = parse("compare = [\"paper\", \"leastSquares\"]", "[estimator]\nTf = \"10 ms\"\n").expect("sound");
+    let scenario = parse("compare = [\"paper\", \"predictionError\"]", "[estimator]\nTf = \"10 ms\"\n").expect("sound");
     let names: Vec<_> = scenario.elements.iter().map(|element| element.name.as_str()).collect();
-    assert_eq!(names, ["plant", "controller", "estimator", "paper", "leastSquares"]);
-    for (element, method) in [("estimator", 4), ("paper", 2), ("leastSquares", 3)] {
+    assert_eq!(names, ["plant", "controller", "estimator", "paper", "predictionError"]);
+    for (element, method) in [("estimator", 3), ("paper", 2), ("predictionError", 3)] {
         assert_eq!(scenario.value(element, "method"), Some(Value::Integer(method)), "{element}");
         assert_eq!(scenario.value(element, "Tf"), Some(Value::Real(0.01)), "{element}");
     }
@@ -146,8 +146,21 @@ fn what_cannot_be_understood_is_refused_by_name() {
         ("", "[plant]\nsensor.seed = 1.5", &["sensor.seed = 1.5", "a whole number"]),
         ("", "[plant]\nsensor.seed = 4000000000", &["sensor.seed = 4000000000", "32 bits"]),
         ("", "[estimator]\nenable = 1", &["enable = 1", "true or false"]),
-        ("", "[estimator]\nmethod = 3", &["method = 3", "the name of one of", "leastSquares (3)"]),
-        ("", "[estimator]\nmethod = \"best\"", &["method = \"best\"", "one of", "paperLiteral (1)", "unbalance (4)"]),
+        ("", "[estimator]\nmethod = 3", &["method = 3", "the name of one of", "predictionError (3)"]),
+        ("", "[estimator]\nmethod = 4", &["method = 4", "the name of one of", "predictionError (3)"]),
+        (
+            "",
+            "[estimator]\nmethod = \"best\"",
+            &["method = \"best\"", "one of", "paperLiteral (1)", "predictionError (3)"],
+        ),
+        // Methods that are gone, with what replaces them.
+        (
+            "",
+            "[estimator]\nmethod = \"leastSquares\"",
+            &["method = \"leastSquares\"", "predictionError, which replaces it,"],
+        ),
+        ("", "[estimator]\nmethod = \"unbalance\"", &["method = \"unbalance\"", "predictionError, which replaces it,"]),
+        ("compare = [\"unbalance\"]", "", &["compare = \"unbalance\"", "predictionError, which replaces it,"]),
         ("", "[controller]\nupdate.mode = \"Never\"", &["update.mode", "never (1), atTime (2), whenValid (3)"]),
         // Lists.
         ("", "[plant]\nlambda = [1e-6, 2e-6]", &["lambda = [0.000001, 0.000002]", "a list of 3"]),
@@ -191,14 +204,30 @@ fn what_cannot_be_run_is_refused_by_name() {
         ("", "[estimator]\ns = \"-0.5 mm\"", &["[estimator]", "s = -0.0005 m", "above 0"]),
         ("", "[controller]\nTs = 0.0", &["[controller]", "Ts = 0 s", "a finite time of at least"]),
         ("", "[estimator]\nTs = -1e-4", &["[estimator]", "Ts = -0.0001 s", "is wanted"]),
-        ("", "[estimator]\nTf = \"0.7 ms\"", &["[estimator]", "Tf = ", "8"]),
-        ("", "[estimator]\nTf = 0.02005", &["[estimator]", "Tf = 0.02005 s", "whole number of Ts"]),
+        ("", "[estimator]\nmethod = \"paper\"\nTf = \"0.7 ms\"", &["[estimator]", "Tf = ", "8"]),
+        ("", "[estimator]\nmethod = \"paper\"\nTf = 0.02005", &["[estimator]", "Tf = 0.02005 s", "whole number of Ts"]),
         ("", "[plant]\nY0 = \"0.6 mm\"", &["[plant]", "Y0 = 0.0006 m", "a start inside the gap"]),
         ("", "[plant]\nZ0 = \"-0.5 mm\"", &["[plant]", "Z0 = -0.0005 m", "a start inside the gap"]),
         ("", "[all]\nalpha = [0.0, 0.0, 1.0]", &["[plant] alpha", "[controller] alpha", "[estimator] alpha"]),
         ("", "[controller]\nlambda0 = [0.0, 4e-6, 4e-6]", &["[controller]", "lambda0[1] = 0", "above 0"]),
         ("", "[plant]\nlambda = [2e-6, inf, 2e-6]", &["[plant]", "lambda[2] = inf", "above 0"]),
         ("", "[controller]\nreference.rZ = \"0.6 mm\"", &["[controller]", "reference."]),
+        (
+            "",
+            "[estimator]\ntolerance.alpha = \"-1 deg\"",
+            &["[estimator]", "tolerance.alpha = -0.017", "rad", "0 or above"],
+        ),
+        ("", "[estimator]\ntolerance.m = nan", &["[estimator]", "tolerance.m = NaN kg", "0 or above"]),
+        (
+            "",
+            "[estimator]\nmethod = \"paper\"\ntolerance.s = \"1 µm\"",
+            &["[estimator]", "tolerance.s = 0.000001 m", "method = predictionError"],
+        ),
+        (
+            "",
+            "[estimator]\nmethod = \"paper\"\nidentify.unbalance = false",
+            &["[estimator]", "identify.unbalance = false", "method = predictionError"],
+        ),
     ];
     for (head, tables, words) in CASES {
         says(&refusal(head, tables), words);
@@ -217,7 +246,10 @@ fn all_findings_are_told_at_once() {
     let lines = said.lines().count();
     assert_eq!(lines, 1 + words.len(), "one line for the file, one for each finding: {said}");
 
-    let said = refusal("", "[plant]\nm = 0\ns = 0\n[controller]\nTs = 0.0\nF0 = nan\n[estimator]\nTf = 1e-4\n");
+    let said = refusal(
+        "",
+        "[plant]\nm = 0\ns = 0\n[controller]\nTs = 0.0\nF0 = nan\n[estimator]\nmethod = \"paper\"\nTf = 1e-4\n",
+    );
     says(&said, &["[plant] m", "[plant] s", "[controller] Ts", "[controller] F0", "[estimator] Tf"]);
 }
 

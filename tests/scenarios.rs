@@ -187,16 +187,21 @@ fn circle_and_hole_are_cut_within_half_a_micrometre() {
     }
 }
 
-/// Fails with a method that knows of no unbalance and does not mind nearly circular paths: it is sure of constants 23 % too small.
+/// The curvature of the gaps and the start of the motion tell the unbalance from the magnets: valid where the standard deviation is small, and
+/// then right. Fails with a method that knows of no unbalance: it is sure of constants 23 % too small.
 #[test]
-fn on_a_circle_beside_an_unbalance_no_estimate_is_valid_nor_taken() {
+fn on_a_circle_beside_an_unbalance_a_valid_estimate_is_right() {
     let (scenario, run) = of("circle");
-    assert_eq!(largest(&run, "estimator.valid", 0.0, 1.0), 0.0);
+    let valid = column(&run, "estimator.valid");
     for k in 1..=3 {
-        let used = column(&run, &format!("controller.lambdaUsed[{k}]"));
-        let Some(Value::Real(first)) = scenario.value("controller", &format!("lambda0[{k}]")) else { panic!("a Real") };
-        assert!(used.iter().all(|value| *value == first), "magnet {k} keeps the constant that was known");
+        let truth = scenario.value("plant", &format!("lambda[{k}]")).expect("a parameter").as_f64();
+        let [hat, std] = ["lambdaHat", "lambdaStd"].map(|name| column(&run, &format!("estimator.{name}[{k}]")));
+        for row in (0..valid.len()).filter(|row| valid[*row] == 1.0) {
+            let ratio = ((hat[row] - truth) / std[row]).abs();
+            assert!(std[row] < 0.05 * hat[row] && ratio < 5.0, "magnet {k}, row {row}: {ratio} standard deviations");
+        }
     }
+    println!("valid in {} of {} samples", valid.iter().sum::<f64>(), valid.len());
 }
 
 #[test]

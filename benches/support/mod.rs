@@ -6,7 +6,7 @@ use std::path::Path;
 
 use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::app::simulate;
-use magnetic_bearing::model::estimator::EstimatorInput;
+use magnetic_bearing::model::estimation::EstimatorInput;
 
 /// Samples in a record: ten revolutions.
 pub const RECORD: usize = 2000;

@@ -20,6 +20,7 @@ use super::scenario::{BUILT_IN, Scenario};
 use super::simulate::{self, Run};
 use super::sweep::Design;
 use crate::model::estimation::{EstimatorConfig, Method};
+use crate::slave::estimator::METHOD;
 
 /// Where things go when nothing else is said, below the folder in which the program is run.
 const FMU_FOLDER: &str = "target/fmu";
@@ -432,7 +433,11 @@ fn identify(command: Command) -> Result<()> {
         identify::METHODS.into_iter().filter(|(name, _)| method == *name || method == "all").collect();
     if methods.is_empty() {
         let names = [identify::METHODS.map(|(name, _)| name).as_slice(), &["all"]].concat();
-        return Err(one(&names, "method", &method).into());
+        return Err(match METHOD.renamed.iter().find(|(former, _)| *former == method) {
+            Some((former, name)) => format!("--method {former}: {name}, which replaces it, is wanted"),
+            None => one(&names, "method", &method),
+        }
+        .into());
     }
     let mut holds = None;
     if hold == "auto" {

@@ -88,15 +88,25 @@ pub fn track(samples: &Samples, config: &EstimatorConfig) -> Result<Track, Faile
     Ok(Track { name, config, outputs })
 }
 
-/// Residuals of the three readings of a current sample, in the order of [`HOLDS`]: what each leaves unexplained on the same
-/// data, in the mean after the first window.
+/// Residuals of the three readings of a current sample, in the order of [`HOLDS`]: the mean normalised innovation squared on the
+/// same data. They are normalised by the same noise to be comparable: where none is told, by the least that any reading finds.
 ///
 /// # Errors
 /// As for [`track`].
 pub fn residuals_of_holds(samples: &Samples, config: &EstimatorConfig) -> Result<[f64; 3], Failed> {
+    let mut config = config.clone();
+    let tracks = |config: &EstimatorConfig| -> Result<Vec<Track>, Failed> {
+        HOLDS.into_iter().map(|(_, hold)| track(samples, &EstimatorConfig { hold, ..config.clone() })).collect()
+    };
+    let first = tracks(&config)?;
+    let least = |noise: fn(&EstimatorOutput) -> f64| {
+        let last = first.iter().filter_map(|track| track.outputs.last()).map(noise);
+        last.filter(|noise| *noise > 0.0).reduce(f64::min).unwrap_or(0.0)
+    };
+    config.position_noise_m = least(|output| output.position_noise_m);
+    config.current_noise_a = least(|output| output.current_noise_a);
     let mut residuals = [f64::INFINITY; 3];
-    for (residual, (_, hold)) in residuals.iter_mut().zip(HOLDS) {
-        let track = track(samples, &EstimatorConfig { hold, ..config.clone() })?;
+    for (residual, track) in residuals.iter_mut().zip(tracks(&config)?) {
         let used = track.outputs.iter().filter(|output| {
             !matches!(output.verdict, Verdict::Collecting | Verdict::BadSample | Verdict::Stuck | Verdict::Disabled)
         });

@@ -443,10 +443,12 @@ fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<St
     let variables = (estimator::KIND.variables)();
     let index = variables.iter().position(|variable| variable.name == "method").expect("the estimator has a method");
     for method in methods {
-        let Some(value) = estimator::METHOD.value_of(method) else {
-            let wanted = estimator::METHOD.listed();
-            findings.push(format!("compare = \"{method}\" is refused: one of {wanted} is wanted"));
-            continue;
+        let value = match estimator::METHOD.find(method) {
+            Ok(value) => value,
+            Err(wanted) => {
+                findings.push(format!("compare = \"{method}\" is refused: {wanted}"));
+                continue;
+            }
         };
         if elements.iter().any(|element| element.name == *method) {
             findings.push(format!("compare = \"{method}\" is refused: it stands there twice"));
@@ -570,9 +572,7 @@ fn convert(kind: &Type, value: &toml::Value) -> Result<Value, String> {
         (Type::Integer { .. }, _) => Err("a whole number is wanted".into()),
         (Type::Boolean { .. }, toml::Value::Boolean(value)) => Ok(Value::Boolean(*value)),
         (Type::Boolean { .. }, _) => Err("true or false is wanted".into()),
-        (Type::Enumeration { items, .. }, toml::Value::String(item)) => {
-            items.value_of(item).map(Value::Integer).ok_or_else(|| format!("one of {} is wanted", items.listed()))
-        }
+        (Type::Enumeration { items, .. }, toml::Value::String(item)) => items.find(item).map(Value::Integer),
         (Type::Enumeration { items, .. }, _) => Err(format!("the name of one of {} is wanted", items.listed())),
     }
 }

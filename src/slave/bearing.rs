@@ -24,6 +24,7 @@ pub static DRIVE: Enumeration = Enumeration {
     name: "Drive",
     description: "What drives the coils",
     items: &[("current", "Currents, held over the step"), ("voltage", "Voltages of amplifiers, held over the step")],
+    renamed: &[],
 };
 
 /// Drive, resistance, leakage and limit of the voltage of the coils.

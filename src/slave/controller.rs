@@ -39,6 +39,7 @@ pub static UPDATE_MODE: Enumeration = Enumeration {
         ("atTime", "Once, at update.time or as soon after it as the estimate is valid"),
         ("whenValid", "Always while the estimate is valid"),
     ],
+    renamed: &[],
 };
 
 /// Shape of the path.
@@ -51,6 +52,7 @@ pub static SHAPE: Enumeration = Enumeration {
         ("external", "The inputs Yref and Zref"),
         ("fourier", "A Fourier series with centre, cosY, sinY, cosZ, sinZ"),
     ],
+    renamed: &[],
 };
 
 static TABLE: LazyLock<Vec<Row<Values>>> = LazyLock::new(table);

@@ -40,6 +40,7 @@ pub static METHOD: Enumeration = Enumeration {
         ("paper", "Equation (20) with the sign of the determinant aligned; z axis only"),
         ("predictionError", "Prediction errors and instrumental variables; unbalance and noise identified as well"),
     ],
+    renamed: &[("leastSquares", "predictionError"), ("unbalance", "predictionError")],
 };
 
 /// Why an estimate is valid or not.
@@ -62,6 +63,7 @@ pub static VERDICT: Enumeration = Enumeration {
         ("uncertain", "The standard deviation is too large"),
         ("foreignState", "The state was made by an estimator with other parameters"),
     ],
+    renamed: &[],
 };
 
 /// What a sample of a current stands for.
@@ -73,6 +75,7 @@ pub static HOLD: Enumeration = Enumeration {
         ("heldAfter", "The current held over the interval that begins at the sample"),
         ("linear", "A point of a continuous current"),
     ],
+    renamed: &[],
 };
 
 static TABLE: LazyLock<Vec<Row<Values>>> = LazyLock::new(table);

@@ -51,12 +51,25 @@ pub struct Enumeration {
     pub description: &'static str,
     /// Name and description of the items, whose values count from 1.
     pub items: &'static [(&'static str, &'static str)],
+    /// Names that items had in former versions, and what replaces them.
+    pub renamed: &'static [(&'static str, &'static str)],
 }
 
 impl Enumeration {
     /// The value of the item of that name.
     pub fn value_of(&self, item: &str) -> Option<i32> {
         self.items.iter().position(|(name, _)| *name == item).map(|index| index as i32 + 1)
+    }
+
+    /// The value of the item of that name.
+    ///
+    /// # Errors
+    /// What is to be written instead.
+    pub fn find(&self, item: &str) -> Result<i32, String> {
+        self.value_of(item).ok_or_else(|| match self.renamed.iter().find(|(former, _)| *former == item) {
+            Some((_, name)) => format!("{name}, which replaces it, is wanted"),
+            None => format!("one of {} is wanted", self.listed()),
+        })
     }
 
     /// The name of the item with that value.

@@ -90,7 +90,7 @@ pub struct Samples {
     pub rotation: Rotation,
     /// By how much the recorded angle jumps back when it wraps, in rad as read; none if it does not.
     pub wrap_rad: Option<f64>,
-    /// The units that the recorded signals were taken to be in, by the order (time, Ym, Zm, im[1], im[2], im[3], theta, omega).
+    /// The units that the recorded signals were taken to be in, by the order (time, Ym, Zm, im\[1\], im\[2\], im\[3\], theta, omega).
     pub units: [Option<&'static str>; 8],
     /// The currents at instants of their own, if they were recorded apart: in s and A.
     pub apart: Option<(Vec<f64>, [Vec<f64>; 3])>,
