@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{EstimatorConfig, EstimatorInput, EstimatorOutput, Verdict};
 use super::innovations::{Field, FilterState, Innovation, Running, Sample, UNKNOWNS, WhiteningFilter, turned};
-use super::noise::{Differences, LEVERAGE_LIMIT, Noise, clip};
+use super::noise::{Differences, LEVERAGE_LIMIT, Noise, OUTLIER, clip};
 use super::sums::{AngleTable, InstrumentalSums, Solution, Square, Sums};
 use super::validation::{Validation, has_changed};
 use super::{CONDITION_CAP, MAGNETS};
@@ -61,6 +61,8 @@ const WORSE: f64 = 1.05;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Quarter {
     sums: Sums,
+    /// The noise at its begin.
+    noise: Option<Noise>,
     samples: f64,
     turned_rad: f64,
     /// Sums of `i_k/gap_k²` and `i_k²/gap_k³`.
@@ -92,6 +94,8 @@ pub struct PredictionErrorState {
     /// Quarters that have ended, and those among them with instruments.
     quarters: u64,
     instrumented: u64,
+    /// Quarters until which an outlier among the innovations makes the estimate doubtful.
+    outlier: u64,
     /// Angle passed since the start, rad.
     angle_rad: f64,
     /// Mean square of the currents, A².
@@ -151,6 +155,7 @@ impl PredictionError {
             instrumental: InstrumentalSums::default(),
             quarters: 0,
             instrumented: 0,
+            outlier: 0,
             angle_rad: 0.0,
             mean_square_a2: 0.0,
             samples: 0,
@@ -235,6 +240,9 @@ impl PredictionError {
             state.instrumental.add(&innovation, with_tolerances);
         }
         let per_revolution = state.per_revolution();
+        if nis > OUTLIER && state.estimated {
+            state.outlier = state.quarters + QUARTERS as u64;
+        }
         let settled = if noise.is_told() { state.estimated } else { leverage < SETTLED_LEVERAGE };
         let turn = sample.turn;
         state.validation.add(&innovation, position_variance, turn, per_revolution, settled, with_tolerances);
@@ -307,7 +315,8 @@ impl PredictionError {
     fn end_quarter(&self, state: &mut PredictionErrorState, instrumented: bool, output: &mut EstimatorOutput) -> bool {
         state.quarters += 1;
         state.instrumented += u64::from(instrumented);
-        let quarter = std::mem::take(&mut state.present);
+        let next = Quarter { noise: state.noise.clone(), ..Quarter::default() };
+        let quarter = std::mem::replace(&mut state.present, next);
         state.last.rotate_left(1);
         let oldest = std::mem::replace(&mut state.last[QUARTERS - 1], quarter);
         state.before.merge(&oldest.sums);
@@ -332,9 +341,13 @@ impl PredictionError {
         if !testable || !has_changed(&state.before, &revolution, position_variance, with_tolerances) {
             return false;
         }
-        let newest = std::mem::take(&mut state.last[QUARTERS - 1]);
+        // The noise found since then holds the contradiction.
+        if let Some(noise) = &state.last[0].noise {
+            state.noise = Some(noise.clone());
+        }
         state.forget();
-        state.last[QUARTERS - 1] = newest;
+        // Its columns remember what the former λ did.
+        state.filter = None;
         state.solution = None;
         state.relinearisations = 0;
         state.linearised = [state.running[0], state.running[1], state.running[2]];
@@ -370,6 +383,10 @@ impl PredictionError {
             Verdict::NotPositive
         } else if state.condition >= CONDITION_CAP {
             Verdict::Singular
+        } else if state.quarters < state.outlier {
+            Verdict::Unexplained
+        } else if !noise.is_within_range() {
+            Verdict::Noisy
         } else {
             match state.validation.verdict(state.revolution(), state.per_revolution(), told) {
                 Verdict::Valid if (0..MAGNETS).any(|k| sqrt(total[k]) >= STD_LIMIT * lambda[k]) => Verdict::Uncertain,
@@ -390,10 +407,10 @@ impl PredictionError {
             output.lambda_std[k] = sqrt(solution.variance[k] + held * held);
             output.lambda_std_total[k] = sqrt(total[k] + held * held);
         }
-        let quarters = || state.last.iter().chain([&state.present]);
-        if let (Some(per_current), Some(gradient)) =
-            (mean(quarters(), |quarter| quarter.per_current), mean(quarters(), |quarter| quarter.gradient))
-        {
+        if let (Some(per_current), Some(gradient)) = (
+            mean(state.last.iter(), |quarter| quarter.per_current),
+            mean(state.last.iter(), |quarter| quarter.gradient),
+        ) {
             output.ki = std::array::from_fn(|k| 2.0 * output.lambda_hat[k] * per_current[k]);
             output.ks = std::array::from_fn(|k| 2.0 * output.lambda_hat[k] * gradient[k]);
         }
