@@ -29,6 +29,9 @@ const LEAST_SAMPLES: u32 = 12;
 /// Revolutions after which the table of the instruments is full, and a little more.
 const INSTRUMENTS_AFTER: f64 = 1.3;
 
+/// More outliers than this in a row are no glitches of a sensor.
+const OUTLIERS_IN_A_ROW: u32 = 30;
+
 /// Quarters with instruments before their estimate counts.
 const LEAST_INSTRUMENTED: u64 = 2;
 
@@ -94,8 +97,11 @@ pub struct PredictionErrorState {
     /// Quarters that have ended, and those among them with instruments.
     quarters: u64,
     instrumented: u64,
-    /// Quarters until which an outlier among the innovations makes the estimate doubtful.
-    outlier: u64,
+    /// Whether the estimate has been valid since the sums began; outliers among the innovations are then known as such. Those in a row, and
+    /// the quarters until which they make the estimate doubtful.
+    armed: bool,
+    outliers: u32,
+    doubtful_until: u64,
     /// Angle passed since the start, rad.
     angle_rad: f64,
     /// Mean square of the currents, A².
@@ -155,7 +161,9 @@ impl PredictionError {
             instrumental: InstrumentalSums::default(),
             quarters: 0,
             instrumented: 0,
-            outlier: 0,
+            armed: false,
+            outliers: 0,
+            doubtful_until: 0,
             angle_rad: 0.0,
             mean_square_a2: 0.0,
             samples: 0,
@@ -220,6 +228,16 @@ impl PredictionError {
         });
         let innovation = self.filter.innovation(filter, &running);
         let nis = innovation.product(innovation.error, innovation.error) / position_variance;
+        if state.armed && nis > OUTLIER {
+            // The filter goes on without the measurement.
+            for (position, error) in filter.last.position_m.iter_mut().zip(innovation.error) {
+                *position -= error;
+            }
+            state.angle_rad += by_rad;
+            state.present.count(&field, by_rad);
+            return self.outlier(state, instrumented(passed), output);
+        }
+        state.outliers = 0;
         if !(nis >= 0.0 && nis < NIS_CAP) {
             // No bearing moves like this: nothing that was gathered can be relied on.
             *state = self.start();
@@ -235,14 +253,10 @@ impl PredictionError {
         state.angle_rad += by_rad;
         state.present.sums.add(&innovation, with_tolerances);
         state.present.count(&field, by_rad);
-        let instrumented = passed > INSTRUMENTS_AFTER;
-        if instrumented {
+        if instrumented(passed) {
             state.instrumental.add(&innovation, with_tolerances);
         }
         let per_revolution = state.per_revolution();
-        if nis > OUTLIER && state.estimated {
-            state.outlier = state.quarters + QUARTERS as u64;
-        }
         let settled = if noise.is_told() { state.estimated } else { leverage < SETTLED_LEVERAGE };
         let turn = sample.turn;
         state.validation.add(&innovation, position_variance, turn, per_revolution, settled, with_tolerances);
@@ -257,8 +271,38 @@ impl PredictionError {
         if state.samples.is_multiple_of(SOLVE_EVERY) {
             self.solve(state, sample);
         }
+        let changed = state.quarter_is_over(self.step_s) && self.end_quarter(state, instrumented(passed), output);
+        let verdict = self.report(state, output, changed);
+        state.armed |= verdict == Verdict::Valid;
+        verdict
+    }
+
+    /// Leaves out a sample that cannot be noise; several in a row are a change.
+    fn outlier(&self, state: &mut PredictionErrorState, instrumented: bool, output: &mut EstimatorOutput) -> Verdict {
+        state.outliers += 1;
+        state.doubtful_until = state.quarters + QUARTERS as u64;
+        if state.outliers > OUTLIERS_IN_A_ROW {
+            self.restart(state);
+            return self.report(state, output, true);
+        }
         let changed = state.quarter_is_over(self.step_s) && self.end_quarter(state, instrumented, output);
         self.report(state, output, changed)
+    }
+
+    /// Begins anew after a change of λ.
+    fn restart(&self, state: &mut PredictionErrorState) {
+        // The noise found since the last revolution began holds the contradiction.
+        if let Some(noise) = &state.last[0].noise {
+            state.noise = Some(noise.clone());
+        }
+        state.forget();
+        // Its columns remember what the former λ did.
+        state.filter = None;
+        state.solution = None;
+        (state.armed, state.outliers) = (false, 0);
+        state.relinearisations = 0;
+        state.linearised = [state.running[0], state.running[1], state.running[2]];
+        state.validation.restart(state.revolution());
     }
 
     /// Solves both sets of equations and keeps the better estimate.
@@ -341,17 +385,7 @@ impl PredictionError {
         if !testable || !has_changed(&state.before, &revolution, position_variance, with_tolerances) {
             return false;
         }
-        // The noise found since then holds the contradiction.
-        if let Some(noise) = &state.last[0].noise {
-            state.noise = Some(noise.clone());
-        }
-        state.forget();
-        // Its columns remember what the former λ did.
-        state.filter = None;
-        state.solution = None;
-        state.relinearisations = 0;
-        state.linearised = [state.running[0], state.running[1], state.running[2]];
-        state.validation.restart(state.revolution());
+        self.restart(state);
         true
     }
 
@@ -383,7 +417,7 @@ impl PredictionError {
             Verdict::NotPositive
         } else if state.condition >= CONDITION_CAP {
             Verdict::Singular
-        } else if state.quarters < state.outlier {
+        } else if state.quarters < state.doubtful_until {
             Verdict::Unexplained
         } else if !noise.is_within_range() {
             Verdict::Noisy
@@ -416,6 +450,11 @@ impl PredictionError {
         }
         verdict
     }
+}
+
+/// Whether the table of the instruments is full after so many revolutions.
+fn instrumented(revolutions: f64) -> bool {
+    revolutions > INSTRUMENTS_AFTER
 }
 
 /// A normalised innovation squared beyond this comes from samples that no bearing makes.
