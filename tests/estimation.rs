@@ -275,6 +275,9 @@ fn a_stuck_sensor_is_named() {
     let named = outputs[1000..].iter().position(|output| output.verdict == Verdict::Stuck);
     assert_eq!(named, Some(STUCK_SAMPLES as usize), "samples until it is named");
     assert!(outputs[1000 + STUCK_SAMPLES as usize..1400].iter().all(|output| output.verdict == Verdict::Stuck));
+    for j in (990..outputs.len()).step_by(100) {
+        println!("{j} {:?} {:.3e}", outputs[j].verdict, outputs[j].residual);
+    }
     assert!(outputs[3400..].iter().all(|output| output.valid), "it comes back by itself within 0.2 s");
     assert_never_wrong("stuck", &rotor, &outputs);
 }
@@ -628,6 +631,7 @@ fn the_other_outputs_mean_what_they_say() {
     // The condition number of an unknown less is smaller, and no scale of the units enters.
     let balanced = EstimatorConfig { identify_unbalance: false, ..told(config(&rotor), NOISE) };
     let balanced = rotor.identify(balanced).pop().expect("samples");
+    println!("{} {}", balanced.condition, right.condition);
     assert!(1.0 <= balanced.condition && balanced.condition < 0.5 * right.condition && right.condition < 1e4);
 }
 

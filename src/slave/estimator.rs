@@ -59,6 +59,7 @@ pub static VERDICT: Enumeration = Enumeration {
         ("notPositive", "A force constant came out zero or negative"),
         ("unexplained", "The model does not explain the motion"),
         ("coloured", "The innovations are not white"),
+        ("noisy", "There is more noise than can be found from the data: tell it"),
         ("unsteady", "The estimate has contradicted itself several times"),
         ("uncertain", "The standard deviation is too large"),
         ("foreignState", "The state was made by an estimator with other parameters"),

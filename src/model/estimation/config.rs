@@ -183,6 +183,8 @@ pub enum Verdict {
     Unexplained,
     /// The innovations are not white: the noise found does not describe the data.
     Coloured,
+    /// The noise is not told, and beyond what can be found from the data.
+    Noisy,
     /// The estimate contradicted itself several times within a few revolutions.
     Unsteady,
     /// A standard deviation is too large for the estimate to be of use.
@@ -193,7 +195,7 @@ pub enum Verdict {
 
 impl Verdict {
     /// All verdicts, in the order of their numbers in the interface, which count from 1.
-    pub const ALL: [Verdict; 14] = [
+    pub const ALL: [Verdict; 15] = [
         Verdict::Valid,
         Verdict::Collecting,
         Verdict::Disabled,
@@ -205,6 +207,7 @@ impl Verdict {
         Verdict::NotPositive,
         Verdict::Unexplained,
         Verdict::Coloured,
+        Verdict::Noisy,
         Verdict::Unsteady,
         Verdict::Uncertain,
         Verdict::ForeignState,
@@ -225,6 +228,7 @@ impl fmt::Display for Verdict {
             Verdict::NotPositive => "not valid: a force constant came out zero or negative",
             Verdict::Unexplained => "not valid: the model does not explain the motion",
             Verdict::Coloured => "not valid: the innovations are not white",
+            Verdict::Noisy => "not valid: there is more noise than can be found from the data: tell it",
             Verdict::Unsteady => "not valid: the estimate has contradicted itself several times",
             Verdict::Uncertain => "not valid: the standard deviation is too large",
             Verdict::ForeignState => "not valid: the state was made by another estimator",

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{EstimatorConfig, EstimatorInput, EstimatorOutput, Verdict};
 use super::innovations::{Field, FilterState, Innovation, Running, Sample, UNKNOWNS, WhiteningFilter, turned};
-use super::noise::{Differences, LEVERAGE_LIMIT, Noise, clip};
+use super::noise::{Differences, LEVERAGE_LIMIT, Noise, OUTLIER, clip};
 use super::sums::{AngleTable, InstrumentalSums, Solution, Square, Sums};
 use super::validation::{Validation, has_changed};
 use super::{CONDITION_CAP, MAGNETS};
@@ -28,6 +28,9 @@ const LEAST_SAMPLES: u32 = 12;
 
 /// Revolutions after which the table of the instruments is full, and a little more.
 const INSTRUMENTS_AFTER: f64 = 1.3;
+
+/// More outliers than this in a row are no glitches of a sensor.
+const OUTLIERS_IN_A_ROW: u32 = 30;
 
 /// Quarters with instruments before their estimate counts.
 const LEAST_INSTRUMENTED: u64 = 2;
@@ -61,6 +64,8 @@ const WORSE: f64 = 1.05;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Quarter {
     sums: Sums,
+    /// The noise at its begin.
+    noise: Option<Noise>,
     samples: f64,
     turned_rad: f64,
     /// Sums of `i_k/gap_k²` and `i_k²/gap_k³`.
@@ -92,6 +97,11 @@ pub struct PredictionErrorState {
     /// Quarters that have ended, and those among them with instruments.
     quarters: u64,
     instrumented: u64,
+    /// Whether the estimate has been valid since the sums began; outliers among the innovations are then known as such. Those in a row, and
+    /// the quarters until which they make the estimate doubtful.
+    armed: bool,
+    outliers: u32,
+    doubtful_until: u64,
     /// Angle passed since the start, rad.
     angle_rad: f64,
     /// Mean square of the currents, A².
@@ -151,6 +161,9 @@ impl PredictionError {
             instrumental: InstrumentalSums::default(),
             quarters: 0,
             instrumented: 0,
+            armed: false,
+            outliers: 0,
+            doubtful_until: 0,
             angle_rad: 0.0,
             mean_square_a2: 0.0,
             samples: 0,
@@ -215,6 +228,16 @@ impl PredictionError {
         });
         let innovation = self.filter.innovation(filter, &running);
         let nis = innovation.product(innovation.error, innovation.error) / position_variance;
+        if state.armed && nis > OUTLIER {
+            // The filter goes on without the measurement.
+            for (position, error) in filter.last.position_m.iter_mut().zip(innovation.error) {
+                *position -= error;
+            }
+            state.angle_rad += by_rad;
+            state.present.count(&field, by_rad);
+            return self.outlier(state, instrumented(passed), output);
+        }
+        state.outliers = 0;
         if !(nis >= 0.0 && nis < NIS_CAP) {
             // No bearing moves like this: nothing that was gathered can be relied on.
             *state = self.start();
@@ -230,8 +253,7 @@ impl PredictionError {
         state.angle_rad += by_rad;
         state.present.sums.add(&innovation, with_tolerances);
         state.present.count(&field, by_rad);
-        let instrumented = passed > INSTRUMENTS_AFTER;
-        if instrumented {
+        if instrumented(passed) {
             state.instrumental.add(&innovation, with_tolerances);
         }
         let per_revolution = state.per_revolution();
@@ -249,8 +271,38 @@ impl PredictionError {
         if state.samples.is_multiple_of(SOLVE_EVERY) {
             self.solve(state, sample);
         }
+        let changed = state.quarter_is_over(self.step_s) && self.end_quarter(state, instrumented(passed), output);
+        let verdict = self.report(state, output, changed);
+        state.armed |= verdict == Verdict::Valid;
+        verdict
+    }
+
+    /// Leaves out a sample that cannot be noise; several in a row are a change.
+    fn outlier(&self, state: &mut PredictionErrorState, instrumented: bool, output: &mut EstimatorOutput) -> Verdict {
+        state.outliers += 1;
+        state.doubtful_until = state.quarters + QUARTERS as u64;
+        if state.outliers > OUTLIERS_IN_A_ROW {
+            self.restart(state);
+            return self.report(state, output, true);
+        }
         let changed = state.quarter_is_over(self.step_s) && self.end_quarter(state, instrumented, output);
         self.report(state, output, changed)
+    }
+
+    /// Begins anew after a change of λ.
+    fn restart(&self, state: &mut PredictionErrorState) {
+        // The noise found since the last revolution began holds the contradiction.
+        if let Some(noise) = &state.last[0].noise {
+            state.noise = Some(noise.clone());
+        }
+        state.forget();
+        // Its columns remember what the former λ did.
+        state.filter = None;
+        state.solution = None;
+        (state.armed, state.outliers) = (false, 0);
+        state.relinearisations = 0;
+        state.linearised = [state.running[0], state.running[1], state.running[2]];
+        state.validation.restart(state.revolution());
     }
 
     /// Solves both sets of equations and keeps the better estimate.
@@ -307,7 +359,8 @@ impl PredictionError {
     fn end_quarter(&self, state: &mut PredictionErrorState, instrumented: bool, output: &mut EstimatorOutput) -> bool {
         state.quarters += 1;
         state.instrumented += u64::from(instrumented);
-        let quarter = std::mem::take(&mut state.present);
+        let next = Quarter { noise: state.noise.clone(), ..Quarter::default() };
+        let quarter = std::mem::replace(&mut state.present, next);
         state.last.rotate_left(1);
         let oldest = std::mem::replace(&mut state.last[QUARTERS - 1], quarter);
         state.before.merge(&oldest.sums);
@@ -332,13 +385,7 @@ impl PredictionError {
         if !testable || !has_changed(&state.before, &revolution, position_variance, with_tolerances) {
             return false;
         }
-        let newest = std::mem::take(&mut state.last[QUARTERS - 1]);
-        state.forget();
-        state.last[QUARTERS - 1] = newest;
-        state.solution = None;
-        state.relinearisations = 0;
-        state.linearised = [state.running[0], state.running[1], state.running[2]];
-        state.validation.restart(state.revolution());
+        self.restart(state);
         true
     }
 
@@ -370,6 +417,10 @@ impl PredictionError {
             Verdict::NotPositive
         } else if state.condition >= CONDITION_CAP {
             Verdict::Singular
+        } else if state.quarters < state.doubtful_until {
+            Verdict::Unexplained
+        } else if !noise.is_within_range() {
+            Verdict::Noisy
         } else {
             match state.validation.verdict(state.revolution(), state.per_revolution(), told) {
                 Verdict::Valid if (0..MAGNETS).any(|k| sqrt(total[k]) >= STD_LIMIT * lambda[k]) => Verdict::Uncertain,
@@ -390,15 +441,20 @@ impl PredictionError {
             output.lambda_std[k] = sqrt(solution.variance[k] + held * held);
             output.lambda_std_total[k] = sqrt(total[k] + held * held);
         }
-        let quarters = || state.last.iter().chain([&state.present]);
-        if let (Some(per_current), Some(gradient)) =
-            (mean(quarters(), |quarter| quarter.per_current), mean(quarters(), |quarter| quarter.gradient))
-        {
+        if let (Some(per_current), Some(gradient)) = (
+            mean(state.last.iter(), |quarter| quarter.per_current),
+            mean(state.last.iter(), |quarter| quarter.gradient),
+        ) {
             output.ki = std::array::from_fn(|k| 2.0 * output.lambda_hat[k] * per_current[k]);
             output.ks = std::array::from_fn(|k| 2.0 * output.lambda_hat[k] * gradient[k]);
         }
         verdict
     }
+}
+
+/// Whether the table of the instruments is full after so many revolutions.
+fn instrumented(revolutions: f64) -> bool {
+    revolutions > INSTRUMENTS_AFTER
 }
 
 /// A normalised innovation squared beyond this comes from samples that no bearing makes.

@@ -23,7 +23,7 @@ const HARMONIC_LIMIT: f64 = 35.0;
 const LEAST_LEFT: f64 = 1.0e-3;
 
 /// Revolutions that the sums must hold before the innovations are tested for harmonics.
-const HARMONICS_AFTER: f64 = 2.0;
+const HARMONICS_AFTER: f64 = 0.75;
 
 /// Limit of the correlation of successive innovations, in standard deviations: probability 5.7·10⁻⁷.
 const WHITENESS_LIMIT: f64 = 5.0;
@@ -136,8 +136,8 @@ impl Validation {
 
     /// Begins anew after a change of λ.
     pub fn restart(&mut self, revolution: f64) {
-        self.restarts = self.recent_restarts(revolution) + 1.0;
-        (self.restarted, self.since) = (revolution, revolution);
+        let restarts = self.recent_restarts(revolution) + 1.0;
+        *self = Self { restarts, ..Self::start(revolution) };
         self.forget(revolution);
     }
 
