@@ -631,7 +631,6 @@ fn the_other_outputs_mean_what_they_say() {
     // The condition number of an unknown less is smaller, and no scale of the units enters.
     let balanced = EstimatorConfig { identify_unbalance: false, ..told(config(&rotor), NOISE) };
     let balanced = rotor.identify(balanced).pop().expect("samples");
-    println!("{} {}", balanced.condition, right.condition);
     assert!(1.0 <= balanced.condition && balanced.condition < 0.5 * right.condition && right.condition < 1e4);
 }
 

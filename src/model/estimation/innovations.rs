@@ -332,13 +332,12 @@ impl WhiteningFilter {
         });
         let ratio = running.current_variance / running.position_variance;
         propagate(&a, &mut state.covariance);
-        for k in 0..3 {
-            let along = self.direction[k];
+        for (k, (along, noise)) in self.direction.into_iter().zip(noise).enumerate() {
             let g = [h2 * along[0], h2 * along[1], h * along[0], h * along[1]];
             let share = ratio * running.unknowns[k] * running.unknowns[k];
             for row in 0..4 {
                 for column in 0..4 {
-                    let q = noise[k] * g[row] * g[column];
+                    let q = noise * g[row] * g[column];
                     state.covariance[0][row][column] += share * q;
                     state.covariance[1 + k][row][column] += q;
                 }

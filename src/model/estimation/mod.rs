@@ -60,6 +60,7 @@ impl EstimatorState {
 }
 
 #[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "there is one of them")]
 enum MethodOf {
     PredictionError(PredictionError),
     Paper(Paper),

@@ -238,7 +238,7 @@ impl PredictionError {
             return self.outlier(state, instrumented(passed), output);
         }
         state.outliers = 0;
-        if !(nis >= 0.0 && nis < NIS_CAP) {
+        if !(0.0..NIS_CAP).contains(&nis) {
             // No bearing moves like this: nothing that was gathered can be relied on.
             *state = self.start();
             return Verdict::BadSample;

@@ -38,7 +38,7 @@ pub struct InstrumentalSums {
     /// h and H.
     equations: Rows<UNKNOWNS>,
     /// `Σ ζᵀ S⁻¹ φ` of the instruments among themselves: G but for its last rows, which are those of H.
-    instruments: [[f64; UNKNOWNS]; 3],
+    instruments: [[f64; 3]; 3],
     tolerances: [[f64; TOLERANCES]; UNKNOWNS],
 }
 
@@ -203,6 +203,8 @@ impl InstrumentalSums {
     pub fn add(&mut self, innovation: &Innovation, with_tolerances: bool) {
         self.samples += 1;
         let [y, z] = innovation.regression;
+        let [of_y, of_z] = innovation.instrument;
+        let instruments: [(f64, f64); 3] = std::array::from_fn(|k| (of_y[k], of_z[k]));
         for j in 0..UNKNOWNS {
             let instrument = match j < 3 {
                 true => innovation.instrument.map(|axis| axis[j]),
@@ -211,10 +213,8 @@ impl InstrumentalSums {
             let weighted = weighted(innovation, instrument);
             accumulate(&mut self.equations[j], weighted, &innovation.regression);
             if j < 3 {
-                let [y, z] = innovation.instrument;
-                let others = [[y[0], y[1], y[2]], [z[0], z[1], z[2]]];
-                for k in 0..3 {
-                    self.instruments[j][k] += weighted[0] * others[0][k] + weighted[1] * others[1][k];
+                for (sum, (y, z)) in self.instruments[j].iter_mut().zip(instruments) {
+                    *sum += weighted[0] * y + weighted[1] * z;
                 }
             }
             if with_tolerances {
