@@ -279,6 +279,22 @@ fn show_speed() {
 }
 
 #[test]
+#[ignore = "a study: what rows beyond those that are used with bench parameters would add"]
+fn study_rows() {
+    let of = |seconds: f64| {
+        let bench = Bench { seconds, ..Bench::default() };
+        let recorded = bench.record();
+        let mut options = options(&bench);
+        for (told, parameter) in options.bench.iter_mut().zip(&PARAMETERS) {
+            told.knowledge = Knowledge::Tolerance(parameter.typical);
+        }
+        bound(&bench, &recorded, &options)
+    };
+    let (few, many) = (of(20.0), of(std::env::var("SECONDS").map_or(120.0, |s| s.parse().unwrap())));
+    println!("{few:?} {many:?}: {:?}", std::array::from_fn::<f64, 3, _>(|k| few[k] / many[k] - 1.0));
+}
+
+#[test]
 fn a_change_of_lambda_is_found_and_both_parts_are_told() {
     let bench = Bench { seconds: 1.0, update_s: 0.0, change: [0.6, 0.05], seed: 41, ..Bench::default() };
     let recorded = bench.record();

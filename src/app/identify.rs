@@ -2,12 +2,18 @@
 
 pub mod likelihood;
 
+mod answer;
+mod diagnosis;
 mod read;
+mod tolerance;
 
 use std::f64::consts::TAU;
 
 use maud::{DOCTYPE, PreEscaped, html};
 use serde_json::{Value as Json, json};
+
+pub use self::answer::{Answer, Question, answer};
+pub use self::tolerance::{named, tolerance};
 
 pub use self::read::{Currents, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use super::plot::{Axis, Colour, Line, Plot, Unit};
@@ -34,8 +40,10 @@ pub struct Track {
     pub name: &'static str,
     /// What the estimator was told.
     pub config: EstimatorConfig,
-    /// What it said at every sample.
+    /// What it said at every sample, or at every so many.
     pub outputs: Vec<EstimatorOutput>,
+    /// Samples from one output to the next.
+    pub every: usize,
 }
 
 /// Why no identification was made.
@@ -61,9 +69,23 @@ pub fn one_revolution(samples: &Samples) -> f64 {
 /// # Errors
 /// What keeps the method from being run.
 pub fn track(samples: &Samples, config: &EstimatorConfig) -> Result<Track, Failed> {
+    track_every(samples, config, 1)
+}
+
+/// The same with the output of every n-th sample alone: those of a long recording take more memory than the recording.
+///
+/// # Errors
+/// What keeps the method from being run.
+pub fn track_every(samples: &Samples, config: &EstimatorConfig, every: usize) -> Result<Track, Failed> {
+    let every = every.max(1);
     let mut config = config.clone();
     // Without the angle of the rotor there is no telling where an unbalance points.
-    config.identify_unbalance &= config.method != Method::PredictionError || !samples.theta_rad.is_empty();
+    if config.method == Method::PredictionError {
+        config.identify_unbalance &= !samples.theta_rad.is_empty();
+    } else {
+        config.identify_unbalance = true;
+        config.tolerance = Tolerance::default();
+    }
     let estimator = Estimator::new(config.clone()).map_err(Failed::Refused)?;
     let mut state = estimator.start();
     let currents = samples.currents(match config.hold {
@@ -71,7 +93,7 @@ pub fn track(samples: &Samples, config: &EstimatorConfig) -> Result<Track, Faile
         Hold::HeldAfter => Currents::After,
         Hold::Linear => Currents::Linear,
     });
-    let outputs = (0..samples.len()).map(|j| {
+    let outputs = (0..samples.len()).filter_map(|j| {
         let input = EstimatorInput {
             position_m: [samples.position_m[0][j], samples.position_m[1][j]],
             current_a: [currents[0][j], currents[1][j], currents[2][j]],
@@ -81,11 +103,12 @@ pub fn track(samples: &Samples, config: &EstimatorConfig) -> Result<Track, Faile
             contact: false,
             reset: false,
         };
-        estimator.sample(&mut state, &input)
+        let output = estimator.sample(&mut state, &input);
+        (j % every == 0).then_some(output)
     });
     let name = METHODS.iter().find(|(_, method)| *method == config.method).map_or("", |(name, _)| name);
     let outputs = outputs.collect();
-    Ok(Track { name, config, outputs })
+    Ok(Track { name, config, outputs, every })
 }
 
 /// Residuals of the three readings of a current sample, in the order of [`HOLDS`]: what each leaves unexplained on the same
@@ -197,10 +220,38 @@ pub fn table(tracks: &[Track]) -> Table {
     }
 }
 
+/// What the on-line estimator said after each quarter of the recording.
+#[must_use]
+pub fn progress(samples: &Samples, track: &Track) -> Table {
+    let count = track.outputs.len();
+    let rows = [(1, "1/4"), (2, "1/2"), (3, "3/4"), (4, "end")].into_iter().filter_map(|(quarter, name)| {
+        let at = (quarter * count / 4).checked_sub(1)?;
+        let output = &track.outputs[at];
+        let time_s = samples.start_s + (at * track.every) as f64 * samples.step_s;
+        let mut row = vec![name.to_owned(), format!("{time_s:.4}")];
+        if output.valid {
+            let value = |k: usize| format!("{:.4} ± {:.4}", 1e6 * output.lambda_hat[k], 1e6 * output.lambda_std[k]);
+            row.extend((0..3).map(value));
+            row.push("yes".into());
+        } else {
+            row.extend(std::iter::repeat_n("–".to_owned(), 3));
+            row.push(output.verdict.to_string());
+        }
+        Some(row)
+    });
+    Table {
+        title: "On-line estimator over time, 10⁻⁶ N·m²/A²".into(),
+        note: "± of noise alone. Values that drift from line to line are a bearing that changes.".into(),
+        head: ["", "time, s", "λ1", "λ2", "λ3", "valid"].map(String::from).into(),
+        rows: rows.collect(),
+    }
+}
+
 /// The estimates over time, with columns named `method.variable`.
 #[must_use]
 pub fn recording(samples: &Samples, tracks: &[Track]) -> Recording {
-    let time_s = (0..samples.len()).map(|j| samples.start_s + j as f64 * samples.step_s).collect();
+    let every = tracks.first().map_or(1, |track| track.every);
+    let time_s = (0..samples.len()).step_by(every).map(|j| samples.start_s + j as f64 * samples.step_s).collect();
     let mut columns = Vec::new();
     for track in tracks {
         let mut add = |name: &str, unit: &str, value: &dyn Fn(&EstimatorOutput) -> f64| {
@@ -264,7 +315,14 @@ const PLOT_PX: (f64, f64) = (1060.0, 300.0);
 
 /// The result as a page of its own.
 #[must_use]
-pub fn page(title: &str, command: &str, samples: &Samples, tracks: &[Track], holds: Option<&Table>) -> String {
+pub fn page(
+    title: &str,
+    command: &str,
+    samples: &Samples,
+    tracks: &[Track],
+    holds: Option<&Table>,
+    answer: Option<&Answer>,
+) -> String {
     let recording = recording(samples, tracks);
     let mut figures = Vec::new();
     for track in tracks {
@@ -312,7 +370,9 @@ pub fn page(title: &str, command: &str, samples: &Samples, tracks: &[Track], hol
         vec![plot],
         "Part of the motion, noise included.".into(),
     ));
-    let tables: Vec<Table> = std::iter::once(table(tracks)).chain(holds.cloned()).collect();
+    let mut tables: Vec<Table> = answer.map(Answer::tables).unwrap_or_default();
+    tables.extend(std::iter::once(table(tracks)).chain(holds.cloned()));
+    let verdict = answer.map(|answer| answer.verdict.clone()).or_else(|| tracks.last().map(Track::verdict));
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -325,7 +385,11 @@ pub fn page(title: &str, command: &str, samples: &Samples, tracks: &[Track], hol
             body {
                 header {
                     h1 { (title) }
-                    @if let Some(track) = tracks.last() { p { (track.verdict()) } }
+                    @if let Some(verdict) = &verdict { p { (verdict) } }
+                    @if let Some(answer) = answer {
+                        p { (answer.told()) }
+                        ul { @for finding in &answer.findings { li { (finding) } } }
+                    }
                     ul { @for note in &samples.notes { li { (note) } } }
                     pre { code { (command) } }
                 }
