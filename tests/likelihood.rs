@@ -295,6 +295,22 @@ fn study_rows() {
 }
 
 #[test]
+fn all_bench_parameters_at_once() {
+    let bench = Bench { seconds: 3.0, seed: 45, ..Bench::default() };
+    let recorded = bench.record();
+    let mut options = options(&bench);
+    for (told, parameter) in options.bench.iter_mut().zip(&PARAMETERS) {
+        told.knowledge = Knowledge::Tolerance(parameter.typical);
+    }
+    let found = likelihood::identify(&[recording(&recorded, &bench, false)], &options).unwrap();
+    assert!(found.converged, "{} iterations", found.iterations);
+    for k in 0..3 {
+        let error = (found.lambda[k].value - bench.lambda[k]) / found.lambda[k].total_std;
+        assert!(error.abs() < 4.0, "λ{k}: {error} standard deviations");
+    }
+}
+
+#[test]
 fn a_change_of_lambda_is_found_and_both_parts_are_told() {
     let bench = Bench { seconds: 1.0, update_s: 0.0, change: [0.6, 0.05], seed: 41, ..Bench::default() };
     let recorded = bench.record();

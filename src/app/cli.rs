@@ -19,7 +19,7 @@ use super::platforms::{self, Platform};
 use super::scenario::{BUILT_IN, Scenario};
 use super::simulate::{self, Run};
 use super::sweep::Design;
-use crate::model::estimation::{EstimatorConfig, Method};
+use crate::model::estimation::EstimatorConfig;
 
 /// Where things go when nothing else is said, below the folder in which the program is run.
 const FMU_FOLDER: &str = "target/fmu";
@@ -480,8 +480,7 @@ fn identify(command: Command) -> Result<()> {
     }
     let mut holds = None;
     if hold == "auto" {
-        let trial = EstimatorConfig { method: Method::PredictionError, ..config.clone() };
-        let residuals = identify::residuals_of_holds(samples, &trial)?;
+        let residuals = identify::residuals_of_holds(samples, &config);
         let least = (0..3).min_by(|a, b| residuals[*a].total_cmp(&residuals[*b])).unwrap_or(0);
         config.hold = identify::HOLDS[least].1;
         holds = Some(identify::table_of_holds(&residuals, config.hold));

@@ -111,24 +111,16 @@ pub fn track_every(samples: &Samples, config: &EstimatorConfig, every: usize) ->
     Ok(Track { name, config, outputs, every })
 }
 
-/// Residuals of the three readings of a current sample, in the order of [`HOLDS`]: what each leaves unexplained on the same
-/// data, in the mean after the first window.
-///
-/// # Errors
-/// As for [`track`].
-pub fn residuals_of_holds(samples: &Samples, config: &EstimatorConfig) -> Result<[f64; 3], Failed> {
-    let mut residuals = [f64::INFINITY; 3];
-    for (residual, (_, hold)) in residuals.iter_mut().zip(HOLDS) {
-        let track = track(samples, &EstimatorConfig { hold, ..config.clone() })?;
-        let used = track.outputs.iter().filter(|output| {
-            !matches!(output.verdict, Verdict::Collecting | Verdict::BadSample | Verdict::Stuck | Verdict::Disabled)
-        });
-        let (sum, count) = used.fold((0.0, 0.0), |(sum, count), output| (sum + output.residual, count + 1.0));
-        if count > 0.0 {
-            *residual = sum / count;
-        }
-    }
-    Ok(residuals)
+/// How much less likely a stretch of the recording is with each of the three readings of a current sample, in the order of [`HOLDS`]:
+/// differences of log-likelihoods, 0 for the best.
+#[must_use]
+pub fn residuals_of_holds(samples: &Samples, config: &EstimatorConfig) -> [f64; 3] {
+    diagnosis::holds(&HOLDS.map(|(_, hold)| diagnosis::Take {
+        columns: answer::columns(samples, hold),
+        options: likelihood::Options::new(config.m_kg, config.gap_m, config.alpha_rad),
+        hold: answer::hold_of(hold),
+        config: config.clone(),
+    }))
 }
 
 impl Track {
@@ -472,12 +464,12 @@ fn bands(recording: &Recording, track: &Track) -> Plot<'static> {
 pub fn table_of_holds(residuals: &[f64; 3], chosen: Hold) -> Table {
     let rows = HOLDS.iter().zip(residuals).map(|((name, hold), residual)| {
         let mark = if *hold == chosen { "chosen" } else { "" };
-        vec![(*name).to_owned(), format!("{residual:.5}"), mark.to_owned()]
+        vec![(*name).to_owned(), format!("{residual:.1}"), mark.to_owned()]
     });
     Table {
         title: "What a current sample stands for".into(),
-        note: "Residual of each reading on the same data; the least one is right.".into(),
-        head: ["", "residual", ""].map(String::from).into(),
+        note: "How much less likely the same data are with each reading (differences of log-likelihoods).".into(),
+        head: ["", "less likely by", ""].map(String::from).into(),
         rows: rows.collect(),
     }
 }

@@ -18,6 +18,8 @@ const REST_RAD_S: f64 = 1.0;
 const SUSPECTED: f64 = 3.0;
 /// Autocorrelation of the innovations at lag one beyond which the model does not describe the motion, unless chance explains it.
 const COLOURED: f64 = 0.15;
+/// Position noise below that of any sensor, m: a simulation without noise, whose residuals are rounding.
+const SILENT_M: f64 = 1e-9;
 /// Amplitude of a harmonic, relative to the noise of one innovation, beyond which it counts.
 const HARMONIC: f64 = 0.3;
 /// χ² with two degrees of freedom of a harmonic: e⁻¹⁵ by chance.
@@ -107,6 +109,17 @@ impl Columns {
         }
     }
 
+    pub fn part(&self, of: std::ops::Range<usize>) -> Self {
+        Self {
+            step_s: self.step_s,
+            position_m: self.position_m[of.clone()].to_vec(),
+            current_a: self.current_a[of.clone()].to_vec(),
+            theta_rad: self.theta_rad[of.clone()].to_vec(),
+            omega_rad_s: self.omega_rad_s[of.clone()].to_vec(),
+            usable: self.usable[of].to_vec(),
+        }
+    }
+
     fn used(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.usable.len()).filter(|j| self.usable[*j])
     }
@@ -180,7 +193,8 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
         ..Options::new(config.m_kg, config.gap_m, config.alpha_rad)
     };
     let hold = hold_of(config.hold);
-    let recordings: Vec<likelihood::Recording<'_>> = all.iter().map(|columns| columns.recording(config, hold)).collect();
+    let recordings: Vec<likelihood::Recording<'_>> =
+        all.iter().map(|columns| columns.recording(config, hold)).collect();
     let identified = likelihood::identify(&recordings, &options);
     let mut findings = Vec::new();
     let (mut found, mut refusal) = match identified {
@@ -191,18 +205,20 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
     let turns: f64 = all.iter().map(Columns::turns).sum();
     let rest = all.iter().all(Columns::at_rest);
     if let Some(found) = &found {
-        findings.extend(words_on(found, all));
         refusal = judge(found, all);
     }
+    let weak = found.as_ref().is_some_and(|found| {
+        found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value)
+    });
     let least = TURNS[usize::from(!told)];
     if !rest && turns < least {
         refusal = Some(format!(
             "the recording is too short: {} turns of the rotor, {least} at least are wanted",
             significant(turns, 2)
         ));
-    } else if refusal.is_some() && rest && all.iter().all(still) {
+    } else if refusal.is_some() && rest && (weak || all.iter().all(still)) {
         refusal = Some(
-            "the rotor is at rest and its currents hardly vary: nothing excites it. Move it along a path, or modulate the \
+            "the rotor is at rest and nothing excites it, or not enough. Move it along a path, or modulate the \
              smallest force (F0.modulation)"
                 .into(),
         );
@@ -210,7 +226,10 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
         let take = Take { columns: all[0].clone(), options, hold, config: config.clone() };
         findings.extend(diagnosis::proposals(&take));
     }
-    // What did not converge is no estimate.
+    // What did not converge is no estimate, and its residuals ask for nothing.
+    if let Some(found) = found.as_ref().filter(|found| found.converged) {
+        findings.extend(words_on(found, all));
+    }
     if found.as_ref().is_some_and(|found| !found.converged) {
         found = None;
     }
@@ -225,7 +244,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
                 if question.bench.iter().all(|told| told.knowledge == Knowledge::Exact) {
                     " if the bench is exactly as told; mind the budget"
                 } else {
-                    ", the tolerances that were told included"
+                    ", what was told of the bench included"
                 }
             )
         }
@@ -268,7 +287,8 @@ fn judge(found: &Identification, all: &[Columns]) -> Option<String> {
             100.0 * STD_LIMIT
         ));
     }
-    for suspect in &found.suspects {
+    let silent = found.conditions.iter().all(|conditions| conditions.position_noise_m < SILENT_M);
+    for suspect in found.suspects.iter().filter(|_| !silent) {
         let line = &found.budget[suspect.parameter];
         let moved = suspect.value - found.bench[suspect.parameter].told.value;
         for k in 0..3 {
@@ -284,7 +304,8 @@ fn judge(found: &Identification, all: &[Columns]) -> Option<String> {
             }
         }
     }
-    for residuals in &found.residuals {
+    let noisy = |of: &(&likelihood::Residuals, &likelihood::Conditions)| of.1.position_noise_m >= SILENT_M;
+    for (residuals, _) in found.residuals.iter().zip(&found.conditions).filter(noisy) {
         for (n, harmonic) in residuals.harmonics.iter().enumerate() {
             for (axis, chi) in harmonic.iter().enumerate() {
                 if *chi > HARMONIC_CHI && residuals.amplitudes[n][axis] > HARMONIC {
@@ -299,7 +320,7 @@ fn judge(found: &Identification, all: &[Columns]) -> Option<String> {
             }
         }
     }
-    for (residuals, conditions) in found.residuals.iter().zip(&found.conditions) {
+    for (residuals, conditions) in found.residuals.iter().zip(&found.conditions).filter(noisy) {
         let chance = 6.0 / (2.0 * conditions.rows as f64).sqrt();
         if residuals.lags[0].abs() > COLOURED.max(chance) {
             return Some(format!(
@@ -320,7 +341,10 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
         let rows = format!("{} to {} of recording {}", at(part.rows.start), at(part.rows.end), part.recording + 1);
         words.push(match &part.what {
             Change::Disturbed { ratio } => {
-                format!("From {rows} something disturbs the rotor (residuals {} times as large); left out.", significant(*ratio, 2))
+                format!(
+                    "From {rows} something disturbs the rotor (residuals {} times as large); left out.",
+                    significant(*ratio, 2)
+                )
             }
             Change::Lambda { lambda, .. } => format!(
                 "From {rows} the force constants are others, {} · 10⁻⁶ N·m²/A²; left out.",
@@ -345,7 +369,8 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
             held.join(", ")
         ));
     }
-    for suspect in found.suspects.iter().take(3) {
+    let silent = found.conditions.iter().all(|conditions| conditions.position_noise_m < SILENT_M);
+    for suspect in found.suspects.iter().filter(|_| !silent).take(3) {
         let parameter = &PARAMETERS[suspect.parameter];
         let (factor, unit) = shown(parameter.unit);
         let mut more = format!("--estimate {}", parameter.name);
@@ -361,15 +386,22 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
             parameter.description
         ));
     }
-    if let Some(residuals) = found.residuals.iter().find(|r| r.harmonics.iter().flatten().any(|chi| *chi > HARMONIC_CHI)) {
+    if let Some(residuals) =
+        found.residuals.iter().find(|r| !silent && r.harmonics.iter().flatten().any(|chi| *chi > HARMONIC_CHI))
+    {
         let listed: Vec<String> = (0..8)
             .filter(|at| residuals.harmonics[at / 2][at % 2] > HARMONIC_CHI)
             .map(|at| format!("{}× in {}", at / 2 + 1, ["y", "z"][at % 2]))
             .collect();
-        words.push(format!("Harmonics of the shaft in the residuals: {}: run-out, or another force?", listed.join(", ")));
+        words.push(format!(
+            "Harmonics of the shaft in the residuals: {}: run-out, or another force?",
+            listed.join(", ")
+        ));
     }
     if found.covariance == likelihood::Covariance::Scores {
-        words.push("The scatter of the data is larger than noise explains; ± of noise is taken from it (scores).".into());
+        words.push(
+            "The scatter of the data is larger than noise explains; ± of noise is taken from it (scores).".into(),
+        );
     }
     words
 }
@@ -426,7 +458,10 @@ impl Answer {
     #[must_use]
     pub fn tables(&self) -> Vec<Table> {
         let Some(found) = &self.found else { return Vec::new() };
-        vec![self.estimates(found), bench(found), budget(found)].into_iter().filter(|table| !table.rows.is_empty()).collect()
+        vec![self.estimates(found), bench(found), budget(found)]
+            .into_iter()
+            .filter(|table| !table.rows.is_empty())
+            .collect()
     }
 
     fn estimates(&self, found: &Identification) -> Table {
@@ -461,7 +496,14 @@ impl Answer {
                 rows.push(row(format!("{name}{of}"), &conditions.load_n[a], 1.0, "N", None));
             }
             let noise = |name: &str, value: f64, unit: &str| {
-                vec![format!("{name}{of}"), significant(value, 3), String::new(), String::new(), String::new(), unit.into()]
+                vec![
+                    format!("{name}{of}"),
+                    significant(value, 3),
+                    String::new(),
+                    String::new(),
+                    String::new(),
+                    unit.into(),
+                ]
             };
             rows.push(noise("noise of positions", 1e6 * conditions.position_noise_m, "µm"));
             rows.push(noise("noise of currents", 1e3 * conditions.current_noise_a, "mA"));
@@ -476,14 +518,15 @@ impl Answer {
         }
     }
 
-    /// The answer as one JSON document, SI units.
+    /// The answer as one JSON document, SI units; without estimates where they are not valid.
     #[must_use]
     pub fn json(&self) -> Json {
-        let Some(found) = self.found.as_ref() else {
+        let Some(found) = self.found.as_ref().filter(|_| self.valid) else {
             return json!({"valid": false, "verdict": self.verdict, "findings": self.findings});
         };
         let per = |of: &[likelihood::Estimate; 3], part: fn(&likelihood::Estimate) -> f64| of.each_ref().map(part);
-        let estimate = |of: &likelihood::Estimate| json!({"value": of.value, "std": of.noise_std, "stdTotal": of.total_std});
+        let estimate =
+            |of: &likelihood::Estimate| json!({"value": of.value, "std": of.noise_std, "stdTotal": of.total_std});
         let typical = self.typical().unwrap_or_default();
         let bench: serde_json::Map<String, Json> = found
             .bench
@@ -548,19 +591,20 @@ fn bench(found: &Identification) -> Table {
 }
 
 fn budget(found: &Identification) -> Table {
-    let rows = found.budget.iter().filter(|line| line.told || PARAMETERS[line.parameter].in_typical_bench).map(|line| {
-        let parameter = &PARAMETERS[line.parameter];
-        let (factor, unit) = shown(parameter.unit);
-        let mut row = vec![
-            parameter.name.to_owned(),
-            format!("{} {unit}", significant(line.tolerance / factor, 2)),
-            if line.told { "told" } else { "typical" }.into(),
-        ];
-        row.extend(line.contribution.map(|part| format!("{:.2}", 100.0 * part)));
-        row.extend(line.sensitivity.map(|part| format!("{:+.2}", 100.0 * part * factor)));
-        row.push(format!("% per {unit}"));
-        row
-    });
+    let rows =
+        found.budget.iter().filter(|line| line.told || PARAMETERS[line.parameter].in_typical_bench).map(|line| {
+            let parameter = &PARAMETERS[line.parameter];
+            let (factor, unit) = shown(parameter.unit);
+            let mut row = vec![
+                parameter.name.to_owned(),
+                format!("{} {unit}", significant(line.tolerance / factor, 2)),
+                if line.told { "told" } else { "typical" }.into(),
+            ];
+            row.extend(line.contribution.map(|part| format!("{:.2}", 100.0 * part)));
+            row.extend(line.sensitivity.map(|part| format!("{:+.2}", 100.0 * part * factor)));
+            row.push(format!("% per {unit}"));
+            row
+        });
     Table {
         title: "Budget: what each parameter of the bench contributes to ± of λ, in %".into(),
         note: "The sensitivities say by how much λ is wrong if the parameter differs from what was told, and nobody knows.".into(),

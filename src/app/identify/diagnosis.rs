@@ -6,9 +6,9 @@ use super::read::significant;
 use crate::model::estimation::EstimatorConfig;
 
 /// Rows of the stretch at least, and at most where the rotor turns slowly.
-const ROWS: [usize; 2] = [3000, 20_000];
+const ROWS: [usize; 2] = [2000, 20_000];
 /// Turns of the stretch.
-const TURNS: f64 = 8.0;
+const TURNS: f64 = 5.0;
 /// By how much the log-likelihood must be higher than with what was told.
 const BETTER: f64 = 50.0;
 /// Alternatives so much below the best are as good.
@@ -77,18 +77,18 @@ const ALTERNATIVES: &[Alternative] = &[
         |take| take.hold = CurrentHold::Before,
         "--hold heldBefore",
     ),
-    row(
-        "the currents are commands, held after the sample",
-        |take| take.hold = CurrentHold::After,
-        "--hold heldAfter",
-    ),
+    row("the currents are commands, held after the sample", |take| take.hold = CurrentHold::After, "--hold heldAfter"),
     row("the currents are continuous", |take| take.hold = CurrentHold::Linear, "--hold linear"),
     row(
         "the currents come a sample late, or the positions early",
         |take| take.columns.current_a.rotate_left(1),
         "shift the currents by one row",
     ),
-    row("the currents come a sample early, or the positions late", later, "shift the currents by one row, or --estimate delay"),
+    row(
+        "the currents come a sample early, or the positions late",
+        later,
+        "shift the currents by one row, or --estimate delay",
+    ),
     row(
         "the angle counts against the rotation",
         |take| {
@@ -130,8 +130,8 @@ fn fit(take: &Take) -> Option<(f64, f64, bool)> {
     found.contradictions.is_empty().then_some((found.log_likelihood, found.bench[1].estimate.value, sound))
 }
 
-/// Proposals, the best first; empty if nothing fits better than what was told.
-pub(super) fn proposals(take: &Take) -> Vec<String> {
+/// A stretch in the middle of a recording.
+fn stretch(take: &Take) -> Take {
     let all = &take.columns;
     let rows = all.position_m.len();
     let speed = all.omega_rad_s.iter().filter(|omega| omega.is_finite()).sum::<f64>().abs() / rows.max(1) as f64;
@@ -139,15 +139,7 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
     let count = wanted.clamp(ROWS[0], ROWS[1]).min(rows);
     let from = (rows - count) / 2;
     let of = from..from + count;
-    let mut take = take.clone();
-    take.columns = Columns {
-        step_s: all.step_s,
-        position_m: all.position_m[of.clone()].to_vec(),
-        current_a: all.current_a[of.clone()].to_vec(),
-        theta_rad: all.theta_rad[of.clone()].to_vec(),
-        omega_rad_s: all.omega_rad_s[of.clone()].to_vec(),
-        usable: all.usable[of].to_vec(),
-    };
+    let mut take = Take { columns: all.part(of), ..take.clone() };
     // The first row has a neighbour in every alternative, or in none.
     if let Some(first) = take.columns.usable.first_mut() {
         *first = false;
@@ -155,6 +147,19 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
     if let Some(last) = take.columns.usable.last_mut() {
         *last = false;
     }
+    take
+}
+
+/// Minus the log-likelihood of a stretch with each reading of the currents, less that of the best; infinite where nothing was found.
+pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
+    let of = takes.each_ref().map(|take| fit(&stretch(take)).map_or(f64::INFINITY, |(likelihood, ..)| -likelihood));
+    let best = of.iter().copied().fold(f64::INFINITY, f64::min);
+    of.map(|value| if value.is_finite() { value - best } else { value })
+}
+
+/// Proposals, the best first; empty if nothing fits better than what was told.
+pub(super) fn proposals(take: &Take) -> Vec<String> {
+    let take = stretch(take);
     let told = fit(&take).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
     let mut fits: Vec<(f64, String)> = Vec::new();
     for alternative in ALTERNATIVES {

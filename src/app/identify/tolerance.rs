@@ -25,8 +25,8 @@ pub fn named(name: &str) -> Result<Vec<usize>, String> {
     }
     let begins = |whole: &str| whole.strip_prefix(name).is_some_and(|rest| rest.starts_with(['[', '.']));
     let several: Vec<usize> = (0..PARAMETERS.len()).filter(|at| begins(PARAMETERS[*at].name)).collect();
-    // A group has one unit.
-    if several.windows(2).all(|pair| PARAMETERS[pair[0]].unit == PARAMETERS[pair[1]].unit) && !several.is_empty() {
+    // A group has several members and one unit.
+    if several.windows(2).all(|pair| PARAMETERS[pair[0]].unit == PARAMETERS[pair[1]].unit) && several.len() > 1 {
         return Ok(several);
     }
     let names: Vec<&str> = PARAMETERS.iter().map(|parameter| parameter.name).collect();
@@ -58,9 +58,9 @@ pub fn tolerance(name: &str, value: &str, m_kg: f64, gap_m: f64) -> Result<Vec<(
     let listed = listed.join(", ");
     let (number, unit) = number_and_unit(value).ok_or_else(|| wanted(&listed))?;
     let unit = unit.replace('μ', "µ");
-    let factor = kinds.iter().find_map(|(of, scale)| {
-        units_of(of).iter().find(|(name, _)| *name == unit).map(|(_, factor)| factor * scale)
-    });
+    let factor = kinds
+        .iter()
+        .find_map(|(of, scale)| units_of(of).iter().find(|(name, _)| *name == unit).map(|(_, factor)| factor * scale));
     let std = number * factor.ok_or_else(|| wanted(&listed))?;
     if !(std.is_finite() && std > 0.0) {
         return Err(wanted(&listed));

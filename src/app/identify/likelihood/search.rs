@@ -586,8 +586,8 @@ fn start<'a>(recordings: &'a [Recording<'a>], masks: &[Vec<bool>], options: &'a 
     Ok(Search { cases, options, x, prior, iterations: 0, converged: false })
 }
 
-/// χ² of a change of three force constants between two blocks, over all places where it may be, above which it counts: chance makes 30 once
-/// in some thousand recordings of [`BLOCKS`] blocks.
+/// χ² of a change of three force constants between two blocks above which it counts. At one place chance makes 30 with a probability of
+/// 1.4 · 10⁻⁶ (three degrees of freedom); there are [`BLOCKS`] places, which are not independent of each other.
 const CHANGE: f64 = 30.0;
 /// A change of λ less than this, relative, is no change of the bearing but what models leave.
 const LEAST_CHANGE: f64 = 0.01;
@@ -597,11 +597,12 @@ const DISTURBED: f64 = 2.0;
 const DISTURBED_STD: f64 = 8.0;
 /// Least part of the rows that has to remain.
 const REMAINS: f64 = 0.5;
-/// χ² above which a bench parameter is a suspect: chance makes 20 once in 10⁵ parameters.
+/// χ² with one degree of freedom above which a bench parameter is a suspect: 8 · 10⁻⁶ by chance.
 const SUSPECT: f64 = 20.0;
 /// Blocks from which scores give a covariance.
 const SCORES: usize = 32;
-/// By how much the variance from scores exceeds that of the information before it counts: chance makes 1.8 with 64 blocks.
+/// By how much the variance from scores exceeds that of the information before it counts. From n blocks it scatters by about √(2/n), more
+/// with the lag: 0.25 for 32 blocks.
 const SCORES_RATIO: f64 = 2.0;
 
 /// A finished search, its sums taken over all columns.
@@ -810,8 +811,13 @@ fn change(finished: &Finished) -> Option<Found> {
         let mut until = Normal::new(search.cases.len());
         let blocks: Vec<&Block> =
             finished.blocks.iter().filter(|(of, _)| *of == r).flat_map(|(_, blocks)| blocks).collect();
+        let end = blocks.last().map_or(0, |block| block.rows.end);
         for block in blocks.iter().take(blocks.len().saturating_sub(1)) {
             until.add(block, r, ALL);
+            // A few rows at the end say nothing, and the covariance of what is before them is rounding.
+            if end - block.rows.end < SHORTEST_BLOCK {
+                continue;
+            }
             for (lambda, unknowns) in [(true, vec![0, 1, 2]), (false, vec![unknown(LOAD, r), unknown(LOAD + 1, r)])] {
                 let g = DVector::from_fn(unknowns.len(), |i, _| until.b[unknowns[i]]);
                 let c = part(&until.j, &unknowns, of);
