@@ -278,7 +278,7 @@ fn judge(found: &Identification, all: &[Columns]) -> Option<String> {
     }
     let relative = |k: usize| found.lambda[k].total_std / found.lambda[k].value;
     let worst = (0..3).max_by(|a, b| relative(*a).total_cmp(&relative(*b))).unwrap_or(0);
-    if !(relative(worst) < STD_LIMIT) {
+    if relative(worst).is_nan() || relative(worst) >= STD_LIMIT {
         return Some(format!(
             "λ{} is known to {} % only, the limit is {} %: a longer recording, a larger path, or better knowledge of the bench is \
              wanted",
