@@ -569,12 +569,8 @@ fn start<'a>(recordings: &'a [Recording<'a>], masks: &[Vec<bool>], options: &'a 
         prior[k] = (lambda[k], FREE * lambda[k]);
     }
     // A mass centre outside the gap, or a load of a hundred times the weight, does not occur.
-    for at in 3..LOAD {
-        prior[at] = (0.0, 100.0 * options.m_kg * options.gap_m);
-    }
-    for at in SHARED..n {
-        prior[at] = (0.0, 1e3 * options.m_kg);
-    }
+    prior[3..LOAD].fill((0.0, 100.0 * options.m_kg * options.gap_m));
+    prior[SHARED..n].fill((0.0, 1e3 * options.m_kg));
     for (j, told) in options.bench.iter().enumerate() {
         x[LOAD + j] = told.value;
         let std = match told.knowledge {
