@@ -4,7 +4,7 @@ mod support;
 
 use std::path::Path;
 
-use magnetic_bearing::app::identify::{self, Reading, Samples, duration_s, rate_s};
+use magnetic_bearing::app::identify::{self, Question, Reading, Samples, duration_s, likelihood, rate_s};
 use magnetic_bearing::app::recording::Recording;
 use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::app::{montecarlo, simulate};
@@ -76,12 +76,12 @@ fn the_hold_is_found() {
     let (_, recording) = run(montecarlo::NOISE, 0.1);
     let text = csv(&recording);
     let measured = Samples::read(&text, &Reading::default()).expect("a good recording");
-    let residuals = identify::residuals_of_holds(&measured, &config(&measured)).expect("a good configuration");
+    let residuals = identify::residuals_of_holds(&measured, &config(&measured));
     println!("{residuals:?}");
     assert!(residuals[0] < residuals[1] && residuals[0] < residuals[2], "held before: {residuals:?}");
     let columns = [1, 2, 3].map(|k| (format!("im[{k}]"), format!("controller.i[{k}]"))).to_vec();
     let issued = Samples::read(&text, &Reading { columns, ..Reading::default() }).expect("a good recording");
-    let residuals = identify::residuals_of_holds(&issued, &config(&issued)).expect("a good configuration");
+    let residuals = identify::residuals_of_holds(&issued, &config(&issued));
     assert!(residuals[1] < residuals[0] && residuals[1] < residuals[2], "held after: {residuals:?}");
     // Commands have no noise: the error is a good deal smaller.
     let errors = errors(&issued, &EstimatorConfig { hold: Hold::HeldAfter, ..config(&issued) });
@@ -139,7 +139,6 @@ fn missing_samples_and_other_rates() {
     let blind = blind.replace("plant.theta", "plant.unused").replace("plant.omegam", "plant.unusedToo");
     let samples = Samples::read(&blind, &Reading::default()).expect("a usable recording");
     let track = identify::track(&samples, &config(&samples)).expect("a good configuration");
-    assert!(!track.config.identify_unbalance, "no angle, no unbalance");
     assert!(track.last_valid().is_none(), "unbalance without an angle: {}", track.verdict());
     let told = Reading { omega_rad_s: Some(100.0 * std::f64::consts::PI), ..Reading::default() };
     let samples = Samples::read(&blind, &told).expect("a usable recording");
@@ -182,8 +181,142 @@ fn results_can_be_read_back() {
     let hat = json["methods"][0]["estimate"]["lambdaHat"][2].as_f64().expect("a number");
     assert!((hat / TRUTH[2] - 1.0).abs() < 0.02, "{json}");
     assert_eq!(identify::recording(&samples, &tracks).columns.len(), 13);
-    let page = identify::page("A <title>", "command", &samples, &tracks, None);
+    let page = identify::page("A <title>", "command", &samples, &tracks, None, None);
     assert!(page.contains("A &lt;title&gt;") && page.matches("<svg").count() == 4);
+}
+
+fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
+    let config = config(samples);
+    let mut bench = [likelihood::Told::default(); likelihood::BENCH];
+    for (name, value) in tolerances {
+        for (at, std) in identify::tolerance(name, value, config.m_kg, config.gap_m).expect("a good tolerance") {
+            bench[at].knowledge = likelihood::Knowledge::Tolerance(std);
+        }
+    }
+    Question { config, bench, threads: 1 }
+}
+
+fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {
+    identify::answer(samples, question(&samples[0], tolerances)).expect("a good question")
+}
+
+fn samples_of(recording: &Recording) -> Samples {
+    Samples::read(&csv(recording), &Reading::default()).expect("a good recording")
+}
+
+#[test]
+fn the_answer_is_that_of_the_whole_recording() {
+    let samples = samples_of(&run(montecarlo::NOISE, 0.4).1);
+    let alone = ask(std::slice::from_ref(&samples), &[]);
+    let wide = ask(std::slice::from_ref(&samples), &[("s", "2%"), ("alpha", "1deg")]);
+    let twice = ask(&[samples.clone(), samples.clone()], &[]);
+    for (answer, note) in [(&alone, "mind the budget"), (&wide, "what was told of the bench"), (&twice, "budget")] {
+        assert!(answer.valid && answer.verdict.contains(note), "{} {:?}", answer.verdict, answer.findings);
+        assert!(answer.findings.is_empty(), "{:?}", answer.findings);
+        let found = answer.found.as_ref().expect("estimates");
+        for (lambda, truth) in found.lambda.iter().zip(TRUTH) {
+            let ratio = (lambda.value - truth) / lambda.total_std;
+            assert!(ratio.abs() < 4.0, "{lambda:?}: {ratio:.1} standard deviations");
+        }
+        let page = identify::page("", "", &samples, &[], None, Some(answer));
+        assert!(page.contains("Maximum likelihood") && page.contains("Budget"));
+        assert!(answer.told().contains("m = 6.7 kg, s = 0.5 mm"), "{}", answer.told());
+    }
+    let std = |answer: &identify::Answer| answer.found.as_ref().map_or(f64::NAN, |found| found.lambda[0].total_std);
+    assert!(std(&wide) > 3.0 * std(&alone) && std(&twice) < 0.8 * std(&alone));
+    // A typical bench is known to per cents only, whatever the noise.
+    assert!(alone.typical().expect("estimates").iter().all(|std| (0.02..0.1).contains(std)));
+    let json = wide.json();
+    for key in ["lambdaHat", "lambdaStd", "lambdaStdTotal", "unbalance", "bench", "budget", "noise", "verdict"] {
+        assert!(!json[key].is_null(), "{key}: {json}");
+    }
+    assert!(json["bench"]["s"]["stdTotal"].as_f64().is_some_and(|std| std < 0.02), "{json}");
+}
+
+#[test]
+fn tolerances_have_units() {
+    let of = |name: &str, value: &str| identify::tolerance(name, value, 6.7, 5e-4);
+    for (name, value, count, std) in [
+        ("s", "2%", 1, 0.02),
+        ("s", "10 µm", 1, 0.02),
+        ("m", "0.067kg", 1, 0.01),
+        ("alpha", "1deg", 3, 1.0_f64.to_radians()),
+        ("alpha[2]", "0.01", 1, 0.01),
+        ("sensor.offset", "5um", 2, 5e-6),
+        ("current.offset", "10mA", 3, 0.01),
+        ("delay", "20us", 1, 2e-5),
+    ] {
+        let found = of(name, value).unwrap_or_else(|why| panic!("{why}"));
+        assert_eq!(found.len(), count, "{name}");
+        assert!(found.iter().all(|(_, got)| (got / std - 1.0).abs() < 1e-9), "{name}={value}: {found:?}");
+    }
+    for (name, value, words) in [
+        ("gap", "1%", "gap is no parameter of a bench; there are m, s, alpha[1]"),
+        ("sensor", "1%", "sensor is no parameter"),
+        ("alpha", "1 furlong", "in rad, mrad, deg, °"),
+        ("alpha", "-1deg", "a number above 0"),
+        ("s", "150%", "less than 100 %"),
+        ("m", "wide", "in %, ppm, kg, g"),
+    ] {
+        let why = of(name, value).expect_err("refused");
+        assert!(why.contains(words), "{why}");
+    }
+}
+
+/// What people get wrong: what is done to a good recording, and what is proposed.
+type Wrong = (fn(&mut Samples, &mut Question), &'static str);
+
+const WRONG: &[Wrong] = &[
+    (|samples, _| samples.position_m.swap(0, 1), "y and z are exchanged: exchange Ym and Zm"),
+    (|samples, _| samples.position_m[0].iter_mut().for_each(|y| *y = -*y), "y is mirrored"),
+    (|samples, _| samples.position_m[1].iter_mut().for_each(|z| *z = -*z), "z is mirrored"),
+    (|samples, _| samples.current_a.rotate_left(1), "the magnets count from the third"),
+    (|samples, _| samples.current_a.swap(0, 1), "magnets 1 and 2 are exchanged"),
+    (
+        |samples, _| {
+            samples.theta_rad.iter_mut().for_each(|theta| *theta = -*theta);
+            samples.omega_rad_s.iter_mut().for_each(|omega| *omega = -*omega);
+        },
+        "the angle counts against the rotation",
+    ),
+    // Each row has the command that is issued at it.
+    (|samples, _| samples.current_a.iter_mut().for_each(|i| i.rotate_left(1)), "--hold heldAfter"),
+    (|_, question| question.config.hold = Hold::HeldAfter, "--hold heldBefore"),
+    (|_, question| question.config.gap_m = 6e-4, "--estimate s"),
+];
+
+#[test]
+fn what_is_wrong_is_told_in_words() {
+    let good = samples_of(&run(montecarlo::NOISE, 0.3).1);
+    for (spoil, proposal) in WRONG {
+        let mut samples = good.clone();
+        let mut question = question(&good, &[]);
+        spoil(&mut samples, &mut question);
+        let answer = identify::answer(&[samples], question).expect("a good question");
+        let first = answer.findings.first().cloned().unwrap_or_default();
+        println!("{}\n  {first}", answer.verdict);
+        assert!(!answer.valid && first.contains(proposal), "{proposal}: {} {:?}", answer.verdict, answer.findings);
+        let json = answer.json();
+        assert!(json["valid"] == false && json["lambdaHat"].is_null() && json["findings"].is_array(), "{json}");
+    }
+}
+
+#[test]
+fn what_says_nothing_is_not_valid() {
+    let short = samples_of(&run(montecarlo::NOISE, 0.02).1);
+    let answer = ask(&[short], &[]);
+    assert!(!answer.valid && answer.verdict.contains("too short"), "{}", answer.verdict);
+    let (mut scenario, _) = run(montecarlo::NOISE, 0.01);
+    montecarlo::cases::at_rest(&mut scenario);
+    montecarlo::cases::unbalance(&mut scenario, 0.0, 0.0);
+    scenario.duration_s = 0.5;
+    let of = |scenario: &Scenario| samples_of(&simulate::run(scenario).expect("a good scenario").recording);
+    let answer = ask(&[of(&scenario)], &[]);
+    println!("{} {:?}", answer.verdict, answer.found.map(|found| found.lambda));
+    assert!(!answer.valid && answer.verdict.contains("at rest and nothing excites it"), "{}", answer.verdict);
+    montecarlo::cases::modulation(&mut scenario, 0.5, 110.0);
+    let answer = ask(&[of(&scenario)], &[]);
+    assert!(answer.valid, "{} {:?}", answer.verdict, answer.findings);
 }
 
 /// Currents in a table of their own: held ones at four times the rate, and points of a continuous current at another rate.

@@ -279,6 +279,38 @@ fn show_speed() {
 }
 
 #[test]
+#[ignore = "a study: what rows beyond those that are used with bench parameters would add"]
+fn study_rows() {
+    let of = |seconds: f64| {
+        let bench = Bench { seconds, ..Bench::default() };
+        let recorded = bench.record();
+        let mut options = options(&bench);
+        for (told, parameter) in options.bench.iter_mut().zip(&PARAMETERS) {
+            told.knowledge = Knowledge::Tolerance(parameter.typical);
+        }
+        bound(&bench, &recorded, &options)
+    };
+    let (few, many) = (of(20.0), of(std::env::var("SECONDS").map_or(120.0, |s| s.parse().unwrap())));
+    println!("{few:?} {many:?}: {:?}", std::array::from_fn::<f64, 3, _>(|k| few[k] / many[k] - 1.0));
+}
+
+#[test]
+fn all_bench_parameters_at_once() {
+    let bench = Bench { seconds: 3.0, seed: 45, ..Bench::default() };
+    let recorded = bench.record();
+    let mut options = options(&bench);
+    for (told, parameter) in options.bench.iter_mut().zip(&PARAMETERS) {
+        told.knowledge = Knowledge::Tolerance(parameter.typical);
+    }
+    let found = likelihood::identify(&[recording(&recorded, &bench, false)], &options).unwrap();
+    assert!(found.converged, "{} iterations", found.iterations);
+    for k in 0..3 {
+        let error = (found.lambda[k].value - bench.lambda[k]) / found.lambda[k].total_std;
+        assert!(error.abs() < 4.0, "λ{k}: {error} standard deviations");
+    }
+}
+
+#[test]
 fn a_change_of_lambda_is_found_and_both_parts_are_told() {
     let bench = Bench { seconds: 1.0, update_s: 0.0, change: [0.6, 0.05], seed: 41, ..Bench::default() };
     let recorded = bench.record();

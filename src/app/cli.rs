@@ -19,7 +19,7 @@ use super::platforms::{self, Platform};
 use super::scenario::{BUILT_IN, Scenario};
 use super::simulate::{self, Run};
 use super::sweep::Design;
-use crate::model::estimation::{EstimatorConfig, Method};
+use crate::model::estimation::EstimatorConfig;
 use crate::slave::estimator::METHOD;
 
 /// Where things go when nothing else is said, below the folder in which the program is run.
@@ -81,10 +81,11 @@ enum Command {
     ///
     /// The exit code is 2 if the recording cannot be used: all that is wrong with it is said on the standard error.
     Identify {
-        /// The recording, in UTF-8, UTF-16 or Windows-1252: columns separated by comma, semicolon or tab; a decimal comma is
-        /// understood with the latter two.
-        #[arg(value_name = "RECORDING")]
-        recording: PathBuf,
+        /// The recordings, in UTF-8, UTF-16 or Windows-1252: columns separated by comma, semicolon or tab; a decimal comma is
+        /// understood with the latter two. Several are one bearing at other speeds, loads or paths: what belongs to the bearing
+        /// and its bench is shared.
+        #[arg(value_name = "RECORDING", required = true)]
+        recordings: Vec<PathBuf>,
         /// The currents in a table of their own, with a column of times by the same clock, at any rate.
         #[arg(long, value_name = "FILE.csv")]
         currents: Option<PathBuf>,
@@ -104,9 +105,18 @@ enum Command {
         /// Whose estimator has the parameters of the bearing: a file, or the name of a scenario that comes with the program.
         #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
         scenario: PathBuf,
-        /// paperLiteral, paper, predictionError, or all of them.
-        #[arg(long, value_name = "METHOD", default_value = "predictionError")]
+        /// likelihood, the most likely values over the whole recording; or the on-line methods paperLiteral, paper,
+        /// predictionError, or all of these.
+        #[arg(long, value_name = "METHOD", default_value = "likelihood")]
         method: String,
+        /// How well a parameter of the bench is known, as a standard deviation with its unit: s=2%, s=10um, m=0.05kg, alpha=1deg,
+        /// sensor.offset=5um, sensor.gain=0.5%, current.gain=0.5%, delay=20us (can be repeated; also as a table [tolerance] in the
+        /// scenario). It is estimated with the rest.
+        #[arg(long = "tolerance", value_name = "NAME=VALUE", value_parser = pair)]
+        tolerances: Vec<(String, String)>,
+        /// A parameter of the bench of which nothing is known: it is estimated with the rest (can be repeated).
+        #[arg(long = "estimate", value_name = "NAME")]
+        estimates: Vec<String>,
         /// What a current sample stands for: heldBefore, heldAfter, linear, or auto to find out.
         #[arg(long, value_name = "HOLD", default_value = "heldBefore")]
         hold: String,
@@ -376,7 +386,9 @@ fn choose_excitation(name: &Path, question: &design::Question) -> Result<()> {
 
 fn identify(command: Command) -> Result<()> {
     let Command::Identify {
-        recording,
+        recordings,
+        tolerances,
+        estimates,
         currents,
         column,
         unit,
@@ -405,34 +417,66 @@ fn identify(command: Command) -> Result<()> {
         resample_s: resample,
     };
     let open = |path: &Path| fs::File::open(path).map_err(named(path));
-    let samples = match &currents {
-        None => identify::Samples::read_from(open(&recording)?, &reading),
-        Some(path) => identify::Samples::read_apart_from(open(&recording)?, open(path)?, &reading),
+    let to_standard_output = json.as_deref() == Some(Path::new("-"));
+    let refused = |path: &Path, findings: Vec<String>| -> Box<dyn Error> {
+        if to_standard_output {
+            let verdict = format!("{}: the recording cannot be used", path.display());
+            say!("{:#}", serde_json::json!({"valid": false, "verdict": verdict, "findings": findings}));
+        }
+        Refused(format!("{}: {}", path.display(), identify::Unusable(findings))).into()
     };
-    let refused = |findings| Refused(format!("{}: {}", recording.display(), identify::Unusable(findings)));
-    let samples = samples.map_err(|unusable| refused(unusable.0))?;
     let bearing = Scenario::open(&scenario)?;
     let mut config = identify::config(|name| {
         bearing.value("estimator", name).map_or(f64::NAN, crate::slave::variable::Value::as_f64)
     });
-    let implausible = samples.implausible(config.gap_m);
-    if !implausible.is_empty() {
-        return Err(refused(implausible.iter().map(ToString::to_string).collect()).into());
+    let mut bench = [identify::likelihood::Told::default(); identify::likelihood::BENCH];
+    for (name, value) in bearing.tolerance.iter().chain(&tolerances) {
+        for (at, std) in identify::tolerance(name, value, config.m_kg, config.gap_m).map_err(Refused)? {
+            bench[at].knowledge = identify::likelihood::Knowledge::Tolerance(std);
+        }
     }
+    for name in &estimates {
+        for at in identify::named(name).map_err(Refused)? {
+            bench[at].knowledge = identify::likelihood::Knowledge::Free;
+        }
+    }
+    let likely = method == "likelihood";
+    if currents.is_some() && recordings.len() > 1 {
+        return Err(Refused("--currents belongs to one recording, there are several".into()).into());
+    }
+    if !likely && recordings.len() > 1 {
+        return Err(Refused(format!("--method {method} takes one recording, there are several")).into());
+    }
+    let mut all = Vec::new();
+    for path in &recordings {
+        let samples = match &currents {
+            None => identify::Samples::read_from(open(path)?, &reading),
+            Some(apart) => identify::Samples::read_apart_from(open(path)?, open(apart)?, &reading),
+        };
+        let samples = samples.map_err(|unusable| refused(path, unusable.0))?;
+        let implausible = samples.implausible(config.gap_m);
+        if !implausible.is_empty() {
+            return Err(refused(path, implausible.iter().map(ToString::to_string).collect()));
+        }
+        all.push(samples);
+    }
+    let recording = &recordings[0];
+    let samples = &all[0];
     config.step_s = samples.step_s;
     config.window_s = match window {
         Some(window_s) => (window_s / samples.step_s).round() * samples.step_s,
-        None => identify::one_revolution(&samples),
+        None => identify::one_revolution(samples),
     };
     config.epsilon_s = config.window_s;
     config.position_noise_m = position_noise.unwrap_or(0.0);
     config.current_noise_a = current_noise.unwrap_or(0.0);
     let one =
         |names: &[&str], what: &str, given: &str| format!("--{what} {given}: one of {} is wanted", names.join(", "));
+    let wanted = if likely { "predictionError" } else { method.as_str() };
     let methods: Vec<_> =
-        identify::METHODS.into_iter().filter(|(name, _)| method == *name || method == "all").collect();
+        identify::METHODS.into_iter().filter(|(name, _)| wanted == *name || wanted == "all").collect();
     if methods.is_empty() {
-        let names = [identify::METHODS.map(|(name, _)| name).as_slice(), &["all"]].concat();
+        let names = [&["likelihood"], identify::METHODS.map(|(name, _)| name).as_slice(), &["all"]].concat();
         return Err(match METHOD.renamed.iter().find(|(former, _)| *former == method) {
             Some((former, name)) => format!("--method {former}: {name}, which replaces it, is wanted"),
             None => one(&names, "method", &method),
@@ -441,8 +485,7 @@ fn identify(command: Command) -> Result<()> {
     }
     let mut holds = None;
     if hold == "auto" {
-        let trial = EstimatorConfig { method: Method::PredictionError, ..config.clone() };
-        let residuals = identify::residuals_of_holds(&samples, &trial)?;
+        let residuals = identify::residuals_of_holds(samples, &config);
         let least = (0..3).min_by(|a, b| residuals[*a].total_cmp(&residuals[*b])).unwrap_or(0);
         config.hold = identify::HOLDS[least].1;
         holds = Some(identify::table_of_holds(&residuals, config.hold));
@@ -451,35 +494,63 @@ fn identify(command: Command) -> Result<()> {
         let names = [identify::HOLDS.map(|(name, _)| name).as_slice(), &["auto"]].concat();
         config.hold = found.ok_or_else(|| one(&names, "hold", &hold))?.1;
     }
+    // Drawings and tables need no more outputs than this; a file has them all.
+    const SHOWN: usize = 4000;
+    let every = if likely && csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
     let mut tracks = Vec::new();
     for (_, method) in methods {
-        tracks.push(identify::track(&samples, &EstimatorConfig { method, ..config.clone() })?);
+        tracks.push(identify::track_every(samples, &EstimatorConfig { method, ..config.clone() }, every)?);
     }
-    let to_standard_output = json.as_deref() == Some(Path::new("-"));
+    let threads = std::thread::available_parallelism().map_or(1, Into::into);
+    let question = identify::Question { config, bench, threads };
+    let answer = if likely { Some(identify::answer(&all, question)?) } else { None };
     if to_standard_output {
-        for note in &samples.notes {
+        for note in all.iter().flat_map(|samples| &samples.notes) {
             eprintln!("{note}");
         }
     } else {
-        say!("{}", recording.display());
-        for note in &samples.notes {
-            say!("  {note}");
+        for (path, samples) in recordings.iter().zip(&all) {
+            say!("{}", path.display());
+            for note in &samples.notes {
+                say!("  {note}");
+            }
         }
-        for table in holds.iter().cloned().chain([identify::table(&tracks)]) {
+        if let Some(answer) = &answer {
+            for line in std::iter::once(answer.told()).chain([answer.verdict.clone()]).chain(answer.findings.clone()) {
+                for line in wrapped(&line) {
+                    say!("{line}");
+                }
+            }
+        }
+        let mut tables: Vec<_> = holds.iter().cloned().collect();
+        match &answer {
+            Some(answer) => {
+                tables.extend(answer.tables());
+                tables.push(identify::progress(samples, &tracks[0]));
+            }
+            None => tables.push(identify::table(&tracks)),
+        }
+        for table in tables {
             say!("\n{}", table.title);
+            for line in wrapped(&table.note) {
+                say!("  {line}");
+            }
             print_table(&table.head, &table.rows);
         }
-        say!();
-        for track in &tracks {
-            say!("{}: {}", track.name, track.verdict());
+        if answer.is_none() {
+            say!();
+            for track in &tracks {
+                say!("{}: {}", track.name, track.verdict());
+            }
         }
     }
     if let Some(path) = csv {
         let file = fs::File::create(&path).map_err(named(&path))?;
-        identify::recording(&samples, &tracks).write_csv(io::BufWriter::new(file)).map_err(named(&path))?;
+        identify::recording(samples, &tracks).write_csv(io::BufWriter::new(file)).map_err(named(&path))?;
     }
     if let Some(path) = json {
-        let text = format!("{:#}\n", identify::json(&samples, &tracks));
+        let document = answer.as_ref().map_or_else(|| identify::json(samples, &tracks), identify::Answer::json);
+        let text = format!("{document:#}\n");
         if to_standard_output {
             say!("{}", text.trim_end());
         } else {
@@ -494,14 +565,18 @@ fn identify(command: Command) -> Result<()> {
             "cargo run --release -- identify {} --method {method} --hold {hold} --report DIR",
             recording.display()
         );
-        fs::write(&path, identify::page(&title, &command, &samples, &tracks, holds.as_ref())).map_err(named(&path))?;
+        let page = identify::page(&title, &command, samples, &tracks, holds.as_ref(), answer.as_ref());
+        fs::write(&path, page).map_err(named(&path))?;
         if to_standard_output {
             eprintln!("{}", path.display());
         } else {
             say!("\n{}", path.display());
         }
     }
-    Ok(())
+    match answer {
+        Some(answer) if !answer.valid => Err(Refused(answer.verdict).into()),
+        _ => Ok(()),
+    }
 }
 
 /// A number of runs.

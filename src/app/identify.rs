@@ -2,12 +2,18 @@
 
 pub mod likelihood;
 
+mod answer;
+mod diagnosis;
 mod read;
+mod tolerance;
 
 use std::f64::consts::TAU;
 
 use maud::{DOCTYPE, PreEscaped, html};
 use serde_json::{Value as Json, json};
+
+pub use self::answer::{Answer, Question, answer};
+pub use self::tolerance::{named, tolerance};
 
 pub use self::read::{Currents, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use super::plot::{Axis, Colour, Line, Plot, Unit};
@@ -34,8 +40,10 @@ pub struct Track {
     pub name: &'static str,
     /// What the estimator was told.
     pub config: EstimatorConfig,
-    /// What it said at every sample.
+    /// What it said at every sample, or at every so many.
     pub outputs: Vec<EstimatorOutput>,
+    /// Samples from one output to the next.
+    pub every: usize,
 }
 
 /// Why no identification was made.
@@ -61,9 +69,23 @@ pub fn one_revolution(samples: &Samples) -> f64 {
 /// # Errors
 /// What keeps the method from being run.
 pub fn track(samples: &Samples, config: &EstimatorConfig) -> Result<Track, Failed> {
+    track_every(samples, config, 1)
+}
+
+/// The same with the output of every n-th sample alone: those of a long recording take more memory than the recording.
+///
+/// # Errors
+/// What keeps the method from being run.
+pub fn track_every(samples: &Samples, config: &EstimatorConfig, every: usize) -> Result<Track, Failed> {
+    let every = every.max(1);
     let mut config = config.clone();
     // Without the angle of the rotor there is no telling where an unbalance points.
-    config.identify_unbalance &= config.method != Method::PredictionError || !samples.theta_rad.is_empty();
+    if config.method == Method::PredictionError {
+        config.identify_unbalance &= !samples.theta_rad.is_empty();
+    } else {
+        config.identify_unbalance = true;
+        config.tolerance = Tolerance::default();
+    }
     let estimator = Estimator::new(config.clone()).map_err(Failed::Refused)?;
     let mut state = estimator.start();
     let currents = samples.currents(match config.hold {
@@ -71,7 +93,7 @@ pub fn track(samples: &Samples, config: &EstimatorConfig) -> Result<Track, Faile
         Hold::HeldAfter => Currents::After,
         Hold::Linear => Currents::Linear,
     });
-    let outputs = (0..samples.len()).map(|j| {
+    let outputs = (0..samples.len()).filter_map(|j| {
         let input = EstimatorInput {
             position_m: [samples.position_m[0][j], samples.position_m[1][j]],
             current_a: [currents[0][j], currents[1][j], currents[2][j]],
@@ -81,41 +103,24 @@ pub fn track(samples: &Samples, config: &EstimatorConfig) -> Result<Track, Faile
             contact: false,
             reset: false,
         };
-        estimator.sample(&mut state, &input)
+        let output = estimator.sample(&mut state, &input);
+        (j % every == 0).then_some(output)
     });
     let name = METHODS.iter().find(|(_, method)| *method == config.method).map_or("", |(name, _)| name);
     let outputs = outputs.collect();
-    Ok(Track { name, config, outputs })
+    Ok(Track { name, config, outputs, every })
 }
 
-/// Residuals of the three readings of a current sample, in the order of [`HOLDS`]: the mean normalised innovation squared on the
-/// same data. They are normalised by the same noise to be comparable: where none is told, by the least that any reading finds.
-///
-/// # Errors
-/// As for [`track`].
-pub fn residuals_of_holds(samples: &Samples, config: &EstimatorConfig) -> Result<[f64; 3], Failed> {
-    let mut config = config.clone();
-    let tracks = |config: &EstimatorConfig| -> Result<Vec<Track>, Failed> {
-        HOLDS.into_iter().map(|(_, hold)| track(samples, &EstimatorConfig { hold, ..config.clone() })).collect()
-    };
-    let first = tracks(&config)?;
-    let least = |noise: fn(&EstimatorOutput) -> f64| {
-        let last = first.iter().filter_map(|track| track.outputs.last()).map(noise);
-        last.filter(|noise| *noise > 0.0).reduce(f64::min).unwrap_or(0.0)
-    };
-    config.position_noise_m = least(|output| output.position_noise_m);
-    config.current_noise_a = least(|output| output.current_noise_a);
-    let mut residuals = [f64::INFINITY; 3];
-    for (residual, track) in residuals.iter_mut().zip(tracks(&config)?) {
-        let used = track.outputs.iter().filter(|output| {
-            !matches!(output.verdict, Verdict::Collecting | Verdict::BadSample | Verdict::Stuck | Verdict::Disabled)
-        });
-        let (sum, count) = used.fold((0.0, 0.0), |(sum, count), output| (sum + output.residual, count + 1.0));
-        if count > 0.0 {
-            *residual = sum / count;
-        }
-    }
-    Ok(residuals)
+/// How much less likely a stretch of the recording is with each of the three readings of a current sample, in the order of [`HOLDS`]:
+/// differences of log-likelihoods, 0 for the best.
+#[must_use]
+pub fn residuals_of_holds(samples: &Samples, config: &EstimatorConfig) -> [f64; 3] {
+    diagnosis::holds(&HOLDS.map(|(_, hold)| diagnosis::Take {
+        columns: answer::columns(samples, hold),
+        options: likelihood::Options::new(config.m_kg, config.gap_m, config.alpha_rad),
+        hold: answer::hold_of(hold),
+        config: config.clone(),
+    }))
 }
 
 impl Track {
@@ -207,10 +212,38 @@ pub fn table(tracks: &[Track]) -> Table {
     }
 }
 
+/// What the on-line estimator said after each quarter of the recording.
+#[must_use]
+pub fn progress(samples: &Samples, track: &Track) -> Table {
+    let count = track.outputs.len();
+    let rows = [(1, "1/4"), (2, "1/2"), (3, "3/4"), (4, "end")].into_iter().filter_map(|(quarter, name)| {
+        let at = (quarter * count / 4).checked_sub(1)?;
+        let output = &track.outputs[at];
+        let time_s = samples.start_s + (at * track.every) as f64 * samples.step_s;
+        let mut row = vec![name.to_owned(), format!("{time_s:.4}")];
+        if output.valid {
+            let value = |k: usize| format!("{:.4} ± {:.4}", 1e6 * output.lambda_hat[k], 1e6 * output.lambda_std[k]);
+            row.extend((0..3).map(value));
+            row.push("yes".into());
+        } else {
+            row.extend(std::iter::repeat_n("–".to_owned(), 3));
+            row.push(output.verdict.to_string());
+        }
+        Some(row)
+    });
+    Table {
+        title: "On-line estimator over time, 10⁻⁶ N·m²/A²".into(),
+        note: "± of noise alone. Values that drift from line to line are a bearing that changes.".into(),
+        head: ["", "time, s", "λ1", "λ2", "λ3", "valid"].map(String::from).into(),
+        rows: rows.collect(),
+    }
+}
+
 /// The estimates over time, with columns named `method.variable`.
 #[must_use]
 pub fn recording(samples: &Samples, tracks: &[Track]) -> Recording {
-    let time_s = (0..samples.len()).map(|j| samples.start_s + j as f64 * samples.step_s).collect();
+    let every = tracks.first().map_or(1, |track| track.every);
+    let time_s = (0..samples.len()).step_by(every).map(|j| samples.start_s + j as f64 * samples.step_s).collect();
     let mut columns = Vec::new();
     for track in tracks {
         let mut add = |name: &str, unit: &str, value: &dyn Fn(&EstimatorOutput) -> f64| {
@@ -274,7 +307,14 @@ const PLOT_PX: (f64, f64) = (1060.0, 300.0);
 
 /// The result as a page of its own.
 #[must_use]
-pub fn page(title: &str, command: &str, samples: &Samples, tracks: &[Track], holds: Option<&Table>) -> String {
+pub fn page(
+    title: &str,
+    command: &str,
+    samples: &Samples,
+    tracks: &[Track],
+    holds: Option<&Table>,
+    answer: Option<&Answer>,
+) -> String {
     let recording = recording(samples, tracks);
     let mut figures = Vec::new();
     for track in tracks {
@@ -322,7 +362,9 @@ pub fn page(title: &str, command: &str, samples: &Samples, tracks: &[Track], hol
         vec![plot],
         "Part of the motion, noise included.".into(),
     ));
-    let tables: Vec<Table> = std::iter::once(table(tracks)).chain(holds.cloned()).collect();
+    let mut tables: Vec<Table> = answer.map(Answer::tables).unwrap_or_default();
+    tables.extend(std::iter::once(table(tracks)).chain(holds.cloned()));
+    let verdict = answer.map(|answer| answer.verdict.clone()).or_else(|| tracks.last().map(Track::verdict));
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -335,7 +377,11 @@ pub fn page(title: &str, command: &str, samples: &Samples, tracks: &[Track], hol
             body {
                 header {
                     h1 { (title) }
-                    @if let Some(track) = tracks.last() { p { (track.verdict()) } }
+                    @if let Some(verdict) = &verdict { p { (verdict) } }
+                    @if let Some(answer) = answer {
+                        p { (answer.told()) }
+                        ul { @for finding in &answer.findings { li { (finding) } } }
+                    }
                     ul { @for note in &samples.notes { li { (note) } } }
                     pre { code { (command) } }
                 }
@@ -418,12 +464,12 @@ fn bands(recording: &Recording, track: &Track) -> Plot<'static> {
 pub fn table_of_holds(residuals: &[f64; 3], chosen: Hold) -> Table {
     let rows = HOLDS.iter().zip(residuals).map(|((name, hold), residual)| {
         let mark = if *hold == chosen { "chosen" } else { "" };
-        vec![(*name).to_owned(), format!("{residual:.5}"), mark.to_owned()]
+        vec![(*name).to_owned(), format!("{residual:.1}"), mark.to_owned()]
     });
     Table {
         title: "What a current sample stands for".into(),
-        note: "Residual of each reading on the same data; the least one is right.".into(),
-        head: ["", "residual", ""].map(String::from).into(),
+        note: "How much less likely the same data are with each reading (differences of log-likelihoods).".into(),
+        head: ["", "less likely by", ""].map(String::from).into(),
         rows: rows.collect(),
     }
 }

@@ -59,6 +59,8 @@ struct Document {
     controller: toml::Table,
     #[serde(default)]
     estimator: toml::Table,
+    #[serde(default)]
+    tolerance: toml::Table,
 }
 
 /// A `[[profile]]` as TOML has it.
@@ -143,6 +145,8 @@ pub struct Scenario {
     pub elements: Vec<Element>,
     /// What changes while it runs.
     pub profiles: Vec<Profile>,
+    /// How well a test bench is known, for `identify`: names and values as for `--tolerance`.
+    pub tolerance: Vec<(String, String)>,
 }
 
 /// Connections of the closed loop, from an output to an input.
@@ -345,7 +349,17 @@ fn read(document: Document, folder: &Path, findings: &mut Vec<String>) -> Scenar
     let profiles =
         document.profile.iter().enumerate().filter_map(|(index, text)| profile(index, text, &elements, findings));
     let profiles = profiles.collect();
-    Scenario { title: document.title, description: document.description, duration_s, step_s, elements, profiles }
+    let text = |value: toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let tolerance = flatten(&document.tolerance).into_iter().map(|(name, value)| (name, text(value.clone()))).collect();
+    Scenario {
+        title: document.title,
+        description: document.description,
+        duration_s,
+        step_s,
+        elements,
+        profiles,
+        tolerance,
+    }
 }
 
 /// The settings of the controller for the contour in a file, which a scenario names relative to itself.

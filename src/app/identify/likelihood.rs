@@ -293,6 +293,10 @@ pub struct Identification {
     pub iterations: usize,
     /// Whether the last step was smaller than 2 % of a standard deviation.
     pub converged: bool,
+    /// Rows that were not used, evenly distributed, because bench parameters were estimated from enough others.
+    pub rows_left_out: usize,
+    /// Logarithm of the likelihood of the rows that were used, up to a constant that depends on their number alone.
+    pub log_likelihood: f64,
 }
 
 /// Shortest segment, in rows: its first ones determine no more than where it starts.

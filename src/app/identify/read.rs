@@ -16,6 +16,7 @@ use self::table::Table;
 
 pub use self::plausible::Finding;
 pub use self::units::{duration_s, rate_s};
+pub(super) use self::units::{number_and_unit, significant, time};
 
 /// Gaps of at most so many samples are filled; longer ones interrupt the identification.
 pub const FILLED: usize = 3;

@@ -8,6 +8,8 @@
 //! A piece is filtered with a margin of rows before it, and smoothed with one behind it, so that pieces are independent of each
 //! other: what lies further away is forgotten. Their number does not depend on that of the processors.
 
+#![allow(clippy::needless_range_loop, reason = "several matrices go by one index")]
+
 use std::ops::Range;
 
 use multiversion::multiversion;

@@ -93,7 +93,7 @@ pub fn rate_s(text: &str) -> Result<f64, String> {
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err(wanted()) }
 }
 
-fn number_and_unit(text: &str) -> Option<(f64, &str)> {
+pub(in crate::app::identify) fn number_and_unit(text: &str) -> Option<(f64, &str)> {
     let text = text.trim();
     // The longest beginning that is a number, so that an exponent is not taken for a unit.
     let ends = text.char_indices().map(|(at, _)| at).chain([text.len()]);
@@ -102,7 +102,7 @@ fn number_and_unit(text: &str) -> Option<(f64, &str)> {
 }
 
 /// A time in the unit in which it has the fewest zeros.
-pub(super) fn time(seconds: f64) -> String {
+pub(in crate::app::identify) fn time(seconds: f64) -> String {
     // What is a hair less than a unit for rounding is shown in it.
     let (factor, name) = match seconds.abs() * (1.0 + 1e-9) {
         size if size >= 1.0 || size == 0.0 => (1.0, "s"),
@@ -114,7 +114,7 @@ pub(super) fn time(seconds: f64) -> String {
 }
 
 /// A number with so many significant digits, without zeros at its end.
-pub(super) fn significant(value: f64, digits: i32) -> String {
+pub(in crate::app::identify) fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
