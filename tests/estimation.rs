@@ -629,6 +629,8 @@ fn the_other_outputs_mean_what_they_say() {
     assert!((3.5..4.5).contains(&half.residual), "{}", half.residual);
     assert_eq!(half.verdict, Verdict::Unexplained);
     // The condition number of an unknown less is smaller, and no scale of the units enters.
+    let rotor = Rotor { noise: NOISE, seed: 21, samples: 5001, ..Rotor::default() };
+    let right = rotor.identify(told(config(&rotor), NOISE)).pop().expect("samples");
     let balanced = EstimatorConfig { identify_unbalance: false, ..told(config(&rotor), NOISE) };
     let balanced = rotor.identify(balanced).pop().expect("samples");
     assert!(1.0 <= balanced.condition && balanced.condition < 0.5 * right.condition && right.condition < 1e4);

@@ -319,9 +319,9 @@ fn a_change_of_lambda_is_found_and_both_parts_are_told() {
         panic!("{:?}", found.contradictions)
     };
     assert!(rows.start.abs_diff(6000) <= 200 && rows.end == 10_001, "{rows:?}");
-    for k in 0..3 {
-        let error = (found.lambda[k].value - bench.lambda[k]) / found.lambda[k].total_std;
-        let after = (lambda[k].value - 1.05 * bench.lambda[k]) / lambda[k].total_std;
+    for (k, ((before, after), truth)) in found.lambda.iter().zip(lambda).zip(bench.lambda).enumerate() {
+        let error = (before.value - truth) / before.total_std;
+        let after = (after.value - 1.05 * truth) / after.total_std;
         assert!(error.abs() < 4.0 && after.abs() < 4.0, "λ{k}: {error} and {after} standard deviations");
     }
 }
