@@ -217,8 +217,7 @@ enum Command {
         #[arg(long, conflicts_with_all = ["out", "jobs"])]
         expand: bool,
     },
-    /// Writes the model descriptions and VARIABLES.md, which stand under review, out of the tables of variables, and the plot
-    /// for the choice of the window, window.svg.
+    /// Writes the model descriptions and VARIABLES.md, which stand under review, out of the tables of variables.
     Describe {
         /// Folder for the files.
         #[arg(long, value_name = "DIR", default_value = "modelDescription")]

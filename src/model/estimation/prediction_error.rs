@@ -64,8 +64,8 @@ const WORSE: f64 = 1.05;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Quarter {
     sums: Sums,
-    /// The noise at its begin.
-    noise: Option<Noise>,
+    /// Noise and ϑ at its begin, or when the estimate was last valid before it.
+    trusted: Option<(Noise, [f64; UNKNOWNS])>,
     samples: f64,
     turned_rad: f64,
     /// Sums of `i_k/gap_k²` and `i_k²/gap_k³`.
@@ -291,9 +291,9 @@ impl PredictionError {
 
     /// Begins anew after a change of λ.
     fn restart(&self, state: &mut PredictionErrorState) {
-        // The noise found since the last revolution began holds the contradiction.
-        if let Some(noise) = &state.last[0].noise {
-            state.noise = Some(noise.clone());
+        // What was found since then holds the contradiction.
+        if let Some((noise, running)) = &state.last[0].trusted {
+            (state.noise, state.running) = (Some(noise.clone()), *running);
         }
         state.forget();
         // Its columns remember what the former λ did.
@@ -359,7 +359,11 @@ impl PredictionError {
     fn end_quarter(&self, state: &mut PredictionErrorState, instrumented: bool, output: &mut EstimatorOutput) -> bool {
         state.quarters += 1;
         state.instrumented += u64::from(instrumented);
-        let next = Quarter { noise: state.noise.clone(), ..Quarter::default() };
+        let trusted = match &state.noise {
+            Some(noise) if output.valid => Some((noise.clone(), state.running)),
+            _ => state.present.trusted.clone(),
+        };
+        let next = Quarter { trusted, ..Quarter::default() };
         let quarter = std::mem::replace(&mut state.present, next);
         state.last.rotate_left(1);
         let oldest = std::mem::replace(&mut state.last[QUARTERS - 1], quarter);
