@@ -347,7 +347,10 @@ def loop_in_every_tool(folder, models, findings):
             except Exception as error:  # A tool that fails is a finding like any other.
                 findings.expect(False, f"the loop in {tool}: {error}")
                 continue
-            findings.expect(got.keys() == wanted.keys(), f"{tool} has other outputs: {got.keys() ^ wanted.keys()}")
+            # Two of the tools know no variables of type Enumeration.
+            unknown = {"estimator.verdict"} if tool in ("libcosim", "ecos") else set()
+            others = (got.keys() ^ wanted.keys()) - unknown
+            findings.expect(not others, f"{tool} has other outputs: {others}")
             # What ecos shows for outputs that follow an input belongs to the inputs of a step that is not done.
             left_out = following_inputs(models) if tool == "ecos" else set()
             apart = {}

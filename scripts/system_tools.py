@@ -97,6 +97,9 @@ def run_ecos(path, parameter_set):
             raise RuntimeError(EcosLib.get_last_error())
         readers = []
         for element, name, kind in outputs(path):
+            if kind == "Enumeration":
+                # ecos knows no such variables.
+                continue
             read = simulation.get_bool if kind == "Boolean" else simulation.get_real
             readers.append((f"{element}.{name}", f"{element}::{name}", read))
         rows = [[float(read(identifier)) for _, identifier, read in readers]]

@@ -131,8 +131,8 @@ REFUSED += [
     ("FlatnessController", {"F0.modulation": 1.5, "F0.modulationFrequency": 6000.0}, ["F0.modulation", "F0.modulationFrequency"]),
     ("FlatnessController", {"reference.lobes": -1}, ["reference.lobes"]),
     ("FlatnessController", {"update.mode": 9}, ["update.mode"]),
-    ("AlgebraicEstimator", {"Tf": 7e-4}, ["Tf"]),
-    ("AlgebraicEstimator", {"Tf": 0.02005}, ["Tf"]),
+    ("AlgebraicEstimator", {"method": 2, "Tf": 7e-4}, ["Tf"]),
+    ("AlgebraicEstimator", {"method": 2, "Tf": 0.02005}, ["Tf"]),
     ("AlgebraicEstimator", {"Tf": math.nan}, ["Tf"]),
     ("AlgebraicEstimator", {"method": 0}, ["method"]),
     ("AlgebraicEstimator", {"m": -1.0, "s": 0.0, "Ts": math.nan}, ["m", "s", "Ts"]),
@@ -540,6 +540,8 @@ def in_tool(archives, tool, structure, named):
         first_row = 0
     after_inputs = tool == "ecos"
     ours = run(settings, archives.models, times_s, lengths_s, after_inputs=after_inputs)
+    # Neither tool shows outputs of type Enumeration.
+    ours = {name: values for name, values in ours.items() if name in theirs or name.split(".", 1)[-1] not in choices}
     findings += differences(ours, theirs, first_row)
     even = run(settings, archives.models, *even_times(DURATION_S), after_inputs=after_inputs)
     parts = {f"{element}.": fmu for element, (fmu, _) in settings.elements.items()}
