@@ -97,8 +97,8 @@ def run_ecos(path, parameter_set):
             raise RuntimeError(EcosLib.get_last_error())
         readers = []
         for element, name, kind in outputs(path):
-            if kind == "Enumeration":
-                # ecos knows no such variables.
+            if kind not in ("Real", "Boolean"):
+                # The rest are enumerations, which ecos does not know.
                 continue
             read = simulation.get_bool if kind == "Boolean" else simulation.get_real
             readers.append((f"{element}.{name}", f"{element}::{name}", read))
