@@ -246,6 +246,13 @@ fn all_findings_are_told_at_once() {
     let lines = said.lines().count();
     assert_eq!(lines, 1 + words.len(), "one line for the file, one for each finding: {said}");
 
+    // A key of the head that is not known, or of another type, hides nothing.
+    let said = refusal("durration = 1\nduration = 0\ncompare = 3\nprofile = 1", "[plant]\nlamda = 1\n[plan]\nm = 1\n");
+    let words =
+        ["durration", "did you mean duration?", "duration = 0", "compare is refused", "profile is", "lamda", "plan:"];
+    says(&said, &words);
+    assert_eq!(said.lines().count(), words.len(), "one line for the file, one for each finding: {said}");
+
     let said = refusal(
         "",
         "[plant]\nm = 0\ns = 0\n[controller]\nTs = 0.0\nF0 = nan\n[estimator]\nmethod = \"paper\"\nTf = 1e-4\n",

@@ -19,8 +19,8 @@ const INSTANTS_S: [f64; 2] = [0.1, 0.2];
 const STRETCH_S: f64 = 0.04;
 
 /// Whether the scenario is the paper's, so that its figures can stand beside ours.
-fn is_paper(name: &Path) -> bool {
-    name == Path::new("paper")
+fn is_paper(name: &Path, scenario: &Scenario) -> bool {
+    name == Path::new("paper") && scenario.changes.is_empty()
 }
 
 /// The true force constants.
@@ -51,8 +51,8 @@ fn methods(scenario: &Scenario) -> Vec<Method> {
 
 /// The tables of results of the scenario of that name.
 pub fn tables(name: &Path, scenario: &Scenario, run: &Run) -> Vec<Table> {
-    let mut tables = vec![estimates(scenario, run, is_paper(name))];
-    tables.extend(tracking(scenario, run, is_paper(name)));
+    let mut tables = vec![estimates(scenario, run, is_paper(name, scenario))];
+    tables.extend(tracking(scenario, run, is_paper(name, scenario)));
     tables
 }
 
@@ -228,10 +228,11 @@ fn over(run: &Run, signal: &[f64], (from_s, to_s): (f64, f64)) -> Option<(f64, f
 
 /// The report page of a run of the scenario of that name.
 pub fn page(name: &Path, scenario: &Scenario, run: &Run) -> String {
-    let command = if is_paper(name) {
+    let command = if is_paper(name, scenario) {
         "cargo run --release".into()
     } else {
-        format!("cargo run --release -- simulate {} --report DIR", name.display())
+        let set: String = scenario.changes.iter().map(|change| format!(" --set '{change}'")).collect();
+        format!("cargo run --release -- simulate {}{set} --report DIR", name.display())
     };
     let sensitivities = bearing::sensitivities(scenario, run);
     let mut tables = tables(name, scenario, run);
@@ -247,7 +248,7 @@ pub fn page(name: &Path, scenario: &Scenario, run: &Run) -> String {
         update_s: update_s(scenario),
         truth: Some(truth(scenario)),
         methods: methods(scenario),
-        paper: is_paper(name),
+        paper: is_paper(name, scenario),
         ..Report::new(&scenario.title, &run.recording)
     };
     report::page(&report)

@@ -8,6 +8,7 @@ pub mod documentation;
 pub mod experiment;
 pub mod identify;
 pub mod montecarlo;
+pub mod output;
 pub mod package;
 pub mod platforms;
 pub mod plot;
@@ -16,6 +17,7 @@ pub mod recording;
 pub mod report;
 pub mod scenario;
 pub mod simulate;
+pub mod summary;
 pub mod sweep;
 
 mod ssp;
