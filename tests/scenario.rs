@@ -133,7 +133,7 @@ fn what_cannot_be_understood_is_refused_by_name() {
         ("", "[all]\nmass = 6.7", &["[all]", "mass", "no variable of this name"]),
         ("", "[plant]\n'lambda[4]' = 1e-6", &["lambda[4]", "no variable of this name"]),
         // Unknown tables and keys of the head.
-        ("", "[plnt]\nm = 6.7", &["plnt", "plant", "controller", "estimator"]),
+        ("", "[plnt]\nm = 6.7", &["plnt in line 4", "did you mean plant?"]),
         ("stepp = 1", "", &["stepp", "step", "line"]),
         // Units.
         ("", "[plant]\nY0 = \"30 furlong\"", &["[plant]", "Y0", "30 furlong", "m, µm, mm"]),

@@ -133,16 +133,16 @@ enum Command {
         #[arg(long, value_name = "HOLD", default_value = "heldBefore")]
         hold: String,
         /// Length of the window, in s; one revolution if not given.
-        #[arg(long, value_name = "SECONDS", value_parser = duration, allow_negative_numbers = true)]
+        #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
         window: Option<f64>,
         /// Speed in rpm, for recordings without angle and speed.
-        #[arg(long, value_name = "RPM", allow_negative_numbers = true)]
+        #[arg(long, value_name = "RPM", allow_hyphen_values = true)]
         speed: Option<f64>,
         /// Standard deviation of the noise of the positions, in m; found from the data if not given.
-        #[arg(long, value_name = "METRES", value_parser = deviation, allow_negative_numbers = true)]
+        #[arg(long, value_name = "METRES", value_parser = deviation, allow_hyphen_values = true)]
         position_noise: Option<f64>,
         /// Standard deviation of the noise of the currents, in A; found from the data if not given.
-        #[arg(long, value_name = "AMPERES", value_parser = deviation, allow_negative_numbers = true)]
+        #[arg(long, value_name = "AMPERES", value_parser = deviation, allow_hyphen_values = true)]
         current_noise: Option<f64>,
         /// Interpolates to this sample time, as in 100us, where the recording has no uniform one; seconds if there is no unit.
         #[arg(long, value_name = "TIME", value_parser = identify::duration_s, conflicts_with_all = ["rate", "step"])]
@@ -163,19 +163,19 @@ enum Command {
         #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
         scenario: PathBuf,
         /// Speed of the rotor, in rpm; 0 is a rotor at rest.
-        #[arg(long, value_name = "RPM", default_value_t = 3000.0, allow_negative_numbers = true)]
+        #[arg(long, value_name = "RPM", default_value_t = 3000.0, allow_hyphen_values = true)]
         speed: f64,
         /// Sample time, in s.
-        #[arg(long, value_name = "SECONDS", value_parser = duration, allow_negative_numbers = true)]
+        #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
         sample_time: Option<f64>,
         /// Standard deviation of the noise of the positions, in m.
-        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_negative_numbers = true)]
+        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_hyphen_values = true)]
         position_noise: f64,
         /// Standard deviation of the noise of the currents, in A.
-        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_negative_numbers = true)]
+        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true)]
         current_noise: f64,
         /// When λ is to be known, in s.
-        #[arg(long, value_name = "SECONDS", default_value_t = 0.1, allow_negative_numbers = true)]
+        #[arg(long, value_name = "SECONDS", default_value_t = 0.1, allow_hyphen_values = true)]
         at: f64,
     },
     /// Repeats runs with many seeds and prints errors, stated standard deviations and the Cramér–Rao bound.
@@ -196,16 +196,16 @@ enum Command {
         #[arg(long, value_name = "TEXT")]
         only: Option<String>,
         /// Standard deviation of the noise of the positions, in m.
-        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_negative_numbers = true, requires = "scenario")]
+        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
         position_noise: f64,
         /// Standard deviation of the noise of the currents, in A.
-        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_negative_numbers = true, requires = "scenario")]
+        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
         current_noise: f64,
         /// The estimator is to find the noise itself instead of being told.
         #[arg(long, requires = "scenario")]
         untold: bool,
         /// When the estimates are looked at, in seconds.
-        #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = duration, allow_negative_numbers = true)]
+        #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = duration, allow_hyphen_values = true)]
         at: Vec<f64>,
     },
     /// Runs a scenario many times with other values, on all processors: a row per case in, a row per case out.

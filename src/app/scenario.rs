@@ -69,8 +69,8 @@ impl Document {
         "tolerance",
     ];
 
-    /// Takes the text apart key by key, so that one that is wrong does not hide what is wrong with the others.
-    fn new(mut table: toml::Table, findings: &mut Vec<String>) -> Self {
+    /// Takes the table of a text apart key by key, so that one that is wrong does not hide what is wrong with the others.
+    fn new(mut table: toml::Table, text: &str, findings: &mut Vec<String>) -> Self {
         for key in ["title", "duration", "step"] {
             if !table.contains_key(key) {
                 findings.push(format!("{key} is missing"));
@@ -93,9 +93,12 @@ impl Document {
             estimator: take(&mut table, "estimator", "a table", findings),
             tolerance: take(&mut table, "tolerance", "a table", findings),
         };
+        let places = toml::de::DeTable::parse(text).ok();
         for key in table.keys() {
-            let known = Self::KEYS.map(String::from);
-            findings.push(format!("{key}: there is no key of this name; {}", suggestion(key, &known)));
+            let place = places.as_ref().and_then(|places| places.get_ref().get_key_value(key.as_str()));
+            let line = place.map_or(0, |(key, _)| text[..key.span().start].matches('\n').count() + 1);
+            let suggestion = suggestion(key, &Self::KEYS.map(String::from));
+            findings.push(format!("{key} in line {line}: there is no key of this name; {suggestion}"));
         }
         document
     }
@@ -295,7 +298,7 @@ impl Scenario {
             .map(|(name, text)| (name.clone(), value_of(text)))
             .partition(|(name, _)| ["title", "duration", "step"].contains(&name.as_str()));
         table.extend(of_run);
-        let document = Document::new(table, &mut findings);
+        let document = Document::new(table, text, &mut findings);
         let folder = Path::new(origin).parent().unwrap_or(Path::new(""));
         let mut scenario = read(document, folder, &of_elements, &mut findings);
         scenario.changes = changes.iter().map(|(name, value)| format!("{name}={value}")).collect();
@@ -386,7 +389,8 @@ fn change(changes: &[(String, toml::Value)], elements: &mut [Element], findings:
         let (known, others): (Vec<_>, Vec<_>) = concerned.partition(|element| knows(element.kind, key));
         if known.is_empty() {
             let kinds: Vec<_> = others.iter().map(|element| element.kind).collect();
-            findings.push(unknown("--set", path, &names(&kinds)));
+            let suggestion = suggestion(key, &names(&kinds));
+            findings.push(format!("[--set] {path}: there is no variable of this name; {suggestion}"));
         }
         // A name without an element means those where the variable can be set: speed is an input of plant and estimator, and
         // that of the estimator is connected.
