@@ -1,17 +1,15 @@
 //! The C interface as an importer meets it, misused as carefully as used.
 
-#[macro_use]
-mod support;
-
 use std::ffi::{CStr, c_char};
 use std::ptr::{null, null_mut};
 use std::thread;
 
+use crate::call;
+use crate::support::ffi::{Expect, Fmu, Message, Request, guid, text};
+use crate::support::says;
 use magnetic_bearing::fmi2::bindings::*;
 use magnetic_bearing::fmi2::sequence::Function;
 use magnetic_bearing::slave::variable::{Causality, Type};
-use support::ffi::{Expect, Fmu, Message, Request, guid, text};
-use support::says;
 
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 const PLANT: &str = "MagneticBearing";
@@ -686,7 +684,7 @@ fn a_logger_that_calls_back_is_turned_away() {
         let caller =
             Box::new(Caller { component: null_mut::<std::ffi::c_void>().into(), answers: Vec::new().into(), frees });
         let callbacks = fmi2CallbackFunctions {
-            logger: support::ffi::variadic(call_back),
+            logger: crate::support::ffi::variadic(call_back),
             allocateMemory: None,
             freeMemory: None,
             stepFinished: None,

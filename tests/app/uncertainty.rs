@@ -1,10 +1,8 @@
 //! What the estimator says about its own error: over many seeds, in every scenario of a matrix, and when λ changes.
 
-mod common;
-
 use std::path::Path;
 
-use common::{Bench, Said};
+use crate::running::{Bench, Said};
 use magnetic_bearing::app::montecarlo::{self, NOISE};
 use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::app::simulate;
