@@ -13,6 +13,7 @@ use clap_complete::Shell;
 use super::design;
 use super::documentation;
 use super::experiment;
+use super::html;
 use super::identify;
 use super::montecarlo;
 use super::output::{self, Format, tell};
@@ -413,7 +414,7 @@ fn simulate(name: &Path, changes: &[(String, String)], out: &Out<'_>) -> Result<
     }
     if let (Some(folder), Some(path)) = (out.report, page) {
         fs::create_dir_all(folder).map_err(named(folder))?;
-        let page = experiment::page(name, &scenario, &run);
+        let page = experiment::page(name, &html::command_line(), &scenario, &run);
         Format::Page.write(&path, page.as_bytes()).map_err(named(&path))?;
         said_of(&path);
     }
@@ -655,11 +656,7 @@ fn identify(command: Command) -> Result<()> {
         fs::create_dir_all(&folder).map_err(named(&folder))?;
         let path = folder.join("index.html");
         let title = format!("Identification from {}", recording.file_name().unwrap_or_default().to_string_lossy());
-        let command = format!(
-            "cargo run --release -- identify {} --method {method} --hold {hold} --report DIR",
-            recording.display()
-        );
-        let page = identify::page(&title, &command, samples, &tracks, holds.as_ref(), answer.as_ref());
+        let page = identify::page(&title, &html::command_line(), samples, &tracks, holds.as_ref(), answer.as_ref());
         Format::Page.write(&path, page.as_bytes()).map_err(named(&path))?;
         if to_standard_output {
             eprintln!("{}", path.display());

@@ -374,7 +374,8 @@ impl Design {
         rows.sort_by_key(|row| number(row));
         let failed = rows.iter().filter(|row| is_failed(row)).count();
         rows.insert(0, self.header());
-        let aside = path.with_added_extension("sorted");
+        let mut aside = path.as_os_str().to_owned();
+        aside.push(".sorted");
         let mut file = File::create(&aside)?;
         file.write_all(&lines(&rows)?)?;
         file.sync_all()?;
