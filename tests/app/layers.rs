@@ -67,6 +67,12 @@ const RULES: &[Rule] = &[
     Rule { folder: "model", words: &["unsafe"], except: &[], reason: "unsafe code is at home in src/fmi2" },
     Rule { folder: "slave", words: &["unsafe"], except: &[], reason: "unsafe code is at home in src/fmi2" },
     Rule { folder: "app", words: &["unsafe"], except: &[], reason: "unsafe code is at home in src/fmi2" },
+    Rule {
+        folder: "",
+        words: &["#[test]"],
+        except: &[],
+        reason: "Cargo.toml switches tests within src off: they would not run",
+    },
     Rule { folder: "lib.rs", words: &["unsafe"], except: &[], reason: "unsafe code is at home in src/fmi2" },
     Rule { folder: "main.rs", words: &["unsafe"], except: &[], reason: "unsafe code is at home in src/fmi2" },
 ];
