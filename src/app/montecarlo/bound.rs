@@ -2,9 +2,8 @@
 
 use crate::app::recording::Recording;
 use crate::app::scenario::Scenario;
+use crate::model::coil::Drive;
 use crate::model::magnet::Geometry;
-
-use super::{real, truth};
 
 /// Unknown parameters: `λ_1, λ_2, λ_3, U_c, U_s, p_Y, p_Z`.
 const PARAMETERS: usize = 7;
@@ -200,20 +199,18 @@ impl Bound {
 ///
 /// `None` without noise, or if the recording lacks true positions, forces, gaps, angle or speed of the plant.
 pub fn bound(scenario: &Scenario, recording: &Recording, instants_s: &[f64]) -> Option<Vec<[f64; 3]>> {
-    let position_noise_m = real(scenario, "plant", "sensor.positionNoise");
+    let plant = scenario.closed_loop().ok()?.plant;
+    let position_noise_m = plant.sensor.position_noise_m;
     if position_noise_m.is_nan() || position_noise_m <= 0.0 {
         return None;
     }
-    let truth = truth(scenario);
+    let truth = plant.lambda_nm2_a2;
     let bearing = Bearing {
-        m_kg: real(scenario, "plant", "m"),
-        geometry: Geometry::new(
-            real(scenario, "plant", "s"),
-            [1, 2, 3].map(|k| real(scenario, "plant", &format!("alpha[{k}]"))),
-        ),
+        m_kg: plant.m_kg,
+        geometry: Geometry::new(plant.gap_m, plant.alpha_rad),
         lambda_nm2_a2: truth,
         position_noise_m,
-        current_noise_a: real(scenario, "plant", "sensor.currentNoise"),
+        current_noise_a: plant.sensor.current_noise_a,
     };
     let signal = |name: &str| recording.get(&format!("plant.{name}"));
     let of_magnets = |name: &str| {
@@ -224,7 +221,7 @@ pub fn bound(scenario: &Scenario, recording: &Recording, instants_s: &[f64]) -> 
     let (force, gap) = (of_magnets("F")?, of_magnets("gap")?);
     // The outputs of a row are read before the next inputs are set: the current is that at the end of the interval.
     let current = |k: usize, row: usize| gap[k][row] * (force[k][row] / truth[k]).max(0.0).sqrt();
-    let held = real(scenario, "plant", "drive") == 1.0;
+    let held = plant.coil.drive == Drive::Current;
     let rows = recording.time_s.len();
     let mut bound = Bound::new(bearing);
     bound.measure();
