@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::bearing;
+use super::closed_loop::Loop;
 use super::report::{self, Answer, Bearing, Event, Method, Paper, Parameter, Report, Table};
 use super::scenario::Scenario;
 use super::simulate::Run;
@@ -23,18 +24,14 @@ fn is_paper(name: &Path, scenario: &Scenario) -> bool {
     name == Path::new("paper") && scenario.changes.is_empty()
 }
 
-/// The true force constants.
-fn truth(scenario: &Scenario) -> [f64; 3] {
-    std::array::from_fn(|k| real(scenario, "plant", &format!("lambda[{}]", k + 1)))
-}
-
-fn real(scenario: &Scenario, element: &str, variable: &str) -> f64 {
-    scenario.value(element, variable).map_or(f64::NAN, Value::as_f64)
+/// The configurations of a scenario that has been run, or could be.
+fn closed_loop(scenario: &Scenario) -> Loop {
+    scenario.closed_loop().expect("a scenario that can be run has configurations")
 }
 
 /// The estimators of a scenario: those that run beside the loop, or that of the loop where there are none.
 fn methods(scenario: &Scenario) -> Vec<Method> {
-    let beside = &scenario.elements[3..];
+    let beside = scenario.observers();
     if beside.is_empty() {
         let method = scenario.value("estimator", "method");
         let label = method.and_then(|value| METHOD.item(value.as_f64() as i32)).unwrap_or("estimator");
@@ -52,7 +49,7 @@ pub fn tables(name: &Path, scenario: &Scenario, run: &Run) -> Vec<Table> {
 
 /// λ̂ of every method at the instants, beside the truth and the paper's.
 fn estimates(scenario: &Scenario, run: &Run, paper: bool) -> Table {
-    let truth = truth(scenario);
+    let truth = closed_loop(scenario).plant.lambda_nm2_a2;
     let head = ["", "λ1", "λ2", "λ3", "error 1", "error 2", "error 3", "valid"];
     let mut rows = Vec::new();
     let values = |lambda: [f64; 3]| lambda.map(|value| format!("{:.4}", value * 1e6));
@@ -92,14 +89,15 @@ fn estimates(scenario: &Scenario, run: &Run, paper: bool) -> Table {
 
 /// What a harmonic perturbation in phase with the path costs any estimator that does not know of it.
 fn coherence_note(scenario: &Scenario) -> String {
-    let force_n = real(scenario, "plant", "perturbation.amplitudeZ");
-    let omega = real(scenario, "plant", "perturbation.omega");
-    let path_omega = real(scenario, "controller", "reference.omega");
+    let Loop { plant, controller, .. } = closed_loop(scenario);
+    let force_n = plant.harmonic.amplitude_n[1];
+    let omega = plant.harmonic.omega_rad_s;
+    let path_omega = controller.reference.omega_rad_s;
     // The two come from different conversions of the same speed.
     if force_n == 0.0 || (omega / path_omega - 1.0).abs() > 1e-9 {
         return String::new();
     }
-    let inertia_n = real(scenario, "plant", "m") * omega * omega * real(scenario, "controller", "reference.rZ");
+    let inertia_n = plant.m_kg * omega * omega * controller.reference.r_z_m;
     format!(
         "The perturbation along z runs in phase with the path: {force_n} N beside m ω² r_Z = {inertia_n:.1} N look like \
          magnets weaker by {:.2} %. No filter takes that away; the paper's method reads it as λ. ",
@@ -109,7 +107,7 @@ fn coherence_note(scenario: &Scenario) -> String {
 
 /// How far the literal reading of P(20) strays, if it was run.
 fn literal_note(scenario: &Scenario, run: &Run, truth: &[f64; 3]) -> String {
-    if !scenario.elements.iter().any(|element| element.name == "paperLiteral") {
+    if !scenario.observers().iter().any(|element| element.name == "paperLiteral") {
         return String::new();
     }
     let mut worst: (f64, f64) = (0.0, 0.0);
@@ -270,8 +268,9 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<Event> {
         mark(time_s[update], if again { "first update".into() } else { "update".into() });
     }
     for profile in &scenario.profiles {
-        for (element, variable) in &profile.targets {
-            let name = (scenario.elements[*element].kind.variables)()[*variable].name.to_string();
+        for target in &profile.targets {
+            let path = scenario.path(*target);
+            let (_, name) = path.split_once('.').unwrap_or_default();
             let magnet = name.trim_end_matches(']').rsplit('[').next().unwrap_or_default();
             for (at_s, value) in profile.time_s.iter().zip(&profile.values).filter(|(at_s, _)| **at_s > 0.0) {
                 let on = value.as_f64() != 0.0;
@@ -308,11 +307,8 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
         Some("experiment") => Some(Paper::Experiment),
         _ => None,
     };
-    let bearing = Bearing {
-        alpha_rad: [1, 2, 3].map(|k| real(scenario, "plant", &format!("alpha[{k}]"))),
-        gap_m: real(scenario, "plant", "s"),
-        clearance_m: real(scenario, "plant", "touchdown.clearance"),
-    };
+    let plant = closed_loop(scenario).plant;
+    let bearing = Bearing { alpha_rad: plant.alpha_rad, gap_m: plant.gap_m, clearance_m: plant.touchdown.clearance_m };
     let report = Report {
         description: scenario.description.clone(),
         command: command.into(),
@@ -323,7 +319,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
         bearing: Some(bearing),
         parameters: parameters(scenario),
         events: events(scenario, run),
-        truth: Some(truth(scenario)),
+        truth: Some(plant.lambda_nm2_a2),
         methods: methods(scenario),
         paper,
         ..Report::new(&scenario.title, &run.recording)
@@ -335,7 +331,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
 fn parameters(scenario: &Scenario) -> Vec<Parameter> {
     let connections = scenario.connections();
     let mut parameters = Vec::new();
-    for element in &scenario.elements[..3] {
+    for element in scenario.in_loop() {
         for variable in (element.kind.variables)() {
             let connected = connections
                 .iter()
