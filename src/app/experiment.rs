@@ -158,7 +158,7 @@ fn tracking(run: &Run, paper: bool) -> Option<Table> {
     if bearing::stretches(&run.recording).len() < 2 {
         return None;
     }
-    let update_s = run.recording.time_s[bearing::update(&run.recording)?];
+    let update_s = bearing::update_s(&run.recording)?;
     let last_s = *run.recording.time_s.last()?;
     if last_s < update_s + STRETCH_S || update_s < STRETCH_S {
         return None;
@@ -249,8 +249,10 @@ fn answer(scenario: &Scenario, run: &Run) -> Option<Answer> {
         );
     }
     let expectation = coherence_note(scenario);
+    let method = scenario.value("estimator", "method").and_then(|value| METHOD.item(value.as_f64() as i32));
     Some(Answer {
         element: "estimator".into(),
+        method: method.unwrap_or_default().into(),
         valid,
         verdict,
         lambda: last("lambdaHat")?,
@@ -267,7 +269,10 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<Event> {
     if let Some(update) = bearing::update(&run.recording) {
         let more = run.recording.get("controller.lambdaUsed[1]").unwrap_or(&[]);
         let again = more.last() != more.get(update);
-        mark(time_s[update], if again { "first update".into() } else { "update".into() });
+        mark(
+            bearing::update_s(&run.recording).unwrap_or(time_s[update]),
+            if again { "first update".into() } else { "update".into() },
+        );
     }
     for profile in &scenario.profiles {
         for (element, variable) in &profile.targets {

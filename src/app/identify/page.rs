@@ -6,7 +6,7 @@ use super::{Answer, Samples, Track, recording, table};
 use crate::app::html;
 use crate::app::plot::{self, Line, Plot, Unit, colour};
 use crate::app::recording::Recording;
-use crate::app::report::{Table, table_of};
+use crate::app::report::{Table, cards, table_of};
 use crate::model::estimation::{Method, Verdict};
 
 /// The result as a page of its own, made by that command.
@@ -74,6 +74,10 @@ pub fn page(
                     p class=(class) { (verdict) }
                 }
                 @if let Some(answer) = answer {
+                    @if let Some(found) = &answer.found {
+                        (cards([0, 1, 2].map(|k| found.lambda[k].value), [0, 1, 2].map(|k| found.lambda[k].total_std), None))
+                        p.soft { "In 10⁻⁶ N·m²/A²; ± is two standard deviations, tolerances included." }
+                    }
                     p { (answer.told()) }
                     ul { @for finding in &answer.findings { li { (finding) } } }
                 }
