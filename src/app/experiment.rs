@@ -241,12 +241,14 @@ fn answer(scenario: &Scenario, run: &Run) -> Option<Answer> {
     let since_s = report::instant(run.recording.time_s[since]);
     let words = VERDICT.items.get((verdict as usize).wrapping_sub(1)).map_or("", |(_, words)| *words);
     let mut verdict = format!("since {since_s}: {}{}.", words[..1].to_lowercase(), &words[1..]);
-    let ever = column("valid")?.iter().rposition(|valid| *valid == 1.0).filter(|_| !valid);
-    if let Some(at) = ever {
-        verdict += &format!(
-            " It was valid until {}; what is shown is that estimate.",
-            report::instant(run.recording.time_s[at])
-        );
+    if !valid {
+        verdict += &match column("valid")?.iter().rposition(|valid| *valid == 1.0) {
+            Some(at) => {
+                let until_s = report::instant(run.recording.time_s[at]);
+                format!(" It was valid until {until_s}; what is shown is that estimate.")
+            }
+            None => " It was never valid.".into(),
+        };
     }
     let expectation = coherence_note(scenario);
     let method = scenario.value("estimator", "method").and_then(|value| METHOD.item(value.as_f64() as i32));

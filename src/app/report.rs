@@ -251,29 +251,23 @@ fn answer_of(answer: &Answer, truth: Option<[f64; 3]>) -> Markup {
 
 /// Three λ̂ with twice their standard deviations, in 10⁻⁶ N·m²/A², beside the truth where it is known.
 pub(super) fn cards(lambda: [f64; 3], std: [f64; 3], truth: Option<[f64; 3]>) -> Markup {
-    let number = |value: f64| format!("{:.4}", value * 1e6);
+    // Two digits of a deviation are worth reading, and no more of the estimate.
+    let places = |std: f64| (2.0 - (2e6 * std).log10().floor() - 1.0).clamp(3.0, 7.0) as usize;
+    let number = |value: f64, std: f64| format!("{:.*}", places(std), value * 1e6);
     html! {
         div.cards {
             @for k in 0..3 {
                 div.card style={ "border-color:var(--magnet" (k + 1) ")" } {
                     span.name { "λ̂" sub { (k + 1) } }
-                    span.value { (number(lambda[k])) " ± " (deviation(2.0 * std[k])) }
+                    span.value { (number(lambda[k], std[k])) " ± " (number(2.0 * std[k], std[k])) }
                     @if let Some(truth) = truth {
-                        span.truth { "truth " (number(truth[k])) ", error " (percent(lambda[k] / truth[k] - 1.0)) }
+                        span.truth {
+                            "truth " (number(truth[k], std[k])) ", error " (percent(lambda[k] / truth[k] - 1.0))
+                        }
                     }
                 }
             }
         }
-    }
-}
-
-/// As many places as an estimate has, more for what would be 0 with these.
-fn deviation(value: f64) -> String {
-    let value = value * 1e6;
-    match value {
-        value if !value.is_finite() => "∞".into(),
-        value if value >= 1e-3 || value == 0.0 => format!("{value:.4}"),
-        value => format!("{value:.6}"),
     }
 }
 
