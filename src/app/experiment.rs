@@ -12,7 +12,7 @@ use crate::slave::variable::{Type, Value, Variable};
 /// Estimates of the paper: figure 2, simulation, after less than 0.1 s.
 const PAPER_LAMBDA: [f64; 3] = [1.786e-6, 2.072e-6, 2.199e-6];
 /// What the paper says its perturbation estimates fall by, at least.
-const PAPER_SWING_RATIO: &str = "at least 3";
+const PAPER_RATIO: &str = "at least 3";
 /// Instants at which estimates are compared.
 const INSTANTS_S: [f64; 2] = [0.1, 0.2];
 /// Length of the stretches before and after the update over which errors are taken, in seconds.
@@ -152,7 +152,7 @@ fn percent(value: f64) -> String {
     }
 }
 
-/// Tracking error and swing of the perturbation estimate before and after the update.
+/// Tracking error and peak-to-peak value of the perturbation estimate before and after the update.
 fn tracking(run: &Run, paper: bool) -> Option<Table> {
     // Another speed in the end leaves nothing to compare.
     if bearing::stretches(&run.recording).len() < 2 {
@@ -174,7 +174,7 @@ fn tracking(run: &Run, paper: bool) -> Option<Table> {
         let error: Vec<f64> = position.iter().zip(reference).map(|(is, ought)| is - ought).collect();
         let letter = axis.to_lowercase();
         let largest = |range| over(run, &error, range).map(|(low, high)| high.max(-low));
-        let swing = |signal: &[f64], range| over(run, signal, range).map(|(low, high)| high - low);
+        let peak_to_peak = |signal: &[f64], range| over(run, signal, range).map(|(low, high)| high - low);
         rows.push(row(
             format!("largest tracking error, {letter}"),
             [largest(before)? * 1e6, largest(after)? * 1e6],
@@ -182,14 +182,14 @@ fn tracking(run: &Run, paper: bool) -> Option<Table> {
             "slightly smaller after",
         ));
         rows.push(row(
-            format!("swing of the observed perturbation, {letter}"),
-            [swing(estimate, before)?, swing(estimate, after)?],
+            format!("observed perturbation, peak to peak, {letter}"),
+            [peak_to_peak(estimate, before)?, peak_to_peak(estimate, after)?],
             "N",
-            PAPER_SWING_RATIO,
+            PAPER_RATIO,
         ));
         rows.push(row(
-            format!("swing of the true perturbation, {letter}"),
-            [swing(perturbation, before)?, swing(perturbation, after)?],
+            format!("true perturbation, peak to peak, {letter}"),
+            [peak_to_peak(perturbation, before)?, peak_to_peak(perturbation, after)?],
             "N",
             "",
         ));
@@ -203,8 +203,7 @@ fn tracking(run: &Run, paper: bool) -> Option<Table> {
     Some(Table {
         title: "Tracking before and after the update".into(),
         note: format!(
-            "Over {:.0} ms before the update at {update_s} s and the last {:.0} ms of the run; a swing is the difference \
-             of the greatest and the least value.",
+            "Over {:.0} ms before the update at {update_s} s and the last {:.0} ms of the run.",
             STRETCH_S * 1e3,
             STRETCH_S * 1e3
         ),
