@@ -2,6 +2,7 @@
 
 pub mod bearing;
 pub mod cli;
+pub mod closed_loop;
 pub mod contour;
 pub mod design;
 pub mod documentation;

@@ -146,7 +146,7 @@ impl Design {
         };
         let mut scenario = Scenario::parse(&name.display().to_string(), &scenario_text)
             .map_err(|error| SweepError { origin: error.origin, findings: error.findings })?;
-        scenario.elements.truncate(3);
+        scenario.remove_observers();
         Ok(Self { scenario, scenario_text, columns, cases })
     }
 

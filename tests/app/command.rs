@@ -51,7 +51,7 @@ fn the_main_job_packages_runs_and_reports() {
     says(&out, &["truth", "paper, figure 2", "paperLiteral at 0.1 s", "paper at 0.1 s", "predictionError at 0.2 s"]);
     says(&out, &["before", "after", "µm", "N", "target/report/index.html"]);
     let page = fs::read_to_string(folder.join("target/report/index.html")).expect("the report");
-    says(&page, &["<!DOCTYPE html>", "<svg", "</html>"]);
+    says(&page, &["<!DOCTYPE html>", "application/json", ">cargo run --release<", "</html>"]);
     assert_eq!(err, "", "nothing goes wrong, and nobody looks at a progress bar");
 }
 
@@ -79,7 +79,8 @@ fn a_scenario_is_printed_changed_and_run() {
     assert_eq!(rows.len(), 301, "30 ms in steps of 100 µs, both ends included");
     assert!(rows.iter().all(|row| row.len() == columns && row.iter().all(|value| value.is_finite())));
     let page = fs::read_to_string(folder.join("page/index.html")).expect("the report");
-    says(&page, &["<svg", "A rotor with unbalance"]);
+    let command = "cargo run --release -- simulate mine.toml --csv out.csv --report page";
+    says(&page, &["application/json", "A rotor with unbalance", command]);
 }
 
 #[test]
