@@ -55,6 +55,12 @@ pub fn update(recording: &Recording) -> Option<usize> {
     (1..=3).filter_map(changed).min().filter(|update| *update > 1)
 }
 
+/// When the controller first took an estimate over, in s: at the begin of the step after which its output shows it.
+#[must_use]
+pub fn update_s(recording: &Recording) -> Option<f64> {
+    update(recording).map(|update| recording.time_s[update - 1])
+}
+
 /// The last whole revolutions before the update and those of the run; those of the run alone where there was no update, and
 /// where the rotor turns at another speed in the end, for then there is nothing to compare.
 #[must_use]

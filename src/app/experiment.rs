@@ -13,15 +13,15 @@ use crate::slave::variable::{Type, Value, Variable};
 /// Estimates of the paper: figure 2, simulation, after less than 0.1 s.
 const PAPER_LAMBDA: [f64; 3] = [1.786e-6, 2.072e-6, 2.199e-6];
 /// What the paper says its perturbation estimates fall by, at least.
-const PAPER_SWING_RATIO: &str = "at least 3";
+const PAPER_RATIO: &str = "at least 3";
 /// Instants at which estimates are compared.
 const INSTANTS_S: [f64; 2] = [0.1, 0.2];
 /// Length of the stretches before and after the update over which errors are taken, in seconds.
 const STRETCH_S: f64 = 0.04;
 
 /// Whether the scenario is the paper's, so that its figures can stand beside ours.
-fn is_paper(name: &Path) -> bool {
-    name == Path::new("paper")
+fn is_paper(name: &Path, scenario: &Scenario) -> bool {
+    name == Path::new("paper") && scenario.changes.is_empty()
 }
 
 /// The configurations of a scenario that has been run, or could be.
@@ -42,8 +42,8 @@ fn methods(scenario: &Scenario) -> Vec<Method> {
 
 /// The tables of results of the scenario of that name.
 pub fn tables(name: &Path, scenario: &Scenario, run: &Run) -> Vec<Table> {
-    let mut tables = vec![estimates(scenario, run, is_paper(name))];
-    tables.extend(tracking(run, is_paper(name)));
+    let mut tables = vec![estimates(scenario, run, is_paper(name, scenario))];
+    tables.extend(tracking(run, is_paper(name, scenario)));
     tables
 }
 
@@ -150,13 +150,13 @@ fn percent(value: f64) -> String {
     }
 }
 
-/// Tracking error and swing of the perturbation estimate before and after the update.
+/// Tracking error and peak-to-peak value of the perturbation estimate before and after the update.
 fn tracking(run: &Run, paper: bool) -> Option<Table> {
     // Another speed in the end leaves nothing to compare.
     if bearing::stretches(&run.recording).len() < 2 {
         return None;
     }
-    let update_s = run.recording.time_s[bearing::update(&run.recording)?];
+    let update_s = bearing::update_s(&run.recording)?;
     let last_s = *run.recording.time_s.last()?;
     if last_s < update_s + STRETCH_S || update_s < STRETCH_S {
         return None;
@@ -172,7 +172,7 @@ fn tracking(run: &Run, paper: bool) -> Option<Table> {
         let error: Vec<f64> = position.iter().zip(reference).map(|(is, ought)| is - ought).collect();
         let letter = axis.to_lowercase();
         let largest = |range| over(run, &error, range).map(|(low, high)| high.max(-low));
-        let swing = |signal: &[f64], range| over(run, signal, range).map(|(low, high)| high - low);
+        let peak_to_peak = |signal: &[f64], range| over(run, signal, range).map(|(low, high)| high - low);
         rows.push(row(
             format!("largest tracking error, {letter}"),
             [largest(before)? * 1e6, largest(after)? * 1e6],
@@ -180,14 +180,14 @@ fn tracking(run: &Run, paper: bool) -> Option<Table> {
             "slightly smaller after",
         ));
         rows.push(row(
-            format!("swing of the observed perturbation, {letter}"),
-            [swing(estimate, before)?, swing(estimate, after)?],
+            format!("observed perturbation, peak to peak, {letter}"),
+            [peak_to_peak(estimate, before)?, peak_to_peak(estimate, after)?],
             "N",
-            PAPER_SWING_RATIO,
+            PAPER_RATIO,
         ));
         rows.push(row(
-            format!("swing of the true perturbation, {letter}"),
-            [swing(perturbation, before)?, swing(perturbation, after)?],
+            format!("true perturbation, peak to peak, {letter}"),
+            [peak_to_peak(perturbation, before)?, peak_to_peak(perturbation, after)?],
             "N",
             "",
         ));
@@ -201,8 +201,7 @@ fn tracking(run: &Run, paper: bool) -> Option<Table> {
     Some(Table {
         title: "Tracking before and after the update".into(),
         note: format!(
-            "Over {:.0} ms before the update at {update_s} s and the last {:.0} ms of the run; a swing is the difference \
-             of the greatest and the least value.",
+            "Over {:.0} ms before the update at {update_s} s and the last {:.0} ms of the run.",
             STRETCH_S * 1e3,
             STRETCH_S * 1e3
         ),
@@ -239,16 +238,20 @@ fn answer(scenario: &Scenario, run: &Run) -> Option<Answer> {
     let since_s = report::instant(run.recording.time_s[since]);
     let words = VERDICT.items.get((verdict as usize).wrapping_sub(1)).map_or("", |(_, words)| *words);
     let mut verdict = format!("since {since_s}: {}{}.", words[..1].to_lowercase(), &words[1..]);
-    let ever = column("valid")?.iter().rposition(|valid| *valid == 1.0).filter(|_| !valid);
-    if let Some(at) = ever {
-        verdict += &format!(
-            " It was valid until {}; what is shown is that estimate.",
-            report::instant(run.recording.time_s[at])
-        );
+    if !valid {
+        verdict += &match column("valid")?.iter().rposition(|valid| *valid == 1.0) {
+            Some(at) => {
+                let until_s = report::instant(run.recording.time_s[at]);
+                format!(" It was valid until {until_s}; what is shown is that estimate.")
+            }
+            None => " It was never valid.".into(),
+        };
     }
     let expectation = coherence_note(scenario);
+    let method = scenario.value("estimator", "method").and_then(|value| METHOD.item(value.as_f64() as i32));
     Some(Answer {
         element: "estimator".into(),
+        method: method.unwrap_or_default().into(),
         valid,
         verdict,
         lambda: last("lambdaHat")?,
@@ -265,7 +268,10 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<Event> {
     if let Some(update) = bearing::update(&run.recording) {
         let more = run.recording.get("controller.lambdaUsed[1]").unwrap_or(&[]);
         let again = more.last() != more.get(update);
-        mark(time_s[update], if again { "first update".into() } else { "update".into() });
+        mark(
+            bearing::update_s(&run.recording).unwrap_or(time_s[update]),
+            if again { "first update".into() } else { "update".into() },
+        );
     }
     for profile in &scenario.profiles {
         for target in &profile.targets {
@@ -302,6 +308,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
     let mut tables = tables(name, scenario, run);
     tables.extend(bearing::table(scenario, run, &sensitivities));
     let paper = match name.to_str() {
+        _ if !scenario.changes.is_empty() => None,
         Some("paper") => Some(Paper::Simulation),
         Some("experiment") => Some(Paper::Experiment),
         _ => None,

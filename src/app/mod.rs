@@ -10,6 +10,7 @@ pub mod experiment;
 pub mod html;
 pub mod identify;
 pub mod montecarlo;
+pub mod output;
 pub mod package;
 pub mod platforms;
 pub mod plot;
@@ -18,6 +19,7 @@ pub mod recording;
 pub mod report;
 pub mod scenario;
 pub mod simulate;
+pub mod summary;
 pub mod sweep;
 
 mod ssp;
