@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::innovations::{Innovation, Running};
 
 /// Samples whose differences the start is taken from: their standard deviation is then known to about a tenth.
-const START_SAMPLES: u32 = 64;
+pub const START_SAMPLES: u32 = 64;
 
 /// Standard deviation of the noise of a current that the search starts from, A: the geometric mean of 1 mA and 0.1 A, between which it is
 /// found.

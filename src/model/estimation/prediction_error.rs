@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{EstimatorConfig, EstimatorInput, EstimatorOutput, Verdict};
 use super::innovations::{Field, FilterState, Innovation, Running, Sample, UNKNOWNS, WhiteningFilter, turned};
-use super::noise::{Differences, LEVERAGE_LIMIT, Noise, OUTLIER, clip};
+use super::noise::{Differences, LEVERAGE_LIMIT, START_SAMPLES, Noise, OUTLIER, clip};
 use super::sums::{AngleTable, InstrumentalSums, Solution, Square, Sums};
 use super::validation::{Validation, has_changed};
 use super::{CONDITION_CAP, MAGNETS};
@@ -78,6 +78,8 @@ struct Quarter {
 pub struct PredictionErrorState {
     /// What the noise is started from.
     differences: Differences,
+    /// Samples that wait for it.
+    waiting: Waiting,
     /// The noise, once it is known.
     noise: Option<Noise>,
     /// The filter, unless the last sample was of no use.
@@ -148,6 +150,7 @@ impl PredictionError {
         let told = self.told.iter().all(|noise| *noise > 0.0);
         PredictionErrorState {
             differences: Differences::default(),
+            waiting: Waiting::default(),
             noise: told.then(|| Noise::new(self.told, self.told[0])),
             filter: None,
             running: self.first_guess(),
@@ -183,6 +186,7 @@ impl PredictionError {
     /// A gap in the data: the filter starts again after it, the sums stay.
     pub fn interrupt(&self, state: &mut PredictionErrorState) {
         state.filter = None;
+        state.waiting.clear();
         if state.noise.is_none() {
             state.differences = Differences::default();
         }
@@ -203,9 +207,24 @@ impl PredictionError {
             turn: [cos, sin],
             omega_rad_s: input.omega_rad_s,
         };
+        state.waiting.put(sample);
         if state.noise.is_none() {
             state.noise = state.differences.add(input.position_m).map(|first_m| Noise::new(self.told, first_m));
+            if state.noise.is_none() {
+                return Verdict::Collecting;
+            }
         }
+        // Two a step, until the samples that waited for the noise are caught up with.
+        let mut verdict = Verdict::Collecting;
+        for _ in 0..2 {
+            if let Some(sample) = state.waiting.take() {
+                verdict = self.filter_sample(state, sample, output);
+            }
+        }
+        verdict
+    }
+
+    fn filter_sample(&self, state: &mut PredictionErrorState, sample: Sample, output: &mut EstimatorOutput) -> Verdict {
         let Some(noise) = state.noise.clone() else { return Verdict::Collecting };
         let [position_variance, current_variance] = noise.variances();
         let Some(filter) = &mut state.filter else {
@@ -216,7 +235,7 @@ impl PredictionError {
         let field_gradient = mean(state.last.iter().chain([&state.present]), |quarter| quarter.gradient);
         let field_gradient = field_gradient.unwrap_or_else(|| {
             let gaps = self.filter.gaps(sample.position_m);
-            std::array::from_fn(|k| input.current_a[k] * input.current_a[k] / (gaps[k] * gaps[k] * gaps[k]))
+            std::array::from_fn(|k| sample.current_a[k] * sample.current_a[k] / (gaps[k] * gaps[k] * gaps[k]))
         });
         let (unknowns, estimated) = (state.running, state.estimated);
         let running = Running { unknowns, estimated, position_variance, current_variance, field_gradient };
@@ -260,7 +279,7 @@ impl PredictionError {
         let settled = if noise.is_told() { state.estimated } else { leverage < SETTLED_LEVERAGE };
         let turn = sample.turn;
         state.validation.add(&innovation, position_variance, turn, per_revolution, settled, with_tolerances);
-        let square = input.current_a.iter().map(|i| i * i).sum::<f64>() / 3.0;
+        let square = sample.current_a.iter().map(|i| i * i).sum::<f64>() / 3.0;
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
         if weight > 0.0
             && let Some(noise) = &mut state.noise
@@ -453,6 +472,33 @@ impl PredictionError {
             output.ks = std::array::from_fn(|k| 2.0 * output.lambda_hat[k] * gradient[k]);
         }
         verdict
+    }
+}
+
+/// Samples that wait until the noise has a start, in a ring.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Waiting {
+    samples: [[Sample; 32]; START_SAMPLES as usize / 32],
+    first: usize,
+    count: usize,
+}
+
+impl Waiting {
+    fn put(&mut self, sample: Sample) {
+        let at = (self.first + self.count) % START_SAMPLES as usize;
+        self.samples.as_flattened_mut()[at] = sample;
+        self.count += 1;
+    }
+
+    fn take(&mut self) -> Option<Sample> {
+        self.count = self.count.checked_sub(1)?;
+        let at = self.first;
+        self.first = (at + 1) % START_SAMPLES as usize;
+        Some(self.samples.as_flattened()[at])
+    }
+
+    fn clear(&mut self) {
+        self.count = 0;
     }
 }
 
