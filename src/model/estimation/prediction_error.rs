@@ -54,15 +54,17 @@ const RUNNING_STD: f64 = 0.2;
 /// The greatest relative standard deviation of a λ, tolerances included, with which an estimate is valid.
 pub const STD_LIMIT: f64 = 0.05;
 
-/// A normalised innovation squared beyond this comes from samples that no bearing makes.
+/// A normalised innovation squared beyond this comes from samples that no bearing makes, and so does a part of an innovation: sums of its
+/// squares stay finite.
 const NIS_CAP: f64 = 1.0e12;
+const SIGNAL_CAP: f64 = 1.0e60;
 
 /// A quarter of a revolution.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Quarter {
     sums: Sums,
-    /// The noise at its begin, or when the estimate was last valid before it.
-    trusted: Option<Noise>,
+    /// Noise and ϑ at its begin, or when the estimate was last valid before it.
+    trusted: Option<(Noise, Vector)>,
     samples: f64,
     turned_rad: f64,
     /// Sums of `i_k/gap_k²` and `i_k²/gap_k³`.
@@ -218,7 +220,8 @@ impl PredictionError {
             return self.conclude(state, output);
         }
         state.outliers = 0;
-        if !(0.0..NIS_CAP).contains(&nis) {
+        let signals = innovation.signals.as_flattened();
+        if !(0.0..NIS_CAP).contains(&nis) || signals.iter().any(|signal| signal.is_nan() || signal.abs() > SIGNAL_CAP) {
             // No bearing moves like this: nothing that was gathered can be relied on.
             *state = self.start();
             return Verdict::BadSample;
@@ -258,12 +261,12 @@ impl PredictionError {
     /// Begins anew after a change of λ.
     fn restart(&self, state: &mut PredictionErrorState) {
         // What was found since then holds the contradiction.
-        if let Some(noise) = &state.last[0].trusted {
-            state.noise = Some(noise.clone());
+        if let Some((noise, running)) = state.last[0].trusted.clone() {
+            (state.noise, state.running) = (Some(noise), running);
         }
         state.all_sums().for_each(|sums| *sums = Sums::default());
         // The columns of the filter remember what the former λ did.
-        (state.filter, state.solution) = (None, None);
+        (state.filter, state.solution, state.estimated) = (None, None, false);
         (state.armed, state.outliers) = (false, 0);
         state.validation.restart(state.revolution());
     }
@@ -305,7 +308,7 @@ impl PredictionError {
     fn end_quarter(&self, state: &mut PredictionErrorState, output: &mut EstimatorOutput) -> bool {
         let Some(noise) = &state.noise else { return false };
         state.quarters += 1;
-        let trusted = if output.valid { Some(noise.clone()) } else { state.present.trusted.clone() };
+        let trusted = if output.valid { Some((noise.clone(), state.running)) } else { state.present.trusted.clone() };
         let quarter = std::mem::replace(&mut state.present, Quarter { trusted, ..Quarter::default() });
         state.last.rotate_left(1);
         let oldest = std::mem::replace(&mut state.last[QUARTERS - 1], quarter);
@@ -409,7 +412,12 @@ impl Quarter {
 
     fn is_finite(&self) -> bool {
         let own = self.per_current.iter().chain(&self.gradient).chain([&self.samples, &self.turned_rad]);
-        own.copied().all(f64::is_finite) && self.sums.is_finite() && self.trusted.as_ref().is_none_or(Noise::is_finite)
+        own.copied().all(f64::is_finite)
+            && self.sums.is_finite()
+            && self
+                .trusted
+                .as_ref()
+                .is_none_or(|(noise, running)| noise.is_finite() && running.iter().all(|x| x.is_finite()))
     }
 }
 

@@ -24,6 +24,10 @@ pub type ByTolerance = SMatrix<f64, UNKNOWNS, TOLERANCES>;
 const ROWS: [usize; 2 * UNKNOWNS] =
     [1, 2, 3, 4, 5, 6, 7, FIRST_INSTRUMENT, FIRST_INSTRUMENT + 1, FIRST_INSTRUMENT + 2, 4, 5, 6, 7];
 
+/// Variance of the size of the bias, in units of the attenuation: −1 without feedback, near 0 with usual controllers, which answer to noise of
+/// the positions. With a variance of 1 error/std was 0.2 to 0.8 where the attenuation decides (100 drawn bearings, seeds 51001 and 55001).
+const ATTENUATION_VARIANCE: f64 = 0.25;
+
 /// Sums over a stretch of samples.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sums {
@@ -160,10 +164,10 @@ pub struct PredictionErrorSolution {
 
 impl PredictionErrorSolution {
     /// The estimate of both, with instruments if any are given: the attenuation counts as a bias of the known direction a and of a size s with
-    /// variance one, which instruments, free of it, tell as far as they can.
+    /// the variance V of [`ATTENUATION_VARIANCE`], which instruments, free of it, tell as far as they can.
     ///
     /// With `l = J a/(aᵀ J a)`, so that `lᵀ a = 1`, the difference `lᵀ (ϑ_IV − ϑ_PE)` is s with the variance `v = lᵀ (P_IV − P_PE) l`. So
-    /// `ŝ = lᵀ (ϑ_IV − ϑ_PE)/(1 + v)`, `ϑ = ϑ_PE + ŝ a`, and the variance is that of ϑ_PE and `a² v/(1 + v)`.
+    /// `ŝ = V lᵀ (ϑ_IV − ϑ_PE)/(V + v)`, `ϑ = ϑ_PE + ŝ a`, and the variance is that of ϑ_PE and `a² V v/(V + v)`.
     pub fn combine(&self, instruments: Option<&Sums>, position_variance: f64) -> Solution {
         let a = &self.attenuation;
         let l = self.information * a;
@@ -173,10 +177,10 @@ impl PredictionErrorSolution {
         let (size, variance, sensitivity) = match told {
             Some((difference, variance, sensitivity)) => {
                 let variance = (variance - position_variance / weight).max(0.0);
-                let part = 1.0 / (1.0 + variance);
+                let part = ATTENUATION_VARIANCE / (ATTENUATION_VARIANCE + variance);
                 (part * difference, part * variance, sensitivity * part)
             }
-            None => (0.0, 1.0, SVector::zeros()),
+            None => (0.0, ATTENUATION_VARIANCE, SVector::zeros()),
         };
         Solution {
             unknowns: self.unknowns + a * size,
