@@ -813,7 +813,9 @@ fn outputs_are_finite_on_wild_inputs() {
             assert!(o.lambda_std.iter().chain(&o.lambda_std_total).all(|std| *std >= 0.0), "{o:?}");
             assert!(!o.valid || o.lambda_hat.iter().all(|l| *l > 0.0), "{o:?}");
             assert_eq!(o.valid, o.verdict == Verdict::Valid);
-            assert!(j % 101 != 0 || estimator.accepts(&state), "{hold:?} {told_noise:?}, sample {j}");
+            // The square of 1e-300 is 0, and the variance of a velocity in its units infinite.
+            let checked = j % 101 == 0 && told_noise.0 != 1e-300;
+            assert!(!checked || estimator.accepts(&state), "{hold:?} {told_noise:?}, sample {j}");
         }
     }
 }

@@ -48,6 +48,9 @@ const LEAST_GAP: f64 = 0.1;
 /// Time constant of the acceleration ω̇, s: short beside a run-up, long beside the noise of a speed sensor.
 const ACCELERATION_TIME_S: f64 = 3.0e-3;
 
+/// No part of an innovation of a bearing is as large as this, whatever its unit.
+const SIGNAL_CAP: f64 = 1.0e60;
+
 /// The unknowns ϑ.
 pub type Vector = nalgebra::SVector<f64, UNKNOWNS>;
 
@@ -156,6 +159,12 @@ impl Innovation {
     #[inline(always)]
     pub fn signal(&self, n: usize) -> Vector2<f64> {
         Vector2::new(self.signals[0][n], self.signals[1][n])
+    }
+
+    /// Whether S is definite, and sums of the squares of all parts stay finite.
+    pub fn is_sound(&self) -> bool {
+        self.signals.as_flattened().iter().all(|part| part.abs() < SIGNAL_CAP)
+            && self.whitening.iter().all(|x| x.is_finite())
     }
 
     /// Normalised innovation squared `eᵀ S⁻¹ e/σ_z²`.

@@ -54,10 +54,8 @@ const RUNNING_STD: f64 = 0.2;
 /// The greatest relative standard deviation of a λ, tolerances included, with which an estimate is valid.
 pub const STD_LIMIT: f64 = 0.05;
 
-/// A normalised innovation squared beyond this comes from samples that no bearing makes, and so does a part of an innovation: sums of its
-/// squares stay finite.
+/// A normalised innovation squared beyond this comes from samples that no bearing makes.
 const NIS_CAP: f64 = 1.0e12;
-const SIGNAL_CAP: f64 = 1.0e60;
 
 /// A quarter of a revolution.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -220,8 +218,7 @@ impl PredictionError {
             return self.conclude(state, output);
         }
         state.outliers = 0;
-        let signals = innovation.signals.as_flattened();
-        if !(0.0..NIS_CAP).contains(&nis) || signals.iter().any(|signal| signal.is_nan() || signal.abs() > SIGNAL_CAP) {
+        if !((0.0..NIS_CAP).contains(&nis) && innovation.is_sound()) {
             // No bearing moves like this: nothing that was gathered can be relied on.
             *state = self.start();
             return Verdict::BadSample;
