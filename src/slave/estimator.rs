@@ -262,10 +262,11 @@ fn table() -> Vec<Row<Values>> {
             .says("Whether the estimate can be relied on; if not, lambdaHat is the last valid one"),
     );
     let verdict = Access {
-        get: |values: &Values, _| verdict_number(values.output.verdict),
+        get: |values: &Values, _| values.output.verdict as i32 + 1,
         set: |values: &mut Values, _, number| {
             let at = usize::try_from(number).ok().and_then(|number| number.checked_sub(1));
-            values.output.verdict = at.and_then(|at| Verdict::ALL.get(at)).copied().unwrap_or_default();
+            values.output.verdict =
+                at.and_then(|at| Verdict::ALL.get(at)).map(|(verdict, _)| *verdict).unwrap_or_default();
         },
     };
     rows.push(Row::choice("verdict", verdict, &VERDICT, 2).sampled_output().says("Why the estimate is valid or not"));
@@ -299,11 +300,6 @@ fn table() -> Vec<Row<Values>> {
             .says("Identified angle of the unbalance from the mark on the rotor that theta refers to"),
     );
     rows
-}
-
-/// The number of a verdict in the interface.
-fn verdict_number(verdict: Verdict) -> i32 {
-    Verdict::ALL.iter().zip(1..).find(|(one, _)| **one == verdict).map_or(0, |(_, number)| number)
 }
 
 /// A run of the estimator.
