@@ -297,7 +297,7 @@ fn errors(run: &Run) -> Option<Figure> {
         .filter(|error| *error > 0.0)
         .collect();
     all.sort_by(f64::total_cmp);
-    let least = all.get(all.len() / 50).map_or(1e-4, |error| 10f64.powf(error.log10().floor()).clamp(1e-7, 1e-2));
+    let least = all.get(all.len() / 50).map_or(1e-4, |error| 10f64.powf(error.log10().floor()).clamp(1e-7, 1e-3));
     let one = |element: &str| {
         let mut plot = run.plot("|λ̂ − λ|/λ", Unit::PERCENT).decades(1).range(1, [least, 2.0]).height(280.0);
         let lambda = lambda(element);
