@@ -10,13 +10,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
+use fmu_export::fmi2::bindings::*;
+use fmu_export::fmi2::registry;
 use interleave::{candidate, shown, table};
 use libloading::{Library, Symbol};
 use magnetic_bearing::app::package;
 use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::app::simulate;
-use magnetic_bearing::fmi2::bindings::*;
-use magnetic_bearing::fmi2::registry;
 use magnetic_bearing::model::controller::{Controller, ControllerConfig, ControllerInput};
 use magnetic_bearing::model::estimation::paper::window::{Sample, WindowSums};
 use magnetic_bearing::model::estimation::{
@@ -196,7 +196,7 @@ fn interface(record: &[EstimatorInput]) {
     let library = unsafe { Library::new(path) }.expect("a library that can be loaded");
     let entry = registry::entries().iter().find(|entry| entry.kind.name == "AlgebraicEstimator").expect("a model");
     let index = |name: &str| {
-        let variables = (entry.kind.variables)();
+        let variables = entry.kind.variables();
         variables.iter().position(|variable| variable.name == name).expect("a variable") as fmi2ValueReference
     };
     macro_rules! function {

@@ -6,7 +6,7 @@
 use core::ffi::{c_char, c_int, c_uint, c_void};
 use core::mem::{align_of, offset_of, size_of};
 
-use magnetic_bearing::fmi2::bindings::*;
+use fmu_export::fmi2::bindings::*;
 use sha2::{Digest, Sha256};
 
 const HEADER: &[u8] = include_bytes!("../src/fmi2/fmi2.h");

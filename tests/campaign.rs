@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
 use std::sync::Mutex;
 
+use fmu_export::fmi2::bindings::*;
 use magnetic_bearing::app::package;
-use magnetic_bearing::fmi2::bindings::*;
 use support::ffi::{Expect, Fmu, guid, text};
 
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];

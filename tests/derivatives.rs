@@ -4,8 +4,8 @@ mod support;
 
 use std::f64::consts::PI;
 
-use magnetic_bearing::fmi2::bindings::fmi2ValueReference;
-use magnetic_bearing::slave::variable::{Causality, Type};
+use fmu_export::fmi2::bindings::fmi2ValueReference;
+use fmu_export::variable::{Causality, Type};
 use support::ffi::{Expect, Fmu};
 
 const PLANT: &str = "MagneticBearing";

@@ -7,11 +7,11 @@ use std::f64::consts::{FRAC_PI_3, PI};
 use std::fs;
 use std::path::Path;
 
+use fmu_export::fmi2::description;
+use fmu_export::fmi2::registry::{self, Entry};
+use fmu_export::variable::{Type, Variable};
 use magnetic_bearing::app::documentation;
-use magnetic_bearing::fmi2::description;
-use magnetic_bearing::fmi2::registry::{self, Entry};
-use magnetic_bearing::slave::variable::{Type, Variable};
-use magnetic_bearing::slave::{Kind, plant};
+use magnetic_bearing::fmu::{Kind, plant};
 use roxmltree::{Document, Node};
 
 /// A start value of the contract.
@@ -466,7 +466,7 @@ fn the_structure_lists_every_output_and_what_acts_on_it_at_once() {
                     variables[index.parse::<usize>().expect("an index") - 1].attribute("name").expect("a name")
                 })
                 .collect();
-            let depends_on = &(entry.kind.variables)()[index - 1].depends_on;
+            let depends_on = &entry.kind.variables()[index - 1].depends_on;
             let mut meant: Vec<_> = depends_on.iter().map(|(name, _)| name.as_ref()).collect();
             named.sort_unstable();
             meant.sort_unstable();
@@ -520,7 +520,7 @@ fn attributes_say_what_is_offered() {
 fn equal_names_have_equal_units() {
     let mut units: HashMap<String, (&str, String)> = HashMap::new();
     for entry in registry::entries() {
-        for variable in (entry.kind.variables)() {
+        for variable in entry.kind.variables() {
             if let Type::Real { unit, .. } = &variable.kind {
                 let (other, known) =
                     units.entry(variable.name.to_string()).or_insert((entry.kind.name, unit.name.to_owned()));

@@ -7,9 +7,9 @@ use std::ffi::{CStr, c_char};
 use std::ptr::{null, null_mut};
 use std::thread;
 
-use magnetic_bearing::fmi2::bindings::*;
-use magnetic_bearing::fmi2::sequence::Function;
-use magnetic_bearing::slave::variable::{Causality, Type};
+use fmu_export::fmi2::bindings::*;
+use fmu_export::fmi2::sequence::Function;
+use fmu_export::variable::{Causality, Type};
 use support::ffi::{Expect, Fmu, Message, Request, guid, text};
 use support::says;
 
@@ -591,7 +591,7 @@ fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> 
 
 /// The categories that the model description declares.
 fn declared_categories() -> Vec<String> {
-    let entry = magnetic_bearing::fmi2::registry::entries().iter().find(|entry| entry.kind.name == PLANT).expect("it");
+    let entry = fmu_export::fmi2::registry::entries().iter().find(|entry| entry.kind.name == PLANT).expect("it");
     let document = roxmltree::Document::parse(&entry.description).expect("well-formed XML");
     let categories = document.descendants().filter(|node| node.has_tag_name("Category"));
     categories.map(|node| node.attribute("name").expect("a name").to_owned()).collect()

@@ -4,6 +4,7 @@ mod support;
 
 use std::path::Path;
 
+use fmu_export::variable::Value;
 use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::app::simulate::{self, Run};
 use magnetic_bearing::model::controller::{Controller, ControllerConfig, ControllerInput, UpdateMode};
@@ -12,7 +13,6 @@ use magnetic_bearing::model::estimation::{
 };
 use magnetic_bearing::model::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
 use magnetic_bearing::model::reference::{ReferenceConfig, Shape};
-use magnetic_bearing::slave::variable::Value;
 use support::below;
 
 fn scenario(name: &str) -> Scenario {

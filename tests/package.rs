@@ -10,7 +10,7 @@ use std::process::Command;
 
 use magnetic_bearing::app::package::{self, Written};
 use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::slave::catalogue;
+use magnetic_bearing::fmu::catalogue;
 use roxmltree::{Document, Node};
 use support::says;
 use zip::{CompressionMethod, ZipArchive};
@@ -157,7 +157,7 @@ fn documentation_names_every_variable_and_loads_nothing() {
         let members = members(&fs::read(&written.path).expect("an archive"));
         let page = String::from_utf8(members["documentation/index.html"].clone()).expect("UTF-8");
         says(&page, &["<!DOCTYPE html>", kind.name]);
-        for variable in (kind.variables)() {
+        for variable in kind.variables() {
             let array = variable.name.split('[').next().expect("a name");
             assert!(page.contains(array), "{}: {} is not in the documentation", kind.name, variable.name);
         }
@@ -254,9 +254,9 @@ fn systems_connect_what_exists_and_name_what_is_there() {
         for component in named(root, "Component") {
             let element = component.attribute("name").expect("a name");
             let model = component.attribute("source").and_then(|source| Path::new(source).file_stem()?.to_str());
-            let kind = magnetic_bearing::slave::find(model.expect("a file")).expect("a model");
+            let kind = magnetic_bearing::fmu::find(model.expect("a file")).expect("a model");
             let variables: HashMap<_, _> =
-                (kind.variables)().into_iter().map(|variable| (variable.name.to_string(), variable)).collect();
+                kind.variables().into_iter().map(|variable| (variable.name.to_string(), variable)).collect();
             for connector in named(component, "Connector") {
                 let name = connector.attribute("name").expect("a name");
                 let variable = variables.get(name).unwrap_or_else(|| panic!("{file}: {element}.{name} is no variable"));
@@ -325,7 +325,7 @@ fn parameter_sets_give_what_the_scenarios_say() {
             for parameter in named(root, "Parameter") {
                 let variable = parameter.attribute("name").expect("a name");
                 assert!(seen.insert(variable), "{file}: {variable} stands there twice");
-                let variables = (part.kind.variables)();
+                let variables = part.kind.variables();
                 let of_table = variables.into_iter().find(|known| known.name == variable).expect("a variable");
                 assert!(of_table.is_settable(), "{file}: {variable} can be set");
                 let value = parameter.first_element_child().expect("a value");

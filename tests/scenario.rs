@@ -4,9 +4,9 @@ mod support;
 
 use std::path::Path;
 
+use fmu_export::variable::Value;
 use magnetic_bearing::app::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::app::simulate;
-use magnetic_bearing::slave::variable::Value;
 use support::says;
 
 /// A scenario around some lines of the head and some tables.

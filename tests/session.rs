@@ -6,7 +6,7 @@ mod support;
 
 use std::ptr::null_mut;
 
-use magnetic_bearing::fmi2::bindings::{fmi2Status, fmi2StatusKind};
+use fmu_export::fmi2::bindings::{fmi2Status, fmi2StatusKind};
 use support::ffi::{Expect, Request};
 
 const TS: f64 = 1e-4;

@@ -2,10 +2,10 @@
 
 mod support;
 
-use magnetic_bearing::slave::clock::Clock;
-use magnetic_bearing::slave::instance::AccessError;
-use magnetic_bearing::slave::variable::{Causality, Type, Value, Variability};
-use magnetic_bearing::slave::{catalogue, plant};
+use fmu_export::clock::Clock;
+use fmu_export::instance::AccessError;
+use fmu_export::variable::{Causality, Type, Value, Variability};
+use magnetic_bearing::fmu::{catalogue, plant};
 use support::named::Named;
 use support::{Random, below, says};
 
@@ -565,6 +565,6 @@ fn the_catalogue_is_complete() {
     for kind in catalogue() {
         assert!(kind.stop_s > 0.0 && kind.step_s > 0.0 && kind.description.len() > 20, "{}", kind.name);
     }
-    assert!(magnetic_bearing::slave::find("magneticbearing").is_none());
+    assert!(magnetic_bearing::fmu::find("magneticbearing").is_none());
     assert_eq!((plant::KIND.variables)().len(), Named::new("MagneticBearing").variables.len());
 }

@@ -5,7 +5,7 @@ mod support;
 use std::process::Command;
 use std::ptr::null_mut;
 
-use magnetic_bearing::fmi2::bindings::{fmi2FMUstate, fmi2Status};
+use fmu_export::fmi2::bindings::{fmi2FMUstate, fmi2Status};
 use sha2::{Digest, Sha256};
 use support::ffi::{Expect, Fmu};
 

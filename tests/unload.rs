@@ -7,7 +7,7 @@ mod support;
 use std::process::Command;
 use std::sync::Mutex;
 
-use magnetic_bearing::fmi2::bindings::fmi2Status;
+use fmu_export::fmi2::bindings::fmi2Status;
 use support::ffi::{Fmu, Request};
 
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];

@@ -6,9 +6,9 @@ use std::f64::consts::TAU;
 use super::report::{Sensitivity, Table};
 use super::scenario::{Element, Scenario};
 use super::simulate::Run;
+use crate::fmu::{controller, plant};
 use crate::model::sensitivity::{NoSensitivity, SampledLoop, zone};
-use crate::slave::variable::Value;
-use crate::slave::{controller, plant};
+use fmu_export::variable::Value;
 
 /// How many revolutions the figures are taken over, and how long where the rotor hardly turns, in s.
 const REVOLUTIONS: f64 = 2.0;
@@ -151,7 +151,8 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> O
 /// Sensitivity functions before and after the update, or the one; what stands in the way as text.
 pub fn sensitivities(scenario: &Scenario, run: &Run) -> Vec<Sensitivity> {
     let Some(stretches) = stretches(run) else { return Vec::new() };
-    let settings = |element: &Element| element.settings.iter().map(|setting| (setting.index, setting.value)).collect();
+    let settings =
+        |element: &Element| element.settings.iter().map(|setting| (setting.index, setting.value.clone())).collect();
     let settings: [Vec<(usize, Value)>; 2] = [settings(&scenario.elements[0]), settings(&scenario.elements[1])];
     let (Ok(plant), Ok(controller)) = (plant::configuration(&settings[0]), controller::configuration(&settings[1]))
     else {

@@ -6,8 +6,8 @@ use super::bearing;
 use super::report::{self, Method, Parameter, Report, Table};
 use super::scenario::Scenario;
 use super::simulate::Run;
-use crate::slave::estimator::METHOD;
-use crate::slave::variable::{Type, Value, Variable};
+use crate::fmu::estimator::METHOD;
+use fmu_export::variable::{Type, Value, Variable};
 
 /// Estimates of the paper: figure 2, simulation, after less than 0.1 s.
 const PAPER_LAMBDA: [f64; 3] = [1.786e-6, 2.072e-6, 2.199e-6];
@@ -258,7 +258,7 @@ fn parameters(scenario: &Scenario) -> Vec<Parameter> {
     let connections = scenario.connections();
     let mut parameters = Vec::new();
     for element in &scenario.elements[..3] {
-        for variable in (element.kind.variables)() {
+        for variable in element.kind.variables() {
             let connected = connections
                 .iter()
                 .any(|connection| connection.to[0] == element.name && connection.to[1] == variable.name);
@@ -290,6 +290,7 @@ fn shown(variable: &Variable, value: Value) -> String {
         (Type::Enumeration { items, .. }, Value::Integer(value)) => items.item(value).unwrap_or("?").into(),
         (_, Value::Integer(value)) => value.to_string(),
         (_, Value::Boolean(value)) => value.to_string(),
+        (_, Value::String(value)) => value,
         (_, Value::Real(value)) => rounded(value),
     }
 }

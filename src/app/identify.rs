@@ -19,11 +19,11 @@ pub use self::read::{Currents, Finding, Reading, Rotation, Samples, Unusable, du
 use super::plot::{Axis, Colour, Line, Plot, Unit};
 use super::recording::{Column, Recording};
 use super::report::{self, Table};
+use crate::fmu::estimator::{HOLD, METHOD};
 use crate::model::Invalid;
 use crate::model::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, STD_LIMIT, Tolerance, Verdict,
 };
-use crate::slave::estimator::{HOLD, METHOD};
 
 /// The methods by the names of the interface.
 pub const METHODS: [(&str, Method); 3] =

@@ -4,12 +4,10 @@ pub mod bearing;
 pub mod cli;
 pub mod contour;
 pub mod design;
-pub mod documentation;
 pub mod experiment;
 pub mod identify;
 pub mod montecarlo;
 pub mod package;
-pub mod platforms;
 pub mod plot;
 pub mod progress;
 pub mod recording;
@@ -17,5 +15,3 @@ pub mod report;
 pub mod scenario;
 pub mod simulate;
 pub mod sweep;
-
-mod ssp;

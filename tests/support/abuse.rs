@@ -5,8 +5,8 @@
 
 use std::ptr::{null, null_mut};
 
-use magnetic_bearing::fmi2::bindings::*;
-use magnetic_bearing::slave::variable::Value;
+use fmu_export::fmi2::bindings::*;
+use fmu_export::variable::Value;
 
 use super::ffi::{Fmu, Request, text};
 use crate::call;

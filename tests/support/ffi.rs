@@ -7,9 +7,9 @@ use std::ffi::{CStr, CString, c_void};
 use std::ptr::{null, null_mut};
 use std::sync::Mutex;
 
-use magnetic_bearing::fmi2::bindings::*;
-use magnetic_bearing::fmi2::registry;
-use magnetic_bearing::slave::variable::{Type, Variable};
+use fmu_export::fmi2::bindings::*;
+use fmu_export::fmi2::registry;
+use fmu_export::variable::{Type, Variable};
 
 /// Calls a function of the C interface by way of the pointer type that the header gives it.
 ///
@@ -17,7 +17,7 @@ use magnetic_bearing::slave::variable::{Type, Variable};
 #[macro_export]
 macro_rules! call {
     ($name:ident: $type:ident ($($argument:expr),* $(,)?)) => {{
-        let function: magnetic_bearing::fmi2::bindings::$type = Some(magnetic_bearing::fmi2::exports::$name);
+        let function: fmu_export::fmi2::bindings::$type = Some(fmu_export::fmi2::exports::$name);
         (function.expect("the function is there"))($($argument),*)
     }};
 }
@@ -143,7 +143,7 @@ impl Request {
             return Err(messages.into_inner().expect("no test panics while it holds the messages"));
         }
         let variables = registry::entries().iter().find(|entry| entry.kind.name == model);
-        let variables = variables.map(|entry| (entry.kind.variables)()).unwrap_or_default();
+        let variables = variables.map(|entry| entry.kind.variables()).unwrap_or_default();
         Ok(Fmu { component, variables, messages, _callbacks: callbacks })
     }
 }

@@ -1,15 +1,15 @@
 //! A slave whose variables are reached by name.
 
+use fmu_export::log::Silent;
+use fmu_export::variable::{Type, Value, Variable};
+use magnetic_bearing::fmu::instance::{AccessError, Fault, Step};
+use magnetic_bearing::fmu::{AnySlave, find};
 use magnetic_bearing::model::Invalid;
-use magnetic_bearing::slave::instance::{AccessError, Fault, Step};
-use magnetic_bearing::slave::log::Silent;
-use magnetic_bearing::slave::variable::{Type, Value, Variable};
-use magnetic_bearing::slave::{AnySlave, find};
 
 /// A slave with its variables.
 pub struct Named {
     /// The slave.
-    pub slave: Box<dyn AnySlave>,
+    pub slave: Box<dyn Instance>,
     /// Its variables, by index.
     pub variables: Vec<&'static Variable>,
 }
@@ -27,7 +27,7 @@ impl Named {
     /// A new slave of the model of that name.
     pub fn new(model: &str) -> Self {
         let kind = find(model).unwrap_or_else(|| panic!("there is no model {model}"));
-        Self { slave: (kind.instantiate)(), variables: (kind.variables)() }
+        Self { slave: kind.instantiate(), variables: kind.variables() }
     }
 
     /// A slave that runs, with these values set before the start at time 0.

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use super::{bound, real, truth};
 use crate::app::recording::Recording;
 use crate::app::scenario::Scenario;
-use crate::slave::variable::{Type, Value};
+use fmu_export::variable::{Type, Value};
 
 /// Beyond so many of its standard deviations no valid estimate may be wrong.
 pub const CONFIDENT: f64 = 5.0;
@@ -68,7 +68,7 @@ fn truth_at(scenario: &Scenario, start: [f64; 3], time_s: f64) -> [f64; 3] {
     let mut truth = start;
     for profile in &scenario.profiles {
         for (element, variable) in &profile.targets {
-            let name = (scenario.elements[*element].kind.variables)()[*variable].name.to_string();
+            let name = scenario.elements[*element].kind.variables()[*variable].name.to_string();
             let magnet = (1..=3).find(|k| *element == 0 && name == format!("lambda[{k}]"));
             if let (Some(k), Some(value)) = (magnet, profile.at(time_s - 0.5 * scenario.step_s)) {
                 truth[k - 1] = value.as_f64();
@@ -81,7 +81,7 @@ fn truth_at(scenario: &Scenario, start: [f64; 3], time_s: f64) -> [f64; 3] {
 /// The instant at which a λ changes, in s.
 fn change_s(scenario: &Scenario) -> Option<f64> {
     let of_lambda = |(element, variable): &(usize, usize)| {
-        *element == 0 && (scenario.elements[0].kind.variables)()[*variable].name.to_string().starts_with("lambda")
+        *element == 0 && scenario.elements[0].kind.variables()[*variable].name.to_string().starts_with("lambda")
     };
     let profile = scenario.profiles.iter().find(|profile| profile.targets.iter().any(of_lambda))?;
     profile.time_s.first().copied()
@@ -186,7 +186,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], see
 
 /// The name of a value of the output `verdict`.
 fn verdict(scenario: &Scenario, value: f64) -> String {
-    let variables = (scenario.elements[2].kind.variables)();
+    let variables = scenario.elements[2].kind.variables();
     let kind = variables.iter().find(|variable| variable.name == "verdict").map(|variable| &variable.kind);
     match kind {
         Some(Type::Enumeration { items, .. }) => items
