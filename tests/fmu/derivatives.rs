@@ -1,12 +1,10 @@
 //! Derivatives through the C interface: directional, of inputs over a step, of outputs in time.
 
-mod support;
-
 use std::f64::consts::PI;
 
+use crate::support::ffi::{Expect, Fmu};
 use fmu_export::fmi2::bindings::fmi2ValueReference;
 use fmu_export::variable::{Causality, Type};
-use support::ffi::{Expect, Fmu};
 
 const PLANT: &str = "MagneticBearing";
 const RUNNING: [(&str, f64); 8] = [

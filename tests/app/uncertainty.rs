@@ -1,14 +1,12 @@
 //! What the estimator says about its own error: over many seeds, in every scenario of a matrix, and when λ changes.
 
-mod common;
-
 use std::path::Path;
 
-use common::{Bench, Said};
-use fmu_export::variable::Value;
+use crate::running::{Bench, Said};
 use magnetic_bearing::app::montecarlo::{self, NOISE};
 use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::app::simulate;
+use fmu_export::variable::Value;
 
 /// While an estimate is valid its error is to stay below so many of its standard deviations.
 const CONFIDENT: f64 = 5.0;

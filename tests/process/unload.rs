@@ -1,14 +1,10 @@
 //! The end of the process: an instance that is there can still be used, and none is made when the tables are gone.
 
-#![cfg(target_os = "linux")]
-
-mod support;
-
 use std::process::Command;
 use std::sync::Mutex;
 
+use crate::support::ffi::{Fmu, Request};
 use fmu_export::fmi2::bindings::fmi2Status;
-use support::ffi::{Fmu, Request};
 
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 const CHILD: &str = "MAGNETIC_BEARING_UNLOAD_TEST";
@@ -71,7 +67,8 @@ fn another_process() {
 
 fn printed(what: &str) -> String {
     let program = std::env::current_exe().expect("this program");
-    let child = Command::new(program).args(["another_process", "--exact", "--nocapture"]).env(CHILD, what).output();
+    let child =
+        Command::new(program).args(["unload::another_process", "--exact", "--nocapture"]).env(CHILD, what).output();
     let child = child.expect("another process");
     let printed = String::from_utf8_lossy(&child.stdout).into_owned();
     assert!(child.status.success(), "{}: {printed}\n{}", child.status, String::from_utf8_lossy(&child.stderr));

@@ -1,7 +1,5 @@
 //! Recordings with the imperfections of test benches: names, units, separators, gaps, other rates, no angle.
 
-mod support;
-
 use std::path::Path;
 
 use fmu_export::variable::Value;
@@ -11,7 +9,7 @@ use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::app::{montecarlo, simulate};
 use magnetic_bearing::model::estimation::{EstimatorConfig, Hold};
 
-use support::Random;
+use crate::support::Random;
 
 const TRUTH: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
 
@@ -92,7 +90,7 @@ fn the_hold_is_found() {
 /// with jitter, positions and currents missing here and there, the angle in wrapped degrees, no speed.
 #[test]
 fn a_recording_with_all_imperfections() {
-    let text = include_str!("data/bench.csv");
+    let text = include_str!("../data/bench.csv");
     let columns = [("time", "Zeit"), ("Ym", "Weg y"), ("Zm", "Weg z"), ("theta", "Winkel")];
     let mut columns: Vec<_> = columns.map(|(signal, column)| (signal.to_owned(), column.to_owned())).to_vec();
     columns.extend([1, 2, 3].map(|k| (format!("im[{k}]"), format!("Strom {k}"))));

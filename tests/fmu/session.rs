@@ -1,13 +1,11 @@
 //! A session of an importer in a few calls, short enough for Miri, which looks at every access to memory that the C interface
-//! makes: `cargo +nightly miri test --no-default-features --test session`. There is no logger, because Miri makes no variadic
+//! makes: `cargo +nightly miri test --no-default-features --test fmu session::`. There is no logger, because Miri makes no variadic
 //! calls.
-
-mod support;
 
 use std::ptr::null_mut;
 
+use crate::support::ffi::{Expect, Request};
 use fmu_export::fmi2::bindings::{fmi2Status, fmi2StatusKind};
-use support::ffi::{Expect, Request};
 
 const TS: f64 = 1e-4;
 

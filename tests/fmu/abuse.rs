@@ -1,12 +1,10 @@
 //! A million calls in random order with random arguments over several instances in turn: nothing crashes, hangs, panics,
 //! or hands out a number that is not finite; every error has exactly one message.
 
-mod support;
-
 use std::time::{Duration, Instant};
 
-use support::Random;
-use support::abuse::{Abuse, Source};
+use crate::support::Random;
+use crate::support::abuse::{Abuse, Source};
 
 /// Calls in all, unless the environment says otherwise. Debug builds, which are a tenth as fast, make fewer.
 const CALLS: u64 = if cfg!(debug_assertions) { 100_000 } else { 1_000_000 };

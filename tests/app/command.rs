@@ -1,13 +1,11 @@
 //! The built program: what it writes and says, and the exit codes that scripts rely on.
 
-mod support;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::Instant;
 
-use support::says;
+use crate::support::says;
 
 /// Seconds. What the main job may take on two cores is five; more than this is not the machine's fault.
 const MAIN_JOB_S: f64 = 30.0;

@@ -1,8 +1,7 @@
 //! A small simulator of its own: rotor, three magnets, flatness-based tracking by sampled data, sensors with noise. It shares no code with
 //! the program, and integrates to below 1e-12 m.
 
-#![allow(dead_code, reason = "every test uses its part of this")]
-
+use crate::support::Random;
 use magnetic_bearing::model::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method};
 use std::f64::consts::PI;
 
@@ -62,23 +61,6 @@ pub struct Rotor {
     /// Standard deviations of the sensors, m and A.
     pub noise: (f64, f64),
     pub seed: u64,
-}
-
-/// Normal numbers, the sum of twelve uniform ones, from the generator SplitMix64.
-pub struct Noise(pub u64);
-
-impl Noise {
-    pub fn draw(&mut self) -> f64 {
-        let mut sum = -6.0;
-        for _ in 0..12 {
-            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut z = self.0;
-            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            sum += ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64;
-        }
-        sum
-    }
 }
 
 /// The ellipse with the radii of the rotor, in step with its angle.
@@ -187,7 +169,7 @@ impl Rotor {
         let (mut force, mut after) = self.command(0.0, &x, self.load_n);
         let mut before = after;
         let h = ts / SUBSTEPS as f64;
-        let mut noise = Noise(self.seed);
+        let mut noise = Random::new(self.seed);
         let mut out = Vec::with_capacity(self.samples);
         for j in 0..self.samples {
             let t = j as f64 * ts;
@@ -196,8 +178,8 @@ impl Rotor {
                 Currents::OfState => [self.command(t, &x, self.load_n).1; 2].into(),
                 Currents::Ramping => (before, before),
             };
-            let measured = [x[0] + self.noise.0 * noise.draw(), x[1] + self.noise.0 * noise.draw()];
-            let after_a = seen_after.map(|i| i + self.noise.1 * noise.draw());
+            let measured = [x[0] + self.noise.0 * noise.normal(), x[1] + self.noise.0 * noise.normal()];
+            let after_a = seen_after.map(|i| i + self.noise.1 * noise.normal());
             // What is held is measured once.
             let before_a = match self.currents {
                 Currents::Held => out.last().map_or(seen_before, |last: &Sample| last.after_a),
@@ -285,4 +267,32 @@ pub fn largest(errors: [f64; 3]) -> f64 {
 pub fn unbalanced() -> Rotor {
     let newton_at_50_hz = 1.0 / (100.0 * PI).powi(2);
     Rotor { load_n: [10.0, -20.0], unbalance: (20.0 * newton_at_50_hz, 0.7), ..Rotor::default() }
+}
+
+/// Inputs of an estimator that no bearing gives: outside the gap, or many orders of magnitude too large.
+pub struct Wild(Random);
+
+impl Wild {
+    pub fn new(seed: u64) -> Self {
+        Self(Random::new(seed))
+    }
+
+    /// A number that is seldom many orders of magnitude from the usual one.
+    fn number(&mut self, usual: f64, rare: f64) -> f64 {
+        let exponent = if self.0.normal() > 2.5 { (self.0.normal() * rare) as i32 } else { 0 };
+        usual * self.0.normal() * 10.0_f64.powi(exponent)
+    }
+
+    /// The input at a sample; every sample whose number is a multiple of `reset_every` is a reset.
+    pub fn input(&mut self, sample: usize, reset_every: usize) -> EstimatorInput {
+        EstimatorInput {
+            position_m: [self.number(1e-4, 1.0), self.number(1e-4, 1.0)],
+            current_a: [self.number(3.0, 60.0), self.number(3.0, 20.0), self.number(3.0, 20.0)],
+            theta_rad: self.number(10.0, 100.0),
+            omega_rad_s: self.number(300.0, 30.0),
+            enable: !sample.is_multiple_of(97),
+            contact: false,
+            reset: sample.is_multiple_of(reset_every),
+        }
+    }
 }

@@ -1,10 +1,8 @@
 //! The closed loop: two independent ways agree to the last bit, and the numbers of the method come out.
 
-mod support;
-
 use std::path::Path;
 
-use fmu_export::variable::Value;
+use crate::support::below;
 use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::app::simulate::{self, Run};
 use magnetic_bearing::model::controller::{Controller, ControllerConfig, ControllerInput, UpdateMode};
@@ -13,7 +11,7 @@ use magnetic_bearing::model::estimation::{
 };
 use magnetic_bearing::model::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
 use magnetic_bearing::model::reference::{ReferenceConfig, Shape};
-use support::below;
+use fmu_export::variable::Value;
 
 fn scenario(name: &str) -> Scenario {
     Scenario::open(Path::new(name)).expect("a scenario that comes with the program")

@@ -1,18 +1,16 @@
 //! The archives: the same bytes every time, complete, and each part fit for what reads it.
 
-mod support;
-
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fs;
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::support::says;
 use magnetic_bearing::app::package::{self, Written};
 use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::fmu::catalogue;
 use roxmltree::{Document, Node};
-use support::says;
 use zip::{CompressionMethod, ZipArchive};
 
 /// An empty folder of this test's own.

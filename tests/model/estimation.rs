@@ -1,14 +1,12 @@
 //! The method `predictionError` on data of a small simulator that shares no code with the program.
 
-mod rotor;
-
 use std::f64::consts::PI;
 
+use crate::rotor::{Currents, Path, Rotor, Wild, largest, unbalanced};
 use magnetic_bearing::model::estimation::{
     CONDITION_CAP, Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method,
     STD_LIMIT, STUCK_SAMPLES, Tolerance, Verdict,
 };
-use rotor::{Currents, Noise, Path, Rotor, largest, unbalanced};
 
 /// Standard deviations of the sensors of an ordinary bearing, m and A.
 const NOISE: (f64, f64) = (1e-7, 1e-2);
@@ -728,7 +726,7 @@ fn a_foreign_state_is_refused() {
 
 #[test]
 fn outputs_are_finite_on_wild_inputs() {
-    let mut noise = Noise(7);
+    let mut wild = Wild::new(7);
     let tolerance = Tolerance { gap_m: 1e-6, alpha_rad: 0.01, current_offset_a: 0.01, ..Tolerance::default() };
     for (hold, tolerance, told_noise) in [
         (Hold::HeldBefore, Tolerance::default(), (0.0, 0.0)),
@@ -742,19 +740,7 @@ fn outputs_are_finite_on_wild_inputs() {
         let estimator = estimator(config);
         let mut state = estimator.start();
         for j in 0..20_000 {
-            let mut wild = |usual: f64, rare: i32| {
-                let exponent = if noise.draw() > 2.5 { (noise.draw() * f64::from(rare)) as i32 } else { 0 };
-                usual * noise.draw() * 10.0_f64.powi(exponent)
-            };
-            let input = EstimatorInput {
-                position_m: [wild(1e-4, 1), wild(1e-4, 1)],
-                current_a: [wild(3.0, 60), wild(3.0, 20), wild(3.0, 20)],
-                theta_rad: wild(10.0, 100),
-                omega_rad_s: wild(300.0, 30),
-                enable: j % 97 != 0,
-                contact: false,
-                reset: j % 5001 == 0,
-            };
+            let input = wild.input(j, 5001);
             let o = estimator.sample(&mut state, &input);
             let numbers = [o.condition, o.residual, o.determinant, o.unbalance_kg_m, o.unbalance_phase_rad];
             let noises = [o.position_noise_m, o.current_noise_a];

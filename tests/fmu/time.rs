@@ -1,9 +1,7 @@
 //! Time as importers cut it: steps of any length and beginning, tolerances, refusals. Sampled outputs do not depend on it.
 
-mod support;
-
-use support::Random;
-use support::ffi::{Expect, Fmu};
+use crate::support::Random;
+use crate::support::ffi::{Expect, Fmu};
 
 const CONTROLLER: &str = "FlatnessController";
 const ESTIMATOR: &str = "AlgebraicEstimator";

@@ -1,9 +1,6 @@
 //! Maximum likelihood over whole recordings: accuracy, imperfect benches, changes.
 
-#[path = "support/bench.rs"]
-mod bench;
-
-use bench::{Bench, Recorded};
+use crate::bench::{Bench, Recorded};
 use magnetic_bearing::app::identify::likelihood::{self, *};
 
 fn recording<'a>(recorded: &'a Recorded, bench: &Bench, told: bool) -> Recording<'a> {

@@ -1,13 +1,11 @@
 //! The slaves behind their tables: access, reset, what may change when, outputs, and the sample instants.
 
-mod support;
-
+use crate::support::named::Named;
+use crate::support::{Random, below, says};
 use fmu_export::clock::Clock;
 use fmu_export::instance::AccessError;
 use fmu_export::variable::{Causality, Type, Value, Variability};
 use magnetic_bearing::fmu::{catalogue, plant};
-use support::named::Named;
-use support::{Random, below, says};
 
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 const TS: f64 = 1e-4;

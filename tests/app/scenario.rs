@@ -1,13 +1,11 @@
 //! Scenario files: what is understood, and that every refusal names the key, the value, and what is wanted.
 
-mod support;
-
 use std::path::Path;
 
-use fmu_export::variable::Value;
+use crate::support::says;
 use magnetic_bearing::app::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::app::simulate;
-use support::says;
+use fmu_export::variable::Value;
 
 /// A scenario around some lines of the head and some tables.
 fn text(head: &str, tables: &str) -> String {

@@ -1,11 +1,9 @@
 //! The paper's two methods on data of a small simulator that shares no code with the program.
 
-mod rotor;
-
+use crate::rotor::{Currents, Rotor, Wild, largest};
 use magnetic_bearing::model::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Hold, Method, Verdict,
 };
-use rotor::{Currents, Noise, Rotor, largest};
 use std::f64::consts::PI;
 
 /// Error of λ̂ at 0.1 s without perturbation and with the right hold, %: what is left is the parabola through
@@ -155,25 +153,13 @@ fn reset_equals_a_fresh_state() {
 #[test]
 fn outputs_are_finite_on_wild_inputs() {
     let config = EstimatorConfig { window_s: 8e-4, epsilon_s: 8e-4, ..EstimatorConfig::default() };
-    let mut noise = Noise(7);
+    let mut wild = Wild::new(7);
     for method in [Method::PaperLiteral, Method::Paper] {
         for hold in [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear] {
             let estimator = Estimator::new(EstimatorConfig { method, hold, ..config.clone() }).expect("good");
             let mut state = estimator.start();
             for j in 0..5000 {
-                let mut wild = |usual: f64, rare: i32| {
-                    let exponent = if noise.draw() > 2.5 { (noise.draw() * f64::from(rare)) as i32 } else { 0 };
-                    usual * noise.draw() * 10.0_f64.powi(exponent)
-                };
-                let input = EstimatorInput {
-                    position_m: [wild(1e-4, 1), wild(1e-4, 1)],
-                    current_a: [wild(3.0, 60), wild(3.0, 20), wild(3.0, 20)],
-                    theta_rad: wild(10.0, 100),
-                    omega_rad_s: wild(300.0, 30),
-                    enable: j % 97 != 0,
-                    contact: false,
-                    reset: j % 501 == 0,
-                };
+                let input = wild.input(j, 501);
                 let o = estimator.sample(&mut state, &input);
                 let numbers = [o.condition, o.residual, o.determinant, o.unbalance_kg_m, o.unbalance_phase_rad];
                 let all = o.lambda_hat.iter().chain(&o.lambda_raw).chain(&o.load_n).chain(&numbers);

@@ -1,7 +1,7 @@
 //! The paper's simulation to the last bit, as it came out before.
 //!
 //! The results are the same on every platform, so that any difference is a change of the equations or of the order in which they
-//! are computed. After a change that is meant, `BITS=write cargo test --release --test bits` writes the file anew; the
+//! are computed. After a change that is meant, `BITS=write cargo test --release --test app bits::` writes the file anew; the
 //! difference in the file then shows what has moved, and by how much.
 
 use std::fmt::Write;

@@ -1,17 +1,15 @@
 //! The C interface as an importer meets it, misused as carefully as used.
 
-#[macro_use]
-mod support;
-
 use std::ffi::{CStr, c_char};
 use std::ptr::{null, null_mut};
 use std::thread;
 
+use crate::call;
+use crate::support::ffi::{Expect, Fmu, Message, Request, guid, text};
+use crate::support::says;
 use fmu_export::fmi2::bindings::*;
 use fmu_export::fmi2::sequence::Function;
 use fmu_export::variable::{Causality, Type};
-use support::ffi::{Expect, Fmu, Message, Request, guid, text};
-use support::says;
 
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 const PLANT: &str = "MagneticBearing";
@@ -591,7 +589,7 @@ fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> 
 
 /// The categories that the model description declares.
 fn declared_categories() -> Vec<String> {
-    let entry = fmu_export::fmi2::registry::entries().iter().find(|entry| entry.kind.name == PLANT).expect("it");
+    let entry = magnetic_bearing::fmu::catalogue().iter().find(|entry| entry.kind.name == PLANT).expect("it");
     let document = roxmltree::Document::parse(&entry.description).expect("well-formed XML");
     let categories = document.descendants().filter(|node| node.has_tag_name("Category"));
     categories.map(|node| node.attribute("name").expect("a name").to_owned()).collect()
@@ -686,7 +684,7 @@ fn a_logger_that_calls_back_is_turned_away() {
         let caller =
             Box::new(Caller { component: null_mut::<std::ffi::c_void>().into(), answers: Vec::new().into(), frees });
         let callbacks = fmi2CallbackFunctions {
-            logger: support::ffi::variadic(call_back),
+            logger: crate::support::ffi::variadic(call_back),
             allocateMemory: None,
             freeMemory: None,
             stepFinished: None,

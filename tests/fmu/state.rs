@@ -1,13 +1,11 @@
 //! Snapshots: what they restore, across instances and processes, and what is refused.
 
-mod support;
-
 use std::process::Command;
 use std::ptr::null_mut;
 
+use crate::support::ffi::{Expect, Fmu};
 use fmu_export::fmi2::bindings::{fmi2FMUstate, fmi2Status};
 use sha2::{Digest, Sha256};
-use support::ffi::{Expect, Fmu};
 
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 
@@ -307,7 +305,8 @@ fn bytes_restore_the_run_in_another_process() {
     let path = std::env::temp_dir().join(format!("magnetic-bearing-state-{}", std::process::id()));
     std::fs::write(&path, all).expect("a temporary file");
     let program = std::env::current_exe().expect("this program");
-    let child = Command::new(program).args(["another_process", "--exact", "--nocapture"]).env(CHILD, &path).output();
+    let child =
+        Command::new(program).args(["state::another_process", "--exact", "--nocapture"]).env(CHILD, &path).output();
     std::fs::remove_file(path).expect("the temporary file");
     let child = child.expect("another process");
     let printed = String::from_utf8_lossy(&child.stdout);

@@ -1,7 +1,7 @@
 //! Wide survey of the promise "never a confident wrong number", and of how close the estimates come to the Cramér–Rao bound: every
 //! scenario that comes with the program with every method, and drawn bearings, at every sample, with seeds that nothing was tuned on.
 //!
-//! `SURVEY=1000 cargo test --release --test survey -- --nocapture` draws as many bearings instead of the 100 that the tests take
+//! `SURVEY=1000 cargo test --release --test app survey:: -- --nocapture` draws as many bearings instead of the 100 that the tests take
 //! along; `SURVEY_SEED` begins elsewhere.
 
 use std::collections::BTreeMap;
