@@ -74,7 +74,7 @@ impl Loop {
         let slaves = scenario.elements.iter().map(|element| {
             let mut slave = element.kind.instantiate();
             for setting in &element.settings {
-                slave.set(setting.index, setting.value).expect("a value of the scenario");
+                slave.set(setting.index, setting.value.clone()).expect("a value of the scenario");
             }
             slave.start().expect("parameters that are in order");
             slave

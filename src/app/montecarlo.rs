@@ -158,7 +158,7 @@ pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: us
     // The loop alone: no estimator beside it.
     scenario.elements.truncate(3);
     let element = &scenario.elements[2];
-    let method = element.kind.variables().into_iter().find(|variable| variable.name == "method");
+    let method = element.kind.variables().iter().find(|variable| variable.name == "method");
     if let Some(method) = method.map(|variable| variable.start()) {
         scenario.set("estimator", "method", method);
     }

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::support::says;
-use magnetic_bearing::app::package::{self, Written};
+use fmu_export::package::{Written, platform};
+use magnetic_bearing::app::package;
 use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::fmu::catalogue;
 use roxmltree::{Document, Node};
@@ -97,10 +98,11 @@ fn archives_hold_no_traces_of_their_making() {
 /// Fails if there is a member more, or less.
 #[test]
 fn an_fmu_holds_what_it_should_and_nothing_else() {
-    let (platform, ending) = package::platform().expect("a platform that FMI 2.0 knows");
+    let platform = platform().expect("a platform that FMI 2.0 knows");
+    let (platform, ending) = (platform.name, platform.ending);
     let library = fs::read(package::built_library().expect("the library")).expect("the library");
-    for (kind, written) in catalogue().into_iter().zip(packaged("members")) {
-        let name = kind.name;
+    for (kind, written) in catalogue().iter().zip(packaged("members")) {
+        let name = kind.info.name;
         assert_eq!(file_name(&written.path), format!("{name}.fmu"));
         let bytes = fs::read(&written.path).expect("an archive");
         // Readers that stream find it first.
@@ -136,31 +138,31 @@ fn an_fmu_holds_what_it_should_and_nothing_else() {
 #[test]
 fn pictures_are_square_and_large_enough() {
     const SIDE: u32 = 256;
-    for (kind, written) in catalogue().into_iter().zip(packaged("pictures")) {
+    for (kind, written) in catalogue().iter().zip(packaged("pictures")) {
         let members = members(&fs::read(&written.path).expect("an archive"));
         let picture = &members["model.png"];
         // Signature, then length and name of the first chunk, then width and height (PNG, section 11.2.2).
-        assert_eq!(picture[..8], *b"\x89PNG\r\n\x1a\n", "{}", kind.name);
-        assert_eq!(&picture[12..16], b"IHDR", "{}", kind.name);
+        assert_eq!(picture[..8], *b"\x89PNG\r\n\x1a\n", "{}", kind.info.name);
+        assert_eq!(&picture[12..16], b"IHDR", "{}", kind.info.name);
         let number = |at: usize| u32::from_be_bytes(picture[at..at + 4].try_into().expect("four bytes"));
-        assert_eq!((number(16), number(20)), (SIDE, SIDE), "{}", kind.name);
-        assert_eq!(&picture[picture.len() - 8..picture.len() - 4], b"IEND", "{}: it is complete", kind.name);
+        assert_eq!((number(16), number(20)), (SIDE, SIDE), "{}", kind.info.name);
+        assert_eq!(&picture[picture.len() - 8..picture.len() - 4], b"IEND", "{}: it is complete", kind.info.name);
     }
 }
 
 /// Fails if the names of the sensors are left out.
 #[test]
 fn documentation_names_every_variable_and_loads_nothing() {
-    for (kind, written) in catalogue().into_iter().zip(packaged("documentation")) {
+    for (kind, written) in catalogue().iter().zip(packaged("documentation")) {
         let members = members(&fs::read(&written.path).expect("an archive"));
         let page = String::from_utf8(members["documentation/index.html"].clone()).expect("UTF-8");
-        says(&page, &["<!DOCTYPE html>", kind.name]);
+        says(&page, &["<!DOCTYPE html>", kind.info.name]);
         for variable in kind.variables() {
             let array = variable.name.split('[').next().expect("a name");
-            assert!(page.contains(array), "{}: {} is not in the documentation", kind.name, variable.name);
+            assert!(page.contains(array), "{}: {} is not in the documentation", kind.info.name, variable.name);
         }
         for loading in ["src=\"http", "<script src", "@import", "<link rel=\"stylesheet\" href=\"http"] {
-            assert!(!page.contains(loading), "{}: the page loads something: {loading}", kind.name);
+            assert!(!page.contains(loading), "{}: the page loads something: {loading}", kind.info.name);
         }
     }
 }

@@ -244,7 +244,7 @@ fn derivatives_of_zero_change_no_bit() {
         let [plain, sloped] = [0, 1].map(|_| Fmu::started(model, settings));
         let inputs: Vec<u32> = (0..plain.variables().len() as u32)
             .filter(|at| {
-                let variable = plain.variables()[*at as usize];
+                let variable = &plain.variables()[*at as usize];
                 variable.causality == Causality::Input && variable.is_continuous()
             })
             .collect();

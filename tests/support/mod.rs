@@ -2,9 +2,14 @@
 
 #![allow(dead_code, reason = "every test program uses a part of this")]
 
+#[path = "../../fmu-export/tests/support/abuse.rs"]
 pub mod abuse;
+#[path = "../../fmu-export/tests/support/ffi.rs"]
 pub mod ffi;
 pub mod named;
+
+/// The models that the tests in `fmu-export/tests/support` work on.
+pub use magnetic_bearing::fmu as library;
 
 /// Numbers that look random and are the same in every run (SplitMix64).
 pub struct Random(u64);

@@ -48,7 +48,7 @@ impl Bench {
         let slaves = scenario.elements.iter().map(|element| {
             let mut slave = element.kind.instantiate();
             for setting in &element.settings {
-                slave.set(setting.index, setting.value).expect("a good scenario");
+                slave.set(setting.index, setting.value.clone()).expect("a good scenario");
             }
             slave.start().expect("a good scenario");
             slave
@@ -82,6 +82,7 @@ impl Bench {
             Value::Boolean(_) => Value::Boolean(value != 0.0),
             Value::Integer(_) => Value::Integer(value as i32),
             Value::Real(_) => Value::Real(value),
+            Value::String(_) => panic!("{element}.{variable} is a text"),
         };
         self.slaves[at].set(index, value).expect("a value that may be set");
     }

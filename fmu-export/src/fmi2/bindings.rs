@@ -1,4 +1,4 @@
-// Made by `scripts/bindings` with bindgen 0.73.2 from `src/fmi2/fmi2.h`. Do not edit: change the header and run it again.
+// Made by `scripts/bindings` with bindgen 0.73.2 from `fmu-export/src/fmi2/fmi2.h`. Do not edit: change the header and run it again.
 // SHA-256 of the header: f84e013b8a03b39e781c1ca641bebb3497553225235ffe8b0bd21f2f39f9623a
 
 pub const fmi2TypesPlatform: &::core::ffi::CStr = c"default";

@@ -9,6 +9,7 @@ use fmu_export::fmi2::bindings::*;
 use fmu_export::variable::Value;
 
 use super::ffi::{Fmu, Request, text};
+use super::library::FMUS;
 use crate::call;
 
 /// Where the bytes come from; `None` is the end.
@@ -28,12 +29,12 @@ impl Source for Given<'_> {
     }
 }
 
-const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 const MOST_SNAPSHOTS: usize = 12;
 
 /// The importer and what it has in hand.
 pub struct Abuse<S> {
     source: S,
+    models: Vec<&'static str>,
     instances: Vec<(usize, Fmu)>,
     snapshots: Vec<(usize, fmi2FMUstate)>,
     written: Vec<Vec<u8>>,
@@ -55,7 +56,7 @@ impl<S> Drop for Abuse<S> {
             return;
         }
         for (model, mut state) in self.snapshots.drain(..) {
-            assert_eq!(Fmu::new(MODELS[model]).free_state(&mut state), fmi2Status::fmi2OK);
+            assert_eq!(Fmu::new(self.models[model]).free_state(&mut state), fmi2Status::fmi2OK);
         }
     }
 }
@@ -63,16 +64,19 @@ impl<S> Drop for Abuse<S> {
 impl<S: Source> Abuse<S> {
     /// Two instances of each model, fresh.
     pub fn new(source: S) -> Self {
-        let instances = (0..6).map(|at| (at % 3, Fmu::new(MODELS[at % 3]))).collect();
+        let models: Vec<&str> = FMUS.models().iter().map(|model| model.info.name).collect();
+        let instances: Vec<_> =
+            (0..2 * models.len()).map(|at| (at % models.len(), Fmu::new(models[at % models.len()]))).collect();
         Self {
             source,
+            instantiations: [instances.len() as u64, 0],
+            models,
             instances,
             snapshots: Vec::new(),
             written: Vec::new(),
             calls: 0,
             served: 0,
             refused: 0,
-            instantiations: [6, 0],
             steps: 0,
         }
     }
@@ -481,8 +485,8 @@ impl<S: Source> Abuse<S> {
 
     /// Frees an instance and makes another, of any model, whose making may be refused.
     fn replace(&mut self, at: usize) -> Option<()> {
-        let model = self.below(3)?;
-        let mut request = Request { logging: true, ..Request::of(MODELS[model]) };
+        let model = self.below(self.models.len())?;
+        let mut request = Request { logging: true, ..Request::of(self.models[model]) };
         match self.below(16)? {
             0 => request.name = None,
             1 => request.name = Some(text("")),
@@ -496,7 +500,7 @@ impl<S: Source> Abuse<S> {
             9 => request.logging = false,
             _ => {}
         }
-        let made = request.instantiate(MODELS[model]);
+        let made = request.instantiate(self.models[model]);
         self.instantiations[usize::from(made.is_err())] += 1;
         self.calls += 1;
         if let Ok(fmu) = made {

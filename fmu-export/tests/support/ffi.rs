@@ -1,15 +1,19 @@
 //! An importer within the test: the exported C functions, called through pointers of the types in the C header.
 //!
+//! The functions and the models are those of `super::library`, the module in which `export_fmus!` stands.
+//!
 //! [`Fmu`] makes the calls with the arguments as an importer makes them and keeps every message of its instance. What is
 //! not wrapped here can be called with [`Fmu::component`].
 
 use std::ffi::{CStr, CString, c_void};
 use std::ptr::{null, null_mut};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
+use fmu_export::ModelType;
 use fmu_export::fmi2::bindings::*;
-use fmu_export::fmi2::registry;
 use fmu_export::variable::{Type, Variable};
+
+use super::library::FMUS;
 
 /// Calls a function of the C interface by way of the pointer type that the header gives it.
 ///
@@ -17,7 +21,7 @@ use fmu_export::variable::{Type, Variable};
 #[macro_export]
 macro_rules! call {
     ($name:ident: $type:ident ($($argument:expr),* $(,)?)) => {{
-        let function: fmu_export::fmi2::bindings::$type = Some(fmu_export::fmi2::exports::$name);
+        let function: fmu_export::fmi2::bindings::$type = Some($crate::support::library::fmi2::$name);
         (function.expect("the function is there"))($($argument),*)
     }};
 }
@@ -142,9 +146,8 @@ impl Request {
         if component.is_null() {
             return Err(messages.into_inner().expect("no test panics while it holds the messages"));
         }
-        let variables = registry::entries().iter().find(|entry| entry.kind.name == model);
-        let variables = variables.map(|entry| entry.kind.variables()).unwrap_or_default();
-        Ok(Fmu { component, variables, messages, _callbacks: callbacks })
+        let model = FMUS.find(model).expect("an instance of a model");
+        Ok(Fmu { component, model, messages, _callbacks: callbacks })
     }
 }
 
@@ -155,14 +158,13 @@ pub fn text(text: &str) -> CString {
 
 /// The GUID of a model.
 pub fn guid(model: &str) -> String {
-    let entry = registry::entries().iter().find(|entry| entry.kind.name == model);
-    entry.unwrap_or_else(|| panic!("there is no model {model}")).guid.clone()
+    FMUS.find(model).unwrap_or_else(|| panic!("there is no model {model}")).guid().to_owned()
 }
 
 /// One instance, freed when it goes out of scope.
 pub struct Fmu {
     component: fmi2Component,
-    variables: Vec<&'static Variable>,
+    model: Arc<ModelType>,
     messages: Box<Messages>,
     _callbacks: Box<fmi2CallbackFunctions>,
 }
@@ -212,18 +214,18 @@ impl Fmu {
     }
 
     /// The variables in the order of their references.
-    pub fn variables(&self) -> &[&'static Variable] {
-        &self.variables
+    pub fn variables(&self) -> &[Variable] {
+        self.model.variables()
     }
 
     /// The reference of a variable.
     pub fn reference(&self, name: &str) -> fmi2ValueReference {
-        let found = self.variables.iter().position(|variable| variable.name == name);
+        let found = self.variables().iter().position(|variable| variable.name == name);
         found.unwrap_or_else(|| panic!("there is no variable {name}")) as fmi2ValueReference
     }
 
-    fn kind(&self, name: &str) -> &'static Type {
-        &self.variables[self.reference(name) as usize].kind
+    fn kind(&self, name: &str) -> &Type {
+        &self.variables()[self.reference(name) as usize].kind
     }
 
     /// Sets a variable of any type by its name: choices and whole numbers by value, Booleans as 0 and 1.
@@ -233,6 +235,7 @@ impl Fmu {
             Type::Real { .. } => self.set_reals(&reference, &[value]),
             Type::Integer { .. } | Type::Enumeration { .. } => self.set_integers(&reference, &[value as i32]),
             Type::Boolean { .. } => self.set_booleans(&reference, &[value as i32]),
+            Type::String { .. } => panic!("{name} is a text"),
         }
     }
 
@@ -245,6 +248,7 @@ impl Fmu {
                 self.get_integers(&reference).map(|values| f64::from(values[0]))
             }
             Type::Boolean { .. } => self.get_booleans(&reference).map(|values| f64::from(values[0])),
+            Type::String { .. } => panic!("{name} is a text"),
         }
     }
 
@@ -253,9 +257,10 @@ impl Fmu {
         self.try_get(name).unwrap_or_else(|status| panic!("{name}: {status:?}, {:?}", self.take_messages()))
     }
 
-    /// All values in the order of the references, bit for bit.
+    /// All values but texts in the order of the references, bit for bit.
     pub fn all_bits(&self) -> Vec<u64> {
-        self.variables.iter().map(|variable| self.get(&variable.name).to_bits()).collect()
+        let numbers = self.variables().iter().filter(|variable| !matches!(variable.kind, Type::String { .. }));
+        numbers.map(|variable| self.get(&variable.name).to_bits()).collect()
     }
 
     /// `fmi2SetReal`.

@@ -363,6 +363,7 @@ fn values_have_the_type_of_their_variable() {
                 Type::Real { .. } => (true, false, false),
                 Type::Integer { .. } | Type::Enumeration { .. } => (false, true, false),
                 Type::Boolean { .. } => (false, false, true),
+                Type::String { .. } => (false, false, false),
             };
             assert_eq!(fmu.get_reals(&reference).is_ok(), real, "{model}.{}", variable.name);
             assert_eq!(fmu.get_integers(&reference).is_ok(), integer, "{model}.{}", variable.name);
@@ -589,8 +590,8 @@ fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> 
 
 /// The categories that the model description declares.
 fn declared_categories() -> Vec<String> {
-    let entry = magnetic_bearing::fmu::catalogue().iter().find(|entry| entry.kind.name == PLANT).expect("it");
-    let document = roxmltree::Document::parse(&entry.description).expect("well-formed XML");
+    let model = magnetic_bearing::fmu::find(PLANT).expect("a model of this project");
+    let document = roxmltree::Document::parse(model.xml()).expect("well-formed XML");
     let categories = document.descendants().filter(|node| node.has_tag_name("Category"));
     categories.map(|node| node.attribute("name").expect("a name").to_owned()).collect()
 }
