@@ -272,8 +272,35 @@ impl<M: Model> ModelInstance<M> {
     /// A model of the values, and the state in which it starts.
     fn begin(&mut self) -> Result<Run<M>, Vec<Invalid>> {
         let model = Arc::new(M::new(&self.values)?);
+        // The model has the first word, which knows better what it wants.
+        let found = self.not_finite();
+        if !found.is_empty() {
+            return Err(found);
+        }
         let state = model.start(&mut self.values, self.time_s);
         Ok(Run { model, state })
+    }
+
+    /// Takes over tunable parameters.
+    fn retune(&mut self) -> Result<(), Vec<Invalid>> {
+        let found = self.not_finite();
+        match &mut self.run {
+            Some(run) if found.is_empty() => Arc::make_mut(&mut run.model).retune(&mut run.state, &self.values),
+            _ => Err(found),
+        }
+    }
+
+    /// Parameters that are no finite numbers.
+    fn not_finite(&self) -> Vec<Invalid> {
+        let parameters = self.table.variables.iter().enumerate();
+        let parameters = parameters.filter(|(_, variable)| variable.causality == Causality::Parameter);
+        let found = parameters.filter_map(|(index, variable)| match self.table.get(index, &self.values) {
+            Value::Real(value) if !value.is_finite() => {
+                Some(Invalid::new(variable.name.clone(), value, "a finite number"))
+            }
+            _ => None,
+        });
+        found.collect()
     }
 
     /// Outputs are updated when somebody looks, and only if a value was set since. Before the run they come from a trial
@@ -363,8 +390,8 @@ impl<M: Model> Instance for ModelInstance<M> {
             let fits = self.table.set(index, &mut self.values, value);
             debug_assert!(fits, "the type of {} was checked", self.table.variables[index].name);
         }
-        if let (Some(former), Some(run)) = (former, &mut self.run)
-            && let Err(findings) = Arc::make_mut(&mut run.model).retune(&mut run.state, &self.values)
+        if let Some(former) = former
+            && let Err(findings) = self.retune()
         {
             self.values = former;
             return Err(AccessError::Refused(findings));

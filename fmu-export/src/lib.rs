@@ -34,8 +34,7 @@
 //!         self.refresh(&(), values, 0.0);
 //!     }
 //!
-//!     fn step(&self, _: &mut (), values: &mut Values, step: Step, inputs: &InputTrajectory<Values>, _: &mut dyn Log)
-//!     -> Result<(), StepError> {
+//!     fn step(&self, _: &mut (), values: &mut Values, step: Step, inputs: &InputTrajectory<Values>, _: &mut dyn Log) -> Stepped {
 //!         inputs.apply(values, step.end_s());
 //!         self.refresh(&(), values, step.end_s());
 //!         Ok(())
@@ -84,7 +83,7 @@ mod export;
 
 pub use fmus::Fmus;
 pub use instance::{Instance, ModelType};
-pub use model::{Capabilities, Info, Invalid, Model, SampledModel, Step, StepError};
+pub use model::{Capabilities, Info, Invalid, Model, SampledModel, Step, StepError, Stepped};
 
 /// What a model usually needs, with serde's derive macros.
 pub mod prelude {
@@ -92,7 +91,7 @@ pub mod prelude {
 
     pub use crate::input::{HIGHEST_ORDER, InputTrajectory};
     pub use crate::log::{Log, Topic};
-    pub use crate::model::{Capabilities, Info, Invalid, Model, SampledModel, Step, StepError};
+    pub use crate::model::{Capabilities, Info, Invalid, Model, SampledModel, Step, StepError, Stepped};
     pub use crate::unit::{self, Unit};
     pub use crate::variable::{Enumeration, Row, Value};
     pub use crate::{export_fmus, place};

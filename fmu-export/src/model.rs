@@ -104,6 +104,9 @@ impl StepError {
     }
 }
 
+/// How a step or a sample ends.
+pub type Stepped = Result<(), StepError>;
+
 /// A communication step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
@@ -162,7 +165,7 @@ pub trait Model: Clone + Send + Sync + 'static {
         step: Step,
         inputs: &InputTrajectory<'_, Self::Values>,
         log: &mut dyn Log,
-    ) -> Result<(), StepError>;
+    ) -> Stepped;
 
     /// The shortest step taken inside, in seconds. A communication step of more than [`MAX_BASE_STEPS`] of them is refused,
     /// because nobody could tell it from a model that hangs.
@@ -263,13 +266,7 @@ pub trait SampledModel: Clone + Send + Sync + 'static {
     ///
     /// # Errors
     /// Why the run cannot go on.
-    fn sample(
-        &self,
-        state: &mut Self::State,
-        values: &mut Self::Values,
-        instant_s: f64,
-        log: &mut dyn Log,
-    ) -> Result<(), StepError>;
+    fn sample(&self, state: &mut Self::State, values: &mut Self::Values, instant_s: f64, log: &mut dyn Log) -> Stepped;
 
     /// As [`Model::retune`].
     ///

@@ -53,6 +53,10 @@ pub const METRE_PER_SECOND2: Unit = Unit { name: "m/s2", base: &[("m", 1), ("s",
 /// Time.
 pub const SECOND: Unit =
     Unit { name: "s", base: &[("s", 1)], displays: &[Display::new("ms", 1e3), Display::new("µs", 1e6)] };
+/// Rate.
+pub const PER_SECOND: Unit = Unit::new("1/s", &[("s", -1)], &[]);
+/// Change of a rate.
+pub const PER_SECOND2: Unit = Unit::new("1/s2", &[("s", -2)], &[]);
 /// Frequency.
 pub const HERTZ: Unit = Unit { name: "Hz", base: &[("s", -1)], displays: &[Display::new("kHz", 1e-3)] };
 /// Angle.

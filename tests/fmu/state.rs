@@ -346,8 +346,8 @@ fn damaged_bytes_are_refused_with_a_reason() {
         }
     }
     let mut version = written.clone();
-    version[8] = 3;
-    assert!(refused(&fmu, &version).contains("version 3 of the format: version 2 is wanted"));
+    version[8] = 2;
+    assert!(refused(&fmu, &version).contains("version 2 of the format: version 3 is wanted"));
     let estimator = Fmu::new("AlgebraicEstimator");
     let text = refused(&estimator, &written);
     assert!(text.contains("the model MagneticBearing: AlgebraicEstimator is wanted"), "{text}");

@@ -125,12 +125,20 @@ pub fn package_library(
     write(archives, &binaries, folder.as_ref())
 }
 
-/// Lets cargo build an example of the crate type `cdylib`, and gives the library. For an example that packs itself: `cargo run
-/// --example` builds no libraries.
+/// As [`package`], for an example that packs itself: cargo is asked to build `library`, another example of the crate type
+/// `cdylib` with the same source, because `cargo run --example` builds no libraries.
 ///
 /// # Errors
-/// [`PackageError::Build`].
-pub fn build_example(name: &str) -> Result<PathBuf, PackageError> {
+/// [`PackageError::Build`], and whatever file could not be read or written.
+pub fn package_example(
+    fmus: &'static Fmus,
+    library: &str,
+    folder: impl AsRef<Path>,
+) -> Result<Vec<Written>, PackageError> {
+    package_library(fmus, &build_example(library)?, folder)
+}
+
+fn build_example(name: &str) -> Result<PathBuf, PackageError> {
     let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
     // The program is target/PROFILE/examples/NAME.
     let folders: Vec<&Path> = program.ancestors().skip(1).take(3).collect();
@@ -140,7 +148,7 @@ pub fn build_example(name: &str) -> Result<PathBuf, PackageError> {
         _ => "dev".into(),
     };
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let manifest = std::env::var_os("CARGO_MANIFEST_PATH").unwrap_or_else(|| "Cargo.toml".into());
+    let manifest = std::env::var_os("CARGO_MANIFEST_DIR").map(PathBuf::from).unwrap_or_default().join("Cargo.toml");
     let mut command = Command::new(cargo);
     command.args(["build", "--quiet", "--example", name, "--profile", &profile]);
     command.arg("--manifest-path").arg(manifest).arg("--target-dir").arg(target);
