@@ -71,6 +71,7 @@ fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], gui
             element("DefaultExperiment")
                 .with("startTime", "0")
                 .with("stopTime", real(info.stop_s))
+                .with("tolerance", real(info.tolerance))
                 .with("stepSize", real(info.step_s)),
         );
         page.nest(element("ModelVariables"), |page| {

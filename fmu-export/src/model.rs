@@ -35,13 +35,16 @@ pub struct Info {
     pub stop_s: f64,
     /// Communication step of such a run, in seconds.
     pub step_s: f64,
+    /// Relative tolerance of such a run, which the accuracy of the model should keep: what an importer asks for has no effect.
+    pub tolerance: f64,
 }
 
 impl Info {
-    /// A name and a description; a run of 1 s in steps of 1 ms; no version, author or licence.
+    /// A name and a description; a run of 1 s in steps of 1 ms, tolerance 1e-4; no version, author or licence.
     pub const fn new(name: &'static str, description: &'static str) -> Self {
         let tool = concat!("fmu-export ", env!("CARGO_PKG_VERSION"));
-        Self { name, description, version: "", author: "", license: "", tool, stop_s: 1.0, step_s: 1e-3 }
+        let [version, author, license] = [""; 3];
+        Self { name, description, version, author, license, tool, stop_s: 1.0, step_s: 1e-3, tolerance: 1e-4 }
     }
 }
 

@@ -12,6 +12,7 @@ use fmu_export::package::platforms::{self, Platform};
 
 use super::design;
 use super::experiment;
+use super::html;
 use super::identify;
 use super::montecarlo;
 use super::package;
@@ -349,7 +350,7 @@ fn simulate(name: &Path, csv: Option<&Path>, report: Option<&Path>) -> Result<()
     if let Some(folder) = report {
         fs::create_dir_all(folder).map_err(named(folder))?;
         let path = folder.join("index.html");
-        fs::write(&path, experiment::page(name, &scenario, &run)).map_err(named(&path))?;
+        fs::write(&path, experiment::page(name, &html::command_line(), &scenario, &run)).map_err(named(&path))?;
         say!("\n{}", path.display());
     }
     match run.fault {
@@ -556,11 +557,7 @@ fn identify(command: Command) -> Result<()> {
         fs::create_dir_all(&folder).map_err(named(&folder))?;
         let path = folder.join("index.html");
         let title = format!("Identification from {}", recording.file_name().unwrap_or_default().to_string_lossy());
-        let command = format!(
-            "cargo run --release -- identify {} --method {method} --hold {hold} --report DIR",
-            recording.display()
-        );
-        let page = identify::page(&title, &command, samples, &tracks, holds.as_ref(), answer.as_ref());
+        let page = identify::page(&title, &html::command_line(), samples, &tracks, holds.as_ref(), answer.as_ref());
         fs::write(&path, page).map_err(named(&path))?;
         if to_standard_output {
             eprintln!("{}", path.display());

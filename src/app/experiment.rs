@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use super::bearing;
-use super::report::{self, Method, Parameter, Report, Table};
+use super::report::{self, Answer, Bearing, Event, Method, Paper, Parameter, Report, Table};
 use super::scenario::Scenario;
 use super::simulate::Run;
-use crate::fmu::estimator::METHOD;
+use crate::fmu::estimator::{METHOD, VERDICT};
 use fmu_export::variable::{Type, Value, Variable};
 
 /// Estimates of the paper: figure 2, simulation, after less than 0.1 s.
@@ -32,12 +32,6 @@ fn real(scenario: &Scenario, element: &str, variable: &str) -> f64 {
     scenario.value(element, variable).map_or(f64::NAN, Value::as_f64)
 }
 
-/// The time at which the controller is to take the estimates over, if it is to do so once.
-fn update_s(scenario: &Scenario) -> Option<f64> {
-    let at_time = scenario.value("controller", "update.mode") == Some(Value::Integer(2));
-    at_time.then(|| real(scenario, "controller", "update.time")).filter(|time| *time < scenario.duration_s)
-}
-
 /// The estimators of a scenario: those that run beside the loop, or that of the loop where there are none.
 fn methods(scenario: &Scenario) -> Vec<Method> {
     let beside = &scenario.elements[3..];
@@ -52,7 +46,7 @@ fn methods(scenario: &Scenario) -> Vec<Method> {
 /// The tables of results of the scenario of that name.
 pub fn tables(name: &Path, scenario: &Scenario, run: &Run) -> Vec<Table> {
     let mut tables = vec![estimates(scenario, run, is_paper(name))];
-    tables.extend(tracking(scenario, run, is_paper(name)));
+    tables.extend(tracking(run, is_paper(name)));
     tables
 }
 
@@ -159,8 +153,12 @@ fn percent(value: f64) -> String {
 }
 
 /// Tracking error and swing of the perturbation estimate before and after the update.
-fn tracking(scenario: &Scenario, run: &Run, paper: bool) -> Option<Table> {
-    let update_s = update_s(scenario)?;
+fn tracking(run: &Run, paper: bool) -> Option<Table> {
+    // Another speed in the end leaves nothing to compare.
+    if bearing::stretches(&run.recording).len() < 2 {
+        return None;
+    }
+    let update_s = run.recording.time_s[bearing::update(&run.recording)?];
     let last_s = *run.recording.time_s.last()?;
     if last_s < update_s + STRETCH_S || update_s < STRETCH_S {
         return None;
@@ -226,28 +224,107 @@ fn over(run: &Run, signal: &[f64], (from_s, to_s): (f64, f64)) -> Option<(f64, f
     within.map(|(_, value)| (*value, *value)).reduce(|(low, high), (value, _)| (low.min(value), high.max(value)))
 }
 
-/// The report page of a run of the scenario of that name.
-pub fn page(name: &Path, scenario: &Scenario, run: &Run) -> String {
-    let command = if is_paper(name) {
-        "cargo run --release".into()
-    } else {
-        format!("cargo run --release -- simulate {} --report DIR", name.display())
+/// What the loop's estimator says in the end.
+fn answer(scenario: &Scenario, run: &Run) -> Option<Answer> {
+    let column = |name: &str| run.recording.get(&format!("estimator.{name}"));
+    let last = |name: &str| {
+        let mut values = [0.0; 3];
+        for (k, value) in values.iter_mut().enumerate() {
+            *value = *column(&format!("{name}[{}]", k + 1))?.last()?;
+        }
+        Some(values)
     };
+    let verdicts = column("verdict")?;
+    let verdict = *verdicts.last()?;
+    let valid = *column("valid")?.last()? == 1.0;
+    let since = verdicts.iter().rposition(|other| *other != verdict).map_or(0, |at| at + 1);
+    let since_s = report::instant(run.recording.time_s[since]);
+    let words = VERDICT.items.get((verdict as usize).wrapping_sub(1)).map_or("", |(_, words)| *words);
+    let mut verdict = format!("since {since_s}: {}{}.", words[..1].to_lowercase(), &words[1..]);
+    let ever = column("valid")?.iter().rposition(|valid| *valid == 1.0).filter(|_| !valid);
+    if let Some(at) = ever {
+        verdict += &format!(
+            " It was valid until {}; what is shown is that estimate.",
+            report::instant(run.recording.time_s[at])
+        );
+    }
+    let expectation = coherence_note(scenario);
+    Some(Answer {
+        element: "estimator".into(),
+        valid,
+        verdict,
+        lambda: last("lambdaHat")?,
+        std: last("lambdaStdTotal")?,
+        expectation,
+    })
+}
+
+/// What is worth a mark in the plots: updates, coils that open and close, changes of λ, touchdown.
+fn events(scenario: &Scenario, run: &Run) -> Vec<Event> {
+    let mut events = Vec::new();
+    let time_s = &run.recording.time_s;
+    let mut mark = |at_s: f64, label: String| events.push(Event { at_s, label });
+    if let Some(update) = bearing::update(&run.recording) {
+        let more = run.recording.get("controller.lambdaUsed[1]").unwrap_or(&[]);
+        let again = more.last() != more.get(update);
+        mark(time_s[update], if again { "first update".into() } else { "update".into() });
+    }
+    for profile in &scenario.profiles {
+        for (element, variable) in &profile.targets {
+            let name = scenario.elements[*element].kind.variables()[*variable].name.to_string();
+            let magnet = name.trim_end_matches(']').rsplit('[').next().unwrap_or_default();
+            for (at_s, value) in profile.time_s.iter().zip(&profile.values).filter(|(at_s, _)| **at_s > 0.0) {
+                let on = value.clone().as_f64() != 0.0;
+                let label = match name.split('[').next().unwrap_or_default() {
+                    "coil.open" if on => format!("coil {magnet} opens"),
+                    "coil.open" => format!("coil {magnet} closes"),
+                    "lambda" => format!("λ{magnet} changes"),
+                    "reset" if on => "estimator reset".into(),
+                    _ => continue,
+                };
+                mark(*at_s, label);
+            }
+        }
+    }
+    let contact = run.recording.get("plant.touchdown.contact").unwrap_or(&[]);
+    let touches = |pair: &[f64]| pair[0] == 0.0 && pair[1] == 1.0;
+    if let Some(at) = contact.windows(2).position(touches) {
+        mark(time_s[at + 1], "touchdown".into());
+    }
+    if let Some(at) = contact.windows(2).rposition(|pair| pair[0] == 1.0 && pair[1] == 0.0) {
+        mark(time_s[at + 1], "free again".into());
+    }
+    events
+}
+
+/// The report page of a run of the scenario of that name, made by that command.
+pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> String {
     let sensitivities = bearing::sensitivities(scenario, run);
     let mut tables = tables(name, scenario, run);
     tables.extend(bearing::table(scenario, run, &sensitivities));
+    let paper = match name.to_str() {
+        Some("paper") => Some(Paper::Simulation),
+        Some("experiment") => Some(Paper::Experiment),
+        _ => None,
+    };
+    let bearing = Bearing {
+        alpha_rad: [1, 2, 3].map(|k| real(scenario, "plant", &format!("alpha[{k}]"))),
+        gap_m: real(scenario, "plant", "s"),
+        clearance_m: real(scenario, "plant", "touchdown.clearance"),
+    };
     let report = Report {
         description: scenario.description.clone(),
-        command,
+        command: command.into(),
         message: run.fault.clone(),
+        answer: answer(scenario, run),
         tables,
         sensitivities,
-        clearance_m: Some(real(scenario, "plant", "touchdown.clearance")),
+        bearing: Some(bearing),
         parameters: parameters(scenario),
-        update_s: update_s(scenario),
+        events: events(scenario, run),
         truth: Some(truth(scenario)),
         methods: methods(scenario),
-        paper: is_paper(name),
+        paper,
         ..Report::new(&scenario.title, &run.recording)
     };
     report::page(&report)

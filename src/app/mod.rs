@@ -5,6 +5,7 @@ pub mod cli;
 pub mod contour;
 pub mod design;
 pub mod experiment;
+pub mod html;
 pub mod identify;
 pub mod montecarlo;
 pub mod package;

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use fmu_export::package::platforms::{Binaries, Platform};
 use fmu_export::package::ssp::{self, System};
 use fmu_export::package::{self, Extras, Member, PackageError, Written, documentation};
+use maud::PreEscaped;
 
+use super::html;
 use super::scenario::Scenario;
 use crate::fmu::{FMUS, catalogue};
 
@@ -33,6 +35,7 @@ fn extras(name: &str) -> Extras {
     Extras {
         picture: Some(picture.into()),
         text: text.into(),
+        page: |title, body| html::page(title, &PreEscaped(body.to_owned())),
         licenses: licenses.map(|(file, text)| (file.into(), text.into())).into(),
     }
 }
@@ -72,7 +75,7 @@ pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, P
         let name = model.info.name;
         archives.push((format!("{name}.fmu"), package::fmu(model, binaries, &extras(name))?));
     }
-    let mut members: Vec<Member> = VARIANTS.iter().flat_map(|[file, name]| system(file, name).members()).collect();
+    let mut members: Vec<Member> = VARIANTS.iter().flat_map(|variant| system(variant).members()).collect();
     members.extend(archives.iter().map(|(name, fmu)| Member::new(format!("resources/{name}"), fmu.as_slice())));
     archives.push(("MagneticBearing.ssp".into(), package::archive("MagneticBearing.ssp", &members)?));
     package::write(archives, binaries, folder)
@@ -95,12 +98,17 @@ pub fn variables() -> String {
     head.to_owned() + &documentation::markdown(catalogue().iter().map(|model| &**model))
 }
 
-/// Variants of the closed loop as a system structure: the file, and the scenario that the parameters come from.
-const VARIANTS: [[&str; 2]; 2] = [["SystemStructure.ssd", "paper"], ["UnbalancedRotor.ssd", "unbalanced"]];
+/// Variants of the closed loop as a system structure: file, name, and the scenario that the parameters come from.
+///
+/// libcosim and ecos pass over parameters of type Enumeration. So the structure that tools open by default is the one whose
+/// enumerations have their start values: it computes the same everywhere. The paper's simulation needs `method = paper`.
+const VARIANTS: [[&str; 3]; 2] =
+    [["SystemStructure.ssd", "MagneticBearing", "unbalanced"], ["PaperSimulation.ssd", "PaperSimulation", "paper"]];
 
 /// The closed loop; what runs beside it in a comparison is not part of the system.
-fn system(file: &str, name: &str) -> System {
-    let scenario = Scenario::open(Path::new(name)).expect("a scenario that comes with the program is sound");
+fn system([file, name, scenario]: &[&str; 3]) -> System {
+    let parameters = (*scenario).to_owned();
+    let scenario = Scenario::open(Path::new(scenario)).expect("a scenario that comes with the program is sound");
     let elements = scenario.elements[..3].iter().map(|element| ssp::Element {
         name: element.name.clone(),
         model: element.kind.clone(),
@@ -110,14 +118,15 @@ fn system(file: &str, name: &str) -> System {
     let inside = |name: &String| elements.iter().any(|element| element.name == *name);
     let connections = scenario.connections().into_iter().filter(|connection| inside(&connection.to[0]));
     System {
-        file: file.into(),
-        name: "MagneticBearing".into(),
+        file: (*file).into(),
+        name: (*name).into(),
         description: scenario.title.clone(),
         tool: scenario.elements[0].kind.info.tool.into(),
-        parameters: name.into(),
+        parameters,
         connections: connections.map(|connection| [connection.from, connection.to]).collect(),
         elements,
         step_s: scenario.step_s,
         stop_s: scenario.duration_s,
+        tolerance: scenario.elements[0].kind.info.tolerance,
     }
 }

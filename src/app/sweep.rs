@@ -327,7 +327,8 @@ impl Design {
             reader.records().map(|row| Ok(row?.iter().map(String::from).collect())).collect::<io::Result<_>>()?;
         rows.sort_by_key(|row| row[0].parse::<usize>().unwrap_or(usize::MAX));
         rows.insert(0, self.header());
-        let aside = path.with_added_extension("sorted");
+        let mut aside = path.as_os_str().to_owned();
+        aside.push(".sorted");
         let mut file = File::create(&aside)?;
         file.write_all(&lines(&rows)?)?;
         file.sync_all()?;

@@ -167,7 +167,7 @@ fn table() -> Vec<Row<Values>> {
             .fixed()
             .min(0.0)
             .nominal(1e-2)
-            .description("Time since the first sample before which the paper's methods give the first guess"),
+            .description("How long the paper's methods give the first guess: counted in usable samples from the start or the last reset"),
     );
     rows.push(
         Row::real("filter.omega", place!(Values.config.filter_omega_rad_s), RADIAN_PER_SECOND, 15.0)

@@ -14,9 +14,11 @@ use serde::{Deserialize, Serialize};
 
 use super::bearing::{Axes, DRIVE, KILOGRAM_METRE, LAMBDA, coils, geometry, info, of_magnets, together};
 use crate::model::coil::Drive;
-use crate::model::linearisation::{Jet, Modes, Point, Response, along, in_time};
+use crate::model::linearisation::{Point, Taylor, along, in_time};
 use crate::model::noise::Noise;
-use crate::model::plant::{INSTANT_TOLERANCE, Plant, PlantConfig, PlantCourse, PlantInput, PlantOutput, PlantState};
+use crate::model::plant::{
+    self, Conditions, INSTANT_TOLERANCE, Plant, PlantConfig, PlantInput, PlantOutput, PlantState,
+};
 
 /// Speed of the paper's experiments, 3000 rpm.
 const OMEGA_RAD_S: f64 = 100.0 * std::f64::consts::PI;
@@ -497,7 +499,7 @@ impl MagneticBearing {
     }
 
     /// The inputs over a step as the equations know them.
-    fn trajectory(values: &Values, inputs: &InputTrajectory<Values>) -> PlantCourse {
+    fn trajectory(values: &Values, inputs: &InputTrajectory<Values>) -> plant::InputTrajectory {
         let slopes = (!inputs.is_held()).then(|| {
             std::array::from_fn(|lower| {
                 let mut slopes = Values::default();
@@ -505,19 +507,8 @@ impl MagneticBearing {
                 slopes.input
             })
         });
-        PlantCourse { input: values.input.clone(), slopes, since_s: inputs.start_s() }
+        plant::InputTrajectory { input: values.input.clone(), slopes, since_s: inputs.start_s() }
     }
-}
-
-/// Puts the part of a response that `pick` takes into the places of the outputs.
-fn put<const N: usize>(values: &mut Values, response: &Response<Jet<N>>, pick: impl Fn(Jet<N>) -> f64) {
-    values.output.gap_m = response.gap_m.map(&pick);
-    values.output.induced_v = response.induced_v.map(&pick);
-    values.output.contact_n = response.contact_n.map(&pick);
-    values.output.force_n = response.force_n.map(&pick);
-    values.output.resultant_n = response.resultant_n.map(&pick);
-    values.output.perturbation_n = response.perturbation_n.map(&pick);
-    values.output.acceleration_m_s2 = response.acceleration_m_s2.map(&pick);
 }
 
 impl Model for MagneticBearing {
@@ -603,7 +594,7 @@ impl Model for MagneticBearing {
         time_s: f64,
         started: bool,
     ) -> Values {
-        let point = Point::of(self.0.config(), state, &values.input, time_s);
+        let point = Point::of(&self.0, state, &values.input, time_s);
         let towards = &direction.config;
         let mut derivatives = Values::default();
         // Before the run the states are where the parameters put them.
@@ -612,15 +603,15 @@ impl Model for MagneticBearing {
         derivatives.velocity_m_s = std::array::from_fn(|a| from(direction.velocity_m_s[a], towards.velocity_m_s[a]));
         derivatives.theta_rad = from(direction.theta_rad, towards.theta_rad);
         derivatives.omega_rad_s = direction.input.omega_rad_s;
+        let ([y, z], [v_y, v_z]) = (derivatives.position_m, derivatives.velocity_m_s);
+        let [psi_1, psi_2, psi_3] = direction.output.linkage_wb;
         let line = Point {
-            position_m: derivatives.position_m,
-            velocity_m_s: derivatives.velocity_m_s,
-            theta_rad: derivatives.theta_rad,
-            linkage_wb: direction.output.linkage_wb,
-            time_s: 0.0,
-            ..Point::of(towards, state, &direction.input, 0.0)
+            config: towards.clone(),
+            motion: [y, z, v_y, v_z, psi_1, psi_2, psi_3],
+            input: direction.input.clone(),
+            conditions: Conditions { theta_rad: derivatives.theta_rad, ..Conditions::default() },
         };
-        put(&mut derivatives, &along(&self.modes(state), &point, &line), |jet| jet.0[1]);
+        derivatives.output = along(&point, &line).map(|series| series.derivative(1));
         derivatives.output.linkage_wb = direction.output.linkage_wb;
         self.differentiate_first_sample(state, towards, &mut derivatives);
         derivatives.measured_theta_rad = derivatives.theta_rad;
@@ -636,22 +627,16 @@ impl Model for MagneticBearing {
         time_s: f64,
         order: usize,
     ) -> Values {
-        let point = Point::of(self.0.config(), state, &values.input, time_s);
+        let point = Point::of(&self.0, state, &values.input, time_s);
         let slopes = slopes.each_ref().map(|slopes| slopes.input.clone());
-        let (motion, response) = in_time::<3>(&self.modes(state), &point, &slopes);
-        let position_m = motion.position_m.map(|jet| jet.derivative(order));
-        let mut derivatives = Values { position_m, ..Values::default() };
-        put(&mut derivatives, &response, |jet| jet.derivative(order));
-        derivatives
+        let (line, output) = in_time::<3>(&point, &slopes);
+        let [y, z, ..] = line.motion;
+        let derivative = |series: Taylor<3>| series.derivative(order);
+        Values { position_m: [y, z].map(derivative), output: output.map(derivative), ..Values::default() }
     }
 }
 
 impl MagneticBearing {
-    fn modes(&self, state: &PlantState) -> Modes {
-        let PlantState { open, contact, .. } = *state;
-        Modes { drive: self.0.config().coil.drive, open, contact }
-    }
-
     /// The derivatives of the first sample: `(1 + gain error) x + offset + σ n` with the first draw n. What is rounded to a
     /// resolution stands still almost everywhere.
     fn differentiate_first_sample(&self, state: &PlantState, towards: &PlantConfig, derivatives: &mut Values) {

@@ -65,6 +65,18 @@ const RULES: &[Rule] = &[
         except: &["fmu-export/src/fmi2", "fmu-export/src/fmus.rs", "fmu-export/src/export.rs"],
         reason: UNSAFE,
     },
+    Rule {
+        folder: "src",
+        words: &["#[test]"],
+        except: &[],
+        reason: "Cargo.toml switches tests within src off: they would not run",
+    },
+    Rule {
+        folder: "fmu-export/src",
+        words: &["#[test]"],
+        except: &[],
+        reason: "tests stand in tests, for the crate as well",
+    },
 ];
 
 const UNSAFE: &str = "unsafe code is at home in fmu-export/src/fmi2";

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use magnetic_bearing::model::magnet::{Magnets, SMALLEST_SINE};
+use magnetic_bearing::model::magnet::{Magnets, SMALLEST_SINE, currents, forces};
 use magnetic_bearing::model::noise::Noise;
 
 const GAP_M: f64 = 5e-4;
@@ -57,8 +57,8 @@ fn gaps_and_forces_are_those_of_the_paper() {
     let expected = [GAP_M + 2e-4, GAP_M + 1e-4 * (PI / 3.0).sin() - 1e-4, GAP_M - 1e-4 * (PI / 3.0).sin() - 1e-4];
     below("gaps in m", distance(gaps, expected), ROUNDING * GAP_M);
     // 2e-6 N·m²/A² · (2 A)² / (0.5 mm)² = 32 N.
-    let forces = magnets.forces([2e-6; 3], [2.0, -2.0, 0.0], [GAP_M; 3]);
-    below("forces in N", distance(forces, [32.0, 32.0, 0.0]), 32.0 * ROUNDING);
+    let pull = forces([2e-6; 3], [2.0, -2.0, 0.0], [GAP_M; 3]);
+    below("forces in N", distance(pull, [32.0, 32.0, 0.0]), 32.0 * ROUNDING);
     let [f_y, f_z] = magnets.resultant([7.0, 3.0, 5.0]);
     below("F_y in N", (f_y - 3f64.sqrt() / 2.0 * (5.0 - 3.0)).abs(), 7.0 * ROUNDING);
     below("F_z in N", (f_z - (-7.0 + (3.0 + 5.0) / 2.0)).abs(), 7.0 * ROUNDING);
@@ -119,10 +119,10 @@ fn currents_give_the_forces_asked_for() {
     let magnets = paper();
     let lambda = [1.8e-6, 2.0e-6, 2.2e-6];
     let gaps = magnets.gaps([30e-6, -70e-6]);
-    let forces = magnets.allocate([30.0, -50.0], 20.0);
-    let currents = magnets.currents(forces, gaps, lambda);
-    below("forces in N", distance(magnets.forces(lambda, currents, gaps), forces), 1e3 * ROUNDING);
-    assert_eq!(magnets.currents([-1.0; 3], gaps, lambda), [0.0; 3], "a magnet does not push");
+    let wanted = magnets.allocate([30.0, -50.0], 20.0);
+    let given = forces(lambda, currents(wanted, gaps, lambda), gaps);
+    below("forces in N", distance(given, wanted), 1e3 * ROUNDING);
+    assert_eq!(currents([-1.0; 3], gaps, lambda), [0.0; 3], "a magnet does not push");
 }
 
 #[test]

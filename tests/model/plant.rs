@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use magnetic_bearing::model::integration::{rk4, substeps};
 use magnetic_bearing::model::noise::Noise;
 use magnetic_bearing::model::plant::{
-    Harmonic, Measured, Plant, PlantConfig, PlantFault, PlantInput, PlantState, SensorConfig,
+    Harmonic, Measured, Plant, PlantConfig, PlantInput, PlantState, SensorConfig, StepError,
 };
 use magnetic_bearing::model::touchdown::TouchdownConfig;
 
@@ -383,7 +383,7 @@ fn a_rotor_that_leaves_the_gap_is_a_fault_and_the_state_stays_finite() {
         let mut state = plant.start(0.0);
         // A push this hard leaves the gap within the first sub-step, from the centre.
         match plant.advance(&mut state, &input, 0.0, 1.0) {
-            Err(PlantFault::Contact { magnet, time_s, position_m }) => {
+            Err(StepError::Contact { magnet, time_s, position_m }) => {
                 assert_eq!(magnet, wanted);
                 assert_eq!(time_s, state.time_s);
                 assert_eq!(position_m, state.position_m);
@@ -416,18 +416,18 @@ fn inputs_and_times_that_are_none_are_refused_and_change_nothing() {
         ];
         for (wanted, input) in cases {
             match plant.advance(&mut state, &input, STEP_S, STEP_S) {
-                Err(PlantFault::Input { name, .. }) => assert_eq!(name, wanted),
+                Err(StepError::Input { name, .. }) => assert_eq!(name, wanted),
                 other => panic!("{wanted} = {bad}: {other:?}"),
             }
         }
         for (t_s, h_s) in [(bad, STEP_S), (STEP_S, bad)] {
             let result = plant.advance(&mut state, &held(), t_s, h_s);
-            assert!(matches!(result, Err(PlantFault::Time { .. })), "{result:?}");
+            assert!(matches!(result, Err(StepError::Time { .. })), "{result:?}");
         }
     }
     for (t_s, h_s) in [(STEP_S, -STEP_S), (2.0 * STEP_S, STEP_S), (0.0, STEP_S)] {
         let result = plant.advance(&mut state, &held(), t_s, h_s);
-        assert!(matches!(result, Err(PlantFault::Time { .. })), "{result:?}");
+        assert!(matches!(result, Err(StepError::Time { .. })), "{result:?}");
     }
     assert_eq!(state, before);
 }

@@ -30,48 +30,54 @@ fn is_parameter(variable: &Variable, variability: Variability) -> bool {
     variable.causality == Causality::Parameter && variable.variability == variability
 }
 
-/// The page.
-pub fn page(model: &ModelType, extras: &Extras) -> String {
+/// The content of the page, from the heading on.
+pub(super) fn body(model: &ModelType, extras: &Extras) -> String {
     let info = &model.info;
-    html! {
+    let body = html! {
+        main.document {
+            h1 { (info.name) }
+            p.lead { (info.description) "." }
+            p.soft { "FMI 2.0 for co-simulation, " (info.tool) ", guid " code { (model.guid()) } "." }
+            (PreEscaped(&extras.text))
+            h2 { "Variables" }
+            @for (title, belongs) in GROUPS {
+                @let group: Vec<_> = model.variables().iter().filter(|variable| belongs(variable)).collect();
+                @if !group.is_empty() {
+                    h3 { (title) }
+                    (table(&group))
+                }
+            }
+            @if !info.license.is_empty() {
+                h2 { "Licence" }
+                p {
+                    (info.license)
+                    @if !extras.licenses.is_empty() {
+                        "; the texts, and those of the libraries in the binary, are in the folder "
+                        a href="licenses" { "licenses" }
+                    }
+                    "."
+                }
+            }
+        }
+    };
+    body.into_string()
+}
+
+/// A page with that title and content, in a plain style.
+pub fn page(title: &str, body: &str) -> String {
+    let page = html! {
         (DOCTYPE)
         html lang="en" {
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (info.name) }
+                title { (title) }
                 style { (PreEscaped(STYLE)) }
             }
-            body {
-                h1 { (info.name) }
-                p.lead { (info.description) "." }
-                p {
-                    "FMI 2.0 for co-simulation, " (info.tool) ", guid " code { (model.guid()) } "."
-                }
-                (PreEscaped(&extras.text))
-                h2 { "Variables" }
-                @for (title, belongs) in GROUPS {
-                    @let group: Vec<_> = model.variables().iter().filter(|variable| belongs(variable)).collect();
-                    @if !group.is_empty() {
-                        h3 { (title) }
-                        (table(&group))
-                    }
-                }
-                @if !info.license.is_empty() {
-                    h2 { "Licence" }
-                    p {
-                        (info.license)
-                        @if !extras.licenses.is_empty() {
-                            "; the texts, and those of the libraries in the binary, are in the folder "
-                            a href="licenses" { "licenses" }
-                        }
-                        "."
-                    }
-                }
-            }
+            body { (PreEscaped(body)) }
         }
-    }
-    .into_string()
+    };
+    page.into_string()
 }
 
 /// The variables of models as Markdown, a section for each model.
@@ -96,7 +102,7 @@ pub fn markdown<'m>(models: impl IntoIterator<Item = &'m ModelType>) -> String {
 
 fn table(variables: &[&Variable]) -> maud::Markup {
     html! {
-        table {
+        table.variables {
             thead { tr { th { "Name" } th { "Unit" } th { "Start" } th { "Description" } } }
             tbody {
                 @for variable in variables {

@@ -90,14 +90,22 @@ pub struct Written {
 }
 
 /// What an FMU can hold beside model description, binaries and tables of variables.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Extras {
     /// A picture of the model, as PNG.
     pub picture: Option<Cow<'static, [u8]>>,
     /// Paragraphs of HTML for the documentation page.
     pub text: Cow<'static, str>,
+    /// Makes the documentation page of its title and its content in HTML; [`documentation::page`] unless given.
+    pub page: fn(&str, &str) -> String,
     /// Licences of the model and of the crates linked into it: file name and text.
     pub licenses: Vec<(Cow<'static, str>, Cow<'static, str>)>,
+}
+
+impl Default for Extras {
+    fn default() -> Self {
+        Self { picture: None, text: "".into(), page: documentation::page, licenses: Vec::new() }
+    }
 }
 
 /// Writes an FMU of each model into a folder, which is made if need be, with the library that cargo has built together with
@@ -270,7 +278,7 @@ pub fn fmu(model: &ModelType, binaries: &Binaries, extras: &Extras) -> Result<Ve
     members.extend(binaries.places().into_iter().map(|place| {
         Member::new(format!("binaries/{}/{name}.{}", place.folder, place.ending), place.content.into_owned())
     }));
-    members.push(Member::new("documentation/index.html", documentation::page(model, extras)));
+    members.push(Member::new("documentation/index.html", (extras.page)(name, &documentation::body(model, extras))));
     let licenses = extras.licenses.iter();
     members.extend(licenses.map(|(file, text)| Member::new(format!("documentation/licenses/{file}"), text.as_bytes())));
     archive(name, &members)

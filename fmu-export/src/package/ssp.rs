@@ -3,6 +3,7 @@
 //! There are no connectors at the root, every connection leads from element to element, and the prefixes are the usual ones,
 //! because some tools accept nothing else. Parameters are bound at the elements, one file each, because libcosim and ecos do not
 //! look for bindings at the system; all of them have the name of the parameter set, by which a user of ecos asks for them.
+//! libcosim and ecos pass over parameters of type Enumeration.
 
 use std::sync::Arc;
 
@@ -21,11 +22,23 @@ pub struct Element {
     pub settings: Vec<(usize, Value)>,
 }
 
+impl Element {
+    /// What the parameter set says. A choice that is the start value is left out: libcosim and ecos would warn that they pass
+    /// over it.
+    fn parameters(&self) -> Vec<(&Variable, &Value)> {
+        let settings = self.settings.iter().map(|(index, value)| (&self.model.variables()[*index], value));
+        let is_chosen_anyway = |variable: &Variable, value: &Value| {
+            matches!(variable.kind, Type::Enumeration { .. }) && variable.start() == *value
+        };
+        settings.filter(|(variable, value)| !is_chosen_anyway(variable, value)).collect()
+    }
+}
+
 /// A system structure: FMUs, what is connected to what, and a set of parameters.
 pub struct System {
     /// Name of the file within the archive, `SystemStructure.ssd` for the first of an archive.
     pub file: String,
-    /// Name of the system.
+    /// Name of the system, unique in the archive: OMSimulator wants names that differ.
     pub name: String,
     /// What it is, in a sentence.
     pub description: String,
@@ -41,6 +54,8 @@ pub struct System {
     pub step_s: f64,
     /// End of the run, in seconds.
     pub stop_s: f64,
+    /// Relative tolerance, for tools that want one.
+    pub tolerance: f64,
 }
 
 impl System {
@@ -48,7 +63,7 @@ impl System {
     pub fn members(&self) -> Vec<Member> {
         let mut members = vec![Member::new(&self.file, self.structure())];
         // An empty parameter set is not allowed.
-        for part in self.elements.iter().filter(|part| !part.settings.is_empty()) {
+        for part in self.elements.iter().filter(|part| !part.parameters().is_empty()) {
             members.push(Member::new(self.parameter_file(part), self.parameter_set(part)));
         }
         members
@@ -68,7 +83,8 @@ impl System {
             .with("xmlns:ssd", "http://ssp-standard.org/SSP1/SystemStructureDescription")
             .with("xmlns:ssc", "http://ssp-standard.org/SSP1/SystemStructureCommon")
             .with("xmlns:ssv", "http://ssp-standard.org/SSP1/SystemStructureParameterValues")
-            .with("xmlns:osp", "http://opensimulationplatform.com/SSP/OSPAnnotations");
+            .with("xmlns:osp", "http://opensimulationplatform.com/SSP/OSPAnnotations")
+            .with("xmlns:oms", "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd");
         Page::document(root, |page| {
             page.nest(element("ssd:System").with("name", "loop"), |page| {
                 page.nest(element("ssd:Elements"), |page| {
@@ -86,6 +102,21 @@ impl System {
                                 .with("endConnector", &to[1]),
                         );
                     }
+                });
+                page.nest(element("ssd:Annotations"), |page| {
+                    // OMSimulator looks for the communication step here.
+                    page.nest(element("ssc:Annotation").with("type", "org.openmodelica"), |page| {
+                        page.nest(element("oms:Annotations"), |page| {
+                            page.nest(element("oms:SimulationInformation"), |page| {
+                                page.empty(
+                                    element("oms:FixedStepMaster")
+                                        .with("description", "oms-ma")
+                                        .with("stepSize", real(self.step_s))
+                                        .with("relativeTolerance", real(self.tolerance)),
+                                );
+                            });
+                        });
+                    });
                 });
             });
             write_units(page, "ssd:Units", &self.elements);
@@ -115,7 +146,7 @@ impl System {
                     write_connector(page, variable);
                 }
             });
-            if !part.settings.is_empty() {
+            if !part.parameters().is_empty() {
                 page.nest(element("ssd:ParameterBindings"), |page| {
                     page.empty(element("ssd:ParameterBinding").with("source", self.parameter_file(part)));
                 });
@@ -132,8 +163,7 @@ impl System {
             .with("xmlns:ssc", "http://ssp-standard.org/SSP1/SystemStructureCommon");
         Page::document(root, |page| {
             page.nest(element("ssv:Parameters"), |page| {
-                for (index, value) in &part.settings {
-                    let variable = &part.model.variables()[*index];
+                for (variable, value) in part.parameters() {
                     page.nest(element("ssv:Parameter").with("name", variable.name.as_ref()), |page| {
                         page.empty(match value {
                             Value::Real(value) => {
