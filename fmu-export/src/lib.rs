@@ -47,10 +47,12 @@
 //!
 //! export_fmus!(Gain);
 //!
+//! # fn main() {
 //! let mut gain = FMUS.find("Gain").expect("a model of this crate").instantiate();
 //! gain.start().expect("good parameters");
 //! gain.set(1, Value::Real(3.0)).expect("an input");
 //! assert_eq!(gain.get(2), Ok(Value::Real(6.0)));
+//! # }
 //! ```
 //!
 //! In reading order:

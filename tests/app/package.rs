@@ -280,7 +280,7 @@ fn systems_connect_what_exists_and_name_what_is_there() {
             // A choice that is the start value need not be said.
             let variables = part.kind.variables();
             let is_said = part.settings.iter().any(|setting| {
-                let variable = variables[setting.index];
+                let variable = &variables[setting.index];
                 !matches!(variable.kind, Type::Enumeration { .. }) || variable.start() != setting.value
             });
             let wanted: Vec<_> = is_said.then(|| format!("resources/{set}-{element}.ssv")).into_iter().collect();

@@ -14,6 +14,7 @@ pub mod sequence;
 
 /// The models that the tests in `fmu-export/tests/support` work on.
 pub use magnetic_bearing::fmu as library;
+#[allow(unused_imports, reason = "not every test program needs it")]
 pub use random::Random;
 
 /// Demands a value of at most `limit`; a miss prints both.

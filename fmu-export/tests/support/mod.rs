@@ -7,4 +7,4 @@ pub mod ffi;
 pub mod random;
 pub mod sequence;
 
-pub use crate::library;
+pub(crate) use crate::library;
