@@ -1,4 +1,4 @@
-//! Rows that several slaves of this project have in common.
+//! Rows that several models of this project have in common.
 
 use fmu_export::unit::{Display, HENRY, KILOGRAM, METRE, OHM, RADIAN, SECOND, Unit, VOLT};
 use fmu_export::variable::{Access, Enumeration, Row, element};
@@ -92,7 +92,7 @@ pub(super) fn lambda0<D>(lambda0: Access<D, f64>) -> impl Iterator<Item = Row<D>
         .map(|row| row.fixed().min(0.0).nominal(1e-6).description("First guess of the force constant of magnet {k}"))
 }
 
-/// Sample time of a sampled slave.
+/// Sample time of a sampled model.
 pub(super) fn sample_time<D>(ts: Access<D, f64>) -> Row<D> {
     Row::real("Ts", ts, SECOND, 1e-4)
         .fixed()
