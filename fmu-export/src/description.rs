@@ -21,6 +21,44 @@ pub fn write(info: &Info, capabilities: Capabilities, variables: &[Variable]) ->
     (guid, text)
 }
 
+/// What is wrong with a model so that importers would refuse its description, or see something else than is meant.
+pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
+    let mut found = Vec::new();
+    let part_of_identifier = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
+    if info.name.is_empty() || !info.name.chars().all(part_of_identifier) || info.name.starts_with(char::is_numeric) {
+        found.push(format!(
+            "the name `{}` is none for a C function: letters, digits, and underscores are wanted",
+            info.name
+        ));
+    }
+    let known = |name: &str| variables.iter().any(|variable| variable.name == name);
+    for (index, variable) in variables.iter().enumerate() {
+        let name = &variable.name;
+        if variables[..index].iter().any(|other| other.name == *name) {
+            found.push(format!("{name} is there twice"));
+        }
+        let depends_on = variable.depends_on.iter().map(|(name, _)| name.as_ref());
+        let starts_from = variable.starts_from.iter().flatten().map(AsRef::as_ref);
+        for other in depends_on.chain(starts_from).chain(variable.derivative_of).filter(|other| !known(other)) {
+            found.push(format!("{name} names {other}, which is no variable"));
+        }
+        let inside = match &variable.kind {
+            Type::Real { start, min, max, .. } => {
+                min.is_none_or(|min| min <= *start) && max.is_none_or(|max| *start <= max)
+            }
+            Type::Integer { start, min, max } => {
+                min.is_none_or(|min| min <= *start) && max.is_none_or(|max| *start <= max)
+            }
+            Type::Enumeration { start, items } => items.item(*start).is_some(),
+            Type::Boolean { .. } | Type::String { .. } => true,
+        };
+        if variable.is_settable() && !inside {
+            found.push(format!("the start value of {name} is outside its limits"));
+        }
+    }
+    found
+}
+
 fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], guid: &str) -> String {
     let given = |text: &'static str| Some(text).filter(|text| !text.is_empty());
     let root = element("fmiModelDescription")

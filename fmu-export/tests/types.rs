@@ -77,6 +77,8 @@ use std::ffi::CStr;
 use std::ptr::{null, null_mut};
 
 use fmu_export::fmi2::bindings::*;
+use fmu_export::variable::{Dependency, Type};
+use fmu_export::{Info, description};
 use support::abuse::Abuse;
 use support::ffi::{Expect, Fmu, text};
 use support::random::Random;
@@ -169,6 +171,29 @@ fn the_model_description_has_every_type() {
     is("on[2]", "Boolean", "false");
     is("mode", "Enumeration", "1");
     assert_eq!(start("says"), ("String".into(), None));
+}
+
+/// Fails if a table with a mistake is packed.
+#[test]
+fn mistakes_in_a_table_are_named() {
+    let model = library::FMUS.find("Types").expect("the model");
+    assert!(description::problems(&model.info, model.variables()).is_empty());
+    let mut variables = model.variables().to_vec();
+    variables[0].name = "gain[2]".into();
+    variables[1].depends_on.push(("gian[1]".into(), Dependency::Any));
+    if let Type::Enumeration { start, .. } = &mut variables[8].kind {
+        *start = 3;
+    }
+    let found = description::problems(&Info { name: "my model", ..model.info }, &variables).join("; ");
+    let wanted = [
+        "the name `my model` is none",
+        "gain[2] is there twice",
+        "gain[2] names gian[1], which is no variable",
+        "the start value of mode is outside its limits",
+    ];
+    for what in wanted {
+        assert!(found.contains(what), "`{what}` is not said in: {found}");
+    }
 }
 
 /// Random calls with random arguments; see `support/abuse.rs`.

@@ -1,13 +1,13 @@
 //! The C interface as an importer meets it, misused as carefully as used.
 
-use std::ffi::{CStr, c_char};
+use std::ffi::CStr;
 use std::ptr::{null, null_mut};
 use std::thread;
 
 use crate::call;
 use crate::support::ffi::{Expect, Fmu, Message, Request, guid, text};
 use crate::support::says;
-use crate::support::sequence::{self, Subject, in_state, state_of};
+use crate::support::sequence::{self, STATES, Subject, in_state, state_of};
 use fmu_export::fmi2::bindings::*;
 use fmu_export::variable::{Causality, Type};
 

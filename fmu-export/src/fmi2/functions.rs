@@ -1,10 +1,10 @@
 //! The 34 functions of FMI 2.0 for co-simulation.
 //!
-//! Names, arguments and answers are the standard's, but for [`instantiate`], which is told the models that there are. All functions that take an instance have one safety contract: the
-//! instance came from [`fmi2Instantiate`] of this library and was not freed since; an array has as many elements as its
-//! length says; an `fmi2FMUstate` is null or came from [`fmi2GetFMUstate`] or [`fmi2DeSerializeFMUstate`] of this library,
-//! was not freed since, and no other call writes or frees it meanwhile. Null pointers are refused; so is a call on an instance while another one
-//! is in progress, such as a logger's on the instance that speaks.
+//! Names, arguments and answers are the standard's, but for [`instantiate`], which is told the models that there are. All
+//! functions that take an instance have one safety contract: the instance came from [`instantiate`] and was not freed since; an
+//! array has as many elements as its length says; an `fmi2FMUstate` is null or came from [`fmi2GetFMUstate`] or
+//! [`fmi2DeSerializeFMUstate`], was not freed since, and no other call writes or frees it meanwhile. Null pointers are refused; so
+//! is a call on an instance while another one is in progress, such as a logger's on the instance that speaks.
 
 #![allow(non_snake_case, reason = "the names are those of the standard")]
 

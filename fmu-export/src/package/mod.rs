@@ -25,7 +25,7 @@ use std::process::Command;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use crate::{Fmus, ModelType};
+use crate::{Fmus, ModelType, description};
 use platforms::{Binaries, NotFor, Platform};
 
 /// What went wrong, with the path it went wrong with.
@@ -38,6 +38,14 @@ pub enum PackageError {
         path: PathBuf,
         /// What the system said.
         source: std::io::Error,
+    },
+    /// The table of a model is not sound.
+    #[error("{name}: {}", .problems.join("; "))]
+    Model {
+        /// The model.
+        name: &'static str,
+        /// What is wrong with it.
+        problems: Vec<String>,
     },
     /// The binary to be packaged is not there.
     #[error("{0} is not there: build the library together with the program, as `cargo build --release` does")]
@@ -270,9 +278,13 @@ fn remap(library: &mut [u8]) {
 /// The FMU of a model around its binaries. Its bytes depend on the arguments alone.
 ///
 /// # Errors
-/// [`PackageError::Archive`].
+/// [`PackageError::Model`], [`PackageError::Archive`].
 pub fn fmu(model: &ModelType, binaries: &Binaries, extras: &Extras) -> Result<Vec<u8>, PackageError> {
     let name = model.info.name;
+    let problems = description::problems(&model.info, model.variables());
+    if !problems.is_empty() {
+        return Err(PackageError::Model { name, problems });
+    }
     let mut members = vec![Member::new("modelDescription.xml", model.xml())];
     members.extend(extras.picture.as_deref().map(|picture| Member::new("model.png", picture)));
     members.extend(binaries.places().into_iter().map(|place| {
