@@ -48,11 +48,14 @@ fn a_packaged_library_names_no_folder_of_this_machine() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let Some(platform) = package::platforms::own() else { return };
     let library = folder.join("library").with_extension(platform.ending);
-    // A library needs only to be one: this file is linked as such.
     let source = folder.join("library.rs");
     let home = std::env::var("CARGO_HOME").unwrap_or_else(|_| format!("{}/.cargo", std::env::var("HOME").unwrap()));
     let text = format!("{home}/registry/src/index.crates.io-1/thing-1.0.0/src/lib.rs");
-    fs::write(&source, format!("#[unsafe(no_mangle)] pub static TEXT: &str = {text:?};")).expect("a file");
+    // A library with the functions that the packager looks for, which do nothing.
+    let names = ["GetVersion", "Instantiate", "SetupExperiment", "DoStep", "GetReal", "FreeInstance"];
+    let functions = names.map(|name| format!("#[unsafe(no_mangle)] pub extern \"C\" fn fmi2{name}() {{}}\n")).concat();
+    let code = format!("{functions}#[unsafe(no_mangle)] pub static TEXT: &str = {text:?};");
+    fs::write(&source, code).expect("a file");
     let mut rustc = Command::new(std::env::var("RUSTC").unwrap_or_else(|_| "rustc".into()));
     rustc.args(["--edition=2024", "--crate-type=cdylib", "-o"]).arg(&library).arg(&source);
     assert!(rustc.status().expect("a compiler").success());

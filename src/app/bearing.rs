@@ -3,13 +3,13 @@
 
 use std::f64::consts::TAU;
 
+use super::closed_loop::Loop;
 use super::recording::Recording;
 use super::report::{Sensitivity, Table};
-use super::scenario::{Element, Scenario};
+use super::scenario::Scenario;
 use super::simulate::Run;
-use crate::fmu::{controller, plant};
+use crate::model::coil::Drive;
 use crate::model::sensitivity::{NoSensitivity, SampledLoop, zone};
-use fmu_export::variable::Value;
 
 /// How many revolutions the figures are taken over, and how long where the rotor hardly turns, in s.
 const REVOLUTIONS: f64 = 2.0;
@@ -21,10 +21,6 @@ const INJECTED_M: f64 = 0.02e-6;
 /// Samples of an injection, and the periods within them.
 const SAMPLES: usize = 2000;
 const PERIODS: [usize; 7] = [2, 6, 20, 40, 80, 160, 400];
-
-fn real(scenario: &Scenario, element: &str, variable: &str) -> f64 {
-    scenario.value(element, variable).map_or(f64::NAN, Value::as_f64)
-}
 
 /// A stretch of the run: samples from and up to.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -57,6 +53,12 @@ pub fn update(recording: &Recording) -> Option<usize> {
         used.iter().position(|value| *value != used[0])
     };
     (1..=3).filter_map(changed).min().filter(|update| *update > 1)
+}
+
+/// When the controller first took an estimate over, in s: at the begin of the step after which its output shows it.
+#[must_use]
+pub fn update_s(recording: &Recording) -> Option<f64> {
+    update(recording).map(|update| recording.time_s[update - 1])
 }
 
 /// The last whole revolutions before the update and those of the run; those of the run alone where there was no update, and
@@ -105,7 +107,8 @@ fn harmonic(signal: &[f64], theta: &[f64], n: f64) -> f64 {
 /// The table of figures; `None` when the recording is too short.
 pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> Option<Table> {
     let stretches = Some(stretches(&run.recording)).filter(|stretches| !stretches.is_empty())?;
-    let clearance_m = real(scenario, "plant", "touchdown.clearance");
+    let plant = scenario.closed_loop().ok()?.plant;
+    let clearance_m = plant.touchdown.clearance_m;
     let get = |name: &str| run.recording.get(name);
     let [y, z, theta] = [get("plant.Y")?, get("plant.Z")?, get("plant.theta")?];
     let mut rows: Vec<Vec<String>> = Vec::new();
@@ -142,8 +145,8 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> O
             });
         }
     }
-    if scenario.value("plant", "drive") == Some(Value::Integer(2)) {
-        let limit_v = real(scenario, "plant", "coil.uMax");
+    if plant.coil.drive == Drive::Voltage {
+        let limit_v = plant.coil.limit_v;
         for k in 1..=3 {
             if let Some(voltage) = get(&format!("controller.u[{k}]")) {
                 let largest = |s: &Stretch| peak(&mut voltage[s.from..s.to].iter().map(|u| u.abs()));
@@ -188,22 +191,15 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> O
 /// Sensitivity functions before and after the update, or the one; what stands in the way as text.
 pub fn sensitivities(scenario: &Scenario, run: &Run) -> Vec<Sensitivity> {
     let stretches = stretches(&run.recording);
-    let settings =
-        |element: &Element| element.settings.iter().map(|setting| (setting.index, setting.value.clone())).collect();
-    let settings: [Vec<(usize, Value)>; 2] = [settings(&scenario.elements[0]), settings(&scenario.elements[1])];
-    let (Ok(plant), Ok(controller)) = (plant::configuration(&settings[0]), controller::configuration(&settings[1]))
-    else {
-        // A run that could begin has configurations that can be had.
-        return Vec::new();
-    };
-    let load_n = ["pY", "pZ"].map(|name| real(scenario, "plant", name));
+    // A run that could begin has configurations.
+    let Ok(Loop { plant, input, controller, .. }) = scenario.closed_loop() else { return Vec::new() };
     let one = |stretch: &Stretch| {
         let mut lambda = [0.0; 3];
         for (k, value) in lambda.iter_mut().enumerate() {
             *value = *run.recording.get(&format!("controller.lambdaUsed[{}]", k + 1))?.get(stretch.to - 1)?;
         }
         let computed = || -> Result<_, NoSensitivity> {
-            let sampled = SampledLoop::new(&plant, &controller, lambda, load_n)?;
+            let sampled = SampledLoop::new(&plant, &controller, lambda, input.perturbation_n)?;
             let sweep = sampled.linearise()?.sweep(TAU, 200);
             let mut injected = Vec::new();
             for periods in PERIODS {

@@ -2,12 +2,14 @@
 
 pub mod bearing;
 pub mod cli;
+pub mod closed_loop;
 pub mod contour;
 pub mod design;
 pub mod experiment;
 pub mod html;
 pub mod identify;
 pub mod montecarlo;
+pub mod output;
 pub mod package;
 pub mod plot;
 pub mod progress;
@@ -15,4 +17,5 @@ pub mod recording;
 pub mod report;
 pub mod scenario;
 pub mod simulate;
+pub mod summary;
 pub mod sweep;

@@ -1,6 +1,5 @@
 //! Packages the FMUs and the SSP out of what was just built, and of what was built for other platforms.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use fmu_export::package::platforms::{Binaries, Platform};
@@ -9,6 +8,7 @@ use fmu_export::package::{self, Extras, Member, PackageError, Written, documenta
 use maud::PreEscaped;
 
 use super::html;
+use super::output::Format;
 use super::scenario::Scenario;
 use crate::fmu::{FMUS, catalogue};
 
@@ -78,6 +78,10 @@ pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, P
     let mut members: Vec<Member> = VARIANTS.iter().flat_map(|variant| system(variant).members()).collect();
     members.extend(archives.iter().map(|(name, fmu)| Member::new(format!("resources/{name}"), fmu.as_slice())));
     archives.push(("MagneticBearing.ssp".into(), package::archive("MagneticBearing.ssp", &members)?));
+    for (name, _) in &archives {
+        let path = folder.join(name);
+        Format::Archive.replaceable(&path).map_err(|source| PackageError::File { path, source })?;
+    }
     package::write(archives, binaries, folder)
 }
 
@@ -86,9 +90,14 @@ pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, P
 /// # Errors
 /// Whatever file could not be written.
 pub fn write_descriptions(folder: &Path) -> Result<(), PackageError> {
-    package::write_descriptions(&FMUS, folder)?;
-    let path = folder.join("VARIABLES.md");
-    fs::write(&path, variables()).map_err(|source| PackageError::File { path, source })
+    let write = |format: Format, name: String, text: &str| {
+        let path = folder.join(name);
+        format.write(&path, text.as_bytes()).map_err(|source| PackageError::File { path, source })
+    };
+    for model in catalogue().iter() {
+        write(Format::Xml, format!("{}.xml", model.info.name), model.xml())?;
+    }
+    write(Format::Markdown, "VARIABLES.md".into(), &variables())
 }
 
 /// The variables of all FMUs as Markdown, for readers of the project.

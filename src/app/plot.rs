@@ -127,11 +127,12 @@ impl Plot {
     pub fn new(x: (&str, Unit), y: (&str, Unit)) -> Plot {
         let title = |(quantity, unit): (&str, Unit)| match unit.name {
             "" => json!({"title": {"text": quantity}}),
-            name => {
-                json!({"title": {"text": format!("{quantity} [{name}]")}, "ticksuffix": format!(" {name}"), "showticksuffix": "none"})
-            }
+            name => json!({"title": {"text": format!("{quantity} [{name}]")}}),
         };
-        let axes = [title(x), title(y)];
+        let mut axes = [title(x), title(y)];
+        // The pointer tells the unit, and so does the last number along the axis.
+        axes[0]["ticksuffix"] = json!(format!(" {}", x.1.name));
+        axes[0]["showticksuffix"] = json!("last");
         Plot { units: [x.1, y.1], traces: Vec::new(), shapes: Vec::new(), axes, height_px: 300.0, over_time: false }
     }
 
@@ -148,7 +149,7 @@ impl Plot {
     /// With an axis (0 for x) in decades.
     pub fn decades(mut self, axis: usize) -> Plot {
         self.axes[axis]["type"] = json!("log");
-        self.axes[axis]["dtick"] = json!(1);
+        self.axes[axis]["nticks"] = json!(7);
         self
     }
 
@@ -228,7 +229,9 @@ impl Plot {
             self.shapes.push(json!({
                 "type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": at, "x1": at,
                 "line": {"color": colour::SOFT, "width": 1.2, "dash": "dot"},
-                "label": {"text": label, "textposition": "end", "font": {"size": 11, "color": colour::SOFT}},
+                // Along the line, within the frame.
+                "label": {"text": label, "textposition": "end", "textangle": -90, "xanchor": "right", "yanchor": "bottom",
+                    "font": {"size": 11, "color": colour::SOFT}},
             }));
         }
     }

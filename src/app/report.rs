@@ -77,6 +77,8 @@ pub enum Paper {
 pub struct Answer {
     /// Name of the element whose λ̂ it is.
     pub element: String,
+    /// Its method.
+    pub method: String,
     /// Whether the estimate is valid at the end of the run.
     pub valid: bool,
     /// The verdict in words, and since when.
@@ -235,41 +237,42 @@ pub(super) fn instant(at_s: f64) -> String {
 
 /// λ̂ ± beside the truth, and whether it is valid.
 fn answer_of(answer: &Answer, truth: Option<[f64; 3]>) -> Markup {
-    let number = |value: f64| format!("{:.4}", value * 1e6);
     html! {
         p class=(if answer.valid { "verdict good" } else { "verdict bad" }) {
             strong { (if answer.valid { "Valid" } else { "Not valid" }) } " " (answer.verdict)
         }
+        (cards(answer.lambda, answer.std, truth))
+        p.soft {
+            "In 10⁻⁶ N·m²/A², at the end of the run; ± is two standard deviations as stated by the loop’s estimator, method "
+            code { (answer.method) } ". " (answer.expectation)
+        }
+    }
+}
+
+/// Three λ̂ with twice their standard deviations, in 10⁻⁶ N·m²/A², beside the truth where it is known.
+pub(super) fn cards(lambda: [f64; 3], std: [f64; 3], truth: Option<[f64; 3]>) -> Markup {
+    // Two digits of a deviation are worth reading, and no more of the estimate.
+    let places = |std: f64| (2.0 - (2e6 * std).log10().floor() - 1.0).clamp(3.0, 7.0) as usize;
+    let number = |value: f64, std: f64| format!("{:.*}", places(std), value * 1e6);
+    html! {
         div.cards {
             @for k in 0..3 {
                 div.card style={ "border-color:var(--magnet" (k + 1) ")" } {
                     span.name { "λ̂" sub { (k + 1) } }
-                    span.value { (number(answer.lambda[k])) " ± " (deviation(2.0 * answer.std[k])) }
+                    span.value { (number(lambda[k], std[k])) " ± " (number(2.0 * std[k], std[k])) }
                     @if let Some(truth) = truth {
-                        span.truth { "truth " (number(truth[k])) ", error " (percent(answer.lambda[k] / truth[k] - 1.0)) }
+                        span.truth {
+                            "truth " (number(truth[k], std[k])) ", error " (percent(lambda[k] / truth[k] - 1.0))
+                        }
                     }
                 }
             }
         }
-        p.soft {
-            "In 10⁻⁶ N·m²/A², at the end of the run; ± is two standard deviations as stated by the estimator (element "
-            code { (answer.element) } "). " (answer.expectation)
-        }
-    }
-}
-
-/// As many places as an estimate has, more for what would be 0 with these.
-fn deviation(value: f64) -> String {
-    let value = value * 1e6;
-    match value {
-        value if !value.is_finite() => "∞".into(),
-        value if value >= 1e-3 || value == 0.0 => format!("{value:.4}"),
-        value => format!("{value:.6}"),
     }
 }
 
 /// A ratio in per cent with its sign.
-pub(super) fn percent(ratio: f64) -> String {
+fn percent(ratio: f64) -> String {
     let percent = 100.0 * ratio;
     let text = match percent.abs() {
         size if !size.is_finite() => return "unknown".into(),

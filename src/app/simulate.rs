@@ -5,7 +5,7 @@
 
 use fmu_export::log::{Log, Topic};
 use fmu_export::variable::{Causality, Value};
-use fmu_export::{Instance, Step};
+use fmu_export::{Instance, Invalid, Step};
 
 use super::progress::Progress;
 use super::recording::{Column, Recording};
@@ -26,6 +26,12 @@ pub struct Run {
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("the scenario cannot be run:\n  {}", .0.join("\n  "))]
 pub struct Refused(pub Vec<String>);
+
+impl From<Vec<Invalid>> for Refused {
+    fn from(findings: Vec<Invalid>) -> Self {
+        Self(findings.iter().map(ToString::to_string).collect())
+    }
+}
 
 struct Slave {
     name: String,

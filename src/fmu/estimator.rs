@@ -4,7 +4,7 @@ use fmu_export::log::{Digits, Log, Topic};
 use fmu_export::unit::{
     AMPERE, KILOGRAM, METRE, NEWTON, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND, SECOND,
 };
-use fmu_export::variable::{Access, Enumeration, Row};
+use fmu_export::variable::{Access, Enumeration, Row, Table, Value};
 use fmu_export::{Info, Invalid, SampledModel, StepError, place};
 use serde::{Deserialize, Serialize};
 
@@ -316,6 +316,28 @@ fn verdict_number(verdict: Verdict) -> i32 {
     Verdict::ALL.iter().zip(1..).find(|(one, _)| **one == verdict).map_or(0, |(_, number)| number)
 }
 
+impl Values {
+    /// The configuration, with what the interface has in another form.
+    fn config(&self) -> (EstimatorConfig, Vec<Invalid>) {
+        let mut config = self.config.clone();
+        let mut findings = Vec::new();
+        let methods = [Method::PaperLiteral, Method::Paper, Method::PredictionError];
+        METHOD.choose("method", self.method, methods, &mut config.method, &mut findings);
+        let holds = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear];
+        HOLD.choose("hold", self.hold, holds, &mut config.hold, &mut findings);
+        (config, findings)
+    }
+}
+
+/// The configuration of an estimator whose variables, by index, have the values given and else their start values.
+///
+/// # Errors
+/// Every choice that cannot be accepted.
+pub fn configuration(settings: &[(usize, Value)]) -> Result<EstimatorConfig, Vec<Invalid>> {
+    let (config, findings) = Table::new(table()).values(settings).config();
+    together(findings, Ok(config))
+}
+
 /// The estimator.
 #[derive(Clone)]
 pub struct AlgebraicEstimator(Estimator);
@@ -331,12 +353,7 @@ impl SampledModel for AlgebraicEstimator {
     }
 
     fn new(values: &Values) -> Result<Self, Vec<Invalid>> {
-        let mut config = values.config.clone();
-        let mut findings = Vec::new();
-        let methods = [Method::PaperLiteral, Method::Paper, Method::PredictionError];
-        METHOD.choose("method", values.method, methods, &mut config.method, &mut findings);
-        let holds = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear];
-        HOLD.choose("hold", values.hold, holds, &mut config.hold, &mut findings);
+        let (config, findings) = values.config();
         together(findings, Estimator::new(config)).map(Self)
     }
 

@@ -58,13 +58,14 @@ impl Values {
     }
 }
 
-/// The configuration of a plant whose variables, by index, have the values given and else their start values.
+/// Configuration and inputs of a plant whose variables, by index, have the values given and else their start values.
 ///
 /// # Errors
 /// Every choice that cannot be accepted.
-pub fn configuration(settings: &[(usize, Value)]) -> Result<PlantConfig, Vec<Invalid>> {
-    let (config, findings) = Table::new(table()).values(settings).config();
-    together(findings, Ok(config))
+pub fn configuration(settings: &[(usize, Value)]) -> Result<(PlantConfig, PlantInput), Vec<Invalid>> {
+    let values = Table::new(table()).values(settings);
+    let (config, findings) = values.config();
+    together(findings, Ok((config, values.input)))
 }
 
 fn table() -> Vec<Row<Values>> {

@@ -245,6 +245,11 @@ pub struct Linear {
 }
 
 impl Linear {
+    /// A of `z_{k+1} = A z_k + B n_k`.
+    pub fn transition(&self) -> &DMatrix<f64> {
+        &self.a
+    }
+
     /// `S(ω)` as a matrix: column by the axis of the error, row by the axis of the reading; ω in rad/s, below half the
     /// sampling frequency. `None` at a pole.
     pub fn sensitivity(&self, omega_rad_s: f64) -> Option<[[Complex<f64>; 2]; 2]> {
@@ -256,26 +261,6 @@ impl Linear {
         let x = system.lu().solve(&self.b.map(|value| Complex::new(value, 0.0)))?;
         let one = |row, column| if row == column { Complex::new(1.0, 0.0) } else { Complex::new(0.0, 0.0) };
         Some(std::array::from_fn(|row| std::array::from_fn(|column| one(row, column) + x[(row, column)])))
-    }
-
-    /// The largest modulus of a pole of the loop; below 1 it is stable.
-    ///
-    /// By Gelfand's formula, `|A^n|^(1/n)` with n = 2^20, by repeated squaring: it cannot fail to converge.
-    pub fn spectral_radius(&self) -> f64 {
-        let mut power = self.a.clone();
-        let mut logarithm = 0.0;
-        let mut n = 1.0;
-        for _ in 0..20 {
-            let norm = power.norm();
-            if norm == 0.0 || !norm.is_finite() {
-                return norm;
-            }
-            logarithm += libm::log(norm) / n;
-            power /= norm;
-            power = &power * &power;
-            n *= 2.0;
-        }
-        libm::exp(logarithm)
     }
 
     /// `[ω, |S_yy|, |S_zz|]` at `count` frequencies, evenly in the logarithm from `from_rad_s` to just below half the

@@ -56,6 +56,9 @@ pub enum PackageError {
     /// A file is no binary for the platform it is meant for.
     #[error("{0} is {1}")]
     NotFor(PathBuf, NotFor),
+    /// A library without the interface.
+    #[error("{0} is no library of an FMU: it does not export {1}")]
+    NoInterface(PathBuf, String),
     /// Two binaries are given for one platform.
     #[error("two binaries are given for the platform {0}: one is wanted")]
     Twice(&'static str),
@@ -238,7 +241,9 @@ pub fn binaries(
 fn read(binaries: &mut Binaries, platform: &'static Platform, path: &Path) -> Result<(), PackageError> {
     let mut content = fs::read(path).map_err(at(path))?;
     remap(&mut content);
-    binaries.add(platform, &content).map_err(|why| PackageError::NotFor(path.into(), why))
+    binaries.add(platform, &content).map_err(|why| PackageError::NotFor(path.into(), why))?;
+    let missing = platforms::missing_functions(platform, &content);
+    if missing.is_empty() { Ok(()) } else { Err(PackageError::NoInterface(path.into(), missing.join(", "))) }
 }
 
 /// Takes folders of this machine out of a library: messages of panics hold the paths of the sources of dependencies. Each
@@ -314,18 +319,6 @@ pub fn write(
         written.push(Written { path, bytes: content.len(), platforms });
     }
     Ok(written)
-}
-
-/// Writes the model descriptions into a folder.
-///
-/// # Errors
-/// Whatever file could not be written.
-pub fn write_descriptions(fmus: &'static Fmus, folder: &Path) -> Result<(), PackageError> {
-    for model in fmus.models().iter() {
-        let path = folder.join(format!("{}.xml", model.info.name));
-        fs::write(&path, model.xml()).map_err(at(&path))?;
-    }
-    Ok(())
 }
 
 /// A zip archive whose bytes depend on the members alone: no times, no owners, the order as given.

@@ -14,7 +14,9 @@
   // Lengths in the drawing; displacements and gaps are on one scale, the rotor itself is far larger in truth.
   const ROTOR = 92, RING = 158, ARROW = 74, VIEW = 330;
   const scale = (RING - ROTOR) / data.clearance, pole = ROTOR + data.gap * scale;
-  const most = Math.max(1e-9, ...force.map(values => values.reduce((a, b) => b > a ? b : a, 0)));
+  // A blow that lasts a few samples must not make all other arrows short.
+  const sorted = Float32Array.from(force.flatMap(values => [...values])).sort();
+  const most = Math.max(1e-9, sorted[Math.floor(0.98 * sorted.length)]);
   const step = t[last] / last;
   const degrees = 180 / Math.PI;
   const text = number => number.toFixed(number < 9.995 ? 1 : 0);
@@ -33,9 +35,10 @@
   };
   const bar = data.clearance > 150 ? 100 : data.clearance > 15 ? 10 : 1;
   root.innerHTML = `<svg viewBox="${-VIEW} ${-VIEW + 40} ${2 * VIEW} ${2 * VIEW - 44}" role="img" aria-label="The rotor in its clearance between three magnets">
+    <defs><radialGradient id="steel" cx=".38" cy=".34" r=".8"><stop offset="0"/><stop offset="1"/></radialGradient></defs>
     ${[0, 1, 2].map(magnet).join("")}
     <circle class="ring" r="${RING}"/>
-    <g id="rotor"><circle class="body" r="${ROTOR}"/><path class="mark" d="M0 0H${ROTOR}"/><circle class="dot" cx="${ROTOR - 11}" r="5"/></g>
+    <circle class="body" r="${ROTOR}"/><g id="rotor"><path class="mark" d="M0 0H${ROTOR}"/><circle class="dot" cx="${ROTOR - 11}" r="5"/></g>
     <path class="reference"/><path class="trail"/><circle class="centre" r="3.2"/>
     ${[0, 1, 2].map(arrow).join("")}${[0, 1, 2].map(label).join("")}
     <g class="axes"><path d="M${-VIEW + 22} ${VIEW - 32}h44m-6 -4l6 4l-6 4M${-VIEW + 22} ${VIEW - 32}v-44m-4 6l4 -6l4 6"/><text x="${-VIEW + 74}" y="${VIEW - 27}">y</text><text x="${-VIEW + 17}" y="${VIEW - 84}">z</text>
@@ -48,7 +51,7 @@
   const get = id => document.getElementById(id);
   const find = selector => root.querySelector(selector);
   const [play, seek, speed, rotor] = ["play", "seek", "speed", "rotor"].map(get);
-  const centre = find(".centre"), trail = find(".trail"), ring = find(".ring"), event = find(".event");
+  const centre = find(".centre"), body = find(".body"), trail = find(".trail"), ring = find(".ring"), event = find(".event");
 
   // A turn a second, or the whole run in ten seconds where the rotor does not turn.
   const turns = Math.abs(theta[last] - theta[0]) / (2 * Math.PI);
@@ -87,19 +90,20 @@
     const value = values => values[i] + part * (values[j] - values[i]);
     const cy = value(y) * scale, cz = -value(z) * scale;
     rotor.setAttribute("transform", `translate(${cy} ${cz}) rotate(${-value(theta) * degrees})`);
-    centre.setAttribute("cx", cy);
-    centre.setAttribute("cy", cz);
+    for (const circle of [centre, body]) {
+      circle.setAttribute("cx", cy);
+      circle.setAttribute("cy", cz);
+    }
     trail.setAttribute("d", path(y, z, turn(i), i));
     if (refY && refZ) find(".reference").setAttribute("d", path(refY, refZ, turn(i), i));
     ring.classList.toggle("hit", Boolean(contact && contact[i] > 0.5));
     for (let k = 0; k < 3; k++) {
-      const pull = Math.max(0, value(force[k])), long = pull / most * ARROW;
+      const pull = Math.max(0, value(force[k])), long = Math.min(pull / most, 1.3) * ARROW;
       const shaft = get(`arrow${k}`);
       shaft.setAttribute("transform", `translate(${cy} ${cz}) rotate(${data.alpha[k] * degrees}) translate(0 ${-ROTOR})`);
-      shaft.firstChild.setAttribute("d", `M0 0V${-Math.max(0, long - 10)}`);
-      shaft.lastChild.setAttribute("transform", `translate(0 ${-long})`);
-      shaft.style.opacity = Math.min(1, long / 6);
-      get(`coil${k}`).style.fillOpacity = 0.18 + 0.82 * Math.sqrt(pull / most);
+      shaft.firstChild.setAttribute("d", `M0 0V${-Math.max(0, long - 12)}`);
+      shaft.lastChild.setAttribute("transform", `translate(0 ${-long}) scale(${Math.min(1, long / 13)})`);
+      get(`coil${k}`).style.fillOpacity = 0.18 + 0.82 * Math.min(1, Math.sqrt(pull / most));
       get(`pull${k}`).textContent = `${text(pull)} N`;
       if (lambda) get(`hat${k}`).textContent = `λ̂${"₁₂₃"[k]} ${lambda[k][i].toFixed(3)}`;
     }

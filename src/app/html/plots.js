@@ -23,11 +23,12 @@
     return value;
   }
   const axis = own => ({gridcolor: "--grid", linecolor: "--rule", zerolinecolor: "--rule", automargin: true,
-    hoverformat: ".6~g", exponentformat: "power", ...own});
+    hoverformat: ".6~g", exponentformat: "power", ...own, title: {...own.title, standoff: 6}});
   function figure(div) {
     const {data, layout} = specs.get(div);
     const full = {...layout, xaxis: axis(layout.xaxis), yaxis: axis(layout.yaxis),
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", margin: {l: 10, r: 12, t: 6, b: 8},
+      modebar: {bgcolor: "rgba(0,0,0,0)", color: "--soft", activecolor: "--ink"},
       font: {family: "system-ui, sans-serif", size: 12, color: "--ink"},
       legend: {orientation: "h", x: 0, y: 1, yanchor: "bottom", font: {size: 12.5}},
       hovermode: layout.yaxis.scaleanchor ? "closest" : "x unified", dragmode: touch ? false : "zoom",

@@ -6,7 +6,7 @@ use super::{Answer, Samples, Track, recording, table};
 use crate::app::html;
 use crate::app::plot::{self, Line, Plot, Unit, colour};
 use crate::app::recording::Recording;
-use crate::app::report::{Table, table_of};
+use crate::app::report::{Table, cards, table_of};
 use crate::model::estimation::{Method, Verdict};
 
 /// The result as a page of its own, made by that command.
@@ -48,7 +48,7 @@ pub fn page(
         let caption = "As identified together with the force constants.";
         figures.push(("Unbalance and static load".into(), vec![unbalance, load], caption.into()));
     }
-    let mut residual = Plot::over_time(Unit::SECOND, ("residual", Unit::PERCENT));
+    let mut residual = Plot::over_time(Unit::SECOND, ("residual", Unit::ONE));
     let colours = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::OTHER];
     for (track, colour) in tracks.iter().zip(colours) {
         line(&mut residual, &recording, track, "residual", Line::new(track.name, colour), |_| true);
@@ -56,7 +56,8 @@ pub fn page(
     figures.push((
         "What the model leaves unexplained".into(),
         vec![residual],
-        "Part of the motion, noise included.".into(),
+        "Of predictionError the normalised innovation squared, 1 where model and noise describe the data; of the paper's methods the \
+         part of the motion that is left over.".into(),
     ));
     let mut tables: Vec<Table> = answer.map(Answer::tables).unwrap_or_default();
     tables.extend(std::iter::once(table(tracks)).chain(holds.cloned()));
@@ -74,6 +75,10 @@ pub fn page(
                     p class=(class) { (verdict) }
                 }
                 @if let Some(answer) = answer {
+                    @if let Some(found) = &answer.found {
+                        (cards([0, 1, 2].map(|k| found.lambda[k].value), [0, 1, 2].map(|k| found.lambda[k].total_std), None))
+                        p.soft { "In 10⁻⁶ N·m²/A²; ± is two standard deviations, tolerances included." }
+                    }
                     p { (answer.told()) }
                     ul { @for finding in &answer.findings { li { (finding) } } }
                 }
@@ -88,8 +93,10 @@ pub fn page(
             }
             section #results { @for table in &tables { (table_of(table)) } }
             @if !command.is_empty() {
-                p.soft { "This page is made by" }
-                pre { code { (command) } }
+                section.table {
+                    p.soft { "This page is made by" }
+                    pre { code { (command) } }
+                }
             }
         }
         (plot::scripts())

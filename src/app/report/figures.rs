@@ -107,8 +107,15 @@ impl<'r> Run<'r> {
         if let [first, .., last] = self.time_s {
             plot = plot.range(0, [*first, *last]);
         }
-        for event in &self.report.events {
-            plot.instant(event.at_s, &event.label);
+        // Marks side by side share a label, which would be unreadable twice.
+        let near_s = 0.03 * self.time_s.last().copied().unwrap_or(0.0);
+        let mut events = self.report.events.clone();
+        events.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
+        for together in events.chunk_by(|a, b| b.at_s - a.at_s < near_s) {
+            let labels: Vec<&str> = together.iter().map(|event| event.label.as_str()).collect();
+            for (at, event) in together.iter().enumerate() {
+                plot.instant(event.at_s, if at == 0 { labels.join(", ") } else { String::new() }.as_str());
+            }
         }
         plot
     }
@@ -179,7 +186,7 @@ fn lambda_plot(run: &Run, element: &str, height_px: f64) -> Plot {
 pub(super) fn first(report: &Report) -> Markup {
     let run = Run::new(report);
     let element = report.answer.as_ref().map_or("estimator", |answer| answer.element.as_str());
-    let plot = lambda_plot(&run, element, 380.0);
+    let plot = lambda_plot(&run, element, 460.0);
     let animation = animation(&run, element);
     html! {
         div.first {
@@ -282,9 +289,18 @@ fn estimates(run: &Run) -> Option<Figure> {
 
 fn errors(run: &Run) -> Option<Figure> {
     let truth = run.report.truth?;
+    let lambda = |element: &str| run.get3(|k| format!("{element}.lambdaHat[{k}]"));
+    // Down to where errors are most of the time: where one changes its sign it is small for an instant.
+    let estimates = run.report.methods.iter().filter_map(|method| lambda(&method.element));
+    let mut all: Vec<f64> = estimates
+        .flat_map(|lambda| (0..3).flat_map(move |k| lambda[k].iter().map(move |value| (value / truth[k] - 1.0).abs())))
+        .filter(|error| *error > 0.0)
+        .collect();
+    all.sort_by(f64::total_cmp);
+    let least = all.get(all.len() / 50).map_or(1e-4, |error| 10f64.powf(error.log10().floor()).clamp(1e-7, 1e-2));
     let one = |element: &str| {
-        let mut plot = run.plot("|λ̂ − λ|/λ", Unit::PERCENT).decades(1).range(1, [1e-6, 2.0]).height(280.0);
-        let lambda = run.get3(|k| format!("{element}.lambdaHat[{k}]"));
+        let mut plot = run.plot("|λ̂ − λ|/λ", Unit::PERCENT).decades(1).range(1, [least, 2.0]).height(280.0);
+        let lambda = lambda(element);
         let std = run
             .get3(|k| format!("{element}.lambdaStdTotal[{k}]"))
             .or(run.get3(|k| format!("{element}.lambdaStd[{k}]")));
@@ -433,7 +449,10 @@ fn clearance(run: &Run) -> Option<Figure> {
     let length = |y: &[f64], z: &[f64]| y.iter().zip(z).map(|(y, z)| y.hypot(*z)).collect::<Vec<f64>>();
     let (y, z) = (run.get("plant.Y")?, run.get("plant.Z")?);
     let mut distance = run.plot("distance from the centre", Unit::MICROMETRE).height(260.0);
-    run.line(&mut distance, Line::new("rotor", colour::MAGNETS[0]).unlisted(), &length(y, z));
+    let radius = length(y, z);
+    let most = radius.iter().copied().filter(|radius| radius.is_finite()).fold(clearance_m, f64::max);
+    distance = distance.range(1, [0.0, 1.1 * most]);
+    run.line(&mut distance, Line::new("rotor", colour::MAGNETS[0]).unlisted(), &radius);
     distance.level(clearance_m, "clearance");
     let mut plots = vec![("Distance from the centre".into(), distance)];
     let contact = run.get("plant.touchdown.contact").unwrap_or(&[]);
@@ -459,7 +478,8 @@ fn sensitivity(run: &Run) -> Option<Figure> {
         let mut plot =
             Plot::new(("frequency", hertz), ("|S|", Unit::ONE)).decades(0).range(1, [0.0, 5.5f64.max(1.1 * peak)]);
         // Both axes are often alike: the narrow line stays visible on the broad one.
-        let lines = [Line::new("y", "--magnet1").width(5.0), Line::new("z", "--magnet2").width(1.8)];
+        let lines =
+            [Line::new("y", colour::MAGNETS[0]).width(4.0), Line::new("z", colour::MAGNETS[1]).dashed().width(2.0)];
         for (axis, line) in lines.into_iter().enumerate() {
             plot.line(line, &column(&one.sweep, 0), &column(&one.sweep, 1 + axis));
             let crosses = Line::new(["y injected", "z injected"][axis], colour::INK).crosses().unlisted();
@@ -468,8 +488,12 @@ fn sensitivity(run: &Run) -> Option<Figure> {
         for (limit, zone) in ZONES {
             plot.level(limit, &format!("zone {zone}: below {limit} ({:.1} dB)", 20.0 * limit.log10()));
         }
-        let name = if one.name.is_empty() { String::new() } else { format!("With λ {}", one.name) };
-        plots.push((name, plot));
+        let name = match one.name.as_str() {
+            "before" => "With λ before the update",
+            "after" => "With λ after the update",
+            _ => "",
+        };
+        plots.push((name.into(), plot));
     }
     let missing: Vec<String> =
         all.iter().filter_map(|one| one.missing.as_ref()).map(|why| format!(" Not drawn: {why}.")).collect();
