@@ -211,7 +211,7 @@ pub fn platform() -> Result<&'static Platform, PackageError> {
 /// If it could not be read, or is none.
 pub fn binaries_of(library: &Path) -> Result<Binaries, PackageError> {
     let mut binaries = Binaries::default();
-    read(&mut binaries, platform()?, library)?;
+    read_built(&mut binaries, platform()?, library)?;
     Ok(binaries)
 }
 
@@ -231,7 +231,7 @@ pub fn binaries(
         read(&mut binaries, platform, path)?;
     }
     match platform() {
-        Ok(platform) if !binaries.serve(platform) => read(&mut binaries, platform, &own()?)?,
+        Ok(platform) if !binaries.serve(platform) => read_built(&mut binaries, platform, &own()?)?,
         Err(unknown) if given.is_empty() => return Err(unknown),
         _ => {}
     }
@@ -239,8 +239,22 @@ pub fn binaries(
 }
 
 fn read(binaries: &mut Binaries, platform: &'static Platform, path: &Path) -> Result<(), PackageError> {
+    add(binaries, platform, path, fs::read(path).map_err(at(path))?)
+}
+
+/// As [`read`], for a library that was built here. What was built elsewhere is packed as it is.
+fn read_built(binaries: &mut Binaries, platform: &'static Platform, path: &Path) -> Result<(), PackageError> {
     let mut content = fs::read(path).map_err(at(path))?;
     remap(&mut content);
+    add(binaries, platform, path, content)
+}
+
+fn add(
+    binaries: &mut Binaries,
+    platform: &'static Platform,
+    path: &Path,
+    content: Vec<u8>,
+) -> Result<(), PackageError> {
     binaries.add(platform, &content).map_err(|why| PackageError::NotFor(path.into(), why))?;
     let missing = platforms::missing_functions(platform, &content);
     if missing.is_empty() { Ok(()) } else { Err(PackageError::NoInterface(path.into(), missing.join(", "))) }
