@@ -270,10 +270,11 @@ fn table() -> Vec<Row<Values>> {
             .description("Whether the estimate can be relied on; if not, lambdaHat is the last valid one"),
     );
     let verdict = Access {
-        get: |values: &Values, _| verdict_number(values.output.verdict),
+        get: |values: &Values, _| values.output.verdict as i32 + 1,
         set: |values: &mut Values, _, number| {
             let at = usize::try_from(number).ok().and_then(|number| number.checked_sub(1));
-            values.output.verdict = at.and_then(|at| Verdict::ALL.get(at)).copied().unwrap_or_default();
+            values.output.verdict =
+                at.and_then(|at| Verdict::ALL.get(at)).map(|(verdict, _)| *verdict).unwrap_or_default();
         },
     };
     rows.push(
@@ -309,11 +310,6 @@ fn table() -> Vec<Row<Values>> {
             .description("Identified angle of the unbalance from the mark on the rotor that theta refers to"),
     );
     rows
-}
-
-/// The number of a verdict in the interface.
-fn verdict_number(verdict: Verdict) -> i32 {
-    Verdict::ALL.iter().zip(1..).find(|(one, _)| **one == verdict).map_or(0, |(_, number)| number)
 }
 
 impl Values {
