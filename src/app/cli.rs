@@ -9,23 +9,22 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
+use fmu_export::package::platforms::{self, Platform};
 
 use super::design;
-use super::documentation;
 use super::experiment;
 use super::html;
 use super::identify;
 use super::montecarlo;
 use super::output::{self, Format, tell};
 use super::package;
-use super::platforms::{self, Platform};
 use super::recording::Recording;
 use super::scenario::{BUILT_IN, Scenario};
 use super::simulate::{self, Run};
 use super::summary;
 use super::sweep::Design;
+use crate::fmu::estimator::METHOD;
 use crate::model::estimation::EstimatorConfig;
-use crate::slave::estimator::METHOD;
 
 /// Where things go when nothing else is said, below the folder in which the program is run.
 const FMU_FOLDER: &str = "target/fmu";
@@ -335,9 +334,7 @@ fn package(binaries: &[(&'static Platform, PathBuf)], folder: &Path) -> Result<(
 }
 
 fn describe(folder: &Path) -> Result<()> {
-    package::write_descriptions(folder)?;
-    let path = folder.join("VARIABLES.md");
-    Format::Markdown.write(&path, documentation::markdown().as_bytes()).map_err(named(&path))
+    package::write_descriptions(folder).map_err(Into::into)
 }
 
 fn completions(shell: Shell) -> Result<()> {
@@ -522,9 +519,8 @@ fn identify(command: Command) -> Result<()> {
         Refused(format!("{}: {}", path.display(), identify::Unusable(findings))).into()
     };
     let bearing = Scenario::open(&scenario)?;
-    let mut config = identify::config(|name| {
-        bearing.value("estimator", name).map_or(f64::NAN, crate::slave::variable::Value::as_f64)
-    });
+    let mut config =
+        identify::config(|name| bearing.value("estimator", name).map_or(f64::NAN, fmu_export::variable::Value::as_f64));
     let mut bench = [identify::likelihood::Told::default(); identify::likelihood::BENCH];
     for (name, value) in bearing.tolerance.iter().chain(&tolerances) {
         for (at, std) in identify::tolerance(name, value, config.m_kg, config.gap_m).map_err(Refused)? {

@@ -1,12 +1,13 @@
 //! The closed loop of a scenario with types: its elements by what they are, and the configurations of their models.
 
+use fmu_export::Invalid;
+use fmu_export::variable::Value;
+
 use super::scenario::{Element, Scenario};
-use crate::model::Invalid;
+use crate::fmu::{controller, estimator, plant};
 use crate::model::controller::ControllerConfig;
 use crate::model::estimation::EstimatorConfig;
 use crate::model::plant::{PlantConfig, PlantInput};
-use crate::slave::variable::Value;
-use crate::slave::{controller, estimator, plant};
 
 /// The configurations of the models in the loop, at the start.
 #[derive(Clone, Debug)]
@@ -55,7 +56,7 @@ impl Scenario {
     /// The path of a variable, such as `plant.lambda[1]`, by the indices of its element and its own.
     pub fn path(&self, (element, variable): (usize, usize)) -> String {
         let element = &self.elements[element];
-        format!("{}.{}", element.name, (element.kind.variables)()[variable].name)
+        format!("{}.{}", element.name, element.kind.variables()[variable].name)
     }
 
     /// The configurations of the models in the loop.
@@ -74,5 +75,5 @@ impl Scenario {
 }
 
 fn settings(element: &Element) -> Vec<(usize, Value)> {
-    element.settings.iter().map(|setting| (setting.index, setting.value)).collect()
+    element.settings.iter().map(|setting| (setting.index, setting.value.clone())).collect()
 }

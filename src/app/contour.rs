@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::model::reference::{Contour, HARMONICS};
-use crate::slave::unit::{METRE, RADIAN};
+use fmu_export::unit::{METRE, RADIAN};
 
 /// Unknowns per axis: the mean, a cosine and a sine per harmonic.
 const UNKNOWNS: usize = 2 * HARMONICS + 1;
@@ -31,7 +31,7 @@ pub fn read(text: &str) -> Result<Fit, String> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
     let head = reader.headers().map_err(|error| error.to_string())?.clone();
     let wanted = "the head theta [deg],Y [um],Z [um] is wanted";
-    let column = |name: &str, unit: crate::slave::unit::Unit| {
+    let column = |name: &str, unit: fmu_export::unit::Unit| {
         let found = head.iter().enumerate().find_map(|(index, cell)| {
             let (title, rest) = cell.split_once('[')?;
             (title.trim() == name).then_some((index, rest.trim_end_matches(']').trim().to_owned()))

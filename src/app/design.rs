@@ -8,7 +8,7 @@ use super::report::Table;
 use super::scenario::Scenario;
 use super::simulate::{self, Refused};
 use crate::model::estimation::STD_LIMIT;
-use crate::slave::variable::Value;
+use fmu_export::variable::Value;
 
 /// Instants that are compared, in s.
 pub const INSTANTS_S: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 2.0];

@@ -7,8 +7,8 @@ use super::closed_loop::Loop;
 use super::report::{self, Answer, Bearing, Event, Method, Paper, Parameter, Report, Table};
 use super::scenario::Scenario;
 use super::simulate::Run;
-use crate::slave::estimator::{METHOD, VERDICT};
-use crate::slave::variable::{Type, Value, Variable};
+use crate::fmu::estimator::{METHOD, VERDICT};
+use fmu_export::variable::{Type, Value, Variable};
 
 /// Estimates of the paper: figure 2, simulation, after less than 0.1 s.
 const PAPER_LAMBDA: [f64; 3] = [1.786e-6, 2.072e-6, 2.199e-6];
@@ -279,7 +279,7 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<Event> {
             let (_, name) = path.split_once('.').unwrap_or_default();
             let magnet = name.trim_end_matches(']').rsplit('[').next().unwrap_or_default();
             for (at_s, value) in profile.time_s.iter().zip(&profile.values).filter(|(at_s, _)| **at_s > 0.0) {
-                let on = value.as_f64() != 0.0;
+                let on = value.clone().as_f64() != 0.0;
                 let label = match name.split('[').next().unwrap_or_default() {
                     "coil.open" if on => format!("coil {magnet} opens"),
                     "coil.open" => format!("coil {magnet} closes"),
@@ -338,7 +338,7 @@ fn parameters(scenario: &Scenario) -> Vec<Parameter> {
     let connections = scenario.connections();
     let mut parameters = Vec::new();
     for element in scenario.in_loop() {
-        for variable in (element.kind.variables)() {
+        for variable in element.kind.variables() {
             let connected = connections
                 .iter()
                 .any(|connection| connection.to[0] == element.name && connection.to[1] == variable.name);
@@ -370,6 +370,7 @@ fn shown(variable: &Variable, value: Value) -> String {
         (Type::Enumeration { items, .. }, Value::Integer(value)) => items.item(value).unwrap_or("?").into(),
         (_, Value::Integer(value)) => value.to_string(),
         (_, Value::Boolean(value)) => value.to_string(),
+        (_, Value::String(value)) => value,
         (_, Value::Real(value)) => rounded(value),
     }
 }

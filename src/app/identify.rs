@@ -19,11 +19,11 @@ pub use self::tolerance::{named, tolerance};
 pub use self::read::{Currents, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use super::recording::{Column, Recording};
 use super::report::Table;
+use crate::fmu::estimator::{HOLD, METHOD};
 use crate::model::Invalid;
 use crate::model::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, STD_LIMIT, Tolerance, Verdict,
 };
-use crate::slave::estimator::{HOLD, METHOD};
 
 /// The methods by the names of the interface.
 pub const METHODS: [(&str, Method); 3] =

@@ -17,9 +17,9 @@ use super::progress::Progress;
 use super::report::Table;
 use super::scenario::{Scenario, Setting};
 use super::simulate::{self, Refused};
-use crate::slave::variable::Value;
 use cases::{Draw, TOLERANCES};
 use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, pooled};
+use fmu_export::variable::Value;
 
 /// Makes the scenario of a run from the study's, the seed of the run, and how often the rotor touched down with the former.
 pub type Vary = Arc<dyn Fn(&Scenario, u64, u64) -> Scenario + Send + Sync>;
@@ -157,7 +157,7 @@ pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: us
     let mut scenario = base.clone();
     scenario.remove_observers();
     let element = scenario.estimator();
-    let method = (element.kind.variables)().into_iter().find(|variable| variable.name == "method");
+    let method = element.kind.variables().into_iter().find(|variable| variable.name == "method");
     if let Some(method) = method.map(|variable| variable.start()) {
         scenario.set("estimator", "method", method);
     }
@@ -403,7 +403,7 @@ impl Scenario {
     /// Gives a variable a value at the start; nothing happens if there is no such element or variable.
     pub fn set(&mut self, element: &str, variable: &str, value: Value) {
         if let Some(element) = self.elements.iter_mut().find(|candidate| candidate.name == element) {
-            let index = (element.kind.variables)().iter().position(|candidate| candidate.name == variable);
+            let index = element.kind.variables().iter().position(|candidate| candidate.name == variable);
             element.settings.extend(index.map(|index| Setting { index, value }));
         }
     }

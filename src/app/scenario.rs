@@ -1,13 +1,15 @@
 //! Scenarios: what is connected to what, and which values the variables have at the start.
 
 use std::path::Path;
+use std::sync::Arc;
 
+use fmu_export::ModelType;
+use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
 use serde::Deserialize;
 
 use super::contour::Fit;
+use crate::fmu::{self, estimator};
 use crate::model::reference::HARMONICS;
-use crate::slave::variable::{Causality, Type, Value, Variability, Variable, element};
-use crate::slave::{Kind, controller, estimator, plant};
 
 /// The scenarios that come with the program, by name.
 pub const BUILT_IN: [(&str, &str); 10] = [
@@ -153,14 +155,14 @@ impl Profile {
         const ROUNDING_S: f64 = 1e-9;
         let passed = self.time_s.partition_point(|instant| *instant <= time_s + ROUNDING_S);
         if passed == 0 {
-            return (!self.hold).then(|| self.values[0]);
+            return (!self.hold).then(|| self.values[0].clone());
         }
-        match (self.values[passed - 1], self.values.get(passed)) {
+        match (&self.values[passed - 1], self.values.get(passed)) {
             (Value::Real(from), Some(Value::Real(to))) if !self.hold => {
                 let [begin, end] = [self.time_s[passed - 1], self.time_s[passed]];
                 Some(Value::Real(from + (to - from) * ((time_s - begin) / (end - begin)).max(0.0)))
             }
-            (value, _) => Some(value),
+            (value, _) => Some(value.clone()),
         }
     }
 }
@@ -180,7 +182,7 @@ pub struct Element {
     /// Name, unique in the scenario.
     pub name: String,
     /// What it is.
-    pub kind: &'static Kind,
+    pub kind: Arc<ModelType>,
     /// Values that differ from the start values.
     pub settings: Vec<Setting>,
 }
@@ -333,12 +335,12 @@ impl Scenario {
             let names: Vec<_> = self.elements.iter().map(|element| element.name.as_str()).collect();
             return Err(format!("{path}: a path that begins with one of {} is wanted", names.join(", ")));
         };
-        let variables = (self.elements[at].kind.variables)();
+        let variables = self.elements[at].kind.variables();
         let Some(index) = variables.iter().position(|variable| variable.name == key) else {
             let settable = variables.iter().filter(|variable| variable.is_settable());
             return Err(unknown(name, key, &settable.map(|variable| variable.name.to_string()).collect::<Vec<_>>()));
         };
-        permitted(name, variables[index]).map_err(|why| format!("{path} is refused: {why}"))?;
+        permitted(name, &variables[index]).map_err(|why| format!("{path} is refused: {why}"))?;
         Ok((at, index))
     }
 
@@ -348,12 +350,12 @@ impl Scenario {
     /// What is wrong with the path or the value.
     pub fn assign(&mut self, path: &str, text: &str) -> Result<(), String> {
         let (at, index) = self.settable(path)?;
-        let kind = &(self.elements[at].kind.variables)()[index].kind;
+        let kind = &self.elements[at].kind.variables()[index].kind;
         let text = text.trim();
         let value = match kind {
             Type::Integer { .. } => text.parse().map(toml::Value::Integer).ok(),
             Type::Boolean { .. } => text.parse().map(toml::Value::Boolean).ok(),
-            Type::Real { .. } | Type::Enumeration { .. } => None,
+            Type::Real { .. } | Type::Enumeration { .. } | Type::String { .. } => None,
         };
         let value = convert(kind, &value.unwrap_or_else(|| toml::Value::String(text.into())));
         let value = value.map_err(|why| format!("{path} = {text} is refused: {why}"))?;
@@ -364,10 +366,10 @@ impl Scenario {
     /// The value that a variable has at the start.
     pub fn value(&self, element: &str, variable: &str) -> Option<Value> {
         let element = self.elements.iter().find(|candidate| candidate.name == element)?;
-        let variables = (element.kind.variables)();
+        let variables = element.kind.variables();
         let index = variables.iter().position(|candidate| candidate.name == variable)?;
         let set = element.settings.iter().rev().find(|setting| setting.index == index);
-        Some(set.map_or_else(|| variables[index].start(), |setting| setting.value))
+        Some(set.map_or_else(|| variables[index].start(), |setting| setting.value.clone()))
     }
 }
 
@@ -386,22 +388,22 @@ fn change(changes: &[(String, toml::Value)], elements: &mut [Element], findings:
             _ => (None, path.as_str()),
         };
         let concerned = elements.iter_mut().filter(|element| owner.is_none_or(|name| element.name == name));
-        let (known, others): (Vec<_>, Vec<_>) = concerned.partition(|element| knows(element.kind, key));
+        let (known, others): (Vec<_>, Vec<_>) = concerned.partition(|element| knows(&element.kind, key));
         if known.is_empty() {
-            let kinds: Vec<_> = others.iter().map(|element| element.kind).collect();
+            let kinds: Vec<_> = others.iter().map(|element| &*element.kind).collect();
             let suggestion = suggestion(key, &names(&kinds));
             findings.push(format!("[--set] {path}: there is no variable of this name; {suggestion}"));
         }
         // A name without an element means those where the variable can be set: speed is an input of plant and estimator, and
         // that of the estimator is connected.
         let is_open = |element: &Element| {
-            let index = position(element.kind, key).or_else(|| position(element.kind, &self::element(key, 0)));
-            index.is_some_and(|index| permitted(&element.name, (element.kind.variables)()[index]).is_ok())
+            let index = position(&element.kind, key).or_else(|| position(&element.kind, &self::element(key, 0)));
+            index.is_some_and(|index| permitted(&element.name, &element.kind.variables()[index]).is_ok())
         };
         let is_open_anywhere = known.iter().any(|element| is_open(element));
         for element in known {
             if is_open(element) || !is_open_anywhere {
-                set(&element.name, element.kind, "--set", key, value, &mut element.settings, findings);
+                set(&element.name, &element.kind, "--set", key, value, &mut element.settings, findings);
             }
         }
     }
@@ -409,7 +411,7 @@ fn change(changes: &[(String, toml::Value)], elements: &mut [Element], findings:
 
 fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], findings: &mut Vec<String>) -> Scenario {
     let mut time = |key: &str, value: &toml::Value| {
-        let unit = crate::slave::unit::SECOND;
+        let unit = fmu_export::unit::SECOND;
         let kind = Type::Real { start: 0.0, unit, display: None, nominal: 1.0, min: None, max: None };
         match convert(&kind, value) {
             Ok(Value::Real(value)) if value.is_finite() && value > 0.0 => value,
@@ -429,10 +431,11 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         findings.push(format!("step = {} is refused: at most the duration, {duration_s} s, is wanted", document.step));
     }
 
-    let tables: [(&str, &'static Kind, &toml::Table); 3] = [
-        ("plant", &plant::KIND, &document.plant),
-        ("controller", &controller::KIND, &document.controller),
-        ("estimator", &estimator::KIND, &document.estimator),
+    let [plant, controller, estimator] = &fmu::catalogue()[..] else { unreachable!("there are three models") };
+    let tables: [(&str, &Arc<ModelType>, &toml::Table); 3] = [
+        ("plant", plant, &document.plant),
+        ("controller", controller, &document.controller),
+        ("estimator", estimator, &document.estimator),
     ];
     let mut elements: Vec<Element> = Vec::new();
     for (name, kind, table) in tables {
@@ -450,10 +453,10 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
                 findings.push(unknown(name, &key, &names(&[kind])));
             }
         }
-        elements.push(Element { name: name.into(), kind, settings });
+        elements.push(Element { name: name.into(), kind: kind.clone(), settings });
     }
     for (key, _) in flatten(&document.all) {
-        let kinds = tables.map(|(_, kind, _)| kind);
+        let kinds = tables.map(|(_, kind, _)| &**kind);
         if !kinds.iter().any(|kind| knows(kind, &key)) {
             findings.push(unknown("all", &key, &names(&kinds)));
         }
@@ -511,11 +514,12 @@ fn contour(file: &str, folder: &Path) -> Result<Vec<Setting>, String> {
     ] {
         values.extend(coefficients.into_iter().enumerate().map(|(n, value)| (element(name, n), value)));
     }
+    let controller = fmu::find("FlatnessController").expect("a model of this project");
     let settings = values
         .into_iter()
         .map(|(name, value)| (name, Value::Real(value)))
         .chain([("reference.shape".to_owned(), Value::Integer(4))])
-        .map(|(name, value)| Setting { index: position(&controller::KIND, &name).expect("a path has these"), value })
+        .map(|(name, value)| Setting { index: position(&controller, &name).expect("a path has these"), value })
         .collect();
     Ok(settings)
 }
@@ -528,13 +532,13 @@ fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mu
     for path in &text.of {
         let found = path.split_once('.').and_then(|(name, variable)| {
             let at = elements.iter().position(|element| element.name == name)?;
-            Some((at, position(elements[at].kind, variable)?))
+            Some((at, position(&elements[at].kind, variable)?))
         });
         let Some((at, variable)) = found else {
             refuse(format!("there is no variable {path}; element.variable is wanted, like plant.omega"));
             continue;
         };
-        let known = (elements[at].kind.variables)()[variable];
+        let known = &elements[at].kind.variables()[variable];
         match permitted(&elements[at].name, known) {
             Err(why) => refuse(format!("{path}: {why}")),
             Ok(()) if known.causality == Causality::Parameter && known.variability != Variability::Tunable => {
@@ -549,10 +553,10 @@ fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mu
         }
         return None;
     };
-    let kind = &(elements[at].kind.variables)()[variable].kind;
+    let kind = &elements[at].kind.variables()[variable].kind;
     let real = matches!(kind, Type::Real { .. });
     let second =
-        Type::Real { start: 0.0, unit: crate::slave::unit::SECOND, display: None, nominal: 1.0, min: None, max: None };
+        Type::Real { start: 0.0, unit: fmu_export::unit::SECOND, display: None, nominal: 1.0, min: None, max: None };
     let mut all = |kind: &Type, values: &[toml::Value]| -> Vec<Value> {
         let one = |value| match convert(kind, value) {
             Ok(value) => Some(value),
@@ -575,8 +579,9 @@ fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mu
 /// Adds estimators of other methods that run beside the loop.
 fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<String>) {
     let settings = elements[2].settings.clone();
-    let variables = (estimator::KIND.variables)();
-    let index = variables.iter().position(|variable| variable.name == "method").expect("the estimator has a method");
+    let kind = elements[2].kind.clone();
+    let index =
+        kind.variables().iter().position(|variable| variable.name == "method").expect("the estimator has a method");
     for method in methods {
         let value = match estimator::METHOD.find(method) {
             Ok(value) => value,
@@ -591,7 +596,7 @@ fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<St
         }
         let mut settings = settings.clone();
         settings.push(Setting { index, value: Value::Integer(value) });
-        elements.push(Element { name: method.clone(), kind: &estimator::KIND, settings });
+        elements.push(Element { name: method.clone(), kind: kind.clone(), settings });
     }
 }
 
@@ -609,19 +614,19 @@ fn flatten(table: &toml::Table) -> Vec<(String, &toml::Value)> {
     leaves
 }
 
-fn position(kind: &Kind, name: &str) -> Option<usize> {
-    (kind.variables)().iter().position(|variable| variable.name == name)
+fn position(kind: &ModelType, name: &str) -> Option<usize> {
+    kind.variables().iter().position(|variable| variable.name == name)
 }
 
 /// Whether a slave has a variable, or an array, of that name.
-fn knows(kind: &Kind, key: &str) -> bool {
+fn knows(kind: &ModelType, key: &str) -> bool {
     position(kind, key).is_some() || position(kind, &element(key, 0)).is_some()
 }
 
 /// The names by which the variables of these slaves can be set, arrays by their common name.
-fn names(kinds: &[&Kind]) -> Vec<String> {
+fn names(kinds: &[&ModelType]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
-    for variable in kinds.iter().flat_map(|kind| (kind.variables)()).filter(|variable| variable.is_settable()) {
+    for variable in kinds.iter().flat_map(|kind| kind.variables()).filter(|variable| variable.is_settable()) {
         let name = variable.name.split('[').next().unwrap_or_default().to_owned();
         if !names.contains(&name) {
             names.push(name);
@@ -650,16 +655,16 @@ fn suggestion(key: &str, known: &[String]) -> String {
 /// Takes over one key of a table for one element.
 fn set(
     element_name: &str,
-    kind: &Kind,
+    kind: &ModelType,
     table: &str,
     key: &str,
     value: &toml::Value,
     settings: &mut Vec<Setting>,
     findings: &mut Vec<String>,
 ) {
-    let variables = (kind.variables)();
+    let variables = kind.variables();
     let mut one = |index: usize, value: &toml::Value| {
-        let variable = variables[index];
+        let variable = &variables[index];
         match permitted(element_name, variable).and_then(|()| convert(&variable.kind, value)) {
             Ok(value) => settings.push(Setting { index, value }),
             Err(why) => findings.push(format!("[{table}] {} = {value} is refused: {why}", variable.name)),
@@ -712,6 +717,8 @@ fn convert(kind: &Type, value: &toml::Value) -> Result<Value, String> {
         (Type::Boolean { .. }, toml::Value::Boolean(value)) => Ok(Value::Boolean(*value)),
         (Type::Boolean { .. }, _) => Err("true or false is wanted".into()),
         (Type::Enumeration { items, .. }, toml::Value::String(item)) => items.find(item).map(Value::Integer),
+        (Type::String { .. }, toml::Value::String(text)) => Ok(Value::String(text.clone())),
+        (Type::String { .. }, _) => Err("a text is wanted".into()),
         (Type::Enumeration { items, .. }, _) => Err(format!("the name of one of {} is wanted", items.listed())),
     }
 }

@@ -3,14 +3,13 @@
 //! At every communication point all outputs are read, then all connected inputs are set, then every slave does its step.
 //! No slave sees the results of another's step before the next point, so the order of the slaves does not matter.
 
+use fmu_export::log::{Log, Topic};
+use fmu_export::variable::{Causality, Value};
+use fmu_export::{Instance, Invalid, Step};
+
 use super::progress::Progress;
 use super::recording::{Column, Recording};
 use super::scenario::{Element, Profile, Scenario, Setting};
-use crate::model::Invalid;
-use crate::slave::AnySlave;
-use crate::slave::instance::{Step, all};
-use crate::slave::log::{Log, Topic};
-use crate::slave::variable::{Causality, Value};
 
 /// A run, complete or cut short.
 #[derive(Clone, Debug, Default)]
@@ -36,7 +35,7 @@ impl From<Vec<Invalid>> for Refused {
 
 struct Slave {
     name: String,
-    slave: Box<dyn AnySlave>,
+    slave: Box<dyn Instance>,
 }
 
 /// An output and the input it feeds, by index.
@@ -55,7 +54,7 @@ impl Log for Messages<'_> {
         true
     }
 
-    fn say(&mut self, _: Topic, message: std::fmt::Arguments<'_>) {
+    fn message(&mut self, _: Topic, message: std::fmt::Arguments<'_>) {
         self.lines.push(format!("{}: {message}", self.name));
     }
 }
@@ -85,10 +84,9 @@ pub fn run_for(
         // What a profile gives at the start is there when the slave starts.
         let at_start = scenario.profiles.iter().flat_map(|profile| {
             let given = profile.targets.iter().filter(move |target| target.0 == at);
-            profile
-                .at(0.0)
-                .into_iter()
-                .flat_map(move |value| given.clone().map(move |(_, index)| Setting { index: *index, value }))
+            profile.at(0.0).into_iter().flat_map(move |value| {
+                given.clone().map(move |(_, index)| Setting { index: *index, value: value.clone() })
+            })
         });
         let mut element = element.clone();
         element.settings.extend(at_start);
@@ -124,7 +122,7 @@ pub fn run_for(
         carried.clear();
         carried.extend(wires.iter().map(|wire| read(&mut slaves, wire.from)));
         for (wire, value) in wires.iter().zip(&carried) {
-            let set = slaves[wire.to.0].slave.set(wire.to.1, *value);
+            let set = slaves[wire.to.0].slave.set(wire.to.1, value.clone());
             debug_assert!(set.is_ok(), "an input takes any value");
         }
         for Slave { name, slave } in &mut slaves {
@@ -146,7 +144,7 @@ fn apply(profile: &Profile, time_s: f64, slaves: &mut [Slave]) -> Result<(), Str
     let Some(value) = profile.at(time_s) else { return Ok(()) };
     for (element, index) in &profile.targets {
         let Slave { name, slave } = &mut slaves[*element];
-        slave.set(*index, value).map_err(|error| format!("{name}: {error}"))?;
+        slave.set(*index, value.clone()).map_err(|error| format!("{name}: {error}"))?;
     }
     Ok(())
 }
@@ -160,24 +158,21 @@ fn read(slaves: &mut [Slave], (element, index): (usize, usize)) -> Value {
     slaves[element].slave.get(index).expect("indices come from the table of the slave")
 }
 
-fn start(element: &Element) -> Result<Box<dyn AnySlave>, Vec<String>> {
-    let mut slave = (element.kind.instantiate)();
+fn start(element: &Element) -> Result<Box<dyn Instance>, Vec<String>> {
+    let mut slave = element.kind.instantiate();
     for setting in &element.settings {
-        slave.set(setting.index, setting.value).map_err(|error| vec![format!("[{}] {error}", element.name)])?;
+        slave.set(setting.index, setting.value.clone()).map_err(|error| vec![format!("[{}] {error}", element.name)])?;
     }
     match slave.start() {
         Ok(()) => Ok(slave),
-        Err(findings) => Err(findings
-            .iter()
-            .map(|finding| format!("[{}] {}", element.name, all(std::slice::from_ref(finding))))
-            .collect()),
+        Err(findings) => Err(findings.iter().map(|finding| format!("[{}] {finding}", element.name)).collect()),
     }
 }
 
 fn wires(scenario: &Scenario) -> Vec<Wire> {
     let find = |[element, variable]: &[String; 2]| {
         let at = scenario.elements.iter().position(|candidate| candidate.name == *element)?;
-        let variables = (scenario.elements[at].kind.variables)();
+        let variables = scenario.elements[at].kind.variables();
         Some((at, variables.iter().position(|candidate| candidate.name == *variable)?))
     };
     let wire = |connection: super::scenario::Connection| {
@@ -191,7 +186,7 @@ fn wires(scenario: &Scenario) -> Vec<Wire> {
 fn outputs(scenario: &Scenario, wanted: impl Fn(&str) -> bool, recording: &mut Recording) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
-        for (index, variable) in (element.kind.variables)().into_iter().enumerate() {
+        for (index, variable) in element.kind.variables().iter().enumerate() {
             let name = format!("{}.{}", element.name, variable.name);
             if variable.causality == Causality::Output && wanted(&name) {
                 found.push((at, index));

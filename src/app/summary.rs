@@ -4,8 +4,8 @@ use serde_json::{Map, Value as Json, json};
 
 use super::scenario::Scenario;
 use super::simulate::Run;
-use crate::slave::estimator::METHOD;
-use crate::slave::variable::Value;
+use crate::fmu::estimator::METHOD;
+use fmu_export::variable::Value;
 
 /// The run as JSON: what was run, whether it came to its end, the estimates of every method at the end beside the truth, and
 /// last, least and greatest value of every output. Values are in the units of the interface.

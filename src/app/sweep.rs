@@ -24,7 +24,7 @@ use sha2::{Digest, Sha256};
 use super::progress::Progress;
 use super::scenario::{BUILT_IN, Scenario};
 use super::simulate::{self, Run};
-use crate::slave::variable::Value;
+use fmu_export::variable::Value;
 
 /// Length of the stretch at the end of a run over which tracking is judged, in seconds.
 const STRETCH_S: f64 = 0.04;

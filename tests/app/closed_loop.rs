@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::support::below;
+use fmu_export::variable::Value;
 use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::app::simulate::{self, Run};
 use magnetic_bearing::model::controller::{Controller, ControllerConfig, ControllerInput, UpdateMode};
@@ -11,7 +12,6 @@ use magnetic_bearing::model::estimation::{
 };
 use magnetic_bearing::model::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
 use magnetic_bearing::model::reference::{ReferenceConfig, Shape};
-use magnetic_bearing::slave::variable::Value;
 
 fn scenario(name: &str) -> Scenario {
     Scenario::open(Path::new(name)).expect("a scenario that comes with the program")

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
+use fmu_export::variable::Value;
 use magnetic_bearing::app::identify::{self, Question, Reading, Samples, duration_s, likelihood, rate_s};
 use magnetic_bearing::app::recording::Recording;
 use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::app::{montecarlo, simulate};
 use magnetic_bearing::model::estimation::{EstimatorConfig, Hold};
-use magnetic_bearing::slave::variable::Value;
 
 use crate::support::Random;
 

@@ -8,7 +8,7 @@ use rand_pcg::Pcg64;
 use super::real;
 use crate::app::scenario::{Profile, Scenario};
 use crate::model::noise::Noise;
-use crate::slave::variable::Value;
+use fmu_export::variable::Value;
 
 /// Numbers drawn with a seed; the same on every platform.
 pub struct Draw {

@@ -7,7 +7,7 @@ use super::bound;
 use crate::app::closed_loop::Loop;
 use crate::app::recording::Recording;
 use crate::app::scenario::Scenario;
-use crate::slave::variable::{Type, Value};
+use fmu_export::variable::{Type, Value};
 
 /// Beyond so many of its standard deviations no valid estimate may be wrong.
 pub const CONFIDENT: f64 = 5.0;
@@ -186,7 +186,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], see
 
 /// The name of a value of the output `verdict`.
 fn verdict(scenario: &Scenario, value: f64) -> String {
-    let variables = (scenario.estimator().kind.variables)();
+    let variables = scenario.estimator().kind.variables();
     let kind = variables.iter().find(|variable| variable.name == "verdict").map(|variable| &variable.kind);
     match kind {
         Some(Type::Enumeration { items, .. }) => items
