@@ -29,7 +29,7 @@ from lxml import etree
 FMUS = ("MagneticBearing", "FlatnessController", "AlgebraicEstimator")
 SYSTEM = "MagneticBearing.ssp"
 # System structures within the SSP and the scenarios that their parameters come from.
-VARIANTS = {"SystemStructure.ssd": "paper", "UnbalancedRotor.ssd": "unbalanced"}
+VARIANTS = {"SystemStructure.ssd": "unbalanced", "PaperSimulation.ssd": "paper"}
 # Elements of the loop, in the order of the scenario files, and the FMU that each is an instance of.
 ELEMENTS = {"plant": "MagneticBearing", "controller": "FlatnessController", "estimator": "AlgebraicEstimator"}
 STEP_S = 1e-4

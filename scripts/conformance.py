@@ -273,7 +273,7 @@ def command(*arguments):
 def loop_in_the_program(models, scratch):
     """Final outputs of the direct run in Rust, without the choices that some tools cannot set."""
     choices = {choice for model in models.values() for choice in model.choices()}
-    text = command(*PROGRAM, "simulate", "--print", "paper")
+    text = command(*PROGRAM, "simulate", "--print", "unbalanced")
     kept = [line for line in text.splitlines() if line.partition("=")[0].strip() not in {*choices, "compare"}]
     scenario = tomllib.loads("\n".join(kept))
     if "compare" in scenario or scenario["duration"] != f"{LOOP_S} s":
@@ -311,7 +311,7 @@ def loop_in_tool(tool):
 
     def final(folder, _models, scratch):
         out = scratch / f"{tool}.npz"
-        named = ["paper"] if tool == "ecos" else []
+        named = ["unbalanced"] if tool == "ecos" else []
         script = str(PROJECT / "scripts" / "system_tools.py")
         command(sys.executable, script, tool, str(folder / "MagneticBearing.ssp"), str(out), *named)
         return {name: float(column[-1]) for name, column in np.load(out).items()}

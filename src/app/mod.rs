@@ -6,6 +6,7 @@ pub mod contour;
 pub mod design;
 pub mod documentation;
 pub mod experiment;
+pub mod html;
 pub mod identify;
 pub mod montecarlo;
 pub mod package;

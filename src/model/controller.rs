@@ -71,7 +71,7 @@ use std::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 
 use super::coil::{CoilConfig, Drive};
-use super::magnet::Magnets;
+use super::magnet::{self, Magnets};
 use super::observer::{Estimate, PerturbationObserver, pole};
 use super::plant::check_step;
 use super::reference::{RefPoint, Reference, ReferenceConfig, ReferenceState, Shape};
@@ -505,7 +505,7 @@ impl Controller {
         let floor_m = SMALLEST_GAP * self.config.gap_m;
         let gap_m = self.magnets.gaps(estimate.map(|[x, ..]| x)).map(|gap| gap.max(floor_m));
         if voltage {
-            state.under_way_n = self.magnets.forces(state.lambda_nm2_a2, input.current_a, gap_m);
+            state.under_way_n = magnet::forces(state.lambda_nm2_a2, input.current_a, gap_m);
         }
         self.update_lambda(state, &mut estimate, input);
         state.preload_n += self.relax * (self.config.f0_n - state.preload_n);
@@ -558,7 +558,7 @@ impl Controller {
         let floor_m = SMALLEST_GAP * self.config.gap_m;
         let predicted_m = self.magnets.gaps(middle_m);
         let saturated = predicted_m.iter().any(|gap| *gap < floor_m);
-        let current_a = self.magnets.currents(wanted_n, predicted_m.map(|gap| gap.max(floor_m)), state.lambda_nm2_a2);
+        let current_a = magnet::currents(wanted_n, predicted_m.map(|gap| gap.max(floor_m)), state.lambda_nm2_a2);
         state.under_way_n = wanted_n;
         state.asked_n = wanted_n;
         Command { current_a, voltage_v: [0.0; 3], force_n, saturated, limited: false }
@@ -591,7 +591,7 @@ impl Controller {
             let linkage = inductance(k, gap_m[k]) * current_a[k] + step_s * state.voltage_v[k] - half * current_a[k];
             linkage / (inductance(k, next_gap_m[k]) + half)
         });
-        let next_n = self.magnets.resultant(self.magnets.forces(lambda, next_a, next_gap_m));
+        let next_n = self.magnets.resultant(magnet::forces(lambda, next_a, next_gap_m));
 
         let [k_0, k_1, k_2] = self.ramp_gains;
         let mut force_n = [0.0; 2];
@@ -611,7 +611,7 @@ impl Controller {
         let predicted_m = self.magnets.gaps(last_m);
         let saturated = predicted_m.iter().any(|gap| *gap < floor_m);
         let last_gap_m = predicted_m.map(|gap| gap.max(floor_m));
-        let reference_a = self.magnets.currents(wanted_n, last_gap_m, lambda);
+        let reference_a = magnet::currents(wanted_n, last_gap_m, lambda);
         let wanted_v: [f64; 3] = std::array::from_fn(|k| {
             let last_a = (reference_a[k] + self.decay * (next_a[k] - state.planned_a[k])).max(0.0);
             let change = inductance(k, last_gap_m[k]) * last_a - inductance(k, next_gap_m[k]) * next_a[k];

@@ -164,13 +164,9 @@ fn table() -> Vec<Row<Values>> {
             "Length of the window of the paper's methods, a whole multiple of Ts; one revolution is a good choice",
         ),
     );
-    rows.push(
-        Row::real("epsilon", place!(config.epsilon_s), SECOND, 0.02)
-            .fixed()
-            .min(0.0)
-            .nominal(1e-2)
-            .says("Time since the first sample before which the paper's methods give the first guess"),
-    );
+    rows.push(Row::real("epsilon", place!(config.epsilon_s), SECOND, 0.02).fixed().min(0.0).nominal(1e-2).says(
+        "How long the paper's methods give the first guess: counted in usable samples from the start or the last reset",
+    ));
     rows.push(
         Row::real("filter.omega", place!(config.filter_omega_rad_s), RADIAN_PER_SECOND, 15.0)
             .fixed()

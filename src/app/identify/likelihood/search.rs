@@ -56,7 +56,7 @@ const NOT_SEPARATED: f64 = 20.0;
 
 /// Rows that are used where bench parameters are estimated, in stretches of [`STRETCH`]: with more of them the likelihood is a ridge so narrow
 /// and curved that Gauss–Newton does not follow it, and tolerances, not noise, decide on what λ is known to. Of 120 s of the nominal bench with all
-/// typical tolerances the bound of λ is 7, 5 and 5 % wider with 20 s than with all (`study_rows` in tests/likelihood.rs).
+/// typical tolerances the bound of λ is 7, 5 and 5 % wider with 20 s than with all (`study_rows` in tests/app/likelihood.rs).
 const BENCH_ROWS: usize = 200_000;
 const STRETCH: usize = 1 << 14;
 
