@@ -46,21 +46,23 @@ from lxml import etree
 
 from closed_loop import (
     CALLBACKS,
-    ELEMENTS,
     FMUS,
     MESSAGES,
     NAMESPACES,
     STEP_S,
     SYSTEM,
-    VARIANTS,
     Instance,
     Model,
-    differences,
     even_times,
-    largest_difference,
-    read_scenario,
     read_system,
     run,
+)
+from compare_runs import (
+    ELEMENTS,
+    VARIANTS,
+    differences,
+    largest_difference,
+    read_scenario,
     same_bits,
     without_choices,
     without_settings,

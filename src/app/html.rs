@@ -22,3 +22,26 @@ pub fn page(title: &str, body: &Markup) -> String {
     }
     .into_string()
 }
+
+/// The command that runs this program as it runs now, with every argument, for the page that it makes.
+pub fn command_line() -> String {
+    let quoted = std::env::args_os()
+        .map(|argument| argument.to_string_lossy().into_owned())
+        .skip(1)
+        .map(|argument| quote(&argument))
+        .collect::<Vec<_>>();
+    match quoted.as_slice() {
+        [] => "cargo run --release".into(),
+        arguments => format!("cargo run --release -- {}", arguments.join(" ")),
+    }
+}
+
+/// An argument as a shell reads it.
+fn quote(argument: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_./=,:+@%".contains(c);
+    if !argument.is_empty() && argument.chars().all(plain) {
+        argument.into()
+    } else {
+        format!("'{}'", argument.replace('\'', "'\\''"))
+    }
+}

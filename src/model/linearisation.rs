@@ -43,12 +43,12 @@ impl<const N: usize> Scalar for Taylor<N> {
         self.0.iter().all(|c| *c == 0.0)
     }
 
-    fn sin(self) -> Self {
-        self.sin_cos().0
+    fn sine(self) -> Self {
+        self.sine_cosine().0
     }
 
     // From s' = x' c, c' = −x' s.
-    fn sin_cos(self) -> (Self, Self) {
+    fn sine_cosine(self) -> (Self, Self) {
         let (sine, cosine) = libm::sincos(self.0[0]);
         let (mut sine, mut cosine) = (Self::constant(sine), Self::constant(cosine));
         for j in 1..N {
@@ -60,7 +60,7 @@ impl<const N: usize> Scalar for Taylor<N> {
     }
 
     // From r² = x² + y²; r must be above 0 for derivatives to exist.
-    fn hypot(self, other: Self) -> Self {
+    fn norm(self, other: Self) -> Self {
         let square = self * self + other * other;
         let mut root = Self::constant(libm::hypot(self.0[0], other.0[0]));
         for j in 1..N {

@@ -60,7 +60,7 @@ impl<T: Scalar> Geometry<T> {
     /// Magnets at the angles `α_k` of P(3) in rad, with the nominal gap in m.
     pub fn new(gap_m: T, alpha_rad: [T; 3]) -> Self {
         let directions = alpha_rad.map(|alpha| {
-            let (sin, cos) = alpha.sin_cos();
+            let (sin, cos) = alpha.sine_cosine();
             [sin, cos]
         });
         Self { gap_m, directions }

@@ -8,6 +8,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// A real number, or one that changes along a line.
 ///
 /// Comparisons in the equations go by [`value`](Scalar::value): a derivative belongs to the branch in which the value is.
+/// Functions are not named like the methods of `f64`, which call the platform's where the code is not generic.
 pub trait Scalar:
     Copy
     + Add<Output = Self>
@@ -32,13 +33,13 @@ pub trait Scalar:
     fn is_zero(self) -> bool;
 
     /// The sine of an angle in rad.
-    fn sin(self) -> Self;
+    fn sine(self) -> Self;
 
     /// Sine and cosine of an angle in rad.
-    fn sin_cos(self) -> (Self, Self);
+    fn sine_cosine(self) -> (Self, Self);
 
     /// `√(x² + y²)`, without overflow.
-    fn hypot(self, other: Self) -> Self;
+    fn norm(self, other: Self) -> Self;
 }
 
 impl Scalar for f64 {
@@ -59,15 +60,15 @@ impl Scalar for f64 {
         self == 0.0
     }
 
-    fn sin(self) -> Self {
+    fn sine(self) -> Self {
         libm::sin(self)
     }
 
-    fn sin_cos(self) -> (Self, Self) {
+    fn sine_cosine(self) -> (Self, Self) {
         libm::sincos(self)
     }
 
-    fn hypot(self, other: Self) -> Self {
+    fn norm(self, other: Self) -> Self {
         libm::hypot(self, other)
     }
 }

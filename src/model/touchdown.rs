@@ -74,8 +74,8 @@ impl<T: Scalar> TouchdownConfig<T> {
     /// The push N, in N, if the rotor touches; of no meaning unless [`touches`](TouchdownConfig::touches).
     pub fn push_n(&self, position_m: [T; 2], velocity_m_s: [T; 2]) -> T {
         let ([y, z], [v_y, v_z]) = (position_m, velocity_m_s);
-        let r = y.hypot(z);
-        let approach = if r.value() > 0.0 { (y * v_y + z * v_z) / r } else { v_y.hypot(v_z) };
+        let r = y.norm(z);
+        let approach = if r.value() > 0.0 { (y * v_y + z * v_z) / r } else { v_y.norm(v_z) };
         self.stiffness_n_m * (r - self.clearance_m) + self.damping_ns_m * approach
     }
 
@@ -85,7 +85,7 @@ impl<T: Scalar> TouchdownConfig<T> {
     /// which they part.
     pub fn force_n(&self, position_m: [T; 2], velocity_m_s: [T; 2], omega_rad_s: T) -> [T; 2] {
         let [y, z] = position_m;
-        let r = y.hypot(z);
+        let r = y.norm(z);
         if r.value() == 0.0 {
             return [T::constant(0.0); 2];
         }
@@ -96,7 +96,7 @@ impl<T: Scalar> TouchdownConfig<T> {
         let mut drag = T::constant(0.0);
         if !self.friction.is_zero() {
             let v = around + omega_rad_s * self.radius_m;
-            drag = self.friction * push * v / v.hypot(T::constant(SLIDING_M_S));
+            drag = self.friction * push * v / v.norm(T::constant(SLIDING_M_S));
         }
         let mount = self.damping_ns_m * (r - self.clearance_m) / r * around;
         std::array::from_fn(|a| -push * out[a] - (drag + mount) * along[a])

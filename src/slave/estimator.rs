@@ -13,7 +13,7 @@ use super::unit::{
     AMPERE, KILOGRAM, KILOGRAM_METRE, LAMBDA, METRE, NEWTON, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN,
     RADIAN_PER_SECOND, SECOND,
 };
-use super::variable::{Access, Enumeration, Row, place};
+use super::variable::{Access, Enumeration, Row, Value, place, with};
 use crate::model::Invalid;
 use crate::model::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method, Verdict,
@@ -262,10 +262,11 @@ fn table() -> Vec<Row<Values>> {
             .says("Whether the estimate can be relied on; if not, lambdaHat is the last valid one"),
     );
     let verdict = Access {
-        get: |values: &Values, _| verdict_number(values.output.verdict),
+        get: |values: &Values, _| values.output.verdict as i32 + 1,
         set: |values: &mut Values, _, number| {
             let at = usize::try_from(number).ok().and_then(|number| number.checked_sub(1));
-            values.output.verdict = at.and_then(|at| Verdict::ALL.get(at)).copied().unwrap_or_default();
+            values.output.verdict =
+                at.and_then(|at| Verdict::ALL.get(at)).map(|(verdict, _)| *verdict).unwrap_or_default();
         },
     };
     rows.push(Row::choice("verdict", verdict, &VERDICT, 2).sampled_output().says("Why the estimate is valid or not"));
@@ -301,11 +302,6 @@ fn table() -> Vec<Row<Values>> {
     rows
 }
 
-/// The number of a verdict in the interface.
-fn verdict_number(verdict: Verdict) -> i32 {
-    Verdict::ALL.iter().zip(1..).find(|(one, _)| **one == verdict).map_or(0, |(_, number)| number)
-}
-
 /// A run of the estimator.
 #[derive(Clone)]
 pub struct Estimation {
@@ -315,14 +311,30 @@ pub struct Estimation {
     clock: Clock,
 }
 
+impl Values {
+    /// Brings into the configuration what the interface has in another form.
+    fn complete(&mut self) -> Vec<Invalid> {
+        let mut findings = Vec::new();
+        let methods = [Method::PaperLiteral, Method::Paper, Method::PredictionError];
+        METHOD.choose("method", self.method, methods, &mut self.config.method, &mut findings);
+        let holds = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear];
+        HOLD.choose("hold", self.hold, holds, &mut self.config.hold, &mut findings);
+        findings
+    }
+}
+
+/// The configuration of an estimator whose variables, by index, have the values given and else their start values.
+///
+/// # Errors
+/// Every choice that cannot be accepted.
+pub fn configuration(settings: &[(usize, Value)]) -> Result<EstimatorConfig, Vec<Invalid>> {
+    let mut values: Values = with(&TABLE, settings);
+    together(values.complete(), Ok(values.config))
+}
+
 /// The estimator that the values describe.
 fn estimator(values: &mut Values) -> Result<Arc<Estimator>, Vec<Invalid>> {
-    let mut findings = Vec::new();
-    let methods = [Method::PaperLiteral, Method::Paper, Method::PredictionError];
-    METHOD.choose("method", values.method, methods, &mut values.config.method, &mut findings);
-    let holds = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear];
-    HOLD.choose("hold", values.hold, holds, &mut values.config.hold, &mut findings);
-    together(findings, Estimator::new(values.config.clone())).map(Arc::new)
+    together(values.complete(), Estimator::new(values.config.clone())).map(Arc::new)
 }
 
 impl Slave for Estimation {

@@ -74,13 +74,13 @@ impl Values {
     }
 }
 
-/// The configuration of a plant whose variables, by index, have the values given and else their start values.
+/// Configuration and inputs of a plant whose variables, by index, have the values given and else their start values.
 ///
 /// # Errors
 /// Every choice that cannot be accepted.
-pub fn configuration(settings: &[(usize, Value)]) -> Result<PlantConfig, Vec<Invalid>> {
+pub fn configuration(settings: &[(usize, Value)]) -> Result<(PlantConfig, PlantInput), Vec<Invalid>> {
     let mut values: Values = with(&TABLE, settings);
-    together(values.complete(), Ok(values.config))
+    together(values.complete(), Ok((values.config, values.input)))
 }
 
 fn table() -> Vec<Row<Values>> {

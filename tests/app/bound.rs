@@ -4,6 +4,7 @@
 use std::f64::consts::TAU;
 
 use magnetic_bearing::app::montecarlo::bound::{Bearing, Bound, Interval};
+use magnetic_bearing::model::magnet::Geometry;
 use nalgebra::{DMatrix, Matrix4};
 
 const SAMPLES: usize = 100;
@@ -13,13 +14,11 @@ const SPEED_RAD_S: f64 = 100.0 * TAU;
 const ACCELERATION_RAD_S2: f64 = 0.2 * 100.0 * SPEED_RAD_S;
 
 fn bearing() -> Bearing {
-    let direction = [0.1f64, 2.0, 4.4].map(|alpha| [alpha.sin(), alpha.cos()]);
     Bearing {
         // With these the instability of the field grows about twentyfold over the samples: enough to matter, and little enough for
         // the large problem to be well conditioned.
         m_kg: 9.0,
-        gap_m: 6e-4,
-        direction,
+        geometry: Geometry::new(6e-4, [0.1, 2.0, 4.4]),
         lambda_nm2_a2: [1.5e-6, 2e-6, 2.6e-6],
         position_noise_m: 2e-7,
         current_noise_a: 2e-2,
@@ -88,8 +87,8 @@ fn brute_force(bearing: &Bearing) -> [f64; 3] {
         motion[(1, 3)] = 1.0;
         let mut force = DMatrix::<f64>::zeros(4, UNKNOWNS);
         for k in 0..3 {
-            let e = bearing.direction[k];
-            let gap = bearing.gap_m - e[0] * interval.position_m[0] - e[1] * interval.position_m[1];
+            let e = bearing.geometry.directions[k];
+            let gap = bearing.geometry.gap_m - e[0] * interval.position_m[0] - e[1] * interval.position_m[1];
             let (i, lambda) = (interval.current_a[k], bearing.lambda_nm2_a2[k]);
             for a in 0..2 {
                 for b in 0..2 {

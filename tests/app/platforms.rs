@@ -1,11 +1,12 @@
 //! Binaries of several platforms in one archive: what is accepted, where it lies, what is refused in which words.
 //!
-//! The binaries here are heads of files only; real ones are built and run by `scripts/test-platforms`.
+//! Most binaries here are heads of files only; real ones are built and run by `scripts/test-platforms`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use magnetic_bearing::app::package::built_library;
 use magnetic_bearing::app::platforms::{Binaries, PLATFORMS, Platform, by_name};
 
 const X86: u16 = 62;
@@ -171,6 +172,11 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
+/// The library that was built with the tests.
+fn built() -> Vec<u8> {
+    fs::read(built_library().expect("the library is built with the tests")).expect("a library")
+}
+
 fn package(folder: &Path, arguments: &[String]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"))
         .args(["package", "--out"])
@@ -192,17 +198,18 @@ fn members(archive: &Path) -> Vec<String> {
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn the_command_adds_platforms_and_says_so() {
     let folder = folder("adds");
-    let dll_path = folder.join("some name.dll");
-    fs::write(&dll_path, dll()).expect("a file");
-    let output = package(&folder, &["--binary".into(), format!("win64={}", dll_path.display())]);
+    // A library as it is on Linux, with the mark of another machine.
+    let path = folder.join("some name.so");
+    fs::write(&path, with_u16(built(), 18, ARM)).expect("a file");
+    let output = package(&folder, &["--binary".into(), format!("aarch64-linux={}", path.display())]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let said = String::from_utf8(output.stdout).expect("text");
     for archive in ["MagneticBearing.fmu", "FlatnessController.fmu", "AlgebraicEstimator.fmu", "MagneticBearing.ssp"] {
         let line = said.lines().find(|line| line.contains(archive)).unwrap_or_default();
-        assert!(line.ends_with("for linux64, win64"), "{archive}: {said}");
+        assert!(line.ends_with("for linux64, aarch64-linux"), "{archive}: {said}");
     }
     let fmu = members(&folder.join("out/MagneticBearing.fmu"));
-    assert_eq!(fmu, ["binaries/linux64/MagneticBearing.so", "binaries/win64/MagneticBearing.dll"]);
+    assert_eq!(fmu, ["binaries/aarch64-linux/MagneticBearing.so", "binaries/linux64/MagneticBearing.so"]);
 }
 
 #[test]
@@ -212,7 +219,8 @@ fn a_binary_for_the_own_platform_takes_the_place_of_the_built_one() {
 
     let folder = folder("own");
     let path = folder.join("lib.so");
-    fs::write(&path, elf(X86)).expect("a file");
+    let other = [built(), b"another".to_vec()].concat();
+    fs::write(&path, &other).expect("a file");
     let output = package(&folder, &["--binary".into(), format!("linux64={}", path.display())]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let file = fs::File::open(folder.join("out/MagneticBearing.fmu")).expect("an archive");
@@ -220,15 +228,21 @@ fn a_binary_for_the_own_platform_takes_the_place_of_the_built_one() {
     let mut content = Vec::new();
     let mut member = archive.by_name("binaries/linux64/MagneticBearing.so").expect("the binary");
     member.read_to_end(&mut content).expect("its content");
-    assert_eq!(content, elf(X86));
+    assert!(content == other, "it is the file that was given");
 }
 
 #[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn the_command_refuses_what_makes_no_sense() {
     let folder = folder("refuses");
     let path = folder.join("lib.so");
     fs::write(&path, elf(X86)).expect("a file");
     let path = path.display();
+    let library = folder.join("library.so");
+    fs::write(&library, built()).expect("a file");
+    let library = library.display();
+    // A program of today is a shared object as well.
+    let program = env!("CARGO_BIN_EXE_magnetic-bearing");
     let missing = folder.join("missing.dll");
     let missing = missing.display();
     let cases = [
@@ -240,7 +254,10 @@ fn the_command_refuses_what_makes_no_sense() {
         (vec![format!("{path}")], 2, vec!["PLATFORM=FILE is wanted"]),
         (vec![format!("win64={missing}")], 1, vec!["missing.dll", "No such file"]),
         (vec![format!("win64={path}")], 1, vec!["lib.so is no shared library for win64", "one for linux64"]),
-        (vec![format!("linux64={path}"); 2], 1, vec!["two binaries are given for the platform linux64"]),
+        (vec![format!("linux64={library}"); 2], 1, vec!["two binaries are given for the platform linux64"]),
+        (vec![format!("linux64={path}")], 1, vec!["lib.so is no library of an FMU", "fmi2Instantiate"]),
+        (vec![format!("linux64={program}")], 1, vec!["is no library of an FMU: it does not export fmi2GetVersion"]),
+        (vec![format!("aarch64-linux={library}")], 1, vec!["it is one for linux64"]),
     ];
     for (given, code, words) in cases {
         let arguments: Vec<_> = given.iter().flat_map(|binary| ["--binary".to_owned(), binary.clone()]).collect();

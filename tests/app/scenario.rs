@@ -131,7 +131,7 @@ fn what_cannot_be_understood_is_refused_by_name() {
         ("", "[all]\nmass = 6.7", &["[all]", "mass", "no variable of this name"]),
         ("", "[plant]\n'lambda[4]' = 1e-6", &["lambda[4]", "no variable of this name"]),
         // Unknown tables and keys of the head.
-        ("", "[plnt]\nm = 6.7", &["plnt", "plant", "controller", "estimator"]),
+        ("", "[plnt]\nm = 6.7", &["plnt in line 5", "did you mean plant?"]),
         ("stepp = 1", "", &["stepp", "step", "line"]),
         // Units.
         ("", "[plant]\nY0 = \"30 furlong\"", &["[plant]", "Y0", "30 furlong", "m, µm, mm"]),
@@ -243,6 +243,20 @@ fn all_findings_are_told_at_once() {
     says(&said, &words);
     let lines = said.lines().count();
     assert_eq!(lines, 1 + words.len(), "one line for the file, one for each finding: {said}");
+
+    // A key of the head that is not known, or of another type, hides nothing.
+    let said = refusal("durration = 1\nduration = 0\ncompare = 3\nprofile = 1", "[plant]\nlamda = 1\n[plan]\nm = 1\n");
+    let words = [
+        "durration",
+        "did you mean duration?",
+        "duration = 0",
+        "compare is refused",
+        "profile is",
+        "lamda",
+        "plan in line",
+    ];
+    says(&said, &words);
+    assert_eq!(said.lines().count(), words.len(), "one line for the file, one for each finding: {said}");
 
     let said = refusal(
         "",

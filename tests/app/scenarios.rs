@@ -53,7 +53,7 @@ fn below(what: &str, value: f64, limit: f64) {
 fn every_scenario_runs_to_its_end_and_has_its_page() {
     for (name, _) in BUILT_IN {
         let (scenario, run) = of(name);
-        let page = experiment::page(Path::new(name), &scenario, &run);
+        let page = experiment::page(Path::new(name), "", &scenario, &run);
         for what in [scenario.title.as_str(), "Figures of the bearing", "of the clearance", "The clearance"] {
             assert!(page.contains(what), "{name}: the page does not say {what:?}");
         }

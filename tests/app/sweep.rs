@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use magnetic_bearing::app::sweep::Design;
+use magnetic_bearing::app::sweep::{Design, Outcome};
 
 fn design(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/designs").join(name)
@@ -57,14 +57,14 @@ fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
     let left = format!("{}\n{}\n{}\n{}", lines[0], lines[5], lines[2], &lines[6][..20]);
     fs::write(&torn, left).expect("a file can be written");
     let before = design.run(&torn, 2).expect("the sweep goes on");
-    assert_eq!(before, 2);
+    assert_eq!(before, Outcome { before: 2, failed: 3 });
     assert_eq!(fs::read_to_string(&torn).expect("rows"), text, "the same rows in the same order");
-    assert_eq!(design.run(&torn, 2).expect("there is nothing left to do"), 6);
+    assert_eq!(design.run(&torn, 2).expect("there is nothing left to do").before, 6);
     assert_eq!(fs::read_to_string(&torn).expect("rows"), text);
 
     // What was torn within the header is begun anew.
     fs::write(&torn, "case,se").expect("a file can be written");
-    assert_eq!(design.run(&torn, 2).expect("the sweep begins"), 0);
+    assert_eq!(design.run(&torn, 2).expect("the sweep begins").before, 0);
     assert_eq!(fs::read_to_string(&torn).expect("rows"), text);
 }
 
@@ -81,6 +81,13 @@ fn rows_of_another_design_or_scenario_are_not_mixed_in() {
     let error = other.run(&out, 2).expect_err("another design").to_string();
     assert!(error.contains("other columns"), "{error}");
     assert_eq!(fs::read_to_string(&out).expect("rows"), before);
+    // Neither is what is no table at all, nor its last line, which is no torn row.
+    for foreign in ["not mine", "title = 1\nstep"] {
+        fs::write(&out, foreign).expect("a file can be written");
+        let error = one.run(&out, 2).expect_err("a file of another kind").to_string();
+        assert!(error.contains("no rows of a sweep"), "{error}");
+        assert_eq!(fs::read_to_string(&out).expect("the file"), foreign);
+    }
 }
 
 #[test]

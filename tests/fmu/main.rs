@@ -10,6 +10,7 @@ mod derivatives;
 #[cfg(feature = "app")]
 mod description;
 mod door;
+mod log;
 mod session;
 mod slaves;
 mod state;

@@ -172,8 +172,10 @@ fn derivatives_in_time_are_those_of_the_motion() {
             // five coefficients, against the sum of the first three.
             let (long, exact) = in_time::<7>(&point, &slopes);
             for a in 0..2 {
-                assert_eq!(short.motion[a].0[2], long.motion[a].0[2]);
                 assert_eq!(short.motion[2 + a].0[0], state.velocity_m_s[a]);
+                let [short, long] = [short.motion[a].0[2], long.motion[a].0[2]];
+                // Newton's iterations for the flux end a rounding apart.
+                assert!((short - long).abs() <= 1e-14 * long.abs(), "{short:e} against {long:e}");
             }
             let tau = 1e-6;
             let moved =

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use magnetic_bearing::model::magnet::Magnets;
-use magnetic_bearing::model::observer::{PerturbationObserver, Signal, SignalObserver};
+use magnetic_bearing::model::observer::{PerturbationObserver, Signal, SignalObserver, gains_of_three};
 use magnetic_bearing::model::reference::{Contour, Reference, ReferenceConfig, Shape};
 
 const STEP_S: f64 = 1e-4;
@@ -188,8 +188,8 @@ fn the_observers_have_their_poles_where_they_are_wanted() {
             below("coefficient, four", (c - wanted).abs(), COEFFICIENT);
         }
     }
-    let [l_1, l_2, l_3] = PerturbationObserver::new(4000.0, 1e-4).gains();
-    let scaled = PerturbationObserver::new(0.4, 1.0).gains();
+    let [l_1, l_2, l_3] = gains_of_three(4000.0, 1e-4);
+    let scaled = gains_of_three(0.4, 1.0);
     for (gain, wanted) in [l_1, l_2 * 1e-4, l_3 * 1e-8].into_iter().zip(scaled) {
         below("gain in units of the step", (gain / wanted - 1.0).abs(), COEFFICIENT);
     }

@@ -13,8 +13,8 @@ pub const MIN_INTERVALS: f64 = 8.0;
 /// Their longest window, in sample times: memory grows in proportion, and rounding of the kernels with the cube.
 pub const MAX_INTERVALS: f64 = 1.0e5;
 
-/// The least |sin| of the angle between two magnets: below it their forces cannot be told apart.
-pub const LEAST_SINE_BETWEEN_MAGNETS: f64 = 1.0e-3;
+/// The least |sin| of the angle between two magnets, that of plant and controller: below it their forces cannot be told apart.
+pub const LEAST_SINE_BETWEEN_MAGNETS: f64 = crate::model::magnet::SMALLEST_SINE;
 
 /// How far `T_f/T_s` may be from a whole number, relative.
 pub(super) const WHOLE_NUMBER_TOLERANCE: f64 = 1.0e-6;
@@ -194,45 +194,30 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// All verdicts, in the order of their numbers in the interface, which count from 1.
-    pub const ALL: [Verdict; 15] = [
-        Verdict::Valid,
-        Verdict::Collecting,
-        Verdict::Disabled,
-        Verdict::BadSample,
-        Verdict::Contact,
-        Verdict::Stuck,
-        Verdict::Changed,
-        Verdict::Singular,
-        Verdict::NotPositive,
-        Verdict::Unexplained,
-        Verdict::Coloured,
-        Verdict::Noisy,
-        Verdict::Unsteady,
-        Verdict::Uncertain,
-        Verdict::ForeignState,
+    /// All verdicts with their texts, in the order of their numbers in the interface, which count from 1.
+    pub const ALL: [(Verdict, &str); 15] = [
+        (Verdict::Valid, "valid"),
+        (Verdict::Collecting, "not valid: too few samples so far"),
+        (Verdict::Disabled, "not valid: enable is false"),
+        (Verdict::BadSample, "not valid: a sample is not finite, or outside the gap"),
+        (Verdict::Contact, "not valid: the rotor is in contact"),
+        (Verdict::Stuck, "not valid: a position sensor reads the same all the time"),
+        (Verdict::Changed, "not valid: the latest revolution contradicts those before; estimation begins anew"),
+        (Verdict::Singular, "not valid: the excitation does not tell the unknowns apart"),
+        (Verdict::NotPositive, "not valid: a force constant came out zero or negative"),
+        (Verdict::Unexplained, "not valid: the model does not explain the motion"),
+        (Verdict::Coloured, "not valid: the innovations are not white"),
+        (Verdict::Noisy, "not valid: there is more noise than can be found from the data: tell it"),
+        (Verdict::Unsteady, "not valid: the estimate has contradicted itself several times"),
+        (Verdict::Uncertain, "not valid: the standard deviation is too large"),
+        (Verdict::ForeignState, "not valid: the state was made by another estimator"),
     ];
 }
 
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Verdict::Valid => "valid",
-            Verdict::Collecting => "not valid: too few samples so far",
-            Verdict::Disabled => "not valid: enable is false",
-            Verdict::BadSample => "not valid: a sample is not finite, or outside the gap",
-            Verdict::Contact => "not valid: the rotor is in contact",
-            Verdict::Stuck => "not valid: a position sensor reads the same all the time",
-            Verdict::Changed => "not valid: the latest revolution contradicts those before; estimation begins anew",
-            Verdict::Singular => "not valid: the excitation does not tell the unknowns apart",
-            Verdict::NotPositive => "not valid: a force constant came out zero or negative",
-            Verdict::Unexplained => "not valid: the model does not explain the motion",
-            Verdict::Coloured => "not valid: the innovations are not white",
-            Verdict::Noisy => "not valid: there is more noise than can be found from the data: tell it",
-            Verdict::Unsteady => "not valid: the estimate has contradicted itself several times",
-            Verdict::Uncertain => "not valid: the standard deviation is too large",
-            Verdict::ForeignState => "not valid: the state was made by another estimator",
-        })
+        let text = Self::ALL.into_iter().find(|(verdict, _)| verdict == self).map_or("", |(_, text)| text);
+        f.write_str(text)
     }
 }
 
@@ -278,29 +263,45 @@ pub struct EstimatorOutput {
     pub current_noise_a: f64,
 }
 
+impl EstimatorOutput {
+    pub(super) fn is_finite(&self) -> bool {
+        let of_magnets = [self.lambda_hat, self.lambda_raw, self.lambda_std, self.lambda_std_total, self.ki, self.ks];
+        let [p_y, p_z] = self.load_n;
+        let Self { condition, residual, determinant, unbalance_kg_m, unbalance_phase_rad, .. } = *self;
+        let others = [condition, residual, determinant, unbalance_kg_m, unbalance_phase_rad, p_y, p_z];
+        let noise = [self.position_noise_m, self.current_noise_a];
+        of_magnets.as_flattened().iter().chain(&others).chain(&noise).all(|x| x.is_finite())
+    }
+}
+
+/// Checks every parameter, under its name in the interface.
 pub(super) fn check(config: &EstimatorConfig) -> Result<(), Vec<Invalid>> {
     let mut checks = Checks::default();
-    checks.positive("m", config.m_kg, "kg");
-    checks.positive("s", config.gap_m, "m");
+    let paper = config.method != Method::PredictionError;
+    for (name, value, unit) in [
+        ("m", config.m_kg, "kg"),
+        ("s", config.gap_m, "m"),
+        ("Ts", config.step_s, "s"),
+        ("lambda0[1]", config.lambda0_nm2_a2[0], "N.m2/A2"),
+        ("lambda0[2]", config.lambda0_nm2_a2[1], "N.m2/A2"),
+        ("lambda0[3]", config.lambda0_nm2_a2[2], "N.m2/A2"),
+        ("Tf", config.window_s, "s"),
+        ("epsilon", config.epsilon_s, "s"),
+        ("filter.omega", config.filter_omega_rad_s, "rad/s"),
+        ("filter.zeta", config.filter_zeta, "1"),
+    ] {
+        checks.positive(name, value, unit);
+    }
     for (k, alpha) in config.alpha_rad.iter().enumerate() {
         checks.finite(format!("alpha[{}]", k + 1), *alpha, "rad");
-    }
-    for (k, l) in [(0, 1), (0, 2), (1, 2)] {
-        let between = config.alpha_rad[l] - config.alpha_rad[k];
-        checks.require(
-            !between.is_finite() || sin(between).abs() >= LEAST_SINE_BETWEEN_MAGNETS,
-            format!("alpha[{}]", l + 1),
-            format_args!("{} rad", config.alpha_rad[l]),
-            format!("an angle off the line of magnet {}, whose force could not be told apart,", k + 1),
-        );
-    }
-    checks.positive("Ts", config.step_s, "s");
-    for (k, lambda0) in config.lambda0_nm2_a2.iter().enumerate() {
-        checks.positive(format!("lambda0[{}]", k + 1), *lambda0, "N.m2/A2");
+        for (l, other) in config.alpha_rad.iter().enumerate().take(k) {
+            let apart = !(alpha - other).is_finite() || sin(alpha - other).abs() >= LEAST_SINE_BETWEEN_MAGNETS;
+            let wanted = format!("an angle off the line of magnet {}, whose force could not be told apart,", l + 1);
+            checks.require(apart, format!("alpha[{}]", k + 1), format_args!("{alpha} rad"), wanted);
+        }
     }
     checks.not_negative("sensor.positionNoise", config.position_noise_m, "m");
     checks.not_negative("sensor.currentNoise", config.current_noise_a, "A");
-    let paper = config.method != Method::PredictionError;
     for (name, value, unit) in config.tolerance.listed() {
         checks.not_negative(name, value, unit);
         let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
@@ -308,39 +309,21 @@ pub(super) fn check(config: &EstimatorConfig) -> Result<(), Vec<Invalid>> {
     }
     let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance,";
     checks.require(!paper || config.identify_unbalance, "identify.unbalance", config.identify_unbalance, wanted);
-    check_window(config, &mut checks);
-    checks.finish()
-}
-
-/// Checks what belongs to the paper's methods.
-fn check_window(config: &EstimatorConfig, checks: &mut Checks) {
-    checks.positive("Tf", config.window_s, "s");
-    checks.positive("epsilon", config.epsilon_s, "s");
-    checks.positive("filter.omega", config.filter_omega_rad_s, "rad/s");
-    checks.positive("filter.zeta", config.filter_zeta, "1");
-    if config.method == Method::PredictionError {
-        // Ts may then be any: the window that nobody uses is not held against it.
-        return;
-    }
     let positive = |x: f64| x.is_finite() && x > 0.0;
-    let intervals = config.window_s / config.step_s;
-    if positive(config.step_s) && positive(config.window_s) {
-        let value = format!("{} s", config.window_s);
-        checks.require(intervals >= MIN_INTERVALS * (1.0 - WHOLE_NUMBER_TOLERANCE), "Tf", &value, "at least 8 Ts");
-        checks.require(intervals <= MAX_INTERVALS * (1.0 + WHOLE_NUMBER_TOLERANCE), "Tf", &value, "at most 100000 Ts");
-        checks.require(
-            (intervals - intervals.round()).abs() <= WHOLE_NUMBER_TOLERANCE * intervals,
-            "Tf",
-            &value,
-            "a whole number of Ts",
-        );
+    // The window that nobody uses is not held against a Ts.
+    if paper && positive(config.step_s) && positive(config.window_s) {
+        let (n, slack, value) =
+            (config.window_s / config.step_s, WHOLE_NUMBER_TOLERANCE, format!("{} s", config.window_s));
+        for (holds, wanted) in [
+            (n >= MIN_INTERVALS * (1.0 - slack), "at least 8 Ts"),
+            (n <= MAX_INTERVALS * (1.0 + slack), "at most 100000 Ts"),
+            ((n - n.round()).abs() <= slack * n, "a whole number of Ts"),
+        ] {
+            checks.require(holds, "Tf", &value, wanted);
+        }
+        let enough = !positive(config.epsilon_s) || config.epsilon_s >= config.window_s * (1.0 - slack);
+        let wanted = "at least Tf, for there is no estimate before the first window is full,";
+        checks.require(enough, "epsilon", format_args!("{} s", config.epsilon_s), wanted);
     }
-    if positive(config.epsilon_s) && positive(config.window_s) {
-        checks.require(
-            config.epsilon_s >= config.window_s * (1.0 - WHOLE_NUMBER_TOLERANCE),
-            "epsilon",
-            format_args!("{} s", config.epsilon_s),
-            "at least Tf, for there is no estimate before the first window is full,",
-        );
-    }
+    checks.finish()
 }

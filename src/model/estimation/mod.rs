@@ -117,17 +117,19 @@ impl Estimator {
             MethodOf::PredictionError(method) => MethodState::PredictionError(method.start()),
             MethodOf::Paper(method) => MethodState::Paper(method.start()),
         };
-        EstimatorState { reset_was_high: false, position_m: [f64::NAN; 2], stuck: [0; 2], method, output }
+        EstimatorState { reset_was_high: false, position_m: [0.0; 2], stuck: [0; 2], method, output }
     }
 
-    /// Whether a state, for instance one read from a file, has the shape this estimator needs.
+    /// Whether a state, for instance one read from a file, has the shape this estimator needs and finite numbers alone.
     #[must_use]
     pub fn accepts(&self, state: &EstimatorState) -> bool {
-        match (&self.method, &state.method) {
-            (MethodOf::PredictionError(_), MethodState::PredictionError(_)) => true,
-            (MethodOf::Paper(method), MethodState::Paper(state)) => method.accepts(state),
-            _ => false,
-        }
+        let finite = state.output.is_finite() && state.position_m.iter().all(|x| x.is_finite());
+        finite
+            && match (&self.method, &state.method) {
+                (MethodOf::PredictionError(_), MethodState::PredictionError(state)) => state.is_sound(),
+                (MethodOf::Paper(method), MethodState::Paper(state)) => method.accepts(state),
+                _ => false,
+            }
     }
 
     /// Takes in one sample; to be called once every T_s.
@@ -135,15 +137,11 @@ impl Estimator {
     /// Whatever the input, the result is finite and nothing panics. After a gap in the data (a bad sample, or `enable` false) the
     /// motion is unknown, but what was learnt of λ stays. A rising edge of `reset` forgets everything, λ̂ included.
     pub fn sample(&self, state: &mut EstimatorState, input: &EstimatorInput) -> EstimatorOutput {
-        if self.accepts(state) {
-            if input.reset && !state.reset_was_high {
-                *state = self.start();
-            }
-            state.reset_was_high = input.reset;
-            state.output.verdict = self.advance(state, input);
-        } else {
-            state.output.verdict = Verdict::ForeignState;
+        if input.reset && !state.reset_was_high {
+            *state = self.start();
         }
+        state.reset_was_high = input.reset;
+        state.output.verdict = self.advance(state, input);
         state.output.valid = state.output.verdict == Verdict::Valid;
         state.output.clone()
     }
@@ -159,20 +157,12 @@ impl Estimator {
             is_stuck(state, input).then_some(Verdict::Stuck)
         };
         match (&self.method, &mut state.method) {
-            (MethodOf::PredictionError(method), MethodState::PredictionError(own)) => match refused {
-                Some(verdict) => {
-                    method.interrupt(own);
-                    verdict
-                }
-                None => method.sample(own, input, &mut state.output),
-            },
-            (MethodOf::Paper(method), MethodState::Paper(own)) => match refused {
-                Some(verdict) => {
-                    method.interrupt(own);
-                    verdict
-                }
-                None => method.sample(own, input, &mut state.output),
-            },
+            (MethodOf::PredictionError(method), MethodState::PredictionError(own)) => refused
+                .inspect(|_| method.interrupt(own))
+                .unwrap_or_else(|| method.sample(own, input, &mut state.output)),
+            (MethodOf::Paper(method), MethodState::Paper(own)) if method.has_shape(own) => refused
+                .inspect(|_| method.interrupt(own))
+                .unwrap_or_else(|| method.sample(own, input, &mut state.output)),
             _ => Verdict::ForeignState,
         }
     }

@@ -3,14 +3,14 @@
 //! Every test is of a quantity whose distribution is known when model and noise are right. Limits are set so that a right model fails about once
 //! in a million tests; tolerances widen them by what they can explain.
 
-use libm::exp;
-use nalgebra::{SMatrix, SVector};
+use libm::{exp, sqrt};
+use nalgebra::{Matrix4, SMatrix, Vector2, Vector4};
 use serde::{Deserialize, Serialize};
 
 use super::config::Verdict;
-use super::innovations::{Innovation, TOLERANCES, UNKNOWNS};
+use super::innovations::{FIRST_TOLERANCE, Innovation, SIGNALS, TOLERANCES, UNKNOWNS};
 use super::noise::OUTLIER;
-use super::sums::{Definite, PredictionErrorSolution, Sums, product};
+use super::sums::{PredictionErrorSolution, Sums, inverse};
 
 /// Limit of χ² with seven degrees of freedom between the last revolution and those before: probability 1.4·10⁻⁷.
 const CHANGE_LIMIT: f64 = 45.0;
@@ -55,44 +55,36 @@ pub struct Validation {
     averaged: f64,
     product: f64,
     square: f64,
-    last: [f64; 2],
+    last: Vector2<f64>,
     /// Normalised innovation squared per degree of freedom.
     pub nis: f64,
 }
 
-/// Sums of the whitened regression times cosine and sine of each harmonic of the rotor angle, rows y cos, y sin, z cos, z sin. The innovations
+/// Sums of the whitened signals times cosine and sine of each harmonic of the rotor angle, rows y cos, y sin, z cos, z sin. The innovations
 /// of any estimate follow from them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Harmonics {
     since: f64,
     /// Sums of cos², cos sin and sin².
     squares: [[f64; 3]; HARMONICS],
-    regression: [[[f64; 1 + UNKNOWNS]; 4]; HARMONICS],
-    tolerances: [[[f64; TOLERANCES]; 4]; HARMONICS],
+    signals: [[[f64; SIGNALS]; 4]; HARMONICS],
 }
 
 impl Harmonics {
     #[inline(always)]
-    fn add(&mut self, innovation: &Innovation, turn: [f64; 2], with_tolerances: bool) {
-        let regression = innovation.whitened_rows(&innovation.regression);
-        let tolerances =
-            if with_tolerances { innovation.whitened_rows(&innovation.tolerance) } else { Default::default() };
-        let [c, s] = turn;
+    fn add(&mut self, innovation: &Innovation, [c, s]: [f64; 2], signals: usize) {
+        let [y, z] = &innovation.signals;
+        let w = innovation.whitening;
+        let whitened: [[f64; SIGNALS]; 2] =
+            [std::array::from_fn(|n| w.m11 * y[n]), std::array::from_fn(|n| w.m21 * y[n] + w.m22 * z[n])];
         let mut at = [1.0, 0.0];
         for harmonic in 0..HARMONICS {
             at = [at[0] * c - at[1] * s, at[1] * c + at[0] * s];
-            for (sum, square) in self.squares[harmonic].iter_mut().zip([at[0] * at[0], at[0] * at[1], at[1] * at[1]]) {
-                *sum += square;
-            }
-            for row in 0..4 {
-                let weight = at[row % 2];
-                for (sum, value) in self.regression[harmonic][row].iter_mut().zip(regression[row / 2]) {
-                    *sum += weight * value;
-                }
-                if with_tolerances {
-                    for (sum, value) in self.tolerances[harmonic][row].iter_mut().zip(tolerances[row / 2]) {
-                        *sum += weight * value;
-                    }
+            let squares = [at[0] * at[0], at[0] * at[1], at[1] * at[1]];
+            self.squares[harmonic].iter_mut().zip(squares).for_each(|(sum, square)| *sum += square);
+            for (row, sums) in self.signals[harmonic].iter_mut().enumerate() {
+                for (sum, value) in sums.iter_mut().zip(&whitened[row / 2]).take(signals) {
+                    *sum += at[row % 2] * value;
                 }
             }
         }
@@ -101,50 +93,48 @@ impl Harmonics {
     /// The greatest χ² of a harmonic (score test): with the estimate `ϑ = J⁻¹ b`, the sums a of its innovations have the covariance
     /// `C − B J⁻¹ Bᵀ`, C that of white innovations and B the sums of φ, and what the tolerances make of them.
     fn greatest(&self, found: &PredictionErrorSolution, position_variance: f64) -> f64 {
-        let scale = 1.0 / position_variance.sqrt();
-        let mut greatest: f64 = 0.0;
-        for ((regression, tolerances), [cc, cs, ss]) in self.regression.iter().zip(&self.tolerances).zip(self.squares) {
-            let b = SMatrix::<f64, 4, UNKNOWNS>::from_fn(|row, n| regression[row][1 + n]);
-            let sums = SVector::<f64, 4>::from_fn(|row, _| {
-                scale * (regression[row][0] - b.row(row).transpose().dot(&found.unknowns))
-            });
+        let greatest = self.signals.iter().zip(self.squares).map(|(signals, [cc, cs, ss])| {
+            let b = SMatrix::<f64, 4, UNKNOWNS>::from_fn(|row, n| signals[row][1 + n]);
+            let psi = SMatrix::<f64, 4, TOLERANCES>::from_fn(|row, n| signals[row][FIRST_TOLERANCE + n]);
+            let sums = Vector4::from_fn(|row, _| signals[row][0]) - b * found.unknowns;
             // ψ, and what the estimate makes of it.
-            let by = SMatrix::<f64, 4, TOLERANCES>::from_fn(|row, n| {
-                let moved: f64 = (0..UNKNOWNS).map(|l| b[(row, l)] * found.sensitivity[l][n]).sum();
-                scale * (tolerances[row][n] + moved)
+            let by = psi + b * found.sensitivity;
+            let floor = LEAST_LEFT * (cc + ss);
+            let white = Matrix4::from_fn(|r, c| match (r / 2 == c / 2, r % 2 + c % 2) {
+                (false, _) => 0.0,
+                (true, at) => [cc + floor, cs, ss + floor][at],
             });
-            let white = [[cc, cs], [cs, ss]];
-            let covariance = SMatrix::<f64, 4, 4>::from_fn(|r, c| {
-                let explained: f64 = (0..TOLERANCES).map(|n| by[(r, n)] * by[(c, n)]).sum();
-                let white = if r / 2 == c / 2 { white[r % 2][c % 2] } else { 0.0 };
-                let fitted = product(&found.inverse, &b.row(c).transpose()).dot(&b.row(r).transpose());
-                let floor = if r == c { LEAST_LEFT * (cc + ss) } else { 0.0 };
-                explained + white - fitted + floor
-            });
-            let square = covariance.cholesky().map_or(0.0, |factor| factor.solve(&sums).dot(&sums));
-            greatest = greatest.max(square);
-        }
-        greatest
+            let covariance = by * by.transpose() / position_variance + white - b * found.inverse * b.transpose();
+            covariance.cholesky().map_or(0.0, |factor| factor.solve(&sums).dot(&sums) / position_variance)
+        });
+        greatest.fold(0.0, f64::max)
     }
 }
 
 impl Validation {
     /// Begins anew at a revolution.
     pub fn start(revolution: f64) -> Self {
-        Self { since: revolution, restarted: revolution, square: 2.0, nis: 1.0, ..Self::default() }
+        let harmonics = Harmonics { since: revolution, ..Harmonics::default() };
+        Self { since: revolution, restarted: revolution, square: 2.0, nis: 1.0, harmonics, ..Self::default() }
     }
 
     /// Begins anew after a change of λ.
     pub fn restart(&mut self, revolution: f64) {
-        let restarts = self.recent_restarts(revolution) + 1.0;
-        *self = Self { restarts, ..Self::start(revolution) };
-        self.forget(revolution);
+        *self = Self { restarts: self.recent_restarts(revolution) + 1.0, ..Self::start(revolution) };
     }
 
-    /// Forgets the sums, as the estimate has.
+    /// Forgets the sums.
     pub fn forget(&mut self, revolution: f64) {
         self.harmonics = Harmonics { since: revolution, ..Harmonics::default() };
         self.greatest = 0.0;
+    }
+
+    pub fn is_finite(&self) -> bool {
+        let Self { since, restarted, restarts, greatest, averaged, product, square, nis, .. } = self;
+        let sums = self.harmonics.signals.as_flattened().as_flattened().iter();
+        let harmonics = sums.chain(self.harmonics.squares.as_flattened()).chain([&self.harmonics.since]);
+        let own = [since, restarted, restarts, greatest, averaged, product, square, nis];
+        harmonics.chain(own).chain(&self.last).all(|x| x.is_finite())
     }
 
     /// Revolutions since the last start.
@@ -156,31 +146,24 @@ impl Validation {
         self.restarts * exp(-(revolution - self.restarted) / RESTART_REVOLUTIONS)
     }
 
-    /// Takes in an innovation at the rotor angle (cos θ, sin θ); that of a good estimate if it is `settled`.
+    /// Takes in the signals of an innovation at the rotor angle (cos θ, sin θ).
     #[inline(always)]
-    pub fn add(
-        &mut self,
-        innovation: &Innovation,
-        position_variance: f64,
-        turn: [f64; 2],
-        per_revolution: f64,
-        settled: bool,
-        with_tolerances: bool,
-    ) {
-        self.harmonics.add(innovation, turn, with_tolerances);
-        if !settled {
-            return;
-        }
-        let scale = 1.0 / position_variance.sqrt();
-        let white = innovation.whitened(innovation.error).map(|e| scale * e);
+    pub fn add(&mut self, innovation: &Innovation, turn: [f64; 2], signals: usize) {
+        self.harmonics.add(innovation, turn, signals);
+    }
+
+    /// Takes in the innovation of a good estimate.
+    #[inline(always)]
+    pub fn add_settled(&mut self, innovation: &Innovation, position_variance: f64, per_revolution: f64) {
+        let white = innovation.whitening * innovation.error / sqrt(position_variance);
         let clipped = white.map(|e| e.clamp(-WHITENESS_CLIP, WHITENESS_CLIP));
         self.averaged += 1.0;
-        let part = 1.0 / self.averaged.min(MEAN_REVOLUTIONS * per_revolution);
-        self.product += part * (clipped[0] * self.last[0] + clipped[1] * self.last[1] - self.product);
-        self.square += part * (clipped[0] * clipped[0] + clipped[1] * clipped[1] - self.square);
+        let memory = MEAN_REVOLUTIONS * per_revolution;
+        let part = 1.0 / self.averaged.min(memory);
+        self.product += part * (clipped.dot(&self.last) - self.product);
+        self.square += part * (clipped.norm_squared() - self.square);
         self.last = clipped;
-        let nis = (white[0] * white[0] + white[1] * white[1]).min(OUTLIER);
-        self.nis += (0.5 * nis - self.nis) / (MEAN_REVOLUTIONS * per_revolution);
+        self.nis += (0.5 * white.norm_squared().min(OUTLIER) - self.nis) / memory;
     }
 
     /// Judges the harmonics of what an estimate leaves unexplained.
@@ -192,7 +175,7 @@ impl Validation {
     /// What the tests say.
     pub fn verdict(&self, revolution: f64, per_revolution: f64, told: bool) -> Verdict {
         let samples = 2.0 * self.averaged.min(2.0 * MEAN_REVOLUTIONS * per_revolution);
-        let correlation = self.product / self.square.max(1.0) * samples.sqrt();
+        let correlation = self.product / self.square.max(1.0) * sqrt(samples);
         if self.recent_restarts(revolution) > RESTART_LIMIT {
             Verdict::Unsteady
         } else if self.greatest >= HARMONIC_LIMIT || (told && self.nis > NIS_LIMIT) {
@@ -209,16 +192,13 @@ impl Validation {
 ///
 /// With the estimate ϑ of before, `z = b − J ϑ` of the last revolution has the covariance `J + J J_before⁻¹ J`, and what the tolerances make
 /// of it.
-pub fn has_changed(before: &Sums, last: &Sums, position_variance: f64, with_tolerances: bool) -> bool {
-    let (information, former) = (last.information(), before.information());
-    let Some(definite) = Definite::new(&former) else { return false };
-    let contradiction = last.right() - product(&information, &definite.solve(&before.right()));
-    let mut covariance = information + product(&information, &definite.solve(&information));
-    covariance *= position_variance;
-    if with_tolerances {
-        let c = last.tolerances() - product(&information, &definite.solve(&before.tolerances()));
-        covariance += SMatrix::from_fn(|r, s| (0..TOLERANCES).map(|n| c[(r, n)] * c[(s, n)]).sum());
-    }
-    let Some(definite) = Definite::new(&covariance) else { return false };
-    definite.solve(&contradiction).dot(&contradiction) > CHANGE_LIMIT
+pub fn has_changed(before: &Sums, last: &Sums, position_variance: f64) -> bool {
+    let information = last.information();
+    let Some((former, _)) = inverse(&before.information()) else { return false };
+    let gain = information * former;
+    let contradiction = last.right() - gain * before.right();
+    let by_tolerance = last.by_tolerance() - gain * before.by_tolerance();
+    let noise = (information + gain * information) * position_variance;
+    let Some((weight, _)) = inverse(&(noise + by_tolerance * by_tolerance.transpose())) else { return false };
+    contradiction.dot(&(weight * contradiction)) > CHANGE_LIMIT
 }

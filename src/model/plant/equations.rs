@@ -250,7 +250,7 @@ impl<T: Scalar> Equations<T> {
         for a in 0..2 {
             // Without amplitude nothing is added, so that the common case costs no sine.
             if !amplitude_n[a].is_zero() {
-                p[a] = p[a] + amplitude_n[a] * (*omega_rad_s * time_s + phase_rad[a]).sin();
+                p[a] = p[a] + amplitude_n[a] * (*omega_rad_s * time_s + phase_rad[a]).sine();
             }
         }
         for (p_a, gravity) in p.iter_mut().zip(self.config.gravity_m_s2) {
@@ -260,7 +260,7 @@ impl<T: Scalar> Equations<T> {
         }
         if !self.config.unbalance_kgm.is_zero() {
             let force = self.config.unbalance_kgm * input.omega_rad_s * input.omega_rad_s;
-            let (sin, cos) = (theta_rad + self.config.unbalance_phase_rad).sin_cos();
+            let (sin, cos) = (theta_rad + self.config.unbalance_phase_rad).sine_cosine();
             p = [p[0] + force * cos, p[1] + force * sin];
         }
         p
