@@ -13,15 +13,13 @@ use std::time::Instant;
 use fmu_export::fmi2::bindings::*;
 use interleave::{candidate, shown, table};
 use libloading::{Library, Symbol};
-use magnetic_bearing::app::package;
-use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::app::simulate;
-use magnetic_bearing::model::controller::{Controller, ControllerConfig, ControllerInput};
-use magnetic_bearing::model::estimation::paper::window::{Sample, WindowSums};
-use magnetic_bearing::model::estimation::{
-    Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method, Tolerance,
-};
-use magnetic_bearing::model::plant::{Plant, PlantConfig, PlantInput};
+use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
+use magnetic_bearing::estimation::paper::window::{Sample, WindowSums};
+use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method, Tolerance};
+use magnetic_bearing::package;
+use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput};
+use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::simulation::simulate;
 
 const ROUNDS: usize = 101;
 

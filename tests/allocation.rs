@@ -8,7 +8,7 @@ use fmu_export::Instance;
 use fmu_export::Step;
 use fmu_export::log::Silent;
 use fmu_export::variable::Value;
-use magnetic_bearing::app::scenario::Scenario;
+use magnetic_bearing::simulation::scenario::Scenario;
 
 /// Steps of every slave; without optimisation fewer, for a test is not to take minutes.
 const STEPS: u64 = if cfg!(debug_assertions) { 50_000 } else { 1_000_000 };

@@ -6,12 +6,12 @@ use fmu_export::variable::{Enumeration, Row, Table, Value};
 use fmu_export::{Info, Invalid, SampledModel, StepError, place};
 use serde::{Deserialize, Serialize};
 
-use super::bearing::{Axes, DRIVE, LAMBDA, coils, geometry, info, lambda0, sample_time, together};
-use crate::model::coil::Drive;
-use crate::model::controller::{
+use super::common::{Axes, DRIVE, LAMBDA, coils, geometry, info, lambda0, sample_time, together};
+use crate::bearing::coil::Drive;
+use crate::control::controller::{
     Controller, ControllerConfig, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
 };
-use crate::model::reference::{HARMONICS, Shape};
+use crate::control::reference::{HARMONICS, Shape};
 
 /// When the estimated force constants are taken over.
 pub static UPDATE_MODE: Enumeration = Enumeration {

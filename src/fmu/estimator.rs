@@ -8,8 +8,8 @@ use fmu_export::variable::{Access, Enumeration, Row, Table, Value};
 use fmu_export::{Info, Invalid, SampledModel, StepError, place};
 use serde::{Deserialize, Serialize};
 
-use super::bearing::{Axes, KILOGRAM_METRE, LAMBDA, geometry, info, lambda0, sample_time, together};
-use crate::model::estimation::{
+use super::common::{Axes, KILOGRAM_METRE, LAMBDA, geometry, info, lambda0, sample_time, together};
+use crate::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method, Verdict,
 };
 

@@ -6,7 +6,7 @@ pub mod controller;
 pub mod estimator;
 pub mod plant;
 
-mod bearing;
+mod common;
 
 use std::sync::Arc;
 

@@ -12,13 +12,11 @@ use fmu_export::variable::{Row, Table, Value, element};
 use fmu_export::{Capabilities, Info, Invalid, Model, Step, StepError, place};
 use serde::{Deserialize, Serialize};
 
-use super::bearing::{Axes, DRIVE, KILOGRAM_METRE, LAMBDA, coils, geometry, info, of_magnets, together};
-use crate::model::coil::Drive;
-use crate::model::linearisation::{Point, Taylor, along, in_time};
-use crate::model::noise::Noise;
-use crate::model::plant::{
-    self, Conditions, INSTANT_TOLERANCE, Plant, PlantConfig, PlantInput, PlantOutput, PlantState,
-};
+use super::common::{Axes, DRIVE, KILOGRAM_METRE, LAMBDA, coils, geometry, info, of_magnets, together};
+use crate::bearing::coil::Drive;
+use crate::plant::linearisation::{Point, Taylor, along, in_time};
+use crate::plant::noise::Noise;
+use crate::plant::{self, Conditions, INSTANT_TOLERANCE, Plant, PlantConfig, PlantInput, PlantOutput, PlantState};
 
 /// Speed of the paper's experiments, 3000 rpm.
 const OMEGA_RAD_S: f64 = 100.0 * std::f64::consts::PI;

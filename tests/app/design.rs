@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use fmu_export::variable::Value;
-use magnetic_bearing::app::design::{self, Question, design};
-use magnetic_bearing::app::montecarlo::{self, NOISE};
-use magnetic_bearing::app::scenario::Scenario;
+use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::studies::design::{self, Question, design};
+use magnetic_bearing::studies::montecarlo::{self, NOISE};
 
 fn question(rpm: f64, instant_s: f64) -> Question {
     Question { rpm, step_s: None, noise: NOISE, instant_s }

@@ -1,7 +1,7 @@
 //! Maximum likelihood over whole recordings: accuracy, imperfect benches, changes.
 
 use crate::bench::{Bench, Recorded};
-use magnetic_bearing::app::identify::likelihood::{self, *};
+use magnetic_bearing::studies::identify::likelihood::{self, *};
 
 fn recording<'a>(recorded: &'a Recorded, bench: &Bench, told: bool) -> Recording<'a> {
     Recording {
@@ -181,8 +181,8 @@ fn study_bench() {
         let mut plain = vec![];
         let mut lost = 0;
         for seed in 0..draws {
-            let mut noise_source: [magnetic_bearing::model::noise::Noise; 1] =
-                magnetic_bearing::model::noise::Noise::channels(7000 + seed);
+            let mut noise_source: [magnetic_bearing::plant::noise::Noise; 1] =
+                magnetic_bearing::plant::noise::Noise::channels(7000 + seed);
             let mut bench = Bench { seconds: 0.5, seed: 3000 + seed, ..Bench::default() };
             set(&mut bench, noise_source[0].standard_normal());
             let recorded = bench.record();

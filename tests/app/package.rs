@@ -9,9 +9,9 @@ use std::process::Command;
 use crate::support::says;
 use fmu_export::package::{Written, platform};
 use fmu_export::variable::Type;
-use magnetic_bearing::app::package;
-use magnetic_bearing::app::scenario::Scenario;
 use magnetic_bearing::fmu::catalogue;
+use magnetic_bearing::package;
+use magnetic_bearing::simulation::scenario::Scenario;
 use roxmltree::{Document, Node};
 use zip::{CompressionMethod, ZipArchive};
 

@@ -10,8 +10,8 @@ use std::sync::Arc;
 
 use fmu_export::variable::{Type, Variable};
 use fmu_export::{ModelType, description};
-use magnetic_bearing::app::package;
 use magnetic_bearing::fmu;
+use magnetic_bearing::package;
 use roxmltree::{Document, Node};
 
 /// A start value of the contract.

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use crate::rotor::{Currents, Path, Rotor, Wild, largest, unbalanced};
-use magnetic_bearing::model::estimation::{
+use magnetic_bearing::estimation::{
     CONDITION_CAP, Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method,
     STD_LIMIT, STUCK_SAMPLES, Tolerance, Verdict,
 };

@@ -7,7 +7,7 @@ use std::sync::Mutex;
 
 use crate::support::ffi::{Expect, Fmu, guid, text};
 use fmu_export::fmi2::bindings::*;
-use magnetic_bearing::app::package;
+use magnetic_bearing::package;
 
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 

@@ -5,7 +5,7 @@ use fmu_export::Instance;
 use fmu_export::Step;
 use fmu_export::log::{Log, Topic};
 use fmu_export::variable::Value;
-use magnetic_bearing::app::scenario::Scenario;
+use magnetic_bearing::simulation::scenario::Scenario;
 
 /// The slaves of a loop in motion.
 pub struct Bench {
@@ -56,7 +56,7 @@ impl Bench {
         let slaves = slaves.collect();
         let mut bench =
             Self { scenario: scenario.clone(), slaves, wires: Vec::new(), step: 0, lines: Vec::new(), fault: None };
-        let wire = |connection: magnetic_bearing::app::scenario::Connection| {
+        let wire = |connection: magnetic_bearing::simulation::scenario::Connection| {
             let find = |[element, variable]: &[String; 2]| bench.find(element, variable);
             (find(&connection.from), find(&connection.to))
         };
