@@ -58,7 +58,7 @@
 //! In reading order:
 //!
 //! - [`model`]: what a user writes: [`Model`], [`SampledModel`];
-//! - [`variable`], [`unit`]: the table of variables;
+//! - [`variable`], [`mod@unit`]: the table of variables;
 //! - [`input`]: inputs over a step; [`mod@clock`]: sample instants; [`log`]: messages;
 //! - [`instance`]: a model as its importer sees it; [`fmus`]: the models of one binary;
 //! - [`fmi2`]: the C interface, where all unsafe code is;
