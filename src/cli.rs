@@ -26,14 +26,14 @@ use crate::studies::identify;
 use crate::studies::montecarlo;
 use crate::studies::sweep::Design;
 
-/// Where things go when nothing else is said, below the folder in which the program is run.
+/// Default folders, relative to the one in which the program is run.
 const FMU_FOLDER: &str = "target/fmu";
 const REPORT_FOLDER: &str = "target/report";
 
 /// On-line parameter estimation of a magnetic bearing, as FMI 2.0 co-simulation FMUs.
 ///
-/// Without a command: packages the FMUs and the SSP into target/fmu, runs the simulation of the paper, prints the estimates
-/// beside the truth and the paper's, and writes target/report/index.html.
+/// Without a command: packages the FMUs and the SSP into target/fmu, runs the paper's simulation, prints the estimates beside
+/// the true values and the paper's, and writes target/report/index.html.
 #[derive(Parser)]
 #[command(version, max_term_width = 100)]
 struct Arguments {
@@ -44,27 +44,27 @@ struct Arguments {
 #[derive(Subcommand)]
 #[allow(clippy::large_enum_variant, reason = "there is one of it, and it is taken apart at once")]
 enum Command {
-    /// Packages the three FMUs and the SSP out of the library that was built together with this program.
+    /// Packages the three FMUs and the SSP from the library that was built together with this program.
     ///
-    /// Binaries that were built for other platforms can be put in beside it; `scripts/build-platforms` makes them all.
+    /// Binaries for other platforms can be added; `scripts/build-platforms` makes them all.
     Package {
-        /// A binary of another platform: linux64, win64, darwin64, aarch64-linux or aarch64-darwin (can be repeated). One
-        /// for this platform takes the place of the library that was built together with this program.
+        /// A binary for a platform: linux64, win64, darwin64, aarch64-linux or aarch64-darwin (can be repeated). One for this
+        /// platform replaces the library that was built together with this program.
         #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = binary)]
         binaries: Vec<(&'static Platform, PathBuf)>,
-        /// Folder for the archives; it is made if it is not there.
+        /// Folder for the archives; it is created if missing.
         #[arg(long, value_name = "DIR", default_value = FMU_FOLDER)]
         out: PathBuf,
     },
-    /// Runs a scenario and prints the estimates beside the truth.
+    /// Runs a scenario and prints the estimates beside the true values.
     ///
-    /// A scenario is a TOML file. Keys are the names of the variables in the tables [plant], [controller], [estimator], or
-    /// [all] for every element that has a variable of that name; `reference.rY = "30 µm"` and `reference.rY = 30e-6` say
-    /// the same. `simulate --print paper` prints one to start from. A `[[profile]]` lets inputs and tunable parameters change
-    /// in time, `contour = "hole.csv"` makes a closed path of points the reference.
+    /// A scenario is a TOML file. Keys are names of variables in the tables [plant], [controller], [estimator], or [all] for
+    /// every element with a variable of that name; `reference.rY = "30 µm"` and `reference.rY = 30e-6` mean the same. `simulate
+    /// --print paper` prints one to start from. A `[[profile]]` varies inputs and tunable parameters over time; `contour =
+    /// "hole.csv"` makes a closed curve of points the reference trajectory.
     Simulate {
-        /// A file, - for the standard input, or the name of a scenario that comes with the program: paper, experiment,
-        /// unbalanced, turned, run-up, lift-off, coil-loss, circle, hole, standstill.
+        /// A file, - for the standard input, or a built-in scenario: paper, experiment, unbalanced, turned, run-up, lift-off,
+        /// coil-loss, circle, hole, standstill.
         #[arg(value_name = "SCENARIO")]
         scenario: PathBuf,
         /// Changes a value of the scenario (can be repeated): `m=7` for every element that has the variable, `plant.m=7` for
@@ -72,171 +72,173 @@ enum Command {
         #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
         changes: Vec<(String, String)>,
         /// Writes all outputs at every communication point as CSV, with names and units in the header; - is the standard
-        /// output, and what is said otherwise goes to the standard error then.
+        /// output, and messages then go to the standard error.
         #[arg(long, value_name = "FILE")]
         csv: Option<PathBuf>,
-        /// Writes what came out as JSON; - as for --csv.
+        /// Writes the results as JSON; - as for --csv.
         #[arg(long, value_name = "FILE")]
         json: Option<PathBuf>,
         /// Writes a report page, index.html, into this folder.
         #[arg(long, value_name = "DIR")]
         report: Option<PathBuf>,
-        /// Prints the text of a scenario that comes with the program instead of running it.
+        /// Prints the text of a built-in scenario instead of running it.
         #[arg(long, conflicts_with_all = ["csv", "json", "report", "changes"])]
         print: bool,
     },
-    /// Identifies from a recording of a test bench, a table of text with one row per sample.
+    /// Identifies the bearing from a recording of a test bench, a text table with one row per sample.
     ///
-    /// Columns are named as in the interface (time, Ym, Zm, im[1], im[2], im[3], theta, omega), also behind the name of an
-    /// element (plant.Ym), or by --column. Units stand in the header, `Ym [µm]`, or in a row below it, or are given by --unit.
-    /// Times are numbers, Unix times or ISO 8601 stamps; the pace is the slope of the straight line through them.
+    /// Columns are named as in the interface (time, Ym, Zm, im[1], im[2], im[3], theta, omega), optionally prefixed by an
+    /// element (plant.Ym), or assigned by --column. Units are in the header, `Ym [µm]`, in a row below it, or given by --unit.
+    /// Times are numbers, Unix times or ISO 8601 stamps; the sample time is the slope of the straight line through them.
     ///
-    /// The exit code is 2 if the recording cannot be used: all that is wrong with it is said on the standard error.
+    /// The exit code is 2 if the recording cannot be used; the reasons go to the standard error.
     Identify {
-        /// The recordings, or - for the standard input, in UTF-8, UTF-16 or Windows-1252: columns separated by comma, semicolon or tab; a decimal comma is
-        /// understood with the latter two. Several are one bearing at other speeds, loads or paths: what belongs to the bearing
-        /// and its bench is shared.
+        /// The recordings, or - for the standard input, in UTF-8, UTF-16 or Windows-1252: columns separated by comma, semicolon
+        /// or tab; with the latter two, decimal commas are understood. Several recordings show one bearing at other speeds,
+        /// loads or reference trajectories: they share the parameters of the bearing and its bench.
         #[arg(value_name = "RECORDING", required = true)]
         recordings: Vec<PathBuf>,
-        /// The currents in a table of their own, with a column of times by the same clock, at any rate.
+        /// The currents in a separate table, with times from the same clock, at any rate.
         #[arg(long, value_name = "FILE.csv")]
         currents: Option<PathBuf>,
-        /// A column: signal as in the interface = name in the header.
+        /// Assigns a column: signal as in the interface = name in the header.
         #[arg(long, value_name = "SIGNAL=COLUMN", value_parser = pair)]
         column: Vec<(String, String)>,
-        /// A unit: signal as in the interface = unit. Known are s, ms, µs, ns; m, mm, µm (um), nm, mil; A, mA; rad, deg (°),
-        /// rev; rad/s, rpm (1/min, U/min, min-1), Hz, deg/s.
+        /// Assigns a unit: signal as in the interface = unit. Known are s, ms, µs, ns; m, mm, µm (um), nm, mil; A, mA; rad, deg
+        /// (°), rev; rad/s, rpm (1/min, U/min, min-1), Hz, deg/s.
         #[arg(long, value_name = "SIGNAL=UNIT", value_parser = pair)]
         unit: Vec<(String, String)>,
-        /// Rate of the samples, as in 10kHz, for recordings without times; where there are some they must agree.
+        /// Sample rate, as in 10kHz, for recordings without times; if there are times, they must agree.
         #[arg(long, value_name = "RATE", value_parser = identify::rate_s, conflicts_with = "step")]
         rate: Option<f64>,
-        /// The same as the time from sample to sample, as in 100us; seconds if there is no unit.
+        /// Sample time, as in 100us, instead of --rate; seconds if there is no unit.
         #[arg(long, value_name = "TIME", value_parser = identify::duration_s)]
         step: Option<f64>,
-        /// Whose estimator has the parameters of the bearing: a file, or the name of a scenario that comes with the program.
+        /// Scenario whose estimator has the parameters of the bearing: a file or a built-in scenario.
         #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
         scenario: PathBuf,
-        /// likelihood, the most likely values over the whole recording; or the on-line methods paperLiteral, paper,
-        /// predictionError, or all of these.
+        /// likelihood (maximum likelihood over the whole recording), an on-line method (paperLiteral, paper, predictionError),
+        /// or all.
         #[arg(long, value_name = "METHOD", default_value = "likelihood")]
         method: String,
-        /// How well a parameter of the bench is known, as a standard deviation with its unit: s=2%, s=10um, m=0.05kg, alpha=1deg,
-        /// sensor.offset=5um, sensor.gain=0.5%, current.gain=0.5%, delay=20us (can be repeated; also as a table [tolerance] in the
-        /// scenario). It is estimated with the rest.
+        /// Standard deviation of a parameter of the bench, with its unit: s=2%, s=10um, m=0.05kg, alpha=1deg,
+        /// sensor.offset=5um, sensor.gain=0.5%, current.gain=0.5%, delay=20us (can be repeated; also as a table [tolerance] in
+        /// the scenario). The parameter is then estimated as well.
         #[arg(long = "tolerance", value_name = "NAME=VALUE", value_parser = pair)]
         tolerances: Vec<(String, String)>,
-        /// A parameter of the bench of which nothing is known: it is estimated with the rest (can be repeated).
+        /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated).
         #[arg(long = "estimate", value_name = "NAME")]
         estimates: Vec<String>,
-        /// What a current sample stands for: heldBefore, heldAfter, linear, or auto to find out.
+        /// What a current sample stands for: heldBefore, heldAfter, linear, or auto to find out from the data.
         #[arg(long, value_name = "HOLD", default_value = "heldBefore")]
         hold: String,
-        /// Length of the window, in s; one revolution if not given.
+        /// Length of the window, in s; one revolution by default.
         #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
         window: Option<f64>,
         /// Speed in rpm, for recordings without angle and speed.
         #[arg(long, value_name = "RPM", allow_hyphen_values = true)]
         speed: Option<f64>,
-        /// Standard deviation of the noise of the positions, in m; found from the data if not given.
+        /// Standard deviation of the position noise, in m; estimated from the data by default.
         #[arg(long, value_name = "METRES", value_parser = deviation, allow_hyphen_values = true)]
         position_noise: Option<f64>,
-        /// Standard deviation of the noise of the currents, in A; found from the data if not given.
+        /// Standard deviation of the current noise, in A; estimated from the data by default.
         #[arg(long, value_name = "AMPERES", value_parser = deviation, allow_hyphen_values = true)]
         current_noise: Option<f64>,
-        /// Interpolates to this sample time, as in 100us, where the recording has no uniform one; seconds if there is no unit.
+        /// Interpolates a recording without a uniform sample time to this one, as in 100us; seconds if there is no unit.
         #[arg(long, value_name = "TIME", value_parser = identify::duration_s, conflicts_with_all = ["rate", "step"])]
         resample: Option<f64>,
         /// Writes the estimates over time as CSV; - is the standard output, as for --json.
         #[arg(long, value_name = "FILE")]
         csv: Option<PathBuf>,
-        /// Writes the result as JSON; - is the standard output, and what is said otherwise goes to the standard error then.
+        /// Writes the result as JSON; - is the standard output, and messages then go to the standard error.
         #[arg(long, value_name = "FILE")]
         json: Option<PathBuf>,
         /// Writes a report page, index.html, into this folder.
         #[arg(long, value_name = "DIR")]
         report: Option<PathBuf>,
     },
-    /// Compares excitations: how well λ can be known after which time, on the path alone and with F0 modulated.
+    /// Compares excitations: how precisely λ is known after which time, with the reference trajectory alone and with F0
+    /// modulated.
     Design {
-        /// Bearing, path and load: a file, or the name of a scenario that comes with the program.
+        /// Bearing, reference trajectory and load: a file or a built-in scenario.
         #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
         scenario: PathBuf,
-        /// Speed of the rotor, in rpm; 0 is a rotor at rest.
+        /// Speed of the rotor, in rpm; 0 means a rotor at rest.
         #[arg(long, value_name = "RPM", default_value_t = 3000.0, allow_hyphen_values = true)]
         speed: f64,
         /// Sample time, in s.
         #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
         sample_time: Option<f64>,
-        /// Standard deviation of the noise of the positions, in m.
+        /// Standard deviation of the position noise, in m.
         #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_hyphen_values = true)]
         position_noise: f64,
-        /// Standard deviation of the noise of the currents, in A.
+        /// Standard deviation of the current noise, in A.
         #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true)]
         current_noise: f64,
-        /// When λ is to be known, in s.
+        /// Time by which λ must be known, in s.
         #[arg(long, value_name = "SECONDS", default_value_t = 0.1, allow_hyphen_values = true)]
         at: f64,
     },
     /// Repeats runs with many seeds and prints errors, stated standard deviations and the Cramér–Rao bound.
     ///
-    /// Without a scenario: drawn bearings, the unbalanced rotor with several noises, controllers, speeds and drives, wrong
-    /// parameters, a step of λ, long runs. With one: that scenario with many seeds of the sensor noise.
+    /// Without a scenario: random bearings; the unbalanced rotor with several noise levels, controllers, speeds and drives;
+    /// wrong parameters; a step of λ; long runs. With a scenario: that scenario with many seeds of the sensor noise.
     Montecarlo {
-        /// A file, or the name of a scenario that comes with the program; the method is the default.
+        /// A file or a built-in scenario, run with the default method.
         #[arg(value_name = "SCENARIO", conflicts_with = "only")]
         scenario: Option<PathBuf>,
-        /// How many runs of each study; of drawn bearings, how many bearings.
+        /// Number of runs of each study; of random bearings, number of bearings.
         #[arg(long, value_name = "N", default_value = "100", value_parser = count)]
         runs: usize,
-        /// Seed of the first run; the others follow one by one.
+        /// Seed of the first run; each further run takes the next one.
         #[arg(long, value_name = "N", default_value_t = 1)]
         seed: u32,
-        /// Only studies with this text in their title.
+        /// Runs only studies with this text in their title.
         #[arg(long, value_name = "TEXT")]
         only: Option<String>,
-        /// Standard deviation of the noise of the positions, in m.
+        /// Standard deviation of the position noise, in m.
         #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
         position_noise: f64,
-        /// Standard deviation of the noise of the currents, in A.
+        /// Standard deviation of the current noise, in A.
         #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
         current_noise: f64,
-        /// The estimator is to find the noise itself instead of being told.
+        /// The estimator estimates the noise instead of being told.
         #[arg(long, requires = "scenario")]
         untold: bool,
-        /// When the estimates are looked at, in seconds.
+        /// Times at which the estimates are evaluated, in seconds.
         #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = duration, allow_hyphen_values = true)]
         at: Vec<f64>,
     },
-    /// Runs a scenario many times with other values, on all processors: a row per case in, a row per case out.
+    /// Runs a scenario many times with varied values, on all processors; every case is a row of the design and a row of the
+    /// result.
     ///
-    /// A design is a CSV file whose columns are variables such as `plant.lambda[1]` or `plant.pZ [N]`, or a TOML file that says
-    /// how to draw one. A sweep that was interrupted goes on where it stopped. A case that fails is a row that says why; the
-    /// exit code is 1 then.
+    /// A design is a CSV file whose columns are variables such as `plant.lambda[1]` or `plant.pZ [N]`, or a TOML file that
+    /// describes how to draw them. An interrupted sweep resumes where it stopped. A case that fails gives a row with the
+    /// reason; the exit code is then 1.
     Sweep {
-        /// The design; - is the standard input, a table.
+        /// The design; - is the standard input, as CSV.
         #[arg(value_name = "DESIGN.csv|DESIGN.toml")]
         design: PathBuf,
-        /// Where the rows go; - is the standard output.
+        /// File for the rows; - is the standard output.
         #[arg(long, value_name = "ROWS.csv", required_unless_present = "expand")]
         out: Option<PathBuf>,
-        /// The scenario that is varied: a file, or one that comes with the program; `unbalanced` if the design names none.
+        /// The scenario to vary: a file or a built-in scenario; by default that of the design, or else `unbalanced`.
         #[arg(long, value_name = "SCENARIO")]
         scenario: Option<PathBuf>,
-        /// How many cases are run at once; all processors if nothing is said.
+        /// Number of cases run at once; all processors by default.
         #[arg(long, value_name = "N")]
         jobs: Option<usize>,
-        /// Prints the design as CSV, drawn values included, instead of running it.
+        /// Prints the design as CSV, with the values drawn, instead of running it.
         #[arg(long, conflicts_with_all = ["out", "jobs"])]
         expand: bool,
     },
-    /// Prints what makes a shell complete commands and options.
+    /// Prints the completion script of a shell.
     Completions {
         /// The shell.
         #[arg(value_name = "SHELL")]
         shell: Shell,
     },
-    /// Writes the model descriptions and VARIABLES.md, which stand under review, out of the tables of variables.
+    /// Writes the model descriptions and VARIABLES.md, which are checked in, from the tables of variables.
     Describe {
         /// Folder for the files.
         #[arg(long, value_name = "DIR", default_value = "modelDescription")]
@@ -252,15 +254,14 @@ macro_rules! say {
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// Runs the program. The exit code is 1 when something went wrong, which is then said on the standard error, and 2 when the
-/// arguments make no sense or a recording cannot be used. `commit` is the one that the program was built from, if that is
-/// known.
+/// Runs the program. The exit code is 1 after an error, reported on the standard error, and 2 if the arguments are invalid or a
+/// recording cannot be used. `commit` is the commit that the program was built from, if known.
 pub fn main(commit: Option<&str>) -> ExitCode {
     let version = match commit {
         Some(commit) => format!("{} ({commit})", env!("CARGO_PKG_VERSION")),
         None => env!("CARGO_PKG_VERSION").to_owned(),
     };
-    // The command line is read once, and keeps its texts as long as the program runs.
+    // The version lives as long as the program and is leaked once.
     let matches = Arguments::command().version(&*version.leak()).get_matches();
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let outcome = match arguments.command {
@@ -303,7 +304,7 @@ pub fn main(commit: Option<&str>) -> ExitCode {
     }
 }
 
-/// Input that cannot be used, and why; the exit code is 2.
+/// Input that cannot be used; the exit code is 2.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct Refused(String);
@@ -355,7 +356,7 @@ fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Optio
     } else {
         design.run(out, jobs)?
     };
-    let there = if outcome.before > 0 { format!(", {} of which were there", outcome.before) } else { String::new() };
+    let there = if outcome.before > 0 { format!(", {} of them from before", outcome.before) } else { String::new() };
     say!("{}: {} rows{there}", out.display(), design.len());
     match outcome.failed {
         0 => Ok(()),
@@ -373,7 +374,7 @@ fn print(name: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Where the results of a run go.
+/// Destinations of the results.
 #[derive(Default)]
 struct Out<'a> {
     csv: Option<&'a Path>,
@@ -390,7 +391,7 @@ fn simulate(name: &Path, changes: &[(String, String)], out: &Out<'_>) -> Result<
         output::take_standard_output();
     }
     let page = out.report.map(|folder| folder.join("index.html"));
-    // What cannot be written is better known before a long run than after it.
+    // Check that the files can be written before a long run.
     for (path, format) in [(out.csv, Format::Table), (out.json, Format::Json), (page.as_deref(), Format::Page)] {
         if let Some(path) = path {
             format.replaceable(path).map_err(named(path))?;
@@ -399,7 +400,7 @@ fn simulate(name: &Path, changes: &[(String, String)], out: &Out<'_>) -> Result<
     let scenario = Scenario::open_with(name, changes)?;
     let run = simulate::run(&scenario)?;
     print_run(name, &scenario, &run);
-    // What was computed is kept, whatever ended the run.
+    // Results are written even if the run ended early.
     if let Some(path) = out.csv {
         write_table(path, &run.recording)?;
         said_of(path);
@@ -421,14 +422,14 @@ fn simulate(name: &Path, changes: &[(String, String)], out: &Out<'_>) -> Result<
     }
 }
 
-/// Names a file that was written.
+/// Reports a file that was written.
 fn said_of(path: &Path) {
     if !output::is_standard(path) {
         say!("\n{}", path.display());
     }
 }
 
-/// Writes a table to a file, or to the standard output under the name `-`, whose reader may have enough at any time.
+/// Writes a table to a file, or to the standard output under the name `-`, whose reader may close it at any time.
 fn write_table(path: &Path, recording: &Recording) -> Result<()> {
     let file = Format::Table.create(path).map_err(named(path))?;
     match recording.write_csv(io::BufWriter::new(file)) {
@@ -586,7 +587,7 @@ fn identify(command: Command) -> Result<()> {
         let names = [identify::HOLDS.map(|(name, _)| name).as_slice(), &["auto"]].concat();
         config.hold = found.ok_or_else(|| one(&names, "hold", &hold))?.1;
     }
-    // Drawings and tables need no more outputs than this; a file has them all.
+    // Plots and tables need no more points than this; the CSV file has all of them.
     const SHOWN: usize = 4000;
     let every = if likely && csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
     let mut tracks = Vec::new();
@@ -731,7 +732,7 @@ fn print_run(name: &Path, scenario: &Scenario, run: &Run) {
     }
 }
 
-/// Breaks a text into lines that a terminal can show.
+/// Breaks a text into lines that fit a terminal.
 fn wrapped(text: &str) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -746,7 +747,7 @@ fn wrapped(text: &str) -> Vec<String> {
     lines
 }
 
-/// Prints a table whose first column is words and whose others are numbers.
+/// Prints a table whose first column is text and whose others are numbers.
 fn print_table(head: &[String], rows: &[Vec<String>]) {
     let all = || std::iter::once(head).chain(rows.iter().map(Vec::as_slice));
     let width = |column: usize| all().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max();

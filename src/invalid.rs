@@ -1,16 +1,16 @@
-//! What is wrong with a parameter, and a collector of such findings.
+//! Invalid parameters, and a collector for them.
 
 use std::borrow::Cow;
 use std::fmt;
 
-/// One parameter that cannot be accepted.
+/// A parameter value that is refused.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Invalid {
     /// Name of the parameter as in the interface, for instance `coil.R` or `alpha[2]`.
     pub name: Cow<'static, str>,
-    /// The value refused, as text, with its unit where it has one.
+    /// The refused value as text, with its unit if it has one.
     pub value: String,
-    /// What would have been accepted, with the reason where it is not obvious.
+    /// What is expected, with the reason where it is not obvious.
     pub wanted: Cow<'static, str>,
 }
 
@@ -20,14 +20,14 @@ impl fmt::Display for Invalid {
     }
 }
 
-/// Collects every finding, so that a user sees all of them at once.
+/// Collects findings, so that a user sees all of them at once.
 #[derive(Debug, Default)]
 pub struct Checks {
     found: Vec<Invalid>,
 }
 
 impl Checks {
-    /// Notes a finding unless `holds`.
+    /// Adds a finding unless `holds`.
     pub fn require(
         &mut self,
         holds: bool,
@@ -60,10 +60,10 @@ impl Checks {
         self.require(value.is_finite(), name, format_args!("{value} {unit}"), "a finite number");
     }
 
-    /// The end of the checks.
+    /// Ends the checks.
     ///
     /// # Errors
-    /// All findings, in the order in which they were noted.
+    /// All findings, in order.
     pub fn finish(self) -> Result<(), Vec<Invalid>> {
         if self.found.is_empty() { Ok(()) } else { Err(self.found) }
     }

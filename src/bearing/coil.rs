@@ -10,8 +10,8 @@
 //! u = R i + dψ/dt
 //! ```
 //!
-//! `φ_s` is the flux at which the iron needs as much current as the nominal gap, `i_s = φ_s s/(2λ)`; with `φ_s = 0` the iron
-//! needs none. Then `i = 2λ/gap` of flux per ampere, `L = L_leak + 2λ/gap`, and the force is P(4), `λ i²/gap²`.
+//! `φ_s` is the flux at which the iron takes as much current as the nominal gap, `i_s = φ_s s/(2λ)`; `φ_s = 0` means ideal
+//! iron. Then `i = 2λ/gap` of flux per ampere, `L = L_leak + 2λ/gap`, and the force is P(4), `λ i²/gap²`.
 
 use serde::{Deserialize, Serialize};
 
@@ -28,39 +28,39 @@ pub enum Drive {
     Voltage,
 }
 
-/// The fastest coil admitted: least time constant `L/R`, in s.
+/// The shortest time constant `L/R` of a coil, in s.
 ///
-/// The integration resolves the time constant; faster coils would take more than ten thousand sub-steps per millisecond and
-/// are better described by current drive.
+/// The integration resolves the time constant; a faster coil would take more than ten thousand sub-steps per millisecond and is
+/// better described by current drive.
 pub const SHORTEST_TIME_CONSTANT_S: f64 = 1e-6;
 
-/// The most Newton iterations for the flux in saturated iron; convergence is monotone, and quadratic at its end.
+/// Limit of the Newton iterations for the flux in saturated iron; convergence is monotone, and quadratic near the solution.
 const MOST_ITERATIONS: usize = 60;
 
-/// The coils, all three alike but for λ.
+/// The three coils, equal except for λ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CoilConfig<T = f64> {
-    /// Whether current or voltage is given.
+    /// Whether current or voltage is imposed.
     pub drive: Drive,
     /// Resistance `R`, in Ω.
     pub resistance_ohm: T,
     /// Leakage inductance `L_leak`, in H.
     pub leakage_h: T,
-    /// The amplifier gives voltages within ± this, in V.
+    /// The amplifier saturates at ± this voltage, in V.
     pub limit_v: T,
-    /// Flux `φ_s` of the saturation of the iron, in Wb; 0 for iron that does not saturate.
+    /// Saturation flux `φ_s` of the iron, in Wb; 0 for iron that does not saturate.
     pub saturation_wb: T,
 }
 
 impl Default for CoilConfig {
-    /// Current drive; 1 Ω and 100 V if it is made voltage drive.
+    /// Current drive; 1 Ω and 100 V for voltage drive.
     fn default() -> Self {
         Self { drive: Drive::Current, resistance_ohm: 1.0, leakage_h: 0.0, limit_v: 100.0, saturation_wb: 0.0 }
     }
 }
 
 impl CoilConfig {
-    /// Reports what is wrong, by the names of the interface; `gap_m` and `lambda_nm2_a2` are those of the magnets.
+    /// Reports invalid parameters by their names in the interface; `gap_m` and `lambda_nm2_a2` belong to the magnets.
     pub(crate) fn check(&self, gap_m: f64, lambda_nm2_a2: [f64; 3], checks: &mut Checks) {
         checks.not_negative("coil.R", self.resistance_ohm, "Ohm");
         checks.not_negative("coil.Lleak", self.leakage_h, "H");
@@ -81,7 +81,7 @@ impl CoilConfig {
 }
 
 impl<T: Scalar> CoilConfig<T> {
-    /// The coil of one magnet, for its λ in N·m²/A² and the nominal gap in m.
+    /// The coil of one magnet with its λ in N·m²/A² and the nominal gap in m.
     #[inline]
     pub fn of(&self, lambda_nm2_a2: T, nominal_gap_m: T) -> Coil<T> {
         let reluctance = T::constant(0.5) / lambda_nm2_a2;
@@ -93,7 +93,7 @@ impl<T: Scalar> CoilConfig<T> {
         }
     }
 
-    /// The voltage within the limit of the amplifier, in V.
+    /// The voltage, limited by the amplifier, in V.
     #[inline]
     pub fn limited(&self, voltage_v: T) -> T {
         let limit_v = self.limit_v;
@@ -111,11 +111,11 @@ pub struct Coil<T = f64> {
     lambda_nm2_a2: T,
     leakage_h: T,
     saturation_wb: T,
-    /// `i_s`: current for the iron at the flux `φ_s`, in A.
+    /// `i_s`: current that the iron takes at the flux `φ_s`, in A.
     iron_a: T,
 }
 
-/// A coil at an instant.
+/// Flux, current, force and energy of a coil at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoilPoint<T = f64> {
     /// Flux linked with the coil ψ, in Wb.
@@ -139,16 +139,16 @@ impl<T: Scalar> CoilPoint<T> {
 }
 
 impl<T: Scalar> Coil<T> {
-    /// `L = L_leak + 2λ/gap`, in H, with iron that does not saturate.
+    /// `L = L_leak + 2λ/gap`, in H, for iron that does not saturate.
     #[inline]
     pub fn inductance_h(&self, gap_m: T) -> T {
         self.leakage_h + self.lambda_nm2_a2 * 2.0 / gap_m
     }
 
-    /// The coil with the flux linkage ψ in Wb at a gap in m, above 0.
+    /// The coil at the flux linkage ψ in Wb and a gap above 0 in m.
     pub fn at_linkage(&self, linkage_wb: T, gap_m: T) -> CoilPoint<T> {
-        // Of all the flux through the air gap that the linkage allows, which is where Newton's method starts: the curve is
-        // convex beyond the solution, so that the iterations come down to it and cannot overshoot.
+        // Newton's method starts at the largest flux that the linkage allows: the curve is convex beyond the solution, so the
+        // iterations descend to it without overshoot.
         let mut flux = linkage_wb * (self.lambda_nm2_a2 * 2.0 / gap_m) / self.inductance_h(gap_m);
         if self.saturates() && !self.leakage_h.is_zero() {
             flux = solve(flux, |flux| {
@@ -159,14 +159,14 @@ impl<T: Scalar> Coil<T> {
         self.at_flux(flux, gap_m)
     }
 
-    /// The coil with a current in A at a gap in m, above 0.
+    /// The coil at a current in A and a gap above 0 in m.
     pub fn at_current(&self, current_a: T, gap_m: T) -> CoilPoint<T> {
         let mut flux = current_a * 2.0 * self.lambda_nm2_a2 / gap_m;
         if self.saturates() {
-            // Beyond φ_s the iron alone bounds the flux more tightly; from there it is a few iterations.
+            // Beyond φ_s the iron alone gives a tighter bound on the flux, a few iterations from the solution.
             let ratio = (current_a.value() / self.iron_a.value()).abs();
             let bound = self.saturation_wb.value() * libm::pow(ratio, 1.0 / 7.0);
-            // Not if 0/0 has made the bound no number.
+            // Not if the bound is 0/0.
             if flux.value().abs() > bound {
                 flux = T::constant(bound.copysign(flux.value()));
             }
@@ -216,7 +216,7 @@ impl<T: Scalar> Coil<T> {
     }
 }
 
-/// Newton's method for a function that rises and is convex away from 0, from beyond the solution; value and slope of it are `f`.
+/// Newton's method for a function that rises and is convex away from 0, from beyond the solution; `f` returns value and slope.
 fn solve<T: Scalar>(start: T, f: impl Fn(T) -> (T, T)) -> T {
     let better = |x: T| {
         let (value, slope) = f(x);

@@ -1,4 +1,4 @@
-//! The three magnets: geometry, force law, and how a wanted force is shared among them.
+//! The three magnets: geometry, force law, and allocation of a force to the magnets.
 //!
 //! # Two signs of the paper
 //!
@@ -12,19 +12,19 @@
 //! F_3 = F_1 + F_y/√3 + F_z
 //! ```
 //!
-//! P(5) prints `F_0 − |F_y|/√3 + F_z` in the second line, and the two formulas below it have the signs of `F_y`
-//! exchanged. Read to the letter, the paper asks for negative forces and feeds back positively in y.
-//! [`Magnets::allocate`] does not use these formulas, as they hold for one set of angles only; it solves P(3) for
-//! any admissible angles and agrees with the corrected formulas where they apply.
+//! P(5) prints `F_0 − |F_y|/√3 + F_z` in the second line, and exchanges the signs of `F_y` in the two formulas below it. Taken
+//! literally, it asks for negative forces and feeds back positively in y. [`Magnets::allocate`] uses neither: these formulas
+//! hold for one set of angles only. It solves P(3) for any admissible angles and agrees with the corrected formulas where they
+//! apply.
 
 use crate::bearing::scalar::Scalar;
 use crate::invalid::Checks;
 use crate::invalid::Invalid;
 
-/// The smallest sine of the angle between two magnets (0.57°) at which they still count as two directions.
+/// Two magnets whose angle has a smaller sine than this (0.57°) count as parallel.
 ///
-/// The forces needed for a resultant across two nearly parallel magnets grow with the inverse of this sine, and so does the
-/// standard deviation of their identified λ.
+/// The forces for a resultant across two nearly parallel magnets grow with the inverse of this sine, and so does the standard
+/// deviation of their identified λ.
 pub const SMALLEST_SINE: f64 = 1e-2;
 
 /// Names of the angles, in the order of the magnets.
@@ -48,7 +48,7 @@ pub fn currents(force_n: [f64; 3], gap_m: [f64; 3], lambda_nm2_a2: [f64; 3]) -> 
     std::array::from_fn(|k| gap_m[k] * (force_n[k].max(0.0) / lambda_nm2_a2[k]).sqrt())
 }
 
-/// Where the magnets are: nominal gap and directions; gaps, force law and resultant.
+/// Geometry of the magnets: nominal gap and directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry<T = f64> {
     /// Gap of every magnet with the rotor in the centre, the paper's `s`, in m.
@@ -69,7 +69,7 @@ impl<T: Scalar> Geometry<T> {
 
     /// `gap_k = s − e_k · (Y, Z)`, in m, of a rotor at `position_m`, (y, z) in m; the bracket of P(4).
     ///
-    /// A gap that is not above 0 means contact.
+    /// A gap of 0 or below means contact.
     #[inline]
     pub fn gaps(&self, position_m: [T; 2]) -> [T; 3] {
         self.directions.map(|e_k| self.gap_m - (e_k[0] * position_m[0] + e_k[1] * position_m[1]))
@@ -84,8 +84,8 @@ impl<T: Scalar> Geometry<T> {
 }
 
 impl Geometry {
-    /// Reports what is wrong in `checks`: `s` unless it is finite and above 0; `alpha[k]` if it is not finite, or if magnet k
-    /// is parallel to one before it (see [`SMALLEST_SINE`]). The geometry is of use only if nothing was reported.
+    /// Reports in `checks`: `s` unless it is finite and above 0; `alpha[k]` if it is not finite, or if magnet k is parallel to
+    /// an earlier one (see [`SMALLEST_SINE`]). Use the geometry only if nothing was reported.
     pub(crate) fn checked(gap_m: f64, alpha_rad: [f64; 3], checks: &mut Checks) -> Self {
         checks.positive("s", gap_m, "m");
         for (name, alpha) in ALPHA.into_iter().zip(alpha_rad) {
@@ -105,13 +105,13 @@ impl Geometry {
 
     /// `n_1 : n_2 : n_3 = sin(α_2 − α_3) : sin(α_3 − α_1) : sin(α_1 − α_2)` with `Σ n_k e_k = 0`.
     ///
-    /// From the rounded directions, so that n is their null vector to the last bits.
+    /// Computed from the rounded directions, so that n is their null vector to the last bits.
     fn sines(&self) -> [f64; 3] {
         let [e_1, e_2, e_3] = self.directions;
         [cross(e_2, e_3), cross(e_3, e_1), cross(e_1, e_2)]
     }
 
-    /// Pairs of magnets that count as parallel, the later of a pair second.
+    /// Pairs of parallel magnets, the later one second.
     fn parallel(&self) -> impl Iterator<Item = (usize, usize)> {
         // Component k belongs to the pair of the two other magnets.
         let pairs = self.sines().into_iter().zip([(1, 2), (0, 2), (0, 1)]);
@@ -119,15 +119,15 @@ impl Geometry {
     }
 }
 
-/// Three magnets all round a rotor: their geometry, and how a wanted force is shared among them.
+/// Three magnets around a rotor: geometry and force allocation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Magnets {
     geometry: Geometry,
     /// Angle of each magnet as in P(3), in rad.
     alpha_rad: [f64; 3],
-    /// `n` with `Σ n_k e_k = 0`, all components above 0, mean 1: forces that pull without resultant.
+    /// `n` with `Σ n_k e_k = 0`, all components above 0, mean 1: forces without resultant.
     null: [f64; 3],
-    /// `Eᵀ(EEᵀ)⁻¹`, one row per magnet: the smallest forces that have a given resultant.
+    /// `Eᵀ(EEᵀ)⁻¹`, one row per magnet: the smallest forces with a given resultant.
     inverse: [[f64; 2]; 3],
 }
 
@@ -135,9 +135,9 @@ impl Magnets {
     /// Magnets at the angles `alpha_rad` in rad, nominal gap `gap_m` in m.
     ///
     /// # Errors
-    /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite, if magnet k is parallel to one before it
-    /// (see [`SMALLEST_SINE`]), or if it leaves all three within one half plane. Magnets pull only: within
-    /// half a plane, no forces above 0 balance.
+    /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite, if magnet k is parallel to an earlier one (see
+    /// [`SMALLEST_SINE`]), or if it leaves all three within one half-plane. Magnets only pull: within a half-plane, no positive
+    /// forces balance.
     pub fn new(gap_m: f64, alpha_rad: [f64; 3]) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         let magnets = Self::checked(gap_m, alpha_rad, &mut checks);
@@ -145,7 +145,7 @@ impl Magnets {
         Ok(magnets)
     }
 
-    /// Reports what is wrong in `checks`; the value returned is of use only when nothing was.
+    /// Reports errors in `checks`; use the returned value only if there are none.
     pub(crate) fn checked(gap_m: f64, alpha_rad: [f64; 3], checks: &mut Checks) -> Self {
         let geometry = Geometry::checked(gap_m, alpha_rad, checks);
         let sines = geometry.sines();
@@ -204,9 +204,8 @@ impl Magnets {
 
     /// The forces, in N, with the resultant `force_n` = (F_y, F_z) in N, the smallest of them `f0_n` in N.
     ///
-    /// For any admissible angles: `F = Eᵀ(EEᵀ)⁻¹ (F_y, F_z) + c n` with `c = max_k (F_0 − F_k)/n_k`. With the paper's
-    /// angles this is P(5) with its signs corrected (see the module). No force is ever below `f0_n`,
-    /// not even by rounding.
+    /// For any admissible angles: `F = Eᵀ(EEᵀ)⁻¹ (F_y, F_z) + c n` with `c = max_k (F_0 − F_k)/n_k`. With the paper's angles
+    /// this is P(5) with its signs corrected (see the module). No force falls below `f0_n`, not even by rounding.
     pub fn allocate(&self, force_n: [f64; 2], f0_n: f64) -> [f64; 3] {
         let particular = self.inverse.map(|row| row[0] * force_n[0] + row[1] * force_n[1]);
         let needed = particular.iter().zip(self.null).map(|(f_k, n_k)| (f0_n - f_k) / n_k);
@@ -220,17 +219,17 @@ fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
-/// Refuses angles at which the magnets, no two of them parallel, lie within half a plane.
+/// Refuses angles at which the magnets, no two of them parallel, lie within a half-plane.
 fn check_all_round(alpha_rad: [f64; 3], sines: [f64; 3], checks: &mut Checks) {
     let above = sines.iter().filter(|n_k| **n_k > 0.0).count();
     if above == 1 || above == 2 {
-        // The magnet whose component has the other sign is the one between the two others.
+        // The magnet whose component has the other sign lies between the two others.
         let odd = (0..3).find(|k| (sines[*k] > 0.0) == (above == 1)).unwrap_or(0);
         checks.require(
             false,
             ALPHA[odd],
             format_args!("{} rad", alpha_rad[odd]),
-            "magnets all round the rotor (magnets only pull, and these lie within half a plane)",
+            "magnets all round the rotor (magnets only pull, and these lie within a half-plane)",
         );
     }
 }

@@ -2,8 +2,8 @@
 //!
 //! In reading order:
 //!
-//! - [`scalar`]: the numbers over which the equations are generic: `f64` for values, Taylor series for derivatives;
-//! - [`magnet`]: gaps, forces, currents, and how a wanted force is shared among the magnets;
+//! - [`scalar`]: the number type of the equations: `f64` for values, Taylor series for derivatives;
+//! - [`magnet`]: gaps, forces, currents, and force allocation;
 //! - [`coil`]: flux, current, force and energy of a coil;
 //! - [`touchdown`]: the backup bearing.
 

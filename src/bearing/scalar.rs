@@ -1,14 +1,14 @@
-//! The numbers that the equations are written for: `f64`, and truncated Taylor series of it for exact derivatives.
+//! The number type of the equations: `f64`, or truncated Taylor series for exact derivatives.
 //!
-//! The equations of geometry, coil, backup bearing and rotor stand once, generic over [`Scalar`]. With `f64` they give values
-//! and integrate the motion; with [`Taylor`](crate::plant::linearisation::Taylor) they give derivatives along a line.
+//! The equations of geometry, coil, backup bearing and rotor are written once, generic over [`Scalar`]. With `f64` they give
+//! values and integrate the motion; with [`Taylor`](crate::plant::linearisation::Taylor) they give derivatives along a line.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A real number, or one that changes along a line.
 ///
-/// Comparisons in the equations go by [`value`](Scalar::value): a derivative belongs to the branch in which the value is.
-/// Functions are not named like the methods of `f64`, which call the platform's where the code is not generic.
+/// Comparisons in the equations use [`value`](Scalar::value): a derivative belongs to the branch that the value takes.
+/// Functions have other names than the methods of `f64`, which call the platform's functions in code that is not generic.
 pub trait Scalar:
     Copy
     + Add<Output = Self>
@@ -19,17 +19,17 @@ pub trait Scalar:
     + Add<f64, Output = Self>
     + Mul<f64, Output = Self>
 {
-    /// Newton iterations after the value has converged until the derivatives have as well; each doubles the number of
-    /// coefficients that are right.
+    /// Newton iterations needed after the value has converged for the derivatives to converge; each one doubles the number of
+    /// correct coefficients.
     const POLISHING: u32;
 
     /// A number without derivatives.
     fn constant(value: f64) -> Self;
 
-    /// The number itself.
+    /// The value.
     fn value(self) -> f64;
 
-    /// Whether the number is 0 and has no derivatives either, so that a term with it may be left out.
+    /// Whether the value and all derivatives are 0, so that a term with it may be left out.
     fn is_zero(self) -> bool;
 
     /// The sine of an angle in rad.

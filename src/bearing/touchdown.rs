@@ -1,4 +1,4 @@
-//! The backup bearing: a ring of given clearance that the rotor touches when levitation is lost.
+//! The backup bearing: a ring that the rotor touches when levitation is lost.
 //!
 //! With r the distance of the rotor from the centre and `δ = r − clearance`, the ring pushes inwards with
 //!
@@ -6,26 +6,26 @@
 //! N = k δ + d δ̇            while δ > 0 and N > 0, else 0
 //! ```
 //!
-//! so that it never pulls, and drags with the friction `−μ N v/√(v² + v_0²)`, v the velocity of the rotor's surface against
-//! the ring, `v_t + ω · radius`, and `v_0` [`SLIDING_M_S`]. The speed of the rotor is an input: friction does not brake it.
+//! so that it never pulls. Friction is `−μ N v/√(v² + v_0²)`, with v the velocity of the rotor's surface against the ring, `v_t
+//! + ω · radius`, and `v_0` [`SLIDING_M_S`]. The speed of the rotor is an input: friction does not slow it down.
 //!
-//! The ring is a body without mass on a soft mount. A rotor that whirls in contact moves it along, by δ around the centre with
-//! `v_t/r`, and the mount's damper holds against that with `−d δ v_t/r`. So a backward whirl, which friction drives, ends where
-//! `μ k = d Ω` and does not grow for ever; far above the ring's natural frequency it is still what destroys bearings.
+//! The ring has no mass and a soft mount. A rotor that whirls in contact carries the ring around the centre, at the distance δ
+//! and the rate `v_t/r`, and the damper of the mount opposes that with `−d δ v_t/r`. So a backward whirl, driven by friction,
+//! settles where `μ k = d Ω` and does not grow for ever; far above the ring's natural frequency it still destroys bearings.
 
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::scalar::Scalar;
 use crate::invalid::Checks;
 
-/// Velocity, in m/s, above which friction slides; below, it rises linearly, so that rest is a state like others.
+/// Velocity, in m/s, above which friction slides; below, it rises linearly, so that standstill needs no special case.
 pub const SLIDING_M_S: f64 = 0.01;
 
 /// The ring.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TouchdownConfig<T = f64> {
-    /// Distance that the rotor may go from the centre before it touches, in m. With one above the nominal gap the rotor
-    /// may reach a magnet first, which is a fault.
+    /// Distance from the centre at which the rotor touches, in m. If it exceeds the nominal gap, the rotor may reach a magnet
+    /// first, which ends the run.
     pub clearance_m: T,
     /// Stiffness k, in N/m.
     pub stiffness_n_m: T,
@@ -33,20 +33,20 @@ pub struct TouchdownConfig<T = f64> {
     pub damping_ns_m: T,
     /// Coefficient of friction μ.
     pub friction: T,
-    /// Radius of the rotor where it touches, in m; only friction asks for it.
+    /// Radius of the rotor where it touches, in m; used by friction only.
     pub radius_m: T,
 }
 
 impl Default for TouchdownConfig {
-    /// Half the paper's gap; a ring that a rotor of 6.7 kg meets with a natural frequency of 435 Hz and 14 % of the critical
-    /// damping; no friction.
+    /// Half the paper's gap; with a rotor of 6.7 kg a natural frequency of 435 Hz and 14 % of the critical damping; no
+    /// friction.
     fn default() -> Self {
         Self { clearance_m: 2.5e-4, stiffness_n_m: 5e7, damping_ns_m: 5e3, friction: 0.0, radius_m: 0.025 }
     }
 }
 
 impl TouchdownConfig {
-    /// Reports what is wrong, by the names of the interface.
+    /// Reports invalid parameters by their names in the interface.
     pub(crate) fn check(&self, checks: &mut Checks) {
         checks.positive("touchdown.clearance", self.clearance_m, "m");
         checks.positive("touchdown.stiffness", self.stiffness_n_m, "N/m");
@@ -55,14 +55,14 @@ impl TouchdownConfig {
         checks.positive("touchdown.radius", self.radius_m, "m");
     }
 
-    /// Whether ring and rotor push each other, for a position in m and a velocity in m/s, (y, z).
+    /// Whether rotor and ring are in contact, for a position in m and a velocity in m/s, (y, z).
     pub fn touches(&self, position_m: [f64; 2], velocity_m_s: [f64; 2]) -> bool {
-        // Far inside, the common case, no root is needed.
+        // Well inside, the common case, no root is needed.
         let [y, z] = position_m;
         y * y + z * z > self.clearance_m * self.clearance_m && self.push_n(position_m, velocity_m_s) > 0.0
     }
 
-    /// The fastest rate of the contact, in 1/s, of a rotor of the given mass in kg that is pushed with `push_n` in N.
+    /// The fastest rate of the contact, in 1/s, for a rotor of mass `m_kg` in kg under the contact force `push_n` in N.
     pub fn rate(&self, m_kg: f64, push_n: f64) -> f64 {
         let spring = (self.stiffness_n_m / m_kg).sqrt();
         let damper = self.damping_ns_m / m_kg;
@@ -71,7 +71,7 @@ impl TouchdownConfig {
 }
 
 impl<T: Scalar> TouchdownConfig<T> {
-    /// The push N, in N, if the rotor touches; of no meaning unless [`touches`](TouchdownConfig::touches).
+    /// The normal force N, in N; meaningless unless [`touches`](TouchdownConfig::touches).
     pub fn push_n(&self, position_m: [T; 2], velocity_m_s: [T; 2]) -> T {
         let ([y, z], [v_y, v_z]) = (position_m, velocity_m_s);
         let r = y.norm(z);
@@ -79,10 +79,9 @@ impl<T: Scalar> TouchdownConfig<T> {
         self.stiffness_n_m * (r - self.clearance_m) + self.damping_ns_m * approach
     }
 
-    /// Force of the ring on a rotor that touches it, (y, z), in N, the rotor turning at `omega_rad_s`.
+    /// Force of the ring on a rotor in contact, (y, z), in N, at the speed `omega_rad_s`.
     ///
-    /// The formula is continued smoothly to where they do not touch, which the integrator needs to locate the instant at
-    /// which they part.
+    /// The formula continues smoothly beyond contact: the integrator needs that to locate the instant of separation.
     pub fn force_n(&self, position_m: [T; 2], velocity_m_s: [T; 2], omega_rad_s: T) -> [T; 2] {
         let [y, z] = position_m;
         let r = y.norm(z);

@@ -1,7 +1,7 @@
 //! Sampled observers of chains of integrators, gains by pole placement for the sampled system.
 //!
-//! Between samples the chain is exact: a position whose highest derivative is held over the sample time moves along
-//! a polynomial. The measurement enters at its own instant ("current" form):
+//! Between samples the chain is exact: a position whose highest derivative is held moves along a polynomial. The measurement
+//! enters at its own instant ("current" form):
 //!
 //! ```text
 //! x⁻_{k+1} = A x_k + B u_k
@@ -42,7 +42,7 @@ pub(crate) fn pole(bandwidth_rad_s: f64, step_s: f64) -> (f64, f64) {
 /// Observer of one axis: position, velocity and perturbation of a mass with known force.
 ///
 /// Its estimate is `[x, v, d]` in `[m, m/s, m/s²]`, `d = p/m` the perturbation per mass, P(6) and P(7), with the sign
-/// of the axis. The perturbation is taken as constant between samples; one that varies is followed with the lag of the
+/// of the axis. The perturbation is taken as constant between samples; one that varies is tracked with the lag of the
 /// observer's poles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PerturbationObserver {
@@ -59,18 +59,18 @@ impl PerturbationObserver {
         Self { step_s, gains: gains_of_three(bandwidth_rad_s, step_s) }
     }
 
-    /// The estimate one sample later, with the acceleration `force/m`, in m/s², held in between.
+    /// The estimate one sample later, under the acceleration `force/m`, in m/s², held in between.
     pub fn predict(&self, estimate: Estimate, acceleration_m_s2: f64) -> Estimate {
         self.predict_by(estimate, acceleration_m_s2, self.step_s)
     }
 
-    /// The estimate `ahead_s` later, with the acceleration `force/m`, in m/s², held in between.
+    /// The estimate `ahead_s` later, under the acceleration `force/m`, in m/s², held in between.
     pub fn predict_by(&self, [x, v, d]: Estimate, acceleration_m_s2: f64, ahead_s: f64) -> Estimate {
         let a = acceleration_m_s2 + d;
         [x + ahead_s * (v + 0.5 * ahead_s * a), v + ahead_s * a, d]
     }
 
-    /// The estimate one sample later, with `force/m`, in m/s², running straight from one value to the other.
+    /// The estimate one sample later, under `force/m`, in m/s², linear between the two values.
     pub fn predict_ramp(&self, [x, v, d]: Estimate, from_m_s2: f64, to_m_s2: f64) -> Estimate {
         let h = self.step_s;
         let [a, b] = [from_m_s2 + d, to_m_s2 + d];
@@ -85,10 +85,10 @@ impl PerturbationObserver {
     }
 }
 
-/// Observer of a sampled signal and its first three derivatives, for references that come from outside.
+/// Observer of a sampled signal and its first three derivatives, for external references.
 ///
-/// Its estimate is `[r, r', r'', r''']` in `[m, m/s, m/s², m/s³]`. Polynomials up to degree 3 are followed without
-/// lag, once the start has died away; the derivatives are consistent with each other.
+/// Its estimate is `[r, r', r'', r''']` in `[m, m/s, m/s², m/s³]`. It tracks polynomials up to degree 3 without lag once the
+/// initial transient has decayed; the derivatives are consistent with each other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SignalObserver {
     step_s: f64,
@@ -114,7 +114,7 @@ impl SignalObserver {
         Self { step_s, gains: gains_of_four(bandwidth_rad_s, step_s) }
     }
 
-    /// The estimate at a sample from the one at the sample before and the value now, in m.
+    /// The estimate at a sample, from the one before and the present value in m.
     pub fn update(&self, before: Signal, value_m: f64) -> Signal {
         let predicted = before.ahead(self.step_s);
         let innovation = value_m - predicted.0[0];

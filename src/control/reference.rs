@@ -2,15 +2,15 @@
 //!
 //! # Start
 //!
-//! Where the rotor starts away from the reference trajectory, at rest on the backup bearing for instance, a transition takes
-//! it there without jumps:
+//! Where the rotor starts away from the reference trajectory, for instance on the backup bearing, a transition brings it there
+//! without jumps:
 //!
 //! ```text
 //! X*(t) = (1 − σ(t/lift)) X_0 + σ((t − start)/ramp) curve(θ)      σ(τ) = 10τ³ − 15τ⁴ + 6τ⁵, 0 before, 1 after
 //! ```
 //!
-//! with `X_0` the first position measured and t the time since then. A lift of 0 leaves the first term out, a ramp of 0
-//! is a step; with start, ramp and lift of 0 it is the curve itself.
+//! with `X_0` the first measured position and t the time since then. A lift of 0 omits the first term, a ramp of 0 is a step;
+//! with start, ramp and lift of 0, `X*` is the curve itself.
 
 use std::f64::consts::PI;
 
@@ -21,7 +21,7 @@ use crate::control::observer::{Signal, SignalObserver};
 use crate::invalid::Checks;
 use crate::invalid::Invalid;
 
-/// The most lobes of a curve; beyond, no sample time in use resolves them.
+/// The most lobes of a curve; no sample time in use resolves more.
 pub const MOST_LOBES: u32 = 1000;
 
 /// The number of harmonics of [`Contour`].
@@ -72,7 +72,7 @@ pub enum Shape {
     Lobes,
     /// Positions sampled from an input.
     External,
-    /// A Fourier series, for holes of any form.
+    /// A Fourier series, for holes of any shape.
     Fourier,
 }
 
@@ -82,29 +82,29 @@ pub enum Shape {
 pub struct ReferenceConfig {
     /// Shape of the curve.
     pub shape: Shape,
-    /// Half axis along y, `r_Y`, in m; not below 0.
+    /// Semi-axis along y, `r_Y`, in m; not below 0.
     pub r_y_m: f64,
-    /// Half axis along z, `r_Z`, in m; not below 0.
+    /// Semi-axis along z, `r_Z`, in m; not below 0.
     pub r_z_m: f64,
     /// Number of lobes `n` per revolution.
     pub lobes: u32,
-    /// Amplitude `a` of the lobes, in m; below 0 turns them by half a lobe.
+    /// Amplitude `a` of the lobes, in m; a negative one rotates them by half a lobe.
     pub lobe_amplitude_m: f64,
     /// The curve of [`Shape::Fourier`].
     pub contour: Contour,
-    /// Time from the first sample at which the curve begins to grow out of the centre, in s.
+    /// Time after the first sample at which the curve begins to grow out of the centre, in s.
     pub start_s: f64,
-    /// How long it takes to grow, in s.
+    /// Duration of the growth, in s.
     pub ramp_s: f64,
-    /// How long it takes to bring the rotor from where it was first measured to the centre, in s; 0 for not at all.
+    /// Time to bring the rotor from the first measured position to the centre, in s; 0 for none.
     pub lift_s: f64,
-    /// Angular velocity on the curve, in rad/s; below 0 runs backwards.
+    /// Angular velocity on the curve, in rad/s; negative values run backwards.
     pub omega_rad_s: f64,
-    /// How fast the observer of an external reference is, in rad/s.
+    /// Bandwidth of the observer of an external reference, in rad/s.
     ///
-    /// A reference that is no cubic is followed with the lag of its acceleration. The paper's ellipse given from outside costs
-    /// 1.9 µm of tracking error at 3000 rpm, 0.03 µm at 1000 rpm, with 2000 rad/s; at 3000 rpm 0.45 µm with 4000 rad/s
-    /// (tracking poles at 1000 rad/s, 10 kHz). Noise in the reference asks for less.
+    /// It tracks any reference that is not a cubic with a lag. For the paper's ellipse as external reference the tracking error
+    /// is 1.9 µm at 3000 rpm and 0.03 µm at 1000 rpm with 2000 rad/s, and 0.45 µm at 3000 rpm with 4000 rad/s (tracking poles
+    /// at 1000 rad/s, 10 kHz). Noise in the reference calls for a lower bandwidth.
     pub bandwidth_rad_s: f64,
 }
 
@@ -139,13 +139,13 @@ pub struct RefPoint {
 }
 
 impl RefPoint {
-    /// The point times a factor that varies: `[factor, its first, its second derivative by time]`.
+    /// The point times a varying factor: `[factor, its first, its second derivative with respect to time]`.
     fn grown(self, [s, s_1, s_2]: [f64; 3]) -> Self {
         let Self { position_m: x, velocity_m_s: v, acceleration_m_s2: a } = self;
         Self { position_m: s * x, velocity_m_s: s_1 * x + s * v, acceleration_m_s2: s_2 * x + 2.0 * s_1 * v + s * a }
     }
 
-    /// The point and what is left of the way from `first_m`, of which the factor has been covered.
+    /// The point plus the remaining part of the way from `first_m`, when the fraction `s` has been covered.
     fn from(self, first_m: f64, [s, s_1, s_2]: [f64; 3]) -> Self {
         Self {
             position_m: self.position_m + (1.0 - s) * first_m,
@@ -171,7 +171,7 @@ fn rise(t_s: f64, length_s: f64) -> [f64; 3] {
     ]
 }
 
-/// Where a reference stands; belongs to a [`Reference`].
+/// State of a [`Reference`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceState {
     /// Number of samples taken.
@@ -182,15 +182,15 @@ pub struct ReferenceState {
     base_sample: u64,
     /// Angular velocity since then, in rad/s.
     omega_rad_s: f64,
-    /// θ at the sample taken last, in rad.
+    /// θ at the last sample, in rad.
     theta_rad: f64,
-    /// Where the rotor was first measured, (y, z), in m.
+    /// First measured position, (y, z), in m.
     first_m: [f64; 2],
-    /// What the external reference of each axis is taken to be at the sample taken last.
+    /// Estimate of the external reference of each axis at the last sample.
     signal: [Signal; 2],
 }
 
-/// A checked reference, sampled at a fixed step.
+/// A validated reference, sampled at a fixed step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reference {
     config: ReferenceConfig,
@@ -201,10 +201,9 @@ pub struct Reference {
 impl Reference {
     /// A reference sampled every `step_s` (finite, above 0), for a rotor between `magnets`.
     ///
-    /// # Errors
-    /// `reference.rY`, `reference.rZ` if they are below 0, `reference.lobes` above [`MOST_LOBES`], `bandwidth.reference`
-    /// unless above 0; all of these and `reference.lobeAmplitude`, `reference.omega` if they are not finite; `reference.rY`
-    /// and its like if the reference trajectory reaches a magnet.
+    /// `reference.rY`, `reference.rZ` if they are below 0, `reference.lobes` above [`MOST_LOBES`], `bandwidth.reference` unless
+    /// above 0; all of these and `reference.lobeAmplitude`, `reference.omega` if they are not finite; `reference.rY` and others
+    /// if the reference trajectory touches a magnet.
     pub fn new(config: ReferenceConfig, step_s: f64, magnets: &Magnets) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         let reference = Self::checked(config, step_s, magnets, &mut checks);
@@ -212,7 +211,7 @@ impl Reference {
         Ok(reference)
     }
 
-    /// Reports what is wrong in `checks`; the value returned is of use only when nothing was.
+    /// Reports errors in `checks`; use the returned value only if there are none.
     pub(crate) fn checked(config: ReferenceConfig, step_s: f64, magnets: &Magnets, checks: &mut Checks) -> Self {
         checks.not_negative("reference.rY", config.r_y_m, "m");
         checks.not_negative("reference.rZ", config.r_z_m, "m");
@@ -252,18 +251,18 @@ impl Reference {
         }
     }
 
-    /// Whether a state, for instance one read from a file, can be gone on with: its numbers are finite, its counts in order.
+    /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
     pub fn accepts(&self, state: &ReferenceState) -> bool {
         let angles = [state.base_rad, state.omega_rad_s, state.theta_rad];
         let numbers = angles.iter().chain(&state.first_m).chain(state.signal.iter().flat_map(|signal| &signal.0));
         state.base_sample <= state.samples && state.samples < u64::MAX && numbers.copied().all(f64::is_finite)
     }
 
-    /// Goes on to the next sample: `omega_rad_s` is valid from this sample on, `external_m` is what (Yref, Zref) are at
-    /// it, in m, used by [`Shape::External`] alone.
+    /// Moves on to the next sample: `omega_rad_s` holds from this sample on, `external_m` is (Yref, Zref) at it, in m, used by
+    /// [`Shape::External`] only.
     ///
-    /// θ = ∫ω dt is kept as base + ω·(count · T_s), the base moved when ω changes, so that it does not drift. An external
-    /// reference starts at its first sample, at rest.
+    /// θ = ∫ω dt is base + ω·(count · T_s), with a new base when ω changes, so that it does not drift. An external reference
+    /// starts at rest at its first sample.
     pub fn sample(&self, state: &mut ReferenceState, omega_rad_s: f64, external_m: [f64; 2]) {
         let first = state.samples == 0;
         let sample = state.samples;
@@ -282,14 +281,14 @@ impl Reference {
         state.samples += 1;
     }
 
-    /// Sets where the rotor is first measured, (y, z), in m; a lift begins there.
+    /// Sets the first measured position, (y, z), in m, at which a lift begins.
     pub fn begin(&self, state: &mut ReferenceState, position_m: [f64; 2]) {
         state.first_m = position_m;
     }
 
-    /// The reference trajectory, (y, z), `ahead_s` after the sample taken last, in s.
+    /// The reference trajectory, (y, z), `ahead_s` after the last sample, in s.
     ///
-    /// An external reference is continued by the derivatives its observer has found.
+    /// An external reference is extrapolated with the derivatives that its observer estimates.
     pub fn ahead(&self, state: &ReferenceState, ahead_s: f64) -> [RefPoint; 2] {
         match self.config.shape {
             Shape::Ellipse | Shape::Lobes | Shape::Fourier => {
@@ -310,15 +309,15 @@ impl Reference {
         }
     }
 
-    /// θ at the sample taken last, in rad.
+    /// θ at the last sample, in rad.
     pub fn theta_rad(&self, state: &ReferenceState) -> f64 {
         state.theta_rad
     }
 
-    /// The curve, (y, z), at the angle `theta_rad`, run through at the constant `omega_rad_s`.
+    /// The curve, (y, z), at the angle `theta_rad` and the constant angular velocity `omega_rad_s`.
     ///
-    /// `Y* = (r_Y + a cos nθ) cos θ`, `Z* = (r_Z + a cos nθ) sin θ`, derivatives exact; an ellipse has a = 0. An external
-    /// reference has no such points: it gives those of the ellipse. A Fourier series is [`Contour::at`].
+    /// `Y* = (r_Y + a cos nθ) cos θ`, `Z* = (r_Z + a cos nθ) sin θ`, with exact derivatives; an ellipse has a = 0. An external
+    /// reference has no such points: it returns those of the ellipse. For a Fourier series see [`Contour::at`].
     pub fn point(&self, theta_rad: f64, omega_rad_s: f64) -> [RefPoint; 2] {
         if self.config.shape == Shape::Fourier {
             return self.config.contour.at(theta_rad).map(|[x, x_1, x_2]| RefPoint {
@@ -332,7 +331,7 @@ impl Reference {
             Shape::Lobes => (self.config.lobe_amplitude_m, f64::from(self.config.lobes)),
             Shape::Ellipse | Shape::External | Shape::Fourier => (0.0, 0.0),
         };
-        // The sine of a zero is that zero.
+        // sin(±0) = ±0.
         let (sin_n, cos_n) = if n == 0.0 { (n * theta_rad, 1.0) } else { libm::sincos(n * theta_rad) };
         // The radius r + a cos nθ, its first and second derivative with respect to θ.
         let [r_1, r_2] = [-a * n * sin_n, -a * n * n * cos_n];
@@ -354,9 +353,9 @@ impl Reference {
     }
 }
 
-/// Refuses a curve that may reach a magnet.
+/// Refuses a curve that may touch a magnet.
 ///
-/// Towards the direction e the ellipse reaches `√((r_Y e_y)² + (r_Z e_z)²)`, the lobes at most `|a|` more.
+/// Towards the direction e the ellipse extends to `√((r_Y e_y)² + (r_Z e_z)²)`, the lobes at most `|a|` further.
 fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks) {
     let a = match config.shape {
         Shape::External => return,
@@ -366,7 +365,7 @@ fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks)
     };
     let [r_y, r_z] = [config.r_y_m, config.r_z_m];
     let s = magnets.gap_m();
-    // What was refused already is not refused again for what follows from it.
+    // Do not report again what follows from a value already refused.
     if ![r_y, r_z, a, s].iter().all(|value| value.is_finite() && *value >= 0.0) || s == 0.0 {
         return;
     }
@@ -386,7 +385,7 @@ fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks)
                 false,
                 name,
                 format_args!("{value} m"),
-                format!("a reference trajectory that does not reach magnet {number} (it reaches {reach} m, the gap is {s} m)"),
+                format!("a reference trajectory that does not touch magnet {number} (it extends to {reach} m, the gap is {s} m)"),
             );
             return;
         }
@@ -414,8 +413,8 @@ fn check_contour(contour: &Contour, checks: &mut Checks) {
     }
 }
 
-/// Refuses a contour that reaches a magnet at one of so many angles, 45 to the shortest wave; the coefficient named is the
-/// largest.
+/// Refuses a contour that touches a magnet at one of these angles, 45 per shortest wave; the finding names the largest
+/// coefficient.
 fn check_contour_reach(contour: &Contour, magnets: &Magnets, checks: &mut Checks) {
     const ANGLES: usize = 45 * HARMONICS;
     let mut least = (f64::INFINITY, 0);
@@ -441,6 +440,6 @@ fn check_contour_reach(contour: &Contour, magnets: &Magnets, checks: &mut Checks
         gap > 0.0 || gap.is_infinite(),
         largest.0,
         format_args!("{} m", largest.1),
-        format!("a reference trajectory that does not reach magnet {number} (the least gap would be {gap} m)"),
+        format!("a reference trajectory that does not touch magnet {number} (the least gap would be {gap} m)"),
     );
 }

@@ -1,4 +1,4 @@
-//! Rows that several models of this project have in common.
+//! Rows shared by the models of this project.
 
 use fmu_export::unit::{Display, HENRY, KILOGRAM, METRE, OHM, RADIAN, SECOND, Unit, VOLT};
 use fmu_export::variable::{Access, Enumeration, Row, element};
@@ -12,7 +12,7 @@ pub(super) const LAMBDA: Unit =
 /// Unbalance, mass times eccentricity.
 pub(super) const KILOGRAM_METRE: Unit = Unit::new("kg.m", &[("kg", 1), ("m", 1)], &[Display::new("g.mm", 1e6)]);
 
-/// What the three models have in common: version, licence, the paper's experiment of 0.4 s in steps of 0.1 ms.
+/// What the three models share: version, licence, the paper's experiment of 0.4 s in steps of 0.1 ms.
 pub(super) const fn info(name: &'static str, description: &'static str) -> Info {
     Info {
         version: env!("CARGO_PKG_VERSION"),
@@ -20,7 +20,7 @@ pub(super) const fn info(name: &'static str, description: &'static str) -> Info 
         tool: concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")),
         stop_s: 0.4,
         step_s: 1e-4,
-        // The models have a fixed accuracy that is better: without noise the estimates err by less
+        // The models have a fixed accuracy better than this: without noise the estimates err by less
         // (tests/app/closed_loop.rs), and the motion of the plant by far less (tests/model/plant.rs).
         tolerance: 1e-4,
         ..Info::new(name, description)
@@ -29,7 +29,7 @@ pub(super) const fn info(name: &'static str, description: &'static str) -> Info 
 
 /// Rows for the axes y and z.
 pub(super) trait Axes {
-    /// A description in which `{axis}` stands for `y` or `z`, by the index of the row.
+    /// Sets a description in which `{axis}` stands for `y` or `z`, by the index of the row.
     fn along(self, description: &str) -> Self;
 }
 
@@ -50,7 +50,7 @@ pub(super) fn geometry<D>(m: Access<D, f64>, s: Access<D, f64>, alpha: Access<D,
     .into_iter()
     .chain(
         Row::reals("alpha", alpha, RADIAN, [PI, -FRAC_PI_3, FRAC_PI_3]).map(|row| {
-            row.description("Angle of magnet {k}, its direction being (sin alpha, cos alpha) in the y-z plane")
+            row.description("Angle of magnet {k}; its direction is (sin alpha, cos alpha) in the y-z plane")
         }),
     )
     .map(Row::fixed)
@@ -60,7 +60,7 @@ pub(super) fn geometry<D>(m: Access<D, f64>, s: Access<D, f64>, alpha: Access<D,
 pub static DRIVE: Enumeration = Enumeration {
     name: "Drive",
     description: "What drives the coils",
-    items: &[("current", "Currents, held over the step"), ("voltage", "Voltages of amplifiers, held over the step")],
+    items: &[("current", "Currents, held over the step"), ("voltage", "Amplifier voltages, held over the step")],
     renamed: &[],
 };
 
@@ -75,12 +75,12 @@ pub(super) fn coils<D>(
         Row::choice("drive", drive, &DRIVE, 1).description("What drives the coils"),
         Row::real("coil.R", resistance, OHM, 1.0).min(0.0).description("Resistance of each coil, with drive = voltage"),
         Row::real("coil.Lleak", leakage, HENRY, 0.0).min(0.0).nominal(1e-3).description(
-            "Leakage inductance of each coil, beside the 2 lambda/gap of its magnet, with drive = voltage",
+            "Leakage inductance of each coil, in addition to the 2 lambda/gap of its magnet, with drive = voltage",
         ),
         Row::real("coil.uMax", limit, VOLT, 100.0)
             .min(0.0)
             .nominal(100.0)
-            .description("Voltage limit of the amplifiers, either way, with drive = voltage"),
+            .description("Voltage limit of the amplifiers, both signs, with drive = voltage"),
     ]
     .into_iter()
     .map(Row::fixed)
@@ -99,10 +99,10 @@ pub(super) fn sample_time<D>(ts: Access<D, f64>) -> Row<D> {
         .min(0.0)
         .nominal(1e-4)
         .display_unit("µs")
-        .description("Sample time; samples are at the start time plus whole multiples of it")
+        .description("Sample time; samples are taken at the start time plus whole multiples of it")
 }
 
-/// What was made, unless there were findings before or in the making.
+/// The result, unless there are findings from before or from making it.
 pub(super) fn together<T>(
     mut findings: Vec<Invalid>,
     made: Result<T, Vec<invalid::Invalid>>,

@@ -18,19 +18,19 @@ pub static UPDATE_MODE: Enumeration = Enumeration {
     name: "UpdateMode",
     description: "When the controller takes over the estimated force constants",
     items: &[
-        ("never", "The first guess is kept"),
+        ("never", "The first guess is used throughout"),
         ("atTime", "Once, at the simulation time update.time or as soon after it as the estimate is valid"),
-        ("whenValid", "Always while the estimate is valid"),
+        ("whenValid", "At every sample at which the estimate is valid"),
     ],
     renamed: &[],
 };
 
-/// Shape of the path.
+/// Shape of the reference trajectory.
 pub static SHAPE: Enumeration = Enumeration {
     name: "ReferenceShape",
-    description: "Shape of the path that the rotor is to follow",
+    description: "Shape of the reference trajectory",
     items: &[
-        ("ellipse", "Ellipse with the half axes rY and rZ"),
+        ("ellipse", "Ellipse with the semi-axes rY and rZ"),
         ("lobes", "Ellipse with lobes"),
         ("external", "The inputs Yref and Zref"),
         ("fourier", "A Fourier series with centre, cosY, sinY, cosZ, sinZ"),
@@ -51,7 +51,7 @@ pub struct Values {
 }
 
 impl Values {
-    /// The configuration, with what the interface has in another form.
+    /// The configuration, converted from the types of the interface.
     fn config(&self) -> (ControllerConfig, Vec<Invalid>) {
         use UpdateMode::{AtTime, Never, WhenValid};
         let mut config = self.config.clone();
@@ -71,10 +71,10 @@ impl Values {
     }
 }
 
-/// The configuration of a controller whose variables, by index, have the values given and else their start values.
+/// The configuration of a controller with the given values by index, and start values elsewhere.
 ///
 /// # Errors
-/// Every choice that cannot be accepted.
+/// Every value that is not an item of its enumeration.
 pub fn configuration(settings: &[(usize, Value)]) -> Result<ControllerConfig, Vec<Invalid>> {
     let (config, findings) = Table::new(table()).values(settings).config();
     together(findings, Ok(config))
@@ -97,21 +97,21 @@ fn table() -> Vec<Row<Values>> {
             .fixed()
             .min(0.0)
             .nominal(10.0)
-            .description("Least force that each magnet is asked for, without modulation"),
+            .description("Smallest force commanded of each magnet, without modulation"),
     );
     rows.push(
         Row::real("F0.modulation", place!(Values.config.modulation), ONE, 0.0)
             .tunable()
             .min(0.0)
             .max(1.0)
-            .description("Amplitude of the modulation of the least force, as a part of F0"),
+            .description("Amplitude of the modulation of the smallest force, as a fraction of F0"),
     );
     rows.push(
         Row::real("F0.modulationFrequency", place!(Values.config.modulation_hz), HERTZ, 110.0)
             .tunable()
             .min(0.0)
             .nominal(100.0)
-            .description("Frequency of that modulation, at most half the sample rate"),
+            .description("Frequency of the modulation, at most half the sample rate"),
     );
     rows.push(
         Row::real("bandwidth.tracking", place!(Values.config.tracking_rad_s), RADIAN_PER_SECOND, 1000.0)
@@ -135,7 +135,7 @@ fn table() -> Vec<Row<Values>> {
             .min(0.0)
             .nominal(1000.0)
             .display_unit("Hz")
-            .description("Pole of the currents' errors with drive = voltage"),
+            .description("Pole of the current error with drive = voltage"),
     );
     rows.push(
         Row::choice("update.mode", place!(Values.update_mode), &UPDATE_MODE, 2)
@@ -153,19 +153,19 @@ fn table() -> Vec<Row<Values>> {
     rows.push(
         Row::choice("reference.shape", place!(Values.shape), &SHAPE, 1)
             .fixed()
-            .description("Shape of the path that the rotor is to follow"),
+            .description("Shape of the reference trajectory"),
     );
     rows.push(
         Row::real("reference.rY", place!(Values.config.reference.r_y_m), METRE, 30e-6)
             .fixed()
             .nominal(1e-5)
-            .description("Half axis of the path along y"),
+            .description("Semi-axis of the reference trajectory along y"),
     );
     rows.push(
         Row::real("reference.rZ", place!(Values.config.reference.r_z_m), METRE, 70e-6)
             .fixed()
             .nominal(1e-5)
-            .description("Half axis of the path along z"),
+            .description("Semi-axis of the reference trajectory along z"),
     );
     rows.push(
         Row::integer("reference.lobes", place!(Values.lobes), 3)
@@ -182,12 +182,13 @@ fn table() -> Vec<Row<Values>> {
     rows.extend(contour());
     rows.extend(
         [
-            Row::real("reference.startTime", place!(Values.config.reference.start_s), SECOND, 0.0)
-                .description("When the path begins to grow out of the centre, from the first sample on"),
+            Row::real("reference.startTime", place!(Values.config.reference.start_s), SECOND, 0.0).description(
+                "Time after the first sample at which the reference trajectory begins to grow out of the centre",
+            ),
             Row::real("reference.rampTime", place!(Values.config.reference.ramp_s), SECOND, 0.0)
-                .description("How long the path takes to grow; 0 for the whole path at once"),
+                .description("Time in which the reference trajectory grows to its full size; 0 for a step"),
             Row::real("reference.liftTime", place!(Values.config.reference.lift_s), SECOND, 0.0).description(
-                "How long the rotor is taken from where it is first measured to the centre; 0 for not at all",
+                "Time in which the rotor is brought from its first measured position to the centre; 0 for none",
             ),
         ]
         .map(|row| row.fixed().min(0.0).nominal(0.1).display_unit("ms")),
@@ -198,13 +199,13 @@ fn table() -> Vec<Row<Values>> {
             .min(0.0)
             .nominal(1000.0)
             .display_unit("Hz")
-            .description("Poles of the filter that takes derivatives of an external reference"),
+            .description("Poles of the observer that differentiates an external reference"),
     );
     rows.push(
         Row::real("reference.omega", place!(Values.input.omega_rad_s), RADIAN_PER_SECOND, 100.0 * std::f64::consts::PI)
             .tunable()
             .nominal(100.0)
-            .description("Angular velocity on the path"),
+            .description("Angular velocity on the reference trajectory"),
     );
 
     rows.extend(
@@ -226,21 +227,21 @@ fn table() -> Vec<Row<Values>> {
     );
     rows.extend(
         Row::named_reals(["Yref", "Zref"], place!(Values.input.reference_m[k]), METRE, [0.0; 2])
-            .map(|row| row.input().nominal(1e-5).along("Path along {axis} with reference.shape = external")),
+            .map(|row| row.input().nominal(1e-5).along("Reference along {axis} with reference.shape = external")),
     );
 
     rows.extend(Row::reals("i", place!(Values.output.current_a[k]), AMPERE, [0.0; 3]).map(|row| {
         row.sampled_output()
-            .description("Current that magnet {k} is to carry, with drive = voltage at the end of the sample")
+            .description("Current reference of magnet {k}; with drive = voltage for the end of the sample")
     }));
     rows.extend(Row::reals("u", place!(Values.output.voltage_v[k]), VOLT, [0.0; 3]).map(|row| {
-        row.sampled_output().nominal(10.0).description("Voltage asked of amplifier {k}, with drive = voltage")
+        row.sampled_output().nominal(10.0).description("Voltage command of amplifier {k}, with drive = voltage")
     }));
     rows.extend(Row::named_reals(["eY", "eZ"], place!(Values.output.tracking_error_m[k]), METRE, [0.0; 2]).map(
         |row| {
             row.sampled_output()
                 .nominal(1e-6)
-                .along("Tracking error at the last sample, measured less reference, along {axis}")
+                .along("Tracking error at the last sample, measured minus reference, along {axis}")
         },
     ));
     rows.extend(
@@ -252,26 +253,26 @@ fn table() -> Vec<Row<Values>> {
     }));
     rows.extend(
         Row::named_reals(["FYdes", "FZdes"], place!(Values.output.force_n[k]), NEWTON, [0.0; 2])
-            .map(|row| row.sampled_output().nominal(10.0).along("Force asked of the magnets along {axis}")),
+            .map(|row| row.sampled_output().nominal(10.0).along("Force command along {axis}")),
     );
     rows.extend(
         Row::named_reals(["reference.Y", "reference.Z"], place!(Values.output.reference_ahead_m[k]), METRE, [0.0; 2])
-            .map(|row| row.sampled_output().nominal(1e-5).along("Reference at the next sample, along {axis}")),
+            .map(|row| row.sampled_output().nominal(1e-5).along("Reference at the next sample along {axis}")),
     );
     rows.push(
         Row::boolean("saturated", place!(Values.output.saturated), false)
             .sampled_output()
-            .description("Whether the gap predicted for the currents was too small to be believed"),
+            .description("Whether the predicted gap was below its limit, so that the currents are those for the limit"),
     );
     rows.push(
         Row::boolean("limited", place!(Values.output.limited), false)
             .sampled_output()
-            .description("Whether an amplifier is asked for its limit, with drive = voltage"),
+            .description("Whether a voltage command is at the limit, with drive = voltage"),
     );
     rows
 }
 
-/// The path as a Fourier series.
+/// The reference trajectory as a Fourier series.
 fn contour() -> Vec<Row<Values>> {
     let mut rows = Vec::new();
     rows.extend(
@@ -281,7 +282,7 @@ fn contour() -> Vec<Row<Values>> {
             METRE,
             [0.0; 2],
         )
-        .map(|row| row.along("Mean of the path along {axis} with shape = fourier")),
+        .map(|row| row.along("Mean of the reference trajectory along {axis} with shape = fourier")),
     );
     let cos_y = place!(Values.config.reference.contour.cos_y_m[k]);
     let sin_y = place!(Values.config.reference.contour.sin_y_m[k]);
@@ -289,20 +290,24 @@ fn contour() -> Vec<Row<Values>> {
     let sin_z = place!(Values.config.reference.contour.sin_z_m[k]);
     let none = [0.0; HARMONICS];
     rows.extend(
-        Row::reals("reference.cosY", cos_y, METRE, none)
-            .map(|row| row.description("Cosine of harmonic {k} of the path along y with shape = fourier")),
+        Row::reals("reference.cosY", cos_y, METRE, none).map(|row| {
+            row.description("Cosine of harmonic {k} of the reference trajectory along y with shape = fourier")
+        }),
     );
     rows.extend(
-        Row::reals("reference.sinY", sin_y, METRE, none)
-            .map(|row| row.description("Sine of harmonic {k} of the path along y with shape = fourier")),
+        Row::reals("reference.sinY", sin_y, METRE, none).map(|row| {
+            row.description("Sine of harmonic {k} of the reference trajectory along y with shape = fourier")
+        }),
     );
     rows.extend(
-        Row::reals("reference.cosZ", cos_z, METRE, none)
-            .map(|row| row.description("Cosine of harmonic {k} of the path along z with shape = fourier")),
+        Row::reals("reference.cosZ", cos_z, METRE, none).map(|row| {
+            row.description("Cosine of harmonic {k} of the reference trajectory along z with shape = fourier")
+        }),
     );
     rows.extend(
-        Row::reals("reference.sinZ", sin_z, METRE, none)
-            .map(|row| row.description("Sine of harmonic {k} of the path along z with shape = fourier")),
+        Row::reals("reference.sinZ", sin_z, METRE, none).map(|row| {
+            row.description("Sine of harmonic {k} of the reference trajectory along z with shape = fourier")
+        }),
     );
     rows.into_iter().map(|row| row.fixed().nominal(1e-5)).collect()
 }
@@ -366,6 +371,6 @@ impl SampledModel for FlatnessController {
     }
 
     fn accepts(&self, state: &ControllerState) -> Result<(), String> {
-        self.0.accepts(state).then_some(()).ok_or_else(|| "the numbers of the state are not such as occur".into())
+        self.0.accepts(state).then_some(()).ok_or_else(|| "the state is not one that this controller can have".into())
     }
 }

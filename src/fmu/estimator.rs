@@ -30,21 +30,24 @@ pub static VERDICT: Enumeration = Enumeration {
     name: "Verdict",
     description: "Why an estimate is valid or not",
     items: &[
-        ("valid", "The estimate can be relied on"),
-        ("collecting", "Too few samples so far"),
+        ("valid", "All tests pass"),
+        ("collecting", "Not enough samples yet"),
         ("disabled", "The input enable is false"),
         ("badSample", "A sample is not finite, or outside the gap"),
         ("contact", "The rotor is in contact"),
         ("stuck", "A position sensor reads the same all the time"),
-        ("changed", "The latest revolution contradicts those before; estimation begins anew"),
-        ("singular", "The excitation does not tell the unknowns apart"),
+        ("changed", "The latest revolution contradicts the earlier ones; estimation restarts"),
+        ("singular", "The excitation does not determine all unknowns"),
         ("notPositive", "A force constant came out zero or negative"),
         ("unexplained", "The model does not explain the motion"),
         ("coloured", "The innovations are not white"),
-        ("noisy", "There is more noise than can be found from the data: tell it"),
-        ("unsteady", "The estimate has contradicted itself several times"),
+        (
+            "noisy",
+            "There is too much noise to be estimated from the data: set sensor.positionNoise and sensor.currentNoise",
+        ),
+        ("unsteady", "The estimate has changed several times"),
         ("uncertain", "The standard deviation is too large"),
-        ("foreignState", "The state was made by an estimator with other parameters"),
+        ("foreignState", "The state belongs to an estimator with other parameters"),
     ],
     renamed: &[],
 };
@@ -88,7 +91,7 @@ fn table() -> Vec<Row<Values>> {
     rows.push(
         Row::boolean("identify.unbalance", place!(Values.config.identify_unbalance), true)
             .fixed()
-            .description("Whether the rotor may have an unbalance, which is then identified as well"),
+            .description("Whether to identify an unbalance as well"),
     );
     for (name, place, unit, nominal, description) in [
         (
@@ -96,14 +99,14 @@ fn table() -> Vec<Row<Values>> {
             place!(Values.config.position_noise_m),
             METRE,
             1e-7,
-            "Standard deviation of the noise of Ym and Zm; 0 finds it from the data",
+            "Standard deviation of the noise of Ym and Zm; 0 to estimate it from the data",
         ),
         (
             "sensor.currentNoise",
             place!(Values.config.current_noise_a),
             AMPERE,
             1e-2,
-            "Standard deviation of the noise of im; 0 finds it from the data",
+            "Standard deviation of the noise of im; 0 to estimate it from the data",
         ),
         (
             "tolerance.m",
@@ -167,7 +170,7 @@ fn table() -> Vec<Row<Values>> {
             .fixed()
             .min(0.0)
             .nominal(1e-2)
-            .description("How long the paper's methods give the first guess: counted in usable samples from the start or the last reset"),
+            .description("Time during which the paper's methods return the first guess, counted in usable samples since the start or the last reset"),
     );
     rows.push(
         Row::real("filter.omega", place!(Values.config.filter_omega_rad_s), RADIAN_PER_SECOND, 15.0)
@@ -195,28 +198,26 @@ fn table() -> Vec<Row<Values>> {
     rows.push(
         Row::real("theta", place!(Values.input.theta_rad), RADIAN, 0.0)
             .input()
-            .description("Rotor angle, wrapped or not; without it no unbalance can be identified"),
+            .description("Rotor angle, wrapped or unwrapped; needed to identify an unbalance"),
     );
     rows.push(
         Row::real("omega", place!(Values.input.omega_rad_s), RADIAN_PER_SECOND, 100.0 * std::f64::consts::PI)
             .input()
             .nominal(100.0)
-            .description("Speed of the rotor, which the force of an unbalance goes with"),
+            .description("Speed of the rotor"),
     );
     rows.push(
-        Row::boolean("enable", place!(Values.input.enable), true)
-            .input()
-            .description("Whether samples are taken into account"),
+        Row::boolean("enable", place!(Values.input.enable), true).input().description("Whether to use the samples"),
     );
     rows.push(
         Row::boolean("contact", place!(Values.input.contact), false)
             .input()
-            .description("Whether the rotor touches something beside the magnets, so that samples are of no use"),
+            .description("Whether the rotor touches the backup bearing, so that samples cannot be used"),
     );
     rows.push(
         Row::boolean("reset", place!(Values.input.reset), false)
             .input()
-            .description("A rising edge starts the estimation afresh"),
+            .description("A rising edge restarts the estimation"),
     );
 
     rows.extend(
@@ -230,13 +231,13 @@ fn table() -> Vec<Row<Values>> {
         row.sampled_output()
             .min(0.0)
             .nominal(1e-8)
-            .description("Standard deviation of the force constant of magnet {k} by noise alone")
+            .description("Standard deviation of the force constant of magnet {k} due to noise alone")
     }));
     rows.extend(Row::reals("lambdaStdTotal", place!(Values.output.lambda_std_total[k]), LAMBDA, [0.0; 3]).map(|row| {
         row.sampled_output()
             .min(0.0)
             .nominal(1e-8)
-            .description("Standard deviation of the force constant of magnet {k} by noise and tolerances")
+            .description("Standard deviation of the force constant of magnet {k} due to noise and tolerances")
     }));
     rows.extend(Row::reals("ki", place!(Values.output.ki[k]), NEWTON_PER_AMPERE, [0.0; 3]).map(|row| {
         row.sampled_output().nominal(10.0).description("Force per current of magnet {k}, mean over the last revolution")
@@ -250,14 +251,14 @@ fn table() -> Vec<Row<Values>> {
             place!(Values.output.position_noise_m),
             METRE,
             1e-7,
-            "Standard deviation of the noise of Ym and Zm, told or found",
+            "Standard deviation of the noise of Ym and Zm, given or estimated",
         ),
         (
             "noise.current",
             place!(Values.output.current_noise_a),
             AMPERE,
             1e-2,
-            "Standard deviation of the noise of im, told or found",
+            "Standard deviation of the noise of im, given or estimated",
         ),
     ] {
         rows.push(
@@ -267,7 +268,7 @@ fn table() -> Vec<Row<Values>> {
     rows.push(
         Row::boolean("valid", place!(Values.output.valid), false)
             .sampled_output()
-            .description("Whether the estimate can be relied on; if not, lambdaHat is the last valid one"),
+            .description("Whether the estimate is valid; if not, lambdaHat is the last valid one"),
     );
     let verdict = Access {
         get: |values: &Values, _| values.output.verdict as i32 + 1,
@@ -291,7 +292,7 @@ fn table() -> Vec<Row<Values>> {
         Row::real("residual", place!(Values.output.residual), ONE, 0.0)
             .sampled_output()
             .min(0.0)
-            .description("Normalised innovation squared, 1 where model and noise are right; the paper's methods: part of the motion left unexplained"),
+            .description("Normalised innovation squared, 1 if model and noise are correct; with the paper's methods: fraction of the motion left unexplained"),
     );
     rows.extend(
         Row::named_reals(["pYHat", "pZHat"], place!(Values.output.load_n[k]), NEWTON, [0.0; 2])
@@ -302,7 +303,7 @@ fn table() -> Vec<Row<Values>> {
             .sampled_output()
             .min(0.0)
             .nominal(1e-4)
-            .description("Identified unbalance, mass times eccentricity; 0 where none is identified"),
+            .description("Identified unbalance, mass times eccentricity; 0 if none is identified"),
     );
     rows.push(
         Row::real("unbalance.phase", place!(Values.output.unbalance_phase_rad), RADIAN, 0.0)
@@ -313,7 +314,7 @@ fn table() -> Vec<Row<Values>> {
 }
 
 impl Values {
-    /// The configuration, with what the interface has in another form.
+    /// The configuration, converted from the types of the interface.
     fn config(&self) -> (EstimatorConfig, Vec<Invalid>) {
         let mut config = self.config.clone();
         let mut findings = Vec::new();
@@ -325,10 +326,10 @@ impl Values {
     }
 }
 
-/// The configuration of an estimator whose variables, by index, have the values given and else their start values.
+/// The configuration of an estimator with the given values by index, and start values elsewhere.
 ///
 /// # Errors
-/// Every choice that cannot be accepted.
+/// Every value that is not an item of its enumeration.
 pub fn configuration(settings: &[(usize, Value)]) -> Result<EstimatorConfig, Vec<Invalid>> {
     let (config, findings) = Table::new(table()).values(settings).config();
     together(findings, Ok(config))
@@ -381,6 +382,6 @@ impl SampledModel for AlgebraicEstimator {
     }
 
     fn accepts(&self, state: &EstimatorState) -> Result<(), String> {
-        self.0.accepts(state).then_some(()).ok_or_else(|| "the state is not that of the parameters".into())
+        self.0.accepts(state).then_some(()).ok_or_else(|| "the state does not belong to these parameters".into())
     }
 }

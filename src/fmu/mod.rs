@@ -14,12 +14,12 @@ use fmu_export::ModelType;
 
 fmu_export::export_fmus!(plant::MagneticBearing, controller::FlatnessController, estimator::AlgebraicEstimator);
 
-/// All models of this project, in the order in which they are presented.
+/// All models of this project, in the order in which they are shown.
 pub fn catalogue() -> Arc<[Arc<ModelType>]> {
     FMUS.models()
 }
 
-/// The model of that name, for instance `MagneticBearing`.
+/// The model of a name, for instance `MagneticBearing`.
 pub fn find(name: &str) -> Option<Arc<ModelType>> {
     FMUS.find(name)
 }

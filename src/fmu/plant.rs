@@ -20,7 +20,7 @@ use crate::plant::{self, Conditions, INSTANT_TOLERANCE, Plant, PlantConfig, Plan
 
 /// Speed of the paper's experiments, 3000 rpm.
 const OMEGA_RAD_S: f64 = 100.0 * std::f64::consts::PI;
-/// Velocity r_Z ω on the paper's reference ellipse at its start, rounded as the interface has it.
+/// Velocity r_Z ω at the start of the paper's reference ellipse, rounded as in the interface.
 const START_VELOCITY_M_S: f64 = 0.021991148575128554;
 
 /// The values of all variables of the plant.
@@ -44,10 +44,10 @@ pub struct Values {
 }
 
 impl Values {
-    /// The configuration, with what the interface has in another form.
+    /// The configuration, converted from the types of the interface.
     fn config(&self) -> (PlantConfig, Vec<Invalid>) {
         let mut config = self.config.clone();
-        // Any integer is a seed; the bits of a negative one serve as well as others.
+        // Any integer is a seed, negative ones included.
         config.sensor.seed = u64::from(self.seed.cast_unsigned());
         let mut findings = Vec::new();
         let drives = [Drive::Current, Drive::Voltage];
@@ -56,10 +56,10 @@ impl Values {
     }
 }
 
-/// Configuration and inputs of a plant whose variables, by index, have the values given and else their start values.
+/// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
 ///
 /// # Errors
-/// Every choice that cannot be accepted.
+/// Every value that is not an item of its enumeration.
 pub fn configuration(settings: &[(usize, Value)]) -> Result<(PlantConfig, PlantInput), Vec<Invalid>> {
     let values = Table::new(table()).values(settings);
     let (config, findings) = values.config();
@@ -72,7 +72,7 @@ fn table() -> Vec<Row<Values>> {
     rows.extend(geometry(place!(Values.config.m_kg), place!(Values.config.gap_m), place!(Values.config.alpha_rad[k])));
     rows.extend(
         Row::named_reals(["Y0", "Z0"], place!(Values.config.position_m[k]), METRE, [30e-6, 0.0])
-            .map(|row| row.fixed().nominal(1e-5).along("Position of the rotor at the start, along {axis}")),
+            .map(|row| row.fixed().nominal(1e-5).along("Initial position of the rotor along {axis}")),
     );
     rows.extend(
         Row::named_reals(
@@ -81,7 +81,7 @@ fn table() -> Vec<Row<Values>> {
             METRE_PER_SECOND,
             [0.0, START_VELOCITY_M_S],
         )
-        .map(|row| row.fixed().nominal(1e-2).along("Velocity of the rotor at the start, along {axis}")),
+        .map(|row| row.fixed().nominal(1e-2).along("Initial velocity of the rotor along {axis}")),
     );
     rows.extend(coils(
         place!(Values.drive),
@@ -95,7 +95,7 @@ fn table() -> Vec<Row<Values>> {
             .min(0.0)
             .nominal(1e-2)
             .description(
-                "Flux at which the iron needs as much current as the nominal gap; 0 for iron that does not saturate",
+                "Flux at which the iron takes as much current as the nominal gap; 0 for iron that does not saturate",
             ),
     );
     rows.extend(
@@ -109,9 +109,7 @@ fn table() -> Vec<Row<Values>> {
     );
     rows.extend(touchdown());
     rows.push(
-        Row::real("theta0", place!(Values.config.theta_rad), RADIAN, 0.0)
-            .fixed()
-            .description("Rotor angle at the start"),
+        Row::real("theta0", place!(Values.config.theta_rad), RADIAN, 0.0).fixed().description("Initial rotor angle"),
     );
 
     rows.push(
@@ -140,7 +138,7 @@ fn table() -> Vec<Row<Values>> {
     rows.push(
         Row::integer("sensor.seed", place!(Values.seed), 1)
             .fixed()
-            .description("Seed of the noise; equal seeds, equal noise"),
+            .description("Seed of the noise; equal seeds give equal noise"),
     );
     rows.push(
         Row::real("solver.maxStep", place!(Values.config.max_step_s), SECOND, 5e-5)
@@ -191,7 +189,9 @@ fn table() -> Vec<Row<Values>> {
             RADIAN,
             [0.0; 2],
         )
-        .map(|row| row.tunable().along("Phase at time 0 of the harmonic perturbation force along {axis}, a sine")),
+        .map(|row| {
+            row.tunable().along("Phase at time 0 of the harmonic perturbation force along {axis}, which is a sine")
+        }),
     );
 
     rows.extend(Row::booleans("coil.open", place!(Values.open[k]), [false; 3]).map(|row| {
@@ -204,7 +204,7 @@ fn table() -> Vec<Row<Values>> {
     );
     rows.extend(
         Row::reals("u", place!(Values.input.voltage_v[k]), VOLT, [0.0; 3])
-            .map(|row| row.input().nominal(10.0).description("Voltage asked of amplifier {k}, with drive = voltage")),
+            .map(|row| row.input().nominal(10.0).description("Voltage command of amplifier {k}, with drive = voltage")),
     );
     rows.extend(
         Row::named_reals(["pY", "pZ"], place!(Values.input.perturbation_n[k]), NEWTON, [0.0; 2])
@@ -229,7 +229,7 @@ fn table() -> Vec<Row<Values>> {
         |(row, axis)| {
             row.sampled_output()
                 .nominal(1e-5)
-                .along("Position along {axis} as the sensor read it at its last sample")
+                .along("Position along {axis} as read by the sensor at the last sample")
                 .starts_from(["0", "sensor.offset", "sensor.gainError"].map(|name| match name {
                     "0" => format!("{axis}0"),
                     name => format!("{name}{axis}"),
@@ -239,21 +239,21 @@ fn table() -> Vec<Row<Values>> {
     ));
     rows.extend(Row::reals("im", place!(Values.measured_current_a[k]), AMPERE, [0.0; 3]).enumerate().map(|(k, row)| {
         row.sampled_output()
-            .description("Current through magnet {k} as the sensor read it at its last sample, with drive = current held until then")
+            .description("Current through magnet {k} as read by the sensor at the last sample; with drive = current the one held until then")
             .starts_from(["sensor.currentNoise", "sensor.currentResolution", "sensor.seed"])
             .starts_from([element("sensor.currentOffset", k)])
     }));
     rows.push(
         Row::real("theta", place!(Values.measured_theta_rad), RADIAN, 0.0)
             .sampled_output()
-            .description("Rotor angle at the last sample, counted on over the revolutions")
+            .description("Unwrapped rotor angle at the last sample")
             .starts_from(["theta0"]),
     );
     rows.push(
         Row::real("omegam", place!(Values.measured_omega_rad_s), RADIAN_PER_SECOND, 0.0)
             .sampled_output()
             .nominal(100.0)
-            .description("Speed of the rotor at the last sample, held over the interval that ended there")
+            .description("Speed of the rotor at the last sample, held over the interval that ends there")
             .starts_from(["omega"]),
     );
     rows.extend(Row::reals("F", place!(Values.output.force_n[k]), NEWTON, [0.0; 3]).enumerate().map(|(k, row)| {
@@ -295,7 +295,7 @@ fn table() -> Vec<Row<Values>> {
         .map(|(axis, row)| {
             row.output()
                 .nominal(10.0)
-                .along("All forces on the rotor beside those of magnets and backup bearing, along {axis}")
+                .along("All forces on the rotor except those of magnets and backup bearing, along {axis}")
                 .depends(Constant, [["pY", "pZ"][axis]])
                 .depends_on(["omega", "rotor.theta"])
                 .starts_from(acting_on(axis))
@@ -364,7 +364,7 @@ fn table() -> Vec<Row<Values>> {
     rows.push(
         Row::real("rotor.theta", place!(Values.theta_rad), RADIAN, 0.0)
             .local()
-            .description("Rotor angle, counted on over the revolutions")
+            .description("Unwrapped rotor angle")
             .state()
             .starts_from(["theta0"]),
     );
@@ -380,10 +380,10 @@ fn table() -> Vec<Row<Values>> {
     rows
 }
 
-/// The axes, by the names of the positions along them.
+/// The axes, by the names of the positions.
 const AXES: [&str; 2] = ["Y", "Z"];
 
-/// What the perturbation along an axis follows from at the start.
+/// What the perturbation along an axis depends on at the start.
 fn acting_on(axis: usize) -> [&'static str; 8] {
     let [p, amplitude, phase] = [
         ["pY", "perturbation.amplitudeY", "perturbation.phaseY"],
@@ -395,7 +395,7 @@ fn acting_on(axis: usize) -> [&'static str; 8] {
 /// Position and velocity of the rotor.
 const MOTION: [&str; 4] = ["Y", "Z", "vY", "vZ"];
 
-/// What contact with the backup bearing follows from at the start.
+/// What contact with the backup bearing depends on at the start.
 const TOUCHING: [&str; 7] =
     ["Y0", "Z0", "vY0", "vZ0", "touchdown.clearance", "touchdown.stiffness", "touchdown.damping"];
 
@@ -418,26 +418,26 @@ fn touchdown() -> impl Iterator<Item = Row<Values>> {
         Row::real("touchdown.radius", place!(Values.config.touchdown.radius_m), METRE, 0.025)
             .nominal(1e-2)
             .display_unit("mm")
-            .description("Radius of the rotor at the backup bearing, which friction asks for"),
+            .description("Radius of the rotor at the backup bearing, used by friction"),
     ]
     .into_iter()
     .map(|row| row.fixed().min(0.0))
 }
 
-/// Errors of the sensors beside noise.
+/// Sensor errors other than noise.
 fn sensor_errors() -> Vec<Row<Values>> {
     let mut rows = Vec::new();
     rows.push(
         Row::real("sensor.positionResolution", place!(Values.config.sensor.position_resolution_m), METRE, 0.0)
             .min(0.0)
             .nominal(1e-7)
-            .description("Ym and Zm are whole multiples of this; 0 for no rounding"),
+            .description("Resolution of Ym and Zm; 0 for no rounding"),
     );
     rows.push(
         Row::real("sensor.currentResolution", place!(Values.config.sensor.current_resolution_a), AMPERE, 0.0)
             .min(0.0)
             .nominal(1e-3)
-            .description("im are whole multiples of this; 0 for no rounding"),
+            .description("Resolution of im; 0 for no rounding"),
     );
     rows.extend(
         Row::named_reals(
@@ -446,7 +446,10 @@ fn sensor_errors() -> Vec<Row<Values>> {
             METRE,
             [0.0; 2],
         )
-        .map(|row| row.nominal(1e-6).along("What the position sensor along {axis} reads in the centre")),
+        .map(|row| {
+            row.nominal(1e-6)
+                .along("Offset of the position sensor along {axis}: its reading with the rotor in the centre")
+        }),
     );
     rows.extend(
         Row::named_reals(
@@ -455,19 +458,18 @@ fn sensor_errors() -> Vec<Row<Values>> {
             ONE,
             [0.0; 2],
         )
-        .map(|row| row.nominal(0.01).min(-1.0).along("Relative error of the gain of the position sensor along {axis}")),
+        .map(|row| row.nominal(0.01).min(-1.0).along("Relative gain error of the position sensor along {axis}")),
     );
     rows.extend(
-        Row::reals("sensor.currentOffset", place!(Values.config.sensor.current_offset_a[k]), AMPERE, [0.0; 3])
-            .map(|row| row.nominal(1e-2).description("What the current sensor of magnet {k} reads without current")),
+        Row::reals("sensor.currentOffset", place!(Values.config.sensor.current_offset_a[k]), AMPERE, [0.0; 3]).map(
+            |row| {
+                row.nominal(1e-2).description("Offset of the current sensor of magnet {k}: its reading without current")
+            },
+        ),
     );
     rows.extend(
         Row::reals("sensor.currentGainError", place!(Values.config.sensor.current_gain_error[k]), ONE, [0.0; 3]).map(
-            |row| {
-                row.nominal(0.01)
-                    .min(-1.0)
-                    .description("Relative error of the gain of the current sensor of magnet {k}")
-            },
+            |row| row.nominal(0.01).min(-1.0).description("Relative gain error of the current sensor of magnet {k}"),
         ),
     );
     rows.push(
@@ -475,7 +477,7 @@ fn sensor_errors() -> Vec<Row<Values>> {
             .min(0.0)
             .nominal(1e-4)
             .display_unit("µs")
-            .description("By how much Ym, Zm and im are late, up to 16 sample times"),
+            .description("Delay of Ym, Zm and im, up to 16 sample times"),
     );
     rows.into_iter().map(Row::fixed).collect()
 }
@@ -497,7 +499,7 @@ impl MagneticBearing {
         values.contact = state.contact;
     }
 
-    /// The inputs over a step as the equations know them.
+    /// The inputs over a step in the form of the equations.
     fn trajectory(values: &Values, inputs: &InputTrajectory<Values>) -> plant::InputTrajectory {
         let slopes = (!inputs.is_held()).then(|| {
             std::array::from_fn(|lower| {
@@ -539,7 +541,7 @@ impl Model for MagneticBearing {
 
     fn accepts(&self, state: &PlantState, _: &Values, time_s: Option<f64>) -> Result<(), String> {
         if time_s.is_some_and(|time_s| !self.0.accepts(state, time_s)) {
-            return Err("the state of the rotor does not belong to the time or to the parameters".into());
+            return Err("the state does not belong to this time or to these parameters".into());
         }
         Ok(())
     }
@@ -596,7 +598,7 @@ impl Model for MagneticBearing {
         let point = Point::of(&self.0, state, &values.input, time_s);
         let towards = &direction.config;
         let mut derivatives = Values::default();
-        // Before the run the states are where the parameters put them.
+        // Before the run the states are given by the parameters.
         let from = |state: f64, start: f64| if started { state } else { state + start };
         derivatives.position_m = std::array::from_fn(|a| from(direction.position_m[a], towards.position_m[a]));
         derivatives.velocity_m_s = std::array::from_fn(|a| from(direction.velocity_m_s[a], towards.velocity_m_s[a]));
@@ -636,8 +638,8 @@ impl Model for MagneticBearing {
 }
 
 impl MagneticBearing {
-    /// The derivatives of the first sample: `(1 + gain error) x + offset + σ n` with the first draw n. What is rounded to a
-    /// resolution stands still almost everywhere.
+    /// The derivatives of the first sample: `(1 + gain error) x + offset + σ n` with the first draw n. A rounded reading is
+    /// constant almost everywhere.
     fn differentiate_first_sample(&self, state: &PlantState, towards: &PlantConfig, derivatives: &mut Values) {
         let (sensor, towards) = (&self.0.config().sensor, &towards.sensor);
         let draws = Noise::channels::<5>(sensor.seed).map(|mut noise| noise.standard_normal());
@@ -654,8 +656,8 @@ impl MagneticBearing {
         });
     }
 
-    /// Begin and length of a step as the plant knows them: importers compute the begin anew, and where the plant's own
-    /// tolerance is narrower than theirs, the step begins where the last one ended.
+    /// Begin and length of a step, aligned with the plant's own time: importers recompute the begin, and where the plant's
+    /// tolerance is tighter than theirs, the step begins where the last one ended.
     fn where_it_stands(&self, state: &PlantState, step: Step) -> (f64, f64) {
         let beside_s = (step.time_s - state.time_s).abs();
         if beside_s <= 0.5 * INSTANT_TOLERANCE * self.0.config().sensor.step_s {
