@@ -261,7 +261,7 @@ pub fn main(commit: Option<&str>) -> ExitCode {
         Some(commit) => format!("{} ({commit})", env!("CARGO_PKG_VERSION")),
         None => env!("CARGO_PKG_VERSION").to_owned(),
     };
-    // The version lives as long as the program and is leaked once.
+    // clap wants a version that lives as long as the program.
     let matches = Arguments::command().version(&*version.leak()).get_matches();
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let outcome = match arguments.command {

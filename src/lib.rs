@@ -1,15 +1,16 @@
 //! On-line parameter estimation of a three-phase radial magnetic bearing.
 //!
-//! SI units throughout, axis order (y, z), magnets in the order 1, 2, 3. Each layer names only those above it:
+//! SI units throughout, axis order (y, z), magnets in the order 1, 2, 3. Each layer uses only those above it:
 //!
-//! 1. the equations, which know nothing of FMI, read or write no files, and do not allocate while stepping: [`bearing`], [`plant`], [`control`],
-//!    [`estimation`]. Configuration and state are two types: a configuration is checked once, when it is made ([`invalid`] collects what is
-//!    wrong), and a step changes the state alone. Elementary functions come from the crate `libm`, so that all platforms compute the same bits;
-//! 2. [`fmu`]: the equations as FMUs, by the crate `fmu_export`;
+//! 1. the equations, which know nothing of FMI, access no files, and do not allocate while stepping: [`bearing`],
+//!    [`plant`], [`control`], [`estimation`]. Configuration and state are separate types: a configuration is validated
+//!    once, when it is made ([`invalid`] collects the errors), and a step changes only the state. Elementary functions
+//!    come from the crate `libm`, so that all platforms compute the same bits;
+//! 2. [`fmu`]: the equations as FMUs, through the crate `fmu_export`;
 //! 3. [`simulation`]: scenarios and the closed loop;
-//! 4. [`studies`]: many runs, and recordings of a test bench;
-//! 5. [`report`]: pages of HTML;
-//! 6. [`cli`]: the command line, with [`mod@package`], [`output`], [`progress`] and [`table`] for what it packs and prints.
+//! 4. [`studies`]: many runs, and identification from recordings of a test bench;
+//! 5. [`report`]: HTML pages;
+//! 6. [`cli`]: the command line, with [`mod@package`], [`output`], [`progress`] and [`table`] for archives and printed results.
 
 pub mod bearing;
 pub mod control;

@@ -1,28 +1,28 @@
-//! Where results go: the standard output, or files, which never take the place of a file of another kind.
+//! Destinations of results: the standard output, or files, which never overwrite a file of another format.
 
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Whether the standard output belongs to a result, so that what is said otherwise goes to the standard error.
+/// Whether the standard output is reserved for a result, so that messages go to the standard error.
 static IS_TAKEN: AtomicBool = AtomicBool::new(false);
-/// Whether something could not be said.
+/// Whether printing a line has failed.
 static HAS_FAILED: AtomicBool = AtomicBool::new(false);
 
-/// The name of the standard output, or input.
+/// Whether a name means the standard output, or input.
 #[must_use]
 pub fn is_standard(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// Keeps the standard output for a result.
+/// Reserves the standard output for a result.
 pub fn take_standard_output() {
     IS_TAKEN.store(true, Ordering::Relaxed);
 }
 
-/// Prints a line. Whoever reads the standard output may stop reading when there is enough; the work goes on all the same. Any
-/// other failure is told once and kept for [`has_failed`].
+/// Prints a line. A reader of the standard output may close it at any time without stopping the work. Any other failure is
+/// reported once and noted for [`has_failed`].
 pub fn tell(line: std::fmt::Arguments<'_>) {
     if IS_TAKEN.load(Ordering::Relaxed) {
         eprintln!("{line}");
@@ -40,16 +40,16 @@ fn note(written: io::Result<()>) {
     }
 }
 
-/// Whether some line could not be printed; the last ones are written only here.
+/// Whether printing a line has failed; flushes the standard output first.
 pub fn has_failed() -> bool {
     note(io::stdout().flush());
     HAS_FAILED.load(Ordering::Relaxed)
 }
 
-/// What a file holds, by its first bytes.
+/// Format of a file, recognised by its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// A table that begins with the time, as this program writes it.
+    /// A table that begins with the time, as written by this program.
     Table,
     /// A document in JSON.
     Json,
@@ -86,10 +86,10 @@ impl Format {
         }
     }
 
-    /// Whether a file may be written at that path: there is none, it is empty or a device, or it holds the same format.
+    /// Whether a file may be written at a path: there is none, it is empty or a device, or it has the same format.
     ///
     /// # Errors
-    /// What it holds is something else, which is not overwritten.
+    /// The file has another format and is not overwritten.
     pub fn replaceable(self, path: &Path) -> io::Result<()> {
         if !fs::metadata(path).is_ok_and(|metadata| metadata.is_file() && metadata.len() > 0) {
             return Ok(());
@@ -100,7 +100,7 @@ impl Format {
         if begin == signature {
             return Ok(());
         }
-        let words = format!("it is there already and is not {}: remove it, or name another file", self.words());
+        let words = format!("it already exists and is not {}: remove it, or name another file", self.words());
         Err(io::Error::new(io::ErrorKind::AlreadyExists, words))
     }
 
@@ -124,7 +124,7 @@ impl Format {
         let mut file = self.create(path)?;
         let written = file.write_all(content).and_then(|()| file.flush());
         match written {
-            // Whoever reads it has enough.
+            // The reader has closed the pipe.
             Err(error) if is_standard(path) && error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
             written => written,
         }

@@ -1,4 +1,4 @@
-//! Packages the FMUs and the SSP out of what was just built, and of what was built for other platforms.
+//! Packages the FMUs and the SSP from the library just built, and from those built for other platforms.
 
 use std::path::{Path, PathBuf};
 
@@ -12,8 +12,8 @@ use crate::output::Format;
 use crate::report::frame;
 use crate::simulation::scenario::Scenario;
 
-/// Picture and text of the documentation of a model, and the licences that travel with every binary: this project's and those
-/// of the crates linked into it.
+/// Picture and documentation text of a model, and the licences that go with every binary: this project's and those of the
+/// linked crates.
 fn extras(name: &str) -> Extras {
     macro_rules! extras {
         ($($model:literal),*) => {
@@ -40,35 +40,35 @@ fn extras(name: &str) -> Extras {
     }
 }
 
-/// The library that was built together with the program that is running.
+/// The library that was built together with the running program.
 ///
 /// # Errors
-/// If there is none beside it.
+/// If it is not beside the program.
 pub fn built_library() -> Result<PathBuf, PackageError> {
     package::built_library(FMUS.library())
 }
 
-/// Reads binaries for the platforms they are given for, and adds the library that was built together with this program
-/// unless one is given for this platform.
+/// Reads binaries for the given platforms, and adds the library that was built together with this program unless one is given
+/// for this platform.
 ///
 /// # Errors
-/// Whatever file could not be read, or is not what it is said to be.
+/// Whatever file cannot be read, or is not a library for its platform.
 pub fn binaries(given: &[(&'static Platform, PathBuf)]) -> Result<Binaries, PackageError> {
     package::binaries(given, built_library)
 }
 
-/// Writes all FMUs and the SSP, with a library for this platform, into a folder, which is made if need be.
+/// Writes all FMUs and the SSP, with a library for this platform, into a folder, which is created if missing.
 ///
 /// # Errors
-/// Whatever file could not be read or written.
+/// Whatever file cannot be read or written.
 pub fn package(library: &Path, folder: &Path) -> Result<Vec<Written>, PackageError> {
     package_for(&package::binaries_of(library)?, folder)
 }
 
-/// Writes all FMUs and the SSP into a folder, which is made if need be.
+/// Writes all FMUs and the SSP into a folder, which is created if missing.
 ///
 /// # Errors
-/// Whatever file could not be written.
+/// Whatever file cannot be written.
 pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, PackageError> {
     let mut archives = Vec::new();
     for model in catalogue().iter() {
@@ -85,10 +85,10 @@ pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, P
     package::write(archives, binaries, folder)
 }
 
-/// Writes the model descriptions and the table of all variables into a folder, where they stand under review.
+/// Writes the model descriptions and the table of all variables into a folder; the results are checked in.
 ///
 /// # Errors
-/// Whatever file could not be written.
+/// Whatever file cannot be written.
 pub fn write_descriptions(folder: &Path) -> Result<(), PackageError> {
     let write = |format: Format, name: String, text: &str| {
         let path = folder.join(name);
@@ -100,21 +100,21 @@ pub fn write_descriptions(folder: &Path) -> Result<(), PackageError> {
     write(Format::Markdown, "VARIABLES.md".into(), &variables())
 }
 
-/// The variables of all FMUs as Markdown, for readers of the project.
+/// The variables of all FMUs as Markdown.
 pub fn variables() -> String {
     let head = "# Variables of the FMUs\n\nWritten by `cargo run --release -- describe` out of the tables in `src/fmu/`. The unit in \
                 brackets is proposed for display.\n";
     head.to_owned() + &documentation::markdown(catalogue().iter().map(|model| &**model))
 }
 
-/// Variants of the closed loop as a system structure: file, name, and the scenario that the parameters come from.
+/// Variants of the closed loop as a system structure: file, name, and the scenario with the parameters.
 ///
-/// libcosim and ecos pass over parameters of type Enumeration. So the structure that tools open by default is the one whose
-/// enumerations have their start values: it computes the same everywhere. The paper's simulation needs `method = paper`.
+/// libcosim and ecos ignore parameters of type Enumeration. So the default structure is one whose enumerations have their start
+/// values: it gives the same results in all tools. The paper's simulation needs `method = paper`.
 const VARIANTS: [[&str; 3]; 2] =
     [["SystemStructure.ssd", "MagneticBearing", "unbalanced"], ["PaperSimulation.ssd", "PaperSimulation", "paper"]];
 
-/// The closed loop; what runs beside it in a comparison is not part of the system.
+/// The closed loop, without the estimators that run beside it for comparison.
 fn system([file, name, scenario]: &[&str; 3]) -> System {
     let parameters = (*scenario).to_owned();
     let scenario = Scenario::open(Path::new(scenario)).expect("a scenario that comes with the program is sound");

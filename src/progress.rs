@@ -1,11 +1,11 @@
-//! A progress bar for what takes more than a second.
+//! A progress bar for work that takes more than a second.
 
 use std::cell::OnceCell;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// How long the work goes on before a bar is shown.
+/// Time after which a bar is shown.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Shows a bar on the standard error once the work has taken more than a second.
@@ -17,20 +17,20 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Work of so many parts.
+    /// Work with this many steps.
     pub fn new(title: &'static str, length: u64) -> Self {
         Self { title, length, since: Instant::now(), bar: OnceCell::new() }
     }
 
-    /// Tells how many parts are done.
+    /// Reports how many steps are done.
     pub fn set(&self, done: u64) {
-        // Looking at the clock costs more than a part of the work may.
+        // Reading the clock may cost more than a step of the work.
         if done.is_multiple_of(1024) && self.since.elapsed() > PATIENCE {
             self.bar.get_or_init(|| self.show()).set_position(done);
         }
     }
 
-    /// As [`Self::set`], for work whose parts take longer than a look at the clock.
+    /// As [`Self::set`], for work whose steps take longer than reading the clock.
     pub fn tell(&self, done: u64) {
         if self.since.elapsed() > PATIENCE {
             self.bar.get_or_init(|| self.show()).set_position(done);

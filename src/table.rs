@@ -1,4 +1,4 @@
-//! A table of results, to be printed or shown on a page.
+//! A table of results, to print or to show on a page.
 
 /// A table of results.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

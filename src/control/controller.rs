@@ -1,6 +1,6 @@
-//! Flatness-based tracking of the reference trajectory, with an observer of the perturbation, sampled.
+//! Flatness-based tracking of the reference trajectory with a perturbation observer, sampled.
 //!
-//! Per axis, with the reference trajectory Y* and the observed perturbation p̂,
+//! Per axis, with the reference trajectory Y* and the estimated perturbation p̂,
 //!
 //! ```text
 //! F = m (Ÿ* − k_1 (Ẏ − Ẏ*) − k_0 (Y − Y*)) − p̂
@@ -8,63 +8,60 @@
 //!
 //! # Timing
 //!
-//! Sample k measures at `t_k = start + k · T_s`. Its currents act over `[t_{k+1}, t_{k+2})`, as one sample of delay is
-//! what co-simulation means; the force asked for at sample k − 1 is in effect during `[t_k, t_{k+1})`. So the
-//! measurement corrects the observer at `t_k`, the force in effect predicts it at `t_{k+1}`, and there the feedback is
-//! formed:
+//! Sample k measures at `t_k = start + k · T_s`. Its currents act over `[t_{k+1}, t_{k+2})`, because co-simulation delays them
+//! by one sample; the force commanded at sample k − 1 acts during `[t_k, t_{k+1})`. So the measurement corrects the observer at
+//! `t_k`, the force in effect predicts it at `t_{k+1}`, and the feedback is computed there:
 //!
 //! - gains for the sampled double integrator with both poles at `ρ = exp(−ω_c T_s)`;
-//! - feed-forward by the mean acceleration of the reference over `[t_{k+1}, t_{k+2})`, from its velocities at both ends;
-//! - currents from the gaps predicted for the middle of `[t_{k+1}, t_{k+2})`, over which they are held.
+//! - feed-forward of the mean acceleration of the reference over `[t_{k+1}, t_{k+2})`, from its velocities at both ends;
+//! - currents for the gaps predicted at the middle of `[t_{k+1}, t_{k+2})`, over which they are held.
 //!
-//! At the first sample the rotor is taken to be on the reference trajectory: position as measured, velocity of the reference, perturbation 0.
-//! Until the first command acts, from `t_0` to `t_1`, no current flows, and the observer knows it.
+//! At the first sample the rotor is assumed to be on the reference trajectory: position as measured, velocity of the reference,
+//! perturbation 0. From `t_0` to `t_1`, before the first command acts, no current flows, and the observer uses that.
 //!
 //! # Voltage drive
 //!
-//! The currents measured say where the coils stand at `t_k`; the voltages in effect, limited as the amplifiers limit them,
-//! predict them at `t_{k+1}`. The force of a magnet is then known at the sample instants, and runs between them
-//! nearly along a straight line. What is chosen at sample k is the acceleration at `t_{k+2}`, by feedback of position,
-//! velocity and acceleration predicted for `t_{k+1}`:
+//! The measured currents give the state of the coils at `t_k`; the voltages in effect, limited as by the amplifiers, predict it
+//! at `t_{k+1}`. The force of a magnet is then known at the sample instants and is nearly linear in between. Sample k chooses
+//! the acceleration at `t_{k+2}` by feedback of position, velocity and acceleration predicted for `t_{k+1}`:
 //!
 //! ```text
 //! Ÿ_{k+2} = Ÿ*_{k+2} − k_0 (Y − Y*)_{k+1} − k_1 (Ẏ − Ẏ*)_{k+1} − k_2 (Ÿ − Ÿ*)_{k+1}
 //! ```
 //!
-//! with poles at ρ, ρ and 0 of the double integrator whose input is a polygon. The currents `i*` for the forces give the
-//! voltages by the mean of `u = R i + d(L i)/dt` over `[t_{k+1}, t_{k+2})`, the change of L with the gap (the speed voltage)
-//! included; what the currents miss of their references at `t_{k+1}` is left to decay by `ρ_i = exp(−ω_i T_s)` per sample:
+//! with poles at ρ, ρ and 0 of the double integrator with a piecewise linear input. The currents `i*` for the forces give the
+//! voltages by the mean of `u = R i + d(L i)/dt` over `[t_{k+1}, t_{k+2})`, including the change of L with the gap (the speed
+//! voltage); the current error at `t_{k+1}` decays by `ρ_i = exp(−ω_i T_s)` per sample:
 //!
 //! ```text
 //! i_{k+2} = i*_{k+2} + ρ_i (i − i*)_{k+1}
 //! ```
 //!
-//! There is no integrator that could wind up at the limit of the amplifiers: the integral action of the loop is the observer
-//! of the perturbation, which takes the forces of the currents that flow, not those asked for.
+//! No integrator can wind up when the amplifiers saturate: the integral action of the loop is the perturbation observer, which
+//! uses the forces of the currents that flow, not the commanded ones.
 //!
 //! # A change of λ
 //!
-//! The currents in effect stay what they are; a new λ gives them new forces. The difference of the resultants goes into
-//! the perturbation, so that force and perturbation together do not change. The smallest force starts from that of the
-//! new forces and returns to `F_0` with the time constant [`PRELOAD_S`]. The currents go on without a jump.
+//! The currents stay what they are; a new λ assigns new forces to them. The difference of the resultants is added to the
+//! perturbation estimate, so that the sum of force and perturbation does not change. The smallest force starts from that of the
+//! new forces and returns to `F_0` with the time constant [`PRELOAD_S`]. So the currents do not jump.
 //!
-//! Both are taken from the forces that the last sample asked for. With current drive they are the forces in effect. With voltage
-//! drive those in effect are known by currents measured at one instant: their noise and the errors of the current loop
-//! would go into the perturbation, and with an estimate that changes at every sample the smallest force would follow whatever the
-//! currents do, with nothing that holds it at `F_0`.
+//! Both use the forces commanded at the last sample. With current drive these are the forces in effect. With voltage drive the
+//! forces in effect follow from currents measured at one instant: their noise and the errors of the current loop would enter
+//! the perturbation estimate, and with an estimate that changes at every sample nothing would hold the smallest force at `F_0`.
 //!
 //! # Excitation
 //!
-//! Forces along the null vector of P(3) cancel on the rotor, so that the smallest force may vary without moving it:
+//! Forces along the null vector of P(3) cancel on the rotor, so the smallest force can vary without moving it:
 //!
 //! ```text
 //! min F_k = F_0 (1 + a sin 2πφ)        φ = f t
 //! ```
 //!
-//! `a` is `F0.modulation`, `f` is `F0.modulationFrequency`, t runs from the first sample on. For current drive t is the
-//! middle of the interval over which the currents are held, for voltage drive the instant at which they are reached. The
-//! variation of the currents makes λ identifiable where the reference trajectory alone does not, for instance with the rotor at rest. As long
-//! as the λ in use is wrong, the forces do not cancel exactly, and the rotor moves a little.
+//! `a` is `F0.modulation`, `f` is `F0.modulationFrequency`, t starts at the first sample. For current drive t is the middle of
+//! the interval over which the currents are held, for voltage drive the instant at which they are reached. The varying currents
+//! make λ identifiable where the reference trajectory alone does not, for instance with the rotor at rest. While λ is wrong,
+//! the forces do not cancel exactly, and the rotor moves a little.
 
 use std::f64::consts::TAU;
 
@@ -81,33 +78,33 @@ use crate::plant::check_step;
 /// Time constant, in s, with which the smallest force returns to `F_0` after a change of λ.
 pub const PRELOAD_S: f64 = 0.01;
 
-/// Part of the preload below which the smallest force does not tell the preload.
+/// Below this fraction of the preload, the smallest force does not determine the preload.
 ///
 /// In the trough of a full modulation the smallest force is 0 whatever the preload. Forces of 100 N are rounded to 10⁻¹⁴ N;
-/// divided by this part, that is still 10⁻⁸ N of preload.
+/// divided by this fraction, that is still only 10⁻⁸ N of preload.
 const TROUGH: f64 = 1e-6;
 
-/// Part of the nominal gap below which a predicted gap is not believed.
+/// Lower limit of a predicted gap, as a fraction of the nominal gap.
 ///
-/// The currents are then computed for this gap, which keeps them finite, and the output says so.
+/// The currents are then computed for this gap, which keeps them finite, and the output `saturated` is true.
 pub const SMALLEST_GAP: f64 = 0.01;
 
-/// Part of the sample time by which a sample may come before the time of the update and still count.
+/// Fraction of the sample time by which a sample may precede the time of the update and still count.
 pub const INSTANT_TOLERANCE: f64 = 1e-3;
 
-/// When the estimated λ is taken over.
+/// When the controller uses the estimated λ.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum UpdateMode {
-    /// Never: λ0 for good.
+    /// Never: λ0 throughout.
     Never,
-    /// Once, at the time of the update or as soon after it as the estimate is valid: the paper's way.
+    /// Once, at the time of the update or as soon after it as the estimate is valid, as in the paper.
     #[default]
     AtTime,
-    /// From the start, at every sample at which it is valid.
+    /// At every sample at which it is valid, from the start.
     WhenValid,
 }
 
-/// The controller.
+/// Configuration of the controller.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ControllerConfig {
@@ -123,9 +120,9 @@ pub struct ControllerConfig {
     pub lambda0_nm2_a2: [f64; 3],
     /// Smallest force of a magnet `F_0`, in N; 0 is admitted.
     pub f0_n: f64,
-    /// Amplitude `a` of the modulation of the smallest force, as a part of `F_0`, from 0 to 1; may be retuned.
+    /// Amplitude `a` of the modulation of the smallest force, as a fraction of `F_0`, from 0 to 1; tunable.
     pub modulation: f64,
-    /// Frequency `f` of that modulation, in Hz, at most half the sample rate; may be retuned.
+    /// Frequency `f` of that modulation, in Hz, at most half the sample rate; tunable.
     pub modulation_hz: f64,
     /// Poles of the tracking error, ω_c, in rad/s.
     pub tracking_rad_s: f64,
@@ -133,10 +130,10 @@ pub struct ControllerConfig {
     pub observer_rad_s: f64,
     /// Pole of the current loop with voltage drive, ω_i, in rad/s.
     pub current_rad_s: f64,
-    /// The coils as the controller knows them: drive, resistance, leakage, limit of the voltage. Their iron is taken not
-    /// to saturate.
+    /// The coils as the controller models them: drive, resistance, leakage, limit of the voltage. It assumes that their iron
+    /// does not saturate.
     pub coil: CoilConfig,
-    /// When the estimated λ is taken over.
+    /// When the estimated λ is used.
     pub update: UpdateMode,
     /// Time of the update in [`UpdateMode::AtTime`], in s.
     pub update_time_s: f64,
@@ -168,75 +165,75 @@ impl Default for ControllerConfig {
     }
 }
 
-/// What the controller reads at a sample.
+/// Inputs of the controller at a sample.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ControllerInput {
-    /// Position measured (Ym, Zm), in m.
+    /// Measured position (Ym, Zm), in m.
     pub position_m: [f64; 2],
-    /// Currents measured, in A; have to be finite only with voltage drive.
+    /// Measured currents, in A; must be finite only with voltage drive.
     pub current_a: [f64; 3],
     /// Estimate of λ, in N·m²/A².
     pub lambda_hat_nm2_a2: [f64; 3],
     /// Whether that estimate is valid.
     pub lambda_valid: bool,
-    /// External reference (Yref, Zref), in m; has to be finite only if it is the one in use.
+    /// External reference (Yref, Zref), in m; must be finite only if it is used.
     pub reference_m: [f64; 2],
-    /// Angular velocity on the reference trajectory from now on, in rad/s.
+    /// Angular velocity on the reference trajectory from this sample on, in rad/s.
     pub omega_rad_s: f64,
 }
 
-/// What the controller says at a sample.
+/// Outputs of the controller at a sample.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ControllerOutput {
-    /// Currents to hold from the next sample on, in A; with voltage drive those to be reached at the end of that sample.
+    /// Currents to hold from the next sample on, in A; with voltage drive those at the end of that sample.
     pub current_a: [f64; 3],
     /// Voltages to hold from the next sample on, in V, with voltage drive.
     pub voltage_v: [f64; 3],
-    /// Position measured minus reference at this sample, (y, z), in m.
+    /// Measured position minus reference at this sample, (y, z), in m.
     pub tracking_error_m: [f64; 2],
-    /// Perturbation observed p̂, (y, z), in N.
+    /// Estimated perturbation p̂, (y, z), in N.
     pub perturbation_n: [f64; 2],
     /// λ in use, in N·m²/A².
     pub lambda_used_nm2_a2: [f64; 3],
-    /// Force asked for, (F_y, F_z), in N.
+    /// Commanded force, (F_y, F_z), in N.
     pub force_n: [f64; 2],
-    /// Path at this sample, (y, z), in m.
+    /// Reference at this sample, (y, z), in m.
     pub reference_m: [f64; 2],
-    /// Path at the next sample, (y, z), in m; predicted if it is external.
+    /// Reference at the next sample, (y, z), in m; predicted if it is external.
     pub reference_ahead_m: [f64; 2],
-    /// Whether a predicted gap was not believed: the currents are those for [`SMALLEST_GAP`], and the
-    /// forces of the magnets are not those asked for.
+    /// Whether a predicted gap was below [`SMALLEST_GAP`]: the currents are those for that gap, and the magnets do not give the
+    /// commanded forces.
     pub saturated: bool,
-    /// Whether an amplifier is asked for its limit.
+    /// Whether a voltage command is at the limit of the amplifiers.
     pub limited: bool,
 }
 
-/// Where the controller stands; belongs to a [`Controller`].
+/// State of a [`Controller`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ControllerState {
     /// Number of samples taken.
     pub samples: u64,
     /// Start time, in s.
     start_s: f64,
-    /// What the observers expect at the next sample, (y, z).
+    /// Predictions of the observers for the next sample, (y, z).
     expected: [Estimate; 2],
-    /// Forces of the magnets, by the model, from the next sample on, in N; with voltage drive those at the last sample.
+    /// Forces of the magnets from the next sample on, by the model, in N; with voltage drive those at the last sample.
     in_effect_n: [f64; 3],
-    /// Forces of the magnets asked for at the last sample, in N.
+    /// Forces of the magnets commanded at the last sample, in N.
     asked_n: [f64; 3],
     /// Voltages from the next sample on, in V.
     voltage_v: [f64; 3],
-    /// Currents asked for at the next sample, in A, with voltage drive.
+    /// Currents commanded for the next sample, in A, with voltage drive.
     planned_a: [f64; 3],
     /// λ in use, in N·m²/A².
     lambda_nm2_a2: [f64; 3],
-    /// Whether the estimate was taken over, in [`UpdateMode::AtTime`].
+    /// Whether the estimate has been taken over, in [`UpdateMode::AtTime`].
     updated: bool,
-    /// Smallest force asked for, without modulation, in N.
+    /// Smallest force commanded, without modulation, in N.
     preload_n: f64,
     /// `1 + a sin 2πφ` at the last sample.
     modulation_factor: f64,
-    /// φ at the sample at which f changed last, in revolutions, in [0, 1).
+    /// φ at the sample at which f last changed, in revolutions, in [0, 1).
     base_rev: f64,
     /// Number of that sample.
     base_sample: u64,
@@ -245,15 +242,15 @@ pub struct ControllerState {
     reference: ReferenceState,
 }
 
-/// How many numbers a small motion of the loop changes in a [`ControllerState`].
+/// Number of components of a [`ControllerState`] that a small motion of the loop changes.
 pub(crate) const UNKNOWNS: usize = 15;
 
 impl ControllerState {
-    /// Increments of the unknowns for differences, each of the size of a small motion.
+    /// Increments of these components for difference quotients, each of the size of a small motion.
     pub(crate) const INCREMENTS: [f64; UNKNOWNS] =
         [1e-9, 1e-6, 1e-3, 1e-9, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-5, 1e-5, 1e-5];
 
-    /// `[x, v, d]` of y and of z, forces and voltages in effect, currents planned.
+    /// `[x, v, d]` of y and of z, forces and voltages in effect, planned currents.
     pub(crate) fn unknowns(&self) -> [f64; UNKNOWNS] {
         let mut all = [0.0; UNKNOWNS];
         let parts =
@@ -264,7 +261,7 @@ impl ControllerState {
         all
     }
 
-    /// Sets what [`unknowns`](Self::unknowns) gives.
+    /// Sets the components that [`unknowns`](Self::unknowns) returns.
     pub(crate) fn set_unknowns(&mut self, all: [f64; UNKNOWNS]) {
         let parts = self.expected.iter_mut().flatten();
         let parts = parts.chain(&mut self.in_effect_n).chain(&mut self.voltage_v).chain(&mut self.planned_a);
@@ -274,7 +271,7 @@ impl ControllerState {
     }
 }
 
-/// What a sample leads to.
+/// Result of a sample.
 struct Command {
     current_a: [f64; 3],
     voltage_v: [f64; 3],
@@ -283,7 +280,7 @@ struct Command {
     limited: bool,
 }
 
-/// Why a sample was refused. The state is unchanged, and no current is given.
+/// Why a sample was refused. The state is unchanged, and there are no new currents.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ControllerFault {
     /// An input is not finite.
@@ -294,7 +291,7 @@ pub enum ControllerFault {
         /// Its value.
         value: f64,
     },
-    /// The inputs are finite, but so large that what follows from them is not.
+    /// The inputs are finite, but so large that the results are not.
     #[error("sample {sample} leads to currents or estimates that are not finite")]
     Overflow {
         /// Number of the sample, from 0.
@@ -302,7 +299,7 @@ pub enum ControllerFault {
     },
 }
 
-/// A checked controller.
+/// A validated controller.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Controller {
     config: ControllerConfig,
@@ -315,7 +312,7 @@ pub struct Controller {
     ramp_gains: [f64; 3],
     /// `ρ_i`.
     decay: f64,
-    /// Part of the way to `F_0` that the smallest force goes in one sample.
+    /// Fraction of the way to `F_0` that the smallest force covers per sample.
     relax: f64,
 }
 
@@ -327,8 +324,8 @@ pub fn tracking_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 2] {
     [q * q / (step_s * step_s), q * (3.0 + rho) / (2.0 * step_s)]
 }
 
-/// `[k_0, k_1, k_2]`, in 1/s², 1/s and 1, that put the poles of the double integrator, whose input is a polygon with one corner
-/// per sample, at `ρ = exp(−ω T_s)`, ρ and 0.
+/// `[k_0, k_1, k_2]`, in 1/s², 1/s and 1, that put the poles of the double integrator with an input that is linear between
+/// samples at `ρ = exp(−ω T_s)`, ρ and 0.
 ///
 /// `k_0 = (1 − ρ)²/T_s²`, `k_1 = 2(1 − ρ)/T_s`, `k_2 = (1 − ρ) − (1 − ρ)²/6`.
 pub fn ramp_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 3] {
@@ -336,9 +333,9 @@ pub fn ramp_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 3] {
     [q * q / (step_s * step_s), 2.0 * q / step_s, q - q * q / 6.0]
 }
 
-/// Notes what is wrong with a modulation; a sample time that is refused itself refuses no frequency.
+/// Checks a modulation; a sample time that is itself refused restricts no frequency.
 fn check_modulation(modulation: f64, modulation_hz: f64, step_s: f64, checks: &mut Checks) {
-    checks.require((0.0..=1.0).contains(&modulation), "F0.modulation", modulation, "a part of F0 from 0 to 1");
+    checks.require((0.0..=1.0).contains(&modulation), "F0.modulation", modulation, "a fraction of F0 from 0 to 1");
     let highest_hz = if step_s.is_finite() && step_s > 0.0 { 0.5 / step_s } else { f64::INFINITY };
     checks.require(
         modulation_hz.is_finite() && modulation_hz > 0.0 && modulation_hz <= highest_hz,
@@ -348,7 +345,7 @@ fn check_modulation(modulation: f64, modulation_hz: f64, step_s: f64, checks: &m
     );
 }
 
-/// Revolutions, not below 0, less the whole ones.
+/// Revolutions, 0 or above, modulo 1.
 fn wrapped(revolutions: f64) -> f64 {
     revolutions - libm::floor(revolutions)
 }
@@ -388,13 +385,13 @@ impl Controller {
         })
     }
 
-    /// Takes over another modulation of the smallest force: `modulation` as a part of `F_0`, its frequency in Hz.
+    /// Changes the modulation of the smallest force: `modulation` as a fraction of `F_0`, its frequency in Hz.
     ///
-    /// The phase goes on without a jump.
+    /// The phase is continuous.
     ///
     /// # Errors
     /// `F0.modulation` outside 0 to 1; `F0.modulationFrequency` unless it is above 0 and at most half the sample rate. The
-    /// former values then stay.
+    /// former values then remain.
     pub fn retune(&mut self, modulation: f64, modulation_hz: f64) -> Result<(), Vec<Invalid>> {
         let mut checks = Checks::default();
         check_modulation(modulation, modulation_hz, self.config.step_s, &mut checks);
@@ -403,12 +400,12 @@ impl Controller {
         Ok(())
     }
 
-    /// The configuration, as it was retuned last.
+    /// The configuration, including the last retuning.
     pub fn config(&self) -> &ControllerConfig {
         &self.config
     }
 
-    /// The controller before its first sample, which is due at `start_s`, in s.
+    /// The state before the first sample, which is due at `start_s`, in s.
     pub fn start(&self, start_s: f64) -> ControllerState {
         ControllerState {
             samples: 0,
@@ -429,7 +426,7 @@ impl Controller {
         }
     }
 
-    /// Whether a state, for instance one read from a file, can be gone on with: its numbers are finite, its counts in order.
+    /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
     pub fn accepts(&self, state: &ControllerState) -> bool {
         let lists = state.expected.iter().flatten().chain(&state.in_effect_n).chain(&state.lambda_nm2_a2);
         let lists = lists.chain(&state.asked_n).chain(&state.voltage_v).chain(&state.planned_a);
@@ -439,7 +436,7 @@ impl Controller {
         self.reference.accepts(&state.reference) && counts && numbers.copied().all(f64::is_finite)
     }
 
-    /// What stands at the outputs before the first sample: no current, the first guess of λ, and where the reference begins.
+    /// The outputs before the first sample: no current, the first guess of λ, and the begin of the reference.
     pub fn output_at_start(&self) -> ControllerOutput {
         let begin = self.reference.ahead(&self.reference.start(), 0.0).map(|point| point.position_m);
         ControllerOutput {
@@ -455,11 +452,11 @@ impl Controller {
         state.start_s + state.samples as f64 * self.config.step_s
     }
 
-    /// Takes the sample that is due.
+    /// Processes the sample that is due.
     ///
     /// # Errors
-    /// [`ControllerFault`] if a number that is needed is not finite; the state is then unchanged, and the currents given
-    /// last are the last that have meaning. An estimate of λ that is of no use is no error: it is not used.
+    /// [`ControllerFault`] if a required number is not finite; the state is then unchanged, and the last currents remain the
+    /// last valid ones. An unusable estimate of λ is no error: it is not used.
     pub fn sample(
         &self,
         state: &mut ControllerState,
@@ -489,7 +486,7 @@ impl Controller {
         let here = self.reference.ahead(&state.reference, 0.0);
         let begin = self.reference.ahead(&state.reference, step_s);
         let end = self.reference.ahead(&state.reference, 2.0 * step_s);
-        // The error is that against the reference itself, not against what an observer makes of it.
+        // The tracking error refers to the reference itself, not to an observer's estimate of it.
         let reference_m = match self.config.reference.shape {
             Shape::External => input.reference_m,
             _ => here.map(|point| point.position_m),
@@ -533,7 +530,7 @@ impl Controller {
         }
     }
 
-    /// Currents to hold over the sample time that begins at the next sample, with the reference at its begin and its end.
+    /// Currents to hold over the sample time that begins at the next sample, with the reference at its begin and end.
     fn currents(
         &self,
         state: &mut ControllerState,
@@ -565,7 +562,7 @@ impl Controller {
         Command { current_a, voltage_v: [0.0; 3], force_n, saturated, limited: false }
     }
 
-    /// Voltages to hold over the sample time that begins at the next sample, with the reference at its begin and its end; the
+    /// Voltages to hold over the sample time that begins at the next sample, with the reference at its begin and end; the
     /// currents and gaps are those of this sample.
     fn voltages(
         &self,
@@ -582,7 +579,7 @@ impl Controller {
         let lambda = state.lambda_nm2_a2;
         let inductance = |k: usize, gap_m: f64| self.config.coil.of(lambda[k], self.config.gap_m).inductance_h(gap_m);
 
-        // Position at the next sample: the change of the force until then moves the rotor by less than a gap's rounding.
+        // Position at the next sample: the change of the force until then moves the rotor by less than the rounding of a gap.
         let now_n = self.magnets.resultant(state.in_effect_n);
         let next_m = std::array::from_fn(|a| self.observer.predict(estimate[a], now_n[a] / m)[0]);
         let next_gap_m = self.magnets.gaps(next_m).map(|gap| gap.max(floor_m));
@@ -625,7 +622,7 @@ impl Controller {
         Command { current_a: reference_a, voltage_v, force_n, saturated, limited: voltage_v != wanted_v }
     }
 
-    /// Takes the estimated λ over if it is time to, and hands the difference in force to the perturbation.
+    /// Uses the estimated λ when it is due, and adds the difference in force to the perturbation estimate.
     fn update_lambda(&self, state: &mut ControllerState, estimate: &mut [Estimate; 2], input: &ControllerInput) {
         let hat = input.lambda_hat_nm2_a2;
         let usable = input.lambda_valid && hat.iter().all(|lambda| lambda.is_finite() && *lambda > 0.0);
@@ -644,7 +641,7 @@ impl Controller {
             return;
         }
         let old_n = self.magnets.resultant(state.asked_n);
-        // The currents and gaps are what they were, so P(4) changes by the ratio of the λ.
+        // Currents and gaps are unchanged, so P(4) scales with the ratio of the λ.
         for k in 0..3 {
             state.in_effect_n[k] *= after[k] / before[k];
             state.asked_n[k] *= after[k] / before[k];
@@ -659,7 +656,7 @@ impl Controller {
         }
     }
 
-    /// `1 + a sin 2πφ` for the force that this sample asks for.
+    /// `1 + a sin 2πφ` for the force commanded at this sample.
     fn modulate(&self, state: &mut ControllerState) -> f64 {
         let ControllerConfig { modulation, modulation_hz, step_s, .. } = self.config;
         // Count × step, so that φ does not drift.
@@ -667,7 +664,7 @@ impl Controller {
             wrapped(state.base_rev + state.modulation_hz * ((sample - state.base_sample) as f64 * step_s))
         };
         if modulation_hz != state.modulation_hz {
-            // From the last force asked for on, f is another.
+            // f changes after the last commanded force.
             (state.base_rev, state.base_sample) = match state.samples.checked_sub(1) {
                 Some(last) => (phase_rev(state, last), last),
                 None => (wrapped(modulation_hz * self.ahead_s()), 0),
@@ -680,7 +677,8 @@ impl Controller {
         1.0 + modulation * libm::sin(TAU * phase_rev(state, state.samples))
     }
 
-    /// How long after its sample the force asked for is in effect, in s: held currents in the mean, voltages at the end.
+    /// Time from a sample to the instant for which its force is computed, in s: the middle of held currents, the end of
+    /// voltages.
     fn ahead_s(&self) -> f64 {
         let samples = match self.config.coil.drive {
             Drive::Current => 1.5,

@@ -12,10 +12,10 @@ use crate::plant::sensor::SensorConfig;
 
 /// `[Y, Z, Ẏ, Ż, ψ_1, ψ_2, ψ_3]`, in m, m/s and Wb: the states of the equations of motion.
 ///
-/// With current drive the fluxes follow the currents and are no states: they stay 0.
+/// With current drive the fluxes follow the currents and are not states: they stay 0.
 pub type Motion<T = f64> = [T; 7];
 
-/// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, t the absolute time.
+/// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, with t the absolute time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Harmonic<T = f64> {
     /// Amplitude, (y, z), in N.
@@ -33,7 +33,7 @@ impl Default for Harmonic {
     }
 }
 
-/// The bearing and the rotor's start.
+/// The bearing and the initial conditions of the rotor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlantConfig<T = f64> {
     /// Mass of the rotor `m`, in kg.
@@ -42,13 +42,13 @@ pub struct PlantConfig<T = f64> {
     pub gap_m: T,
     /// Angles `α_k` of the magnets as in P(3), in rad.
     pub alpha_rad: [T; 3],
-    /// `λ_k` of P(4), in N·m²/A²; may be retuned.
+    /// `λ_k` of P(4), in N·m²/A²; tunable.
     pub lambda_nm2_a2: [T; 3],
-    /// Unbalance `U`, mass × eccentricity, in kg·m; may be retuned.
+    /// Unbalance `U`, mass × eccentricity, in kg·m; tunable.
     pub unbalance_kgm: T,
-    /// Angle `φ` of the unbalance on the rotor, from y towards z, in rad; may be retuned.
+    /// Angle `φ` of the unbalance on the rotor, from y towards z, in rad; tunable.
     pub unbalance_phase_rad: T,
-    /// Harmonic perturbation; may be retuned.
+    /// Harmonic perturbation; tunable.
     pub harmonic: Harmonic<T>,
     /// Acceleration of gravity, (y, z), in m/s².
     pub gravity_m_s2: [T; 2],
@@ -56,11 +56,11 @@ pub struct PlantConfig<T = f64> {
     pub coil: CoilConfig<T>,
     /// The backup bearing.
     pub touchdown: TouchdownConfig<T>,
-    /// Position (Y, Z) at the start, in m.
+    /// Initial position (Y, Z), in m.
     pub position_m: [T; 2],
-    /// Velocity at the start, (y, z), in m/s.
+    /// Initial velocity, (y, z), in m/s.
     pub velocity_m_s: [T; 2],
-    /// Angle of the rotor at the start, in rad.
+    /// Initial angle of the rotor, in rad.
     pub theta_rad: T,
     /// The sensors.
     pub sensor: SensorConfig,
@@ -91,12 +91,12 @@ impl Default for PlantConfig {
     }
 }
 
-/// What acts on the plant.
+/// Inputs of the plant.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlantInput<T = f64> {
-    /// Currents of the magnets, in A; the sign has no effect on the force. Of no effect with voltage drive.
+    /// Currents of the magnets, in A; their sign has no effect on the force. Ignored with voltage drive.
     pub current_a: [T; 3],
-    /// Voltages asked of the amplifiers, in V. Of no effect with current drive.
+    /// Voltage commands of the amplifiers, in V. Ignored with current drive.
     pub voltage_v: [T; 3],
     /// Perturbation force on the rotor, (y, z), in N.
     pub perturbation_n: [T; 2],
@@ -104,14 +104,14 @@ pub struct PlantInput<T = f64> {
     pub omega_rad_s: T,
 }
 
-/// What the equations of motion depend on beside state and input.
+/// What the equations of motion depend on besides state and input.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Conditions<T = f64> {
     /// Absolute time, in s.
     pub time_s: T,
     /// Angle of the rotor, in rad.
     pub theta_rad: T,
-    /// Whether rotor and backup bearing push each other.
+    /// Whether rotor and backup bearing are in contact.
     pub contact: bool,
     /// Coils whose circuit is open.
     pub open: [bool; 3],
@@ -132,18 +132,19 @@ pub struct PlantOutput<T = f64> {
     pub force_n: [T; 3],
     /// Resultant of the magnets, (F_y, F_z), in N, P(3).
     pub resultant_n: [T; 2],
-    /// All forces but those of magnets and backup bearing, (y, z), in N.
+    /// All forces except those of magnets and backup bearing, (y, z), in N.
     pub perturbation_n: [T; 2],
-    /// Derivative of the flux linkage of each coil, `u − R i` with voltage drive, in V; 0 without, where it is no state.
+    /// Derivative of the flux linkage of each coil, `u − R i` with voltage drive, in V; 0 with current drive, where it is not a
+    /// state.
     pub induced_v: [T; 3],
-    /// Push of the backup bearing, (y, z), in N.
+    /// Force of the backup bearing, (y, z), in N.
     pub contact_n: [T; 2],
     /// Acceleration of the rotor, (y, z), in m/s².
     pub acceleration_m_s2: [T; 2],
 }
 
 impl<T> PlantOutput<T> {
-    /// The outputs with every number replaced by what `f` makes of it.
+    /// Applies `f` to every number.
     pub fn map<U>(self, f: impl Fn(T) -> U) -> PlantOutput<U> {
         PlantOutput {
             gap_m: self.gap_m.map(&f),
@@ -160,7 +161,7 @@ impl<T> PlantOutput<T> {
     }
 }
 
-/// The plant's equations with one set of parameters.
+/// The plant's equations for one set of parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Equations<T = f64> {
     /// The parameters.
@@ -169,7 +170,7 @@ pub struct Equations<T = f64> {
 }
 
 impl<T: Scalar> Equations<T> {
-    /// The equations with parameters that are in order, see [`Plant::new`](super::Plant::new).
+    /// The equations for validated parameters, see [`Plant::new`](super::Plant::new).
     pub fn new(config: PlantConfig<T>) -> Self {
         let geometry = Geometry::new(config.gap_m, config.alpha_rad);
         Self { config, geometry }
@@ -187,13 +188,13 @@ impl<T: Scalar> Equations<T> {
         self.config.coil.of(self.config.lambda_nm2_a2[k], self.config.gap_m)
     }
 
-    /// Whether the forces are those of P(4) with the currents of the input.
+    /// Whether the forces follow from P(4) with the currents of the input.
     #[inline]
     pub(super) fn is_plain(&self) -> bool {
         self.config.coil.drive == Drive::Current && self.config.coil.saturation_wb.value() == 0.0
     }
 
-    /// The coils at the given gaps, in m; `linkage_wb` counts with voltage drive, the currents of the input without.
+    /// The coils at the given gaps, in m, from `linkage_wb` with voltage drive, from the currents of the input otherwise.
     pub(super) fn coils(
         &self,
         open: [bool; 3],
@@ -202,7 +203,7 @@ impl<T: Scalar> Equations<T> {
         gap_m: [T; 3],
     ) -> [CoilPoint<T>; 3] {
         if self.is_plain() {
-            // P(4) as it stands, in the order of operations that gives the fewest roundings.
+            // P(4) literally, in the order of operations with the fewest roundings.
             let current_a = flowing(open, input.current_a);
             let force_n = forces(self.config.lambda_nm2_a2, current_a, gap_m);
             return std::array::from_fn(|k| {
@@ -231,8 +232,7 @@ impl<T: Scalar> Equations<T> {
         self.coils(open, linkage_wb, input, gap_m).map(|coil| coil.force_n)
     }
 
-    /// `dψ_k/dt = u_k − R i_k` with voltage drive, u_k within the limit of the amplifier; 0 without, or if the circuit is
-    /// open; in V.
+    /// `dψ_k/dt = u_k − R i_k` in V, u_k limited by the amplifier; 0 with current drive or if the circuit is open.
     fn induced_v(&self, open: [bool; 3], coils: &[CoilPoint<T>; 3], input: &PlantInput<T>) -> [T; 3] {
         let coil = &self.config.coil;
         std::array::from_fn(|k| {
@@ -243,12 +243,12 @@ impl<T: Scalar> Equations<T> {
         })
     }
 
-    /// All forces but those of magnets and backup bearing, (y, z), in N.
+    /// All forces except those of magnets and backup bearing, (y, z), in N.
     pub(super) fn perturbation(&self, input: &PlantInput<T>, time_s: T, theta_rad: T) -> [T; 2] {
         let Harmonic { amplitude_n, omega_rad_s, phase_rad } = &self.config.harmonic;
         let mut p = input.perturbation_n;
         for a in 0..2 {
-            // Without amplitude nothing is added, so that the common case costs no sine.
+            // Skipped at amplitude 0, so that the common case needs no sine.
             if !amplitude_n[a].is_zero() {
                 p[a] = p[a] + amplitude_n[a] * (*omega_rad_s * time_s + phase_rad[a]).sine();
             }
@@ -266,7 +266,7 @@ impl<T: Scalar> Equations<T> {
         p
     }
 
-    /// Push of the backup bearing, (y, z), in N; 0 without contact.
+    /// Force of the backup bearing, (y, z), in N; 0 without contact.
     fn contact_n(&self, x: &Motion<T>, input: &PlantInput<T>, contact: bool) -> [T; 2] {
         match contact {
             true => self.config.touchdown.force_n([x[0], x[1]], [x[2], x[3]], input.omega_rad_s),
@@ -279,7 +279,7 @@ impl<T: Scalar> Equations<T> {
     fn acceleration(&self, resultant_n: [T; 2], perturbation_n: [T; 2], contact_n: [T; 2]) -> [T; 2] {
         std::array::from_fn(|a| {
             let force_n = resultant_n[a] + perturbation_n[a];
-            // Without contact the sum keeps its bits, the sign of a zero included.
+            // Without contact the sum keeps its bits, including the sign of a zero.
             let force_n = if contact_n[a].is_zero() { force_n } else { force_n + contact_n[a] };
             force_n / self.config.m_kg
         })
@@ -287,13 +287,13 @@ impl<T: Scalar> Equations<T> {
 
     /// The right-hand side of the equations of motion, d/dt of [`Motion`]: a function of state, input and conditions.
     ///
-    /// Not a number outside the gap, where P(4) has no meaning. With current drive the fluxes have no derivative: 0.
+    /// NaN outside the gap, where P(4) has no meaning. With current drive the derivatives of the fluxes are 0.
     pub fn derivative(&self, x: &Motion<T>, input: &PlantInput<T>, conditions: Conditions<T>) -> Motion<T> {
         let perturbation_n = self.perturbation(input, conditions.time_s, conditions.theta_rad);
         self.derivative_under(x, input, conditions, perturbation_n)
     }
 
-    /// [`Equations::derivative`] with the perturbation known, in N.
+    /// [`Equations::derivative`] for a given perturbation, in N.
     pub(super) fn derivative_under(
         &self,
         x: &Motion<T>,
@@ -318,7 +318,7 @@ impl<T: Scalar> Equations<T> {
         [x[2], x[3], a_y, a_z, u_1, u_2, u_3]
     }
 
-    /// All outputs, for state, input and conditions of one instant.
+    /// All outputs for state, input and conditions at one instant.
     pub fn outputs(&self, x: &Motion<T>, input: &PlantInput<T>, conditions: Conditions<T>) -> PlantOutput<T> {
         let gap_m = self.gaps([x[0], x[1]]);
         let coils = self.coils(conditions.open, [x[4], x[5], x[6]], input, gap_m);

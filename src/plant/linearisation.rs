@@ -1,13 +1,12 @@
 //! Exact derivatives of the plant's equations, by arithmetic on truncated Taylor series.
 //!
-//! A [`Taylor`] is a number together with its first Taylor coefficients along some line. Put through the
-//! [`Equations`] of the plant, it carries their derivatives along: with two coefficients and a line through the space of
-//! states, inputs and parameters, the directional derivative ([`along`]); with more of them and the line of time, the
-//! derivatives of the outputs with respect to time ([`in_time`]). No difference quotients are taken, so that
-//! the results are exact to rounding.
+//! A [`Taylor`] is a number together with its first Taylor coefficients along some line. Evaluated with it, the [`Equations`]
+//! of the plant give derivatives as well: with two coefficients and a line through the space of states, inputs and parameters,
+//! the directional derivative ([`along`]); with more coefficients along time, the time derivatives of the outputs
+//! ([`in_time`]). There are no difference quotients: the results are exact to rounding.
 //!
-//! The arithmetic is our own because libraries of dual numbers call the platform's sine (and so give other bits on other
-//! platforms) and stop at a fixed order.
+//! The arithmetic is our own because libraries of dual numbers call the platform's sine, whose bits differ between platforms,
+//! and stop at a fixed order.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -28,7 +27,7 @@ impl<const N: usize> Taylor<N> {
 }
 
 impl<const N: usize> Scalar for Taylor<N> {
-    // The least p with 2^p ≥ N.
+    // The smallest p with 2^p ≥ N.
     const POLISHING: u32 = usize::BITS - N.saturating_sub(1).leading_zeros();
 
     fn constant(value: f64) -> Self {
@@ -59,7 +58,7 @@ impl<const N: usize> Scalar for Taylor<N> {
         (sine, cosine)
     }
 
-    // From r² = x² + y²; r must be above 0 for derivatives to exist.
+    // From r² = x² + y²; the derivatives exist only for r above 0.
     fn norm(self, other: Self) -> Self {
         let square = self * self + other * other;
         let mut root = Self::constant(libm::hypot(self.0[0], other.0[0]));
@@ -126,7 +125,7 @@ impl<const N: usize> Mul<f64> for Taylor<N> {
     }
 }
 
-/// All that the outputs of the plant follow from.
+/// Everything that the outputs of the plant depend on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point<T = f64> {
     /// Parameters.
@@ -135,12 +134,12 @@ pub struct Point<T = f64> {
     pub motion: Motion<T>,
     /// Inputs.
     pub input: PlantInput<T>,
-    /// Time, angle of the rotor, and what has no derivative.
+    /// Time, angle of the rotor, and discrete conditions.
     pub conditions: Conditions<T>,
 }
 
 impl Point {
-    /// Where a plant stands at the time `t_s`, in s.
+    /// The point of a plant at the time `t_s`, in s.
     pub fn of(plant: &Plant, state: &PlantState, input: &PlantInput, t_s: f64) -> Self {
         Self {
             config: plant.config().clone(),
@@ -152,7 +151,7 @@ impl Point {
 }
 
 impl<T: Scalar> Point<T> {
-    /// Number by number, what `join` makes of this point and another; what is no number is that of this point.
+    /// Combines this point with another, number by number; discrete values are taken from this one.
     pub fn with<U: Copy, V>(&self, other: &Point<U>, join: impl Fn(T, U) -> V) -> Point<V> {
         macro_rules! joined {
             ($type:ident { $($scalar:ident),*; $($list:ident),*; $($rest:ident: $value:expr),* } of $own:expr, $other:expr) => {
@@ -192,13 +191,13 @@ impl<T: Scalar> Point<T> {
     }
 }
 
-/// The outputs at a point and their derivatives in a direction, which has the units of the point.
+/// The outputs at a point and their derivatives in a direction, given in the units of the point.
 pub fn along(point: &Point, direction: &Point) -> PlantOutput<Taylor<2>> {
     point.with(direction, |value, slope| Taylor([value, slope])).outputs()
 }
 
-/// The motion from a point on, and its outputs, as Taylor series in time. `slopes[j]` are the derivatives of order j + 1
-/// of the inputs; with fewer of them than N − 1 the others are 0.
+/// The motion from a point on, and its outputs, as Taylor series in time. `slopes[j]` are the derivatives of order j + 1 of the
+/// inputs; missing ones are 0.
 pub fn in_time<const N: usize>(point: &Point, slopes: &[PlantInput]) -> (Point<Taylor<N>>, PlantOutput<Taylor<N>>) {
     let mut line = point.with(point, |value, _| Taylor::<N>::constant(value));
     let equations = Equations::new(line.config.clone());
@@ -216,7 +215,7 @@ pub fn in_time<const N: usize>(point: &Point, slopes: &[PlantInput]) -> (Point<T
     if N > 1 {
         conditions.time_s.0[1] = 1.0;
     }
-    // Each round makes one more coefficient of the states right: x_j+1 = ẋ_j / (j + 1).
+    // Each round yields one more coefficient of the states: x_j+1 = ẋ_j / (j + 1).
     for j in 0..N.saturating_sub(1) {
         let rate = equations.derivative(motion, input, *conditions);
         let over = 1.0 / (j + 1) as f64;

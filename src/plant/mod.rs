@@ -1,7 +1,8 @@
 //! The plant: the rotor between its magnets, with coils, backup bearing and sensors.
 //!
-//! Here are parameters, state and samples. The equations are in `equations.rs`, their integration in `substeps.rs` and [`integration`], inputs
-//! that change over a step in `trajectory.rs`, sensors in [`sensor`] and [`noise`], derivatives in [`linearisation`].
+//! This file holds parameters, state and sampling. The equations are in `equations.rs`, their integration in `substeps.rs` and
+//! [`integration`], inputs that change over a step in `trajectory.rs`, sensors in [`sensor`] and [`noise`], derivatives in
+//! [`linearisation`].
 //!
 //! ```text
 //! m Ÿ = Σ F_k sin α_k + p_y + c_y    P(6), P(3)
@@ -10,23 +11,23 @@
 //! dψ_k/dt = u_k − R i_k              with voltage drive, u_k within the limit of the amplifier
 //! ```
 //!
-//! `p` are all forces on the rotor but those of magnets and backup bearing: per axis a, with `t` the absolute time,
-//! `p_a + amplitude_a sin(ω_p t + phase_a) + m g_a`, and the unbalance `U ω² (cos(θ + φ), sin(θ + φ))` of axes (y, z).
-//! `c` is the push of the backup bearing, touchdown.rs.
+//! `p` are all forces on the rotor except those of magnets and backup bearing: per axis a, with `t` the absolute time, `p_a +
+//! amplitude_a sin(ω_p t + phase_a) + m g_a`, and the unbalance `U ω² (cos(θ + φ), sin(θ + φ))` of the axes (y, z). `c` is the
+//! force of the backup bearing, touchdown.rs.
 //!
 //! # Integration
 //!
-//! The classical Runge–Kutta method in equal sub-steps of at most `max_step_s`. Where the model itself is faster, a sub-step
-//! is divided until it is at most [`SAFETY`] over the fastest rate: that of the coils `R ∂i/∂ψ`, of the rotor in the field
-//! of the magnets `√(Σ 2F_k/gap_k/m)`, of the narrowest gap `|v|/gap`, and of a contact. The instant at which the rotor
-//! meets or leaves the backup bearing is located, and a sub-step ends there, so that no step runs across a kink.
+//! The classical Runge–Kutta method with equal sub-steps of at most `max_step_s`. Where the model is faster, a sub-step is
+//! divided until it is at most [`SAFETY`] over the fastest rate: that of the coils `R ∂i/∂ψ`, of the rotor in the field of the
+//! magnets `√(Σ 2F_k/gap_k/m)`, of the narrowest gap `|v|/gap`, and of a contact. The instant at which contact with the backup
+//! bearing begins or ends is located, and a sub-step ends there, so that none crosses a kink.
 //!
 //! # Samples
 //!
-//! The sensors read at `start + k · T_s`. A sample of the currents is the value just before the instant, that is the
-//! current held over the interval that ends there (`heldBefore`). Sample 0 is taken at the start; no current is held
-//! before it, so it reads 0 A. With voltage drive currents are continuous, and a sample is that of the instant (`linear`).
-//! Steps may have any length; see [`Plant::advance`].
+//! The sensors read at `start + k · T_s`. A sample of the currents is their value just before the instant, that is, the current
+//! held over the interval that ends there (`heldBefore`). Sample 0 is taken at the start; no current is held before it, so it
+//! reads 0 A. With voltage drive the currents are continuous, and a sample is their value at the instant (`linear`). Steps may
+//! have any length; see [`Plant::advance`].
 
 pub mod integration;
 pub mod linearisation;
@@ -53,35 +54,35 @@ pub use error::StepError;
 pub use substeps::{MOST_PARTS, SAFETY};
 pub use trajectory::{HIGHEST_ORDER, InputTrajectory};
 
-/// Part of the sensor step within which an instant counts as the end of a step.
+/// Fraction of the sensor step within which an instant counts as the end of a step.
 pub const INSTANT_TOLERANCE: f64 = 1e-3;
 
-/// Part of the sensor step up to which a difference in time is taken for rounding and removed.
+/// Fraction of the sensor step up to which a time difference is attributed to rounding and removed.
 ///
-/// Times that were added up differ in their last bits from those that were multiplied. With this, both give the same
-/// bits of position.
+/// Times that were summed up differ in their last bits from those that were multiplied. With this, both give the same bits of
+/// position.
 pub const ROUNDING_TOLERANCE: f64 = 1e-6;
 
 /// The shortest sensor step, and the shortest sub-step of the integration, in s.
 ///
-/// Shorter ones are lost in the rounding of the time, or never come to an end.
+/// Shorter ones are lost in the rounding of the time, or take forever.
 pub const SHORTEST_STEP_S: f64 = 1e-9;
 
-/// What the sensors read at their last instant.
+/// The last reading of the sensors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// Position (Y, Z), in m.
     pub position_m: [f64; 2],
-    /// Currents held over the interval that ended at the instant, or with voltage drive those of the instant, in A.
+    /// Currents held over the interval that ended at the instant, or with voltage drive those at the instant, in A.
     pub current_a: [f64; 3],
     /// Angle of the rotor, unwrapped, in rad.
     pub theta_rad: f64,
 }
 
-/// Where the plant stands; belongs to a [`Plant`].
+/// State of a [`Plant`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlantState {
-    /// Time up to which the plant has been advanced, in s.
+    /// Time of the state, in s.
     pub time_s: f64,
     /// Position (Y, Z), in m.
     pub position_m: [f64; 2],
@@ -89,19 +90,19 @@ pub struct PlantState {
     pub velocity_m_s: [f64; 2],
     /// Flux linkages of the coils, in Wb; 0 with current drive, where they follow from the currents.
     pub linkage_wb: [f64; 3],
-    /// Whether rotor and backup bearing push each other.
+    /// Whether rotor and backup bearing are in contact.
     pub contact: bool,
-    /// Coils whose circuit is open, so that they carry no current; may be changed between steps.
+    /// Coils whose circuit is open, so that they carry no current; may change between steps.
     pub open: [bool; 3],
     /// Angle of the rotor, unwrapped, in rad.
     pub theta_rad: f64,
-    /// The sample taken last.
+    /// The last sample.
     pub measured: Measured,
     /// Number of samples taken; sample k is that of `start + k · T_s`.
     pub samples: u64,
     /// Start time, in s.
     start_s: f64,
-    /// Where the angle has come from.
+    /// Integration of the angle.
     turn: Turn,
     /// Noise of Y, Z, and of the three currents.
     noise: [Noise; 5],
@@ -109,7 +110,7 @@ pub struct PlantState {
     delayed: DelayLine,
 }
 
-/// θ = `base + ω (t − since)`, the base moved when ω changes, so that a long run does not add up rounding.
+/// θ = `base + ω (t − since)`, with a new base when ω changes, so that a long run does not accumulate rounding.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Turn {
     base_rad: f64,
@@ -130,13 +131,13 @@ impl PlantState {
         [y, z, v_y, v_z, psi_1, psi_2, psi_3]
     }
 
-    /// What the equations depend on beside motion and input, at the time `t_s` in s.
+    /// The conditions of the equations at the time `t_s` in s.
     pub fn conditions(&self, t_s: f64) -> Conditions {
         Conditions { time_s: t_s, theta_rad: self.theta_rad, contact: self.contact, open: self.open }
     }
 }
 
-/// A plant with parameters that are in order.
+/// A plant with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plant {
     equations: Equations,
@@ -178,7 +179,7 @@ impl Plant {
         Ok(Self { equations: Equations::new(config) })
     }
 
-    /// The configuration, as it was retuned last.
+    /// The configuration, including the last retuning.
     pub fn config(&self) -> &PlantConfig {
         &self.equations.config
     }
@@ -188,7 +189,7 @@ impl Plant {
         &self.equations
     }
 
-    /// Changes the parameters that may change while running: λ in N·m²/A², unbalance in kg·m and rad, harmonic.
+    /// Changes the tunable parameters: λ in N·m²/A², unbalance in kg·m and rad, harmonic.
     ///
     /// # Errors
     /// As in [`Plant::new`]; nothing is changed then.
@@ -211,7 +212,7 @@ impl Plant {
         Ok(())
     }
 
-    /// The plant at its start, the time `start_s`, with sample 0 taken. With voltage drive no current flows yet.
+    /// The initial state, at the time `start_s`, with sample 0 taken. With voltage drive no current flows yet.
     pub fn start(&self, start_s: f64) -> PlantState {
         let config = self.config();
         let sample = Sample { position_m: config.position_m, current_a: [0.0; 3] };
@@ -242,13 +243,12 @@ impl Plant {
         self.advance_along(state, &InputTrajectory::held(input), t_s, h_s)
     }
 
-    /// Advances from `t_s` to `t_s + h_s`, in s, with inputs that change on the way. A sample of the currents is their
-    /// value just before the instant.
+    /// Advances from `t_s` to `t_s + h_s`, in s, with inputs that change over the step. A sample of the currents is their value
+    /// just before the instant.
     ///
-    /// The sensors read at every instant `start + k · T_s` in `(t, t + h]`. An instant within [`INSTANT_TOLERANCE`] of
-    /// `t + h` is read at `t + h`; at one inside, the step is divided. Each part is integrated in equal sub-steps, none
-    /// longer than `max_step_s`. A step of 0 changes nothing; one too short to move the time neither loses nor doubles
-    /// a sample.
+    /// The sensors read at every instant `start + k · T_s` in `(t, t + h]`. An instant within [`INSTANT_TOLERANCE`] of `t + h`
+    /// is read at `t + h`; one inside divides the step. Each segment is integrated in equal sub-steps, none longer than
+    /// `max_step_s`. A step of 0 changes nothing; one too short to change the time neither loses nor repeats a sample.
     ///
     /// # Errors
     /// [`StepError::Contact`] when the rotor leaves the gap; [`StepError::Fast`] if the step would not end;
@@ -297,7 +297,7 @@ impl Plant {
                     return Ok(());
                 }
             } else if taken_s <= sample_s {
-                // Of a sample taken and one delivered at the same instant, the one taken comes first.
+                // If one sample is taken and one delivered at the same instant, the first comes first.
                 state.delayed.take(sample);
             } else {
                 let delayed = state.delayed.sample(state.samples);
@@ -307,15 +307,15 @@ impl Plant {
         }
     }
 
-    /// Whether a state, for instance one read from a file, is such that this plant can go on with it at `t_s`, in s: its
-    /// numbers are finite, the rotor is inside the gap, and the samples before `t_s` are taken, those after it are not.
+    /// Whether a state, for instance one read from a file, belongs to this plant at `t_s`, in s: its numbers are finite, the
+    /// rotor is inside the gap, all samples before `t_s` are taken and none after it.
     pub fn accepts(&self, state: &PlantState, t_s: f64) -> bool {
         let step_s = self.config().sensor.step_s;
         let Turn { base_rad, since_s, omega_rad_s } = state.turn;
         let numbers = [state.time_s, state.start_s, state.theta_rad, base_rad, since_s, omega_rad_s, t_s];
         let mut numbers = numbers.iter().chain(&state.position_m).chain(&state.velocity_m_s).chain(&state.linkage_wb);
         let inside = self.equations.gaps(state.position_m).iter().all(|gap| *gap > 0.0);
-        // Importers may begin a step a little beside the end of the last one.
+        // Importers may begin a step slightly off the end of the last one.
         let beside_s = step_s + 1e-6 * t_s.abs().max(1.0);
         let instant_s = |count: u64| state.start_s + count as f64 * step_s;
         let taken = instant_s(state.samples) >= t_s - beside_s && instant_s(state.samples.max(1) - 1) <= t_s + beside_s;
@@ -333,17 +333,17 @@ impl Plant {
         state.start_s + (state.samples.max(1) - 1) as f64 * self.config().sensor.step_s
     }
 
-    /// The shortest step inside: that of the sensors or of the integration, in s.
+    /// The shorter of sensor step and integration step, in s: the base step of the plant.
     pub fn grain_s(&self) -> f64 {
         self.config().sensor.step_s.min(self.config().max_step_s)
     }
 
-    /// The outputs at the time `t_s`, in s, at which the state stands.
+    /// The outputs at the time `t_s` of the state, in s.
     pub fn outputs(&self, state: &PlantState, input: &PlantInput, t_s: f64) -> PlantOutput {
         self.equations.outputs(&state.motion(), input, state.conditions(t_s))
     }
 
-    /// Position and currents as a sensor without errors samples them at the end of a step with that input.
+    /// Position and currents that ideal sensors sample at the end of a step with that input.
     fn sample(&self, state: &PlantState, input: &PlantInput) -> Sample {
         let current_a = match self.config().coil.drive {
             Drive::Current => equations::flowing(state.open, input.current_a),
@@ -355,7 +355,7 @@ impl Plant {
         Sample { position_m: state.position_m, current_a }
     }
 
-    /// Delivers a sample, with the errors of the sensors.
+    /// Delivers a sample, with the sensor errors added.
     fn deliver(&self, state: &mut PlantState, sample: Sample) {
         let Sample { position_m, current_a } = self.config().sensor.read(&sample, &mut state.noise);
         state.measured = Measured { position_m, current_a, theta_rad: state.theta_rad };
@@ -363,7 +363,7 @@ impl Plant {
     }
 }
 
-/// A step has to be finite and long enough to be resolved.
+/// A step must be finite and long enough to be resolved.
 pub(crate) fn check_step(name: &'static str, step_s: f64, checks: &mut Checks) {
     checks.require(
         step_s.is_finite() && step_s >= SHORTEST_STEP_S,
@@ -394,7 +394,7 @@ fn check_tunable(
     }
 }
 
-/// Refuses a rotor that starts at a magnet, by the coordinate that takes it there.
+/// Refuses a rotor that starts at a magnet; the finding names the coordinate that brings it there.
 fn check_start(config: &PlantConfig, magnets: &Magnets, checks: &mut Checks) {
     let [y, z] = config.position_m;
     let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());

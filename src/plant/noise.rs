@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// A generator of Gaussian noise for one channel; its value is its whole state.
 ///
-/// Each channel has a generator of its own, so that switching the noise of one channel on does not change another.
+/// Each channel has its own generator, so that noise on one channel does not change another.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
     generator: Pcg64,
@@ -21,19 +21,19 @@ impl Noise {
 
     /// The next number of the standard normal distribution, by Box and Muller.
     ///
-    /// Every draw takes two numbers from the generator, so that draw k is the same whatever the values before it.
-    /// Logarithm and cosine come from `libm`: the same seed gives the same bits everywhere.
+    /// Every draw takes two numbers from the generator, so that draw k does not depend on earlier values. Logarithm and cosine
+    /// come from `libm`: the same seed gives the same bits everywhere.
     pub fn standard_normal(&mut self) -> f64 {
         const UNIT: f64 = 1.0 / (1u64 << 53) as f64;
-        // In (0, 1], as the logarithm of 0 is not wanted, and in [0, 1).
+        // In (0, 1], to avoid the logarithm of 0, and in [0, 1).
         let a = ((self.generator.next_u64() >> 11) + 1) as f64 * UNIT;
         let b = (self.generator.next_u64() >> 11) as f64 * UNIT;
         (-2.0 * libm::log(a)).sqrt() * libm::cos(std::f64::consts::TAU * b)
     }
 
-    /// `value` with noise of the given standard deviation, in the unit of `value`.
+    /// `value` plus noise of the given standard deviation, in the unit of `value`.
     ///
-    /// A standard deviation of 0 returns `value` itself, to the bit, and draws nothing.
+    /// A standard deviation of 0 returns `value` exactly, and draws nothing.
     pub fn measure(&mut self, value: f64, standard_deviation: f64) -> f64 {
         if standard_deviation == 0.0 { value } else { value + standard_deviation * self.standard_normal() }
     }

@@ -1,7 +1,7 @@
 //! Sensors of position and current: gain error, offset, noise, resolution, delay.
 //!
 //! ```text
-//! reading = round((1 + gain error) x(t − delay) + offset + noise)    to whole multiples of the resolution
+//! reading = round((1 + gain error) x(t − delay) + offset + noise)    to multiples of the resolution
 //! ```
 //!
 //! A parameter of 0 switches its effect off exactly. The angle of the rotor comes from an encoder without errors.
@@ -27,17 +27,17 @@ pub struct SensorConfig {
     pub step_s: f64,
     /// Seed of the noise; the same seed gives the same noise.
     pub seed: u64,
-    /// Resolution of the position, in m; 0 for one without limit.
+    /// Resolution of the position, in m; 0 for no rounding.
     pub position_resolution_m: f64,
-    /// Resolution of the current, in A; 0 for one without limit.
+    /// Resolution of the current, in A; 0 for no rounding.
     pub current_resolution_a: f64,
-    /// Readings Ym and Zm of a rotor in the centre, in m.
+    /// Offsets: readings Ym and Zm with the rotor in the centre, in m.
     pub position_offset_m: [f64; 2],
-    /// Readings of the currents without current, in A.
+    /// Offsets: readings without current, in A.
     pub current_offset_a: [f64; 3],
-    /// Relative error of the gain of Ym and Zm.
+    /// Relative gain errors of Ym and Zm.
     pub position_gain_error: [f64; 2],
-    /// Relative error of the gain of the readings of the currents.
+    /// Relative gain errors of the current sensors.
     pub current_gain_error: [f64; 3],
     /// Delay of positions and currents, in s.
     pub delay_s: f64,
@@ -63,7 +63,7 @@ impl Default for SensorConfig {
 }
 
 impl SensorConfig {
-    /// Reports what is wrong, by the names of the interface.
+    /// Reports invalid parameters by their names in the interface.
     pub(crate) fn check(&self, checks: &mut Checks) {
         checks.not_negative("sensor.positionNoise", self.position_noise_m, "m");
         checks.not_negative("sensor.currentNoise", self.current_noise_a, "A");
@@ -88,7 +88,7 @@ impl SensorConfig {
         for (name, error) in GAINS.into_iter().zip(errors) {
             checks.require(error.is_finite() && error > -1.0, name, error, "a finite number above -1");
         }
-        // A sample time that was refused is not held against the delay as well.
+        // A sample time that was refused restricts no delay.
         let longest_s = LONGEST_DELAY as f64 * self.step_s;
         checks.require(
             self.delay_s >= 0.0 && (self.delay_s <= longest_s || !(longest_s.is_finite() && longest_s > 0.0)),
@@ -98,7 +98,7 @@ impl SensorConfig {
         );
     }
 
-    /// What the sensors read of a true sample, with noise of Y, Z, and the three currents.
+    /// The reading of a true sample, with noise of Y, Z, and the three currents.
     pub fn read(&self, truth: &Sample, noise: &mut [Noise; 5]) -> Sample {
         let [noise_y, noise_z, noise_1, noise_2, noise_3] = noise;
         let position = |a: usize, noise: &mut Noise| {
@@ -120,7 +120,7 @@ fn with_errors(value: f64, gain_error: f64, offset: f64) -> f64 {
     if gain_error == 0.0 && offset == 0.0 { value } else { (1.0 + gain_error) * value + offset }
 }
 
-/// `value` as the nearest whole multiple of `resolution`.
+/// `value` rounded to a multiple of `resolution`.
 fn rounded(value: f64, resolution: f64) -> f64 {
     if resolution == 0.0 { value } else { (value / resolution).round() * resolution }
 }
@@ -143,18 +143,18 @@ pub struct DelayLine {
 }
 
 impl DelayLine {
-    /// Samples that would have been taken before the start are those of the start.
+    /// Samples before the start equal the one at the start.
     pub fn new(at_start: Sample, delay_samples: f64) -> Self {
         Self { taken: delay_samples as u64 + 1, ring: [at_start; LONGEST_DELAY + 1] }
     }
 
-    /// Takes one more sample.
+    /// Adds a sample.
     pub fn take(&mut self, now: Sample) {
         self.ring[(self.taken % (LONGEST_DELAY as u64 + 1)) as usize] = now;
         self.taken += 1;
     }
 
-    /// Sample k, if it is one of the last that were taken.
+    /// Sample k, if it is among the last ones taken.
     pub fn sample(&self, k: u64) -> Sample {
         self.ring[(k % (LONGEST_DELAY as u64 + 1)) as usize]
     }

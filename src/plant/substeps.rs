@@ -1,4 +1,4 @@
-//! Integration over a part of a step: sub-steps, their length, and where contact begins and ends.
+//! Integration over a segment of a step: sub-steps, their length, and where contact begins and ends.
 
 use std::cell::Cell;
 
@@ -9,24 +9,22 @@ use super::{
 use crate::bearing::coil::Drive;
 use crate::plant::integration::{rk4, substeps};
 
-/// A sub-step is at most this part of the reciprocal of the fastest rate of the model.
+/// Upper bound of a sub-step, as a fraction of the reciprocal of the fastest rate of the model.
 ///
-/// The error of a step of the Runge–Kutta method is then about `SAFETY⁵/120`, a ten millionth, of what decays or oscillates at
-/// that rate.
+/// The error of a Runge–Kutta step is then about `SAFETY⁵/120`, 10⁻⁷, of what decays or oscillates at that rate.
 pub const SAFETY: f64 = 0.1;
 
-/// The most parts that one call integrates over; some seconds of computing.
+/// The most sub-steps of one call; some seconds of computing.
 pub const MOST_PARTS: usize = 3_000_000;
 
-/// How many meetings with the backup bearing are located within one sub-step; further ones are stepped across.
+/// The most contact events located within one sub-step; further ones are ignored until its end.
 const MOST_CROSSINGS: usize = 8;
 
-/// Halvings by which such an instant is located: to a millionth of a millionth of the sub-step.
+/// Bisections that locate such an event: to 10⁻¹² of the sub-step.
 const HALVINGS: usize = 40;
 
 impl Plant {
-    /// Integrates over a part of a step, from one time over a length, that has no sample inside; the state then stands at
-    /// its end.
+    /// Integrates over a segment, `length_s` from `from_s`, without a sample inside; the state ends at its end.
     pub(super) fn integrate(
         &self,
         state: &mut PlantState,
@@ -51,8 +49,8 @@ impl Plant {
                 state.linkage_wb[k] = 0.0;
             }
         }
-        // Time, angle and force of the perturbation computed last: two of the four slopes of a sub-step are taken at one instant, and
-        // the last one mostly where the next sub-step begins.
+        // Time, angle and force of the last perturbation computed: two of the four slopes of a sub-step are at one instant, and
+        // the last one is usually where the next sub-step begins.
         let latest = Cell::new(None);
         for j in 0..n {
             let t = from_s + j as f64 * h;
@@ -62,15 +60,14 @@ impl Plant {
         state.time_s = end_s;
         state.theta_rad = theta_rad(&state.turn, from_s + length_s);
         if !evenly {
-            // The next part begins with an angle and a speed of its own.
+            // The next segment begins with its own angle and speed.
             let omega_rad_s = inputs.at(from_s + length_s).omega_rad_s;
             state.turn = Turn { base_rad: state.theta_rad, since_s: from_s + length_s, omega_rad_s };
         }
         Ok(())
     }
 
-    /// Integrates over one sub-step from `t_s` over `h_s`, divided where the model is faster and where contact begins or
-    /// ends.
+    /// Integrates over one sub-step of `h_s` from `t_s`, divided where the model is faster and where contact begins or ends.
     fn sub_step(
         &self,
         state: &mut PlantState,
@@ -156,7 +153,7 @@ impl Plant {
         Ok(())
     }
 
-    /// [`SAFETY`] over the fastest rate of the model where it stands, in s.
+    /// [`SAFETY`] over the fastest rate of the model in this state, in s.
     fn longest_step_s(&self, state: &PlantState, input: &PlantInput) -> f64 {
         let m = self.config().m_kg;
         let gap_m = self.equations.gaps(state.position_m);
@@ -186,8 +183,8 @@ impl Plant {
         (SAFETY / rate).max(SHORTEST_STEP_S)
     }
 
-    /// Begin and length of a part, rounding removed: a begin at a sample instant is that instant, a length of
-    /// one sensor step is that step.
+    /// Begin and length of a segment, with rounding removed: a begin at a sample instant becomes that instant, a length of one
+    /// sensor step becomes that step.
     fn without_rounding(&self, state: &PlantState, from_s: f64, length_s: f64) -> (f64, f64) {
         let step_s = self.config().sensor.step_s;
         let rounding = ROUNDING_TOLERANCE * step_s;

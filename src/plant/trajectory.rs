@@ -3,22 +3,22 @@
 use super::PlantInput;
 use super::error::StepError;
 
-/// The highest order of a derivative of an input that an [`InputTrajectory`] knows.
+/// The highest order of an input derivative in an [`InputTrajectory`].
 pub const HIGHEST_ORDER: usize = 4;
 
-/// What acts on the plant over a step, as polynomials: `u(t) = u + Σ_j d_j (t − t_0)^j / j!`.
+/// Inputs over a step, as polynomials: `u(t) = u + Σ_j d_j (t − t_0)^j / j!`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InputTrajectory {
     /// u, at the time `since_s`.
     pub input: PlantInput,
-    /// d_1, d_2, …; in the unit of the input over powers of seconds. `None` holds the inputs.
+    /// d_1, d_2, …; in the unit of the input per power of seconds. `None` holds the inputs.
     pub slopes: Option<[PlantInput; HIGHEST_ORDER]>,
     /// t_0, in s.
     pub since_s: f64,
 }
 
 impl InputTrajectory {
-    /// Inputs that are held.
+    /// Constant inputs.
     pub fn held(input: &PlantInput) -> Self {
         Self { input: input.clone(), slopes: None, since_s: 0.0 }
     }
@@ -43,7 +43,7 @@ impl InputTrajectory {
         input
     }
 
-    /// Whether ω is held.
+    /// Whether ω is constant.
     pub(super) fn turns_evenly(&self) -> bool {
         self.slopes.as_ref().is_none_or(|slopes| slopes.iter().all(|slope| slope.omega_rad_s == 0.0))
     }

@@ -1,5 +1,5 @@
-//! What a bearing engineer looks for in a run: displacement and clearance, harmonics of the speed, currents, voltages, loads,
-//! sensitivity.
+//! The figures of a run that matter to a bearing engineer: displacement and clearance, harmonics of the speed, currents,
+//! voltages, loads, sensitivity.
 
 use std::f64::consts::TAU;
 
@@ -12,25 +12,25 @@ use crate::simulation::simulate::Run;
 use crate::studies::sensitivity::{NoSensitivity, SampledLoop, zone};
 use crate::table::Table;
 
-/// How many revolutions the figures are taken over, and how long where the rotor hardly turns, in s.
+/// Revolutions over which the figures are taken, and the same time in s where the rotor hardly turns.
 const REVOLUTIONS: f64 = 2.0;
 const WITHOUT_TURNING_S: f64 = 0.05;
-/// Figures of two stretches stand beside each other if their speeds differ by no more than this part.
+/// Figures of two intervals are compared only if their speeds differ by no more than this fraction.
 const SAME_SPEED: f64 = 0.01;
-/// Amplitude of the sine that is injected to confirm the sensitivity function, in m.
+/// Amplitude of the sine injected to confirm the sensitivity function, in m.
 const INJECTED_M: f64 = 0.02e-6;
-/// Samples of an injection, and the periods within them.
+/// Samples of an injection, and its number of periods.
 const SAMPLES: usize = 2000;
 const PERIODS: [usize; 7] = [2, 6, 20, 40, 80, 160, 400];
 
-/// A stretch of the run: samples from and up to.
+/// An interval of the run, by sample index.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stretch {
     /// `before` or `after` the update, or `end of the run`.
     pub name: &'static str,
     /// First sample.
     pub from: usize,
-    /// One beyond the last sample.
+    /// One past the last sample.
     pub to: usize,
 }
 
@@ -46,7 +46,7 @@ impl Stretch {
     }
 }
 
-/// The sample at which the controller first took an estimate over, if it ever did.
+/// The sample at which the controller first used an estimate, if any.
 #[must_use]
 pub fn update(recording: &Recording) -> Option<usize> {
     let changed = |k: usize| {
@@ -56,14 +56,14 @@ pub fn update(recording: &Recording) -> Option<usize> {
     (1..=3).filter_map(changed).min().filter(|update| *update > 1)
 }
 
-/// When the controller first took an estimate over, in s: at the begin of the step after which its output shows it.
+/// When the controller first used an estimate, in s: at the begin of the step after which its output shows it.
 #[must_use]
 pub fn update_s(recording: &Recording) -> Option<f64> {
     update(recording).map(|update| recording.time_s[update - 1])
 }
 
-/// The last whole revolutions before the update and those of the run; those of the run alone where there was no update, and
-/// where the rotor turns at another speed in the end, for then there is nothing to compare.
+/// The last whole revolutions before the update and those of the run; only the latter if there was no update, or if the final
+/// speed differs, which leaves nothing to compare.
 #[must_use]
 pub fn stretches(recording: &Recording) -> Vec<Stretch> {
     let time_s = &recording.time_s;
@@ -92,9 +92,9 @@ pub fn stretches(recording: &Recording) -> Vec<Stretch> {
     }
 }
 
-/// Amplitude of harmonic n of the rotor's angle in a signal, over whole revolutions.
+/// Amplitude of harmonic n of the rotor angle in a signal, over whole revolutions.
 fn harmonic(signal: &[f64], theta: &[f64], n: f64) -> f64 {
-    // By the trapezoidal rule over the angle, so that a speed that changes does no harm.
+    // Trapezoidal rule over the angle, so that a varying speed does no harm.
     let (mut re, mut im, mut turned) = (0.0, 0.0, 0.0);
     for (x, angle) in signal.windows(2).zip(theta.windows(2)) {
         let width = angle[1] - angle[0];
@@ -105,7 +105,7 @@ fn harmonic(signal: &[f64], theta: &[f64], n: f64) -> f64 {
     if turned == 0.0 { 0.0 } else { 2.0 * re.hypot(im) / turned.abs() }
 }
 
-/// The table of figures; `None` when the recording is too short.
+/// The table of figures; `None` if the recording is too short.
 pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> Option<Table> {
     let stretches = Some(stretches(&run.recording)).filter(|stretches| !stretches.is_empty())?;
     let plant = scenario.closed_loop().ok()?.plant;
@@ -120,7 +120,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> O
     let peak = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
     let radius = |s: &Stretch| peak(&mut (s.from..s.to).map(|k| y[k].hypot(z[k])));
     row("largest displacement from the centre".into(), "µm", &|s| format!("{:.2}", radius(s) * 1e6));
-    row("the same, of the clearance".into(), "%", &|s| format!("{:.1}", 100.0 * radius(s) / clearance_m));
+    row("largest displacement / clearance".into(), "%", &|s| format!("{:.1}", 100.0 * radius(s) / clearance_m));
     if let (Some(ry), Some(rz)) = (get("controller.reference.Y"), get("controller.reference.Z")) {
         let error = |k: usize| (y[k] - ry[k]).hypot(z[k] - rz[k]);
         row("largest tracking error, radial".into(), "µm", &|s| {
@@ -189,7 +189,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> O
     })
 }
 
-/// Sensitivity functions before and after the update, or the one; what stands in the way as text.
+/// Sensitivity functions before and after the update, or the only one; with the reason where there is none.
 pub fn sensitivities(scenario: &Scenario, run: &Run) -> Vec<Sensitivity> {
     let stretches = stretches(&run.recording);
     // A run that could begin has configurations.

@@ -1,4 +1,4 @@
-//! What a run says in numbers, and its report page.
+//! The results of a run in numbers, and its report page.
 
 use std::path::Path;
 
@@ -11,16 +11,16 @@ use crate::simulation::simulate::Run;
 use crate::table::Table;
 use fmu_export::variable::{Type, Value, Variable};
 
-/// Estimates of the paper: figure 2, simulation, after less than 0.1 s.
+/// Estimates in the paper: figure 2, simulation, after less than 0.1 s.
 const PAPER_LAMBDA: [f64; 3] = [1.786e-6, 2.072e-6, 2.199e-6];
-/// What the paper says its perturbation estimates fall by, at least.
+/// Reduction of the perturbation estimates that the paper reports.
 const PAPER_RATIO: &str = "at least 3";
 /// Instants at which estimates are compared.
 const INSTANTS_S: [f64; 2] = [0.1, 0.2];
-/// Length of the stretches before and after the update over which errors are taken, in seconds.
+/// Length of the intervals before and after the update over which errors are taken, in seconds.
 const STRETCH_S: f64 = 0.04;
 
-/// Whether the scenario is the paper's, so that its figures can stand beside ours.
+/// Whether the scenario is the paper's, so that its numbers can be compared with ours.
 fn is_paper(name: &Path, scenario: &Scenario) -> bool {
     name == Path::new("paper") && scenario.changes.is_empty()
 }
@@ -30,7 +30,7 @@ fn closed_loop(scenario: &Scenario) -> Loop {
     scenario.closed_loop().expect("a scenario that can be run has configurations")
 }
 
-/// The estimators of a scenario: those that run beside the loop, or that of the loop where there are none.
+/// The estimators of a scenario: those beside the loop, or that of the loop if there are none.
 fn methods(scenario: &Scenario) -> Vec<Method> {
     let beside = scenario.observers();
     if beside.is_empty() {
@@ -41,14 +41,14 @@ fn methods(scenario: &Scenario) -> Vec<Method> {
     beside.iter().map(|element| Method::from(element.name.as_str())).collect()
 }
 
-/// The tables of results of the scenario of that name.
+/// The tables of results of a scenario.
 pub fn tables(name: &Path, scenario: &Scenario, run: &Run) -> Vec<Table> {
     let mut tables = vec![estimates(scenario, run, is_paper(name, scenario))];
     tables.extend(tracking(run, is_paper(name, scenario)));
     tables
 }
 
-/// λ̂ of every method at the instants, beside the truth and the paper's.
+/// λ̂ of every method at the instants, beside the true values and the paper's.
 fn estimates(scenario: &Scenario, run: &Run, paper: bool) -> Table {
     let truth = closed_loop(scenario).plant.lambda_nm2_a2;
     let head = ["", "λ1", "λ2", "λ3", "error 1", "error 2", "error 3", "valid"];
@@ -88,7 +88,8 @@ fn estimates(scenario: &Scenario, run: &Run, paper: bool) -> Table {
     }
 }
 
-/// What a harmonic perturbation in phase with the path costs any estimator that does not know of it.
+/// The error that a harmonic perturbation in phase with the reference trajectory causes in any estimator that does not model
+/// it.
 fn coherence_note(scenario: &Scenario) -> String {
     let Loop { plant, controller, .. } = closed_loop(scenario);
     let force_n = plant.harmonic.amplitude_n[1];
@@ -100,13 +101,13 @@ fn coherence_note(scenario: &Scenario) -> String {
     }
     let inertia_n = plant.m_kg * omega * omega * controller.reference.r_z_m;
     format!(
-        "The perturbation along z runs in phase with the path: {force_n} N beside m ω² r_Z = {inertia_n:.1} N look like \
-         magnets weaker by {:.2} %. No filter takes that away; the paper's method reads it as λ. ",
+        "The perturbation along z is in phase with the reference trajectory: {force_n} N beside m ω² r_Z = \
+         {inertia_n:.1} N look like magnets weaker by {:.2} %. No filter removes that; the paper's method attributes it to λ. ",
         100.0 * force_n / (inertia_n + force_n)
     )
 }
 
-/// How far the literal reading of P(20) strays, if it was run.
+/// How large the estimates of the literal P(20) become, if it was run.
 fn literal_note(scenario: &Scenario, run: &Run, truth: &[f64; 3]) -> String {
     if !scenario.observers().iter().any(|element| element.name == "paperLiteral") {
         return String::new();
@@ -131,7 +132,7 @@ fn literal_note(scenario: &Scenario, run: &Run, truth: &[f64; 3]) -> String {
     )
 }
 
-/// Three signals at an instant; `None` when the run did not get there.
+/// Three signals at an instant; `None` if the run ended before.
 fn at(run: &Run, instant_s: f64, name: impl Fn(usize) -> String) -> Option<[f64; 3]> {
     let row = run.recording.time_s.iter().position(|time_s| *time_s >= instant_s - 1e-9)?;
     let mut values = [0.0; 3];
@@ -153,7 +154,7 @@ fn percent(value: f64) -> String {
 
 /// Tracking error and peak-to-peak value of the perturbation estimate before and after the update.
 fn tracking(run: &Run, paper: bool) -> Option<Table> {
-    // Another speed in the end leaves nothing to compare.
+    // If the speed has changed there is nothing to compare.
     if evaluation::stretches(&run.recording).len() < 2 {
         return None;
     }
@@ -181,7 +182,7 @@ fn tracking(run: &Run, paper: bool) -> Option<Table> {
             "slightly smaller after",
         ));
         rows.push(row(
-            format!("observed perturbation, peak to peak, {letter}"),
+            format!("estimated perturbation, peak to peak, {letter}"),
             [peak_to_peak(estimate, before)?, peak_to_peak(estimate, after)?],
             "N",
             PAPER_RATIO,
@@ -195,7 +196,7 @@ fn tracking(run: &Run, paper: bool) -> Option<Table> {
     }
     let mut head = ["", "before", "after", "unit", "before : after", "paper"].map(String::from).to_vec();
     if !paper {
-        // The paper's words stand beside its own scenario alone.
+        // The paper's numbers belong to its own scenario only.
         head.pop();
         rows.iter_mut().for_each(|row| drop(row.pop()));
     }
@@ -216,13 +217,13 @@ fn row(name: String, [before, after]: [f64; 2], unit: &str, paper: &str) -> Vec<
     vec![name, format!("{before:.3}"), format!("{after:.3}"), unit.into(), ratio, paper.into()]
 }
 
-/// Least and greatest value over a stretch of time.
+/// Smallest and largest value over an interval.
 fn over(run: &Run, signal: &[f64], (from_s, to_s): (f64, f64)) -> Option<(f64, f64)> {
     let within = run.recording.time_s.iter().zip(signal).filter(|(time_s, _)| (from_s..=to_s).contains(*time_s));
     within.map(|(_, value)| (*value, *value)).reduce(|(low, high), (value, _)| (low.min(value), high.max(value)))
 }
 
-/// What the loop's estimator says in the end.
+/// The final answer of the loop's estimator.
 fn answer(scenario: &Scenario, run: &Run) -> Option<Answer> {
     let column = |name: &str| run.recording.get(&format!("estimator.{name}"));
     let last = |name: &str| {
@@ -261,7 +262,7 @@ fn answer(scenario: &Scenario, run: &Run) -> Option<Answer> {
     })
 }
 
-/// What is worth a mark in the plots: updates, coils that open and close, changes of λ, touchdown.
+/// Events to mark in the plots: updates, coils that open and close, changes of λ, touchdown.
 fn events(scenario: &Scenario, run: &Run) -> Vec<Event> {
     let mut events = Vec::new();
     let time_s = &run.recording.time_s;
@@ -298,12 +299,12 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<Event> {
         mark(time_s[at + 1], "touchdown".into());
     }
     if let Some(at) = contact.windows(2).rposition(|pair| pair[0] == 1.0 && pair[1] == 0.0) {
-        mark(time_s[at + 1], "free again".into());
+        mark(time_s[at + 1], "contact ends".into());
     }
     events
 }
 
-/// The report page of a run of the scenario of that name, made by that command.
+/// The report page of a run of a scenario, made by that command.
 pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> String {
     let sensitivities = evaluation::sensitivities(scenario, run);
     let mut tables = tables(name, scenario, run);
@@ -334,7 +335,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
     report::page(&report)
 }
 
-/// Every parameter and unconnected input of the loop.
+/// All parameters and unconnected inputs of the loop.
 fn parameters(scenario: &Scenario) -> Vec<Parameter> {
     let connections = scenario.connections();
     let mut parameters = Vec::new();
@@ -357,7 +358,7 @@ fn parameters(scenario: &Scenario) -> Vec<Parameter> {
     parameters
 }
 
-/// A value in the unit in which people read it.
+/// A value in its display unit.
 fn shown(variable: &Variable, value: Value) -> String {
     match (&variable.kind, value) {
         (Type::Real { unit, display, .. }, Value::Real(value)) => {
@@ -376,7 +377,7 @@ fn shown(variable: &Variable, value: Value) -> String {
     }
 }
 
-/// A number without the digits that a conversion between units adds.
+/// A number without the digits that a unit conversion adds.
 fn rounded(value: f64) -> String {
     let rounded: f64 = format!("{value:.11e}").parse().unwrap_or(value);
     rounded.to_string()

@@ -10,16 +10,16 @@ use crate::report::evaluation::{self, Stretch};
 use crate::report::plot::{self, Line, Plot, Unit, colour};
 use crate::studies::sensitivity::ZONES;
 
-/// Frames of the animation at most; a revolution of the paper's run has 200 of its 4000.
+/// Maximum number of animation frames; a revolution of the paper's run has 200 of its 4000.
 const FRAMES: usize = 6000;
-/// Path errors the industry asks for, in metres: on circular and on non-circular paths (introduction of the paper).
+/// Tracking errors that industry requires, in metres: for circular and for non-circular paths (introduction of the paper).
 const ASKED_M: [(f64, &str); 2] = [(1e-6, "1 µm, for circles"), (3e-6, "3 µm, for other paths")];
-/// Runs up to this length have their time in milliseconds, in s.
+/// Runs up to this length, in s, have their time axis in milliseconds.
 const SHORT_S: f64 = 2.0;
-/// Names of the magnets' indices.
+/// Subscripts of the magnets.
 const INDEX: [&str; 3] = ["₁", "₂", "₃"];
 
-/// A figure: plots and what to see in them.
+/// A figure: plots and their caption.
 pub(super) struct Figure {
     /// Anchor in the page.
     pub(super) id: &'static str,
@@ -27,9 +27,9 @@ pub(super) struct Figure {
     pub(super) title: String,
     /// Figures of the paper that show the same.
     paper: Option<&'static str>,
-    /// Plots side by side, each with what to call it.
+    /// Plots side by side, each with its title.
     plots: Vec<(String, Plot)>,
-    /// What to see.
+    /// Caption.
     caption: String,
 }
 
@@ -57,7 +57,7 @@ impl Figure {
     }
 }
 
-/// Figures of the paper beside those of a report.
+/// The paper's figures that correspond to those of a report.
 fn in_paper(paper: Option<Paper>, id: &str) -> Option<&'static str> {
     match (paper?, id) {
         (Paper::Simulation, "methods") => Some("the paper’s Fig. 2"),
@@ -72,11 +72,11 @@ fn in_paper(paper: Option<Paper>, id: &str) -> Option<&'static str> {
     }
 }
 
-/// The recording and its stretches.
+/// The recording and its intervals.
 struct Run<'r> {
     report: &'r Report<'r>,
     time_s: &'r [f64],
-    /// Before and after the update, or the end of the run alone.
+    /// Before and after the update, or the end of the run only.
     stretches: Vec<Stretch>,
 }
 
@@ -91,7 +91,7 @@ impl<'r> Run<'r> {
         self.report.recording.get(name).filter(|values| values.len() == self.time_s.len() && !values.is_empty())
     }
 
-    /// Columns that only serve together.
+    /// Three columns that are only useful together.
     fn get3(&self, pattern: impl Fn(usize) -> String) -> Option<[&'r [f64]; 3]> {
         Some([self.get(&pattern(1))?, self.get(&pattern(2))?, self.get(&pattern(3))?])
     }
@@ -107,7 +107,7 @@ impl<'r> Run<'r> {
         if let [first, .., last] = self.time_s {
             plot = plot.range(0, [*first, *last]);
         }
-        // Marks side by side share a label, which would be unreadable twice.
+        // Marks close together share a label, since two would overlap.
         let near_s = 0.03 * self.time_s.last().copied().unwrap_or(0.0);
         let mut events = self.report.events.clone();
         events.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
@@ -124,7 +124,7 @@ impl<'r> Run<'r> {
         plot.line(line, self.time_s, values);
     }
 
-    /// A figure, or a sentence in its place where a plot has nothing to show.
+    /// A figure, or a sentence in its place if a plot is empty.
     fn figure(&self, id: &'static str, title: &str, plots: Vec<(String, Plot)>, caption: &str) -> Figure {
         let plots: Vec<_> = plots.into_iter().filter(|(_, plot)| !plot.is_empty()).collect();
         let caption = if plots.is_empty() {
@@ -136,7 +136,7 @@ impl<'r> Run<'r> {
     }
 }
 
-/// `values` where `show` says so, elsewhere no number.
+/// `values` where `show` is true, NaN elsewhere.
 fn where_shown(values: &[f64], show: impl Fn(usize) -> bool) -> Vec<f64> {
     values.iter().enumerate().map(|(at, value)| if show(at) { *value } else { f64::NAN }).collect()
 }
@@ -146,7 +146,8 @@ fn lambda_plot(run: &Run, element: &str, height_px: f64) -> Plot {
     let mut plot = run.plot("λ̂", Unit::LAMBDA).height(height_px);
     let Some(lambda) = run.get3(|k| format!("{element}.lambdaHat[{k}]")) else { return plot };
     let truth = run.report.truth;
-    // From zero over the truth and the first guesses: what leaves this has diverged, or is only stated very badly.
+    // From zero past the true values and the first guesses: anything beyond has diverged, or has a very large standard
+    // deviation.
     let firsts = lambda.map(|values| values[0]);
     let most =
         firsts.iter().chain(truth.iter().flatten()).copied().filter(|value| value.is_finite()).fold(0.0, f64::max);
@@ -165,7 +166,7 @@ fn lambda_plot(run: &Run, element: &str, height_px: f64) -> Plot {
             plot.band(&group, colour::BANDS[k], run.time_s, &edge(-1.0), &edge(1.0));
         }
         let name = format!("λ̂{}", INDEX[k]);
-        // Both reach to where they meet.
+        // Both lines extend to where they meet.
         let not_valid = |at: usize| !is_valid(at) || at > 0 && !is_valid(at - 1);
         let dotted = Line::new(&format!("{name} not valid"), colour::MAGNETS[k]).dotted().unlisted().group(&group);
         run.line(&mut plot, dotted, &where_shown(lambda[k], not_valid));
@@ -182,7 +183,7 @@ fn lambda_plot(run: &Run, element: &str, height_px: f64) -> Plot {
     plot
 }
 
-/// The run in motion beside λ̂ of the loop's estimator.
+/// The animation beside λ̂ of the loop's estimator.
 pub(super) fn first(report: &Report) -> Markup {
     let run = Run::new(report);
     let element = report.answer.as_ref().map_or("estimator", |answer| answer.element.as_str());
@@ -198,7 +199,7 @@ pub(super) fn first(report: &Report) -> Markup {
                     (plot.html())
                     p.soft {
                         "Solid where the estimate is valid, with a band of two standard deviations; dotted where it is not"
-                        @if report.truth.is_some() { "; dashed: the truth" } "."
+                        @if report.truth.is_some() { "; dashed: the true value" } "."
                         @if animation.is_some() { " Click to go to an instant." }
                     }
                 }
@@ -207,7 +208,7 @@ pub(super) fn first(report: &Report) -> Markup {
     }
 }
 
-/// What moves: positions, forces, angle and λ̂ at instants at equal distances.
+/// Data of the animation: positions, forces, angle and λ̂ at equidistant instants.
 fn animation(run: &Run, element: &str) -> Option<serde_json::Value> {
     let bearing = run.report.bearing?;
     let (y, z, theta) = (run.get("plant.Y")?, run.get("plant.Z")?, run.get("plant.theta")?);
@@ -231,7 +232,7 @@ fn animation(run: &Run, element: &str) -> Option<serde_json::Value> {
     }))
 }
 
-/// Buttons for the stretches of time that are worth a look; all plots over time follow.
+/// Buttons for interesting intervals; all plots over time follow.
 pub(super) fn views(report: &Report) -> Markup {
     let run = Run::new(report);
     let factor = run.time_unit().factor;
@@ -274,7 +275,7 @@ fn estimates(run: &Run) -> Option<Figure> {
     let methods = &run.report.methods;
     let plots = methods.iter().map(|method| (method.label.clone(), lambda_plot(run, &method.element, 300.0))).collect();
     let mut caption = String::from(
-        "Estimates over time, all methods fed with the same samples. Solid where valid, with a band of two standard \
+        "Estimates over time, all methods use the same samples. Solid where valid, with a band of two standard \
          deviations; dotted where not; dashed: the truth.",
     );
     match run.report.paper {
@@ -290,7 +291,7 @@ fn estimates(run: &Run) -> Option<Figure> {
 fn errors(run: &Run) -> Option<Figure> {
     let truth = run.report.truth?;
     let lambda = |element: &str| run.get3(|k| format!("{element}.lambdaHat[{k}]"));
-    // Down to where errors are most of the time: where one changes its sign it is small for an instant.
+    // Down to typical errors: an error that changes its sign is small for an instant.
     let estimates = run.report.methods.iter().filter_map(|method| lambda(&method.element));
     let mut all: Vec<f64> = estimates
         .flat_map(|lambda| (0..3).flat_map(move |k| lambda[k].iter().map(move |value| (value / truth[k] - 1.0).abs())))
@@ -334,12 +335,12 @@ fn condition(run: &Run) -> Option<Figure> {
             run.line(&mut plot, Line::new(&method.label, colour), &where_shown(values, |at| values[at] > 0.0));
         }
     }
-    let caption = "The condition number of the equations that are solved: by how much errors of the data may grow.";
+    let caption = "The condition number of the equations solved: the factor by which errors of the data may grow.";
     let title = "How well the data determine the estimates";
     (!plot.is_empty()).then(|| run.figure("condition", title, vec![(String::new(), plot)], caption))
 }
 
-/// Position less reference; that of the controller where there is no reference: a sample late, with the noise of the sensor.
+/// Position minus reference; if there is no reference, the controller's error, a sample late and with sensor noise.
 fn error(run: &Run, axis: &str) -> Option<Vec<f64>> {
     match (run.get(&format!("plant.{axis}")), run.get(&format!("controller.reference.{axis}"))) {
         (Some(position), Some(reference)) => {
@@ -379,7 +380,7 @@ fn tracking(run: &Run) -> Figure {
         }
         plots.push((format!("Perturbation along {letter}"), plot));
     }
-    let caption = "Both axes: position on its reference, the error, and the perturbation that the observer sees beside the true \
+    let caption = "Both axes: position and reference, the error, and the estimated perturbation beside the true \
                    one. A wrong λ is a perturbation to the observer.";
     run.figure("tracking", "Tracking", plots, caption)
 }
@@ -434,16 +435,17 @@ fn orbit(run: &Run) -> Figure {
             errors.line(Line::new(name, colour::SOFT).dashed().width(1.0), &circle(f64::cos), &circle(f64::sin));
         }
     }
-    let mut caption =
-        String::from("The path in the plane of the bearing and its distance from the reference, over two revolutions.");
+    let mut caption = String::from(
+        "The orbit in the plane of the bearing and its distance from the reference trajectory, over two revolutions.",
+    );
     if run.report.paper.is_some() {
         caption += " The paper states about 5 µm for its experiment on a non-circular path, and that up to 1000 rpm the \
                     industry asks for less than 1 µm on circular paths and 3 µm on others.";
     }
-    run.figure("orbit", "Orbit of the rotor", vec![("Path".into(), path), ("Error".into(), errors)], &caption)
+    run.figure("orbit", "Orbit of the rotor", vec![("Orbit".into(), path), ("Error".into(), errors)], &caption)
 }
 
-/// How far from the centre the rotor is, beside the clearance of the backup bearing.
+/// Distance of the rotor from the centre, with the clearance of the backup bearing.
 fn clearance(run: &Run) -> Option<Figure> {
     let clearance_m = run.report.bearing?.clearance_m;
     let length = |y: &[f64], z: &[f64]| y.iter().zip(z).map(|(y, z)| y.hypot(*z)).collect::<Vec<f64>>();
@@ -477,7 +479,7 @@ fn sensitivity(run: &Run) -> Option<Figure> {
         let peak = one.sweep.iter().flat_map(|point| [point[1], point[2]]).fold(0.0, f64::max);
         let mut plot =
             Plot::new(("frequency", hertz), ("|S|", Unit::ONE)).decades(0).range(1, [0.0, 5.5f64.max(1.1 * peak)]);
-        // Both axes are often alike: the narrow line stays visible on the broad one.
+        // Both axes are often alike: the narrow line remains visible on the broad one.
         let lines =
             [Line::new("y", colour::MAGNETS[0]).width(4.0), Line::new("z", colour::MAGNETS[1]).dashed().width(2.0)];
         for (axis, line) in lines.into_iter().enumerate() {
@@ -497,7 +499,7 @@ fn sensitivity(run: &Run) -> Option<Figure> {
     }
     let missing: Vec<String> =
         all.iter().filter_map(|one| one.missing.as_ref()).map(|why| format!(" Not drawn: {why}.")).collect();
-    let caption = "By how much an error of a position sensor appears in its reading, with the rotor at rest in the centre under \
+    let caption = "Gain from an error of a position sensor to its reading, with the rotor at rest in the centre under \
                    the static load: lines from the linearised loop, crosses from a sine injected in the time simulation. Zones of ISO 14839-3.";
     if plots.is_empty() && missing.is_empty() {
         return None;

@@ -10,7 +10,7 @@ use crate::simulation::recording::Recording;
 use crate::studies::identify::{Answer, Samples, Track, recording, table};
 use crate::table::Table;
 
-/// The result as a page of its own, made by that command.
+/// The report page of an identification made by that command.
 #[must_use]
 pub fn page(
     title: &str,
@@ -57,7 +57,7 @@ pub fn page(
     figures.push((
         "What the model leaves unexplained".into(),
         vec![residual],
-        "Of predictionError the normalised innovation squared, 1 where model and noise describe the data; of the paper's methods the \
+        "For predictionError the normalised innovation squared, 1 if model and noise describe the data; for the paper's methods the \
          part of the motion that is left over.".into(),
     ));
     let mut tables: Vec<Table> = answer.map(Answer::tables).unwrap_or_default();
@@ -105,7 +105,7 @@ pub fn page(
     frame::page(title, &body)
 }
 
-/// Adds a signal of a track, with gaps where it is not to be shown.
+/// Adds a signal of a track, with gaps where it is not shown.
 fn line(plot: &mut Plot, recording: &Recording, track: &Track, name: &str, line: Line, show: impl Fn(usize) -> bool) {
     let values = recording.get(&format!("{}.{name}", track.name)).unwrap_or(&[]);
     let filling = |j: usize| track.outputs.get(j).is_none_or(|output| output.verdict == Verdict::Collecting);

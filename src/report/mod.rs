@@ -1,4 +1,4 @@
-//! A run as one page of HTML that needs nothing else: the answer, the run in motion, plots, tables, parameters.
+//! A run as one self-contained HTML page: answer, animation, plots, tables, parameters.
 
 use maud::{Markup, html};
 
@@ -13,28 +13,28 @@ pub mod plot;
 
 mod figures;
 
-/// What the page shows. Start from [`Report::new`] and fill in what there is.
+/// Content of the page. Start from [`Report::new`] and fill in what there is.
 #[derive(Clone, Debug)]
 pub struct Report<'a> {
     /// Heading.
     pub title: String,
-    /// What the run is about; blank lines part paragraphs.
+    /// Description of the run; blank lines separate paragraphs.
     pub description: String,
     /// The command that makes this page.
     pub command: String,
     /// Why the run ended early, if it did.
     pub message: Option<String>,
-    /// What the loop's estimator says.
+    /// The answer of the loop's estimator.
     pub answer: Option<Answer>,
     /// The signals, with columns named `element.variable`.
     pub recording: &'a Recording,
-    /// Results in numbers.
+    /// Tables of results.
     pub tables: Vec<Table>,
-    /// Every parameter of the run.
+    /// All parameters of the run.
     pub parameters: Vec<Parameter>,
-    /// What happened in the run, to be marked in the plots.
+    /// Events of the run, to mark in the plots.
     pub events: Vec<Event>,
-    /// The true λ of the three magnets, in N·m²/A², where it is known.
+    /// The true λ of the three magnets, in N·m²/A², if known.
     pub truth: Option<[f64; 3]>,
     /// The estimators to compare.
     pub methods: Vec<Method>,
@@ -42,7 +42,7 @@ pub struct Report<'a> {
     pub bearing: Option<Bearing>,
     /// Sensitivity functions of the loop.
     pub sensitivities: Vec<Sensitivity>,
-    /// What of the paper the run repeats, so that captions name the figures they redraw.
+    /// Which section of the paper the run repeats, so that captions name the paper's figures.
     pub paper: Option<Paper>,
 }
 
@@ -68,7 +68,7 @@ impl<'a> Report<'a> {
     }
 }
 
-/// The parts of the paper that a run may repeat.
+/// The sections of the paper that a run may repeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Paper {
     /// Section IV.A.
@@ -77,7 +77,7 @@ pub enum Paper {
     Experiment,
 }
 
-/// The estimate in the end.
+/// The final estimate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
     /// Name of the element whose λ̂ it is.
@@ -86,26 +86,26 @@ pub struct Answer {
     pub method: String,
     /// Whether the estimate is valid at the end of the run.
     pub valid: bool,
-    /// The verdict in words, and since when.
+    /// The verdict in words, and since when it holds.
     pub verdict: String,
     /// λ̂ of the three magnets, in N·m²/A².
     pub lambda: [f64; 3],
-    /// Standard deviations stated, tolerances included.
+    /// Standard deviations, tolerances included.
     pub std: [f64; 3],
-    /// What is to be expected instead of the truth, and why; may be empty.
+    /// The expected value if it differs from the true one, with the reason; may be empty.
     pub expectation: String,
 }
 
-/// Something that happened.
+/// An event of the run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Event {
     /// When, in s.
     pub at_s: f64,
-    /// What, in a few words.
+    /// What happened, in a few words.
     pub label: String,
 }
 
-/// What the animation has to know of the bearing.
+/// Data of the bearing for the animation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bearing {
     /// Angles of the magnets, in rad.
@@ -116,17 +116,17 @@ pub struct Bearing {
     pub clearance_m: f64,
 }
 
-/// An estimator whose λ̂ stands in the columns `element.lambdaHat[1..3]`.
+/// An estimator whose λ̂ is in the columns `element.lambdaHat[1..3]`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Method {
     /// Name of the element, for instance `paperLiteral`.
     pub element: String,
-    /// What it is, in words.
+    /// Label in the legend.
     pub label: String,
 }
 
 impl From<&str> for Method {
-    /// An estimator that goes by the name of its element.
+    /// An estimator labelled with the name of its element.
     fn from(element: &str) -> Method {
         Method { element: element.into(), label: element.into() }
     }
@@ -141,7 +141,7 @@ pub struct Sensitivity {
     pub sweep: Vec<[f64; 3]>,
     /// The same from injection in time.
     pub injected: Vec<[f64; 3]>,
-    /// Why there is none, if there is none.
+    /// Why it is missing, if it is.
     pub missing: Option<String>,
 }
 
@@ -154,14 +154,14 @@ pub struct Parameter {
     pub name: String,
     /// Value with unit.
     pub value: String,
-    /// What it is.
+    /// Description.
     pub description: String,
 }
 
-/// The page: one file that loads nothing.
+/// The page as one file that loads nothing.
 ///
-/// The script that draws the plots is part of it, compressed, so that the page can be mailed. Whatever is missing from the
-/// recording leaves out its figure, with a sentence in its place.
+/// It contains the compressed script that draws the plots, so that it can be mailed. A figure whose signals are missing is
+/// replaced by a sentence.
 pub fn page(report: &Report) -> String {
     let figures = figures::all(report);
     let body = html! {
@@ -208,7 +208,7 @@ pub fn page(report: &Report) -> String {
     frame::page(&report.title, &body)
 }
 
-/// How long the recording is, and what of it is drawn.
+/// The length of the recording, and how much of it is drawn.
 fn run_of(recording: &Recording) -> String {
     let (Some(first), Some(last)) = (recording.time_s.first(), recording.time_s.last()) else {
         return "The recording is empty.".into();
@@ -217,17 +217,17 @@ fn run_of(recording: &Recording) -> String {
     let thinned = if plot::is_whole(samples) {
         "each of them is drawn"
     } else {
-        "of which the plots show the least and the greatest value in short stretches"
+        "of which the plots show the smallest and the largest value of short intervals"
     };
     format!("{samples} samples from {} to {}, {thinned}.", instant(*first), instant(*last))
 }
 
-/// An instant to the tenth of a millisecond, without zeros at the end.
+/// An instant to a tenth of a millisecond, without trailing zeros.
 pub(super) fn instant(at_s: f64) -> String {
     format!("{} s", (at_s * 1e4).round() / 1e4)
 }
 
-/// λ̂ ± beside the truth, and whether it is valid.
+/// λ̂ ± beside the true value, and whether it is valid.
 fn answer_of(answer: &Answer, truth: Option<[f64; 3]>) -> Markup {
     html! {
         p class=(if answer.valid { "verdict good" } else { "verdict bad" }) {
@@ -241,9 +241,9 @@ fn answer_of(answer: &Answer, truth: Option<[f64; 3]>) -> Markup {
     }
 }
 
-/// Three λ̂ with twice their standard deviations, in 10⁻⁶ N·m²/A², beside the truth where it is known.
+/// Three λ̂ with twice their standard deviations, in 10⁻⁶ N·m²/A², beside the true values if known.
 pub(super) fn cards(lambda: [f64; 3], std: [f64; 3], truth: Option<[f64; 3]>) -> Markup {
-    // Two digits of a deviation are worth reading, and no more of the estimate.
+    // Two significant digits of the deviation, and as many decimals of the estimate.
     let places = |std: f64| (2.0 - (2e6 * std).log10().floor() - 1.0).clamp(3.0, 7.0) as usize;
     let number = |value: f64, std: f64| format!("{:.*}", places(std), value * 1e6);
     html! {
@@ -277,7 +277,7 @@ fn percent(ratio: f64) -> String {
 
 /// A table with its heading and note.
 pub(super) fn table_of(table: &Table) -> Markup {
-    // A column of numbers reads best flush right.
+    // Columns of numbers are right-aligned.
     let numeric = |column: usize| {
         let mut cells = table.rows.iter().filter_map(|row| row.get(column)).filter(|cell| !cell.is_empty()).peekable();
         column > 0 && cells.peek().is_some() && cells.all(|cell| looks_numeric(cell))
@@ -318,14 +318,14 @@ pub(super) fn table_of(table: &Table) -> Markup {
     }
 }
 
-/// Whether a cell holds a number, with or without sign, brackets and unit, rather than words.
+/// Whether a cell holds a number, with or without sign, brackets and unit.
 fn looks_numeric(cell: &str) -> bool {
     let start = cell.trim_start_matches(['+', '-', '−', '±', '<', '>', '≤', '≥', '≈', '(', ' ']);
     let letters = cell.chars().filter(|c| c.is_alphabetic()).count();
     cell == "–" || cell == "—" || (start.starts_with(|c: char| c.is_ascii_digit()) && letters <= 8)
 }
 
-/// Every parameter, by group, folded away.
+/// All parameters by group, folded.
 fn parameters_of(parameters: &[Parameter]) -> Markup {
     let mut groups: Vec<(&str, Vec<&Parameter>)> = Vec::new();
     for parameter in parameters {

@@ -1,7 +1,7 @@
-//! Plots to zoom and to read with the pointer, as what plotly.js makes of them.
+//! Interactive plots, drawn by plotly.js.
 //!
-//! A page carries the script once ([`scripts`]) and every plot as data. Colours are names of the page's style, so that light and
-//! dark are decided where the page is read.
+//! A page holds the script once ([`scripts`]) and every plot as data. Colours are names of the page's style, so that the
+//! reader's browser chooses between light and dark.
 
 use std::io::Write;
 use std::sync::LazyLock;
@@ -11,9 +11,9 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Value as Json, json};
 
-/// Up to so many samples are drawn one by one: the paper's run at every sample.
+/// Signals up to this many samples are drawn completely: the paper's run is.
 const WHOLE: usize = 5000;
-/// Of longer signals the least and the greatest value of this many stretches, more than a screen has columns.
+/// Longer signals are drawn by the smallest and the largest value of this many intervals, more than a screen has columns.
 const STRETCHES: usize = 1200;
 /// Points along each edge of a band, which is smooth.
 const EDGE: usize = 300;
@@ -26,9 +26,9 @@ pub mod colour {
     pub const BANDS: [&str; 3] = ["--band1", "--band2", "--band3"];
     /// A fourth colour.
     pub const OTHER: &str = "--other";
-    /// That of text.
+    /// The colour of text.
     pub const INK: &str = "--ink";
-    /// Less than that.
+    /// Softer than text.
     pub const SOFT: &str = "--soft";
 }
 
@@ -37,7 +37,7 @@ pub mod colour {
 pub struct Unit {
     /// Name as on the axis; empty for a plain number.
     pub name: &'static str,
-    /// Shown value over SI value.
+    /// Displayed value per SI value.
     pub factor: f64,
 }
 
@@ -75,17 +75,17 @@ pub struct Line {
 }
 
 impl Line {
-    /// A solid line with its name in the legend.
+    /// A solid line with a legend entry.
     pub fn new(name: &str, colour: &'static str) -> Line {
         Line { name: name.into(), colour, dash: "solid", width: 1.6, mode: "lines", group: None, legend: true }
     }
 
-    /// Dashed: a reference.
+    /// Dashed, for a reference.
     pub fn dashed(self) -> Line {
         Line { dash: "dash", ..self }
     }
 
-    /// Dotted: not to be relied on.
+    /// Dotted, for invalid values.
     pub fn dotted(self) -> Line {
         Line { dash: "dot", ..self }
     }
@@ -100,18 +100,18 @@ impl Line {
         Line { mode: "markers", ..self }
     }
 
-    /// Switched together with the others of that name.
+    /// Switched together with the other lines of that group.
     pub fn group(self, name: &str) -> Line {
         Line { group: Some(name.into()), ..self }
     }
 
-    /// Without an entry in the legend.
+    /// Without a legend entry.
     pub fn unlisted(self) -> Line {
         Line { legend: false, ..self }
     }
 }
 
-/// A plot: lines, levels, instants and stretches between two axes.
+/// A plot: lines, levels, instants and intervals between two axes.
 #[derive(Clone, Debug)]
 pub struct Plot {
     units: [Unit; 2],
@@ -123,20 +123,20 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// An empty plot of a quantity with its unit over another.
+    /// An empty plot of one quantity over another, with units.
     pub fn new(x: (&str, Unit), y: (&str, Unit)) -> Plot {
         let title = |(quantity, unit): (&str, Unit)| match unit.name {
             "" => json!({"title": {"text": quantity}}),
             name => json!({"title": {"text": format!("{quantity} [{name}]")}}),
         };
         let mut axes = [title(x), title(y)];
-        // The pointer tells the unit, and so does the last number along the axis.
+        // The pointer shows the unit, and so does the last number of the axis.
         axes[0]["ticksuffix"] = json!(format!(" {}", x.1.name));
         axes[0]["showticksuffix"] = json!("last");
         Plot { units: [x.1, y.1], traces: Vec::new(), shapes: Vec::new(), axes, height_px: 300.0, over_time: false }
     }
 
-    /// An empty plot over time, which is linked to all others over time of a page.
+    /// An empty plot over time, linked to all others over time on the page.
     pub fn over_time(unit: Unit, y: (&str, Unit)) -> Plot {
         Plot { over_time: true, ..Plot::new(("time", unit), y) }
     }
@@ -146,14 +146,14 @@ impl Plot {
         Plot { height_px, ..self }
     }
 
-    /// With an axis (0 for x) in decades.
+    /// With a logarithmic axis (0 for x).
     pub fn decades(mut self, axis: usize) -> Plot {
         self.axes[axis]["type"] = json!("log");
         self.axes[axis]["nticks"] = json!(7);
         self
     }
 
-    /// With an axis (0 for x) from and to these SI values at first; not finite ones leave it to the data.
+    /// With an initial range of an axis (0 for x) in SI values; NaN leaves an end to the data.
     pub fn range(mut self, axis: usize, ends: [f64; 2]) -> Plot {
         let log = self.axes[axis]["type"] == "log";
         let ends = ends.map(|end| end * self.units[axis].factor).map(|end| if log { end.log10() } else { end });
@@ -163,13 +163,13 @@ impl Plot {
         self
     }
 
-    /// With both axes on one scale.
+    /// With equal scales on both axes.
     pub fn equal(mut self) -> Plot {
         self.axes[1]["scaleanchor"] = json!("x");
         self
     }
 
-    /// Adds a line; values that are not finite leave a gap. A line without any point is left out.
+    /// Adds a line; values that are not finite leave a gap. A line without points is left out.
     pub fn line(&mut self, line: Line, x: &[f64], y: &[f64]) {
         let (x, y) = self.shown(x, y);
         if !y.iter().any(|y| y.is_finite()) {
@@ -189,7 +189,7 @@ impl Plot {
         self.trace(trace, &thinned(&x, &y));
     }
 
-    /// Adds the area between two lines, stretch by stretch where both are finite; it is switched with its group.
+    /// Adds the area between two lines, where both are finite; it is switched with its group.
     pub fn band(&mut self, group: &str, fill: &str, x: &[f64], low: &[f64], high: &[f64]) {
         let every = (x.len() / EDGE).max(1);
         let (mut xs, mut ys) = (Vec::new(), Vec::new());
@@ -210,7 +210,7 @@ impl Plot {
         }
     }
 
-    /// Adds a level across the plot.
+    /// Adds a horizontal line.
     pub fn level(&mut self, at: f64, label: &str) {
         let at = at * self.units[1].factor;
         if at.is_finite() {
@@ -222,7 +222,7 @@ impl Plot {
         }
     }
 
-    /// Adds an instant, a line from bottom to top.
+    /// Adds a vertical line at an instant.
     pub fn instant(&mut self, at: f64, label: &str) {
         let at = at * self.units[0].factor;
         if at.is_finite() {
@@ -236,7 +236,7 @@ impl Plot {
         }
     }
 
-    /// Whether there is nothing to see.
+    /// Whether there is nothing to draw.
     pub fn is_empty(&self) -> bool {
         self.traces.is_empty()
     }
@@ -249,7 +249,7 @@ impl Plot {
     fn trace(&mut self, mut trace: Json, (x, y): &(Vec<f64>, Vec<f64>)) {
         let step = if x.len() > 1 { (x[x.len() - 1] - x[0]) / (x.len() - 1) as f64 } else { 0.0 };
         let x0 = x.first().copied().unwrap_or(0.0);
-        // Far within the spacing of the samples, far above what rounding does to their instants.
+        // Well below the sample spacing, well above the rounding of the instants.
         let even = x.iter().enumerate().all(|(at, value)| (value - x0 - at as f64 * step).abs() < 1e-3 * step);
         if even {
             trace["x0"] = json!(x0);
@@ -261,7 +261,7 @@ impl Plot {
         self.traces.push(trace);
     }
 
-    /// The plot as an element of a page that has [`scripts`].
+    /// The plot as an element of a page with [`scripts`].
     pub fn html(&self) -> Markup {
         let [x, y] = &self.axes;
         let data = json!({"data": self.traces, "layout": {"xaxis": x, "yaxis": y, "shapes": self.shapes}});
@@ -273,19 +273,19 @@ impl Plot {
 
 /// Data as an element that a script reads.
 pub fn data_element(data: &Json) -> Markup {
-    // A text that ends the element would end it here as well.
+    // The characters that would end the element are escaped.
     let text = data.to_string().replace('<', "\\u003c");
     html! { script type="application/json" { (PreEscaped(text)) } }
 }
 
-/// Numbers as plotly.js reads them in short: single precision, which is more than a screen can show.
+/// Numbers in single precision for plotly.js, more than a screen resolves.
 pub fn packed(values: &[f64]) -> Json {
     let bytes: Vec<u8> = values.iter().flat_map(|value| (*value as f32).to_le_bytes()).collect();
     json!({"dtype": "f4", "bdata": BASE64.encode(bytes)})
 }
 
-/// What is drawn of a signal: all of a short one, of a long one the least and the greatest value of each stretch where they
-/// are. Where most values are missing, each gap is one point.
+/// The points drawn: all of a short signal, of a long one the smallest and the largest value of each interval, at their
+/// instants. Where most values are missing, each gap is one point.
 fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let missing = y.iter().filter(|y| !y.is_finite()).count();
     let mut rows: Vec<usize> = (0..y.len()).collect();
@@ -308,15 +308,15 @@ fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
     rows.into_iter().map(|at| (x[at], y[at])).unzip()
 }
 
-/// Whether a signal of so many samples is drawn sample by sample.
+/// Whether a signal with this many samples is drawn completely.
 pub fn is_whole(samples: usize) -> bool {
     samples <= WHOLE
 }
 
-/// plotly.js, compressed: 1.9 MB instead of 4.6, so that a page stays one file that fits into a mail.
+/// plotly.js, compressed: 1.9 MB instead of 4.6, so that a page can be mailed as one file.
 static PLOTLY: LazyLock<String> = LazyLock::new(|| {
     let sources = plotly::Plot::offline_js_sources();
-    // The first of the scripts; the others set formulas.
+    // The first script is plotly.js; the others typeset formulas.
     let start = sources.find('>').map_or(0, |at| at + 1);
     let end = sources.find("</script>").unwrap_or(sources.len());
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
@@ -324,10 +324,10 @@ static PLOTLY: LazyLock<String> = LazyLock::new(|| {
     BASE64.encode(written.expect("a vector takes all that is written"))
 });
 
-/// What draws the plots and the animation of a page, to stand at its end.
+/// The scripts that draw the plots and the animation, for the end of the page.
 pub fn scripts() -> Markup {
     html! {
-        noscript { p.message { "The plots need scripts to be allowed; nothing is loaded from elsewhere." } }
+        noscript { p.message { "The plots need JavaScript; nothing is loaded from elsewhere." } }
         script type="text/plain" id="plotly" { (PreEscaped(PLOTLY.as_str())) }
         script { (PreEscaped(include_str!("frame/plots.js"))) }
         script { (PreEscaped(include_str!("frame/orbit.js"))) }

@@ -1,4 +1,4 @@
-//! The closed loop of a scenario with types: its elements by what they are, and the configurations of their models.
+//! The closed loop of a scenario by type: plant, controller, estimator, and the configurations of their models.
 
 use fmu_export::Invalid;
 use fmu_export::variable::Value;
@@ -9,16 +9,16 @@ use crate::fmu::{controller, estimator, plant};
 use crate::plant::{PlantConfig, PlantInput};
 use crate::simulation::scenario::{Element, Scenario};
 
-/// The configurations of the models in the loop, at the start.
+/// The initial configurations of the models in the loop.
 #[derive(Clone, Debug)]
 pub struct Loop {
     /// The plant.
     pub plant: PlantConfig,
-    /// Its inputs: speed and load; currents and voltages come from the controller.
+    /// Its inputs: speed and load; the controller provides currents and voltages.
     pub input: PlantInput,
     /// The controller.
     pub controller: ControllerConfig,
-    /// The estimator whose λ the controller takes over.
+    /// The estimator that provides λ to the controller.
     pub estimator: EstimatorConfig,
 }
 
@@ -53,7 +53,7 @@ impl Scenario {
         self.elements.truncate(3);
     }
 
-    /// The path of a variable, such as `plant.lambda[1]`, by the indices of its element and its own.
+    /// The path of a variable, such as `plant.lambda[1]`, from the indices of its element and its own.
     pub fn path(&self, (element, variable): (usize, usize)) -> String {
         let element = &self.elements[element];
         format!("{}.{}", element.name, element.kind.variables()[variable].name)
@@ -62,7 +62,7 @@ impl Scenario {
     /// The configurations of the models in the loop.
     ///
     /// # Errors
-    /// Every choice that cannot be accepted; a scenario that can be run has none. Ranges are not checked.
+    /// Every value that is not an item of its enumeration; a scenario that can be run has none. Ranges are not checked.
     pub fn closed_loop(&self) -> Result<Loop, Vec<Invalid>> {
         let (plant, input) = plant::configuration(&settings(self.plant()))?;
         Ok(Loop {

@@ -1,8 +1,8 @@
-//! Contours of holes as tables: a closed path given by points becomes a Fourier series.
+//! Contours of holes: a closed curve given by points becomes a Fourier series.
 //!
-//! A table is CSV with the head `theta [deg],Y [um],Z [um]`, or with the units `rad`, `m`, `mm`, `µm` in their places: the angle
-//! of the spindle and where its centre is to be. The points need not lie at equal angles; the series is the one with the
-//! least squares of distances.
+//! A table is CSV with the header `theta [deg],Y [um],Z [um]`, or with other units (`rad`, `m`, `mm`, `µm`): the angle of the
+//! spindle and the position of its centre. The points need not be at equal angles; the series minimises the sum of squared
+//! distances.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -11,10 +11,10 @@ use fmu_export::unit::{METRE, RADIAN};
 
 /// Unknowns per axis: the mean, a cosine and a sine per harmonic.
 const UNKNOWNS: usize = 2 * HARMONICS + 1;
-/// Least ratio of singular values at which points still determine all harmonics.
+/// Smallest ratio of singular values at which points still determine all harmonics.
 const LEAST_RATIO: f64 = 1e-6;
 
-/// A contour and how far its series strays from the points, in m.
+/// A contour and its largest deviation from the points, in m.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
     /// The series.
@@ -26,11 +26,11 @@ pub struct Fit {
 /// Reads a table.
 ///
 /// # Errors
-/// What is wrong with it, and what is wanted.
+/// What is wrong, and what is expected.
 pub fn read(text: &str) -> Result<Fit, String> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
     let head = reader.headers().map_err(|error| error.to_string())?.clone();
-    let wanted = "the head theta [deg],Y [um],Z [um] is wanted";
+    let wanted = "the header theta [deg],Y [um],Z [um] is wanted";
     let column = |name: &str, unit: fmu_export::unit::Unit| {
         let found = head.iter().enumerate().find_map(|(index, cell)| {
             let (title, rest) = cell.split_once('[')?;
@@ -63,9 +63,9 @@ pub fn read(text: &str) -> Result<Fit, String> {
 /// The series for points `[θ, Y, Z]` in rad and m.
 ///
 /// # Errors
-/// When the points are too few or lie so that they do not determine the series.
+/// Too few points, or points that do not determine the series.
 pub fn fit(points: &[[f64; 3]]) -> Result<Fit, String> {
-    let wanted = format!("at least {UNKNOWNS} points all round are wanted");
+    let wanted = format!("at least {UNKNOWNS} points around the curve are wanted");
     if points.len() < UNKNOWNS {
         return Err(format!("{} points: {wanted}", points.len()));
     }

@@ -1,11 +1,11 @@
-//! Simulation of the closed loop over the models of the FMUs.
+//! Simulation of the closed loop with the models of the FMUs.
 //!
 //! In reading order:
 //!
-//! - [`scenario`]: what is connected to what, and start values; [`contour`]: a path of points as a Fourier series;
+//! - [`scenario`]: connections and start values; [`contour`]: a closed curve of points as a Fourier series;
 //! - [`closed_loop`]: a scenario as configurations of plant, controller and estimator;
 //! - [`simulate`]: runs a scenario as an importer would run the FMUs; [`recording`]: the signals of a run;
-//! - [`summary`]: the result for other programs.
+//! - [`summary`]: the results for other programs.
 
 pub mod closed_loop;
 pub mod contour;

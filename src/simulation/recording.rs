@@ -1,4 +1,4 @@
-//! A table of sampled signals: what a run leaves behind.
+//! Sampled signals: the result of a run.
 
 use std::io;
 
@@ -28,8 +28,8 @@ impl Recording {
         self.columns.iter().find(|column| column.name == name).map(|column| column.values.as_slice())
     }
 
-    /// Writes the table as CSV: a header with names and units, for instance `plant.Y [m]`, then one row per sample.
-    /// Numbers are written with as many digits as it takes to read the same number again.
+    /// Writes CSV: a header with names and units, for instance `plant.Y [m]`, then one row per sample, with as many digits as
+    /// needed to read the same number again.
     ///
     /// # Errors
     /// Whatever the writer reports.

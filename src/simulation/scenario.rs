@@ -1,4 +1,4 @@
-//! Scenarios: what is connected to what, and which values the variables have at the start.
+//! Scenarios: connections and start values of the variables.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use crate::control::reference::HARMONICS;
 use crate::fmu::{self, estimator};
 use crate::simulation::contour::Fit;
 
-/// The scenarios that come with the program, by name.
+/// The built-in scenarios, by name.
 pub const BUILT_IN: [(&str, &str); 10] = [
     ("paper", include_str!("scenarios/paper.toml")),
     ("experiment", include_str!("scenarios/experiment.toml")),
@@ -25,16 +25,16 @@ pub const BUILT_IN: [(&str, &str); 10] = [
     ("standstill", include_str!("scenarios/standstill.toml")),
 ];
 
-/// The contours that these scenarios name.
+/// The contours used by built-in scenarios.
 const BUILT_IN_CONTOURS: [(&str, &str); 1] = [("hole.csv", include_str!("scenarios/hole.csv"))];
 
-/// What is wrong with a scenario; every finding on a line of its own.
+/// What is wrong with a scenario; each finding on its own line.
 #[derive(Debug, thiserror::Error)]
 #[error("{origin}:\n  {}", .findings.join("\n  "))]
 pub struct ScenarioError {
     /// The file or the built-in scenario.
     pub origin: String,
-    /// What is wrong, each with the name of the key and what is wanted.
+    /// The findings, each with the name of the key and what is expected.
     pub findings: Vec<String>,
 }
 
@@ -71,14 +71,14 @@ impl Document {
         "tolerance",
     ];
 
-    /// Takes the table of a text apart key by key, so that one that is wrong does not hide what is wrong with the others.
+    /// Takes the table apart key by key, so that one error does not hide others.
     fn new(mut table: toml::Table, text: &str, findings: &mut Vec<String>) -> Self {
         for key in ["title", "duration", "step"] {
             if !table.contains_key(key) {
                 findings.push(format!("{key} is missing"));
             }
         }
-        // A time that is missing was told; a sound one in its place raises no second finding.
+        // A missing time has been reported; a valid one in its place raises no second finding.
         let mut time = |key: &str| table.remove(key).unwrap_or(toml::Value::Float(1.0));
         let (duration, step) = (time("duration"), time("step"));
         let document = Self {
@@ -106,7 +106,7 @@ impl Document {
     }
 }
 
-/// Takes a key out of a table; what cannot be understood is a finding and stays at its default, as what is missing.
+/// Takes a key out of a table; an invalid one is reported and gets its default, like a missing one.
 fn take<'t, T: Deserialize<'t> + Default>(
     table: &mut toml::Table,
     key: &str,
@@ -131,16 +131,16 @@ struct ProfileText {
     hold: bool,
 }
 
-/// Values that variables take in the course of a run: inputs that nothing is connected to, and tunable parameters.
+/// Values that variables take during a run: unconnected inputs and tunable parameters.
 ///
-/// Between the instants the value runs straight; with `hold`, and for what is no real number, it stays until the next
-/// instant. Before the first instant it is the first value, with `hold` what it was at the start. A communication step has
-/// the value of its begin.
+/// Real values are interpolated linearly between the instants; with `hold`, and for other types, the value stays until the next
+/// instant. Before the first instant it is the first value, with `hold` the start value. A communication step uses the value at
+/// its begin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     /// Element and variable, by index, that take the values.
     pub targets: Vec<(usize, usize)>,
-    /// The instants, in seconds, rising.
+    /// The instants, in seconds, increasing.
     pub time_s: Vec<f64>,
     /// A value for each instant, in the unit of the variables.
     pub values: Vec<Value>,
@@ -149,7 +149,7 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// The value at an instant in seconds, if it has one.
+    /// The value at an instant in seconds, if there is one.
     pub fn at(&self, time_s: f64) -> Option<Value> {
         // Instants and communication points are computed in floating point.
         const ROUNDING_S: f64 = 1e-9;
@@ -170,24 +170,24 @@ impl Profile {
 /// A value that a scenario gives to a variable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// Index of the variable in the table of its slave.
+    /// Index of the variable in the table of its model.
     pub index: usize,
     /// The value, in the unit of the variable.
     pub value: Value,
 }
 
-/// One slave of a scenario.
+/// A component of a scenario.
 #[derive(Clone)]
 pub struct Element {
     /// Name, unique in the scenario.
     pub name: String,
-    /// What it is.
+    /// Its model type.
     pub kind: Arc<ModelType>,
     /// Values that differ from the start values.
     pub settings: Vec<Setting>,
 }
 
-/// A scenario, checked as far as that is possible without running it.
+/// A scenario, checked as far as possible without running it.
 #[derive(Clone)]
 pub struct Scenario {
     /// One line.
@@ -200,11 +200,11 @@ pub struct Scenario {
     pub step_s: f64,
     /// The closed loop, `plant`, `controller`, `estimator`, followed by estimators that run beside it on the same data.
     pub elements: Vec<Element>,
-    /// What changes while it runs.
+    /// Values that change during the run.
     pub profiles: Vec<Profile>,
     /// How well a test bench is known, for `identify`: names and values as for `--tolerance`.
     pub tolerance: Vec<(String, String)>,
-    /// What was changed when it was opened, each as `name=value`.
+    /// Changes made when it was opened, each as `name=value`.
     pub changes: Vec<String>,
 }
 
@@ -234,15 +234,15 @@ const LOOP: [[&str; 2]; 22] = [
     ["plant.omegam", "estimator.omega"],
 ];
 
-/// By how much of its size a path may miss the points of its contour.
+/// Largest deviation of the reference trajectory from the points of its contour, relative to its size.
 const CONTOUR_MISS: f64 = 0.01;
 
-/// An output and the input it feeds, by element and variable name.
+/// An output and the input connected to it, by element and variable name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Connection {
-    /// Element and variable that the value comes from.
+    /// Element and variable of the output.
     pub from: [String; 2],
-    /// Element and variable that it goes to.
+    /// Element and variable of the input.
     pub to: [String; 2],
 }
 
@@ -250,7 +250,7 @@ impl Scenario {
     /// Reads a built-in scenario by its name, or else a file.
     ///
     /// # Errors
-    /// Everything that is wrong with it, each finding naming the key and what is wanted.
+    /// All findings, each with the name of the key and what is expected.
     pub fn open(name: &Path) -> Result<Self, ScenarioError> {
         Self::open_with(name, &[])
     }
@@ -279,7 +279,7 @@ impl Scenario {
         Self::parse_with(&origin, &text, changes)
     }
 
-    /// Reads a scenario from its text. `origin` says in messages where it comes from.
+    /// Parses a scenario. `origin` names its source in messages.
     ///
     /// # Errors
     /// As for [`Self::open`].
@@ -307,7 +307,7 @@ impl Scenario {
         if findings.is_empty() { Ok(scenario) } else { Err(ScenarioError { origin: origin.into(), findings }) }
     }
 
-    /// The connections, those of the estimators that run beside the loop included.
+    /// The connections, including those of the estimators beside the loop.
     pub fn connections(&self) -> Vec<Connection> {
         let split = |path: &str| {
             let (element, variable) = path.split_once('.').expect("a path has an element and a variable");
@@ -325,7 +325,7 @@ impl Scenario {
         connections
     }
 
-    /// Finds the variable that a path such as `plant.lambda[1]` means: the index of its element and its own.
+    /// Finds the variable of a path such as `plant.lambda[1]`: the index of its element and its own.
     ///
     /// # Errors
     /// There is no such variable, or it cannot be set.
@@ -344,7 +344,7 @@ impl Scenario {
         Ok((at, index))
     }
 
-    /// Gives the variable of that path the value that a text says: a number with or without a unit, a name, `true` or `false`.
+    /// Sets the variable of a path from a text: a number with or without a unit, a name, `true` or `false`.
     ///
     /// # Errors
     /// What is wrong with the path or the value.
@@ -363,7 +363,7 @@ impl Scenario {
         Ok(())
     }
 
-    /// The value that a variable has at the start.
+    /// The start value of a variable.
     pub fn value(&self, element: &str, variable: &str) -> Option<Value> {
         let element = self.elements.iter().find(|candidate| candidate.name == element)?;
         let variables = element.kind.variables();
@@ -373,14 +373,14 @@ impl Scenario {
     }
 }
 
-/// A value as it is written behind `--set`: TOML, or a text without quotes.
+/// A value as written after `--set`: TOML, or a text without quotes.
 fn value_of(text: &str) -> toml::Value {
     let parsed = toml::from_str::<toml::Table>(&format!("value = {text}"));
     let value = parsed.ok().filter(|table| table.len() == 1).and_then(|mut table| table.remove("value"));
     value.unwrap_or_else(|| toml::Value::String(text.into()))
 }
 
-/// Gives the elements the values of changes, whatever the scenario says.
+/// Applies changes to the elements, after the scenario itself.
 fn change(changes: &[(String, toml::Value)], elements: &mut [Element], findings: &mut Vec<String>) {
     for (path, value) in changes {
         let (owner, key) = match path.split_once('.') {
@@ -394,8 +394,8 @@ fn change(changes: &[(String, toml::Value)], elements: &mut [Element], findings:
             let suggestion = suggestion(key, &names(&kinds));
             findings.push(format!("[--set] {path}: there is no variable of this name; {suggestion}"));
         }
-        // A name without an element means those where the variable can be set: speed is an input of plant and estimator, and
-        // that of the estimator is connected.
+        // A name without an element means all elements where the variable can be set: speed is an input of plant and estimator,
+        // but that of the estimator is connected.
         let is_open = |element: &Element| {
             let index = position(&element.kind, key).or_else(|| position(&element.kind, &self::element(key, 0)));
             index.is_some_and(|index| permitted(&element.name, &element.kind.variables()[index]).is_ok())
@@ -441,7 +441,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     for (name, kind, table) in tables {
         let mut settings = Vec::new();
         for (key, value) in flatten(&document.all) {
-            // What only other elements know is not for this one; what none knows is found below.
+            // Keys of other elements are skipped; names that no element knows are reported below.
             if knows(kind, &key) {
                 set(name, kind, "all", &key, value, &mut settings, findings);
             }
@@ -486,7 +486,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     }
 }
 
-/// The settings of the controller for the contour in a file, which a scenario names relative to itself.
+/// The settings of the controller for a contour file, named relative to the scenario.
 fn contour(file: &str, folder: &Path) -> Result<Vec<Setting>, String> {
     let text = match BUILT_IN_CONTOURS.iter().find(|(name, _)| *name == file) {
         Some((_, text)) if !folder.join(file).exists() => (*text).to_owned(),
@@ -497,7 +497,7 @@ fn contour(file: &str, folder: &Path) -> Result<Vec<Setting>, String> {
     let size_m = largest_size(&contour.cos_y_m).max(largest_size(&contour.sin_z_m));
     if largest_m > CONTOUR_MISS * size_m {
         return Err(format!(
-            "the {HARMONICS} harmonics that the path may have miss a point by {:.3} µm, more than {} % of the path's size",
+            "the Fourier series with {HARMONICS} harmonics misses a point by {:.3} µm, more than {} % of the contour's size",
             largest_m * 1e6,
             CONTOUR_MISS * 100.0
         ));
@@ -524,7 +524,7 @@ fn contour(file: &str, folder: &Path) -> Result<Vec<Setting>, String> {
     Ok(settings)
 }
 
-/// Reads a `[[profile]]`; every finding names it by its number.
+/// Parses a `[[profile]]`; each finding names it by its number.
 fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mut Vec<String>) -> Option<Profile> {
     let before = findings.len();
     let mut refuse = |why: String| findings.push(format!("[[profile]] number {}: {why}", index + 1));
@@ -535,7 +535,7 @@ fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mu
             Some((at, position(&elements[at].kind, variable)?))
         });
         let Some((at, variable)) = found else {
-            refuse(format!("there is no variable {path}; element.variable is wanted, like plant.omega"));
+            refuse(format!("there is no variable {path}; element.variable is wanted, as in plant.omega"));
             continue;
         };
         let known = &elements[at].kind.variables()[variable];
@@ -549,7 +549,7 @@ fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mu
     }
     let Some(&(at, variable)) = targets.first() else {
         if text.of.is_empty() {
-            refuse("of = [] names nothing that takes the values".into());
+            refuse("of = [] names no variable".into());
         }
         return None;
     };
@@ -576,7 +576,7 @@ fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mu
     (findings.len() == before).then_some(Profile { targets, time_s, values, hold: text.hold || !real })
 }
 
-/// Adds estimators of other methods that run beside the loop.
+/// Adds estimators with other methods beside the loop.
 fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<String>) {
     let settings = elements[2].settings.clone();
     let kind = elements[2].kind.clone();
@@ -591,7 +591,7 @@ fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<St
             }
         };
         if elements.iter().any(|element| element.name == *method) {
-            findings.push(format!("compare = \"{method}\" is refused: it stands there twice"));
+            findings.push(format!("compare = \"{method}\" is refused: it is listed twice"));
             continue;
         }
         let mut settings = settings.clone();
@@ -600,7 +600,7 @@ fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<St
     }
 }
 
-/// The leaves of a table with their keys joined by dots, so that `reference.rY` may be written as TOML likes it.
+/// The leaves of a table with their keys joined by dots, so that `reference.rY` may be a dotted key in TOML.
 fn flatten(table: &toml::Table) -> Vec<(String, &toml::Value)> {
     let mut leaves = Vec::new();
     for (key, value) in table {
@@ -618,12 +618,12 @@ fn position(kind: &ModelType, name: &str) -> Option<usize> {
     kind.variables().iter().position(|variable| variable.name == name)
 }
 
-/// Whether a slave has a variable, or an array, of that name.
+/// Whether a model has a variable, or an array, of that name.
 fn knows(kind: &ModelType, key: &str) -> bool {
     position(kind, key).is_some() || position(kind, &element(key, 0)).is_some()
 }
 
-/// The names by which the variables of these slaves can be set, arrays by their common name.
+/// The names of the settable variables of these models, arrays by their common name.
 fn names(kinds: &[&ModelType]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for variable in kinds.iter().flat_map(|kind| kind.variables()).filter(|variable| variable.is_settable()) {
@@ -639,7 +639,7 @@ fn unknown(table: &str, key: &str, known: &[String]) -> String {
     format!("[{table}] {key}: there is no variable of this name; {}", suggestion(key, known))
 }
 
-/// What may have been meant by a name that is not known.
+/// Suggests a name for an unknown one.
 fn suggestion(key: &str, known: &[String]) -> String {
     let near = known
         .iter()
@@ -652,7 +652,7 @@ fn suggestion(key: &str, known: &[String]) -> String {
     }
 }
 
-/// Takes over one key of a table for one element.
+/// Applies one key of a table to one element.
 fn set(
     element_name: &str,
     kind: &ModelType,
@@ -695,7 +695,7 @@ fn permitted(element: &str, variable: &Variable) -> Result<(), String> {
     }
 }
 
-/// A value of TOML as the value of a variable. Numbers are in the unit of the interface, texts carry their unit.
+/// A TOML value as the value of a variable. Numbers are in the unit of the interface; texts carry their unit.
 fn convert(kind: &Type, value: &toml::Value) -> Result<Value, String> {
     match (kind, value) {
         (Type::Real { .. }, toml::Value::Float(value)) => Ok(Value::Real(*value)),
@@ -703,7 +703,7 @@ fn convert(kind: &Type, value: &toml::Value) -> Result<Value, String> {
         (Type::Real { unit, .. }, toml::Value::String(text)) => {
             let text = text.trim();
             let (number, name) = text.split_once(char::is_whitespace).unwrap_or((text, unit.name));
-            let number: f64 = number.parse().map_err(|_| format!("{number} is no number"))?;
+            let number: f64 = number.parse().map_err(|_| format!("{number} is not a number"))?;
             unit.convert(number, name.trim()).map(Value::Real).ok_or_else(|| {
                 let names: Vec<_> = unit.names().collect();
                 format!("the unit {} is none of {}", name.trim(), names.join(", "))

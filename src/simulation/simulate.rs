@@ -1,7 +1,7 @@
-//! Runs a scenario over the slaves, as an importer would run the FMUs.
+//! Runs a scenario as an importer would run the FMUs.
 //!
-//! At every communication point all outputs are read, then all connected inputs are set, then every slave does its step.
-//! No slave sees the results of another's step before the next point, so the order of the slaves does not matter.
+//! At every communication point all outputs are read, then all connected inputs are set, then every instance does its step. No
+//! instance sees the results of another's step before the next point, so their order does not matter.
 
 use fmu_export::log::{Log, Topic};
 use fmu_export::variable::{Causality, Value};
@@ -11,18 +11,18 @@ use crate::progress::Progress;
 use crate::simulation::recording::{Column, Recording};
 use crate::simulation::scenario::{Element, Profile, Scenario, Setting};
 
-/// A run, complete or cut short.
+/// A run, complete or ended early.
 #[derive(Clone, Debug, Default)]
 pub struct Run {
-    /// All outputs of all slaves at every communication point that was reached.
+    /// All outputs of all instances at every communication point reached.
     pub recording: Recording,
     /// Why the run ended early, if it did.
     pub fault: Option<String>,
-    /// What the slaves had to say, each line with the name of the slave.
+    /// Messages of the instances, each line with the name of the instance.
     pub messages: Vec<String>,
 }
 
-/// Why a run could not begin: every parameter that was refused.
+/// Why a run could not begin: every refused parameter.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("the scenario cannot be run:\n  {}", .0.join("\n  "))]
 pub struct Refused(pub Vec<String>);
@@ -38,7 +38,7 @@ struct Slave {
     slave: Box<dyn Instance>,
 }
 
-/// An output and the input it feeds, by index.
+/// An output and the input connected to it, by index.
 struct Wire {
     from: (usize, usize),
     to: (usize, usize),
@@ -62,14 +62,14 @@ impl Log for Messages<'_> {
 /// Runs a scenario from time 0.
 ///
 /// # Errors
-/// Every parameter that a slave refuses. A run that fails on its way is no error: what was computed is kept and
-/// [`Run::fault`] says why it ended.
+/// Every parameter that a model refuses. A run that ends early is no error: its results are kept, and [`Run::fault`] gives the
+/// reason.
 pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
     let progress = Progress::new("simulating", steps(scenario) as u64);
     run_for(scenario, |_| true, |step| progress.set(step as u64))
 }
 
-/// As [`run`], recording the outputs alone that are `wanted` by their paths; tells every step that is done.
+/// As [`run`], recording only the outputs whose paths are `wanted`; reports every step done.
 ///
 /// # Errors
 /// As for [`run`].
@@ -81,7 +81,7 @@ pub fn run_for(
     let mut slaves = Vec::new();
     let mut refused = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
-        // What a profile gives at the start is there when the slave starts.
+        // A profile's value at time 0 is set before the instance starts.
         let at_start = scenario.profiles.iter().flat_map(|profile| {
             let given = profile.targets.iter().filter(move |target| target.0 == at);
             profile.at(0.0).into_iter().flat_map(move |value| {
@@ -118,7 +118,7 @@ pub fn run_for(
                 run.fault = Some(error);
             }
         }
-        // A slave that is read after one of its inputs was set computes its outputs anew: all are read first.
+        // Reading an instance after one of its inputs was set would compute its outputs again, so all outputs are read first.
         carried.clear();
         carried.extend(wires.iter().map(|wire| read(&mut slaves, wire.from)));
         for (wire, value) in wires.iter().zip(&carried) {
@@ -139,7 +139,7 @@ pub fn run_for(
     Ok(run)
 }
 
-/// Gives the targets of a profile their values; the error names the slave that refuses its value.
+/// Sets the targets of a profile; the error names the element that refuses the value.
 fn apply(profile: &Profile, time_s: f64, slaves: &mut [Slave]) -> Result<(), String> {
     let Some(value) = profile.at(time_s) else { return Ok(()) };
     for (element, index) in &profile.targets {
@@ -155,7 +155,7 @@ fn steps(scenario: &Scenario) -> usize {
 }
 
 fn read(slaves: &mut [Slave], (element, index): (usize, usize)) -> Value {
-    slaves[element].slave.get(index).expect("indices come from the table of the slave")
+    slaves[element].slave.get(index).expect("indices come from the model's table")
 }
 
 fn start(element: &Element) -> Result<Box<dyn Instance>, Vec<String>> {
@@ -177,12 +177,12 @@ fn wires(scenario: &Scenario) -> Vec<Wire> {
     };
     let wire = |connection: crate::simulation::scenario::Connection| {
         let (from, to) = (find(&connection.from), find(&connection.to));
-        Wire { from: from.expect("an output of a slave"), to: to.expect("an input of a slave") }
+        Wire { from: from.expect("an output of the model"), to: to.expect("an input of the model") }
     };
     scenario.connections().into_iter().map(wire).collect()
 }
 
-/// Makes a column for every output that is wanted and says where each is found.
+/// Makes a column for every wanted output and returns where to read each.
 fn outputs(scenario: &Scenario, wanted: impl Fn(&str) -> bool, recording: &mut Recording) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! What came out of a run, as a document for other programs.
+//! The results of a run, as JSON for other programs.
 
 use serde_json::{Map, Value as Json, json};
 
@@ -7,8 +7,8 @@ use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
 use fmu_export::variable::Value;
 
-/// The run as JSON: what was run, whether it came to its end, the estimates of every method at the end beside the truth, and
-/// last, least and greatest value of every output. Values are in the units of the interface.
+/// The run as JSON: scenario, whether the run was completed, the final estimates of every method beside the true values, and
+/// last, smallest and largest value of every output. Values are in the units of the interface.
 #[must_use]
 pub fn json(scenario: &Scenario, run: &Run) -> Json {
     let truth = [1, 2, 3].map(|k| scenario.value("plant", &format!("lambda[{k}]")).map(Value::as_f64));

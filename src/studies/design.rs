@@ -1,6 +1,7 @@
-//! Choosing the excitation: how well λ can be known after which time, on the path alone and with the smallest force modulated.
+//! Choosing the excitation: how precisely λ is known after which time, with the reference trajectory alone and with the
+//! smallest force modulated.
 //!
-//! The standard deviations are the Cramér–Rao bound of a run of the scenario; the estimator comes within a tenth of it.
+//! The standard deviations are the Cramér–Rao bound of a run of the scenario; the estimator is within 10 % of it.
 
 use crate::estimation::STD_LIMIT;
 use crate::simulation::scenario::Scenario;
@@ -10,32 +11,32 @@ use crate::studies::montecarlo::{self, cases};
 use crate::table::Table;
 use fmu_export::variable::Value;
 
-/// Instants that are compared, in s.
+/// Instants to compare, in s.
 pub const INSTANTS_S: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 2.0];
 
-/// Modulation that is compared: half of the smallest force at a frequency that is no harmonic of usual speeds.
+/// Modulation to compare: half of the smallest force at a frequency that is no harmonic of usual speeds.
 pub const MODULATION: (f64, f64) = (0.5, 110.0);
 
-/// Modulation is recommended if it makes the worst λ better by this factor at the instant asked for.
+/// Modulation is recommended if it improves the worst λ by this factor at the requested instant.
 const WORTH: f64 = 1.25;
 
-/// What is asked.
+/// Parameters of the comparison.
 #[derive(Clone, Debug)]
 pub struct Question {
-    /// Speed of the rotor, in revolutions per minute; zero is a rotor at rest in the centre.
+    /// Speed of the rotor, in revolutions per minute; 0 is a rotor at rest in the centre.
     pub rpm: f64,
     /// Sample time, in seconds; `None` takes that of the scenario.
     pub step_s: Option<f64>,
     /// Standard deviations of the noise, in m and A.
     pub noise: [f64; 2],
-    /// When λ is to be known, in seconds.
+    /// When λ must be known, in seconds.
     pub instant_s: f64,
 }
 
-/// What one excitation promises: standard deviations relative to λ at [`INSTANTS_S`] and at the instant asked for.
+/// Standard deviations of one excitation, relative to λ, at [`INSTANTS_S`] and at the requested instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Promise {
-    /// Part of the smallest force that is modulated.
+    /// Fraction of the smallest force that is modulated.
     pub modulation: f64,
     /// Instants, in s.
     pub instants_s: Vec<f64>,
@@ -44,17 +45,17 @@ pub struct Promise {
 }
 
 impl Promise {
-    /// The worst λ at the instant asked for.
+    /// The worst λ at the requested instant.
     #[must_use]
     pub fn worst(&self) -> f64 {
         self.std.last().map_or(f64::INFINITY, |std| std.iter().copied().fold(0.0, f64::max))
     }
 }
 
-/// Answers for the path alone and with modulation, in this order.
+/// Results with the reference trajectory alone and with modulation, in this order.
 ///
 /// # Errors
-/// Every parameter that a slave refuses, and what a question lacks.
+/// Every parameter that a model refuses, and every invalid question.
 pub fn design(scenario: &Scenario, question: &Question) -> Result<[Promise; 2], Refused> {
     let refuse = |name: &str, value: f64, wanted: &str| {
         Refused(vec![format!("{name} = {value} is refused: {wanted} is wanted")])
@@ -96,13 +97,13 @@ pub fn design(scenario: &Scenario, question: &Question) -> Result<[Promise; 2], 
     Ok([promise(0.0)?, promise(MODULATION.0)?])
 }
 
-/// Whether modulation is worth it.
+/// Whether modulation is recommended.
 #[must_use]
 pub fn is_modulation_recommended([alone, modulated]: &[Promise; 2]) -> bool {
     alone.worst() > WORTH * modulated.worst()
 }
 
-/// What to do, in a sentence.
+/// The recommendation in a sentence.
 #[must_use]
 pub fn advice(question: &Question, promises: &[Promise; 2]) -> String {
     let [alone, modulated] = promises;
@@ -120,7 +121,7 @@ pub fn advice(question: &Question, promises: &[Promise; 2]) -> String {
         )
     } else {
         format!(
-            "The path excites enough: after {} s the worst λ is known to {:.2} %; modulation would make that {:.2} %.",
+            "The reference trajectory excites enough: after {} s the worst λ is known to {:.2} %; modulation would make that {:.2} %.",
             question.instant_s,
             100.0 * alone.worst(),
             100.0 * modulated.worst()
@@ -130,12 +131,12 @@ pub fn advice(question: &Question, promises: &[Promise; 2]) -> String {
         return first;
     }
     format!(
-        "{first} The limit of a valid estimate is {:.0} %: more time, a larger path or less noise is needed.",
+        "{first} The limit of a valid estimate is {:.0} %: more time, a larger reference trajectory or less noise is needed.",
         100.0 * STD_LIMIT
     )
 }
 
-/// The answers as a table.
+/// The results as a table.
 #[must_use]
 pub fn table(question: &Question, promises: &[Promise; 2]) -> Table {
     let rows = (0..promises[0].std.len()).map(|at| {
@@ -151,7 +152,7 @@ pub fn table(question: &Question, promises: &[Promise; 2]) -> Table {
             (question.noise[1] * 1e6).round() / 1e3,
         ),
         note: format!(
-            "Cramér–Rao bound on the path alone and with F0 modulated by {:.0} % at {} Hz; the last row is the instant asked for.",
+            "Cramér–Rao bound with the reference trajectory alone and with F0 modulated by {:.0} % at {} Hz; the last row is the requested instant.",
             100.0 * MODULATION.0,
             MODULATION.1
         ),

@@ -1,8 +1,8 @@
 //! The sensitivity function of the sampled loop, after ISO 14839-3: the gain from an error of a position sensor to its reading.
 //!
-//! With n added to the position measured, `S = y_m/n` of the closed loop, rotor at rest in the centre under a static load.
-//! It is computed in two independent ways: [`SampledLoop::linearise`] takes one sample of plant and controller
-//! as a map of their states, differentiates it, `z_{k+1} = A z_k + B n_k`, `y_k = C z_k + n_k`, and evaluates
+//! With n added to the measured position, `S = y_m/n` of the closed loop, with the rotor at rest in the centre under a static
+//! load. It is computed in two independent ways: [`SampledLoop::linearise`] takes one sample of plant and controller as a map
+//! of their states, differentiates it, `z_{k+1} = A z_k + B n_k`, `y_k = C z_k + n_k`, and evaluates
 //!
 //! ```text
 //! S(ω) = 1 + C (e^{jωT_s} − A)⁻¹ B
@@ -10,7 +10,7 @@
 //!
 //! [`SampledLoop::inject`] runs plant and controller in time with a sine as n and compares amplitude and phase.
 //!
-//! This is analysis, not stepping: it allocates. Sensors are taken without errors and without delay.
+//! This is analysis, not stepping: it allocates. Sensors have no errors and no delay.
 
 use nalgebra::{Complex, DMatrix};
 
@@ -23,7 +23,7 @@ use crate::invalid::Invalid;
 use crate::plant::sensor::SensorConfig;
 use crate::plant::{Harmonic, Plant, PlantConfig, PlantInput, PlantState};
 
-/// Peak of the sensitivity function below which a loop is in zones A, B and C of ISO 14839-3; above the last it is in D.
+/// Peaks of the sensitivity function that bound the zones A, B and C of ISO 14839-3; larger ones are in D.
 pub const ZONES: [(f64, char); 3] = [(3.0, 'A'), (4.0, 'B'), (5.0, 'C')];
 
 /// The zone of a peak.
@@ -34,10 +34,10 @@ pub fn zone(peak: f64) -> char {
 /// Time for the loop to settle, in s.
 const SETTLING_S: f64 = 0.5;
 
-/// How near to the centre the rotor has to be then, in m.
+/// Largest distance from the centre after settling, in m.
 const CENTRED_M: f64 = 1e-7;
 
-/// States of plant and commands in effect: `[Y, Z, Ẏ, Ż, ψ_1, ψ_2, ψ_3]`, then the commands.
+/// Number of plant states, `[Y, Z, Ẏ, Ż, ψ_1, ψ_2, ψ_3]`; the commands in effect follow.
 const PLANT: usize = 7;
 const COMMANDS: usize = 3;
 const STATES: usize = PLANT + COMMANDS + UNKNOWNS;
@@ -71,7 +71,7 @@ struct State {
 }
 
 impl SampledLoop {
-    /// The loop of a plant and a controller that uses the given λ, settled in the centre under a static load (y, z) in N.
+    /// The loop of a plant and a controller with the given λ, settled in the centre under a static load (y, z) in N.
     ///
     /// # Errors
     /// [`NoSensitivity`].
@@ -93,7 +93,7 @@ impl SampledLoop {
         let mut controller =
             ControllerConfig { lambda0_nm2_a2: lambda_nm2_a2, update: UpdateMode::Never, ..controller.clone() };
         controller.reference.shape = Shape::Ellipse;
-        // A modulated force has no operating point.
+        // With modulation there is no operating point.
         controller.modulation = 0.0;
         (controller.reference.r_y_m, controller.reference.r_z_m) = (0.0, 0.0);
         let plant = Plant::new(plant).map_err(NoSensitivity::Refused)?;
@@ -120,7 +120,7 @@ impl SampledLoop {
         self.controller.config().step_s
     }
 
-    /// One sample with an error n of the position sensors, in m; returns what they read.
+    /// One sample with an error n of the position sensors, in m; returns their readings.
     fn step(&self, state: &mut State, error_m: [f64; 2]) -> Result<[f64; 2], NoSensitivity> {
         let unsettled = |error: &dyn std::fmt::Display| NoSensitivity::Unsettled(error.to_string());
         let voltage = self.plant.config().coil.drive == Drive::Voltage;
@@ -130,7 +130,7 @@ impl SampledLoop {
         } else {
             input.current_a = state.command;
         }
-        // The loop does not depend on time, and a constant time leaves no rounding in the differences.
+        // The loop is time-invariant, and a constant time keeps rounding out of the differences.
         let mut plant = state.plant.clone();
         let now_s = plant.time_s;
         let current_a = self.plant.outputs(&plant, &input, now_s).current_a;
@@ -165,13 +165,13 @@ impl SampledLoop {
         state
     }
 
-    /// The loop linearised where it settled, by central differences of one sample.
+    /// The loop linearised at the operating point, by central differences of one sample.
     ///
     /// # Errors
     /// [`NoSensitivity::Unsettled`].
     pub fn linearise(&self) -> Result<Linear, NoSensitivity> {
         let voltage = self.plant.config().coil.drive == Drive::Voltage;
-        // Increments as large as small motions of the loop: position, velocity, flux, current or voltage.
+        // Increments of the size of small motions of the loop: position, velocity, flux, current or voltage.
         let [m, m_s, wb, command] = [1e-9, 1e-6, 1e-7, if voltage { 1e-3 } else { 1e-5 }];
         let mut increments = [0.0; STATES];
         increments[..2].fill(m);
@@ -186,7 +186,7 @@ impl SampledLoop {
             Ok(Self::vector(&state))
         };
         let mut a = DMatrix::zeros(STATES, STATES);
-        // With current drive, fluxes and voltages are no states: they stay constant and have no effect.
+        // With current drive, fluxes and voltages are not states: they are constant and have no effect.
         let idle = |index: usize| !voltage && ((4..PLANT).contains(&index) || index >= STATES - 2 * COMMANDS);
         for (column, increment) in increments.into_iter().enumerate().filter(|(column, _)| !idle(*column)) {
             let (mut above, mut below) = (at, at);
@@ -208,8 +208,8 @@ impl SampledLoop {
         Ok(Linear { a, b, step_s: self.step_s() })
     }
 
-    /// `S` of one axis (0 for y, 1 for z) by injection: `periods` of a sine of the given amplitude in m over `samples`
-    /// samples, after as many for transients to die away. Returns the angular frequency in rad/s, and S.
+    /// `S` of one axis (0 for y, 1 for z) by injection of `periods` of a sine with the given amplitude in m over `samples`
+    /// samples, after as many for transients to decay. Returns the angular frequency in rad/s, and S.
     ///
     /// # Errors
     /// [`NoSensitivity::Unsettled`].
@@ -232,7 +232,7 @@ impl SampledLoop {
                 sum += Complex::from_polar(read[axis], -phase);
             }
         }
-        // Of a sin(ωt), this sum is −j a N/2.
+        // For a sin(ωt), this sum is −j a N/2.
         let gain = sum * Complex::new(0.0, 2.0 / (samples as f64 * amplitude_m));
         Ok((std::f64::consts::TAU * periods as f64 / (samples as f64 * self.step_s()), gain))
     }
@@ -252,7 +252,7 @@ impl Linear {
         &self.a
     }
 
-    /// `S(ω)` as a matrix: column by the axis of the error, row by the axis of the reading; ω in rad/s, below half the
+    /// `S(ω)` as a matrix: columns by the axis of the error, rows by the axis of the reading; ω in rad/s, below half the
     /// sampling frequency. `None` at a pole.
     pub fn sensitivity(&self, omega_rad_s: f64) -> Option<[[Complex<f64>; 2]; 2]> {
         let z = Complex::from_polar(1.0, omega_rad_s * self.step_s);
@@ -265,8 +265,8 @@ impl Linear {
         Some(std::array::from_fn(|row| std::array::from_fn(|column| one(row, column) + x[(row, column)])))
     }
 
-    /// `[ω, |S_yy|, |S_zz|]` at `count` frequencies, evenly in the logarithm from `from_rad_s` to just below half the
-    /// sampling frequency.
+    /// `[ω, |S_yy|, |S_zz|]` at `count` frequencies, logarithmically spaced from `from_rad_s` to just below half the sampling
+    /// frequency.
     pub fn sweep(&self, from_rad_s: f64, count: usize) -> Vec<[f64; 3]> {
         let ratio = 0.99 * std::f64::consts::PI / self.step_s / from_rad_s;
         let at = |index: usize| from_rad_s * libm::pow(ratio, index as f64 / (count.max(2) - 1) as f64);

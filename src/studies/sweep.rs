@@ -1,11 +1,11 @@
-//! Many runs of one scenario with other values: a row per case in, a row per case out.
+//! Many runs of one scenario with varied values: every case is a row of the design and a row of the result.
 //!
 //! A design is a CSV table whose columns are variables of the loop, `plant.m` or `plant.m [g]`, and whose rows are cases; or a
-//! description in TOML of how to draw such a table ([`Design::open`]). The rows that come out are written as the cases end,
-//! and each is on the disk before it counts. A sweep that is interrupted goes on where it stopped: rows that are there are not
-//! computed again, a last row that was torn is. When all cases are done the rows are put in the order of the design.
+//! TOML file that describes how to draw such a table ([`Design::open`]). Each row is written as soon as its case ends, and is
+//! on the disk before it counts. An interrupted sweep resumes where it stopped: existing rows are not computed again, an
+//! incomplete last row is discarded. When all cases are done the rows are put in the order of the design.
 //!
-//! A case that cannot be run, or ends early, is a row that says so.
+//! A case that cannot be run, or ends early, gives a row with the reason.
 
 use std::collections::{BTreeMap, HashSet};
 use std::fmt::Write as _;
@@ -29,14 +29,14 @@ use fmu_export::variable::Value;
 /// Length of the stretch at the end of a run over which tracking is judged, in seconds.
 const STRETCH_S: f64 = 0.04;
 
-/// The scenario that is varied when none is named.
+/// The scenario to vary when none is named.
 const DEFAULT_SCENARIO: &str = "unbalanced";
 
-/// What a sweep cannot begin or go on with.
+/// Why a sweep cannot begin or resume.
 #[derive(Debug, thiserror::Error)]
 #[error("{origin}:\n  {}", .findings.join("\n  "))]
 pub struct SweepError {
-    /// The file that it is about.
+    /// The file concerned.
     pub origin: String,
     /// What is wrong.
     pub findings: Vec<String>,
@@ -48,25 +48,25 @@ impl SweepError {
     }
 }
 
-/// What became of the cases of a sweep.
+/// The outcome of a sweep.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
-    /// Rows that were there before.
+    /// Rows from an earlier run of the sweep.
     pub before: usize,
-    /// Rows, those included, that say of their case why it failed.
+    /// Rows of failed cases, including earlier ones.
     pub failed: usize,
 }
 
 /// The cases of a sweep.
 #[derive(Clone)]
 pub struct Design {
-    /// What is varied; only the loop itself, without estimators beside it.
+    /// The scenario to vary, without estimators beside the loop.
     scenario: Scenario,
     /// The text of the scenario.
     scenario_text: String,
     /// Headers of the columns, `element.variable` or `element.variable [unit]`.
     columns: Vec<String>,
-    /// A cell per column; an empty one leaves the value of the scenario.
+    /// A cell per column; an empty one leaves the scenario's value.
     cases: Vec<Vec<String>>,
 }
 
@@ -85,13 +85,13 @@ struct Document {
 #[derive(Clone, Copy, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "camelCase")]
 enum Sampling {
-    /// Every variable is drawn once from each of as many equal parts of its range as there are cases.
+    /// The range of every variable is divided into as many equal parts as there are cases, and one value is drawn from each.
     LatinHypercube,
-    /// All draws are independent.
+    /// Independent draws.
     MonteCarlo,
 }
 
-/// What a variable is drawn from.
+/// Distribution of a variable.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Range {
@@ -105,18 +105,19 @@ enum Range {
 struct Between {
     from: f64,
     to: f64,
-    /// Unit of both; that of the interface if there is none.
+    /// Unit of both; by default that of the interface.
     unit: Option<String>,
-    /// Whether the logarithm is drawn evenly instead of the value.
+    /// Whether the logarithm is uniformly distributed instead of the value.
     #[serde(default)]
     log: bool,
 }
 
 impl Design {
-    /// Reads a design: CSV, also from the standard input under the name `-`, or TOML by the ending of its name. `scenario` names what is varied, before what the design says.
+    /// Reads a design: CSV, also from the standard input under the name `-`, or TOML if its name ends so. `scenario` names the
+    /// scenario to vary and takes precedence over the design.
     ///
     /// # Errors
-    /// Everything that is wrong with the design as a whole. What is wrong with a single case is found when it is run.
+    /// Everything that is wrong with the design as a whole. Errors of a single case are found when it is run.
     pub fn open(path: &Path, scenario: Option<&Path>) -> Result<Self, SweepError> {
         let read = if path == Path::new("-") { io::read_to_string(io::stdin()) } else { fs::read_to_string(path) };
         let text = read.map_err(|error| SweepError::new(path, error))?;
@@ -162,7 +163,7 @@ impl Design {
         self.cases.is_empty()
     }
 
-    /// Writes the design as CSV, drawn values included.
+    /// Writes the design as CSV, with the values drawn.
     ///
     /// # Errors
     /// Whatever the writer reports.
@@ -175,7 +176,7 @@ impl Design {
         writer.flush()
     }
 
-    /// The header of the rows that come out.
+    /// The header of the result.
     fn header(&self) -> Vec<String> {
         let figures = RESULTS.iter().map(|(name, _)| (*name).to_owned());
         ["case", "seed", "status"]
@@ -187,7 +188,7 @@ impl Design {
             .collect()
     }
 
-    /// What tells a case from a case of another design.
+    /// Identifies a case and its design.
     fn fingerprint(&self, case: usize) -> String {
         let mut hash = Sha256::new();
         hash.update(self.scenario_text.as_bytes());
@@ -212,7 +213,7 @@ impl Design {
             if cell.is_empty() {
                 continue;
             }
-            // A unit in the cell goes before that of the column.
+            // A unit in the cell overrides that of the column.
             let text = match unit {
                 Some(unit) if cell.parse::<f64>().is_ok() => format!("{cell} {unit}"),
                 _ => cell.to_owned(),
@@ -222,7 +223,7 @@ impl Design {
         Ok(scenario)
     }
 
-    /// Runs a case; its row.
+    /// Runs a case and returns its row.
     fn row(&self, case: usize) -> Vec<String> {
         let scenario = self.scenario(case);
         let seed = scenario.as_ref().ok().and_then(|scenario| scenario.value("plant", "sensor.seed"));
@@ -251,20 +252,19 @@ impl Design {
             .collect()
     }
 
-    /// Runs all cases that `path` has no row of yet, on so many threads, and puts the rows in order.
+    /// Runs all cases without a row in `path`, on this many threads, and puts the rows in order.
     ///
     /// # Errors
-    /// If the file cannot be read or written, is no regular file, belongs to another design, or another sweep is at work on
-    /// it.
+    /// If the file cannot be read or written, is not a regular file, belongs to another design, or is in use by another sweep.
     pub fn run(&self, path: &Path, threads: usize) -> Result<Outcome, SweepError> {
         let fail = |error: io::Error| SweepError::new(path, error);
-        // A device has no rows to go on with, and some have no end.
+        // A device has no rows to resume from, and some have no end.
         if fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
-            return Err(SweepError::new(path, "it is no regular file; name one, or - for the standard output"));
+            return Err(SweepError::new(path, "it is not a regular file; name one, or - for the standard output"));
         }
         let mut file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(fail)?;
         if file.try_lock().is_err() {
-            return Err(SweepError::new(path, "another sweep is at work on it"));
+            return Err(SweepError::new(path, "another sweep is using it"));
         }
         let done = self.resume(path, &mut file)?;
         let todo: Vec<usize> = (0..self.len()).filter(|case| !done.contains(case)).collect();
@@ -277,7 +277,7 @@ impl Design {
         Ok(Outcome { before: done.len(), failed })
     }
 
-    /// Runs all cases on so many threads, and writes each row as soon as all before it are written.
+    /// Runs all cases on this many threads, and writes each row as soon as all earlier ones are written.
     ///
     /// # Errors
     /// Whatever the writer reports.
@@ -297,7 +297,7 @@ impl Design {
         Ok(Outcome { before: 0, failed })
     }
 
-    /// Runs these cases on so many threads, and hands over the rows as they come in.
+    /// Runs these cases on this many threads, and hands over the rows as they arrive.
     fn work(
         &self,
         todo: &[usize],
@@ -313,7 +313,7 @@ impl Design {
                 let (sender, next) = (sender.clone(), &next);
                 scope.spawn(move || {
                     while let Some(case) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
-                        // Nobody listens any more once the disk is full.
+                        // The receiver is gone once the disk is full.
                         if sender.send(self.row(*case)).is_err() {
                             break;
                         }
@@ -323,7 +323,7 @@ impl Design {
             drop(sender);
             let mut count = 0;
             while let Ok(row) = rows.recv() {
-                // Whatever has come in meanwhile goes to the disk with it.
+                // Rows that have arrived meanwhile are written with it.
                 let batch: Vec<_> = std::iter::once(row).chain(rows.try_iter()).collect();
                 count += batch.len();
                 write(batch)?;
@@ -333,7 +333,7 @@ impl Design {
         })
     }
 
-    /// Reads what a former sweep left; writes the header if there is nothing. The cases that are done.
+    /// Reads the rows of an earlier run; writes the header if the file is empty. Returns the cases that are done.
     fn resume(&self, path: &Path, file: &mut File) -> Result<HashSet<usize>, SweepError> {
         let fail = |error: io::Error| SweepError::new(path, error);
         let text = fs::read(path).map_err(fail)?;
@@ -342,7 +342,7 @@ impl Design {
         if !text.starts_with(&header) && !header.starts_with(&text) {
             return Err(foreign("it has other columns, or no rows of a sweep at all".into()));
         }
-        // A row counts from its line break on: without it the writing was cut short.
+        // A row is complete only with its line break.
         let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
         file.set_len(whole as u64).map_err(fail)?;
         file.seek(SeekFrom::End(0)).map_err(fail)?;
@@ -366,7 +366,7 @@ impl Design {
         Ok(done)
     }
 
-    /// Rewrites the rows in the order of the cases, all at once or not at all. Returns how many of them are of cases that failed.
+    /// Rewrites the rows in the order of the cases, atomically. Returns how many cases failed.
     fn put_in_order(&self, path: &Path) -> io::Result<usize> {
         let mut reader = csv::Reader::from_path(path)?;
         let mut rows: Vec<Vec<String>> =
@@ -384,7 +384,7 @@ impl Design {
     }
 }
 
-/// The number of the case that a row is of.
+/// The case number of a row.
 fn number(row: &[String]) -> usize {
     row[0].parse().unwrap_or(usize::MAX)
 }
@@ -394,7 +394,7 @@ fn is_failed(row: &[String]) -> bool {
     row[2] != "ok"
 }
 
-/// A figure of a run.
+/// A result of a run.
 enum Figure {
     /// The last value of an output of the loop.
     Last(&'static str),
@@ -404,7 +404,7 @@ enum Figure {
     Tracking(&'static str),
 }
 
-/// The columns that come out, after case, seed and status.
+/// The result columns, after case, seed and status.
 const RESULTS: [(&str, Figure); 17] = [
     ("valid", Figure::Last("estimator.valid")),
     ("lambdaHat[1] [N.m2/A2]", Figure::Last("estimator.lambdaHat[1]")),
@@ -433,7 +433,7 @@ impl Figure {
         }
     }
 
-    /// The figure as text with as many digits as it takes to read the same number again; empty if there is none.
+    /// The result as text, with as many digits as needed to read the same number again; empty if there is none.
     fn of(&self, scenario: &Scenario, run: &Run) -> String {
         let column = |name: &str| run.recording.get(name).unwrap_or(&[]);
         let value = match self {
@@ -477,7 +477,7 @@ fn table(text: &str) -> Result<(Vec<String>, Vec<Vec<String>>), csv::Error> {
     Ok((columns, cases))
 }
 
-/// Draws the cases of a description.
+/// Draws the cases of a design.
 fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> {
     let mut random = Pcg64::seed_from_u64(document.seed);
     let mut columns = Vec::new();
@@ -517,7 +517,7 @@ fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> 
         }
         columns.push(unit.map_or(path.clone(), |unit| format!("{path} [{unit}]")));
     }
-    // Every case has noise of its own.
+    // Every case gets its own noise.
     if !columns.iter().any(|column| split(column).0 == "plant.sensor.seed") {
         columns.push("plant.sensor.seed".into());
         for case in &mut cases {

@@ -1,4 +1,4 @@
-//! The frame of every HTML page: one head, one style, light and dark, and nothing that is loaded from elsewhere.
+//! The frame of every HTML page: one head, one style, light and dark, nothing loaded from elsewhere.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -23,7 +23,7 @@ pub fn page(title: &str, body: &Markup) -> String {
     .into_string()
 }
 
-/// The command that runs this program as it runs now, with every argument, for the page that it makes.
+/// The command that runs this program with the present arguments, to show on the page that it makes.
 pub fn command_line() -> String {
     let quoted = std::env::args_os()
         .map(|argument| argument.to_string_lossy().into_owned())
@@ -36,7 +36,7 @@ pub fn command_line() -> String {
     }
 }
 
-/// An argument as a shell reads it.
+/// Quotes an argument for a shell.
 fn quote(argument: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_./=,:+@%".contains(c);
     if !argument.is_empty() && argument.chars().all(plain) {
