@@ -13,7 +13,7 @@ struct Values {
     limited: bool,
 }
 
-/// The controller; its state is the integral of the error, as far as the output could follow.
+/// The controller; its state is the integral of the error, stopped while the output is limited.
 #[derive(Clone)]
 struct PiController {
     period_s: f64,

@@ -30,8 +30,8 @@ impl Model for VanDerPol {
         let a = Row::real("a", place!(Values.a), unit::PER_SECOND2, 0.0).description("Acceleration");
         vec![
             Row::real("mu", place!(Values.mu), unit::ONE, 1.0).fixed().description("Strength of the damping"),
-            Row::real("x0", place!(Values.x0), unit::ONE, 2.0).fixed().description("Position at the start"),
-            Row::real("v0", place!(Values.v0), unit::PER_SECOND, 0.0).fixed().description("Velocity at the start"),
+            Row::real("x0", place!(Values.x0), unit::ONE, 2.0).fixed().description("Initial position"),
+            Row::real("v0", place!(Values.v0), unit::PER_SECOND, 0.0).fixed().description("Initial velocity"),
             Row::real("x", place!(Values.x), unit::ONE, 0.0).output().state().depends_on(["x"]).description("Position"),
             v.derivative_of("x").depends_on(["v"]),
             a.derivative_of("v").depends_on(["x", "v"]),
@@ -59,7 +59,7 @@ impl Model for VanDerPol {
             [values.x, values.v] = [0, 1].map(|i| [x, v][i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]));
         }
         values.a = slope(mu, values.x, values.v)[1];
-        if values.a.is_finite() { Ok(()) } else { Err(StepError::of("the solution grows beyond all numbers")) }
+        if values.a.is_finite() { Ok(()) } else { Err(StepError::of("the solution is no longer finite")) }
     }
 
     fn base_step_s(&self) -> f64 {

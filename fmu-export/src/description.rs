@@ -10,8 +10,7 @@ use crate::xml::{Page, element, real, units, write_base_unit};
 
 /// The GUID of a model and the text of its model description.
 ///
-/// The GUID is the first half of the SHA-256 of the description with an empty GUID: any change of the interface changes
-/// it.
+/// The GUID is the first half of the SHA-256 of the description with an empty GUID, so it changes with the interface.
 pub fn write(info: &Info, capabilities: Capabilities, variables: &[Variable]) -> (String, String) {
     let digest = Sha256::digest(document(info, capabilities, variables, "").as_bytes());
     let digits: String = digest[..16].iter().map(|byte| format!("{byte:02x}")).collect();
@@ -21,13 +20,13 @@ pub fn write(info: &Info, capabilities: Capabilities, variables: &[Variable]) ->
     (guid, text)
 }
 
-/// What is wrong with a model so that importers would refuse its description, or see something else than is meant.
+/// Errors in a model's table that would make importers refuse its description or misread it.
 pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
     let mut found = Vec::new();
     let part_of_identifier = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
     if info.name.is_empty() || !info.name.chars().all(part_of_identifier) || info.name.starts_with(char::is_numeric) {
         found.push(format!(
-            "the name `{}` is none for a C function: letters, digits, and underscores are wanted",
+            "the name `{}` cannot be part of a C identifier: expected letters, digits, and underscores",
             info.name
         ));
     }
@@ -35,12 +34,12 @@ pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
     for (index, variable) in variables.iter().enumerate() {
         let name = &variable.name;
         if variables[..index].iter().any(|other| other.name == *name) {
-            found.push(format!("{name} is there twice"));
+            found.push(format!("{name} occurs twice"));
         }
         let depends_on = variable.depends_on.iter().map(|(name, _)| name.as_ref());
         let starts_from = variable.starts_from.iter().flatten().map(AsRef::as_ref);
         for other in depends_on.chain(starts_from).chain(variable.derivative_of).filter(|other| !known(other)) {
-            found.push(format!("{name} names {other}, which is no variable"));
+            found.push(format!("{name} refers to {other}, which is not a variable"));
         }
         let inside = match &variable.kind {
             Type::Real { start, min, max, .. } => {
@@ -155,7 +154,7 @@ fn write_enumeration(page: &mut Page, enumeration: &Enumeration) {
     });
 }
 
-/// The number of a variable, counted from 1, as other elements refer to it.
+/// The index of a variable, counted from 1, as other elements refer to it.
 fn index_of(variables: &[Variable], name: &str) -> Option<String> {
     variables.iter().position(|variable| variable.name == name).map(|index| (index + 1).to_string())
 }
@@ -185,13 +184,13 @@ fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state:
         .with("causality", causality)
         .with("variability", variability)
         .with_some("initial", initial);
-    // What is computed has no start value: it follows from the others.
+    // Computed variables have no start value.
     let settable = variable.is_settable();
     page.nest(root, |page| {
         let kind = match &variable.kind {
             Type::Real { start, unit, display, nominal, min, max } => element("Real")
                 .with("unit", unit.name)
-                // FMI Library, which several importers are built on, refuses a display unit that is the unit itself.
+                // FMI Library, used by several importers, refuses a display unit equal to the unit.
                 .with_some("displayUnit", display.filter(|display| *display != unit.name))
                 .with_some("min", min.map(real))
                 .with_some("max", max.map(real))
@@ -212,7 +211,7 @@ fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state:
     });
 }
 
-/// Outputs and derivatives of states with what acts on them at the same instant, and the unknowns of the initialization.
+/// Outputs and derivatives of states with their dependencies, and the initial unknowns.
 fn write_structure(page: &mut Page, variables: &[Variable]) {
     let chosen = |choice: fn(&Variable) -> bool| (1..).zip(variables).filter(move |(_, variable)| choice(variable));
     let unknown = |index: i32| element("Unknown").with("index", index.to_string());
@@ -239,7 +238,7 @@ fn write_structure(page: &mut Page, variables: &[Variable]) {
     });
     if variables.iter().any(|variable| variable.derivative_of.is_some()) {
         page.nest(element("Derivatives"), |page| {
-            // In the order of the states, which is that of the vector of states.
+            // In the order of the state vector.
             for state in variables.iter().filter(|variable| variable.state) {
                 for (index, derivative) in chosen(|variable| variable.derivative_of.is_some()) {
                     if derivative.derivative_of == Some(state.name.as_ref()) {
@@ -254,7 +253,7 @@ fn write_structure(page: &mut Page, variables: &[Variable]) {
     };
     page.nest(element("InitialUnknowns"), |page| {
         for (index, variable) in chosen(computed) {
-            // Without `dependencies` an unknown depends on every known: all parameters and inputs.
+            // Without `dependencies` an unknown depends on all knowns: parameters and inputs.
             let from = variable.starts_from.as_ref();
             let from = from.map(|names| indices(&mut names.iter().map(|name| name.as_ref())));
             page.empty(unknown(index).with_some("dependencies", from));

@@ -1,8 +1,8 @@
-//! The macro that makes the C functions of a library.
+//! The macro that defines the C functions of a library.
 
-/// Makes all functions of FMI 2.0 for co-simulation in a library of the crate type `cdylib`, which serves these models, and a
-/// static [`Fmus`](crate::Fmus) named `FMUS` that lists them. Each model is a type that implements
-/// [`Model`](crate::Model) or [`SampledModel`](crate::SampledModel). To be used once in a crate.
+/// Defines all functions of FMI 2.0 for co-simulation in a library of the crate type `cdylib` with these models, and a static
+/// [`Fmus`](crate::Fmus) named `FMUS` that lists them. Each model is a type that implements [`Model`](crate::Model) or
+/// [`SampledModel`](crate::SampledModel). Use it once per crate.
 ///
 /// ```ignore
 /// fmu_export::export_fmus!(Pump, Valve, Tank);
@@ -14,7 +14,7 @@ macro_rules! export_fmus {
         pub static FMUS: $crate::Fmus =
             $crate::Fmus::new(::core::env!("CARGO_CRATE_NAME"), || ::std::vec![$($crate::ModelType::of::<$model>()),+]);
 
-        /// The functions of FMI 2.0 for co-simulation, of the models of this library.
+        /// The functions of FMI 2.0 for co-simulation for the models of this library.
         #[allow(non_snake_case, missing_docs, clippy::missing_safety_doc, reason = "names and contracts are the standard's")]
         pub mod fmi2 {
             use $crate::fmi2::bindings::*;
@@ -77,7 +77,7 @@ macro_rules! export_fmus {
     };
 }
 
-/// Exports functions under their names in the standard, which hand the call on.
+/// Exports functions under their standard names; each forwards the call.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! __export_functions {

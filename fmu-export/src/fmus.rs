@@ -6,9 +6,9 @@ use crate::instance::ModelType;
 
 /// The models of one binary. [`export_fmus!`](crate::export_fmus) makes one, named `FMUS`.
 ///
-/// Tables and model descriptions are made on first use and shared by all instances, which hold them as long as they need
-/// them. The binary gives up its own share when it is unloaded: Rust drops no statics, and every load would otherwise leave
-/// some hundred kilobytes behind.
+/// Tables and model descriptions are made on first use and shared by all instances, which hold them as long as needed. The
+/// binary drops its own share when it is unloaded: Rust drops no statics, and every load would otherwise leak some hundred
+/// kilobytes.
 pub struct Fmus {
     library: &'static str,
     make: fn() -> Vec<ModelType>,
@@ -16,14 +16,14 @@ pub struct Fmus {
 }
 
 impl Fmus {
-    /// The models that `make` makes, in the library of that name; for [`export_fmus!`](crate::export_fmus).
+    /// The models returned by `make`, in the library of that name; for [`export_fmus!`](crate::export_fmus).
     pub const fn new(library: &'static str, make: fn() -> Vec<ModelType>) -> Self {
         Self { library, make, models: Mutex::new(None) }
     }
 
     /// All models, in the order in which they are exported.
     pub fn models(&'static self) -> Arc<[Arc<ModelType>]> {
-        // What a panic leaves behind is all models or none.
+        // After a panic the list is complete or empty.
         let mut models = self.models.lock().unwrap_or_else(PoisonError::into_inner);
         let made = models.get_or_insert_with(|| {
             at_unload(self);
@@ -32,12 +32,12 @@ impl Fmus {
         made.clone()
     }
 
-    /// The model of that name.
+    /// The model of a name.
     pub fn find(&'static self, name: &str) -> Option<Arc<ModelType>> {
         self.models().iter().find(|model| model.info.name == name).cloned()
     }
 
-    /// The model of that GUID.
+    /// The model of a GUID.
     pub(crate) fn by_guid(&'static self, guid: &str) -> Option<Arc<ModelType>> {
         self.models().iter().find(|model| model.guid() == guid).cloned()
     }
@@ -49,13 +49,13 @@ impl Fmus {
         listed.join(" or ")
     }
 
-    /// The name of the library as cargo knows it, with underscores.
+    /// The name of the library as known to cargo, with underscores.
     pub fn library(&self) -> &'static str {
         self.library
     }
 }
 
-/// Those who have something to give up when the library is unloaded.
+/// All `Fmus` that hold models when the library is unloaded.
 static IN_USE: Mutex<Vec<&'static Fmus>> = Mutex::new(Vec::new());
 
 fn at_unload(fmus: &'static Fmus) {
@@ -64,13 +64,13 @@ fn at_unload(fmus: &'static Fmus) {
     IN_USE.lock().unwrap_or_else(PoisonError::into_inner).push(fmus);
 }
 
-// A function that the system calls when it unloads the library. On Linux it stands in the library's table of such functions:
-// the C library's `atexit` would depend on what the linker puts around a shared library, and where that is missing, it calls
-// functions that are gone. Elsewhere it is `atexit`, which Windows keeps for each library and macOS tells apart by the address
-// of the function.
+// A function that the system calls when it unloads the library. On Linux it is listed in the library's section of such
+// functions: the C library's `atexit` would depend on what the linker adds to a shared library, and where that is missing, it
+// would call functions that are gone. Elsewhere it is `atexit`, which Windows keeps per library and macOS distinguishes by the
+// address of the function.
 #[cfg(all(unix, not(target_vendor = "apple"), not(miri)))]
 #[used]
-// SAFETY: the section holds pointers to functions without arguments, which are called once, before the library goes.
+// SAFETY: the section holds pointers to functions without arguments, called once, before the library is unloaded.
 #[unsafe(link_section = ".fini_array")]
 static AT_UNLOAD: extern "C" fn() = give_up;
 
@@ -82,13 +82,13 @@ fn prepare() {
     unsafe extern "C" {
         fn atexit(handler: extern "C" fn()) -> std::ffi::c_int;
     }
-    // SAFETY: the handler is part of this library, whose C library calls it before the code is gone. Without a place for
-    // it memory is not given back, and nothing else happens.
+    // SAFETY: the handler is part of this library, whose C library calls it before the code is unloaded. If it cannot be
+    // registered, memory is leaked, nothing else.
     let _ = unsafe { atexit(give_up) };
 }
 
-/// The same function runs when the process ends, and then perhaps while other threads are in the middle of a call, or before
-/// an importer that still steps its instances: it waits for nobody, and takes nothing that an instance holds.
+/// The same function runs when the process ends, perhaps while other threads are in a call, or before an importer that still
+/// steps its instances: it waits for nobody, and drops nothing that an instance holds.
 #[cfg_attr(miri, allow(dead_code))]
 extern "C" fn give_up() {
     let Ok(mut in_use) = IN_USE.try_lock() else { return };

@@ -1,18 +1,18 @@
-//! Inputs over a communication step: held, or polynomials where their derivatives are given.
+//! Inputs over a communication step: held, or polynomials if their derivatives are given.
 
 use serde::{Deserialize, Serialize};
 
 use crate::variable::{Table, Value};
 
-/// The highest order of a derivative of an input that is taken into account.
+/// The highest order of an input derivative that is used.
 pub const HIGHEST_ORDER: usize = 4;
 
-/// The derivatives of one input with respect to time at the beginning of a step.
+/// The derivatives of one input with respect to time at the begin of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct InputDerivatives {
     /// Index of the input in the table.
     pub index: usize,
-    /// Derivatives of order 1, 2, … in the unit of the input over powers of seconds.
+    /// Derivatives of order 1, 2, … in the unit of the input per power of seconds.
     pub derivatives: [f64; HIGHEST_ORDER],
 }
 
@@ -25,7 +25,7 @@ impl InputDerivatives {
     /// The change after `elapsed_s`: `Σ_j d_j elapsed^j / j!`.
     fn change(&self, elapsed_s: f64) -> f64 {
         let scheme = |higher: f64, (j, d): (usize, &f64)| (d + higher) * elapsed_s / (j + 1) as f64;
-        // d_1 t + d_2 t²/2 + … = (d_1 + (d_2 + …) t/2) t, from the innermost bracket outwards.
+        // Horner's scheme: d_1 t + d_2 t²/2 + … = (d_1 + (d_2 + …) t/2) t.
         self.derivatives.iter().enumerate().rev().fold(0.0, scheme)
     }
 
@@ -42,13 +42,13 @@ impl InputDerivatives {
     }
 }
 
-/// The inputs over one step, whose values at its beginning are those given when this was made.
+/// The inputs over one step, starting at the values given at construction.
 ///
 /// `u(t) = u + Σ_j d_j (t − t_0)^j / j!` for every input with derivatives d; all others are held.
 pub struct InputTrajectory<'t, D> {
     start_s: f64,
     table: &'t Table<D>,
-    /// Each with the value at the beginning of the step.
+    /// Each with its value at the begin of the step.
     moving: Vec<(f64, InputDerivatives)>,
 }
 
@@ -66,19 +66,19 @@ impl<'t, D> InputTrajectory<'t, D> {
         self.moving.is_empty()
     }
 
-    /// The time at which the values and derivatives hold, in seconds.
+    /// The time of the values and derivatives, in seconds.
     pub fn start_s(&self) -> f64 {
         self.start_s
     }
 
-    /// Sets the inputs to what they are at a time, in seconds; before the beginning of the step, to what they are there.
+    /// Sets the inputs to their values at a time, in seconds; before the begin of the step, to their values there.
     pub fn apply(&self, values: &mut D, time_s: f64) {
         for (value, input) in &self.moving {
             self.write(values, input.index, value + input.change((time_s - self.start_s).max(0.0)));
         }
     }
 
-    /// Puts the derivatives of that order, from 1, into the places of the inputs; places of held inputs are left alone.
+    /// Writes the derivatives of that order, from 1, into the places of the inputs; places of held inputs are not changed.
     pub fn apply_derivatives(&self, values: &mut D, order: usize) {
         for (_, input) in &self.moving {
             self.write(values, input.index, input.derivatives[order - 1]);

@@ -1,4 +1,4 @@
-//! A model as its importer sees it: values behind a table, a run, and the rules of when they may change.
+//! A model as its importer sees it: values behind a table, a run, and rules for when values may change.
 
 use std::any::Any;
 use std::sync::{Arc, OnceLock};
@@ -14,18 +14,18 @@ use crate::variable::{Causality, Table, Type, Value, Variability, Variable};
 /// The longest communication step, in units of [`Model::base_step_s`].
 pub const MAX_BASE_STEPS: f64 = 1e6;
 
-/// Why a value was not taken or given.
+/// Why a variable could not be read or written.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AccessError {
-    /// There is no variable of that index.
+    /// There is no variable with that index.
     #[error("there is no variable with value reference {0}")]
     Unknown(usize),
-    /// The variable is of another type.
-    #[error("{name} is no {asked}")]
+    /// The variable has another type.
+    #[error("{name} is not of type {asked}")]
     WrongType {
         /// The variable.
         name: String,
-        /// The type asked for.
+        /// The requested type.
         asked: &'static str,
     },
     /// The variable cannot be set now or at all.
@@ -33,18 +33,18 @@ pub enum AccessError {
     NotSettable {
         /// The variable.
         name: String,
-        /// Why.
+        /// Reason.
         reason: &'static str,
     },
     /// The value was refused.
     #[error("{}", Invalid::list(.0))]
     Refused(Vec<Invalid>),
-    /// A derivative is not to be had, or not to be given.
+    /// A derivative is not available, or cannot be set.
     #[error("{name}: {reason}")]
     NoDerivative {
         /// The variable.
         name: String,
-        /// Why.
+        /// Reason.
         reason: &'static str,
     },
     /// The order of a derivative is out of range.
@@ -52,63 +52,61 @@ pub enum AccessError {
     Order {
         /// The variable.
         name: String,
-        /// The order asked for.
+        /// The requested order.
         order: i32,
-        /// The highest order there is.
+        /// The highest order available.
         highest: usize,
     },
 }
 
 /// One instance of any model.
 pub trait Instance: Send + Sync {
-    /// The value of the variable of that index, counted from 0 in the order of the table.
+    /// The value of the variable with that index, counted from 0 in the order of the table.
     ///
     /// # Errors
     /// [`AccessError::Unknown`].
     fn get(&mut self, index: usize) -> Result<Value, AccessError>;
 
-    /// Gives the variable of that index a value.
+    /// Sets the variable with that index.
     ///
     /// # Errors
-    /// Whatever is wrong with it, see [`AccessError`]; the former value stays.
+    /// What is wrong with the value, see [`AccessError`]; the former value stays.
     fn set(&mut self, index: usize, value: Value) -> Result<(), AccessError> {
         self.set_all(1, &|_| (index, value.clone()))
     }
 
-    /// Gives several variables a value each, or, if anything is wrong with one of them, none: `settings` tells the index
-    /// and the value of the setting of that number.
+    /// Sets several variables, or none if one value is refused: `settings(n)` returns index and value of setting n.
     ///
     /// # Errors
-    /// Whatever is wrong with one of them, see [`AccessError`]; all former values stay.
+    /// What is wrong with one of them, see [`AccessError`]; all former values stay.
     fn set_all(&mut self, count: usize, settings: &dyn Fn(usize) -> (usize, Value)) -> Result<(), AccessError>;
 
-    /// Tells when the run will begin, in seconds; 0 if nothing is told.
+    /// Sets the time at which the run will begin, in seconds; 0 by default.
     fn set_start(&mut self, start_s: f64);
 
     /// Begins the run.
     ///
     /// # Errors
-    /// Every parameter that cannot be accepted.
+    /// Every invalid parameter.
     fn start(&mut self) -> Result<(), Vec<Invalid>>;
 
-    /// Does one communication step. Derivatives of inputs that were given hold for this step alone; after it the inputs
-    /// stand at the values to which these have led.
+    /// Does one communication step. Derivatives of inputs hold for this step only; after it the inputs keep their final values.
     ///
     /// # Errors
-    /// Why the run cannot go on.
+    /// Why the run cannot continue.
     fn step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), StepError>;
 
-    /// The longest communication step that is done, in seconds; see [`MAX_BASE_STEPS`].
+    /// The longest communication step accepted, in seconds; see [`MAX_BASE_STEPS`].
     fn longest_step_s(&self) -> f64;
 
-    /// Makes this instance what it was when it was made.
+    /// Resets this instance to its initial state.
     fn reset(&mut self);
 
-    /// Gives inputs derivatives with respect to time at the begin of the next step, or, if anything is wrong with one,
-    /// none; `settings` tells index, order and value of the setting of that number.
+    /// Sets derivatives of inputs with respect to time at the begin of the next step, or none if one is refused; `settings(n)`
+    /// returns index, order and value of setting n.
     ///
     /// # Errors
-    /// Whatever is wrong with one of them.
+    /// What is wrong with one of them.
     fn set_input_derivatives(
         &mut self,
         count: usize,
@@ -118,33 +116,33 @@ pub trait Instance: Send + Sync {
     /// The derivative of an output with respect to time, at the end of the last step.
     ///
     /// # Errors
-    /// Whatever is wrong with the request.
+    /// What is wrong with the request.
     fn output_derivative(&mut self, index: usize, order: i32) -> Result<f64, AccessError>;
 
-    /// Prepares a directional derivative: `knowns` tells index and direction of the known variable of that number.
+    /// Prepares a directional derivative: `knowns(n)` returns index and direction of the n-th known variable.
     ///
     /// # Errors
-    /// Whatever is wrong with one of them.
+    /// What is wrong with one of them.
     fn differentiate(
         &mut self,
         count: usize,
         knowns: &dyn Fn(usize) -> (usize, f64),
     ) -> Result<Box<dyn Derivatives>, AccessError>;
 
-    /// A copy, which is a snapshot: cheap, and independent of what becomes of this instance.
+    /// A copy that serves as snapshot: cheap, and independent of this instance.
     fn duplicate(&self) -> Box<dyn Instance>;
 
-    /// Makes this instance a copy of another of the same model; `false` if it is of another.
+    /// Makes this instance a copy of another of the same model; `false` if the model differs.
     fn copy_from(&mut self, other: &dyn Instance) -> bool;
 
-    /// Writes down all that a copy has, in postcard's format. The same bits give the same bytes.
+    /// Serializes a copy in postcard's format. Equal bits give equal bytes.
     fn write(&self) -> Vec<u8>;
 
-    /// Makes this instance what was written down, to go on at `time_s` if `stepping`.
+    /// Restores a serialized instance, to continue at `time_s` if `stepping`.
     ///
     /// # Errors
-    /// Why the bytes make no instance; this one then stays as it was. Whatever the bytes, nothing panics, and no more
-    /// memory is taken than the instance needs.
+    /// Why the bytes are invalid; this instance is then unchanged. Whatever the bytes, nothing panics, and no more memory is
+    /// allocated than the instance needs.
     fn read(&mut self, bytes: &[u8], time_s: f64, stepping: bool) -> Result<(), String>;
 
     /// Whether the run has begun.
@@ -156,18 +154,18 @@ pub trait Instance: Send + Sync {
 
 /// Directional derivatives in one direction.
 pub trait Derivatives {
-    /// That of the unknown variable of that index.
+    /// The derivative of the unknown variable with that index.
     ///
     /// # Errors
     /// [`AccessError::Unknown`], [`AccessError::NoDerivative`].
     fn of(&self, index: usize) -> Result<f64, AccessError>;
 }
 
-/// A model that can be instantiated: what is known of it, whatever its Rust type. Instances share its table.
+/// A model that can be instantiated, independent of its Rust type. Instances share its table.
 pub struct ModelType {
     /// Name and description.
     pub info: Info,
-    /// What it can do beyond stepping.
+    /// Optional capabilities.
     pub capabilities: Capabilities,
     variables: Arc<[Variable]>,
     new_instance: Box<dyn Fn() -> Box<dyn Instance> + Send + Sync>,
@@ -175,7 +173,7 @@ pub struct ModelType {
 }
 
 impl ModelType {
-    /// The model type of a model.
+    /// The model type of a Rust type.
     pub fn of<M: Model>() -> Self {
         let table = Arc::new(Table::new(M::table()));
         Self {
@@ -200,14 +198,14 @@ impl ModelType {
     fn description(&self) -> &(String, String) {
         self.description.get_or_init(|| {
             if cfg!(miri) {
-                // Miri, which is after accesses to memory, would take many minutes over texts.
+                // Under Miri, which checks accesses to memory, texts would take many minutes.
                 return (format!("{{{}}}", self.info.name), String::new());
             }
             description::write(&self.info, self.capabilities, &self.variables)
         })
     }
 
-    /// GUID, with braces: a hash of the model description, so that model description and binary belong together.
+    /// GUID, with braces: a hash of the model description, so that a binary matches its description only.
     pub fn guid(&self) -> &str {
         &self.description().0
     }
@@ -218,7 +216,7 @@ impl ModelType {
     }
 }
 
-/// An instance of one model: its values, and its run once that has begun.
+/// An instance of one model: its values, and its run once it has begun.
 #[derive(Clone)]
 struct ModelInstance<M: Model> {
     table: Arc<Table<M::Values>>,
@@ -226,9 +224,9 @@ struct ModelInstance<M: Model> {
     run: Option<Run<M>>,
     /// Start of the run before it has begun, then the end of the last step.
     time_s: f64,
-    /// Outputs may lag behind values that were set.
+    /// Whether outputs need an update because values were set.
     stale: bool,
-    /// Derivatives of inputs at the beginning of the next step.
+    /// Derivatives of inputs at the begin of the next step.
     moving: Vec<InputDerivatives>,
     /// Derivatives of inputs at the end of the last step.
     moved: Vec<InputDerivatives>,
@@ -241,7 +239,7 @@ struct Run<M: Model> {
     state: M::State,
 }
 
-/// What is written down of an instance.
+/// A serialized instance.
 #[derive(Serialize, Deserialize)]
 struct Record<V, S> {
     values: V,
@@ -251,7 +249,7 @@ struct Record<V, S> {
     moved: Vec<InputDerivatives>,
 }
 
-/// A place where a test may have planted a panic.
+/// A place where a test may plant a panic.
 fn pass(place: &str) {
     #[cfg(feature = "planted-panics")]
     crate::planted::pass(place);
@@ -269,10 +267,10 @@ impl<M: Model> ModelInstance<M> {
         self.table.variables.get(index).ok_or(AccessError::Unknown(index))
     }
 
-    /// A model of the values, and the state in which it starts.
+    /// Constructs the model from the values, and its initial state.
     fn begin(&mut self) -> Result<Run<M>, Vec<Invalid>> {
         let model = Arc::new(M::new(&self.values)?);
-        // The model has the first word, which knows better what it wants.
+        // The model's own findings come first: they are more specific.
         let found = self.not_finite();
         if !found.is_empty() {
             return Err(found);
@@ -281,7 +279,7 @@ impl<M: Model> ModelInstance<M> {
         Ok(Run { model, state })
     }
 
-    /// Takes over tunable parameters.
+    /// Applies tunable parameters.
     fn retune(&mut self) -> Result<(), Vec<Invalid>> {
         let found = self.not_finite();
         match &mut self.run {
@@ -290,7 +288,7 @@ impl<M: Model> ModelInstance<M> {
         }
     }
 
-    /// Parameters that are no finite numbers.
+    /// Parameters that are not finite.
     fn not_finite(&self) -> Vec<Invalid> {
         let parameters = self.table.variables.iter().enumerate();
         let parameters = parameters.filter(|(_, variable)| variable.causality == Causality::Parameter);
@@ -303,8 +301,8 @@ impl<M: Model> ModelInstance<M> {
         found.collect()
     }
 
-    /// Outputs are updated when somebody looks, and only if a value was set since. Before the run they come from a trial
-    /// start; parameters that cannot be accepted are reported by the start itself, not here.
+    /// Outputs are updated when read, and only if a value was set since. Before the run they come from a trial start; invalid
+    /// parameters are reported by the start itself, not here.
     fn update_outputs(&mut self) {
         if !std::mem::take(&mut self.stale) {
             return;
@@ -316,7 +314,7 @@ impl<M: Model> ModelInstance<M> {
         }
     }
 
-    /// Whether a variable may be given a value of that type now.
+    /// Whether a variable may be set to a value of that type now.
     fn check(&self, index: usize, value: &Value) -> Result<(), AccessError> {
         let variable = self.variable(index)?;
         let refuse = |reason| Err(AccessError::NotSettable { name: variable.name.to_string(), reason });
@@ -345,10 +343,10 @@ impl<M: Model> ModelInstance<M> {
         Ok(())
     }
 
-    /// Whether derivatives of inputs that were read from outside are such as could have been set.
+    /// Whether derivatives read from outside could have been set.
     fn are_sound(&self, inputs: &[InputDerivatives]) -> bool {
         let known = inputs.iter().all(|input| self.check_derivative(input.index, 1).is_ok());
-        // Their order is that in which they were given.
+        // In the order in which they were set, each input once.
         let once = (1..inputs.len()).all(|at| inputs[..at].iter().all(|input| input.index != inputs[at].index));
         known && once && inputs.iter().all(|input| input.derivatives.iter().all(|value| value.is_finite()))
     }
@@ -363,7 +361,7 @@ impl<M: Model> Instance for ModelInstance<M> {
     }
 
     fn set(&mut self, index: usize, value: Value) -> Result<(), AccessError> {
-        // What a loop does at every step, the value of an input, goes without the checks of lists.
+        // Fast path for the value of one input, which a loop sets at every step.
         if let Some(variable) = self.table.variables.get(index)
             && variable.causality == Causality::Input
             && self.moved.is_empty()
@@ -383,7 +381,7 @@ impl<M: Model> Instance for ModelInstance<M> {
             self.check(index, &value)?;
             tunes |= self.run.is_some() && self.table.variables[index].causality == Causality::Parameter;
         }
-        // Nothing but tuning can fail from here on.
+        // From here on only retuning can fail.
         let former = tunes.then(|| self.values.clone());
         for at in 0..count {
             let (index, value) = settings(at);
@@ -397,7 +395,7 @@ impl<M: Model> Instance for ModelInstance<M> {
             return Err(AccessError::Refused(findings));
         }
         if !self.moved.is_empty() {
-            // An input that is set anew no longer moves as it did at the end of the step.
+            // An input that is set no longer continues as at the end of the step.
             self.moved.retain(|input| (0..count).all(|at| settings(at).0 != input.index));
         }
         self.stale |= count > 0;
@@ -474,7 +472,7 @@ impl<M: Model> Instance for ModelInstance<M> {
             return Err(AccessError::Order { name: name(), order, highest });
         };
         if !variable.is_continuous() {
-            // It changes in jumps, between which it stands still.
+            // It is piecewise constant.
             return Ok(0.0);
         }
         pass("differentiate");
@@ -559,9 +557,9 @@ impl<M: Model> Instance for ModelInstance<M> {
         }
         let Record { values, state, stale, moving, moved } = record;
         if !(self.are_sound(&moving) && self.are_sound(&moved)) {
-            return Err("derivatives of inputs are not such as can be set".into());
+            return Err("the derivatives of inputs are not valid".into());
         }
-        // An input may be missing, as a sensor may; what that means is the step's affair.
+        // An input may be missing, like a sensor; the step decides what that means.
         for (index, variable) in self.table.variables.iter().enumerate() {
             if variable.causality == Causality::Parameter
                 && let Value::Real(value) = self.table.get(index, &values)
@@ -614,7 +612,7 @@ impl<D> Derivatives for Direction<D> {
             return refuse("an output or the derivative of a state is wanted, in initialization a state as well");
         }
         match self.table.get(index, &self.derivatives) {
-            // What is sampled stands still between samples.
+            // Sampled variables are constant between samples.
             Value::Real(_) if self.started && !variable.is_continuous() => Ok(0.0),
             Value::Real(derivative) => Ok(derivative),
             _ => refuse("a variable of type Real is wanted"),

@@ -1,7 +1,7 @@
 //! Exports any Rust model as an FMI 2.0 co-simulation unit (FMU).
 //!
-//! A model is a type with a table of variables, a start, and a step. From a row of the table everything else follows: start
-//! value, value reference, access, unit, model description, reset, snapshot. [`export_fmus!`] makes the C functions of one
+//! A model is a type with a table of variables, a start, and a step. Everything else follows from the rows of the table: start
+//! value, value reference, access, unit, model description, reset, snapshot. [`export_fmus!`] defines the C functions of one
 //! library that serves all models of a crate; [`package`](mod@package) writes the archives.
 //!
 //! ```
@@ -87,7 +87,7 @@ pub use fmus::Fmus;
 pub use instance::{Instance, ModelType};
 pub use model::{Capabilities, Info, Invalid, Model, SampledModel, Step, StepError, Stepped};
 
-/// What a model usually needs, with serde's derive macros.
+/// What most models need, with serde's derive macros.
 pub mod prelude {
     pub use serde::{Deserialize, Serialize};
 

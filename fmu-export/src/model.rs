@@ -1,4 +1,4 @@
-//! What a user writes: a model as a table of variables, a start, and a step.
+//! What you write: a model as a table of variables, a start, and a step.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -11,7 +11,7 @@ use crate::input::{HIGHEST_ORDER, InputTrajectory};
 use crate::log::Log;
 use crate::variable::Row;
 
-/// What the model description says of a model as a whole. An empty text is left out.
+/// General information for the model description. Empty texts are left out.
 ///
 /// ```
 /// # use fmu_export::Info;
@@ -19,9 +19,9 @@ use crate::variable::Row;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Info {
-    /// Name of the model, which is also that of its FMU: letters, digits, and underscores.
+    /// Name of the model and of its FMU: letters, digits, and underscores.
     pub name: &'static str,
-    /// What it models, in a sentence without a full stop.
+    /// What it models, as a phrase without a full stop.
     pub description: &'static str,
     /// Version of the model.
     pub version: &'static str,
@@ -31,11 +31,11 @@ pub struct Info {
     pub license: &'static str,
     /// Name and version of the tool that wrote the model description.
     pub tool: &'static str,
-    /// Length of a run that shows what the model is about, in seconds.
+    /// Length of a typical run, in seconds.
     pub stop_s: f64,
     /// Communication step of such a run, in seconds.
     pub step_s: f64,
-    /// Relative tolerance of such a run, which the accuracy of the model should keep: what an importer asks for has no effect.
+    /// Relative tolerance of such a run, which the model should meet: a tolerance set by an importer has no effect.
     pub tolerance: f64,
 }
 
@@ -48,7 +48,7 @@ impl Info {
     }
 }
 
-/// What a model can do beyond stepping.
+/// Optional capabilities of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Capabilities {
     /// Directional derivatives of outputs and of derivatives of states.
@@ -62,19 +62,19 @@ impl Capabilities {
     pub const NONE: Self = Self { directional_derivatives: false, output_derivative_order: 0 };
 }
 
-/// One parameter that cannot be accepted.
+/// An invalid parameter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Invalid {
     /// Name of the variable, for instance `coil.R` or `alpha[2]`.
     pub name: Cow<'static, str>,
-    /// The value refused, as text, with its unit where it has one.
+    /// The refused value, with its unit if it has one.
     pub value: String,
-    /// What would have been accepted, with the reason where it is not obvious.
+    /// What is expected, with the reason where it is not obvious.
     pub wanted: Cow<'static, str>,
 }
 
 impl Invalid {
-    /// A value that is refused, and what is wanted instead.
+    /// A refused value, and what is expected instead.
     pub fn new(
         name: impl Into<Cow<'static, str>>,
         value: impl fmt::Display,
@@ -95,72 +95,72 @@ impl fmt::Display for Invalid {
     }
 }
 
-/// A step that could not be completed, in words for the user.
+/// Why a step could not be completed, as a message for the user.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct StepError(pub String);
 
 impl StepError {
-    /// The step error that any error describes.
+    /// A step error from any error.
     pub fn of(error: impl fmt::Display) -> Self {
         Self(error.to_string())
     }
 }
 
-/// How a step or a sample ends.
+/// Result of a step or a sample.
 pub type Stepped = Result<(), StepError>;
 
 /// A communication step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Where it begins, in seconds.
+    /// Begin, in seconds.
     pub time_s: f64,
-    /// How long it is, in seconds.
+    /// Length, in seconds.
     pub length_s: f64,
 }
 
 impl Step {
-    /// Where it ends, in seconds.
+    /// End, in seconds.
     pub fn end_s(&self) -> f64 {
         self.time_s + self.length_s
     }
 }
 
-/// A model, which steps as it likes. For one that acts at sample instants see [`SampledModel`].
+/// A model with its own stepping. For one that acts at sample instants see [`SampledModel`].
 ///
-/// A value of this type is what follows from the parameters and stays as it is during a run: checked parameters,
-/// coefficients, tables. All snapshots of a run share it. What changes during a run stands in `Values`, where variables
-/// find it, and in `State`, which nobody sees from outside; `()` if there is no such state.
+/// A value of this type holds what follows from the parameters and is constant during a run: validated parameters,
+/// coefficients, tables. All snapshots of a run share it. What changes during a run is in `Values`, which the variables access,
+/// and in the hidden `State`; `()` if there is none.
 pub trait Model: Clone + Send + Sync + 'static {
     /// Name and description.
     const INFO: Info;
 
-    /// What it can do beyond stepping.
+    /// Optional capabilities.
     const CAPABILITIES: Capabilities = Capabilities::NONE;
 
     /// The values of all variables.
     type Values: Clone + Default + Serialize + DeserializeOwned + Send + Sync + 'static;
 
-    /// What changes during a run beside the values.
+    /// What changes during a run besides the values.
     type State: Clone + Serialize + DeserializeOwned + Send + Sync + 'static;
 
     /// The table of variables.
     fn table() -> Vec<Row<Self::Values>>;
 
-    /// Checks the parameters among the values and makes of them what a run needs.
+    /// Validates the parameters among the values and constructs the model.
     ///
     /// # Errors
-    /// Every parameter that cannot be accepted.
+    /// Every invalid parameter.
     fn new(values: &Self::Values) -> Result<Self, Vec<Invalid>>;
 
-    /// Begins a run at a time, in seconds, and fills in the outputs.
+    /// Begins a run at a time, in seconds, and computes the outputs.
     fn start(&self, values: &mut Self::Values, start_s: f64) -> Self::State;
 
-    /// Does one communication step and fills in the outputs at its end. The inputs among the values are those at its
-    /// beginning; `inputs` tells what becomes of them, and the values may be left with the inputs of any instant.
+    /// Does one communication step and computes the outputs at its end. The inputs among the values are those at its begin;
+    /// `inputs` gives them over the step, and the step may leave the values with the inputs of any instant.
     ///
     /// # Errors
-    /// Why the run cannot go on. What was computed before stays readable.
+    /// Why the run cannot continue. Values computed before remain readable.
     fn step(
         &self,
         state: &mut Self::State,
@@ -170,41 +170,41 @@ pub trait Model: Clone + Send + Sync + 'static {
         log: &mut dyn Log,
     ) -> Stepped;
 
-    /// The shortest step taken inside, in seconds. A communication step of more than [`MAX_BASE_STEPS`] of them is refused,
-    /// because nobody could tell it from a model that hangs.
+    /// The shortest internal step, in seconds. A communication step of more than [`MAX_BASE_STEPS`] of them is refused, because
+    /// it could not be told from a model that hangs.
     ///
     /// [`MAX_BASE_STEPS`]: crate::instance::MAX_BASE_STEPS
     fn base_step_s(&self) -> f64 {
         f64::INFINITY
     }
 
-    /// Takes over tunable parameters that were changed.
+    /// Applies changed tunable parameters.
     ///
     /// # Errors
-    /// Every parameter that cannot be accepted; the run goes on with the former ones.
+    /// Every invalid parameter; the run continues with the former ones.
     fn retune(&mut self, state: &mut Self::State, values: &Self::Values) -> Result<(), Vec<Invalid>> {
         let _ = (state, values);
         Ok(())
     }
 
-    /// Whether a run can go on with a state that comes from outside, at `time_s`, or only be looked at if there is no
-    /// time. The form of the state was checked, its numbers were not.
+    /// Whether a state from outside is consistent: to continue at `time_s`, or only to be read if that is `None`. Its types
+    /// have been checked, its numbers have not.
     ///
     /// # Errors
-    /// Why it cannot.
+    /// Why it is not.
     fn accepts(&self, state: &Self::State, values: &Self::Values, time_s: Option<f64>) -> Result<(), String> {
         let _ = (state, values, time_s);
         Ok(())
     }
 
-    /// Updates outputs that follow an input at the same instant.
+    /// Updates outputs with direct feedthrough.
     fn refresh(&self, state: &Self::State, values: &mut Self::Values, time_s: f64) {
         let _ = (state, values, time_s);
     }
 
-    /// The directional derivative at an instant: `direction` holds the direction in the places of the variables that are
-    /// known and 0 in all others; the answer holds the derivatives in the places of those that follow from them.
-    /// `started` tells whether the run has begun; before, parameters are known as well.
+    /// The directional derivative at an instant: `direction` holds the direction in the places of the known variables and 0 in
+    /// all others; the result holds the derivatives in the places of the unknowns. `started` is true once the run has begun;
+    /// before, parameters are known as well.
     ///
     /// Called only if [`Model::CAPABILITIES`] promises it.
     fn differentiate(
@@ -219,8 +219,8 @@ pub trait Model: Clone + Send + Sync + 'static {
         direction.clone()
     }
 
-    /// The derivatives of that order of the outputs with respect to time, in the places of the outputs.
-    /// `input_derivatives[j]` holds the derivatives of order j + 1 of the inputs in their places.
+    /// The derivatives of that order of the outputs with respect to time, in the places of the outputs. `input_derivatives[j]`
+    /// holds the derivatives of order j + 1 of the inputs in their places.
     ///
     /// Called only for orders that [`Model::CAPABILITIES`] promises.
     fn output_derivatives(
@@ -238,7 +238,8 @@ pub trait Model: Clone + Send + Sync + 'static {
 
 /// A model that acts at sample instants and holds its outputs in between. Every such type is a [`Model`].
 ///
-/// Samples are at the start of the run plus whole multiples of the period, however the importer cuts time into steps; see
+/// Samples are taken at the start of the run plus whole multiples of the period, whatever the communication steps; see
+/// [`Clock`].
 /// [`Clock`].
 pub trait SampledModel: Clone + Send + Sync + 'static {
     /// Name and description.
@@ -247,7 +248,7 @@ pub trait SampledModel: Clone + Send + Sync + 'static {
     /// The values of all variables.
     type Values: Clone + Default + Serialize + DeserializeOwned + Send + Sync + 'static;
 
-    /// What changes from sample to sample beside the values.
+    /// What changes from sample to sample besides the values.
     type State: Clone + Serialize + DeserializeOwned + Send + Sync + 'static;
 
     /// The table of variables.
@@ -256,34 +257,34 @@ pub trait SampledModel: Clone + Send + Sync + 'static {
     /// As [`Model::new`].
     ///
     /// # Errors
-    /// Every parameter that cannot be accepted.
+    /// Every invalid parameter.
     fn new(values: &Self::Values) -> Result<Self, Vec<Invalid>>;
 
-    /// Time between two samples, in seconds.
+    /// Sample period, in seconds.
     fn period_s(&self) -> f64;
 
     /// As [`Model::start`]. The first sample is taken in the first step, at `start_s`.
     fn start(&self, values: &mut Self::Values, start_s: f64) -> Self::State;
 
-    /// Takes the sample at an instant, for which the values hold the inputs, and fills in the outputs.
+    /// Takes the sample at an instant, with the inputs in the values, and computes the outputs.
     ///
     /// # Errors
-    /// Why the run cannot go on.
+    /// Why the run cannot continue.
     fn sample(&self, state: &mut Self::State, values: &mut Self::Values, instant_s: f64, log: &mut dyn Log) -> Stepped;
 
     /// As [`Model::retune`].
     ///
     /// # Errors
-    /// Every parameter that cannot be accepted.
+    /// Every invalid parameter.
     fn retune(&mut self, state: &mut Self::State, values: &Self::Values) -> Result<(), Vec<Invalid>> {
         let _ = (state, values);
         Ok(())
     }
 
-    /// Whether the numbers of a state that comes from outside are such as occur.
+    /// Whether a state from outside is consistent.
     ///
     /// # Errors
-    /// Why not.
+    /// Why it is not.
     fn accepts(&self, state: &Self::State) -> Result<(), String> {
         let _ = state;
         Ok(())
@@ -342,7 +343,7 @@ impl<S: SampledModel> Model for S {
     ) -> Result<(), String> {
         SampledModel::accepts(self, state)?;
         if time_s.is_some_and(|time_s| !clock.suits(self.period_s(), time_s)) {
-            return Err("the samples taken do not belong to the time".into());
+            return Err("the number of samples taken does not match the time".into());
         }
         Ok(())
     }

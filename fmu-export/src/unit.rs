@@ -1,34 +1,34 @@
-//! Units: the one a variable is computed in, and those in which people read it. Models declare what is missing here.
+//! Units: the one of a variable, and those for display. Models declare missing ones themselves.
 
-/// A unit of the interface, with its exponents over the SI base units and the units for display.
+/// A unit of the interface, with its exponents of the SI base units and its display units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
-    /// Name as it stands in the interface, for instance `N.m2/A2`.
+    /// Name in the interface, for instance `N.m2/A2`.
     pub name: &'static str,
-    /// Exponents over SI base units, by the names FMI 2.0 uses: `kg`, `m`, `s`, `A`, `rad`.
+    /// Exponents of SI base units, by their FMI 2.0 names: `kg`, `m`, `s`, `A`, `rad`.
     pub base: &'static [(&'static str, i32)],
-    /// Units for display; the first is the one proposed for variables that name none.
+    /// Display units; the first is the default.
     pub displays: &'static [Display],
 }
 
-/// A unit for display: shown value = factor × value.
+/// A display unit: displayed value = factor × value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Display {
     /// Name, for instance `µm`.
     pub name: &'static str,
-    /// Shown value per value.
+    /// Displayed value per value.
     pub factor: f64,
 }
 
 impl Display {
-    /// A unit for display that has its name and the shown value per value.
+    /// A display unit with its name and the displayed value per value.
     pub const fn new(name: &'static str, factor: f64) -> Self {
         Self { name, factor }
     }
 }
 
 impl Unit {
-    /// A unit with its exponents over the base units, and the units in which people read it.
+    /// A unit with its exponents of the base units and its display units.
     pub const fn new(name: &'static str, base: &'static [(&'static str, i32)], displays: &'static [Display]) -> Self {
         Self { name, base, displays }
     }
@@ -91,8 +91,7 @@ pub const NEWTON_PER_METRE: Unit =
 /// Damping.
 pub const NEWTON_SECOND_PER_METRE: Unit = Unit { name: "N.s/m", base: &[("kg", 1), ("s", -1)], displays: &[] };
 impl Unit {
-    /// A value given in the unit `name`, converted to this unit, or `None` for a name this unit does not know. `µ` may
-    /// be written as `u`.
+    /// Converts a value from the unit `name` to this one; `None` for a unit that is not known here. `µ` may be written as `u`.
     pub fn convert(&self, value: f64, name: &str) -> Option<f64> {
         let plain = |text: &str| text.replace(['µ', 'μ'], "u");
         if plain(name) == plain(self.name) {
@@ -101,7 +100,7 @@ impl Unit {
         self.displays.iter().find(|display| plain(display.name) == plain(name)).map(|display| value / display.factor)
     }
 
-    /// All names by which values of this unit may be given.
+    /// All unit names accepted for this unit.
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
         let displays = self.displays.iter().map(|display| display.name);
         std::iter::once(self.name).chain(displays.filter(|name| *name != self.name))

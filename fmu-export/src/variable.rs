@@ -1,4 +1,4 @@
-//! Variables: what is known of each, and the rows of a model's table.
+//! Variables, and the rows of a model's table.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -9,13 +9,13 @@ use crate::unit::Unit;
 /// Role of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Causality {
-    /// Set before the run; while it runs only where [`Variability::Tunable`].
+    /// Set before the run; during it only if [`Variability::Tunable`].
     Parameter,
-    /// Set by others at any time.
+    /// Set by the importer at any time.
     Input,
-    /// Computed for others.
+    /// Computed, to be connected.
     Output,
-    /// Computed, for looking at.
+    /// Computed, to be observed.
     Local,
 }
 
@@ -32,14 +32,14 @@ pub enum Variability {
     Continuous,
 }
 
-/// How an unknown depends on one of the variables it is computed from.
+/// How an unknown depends on a known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dependency {
     /// In any way.
     Any,
-    /// Linearly, with a factor that no parameter changes.
+    /// Linearly, with a constant factor.
     Constant,
-    /// Linearly, with a factor that changes with fixed parameters alone.
+    /// Linearly, with a factor that depends on fixed parameters only.
     Fixed,
 }
 
@@ -48,28 +48,28 @@ pub enum Dependency {
 pub struct Enumeration {
     /// Name of the type.
     pub name: &'static str,
-    /// What it chooses.
+    /// Description.
     pub description: &'static str,
     /// Name and description of the items, whose values count from 1.
     pub items: &'static [(&'static str, &'static str)],
-    /// Names that items had in former versions, and what replaces them.
+    /// Former names of items, and their replacements.
     pub renamed: &'static [(&'static str, &'static str)],
 }
 
 impl Enumeration {
-    /// The value of the item of that name.
+    /// The value of an item.
     pub fn value_of(&self, item: &str) -> Option<i32> {
         self.items.iter().position(|(name, _)| *name == item).map(|index| index as i32 + 1)
     }
 
-    /// The value of the item of that name.
+    /// The value of an item.
     ///
     /// # Errors
-    /// What is to be written instead.
+    /// What to write instead.
     pub fn find(&self, item: &str) -> Result<i32, String> {
         self.value_of(item).ok_or_else(|| match self.renamed.iter().find(|(former, _)| *former == item) {
-            Some((_, name)) => format!("{name}, which replaces it, is wanted"),
-            None => format!("one of {} is wanted", self.listed()),
+            Some((_, name)) => format!("expected {name}, which replaces it"),
+            None => format!("expected one of {}", self.listed()),
         })
     }
 
@@ -79,7 +79,7 @@ impl Enumeration {
         self.items.get(index).map(|(name, _)| *name)
     }
 
-    /// Chooses the option that belongs to the value, or notes in `findings` that there is none.
+    /// Sets `option` to the item with that value, or adds a finding if there is none.
     pub fn choose<T, const N: usize>(
         &self,
         name: &'static str,
@@ -103,7 +103,7 @@ impl Enumeration {
     }
 }
 
-/// Type of a variable, with what belongs to that type alone. The value is the start value.
+/// Type of a variable, with its attributes and start value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Type {
     /// A real number in SI units.
@@ -112,22 +112,22 @@ pub enum Type {
         start: f64,
         /// Its unit.
         unit: Unit,
-        /// Unit proposed for display, by name.
+        /// Default display unit, by name.
         display: Option<&'static str>,
-        /// Magnitude that is usual.
+        /// Typical magnitude.
         nominal: f64,
-        /// Least value that has a meaning.
+        /// Smallest meaningful value.
         min: Option<f64>,
-        /// Greatest value that has a meaning.
+        /// Largest meaningful value.
         max: Option<f64>,
     },
     /// A whole number.
     Integer {
         /// Start value.
         start: i32,
-        /// Least value that has a meaning.
+        /// Smallest meaningful value.
         min: Option<i32>,
-        /// Greatest value that has a meaning.
+        /// Largest meaningful value.
         max: Option<i32>,
     },
     /// True or false.
@@ -163,7 +163,7 @@ pub enum Value {
 }
 
 impl Value {
-    /// The value as a number for recordings; false and true are 0 and 1, and a text is no number.
+    /// The value as a number for recordings; false and true are 0 and 1, a string is NaN.
     pub fn as_f64(self) -> f64 {
         match self {
             Value::Real(value) => value,
@@ -184,12 +184,12 @@ impl Value {
     }
 }
 
-/// What is known of a variable, whatever the model.
+/// Description of a variable, independent of the model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variable {
     /// Name in structured naming convention, for instance `coil.R` or `lambda[1]`.
     pub name: Cow<'static, str>,
-    /// What it is, in a sentence without a full stop.
+    /// Description, as a phrase without a full stop.
     pub description: Cow<'static, str>,
     /// Its role.
     pub causality: Causality,
@@ -197,14 +197,14 @@ pub struct Variable {
     pub variability: Variability,
     /// Type, start value, unit and limits.
     pub kind: Type,
-    /// Whether it is a continuous state: integrated, not computed from others at the same instant.
+    /// Whether it is a continuous state, which is integrated.
     pub state: bool,
     /// For the derivative of a state: the name of the state.
     pub derivative_of: Option<&'static str>,
-    /// For outputs and derivatives: the inputs and states that change it at the same instant, by name.
+    /// For outputs and derivatives: the inputs and states with direct feedthrough to it, by name.
     pub depends_on: Vec<(Cow<'static, str>, Dependency)>,
-    /// For what is computed at the start: the parameters and inputs it then follows from, by name; `None` stands for
-    /// all of them.
+    /// For variables computed at the start: the parameters and inputs that they depend on then, by name; `None` means all of
+    /// them.
     pub starts_from: Option<Vec<Cow<'static, str>>>,
 }
 
@@ -219,7 +219,7 @@ impl Variable {
         }
     }
 
-    /// The name of the unit; empty where there is none.
+    /// The name of the unit; empty if there is none.
     pub fn unit_name(&self) -> &'static str {
         match &self.kind {
             Type::Real { unit, .. } => unit.name,
@@ -227,7 +227,7 @@ impl Variable {
         }
     }
 
-    /// Whether users may set it at all.
+    /// Whether an importer may set it at all.
     pub fn is_settable(&self) -> bool {
         matches!(self.causality, Causality::Parameter | Causality::Input)
     }
@@ -238,12 +238,11 @@ impl Variable {
     }
 }
 
-/// How a row finds its value among the values `D` of a model; the index tells the elements of an array apart. Made by
-/// [`place!`](crate::place).
+/// Access to a value in the structure `D`; the index is that of an array element. Made by [`place!`](crate::place).
 pub struct Access<D, T> {
-    /// Reads the element of that index.
+    /// Reads the element with that index.
     pub get: fn(&D, usize) -> T,
-    /// Writes the element of that index.
+    /// Writes the element with that index.
     pub set: fn(&mut D, usize, T),
 }
 
@@ -255,7 +254,7 @@ impl<D, T> Clone for Access<D, T> {
 
 impl<D, T> Copy for Access<D, T> {}
 
-/// Access to a value of one of the types.
+/// Access to a value of any type.
 enum Place<D> {
     Real(Access<D, f64>),
     Integer(Access<D, i32>),
@@ -263,8 +262,8 @@ enum Place<D> {
     String(Access<D, String>),
 }
 
-/// Makes an [`Access`](crate::variable::Access) from a type and the path of one of its fields; `[k]` at the end stands for
-/// the element of an array.
+/// Makes an [`Access`](crate::variable::Access) from a type and the path of one of its fields; `[k]` at the end stands for the
+/// element of an array.
 ///
 /// ```
 /// # use fmu_export::{place, variable::Access};
@@ -289,12 +288,12 @@ macro_rules! place {
     };
 }
 
-/// One row of the table of a model: a variable, and where its value stands among the values `D`.
+/// One row of a model's table: a variable, and access to its value in `D`.
 ///
-/// A constructor gives type and start value, then follow the role ([`Row::fixed`], [`Row::tunable`], [`Row::input`],
-/// [`Row::output`], [`Row::sampled_output`]; without one it is a local variable) and whatever else is known.
+/// A constructor gives type and start value; the role follows ([`Row::fixed`], [`Row::tunable`], [`Row::input`],
+/// [`Row::output`], [`Row::sampled_output`]; a local variable by default), and then further attributes.
 pub struct Row<D> {
-    /// What is known of the variable.
+    /// The variable.
     pub variable: Variable,
     place: Place<D>,
     index: usize,
@@ -335,12 +334,12 @@ impl<D> Row<D> {
         Self::new(name, Type::Integer { start, min: None, max: None }, Place::Integer(place), 0)
     }
 
-    /// True or false.
+    /// A Boolean.
     pub fn boolean(name: impl Into<Cow<'static, str>>, place: Access<D, bool>, start: bool) -> Self {
         Self::new(name, Type::Boolean { start }, Place::Boolean(place), 0)
     }
 
-    /// A choice among the items of an enumeration.
+    /// An item of an enumeration.
     pub fn choice(
         name: impl Into<Cow<'static, str>>,
         place: Access<D, i32>,
@@ -350,7 +349,7 @@ impl<D> Row<D> {
         Self::new(name, Type::Enumeration { start, items }, Place::Integer(place), 0)
     }
 
-    /// A text.
+    /// A string.
     pub fn string(
         name: impl Into<Cow<'static, str>>,
         place: Access<D, String>,
@@ -369,7 +368,7 @@ impl<D> Row<D> {
         Self::elements(name, starts, move |name, start| Self::real(name, place, unit, start))
     }
 
-    /// The elements of an array of real numbers that have a name each.
+    /// Array elements with individual names.
     pub fn named_reals<const N: usize>(
         names: [impl Into<Cow<'static, str>>; N],
         place: Access<D, f64>,
@@ -394,7 +393,7 @@ impl<D> Row<D> {
         Self::elements(name, starts, move |name, start| Self::boolean(name, place, start))
     }
 
-    /// The elements of an array of texts.
+    /// The elements of an array of strings.
     pub fn strings<const N: usize>(
         name: &str,
         place: Access<D, String>,
@@ -428,12 +427,12 @@ impl<D> Row<D> {
         self
     }
 
-    /// Makes it a parameter that is fixed once the run has begun.
+    /// Makes it a parameter that is fixed during the run.
     pub fn fixed(self) -> Self {
         self.role(Causality::Parameter, Variability::Fixed)
     }
 
-    /// Makes it a parameter that may be changed between steps.
+    /// Makes it a parameter that may change between steps.
     pub fn tunable(self) -> Self {
         self.role(Causality::Parameter, Variability::Tunable)
     }
@@ -453,12 +452,12 @@ impl<D> Row<D> {
         self.role(Causality::Output, Variability::Discrete)
     }
 
-    /// Makes it a variable for looking at.
+    /// Makes it a local variable, to be observed.
     pub fn local(self) -> Self {
         self.role(Causality::Local, Variability::Continuous)
     }
 
-    /// What it is, in a sentence without a full stop. `{k}` stands for the number of the element, counted from 1.
+    /// Description, as a phrase without a full stop. `{k}` stands for the number of the element, counted from 1.
     pub fn description(mut self, description: impl Into<Cow<'static, str>>) -> Self {
         let text = description.into();
         self.variable.description =
@@ -466,7 +465,7 @@ impl<D> Row<D> {
         self
     }
 
-    /// The usual magnitude of a real variable.
+    /// Typical magnitude of a Real variable.
     pub fn nominal(mut self, value: f64) -> Self {
         if let Type::Real { nominal, .. } = &mut self.variable.kind {
             *nominal = value;
@@ -474,7 +473,7 @@ impl<D> Row<D> {
         self
     }
 
-    /// The least value that has a meaning.
+    /// Smallest meaningful value.
     pub fn min(mut self, value: f64) -> Self {
         match &mut self.variable.kind {
             Type::Real { min, .. } => *min = Some(value),
@@ -484,7 +483,7 @@ impl<D> Row<D> {
         self
     }
 
-    /// The greatest value that has a meaning.
+    /// Largest meaningful value.
     pub fn max(mut self, value: f64) -> Self {
         match &mut self.variable.kind {
             Type::Real { max, .. } => *max = Some(value),
@@ -494,7 +493,7 @@ impl<D> Row<D> {
         self
     }
 
-    /// Proposes a unit for display other than the first of its unit.
+    /// Sets a default display unit other than the first of its unit.
     pub fn display_unit(mut self, name: &'static str) -> Self {
         if let Type::Real { display, .. } = &mut self.variable.kind {
             *display = Some(name);
@@ -502,37 +501,37 @@ impl<D> Row<D> {
         self
     }
 
-    /// Names inputs and states that change it at the same instant.
+    /// Names the inputs and states with direct feedthrough to it.
     pub fn depends_on(self, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
         self.depends(Dependency::Any, names)
     }
 
-    /// Names inputs and states that change it at the same instant, and how they do that.
+    /// Names the inputs and states with direct feedthrough to it, and the form of the dependency.
     pub fn depends(mut self, how: Dependency, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
         self.variable.depends_on.extend(names.into_iter().map(|name| (name.into(), how)));
         self
     }
 
-    /// Makes it a continuous state, which is integrated, not computed from others at the same instant.
+    /// Makes it a continuous state, which is integrated.
     pub fn state(mut self) -> Self {
         self.variable.state = true;
         self
     }
 
-    /// Makes it the derivative of a state with respect to time.
+    /// Makes it the derivative of a state.
     pub fn derivative_of(mut self, state: &'static str) -> Self {
         self.variable.derivative_of = Some(state);
         self
     }
 
-    /// Names the parameters and inputs from which it is computed at the start, so that others are known to have no part.
+    /// Names the parameters and inputs that it depends on at the start; by default all.
     pub fn starts_from(mut self, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
         self.variable.starts_from.get_or_insert_default().extend(names.into_iter().map(Into::into));
         self
     }
 }
 
-/// The variables of a model with the places of their values, by index. The index is the value reference.
+/// The variables of a model with access to their values, by index. The index is the value reference.
 pub struct Table<D> {
     /// The variables.
     pub variables: Arc<[Variable]>,
@@ -569,7 +568,7 @@ impl<D> Table<D> {
         }
     }
 
-    /// Writes a variable; `false` when the value is of another type.
+    /// Writes a variable; `false` if the value has another type.
     #[must_use]
     pub(crate) fn set(&self, index: usize, values: &mut D, value: Value) -> bool {
         let (place, element) = &self.places[index];
@@ -585,7 +584,7 @@ impl<D> Table<D> {
 }
 
 impl<D: Default> Table<D> {
-    /// The start values, with those at the given indices replaced; what does not fit is left out.
+    /// The start values, with those at the given indices replaced; settings of another type are ignored.
     pub fn values(&self, settings: &[(usize, Value)]) -> D {
         let mut values = D::default();
         for (index, variable) in self.variables.iter().enumerate() {
@@ -598,18 +597,18 @@ impl<D: Default> Table<D> {
         values
     }
 
-    /// Values whose Reals are all 0, into whose places directions and derivatives are put.
+    /// Values with all Reals 0, to hold directions and derivatives.
     pub(crate) fn zeros(&self) -> D {
         let mut values = D::default();
         for index in 0..self.places.len() {
-            // Only Reals have derivatives; the others refuse the number.
+            // Only Reals have derivatives; other types ignore the number.
             let _ = self.set(index, &mut values, Value::Real(0.0));
         }
         values
     }
 }
 
-/// The name of the element of an array, whose index counts from 0: `element("i", 0)` is `i[1]`.
+/// The name of an array element, with the index counted from 0: `element("i", 0)` is `i[1]`.
 pub fn element(name: &str, index: usize) -> String {
     format!("{name}[{}]", index + 1)
 }

@@ -41,7 +41,7 @@ impl Element {
     }
 }
 
-/// A document in memory, into which writing cannot fail.
+/// A document in memory.
 pub struct Page(Writer<Vec<u8>>);
 
 impl Page {
@@ -64,7 +64,7 @@ impl Page {
         self.event(Event::Empty(element.tag()));
     }
 
-    /// Writes an element around other elements.
+    /// Writes an element with children.
     pub fn nest(&mut self, element: Element, content: impl FnOnce(&mut Self)) {
         self.event(Event::Start(element.tag()));
         content(self);
@@ -72,7 +72,7 @@ impl Page {
     }
 }
 
-/// The shortest text that is read back as the same number.
+/// The shortest text that reads back as the same number.
 pub fn real(value: f64) -> String {
     if value != 0.0 && !(1e-3..1e6).contains(&value.abs()) { format!("{value:e}") } else { format!("{value}") }
 }
@@ -90,7 +90,7 @@ pub fn units<'v>(variables: impl IntoIterator<Item = &'v Variable>) -> Vec<&'v U
     units
 }
 
-/// Writes the exponents of a unit over the base units as an element of that name.
+/// Writes the exponents of the base units as an element of that name.
 pub fn write_base_unit(page: &mut Page, name: &'static str, unit: &Unit) {
     let exponents = unit.base.iter();
     page.empty(exponents.fold(element(name), |tag, (base, exponent)| tag.with(base, exponent.to_string())));

@@ -1,4 +1,4 @@
-//! What a call works on: an instance, its state in the sequence of calls, and its logger.
+//! What a call operates on: an instance, its state in the sequence of calls, and its logger.
 
 use std::ffi::CString;
 use std::sync::Arc;
@@ -10,34 +10,34 @@ use super::snapshot::{Snapshot, Stage};
 use crate::instance::{Instance, ModelType};
 use crate::model::{Invalid, Step};
 
-/// Why a call is answered with fmi2Error.
+/// Why a call returns fmi2Error.
 pub(super) enum Problem {
-    /// The call was wrong; the instance stays as it was.
+    /// The call was wrong; the instance is unchanged.
     Call(String),
-    /// The run cannot go on.
+    /// The run cannot continue.
     Run(String),
 }
 
 impl Problem {
-    /// A wrong call, in words.
+    /// A wrong call, with a message.
     pub(super) fn call(text: impl std::fmt::Display) -> Self {
         Self::Call(text.to_string())
     }
 }
 
-/// How a call ends.
+/// Result of a call.
 pub(super) type Outcome = Result<(), Problem>;
 
-/// The latest start: beyond it a double precision number does not tell the instants of fast samples apart.
+/// The latest start time: beyond it double precision does not resolve the instants of fast samples.
 const LATEST_START_S: f64 = 1e9;
 
-/// What a call works on.
+/// What a call operates on.
 pub(super) struct Component {
     pub(super) model: Arc<ModelType>,
     pub(super) instance: Box<dyn Instance>,
     pub(super) stage: Stage,
     pub(super) logger: Logger,
-    /// The texts that the importer was handed last, which stay valid until its next call.
+    /// The strings last returned to the importer, valid until its next call.
     pub(super) texts: Vec<CString>,
 }
 
@@ -46,7 +46,7 @@ impl Component {
         Self { instance: model.instantiate(), model, stage: Stage::BEGIN, logger, texts: Vec::new() }
     }
 
-    /// What messages call a variable: its name, or its value reference where there is none of that reference.
+    /// The name of a variable for messages, or its value reference if there is none.
     pub(super) fn name_of(&self, reference: fmi2ValueReference) -> String {
         let found = self.model.variables().get(reference as usize).map(|variable| variable.name.to_string());
         found.unwrap_or_else(|| format!("value reference {reference}"))
@@ -74,8 +74,8 @@ impl Component {
         Ok(())
     }
 
-    /// How far two instants may be apart and still be the same: importers add up steps in floating point, whose errors
-    /// grow with the length of the run, and far from 0 the last bits of a time are coarse.
+    /// Difference up to which two instants count as equal: importers add up steps in floating point, with errors that grow with
+    /// the length of the run, and far from 0 the last bits of a time are coarse.
     fn tolerance_s(&self) -> f64 {
         let Stage { time_s, start_s, .. } = self.stage;
         1e-9 * (time_s - start_s).abs().max(1.0) + 4096.0 * f64::EPSILON * time_s.abs()
@@ -89,7 +89,7 @@ impl Component {
                 "communicationStepSize = {length_s} is refused: a finite number, not negative, is wanted"
             ));
         }
-        // Written so that no number is refused as well.
+        // NaN is refused as well.
         let follows = (time_s - self.stage.time_s).abs() <= self.tolerance_s() && step.end_s().is_finite();
         if !follows {
             return refuse(format!(
@@ -105,7 +105,7 @@ impl Component {
         let longest_s = self.instance.longest_step_s();
         if length_s > longest_s {
             return refuse(format!(
-                "communicationStepSize = {length_s} is refused: at most {longest_s} is wanted, or it would take too long"
+                "communicationStepSize = {length_s} is refused: at most {longest_s} is wanted, since it would take too long"
             ));
         }
         self.stage.last_step = fmi2Status::fmi2Error;
@@ -125,7 +125,7 @@ impl Component {
         Snapshot { model: self.model.clone(), instance: self.instance.duplicate(), stage: self.stage }
     }
 
-    /// A snapshot of this instance, in place of another of the same model.
+    /// Takes a snapshot of this instance into an existing one of the same model.
     pub(super) fn save_over(&self, snapshot: &mut Snapshot) -> Outcome {
         if !snapshot.instance.copy_from(self.instance.as_ref()) {
             return Err(foreign(snapshot, &self.model));
@@ -134,7 +134,7 @@ impl Component {
         Ok(())
     }
 
-    /// Makes this instance what it, or another of the same model, was. Name, callbacks and log categories stay.
+    /// Restores the state of this, or another instance of the same model. Name, callbacks and log categories stay.
     pub(super) fn restore(&mut self, snapshot: &Snapshot) -> Outcome {
         if !self.instance.copy_from(snapshot.instance.as_ref()) {
             return Err(foreign(snapshot, &self.model));

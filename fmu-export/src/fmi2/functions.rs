@@ -1,10 +1,10 @@
 //! The 34 functions of FMI 2.0 for co-simulation.
 //!
-//! Names, arguments and answers are the standard's, but for [`instantiate`], which is told the models that there are. All
-//! functions that take an instance have one safety contract: the instance came from [`instantiate`] and was not freed since; an
-//! array has as many elements as its length says; an `fmi2FMUstate` is null or came from [`fmi2GetFMUstate`] or
-//! [`fmi2DeSerializeFMUstate`], was not freed since, and no other call writes or frees it meanwhile. Null pointers are refused; so
-//! is a call on an instance while another one is in progress, such as a logger's on the instance that speaks.
+//! Names, arguments and results are the standard's, except for [`instantiate`], which gets the list of models. All functions
+//! that take an instance share one safety contract: the instance came from [`instantiate`] and was not freed since; an array
+//! has the length given; an `fmi2FMUstate` is null or came from [`fmi2GetFMUstate`] or [`fmi2DeSerializeFMUstate`], was not
+//! freed since, and no other call writes or frees it meanwhile. Null pointers are refused, and so is a call on an instance
+//! during another one, for instance from its logger.
 
 #![allow(non_snake_case, reason = "the names are those of the standard")]
 
@@ -21,7 +21,7 @@ use crate::fmus::Fmus;
 use crate::model::Step;
 use crate::variable::Value;
 
-/// Declares functions that C can call, and proves at compile time that their types are those of the bindings.
+/// Declares functions for C, and checks at compile time that their types are those of the bindings.
 macro_rules! export {
     ($(
         $(#[$attribute:meta])*
@@ -37,7 +37,7 @@ macro_rules! export {
     )*};
 }
 
-/// The elements of an array of the importer's.
+/// The elements of an array passed by the importer.
 ///
 /// # Safety
 /// `first` is null or points to `length` elements that stay valid and unchanged until the call returns.
@@ -50,7 +50,7 @@ unsafe fn elements<'a, T>(name: &str, first: *const T, length: usize) -> Result<
     Ok(unsafe { std::slice::from_raw_parts(first, length) })
 }
 
-/// The elements of an array of the importer's that is to be filled.
+/// The elements of an array that the importer wants filled.
 ///
 /// # Safety
 /// `first` is null or points to `length` elements that nobody else uses until the call returns.
@@ -73,7 +73,7 @@ fn check_array<T>(name: &str, null: bool, length: usize) -> Outcome {
     Ok(())
 }
 
-/// A text of the importer's.
+/// A string passed by the importer.
 ///
 /// # Safety
 /// `text` is null or ends with a zero byte and stays valid and unchanged until the call returns.
@@ -111,12 +111,12 @@ unsafe fn get<T>(
     unsafe { enter(component, function, body) }
 }
 
-/// Why a variable cannot be read as that type.
+/// The error for reading a variable as another type.
 fn wrong_type(component: &Component, reference: fmi2ValueReference, wanted: &str, found: &Value) -> String {
-    format!("{} is no {wanted} but a {}", component.name_of(reference), found.type_name())
+    format!("{} is not of type {wanted} but {}", component.name_of(reference), found.type_name())
 }
 
-/// Writes the variables of one type: all of them, or none if anything is wrong with one.
+/// Writes the variables of one type: all of them, or none if one is refused.
 ///
 /// # Safety
 /// As for all functions of this module.
@@ -140,19 +140,19 @@ unsafe fn set<T: Copy>(
     unsafe { enter(component, function, body) }
 }
 
-/// Lets a number out if it is finite: inputs can be finite and so large that what follows from them is not.
+/// Returns a number if it is finite: inputs can be finite and yet so large that the results are not.
 fn handed_out(component: &Component, reference: fmi2ValueReference, value: fmi2Real) -> Result<fmi2Real, Problem> {
     let name = || component.name_of(reference);
-    let why = || Problem::Call(format!("{}: with the inputs as they stand it would be {value}", name()));
+    let why = || Problem::Call(format!("{}: with the present inputs it would be {value}", name()));
     if value.is_finite() { Ok(value) } else { Err(why()) }
 }
 
-/// Refuses a number that is not finite.
+/// Refuses NaN and infinity.
 fn finite(value: fmi2Real) -> Result<fmi2Real, String> {
     if value.is_finite() { Ok(value) } else { Err(format!("{value} is refused: a finite number is wanted")) }
 }
 
-/// A snapshot that the importer was handed before.
+/// A snapshot that the importer got from this library.
 ///
 /// # Safety
 /// The pointer is null or came from [`fmi2GetFMUstate`] or [`fmi2DeSerializeFMUstate`] of this library and was not freed
@@ -163,7 +163,7 @@ unsafe fn snapshot<'a>(state: fmi2FMUstate) -> Result<&'a Snapshot, Problem> {
     unsafe { state.cast::<Snapshot>().as_ref() }.ok_or_else(|| Problem::call("FMUstate is null: a snapshot is wanted"))
 }
 
-/// The place of a single value of the importer's.
+/// The place for a single value.
 ///
 /// # Safety
 /// As for [`elements_mut`].
@@ -172,7 +172,7 @@ unsafe fn element_mut<'a, T>(name: &str, place: *mut T) -> Result<&'a mut T, Pro
     unsafe { elements_mut(name, place, 1) }.map(|elements| &mut elements[0])
 }
 
-/// Answers a question about the last step.
+/// Answers a query about the last step.
 ///
 /// # Safety
 /// As for all functions of this module.
@@ -187,7 +187,7 @@ unsafe fn status<T>(
         // SAFETY: the pointer is as the contract of the exported function says.
         let value = unsafe { elements_mut("value", value, 1)? };
         value[0] = answer(component, kind)
-            .ok_or_else(|| Problem::Call(format!("the status kind {} is not of the type asked for", kind.0)))?;
+            .ok_or_else(|| Problem::Call(format!("the status kind {} does not have this type", kind.0)))?;
         Ok(())
     };
     // SAFETY: the component is as the contract of the exported function says.
@@ -202,8 +202,8 @@ fn make(
     functions: *const fmi2CallbackFunctions,
     logging_on: fmi2Boolean,
 ) -> Option<fmi2Component> {
-    // SAFETY: the importer keeps the callbacks and both texts valid for the length of the call, the callbacks' content
-    // for the life of the instance; null is looked for.
+    // The importer keeps the callbacks and both texts valid for the length of the call, the callbacks' content for the life of
+    // the instance; null is checked.
     let (callbacks, name, guid) = unsafe { (functions.as_ref()?, text(name), text(guid)) };
     let shown = name.filter(|name| !name.is_empty()).unwrap_or(c"(no name)");
     let logger = Logger::new(CString::from(shown), callbacks, logging_on != fmi2False);
@@ -222,7 +222,7 @@ fn make(
     };
     let Some(model) = guid.to_str().ok().and_then(|guid| fmus.by_guid(guid)) else {
         return refuse(format_args!(
-            "fmuGUID = {} is none of this binary's: model description and binary do not belong together; wanted is {}",
+            "fmuGUID = {} is unknown: model description and binary do not belong together; this binary has {}",
             guid.to_string_lossy(),
             fmus.guids()
         ));
@@ -230,8 +230,8 @@ fn make(
     Some(hand_out(Component::new(model, logger)))
 }
 
-/// Makes an instance of the model that the GUID names; null when that is not possible, with a message that says why. This is
-/// `fmi2Instantiate`, told the models that there are.
+/// Makes an instance of the model with that GUID; null if that is not possible, with a message that gives the reason. This is
+/// `fmi2Instantiate` for a list of models.
 ///
 /// # Safety
 /// As for all functions of [this module](self).
@@ -244,7 +244,7 @@ pub unsafe fn instantiate(
     logging_on: fmi2Boolean,
 ) -> fmi2Component {
     let made = catch_unwind(|| make(fmus, name, kind, guid, functions, logging_on));
-    // What a panic said went to the standard error already; there is no instance whose logger could be used.
+    // The message of a panic went to the standard error; there is no instance whose logger could be used.
     made.ok().flatten().unwrap_or(std::ptr::null_mut())
 }
 
@@ -267,25 +267,25 @@ export! {
         categories: *const fmi2String,
     ) -> fmi2Status {
         let body = |component: &mut Component| {
-            // SAFETY: the array and its texts are as this module's contract says; null is looked for.
+            // SAFETY: the array and its texts are as this module's contract says; null is checked.
             let names = unsafe { elements("categories", categories, nCategories)? }.iter().map(|name| unsafe { text(*name) });
             let names: Vec<&CStr> =
                 names.collect::<Option<_>>().ok_or_else(|| Problem::call("categories holds a null pointer"))?;
             component.logger.switch(loggingOn != fmi2False, &names).map_err(|name| {
-                Problem::Call(format!("{} is no category of the model description", name.to_string_lossy()))
+                Problem::Call(format!("{} is not a category of the model description", name.to_string_lossy()))
             })
         };
         // SAFETY: the component is as this module's contract says.
         unsafe { enter(c, Function::SetDebugLogging, body) }
     }
 
-    /// Ends an instance.
+    /// Frees an instance.
     fn fmi2FreeInstance: fmi2FreeInstanceTYPE(c: fmi2Component) -> () {
         // SAFETY: by this module's contract the pointer came from `fmi2Instantiate` and is not used again.
         unsafe { take_back(c) }
     }
 
-    /// Tells start and stop time. A tolerance is accepted and has no effect: the models have a fixed accuracy.
+    /// Sets start and stop time. A tolerance is accepted without effect: the models have a fixed accuracy.
     fn fmi2SetupExperiment: fmi2SetupExperimentTYPE(
         c: fmi2Component,
         _toleranceDefined: fmi2Boolean,
@@ -299,7 +299,7 @@ export! {
         unsafe { enter(c, Function::SetupExperiment, |component| component.setup(startTime, stop_s)) }
     }
 
-    /// Begins the initialization.
+    /// Begins initialization.
     fn fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE(c: fmi2Component) -> fmi2Status {
         let body = |component: &mut Component| {
             component.stage.state = State::InitializationMode;
@@ -309,7 +309,7 @@ export! {
         unsafe { enter(c, Function::EnterInitializationMode, body) }
     }
 
-    /// Ends the initialization. Every parameter that cannot be accepted is named in the message.
+    /// Ends initialization. The message names every invalid parameter.
     fn fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE(c: fmi2Component) -> fmi2Status {
         // SAFETY: the component is as this module's contract says.
         unsafe { enter(c, Function::ExitInitializationMode, Component::exit_initialization) }
@@ -325,7 +325,7 @@ export! {
         unsafe { enter(c, Function::Terminate, body) }
     }
 
-    /// Makes the instance what it was after `fmi2Instantiate`.
+    /// Resets the instance to its state after `fmi2Instantiate`.
     fn fmi2Reset: fmi2ResetTYPE(c: fmi2Component) -> fmi2Status {
         let body = |component: &mut Component| {
             component.reset();
@@ -347,7 +347,7 @@ export! {
         unsafe { get(c, Function::GetReal, (vr, nvr), value, take, "Real") }
     }
 
-    /// Reads Integer variables and choices.
+    /// Reads Integer and Enumeration variables.
     fn fmi2GetInteger: fmi2GetIntegerTYPE(
         c: fmi2Component,
         vr: *const fmi2ValueReference,
@@ -387,7 +387,7 @@ export! {
                 let Value::String(text) = found else {
                     return Err(Problem::Call(wrong_type(component, *reference, "String", &found)));
                 };
-                // A zero byte would end the text for the importer; a blank keeps the rest readable.
+                // A zero byte would end the string for the importer; a blank keeps what follows readable.
                 texts.push(CString::new(text.replace('\0', " ")).expect("zero bytes were replaced"));
             }
             component.texts = texts;
@@ -400,8 +400,8 @@ export! {
         unsafe { enter(c, Function::GetString, body) }
     }
 
-    /// Writes Real variables: all of them, or none if one is refused. What is not finite is refused where it is used: a
-    /// parameter at the end of the initialization, an input in the step, unless its lack is news and not an error.
+    /// Writes Real variables: all of them, or none if one is refused. Values that are not finite are refused where they are
+    /// used: a parameter at the end of initialization, an input in the step, unless the model accepts a missing input.
     fn fmi2SetReal: fmi2SetRealTYPE(
         c: fmi2Component,
         vr: *const fmi2ValueReference,
@@ -412,7 +412,7 @@ export! {
         unsafe { set(c, Function::SetReal, (vr, nvr), value, |value| Ok(Value::Real(value))) }
     }
 
-    /// Writes Integer variables and choices: all of them, or none if one is refused.
+    /// Writes Integer and Enumeration variables: all of them, or none if one is refused.
     fn fmi2SetInteger: fmi2SetIntegerTYPE(
         c: fmi2Component,
         vr: *const fmi2ValueReference,
@@ -456,7 +456,7 @@ export! {
         unsafe { set(c, Function::SetString, (vr, nvr), value, wrap) }
     }
 
-    /// Takes a snapshot; into an existing one if there is one.
+    /// Takes a snapshot, into an existing one if there is one.
     fn fmi2GetFMUstate: fmi2GetFMUstateTYPE(c: fmi2Component, FMUstate: *mut fmi2FMUstate) -> fmi2Status {
         let body = |component: &mut Component| {
             // SAFETY: the pointer is as this module's contract says, and what it points to is null or a live snapshot.
@@ -472,8 +472,8 @@ export! {
         unsafe { enter(c, Function::GetFMUstate, body) }
     }
 
-    /// Makes the instance what it, or another instance of the same model, was when the snapshot was taken, its state in
-    /// the sequence of calls and its time included. The snapshot stays.
+    /// Restores a snapshot of this or another instance of the same model, including the state in the sequence of calls and the
+    /// time. The snapshot remains valid.
     fn fmi2SetFMUstate: fmi2SetFMUstateTYPE(c: fmi2Component, FMUstate: fmi2FMUstate) -> fmi2Status {
         // SAFETY: the pointer is null or a live snapshot, as this module's contract says.
         let body = |component: &mut Component| component.restore(unsafe { snapshot(FMUstate)? });
@@ -481,8 +481,7 @@ export! {
         unsafe { enter(c, Function::SetFMUstate, body) }
     }
 
-    /// Ends a snapshot and makes the pointer null; a null pointer is left as it is. Any instance of this library can be
-    /// asked to do that.
+    /// Frees a snapshot and sets the pointer to null; a null pointer is ignored. Any instance of this library may be used.
     fn fmi2FreeFMUstate: fmi2FreeFMUstateTYPE(c: fmi2Component, FMUstate: *mut fmi2FMUstate) -> fmi2Status {
         let body = |_: &mut Component| {
             if FMUstate.is_null() {
@@ -501,7 +500,7 @@ export! {
         unsafe { enter(c, Function::FreeFMUstate, body) }
     }
 
-    /// Tells how many bytes a snapshot has when it is written down.
+    /// Returns the size of a serialized snapshot in bytes.
     fn fmi2SerializedFMUstateSize: fmi2SerializedFMUstateSizeTYPE(
         c: fmi2Component,
         FMUstate: fmi2FMUstate,
@@ -517,7 +516,7 @@ export! {
         unsafe { enter(c, Function::SerializedFMUstateSize, body) }
     }
 
-    /// Writes a snapshot down. Bytes beyond its size are left alone.
+    /// Serializes a snapshot. Bytes beyond its size are not changed.
     fn fmi2SerializeFMUstate: fmi2SerializeFMUstateTYPE(
         c: fmi2Component,
         FMUstate: fmi2FMUstate,
@@ -539,8 +538,8 @@ export! {
         unsafe { enter(c, Function::SerializeFMUstate, body) }
     }
 
-    /// Makes a new snapshot of bytes that this function's counterpart wrote, in this process or another. Bytes of another
-    /// model, another version, cut short or changed are refused.
+    /// Makes a new snapshot from serialized bytes, of this process or another. Bytes of another model or version, truncated or
+    /// changed ones are refused.
     fn fmi2DeSerializeFMUstate: fmi2DeSerializeFMUstateTYPE(
         c: fmi2Component,
         serializedState: *const fmi2Byte,
@@ -560,8 +559,8 @@ export! {
         unsafe { enter(c, Function::DeSerializeFMUstate, body) }
     }
 
-    /// Directional derivatives of outputs and of derivatives of states with respect to inputs and states, in
-    /// initialization also with respect to parameters; exact.
+    /// Directional derivatives of outputs and of derivatives of states with respect to inputs and states, during initialization
+    /// also with respect to parameters; exact.
     fn fmi2GetDirectionalDerivative: fmi2GetDirectionalDerivativeTYPE(
         c: fmi2Component,
         vUnknown_ref: *const fmi2ValueReference,
@@ -595,12 +594,12 @@ export! {
         unsafe { enter(c, Function::GetDirectionalDerivative, body) }
     }
 
-    /// Gives continuous inputs derivatives with respect to time, valid at the begin of the next step and for that step
-    /// alone: all of them, or none if one is refused.
+    /// Sets derivatives of continuous inputs with respect to time, valid at the begin of the next step and for that step only:
+    /// all of them, or none if one is refused.
     ///
-    /// With derivatives d the input is `u(t) = u + Σ_j d_j (t − t_0)^j / j!` over the step from t_0, where u is what
-    /// `fmi2SetReal` set, before or after this call. A plant integrates along it; what is sampled sees its value at the
-    /// instants of its samples. After the step the input stays at the value it has reached and all derivatives are 0.
+    /// With derivatives d the input is `u(t) = u + Σ_j d_j (t − t_0)^j / j!` over the step from t_0, where u is the value set
+    /// by `fmi2SetReal`, before or after this call. A continuous model integrates along it; a sampled model uses its value at
+    /// the sample instants. After the step the input keeps its final value and all derivatives are 0.
     fn fmi2SetRealInputDerivatives: fmi2SetRealInputDerivativesTYPE(
         c: fmi2Component,
         vr: *const fmi2ValueReference,
@@ -622,8 +621,8 @@ export! {
         unsafe { enter(c, Function::SetRealInputDerivatives, body) }
     }
 
-    /// Derivatives of outputs with respect to time at the end of the last step, the inputs moving on as they did at its
-    /// end; an input that was set since is held. Exact; 0 for outputs that are sampled, since they stand still in between.
+    /// Derivatives of outputs with respect to time at the end of the last step, with the inputs continuing as at its end; an
+    /// input that was set since is held. Exact; 0 for sampled outputs, which are constant in between.
     fn fmi2GetRealOutputDerivatives: fmi2GetRealOutputDerivativesTYPE(
         c: fmi2Component,
         vr: *const fmi2ValueReference,
@@ -664,7 +663,7 @@ export! {
         unsafe { enter(c, Function::CancelStep, |_| Ok(())) }
     }
 
-    /// How the last step ended.
+    /// The status of the last step.
     fn fmi2GetStatus: fmi2GetStatusTYPE(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Status) -> fmi2Status {
         let answer = |component: &Component, kind| {
             (kind == fmi2StatusKind::fmi2DoStepStatus).then_some(component.stage.last_step)
@@ -673,7 +672,7 @@ export! {
         unsafe { status(c, Function::GetStatus, s, value, answer) }
     }
 
-    /// The time up to which the run has come.
+    /// The time up to which the run has been completed.
     fn fmi2GetRealStatus: fmi2GetRealStatusTYPE(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Real) -> fmi2Status {
         let answer = |component: &Component, kind| {
             (kind == fmi2StatusKind::fmi2LastSuccessfulTime).then_some(component.stage.time_s)
@@ -682,7 +681,7 @@ export! {
         unsafe { status(c, Function::GetRealStatus, s, value, answer) }
     }
 
-    /// The standard has no question with an answer of this type.
+    /// The standard has no status of this type.
     fn fmi2GetIntegerStatus: fmi2GetIntegerStatusTYPE(
         c: fmi2Component,
         s: fmi2StatusKind,
@@ -692,7 +691,7 @@ export! {
         unsafe { status(c, Function::GetIntegerStatus, s, value, |_, _| None) }
     }
 
-    /// Whether the model wants the simulation to end: it never does.
+    /// Whether the model requests the end of the simulation: never.
     fn fmi2GetBooleanStatus: fmi2GetBooleanStatusTYPE(
         c: fmi2Component,
         s: fmi2StatusKind,
@@ -703,7 +702,7 @@ export! {
         unsafe { status(c, Function::GetBooleanStatus, s, value, answer) }
     }
 
-    /// What a pending step is doing: no step is ever pending, so the text is empty.
+    /// The state of a pending step: no step is ever pending, so the string is empty.
     fn fmi2GetStringStatus: fmi2GetStringStatusTYPE(
         c: fmi2Component,
         s: fmi2StatusKind,

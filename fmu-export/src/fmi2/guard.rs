@@ -1,4 +1,4 @@
-//! The entry guard: every call of an importer on an instance passes it.
+//! The entry guard: every call on an instance passes it.
 
 use std::any::Any;
 use std::cell::UnsafeCell;
@@ -11,9 +11,10 @@ use super::logger::Category;
 use super::sequence::{Function, State};
 
 /// What `fmi2Component` points to: an instance, and whether a call on it is in progress.
+/// What `fmi2Component` points to: an instance, and whether a call on it is in progress.
 ///
-/// The standard forbids a second call meanwhile, and yet loggers call back into the instance that speaks, and importers
-/// share instances between threads. Such a call is refused instead of finding the instance in the middle of a change.
+/// The standard forbids concurrent calls, and yet loggers call back into their instance, and importers share instances between
+/// threads. Such a call is refused, so that it cannot see an instance in the middle of a change.
 struct Guarded {
     busy: AtomicBool,
     component: UnsafeCell<Component>,
@@ -22,17 +23,17 @@ struct Guarded {
 impl Guarded {
     /// Begins a call, unless one is in progress.
     fn begin(&self) -> Option<Call<'_>> {
-        // Made only if no call is in progress, because its end lets the next call in.
+        // Constructed only if no call is in progress, because its end admits the next call.
         (!self.busy.swap(true, Ordering::Acquire)).then(|| Call(self))
     }
 }
 
-/// A call in progress; its end lets the next one in.
+/// A call in progress; its end admits the next one.
 struct Call<'g>(&'g Guarded);
 
 impl Call<'_> {
     fn component(&mut self) -> &mut Component {
-        // SAFETY: `busy` lets one call exist at a time, and only a call reaches the component.
+        // SAFETY: `busy` admits one call at a time, and only a call accesses the component.
         unsafe { &mut *self.0.component.get() }
     }
 }
@@ -43,13 +44,13 @@ impl Drop for Call<'_> {
     }
 }
 
-/// What an importer holds of a new instance.
+/// Passes a new instance to the importer.
 pub(super) fn hand_out(component: Component) -> fmi2Component {
     let guarded = Guarded { busy: AtomicBool::new(false), component: UnsafeCell::new(component) };
     Box::into_raw(Box::new(guarded)).cast()
 }
 
-/// Ends an instance. One in the middle of a call, whose logger asks for its end, is left behind: the call goes on with it.
+/// Frees an instance. One freed by its own logger during a call is leaked, because the call continues with it.
 ///
 /// # Safety
 /// `component` is null or was made by [`hand_out`], and is not used again.
@@ -66,8 +67,8 @@ pub(super) unsafe fn take_back(component: fmi2Component) {
     }
 }
 
-/// Lets one call in: checks the instance and the sequence of calls, carries the call out, and answers with a status. A
-/// problem becomes fmi2Error with a message; so does a panic, after which the run cannot go on before a reset.
+/// Admits one call: checks the instance and the sequence of calls, makes the call, and returns its status. A problem becomes
+/// fmi2Error with a message; so does a panic, after which the run cannot continue without a reset.
 ///
 /// # Safety
 /// `component` is null or was made by [`hand_out`], and was not taken back since.
@@ -79,13 +80,13 @@ pub(super) unsafe fn enter(
     // SAFETY: a pointer that is not null is, by this function's contract, a live instance.
     let guarded = unsafe { component.cast::<Guarded>().as_ref() };
     let Some(mut call) = guarded.and_then(Guarded::begin) else {
-        // Nobody can be told: the logger belongs to the instance, and may be what called.
+        // There is no way to report this: the logger belongs to the instance, and may be the caller.
         return fmi2Status::fmi2Error;
     };
     let component = call.component();
     let outcome = if function.allowed_in(component.stage.state) {
-        // After a panic the values may be any, and can be looked at; a second panic ends here as well. No step is done
-        // with them: the state `error` is left by a reset or by a snapshot, which replace them all.
+        // After a panic the values are arbitrary but readable; a second panic ends here as well. No step uses them: only a
+        // reset or a snapshot leaves the state `error`, and both replace all values.
         catch_unwind(AssertUnwindSafe(|| body(component))).unwrap_or_else(|panic| {
             Err(Problem::Run(format!(
                 "a defect of this FMU, please report it: {}; it can be used again after fmi2Reset",
@@ -111,11 +112,11 @@ pub(super) unsafe fn enter(
     fmi2Status::fmi2Error
 }
 
-/// What a panic said.
+/// The message of a panic.
 fn words(panic: &(dyn Any + Send)) -> &str {
     panic
         .downcast_ref::<&str>()
         .copied()
         .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
-        .unwrap_or("a panic without words")
+        .unwrap_or("a panic without a message")
 }

@@ -6,10 +6,10 @@ use std::fmt;
 use super::bindings::{fmi2CallbackFunctions, fmi2CallbackLogger, fmi2ComponentEnvironment, fmi2Status};
 use crate::log::{Log, Topic};
 
-/// A category of messages, as the model description declares it.
+/// A log category, as declared in the model description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Category {
-    /// What happens in the model.
+    /// Events in the model.
     Events,
     /// A linear system could not be solved.
     SingularLinearSystems,
@@ -46,10 +46,10 @@ impl Category {
         }
     }
 
-    /// What the category holds.
+    /// Description of the category.
     pub fn description(self) -> &'static str {
         match self {
-            Self::Events => "What happens in the model",
+            Self::Events => "Events in the model",
             Self::SingularLinearSystems => "Linear systems that could not be solved",
             Self::StatusWarning => "Messages with fmi2Warning",
             Self::StatusError => "Messages with fmi2Error; passed on even while logging is off",
@@ -63,19 +63,19 @@ impl Category {
     }
 }
 
-/// Hands messages to the importer's callback, if it wants them.
+/// Passes messages to the importer's callback, if it wants them.
 pub(super) struct Logger {
     instance: CString,
     callback: fmi2CallbackLogger,
     environment: fmi2ComponentEnvironment,
-    /// Categories that were switched on.
+    /// Categories switched on.
     wanted: u8,
-    /// Categories that were switched off by their names.
+    /// Categories switched off by name.
     unwanted: u8,
 }
 
 impl Logger {
-    /// A logger for one instance. All categories are on when `on` is true, none otherwise.
+    /// A logger for one instance, with all categories on or off.
     pub(super) fn new(instance: CString, callbacks: &fmi2CallbackFunctions, on: bool) -> Self {
         Self {
             instance,
@@ -86,10 +86,10 @@ impl Logger {
         }
     }
 
-    /// Switches categories on or off; an empty list stands for all of them.
+    /// Switches categories on or off; an empty list means all of them.
     ///
     /// # Errors
-    /// The name that is no category; nothing is switched then.
+    /// The name that is not a category; nothing is switched then.
     pub(super) fn switch<'n>(&mut self, on: bool, names: &[&'n CStr]) -> Result<(), &'n CStr> {
         let mut bits = 0;
         for name in names {
@@ -101,7 +101,7 @@ impl Logger {
             (true, false) => (self.wanted, self.unwanted) = (self.wanted | bits, self.unwanted & !bits),
             (false, true) => self.wanted = 0,
             (false, false) => {
-                // What was switched on as a whole goes on without these.
+                // All except these remain on.
                 if self.wanted & Category::All.bit() != 0 {
                     self.wanted = Category::ALL.into_iter().fold(0, |all, category| all | category.bit());
                     self.wanted &= !Category::All.bit();
@@ -114,8 +114,8 @@ impl Logger {
     }
 
     fn passes(&self, category: Category) -> bool {
-        // Errors are passed on while logging is off, and kept back only if they were switched off by name: without them
-        // nobody could tell why a simulation ended.
+        // Errors are sent even while logging is off, unless they were switched off by name: otherwise nobody could tell why a
+        // simulation ended.
         let serious = matches!(category, Category::StatusError | Category::StatusFatal);
         self.wanted & (Category::All.bit() | category.bit()) != 0 || serious && self.unwanted & category.bit() == 0
     }
@@ -123,12 +123,12 @@ impl Logger {
     /// Sends one message.
     pub(super) fn send(&self, status: fmi2Status, category: Category, message: fmt::Arguments<'_>) {
         let Some(callback) = self.callback.filter(|_| self.passes(category)) else { return };
-        // A text from the importer may hold a zero byte only after damage; a blank keeps the rest readable.
+        // A text from the importer contains a zero byte only if damaged; a blank keeps what follows readable.
         let text = message.to_string().replace('\0', " ");
         let Ok(text) = CString::new(text) else { return };
-        // SAFETY: the callback and the environment are those that the importer handed over for this instance and keeps
-        // valid until it is freed; all texts end with a zero byte and live until the call returns; the format `%s`
-        // consumes exactly the one argument that follows it.
+        // SAFETY: the importer provided callback and environment for this instance and keeps them valid until it is freed; all
+        // texts end with a zero byte and live until the call returns; the format `%s` consumes exactly the one argument that
+        // follows it.
         unsafe {
             callback(
                 self.environment,

@@ -1,13 +1,13 @@
 //! The C interface of FMI 2.0 for co-simulation.
 //!
-//! A call of an importer passes one entry guard, which checks the instance and the [`sequence`] of calls, keeps panics from
-//! crossing the border, and logs what went wrong; [`functions`] holds the 34 functions of the standard, each as short as its
-//! meaning. A library exports them by [`export_fmus!`](crate::export_fmus).
+//! Every call passes one entry guard, which checks the instance and the [`sequence`] of calls, stops panics at the C boundary,
+//! and logs errors; [`functions`] holds the 34 functions of the standard. A library exports them by
+//! [`export_fmus!`](crate::export_fmus).
 
 pub mod functions;
 pub mod sequence;
 
-/// The types and constants of the standard's C header, under the names they have there.
+/// The types and constants of the standard's C header, under their standard names.
 #[allow(
     missing_docs,
     non_camel_case_types,

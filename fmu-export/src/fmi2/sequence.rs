@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-/// States of an instance. The standard's states of a pending, cancelled or discarded step do not occur: a step is either
-/// completed within its call or fails.
+/// States of an instance. The standard's states of a pending, cancelled or discarded step do not occur: a step is completed
+/// within its call or fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
     /// After `fmi2Instantiate` or `fmi2Reset`.
@@ -80,7 +80,7 @@ table! {
     SetupExperiment:           INSTANTIATED,
     EnterInitializationMode:   INSTANTIATED,
     ExitInitializationMode:    INITIALIZATION,
-    // After an error the standard knows only reset and free; importers terminate all the same, and that is harmless.
+    // After an error the standard allows only reset and free; importers terminate all the same, which is harmless.
     Terminate:                 STEP | ERROR,
     Reset:                     ALWAYS,
     GetReal:                   INITIALIZATION | STEP | TERMINATED | ERROR,
@@ -101,7 +101,7 @@ table! {
     SetRealInputDerivatives:   INSTANTIATED | INITIALIZATION | STEP,
     GetRealOutputDerivatives:  STEP | TERMINATED | ERROR,
     DoStep:                    STEP,
-    // A step is never in progress when a call comes in.
+    // No step is ever in progress when a call arrives.
     CancelStep:                NEVER,
     GetStatus:                 STEP | TERMINATED | ERROR,
     GetRealStatus:             STEP | TERMINATED | ERROR,
@@ -116,7 +116,7 @@ impl Function {
         self.states() & state as u8 != 0
     }
 
-    /// The states in which the function may be called, in words.
+    /// The states in which the function may be called, for messages.
     pub fn where_allowed(self) -> String {
         let states: Vec<_> = State::ALL.iter().filter(|state| self.allowed_in(**state)).map(State::to_string).collect();
         if states.is_empty() { "no state that occurs here".into() } else { states.join(", ") }

@@ -1,4 +1,4 @@
-//! Snapshots: what `fmi2FMUstate` points to, and the bytes in which one is written down.
+//! Snapshots: what `fmi2FMUstate` points to, and its serialized form.
 //!
 //! ```text
 //! 8 bytes   the letters FMU2SNAP
@@ -10,9 +10,8 @@
 //! 32 bytes  SHA-256 of all before
 //! ```
 //!
-//! Numbers are little-endian. The GUID stands for the interface, the version in its head for the layout of the content.
-//! Bytes are read only after every one of these was checked, and their content is checked again by the model: a hash
-//! shows damage, not intent.
+//! Numbers are little-endian. The GUID identifies the interface, the version the layout of the content. Bytes are read only
+//! after all of these were checked, and the model checks their content again: a hash shows damage, not intent.
 
 use std::sync::Arc;
 
@@ -24,18 +23,18 @@ use super::sequence::State;
 use crate::instance::{Instance, ModelType};
 
 const MAGIC: &[u8; 8] = b"FMU2SNAP";
-/// To be raised with every change in what is written beside the values and the state of the model.
+/// Increment this whenever the layout of the content changes, apart from the values and the state of the model.
 const VERSION: u16 = 3;
 const HASH_BYTES: usize = 32;
 
-/// What `fmi2FMUstate` points to: all that an instance has, but for its name, its callbacks and its log categories.
+/// What `fmi2FMUstate` points to: an instance without its name, its callbacks and its log categories.
 pub(super) struct Snapshot {
     pub(super) model: Arc<ModelType>,
     pub(super) instance: Box<dyn Instance>,
     pub(super) stage: Stage,
 }
 
-/// What an instance has beside its values and its run.
+/// Everything in an instance besides its values and its run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stage {
     pub(super) state: State,
@@ -51,7 +50,7 @@ impl Stage {
         Self { state: State::Instantiated, time_s: 0.0, start_s: 0.0, stop_s: None, last_step: fmi2Status::fmi2OK };
 }
 
-/// A [`Stage`] as it is written down.
+/// A serialized [`Stage`].
 #[derive(Serialize, Deserialize)]
 struct Head {
     state: u8,
@@ -62,7 +61,7 @@ struct Head {
 }
 
 impl Snapshot {
-    /// Writes the snapshot down. The same snapshot always gives the same bytes.
+    /// Serializes the snapshot. Equal snapshots give equal bytes.
     pub(super) fn write(&self) -> Vec<u8> {
         let Stage { state, time_s, start_s, stop_s, last_step } = self.stage;
         let failed = last_step != fmi2Status::fmi2OK;
@@ -84,10 +83,10 @@ impl Snapshot {
         bytes
     }
 
-    /// Reads what [`Snapshot::write`] wrote, in this process or another.
+    /// Reads serialized bytes, of this process or another.
     ///
     /// # Errors
-    /// Why the bytes are no snapshot of this model.
+    /// Why the bytes are not a snapshot of this model.
     pub(super) fn read(model: &Arc<ModelType>, bytes: &[u8]) -> Result<Self, String> {
         let content = content(model, bytes)?;
         let (head, rest): (Head, _) =
@@ -122,19 +121,19 @@ impl Head {
     }
 }
 
-/// The content of a byte string whose frame is sound.
+/// The content of a byte string with a valid frame.
 fn content<'b>(model: &ModelType, bytes: &'b [u8]) -> Result<&'b [u8], String> {
     let whole = bytes;
     let mut rest = bytes;
     let mut take = |length: usize| -> Result<&'b [u8], String> {
         let (head, tail) = rest.split_at_checked(length).ok_or_else(|| {
-            format!("the bytes end too early: {} are there, {} more are wanted", whole.len(), length - rest.len())
+            format!("the bytes end too early: there are {}, {} more are expected", whole.len(), length - rest.len())
         })?;
         rest = tail;
         Ok(head)
     };
     if take(MAGIC.len())? != MAGIC {
-        return Err("the bytes are no snapshot: they do not begin with FMU2SNAP".into());
+        return Err("the bytes are not a snapshot: they do not begin with FMU2SNAP".into());
     }
     let version = u16::from_le_bytes(take(2)?.try_into().expect("two bytes were taken"));
     if version != VERSION {
@@ -153,10 +152,10 @@ fn content<'b>(model: &ModelType, bytes: &'b [u8]) -> Result<&'b [u8], String> {
     let content = take(length)?;
     let hash = take(HASH_BYTES)?;
     if !rest.is_empty() {
-        return Err(format!("the bytes do not end where they should: {} are left over", rest.len()));
+        return Err(format!("{} bytes are left over at the end", rest.len()));
     }
     if hash != Sha256::digest(&whole[..whole.len() - HASH_BYTES]).as_slice() {
-        return Err("the bytes were changed: their SHA-256 is another".into());
+        return Err("the bytes were changed: their SHA-256 differs".into());
     }
     Ok(content)
 }

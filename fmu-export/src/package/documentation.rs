@@ -1,4 +1,4 @@
-//! The page `documentation/index.html` of an FMU: what it models, the text of its author, its variables.
+//! The page `documentation/index.html` of an FMU: what it models, the author's text, its variables.
 
 use maud::{DOCTYPE, PreEscaped, html};
 
@@ -80,7 +80,7 @@ pub fn page(title: &str, body: &str) -> String {
     page.into_string()
 }
 
-/// The variables of models as Markdown, a section for each model.
+/// The variables of models as Markdown, one section per model.
 pub fn markdown<'m>(models: impl IntoIterator<Item = &'m ModelType>) -> String {
     let mut text = String::new();
     for model in models {

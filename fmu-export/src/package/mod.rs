@@ -1,7 +1,7 @@
 //! Writes FMUs: model description, binaries, documentation page, picture, licences.
 //!
 //! A crate of the types `rlib` and `cdylib` with [`export_fmus!`](crate::export_fmus) in `lib.rs` needs a program of three
-//! lines, and `cargo run --release` packs what cargo has just built:
+//! lines, and `cargo run --release` packages what cargo has just built:
 //!
 //! ```ignore
 //! fn main() -> Result<(), fmu_export::package::PackageError> {
@@ -28,7 +28,7 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 use crate::{Fmus, ModelType, description};
 use platforms::{Binaries, NotFor, Platform};
 
-/// What went wrong, with the path it went wrong with.
+/// An error, with the path concerned.
 #[derive(Debug, thiserror::Error)]
 pub enum PackageError {
     /// A file could not be read or written.
@@ -36,36 +36,36 @@ pub enum PackageError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// The table of a model is not sound.
+    /// The table of a model has errors.
     #[error("{name}: {}", .problems.join("; "))]
     Model {
         /// The model.
         name: &'static str,
-        /// What is wrong with it.
+        /// The errors.
         problems: Vec<String>,
     },
-    /// The binary to be packaged is not there.
-    #[error("{0} is not there: build the library together with the program, as `cargo build --release` does")]
+    /// The binary to package does not exist.
+    #[error("{0} does not exist: build the library together with the program, as `cargo build --release` does")]
     NoBinary(PathBuf),
     /// Cargo could not build the library.
     #[error("cargo could not build the library {0}")]
     Build(String),
-    /// A file is no binary for the platform it is meant for.
+    /// A file is not a binary for its platform.
     #[error("{0} is {1}")]
     NotFor(PathBuf, NotFor),
     /// A library without the interface.
-    #[error("{0} is no library of an FMU: it does not export {1}")]
+    #[error("{0} is not the library of an FMU: it does not export {1}")]
     NoInterface(PathBuf, String),
     /// Two binaries are given for one platform.
-    #[error("two binaries are given for the platform {0}: one is wanted")]
+    #[error("two binaries are given for the platform {0}: expected one")]
     Twice(&'static str),
     /// FMI 2.0 has no name for this platform.
     #[error("FMI 2.0 has no folder name for the platform {0}")]
     Platform(String),
-    /// The archive could not be made.
+    /// The archive could not be written.
     #[error("{0}: {1}")]
     Archive(String, zip::result::ZipError),
 }
@@ -83,33 +83,33 @@ pub struct Member {
 }
 
 impl Member {
-    /// A file of that path and content.
+    /// A file with that path and content.
     pub fn new(path: impl Into<String>, content: impl Into<Vec<u8>>) -> Self {
         Self { path: path.into(), content: content.into() }
     }
 }
 
-/// An archive that was written.
+/// A written archive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Written {
-    /// Where it is.
+    /// Path.
     pub path: PathBuf,
-    /// How many bytes it has.
+    /// Size in bytes.
     pub bytes: usize,
-    /// Names of the platforms it serves.
+    /// Names of its platforms.
     pub platforms: Vec<&'static str>,
 }
 
-/// What an FMU can hold beside model description, binaries and tables of variables.
+/// Optional content of an FMU besides model description, binaries and tables of variables.
 #[derive(Clone, Debug)]
 pub struct Extras {
     /// A picture of the model, as PNG.
     pub picture: Option<Cow<'static, [u8]>>,
     /// Paragraphs of HTML for the documentation page.
     pub text: Cow<'static, str>,
-    /// Makes the documentation page of its title and its content in HTML; [`documentation::page`] unless given.
+    /// Builds the documentation page from its title and its content in HTML; [`documentation::page`] by default.
     pub page: fn(&str, &str) -> String,
-    /// Licences of the model and of the crates linked into it: file name and text.
+    /// Licences of the model and of the linked crates: file name and text.
     pub licenses: Vec<(Cow<'static, str>, Cow<'static, str>)>,
 }
 
@@ -119,19 +119,19 @@ impl Default for Extras {
     }
 }
 
-/// Writes an FMU of each model into a folder, which is made if need be, with the library that cargo has built together with
+/// Writes an FMU of each model into a folder, which is created if missing, with the library that cargo has built together with
 /// the running program.
 ///
 /// # Errors
-/// Whatever file could not be read or written.
+/// Whatever file cannot be read or written.
 pub fn package(fmus: &'static Fmus, folder: impl AsRef<Path>) -> Result<Vec<Written>, PackageError> {
     package_library(fmus, &built_library(fmus.library())?, folder)
 }
 
-/// As [`package`], with the library that is given.
+/// As [`package`], with a given library.
 ///
 /// # Errors
-/// Whatever file could not be read or written.
+/// Whatever file cannot be read or written.
 pub fn package_library(
     fmus: &'static Fmus,
     library: &Path,
@@ -144,11 +144,11 @@ pub fn package_library(
     write(archives, &binaries, folder.as_ref())
 }
 
-/// As [`package`], for an example that packs itself: cargo is asked to build `library`, another example of the crate type
-/// `cdylib` with the same source, because `cargo run --example` builds no libraries.
+/// As [`package`], for an example that packages itself: cargo builds `library`, another example of the crate type `cdylib` with
+/// the same source, because `cargo run --example` builds no libraries.
 ///
 /// # Errors
-/// [`PackageError::Build`], and whatever file could not be read or written.
+/// [`PackageError::Build`], and whatever file cannot be read or written.
 pub fn package_example(
     fmus: &'static Fmus,
     library: &str,
@@ -183,12 +183,12 @@ fn file_name(library: &str) -> String {
 /// The library of that name that cargo has built together with the running program.
 ///
 /// # Errors
-/// If there is none beside it.
+/// If it is not beside the program.
 pub fn built_library(name: &str) -> Result<PathBuf, PackageError> {
     let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
     let folder = program.parent().unwrap_or(Path::new(""));
-    // Cargo compiles into `deps`, where test programs lie as well, and links the library up from there only when it is
-    // asked for the library itself: beside a program that `cargo run` has built it is missing, or an old one.
+    // Cargo compiles into `deps`, where test programs are as well, and links the library into the parent folder only when asked
+    // for the library itself: beside a program built by `cargo run` it is missing or out of date.
     let beside = folder.join(file_name(name));
     [folder.join("deps").join(file_name(name)), beside.clone()]
         .into_iter()
@@ -196,7 +196,7 @@ pub fn built_library(name: &str) -> Result<PathBuf, PackageError> {
         .ok_or(PackageError::NoBinary(beside))
 }
 
-/// The platform this program runs on.
+/// The platform of this program.
 ///
 /// # Errors
 /// [`PackageError::Platform`] where the standard has no name.
@@ -208,17 +208,17 @@ pub fn platform() -> Result<&'static Platform, PackageError> {
 /// A library for this platform.
 ///
 /// # Errors
-/// If it could not be read, or is none.
+/// If it cannot be read, or is not a library.
 pub fn binaries_of(library: &Path) -> Result<Binaries, PackageError> {
     let mut binaries = Binaries::default();
     read_built(&mut binaries, platform()?, library)?;
     Ok(binaries)
 }
 
-/// Reads binaries for the platforms they are given for, and adds `own`, the library for this platform, unless one is given.
+/// Reads binaries for the given platforms, and adds `own`, the library for this platform, unless one is given.
 ///
 /// # Errors
-/// Whatever file could not be read, or is not what it is said to be.
+/// Whatever file cannot be read, or is not a library for its platform.
 pub fn binaries(
     given: &[(&'static Platform, PathBuf)],
     own: impl FnOnce() -> Result<PathBuf, PackageError>,
@@ -242,7 +242,7 @@ fn read(binaries: &mut Binaries, platform: &'static Platform, path: &Path) -> Re
     add(binaries, platform, path, fs::read(path).map_err(at(path))?)
 }
 
-/// As [`read`], for a library that was built here. What was built elsewhere is packed as it is.
+/// As [`read`], for a library that was built here. Others are packaged unchanged.
 fn read_built(binaries: &mut Binaries, platform: &'static Platform, path: &Path) -> Result<(), PackageError> {
     let mut content = fs::read(path).map_err(at(path))?;
     remap(&mut content);
@@ -260,9 +260,9 @@ fn add(
     if missing.is_empty() { Ok(()) } else { Err(PackageError::NoInterface(path.into(), missing.join(", "))) }
 }
 
-/// Takes folders of this machine out of a library: messages of panics hold the paths of the sources of dependencies. Each
-/// folder is overwritten by `/crates` and slashes up to the same length, so that nothing moves. A library for macOS stays as it
-/// is, for it is signed; there, build with the compiler's option `--remap-path-prefix`.
+/// Removes folders of this machine from a library: panic messages contain the paths of dependencies' sources. Each folder is
+/// overwritten by `/crates` and slashes of the same total length, so that nothing moves. A library for macOS is not changed,
+/// because it is signed; build it with the compiler's option `--remap-path-prefix`.
 fn remap(library: &mut [u8]) {
     if platforms::is_signed(library) {
         return;
@@ -273,7 +273,7 @@ fn remap(library: &mut [u8]) {
     let separator = std::path::MAIN_SEPARATOR;
     let mut folders = vec![(env!("CARGO_MANIFEST_DIR").to_owned(), 0)];
     if let Some(home) = home {
-        // Below these stands one folder more, named after the registry or the repository.
+        // These contain one more folder, named after the registry or the repository.
         folders.push((format!("{home}{separator}registry{separator}src{separator}"), 1));
         folders.push((format!("{home}{separator}git{separator}checkouts{separator}"), 1));
     }
@@ -294,7 +294,7 @@ fn remap(library: &mut [u8]) {
     }
 }
 
-/// The FMU of a model around its binaries. Its bytes depend on the arguments alone.
+/// The FMU of a model with its binaries. Its bytes depend on the arguments only.
 ///
 /// # Errors
 /// [`PackageError::Model`], [`PackageError::Archive`].
@@ -315,10 +315,10 @@ pub fn fmu(model: &ModelType, binaries: &Binaries, extras: &Extras) -> Result<Ve
     archive(name, &members)
 }
 
-/// Writes archives, by file name, into a folder, which is made if need be.
+/// Writes archives, by file name, into a folder, which is created if missing.
 ///
 /// # Errors
-/// Whatever file could not be written.
+/// Whatever file cannot be written.
 pub fn write(
     archives: Vec<(String, Vec<u8>)>,
     binaries: &Binaries,
@@ -335,7 +335,7 @@ pub fn write(
     Ok(written)
 }
 
-/// A zip archive whose bytes depend on the members alone: no times, no owners, the order as given.
+/// A zip archive whose bytes depend on the members only: no times, no owners, in the given order.
 ///
 /// # Errors
 /// [`PackageError::Archive`] with the name given.
@@ -343,7 +343,7 @@ pub fn archive(name: &str, members: &[Member]) -> Result<Vec<u8>, PackageError> 
     let fail = |error| PackageError::Archive(name.into(), error);
     let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
     for member in members {
-        // An archive within an archive is compressed already.
+        // Archives inside archives are already compressed.
         let compression =
             if member.path.ends_with(".fmu") { CompressionMethod::Stored } else { CompressionMethod::Deflated };
         let options = SimpleFileOptions::default()

@@ -1,8 +1,8 @@
-//! Platforms that an FMU can hold binaries for, what their files look like, and in which folders importers look for them.
+//! Platforms of binaries in an FMU: their file formats, and the folders in which importers look for them.
 //!
-//! FMI 2.0.4, section 2.3, knows `linux64`, `win64` and `darwin64`, all of them x86-64, and sends other platforms to the names
-//! of FMI 3.0, `aarch64-linux` and `aarch64-darwin`. Many importers on Arm know the first three only, so that [`Binaries`]
-//! puts a binary where they look as well, if there is room.
+//! FMI 2.0.4, section 2.3, defines `linux64`, `win64` and `darwin64`, all of them x86-64, and refers other platforms to the
+//! names of FMI 3.0, `aarch64-linux` and `aarch64-darwin`. Many importers on Arm know the first three only, so [`Binaries`]
+//! also puts a binary where they look, if there is room.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -13,12 +13,12 @@ use std::fmt;
 pub struct Platform {
     /// Name of the folder, by the standard.
     pub name: &'static str,
-    /// Ending of the name of a shared library.
+    /// File name extension of a shared library.
     pub ending: &'static str,
     /// The platform in words.
     pub words: &'static str,
     format: Format,
-    /// What the format calls the processor.
+    /// Number of the processor in the file format.
     machine: u32,
 }
 
@@ -49,14 +49,14 @@ pub const PLATFORMS: &[Platform] = &[
     },
 ];
 
-/// The platform of that name.
+/// The platform of a name.
 ///
 /// # Errors
-/// The names that there are, in words.
+/// The names of all platforms.
 pub fn by_name(name: &str) -> Result<&'static Platform, String> {
     PLATFORMS.iter().find(|platform| platform.name == name).ok_or_else(|| {
         let names: Vec<_> = PLATFORMS.iter().map(|platform| platform.name).collect();
-        format!("`{name}` is no platform: one of {} is wanted", names.join(", "))
+        format!("`{name}` is not a platform: expected one of {}", names.join(", "))
     })
 }
 
@@ -74,7 +74,7 @@ pub fn own() -> Option<&'static Platform> {
     by_name(name).ok()
 }
 
-/// Format of a file with code.
+/// Format of an executable file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Format {
     Elf,
@@ -92,34 +92,34 @@ impl fmt::Display for Format {
     }
 }
 
-/// Why a file is no binary for a platform.
+/// Why a file is not a library for a platform.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotFor {
     /// It has none of the formats.
-    #[error("no shared library for {wanted}: it is neither ELF nor PE nor Mach-O with 64 bits")]
+    #[error("not a shared library for {wanted}: it is neither ELF nor PE nor Mach-O with 64 bits")]
     Unknown {
-        /// What was wanted.
+        /// The platform expected.
         wanted: &'static Platform,
     },
-    /// It has a known format but is a program or a part of one.
-    #[error("no shared library for {wanted}: it is {found} code, but not a shared library")]
+    /// It has a known format but is not a shared library.
+    #[error("not a shared library for {wanted}: it is {found} code, but not a shared library")]
     NoLibrary {
-        /// What was wanted.
+        /// The platform expected.
         wanted: &'static Platform,
-        /// What it is, in words.
+        /// What it is.
         found: String,
     },
-    /// It is a library for something else.
-    #[error("no shared library for {wanted}: it is one for {found}")]
+    /// It is a library for another platform.
+    #[error("not a shared library for {wanted}: it is one for {found}")]
     Other {
-        /// What was wanted.
+        /// The platform expected.
         wanted: &'static Platform,
-        /// What it is for, in words.
+        /// What it is for.
         found: String,
     },
 }
 
-/// What a file, or a part of a universal file, says of itself.
+/// Format and machine of a file, or of one part of a universal file.
 struct Part<'a> {
     format: Format,
     machine: u32,
@@ -164,7 +164,7 @@ const UNIVERSAL_ENTRY: usize = 20;
 /// Parts begin at multiples of the largest page of these processors, 2¹⁴ bytes.
 const UNIVERSAL_ALIGN: u32 = 14;
 
-/// All that a file holds code for: nothing if it is not understood.
+/// All executable parts of a file; none if the format is unknown.
 fn parts(content: &[u8]) -> Vec<Part<'_>> {
     if u32_be(content, 0) == Some(UNIVERSAL) {
         let count = u32_be(content, 4).unwrap_or(0).min(16) as usize;
@@ -198,23 +198,23 @@ fn part(content: &[u8]) -> Option<Part<'_>> {
     }
 }
 
-/// Whether a file is for macOS, where a signature guards its content.
+/// Whether a file is for macOS, where its content is signed.
 pub(super) fn is_signed(content: &[u8]) -> bool {
     parts(content).iter().any(|part| part.format == Format::MachO)
 }
 
-/// Functions without which no importer can run an FMU.
+/// Functions that every importer needs.
 const FUNCTIONS: [&str; 6] =
     ["fmi2GetVersion", "fmi2Instantiate", "fmi2SetupExperiment", "fmi2DoStep", "fmi2GetReal", "fmi2FreeInstance"];
 
-/// Those functions of FMI 2.0 that a library for a platform does not export; all of them if it cannot be read.
+/// Those of these functions that a library does not export; all of them if it cannot be read.
 pub fn missing_functions(platform: &Platform, content: &[u8]) -> Vec<&'static str> {
     use object::Object;
     use object::read::NameOrOrdinal;
     let parts = parts(content);
     let part = parts.iter().find(|part| part.platform() == Some(platform));
     let Some(file) = part.and_then(|part| object::File::parse(part.content).ok()) else { return FUNCTIONS.into() };
-    // Mach-O puts an underscore before the names of C.
+    // Mach-O prefixes C names with an underscore.
     let prefix: &[u8] = if platform.format == Format::MachO { b"_" } else { b"" };
     let exports: HashSet<Vec<u8>> = file
         .exports()
@@ -230,14 +230,14 @@ pub fn missing_functions(platform: &Platform, content: &[u8]) -> Vec<&'static st
     FUNCTIONS.into_iter().filter(|name| !is_exported(name)).collect()
 }
 
-/// A universal file made of Mach-O files.
+/// A universal file from Mach-O files.
 fn universal(files: &[&[u8]]) -> Vec<u8> {
     let align = 1 << UNIVERSAL_ALIGN;
     let mut offset = (UNIVERSAL_HEAD + UNIVERSAL_ENTRY * files.len()).next_multiple_of(align);
     let mut head = [UNIVERSAL.to_be_bytes(), (files.len() as u32).to_be_bytes()].concat();
     let mut body = Vec::new();
     for file in files {
-        // Type and subtype of the processor stand in the file as well.
+        // The file itself contains type and subtype of the processor.
         let [kind, subtype] = [4, 8].map(|at| u32_le(file, at).unwrap_or(0));
         for field in [kind, subtype, offset as u32, file.len() as u32, UNIVERSAL_ALIGN] {
             head.extend(field.to_be_bytes());
@@ -252,27 +252,27 @@ fn universal(files: &[&[u8]]) -> Vec<u8> {
     head
 }
 
-/// Where a binary lies in an FMU.
+/// Place of a binary in an FMU.
 pub struct Place<'a> {
     /// Folder below `binaries`.
     pub folder: &'static str,
-    /// Ending of the name.
+    /// File name extension.
     pub ending: &'static str,
     /// The binary.
     pub content: Cow<'a, [u8]>,
 }
 
-/// The binaries of an archive, at most one for each platform.
+/// The binaries of an archive, at most one per platform.
 #[derive(Clone, Debug, Default)]
 pub struct Binaries(Vec<(&'static Platform, Vec<u8>)>);
 
 impl Binaries {
-    /// Whether there is one for that platform.
+    /// Whether there is a binary for that platform.
     pub fn serve(&self, platform: &Platform) -> bool {
         self.get(platform).is_some()
     }
 
-    /// The platforms served, in the order of [`PLATFORMS`].
+    /// The platforms with a binary, in the order of [`PLATFORMS`].
     pub fn platforms(&self) -> impl Iterator<Item = &'static Platform> {
         PLATFORMS.iter().filter(|platform| self.serve(platform))
     }
@@ -281,11 +281,11 @@ impl Binaries {
         self.0.iter().find(|(of, _)| *of == platform).map(|(_, content)| content.as_slice())
     }
 
-    /// Adds a binary, in the place of the one that was there. A universal file of macOS serves every processor it holds
-    /// code for, unless that one has a binary of its own.
+    /// Adds a binary, replacing an earlier one. A universal file of macOS serves every processor that it has code for, unless
+    /// that one has its own binary.
     ///
     /// # Errors
-    /// [`NotFor`] if the file is no shared library for that platform; nothing is added then.
+    /// [`NotFor`] if the file is not a shared library for that platform; nothing is added then.
     pub fn add(&mut self, platform: &'static Platform, content: &[u8]) -> Result<(), NotFor> {
         let parts = parts(content);
         let libraries = || parts.iter().filter(|part| part.is_library);
@@ -307,7 +307,7 @@ impl Binaries {
         Ok(())
     }
 
-    /// Where the binaries lie in an FMU. Beside the folders of the standard, importers on Arm that know 64 bits only find
+    /// Places of the binaries in an FMU. Besides the folders of the standard, importers on Arm that know 64 bits only find
     ///
     /// - in `darwin64` a universal file with the code for both processors of macOS;
     /// - in `linux64` the library for Arm, if there is none for x86-64, to which the folder belongs.

@@ -1,9 +1,9 @@
-//! A system of several FMUs as a system structure (SSP 1.0), which tools can run as it is.
+//! A system of several FMUs as a system structure (SSP 1.0) that tools can run unchanged.
 //!
 //! There are no connectors at the root, every connection leads from element to element, and the prefixes are the usual ones,
-//! because some tools accept nothing else. Parameters are bound at the elements, one file each, because libcosim and ecos do not
-//! look for bindings at the system; all of them have the name of the parameter set, by which a user of ecos asks for them.
-//! libcosim and ecos pass over parameters of type Enumeration.
+//! because some tools accept nothing else. Parameters are bound at the elements, one file each, because libcosim and ecos
+//! ignore bindings at the system; all have the name of the parameter set, by which users of ecos select them. libcosim and ecos
+//! ignore parameters of type Enumeration.
 
 use std::sync::Arc;
 
@@ -16,15 +16,15 @@ use crate::xml::{Page, element, real, units, write_base_unit};
 pub struct Element {
     /// Name, unique in the system.
     pub name: String,
-    /// Its model, whose FMU lies in `resources` under its name.
+    /// Its model, whose FMU is in `resources` under its name.
     pub model: Arc<ModelType>,
     /// Values of parameters and inputs that differ from the start values, by index.
     pub settings: Vec<(usize, Value)>,
 }
 
 impl Element {
-    /// What the parameter set says. A choice that is the start value is left out: libcosim and ecos would warn that they pass
-    /// over it.
+    /// The content of the parameter set. Enumerations at their start value are left out: libcosim and ecos would warn that they
+    /// ignore them.
     fn parameters(&self) -> Vec<(&Variable, &Value)> {
         let settings = self.settings.iter().map(|(index, value)| (&self.model.variables()[*index], value));
         let is_chosen_anyway = |variable: &Variable, value: &Value| {
@@ -34,13 +34,13 @@ impl Element {
     }
 }
 
-/// A system structure: FMUs, what is connected to what, and a set of parameters.
+/// A system structure: FMUs, connections, and a set of parameters.
 pub struct System {
     /// Name of the file within the archive, `SystemStructure.ssd` for the first of an archive.
     pub file: String,
-    /// Name of the system, unique in the archive: OMSimulator wants names that differ.
+    /// Name of the system, unique in the archive: OMSimulator requires distinct names.
     pub name: String,
-    /// What it is, in a sentence.
+    /// Description, in a sentence.
     pub description: String,
     /// Name and version of the tool that made it.
     pub tool: String,
@@ -54,7 +54,7 @@ pub struct System {
     pub step_s: f64,
     /// End of the run, in seconds.
     pub stop_s: f64,
-    /// Relative tolerance, for tools that want one.
+    /// Relative tolerance, for tools that need one.
     pub tolerance: f64,
 }
 
@@ -69,7 +69,7 @@ impl System {
         members
     }
 
-    /// Where the parameter set of an element is, within the archive.
+    /// Path of an element's parameter set within the archive.
     fn parameter_file(&self, part: &Element) -> String {
         format!("resources/{}-{}.ssv", self.parameters, part.name)
     }
@@ -104,7 +104,7 @@ impl System {
                     }
                 });
                 page.nest(element("ssd:Annotations"), |page| {
-                    // OMSimulator looks for the communication step here.
+                    // OMSimulator reads the communication step here.
                     page.nest(element("ssc:Annotation").with("type", "org.openmodelica"), |page| {
                         page.nest(element("oms:Annotations"), |page| {
                             page.nest(element("oms:SimulationInformation"), |page| {
@@ -123,7 +123,7 @@ impl System {
             let stop = real(self.stop_s);
             page.nest(element("ssd:DefaultExperiment").with("startTime", "0").with("stopTime", stop), |page| {
                 page.nest(element("ssd:Annotations"), |page| {
-                    // SSP 1.0 has no place for the communication step; libcosim looks for it here.
+                    // SSP 1.0 does not define the communication step; libcosim reads it here.
                     page.nest(element("ssc:Annotation").with("type", "com.opensimulationplatform"), |page| {
                         page.nest(element("osp:Algorithm"), |page| {
                             let step = real(self.step_s);
@@ -192,7 +192,7 @@ fn write_connector(page: &mut Page, variable: &Variable) {
     page.nest(tag, |page| {
         page.empty(match &variable.kind {
             Type::Real { unit, .. } => element("ssc:Real").with("unit", unit.name),
-            // Tools that know FMI 2.0 choices as integers accept no other type here.
+            // Tools that treat FMI 2.0 enumerations as integers accept no other type here.
             Type::Integer { .. } | Type::Enumeration { .. } => element("ssc:Integer"),
             Type::Boolean { .. } => element("ssc:Boolean"),
             Type::String { .. } => element("ssc:String"),
@@ -200,7 +200,7 @@ fn write_connector(page: &mut Page, variable: &Variable) {
     });
 }
 
-/// The units that the connectors or parameters of these elements refer to.
+/// The units used by the connectors or parameters of these elements.
 fn write_units(page: &mut Page, name: &'static str, parts: &[Element]) {
     page.nest(element(name), |page| {
         for unit in units(parts.iter().flat_map(|part| part.model.variables())) {
