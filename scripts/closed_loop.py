@@ -107,7 +107,7 @@ class Model:
             return value
         items = {item.name: int(item.value) for item in self.variables[name].declaredType.items}
         if value not in items:
-            raise ValueError(f"{name} = {value}: one of {', '.join(items)} is wanted")
+            raise ValueError(f"{name} = {value}: expected one of {', '.join(items)}")
         return items[value]
 
     def choices(self):

@@ -1,12 +1,12 @@
 """Call every function of the packaged FMUs through fmpy, and compare final values of all tools.
 
 Usage: `conformance.py DIST`, with the folder of the packaged FMUs. Each FMU runs alone in fmpy, libcosim and ecos; the loop of
-MagneticBearing.ssp runs in these, in fmi-rs, and directly in the program. The same final values are wanted from all of
-them, compared with the nominal of every variable. Needs the packages of scripts/requirements.txt, and cargo for the
+MagneticBearing.ssp runs in these, in fmi-rs, and directly in the program. All of them must give the same
+final values, relative to the nominal of every variable. Needs the packages of scripts/requirements.txt, and cargo for the
 program and for the importer in tests/importer.
 
-The FMU manipulation toolbox (fmutool) runs no FMU: it unpacks an archive, reads the model description against the schema
-and its own rules (names, causality and variability, dependencies, binaries), and tells findings.
+The FMU manipulation toolbox (fmutool) runs no FMU: it unpacks an archive and checks the model description against the schema
+and its own rules (names, causality and variability, dependencies, binaries), and reports findings.
 """
 
 import csv

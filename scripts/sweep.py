@@ -108,7 +108,7 @@ def convert(path, description, variable, value):
         items = {item.name: int(item.value) for item in variable.declaredType.items}
         if value not in items:
             listed = ", ".join(f"{name} ({number})" for name, number in items.items())
-            raise Refused(f"{path} = {value} is refused: one of {listed} is wanted")
+            raise Refused(f"{path} = {value} is refused: expected one of {listed}")
         return items[value]
     if variable.type == "Integer":
         return int(value)
@@ -242,7 +242,7 @@ def run_case(case, ssp, scenario_text, columns, cells):
 
 
 def simulate(made, elements, connections, scenario, values):
-    """The closed loop: read all outputs, set all inputs, step all slaves."""
+    """The closed loop: read all outputs, set all inputs, step all FMUs."""
     Element.messages.clear()
     refused = []
     for name, (folder, description) in elements.items():

@@ -741,8 +741,8 @@ def refused_parameters(archives, fmu):
                 if error.status != 3:
                     findings.append(f"{settings}: status {error.status} and not fmi2Error")
                 for name in names:
-                    # Name, value, and what is wanted.
-                    if not re.search(rf"(?<![\w.]){re.escape(name)}.* = .* is refused: .* is wanted", line):
+                    # Name, value, and what is expected.
+                    if not re.search(rf"(?<![\w.]){re.escape(name)}.* = .* is refused: expected .*", line):
                         findings.append(f"{settings}: the message does not say what is wrong with {name}: {line!r}")
         finally:
             instance.close()

@@ -24,7 +24,7 @@ use crate::simulation::summary;
 use crate::studies::design;
 use crate::studies::identify;
 use crate::studies::montecarlo;
-use crate::studies::sweep::Design;
+use crate::studies::sweep::Sweep;
 
 /// Default folders, relative to the one in which the program is run.
 const FMU_FOLDER: &str = "target/fmu";
@@ -290,7 +290,7 @@ pub fn main(commit: Option<&str>) -> ExitCode {
         Some(command @ Command::Identify { .. }) => identify(command),
         Some(Command::Design { scenario, speed, sample_time, position_noise, current_noise, at }) => {
             let noise = [position_noise, current_noise];
-            let question = design::Question { rpm: speed, step_s: sample_time, noise, instant_s: at };
+            let question = design::Conditions { rpm: speed, step_s: sample_time, noise, instant_s: at };
             choose_excitation(&scenario, &question)
         }
     };
@@ -322,7 +322,7 @@ fn everything() -> Result<()> {
 
 /// Reads the argument `PLATFORM=FILE`.
 fn binary(argument: &str) -> std::result::Result<(&'static Platform, PathBuf), String> {
-    let (name, path) = argument.split_once('=').ok_or("PLATFORM=FILE is wanted, as in win64=magnetic_bearing.dll")?;
+    let (name, path) = argument.split_once('=').ok_or("expected PLATFORM=FILE, as in win64=magnetic_bearing.dll")?;
     Ok((platforms::by_name(name)?, path.into()))
 }
 
@@ -345,7 +345,7 @@ fn completions(shell: Shell) -> Result<()> {
 }
 
 fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Option<usize>) -> Result<()> {
-    let design = Design::open(design, scenario)?;
+    let design = Sweep::open(design, scenario)?;
     let Some(out) = out else {
         return design.write(io::stdout().lock()).map_err(Into::into);
     };
@@ -368,7 +368,7 @@ fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Optio
 fn print(name: &Path) -> Result<()> {
     let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)) else {
         let names: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
-        return Err(format!("{}: one of {} is wanted with --print", name.display(), names.join(", ")).into());
+        return Err(format!("{}: --print needs one of {}", name.display(), names.join(", ")).into());
     };
     say!("{}", text.trim_end());
     Ok(())
@@ -385,7 +385,7 @@ struct Out<'a> {
 fn simulate(name: &Path, changes: &[(String, String)], out: &Out<'_>) -> Result<()> {
     let standard = [out.csv, out.json].into_iter().flatten().filter(|path| output::is_standard(path)).count();
     if standard > 1 {
-        return Err(Refused("--csv - and --json -: one of them can have the standard output".into()).into());
+        return Err(Refused("--csv - and --json -: only one of them can use the standard output".into()).into());
     }
     if standard > 0 {
         output::take_standard_output();
@@ -416,8 +416,8 @@ fn simulate(name: &Path, changes: &[(String, String)], out: &Out<'_>) -> Result<
         Format::Page.write(&path, page.as_bytes()).map_err(named(&path))?;
         said_of(&path);
     }
-    match run.fault {
-        Some(fault) => Err(format!("the run ended early: {fault}").into()),
+    match run.error {
+        Some(error) => Err(format!("the run ended early: {error}").into()),
         None => Ok(()),
     }
 }
@@ -440,21 +440,21 @@ fn write_table(path: &Path, recording: &Recording) -> Result<()> {
 
 /// `name=value`.
 fn pair(text: &str) -> std::result::Result<(String, String), String> {
-    let (name, value) = text.split_once('=').ok_or("a pair NAME=VALUE is wanted")?;
+    let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
     Ok((name.trim().into(), value.trim().into()))
 }
 
-fn choose_excitation(name: &Path, question: &design::Question) -> Result<()> {
+fn choose_excitation(name: &Path, question: &design::Conditions) -> Result<()> {
     let scenario = Scenario::open(name)?;
-    let promises = design::design(&scenario, question)?;
-    let table = design::table(question, &promises);
+    let precisions = design::design(&scenario, question)?;
+    let table = design::table(question, &precisions);
     say!("{}", table.title);
     for line in wrapped(&table.note) {
         say!("  {line}");
     }
     print_table(&table.head, &table.rows);
     say!();
-    for line in wrapped(&design::advice(question, &promises)) {
+    for line in wrapped(&design::advice(question, &precisions)) {
         say!("{line}");
     }
     Ok(())
@@ -501,7 +501,7 @@ fn identify(command: Command) -> Result<()> {
     let to_standard_output = json.as_deref().is_some_and(output::is_standard);
     if csv.as_deref().is_some_and(output::is_standard) {
         if to_standard_output {
-            return Err(Refused("--csv - and --json -: one of them can have the standard output".into()).into());
+            return Err(Refused("--csv - and --json -: only one of them can use the standard output".into()).into());
         }
         output::take_standard_output();
     }
@@ -535,10 +535,10 @@ fn identify(command: Command) -> Result<()> {
     }
     let likely = method == "likelihood";
     if currents.is_some() && recordings.len() > 1 {
-        return Err(Refused("--currents belongs to one recording, there are several".into()).into());
+        return Err(Refused("--currents needs a single recording".into()).into());
     }
     if !likely && recordings.len() > 1 {
-        return Err(Refused(format!("--method {method} takes one recording, there are several")).into());
+        return Err(Refused(format!("--method {method} needs a single recording")).into());
     }
     let mut all = Vec::new();
     for path in &recordings {
@@ -564,14 +564,14 @@ fn identify(command: Command) -> Result<()> {
     config.position_noise_m = position_noise.unwrap_or(0.0);
     config.current_noise_a = current_noise.unwrap_or(0.0);
     let one =
-        |names: &[&str], what: &str, given: &str| format!("--{what} {given}: one of {} is wanted", names.join(", "));
+        |names: &[&str], what: &str, given: &str| format!("--{what} {given}: expected one of {}", names.join(", "));
     let wanted = if likely { "predictionError" } else { method.as_str() };
     let methods: Vec<_> =
         identify::METHODS.into_iter().filter(|(name, _)| wanted == *name || wanted == "all").collect();
     if methods.is_empty() {
         let names = [&["likelihood"], identify::METHODS.map(|(name, _)| name).as_slice(), &["all"]].concat();
         return Err(match METHOD.renamed.iter().find(|(former, _)| *former == method) {
-            Some((former, name)) => format!("--method {former}: {name}, which replaces it, is wanted"),
+            Some((former, name)) => format!("--method {former}: expected {name}, which replaces it"),
             None => one(&names, "method", &method),
         }
         .into());
@@ -672,7 +672,7 @@ fn identify(command: Command) -> Result<()> {
 fn deviation(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
-        _ => Err("a standard deviation, 0 or above, is wanted".into()),
+        _ => Err("expected a standard deviation, 0 or above".into()),
     }
 }
 
@@ -680,7 +680,7 @@ fn deviation(text: &str) -> std::result::Result<f64, String> {
 fn duration(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err("a time in s above 0 is wanted".into()),
+        _ => Err("expected a time in s above 0".into()),
     }
 }
 
@@ -688,7 +688,7 @@ fn duration(text: &str) -> std::result::Result<f64, String> {
 fn count(text: &str) -> std::result::Result<usize, String> {
     match text.parse() {
         Ok(runs) if runs > 0 => Ok(runs),
-        _ => Err("a whole number above 0 is wanted".into()),
+        _ => Err("expected a whole number above 0".into()),
     }
 }
 
@@ -699,7 +699,7 @@ fn monte_carlo(studies: Vec<montecarlo::Study>, only: Option<&str>, seed: u32, a
     if chosen.is_empty() {
         let text = only.unwrap_or_default();
         let message =
-            format!("--only \"{text}\": no study has this in its title; there are\n  {}\n", titles.join("\n  "));
+            format!("--only \"{text}\": no study has this in its title; the studies are\n  {}\n", titles.join("\n  "));
         Arguments::command().error(ErrorKind::InvalidValue, message).exit();
     }
     for mut study in chosen {

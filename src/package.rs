@@ -120,7 +120,7 @@ fn system([file, name, scenario]: &[&str; 3]) -> System {
     let scenario = Scenario::open(Path::new(scenario)).expect("a scenario that comes with the program is sound");
     let elements = scenario.elements[..3].iter().map(|element| ssp::Element {
         name: element.name.clone(),
-        model: element.kind.clone(),
+        model: element.model_type.clone(),
         settings: element.settings.iter().map(|setting| (setting.index, setting.value.clone())).collect(),
     });
     let elements: Vec<_> = elements.collect();
@@ -130,12 +130,12 @@ fn system([file, name, scenario]: &[&str; 3]) -> System {
         file: (*file).into(),
         name: (*name).into(),
         description: scenario.title.clone(),
-        tool: scenario.elements[0].kind.info.tool.into(),
+        tool: scenario.elements[0].model_type.info.tool.into(),
         parameters,
         connections: connections.map(|connection| [connection.from, connection.to]).collect(),
         elements,
         step_s: scenario.step_s,
         stop_s: scenario.duration_s,
-        tolerance: scenario.elements[0].kind.info.tolerance,
+        tolerance: scenario.elements[0].model_type.info.tolerance,
     }
 }

@@ -1,4 +1,4 @@
-//! A step allocates nothing and calls the system for nothing, whatever the slave.
+//! A step allocates nothing and calls the system for nothing, whatever the instance.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -10,7 +10,7 @@ use fmu_export::log::Silent;
 use fmu_export::variable::Value;
 use magnetic_bearing::simulation::scenario::Scenario;
 
-/// Steps of every slave; without optimisation fewer, for a test is not to take minutes.
+/// Steps of every instance; without optimisation fewer, for a test is not to take minutes.
 const STEPS: u64 = if cfg!(debug_assertions) { 50_000 } else { 1_000_000 };
 
 const STEP_S: f64 = 1e-4;
@@ -53,7 +53,7 @@ static ALLOCATOR: Counting = Counting;
 
 /// The closed loop of a scenario, wired by index.
 struct Loop {
-    slaves: Vec<Box<dyn Instance>>,
+    instances: Vec<Box<dyn Instance>>,
     /// Element and variable, from and to.
     wires: Vec<[(usize, usize); 2]>,
     steps: u64,
@@ -67,31 +67,31 @@ impl Loop {
         }
         let find = |[element, variable]: &[String; 2]| {
             let at = scenario.elements.iter().position(|candidate| candidate.name == *element).expect("an element");
-            let variables = scenario.elements[at].kind.variables();
+            let variables = scenario.elements[at].model_type.variables();
             (at, variables.iter().position(|candidate| candidate.name == *variable).expect("a variable"))
         };
         let wires = scenario.connections().iter().map(|wire| [find(&wire.from), find(&wire.to)]).collect();
-        let slaves = scenario.elements.iter().map(|element| {
-            let mut slave = element.kind.instantiate();
+        let instances = scenario.elements.iter().map(|element| {
+            let mut instance = element.model_type.instantiate();
             for setting in &element.settings {
-                slave.set(setting.index, setting.value.clone()).expect("a value of the scenario");
+                instance.set(setting.index, setting.value.clone()).expect("a value of the scenario");
             }
-            slave.start().expect("parameters that are in order");
-            slave
+            instance.start().expect("parameters that are in order");
+            instance
         });
-        Self { slaves: slaves.collect(), wires, steps: 0 }
+        Self { instances: instances.collect(), wires, steps: 0 }
     }
 
-    /// Does one step of every slave; whether all went well.
+    /// Does one step of every instance; whether all went well.
     fn step(&mut self) -> bool {
         let mut fine = true;
         for [(from, output), (to, input)] in &self.wires {
-            let value = self.slaves[*from].get(*output);
-            fine &= value.is_ok_and(|value| self.slaves[*to].set(*input, value).is_ok());
+            let value = self.instances[*from].get(*output);
+            fine &= value.is_ok_and(|value| self.instances[*to].set(*input, value).is_ok());
         }
         let step = Step { time_s: self.steps as f64 * STEP_S, length_s: STEP_S };
-        for slave in &mut self.slaves {
-            fine &= slave.step(step, &mut Silent).is_ok();
+        for instance in &mut self.instances {
+            fine &= instance.step(step, &mut Silent).is_ok();
         }
         self.steps += 1;
         fine
@@ -129,8 +129,8 @@ fn a_step_allocates_nothing() {
         assert_eq!(
             CALLS.get() - before,
             0,
-            "calls of the allocator in {steps} steps of {} slaves",
-            closed.slaves.len()
+            "calls of the allocator in {steps} steps of {} instances",
+            closed.instances.len()
         );
     }
 }
@@ -140,25 +140,25 @@ fn a_step_allocates_nothing() {
 #[test]
 fn a_snapshot_copies_the_state_alone() {
     let kind = magnetic_bearing::fmu::find("AlgebraicEstimator").expect("it");
-    let mut slave = kind.instantiate();
+    let mut instance = kind.instantiate();
     let variables = kind.variables();
     let index = |name: &str| variables.iter().position(|variable| variable.name == name).expect("a variable");
     // The paper's method has kernels, as long as its window; the other one has nothing that is large and does not change.
-    slave.set(index("method"), Value::Integer(2)).expect("a method");
+    instance.set(index("method"), Value::Integer(2)).expect("a method");
     for name in ["Tf", "epsilon"] {
-        slave.set(index(name), Value::Real(0.1)).expect("a time");
+        instance.set(index(name), Value::Real(0.1)).expect("a time");
     }
     let before = BYTES.get();
-    slave.start().expect("the start values are in order");
+    instance.start().expect("the start values are in order");
     let start = BYTES.get() - before;
     for step in 0..400 {
-        slave.step(Step { time_s: f64::from(step) * STEP_S, length_s: STEP_S }, &mut Silent).expect("a step");
+        instance.step(Step { time_s: f64::from(step) * STEP_S, length_s: STEP_S }, &mut Silent).expect("a step");
     }
     let before = BYTES.get();
-    let mut snapshot = slave.duplicate();
+    let mut snapshot = instance.duplicate();
     let saved = BYTES.get() - before;
     let before = BYTES.get();
-    assert!(snapshot.copy_from(slave.as_ref()));
+    assert!(snapshot.copy_from(instance.as_ref()));
     let again = BYTES.get() - before;
     println!("bytes for a start {start}, for a snapshot {saved}, into an existing one {again}");
     assert!(2 * saved < start && again <= saved, "{start} {saved} {again}");

@@ -583,12 +583,12 @@ int main(int count, char **arguments)
     Record record;
     int i;
     if (count < 4)
-        fail("host STRUCTURE PLATFORM OUTPUT [ELEMENT.VARIABLE=VALUE ...] is wanted");
+        fail("usage: host STRUCTURE PLATFORM OUTPUT [ELEMENT.VARIABLE=VALUE ...]");
     read_structure(arguments[1], arguments[2]);
     for (i = 4; i < count; i++) {
         char *equals = strchr(arguments[i], '=');
         if (!equals || !strchr(arguments[i], '.'))
-            fail("ELEMENT.VARIABLE=VALUE is wanted, not %s", arguments[i]);
+            fail("expected ELEMENT.VARIABLE=VALUE instead of %s", arguments[i]);
         *equals = 0;
         settings[setting_count][0] = arguments[i];
         settings[setting_count++][1] = equals + 1;

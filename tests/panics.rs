@@ -22,7 +22,7 @@ fn told(fmu: &Fmu, status: fmi2Status, function: &str, place: &str) {
     fmu.reset().ok(fmu);
 }
 
-/// Fails if the door does not catch panics: then this process ends.
+/// Fails if the entry guard does not catch panics: then this process ends.
 #[test]
 fn a_panic_becomes_an_error_and_a_reset_recovers() {
     std::panic::set_hook(Box::new(|_| {}));
@@ -65,7 +65,7 @@ fn a_panic_becomes_an_error_and_a_reset_recovers() {
     }
 }
 
-/// A neighbour does not notice. Fails if the door does not catch panics.
+/// A neighbour does not notice. Fails if the entry guard does not catch panics.
 #[test]
 fn a_panic_in_one_instance_is_none_in_another() {
     std::panic::set_hook(Box::new(|_| {}));

@@ -41,7 +41,7 @@ pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
         for other in depends_on.chain(starts_from).chain(variable.derivative_of).filter(|other| !known(other)) {
             found.push(format!("{name} refers to {other}, which is not a variable"));
         }
-        let inside = match &variable.kind {
+        let inside = match &variable.data_type {
             Type::Real { start, min, max, .. } => {
                 min.is_none_or(|min| min <= *start) && max.is_none_or(|max| *start <= max)
             }
@@ -124,7 +124,7 @@ fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], gui
 fn enumerations(variables: &[Variable]) -> Vec<&'static Enumeration> {
     let mut enumerations: Vec<&'static Enumeration> = Vec::new();
     for variable in variables {
-        if let Type::Enumeration { items, .. } = variable.kind
+        if let Type::Enumeration { items, .. } = variable.data_type
             && enumerations.iter().all(|known| known.name != items.name)
         {
             enumerations.push(items);
@@ -187,7 +187,7 @@ fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state:
     // Computed variables have no start value.
     let settable = variable.is_settable();
     page.nest(root, |page| {
-        let kind = match &variable.kind {
+        let kind = match &variable.data_type {
             Type::Real { start, unit, display, nominal, min, max } => element("Real")
                 .with("unit", unit.name)
                 // FMI Library, used by several importers, refuses a display unit equal to the unit.

@@ -48,7 +48,7 @@ pub enum AccessError {
         reason: &'static str,
     },
     /// The order of a derivative is out of range.
-    #[error("{name}: a derivative of order {order} is refused: an order from 1 to {highest} is wanted")]
+    #[error("{name}: a derivative of order {order} is refused: expected an order from 1 to {highest}")]
     Order {
         /// The variable.
         name: String,
@@ -334,7 +334,7 @@ impl<M: Model> ModelInstance<M> {
     fn check_derivative(&self, index: usize, order: i32) -> Result<(), AccessError> {
         let variable = self.variable(index)?;
         if variable.causality != Causality::Input || !variable.is_continuous() {
-            let reason = "a continuous input of type Real is wanted";
+            let reason = "expected a continuous input of type Real";
             return Err(AccessError::NoDerivative { name: variable.name.to_string(), reason });
         }
         if !usize::try_from(order).is_ok_and(|order| (1..=HIGHEST_ORDER).contains(&order)) {
@@ -461,8 +461,8 @@ impl<M: Model> Instance for ModelInstance<M> {
         let name = || variable.name.to_string();
         let highest = M::CAPABILITIES.output_derivative_order;
         let refuse = |reason| Err(AccessError::NoDerivative { name: name(), reason });
-        if variable.causality != Causality::Output || !matches!(variable.kind, Type::Real { .. }) {
-            return refuse("an output of type Real is wanted");
+        if variable.causality != Causality::Output || !matches!(variable.data_type, Type::Real { .. }) {
+            return refuse("expected an output of type Real");
         }
         let Some(run) = &self.run else { return refuse("the run has not begun") };
         if highest == 0 {
@@ -485,7 +485,7 @@ impl<M: Model> Instance for ModelInstance<M> {
         let found = run.model.output_derivatives(&run.state, &self.values, &derivatives, self.time_s, order);
         match self.table.get(index, &found) {
             Value::Real(value) => Ok(value),
-            _ => refuse("an output of type Real is wanted"),
+            _ => refuse("expected an output of type Real"),
         }
     }
 
@@ -590,7 +590,7 @@ impl<M: Model> Instance for ModelInstance<M> {
 }
 
 fn no_known(variable: &Variable) -> AccessError {
-    let reason = "a state or an input of type Real is wanted, in initialization a parameter as well";
+    let reason = "expected a state or an input of type Real, in initialization also a parameter";
     AccessError::NoDerivative { name: variable.name.to_string(), reason }
 }
 
@@ -609,13 +609,13 @@ impl<D> Derivatives for Direction<D> {
             || variable.derivative_of.is_some()
             || (variable.state && !self.started);
         if !unknown {
-            return refuse("an output or the derivative of a state is wanted, in initialization a state as well");
+            return refuse("expected an output or the derivative of a state, in initialization also a state");
         }
         match self.table.get(index, &self.derivatives) {
             // Sampled variables are constant between samples.
             Value::Real(_) if self.started && !variable.is_continuous() => Ok(0.0),
             Value::Real(derivative) => Ok(derivative),
-            _ => refuse("a variable of type Real is wanted"),
+            _ => refuse("expected a variable of type Real"),
         }
     }
 }

@@ -91,7 +91,7 @@ impl Invalid {
 
 impl fmt::Display for Invalid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} = {} is refused: {} is wanted", self.name, self.value, self.wanted)
+        write!(f, "{} = {} is refused: expected {}", self.name, self.value, self.wanted)
     }
 }
 

@@ -196,7 +196,7 @@ pub struct Variable {
     /// When it may change.
     pub variability: Variability,
     /// Type, start value, unit and limits.
-    pub kind: Type,
+    pub data_type: Type,
     /// Whether it is a continuous state, which is integrated.
     pub state: bool,
     /// For the derivative of a state: the name of the state.
@@ -211,7 +211,7 @@ pub struct Variable {
 impl Variable {
     /// The start value.
     pub fn start(&self) -> Value {
-        match &self.kind {
+        match &self.data_type {
             Type::Real { start, .. } => Value::Real(*start),
             Type::Integer { start, .. } | Type::Enumeration { start, .. } => Value::Integer(*start),
             Type::Boolean { start } => Value::Boolean(*start),
@@ -221,7 +221,7 @@ impl Variable {
 
     /// The name of the unit; empty if there is none.
     pub fn unit_name(&self) -> &'static str {
-        match &self.kind {
+        match &self.data_type {
             Type::Real { unit, .. } => unit.name,
             _ => "",
         }
@@ -234,7 +234,7 @@ impl Variable {
 
     /// Whether it is a Real that may change at any time.
     pub fn is_continuous(&self) -> bool {
-        self.variability == Variability::Continuous && matches!(self.kind, Type::Real { .. })
+        self.variability == Variability::Continuous && matches!(self.data_type, Type::Real { .. })
     }
 }
 
@@ -300,18 +300,18 @@ pub struct Row<D> {
 }
 
 impl<D> Row<D> {
-    fn new(name: impl Into<Cow<'static, str>>, kind: Type, place: Place<D>, index: usize) -> Self {
+    fn new(name: impl Into<Cow<'static, str>>, data_type: Type, place: Place<D>, index: usize) -> Self {
         Self {
             variable: Variable {
                 name: name.into(),
                 description: Cow::Borrowed(""),
                 causality: Causality::Local,
-                variability: if matches!(kind, Type::Real { .. }) {
+                variability: if matches!(data_type, Type::Real { .. }) {
                     Variability::Continuous
                 } else {
                     Variability::Discrete
                 },
-                kind,
+                data_type,
                 state: false,
                 derivative_of: None,
                 depends_on: Vec::new(),
@@ -325,8 +325,8 @@ impl<D> Row<D> {
     /// A real number.
     pub fn real(name: impl Into<Cow<'static, str>>, place: Access<D, f64>, unit: Unit, start: f64) -> Self {
         let display = unit.displays.first().map(|display| display.name);
-        let kind = Type::Real { start, unit, display, nominal: 1.0, min: None, max: None };
-        Self::new(name, kind, Place::Real(place), 0)
+        let data_type = Type::Real { start, unit, display, nominal: 1.0, min: None, max: None };
+        Self::new(name, data_type, Place::Real(place), 0)
     }
 
     /// A whole number.
@@ -419,7 +419,7 @@ impl<D> Row<D> {
 
     fn role(mut self, causality: Causality, variability: Variability) -> Self {
         self.variable.causality = causality;
-        self.variable.variability = match (variability, &self.variable.kind) {
+        self.variable.variability = match (variability, &self.variable.data_type) {
             (Variability::Continuous, Type::Real { .. }) => Variability::Continuous,
             (Variability::Continuous, _) => Variability::Discrete,
             (other, _) => other,
@@ -467,7 +467,7 @@ impl<D> Row<D> {
 
     /// Typical magnitude of a Real variable.
     pub fn nominal(mut self, value: f64) -> Self {
-        if let Type::Real { nominal, .. } = &mut self.variable.kind {
+        if let Type::Real { nominal, .. } = &mut self.variable.data_type {
             *nominal = value;
         }
         self
@@ -475,7 +475,7 @@ impl<D> Row<D> {
 
     /// Smallest meaningful value.
     pub fn min(mut self, value: f64) -> Self {
-        match &mut self.variable.kind {
+        match &mut self.variable.data_type {
             Type::Real { min, .. } => *min = Some(value),
             Type::Integer { min, .. } => *min = Some(value as i32),
             Type::Boolean { .. } | Type::Enumeration { .. } | Type::String { .. } => {}
@@ -485,7 +485,7 @@ impl<D> Row<D> {
 
     /// Largest meaningful value.
     pub fn max(mut self, value: f64) -> Self {
-        match &mut self.variable.kind {
+        match &mut self.variable.data_type {
             Type::Real { max, .. } => *max = Some(value),
             Type::Integer { max, .. } => *max = Some(value as i32),
             Type::Boolean { .. } | Type::Enumeration { .. } | Type::String { .. } => {}
@@ -495,7 +495,7 @@ impl<D> Row<D> {
 
     /// Sets a default display unit other than the first of its unit.
     pub fn display_unit(mut self, name: &'static str) -> Self {
-        if let Type::Real { display, .. } = &mut self.variable.kind {
+        if let Type::Real { display, .. } = &mut self.variable.data_type {
             *display = Some(name);
         }
         self

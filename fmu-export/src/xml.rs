@@ -81,7 +81,7 @@ pub fn real(value: f64) -> String {
 pub fn units<'v>(variables: impl IntoIterator<Item = &'v Variable>) -> Vec<&'v Unit> {
     let mut units: Vec<&Unit> = Vec::new();
     for variable in variables {
-        if let Type::Real { unit, .. } = &variable.kind
+        if let Type::Real { unit, .. } = &variable.data_type
             && units.iter().all(|known| known.name != unit.name)
         {
             units.push(unit);

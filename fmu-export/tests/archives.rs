@@ -39,7 +39,7 @@ fn what_is_no_library_is_refused() {
     let error = package::package_library(&pi_controller::FMUS, &file, folder).expect_err("a text");
     assert!(matches!(error, PackageError::NotFor(..)), "{error}");
     let error = package::package(&pi_controller::FMUS, folder).expect_err("this test has no library");
-    assert!(error.to_string().contains("is not there"), "{error}");
+    assert!(error.to_string().contains("does not exist"), "{error}");
 }
 
 /// The archive holds no path of this machine. Fails if the folder of the registry is left in the messages of panics.

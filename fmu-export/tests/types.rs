@@ -115,14 +115,14 @@ fn texts_and_arrays_are_read_and_written() {
     fmu.step(0.05, 0.1).ok(&fmu);
     assert_eq!((read(&fmu, "says").as_str(), fmu.get("sum")), ("Σ 2: -7 of one and zwei", -7.0));
     assert!(write(&fmu, "label[1]", &text("late")).error(&fmu).contains("label[1] cannot be set: it is fixed"));
-    assert!(fmu.set("gain[1]", f64::NAN).error(&fmu).contains("gain[1] = NaN is refused: a finite number is wanted"));
+    assert!(fmu.set("gain[1]", f64::NAN).error(&fmu).contains("gain[1] = NaN is refused: expected a finite number"));
 }
 
 /// Fails if bytes that are no UTF-8, a null pointer, or another type are taken for a text.
 #[test]
 fn what_is_no_text_is_refused() {
     let fmu = Fmu::started("Types", &[]);
-    assert!(write(&fmu, "title", c"\xff").error(&fmu).contains("title: the text is refused: UTF-8 is wanted"));
+    assert!(write(&fmu, "title", c"\xff").error(&fmu).contains("title: the string is refused: expected UTF-8"));
     assert!(write(&fmu, "gain[1]", c"1").error(&fmu).contains("gain[1]"));
     let (reference, value) = ([fmu.reference("title")], [null()]);
     // SAFETY: the instance is live; both arrays have one element; null is what is tested.
@@ -181,14 +181,14 @@ fn mistakes_in_a_table_are_named() {
     let mut variables = model.variables().to_vec();
     variables[0].name = "gain[2]".into();
     variables[1].depends_on.push(("gian[1]".into(), Dependency::Any));
-    if let Type::Enumeration { start, .. } = &mut variables[8].kind {
+    if let Type::Enumeration { start, .. } = &mut variables[8].data_type {
         *start = 3;
     }
     let found = description::problems(&Info { name: "my model", ..model.info }, &variables).join("; ");
     let wanted = [
-        "the name `my model` is none",
-        "gain[2] is there twice",
-        "gain[2] names gian[1], which is no variable",
+        "the name `my model` cannot",
+        "gain[2] occurs twice",
+        "gain[2] refers to gian[1], which is not a variable",
         "the start value of mode is outside its limits",
     ];
     for what in wanted {

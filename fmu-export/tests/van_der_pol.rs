@@ -119,7 +119,7 @@ fn directional_derivatives_are_those_of_the_equation() {
 #[test]
 fn steps_that_would_take_for_ever_are_refused() {
     let fmu = Fmu::started(MODEL, &[]);
-    assert!(fmu.step(0.0, 1e6).error(&fmu).contains("at most 1000 is wanted"));
+    assert!(fmu.step(0.0, 1e6).error(&fmu).contains("expected at most 1000"));
 }
 
 /// Random calls with random arguments; see `support/abuse.rs`.

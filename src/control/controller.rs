@@ -282,7 +282,7 @@ struct Command {
 
 /// Why a sample was refused. The state is unchanged, and there are no new currents.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ControllerFault {
+pub enum ControllerError {
     /// An input is not finite.
     #[error("the input {name} is not finite: {value}")]
     Input {
@@ -455,13 +455,13 @@ impl Controller {
     /// Processes the sample that is due.
     ///
     /// # Errors
-    /// [`ControllerFault`] if a required number is not finite; the state is then unchanged, and the last currents remain the
+    /// [`ControllerError`] if a required number is not finite; the state is then unchanged, and the last currents remain the
     /// last valid ones. An unusable estimate of λ is no error: it is not used.
     pub fn sample(
         &self,
         state: &mut ControllerState,
         input: &ControllerInput,
-    ) -> Result<ControllerOutput, ControllerFault> {
+    ) -> Result<ControllerOutput, ControllerError> {
         self.check_input(input)?;
         let mut next = state.clone();
         let output = self.next(&mut next, input);
@@ -469,7 +469,7 @@ impl Controller {
         let coils = output.voltage_v.iter().chain(&next.planned_a);
         let outputs = output.force_n.iter().chain(&output.perturbation_n).chain(&output.tracking_error_m);
         if !estimates.chain(outputs).chain(coils).all(|value| value.is_finite()) {
-            return Err(ControllerFault::Overflow { sample: state.samples });
+            return Err(ControllerError::Overflow { sample: state.samples });
         }
         *state = next;
         Ok(output)
@@ -691,9 +691,9 @@ impl Controller {
         self.due_s(state) >= self.config.update_time_s - INSTANT_TOLERANCE * self.config.step_s
     }
 
-    fn check_input(&self, input: &ControllerInput) -> Result<(), ControllerFault> {
+    fn check_input(&self, input: &ControllerInput) -> Result<(), ControllerError> {
         let finite = |name, value: f64| {
-            if value.is_finite() { Ok(()) } else { Err(ControllerFault::Input { name, value }) }
+            if value.is_finite() { Ok(()) } else { Err(ControllerError::Input { name, value }) }
         };
         finite("Ym", input.position_m[0])?;
         finite("Zm", input.position_m[1])?;

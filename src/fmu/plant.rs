@@ -547,7 +547,7 @@ impl Model for MagneticBearing {
     }
 
     fn base_step_s(&self) -> f64 {
-        self.0.grain_s()
+        self.0.base_step_s()
     }
 
     fn retune(&mut self, state: &mut PlantState, values: &Values) -> Result<(), Vec<Invalid>> {

@@ -103,7 +103,7 @@ pub struct PlantState {
     /// Start time, in s.
     start_s: f64,
     /// Integration of the angle.
-    turn: Turn,
+    rotation: UniformRotation,
     /// Noise of Y, Z, and of the three currents.
     noise: [Noise; 5],
     /// Samples taken but not yet delivered.
@@ -112,13 +112,13 @@ pub struct PlantState {
 
 /// θ = `base + ω (t − since)`, with a new base when ω changes, so that a long run does not accumulate rounding.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Turn {
+struct UniformRotation {
     base_rad: f64,
     since_s: f64,
     omega_rad_s: f64,
 }
 
-impl Turn {
+impl UniformRotation {
     fn theta_rad(&self, t_s: f64) -> f64 {
         self.base_rad + self.omega_rad_s * (t_s - self.since_s)
     }
@@ -227,7 +227,7 @@ impl Plant {
             measured: Measured { position_m: [0.0; 2], current_a: [0.0; 3], theta_rad: 0.0 },
             samples: 0,
             start_s,
-            turn: Turn { base_rad: config.theta_rad, since_s: start_s, omega_rad_s: 0.0 },
+            rotation: UniformRotation { base_rad: config.theta_rad, since_s: start_s, omega_rad_s: 0.0 },
             noise: Noise::channels(config.sensor.seed),
             delayed: DelayLine::new(sample, config.sensor.delay_s / config.sensor.step_s),
         };
@@ -311,7 +311,7 @@ impl Plant {
     /// rotor is inside the gap, all samples before `t_s` are taken and none after it.
     pub fn accepts(&self, state: &PlantState, t_s: f64) -> bool {
         let step_s = self.config().sensor.step_s;
-        let Turn { base_rad, since_s, omega_rad_s } = state.turn;
+        let UniformRotation { base_rad, since_s, omega_rad_s } = state.rotation;
         let numbers = [state.time_s, state.start_s, state.theta_rad, base_rad, since_s, omega_rad_s, t_s];
         let mut numbers = numbers.iter().chain(&state.position_m).chain(&state.velocity_m_s).chain(&state.linkage_wb);
         let inside = self.equations.gaps(state.position_m).iter().all(|gap| *gap > 0.0);
@@ -334,7 +334,7 @@ impl Plant {
     }
 
     /// The shorter of sensor step and integration step, in s: the base step of the plant.
-    pub fn grain_s(&self) -> f64 {
+    pub fn base_step_s(&self) -> f64 {
         self.config().sensor.step_s.min(self.config().max_step_s)
     }
 

@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use super::{
     Conditions, InputTrajectory, Motion, Plant, PlantInput, PlantState, ROUNDING_TOLERANCE, SHORTEST_STEP_S, StepError,
-    Turn,
+    UniformRotation,
 };
 use crate::bearing::coil::Drive;
 use crate::plant::integration::{rk4, substeps};
@@ -34,13 +34,13 @@ impl Plant {
     ) -> Result<(), StepError> {
         let (from_s, length_s) = self.without_rounding(state, from_s, length_s);
         let evenly = inputs.turns_evenly();
-        if !evenly || inputs.input.omega_rad_s != state.turn.omega_rad_s {
+        if !evenly || inputs.input.omega_rad_s != state.rotation.omega_rad_s {
             let omega_rad_s = inputs.at(from_s).omega_rad_s;
-            state.turn = Turn { base_rad: state.theta_rad, since_s: from_s, omega_rad_s };
+            state.rotation = UniformRotation { base_rad: state.theta_rad, since_s: from_s, omega_rad_s };
         }
         let turned_rad = inputs.turned_rad(from_s);
-        let theta_rad = |turn: &Turn, t: f64| {
-            if evenly { turn.theta_rad(t) } else { turn.base_rad + (inputs.turned_rad(t) - turned_rad) }
+        let theta_rad = |rotation: &UniformRotation, t: f64| {
+            if evenly { rotation.theta_rad(t) } else { rotation.base_rad + (inputs.turned_rad(t) - turned_rad) }
         };
         let n = substeps(length_s, self.config().max_step_s);
         let h = length_s / n as f64;
@@ -55,14 +55,14 @@ impl Plant {
         for j in 0..n {
             let t = from_s + j as f64 * h;
             self.sub_step(state, inputs, (t, h), &theta_rad, &latest, budget)?;
-            state.theta_rad = theta_rad(&state.turn, t + h);
+            state.theta_rad = theta_rad(&state.rotation, t + h);
         }
         state.time_s = end_s;
-        state.theta_rad = theta_rad(&state.turn, from_s + length_s);
+        state.theta_rad = theta_rad(&state.rotation, from_s + length_s);
         if !evenly {
             // The next segment begins with its own angle and speed.
             let omega_rad_s = inputs.at(from_s + length_s).omega_rad_s;
-            state.turn = Turn { base_rad: state.theta_rad, since_s: from_s + length_s, omega_rad_s };
+            state.rotation = UniformRotation { base_rad: state.theta_rad, since_s: from_s + length_s, omega_rad_s };
         }
         Ok(())
     }
@@ -73,7 +73,7 @@ impl Plant {
         state: &mut PlantState,
         inputs: &InputTrajectory,
         (t_s, h_s): (f64, f64),
-        theta_rad: &impl Fn(&Turn, f64) -> f64,
+        theta_rad: &impl Fn(&UniformRotation, f64) -> f64,
         latest: &Cell<Option<(f64, f64, [f64; 2])>>,
         budget: &mut usize,
     ) -> Result<(), StepError> {
@@ -93,9 +93,9 @@ impl Plant {
                 return Err(StepError::Fast { time_s: now_s });
             }
             let step = |h_s: f64| {
-                let turn = &state.turn;
+                let rotation = &state.rotation;
                 let slope = |t: f64, x: &Motion| {
-                    let theta_rad = theta_rad(turn, t);
+                    let theta_rad = theta_rad(rotation, t);
                     let conditions = Conditions { time_s: t, theta_rad, contact: state.contact, open: state.open };
                     if !held {
                         return self.equations.derivative(x, &inputs.at(t), conditions);

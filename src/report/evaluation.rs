@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use crate::bearing::coil::Drive;
-use crate::report::Sensitivity;
+use crate::report::SensitivityCurve;
 use crate::simulation::closed_loop::Loop;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
@@ -106,7 +106,7 @@ fn harmonic(signal: &[f64], theta: &[f64], n: f64) -> f64 {
 }
 
 /// The table of figures; `None` if the recording is too short.
-pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> Option<Table> {
+pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurve]) -> Option<Table> {
     let stretches = Some(stretches(&run.recording)).filter(|stretches| !stretches.is_empty())?;
     let plant = scenario.closed_loop().ok()?.plant;
     let clearance_m = plant.touchdown.clearance_m;
@@ -190,7 +190,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> O
 }
 
 /// Sensitivity functions before and after the update, or the only one; with the reason where there is none.
-pub fn sensitivities(scenario: &Scenario, run: &Run) -> Vec<Sensitivity> {
+pub fn sensitivities(scenario: &Scenario, run: &Run) -> Vec<SensitivityCurve> {
     let stretches = stretches(&run.recording);
     // A run that could begin has configurations.
     let Ok(Loop { plant, input, controller, .. }) = scenario.closed_loop() else { return Vec::new() };
@@ -214,12 +214,12 @@ pub fn sensitivities(scenario: &Scenario, run: &Run) -> Vec<Sensitivity> {
             Ok((sweep, injected)) => (sweep, injected, None),
             Err(error) => (Vec::new(), Vec::new(), Some(error.to_string())),
         };
-        Some(Sensitivity { name: stretch.name.into(), sweep, injected, missing })
+        Some(SensitivityCurve { name: stretch.name.into(), sweep, injected, missing })
     };
     stretches.iter().filter_map(one).collect()
 }
 
-impl Sensitivity {
+impl SensitivityCurve {
     /// `[ω, |S|]` at the peak of an axis, 0 for y.
     pub fn peak(&self, axis: usize) -> Option<[f64; 2]> {
         let points = self.sweep.iter().map(|point| [point[0], point[1 + axis]]);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::evaluation;
 use crate::fmu::estimator::{METHOD, VERDICT};
-use crate::report::{self, Answer, Bearing, Event, Method, Paper, Parameter, Report};
+use crate::report::{self, Answer, Bearing, ComparedEstimator, Event, Paper, Parameter, Report};
 use crate::simulation::closed_loop::Loop;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
@@ -31,14 +31,14 @@ fn closed_loop(scenario: &Scenario) -> Loop {
 }
 
 /// The estimators of a scenario: those beside the loop, or that of the loop if there are none.
-fn methods(scenario: &Scenario) -> Vec<Method> {
+fn methods(scenario: &Scenario) -> Vec<ComparedEstimator> {
     let beside = scenario.observers();
     if beside.is_empty() {
         let method = scenario.value("estimator", "method");
         let label = method.and_then(|value| METHOD.item(value.as_f64() as i32)).unwrap_or("estimator");
-        return vec![Method { element: "estimator".into(), label: label.into() }];
+        return vec![ComparedEstimator { element: "estimator".into(), label: label.into() }];
     }
-    beside.iter().map(|element| Method::from(element.name.as_str())).collect()
+    beside.iter().map(|element| ComparedEstimator::from(element.name.as_str())).collect()
 }
 
 /// The tables of results of a scenario.
@@ -320,7 +320,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
     let report = Report {
         description: scenario.description.clone(),
         command: command.into(),
-        message: run.fault.clone(),
+        message: run.error.clone(),
         answer: answer(scenario, run),
         tables,
         sensitivities,
@@ -340,7 +340,7 @@ fn parameters(scenario: &Scenario) -> Vec<Parameter> {
     let connections = scenario.connections();
     let mut parameters = Vec::new();
     for element in scenario.in_loop() {
-        for variable in element.kind.variables() {
+        for variable in element.model_type.variables() {
             let connected = connections
                 .iter()
                 .any(|connection| connection.to[0] == element.name && connection.to[1] == variable.name);
@@ -360,7 +360,7 @@ fn parameters(scenario: &Scenario) -> Vec<Parameter> {
 
 /// A value in its display unit.
 fn shown(variable: &Variable, value: Value) -> String {
-    match (&variable.kind, value) {
+    match (&variable.data_type, value) {
         (Type::Real { unit, display, .. }, Value::Real(value)) => {
             let display = unit.displays.iter().find(|candidate| Some(candidate.name) == *display);
             match display {

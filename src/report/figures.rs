@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::{Paper, Report};
 use crate::report::evaluation::{self, Stretch};
-use crate::report::plot::{self, Line, Plot, Unit, colour};
+use crate::report::plot::{self, Line, Plot, PlotUnit, colour};
 use crate::studies::sensitivity::ZONES;
 
 /// Maximum number of animation frames; a revolution of the paper's run has 200 of its 4000.
@@ -73,17 +73,17 @@ fn in_paper(paper: Option<Paper>, id: &str) -> Option<&'static str> {
 }
 
 /// The recording and its intervals.
-struct Run<'r> {
+struct Signals<'r> {
     report: &'r Report<'r>,
     time_s: &'r [f64],
     /// Before and after the update, or the end of the run only.
     stretches: Vec<Stretch>,
 }
 
-impl<'r> Run<'r> {
-    fn new(report: &'r Report<'r>) -> Run<'r> {
+impl<'r> Signals<'r> {
+    fn new(report: &'r Report<'r>) -> Signals<'r> {
         let stretches = evaluation::stretches(report.recording);
-        Run { report, time_s: &report.recording.time_s, stretches }
+        Signals { report, time_s: &report.recording.time_s, stretches }
     }
 
     /// A column with a value at every instant.
@@ -96,13 +96,13 @@ impl<'r> Run<'r> {
         Some([self.get(&pattern(1))?, self.get(&pattern(2))?, self.get(&pattern(3))?])
     }
 
-    fn time_unit(&self) -> Unit {
+    fn time_unit(&self) -> PlotUnit {
         let end_s = self.time_s.last().copied().unwrap_or(0.0);
-        if end_s <= SHORT_S { Unit::MILLISECOND } else { Unit::SECOND }
+        if end_s <= SHORT_S { PlotUnit::MILLISECOND } else { PlotUnit::SECOND }
     }
 
     /// A plot over time with the events of the run.
-    fn plot(&self, quantity: &str, unit: Unit) -> Plot {
+    fn plot(&self, quantity: &str, unit: PlotUnit) -> Plot {
         let mut plot = Plot::over_time(self.time_unit(), (quantity, unit));
         if let [first, .., last] = self.time_s {
             plot = plot.range(0, [*first, *last]);
@@ -142,8 +142,8 @@ fn where_shown(values: &[f64], show: impl Fn(usize) -> bool) -> Vec<f64> {
 }
 
 /// λ̂ of an element with its band of two standard deviations; dotted where it is not valid.
-fn lambda_plot(run: &Run, element: &str, height_px: f64) -> Plot {
-    let mut plot = run.plot("λ̂", Unit::LAMBDA).height(height_px);
+fn lambda_plot(run: &Signals, element: &str, height_px: f64) -> Plot {
+    let mut plot = run.plot("λ̂", PlotUnit::LAMBDA).height(height_px);
     let Some(lambda) = run.get3(|k| format!("{element}.lambdaHat[{k}]")) else { return plot };
     let truth = run.report.truth;
     // From zero past the true values and the first guesses: anything beyond has diverged, or has a very large standard
@@ -185,7 +185,7 @@ fn lambda_plot(run: &Run, element: &str, height_px: f64) -> Plot {
 
 /// The animation beside λ̂ of the loop's estimator.
 pub(super) fn first(report: &Report) -> Markup {
-    let run = Run::new(report);
+    let run = Signals::new(report);
     let element = report.answer.as_ref().map_or("estimator", |answer| answer.element.as_str());
     let plot = lambda_plot(&run, element, 460.0);
     let animation = animation(&run, element);
@@ -209,7 +209,7 @@ pub(super) fn first(report: &Report) -> Markup {
 }
 
 /// Data of the animation: positions, forces, angle and λ̂ at equidistant instants.
-fn animation(run: &Run, element: &str) -> Option<serde_json::Value> {
+fn animation(run: &Signals, element: &str) -> Option<serde_json::Value> {
     let bearing = run.report.bearing?;
     let (y, z, theta) = (run.get("plant.Y")?, run.get("plant.Z")?, run.get("plant.theta")?);
     let force = run.get3(|k| format!("plant.F[{k}]"))?;
@@ -234,7 +234,7 @@ fn animation(run: &Run, element: &str) -> Option<serde_json::Value> {
 
 /// Buttons for interesting intervals; all plots over time follow.
 pub(super) fn views(report: &Report) -> Markup {
-    let run = Run::new(report);
+    let run = Signals::new(report);
     let factor = run.time_unit().factor;
     let instants = |stretch: &Stretch| [run.time_s[stretch.from] * factor, run.time_s[stretch.to - 1] * factor];
     let mut views = Vec::new();
@@ -258,7 +258,7 @@ pub(super) fn views(report: &Report) -> Markup {
 
 /// Every figure of the page, in order.
 pub(super) fn all(report: &Report) -> Vec<Figure> {
-    let run = Run::new(report);
+    let run = Signals::new(report);
     let mut figures = Vec::new();
     figures.extend(estimates(&run));
     figures.extend(errors(&run));
@@ -271,7 +271,7 @@ pub(super) fn all(report: &Report) -> Vec<Figure> {
     figures
 }
 
-fn estimates(run: &Run) -> Option<Figure> {
+fn estimates(run: &Signals) -> Option<Figure> {
     let methods = &run.report.methods;
     let plots = methods.iter().map(|method| (method.label.clone(), lambda_plot(run, &method.element, 300.0))).collect();
     let mut caption = String::from(
@@ -288,7 +288,7 @@ fn estimates(run: &Run) -> Option<Figure> {
     (!methods.is_empty()).then(|| run.figure("methods", "Estimates of the force constants", plots, &caption))
 }
 
-fn errors(run: &Run) -> Option<Figure> {
+fn errors(run: &Signals) -> Option<Figure> {
     let truth = run.report.truth?;
     let lambda = |element: &str| run.get3(|k| format!("{element}.lambdaHat[{k}]"));
     // Down to typical errors: an error that changes its sign is small for an instant.
@@ -300,7 +300,7 @@ fn errors(run: &Run) -> Option<Figure> {
     all.sort_by(f64::total_cmp);
     let least = all.get(all.len() / 50).map_or(1e-4, |error| 10f64.powf(error.log10().floor()).clamp(1e-7, 1e-3));
     let one = |element: &str| {
-        let mut plot = run.plot("|λ̂ − λ|/λ", Unit::PERCENT).decades(1).range(1, [least, 2.0]).height(280.0);
+        let mut plot = run.plot("|λ̂ − λ|/λ", PlotUnit::PERCENT).decades(1).range(1, [least, 2.0]).height(280.0);
         let lambda = lambda(element);
         let std = run
             .get3(|k| format!("{element}.lambdaStdTotal[{k}]"))
@@ -327,8 +327,8 @@ fn errors(run: &Run) -> Option<Figure> {
     (!run.report.methods.is_empty()).then(|| run.figure("errors", "Errors of the estimates", plots, caption))
 }
 
-fn condition(run: &Run) -> Option<Figure> {
-    let mut plot = run.plot("condition number", Unit::ONE).decades(1).height(240.0);
+fn condition(run: &Signals) -> Option<Figure> {
+    let mut plot = run.plot("condition number", PlotUnit::ONE).decades(1).height(240.0);
     let colours = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::OTHER];
     for (method, colour) in run.report.methods.iter().zip(colours.into_iter().cycle()) {
         if let Some(values) = run.get(&format!("{}.condition", method.element)) {
@@ -341,7 +341,7 @@ fn condition(run: &Run) -> Option<Figure> {
 }
 
 /// Position minus reference; if there is no reference, the controller's error, a sample late and with sensor noise.
-fn error(run: &Run, axis: &str) -> Option<Vec<f64>> {
+fn error(run: &Signals, axis: &str) -> Option<Vec<f64>> {
     match (run.get(&format!("plant.{axis}")), run.get(&format!("controller.reference.{axis}"))) {
         (Some(position), Some(reference)) => {
             Some(position.iter().zip(reference).map(|(is, ought)| is - ought).collect())
@@ -350,11 +350,11 @@ fn error(run: &Run, axis: &str) -> Option<Vec<f64>> {
     }
 }
 
-fn tracking(run: &Run) -> Figure {
+fn tracking(run: &Signals) -> Figure {
     let mut plots = Vec::new();
     let axes = [("Y", "y"), ("Z", "z")];
     for (axis, letter) in axes {
-        let mut plot = run.plot(letter, Unit::MICROMETRE);
+        let mut plot = run.plot(letter, PlotUnit::MICROMETRE);
         if let Some(position) = run.get(&format!("plant.{axis}")) {
             run.line(&mut plot, Line::new("position", colour::MAGNETS[0]), position);
         }
@@ -364,14 +364,14 @@ fn tracking(run: &Run) -> Figure {
         plots.push((format!("Position along {letter}"), plot));
     }
     for (axis, letter) in axes {
-        let mut plot = run.plot(&format!("error of {letter}"), Unit::MICROMETRE).height(230.0);
+        let mut plot = run.plot(&format!("error of {letter}"), PlotUnit::MICROMETRE).height(230.0);
         if let Some(error) = error(run, axis) {
             run.line(&mut plot, Line::new("error", colour::MAGNETS[1]), &error);
         }
         plots.push((format!("Tracking error of {letter}"), plot));
     }
     for (axis, letter) in axes {
-        let mut plot = run.plot("force", Unit::NEWTON).height(260.0);
+        let mut plot = run.plot("force", PlotUnit::NEWTON).height(260.0);
         if let Some(estimate) = run.get(&format!("controller.p{axis}Hat")) {
             run.line(&mut plot, Line::new("observed", colour::MAGNETS[2]), estimate);
         }
@@ -385,10 +385,10 @@ fn tracking(run: &Run) -> Figure {
     run.figure("tracking", "Tracking", plots, caption)
 }
 
-fn currents(run: &Run) -> Figure {
+fn currents(run: &Signals) -> Figure {
     let measured = run.get3(|k| format!("plant.im[{k}]"));
     let mut plots = Vec::new();
-    let mut add = |name: &str, quantity: &str, unit: Unit, columns: Option<[&[f64]; 3]>| {
+    let mut add = |name: &str, quantity: &str, unit: PlotUnit, columns: Option<[&[f64]; 3]>| {
         let mut plot = run.plot(quantity, unit);
         for (k, column) in columns.iter().flatten().enumerate() {
             run.line(&mut plot, Line::new(&format!("{quantity}{}", INDEX[k]), colour::MAGNETS[k]), column);
@@ -396,18 +396,23 @@ fn currents(run: &Run) -> Figure {
         plots.push((name.to_owned(), plot));
     };
     let name = if measured.is_some() { "Measured currents" } else { "Commanded currents" };
-    add(name, "i", Unit::AMPERE, measured.or_else(|| run.get3(|k| format!("controller.i[{k}]"))));
-    add("Forces", "F", Unit::NEWTON, run.get3(|k| format!("plant.F[{k}]")));
+    add(name, "i", PlotUnit::AMPERE, measured.or_else(|| run.get3(|k| format!("controller.i[{k}]"))));
+    add("Forces", "F", PlotUnit::NEWTON, run.get3(|k| format!("plant.F[{k}]")));
     let voltages = run.get3(|k| format!("controller.u[{k}]"));
-    add("Voltages", "u", Unit::VOLT, voltages.filter(|voltages| voltages.iter().any(|u| u.iter().any(|u| *u != 0.0))));
+    add(
+        "Voltages",
+        "u",
+        PlotUnit::VOLT,
+        voltages.filter(|voltages| voltages.iter().any(|u| u.iter().any(|u| *u != 0.0))),
+    );
     let caption = "The magnets only pull: the sign of a current has no meaning.";
     run.figure("currents", "Currents of the three magnets", plots, caption)
 }
 
-fn orbit(run: &Run) -> Figure {
+fn orbit(run: &Signals) -> Figure {
     let axes = |what: &str| {
         let axis = |letter: &str| if what.is_empty() { letter.to_owned() } else { format!("{what} of {letter}") };
-        Plot::new((&axis("y"), Unit::MICROMETRE), (&axis("z"), Unit::MICROMETRE)).equal().height(460.0)
+        Plot::new((&axis("y"), PlotUnit::MICROMETRE), (&axis("z"), PlotUnit::MICROMETRE)).equal().height(460.0)
     };
     let (mut path, mut errors) = (axes(""), axes("error"));
     let (y, z) = (run.get("plant.Y"), run.get("plant.Z"));
@@ -446,11 +451,11 @@ fn orbit(run: &Run) -> Figure {
 }
 
 /// Distance of the rotor from the centre, with the clearance of the backup bearing.
-fn clearance(run: &Run) -> Option<Figure> {
+fn clearance(run: &Signals) -> Option<Figure> {
     let clearance_m = run.report.bearing?.clearance_m;
     let length = |y: &[f64], z: &[f64]| y.iter().zip(z).map(|(y, z)| y.hypot(*z)).collect::<Vec<f64>>();
     let (y, z) = (run.get("plant.Y")?, run.get("plant.Z")?);
-    let mut distance = run.plot("distance from the centre", Unit::MICROMETRE).height(260.0);
+    let mut distance = run.plot("distance from the centre", PlotUnit::MICROMETRE).height(260.0);
     let radius = length(y, z);
     let most = radius.iter().copied().filter(|radius| radius.is_finite()).fold(clearance_m, f64::max);
     distance = distance.range(1, [0.0, 1.1 * most]);
@@ -460,7 +465,7 @@ fn clearance(run: &Run) -> Option<Figure> {
     let contact = run.get("plant.touchdown.contact").unwrap_or(&[]);
     let touched = contact.iter().any(|contact| *contact > 0.5);
     if let (true, Some(y), Some(z)) = (touched, run.get("plant.touchdown.FY"), run.get("plant.touchdown.FZ")) {
-        let mut push = run.plot("force", Unit::NEWTON).height(260.0);
+        let mut push = run.plot("force", PlotUnit::NEWTON).height(260.0);
         run.line(&mut push, Line::new("backup bearing", colour::MAGNETS[1]).unlisted(), &length(y, z));
         plots.push(("Force of the backup bearing".into(), push));
     }
@@ -470,15 +475,15 @@ fn clearance(run: &Run) -> Option<Figure> {
 }
 
 /// The sensitivity functions of both axes, before and after the update.
-fn sensitivity(run: &Run) -> Option<Figure> {
-    let hertz = Unit { name: "Hz", factor: 1.0 / TAU };
+fn sensitivity(run: &Signals) -> Option<Figure> {
+    let hertz = PlotUnit { name: "Hz", factor: 1.0 / TAU };
     let all = &run.report.sensitivities;
     let mut plots = Vec::new();
     for one in all.iter().filter(|one| !one.sweep.is_empty()) {
         let column = |points: &[[f64; 3]], index: usize| points.iter().map(|point| point[index]).collect::<Vec<f64>>();
         let peak = one.sweep.iter().flat_map(|point| [point[1], point[2]]).fold(0.0, f64::max);
         let mut plot =
-            Plot::new(("frequency", hertz), ("|S|", Unit::ONE)).decades(0).range(1, [0.0, 5.5f64.max(1.1 * peak)]);
+            Plot::new(("frequency", hertz), ("|S|", PlotUnit::ONE)).decades(0).range(1, [0.0, 5.5f64.max(1.1 * peak)]);
         // Both axes are often alike: the narrow line remains visible on the broad one.
         let lines =
             [Line::new("y", colour::MAGNETS[0]).width(4.0), Line::new("z", colour::MAGNETS[1]).dashed().width(2.0)];

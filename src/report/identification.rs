@@ -4,7 +4,7 @@ use maud::html;
 
 use crate::estimation::{Method, Verdict};
 use crate::report::frame;
-use crate::report::plot::{self, Line, Plot, Unit, colour};
+use crate::report::plot::{self, Line, Plot, PlotUnit, colour};
 use crate::report::{cards, table_of};
 use crate::simulation::recording::Recording;
 use crate::studies::identify::{Answer, Samples, Track, recording, table};
@@ -31,7 +31,7 @@ pub fn page(
     }
     if let Some(track) = tracks.iter().find(|track| track.config.method == Method::PredictionError) {
         let valid = |j: usize| track.outputs[j].valid;
-        let mut unbalance = Plot::over_time(Unit::SECOND, ("unbalance", Unit { name: "g·mm", factor: 1e6 }));
+        let mut unbalance = Plot::over_time(PlotUnit::SECOND, ("unbalance", PlotUnit { name: "g·mm", factor: 1e6 }));
         line(
             &mut unbalance,
             &recording,
@@ -40,7 +40,7 @@ pub fn page(
             Line::new("unbalance", colour::MAGNETS[0]),
             valid,
         );
-        let mut load = Plot::over_time(Unit::SECOND, ("static load", Unit::NEWTON));
+        let mut load = Plot::over_time(PlotUnit::SECOND, ("static load", PlotUnit::NEWTON));
         for (name, label, colour) in
             [("pYHat", "along y", colour::MAGNETS[0]), ("pZHat", "along z", colour::MAGNETS[1])]
         {
@@ -49,7 +49,7 @@ pub fn page(
         let caption = "As identified together with the force constants.";
         figures.push(("Unbalance and static load".into(), vec![unbalance, load], caption.into()));
     }
-    let mut residual = Plot::over_time(Unit::SECOND, ("residual", Unit::ONE));
+    let mut residual = Plot::over_time(PlotUnit::SECOND, ("residual", PlotUnit::ONE));
     let colours = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::OTHER];
     for (track, colour) in tracks.iter().zip(colours) {
         line(&mut residual, &recording, track, "residual", Line::new(track.name, colour), |_| true);
@@ -114,7 +114,7 @@ fn line(plot: &mut Plot, recording: &Recording, track: &Track, name: &str, line:
 }
 
 fn bands(recording: &Recording, track: &Track) -> Plot {
-    let mut plot = Plot::over_time(Unit::SECOND, ("λ̂", Unit::LAMBDA)).height(380.0);
+    let mut plot = Plot::over_time(PlotUnit::SECOND, ("λ̂", PlotUnit::LAMBDA)).height(380.0);
     for k in 0..3 {
         let edge = |stds: f64| -> Vec<f64> {
             let valid = track.outputs.iter().map(|output| output.valid.then_some(output));

@@ -37,11 +37,11 @@ pub struct Report<'a> {
     /// The true λ of the three magnets, in N·m²/A², if known.
     pub truth: Option<[f64; 3]>,
     /// The estimators to compare.
-    pub methods: Vec<Method>,
+    pub methods: Vec<ComparedEstimator>,
     /// The bearing, for the animation.
     pub bearing: Option<Bearing>,
     /// Sensitivity functions of the loop.
-    pub sensitivities: Vec<Sensitivity>,
+    pub sensitivities: Vec<SensitivityCurve>,
     /// Which section of the paper the run repeats, so that captions name the paper's figures.
     pub paper: Option<Paper>,
 }
@@ -118,23 +118,23 @@ pub struct Bearing {
 
 /// An estimator whose λ̂ is in the columns `element.lambdaHat[1..3]`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Method {
+pub struct ComparedEstimator {
     /// Name of the element, for instance `paperLiteral`.
     pub element: String,
     /// Label in the legend.
     pub label: String,
 }
 
-impl From<&str> for Method {
+impl From<&str> for ComparedEstimator {
     /// An estimator labelled with the name of its element.
-    fn from(element: &str) -> Method {
-        Method { element: element.into(), label: element.into() }
+    fn from(element: &str) -> ComparedEstimator {
+        ComparedEstimator { element: element.into(), label: element.into() }
     }
 }
 
 /// The sensitivity function of both axes for one λ of the controller.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Sensitivity {
+pub struct SensitivityCurve {
     /// When it holds: before or after the update, or at the end of the run.
     pub name: String,
     /// `[ω, |S_y|, |S_z|]` from the linearisation, ω in rad/s.

@@ -34,32 +34,32 @@ pub mod colour {
 
 /// A unit to show values in.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Unit {
+pub struct PlotUnit {
     /// Name as on the axis; empty for a plain number.
     pub name: &'static str,
     /// Displayed value per SI value.
     pub factor: f64,
 }
 
-impl Unit {
+impl PlotUnit {
     /// Plain numbers.
-    pub const ONE: Unit = Unit { name: "", factor: 1.0 };
+    pub const ONE: PlotUnit = PlotUnit { name: "", factor: 1.0 };
     /// Ratios.
-    pub const PERCENT: Unit = Unit { name: "%", factor: 1e2 };
+    pub const PERCENT: PlotUnit = PlotUnit { name: "%", factor: 1e2 };
     /// Positions of the rotor.
-    pub const MICROMETRE: Unit = Unit { name: "µm", factor: 1e6 };
+    pub const MICROMETRE: PlotUnit = PlotUnit { name: "µm", factor: 1e6 };
     /// Long runs.
-    pub const SECOND: Unit = Unit { name: "s", factor: 1.0 };
+    pub const SECOND: PlotUnit = PlotUnit { name: "s", factor: 1.0 };
     /// A few revolutions.
-    pub const MILLISECOND: Unit = Unit { name: "ms", factor: 1e3 };
+    pub const MILLISECOND: PlotUnit = PlotUnit { name: "ms", factor: 1e3 };
     /// Force constants λ.
-    pub const LAMBDA: Unit = Unit { name: "10⁻⁶ N·m²/A²", factor: 1e6 };
+    pub const LAMBDA: PlotUnit = PlotUnit { name: "10⁻⁶ N·m²/A²", factor: 1e6 };
     /// Forces.
-    pub const NEWTON: Unit = Unit { name: "N", factor: 1.0 };
+    pub const NEWTON: PlotUnit = PlotUnit { name: "N", factor: 1.0 };
     /// Currents.
-    pub const AMPERE: Unit = Unit { name: "A", factor: 1.0 };
+    pub const AMPERE: PlotUnit = PlotUnit { name: "A", factor: 1.0 };
     /// Voltages.
-    pub const VOLT: Unit = Unit { name: "V", factor: 1.0 };
+    pub const VOLT: PlotUnit = PlotUnit { name: "V", factor: 1.0 };
 }
 
 /// How a line is drawn.
@@ -114,7 +114,7 @@ impl Line {
 /// A plot: lines, levels, instants and intervals between two axes.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    units: [Unit; 2],
+    units: [PlotUnit; 2],
     traces: Vec<Json>,
     shapes: Vec<Json>,
     axes: [Json; 2],
@@ -124,8 +124,8 @@ pub struct Plot {
 
 impl Plot {
     /// An empty plot of one quantity over another, with units.
-    pub fn new(x: (&str, Unit), y: (&str, Unit)) -> Plot {
-        let title = |(quantity, unit): (&str, Unit)| match unit.name {
+    pub fn new(x: (&str, PlotUnit), y: (&str, PlotUnit)) -> Plot {
+        let title = |(quantity, unit): (&str, PlotUnit)| match unit.name {
             "" => json!({"title": {"text": quantity}}),
             name => json!({"title": {"text": format!("{quantity} [{name}]")}}),
         };
@@ -137,7 +137,7 @@ impl Plot {
     }
 
     /// An empty plot over time, linked to all others over time on the page.
-    pub fn over_time(unit: Unit, y: (&str, Unit)) -> Plot {
+    pub fn over_time(unit: PlotUnit, y: (&str, PlotUnit)) -> Plot {
         Plot { over_time: true, ..Plot::new(("time", unit), y) }
     }
 

@@ -56,7 +56,7 @@ impl Scenario {
     /// The path of a variable, such as `plant.lambda[1]`, from the indices of its element and its own.
     pub fn path(&self, (element, variable): (usize, usize)) -> String {
         let element = &self.elements[element];
-        format!("{}.{}", element.name, element.kind.variables()[variable].name)
+        format!("{}.{}", element.name, element.model_type.variables()[variable].name)
     }
 
     /// The configurations of the models in the loop.

@@ -30,7 +30,7 @@ pub struct Fit {
 pub fn read(text: &str) -> Result<Fit, String> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
     let head = reader.headers().map_err(|error| error.to_string())?.clone();
-    let wanted = "the header theta [deg],Y [um],Z [um] is wanted";
+    let wanted = "expected the header theta [deg],Y [um],Z [um]";
     let column = |name: &str, unit: fmu_export::unit::Unit| {
         let found = head.iter().enumerate().find_map(|(index, cell)| {
             let (title, rest) = cell.split_once('[')?;
@@ -39,7 +39,7 @@ pub fn read(text: &str) -> Result<Fit, String> {
         let (index, given) = found.ok_or_else(|| format!("there is no column {name} with its unit: {wanted}"))?;
         let factor = unit.convert(1.0, &given);
         let factor = factor
-            .ok_or_else(|| format!("the unit {given} is none of {}", unit.names().collect::<Vec<_>>().join(", ")))?;
+            .ok_or_else(|| format!("the unit {given} is not one of {}", unit.names().collect::<Vec<_>>().join(", ")))?;
         Ok::<_, String>((index, factor))
     };
     let columns = [column("theta", RADIAN)?, column("Y", METRE)?, column("Z", METRE)?];
@@ -49,7 +49,7 @@ pub fn read(text: &str) -> Result<Fit, String> {
         let mut point = [0.0; 3];
         for (value, (index, factor)) in point.iter_mut().zip(columns) {
             let cell = record.get(index).unwrap_or_default();
-            let number: f64 = cell.parse().map_err(|_| format!("row {}: {cell:?} is no number", row + 1))?;
+            let number: f64 = cell.parse().map_err(|_| format!("row {}: {cell:?} is not a number", row + 1))?;
             if !number.is_finite() {
                 return Err(format!("row {}: {cell} is not finite", row + 1));
             }
@@ -65,7 +65,7 @@ pub fn read(text: &str) -> Result<Fit, String> {
 /// # Errors
 /// Too few points, or points that do not determine the series.
 pub fn fit(points: &[[f64; 3]]) -> Result<Fit, String> {
-    let wanted = format!("at least {UNKNOWNS} points around the curve are wanted");
+    let wanted = format!("expected at least {UNKNOWNS} points around the curve");
     if points.len() < UNKNOWNS {
         return Err(format!("{} points: {wanted}", points.len()));
     }

@@ -115,7 +115,7 @@ fn take<'t, T: Deserialize<'t> + Default>(
 ) -> T {
     let Some(value) = table.remove(key) else { return T::default() };
     value.try_into().unwrap_or_else(|error: toml::de::Error| {
-        findings.push(format!("{key} is refused: {wanted} is wanted ({})", error.message()));
+        findings.push(format!("{key} is refused: expected {wanted} ({})", error.message()));
         T::default()
     })
 }
@@ -182,7 +182,7 @@ pub struct Element {
     /// Name, unique in the scenario.
     pub name: String,
     /// Its model type.
-    pub kind: Arc<ModelType>,
+    pub model_type: Arc<ModelType>,
     /// Values that differ from the start values.
     pub settings: Vec<Setting>,
 }
@@ -273,7 +273,7 @@ impl Scenario {
         };
         let text = read.map_err(|error| {
             let names: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
-            let finding = format!("cannot be read ({error}): a file is wanted, or one of {}", names.join(", "));
+            let finding = format!("cannot be read ({error}): expected a file, or one of {}", names.join(", "));
             ScenarioError { origin: origin.clone(), findings: vec![finding] }
         })?;
         Self::parse_with(&origin, &text, changes)
@@ -333,9 +333,9 @@ impl Scenario {
         let (name, key) = path.split_once('.').unwrap_or(("", path));
         let Some(at) = self.elements.iter().position(|element| element.name == name) else {
             let names: Vec<_> = self.elements.iter().map(|element| element.name.as_str()).collect();
-            return Err(format!("{path}: a path that begins with one of {} is wanted", names.join(", ")));
+            return Err(format!("{path}: expected a path that begins with one of {}", names.join(", ")));
         };
-        let variables = self.elements[at].kind.variables();
+        let variables = self.elements[at].model_type.variables();
         let Some(index) = variables.iter().position(|variable| variable.name == key) else {
             let settable = variables.iter().filter(|variable| variable.is_settable());
             return Err(unknown(name, key, &settable.map(|variable| variable.name.to_string()).collect::<Vec<_>>()));
@@ -350,14 +350,14 @@ impl Scenario {
     /// What is wrong with the path or the value.
     pub fn assign(&mut self, path: &str, text: &str) -> Result<(), String> {
         let (at, index) = self.settable(path)?;
-        let kind = &self.elements[at].kind.variables()[index].kind;
+        let data_type = &self.elements[at].model_type.variables()[index].data_type;
         let text = text.trim();
-        let value = match kind {
+        let value = match data_type {
             Type::Integer { .. } => text.parse().map(toml::Value::Integer).ok(),
             Type::Boolean { .. } => text.parse().map(toml::Value::Boolean).ok(),
             Type::Real { .. } | Type::Enumeration { .. } | Type::String { .. } => None,
         };
-        let value = convert(kind, &value.unwrap_or_else(|| toml::Value::String(text.into())));
+        let value = convert(data_type, &value.unwrap_or_else(|| toml::Value::String(text.into())));
         let value = value.map_err(|why| format!("{path} = {text} is refused: {why}"))?;
         self.elements[at].settings.push(Setting { index, value });
         Ok(())
@@ -366,7 +366,7 @@ impl Scenario {
     /// The start value of a variable.
     pub fn value(&self, element: &str, variable: &str) -> Option<Value> {
         let element = self.elements.iter().find(|candidate| candidate.name == element)?;
-        let variables = element.kind.variables();
+        let variables = element.model_type.variables();
         let index = variables.iter().position(|candidate| candidate.name == variable)?;
         let set = element.settings.iter().rev().find(|setting| setting.index == index);
         Some(set.map_or_else(|| variables[index].start(), |setting| setting.value.clone()))
@@ -388,22 +388,23 @@ fn change(changes: &[(String, toml::Value)], elements: &mut [Element], findings:
             _ => (None, path.as_str()),
         };
         let concerned = elements.iter_mut().filter(|element| owner.is_none_or(|name| element.name == name));
-        let (known, others): (Vec<_>, Vec<_>) = concerned.partition(|element| knows(&element.kind, key));
+        let (known, others): (Vec<_>, Vec<_>) = concerned.partition(|element| knows(&element.model_type, key));
         if known.is_empty() {
-            let kinds: Vec<_> = others.iter().map(|element| &*element.kind).collect();
-            let suggestion = suggestion(key, &names(&kinds));
+            let models: Vec<_> = others.iter().map(|element| &*element.model_type).collect();
+            let suggestion = suggestion(key, &names(&models));
             findings.push(format!("[--set] {path}: there is no variable of this name; {suggestion}"));
         }
         // A name without an element means all elements where the variable can be set: speed is an input of plant and estimator,
         // but that of the estimator is connected.
         let is_open = |element: &Element| {
-            let index = position(&element.kind, key).or_else(|| position(&element.kind, &self::element(key, 0)));
-            index.is_some_and(|index| permitted(&element.name, &element.kind.variables()[index]).is_ok())
+            let index =
+                position(&element.model_type, key).or_else(|| position(&element.model_type, &self::element(key, 0)));
+            index.is_some_and(|index| permitted(&element.name, &element.model_type.variables()[index]).is_ok())
         };
         let is_open_anywhere = known.iter().any(|element| is_open(element));
         for element in known {
             if is_open(element) || !is_open_anywhere {
-                set(&element.name, &element.kind, "--set", key, value, &mut element.settings, findings);
+                set(&element.name, &element.model_type, "--set", key, value, &mut element.settings, findings);
             }
         }
     }
@@ -412,11 +413,11 @@ fn change(changes: &[(String, toml::Value)], elements: &mut [Element], findings:
 fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], findings: &mut Vec<String>) -> Scenario {
     let mut time = |key: &str, value: &toml::Value| {
         let unit = fmu_export::unit::SECOND;
-        let kind = Type::Real { start: 0.0, unit, display: None, nominal: 1.0, min: None, max: None };
-        match convert(&kind, value) {
+        let data_type = Type::Real { start: 0.0, unit, display: None, nominal: 1.0, min: None, max: None };
+        match convert(&data_type, value) {
             Ok(Value::Real(value)) if value.is_finite() && value > 0.0 => value,
             Ok(_) => {
-                findings.push(format!("{key} = {value} is refused: a finite time above 0 is wanted"));
+                findings.push(format!("{key} = {value} is refused: expected a finite time above 0"));
                 1.0
             }
             Err(why) => {
@@ -428,7 +429,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     let duration_s = time("duration", &document.duration);
     let step_s = time("step", &document.step);
     if findings.is_empty() && step_s > duration_s {
-        findings.push(format!("step = {} is refused: at most the duration, {duration_s} s, is wanted", document.step));
+        findings.push(format!("step = {} is refused: expected at most the duration, {duration_s} s", document.step));
     }
 
     let [plant, controller, estimator] = &fmu::catalogue()[..] else { unreachable!("there are three models") };
@@ -438,27 +439,27 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         ("estimator", estimator, &document.estimator),
     ];
     let mut elements: Vec<Element> = Vec::new();
-    for (name, kind, table) in tables {
+    for (name, model_type, table) in tables {
         let mut settings = Vec::new();
         for (key, value) in flatten(&document.all) {
             // Keys of other elements are skipped; names that no element knows are reported below.
-            if knows(kind, &key) {
-                set(name, kind, "all", &key, value, &mut settings, findings);
+            if knows(model_type, &key) {
+                set(name, model_type, "all", &key, value, &mut settings, findings);
             }
         }
         for (key, value) in flatten(table) {
-            if knows(kind, &key) {
-                set(name, kind, name, &key, value, &mut settings, findings);
+            if knows(model_type, &key) {
+                set(name, model_type, name, &key, value, &mut settings, findings);
             } else {
-                findings.push(unknown(name, &key, &names(&[kind])));
+                findings.push(unknown(name, &key, &names(&[model_type])));
             }
         }
-        elements.push(Element { name: name.into(), kind: kind.clone(), settings });
+        elements.push(Element { name: name.into(), model_type: model_type.clone(), settings });
     }
     for (key, _) in flatten(&document.all) {
-        let kinds = tables.map(|(_, kind, _)| &**kind);
-        if !kinds.iter().any(|kind| knows(kind, &key)) {
-            findings.push(unknown("all", &key, &names(&kinds)));
+        let models = tables.map(|(_, model_type, _)| &**model_type);
+        if !models.iter().any(|model_type| knows(model_type, &key)) {
+            findings.push(unknown("all", &key, &names(&models)));
         }
     }
     if let Some(file) = &document.contour {
@@ -532,17 +533,17 @@ fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mu
     for path in &text.of {
         let found = path.split_once('.').and_then(|(name, variable)| {
             let at = elements.iter().position(|element| element.name == name)?;
-            Some((at, position(&elements[at].kind, variable)?))
+            Some((at, position(&elements[at].model_type, variable)?))
         });
         let Some((at, variable)) = found else {
-            refuse(format!("there is no variable {path}; element.variable is wanted, as in plant.omega"));
+            refuse(format!("there is no variable {path}; expected element.variable, as in plant.omega"));
             continue;
         };
-        let known = &elements[at].kind.variables()[variable];
+        let known = &elements[at].model_type.variables()[variable];
         match permitted(&elements[at].name, known) {
             Err(why) => refuse(format!("{path}: {why}")),
             Ok(()) if known.causality == Causality::Parameter && known.variability != Variability::Tunable => {
-                refuse(format!("{path} is fixed once the run has begun; an input or a tunable parameter is wanted"));
+                refuse(format!("{path} is fixed once the run has begun; expected an input or a tunable parameter"));
             }
             Ok(()) => targets.push((at, variable)),
         }
@@ -553,12 +554,12 @@ fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mu
         }
         return None;
     };
-    let kind = &elements[at].kind.variables()[variable].kind;
-    let real = matches!(kind, Type::Real { .. });
+    let data_type = &elements[at].model_type.variables()[variable].data_type;
+    let real = matches!(data_type, Type::Real { .. });
     let second =
         Type::Real { start: 0.0, unit: fmu_export::unit::SECOND, display: None, nominal: 1.0, min: None, max: None };
-    let mut all = |kind: &Type, values: &[toml::Value]| -> Vec<Value> {
-        let one = |value| match convert(kind, value) {
+    let mut all = |data_type: &Type, values: &[toml::Value]| -> Vec<Value> {
+        let one = |value| match convert(data_type, value) {
             Ok(value) => Some(value),
             Err(why) => {
                 refuse(format!("{value} is refused: {why}"));
@@ -568,10 +569,10 @@ fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mu
         values.iter().filter_map(one).collect()
     };
     let time_s: Vec<f64> = all(&second, &text.time).into_iter().map(Value::as_f64).collect();
-    let values = all(kind, &text.value);
+    let values = all(data_type, &text.value);
     let rises = time_s.windows(2).all(|pair| pair[0] < pair[1]) && time_s.iter().all(|time| time.is_finite());
     if text.time.is_empty() || text.time.len() != text.value.len() || !rises {
-        refuse("as many values as times are wanted, at least one, the times rising".into());
+        refuse("expected as many values as times, at least one, with increasing times".into());
     }
     (findings.len() == before).then_some(Profile { targets, time_s, values, hold: text.hold || !real })
 }
@@ -579,9 +580,12 @@ fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mu
 /// Adds estimators with other methods beside the loop.
 fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<String>) {
     let settings = elements[2].settings.clone();
-    let kind = elements[2].kind.clone();
-    let index =
-        kind.variables().iter().position(|variable| variable.name == "method").expect("the estimator has a method");
+    let model_type = elements[2].model_type.clone();
+    let index = model_type
+        .variables()
+        .iter()
+        .position(|variable| variable.name == "method")
+        .expect("the estimator has a method");
     for method in methods {
         let value = match estimator::METHOD.find(method) {
             Ok(value) => value,
@@ -596,7 +600,7 @@ fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<St
         }
         let mut settings = settings.clone();
         settings.push(Setting { index, value: Value::Integer(value) });
-        elements.push(Element { name: method.clone(), kind: kind.clone(), settings });
+        elements.push(Element { name: method.clone(), model_type: model_type.clone(), settings });
     }
 }
 
@@ -614,19 +618,21 @@ fn flatten(table: &toml::Table) -> Vec<(String, &toml::Value)> {
     leaves
 }
 
-fn position(kind: &ModelType, name: &str) -> Option<usize> {
-    kind.variables().iter().position(|variable| variable.name == name)
+fn position(model_type: &ModelType, name: &str) -> Option<usize> {
+    model_type.variables().iter().position(|variable| variable.name == name)
 }
 
 /// Whether a model has a variable, or an array, of that name.
-fn knows(kind: &ModelType, key: &str) -> bool {
-    position(kind, key).is_some() || position(kind, &element(key, 0)).is_some()
+fn knows(model_type: &ModelType, key: &str) -> bool {
+    position(model_type, key).is_some() || position(model_type, &element(key, 0)).is_some()
 }
 
 /// The names of the settable variables of these models, arrays by their common name.
-fn names(kinds: &[&ModelType]) -> Vec<String> {
+fn names(models: &[&ModelType]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
-    for variable in kinds.iter().flat_map(|kind| kind.variables()).filter(|variable| variable.is_settable()) {
+    for variable in
+        models.iter().flat_map(|model_type| model_type.variables()).filter(|variable| variable.is_settable())
+    {
         let name = variable.name.split('[').next().unwrap_or_default().to_owned();
         if !names.contains(&name) {
             names.push(name);
@@ -655,38 +661,38 @@ fn suggestion(key: &str, known: &[String]) -> String {
 /// Applies one key of a table to one element.
 fn set(
     element_name: &str,
-    kind: &ModelType,
+    model_type: &ModelType,
     table: &str,
     key: &str,
     value: &toml::Value,
     settings: &mut Vec<Setting>,
     findings: &mut Vec<String>,
 ) {
-    let variables = kind.variables();
+    let variables = model_type.variables();
     let mut one = |index: usize, value: &toml::Value| {
         let variable = &variables[index];
-        match permitted(element_name, variable).and_then(|()| convert(&variable.kind, value)) {
+        match permitted(element_name, variable).and_then(|()| convert(&variable.data_type, value)) {
             Ok(value) => settings.push(Setting { index, value }),
             Err(why) => findings.push(format!("[{table}] {} = {value} is refused: {why}", variable.name)),
         }
     };
-    if let Some(index) = position(kind, key) {
+    if let Some(index) = position(model_type, key) {
         return one(index, value);
     }
-    let indices: Vec<usize> = (0..).map_while(|k| position(kind, &element(key, k))).collect();
+    let indices: Vec<usize> = (0..).map_while(|k| position(model_type, &element(key, k))).collect();
     match value.as_array() {
         Some(values) if values.len() == indices.len() => {
             for (index, value) in indices.into_iter().zip(values) {
                 one(index, value);
             }
         }
-        _ => findings.push(format!("[{table}] {key} = {value} is refused: a list of {} is wanted", indices.len())),
+        _ => findings.push(format!("[{table}] {key} = {value} is refused: expected a list of {}", indices.len())),
     }
 }
 
 fn permitted(element: &str, variable: &Variable) -> Result<(), String> {
     if !variable.is_settable() {
-        return Err("it is computed, and parameters and inputs alone can be set".into());
+        return Err("it is computed; only parameters and inputs can be set".into());
     }
     let path = format!("{element}.{}", variable.name);
     match LOOP.iter().find(|[_, to]| *to == path) {
@@ -696,8 +702,8 @@ fn permitted(element: &str, variable: &Variable) -> Result<(), String> {
 }
 
 /// A TOML value as the value of a variable. Numbers are in the unit of the interface; texts carry their unit.
-fn convert(kind: &Type, value: &toml::Value) -> Result<Value, String> {
-    match (kind, value) {
+fn convert(data_type: &Type, value: &toml::Value) -> Result<Value, String> {
+    match (data_type, value) {
         (Type::Real { .. }, toml::Value::Float(value)) => Ok(Value::Real(*value)),
         (Type::Real { .. }, toml::Value::Integer(value)) => Ok(Value::Real(*value as f64)),
         (Type::Real { unit, .. }, toml::Value::String(text)) => {
@@ -706,19 +712,19 @@ fn convert(kind: &Type, value: &toml::Value) -> Result<Value, String> {
             let number: f64 = number.parse().map_err(|_| format!("{number} is not a number"))?;
             unit.convert(number, name.trim()).map(Value::Real).ok_or_else(|| {
                 let names: Vec<_> = unit.names().collect();
-                format!("the unit {} is none of {}", name.trim(), names.join(", "))
+                format!("the unit {} is not one of {}", name.trim(), names.join(", "))
             })
         }
-        (Type::Real { unit, .. }, _) => Err(format!("a number in {}, or a text like \"1 {0}\", is wanted", unit.name)),
+        (Type::Real { unit, .. }, _) => Err(format!("expected a number in {}, or a text like \"1 {0}\"", unit.name)),
         (Type::Integer { .. }, toml::Value::Integer(value)) => {
-            i32::try_from(*value).map(Value::Integer).map_err(|_| "a whole number of 32 bits is wanted".into())
+            i32::try_from(*value).map(Value::Integer).map_err(|_| "expected a whole number of 32 bits".into())
         }
-        (Type::Integer { .. }, _) => Err("a whole number is wanted".into()),
+        (Type::Integer { .. }, _) => Err("expected a whole number".into()),
         (Type::Boolean { .. }, toml::Value::Boolean(value)) => Ok(Value::Boolean(*value)),
-        (Type::Boolean { .. }, _) => Err("true or false is wanted".into()),
+        (Type::Boolean { .. }, _) => Err("expected true or false".into()),
         (Type::Enumeration { items, .. }, toml::Value::String(item)) => items.find(item).map(Value::Integer),
         (Type::String { .. }, toml::Value::String(text)) => Ok(Value::String(text.clone())),
-        (Type::String { .. }, _) => Err("a text is wanted".into()),
-        (Type::Enumeration { items, .. }, _) => Err(format!("the name of one of {} is wanted", items.listed())),
+        (Type::String { .. }, _) => Err("expected a text".into()),
+        (Type::Enumeration { items, .. }, _) => Err(format!("expected the name of one of {}", items.listed())),
     }
 }

@@ -17,7 +17,7 @@ pub struct Run {
     /// All outputs of all instances at every communication point reached.
     pub recording: Recording,
     /// Why the run ended early, if it did.
-    pub fault: Option<String>,
+    pub error: Option<String>,
     /// Messages of the instances, each line with the name of the instance.
     pub messages: Vec<String>,
 }
@@ -33,9 +33,9 @@ impl From<Vec<Invalid>> for Refused {
     }
 }
 
-struct Slave {
+struct Running {
     name: String,
-    slave: Box<dyn Instance>,
+    instance: Box<dyn Instance>,
 }
 
 /// An output and the input connected to it, by index.
@@ -62,7 +62,7 @@ impl Log for Messages<'_> {
 /// Runs a scenario from time 0.
 ///
 /// # Errors
-/// Every parameter that a model refuses. A run that ends early is no error: its results are kept, and [`Run::fault`] gives the
+/// Every parameter that a model refuses. A run that ends early is no error: its results are kept, and [`Run::error`] gives the
 /// reason.
 pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
     let progress = Progress::new("simulating", steps(scenario) as u64);
@@ -78,7 +78,7 @@ pub fn run_for(
     wanted: impl Fn(&str) -> bool,
     mut tell: impl FnMut(usize),
 ) -> Result<Run, Refused> {
-    let mut slaves = Vec::new();
+    let mut instances = Vec::new();
     let mut refused = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
         // A profile's value at time 0 is set before the instance starts.
@@ -91,7 +91,7 @@ pub fn run_for(
         let mut element = element.clone();
         element.settings.extend(at_start);
         match start(&element) {
-            Ok(slave) => slaves.push(Slave { name: element.name.clone(), slave }),
+            Ok(instance) => instances.push(Running { name: element.name.clone(), instance }),
             Err(findings) => refused.extend(findings),
         }
     }
@@ -108,30 +108,30 @@ pub fn run_for(
         let time_s = step as f64 * scenario.step_s;
         run.recording.time_s.push(time_s);
         for (column, (element, index)) in run.recording.columns.iter_mut().zip(&outputs) {
-            column.values.push(read(&mut slaves, (*element, *index)).as_f64());
+            column.values.push(read(&mut instances, (*element, *index)).as_f64());
         }
         if step == steps {
             break;
         }
         for profile in &scenario.profiles {
-            if let Err(error) = apply(profile, time_s, &mut slaves) {
-                run.fault = Some(error);
+            if let Err(error) = apply(profile, time_s, &mut instances) {
+                run.error = Some(error);
             }
         }
         // Reading an instance after one of its inputs was set would compute its outputs again, so all outputs are read first.
         carried.clear();
-        carried.extend(wires.iter().map(|wire| read(&mut slaves, wire.from)));
+        carried.extend(wires.iter().map(|wire| read(&mut instances, wire.from)));
         for (wire, value) in wires.iter().zip(&carried) {
-            let set = slaves[wire.to.0].slave.set(wire.to.1, value.clone());
+            let set = instances[wire.to.0].instance.set(wire.to.1, value.clone());
             debug_assert!(set.is_ok(), "an input takes any value");
         }
-        for Slave { name, slave } in &mut slaves {
+        for Running { name, instance } in &mut instances {
             let mut messages = Messages { name, lines: &mut run.messages };
-            if let Err(fault) = slave.step(Step { time_s, length_s: scenario.step_s }, &mut messages) {
-                run.fault = Some(format!("{name}: {fault}"));
+            if let Err(error) = instance.step(Step { time_s, length_s: scenario.step_s }, &mut messages) {
+                run.error = Some(format!("{name}: {error}"));
             }
         }
-        if run.fault.is_some() {
+        if run.error.is_some() {
             break;
         }
         tell(step);
@@ -140,11 +140,11 @@ pub fn run_for(
 }
 
 /// Sets the targets of a profile; the error names the element that refuses the value.
-fn apply(profile: &Profile, time_s: f64, slaves: &mut [Slave]) -> Result<(), String> {
+fn apply(profile: &Profile, time_s: f64, instances: &mut [Running]) -> Result<(), String> {
     let Some(value) = profile.at(time_s) else { return Ok(()) };
     for (element, index) in &profile.targets {
-        let Slave { name, slave } = &mut slaves[*element];
-        slave.set(*index, value.clone()).map_err(|error| format!("{name}: {error}"))?;
+        let Running { name, instance } = &mut instances[*element];
+        instance.set(*index, value.clone()).map_err(|error| format!("{name}: {error}"))?;
     }
     Ok(())
 }
@@ -154,17 +154,19 @@ fn steps(scenario: &Scenario) -> usize {
     (scenario.duration_s / scenario.step_s).round() as usize
 }
 
-fn read(slaves: &mut [Slave], (element, index): (usize, usize)) -> Value {
-    slaves[element].slave.get(index).expect("indices come from the model's table")
+fn read(instances: &mut [Running], (element, index): (usize, usize)) -> Value {
+    instances[element].instance.get(index).expect("indices come from the model's table")
 }
 
 fn start(element: &Element) -> Result<Box<dyn Instance>, Vec<String>> {
-    let mut slave = element.kind.instantiate();
+    let mut instance = element.model_type.instantiate();
     for setting in &element.settings {
-        slave.set(setting.index, setting.value.clone()).map_err(|error| vec![format!("[{}] {error}", element.name)])?;
+        instance
+            .set(setting.index, setting.value.clone())
+            .map_err(|error| vec![format!("[{}] {error}", element.name)])?;
     }
-    match slave.start() {
-        Ok(()) => Ok(slave),
+    match instance.start() {
+        Ok(()) => Ok(instance),
         Err(findings) => Err(findings.iter().map(|finding| format!("[{}] {finding}", element.name)).collect()),
     }
 }
@@ -172,7 +174,7 @@ fn start(element: &Element) -> Result<Box<dyn Instance>, Vec<String>> {
 fn wires(scenario: &Scenario) -> Vec<Wire> {
     let find = |[element, variable]: &[String; 2]| {
         let at = scenario.elements.iter().position(|candidate| candidate.name == *element)?;
-        let variables = scenario.elements[at].kind.variables();
+        let variables = scenario.elements[at].model_type.variables();
         Some((at, variables.iter().position(|candidate| candidate.name == *variable)?))
     };
     let wire = |connection: crate::simulation::scenario::Connection| {
@@ -186,7 +188,7 @@ fn wires(scenario: &Scenario) -> Vec<Wire> {
 fn outputs(scenario: &Scenario, wanted: impl Fn(&str) -> bool, recording: &mut Recording) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
-        for (index, variable) in element.kind.variables().iter().enumerate() {
+        for (index, variable) in element.model_type.variables().iter().enumerate() {
             let name = format!("{}.{}", element.name, variable.name);
             if variable.causality == Causality::Output && wanted(&name) {
                 found.push((at, index));

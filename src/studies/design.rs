@@ -22,7 +22,7 @@ const WORTH: f64 = 1.25;
 
 /// Parameters of the comparison.
 #[derive(Clone, Debug)]
-pub struct Question {
+pub struct Conditions {
     /// Speed of the rotor, in revolutions per minute; 0 is a rotor at rest in the centre.
     pub rpm: f64,
     /// Sample time, in seconds; `None` takes that of the scenario.
@@ -35,7 +35,7 @@ pub struct Question {
 
 /// Standard deviations of one excitation, relative to λ, at [`INSTANTS_S`] and at the requested instant.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Promise {
+pub struct Precision {
     /// Fraction of the smallest force that is modulated.
     pub modulation: f64,
     /// Instants, in s.
@@ -44,7 +44,7 @@ pub struct Promise {
     pub std: Vec<[f64; 3]>,
 }
 
-impl Promise {
+impl Precision {
     /// The worst λ at the requested instant.
     #[must_use]
     pub fn worst(&self) -> f64 {
@@ -56,12 +56,11 @@ impl Promise {
 ///
 /// # Errors
 /// Every parameter that a model refuses, and every invalid question.
-pub fn design(scenario: &Scenario, question: &Question) -> Result<[Promise; 2], Refused> {
-    let refuse = |name: &str, value: f64, wanted: &str| {
-        Refused(vec![format!("{name} = {value} is refused: {wanted} is wanted")])
-    };
+pub fn design(scenario: &Scenario, question: &Conditions) -> Result<[Precision; 2], Refused> {
+    let refuse =
+        |name: &str, value: f64, wanted: &str| Refused(vec![format!("{name} = {value} is refused: expected {wanted}")]);
     if !(question.rpm.is_finite() && question.rpm >= 0.0) {
-        return Err(refuse("speed", question.rpm, "a speed in rpm, 0 or above,"));
+        return Err(refuse("speed", question.rpm, "a speed in rpm, 0 or above"));
     }
     if !(question.instant_s.is_finite() && question.instant_s > 0.0) {
         return Err(refuse("at", question.instant_s, "a time in s above 0"));
@@ -88,26 +87,26 @@ pub fn design(scenario: &Scenario, question: &Question) -> Result<[Promise; 2], 
         scenario.set("controller", "F0.modulation", Value::Real(modulation));
         scenario.set("controller", "F0.modulationFrequency", Value::Real(MODULATION.1));
         let run = simulate::run(&scenario)?;
-        if let Some(fault) = run.fault {
-            return Err(Refused(vec![fault]));
+        if let Some(error) = run.error {
+            return Err(Refused(vec![error]));
         }
         let std = bound(&scenario, &run.recording, &instants_s).unwrap_or_default();
-        Ok(Promise { modulation, instants_s: instants_s.clone(), std })
+        Ok(Precision { modulation, instants_s: instants_s.clone(), std })
     };
     Ok([promise(0.0)?, promise(MODULATION.0)?])
 }
 
 /// Whether modulation is recommended.
 #[must_use]
-pub fn is_modulation_recommended([alone, modulated]: &[Promise; 2]) -> bool {
+pub fn is_modulation_recommended([alone, modulated]: &[Precision; 2]) -> bool {
     alone.worst() > WORTH * modulated.worst()
 }
 
 /// The recommendation in a sentence.
 #[must_use]
-pub fn advice(question: &Question, promises: &[Promise; 2]) -> String {
-    let [alone, modulated] = promises;
-    let recommended = is_modulation_recommended(promises);
+pub fn advice(question: &Conditions, precisions: &[Precision; 2]) -> String {
+    let [alone, modulated] = precisions;
+    let recommended = is_modulation_recommended(precisions);
     let best = if recommended { modulated } else { alone };
     let first = if recommended {
         format!(
@@ -138,11 +137,11 @@ pub fn advice(question: &Question, promises: &[Promise; 2]) -> String {
 
 /// The results as a table.
 #[must_use]
-pub fn table(question: &Question, promises: &[Promise; 2]) -> Table {
-    let rows = (0..promises[0].std.len()).map(|at| {
-        let std = |promise: &Promise| promise.std[at].map(|std| format!("{:.2}", 100.0 * std));
-        let instant = format!("{} s", promises[0].instants_s[at]);
-        std::iter::once(instant).chain(promises.iter().flat_map(std)).collect()
+pub fn table(question: &Conditions, precisions: &[Precision; 2]) -> Table {
+    let rows = (0..precisions[0].std.len()).map(|at| {
+        let std = |promise: &Precision| promise.std[at].map(|std| format!("{:.2}", 100.0 * std));
+        let instant = format!("{} s", precisions[0].instants_s[at]);
+        std::iter::once(instant).chain(precisions.iter().flat_map(std)).collect()
     });
     Table {
         title: format!(

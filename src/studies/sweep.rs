@@ -1,7 +1,7 @@
 //! Many runs of one scenario with varied values: every case is a row of the design and a row of the result.
 //!
 //! A design is a CSV table whose columns are variables of the loop, `plant.m` or `plant.m [g]`, and whose rows are cases; or a
-//! TOML file that describes how to draw such a table ([`Design::open`]). Each row is written as soon as its case ends, and is
+//! TOML file that describes how to draw such a table ([`Sweep::open`]). Each row is written as soon as its case ends, and is
 //! on the disk before it counts. An interrupted sweep resumes where it stopped: existing rows are not computed again, an
 //! incomplete last row is discarded. When all cases are done the rows are put in the order of the design.
 //!
@@ -59,7 +59,7 @@ pub struct Outcome {
 
 /// The cases of a sweep.
 #[derive(Clone)]
-pub struct Design {
+pub struct Sweep {
     /// The scenario to vary, without estimators beside the loop.
     scenario: Scenario,
     /// The text of the scenario.
@@ -112,7 +112,7 @@ struct Between {
     log: bool,
 }
 
-impl Design {
+impl Sweep {
     /// Reads a design: CSV, also from the standard input under the name `-`, or TOML if its name ends so. `scenario` names the
     /// scenario to vary and takes precedence over the design.
     ///
@@ -240,7 +240,7 @@ impl Design {
         let (status, figures) = match outcome {
             Ok((scenario, run)) => {
                 let figures = RESULTS.iter().map(|(_, result)| result.of(&scenario, &run)).collect();
-                (run.fault.unwrap_or_else(|| "ok".into()), figures)
+                (run.error.unwrap_or_else(|| "ok".into()), figures)
             }
             Err(why) => (why, vec![String::new(); RESULTS.len()]),
         };
@@ -483,9 +483,10 @@ fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> 
     let mut columns = Vec::new();
     let mut cases = vec![Vec::new(); document.cases];
     for (path, range) in leaves("", &document.ranges) {
-        let range: Range = range.clone().try_into().map_err(|_| {
-            format!("{path} = {range} is refused: {{ from = …, to = … }}, a list, or a value is wanted")
-        })?;
+        let range: Range = range
+            .clone()
+            .try_into()
+            .map_err(|_| format!("{path} = {range} is refused: expected {{ from = …, to = … }}, a list, or a value"))?;
         let mut parts: Vec<usize> = (0..document.cases).collect();
         // Fisher–Yates.
         for at in (1..parts.len()).rev() {
@@ -503,7 +504,7 @@ fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> 
                     unit.clone_from(&between.unit);
                     let Between { from, to, log, .. } = *between;
                     if !(from.is_finite() && to.is_finite()) || (log && !(from > 0.0 && to > 0.0)) {
-                        return Err(format!("{path}: finite ends are wanted, above 0 where log = true"));
+                        return Err(format!("{path}: expected finite ends, above 0 if log = true"));
                     }
                     let value = if log { from * libm::pow(to / from, share) } else { from + (to - from) * share };
                     format!("{value:e}")

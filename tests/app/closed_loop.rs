@@ -19,7 +19,7 @@ fn scenario(name: &str) -> Scenario {
 
 fn run(scenario: &Scenario) -> Run {
     let run = simulate::run(scenario).expect("sound parameters");
-    assert_eq!(run.fault, None);
+    assert_eq!(run.error, None);
     run
 }
 
@@ -145,7 +145,7 @@ fn same(run: &Run, row: usize, element: &str, signals: &[(&str, f64)]) {
         let recorded = run.recording.get(&name).unwrap_or_else(|| panic!("there is no {name}"))[row];
         assert!(
             recorded.to_bits() == value.to_bits(),
-            "{name} at {} s: slaves {recorded:e}, models {value:e}",
+            "{name} at {} s: instances {recorded:e}, models {value:e}",
             run.recording.time_s[row]
         );
     }
@@ -186,7 +186,7 @@ fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
     );
 }
 
-/// The models in a loop written by hand here, against the slaves in the loop of the program.
+/// The models in a loop written by hand here, against the instances in the loop of the program.
 #[test]
 fn models_and_slaves_agree_bit_for_bit() {
     for name in ["paper", "unbalanced", "turned", "standstill"] {

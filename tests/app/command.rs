@@ -202,8 +202,8 @@ fn montecarlo_refuses_what_it_cannot_run() {
     let folder = folder("montecarlo");
     for (arguments, wanted) in [
         (["--only", "nosuch"], ["--only \"nosuch\"", "no study has this in its title", "Drawn bearings, noise told"]),
-        (["--runs", "0"], ["--runs", "'0'", "a whole number above 0 is wanted"]),
-        (["--runs", "many"], ["--runs", "'many'", "a whole number above 0 is wanted"]),
+        (["--runs", "0"], ["--runs", "'0'", "expected a whole number above 0"]),
+        (["--runs", "many"], ["--runs", "'many'", "expected a whole number above 0"]),
     ] {
         let (code, out, err) = said(&run(&folder, &[["montecarlo"].as_slice(), &arguments].concat()));
         assert_eq!(code, 2, "{err}");
@@ -349,7 +349,7 @@ fn a_full_standard_output_is_an_error() {
     fs::write(folder.join("design.csv"), "plant.m\n6.7\n").expect("a file");
     let (code, _, err) = said(&run(&folder, &["sweep", "design.csv", "--out", "/dev/full"]));
     assert_eq!(code, 1);
-    says(&err, &["/dev/full", "no regular file"]);
+    says(&err, &["/dev/full", "not a regular file"]);
 }
 
 #[test]
@@ -436,7 +436,7 @@ fn files_of_another_kind_are_not_overwritten() {
         fs::write(&path, before).expect("a file");
         let (code, _, err) = said(&run(&folder, arguments));
         assert_eq!(code, 1, "{arguments:?}: {err}");
-        says(&err, &[file, "it is there already"]);
+        says(&err, &[file, "it already exists"]);
         assert_eq!(fs::read_to_string(&path).expect("the file"), before, "{arguments:?}");
         if file != "short.toml" {
             fs::remove_file(&path).expect("a file");
@@ -485,7 +485,7 @@ fn negative_numbers_are_values_and_refused_as_such() {
     ] {
         let (code, out, err) = said(&run(&folder, &arguments));
         assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}");
-        says(&err, &[&format!("invalid value '{}' for '{}", arguments[3], arguments[2]), "is wanted"]);
+        says(&err, &[&format!("invalid value '{}' for '{}", arguments[3], arguments[2]), "expected"]);
     }
     let (code, out, err) = said(&run(&folder, &["design", "--speed", "0", "--at", "0.01"]));
     assert_eq!(code, 0, "{err}");

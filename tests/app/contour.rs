@@ -73,10 +73,10 @@ fn tables_that_make_no_sense_are_refused_by_name() {
     for (text, words) in [
         (good.replace("theta [deg]", "angle [deg]"), "there is no column theta with its unit"),
         (good.replace("Y [um]", "Y"), "there is no column Y with its unit"),
-        (good.replace("Z [um]", "Z [kg]"), "the unit kg is none of"),
+        (good.replace("Z [um]", "Z [kg]"), "the unit kg is not one of"),
         (good.lines().take(9).collect::<Vec<_>>().join("\n"), few.as_str()),
         (half, "the angles leave gaps"),
-        (format!("{good}\n1,2,much"), "row 49: \"much\" is no number"),
+        (format!("{good}\n1,2,much"), "row 49: \"much\" is not a number"),
         (format!("{good}\n1,2,NaN"), "row 49: NaN is not finite"),
         (format!("{good}\n1,2"), "found record with 2 fields"),
         (String::new(), "there is no column theta"),

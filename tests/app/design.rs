@@ -1,14 +1,14 @@
-//! What `design` promises is what the runs show.
+//! What `design` precisions is what the runs show.
 
 use std::path::Path;
 
 use fmu_export::variable::Value;
 use magnetic_bearing::simulation::scenario::Scenario;
-use magnetic_bearing::studies::design::{self, Question, design};
+use magnetic_bearing::studies::design::{self, Conditions, design};
 use magnetic_bearing::studies::montecarlo::{self, NOISE};
 
-fn question(rpm: f64, instant_s: f64) -> Question {
-    Question { rpm, step_s: None, noise: NOISE, instant_s }
+fn question(rpm: f64, instant_s: f64) -> Conditions {
+    Conditions { rpm, step_s: None, noise: NOISE, instant_s }
 }
 
 fn open() -> Scenario {
@@ -43,33 +43,33 @@ fn promises_are_kept() {
 #[test]
 fn modulation_is_recommended_where_the_path_is_weak() {
     let strong = question(3000.0, 0.1);
-    let promises = design(&open(), &strong).expect("a good scenario");
-    assert!(!design::is_modulation_recommended(&promises), "{promises:?}");
-    assert!(design::advice(&strong, &promises).contains("The path excites enough"));
+    let precisions = design(&open(), &strong).expect("a good scenario");
+    assert!(!design::is_modulation_recommended(&precisions), "{precisions:?}");
+    assert!(design::advice(&strong, &precisions).contains("The reference trajectory excites enough"));
     let rest = question(0.0, 0.2);
-    let promises = design(&open(), &rest).expect("a good scenario");
-    assert!(design::is_modulation_recommended(&promises), "{promises:?}");
-    assert!(promises[1].worst() < 0.05 && promises[0].worst() > 0.05, "{promises:?}");
-    assert!(design::advice(&rest, &promises).contains("F0.modulation = 0.5"));
+    let precisions = design(&open(), &rest).expect("a good scenario");
+    assert!(design::is_modulation_recommended(&precisions), "{precisions:?}");
+    assert!(precisions[1].worst() < 0.05 && precisions[0].worst() > 0.05, "{precisions:?}");
+    assert!(design::advice(&rest, &precisions).contains("F0.modulation = 0.5"));
     // λ is known better and better.
-    for promise in &promises {
+    for promise in &precisions {
         assert_eq!(promise.std.len(), promise.instants_s.len());
         for pair in promise.std[..design::INSTANTS_S.len()].windows(2) {
             assert!((0..3).all(|k| pair[1][k] < pair[0][k]), "{promise:?}");
         }
     }
-    let table = design::table(&rest, &promises);
+    let table = design::table(&rest, &precisions);
     assert_eq!(table.rows.len(), design::INSTANTS_S.len() + 1);
     assert!(table.rows.iter().all(|row| row.len() == table.head.len()), "{table:?}");
 }
 
 #[test]
 fn bad_questions_are_refused_by_name() {
-    let refused = |change: fn(&mut Question), name: &str| {
+    let refused = |change: fn(&mut Conditions), name: &str| {
         let mut question = question(3000.0, 0.1);
         change(&mut question);
         let said = design(&open(), &question).expect_err(name).to_string();
-        assert!(said.contains(name) && said.contains("is wanted"), "{said}");
+        assert!(said.contains(name) && said.contains("expected"), "{said}");
     };
     refused(|question| question.rpm = -1.0, "speed");
     refused(|question| question.rpm = f64::NAN, "speed");

@@ -234,7 +234,7 @@ fn the_default_system_is_the_same_without_its_enumerations() {
                 let name = parameter.attribute("name").expect("a name");
                 let variables = kind.variables();
                 let variable = variables.iter().find(|variable| variable.name == name).expect("a variable");
-                assert!(!matches!(variable.kind, Type::Enumeration { .. }), "{name} is an enumeration");
+                assert!(!matches!(variable.data_type, Type::Enumeration { .. }), "{name} is an enumeration");
             }
         }
     }
@@ -281,10 +281,10 @@ fn systems_connect_what_exists_and_name_what_is_there() {
                 named(component, "ParameterBinding").filter_map(|node| node.attribute("source")).collect();
             let part = scenario.elements.iter().find(|part| part.name == element).expect("an element");
             // A choice that is the start value need not be said.
-            let variables = part.kind.variables();
+            let variables = part.model_type.variables();
             let is_said = part.settings.iter().any(|setting| {
                 let variable = &variables[setting.index];
-                !matches!(variable.kind, Type::Enumeration { .. }) || variable.start() != setting.value
+                !matches!(variable.data_type, Type::Enumeration { .. }) || variable.start() != setting.value
             });
             let wanted: Vec<_> = is_said.then(|| format!("resources/{set}-{element}.ssv")).into_iter().collect();
             assert_eq!(bound, wanted, "{file}: {element}");
@@ -349,10 +349,10 @@ fn parameter_sets_give_what_the_scenarios_say() {
         let scenario = Scenario::open(Path::new(name)).expect("a scenario of the program");
         for part in &scenario.elements[..3] {
             // A choice that is the start value need not be said.
-            let variables = part.kind.variables();
+            let variables = part.model_type.variables();
             let said = part.settings.iter().filter(|setting| {
                 let variable = &variables[setting.index];
-                !matches!(variable.kind, Type::Enumeration { .. }) || variable.start() != setting.value
+                !matches!(variable.data_type, Type::Enumeration { .. }) || variable.start() != setting.value
             });
             let said = said.count();
             let file = format!("resources/{name}-{}.ssv", part.name);
@@ -375,7 +375,7 @@ fn parameter_sets_give_what_the_scenarios_say() {
             for parameter in named(root, "Parameter") {
                 let variable = parameter.attribute("name").expect("a name");
                 assert!(seen.insert(variable), "{file}: {variable} stands there twice");
-                let variables = part.kind.variables();
+                let variables = part.model_type.variables();
                 let of_table = variables.into_iter().find(|known| known.name == variable).expect("a variable");
                 assert!(of_table.is_settable(), "{file}: {variable} can be set");
                 let value = parameter.first_element_child().expect("a value");

@@ -249,14 +249,18 @@ fn the_command_refuses_what_makes_no_sense() {
         (
             vec![format!("linux32={path}")],
             2,
-            vec!["`linux32` is no platform", "linux64, win64, darwin64, aarch64-linux"],
+            vec!["`linux32` is not a platform", "linux64, win64, darwin64, aarch64-linux"],
         ),
-        (vec![format!("{path}")], 2, vec!["PLATFORM=FILE is wanted"]),
+        (vec![format!("{path}")], 2, vec!["expected PLATFORM=FILE"]),
         (vec![format!("win64={missing}")], 1, vec!["missing.dll", "No such file"]),
-        (vec![format!("win64={path}")], 1, vec!["lib.so is no shared library for win64", "one for linux64"]),
+        (vec![format!("win64={path}")], 1, vec!["lib.so is not a shared library for win64", "one for linux64"]),
         (vec![format!("linux64={library}"); 2], 1, vec!["two binaries are given for the platform linux64"]),
-        (vec![format!("linux64={path}")], 1, vec!["lib.so is no library of an FMU", "fmi2Instantiate"]),
-        (vec![format!("linux64={program}")], 1, vec!["is no library of an FMU: it does not export fmi2GetVersion"]),
+        (vec![format!("linux64={path}")], 1, vec!["lib.so is not the library of an FMU", "fmi2Instantiate"]),
+        (
+            vec![format!("linux64={program}")],
+            1,
+            vec!["is not the library of an FMU: it does not export fmi2GetVersion"],
+        ),
         (vec![format!("aarch64-linux={library}")], 1, vec!["it is one for linux64"]),
     ];
     for (given, code, words) in cases {

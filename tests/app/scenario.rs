@@ -80,7 +80,7 @@ fn values_come_in_every_notation() {
         /// Part of the value: a conversion of units is one rounded division.
         const ROUNDING: f64 = 2.0 * f64::EPSILON;
         let is = value(element, name).as_f64();
-        assert!((is / wanted - 1.0).abs() <= ROUNDING, "{element}.{name} is {is}, wanted is {wanted}");
+        assert!((is / wanted - 1.0).abs() <= ROUNDING, "{element}.{name} is {is}, expected {wanted}");
     }
     assert_eq!(value("plant", "sensor.seed"), Value::Integer(-4));
     assert_eq!(value("controller", "update.mode"), Value::Integer(3));
@@ -135,9 +135,9 @@ fn what_cannot_be_understood_is_refused_by_name() {
         ("stepp = 1", "", &["stepp", "step", "line"]),
         // Units.
         ("", "[plant]\nY0 = \"30 furlong\"", &["[plant]", "Y0", "30 furlong", "m, µm, mm"]),
-        ("", "[plant]\nm = \"7 m\"", &["m = \"7 m\"", "none of kg, g"]),
+        ("", "[plant]\nm = \"7 m\"", &["m = \"7 m\"", "not one of kg, g"]),
         ("", "[controller]\nreference.omega = \"50 kHz\"", &["reference.omega", "kHz", "rad/s, rpm, Hz"]),
-        ("", "[plant]\nY0 = \"thirty µm\"", &["Y0", "thirty is no number"]),
+        ("", "[plant]\nY0 = \"thirty µm\"", &["Y0", "thirty is not at a number"]),
         // Types.
         ("", "[plant]\nm = true", &["m = true", "a number in kg"]),
         ("", "[plant]\nm = [1.0]", &["m = [1.0]", "a number in kg"]),
@@ -155,15 +155,15 @@ fn what_cannot_be_understood_is_refused_by_name() {
         (
             "",
             "[estimator]\nmethod = \"leastSquares\"",
-            &["method = \"leastSquares\"", "predictionError, which replaces it,"],
+            &["method = \"leastSquares\"", "predictionError, which replaces it"],
         ),
-        ("", "[estimator]\nmethod = \"unbalance\"", &["method = \"unbalance\"", "predictionError, which replaces it,"]),
-        ("compare = [\"unbalance\"]", "", &["compare = \"unbalance\"", "predictionError, which replaces it,"]),
+        ("", "[estimator]\nmethod = \"unbalance\"", &["method = \"unbalance\"", "predictionError, which replaces it"]),
+        ("compare = [\"unbalance\"]", "", &["compare = \"unbalance\"", "predictionError, which replaces it"]),
         ("", "[controller]\nupdate.mode = \"Never\"", &["update.mode", "never (1), atTime (2), whenValid (3)"]),
         // Lists.
         ("", "[plant]\nlambda = [1e-6, 2e-6]", &["lambda = [0.000001, 0.000002]", "a list of 3"]),
         ("", "[plant]\nlambda = 2e-6", &["lambda = ", "a list of 3"]),
-        ("", "[plant]\nlambda = [1e-6, \"two\", 2e-6]", &["lambda[2]", "two is no number"]),
+        ("", "[plant]\nlambda = [1e-6, \"two\", 2e-6]", &["lambda[2]", "two is not a number"]),
         // What cannot be set.
         ("", "[plant]\ni = [1.0, 1.0, 1.0]", &["i[1] = 1.0", "connected to controller.i[1]"]),
         ("", "[controller]\nYm = 0.0", &["Ym = 0.0", "connected to plant.Ym"]),
@@ -201,7 +201,7 @@ fn what_cannot_be_run_is_refused_by_name() {
         ("", "[plant]\ns = 0.0", &["s = 0 m", "above 0"]),
         ("", "[estimator]\ns = \"-0.5 mm\"", &["[estimator]", "s = -0.0005 m", "above 0"]),
         ("", "[controller]\nTs = 0.0", &["[controller]", "Ts = 0 s", "a finite time of at least"]),
-        ("", "[estimator]\nTs = -1e-4", &["[estimator]", "Ts = -0.0001 s", "is wanted"]),
+        ("", "[estimator]\nTs = -1e-4", &["[estimator]", "Ts = -0.0001 s", "expected"]),
         ("", "[estimator]\nmethod = \"paper\"\nTf = \"0.7 ms\"", &["[estimator]", "Tf = ", "8"]),
         ("", "[estimator]\nmethod = \"paper\"\nTf = 0.02005", &["[estimator]", "Tf = 0.02005 s", "whole number of Ts"]),
         ("", "[plant]\nY0 = \"0.6 mm\"", &["[plant]", "Y0 = 0.0006 m", "a start inside the gap"]),
@@ -293,8 +293,8 @@ fn a_run_that_leaves_the_gap_keeps_what_it_has() {
     // Nothing holds the rotor in the first sample, and this push takes it to the magnets later on.
     let scenario = parse("duration = \"50 ms\"", "[plant]\npZ = -20000\n").expect("a sound scenario");
     let run = simulate::run(&scenario).expect("sound parameters");
-    let fault = run.fault.expect("the rotor leaves the gap");
-    says(&fault, &["plant", "leaves the gap", "magnet", "t ="]);
+    let error = run.error.expect("the rotor leaves the gap");
+    says(&error, &["plant", "leaves the gap", "magnet", "t ="]);
     let rows = run.recording.time_s.len();
     assert!(rows > 1 && rows < 500, "{rows} rows");
     for column in &run.recording.columns {

@@ -10,7 +10,7 @@ use magnetic_bearing::simulation::simulate::{Run, run};
 fn of(name: &str) -> (Scenario, Run) {
     let scenario = Scenario::open(Path::new(name)).expect("a sound scenario");
     let run = run(&scenario).expect("a run");
-    assert_eq!(run.fault, None, "{name}");
+    assert_eq!(run.error, None, "{name}");
     (scenario, run)
 }
 
@@ -105,7 +105,7 @@ fn amplifiers_at_their_limit_leave_nothing_behind() {
         scenario.set(element, "coil.uMax", Value::Real(60.0));
     }
     let run = run(&scenario).expect("a run");
-    assert_eq!(run.fault, None);
+    assert_eq!(run.error, None);
     assert_eq!(largest(&run, "controller.limited", 0.25, 0.27), 1.0, "the limit is reached");
     assert!(error_m(&run, 0.25, 0.27) > 5.0 * error_m(&free, 0.25, 0.27), "and is felt");
     below("error 40 ms later, m", error_m(&run, 0.31, 0.4), 1.2e-6);
@@ -164,7 +164,7 @@ fn at_standstill_the_modulation_moves_the_currents_and_not_the_rotor() {
             scenario.set(element, "drive", Value::Integer(drive));
         }
         let run = run(&scenario).expect("a run");
-        assert_eq!(run.fault, None);
+        assert_eq!(run.error, None);
         let radius = |from, to| error_m(&run, from, to);
         below(&format!("drive {drive}: radius while the load is taken up, m"), radius(0.0, 0.02), 10e-6);
         below(&format!("drive {drive}: radius, m"), radius(0.02, 0.6), 1e-6);

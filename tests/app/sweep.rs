@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use magnetic_bearing::studies::sweep::{Design, Outcome};
+use magnetic_bearing::studies::sweep::{Outcome, Sweep};
 
 fn design(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/designs").join(name)
@@ -23,7 +23,7 @@ fn cell<'r>(rows: &'r [csv::StringRecord], header: &csv::StringRecord, row: usiz
 
 #[test]
 fn a_failing_case_is_a_row_with_its_message() {
-    let design = Design::open(&design("cases.csv"), None).expect("the design is in order");
+    let design = Sweep::open(&design("cases.csv"), None).expect("the design is in order");
     let out = fresh("failing.csv");
     design.run(&out, 2).expect("the sweep runs");
     let mut reader = csv::Reader::from_path(&out).expect("rows");
@@ -46,7 +46,7 @@ fn a_failing_case_is_a_row_with_its_message() {
 
 #[test]
 fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
-    let design = Design::open(&design("cases.csv"), None).expect("the design is in order");
+    let design = Sweep::open(&design("cases.csv"), None).expect("the design is in order");
     let whole = fresh("whole.csv");
     design.run(&whole, 1).expect("the sweep runs");
     let text = fs::read_to_string(&whole).expect("rows");
@@ -70,14 +70,14 @@ fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
 
 #[test]
 fn rows_of_another_design_or_scenario_are_not_mixed_in() {
-    let one = Design::open(&design("cases.csv"), None).expect("the design is in order");
+    let one = Sweep::open(&design("cases.csv"), None).expect("the design is in order");
     let out = fresh("foreign.csv");
     one.run(&out, 2).expect("the sweep runs");
     let before = fs::read_to_string(&out).expect("rows");
-    let other = Design::open(&design("cases.csv"), Some(Path::new("paper"))).expect("the design is in order");
+    let other = Sweep::open(&design("cases.csv"), Some(Path::new("paper"))).expect("the design is in order");
     let error = other.run(&out, 2).expect_err("another scenario").to_string();
     assert!(error.contains("another design or scenario"), "{error}");
-    let other = Design::open(&design("hypercube.toml"), None).expect("the design is in order");
+    let other = Sweep::open(&design("hypercube.toml"), None).expect("the design is in order");
     let error = other.run(&out, 2).expect_err("another design").to_string();
     assert!(error.contains("other columns"), "{error}");
     assert_eq!(fs::read_to_string(&out).expect("rows"), before);
@@ -92,7 +92,7 @@ fn rows_of_another_design_or_scenario_are_not_mixed_in() {
 
 #[test]
 fn a_latin_hypercube_has_one_case_in_every_part_of_every_range() {
-    let design = Design::open(&design("hypercube.toml"), None).expect("the design is in order");
+    let design = Sweep::open(&design("hypercube.toml"), None).expect("the design is in order");
     let mut text = Vec::new();
     design.write(&mut text).expect("a list can be written to");
     let mut reader = csv::Reader::from_reader(text.as_slice());
@@ -121,7 +121,7 @@ fn a_latin_hypercube_has_one_case_in_every_part_of_every_range() {
 fn what_is_wrong_with_a_design_is_said_by_name() {
     let wrong = fresh("wrong.csv");
     fs::write(&wrong, "plant.lamda[1],plant.Y,estimator.Ym,bearing.m\n1,2,3,4\n").expect("a file can be written");
-    let error = Design::open(&wrong, None).err().expect("nothing is right in it").to_string();
+    let error = Sweep::open(&wrong, None).err().expect("nothing is right in it").to_string();
     for words in ["did you mean lambda[1]?", "plant.Y is refused", "connected to plant.Ym", "bearing.m"] {
         assert!(error.contains(words), "{words} is missing in {error}");
     }

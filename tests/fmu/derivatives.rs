@@ -129,7 +129,7 @@ fn dependencies_are_honest() {
             fmu.variables().iter().enumerate().filter(move |(_, variable)| {
                 let unknowns = variable.causality == Causality::Output || variable.derivative_of.is_some();
                 let knowns = variable.causality == Causality::Input || variable.state;
-                real(&variable.kind) && if unknown { unknowns } else { knowns }
+                real(&variable.data_type) && if unknown { unknowns } else { knowns }
             })
         };
         for (known_at, known) in chosen(false) {
@@ -261,7 +261,7 @@ fn derivatives_of_zero_change_no_bit() {
 
 /// A sample in the middle of a step sees the input extrapolated to its instant: a controller stepped at 2.5 times its
 /// sample time with derivatives gives what it gives when it is stepped from sample to sample with values.
-/// Fails if the sampled slaves take the value at the begin of the step.
+/// Fails if the sampled instances take the value at the begin of the step.
 #[test]
 fn samples_within_a_step_see_the_extrapolated_input() {
     let model = "FlatnessController";

@@ -522,7 +522,7 @@ fn equal_names_have_equal_units() {
     let mut units: HashMap<String, (&str, String)> = HashMap::new();
     for entry in fmu::catalogue().iter() {
         for variable in entry.variables() {
-            if let Type::Real { unit, .. } = &variable.kind {
+            if let Type::Real { unit, .. } = &variable.data_type {
                 let (other, known) =
                     units.entry(variable.name.to_string()).or_insert((entry.info.name, unit.name.to_owned()));
                 assert_eq!(known, unit.name, "{} in {other} and in {}", variable.name, entry.info.name);
@@ -554,7 +554,7 @@ fn the_guid_follows_the_interface() {
         ("a name", |variables| named(variables, "solver.maxStep").name = "solver.step".into()),
         ("a description", |variables| named(variables, "m").description = "Another one".into()),
         ("a start", |variables| {
-            let Type::Real { start, .. } = &mut variables[0].kind else { panic!("m is Real") };
+            let Type::Real { start, .. } = &mut variables[0].data_type else { panic!("m is Real") };
             *start = 6.8;
         }),
         ("the order", |variables| variables.swap(0, 1)),

@@ -93,7 +93,7 @@ fn null_instances_are_refused_and_freed() {
 /// The one message of a refused instantiation.
 fn refused(request: Request) -> String {
     let Err(messages) = request.instantiate(PLANT) else { panic!("an instance was made") };
-    let [Message { status, category, text, .. }] = &messages[..] else { panic!("one message is wanted: {messages:?}") };
+    let [Message { status, category, text, .. }] = &messages[..] else { panic!("expected one message: {messages:?}") };
     assert_eq!((*status, category.as_str()), (fmi2Status::fmi2Error, "logStatusError"));
     assert!(text.starts_with("fmi2Instantiate: "), "{text}");
     text.clone()
@@ -103,8 +103,8 @@ fn refused(request: Request) -> String {
 #[test]
 fn instances_are_made_only_of_sound_requests() {
     let sound = || Request::of(PLANT);
-    says(&refused(Request { name: None, ..sound() }), &["instanceName", "a name is wanted"]);
-    says(&refused(Request { name: Some(text("")), ..sound() }), &["instanceName", "a name is wanted"]);
+    says(&refused(Request { name: None, ..sound() }), &["instanceName", "expected a name"]);
+    says(&refused(Request { name: Some(text("")), ..sound() }), &["instanceName", "expected a name"]);
     let exchange = fmi2Type::fmi2ModelExchange;
     says(&refused(Request { kind: exchange, ..sound() }), &["fmuType = 0", "fmi2CoSimulation"]);
     says(&refused(Request { kind: fmi2Type(7), ..sound() }), &["fmuType = 7", "fmi2CoSimulation"]);
@@ -182,7 +182,7 @@ fn values_have_the_type_of_their_variable() {
         let fmu = Fmu::started(model, &[]);
         for variable in fmu.variables().to_vec() {
             let reference = [fmu.reference(&variable.name)];
-            let (real, integer, boolean) = match variable.kind {
+            let (real, integer, boolean) = match variable.data_type {
                 Type::Real { .. } => (true, false, false),
                 Type::Integer { .. } | Type::Enumeration { .. } => (false, true, false),
                 Type::Boolean { .. } => (false, false, true),
@@ -230,7 +230,7 @@ fn no_variable_is_a_text() {
     // SAFETY: the instance is live; both arrays have one element.
     unsafe {
         let got = call!(fmi2GetString: fmi2GetStringTYPE(c, first, 1, value.as_mut_ptr()));
-        says(&got.error(&fmu), &["fmi2GetString", "m is no String but a Real"]);
+        says(&got.error(&fmu), &["fmi2GetString", "m is not of type String but Real"]);
         value[0] = c"text".as_ptr();
         let set = call!(fmi2SetString: fmi2SetStringTYPE(c, first, 1, value.as_ptr()));
         says(&set.error(&fmu), &["fmi2SetString", "m"]);
@@ -359,7 +359,7 @@ fn heard(logging: bool, switches: Switches) -> Vec<Message> {
 #[test]
 fn messages_come_in_the_categories_that_are_wanted() {
     let messages = heard(true, &[]);
-    let [message] = &messages[..] else { panic!("one event is wanted: {messages:?}") };
+    let [message] = &messages[..] else { panic!("expected one event: {messages:?}") };
     assert_eq!((message.status, message.category.as_str()), (fmi2Status::fmi2OK, "logEvents"));
     says(&message.text, &["force constants", "2e-6"]);
     assert_eq!(message.instance, "instance");
@@ -404,7 +404,7 @@ fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> 
     assert_eq!(fmu.step(0.0, -1.0), fmi2Status::fmi2Error);
     let messages = fmu.take_messages();
     for message in messages.iter().filter(|message| message.category == "logSingularLinearSystems") {
-        says(&message.text, &["does not tell the unknowns apart"]);
+        says(&message.text, &["does not determine all unknowns"]);
     }
     let mut categories: Vec<_> = messages.into_iter().map(|message| message.category).collect();
     categories.sort();
@@ -456,7 +456,7 @@ fn a_list_with_an_unknown_category_switches_nothing() {
     let unknown = ["logNonsense", "logevents", "logEvents ", ""];
     for name in unknown {
         let said = fmu.set_logging(false, &["logStatusError", name]).error(&fmu);
-        says(&said, &["fmi2SetDebugLogging: ", &format!("{name} is no category")]);
+        says(&said, &["fmi2SetDebugLogging: ", &format!("{name} is not a category")]);
     }
     says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
 }
@@ -501,7 +501,7 @@ unsafe extern "C" fn call_back(
     }
 }
 
-/// Loggers of importers call back, for instance to read the time, and so do other threads meanwhile. Fails if the door lets a
+/// Loggers of importers call back, for instance to read the time, and so do other threads meanwhile. Fails if the entry guard lets a
 /// second call in: then this process ends in endless recursion, or the instance is freed in the middle of its call.
 #[test]
 fn a_logger_that_calls_back_is_turned_away() {
@@ -597,7 +597,7 @@ fn refused_parameters_end_the_initialization_with_all_their_names() {
         }
         fmu.enter_initialization().ok(&fmu);
         let said = fmu.exit_initialization().error(&fmu);
-        says(&said, &["fmi2ExitInitializationMode", "is wanted"]);
+        says(&said, &["fmi2ExitInitializationMode", "expected"]);
         for (name, _) in values {
             says(&said, &[&format!("{name} = ")]);
         }
@@ -621,7 +621,7 @@ fn crash(fmu: &Fmu) -> (f64, String) {
     panic!("the rotor stays in the gap");
 }
 
-/// Fails if the run goes on after the fault, and if a reset keeps anything of the slave.
+/// Fails if the run goes on after the fault, and if a reset keeps anything of the instance.
 #[test]
 fn a_fault_in_a_step_ends_the_run_and_a_reset_begins_another() {
     let fmu = Fmu::started(PLANT, &[]);
@@ -675,7 +675,7 @@ fn after_an_error_the_end_is_safe() {
 fn parameters_that_are_no_numbers_are_refused_by_name() {
     for model in MODELS {
         for variable in Fmu::new(model).variables().to_vec() {
-            if variable.causality != Causality::Parameter || !matches!(variable.kind, Type::Real { .. }) {
+            if variable.causality != Causality::Parameter || !matches!(variable.data_type, Type::Real { .. }) {
                 continue;
             }
             for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
@@ -711,7 +711,7 @@ fn inputs_that_are_no_numbers_end_the_step_or_the_validity() {
 /// Steps an instance with inputs that depend on the number of the step, and gives all its values at the end.
 fn driven(fmu: &Fmu, step: u32) {
     for variable in fmu.variables().to_vec() {
-        if variable.causality == Causality::Input && matches!(variable.kind, Type::Real { .. }) {
+        if variable.causality == Causality::Input && matches!(variable.data_type, Type::Real { .. }) {
             let scale = if variable.name.contains("lambda") { 1e-6 } else { 1e-5 };
             let value = if variable.name == "omega" { 314.0 } else { scale * f64::from(1 + step % 7) };
             fmu.set(&variable.name, value).ok(fmu);

@@ -1,4 +1,4 @@
-//! Messages of a slave.
+//! Messages of a instance.
 
 use fmu_export::log::Digits;
 

@@ -10,8 +10,8 @@ mod derivatives;
 #[cfg(feature = "app")]
 mod description;
 mod guard;
+mod instances;
 mod log;
 mod session;
-mod slaves;
 mod state;
 mod time;

@@ -205,7 +205,7 @@ fn null_and_foreign_snapshots_are_refused() {
     let controller = Fmu::started("FlatnessController", &[]);
     let mut state = saved(&controller);
     let text = plant.set_state(state).error(&plant);
-    assert!(text.contains("a snapshot of FlatnessController: one of MagneticBearing is wanted"), "{text}");
+    assert!(text.contains("a snapshot of FlatnessController: expected one of MagneticBearing"), "{text}");
     assert_eq!(plant.get_state(&mut state), fmi2Status::fmi2Error);
     plant.take_messages();
     controller.set_state(state).ok(&controller);
@@ -347,10 +347,10 @@ fn damaged_bytes_are_refused_with_a_reason() {
     }
     let mut version = written.clone();
     version[8] = 2;
-    assert!(refused(&fmu, &version).contains("version 2 of the format: version 3 is wanted"));
+    assert!(refused(&fmu, &version).contains("version 2 of the format: expected version 3"));
     let estimator = Fmu::new("AlgebraicEstimator");
     let text = refused(&estimator, &written);
-    assert!(text.contains("the model MagneticBearing: AlgebraicEstimator is wanted"), "{text}");
+    assert!(text.contains("the model MagneticBearing: expected AlgebraicEstimator"), "{text}");
     // The instance is none the worse for it.
     advance(&fmu, "MagneticBearing", 5);
 }

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use magnetic_bearing::bearing::coil::Drive;
 use magnetic_bearing::control::controller::{
-    Controller, ControllerConfig, ControllerFault, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
+    Controller, ControllerConfig, ControllerError, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
     ramp_gains, tracking_gains,
 };
 use magnetic_bearing::control::reference::{ReferenceConfig, Shape};
@@ -628,14 +628,14 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
         ];
         for (wanted, input) in cases {
             match controller.sample(&mut state, &input) {
-                Err(ControllerFault::Input { name, .. }) => assert_eq!(name, wanted),
+                Err(ControllerError::Input { name, .. }) => assert_eq!(name, wanted),
                 other => panic!("{wanted} = {bad}: {other:?}"),
             }
             assert_eq!(state, before);
         }
     }
     let huge = ControllerInput { position_m: [1e300, 1e308], ..still() };
-    assert_eq!(controller.sample(&mut state, &huge), Err(ControllerFault::Overflow { sample: 1 }));
+    assert_eq!(controller.sample(&mut state, &huge), Err(ControllerError::Overflow { sample: 1 }));
     assert_eq!(state, before);
     // A reference that is not in use may be anything.
     controller.sample(&mut state, &ControllerInput { reference_m: [f64::NAN; 2], ..still() }).expect("sample");
@@ -646,7 +646,7 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
         Controller::new(ControllerConfig { reference: external, ..ControllerConfig::default() }).expect("controller");
     let mut state = controller.start(0.0);
     let result = controller.sample(&mut state, &ControllerInput { reference_m: [0.0, f64::NAN], ..still() });
-    assert!(matches!(result, Err(ControllerFault::Input { name: "Zref", .. })), "{result:?}");
+    assert!(matches!(result, Err(ControllerError::Input { name: "Zref", .. })), "{result:?}");
 }
 
 #[test]

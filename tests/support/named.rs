@@ -1,4 +1,4 @@
-//! A slave whose variables are reached by name.
+//! A instance whose variables are reached by name.
 
 use fmu_export::instance::AccessError;
 use fmu_export::log::Silent;
@@ -6,10 +6,10 @@ use fmu_export::variable::{Type, Value, Variable};
 use fmu_export::{Instance, Invalid, Step, StepError};
 use magnetic_bearing::fmu::find;
 
-/// A slave with its variables.
+/// A instance with its variables.
 pub struct Named {
-    /// The slave.
-    pub slave: Box<dyn Instance>,
+    /// The instance.
+    pub instance: Box<dyn Instance>,
     /// Its variables, by index.
     pub variables: Vec<&'static Variable>,
 }
@@ -25,15 +25,15 @@ pub fn value(kind: &Type, number: f64) -> Value {
 }
 
 impl Named {
-    /// A new slave of the model of that name.
+    /// A new instance of the model of that name.
     pub fn new(model: &str) -> Self {
         let kind = find(model).unwrap_or_else(|| panic!("there is no model {model}"));
-        // Tests may keep a variable beside the slave that they change.
+        // Tests may keep a variable beside the instance that they change.
         let kind = Box::leak(Box::new(kind));
-        Self { slave: kind.instantiate(), variables: kind.variables().iter().collect() }
+        Self { instance: kind.instantiate(), variables: kind.variables().iter().collect() }
     }
 
-    /// A slave that runs, with these values set before the start at time 0.
+    /// A instance that runs, with these values set before the start at time 0.
     pub fn started(model: &str, values: &[(&str, f64)]) -> Self {
         let mut named = Self::new(model);
         for (name, number) in values {
@@ -52,7 +52,7 @@ impl Named {
     /// Reads a variable.
     pub fn get(&mut self, name: &str) -> f64 {
         let index = self.index(name);
-        self.slave.get(index).expect("the index is that of a variable").as_f64()
+        self.instance.get(index).expect("the index is that of a variable").as_f64()
     }
 
     /// Three elements of an array.
@@ -63,10 +63,10 @@ impl Named {
     /// Sets a variable, if it may be set.
     ///
     /// # Errors
-    /// As the slave has it.
+    /// As the instance has it.
     pub fn try_set(&mut self, name: &str, number: f64) -> Result<(), AccessError> {
         let index = self.index(name);
-        self.slave.set(index, value(&self.variables[index].kind, number))
+        self.instance.set(index, value(&self.variables[index].data_type, number))
     }
 
     /// Sets a variable that may be set.
@@ -78,29 +78,29 @@ impl Named {
     /// Begins the run.
     ///
     /// # Errors
-    /// As the slave has it.
+    /// As the instance has it.
     pub fn start(&mut self) -> Result<(), Vec<Invalid>> {
-        self.slave.start()
+        self.instance.start()
     }
 
     /// Does a step.
     ///
     /// # Errors
-    /// As the slave has it.
+    /// As the instance has it.
     pub fn try_step(&mut self, time_s: f64, length_s: f64) -> Result<(), StepError> {
-        self.slave.step(Step { time_s, length_s }, &mut Silent)
+        self.instance.step(Step { time_s, length_s }, &mut Silent)
     }
 
     /// Does a step that has no reason to fail.
     #[track_caller]
     pub fn step(&mut self, time_s: f64, length_s: f64) {
-        self.try_step(time_s, length_s).unwrap_or_else(|fault| panic!("step at {time_s} s: {fault}"));
+        self.try_step(time_s, length_s).unwrap_or_else(|error| panic!("step at {time_s} s: {error}"));
     }
 
     /// All values by index, bit for bit.
     pub fn bits(&mut self) -> Vec<u64> {
         (0..self.variables.len())
-            .map(|index| self.slave.get(index).expect("the index is that of a variable").as_f64().to_bits())
+            .map(|index| self.instance.get(index).expect("the index is that of a variable").as_f64().to_bits())
             .collect()
     }
 }

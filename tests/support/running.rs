@@ -7,16 +7,16 @@ use fmu_export::log::{Log, Topic};
 use fmu_export::variable::Value;
 use magnetic_bearing::simulation::scenario::Scenario;
 
-/// The slaves of a loop in motion.
+/// The instances of a loop in motion.
 pub struct Bench {
     scenario: Scenario,
-    slaves: Vec<Box<dyn Instance>>,
+    instances: Vec<Box<dyn Instance>>,
     wires: Vec<((usize, usize), (usize, usize))>,
     step: usize,
-    /// What the slaves have said.
+    /// What the instances have said.
     pub lines: Vec<String>,
-    /// Why a slave could not go on.
-    pub fault: Option<String>,
+    /// Why a instance could not go on.
+    pub error: Option<String>,
 }
 
 /// What the estimator says at an instant.
@@ -45,17 +45,17 @@ impl Log for Lines<'_> {
 impl Bench {
     /// The loop of a scenario, started.
     pub fn new(scenario: &Scenario) -> Self {
-        let slaves = scenario.elements.iter().map(|element| {
-            let mut slave = element.kind.instantiate();
+        let instances = scenario.elements.iter().map(|element| {
+            let mut instance = element.model_type.instantiate();
             for setting in &element.settings {
-                slave.set(setting.index, setting.value.clone()).expect("a good scenario");
+                instance.set(setting.index, setting.value.clone()).expect("a good scenario");
             }
-            slave.start().expect("a good scenario");
-            slave
+            instance.start().expect("a good scenario");
+            instance
         });
-        let slaves = slaves.collect();
+        let instances = instances.collect();
         let mut bench =
-            Self { scenario: scenario.clone(), slaves, wires: Vec::new(), step: 0, lines: Vec::new(), fault: None };
+            Self { scenario: scenario.clone(), instances, wires: Vec::new(), step: 0, lines: Vec::new(), error: None };
         let wire = |connection: magnetic_bearing::simulation::scenario::Connection| {
             let find = |[element, variable]: &[String; 2]| bench.find(element, variable);
             (find(&connection.from), find(&connection.to))
@@ -66,7 +66,7 @@ impl Bench {
 
     fn find(&self, element: &str, variable: &str) -> (usize, usize) {
         let at = self.scenario.elements.iter().position(|candidate| candidate.name == element).expect("an element");
-        let variables = self.scenario.elements[at].kind.variables();
+        let variables = self.scenario.elements[at].model_type.variables();
         (at, variables.iter().position(|candidate| candidate.name == variable).expect("a variable"))
     }
 
@@ -78,31 +78,31 @@ impl Bench {
     pub fn set(&mut self, element: &str, variable: &str, value: impl Into<f64>) {
         let (at, index) = self.find(element, variable);
         let value = value.into();
-        let value = match self.slaves[at].get(index).expect("a value") {
+        let value = match self.instances[at].get(index).expect("a value") {
             Value::Boolean(_) => Value::Boolean(value != 0.0),
             Value::Integer(_) => Value::Integer(value as i32),
             Value::Real(_) => Value::Real(value),
             Value::String(_) => panic!("{element}.{variable} is a text"),
         };
-        self.slaves[at].set(index, value).expect("a value that may be set");
+        self.instances[at].set(index, value).expect("a value that may be set");
     }
 
     pub fn get(&mut self, element: &str, variable: &str) -> f64 {
         let (at, index) = self.find(element, variable);
-        self.slaves[at].get(index).expect("a value").as_f64()
+        self.instances[at].get(index).expect("a value").as_f64()
     }
 
     /// One step; `spoil` may falsify what the connections have delivered.
     pub fn step(&mut self, spoil: impl FnOnce(&mut Self)) {
         for ((from, output), (to, input)) in self.wires.clone() {
-            let value = self.slaves[from].get(output).expect("an output");
-            self.slaves[to].set(input, value).expect("an input");
+            let value = self.instances[from].get(output).expect("an output");
+            self.instances[to].set(input, value).expect("an input");
         }
         spoil(self);
         let step = Step { time_s: self.time_s(), length_s: self.scenario.step_s };
-        for slave in &mut self.slaves {
-            if let Err(fault) = slave.step(step, &mut Lines(&mut self.lines)) {
-                self.fault.get_or_insert_with(|| fault.to_string());
+        for instance in &mut self.instances {
+            if let Err(error) = instance.step(step, &mut Lines(&mut self.lines)) {
+                self.error.get_or_insert_with(|| error.to_string());
             }
         }
         self.step += 1;
@@ -124,7 +124,7 @@ impl Bench {
     /// Runs until an instant; everything that the estimator said.
     pub fn until(&mut self, end_s: f64, mut spoil: impl FnMut(&mut Self)) -> Vec<Said> {
         let mut all = Vec::new();
-        while self.fault.is_none() && self.time_s() < end_s - 1e-9 {
+        while self.error.is_none() && self.time_s() < end_s - 1e-9 {
             self.step(&mut spoil);
             all.push(self.said());
         }

@@ -55,12 +55,12 @@ impl Component {
     pub(super) fn setup(&mut self, start_s: f64, stop_s: Option<f64>) -> Outcome {
         if start_s.is_nan() || start_s.abs() > LATEST_START_S {
             return Err(Problem::Call(format!(
-                "startTime = {start_s} is refused: a finite number, at most {LATEST_START_S} either way, is wanted"
+                "startTime = {start_s} is refused: expected a finite number, at most {LATEST_START_S} in magnitude"
             )));
         }
         if let Some(stop_s) = stop_s.filter(|stop_s| stop_s.is_nan() || *stop_s < start_s) {
             return Err(Problem::Call(format!(
-                "stopTime = {stop_s} is refused: a number not below startTime = {start_s} is wanted"
+                "stopTime = {stop_s} is refused: expected a number not below startTime = {start_s}"
             )));
         }
         (self.stage.time_s, self.stage.start_s, self.stage.stop_s) = (start_s, start_s, stop_s);
@@ -86,14 +86,14 @@ impl Component {
         let refuse = |why: String| Err(Problem::Call(why));
         if !length_s.is_finite() || length_s < 0.0 {
             return refuse(format!(
-                "communicationStepSize = {length_s} is refused: a finite number, not negative, is wanted"
+                "communicationStepSize = {length_s} is refused: expected a finite number, 0 or above"
             ));
         }
         // NaN is refused as well.
         let follows = (time_s - self.stage.time_s).abs() <= self.tolerance_s() && step.end_s().is_finite();
         if !follows {
             return refuse(format!(
-                "currentCommunicationPoint = {time_s} is refused: {}, the end of the last step, is wanted",
+                "currentCommunicationPoint = {time_s} is refused: expected {}, the end of the last step",
                 self.stage.time_s
             ));
         }
@@ -105,7 +105,7 @@ impl Component {
         let longest_s = self.instance.longest_step_s();
         if length_s > longest_s {
             return refuse(format!(
-                "communicationStepSize = {length_s} is refused: at most {longest_s} is wanted, since it would take too long"
+                "communicationStepSize = {length_s} is refused: expected at most {longest_s}, since it would take too long"
             ));
         }
         self.stage.last_step = fmi2Status::fmi2Error;
@@ -146,5 +146,5 @@ impl Component {
 
 fn foreign(snapshot: &Snapshot, model: &ModelType) -> Problem {
     let (found, wanted) = (snapshot.model.info.name, model.info.name);
-    Problem::Call(format!("FMUstate is a snapshot of {found}: one of {wanted} is wanted"))
+    Problem::Call(format!("FMUstate is a snapshot of {found}: expected one of {wanted}"))
 }

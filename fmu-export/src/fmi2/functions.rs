@@ -68,7 +68,7 @@ fn check_array<T>(name: &str, null: bool, length: usize) -> Outcome {
         return Err(Problem::Call(format!("{name} cannot have {length} elements: that is more than memory can hold")));
     }
     if null && length > 0 {
-        return Err(Problem::Call(format!("{name} is null: an array of {length} elements is wanted")));
+        return Err(Problem::Call(format!("{name} is null: expected an array of {length} elements")));
     }
     Ok(())
 }
@@ -149,7 +149,7 @@ fn handed_out(component: &Component, reference: fmi2ValueReference, value: fmi2R
 
 /// Refuses NaN and infinity.
 fn finite(value: fmi2Real) -> Result<fmi2Real, String> {
-    if value.is_finite() { Ok(value) } else { Err(format!("{value} is refused: a finite number is wanted")) }
+    if value.is_finite() { Ok(value) } else { Err(format!("{value} is refused: expected a finite number")) }
 }
 
 /// A snapshot that the importer got from this library.
@@ -160,7 +160,7 @@ fn finite(value: fmi2Real) -> Result<fmi2Real, String> {
 /// snapshot at the same time.
 unsafe fn snapshot<'a>(state: fmi2FMUstate) -> Result<&'a Snapshot, Problem> {
     // SAFETY: a pointer that is not null is, by this function's contract, a live snapshot that nobody changes.
-    unsafe { state.cast::<Snapshot>().as_ref() }.ok_or_else(|| Problem::call("FMUstate is null: a snapshot is wanted"))
+    unsafe { state.cast::<Snapshot>().as_ref() }.ok_or_else(|| Problem::call("FMUstate is null: expected a snapshot"))
 }
 
 /// The place for a single value.
@@ -212,13 +212,13 @@ fn make(
         None
     };
     if name.is_none_or(CStr::is_empty) {
-        return refuse(format_args!("instanceName is empty: a name is wanted"));
+        return refuse(format_args!("instanceName is empty: expected a name"));
     }
     if kind != fmi2Type::fmi2CoSimulation {
-        return refuse(format_args!("fmuType = {} is refused: fmi2CoSimulation (1) is wanted", kind.0));
+        return refuse(format_args!("fmuType = {} is refused: expected fmi2CoSimulation (1)", kind.0));
     }
     let Some(guid) = guid else {
-        return refuse(format_args!("fmuGUID is null: the guid of the model description is wanted"));
+        return refuse(format_args!("fmuGUID is null: expected the GUID of the model description"));
     };
     let Some(model) = guid.to_str().ok().and_then(|guid| fmus.by_guid(guid)) else {
         return refuse(format_args!(
@@ -433,7 +433,7 @@ export! {
         let wrap = |value| match value {
             0 => Ok(Value::Boolean(false)),
             1 => Ok(Value::Boolean(true)),
-            other => Err(format!("{other} is refused: fmi2False (0) or fmi2True (1) is wanted")),
+            other => Err(format!("{other} is refused: expected fmi2False (0) or fmi2True (1)")),
         };
         // SAFETY: all arguments are as this module's contract says.
         unsafe { set(c, Function::SetBoolean, (vr, nvr), value, wrap) }
@@ -448,8 +448,8 @@ export! {
     ) -> fmi2Status {
         let wrap = |value| {
             // SAFETY: the texts are as this module's contract says.
-            let text = unsafe { text(value) }.ok_or("a null pointer is refused: a text is wanted")?;
-            let text = text.to_str().map_err(|_| "the text is refused: UTF-8 is wanted")?;
+            let text = unsafe { text(value) }.ok_or("a null pointer is refused: expected a string")?;
+            let text = text.to_str().map_err(|_| "the string is refused: expected UTF-8")?;
             Ok(Value::String(text.to_owned()))
         };
         // SAFETY: all arguments are as this module's contract says.

@@ -137,14 +137,14 @@ fn content<'b>(model: &ModelType, bytes: &'b [u8]) -> Result<&'b [u8], String> {
     }
     let version = u16::from_le_bytes(take(2)?.try_into().expect("two bytes were taken"));
     if version != VERSION {
-        return Err(format!("the bytes have version {version} of the format: version {VERSION} is wanted"));
+        return Err(format!("the bytes have version {version} of the format: expected version {VERSION}"));
     }
     for (what, wanted) in [("model", model.info.name), ("GUID", model.guid())] {
         let length = usize::from(take(1)?[0]);
         let found = take(length)?;
         if found != wanted.as_bytes() {
             let found = String::from_utf8_lossy(found);
-            return Err(format!("the bytes belong to the {what} {}: {wanted} is wanted", found.escape_debug()));
+            return Err(format!("the bytes belong to the {what} {}: expected {wanted}", found.escape_debug()));
         }
     }
     let length = u64::from_le_bytes(take(8)?.try_into().expect("eight bytes were taken"));

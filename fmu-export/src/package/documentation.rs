@@ -119,7 +119,7 @@ fn table(variables: &[&Variable]) -> maud::Markup {
 }
 
 fn unit(variable: &Variable) -> String {
-    match &variable.kind {
+    match &variable.data_type {
         Type::Real { unit, display: Some(display), .. } if *display != unit.name => {
             format!("{} ({display})", unit.name)
         }
@@ -131,7 +131,7 @@ fn start(variable: &Variable) -> String {
     if !variable.is_settable() {
         return String::new();
     }
-    match &variable.kind {
+    match &variable.data_type {
         Type::Real { start, .. } => real(*start),
         Type::Integer { start, .. } => start.to_string(),
         Type::Boolean { start } => start.to_string(),

@@ -28,7 +28,7 @@ impl Element {
     fn parameters(&self) -> Vec<(&Variable, &Value)> {
         let settings = self.settings.iter().map(|(index, value)| (&self.model.variables()[*index], value));
         let is_chosen_anyway = |variable: &Variable, value: &Value| {
-            matches!(variable.kind, Type::Enumeration { .. }) && variable.start() == *value
+            matches!(variable.data_type, Type::Enumeration { .. }) && variable.start() == *value
         };
         settings.filter(|(variable, value)| !is_chosen_anyway(variable, value)).collect()
     }
@@ -190,7 +190,7 @@ fn write_connector(page: &mut Page, variable: &Variable) {
     };
     let tag = element("ssd:Connector").with("name", variable.name.as_ref()).with("kind", kind);
     page.nest(tag, |page| {
-        page.empty(match &variable.kind {
+        page.empty(match &variable.data_type {
             Type::Real { unit, .. } => element("ssc:Real").with("unit", unit.name),
             // Tools that treat FMI 2.0 enumerations as integers accept no other type here.
             Type::Integer { .. } | Type::Enumeration { .. } => element("ssc:Integer"),

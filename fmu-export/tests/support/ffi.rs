@@ -225,7 +225,7 @@ impl Fmu {
     }
 
     fn kind(&self, name: &str) -> &Type {
-        &self.variables()[self.reference(name) as usize].kind
+        &self.variables()[self.reference(name) as usize].data_type
     }
 
     /// Sets a variable of any type by its name: choices and whole numbers by value, Booleans as 0 and 1.
@@ -259,7 +259,7 @@ impl Fmu {
 
     /// All values but texts in the order of the references, bit for bit.
     pub fn all_bits(&self) -> Vec<u64> {
-        let numbers = self.variables().iter().filter(|variable| !matches!(variable.kind, Type::String { .. }));
+        let numbers = self.variables().iter().filter(|variable| !matches!(variable.data_type, Type::String { .. }));
         numbers.map(|variable| self.get(&variable.name).to_bits()).collect()
     }
 
@@ -502,7 +502,7 @@ impl Expect for fmi2Status {
         let messages = fmu.take_messages();
         assert_eq!(self, Self::fmi2Error, "{messages:?}");
         let errors: Vec<_> = messages.iter().filter(|message| message.status == Self::fmi2Error).collect();
-        let [message] = errors[..] else { panic!("one message is wanted: {messages:?}") };
+        let [message] = errors[..] else { panic!("expected one message: {messages:?}") };
         assert_eq!(message.category, "logStatusError");
         message.text.clone()
     }

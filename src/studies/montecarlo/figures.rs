@@ -186,8 +186,8 @@ pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], see
 
 /// The name of a value of the output `verdict`.
 fn verdict(scenario: &Scenario, value: f64) -> String {
-    let variables = scenario.estimator().kind.variables();
-    let kind = variables.iter().find(|variable| variable.name == "verdict").map(|variable| &variable.kind);
+    let variables = scenario.estimator().model_type.variables();
+    let kind = variables.iter().find(|variable| variable.name == "verdict").map(|variable| &variable.data_type);
     match kind {
         Some(Type::Enumeration { items, .. }) => items
             .items

@@ -131,8 +131,8 @@ impl Study {
         loop {
             let scenario = self.case(seed, attempt);
             let run = simulate::run_for(&scenario, figures::wanted, |_| ())?;
-            if let Some(fault) = run.fault {
-                return Err(Refused(vec![format!("{}, seed {seed}: {fault}", self.title)]));
+            if let Some(error) = run.error {
+                return Err(Refused(vec![format!("{}, seed {seed}: {error}", self.title)]));
             }
             let missing = || Refused(vec!["the plant or the estimator lacks an output that a study needs".into()]);
             let trial = judge(&scenario, &run.recording, &self.instants_s, seed).ok_or_else(missing)?;
@@ -157,7 +157,7 @@ pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: us
     let mut scenario = base.clone();
     scenario.remove_observers();
     let element = scenario.estimator();
-    let method = element.kind.variables().into_iter().find(|variable| variable.name == "method");
+    let method = element.model_type.variables().into_iter().find(|variable| variable.name == "method");
     if let Some(method) = method.map(|variable| variable.start()) {
         scenario.set("estimator", "method", method);
     }
@@ -403,7 +403,7 @@ impl Scenario {
     /// Gives a variable a value at the start; nothing happens if there is no such element or variable.
     pub fn set(&mut self, element: &str, variable: &str, value: Value) {
         if let Some(element) = self.elements.iter_mut().find(|candidate| candidate.name == element) {
-            let index = element.kind.variables().iter().position(|candidate| candidate.name == variable);
+            let index = element.model_type.variables().iter().position(|candidate| candidate.name == variable);
             element.settings.extend(index.map(|index| Setting { index, value }));
         }
     }

@@ -1,4 +1,4 @@
-//! The slaves behind their tables: access, reset, what may change when, outputs, and the sample instants.
+//! The instances behind their tables: access, reset, what may change when, outputs, and the sample instants.
 
 use crate::support::named::Named;
 use crate::support::{Random, below, says};
@@ -11,9 +11,9 @@ const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEs
 const TS: f64 = 1e-4;
 
 /// Inputs for a step that keep every model going, different at every step.
-fn excite(slave: &mut Named, random: &mut Random) {
-    for index in 0..slave.variables.len() {
-        let variable = slave.variables[index];
+fn excite(instance: &mut Named, random: &mut Random) {
+    for index in 0..instance.variables.len() {
+        let variable = instance.variables[index];
         if variable.causality != Causality::Input {
             continue;
         }
@@ -25,10 +25,10 @@ fn excite(slave: &mut Named, random: &mut Random) {
             name if name.starts_with("lambdaHat") => Value::Real(random.between(1e-6, 3e-6)),
             // Weak, so that the rotor goes its own way for a while and does not leave the gap.
             name if name.starts_with('i') => Value::Real(random.between(0.05, 0.1)),
-            _ if matches!(variable.kind, Type::Boolean { .. }) => Value::Boolean(true),
+            _ if matches!(variable.data_type, Type::Boolean { .. }) => Value::Boolean(true),
             _ => Value::Real(random.between(-1.0, 1.0)),
         };
-        slave.slave.set(index, value).unwrap_or_else(|error| panic!("{}: {error}", variable.name));
+        instance.instance.set(index, value).unwrap_or_else(|error| panic!("{}: {error}", variable.name));
     }
 }
 
@@ -38,21 +38,21 @@ fn steps(model: &str) -> std::ops::Range<u32> {
 }
 
 /// Steps of `TS` from a step number on.
-fn run(slave: &mut Named, steps: std::ops::Range<u32>, random: &mut Random) {
+fn run(instance: &mut Named, steps: std::ops::Range<u32>, random: &mut Random) {
     for step in steps {
-        excite(slave, random);
-        slave.step(f64::from(step) * TS, TS);
+        excite(instance, random);
+        instance.step(f64::from(step) * TS, TS);
     }
 }
 
 #[test]
 fn every_row_keeps_what_it_is_given_and_disturbs_no_other() {
     for model in MODELS {
-        let mut slave = Named::new(model);
+        let mut instance = Named::new(model);
         // Every row a value of its own: two rows with one place would show.
-        let given: Vec<Option<Value>> = (slave.variables.iter().enumerate())
+        let given: Vec<Option<Value>> = (instance.variables.iter().enumerate())
             .map(|(index, variable)| {
-                variable.is_settable().then_some(match variable.kind {
+                variable.is_settable().then_some(match variable.data_type {
                     Type::Real { .. } => Value::Real(1e-7 * (index + 1) as f64),
                     Type::Integer { .. } => Value::Integer(index as i32 + 1000),
                     Type::Enumeration { items, .. } => Value::Integer((index % items.items.len()) as i32 + 1),
@@ -63,14 +63,19 @@ fn every_row_keeps_what_it_is_given_and_disturbs_no_other() {
             .collect();
         for (index, value) in given.iter().enumerate() {
             if let Some(value) = value {
-                slave.slave.set(index, value.clone()).expect("before the run parameters and inputs can be set");
+                instance.instance.set(index, value.clone()).expect("before the run parameters and inputs can be set");
             }
         }
         // Outputs are computed from a trial start; that must not leave a trace in what was set.
-        let _ = slave.bits();
+        let _ = instance.bits();
         for (index, value) in given.iter().enumerate() {
             if let Some(value) = value {
-                assert_eq!(slave.slave.get(index), Ok(value.clone()), "{model}.{}", slave.variables[index].name);
+                assert_eq!(
+                    instance.instance.get(index),
+                    Ok(value.clone()),
+                    "{model}.{}",
+                    instance.variables[index].name
+                );
             }
         }
     }
@@ -79,11 +84,11 @@ fn every_row_keeps_what_it_is_given_and_disturbs_no_other() {
 #[test]
 fn a_new_slave_has_the_start_values_of_its_table() {
     for model in MODELS {
-        let mut slave = Named::new(model);
-        for index in 0..slave.variables.len() {
-            let variable = slave.variables[index];
+        let mut instance = Named::new(model);
+        for index in 0..instance.variables.len() {
+            let variable = instance.variables[index];
             if variable.is_settable() {
-                assert_eq!(slave.slave.get(index), Ok(variable.start()), "{model}.{}", variable.name);
+                assert_eq!(instance.instance.get(index), Ok(variable.start()), "{model}.{}", variable.name);
             }
         }
     }
@@ -95,21 +100,21 @@ fn after_a_reset_a_slave_is_as_new() {
         let mut used = Named::new(model);
         for index in 0..used.variables.len() {
             let variable = used.variables[index];
-            if let (Causality::Parameter, Type::Real { start, .. }) = (variable.causality, &variable.kind) {
+            if let (Causality::Parameter, Type::Real { start, .. }) = (variable.causality, &variable.data_type) {
                 // Within what is accepted: multiples of the sample time stay multiples.
-                used.slave.set(index, Value::Real(start * 2.0)).expect("a parameter");
+                used.instance.set(index, Value::Real(start * 2.0)).expect("a parameter");
             }
         }
-        used.slave.set_start(3.0);
+        used.instance.set_start(3.0);
         used.start().unwrap_or_else(|findings| panic!("{model}: {findings:?}"));
         used.step(3.0, TS);
-        used.slave.reset();
+        used.instance.reset();
 
         let mut fresh = Named::new(model);
         assert_eq!(used.bits(), fresh.bits(), "{model} before the run");
-        for slave in [&mut used, &mut fresh] {
-            slave.start().expect("the start values are sound");
-            run(slave, steps(model), &mut Random::new(7));
+        for instance in [&mut used, &mut fresh] {
+            instance.start().expect("the start values are sound");
+            run(instance, steps(model), &mut Random::new(7));
         }
         assert_eq!(used.bits(), fresh.bits(), "{model} after the run");
     }
@@ -118,11 +123,11 @@ fn after_a_reset_a_slave_is_as_new() {
 #[test]
 fn fixed_parameters_do_not_change_while_it_runs() {
     for model in MODELS {
-        let mut slave = Named::started(model, &[]);
-        for index in 0..slave.variables.len() {
-            let variable = slave.variables[index];
-            let before = slave.slave.get(index).expect("an index");
-            let set = slave.slave.set(index, before);
+        let mut instance = Named::started(model, &[]);
+        for index in 0..instance.variables.len() {
+            let variable = instance.variables[index];
+            let before = instance.instance.get(index).expect("an index");
+            let set = instance.instance.set(index, before);
             let may = match (variable.causality, variable.variability) {
                 (Causality::Input, _) => true,
                 (Causality::Parameter, variability) => variability == Variability::Tunable,
@@ -160,11 +165,11 @@ fn a_refused_change_changes_nothing() {
 #[test]
 fn computed_variables_cannot_be_set_before_the_run_either() {
     for model in MODELS {
-        let mut slave = Named::new(model);
-        for index in 0..slave.variables.len() {
-            let variable = slave.variables[index];
+        let mut instance = Named::new(model);
+        for index in 0..instance.variables.len() {
+            let variable = instance.variables[index];
             if !variable.is_settable() {
-                let error = slave.slave.set(index, variable.start()).expect_err("it is computed");
+                let error = instance.instance.set(index, variable.start()).expect_err("it is computed");
                 assert!(matches!(error, AccessError::NotSettable { .. }), "{model}.{}: {error}", variable.name);
             }
         }
@@ -174,9 +179,9 @@ fn computed_variables_cannot_be_set_before_the_run_either() {
 #[test]
 fn values_of_another_type_and_unknown_indices_are_refused() {
     for model in MODELS {
-        let mut slave = Named::new(model);
-        for index in 0..slave.variables.len() {
-            let variable = slave.variables[index];
+        let mut instance = Named::new(model);
+        for index in 0..instance.variables.len() {
+            let variable = instance.variables[index];
             if !variable.is_settable() {
                 continue;
             }
@@ -184,14 +189,14 @@ fn values_of_another_type_and_unknown_indices_are_refused() {
                 if std::mem::discriminant(&wrong) == std::mem::discriminant(&variable.start()) {
                     continue;
                 }
-                let error = slave.slave.set(index, wrong.clone()).expect_err("another type");
+                let error = instance.instance.set(index, wrong.clone()).expect_err("another type");
                 assert!(matches!(error, AccessError::WrongType { .. }), "{model}.{}: {error}", variable.name);
                 says(&error.to_string(), &[variable.name.as_ref(), wrong.type_name()]);
             }
         }
-        let beyond = slave.variables.len();
-        assert_eq!(slave.slave.get(beyond), Err(AccessError::Unknown(beyond)));
-        assert_eq!(slave.slave.set(beyond, Value::Real(0.0)), Err(AccessError::Unknown(beyond)));
+        let beyond = instance.variables.len();
+        assert_eq!(instance.instance.get(beyond), Err(AccessError::Unknown(beyond)));
+        assert_eq!(instance.instance.set(beyond, Value::Real(0.0)), Err(AccessError::Unknown(beyond)));
     }
 }
 
@@ -238,7 +243,7 @@ fn tunable_parameters_act() {
 #[test]
 fn the_modulation_is_tuned_while_running_and_what_is_refused_changes_nothing() {
     let [mut with, mut without] = [(); 2].map(|()| Named::started("FlatnessController", &[]));
-    let currents = |slave: &mut Named| slave.three("i");
+    let currents = |instance: &mut Named| instance.three("i");
     with.step(0.0, TS);
     without.step(0.0, TS);
     assert_eq!(currents(&mut with), currents(&mut without), "off by default");
@@ -251,7 +256,7 @@ fn the_modulation_is_tuned_while_running_and_what_is_refused_changes_nothing() {
         ("F0.modulationFrequency", f64::INFINITY),
     ] {
         let former = with.get(name);
-        match with.slave.set(with.index(name), Value::Real(bad)) {
+        match with.instance.set(with.index(name), Value::Real(bad)) {
             Err(AccessError::Refused(findings)) => assert_eq!(findings[0].name, name, "{bad}"),
             other => panic!("{name} = {bad}: {other:?}"),
         }
@@ -260,10 +265,10 @@ fn the_modulation_is_tuned_while_running_and_what_is_refused_changes_nothing() {
     with.step(TS, TS);
     without.step(TS, TS);
     assert_eq!(currents(&mut with), currents(&mut without), "what was refused has no effect");
-    let mut copy = Named { slave: with.slave.duplicate(), ..Named::new("FlatnessController") };
+    let mut copy = Named { instance: with.instance.duplicate(), ..Named::new("FlatnessController") };
     with.set("F0.modulation", 0.5);
-    for slave in [&mut with, &mut without, &mut copy] {
-        slave.step(2.0 * TS, TS);
+    for instance in [&mut with, &mut without, &mut copy] {
+        instance.step(2.0 * TS, TS);
     }
     assert!(currents(&mut with) != currents(&mut without), "tuned, it acts");
     assert_eq!(currents(&mut copy), currents(&mut without), "a copy keeps what it had");
@@ -315,19 +320,19 @@ fn before_the_run_outputs_follow_the_parameters() {
 #[test]
 fn outputs_follow_an_input_at_once_only_where_the_table_says_so() {
     for model in MODELS {
-        let mut slave = Named::started(model, &[]);
+        let mut instance = Named::started(model, &[]);
         let mut random = Random::new(11);
-        run(&mut slave, 0..20, &mut random);
-        let before = slave.bits();
-        excite(&mut slave, &mut random);
-        let after = slave.bits();
-        for (index, variable) in slave.variables.iter().enumerate() {
+        run(&mut instance, 0..20, &mut random);
+        let before = instance.bits();
+        excite(&mut instance, &mut random);
+        let after = instance.bits();
+        for (index, variable) in instance.variables.iter().enumerate() {
             if variable.is_settable() || variable.causality == Causality::Local {
                 continue;
             }
             let follows = before[index] != after[index];
             let input = |name: &str| {
-                let found = slave.variables.iter().find(|candidate| candidate.name == name);
+                let found = instance.variables.iter().find(|candidate| candidate.name == name);
                 found.is_some_and(|candidate| candidate.causality == Causality::Input)
             };
             let may = variable.depends_on.iter().any(|(name, _)| input(name));
@@ -341,9 +346,9 @@ fn outputs_follow_an_input_at_once_only_where_the_table_says_so() {
 #[test]
 fn no_variable_is_ever_without_a_number() {
     for model in MODELS {
-        let mut slave = Named::started(model, &[]);
-        run(&mut slave, steps(model), &mut Random::new(3));
-        for (bits, variable) in slave.bits().into_iter().zip(&slave.variables) {
+        let mut instance = Named::started(model, &[]);
+        run(&mut instance, steps(model), &mut Random::new(3));
+        for (bits, variable) in instance.bits().into_iter().zip(&instance.variables) {
             assert!(f64::from_bits(bits).is_finite(), "{model}.{}", variable.name);
         }
     }
@@ -436,23 +441,23 @@ fn steps_without_length_take_each_sample_once() {
     assert_eq!(clock.taken(), 2);
 }
 
-/// What a sampled slave computes depends on the samples, not on the steps that brought them.
+/// What a sampled instance computes depends on the samples, not on the steps that brought them.
 #[test]
 fn sampled_slaves_do_not_depend_on_how_time_is_cut() {
     for model in ["FlatnessController", "AlgebraicEstimator"] {
         let blocks = |parts: &[f64]| {
-            let mut slave = Named::started(model, &[]);
+            let mut instance = Named::started(model, &[]);
             let mut random = Random::new(5);
             let mut time_s = 0.0;
             // Inputs change every five samples, so that all cuts see the same ones.
             for _ in 0..60 {
-                excite(&mut slave, &mut random);
+                excite(&mut instance, &mut random);
                 for part in parts {
-                    slave.step(time_s, part * TS);
+                    instance.step(time_s, part * TS);
                     time_s += part * TS;
                 }
             }
-            slave.bits()
+            instance.bits()
         };
         let whole = blocks(&[1.0; 5]);
         assert_eq!(blocks(&[5.0]), whole, "{model}: one step");
@@ -531,19 +536,19 @@ fn refused_parameters_are_all_named_at_once() {
         ("AlgebraicEstimator", "filter.zeta", -0.7, &[]),
     ];
     for (model, name, value, words) in BAD {
-        let mut slave = Named::new(model);
-        slave.set(name, *value);
-        let findings = slave.start().expect_err(name);
+        let mut instance = Named::new(model);
+        instance.set(name, *value);
+        let findings = instance.start().expect_err(name);
         let said: Vec<_> = findings.iter().map(|finding| finding.to_string()).collect();
         let of_it = said.iter().find(|line| line.starts_with(name));
         let line = of_it.unwrap_or_else(|| panic!("{model}.{name} = {value} is not named in {said:?}"));
         says(line, words);
-        says(line, &["is refused", "is wanted"]);
+        says(line, &["is refused", "expected"]);
     }
     for model in MODELS {
-        let mut slave = Named::new(model);
-        slave.set("alpha[2]", std::f64::consts::PI);
-        let findings = slave.start().expect_err("two magnets with one angle");
+        let mut instance = Named::new(model);
+        instance.set("alpha[2]", std::f64::consts::PI);
+        let findings = instance.start().expect_err("two magnets with one angle");
         assert!(findings.iter().any(|finding| finding.name.starts_with("alpha")), "{model}: {findings:?}");
     }
     // Everything at once, the choices included.
