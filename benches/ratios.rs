@@ -1,4 +1,4 @@
-//! The table of the README: costs beside their peers, measured in turns. `scripts/bench` runs it.
+//! The table of costs in docs/: costs beside their peers, measured in turn. `scripts/bench` runs it.
 
 #[path = "support/interleave.rs"]
 mod interleave;
@@ -24,7 +24,7 @@ use magnetic_bearing::simulation::simulate;
 const ROUNDS: usize = 101;
 
 fn main() {
-    // `cargo bench` hands over options for a harness, `cargo test --benches` wants nothing timed.
+    // `cargo bench` passes options for a harness; `cargo test --benches` must not time anything.
     if std::env::args().any(|argument| argument == "--test") {
         return;
     }
@@ -36,10 +36,10 @@ fn main() {
     worst(&record);
 }
 
-/// An estimator that has run until its window is full and its estimate settled.
+/// An estimator that has run until its estimate has settled.
 fn settled(config: EstimatorConfig, record: &[EstimatorInput]) -> (Estimator, EstimatorState) {
     let warm_up = (config.window_s / config.step_s) as usize + 2000;
-    let estimator = Estimator::new(config).expect("parameters that are in order");
+    let estimator = Estimator::new(config).expect("valid parameters");
     let mut state = estimator.start();
     for input in record.iter().cycle().take(warm_up) {
         estimator.sample(&mut state, input);
@@ -52,7 +52,7 @@ fn paper(intervals: usize) -> EstimatorConfig {
     EstimatorConfig { method: Method::Paper, window_s, epsilon_s: window_s, ..EstimatorConfig::default() }
 }
 
-/// The default method: noise told, found, and with all tolerances.
+/// The default method: noise given, estimated, and with all tolerances.
 fn prediction_error() -> [(&'static str, EstimatorConfig); 3] {
     let found = EstimatorConfig::default();
     let told = EstimatorConfig { position_noise_m: 1e-7, current_noise_a: 1e-2, ..found.clone() };
@@ -66,7 +66,7 @@ fn prediction_error() -> [(&'static str, EstimatorConfig); 3] {
         current_offset_a: 5e-3,
     };
     let tolerances = EstimatorConfig { tolerance, ..found.clone() };
-    [("noise told", told), ("noise found", found), ("noise found, all tolerances", tolerances)]
+    [("noise given", told), ("noise estimated", found), ("noise estimated, all tolerances", tolerances)]
 }
 
 type FirPush =
@@ -86,7 +86,7 @@ fn peer() -> Option<Library> {
     unsafe { Library::new(&target) }.ok()
 }
 
-/// Steps of the models; the peer are the integrals of the paper's four kernels over two positions and three magnets, in C.
+/// Steps of the models; the peer computes the integrals of the paper's four kernels over two positions and three magnets, in C.
 fn steps(record: &[EstimatorInput]) {
     let library = peer();
     // SAFETY: the type is that of the function in fir.c.
@@ -157,7 +157,7 @@ fn steps(record: &[EstimatorInput]) {
         });
         candidates.push(beside(peer, c));
     }
-    let plant = Plant::new(PlantConfig::default()).expect("parameters that are in order");
+    let plant = Plant::new(PlantConfig::default()).expect("valid parameters");
     let mut state = plant.start(0.0);
     let start = state.clone();
     let input = PlantInput { current_a: [2.0, 2.0, 2.0], omega_rad_s: 314.0, ..PlantInput::default() };
@@ -172,7 +172,7 @@ fn steps(record: &[EstimatorInput]) {
             black_box(plant.outputs(&state, &input, t_s + 1e-4));
         }
     }));
-    let controller = Controller::new(ControllerConfig::default()).expect("parameters that are in order");
+    let controller = Controller::new(ControllerConfig::default()).expect("valid parameters");
     let mut state = controller.start(0.0);
     let mut input = ControllerInput { position_m: [30e-6, 0.0], omega_rad_s: 314.0, ..ControllerInput::default() };
     candidates.push(candidate("controller", 1000, move |times| {
@@ -215,7 +215,7 @@ fn interface(record: &[EstimatorInput]) {
     let guid = CString::new(model.guid()).expect("a GUID");
     // SAFETY: null is a valid value for every callback.
     let mut callbacks: fmi2CallbackFunctions = unsafe { std::mem::zeroed() };
-    // SAFETY: a logger takes more arguments after these, and this one looks at none.
+    // SAFETY: a logger takes further arguments, and this one reads none.
     callbacks.logger = unsafe { std::mem::transmute::<*const (), fmi2CallbackLogger>(silent as *const ()) };
     // SAFETY: all pointers live until the instance is freed.
     let component = unsafe {
@@ -236,7 +236,7 @@ fn interface(record: &[EstimatorInput]) {
     };
     let inputs = ["Ym", "Zm", "im[1]", "im[2]", "im[3]"].map(index);
     let outputs = ["lambdaHat[1]", "lambdaHat[2]", "lambdaHat[3]", "pYHat", "pZHat"].map(index);
-    // A step that ignores its sample costs the model next to nothing: what is left is the interface.
+    // A step that ignores its sample costs the model almost nothing: what remains is the interface.
     // SAFETY: the arrays have one element.
     unsafe { set_boolean(component, &index("enable"), 1, &fmi2False) };
     let disabled = EstimatorInput { enable: false, ..record[0].clone() };
@@ -300,8 +300,8 @@ fn closed_loop() {
 fn first_and_millionth(record: &[EstimatorInput]) {
     println!("\n| mean of 1000 steps | at sample 1000 | at sample 1 000 000 | ratio |\n|---|---:|---:|---:|");
     for (name, config) in prediction_error() {
-        let estimator = Estimator::new(config).expect("parameters that are in order");
-        // The median of some turns: one alone may be interrupted.
+        let estimator = Estimator::new(config).expect("valid parameters");
+        // The median of several rounds: a single one may be interrupted.
         let mut means = [Vec::new(), Vec::new()];
         for _ in 0..5 {
             let mut state = estimator.start();
@@ -325,15 +325,13 @@ fn first_and_millionth(record: &[EstimatorInput]) {
     }
 }
 
-/// The longest of many steps, the clock and interruptions by the system included.
+/// The longest of many steps, including the clock and interruptions by the system.
 fn worst(record: &[EstimatorInput]) {
-    println!(
-        "\n| longest of 10⁶ steps | median | 99.9 % | longest | longest that comes back |\n|---|---:|---:|---:|---:|"
-    );
+    println!("\n| longest of 10⁶ steps | median | 99.9 % | longest | longest repeatable |\n|---|---:|---:|---:|---:|");
     let methods = prediction_error().map(|(name, config)| (format!("predictionError, {name}"), config)).into_iter();
     let papers = [200, 2000, 20_000].map(|n| (format!("paper, N = {n}"), paper(n)));
     for (name, config) in methods.chain(papers) {
-        // A window of two seconds takes as long as all others together; a tenth of the steps shows the same.
+        // A window of two seconds takes as long as all others together; a tenth of the steps is enough.
         let steps = if config.window_s > 1.0 { 100_000 } else { 1_000_000 };
         let (estimator, mut state) = settled(config, record);
         let mut spent: Vec<u32> = Vec::with_capacity(steps);
@@ -342,7 +340,7 @@ fn worst(record: &[EstimatorInput]) {
             black_box(estimator.sample(&mut state, input));
             spent.push(since.elapsed().as_nanos() as u32);
         }
-        // What the system interrupts does not come back with the samples of the record, what a step itself costs does: of the steps
+        // Interruptions by the system do not repeat with the samples of the record, the cost of a step itself does: of the steps
         // with the same sample, the median.
         let again = (0..record.len()).map(|at| {
             let mut same: Vec<u32> = spent.iter().skip(at).step_by(record.len()).copied().collect();

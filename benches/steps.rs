@@ -5,7 +5,7 @@ mod support;
 use divan::{Bencher, black_box};
 use magnetic_bearing::estimation::{Estimator, EstimatorConfig, Method, Tolerance};
 
-/// Steps that are measured together: a revolution, for some samples do more than others.
+/// Steps measured together: a revolution, because some samples take longer than others.
 const TOGETHER: usize = 200;
 
 fn main() {
@@ -14,7 +14,7 @@ fn main() {
 
 fn bench(bencher: Bencher, config: EstimatorConfig) {
     let warm_up = (config.window_s / config.step_s) as usize + 2000;
-    let estimator = Estimator::new(config).expect("parameters that are in order");
+    let estimator = Estimator::new(config).expect("valid parameters");
     let mut state = estimator.start();
     let record = support::record();
     let mut inputs = record.iter().cycle();

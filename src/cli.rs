@@ -290,8 +290,8 @@ pub fn main(commit: Option<&str>) -> ExitCode {
         Some(command @ Command::Identify { .. }) => identify(command),
         Some(Command::Design { scenario, speed, sample_time, position_noise, current_noise, at }) => {
             let noise = [position_noise, current_noise];
-            let question = design::Conditions { rpm: speed, step_s: sample_time, noise, instant_s: at };
-            choose_excitation(&scenario, &question)
+            let conditions = design::Conditions { rpm: speed, step_s: sample_time, noise, instant_s: at };
+            choose_excitation(&scenario, &conditions)
         }
     };
     match outcome {
@@ -444,17 +444,17 @@ fn pair(text: &str) -> std::result::Result<(String, String), String> {
     Ok((name.trim().into(), value.trim().into()))
 }
 
-fn choose_excitation(name: &Path, question: &design::Conditions) -> Result<()> {
+fn choose_excitation(name: &Path, conditions: &design::Conditions) -> Result<()> {
     let scenario = Scenario::open(name)?;
-    let precisions = design::design(&scenario, question)?;
-    let table = design::table(question, &precisions);
+    let precisions = design::design(&scenario, conditions)?;
+    let table = design::table(conditions, &precisions);
     say!("{}", table.title);
     for line in wrapped(&table.note) {
         say!("  {line}");
     }
     print_table(&table.head, &table.rows);
     say!();
-    for line in wrapped(&design::advice(question, &precisions)) {
+    for line in wrapped(&design::advice(conditions, &precisions)) {
         say!("{line}");
     }
     Ok(())

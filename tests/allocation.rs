@@ -1,4 +1,4 @@
-//! A step allocates nothing and calls the system for nothing, whatever the instance.
+//! A step allocates nothing and makes no system call, in any model.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -10,7 +10,7 @@ use fmu_export::log::Silent;
 use fmu_export::variable::Value;
 use magnetic_bearing::simulation::scenario::Scenario;
 
-/// Steps of every instance; without optimisation fewer, for a test is not to take minutes.
+/// Steps of every instance; fewer without optimisation, to keep the test short.
 const STEPS: u64 = if cfg!(debug_assertions) { 50_000 } else { 1_000_000 };
 
 const STEP_S: f64 = 1e-4;
@@ -82,7 +82,7 @@ impl Loop {
         Self { instances: instances.collect(), wires, steps: 0 }
     }
 
-    /// Does one step of every instance; whether all went well.
+    /// Does one step of every instance; returns whether all succeeded.
     fn step(&mut self) -> bool {
         let mut fine = true;
         for [(from, output), (to, input)] in &self.wires {
@@ -98,7 +98,7 @@ impl Loop {
     }
 }
 
-/// The loop with every way of estimating, noise told and found, all tolerances, and estimates that are taken over.
+/// The loop with every method, noise given and estimated, all tolerances, and estimates used by the controller.
 fn loops() -> [(Loop, u64); 4] {
     let noise = [("plant.sensor.positionNoise", "0.1 µm"), ("plant.sensor.currentNoise", "10 mA")];
     let mut told = noise.to_vec();
@@ -109,7 +109,7 @@ fn loops() -> [(Loop, u64); 4] {
         ("estimator.hold", "linear"),
     ]);
     let mut changing = noise.to_vec();
-    // What the estimator says cannot be: it starts again and again.
+    // The data contradict the model: the estimator restarts again and again.
     changing.extend([("estimator.identify.unbalance", "false"), ("controller.update.mode", "whenValid")]);
     [
         (Loop::new("paper", &[("controller.update.mode", "whenValid")]), STEPS / 20),
@@ -135,7 +135,7 @@ fn a_step_allocates_nothing() {
     }
 }
 
-/// What is large and does not change, such as the kernels of the estimator, is shared between an instance and its snapshots.
+/// Large constant data, such as the kernels of the estimator, are shared between an instance and its snapshots.
 /// Fails if a copy of an estimation copies the estimator.
 #[test]
 fn a_snapshot_copies_the_state_alone() {
@@ -143,7 +143,7 @@ fn a_snapshot_copies_the_state_alone() {
     let mut instance = kind.instantiate();
     let variables = kind.variables();
     let index = |name: &str| variables.iter().position(|variable| variable.name == name).expect("a variable");
-    // The paper's method has kernels, as long as its window; the other one has nothing that is large and does not change.
+    // The paper's method has kernels as long as its window; the other one has no large constant data.
     instance.set(index("method"), Value::Integer(2)).expect("a method");
     for name in ["Tf", "epsilon"] {
         instance.set(index(name), Value::Real(0.1)).expect("a time");
@@ -171,8 +171,8 @@ fn the_counter_counts() {
     assert_eq!(CALLS.get() - before, 2);
 }
 
-/// The process does its steps where the kernel ends it at the first call of the system: seccomp in its strict mode allows
-/// reading, writing, and the end.
+/// The process steps in an environment where the kernel kills it at the first system call: seccomp in strict mode allows only
+/// reading, writing, and exit.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod confined {
     use super::{Loop, loops};
@@ -190,7 +190,7 @@ mod confined {
     const SYS_GETPID: i64 = 39;
     const KILLED: i32 = 9;
 
-    /// What becomes of a process that does so many steps; its status as `waitpid` tells it.
+    /// The status, from `waitpid`, of a process that does this many steps.
     fn confine(closed: &mut Loop, steps: u64, call: bool) -> i32 {
         // SAFETY: the child does nothing but step, which the other test shows not to allocate, and ends without cleaning up;
         // all arguments are of the types that the functions want.

@@ -65,7 +65,7 @@ fn a_panic_becomes_an_error_and_a_reset_recovers() {
     }
 }
 
-/// A neighbour does not notice. Fails if the entry guard does not catch panics.
+/// Other instances are not affected. Fails if the entry guard does not catch panics.
 #[test]
 fn a_panic_in_one_instance_is_none_in_another() {
     std::panic::set_hook(Box::new(|_| {}));

@@ -1,9 +1,9 @@
-//! Timing in turns: every candidate gets a short stretch, then the next one, round after round, so that whatever else the machine
-//! does falls on all of them alike. Ratios are taken within a round.
+//! Interleaved timing: every candidate runs for a short time, then the next one, round after round, so that whatever else the machine
+//! does affects all of them alike. Ratios are taken within a round.
 
 use std::time::Instant;
 
-/// What is timed: does the work so many times.
+/// Does the work the given number of times.
 pub struct Candidate<'a> {
     pub name: String,
     pub work: Box<dyn FnMut(u32) + 'a>,
@@ -41,7 +41,7 @@ pub fn shown(nanoseconds: f64) -> String {
     }
 }
 
-/// Times all candidates in turns and prints medians, quartiles, and ratios with their quartiles. Returns the medians in ns.
+/// Times all candidates in turn and prints medians, quartiles, and ratios with their quartiles. Returns the medians in ns.
 pub fn table(title: &str, rounds: usize, mut candidates: Vec<Candidate>) -> Vec<f64> {
     for candidate in &mut candidates {
         (candidate.work)(candidate.times);

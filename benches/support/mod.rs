@@ -1,4 +1,4 @@
-//! What the benchmarks have in common: measurements of the closed loop to feed an estimator with.
+//! Shared by the benchmarks: recorded inputs of an estimator in the closed loop.
 
 #![allow(dead_code, reason = "every benchmark takes what it needs")]
 
@@ -11,15 +11,15 @@ use magnetic_bearing::simulation::simulate;
 /// Samples in a record: ten revolutions.
 pub const RECORD: usize = 2000;
 
-/// Ten revolutions of the unbalanced rotor with noise on all sensors, as its estimator sees them; what comes after the last is the
-/// first again.
+/// Ten revolutions of the unbalanced rotor with noise on all sensors, as inputs of its estimator; after the last sample comes the
+/// first one again.
 pub fn record() -> Vec<EstimatorInput> {
     let mut scenario = Scenario::open(Path::new("unbalanced")).expect("a built-in scenario");
     scenario.elements.truncate(3);
     for (path, value) in [("plant.sensor.positionNoise", "0.1 µm"), ("plant.sensor.currentNoise", "10 mA")] {
         scenario.assign(path, value).expect("a variable of the plant");
     }
-    // The update of λ at 0.2 s is past when the record begins, so that its end goes on with its beginning.
+    // The record begins after the update of λ at 0.2 s, so that its end continues into its beginning.
     scenario.duration_s = 1.0;
     let run = simulate::run(&scenario).expect("a scenario that runs");
     let column = |name: &str| run.recording.get(name).expect("an output of the plant");

@@ -1,4 +1,4 @@
-//! The fuzzer's bytes as the content of a written snapshot in a sound frame: whatever is accepted must be safe to go on with.
+//! The fuzzer's bytes as the content of a serialized snapshot in a valid frame: it must be safe to continue from whatever is accepted.
 
 #![no_main]
 
@@ -27,7 +27,7 @@ fuzz_target!(|bytes: &[u8]| {
     fmu.free_state(&mut state);
     let head = 8 + 2 + 1 + model.len() + 1 + 38;
     let mut content = written[head + 8..written.len() - 32].to_vec();
-    // Edits of a real content go further than bytes from nowhere: place, place, value.
+    // Edits of a valid content get further than arbitrary bytes: place, place, value.
     for edit in edits.chunks_exact(3) {
         let place = usize::from(edit[0]) + 256 * usize::from(edit[1]);
         let length = content.len();

@@ -55,34 +55,34 @@ impl Precision {
 /// Results with the reference trajectory alone and with modulation, in this order.
 ///
 /// # Errors
-/// Every parameter that a model refuses, and every invalid question.
-pub fn design(scenario: &Scenario, question: &Conditions) -> Result<[Precision; 2], Refused> {
+/// Every parameter that a model refuses, and every invalid conditions.
+pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision; 2], Refused> {
     let refuse =
         |name: &str, value: f64, wanted: &str| Refused(vec![format!("{name} = {value} is refused: expected {wanted}")]);
-    if !(question.rpm.is_finite() && question.rpm >= 0.0) {
-        return Err(refuse("speed", question.rpm, "a speed in rpm, 0 or above"));
+    if !(conditions.rpm.is_finite() && conditions.rpm >= 0.0) {
+        return Err(refuse("speed", conditions.rpm, "a speed in rpm, 0 or above"));
     }
-    if !(question.instant_s.is_finite() && question.instant_s > 0.0) {
-        return Err(refuse("at", question.instant_s, "a time in s above 0"));
+    if !(conditions.instant_s.is_finite() && conditions.instant_s > 0.0) {
+        return Err(refuse("at", conditions.instant_s, "a time in s above 0"));
     }
-    for (name, noise) in ["position-noise", "current-noise"].into_iter().zip(question.noise) {
+    for (name, noise) in ["position-noise", "current-noise"].into_iter().zip(conditions.noise) {
         if !(noise.is_finite() && noise > 0.0) {
             return Err(refuse(name, noise, "a standard deviation above 0"));
         }
     }
-    let mut scenario = montecarlo::study("", scenario, question.noise, true, 1).scenario;
-    if let Some(step_s) = question.step_s {
+    let mut scenario = montecarlo::study("", scenario, conditions.noise, true, 1).scenario;
+    if let Some(step_s) = conditions.step_s {
         cases::sample_time(&mut scenario, step_s);
     }
     let window_s = scenario.closed_loop()?.estimator.window_s;
-    montecarlo::at_speed(&mut scenario, question.rpm, window_s);
-    if question.rpm == 0.0 {
+    montecarlo::at_speed(&mut scenario, conditions.rpm, window_s);
+    if conditions.rpm == 0.0 {
         cases::at_rest(&mut scenario);
     }
     let mut instants_s = INSTANTS_S.to_vec();
-    instants_s.push(question.instant_s);
+    instants_s.push(conditions.instant_s);
     scenario.duration_s = instants_s.iter().copied().fold(0.0, f64::max);
-    let promise = |modulation: f64| {
+    let precision = |modulation: f64| {
         let mut scenario = scenario.clone();
         scenario.set("controller", "F0.modulation", Value::Real(modulation));
         scenario.set("controller", "F0.modulationFrequency", Value::Real(MODULATION.1));
@@ -93,7 +93,7 @@ pub fn design(scenario: &Scenario, question: &Conditions) -> Result<[Precision; 
         let std = bound(&scenario, &run.recording, &instants_s).unwrap_or_default();
         Ok(Precision { modulation, instants_s: instants_s.clone(), std })
     };
-    Ok([promise(0.0)?, promise(MODULATION.0)?])
+    Ok([precision(0.0)?, precision(MODULATION.0)?])
 }
 
 /// Whether modulation is recommended.
@@ -104,7 +104,7 @@ pub fn is_modulation_recommended([alone, modulated]: &[Precision; 2]) -> bool {
 
 /// The recommendation in a sentence.
 #[must_use]
-pub fn advice(question: &Conditions, precisions: &[Precision; 2]) -> String {
+pub fn advice(conditions: &Conditions, precisions: &[Precision; 2]) -> String {
     let [alone, modulated] = precisions;
     let recommended = is_modulation_recommended(precisions);
     let best = if recommended { modulated } else { alone };
@@ -114,14 +114,14 @@ pub fn advice(question: &Conditions, precisions: &[Precision; 2]) -> String {
              of {:.2} %.",
             MODULATION.0,
             MODULATION.1,
-            question.instant_s,
+            conditions.instant_s,
             100.0 * modulated.worst(),
             100.0 * alone.worst()
         )
     } else {
         format!(
             "The reference trajectory excites enough: after {} s the worst λ is known to {:.2} %; modulation would make that {:.2} %.",
-            question.instant_s,
+            conditions.instant_s,
             100.0 * alone.worst(),
             100.0 * modulated.worst()
         )
@@ -137,18 +137,18 @@ pub fn advice(question: &Conditions, precisions: &[Precision; 2]) -> String {
 
 /// The results as a table.
 #[must_use]
-pub fn table(question: &Conditions, precisions: &[Precision; 2]) -> Table {
+pub fn table(conditions: &Conditions, precisions: &[Precision; 2]) -> Table {
     let rows = (0..precisions[0].std.len()).map(|at| {
-        let std = |promise: &Precision| promise.std[at].map(|std| format!("{:.2}", 100.0 * std));
+        let std = |precision: &Precision| precision.std[at].map(|std| format!("{:.2}", 100.0 * std));
         let instant = format!("{} s", precisions[0].instants_s[at]);
         std::iter::once(instant).chain(precisions.iter().flat_map(std)).collect()
     });
     Table {
         title: format!(
             "Standard deviation of λ in %, at {} rpm with noise of {} µm and {} mA",
-            question.rpm,
-            (question.noise[0] * 1e9).round() / 1e3,
-            (question.noise[1] * 1e6).round() / 1e3,
+            conditions.rpm,
+            (conditions.noise[0] * 1e9).round() / 1e3,
+            (conditions.noise[1] * 1e6).round() / 1e3,
         ),
         note: format!(
             "Cramér–Rao bound with the reference trajectory alone and with F0 modulated by {:.0} % at {} Hz; the last row is the requested instant.",

@@ -1,7 +1,7 @@
-//! The paper's simulation to the last bit, as it came out before.
+//! The paper's simulation, bit for bit as recorded.
 //!
 //! The results are the same on every platform, so that any difference is a change of the equations or of the order in which they
-//! are computed. After a change that is meant, `BITS=write cargo test --release --test app bits::` writes the file anew; the
+//! are computed. After an intended change, `BITS=write cargo test --release --test app bits::` rewrites the file; the
 //! difference in the file then shows what has moved, and by how much.
 
 use std::fmt::Write;
@@ -10,7 +10,7 @@ use std::path::Path;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate::run;
 
-/// Samples that stand in the file: the first ones, around the first estimates and around the update, and the last.
+/// Samples in the file: the first ones, around the first estimates and around the update, and the last.
 const SAMPLES: [usize; 9] = [0, 1, 2, 200, 208, 1000, 2000, 2001, 4000];
 
 /// Fails if, for instance, the sub-step of the plant or the order of a sum changes.

@@ -15,7 +15,7 @@ const ACCELERATION_RAD_S2: f64 = 0.2 * 100.0 * SPEED_RAD_S;
 
 fn bearing() -> Bearing {
     Bearing {
-        // With these the instability of the field grows about twentyfold over the samples: enough to matter, and little enough for
+        // With these an error grows about twentyfold over the samples through the negative stiffness: enough to matter, and little enough for
         // the large problem to be well conditioned.
         m_kg: 9.0,
         geometry: Geometry::new(6e-4, [0.1, 2.0, 4.4]),
@@ -127,10 +127,10 @@ fn brute_force(bearing: &Bearing) -> [f64; 3] {
 
 #[test]
 fn the_filter_has_the_covariance_of_the_whole_likelihood() {
-    /// The filter does not start quite without knowledge, and its covariance is rounded in every step.
+    /// The filter starts with a wide but finite prior, and its covariance is rounded in every step.
     const TOLERANCE: f64 = 2e-4;
     for current_noise_a in [0.0, 5e-3, 5e-2] {
-        // A prior of zero width makes no least-squares problem.
+        // A prior of zero width cannot be written as a least-squares problem.
         let bearing = Bearing { current_noise_a: f64::max(current_noise_a, 1e-9), ..bearing() };
         let (expected, found) = (brute_force(&bearing), filtered(bearing));
         println!("{current_noise_a} A: {found:.6?}, likelihood {expected:.6?}");
@@ -141,7 +141,7 @@ fn the_filter_has_the_covariance_of_the_whole_likelihood() {
     }
 }
 
-/// What is linear scales: twice the noise, twice the bound.
+/// The bound is linear in the noise: twice the noise, twice the bound.
 #[test]
 fn the_bound_is_proportional_to_the_noise() {
     let once = filtered(bearing());

@@ -1,4 +1,4 @@
-//! The closed loop: two independent ways agree to the last bit, and the numbers of the method come out.
+//! The closed loop: two independent implementations agree to the last bit, and reproduce the numbers of the method.
 
 use std::path::Path;
 
@@ -186,7 +186,7 @@ fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
     );
 }
 
-/// The models in a loop written by hand here, against the instances in the loop of the program.
+/// The models in a loop written by hand here against the instances in the program's loop.
 #[test]
 fn models_and_slaves_agree_bit_for_bit() {
     for name in ["paper", "unbalanced", "turned", "standstill"] {
@@ -257,7 +257,7 @@ fn models_and_slaves_agree_bit_for_bit() {
                 same_estimate(&run, step, name, estimate);
             }
 
-            // What each was told before it acts on it: the sample of now, the estimate and the command of before.
+            // What each receives: the present sample, the previous estimate and command.
             let seen = ControllerInput {
                 position_m: rotor.measured.position_m,
                 lambda_hat_nm2_a2: estimates[0].output().lambda_hat,
@@ -312,9 +312,9 @@ update.mode = "never"
 method = "predictionError"
 "#;
 
-/// Per cent. Demanded of prediction errors with the hold matched and nothing disturbing.
+/// Per cent. Limit for predictionError with the right hold and no perturbation.
 const PREDICTION_ERROR_PERCENT: f64 = 0.005;
-/// Per cent. Demanded of the paper's method there.
+/// Per cent. Limit for the paper's method there.
 const PAPER_PERCENT: f64 = 0.3;
 
 #[test]
@@ -325,7 +325,7 @@ fn without_perturbation_the_force_constants_come_out() {
     all_within("paper", errors_percent(&scenario, &run, "paper", 0.1), PAPER_PERCENT);
 }
 
-/// One sample of misalignment costs more than 10 %; that is what the choice of hold is for.
+/// One sample of misalignment costs more than 10 %: the choice of hold matters.
 #[test]
 fn the_wrong_hold_is_far_off() {
     let wrong = CALM.replace("method = \"predictionError\"", "method = \"predictionError\"\nhold = \"heldAfter\"");
@@ -336,12 +336,12 @@ fn the_wrong_hold_is_far_off() {
     assert!(worst > 10.0, "the worst error is {worst} % only: {errors:?}");
 }
 
-/// Percentage points: how far the tracking error before the update moves the estimates of the paper's method.
+/// Percentage points: effect of the tracking error before the update on the estimates of the paper's method.
 const TRACKING_POINTS: f64 = 0.7;
 
-/// On the paper's scenario the method of the paper is off by what the physics of it says.
+/// On the paper's scenario the error of the paper's method is the one that the physics predicts.
 ///
-/// A perturbation `p sin ωt` in phase with the path `Z = r_Z sin ωt` looks to it like forces of the magnets. The
+/// A perturbation `p sin ωt` in phase with the reference `Z = r_Z sin ωt` looks like a force of the magnets. The
 /// magnets give `m Z̈ − p sin ωt = −(m ω² r_Z + p) sin ωt` and the motion shows `−m ω² r_Z sin ωt`, so that all three
 /// force constants come out by the factor `m ω² r_Z/(m ω² r_Z + p)`: −4.14 % with p = 2 N. Four per cent, which were
 /// hoped for, are therefore out of its reach for at least one of them; what differs between the three is the tracking
@@ -380,7 +380,7 @@ fn equation_20_to_the_letter_diverges() {
     assert!(worst > 1.0, "after 0.1 s it stays within {} % of the truth", 100.0 * worst);
 }
 
-/// Greatest less least value, and the greatest magnitude, of a signal over a stretch of time.
+/// Peak-to-peak value and largest magnitude of a signal over an interval.
 fn over(run: &Run, signal: &[f64], from_s: f64, to_s: f64) -> (f64, f64) {
     let within = run.recording.time_s.iter().zip(signal).filter(|(time_s, _)| (from_s..=to_s).contains(*time_s));
     let (low, high) = within
@@ -390,8 +390,8 @@ fn over(run: &Run, signal: &[f64], from_s: f64, to_s: f64) -> (f64, f64) {
     (high - low, high.max(-low))
 }
 
-/// At least by this the swing of p̂ falls at the update, says the paper.
-const SWING_RATIO: f64 = 3.0;
+/// Factor by which the peak-to-peak value of p̂ falls at the update, at least, according to the paper.
+const PEAK_TO_PEAK_RATIO: f64 = 3.0;
 
 #[test]
 fn after_the_update_the_loop_is_quieter() {
@@ -403,7 +403,7 @@ fn after_the_update_the_loop_is_quieter() {
         let estimate = run.recording.get(&format!("controller.p{axis}Hat")).expect("a signal");
         let swing = |(from_s, to_s)| over(&run, estimate, from_s, to_s).0;
         let ratio = swing(before) / swing(after);
-        assert!(ratio > SWING_RATIO, "the swing on {axis} falls by a factor of {ratio} only");
+        assert!(ratio > PEAK_TO_PEAK_RATIO, "the peak-to-peak value on {axis} falls only by a factor of {ratio}");
 
         let position = run.recording.get(&format!("plant.{axis}")).expect("a signal");
         let reference = run.recording.get(&format!("controller.reference.{axis}")).expect("a signal");
@@ -413,7 +413,7 @@ fn after_the_update_the_loop_is_quieter() {
     }
 }
 
-/// Per cent. The same as for the paper's bearing: nothing of it is built in.
+/// Per cent. The same as for the paper's bearing, because nothing of it is hard-coded.
 const OTHER_BEARING_PERCENT: f64 = 0.005;
 
 #[test]
@@ -434,7 +434,7 @@ fn an_unbalance_is_identified_together_with_the_force_constants() {
     let scenario = scenario("unbalanced");
     let run = run(&scenario);
     all_within("predictionError", errors_percent(&scenario, &run, "predictionError", 0.1), UNBALANCE_PERCENT);
-    // The paper's method takes the unbalance for forces of the magnets.
+    // The paper's method attributes the unbalance to the magnets.
     let errors = errors_percent(&scenario, &run, "paper", 0.1);
     assert!(errors.iter().any(|error| error.abs() > 20.0), "the paper's method: {errors:?} %");
 

@@ -1,4 +1,4 @@
-//! The built program: what it writes and says, and the exit codes that scripts rely on.
+//! The built program: its files, its messages, and the exit codes that scripts rely on.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,10 +7,10 @@ use std::time::Instant;
 
 use crate::support::says;
 
-/// Seconds. What the main job may take on two cores is five; more than this is not the machine's fault.
+/// Seconds. The main job should take five on two cores; beyond this limit a slow machine is no explanation.
 const MAIN_JOB_S: f64 = 30.0;
 
-/// An empty folder of this test's own.
+/// An empty folder for this test.
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("command").join(name);
     let _ = fs::remove_dir_all(&folder);
@@ -113,10 +113,10 @@ fn a_scenario_that_cannot_be_read_is_refused() {
 #[test]
 fn a_run_that_ends_early_keeps_what_it_has() {
     let folder = folder("early");
-    // A push that no current of the controller can hold.
+    // A load that no current of the controller can balance.
     fs::write(
         folder.join("push.toml"),
-        "title = \"A push\"\nduration = \"0.2 s\"\nstep = \"100 µs\"\n[plant]\npZ = \"-20000 N\"\n",
+        "title = \"A load\"\nduration = \"0.2 s\"\nstep = \"100 µs\"\n[plant]\npZ = \"-20000 N\"\n",
     )
     .expect("a file");
     let (code, _, err) = said(&run(&folder, &["simulate", "push.toml", "--csv", "out.csv", "--report", "page"]));
@@ -227,7 +227,7 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
     let text = bench(&folder);
     let (code, out, err) = said(&run(&folder, &["identify", "bench.csv"]));
     assert_eq!((code, err.as_str()), (0, ""), "{out}");
-    // What each wrong header makes of the recording, and what is said.
+    // Wrong headers and the messages for them.
     type Case<'a> = (&'a [(&'a str, &'a str)], &'a [&'a str]);
     let cases: [Case; 4] = [
         (&[("time [s]", "time [ms]")], &["every 100 ns", "--unit time=s"]),
@@ -263,7 +263,7 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
             says(&err, words);
         }
     }
-    // The file itself is another matter.
+    // A missing file is a different error.
     let (code, _, err) = said(&run(&folder, &["identify", "none.csv"]));
     assert_eq!(code, 1);
     says(&err, &["none.csv"]);
@@ -276,7 +276,7 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
         let (code, out, err) = said(&run(&folder, arguments));
         assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}: {err}");
     }
-    // Methods that are gone are refused with what replaces them.
+    // Removed methods are refused with their replacement.
     for method in ["leastSquares", "unbalance"] {
         let (code, _, err) = said(&run(&folder, &["identify", "bench.csv", "--method", method]));
         assert_ne!(code, 0);
@@ -323,7 +323,7 @@ fn run_with_input(folder: &Path, arguments: &[&str], text: &str) -> Output {
 /// A scenario of 5 ms.
 const SHORT: &str = "title = \"Short\"\nduration = 5e-3\nstep = 1e-4\n";
 
-/// Fails if a line that could not be printed is forgotten, or told once more for every other line.
+/// Fails if a line that could not be printed is forgotten, or reported again for every further line.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_standard_output_is_an_error() {
@@ -345,7 +345,7 @@ fn a_full_standard_output_is_an_error() {
         assert_eq!(code, 1);
         says(&err, &["error: /dev/full: No space left"]);
     }
-    // It has no end to read to, either.
+    // Reading it would not end, either.
     fs::write(folder.join("design.csv"), "plant.m\n6.7\n").expect("a file");
     let (code, _, err) = said(&run(&folder, &["sweep", "design.csv", "--out", "/dev/full"]));
     assert_eq!(code, 1);
@@ -401,7 +401,7 @@ fn values_are_changed_without_a_scenario_of_ones_own() {
     assert_eq!(document["lambda"], serde_json::json!([1e-6, 2e-6, 3e-6]));
     assert_eq!(document["complete"], true);
     assert_eq!(document["changes"][0], "m=7");
-    // The same as a scenario that says so.
+    // The same as a scenario with these values.
     let text = "title = \"Short\"\nduration = 3e-3\nstep = 1e-4\n[all]\nm = 7\n[plant]\nlambda = [1e-6, 2e-6, 3e-6]\npZ = -20\n\
                 [controller]\nreference.rY = 2e-5\n";
     let (code, same, err) = said(&run_with_input(&folder, &["simulate", "-", "--json", "-"], text));
@@ -443,13 +443,13 @@ fn files_of_another_kind_are_not_overwritten() {
         }
         assert_eq!(fs::read_dir(folder.join("fmu")).expect("a folder").count(), 0, "all archives or none");
     }
-    // What the program has written it writes again.
+    // The program overwrites its own files.
     for _ in 0..2 {
         let arguments = ["simulate", "short.toml", "--csv", "a.csv", "--json", "a.json", "--report", "page"];
         let (code, _, err) = said(&run(&folder, &arguments));
         assert_eq!(code, 0, "{err}");
     }
-    // The recording is of the same kind as the table of estimates.
+    // The recording has the same format as the table of estimates.
     bench(&folder);
     let (code, _, err) = said(&run(&folder, &["identify", "bench.csv", "--csv", "./bench.csv"]));
     assert_eq!(code, 2);

@@ -1,9 +1,9 @@
-//! Contours of holes as tables of points: what is read, what is refused and in which words.
+//! Contours of holes as tables of points: what is read, and what is refused with which message.
 
 use magnetic_bearing::control::reference::HARMONICS;
 use magnetic_bearing::simulation::contour::{Fit, read};
 
-/// A table of so many points of an ellipse of 30 µm by 70 µm about (1, −2) µm, in the units of `head`.
+/// A table of `count` points of an ellipse of 30 µm by 70 µm about (1, −2) µm, in the units of `head`.
 fn table(head: &str, count: usize, angle: f64, length: f64) -> String {
     let mut text = head.to_owned();
     for k in 0..count {
@@ -49,7 +49,7 @@ fn points_at_any_angles_and_in_any_unit_give_their_series() {
     }
 }
 
-/// A corner is more than the series can follow; it says by how much it strays.
+/// The series cannot represent a corner; it reports its largest deviation.
 #[test]
 fn what_the_series_cannot_follow_is_told() {
     let mut text = "theta [deg],Y [um],Z [um]".to_owned();
@@ -66,7 +66,7 @@ fn tables_that_make_no_sense_are_refused_by_name() {
     let good = table("theta [deg],Y [um],Z [um]", 48, 0.0175, 1e-6);
     let few = format!("at least {} points", 2 * HARMONICS + 1);
     let half: String = {
-        // Points over half a turn leave the other half open.
+        // Points over half a revolution leave the other half open.
         let lines = (0..60).map(|k| format!("\n{},1,1", 0.01 * f64::from(k)));
         "theta [deg],Y [um],Z [um]".to_owned() + &lines.collect::<String>()
     };

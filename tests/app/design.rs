@@ -1,4 +1,4 @@
-//! What `design` precisions is what the runs show.
+//! The standard deviations that `design` predicts are those of the runs.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::studies::design::{self, Conditions, design};
 use magnetic_bearing::studies::montecarlo::{self, NOISE};
 
-fn question(rpm: f64, instant_s: f64) -> Conditions {
+fn conditions(rpm: f64, instant_s: f64) -> Conditions {
     Conditions { rpm, step_s: None, noise: NOISE, instant_s }
 }
 
@@ -16,20 +16,20 @@ fn open() -> Scenario {
 }
 
 #[test]
-fn promises_are_kept() {
+fn predictions_agree_with_runs() {
     const RUNS: usize = 40;
-    /// Ratio of the rms error to the promise; the scatter of forty runs is about 11 %.
+    /// Ratio of the rms error to the prediction; the scatter of forty runs is about 11 %.
     const KEPT: std::ops::RangeInclusive<f64> = 0.65..=1.4;
     for rpm in [3000.0, 4500.0] {
-        let [alone, modulated] = design(&open(), &question(rpm, 0.1)).expect("a good scenario");
+        let [alone, modulated] = design(&open(), &conditions(rpm, 0.1)).expect("a good scenario");
         let mut study = montecarlo::study("", &open(), NOISE, true, RUNS);
         montecarlo::at_speed(&mut study.scenario, rpm, 0.02);
         study.instants_s = vec![0.1];
-        for (promise, modulation) in [(alone, 0.0), (modulated, design::MODULATION.0)] {
+        for (precision, modulation) in [(alone, 0.0), (modulated, design::MODULATION.0)] {
             study.scenario.set("controller", "F0.modulation", Value::Real(modulation));
             study.scenario.set("controller", "F0.modulationFrequency", Value::Real(design::MODULATION.1));
             let figures = &study.run().expect("a good scenario").figures[0];
-            let promised = promise.std.last().expect("the instant asked for");
+            let promised = precision.std.last().expect("the instant asked for");
             for ((k, found), promised) in (1..).zip(figures.rms).zip(promised) {
                 let ratio = found / promised;
                 let what = format!("{rpm} rpm, modulation {modulation}, lambda[{k}]");
@@ -42,20 +42,20 @@ fn promises_are_kept() {
 
 #[test]
 fn modulation_is_recommended_where_the_path_is_weak() {
-    let strong = question(3000.0, 0.1);
+    let strong = conditions(3000.0, 0.1);
     let precisions = design(&open(), &strong).expect("a good scenario");
     assert!(!design::is_modulation_recommended(&precisions), "{precisions:?}");
     assert!(design::advice(&strong, &precisions).contains("The reference trajectory excites enough"));
-    let rest = question(0.0, 0.2);
+    let rest = conditions(0.0, 0.2);
     let precisions = design(&open(), &rest).expect("a good scenario");
     assert!(design::is_modulation_recommended(&precisions), "{precisions:?}");
     assert!(precisions[1].worst() < 0.05 && precisions[0].worst() > 0.05, "{precisions:?}");
     assert!(design::advice(&rest, &precisions).contains("F0.modulation = 0.5"));
-    // λ is known better and better.
-    for promise in &precisions {
-        assert_eq!(promise.std.len(), promise.instants_s.len());
-        for pair in promise.std[..design::INSTANTS_S.len()].windows(2) {
-            assert!((0..3).all(|k| pair[1][k] < pair[0][k]), "{promise:?}");
+    // The precision of λ improves with time.
+    for precision in &precisions {
+        assert_eq!(precision.std.len(), precision.instants_s.len());
+        for pair in precision.std[..design::INSTANTS_S.len()].windows(2) {
+            assert!((0..3).all(|k| pair[1][k] < pair[0][k]), "{precision:?}");
         }
     }
     let table = design::table(&rest, &precisions);
@@ -66,14 +66,14 @@ fn modulation_is_recommended_where_the_path_is_weak() {
 #[test]
 fn bad_questions_are_refused_by_name() {
     let refused = |change: fn(&mut Conditions), name: &str| {
-        let mut question = question(3000.0, 0.1);
-        change(&mut question);
-        let said = design(&open(), &question).expect_err(name).to_string();
+        let mut conditions = conditions(3000.0, 0.1);
+        change(&mut conditions);
+        let said = design(&open(), &conditions).expect_err(name).to_string();
         assert!(said.contains(name) && said.contains("expected"), "{said}");
     };
-    refused(|question| question.rpm = -1.0, "speed");
-    refused(|question| question.rpm = f64::NAN, "speed");
-    refused(|question| question.instant_s = 0.0, "at");
-    refused(|question| question.noise[0] = 0.0, "position-noise");
-    refused(|question| question.noise[1] = f64::INFINITY, "current-noise");
+    refused(|conditions| conditions.rpm = -1.0, "speed");
+    refused(|conditions| conditions.rpm = f64::NAN, "speed");
+    refused(|conditions| conditions.instant_s = 0.0, "at");
+    refused(|conditions| conditions.noise[0] = 0.0, "position-noise");
+    refused(|conditions| conditions.noise[1] = f64::INFINITY, "current-noise");
 }

@@ -1,23 +1,23 @@
-//! The layers keep to themselves: what each may name, and what it may not do.
+//! The layers: what each may use, and what it may not do.
 //!
-//! All rules stand in one table. They look at the code alone: comments and texts may name what they like.
+//! All rules are in one table. They apply to code only, not to comments and strings.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What a folder must not hold, and why.
+/// What a folder must not contain, and why.
 struct Rule {
     /// Folder of the project.
     folder: &'static str,
-    /// Words that do not stand there.
+    /// Words that must not occur there.
     words: &'static [&'static str],
-    /// Files and folders that are exempt, each for the reason that stands beside it.
+    /// Exempt files and folders, each with a reason beside it.
     except: &'static [&'static str],
     /// Why.
     reason: &'static str,
 }
 
-/// Elementary functions whose last bits differ from platform to platform. Roots are exact by IEEE 754 and may be taken.
+/// Elementary functions whose last bits differ from platform to platform. Square roots are exact by IEEE 754 and allowed.
 const ELEMENTARY: &[&str] = &[
     "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "cos", "cosh", "exp", "exp2", "exp_m1",
     "hypot", "ln", "ln_1p", "log", "log10", "log2", "mul_add", "powf", "powi", "sin", "sin_cos", "sinh", "tan", "tanh",
@@ -65,8 +65,13 @@ const RULES: &[Rule] = &[
         except: &["fmu-export/tests"],
         reason: "the crate exports any model and knows nothing of this one",
     },
-    Rule { folder: "src/fmu", words: PRINTING, except: &[], reason: "models speak through their log" },
-    Rule { folder: "fmu-export/src", words: PRINTING, except: &[], reason: "FMUs speak through the importer's logger" },
+    Rule { folder: "src/fmu", words: PRINTING, except: &[], reason: "models write messages to their log" },
+    Rule {
+        folder: "fmu-export/src",
+        words: PRINTING,
+        except: &[],
+        reason: "FMUs send messages to the importer's logger",
+    },
     Rule { folder: "src/fmu", words: SYSTEM, except: &[], reason: "models depend on their values alone" },
     Rule {
         folder: "fmu-export/src",
@@ -93,7 +98,7 @@ const RULES: &[Rule] = &[
         folder: "fmu-export/src",
         words: &["#[test]"],
         except: &[],
-        reason: "tests stand in tests, for the crate as well",
+        reason: "tests belong in tests/, for the crate as well",
     },
 ];
 
@@ -101,7 +106,7 @@ const RULES: &[Rule] = &[
 const PROGRAM: &[&str] =
     &["crate::simulation", "crate::studies", "crate::report", "crate::cli", "crate::package", "crate::output"];
 
-/// What only equations may not name.
+/// What only the equations must not use.
 const ABOVE_EQUATIONS: &[&str] = &[
     "crate::fmu",
     "fmu_export",
@@ -115,7 +120,7 @@ const ABOVE_EQUATIONS: &[&str] = &[
 /// The folders of the equations.
 const EQUATIONS: [&str; 5] = ["src/bearing", "src/plant", "src/control", "src/estimation", "src/invalid.rs"];
 
-const UNSAFE: &str = "unsafe code is at home in fmu-export/src/fmi2";
+const UNSAFE: &str = "unsafe code belongs in fmu-export/src/fmi2";
 
 fn project() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).into()
@@ -133,7 +138,7 @@ fn files(path: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// The lines without comments and without what stands in quotation marks, numbered from 1.
+/// The lines without comments and string literals, numbered from 1.
 fn code(text: &str) -> impl Iterator<Item = (usize, String)> {
     text.lines().enumerate().map(|(number, line)| {
         let mut bare = String::new();
@@ -153,7 +158,7 @@ fn code(text: &str) -> impl Iterator<Item = (usize, String)> {
     })
 }
 
-/// Whether the word stands in the line on its own, not as a part of a longer word.
+/// Whether the line contains the word, not as a part of a longer one.
 fn holds(line: &str, word: &str) -> bool {
     let part = |letter: Option<char>| letter.is_some_and(|letter| letter.is_alphanumeric() || letter == '_');
     line.match_indices(word).any(|(at, _)| {
@@ -214,7 +219,7 @@ fn a_path_up_and_over_is_found_as_well() {
     }
 }
 
-/// One place gives elementary functions, so that every platform gives the same bits: the crate libm.
+/// Elementary functions come from the crate libm, so that every platform gives the same bits.
 #[test]
 fn equations_take_elementary_functions_from_libm() {
     for file in EQUATIONS.iter().flat_map(|folder| files(&project().join(folder))) {
@@ -223,7 +228,7 @@ fn equations_take_elementary_functions_from_libm() {
             for name in ELEMENTARY {
                 let method = line.contains(&format!(".{name}("));
                 let function = line.contains(&format!("f64::{name}"));
-                assert!(!(method || function), "{}:{number}: {name} is libm's affair", file.display());
+                assert!(!(method || function), "{}:{number}: use libm for {name}", file.display());
             }
         }
     }
@@ -246,7 +251,7 @@ fn unsafe_blocks_say_why() {
                     continue;
                 }
                 blocks += 1;
-                // The sentence stands above the statement, which may have begun some lines before the block.
+                // The sentence is above the statement, which may begin some lines before the block.
                 let above = &lines[number.saturating_sub(8)..number];
                 let said = above.iter().any(|line| line.trim_start().starts_with("// SAFETY: "));
                 assert!(said, "{}:{number}: an unsafe block without a SAFETY sentence", file.display());
@@ -256,7 +261,7 @@ fn unsafe_blocks_say_why() {
     assert!(blocks > 40, "only {blocks} unsafe blocks were found: does this test still see them?");
 }
 
-/// The rules are worth something only if they can be broken.
+/// The rules can fail.
 #[test]
 fn the_search_finds_what_it_looks_for() {
     let lines = |text: &str| code(text).map(|(_, line)| line).collect::<Vec<_>>().join("\n");

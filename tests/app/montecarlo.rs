@@ -1,4 +1,4 @@
-//! The studies: what they draw, the bound over a recording, the figures of samples made up by hand.
+//! The studies: random draws, the bound over a recording, the figures of hand-made samples.
 
 use fmu_export::variable::Value;
 use magnetic_bearing::simulation::recording::{Column, Recording};
@@ -72,7 +72,7 @@ fn the_bound_of_the_nominal_bearing_is_that_of_another_program() {
                 assert!(miss < TOLERANCE, "λ{}: {:.4} %, expected {:.4} %", k + 1, 100.0 * found[k], expected[k]);
             }
         }
-        // Nothing limits an estimate from exact data.
+        // Exact data do not limit the precision of an estimate.
         cases::noise(&mut scenario, [0.0; 2], false);
         assert_eq!(bound(&scenario, &run.recording, &[0.1]), None);
     }
@@ -106,7 +106,7 @@ fn errors_within_tolerances_are_drawn() {
     }
 }
 
-/// A recording of an estimator made up by hand: valid at each row or not, all λ off by that part, with that relative deviation.
+/// A hand-made recording of an estimator: valid at each row or not, all λ off by that part, with that relative deviation.
 fn made_up(rows: &[(bool, f64, f64)], truth: [f64; 3]) -> Recording {
     let mut recording =
         Recording { time_s: (0..rows.len()).map(|row| row as f64 * 1e-4).collect(), ..Recording::default() };

@@ -1,4 +1,4 @@
-//! The archives: the same bytes every time, complete, and each part fit for what reads it.
+//! The archives: reproducible, complete, and each part valid for its readers.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fs;
@@ -15,7 +15,7 @@ use magnetic_bearing::simulation::scenario::Scenario;
 use roxmltree::{Document, Node};
 use zip::{CompressionMethod, ZipArchive};
 
-/// An empty folder of this test's own.
+/// An empty folder for this test.
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("package").join(name);
     let _ = fs::remove_dir_all(&folder);
@@ -69,7 +69,7 @@ fn two_packagings_give_the_same_bytes() {
     }
 }
 
-/// No member says when or by whom it was made, and no text says where.
+/// No member contains the time or the owner, and no text the place of the build.
 /// Fails if a member holds the folder of the project.
 #[test]
 fn archives_hold_no_traces_of_their_making() {
@@ -109,7 +109,7 @@ fn an_fmu_holds_what_it_should_and_nothing_else() {
         let name = kind.info.name;
         assert_eq!(file_name(&written.path), format!("{name}.fmu"));
         let bytes = fs::read(&written.path).expect("an archive");
-        // Readers that stream find it first.
+        // Streaming readers find it first.
         let mut archive = ZipArchive::new(Cursor::new(&bytes)).expect("a zip archive");
         assert_eq!(archive.by_index(0).expect("a member").name().expect("a name"), "modelDescription.xml");
         let members = members(&bytes);
@@ -217,7 +217,7 @@ fn the_system_holds_the_fmus_as_they_are() {
     }
 }
 
-/// libcosim and ecos pass over enumerations. Fails if the default structure takes its parameters from the paper's scenario.
+/// libcosim and ecos ignore enumerations. Fails if the default structure takes its parameters from the paper's scenario.
 #[test]
 fn the_default_system_is_the_same_without_its_enumerations() {
     let system = archive("MagneticBearing.ssp", "enumerations");
@@ -280,7 +280,7 @@ fn systems_connect_what_exists_and_name_what_is_there() {
             let bound: Vec<_> =
                 named(component, "ParameterBinding").filter_map(|node| node.attribute("source")).collect();
             let part = scenario.elements.iter().find(|part| part.name == element).expect("an element");
-            // A choice that is the start value need not be said.
+            // An enumeration at its start value may be left out.
             let variables = part.model_type.variables();
             let is_said = part.settings.iter().any(|setting| {
                 let variable = &variables[setting.index];
@@ -348,7 +348,7 @@ fn parameter_sets_give_what_the_scenarios_say() {
     for name in ["paper", "unbalanced"] {
         let scenario = Scenario::open(Path::new(name)).expect("a scenario of the program");
         for part in &scenario.elements[..3] {
-            // A choice that is the start value need not be said.
+            // An enumeration at its start value may be left out.
             let variables = part.model_type.variables();
             let said = part.settings.iter().filter(|setting| {
                 let variable = &variables[setting.index];
@@ -395,7 +395,7 @@ fn parameter_sets_give_what_the_scenarios_say() {
     }
 }
 
-/// The bytes of an FMU do not depend on whether tests were built before: what tests need switches on no feature of a crate
+/// The bytes of an FMU do not depend on whether tests were built before: the tests' dependencies enable no feature of a crate
 /// that the library is made of.
 #[test]
 fn tests_do_not_change_the_library() {
@@ -421,7 +421,7 @@ fn what_cannot_be_packaged_is_said_by_name() {
     let missing = Path::new("no/such/library.so");
     let error = package::package(missing, &folder("missing")).expect_err("there is no such library");
     says(&error.to_string(), &["no/such/library.so"]);
-    // A file stands where the folder is to be.
+    // A file has the name of the folder.
     let taken = folder("taken");
     fs::create_dir_all(taken.parent().expect("a parent")).expect("a folder");
     let _ = fs::remove_file(&taken);

@@ -1,6 +1,6 @@
-//! Binaries of several platforms in one archive: what is accepted, where it lies, what is refused in which words.
+//! Binaries of several platforms in one archive: what is accepted, where it is placed, and what is refused with which message.
 //!
-//! Most binaries here are heads of files only; real ones are built and run by `scripts/test-platforms`.
+//! Most binaries here are file headers only; real ones are built and run by `scripts/test-platforms`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -198,7 +198,7 @@ fn members(archive: &Path) -> Vec<String> {
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn the_command_adds_platforms_and_says_so() {
     let folder = folder("adds");
-    // A library as it is on Linux, with the mark of another machine.
+    // A Linux library with the machine number of another processor.
     let path = folder.join("some name.so");
     fs::write(&path, with_u16(built(), 18, ARM)).expect("a file");
     let output = package(&folder, &["--binary".into(), format!("aarch64-linux={}", path.display())]);
@@ -241,7 +241,7 @@ fn the_command_refuses_what_makes_no_sense() {
     let library = folder.join("library.so");
     fs::write(&library, built()).expect("a file");
     let library = library.display();
-    // A program of today is a shared object as well.
+    // Position-independent programs are shared objects as well.
     let program = env!("CARGO_BIN_EXE_magnetic-bearing");
     let missing = folder.join("missing.dll");
     let missing = missing.display();

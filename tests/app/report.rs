@@ -1,4 +1,4 @@
-//! The report as a page: one file that loads nothing, well-formed, the same every time, and drawn whatever the recording holds.
+//! The report page: one file that loads nothing, well-formed, reproducible, and robust against any recording.
 
 use std::f64::consts::{PI, TAU};
 
@@ -19,7 +19,7 @@ use serde_json::Value as Json;
 const TS_S: f64 = 1e-4;
 const UPDATE_S: f64 = 0.2;
 const LAMBDA: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
-/// Of data alone, so that a page of a long run still goes by mail and opens at once.
+/// Limit of the data, so that the page of a long run can be mailed and opens at once.
 const DATA_LIMIT_BYTES: usize = 2_000_000;
 
 /// Noise between −1 and 1 from an integer, the same everywhere.
@@ -113,7 +113,7 @@ fn report(recording: &Recording) -> Report<'_> {
         events: vec![Event { at_s: UPDATE_S, label: "update".into() }],
         truth: Some(LAMBDA),
         methods: vec![
-            method("paperLiteral", "P(20) to the letter"),
+            method("paperLiteral", "P(20) literally"),
             method("paper", "Paper: P(20), signs aligned"),
             method("other", "Another method"),
             method("estimator", "Prediction errors"),
@@ -127,7 +127,7 @@ fn report(recording: &Recording) -> Report<'_> {
 /// An element with its attributes.
 type Element = (String, Vec<(String, String)>);
 
-/// The page with what its scripts hold cut out, and the contents of the scripts with their openings.
+/// The page without the contents of its scripts, and these contents with their opening tags.
 fn taken_apart(page: &str) -> (String, Vec<(&str, &str)>) {
     let (mut text, mut scripts, mut rest) = (String::new(), Vec::new(), page);
     while let Some(start) = rest.find("<script") {
@@ -140,7 +140,7 @@ fn taken_apart(page: &str) -> (String, Vec<(&str, &str)>) {
     (text + rest, scripts)
 }
 
-/// Reads the page as XML, where only the void elements of HTML stay open; gives every element.
+/// Parses the page as XML, where only the void elements of HTML stay open; returns every element.
 fn elements(html: &str) -> Vec<Element> {
     const VOID: [&str; 3] = ["meta", "br", "input"];
     let mut reader = Reader::from_str(html);
@@ -183,7 +183,7 @@ fn data(page: &str) -> Vec<Json> {
     data.map(|(_, text)| serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text:.80}"))).collect()
 }
 
-/// Well-formed, loads nothing, names no address, and its data are data.
+/// Well-formed, loads nothing, contains no address, and its data are valid.
 fn assert_sound(page: &str) {
     assert!(page.starts_with("<!DOCTYPE html>"));
     let (text, scripts) = taken_apart(page);
@@ -428,7 +428,7 @@ fn missing_columns_leave_out_their_figure_with_a_sentence() {
         assert!(figure(&page, id).contains("Not drawn: the recording has no usable"), "{id} without {gone}");
         assert!(data(figure(&page, id)).is_empty(), "{id} without {gone}");
     }
-    // And no single column is indispensable to the page.
+    // No single column is indispensable.
     for index in 0..full.columns.len() {
         let mut recording = full.clone();
         recording.columns.remove(index);

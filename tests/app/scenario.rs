@@ -1,4 +1,4 @@
-//! Scenario files: what is understood, and that every refusal names the key, the value, and what is wanted.
+//! Scenario files: what is understood, and that every refusal names the key, the value, and what is expected.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use fmu_export::variable::Value;
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::simulation::simulate;
 
-/// A scenario around some lines of the head and some tables.
+/// A scenario with the given top-level lines and tables.
 fn text(head: &str, tables: &str) -> String {
     let mut text = String::from("title = \"A test\"\n");
     for (key, line) in [("duration", "duration = \"10 ms\"\n"), ("step", "step = 1e-4\n")] {
@@ -27,7 +27,7 @@ fn accepted(tables: &str) -> Scenario {
     parse("", tables).unwrap_or_else(|error| panic!("{tables}: {error}"))
 }
 
-/// What is said of a scenario that cannot be read, or cannot begin.
+/// The message for a scenario that cannot be read, or cannot begin.
 #[track_caller]
 fn refusal(head: &str, tables: &str) -> String {
     match parse(head, tables) {
@@ -86,7 +86,7 @@ fn values_come_in_every_notation() {
     assert_eq!(value("controller", "update.mode"), Value::Integer(3));
     assert_eq!(value("controller", "reference.lobes"), Value::Integer(5));
     assert_eq!(value("estimator", "enable"), Value::Boolean(false));
-    // What is not set is as in the table.
+    // Other values are those of the table.
     assert_eq!(value("controller", "F0"), Value::Real(20.0));
     assert_eq!(scenario.value("plant", "nothing"), None);
 }
@@ -97,7 +97,7 @@ fn the_common_table_reaches_every_element_that_knows_the_name() {
     let value = |element, name| scenario.value(element, name).map(Value::as_f64);
     assert_eq!(value("plant", "m"), Some(5.0));
     assert_eq!(value("controller", "m"), Some(5.0));
-    assert_eq!(value("estimator", "m"), Some(6.0), "the table of the element has the last word");
+    assert_eq!(value("estimator", "m"), Some(6.0), "the element's own table takes precedence");
     assert_eq!(value("controller", "lambda0[2]"), Some(2e-6));
     assert_eq!(value("estimator", "lambda0[3]"), Some(3e-6));
 }
@@ -113,7 +113,10 @@ fn estimators_beside_the_loop_differ_in_their_method_alone() {
     }
     let to_paper = scenario.connections().into_iter().filter(|connection| connection.to[0] == "paper").count();
     assert_eq!(to_paper, 7, "positions, currents, angle and speed reach it");
-    assert!(scenario.connections().iter().all(|connection| connection.from[0] != "paper"), "nobody listens to it");
+    assert!(
+        scenario.connections().iter().all(|connection| connection.from[0] != "paper"),
+        "nothing is connected to its outputs"
+    );
 }
 
 /// Head, tables, and the words that the refusal must hold.
@@ -151,7 +154,7 @@ fn what_cannot_be_understood_is_refused_by_name() {
             "[estimator]\nmethod = \"best\"",
             &["method = \"best\"", "one of", "paperLiteral (1)", "predictionError (3)"],
         ),
-        // Methods that are gone, with what replaces them.
+        // Removed methods, with their replacement.
         (
             "",
             "[estimator]\nmethod = \"leastSquares\"",
@@ -244,7 +247,7 @@ fn all_findings_are_told_at_once() {
     let lines = said.lines().count();
     assert_eq!(lines, 1 + words.len(), "one line for the file, one for each finding: {said}");
 
-    // A key of the head that is not known, or of another type, hides nothing.
+    // An unknown top-level key, or one of another type, hides no other finding.
     let said = refusal("durration = 1\nduration = 0\ncompare = 3\nprofile = 1", "[plant]\nlamda = 1\n[plan]\nm = 1\n");
     let words = [
         "durration",
@@ -290,7 +293,7 @@ fn what_is_missing_is_named() {
 
 #[test]
 fn a_run_that_leaves_the_gap_keeps_what_it_has() {
-    // Nothing holds the rotor in the first sample, and this push takes it to the magnets later on.
+    // No force holds the rotor in the first sample, and this load moves it to the magnets later.
     let scenario = parse("duration = \"50 ms\"", "[plant]\npZ = -20000\n").expect("a sound scenario");
     let run = simulate::run(&scenario).expect("sound parameters");
     let error = run.error.expect("the rotor leaves the gap");

@@ -1,4 +1,4 @@
-//! The scenarios that come with the program, each with what it is there to show.
+//! The built-in scenarios, each with what it demonstrates.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ fn column<'r>(run: &'r Run, name: &str) -> &'r [f64] {
     run.recording.get(name).unwrap_or_else(|| panic!("no column {name}"))
 }
 
-/// Largest radial tracking error in a stretch of time, in m.
+/// Largest radial tracking error over an interval, in m.
 fn error_m(run: &Run, from_s: f64, to_s: f64) -> f64 {
     let error = |k: usize| {
         let miss = |axis: &str| {
@@ -64,7 +64,7 @@ fn every_scenario_runs_to_its_end_and_has_its_page() {
     }
 }
 
-/// Ten rotors with the same sensors: no seed is chosen.
+/// Ten seeds of the sensor noise, none of them selected.
 #[test]
 fn the_experiment_finds_the_constants_through_amplifiers_and_noise() {
     let (mut scenario, _) = of("experiment");
@@ -89,15 +89,15 @@ fn the_experiment_finds_the_constants_through_amplifiers_and_noise() {
     }
 }
 
-/// Amplifiers that are too weak are felt while they are at their limit and not after.
+/// Weak amplifiers have an effect while they are at their limit and not after.
 ///
-/// Fails if `limited` is not told. A controller that reckons with the voltage it wanted does little worse: each sample of the
-/// currents says anew where the coils stand, so that nothing winds up.
+/// Fails if `limited` is not set. A controller that uses the voltage it commanded is little worse: each sample of the
+/// currents gives the state of the coils again, so that nothing winds up.
 #[test]
 fn amplifiers_at_their_limit_leave_nothing_behind() {
     let (mut scenario, free) = of("experiment");
     scenario.elements.truncate(3);
-    // A load that comes within a sample asks for more than the amplifiers have.
+    // A load step needs more than the amplifiers can give.
     let text = "title = \"x\"\nduration = \"1 s\"\nstep = \"100 µs\"\n[[profile]]\nof = [\"plant.pZ\"]\n\
                 time = [\"0.25 s\", \"0.2501 s\", \"0.26 s\", \"0.2601 s\"]\nvalue = [\"-20 N\", \"-120 N\", \"-120 N\", \"-20 N\"]\n";
     scenario.profiles = Scenario::parse("x", text).expect("sound").profiles;
@@ -107,7 +107,7 @@ fn amplifiers_at_their_limit_leave_nothing_behind() {
     let run = run(&scenario).expect("a run");
     assert_eq!(run.error, None);
     assert_eq!(largest(&run, "controller.limited", 0.25, 0.27), 1.0, "the limit is reached");
-    assert!(error_m(&run, 0.25, 0.27) > 5.0 * error_m(&free, 0.25, 0.27), "and is felt");
+    assert!(error_m(&run, 0.25, 0.27) > 5.0 * error_m(&free, 0.25, 0.27), "and has an effect");
     below("error 40 ms later, m", error_m(&run, 0.31, 0.4), 1.2e-6);
 }
 
@@ -140,7 +140,7 @@ fn no_amplifier_chatters() {
     for (name, _) in BUILT_IN {
         let (scenario, run) = of(name);
         for (k, turns) in chatter(&scenario, &run).into_iter().enumerate() {
-            // One comes about where the estimate is taken over or a lift ends.
+            // One occurs at the update or when a lift ends.
             assert!(turns <= 1, "{name}: u[{}] goes from limit to limit {turns} times in 10 ms", k + 1);
         }
     }
@@ -154,7 +154,7 @@ fn no_amplifier_chatters() {
     }
 }
 
-/// Both drives. The load is there before the first current, and is taken up within 20 ms.
+/// Both drives. The load acts before the first current, and is compensated within 20 ms.
 #[test]
 fn at_standstill_the_modulation_moves_the_currents_and_not_the_rotor() {
     let (scenario, _) = of("standstill");
@@ -166,7 +166,7 @@ fn at_standstill_the_modulation_moves_the_currents_and_not_the_rotor() {
         let run = run(&scenario).expect("a run");
         assert_eq!(run.error, None);
         let radius = |from, to| error_m(&run, from, to);
-        below(&format!("drive {drive}: radius while the load is taken up, m"), radius(0.0, 0.02), 10e-6);
+        below(&format!("drive {drive}: radius while the load is compensated, m"), radius(0.0, 0.02), 10e-6);
         below(&format!("drive {drive}: radius, m"), radius(0.02, 0.6), 1e-6);
         for k in 1..=3 {
             let current = &column(&run, &format!("plant.im[{k}]"))[400..];
@@ -177,7 +177,7 @@ fn at_standstill_the_modulation_moves_the_currents_and_not_the_rotor() {
     }
 }
 
-/// What the industry asks for, and what was aimed at.
+/// The accuracy that industry requires, and more.
 #[test]
 fn circle_and_hole_are_cut_within_half_a_micrometre() {
     // The circle has no update, and steady state after 50 ms; the estimate of the hole becomes valid at about 0.39 s.
@@ -187,7 +187,7 @@ fn circle_and_hole_are_cut_within_half_a_micrometre() {
     }
 }
 
-/// The curvature of the gaps and the start of the motion tell the unbalance from the magnets: valid where the standard deviation is small, and
+/// The curvature of the gaps and the start of the motion distinguish the unbalance from the magnets: valid where the standard deviation is small, and
 /// then right. Fails with a method that knows of no unbalance: it is sure of constants 23 % too small.
 #[test]
 fn on_a_circle_beside_an_unbalance_a_valid_estimate_is_right() {
@@ -205,12 +205,12 @@ fn on_a_circle_beside_an_unbalance_a_valid_estimate_is_right() {
 }
 
 #[test]
-fn lift_off_takes_the_rotor_from_the_ring_to_its_path() {
+fn lift_off_takes_the_rotor_from_the_ring_to_its_reference() {
     let (_, run) = of("lift-off");
     assert_eq!(column(&run, "plant.touchdown.contact")[0], 1.0, "it begins on the ring");
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.01, 1.0), 0.0, "the ring is left within 10 ms, for good");
     below("deviation from the reference while lifted, m", error_m(&run, 0.01, 0.06), 5e-6);
-    below("error on the path after the update, m", error_m(&run, 0.25, 0.4), 0.5e-6);
+    below("tracking error after the update, m", error_m(&run, 0.25, 0.4), 0.5e-6);
 }
 
 #[test]
@@ -223,7 +223,7 @@ fn a_lost_coil_lets_the_rotor_fall_onto_the_ring_and_a_found_one_lifts_it() {
         column(&run, "plant.Y").iter().zip(column(&run, "plant.Z")).map(|(y, z)| y.hypot(*z)).fold(0.0, f64::max);
     below("largest distance from the centre, m", radius, 3.5e-4);
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.32, 0.5), 0.0, "it is lifted again");
-    below("error on the path at the end, m", error_m(&run, 0.45, 0.5), 0.5e-6);
+    below("tracking error at the end, m", error_m(&run, 0.45, 0.5), 0.5e-6);
 }
 
 #[test]

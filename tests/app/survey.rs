@@ -1,5 +1,5 @@
-//! Wide survey of the promise "never a confident wrong number", and of how close the estimates come to the Cramér–Rao bound: every
-//! scenario that comes with the program with every method, and drawn bearings, at every sample, with seeds that nothing was tuned on.
+//! A wide survey of "never a confident wrong number", and of how close the estimates come to the Cramér–Rao bound: every
+//! built-in scenario with every method, and random bearings, at every sample, with seeds that were not used for tuning.
 //!
 //! `SURVEY=1000 cargo test --release --test app survey:: -- --nocapture` draws as many bearings instead of the 100 that the tests take
 //! along; `SURVEY_SEED` begins elsewhere.
@@ -23,7 +23,7 @@ fn methods() -> Vec<(&'static str, i32)> {
     METHOD.items.iter().zip(1..).map(|((name, _), number)| (*name, number)).collect()
 }
 
-/// The thresholds of the estimator were chosen with the seeds 1 to 200 before one's eyes.
+/// The thresholds of the estimator were chosen with the seeds 1 to 200.
 const FRESH: u64 = 1001;
 
 fn asked(name: &str, otherwise: u64) -> u64 {
@@ -85,7 +85,7 @@ fn with_all_methods(scenario: &mut Scenario) {
         scenario.elements.push(element);
         scenario.set(name, "method", Value::Integer(number));
     }
-    // What happens to the estimator of the loop happens to all.
+    // Profiles of the loop's estimator apply to all.
     for profile in &mut scenario.profiles {
         for n in 0..profile.targets.len() {
             let (element, variable) = profile.targets[n];
@@ -170,7 +170,7 @@ fn judge(found: &BTreeMap<(String, &'static str), Vec<(u64, Said)>>) -> Vec<Stri
     misses
 }
 
-/// Every scenario that comes with the program.
+/// Every built-in scenario.
 #[test]
 fn every_scenario_with_every_method() {
     let seeds = asked("SURVEY", 9).div_ceil(9).max(1);
@@ -276,7 +276,7 @@ fn drawn_bearings(told: bool, limits: &Limits, set: impl Fn(&mut Scenario) + Sen
     for (figures, limit) in outcome.figures.iter().zip(limits.over_bound).skip(limits.from) {
         let at = figures.instant_s;
         let (bound, stated) = (pooled(figures.over_bound), pooled(figures.over_total));
-        // What is not a number is not below the limit.
+        // NaN is not below the limit.
         if bound.is_nan() || bound > limit {
             misses.push(format!("{at} s: error/bound {bound:.2}, limit {limit}"));
         }

@@ -9,7 +9,7 @@ fn design(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/designs").join(name)
 }
 
-/// A file of this test's own.
+/// A file for this test.
 fn fresh(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_file(&path);
@@ -23,7 +23,7 @@ fn cell<'r>(rows: &'r [csv::StringRecord], header: &csv::StringRecord, row: usiz
 
 #[test]
 fn a_failing_case_is_a_row_with_its_message() {
-    let design = Sweep::open(&design("cases.csv"), None).expect("the design is in order");
+    let design = Sweep::open(&design("cases.csv"), None).expect("a valid design");
     let out = fresh("failing.csv");
     design.run(&out, 2).expect("the sweep runs");
     let mut reader = csv::Reader::from_path(&out).expect("rows");
@@ -46,23 +46,23 @@ fn a_failing_case_is_a_row_with_its_message() {
 
 #[test]
 fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
-    let design = Sweep::open(&design("cases.csv"), None).expect("the design is in order");
+    let design = Sweep::open(&design("cases.csv"), None).expect("a valid design");
     let whole = fresh("whole.csv");
     design.run(&whole, 1).expect("the sweep runs");
     let text = fs::read_to_string(&whole).expect("rows");
     let lines: Vec<&str> = text.lines().collect();
 
-    // Rows 5 and 2 were done, in that order, and row 6 was torn.
+    // Rows 5 and 2 were done, in that order, and row 6 is incomplete.
     let torn = fresh("torn.csv");
     let left = format!("{}\n{}\n{}\n{}", lines[0], lines[5], lines[2], &lines[6][..20]);
     fs::write(&torn, left).expect("a file can be written");
-    let before = design.run(&torn, 2).expect("the sweep goes on");
+    let before = design.run(&torn, 2).expect("the sweep resumes");
     assert_eq!(before, Outcome { before: 2, failed: 3 });
     assert_eq!(fs::read_to_string(&torn).expect("rows"), text, "the same rows in the same order");
     assert_eq!(design.run(&torn, 2).expect("there is nothing left to do").before, 6);
     assert_eq!(fs::read_to_string(&torn).expect("rows"), text);
 
-    // What was torn within the header is begun anew.
+    // With an incomplete header the sweep starts again.
     fs::write(&torn, "case,se").expect("a file can be written");
     assert_eq!(design.run(&torn, 2).expect("the sweep begins").before, 0);
     assert_eq!(fs::read_to_string(&torn).expect("rows"), text);
@@ -70,18 +70,18 @@ fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
 
 #[test]
 fn rows_of_another_design_or_scenario_are_not_mixed_in() {
-    let one = Sweep::open(&design("cases.csv"), None).expect("the design is in order");
+    let one = Sweep::open(&design("cases.csv"), None).expect("a valid design");
     let out = fresh("foreign.csv");
     one.run(&out, 2).expect("the sweep runs");
     let before = fs::read_to_string(&out).expect("rows");
-    let other = Sweep::open(&design("cases.csv"), Some(Path::new("paper"))).expect("the design is in order");
+    let other = Sweep::open(&design("cases.csv"), Some(Path::new("paper"))).expect("a valid design");
     let error = other.run(&out, 2).expect_err("another scenario").to_string();
     assert!(error.contains("another design or scenario"), "{error}");
-    let other = Sweep::open(&design("hypercube.toml"), None).expect("the design is in order");
+    let other = Sweep::open(&design("hypercube.toml"), None).expect("a valid design");
     let error = other.run(&out, 2).expect_err("another design").to_string();
     assert!(error.contains("other columns"), "{error}");
     assert_eq!(fs::read_to_string(&out).expect("rows"), before);
-    // Neither is what is no table at all, nor its last line, which is no torn row.
+    // Nor is any other file, whose last line is not an incomplete row.
     for foreign in ["not mine", "title = 1\nstep"] {
         fs::write(&out, foreign).expect("a file can be written");
         let error = one.run(&out, 2).expect_err("a file of another kind").to_string();
@@ -92,7 +92,7 @@ fn rows_of_another_design_or_scenario_are_not_mixed_in() {
 
 #[test]
 fn a_latin_hypercube_has_one_case_in_every_part_of_every_range() {
-    let design = Sweep::open(&design("hypercube.toml"), None).expect("the design is in order");
+    let design = Sweep::open(&design("hypercube.toml"), None).expect("a valid design");
     let mut text = Vec::new();
     design.write(&mut text).expect("a list can be written to");
     let mut reader = csv::Reader::from_reader(text.as_slice());

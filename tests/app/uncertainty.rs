@@ -1,4 +1,4 @@
-//! What the estimator says about its own error: over many seeds, in every scenario of a matrix, and when λ changes.
+//! The estimator's statement of its own error: over many seeds, in every scenario of a matrix, and when λ changes.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate;
 use magnetic_bearing::studies::montecarlo::{self, NOISE};
 
-/// While an estimate is valid its error is to stay below so many of its standard deviations.
+/// While an estimate is valid its error must stay below this many of its standard deviations.
 const CONFIDENT: f64 = 5.0;
 
 fn open(name: &str) -> Scenario {
@@ -26,10 +26,10 @@ fn confidence(said: &[Said], truth: &[f64; 3]) -> (f64, usize) {
     (valid.iter().map(ratio).fold(0.0, f64::max), valid.len())
 }
 
-/// What is set in the scenario, by element and variable.
+/// Settings of the scenario, by element and variable.
 type Settings = &'static [(&'static str, &'static str, f64)];
 
-/// Scenarios: name, base, settings, whether an estimate is to be had in the end.
+/// Scenarios: name, base, settings, whether the final estimate must be valid.
 const MATRIX: [(&str, &str, Settings, Option<bool>); 10] = [
     ("as it is", "unbalanced", &[], Some(true)),
     ("heavy unbalance", "unbalanced", &[("plant", "unbalance.magnitude", 5e-4)], Some(true)),
@@ -173,10 +173,10 @@ fn speed_may_change() {
     assert!(worst < 5e-4, "{:.4} %, limit 0.05 %", 100.0 * worst);
 }
 
-/// What spoils the samples for a while: the estimate becomes invalid for a stated reason, stays, and comes back by itself.
+/// Disturbed samples: the estimate becomes invalid for a stated reason, is held, and becomes valid again by itself.
 #[test]
-fn faults_are_named_and_left_behind() {
-    /// What spoilt the samples before it was named is forgotten after ten revolutions.
+fn disturbances_are_named_and_forgotten() {
+    /// Samples disturbed before the verdict changed are forgotten after ten revolutions.
     const BACK_S: f64 = 0.25;
     type Spoil = fn(&mut Bench);
     let faults: [(&str, &str, Spoil); 6] = [
@@ -223,7 +223,7 @@ fn faults_are_named_and_left_behind() {
     }
 }
 
-/// At 1 µm the controller feeds the noise of the positions back. A part is taken off, and the standard deviation covers the rest.
+/// At 1 µm the closed loop transmits the position noise to the currents. Part of the effect is corrected, and the standard deviation covers the rest.
 #[test]
 fn noise_that_is_fed_back_is_covered() {
     const RUNS: usize = 200;

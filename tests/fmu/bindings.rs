@@ -1,7 +1,7 @@
-//! The bindings are current, and they say what the standard says.
+//! The bindings are current, and agree with the standard.
 //!
 //! What is expected here is written by hand after the standard (FMI 2.0, chapters 2.1 and 4.2), not made from the header.
-//! `scripts/bindings --check` makes the bindings anew and compares; that needs libclang, these tests do not.
+//! `scripts/bindings --check` regenerates the bindings and compares; that needs libclang, these tests do not.
 
 use core::ffi::{c_char, c_int, c_uint, c_void};
 use core::mem::{align_of, offset_of, size_of};

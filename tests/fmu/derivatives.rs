@@ -113,7 +113,7 @@ fn derivatives_by_parameters_are_those_that_setting_them_shows() {
     }
 }
 
-/// The model structure and the derivatives must tell the same: what does not depend has the derivative 0, in every state.
+/// The model structure and the derivatives must agree: without a dependency the derivative is 0, in every state.
 /// Fails if `F[1]` is declared to depend on nothing.
 #[test]
 fn dependencies_are_honest() {
@@ -185,7 +185,7 @@ fn directional_derivatives_are_linear_and_refuse_what_is_not_known() {
     assert!(refused("touchdown.contact", "i[1]").contains("of type Real"));
     let found = fmu.directional_derivative(&[fmu.reference("F[1]")], &[fmu.reference("i[1]")], &[f64::NAN]);
     assert!(found.expect_err("an error").error(&fmu).contains("NaN is refused"));
-    // Sampled outputs stand still.
+    // Sampled outputs are constant.
     assert_eq!(fmu.directional_derivative(&references(&fmu, &["Ym", "im[1]"]), &knowns, &[1.0; 3]), Ok(vec![0.0; 2]));
     for model in ["FlatnessController", "AlgebraicEstimator"] {
         let fmu = Fmu::started(model, &[]);
@@ -224,13 +224,13 @@ fn the_plant_follows_polynomials_within_a_step() {
             let (got, wanted) = (whole.get(name), pieces.get(name));
             assert!((got - wanted).abs() <= tolerance, "{name}: {got:e} against {wanted:e}");
         }
-        // The input has gone where the polynomial led; a sample of a current is that of the instant.
+        // The input has the final value of the polynomial; a current sample is the value at the instant.
         assert!((whole.get(driven) - polynomial(length)).abs() <= 1e-12);
         assert!((whole.get("omega") - speed(length)).abs() <= 1e-9);
         if drive == 1.0 {
             assert!((whole.get("im[2]") - polynomial(length)).abs() <= 1e-12);
         }
-        // The derivatives held for that step alone.
+        // The derivatives were valid for that step only.
         whole.step(length, 1e-4).ok(&whole);
         assert!((whole.get(driven) - polynomial(length)).abs() <= 1e-12);
     }
@@ -261,7 +261,7 @@ fn derivatives_of_zero_change_no_bit() {
 
 /// A sample in the middle of a step sees the input extrapolated to its instant: a controller stepped at 2.5 times its
 /// sample time with derivatives gives what it gives when it is stepped from sample to sample with values.
-/// Fails if the sampled instances take the value at the begin of the step.
+/// Fails if the sampled models take the value at the begin of the step.
 #[test]
 fn samples_within_a_step_see_the_extrapolated_input() {
     let model = "FlatnessController";
@@ -338,7 +338,7 @@ fn output_derivatives_are_those_of_the_motion() {
         }
         assert_eq!(first[0], fmu.get("vY"));
         assert!((second[1] - fmu.get("aZ")).abs() <= 1e-12, "{} {}", second[1], fmu.get("aZ"));
-        // An input that is set anew is held from then on.
+        // An input that is set is held from then on.
         fmu.set("i[1]", 1.5).ok(&fmu);
         fmu.set("u[1]", 3.0).ok(&fmu);
         if drive == 1.0 {

@@ -1,4 +1,4 @@
-//! The model descriptions are current, sound, and keep the promises of the interface.
+//! The model descriptions are current, valid, and agree with the interface.
 //!
 //! The contract below is written by hand: scripts and saved set-ups of users rely on these names, units and starts.
 
@@ -39,14 +39,14 @@ enum Start {
 use Start::{AnyInteger, AnyReal, Boolean, Integer, Item, NoneBoolean, NoneItem, Real, Reals};
 
 /// Names, with `[]` for three elements; causality; variability; unit; start.
-type Promise = (&'static str, &'static str, &'static str, &'static str, Start);
+type Contract = (&'static str, &'static str, &'static str, &'static str, Start);
 
 const OMEGA: f64 = 314.1592653589793;
 const ANGLES: Start = Reals([PI, -FRAC_PI_3, FRAC_PI_3]);
 const NO: Start = Start::None;
 const DRIVE: Start = Item(&["current", "voltage"], 1);
 
-const PLANT: &[Promise] = &[
+const PLANT: &[Contract] = &[
     ("m", "parameter", "fixed", "kg", Real(6.7)),
     ("s", "parameter", "fixed", "m", Real(5e-4)),
     ("alpha[]", "parameter", "fixed", "rad", ANGLES),
@@ -88,7 +88,7 @@ const PLANT: &[Promise] = &[
     ("touchdown.contact", "output", "discrete", "", NoneBoolean),
 ];
 
-const CONTROLLER: &[Promise] = &[
+const CONTROLLER: &[Contract] = &[
     ("m", "parameter", "fixed", "kg", Real(6.7)),
     ("s", "parameter", "fixed", "m", Real(5e-4)),
     ("alpha[]", "parameter", "fixed", "rad", ANGLES),
@@ -130,7 +130,7 @@ const CONTROLLER: &[Promise] = &[
     ("FZdes", "output", "discrete", "N", NO),
 ];
 
-const ESTIMATOR: &[Promise] = &[
+const ESTIMATOR: &[Contract] = &[
     ("m", "parameter", "fixed", "kg", Real(6.7)),
     ("s", "parameter", "fixed", "m", Real(5e-4)),
     ("alpha[]", "parameter", "fixed", "rad", ANGLES),
@@ -177,7 +177,7 @@ const ESTIMATOR: &[Promise] = &[
     ("unbalance.phase", "output", "discrete", "rad", NO),
 ];
 
-const CONTRACT: [(&str, &[Promise]); 3] =
+const CONTRACT: [(&str, &[Contract]); 3] =
     [("MagneticBearing", PLANT), ("FlatnessController", CONTROLLER), ("AlgebraicEstimator", ESTIMATOR)];
 
 fn model_type(name: &str) -> Arc<ModelType> {
@@ -209,23 +209,20 @@ fn number(node: Node<'_, '_>, attribute: &str) -> Option<f64> {
     node.attribute(attribute).map(|text| text.parse().unwrap_or_else(|_| panic!("{attribute} = {text} is a number")))
 }
 
-/// Fails if anything is written otherwise than it stands there.
+/// Fails if a checked-in file differs.
 #[test]
 fn the_files_under_review_are_current() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("modelDescription");
     for entry in fmu::catalogue().iter() {
         let name = format!("{}.xml", entry.info.name);
         let file = fs::read_to_string(folder.join(&name)).unwrap_or_default();
-        assert!(file == entry.xml(), "modelDescription/{name} is stale: `cargo run -- describe` writes it anew");
+        assert!(file == entry.xml(), "modelDescription/{name} is stale: run `cargo run -- describe`");
     }
     let file = fs::read_to_string(folder.join("VARIABLES.md")).unwrap_or_default();
-    assert!(
-        file == package::variables(),
-        "modelDescription/VARIABLES.md is stale: `cargo run -- describe` writes it anew"
-    );
+    assert!(file == package::variables(), "modelDescription/VARIABLES.md is stale: run `cargo run -- describe`");
 }
 
-/// Fails if a start value is another by 1e-3.
+/// Fails if a start value differs by 1e-3.
 #[test]
 fn the_interface_keeps_its_promises() {
     let mut broken = Vec::new();
@@ -255,13 +252,13 @@ fn the_interface_keeps_its_promises() {
     assert!(broken.is_empty(), "\n{}", broken.join("\n"));
 }
 
-fn differences(root: Node<'_, '_>, variable: Node<'_, '_>, promise: &Promise, k: usize) -> Vec<String> {
+fn differences(root: Node<'_, '_>, variable: Node<'_, '_>, promise: &Contract, k: usize) -> Vec<String> {
     let (_, causality, variability, unit, start) = *promise;
     let kind = variable.first_element_child().expect("a variable has a type");
     let mut found = Vec::new();
     let mut compare = |what: &str, is: Option<&str>, wanted: Option<&str>| {
         if is != wanted {
-            found.push(format!("{what} is {is:?}, promised is {wanted:?}"));
+            found.push(format!("{what} is {is:?}, expected {wanted:?}"));
         }
     };
     compare("causality", variable.attribute("causality"), Some(causality));
@@ -279,7 +276,7 @@ fn differences(root: Node<'_, '_>, variable: Node<'_, '_>, promise: &Promise, k:
             let wanted = if let Start::Reals(values) = start { values[k] } else { real(start) };
             let is = number(kind, "start");
             if is.map(f64::to_bits) != Some(wanted.to_bits()) {
-                found.push(format!("start is {is:?}, promised is {wanted}"));
+                found.push(format!("start is {is:?}, expected {wanted}"));
             }
         }
         Start::Integer(value) => compare("start", kind.attribute("start"), Some(&value.to_string())),
@@ -289,9 +286,9 @@ fn differences(root: Node<'_, '_>, variable: Node<'_, '_>, promise: &Promise, k:
             let name = kind.attribute("declaredType");
             let declared: Vec<(&str, &str)> = children_of_type(root, name.unwrap_or_default());
             let wanted: Vec<_> = items.iter().copied().zip(["1", "2", "3", "4"]).collect();
-            // More may be added, after those that are promised.
+            // Further items may follow.
             if !declared.starts_with(&wanted) {
-                found.push(format!("items are {declared:?}, promised are {wanted:?}"));
+                found.push(format!("items are {declared:?}, expected {wanted:?}"));
             }
         }
         Start::None | Start::NoneBoolean | Start::NoneItem => compare("start", kind.attribute("start"), None),
@@ -509,7 +506,7 @@ fn attributes_say_what_is_offered() {
             .filter(|node| node.has_tag_name("Category"))
             .filter_map(|node| node.attribute("name"))
             .collect();
-        // Those of the standard, table in section 2.2.4, that a slave can have something to say on.
+        // Those of the standard, table in section 2.2.4, that apply to these models.
         for category in ["logEvents", "logStatusWarning", "logStatusError", "logStatusFatal", "logAll"] {
             assert!(categories.contains(&category), "{model}: {category} is not among {categories:?}");
         }

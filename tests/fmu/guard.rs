@@ -1,4 +1,4 @@
-//! The C interface as an importer meets it, misused as carefully as used.
+//! The C interface from an importer's side, misused as carefully as used.
 
 use std::ffi::CStr;
 use std::ptr::{null, null_mut};
@@ -111,7 +111,7 @@ fn instances_are_made_only_of_sound_requests() {
     says(&refused(Request { guid: None, ..sound() }), &["fmuGUID is null"]);
     let said = refused(Request { guid: Some(text("{0}")), ..sound() });
     says(&said, &["fmuGUID = {0}", &guid(PLANT), "MagneticBearing", "AlgebraicEstimator"]);
-    // No text at all, and one that would be a format.
+    // Not UTF-8, and a format string.
     let bytes = std::ffi::CString::new([0xff, 0xfe]).expect("no zero byte");
     says(&refused(Request { guid: Some(bytes), ..sound() }), &["fmuGUID = \u{fffd}\u{fffd}", &guid(PLANT)]);
     says(&refused(Request { guid: Some(text("%s%n%s")), ..sound() }), &["fmuGUID = %s%n%s"]);
@@ -121,13 +121,13 @@ fn instances_are_made_only_of_sound_requests() {
     says(&refused(Request { guid: Some(text(&without)), ..sound() }), &["fmuGUID = "]);
     let shouted = guid(PLANT).to_uppercase();
     says(&refused(Request { guid: Some(text(&shouted)), ..sound() }), &["fmuGUID = "]);
-    // Nobody can be told without callbacks, and it must not matter.
+    // Without callbacks there is no way to report it, which must be harmless.
     assert!(Request { callbacks: false, ..sound() }.instantiate(PLANT).is_err_and(|messages| messages.is_empty()));
     let silent = Request { logger: false, guid: None, ..sound() };
     assert!(silent.instantiate(PLANT).is_err_and(|messages| messages.is_empty()));
 }
 
-/// What importers really hand over: names with paths, no resources, no logger.
+/// What importers really pass: names with paths, no resources, no logger.
 /// Fails if a name may hold no slash, and if the location of the resources has to be of one form.
 #[test]
 fn instances_are_made_of_whatever_importers_say() {
@@ -191,7 +191,7 @@ fn values_have_the_type_of_their_variable() {
             assert_eq!(fmu.get_reals(&reference).is_ok(), real, "{model}.{}", variable.name);
             assert_eq!(fmu.get_integers(&reference).is_ok(), integer, "{model}.{}", variable.name);
             assert_eq!(fmu.get_booleans(&reference).is_ok(), boolean, "{model}.{}", variable.name);
-            assert_eq!(fmu.take_messages().len(), 2, "{model}.{}: each refusal is told", variable.name);
+            assert_eq!(fmu.take_messages().len(), 2, "{model}.{}: each refusal is reported", variable.name);
             if variable.causality == Causality::Input {
                 if !real {
                     says(&fmu.set_reals(&reference, &[1.0]).error(&fmu), &[&variable.name, "Real"]);
@@ -339,7 +339,7 @@ fn steps_of_any_length_are_taken() {
 /// Calls of `fmi2SetDebugLogging`: on or off, and the categories.
 type Switches = &'static [(bool, &'static [&'static str])];
 
-/// What an importer hears of a controller that takes over new force constants at its first sample.
+/// Messages of a controller that uses new force constants from its first sample on.
 fn heard(logging: bool, switches: Switches) -> Vec<Message> {
     let fmu = Request { logging, ..Request::of(CONTROLLER) }.instantiate(CONTROLLER).expect("an instance");
     for (on, categories) in switches {
@@ -381,7 +381,7 @@ fn messages_come_in_the_categories_that_are_wanted() {
     }
 }
 
-/// The categories of what an importer hears of an estimator without currents, and of a wrong call.
+/// Categories of the messages of an estimator without currents, and of a wrong call.
 fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> {
     const ESTIMATOR: &str = "AlgebraicEstimator";
     let fmu = Request { logging, ..Request::of(ESTIMATOR) }.instantiate(ESTIMATOR).expect("an instance");
@@ -404,7 +404,7 @@ fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> 
     assert_eq!(fmu.step(0.0, -1.0), fmi2Status::fmi2Error);
     let messages = fmu.take_messages();
     for message in messages.iter().filter(|message| message.category == "logSingularLinearSystems") {
-        says(&message.text, &["does not determine all unknowns"]);
+        says(&message.text, &["does not tell the unknowns apart"]);
     }
     let mut categories: Vec<_> = messages.into_iter().map(|message| message.category).collect();
     categories.sort();
@@ -432,7 +432,7 @@ fn every_category_is_switched_alone() {
     assert_eq!(declared.len(), 6);
     for category in declared.iter().map(String::as_str) {
         let all = category == "logAll";
-        // Errors are told unless they are switched off by name.
+        // Errors are reported unless they are switched off by name.
         let on = categories_heard(false, &[(false, &["logStatusError"]), (true, &[category])]);
         let wanted: Vec<_> = said.into_iter().filter(|said| all || *said == category).collect();
         assert_eq!(on, wanted, "{category} alone");
@@ -451,7 +451,7 @@ fn every_category_is_switched_alone() {
 fn a_list_with_an_unknown_category_switches_nothing() {
     let fmu = Request::of(PLANT).instantiate(PLANT).expect("an instance");
     fmu.set_logging(false, &[]).ok(&fmu);
-    // Errors are told even while logging is off: else nobody could tell why a simulation has ended.
+    // Errors are reported even while logging is off: otherwise nobody could tell why a simulation ended.
     says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
     let unknown = ["logNonsense", "logevents", "logEvents ", ""];
     for name in unknown {
@@ -461,14 +461,14 @@ fn a_list_with_an_unknown_category_switches_nothing() {
     says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
 }
 
-/// What a logger that calls back into its instance has in hand.
+/// Data of a logger that calls back into its instance.
 struct Caller {
     component: std::cell::Cell<fmi2Component>,
     answers: std::cell::RefCell<Vec<fmi2Status>>,
     frees: bool,
 }
 
-/// A logger that uses the instance that speaks: it reads, steps, resets, also in another thread, and asks for its end.
+/// A logger that uses its instance: it reads, steps, resets, also in another thread, and frees it.
 unsafe extern "C" fn call_back(
     environment: fmi2ComponentEnvironment,
     _: fmi2String,
@@ -565,7 +565,7 @@ fn questions_about_the_step_are_answered() {
         ];
         assert_eq!(answered, wanted, "status kind {}", kind.0);
         let refusals = wanted.iter().filter(|wanted| !**wanted).count();
-        assert_eq!(fmu.take_messages().len(), refusals, "status kind {}: each refusal is told", kind.0);
+        assert_eq!(fmu.take_messages().len(), refusals, "status kind {}: each refusal is reported", kind.0);
         if wanted[0] {
             assert_eq!(status, fmi2Status::fmi2OK);
         }
@@ -582,7 +582,7 @@ fn questions_about_the_step_are_answered() {
     }
 }
 
-/// Fails if only the first finding is told, and if the run can begin all the same.
+/// Fails if only the first finding is reported, and if the run can begin nevertheless.
 #[test]
 fn refused_parameters_end_the_initialization_with_all_their_names() {
     let bad: [(&str, &[(&str, f64)]); 3] = [
@@ -608,7 +608,7 @@ fn refused_parameters_end_the_initialization_with_all_their_names() {
     }
 }
 
-/// Drives the rotor into a magnet; gives the time of the step that failed, and what was said.
+/// Drives the rotor into a magnet; returns the time of the failed step, and the message.
 fn crash(fmu: &Fmu) -> (f64, String) {
     fmu.set("pZ", -1e5).ok(fmu);
     for step in 0..100 {
@@ -621,9 +621,9 @@ fn crash(fmu: &Fmu) -> (f64, String) {
     panic!("the rotor stays in the gap");
 }
 
-/// Fails if the run goes on after the fault, and if a reset keeps anything of the instance.
+/// Fails if the run continues after the error, and if a reset leaves any state.
 #[test]
-fn a_fault_in_a_step_ends_the_run_and_a_reset_begins_another() {
+fn an_error_in_a_step_ends_the_run_and_a_reset_begins_another() {
     let fmu = Fmu::started(PLANT, &[]);
     let (time_s, said) = crash(&fmu);
     says(&said, &["fmi2DoStep", "leaves the gap", "magnet 1"]);
@@ -690,7 +690,7 @@ fn parameters_that_are_no_numbers_are_refused_by_name() {
     }
 }
 
-/// A missing sensor is news for the estimator, not an error; plant and controller cannot go on without theirs.
+/// A missing sensor is no error for the estimator; plant and controller cannot continue without their inputs.
 /// Fails if plant and controller compute with what is not finite.
 #[test]
 fn inputs_that_are_no_numbers_end_the_step_or_the_validity() {

@@ -1,4 +1,4 @@
-//! The instances behind their tables: access, reset, what may change when, outputs, and the sample instants.
+//! Instances and their tables: access, reset, variability, outputs, and the sample instants.
 
 use crate::support::named::Named;
 use crate::support::{Random, below, says};
@@ -10,7 +10,7 @@ use magnetic_bearing::fmu::catalogue;
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 const TS: f64 = 1e-4;
 
-/// Inputs for a step that keep every model going, different at every step.
+/// Inputs for a step, different at every step.
 fn excite(instance: &mut Named, random: &mut Random) {
     for index in 0..instance.variables.len() {
         let variable = instance.variables[index];
@@ -23,7 +23,7 @@ fn excite(instance: &mut Named, random: &mut Random) {
             "theta" => Value::Real(random.between(0.0, 6.0)),
             "reset" => Value::Boolean(false),
             name if name.starts_with("lambdaHat") => Value::Real(random.between(1e-6, 3e-6)),
-            // Weak, so that the rotor goes its own way for a while and does not leave the gap.
+            // Weak, so that the rotor stays in the gap for a while.
             name if name.starts_with('i') => Value::Real(random.between(0.05, 0.1)),
             _ if matches!(variable.data_type, Type::Boolean { .. }) => Value::Boolean(true),
             _ => Value::Real(random.between(-1.0, 1.0)),
@@ -32,7 +32,7 @@ fn excite(instance: &mut Named, random: &mut Random) {
     }
 }
 
-/// Enough steps for the window of the estimator, and few enough for a rotor that nobody holds.
+/// Enough steps for the window of the estimator, and few enough for a rotor without control.
 fn steps(model: &str) -> std::ops::Range<u32> {
     if model == "MagneticBearing" { 0..150 } else { 0..250 }
 }
@@ -49,7 +49,7 @@ fn run(instance: &mut Named, steps: std::ops::Range<u32>, random: &mut Random) {
 fn every_row_keeps_what_it_is_given_and_disturbs_no_other() {
     for model in MODELS {
         let mut instance = Named::new(model);
-        // Every row a value of its own: two rows with one place would show.
+        // Every row gets its own value, so that two rows with one place are found.
         let given: Vec<Option<Value>> = (instance.variables.iter().enumerate())
             .map(|(index, variable)| {
                 variable.is_settable().then_some(match variable.data_type {
@@ -295,9 +295,9 @@ fn before_the_run_outputs_follow_the_parameters() {
     let gap = 5e-4 + 2e-5;
     below("gap[1]", (bearing.get("gap[1]") / gap - 1.0).abs(), ROUNDING);
     below("F[1]", (bearing.get("F[1]") / (1.8e-6 * 4.0 / (gap * gap)) - 1.0).abs(), ROUNDING);
-    // No current is held before the start, so the sensor reads none, whatever the input.
+    // No current is held before the start, so the sensor reads 0, whatever the input.
     assert_eq!(bearing.get("im[1]"), 0.0);
-    // A start that cannot be accepted is the start's affair: until then the last sound outputs stand.
+    // An invalid parameter is reported by the start: until then the last valid outputs remain.
     bearing.set("m", 0.0);
     assert_eq!(bearing.get("Y"), -1e-5);
     assert!(bearing.start().is_err());
@@ -441,7 +441,7 @@ fn steps_without_length_take_each_sample_once() {
     assert_eq!(clock.taken(), 2);
 }
 
-/// What a sampled instance computes depends on the samples, not on the steps that brought them.
+/// The outputs of a sampled model depend on the samples, not on the communication steps.
 #[test]
 fn sampled_slaves_do_not_depend_on_how_time_is_cut() {
     for model in ["FlatnessController", "AlgebraicEstimator"] {

@@ -1,4 +1,4 @@
-//! Messages of a instance.
+//! Messages of a model.
 
 use fmu_export::log::Digits;
 

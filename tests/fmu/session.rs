@@ -10,7 +10,7 @@ use fmu_export::fmi2::bindings::{fmi2Status, fmi2StatusKind};
 const TS: f64 = 1e-4;
 
 /// Everything with a pointer in it, once. Fails, under Miri, if a snapshot is read after it was freed, if an instance is
-/// reached by two references at once, or if an array is taken to be longer than it is.
+/// accessed by two references at once, or if an array is taken to be longer than it is.
 fn session(model: &str) {
     let make = || Request { logger: false, ..Request::of(model) }.instantiate(model).expect("an instance");
     let (fmu, other) = (make(), make());

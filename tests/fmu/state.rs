@@ -1,4 +1,4 @@
-//! Snapshots: what they restore, across instances and processes, and what is refused.
+//! Snapshots: what they restore, across instances and processes, and what they refuse.
 
 use std::process::Command;
 use std::ptr::null_mut;
@@ -65,7 +65,7 @@ fn bytes(fmu: &Fmu) -> Vec<u8> {
     bytes
 }
 
-/// Fails if the run goes on where it is while the values go back: with another noise, or another window.
+/// Fails if only the values are restored and not the run: with different noise, or a different window.
 #[test]
 fn a_run_replays_bit_for_bit_from_any_snapshot_in_any_order() {
     for model in MODELS {
@@ -146,9 +146,9 @@ fn the_state_in_the_sequence_of_calls_comes_back() {
     }
 }
 
-/// A run that has failed goes on from before the failure. Fails if the state `error` outlasts fmi2SetFMUstate.
+/// A failed run continues from before the failure. Fails if the state `error` outlasts fmi2SetFMUstate.
 #[test]
-fn a_snapshot_from_before_a_fault_recovers() {
+fn a_snapshot_from_before_an_error_recovers() {
     let fmu = Fmu::started("MagneticBearing", &[]);
     fmu.step(0.0, 1e-4).ok(&fmu);
     let state = saved(&fmu);
@@ -166,7 +166,7 @@ fn a_snapshot_from_before_a_fault_recovers() {
     freed(&fmu, failed);
 }
 
-/// Importers restore although they have said that they would not. Fails if the flag drops snapshots.
+/// Importers restore although they have declared that they would not. Fails if the flag drops snapshots.
 #[test]
 fn no_snapshot_is_dropped_on_a_flag() {
     // The harness passes noSetFMUStatePriorToCurrentPoint = true with every step.
@@ -212,7 +212,7 @@ fn null_and_foreign_snapshots_are_refused() {
     freed(&plant, state);
 }
 
-/// Fails if anything that a run needs is not written down: then a second run of the bytes takes another way.
+/// Fails if anything that a run needs is not serialized: then a run from the bytes differs.
 #[test]
 fn bytes_restore_the_run_and_give_the_same_bytes() {
     for model in MODELS {
@@ -351,12 +351,12 @@ fn damaged_bytes_are_refused_with_a_reason() {
     let estimator = Fmu::new("AlgebraicEstimator");
     let text = refused(&estimator, &written);
     assert!(text.contains("the model MagneticBearing: expected AlgebraicEstimator"), "{text}");
-    // The instance is none the worse for it.
+    // The instance is unharmed.
     advance(&fmu, "MagneticBearing", 5);
 }
 
 /// Bytes whose frame is sound, and whose content is not: whoever made them, nothing panics, hangs, or takes much memory.
-/// Fails if the window, the samples that were taken, the state of the rotor, or the derivatives of inputs are believed.
+/// Fails if the window, the samples that were taken, the state of the rotor, or the derivatives of inputs are accepted unchecked.
 #[test]
 fn a_hostile_content_in_a_sound_frame_does_no_harm() {
     for model in MODELS {
@@ -410,11 +410,11 @@ fn a_hostile_content_in_a_sound_frame_does_no_harm() {
             attack(&changed);
             attack(&content[..at]);
         }
-        assert!(accepted > 0, "{model}: some changes make another run, which is the hash's affair");
+        assert!(accepted > 0, "{model}: some changes make another run, which only the hash can detect");
     }
 }
 
-/// Bytes in a sound frame that name a state in which there is no such run. Fails if the state is believed.
+/// Bytes in a sound frame that name a state in which there is no such run. Fails if the state is accepted unchecked.
 #[test]
 fn a_state_that_does_not_belong_to_the_run_is_refused() {
     for (model, begun) in MODELS.into_iter().flat_map(|model| [(model, false), (model, true)]) {

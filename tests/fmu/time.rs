@@ -1,4 +1,4 @@
-//! Time as importers cut it: steps of any length and beginning, tolerances, refusals. Sampled outputs do not depend on it.
+//! Communication steps: any length and begin, tolerances, refusals. Sampled outputs do not depend on them.
 
 use crate::support::Random;
 use crate::support::ffi::{Expect, Fmu};
@@ -61,7 +61,7 @@ fn sampled_outputs_do_not_depend_on_how_time_is_cut() {
     }
 }
 
-/// Inputs that stand still: many samples in one step are the same samples. Fails if a long step takes one sample.
+/// With constant inputs many samples in one step give the same outputs. Fails if a long step takes one sample.
 #[test]
 fn a_long_step_takes_all_its_samples() {
     for model in [CONTROLLER, ESTIMATOR] {
@@ -98,7 +98,7 @@ fn the_tiniest_steps_change_nothing_that_is_sampled() {
     }
 }
 
-/// The plant reads its sensors in its own time: Ym, Zm, im and theta are those of the instants, however time is cut.
+/// The plant samples on its own clock: Ym, Zm, im and theta belong to the sample instants, whatever the communication steps.
 /// Fails if a sample is read at the end of the step in which it lies.
 #[test]
 fn samples_of_the_plant_do_not_depend_on_how_time_is_cut() {
@@ -144,12 +144,12 @@ fn stop_time_has_a_tolerance_and_an_end() {
         let text = fmu.step(time, 1e-3).error(&fmu);
         assert!(text.contains("beyond stopTime = 0.01"), "{text}");
         assert!(fmu.step(time, 1e-6).error(&fmu).contains("beyond stopTime"));
-        // It can still be used.
+        // The instance is still usable.
         fmu.step(time, 0.0).ok(&fmu);
     }
 }
 
-/// Fails if the begin of a step is believed whatever it is, or compared exactly.
+/// Fails if the begin of a step is not checked, or compared exactly.
 #[test]
 fn a_step_begins_where_the_last_one_ended() {
     for (start, model) in [(0.0, PLANT), (0.0, ESTIMATOR), (100.0, PLANT), (-3.0, CONTROLLER)] {

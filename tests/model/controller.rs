@@ -1,4 +1,4 @@
-//! The controller: its gains, its behaviour in a closed loop with the plant, its update of λ, what it refuses.
+//! The controller: gains, closed loop with the plant, update of λ, refusals.
 
 use std::f64::consts::{PI, TAU};
 
@@ -31,17 +31,17 @@ struct Loop {
     load_n: [f64; 2],
     /// Estimate of λ given to the controller, valid from `valid_s` on.
     lambda_hat: [f64; 3],
-    /// What the estimator makes of it at a sample.
+    /// The estimate at a sample.
     lambda_at: fn([f64; 3], usize) -> [f64; 3],
     valid_s: f64,
     duration_s: f64,
 }
 
-/// What one sample of the loop leaves behind.
+/// Results of one sample of the loop.
 struct Record {
     t_s: f64,
     output: ControllerOutput,
-    /// True position minus the path, in m.
+    /// True position minus reference, in m.
     error_m: [f64; 2],
     /// Currents that flowed until the sample, in A.
     measured_a: [f64; 3],
@@ -152,7 +152,7 @@ fn largest(records: &[Record], from: f64, to: f64, of: impl Fn(&Record) -> f64) 
 }
 
 /// Largest minus smallest of `of` over the samples with t in `[from, to)`.
-fn swing(records: &[Record], from: f64, to: f64, of: impl Fn(&Record) -> f64) -> f64 {
+fn peak_to_peak(records: &[Record], from: f64, to: f64, of: impl Fn(&Record) -> f64) -> f64 {
     let values = records.iter().filter(|r| (from..to).contains(&r.t_s)).map(of);
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     high - low
@@ -162,18 +162,18 @@ fn swing(records: &[Record], from: f64, to: f64, of: impl Fn(&Record) -> f64) ->
 struct Figures {
     error_before_m: [f64; 2],
     error_after_m: [f64; 2],
-    swing_before_n: [f64; 2],
-    swing_after_n: [f64; 2],
+    perturbation_before_n: [f64; 2],
+    perturbation_after_n: [f64; 2],
 }
 
 fn figures(records: &[Record]) -> Figures {
     let error = |from, to| [0, 1].map(|a| largest(records, from, to, |r| r.error_m[a]));
-    let swings = |from, to| [0, 1].map(|a| swing(records, from, to, |r| r.output.perturbation_n[a]));
+    let swings = |from, to| [0, 1].map(|a| peak_to_peak(records, from, to, |r| r.output.perturbation_n[a]));
     Figures {
         error_before_m: error(0.1, 0.2),
         error_after_m: error(0.3, 0.4),
-        swing_before_n: swings(0.1, 0.2),
-        swing_after_n: swings(0.3, 0.4),
+        perturbation_before_n: swings(0.1, 0.2),
+        perturbation_after_n: swings(0.3, 0.4),
     }
 }
 
@@ -190,8 +190,8 @@ fn the_gains_have_their_poles_where_they_are_wanted() {
     }
 }
 
-/// The figures of method section 7: 1.5 µm and 3.4 µm before the update, 0.2 µm after it, swing of p̂_z from 107 N to
-/// 4 N. The limits leave 20 % for the load, which that section does not state.
+/// The figures of method section 7: 1.5 µm and 3.4 µm before the update, 0.2 µm after it, p̂_z from 107 N to
+/// 4 N peak to peak. The limits leave 20 % for the load, which that section does not state.
 #[test]
 fn the_loop_reproduces_the_figures_of_the_method() {
     let f = figures(&Loop::paper().run());
@@ -199,17 +199,17 @@ fn the_loop_reproduces_the_figures_of_the_method() {
     between("error in z before, m", f.error_before_m[1], 2.7e-6, 4.1e-6);
     for a in 0..2 {
         below("error after, m", f.error_after_m[a], 0.2e-6);
-        // The harmonic itself swings by 4 N.
-        between("swing of the perturbation after, N", f.swing_after_n[a], 3.8, 4.2);
+        // The harmonic itself has 4 N peak to peak.
+        between("peak-to-peak perturbation after, N", f.perturbation_after_n[a], 3.8, 4.2);
     }
-    between("swing of p̂_z before, N", f.swing_before_n[1], 86.0, 128.0);
+    between("peak-to-peak p̂_z before, N", f.perturbation_before_n[1], 86.0, 128.0);
 
     let mut case = Loop::paper();
     case.plant.harmonic.amplitude_n = [0.0, 2.0];
     case.load_n = [10.0, -20.0];
     let f = figures(&case.run());
     between("error in z before, load down, m", f.error_before_m[1], 3.2e-6, 3.7e-6);
-    between("swing of p̂_z before, load down, N", f.swing_before_n[1], 104.0, 110.0);
+    between("peak-to-peak p̂_z before, load down, N", f.perturbation_before_n[1], 104.0, 110.0);
 }
 
 /// Other sample times, and a bearing that shares no number with the paper's.
@@ -227,9 +227,9 @@ fn the_loop_holds_at_other_steps_and_for_another_bearing() {
         for a in 0..2 {
             below(&format!("{name}: error before, m"), f.error_before_m[a], 1e-6 * before_um[a]);
             below(&format!("{name}: error after, m"), f.error_after_m[a], 1e-6 * after_um[a]);
-            between(&format!("{name}: swing after, N"), f.swing_after_n[a], 3.8, 4.2);
-            let ratio = f.swing_before_n[a] / f.swing_after_n[a];
-            between(&format!("{name}: swing before over after"), ratio, 3.0, 100.0);
+            between(&format!("{name}: peak-to-peak perturbation after, N"), f.perturbation_after_n[a], 3.8, 4.2);
+            let ratio = f.perturbation_before_n[a] / f.perturbation_after_n[a];
+            between(&format!("{name}: peak-to-peak perturbation before over after"), ratio, 3.0, 100.0);
         }
     }
 }
@@ -287,7 +287,7 @@ fn currents_do_not_jump_when_lambda_changes() {
         below("step of a current at the update, A", moved, 2.0 * usual);
     }
 
-    // Following λ from the start: no step ever, once the observer has settled.
+    // Using λ from the start: no steps once the observer has settled.
     let mut case = Loop::paper();
     case.controller.update = UpdateMode::WhenValid;
     case.valid_s = 0.1;
@@ -343,7 +343,7 @@ fn estimates_taken_over_directly_make_no_bump() {
             let say = |what: &str| format!("{name} drive, modulation {modulation}: {what}");
             let asked = |r: &Record| r.output.current_a;
             assert_eq!(apart(&jumps, &stays, [0.0, 0.19995], asked), 0.0);
-            assert!(apart(&jumps, &stays, [0.19995, 0.20005], asked) > 0.0, "the estimate is taken over at once");
+            assert!(apart(&jumps, &stays, [0.19995, 0.20005], asked) > 0.0, "the estimate is used at once");
             below(&say("currents asked for at the jump, A"), apart(&jumps, &stays, [0.2, 0.20005], asked), AT_ONCE_A);
             below(&say("currents asked for soon after, A"), apart(&jumps, &stays, [0.2, 0.20055], asked), SOON_A);
             let flowing = apart(&jumps, &stays, [0.2, 0.20055], |r| r.measured_a);
@@ -467,7 +467,7 @@ fn tuned_modulation_goes_on_without_a_jump_of_its_phase() {
     assert!(parts[100..250].iter().all(|part| part.abs() < 1e-12), "no modulation");
     below("after the pause", (parts[399] - 0.5 * (TAU * 110.0 * 400.5e-4).sin()).abs(), 1e-9);
 
-    // What is refused leaves what there was.
+    // A refusal changes nothing.
     let mut controller = Controller::new(ControllerConfig::default()).expect("controller");
     for (part, hz, name) in [
         (1.5, 110.0, "F0.modulation"),
@@ -505,7 +505,7 @@ fn a_change_of_lambda_moves_neither_the_rotor_nor_force_and_perturbation() {
     }
 }
 
-/// A rotor that stands still away from the path, with an estimate of λ.
+/// A rotor at rest away from the reference, with an estimate of λ.
 fn still() -> ControllerInput {
     ControllerInput {
         current_a: [0.0; 3],
@@ -540,7 +540,7 @@ fn lambda_is_taken_over_once_at_its_time_and_only_if_it_is_of_use() {
     // As soon as it is valid.
     let used = lambda_used(at(0.0), &[(good, false), (good, true), (other, true)]);
     assert_eq!(used, [first, good, good]);
-    // Never what is of no use.
+    // Never an unusable one.
     for bad in [f64::NAN, f64::INFINITY, 0.0, -2e-6] {
         for update in [UpdateMode::AtTime, UpdateMode::WhenValid] {
             let config = ControllerConfig { update, ..at(0.0) };
@@ -637,7 +637,7 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
     let huge = ControllerInput { position_m: [1e300, 1e308], ..still() };
     assert_eq!(controller.sample(&mut state, &huge), Err(ControllerError::Overflow { sample: 1 }));
     assert_eq!(state, before);
-    // A reference that is not in use may be anything.
+    // A reference that is not used may be NaN.
     controller.sample(&mut state, &ControllerInput { reference_m: [f64::NAN; 2], ..still() }).expect("sample");
     assert_eq!(state.clone(), state, "no NaN got into the state");
 

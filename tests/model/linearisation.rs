@@ -96,7 +96,7 @@ fn agree(what: &str, got: &[Vec<f64>], wanted: &[Vec<f64>], tolerance: f64, floo
     }
 }
 
-/// Fails if the arithmetic of series takes another operation or another branch than that of numbers.
+/// Fails if the arithmetic of series differs in an operation or a branch from that of numbers.
 #[test]
 fn the_values_are_those_of_the_plant() {
     let mut numbers = Numbers(1);

@@ -87,7 +87,7 @@ fn the_printed_formulas_pull_the_wrong_way() {
     // Down: the lower magnet would have to push.
     let printed = closed_form([0.0, -50.0], 20.0, true);
     assert!(printed[0] < 0.0, "F_1 of the printed formulas is {} N", printed[0]);
-    // The forces used instead do what is asked.
+    // The forces used instead give the commanded resultant.
     let [f_y, f_z] = magnets.resultant(magnets.allocate([30.0, -50.0], 20.0));
     below("F in N", distance([f_y, f_z], [30.0, -50.0]), 1e3 * ROUNDING);
 }
@@ -110,7 +110,7 @@ fn the_allocation_is_exact_for_any_admissible_angles() {
         assert!(smallest >= 20.0, "smallest of {forces:?} N");
         below("smallest force above F0 in N", smallest - 20.0, ROUNDING * largest);
     }
-    // A quarter of all random triples stands all round the rotor.
+    // A quarter of all random triples surrounds the rotor.
     assert!(admissible > TRIALS / 5, "{admissible} of {TRIALS} geometries admitted");
 }
 

@@ -1,4 +1,4 @@
-//! The plant: its integration against known solutions, its sensors, its faults and refusals.
+//! The plant: integration against known solutions, sensors, errors and refusals.
 
 use std::f64::consts::{PI, TAU};
 
@@ -368,7 +368,7 @@ fn the_state_survives_being_written_and_read() {
 }
 
 #[test]
-fn a_rotor_that_leaves_the_gap_is_a_fault_and_the_state_stays_finite() {
+fn a_rotor_that_leaves_the_gap_is_an_error_and_the_state_stays_finite() {
     // With no backup bearing to catch it.
     let touchdown = TouchdownConfig { clearance_m: 1.0, ..TouchdownConfig::default() };
     let plant =
@@ -394,7 +394,7 @@ fn a_rotor_that_leaves_the_gap_is_a_fault_and_the_state_stays_finite() {
         assert!(state.position_m.iter().chain(&state.velocity_m_s).all(|value| value.is_finite()));
         let gaps = plant.outputs(&state, &input, state.time_s).gap_m;
         assert!(gaps.iter().all(|gap| *gap > 0.0), "{gaps:?}");
-        // It can be told to go on with other currents, if only for as long as the rotor needs to the magnet.
+        // It can continue with other currents, until the rotor reaches the magnet.
         let calm = PlantInput::default();
         let t_s = state.time_s;
         plant.advance(&mut state, &calm, t_s, 1e-12).expect("advance");

@@ -1,4 +1,4 @@
-//! The path: its derivatives, its angle over time, and references from outside.
+//! The reference trajectory: derivatives, angle over time, and external references.
 
 use std::f64::consts::{PI, TAU};
 
@@ -42,7 +42,7 @@ fn the_path_is_the_one_described() {
     let r = 8e-6 * (5.0f64 * 0.3).cos();
     below("Y* in m", (y.position_m - (30e-6 + r) * 0.3f64.cos()).abs(), 1e-18);
     below("Z* in m", (z.position_m - (70e-6 + r) * 0.3f64.sin()).abs(), 1e-18);
-    // An ellipse takes no notice of the lobes.
+    // An ellipse ignores the lobes.
     let [y, z] = reference(ReferenceConfig { shape: Shape::Ellipse, ..lobes() }).point(0.3, OMEGA_RAD_S);
     below("Y* in m", (y.position_m - 30e-6 * 0.3f64.cos()).abs(), 1e-18);
     below("Z* in m", (z.position_m - 70e-6 * 0.3f64.sin()).abs(), 1e-18);
@@ -232,7 +232,7 @@ fn bad_references_are_refused_by_name() {
     }
 }
 
-/// A path with lobes, written as a Fourier series: `cos 3θ cos θ = (cos 2θ + cos 4θ)/2`, `cos 3θ sin θ = (sin 4θ − sin 2θ)/2`.
+/// A trajectory with lobes as a Fourier series: `cos 3θ cos θ = (cos 2θ + cos 4θ)/2`, `cos 3θ sin θ = (sin 4θ − sin 2θ)/2`.
 #[test]
 fn a_fourier_series_is_the_lobes_it_is_the_series_of() {
     let magnets = Magnets::new(5e-4, ReferenceMagnets::ALPHA).expect("magnets");

@@ -1,4 +1,4 @@
-//! The sensitivity function: what is linearised must be what runs.
+//! The sensitivity function: linearisation against simulation.
 
 use magnetic_bearing::bearing::coil::{CoilConfig, Drive};
 use magnetic_bearing::control::controller::ControllerConfig;
@@ -64,7 +64,7 @@ fn injection_in_time_confirms_the_linearisation() {
 fn slow_errors_are_followed_and_fast_ones_pass() {
     for drive in [Drive::Current, Drive::Voltage] {
         let linear = loop_of(drive, TRUE_LAMBDA).linearise().expect("linearised");
-        // The observer of the perturbation integrates: an error of the sensor that stays is followed by the rotor, so that
+        // The observer of the perturbation integrates: the rotor follows a constant sensor error, so that
         // the reading does not move. With one integrator what is left at 1 rad/s is at most of the order of 1 rad/s over the
         // poles of the tracking, 1000 rad/s; measured 5e-5.
         let slow = linear.sensitivity(1.0).expect("no pole")[0][0].norm();
@@ -84,7 +84,7 @@ fn zones_are_those_of_the_standard() {
 fn a_loop_that_does_not_settle_says_so() {
     let plant = PlantConfig::default();
     let controller = ControllerConfig::default();
-    // Twenty times too large: the forces are a twentieth of those asked for, and the rotor falls.
+    // Twenty times too large: the forces are a twentieth of those commanded, and the rotor falls.
     let error = SampledLoop::new(&plant, &controller, [4e-5; 3], LOAD_N).expect_err("no operating point");
     assert!(error.to_string().contains("does not settle"), "{error}");
 }

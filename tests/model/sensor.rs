@@ -1,4 +1,4 @@
-//! Errors of the sensors: each alone, and none at all.
+//! Sensor errors: each alone, and none at all.
 
 use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput, SensorConfig};
 

@@ -1,4 +1,4 @@
-//! The backup bearing: nothing until it is touched, then a ring that pushes, never pulls, and keeps the rotor inside.
+//! The backup bearing: no force without contact, then a push, never a pull, and the rotor stays inside.
 
 use magnetic_bearing::bearing::touchdown::TouchdownConfig;
 use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput, PlantState, SensorConfig};
@@ -32,10 +32,10 @@ fn run(config: &PlantConfig, duration_s: f64, steps: usize) -> Vec<PlantState> {
     (0..steps).map(step).collect()
 }
 
-/// Free fall, then half a swing on the spring, then the way back: all in closed form.
+/// Free fall, half an oscillation on the spring, and the way back: all in closed form.
 #[test]
 fn a_bounce_without_damping_follows_the_closed_form() {
-    /// Error of the position, in m: the spring swings 26 µm deep in steps of a tenth of a radian, whose error is about 1e-7 each,
+    /// Error of the position, in m: the spring deflects by 26 µm in steps of a tenth of a radian, whose error is about 1e-7 each,
     /// and three bounces add up; measured 4.1e-11.
     const POSITION_M: f64 = 1e-10;
     let ring = TouchdownConfig { damping_ns_m: 0.0, ..TouchdownConfig::default() };

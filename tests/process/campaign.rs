@@ -11,14 +11,14 @@ use magnetic_bearing::package;
 
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 
-/// Times that the library is loaded, unless the environment says otherwise.
+/// Number of loads of the library, unless set by the environment.
 const ROUNDS: u32 = if cfg!(debug_assertions) { 1_000 } else { 10_000 };
 /// How much more memory the process may have at the end than after the first tenth, in bytes: what an allocator keeps
 /// back, and far less than one instance per round.
 const GROWTH_BYTES: u64 = 2 << 20;
 const STEPS: u32 = 100;
 
-/// One at a time in this process, so that the memory of one test is not counted in another.
+/// Runs the tests of this process one at a time, so that memory is not counted in another test.
 static ALONE: Mutex<()> = Mutex::new(());
 
 /// Memory that the process holds, in bytes.

@@ -1,4 +1,4 @@
-//! The end of the process: an instance that is there can still be used, and another can be made.
+//! The end of the process: existing instances can still be used, and new ones can be made.
 
 use std::process::Command;
 use std::sync::Mutex;
@@ -9,9 +9,9 @@ use fmu_export::fmi2::bindings::fmi2Status;
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 const CHILD: &str = "MAGNETIC_BEARING_UNLOAD_TEST";
 
-/// What a static object of an importer still holds when the process ends.
+/// Instances that a static object of an importer still holds when the process ends.
 static HELD: Mutex<Vec<(Fmu, Vec<u64>)>> = Mutex::new(Vec::new());
-/// A request that was put together before.
+/// A request prepared before.
 static LATE: Mutex<Option<Request>> = Mutex::new(None);
 
 /// Uses the instances, ends and frees them.
@@ -31,7 +31,7 @@ fn ask_for_another() {
     println!("{}", if request.instantiate(MODELS[0]).is_err() { "refused" } else { "made late" });
 }
 
-/// What this program does at its very end.
+/// The last function of this program.
 extern "C" fn at_the_end() {
     match std::env::var(CHILD).as_deref() {
         Ok("held") => use_them(),

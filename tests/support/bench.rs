@@ -1,4 +1,4 @@
-//! A test bench with imperfections: bearing, sampled controller, and everything in which a bench differs from its data sheet.
+//! A test bench with imperfections: bearing, sampled controller, and all differences between a bench and its data sheet.
 //!
 //! The controller knows the data sheet only. It holds currents over a sample; a reading is what was held before (`HeldBefore`).
 
@@ -21,7 +21,7 @@ pub struct Bench {
     pub alpha: [f64; 3],
     pub lambda: [f64; 3],
     pub lambda0: [f64; 3],
-    /// The controller takes the true λ from this time on; 0 for never.
+    /// The controller uses the true λ from this time on; 0 for never.
     pub update_s: f64,
     pub omega: f64,
     pub r: [f64; 2],

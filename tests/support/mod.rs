@@ -1,4 +1,4 @@
-//! What several tests share. A test takes what it needs of it.
+//! Shared by several tests.
 
 #![allow(dead_code, reason = "every test program uses a part of this")]
 
@@ -17,16 +17,16 @@ pub use magnetic_bearing::fmu as library;
 #[allow(unused_imports, reason = "not every test program needs it")]
 pub use random::Random;
 
-/// Demands a value of at most `limit`; a miss prints both.
+/// Asserts a value of at most `limit`.
 #[track_caller]
 pub fn below(what: &str, value: f64, limit: f64) {
     assert!(value <= limit, "{what}: {value:e} is above the limit {limit:e}");
 }
 
-/// Demands that an error message holds all of these words.
+/// Asserts that an error message contains all of these words.
 #[track_caller]
 pub fn says(message: &str, words: &[&str]) {
     for word in words {
-        assert!(message.contains(word), "`{word}` is not said in: {message}");
+        assert!(message.contains(word), "`{word}` is missing in: {message}");
     }
 }

@@ -1,4 +1,4 @@
-//! A instance whose variables are reached by name.
+//! An instance with access to its variables by name.
 
 use fmu_export::instance::AccessError;
 use fmu_export::log::Silent;
@@ -6,7 +6,7 @@ use fmu_export::variable::{Type, Value, Variable};
 use fmu_export::{Instance, Invalid, Step, StepError};
 use magnetic_bearing::fmu::find;
 
-/// A instance with its variables.
+/// An instance with its variables.
 pub struct Named {
     /// The instance.
     pub instance: Box<dyn Instance>,
@@ -33,7 +33,7 @@ impl Named {
         Self { instance: kind.instantiate(), variables: kind.variables().iter().collect() }
     }
 
-    /// A instance that runs, with these values set before the start at time 0.
+    /// A running instance, with these values set before the start at time 0.
     pub fn started(model: &str, values: &[(&str, f64)]) -> Self {
         let mut named = Self::new(model);
         for (name, number) in values {
@@ -60,16 +60,16 @@ impl Named {
         std::array::from_fn(|k| self.get(&format!("{name}[{}]", k + 1)))
     }
 
-    /// Sets a variable, if it may be set.
+    /// Tries to set a variable.
     ///
     /// # Errors
-    /// As the instance has it.
+    /// Those of the instance.
     pub fn try_set(&mut self, name: &str, number: f64) -> Result<(), AccessError> {
         let index = self.index(name);
         self.instance.set(index, value(&self.variables[index].data_type, number))
     }
 
-    /// Sets a variable that may be set.
+    /// Sets a variable.
     #[track_caller]
     pub fn set(&mut self, name: &str, number: f64) {
         self.try_set(name, number).unwrap_or_else(|error| panic!("{name} = {number}: {error}"));
@@ -78,7 +78,7 @@ impl Named {
     /// Begins the run.
     ///
     /// # Errors
-    /// As the instance has it.
+    /// Those of the instance.
     pub fn start(&mut self) -> Result<(), Vec<Invalid>> {
         self.instance.start()
     }
@@ -86,12 +86,12 @@ impl Named {
     /// Does a step.
     ///
     /// # Errors
-    /// As the instance has it.
+    /// Those of the instance.
     pub fn try_step(&mut self, time_s: f64, length_s: f64) -> Result<(), StepError> {
         self.instance.step(Step { time_s, length_s }, &mut Silent)
     }
 
-    /// Does a step that has no reason to fail.
+    /// Does a step that must succeed.
     #[track_caller]
     pub fn step(&mut self, time_s: f64, length_s: f64) {
         self.try_step(time_s, length_s).unwrap_or_else(|error| panic!("step at {time_s} s: {error}"));

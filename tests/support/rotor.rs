@@ -1,4 +1,4 @@
-//! A small simulator of its own: rotor, three magnets, flatness-based tracking by sampled data, sensors with noise. It shares no code with
+//! A small independent simulator: rotor, three magnets, flatness-based tracking by sampled data, sensors with noise. It shares no code with
 //! the program, and integrates to below 1e-12 m.
 
 use crate::support::Random;
@@ -14,7 +14,7 @@ pub struct Sample {
     pub theta_rad: f64,
 }
 
-/// How the currents go between two samples.
+/// The currents between two samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Currents {
     /// Held over a sample.
@@ -36,7 +36,7 @@ pub struct Rotor {
     pub lambda: [f64; 3],
     /// λ from an instant in s on, if it changes.
     pub change: Option<(f64, [f64; 3])>,
-    /// What the controller believes.
+    /// λ used by the controller.
     pub lambda_controller: [f64; 3],
     pub omega_rad_s: f64,
     pub radius_m: [f64; 2],
@@ -269,7 +269,7 @@ pub fn unbalanced() -> Rotor {
     Rotor { load_n: [10.0, -20.0], unbalance: (20.0 * newton_at_50_hz, 0.7), ..Rotor::default() }
 }
 
-/// Inputs of an estimator that no bearing gives: outside the gap, or many orders of magnitude too large.
+/// Impossible inputs of an estimator: outside the gap, or many orders of magnitude too large.
 pub struct Wild(Random);
 
 impl Wild {

@@ -1,4 +1,4 @@
-//! The closed loop of a scenario, with a hand on it: what happens in the course of a run.
+//! The closed loop of a scenario, step by step, with interventions.
 #![allow(dead_code, reason = "every test uses its part of this")]
 
 use fmu_export::Instance;
@@ -7,19 +7,19 @@ use fmu_export::log::{Log, Topic};
 use fmu_export::variable::Value;
 use magnetic_bearing::simulation::scenario::Scenario;
 
-/// The instances of a loop in motion.
+/// The instances of a running loop.
 pub struct Bench {
     scenario: Scenario,
     instances: Vec<Box<dyn Instance>>,
     wires: Vec<((usize, usize), (usize, usize))>,
     step: usize,
-    /// What the instances have said.
+    /// Messages of the instances.
     pub lines: Vec<String>,
-    /// Why a instance could not go on.
+    /// Why an instance failed.
     pub error: Option<String>,
 }
 
-/// What the estimator says at an instant.
+/// Outputs of the estimator at an instant.
 #[derive(Clone, Debug)]
 pub struct Said {
     pub time_s: f64,
@@ -74,7 +74,7 @@ impl Bench {
         self.step as f64 * self.scenario.step_s
     }
 
-    /// Sets a value that no connection overrides, or one that does until the next step.
+    /// Sets a value; that of a connected input lasts until the next step.
     pub fn set(&mut self, element: &str, variable: &str, value: impl Into<f64>) {
         let (at, index) = self.find(element, variable);
         let value = value.into();
@@ -121,7 +121,7 @@ impl Bench {
         }
     }
 
-    /// Runs until an instant; everything that the estimator said.
+    /// Runs until an instant and returns all outputs of the estimator.
     pub fn until(&mut self, end_s: f64, mut spoil: impl FnMut(&mut Self)) -> Vec<Said> {
         let mut all = Vec::new();
         while self.error.is_none() && self.time_s() < end_s - 1e-9 {

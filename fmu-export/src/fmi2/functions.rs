@@ -202,7 +202,7 @@ fn make(
     functions: *const fmi2CallbackFunctions,
     logging_on: fmi2Boolean,
 ) -> Option<fmi2Component> {
-    // The importer keeps the callbacks and both texts valid for the length of the call, the callbacks' content for the life of
+    // SAFETY: the importer keeps the callbacks and both texts valid for the length of the call, the callbacks' content for the life of
     // the instance; null is checked.
     let (callbacks, name, guid) = unsafe { (functions.as_ref()?, text(name), text(guid)) };
     let shown = name.filter(|name| !name.is_empty()).unwrap_or(c"(no name)");
