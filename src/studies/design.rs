@@ -55,7 +55,7 @@ impl Precision {
 /// Results with the reference trajectory alone and with modulation, in this order.
 ///
 /// # Errors
-/// Every parameter that a model refuses, and every invalid conditions.
+/// Every parameter that a model refuses, and every invalid condition.
 pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision; 2], Refused> {
     let refuse =
         |name: &str, value: f64, wanted: &str| Refused(vec![format!("{name} = {value} is refused: expected {wanted}")]);
