@@ -2,7 +2,7 @@
 //!
 //! In reading order:
 //!
-//! - [`reference`]: the trajectory of the flat output and its derivatives;
+//! - [`mod@reference`]: the trajectory of the flat output and its derivatives;
 //! - [`observer`]: position, velocity and perturbation from sampled positions;
 //! - [`controller`]: the tracking law, for current and for voltage drive.
 

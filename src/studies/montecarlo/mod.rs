@@ -157,7 +157,7 @@ pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: us
     let mut scenario = base.clone();
     scenario.remove_observers();
     let element = scenario.estimator();
-    let method = element.model_type.variables().into_iter().find(|variable| variable.name == "method");
+    let method = element.model_type.variables().iter().find(|variable| variable.name == "method");
     if let Some(method) = method.map(|variable| variable.start()) {
         scenario.set("estimator", "method", method);
     }
