@@ -6,7 +6,7 @@
 The peer is P(20) with aligned signs (method `paper`) in numpy, exported by PythonFMU; its sums are products of a matrix of weights
 and the window. A second peer takes sums and low-pass from SciPy, a sample at a time: `scipy.signal.lfilter` with its state kept. Both
 FMUs get the same samples in turns of some hundred steps; medians and quartiles of the turns are printed, and
-the medians of the ratios turn by turn. Needs the packages of `requirements-bench.txt`.
+the medians of the ratios round by round. Needs the packages of `requirements-bench.txt`.
 """
 
 import argparse
@@ -29,7 +29,7 @@ STEP_S = 1e-4
 INPUTS = ["Ym", "Zm", "im[1]", "im[2]", "im[3]"]
 OUTPUTS = ["lambdaHat[1]", "lambdaHat[2]", "lambdaHat[3]"]
 
-# The peer must be a file of its own, for PythonFMU packs it.
+# The peer must be a separate file, because PythonFMU packs it.
 PEER = '''
 """P(20) with aligned signs in numpy."""
 import numpy

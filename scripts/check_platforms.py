@@ -20,7 +20,7 @@ import lief
 PROJECT = Path(__file__).resolve().parent.parent
 MODELS = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"]
 FOLDERS = {"linux64": "so", "win64": "dll", "darwin64": "dylib", "aarch64-linux": "so", "aarch64-darwin": "dylib"}
-# What Red Hat Enterprise Linux 7 has.
+# The version in Red Hat Enterprise Linux 7.
 GLIBC_NEWEST = (2, 17)
 MACOS_OLDEST = [11, 0, 0]
 SYSTEM_LIBRARIES = re.compile(
@@ -38,7 +38,7 @@ checks = 0
 
 
 def check(holds, problem):
-    """Count a check, and keep what is wrong."""
+    """Count a check, and collect the failures."""
     global checks
     checks += 1
     if not holds:
@@ -108,7 +108,7 @@ def check_macho(name, binary, machine):
         check(own == library.name.startswith("@rpath/"), f"{name} needs {library.name}")
         check(own or SYSTEM_LIBRARIES.fullmatch(library.name), f"{name} needs {library.name}")
     check(list(binary.build_version.minos) == MACOS_OLDEST, f"{name} needs macOS {binary.build_version.minos}")
-    # Apple silicon runs nothing that is not signed, if only by its linker.
+    # Apple silicon runs only signed code; a signature by the linker is enough.
     signed = binary.has_code_signature
     check(signed or machine == lief.MachO.Header.CPU_TYPE.X86_64, f"{name} is not signed")
     exports = binary.dyld_info.exports if binary.has_dyld_info else binary.dyld_exports_trie.exports
@@ -130,7 +130,7 @@ def check_content(name, folder, content, expected):
     else:
         cpu = lief.MachO.Header.CPU_TYPE
         machines = [cpu.ARM64] if arm else [cpu.X86_64, cpu.ARM64]
-        # The parts live as long as the whole.
+        # The parts live as long as the universal file.
         whole = lief.MachO.parse(io.BytesIO(content))
         slices = list(whole)
         check(len(slices) == len(machines), f"{name} holds {len(slices)} libraries")

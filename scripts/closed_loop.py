@@ -45,7 +45,7 @@ NAMESPACES = {
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
 }
 
-# Messages of all instances by instance name. The native proxy that puts messages together knows one receiver per
+# Messages of all instances by instance name. The native proxy that formats messages has one receiver per
 # process.
 MESSAGES = {}
 
@@ -86,7 +86,7 @@ class Model:
         Model
             The FMU, ready for instances.
         """
-        # What is wrong with a description is for the checks to say, not for this.
+        # Reporting errors of a description is the task of the checks.
         description = read_model_description(str(archive), validate=False)
         extract(str(archive), str(folder))
         return cls(archive, str(folder), description, {v.name: v for v in description.modelVariables})
@@ -100,7 +100,7 @@ class Model:
         return self.names("output")
 
     def value(self, name, value):
-        """Turn the name of an item of a choice into its number; other values are returned as they are."""
+        """Convert the name of an enumeration item to its number; other values are returned unchanged."""
         if name not in self.variables:
             raise KeyError(f"{self.archive.name} has no variable {name}")
         if not isinstance(value, str):
@@ -123,7 +123,7 @@ class Instance:
     model : Model
         The FMU.
     name : str
-        Name of the instance; the messages of instances of equal name are kept together.
+        Name of the instance; messages of instances with equal names are collected together.
     guid : str, optional
         Another GUID than the one of the description.
     """
@@ -202,7 +202,7 @@ class Instance:
         return self.model.outputs()
 
     def start(self, settings=None, start_s=0.0):
-        """Set parameters and begin the run; a choice may be given by the name of its item."""
+        """Set parameters and begin the run; an enumeration may be given by the name of its item."""
         self.fmu.setupExperiment(startTime=start_s)
         self.set({name: self.model.value(name, value) for name, value in (settings or {}).items()})
         self.fmu.enterInitializationMode()
@@ -260,7 +260,7 @@ class Function:
         self.values.update(values)
 
     def close(self):
-        """Do nothing: a callable holds nothing that is to be freed."""
+        """Do nothing: a callable has nothing to free."""
 
 
 @dataclass
@@ -334,7 +334,7 @@ def parse_value(element):
 
 
 def even_times(duration_s, step_s=STEP_S):
-    """Communication points as count × step, as the program has them, with the last steps length the same."""
+    """Communication points as count × step, as in the program, with a constant step length."""
     count = round(duration_s / step_s)
     return [step * step_s for step in range(count + 1)], [step_s] * count
 
@@ -372,7 +372,7 @@ def instantiate(system, models):
     instances = {}
     for name, (what, _) in system.elements.items():
         if callable(what):
-            # What it gives out is what others take in.
+            # Its outputs are the inputs that others connect to it.
             outputs = dict.fromkeys(start[1] for start, _ in system.connections if start[0] == name)
             instances[name] = Function(what, outputs)
         else:

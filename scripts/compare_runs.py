@@ -1,4 +1,4 @@
-"""Other ways to describe a closed loop, for the checks: scenarios of the program, what some tools leave out, comparisons."""
+"""Helpers of the checks: scenarios of the program, settings that some tools ignore, comparisons."""
 
 import tomllib
 
@@ -62,7 +62,7 @@ def leaves(table, prefix=""):
 
 
 def knows(model, key):
-    """Tell whether an FMU has a variable, or an array of variables, of that name."""
+    """Whether an FMU has a variable, or an array of variables, of that name."""
     return key in model.variables or f"{key}[1]" in model.variables
 
 
@@ -82,7 +82,7 @@ def convert(model, name, value):
 
 
 def without_choices(system, models):
-    """Leave out the settings of choices, for tools that know no variables of type Enumeration."""
+    """Leave out enumeration settings, for tools without variables of type Enumeration."""
     elements = {}
     for name, (fmu, settings) in system.elements.items():
         choices = models[fmu].choices()
@@ -103,7 +103,7 @@ def same_bits(one, other):
 
 
 def differences(one, other, first_row=0):
-    """Compare two recordings bit by bit; a time that only one of them has is no difference.
+    """Compare two recordings bit by bit; times of only one of them are ignored.
 
     Returns
     -------
@@ -141,6 +141,6 @@ def largest_difference(one, other, nominals, first_row=0):
         The difference and the variable.
     """
     apart = {name: float(np.max(np.abs(one[name] - other[name])[first_row:])) / nominals[name] for name in one if name != "time"}
-    # A difference that is no number is the worst.
+    # NaN counts as the largest difference.
     worst = max(apart, key=lambda name: (apart[name] != apart[name], apart[name]))
     return apart[worst], worst

@@ -35,15 +35,15 @@ PROGRAM = ["cargo", "run", "--release", "--locked", "--quiet", "--"]
 IMPORTER = PROJECT / "tests" / "importer" / "Cargo.toml"
 LOOP_S = 0.4
 # The loop in different tools against the direct run, in parts of the nominal. Instances of fmpy and fmi-rs are given the
-# program's own points in time. libcosim counts nanoseconds and ecos adds up, by up to 3e-14 s; at 314 rad/s a harmonic force is
-# another by 1e-11 of its amplitude.
+# program's own points in time. libcosim counts nanoseconds and ecos adds up, by up to 3e-14 s; at 314 rad/s a harmonic force then
+# differs by 1e-11 of its amplitude.
 SAME_LOOP = {"fmpy": 0.0, "fmi-rs": 0.0, "libcosim": 1e-10, "ecos": 1e-10}
-# What fmpy calls on its own or by another of its names.
+# Functions that fmpy calls itself or under another name.
 INDIRECT = {"fmi2FreeInstance", "fmi2Instantiate", "fmi2GetVersion", "fmi2GetTypesPlatform"}
 
 
 class Findings:
-    """Collect what went wrong, so that one run shows all of it."""
+    """Collect failures, so that one run shows all of them."""
 
     def __init__(self):
         self.lines = []
@@ -57,7 +57,7 @@ class Findings:
 
 
 class Counted(Instance):
-    """An instance that knows which functions were called."""
+    """An instance that records which functions were called."""
 
     def __init__(self, model, name, called):
         super().__init__(model, name)
@@ -66,7 +66,7 @@ class Counted(Instance):
 
     @staticmethod
     def counting(name, function, called):
-        """Wrap a function of the library so that its name is kept."""
+        """Wrap a function of the library so that its name is recorded."""
 
         def wrapped(*arguments):
             called.add(name)
@@ -76,7 +76,7 @@ class Counted(Instance):
 
 
 def refused(call):
-    """Tell whether a call is answered with an error."""
+    """Whether a call returns an error."""
     try:
         call()
     except Exception:
@@ -120,7 +120,7 @@ def states(model, called, findings):
 
 
 def questions(model, called, findings):
-    """Ask everything else that can be asked."""
+    """Call all other functions."""
     name = model.description.modelName
     instance = Counted(model, f"{name} asked", called)
     fmu = instance.fmu
@@ -264,7 +264,7 @@ def final_values(archive, model, findings):
 
 
 def command(*arguments):
-    """Run a command and give back what it prints."""
+    """Run a command and return its output."""
     done = subprocess.run(arguments, capture_output=True, encoding="utf-8", errors="replace", stdin=subprocess.DEVNULL)
     if done.returncode:
         raise RuntimeError(f"{arguments[0]} ended with {done.returncode}: {(done.stdout + done.stderr)[-2000:]}")
@@ -272,7 +272,7 @@ def command(*arguments):
 
 
 def loop_in_the_program(models, scratch):
-    """Final outputs of the direct run in Rust, without the choices that some tools cannot set."""
+    """Final outputs of the direct run in Rust, without the enumerations that some tools cannot set."""
     choices = {choice for model in models.values() for choice in model.choices()}
     text = command(*PROGRAM, "simulate", "--print", "unbalanced")
     kept = [line for line in text.splitlines() if line.partition("=")[0].strip() not in {*choices, "compare"}]
@@ -308,7 +308,7 @@ def loop_in_fmi_rs(_folder, _models, _scratch):
 
 
 def loop_in_tool(tool):
-    """Final outputs of the SSP in libcosim or ecos, in a process of its own."""
+    """Final outputs of the SSP in libcosim or ecos, in a separate process."""
 
     def final(folder, _models, scratch):
         out = scratch / f"{tool}.npz"
@@ -331,7 +331,7 @@ def following_inputs(models):
 
 
 def loop_in_every_tool(folder, models, findings):
-    """Run one closed loop in every tool; print and judge the largest deviation from the direct run."""
+    """Run one closed loop in every tool; print and check the largest deviation from the direct run."""
     runs = {
         "fmpy": loop_in_fmpy,
         "fmi-rs": loop_in_fmi_rs,
@@ -348,11 +348,11 @@ def loop_in_every_tool(folder, models, findings):
             except Exception as error:  # A tool that fails is a finding like any other.
                 findings.expect(False, f"the loop in {tool}: {error}")
                 continue
-            # Two of the tools know no variables of type Enumeration.
+            # Two of the tools do not support variables of type Enumeration.
             unknown = {"estimator.verdict"} if tool in ("libcosim", "ecos") else set()
             others = (got.keys() ^ wanted.keys()) - unknown
             findings.expect(not others, f"{tool} has other outputs: {others}")
-            # What ecos shows for outputs that follow an input belongs to the inputs of a step that is not done.
+            # ecos shows outputs with direct feedthrough for the inputs of the next step.
             left_out = following_inputs(models) if tool == "ecos" else set()
             apart = {}
             for name in (got.keys() & wanted.keys()) - left_out:

@@ -44,7 +44,7 @@ def read(path):
 
 
 def draw_convergence(columns, axes):
-    """Draw the estimates over time with two stated standard deviations.
+    """Draw the estimates over time with two standard deviations.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def draw_convergence(columns, axes):
     axes : matplotlib.axes.Axes
         Where to.
     """
-    # Every millisecond is finer than a line is broad.
+    # A millisecond is less than the width of a line.
     columns = {name: values[::10] for name, values in columns.items()}
     time = [1e3 * t for t in columns["time"]]
     valid = [value == 1 for value in columns["estimator.valid"]]
@@ -72,7 +72,7 @@ def draw_convergence(columns, axes):
 
 
 def draw_orbit(columns, axes):
-    """Draw the error of the path, two revolutions before the update and the last two.
+    """Draw the tracking error, two revolutions before the update and the last two.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def draw_orbit(columns, axes):
 
 
 def photograph(browser, page, path):
-    """Take the first screen of a report, the run standing still at 0.117 s.
+    """Take a picture of a report's first screen, with the animation stopped at 0.117 s.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def main():
     """Draw all pictures; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--csv", type=Path, help="a recording of the scenario experiment, instead of running it")
-    parser.add_argument("--browser", help="Chromium or one of its kind, to take a picture of the report as well")
+    parser.add_argument("--browser", help="Chromium or a browser based on it, to take a picture of the report as well")
     arguments = parser.parse_args()
 
     import matplotlib

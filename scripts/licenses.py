@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Collect the licences of the crates that are linked into the FMUs: modelDescription/licenses/THIRD-PARTY.txt.
 
-Run without arguments it writes the file; with ``--check`` it writes nothing and says whether the file is current. What
+Run without arguments it writes the file; with ``--check`` it writes nothing and reports whether the file is current. What
 is linked is what `cargo tree` gives as normal dependencies of this package on Linux, without those that only run while
 compiling: procedural macros, build scripts, tests. The texts come from the sources of the crates as cargo has unpacked
 them.
@@ -22,7 +22,7 @@ PLATFORM = "x86_64-unknown-linux-gnu"
 LICENSE_NAMES = re.compile(r"^(licen[cs]e|copying|notice|unlicense|copyright)", re.IGNORECASE)
 # A line that names a holder, and not one in the middle of a licence that speaks about notices.
 COPYRIGHT = re.compile(r"^\W*(?i:copyright)\s+(?:\([cC]\)|©|[12]\d{3}|[A-Z])")
-# The licences speak of copyright, too, and leave blanks to be filled in.
+# The licences themselves mention copyright and contain blanks to fill in.
 NO_HOLDER = re.compile(
     r"copyright (notice|license|holder|owner|and related|statement|\[yyyy\]|\{yyyy\}|law)", re.IGNORECASE
 )
@@ -54,7 +54,7 @@ def linked():
     list of dict
         Packages as `cargo metadata` describes them, by name and version.
     """
-    # `cargo metadata` alone counts optional packages that only a feature nobody asked for would bring in.
+    # `cargo metadata` alone counts optional packages that only a feature nobody asked for would enable.
     tree = cargo("tree", "--edges=normal,no-proc-macro", "--prefix=none", f"--target={PLATFORM}", "--format={p}")
     names = {tuple(line.split()[:2]) for line in tree.splitlines()}
     packages = json.loads(cargo("metadata", "--format-version=1", f"--filter-platform={PLATFORM}"))["packages"]
@@ -83,7 +83,7 @@ def license_files(package):
     paths |= {path for path in folder.glob("LICENSES/*") if path.is_file()}
     if package["license_file"]:
         paths.add((folder / package["license_file"]).resolve())
-    # A file may hold no more than the name of another one, where a link was lost in packing.
+    # A file may contain only the name of another one, if a link was lost in packing.
     texts = [(path.name, path.read_text(encoding="utf-8", errors="replace")) for path in sorted(paths)]
     return [
         (name, "\n".join(line.rstrip() for line in text.strip("\n").splitlines()))
@@ -110,7 +110,7 @@ def holders(texts):
 
 
 def standard(text):
-    """Reduce a text to what tells licences apart: without lines of holders, and without layout."""
+    """Reduce a text to what distinguishes licences: without copyright lines and layout."""
     kept = [line for line in text.splitlines() if not (COPYRIGHT.match(line) and not NO_HOLDER.search(line))]
     return re.sub(r"\W+", " ", " ".join(kept)).strip().lower()
 

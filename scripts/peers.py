@@ -32,13 +32,13 @@ INSTANTS_S = (0.035, 0.1, 0.2, 0.4, 1.0)
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = ROOT / "target" / "release" / "magnetic-bearing"
 TOLD, NOT_TOLD, EKF, RLS = "ours, noise told", "ours, not told", "EKF, noise told", "RLS (padasip)"
-# Okabe and Ito.
+# Colours of Okabe and Ito.
 COLOURS = {TOLD: "#0072b2", NOT_TOLD: "#d55e00", EKF: "#009e73", RLS: "#6b727a"}
 
 
 @dataclass
 class Bearing:
-    """What a run needs; SI units. The default is the nominal one: the scenario ``unbalanced`` with noise."""
+    """Parameters of a run; SI units. The default is the nominal one: the scenario ``unbalanced`` with noise."""
 
     name: str = "nominal"
     m: float = 6.7
@@ -165,12 +165,12 @@ def recursive_least_squares(data, bearing):
     # Columns per scaled unknown [lambda/guess, Uc/(m s), Us/(m s), py/(m g), pz/(m g)], in m/s^2.
     along = [guess * e[:, None] * square / bearing.m for e in bearing.direction]
     columns = [[*along[0], turning[0], -turning[1], weight, still], [*along[1], turning[1], turning[0], still, weight]]
-    # Acceleration and forces pass the same low-pass filter of third order; initial values die away with it.
+    # Acceleration and forces pass the same low-pass filter of third order; initial values decay with it.
     b, a = signal.butter(3, FILTER_RAD_S, analog=True)
     smooth = signal.cont2discrete((b, a), bearing.step, "bilinear")
     twice = signal.cont2discrete((np.polymul(b, [1, 0, 0]), a), bearing.step, "bilinear")
     targets = [signal.lfilter(np.ravel(twice[0]), twice[1], axis - axis[0]) for axis in position]
-    # Held currents stand half a sample before the instant of their sample.
+    # Held currents are effective half a sample before the instant of their sample.
     centred = [[0.5 * (column + np.append(column[1:], column[-1])) for column in axis] for axis in columns]
     stacked = [np.array([signal.lfilter(np.ravel(smooth[0]), smooth[1], column) for column in axis]) for axis in centred]
     recursion = FilterRLS(n=7, mu=0.9999, eps=1e-6, w="zeros")
@@ -256,7 +256,7 @@ def judge(bearing, tracks, bound, rows):
         error = hat - bearing.truth
         with np.errstate(invalid="ignore", divide="ignore"):
             normalised = np.abs(error / std)
-        # A filter that has seen no revolution is not judged, as ours is not valid before.
+        # A filter is evaluated only after a revolution, as ours is not valid before.
         late = valid & (np.arange(valid.size) * bearing.step > 2 * np.pi / bearing.omega)
         worst = np.max(normalised[late], initial=0) if np.isfinite(normalised[late]).all() else np.nan
         found[name] = (valid[rows], error[rows] / bound[rows], normalised[rows], worst)
@@ -264,7 +264,7 @@ def judge(bearing, tracks, bound, rows):
 
 
 def show(title, judged):
-    """Prints the figures of some runs."""
+    """Prints the results of some runs."""
     print(f"\n{title}")
     head = "".join(f"{f'{1e3 * instant:.0f} ms':>20}" for instant in INSTANTS_S)
     print(f"{'error/bound, error/std, valid':30}{head}{'worst/std':>11}")
@@ -281,7 +281,7 @@ def show(title, judged):
 
 
 def plot(path, bearing, runs):
-    """The largest of the three errors over time: median of the runs, and from the least to the greatest."""
+    """The largest of the three errors over time: median of the runs, and their range."""
     import matplotlib
 
     matplotlib.use("svg")

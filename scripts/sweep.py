@@ -31,10 +31,10 @@ HERE = pathlib.Path(__file__).resolve().parent.parent
 SCENARIOS = HERE / "src" / "app" / "scenarios"
 SSD = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
 
-# Stretch at the end of a run over which tracking is judged, in s.
+# Interval at the end of a run over which tracking is evaluated, in s.
 STRETCH_S = 0.04
 
-# Columns that come out: name, and the output whose last value it is.
+# Result columns: name, and the output whose last value it is.
 LAST = {
     "valid": "estimator.valid",
     "lambdaHat[1] [N.m2/A2]": "estimator.lambdaHat[1]",
@@ -58,11 +58,11 @@ TRACKING = {"tracking.Y [m]": "controller.eY", "tracking.Z [m]": "controller.eZ"
 
 
 class Refused(Exception):
-    """A case that cannot be run, in words."""
+    """A case that cannot be run, with the reason."""
 
 
 def shortest(value):
-    """A number with as many digits as it takes to read it again, written as the native sweep does."""
+    """A number with as many digits as needed to read the same number again, as the native sweep writes it."""
     sign, digits, exponent = decimal.Decimal(repr(float(value))).as_tuple()
     text = "".join(map(str, digits)).lstrip("0")
     exponent += len(text) - 1
@@ -78,7 +78,7 @@ def split(column):
     return (found[1].strip(), found[2].strip()) if found else (column.strip(), None)
 
 
-# What follows runs on the workers.
+# The following runs on the workers.
 
 
 @functools.lru_cache(maxsize=4)
@@ -141,7 +141,7 @@ def flatten(table, prefix=""):
 class Element:
     """One instance of an FMU."""
 
-    # Those of all instances, for fmpy hands the messages of every one to the logger that was made last.
+    # Shared by all instances, because fmpy passes all messages to the logger made last.
     messages = []
 
     def __init__(self, name, folder, description):
@@ -169,7 +169,7 @@ class Element:
 
     @classmethod
     def complaint(cls):
-        """What was said since the last complaint, without the name of the function."""
+        """The messages since the last complaint, without the name of the function."""
         text = " ".join(cls.messages).partition(": ")[2]
         cls.messages.clear()
         return text
@@ -196,7 +196,7 @@ def seconds(value):
 
 
 def settings(scenario, columns, cells, elements):
-    """The values of a case per element: those of the scenario, then those of the design."""
+    """The values of a case per element: those of the scenario, overridden by the design."""
     values = {name: {} for name in elements}
     for name, (_, description) in elements.items():
         variables = {variable.name: variable for variable in description.modelVariables}
@@ -222,7 +222,7 @@ def settings(scenario, columns, cells, elements):
 
 
 def run_case(case, ssp, scenario_text, columns, cells):
-    """Run one case. Returns its seed, its status and its figures."""
+    """Run one case; return its seed, status and results."""
     figures = {name: "" for name in LAST}
     elements, connections = system(ssp)
     scenario = tomllib.loads(scenario_text)
@@ -294,7 +294,7 @@ def simulate(made, elements, connections, scenario, values):
 
 
 def outputs(made):
-    """The outputs that figures are made of."""
+    """The outputs that the results need."""
     return {path: made[path.partition(".")[0]].get(path.partition(".")[2]) for path in LAST.values() if path}
 
 
@@ -314,11 +314,11 @@ def group(made, connections):
     return wires
 
 
-# What follows runs here.
+# The following runs in this process.
 
 
 class Rows:
-    """The file of rows, which a sweep of either kind goes on with."""
+    """The file of rows, which a native or a Dask sweep can resume."""
 
     def __init__(self, path, columns, cases, scenario_text):
         self.path, self.columns, self.cases, self.scenario_text = path, columns, cases, scenario_text
@@ -331,7 +331,7 @@ class Rows:
         return digest.hexdigest()[:12]
 
     def resume(self):
-        """The cases that are done; cuts off a row that was torn."""
+        """The cases that are done; discards an incomplete last row."""
         text = self.path.read_bytes() if self.path.exists() else b""
         whole = text.rfind(b"\n") + 1
         with open(self.path, "ab") as file:
@@ -374,7 +374,7 @@ class Rows:
 
 
 def progress(done, of, since):
-    """One line on a terminal: how far, how long still."""
+    """One line on a terminal: progress and remaining time."""
     if sys.stderr.isatty():
         left = (time.monotonic() - since) / done * (of - done)
         print(f"\r{done} of {of} cases, {left:.0f} s left ", end="" if done < of else "\n", file=sys.stderr)
@@ -388,7 +388,7 @@ def read_design(path):
 
 
 def sweep(client, design, out, scenario_text, ssp):
-    """Run all cases of a design that `out` has no row of. Returns how many there were left to do."""
+    """Run all cases of a design without a row in `out`; return their number."""
     from distributed import as_completed
 
     columns, cases = read_design(design)
@@ -405,7 +405,7 @@ def sweep(client, design, out, scenario_text, ssp):
         fresh = []
         for future, result in batch:
             if future.status == "error":
-                # What happened to the worker, not to the bearing: say it in the row and go on.
+                # A failure of the worker, not of the case: note it in the row and continue.
                 case = todo[futures.index(future)]
                 result = case, "", f"{type(future.exception()).__name__}: {future.exception()}", dict.fromkeys(LAST, "")
             fresh.append(rows.row(*result))
@@ -419,11 +419,11 @@ def sweep(client, design, out, scenario_text, ssp):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("design", type=pathlib.Path, help="CSV; `sweep DESIGN.toml --expand` makes one of TOML")
-    parser.add_argument("--out", type=pathlib.Path, required=True, help="where the rows go")
-    parser.add_argument("--scenario", default="unbalanced", help="a file, or a scenario that comes with the program")
+    parser.add_argument("--out", type=pathlib.Path, required=True, help="file for the rows")
+    parser.add_argument("--scenario", default="unbalanced", help="a file or a built-in scenario")
     parser.add_argument("--ssp", type=pathlib.Path, default=HERE / "target" / "fmu" / "MagneticBearing.ssp")
-    parser.add_argument("--scheduler", help="address of a Dask scheduler; without it a cluster is made here")
-    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes of the cluster made here")
+    parser.add_argument("--scheduler", help="address of a Dask scheduler; by default a local cluster is started")
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes of the local cluster")
     arguments = parser.parse_args()
 
     import dask
@@ -431,7 +431,7 @@ def main():
 
     built_in = SCENARIOS / f"{arguments.scenario}.toml"
     scenario = built_in if built_in.is_file() else pathlib.Path(arguments.scenario)
-    # A worker that dies may have been at the same case several times without the case being the cause.
+    # A worker may die several times on the same case without the case being the cause.
     dask.config.set({"distributed.scheduler.allowed-failures": 10})
     if arguments.scheduler:
         cluster, address = None, arguments.scheduler

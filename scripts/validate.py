@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Check the packaged FMUs and the SSP from outside, with tools that other people made.
+"""Check the packaged FMUs and the SSP from outside, with third-party tools.
 
 Needs the packages of scripts/requirements.txt; scripts/test installs them. Everything is checked on the archives as
 they are in target/fmu, or in the folder that --fmu names; what the archives are compared with comes from the program,
@@ -16,7 +16,7 @@ How the SSP runs elsewhere, as found by these checks:
   shows for outputs that follow an input at the same instant, the forces of the magnets, belongs to the new inputs.
   Given the same points in time and read at the same place, the direct run has the same bits. It knows no name but
   SystemStructure.ssd.
-- Neither of the two knows variables of type Enumeration: `method` and `update.mode` keep the start values of the FMUs,
+- Neither of the two supports variables of type Enumeration: `method` and `update.mode` keep the start values of the FMUs,
   and a warning says so. SystemStructure.ssd needs no others; in PaperSimulation.ssd the estimator then runs the method
   `predictionError`, not the paper's.
 """
@@ -75,7 +75,7 @@ DURATION_S = 0.4
 STEPS = round(DURATION_S / STEP_S)
 
 # Points in time that were added up differ by up to 3e-14 s after 4000 steps. At 314 rad/s that turns a harmonic force
-# of nominal 10 N by 1e-11 of its amplitude; a loop that damps disturbances makes no more of it. A sample of
+# of nominal 10 N by 1e-11 of its amplitude; a loop that damps disturbances does not amplify it. A sample of
 # misalignment would be above 1e-2, and so would a parameter that was not applied.
 TIME_ROUNDING = 1e-10
 # The shortest steps that importers were seen to make at the end of a run, and the jitter of others, in seconds.
@@ -102,7 +102,7 @@ MEMBERS = [
 TEXT_ENDINGS = (".xml", ".html", ".txt", ".ssd", ".ssv")
 MACHINE_PATHS = re.compile(rb"(?<![\w.])/(?:root|home|Users|tmp|work|builds|github)/|[A-Z]:\\|file:/|\.cargo/registry")
 
-# Parameters that cannot be: FMU, settings, and the variables that the message has to name.
+# Invalid parameters: FMU, settings, and the variables that the message must name.
 REFUSED = [
     (fmu, settings, list(settings))
     for fmu in FMUS
@@ -143,7 +143,7 @@ REFUSED += [
 
 
 class Report:
-    """Collects what the checks find and prints a row for each."""
+    """Collects the findings of the checks and prints a row for each."""
 
     def __init__(self):
         self.passed = 0
@@ -202,7 +202,7 @@ class Archives:
         self.direct = cache(self.direct)
 
     def scenario(self, name):
-        """Read a scenario that comes with the program."""
+        """Read a built-in scenario."""
         return read_scenario(
             program("simulate", "--print", name), self.models, self.systems["SystemStructure.ssd"].connections
         )
@@ -213,7 +213,7 @@ class Archives:
 
 
 def program(*arguments):
-    """Run the program of this project and return what it prints."""
+    """Run the program of this project and return its output."""
     done = subprocess.run(
         [*PROGRAM, *map(str, arguments)], cwd=PROJECT, capture_output=True, encoding="utf-8", stdin=subprocess.DEVNULL
     )
@@ -226,12 +226,12 @@ def program(*arguments):
 
 
 def fmpy_validation(archives, fmu):
-    """Let fmpy look at an FMU: XML schema, names, structure, units."""
+    """Let fmpy validate an FMU: XML schema, names, structure, units."""
     return validate_fmu(str(archives.models[fmu].archive)), ""
 
 
 def fmutool_check(archives, fmu):
-    """Let the FMU manipulation toolbox look at an FMU."""
+    """Let the FMU manipulation toolbox check an FMU."""
     tool = Path(sys.executable).with_name("fmutool")
     done = subprocess.run(
         [tool, "-input", archives.models[fmu].archive, "-check"],
@@ -270,7 +270,7 @@ def schema_findings(schema, archive, member):
 
 
 def ssp_rules(archives, structure):
-    """Check what schemas cannot: names, kinds, types and units against the FMUs, and what tools insist on."""
+    """Check what schemas cannot: names, kinds, types and units against the FMUs, and what tools require."""
     findings = []
     with zipfile.ZipFile(archives.ssp) as archive:
         text = archive.read(structure)
@@ -365,7 +365,7 @@ def exponents_of_fmu(base):
 
 
 def members(archives):
-    """Look for the files that an FMU should bring along, and for empty ones."""
+    """Look for missing and empty files of an FMU."""
     findings, platforms = [], []
     for name, model in archives.models.items():
         with zipfile.ZipFile(model.archive) as archive:
@@ -381,7 +381,7 @@ def members(archives):
 
 
 def no_machine_paths(archives):
-    """Look for paths of the machine that packaged, in all texts."""
+    """Look for paths of the packaging machine in all texts."""
     findings, count = [], 0
     for path in [*(model.archive for model in archives.models.values()), archives.ssp]:
         with zipfile.ZipFile(path) as archive:
@@ -472,7 +472,7 @@ def parameters_of_ssp(archives, structure):
     """Compare the parameter sets of the SSP with the scenario that they come from."""
     scenario, findings, count = archives.scenario(VARIANTS[structure]), [], 0
     for element, (fmu, settings) in archives.systems[structure].elements.items():
-        # A choice that is the start value need not stand in the SSP.
+        # An enumeration at its start value may be left out of the SSP.
         model = archives.models[fmu]
         choices = [name for name in model.choices() if model.variables[name].causality == "parameter"]
         starts = {name: int(model.variables[name].start) for name in choices}
