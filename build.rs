@@ -1,5 +1,5 @@
-//! Tells `src/main.rs` where git logs the commits that are checked out, so that the program can say which one it was built
-//! from. The compiler watches that file for the program alone: a new commit does not build the library anew.
+//! Tells `src/main.rs` where git logs the commits that are checked out, so that the program can report its
+//! commit. Only the program depends on that file: a new commit does not rebuild the library.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

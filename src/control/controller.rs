@@ -19,27 +19,6 @@
 //! At the first sample the rotor is assumed to be on the reference trajectory: position as measured, velocity of the reference,
 //! perturbation 0. From `t_0` to `t_1`, before the first command acts, no current flows, and the observer uses that.
 //!
-//! # Voltage drive
-//!
-//! The measured currents give the state of the coils at `t_k`; the voltages in effect, limited as by the amplifiers, predict it
-//! at `t_{k+1}`. The force of a magnet is then known at the sample instants and is nearly linear in between. Sample k chooses
-//! the acceleration at `t_{k+2}` by feedback of position, velocity and acceleration predicted for `t_{k+1}`:
-//!
-//! ```text
-//! Ÿ_{k+2} = Ÿ*_{k+2} − k_0 (Y − Y*)_{k+1} − k_1 (Ẏ − Ẏ*)_{k+1} − k_2 (Ÿ − Ÿ*)_{k+1}
-//! ```
-//!
-//! with poles at ρ, ρ and 0 of the double integrator with a piecewise linear input. The currents `i*` for the forces give the
-//! voltages by the mean of `u = R i + d(L i)/dt` over `[t_{k+1}, t_{k+2})`, including the change of L with the gap (the speed
-//! voltage); the current error at `t_{k+1}` decays by `ρ_i = exp(−ω_i T_s)` per sample:
-//!
-//! ```text
-//! i_{k+2} = i*_{k+2} + ρ_i (i − i*)_{k+1}
-//! ```
-//!
-//! No integrator can wind up when the amplifiers saturate: the integral action of the loop is the perturbation observer, which
-//! uses the forces of the currents that flow, not the commanded ones.
-//!
 //! # A change of λ
 //!
 //! The currents stay what they are; a new λ assigns new forces to them. The difference of the resultants is added to the
@@ -50,20 +29,12 @@
 //! forces in effect follow from currents measured at one instant: their noise and the errors of the current loop would enter
 //! the perturbation estimate, and with an estimate that changes at every sample nothing would hold the smallest force at `F_0`.
 //!
-//! # Excitation
-//!
-//! Forces along the null vector of P(3) cancel on the rotor, so the smallest force can vary without moving it:
-//!
-//! ```text
-//! min F_k = F_0 (1 + a sin 2πφ)        φ = f t
-//! ```
-//!
-//! `a` is `F0.modulation`, `f` is `F0.modulationFrequency`, t starts at the first sample. For current drive t is the middle of
-//! the interval over which the currents are held, for voltage drive the instant at which they are reached. The varying currents
-//! make λ identifiable where the reference trajectory alone does not, for instance with the rotor at rest. While λ is wrong,
-//! the forces do not cancel exactly, and the rotor moves a little.
+//! Voltage drive is in `voltage.rs`, the modulation of the smallest force in `excitation.rs`.
 
-use std::f64::consts::TAU;
+mod excitation;
+mod voltage;
+
+pub use voltage::ramp_gains;
 
 use serde::{Deserialize, Serialize};
 
@@ -324,32 +295,6 @@ pub fn tracking_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 2] {
     [q * q / (step_s * step_s), q * (3.0 + rho) / (2.0 * step_s)]
 }
 
-/// `[k_0, k_1, k_2]`, in 1/s², 1/s and 1, that put the poles of the double integrator with an input that is linear between
-/// samples at `ρ = exp(−ω T_s)`, ρ and 0.
-///
-/// `k_0 = (1 − ρ)²/T_s²`, `k_1 = 2(1 − ρ)/T_s`, `k_2 = (1 − ρ) − (1 − ρ)²/6`.
-pub fn ramp_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 3] {
-    let (_, q) = pole(bandwidth_rad_s, step_s);
-    [q * q / (step_s * step_s), 2.0 * q / step_s, q - q * q / 6.0]
-}
-
-/// Checks a modulation; a sample time that is itself refused restricts no frequency.
-fn check_modulation(modulation: f64, modulation_hz: f64, step_s: f64, checks: &mut Checks) {
-    checks.require((0.0..=1.0).contains(&modulation), "F0.modulation", modulation, "a fraction of F0 from 0 to 1");
-    let highest_hz = if step_s.is_finite() && step_s > 0.0 { 0.5 / step_s } else { f64::INFINITY };
-    checks.require(
-        modulation_hz.is_finite() && modulation_hz > 0.0 && modulation_hz <= highest_hz,
-        "F0.modulationFrequency",
-        format_args!("{modulation_hz} Hz"),
-        format!("a finite number above 0, at most half the sample rate ({highest_hz} Hz)"),
-    );
-}
-
-/// Revolutions, 0 or above, modulo 1.
-fn wrapped(revolutions: f64) -> f64 {
-    revolutions - libm::floor(revolutions)
-}
-
 impl Controller {
     /// A controller of the given configuration.
     ///
@@ -365,7 +310,7 @@ impl Controller {
             checks.positive(name, lambda, "N.m2/A2");
         }
         checks.not_negative("F0", config.f0_n, "N");
-        check_modulation(config.modulation, config.modulation_hz, config.step_s, &mut checks);
+        excitation::check(config.modulation, config.modulation_hz, config.step_s, &mut checks);
         checks.positive("bandwidth.tracking", config.tracking_rad_s, "rad/s");
         checks.positive("bandwidth.observer", config.observer_rad_s, "rad/s");
         checks.positive("bandwidth.current", config.current_rad_s, "rad/s");
@@ -383,21 +328,6 @@ impl Controller {
             relax: -libm::expm1(-config.step_s / PRELOAD_S),
             config,
         })
-    }
-
-    /// Changes the modulation of the smallest force: `modulation` as a fraction of `F_0`, its frequency in Hz.
-    ///
-    /// The phase is continuous.
-    ///
-    /// # Errors
-    /// `F0.modulation` outside 0 to 1; `F0.modulationFrequency` unless it is above 0 and at most half the sample rate. The
-    /// former values then remain.
-    pub fn retune(&mut self, modulation: f64, modulation_hz: f64) -> Result<(), Vec<Invalid>> {
-        let mut checks = Checks::default();
-        check_modulation(modulation, modulation_hz, self.config.step_s, &mut checks);
-        checks.finish()?;
-        (self.config.modulation, self.config.modulation_hz) = (modulation, modulation_hz);
-        Ok(())
     }
 
     /// The configuration, including the last retuning.
@@ -419,7 +349,7 @@ impl Controller {
             updated: false,
             preload_n: self.config.f0_n,
             modulation_factor: 1.0,
-            base_rev: wrapped(self.config.modulation_hz * self.ahead_s()),
+            base_rev: self.first_phase_rev(),
             base_sample: 0,
             modulation_hz: self.config.modulation_hz,
             reference: self.reference.start(),
@@ -562,66 +492,6 @@ impl Controller {
         Command { current_a, voltage_v: [0.0; 3], force_n, saturated, limited: false }
     }
 
-    /// Voltages to hold over the sample time that begins at the next sample, with the reference at its begin and end; the
-    /// currents and gaps are those of this sample.
-    fn voltages(
-        &self,
-        state: &mut ControllerState,
-        estimate: &[Estimate; 2],
-        current_a: [f64; 3],
-        gap_m: [f64; 3],
-        [begin, end]: [[RefPoint; 2]; 2],
-    ) -> Command {
-        let m = self.config.m_kg;
-        let step_s = self.config.step_s;
-        let CoilConfig { resistance_ohm, limit_v, .. } = self.config.coil;
-        let floor_m = SMALLEST_GAP * self.config.gap_m;
-        let lambda = state.lambda_nm2_a2;
-        let inductance = |k: usize, gap_m: f64| self.config.coil.of(lambda[k], self.config.gap_m).inductance_h(gap_m);
-
-        // Position at the next sample: the change of the force until then moves the rotor by less than the rounding of a gap.
-        let now_n = self.magnets.resultant(state.in_effect_n);
-        let next_m = std::array::from_fn(|a| self.observer.predict(estimate[a], now_n[a] / m)[0]);
-        let next_gap_m = self.magnets.gaps(next_m).map(|gap| gap.max(floor_m));
-        // ψ' = u − R i with the mean of the currents at both ends.
-        let half = 0.5 * step_s * resistance_ohm;
-        let next_a: [f64; 3] = std::array::from_fn(|k| {
-            let linkage = inductance(k, gap_m[k]) * current_a[k] + step_s * state.voltage_v[k] - half * current_a[k];
-            linkage / (inductance(k, next_gap_m[k]) + half)
-        });
-        let next_n = self.magnets.resultant(magnet::forces(lambda, next_a, next_gap_m));
-
-        let [k_0, k_1, k_2] = self.ramp_gains;
-        let mut force_n = [0.0; 2];
-        let mut last_m = [0.0; 2];
-        for a in 0..2 {
-            let expected = self.observer.predict_ramp(estimate[a], now_n[a] / m, next_n[a] / m);
-            let [x, v, d] = expected;
-            let acceleration = end[a].acceleration_m_s2
-                - k_2 * (next_n[a] / m + d - begin[a].acceleration_m_s2)
-                - k_1 * (v - begin[a].velocity_m_s)
-                - k_0 * (x - begin[a].position_m);
-            force_n[a] = m * (acceleration - d);
-            last_m[a] = self.observer.predict_ramp(expected, next_n[a] / m, acceleration - d)[0];
-            state.expected[a] = expected;
-        }
-        let wanted_n = self.magnets.allocate(force_n, state.preload_n * state.modulation_factor);
-        let predicted_m = self.magnets.gaps(last_m);
-        let saturated = predicted_m.iter().any(|gap| *gap < floor_m);
-        let last_gap_m = predicted_m.map(|gap| gap.max(floor_m));
-        let reference_a = magnet::currents(wanted_n, last_gap_m, lambda);
-        let wanted_v: [f64; 3] = std::array::from_fn(|k| {
-            let last_a = (reference_a[k] + self.decay * (next_a[k] - state.planned_a[k])).max(0.0);
-            let change = inductance(k, last_gap_m[k]) * last_a - inductance(k, next_gap_m[k]) * next_a[k];
-            change / step_s + 0.5 * resistance_ohm * (last_a + next_a[k])
-        });
-        let voltage_v = wanted_v.map(|u| u.clamp(-limit_v, limit_v));
-        state.voltage_v = voltage_v;
-        state.planned_a = reference_a;
-        state.asked_n = wanted_n;
-        Command { current_a: reference_a, voltage_v, force_n, saturated, limited: voltage_v != wanted_v }
-    }
-
     /// Uses the estimated λ when it is due, and adds the difference in force to the perturbation estimate.
     fn update_lambda(&self, state: &mut ControllerState, estimate: &mut [Estimate; 2], input: &ControllerInput) {
         let hat = input.lambda_hat_nm2_a2;
@@ -654,37 +524,6 @@ impl Controller {
             let [f_1, f_2, f_3] = state.asked_n;
             state.preload_n = f_1.min(f_2).min(f_3) / state.modulation_factor;
         }
-    }
-
-    /// `1 + a sin 2πφ` for the force commanded at this sample.
-    fn modulate(&self, state: &mut ControllerState) -> f64 {
-        let ControllerConfig { modulation, modulation_hz, step_s, .. } = self.config;
-        // Count × step, so that φ does not drift.
-        let phase_rev = |state: &ControllerState, sample: u64| {
-            wrapped(state.base_rev + state.modulation_hz * ((sample - state.base_sample) as f64 * step_s))
-        };
-        if modulation_hz != state.modulation_hz {
-            // f changes after the last commanded force.
-            (state.base_rev, state.base_sample) = match state.samples.checked_sub(1) {
-                Some(last) => (phase_rev(state, last), last),
-                None => (wrapped(modulation_hz * self.ahead_s()), 0),
-            };
-            state.modulation_hz = modulation_hz;
-        }
-        if modulation == 0.0 {
-            return 1.0;
-        }
-        1.0 + modulation * libm::sin(TAU * phase_rev(state, state.samples))
-    }
-
-    /// Time from a sample to the instant for which its force is computed, in s: the middle of held currents, the end of
-    /// voltages.
-    fn ahead_s(&self) -> f64 {
-        let samples = match self.config.coil.drive {
-            Drive::Current => 1.5,
-            Drive::Voltage => 2.0,
-        };
-        samples * self.config.step_s
     }
 
     fn update_is_due(&self, state: &ControllerState) -> bool {

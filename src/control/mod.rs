@@ -4,7 +4,7 @@
 //!
 //! - [`mod@reference`]: the trajectory of the flat output and its derivatives;
 //! - [`observer`]: position, velocity and perturbation from sampled positions;
-//! - [`controller`]: the tracking law, for current and for voltage drive.
+//! - [`controller`]: the tracking law, for current and for voltage drive, and the excitation.
 
 pub mod controller;
 pub mod observer;

@@ -1,4 +1,4 @@
-//! The packaged FMUs in an importer that nobody here wrote: fmi-rs, which unpacks, validates, loads and runs them.
+//! The packaged FMUs in a third-party importer, fmi-rs, which unpacks, validates, loads and runs them.
 //!
 //! The program packages the FMUs and simulates the scenario; both are read back from files. Nothing of this project is
 //! linked in.
@@ -16,7 +16,7 @@ use fmi_rs::model_description::fmi2::{Causality, ScalarVariable, VariableType};
 
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 
-/// An empty folder of this test's own.
+/// An empty folder for this test.
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_dir_all(&folder);
@@ -294,7 +294,7 @@ fn the_importer_is_told_why() {
     }
 }
 
-/// Long campaigns load and free FMUs without end; each instance here loads its binary anew.
+/// Long campaigns load and free FMUs many times; each instance here loads its binary again.
 #[test]
 fn binaries_can_be_loaded_and_freed_without_end() {
     const TIMES: usize = 200;

@@ -1,4 +1,4 @@
-// The run in motion: the rotor in its clearance between the magnets, their forces, and the instant in the plot beside it.
+// The animation: the rotor in its clearance between the magnets, their forces, and the instant in the plot beside it.
 "use strict";
 (() => {
   const root = document.getElementById("orbit-animation");
@@ -11,10 +11,10 @@
   const last = t.length - 1;
   if (last < 1) return;
 
-  // Lengths in the drawing; displacements and gaps are on one scale, the rotor itself is far larger in truth.
+  // Lengths in the drawing; displacements and gaps are on one scale, the rotor itself is far larger in reality.
   const ROTOR = 92, RING = 158, ARROW = 74, VIEW = 330;
   const scale = (RING - ROTOR) / data.clearance, pole = ROTOR + data.gap * scale;
-  // A blow that lasts a few samples must not make all other arrows short.
+  // An impact of a few samples must not shorten all other arrows.
   const sorted = Float32Array.from(force.flatMap(values => [...values])).sort();
   const most = Math.max(1e-9, sorted[Math.floor(0.98 * sorted.length)]);
   const step = t[last] / last;
@@ -53,19 +53,19 @@
   const [play, seek, speed, rotor] = ["play", "seek", "speed", "rotor"].map(get);
   const centre = find(".centre"), body = find(".body"), trail = find(".trail"), ring = find(".ring"), event = find(".event");
 
-  // A turn a second, or the whole run in ten seconds where the rotor does not turn.
+  // One revolution per second, or the whole run in ten seconds if the rotor does not turn.
   const turns = Math.abs(theta[last] - theta[0]) / (2 * Math.PI);
   const wanted = turns > 1 ? turns / t[last] : 10 / t[last];
   const speeds = [...speed.options].map(option => Number(option.value));
   speed.value = speeds.reduce((a, b) => Math.abs(Math.log(b / wanted)) < Math.abs(Math.log(a / wanted)) ? b : a);
-  // The trail is one turn long.
+  // The trail is one revolution long.
   const turn = at => {
     let from = at;
     while (from > 0 && at - from < 600 && Math.abs(theta[at] - theta[from]) < 2 * Math.PI) from--;
     return from;
   };
 
-  // The plot beside: what is still to come lies under a veil.
+  // In the plot beside it, the time still to come is dimmed.
   const plot = document.querySelector("#lambda .plot");
   const veil = Object.assign(document.createElement("div"), {className: "veil"});
   if (plot) {
@@ -110,7 +110,7 @@
     const now = at * step;
     get("now").textContent = `t ${(now * data.timeFactor).toFixed(data.timeFactor > 1 ? 1 : 3)} ${data.timeFactor > 1 ? "ms" : "s"}` +
       (valid ? valid[i] > 0.5 ? ", valid" : ", not valid" : "");
-    // What happened stays to be read for a while.
+    // Events stay visible for a while.
     const told = data.events.filter(([when]) => when <= now && now < when + 40 * step + 0.06 * t[last]).pop();
     event.textContent = told ? told[1] : "";
     seek.value = at;
@@ -134,7 +134,7 @@
   }
   play.addEventListener("click", () => playing ? pause() : start());
   seek.addEventListener("input", () => { at = Number(seek.value); pause(); paint(); });
-  // A page may be opened at an instant in s, standing still: report.html#t=0.12
+  // A page may be opened at an instant in s, stopped: report.html#t=0.12
   const asked = /^#t=([0-9.]+)$/.exec(location.hash);
   pause();
   if (asked) at = Math.min(Number(asked[1]) / step, last);

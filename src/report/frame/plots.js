@@ -1,4 +1,4 @@
-// Draws the plots of the page with plotly.js, which the page carries compressed, and links those over time.
+// Draws the plots of the page with plotly.js, which the page contains in compressed form, and links those over time.
 "use strict";
 (async () => {
   const packed = Uint8Array.from(atob(document.getElementById("plotly").textContent), c => c.charCodeAt(0));
@@ -10,11 +10,11 @@
   const plots = [...document.querySelectorAll(".plot")];
   const specs = new Map(plots.map(div => [div, JSON.parse(div.firstElementChild.textContent)]));
   const linked = plots.filter(div => "overTime" in div.dataset);
-  // Fingers scroll the page; the buttons of a plot zoom.
+  // Touch scrolls the page; the buttons of a plot zoom.
   const touch = matchMedia("(pointer: coarse)").matches;
   let shown = null;
 
-  // Names of colours become those of the style, light or dark.
+  // Replaces colour names by the colours of the style, light or dark.
   const style = () => getComputedStyle(document.documentElement);
   function resolved(value) {
     if (typeof value === "string" && value.startsWith("--")) return style().getPropertyValue(value).trim();
@@ -51,7 +51,7 @@
     });
   }
 
-  // Shows this stretch of time in all plots over time; those that are not drawn yet take it when they are.
+  // Shows this interval in all plots over time; plots not yet drawn use it later.
   function show(ends, from) {
     if (!ends || shown && ends[0] === shown[0] && ends[1] === shown[1]) return;
     shown = [...ends];

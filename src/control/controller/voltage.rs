@@ -1,0 +1,97 @@
+//! Voltage drive: feedback of the acceleration, and the current loop.
+//!
+//! The measured currents give the state of the coils at `t_k`; the voltages in effect, limited as by the amplifiers, predict it
+//! at `t_{k+1}`. The force of a magnet is then known at the sample instants and is nearly linear in between. Sample k chooses
+//! the acceleration at `t_{k+2}` by feedback of position, velocity and acceleration predicted for `t_{k+1}`:
+//!
+//! ```text
+//! Ÿ_{k+2} = Ÿ*_{k+2} − k_0 (Y − Y*)_{k+1} − k_1 (Ẏ − Ẏ*)_{k+1} − k_2 (Ÿ − Ÿ*)_{k+1}
+//! ```
+//!
+//! with poles at ρ, ρ and 0 of the double integrator with a piecewise linear input. The currents `i*` for the forces give the
+//! voltages by the mean of `u = R i + d(L i)/dt` over `[t_{k+1}, t_{k+2})`, including the change of L with the gap (the speed
+//! voltage); the current error at `t_{k+1}` decays by `ρ_i = exp(−ω_i T_s)` per sample:
+//!
+//! ```text
+//! i_{k+2} = i*_{k+2} + ρ_i (i − i*)_{k+1}
+//! ```
+//!
+//! No integrator can wind up when the amplifiers saturate: the integral action of the loop is the perturbation observer, which
+//! uses the forces of the currents that flow, not the commanded ones.
+
+use super::{Command, Controller, ControllerState, SMALLEST_GAP};
+use crate::bearing::coil::CoilConfig;
+use crate::bearing::magnet;
+use crate::control::observer::{Estimate, pole};
+use crate::control::reference::RefPoint;
+
+/// `[k_0, k_1, k_2]`, in 1/s², 1/s and 1, that put the poles of the double integrator with an input that is linear between
+/// samples at `ρ = exp(−ω T_s)`, ρ and 0.
+///
+/// `k_0 = (1 − ρ)²/T_s²`, `k_1 = 2(1 − ρ)/T_s`, `k_2 = (1 − ρ) − (1 − ρ)²/6`.
+pub fn ramp_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 3] {
+    let (_, q) = pole(bandwidth_rad_s, step_s);
+    [q * q / (step_s * step_s), 2.0 * q / step_s, q - q * q / 6.0]
+}
+
+impl Controller {
+    /// Voltages to hold over the sample time that begins at the next sample, with the reference at its begin and end; the
+    /// currents and gaps are those of this sample.
+    pub(super) fn voltages(
+        &self,
+        state: &mut ControllerState,
+        estimate: &[Estimate; 2],
+        current_a: [f64; 3],
+        gap_m: [f64; 3],
+        [begin, end]: [[RefPoint; 2]; 2],
+    ) -> Command {
+        let m = self.config.m_kg;
+        let step_s = self.config.step_s;
+        let CoilConfig { resistance_ohm, limit_v, .. } = self.config.coil;
+        let floor_m = SMALLEST_GAP * self.config.gap_m;
+        let lambda = state.lambda_nm2_a2;
+        let inductance = |k: usize, gap_m: f64| self.config.coil.of(lambda[k], self.config.gap_m).inductance_h(gap_m);
+
+        // Position at the next sample: the change of the force until then moves the rotor by less than the rounding of a gap.
+        let now_n = self.magnets.resultant(state.in_effect_n);
+        let next_m = std::array::from_fn(|a| self.observer.predict(estimate[a], now_n[a] / m)[0]);
+        let next_gap_m = self.magnets.gaps(next_m).map(|gap| gap.max(floor_m));
+        // ψ' = u − R i with the mean of the currents at both ends.
+        let half = 0.5 * step_s * resistance_ohm;
+        let next_a: [f64; 3] = std::array::from_fn(|k| {
+            let linkage = inductance(k, gap_m[k]) * current_a[k] + step_s * state.voltage_v[k] - half * current_a[k];
+            linkage / (inductance(k, next_gap_m[k]) + half)
+        });
+        let next_n = self.magnets.resultant(magnet::forces(lambda, next_a, next_gap_m));
+
+        let [k_0, k_1, k_2] = self.ramp_gains;
+        let mut force_n = [0.0; 2];
+        let mut last_m = [0.0; 2];
+        for a in 0..2 {
+            let expected = self.observer.predict_ramp(estimate[a], now_n[a] / m, next_n[a] / m);
+            let [x, v, d] = expected;
+            let acceleration = end[a].acceleration_m_s2
+                - k_2 * (next_n[a] / m + d - begin[a].acceleration_m_s2)
+                - k_1 * (v - begin[a].velocity_m_s)
+                - k_0 * (x - begin[a].position_m);
+            force_n[a] = m * (acceleration - d);
+            last_m[a] = self.observer.predict_ramp(expected, next_n[a] / m, acceleration - d)[0];
+            state.expected[a] = expected;
+        }
+        let wanted_n = self.magnets.allocate(force_n, state.preload_n * state.modulation_factor);
+        let predicted_m = self.magnets.gaps(last_m);
+        let saturated = predicted_m.iter().any(|gap| *gap < floor_m);
+        let last_gap_m = predicted_m.map(|gap| gap.max(floor_m));
+        let reference_a = magnet::currents(wanted_n, last_gap_m, lambda);
+        let wanted_v: [f64; 3] = std::array::from_fn(|k| {
+            let last_a = (reference_a[k] + self.decay * (next_a[k] - state.planned_a[k])).max(0.0);
+            let change = inductance(k, last_gap_m[k]) * last_a - inductance(k, next_gap_m[k]) * next_a[k];
+            change / step_s + 0.5 * resistance_ohm * (last_a + next_a[k])
+        });
+        let voltage_v = wanted_v.map(|u| u.clamp(-limit_v, limit_v));
+        state.voltage_v = voltage_v;
+        state.planned_a = reference_a;
+        state.asked_n = wanted_n;
+        Command { current_a: reference_a, voltage_v, force_n, saturated, limited: voltage_v != wanted_v }
+    }
+}
