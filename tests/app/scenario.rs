@@ -140,7 +140,7 @@ fn what_cannot_be_understood_is_refused_by_name() {
         ("", "[plant]\nY0 = \"30 furlong\"", &["[plant]", "Y0", "30 furlong", "m, µm, mm"]),
         ("", "[plant]\nm = \"7 m\"", &["m = \"7 m\"", "not one of kg, g"]),
         ("", "[controller]\nreference.omega = \"50 kHz\"", &["reference.omega", "kHz", "rad/s, rpm, Hz"]),
-        ("", "[plant]\nY0 = \"thirty µm\"", &["Y0", "thirty is not at a number"]),
+        ("", "[plant]\nY0 = \"thirty µm\"", &["Y0", "thirty is not a number"]),
         // Types.
         ("", "[plant]\nm = true", &["m = true", "a number in kg"]),
         ("", "[plant]\nm = [1.0]", &["m = [1.0]", "a number in kg"]),

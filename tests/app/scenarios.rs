@@ -54,7 +54,7 @@ fn every_scenario_runs_to_its_end_and_has_its_page() {
     for (name, _) in BUILT_IN {
         let (scenario, run) = of(name);
         let page = experiment::page(Path::new(name), "", &scenario, &run);
-        for what in [scenario.title.as_str(), "Figures of the bearing", "of the clearance", "The clearance"] {
+        for what in [scenario.title.as_str(), "Figures of the bearing", "largest displacement / clearance", "The clearance"] {
             assert!(page.contains(what), "{name}: the page does not say {what:?}");
         }
         assert!(page.contains("Sensitivity function of each axis"), "{name}: no sensitivity");
@@ -255,7 +255,7 @@ fn profiles_and_contours_that_make_no_sense_are_refused_by_name() {
     assert!(profile("plant.omgea", "0", "1").contains("no variable plant.omgea"));
     assert!(profile("plant.u[1]", "0", "1").contains("connected to controller.u[1]"));
     assert!(profile("plant.m", "0", "1").contains("fixed"));
-    assert!(profile("plant.omega", "0, 0", "1, 2").contains("rising"));
+    assert!(profile("plant.omega", "0, 0", "1, 2").contains("increasing"));
     assert!(profile("plant.omega", "0, 1", "1").contains("as many values as times"));
     assert!(profile("plant.omega", "0", "\"1 kg\"").contains("unit kg"));
     assert!(refused("contour = \"nowhere.csv\"\n").contains("nowhere.csv"));

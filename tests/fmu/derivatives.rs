@@ -290,7 +290,7 @@ fn samples_within_a_step_see_the_extrapolated_input() {
 fn derivatives_of_inputs_are_taken_together_or_not_at_all() {
     let fmu = Fmu::started(PLANT, &RUNNING);
     let two = references(&fmu, &["i[1]", "m"]);
-    assert!(fmu.set_input_derivatives(&two, &[1, 1], &[10.0, 0.0]).error(&fmu).contains("m: a continuous input"));
+    assert!(fmu.set_input_derivatives(&two, &[1, 1], &[10.0, 0.0]).error(&fmu).contains("m: expected a continuous input"));
     for order in [0, -1, 5, i32::MAX] {
         let text = fmu.set_input_derivatives(&two[..1], &[order], &[1.0]).error(&fmu);
         assert!(text.contains("an order from 1 to 4"), "{text}");
@@ -350,6 +350,6 @@ fn output_derivatives_are_those_of_the_motion() {
         }
         assert_eq!(fmu.output_derivatives(&references(&fmu, &["Ym", "theta"]), &[1, 2]), Ok(vec![0.0; 2]));
         let text = fmu.output_derivatives(&outputs[..1], &[3]).expect_err("an error").error(&fmu);
-        assert!(text.contains("Y: a derivative of order 3 is refused: an order from 1 to 2"), "{text}");
+        assert!(text.contains("Y: a derivative of order 3 is refused: expected an order from 1 to 2"), "{text}");
     }
 }

@@ -336,7 +336,7 @@ fn damaged_bytes_are_refused_with_a_reason() {
     }
     let mut longer = written.clone();
     longer.push(0);
-    assert!(refused(&fmu, &longer).contains("1 are left over"));
+    assert!(refused(&fmu, &longer).contains("1 bytes are left over"));
     for at in 0..written.len() {
         for bit in [1, 0x80] {
             let mut changed = written.clone();
