@@ -297,7 +297,7 @@ fn systems_connect_what_exists_and_name_what_is_there() {
             let model = component.attribute("source").and_then(|source| Path::new(source).file_stem()?.to_str());
             let kind = magnetic_bearing::fmu::find(model.expect("a file")).expect("a model");
             let variables: HashMap<_, _> =
-                kind.variables().into_iter().map(|variable| (variable.name.to_string(), variable)).collect();
+                kind.variables().iter().map(|variable| (variable.name.to_string(), variable)).collect();
             for connector in named(component, "Connector") {
                 let name = connector.attribute("name").expect("a name");
                 let variable = variables.get(name).unwrap_or_else(|| panic!("{file}: {element}.{name} is no variable"));
@@ -376,7 +376,7 @@ fn parameter_sets_give_what_the_scenarios_say() {
                 let variable = parameter.attribute("name").expect("a name");
                 assert!(seen.insert(variable), "{file}: {variable} stands there twice");
                 let variables = part.model_type.variables();
-                let of_table = variables.into_iter().find(|known| known.name == variable).expect("a variable");
+                let of_table = variables.iter().find(|known| known.name == variable).expect("a variable");
                 assert!(of_table.is_settable(), "{file}: {variable} can be set");
                 let value = parameter.first_element_child().expect("a value");
                 let said: f64 = match value.attribute("value").expect("a value") {
