@@ -40,7 +40,8 @@ const STEP: f64 = 0.1;
 /// Information at the start: a standard deviation of three in ln ρ and ln σ_z², which are found within a factor of twenty.
 const START_INFORMATION: f64 = 0.1;
 
-/// Added to the information of each, so that the first samples decide nothing. With 2 a search that begins a factor of three too low takes 0.1 s.
+/// Added to the information of each, so that the first samples decide nothing. That on ln ρ grows with ρ² and is below 1 at first: with a ridge of 2 a
+/// search that began a factor of three too low took 0.1 s (drawn bearings, seed 56183).
 const RIDGE: f64 = 1.0;
 
 /// The information forgets the samples taken with a worse estimate: so much of the number of samples counts, and at least so many.
