@@ -401,8 +401,8 @@ fn after_the_update_the_loop_is_quieter() {
     let (before, after) = ((0.16, 0.2), (0.36, 0.4));
     for axis in ["Y", "Z"] {
         let estimate = run.recording.get(&format!("controller.p{axis}Hat")).expect("a signal");
-        let swing = |(from_s, to_s)| over(&run, estimate, from_s, to_s).0;
-        let ratio = swing(before) / swing(after);
+        let peak_to_peak = |(from_s, to_s)| over(&run, estimate, from_s, to_s).0;
+        let ratio = peak_to_peak(before) / peak_to_peak(after);
         assert!(ratio > PEAK_TO_PEAK_RATIO, "the peak-to-peak value on {axis} falls only by a factor of {ratio}");
 
         let position = run.recording.get(&format!("plant.{axis}")).expect("a signal");

@@ -290,7 +290,9 @@ fn samples_within_a_step_see_the_extrapolated_input() {
 fn derivatives_of_inputs_are_taken_together_or_not_at_all() {
     let fmu = Fmu::started(PLANT, &RUNNING);
     let two = references(&fmu, &["i[1]", "m"]);
-    assert!(fmu.set_input_derivatives(&two, &[1, 1], &[10.0, 0.0]).error(&fmu).contains("m: expected a continuous input"));
+    assert!(
+        fmu.set_input_derivatives(&two, &[1, 1], &[10.0, 0.0]).error(&fmu).contains("m: expected a continuous input")
+    );
     for order in [0, -1, 5, i32::MAX] {
         let text = fmu.set_input_derivatives(&two[..1], &[order], &[1.0]).error(&fmu);
         assert!(text.contains("an order from 1 to 4"), "{text}");
