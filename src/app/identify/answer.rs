@@ -355,12 +355,6 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
             }
         });
     }
-    if found.rows_left_out > 0 {
-        words.push(format!(
-            "With bench parameters to estimate, {} of the rows were left out, evenly distributed: tolerances, not noise, decide.",
-            found.rows_left_out
-        ));
-    }
     let held: Vec<&str> = found.not_separated.iter().map(|j| PARAMETERS[*j].name).collect();
     if !held.is_empty() {
         words.push(format!(

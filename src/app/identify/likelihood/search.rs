@@ -10,9 +10,10 @@ use super::bench::{BENCH, PARAMETERS};
 use super::equations::{ALL, BASE, Bearing, LOAD, Nominal, Theta};
 use super::filter::{self, Block, Data, HARMONICS, LAGS, Piece, Track};
 use super::solve::{Normal, SHARED, inverse, part, unknown};
+use super::synchronous::{MEASURED, Synchronous};
 use super::{
     BenchEstimate, BudgetLine, Change, Conditions, Contradiction, Covariance, Estimate, Failed, Identification,
-    Knowledge, Options, Recording, Residuals, SHORTEST, Suspect,
+    Knowledge, Options, Recording, Residuals, SHORTEST, Score, Suspect,
 };
 
 /// Rows of a piece.
@@ -53,12 +54,6 @@ const CURRENT_NOISE_LOG_STD: f64 = 3.0;
 const FREE: f64 = 1e3;
 /// A free parameter that is known to this many typical tolerances only is not told by the data.
 const NOT_SEPARATED: f64 = 20.0;
-
-/// Rows that are used where bench parameters are estimated, in stretches of [`STRETCH`]: with more of them the likelihood is a ridge so narrow
-/// and curved that Gauss–Newton does not follow it, and tolerances, not noise, decide on what λ is known to. Of 120 s of the nominal bench with all
-/// typical tolerances the bound of λ is 7, 5 and 5 % wider with 20 s than with all (`study_rows` in tests/likelihood.rs).
-const BENCH_ROWS: usize = 200_000;
-const STRETCH: usize = 1 << 14;
 
 /// One recording with its rows cut into pieces.
 struct Case<'a> {
@@ -155,7 +150,7 @@ fn parallel<T: Sync, R: Send>(threads: usize, items: &[T], work: impl Fn(&T) -> 
     results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).into_iter().flatten().collect()
 }
 
-fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Option<Case<'a>> {
+fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool], repeats: bool) -> Option<Case<'a>> {
     let h = recording.step_s;
     let rows = recording.position_m.len();
     let segments = segments(
@@ -180,7 +175,9 @@ fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Option<Case<'a>
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
         reach: ((RATE_S / h).round() as usize).max(1),
     };
-    let mut track = Track { state: vec![[0.0; 4]; rows], level: vec![[0.0; 3]; rows] };
+    let long = repeats && segments.iter().map(Range::len).sum::<usize>() > MEASURED && std::env::var("RAW").is_err();
+    let synchronous = if long { Synchronous::new(&data, &segments) } else { Synchronous::default() };
+    let mut track = Track { state: vec![[0.0; 4]; rows], level: vec![[0.0; 3]; rows], synchronous };
     for segment in &segments {
         for row in segment.clone() {
             let (before, after) = (row.max(segment.start + 1) - 1, (row + 1).min(segment.end - 1));
@@ -364,6 +361,9 @@ impl<'a> Search<'a> {
             for segment in &case.segments {
                 case.track.set_levels(&case.data, bearing, segment);
             }
+            let mut synchronous = std::mem::take(&mut case.track.synchronous);
+            synchronous.fit(&case.data, bearing, &case.track);
+            case.track.synchronous = synchronous;
         }
     }
 
@@ -442,7 +442,7 @@ impl<'a> Search<'a> {
             let next = self.newton(&normal)?;
             if all
                 && let Some((before, x, step, part)) = from.take()
-                && (merit.is_nan() || merit > before + WORSE + 0.1 * step.gain)
+                && (merit.is_nan() || (merit > before + WORSE + 0.1 * step.gain && next.gain > 0.5 * step.gain))
             {
                 let part = 0.5 * part;
                 self.x = self.moved(&x, &step.step, part);
@@ -553,10 +553,11 @@ fn first_guess(recordings: &[Recording<'_>], options: &Options) -> f64 {
 
 /// Where the search starts, and with which priors.
 fn start<'a>(recordings: &'a [Recording<'a>], masks: &[Vec<bool>], options: &'a Options) -> Result<Search<'a>, Failed> {
+    let bench = options.bench.iter().any(|told| told.knowledge != Knowledge::Exact);
     let cases: Option<Vec<Case>> =
-        recordings.iter().zip(masks).map(|(recording, mask)| prepare(recording, mask)).collect();
+        recordings.iter().zip(masks).map(|(recording, mask)| prepare(recording, mask, bench)).collect();
     let Some(cases) = cases else {
-        let short = |(recording, mask): (&'a Recording<'a>, &Vec<bool>)| prepare(recording, mask).is_none();
+        let short = |(recording, mask): (&'a Recording<'a>, &Vec<bool>)| prepare(recording, mask, false).is_none();
         let recording = recordings.iter().zip(masks).position(short).unwrap_or(0) + 1;
         return Err(Failed::TooShort { recording, wanted: SHORTEST });
     };
@@ -731,9 +732,12 @@ fn fit<'a>(
     }
 }
 
+fn everything(recordings: &[Recording<'_>]) -> Vec<Vec<bool>> {
+    recordings.iter().map(|recording| vec![true; recording.position_m.len()]).collect()
+}
+
 pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Result<Identification, Failed> {
-    let mut masks = stretches(recordings, options);
-    let left_out = masks.iter().flatten().filter(|used| !**used).count();
+    let mut masks = everything(recordings);
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();
     let mut finished = fit(recordings, &masks, options, &mut held)?;
@@ -762,27 +766,31 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
         }
         finished = fit(recordings, &masks, options, &mut held)?;
     }
-    Ok(report(&finished, held, contradictions, left_out))
-}
-
-/// The rows that are used: all of them, or [`BENCH_ROWS`] in stretches over the whole of the recordings where bench parameters are estimated.
-fn stretches(recordings: &[Recording<'_>], options: &Options) -> Vec<Vec<bool>> {
-    let all: usize = recordings.iter().map(|recording| recording.position_m.len()).sum();
-    let exact = options.bench.iter().all(|told| told.knowledge == Knowledge::Exact);
-    let period = if exact || all <= BENCH_ROWS { STRETCH } else { STRETCH * all / BENCH_ROWS };
-    let used = |rows: usize| (0..rows).map(|row| row % period < STRETCH).collect();
-    recordings.iter().map(|recording| used(recording.position_m.len())).collect()
+    Ok(report(&finished, held, contradictions))
 }
 
 /// See [`super::cramer_rao`].
 pub(super) fn cramer_rao(recordings: &[Recording<'_>], options: &Options) -> Result<Vec<f64>, Failed> {
-    let masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.position_m.len()]).collect();
+    let masks = everything(recordings);
     let finished = fit(recordings, &masks, options, &mut Vec::new())?;
     let (a, _) = finished.search.equations(&finished.normal, &finished.estimated);
     let covariance = inverse(&a).ok_or_else(|| Failed::Diverged("the information matrix is singular".into()))?;
     Ok((0..finished.search.x.len())
         .map(|unknown| finished.at(unknown).map_or(0.0, |i| covariance[(i, i)].sqrt()))
         .collect())
+}
+
+/// See [`super::score_at`].
+pub(super) fn score_at(recordings: &[Recording<'_>], options: &Options, unknowns: &[f64]) -> Result<Score, Failed> {
+    let masks = everything(recordings);
+    let mut search = start(recordings, &masks, options)?;
+    search.x.copy_from_slice(unknowns);
+    for _ in 0..3 {
+        search.smooth();
+    }
+    let normal = search.normal(&search.pass(true), true);
+    let information = normal.j.row_iter().map(|row| row.iter().copied().collect()).collect();
+    Ok(Score { score: normal.b.iter().copied().collect(), information })
 }
 
 /// A change of λ or load in a recording.
@@ -914,7 +922,6 @@ fn report(
     finished: &Finished,
     mut held: Vec<usize>,
     contradictions: Vec<Contradiction>,
-    rows_left_out: usize,
 ) -> Identification {
     held.sort_unstable();
     held.dedup();
@@ -942,7 +949,6 @@ fn report(
         covariance: finished.covariance,
         iterations: search.iterations,
         converged: search.converged,
-        rows_left_out,
         log_likelihood: -0.5 * search.merit(&finished.blocks),
     }
 }
