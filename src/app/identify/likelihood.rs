@@ -301,7 +301,7 @@ pub struct Identification {
     pub covariance: Covariance,
     /// Iterations of the last search.
     pub iterations: usize,
-    /// Whether the last step was smaller than 2 % of a standard deviation.
+    /// Whether the last step was smaller than 5 % of a standard deviation.
     pub converged: bool,
     /// Logarithm of the likelihood of the rows that were used, up to a constant that depends on their number alone.
     pub log_likelihood: f64,

@@ -32,11 +32,11 @@ const UNSMOOTHED: usize = 2;
 /// Most iterations.
 const MOST: usize = 30;
 /// Converged: largest step in standard deviations.
-const CONVERGED: f64 = 0.02;
+const CONVERGED: f64 = 0.05;
 /// The same before bench parameters are estimated with the rest.
 const ROUGH: f64 = 1.0;
-/// By how much twice the negative logarithm of the likelihood may rise in a step: the scores are freed of their bias, so that the search
-/// does not end at the maximum exactly.
+/// A step is too long if after it the likelihood is lower and the score larger, both by this in χ². One of them alone says little: the scores are
+/// freed of their bias, so that the search does not end at the maximum of the likelihood.
 const WORSE: f64 = 2.0;
 /// Relative steps up to which numbers that multiply are moved in their logarithms.
 const STRAIGHT: f64 = 0.3;
@@ -54,6 +54,10 @@ const CURRENT_NOISE_LOG_STD: f64 = 3.0;
 const FREE: f64 = 1e3;
 /// A free parameter that is known to this many typical tolerances only is not told by the data.
 const NOT_SEPARATED: f64 = 20.0;
+
+/// Rows of a long recording, in stretches over the whole of it, from which the search starts: all rows are for its last iterations.
+const FIRST_ROWS: usize = 100_000;
+const STRETCH: usize = 1 << 14;
 
 /// One recording with its rows cut into pieces.
 struct Case<'a> {
@@ -175,7 +179,7 @@ fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool], repeats: bool) -> 
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
         reach: ((RATE_S / h).round() as usize).max(1),
     };
-    let long = repeats && segments.iter().map(Range::len).sum::<usize>() > MEASURED && std::env::var("RAW").is_err();
+    let long = repeats && segments.iter().map(Range::len).sum::<usize>() > MEASURED;
     let synchronous = if long { Synchronous::new(&data, &segments) } else { Synchronous::default() };
     let mut track = Track { state: vec![[0.0; 4]; rows], level: vec![[0.0; 3]; rows], synchronous };
     for segment in &segments {
@@ -405,6 +409,16 @@ impl<'a> Search<'a> {
         first
     }
 
+    /// Starts where a search over some of the rows ended.
+    fn start_at(&mut self, first: &Self) -> bool {
+        self.x.clone_from(&first.x);
+        for (case, first) in self.cases.iter_mut().zip(&first.cases) {
+            case.position_noise = first.position_noise;
+            case.current_noise = first.current_noise;
+        }
+        true
+    }
+
     /// λ, unbalance and load first, then all: far from the solution, bench parameters would take up what λ has to explain.
     fn run(&mut self) -> Result<(), Failed> {
         let told = self.prior.clone();
@@ -422,7 +436,7 @@ impl<'a> Search<'a> {
 
     /// Iterates until the largest step is smaller than `enough` standard deviations; the first `begun` iterations are done.
     ///
-    /// A step with bench parameters after which the likelihood is lower by more than [`WORSE`] is halved.
+    /// A step with bench parameters that is too long ([`WORSE`]) is halved.
     fn iterate(&mut self, begun: usize, enough: f64) -> Result<(), Failed> {
         let all = self.estimated().iter().any(|at| (LOAD..SHARED).contains(at));
         self.converged = false;
@@ -442,7 +456,7 @@ impl<'a> Search<'a> {
             let next = self.newton(&normal)?;
             if all
                 && let Some((before, x, step, part)) = from.take()
-                && (merit.is_nan() || (merit > before + WORSE + 0.1 * step.gain && next.gain > 0.5 * step.gain))
+                && (merit.is_nan() || (merit > before + WORSE && next.gain > step.gain + WORSE))
             {
                 let part = 0.5 * part;
                 self.x = self.moved(&x, &step.step, part);
@@ -704,6 +718,14 @@ fn not_separated(finished: &Finished) -> Vec<usize> {
     (0..BENCH).filter(too_wide).collect()
 }
 
+/// Some of the rows in stretches, evenly distributed; `None` where there are few.
+fn stretches(masks: &[Vec<bool>]) -> Option<Vec<Vec<bool>>> {
+    let all: usize = masks.iter().flatten().filter(|used| **used).count();
+    let period = STRETCH * all / FIRST_ROWS;
+    let used = |mask: &Vec<bool>| mask.iter().enumerate().map(|(row, used)| *used && row % period < STRETCH).collect();
+    (period > 2 * STRETCH).then(|| masks.iter().map(used).collect())
+}
+
 /// The widest of them: the others may be told once it is held.
 fn widest(finished: &Finished, of: &[usize]) -> Option<usize> {
     let width = |j: usize| finished.estimate(LOAD + j).total_std / PARAMETERS[j].typical;
@@ -717,11 +739,22 @@ fn fit<'a>(
     held: &mut Vec<usize>,
 ) -> Result<Finished<'a>, Failed> {
     let mut search = start(recordings, masks, options)?;
-    for j in held.iter() {
-        search.prior[LOAD + j].1 = 0.0;
+    let hold = |search: &mut Search, held: &[usize]| held.iter().for_each(|j| search.prior[LOAD + j].1 = 0.0);
+    hold(&mut search, held);
+    let near = match stretches(masks).map(|masks| start(recordings, &masks, options)) {
+        Some(Ok(mut first)) => {
+            hold(&mut first, held);
+            first.run().is_ok() && first.converged && search.start_at(&first)
+        }
+        _ => false,
+    };
+    if near {
+        search.smooth();
+        search.iterate(UNSMOOTHED, CONVERGED)?;
+    } else {
+        search.run()?;
     }
     loop {
-        search.run()?;
         let finished = finish(search)?;
         let wide = not_separated(&finished);
         let Some(widest) = widest(&finished, &wide) else { return Ok(finished) };
@@ -729,6 +762,7 @@ fn fit<'a>(
         search = finished.search;
         search.prior[LOAD + widest].1 = 0.0;
         search.x[LOAD + widest] = options.bench[widest].value;
+        search.run()?;
     }
 }
 

@@ -127,7 +127,7 @@ impl Synchronous {
         let own: Vec<Option<Own>> = self.windows.iter().map(|window| self.own(window, data, bearing, track)).collect();
         for (at, window) in self.windows.iter_mut().enumerate() {
             window.fit.clear();
-            let Some(Some(here)) = own.get(at).filter(|_| at % self.every != 0) else { continue };
+            let Some(Some(here)) = own.get(at).filter(|_| at % self.every != self.every / 2) else { continue };
             let near = at.saturating_sub(NEIGHBOURS)..(at + NEIGHBOURS + 1).min(own.len());
             let others: Vec<&Own> = near.filter(|other| *other != at).filter_map(|other| own[other].as_ref()).collect();
             if others.is_empty() {
