@@ -13,7 +13,7 @@ use maud::{DOCTYPE, PreEscaped, html};
 use serde_json::{Value as Json, json};
 
 pub use self::answer::{Answer, Question, answer};
-pub use self::tolerance::{named, tolerance};
+pub use self::tolerance::{named, of_estimator, tolerance};
 
 pub use self::read::{Currents, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use super::plot::{Axis, Colour, Line, Plot, Unit};

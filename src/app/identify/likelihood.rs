@@ -22,8 +22,11 @@
 //! order.
 
 mod bench;
+mod case;
+mod changes;
 mod equations;
 mod filter;
+mod outcome;
 mod search;
 mod solve;
 mod synchronous;

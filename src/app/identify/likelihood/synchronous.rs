@@ -116,7 +116,11 @@ impl Synchronous {
             }));
         }
         let rows: usize = segments.iter().map(Range::len).sum();
-        Self { windows, terms: terms_count, every: rows.div_ceil(MEASURED) }
+        Self {
+            windows,
+            terms: terms_count,
+            every: std::env::var("EVERY").map_or(rows.div_ceil(MEASURED), |e| e.parse().unwrap()),
+        }
     }
 
     /// Fits the trajectory and the squared currents.
