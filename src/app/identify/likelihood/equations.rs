@@ -217,9 +217,9 @@ impl Bearing {
         interval.middle = middle;
         interval.gaps = self.gaps(middle);
         interval.stiffness = [0.0; 3];
-        for k in 0..3 {
+        for (k, square) in squares.into_iter().enumerate() {
             let (e, gap) = (self.e[k], interval.gaps[k]);
-            let stiff = 2.0 * self.theta[k] * squares[k] / (gap * gap * gap) * self.per_mass;
+            let stiff = 2.0 * self.theta[k] * square / (gap * gap * gap) * self.per_mass;
             interval.stiffness[0] += stiff * e[0] * e[0];
             interval.stiffness[1] += stiff * e[0] * e[1];
             interval.stiffness[2] += stiff * e[1] * e[1];

@@ -10,14 +10,10 @@ use super::bench::{BENCH, PARAMETERS};
 use super::case::{Case, NOISE_STEP, noise_step, prepare};
 use super::changes;
 use super::equations::{ALL, BASE, Bearing, LOAD, Nominal, Theta};
-use super::filter::{self, Block, Data, HARMONICS, LAGS, Piece, Track};
+use super::filter::{self, Block, Piece};
 use super::outcome;
 use super::solve::{Normal, SHARED, inverse, part, unknown};
-use super::synchronous::{MEASURED, Synchronous};
-use super::{
-    BenchEstimate, BudgetLine, Change, Conditions, Contradiction, Covariance, Estimate, Failed, Identification,
-    Knowledge, Options, Recording, Residuals, SHORTEST, Score, Suspect,
-};
+use super::{Contradiction, Covariance, Estimate, Failed, Identification, Knowledge, Options, Recording, SHORTEST, Score};
 
 /// Passes about the measured trajectory before the smoother takes over: without load and unbalance it would follow a wrong model.
 const UNSMOOTHED: usize = 2;
