@@ -301,6 +301,79 @@ fn what_is_wrong_is_told_in_words() {
     }
 }
 
+/// Two mistakes at once may undo each other (axes exchanged and the angle reversed is a bearing seen from behind, with its magnets turned), but
+/// then λ is right. Otherwise no pair of them is valid.
+#[test]
+fn no_two_mistakes_end_valid() {
+    let good = samples_of(&run(montecarlo::NOISE, 0.2).1);
+    for (at, (first, one)) in WRONG.iter().enumerate() {
+        for (second, other) in &WRONG[at + 1..] {
+            let mut samples = good.clone();
+            let mut question = question(&good, &[]);
+            first(&mut samples, &mut question);
+            second(&mut samples, &mut question);
+            let answer = identify::answer(&[samples], question).expect("a good question");
+            let off = |found: &likelihood::Identification| {
+                (0..3)
+                    .map(|k| ((found.lambda[k].value - TRUTH[k]) / found.lambda[k].total_std).abs())
+                    .fold(0.0, f64::max)
+            };
+            let right = answer.found.as_ref().is_some_and(|found| off(found) < CONFIDENT);
+            assert!(
+                !answer.valid || right,
+                "{one} and {other}: {} {:?}",
+                answer.verdict,
+                answer.found.map(|f| f.lambda)
+            );
+        }
+    }
+}
+
+/// The exit code is 2 and the verdict in words; standard output is one JSON document.
+#[test]
+fn the_command_refuses_in_json_and_by_its_exit_code() {
+    let folder = std::env::temp_dir().join(format!("identify-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let command = |name: &str, text: &str, more: &[&str]| {
+        let path = folder.join(name);
+        std::fs::write(&path, text).expect("a file");
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"))
+            .arg("identify")
+            .arg(&path)
+            .args(["--json", "-"])
+            .args(more)
+            .output()
+            .expect("it runs");
+        let out = String::from_utf8(output.stdout).expect("text");
+        let json: serde_json::Value = serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"));
+        (output.status.code(), json)
+    };
+    let good = csv(&run(montecarlo::NOISE, 0.2).1);
+    let short: String = good.lines().take(200).map(|line| format!("{line}\n")).collect();
+    let (code, json) = command("short.csv", &short, &[]);
+    assert!(code == Some(2) && json["verdict"].as_str().is_some_and(|words| words.contains("too short")), "{json}");
+    let (code, json) = command("good.csv", &good, &[]);
+    assert!(code == Some(0) && json["valid"] == true && json["lambdaHat"][0].is_f64(), "{json}");
+    std::fs::remove_dir_all(&folder).expect("the folder");
+}
+
+/// What the on-line estimator is told of its bench holds here as well.
+#[test]
+fn tolerances_of_the_estimator_are_those_of_the_bench() {
+    use magnetic_bearing::model::estimation::Tolerance;
+    let told = Tolerance { gap_m: 1e-5, position_gain: 0.01, alpha_rad: 0.02, ..Tolerance::default() };
+    let found = identify::of_estimator(&told, 6.7, 5e-4);
+    let of = |name: &str| {
+        let at = likelihood::by_name(name).expect("a parameter");
+        found.iter().find(|(of, _)| *of == at).map(|(_, std)| *std)
+    };
+    assert_eq!(found.len(), 6, "{found:?}");
+    assert!(of("s").is_some_and(|std| (std - 0.02).abs() < 1e-12) && of("alpha[3]") == Some(0.02) && of("m").is_none());
+    // Each of two independent gains has the variance of mean and half difference together.
+    let [mean, half] = ["sensor.gain", "sensor.gainDifference"].map(|name| of(name).expect("a tolerance"));
+    assert!((mean.hypot(half) - 0.01).abs() < 1e-12);
+}
+
 #[test]
 fn what_says_nothing_is_not_valid() {
     let short = samples_of(&run(montecarlo::NOISE, 0.02).1);

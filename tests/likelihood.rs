@@ -278,20 +278,114 @@ fn show_speed() {
     println!("{:?} {:?}", found.lambda, found.contradictions);
 }
 
-#[test]
-#[ignore = "a study: what rows beyond those that are used with bench parameters would add"]
-fn study_rows() {
-    let of = |seconds: f64| {
-        let bench = Bench { seconds, ..Bench::default() };
-        let recorded = bench.record();
-        let mut options = options(&bench);
-        for (told, parameter) in options.bench.iter_mut().zip(&PARAMETERS) {
-            told.knowledge = Knowledge::Tolerance(parameter.typical);
-        }
-        bound(&bench, &recorded, &options)
+/// A bench of which everything is off by its typical tolerance, drawn.
+fn drawn(seed: u64, base: Bench) -> (Bench, [f64; BENCH]) {
+    let mut noise: [magnetic_bearing::model::noise::Noise; BENCH] =
+        magnetic_bearing::model::noise::Noise::channels(seed);
+    let d: [f64; BENCH] = std::array::from_fn(|j| {
+        let value = PARAMETERS[j].typical * noise[j].standard_normal();
+        // Sensors do not know the future.
+        if PARAMETERS[j].name == "delay" { value.abs() } else { value }
+    });
+    let bench = Bench {
+        seed,
+        m_error: d[0],
+        s_error: d[1],
+        alpha_error: [d[2], d[3], d[4]],
+        offset: [d[5], d[6]],
+        gain: [d[7] + d[8], d[7] - d[8]],
+        rotation: d[9],
+        delay: d[10],
+        runout1: [d[11], d[12], d[13], d[14]],
+        runout2: [d[15], d[16], d[17], d[18]],
+        current_offset: [d[19], d[20], d[21]],
+        current_gain: [d[22], d[23], d[24]],
+        iron: d[25],
+        backward: [d[26], d[27]],
+        ..base
     };
-    let (few, many) = (of(20.0), of(std::env::var("SECONDS").map_or(120.0, |s| s.parse().unwrap())));
-    println!("{few:?} {many:?}: {:?}", std::array::from_fn::<f64, 3, _>(|k| few[k] / many[k] - 1.0));
+    (bench, d)
+}
+
+fn all_typical(bench: &Bench) -> Options {
+    let mut options = options(bench);
+    for (told, parameter) in options.bench.iter_mut().zip(&PARAMETERS) {
+        told.knowledge = Knowledge::Tolerance(parameter.typical);
+    }
+    options
+}
+
+#[test]
+#[ignore = "a study: all bench parameters drawn at once"]
+fn study_drawn_benches() {
+    for (seconds, noise, draws) in [(0.5, 1e-7, 40), (2.0, 1e-7, 10), (20.0, 1e-7, 5), (10.0, 1e-6, 5)] {
+        let (mut lambda, mut parameters, mut slow) = (vec![], vec![], 0);
+        for seed in 60_001..60_001 + draws {
+            let (bench, truth) = drawn(seed, Bench { seconds, position_noise: noise, ..Bench::default() });
+            let recorded = bench.record();
+            let found = likelihood::identify(&[recording(&recorded, &bench, false)], &all_typical(&bench)).unwrap();
+            slow += usize::from(!found.converged);
+            lambda.extend((0..3).map(|k| (found.lambda[k].value - bench.lambda[k]) / found.lambda[k].total_std));
+            let off = |j: usize| (found.bench[j].estimate.value - truth[j]) / found.bench[j].estimate.total_std;
+            parameters.extend((0..BENCH).map(off));
+        }
+        let worst = |of: &[f64]| of.iter().fold(0.0_f64, |worst, ratio| worst.max(ratio.abs()));
+        println!(
+            "{seconds} s, {noise:e} m, {draws} draws: λ error/total {:.2} worst {:.2}, bench parameters {:.2} worst {:.2}, not converged {slow}",
+            rms(lambda.iter().copied()),
+            worst(&lambda),
+            rms(parameters.iter().copied()),
+            worst(&parameters)
+        );
+    }
+}
+
+/// A bench that is off in everything converges to within its deviations, from a second to more rows than the likelihood is believed.
+#[test]
+fn a_drawn_bench_is_found() {
+    for (seed, seconds) in [(60_101, 0.5), (60_102, 0.5), (60_103, 7.0)] {
+        let (bench, truth) = drawn(seed, Bench { seconds, ..Bench::default() });
+        let recorded = bench.record();
+        let found = likelihood::identify(&[recording(&recorded, &bench, false)], &all_typical(&bench)).unwrap();
+        assert!(found.converged, "seed {seed}: {} iterations", found.iterations);
+        for k in 0..3 {
+            let error = (found.lambda[k].value - bench.lambda[k]) / found.lambda[k].total_std;
+            assert!(error.abs() < 4.0, "seed {seed}, λ{k}: {error} standard deviations");
+        }
+        for (j, parameter) in PARAMETERS.iter().enumerate() {
+            let error = (found.bench[j].estimate.value - truth[j]) / found.bench[j].estimate.total_std;
+            assert!(error.abs() < 5.0, "seed {seed}, {}: {error} standard deviations", parameter.name);
+        }
+    }
+}
+
+/// Recordings at two speeds share λ, unbalance and bench; each has its load. Run-out that is unbalance at one speed is told apart.
+#[test]
+fn two_speeds_tell_run_out_from_unbalance() {
+    let slow = Bench {
+        seconds: 0.5,
+        runout1: [2e-6, 0.0, 0.0, 0.0],
+        load: [5.0, -30.0],
+        seed: 46,
+        omega: std::f64::consts::TAU * 30.0,
+        ..Bench::default()
+    };
+    let fast = Bench { omega: std::f64::consts::TAU * 60.0, load: [10.0, -20.0], seed: 47, ..slow.clone() };
+    let recorded = [slow.record(), fast.record()];
+    let mut options = options(&slow);
+    tell(&mut options, &[("runout1.forward.cos", 5e-6), ("runout1.forward.sin", 5e-6)]);
+    let both = [recording(&recorded[0], &slow, false), recording(&recorded[1], &fast, false)];
+    let together = likelihood::identify(&both, &options).unwrap();
+    let alone = likelihood::identify(&both[..1], &options).unwrap();
+    let runout = by_name("runout1.forward.cos").unwrap();
+    let of = |found: &Identification| found.bench[runout].estimate;
+    assert!(together.converged && (of(&together).value - 2e-6).abs() < 4.0 * of(&together).total_std);
+    assert!(of(&together).total_std < 0.2 * of(&alone).total_std, "{:?} {:?}", of(&together), of(&alone));
+    for (conditions, bench) in together.conditions.iter().zip([&slow, &fast]) {
+        for (load, truth) in conditions.load_n.iter().zip(bench.load) {
+            assert!((load.value - truth).abs() < 4.0 * load.total_std, "{load:?}, truth {truth}");
+        }
+    }
 }
 
 #[test]

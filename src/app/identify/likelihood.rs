@@ -29,7 +29,6 @@ mod filter;
 mod outcome;
 mod search;
 mod solve;
-mod synchronous;
 
 use std::fmt;
 use std::ops::Range;

@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use super::filter::{Data, Piece, Track};
-use super::synchronous::{MEASURED, Synchronous};
 use super::{Recording, SHORTEST};
 
 /// Rows of a piece.
@@ -95,7 +94,7 @@ fn position_noise(position: &[[f64; 2]], segments: &[Range<usize>]) -> f64 {
     of(binomials[0]).min(of(binomials[1])).max(1e-10)
 }
 
-pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool], repeats: bool) -> Option<Case<'a>> {
+pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Option<Case<'a>> {
     let h = recording.step_s;
     let rows = recording.position_m.len();
     let segments = segments(
@@ -120,9 +119,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool], repeats
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
         reach: ((RATE_S / h).round() as usize).max(1),
     };
-    let long = repeats && segments.iter().map(Range::len).sum::<usize>() > MEASURED;
-    let synchronous = if long { Synchronous::new(&data, &segments) } else { Synchronous::default() };
-    let mut track = Track { state: vec![[0.0; 4]; rows], level: vec![[0.0; 3]; rows], synchronous };
+    let mut track = Track { state: vec![[0.0; 4]; rows], level: vec![[0.0; 3]; rows] };
     for segment in &segments {
         for row in segment.clone() {
             let (before, after) = (row.max(segment.start + 1) - 1, (row + 1).min(segment.end - 1));

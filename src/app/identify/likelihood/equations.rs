@@ -210,22 +210,6 @@ impl Bearing {
         interval
     }
 
-    /// Squares, gaps and stiffness of an interval for its columns: at a position in the middle that is freed of noise.
-    #[inline(always)]
-    pub fn take_repeated(&self, interval: &mut Interval, squares: [f64; 3], middle: [f64; 2]) {
-        interval.squares = squares;
-        interval.middle = middle;
-        interval.gaps = self.gaps(middle);
-        interval.stiffness = [0.0; 3];
-        for (k, square) in squares.into_iter().enumerate() {
-            let (e, gap) = (self.e[k], interval.gaps[k]);
-            let stiff = 2.0 * self.theta[k] * square / (gap * gap * gap) * self.per_mass;
-            interval.stiffness[0] += stiff * e[0] * e[0];
-            interval.stiffness[1] += stiff * e[0] * e[1];
-            interval.stiffness[2] += stiff * e[1] * e[1];
-        }
-    }
-
     /// `∂a/∂θ`, (y, z), in the middle of the interval; `predicted` is the deviation (y, z) of the filter there.
     ///
     /// All is taken where the filter predicts the rotor, not on the smoothed trajectory: that one knows the innovations to come, and with the

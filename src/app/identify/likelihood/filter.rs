@@ -15,7 +15,6 @@ use std::ops::Range;
 use multiversion::multiversion;
 
 use super::equations::{ALL, BASE, Bearing, Interval, Shaft, State};
-use super::synchronous::Synchronous;
 
 /// Columns of a pass without bench parameters, and of one with them: numbers of parameters, rounded up to whole registers.
 pub(super) const FEW: usize = 8;
@@ -109,8 +108,6 @@ pub(super) struct Track {
     /// Squared currents, A², by which the noise of an interval is reckoned: with those of the interval itself, noise would decide on the gain
     /// that weighs it.
     pub level: Vec<[f64; 3]>,
-    /// What repeats from turn to turn.
-    pub synchronous: Synchronous,
 }
 
 impl Track {
@@ -412,22 +409,15 @@ fn columns_of<const P: usize>(
     let mut log_det = LogProduct::new();
     let mut former = [[0.0; 2]; LAGS];
     let mut from = data.shaft(piece.filtered.start);
-    let mut window = 0;
     for row in piece.filtered.start..piece.counted.end {
         let to = data.shaft(row);
         let mut acceleration = [0.0; 2];
-        window = track.synchronous.window(row, window);
-        let repeated = track.synchronous.repeated(window, row, data.at[row]);
         if row > piece.filtered.start {
-            let (mut interval, between) = data.interval(bearing, track, row, &from, &to);
+            let (interval, between) = data.interval(bearing, track, row, &from, &to);
             let ahead = |a: usize| kalman.x[a] + 0.5 * h * kalman.x[2 + a];
-            let mut predicted = [ahead(0), ahead(1)];
+            let predicted = [ahead(0), ahead(1)];
             kalman.predict(h, &interval, 1.0);
             acceleration = interval.end;
-            if let Some(repeated) = &repeated {
-                bearing.take_repeated(&mut interval, repeated.squares, repeated.before(0.5 * h * data.omega[row]));
-                predicted = [0.0; 2];
-            }
             bearing.force_columns(&interval, predicted, between, &mut force);
             let [k_0, k_1, k_2] = interval.stiffness;
             let h_3 = h * h * h / 6.0;
@@ -447,14 +437,7 @@ fn columns_of<const P: usize>(
         let (read, _) = bearing.reading(&track.state[row], acceleration, to);
         if P > FEW {
             // Where the filter predicts the rotor, as the force.
-            let at: State = match &repeated {
-                Some(repeated) => {
-                    let [y, z] = repeated.position;
-                    let [v, w] = repeated.slope.map(|slope| slope * data.omega[row]);
-                    [y, z, v, w]
-                }
-                None => std::array::from_fn(|i| track.state[row][i] + kalman.x[i]),
-            };
+            let at: State = std::array::from_fn(|i| track.state[row][i] + kalman.x[i]);
             let (_, plain) = bearing.reading(&at, acceleration, to);
             bearing.sensor_columns(&at, acceleration, to, plain, &mut sensor);
         }
