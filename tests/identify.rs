@@ -305,7 +305,7 @@ fn what_is_wrong_is_told_in_words() {
 /// then λ is right. Otherwise no pair of them is valid.
 #[test]
 fn no_two_mistakes_end_valid() {
-    let good = samples_of(&run(montecarlo::NOISE, 0.2).1);
+    let good = samples_of(&run(montecarlo::NOISE, 0.1).1);
     for (at, (first, one)) in WRONG.iter().enumerate() {
         for (second, other) in &WRONG[at + 1..] {
             let mut samples = good.clone();
