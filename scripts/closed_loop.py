@@ -1,10 +1,19 @@
-"""Run the packaged FMUs with direct calls, as the master of the program does, and describe how they are wired.
+"""Run closed loops of FMUs and Python functions in fmpy.
 
-What is connected to what and which parameters are set is read from the packaged system structure (SSP), or from the
-text of a scenario; both are read here independently of the Rust program.
+A :class:`System` says which components there are and how they are wired. A component is an FMU or any Python callable;
+:func:`read_system` reads a system from an SSP, and single components of it can be replaced::
+
+    system = read_system("target/fmu/MagneticBearing.ssp")
+    system.elements["controller"] = (pid, {})
+    rows = run(system, stop_s=0.2)
+    plt.plot(rows["time"], rows["plant.Y"])
+
+At every communication point all outputs are read, then all connected inputs are set, then every component does its
+step, as in the program `magnetic-bearing simulate`. So what a component computes of its inputs at `t` acts from the next
+point on.
 """
 
-import tomllib
+import tempfile
 import zipfile
 from ctypes import byref
 from dataclasses import dataclass, field
@@ -28,10 +37,6 @@ from lxml import etree
 
 FMUS = ("MagneticBearing", "FlatnessController", "AlgebraicEstimator")
 SYSTEM = "MagneticBearing.ssp"
-# System structures within the SSP and the scenarios that their parameters come from.
-VARIANTS = {"SystemStructure.ssd": "paper", "UnbalancedRotor.ssd": "unbalanced"}
-# Elements of the loop, in the order of the scenario files, and the FMU that each is an instance of.
-ELEMENTS = {"plant": "MagneticBearing", "controller": "FlatnessController", "estimator": "AlgebraicEstimator"}
 STEP_S = 1e-4
 
 NAMESPACES = {
@@ -93,6 +98,17 @@ class Model:
     def outputs(self):
         """List the outputs in their order."""
         return self.names("output")
+
+    def value(self, name, value):
+        """Turn the name of an item of a choice into its number; other values are returned as they are."""
+        if name not in self.variables:
+            raise KeyError(f"{self.archive.name} has no variable {name}")
+        if not isinstance(value, str):
+            return value
+        items = {item.name: int(item.value) for item in self.variables[name].declaredType.items}
+        if value not in items:
+            raise ValueError(f"{name} = {value}: one of {', '.join(items)} is wanted")
+        return items[value]
 
     def choices(self):
         """List the variables of type Enumeration."""
@@ -181,10 +197,14 @@ class Instance:
         """Write variables, given as a dict."""
         self.writer(list(values))(list(values.values()))
 
+    def outputs(self):
+        """List the outputs in their order."""
+        return self.model.outputs()
+
     def start(self, settings=None, start_s=0.0):
-        """Set parameters and begin the run."""
+        """Set parameters and begin the run; a choice may be given by the name of its item."""
         self.fmu.setupExperiment(startTime=start_s)
-        self.set(settings or {})
+        self.set({name: self.model.value(name, value) for name, value in (settings or {}).items()})
         self.fmu.enterInitializationMode()
         self.fmu.exitInitializationMode()
 
@@ -197,23 +217,90 @@ class Instance:
         self.fmu.freeInstance()
 
 
-@dataclass
-class System:
-    """A closed loop: instances with their FMU and settings, and connections (from, to) of (element, variable)."""
-
-    elements: dict
-    connections: list
-    duration_s: float
-
-
-def read_system(ssp, structure):
-    """Read a system structure of the SSP.
+class Function:
+    """A Python callable as a component.
 
     Parameters
     ----------
-    ssp : pathlib.Path
+    function : callable
+        Called in every step as `function(t, inputs)` with the time in s and a dict of the connected inputs by name;
+        returns a dict of outputs, which hold from the next communication point on. What it leaves out stays.
+    outputs : list of str
+        Names of the outputs.
+    """
+
+    def __init__(self, function, outputs):
+        self.function = function
+        self.values = dict.fromkeys(outputs, 0.0)
+        self.inputs = {}
+
+    def outputs(self):
+        """List the outputs."""
+        return list(self.values)
+
+    def reader(self, names):
+        """Make a function that reads these outputs as a list of numbers."""
+        return lambda: [float(self.values[name]) for name in names]
+
+    def writer(self, names):
+        """Make a function that writes a list of numbers to these inputs."""
+        return lambda values: self.inputs.update(zip(names, values))
+
+    def start(self, settings=None):
+        """Set the outputs at the start; 0 by default."""
+        self._take(settings or {})
+
+    def step(self, time_s, _length_s):
+        """Call the function."""
+        self._take(self.function(time_s, dict(self.inputs)))
+
+    def _take(self, values):
+        if unknown := values.keys() - self.values.keys():
+            raise KeyError(f"outputs that nothing is connected to: {', '.join(sorted(unknown))}")
+        self.values.update(values)
+
+    def close(self):
+        """Do nothing: a callable holds nothing that is to be freed."""
+
+
+@dataclass
+class System:
+    """A closed loop.
+
+    Parameters
+    ----------
+    elements : dict
+        By name, what a component is and a dict of settings: `(what, settings)`. It is the path of an FMU, a
+        :class:`Model`, a callable (see :class:`Function`), or a name in the `models` of :func:`run`. The settings of an FMU
+        are its parameters, those of a callable its outputs at the start.
+    connections : list
+        Pairs of output and input, each `"element.variable"` or `(element, variable)`.
+    duration_s : float, optional
+        How long it is run if nothing else is said.
+    archive : pathlib.Path, optional
+        An SSP with the FMUs that the elements name.
+    """
+
+    elements: dict
+    connections: list
+    duration_s: float = 1.0
+    archive: Path | None = None
+
+    def __post_init__(self):
+        def end(of):
+            return tuple(of.split(".", 1)) if isinstance(of, str) else tuple(of)
+
+        self.connections = [(end(start), end(stop)) for start, stop in self.connections]
+
+
+def read_system(ssp, structure="SystemStructure.ssd"):
+    """Read a system structure of an SSP.
+
+    Parameters
+    ----------
+    ssp : pathlib.Path or str
         The archive.
-    structure : str
+    structure : str, optional
         The member that describes the structure.
 
     Returns
@@ -236,7 +323,7 @@ def read_system(ssp, structure):
         for c in root.iterfind(".//ssd:Connection", NAMESPACES)
     ]
     experiment = root.find("ssd:DefaultExperiment", NAMESPACES)
-    return System(elements, connections, float(experiment.get("stopTime")))
+    return System(elements, connections, float(experiment.get("stopTime")), Path(ssp))
 
 
 def parse_value(element):
@@ -246,128 +333,108 @@ def parse_value(element):
     return {"Real": float, "Integer": int, "Boolean": lambda text: text == "true"}[kind](text)
 
 
-def read_scenario(text, models, connections):
-    """Read a scenario as the program prints it.
-
-    Parameters
-    ----------
-    text : str
-        The scenario, TOML.
-    models : dict
-        The FMUs by name.
-    connections : list
-        Connections of the loop; those of the estimator are repeated for every method to be compared.
-
-    Returns
-    -------
-    System
-        The loop, and the estimators that run beside it.
-    """
-    document = tomllib.loads(text)
-    elements = {}
-    for name, fmu in ELEMENTS.items():
-        model = models[fmu]
-        common = {key: value for key, value in leaves(document.get("all", {})) if knows(model, key)}
-        own = dict(leaves(document.get(name, {})))
-        settings = {}
-        for key, value in [*common.items(), *own.items()]:
-            values = {key: value} if not isinstance(value, list) else {f"{key}[{k}]": v for k, v in enumerate(value, 1)}
-            settings |= {name: convert(model, name, value) for name, value in values.items()}
-        elements[name] = (fmu, settings)
-    fmu, settings = elements["estimator"]
-    connections = list(connections)
-    for method in document.get("compare", []):
-        elements[method] = (fmu, settings | {"method": convert(models[fmu], "method", method)})
-        connections += [(start, (method, end[1])) for start, end in connections if end[0] == "estimator"]
-    duration, unit = document["duration"].split()
-    step, step_unit = document["step"].split()
-    if (unit, step, step_unit) != ("s", "100", "µs"):
-        raise ValueError(f"duration {document['duration']} and step {document['step']} are not as expected here")
-    return System(elements, connections, float(duration))
-
-
-def leaves(table, prefix=""):
-    """Yield the keys of nested tables, joined by dots, with their values."""
-    for key, value in table.items():
-        if isinstance(value, dict):
-            yield from leaves(value, f"{prefix}{key}.")
-        else:
-            yield prefix + key, value
-
-
-def knows(model, key):
-    """Tell whether an FMU has a variable, or an array of variables, of that name."""
-    return key in model.variables or f"{key}[1]" in model.variables
-
-
-def convert(model, name, value):
-    """Convert a value of a scenario to the type and unit of a variable."""
-    variable = model.variables[name]
-    if not isinstance(value, str):
-        return value
-    if variable.type == "Enumeration":
-        return int(next(item.value for item in variable.declaredType.items if item.name == value))
-    number, _, unit = value.partition(" ")
-    if unit in ("", variable.unit):
-        return float(number)
-    units = {u.name: u for u in model.description.unitDefinitions}[variable.unit].displayUnits
-    # The factor of the standard turns a value into the value shown.
-    return float(number) / float(next(display.factor for display in units if display.name == unit))
-
-
-def without_choices(system, models):
-    """Leave out the settings of choices, for tools that know no variables of type Enumeration."""
-    elements = {}
-    for name, (fmu, settings) in system.elements.items():
-        choices = models[fmu].choices()
-        elements[name] = (fmu, {key: value for key, value in settings.items() if key not in choices})
-    return System(elements, system.connections, system.duration_s)
-
-
-def without_settings(system):
-    """Leave all parameters at the start values of the FMUs."""
-    elements = {name: (fmu, {}) for name, (fmu, _) in system.elements.items()}
-    return System(elements, system.connections, system.duration_s)
-
-
 def even_times(duration_s, step_s=STEP_S):
     """Communication points as count × step, as the program has them, with the last steps length the same."""
     count = round(duration_s / step_s)
     return [step * step_s for step in range(count + 1)], [step_s] * count
 
 
-def run(system, models, times_s, lengths_s, instances=None, after_inputs=False):
+def open_models(system, folder):
+    """Extract the FMUs of a system.
+
+    Parameters
+    ----------
+    system : System
+        The system.
+    folder : pathlib.Path
+        Where to extract them.
+
+    Returns
+    -------
+    dict
+        The FMUs by the name or path under which the elements know them.
+    """
+    models = {}
+    wanted = {what for what, _ in system.elements.values() if isinstance(what, str | Path)}
+    for number, what in enumerate(sorted(wanted, key=str)):
+        path = Path(what)
+        if not path.is_file():
+            if system.archive is None:
+                raise FileNotFoundError(f"{what}: there is no such FMU")
+            with zipfile.ZipFile(system.archive) as archive:
+                path = Path(archive.extract(f"resources/{what}.fmu", folder))
+        models[what] = Model.open(path, folder / str(number))
+    return models
+
+
+def instantiate(system, models):
+    """Make an instance of every component, by the name of its element."""
+    instances = {}
+    for name, (what, _) in system.elements.items():
+        if callable(what):
+            # What it gives out is what others take in.
+            outputs = dict.fromkeys(start[1] for start, _ in system.connections if start[0] == name)
+            instances[name] = Function(what, outputs)
+        else:
+            instances[name] = Instance(what if isinstance(what, Model) else models[what], name)
+    return instances
+
+
+def run(
+    system,
+    models=None,
+    times_s=None,
+    lengths_s=None,
+    instances=None,
+    after_inputs=False,
+    stop_s=None,
+    step_s=STEP_S,
+):
     """Run a loop: at every point all outputs are read, then all connected inputs set, then all instances stepped.
 
     Parameters
     ----------
     system : System
         What is connected to what.
-    models : dict
-        The FMUs by name.
-    times_s, lengths_s : list of float
-        Communication points, one more than steps, and the steps.
+    models : dict, optional
+        FMUs that were opened already, by name; by default those that the system names are opened, and removed again.
+    times_s, lengths_s : list of float, optional
+        Communication points, one more than steps, and the steps; by default multiples of `step_s` up to `stop_s`.
     instances : dict, optional
         Instances by element that were already started; by default new ones are made and closed again.
     after_inputs : bool, optional
         Record the outputs when the new inputs are set, as ecos does, and not when they are read to be handed on. It
         makes a difference to outputs that follow an input at the same instant, the forces of the magnets.
+    stop_s, step_s : float, optional
+        Length of the run, that of the system by default, and of a step.
 
     Returns
     -------
     dict
-        Values of all outputs by `element.variable`, one per communication point.
+        `time` and the values of all outputs by `element.variable`, one per communication point.
     """
+    if models is None and instances is None:
+        with tempfile.TemporaryDirectory() as folder:
+            models = open_models(system, Path(folder))
+            return run(system, models, times_s, lengths_s, None, after_inputs, stop_s, step_s)
+    if times_s is None:
+        times_s, lengths_s = even_times(stop_s or system.duration_s, step_s)
     own = instances is None
     if own:
-        instances = {name: Instance(models[fmu], name) for name, (fmu, _) in system.elements.items()}
+        instances = instantiate(system, models)
     try:
+        for start, end in system.connections:
+            for element, variable in (start, end):
+                if element not in instances:
+                    raise KeyError(f"{element}.{variable} is connected, and there is no {element}")
+            if start[1] not in instances[start[0]].outputs():
+                raise KeyError(f"{'.'.join(start)} is connected, and is no output")
         if own:
             for name, instance in instances.items():
                 instance.start(system.elements[name][1])
         readers, offsets, columns = [], {}, []
         for name, instance in instances.items():
-            outputs = instance.model.outputs()
+            outputs = instance.outputs()
             readers.append(instance.reader(outputs))
             for output in outputs:
                 offsets[name, output] = len(columns)
@@ -390,54 +457,4 @@ def run(system, models, times_s, lengths_s, instances=None, after_inputs=False):
         if own:
             for instance in instances.values():
                 instance.close()
-    return dict(zip(columns, np.array(rows).T))
-
-
-def same_bits(one, other):
-    """Count the values of two arrays that differ in any bit."""
-    one, other = np.ascontiguousarray(one, np.float64), np.ascontiguousarray(other, np.float64)
-    return int(np.count_nonzero(one.view(np.uint64) != other.view(np.uint64)))
-
-
-def differences(one, other, first_row=0):
-    """Compare two recordings bit by bit.
-
-    Returns
-    -------
-    list of str
-        A line for every column that is missing or differs.
-    """
-    findings = [f"{name} is only in one of the two" for name in sorted(one.keys() ^ other.keys())]
-    for name in one.keys() & other.keys():
-        a, b = one[name][first_row:], other[name][first_row:]
-        if len(a) != len(b):
-            findings.append(f"{name}: {len(a)} rows against {len(b)}")
-        elif count := same_bits(a, b):
-            row = int(np.flatnonzero(a.view(np.uint64) != b.view(np.uint64))[0])
-            findings.append(
-                f"{name}: {count} of {len(a)} values differ, first at row {row + first_row}: {a[row]!r} {b[row]!r}"
-            )
-    return findings
-
-
-def largest_difference(one, other, nominals, first_row=0):
-    """Find the largest difference of two recordings in parts of the nominal values.
-
-    Parameters
-    ----------
-    one, other : dict
-        Recordings with the same names and rows.
-    nominals : dict
-        Nominal values by name.
-    first_row : int, optional
-        Where to begin.
-
-    Returns
-    -------
-    tuple of (float, str)
-        The difference and the variable.
-    """
-    apart = {name: float(np.max(np.abs(one[name] - other[name])[first_row:])) / nominals[name] for name in one}
-    # A difference that is no number is the worst.
-    worst = max(apart, key=lambda name: (apart[name] != apart[name], apart[name]))
-    return apart[worst], worst
+    return {"time": np.array(times_s)} | dict(zip(columns, np.array(rows).T))

@@ -17,7 +17,8 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
-from closed_loop import ELEMENTS, FMUS, Instance, Model, even_times, read_system, run, without_choices
+from closed_loop import FMUS, Instance, Model, even_times, read_system, run
+from compare_runs import ELEMENTS, without_choices
 from fmpy import simulate_fmu, supported_platforms
 from fmpy.validation import validate_fmu
 
@@ -273,7 +274,7 @@ def command(*arguments):
 def loop_in_the_program(models, scratch):
     """Final outputs of the direct run in Rust, without the choices that some tools cannot set."""
     choices = {choice for model in models.values() for choice in model.choices()}
-    text = command(*PROGRAM, "simulate", "--print", "paper")
+    text = command(*PROGRAM, "simulate", "--print", "unbalanced")
     kept = [line for line in text.splitlines() if line.partition("=")[0].strip() not in {*choices, "compare"}]
     scenario = tomllib.loads("\n".join(kept))
     if "compare" in scenario or scenario["duration"] != f"{LOOP_S} s":
@@ -291,7 +292,7 @@ def loop_in_fmpy(folder, models, _scratch):
     """Final outputs of the loop over instances of fmpy."""
     system = without_choices(read_system(folder / "MagneticBearing.ssp", "SystemStructure.ssd"), models)
     rows = run(system, models, *even_times(LOOP_S))
-    return {name: float(values[-1]) for name, values in rows.items()}
+    return {name: float(values[-1]) for name, values in rows.items() if name != "time"}
 
 
 def loop_in_fmi_rs(_folder, _models, _scratch):
@@ -311,7 +312,7 @@ def loop_in_tool(tool):
 
     def final(folder, _models, scratch):
         out = scratch / f"{tool}.npz"
-        named = ["paper"] if tool == "ecos" else []
+        named = ["unbalanced"] if tool == "ecos" else []
         script = str(PROJECT / "scripts" / "system_tools.py")
         command(sys.executable, script, tool, str(folder / "MagneticBearing.ssp"), str(out), *named)
         return {name: float(column[-1]) for name, column in np.load(out).items()}

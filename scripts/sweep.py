@@ -445,7 +445,12 @@ def main():
     if cluster:
         cluster.close()
     print(f"{arguments.out}: {count} cases run")
-    return 0
+    with open(arguments.out, encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    failed = sum(row["status"] != "ok" for row in rows)
+    if failed:
+        print(f"error: {failed} of {len(rows)} cases failed: their rows say why", file=sys.stderr)
+    return int(failed > 0)
 
 
 if __name__ == "__main__":

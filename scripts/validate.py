@@ -11,13 +11,14 @@ How the SSP runs elsewhere, as found by these checks:
   annotation of Open Simulation Platform. All elements step at once, then outputs are handed on, as in the program. It
   counts time in nanoseconds, so that the points of communication differ from count × step in the last bits; given the
   same points, the direct run has the same bits. Outputs at the start are not offered.
-- ecos is given the step by its user, adds it up, and applies a parameter set only if its user names it (`paper`);
+- ecos is given the step by its user, adds it up, and applies a parameter set only if its user names it (`unbalanced`);
   otherwise the FMUs run with their start values. Outputs are handed on after all steps, as in the program. What it then
   shows for outputs that follow an input at the same instant, the forces of the magnets, belongs to the new inputs.
   Given the same points in time and read at the same place, the direct run has the same bits. It knows no name but
   SystemStructure.ssd.
 - Neither of the two knows variables of type Enumeration: `method` and `update.mode` keep the start values of the FMUs,
-  and a warning says so. The estimator then runs the method `predictionError`, not the paper's.
+  and a warning says so. SystemStructure.ssd needs no others; in PaperSimulation.ssd the estimator then runs the method
+  `predictionError`, not the paper's.
 """
 
 import argparse
@@ -45,21 +46,23 @@ from lxml import etree
 
 from closed_loop import (
     CALLBACKS,
-    ELEMENTS,
     FMUS,
     MESSAGES,
     NAMESPACES,
     STEP_S,
     SYSTEM,
-    VARIANTS,
     Instance,
     Model,
-    differences,
     even_times,
-    largest_difference,
-    read_scenario,
     read_system,
     run,
+)
+from compare_runs import (
+    ELEMENTS,
+    VARIANTS,
+    differences,
+    largest_difference,
+    read_scenario,
     same_bits,
     without_choices,
     without_settings,
@@ -468,8 +471,12 @@ def as_the_program(archives, scenario):
 def parameters_of_ssp(archives, structure):
     """Compare the parameter sets of the SSP with the scenario that they come from."""
     scenario, findings, count = archives.scenario(VARIANTS[structure]), [], 0
-    for element, (_, settings) in archives.systems[structure].elements.items():
-        wanted = scenario.elements[element][1]
+    for element, (fmu, settings) in archives.systems[structure].elements.items():
+        # A choice that is the start value need not stand in the SSP.
+        model = archives.models[fmu]
+        choices = [name for name in model.choices() if model.variables[name].causality == "parameter"]
+        starts = {name: int(model.variables[name].start) for name in choices}
+        settings, wanted = starts | settings, starts | scenario.elements[element][1]
         count += len(wanted)
         for name in sorted(settings.keys() | wanted.keys()):
             if settings.get(name) != wanted.get(name):
@@ -587,7 +594,7 @@ def drive(archives, fmu, pieces, rows, held=1, jitter=False):
         All outputs at whole multiples of the longer of step and sample time.
     """
     element = next(element for element, name in ELEMENTS.items() if name == fmu)
-    system = archives.systems["SystemStructure.ssd"]
+    system = archives.systems["PaperSimulation.ssd"]
     recording = archives.direct("paper")
     wires = [(".".join(start), end[1]) for start, end in system.connections if end[0] == element]
     inputs = np.array([recording[start] for start, _ in wires]).T

@@ -1,5 +1,5 @@
 //! A panic inside an FMU stays inside it: planted ones become fmi2Error, and a reset recovers.
-//! Run with `cargo test --features planted-panics --test panics`; no other build has a place to plant one.
+//! Run with `cargo test --features planted-panics --test panics --target-dir target/planted`; no other build has a place to plant one.
 
 mod support;
 

@@ -3,53 +3,92 @@
 
 use std::f64::consts::TAU;
 
+use super::closed_loop::Loop;
+use super::recording::Recording;
 use super::report::{Sensitivity, Table};
-use super::scenario::{Element, Scenario};
+use super::scenario::Scenario;
 use super::simulate::Run;
+use crate::model::coil::Drive;
 use crate::model::sensitivity::{NoSensitivity, SampledLoop, zone};
-use crate::slave::variable::Value;
-use crate::slave::{controller, plant};
 
 /// How many revolutions the figures are taken over, and how long where the rotor hardly turns, in s.
 const REVOLUTIONS: f64 = 2.0;
 const WITHOUT_TURNING_S: f64 = 0.05;
+/// Figures of two stretches stand beside each other if their speeds differ by no more than this part.
+const SAME_SPEED: f64 = 0.01;
 /// Amplitude of the sine that is injected to confirm the sensitivity function, in m.
 const INJECTED_M: f64 = 0.02e-6;
 /// Samples of an injection, and the periods within them.
 const SAMPLES: usize = 2000;
 const PERIODS: [usize; 7] = [2, 6, 20, 40, 80, 160, 400];
 
-fn real(scenario: &Scenario, element: &str, variable: &str) -> f64 {
-    scenario.value(element, variable).map_or(f64::NAN, Value::as_f64)
+/// A stretch of the run: samples from and up to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Stretch {
+    /// `before` or `after` the update, or `end of the run`.
+    pub name: &'static str,
+    /// First sample.
+    pub from: usize,
+    /// One beyond the last sample.
+    pub to: usize,
 }
 
-/// A stretch of the run: its name, and samples from and up to.
-struct Stretch {
-    name: &'static str,
-    from: usize,
-    to: usize,
+impl Stretch {
+    /// The name as a heading.
+    #[must_use]
+    pub fn title(&self) -> &'static str {
+        match self.name {
+            "before" => "Before the update",
+            "after" => "After the update",
+            _ => "End of the run",
+        }
+    }
 }
 
-/// The last whole revolutions before the update and those of the run, or those of the run alone.
-fn stretches(run: &Run) -> Option<Vec<Stretch>> {
-    let theta = run.recording.get("plant.theta")?;
-    let time_s = &run.recording.time_s;
+/// The sample at which the controller first took an estimate over, if it ever did.
+#[must_use]
+pub fn update(recording: &Recording) -> Option<usize> {
+    let changed = |k: usize| {
+        let used = recording.get(&format!("controller.lambdaUsed[{k}]"))?;
+        used.iter().position(|value| *value != used[0])
+    };
+    (1..=3).filter_map(changed).min().filter(|update| *update > 1)
+}
+
+/// When the controller first took an estimate over, in s: at the begin of the step after which its output shows it.
+#[must_use]
+pub fn update_s(recording: &Recording) -> Option<f64> {
+    update(recording).map(|update| recording.time_s[update - 1])
+}
+
+/// The last whole revolutions before the update and those of the run; those of the run alone where there was no update, and
+/// where the rotor turns at another speed in the end, for then there is nothing to compare.
+#[must_use]
+pub fn stretches(recording: &Recording) -> Vec<Stretch> {
+    let time_s = &recording.time_s;
+    let end = time_s.len();
+    let Some(theta) = recording.get("plant.theta").filter(|theta| theta.len() == end && end > 1) else {
+        return Vec::new();
+    };
     let begin = |to: usize| {
         let turned = |from: &usize| (theta[to - 1] - theta[*from]).abs() >= TAU * REVOLUTIONS * (1.0 - 1e-9);
-        let from = (0..to).rev().find(turned);
-        from.unwrap_or_else(|| time_s.partition_point(|time| *time < time_s[to - 1] - WITHOUT_TURNING_S))
+        let by_time = || time_s.partition_point(|time| *time < time_s[to - 1] - WITHOUT_TURNING_S).min(to - 1);
+        (0..to).rev().find(turned).unwrap_or_else(by_time)
     };
-    let end = time_s.len();
-    if end < 2 {
-        return None;
+    let speed = |stretch: &Stretch| {
+        let last = stretch.to - 1;
+        (theta[last] - theta[stretch.from]) / (time_s[last] - time_s[stretch.from])
+    };
+    let after = Stretch { name: "after", from: begin(end), to: end };
+    let before = update(recording).map(|update| Stretch { name: "before", from: begin(update), to: update });
+    let alike = |before: &Stretch| {
+        let speeds = [speed(before), speed(&after)];
+        before.to <= after.from && (speeds[0] - speeds[1]).abs() <= SAME_SPEED * speeds[0].abs()
+    };
+    match before.filter(alike) {
+        Some(before) => vec![before, after],
+        None => vec![Stretch { name: "end of the run", ..after }],
     }
-    let used = run.recording.get("controller.lambdaUsed[1]")?;
-    let mut all = Vec::new();
-    if let Some(update) = used.iter().position(|value| *value != used[0]).filter(|update| *update > 1) {
-        all.push(Stretch { name: "before", from: begin(update), to: update });
-    }
-    all.push(Stretch { name: if all.is_empty() { "end of the run" } else { "after" }, from: begin(end), to: end });
-    Some(all)
 }
 
 /// Amplitude of harmonic n of the rotor's angle in a signal, over whole revolutions.
@@ -67,8 +106,9 @@ fn harmonic(signal: &[f64], theta: &[f64], n: f64) -> f64 {
 
 /// The table of figures; `None` when the recording is too short.
 pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> Option<Table> {
-    let stretches = stretches(run)?;
-    let clearance_m = real(scenario, "plant", "touchdown.clearance");
+    let stretches = Some(stretches(&run.recording)).filter(|stretches| !stretches.is_empty())?;
+    let plant = scenario.closed_loop().ok()?.plant;
+    let clearance_m = plant.touchdown.clearance_m;
     let get = |name: &str| run.recording.get(name);
     let [y, z, theta] = [get("plant.Y")?, get("plant.Z")?, get("plant.theta")?];
     let mut rows: Vec<Vec<String>> = Vec::new();
@@ -105,8 +145,8 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> O
             });
         }
     }
-    if scenario.value("plant", "drive") == Some(Value::Integer(2)) {
-        let limit_v = real(scenario, "plant", "coil.uMax");
+    if plant.coil.drive == Drive::Voltage {
+        let limit_v = plant.coil.limit_v;
         for k in 1..=3 {
             if let Some(voltage) = get(&format!("controller.u[{k}]")) {
                 let largest = |s: &Stretch| peak(&mut voltage[s.from..s.to].iter().map(|u| u.abs()));
@@ -139,7 +179,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> O
     Some(Table {
         title: "Figures of the bearing".into(),
         note: format!(
-            "Over the last {REVOLUTIONS} revolutions, where there was an update those before it and those of the run. The \
+            "Over the last {REVOLUTIONS} revolutions; where there was an update, and the speed is the same, also over those before it. The \
              clearance of the backup bearing is {:.0} µm. Zones of ISO 14839-3: A below 3, B below 4, C below 5.",
             clearance_m * 1e6
         ),
@@ -150,22 +190,16 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[Sensitivity]) -> O
 
 /// Sensitivity functions before and after the update, or the one; what stands in the way as text.
 pub fn sensitivities(scenario: &Scenario, run: &Run) -> Vec<Sensitivity> {
-    let Some(stretches) = stretches(run) else { return Vec::new() };
-    let settings = |element: &Element| element.settings.iter().map(|setting| (setting.index, setting.value)).collect();
-    let settings: [Vec<(usize, Value)>; 2] = [settings(&scenario.elements[0]), settings(&scenario.elements[1])];
-    let (Ok(plant), Ok(controller)) = (plant::configuration(&settings[0]), controller::configuration(&settings[1]))
-    else {
-        // A run that could begin has configurations that can be had.
-        return Vec::new();
-    };
-    let load_n = ["pY", "pZ"].map(|name| real(scenario, "plant", name));
+    let stretches = stretches(&run.recording);
+    // A run that could begin has configurations.
+    let Ok(Loop { plant, input, controller, .. }) = scenario.closed_loop() else { return Vec::new() };
     let one = |stretch: &Stretch| {
         let mut lambda = [0.0; 3];
         for (k, value) in lambda.iter_mut().enumerate() {
             *value = *run.recording.get(&format!("controller.lambdaUsed[{}]", k + 1))?.get(stretch.to - 1)?;
         }
         let computed = || -> Result<_, NoSensitivity> {
-            let sampled = SampledLoop::new(&plant, &controller, lambda, load_n)?;
+            let sampled = SampledLoop::new(&plant, &controller, lambda, input.perturbation_n)?;
             let sweep = sampled.linearise()?.sweep(TAU, 200);
             let mut injected = Vec::new();
             for periods in PERIODS {

@@ -7,17 +7,22 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap_complete::Shell;
 
 use super::design;
 use super::documentation;
 use super::experiment;
+use super::html;
 use super::identify;
 use super::montecarlo;
+use super::output::{self, Format, tell};
 use super::package;
 use super::platforms::{self, Platform};
+use super::recording::Recording;
 use super::scenario::{BUILT_IN, Scenario};
 use super::simulate::{self, Run};
+use super::summary;
 use super::sweep::Design;
 use crate::model::estimation::EstimatorConfig;
 use crate::slave::estimator::METHOD;
@@ -59,18 +64,26 @@ enum Command {
     /// the same. `simulate --print paper` prints one to start from. A `[[profile]]` lets inputs and tunable parameters change
     /// in time, `contour = "hole.csv"` makes a closed path of points the reference.
     Simulate {
-        /// A file, or the name of a scenario that comes with the program: paper, experiment, unbalanced, turned, run-up,
-        /// lift-off, coil-loss, circle, hole, standstill.
+        /// A file, - for the standard input, or the name of a scenario that comes with the program: paper, experiment,
+        /// unbalanced, turned, run-up, lift-off, coil-loss, circle, hole, standstill.
         #[arg(value_name = "SCENARIO")]
         scenario: PathBuf,
-        /// Writes all outputs at every communication point as CSV, with names and units in the header.
+        /// Changes a value of the scenario (can be repeated): `m=7` for every element that has the variable, `plant.m=7` for
+        /// one, `reference.rY=30 µm`, `lambda=[1e-6, 2e-6, 3e-6]`, `duration=1 s`, `step=50 µs`.
+        #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
+        changes: Vec<(String, String)>,
+        /// Writes all outputs at every communication point as CSV, with names and units in the header; - is the standard
+        /// output, and what is said otherwise goes to the standard error then.
         #[arg(long, value_name = "FILE")]
         csv: Option<PathBuf>,
+        /// Writes what came out as JSON; - as for --csv.
+        #[arg(long, value_name = "FILE")]
+        json: Option<PathBuf>,
         /// Writes a report page, index.html, into this folder.
         #[arg(long, value_name = "DIR")]
         report: Option<PathBuf>,
         /// Prints the text of a scenario that comes with the program instead of running it.
-        #[arg(long, conflicts_with_all = ["csv", "report"])]
+        #[arg(long, conflicts_with_all = ["csv", "json", "report", "changes"])]
         print: bool,
     },
     /// Identifies from a recording of a test bench, a table of text with one row per sample.
@@ -81,7 +94,7 @@ enum Command {
     ///
     /// The exit code is 2 if the recording cannot be used: all that is wrong with it is said on the standard error.
     Identify {
-        /// The recordings, in UTF-8, UTF-16 or Windows-1252: columns separated by comma, semicolon or tab; a decimal comma is
+        /// The recordings, or - for the standard input, in UTF-8, UTF-16 or Windows-1252: columns separated by comma, semicolon or tab; a decimal comma is
         /// understood with the latter two. Several are one bearing at other speeds, loads or paths: what belongs to the bearing
         /// and its bench is shared.
         #[arg(value_name = "RECORDING", required = true)]
@@ -121,21 +134,21 @@ enum Command {
         #[arg(long, value_name = "HOLD", default_value = "heldBefore")]
         hold: String,
         /// Length of the window, in s; one revolution if not given.
-        #[arg(long, value_name = "SECONDS")]
+        #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
         window: Option<f64>,
         /// Speed in rpm, for recordings without angle and speed.
-        #[arg(long, value_name = "RPM")]
+        #[arg(long, value_name = "RPM", allow_hyphen_values = true)]
         speed: Option<f64>,
         /// Standard deviation of the noise of the positions, in m; found from the data if not given.
-        #[arg(long, value_name = "METRES")]
+        #[arg(long, value_name = "METRES", value_parser = deviation, allow_hyphen_values = true)]
         position_noise: Option<f64>,
         /// Standard deviation of the noise of the currents, in A; found from the data if not given.
-        #[arg(long, value_name = "AMPERES")]
+        #[arg(long, value_name = "AMPERES", value_parser = deviation, allow_hyphen_values = true)]
         current_noise: Option<f64>,
         /// Interpolates to this sample time, as in 100us, where the recording has no uniform one; seconds if there is no unit.
         #[arg(long, value_name = "TIME", value_parser = identify::duration_s, conflicts_with_all = ["rate", "step"])]
         resample: Option<f64>,
-        /// Writes the estimates over time as CSV.
+        /// Writes the estimates over time as CSV; - is the standard output, as for --json.
         #[arg(long, value_name = "FILE")]
         csv: Option<PathBuf>,
         /// Writes the result as JSON; - is the standard output, and what is said otherwise goes to the standard error then.
@@ -151,19 +164,19 @@ enum Command {
         #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
         scenario: PathBuf,
         /// Speed of the rotor, in rpm; 0 is a rotor at rest.
-        #[arg(long, value_name = "RPM", default_value_t = 3000.0, allow_negative_numbers = true)]
+        #[arg(long, value_name = "RPM", default_value_t = 3000.0, allow_hyphen_values = true)]
         speed: f64,
         /// Sample time, in s.
-        #[arg(long, value_name = "SECONDS")]
+        #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
         sample_time: Option<f64>,
         /// Standard deviation of the noise of the positions, in m.
-        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], allow_negative_numbers = true)]
+        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_hyphen_values = true)]
         position_noise: f64,
         /// Standard deviation of the noise of the currents, in A.
-        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], allow_negative_numbers = true)]
+        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true)]
         current_noise: f64,
         /// When λ is to be known, in s.
-        #[arg(long, value_name = "SECONDS", default_value_t = 0.1, allow_negative_numbers = true)]
+        #[arg(long, value_name = "SECONDS", default_value_t = 0.1, allow_hyphen_values = true)]
         at: f64,
     },
     /// Repeats runs with many seeds and prints errors, stated standard deviations and the Cramér–Rao bound.
@@ -184,27 +197,28 @@ enum Command {
         #[arg(long, value_name = "TEXT")]
         only: Option<String>,
         /// Standard deviation of the noise of the positions, in m.
-        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], requires = "scenario")]
+        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
         position_noise: f64,
         /// Standard deviation of the noise of the currents, in A.
-        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], requires = "scenario")]
+        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
         current_noise: f64,
         /// The estimator is to find the noise itself instead of being told.
         #[arg(long, requires = "scenario")]
         untold: bool,
         /// When the estimates are looked at, in seconds.
-        #[arg(long, value_name = "SECONDS", value_delimiter = ',')]
+        #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = duration, allow_hyphen_values = true)]
         at: Vec<f64>,
     },
     /// Runs a scenario many times with other values, on all processors: a row per case in, a row per case out.
     ///
     /// A design is a CSV file whose columns are variables such as `plant.lambda[1]` or `plant.pZ [N]`, or a TOML file that says
-    /// how to draw one. A sweep that was interrupted goes on where it stopped; a case that fails is a row that says why.
+    /// how to draw one. A sweep that was interrupted goes on where it stopped. A case that fails is a row that says why; the
+    /// exit code is 1 then.
     Sweep {
-        /// The design.
+        /// The design; - is the standard input, a table.
         #[arg(value_name = "DESIGN.csv|DESIGN.toml")]
         design: PathBuf,
-        /// Where the rows go.
+        /// Where the rows go; - is the standard output.
         #[arg(long, value_name = "ROWS.csv", required_unless_present = "expand")]
         out: Option<PathBuf>,
         /// The scenario that is varied: a file, or one that comes with the program; `unbalanced` if the design names none.
@@ -216,6 +230,12 @@ enum Command {
         /// Prints the design as CSV, drawn values included, instead of running it.
         #[arg(long, conflicts_with_all = ["out", "jobs"])]
         expand: bool,
+    },
+    /// Prints what makes a shell complete commands and options.
+    Completions {
+        /// The shell.
+        #[arg(value_name = "SHELL")]
+        shell: Shell,
     },
     /// Writes the model descriptions and VARIABLES.md, which stand under review, out of the tables of variables.
     Describe {
@@ -231,26 +251,26 @@ macro_rules! say {
     ($($what:tt)*) => { tell(format_args!($($what)*)) };
 }
 
-/// Whoever reads the standard output may stop reading when there is enough; the work goes on all the same.
-fn tell(line: std::fmt::Arguments<'_>) {
-    if let Err(error) = writeln!(io::stdout().lock(), "{line}")
-        && error.kind() != io::ErrorKind::BrokenPipe
-    {
-        eprintln!("error: standard output: {error}");
-    }
-}
-
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// Runs the program. The exit code is 1 when something went wrong, which is then said on the standard error, and 2 when the
-/// arguments make no sense or a recording cannot be used.
-pub fn main() -> ExitCode {
-    let outcome = match Arguments::parse().command {
+/// arguments make no sense or a recording cannot be used. `commit` is the one that the program was built from, if that is
+/// known.
+pub fn main(commit: Option<&str>) -> ExitCode {
+    let version = match commit {
+        Some(commit) => format!("{} ({commit})", env!("CARGO_PKG_VERSION")),
+        None => env!("CARGO_PKG_VERSION").to_owned(),
+    };
+    // The command line is read once, and keeps its texts as long as the program runs.
+    let matches = Arguments::command().version(&*version.leak()).get_matches();
+    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let outcome = match arguments.command {
         None => everything(),
         Some(Command::Package { binaries, out }) => package(&binaries, &out),
         Some(Command::Simulate { scenario, print: true, .. }) => print(&scenario),
-        Some(Command::Simulate { scenario, csv, report, print: false }) => {
-            simulate(&scenario, csv.as_deref(), report.as_deref())
+        Some(Command::Simulate { scenario, changes, csv, json, report, print: false }) => {
+            let out = Out { csv: csv.as_deref(), json: json.as_deref(), report: report.as_deref() };
+            simulate(&scenario, &changes, &out)
         }
         Some(Command::Montecarlo { scenario, runs, seed, only, position_noise, current_noise, untold, at }) => {
             let studies = match &scenario {
@@ -266,6 +286,7 @@ pub fn main() -> ExitCode {
             sweep(&design, scenario.as_deref(), out.as_deref(), jobs)
         }
         Some(Command::Describe { out }) => describe(&out),
+        Some(Command::Completions { shell }) => completions(shell),
         Some(command @ Command::Identify { .. }) => identify(command),
         Some(Command::Design { scenario, speed, sample_time, position_noise, current_noise, at }) => {
             let noise = [position_noise, current_noise];
@@ -274,6 +295,7 @@ pub fn main() -> ExitCode {
         }
     };
     match outcome {
+        Ok(()) if output::has_failed() => ExitCode::FAILURE,
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");
@@ -295,7 +317,7 @@ fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
 fn everything() -> Result<()> {
     package(&[], Path::new(FMU_FOLDER))?;
     say!();
-    simulate(Path::new("paper"), None, Some(Path::new(REPORT_FOLDER)))
+    simulate(Path::new("paper"), &[], &Out { report: Some(Path::new(REPORT_FOLDER)), ..Out::default() })
 }
 
 /// Reads the argument `PLATFORM=FILE`.
@@ -315,7 +337,13 @@ fn package(binaries: &[(&'static Platform, PathBuf)], folder: &Path) -> Result<(
 fn describe(folder: &Path) -> Result<()> {
     package::write_descriptions(folder)?;
     let path = folder.join("VARIABLES.md");
-    fs::write(&path, documentation::markdown()).map_err(named(&path))
+    Format::Markdown.write(&path, documentation::markdown().as_bytes()).map_err(named(&path))
+}
+
+fn completions(shell: Shell) -> Result<()> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Arguments::command(), env!("CARGO_PKG_NAME"), &mut script);
+    io::stdout().lock().write_all(&script).map_err(named(Path::new("standard output")))
 }
 
 fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Option<usize>) -> Result<()> {
@@ -324,10 +352,19 @@ fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Optio
         return design.write(io::stdout().lock()).map_err(Into::into);
     };
     let jobs = jobs.or_else(|| std::thread::available_parallelism().ok().map(Into::into)).unwrap_or(1);
-    let before = design.run(out, jobs)?;
-    let there = if before > 0 { format!(", {before} of which were there") } else { String::new() };
+    let outcome = if output::is_standard(out) {
+        output::take_standard_output();
+        design.run_to(io::stdout().lock(), jobs).map_err(named(out))?
+    } else {
+        design.run(out, jobs)?
+    };
+    let there = if outcome.before > 0 { format!(", {} of which were there", outcome.before) } else { String::new() };
     say!("{}: {} rows{there}", out.display(), design.len());
-    Ok(())
+    match outcome.failed {
+        0 => Ok(()),
+        1 => Err(format!("1 of {} cases failed: its row says why", design.len()).into()),
+        failed => Err(format!("{failed} of {} cases failed: their rows say why", design.len()).into()),
+    }
 }
 
 fn print(name: &Path) -> Result<()> {
@@ -339,25 +376,67 @@ fn print(name: &Path) -> Result<()> {
     Ok(())
 }
 
-fn simulate(name: &Path, csv: Option<&Path>, report: Option<&Path>) -> Result<()> {
-    let scenario = Scenario::open(name)?;
+/// Where the results of a run go.
+#[derive(Default)]
+struct Out<'a> {
+    csv: Option<&'a Path>,
+    json: Option<&'a Path>,
+    report: Option<&'a Path>,
+}
+
+fn simulate(name: &Path, changes: &[(String, String)], out: &Out<'_>) -> Result<()> {
+    let standard = [out.csv, out.json].into_iter().flatten().filter(|path| output::is_standard(path)).count();
+    if standard > 1 {
+        return Err(Refused("--csv - and --json -: one of them can have the standard output".into()).into());
+    }
+    if standard > 0 {
+        output::take_standard_output();
+    }
+    let page = out.report.map(|folder| folder.join("index.html"));
+    // What cannot be written is better known before a long run than after it.
+    for (path, format) in [(out.csv, Format::Table), (out.json, Format::Json), (page.as_deref(), Format::Page)] {
+        if let Some(path) = path {
+            format.replaceable(path).map_err(named(path))?;
+        }
+    }
+    let scenario = Scenario::open_with(name, changes)?;
     let run = simulate::run(&scenario)?;
     print_run(name, &scenario, &run);
     // What was computed is kept, whatever ended the run.
-    if let Some(path) = csv {
-        let file = fs::File::create(path).map_err(named(path))?;
-        run.recording.write_csv(io::BufWriter::new(file)).map_err(named(path))?;
-        say!("\n{}", path.display());
+    if let Some(path) = out.csv {
+        write_table(path, &run.recording)?;
+        said_of(path);
     }
-    if let Some(folder) = report {
+    if let Some(path) = out.json {
+        let document = format!("{:#}\n", summary::json(&scenario, &run));
+        Format::Json.write(path, document.as_bytes()).map_err(named(path))?;
+        said_of(path);
+    }
+    if let (Some(folder), Some(path)) = (out.report, page) {
         fs::create_dir_all(folder).map_err(named(folder))?;
-        let path = folder.join("index.html");
-        fs::write(&path, experiment::page(name, &scenario, &run)).map_err(named(&path))?;
-        say!("\n{}", path.display());
+        let page = experiment::page(name, &html::command_line(), &scenario, &run);
+        Format::Page.write(&path, page.as_bytes()).map_err(named(&path))?;
+        said_of(&path);
     }
     match run.fault {
         Some(fault) => Err(format!("the run ended early: {fault}").into()),
         None => Ok(()),
+    }
+}
+
+/// Names a file that was written.
+fn said_of(path: &Path) {
+    if !output::is_standard(path) {
+        say!("\n{}", path.display());
+    }
+}
+
+/// Writes a table to a file, or to the standard output under the name `-`, whose reader may have enough at any time.
+fn write_table(path: &Path, recording: &Recording) -> Result<()> {
+    let file = Format::Table.create(path).map_err(named(path))?;
+    match recording.write_csv(io::BufWriter::new(file)) {
+        Err(error) if output::is_standard(path) && error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        written => written.map_err(named(path)),
     }
 }
 
@@ -415,8 +494,26 @@ fn identify(command: Command) -> Result<()> {
         rate_s: rate.or(step),
         resample_s: resample,
     };
-    let open = |path: &Path| fs::File::open(path).map_err(named(path));
-    let to_standard_output = json.as_deref() == Some(Path::new("-"));
+    let open = |path: &Path| -> Result<Box<dyn io::Read>> {
+        if output::is_standard(path) {
+            return Ok(Box::new(io::stdin().lock()));
+        }
+        Ok(Box::new(fs::File::open(path).map_err(named(path))?))
+    };
+    let to_standard_output = json.as_deref().is_some_and(output::is_standard);
+    if csv.as_deref().is_some_and(output::is_standard) {
+        if to_standard_output {
+            return Err(Refused("--csv - and --json -: one of them can have the standard output".into()).into());
+        }
+        output::take_standard_output();
+    }
+    if let Some(path) = &csv {
+        let is_same =
+            |other: &PathBuf| path.canonicalize().ok().is_some_and(|path| other.canonicalize().ok() == Some(path));
+        if recordings.iter().chain(&currents).any(is_same) {
+            return Err(Refused(format!("--csv {}: this is the recording", path.display())).into());
+        }
+    }
     let refused = |path: &Path, findings: Vec<String>| -> Box<dyn Error> {
         if to_standard_output {
             let verdict = format!("{}: the recording cannot be used", path.display());
@@ -547,8 +644,7 @@ fn identify(command: Command) -> Result<()> {
         }
     }
     if let Some(path) = csv {
-        let file = fs::File::create(&path).map_err(named(&path))?;
-        identify::recording(samples, &tracks).write_csv(io::BufWriter::new(file)).map_err(named(&path))?;
+        write_table(&path, &identify::recording(samples, &tracks))?;
     }
     if let Some(path) = json {
         let document = answer.as_ref().map_or_else(|| identify::json(samples, &tracks), identify::Answer::json);
@@ -556,19 +652,15 @@ fn identify(command: Command) -> Result<()> {
         if to_standard_output {
             say!("{}", text.trim_end());
         } else {
-            fs::write(&path, text).map_err(named(&path))?;
+            Format::Json.write(&path, text.as_bytes()).map_err(named(&path))?;
         }
     }
     if let Some(folder) = report {
         fs::create_dir_all(&folder).map_err(named(&folder))?;
         let path = folder.join("index.html");
         let title = format!("Identification from {}", recording.file_name().unwrap_or_default().to_string_lossy());
-        let command = format!(
-            "cargo run --release -- identify {} --method {method} --hold {hold} --report DIR",
-            recording.display()
-        );
-        let page = identify::page(&title, &command, samples, &tracks, holds.as_ref(), answer.as_ref());
-        fs::write(&path, page).map_err(named(&path))?;
+        let page = identify::page(&title, &html::command_line(), samples, &tracks, holds.as_ref(), answer.as_ref());
+        Format::Page.write(&path, page.as_bytes()).map_err(named(&path))?;
         if to_standard_output {
             eprintln!("{}", path.display());
         } else {
@@ -578,6 +670,22 @@ fn identify(command: Command) -> Result<()> {
     match answer {
         Some(answer) if !answer.valid => Err(Refused(answer.verdict).into()),
         _ => Ok(()),
+    }
+}
+
+/// A standard deviation.
+fn deviation(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err("a standard deviation, 0 or above, is wanted".into()),
+    }
+}
+
+/// A time in seconds.
+fn duration(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("a time in s above 0 is wanted".into()),
     }
 }
 

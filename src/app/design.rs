@@ -3,7 +3,7 @@
 //! The standard deviations are the Cramér–Rao bound of a run of the scenario; the estimator comes within a tenth of it.
 
 use super::montecarlo::bound::bound;
-use super::montecarlo::{self, cases, real};
+use super::montecarlo::{self, cases};
 use super::report::Table;
 use super::scenario::Scenario;
 use super::simulate::{self, Refused};
@@ -74,7 +74,7 @@ pub fn design(scenario: &Scenario, question: &Question) -> Result<[Promise; 2], 
     if let Some(step_s) = question.step_s {
         cases::sample_time(&mut scenario, step_s);
     }
-    let window_s = real(&scenario, "estimator", "Tf");
+    let window_s = scenario.closed_loop()?.estimator.window_s;
     montecarlo::at_speed(&mut scenario, question.rpm, window_s);
     if question.rpm == 0.0 {
         cases::at_rest(&mut scenario);

@@ -1,17 +1,11 @@
 //! The page `documentation/index.html` of an FMU: what it models, its equations, its variables, an example.
 
-use maud::{DOCTYPE, PreEscaped, html};
+use maud::{PreEscaped, html};
 
+use super::html;
 use crate::fmi2::registry::{self, Entry};
 use crate::fmi2::xml::real;
 use crate::slave::variable::{Causality, Type, Variability, Variable};
-
-const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1c2430}\
-table{border-collapse:collapse;width:100%;font-size:.9rem;margin:.5rem 0 1.5rem}\
-th,td{text-align:left;vertical-align:top;padding:.25rem .6rem;border-bottom:1px solid #d5dae1}\
-th{border-bottom:2px solid #8a94a3}td:first-child{white-space:nowrap}\
-code,pre{font-family:ui-monospace,monospace;font-size:.9em}pre{background:#f4f6f8;padding:.8rem;overflow-x:auto}\
-h1{margin-bottom:.2rem}h2{margin-top:2rem}.lead{font-size:1.1rem;color:#465264;margin-top:0}";
 
 /// The parts of the page that are written by hand, one file per model.
 fn prose(name: &str) -> &'static str {
@@ -42,40 +36,31 @@ fn is_parameter(variable: &Variable, variability: Variability) -> bool {
 /// The page.
 pub fn page(entry: &Entry) -> String {
     let variables = (entry.kind.variables)();
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (entry.kind.name) }
-                style { (PreEscaped(STYLE)) }
+    let body = html! {
+        main.document {
+            h1 { (entry.kind.name) }
+            p.lead { (entry.kind.description) "." }
+            p.soft {
+                "FMI 2.0 for co-simulation, " (env!("CARGO_PKG_NAME")) " " (env!("CARGO_PKG_VERSION"))
+                ", guid " code { (entry.guid) } "."
             }
-            body {
-                h1 { (entry.kind.name) }
-                p.lead { (entry.kind.description) "." }
-                p {
-                    "FMI 2.0 for co-simulation, " (env!("CARGO_PKG_NAME")) " " (env!("CARGO_PKG_VERSION"))
-                    ", guid " code { (entry.guid) } "."
+            (PreEscaped(prose(entry.kind.name)))
+            h2 { "Variables" }
+            @for (title, belongs) in GROUPS {
+                @let group: Vec<_> = variables.iter().copied().filter(|variable| belongs(variable)).collect();
+                @if !group.is_empty() {
+                    h3 { (title) }
+                    (table(&group))
                 }
-                (PreEscaped(prose(entry.kind.name)))
-                h2 { "Variables" }
-                @for (title, belongs) in GROUPS {
-                    @let group: Vec<_> = variables.iter().copied().filter(|variable| belongs(variable)).collect();
-                    @if !group.is_empty() {
-                        h3 { (title) }
-                        (table(&group))
-                    }
-                }
-                h2 { "Licence" }
-                p {
-                    "MIT or Apache-2.0, at your choice; the texts, and those of the libraries in the binary, are in the folder "
-                    a href="licenses" { "licenses" } "."
-                }
+            }
+            h2 { "Licence" }
+            p {
+                "MIT or Apache-2.0, at your choice; the texts, and those of the libraries in the binary, are in the folder "
+                a href="licenses" { "licenses" } "."
             }
         }
-    }
-    .into_string()
+    };
+    html::page(entry.kind.name, &body)
 }
 
 /// The variables of all FMUs as Markdown, for readers of the project.
@@ -104,7 +89,7 @@ pub fn markdown() -> String {
 
 fn table(variables: &[&Variable]) -> maud::Markup {
     html! {
-        table {
+        table.variables {
             thead { tr { th { "Name" } th { "Unit" } th { "Start" } th { "Description" } } }
             tbody {
                 @for variable in variables {

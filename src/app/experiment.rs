@@ -3,44 +3,35 @@
 use std::path::Path;
 
 use super::bearing;
-use super::report::{self, Method, Parameter, Report, Table};
+use super::closed_loop::Loop;
+use super::report::{self, Answer, Bearing, Event, Method, Paper, Parameter, Report, Table};
 use super::scenario::Scenario;
 use super::simulate::Run;
-use crate::slave::estimator::METHOD;
+use crate::slave::estimator::{METHOD, VERDICT};
 use crate::slave::variable::{Type, Value, Variable};
 
 /// Estimates of the paper: figure 2, simulation, after less than 0.1 s.
 const PAPER_LAMBDA: [f64; 3] = [1.786e-6, 2.072e-6, 2.199e-6];
 /// What the paper says its perturbation estimates fall by, at least.
-const PAPER_SWING_RATIO: &str = "at least 3";
+const PAPER_RATIO: &str = "at least 3";
 /// Instants at which estimates are compared.
 const INSTANTS_S: [f64; 2] = [0.1, 0.2];
 /// Length of the stretches before and after the update over which errors are taken, in seconds.
 const STRETCH_S: f64 = 0.04;
 
 /// Whether the scenario is the paper's, so that its figures can stand beside ours.
-fn is_paper(name: &Path) -> bool {
-    name == Path::new("paper")
+fn is_paper(name: &Path, scenario: &Scenario) -> bool {
+    name == Path::new("paper") && scenario.changes.is_empty()
 }
 
-/// The true force constants.
-fn truth(scenario: &Scenario) -> [f64; 3] {
-    std::array::from_fn(|k| real(scenario, "plant", &format!("lambda[{}]", k + 1)))
-}
-
-fn real(scenario: &Scenario, element: &str, variable: &str) -> f64 {
-    scenario.value(element, variable).map_or(f64::NAN, Value::as_f64)
-}
-
-/// The time at which the controller is to take the estimates over, if it is to do so once.
-fn update_s(scenario: &Scenario) -> Option<f64> {
-    let at_time = scenario.value("controller", "update.mode") == Some(Value::Integer(2));
-    at_time.then(|| real(scenario, "controller", "update.time")).filter(|time| *time < scenario.duration_s)
+/// The configurations of a scenario that has been run, or could be.
+fn closed_loop(scenario: &Scenario) -> Loop {
+    scenario.closed_loop().expect("a scenario that can be run has configurations")
 }
 
 /// The estimators of a scenario: those that run beside the loop, or that of the loop where there are none.
 fn methods(scenario: &Scenario) -> Vec<Method> {
-    let beside = &scenario.elements[3..];
+    let beside = scenario.observers();
     if beside.is_empty() {
         let method = scenario.value("estimator", "method");
         let label = method.and_then(|value| METHOD.item(value.as_f64() as i32)).unwrap_or("estimator");
@@ -51,14 +42,14 @@ fn methods(scenario: &Scenario) -> Vec<Method> {
 
 /// The tables of results of the scenario of that name.
 pub fn tables(name: &Path, scenario: &Scenario, run: &Run) -> Vec<Table> {
-    let mut tables = vec![estimates(scenario, run, is_paper(name))];
-    tables.extend(tracking(scenario, run, is_paper(name)));
+    let mut tables = vec![estimates(scenario, run, is_paper(name, scenario))];
+    tables.extend(tracking(run, is_paper(name, scenario)));
     tables
 }
 
 /// λ̂ of every method at the instants, beside the truth and the paper's.
 fn estimates(scenario: &Scenario, run: &Run, paper: bool) -> Table {
-    let truth = truth(scenario);
+    let truth = closed_loop(scenario).plant.lambda_nm2_a2;
     let head = ["", "λ1", "λ2", "λ3", "error 1", "error 2", "error 3", "valid"];
     let mut rows = Vec::new();
     let values = |lambda: [f64; 3]| lambda.map(|value| format!("{:.4}", value * 1e6));
@@ -98,14 +89,15 @@ fn estimates(scenario: &Scenario, run: &Run, paper: bool) -> Table {
 
 /// What a harmonic perturbation in phase with the path costs any estimator that does not know of it.
 fn coherence_note(scenario: &Scenario) -> String {
-    let force_n = real(scenario, "plant", "perturbation.amplitudeZ");
-    let omega = real(scenario, "plant", "perturbation.omega");
-    let path_omega = real(scenario, "controller", "reference.omega");
+    let Loop { plant, controller, .. } = closed_loop(scenario);
+    let force_n = plant.harmonic.amplitude_n[1];
+    let omega = plant.harmonic.omega_rad_s;
+    let path_omega = controller.reference.omega_rad_s;
     // The two come from different conversions of the same speed.
     if force_n == 0.0 || (omega / path_omega - 1.0).abs() > 1e-9 {
         return String::new();
     }
-    let inertia_n = real(scenario, "plant", "m") * omega * omega * real(scenario, "controller", "reference.rZ");
+    let inertia_n = plant.m_kg * omega * omega * controller.reference.r_z_m;
     format!(
         "The perturbation along z runs in phase with the path: {force_n} N beside m ω² r_Z = {inertia_n:.1} N look like \
          magnets weaker by {:.2} %. No filter takes that away; the paper's method reads it as λ. ",
@@ -115,7 +107,7 @@ fn coherence_note(scenario: &Scenario) -> String {
 
 /// How far the literal reading of P(20) strays, if it was run.
 fn literal_note(scenario: &Scenario, run: &Run, truth: &[f64; 3]) -> String {
-    if !scenario.elements.iter().any(|element| element.name == "paperLiteral") {
+    if !scenario.observers().iter().any(|element| element.name == "paperLiteral") {
         return String::new();
     }
     let mut worst: (f64, f64) = (0.0, 0.0);
@@ -158,9 +150,13 @@ fn percent(value: f64) -> String {
     }
 }
 
-/// Tracking error and swing of the perturbation estimate before and after the update.
-fn tracking(scenario: &Scenario, run: &Run, paper: bool) -> Option<Table> {
-    let update_s = update_s(scenario)?;
+/// Tracking error and peak-to-peak value of the perturbation estimate before and after the update.
+fn tracking(run: &Run, paper: bool) -> Option<Table> {
+    // Another speed in the end leaves nothing to compare.
+    if bearing::stretches(&run.recording).len() < 2 {
+        return None;
+    }
+    let update_s = bearing::update_s(&run.recording)?;
     let last_s = *run.recording.time_s.last()?;
     if last_s < update_s + STRETCH_S || update_s < STRETCH_S {
         return None;
@@ -176,7 +172,7 @@ fn tracking(scenario: &Scenario, run: &Run, paper: bool) -> Option<Table> {
         let error: Vec<f64> = position.iter().zip(reference).map(|(is, ought)| is - ought).collect();
         let letter = axis.to_lowercase();
         let largest = |range| over(run, &error, range).map(|(low, high)| high.max(-low));
-        let swing = |signal: &[f64], range| over(run, signal, range).map(|(low, high)| high - low);
+        let peak_to_peak = |signal: &[f64], range| over(run, signal, range).map(|(low, high)| high - low);
         rows.push(row(
             format!("largest tracking error, {letter}"),
             [largest(before)? * 1e6, largest(after)? * 1e6],
@@ -184,14 +180,14 @@ fn tracking(scenario: &Scenario, run: &Run, paper: bool) -> Option<Table> {
             "slightly smaller after",
         ));
         rows.push(row(
-            format!("swing of the observed perturbation, {letter}"),
-            [swing(estimate, before)?, swing(estimate, after)?],
+            format!("observed perturbation, peak to peak, {letter}"),
+            [peak_to_peak(estimate, before)?, peak_to_peak(estimate, after)?],
             "N",
-            PAPER_SWING_RATIO,
+            PAPER_RATIO,
         ));
         rows.push(row(
-            format!("swing of the true perturbation, {letter}"),
-            [swing(perturbation, before)?, swing(perturbation, after)?],
+            format!("true perturbation, peak to peak, {letter}"),
+            [peak_to_peak(perturbation, before)?, peak_to_peak(perturbation, after)?],
             "N",
             "",
         ));
@@ -205,8 +201,7 @@ fn tracking(scenario: &Scenario, run: &Run, paper: bool) -> Option<Table> {
     Some(Table {
         title: "Tracking before and after the update".into(),
         note: format!(
-            "Over {:.0} ms before the update at {update_s} s and the last {:.0} ms of the run; a swing is the difference \
-             of the greatest and the least value.",
+            "Over {:.0} ms before the update at {update_s} s and the last {:.0} ms of the run.",
             STRETCH_S * 1e3,
             STRETCH_S * 1e3
         ),
@@ -226,28 +221,113 @@ fn over(run: &Run, signal: &[f64], (from_s, to_s): (f64, f64)) -> Option<(f64, f
     within.map(|(_, value)| (*value, *value)).reduce(|(low, high), (value, _)| (low.min(value), high.max(value)))
 }
 
-/// The report page of a run of the scenario of that name.
-pub fn page(name: &Path, scenario: &Scenario, run: &Run) -> String {
-    let command = if is_paper(name) {
-        "cargo run --release".into()
-    } else {
-        format!("cargo run --release -- simulate {} --report DIR", name.display())
+/// What the loop's estimator says in the end.
+fn answer(scenario: &Scenario, run: &Run) -> Option<Answer> {
+    let column = |name: &str| run.recording.get(&format!("estimator.{name}"));
+    let last = |name: &str| {
+        let mut values = [0.0; 3];
+        for (k, value) in values.iter_mut().enumerate() {
+            *value = *column(&format!("{name}[{}]", k + 1))?.last()?;
+        }
+        Some(values)
     };
+    let verdicts = column("verdict")?;
+    let verdict = *verdicts.last()?;
+    let valid = *column("valid")?.last()? == 1.0;
+    let since = verdicts.iter().rposition(|other| *other != verdict).map_or(0, |at| at + 1);
+    let since_s = report::instant(run.recording.time_s[since]);
+    let words = VERDICT.items.get((verdict as usize).wrapping_sub(1)).map_or("", |(_, words)| *words);
+    let mut verdict = format!("since {since_s}: {}{}.", words[..1].to_lowercase(), &words[1..]);
+    if !valid {
+        verdict += &match column("valid")?.iter().rposition(|valid| *valid == 1.0) {
+            Some(at) => {
+                let until_s = report::instant(run.recording.time_s[at]);
+                format!(" It was valid until {until_s}; what is shown is that estimate.")
+            }
+            None => " It was never valid.".into(),
+        };
+    }
+    let expectation = coherence_note(scenario);
+    let method = scenario.value("estimator", "method").and_then(|value| METHOD.item(value.as_f64() as i32));
+    Some(Answer {
+        element: "estimator".into(),
+        method: method.unwrap_or_default().into(),
+        valid,
+        verdict,
+        lambda: last("lambdaHat")?,
+        std: last("lambdaStdTotal")?,
+        expectation,
+    })
+}
+
+/// What is worth a mark in the plots: updates, coils that open and close, changes of λ, touchdown.
+fn events(scenario: &Scenario, run: &Run) -> Vec<Event> {
+    let mut events = Vec::new();
+    let time_s = &run.recording.time_s;
+    let mut mark = |at_s: f64, label: String| events.push(Event { at_s, label });
+    if let Some(update) = bearing::update(&run.recording) {
+        let more = run.recording.get("controller.lambdaUsed[1]").unwrap_or(&[]);
+        let again = more.last() != more.get(update);
+        mark(
+            bearing::update_s(&run.recording).unwrap_or(time_s[update]),
+            if again { "first update".into() } else { "update".into() },
+        );
+    }
+    for profile in &scenario.profiles {
+        for target in &profile.targets {
+            let path = scenario.path(*target);
+            let (_, name) = path.split_once('.').unwrap_or_default();
+            let magnet = name.trim_end_matches(']').rsplit('[').next().unwrap_or_default();
+            for (at_s, value) in profile.time_s.iter().zip(&profile.values).filter(|(at_s, _)| **at_s > 0.0) {
+                let on = value.as_f64() != 0.0;
+                let label = match name.split('[').next().unwrap_or_default() {
+                    "coil.open" if on => format!("coil {magnet} opens"),
+                    "coil.open" => format!("coil {magnet} closes"),
+                    "lambda" => format!("λ{magnet} changes"),
+                    "reset" if on => "estimator reset".into(),
+                    _ => continue,
+                };
+                mark(*at_s, label);
+            }
+        }
+    }
+    let contact = run.recording.get("plant.touchdown.contact").unwrap_or(&[]);
+    let touches = |pair: &[f64]| pair[0] == 0.0 && pair[1] == 1.0;
+    if let Some(at) = contact.windows(2).position(touches) {
+        mark(time_s[at + 1], "touchdown".into());
+    }
+    if let Some(at) = contact.windows(2).rposition(|pair| pair[0] == 1.0 && pair[1] == 0.0) {
+        mark(time_s[at + 1], "free again".into());
+    }
+    events
+}
+
+/// The report page of a run of the scenario of that name, made by that command.
+pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> String {
     let sensitivities = bearing::sensitivities(scenario, run);
     let mut tables = tables(name, scenario, run);
     tables.extend(bearing::table(scenario, run, &sensitivities));
+    let paper = match name.to_str() {
+        _ if !scenario.changes.is_empty() => None,
+        Some("paper") => Some(Paper::Simulation),
+        Some("experiment") => Some(Paper::Experiment),
+        _ => None,
+    };
+    let plant = closed_loop(scenario).plant;
+    let bearing = Bearing { alpha_rad: plant.alpha_rad, gap_m: plant.gap_m, clearance_m: plant.touchdown.clearance_m };
     let report = Report {
         description: scenario.description.clone(),
-        command,
+        command: command.into(),
         message: run.fault.clone(),
+        answer: answer(scenario, run),
         tables,
         sensitivities,
-        clearance_m: Some(real(scenario, "plant", "touchdown.clearance")),
+        bearing: Some(bearing),
         parameters: parameters(scenario),
-        update_s: update_s(scenario),
-        truth: Some(truth(scenario)),
+        events: events(scenario, run),
+        truth: Some(plant.lambda_nm2_a2),
         methods: methods(scenario),
-        paper: is_paper(name),
+        paper,
         ..Report::new(&scenario.title, &run.recording)
     };
     report::page(&report)
@@ -257,7 +337,7 @@ pub fn page(name: &Path, scenario: &Scenario, run: &Run) -> String {
 fn parameters(scenario: &Scenario) -> Vec<Parameter> {
     let connections = scenario.connections();
     let mut parameters = Vec::new();
-    for element in &scenario.elements[..3] {
+    for element in scenario.in_loop() {
         for variable in (element.kind.variables)() {
             let connected = connections
                 .iter()

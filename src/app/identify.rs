@@ -4,21 +4,21 @@ pub mod likelihood;
 
 mod answer;
 mod diagnosis;
+mod page;
 mod read;
 mod tolerance;
 
 use std::f64::consts::TAU;
 
-use maud::{DOCTYPE, PreEscaped, html};
 use serde_json::{Value as Json, json};
 
 pub use self::answer::{Answer, Question, answer};
+pub use self::page::page;
 pub use self::tolerance::{named, of_estimator, tolerance};
 
 pub use self::read::{Currents, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
-use super::plot::{Axis, Colour, Line, Plot, Unit};
 use super::recording::{Column, Recording};
-use super::report::{self, Table};
+use super::report::Table;
 use crate::model::Invalid;
 use crate::model::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, STD_LIMIT, Tolerance, Verdict,
@@ -293,170 +293,6 @@ pub fn json(samples: &Samples, tracks: &[Track]) -> Json {
         "samples": samples.len(), "start": samples.start_s, "Ts": samples.step_s, "notes": samples.notes,
         "methods": tracks.iter().map(method).collect::<Vec<_>>(),
     })
-}
-
-/// What the lines of the estimates are.
-const BAND: &str =
-    "Thick: estimate; thin: one standard deviation above and below. Gaps are instants without a valid estimate.";
-
-/// Begins the note on samples without a value, which here are those without a valid estimate, as the caption says.
-const LEFT_OUT: &str = "Samples left out";
-
-/// Width and height of a plot, in pixels.
-const PLOT_PX: (f64, f64) = (1060.0, 300.0);
-
-/// The result as a page of its own.
-#[must_use]
-pub fn page(
-    title: &str,
-    command: &str,
-    samples: &Samples,
-    tracks: &[Track],
-    holds: Option<&Table>,
-    answer: Option<&Answer>,
-) -> String {
-    let recording = recording(samples, tracks);
-    let mut figures = Vec::new();
-    for track in tracks {
-        figures.push((
-            format!("Force constants over time, {}", track.name),
-            if track.last_valid().is_some() { vec![bands(&recording, track)] } else { Vec::new() },
-            match track.last_valid() {
-                Some(_) => format!("{BAND} {}", track.verdict()),
-                None => track.verdict(),
-            },
-        ));
-    }
-    if let Some(track) = tracks.iter().find(|track| track.config.method == Method::PredictionError) {
-        figures.push((
-            "Unbalance and static load".into(),
-            vec![
-                lines(
-                    &recording,
-                    track,
-                    "Unbalance",
-                    ("U", Unit { name: "g·mm", factor: 1e6 }),
-                    &[("unbalance.magnitude", "U")],
-                ),
-                lines(
-                    &recording,
-                    track,
-                    "Static load",
-                    ("load", Unit::NEWTON),
-                    &[("pYHat", "along y"), ("pZHat", "along z")],
-                ),
-            ],
-            "As identified together with the force constants.".into(),
-        ));
-    }
-    let residuals: Vec<Line> = tracks
-        .iter()
-        .zip([Colour::Blue, Colour::Vermillion, Colour::Green, Colour::Purple])
-        .map(|(track, colour)| shown(&recording, track, "residual", track.name, colour, |_| true))
-        .collect();
-    let mut plot =
-        Plot::new("Residual", Axis::new("time", Unit::SECOND), Axis::new("residual", Unit::PERCENT), PLOT_PX);
-    plot.lines = residuals;
-    figures.push((
-        "What the model leaves unexplained".into(),
-        vec![plot],
-        "Part of the motion, noise included.".into(),
-    ));
-    let mut tables: Vec<Table> = answer.map(Answer::tables).unwrap_or_default();
-    tables.extend(std::iter::once(table(tracks)).chain(holds.cloned()));
-    let verdict = answer.map(|answer| answer.verdict.clone()).or_else(|| tracks.last().map(Track::verdict));
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (title) }
-                style { (PreEscaped(report::STYLE)) }
-            }
-            body {
-                header {
-                    h1 { (title) }
-                    @if let Some(verdict) = &verdict { p { (verdict) } }
-                    @if let Some(answer) = answer {
-                        p { (answer.told()) }
-                        ul { @for finding in &answer.findings { li { (finding) } } }
-                    }
-                    ul { @for note in &samples.notes { li { (note) } } }
-                    pre { code { (command) } }
-                }
-                main {
-                    section id="results" { @for table in &tables { (report::table_of(table)) } }
-                    @for (title, plots, caption) in &figures {
-                        figure {
-                            h2 { (title) }
-                            div class="panels wide" {
-                                @for plot in plots {
-                                    @let drawing = plot.draw();
-                                    div { (PreEscaped(&drawing.svg)) @for note in drawing.notes.iter().filter(|note| !note.starts_with(LEFT_OUT)) { p.ends { (note) } } }
-                                }
-                            }
-                            figcaption { (caption) }
-                        }
-                    }
-                }
-            }
-        }
-    }
-    .into_string()
-}
-
-/// A signal of a track as a line, NaN where it is not to be shown.
-fn shown(
-    recording: &Recording,
-    track: &Track,
-    name: &str,
-    label: &str,
-    colour: Colour,
-    show: impl Fn(usize) -> bool,
-) -> Line<'static> {
-    let values = recording.get(&format!("{}.{name}", track.name)).unwrap_or(&[]);
-    let filling = |j: usize| track.outputs.get(j).is_none_or(|output| output.verdict == Verdict::Collecting);
-    let y: Vec<f64> =
-        values.iter().enumerate().map(|(j, y)| if show(j) && !filling(j) { *y } else { f64::NAN }).collect();
-    Line::new(label, recording.time_s.clone(), y, colour)
-}
-
-fn lines(
-    recording: &Recording,
-    track: &Track,
-    title: &str,
-    (quantity, unit): (&str, Unit),
-    names: &[(&str, &str)],
-) -> Plot<'static> {
-    let mut plot = Plot::new(title, Axis::new("time", Unit::SECOND), Axis::new(quantity, unit), PLOT_PX);
-    let valid = |j: usize| track.outputs[j].valid;
-    plot.lines = names
-        .iter()
-        .zip(Colour::MAGNETS)
-        .map(|((name, label), colour)| shown(recording, track, name, label, colour, valid))
-        .collect();
-    plot
-}
-
-fn bands(recording: &Recording, track: &Track) -> Plot<'static> {
-    let title = format!("Estimates of the method {}", track.name);
-    let mut plot = Plot::new(&title, Axis::new("time", Unit::SECOND), Axis::new("λ", Unit::LAMBDA), PLOT_PX);
-    let band = |k: usize, sign: f64| -> Vec<f64> {
-        let values = track.outputs.iter();
-        values
-            .map(|output| if output.valid { output.lambda_hat[k] + sign * output.lambda_std[k] } else { f64::NAN })
-            .collect()
-    };
-    for (k, colour) in Colour::MAGNETS.into_iter().enumerate() {
-        for sign in [-1.0, 1.0] {
-            let mut line = Line::new("", recording.time_s.clone(), band(k, sign), colour);
-            line.width_px = 0.6;
-            plot.lines.push(line);
-        }
-        plot.lines.push(Line::new(&format!("λ{}", ["₁", "₂", "₃"][k]), recording.time_s.clone(), band(k, 0.0), colour));
-    }
-    plot
 }
 
 /// The residuals of the three readings of a current as a table.

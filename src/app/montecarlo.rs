@@ -136,7 +136,7 @@ impl Study {
             }
             let missing = || Refused(vec!["the plant or the estimator lacks an output that a study needs".into()]);
             let trial = judge(&scenario, &run.recording, &self.instants_s, seed).ok_or_else(missing)?;
-            let update_s = real(&scenario, "controller", "update.time");
+            let update_s = scenario.closed_loop()?.controller.update_time_s;
             attempt += 1;
             if trial.touched_s.is_none_or(|touched_s| touched_s > update_s) || attempt == ATTEMPTS {
                 return Ok(trial);
@@ -155,9 +155,8 @@ pub const INSTANTS_S: [f64; 5] = [0.035, 0.1, 0.2, 0.4, 1.0];
 #[must_use]
 pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: usize) -> Study {
     let mut scenario = base.clone();
-    // The loop alone: no estimator beside it.
-    scenario.elements.truncate(3);
-    let element = &scenario.elements[2];
+    scenario.remove_observers();
+    let element = scenario.estimator();
     let method = (element.kind.variables)().into_iter().find(|variable| variable.name == "method");
     if let Some(method) = method.map(|variable| variable.start()) {
         scenario.set("estimator", "method", method);
@@ -394,11 +393,6 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
         .chain(study.instants_s.iter().map(|instant_s| format!("{:.0} ms", instant_s * 1e3)))
         .collect();
     Table { title: study.title.clone(), note, head, rows }
-}
-
-/// The true λ at the start.
-pub(crate) fn truth(scenario: &Scenario) -> [f64; 3] {
-    std::array::from_fn(|k| real(scenario, "plant", &format!("lambda[{}]", k + 1)))
 }
 
 pub(crate) fn real(scenario: &Scenario, element: &str, variable: &str) -> f64 {

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
+use super::output::Format;
 use super::platforms::{self, Binaries, NotFor, Platform};
 use super::{documentation, ssp};
 use crate::fmi2::registry::{self, Entry};
@@ -28,6 +29,9 @@ pub enum PackageError {
     /// A file is no binary for the platform it is meant for.
     #[error("{0} is {1}")]
     NotFor(PathBuf, NotFor),
+    /// A library without the interface.
+    #[error("{0} is no library of an FMU: it does not export {1}")]
+    NoInterface(PathBuf, String),
     /// Two binaries are given for one platform.
     #[error("two binaries are given for the platform {0}: one is wanted")]
     Twice(&'static str),
@@ -138,7 +142,9 @@ pub fn binaries(given: &[(&'static Platform, PathBuf)]) -> Result<Binaries, Pack
 
 fn read(binaries: &mut Binaries, platform: &'static Platform, path: &Path) -> Result<(), PackageError> {
     let content = fs::read(path).map_err(at(path))?;
-    binaries.add(platform, &content).map_err(|why| PackageError::NotFor(path.into(), why))
+    binaries.add(platform, &content).map_err(|why| PackageError::NotFor(path.into(), why))?;
+    let missing = platforms::missing_functions(platform, &content);
+    if missing.is_empty() { Ok(()) } else { Err(PackageError::NoInterface(path.into(), missing.join(", "))) }
 }
 
 /// The FMU of a model around its binaries.
@@ -180,6 +186,10 @@ pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, P
     archives.push(("MagneticBearing.ssp".into(), system));
 
     fs::create_dir_all(folder).map_err(at(folder))?;
+    for (name, _) in &archives {
+        let path = folder.join(name);
+        Format::Archive.replaceable(&path).map_err(at(&path))?;
+    }
     let mut written = Vec::new();
     for (name, content) in archives {
         let path = folder.join(name);
@@ -197,7 +207,7 @@ pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, P
 pub fn write_descriptions(folder: &Path) -> Result<(), PackageError> {
     for entry in registry::entries() {
         let path = folder.join(format!("{}.xml", entry.kind.name));
-        fs::write(&path, &entry.description).map_err(at(&path))?;
+        Format::Xml.write(&path, entry.description.as_bytes()).map_err(at(&path))?;
     }
     Ok(())
 }

@@ -5,6 +5,7 @@
 //! puts a binary where they look as well, if there is room.
 
 use std::borrow::Cow;
+use std::collections::HashSet;
 use std::fmt;
 
 /// A platform, under the name of its folder in an FMU.
@@ -195,6 +196,33 @@ fn part(content: &[u8]) -> Option<Part<'_>> {
     } else {
         None
     }
+}
+
+/// Functions without which no importer can run an FMU.
+const FUNCTIONS: [&str; 6] =
+    ["fmi2GetVersion", "fmi2Instantiate", "fmi2SetupExperiment", "fmi2DoStep", "fmi2GetReal", "fmi2FreeInstance"];
+
+/// Those functions of FMI 2.0 that a library for a platform does not export; all of them if it cannot be read.
+pub fn missing_functions(platform: &Platform, content: &[u8]) -> Vec<&'static str> {
+    use object::Object;
+    use object::read::NameOrOrdinal;
+    let parts = parts(content);
+    let part = parts.iter().find(|part| part.platform() == Some(platform));
+    let Some(file) = part.and_then(|part| object::File::parse(part.content).ok()) else { return FUNCTIONS.into() };
+    // Mach-O puts an underscore before the names of C.
+    let prefix: &[u8] = if platform.format == Format::MachO { b"_" } else { b"" };
+    let exports: HashSet<Vec<u8>> = file
+        .exports()
+        .into_iter()
+        .flatten()
+        .filter_map(|export| {
+            let export = export.ok()?;
+            let NameOrOrdinal::Name(name) = export.name() else { return None };
+            Some(name.strip_prefix(prefix)?.to_vec())
+        })
+        .collect();
+    let is_exported = |name: &str| exports.contains(name.as_bytes());
+    FUNCTIONS.into_iter().filter(|name| !is_exported(name)).collect()
 }
 
 /// A universal file made of Mach-O files.

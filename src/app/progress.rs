@@ -38,8 +38,8 @@ impl Progress {
     }
 
     fn show(&self) -> ProgressBar {
-        let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} % {eta} left");
-        let bar = ProgressBar::new(self.length).with_message(self.title);
+        let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} %, {eta} left");
+        let bar = ProgressBar::new(self.length).with_message(self.title).with_elapsed(self.since.elapsed());
         bar.with_style(style.expect("the template is well formed"))
     }
 }

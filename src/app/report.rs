@@ -1,13 +1,12 @@
-//! A run as one page of HTML that needs nothing else: tables, plots, parameters.
+//! A run as one page of HTML that needs nothing else: the answer, the run in motion, plots, tables, parameters.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 
+use super::html;
+use super::plot;
 use crate::app::recording::Recording;
 
 mod figures;
-
-/// Inline, for the page is to be a single file.
-pub(super) const STYLE: &str = include_str!("report/style.css");
 
 /// What the page shows. Start from [`Report::new`] and fill in what there is.
 #[derive(Clone, Debug)]
@@ -20,24 +19,26 @@ pub struct Report<'a> {
     pub command: String,
     /// Why the run ended early, if it did.
     pub message: Option<String>,
+    /// What the loop's estimator says.
+    pub answer: Option<Answer>,
     /// The signals, with columns named `element.variable`.
     pub recording: &'a Recording,
     /// Results in numbers.
     pub tables: Vec<Table>,
     /// Every parameter of the run.
     pub parameters: Vec<Parameter>,
-    /// When the controller was to take the estimate, in seconds; `None` where that is not planned by time.
-    pub update_s: Option<f64>,
+    /// What happened in the run, to be marked in the plots.
+    pub events: Vec<Event>,
     /// The true λ of the three magnets, in N·m²/A², where it is known.
     pub truth: Option<[f64; 3]>,
     /// The estimators to compare.
     pub methods: Vec<Method>,
-    /// Clearance of the backup bearing, in m, where there is one.
-    pub clearance_m: Option<f64>,
+    /// The bearing, for the animation.
+    pub bearing: Option<Bearing>,
     /// Sensitivity functions of the loop.
     pub sensitivities: Vec<Sensitivity>,
-    /// Whether the run repeats the paper's, so that captions name the figures they redraw.
-    pub paper: bool,
+    /// What of the paper the run repeats, so that captions name the figures they redraw.
+    pub paper: Option<Paper>,
 }
 
 impl<'a> Report<'a> {
@@ -48,17 +49,66 @@ impl<'a> Report<'a> {
             description: String::new(),
             command: String::new(),
             message: None,
+            answer: None,
             recording,
             tables: Vec::new(),
             parameters: Vec::new(),
-            update_s: None,
+            events: Vec::new(),
             truth: None,
             methods: Vec::new(),
-            clearance_m: None,
+            bearing: None,
             sensitivities: Vec::new(),
-            paper: false,
+            paper: None,
         }
     }
+}
+
+/// The parts of the paper that a run may repeat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Paper {
+    /// Section IV.A.
+    Simulation,
+    /// Section IV.B.
+    Experiment,
+}
+
+/// The estimate in the end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answer {
+    /// Name of the element whose λ̂ it is.
+    pub element: String,
+    /// Its method.
+    pub method: String,
+    /// Whether the estimate is valid at the end of the run.
+    pub valid: bool,
+    /// The verdict in words, and since when.
+    pub verdict: String,
+    /// λ̂ of the three magnets, in N·m²/A².
+    pub lambda: [f64; 3],
+    /// Standard deviations stated, tolerances included.
+    pub std: [f64; 3],
+    /// What is to be expected instead of the truth, and why; may be empty.
+    pub expectation: String,
+}
+
+/// Something that happened.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// When, in s.
+    pub at_s: f64,
+    /// What, in a few words.
+    pub label: String,
+}
+
+/// What the animation has to know of the bearing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bearing {
+    /// Angles of the magnets, in rad.
+    pub alpha_rad: [f64; 3],
+    /// Nominal air gap, in m.
+    pub gap_m: f64,
+    /// Clearance of the backup bearing, in m.
+    pub clearance_m: f64,
 }
 
 /// An estimator whose λ̂ stands in the columns `element.lambdaHat[1..3]`.
@@ -116,63 +166,121 @@ pub struct Parameter {
     pub description: String,
 }
 
-/// The page: one file, without scripts, that loads nothing.
+/// The page: one file that loads nothing.
 ///
-/// Whatever is missing from the recording leaves out its figure, with a sentence in its place.
+/// The script that draws the plots is part of it, compressed, so that the page can be mailed. Whatever is missing from the
+/// recording leaves out its figure, with a sentence in its place.
 pub fn page(report: &Report) -> String {
     let figures = figures::all(report);
-    let run = match (report.recording.time_s.first(), report.recording.time_s.last()) {
-        (Some(first), Some(last)) => format!(
-            "{} samples from {} to {}.",
-            report.recording.time_s.len(),
-            figures::instant(*first),
-            figures::instant(*last)
-        ),
-        _ => "The recording is empty.".into(),
-    };
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (report.title) }
-                style { (PreEscaped(STYLE)) }
+    let body = html! {
+        header {
+            h1 { (report.title) }
+            @if let Some(message) = &report.message {
+                p.message role="alert" { strong { "The run ended early. " } (message) }
             }
-            body {
-                header {
-                    h1 { (report.title) }
-                    @if let Some(message) = &report.message {
-                        p.message role="alert" { strong { "The run ended early. " } (message) }
-                    }
-                    @for paragraph in report.description.split("\n\n").filter(|text| !text.trim().is_empty()) {
-                        p { (paragraph.trim()) }
-                    }
-                    p.run { (run) }
-                    @if !report.command.is_empty() {
-                        pre { code { (report.command) } }
-                    }
-                    nav {
-                        ul {
-                            @if !report.tables.is_empty() { li { a href="#results" { "Results in numbers" } } }
-                            @for figure in &figures { li { a href={ "#" (figure.id) } { (figure.title) } } }
-                            @if !report.parameters.is_empty() { li { a href="#parameters" { "Parameters" } } }
-                        }
-                    }
+        }
+        main {
+            section #answer {
+                @if let Some(answer) = &report.answer { (answer_of(answer, report.truth)) }
+                (figures::first(report))
+            }
+            section {
+                @for paragraph in report.description.split("\n\n").filter(|text| !text.trim().is_empty()) {
+                    p { (paragraph.trim()) }
                 }
-                main {
-                    @if !report.tables.is_empty() {
-                        section id="results" {
-                            @for table in &report.tables { (table_of(table)) }
+                p.soft { (run_of(report.recording)) }
+                @if !report.command.is_empty() {
+                    p.soft { "This page is made by" }
+                    pre { code { (report.command) } }
+                }
+            }
+            nav {
+                ul {
+                    @for figure in &figures { li { a href={ "#" (figure.id) } { (figure.title) } } }
+                    @if !report.tables.is_empty() { li { a href="#results" { "Results in numbers" } } }
+                    @if !report.parameters.is_empty() { li { a href="#parameters" { "Parameters" } } }
+                }
+            }
+            (figures::views(report))
+            @for (index, figure) in figures.iter().enumerate() { (figure.html(index + 1)) }
+            @if !report.tables.is_empty() {
+                section #results {
+                    @for table in &report.tables { (table_of(table)) }
+                }
+            }
+            @if !report.parameters.is_empty() { (parameters_of(&report.parameters)) }
+        }
+        footer.soft { "Plots: plotly.js (MIT). Drag to zoom, double-click for all, click a name in a legend to switch its line." }
+        (plot::scripts())
+    };
+    html::page(&report.title, &body)
+}
+
+/// How long the recording is, and what of it is drawn.
+fn run_of(recording: &Recording) -> String {
+    let (Some(first), Some(last)) = (recording.time_s.first(), recording.time_s.last()) else {
+        return "The recording is empty.".into();
+    };
+    let samples = recording.time_s.len();
+    let thinned = if plot::is_whole(samples) {
+        "each of them is drawn"
+    } else {
+        "of which the plots show the least and the greatest value in short stretches"
+    };
+    format!("{samples} samples from {} to {}, {thinned}.", instant(*first), instant(*last))
+}
+
+/// An instant to the tenth of a millisecond, without zeros at the end.
+pub(super) fn instant(at_s: f64) -> String {
+    format!("{} s", (at_s * 1e4).round() / 1e4)
+}
+
+/// λ̂ ± beside the truth, and whether it is valid.
+fn answer_of(answer: &Answer, truth: Option<[f64; 3]>) -> Markup {
+    html! {
+        p class=(if answer.valid { "verdict good" } else { "verdict bad" }) {
+            strong { (if answer.valid { "Valid" } else { "Not valid" }) } " " (answer.verdict)
+        }
+        (cards(answer.lambda, answer.std, truth))
+        p.soft {
+            "In 10⁻⁶ N·m²/A², at the end of the run; ± is two standard deviations as stated by the loop’s estimator, method "
+            code { (answer.method) } ". " (answer.expectation)
+        }
+    }
+}
+
+/// Three λ̂ with twice their standard deviations, in 10⁻⁶ N·m²/A², beside the truth where it is known.
+pub(super) fn cards(lambda: [f64; 3], std: [f64; 3], truth: Option<[f64; 3]>) -> Markup {
+    // Two digits of a deviation are worth reading, and no more of the estimate.
+    let places = |std: f64| (2.0 - (2e6 * std).log10().floor() - 1.0).clamp(3.0, 7.0) as usize;
+    let number = |value: f64, std: f64| format!("{:.*}", places(std), value * 1e6);
+    html! {
+        div.cards {
+            @for k in 0..3 {
+                div.card style={ "border-color:var(--magnet" (k + 1) ")" } {
+                    span.name { "λ̂" sub { (k + 1) } }
+                    span.value { (number(lambda[k], std[k])) " ± " (number(2.0 * std[k], std[k])) }
+                    @if let Some(truth) = truth {
+                        span.truth {
+                            "truth " (number(truth[k], std[k])) ", error " (percent(lambda[k] / truth[k] - 1.0))
                         }
                     }
-                    @for (index, figure) in figures.iter().enumerate() { (figure.html(index + 1)) }
-                    @if !report.parameters.is_empty() { (parameters_of(&report.parameters)) }
                 }
             }
         }
     }
-    .into_string()
+}
+
+/// A ratio in per cent with its sign.
+fn percent(ratio: f64) -> String {
+    let percent = 100.0 * ratio;
+    let text = match percent.abs() {
+        size if !size.is_finite() => return "unknown".into(),
+        size if size >= 1000.0 => format!("{percent:+.1e}"),
+        size if size >= 0.1 => format!("{percent:+.2}"),
+        _ => format!("{percent:+.4}"),
+    };
+    format!("{} %", text.replace('-', "−"))
 }
 
 /// A table with its heading and note.

@@ -37,30 +37,85 @@ pub struct ScenarioError {
 }
 
 /// The text of a scenario as TOML has it.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct Document {
     title: String,
-    #[serde(default)]
     description: String,
     duration: toml::Value,
     step: toml::Value,
-    #[serde(default)]
     compare: Vec<String>,
-    #[serde(default)]
     contour: Option<String>,
-    #[serde(default)]
     profile: Vec<ProfileText>,
-    #[serde(default)]
     all: toml::Table,
-    #[serde(default)]
     plant: toml::Table,
-    #[serde(default)]
     controller: toml::Table,
-    #[serde(default)]
     estimator: toml::Table,
-    #[serde(default)]
     tolerance: toml::Table,
+}
+
+impl Document {
+    /// The keys.
+    const KEYS: [&str; 12] = [
+        "title",
+        "description",
+        "duration",
+        "step",
+        "compare",
+        "contour",
+        "profile",
+        "all",
+        "plant",
+        "controller",
+        "estimator",
+        "tolerance",
+    ];
+
+    /// Takes the table of a text apart key by key, so that one that is wrong does not hide what is wrong with the others.
+    fn new(mut table: toml::Table, text: &str, findings: &mut Vec<String>) -> Self {
+        for key in ["title", "duration", "step"] {
+            if !table.contains_key(key) {
+                findings.push(format!("{key} is missing"));
+            }
+        }
+        // A time that is missing was told; a sound one in its place raises no second finding.
+        let mut time = |key: &str| table.remove(key).unwrap_or(toml::Value::Float(1.0));
+        let (duration, step) = (time("duration"), time("step"));
+        let document = Self {
+            title: take(&mut table, "title", "a text", findings),
+            description: take(&mut table, "description", "a text", findings),
+            duration,
+            step,
+            compare: take(&mut table, "compare", "a list of methods", findings),
+            contour: take(&mut table, "contour", "the name of a file", findings),
+            profile: take(&mut table, "profile", "of = [names], time = [instants], value = [values]", findings),
+            all: take(&mut table, "all", "a table", findings),
+            plant: take(&mut table, "plant", "a table", findings),
+            controller: take(&mut table, "controller", "a table", findings),
+            estimator: take(&mut table, "estimator", "a table", findings),
+            tolerance: take(&mut table, "tolerance", "a table", findings),
+        };
+        let places = toml::de::DeTable::parse(text).ok();
+        for key in table.keys() {
+            let place = places.as_ref().and_then(|places| places.get_ref().get_key_value(key.as_str()));
+            let line = place.map_or(0, |(key, _)| text[..key.span().start].matches('\n').count() + 1);
+            let suggestion = suggestion(key, &Self::KEYS.map(String::from));
+            findings.push(format!("{key} in line {line}: there is no key of this name; {suggestion}"));
+        }
+        document
+    }
+}
+
+/// Takes a key out of a table; what cannot be understood is a finding and stays at its default, as what is missing.
+fn take<'t, T: Deserialize<'t> + Default>(
+    table: &mut toml::Table,
+    key: &str,
+    wanted: &str,
+    findings: &mut Vec<String>,
+) -> T {
+    let Some(value) = table.remove(key) else { return T::default() };
+    value.try_into().unwrap_or_else(|error: toml::de::Error| {
+        findings.push(format!("{key} is refused: {wanted} is wanted ({})", error.message()));
+        T::default()
+    })
 }
 
 /// A `[[profile]]` as TOML has it.
@@ -147,6 +202,8 @@ pub struct Scenario {
     pub profiles: Vec<Profile>,
     /// How well a test bench is known, for `identify`: names and values as for `--tolerance`.
     pub tolerance: Vec<(String, String)>,
+    /// What was changed when it was opened, each as `name=value`.
+    pub changes: Vec<String>,
 }
 
 /// Connections of the closed loop, from an output to an input.
@@ -193,16 +250,31 @@ impl Scenario {
     /// # Errors
     /// Everything that is wrong with it, each finding naming the key and what is wanted.
     pub fn open(name: &Path) -> Result<Self, ScenarioError> {
+        Self::open_with(name, &[])
+    }
+
+    /// As [`Self::open`], with the standard input under the name `-`, and with changes: pairs of a name and a value. A name is
+    /// a path such as `plant.m`, or `m` for every element that has such a variable, or `duration`, `step` or `title`; a value
+    /// is written as in a scenario, texts with or without quotes.
+    ///
+    /// # Errors
+    /// As for [`Self::open`].
+    pub fn open_with(name: &Path, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
         let origin = name.display().to_string();
         if let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)) {
-            return Self::parse(&origin, text);
+            return Self::parse_with(&origin, text, changes);
         }
-        let text = std::fs::read_to_string(name).map_err(|error| {
+        let read = if name == Path::new("-") {
+            std::io::read_to_string(std::io::stdin())
+        } else {
+            std::fs::read_to_string(name)
+        };
+        let text = read.map_err(|error| {
             let names: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
             let finding = format!("cannot be read ({error}): a file is wanted, or one of {}", names.join(", "));
             ScenarioError { origin: origin.clone(), findings: vec![finding] }
         })?;
-        Self::parse(&origin, &text)
+        Self::parse_with(&origin, &text, changes)
     }
 
     /// Reads a scenario from its text. `origin` says in messages where it comes from.
@@ -210,15 +282,26 @@ impl Scenario {
     /// # Errors
     /// As for [`Self::open`].
     pub fn parse(origin: &str, text: &str) -> Result<Self, ScenarioError> {
+        Self::parse_with(origin, text, &[])
+    }
+
+    fn parse_with(origin: &str, text: &str, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
         let mut findings = Vec::new();
-        let document: Document = match toml::from_str(text) {
-            Ok(document) => document,
+        let mut table: toml::Table = match toml::from_str(text) {
+            Ok(table) => table,
             Err(error) => {
                 return Err(ScenarioError { origin: origin.into(), findings: vec![error.to_string()] });
             }
         };
+        let (of_run, of_elements): (Vec<_>, Vec<_>) = changes
+            .iter()
+            .map(|(name, text)| (name.clone(), value_of(text)))
+            .partition(|(name, _)| ["title", "duration", "step"].contains(&name.as_str()));
+        table.extend(of_run);
+        let document = Document::new(table, text, &mut findings);
         let folder = Path::new(origin).parent().unwrap_or(Path::new(""));
-        let scenario = read(document, folder, &mut findings);
+        let mut scenario = read(document, folder, &of_elements, &mut findings);
+        scenario.changes = changes.iter().map(|(name, value)| format!("{name}={value}")).collect();
         if findings.is_empty() { Ok(scenario) } else { Err(ScenarioError { origin: origin.into(), findings }) }
     }
 
@@ -288,7 +371,43 @@ impl Scenario {
     }
 }
 
-fn read(document: Document, folder: &Path, findings: &mut Vec<String>) -> Scenario {
+/// A value as it is written behind `--set`: TOML, or a text without quotes.
+fn value_of(text: &str) -> toml::Value {
+    let parsed = toml::from_str::<toml::Table>(&format!("value = {text}"));
+    let value = parsed.ok().filter(|table| table.len() == 1).and_then(|mut table| table.remove("value"));
+    value.unwrap_or_else(|| toml::Value::String(text.into()))
+}
+
+/// Gives the elements the values of changes, whatever the scenario says.
+fn change(changes: &[(String, toml::Value)], elements: &mut [Element], findings: &mut Vec<String>) {
+    for (path, value) in changes {
+        let (owner, key) = match path.split_once('.') {
+            Some((name, key)) if elements.iter().any(|element| element.name == name) => (Some(name), key),
+            _ => (None, path.as_str()),
+        };
+        let concerned = elements.iter_mut().filter(|element| owner.is_none_or(|name| element.name == name));
+        let (known, others): (Vec<_>, Vec<_>) = concerned.partition(|element| knows(element.kind, key));
+        if known.is_empty() {
+            let kinds: Vec<_> = others.iter().map(|element| element.kind).collect();
+            let suggestion = suggestion(key, &names(&kinds));
+            findings.push(format!("[--set] {path}: there is no variable of this name; {suggestion}"));
+        }
+        // A name without an element means those where the variable can be set: speed is an input of plant and estimator, and
+        // that of the estimator is connected.
+        let is_open = |element: &Element| {
+            let index = position(element.kind, key).or_else(|| position(element.kind, &self::element(key, 0)));
+            index.is_some_and(|index| permitted(&element.name, (element.kind.variables)()[index]).is_ok())
+        };
+        let is_open_anywhere = known.iter().any(|element| is_open(element));
+        for element in known {
+            if is_open(element) || !is_open_anywhere {
+                set(&element.name, element.kind, "--set", key, value, &mut element.settings, findings);
+            }
+        }
+    }
+}
+
+fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], findings: &mut Vec<String>) -> Scenario {
     let mut time = |key: &str, value: &toml::Value| {
         let unit = crate::slave::unit::SECOND;
         let kind = Type::Real { start: 0.0, unit, display: None, nominal: 1.0, min: None, max: None };
@@ -345,6 +464,7 @@ fn read(document: Document, folder: &Path, findings: &mut Vec<String>) -> Scenar
             Err(why) => findings.push(format!("contour = \"{file}\" is refused: {why}")),
         }
     }
+    change(changes, &mut elements, findings);
     beside(&document.compare, &mut elements, findings);
     let profiles =
         document.profile.iter().enumerate().filter_map(|(index, text)| profile(index, text, &elements, findings));
@@ -359,6 +479,7 @@ fn read(document: Document, folder: &Path, findings: &mut Vec<String>) -> Scenar
         elements,
         profiles,
         tolerance,
+        changes: Vec::new(),
     }
 }
 
@@ -510,16 +631,20 @@ fn names(kinds: &[&Kind]) -> Vec<String> {
 }
 
 fn unknown(table: &str, key: &str, known: &[String]) -> String {
+    format!("[{table}] {key}: there is no variable of this name; {}", suggestion(key, known))
+}
+
+/// What may have been meant by a name that is not known.
+fn suggestion(key: &str, known: &[String]) -> String {
     let near = known
         .iter()
         .map(|name| (strsim::jaro_winkler(&name.to_lowercase(), &key.to_lowercase()), name))
         .filter(|(likeness, _)| *likeness > 0.8)
         .max_by(|one, other| one.0.total_cmp(&other.0));
-    let wanted = match near {
+    match near {
         Some((_, name)) => format!("did you mean {name}?"),
         None => format!("known are {}", known.join(", ")),
-    };
-    format!("[{table}] {key}: there is no variable of this name; {wanted}")
+    }
 }
 
 /// Takes over one key of a table for one element.

@@ -6,6 +6,7 @@
 use super::progress::Progress;
 use super::recording::{Column, Recording};
 use super::scenario::{Element, Profile, Scenario, Setting};
+use crate::model::Invalid;
 use crate::slave::AnySlave;
 use crate::slave::instance::{Step, all};
 use crate::slave::log::{Log, Topic};
@@ -26,6 +27,12 @@ pub struct Run {
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("the scenario cannot be run:\n  {}", .0.join("\n  "))]
 pub struct Refused(pub Vec<String>);
+
+impl From<Vec<Invalid>> for Refused {
+    fn from(findings: Vec<Invalid>) -> Self {
+        Self(findings.iter().map(ToString::to_string).collect())
+    }
+}
 
 struct Slave {
     name: String,

@@ -1,27 +1,33 @@
 //! The closed loop as a system structure (SSP 1.0), which tools can run without a hand on it.
 //!
-//! `SystemStructure.ssd` is the paper's simulation, `UnbalancedRotor.ssd` the rotor with unbalance; the systems are the
+//! `SystemStructure.ssd` is the rotor with unbalance, `PaperSimulation.ssd` the paper's simulation; the systems are the
 //! same, and the parameters come from the scenarios of these names. There are no connectors at the root, every connection
 //! leads from element to element, and the prefixes are the usual ones, because some tools accept nothing else. Parameters
 //! are bound at the elements, one file each, because libcosim and ecos do not look for bindings at the system; all sets of
 //! a variant have the name of its scenario, by which a user of ecos asks for them.
+//!
+//! libcosim and ecos pass over parameters of type Enumeration. So the structure that tools open by default is the one whose
+//! enumerations have their start values: it computes the same everywhere. The paper's simulation needs `method = paper`.
 
 use std::path::Path;
 
 use super::package::Member;
-use super::scenario::{Element, Scenario};
+use super::scenario::{Element, Scenario, Setting};
+use crate::fmi2::description::TOLERANCE;
 use crate::fmi2::xml::{Page, element, real, units, write_base_unit};
 use crate::slave::variable::{Causality, Type, Value, Variable};
 
-/// A variant of the system: its file, and the scenario that its parameters come from.
-const VARIANTS: [[&str; 2]; 2] = [["SystemStructure.ssd", "paper"], ["UnbalancedRotor.ssd", "unbalanced"]];
+/// A variant of the system: its file, its name, and the scenario that its parameters come from. OMSimulator wants names that
+/// differ.
+const VARIANTS: [[&str; 3]; 2] =
+    [["SystemStructure.ssd", "MagneticBearing", "unbalanced"], ["PaperSimulation.ssd", "PaperSimulation", "paper"]];
 
 /// The members of the archive, given the FMUs with their file names.
 pub(super) fn members(fmus: &[(String, Vec<u8>)]) -> Vec<Member> {
     let mut members = Vec::new();
-    for [structure, name] in VARIANTS {
+    for [structure, variant, name] in VARIANTS {
         let scenario = Scenario::open(Path::new(name)).expect("a scenario that comes with the program is sound");
-        members.push(Member::new(structure, system(&scenario, name)));
+        members.push(Member::new(structure, system(&scenario, variant, name)));
         for part in with_settings(&scenario) {
             members.push(Member::new(parameter_file(name, part), parameter_set(&scenario, name, part)));
         }
@@ -35,9 +41,20 @@ fn in_loop(scenario: &Scenario) -> &[Element] {
     &scenario.elements[..3]
 }
 
+/// What the parameter set of an element says. A choice that is the start value is left out: libcosim and ecos would warn
+/// that they pass over it.
+fn settings(part: &Element) -> Vec<&Setting> {
+    let variables = (part.kind.variables)();
+    let is_chosen_anyway = |setting: &&Setting| {
+        let variable = variables[setting.index];
+        matches!(variable.kind, Type::Enumeration { .. }) && variable.start() == setting.value
+    };
+    part.settings.iter().filter(|setting| !is_chosen_anyway(setting)).collect()
+}
+
 /// The elements that have a parameter set: an empty one is not allowed.
 fn with_settings(scenario: &Scenario) -> impl Iterator<Item = &Element> {
-    in_loop(scenario).iter().filter(|part| !part.settings.is_empty())
+    in_loop(scenario).iter().filter(|part| !settings(part).is_empty())
 }
 
 /// Where the parameter set of an element is, within the archive.
@@ -45,16 +62,17 @@ fn parameter_file(scenario: &str, part: &Element) -> String {
     format!("resources/{scenario}-{}.ssv", part.name)
 }
 
-fn system(scenario: &Scenario, name: &str) -> String {
+fn system(scenario: &Scenario, variant: &'static str, name: &str) -> String {
     let root = element("ssd:SystemStructureDescription")
         .with("version", "1.0")
-        .with("name", "MagneticBearing")
+        .with("name", variant)
         .with("description", scenario.title.as_str())
         .with("generationTool", concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")))
         .with("xmlns:ssd", "http://ssp-standard.org/SSP1/SystemStructureDescription")
         .with("xmlns:ssc", "http://ssp-standard.org/SSP1/SystemStructureCommon")
         .with("xmlns:ssv", "http://ssp-standard.org/SSP1/SystemStructureParameterValues")
-        .with("xmlns:osp", "http://opensimulationplatform.com/SSP/OSPAnnotations");
+        .with("xmlns:osp", "http://opensimulationplatform.com/SSP/OSPAnnotations")
+        .with("xmlns:oms", "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd");
     Page::document(root, |page| {
         page.nest(element("ssd:System").with("name", "loop"), |page| {
             page.nest(element("ssd:Elements"), |page| {
@@ -69,7 +87,7 @@ fn system(scenario: &Scenario, name: &str) -> String {
                                 connector(page, variable);
                             }
                         });
-                        if !part.settings.is_empty() {
+                        if !settings(part).is_empty() {
                             page.nest(element("ssd:ParameterBindings"), |page| {
                                 let source = parameter_file(name, part);
                                 page.empty(element("ssd:ParameterBinding").with("source", source));
@@ -91,6 +109,21 @@ fn system(scenario: &Scenario, name: &str) -> String {
                         );
                     }
                 }
+            });
+            page.nest(element("ssd:Annotations"), |page| {
+                // OMSimulator looks for the communication step here.
+                page.nest(element("ssc:Annotation").with("type", "org.openmodelica"), |page| {
+                    page.nest(element("oms:Annotations"), |page| {
+                        page.nest(element("oms:SimulationInformation"), |page| {
+                            page.empty(
+                                element("oms:FixedStepMaster")
+                                    .with("description", "oms-ma")
+                                    .with("stepSize", real(scenario.step_s))
+                                    .with("relativeTolerance", real(TOLERANCE)),
+                            );
+                        });
+                    });
+                });
             });
         });
         write_units(page, "ssd:Units", in_loop(scenario));
@@ -137,7 +170,7 @@ fn parameter_set(scenario: &Scenario, name: &str, part: &Element) -> String {
     Page::document(root, |page| {
         page.nest(element("ssv:Parameters"), |page| {
             let variables = (part.kind.variables)();
-            for setting in &part.settings {
+            for setting in settings(part) {
                 let variable = variables[setting.index];
                 page.nest(element("ssv:Parameter").with("name", variable.name.as_ref()), |page| {
                     page.empty(match setting.value {

@@ -7,7 +7,7 @@
 //!
 //! A case that cannot be run, or ends early, is a row that says so.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::fmt::Write as _;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write as _};
@@ -46,6 +46,15 @@ impl SweepError {
     fn new(origin: &Path, finding: impl ToString) -> Self {
         Self { origin: origin.display().to_string(), findings: vec![finding.to_string()] }
     }
+}
+
+/// What became of the cases of a sweep.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Outcome {
+    /// Rows that were there before.
+    pub before: usize,
+    /// Rows, those included, that say of their case why it failed.
+    pub failed: usize,
 }
 
 /// The cases of a sweep.
@@ -104,12 +113,13 @@ struct Between {
 }
 
 impl Design {
-    /// Reads a design: CSV, or TOML by the ending of its name. `scenario` names what is varied, before what the design says.
+    /// Reads a design: CSV, also from the standard input under the name `-`, or TOML by the ending of its name. `scenario` names what is varied, before what the design says.
     ///
     /// # Errors
     /// Everything that is wrong with the design as a whole. What is wrong with a single case is found when it is run.
     pub fn open(path: &Path, scenario: Option<&Path>) -> Result<Self, SweepError> {
-        let text = fs::read_to_string(path).map_err(|error| SweepError::new(path, error))?;
+        let read = if path == Path::new("-") { io::read_to_string(io::stdin()) } else { fs::read_to_string(path) };
+        let text = read.map_err(|error| SweepError::new(path, error))?;
         let design = if path.extension().is_some_and(|ending| ending == "toml") {
             let document: Document = toml::from_str(&text).map_err(|error| SweepError::new(path, error))?;
             let named = document.scenario.as_deref().map(|name| beside(path, name));
@@ -136,7 +146,7 @@ impl Design {
         };
         let mut scenario = Scenario::parse(&name.display().to_string(), &scenario_text)
             .map_err(|error| SweepError { origin: error.origin, findings: error.findings })?;
-        scenario.elements.truncate(3);
+        scenario.remove_observers();
         Ok(Self { scenario, scenario_text, columns, cases })
     }
 
@@ -241,26 +251,66 @@ impl Design {
             .collect()
     }
 
-    /// Runs all cases that `path` has no row of yet, on so many threads, and puts the rows in order. Returns how many were
-    /// there already.
+    /// Runs all cases that `path` has no row of yet, on so many threads, and puts the rows in order.
     ///
     /// # Errors
-    /// If the file cannot be read or written, belongs to another design, or another sweep is at work on it.
-    pub fn run(&self, path: &Path, threads: usize) -> Result<usize, SweepError> {
+    /// If the file cannot be read or written, is no regular file, belongs to another design, or another sweep is at work on
+    /// it.
+    pub fn run(&self, path: &Path, threads: usize) -> Result<Outcome, SweepError> {
         let fail = |error: io::Error| SweepError::new(path, error);
+        // A device has no rows to go on with, and some have no end.
+        if fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
+            return Err(SweepError::new(path, "it is no regular file; name one, or - for the standard output"));
+        }
         let mut file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(fail)?;
         if file.try_lock().is_err() {
             return Err(SweepError::new(path, "another sweep is at work on it"));
         }
         let done = self.resume(path, &mut file)?;
         let todo: Vec<usize> = (0..self.len()).filter(|case| !done.contains(case)).collect();
+        self.work(&todo, threads, |batch| {
+            file.write_all(&lines(&batch)?)?;
+            file.sync_data()
+        })
+        .map_err(fail)?;
+        let failed = self.put_in_order(path).map_err(fail)?;
+        Ok(Outcome { before: done.len(), failed })
+    }
+
+    /// Runs all cases on so many threads, and writes each row as soon as all before it are written.
+    ///
+    /// # Errors
+    /// Whatever the writer reports.
+    pub fn run_to(&self, mut to: impl io::Write, threads: usize) -> io::Result<Outcome> {
+        to.write_all(&lines(&[self.header()])?)?;
+        let todo: Vec<usize> = (0..self.len()).collect();
+        let (mut waiting, mut next, mut failed) = (BTreeMap::new(), 1, 0);
+        self.work(&todo, threads, |batch| {
+            failed += batch.iter().filter(|row| is_failed(row)).count();
+            waiting.extend(batch.into_iter().map(|row| (number(&row), row)));
+            while let Some(row) = waiting.remove(&next) {
+                to.write_all(&lines(&[row])?)?;
+                next += 1;
+            }
+            to.flush()
+        })?;
+        Ok(Outcome { before: 0, failed })
+    }
+
+    /// Runs these cases on so many threads, and hands over the rows as they come in.
+    fn work(
+        &self,
+        todo: &[usize],
+        threads: usize,
+        mut write: impl FnMut(Vec<Vec<String>>) -> io::Result<()>,
+    ) -> io::Result<()> {
         let progress = Progress::new("sweeping", todo.len() as u64);
         let next = AtomicUsize::new(0);
         let threads = threads.clamp(1, todo.len().max(1));
         std::thread::scope(|scope| -> io::Result<()> {
             let (sender, rows) = mpsc::channel();
             for _ in 0..threads {
-                let (sender, next, todo) = (sender.clone(), &next, &todo);
+                let (sender, next) = (sender.clone(), &next);
                 scope.spawn(move || {
                     while let Some(case) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
                         // Nobody listens any more once the disk is full.
@@ -276,36 +326,32 @@ impl Design {
                 // Whatever has come in meanwhile goes to the disk with it.
                 let batch: Vec<_> = std::iter::once(row).chain(rows.try_iter()).collect();
                 count += batch.len();
-                file.write_all(&lines(&batch)?)?;
-                file.sync_data()?;
+                write(batch)?;
                 progress.tell(count as u64);
             }
             Ok(())
         })
-        .map_err(fail)?;
-        self.put_in_order(path).map_err(fail)?;
-        Ok(done.len())
     }
 
     /// Reads what a former sweep left; writes the header if there is nothing. The cases that are done.
     fn resume(&self, path: &Path, file: &mut File) -> Result<HashSet<usize>, SweepError> {
         let fail = |error: io::Error| SweepError::new(path, error);
         let text = fs::read(path).map_err(fail)?;
+        let foreign = |finding: String| SweepError::new(path, format!("{finding}; name another file with --out"));
+        let header = lines(&[self.header()]).map_err(fail)?;
+        if !text.starts_with(&header) && !header.starts_with(&text) {
+            return Err(foreign("it has other columns, or no rows of a sweep at all".into()));
+        }
         // A row counts from its line break on: without it the writing was cut short.
         let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
         file.set_len(whole as u64).map_err(fail)?;
         file.seek(SeekFrom::End(0)).map_err(fail)?;
         if whole == 0 {
-            file.write_all(&lines(&[self.header()]).map_err(fail)?).map_err(fail)?;
+            file.write_all(&header).map_err(fail)?;
             file.sync_all().map_err(fail)?;
             return Ok(HashSet::new());
         }
-        let foreign = |finding: String| SweepError::new(path, format!("{finding}; name another file with --out"));
         let mut reader = csv::Reader::from_reader(&text[..whole]);
-        let header = reader.headers().map_err(|error| SweepError::new(path, error))?.clone();
-        if header.iter().ne(self.header().iter().map(String::as_str)) {
-            return Err(foreign("the rows in it have other columns".into()));
-        }
         let at = self.header().iter().position(|name| name == "fingerprint").unwrap_or_default();
         let mut done = HashSet::new();
         for row in reader.records() {
@@ -320,19 +366,32 @@ impl Design {
         Ok(done)
     }
 
-    /// Rewrites the rows in the order of the cases, all at once or not at all.
-    fn put_in_order(&self, path: &Path) -> io::Result<()> {
+    /// Rewrites the rows in the order of the cases, all at once or not at all. Returns how many of them are of cases that failed.
+    fn put_in_order(&self, path: &Path) -> io::Result<usize> {
         let mut reader = csv::Reader::from_path(path)?;
         let mut rows: Vec<Vec<String>> =
             reader.records().map(|row| Ok(row?.iter().map(String::from).collect())).collect::<io::Result<_>>()?;
-        rows.sort_by_key(|row| row[0].parse::<usize>().unwrap_or(usize::MAX));
+        rows.sort_by_key(|row| number(row));
+        let failed = rows.iter().filter(|row| is_failed(row)).count();
         rows.insert(0, self.header());
-        let aside = path.with_added_extension("sorted");
+        let mut aside = path.as_os_str().to_owned();
+        aside.push(".sorted");
         let mut file = File::create(&aside)?;
         file.write_all(&lines(&rows)?)?;
         file.sync_all()?;
-        fs::rename(&aside, path)
+        fs::rename(&aside, path)?;
+        Ok(failed)
     }
+}
+
+/// The number of the case that a row is of.
+fn number(row: &[String]) -> usize {
+    row[0].parse().unwrap_or(usize::MAX)
+}
+
+/// Whether the case of a row could not be run, or ended early.
+fn is_failed(row: &[String]) -> bool {
+    row[2] != "ok"
 }
 
 /// A figure of a run.

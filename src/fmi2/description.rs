@@ -8,6 +8,10 @@ use crate::slave::Kind;
 use crate::slave::unit::Unit;
 use crate::slave::variable::{Causality, Dependency, Enumeration, Type, Variability, Variable};
 
+/// Relative tolerance that an experiment may ask for. The slaves have a fixed accuracy that is better: without noise the
+/// estimates err by less (`tests/loop.rs`), and the motion of the plant by far less (`tests/plant.rs`).
+pub const TOLERANCE: f64 = 1e-4;
+
 /// The GUID of a model and the text of its model description.
 ///
 /// The GUID is the first half of the SHA-256 of the description with an empty GUID: any change of the interface changes
@@ -70,6 +74,7 @@ fn document(kind: &Kind, variables: &[&Variable], guid: &str) -> String {
             element("DefaultExperiment")
                 .with("startTime", "0")
                 .with("stopTime", real(kind.stop_s))
+                .with("tolerance", real(TOLERANCE))
                 .with("stepSize", real(kind.step_s)),
         );
         page.nest(element("ModelVariables"), |page| {

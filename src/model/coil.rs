@@ -16,8 +16,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::Checks;
+use super::scalar::Scalar;
 
-/// What the importer gives to a coil.
+/// What drives a coil.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Drive {
     /// The current, held over the step.
@@ -38,18 +39,17 @@ const MOST_ITERATIONS: usize = 60;
 
 /// The coils, all three alike but for λ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct CoilConfig {
+pub struct CoilConfig<T = f64> {
     /// Whether current or voltage is given.
     pub drive: Drive,
     /// Resistance `R`, in Ω.
-    pub resistance_ohm: f64,
+    pub resistance_ohm: T,
     /// Leakage inductance `L_leak`, in H.
-    pub leakage_h: f64,
+    pub leakage_h: T,
     /// The amplifier gives voltages within ± this, in V.
-    pub limit_v: f64,
+    pub limit_v: T,
     /// Flux `φ_s` of the saturation of the iron, in Wb; 0 for iron that does not saturate.
-    pub saturation_wb: f64,
+    pub saturation_wb: T,
 }
 
 impl Default for CoilConfig {
@@ -60,7 +60,7 @@ impl Default for CoilConfig {
 }
 
 impl CoilConfig {
-    /// Notes what is wrong, by the names of the interface; `gap_m` and `lambda_nm2_a2` are those of the magnets.
+    /// Reports what is wrong, by the names of the interface; `gap_m` and `lambda_nm2_a2` are those of the magnets.
     pub(crate) fn check(&self, gap_m: f64, lambda_nm2_a2: [f64; 3], checks: &mut Checks) {
         checks.not_negative("coil.R", self.resistance_ohm, "Ohm");
         checks.not_negative("coil.Lleak", self.leakage_h, "H");
@@ -78,10 +78,13 @@ impl CoilConfig {
             );
         }
     }
+}
 
+impl<T: Scalar> CoilConfig<T> {
     /// The coil of one magnet, for its λ in N·m²/A² and the nominal gap in m.
-    pub fn of(&self, lambda_nm2_a2: f64, nominal_gap_m: f64) -> Coil {
-        let reluctance = 0.5 / lambda_nm2_a2;
+    #[inline]
+    pub fn of(&self, lambda_nm2_a2: T, nominal_gap_m: T) -> Coil<T> {
+        let reluctance = T::constant(0.5) / lambda_nm2_a2;
         Coil {
             lambda_nm2_a2,
             leakage_h: self.leakage_h,
@@ -89,67 +92,84 @@ impl CoilConfig {
             iron_a: self.saturation_wb * nominal_gap_m * reluctance,
         }
     }
+
+    /// The voltage within the limit of the amplifier, in V.
+    #[inline]
+    pub fn limited(&self, voltage_v: T) -> T {
+        let limit_v = self.limit_v;
+        match voltage_v.value() {
+            u if u > limit_v.value() => limit_v,
+            u if u < -limit_v.value() => -limit_v,
+            _ => voltage_v,
+        }
+    }
 }
 
 /// One coil.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Coil {
-    lambda_nm2_a2: f64,
-    leakage_h: f64,
-    saturation_wb: f64,
+pub struct Coil<T = f64> {
+    lambda_nm2_a2: T,
+    leakage_h: T,
+    saturation_wb: T,
     /// `i_s`: current for the iron at the flux `φ_s`, in A.
-    iron_a: f64,
+    iron_a: T,
 }
 
-/// A coil at an instant, with its partial derivatives by the flux linkage ψ and the gap.
-///
-/// `∂i/∂gap = ∂F/∂ψ`, as both are second derivatives of one energy.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct CoilPoint {
+/// A coil at an instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoilPoint<T = f64> {
     /// Flux linked with the coil ψ, in Wb.
-    pub linkage_wb: f64,
+    pub linkage_wb: T,
     /// Current, in A.
-    pub current_a: f64,
+    pub current_a: T,
     /// Force towards the magnet, in N.
-    pub force_n: f64,
+    pub force_n: T,
     /// Energy of the field, in J.
-    pub energy_j: f64,
+    pub energy_j: T,
     /// `∂i/∂ψ`, in 1/H: the inverse of the incremental inductance.
-    pub current_by_linkage: f64,
-    /// `∂F/∂ψ` and `∂i/∂gap`, in A/m.
-    pub force_by_linkage: f64,
-    /// `∂F/∂gap` at constant ψ, in N/m.
-    pub force_by_gap: f64,
+    pub current_by_linkage: T,
 }
 
-impl Coil {
+impl<T: Scalar> CoilPoint<T> {
+    /// A coil without current.
+    pub fn idle() -> Self {
+        let zero = T::constant(0.0);
+        Self { linkage_wb: zero, current_a: zero, force_n: zero, energy_j: zero, current_by_linkage: zero }
+    }
+}
+
+impl<T: Scalar> Coil<T> {
     /// `L = L_leak + 2λ/gap`, in H, with iron that does not saturate.
-    pub fn inductance_h(&self, gap_m: f64) -> f64 {
-        self.leakage_h + 2.0 * self.lambda_nm2_a2 / gap_m
+    #[inline]
+    pub fn inductance_h(&self, gap_m: T) -> T {
+        self.leakage_h + self.lambda_nm2_a2 * 2.0 / gap_m
     }
 
     /// The coil with the flux linkage ψ in Wb at a gap in m, above 0.
-    pub fn at_linkage(&self, linkage_wb: f64, gap_m: f64) -> CoilPoint {
+    pub fn at_linkage(&self, linkage_wb: T, gap_m: T) -> CoilPoint<T> {
         // Of all the flux through the air gap that the linkage allows, which is where Newton's method starts: the curve is
         // convex beyond the solution, so that the iterations come down to it and cannot overshoot.
-        let mut flux = linkage_wb * (2.0 * self.lambda_nm2_a2 / gap_m) / self.inductance_h(gap_m);
-        if self.saturation_wb > 0.0 && self.leakage_h > 0.0 {
+        let mut flux = linkage_wb * (self.lambda_nm2_a2 * 2.0 / gap_m) / self.inductance_h(gap_m);
+        if self.saturates() && !self.leakage_h.is_zero() {
             flux = solve(flux, |flux| {
                 let (current, by_flux) = self.current(flux, gap_m);
-                (flux + self.leakage_h * current - linkage_wb, 1.0 + self.leakage_h * by_flux)
+                (flux + self.leakage_h * current - linkage_wb, self.leakage_h * by_flux + 1.0)
             });
         }
         self.at_flux(flux, gap_m)
     }
 
     /// The coil with a current in A at a gap in m, above 0.
-    pub fn at_current(&self, current_a: f64, gap_m: f64) -> CoilPoint {
+    pub fn at_current(&self, current_a: T, gap_m: T) -> CoilPoint<T> {
         let mut flux = current_a * 2.0 * self.lambda_nm2_a2 / gap_m;
-        if self.saturation_wb > 0.0 {
+        if self.saturates() {
             // Beyond φ_s the iron alone bounds the flux more tightly; from there it is a few iterations.
-            let bound = self.saturation_wb * libm::pow((current_a / self.iron_a).abs(), 1.0 / 7.0);
-            // Not `clamp`, which panics where 0/0 has made the bound no number.
-            flux = flux.min(bound).max(-bound);
+            let ratio = (current_a.value() / self.iron_a.value()).abs();
+            let bound = self.saturation_wb.value() * libm::pow(ratio, 1.0 / 7.0);
+            // Not if 0/0 has made the bound no number.
+            if flux.value().abs() > bound {
+                flux = T::constant(bound.copysign(flux.value()));
+            }
             flux = solve(flux, |flux| {
                 let (current, by_flux) = self.current(flux, gap_m);
                 (current - current_a, by_flux)
@@ -158,51 +178,60 @@ impl Coil {
         self.at_flux(flux, gap_m)
     }
 
+    #[inline]
+    fn saturates(&self) -> bool {
+        self.saturation_wb.value() != 0.0
+    }
+
     /// Current for a flux through the air gap, and its derivative.
-    fn current(&self, flux: f64, gap_m: f64) -> (f64, f64) {
-        let reluctance = gap_m / (2.0 * self.lambda_nm2_a2);
-        if self.saturation_wb == 0.0 {
+    #[inline]
+    fn current(&self, flux: T, gap_m: T) -> (T, T) {
+        let reluctance = gap_m / (self.lambda_nm2_a2 * 2.0);
+        if !self.saturates() {
             return (flux * reluctance, reluctance);
         }
         let ratio = flux / self.saturation_wb;
         let sixth = ratio * ratio * ratio * ratio * ratio * ratio;
-        (flux * reluctance + self.iron_a * sixth * ratio, reluctance + 7.0 * self.iron_a / self.saturation_wb * sixth)
+        (flux * reluctance + self.iron_a * sixth * ratio, reluctance + self.iron_a * 7.0 / self.saturation_wb * sixth)
     }
 
-    fn at_flux(&self, flux: f64, gap_m: f64) -> CoilPoint {
+    #[inline]
+    fn at_flux(&self, flux: T, gap_m: T) -> CoilPoint<T> {
         let (current_a, by_flux) = self.current(flux, gap_m);
-        let per_gap = flux / (2.0 * self.lambda_nm2_a2);
-        // dψ/dφ.
-        let linkage_by_flux = 1.0 + self.leakage_h * by_flux;
-        let iron_j = if self.saturation_wb == 0.0 {
-            0.0
-        } else {
+        let per_gap = flux / (self.lambda_nm2_a2 * 2.0);
+        let mut field_j = flux * 0.5 * per_gap * gap_m;
+        if self.saturates() {
             let ratio = flux / self.saturation_wb;
             let square = ratio * ratio;
-            self.iron_a * self.saturation_wb / 8.0 * square * square * square * square
-        };
+            field_j = field_j + self.iron_a * self.saturation_wb * 0.125 * square * square * square * square;
+        }
         CoilPoint {
             linkage_wb: flux + self.leakage_h * current_a,
             current_a,
-            force_n: 0.5 * flux * per_gap,
-            energy_j: 0.5 * flux * per_gap * gap_m + iron_j + 0.5 * self.leakage_h * current_a * current_a,
-            current_by_linkage: by_flux / linkage_by_flux,
-            force_by_linkage: per_gap / linkage_by_flux,
-            force_by_gap: -per_gap * per_gap * self.leakage_h / linkage_by_flux,
+            force_n: flux * 0.5 * per_gap,
+            energy_j: field_j + self.leakage_h * 0.5 * current_a * current_a,
+            // dψ/dφ = 1 + L_leak di/dφ.
+            current_by_linkage: by_flux / (self.leakage_h * by_flux + 1.0),
         }
     }
 }
 
-/// Newton's method for a function that rises and is convex away from 0, from beyond the solution.
-fn solve(start: f64, f: impl Fn(f64) -> (f64, f64)) -> f64 {
+/// Newton's method for a function that rises and is convex away from 0, from beyond the solution; value and slope of it are `f`.
+fn solve<T: Scalar>(start: T, f: impl Fn(T) -> (T, T)) -> T {
+    let better = |x: T| {
+        let (value, slope) = f(x);
+        x - value / slope
+    };
     let mut x = start;
     for _ in 0..MOST_ITERATIONS {
-        let (value, slope) = f(x);
-        let next = x - value / slope;
-        if next == x || (next - x).abs() <= 4.0 * f64::EPSILON * x.abs() {
-            return next;
+        let last = x.value();
+        x = better(x);
+        if x.value() == last || (x.value() - last).abs() <= 4.0 * f64::EPSILON * last.abs() {
+            break;
         }
-        x = next;
+    }
+    for _ in 0..T::POLISHING {
+        x = better(x);
     }
     x
 }

@@ -1,6 +1,6 @@
-//! Flatness-based tracking of the path, with an observer of the perturbation, sampled.
+//! Flatness-based tracking of the reference trajectory, with an observer of the perturbation, sampled.
 //!
-//! Per axis, with the path Y* and the perturbation p̂ observed,
+//! Per axis, with the reference trajectory Y* and the observed perturbation p̂,
 //!
 //! ```text
 //! F = m (Ÿ* − k_1 (Ẏ − Ẏ*) − k_0 (Y − Y*)) − p̂
@@ -9,20 +9,20 @@
 //! # Timing
 //!
 //! Sample k measures at `t_k = start + k · T_s`. Its currents act over `[t_{k+1}, t_{k+2})`, as one sample of delay is
-//! what co-simulation means; the force asked for at sample k − 1 is under way during `[t_k, t_{k+1})`. So the
-//! measurement corrects the observer at `t_k`, the force under way predicts it at `t_{k+1}`, and there the feedback is
+//! what co-simulation means; the force asked for at sample k − 1 is in effect during `[t_k, t_{k+1})`. So the
+//! measurement corrects the observer at `t_k`, the force in effect predicts it at `t_{k+1}`, and there the feedback is
 //! formed:
 //!
 //! - gains for the sampled double integrator with both poles at `ρ = exp(−ω_c T_s)`;
-//! - feed-forward by the mean acceleration of the path over `[t_{k+1}, t_{k+2})`, from its velocities at both ends;
+//! - feed-forward by the mean acceleration of the reference over `[t_{k+1}, t_{k+2})`, from its velocities at both ends;
 //! - currents from the gaps predicted for the middle of `[t_{k+1}, t_{k+2})`, over which they are held.
 //!
-//! At the first sample the rotor is taken to be on the path: position as measured, velocity of the path, perturbation 0.
+//! At the first sample the rotor is taken to be on the reference trajectory: position as measured, velocity of the reference, perturbation 0.
 //! Until the first command acts, from `t_0` to `t_1`, no current flows, and the observer knows it.
 //!
 //! # Voltage drive
 //!
-//! The currents measured say where the coils stand at `t_k`; the voltages under way, limited as the amplifiers limit them,
+//! The currents measured say where the coils stand at `t_k`; the voltages in effect, limited as the amplifiers limit them,
 //! predict them at `t_{k+1}`. The force of a magnet is then known at the sample instants, and runs between them
 //! nearly along a straight line. What is chosen at sample k is the acceleration at `t_{k+2}`, by feedback of position,
 //! velocity and acceleration predicted for `t_{k+1}`:
@@ -40,7 +40,7 @@
 //! ```
 //!
 //! There is no integrator that could wind up at the limit of the amplifiers: the integral action of the loop is the observer
-//! of the perturbation, and it is told the forces of the currents that flow, not those asked for.
+//! of the perturbation, which takes the forces of the currents that flow, not those asked for.
 //!
 //! # A change of λ
 //!
@@ -63,7 +63,7 @@
 //!
 //! `a` is `F0.modulation`, `f` is `F0.modulationFrequency`, t runs from the first sample on. For current drive t is the
 //! middle of the interval over which the currents are held, for voltage drive the instant at which they are reached. The
-//! variation of the currents makes λ identifiable where the path alone does not, for instance with the rotor at rest. As long
+//! variation of the currents makes λ identifiable where the reference trajectory alone does not, for instance with the rotor at rest. As long
 //! as the λ in use is wrong, the forces do not cancel exactly, and the rotor moves a little.
 
 use std::f64::consts::TAU;
@@ -71,7 +71,7 @@ use std::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 
 use super::coil::{CoilConfig, Drive};
-use super::magnet::Magnets;
+use super::magnet::{self, Magnets};
 use super::observer::{Estimate, PerturbationObserver, pole};
 use super::plant::check_step;
 use super::reference::{RefPoint, Reference, ReferenceConfig, ReferenceState, Shape};
@@ -130,7 +130,7 @@ pub struct ControllerConfig {
     pub tracking_rad_s: f64,
     /// Poles of the perturbation observer, ω_o, in rad/s.
     pub observer_rad_s: f64,
-    /// How fast currents that miss their references return to them with voltage drive, ω_i, in rad/s.
+    /// Pole of the current loop with voltage drive, ω_i, in rad/s.
     pub current_rad_s: f64,
     /// The coils as the controller knows them: drive, resistance, leakage, limit of the voltage. Their iron is taken not
     /// to saturate.
@@ -139,7 +139,7 @@ pub struct ControllerConfig {
     pub update: UpdateMode,
     /// Time of the update in [`UpdateMode::AtTime`], in s.
     pub update_time_s: f64,
-    /// The path.
+    /// The reference trajectory.
     pub reference: ReferenceConfig,
 }
 
@@ -180,7 +180,7 @@ pub struct ControllerInput {
     pub lambda_valid: bool,
     /// External reference (Yref, Zref), in m; has to be finite only if it is the one in use.
     pub reference_m: [f64; 2],
-    /// Angular velocity at which the path is run through from now on, in rad/s.
+    /// Angular velocity on the reference trajectory from now on, in rad/s.
     pub omega_rad_s: f64,
 }
 
@@ -191,7 +191,7 @@ pub struct ControllerOutput {
     pub current_a: [f64; 3],
     /// Voltages to hold from the next sample on, in V, with voltage drive.
     pub voltage_v: [f64; 3],
-    /// Position measured minus path at this sample, (y, z), in m.
+    /// Position measured minus reference at this sample, (y, z), in m.
     pub tracking_error_m: [f64; 2],
     /// Perturbation observed p̂, (y, z), in N.
     pub perturbation_n: [f64; 2],
@@ -220,7 +220,7 @@ pub struct ControllerState {
     /// What the observers expect at the next sample, (y, z).
     expected: [Estimate; 2],
     /// Forces of the magnets, by the model, from the next sample on, in N; with voltage drive those at the last sample.
-    under_way_n: [f64; 3],
+    in_effect_n: [f64; 3],
     /// Forces of the magnets asked for at the last sample, in N.
     asked_n: [f64; 3],
     /// Voltages from the next sample on, in V.
@@ -234,7 +234,7 @@ pub struct ControllerState {
     /// Smallest force asked for, without modulation, in N.
     preload_n: f64,
     /// `1 + a sin 2πφ` at the last sample.
-    swing: f64,
+    modulation_factor: f64,
     /// φ at the sample at which f changed last, in revolutions, in [0, 1).
     base_rev: f64,
     /// Number of that sample.
@@ -252,11 +252,11 @@ impl ControllerState {
     pub(crate) const INCREMENTS: [f64; UNKNOWNS] =
         [1e-9, 1e-6, 1e-3, 1e-9, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-5, 1e-5, 1e-5];
 
-    /// `[x, v, d]` of y and of z, forces and voltages under way, currents planned.
+    /// `[x, v, d]` of y and of z, forces and voltages in effect, currents planned.
     pub(crate) fn unknowns(&self) -> [f64; UNKNOWNS] {
         let mut all = [0.0; UNKNOWNS];
         let parts =
-            self.expected.iter().flatten().chain(&self.under_way_n).chain(&self.voltage_v).chain(&self.planned_a);
+            self.expected.iter().flatten().chain(&self.in_effect_n).chain(&self.voltage_v).chain(&self.planned_a);
         for (place, value) in all.iter_mut().zip(parts) {
             *place = *value;
         }
@@ -266,7 +266,7 @@ impl ControllerState {
     /// Sets what [`unknowns`](Self::unknowns) gives.
     pub(crate) fn set_unknowns(&mut self, all: [f64; UNKNOWNS]) {
         let parts = self.expected.iter_mut().flatten();
-        let parts = parts.chain(&mut self.under_way_n).chain(&mut self.voltage_v).chain(&mut self.planned_a);
+        let parts = parts.chain(&mut self.in_effect_n).chain(&mut self.voltage_v).chain(&mut self.planned_a);
         for (place, value) in parts.zip(all) {
             *place = value;
         }
@@ -357,7 +357,7 @@ impl Controller {
     ///
     /// # Errors
     /// Every parameter that is not finite or outside its range, by its name in the interface; `s` and `alpha[k]` as in
-    /// [`Magnets::new`], the path as in [`Reference::new`], the modulation as in [`Controller::retune`].
+    /// [`Magnets::new`], the reference as in [`Reference::new`], the modulation as in [`Controller::retune`].
     pub fn new(config: ControllerConfig) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         checks.positive("m", config.m_kg, "kg");
@@ -413,14 +413,14 @@ impl Controller {
             samples: 0,
             start_s,
             expected: [[0.0; 3]; 2],
-            under_way_n: [0.0; 3],
+            in_effect_n: [0.0; 3],
             asked_n: [0.0; 3],
             voltage_v: [0.0; 3],
             planned_a: [0.0; 3],
             lambda_nm2_a2: self.config.lambda0_nm2_a2,
             updated: false,
             preload_n: self.config.f0_n,
-            swing: 1.0,
+            modulation_factor: 1.0,
             base_rev: wrapped(self.config.modulation_hz * self.ahead_s()),
             base_sample: 0,
             modulation_hz: self.config.modulation_hz,
@@ -430,15 +430,15 @@ impl Controller {
 
     /// Whether a state, for instance one read from a file, can be gone on with: its numbers are finite, its counts in order.
     pub fn accepts(&self, state: &ControllerState) -> bool {
-        let lists = state.expected.iter().flatten().chain(&state.under_way_n).chain(&state.lambda_nm2_a2);
+        let lists = state.expected.iter().flatten().chain(&state.in_effect_n).chain(&state.lambda_nm2_a2);
         let lists = lists.chain(&state.asked_n).chain(&state.voltage_v).chain(&state.planned_a);
-        let modulation = [&state.swing, &state.base_rev, &state.modulation_hz];
+        let modulation = [&state.modulation_factor, &state.base_rev, &state.modulation_hz];
         let numbers = lists.chain([&state.start_s, &state.preload_n]).chain(modulation);
         let counts = state.base_sample < state.samples.max(1) && state.samples < u64::MAX;
         self.reference.accepts(&state.reference) && counts && numbers.copied().all(f64::is_finite)
     }
 
-    /// What stands at the outputs before the first sample: no current, the first guess of λ, and where the path begins.
+    /// What stands at the outputs before the first sample: no current, the first guess of λ, and where the reference begins.
     pub fn output_at_start(&self) -> ControllerOutput {
         let begin = self.reference.ahead(&self.reference.start(), 0.0).map(|point| point.position_m);
         ControllerOutput {
@@ -467,7 +467,7 @@ impl Controller {
         self.check_input(input)?;
         let mut next = state.clone();
         let output = self.next(&mut next, input);
-        let estimates = next.expected.iter().flatten().chain(&next.under_way_n).chain(&output.current_a);
+        let estimates = next.expected.iter().flatten().chain(&next.in_effect_n).chain(&output.current_a);
         let coils = output.voltage_v.iter().chain(&next.planned_a);
         let outputs = output.force_n.iter().chain(&output.perturbation_n).chain(&output.tracking_error_m);
         if !estimates.chain(outputs).chain(coils).all(|value| value.is_finite()) {
@@ -488,7 +488,7 @@ impl Controller {
         let here = self.reference.ahead(&state.reference, 0.0);
         let begin = self.reference.ahead(&state.reference, step_s);
         let end = self.reference.ahead(&state.reference, 2.0 * step_s);
-        // The error is that against the path itself, not against what an observer makes of it.
+        // The error is that against the reference itself, not against what an observer makes of it.
         let reference_m = match self.config.reference.shape {
             Shape::External => input.reference_m,
             _ => here.map(|point| point.position_m),
@@ -505,11 +505,11 @@ impl Controller {
         let floor_m = SMALLEST_GAP * self.config.gap_m;
         let gap_m = self.magnets.gaps(estimate.map(|[x, ..]| x)).map(|gap| gap.max(floor_m));
         if voltage {
-            state.under_way_n = self.magnets.forces(state.lambda_nm2_a2, input.current_a, gap_m);
+            state.in_effect_n = magnet::forces(state.lambda_nm2_a2, input.current_a, gap_m);
         }
         self.update_lambda(state, &mut estimate, input);
         state.preload_n += self.relax * (self.config.f0_n - state.preload_n);
-        state.swing = self.modulate(state);
+        state.modulation_factor = self.modulate(state);
 
         let command = match voltage {
             true => self.voltages(state, &estimate, input.current_a, gap_m, [begin, end]),
@@ -532,7 +532,7 @@ impl Controller {
         }
     }
 
-    /// Currents to hold over the sample time that begins at the next sample, with the path at its begin and its end.
+    /// Currents to hold over the sample time that begins at the next sample, with the reference at its begin and its end.
     fn currents(
         &self,
         state: &mut ControllerState,
@@ -541,12 +541,12 @@ impl Controller {
     ) -> Command {
         let m = self.config.m_kg;
         let step_s = self.config.step_s;
-        let under_way_n = self.magnets.resultant(state.under_way_n);
+        let in_effect_n = self.magnets.resultant(state.in_effect_n);
         let [k_0, k_1] = self.gains;
         let mut force_n = [0.0; 2];
         let mut middle_m = [0.0; 2];
         for a in 0..2 {
-            let expected = self.observer.predict(estimate[a], under_way_n[a] / m);
+            let expected = self.observer.predict(estimate[a], in_effect_n[a] / m);
             let [x, v, d] = expected;
             let feedforward = (end[a].velocity_m_s - begin[a].velocity_m_s) / step_s;
             let acceleration = feedforward - k_1 * (v - begin[a].velocity_m_s) - k_0 * (x - begin[a].position_m);
@@ -554,17 +554,17 @@ impl Controller {
             middle_m[a] = self.observer.predict_by(expected, acceleration - d, 0.5 * step_s)[0];
             state.expected[a] = expected;
         }
-        let wanted_n = self.magnets.allocate(force_n, state.preload_n * state.swing);
+        let wanted_n = self.magnets.allocate(force_n, state.preload_n * state.modulation_factor);
         let floor_m = SMALLEST_GAP * self.config.gap_m;
         let predicted_m = self.magnets.gaps(middle_m);
         let saturated = predicted_m.iter().any(|gap| *gap < floor_m);
-        let current_a = self.magnets.currents(wanted_n, predicted_m.map(|gap| gap.max(floor_m)), state.lambda_nm2_a2);
-        state.under_way_n = wanted_n;
+        let current_a = magnet::currents(wanted_n, predicted_m.map(|gap| gap.max(floor_m)), state.lambda_nm2_a2);
+        state.in_effect_n = wanted_n;
         state.asked_n = wanted_n;
         Command { current_a, voltage_v: [0.0; 3], force_n, saturated, limited: false }
     }
 
-    /// Voltages to hold over the sample time that begins at the next sample, with the path at its begin and its end; the
+    /// Voltages to hold over the sample time that begins at the next sample, with the reference at its begin and its end; the
     /// currents and gaps are those of this sample.
     fn voltages(
         &self,
@@ -582,7 +582,7 @@ impl Controller {
         let inductance = |k: usize, gap_m: f64| self.config.coil.of(lambda[k], self.config.gap_m).inductance_h(gap_m);
 
         // Position at the next sample: the change of the force until then moves the rotor by less than a gap's rounding.
-        let now_n = self.magnets.resultant(state.under_way_n);
+        let now_n = self.magnets.resultant(state.in_effect_n);
         let next_m = std::array::from_fn(|a| self.observer.predict(estimate[a], now_n[a] / m)[0]);
         let next_gap_m = self.magnets.gaps(next_m).map(|gap| gap.max(floor_m));
         // ψ' = u − R i with the mean of the currents at both ends.
@@ -591,7 +591,7 @@ impl Controller {
             let linkage = inductance(k, gap_m[k]) * current_a[k] + step_s * state.voltage_v[k] - half * current_a[k];
             linkage / (inductance(k, next_gap_m[k]) + half)
         });
-        let next_n = self.magnets.resultant(self.magnets.forces(lambda, next_a, next_gap_m));
+        let next_n = self.magnets.resultant(magnet::forces(lambda, next_a, next_gap_m));
 
         let [k_0, k_1, k_2] = self.ramp_gains;
         let mut force_n = [0.0; 2];
@@ -607,11 +607,11 @@ impl Controller {
             last_m[a] = self.observer.predict_ramp(expected, next_n[a] / m, acceleration - d)[0];
             state.expected[a] = expected;
         }
-        let wanted_n = self.magnets.allocate(force_n, state.preload_n * state.swing);
+        let wanted_n = self.magnets.allocate(force_n, state.preload_n * state.modulation_factor);
         let predicted_m = self.magnets.gaps(last_m);
         let saturated = predicted_m.iter().any(|gap| *gap < floor_m);
         let last_gap_m = predicted_m.map(|gap| gap.max(floor_m));
-        let reference_a = self.magnets.currents(wanted_n, last_gap_m, lambda);
+        let reference_a = magnet::currents(wanted_n, last_gap_m, lambda);
         let wanted_v: [f64; 3] = std::array::from_fn(|k| {
             let last_a = (reference_a[k] + self.decay * (next_a[k] - state.planned_a[k])).max(0.0);
             let change = inductance(k, last_gap_m[k]) * last_a - inductance(k, next_gap_m[k]) * next_a[k];
@@ -645,16 +645,16 @@ impl Controller {
         let old_n = self.magnets.resultant(state.asked_n);
         // The currents and gaps are what they were, so P(4) changes by the ratio of the λ.
         for k in 0..3 {
-            state.under_way_n[k] *= after[k] / before[k];
+            state.in_effect_n[k] *= after[k] / before[k];
             state.asked_n[k] *= after[k] / before[k];
         }
         let new_n = self.magnets.resultant(state.asked_n);
         for a in 0..2 {
             estimate[a][2] += (old_n[a] - new_n[a]) / self.config.m_kg;
         }
-        if state.swing > TROUGH {
+        if state.modulation_factor > TROUGH {
             let [f_1, f_2, f_3] = state.asked_n;
-            state.preload_n = f_1.min(f_2).min(f_3) / state.swing;
+            state.preload_n = f_1.min(f_2).min(f_3) / state.modulation_factor;
         }
     }
 

@@ -18,6 +18,7 @@ pub mod noise;
 pub mod observer;
 pub mod plant;
 pub mod reference;
+pub mod scalar;
 pub mod sensitivity;
 pub mod sensor;
 pub mod touchdown;

@@ -59,11 +59,6 @@ impl PerturbationObserver {
         Self { step_s, gains: gains_of_three(bandwidth_rad_s, step_s) }
     }
 
-    /// The gains L of the update, in 1, 1/s and 1/s².
-    pub fn gains(&self) -> [f64; 3] {
-        self.gains
-    }
-
     /// The estimate one sample later, with the acceleration `force/m`, in m/s², held in between.
     pub fn predict(&self, estimate: Estimate, acceleration_m_s2: f64) -> Estimate {
         self.predict_by(estimate, acceleration_m_s2, self.step_s)

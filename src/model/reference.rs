@@ -1,16 +1,16 @@
-//! The path the rotor is to follow: the flat output and its derivatives.
+//! The reference trajectory of the rotor: the flat output and its derivatives.
 //!
 //! # Start
 //!
-//! Where the rotor starts away from the path, at rest on the backup bearing for instance, the reference takes it there
-//! without jumps:
+//! Where the rotor starts away from the reference trajectory, at rest on the backup bearing for instance, a transition takes
+//! it there without jumps:
 //!
 //! ```text
-//! X*(t) = (1 − σ(t/lift)) X_0 + σ((t − start)/ramp) path(θ)      σ(τ) = 10τ³ − 15τ⁴ + 6τ⁵, 0 before, 1 after
+//! X*(t) = (1 − σ(t/lift)) X_0 + σ((t − start)/ramp) curve(θ)      σ(τ) = 10τ³ − 15τ⁴ + 6τ⁵, 0 before, 1 after
 //! ```
 //!
 //! with `X_0` the first position measured and t the time since then. A lift of 0 leaves the first term out, a ramp of 0
-//! is a step; start, ramp and lift of 0 are the path itself.
+//! is a step; with start, ramp and lift of 0 it is the curve itself.
 
 use std::f64::consts::PI;
 
@@ -20,13 +20,13 @@ use super::magnet::Magnets;
 use super::observer::{Signal, SignalObserver};
 use super::{Checks, Invalid};
 
-/// The most lobes a path may have; beyond, no sample time in use resolves them.
+/// The most lobes of a curve; beyond, no sample time in use resolves them.
 pub const MOST_LOBES: u32 = 1000;
 
 /// The number of harmonics of [`Contour`].
 pub const HARMONICS: usize = 8;
 
-/// A closed path as a Fourier series, n from 1 to [`HARMONICS`]:
+/// A closed curve as a Fourier series, n from 1 to [`HARMONICS`]:
 /// `Y* = y_0 + Σ (cosY_n cos nθ + sinY_n sin nθ)`, `Z*` alike, all in m.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -61,7 +61,7 @@ impl Contour {
     }
 }
 
-/// What kind of path.
+/// Shape of the reference trajectory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Shape {
     /// The paper's ellipse: `Y* = r_Y cos θ`, `Z* = r_Z sin θ`.
@@ -69,17 +69,17 @@ pub enum Shape {
     Ellipse,
     /// An ellipse with lobes: `Y* = (r_Y + a cos nθ) cos θ`, `Z* = (r_Z + a cos nθ) sin θ`.
     Lobes,
-    /// Positions sampled from outside.
+    /// Positions sampled from an input.
     External,
     /// A Fourier series, for holes of any form.
     Fourier,
 }
 
-/// The path to follow.
+/// The reference trajectory.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ReferenceConfig {
-    /// What kind of path.
+    /// Shape of the curve.
     pub shape: Shape,
     /// Half axis along y, `r_Y`, in m; not below 0.
     pub r_y_m: f64,
@@ -89,19 +89,19 @@ pub struct ReferenceConfig {
     pub lobes: u32,
     /// Amplitude `a` of the lobes, in m; below 0 turns them by half a lobe.
     pub lobe_amplitude_m: f64,
-    /// The path of [`Shape::Fourier`].
+    /// The curve of [`Shape::Fourier`].
     pub contour: Contour,
-    /// Time from the first sample at which the path begins to grow out of the centre, in s.
+    /// Time from the first sample at which the curve begins to grow out of the centre, in s.
     pub start_s: f64,
     /// How long it takes to grow, in s.
     pub ramp_s: f64,
     /// How long it takes to bring the rotor from where it was first measured to the centre, in s; 0 for not at all.
     pub lift_s: f64,
-    /// Angular velocity at which the path is run through, in rad/s; below 0 runs it backwards.
+    /// Angular velocity on the curve, in rad/s; below 0 runs backwards.
     pub omega_rad_s: f64,
     /// How fast the observer of an external reference is, in rad/s.
     ///
-    /// What is no cubic is followed with the lag of its acceleration. The paper's ellipse given from outside costs
+    /// A reference that is no cubic is followed with the lag of its acceleration. The paper's ellipse given from outside costs
     /// 1.9 µm of tracking error at 3000 rpm, 0.03 µm at 1000 rpm, with 2000 rad/s; at 3000 rpm 0.45 µm with 4000 rad/s
     /// (tracking poles at 1000 rad/s, 10 kHz). Noise in the reference asks for less.
     pub bandwidth_rad_s: f64,
@@ -126,7 +126,7 @@ impl Default for ReferenceConfig {
     }
 }
 
-/// One axis of the path at one instant.
+/// One axis of the reference trajectory at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RefPoint {
     /// Position, in m.
@@ -203,7 +203,7 @@ impl Reference {
     /// # Errors
     /// `reference.rY`, `reference.rZ` if they are below 0, `reference.lobes` above [`MOST_LOBES`], `bandwidth.reference`
     /// unless above 0; all of these and `reference.lobeAmplitude`, `reference.omega` if they are not finite; `reference.rY`
-    /// and its like if the path reaches a magnet.
+    /// and its like if the reference trajectory reaches a magnet.
     pub fn new(config: ReferenceConfig, step_s: f64, magnets: &Magnets) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         let reference = Self::checked(config, step_s, magnets, &mut checks);
@@ -211,7 +211,7 @@ impl Reference {
         Ok(reference)
     }
 
-    /// Notes what is wrong in `checks`; the value returned is of use only when nothing was.
+    /// Reports what is wrong in `checks`; the value returned is of use only when nothing was.
     pub(crate) fn checked(config: ReferenceConfig, step_s: f64, magnets: &Magnets, checks: &mut Checks) -> Self {
         checks.not_negative("reference.rY", config.r_y_m, "m");
         checks.not_negative("reference.rZ", config.r_z_m, "m");
@@ -259,7 +259,7 @@ impl Reference {
     }
 
     /// Goes on to the next sample: `omega_rad_s` is valid from this sample on, `external_m` is what (Yref, Zref) are at
-    /// it, in m; only a path from outside looks at it.
+    /// it, in m, used by [`Shape::External`] alone.
     ///
     /// θ = ∫ω dt is kept as base + ω·(count · T_s), the base moved when ω changes, so that it does not drift. An external
     /// reference starts at its first sample, at rest.
@@ -281,26 +281,26 @@ impl Reference {
         state.samples += 1;
     }
 
-    /// Tells where the rotor is first measured, (y, z), in m; a lift begins there.
+    /// Sets where the rotor is first measured, (y, z), in m; a lift begins there.
     pub fn begin(&self, state: &mut ReferenceState, position_m: [f64; 2]) {
         state.first_m = position_m;
     }
 
-    /// The path, (y, z), `ahead_s` after the sample taken last, in s.
+    /// The reference trajectory, (y, z), `ahead_s` after the sample taken last, in s.
     ///
     /// An external reference is continued by the derivatives its observer has found.
     pub fn ahead(&self, state: &ReferenceState, ahead_s: f64) -> [RefPoint; 2] {
         match self.config.shape {
             Shape::Ellipse | Shape::Lobes | Shape::Fourier => {
-                let path = self.point(state.theta_rad + state.omega_rad_s * ahead_s, state.omega_rad_s);
+                let curve = self.point(state.theta_rad + state.omega_rad_s * ahead_s, state.omega_rad_s);
                 let ReferenceConfig { start_s, ramp_s, lift_s, .. } = self.config;
                 if [start_s, ramp_s, lift_s] == [0.0; 3] {
-                    return path;
+                    return curve;
                 }
                 let t_s = (state.samples.max(1) - 1) as f64 * self.step_s + ahead_s;
                 let grown = rise(t_s - start_s, ramp_s);
                 let left = if lift_s > 0.0 { rise(t_s, lift_s) } else { [1.0, 0.0, 0.0] };
-                std::array::from_fn(|a| path[a].grown(grown).from(state.first_m[a], left))
+                std::array::from_fn(|a| curve[a].grown(grown).from(state.first_m[a], left))
             }
             Shape::External => state.signal.map(|signal| {
                 let [position_m, velocity_m_s, acceleration_m_s2, _] = signal.ahead(ahead_s).0;
@@ -314,7 +314,7 @@ impl Reference {
         state.theta_rad
     }
 
-    /// The path, (y, z), at the angle `theta_rad`, run through at the constant `omega_rad_s`.
+    /// The curve, (y, z), at the angle `theta_rad`, run through at the constant `omega_rad_s`.
     ///
     /// `Y* = (r_Y + a cos nθ) cos θ`, `Z* = (r_Z + a cos nθ) sin θ`, derivatives exact; an ellipse has a = 0. An external
     /// reference has no such points: it gives those of the ellipse. A Fourier series is [`Contour::at`].
@@ -353,7 +353,7 @@ impl Reference {
     }
 }
 
-/// Refuses a path that may reach a magnet.
+/// Refuses a curve that may reach a magnet.
 ///
 /// Towards the direction e the ellipse reaches `√((r_Y e_y)² + (r_Z e_z)²)`, the lobes at most `|a|` more.
 fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks) {
@@ -385,7 +385,7 @@ fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks)
                 false,
                 name,
                 format_args!("{value} m"),
-                format!("a path that does not reach magnet {number} (it reaches {reach} m, the gap is {s} m)"),
+                format!("a reference trajectory that does not reach magnet {number} (it reaches {reach} m, the gap is {s} m)"),
             );
             return;
         }
@@ -440,6 +440,6 @@ fn check_contour_reach(contour: &Contour, magnets: &Magnets, checks: &mut Checks
         gap > 0.0 || gap.is_infinite(),
         largest.0,
         format_args!("{} m", largest.1),
-        format!("a path that does not reach magnet {number} (the least gap would be {gap} m)"),
+        format!("a reference trajectory that does not reach magnet {number} (the least gap would be {gap} m)"),
     );
 }

@@ -1,8 +1,7 @@
-//! The sensitivity function of the sampled loop, after ISO 14839-3: by how much an error of a position sensor appears
-//! enlarged in its reading.
+//! The sensitivity function of the sampled loop, after ISO 14839-3: the gain from an error of a position sensor to its reading.
 //!
 //! With n added to the position measured, `S = y_m/n` of the closed loop, rotor at rest in the centre under a static load.
-//! It is had in two ways that know nothing of each other: [`SampledLoop::linearise`] takes one sample of plant and controller
+//! It is computed in two independent ways: [`SampledLoop::linearise`] takes one sample of plant and controller
 //! as a map of their states, differentiates it, `z_{k+1} = A z_k + B n_k`, `y_k = C z_k + n_k`, and evaluates
 //!
 //! ```text
@@ -30,18 +29,18 @@ pub fn zone(peak: f64) -> char {
     ZONES.iter().find(|(limit, _)| peak < *limit).map_or('D', |(_, zone)| *zone)
 }
 
-/// How long the loop is left to settle before it is looked at, in s.
+/// Time for the loop to settle, in s.
 const SETTLING_S: f64 = 0.5;
 
 /// How near to the centre the rotor has to be then, in m.
 const CENTRED_M: f64 = 1e-7;
 
-/// States of plant and commands under way: `[Y, Z, Ẏ, Ż, ψ_1, ψ_2, ψ_3]`, then the commands.
+/// States of plant and commands in effect: `[Y, Z, Ẏ, Ż, ψ_1, ψ_2, ψ_3]`, then the commands.
 const PLANT: usize = 7;
 const COMMANDS: usize = 3;
 const STATES: usize = PLANT + COMMANDS + UNKNOWNS;
 
-/// Why a sensitivity could not be had.
+/// Why a sensitivity could not be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoSensitivity {
     /// A configuration is refused.
@@ -129,7 +128,7 @@ impl SampledLoop {
         } else {
             input.current_a = state.command;
         }
-        // The time plays no part, and a time that stays leaves no rounding in the differences.
+        // The loop does not depend on time, and a constant time leaves no rounding in the differences.
         let mut plant = state.plant.clone();
         let now_s = plant.time_s;
         let current_a = self.plant.outputs(&plant, &input, now_s).current_a;
@@ -185,7 +184,7 @@ impl SampledLoop {
             Ok(Self::vector(&state))
         };
         let mut a = DMatrix::zeros(STATES, STATES);
-        // With current drive, fluxes and voltages are no states: they stay what they are and touch nothing.
+        // With current drive, fluxes and voltages are no states: they stay constant and have no effect.
         let idle = |index: usize| !voltage && ((4..PLANT).contains(&index) || index >= STATES - 2 * COMMANDS);
         for (column, increment) in increments.into_iter().enumerate().filter(|(column, _)| !idle(*column)) {
             let (mut above, mut below) = (at, at);
@@ -246,6 +245,11 @@ pub struct Linear {
 }
 
 impl Linear {
+    /// A of `z_{k+1} = A z_k + B n_k`.
+    pub fn transition(&self) -> &DMatrix<f64> {
+        &self.a
+    }
+
     /// `S(ω)` as a matrix: column by the axis of the error, row by the axis of the reading; ω in rad/s, below half the
     /// sampling frequency. `None` at a pole.
     pub fn sensitivity(&self, omega_rad_s: f64) -> Option<[[Complex<f64>; 2]; 2]> {
@@ -257,26 +261,6 @@ impl Linear {
         let x = system.lu().solve(&self.b.map(|value| Complex::new(value, 0.0)))?;
         let one = |row, column| if row == column { Complex::new(1.0, 0.0) } else { Complex::new(0.0, 0.0) };
         Some(std::array::from_fn(|row| std::array::from_fn(|column| one(row, column) + x[(row, column)])))
-    }
-
-    /// The largest modulus of a pole of the loop; below 1 it is stable.
-    ///
-    /// By Gelfand's formula, `|A^n|^(1/n)` with n = 2^20, by repeated squaring: it cannot fail to converge.
-    pub fn spectral_radius(&self) -> f64 {
-        let mut power = self.a.clone();
-        let mut logarithm = 0.0;
-        let mut n = 1.0;
-        for _ in 0..20 {
-            let norm = power.norm();
-            if norm == 0.0 || !norm.is_finite() {
-                return norm;
-            }
-            logarithm += libm::log(norm) / n;
-            power /= norm;
-            power = &power * &power;
-            n *= 2.0;
-        }
-        libm::exp(logarithm)
     }
 
     /// `[ω, |S_yy|, |S_zz|]` at `count` frequencies, evenly in the logarithm from `from_rad_s` to just below half the

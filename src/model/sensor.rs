@@ -4,7 +4,7 @@
 //! reading = round((1 + gain error) x(t − delay) + offset + noise)    to whole multiples of the resolution
 //! ```
 //!
-//! What is 0 is not there, to the bit. The angle of the rotor comes from an encoder without errors.
+//! A parameter of 0 switches its effect off exactly. The angle of the rotor comes from an encoder without errors.
 
 use serde::{Deserialize, Serialize};
 
@@ -31,15 +31,15 @@ pub struct SensorConfig {
     pub position_resolution_m: f64,
     /// Resolution of the current, in A; 0 for one without limit.
     pub current_resolution_a: f64,
-    /// What Ym and Zm read in the centre, (y, z), in m.
+    /// Readings Ym and Zm of a rotor in the centre, in m.
     pub position_offset_m: [f64; 2],
-    /// What the readings of the currents are without current, in A.
+    /// Readings of the currents without current, in A.
     pub current_offset_a: [f64; 3],
     /// Relative error of the gain of Ym and Zm.
     pub position_gain_error: [f64; 2],
     /// Relative error of the gain of the readings of the currents.
     pub current_gain_error: [f64; 3],
-    /// By how much positions and currents are late, in s.
+    /// Delay of positions and currents, in s.
     pub delay_s: f64,
 }
 
@@ -63,7 +63,7 @@ impl Default for SensorConfig {
 }
 
 impl SensorConfig {
-    /// Notes what is wrong, by the names of the interface.
+    /// Reports what is wrong, by the names of the interface.
     pub(crate) fn check(&self, checks: &mut Checks) {
         checks.not_negative("sensor.positionNoise", self.position_noise_m, "m");
         checks.not_negative("sensor.currentNoise", self.current_noise_a, "A");
@@ -98,18 +98,18 @@ impl SensorConfig {
         );
     }
 
-    /// What the sensors read of `seen`, with noise of Y, Z, and the three currents.
-    pub fn read(&self, seen: &Seen, noise: &mut [Noise; 5]) -> Seen {
+    /// What the sensors read of a true sample, with noise of Y, Z, and the three currents.
+    pub fn read(&self, truth: &Sample, noise: &mut [Noise; 5]) -> Sample {
         let [noise_y, noise_z, noise_1, noise_2, noise_3] = noise;
         let position = |a: usize, noise: &mut Noise| {
-            let value = with_errors(seen.position_m[a], self.position_gain_error[a], self.position_offset_m[a]);
+            let value = with_errors(truth.position_m[a], self.position_gain_error[a], self.position_offset_m[a]);
             rounded(noise.measure(value, self.position_noise_m), self.position_resolution_m)
         };
         let current = |k: usize, noise: &mut Noise| {
-            let value = with_errors(seen.current_a[k], self.current_gain_error[k], self.current_offset_a[k]);
+            let value = with_errors(truth.current_a[k], self.current_gain_error[k], self.current_offset_a[k]);
             rounded(noise.measure(value, self.current_noise_a), self.current_resolution_a)
         };
-        Seen {
+        Sample {
             position_m: [position(0, noise_y), position(1, noise_z)],
             current_a: [current(0, noise_1), current(1, noise_2), current(2, noise_3)],
         }
@@ -127,35 +127,35 @@ fn rounded(value: f64, resolution: f64) -> f64 {
 
 /// Position and currents, true or as read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Seen {
+pub struct Sample {
     /// Position (Y, Z), in m.
     pub position_m: [f64; 2],
     /// Currents, in A.
     pub current_a: [f64; 3],
 }
 
-/// What the sensors have seen and not yet told: the readings on their way.
+/// Samples taken but not yet delivered (sensor delay).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Delayed {
-    /// Number of readings seen; that of sample k is seen at `start + k · T_s − delay`.
-    pub seen: u64,
-    ring: [Seen; LONGEST_DELAY + 1],
+pub struct DelayLine {
+    /// Number of samples taken; sample k is taken at `start + k · T_s − delay` and delivered at `start + k · T_s`.
+    pub taken: u64,
+    ring: [Sample; LONGEST_DELAY + 1],
 }
 
-impl Delayed {
-    /// Before the start the plant stood as it does at the start.
-    pub fn new(at_start: Seen, delay_samples: f64) -> Self {
-        Self { seen: delay_samples as u64 + 1, ring: [at_start; LONGEST_DELAY + 1] }
+impl DelayLine {
+    /// Samples that would have been taken before the start are those of the start.
+    pub fn new(at_start: Sample, delay_samples: f64) -> Self {
+        Self { taken: delay_samples as u64 + 1, ring: [at_start; LONGEST_DELAY + 1] }
     }
 
-    /// One more reading is seen.
-    pub fn see(&mut self, now: Seen) {
-        self.ring[(self.seen % (LONGEST_DELAY as u64 + 1)) as usize] = now;
-        self.seen += 1;
+    /// Takes one more sample.
+    pub fn take(&mut self, now: Sample) {
+        self.ring[(self.taken % (LONGEST_DELAY as u64 + 1)) as usize] = now;
+        self.taken += 1;
     }
 
-    /// The reading of that sample.
-    pub fn told(&self, sample: u64) -> Seen {
-        self.ring[(sample % (LONGEST_DELAY as u64 + 1)) as usize]
+    /// Sample k, if it is one of the last that were taken.
+    pub fn sample(&self, k: u64) -> Sample {
+        self.ring[(k % (LONGEST_DELAY as u64 + 1)) as usize]
     }
 }

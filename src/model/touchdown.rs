@@ -16,25 +16,25 @@
 use serde::{Deserialize, Serialize};
 
 use super::Checks;
+use super::scalar::Scalar;
 
 /// Velocity, in m/s, above which friction slides; below, it rises linearly, so that rest is a state like others.
 pub const SLIDING_M_S: f64 = 0.01;
 
 /// The ring.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct TouchdownConfig {
+pub struct TouchdownConfig<T = f64> {
     /// Distance that the rotor may go from the centre before it touches, in m. With one above the nominal gap the rotor
     /// may reach a magnet first, which is a fault.
-    pub clearance_m: f64,
+    pub clearance_m: T,
     /// Stiffness k, in N/m.
-    pub stiffness_n_m: f64,
+    pub stiffness_n_m: T,
     /// Damping d, in N·s/m.
-    pub damping_ns_m: f64,
+    pub damping_ns_m: T,
     /// Coefficient of friction μ.
-    pub friction: f64,
+    pub friction: T,
     /// Radius of the rotor where it touches, in m; only friction asks for it.
-    pub radius_m: f64,
+    pub radius_m: T,
 }
 
 impl Default for TouchdownConfig {
@@ -46,26 +46,13 @@ impl Default for TouchdownConfig {
 }
 
 impl TouchdownConfig {
-    /// Notes what is wrong, by the names of the interface.
+    /// Reports what is wrong, by the names of the interface.
     pub(crate) fn check(&self, checks: &mut Checks) {
         checks.positive("touchdown.clearance", self.clearance_m, "m");
         checks.positive("touchdown.stiffness", self.stiffness_n_m, "N/m");
         checks.not_negative("touchdown.damping", self.damping_ns_m, "N.s/m");
         checks.not_negative("touchdown.friction", self.friction, "");
         checks.positive("touchdown.radius", self.radius_m, "m");
-    }
-
-    /// `[δ, δ̇]`, in m and m/s, of a rotor at a position and with a velocity, (y, z).
-    fn depth(&self, [y, z]: [f64; 2], [v_y, v_z]: [f64; 2]) -> [f64; 2] {
-        let r = libm::hypot(y, z);
-        let approach = if r > 0.0 { (y * v_y + z * v_z) / r } else { libm::hypot(v_y, v_z) };
-        [r - self.clearance_m, approach]
-    }
-
-    /// The push N, in N, if the rotor touches; it counts for nothing unless [`touches`](Self::touches).
-    pub fn push_n(&self, position_m: [f64; 2], velocity_m_s: [f64; 2]) -> f64 {
-        let [depth, approach] = self.depth(position_m, velocity_m_s);
-        self.stiffness_n_m * depth + self.damping_ns_m * approach
     }
 
     /// Whether ring and rotor push each other, for a position in m and a velocity in m/s, (y, z).
@@ -75,33 +62,43 @@ impl TouchdownConfig {
         y * y + z * z > self.clearance_m * self.clearance_m && self.push_n(position_m, velocity_m_s) > 0.0
     }
 
-    /// Force of the ring on a rotor that touches it, (y, z), in N, the rotor turning at `omega_rad_s`.
-    ///
-    /// The formula is continued smoothly to where they do not touch, as an integrator wants on its way to the instant
-    /// at which they part.
-    pub fn force_n(&self, position_m: [f64; 2], velocity_m_s: [f64; 2], omega_rad_s: f64) -> [f64; 2] {
-        let [y, z] = position_m;
-        let r = libm::hypot(y, z);
-        if r == 0.0 {
-            return [0.0; 2];
-        }
-        let push = self.push_n(position_m, velocity_m_s);
-        let out = [y / r, z / r];
-        let along = [-out[1], out[0]];
-        let around = velocity_m_s[0] * along[0] + velocity_m_s[1] * along[1];
-        let mut drag = 0.0;
-        if self.friction > 0.0 {
-            let v = around + omega_rad_s * self.radius_m;
-            drag = self.friction * push * v / libm::hypot(v, SLIDING_M_S);
-        }
-        let mount = self.damping_ns_m * (r - self.clearance_m) / r * around;
-        std::array::from_fn(|a| -push * out[a] - (drag + mount) * along[a])
-    }
-
     /// The fastest rate of the contact, in 1/s, of a rotor of the given mass in kg that is pushed with `push_n` in N.
     pub fn rate(&self, m_kg: f64, push_n: f64) -> f64 {
         let spring = (self.stiffness_n_m / m_kg).sqrt();
         let damper = self.damping_ns_m / m_kg;
         spring.max(damper).max(self.friction * push_n.max(0.0) / (m_kg * SLIDING_M_S))
+    }
+}
+
+impl<T: Scalar> TouchdownConfig<T> {
+    /// The push N, in N, if the rotor touches; of no meaning unless [`touches`](TouchdownConfig::touches).
+    pub fn push_n(&self, position_m: [T; 2], velocity_m_s: [T; 2]) -> T {
+        let ([y, z], [v_y, v_z]) = (position_m, velocity_m_s);
+        let r = y.norm(z);
+        let approach = if r.value() > 0.0 { (y * v_y + z * v_z) / r } else { v_y.norm(v_z) };
+        self.stiffness_n_m * (r - self.clearance_m) + self.damping_ns_m * approach
+    }
+
+    /// Force of the ring on a rotor that touches it, (y, z), in N, the rotor turning at `omega_rad_s`.
+    ///
+    /// The formula is continued smoothly to where they do not touch, which the integrator needs to locate the instant at
+    /// which they part.
+    pub fn force_n(&self, position_m: [T; 2], velocity_m_s: [T; 2], omega_rad_s: T) -> [T; 2] {
+        let [y, z] = position_m;
+        let r = y.norm(z);
+        if r.value() == 0.0 {
+            return [T::constant(0.0); 2];
+        }
+        let push = self.push_n(position_m, velocity_m_s);
+        let out = [y / r, z / r];
+        let along = [-out[1], out[0]];
+        let around = velocity_m_s[0] * along[0] + velocity_m_s[1] * along[1];
+        let mut drag = T::constant(0.0);
+        if !self.friction.is_zero() {
+            let v = around + omega_rad_s * self.radius_m;
+            drag = self.friction * push * v / v.norm(T::constant(SLIDING_M_S));
+        }
+        let mount = self.damping_ns_m * (r - self.clearance_m) / r * around;
+        std::array::from_fn(|a| -push * out[a] - (drag + mount) * along[a])
     }
 }

@@ -36,7 +36,7 @@ pub static UPDATE_MODE: Enumeration = Enumeration {
     description: "When the controller takes over the estimated force constants",
     items: &[
         ("never", "The first guess is kept"),
-        ("atTime", "Once, at update.time or as soon after it as the estimate is valid"),
+        ("atTime", "Once, at the simulation time update.time or as soon after it as the estimate is valid"),
         ("whenValid", "Always while the estimate is valid"),
     ],
     renamed: &[],
@@ -168,7 +168,7 @@ fn table() -> Vec<Row<Values>> {
         Row::real("update.time", place!(config.update_time_s), SECOND, 0.2)
             .fixed()
             .shown_in("ms")
-            .says("Time of the update with update.mode = atTime"),
+            .says("Time of the update with update.mode = atTime: absolute simulation time, not time since the start"),
     );
     rows.push(
         Row::choice("reference.shape", place!(shape), &SHAPE, 1)

@@ -13,7 +13,7 @@ use super::unit::{
     AMPERE, KILOGRAM, KILOGRAM_METRE, LAMBDA, METRE, NEWTON, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN,
     RADIAN_PER_SECOND, SECOND,
 };
-use super::variable::{Access, Enumeration, Row, place};
+use super::variable::{Access, Enumeration, Row, Value, place, with};
 use crate::model::Invalid;
 use crate::model::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method, Verdict,
@@ -164,13 +164,9 @@ fn table() -> Vec<Row<Values>> {
             "Length of the window of the paper's methods, a whole multiple of Ts; one revolution is a good choice",
         ),
     );
-    rows.push(
-        Row::real("epsilon", place!(config.epsilon_s), SECOND, 0.02)
-            .fixed()
-            .min(0.0)
-            .nominal(1e-2)
-            .says("Time since the first sample before which the paper's methods give the first guess"),
-    );
+    rows.push(Row::real("epsilon", place!(config.epsilon_s), SECOND, 0.02).fixed().min(0.0).nominal(1e-2).says(
+        "How long the paper's methods give the first guess: counted in usable samples from the start or the last reset",
+    ));
     rows.push(
         Row::real("filter.omega", place!(config.filter_omega_rad_s), RADIAN_PER_SECOND, 15.0)
             .fixed()
@@ -319,14 +315,30 @@ pub struct Estimation {
     clock: Clock,
 }
 
+impl Values {
+    /// Brings into the configuration what the interface has in another form.
+    fn complete(&mut self) -> Vec<Invalid> {
+        let mut findings = Vec::new();
+        let methods = [Method::PaperLiteral, Method::Paper, Method::PredictionError];
+        METHOD.choose("method", self.method, methods, &mut self.config.method, &mut findings);
+        let holds = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear];
+        HOLD.choose("hold", self.hold, holds, &mut self.config.hold, &mut findings);
+        findings
+    }
+}
+
+/// The configuration of an estimator whose variables, by index, have the values given and else their start values.
+///
+/// # Errors
+/// Every choice that cannot be accepted.
+pub fn configuration(settings: &[(usize, Value)]) -> Result<EstimatorConfig, Vec<Invalid>> {
+    let mut values: Values = with(&TABLE, settings);
+    together(values.complete(), Ok(values.config))
+}
+
 /// The estimator that the values describe.
 fn estimator(values: &mut Values) -> Result<Arc<Estimator>, Vec<Invalid>> {
-    let mut findings = Vec::new();
-    let methods = [Method::PaperLiteral, Method::Paper, Method::PredictionError];
-    METHOD.choose("method", values.method, methods, &mut values.config.method, &mut findings);
-    let holds = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear];
-    HOLD.choose("hold", values.hold, holds, &mut values.config.hold, &mut findings);
-    together(findings, Estimator::new(values.config.clone())).map(Arc::new)
+    together(values.complete(), Estimator::new(values.config.clone())).map(Arc::new)
 }
 
 impl Slave for Estimation {

@@ -17,9 +17,11 @@ use super::variable::Dependency::{Constant, Fixed};
 use super::variable::{Row, Value, element, place, with};
 use crate::model::Invalid;
 use crate::model::coil::Drive;
-use crate::model::linearisation::{Jet, Modes, Point, Response, along, in_time};
+use crate::model::linearisation::{Point, Taylor, along, in_time};
 use crate::model::noise::Noise;
-use crate::model::plant::{INSTANT_TOLERANCE, Plant, PlantConfig, PlantCourse, PlantInput, PlantOutput, PlantState};
+use crate::model::plant::{
+    Conditions, INSTANT_TOLERANCE, InputTrajectory, Plant, PlantConfig, PlantInput, PlantOutput, PlantState,
+};
 
 /// The plant as a sort of slave.
 pub static KIND: Kind = Kind {
@@ -72,13 +74,13 @@ impl Values {
     }
 }
 
-/// The configuration of a plant whose variables, by index, have the values given and else their start values.
+/// Configuration and inputs of a plant whose variables, by index, have the values given and else their start values.
 ///
 /// # Errors
 /// Every choice that cannot be accepted.
-pub fn configuration(settings: &[(usize, Value)]) -> Result<PlantConfig, Vec<Invalid>> {
+pub fn configuration(settings: &[(usize, Value)]) -> Result<(PlantConfig, PlantInput), Vec<Invalid>> {
     let mut values: Values = with(&TABLE, settings);
-    together(values.complete(), Ok(values.config))
+    together(values.complete(), Ok((values.config, values.input)))
 }
 
 fn table() -> Vec<Row<Values>> {
@@ -486,7 +488,7 @@ impl Bearing {
     }
 
     /// The inputs over a step as the model knows them.
-    fn course(values: &Values, inputs: &Course<Values>) -> PlantCourse {
+    fn course(values: &Values, inputs: &Course<Values>) -> InputTrajectory {
         let slopes = (!inputs.is_held()).then(|| {
             std::array::from_fn(|lower| {
                 let mut slopes = Values::default();
@@ -494,24 +496,13 @@ impl Bearing {
                 slopes.input
             })
         });
-        PlantCourse { input: values.input.clone(), slopes, since_s: inputs.since_s() }
+        InputTrajectory { input: values.input.clone(), slopes, since_s: inputs.since_s() }
     }
 }
 
 /// The plant that the values describe.
 fn plant(values: &mut Values) -> Result<Plant, Vec<Invalid>> {
     together(values.complete(), Plant::new(values.config.clone()))
-}
-
-/// Puts the part of a response that `pick` takes into the places of the outputs.
-fn put<const N: usize>(values: &mut Values, response: &Response<Jet<N>>, pick: impl Fn(Jet<N>) -> f64) {
-    values.output.gap_m = response.gap_m.map(&pick);
-    values.output.induced_v = response.induced_v.map(&pick);
-    values.output.contact_n = response.contact_n.map(&pick);
-    values.output.force_n = response.force_n.map(&pick);
-    values.output.resultant_n = response.resultant_n.map(&pick);
-    values.output.perturbation_n = response.perturbation_n.map(&pick);
-    values.output.acceleration_m_s2 = response.acceleration_m_s2.map(&pick);
 }
 
 impl Slave for Bearing {
@@ -580,7 +571,7 @@ impl Slave for Bearing {
     }
 
     fn differentiate(&self, values: &Values, direction: &Values, time_s: f64, started: bool) -> Values {
-        let point = Point::of(self.plant.config(), &self.state, &values.input, time_s);
+        let point = Point::of(&self.plant, &self.state, &values.input, time_s);
         let towards = &direction.config;
         let mut derivatives = Values::default();
         // Before the run the states are where the parameters put them.
@@ -589,15 +580,15 @@ impl Slave for Bearing {
         derivatives.velocity_m_s = std::array::from_fn(|a| from(direction.velocity_m_s[a], towards.velocity_m_s[a]));
         derivatives.theta_rad = from(direction.theta_rad, towards.theta_rad);
         derivatives.omega_rad_s = direction.input.omega_rad_s;
+        let ([y, z], [v_y, v_z]) = (derivatives.position_m, derivatives.velocity_m_s);
+        let [psi_1, psi_2, psi_3] = direction.output.linkage_wb;
         let line = Point {
-            position_m: derivatives.position_m,
-            velocity_m_s: derivatives.velocity_m_s,
-            theta_rad: derivatives.theta_rad,
-            linkage_wb: direction.output.linkage_wb,
-            time_s: 0.0,
-            ..Point::of(towards, &self.state, &direction.input, 0.0)
+            config: towards.clone(),
+            motion: [y, z, v_y, v_z, psi_1, psi_2, psi_3],
+            input: direction.input.clone(),
+            conditions: Conditions { theta_rad: derivatives.theta_rad, ..Conditions::default() },
         };
-        put(&mut derivatives, &along(&self.modes(), &point, &line), |jet| jet.0[1]);
+        derivatives.output = along(&point, &line).map(|series| series.derivative(1));
         derivatives.output.linkage_wb = direction.output.linkage_wb;
         self.differentiate_first_sample(values, towards, &mut derivatives);
         derivatives.measured_theta_rad = derivatives.theta_rad;
@@ -612,22 +603,16 @@ impl Slave for Bearing {
         time_s: f64,
         order: usize,
     ) -> Values {
-        let point = Point::of(self.plant.config(), &self.state, &values.input, time_s);
+        let point = Point::of(&self.plant, &self.state, &values.input, time_s);
         let slopes = slopes.each_ref().map(|slopes| slopes.input.clone());
-        let (motion, response) = in_time::<3>(&self.modes(), &point, &slopes);
-        let position_m = motion.position_m.map(|jet| jet.derivative(order));
-        let mut derivatives = Values { position_m, ..Values::default() };
-        put(&mut derivatives, &response, |jet| jet.derivative(order));
-        derivatives
+        let (line, output) = in_time::<3>(&point, &slopes);
+        let [y, z, ..] = line.motion;
+        let derivative = |series: Taylor<3>| series.derivative(order);
+        Values { position_m: [y, z].map(derivative), output: output.map(derivative), ..Values::default() }
     }
 }
 
 impl Bearing {
-    fn modes(&self) -> Modes {
-        let PlantState { open, contact, .. } = self.state;
-        Modes { drive: self.plant.config().coil.drive, open, contact }
-    }
-
     /// The derivatives of the first sample: `(1 + gain error) x + offset + σ n` with the first draw n. What is rounded to a
     /// resolution stands still almost everywhere.
     fn differentiate_first_sample(&self, values: &Values, towards: &PlantConfig, derivatives: &mut Values) {

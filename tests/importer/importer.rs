@@ -206,7 +206,7 @@ fn the_closed_loop_over_fmus_is_the_direct_run_bit_for_bit() {
     let builders = packaged("loop");
     let system = unpacked("loop-system");
 
-    for (name, file) in [("paper", "SystemStructure.ssd"), ("unbalanced", "UnbalancedRotor.ssd")] {
+    for (name, file) in [("paper", "PaperSimulation.ssd"), ("unbalanced", "SystemStructure.ssd")] {
         direct(&system, name, DURATION);
         let mut table = csv::Reader::from_path(system.join("direct.csv")).expect("the direct run");
         let head: Vec<String> = table.headers().expect("a head").iter().map(unitless).collect();

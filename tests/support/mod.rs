@@ -1,6 +1,6 @@
 //! What several tests share. A test takes what it needs of it.
 
-#![allow(dead_code, reason = "every test is a crate of its own and uses a part of this")]
+#![allow(dead_code, reason = "every test program uses a part of this")]
 
 pub mod abuse;
 pub mod ffi;
@@ -25,6 +25,11 @@ impl Random {
     /// A number in `[low, high)`.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// A normal number of mean 0 and standard deviation 1, as the sum of twelve uniform ones.
+    pub fn normal(&mut self) -> f64 {
+        (0..12).fold(-6.0, |sum, _| sum + self.between(0.0, 1.0))
     }
 }
 

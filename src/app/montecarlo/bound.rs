@@ -2,8 +2,8 @@
 
 use crate::app::recording::Recording;
 use crate::app::scenario::Scenario;
-
-use super::{real, truth};
+use crate::model::coil::Drive;
+use crate::model::magnet::Geometry;
 
 /// Unknown parameters: `λ_1, λ_2, λ_3, U_c, U_s, p_Y, p_Z`.
 const PARAMETERS: usize = 7;
@@ -32,10 +32,8 @@ pub struct Interval {
 pub struct Bearing {
     /// Mass of the rotor, in kg.
     pub m_kg: f64,
-    /// Nominal gap, in m.
-    pub gap_m: f64,
-    /// Direction of each magnet, `(sin α_k, cos α_k)`.
-    pub direction: [[f64; 2]; 3],
+    /// Nominal gap and directions of the magnets.
+    pub geometry: Geometry,
     /// True λ, in N·m²/A².
     pub lambda_nm2_a2: [f64; 3],
     /// Standard deviation of the position noise, in m; above 0.
@@ -66,12 +64,12 @@ pub struct Bound {
 }
 
 impl Bound {
-    /// Before the first sample. The prior standard deviations are so large that they tell nothing: 1 m/s, 30 times
+    /// Before the first sample. The prior standard deviations are so large that they carry no information: 1 m/s, 30 times
     /// λ, an eccentricity of 10 gaps, 100 times the weight.
     pub fn new(bearing: Bearing) -> Self {
         let lambda = bearing.lambda_nm2_a2;
         let (sigma, weight) = (bearing.position_noise_m, 9.81 * bearing.m_kg);
-        let eccentric = bearing.m_kg * bearing.gap_m;
+        let eccentric = bearing.m_kg * bearing.geometry.gap_m;
         let scale = [sigma, sigma, 1e-3, 1e-3, lambda[0], lambda[1], lambda[2], eccentric, eccentric, weight, weight];
         let prior = [1e3, 1e3, 1e3, 1e3, 30.0, 30.0, 30.0, 10.0, 10.0, 100.0, 100.0];
         let mut p = [[0.0; STATES]; STATES];
@@ -97,14 +95,14 @@ impl Bound {
 
     /// Goes over an interval.
     pub fn predict(&mut self, interval: &Interval) {
-        let Bearing { m_kg, gap_m, direction, lambda_nm2_a2, current_noise_a, .. } = &self.bearing;
+        let Bearing { m_kg, geometry, lambda_nm2_a2, current_noise_a, .. } = &self.bearing;
         let ts = interval.length_s;
         let mut stiffness = [[0.0; 2]; 2];
         let mut columns = [[0.0; PARAMETERS]; 2];
         let mut noise = [[0.0; 3]; 2];
+        let gaps = geometry.gaps(interval.position_m);
         for k in 0..3 {
-            let e = direction[k];
-            let gap = gap_m - e[0] * interval.position_m[0] - e[1] * interval.position_m[1];
+            let (e, gap) = (geometry.directions[k], gaps[k]);
             let (i, lambda) = (interval.current_a[k], lambda_nm2_a2[k]);
             for axis in 0..2 {
                 columns[axis][k] = e[axis] * i * i / (gap * gap) / m_kg;
@@ -201,21 +199,18 @@ impl Bound {
 ///
 /// `None` without noise, or if the recording lacks true positions, forces, gaps, angle or speed of the plant.
 pub fn bound(scenario: &Scenario, recording: &Recording, instants_s: &[f64]) -> Option<Vec<[f64; 3]>> {
-    let position_noise_m = real(scenario, "plant", "sensor.positionNoise");
+    let plant = scenario.closed_loop().ok()?.plant;
+    let position_noise_m = plant.sensor.position_noise_m;
     if position_noise_m.is_nan() || position_noise_m <= 0.0 {
         return None;
     }
-    let truth = truth(scenario);
+    let truth = plant.lambda_nm2_a2;
     let bearing = Bearing {
-        m_kg: real(scenario, "plant", "m"),
-        gap_m: real(scenario, "plant", "s"),
-        direction: [1, 2, 3].map(|k| {
-            let alpha = real(scenario, "plant", &format!("alpha[{k}]"));
-            [alpha.sin(), alpha.cos()]
-        }),
+        m_kg: plant.m_kg,
+        geometry: Geometry::new(plant.gap_m, plant.alpha_rad),
         lambda_nm2_a2: truth,
         position_noise_m,
-        current_noise_a: real(scenario, "plant", "sensor.currentNoise"),
+        current_noise_a: plant.sensor.current_noise_a,
     };
     let signal = |name: &str| recording.get(&format!("plant.{name}"));
     let of_magnets = |name: &str| {
@@ -226,7 +221,7 @@ pub fn bound(scenario: &Scenario, recording: &Recording, instants_s: &[f64]) -> 
     let (force, gap) = (of_magnets("F")?, of_magnets("gap")?);
     // The outputs of a row are read before the next inputs are set: the current is that at the end of the interval.
     let current = |k: usize, row: usize| gap[k][row] * (force[k][row] / truth[k]).max(0.0).sqrt();
-    let held = real(scenario, "plant", "drive") == 1.0;
+    let held = plant.coil.drive == Drive::Current;
     let rows = recording.time_s.len();
     let mut bound = Bound::new(bearing);
     bound.measure();

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-use super::{bound, real, truth};
+use super::bound;
+use crate::app::closed_loop::Loop;
 use crate::app::recording::Recording;
 use crate::app::scenario::Scenario;
 use crate::slave::variable::{Type, Value};
@@ -67,9 +68,9 @@ pub struct Trial {
 fn truth_at(scenario: &Scenario, start: [f64; 3], time_s: f64) -> [f64; 3] {
     let mut truth = start;
     for profile in &scenario.profiles {
-        for (element, variable) in &profile.targets {
-            let name = (scenario.elements[*element].kind.variables)()[*variable].name.to_string();
-            let magnet = (1..=3).find(|k| *element == 0 && name == format!("lambda[{k}]"));
+        for target in &profile.targets {
+            let path = scenario.path(*target);
+            let magnet = (1..=3).find(|k| path == format!("plant.lambda[{k}]"));
             if let (Some(k), Some(value)) = (magnet, profile.at(time_s - 0.5 * scenario.step_s)) {
                 truth[k - 1] = value.as_f64();
             }
@@ -80,9 +81,7 @@ fn truth_at(scenario: &Scenario, start: [f64; 3], time_s: f64) -> [f64; 3] {
 
 /// The instant at which a λ changes, in s.
 fn change_s(scenario: &Scenario) -> Option<f64> {
-    let of_lambda = |(element, variable): &(usize, usize)| {
-        *element == 0 && (scenario.elements[0].kind.variables)()[*variable].name.to_string().starts_with("lambda")
-    };
+    let of_lambda = |target: &(usize, usize)| scenario.path(*target).starts_with("plant.lambda");
     let profile = scenario.profiles.iter().find(|profile| profile.targets.iter().any(of_lambda))?;
     profile.time_s.first().copied()
 }
@@ -102,11 +101,12 @@ pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], see
     };
     let (hat, std, valid) = (magnets("lambdaHat")?, magnets("lambdaStd")?, get("valid")?);
     let total = magnets("lambdaStdTotal").unwrap_or(std);
-    let start = truth(scenario);
+    let Loop { plant, input, .. } = scenario.closed_loop().ok()?;
+    let start = plant.lambda_nm2_a2;
     let change_s = change_s(scenario);
     let changing = change_s.is_some();
     // Two revolutions are granted to find a change.
-    let granted_s = 2.0 * TAU / real(scenario, "plant", "omega").abs().max(1.0);
+    let granted_s = 2.0 * TAU / input.omega_rad_s.abs().max(1.0);
     let contact = recording.get("plant.touchdown.contact")?;
     let touched = contact.iter().position(|contact| *contact == 1.0);
     let rows = touched.unwrap_or(recording.time_s.len());
@@ -160,7 +160,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], see
         }
     }
     let bounds = (!changing).then(|| bound::bound(scenario, recording, instants_s)).flatten();
-    let [magnitude, phase] = ["unbalance.magnitude", "unbalance.phase"].map(|name| real(scenario, "plant", name));
+    let (magnitude, phase) = (plant.unbalance_kgm, plant.unbalance_phase_rad);
     for (at, instant_s) in instants_s.iter().enumerate() {
         let Some(row) = (0..rows).find(|row| recording.time_s[*row] >= instant_s - 0.5 * scenario.step_s) else {
             break;
@@ -186,7 +186,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], see
 
 /// The name of a value of the output `verdict`.
 fn verdict(scenario: &Scenario, value: f64) -> String {
-    let variables = (scenario.elements[2].kind.variables)();
+    let variables = (scenario.estimator().kind.variables)();
     let kind = variables.iter().find(|variable| variable.name == "verdict").map(|variable| &variable.kind);
     match kind {
         Some(Type::Enumeration { items, .. }) => items

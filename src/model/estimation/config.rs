@@ -13,8 +13,8 @@ pub const MIN_INTERVALS: f64 = 8.0;
 /// Their longest window, in sample times: memory grows in proportion, and rounding of the kernels with the cube.
 pub const MAX_INTERVALS: f64 = 1.0e5;
 
-/// The least |sin| of the angle between two magnets: below it their forces cannot be told apart.
-pub const LEAST_SINE_BETWEEN_MAGNETS: f64 = 1.0e-3;
+/// The least |sin| of the angle between two magnets, that of plant and controller: below it their forces cannot be told apart.
+pub const LEAST_SINE_BETWEEN_MAGNETS: f64 = crate::model::magnet::SMALLEST_SINE;
 
 /// How far `T_f/T_s` may be from a whole number, relative.
 pub(super) const WHOLE_NUMBER_TOLERANCE: f64 = 1.0e-6;

@@ -45,7 +45,7 @@ const VALID_AFTER: [f64; 2] = [1.25, 2.0];
 /// quarters as those of the last revolution.
 const CHANGES_AFTER: [f64; 2] = [2.0, 8.0];
 
-/// The greatest relative standard deviation of a λ with which the filter runs.
+/// The greatest relative standard deviation of a λ with which the filter leaves the first guess.
 const RUNNING_STD: f64 = 0.2;
 
 /// The greatest relative standard deviation of a λ, tolerances included, with which an estimate is valid.
@@ -325,7 +325,9 @@ impl PredictionError {
         if !std.is_finite() {
             return;
         }
-        if std < RUNNING_STD {
+        // Once the filter runs with an estimate it follows it: the residuals of an estimate that is held would pass for noise, and the noise
+        // would keep the estimate uncertain.
+        if std < RUNNING_STD || state.estimated {
             (state.running, state.estimated) = (solution.unknowns, true);
         }
         let moved = (0..MAGNETS).map(|k| (state.running[k] / state.linearised[k] - 1.0).abs()).fold(0.0, f64::max);

@@ -1,0 +1,143 @@
+// The run in motion: the rotor in its clearance between the magnets, their forces, and the instant in the plot beside it.
+"use strict";
+(() => {
+  const root = document.getElementById("orbit-animation");
+  if (!root) return;
+  const data = JSON.parse(root.firstElementChild.textContent);
+  const unpack = one => one && new Float32Array(Uint8Array.from(atob(one.bdata), c => c.charCodeAt(0)).buffer);
+  const t = unpack(data.t), y = unpack(data.y), z = unpack(data.z), theta = unpack(data.theta);
+  const refY = unpack(data.refY), refZ = unpack(data.refZ), valid = unpack(data.valid), contact = unpack(data.contact);
+  const force = data.force.map(unpack), lambda = data.lambda && data.lambda.map(unpack);
+  const last = t.length - 1;
+  if (last < 1) return;
+
+  // Lengths in the drawing; displacements and gaps are on one scale, the rotor itself is far larger in truth.
+  const ROTOR = 92, RING = 158, ARROW = 74, VIEW = 330;
+  const scale = (RING - ROTOR) / data.clearance, pole = ROTOR + data.gap * scale;
+  // A blow that lasts a few samples must not make all other arrows short.
+  const sorted = Float32Array.from(force.flatMap(values => [...values])).sort();
+  const most = Math.max(1e-9, sorted[Math.floor(0.98 * sorted.length)]);
+  const step = t[last] / last;
+  const degrees = 180 / Math.PI;
+  const text = number => number.toFixed(number < 9.995 ? 1 : 0);
+  const magnet = k => `<g transform="rotate(${data.alpha[k] * degrees})">
+    <path class="iron" d="M-66 ${-pole}V${-pole - 78}Q-66 ${-pole - 92} -52 ${-pole - 92}H52Q66 ${-pole - 92} 66 ${-pole - 78}V${-pole}H30V${-pole - 56}H-30V${-pole}Z"/>
+    <g class="coil" id="coil${k}" style="fill:var(--magnet${k + 1})"><rect x="-74" y="${-pole - 50}" width="52" height="36" rx="5"/><rect x="22" y="${-pole - 50}" width="52" height="36" rx="5"/></g></g>`;
+  const label = k => {
+    const r = pole + 30, a = data.alpha[k];
+    return `<text class="pull" id="pull${k}" x="${r * Math.sin(a)}" y="${-r * Math.cos(a) + 6}" style="fill:var(--magnet${k + 1})"></text>`;
+  };
+  const arrow = k => `<g id="arrow${k}" style="stroke:var(--magnet${k + 1});fill:var(--magnet${k + 1})"><path class="shaft"/><path class="tip" d="M0 0L-7 13H7Z"/></g>`;
+  const path = (ys, zs, from, to) => {
+    let d = "";
+    for (let i = from; i <= to; i++) d += `${d ? "L" : "M"}${(ys[i] * scale).toFixed(1)} ${(-zs[i] * scale).toFixed(1)}`;
+    return d;
+  };
+  const bar = data.clearance > 150 ? 100 : data.clearance > 15 ? 10 : 1;
+  root.innerHTML = `<svg viewBox="${-VIEW} ${-VIEW + 40} ${2 * VIEW} ${2 * VIEW - 44}" role="img" aria-label="The rotor in its clearance between three magnets">
+    <defs><radialGradient id="steel" cx=".38" cy=".34" r=".8"><stop offset="0"/><stop offset="1"/></radialGradient></defs>
+    ${[0, 1, 2].map(magnet).join("")}
+    <circle class="ring" r="${RING}"/>
+    <circle class="body" r="${ROTOR}"/><g id="rotor"><path class="mark" d="M0 0H${ROTOR}"/><circle class="dot" cx="${ROTOR - 11}" r="5"/></g>
+    <path class="reference"/><path class="trail"/><circle class="centre" r="3.2"/>
+    ${[0, 1, 2].map(arrow).join("")}${[0, 1, 2].map(label).join("")}
+    <g class="axes"><path d="M${-VIEW + 22} ${VIEW - 32}h44m-6 -4l6 4l-6 4M${-VIEW + 22} ${VIEW - 32}v-44m-4 6l4 -6l4 6"/><text x="${-VIEW + 74}" y="${VIEW - 27}">y</text><text x="${-VIEW + 17}" y="${VIEW - 84}">z</text>
+    <path d="M${VIEW - 30 - bar * scale} ${VIEW - 32}h${bar * scale}m0 -5v10m${-bar * scale} -10v10"/><text x="${VIEW - 30 - bar * scale / 2}" y="${VIEW - 42}" text-anchor="middle">${bar} µm</text></g>
+    <text class="event" y="${-VIEW + 62}" x="${-VIEW + 14}"></text></svg>
+    <div class="controls"><button type="button" id="play"></button>
+    <input type="range" id="seek" min="0" max="${last}" step="any" aria-label="Instant">
+    <label>speed <select id="speed">${[500, 200, 100, 50, 20, 10, 5, 1].map(n => `<option value="${n}">${n > 1 ? "1/" + n : "1"}</option>`).join("")}</select></label></div>
+    <p class="readout"><span id="now"></span>${lambda ? [0, 1, 2].map(k => `<span style="color:var(--magnet${k + 1})" id="hat${k}"></span>`).join("") : ""}</p>`;
+  const get = id => document.getElementById(id);
+  const find = selector => root.querySelector(selector);
+  const [play, seek, speed, rotor] = ["play", "seek", "speed", "rotor"].map(get);
+  const centre = find(".centre"), body = find(".body"), trail = find(".trail"), ring = find(".ring"), event = find(".event");
+
+  // A turn a second, or the whole run in ten seconds where the rotor does not turn.
+  const turns = Math.abs(theta[last] - theta[0]) / (2 * Math.PI);
+  const wanted = turns > 1 ? turns / t[last] : 10 / t[last];
+  const speeds = [...speed.options].map(option => Number(option.value));
+  speed.value = speeds.reduce((a, b) => Math.abs(Math.log(b / wanted)) < Math.abs(Math.log(a / wanted)) ? b : a);
+  // The trail is one turn long.
+  const turn = at => {
+    let from = at;
+    while (from > 0 && at - from < 600 && Math.abs(theta[at] - theta[from]) < 2 * Math.PI) from--;
+    return from;
+  };
+
+  // The plot beside: what is still to come lies under a veil.
+  const plot = document.querySelector("#lambda .plot");
+  const veil = Object.assign(document.createElement("div"), {className: "veil"});
+  if (plot) {
+    plot.addEventListener("drawn", () => {
+      if (veil.parentNode) return;
+      plot.append(veil);
+      plot.on("plotly_afterplot", paint);
+      plot.on("plotly_click", click => { at = click.points[0].x / data.timeFactor / step; pause(); paint(); });
+      paint();
+    });
+  }
+  function cover() {
+    const layout = plot && plot._fullLayout;
+    if (!layout || !veil.parentNode) return;
+    const {xaxis, yaxis} = layout, from = Math.min(Math.max(xaxis.l2p(at * step * data.timeFactor), 0), xaxis._length);
+    veil.style.cssText = `left:${xaxis._offset + from}px;width:${xaxis._length - from}px;top:${yaxis._offset}px;height:${yaxis._length}px`;
+  }
+
+  let at = 0, playing = false, before = null;
+  function paint() {
+    const i = Math.min(Math.floor(at), last), j = Math.min(i + 1, last), part = at - i;
+    const value = values => values[i] + part * (values[j] - values[i]);
+    const cy = value(y) * scale, cz = -value(z) * scale;
+    rotor.setAttribute("transform", `translate(${cy} ${cz}) rotate(${-value(theta) * degrees})`);
+    for (const circle of [centre, body]) {
+      circle.setAttribute("cx", cy);
+      circle.setAttribute("cy", cz);
+    }
+    trail.setAttribute("d", path(y, z, turn(i), i));
+    if (refY && refZ) find(".reference").setAttribute("d", path(refY, refZ, turn(i), i));
+    ring.classList.toggle("hit", Boolean(contact && contact[i] > 0.5));
+    for (let k = 0; k < 3; k++) {
+      const pull = Math.max(0, value(force[k])), long = Math.min(pull / most, 1.3) * ARROW;
+      const shaft = get(`arrow${k}`);
+      shaft.setAttribute("transform", `translate(${cy} ${cz}) rotate(${data.alpha[k] * degrees}) translate(0 ${-ROTOR})`);
+      shaft.firstChild.setAttribute("d", `M0 0V${-Math.max(0, long - 12)}`);
+      shaft.lastChild.setAttribute("transform", `translate(0 ${-long}) scale(${Math.min(1, long / 13)})`);
+      get(`coil${k}`).style.fillOpacity = 0.18 + 0.82 * Math.min(1, Math.sqrt(pull / most));
+      get(`pull${k}`).textContent = `${text(pull)} N`;
+      if (lambda) get(`hat${k}`).textContent = `λ̂${"₁₂₃"[k]} ${lambda[k][i].toFixed(3)}`;
+    }
+    const now = at * step;
+    get("now").textContent = `t ${(now * data.timeFactor).toFixed(data.timeFactor > 1 ? 1 : 3)} ${data.timeFactor > 1 ? "ms" : "s"}` +
+      (valid ? valid[i] > 0.5 ? ", valid" : ", not valid" : "");
+    // What happened stays to be read for a while.
+    const told = data.events.filter(([when]) => when <= now && now < when + 40 * step + 0.06 * t[last]).pop();
+    event.textContent = told ? told[1] : "";
+    seek.value = at;
+    cover();
+  }
+  function frame(stamp) {
+    if (!playing) return;
+    if (before !== null) at += Math.min(stamp - before, 100) / 1000 / Number(speed.value) / step;
+    before = stamp;
+    if (at >= last) { at = last; pause(); }
+    paint();
+    if (playing) requestAnimationFrame(frame);
+  }
+  function pause() { playing = false; before = null; play.textContent = "▶"; play.setAttribute("aria-label", "Play"); }
+  function start() {
+    if (at >= last) at = 0;
+    playing = true;
+    play.textContent = "❚❚";
+    play.setAttribute("aria-label", "Pause");
+    requestAnimationFrame(frame);
+  }
+  play.addEventListener("click", () => playing ? pause() : start());
+  seek.addEventListener("input", () => { at = Number(seek.value); pause(); paint(); });
+  // A page may be opened at an instant in s, standing still: report.html#t=0.12
+  const asked = /^#t=([0-9.]+)$/.exec(location.hash);
+  pause();
+  if (asked) at = Math.min(Number(asked[1]) / step, last);
+  else if (!matchMedia("(prefers-reduced-motion: reduce)").matches) start();
+  paint();
+})();

@@ -1,0 +1,70 @@
+// Draws the plots of the page with plotly.js, which the page carries compressed, and links those over time.
+"use strict";
+(async () => {
+  const packed = Uint8Array.from(atob(document.getElementById("plotly").textContent), c => c.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const script = document.createElement("script");
+  script.textContent = await new Response(stream).text();
+  document.head.append(script);
+
+  const plots = [...document.querySelectorAll(".plot")];
+  const specs = new Map(plots.map(div => [div, JSON.parse(div.firstElementChild.textContent)]));
+  const linked = plots.filter(div => "overTime" in div.dataset);
+  // Fingers scroll the page; the buttons of a plot zoom.
+  const touch = matchMedia("(pointer: coarse)").matches;
+  let shown = null;
+
+  // Names of colours become those of the style, light or dark.
+  const style = () => getComputedStyle(document.documentElement);
+  function resolved(value) {
+    if (typeof value === "string" && value.startsWith("--")) return style().getPropertyValue(value).trim();
+    if (Array.isArray(value)) return value.map(resolved);
+    if (value && typeof value === "object") return Object.fromEntries(Object.entries(value).map(([k, v]) => [k, resolved(v)]));
+    return value;
+  }
+  const axis = own => ({gridcolor: "--grid", linecolor: "--rule", zerolinecolor: "--rule", automargin: true,
+    hoverformat: ".6~g", exponentformat: "power", ...own, title: {...own.title, standoff: 6}});
+  function figure(div) {
+    const {data, layout} = specs.get(div);
+    const full = {...layout, xaxis: axis(layout.xaxis), yaxis: axis(layout.yaxis),
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", margin: {l: 10, r: 12, t: 6, b: 8},
+      modebar: {bgcolor: "rgba(0,0,0,0)", color: "--soft", activecolor: "--ink"},
+      font: {family: "system-ui, sans-serif", size: 12, color: "--ink"},
+      legend: {orientation: "h", x: 0, y: 1, yanchor: "bottom", font: {size: 12.5}},
+      hovermode: layout.yaxis.scaleanchor ? "closest" : "x unified", dragmode: touch ? false : "zoom",
+      hoverlabel: {bgcolor: "--wash", bordercolor: "--rule", font: {color: "--ink"}}};
+    if (shown && linked.includes(div)) full.xaxis.range = shown;
+    return [data, full].map(resolved);
+  }
+
+  async function draw(div) {
+    const [data, layout] = figure(div);
+    const first = !div.drawn;
+    div.drawn = true;
+    await Plotly.react(div, data, layout, {responsive: true, displaylogo: false,
+      modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"]});
+    div.dispatchEvent(new Event("drawn"));
+    if (first && linked.includes(div)) div.on("plotly_relayout", change => {
+      const ends = change["xaxis.range"] ?? [change["xaxis.range[0]"], change["xaxis.range[1]"]];
+      if (ends[0] !== undefined) show(ends.map(Number), div);
+      else if (change["xaxis.autorange"]) show(specs.get(div).layout.xaxis.range, null);
+    });
+  }
+
+  // Shows this stretch of time in all plots over time; those that are not drawn yet take it when they are.
+  function show(ends, from) {
+    if (!ends || shown && ends[0] === shown[0] && ends[1] === shown[1]) return;
+    shown = [...ends];
+    for (const div of linked) if (div !== from && div.drawn) Plotly.relayout(div, {"xaxis.range": [...ends]});
+  }
+  for (const button of document.querySelectorAll("#views button"))
+    button.addEventListener("click", () => show([Number(button.dataset.from), Number(button.dataset.to)], null));
+
+  const watch = new IntersectionObserver(entries => {
+    for (const {target, isIntersecting} of entries) if (isIntersecting) { watch.unobserve(target); draw(target); }
+  }, {rootMargin: "800px"});
+  plots.forEach(div => watch.observe(div));
+  const redraw = () => plots.filter(div => div.drawn).forEach(draw);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+  addEventListener("beforeprint", () => plots.filter(div => !div.drawn).forEach(draw));
+})();

@@ -1,0 +1,46 @@
+//! The paper's simulation to the last bit, as it came out before.
+//!
+//! The results are the same on every platform, so that any difference is a change of the equations or of the order in which they
+//! are computed. After a change that is meant, `BITS=write cargo test --release --test app bits::` writes the file anew; the
+//! difference in the file then shows what has moved, and by how much.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use magnetic_bearing::app::scenario::Scenario;
+use magnetic_bearing::app::simulate::run;
+
+/// Samples that stand in the file: the first ones, around the first estimates and around the update, and the last.
+const SAMPLES: [usize; 9] = [0, 1, 2, 200, 208, 1000, 2000, 2001, 4000];
+
+/// Fails if, for instance, the sub-step of the plant or the order of a sum changes.
+#[test]
+fn the_papers_simulation_gives_the_bits_that_it_gave() {
+    let scenario = Scenario::open(Path::new("paper")).expect("a sound scenario");
+    let recording = run(&scenario).expect("a run").recording;
+    let mut text = String::from("signal");
+    for k in SAMPLES {
+        let _ = write!(text, ",{} s", recording.time_s[k]);
+    }
+    for column in &recording.columns {
+        let _ = write!(text, "\n{}", column.name);
+        for k in SAMPLES {
+            let _ = write!(text, ",{:?}", column.values[k]);
+        }
+    }
+    text.push('\n');
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/paper-bits.csv");
+    if std::env::var("BITS").is_ok_and(|what| what == "write") {
+        std::fs::write(&path, &text).expect("a place to write");
+    }
+    let before = std::fs::read_to_string(&path).expect("the file");
+    let moved: Vec<_> = before.lines().zip(text.lines()).filter(|(a, b)| a != b).collect();
+    assert!(
+        moved.is_empty(),
+        "{} of {} signals have moved, among them\n{:#?}",
+        moved.len(),
+        recording.columns.len(),
+        &moved[..moved.len().min(3)]
+    );
+    assert_eq!(before.lines().count(), text.lines().count(), "there are other signals than before");
+}

@@ -1,0 +1,450 @@
+//! The closed loop: two independent ways agree to the last bit, and the numbers of the method come out.
+
+use std::path::Path;
+
+use crate::support::below;
+use magnetic_bearing::app::scenario::Scenario;
+use magnetic_bearing::app::simulate::{self, Run};
+use magnetic_bearing::model::controller::{Controller, ControllerConfig, ControllerInput, UpdateMode};
+use magnetic_bearing::model::estimation::{
+    Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Hold, Method, Tolerance,
+};
+use magnetic_bearing::model::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
+use magnetic_bearing::model::reference::{ReferenceConfig, Shape};
+use magnetic_bearing::slave::variable::Value;
+
+fn scenario(name: &str) -> Scenario {
+    Scenario::open(Path::new(name)).expect("a scenario that comes with the program")
+}
+
+fn run(scenario: &Scenario) -> Run {
+    let run = simulate::run(scenario).expect("sound parameters");
+    assert_eq!(run.fault, None);
+    run
+}
+
+/// Values of a scenario by name.
+struct Values<'a> {
+    scenario: &'a Scenario,
+    element: &'a str,
+}
+
+impl Values<'_> {
+    fn value(&self, name: &str) -> Value {
+        self.scenario.value(self.element, name).unwrap_or_else(|| panic!("{}.{name}", self.element))
+    }
+
+    fn real(&self, name: &str) -> f64 {
+        let Value::Real(value) = self.value(name) else { panic!("{name} is Real") };
+        value
+    }
+
+    fn choice<T: Copy>(&self, name: &str, options: &[T]) -> T {
+        let Value::Integer(value) = self.value(name) else { panic!("{name} is a choice") };
+        options[value as usize - 1]
+    }
+
+    fn integer(&self, name: &str) -> i32 {
+        let Value::Integer(value) = self.value(name) else { panic!("{name} is Integer") };
+        value
+    }
+
+    fn three(&self, name: &str) -> [f64; 3] {
+        std::array::from_fn(|k| self.real(&format!("{name}[{}]", k + 1)))
+    }
+}
+
+fn plant_config(values: &Values) -> PlantConfig {
+    PlantConfig {
+        m_kg: values.real("m"),
+        gap_m: values.real("s"),
+        alpha_rad: values.three("alpha"),
+        lambda_nm2_a2: values.three("lambda"),
+        unbalance_kgm: values.real("unbalance.magnitude"),
+        unbalance_phase_rad: values.real("unbalance.phase"),
+        harmonic: Harmonic {
+            amplitude_n: ["Y", "Z"].map(|axis| values.real(&format!("perturbation.amplitude{axis}"))),
+            omega_rad_s: values.real("perturbation.omega"),
+            phase_rad: ["Y", "Z"].map(|axis| values.real(&format!("perturbation.phase{axis}"))),
+        },
+        position_m: ["Y0", "Z0"].map(|name| values.real(name)),
+        velocity_m_s: ["vY0", "vZ0"].map(|name| values.real(name)),
+        theta_rad: values.real("theta0"),
+        sensor: SensorConfig {
+            position_noise_m: values.real("sensor.positionNoise"),
+            current_noise_a: values.real("sensor.currentNoise"),
+            step_s: values.real("sensor.Ts"),
+            seed: values.integer("sensor.seed") as u64,
+            ..SensorConfig::default()
+        },
+        max_step_s: values.real("solver.maxStep"),
+        ..PlantConfig::default()
+    }
+}
+
+fn controller_config(values: &Values) -> ControllerConfig {
+    ControllerConfig {
+        m_kg: values.real("m"),
+        gap_m: values.real("s"),
+        alpha_rad: values.three("alpha"),
+        step_s: values.real("Ts"),
+        lambda0_nm2_a2: values.three("lambda0"),
+        f0_n: values.real("F0"),
+        modulation: values.real("F0.modulation"),
+        modulation_hz: values.real("F0.modulationFrequency"),
+        tracking_rad_s: values.real("bandwidth.tracking"),
+        observer_rad_s: values.real("bandwidth.observer"),
+        update: values.choice("update.mode", &[UpdateMode::Never, UpdateMode::AtTime, UpdateMode::WhenValid]),
+        update_time_s: values.real("update.time"),
+        reference: ReferenceConfig {
+            shape: values.choice("reference.shape", &[Shape::Ellipse, Shape::Lobes, Shape::External]),
+            r_y_m: values.real("reference.rY"),
+            r_z_m: values.real("reference.rZ"),
+            lobes: values.integer("reference.lobes") as u32,
+            lobe_amplitude_m: values.real("reference.lobeAmplitude"),
+            omega_rad_s: values.real("reference.omega"),
+            bandwidth_rad_s: values.real("bandwidth.reference"),
+            ..ReferenceConfig::default()
+        },
+        ..ControllerConfig::default()
+    }
+}
+
+fn estimator_config(values: &Values) -> EstimatorConfig {
+    EstimatorConfig {
+        m_kg: values.real("m"),
+        gap_m: values.real("s"),
+        alpha_rad: values.three("alpha"),
+        step_s: values.real("Ts"),
+        window_s: values.real("Tf"),
+        epsilon_s: values.real("epsilon"),
+        lambda0_nm2_a2: values.three("lambda0"),
+        method: values.choice("method", &[Method::PaperLiteral, Method::Paper, Method::PredictionError]),
+        hold: values.choice("hold", &[Hold::HeldBefore, Hold::HeldAfter, Hold::Linear]),
+        filter_omega_rad_s: values.real("filter.omega"),
+        filter_zeta: values.real("filter.zeta"),
+        position_noise_m: values.real("sensor.positionNoise"),
+        current_noise_a: values.real("sensor.currentNoise"),
+        identify_unbalance: values.value("identify.unbalance") == Value::Boolean(true),
+        tolerance: Tolerance {
+            m_kg: values.real("tolerance.m"),
+            gap_m: values.real("tolerance.s"),
+            alpha_rad: values.real("tolerance.alpha"),
+            position_gain: values.real("tolerance.positionGain"),
+            position_offset_m: values.real("tolerance.positionOffset"),
+            current_gain: values.real("tolerance.currentGain"),
+            current_offset_a: values.real("tolerance.currentOffset"),
+        },
+    }
+}
+
+/// Compares signals of one row with the recording, bit for bit.
+fn same(run: &Run, row: usize, element: &str, signals: &[(&str, f64)]) {
+    for (name, value) in signals {
+        let name = format!("{element}.{name}");
+        let recorded = run.recording.get(&name).unwrap_or_else(|| panic!("there is no {name}"))[row];
+        assert!(
+            recorded.to_bits() == value.to_bits(),
+            "{name} at {} s: slaves {recorded:e}, models {value:e}",
+            run.recording.time_s[row]
+        );
+    }
+}
+
+fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
+    let output = state.output();
+    let [y, z] = output.load_n;
+    same(
+        run,
+        row,
+        element,
+        &[
+            ("lambdaHat[1]", output.lambda_hat[0]),
+            ("lambdaHat[2]", output.lambda_hat[1]),
+            ("lambdaHat[3]", output.lambda_hat[2]),
+            ("lambdaRaw[1]", output.lambda_raw[0]),
+            ("lambdaRaw[2]", output.lambda_raw[1]),
+            ("lambdaRaw[3]", output.lambda_raw[2]),
+            ("lambdaStd[1]", output.lambda_std[0]),
+            ("lambdaStd[2]", output.lambda_std[1]),
+            ("lambdaStd[3]", output.lambda_std[2]),
+            ("lambdaStdTotal[1]", output.lambda_std_total[0]),
+            ("lambdaStdTotal[2]", output.lambda_std_total[1]),
+            ("lambdaStdTotal[3]", output.lambda_std_total[2]),
+            ("ki[2]", output.ki[1]),
+            ("ks[3]", output.ks[2]),
+            ("noise.position", output.position_noise_m),
+            ("noise.current", output.current_noise_a),
+            ("valid", f64::from(u8::from(output.valid))),
+            ("condition", output.condition),
+            ("residual", output.residual),
+            ("pYHat", y),
+            ("pZHat", z),
+            ("unbalance.magnitude", output.unbalance_kg_m),
+            ("unbalance.phase", output.unbalance_phase_rad),
+        ],
+    );
+}
+
+/// The models in a loop written by hand here, against the slaves in the loop of the program.
+#[test]
+fn models_and_slaves_agree_bit_for_bit() {
+    for name in ["paper", "unbalanced", "turned", "standstill"] {
+        let scenario = scenario(name);
+        let run = run(&scenario);
+        let of = |element| Values { scenario: &scenario, element };
+        let plant = Plant::new(plant_config(&of("plant"))).expect("a plant");
+        let controller = Controller::new(controller_config(&of("controller"))).expect("a controller");
+        let beside = scenario.elements[2..].iter().map(|element| element.name.as_str());
+        let estimators: Vec<_> =
+            beside.map(|name| (name, Estimator::new(estimator_config(&of(name))).expect("an estimator"))).collect();
+
+        let mut rotor = plant.start(0.0);
+        let mut tracking = controller.start(0.0);
+        let mut command = controller.output_at_start();
+        let mut estimates: Vec<_> = estimators.iter().map(|(_, estimator)| estimator.start()).collect();
+        let mut input = PlantInput {
+            current_a: [0.0; 3],
+            perturbation_n: ["pY", "pZ"].map(|name| of("plant").real(name)),
+            omega_rad_s: of("plant").real("omega"),
+            ..PlantInput::default()
+        };
+        let step_s = scenario.step_s;
+        let steps = (scenario.duration_s / step_s).round() as usize;
+        assert_eq!(run.recording.time_s.len(), steps + 1);
+        for step in 0..=steps {
+            let time_s = step as f64 * step_s;
+            let at = plant.outputs(&rotor, &input, rotor.time_s);
+            same(
+                &run,
+                step,
+                "plant",
+                &[
+                    ("Y", rotor.position_m[0]),
+                    ("Z", rotor.position_m[1]),
+                    ("Ym", rotor.measured.position_m[0]),
+                    ("Zm", rotor.measured.position_m[1]),
+                    ("im[1]", rotor.measured.current_a[0]),
+                    ("im[2]", rotor.measured.current_a[1]),
+                    ("im[3]", rotor.measured.current_a[2]),
+                    ("theta", rotor.measured.theta_rad),
+                    ("F[1]", at.force_n[0]),
+                    ("FY", at.resultant_n[0]),
+                    ("FZ", at.resultant_n[1]),
+                    ("gap[3]", at.gap_m[2]),
+                    ("perturbation.Y", at.perturbation_n[0]),
+                    ("perturbation.Z", at.perturbation_n[1]),
+                ],
+            );
+            same(
+                &run,
+                step,
+                "controller",
+                &[
+                    ("i[1]", command.current_a[0]),
+                    ("i[2]", command.current_a[1]),
+                    ("i[3]", command.current_a[2]),
+                    ("eY", command.tracking_error_m[0]),
+                    ("eZ", command.tracking_error_m[1]),
+                    ("pYHat", command.perturbation_n[0]),
+                    ("pZHat", command.perturbation_n[1]),
+                    ("lambdaUsed[1]", command.lambda_used_nm2_a2[0]),
+                    ("FYdes", command.force_n[0]),
+                    ("FZdes", command.force_n[1]),
+                ],
+            );
+            for ((name, _), estimate) in estimators.iter().zip(&estimates) {
+                same_estimate(&run, step, name, estimate);
+            }
+
+            // What each was told before it acts on it: the sample of now, the estimate and the command of before.
+            let seen = ControllerInput {
+                position_m: rotor.measured.position_m,
+                lambda_hat_nm2_a2: estimates[0].output().lambda_hat,
+                lambda_valid: estimates[0].output().valid,
+                omega_rad_s: of("controller").real("reference.omega"),
+                ..ControllerInput::default()
+            };
+            let heard = EstimatorInput {
+                position_m: rotor.measured.position_m,
+                current_a: rotor.measured.current_a,
+                theta_rad: rotor.measured.theta_rad,
+                omega_rad_s: input.omega_rad_s,
+                enable: true,
+                ..EstimatorInput::default()
+            };
+            input.current_a = command.current_a;
+            plant.advance(&mut rotor, &input, time_s, step_s).expect("the rotor stays in the gap");
+            command = controller.sample(&mut tracking, &seen).expect("finite inputs");
+            for ((_, estimator), estimate) in estimators.iter().zip(&mut estimates) {
+                estimator.sample(estimate, &heard);
+            }
+        }
+    }
+}
+
+/// λ̂ of an estimator at an instant, as errors in per cent of the truth.
+fn errors_percent(scenario: &Scenario, run: &Run, element: &str, instant_s: f64) -> [f64; 3] {
+    let row = run.recording.time_s.iter().position(|time_s| *time_s >= instant_s - 1e-9).expect("the run got there");
+    let truth = Values { scenario, element: "plant" }.three("lambda");
+    std::array::from_fn(|k| {
+        let column = run.recording.get(&format!("{element}.lambdaHat[{}]", k + 1)).expect("an estimate");
+        100.0 * (column[row] / truth[k] - 1.0)
+    })
+}
+
+#[track_caller]
+fn all_within(what: &str, errors_percent: [f64; 3], limit_percent: f64) {
+    for (k, error) in errors_percent.into_iter().enumerate() {
+        below(&format!("{what}, error of lambda[{}] in per cent", k + 1), error.abs(), limit_percent);
+    }
+}
+
+/// The paper's loop without any perturbation.
+const CALM: &str = r#"
+title = "No perturbation"
+duration = "0.2 s"
+step = "100 µs"
+compare = ["paper", "predictionError"]
+[controller]
+update.mode = "never"
+[estimator]
+method = "predictionError"
+"#;
+
+/// Per cent. Demanded of prediction errors with the hold matched and nothing disturbing.
+const PREDICTION_ERROR_PERCENT: f64 = 0.005;
+/// Per cent. Demanded of the paper's method there.
+const PAPER_PERCENT: f64 = 0.3;
+
+#[test]
+fn without_perturbation_the_force_constants_come_out() {
+    let scenario = Scenario::parse("calm", CALM).expect("a sound scenario");
+    let run = run(&scenario);
+    all_within("predictionError", errors_percent(&scenario, &run, "predictionError", 0.1), PREDICTION_ERROR_PERCENT);
+    all_within("paper", errors_percent(&scenario, &run, "paper", 0.1), PAPER_PERCENT);
+}
+
+/// One sample of misalignment costs more than 10 %; that is what the choice of hold is for.
+#[test]
+fn the_wrong_hold_is_far_off() {
+    let wrong = CALM.replace("method = \"predictionError\"", "method = \"predictionError\"\nhold = \"heldAfter\"");
+    let scenario = Scenario::parse("calm", &wrong).expect("a sound scenario");
+    let run = run(&scenario);
+    let errors = errors_percent(&scenario, &run, "paper", 0.1);
+    let worst = errors.into_iter().fold(0.0, |worst: f64, error| worst.max(error.abs()));
+    assert!(worst > 10.0, "the worst error is {worst} % only: {errors:?}");
+}
+
+/// Percentage points: how far the tracking error before the update moves the estimates of the paper's method.
+const TRACKING_POINTS: f64 = 0.7;
+
+/// On the paper's scenario the method of the paper is off by what the physics of it says.
+///
+/// A perturbation `p sin ωt` in phase with the path `Z = r_Z sin ωt` looks to it like forces of the magnets. The
+/// magnets give `m Z̈ − p sin ωt = −(m ω² r_Z + p) sin ωt` and the motion shows `−m ω² r_Z sin ωt`, so that all three
+/// force constants come out by the factor `m ω² r_Z/(m ω² r_Z + p)`: −4.14 % with p = 2 N. Four per cent, which were
+/// hoped for, are therefore out of its reach for at least one of them; what differs between the three is the tracking
+/// error.
+#[test]
+fn the_paper_s_method_is_off_by_the_part_of_the_perturbation_in_the_motion() {
+    let scenario = scenario("paper");
+    let run = run(&scenario);
+    let plant = Values { scenario: &scenario, element: "plant" };
+    let controller = Values { scenario: &scenario, element: "controller" };
+    let omega = controller.real("reference.omega");
+    let force_n = plant.real("m") * omega * omega * controller.real("reference.rZ");
+    let perturbation_n = plant.real("perturbation.amplitudeZ");
+    let wanted = -100.0 * perturbation_n / (force_n + perturbation_n);
+    let errors = errors_percent(&scenario, &run, "paper", 0.1);
+    for (k, error) in errors.into_iter().enumerate() {
+        below(
+            &format!("error of lambda[{}] = {error} % away from {wanted} %, in points", k + 1),
+            (error - wanted).abs(),
+            TRACKING_POINTS,
+        );
+    }
+}
+
+#[test]
+fn equation_20_to_the_letter_diverges() {
+    let scenario = scenario("paper");
+    let run = run(&scenario);
+    let truth = Values { scenario: &scenario, element: "plant" }.three("lambda");
+    let mut worst = 0.0_f64;
+    for (k, truth) in truth.iter().enumerate() {
+        let column = run.recording.get(&format!("paperLiteral.lambdaHat[{}]", k + 1)).expect("an estimate");
+        let late = run.recording.time_s.iter().zip(column).filter(|(time_s, _)| **time_s > 0.1);
+        worst = late.fold(worst, |worst, (_, value)| worst.max((value / truth - 1.0).abs()));
+    }
+    assert!(worst > 1.0, "after 0.1 s it stays within {} % of the truth", 100.0 * worst);
+}
+
+/// Greatest less least value, and the greatest magnitude, of a signal over a stretch of time.
+fn over(run: &Run, signal: &[f64], from_s: f64, to_s: f64) -> (f64, f64) {
+    let within = run.recording.time_s.iter().zip(signal).filter(|(time_s, _)| (from_s..=to_s).contains(*time_s));
+    let (low, high) = within
+        .map(|(_, value)| (*value, *value))
+        .reduce(|(low, high), (value, _)| (low.min(value), high.max(value)))
+        .expect("samples in the stretch");
+    (high - low, high.max(-low))
+}
+
+/// At least by this the swing of p̂ falls at the update, says the paper.
+const SWING_RATIO: f64 = 3.0;
+
+#[test]
+fn after_the_update_the_loop_is_quieter() {
+    let scenario = scenario("paper");
+    let run = run(&scenario);
+    // Two revolutions before the update at 0.2 s, and the last two of the run.
+    let (before, after) = ((0.16, 0.2), (0.36, 0.4));
+    for axis in ["Y", "Z"] {
+        let estimate = run.recording.get(&format!("controller.p{axis}Hat")).expect("a signal");
+        let swing = |(from_s, to_s)| over(&run, estimate, from_s, to_s).0;
+        let ratio = swing(before) / swing(after);
+        assert!(ratio > SWING_RATIO, "the swing on {axis} falls by a factor of {ratio} only");
+
+        let position = run.recording.get(&format!("plant.{axis}")).expect("a signal");
+        let reference = run.recording.get(&format!("controller.reference.{axis}")).expect("a signal");
+        let error: Vec<f64> = position.iter().zip(reference).map(|(is, ought)| is - ought).collect();
+        let largest = |(from_s, to_s)| over(&run, &error, from_s, to_s).1;
+        below(&format!("largest error on {axis} after the update, in m"), largest(after), largest(before));
+    }
+}
+
+/// Per cent. The same as for the paper's bearing: nothing of it is built in.
+const OTHER_BEARING_PERCENT: f64 = 0.005;
+
+#[test]
+fn another_bearing_works_without_touching_code() {
+    let scenario = scenario("turned");
+    let run = run(&scenario);
+    for instant_s in [0.1, 0.2, 0.4] {
+        let errors = errors_percent(&scenario, &run, "predictionError", instant_s);
+        all_within(&format!("predictionError at {instant_s} s"), errors, OTHER_BEARING_PERCENT);
+    }
+}
+
+/// Per cent, from the measurements in the method: an unbalance of 20 N and a constant load, no noise.
+const UNBALANCE_PERCENT: f64 = 0.005;
+
+#[test]
+fn an_unbalance_is_identified_together_with_the_force_constants() {
+    let scenario = scenario("unbalanced");
+    let run = run(&scenario);
+    all_within("predictionError", errors_percent(&scenario, &run, "predictionError", 0.1), UNBALANCE_PERCENT);
+    // The paper's method takes the unbalance for forces of the magnets.
+    let errors = errors_percent(&scenario, &run, "paper", 0.1);
+    assert!(errors.iter().any(|error| error.abs() > 20.0), "the paper's method: {errors:?} %");
+
+    let truth = Values { scenario: &scenario, element: "plant" };
+    let row = run.recording.time_s.iter().position(|time_s| *time_s >= 0.1).expect("the run got there");
+    let magnitude = run.recording.get("predictionError.unbalance.magnitude").expect("a signal")[row];
+    let phase = run.recording.get("predictionError.unbalance.phase").expect("a signal")[row];
+    let error = 100.0 * (magnitude / truth.real("unbalance.magnitude") - 1.0);
+    below("error of the unbalance, in per cent", error.abs(), UNBALANCE_PERCENT);
+    /// Radian; the same part of the unbalance, across instead of along.
+    const PHASE: f64 = UNBALANCE_PERCENT / 100.0;
+    below("error of its phase", (phase - truth.real("unbalance.phase")).abs(), PHASE);
+}

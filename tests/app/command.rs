@@ -1,0 +1,504 @@
+//! The built program: what it writes and says, and the exit codes that scripts rely on.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::time::Instant;
+
+use crate::support::says;
+
+/// Seconds. What the main job may take on two cores is five; more than this is not the machine's fault.
+const MAIN_JOB_S: f64 = 30.0;
+
+/// An empty folder of this test's own.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("command").join(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).expect("a folder");
+    folder
+}
+
+/// Runs the program in a folder.
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"));
+    command.current_dir(folder).args(arguments).output().expect("the program runs")
+}
+
+/// Exit code, standard output and standard error.
+fn said(output: &Output) -> (i32, String, String) {
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).expect("UTF-8");
+    (output.status.code().expect("an exit code"), text(&output.stdout), text(&output.stderr))
+}
+
+#[test]
+fn the_main_job_packages_runs_and_reports() {
+    let folder = folder("main");
+    let begin = Instant::now();
+    let (code, out, err) = said(&run(&folder, &[]));
+    let lasted_s = begin.elapsed().as_secs_f64();
+    assert_eq!(code, 0, "{err}");
+    assert!(lasted_s < MAIN_JOB_S, "{lasted_s} s, the limit is {MAIN_JOB_S} s");
+
+    let archives = ["MagneticBearing.fmu", "FlatnessController.fmu", "AlgebraicEstimator.fmu", "MagneticBearing.ssp"];
+    for archive in archives {
+        let path = format!("target/fmu/{archive}");
+        says(&out, &[&path]);
+        let bytes = fs::read(folder.join(&path)).expect("an archive");
+        assert_eq!(&bytes[..4], b"PK\x03\x04", "{archive} is a zip archive");
+        let kilobytes = bytes.len().div_ceil(1000);
+        says(&out, &[&format!("{archive} ({kilobytes} kB)")]);
+    }
+    says(&out, &["truth", "paper, figure 2", "paperLiteral at 0.1 s", "paper at 0.1 s", "predictionError at 0.2 s"]);
+    says(&out, &["before", "after", "µm", "N", "target/report/index.html"]);
+    let page = fs::read_to_string(folder.join("target/report/index.html")).expect("the report");
+    says(&page, &["<!DOCTYPE html>", "application/json", ">cargo run --release<", "</html>"]);
+    assert_eq!(err, "", "nothing goes wrong, and nobody looks at a progress bar");
+}
+
+#[test]
+fn a_scenario_is_printed_changed_and_run() {
+    let folder = folder("simulate");
+    let (code, text, _) = said(&run(&folder, &["simulate", "--print", "unbalanced"]));
+    assert_eq!(code, 0);
+    let file = folder.join("mine.toml");
+    fs::write(&file, text.replace("duration = \"0.4 s\"", "duration = \"30 ms\"")).expect("a file");
+    let (code, out, err) = said(&run(&folder, &["simulate", "mine.toml", "--csv", "out.csv", "--report", "page"]));
+    assert_eq!(code, 0, "{err}");
+    says(&out, &["out.csv", "page/index.html"]);
+
+    let csv = fs::read_to_string(folder.join("out.csv")).expect("the table");
+    let mut lines = csv.lines();
+    let head = lines.next().expect("a head");
+    let names =
+        ["time [s]", "plant.Y [m]", "controller.i[1] [A]", "estimator.lambdaHat[1] [N.m2/A2]", "predictionError.valid"];
+    says(head, &names);
+    let columns = head.split(',').count();
+    let rows: Vec<Vec<f64>> = lines
+        .map(|line| line.split(',').map(|cell| cell.parse().unwrap_or_else(|_| panic!("{cell} is a number"))).collect())
+        .collect();
+    assert_eq!(rows.len(), 301, "30 ms in steps of 100 µs, both ends included");
+    assert!(rows.iter().all(|row| row.len() == columns && row.iter().all(|value| value.is_finite())));
+    let page = fs::read_to_string(folder.join("page/index.html")).expect("the report");
+    let command = "cargo run --release -- simulate mine.toml --csv out.csv --report page";
+    says(&page, &["application/json", "A rotor with unbalance", command]);
+}
+
+#[test]
+fn a_scenario_that_cannot_be_read_is_refused() {
+    let folder = folder("bad");
+    fs::write(
+        folder.join("bad.toml"),
+        "title = \"Bad\"\nduration = -1\nstep = 1e-4\n[plant]\nlamda = 1\nY0 = \"1 inch\"\n",
+    )
+    .expect("a file");
+    let (code, out, err) = said(&run(&folder, &["simulate", "bad.toml", "--csv", "out.csv"]));
+    assert_eq!((code, out.as_str()), (1, ""));
+    says(&err, &["error: bad.toml:", "duration = -1", "lamda", "did you mean lambda?", "Y0", "1 inch"]);
+    assert!(!folder.join("out.csv").exists(), "nothing was computed");
+
+    let (code, _, err) = said(&run(&folder, &["simulate", "none.toml"]));
+    assert_eq!(code, 1);
+    says(&err, &["none.toml", "cannot be read", "paper,", "unbalanced", "turned"]);
+
+    fs::write(folder.join("zero.toml"), "title = \"Zero\"\nduration = 1\nstep = 1e-4\n[all]\nm = 0\n").expect("a file");
+    let (code, _, err) = said(&run(&folder, &["simulate", "zero.toml"]));
+    assert_eq!(code, 1);
+    says(&err, &["[plant] m = 0 kg", "[controller] m", "[estimator] m"]);
+
+    let (code, _, err) = said(&run(&folder, &["simulate", "--print", "nothing"]));
+    assert_eq!(code, 1);
+    says(&err, &["nothing", "paper,", "unbalanced", "turned"]);
+}
+
+#[test]
+fn a_run_that_ends_early_keeps_what_it_has() {
+    let folder = folder("early");
+    // A push that no current of the controller can hold.
+    fs::write(
+        folder.join("push.toml"),
+        "title = \"A push\"\nduration = \"0.2 s\"\nstep = \"100 µs\"\n[plant]\npZ = \"-20000 N\"\n",
+    )
+    .expect("a file");
+    let (code, _, err) = said(&run(&folder, &["simulate", "push.toml", "--csv", "out.csv", "--report", "page"]));
+    assert_eq!(code, 1);
+    says(&err, &["the run ended early", "plant", "leaves the gap", "magnet"]);
+    let rows = fs::read_to_string(folder.join("out.csv")).expect("the table").lines().count();
+    assert!(rows > 2 && rows < 2000, "{rows} lines");
+    let page = fs::read_to_string(folder.join("page/index.html")).expect("the report");
+    says(&page, &["leaves the gap", "</html>"]);
+}
+
+#[test]
+fn what_cannot_be_written_is_named() {
+    let folder = folder("unwritable");
+    fs::write(folder.join("taken"), "a file").expect("a file");
+    fs::write(folder.join("short.toml"), "title = \"Short\"\nduration = 1e-3\nstep = 1e-4\n").expect("a file");
+    for arguments in
+        [["simulate", "short.toml", "--csv", "taken/out.csv"], ["simulate", "short.toml", "--report", "taken/page"]]
+    {
+        let (code, _, err) = said(&run(&folder, &arguments));
+        assert_eq!(code, 1, "{arguments:?}");
+        says(&err, &["error: ", arguments[3]]);
+    }
+    let (code, _, err) = said(&run(&folder, &["package", "--out", "taken"]));
+    assert_eq!(code, 1);
+    says(&err, &["error: ", "taken"]);
+}
+
+#[test]
+fn descriptions_go_where_they_are_wanted() {
+    let folder = folder("describe");
+    let (code, _, err) = said(&run(&folder, &["describe", "--out", "."]));
+    assert_eq!(code, 0, "{err}");
+    for model in ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"] {
+        let text = fs::read_to_string(folder.join(format!("{model}.xml"))).expect("a model description");
+        says(&text, &["fmiVersion=\"2.0\"", &format!("modelName=\"{model}\"")]);
+    }
+}
+
+#[test]
+fn help_says_what_there_is() {
+    let folder = folder("help");
+    let (code, out, _) = said(&run(&folder, &["--help"]));
+    assert_eq!(code, 0);
+    says(&out, &["Without a command", "package", "simulate", "describe", "--version", "target/report/index.html"]);
+    let (code, out, _) = said(&run(&folder, &["simulate", "--help"]));
+    assert_eq!(code, 0);
+    says(&out, &["[plant]", "[all]", "--csv", "--report", "--print", "paper"]);
+    let (code, out, _) = said(&run(&folder, &["--version"]));
+    assert_eq!(code, 0);
+    let version =
+        out.trim().strip_prefix(concat!("magnetic-bearing ", env!("CARGO_PKG_VERSION"))).expect("the version");
+    // Sources without a repository have no commit.
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    if here.join(".git").exists() {
+        let head = Command::new("git").current_dir(here).args(["rev-parse", "HEAD"]).output().expect("git");
+        let head = String::from_utf8(head.stdout).expect("UTF-8");
+        assert_eq!(version, format!(" ({})", &head[..12]));
+    } else {
+        assert_eq!(version, "");
+    }
+}
+
+#[test]
+fn arguments_that_make_no_sense_are_answered_with_2() {
+    let folder = folder("arguments");
+    for arguments in [
+        &["--nonsense"][..],
+        &["nonsense"],
+        &["simulate"],
+        &["simulate", "paper", "--csv"],
+        &["simulate", "paper", "--print", "--csv", "x.csv"],
+        &["package", "paper"],
+    ] {
+        let (code, out, err) = said(&run(&folder, arguments));
+        assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}");
+        says(&err, &["error: ", "--help"]);
+    }
+}
+
+#[test]
+fn montecarlo_refuses_what_it_cannot_run() {
+    let folder = folder("montecarlo");
+    for (arguments, wanted) in [
+        (["--only", "nosuch"], ["--only \"nosuch\"", "no study has this in its title", "Drawn bearings, noise told"]),
+        (["--runs", "0"], ["--runs", "'0'", "a whole number above 0 is wanted"]),
+        (["--runs", "many"], ["--runs", "'many'", "a whole number above 0 is wanted"]),
+    ] {
+        let (code, out, err) = said(&run(&folder, &[["montecarlo"].as_slice(), &arguments].concat()));
+        assert_eq!(code, 2, "{err}");
+        assert_eq!(out, "");
+        says(&err, &wanted);
+    }
+}
+
+/// A short run of the unbalanced rotor, as a table.
+fn bench(folder: &Path) -> String {
+    let (_, text, _) = said(&run(folder, &["simulate", "--print", "unbalanced"]));
+    fs::write(folder.join("bench.toml"), text.replace("duration = \"0.4 s\"", "duration = \"0.1 s\"")).expect("a file");
+    let (code, _, err) = said(&run(folder, &["simulate", "bench.toml", "--csv", "bench.csv"]));
+    assert_eq!(code, 0, "{err}");
+    fs::read_to_string(folder.join("bench.csv")).expect("the table")
+}
+
+#[test]
+fn recordings_that_cannot_be_used_are_answered_with_2() {
+    let folder = folder("misread");
+    let text = bench(&folder);
+    let (code, out, err) = said(&run(&folder, &["identify", "bench.csv"]));
+    assert_eq!((code, err.as_str()), (0, ""), "{out}");
+    // What each wrong header makes of the recording, and what is said.
+    type Case<'a> = (&'a [(&'a str, &'a str)], &'a [&'a str]);
+    let cases: [Case; 4] = [
+        (&[("time [s]", "time [ms]")], &["every 100 ns", "--unit time=s"]),
+        (&[("plant.theta [rad]", "plant.theta [rev]")], &["--unit theta=rad"]),
+        (
+            &[
+                ("plant.im[1] [A]", "plant.im[1] [mA]"),
+                ("plant.im[2] [A]", "plant.im[2] [mA]"),
+                ("plant.im[3] [A]", "plant.im[3] [mA]"),
+            ],
+            &["--unit im[1]=A", "--unit im[3]=A"],
+        ),
+        (&[("plant.Ym [m]", "plant.Ym [furlong]"), ("plant.Zm [m]", "plant.Zm [ell]")], &["furlong", "ell", "µm"]),
+    ];
+    for (changes, words) in cases {
+        let mut changed = text.clone();
+        for (from, to) in changes {
+            assert!(changed.contains(from), "{from} stands in the header");
+            changed = changed.replacen(from, to, 1);
+        }
+        fs::write(folder.join("changed.csv"), changed).expect("a file");
+        for options in [&[][..], &["--json", "-"], &["--hold", "auto", "--method", "all"]] {
+            let arguments = [&["identify", "changed.csv"], options].concat();
+            let (code, out, err) = said(&run(&folder, &arguments));
+            assert_eq!(code, 2, "{changes:?} {options:?}: {err}");
+            if options.contains(&"--json") {
+                let refusal: serde_json::Value = serde_json::from_str(&out).expect("one document");
+                assert!(refusal["valid"] == false && refusal["findings"].is_array(), "{refusal}");
+            } else {
+                assert_eq!(out, "");
+            }
+            says(&err, &["error: changed.csv: the recording cannot be used"]);
+            says(&err, words);
+        }
+    }
+    // The file itself is another matter.
+    let (code, _, err) = said(&run(&folder, &["identify", "none.csv"]));
+    assert_eq!(code, 1);
+    says(&err, &["none.csv"]);
+    for arguments in [
+        &["identify", "bench.csv", "--rate", "10"][..],
+        &["identify", "bench.csv", "--step", "1 kg"],
+        &["identify", "bench.csv", "--rate", "10kHz", "--step", "100us"],
+        &["identify", "bench.csv", "--rate", "9kHz"],
+    ] {
+        let (code, out, err) = said(&run(&folder, arguments));
+        assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}: {err}");
+    }
+    // Methods that are gone are refused with what replaces them.
+    for method in ["leastSquares", "unbalance"] {
+        let (code, _, err) = said(&run(&folder, &["identify", "bench.csv", "--method", method]));
+        assert_ne!(code, 0);
+        says(&err, &["--method", method, "predictionError"]);
+    }
+}
+
+#[test]
+fn json_on_the_standard_output_is_one_document_and_nothing_else() {
+    let folder = folder("json");
+    bench(&folder);
+    let arguments = [
+        "identify",
+        "bench.csv",
+        "--rate",
+        "10kHz",
+        "--hold",
+        "auto",
+        "--json",
+        "-",
+        "--csv",
+        "out.csv",
+        "--report",
+        "page",
+    ];
+    let (code, out, err) = said(&run(&folder, &arguments));
+    assert_eq!(code, 0, "{err}");
+    let document: serde_json::Value = serde_json::from_str(&out).unwrap_or_else(|error| panic!("{error}: {out}"));
+    assert!(document.is_object(), "{out}");
+    says(&err, &["1001 samples of 100 µs", "page/index.html"]);
+}
+
+/// Runs the program with a text on its standard input.
+fn run_with_input(folder: &Path, arguments: &[&str], text: &str) -> Output {
+    use std::io::Write;
+    use std::process::Stdio;
+    let mut command = Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"));
+    command.current_dir(folder).args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("the program runs");
+    child.stdin.take().expect("its input").write_all(text.as_bytes()).expect("it reads");
+    child.wait_with_output().expect("it ends")
+}
+
+/// A scenario of 5 ms.
+const SHORT: &str = "title = \"Short\"\nduration = 5e-3\nstep = 1e-4\n";
+
+/// Fails if a line that could not be printed is forgotten, or told once more for every other line.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_standard_output_is_an_error() {
+    let folder = folder("full");
+    fs::write(folder.join("short.toml"), SHORT).expect("a file");
+    for arguments in [&["simulate", "short.toml"][..], &["simulate", "--print", "paper"], &["completions", "bash"]] {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("the device");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"));
+        let output = command.current_dir(&folder).args(arguments).stdout(full).output().expect("the program runs");
+        let (code, _, err) = said(&output);
+        assert_eq!(code, 1, "{arguments:?}");
+        assert_eq!(err.lines().count(), 1, "{err}");
+        says(&err, &["error: standard output", "No space left"]);
+    }
+    for arguments in
+        [["simulate", "short.toml", "--csv", "/dev/full"], ["simulate", "short.toml", "--json", "/dev/full"]]
+    {
+        let (code, _, err) = said(&run(&folder, &arguments));
+        assert_eq!(code, 1);
+        says(&err, &["error: /dev/full: No space left"]);
+    }
+    // It has no end to read to, either.
+    fs::write(folder.join("design.csv"), "plant.m\n6.7\n").expect("a file");
+    let (code, _, err) = said(&run(&folder, &["sweep", "design.csv", "--out", "/dev/full"]));
+    assert_eq!(code, 1);
+    says(&err, &["/dev/full", "no regular file"]);
+}
+
+#[test]
+fn a_hyphen_is_the_standard_input_or_output() {
+    let folder = folder("hyphen");
+    fs::write(folder.join("short.toml"), SHORT).expect("a file");
+    let (code, _, err) = said(&run(&folder, &["simulate", "short.toml", "--csv", "out.csv", "--json", "out.json"]));
+    assert_eq!(code, 0, "{err}");
+    let table = fs::read_to_string(folder.join("out.csv")).expect("a table");
+    let document = fs::read_to_string(folder.join("out.json")).expect("a document");
+    for (arguments, wanted) in [(["simulate", "-", "--csv", "-"], table), (["simulate", "-", "--json", "-"], document)]
+    {
+        let (code, out, err) = said(&run_with_input(&folder, &arguments, SHORT));
+        assert_eq!(code, 0, "{err}");
+        assert!(out == wanted, "{arguments:?}: the result and nothing else: {out}");
+        says(&err, &["Short", "Estimated force constants"]);
+    }
+    let (code, _, err) = said(&run(&folder, &["simulate", "short.toml", "--csv", "-", "--json", "-"]));
+    assert_eq!(code, 2);
+    says(&err, &["--csv - and --json -"]);
+    assert!(!folder.join("-").exists());
+
+    fs::write(folder.join("design.csv"), "plant.m\n6.7\n6.8\n").expect("a file");
+    let sweep = ["sweep", "design.csv", "--scenario", "short.toml", "--out"];
+    let (code, _, err) = said(&run(&folder, &[&sweep[..], &["rows.csv"]].concat()));
+    assert_eq!(code, 0, "{err}");
+    let arguments = ["sweep", "-", "--scenario", "short.toml", "--out", "-"];
+    let (code, out, err) = said(&run_with_input(&folder, &arguments, "plant.m\n6.7\n6.8\n"));
+    assert_eq!((code, out), (0, fs::read_to_string(folder.join("rows.csv")).expect("rows")), "{err}");
+    says(&err, &["2 rows"]);
+}
+
+#[test]
+fn values_are_changed_without_a_scenario_of_ones_own() {
+    let folder = folder("set");
+    fs::write(folder.join("short.toml"), format!("{SHORT}[controller]\nm = 6.0\nreference.rY = 1e-5\n"))
+        .expect("a file");
+    let set = |changes: &[&str]| {
+        let changes = changes.iter().flat_map(|change| ["--set", change]);
+        let arguments: Vec<_> = ["simulate", "short.toml", "--json", "-"].into_iter().chain(changes).collect();
+        said(&run(&folder, &arguments))
+    };
+    let (code, out, err) =
+        set(&["m=7", "lambda=[1e-6, 2e-6, 3e-6]", "reference.rY=20 µm", "duration=3 ms", "plant.pZ=-20"]);
+    assert_eq!(code, 0, "{err}");
+    let document: serde_json::Value = serde_json::from_str(&out).expect("a document");
+    assert_eq!(document["duration"], 3e-3);
+    assert_eq!(document["end"], 3e-3);
+    assert_eq!(document["lambda"], serde_json::json!([1e-6, 2e-6, 3e-6]));
+    assert_eq!(document["complete"], true);
+    assert_eq!(document["changes"][0], "m=7");
+    // The same as a scenario that says so.
+    let text = "title = \"Short\"\nduration = 3e-3\nstep = 1e-4\n[all]\nm = 7\n[plant]\nlambda = [1e-6, 2e-6, 3e-6]\npZ = -20\n\
+                [controller]\nreference.rY = 2e-5\n";
+    let (code, same, err) = said(&run_with_input(&folder, &["simulate", "-", "--json", "-"], text));
+    assert_eq!(code, 0, "{err}");
+    let same: serde_json::Value = serde_json::from_str(&same).expect("a document");
+    assert_eq!(document["outputs"], same["outputs"]);
+
+    let (code, out, err) = set(&["mass=7", "plant.m=heavy", "plant.lamda=1", "duration=0"]);
+    assert_eq!((code, out.as_str()), (1, ""));
+    says(&err, &["mass: there is no variable", "m = \"heavy\"", "did you mean lambda?", "duration = 0"]);
+    let (code, _, err) = set(&["m"]);
+    assert_eq!(code, 2);
+    says(&err, &["NAME=VALUE"]);
+}
+
+#[test]
+fn files_of_another_kind_are_not_overwritten() {
+    let folder = folder("kinds");
+    fs::write(folder.join("short.toml"), SHORT).expect("a file");
+    fs::create_dir(folder.join("page")).expect("a folder");
+    fs::create_dir(folder.join("fmu")).expect("a folder");
+    for (file, arguments) in [
+        ("mine.txt", &["simulate", "short.toml", "--csv", "mine.txt"][..]),
+        ("mine.txt", &["simulate", "short.toml", "--json", "mine.txt"]),
+        ("short.toml", &["simulate", "short.toml", "--csv", "short.toml"]),
+        ("page/index.html", &["simulate", "short.toml", "--report", "page"]),
+        ("fmu/MagneticBearing.ssp", &["package", "--out", "fmu"]),
+        ("VARIABLES.md", &["describe", "--out", "."]),
+    ] {
+        let path = folder.join(file);
+        let before = if file == "short.toml" { SHORT } else { "notes" };
+        fs::write(&path, before).expect("a file");
+        let (code, _, err) = said(&run(&folder, arguments));
+        assert_eq!(code, 1, "{arguments:?}: {err}");
+        says(&err, &[file, "it is there already"]);
+        assert_eq!(fs::read_to_string(&path).expect("the file"), before, "{arguments:?}");
+        if file != "short.toml" {
+            fs::remove_file(&path).expect("a file");
+        }
+        assert_eq!(fs::read_dir(folder.join("fmu")).expect("a folder").count(), 0, "all archives or none");
+    }
+    // What the program has written it writes again.
+    for _ in 0..2 {
+        let arguments = ["simulate", "short.toml", "--csv", "a.csv", "--json", "a.json", "--report", "page"];
+        let (code, _, err) = said(&run(&folder, &arguments));
+        assert_eq!(code, 0, "{err}");
+    }
+    // The recording is of the same kind as the table of estimates.
+    bench(&folder);
+    let (code, _, err) = said(&run(&folder, &["identify", "bench.csv", "--csv", "./bench.csv"]));
+    assert_eq!(code, 2);
+    says(&err, &["this is the recording"]);
+}
+
+#[test]
+fn failed_cases_are_counted() {
+    let folder = folder("failed");
+    fs::write(folder.join("short.toml"), SHORT).expect("a file");
+    fs::write(folder.join("design.csv"), "plant.m\n6.7\n-1\n0\n").expect("a file");
+    // Also when all rows were there before.
+    for out in ["rows.csv", "rows.csv", "-"] {
+        let arguments = ["sweep", "design.csv", "--scenario", "short.toml", "--out", out];
+        let (code, _, err) = said(&run(&folder, &arguments));
+        assert_eq!(code, 1);
+        says(&err, &["2 of 3 cases failed"]);
+    }
+}
+
+#[test]
+fn negative_numbers_are_values_and_refused_as_such() {
+    let folder = folder("negative");
+    fs::write(folder.join("empty.csv"), "").expect("a file");
+    for arguments in [
+        ["identify", "empty.csv", "--position-noise", "-1"],
+        ["identify", "empty.csv", "--current-noise", "nan"],
+        ["identify", "empty.csv", "--window", "-1"],
+        ["montecarlo", "paper", "--position-noise", "-1e-7"],
+        ["montecarlo", "paper", "--at", "-1"],
+        ["design", "--scenario=paper", "--position-noise", "-1"],
+        ["design", "--scenario=paper", "--sample-time", "-1"],
+    ] {
+        let (code, out, err) = said(&run(&folder, &arguments));
+        assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}");
+        says(&err, &[&format!("invalid value '{}' for '{}", arguments[3], arguments[2]), "is wanted"]);
+    }
+    let (code, out, err) = said(&run(&folder, &["design", "--speed", "0", "--at", "0.01"]));
+    assert_eq!(code, 0, "{err}");
+    assert!(!out.contains("inf") && !out.contains("NaN"), "{out}");
+    says(&out, &["at 0 rpm"]);
+}
+
+#[test]
+fn shells_complete_commands() {
+    let folder = folder("shells");
+    for shell in ["bash", "zsh", "fish", "powershell"] {
+        let (code, out, err) = said(&run(&folder, &["completions", shell]));
+        assert_eq!(code, 0, "{err}");
+        says(&out, &["magnetic-bearing", "simulate", "montecarlo"]);
+    }
+}

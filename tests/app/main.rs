@@ -1,0 +1,27 @@
+//! The program: scenarios, simulations, studies, identification from recordings, reports, packages.
+
+#[path = "../support/bench.rs"]
+mod bench;
+#[path = "../support/running.rs"]
+mod running;
+#[path = "../support/mod.rs"]
+mod support;
+
+mod bits;
+mod bound;
+mod closed_loop;
+mod command;
+mod contour;
+mod design;
+mod identify;
+mod layers;
+mod likelihood;
+mod montecarlo;
+mod package;
+mod platforms;
+mod report;
+mod scenario;
+mod scenarios;
+mod survey;
+mod sweep;
+mod uncertainty;

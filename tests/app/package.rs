@@ -1,0 +1,428 @@
+//! The archives: the same bytes every time, complete, and each part fit for what reads it.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::fs;
+use std::io::{Cursor, Read};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::support::says;
+use magnetic_bearing::app::package::{self, Written};
+use magnetic_bearing::app::scenario::Scenario;
+use magnetic_bearing::slave::catalogue;
+use magnetic_bearing::slave::variable::Type;
+use roxmltree::{Document, Node};
+use zip::{CompressionMethod, ZipArchive};
+
+/// An empty folder of this test's own.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("package").join(name);
+    let _ = fs::remove_dir_all(&folder);
+    folder
+}
+
+/// Packages into a folder of that name.
+fn packaged(name: &str) -> Vec<Written> {
+    let library = package::built_library().expect("the library is built with the tests");
+    package::package(&library, &folder(name)).expect("the archives")
+}
+
+fn members(bytes: &[u8]) -> BTreeMap<String, Vec<u8>> {
+    let mut archive = ZipArchive::new(Cursor::new(bytes)).expect("a zip archive");
+    let mut members = BTreeMap::new();
+    for index in 0..archive.len() {
+        let mut member = archive.by_index(index).expect("a member");
+        let mut content = Vec::new();
+        member.read_to_end(&mut content).expect("sound content, by its checksum");
+        let name = member.name().expect("a name in UTF-8").into_owned();
+        assert!(!members.contains_key(&name), "{name} twice");
+        members.insert(name, content);
+    }
+    members
+}
+
+fn file_name(path: &Path) -> &str {
+    path.file_name().and_then(|name| name.to_str()).expect("a name")
+}
+
+/// The members of the archive of that name.
+fn archive(name: &str, folder: &str) -> BTreeMap<String, Vec<u8>> {
+    let written = packaged(folder);
+    let found = written.iter().find(|written| file_name(&written.path) == name).expect("the archive");
+    members(&fs::read(&found.path).expect("the archive"))
+}
+
+/// Fails if a member holds the time.
+#[test]
+fn two_packagings_give_the_same_bytes() {
+    let (first, second) = (packaged("first"), packaged("second"));
+    let names: Vec<_> = first.iter().map(|written| file_name(&written.path)).collect();
+    assert_eq!(
+        names,
+        ["MagneticBearing.fmu", "FlatnessController.fmu", "AlgebraicEstimator.fmu", "MagneticBearing.ssp"]
+    );
+    for (one, other) in first.iter().zip(&second) {
+        let bytes = fs::read(&one.path).expect("an archive");
+        assert_eq!(bytes.len(), one.bytes);
+        assert!(bytes == fs::read(&other.path).expect("an archive"), "{} differs", one.path.display());
+    }
+}
+
+/// No member says when or by whom it was made, and no text says where.
+/// Fails if a member holds the folder of the project.
+#[test]
+fn archives_hold_no_traces_of_their_making() {
+    for written in packaged("traces") {
+        let bytes = fs::read(&written.path).expect("an archive");
+        let mut archive = ZipArchive::new(Cursor::new(&bytes)).expect("a zip archive");
+        for index in 0..archive.len() {
+            let member = archive.by_index(index).expect("a member");
+            let name = member.name().expect("a name in UTF-8").into_owned();
+            let time = member.last_modified().expect("a time");
+            assert_eq!((time.year(), time.month(), time.day(), time.hour()), (1980, 1, 1, 0), "{name}");
+            assert_eq!(member.unix_mode().map(|mode| mode & 0o777), Some(0o644), "{name}");
+            assert!(!name.starts_with('/') && !name.contains("..") && !name.contains('\\'), "{name}");
+            let wanted = if name.ends_with(".fmu") { CompressionMethod::Stored } else { CompressionMethod::Deflated };
+            assert_eq!(member.compression(), wanted, "{name}");
+        }
+        let home = env!("CARGO_MANIFEST_DIR");
+        for (name, content) in members(&bytes) {
+            if [".xml", ".html", ".ssd", ".ssv", ".txt"].iter().any(|ending| name.ends_with(ending)) {
+                let text = String::from_utf8(content).unwrap_or_else(|_| panic!("{name} is UTF-8"));
+                assert!(!text.contains(home), "{name} names {home}");
+            }
+        }
+    }
+}
+
+/// Fails if there is a member more, or less.
+#[test]
+fn an_fmu_holds_what_it_should_and_nothing_else() {
+    let (platform, ending) = package::platform().expect("a platform that FMI 2.0 knows");
+    let library = fs::read(package::built_library().expect("the library")).expect("the library");
+    for (kind, written) in catalogue().into_iter().zip(packaged("members")) {
+        let name = kind.name;
+        assert_eq!(file_name(&written.path), format!("{name}.fmu"));
+        let bytes = fs::read(&written.path).expect("an archive");
+        // Readers that stream find it first.
+        let mut archive = ZipArchive::new(Cursor::new(&bytes)).expect("a zip archive");
+        assert_eq!(archive.by_index(0).expect("a member").name().expect("a name"), "modelDescription.xml");
+        let members = members(&bytes);
+        let binary = format!("binaries/{platform}/{name}.{ending}");
+        let wanted: HashSet<&str> = [
+            "modelDescription.xml",
+            "model.png",
+            &binary,
+            "documentation/index.html",
+            "documentation/licenses/LICENSE-MIT.txt",
+            "documentation/licenses/LICENSE-APACHE.txt",
+            "documentation/licenses/THIRD-PARTY.txt",
+        ]
+        .into();
+        assert_eq!(members.keys().map(String::as_str).collect::<HashSet<_>>(), wanted, "{name}");
+        assert!(members[&binary] == library, "{name}: the binary is the library that was built");
+
+        let reviewed = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("modelDescription/{name}.xml"));
+        let reviewed = fs::read(reviewed).expect("the model description under review");
+        assert!(
+            members["modelDescription.xml"] == reviewed,
+            "{name}: `cargo run -- describe` renews the one under review"
+        );
+        let identifier = format!("modelIdentifier=\"{name}\"");
+        says(&String::from_utf8_lossy(&reviewed), &[&identifier]);
+    }
+}
+
+/// Fails if the picture is none.
+#[test]
+fn pictures_are_square_and_large_enough() {
+    const SIDE: u32 = 256;
+    for (kind, written) in catalogue().into_iter().zip(packaged("pictures")) {
+        let members = members(&fs::read(&written.path).expect("an archive"));
+        let picture = &members["model.png"];
+        // Signature, then length and name of the first chunk, then width and height (PNG, section 11.2.2).
+        assert_eq!(picture[..8], *b"\x89PNG\r\n\x1a\n", "{}", kind.name);
+        assert_eq!(&picture[12..16], b"IHDR", "{}", kind.name);
+        let number = |at: usize| u32::from_be_bytes(picture[at..at + 4].try_into().expect("four bytes"));
+        assert_eq!((number(16), number(20)), (SIDE, SIDE), "{}", kind.name);
+        assert_eq!(&picture[picture.len() - 8..picture.len() - 4], b"IEND", "{}: it is complete", kind.name);
+    }
+}
+
+/// Fails if the names of the sensors are left out.
+#[test]
+fn documentation_names_every_variable_and_loads_nothing() {
+    for (kind, written) in catalogue().into_iter().zip(packaged("documentation")) {
+        let members = members(&fs::read(&written.path).expect("an archive"));
+        let page = String::from_utf8(members["documentation/index.html"].clone()).expect("UTF-8");
+        says(&page, &["<!DOCTYPE html>", kind.name]);
+        for variable in (kind.variables)() {
+            let array = variable.name.split('[').next().expect("a name");
+            assert!(page.contains(array), "{}: {} is not in the documentation", kind.name, variable.name);
+        }
+        for loading in ["src=\"http", "<script src", "@import", "<link rel=\"stylesheet\" href=\"http"] {
+            assert!(!page.contains(loading), "{}: the page loads something: {loading}", kind.name);
+        }
+    }
+}
+
+/// Fails if they are not.
+#[test]
+fn the_licences_are_there() {
+    let members = archive("MagneticBearing.fmu", "licences");
+    let text =
+        |name: &str| String::from_utf8(members[&format!("documentation/licenses/{name}")].clone()).expect("UTF-8");
+    says(&text("LICENSE-MIT.txt"), &["Permission is hereby granted"]);
+    says(&text("LICENSE-APACHE.txt"), &["Apache License", "Version 2.0"]);
+    says(&text("THIRD-PARTY.txt"), &["nalgebra", "libm", "serde"]);
+}
+
+/// The names and namespaces that all tools accept.
+const SPACES: [(&str, &str); 4] = [
+    ("ssd", "http://ssp-standard.org/SSP1/SystemStructureDescription"),
+    ("ssc", "http://ssp-standard.org/SSP1/SystemStructureCommon"),
+    ("ssv", "http://ssp-standard.org/SSP1/SystemStructureParameterValues"),
+    ("oms", "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"),
+];
+
+fn named<'a>(root: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = Node<'a, 'a>> {
+    root.descendants().filter(move |node| node.is_element() && node.tag_name().name() == name)
+}
+
+/// Fails if an FMU in the system has a byte more.
+#[test]
+fn the_system_holds_the_fmus_as_they_are() {
+    let written = packaged("system");
+    let system = members(&fs::read(&written[3].path).expect("the system"));
+    let wanted = [
+        "PaperSimulation.ssd",
+        "SystemStructure.ssd",
+        "resources/AlgebraicEstimator.fmu",
+        "resources/FlatnessController.fmu",
+        "resources/MagneticBearing.fmu",
+        "resources/paper-controller.ssv",
+        "resources/paper-estimator.ssv",
+        "resources/paper-plant.ssv",
+        "resources/unbalanced-plant.ssv",
+    ];
+    assert_eq!(system.keys().collect::<Vec<_>>(), wanted);
+    for fmu in &written[..3] {
+        let inside = &system[&format!("resources/{}", file_name(&fmu.path))];
+        assert!(*inside == fs::read(&fmu.path).expect("an FMU"), "{}", fmu.path.display());
+    }
+}
+
+/// libcosim and ecos pass over enumerations. Fails if the default structure takes its parameters from the paper's scenario.
+#[test]
+fn the_default_system_is_the_same_without_its_enumerations() {
+    let system = archive("MagneticBearing.ssp", "enumerations");
+    let text = String::from_utf8(system["SystemStructure.ssd"].clone()).expect("UTF-8");
+    let document = Document::parse(&text).expect("XML");
+    for component in named(document.root_element(), "Component") {
+        let model = component.attribute("source").and_then(|source| Path::new(source).file_stem()?.to_str());
+        let kind = magnetic_bearing::slave::find(model.expect("a file")).expect("a model");
+        for binding in named(component, "ParameterBinding") {
+            let text = &system[binding.attribute("source").expect("a source")];
+            let text = String::from_utf8(text.clone()).expect("UTF-8");
+            let parameters = Document::parse(&text).expect("XML");
+            for parameter in named(parameters.root_element(), "Parameter") {
+                let name = parameter.attribute("name").expect("a name");
+                let variables = (kind.variables)();
+                let variable = variables.iter().find(|variable| variable.name == name).expect("a variable");
+                assert!(!matches!(variable.kind, Type::Enumeration { .. }), "{name} is an enumeration");
+            }
+        }
+    }
+}
+
+/// Fails if a connection ends at `i[9]`.
+#[test]
+fn systems_connect_what_exists_and_name_what_is_there() {
+    let system = archive("MagneticBearing.ssp", "structure");
+    let mut names = HashSet::new();
+    for (file, set) in [("SystemStructure.ssd", "unbalanced"), ("PaperSimulation.ssd", "paper")] {
+        let text = String::from_utf8(system[file].clone()).expect("UTF-8");
+        let document = Document::parse(&text).unwrap_or_else(|error| panic!("{file}: {error}"));
+        let root = document.root_element();
+        for (prefix, space) in SPACES {
+            assert_eq!(root.lookup_namespace_uri(Some(prefix)), Some(space), "{file}");
+        }
+        says(&text, &["<ssd:SystemStructureDescription ", "version=\"1.0\""]);
+        for node in root.descendants().filter(Node::is_element) {
+            let prefix = node.tag_name().namespace().and_then(|space| node.lookup_prefix(space));
+            assert!(
+                matches!(prefix, Some("ssd" | "ssc" | "osp" | "oms")),
+                "{file}: {:?} has the prefix {prefix:?}",
+                node.tag_name()
+            );
+        }
+        // OMSimulator opens all structures of an archive, finds its step at the end of the system, and wants names that differ.
+        assert!(names.insert(root.attribute("name").expect("a name").to_owned()), "{file}: its name is another's");
+        let last = named(root, "System").next().and_then(|node| node.last_element_child()).expect("a last element");
+        assert_eq!(last.tag_name().name(), "Annotations", "{file}");
+        let annotation = last.first_element_child().expect("an annotation");
+        assert_eq!(annotation.attribute("type"), Some("org.openmodelica"), "{file}");
+        let master = named(annotation, "FixedStepMaster").next().expect("a master");
+        assert_eq!((master.attribute("description"), master.attribute("stepSize")), (Some("oms-ma"), Some("1e-4")));
+        for source in named(root, "Component").chain(named(root, "ParameterBinding")) {
+            let source = source.attribute("source").expect("a source");
+            assert!(system.contains_key(source), "{file}: {source} is not in the archive");
+        }
+        // One set for every element that has settings, bound at the element: some tools look nowhere else.
+        let scenario = Scenario::open(Path::new(set)).expect("a scenario of the program");
+        for component in named(root, "Component") {
+            let element = component.attribute("name").expect("a name");
+            let bound: Vec<_> =
+                named(component, "ParameterBinding").filter_map(|node| node.attribute("source")).collect();
+            let part = scenario.elements.iter().find(|part| part.name == element).expect("an element");
+            // A choice that is the start value need not be said.
+            let variables = (part.kind.variables)();
+            let is_said = part.settings.iter().any(|setting| {
+                let variable = variables[setting.index];
+                !matches!(variable.kind, Type::Enumeration { .. }) || variable.start() != setting.value
+            });
+            let wanted: Vec<_> = is_said.then(|| format!("resources/{set}-{element}.ssv")).into_iter().collect();
+            assert_eq!(bound, wanted, "{file}: {element}");
+        }
+
+        // Connectors by element and name: kind, type, unit. They are those of the variables, and there are none at the root.
+        let mut connectors = HashMap::new();
+        for component in named(root, "Component") {
+            let element = component.attribute("name").expect("a name");
+            let model = component.attribute("source").and_then(|source| Path::new(source).file_stem()?.to_str());
+            let kind = magnetic_bearing::slave::find(model.expect("a file")).expect("a model");
+            let variables: HashMap<_, _> =
+                (kind.variables)().into_iter().map(|variable| (variable.name.to_string(), variable)).collect();
+            for connector in named(component, "Connector") {
+                let name = connector.attribute("name").expect("a name");
+                let variable = variables.get(name).unwrap_or_else(|| panic!("{file}: {element}.{name} is no variable"));
+                let of_type = connector.first_element_child().expect("a type");
+                let unit = of_type.attribute("unit").unwrap_or_default();
+                assert_eq!(unit, variable.unit_name(), "{file}: {element}.{name}");
+                let entry = (connector.attribute("kind").expect("a kind"), of_type.tag_name().name(), unit);
+                assert!(connectors.insert((element, name), entry).is_none(), "{file}: {element}.{name} twice");
+            }
+        }
+        assert_eq!(named(root, "Connector").count(), connectors.len(), "{file}: connectors belong to components alone");
+        let units: HashSet<_> = named(root, "Unit").filter_map(|unit| unit.attribute("name")).collect();
+        for (_, _, unit) in connectors.values() {
+            assert!(unit.is_empty() || units.contains(unit), "{file}: the unit {unit} is not declared");
+        }
+
+        let mut fed = HashSet::new();
+        for connection in named(root, "Connection") {
+            let end = |element, connector| {
+                let path = (
+                    connection.attribute(element).expect("element to element"),
+                    connection.attribute(connector).expect("a connector"),
+                );
+                (path, *connectors.get(&path).unwrap_or_else(|| panic!("{file}: {path:?} is no connector")))
+            };
+            let (from, (from_kind, from_type, from_unit)) = end("startElement", "startConnector");
+            let (to, (to_kind, to_type, to_unit)) = end("endElement", "endConnector");
+            assert_eq!((from_kind, to_kind), ("output", "input"), "{file}: {from:?} to {to:?}");
+            assert_eq!((from_type, from_unit), (to_type, to_unit), "{file}: {from:?} to {to:?}");
+            assert!(fed.insert(to), "{file}: {to:?} is fed twice");
+        }
+        for wanted in [("estimator", "theta"), ("estimator", "omega"), ("controller", "lambdaValid"), ("plant", "i[3]")]
+        {
+            assert!(fed.contains(&wanted), "{file}: {wanted:?} is not fed");
+        }
+        let names = ["plant", "controller", "estimator"];
+        let wanted = scenario.connections().into_iter().filter(|one| names.contains(&one.to[0].as_str())).count();
+        assert_eq!(fed.len(), wanted, "{file}: all connections of the loop");
+        let experiment = named(root, "DefaultExperiment").next().expect("a default experiment");
+        assert_eq!((experiment.attribute("startTime"), experiment.attribute("stopTime")), (Some("0"), Some("0.4")));
+    }
+}
+
+/// Fails if a value of a parameter set is another.
+#[test]
+fn parameter_sets_give_what_the_scenarios_say() {
+    let system = archive("MagneticBearing.ssp", "parameters");
+    for name in ["paper", "unbalanced"] {
+        let scenario = Scenario::open(Path::new(name)).expect("a scenario of the program");
+        for part in &scenario.elements[..3] {
+            // A choice that is the start value need not be said.
+            let variables = (part.kind.variables)();
+            let said = part.settings.iter().filter(|setting| {
+                let variable = variables[setting.index];
+                !matches!(variable.kind, Type::Enumeration { .. }) || variable.start() != setting.value
+            });
+            let said = said.count();
+            let file = format!("resources/{name}-{}.ssv", part.name);
+            assert_eq!(system.contains_key(&file), said > 0, "{file}");
+            let Some(text) = system.get(&file) else { continue };
+            let text = String::from_utf8(text.clone()).expect("UTF-8");
+            let document = Document::parse(&text).unwrap_or_else(|error| panic!("{file}: {error}"));
+            let root = document.root_element();
+            says(&text, &["<ssv:ParameterSet ", "version=\"1.0\""]);
+            for node in root.descendants().filter(Node::is_element) {
+                let prefix = node.tag_name().namespace().and_then(|space| node.lookup_prefix(space));
+                assert!(
+                    matches!(prefix, Some("ssv" | "ssc")),
+                    "{file}: {:?} has the prefix {prefix:?}",
+                    node.tag_name()
+                );
+            }
+            let units: HashSet<_> = named(root, "Unit").filter_map(|unit| unit.attribute("name")).collect();
+            let mut seen = HashSet::new();
+            for parameter in named(root, "Parameter") {
+                let variable = parameter.attribute("name").expect("a name");
+                assert!(seen.insert(variable), "{file}: {variable} stands there twice");
+                let variables = (part.kind.variables)();
+                let of_table = variables.into_iter().find(|known| known.name == variable).expect("a variable");
+                assert!(of_table.is_settable(), "{file}: {variable} can be set");
+                let value = parameter.first_element_child().expect("a value");
+                let said: f64 = match value.attribute("value").expect("a value") {
+                    "true" => 1.0,
+                    "false" => 0.0,
+                    text => text.parse().unwrap_or_else(|_| panic!("{file}: {variable} = {text}")),
+                };
+                let wanted = scenario.value(&part.name, variable).expect("a value").as_f64();
+                assert_eq!(said.to_bits(), wanted.to_bits(), "{file}: {variable}");
+                let unit = value.attribute("unit").unwrap_or_default();
+                assert_eq!(unit, of_table.unit_name(), "{file}: {variable}");
+                assert!(unit.is_empty() || units.contains(unit), "{file}: the unit {unit} is not declared");
+            }
+            assert_eq!(seen.len(), said, "{file}: every setting of the scenario");
+        }
+    }
+}
+
+/// The bytes of an FMU do not depend on whether tests were built before: what tests need switches on no feature of a crate
+/// that the library is made of.
+#[test]
+fn tests_do_not_change_the_library() {
+    let features = |edges: &str| {
+        let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
+        cargo.current_dir(env!("CARGO_MANIFEST_DIR")).args(["tree", "--locked", "--offline", "--no-dedupe"]);
+        let output = cargo.args(["--prefix", "none", "--edges", edges]).output().expect("cargo runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let text = String::from_utf8(output.stdout).expect("UTF-8");
+        let lines = text.lines().filter(|line| line.contains(" feature "));
+        lines.map(|line| line.trim_end_matches(" (*)").to_owned()).collect::<BTreeSet<_>>()
+    };
+    let library = features("normal,build,features");
+    assert!(library.len() > 50, "only {} features were found", library.len());
+    let crates: HashSet<&str> = library.iter().filter_map(|line| line.split(' ').next()).collect();
+    let more: Vec<String> = features("normal,build,dev,features").difference(&library).cloned().collect();
+    let more: Vec<_> = more.iter().filter(|line| crates.contains(line.split(' ').next().unwrap_or_default())).collect();
+    assert!(more.is_empty(), "the tests switch on {more:?}");
+}
+
+#[test]
+fn what_cannot_be_packaged_is_said_by_name() {
+    let missing = Path::new("no/such/library.so");
+    let error = package::package(missing, &folder("missing")).expect_err("there is no such library");
+    says(&error.to_string(), &["no/such/library.so"]);
+    // A file stands where the folder is to be.
+    let taken = folder("taken");
+    fs::create_dir_all(taken.parent().expect("a parent")).expect("a folder");
+    let _ = fs::remove_file(&taken);
+    fs::write(&taken, "in the way").expect("a file");
+    let library = package::built_library().expect("the library");
+    let error = package::package(&library, &taken).expect_err("a file is in the way");
+    fs::remove_file(&taken).expect("the file");
+    says(&error.to_string(), &["taken"]);
+}

@@ -1,0 +1,304 @@
+//! Scenario files: what is understood, and that every refusal names the key, the value, and what is wanted.
+
+use std::path::Path;
+
+use crate::support::says;
+use magnetic_bearing::app::scenario::{BUILT_IN, Scenario};
+use magnetic_bearing::app::simulate;
+use magnetic_bearing::slave::variable::Value;
+
+/// A scenario around some lines of the head and some tables.
+fn text(head: &str, tables: &str) -> String {
+    let mut text = String::from("title = \"A test\"\n");
+    for (key, line) in [("duration", "duration = \"10 ms\"\n"), ("step", "step = 1e-4\n")] {
+        if !head.contains(key) {
+            text += line;
+        }
+    }
+    text + head + "\n" + tables
+}
+
+fn parse(head: &str, tables: &str) -> Result<Scenario, String> {
+    Scenario::parse("test.toml", &text(head, tables)).map_err(|error| error.to_string())
+}
+
+#[track_caller]
+fn accepted(tables: &str) -> Scenario {
+    parse("", tables).unwrap_or_else(|error| panic!("{tables}: {error}"))
+}
+
+/// What is said of a scenario that cannot be read, or cannot begin.
+#[track_caller]
+fn refusal(head: &str, tables: &str) -> String {
+    match parse(head, tables) {
+        Err(error) => {
+            says(&error, &["test.toml"]);
+            error
+        }
+        Ok(scenario) => match simulate::run(&scenario) {
+            Err(refused) => refused.to_string(),
+            Ok(_) => panic!("nothing was refused of:\n{head}\n{tables}"),
+        },
+    }
+}
+
+#[test]
+fn the_scenarios_of_the_program_are_sound() {
+    for (name, text) in BUILT_IN {
+        let opened = Scenario::open(Path::new(name)).unwrap_or_else(|error| panic!("{error}"));
+        let parsed = Scenario::parse(name, text).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(opened.title, parsed.title);
+        assert!(!opened.title.is_empty() && !opened.description.is_empty(), "{name} says what it is");
+        let names: Vec<_> = opened.elements[..3].iter().map(|element| element.name.as_str()).collect();
+        assert_eq!(names, ["plant", "controller", "estimator"]);
+        assert!(opened.duration_s > 0.0 && opened.step_s <= opened.duration_s, "{name}");
+    }
+}
+
+#[test]
+fn values_come_in_every_notation() {
+    let scenario = accepted(
+        "[plant]\nm = 7\nY0 = \"20 µm\"\nZ0 = \"0.02 mm\"\nlambda = [1e-6, \"2 N.mm2/A2\", 3e-6]\nomega = \"3000 rpm\"\n\
+         unbalance.phase = \"90 deg\"\nsensor.seed = -4\n'alpha[1]' = 3.0\n\
+         [controller]\nupdate.mode = \"whenValid\"\n[controller.reference]\nrY = \"20 um\"\nlobes = 5\n\
+         [estimator]\nenable = false\nTf = \"20 ms\"\n",
+    );
+    let value = |element, name| scenario.value(element, name).unwrap_or_else(|| panic!("{element}.{name}"));
+    for (element, name, wanted) in [
+        ("plant", "m", 7.0),
+        ("plant", "Y0", 2e-5),
+        ("plant", "Z0", 2e-5),
+        ("plant", "lambda[1]", 1e-6),
+        ("plant", "lambda[2]", 2e-6),
+        ("plant", "lambda[3]", 3e-6),
+        ("plant", "omega", 314.1592653589793),
+        ("plant", "unbalance.phase", std::f64::consts::FRAC_PI_2),
+        ("plant", "alpha[1]", 3.0),
+        ("controller", "reference.rY", 2e-5),
+        ("estimator", "Tf", 0.02),
+    ] {
+        /// Part of the value: a conversion of units is one rounded division.
+        const ROUNDING: f64 = 2.0 * f64::EPSILON;
+        let is = value(element, name).as_f64();
+        assert!((is / wanted - 1.0).abs() <= ROUNDING, "{element}.{name} is {is}, wanted is {wanted}");
+    }
+    assert_eq!(value("plant", "sensor.seed"), Value::Integer(-4));
+    assert_eq!(value("controller", "update.mode"), Value::Integer(3));
+    assert_eq!(value("controller", "reference.lobes"), Value::Integer(5));
+    assert_eq!(value("estimator", "enable"), Value::Boolean(false));
+    // What is not set is as in the table.
+    assert_eq!(value("controller", "F0"), Value::Real(20.0));
+    assert_eq!(scenario.value("plant", "nothing"), None);
+}
+
+#[test]
+fn the_common_table_reaches_every_element_that_knows_the_name() {
+    let scenario = accepted("[all]\nm = 5.0\nlambda0 = [1e-6, 2e-6, 3e-6]\n[estimator]\nm = 6.0\n");
+    let value = |element, name| scenario.value(element, name).map(Value::as_f64);
+    assert_eq!(value("plant", "m"), Some(5.0));
+    assert_eq!(value("controller", "m"), Some(5.0));
+    assert_eq!(value("estimator", "m"), Some(6.0), "the table of the element has the last word");
+    assert_eq!(value("controller", "lambda0[2]"), Some(2e-6));
+    assert_eq!(value("estimator", "lambda0[3]"), Some(3e-6));
+}
+
+#[test]
+fn estimators_beside_the_loop_differ_in_their_method_alone() {
+    let scenario = parse("compare = [\"paper\", \"predictionError\"]", "[estimator]\nTf = \"10 ms\"\n").expect("sound");
+    let names: Vec<_> = scenario.elements.iter().map(|element| element.name.as_str()).collect();
+    assert_eq!(names, ["plant", "controller", "estimator", "paper", "predictionError"]);
+    for (element, method) in [("estimator", 3), ("paper", 2), ("predictionError", 3)] {
+        assert_eq!(scenario.value(element, "method"), Some(Value::Integer(method)), "{element}");
+        assert_eq!(scenario.value(element, "Tf"), Some(Value::Real(0.01)), "{element}");
+    }
+    let to_paper = scenario.connections().into_iter().filter(|connection| connection.to[0] == "paper").count();
+    assert_eq!(to_paper, 7, "positions, currents, angle and speed reach it");
+    assert!(scenario.connections().iter().all(|connection| connection.from[0] != "paper"), "nobody listens to it");
+}
+
+/// Head, tables, and the words that the refusal must hold.
+type Case = (&'static str, &'static str, &'static [&'static str]);
+
+#[test]
+fn what_cannot_be_understood_is_refused_by_name() {
+    const CASES: &[Case] = &[
+        // Unknown names, with a suggestion where one is near.
+        ("", "[plant]\nlamda = [1e-6, 1e-6, 1e-6]", &["[plant]", "lamda", "did you mean lambda?"]),
+        ("", "[controller]\nreference.ry = 1e-5", &["[controller]", "reference.ry", "did you mean reference.rY?"]),
+        ("", "[controller]\nupdate.tim = 0.1", &["update.tim", "did you mean update.time?"]),
+        ("", "[plant]\nxyzzy = 1", &["[plant]", "xyzzy", "known are", "lambda", "unbalance.magnitude"]),
+        ("", "[plant]\nTs = 1e-4", &["[plant]", "Ts", "no variable of this name"]),
+        ("", "[all]\nmass = 6.7", &["[all]", "mass", "no variable of this name"]),
+        ("", "[plant]\n'lambda[4]' = 1e-6", &["lambda[4]", "no variable of this name"]),
+        // Unknown tables and keys of the head.
+        ("", "[plnt]\nm = 6.7", &["plnt in line 5", "did you mean plant?"]),
+        ("stepp = 1", "", &["stepp", "step", "line"]),
+        // Units.
+        ("", "[plant]\nY0 = \"30 furlong\"", &["[plant]", "Y0", "30 furlong", "m, µm, mm"]),
+        ("", "[plant]\nm = \"7 m\"", &["m = \"7 m\"", "none of kg, g"]),
+        ("", "[controller]\nreference.omega = \"50 kHz\"", &["reference.omega", "kHz", "rad/s, rpm, Hz"]),
+        ("", "[plant]\nY0 = \"thirty µm\"", &["Y0", "thirty is no number"]),
+        // Types.
+        ("", "[plant]\nm = true", &["m = true", "a number in kg"]),
+        ("", "[plant]\nm = [1.0]", &["m = [1.0]", "a number in kg"]),
+        ("", "[plant]\nsensor.seed = 1.5", &["sensor.seed = 1.5", "a whole number"]),
+        ("", "[plant]\nsensor.seed = 4000000000", &["sensor.seed = 4000000000", "32 bits"]),
+        ("", "[estimator]\nenable = 1", &["enable = 1", "true or false"]),
+        ("", "[estimator]\nmethod = 3", &["method = 3", "the name of one of", "predictionError (3)"]),
+        ("", "[estimator]\nmethod = 4", &["method = 4", "the name of one of", "predictionError (3)"]),
+        (
+            "",
+            "[estimator]\nmethod = \"best\"",
+            &["method = \"best\"", "one of", "paperLiteral (1)", "predictionError (3)"],
+        ),
+        // Methods that are gone, with what replaces them.
+        (
+            "",
+            "[estimator]\nmethod = \"leastSquares\"",
+            &["method = \"leastSquares\"", "predictionError, which replaces it,"],
+        ),
+        ("", "[estimator]\nmethod = \"unbalance\"", &["method = \"unbalance\"", "predictionError, which replaces it,"]),
+        ("compare = [\"unbalance\"]", "", &["compare = \"unbalance\"", "predictionError, which replaces it,"]),
+        ("", "[controller]\nupdate.mode = \"Never\"", &["update.mode", "never (1), atTime (2), whenValid (3)"]),
+        // Lists.
+        ("", "[plant]\nlambda = [1e-6, 2e-6]", &["lambda = [0.000001, 0.000002]", "a list of 3"]),
+        ("", "[plant]\nlambda = 2e-6", &["lambda = ", "a list of 3"]),
+        ("", "[plant]\nlambda = [1e-6, \"two\", 2e-6]", &["lambda[2]", "two is no number"]),
+        // What cannot be set.
+        ("", "[plant]\ni = [1.0, 1.0, 1.0]", &["i[1] = 1.0", "connected to controller.i[1]"]),
+        ("", "[controller]\nYm = 0.0", &["Ym = 0.0", "connected to plant.Ym"]),
+        ("", "[estimator]\nomega = 300.0", &["omega = 300.0", "connected to plant.omegam"]),
+        ("", "[plant]\nY = 1e-5", &["Y = ", "it is computed"]),
+        ("", "[estimator]\nlambdaHat = [1e-6, 1e-6, 1e-6]", &["lambdaHat[1]", "it is computed"]),
+        // Times.
+        ("duration = 0", "", &["duration = 0", "above 0"]),
+        ("duration = -0.1", "", &["duration = -0.1", "above 0"]),
+        ("duration = nan", "", &["duration = nan", "above 0"]),
+        ("duration = inf", "", &["duration = inf", "above 0"]),
+        ("duration = \"1 hour\"", "", &["duration = \"1 hour\"", "s, ms, µs"]),
+        ("duration = true", "", &["duration = true", "a number in s"]),
+        ("step = 0.0", "", &["step = 0.0", "above 0"]),
+        ("step = -1e-4", "", &["step = ", "above 0"]),
+        ("step = nan", "", &["step = nan", "above 0"]),
+        ("duration = 1e-3\nstep = 2e-3", "", &["step = 0.002", "at most the duration"]),
+        // Comparisons.
+        ("compare = [\"best\"]", "", &["compare = \"best\"", "one of paperLiteral (1)"]),
+        ("compare = [\"paper\", \"paper\"]", "", &["compare = \"paper\"", "twice"]),
+        ("compare = 3", "", &["compare"]),
+    ];
+    for (head, tables, words) in CASES {
+        says(&refusal(head, tables), words);
+    }
+}
+
+#[test]
+fn what_cannot_be_run_is_refused_by_name() {
+    const CASES: &[Case] = &[
+        ("", "[plant]\nm = nan", &["[plant]", "m = NaN kg", "a finite number above 0"]),
+        ("", "[plant]\nm = 0.0", &["[plant]", "m = 0 kg", "above 0"]),
+        ("", "[controller]\nm = -6.7", &["[controller]", "m = -6.7 kg", "above 0"]),
+        ("", "[all]\nm = 0", &["[plant] m", "[controller] m", "[estimator] m"]),
+        ("", "[plant]\ns = 0.0", &["s = 0 m", "above 0"]),
+        ("", "[estimator]\ns = \"-0.5 mm\"", &["[estimator]", "s = -0.0005 m", "above 0"]),
+        ("", "[controller]\nTs = 0.0", &["[controller]", "Ts = 0 s", "a finite time of at least"]),
+        ("", "[estimator]\nTs = -1e-4", &["[estimator]", "Ts = -0.0001 s", "is wanted"]),
+        ("", "[estimator]\nmethod = \"paper\"\nTf = \"0.7 ms\"", &["[estimator]", "Tf = ", "8"]),
+        ("", "[estimator]\nmethod = \"paper\"\nTf = 0.02005", &["[estimator]", "Tf = 0.02005 s", "whole number of Ts"]),
+        ("", "[plant]\nY0 = \"0.6 mm\"", &["[plant]", "Y0 = 0.0006 m", "a start inside the gap"]),
+        ("", "[plant]\nZ0 = \"-0.5 mm\"", &["[plant]", "Z0 = -0.0005 m", "a start inside the gap"]),
+        ("", "[all]\nalpha = [0.0, 0.0, 1.0]", &["[plant] alpha", "[controller] alpha", "[estimator] alpha"]),
+        ("", "[controller]\nlambda0 = [0.0, 4e-6, 4e-6]", &["[controller]", "lambda0[1] = 0", "above 0"]),
+        ("", "[plant]\nlambda = [2e-6, inf, 2e-6]", &["[plant]", "lambda[2] = inf", "above 0"]),
+        ("", "[controller]\nreference.rZ = \"0.6 mm\"", &["[controller]", "reference."]),
+        (
+            "",
+            "[estimator]\ntolerance.alpha = \"-1 deg\"",
+            &["[estimator]", "tolerance.alpha = -0.017", "rad", "0 or above"],
+        ),
+        ("", "[estimator]\ntolerance.m = nan", &["[estimator]", "tolerance.m = NaN kg", "0 or above"]),
+        (
+            "",
+            "[estimator]\nmethod = \"paper\"\ntolerance.s = \"1 µm\"",
+            &["[estimator]", "tolerance.s = 0.000001 m", "method = predictionError"],
+        ),
+        (
+            "",
+            "[estimator]\nmethod = \"paper\"\nidentify.unbalance = false",
+            &["[estimator]", "identify.unbalance = false", "method = predictionError"],
+        ),
+    ];
+    for (head, tables, words) in CASES {
+        says(&refusal(head, tables), words);
+    }
+}
+
+#[test]
+fn all_findings_are_told_at_once() {
+    let said = refusal(
+        "duration = 0\nstep = -1\ncompare = [\"best\"]",
+        "[all]\nmass = 1\n[plant]\nm = true\nlamda = 1\ni = [1.0, 1.0, 1.0]\n[controller]\nupdate.mode = \"now\"\n\
+         [estimator]\nTf = \"2 m\"\n",
+    );
+    let words = ["duration", "step", "best", "mass", "m = true", "lamda", "i[1]", "i[2]", "i[3]", "update.mode", "Tf"];
+    says(&said, &words);
+    let lines = said.lines().count();
+    assert_eq!(lines, 1 + words.len(), "one line for the file, one for each finding: {said}");
+
+    // A key of the head that is not known, or of another type, hides nothing.
+    let said = refusal("durration = 1\nduration = 0\ncompare = 3\nprofile = 1", "[plant]\nlamda = 1\n[plan]\nm = 1\n");
+    let words = [
+        "durration",
+        "did you mean duration?",
+        "duration = 0",
+        "compare is refused",
+        "profile is",
+        "lamda",
+        "plan in line",
+    ];
+    says(&said, &words);
+    assert_eq!(said.lines().count(), words.len(), "one line for the file, one for each finding: {said}");
+
+    let said = refusal(
+        "",
+        "[plant]\nm = 0\ns = 0\n[controller]\nTs = 0.0\nF0 = nan\n[estimator]\nmethod = \"paper\"\nTf = 1e-4\n",
+    );
+    says(&said, &["[plant] m", "[plant] s", "[controller] Ts", "[controller] F0", "[estimator] Tf"]);
+}
+
+#[test]
+fn errors_of_syntax_name_the_line() {
+    for (broken, line) in [
+        ("title = \"A test\"\nduration = 0.1\nstep = \n", "line 3"),
+        ("title = \"A test\"\n[plant\nm = 1\n", "line 2"),
+        ("title = \"A test\"\nduration = 0.1\nstep = 1e-4\n[plant]\nm = 1\nm = 2\n", "line 6"),
+        ("title = \"A test\"\ntitle = \"Another\"\n", "line 2"),
+    ] {
+        let Err(error) = Scenario::parse("broken.toml", broken) else { panic!("accepted: {broken}") };
+        says(&error.to_string(), &["broken.toml", line]);
+    }
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let Err(error) = Scenario::parse("empty.toml", "") else { panic!("an empty scenario was accepted") };
+    says(&error.to_string(), &["empty.toml", "title"]);
+    let Err(error) = Scenario::parse("short.toml", "title = \"A test\"\nstep = 1e-4\n") else { panic!("accepted") };
+    says(&error.to_string(), &["short.toml", "duration"]);
+    let Err(error) = Scenario::open(Path::new("no/such/file.toml")) else { panic!("there is no such file") };
+    says(&error.to_string(), &["no/such/file.toml", "paper,", "unbalanced", "turned"]);
+}
+
+#[test]
+fn a_run_that_leaves_the_gap_keeps_what_it_has() {
+    // Nothing holds the rotor in the first sample, and this push takes it to the magnets later on.
+    let scenario = parse("duration = \"50 ms\"", "[plant]\npZ = -20000\n").expect("a sound scenario");
+    let run = simulate::run(&scenario).expect("sound parameters");
+    let fault = run.fault.expect("the rotor leaves the gap");
+    says(&fault, &["plant", "leaves the gap", "magnet", "t ="]);
+    let rows = run.recording.time_s.len();
+    assert!(rows > 1 && rows < 500, "{rows} rows");
+    for column in &run.recording.columns {
+        assert_eq!(column.values.len(), rows, "{}", column.name);
+        assert!(column.values.iter().all(|value| value.is_finite()), "{}", column.name);
+    }
+}

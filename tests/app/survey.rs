@@ -1,0 +1,302 @@
+//! Wide survey of the promise "never a confident wrong number", and of how close the estimates come to the Cramér–Rao bound: every
+//! scenario that comes with the program with every method, and drawn bearings, at every sample, with seeds that nothing was tuned on.
+//!
+//! `SURVEY=1000 cargo test --release --test app survey:: -- --nocapture` draws as many bearings instead of the 100 that the tests take
+//! along; `SURVEY_SEED` begins elsewhere.
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+
+use magnetic_bearing::app::montecarlo::cases::Draw;
+use magnetic_bearing::app::montecarlo::figures::{CONFIDENT, pooled};
+use magnetic_bearing::app::montecarlo::{self, SEEDS, Vary, cases};
+use magnetic_bearing::app::scenario::{BUILT_IN, Scenario};
+use magnetic_bearing::app::simulate;
+use magnetic_bearing::slave::estimator::METHOD;
+use magnetic_bearing::slave::variable::Value;
+
+/// The methods by the names of the interface, with their numbers.
+fn methods() -> Vec<(&'static str, i32)> {
+    METHOD.items.iter().zip(1..).map(|((name, _), number)| (*name, number)).collect()
+}
+
+/// The thresholds of the estimator were chosen with the seeds 1 to 200 before one's eyes.
+const FRESH: u64 = 1001;
+
+fn asked(name: &str, otherwise: u64) -> u64 {
+    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(otherwise)
+}
+
+/// What one method said in one run.
+#[derive(Clone, Debug, Default)]
+struct Said {
+    case: String,
+    samples: usize,
+    valid: usize,
+    /// Greatest |error|/standard deviation while valid, when, and the error and the deviation there, relative.
+    worst: f64,
+    when_s: f64,
+    error: f64,
+    std: f64,
+    /// Greatest relative error and greatest relative standard deviation while valid.
+    largest_error: f64,
+    largest_std: f64,
+}
+
+/// Runs the loop with all methods beside it and compares with the truth, which is constant.
+fn run(scenario: &Scenario) -> Vec<(&'static str, Said)> {
+    let wanted = |path: &str| ["lambdaHat", "lambdaStd", ".valid"].iter().any(|part| path.contains(part));
+    let run = simulate::run_for(scenario, wanted, |_| ()).expect("a good scenario");
+    let truth = [1, 2, 3].map(|k| scenario.value("plant", &format!("lambda[{k}]")).map_or(f64::NAN, Value::as_f64));
+    methods()
+        .iter()
+        .map(|(method, _)| {
+            let read = |name: String| run.recording.get(&format!("{method}.{name}")).expect("an output");
+            let valid = read("valid".into());
+            let hat = [1, 2, 3].map(|k| read(format!("lambdaHat[{k}]")));
+            let std = [1, 2, 3].map(|k| read(format!("lambdaStd[{k}]")));
+            let mut said = Said { case: scenario.description.clone(), samples: valid.len(), ..Said::default() };
+            for j in (0..valid.len()).filter(|j| valid[*j] == 1.0) {
+                said.valid += 1;
+                for k in 0..3 {
+                    let (error, std) = ((hat[k][j] / truth[k] - 1.0).abs(), std[k][j] / truth[k]);
+                    said.largest_error = said.largest_error.max(error);
+                    said.largest_std = said.largest_std.max(std);
+                    if error / std > said.worst {
+                        (said.worst, said.when_s, said.error, said.std) =
+                            (error / std, run.recording.time_s[j], error, std);
+                    }
+                }
+            }
+            (*method, said)
+        })
+        .collect()
+}
+
+/// All methods beside the loop, whatever the scenario compares.
+fn with_all_methods(scenario: &mut Scenario) {
+    scenario.elements.truncate(3);
+    for (name, number) in methods() {
+        let mut element = scenario.elements[2].clone();
+        element.name = name.into();
+        scenario.elements.push(element);
+        scenario.set(name, "method", Value::Integer(number));
+    }
+    // What happens to the estimator of the loop happens to all.
+    for profile in &mut scenario.profiles {
+        for n in 0..profile.targets.len() {
+            let (element, variable) = profile.targets[n];
+            if element == 2 {
+                profile.targets.extend((3..3 + methods().len()).map(|beside| (beside, variable)));
+            }
+        }
+    }
+}
+
+fn open(name: &str) -> Scenario {
+    let mut scenario = Scenario::open(Path::new(name)).expect("a scenario that comes with the program");
+    with_all_methods(&mut scenario);
+    scenario
+}
+
+/// Runs all cases on all processors; per group and method: what was said, worst first.
+fn survey(
+    cases: u64,
+    make: impl Fn(u64) -> (String, Scenario) + Sync,
+) -> BTreeMap<(String, &'static str), Vec<(u64, Said)>> {
+    let next = AtomicU64::new(0);
+    let found = Mutex::new(BTreeMap::<_, Vec<_>>::new());
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let case = next.fetch_add(1, Ordering::Relaxed);
+                    if case >= cases {
+                        break;
+                    }
+                    let (group, scenario) = make(case);
+                    for (method, said) in run(&scenario) {
+                        let mut found = found.lock().expect("no thread has panicked");
+                        found.entry((group.clone(), method)).or_default().push((case, said));
+                    }
+                }
+            });
+        }
+    });
+    let mut found = found.into_inner().expect("no thread has panicked");
+    found.values_mut().for_each(|list| list.sort_by(|a, b| b.1.worst.total_cmp(&a.1.worst)));
+    found
+}
+
+/// Prints the survey; the cases that were confident and wrong.
+fn judge(found: &BTreeMap<(String, &'static str), Vec<(u64, Said)>>) -> Vec<String> {
+    println!(
+        "{:34} {:13} {:>5} {:>7} {:>6} {:>7} {:>7} {:>9} {:>9}  worst case",
+        "", "", "cases", "valid", "wrong", "worst", "over 3", "error", "std"
+    );
+    let mut misses = Vec::new();
+    for ((group, method), list) in found {
+        let wrong = list.iter().filter(|(_, said)| said.worst > CONFIDENT).count();
+        let (case, worst) = &list[0];
+        let most = |value: fn(&Said) -> f64| list.iter().map(|(_, said)| value(said)).fold(0.0, f64::max);
+        println!(
+            "{group:34} {method:13} {:5} {:6.1}% {wrong:6} {:7.2} {:7} {:8.2}% {:8.2}%  case {case} at {:.4} s: {:.2} % by {:.2} %",
+            list.len(),
+            100.0 * list.iter().map(|(_, said)| said.valid as f64 / said.samples as f64).sum::<f64>()
+                / list.len() as f64,
+            worst.worst,
+            list.iter().filter(|(_, said)| said.worst > 3.0).count(),
+            100.0 * most(|said| said.largest_error),
+            100.0 * most(|said| said.largest_std),
+            worst.when_s,
+            100.0 * worst.error,
+            100.0 * worst.std,
+        );
+        misses.extend(list.iter().filter(|(_, said)| said.worst > CONFIDENT).map(|(case, said)| {
+            format!(
+                "{group}, {method}, case {case}: {:.1} standard deviations at {:.4} s ({:.2} % by {:.2} %), limit {CONFIDENT}; {}",
+                said.worst,
+                said.when_s,
+                100.0 * said.error,
+                100.0 * said.std,
+                said.case
+            )
+        }));
+    }
+    misses
+}
+
+/// Every scenario that comes with the program.
+#[test]
+fn every_scenario_with_every_method() {
+    let seeds = asked("SURVEY", 9).div_ceil(9).max(1);
+    let first = asked("SURVEY_SEED", FRESH);
+    let found = survey(seeds * BUILT_IN.len() as u64, |case| {
+        let name = BUILT_IN[case as usize % BUILT_IN.len()].0;
+        let mut scenario = open(name);
+        let seed = first + case / BUILT_IN.len() as u64;
+        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+        (name.to_owned(), scenario)
+    });
+    // The perturbation of the paper's simulation turns partly backward, and is seen after 0.16 s only: README, "What is not seen".
+    let misses: Vec<_> = judge(&found).into_iter().filter(|miss| !miss.starts_with("paper, predictionError")).collect();
+    assert!(misses.is_empty(), "{}", misses.join("\n"));
+}
+
+/// A rotor without unbalance, drawn at random, for the methods of the paper, which presume that there is none: speed, path,
+/// load, force constants, noise, window, drive.
+fn balanced(seed: u64) -> (String, Scenario) {
+    let mut draw = Draw::new(seed);
+    let mut scenario = open("unbalanced");
+    let voltage = draw.chance(0.4);
+    let omega = draw.scale(1500.0, 6000.0) * TAU / 60.0;
+    let radius = [draw.scale(20e-6, 90e-6), draw.scale(20e-6, 90e-6)];
+    cases::path(&mut scenario, radius, (3, 0.0), omega);
+    cases::unbalance(&mut scenario, 0.0, 0.0);
+    for k in 1..=3 {
+        scenario.set("plant", &format!("lambda[{k}]"), Value::Real(draw.scale(1.4e-6, 3.5e-6)));
+    }
+    scenario.set("plant", "pY", Value::Real(draw.between(-30.0, 30.0)));
+    scenario.set("plant", "pZ", Value::Real(draw.between(-40.0, 20.0)));
+    let window_s = ((draw.scale(0.6, 1.8) * TAU / omega) / 1e-4).round() * 1e-4;
+    let noise = [draw.scale(0.02e-6, 0.4e-6), draw.scale(1e-3, 20e-3)];
+    cases::noise(&mut scenario, noise, true);
+    if voltage {
+        cases::voltage_drive(&mut scenario);
+    }
+    scenario.elements.truncate(3);
+    for name in ["Tf", "epsilon"] {
+        scenario.set("estimator", name, Value::Real(window_s));
+    }
+    scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+    // Half of the controllers take the estimates over in the course of the run.
+    if draw.chance(0.5) {
+        scenario.set("controller", "update.mode", Value::Integer(1));
+    }
+    scenario.duration_s = 0.3;
+    with_all_methods(&mut scenario);
+    (if voltage { "voltage" } else { "current" }.into(), scenario)
+}
+
+#[test]
+fn rotors_without_unbalance_with_the_papers_methods() {
+    let first = asked("SURVEY_SEED", FRESH);
+    let mut found = survey(asked("SURVEY", 20), |case| balanced(first + case));
+    found.retain(|(_, method), _| method.starts_with("paper"));
+    let misses = judge(&found);
+    assert!(misses.is_empty(), "{}", misses.join("\n"));
+}
+
+/// Root mean square of error/standard deviation.
+const STATED: std::ops::RangeInclusive<f64> = 0.85..=1.15;
+
+/// Limits of drawn bearings at 35 ms, 0.1, 0.2, 0.4 and 1 s.
+struct Limits {
+    /// Root mean square of error/bound.
+    over_bound: [f64; 5],
+    /// From which of the instants on the other limits hold.
+    from: usize,
+    /// Part of the cases with a bound below 4 % that are valid. 0.95 is aimed at; the weakest bearings fall short, whose standard deviation
+    /// counts an attenuation that is seldom there (188 of 198 and 182 of 198 at 0.2 s with the seeds below).
+    valid: f64,
+}
+
+fn drawn_bearings(told: bool, limits: &Limits, set: impl Fn(&mut Scenario) + Send + Sync + 'static) {
+    let title = format!("Drawn bearings, noise {}told", if told { "" } else { "not " });
+    let mut study = montecarlo::drawn(&title, told, asked("SURVEY", 100) as usize);
+    study.first_seed = SEEDS * asked("SURVEY_SEED", FRESH);
+    let vary = study.vary.clone();
+    let changed: Vary = Arc::new(move |scenario: &Scenario, seed, attempt| {
+        let mut scenario = vary(scenario, seed, attempt);
+        set(&mut scenario);
+        scenario
+    });
+    study.vary = changed;
+    let outcome = study.run().expect("good scenarios");
+    let table = montecarlo::table(&study, &outcome);
+    println!("{}\n{}", table.title, table.note);
+    for row in [&table.head].into_iter().chain(&table.rows) {
+        println!("{}", row.join("  "));
+    }
+    let mut misses = Vec::new();
+    for trial in outcome.trials.iter().filter(|trial| trial.worst.ratio > CONFIDENT) {
+        let (worst, ratio) = (trial.worst, trial.worst.ratio);
+        misses.push(format!(
+            "seed {}: {ratio:.1} standard deviations at {:.4} s ({:.2} % by {:.2} %), limit {CONFIDENT}",
+            trial.seed,
+            worst.time_s,
+            100.0 * worst.error,
+            100.0 * worst.std
+        ));
+    }
+    for (figures, limit) in outcome.figures.iter().zip(limits.over_bound).skip(limits.from) {
+        let at = figures.instant_s;
+        let (bound, stated) = (pooled(figures.over_bound), pooled(figures.over_total));
+        // What is not a number is not below the limit.
+        if bound.is_nan() || bound > limit {
+            misses.push(format!("{at} s: error/bound {bound:.2}, limit {limit}"));
+        }
+        if !STATED.contains(&stated) {
+            misses.push(format!("{at} s: error/standard deviation {stated:.2}, limits {STATED:?}"));
+        }
+        let (valid, of) = (figures.identified, figures.identifiable);
+        if (valid as f64) < limits.valid * of as f64 {
+            misses.push(format!("{at} s: {valid} valid of {of} with a bound below 4 %, limit {}", limits.valid));
+        }
+    }
+    assert!(misses.is_empty(), "{}", misses.join("\n"));
+}
+
+#[test]
+fn drawn_bearings_with_noise_told() {
+    drawn_bearings(true, &Limits { over_bound: [1.2, 1.15, 1.15, 1.15, 1.15], from: 0, valid: 0.94 }, |_| ());
+}
+
+#[test]
+fn drawn_bearings_with_noise_not_told() {
+    drawn_bearings(false, &Limits { over_bound: [f64::INFINITY, 1.3, 1.3, 1.3, 1.3], from: 1, valid: 0.9 }, |_| ());
+}

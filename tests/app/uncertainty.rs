@@ -1,0 +1,286 @@
+//! What the estimator says about its own error: over many seeds, in every scenario of a matrix, and when λ changes.
+
+use std::path::Path;
+
+use crate::running::{Bench, Said};
+use magnetic_bearing::app::montecarlo::{self, NOISE};
+use magnetic_bearing::app::scenario::Scenario;
+use magnetic_bearing::app::simulate;
+use magnetic_bearing::slave::variable::Value;
+
+/// While an estimate is valid its error is to stay below so many of its standard deviations.
+const CONFIDENT: f64 = 5.0;
+
+fn open(name: &str) -> Scenario {
+    Scenario::open(Path::new(name)).expect("a scenario that comes with the program")
+}
+
+fn truth(scenario: &Scenario) -> [f64; 3] {
+    [1, 2, 3].map(|k| scenario.value("plant", &format!("lambda[{k}]")).map_or(f64::NAN, Value::as_f64))
+}
+
+/// Greatest |error|/standard deviation while valid, and how often it was valid.
+fn confidence(said: &[Said], truth: &[f64; 3]) -> (f64, usize) {
+    let valid: Vec<&Said> = said.iter().filter(|said| said.valid).collect();
+    let ratio = |said: &&Said| (0..3).map(|k| ((said.hat[k] - truth[k]) / said.std[k]).abs()).fold(0.0, f64::max);
+    (valid.iter().map(ratio).fold(0.0, f64::max), valid.len())
+}
+
+/// What is set in the scenario, by element and variable.
+type Settings = &'static [(&'static str, &'static str, f64)];
+
+/// Scenarios: name, base, settings, whether an estimate is to be had in the end.
+const MATRIX: [(&str, &str, Settings, Option<bool>); 10] = [
+    ("as it is", "unbalanced", &[], Some(true)),
+    ("heavy unbalance", "unbalanced", &[("plant", "unbalance.magnitude", 5e-4)], Some(true)),
+    ("the paper's perturbation", "paper", &[], None),
+    ("the paper's perturbation and unbalance", "paper", &[("plant", "unbalance.magnitude", 2e-4)], None),
+    ("another bearing", "turned", &[("plant", "unbalance.magnitude", 1e-4)], Some(true)),
+    (
+        "circle",
+        "unbalanced",
+        &[("controller", "reference.rY", 5e-5), ("controller", "reference.rZ", 5e-5), ("plant", "Y0", 5e-5)],
+        None,
+    ),
+    (
+        "rotor at rest",
+        "unbalanced",
+        &[
+            ("plant", "omega", 0.0),
+            ("plant", "Y0", 0.0),
+            ("plant", "vZ0", 0.0),
+            ("controller", "reference.omega", 0.0),
+            ("controller", "reference.rY", 0.0),
+            ("controller", "reference.rZ", 0.0),
+        ],
+        Some(false),
+    ),
+    ("wrong hold", "unbalanced", &[("estimator", "hold", 2.0)], None),
+    ("a force along y that turns with nothing", "unbalanced", &[("plant", "perturbation.amplitudeY", 5.0)], None),
+    (
+        "slow perturbation",
+        "unbalanced",
+        &[("plant", "perturbation.amplitudeZ", 5.0), ("plant", "perturbation.omega", 30.0)],
+        None,
+    ),
+];
+
+/// Runs a row of the matrix; the estimates over 0.3 s.
+fn row(base: &str, settings: Settings, method: i32, noise: [f64; 2], told: bool) -> (Scenario, Bench) {
+    let mut scenario = montecarlo::study("", &open(base), noise, told, 1).scenario;
+    for (element, variable, value) in settings {
+        let value = if *variable == "hold" { Value::Integer(*value as i32) } else { Value::Real(*value) };
+        scenario.set(element, variable, value);
+    }
+    scenario.set("estimator", "method", Value::Integer(method));
+    let bench = Bench::new(&scenario);
+    (scenario, bench)
+}
+
+/// When a synchronous force that is no unbalance has been seen though the noise is not told, or a load that changes slowly, s.
+const SEEN_S: f64 = 0.2;
+
+#[test]
+fn never_confident_and_wrong() {
+    let mut misses = Vec::new();
+    for method in [3, 2] {
+        for (noise, told) in [([0.0; 2], false), (NOISE, false), (NOISE, true)] {
+            for (name, base, settings, wanted) in MATRIX {
+                let (scenario, mut bench) = row(base, settings, method, noise, told);
+                let said = bench.until(0.3, |_| ());
+                let truth = truth(&scenario);
+                // A synchronous force along a line turns partly backward. While noise is sought it passes for noise; README, "What is
+                // not seen".
+                let backward = method == 3 && !told && name.starts_with("the paper's perturbation");
+                // A load that changes slowly is constant over the first revolutions.
+                let slow = method == 3 && name == "slow perturbation";
+                let from_s = if backward || slow { SEEN_S } else { 0.0 };
+                let judged: Vec<_> = said.iter().filter(|said| said.time_s > from_s).cloned().collect();
+                let (worst, valid) = confidence(&judged, &truth);
+                let last = said.last().expect("a run");
+                let case = format!("method {method}, noise {noise:?}, told {told}, {name}");
+                println!("{case}: {worst:.1} standard deviations at most, valid {valid} of {}", said.len());
+                if worst > CONFIDENT {
+                    misses.push(format!("{case}: {worst:.1} standard deviations, limit {CONFIDENT}"));
+                }
+                if method == 3 && wanted.is_some_and(|wanted| wanted != last.valid) {
+                    misses.push(format!("{case}: valid {} at the end, wanted {wanted:?}", last.valid));
+                }
+            }
+        }
+    }
+    assert!(misses.is_empty(), "{}", misses.join("\n"));
+}
+
+/// The largest relative error of an estimate.
+fn largest_error(said: &Said, truth: &[f64; 3]) -> f64 {
+    (0..3).map(|k| (said.hat[k] / truth[k] - 1.0).abs()).fold(0.0, f64::max)
+}
+
+/// A step of a tenth in one λ is followed to within 1 % in a quarter of a second (without any noise, which then has to be found to be none), and the estimate says so meanwhile.
+#[test]
+fn a_step_of_lambda_is_followed() {
+    const STEP_S: f64 = 0.25;
+    const FOLLOWED_S: f64 = 0.25;
+    /// Longest time in which the step cannot be known yet: half a revolution.
+    const NOTICED_S: f64 = 0.01;
+    for (noise, told) in [([0.0; 2], false), (NOISE, false), (NOISE, true)] {
+        for (magnet, factor) in [(1, 1.1), (2, 1.1), (3, 0.9)] {
+            let (scenario, mut bench) = row("unbalanced", &[], 3, noise, told);
+            let before = truth(&scenario);
+            let mut after = before;
+            after[magnet - 1] *= factor;
+            bench.until(STEP_S, |_| ());
+            bench.set("plant", &format!("lambda[{magnet}]"), after[magnet - 1]);
+            let said = bench.until(STEP_S + FOLLOWED_S + 0.1, |_| ());
+            let noticed = said.iter().find(|said| !said.valid).map(|said| said.time_s - STEP_S);
+            let recovered =
+                said.iter().skip_while(|said| said.valid).find(|said| said.valid).map(|said| said.time_s - STEP_S);
+            let late = said.iter().filter(|said| said.time_s > STEP_S + FOLLOWED_S);
+            let worst = late.map(|said| largest_error(said, &after)).fold(0.0, f64::max);
+            let known = said.iter().filter(|said| said.time_s > STEP_S + NOTICED_S).cloned().collect::<Vec<_>>();
+            let (ratio, _) = confidence(&known, &after);
+            println!(
+                "noise {noise:?} told {told} magnet {magnet}: noticed {noticed:?}, valid again {recovered:?}, then {:.3} %, {ratio:.1} std",
+                100.0 * worst
+            );
+            assert!(worst < 0.01, "magnet {magnet}: {:.3} % after {FOLLOWED_S} s, limit 1 %", 100.0 * worst);
+            assert!(
+                noticed.is_some_and(|noticed| noticed < NOTICED_S),
+                "noticed after {noticed:?} s, limit {NOTICED_S}"
+            );
+            assert!(ratio < CONFIDENT, "magnet {magnet}: {ratio:.1} standard deviations once the step can be known");
+            assert!(bench.lines.iter().any(|line| line.contains("contradict")), "{:?}", bench.lines);
+        }
+    }
+}
+
+/// A run-up by 500 rpm per second, with a window of 20 ms throughout.
+#[test]
+fn speed_may_change() {
+    let (scenario, mut bench) = row("unbalanced", &[], 3, [0.0; 2], false);
+    let truth = truth(&scenario);
+    let said = bench.until(1.0, |bench| {
+        let omega = 100.0 * std::f64::consts::PI * (1.0 + bench.time_s() / 6.0);
+        bench.set("plant", "omega", omega);
+        bench.set("controller", "reference.omega", omega);
+    });
+    let late: Vec<&Said> = said.iter().filter(|said| said.time_s > 0.1).collect();
+    let worst = late.iter().map(|said| largest_error(said, &truth)).fold(0.0, f64::max);
+    println!("largest error {:.4} %", 100.0 * worst);
+    assert!(late.iter().all(|said| said.valid));
+    // Without noise λ is to be within 0.05 %.
+    assert!(worst < 5e-4, "{:.4} %, limit 0.05 %", 100.0 * worst);
+}
+
+/// What spoils the samples for a while: the estimate becomes invalid for a stated reason, stays, and comes back by itself.
+#[test]
+fn faults_are_named_and_left_behind() {
+    /// What spoilt the samples before it was named is forgotten after ten revolutions.
+    const BACK_S: f64 = 0.25;
+    type Spoil = fn(&mut Bench);
+    let faults: [(&str, &str, Spoil); 6] = [
+        ("sensor missing", "not finite", |bench| bench.set("estimator", "Ym", f64::NAN)),
+        ("sensor stuck", "reads the same", |bench| bench.set("estimator", "Zm", 1.2e-5)),
+        ("contact told", "contact", |bench| bench.set("estimator", "contact", 1.0)),
+        ("disabled", "enable is false", |bench| bench.set("estimator", "enable", 0.0)),
+        ("no current in a magnet", "not valid", |bench| bench.set("estimator", "im[2]", 0.0)),
+        ("an unknown blow", "not valid", |bench| {
+            bench.set("plant", "pY", 10.0 + 40.0 * (900.0 * bench.time_s()).sin())
+        }),
+    ];
+    for noise in [[0.0; 2], NOISE] {
+        for (name, reason, spoil) in faults {
+            let (scenario, mut bench) = row("unbalanced", &[], 3, noise, true);
+            let truth = truth(&scenario);
+            bench.until(0.15, |_| ());
+            let before = bench.said();
+            bench.lines.clear();
+            let during = bench.until(0.2, spoil);
+            for (variable, value) in [("contact", 0.0), ("enable", 1.0)] {
+                bench.set("estimator", variable, value);
+            }
+            bench.set("plant", "pY", 10.0);
+            let after = bench.until(0.6, |_| ());
+            let invalid = during.iter().find(|said| !said.valid).map(|said| said.time_s - 0.15);
+            let back = after.iter().rev().take_while(|said| said.valid).last().map(|said| said.time_s - 0.2);
+            println!(
+                "{name}, noise {noise:?}: invalid after {invalid:?} s, valid again {back:?} s after the end; {:?}",
+                bench.lines
+            );
+            assert!(before.valid);
+            assert!(invalid.is_some_and(|time_s| time_s < 0.01), "{name}: invalid after {invalid:?} s, limit 0.01");
+            assert!(
+                bench.lines.iter().any(|line| line.contains(reason)),
+                "{name}: {reason:?} is not in {:?}",
+                bench.lines
+            );
+            assert!(back.is_some_and(|time_s| time_s < BACK_S), "{name}: valid again after {back:?} s, limit {BACK_S}");
+            let late: Vec<Said> = during.iter().chain(&after).filter(|said| said.time_s > 0.16).cloned().collect();
+            let (worst, _) = confidence(&late, &truth);
+            assert!(worst < CONFIDENT, "{name}: {worst:.1} standard deviations while valid, limit {CONFIDENT}");
+        }
+    }
+}
+
+/// At 1 µm the controller feeds the noise of the positions back. A part is taken off, and the standard deviation covers the rest.
+#[test]
+fn noise_that_is_fed_back_is_covered() {
+    const RUNS: usize = 200;
+    let study = montecarlo::study("", &open("unbalanced"), [10.0 * NOISE[0], NOISE[1]], true, RUNS);
+    let [_, late] = study.run().expect("a good scenario").figures.try_into().expect("two instants");
+    println!("{late:.4?}");
+    assert_eq!(late.valid, RUNS);
+    for k in 0..3 {
+        let normalised = late.normalised[k];
+        assert!((0.8..=1.25).contains(&normalised), "lambda[{}]: error/std {normalised:.2}", k + 1);
+        assert!(late.bias[k].abs() < late.rms[k] / 3.0, "bias {:?}, rms {:?}", late.bias, late.rms);
+    }
+    assert!(late.worst < CONFIDENT, "{:.1} standard deviations", late.worst);
+}
+
+/// The paper's method is valid on the paper's simulation, and says no more where an unbalance makes it wrong by half.
+#[test]
+fn the_papers_method_knows_its_limit() {
+    for (name, wanted) in [("paper", true), ("experiment", false)] {
+        let run = simulate::run(&open(name)).expect("a good scenario");
+        let valid = run.recording.get("paper.valid").expect("the scenario compares the method");
+        let late: Vec<f64> =
+            run.recording.time_s.iter().zip(valid).filter(|(t, _)| **t >= 0.1).map(|(_, valid)| *valid).collect();
+        assert!(late.iter().all(|valid| (*valid == 1.0) == wanted), "{name}: wanted {wanted} from 0.1 s on");
+    }
+}
+
+/// Limits of the issue for the rms error, in per cent, and what the measured currents allow for λ3.
+#[test]
+fn errors_over_many_seeds() {
+    const RUNS: usize = 60;
+    /// rms error over the bound of Cramér and Rao.
+    const OVER_BOUND: f64 = 1.3;
+    /// Greatest rms error in per cent at 35 ms; at 100 ms the bound itself is 0.10, 0.22, 0.27 %.
+    const AT_35_MS: f64 = 0.6;
+    const AT_100_MS: [f64; 3] = [0.25, 0.25, 0.32];
+    for told in [true, false] {
+        let mut study = montecarlo::study("", &open("unbalanced"), NOISE, told, RUNS);
+        study.instants_s = vec![0.035, 0.1];
+        let [early, late] = study.run().expect("a good scenario").figures.try_into().expect("two instants");
+        println!("told {told}: {early:.5?}\n{late:.5?}");
+        assert_eq!(late.valid, RUNS);
+        for (k, limit) in AT_100_MS.into_iter().enumerate() {
+            // Noise that is to be found first is not by then.
+            assert!(
+                !told || 100.0 * early.rms[k] < AT_35_MS,
+                "lambda[{}] at 35 ms: {:.3} %",
+                k + 1,
+                100.0 * early.rms[k]
+            );
+            assert!(100.0 * late.rms[k] < limit, "lambda[{}] at 100 ms: {:.3} %", k + 1, 100.0 * late.rms[k]);
+            assert!(late.rms[k] < OVER_BOUND * late.bound[k], "{:?} over {:?}", late.rms, late.bound);
+            assert!((0.8..=1.25).contains(&late.normalised[k]), "error/std: {:?}", late.normalised);
+            // A third of the error, and three standard errors of the mean of so many runs.
+            let bias = late.rms[k] / 3.0 + 3.0 * late.rms[k] / (RUNS as f64).sqrt();
+            assert!(late.bias[k].abs() < bias, "bias {:?}", late.bias);
+        }
+        assert!(late.unbalance[0] < 0.01 && late.unbalance[1] < 0.02, "unbalance {:?}", late.unbalance);
+    }
+}

@@ -1,0 +1,355 @@
+//! Derivatives through the C interface: directional, of inputs over a step, of outputs in time.
+
+use std::f64::consts::PI;
+
+use crate::support::ffi::{Expect, Fmu};
+use magnetic_bearing::fmi2::bindings::fmi2ValueReference;
+use magnetic_bearing::slave::variable::{Causality, Type};
+
+const PLANT: &str = "MagneticBearing";
+const RUNNING: [(&str, f64); 8] = [
+    ("i[1]", 1.5),
+    ("i[2]", 1.4),
+    ("i[3]", 1.3),
+    ("u[1]", 3.0),
+    ("u[2]", 2.0),
+    ("u[3]", 4.0),
+    ("unbalance.magnitude", 1e-4),
+    ("perturbation.amplitudeY", 2.0),
+];
+const UNKNOWNS: [&str; 16] = [
+    "F[1]",
+    "F[2]",
+    "F[3]",
+    "FY",
+    "FZ",
+    "gap[1]",
+    "gap[2]",
+    "gap[3]",
+    "perturbation.Y",
+    "perturbation.Z",
+    "aY",
+    "aZ",
+    "Y",
+    "rotor.omega",
+    "coil.uInduced[1]",
+    "coil.uInduced[3]",
+];
+
+fn references(fmu: &Fmu, names: &[&str]) -> Vec<fmi2ValueReference> {
+    names.iter().map(|name| fmu.reference(name)).collect()
+}
+
+/// The derivative of all unknowns with respect to one known.
+fn column(fmu: &Fmu, known: &str) -> Vec<f64> {
+    let found = fmu.directional_derivative(&references(fmu, &UNKNOWNS), &[fmu.reference(known)], &[1.0]);
+    found.unwrap_or_else(|_| panic!("{known}: {:?}", fmu.take_messages()))
+}
+
+fn read(fmu: &Fmu) -> Vec<f64> {
+    UNKNOWNS.iter().map(|name| fmu.get(name)).collect()
+}
+
+/// `(f(x + h) − f(x − h)) / 2h` against the exact derivative, in parts of the largest of a kind: h² and rounding.
+#[track_caller]
+fn agree(what: &str, exact: &[f64], low: &[f64], high: &[f64], h: f64) {
+    for (at, name) in UNKNOWNS.iter().enumerate() {
+        let quotient = (high[at] - low[at]) / (2.0 * h);
+        let scale = (low[at].abs().max(high[at].abs()) / h * 1e-9).max(1e-4 * quotient.abs()).max(1e-9);
+        assert!((exact[at] - quotient).abs() <= scale, "d {name}/d {what}: {:e} against {quotient:e}", exact[at]);
+    }
+}
+
+fn drives() -> [f64; 2] {
+    [1.0, 2.0]
+}
+
+/// Fails if the directional derivative with respect to an input is that with its neighbour: the reference is off by one.
+#[test]
+fn derivatives_by_inputs_are_those_that_setting_them_shows() {
+    for drive in drives() {
+        let mut settings = RUNNING.to_vec();
+        settings.push(("drive", drive));
+        let fmu = Fmu::started(PLANT, &settings);
+        for step in 0..20 {
+            fmu.step(f64::from(step) * 1e-4, 1e-4).ok(&fmu);
+        }
+        for known in ["i[1]", "i[2]", "i[3]", "u[1]", "u[3]", "pY", "pZ", "omega"] {
+            let exact = column(&fmu, known);
+            let value = fmu.get(known);
+            let h = 1e-4 * value.abs().max(1.0);
+            let [low, high] = [value - h, value + h].map(|value| {
+                fmu.set(known, value).ok(&fmu);
+                read(&fmu)
+            });
+            fmu.set(known, value).ok(&fmu);
+            agree(known, &exact, &low, &high, h);
+        }
+    }
+}
+
+/// In initialization all Real parameters are known. Fails if `Y0` does not move the position on which the forces depend.
+#[test]
+fn derivatives_by_parameters_are_those_that_setting_them_shows() {
+    for drive in drives() {
+        let fmu = Fmu::new(PLANT);
+        for (name, value) in RUNNING.iter().chain(&[("drive", drive), ("coil.fluxSaturation", 0.01)]) {
+            fmu.set(name, *value).ok(&fmu);
+        }
+        fmu.enter_initialization().ok(&fmu);
+        let smooth =
+            ["m", "s", "Y0", "Z0", "theta0", "coil.R", "alpha[2]", "lambda[3]", "unbalance.phase", "gravity.Z"];
+        for known in smooth {
+            let exact = column(&fmu, known);
+            let value = fmu.get(known);
+            let h = 1e-5 * if value == 0.0 { 1e-4 } else { value.abs() };
+            let [low, high] = [value - h, value + h].map(|value| {
+                fmu.set(known, value).ok(&fmu);
+                read(&fmu)
+            });
+            fmu.set(known, value).ok(&fmu);
+            agree(known, &exact, &low, &high, h);
+        }
+    }
+}
+
+/// The model structure and the derivatives must tell the same: what does not depend has the derivative 0, in every state.
+/// Fails if `F[1]` is declared to depend on nothing.
+#[test]
+fn dependencies_are_honest() {
+    for drive in drives() {
+        let mut settings = RUNNING.to_vec();
+        settings.extend([("drive", drive), ("coil.Lleak", 1e-3), ("touchdown.friction", 0.2)]);
+        let fmu = Fmu::started(PLANT, &settings);
+        for step in 0..10 {
+            fmu.step(f64::from(step) * 1e-4, 1e-4).ok(&fmu);
+        }
+        let real = |kind: &Type| matches!(kind, Type::Real { .. });
+        let chosen = |unknown: bool| {
+            fmu.variables().iter().enumerate().filter(move |(_, variable)| {
+                let unknowns = variable.causality == Causality::Output || variable.derivative_of.is_some();
+                let knowns = variable.causality == Causality::Input || variable.state;
+                real(&variable.kind) && if unknown { unknowns } else { knowns }
+            })
+        };
+        for (known_at, known) in chosen(false) {
+            for (unknown_at, unknown) in chosen(true) {
+                let (unknown_reference, known_reference) = (unknown_at as u32, known_at as u32);
+                let found = fmu.directional_derivative(&[unknown_reference], &[known_reference], &[1.0]);
+                let derivative = found.expect("a derivative")[0];
+                let declared = unknown.depends_on.iter().any(|(name, _)| *name == known.name);
+                assert!(declared || derivative == 0.0, "{} follows {}: {derivative}", unknown.name, known.name);
+            }
+        }
+    }
+}
+
+/// Fails if a dependency is misspelt, which the model description then leaves out.
+#[test]
+fn dependencies_name_variables() {
+    for model in [PLANT, "FlatnessController", "AlgebraicEstimator"] {
+        let fmu = Fmu::new(model);
+        for variable in fmu.variables() {
+            let names = variable.depends_on.iter().map(|(name, _)| name).chain(variable.starts_from.iter().flatten());
+            for name in names.map(|name| name.as_ref()).chain(variable.derivative_of) {
+                assert!(fmu.variables().iter().any(|other| other.name == name), "{} names {name}", variable.name);
+            }
+        }
+    }
+}
+
+/// Fails if a known that is given twice counts once, and if every variable passes for a known.
+#[test]
+fn directional_derivatives_are_linear_and_refuse_what_is_not_known() {
+    let fmu = Fmu::started(PLANT, &RUNNING);
+    let knowns = references(&fmu, &["i[1]", "Y", "omega"]);
+    let unknowns = references(&fmu, &UNKNOWNS);
+    let all = fmu.directional_derivative(&unknowns, &knowns, &[0.5, 1e-5, -2.0]).expect("a derivative");
+    let single = ["i[1]", "Y", "omega"].map(|known| column(&fmu, known));
+    for at in 0..all.len() {
+        let sum = 0.5 * single[0][at] + 1e-5 * single[1][at] - 2.0 * single[2][at];
+        assert!((all[at] - sum).abs() <= 1e-12 * sum.abs().max(1e-9), "{}", UNKNOWNS[at]);
+    }
+    let twice = references(&fmu, &["i[1]", "i[1]"]);
+    let halves = fmu.directional_derivative(&unknowns, &twice, &[0.25, 0.75]).expect("a derivative");
+    assert_eq!(halves, single[0], "a known that is given twice counts twice");
+    assert_eq!(fmu.directional_derivative(&[], &[], &[]), Ok(Vec::new()));
+
+    let refused = |unknown: &str, known: &str| {
+        let found = fmu.directional_derivative(&[fmu.reference(unknown)], &[fmu.reference(known)], &[1.0]);
+        found.expect_err("an error").error(&fmu)
+    };
+    assert!(refused("F[1]", "m").contains("a state or an input"));
+    assert!(refused("F[1]", "drive").contains("a state or an input"));
+    assert!(refused("m", "i[1]").contains("an output or the derivative"));
+    assert!(refused("touchdown.contact", "i[1]").contains("of type Real"));
+    let found = fmu.directional_derivative(&[fmu.reference("F[1]")], &[fmu.reference("i[1]")], &[f64::NAN]);
+    assert!(found.expect_err("an error").error(&fmu).contains("NaN is refused"));
+    // Sampled outputs stand still.
+    assert_eq!(fmu.directional_derivative(&references(&fmu, &["Ym", "im[1]"]), &knowns, &[1.0; 3]), Ok(vec![0.0; 2]));
+    for model in ["FlatnessController", "AlgebraicEstimator"] {
+        let fmu = Fmu::started(model, &[]);
+        let found = fmu.directional_derivative(&[], &[], &[]);
+        assert!(found.expect_err("an error").error(&fmu).contains("not offered"), "{model}");
+    }
+}
+
+/// A step with the derivatives of a polynomial against many small steps with its values.
+/// Fails if the Runge–Kutta stages see the input at the begin of the step.
+#[test]
+fn the_plant_follows_polynomials_within_a_step() {
+    for drive in drives() {
+        let polynomial = |t: f64| 1.3 + 40.0 * t - 0.5 * 3e4 * t * t + 2e6 / 6.0 * t * t * t;
+        let speed = |t: f64| 100.0 * PI + 2000.0 * t;
+        let driven = if drive == 1.0 { "i[2]" } else { "u[2]" };
+        let mut settings = RUNNING.to_vec();
+        // Without friction and contact the difference is that of the method alone.
+        settings.extend([("drive", drive), ("solver.maxStep", 1e-6), ("sensor.Ts", 1e-3)]);
+        let whole = Fmu::started(PLANT, &settings);
+        let pieces = Fmu::started(PLANT, &settings);
+        let inputs = references(&whole, &[driven, driven, driven, "omega"]);
+        let length = 2e-3;
+        whole.set(driven, polynomial(0.0)).ok(&whole);
+        whole.set_input_derivatives(&inputs, &[1, 2, 3, 1], &[40.0, -3e4, 2e6, 2000.0]).ok(&whole);
+        whole.step(0.0, length).ok(&whole);
+        let n = 20_000;
+        for piece in 0..n {
+            let t = length * f64::from(piece) / f64::from(n);
+            let middle = t + 0.5 * length / f64::from(n);
+            pieces.set(driven, polynomial(middle)).ok(&pieces);
+            pieces.set("omega", speed(middle)).ok(&pieces);
+            pieces.step(t, length / f64::from(n)).ok(&pieces);
+        }
+        for (name, tolerance) in [("Y", 1e-12), ("Z", 1e-12), ("vZ", 1e-8), ("rotor.theta", 1e-9)] {
+            let (got, wanted) = (whole.get(name), pieces.get(name));
+            assert!((got - wanted).abs() <= tolerance, "{name}: {got:e} against {wanted:e}");
+        }
+        // The input has gone where the polynomial led; a sample of a current is that of the instant.
+        assert!((whole.get(driven) - polynomial(length)).abs() <= 1e-12);
+        assert!((whole.get("omega") - speed(length)).abs() <= 1e-9);
+        if drive == 1.0 {
+            assert!((whole.get("im[2]") - polynomial(length)).abs() <= 1e-12);
+        }
+        // The derivatives held for that step alone.
+        whole.step(length, 1e-4).ok(&whole);
+        assert!((whole.get(driven) - polynomial(length)).abs() <= 1e-12);
+    }
+}
+
+/// Fails if a derivative that is 0 takes another path through the arithmetic than none at all.
+#[test]
+fn derivatives_of_zero_change_no_bit() {
+    for model in [PLANT, "FlatnessController", "AlgebraicEstimator"] {
+        let settings = if model == PLANT { &RUNNING[..] } else { &[] };
+        let [plain, sloped] = [0, 1].map(|_| Fmu::started(model, settings));
+        let inputs: Vec<u32> = (0..plain.variables().len() as u32)
+            .filter(|at| {
+                let variable = plain.variables()[*at as usize];
+                variable.causality == Causality::Input && variable.is_continuous()
+            })
+            .collect();
+        for step in 0..30 {
+            let zeros = vec![0.0; inputs.len()];
+            sloped.set_input_derivatives(&inputs, &vec![1; inputs.len()], &zeros).ok(&sloped);
+            for fmu in [&plain, &sloped] {
+                fmu.step(f64::from(step) * 7e-5, 7e-5).ok(fmu);
+            }
+            assert_eq!(plain.all_bits(), sloped.all_bits(), "{model}, step {step}");
+        }
+    }
+}
+
+/// A sample in the middle of a step sees the input extrapolated to its instant: a controller stepped at 2.5 times its
+/// sample time with derivatives gives what it gives when it is stepped from sample to sample with values.
+/// Fails if the sampled slaves take the value at the begin of the step.
+#[test]
+fn samples_within_a_step_see_the_extrapolated_input() {
+    let model = "FlatnessController";
+    let position = |t: f64| 3e-5 - 1e-2 * t;
+    let [coarse, fine] = [0, 1].map(|_| Fmu::started(model, &[]));
+    for step in 0..8 {
+        let t = f64::from(step) * 2.5e-4;
+        coarse.set("Ym", position(t)).ok(&coarse);
+        coarse.set_input_derivatives(&[coarse.reference("Ym")], &[1], &[-1e-2]).ok(&coarse);
+        coarse.step(t, 2.5e-4).ok(&coarse);
+    }
+    for sample in 0..20 {
+        let t = f64::from(sample) * 1e-4;
+        fine.set("Ym", position(t)).ok(&fine);
+        fine.step(t, 1e-4).ok(&fine);
+    }
+    for name in ["i[1]", "i[2]", "i[3]", "pYHat"] {
+        let (got, wanted) = (coarse.get(name), fine.get(name));
+        assert!((got - wanted).abs() <= 1e-6 * wanted.abs().max(1e-3), "{name}: {got} against {wanted}");
+    }
+    assert!((coarse.get("Ym") - position(2e-3)).abs() < 1e-15);
+}
+
+/// Fails if they are taken one by one until one is refused.
+#[test]
+fn derivatives_of_inputs_are_taken_together_or_not_at_all() {
+    let fmu = Fmu::started(PLANT, &RUNNING);
+    let two = references(&fmu, &["i[1]", "m"]);
+    assert!(fmu.set_input_derivatives(&two, &[1, 1], &[10.0, 0.0]).error(&fmu).contains("m: a continuous input"));
+    for order in [0, -1, 5, i32::MAX] {
+        let text = fmu.set_input_derivatives(&two[..1], &[order], &[1.0]).error(&fmu);
+        assert!(text.contains("an order from 1 to 4"), "{text}");
+    }
+    let text = fmu.set_input_derivatives(&two[..1], &[1], &[f64::INFINITY]).error(&fmu);
+    assert!(text.contains("inf is refused"), "{text}");
+    fmu.step(0.0, 1e-4).ok(&fmu);
+    assert_eq!(fmu.get("i[1]"), 1.5, "nothing of what was refused has an effect");
+}
+
+/// Derivatives of outputs in time against the motion itself, by steps so small that a quotient shows them.
+/// Fails if the velocity is missing in the rate of a force.
+#[test]
+fn output_derivatives_are_those_of_the_motion() {
+    let names = ["Y", "Z", "F[1]", "F[2]", "F[3]", "FY", "FZ", "gap[1]", "gap[2]", "perturbation.Y", "perturbation.Z"];
+    for drive in drives() {
+        let mut settings = RUNNING.to_vec();
+        settings.push(("drive", drive));
+        let fmu = Fmu::started(PLANT, &settings);
+        let outputs = references(&fmu, &names);
+        let driven = references(&fmu, &["i[1]", "u[1]", "i[1]", "u[1]", "i[1]", "u[1]"]);
+        let slopes = |fmu: &Fmu| {
+            let values = [200.0, 200.0, 1e4, 1e4, 1e7, 1e7];
+            fmu.set_input_derivatives(&driven[..4], &[1, 1, 2, 2], &values[..4]).ok(fmu);
+        };
+        slopes(&fmu);
+        fmu.step(0.0, 1e-3).ok(&fmu);
+        let first = fmu.output_derivatives(&outputs, &vec![1; outputs.len()]).expect("first derivatives");
+        let second = fmu.output_derivatives(&outputs, &vec![2; outputs.len()]).expect("second derivatives");
+        // The same motion before and after the instant, along the same polynomial.
+        let at = |t: f64| {
+            let other = Fmu::started(PLANT, &settings);
+            slopes(&other);
+            other.step(0.0, t).ok(&other);
+            other.get_reals(&outputs).expect("outputs")
+        };
+        let h = 2e-5;
+        let [a, b, c, d, e] = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|side| at(1e-3 + side * h));
+        for (k, name) in names.iter().enumerate() {
+            let slope = (a[k] - 8.0 * b[k] + 8.0 * d[k] - e[k]) / (12.0 * h);
+            let bend = (-a[k] + 16.0 * b[k] - 30.0 * c[k] + 16.0 * d[k] - e[k]) / (12.0 * h * h);
+            let scale = c[k].abs().max(1e-6);
+            assert!((first[k] - slope).abs() <= 1e-4 * slope.abs() + 1e-4 * scale, "{name}: {:e} {slope:e}", first[k]);
+            assert!((second[k] - bend).abs() <= 1e-3 * bend.abs() + 1.0 * scale, "{name}: {:e} {bend:e}", second[k]);
+        }
+        assert_eq!(first[0], fmu.get("vY"));
+        assert!((second[1] - fmu.get("aZ")).abs() <= 1e-12, "{} {}", second[1], fmu.get("aZ"));
+        // An input that is set anew is held from then on.
+        fmu.set("i[1]", 1.5).ok(&fmu);
+        fmu.set("u[1]", 3.0).ok(&fmu);
+        if drive == 1.0 {
+            let force = fmu.output_derivatives(&[fmu.reference("F[1]")], &[1]).expect("a derivative")[0];
+            let (i, gap) = (1.5, fmu.get("gap[1]"));
+            let rate = fmu.output_derivatives(&[fmu.reference("gap[1]")], &[1]).expect("a derivative")[0];
+            let wanted = -2.0 * 1.8e-6 * i * i / (gap * gap * gap) * rate;
+            assert!((force - wanted).abs() <= 1e-9 * wanted.abs(), "{force} {wanted}");
+        }
+        assert_eq!(fmu.output_derivatives(&references(&fmu, &["Ym", "theta"]), &[1, 2]), Ok(vec![0.0; 2]));
+        let text = fmu.output_derivatives(&outputs[..1], &[3]).expect_err("an error").error(&fmu);
+        assert!(text.contains("Y: a derivative of order 3 is refused: an order from 1 to 2"), "{text}");
+    }
+}

@@ -1,0 +1,17 @@
+//! The three models as FMUs: their variables and steps, and the C interface that importers call.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod abuse;
+mod bindings;
+mod derivatives;
+// The documentation page is made by the program.
+#[cfg(feature = "app")]
+mod description;
+mod door;
+mod log;
+mod session;
+mod slaves;
+mod state;
+mod time;

@@ -1,0 +1,568 @@
+//! The slaves behind their tables: access, reset, what may change when, outputs, and the sample instants.
+
+use crate::support::named::Named;
+use crate::support::{Random, below, says};
+use magnetic_bearing::slave::clock::Clock;
+use magnetic_bearing::slave::instance::AccessError;
+use magnetic_bearing::slave::variable::{Causality, Type, Value, Variability};
+use magnetic_bearing::slave::{catalogue, plant};
+
+const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
+const TS: f64 = 1e-4;
+
+/// Inputs for a step that keep every model going, different at every step.
+fn excite(slave: &mut Named, random: &mut Random) {
+    for index in 0..slave.variables.len() {
+        let variable = slave.variables[index];
+        if variable.causality != Causality::Input {
+            continue;
+        }
+        let value = match variable.name.as_ref() {
+            "Ym" | "Zm" | "Yref" | "Zref" => Value::Real(random.between(-5e-5, 5e-5)),
+            "omega" => Value::Real(random.between(300.0, 320.0)),
+            "theta" => Value::Real(random.between(0.0, 6.0)),
+            "reset" => Value::Boolean(false),
+            name if name.starts_with("lambdaHat") => Value::Real(random.between(1e-6, 3e-6)),
+            // Weak, so that the rotor goes its own way for a while and does not leave the gap.
+            name if name.starts_with('i') => Value::Real(random.between(0.05, 0.1)),
+            _ if matches!(variable.kind, Type::Boolean { .. }) => Value::Boolean(true),
+            _ => Value::Real(random.between(-1.0, 1.0)),
+        };
+        slave.slave.set(index, value).unwrap_or_else(|error| panic!("{}: {error}", variable.name));
+    }
+}
+
+/// Enough steps for the window of the estimator, and few enough for a rotor that nobody holds.
+fn steps(model: &str) -> std::ops::Range<u32> {
+    if model == "MagneticBearing" { 0..150 } else { 0..250 }
+}
+
+/// Steps of `TS` from a step number on.
+fn run(slave: &mut Named, steps: std::ops::Range<u32>, random: &mut Random) {
+    for step in steps {
+        excite(slave, random);
+        slave.step(f64::from(step) * TS, TS);
+    }
+}
+
+#[test]
+fn every_row_keeps_what_it_is_given_and_disturbs_no_other() {
+    for model in MODELS {
+        let mut slave = Named::new(model);
+        // Every row a value of its own: two rows with one place would show.
+        let given: Vec<Option<Value>> = (slave.variables.iter().enumerate())
+            .map(|(index, variable)| {
+                variable.is_settable().then_some(match variable.kind {
+                    Type::Real { .. } => Value::Real(1e-7 * (index + 1) as f64),
+                    Type::Integer { .. } => Value::Integer(index as i32 + 1000),
+                    Type::Enumeration { items, .. } => Value::Integer((index % items.items.len()) as i32 + 1),
+                    Type::Boolean { start } => Value::Boolean(!start),
+                })
+            })
+            .collect();
+        for (index, value) in given.iter().enumerate() {
+            if let Some(value) = value {
+                slave.slave.set(index, *value).expect("before the run parameters and inputs can be set");
+            }
+        }
+        // Outputs are computed from a trial start; that must not leave a trace in what was set.
+        let _ = slave.bits();
+        for (index, value) in given.iter().enumerate() {
+            if let Some(value) = value {
+                assert_eq!(slave.slave.get(index), Ok(*value), "{model}.{}", slave.variables[index].name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_new_slave_has_the_start_values_of_its_table() {
+    for model in MODELS {
+        let mut slave = Named::new(model);
+        for index in 0..slave.variables.len() {
+            let variable = slave.variables[index];
+            if variable.is_settable() {
+                assert_eq!(slave.slave.get(index), Ok(variable.start()), "{model}.{}", variable.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn after_a_reset_a_slave_is_as_new() {
+    for model in MODELS {
+        let mut used = Named::new(model);
+        for index in 0..used.variables.len() {
+            let variable = used.variables[index];
+            if let (Causality::Parameter, Type::Real { start, .. }) = (variable.causality, &variable.kind) {
+                // Within what is accepted: multiples of the sample time stay multiples.
+                used.slave.set(index, Value::Real(start * 2.0)).expect("a parameter");
+            }
+        }
+        used.slave.set_start(3.0);
+        used.start().unwrap_or_else(|findings| panic!("{model}: {findings:?}"));
+        used.step(3.0, TS);
+        used.slave.reset();
+
+        let mut fresh = Named::new(model);
+        assert_eq!(used.bits(), fresh.bits(), "{model} before the run");
+        for slave in [&mut used, &mut fresh] {
+            slave.start().expect("the start values are sound");
+            run(slave, steps(model), &mut Random::new(7));
+        }
+        assert_eq!(used.bits(), fresh.bits(), "{model} after the run");
+    }
+}
+
+#[test]
+fn fixed_parameters_do_not_change_while_it_runs() {
+    for model in MODELS {
+        let mut slave = Named::started(model, &[]);
+        for index in 0..slave.variables.len() {
+            let variable = slave.variables[index];
+            let before = slave.slave.get(index).expect("an index");
+            let set = slave.slave.set(index, before);
+            let may = match (variable.causality, variable.variability) {
+                (Causality::Input, _) => true,
+                (Causality::Parameter, variability) => variability == Variability::Tunable,
+                (Causality::Output | Causality::Local, _) => false,
+            };
+            match set {
+                Ok(()) => assert!(may, "{model}.{} was set", variable.name),
+                Err(error) => {
+                    assert!(!may, "{model}.{}: {error}", variable.name);
+                    let reason =
+                        if variable.is_settable() { "it is fixed once the run has begun" } else { "it is computed" };
+                    says(&error.to_string(), &[variable.name.as_ref(), "cannot be set", reason]);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_refused_change_changes_nothing() {
+    let mut bearing = Named::started("MagneticBearing", &[("i[1]", 1.5)]);
+    let before = bearing.bits();
+    assert!(bearing.try_set("m", 1.0).is_err());
+    assert!(bearing.try_set("Y", 1.0).is_err());
+    let error = bearing.try_set("lambda[2]", -1e-6).expect_err("a negative force constant").to_string();
+    says(&error, &["lambda[2]", "-0.000001 N.m2/A2", "a finite number above 0"]);
+    for (name, value) in [("unbalance.magnitude", f64::NAN), ("unbalance.phase", f64::INFINITY), ("lambda[1]", 0.0)] {
+        let error = bearing.try_set(name, value).expect_err(name).to_string();
+        says(&error, &[name, "is refused"]);
+    }
+    assert_eq!(bearing.bits(), before);
+    bearing.step(0.0, TS);
+}
+
+#[test]
+fn computed_variables_cannot_be_set_before_the_run_either() {
+    for model in MODELS {
+        let mut slave = Named::new(model);
+        for index in 0..slave.variables.len() {
+            let variable = slave.variables[index];
+            if !variable.is_settable() {
+                let error = slave.slave.set(index, variable.start()).expect_err("it is computed");
+                assert!(matches!(error, AccessError::NotSettable { .. }), "{model}.{}: {error}", variable.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn values_of_another_type_and_unknown_indices_are_refused() {
+    for model in MODELS {
+        let mut slave = Named::new(model);
+        for index in 0..slave.variables.len() {
+            let variable = slave.variables[index];
+            if !variable.is_settable() {
+                continue;
+            }
+            for wrong in [Value::Real(1.0), Value::Integer(1), Value::Boolean(true)] {
+                if std::mem::discriminant(&wrong) == std::mem::discriminant(&variable.start()) {
+                    continue;
+                }
+                let error = slave.slave.set(index, wrong).expect_err("another type");
+                assert!(matches!(error, AccessError::WrongType { .. }), "{model}.{}: {error}", variable.name);
+                says(&error.to_string(), &[variable.name.as_ref(), wrong.noun()]);
+            }
+        }
+        let beyond = slave.variables.len();
+        assert_eq!(slave.slave.get(beyond), Err(AccessError::Unknown(beyond)));
+        assert_eq!(slave.slave.set(beyond, Value::Real(0.0)), Err(AccessError::Unknown(beyond)));
+    }
+}
+
+#[test]
+fn tunable_parameters_act() {
+    let mut bearing = Named::started("MagneticBearing", &[("i[1]", 1.5), ("i[2]", 1.5), ("i[3]", 1.5)]);
+    bearing.step(0.0, TS);
+    let [before, ..] = bearing.three("F");
+    bearing.set("lambda[1]", 3.6e-6);
+    assert_eq!(bearing.three("F")[0], 2.0 * before, "twice λ is twice the force, at once");
+
+    // Unbalance and harmonic perturbation, against the formulas of the interface at θ = ω t.
+    let omega = bearing.get("omega");
+    bearing.set("unbalance.magnitude", 1e-4);
+    bearing.set("unbalance.phase", 0.3);
+    bearing.set("perturbation.amplitudeY", 2.0);
+    bearing.set("perturbation.amplitudeZ", 3.0);
+    bearing.set("perturbation.omega", 400.0);
+    bearing.set("perturbation.phaseZ", 0.5);
+    let force = 1e-4 * omega * omega;
+    let wanted = [
+        force * (omega * TS + 0.3).cos() + 2.0 * (400.0 * TS).sin(),
+        force * (omega * TS + 0.3).sin() + 3.0 * (400.0 * TS + 0.5).sin(),
+    ];
+    /// Newton; the formulas are the same but for the rounding of their sines.
+    const ROUNDING_N: f64 = 1e-12;
+    for (name, wanted) in ["perturbation.Y", "perturbation.Z"].into_iter().zip(wanted) {
+        below(name, (bearing.get(name) - wanted).abs(), ROUNDING_N);
+    }
+    // Tuned parameters act on the motion too: without unbalance the same step ends elsewhere.
+    let velocity = bearing.get("vY");
+    bearing.step(TS, TS);
+    let acceleration = (bearing.get("vY") - velocity) / TS;
+    assert!((acceleration - force / 6.7).abs() < 0.5 * force / 6.7, "{acceleration} m/s2");
+
+    let mut slow = Named::started("FlatnessController", &[]);
+    let mut fast = Named::started("FlatnessController", &[]);
+    fast.set("reference.omega", 400.0);
+    slow.step(0.0, 10.0 * TS);
+    fast.step(0.0, 10.0 * TS);
+    assert!(fast.get("reference.Z") > 1.2 * slow.get("reference.Z"), "the reference goes faster");
+}
+
+#[test]
+fn the_modulation_is_tuned_while_running_and_what_is_refused_changes_nothing() {
+    let [mut with, mut without] = [(); 2].map(|()| Named::started("FlatnessController", &[]));
+    let currents = |slave: &mut Named| slave.three("i");
+    with.step(0.0, TS);
+    without.step(0.0, TS);
+    assert_eq!(currents(&mut with), currents(&mut without), "off by default");
+    for (name, bad) in [
+        ("F0.modulation", -0.1),
+        ("F0.modulation", 1.1),
+        ("F0.modulation", f64::NAN),
+        ("F0.modulationFrequency", -110.0),
+        ("F0.modulationFrequency", 5001.0),
+        ("F0.modulationFrequency", f64::INFINITY),
+    ] {
+        let former = with.get(name);
+        match with.slave.set(with.index(name), Value::Real(bad)) {
+            Err(AccessError::Refused(findings)) => assert_eq!(findings[0].name, name, "{bad}"),
+            other => panic!("{name} = {bad}: {other:?}"),
+        }
+        assert_eq!(with.get(name), former);
+    }
+    with.step(TS, TS);
+    without.step(TS, TS);
+    assert_eq!(currents(&mut with), currents(&mut without), "what was refused has no effect");
+    let mut copy = Named { slave: with.slave.duplicate(), ..Named::new("FlatnessController") };
+    with.set("F0.modulation", 0.5);
+    for slave in [&mut with, &mut without, &mut copy] {
+        slave.step(2.0 * TS, TS);
+    }
+    assert!(currents(&mut with) != currents(&mut without), "tuned, it acts");
+    assert_eq!(currents(&mut copy), currents(&mut without), "a copy keeps what it had");
+}
+
+#[test]
+fn before_the_run_outputs_follow_the_parameters() {
+    let mut bearing = Named::new("MagneticBearing");
+    assert_eq!(bearing.get("Y"), 30e-6);
+    bearing.set("Y0", -1e-5);
+    bearing.set("Z0", 2e-5);
+    bearing.set("vZ0", 0.5);
+    bearing.set("theta0", 1.25);
+    bearing.set("omega", 100.0);
+    bearing.set("i[1]", 2.0);
+    for (name, wanted) in
+        [("Y", -1e-5), ("Z", 2e-5), ("Ym", -1e-5), ("Zm", 2e-5), ("vZ", 0.5), ("theta", 1.25), ("omegam", 100.0)]
+    {
+        assert_eq!(bearing.get(name), wanted, "{name}");
+    }
+    // Magnet 1 looks towards −z (α = π): its gap is s + Z, and F = λ i²/gap².
+    /// Part of the value: sin π and cos π are rounded.
+    const ROUNDING: f64 = 1e-14;
+    let gap = 5e-4 + 2e-5;
+    below("gap[1]", (bearing.get("gap[1]") / gap - 1.0).abs(), ROUNDING);
+    below("F[1]", (bearing.get("F[1]") / (1.8e-6 * 4.0 / (gap * gap)) - 1.0).abs(), ROUNDING);
+    // No current is held before the start, so the sensor reads none, whatever the input.
+    assert_eq!(bearing.get("im[1]"), 0.0);
+    // A start that cannot be accepted is the start's affair: until then the last sound outputs stand.
+    bearing.set("m", 0.0);
+    assert_eq!(bearing.get("Y"), -1e-5);
+    assert!(bearing.start().is_err());
+    bearing.set("m", 6.7);
+    bearing.start().expect("now it is sound");
+
+    let mut controller = Named::new("FlatnessController");
+    controller.set("lambda0[2]", 5e-6);
+    controller.set("reference.rY", 1e-5);
+    assert_eq!(controller.three("lambdaUsed"), [4e-6, 5e-6, 4e-6]);
+    assert_eq!(controller.get("reference.Y"), 1e-5);
+    assert_eq!(controller.three("i"), [0.0; 3], "no sample was taken yet");
+
+    let mut estimator = Named::new("AlgebraicEstimator");
+    estimator.set("lambda0[3]", 5e-6);
+    assert_eq!(estimator.three("lambdaHat"), [4e-6, 4e-6, 5e-6]);
+    assert_eq!(estimator.get("valid"), 0.0);
+}
+
+#[test]
+fn outputs_follow_an_input_at_once_only_where_the_table_says_so() {
+    for model in MODELS {
+        let mut slave = Named::started(model, &[]);
+        let mut random = Random::new(11);
+        run(&mut slave, 0..20, &mut random);
+        let before = slave.bits();
+        excite(&mut slave, &mut random);
+        let after = slave.bits();
+        for (index, variable) in slave.variables.iter().enumerate() {
+            if variable.is_settable() || variable.causality == Causality::Local {
+                continue;
+            }
+            let follows = before[index] != after[index];
+            let input = |name: &str| {
+                let found = slave.variables.iter().find(|candidate| candidate.name == name);
+                found.is_some_and(|candidate| candidate.causality == Causality::Input)
+            };
+            let may = variable.depends_on.iter().any(|(name, _)| input(name));
+            assert!(may || !follows, "{model}.{} follows an input", variable.name);
+            let force = variable.name.starts_with('F') || variable.name.starts_with("perturbation.");
+            assert!(follows || !(model == "MagneticBearing" && force), "{model}.{} stands still", variable.name);
+        }
+    }
+}
+
+#[test]
+fn no_variable_is_ever_without_a_number() {
+    for model in MODELS {
+        let mut slave = Named::started(model, &[]);
+        run(&mut slave, steps(model), &mut Random::new(3));
+        for (bits, variable) in slave.bits().into_iter().zip(&slave.variables) {
+            assert!(f64::from_bits(bits).is_finite(), "{model}.{}", variable.name);
+        }
+    }
+}
+
+/// The instants that a clock takes when time is cut by these steps, each from the end of the last one.
+fn taken(clock: &mut Clock, start_s: f64, steps: impl Iterator<Item = f64>) -> (Vec<f64>, f64) {
+    let mut instants = Vec::new();
+    let mut time_s = start_s;
+    for length_s in steps {
+        while let Some(instant_s) = clock.next_before(time_s + length_s) {
+            instants.push(instant_s);
+        }
+        time_s += length_s;
+    }
+    (instants, time_s)
+}
+
+/// All sample instants before the end, each exactly once.
+fn demanded(start_s: f64, count: usize) -> Vec<f64> {
+    (0..count).map(|k| start_s + k as f64 * TS).collect()
+}
+
+/// Fails if the clock compares without a tolerance, or counts with a running sum.
+#[test]
+fn samples_do_not_depend_on_how_time_is_cut() {
+    const SAMPLES: usize = 1000;
+    for start_s in [0.0, 17.3, -2.5, 1e4] {
+        for (what, part) in [("Ts", 1.0), ("Ts/3", 3.0), ("Ts/7", 7.0), ("2.5 Ts", 0.4), ("10 Ts", 0.1), ("all", 1e-3)]
+        {
+            let mut clock = Clock::new(start_s, TS);
+            let steps = (SAMPLES as f64 * part).round() as usize;
+            let (instants, _) = taken(&mut clock, start_s, std::iter::repeat_n(TS / part, steps));
+            assert_eq!(instants, demanded(start_s, SAMPLES), "steps of {what} from {start_s} s");
+        }
+    }
+}
+
+#[test]
+fn samples_survive_any_mixture_of_steps() {
+    for seed in 0..200 {
+        let mut random = Random::new(seed);
+        let start_s = random.between(-10.0, 1000.0);
+        let mut clock = Clock::new(start_s, TS);
+        let mut steps = Vec::new();
+        for _ in 0..random.between(1.0, 400.0) as usize {
+            steps.push(match random.between(0.0, 5.0) as u32 {
+                0 => TS,
+                1 => TS * random.between(0.0, 3.0),
+                // The last steps of some importers: too short to move the time.
+                2 => 1.1e-16,
+                3 => 0.0,
+                _ => TS / 3.0,
+            });
+        }
+        let (instants, end_s) = taken(&mut clock, start_s, steps.into_iter());
+        assert_eq!(instants, demanded(start_s, instants.len()), "seed {seed}");
+        // All instants before the end, and none from the end on, but for the width of the tolerance.
+        let periods = (end_s - start_s) / TS;
+        let (least, most) = (periods - Clock::TOLERANCE, periods + Clock::TOLERANCE);
+        let count = instants.len() as f64;
+        assert!(count >= least.floor() && count <= most.ceil(), "seed {seed}: {count} samples in {periods} periods");
+    }
+}
+
+#[test]
+fn added_up_time_neither_loses_nor_doubles_a_sample() {
+    const STEPS: usize = 1_000_000;
+    let mut clock = Clock::new(0.0, TS);
+    let mut time_s = 0.0;
+    for step in 0..STEPS {
+        let end_s = time_s + TS;
+        assert!(clock.next_before(end_s).is_some(), "step {step} has lost its sample");
+        assert!(clock.next_before(end_s).is_none(), "step {step} has two samples");
+        time_s = end_s;
+    }
+    assert!(time_s != STEPS as f64 * TS, "adding up has an error, or this test shows nothing");
+}
+
+#[test]
+fn steps_without_length_take_each_sample_once() {
+    let mut clock = Clock::new(0.5, TS);
+    // At the very start nothing lies before the end; the sample belongs to the first step that has a length.
+    assert_eq!(clock.next_before(0.5 + 1e-16), None);
+    assert_eq!(clock.next_before(0.5 + TS), Some(0.5));
+    for _ in 0..1000 {
+        assert_eq!(clock.next_before(0.5 + TS + 1e-16), None);
+    }
+    assert_eq!(clock.next_before(0.5 + 2.0 * TS), Some(0.5 + TS));
+    assert_eq!(clock.taken(), 2);
+}
+
+/// What a sampled slave computes depends on the samples, not on the steps that brought them.
+#[test]
+fn sampled_slaves_do_not_depend_on_how_time_is_cut() {
+    for model in ["FlatnessController", "AlgebraicEstimator"] {
+        let blocks = |parts: &[f64]| {
+            let mut slave = Named::started(model, &[]);
+            let mut random = Random::new(5);
+            let mut time_s = 0.0;
+            // Inputs change every five samples, so that all cuts see the same ones.
+            for _ in 0..60 {
+                excite(&mut slave, &mut random);
+                for part in parts {
+                    slave.step(time_s, part * TS);
+                    time_s += part * TS;
+                }
+            }
+            slave.bits()
+        };
+        let whole = blocks(&[1.0; 5]);
+        assert_eq!(blocks(&[5.0]), whole, "{model}: one step");
+        assert_eq!(blocks(&[2.5; 2]), whole, "{model}: steps of 2.5 Ts");
+        assert_eq!(blocks(&[1.0 / 3.0; 15]), whole, "{model}: steps of Ts/3");
+        assert_eq!(blocks(&[1.0, 1e-12, 1.0, 0.5, 0.5, 0.0, 2.0 - 1e-12]), whole, "{model}: a mixture");
+    }
+}
+
+#[test]
+fn the_sensors_of_the_plant_do_not_depend_on_how_time_is_cut() {
+    // A smooth motion over 5 ms, far from the backup bearing, integrated by sub-steps of different lengths.
+    let positions = |parts: usize| {
+        let mut bearing =
+            Named::started("MagneticBearing", &[("i[1]", 1.5), ("i[2]", 1.4), ("i[3]", 1.3), ("sensor.seed", 4.0)]);
+        bearing.step(0.0, 0.0);
+        for step in 0..50 * parts {
+            bearing.step(step as f64 * TS / parts as f64, TS / parts as f64);
+        }
+        [bearing.get("Ym"), bearing.get("Zm"), bearing.get("theta"), bearing.get("im[1]")]
+    };
+    /// Metre and radian; what steps of 50 and 33 µs of a method of fourth order differ by.
+    const INTEGRATION: f64 = 1e-13;
+    let whole = positions(1);
+    for (is, ought) in positions(3).into_iter().zip(whole) {
+        below("difference", (is - ought).abs(), INTEGRATION);
+    }
+}
+
+#[test]
+fn refused_parameters_are_all_named_at_once() {
+    // Name, value, and what is said of it; the rest of the parameters as they are.
+    const BAD: &[(&str, &str, f64, &[&str])] = &[
+        ("MagneticBearing", "m", 0.0, &["0 kg", "above 0"]),
+        ("MagneticBearing", "m", -1.0, &["-1 kg", "above 0"]),
+        ("MagneticBearing", "m", f64::NAN, &["NaN", "finite"]),
+        ("MagneticBearing", "s", 0.0, &["0 m", "above 0"]),
+        ("MagneticBearing", "s", -5e-4, &["above 0"]),
+        ("MagneticBearing", "lambda[2]", 0.0, &["above 0"]),
+        ("MagneticBearing", "Y0", 6e-4, &["0.0006 m", "inside the gap"]),
+        ("MagneticBearing", "Z0", -5e-4, &["-0.0005 m", "inside the gap"]),
+        ("MagneticBearing", "sensor.Ts", 0.0, &["0 s", "time of at least"]),
+        ("MagneticBearing", "sensor.Ts", -1e-4, &["time of at least"]),
+        ("MagneticBearing", "solver.maxStep", 0.0, &["0 s", "time of at least"]),
+        ("MagneticBearing", "sensor.positionNoise", -1e-7, &["0 or above"]),
+        ("MagneticBearing", "theta0", f64::INFINITY, &["inf", "finite"]),
+        ("FlatnessController", "m", f64::NAN, &["NaN", "finite"]),
+        ("FlatnessController", "s", 0.0, &["above 0"]),
+        ("FlatnessController", "Ts", 0.0, &["0 s", "time of at least"]),
+        ("FlatnessController", "lambda0[1]", -4e-6, &["above 0"]),
+        ("FlatnessController", "F0", -1.0, &["0 or above"]),
+        ("FlatnessController", "F0.modulation", 1.5, &["1.5", "from 0 to 1"]),
+        ("FlatnessController", "F0.modulation", f64::NAN, &["NaN", "from 0 to 1"]),
+        ("FlatnessController", "F0.modulationFrequency", 0.0, &["0 Hz", "above 0"]),
+        (
+            "FlatnessController",
+            "F0.modulationFrequency",
+            6000.0,
+            &["6000 Hz", "at most half the sample rate (5000 Hz)"],
+        ),
+        ("FlatnessController", "bandwidth.tracking", 0.0, &["above 0"]),
+        ("FlatnessController", "update.mode", 4.0, &["4", "never (1), atTime (2), whenValid (3)"]),
+        ("FlatnessController", "update.mode", i32::MIN as f64, &["never (1)"]),
+        ("FlatnessController", "reference.shape", 0.0, &["0", "ellipse (1), lobes (2), external (3)"]),
+        ("FlatnessController", "reference.lobes", -1.0, &["-1", "0 or above"]),
+        ("FlatnessController", "reference.rZ", 6e-4, &[]),
+        ("AlgebraicEstimator", "m", 0.0, &["0 kg", "above 0"]),
+        ("AlgebraicEstimator", "s", f64::NAN, &["NaN", "finite"]),
+        ("AlgebraicEstimator", "Ts", -1e-4, &[]),
+        ("AlgebraicEstimator", "tolerance.m", -0.1, &["-0.1 kg", "0 or above"]),
+        ("AlgebraicEstimator", "tolerance.positionGain", f64::INFINITY, &["inf", "0 or above"]),
+        ("AlgebraicEstimator", "Tf", f64::NAN, &["NaN"]),
+        ("AlgebraicEstimator", "method", 4.0, &["4", "paperLiteral (1)", "predictionError (3)"]),
+        ("AlgebraicEstimator", "hold", 0.0, &["0", "heldBefore (1)"]),
+        ("AlgebraicEstimator", "filter.omega", 0.0, &[]),
+        ("AlgebraicEstimator", "filter.zeta", -0.7, &[]),
+    ];
+    for (model, name, value, words) in BAD {
+        let mut slave = Named::new(model);
+        slave.set(name, *value);
+        let findings = slave.start().expect_err(name);
+        let said: Vec<_> = findings.iter().map(|finding| finding.to_string()).collect();
+        let of_it = said.iter().find(|line| line.starts_with(name));
+        let line = of_it.unwrap_or_else(|| panic!("{model}.{name} = {value} is not named in {said:?}"));
+        says(line, words);
+        says(line, &["is refused", "is wanted"]);
+    }
+    for model in MODELS {
+        let mut slave = Named::new(model);
+        slave.set("alpha[2]", std::f64::consts::PI);
+        let findings = slave.start().expect_err("two magnets with one angle");
+        assert!(findings.iter().any(|finding| finding.name.starts_with("alpha")), "{model}: {findings:?}");
+    }
+    // Everything at once, the choices included.
+    let mut controller = Named::new("FlatnessController");
+    for (name, value) in [("m", 0.0), ("Ts", -1.0), ("F0", f64::NAN), ("update.mode", 9.0), ("reference.lobes", -2.0)] {
+        controller.set(name, value);
+    }
+    let findings = controller.start().expect_err("five findings");
+    for name in ["m", "Ts", "F0", "update.mode", "reference.lobes"] {
+        assert!(findings.iter().any(|finding| finding.name == name), "{name} is not in {findings:?}");
+    }
+}
+
+#[test]
+fn the_catalogue_is_complete() {
+    let names: Vec<_> = catalogue().iter().map(|kind| kind.name).collect();
+    assert_eq!(names, MODELS);
+    for kind in catalogue() {
+        assert!(kind.stop_s > 0.0 && kind.step_s > 0.0 && kind.description.len() > 20, "{}", kind.name);
+    }
+    assert!(magnetic_bearing::slave::find("magneticbearing").is_none());
+    assert_eq!((plant::KIND.variables)().len(), Named::new("MagneticBearing").variables.len());
+}

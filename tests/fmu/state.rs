@@ -1,0 +1,463 @@
+//! Snapshots: what they restore, across instances and processes, and what is refused.
+
+use std::process::Command;
+use std::ptr::null_mut;
+
+use crate::support::ffi::{Expect, Fmu};
+use magnetic_bearing::fmi2::bindings::{fmi2FMUstate, fmi2Status};
+use sha2::{Digest, Sha256};
+
+const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
+
+/// Values that make every part of a state move: noise, delay, both drives' coils, unbalance, a short window.
+fn lively(model: &str) -> Vec<(&'static str, f64)> {
+    match model {
+        "MagneticBearing" => vec![
+            ("sensor.positionNoise", 1e-7),
+            ("sensor.currentNoise", 1e-2),
+            ("sensor.delay", 1.5e-4),
+            ("drive", 2.0),
+            ("unbalance.magnitude", 1e-4),
+            ("u[1]", 3.0),
+            ("u[2]", 2.0),
+        ],
+        "FlatnessController" => vec![("update.mode", 3.0), ("lambdaValid", 1.0)],
+        _ => vec![("Tf", 2e-3), ("epsilon", 2e-3), ("im[1]", 1.0), ("im[2]", 2.0)],
+    }
+}
+
+/// One step of a run whose inputs move.
+fn advance(fmu: &Fmu, model: &str, step: u32) {
+    let t = f64::from(step) * 1e-4;
+    let wave = (f64::from(step) * 0.7).sin();
+    let (name, value) = match model {
+        "MagneticBearing" => ("u[2]", 2.0 + wave),
+        "FlatnessController" => ("Ym", 3e-5 * wave),
+        _ => ("Zm", 3e-5 * wave),
+    };
+    fmu.set(name, value).ok(fmu);
+    fmu.step(t, 1e-4).ok(fmu);
+}
+
+fn running(model: &str, steps: u32) -> Fmu {
+    let fmu = Fmu::started(model, &lively(model));
+    (0..steps).for_each(|step| advance(&fmu, model, step));
+    fmu
+}
+
+fn saved(fmu: &Fmu) -> fmi2FMUstate {
+    let mut state = null_mut();
+    fmu.get_state(&mut state).ok(fmu);
+    assert!(!state.is_null());
+    state
+}
+
+fn freed(fmu: &Fmu, mut state: fmi2FMUstate) {
+    fmu.free_state(&mut state).ok(fmu);
+    assert!(state.is_null());
+    fmu.free_state(&mut state).ok(fmu);
+}
+
+fn bytes(fmu: &Fmu) -> Vec<u8> {
+    let state = saved(fmu);
+    let bytes = fmu.serialize(state).expect("bytes");
+    freed(fmu, state);
+    bytes
+}
+
+/// Fails if the run goes on where it is while the values go back: with another noise, or another window.
+#[test]
+fn a_run_replays_bit_for_bit_from_any_snapshot_in_any_order() {
+    for model in MODELS {
+        let fmu = running(model, 35);
+        let mut snapshots = Vec::new();
+        let mut traces = Vec::new();
+        for step in 35..75 {
+            snapshots.push(saved(&fmu));
+            advance(&fmu, model, step);
+            traces.push(fmu.all_bits());
+        }
+        let other = Fmu::new(model);
+        for from in [39_usize, 0, 17, 3, 17, 38] {
+            // Into the same instance, and into one that was never started.
+            for fmu in [&fmu, &other] {
+                fmu.set_state(snapshots[from]).ok(fmu);
+                for (step, trace) in traces.iter().enumerate().skip(from) {
+                    advance(fmu, model, 35 + step as u32);
+                    assert_eq!(fmu.all_bits(), *trace, "{model}: from {from} to {step}");
+                }
+            }
+        }
+        // Snapshots of one instance can be freed by another, also after a run has ended.
+        other.terminate().ok(&other);
+        snapshots.into_iter().for_each(|state| freed(&other, state));
+    }
+}
+
+/// Fails if an instance that has not begun refuses the snapshot of another.
+#[test]
+fn a_snapshot_outlives_its_instance_and_serves_others() {
+    for model in MODELS {
+        let first = running(model, 30);
+        let state = saved(&first);
+        let wanted = first.all_bits();
+        drop(first);
+        let others: Vec<_> = (0..5).map(|_| Fmu::new(model)).collect();
+        for fmu in &others {
+            fmu.set_state(state).ok(fmu);
+            assert_eq!(fmu.all_bits(), wanted);
+        }
+        freed(&others[0], state);
+    }
+}
+
+/// Fails if the state in the sequence of calls is not part of the snapshot.
+#[test]
+fn the_state_in_the_sequence_of_calls_comes_back() {
+    let fmu = Fmu::new("MagneticBearing");
+    fmu.set("Y0", 1e-5).ok(&fmu);
+    let instantiated = saved(&fmu);
+    fmu.setup(0.5, Some(1.0)).ok(&fmu);
+    fmu.enter_initialization().ok(&fmu);
+    let initializing = saved(&fmu);
+    fmu.exit_initialization().ok(&fmu);
+    fmu.step(0.5, 1e-3).ok(&fmu);
+    let stepped = saved(&fmu);
+    fmu.terminate().ok(&fmu);
+    let terminated = saved(&fmu);
+
+    fmu.set_state(stepped).ok(&fmu);
+    assert!(fmu.step(0.5, 1e-3).error(&fmu).contains("0.501"));
+    fmu.step(0.501, 1e-3).ok(&fmu);
+    assert!(fmu.step(0.502, 0.6).error(&fmu).contains("stopTime = 1"));
+    fmu.set_state(terminated).ok(&fmu);
+    assert!(fmu.step(0.501, 1e-3).error(&fmu).contains("terminated"));
+    fmu.set_state(initializing).ok(&fmu);
+    fmu.set("Y0", 2e-5).ok(&fmu);
+    fmu.exit_initialization().ok(&fmu);
+    assert_eq!(fmu.get("Y"), 2e-5);
+    fmu.step(0.5, 1e-3).ok(&fmu);
+    fmu.set_state(instantiated).ok(&fmu);
+    fmu.setup(0.0, None).ok(&fmu);
+    fmu.enter_initialization().ok(&fmu);
+    assert_eq!(fmu.get("Y"), 1e-5);
+    for state in [instantiated, initializing, stepped, terminated] {
+        freed(&fmu, state);
+    }
+}
+
+/// A run that has failed goes on from before the failure. Fails if the state `error` outlasts fmi2SetFMUstate.
+#[test]
+fn a_snapshot_from_before_a_fault_recovers() {
+    let fmu = Fmu::started("MagneticBearing", &[]);
+    fmu.step(0.0, 1e-4).ok(&fmu);
+    let state = saved(&fmu);
+    fmu.set("pZ", 1e9).ok(&fmu);
+    assert_eq!(fmu.step(1e-4, 1.0), fmi2Status::fmi2Error);
+    fmu.take_messages();
+    assert!(fmu.step(1e-4, 1e-4).error(&fmu).contains("state `error`"));
+    // A snapshot of the failed instance is possible, and no good.
+    let failed = saved(&fmu);
+    fmu.set_state(failed).ok(&fmu);
+    assert!(fmu.step(1e-4, 1e-4).error(&fmu).contains("state `error`"));
+    fmu.set_state(state).ok(&fmu);
+    fmu.step(1e-4, 1e-4).ok(&fmu);
+    freed(&fmu, state);
+    freed(&fmu, failed);
+}
+
+/// Importers restore although they have said that they would not. Fails if the flag drops snapshots.
+#[test]
+fn no_snapshot_is_dropped_on_a_flag() {
+    // The harness passes noSetFMUStatePriorToCurrentPoint = true with every step.
+    let fmu = running("MagneticBearing", 3);
+    let state = saved(&fmu);
+    let wanted = fmu.all_bits();
+    (3..9).for_each(|step| advance(&fmu, "MagneticBearing", step));
+    fmu.set_state(state).ok(&fmu);
+    assert_eq!(fmu.all_bits(), wanted);
+    freed(&fmu, state);
+}
+
+/// Fails if an existing snapshot is left as it was, or replaced by a new one that nobody frees.
+#[test]
+fn taking_a_snapshot_into_an_existing_one_uses_it_again() {
+    for model in MODELS {
+        let fmu = running(model, 30);
+        let mut state = saved(&fmu);
+        let address = state;
+        advance(&fmu, model, 30);
+        let wanted = fmu.all_bits();
+        fmu.get_state(&mut state).ok(&fmu);
+        assert_eq!(state, address);
+        advance(&fmu, model, 31);
+        fmu.set_state(state).ok(&fmu);
+        assert_eq!(fmu.all_bits(), wanted);
+        freed(&fmu, state);
+    }
+}
+
+#[test]
+fn null_and_foreign_snapshots_are_refused() {
+    let plant = Fmu::started("MagneticBearing", &[]);
+    assert!(plant.set_state(null_mut()).error(&plant).contains("fmi2SetFMUstate: FMUstate is null"));
+    assert!(plant.serialize(null_mut()).expect_err("an error").error(&plant).contains("FMUstate is null"));
+    let controller = Fmu::started("FlatnessController", &[]);
+    let mut state = saved(&controller);
+    let text = plant.set_state(state).error(&plant);
+    assert!(text.contains("a snapshot of FlatnessController: one of MagneticBearing is wanted"), "{text}");
+    assert_eq!(plant.get_state(&mut state), fmi2Status::fmi2Error);
+    plant.take_messages();
+    controller.set_state(state).ok(&controller);
+    freed(&plant, state);
+}
+
+/// Fails if anything that a run needs is not written down: then a second run of the bytes takes another way.
+#[test]
+fn bytes_restore_the_run_and_give_the_same_bytes() {
+    for model in MODELS {
+        let fmu = running(model, 33);
+        let written = bytes(&fmu);
+        assert_eq!(written, bytes(&fmu), "{model}: the same snapshot, the same bytes");
+        let other = Fmu::new(model);
+        let mut state = null_mut();
+        other.deserialize(&written, &mut state).ok(&other);
+        other.set_state(state).ok(&other);
+        assert_eq!(bytes(&other), written, "{model}");
+        for step in 33..60 {
+            advance(&fmu, model, step);
+            advance(&other, model, step);
+            assert_eq!(fmu.all_bits(), other.all_bits(), "{model}, step {step}");
+        }
+        freed(&other, state);
+    }
+}
+
+/// Derivatives of inputs that were given for the next step are part of the snapshot as well, and so are those at the end of the
+/// last one, from which derivatives of outputs follow. Fails if either are not.
+#[test]
+fn derivatives_given_for_the_next_step_are_saved() {
+    let fmu = Fmu::started("MagneticBearing", &[]);
+    fmu.set_input_derivatives(&[fmu.reference("pZ")], &[1], &[5e3]).ok(&fmu);
+    let written = bytes(&fmu);
+    fmu.step(0.0, 1e-3).ok(&fmu);
+    let other = Fmu::new("MagneticBearing");
+    let mut state = null_mut();
+    other.deserialize(&written, &mut state).ok(&other);
+    other.set_state(state).ok(&other);
+    other.step(0.0, 1e-3).ok(&other);
+    assert_eq!(fmu.all_bits(), other.all_bits());
+    assert_eq!(fmu.get("pZ"), 5.0);
+    let rate = |fmu: &Fmu| fmu.output_derivatives(&[fmu.reference("perturbation.Z")], &[1]).expect("a derivative");
+    assert_eq!(rate(&fmu), [5e3]);
+    let mut after = null_mut();
+    other.deserialize(&bytes(&fmu), &mut after).ok(&other);
+    other.set_state(after).ok(&other);
+    assert_eq!(rate(&other), [5e3], "the load moves on as it did");
+    freed(&other, state);
+    freed(&other, after);
+}
+
+const CHILD: &str = "MAGNETIC_BEARING_STATE_TEST";
+
+/// The other process of the test below: goes on from the file named by the environment and prints what comes out.
+#[test]
+fn another_process() {
+    let Ok(path) = std::env::var(CHILD) else { return };
+    let written = std::fs::read(path).expect("the bytes");
+    for (model, written) in MODELS.iter().zip(split(&written)) {
+        let fmu = Fmu::new(model);
+        let mut state = null_mut();
+        fmu.deserialize(written, &mut state).ok(&fmu);
+        fmu.set_state(state).ok(&fmu);
+        (33..60).for_each(|step| advance(&fmu, model, step));
+        println!("{:?}", fmu.all_bits());
+        freed(&fmu, state);
+    }
+}
+
+fn split(all: &[u8]) -> Vec<&[u8]> {
+    let mut rest = all;
+    MODELS
+        .iter()
+        .map(|_| {
+            let (length, tail) = rest.split_at(8);
+            let (head, tail) = tail.split_at(usize::from_le_bytes(length.try_into().expect("eight bytes")));
+            rest = tail;
+            head
+        })
+        .collect()
+}
+
+/// Fails if the bytes hold anything of the process, such as an address.
+#[test]
+fn bytes_restore_the_run_in_another_process() {
+    let mut all = Vec::new();
+    let mut wanted = Vec::new();
+    for model in MODELS {
+        let fmu = running(model, 33);
+        let written = bytes(&fmu);
+        all.extend(written.len().to_le_bytes());
+        all.extend(written);
+        (33..60).for_each(|step| advance(&fmu, model, step));
+        wanted.push(format!("{:?}", fmu.all_bits()));
+    }
+    let path = std::env::temp_dir().join(format!("magnetic-bearing-state-{}", std::process::id()));
+    std::fs::write(&path, all).expect("a temporary file");
+    let program = std::env::current_exe().expect("this program");
+    let child =
+        Command::new(program).args(["state::another_process", "--exact", "--nocapture"]).env(CHILD, &path).output();
+    std::fs::remove_file(path).expect("the temporary file");
+    let child = child.expect("another process");
+    let printed = String::from_utf8_lossy(&child.stdout);
+    assert!(child.status.success(), "{printed}\n{}", String::from_utf8_lossy(&child.stderr));
+    for wanted in wanted {
+        assert!(printed.contains(&wanted), "another run in another process");
+    }
+}
+
+#[track_caller]
+fn refused(fmu: &Fmu, bytes: &[u8]) -> String {
+    let mut state = null_mut();
+    let text = fmu.deserialize(bytes, &mut state).error(fmu);
+    assert!(state.is_null());
+    text
+}
+
+/// Fails if the hash is not looked at, or what is left over.
+#[test]
+fn damaged_bytes_are_refused_with_a_reason() {
+    let fmu = running("MagneticBearing", 5);
+    let written = bytes(&fmu);
+    assert!(refused(&fmu, b"").contains("end too early"));
+    assert!(refused(&fmu, b"PK\x03\x04 this is something else").contains("do not begin with FMU2SNAP"));
+    for length in 0..written.len() {
+        assert!(refused(&fmu, &written[..length]).contains("end too early"), "{length} bytes");
+    }
+    let mut longer = written.clone();
+    longer.push(0);
+    assert!(refused(&fmu, &longer).contains("1 are left over"));
+    for at in 0..written.len() {
+        for bit in [1, 0x80] {
+            let mut changed = written.clone();
+            changed[at] ^= bit;
+            let text = refused(&fmu, &changed);
+            assert!(!text.contains("defect"), "byte {at}: {text}");
+        }
+    }
+    let mut version = written.clone();
+    version[8] = 3;
+    assert!(refused(&fmu, &version).contains("version 3 of the format: version 2 is wanted"));
+    let estimator = Fmu::new("AlgebraicEstimator");
+    let text = refused(&estimator, &written);
+    assert!(text.contains("the model MagneticBearing: AlgebraicEstimator is wanted"), "{text}");
+    // The instance is none the worse for it.
+    advance(&fmu, "MagneticBearing", 5);
+}
+
+/// Bytes whose frame is sound, and whose content is not: whoever made them, nothing panics, hangs, or takes much memory.
+/// Fails if the window, the samples that were taken, the state of the rotor, or the derivatives of inputs are believed.
+#[test]
+fn a_hostile_content_in_a_sound_frame_does_no_harm() {
+    for model in MODELS {
+        let fmu = running(model, 25);
+        let input = fmu.reference(if model == "MagneticBearing" { "pY" } else { "Ym" });
+        fmu.set_input_derivatives(&[input], &[1], &[1e-3]).ok(&fmu);
+        let written = bytes(&fmu);
+        let head = 8 + 2 + 1 + model.len() + 1 + 38;
+        let content = &written[head + 8..written.len() - 32];
+        let sealed = |content: &[u8]| {
+            let mut bytes = written[..head].to_vec();
+            bytes.extend((content.len() as u64).to_le_bytes());
+            bytes.extend(content);
+            let hash = Sha256::digest(&bytes);
+            bytes.extend(hash);
+            bytes
+        };
+        assert_eq!(sealed(content), written);
+        let mut accepted = 0;
+        let mut attack = |changed: &[u8]| {
+            let mut state = null_mut();
+            let status = fmu.deserialize(&sealed(changed), &mut state);
+            let messages = fmu.take_messages();
+            assert!(messages.iter().all(|message| !message.text.contains("defect")), "{messages:?}");
+            if status == fmi2Status::fmi2OK {
+                accepted += 1;
+                let other = Fmu::new(model);
+                other.set_state(state).ok(&other);
+                for step in 25..28 {
+                    if other.step(f64::from(step) * 1e-4, 1e-4) != fmi2Status::fmi2OK {
+                        let messages = other.take_messages();
+                        assert!(messages.iter().all(|message| !message.text.contains("defect")), "{messages:?}");
+                    }
+                }
+                let mut state = state;
+                fmu.free_state(&mut state).ok(&fmu);
+            }
+        };
+        // The beginning holds the times and the parameters, the end the run: every byte of those, some of what is between.
+        let every = 1 + content.len() / 2000;
+        for at in (0..content.len()).filter(|at| at % every == 0 || *at < 600 || *at + 600 > content.len()) {
+            for value in [0, 1, 0x7f, 0x80, 0xff] {
+                let mut changed = content.to_vec();
+                changed[at] = value;
+                attack(&changed);
+            }
+            // A number of ten bytes of seven bits: the greatest length there is.
+            let mut changed = content.to_vec();
+            let end = (at + 10).min(content.len());
+            changed[at..end].copy_from_slice(&[0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x01][..end - at]);
+            attack(&changed);
+            attack(&content[..at]);
+        }
+        assert!(accepted > 0, "{model}: some changes make another run, which is the hash's affair");
+    }
+}
+
+/// Bytes in a sound frame that name a state in which there is no such run. Fails if the state is believed.
+#[test]
+fn a_state_that_does_not_belong_to_the_run_is_refused() {
+    for (model, begun) in MODELS.into_iter().flat_map(|model| [(model, false), (model, true)]) {
+        let fmu = if begun { running(model, 5) } else { Fmu::new(model) };
+        let written = bytes(&fmu);
+        let at = 8 + 2 + 1 + model.len() + 1 + 38 + 8;
+        // The content begins with the state, a bit of five: instantiated, initialization, step complete, terminated, error.
+        assert_eq!(written[at], if begun { 0b100 } else { 1 }, "{model}");
+        for (state, wants) in [(1, Some(false)), (2, Some(false)), (4, Some(true)), (8, None), (16, None)] {
+            let mut changed = written[..written.len() - 32].to_vec();
+            changed[at] = state;
+            let hash = Sha256::digest(&changed);
+            changed.extend(hash);
+            let mut found = null_mut();
+            let status = fmu.deserialize(&changed, &mut found);
+            if wants.is_some_and(|wants| wants != begun) {
+                assert!(status.error(&fmu).contains("does not belong to the state"), "{model}: {begun}, {state}");
+            } else {
+                status.ok(&fmu);
+                freed(&fmu, found);
+            }
+        }
+        assert!(fmu.take_messages().is_empty());
+    }
+}
+
+/// Fails if a reset forgets anything: the flag that outputs are stale, the derivatives of inputs, the stop time.
+#[test]
+fn a_reset_instance_is_a_fresh_one_to_the_last_byte() {
+    for model in MODELS {
+        let fresh = bytes(&Fmu::new(model));
+        let fmu = running(model, 30);
+        fmu.reset().ok(&fmu);
+        assert_eq!(bytes(&fmu), fresh, "{model}");
+        fmu.setup(0.3, Some(1.0)).ok(&fmu);
+        fmu.enter_initialization().ok(&fmu);
+        fmu.all_bits();
+        fmu.reset().ok(&fmu);
+        assert_eq!(bytes(&fmu), fresh, "{model}, out of the initialization");
+        fmu.start(0.0, None);
+        let input = if model == "MagneticBearing" { "pY" } else { "Ym" };
+        fmu.set_input_derivatives(&[fmu.reference(input)], &[2], &[1.0]).ok(&fmu);
+        fmu.reset().ok(&fmu);
+        assert_eq!(bytes(&fmu), fresh, "{model}, with a derivative of an input");
+    }
+}

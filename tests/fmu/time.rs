@@ -1,0 +1,235 @@
+//! Time as importers cut it: steps of any length and beginning, tolerances, refusals. Sampled outputs do not depend on it.
+
+use crate::support::Random;
+use crate::support::ffi::{Expect, Fmu};
+
+const CONTROLLER: &str = "FlatnessController";
+const ESTIMATOR: &str = "AlgebraicEstimator";
+const PLANT: &str = "MagneticBearing";
+const TS: f64 = 1e-4;
+
+/// What the input of a sampled FMU is at a sample.
+fn wave(sample: i64) -> f64 {
+    3e-5 * (sample as f64 * 0.3).sin()
+}
+
+/// The sampled outputs after `samples` samples, the input set anew at every sample, time cut by `cut`, which gives the
+/// lengths of the steps in units of the sample time.
+fn sampled(model: &str, start_s: f64, samples: u32, mut cut: impl FnMut() -> f64) -> Vec<u64> {
+    let fmu = Fmu::new(model);
+    for (name, value) in [("Tf", 2e-3), ("epsilon", 2e-3)] {
+        if model == ESTIMATOR {
+            fmu.set(name, value).ok(&fmu);
+        }
+    }
+    fmu.set("Zm", wave(0)).ok(&fmu);
+    fmu.start(start_s, None);
+    let mut time = start_s;
+    for sample in 0..samples {
+        // The input is valid at the sample and held, however many steps there are up to the next one.
+        fmu.set("Zm", wave(sample.into())).ok(&fmu);
+        let end = start_s + f64::from(sample + 1) * TS;
+        while time < end - 1e-3 * TS {
+            // Rounding adds up; what goes beyond the sample by more than that is cut off.
+            let (wanted, rest) = (cut() * TS, end - time);
+            let length = if wanted > 1.000_1 * rest { rest } else { wanted };
+            fmu.step(time, length).ok(&fmu);
+            time += length;
+        }
+    }
+    fmu.all_bits()
+}
+
+/// Fails if a sample is lost or doubled: when the clock compares without a tolerance.
+#[test]
+fn sampled_outputs_do_not_depend_on_how_time_is_cut() {
+    for model in [CONTROLLER, ESTIMATOR] {
+        for start_s in [0.0, 0.1, 12.345, 1e4] {
+            let wanted = sampled(model, start_s, 60, || 1.0);
+            let mut random = Random::new(7);
+            assert_eq!(sampled(model, start_s, 60, || 0.25), wanted, "{model}: quarters, from {start_s}");
+            assert_eq!(sampled(model, start_s, 60, || 1.0 / 3.0), wanted, "{model}: thirds, from {start_s}");
+            let jitter = || random.between(0.01, 1.5);
+            assert_eq!(sampled(model, start_s, 60, jitter), wanted, "{model}: at random, from {start_s}");
+            let mut count = 0;
+            let tiny = || {
+                count += 1;
+                if count % 2 == 0 { 1.1e-16 / TS } else { 1.0 }
+            };
+            assert_eq!(sampled(model, start_s, 60, tiny), wanted, "{model}: tiny ones between, from {start_s}");
+        }
+    }
+}
+
+/// Inputs that stand still: many samples in one step are the same samples. Fails if a long step takes one sample.
+#[test]
+fn a_long_step_takes_all_its_samples() {
+    for model in [CONTROLLER, ESTIMATOR] {
+        let [one, many] = [0, 1].map(|_| Fmu::started(model, &[("Zm", 2e-5)]));
+        one.step(0.0, 400.0 * TS).ok(&one);
+        for step in 0..400 {
+            many.step(f64::from(step) * TS, TS).ok(&many);
+        }
+        assert_eq!(one.all_bits(), many.all_bits(), "{model}");
+    }
+}
+
+/// The last step of a run is often 1.1e-16 s long. Fails if such a step takes a sample, or is done as one of a microsecond.
+#[test]
+fn the_tiniest_steps_change_nothing_that_is_sampled() {
+    for model in [PLANT, CONTROLLER, ESTIMATOR] {
+        let fmu = Fmu::started(model, &[]);
+        let mut time = 0.0;
+        for step in 1..=30 {
+            fmu.step(time, f64::from(step) * TS - time).ok(&fmu);
+            time = f64::from(step) * TS;
+        }
+        let samples: Vec<_> = fmu.variables().iter().filter(|variable| !variable.is_continuous()).collect();
+        let read = || samples.iter().map(|variable| fmu.get(&variable.name).to_bits()).collect::<Vec<_>>();
+        let wanted = read();
+        for _ in 0..1000 {
+            fmu.step(time, 1.1e-16).ok(&fmu);
+            assert_eq!(read(), wanted, "{model}");
+        }
+        for _ in 0..10 {
+            fmu.step(time, 0.0).ok(&fmu);
+        }
+        assert_eq!(read(), wanted, "{model}");
+    }
+}
+
+/// The plant reads its sensors in its own time: Ym, Zm, im and theta are those of the instants, however time is cut.
+/// Fails if a sample is read at the end of the step in which it lies.
+#[test]
+fn samples_of_the_plant_do_not_depend_on_how_time_is_cut() {
+    let run = |mut cut: Box<dyn FnMut() -> f64>| {
+        let fmu = Fmu::started(PLANT, &[("i[1]", 1.2), ("i[2]", 1.3), ("i[3]", 1.1), ("sensor.seed", 5.0)]);
+        let (end, mut time) = (53.5 * TS, 0.0);
+        while time < end {
+            let length = (cut() * TS).min(end - time);
+            fmu.step(time, length).ok(&fmu);
+            time = if length == end - time { end } else { time + length };
+        }
+        ["Ym", "Zm", "im[1]", "theta", "omegam"].map(|name| fmu.get(name))
+    };
+    let wanted = run(Box::new(|| 1.0));
+    let mut random = Random::new(3);
+    let cuts: [Box<dyn FnMut() -> f64>; 4] =
+        [Box::new(|| 60.0), Box::new(|| 0.3), Box::new(|| 2.7), Box::new(move || random.between(0.05, 4.0))];
+    for cut in cuts {
+        let got = run(cut);
+        // 1 nm: a hundredth of the noise of a good sensor; the integration of other sub-steps leaves less, and an instant
+        // within a thousandth of a sample time before the end of a step counts as that end.
+        for (at, (tolerance, name)) in
+            [(1e-9, "Ym"), (1e-9, "Zm"), (0.0, "im"), (5e-5, "theta"), (0.0, "omegam")].iter().enumerate()
+        {
+            assert!((got[at] - wanted[at]).abs() <= *tolerance, "{name}: {:e} {:e}", got[at], wanted[at]);
+        }
+    }
+}
+
+/// Fails if the end of a step is compared with stopTime exactly, or not at all.
+#[test]
+fn stop_time_has_a_tolerance_and_an_end() {
+    for model in [PLANT, CONTROLLER, ESTIMATOR] {
+        let fmu = Fmu::new(model);
+        fmu.start(0.0, Some(0.01));
+        let mut time = 0.0;
+        for _ in 0..10 {
+            fmu.step(time, 1e-3).ok(&fmu);
+            time += 1e-3;
+        }
+        assert!(time > 0.01, "a sum that rounding has put beyond the end: {time}");
+        fmu.step(time, 1e-16).ok(&fmu);
+        let text = fmu.step(time, 1e-3).error(&fmu);
+        assert!(text.contains("beyond stopTime = 0.01"), "{text}");
+        assert!(fmu.step(time, 1e-6).error(&fmu).contains("beyond stopTime"));
+        // It can still be used.
+        fmu.step(time, 0.0).ok(&fmu);
+    }
+}
+
+/// Fails if the begin of a step is believed whatever it is, or compared exactly.
+#[test]
+fn a_step_begins_where_the_last_one_ended() {
+    for (start, model) in [(0.0, PLANT), (0.0, ESTIMATOR), (100.0, PLANT), (-3.0, CONTROLLER)] {
+        let fmu = Fmu::new(model);
+        fmu.start(start, None);
+        fmu.step(start, 1e-3).ok(&fmu);
+        for beside in [1e-3, -1e-3, 1e-6, 1.0, f64::INFINITY, f64::NAN] {
+            let text = fmu.step(start + 1e-3 + beside, 1e-3).error(&fmu);
+            assert!(text.contains("the end of the last step, is wanted"), "{text}");
+        }
+        fmu.step(start + 1e-3 + 1e-13, 1e-3).ok(&fmu);
+        fmu.step(start + 2e-3 - 1e-13, 1e-3).ok(&fmu);
+        for length in [-1e-3, -1e-300, f64::NAN, f64::INFINITY, f64::MAX] {
+            let text = fmu.step(start + 3e-3, length).error(&fmu);
+            assert!(text.contains("communicationStepSize") || text.contains("currentCommunicationPoint"), "{text}");
+        }
+        fmu.step(start + 3e-3, 1e-3).ok(&fmu);
+    }
+}
+
+/// The sample at the end of a step belongs to the next one, whose inputs it sees. Fails if the clock takes it before.
+#[test]
+fn a_step_leaves_the_sample_at_its_end_to_the_next_one() {
+    let [half, whole] = [0.5, 1.0].map(|length| {
+        let fmu = Fmu::started(CONTROLLER, &[("Ym", 1e-5)]);
+        fmu.step(0.0, length * TS).ok(&fmu);
+        fmu
+    });
+    assert_eq!(half.all_bits(), whole.all_bits(), "one sample each");
+    whole.step(TS, 0.5 * TS).ok(&whole);
+    assert_ne!(half.all_bits(), whole.all_bits(), "the second sample shows");
+}
+
+/// Fails if a step of any length is begun: with a sample time of 0.1 ms this one would take hours.
+#[test]
+fn a_step_that_would_not_end_is_refused() {
+    for model in [PLANT, CONTROLLER, ESTIMATOR] {
+        let fmu = Fmu::started(model, &[]);
+        let text = fmu.step(0.0, 1e9).error(&fmu);
+        assert!(text.contains("communicationStepSize = 1000000000 is refused"), "{text}");
+        fmu.step(0.0, 1e-3).ok(&fmu);
+    }
+}
+
+/// Parameters that name a time, such as that of an update, mean the time of the simulation.
+/// Fails if the start time is left out of the samples, which then does not end, or of the time of the update.
+#[test]
+fn a_start_time_shifts_samples_and_nothing_else() {
+    for model in [CONTROLLER, ESTIMATOR] {
+        // A power of two, so that times are shifted without rounding.
+        let [here, there] = [0.0, 4.0].map(|start| {
+            let fmu = Fmu::new(model);
+            if model == CONTROLLER {
+                let update = [("update.mode", 2.0), ("update.time", start + 20.5 * TS), ("lambdaValid", 1.0)];
+                let estimates = [("lambdaHat[1]", 2e-6), ("lambdaHat[2]", 2e-6), ("lambdaHat[3]", 2e-6)];
+                for (name, value) in update.into_iter().chain(estimates) {
+                    fmu.set(name, value).ok(&fmu);
+                }
+            }
+            fmu.start(start, Some(start + 1.0));
+            for step in 0..40 {
+                fmu.set("Ym", wave(step)).ok(&fmu);
+                fmu.step(start + step as f64 * TS, TS).ok(&fmu);
+            }
+            fmu
+        });
+        if model == CONTROLLER {
+            assert_eq!(there.get("lambdaUsed[1]"), 2e-6, "the update has taken place");
+        }
+        let outputs = |fmu: &Fmu| {
+            let names = fmu.variables().iter().filter(|variable| !variable.is_settable());
+            names.map(|variable| fmu.get(&variable.name).to_bits()).collect::<Vec<_>>()
+        };
+        assert_eq!(outputs(&here), outputs(&there), "{model}");
+    }
+    for bad in [f64::NAN, f64::INFINITY] {
+        let fmu = Fmu::new(PLANT);
+        assert!(fmu.setup(bad, None).error(&fmu).contains("startTime"));
+        assert!(fmu.setup(0.0, Some(f64::NAN)).error(&fmu).contains("stopTime"));
+        assert!(fmu.setup(1.0, Some(0.5)).error(&fmu).contains("stopTime"));
+        fmu.start(1.0, Some(f64::INFINITY));
+    }
+}

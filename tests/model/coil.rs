@@ -1,0 +1,312 @@
+//! The coil: one energy for current and force, saturation, and the plant driven by voltage.
+
+use magnetic_bearing::model::coil::{CoilConfig, Drive};
+use magnetic_bearing::model::linearisation::{Point, Taylor, along};
+use magnetic_bearing::model::plant::{Conditions, Motion, Plant, PlantConfig, PlantInput, PlantState};
+use magnetic_bearing::model::scalar::Scalar;
+
+const STEP_S: f64 = 1e-4;
+const GAP_M: f64 = 5e-4;
+
+fn below(what: &str, value: f64, limit: f64) {
+    assert!(value <= limit, "{what}: {value:e} is above the limit {limit:e}");
+}
+
+fn voltage(coil: CoilConfig) -> CoilConfig {
+    CoilConfig { drive: Drive::Voltage, ..coil }
+}
+
+/// Coils of every kind: the paper's, with leakage, with saturation, with both.
+fn kinds() -> [CoilConfig; 4] {
+    let plain = CoilConfig::default();
+    [
+        plain.clone(),
+        CoilConfig { leakage_h: 2e-3, ..plain.clone() },
+        CoilConfig { saturation_wb: 0.02, ..plain.clone() },
+        CoilConfig { leakage_h: 2e-3, saturation_wb: 0.02, ..plain },
+    ]
+}
+
+#[test]
+fn current_and_force_are_the_derivatives_of_one_energy() {
+    /// Relative error of central differences with increments of 1e-5.
+    const DIFFERENCES: f64 = 1e-8;
+    for config in kinds() {
+        let coil = config.of(2e-6, GAP_M);
+        for linkage in [-0.03, 1e-3, 0.01, 0.03, 0.06] {
+            for gap in [1e-4, 3e-4, 7e-4] {
+                let at = coil.at_linkage(linkage, gap);
+                below("linkage, Wb", (at.linkage_wb - linkage).abs(), 1e-15);
+                let slope = |of: &dyn Fn(f64, f64) -> f64, by_gap: bool| {
+                    let size = 1e-5 * if by_gap { gap } else { linkage.abs() };
+                    let [a, b] = if by_gap { [0.0, size] } else { [size, 0.0] };
+                    (of(linkage + a, gap + b) - of(linkage - a, gap - b)) / (2.0 * size)
+                };
+                let energy = |psi, gap| coil.at_linkage(psi, gap).energy_j;
+                let current = |psi, gap| coil.at_linkage(psi, gap).current_a;
+                let force = |psi, gap| coil.at_linkage(psi, gap).force_n;
+                let same = |what: &str, is: f64, ought: f64, scale: f64| {
+                    below(
+                        &format!("{config:?}, ψ = {linkage} Wb, gap = {gap} m, {what}"),
+                        (is - ought).abs() / scale,
+                        DIFFERENCES,
+                    );
+                };
+                same("i = ∂W/∂ψ", at.current_a, slope(&energy, false), at.current_a.abs());
+                // In saturated iron most of the energy is not in the gap, and its rounding is not that of the force.
+                same("F = ∂W/∂gap", at.force_n, slope(&energy, true), at.energy_j / gap);
+                same("∂i/∂ψ", at.current_by_linkage, slope(&current, false), at.current_by_linkage);
+                // Both are second derivatives of the energy.
+                same("∂i/∂gap = ∂F/∂ψ", slope(&current, true), slope(&force, false), (at.current_a / gap).abs());
+                let back = coil.at_current(at.current_a, gap);
+                below("ψ back from the current", (back.linkage_wb / linkage - 1.0).abs(), 1e-12);
+            }
+        }
+    }
+}
+
+#[test]
+fn without_saturation_the_force_is_that_of_the_paper() {
+    let coil = CoilConfig::default().of(2e-6, GAP_M);
+    below("L at the nominal gap, H", (coil.inductance_h(GAP_M) - 8e-3).abs(), 1e-17);
+    let at = coil.at_current(2.0, 4e-4);
+    below("F, N", (at.force_n - 2e-6 * 4.0 / 16e-8).abs(), 1e-12);
+    below("ψ, Wb", (at.linkage_wb - 2.0 * 2.0 * 2e-6 / 4e-4).abs(), 1e-16);
+}
+
+#[test]
+fn saturation_takes_current_and_gives_less_force() {
+    let config = CoilConfig { saturation_wb: 0.02, ..CoilConfig::default() };
+    let (iron, air) = (config.of(2e-6, GAP_M), CoilConfig::default().of(2e-6, GAP_M));
+    // At φ_s the iron takes as much current as the nominal gap.
+    let at = iron.at_linkage(0.02, GAP_M);
+    below("current at φ_s", (at.current_a / (2.0 * air.at_linkage(0.02, GAP_M).current_a) - 1.0).abs(), 1e-12);
+    for current in [0.5, 2.0, 5.0, 50.0, 5000.0] {
+        let [iron, air] = [iron, air].map(|coil| coil.at_current(current, GAP_M));
+        assert!(iron.force_n < air.force_n, "{current} A: {} N against {} N", iron.force_n, air.force_n);
+        below("current found again", (iron.current_a / current - 1.0).abs(), 1e-12);
+    }
+}
+
+fn plant(coil: CoilConfig) -> Plant {
+    Plant::new(PlantConfig { coil: voltage(coil), ..PlantConfig::default() }).expect("plant")
+}
+
+/// Voltages that bring currents of some amperes and change from sample to sample.
+fn voltages(sample: usize) -> PlantInput {
+    let at = |k: usize| 1.5 + 6.0 * ((sample * (7 + 4 * k)) % 13) as f64 / 13.0 - 3.0;
+    PlantInput { voltage_v: [at(0), at(1), at(2)], omega_rad_s: 314.0, ..PlantInput::default() }
+}
+
+#[test]
+fn the_energy_of_coils_and_rotor_balances() {
+    /// Energy that is missing or too much, of all that went in, over 0.1 s; what the issue asks for. The energies that went
+    /// in and were lost are integrated here by Simpson's rule over steps of 20 µs.
+    const BALANCE: f64 = 1e-6;
+    for coil in kinds() {
+        let config = PlantConfig {
+            coil: voltage(coil.clone()),
+            // A rotor heavy enough to be still clear of the backup bearing after 0.1 s without a controller.
+            m_kg: 670.0,
+            velocity_m_s: [1e-3, -1e-3],
+            position_m: [0.0; 2],
+            ..PlantConfig::default()
+        };
+        let plant = Plant::new(config.clone()).expect("plant");
+        let mut state = plant.start(0.0);
+        let seen = |state: &PlantState, input: &PlantInput| {
+            let out = plant.outputs(state, input, state.time_s);
+            let power: f64 = (0..3).map(|k| input.voltage_v[k] * out.current_a[k]).sum();
+            let loss: f64 = out.current_a.iter().map(|i| config.coil.resistance_ohm * i * i).sum();
+            let work: f64 = (0..2).map(|a| out.resultant_n[a] * state.velocity_m_s[a]).sum();
+            ([power, loss, work], out.energy_j.iter().sum::<f64>())
+        };
+        let kinetic = |state: &PlantState| 0.5 * config.m_kg * state.velocity_m_s.iter().map(|v| v * v).sum::<f64>();
+        let kinetic_at_start = kinetic(&state);
+        let mut sums = [0.0; 3];
+        let mut transferred = 0.0;
+        let parts = 10;
+        let h = STEP_S / f64::from(parts);
+        let mut field = 0.0;
+        for sample in 0..1000 {
+            let input = voltages(sample);
+            for part in 0..parts / 2 {
+                let [mut powers, mut last] = [[0.0; 3]; 2];
+                for (node, weight) in [1.0, 4.0, 1.0].into_iter().enumerate() {
+                    let (rates, energy) = seen(&state, &input);
+                    for (sum, rate) in powers.iter_mut().zip(rates) {
+                        *sum += weight * h / 3.0 * rate;
+                    }
+                    (last, field) = (rates, energy);
+                    if node < 2 {
+                        let t = sample as f64 * STEP_S + f64::from(2 * part + node as i32) * h;
+                        plant.advance(&mut state, &input, t, h).expect("advance");
+                    }
+                }
+                for (sum, power) in sums.iter_mut().zip(powers) {
+                    *sum += power;
+                }
+                transferred += last[0].abs() * 2.0 * h;
+            }
+        }
+        let [input, loss, work] = sums;
+        let rest = input - loss - work - field;
+        assert!(field > 1e-4 && loss > 1e-3, "{coil:?}: field {field} J, loss {loss} J: the test shows nothing");
+        below(&format!("{coil:?}: electric balance"), rest.abs() / transferred, BALANCE);
+        let gained = kinetic(&state) - kinetic_at_start;
+        assert!(gained.abs() > 1e-5, "{coil:?}: kinetic energy gained {gained} J: the test shows nothing");
+        below(&format!("{coil:?}: mechanical balance"), (gained - work).abs() / gained.abs(), BALANCE);
+    }
+}
+
+#[test]
+fn stiff_coils_and_small_gaps_keep_to_a_reference_solution() {
+    /// Error of the position after 2 ms against sub-steps of at most 50 ns, in m; measured 1.2e-13 with the coils of 5 µs, which
+    /// are integrated in steps of a tenth of their time constant.
+    const POSITION_M: f64 = 1e-12;
+    /// Error of the fluxes, in Wb; they are of the order of 1e-3.
+    const LINKAGE_WB: f64 = 1e-9;
+    let stiff = CoilConfig { resistance_ohm: 800.0, limit_v: 2000.0, ..CoilConfig::default() };
+    for (name, coil, position_m) in [
+        ("the paper's", CoilConfig::default(), [30e-6, 0.0]),
+        ("5 µs", stiff.clone(), [30e-6, 0.0]),
+        ("a gap of 10 µm", CoilConfig::default(), [0.0, -490e-6]),
+        ("5 µs and saturation", CoilConfig { saturation_wb: 0.01, leakage_h: 1e-3, ..stiff }, [0.0, 100e-6]),
+    ] {
+        let run = |max_step_s: f64| {
+            let mut config =
+                PlantConfig { coil: voltage(coil.clone()), position_m, max_step_s, ..PlantConfig::default() };
+            config.touchdown.clearance_m = 1.0;
+            config.velocity_m_s = [0.0; 2];
+            let plant = Plant::new(config).expect("plant");
+            let mut state = plant.start(0.0);
+            let scale = coil.resistance_ohm.min(400.0);
+            for sample in 0..20 {
+                let mut input = voltages(sample);
+                input.voltage_v = input.voltage_v.map(|u| u * scale);
+                // The magnet at the small gap gets no current: the rotor is not to be drawn to it.
+                if position_m[1] < -400e-6 {
+                    input.voltage_v[0] = 0.0;
+                }
+                plant.advance(&mut state, &input, sample as f64 * STEP_S, STEP_S).expect("advance");
+            }
+            state
+        };
+        let (is, ought) = (run(5e-5), run(5e-8));
+        for a in 0..2 {
+            below(&format!("{name}: position, m"), (is.position_m[a] - ought.position_m[a]).abs(), POSITION_M);
+        }
+        for k in 0..3 {
+            below(&format!("{name}: flux, Wb"), (is.linkage_wb[k] - ought.linkage_wb[k]).abs(), LINKAGE_WB);
+        }
+    }
+}
+
+/// A rotor so heavy that it stays: `i = u/R (1 − e^(−Rt/L))`.
+#[test]
+fn a_step_of_voltage_follows_the_closed_form_up_to_the_limit() {
+    /// Relative error of the current.
+    const CURRENT: f64 = 1e-9;
+    let config = PlantConfig {
+        m_kg: 1e12,
+        coil: voltage(CoilConfig { leakage_h: 1e-3, ..CoilConfig::default() }),
+        position_m: [0.0; 2],
+        velocity_m_s: [0.0; 2],
+        ..PlantConfig::default()
+    };
+    let plant = Plant::new(config).expect("plant");
+    let mut state = plant.start(0.0);
+    // The amplifier gives 100 V of the 250 V asked for.
+    let input = PlantInput { voltage_v: [2.0, -50.0, 250.0], ..PlantInput::default() };
+    for sample in 0..100 {
+        plant.advance(&mut state, &input, sample as f64 * STEP_S, STEP_S).expect("advance");
+    }
+    for (k, (u, lambda)) in [2.0, -50.0, 100.0].into_iter().zip([1.8e-6, 2.0e-6, 2.2e-6]).enumerate() {
+        let time_constant_s: f64 = 1e-3 + 2.0 * lambda / GAP_M;
+        let ought = u * -(-0.01 / time_constant_s).exp_m1();
+        below("current", (state.measured.current_a[k] / ought - 1.0).abs(), CURRENT);
+    }
+}
+
+#[test]
+fn an_open_circuit_carries_no_current() {
+    let plant = plant(CoilConfig::default());
+    let mut state = plant.start(0.0);
+    let input = PlantInput { voltage_v: [20.0; 3], ..PlantInput::default() };
+    plant.advance(&mut state, &input, 0.0, STEP_S).expect("advance");
+    assert!(state.measured.current_a.iter().all(|i| *i > 0.1));
+    state.open[1] = true;
+    plant.advance(&mut state, &input, STEP_S, STEP_S).expect("advance");
+    assert_eq!(state.measured.current_a[1], 0.0);
+    assert_eq!(plant.outputs(&state, &input, 2.0 * STEP_S).force_n[1], 0.0);
+    assert!(state.measured.current_a[0] > 0.1);
+}
+
+/// The derivatives of the right-hand side by ψ, exact and by differences.
+#[test]
+fn the_derivative_can_be_differentiated() {
+    /// Relative error of central differences with increments of 1e-5.
+    const DIFFERENCES: f64 = 1e-7;
+    let plant = plant(CoilConfig { leakage_h: 1e-3, saturation_wb: 0.03, ..CoilConfig::default() });
+    let x: Motion = [2e-5, -3e-5, 0.01, 0.02, 0.012, 0.015, 0.02];
+    let input = PlantInput { voltage_v: [3.0, 4.0, 5.0], ..PlantInput::default() };
+    let equations = plant.equations();
+    let point = Point { motion: x, ..Point::of(&plant, &plant.start(0.0), &input, 0.0) };
+    for k in 0..3 {
+        let mut direction = point.with(&point, |_, _: f64| 0.0);
+        direction.motion[4 + k] = 1.0;
+        let exact = along(&point, &direction).map(|series| series.derivative(1));
+        let h = 1e-5 * x[4 + k];
+        let (mut above, mut under) = (x, x);
+        above[4 + k] += h;
+        under[4 + k] -= h;
+        let [above, under] = [above, under].map(|x| equations.derivative(&x, &input, Conditions::default()));
+        let quotient = |state: usize| (above[state] - under[state]) / (2.0 * h);
+        for a in 0..2 {
+            let miss = (quotient(2 + a) - exact.acceleration_m_s2[a]).abs();
+            below("∂acceleration/∂ψ", miss, DIFFERENCES * exact.force_n[k] / 6.7);
+        }
+        below("∂ψ'/∂ψ", (quotient(4 + k) - exact.induced_v[k]).abs(), DIFFERENCES * exact.induced_v[k].abs());
+        let coil = equations.coil(k).at_linkage(x[4 + k], equations.gaps([x[0], x[1]])[k]);
+        below("∂i/∂ψ", (exact.current_a[k] - coil.current_by_linkage).abs(), 1e-13 * coil.current_by_linkage);
+    }
+}
+
+/// So deep in saturation that Newton's iterations start at the solution: `i = i_s (φ/φ_s)⁷`, and the force goes with `i^(2/7)`.
+/// Fails if they end with the value, before its derivatives have converged.
+#[test]
+fn derivatives_converge_where_the_value_starts_at_the_solution() {
+    let constant = Taylor::<4>::constant;
+    let config = CoilConfig {
+        drive: Drive::Current,
+        resistance_ohm: constant(1.0),
+        leakage_h: constant(0.0),
+        limit_v: constant(100.0),
+        saturation_wb: constant(0.02),
+    };
+    let coil = config.of(constant(2e-6), constant(GAP_M));
+    // i_0 (1 + τ), with i_s = 2.5 A.
+    let current = Taylor([2.5e19, 2.5e19, 0.0, 0.0]);
+    let force = coil.at_current(current, constant(GAP_M)).force_n;
+    for (got, wanted) in force.0.into_iter().zip([1.0, 2.0 / 7.0, -5.0 / 49.0, 20.0 / 343.0]) {
+        below("coefficient of F/F_0", (got / force.0[0] - wanted).abs(), 1e-12);
+    }
+}
+
+#[test]
+fn bad_parameters_are_refused_by_name() {
+    let names = |coil: CoilConfig| -> Vec<String> {
+        let config = PlantConfig { coil, ..PlantConfig::default() };
+        let found = Plant::new(config).expect_err("a refusal");
+        found.into_iter().map(|finding| finding.name.into_owned()).collect()
+    };
+    for bad in [f64::NAN, f64::INFINITY, -1.0] {
+        let coil =
+            CoilConfig { drive: Drive::Voltage, resistance_ohm: bad, leakage_h: bad, limit_v: bad, saturation_wb: bad };
+        assert_eq!(names(coil), ["coil.R", "coil.Lleak", "coil.uMax", "coil.fluxSaturation"], "{bad}");
+    }
+    // A time constant of 0.4 µs.
+    assert_eq!(names(voltage(CoilConfig { resistance_ohm: 1e4, ..CoilConfig::default() })), ["coil.R"]);
+    let unused = CoilConfig { resistance_ohm: 1e4, ..CoilConfig::default() };
+    assert!(Plant::new(PlantConfig { coil: unused, ..PlantConfig::default() }).is_ok(), "current drive does not mind");
+}

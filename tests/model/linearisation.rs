@@ -1,0 +1,196 @@
+//! Exact derivatives of the plant against difference quotients of the same equations, at points all over its space.
+
+use std::f64::consts::PI;
+
+use magnetic_bearing::model::coil::{CoilConfig, Drive};
+use magnetic_bearing::model::linearisation::{Point, Taylor, along, in_time};
+use magnetic_bearing::model::plant::{Harmonic, Plant, PlantConfig, PlantInput, PlantOutput, PlantState};
+use magnetic_bearing::model::scalar::Scalar;
+use magnetic_bearing::model::touchdown::TouchdownConfig;
+
+/// A small generator, so that the points are the same everywhere: numbers in [-1, 1).
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+/// What a difference quotient of fourth order misses, in parts of the largest value of its kind.
+const QUOTIENT: f64 = 1e-7;
+
+fn config(drive: Drive, saturation_wb: f64, leakage_h: f64) -> PlantConfig {
+    PlantConfig {
+        unbalance_kgm: 1e-4,
+        unbalance_phase_rad: 0.4,
+        harmonic: Harmonic { amplitude_n: [2.0, 1.0], phase_rad: [0.1, 0.2], ..Harmonic::default() },
+        gravity_m_s2: [1.0, -9.81],
+        coil: CoilConfig { drive, saturation_wb, leakage_h, limit_v: 20.0, ..CoilConfig::default() },
+        touchdown: TouchdownConfig { friction: 0.2, ..TouchdownConfig::default() },
+        ..PlantConfig::default()
+    }
+}
+
+fn all_configs() -> Vec<PlantConfig> {
+    let mut configs = Vec::new();
+    for drive in [Drive::Current, Drive::Voltage] {
+        for (saturation_wb, leakage_h) in [(0.0, 0.0), (0.0, 1e-3), (8e-3, 0.0), (8e-3, 2e-3)] {
+            configs.push(config(drive, saturation_wb, leakage_h));
+        }
+    }
+    configs
+}
+
+/// A state and an input; in contact with the backup bearing if asked for.
+fn somewhere(plant: &Plant, numbers: &mut Numbers, contact: bool) -> (PlantState, PlantInput) {
+    let mut state = plant.start(0.0);
+    let (radius, angle) = (if contact { 2.6e-4 } else { 1e-4 * (1.0 + numbers.next()) }, PI * numbers.next());
+    state.position_m = [radius * angle.cos(), radius * angle.sin()];
+    state.velocity_m_s = [0.02 * numbers.next(), 0.02 * numbers.next()];
+    state.theta_rad = 3.0 * numbers.next();
+    state.linkage_wb = std::array::from_fn(|_| 1e-2 * numbers.next());
+    state.contact = contact;
+    let input = PlantInput {
+        current_a: std::array::from_fn(|_| 2.0 * numbers.next()),
+        voltage_v: std::array::from_fn(|_| 30.0 * numbers.next()),
+        perturbation_n: std::array::from_fn(|_| numbers.next()),
+        omega_rad_s: 300.0 + 20.0 * numbers.next(),
+    };
+    (state, input)
+}
+
+/// Smallest values that count as the size of a kind of output, in its unit, in the order of [`values`]; with what the
+/// derivatives are taken by, a part of each number, they are about the same for derivatives.
+const FLOOR: [f64; 10] = [1e-5, 0.1, 1e-3, 1e-2, 0.1, 0.1, 0.1, 0.1, 1.0, 0.1];
+
+fn values(output: PlantOutput) -> Vec<Vec<f64>> {
+    vec![
+        output.gap_m.to_vec(),
+        output.current_a.to_vec(),
+        output.linkage_wb.to_vec(),
+        output.energy_j.to_vec(),
+        output.force_n.to_vec(),
+        output.resultant_n.to_vec(),
+        output.perturbation_n.to_vec(),
+        output.induced_v.to_vec(),
+        output.contact_n.to_vec(),
+        output.acceleration_m_s2.to_vec(),
+    ]
+}
+
+/// The coefficients of one order.
+fn of_order<const N: usize>(output: &PlantOutput<Taylor<N>>, order: usize) -> Vec<Vec<f64>> {
+    values(output.clone().map(|series| series.0[order]))
+}
+
+#[track_caller]
+fn agree(what: &str, got: &[Vec<f64>], wanted: &[Vec<f64>], tolerance: f64, floor: &[f64]) {
+    for (row, (got, wanted)) in got.iter().zip(wanted).enumerate() {
+        let scale = wanted.iter().chain(got).fold(floor[row], |scale: f64, value| scale.max(value.abs()));
+        for (got, wanted) in got.iter().zip(wanted) {
+            let miss = (got - wanted).abs();
+            assert!(miss <= tolerance * scale, "{what}, row {row}: {got:e} against {wanted:e}, scale {scale:e}");
+        }
+    }
+}
+
+/// Fails if the arithmetic of series takes another operation or another branch than that of numbers.
+#[test]
+fn the_values_are_those_of_the_plant() {
+    let mut numbers = Numbers(1);
+    for config in all_configs() {
+        let plant = Plant::new(config).expect("a plant");
+        for round in 0..40 {
+            let (mut state, input) = somewhere(&plant, &mut numbers, round % 4 == 0);
+            state.open[1] = round % 8 == 1;
+            let point = Point::of(&plant, &state, &input, 0.3);
+            let got = point.with(&point, |value, _: f64| Taylor::<1>::constant(value)).outputs();
+            let wanted = plant.outputs(&state, &input, 0.3);
+            assert_eq!(of_order(&got, 0), values(wanted));
+        }
+    }
+}
+
+/// Fails if a derivative is left out anywhere, for instance that of the sine of `alpha`.
+#[test]
+fn directional_derivatives_are_limits_of_difference_quotients() {
+    let mut numbers = Numbers(2);
+    for config in all_configs() {
+        let plant = Plant::new(config).expect("a plant");
+        for round in 0..40 {
+            let (state, input) = somewhere(&plant, &mut numbers, round % 4 == 0);
+            let point = Point::of(&plant, &state, &input, 0.3);
+            // Each number in units of its own size, the velocity of the rotor's surface in those of the friction.
+            let direction = point.with(&point, |value: f64, _: f64| 0.3 * value);
+            let weights: Vec<f64> = (0..60).map(|_| numbers.next()).collect();
+            let at = std::cell::Cell::new(0);
+            let direction = direction.with(&direction, |value: f64, _: f64| {
+                at.set((at.get() + 1) % weights.len());
+                value * weights[at.get()]
+            });
+            let got = of_order(&along(&point, &direction), 1);
+            let shifted = |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs());
+            let h = 2e-4;
+            let sides = [-2.0, -1.0, 1.0, 2.0].map(|side| shifted(side * h));
+            let quotient: Vec<Vec<f64>> = (0..got.len())
+                .map(|row| {
+                    (0..got[row].len())
+                        .map(|column| {
+                            let [a, b, c, d] = sides.each_ref().map(|side| side[row][column]);
+                            (a - 8.0 * b + 8.0 * c - d) / (12.0 * h)
+                        })
+                        .collect()
+                })
+                .collect();
+            // Friction bends within millimetres per second: the quotient is coarser there.
+            let tolerance = if state.contact { 1e-3 } else { QUOTIENT };
+            agree("directional", &got, &quotient, tolerance, &FLOOR);
+        }
+    }
+}
+
+/// Fails if a derivative with respect to time forgets a state or an input that moves.
+#[test]
+fn derivatives_in_time_are_those_of_the_motion() {
+    let mut numbers = Numbers(3);
+    for config in all_configs() {
+        let plant = Plant::new(config).expect("a plant");
+        for _ in 0..20 {
+            let (mut state, input) = somewhere(&plant, &mut numbers, false);
+            state.linkage_wb = state.linkage_wb.map(|psi| 0.3 * psi);
+            let slopes = [1.0, 100.0].map(|size| PlantInput {
+                current_a: std::array::from_fn(|_| size * numbers.next()),
+                voltage_v: std::array::from_fn(|_| size * numbers.next()),
+                perturbation_n: std::array::from_fn(|_| size * numbers.next()),
+                omega_rad_s: size * numbers.next(),
+            });
+            let point = Point::of(&plant, &state, &input, 0.3);
+            let (short, rate) = in_time::<3>(&point, &slopes);
+            // The Taylor polynomial of the motion must satisfy the equations of motion: positions and outputs at τ, from
+            // five coefficients, against the sum of the first three.
+            let (long, exact) = in_time::<7>(&point, &slopes);
+            for a in 0..2 {
+                assert_eq!(short.motion[2 + a].0[0], state.velocity_m_s[a]);
+                let [short, long] = [short.motion[a].0[2], long.motion[a].0[2]];
+                // Newton's iterations for the flux end a rounding apart.
+                assert!((short - long).abs() <= 1e-14 * long.abs(), "{short:e} against {long:e}");
+            }
+            let tau = 1e-6;
+            let moved =
+                long.with(&long, |series, _: Taylor<7>| series.0.iter().rev().fold(0.0, |sum, c| sum * tau + c));
+            let there = values(moved.outputs());
+            let sum = |order: usize| of_order(&exact, order);
+            let series: Vec<Vec<f64>> = (0..there.len())
+                .map(|row| {
+                    (0..there[row].len())
+                        .map(|column| (0..7).rev().fold(0.0, |value, order| value * tau + sum(order)[row][column]))
+                        .collect()
+                })
+                .collect();
+            agree("series", &series, &there, 1e-11, &FLOOR);
+            agree("orders", &of_order(&rate, 2), &of_order(&exact, 2), 1e-12, &FLOOR);
+        }
+    }
+}

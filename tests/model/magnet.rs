@@ -1,0 +1,147 @@
+//! Magnets: forces, their allocation, and the geometries that cannot carry a rotor.
+
+use std::f64::consts::PI;
+
+use magnetic_bearing::model::magnet::{Magnets, SMALLEST_SINE, currents, forces};
+use magnetic_bearing::model::noise::Noise;
+
+const GAP_M: f64 = 5e-4;
+const ALPHA_RAD: [f64; 3] = [PI, -PI / 3.0, PI / 3.0];
+
+/// Error of a force relative to the forces around it: a few dozen roundings.
+const ROUNDING: f64 = 1e-13;
+
+/// Number of random forces and geometries tried.
+const TRIALS: usize = 2000;
+
+fn paper() -> Magnets {
+    Magnets::new(GAP_M, ALPHA_RAD).expect("the paper's geometry")
+}
+
+fn below(what: &str, value: f64, limit: f64) {
+    assert!(value <= limit, "{what}: {value:e} is above the limit {limit:e}");
+}
+
+fn distance<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
+    a.into_iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// The closed form of method section 2, for the paper's angles; `printed` takes the signs as P(5) prints them.
+fn closed_form([f_y, f_z]: [f64; 2], f0: f64, printed: bool) -> [f64; 3] {
+    let side = f_y.abs() / 3f64.sqrt();
+    let sign = if printed { -1.0 } else { 1.0 };
+    let f_1 = if f_z >= side { f0 } else { f0 + sign * (side - f_z) };
+    let y = sign * f_y / 3f64.sqrt();
+    [f_1, f_1 - y + f_z, f_1 + y + f_z]
+}
+
+#[test]
+fn the_null_vector_is_that_of_the_sines() {
+    let [a_1, a_2, a_3] = [3.0, -1.2, 0.9];
+    let magnets = Magnets::new(GAP_M, [a_1, a_2, a_3]).expect("geometry");
+    let n = magnets.null_vector();
+    let sines = [(a_2 - a_3).sin(), (a_3 - a_1).sin(), (a_1 - a_2).sin()];
+    for k in 0..3 {
+        assert!(n[k] > 0.0, "n = {n:?}");
+        below("n against the sines", (n[k] / n[0] - sines[k] / sines[0]).abs(), ROUNDING);
+    }
+    below("resultant of n", distance(magnets.resultant(n), [0.0; 2]), ROUNDING);
+    below("n of the paper's angles", distance(paper().null_vector(), [1.0; 3]), ROUNDING);
+}
+
+#[test]
+fn gaps_and_forces_are_those_of_the_paper() {
+    let magnets = paper();
+    // Magnet 1 is below, magnets 2 and 3 are above to the left and to the right.
+    let gaps = magnets.gaps([1e-4, 2e-4]);
+    let expected = [GAP_M + 2e-4, GAP_M + 1e-4 * (PI / 3.0).sin() - 1e-4, GAP_M - 1e-4 * (PI / 3.0).sin() - 1e-4];
+    below("gaps in m", distance(gaps, expected), ROUNDING * GAP_M);
+    // 2e-6 N·m²/A² · (2 A)² / (0.5 mm)² = 32 N.
+    let pull = forces([2e-6; 3], [2.0, -2.0, 0.0], [GAP_M; 3]);
+    below("forces in N", distance(pull, [32.0, 32.0, 0.0]), 32.0 * ROUNDING);
+    let [f_y, f_z] = magnets.resultant([7.0, 3.0, 5.0]);
+    below("F_y in N", (f_y - 3f64.sqrt() / 2.0 * (5.0 - 3.0)).abs(), 7.0 * ROUNDING);
+    below("F_z in N", (f_z - (-7.0 + (3.0 + 5.0) / 2.0)).abs(), 7.0 * ROUNDING);
+}
+
+#[test]
+fn the_allocation_agrees_with_the_corrected_closed_form() {
+    let magnets = paper();
+    let [mut random] = Noise::channels::<1>(1);
+    for _ in 0..TRIALS {
+        let wanted = [100.0 * random.standard_normal(), 100.0 * random.standard_normal()];
+        for f0 in [0.0, 20.0] {
+            let forces = magnets.allocate(wanted, f0);
+            let expected = closed_form(wanted, f0, false);
+            below(&format!("forces for {wanted:?} N"), distance(forces, expected), 1e3 * ROUNDING);
+        }
+    }
+}
+
+#[test]
+fn the_printed_formulas_pull_the_wrong_way() {
+    let magnets = paper();
+    // To the side: the rotor is pulled the other way.
+    let [f_y, _] = magnets.resultant(closed_form([30.0, 100.0], 20.0, true));
+    below("F_y of the printed formulas for 30 N", (f_y + 30.0).abs(), 1e3 * ROUNDING);
+    // Down: the lower magnet would have to push.
+    let printed = closed_form([0.0, -50.0], 20.0, true);
+    assert!(printed[0] < 0.0, "F_1 of the printed formulas is {} N", printed[0]);
+    // The forces used instead do what is asked.
+    let [f_y, f_z] = magnets.resultant(magnets.allocate([30.0, -50.0], 20.0));
+    below("F in N", distance([f_y, f_z], [30.0, -50.0]), 1e3 * ROUNDING);
+}
+
+#[test]
+fn the_allocation_is_exact_for_any_admissible_angles() {
+    let [mut random] = Noise::channels::<1>(2);
+    let mut admissible = 0;
+    for _ in 0..TRIALS {
+        let alpha_rad = [0; 3].map(|_| 4.0 * random.standard_normal());
+        let Ok(magnets) = Magnets::new(GAP_M, alpha_rad) else { continue };
+        admissible += 1;
+        let wanted = [100.0 * random.standard_normal(), 100.0 * random.standard_normal()];
+        let forces = magnets.allocate(wanted, 20.0);
+        let largest = forces.iter().copied().fold(0.0, f64::max);
+        let error = distance(magnets.resultant(forces), wanted);
+        // Near the limit of parallel magnets the inverse loses a square of the sine.
+        below(&format!("resultant at {alpha_rad:?} rad"), error, ROUNDING * largest / SMALLEST_SINE);
+        let smallest = forces.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(smallest >= 20.0, "smallest of {forces:?} N");
+        below("smallest force above F0 in N", smallest - 20.0, ROUNDING * largest);
+    }
+    // A quarter of all random triples stands all round the rotor.
+    assert!(admissible > TRIALS / 5, "{admissible} of {TRIALS} geometries admitted");
+}
+
+#[test]
+fn currents_give_the_forces_asked_for() {
+    let magnets = paper();
+    let lambda = [1.8e-6, 2.0e-6, 2.2e-6];
+    let gaps = magnets.gaps([30e-6, -70e-6]);
+    let wanted = magnets.allocate([30.0, -50.0], 20.0);
+    let given = forces(lambda, currents(wanted, gaps, lambda), gaps);
+    below("forces in N", distance(given, wanted), 1e3 * ROUNDING);
+    assert_eq!(currents([-1.0; 3], gaps, lambda), [0.0; 3], "a magnet does not push");
+}
+
+#[test]
+fn impossible_geometry_is_refused_by_name() {
+    let cases: [(f64, [f64; 3], &[&str]); 9] = [
+        (0.0, ALPHA_RAD, &["s"]),
+        (-1e-4, ALPHA_RAD, &["s"]),
+        (f64::INFINITY, ALPHA_RAD, &["s"]),
+        (GAP_M, [f64::NAN, 0.0, f64::INFINITY], &["alpha[1]", "alpha[3]"]),
+        (GAP_M, [PI, 0.5, 0.5], &["alpha[3]"]),
+        (GAP_M, [0.5, 0.5 + PI, -2.0], &["alpha[2]"]),
+        (GAP_M, [0.7, 0.7, 0.7], &["alpha[2]", "alpha[3]", "alpha[3]"]),
+        // All above the rotor; the one in the middle is named.
+        (GAP_M, [0.1, -1.0, 1.0], &["alpha[1]"]),
+        (GAP_M, [-1.0, 0.4, 1.0], &["alpha[2]"]),
+    ];
+    for (gap_m, alpha_rad, names) in cases {
+        let found = Magnets::new(gap_m, alpha_rad).expect_err(&format!("{gap_m} m, {alpha_rad:?} rad"));
+        let found: Vec<_> = found.iter().map(|finding| finding.name.as_ref()).collect();
+        assert_eq!(found, names, "{gap_m} m, {alpha_rad:?} rad");
+    }
+}

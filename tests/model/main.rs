@@ -1,0 +1,19 @@
+//! The equations: geometry, force law, coils, backup bearing, plant, controller, estimation.
+
+#[path = "../support/rotor.rs"]
+mod rotor;
+#[path = "../support/mod.rs"]
+mod support;
+
+mod coil;
+mod controller;
+mod estimation;
+mod kernel;
+mod linearisation;
+mod magnet;
+mod paper;
+mod plant;
+mod reference;
+mod sensitivity;
+mod sensor;
+mod touchdown;

@@ -1,0 +1,507 @@
+//! The plant: its integration against known solutions, its sensors, its faults and refusals.
+
+use std::f64::consts::{PI, TAU};
+
+use magnetic_bearing::model::integration::{rk4, substeps};
+use magnetic_bearing::model::noise::Noise;
+use magnetic_bearing::model::plant::{
+    Harmonic, Measured, Plant, PlantConfig, PlantInput, PlantState, SensorConfig, StepError,
+};
+use magnetic_bearing::model::touchdown::TouchdownConfig;
+
+const STEP_S: f64 = 1e-4;
+const OMEGA_RAD_S: f64 = TAU * 50.0;
+
+fn below(what: &str, value: f64, limit: f64) {
+    assert!(value <= limit, "{what}: {value:e} is above the limit {limit:e}");
+}
+
+fn between(what: &str, value: f64, low: f64, high: f64) {
+    assert!((low..=high).contains(&value), "{what}: {value:e} is outside {low:e} to {high:e}");
+}
+
+fn plant(config: PlantConfig) -> Plant {
+    Plant::new(config).expect("plant")
+}
+
+/// Currents that hold the rotor near the centre for some milliseconds.
+fn held() -> PlantInput {
+    PlantInput {
+        current_a: [1.5, 1.4, 1.3],
+        perturbation_n: [0.5, -0.3],
+        omega_rad_s: OMEGA_RAD_S,
+        ..PlantInput::default()
+    }
+}
+
+fn all_on() -> PlantConfig {
+    PlantConfig {
+        unbalance_kgm: 1e-4,
+        unbalance_phase_rad: 0.4,
+        harmonic: Harmonic { amplitude_n: [2.0, 1.0], phase_rad: [0.1, 0.2], ..Harmonic::default() },
+        velocity_m_s: [0.0, 0.005],
+        ..PlantConfig::default()
+    }
+}
+
+#[test]
+fn substeps_take_up_the_rounding_of_the_division() {
+    assert_eq!(substeps(1e-4, 5e-5), 2);
+    assert_eq!(substeps(3.0 * 0.1, 0.1), 3);
+    assert_eq!(substeps(1.01e-4, 5e-5), 3);
+    assert_eq!(substeps(1e-16, 5e-5), 1);
+    assert_eq!(substeps(0.0, 5e-5), 1);
+    assert_eq!(substeps(f64::NAN, 5e-5), 1);
+}
+
+#[test]
+fn runge_kutta_has_order_four() {
+    // x' = −x + t, x(0) = 1: x = 2 e^(−t) + t − 1.
+    let error = |n: i32| {
+        let h = 1.0 / f64::from(n);
+        let x = (0..n).fold([1.0], |x, j| rk4(x, f64::from(j) * h, h, |t, x: &[f64; 1]| [t - x[0]]));
+        (x[0] - 2.0 * (-1.0f64).exp()).abs()
+    };
+    for n in [8, 16, 32] {
+        let ratio: f64 = error(n) / error(2 * n);
+        between("order", ratio.log2(), 3.8, 4.2);
+    }
+}
+
+/// Unbalance alone, no current: `m Ẅ = U ω² e^{j(ωt+φ)}`, so `W = −(U/m) e^{j(ωt+φ)}` from the right start.
+#[test]
+fn a_free_rotor_with_unbalance_follows_the_closed_form() {
+    let (m_kg, phase) = (6.7, 0.4);
+    let radius = 20e-6;
+    let on_circle = |t: f64| {
+        let angle = OMEGA_RAD_S * t + phase;
+        [-radius * angle.cos(), -radius * angle.sin()]
+    };
+    let error = |sub_steps: f64| {
+        let duration = 0.02;
+        let config = PlantConfig {
+            m_kg,
+            unbalance_kgm: m_kg * radius,
+            unbalance_phase_rad: phase,
+            position_m: on_circle(0.0),
+            velocity_m_s: [OMEGA_RAD_S * radius * phase.sin(), -OMEGA_RAD_S * radius * phase.cos()],
+            sensor: SensorConfig { step_s: 1.0, ..SensorConfig::default() },
+            max_step_s: duration / sub_steps,
+            ..PlantConfig::default()
+        };
+        let plant = plant(config);
+        let mut state = plant.start(0.0);
+        let input = PlantInput { omega_rad_s: OMEGA_RAD_S, ..PlantInput::default() };
+        // Three quarters of the revolution and no whole one, in which errors would cancel.
+        plant.advance(&mut state, &input, 0.0, 0.75 * duration).expect("advance");
+        let wanted = on_circle(0.75 * duration);
+        (state.position_m[0] - wanted[0]).hypot(state.position_m[1] - wanted[1])
+    };
+    for n in [16.0, 32.0, 64.0] {
+        between("order", (error(n) / error(2.0 * n)).log2(), 3.8, 4.2);
+    }
+    // The sub-step of 50 µs, in m.
+    below("error at the default sub-step, m", error(400.0), 1e-13);
+}
+
+/// With constant currents and nothing else, `½ m v² − Σ λ i²/gap` stays what it is, while the rotor falls towards
+/// magnet 1.
+#[test]
+fn energy_is_conserved() {
+    /// Integration error of sub-steps of 50 µs relative to the kinetic energy at the start, after 12 ms, in which the
+    /// gap of magnet 1 goes from 0.50 mm to 0.37 mm. Measured 2.7e-10; it grows without bound towards contact.
+    const ENERGY: f64 = 4e-10;
+    let drift = |max_step_s: f64| {
+        let config = PlantConfig { velocity_m_s: [4e-3, -7e-3], max_step_s, ..PlantConfig::default() };
+        let plant = plant(config.clone());
+        let input = PlantInput { current_a: [1.6, 1.5, -1.4], ..PlantInput::default() };
+        let kinetic = |state: &PlantState| {
+            let [v_y, v_z] = state.velocity_m_s;
+            0.5 * config.m_kg * (v_y * v_y + v_z * v_z)
+        };
+        let energy = |state: &PlantState| {
+            let gaps = plant.outputs(state, &input, 0.0).gap_m;
+            let magnetic = |k: usize| config.lambda_nm2_a2[k] * input.current_a[k].powi(2) / gaps[k];
+            kinetic(state) - magnetic(0) - magnetic(1) - magnetic(2)
+        };
+        let start = plant.start(0.0);
+        let mut state = start.clone();
+        for k in 0..120 {
+            plant.advance(&mut state, &input, f64::from(k) * STEP_S, STEP_S).expect("advance");
+        }
+        let moved = kinetic(&state) / kinetic(&start);
+        assert!(moved > 1.5, "the kinetic energy grew by only {moved}: the test shows nothing");
+        (energy(&state) - energy(&start)).abs() / kinetic(&start)
+    };
+    below("energy drift", drift(5e-5), ENERGY);
+    between("order", (drift(5e-5) / drift(2.5e-5)).log2(), 3.8, 4.2);
+}
+
+#[test]
+fn outputs_are_the_equations_of_motion() {
+    let config = all_on();
+    let plant = plant(config.clone());
+    let mut state = plant.start(0.0);
+    plant.advance(&mut state, &held(), 0.0, 3.3 * STEP_S).expect("advance");
+    let t = 3.3 * STEP_S;
+    let out = plant.outputs(&state, &held(), t);
+    let u = config.unbalance_kgm * OMEGA_RAD_S * OMEGA_RAD_S;
+    let angle = OMEGA_RAD_S * t + 0.4;
+    let p = [
+        0.5 + 2.0 * (OMEGA_RAD_S * t + 0.1).sin() + u * angle.cos(),
+        -0.3 + 1.0 * (OMEGA_RAD_S * t + 0.2).sin() + u * angle.sin(),
+    ];
+    for (a, p_a) in p.into_iter().enumerate() {
+        below("perturbation, N", (out.perturbation_n[a] - p_a).abs(), 1e-12);
+        let sum = out.resultant_n[a] + out.perturbation_n[a];
+        below("acceleration, m/s²", (out.acceleration_m_s2[a] - sum / 6.7).abs(), 1e-12);
+    }
+    for k in 0..3 {
+        let force = config.lambda_nm2_a2[k] * held().current_a[k].powi(2) / out.gap_m[k].powi(2);
+        below("force, N", (out.force_n[k] - force).abs(), 1e-12);
+    }
+    // The acceleration is that of the motion: a short step moves the velocity by it.
+    let mut later = state.clone();
+    let h = 1e-7;
+    plant.advance(&mut later, &held(), state.time_s, h).expect("advance");
+    for a in 0..2 {
+        let slope = (later.velocity_m_s[a] - state.velocity_m_s[a]) / h;
+        below("acceleration against the motion, m/s²", (slope - out.acceleration_m_s2[a]).abs(), 1e-3);
+    }
+}
+
+#[test]
+fn a_sample_of_the_current_is_the_one_held_before() {
+    let plant = plant(PlantConfig::default());
+    let mut state = plant.start(2.0);
+    let first = state.measured.clone();
+    assert_eq!(first, Measured { position_m: [30e-6, 0.0], current_a: [0.0; 3], theta_rad: 0.0 });
+    let at = |i| PlantInput { current_a: [i; 3], ..held() };
+    plant.advance(&mut state, &at(1.0), 2.0, 0.5 * STEP_S).expect("advance");
+    assert_eq!(state.measured, first, "half a step reads nothing");
+    let t_s = state.time_s;
+    plant.advance(&mut state, &at(1.5), t_s, 0.5 * STEP_S).expect("advance");
+    assert_eq!(state.measured.current_a, [1.5; 3]);
+    assert_eq!(state.measured.position_m, state.position_m);
+    assert_eq!(state.samples, 2);
+    below("θ in rad", (state.measured.theta_rad - OMEGA_RAD_S * STEP_S).abs(), 1e-12);
+}
+
+/// The samples met when stepping as `steps` say, from `start_s`.
+fn samples_of(config: PlantConfig, start_s: f64, steps: impl Iterator<Item = (f64, f64)>) -> Vec<Measured> {
+    let plant = plant(config);
+    let mut state = plant.start(start_s);
+    let mut samples = vec![state.measured.clone()];
+    for (t_s, h_s) in steps {
+        let before = state.samples;
+        plant.advance(&mut state, &held(), t_s, h_s).expect("advance");
+        // Of the samples inside a long step only the last is seen.
+        for _ in before..state.samples {
+            samples.push(state.measured.clone());
+        }
+    }
+    samples
+}
+
+fn worst_position(a: &[Measured], b: &[Measured]) -> f64 {
+    assert_eq!(a.len(), b.len(), "number of samples");
+    let distance = |(a, b): (&Measured, &Measured)| {
+        (a.position_m[0] - b.position_m[0]).abs().max((a.position_m[1] - b.position_m[1]).abs())
+    };
+    a.iter().zip(b).map(distance).fold(0.0, f64::max)
+}
+
+#[test]
+fn the_same_samples_to_the_bit_however_time_is_counted() {
+    let noisy = SensorConfig { position_noise_m: 1e-7, current_noise_a: 0.01, seed: 9, ..SensorConfig::default() };
+    for start_s in [0.0, 0.3] {
+        let config = PlantConfig { sensor: noisy.clone(), ..all_on() };
+        let number = 84;
+        let instant = |k: i32| start_s + f64::from(k) * STEP_S;
+        let plain = samples_of(config.clone(), start_s, (0..number).map(|k| (instant(k), STEP_S)));
+        assert_eq!(plain.len(), number as usize + 1);
+
+        // Time added up step by step.
+        let mut t = start_s;
+        let sums = (0..number).map(|_| {
+            let begin = t;
+            t += STEP_S;
+            (begin, STEP_S)
+        });
+        assert_eq!(samples_of(config.clone(), start_s, sums), plain, "time added up");
+
+        // Steps that are differences of instants.
+        let differences = (0..number).map(|k| (instant(k), instant(k + 1) - instant(k)));
+        assert_eq!(samples_of(config.clone(), start_s, differences), plain, "differences of instants");
+
+        // Jitter in the last bits of both.
+        let jitter = |k: i32| if k == 0 { 0.0 } else { f64::from(k * 7919 % 13 - 6) * 1e-17 };
+        let jittered =
+            (0..number).map(|k| (instant(k) + jitter(k), STEP_S * (1.0 + f64::from(k * 31 % 7 - 3) * 1e-15)));
+        assert_eq!(samples_of(config.clone(), start_s, jittered), plain, "jitter");
+
+        // Seven samples in one step: the last of each seven.
+        let long = samples_of(config, start_s, (0..number / 7).map(|k| (instant(7 * k), 7.0 * STEP_S)));
+        assert_eq!(long.len(), plain.len());
+        for k in (0..long.len()).step_by(7) {
+            assert_eq!(long[k], plain[k], "seven at once, sample {k}");
+        }
+    }
+}
+
+#[test]
+fn no_step_loses_or_doubles_a_sample() {
+    /// Difference in position, in m, between divisions of the same time: integration error and rounding.
+    const DIVISION_M: f64 = 1e-15;
+    let number = 60;
+    let plain = samples_of(all_on(), 0.0, (0..number).map(|k| (f64::from(k) * STEP_S, STEP_S)));
+
+    // Steps of a third, of 0.7 and of 1.3 sample times; tiny steps before, at and after the instants.
+    let walk = |lengths: Vec<f64>| {
+        let mut steps = Vec::new();
+        let mut t = 0.0;
+        let end = f64::from(number) * STEP_S;
+        for h in lengths.iter().cycle() {
+            if t > end - 1e-9 {
+                return steps;
+            }
+            let h = h.min(end - t);
+            steps.push((t, h));
+            t += h;
+        }
+        steps
+    };
+    for lengths in [
+        vec![STEP_S / 3.0],
+        vec![0.7 * STEP_S],
+        vec![0.25 * STEP_S, 0.75 * STEP_S],
+        vec![STEP_S, 1e-16],
+        vec![1e-16, 1e-16, STEP_S, 0.0],
+        vec![STEP_S - 2e-7, 1e-16, 2e-7, 1e-16],
+        vec![STEP_S - 1e-8, 1e-16, 1e-8],
+    ] {
+        let walked = samples_of(all_on(), 0.0, walk(lengths.clone()).into_iter());
+        // A sample read up to a thousandth of a sample time early is where the rotor was then.
+        let early = if lengths[0] == STEP_S - 1e-8 { 1e-8 * 0.02 } else { 0.0 };
+        below(&format!("steps of {lengths:?} s, position in m"), worst_position(&walked, &plain), DIVISION_M + early);
+    }
+    // More than one sample time per step: compare the last sample.
+    let walked = samples_of(all_on(), 0.0, walk(vec![1.3 * STEP_S, 3.9 * STEP_S]).into_iter());
+    assert_eq!(walked.len(), plain.len());
+    let last = |samples: &[Measured]| samples[samples.len() - 1..].to_vec();
+    below("steps of 1.3 sample times, position in m", worst_position(&last(&walked), &last(&plain)), DIVISION_M);
+
+    let plant = plant(all_on());
+    let mut state = plant.start(0.0);
+    let before = state.clone();
+    plant.advance(&mut state, &held(), 0.0, 0.0).expect("advance");
+    assert_eq!(state, before, "a step of 0 changes nothing");
+}
+
+#[test]
+fn noise_is_normal_seeded_and_separate_for_each_channel() {
+    let number = 100_000;
+    let draws = |seed| {
+        let [mut a, mut b] = Noise::channels::<2>(seed);
+        let draw = |_| (a.standard_normal(), b.standard_normal());
+        (0..number).map(draw).collect::<Vec<_>>()
+    };
+    let drawn = draws(3);
+    let mean = |f: &dyn Fn(&(f64, f64)) -> f64| drawn.iter().map(f).sum::<f64>() / f64::from(number);
+    // Four standard deviations of each mean over 1e5 draws: √1, √2, √15, √96, √1 over √1e5.
+    let sigma = 4.0 / f64::from(number).sqrt();
+    below("mean", mean(&|d| d.0).abs(), sigma);
+    below("variance", (mean(&|d| d.0 * d.0) - 1.0).abs(), 2f64.sqrt() * sigma);
+    below("skewness", mean(&|d| d.0.powi(3)).abs(), 15f64.sqrt() * sigma);
+    below("fourth moment", (mean(&|d| d.0.powi(4)) - 3.0).abs(), 96f64.sqrt() * sigma);
+    below("correlation of channels", mean(&|d| d.0 * d.1).abs(), sigma);
+    let next = drawn.windows(2).map(|w| w[0].0 * w[1].0).sum::<f64>() / f64::from(number);
+    below("correlation of draws", next.abs(), sigma);
+    assert_eq!(draws(3), drawn, "the same seed");
+    let other = draws(4);
+    let crossed = drawn.iter().zip(&other).map(|(a, b)| a.0 * b.0).sum::<f64>() / f64::from(number);
+    below("correlation of seeds", crossed.abs(), sigma);
+    // The first numbers of a seed, as this code gave them: another platform must give the same bits.
+    let [mut first] = Noise::channels::<1>(0);
+    assert_eq!([first.standard_normal(), first.standard_normal()], FIRST_OF_SEED_0);
+}
+
+const FIRST_OF_SEED_0: [f64; 2] = [0.04634510911442592, 0.686492426953744];
+
+#[test]
+fn noise_off_is_exact_and_one_channel_leaves_the_others_alone() {
+    let steps = || (0..50).map(|k| (f64::from(k) * STEP_S, STEP_S));
+    let with = |position_noise_m, current_noise_a, seed| {
+        let sensor = SensorConfig { position_noise_m, current_noise_a, seed, ..SensorConfig::default() };
+        samples_of(PlantConfig { sensor, ..all_on() }, 0.0, steps())
+    };
+    let exact = with(0.0, 0.0, 1);
+    assert_eq!(exact, with(0.0, 0.0, 2));
+    for sample in &exact[1..] {
+        assert_eq!(sample.current_a, held().current_a);
+    }
+    let positions = with(1e-7, 0.0, 1);
+    let both = with(1e-7, 0.01, 1);
+    for (a, b) in positions.iter().zip(&both) {
+        assert_eq!(a.position_m, b.position_m);
+        assert_ne!(a.current_a, b.current_a);
+    }
+    assert_ne!(both[0].current_a, [0.0; 3], "sample 0 has noise as well");
+    assert_ne!(positions, with(1e-7, 0.0, 2));
+}
+
+#[test]
+fn the_state_survives_being_written_and_read() {
+    let sensor = SensorConfig { position_noise_m: 1e-7, seed: u64::MAX, ..SensorConfig::default() };
+    let config = PlantConfig { sensor, ..all_on() };
+    let plant = plant(config.clone());
+    let mut state = plant.start(0.0);
+    plant.advance(&mut state, &held(), 0.0, 3.5 * STEP_S).expect("advance");
+    let mut read: PlantState = toml::from_str(&toml::to_string(&state).expect("written")).expect("read");
+    assert_eq!(read, state);
+    for state in [&mut read, &mut state] {
+        plant.advance(state, &held(), state.time_s, 10.0 * STEP_S).expect("advance");
+    }
+    assert_eq!(read, state);
+    let text = toml::to_string(&config).expect("written");
+    assert_eq!(toml::from_str::<PlantConfig>(&text).expect("read"), config);
+}
+
+#[test]
+fn a_rotor_that_leaves_the_gap_is_a_fault_and_the_state_stays_finite() {
+    // With no backup bearing to catch it.
+    let touchdown = TouchdownConfig { clearance_m: 1.0, ..TouchdownConfig::default() };
+    let plant =
+        plant(PlantConfig { velocity_m_s: [0.0; 2], position_m: [0.0; 2], touchdown, ..PlantConfig::default() });
+    // Pulled by magnet 1 alone, then by 2, then by 3; pushed into magnet 1.
+    let pull = |k: usize| {
+        let current_a = std::array::from_fn(|j| if j == k { 4.0 } else { 0.0 });
+        PlantInput { current_a, ..PlantInput::default() }
+    };
+    let push = PlantInput { perturbation_n: [0.0, -1e12], ..PlantInput::default() };
+    for (wanted, input) in [(1, pull(0)), (2, pull(1)), (3, pull(2)), (1, push)] {
+        let mut state = plant.start(0.0);
+        // A push this hard leaves the gap within the first sub-step, from the centre.
+        match plant.advance(&mut state, &input, 0.0, 1.0) {
+            Err(StepError::Contact { magnet, time_s, position_m }) => {
+                assert_eq!(magnet, wanted);
+                assert_eq!(time_s, state.time_s);
+                assert_eq!(position_m, state.position_m);
+                between("time of contact, s", time_s, 0.0, 0.02);
+            }
+            other => panic!("magnet {wanted}: {other:?}"),
+        }
+        assert!(state.position_m.iter().chain(&state.velocity_m_s).all(|value| value.is_finite()));
+        let gaps = plant.outputs(&state, &input, state.time_s).gap_m;
+        assert!(gaps.iter().all(|gap| *gap > 0.0), "{gaps:?}");
+        // It can be told to go on with other currents, if only for as long as the rotor needs to the magnet.
+        let calm = PlantInput::default();
+        let t_s = state.time_s;
+        plant.advance(&mut state, &calm, t_s, 1e-12).expect("advance");
+    }
+}
+
+#[test]
+fn inputs_and_times_that_are_none_are_refused_and_change_nothing() {
+    let plant = plant(PlantConfig::default());
+    let mut state = plant.start(0.0);
+    plant.advance(&mut state, &held(), 0.0, STEP_S).expect("advance");
+    let before = state.clone();
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let cases = [
+            ("i[2]", PlantInput { current_a: [0.0, bad, 0.0], ..held() }),
+            ("pY", PlantInput { perturbation_n: [bad, 0.0], ..held() }),
+            ("pZ", PlantInput { perturbation_n: [0.0, bad], ..held() }),
+            ("omega", PlantInput { omega_rad_s: bad, ..held() }),
+        ];
+        for (wanted, input) in cases {
+            match plant.advance(&mut state, &input, STEP_S, STEP_S) {
+                Err(StepError::Input { name, .. }) => assert_eq!(name, wanted),
+                other => panic!("{wanted} = {bad}: {other:?}"),
+            }
+        }
+        for (t_s, h_s) in [(bad, STEP_S), (STEP_S, bad)] {
+            let result = plant.advance(&mut state, &held(), t_s, h_s);
+            assert!(matches!(result, Err(StepError::Time { .. })), "{result:?}");
+        }
+    }
+    for (t_s, h_s) in [(STEP_S, -STEP_S), (2.0 * STEP_S, STEP_S), (0.0, STEP_S)] {
+        let result = plant.advance(&mut state, &held(), t_s, h_s);
+        assert!(matches!(result, Err(StepError::Time { .. })), "{result:?}");
+    }
+    assert_eq!(state, before);
+}
+
+#[test]
+fn some_parameters_may_change_while_running() {
+    let mut plant = plant(PlantConfig::default());
+    let state = plant.start(0.0);
+    let before = plant.outputs(&state, &held(), 0.0);
+    plant.retune([3.6e-6, 4e-6, 4.4e-6], 0.0, 0.0, Harmonic::default()).expect("retuned");
+    let after = plant.outputs(&state, &held(), 0.0);
+    for k in 0..3 {
+        below("force, N", (after.force_n[k] - 2.0 * before.force_n[k]).abs(), 1e-12);
+    }
+    let config = plant.config().clone();
+    let bad = Harmonic { amplitude_n: [f64::NAN, 0.0], ..Harmonic::default() };
+    let found = plant.retune([1e-6, 0.0, 1e-6], -1.0, f64::NAN, bad).expect_err("a refusal");
+    let found: Vec<_> = found.iter().map(|finding| finding.name.as_ref()).collect();
+    assert_eq!(found, ["lambda[2]", "unbalance.magnitude", "unbalance.phase", "perturbation.amplitudeY"]);
+    assert_eq!(*plant.config(), config, "nothing is changed by a refusal");
+}
+
+#[test]
+fn bad_parameters_are_refused_by_name_all_at_once() {
+    let default = PlantConfig::default;
+    let names = |config: PlantConfig| -> Vec<String> {
+        let found = Plant::new(config).expect_err("a refusal");
+        found.into_iter().map(|finding| finding.name.into_owned()).collect()
+    };
+    for bad in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
+        let config = PlantConfig {
+            m_kg: bad,
+            gap_m: bad,
+            lambda_nm2_a2: [bad, 2e-6, bad],
+            sensor: SensorConfig { step_s: bad, ..SensorConfig::default() },
+            max_step_s: bad,
+            ..default()
+        };
+        let wanted = ["m", "s", "lambda[1]", "lambda[3]", "sensor.Ts", "solver.maxStep"];
+        assert_eq!(names(config), wanted, "{bad}");
+    }
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let config = PlantConfig {
+            alpha_rad: [PI, bad, PI / 3.0],
+            unbalance_kgm: bad,
+            unbalance_phase_rad: bad,
+            harmonic: Harmonic { amplitude_n: [bad; 2], omega_rad_s: bad, phase_rad: [bad; 2] },
+            position_m: [bad; 2],
+            velocity_m_s: [bad; 2],
+            theta_rad: bad,
+            sensor: SensorConfig { position_noise_m: bad, current_noise_a: bad, ..SensorConfig::default() },
+            ..default()
+        };
+        let wanted = [
+            "alpha[2]",
+            "unbalance.magnitude",
+            "unbalance.phase",
+            "perturbation.amplitudeY",
+            "perturbation.amplitudeZ",
+            "perturbation.omega",
+            "perturbation.phaseY",
+            "perturbation.phaseZ",
+            "Y0",
+            "Z0",
+            "vY0",
+            "vZ0",
+            "theta0",
+            "sensor.positionNoise",
+            "sensor.currentNoise",
+        ];
+        assert_eq!(names(config), wanted, "{bad}");
+    }
+    assert_eq!(names(PlantConfig { alpha_rad: [PI, 1.0, 1.0], ..default() }), ["alpha[3]"]);
+    assert_eq!(names(PlantConfig { position_m: [6e-4, 0.0], ..default() }), ["Y0"]);
+    assert_eq!(names(PlantConfig { position_m: [0.0, -5e-4], ..default() }), ["Z0"]);
+    assert_eq!(names(PlantConfig { max_step_s: 1e-300, ..default() }), ["solver.maxStep"]);
+}

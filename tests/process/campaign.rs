@@ -1,0 +1,219 @@
+//! Long campaigns: the library loaded and unloaded over and over, a thousand instances in turn, many threads at once.
+
+use std::ffi::{CStr, c_void};
+use std::path::{Path, PathBuf};
+use std::ptr::null_mut;
+use std::sync::Mutex;
+
+use crate::support::ffi::{Expect, Fmu, guid, text};
+use magnetic_bearing::app::package;
+use magnetic_bearing::fmi2::bindings::*;
+
+const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
+
+/// Times that the library is loaded, unless the environment says otherwise.
+const ROUNDS: u32 = if cfg!(debug_assertions) { 1_000 } else { 10_000 };
+/// How much more memory the process may have at the end than after the first tenth, in bytes: what an allocator keeps
+/// back, and far less than one instance per round.
+const GROWTH_BYTES: u64 = 2 << 20;
+const STEPS: u32 = 100;
+
+/// One at a time in this process, so that the memory of one test is not counted in another.
+static ALONE: Mutex<()> = Mutex::new(());
+
+/// Memory that the process holds, in bytes.
+fn resident_bytes() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/statm").expect("a system with /proc");
+    let pages: u64 = status.split(' ').nth(1).and_then(|pages| pages.parse().ok()).expect("a number of pages");
+    pages * 4096
+}
+
+fn library() -> PathBuf {
+    package::built_library().expect("cargo builds the library together with the tests")
+}
+
+unsafe extern "C" fn allocate(_: usize, _: usize) -> *mut c_void {
+    null_mut()
+}
+
+unsafe extern "C" fn release(_: *mut c_void) {}
+
+/// Loads the library, runs each model for some steps, and unloads it; the bits of all Real values at the end.
+fn round(library: &Path) -> Vec<u64> {
+    let callbacks = fmi2CallbackFunctions {
+        logger: None,
+        allocateMemory: Some(allocate),
+        freeMemory: Some(release),
+        stepFinished: None,
+        componentEnvironment: null_mut(),
+    };
+    let mut bits = Vec::new();
+    // SAFETY: the library is the one that was built with this test; what its start-up does is nothing. Every symbol has the
+    // type of the header, and everything that came from it is given back before it is closed.
+    unsafe {
+        let loaded = libloading::Library::new(library).expect("the library");
+        macro_rules! symbol {
+            ($name:ident: $type:ident) => {
+                loaded.get::<$type>(concat!(stringify!($name), "\0").as_bytes()).expect("a symbol").expect("a function")
+            };
+        }
+        let instantiate = symbol!(fmi2Instantiate: fmi2InstantiateTYPE);
+        let enter = symbol!(fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE);
+        let exit = symbol!(fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE);
+        let step = symbol!(fmi2DoStep: fmi2DoStepTYPE);
+        let get = symbol!(fmi2GetReal: fmi2GetRealTYPE);
+        let get_state = symbol!(fmi2GetFMUstate: fmi2GetFMUstateTYPE);
+        let free_state = symbol!(fmi2FreeFMUstate: fmi2FreeFMUstateTYPE);
+        let terminate = symbol!(fmi2Terminate: fmi2TerminateTYPE);
+        let free = symbol!(fmi2FreeInstance: fmi2FreeInstanceTYPE);
+        for model in MODELS {
+            let (name, guid, place) = (text(model), text(&guid(model)), text("file:///tmp"));
+            let kind = fmi2Type::fmi2CoSimulation;
+            let c = instantiate(name.as_ptr(), kind, guid.as_ptr(), place.as_ptr(), &raw const callbacks, 0, 0);
+            assert!(!c.is_null());
+            assert_eq!(enter(c), fmi2Status::fmi2OK);
+            assert_eq!(exit(c), fmi2Status::fmi2OK);
+            let mut state = null_mut();
+            for k in 0..STEPS {
+                assert_eq!(step(c, f64::from(k) * 1e-4, 1e-4, 1), fmi2Status::fmi2OK);
+                if k == STEPS / 2 {
+                    assert_eq!(get_state(c, &raw mut state), fmi2Status::fmi2OK);
+                }
+            }
+            for reference in 0..100 {
+                let mut value = 0.0;
+                if get(c, &raw const reference, 1, &raw mut value) == fmi2Status::fmi2OK {
+                    bits.push(value.to_bits());
+                }
+            }
+            assert_eq!(free_state(c, &raw mut state), fmi2Status::fmi2OK);
+            assert_eq!(terminate(c), fmi2Status::fmi2OK);
+            free(c);
+        }
+        loaded.close().expect("the library is closed");
+    }
+    bits
+}
+
+/// Whether a file is mapped into this process.
+fn is_mapped(library: &Path) -> bool {
+    let name = library.to_string_lossy();
+    std::fs::read_to_string("/proc/self/maps").expect("a system with /proc").contains(name.as_ref())
+}
+
+/// Fails if fmi2FreeInstance forgets the instance, fmi2FreeFMUstate the snapshot, or the library its tables: 10,000 rounds then leave hundreds of
+/// megabytes. Whether the library leaves at all is seen as well: one with thread-local destructors stays mapped.
+#[test]
+fn loading_and_unloading_leaves_nothing_behind() {
+    let _alone = ALONE.lock();
+    let rounds = std::env::var("CAMPAIGN_ROUNDS").ok().and_then(|text| text.parse().ok()).unwrap_or(ROUNDS);
+    // A copy, because the test program itself may have the other one open.
+    let library = library();
+    let begin = std::time::Instant::now();
+    let first = round(&library);
+    assert!(first.len() > 60);
+    let mut settled = 0;
+    for k in 1..rounds {
+        let bits = round(&library);
+        assert_eq!(bits, first, "round {k}");
+        if k == rounds / 10 {
+            settled = resident_bytes();
+        }
+    }
+    let grown = resident_bytes().saturating_sub(settled);
+    println!("{rounds} rounds in {:?}, {settled} bytes, {grown} more at the end", begin.elapsed());
+    println!("the library is {} after the last round", if is_mapped(&library) { "still mapped" } else { "gone" });
+    assert!(grown <= GROWTH_BYTES, "{grown} bytes more after {rounds} rounds");
+}
+
+/// Fails if the steps that all instances have done together change the length of the next one by a part in 10⁹.
+#[test]
+fn a_thousand_instances_in_turn_are_each_like_one_alone() {
+    let _alone = ALONE.lock();
+    // Each with a disturbance of its own.
+    let make = |at: usize| {
+        let model = MODELS[at % 3];
+        let value = 1e-6 * at as f64;
+        match at % 3 {
+            0 => {
+                Fmu::started(model, &[("Y0", 1e-3 * value), ("sensor.seed", at as f64), ("sensor.positionNoise", 1e-7)])
+            }
+            1 => Fmu::started(model, &[("Ym", 1e-2 * value)]),
+            _ => Fmu::started(model, &[("Zm", 1e-2 * value), ("im[1]", value), ("Tf", 2e-3), ("epsilon", 2e-3)]),
+        }
+    };
+    const INSTANCES: usize = 1000;
+    let instances: Vec<_> = (0..INSTANCES).map(make).collect();
+    for step in 0..40 {
+        for fmu in &instances {
+            fmu.step(f64::from(step) * 1e-4, 1e-4).ok(fmu);
+        }
+    }
+    for at in (0..INSTANCES).step_by(7) {
+        let alone = make(at);
+        for step in 0..40 {
+            alone.step(f64::from(step) * 1e-4, 1e-4).ok(&alone);
+        }
+        assert_eq!(instances[at].all_bits(), alone.all_bits(), "instance {at}");
+    }
+}
+
+/// Fails if the steps that all instances have done together change the length of the next one by a part in 10⁹.
+#[test]
+fn eight_threads_at_once_compute_what_one_does() {
+    let _alone = ALONE.lock();
+    let run = |model: &str| {
+        let fmu = Fmu::started(model, &[]);
+        let mut state = null_mut();
+        for step in 0..400 {
+            fmu.step(f64::from(step) * 1e-4, 1e-4).ok(&fmu);
+            if step % 50 == 0 {
+                fmu.get_state(&mut state).ok(&fmu);
+                let bytes = fmu.serialize(state).expect("bytes");
+                let mut other = null_mut();
+                fmu.deserialize(&bytes, &mut other).ok(&fmu);
+                fmu.set_state(other).ok(&fmu);
+                fmu.free_state(&mut other).ok(&fmu);
+            }
+        }
+        fmu.free_state(&mut state).ok(&fmu);
+        fmu.all_bits()
+    };
+    let wanted = MODELS.map(run);
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..8)
+            .map(|thread| {
+                let wanted = &wanted;
+                scope.spawn(move || {
+                    for round in 0..6 {
+                        let at = (thread + round) % 3;
+                        assert_eq!(run(MODELS[at]), wanted[at], "{}", MODELS[at]);
+                    }
+                })
+            })
+            .collect();
+        for thread in threads {
+            thread.join().expect("no thread panics");
+        }
+    });
+}
+
+/// The texts of the library itself are there for the length of its load. Fails if a function of the header is missing.
+#[test]
+fn the_library_exports_every_function_of_the_header() {
+    let _alone = ALONE.lock();
+    // SAFETY: as in `round`.
+    unsafe {
+        let loaded = libloading::Library::new(library()).expect("the library");
+        // Declarations stand there as `fmi2DoStepTYPE fmi2DoStep;`.
+        let words = |line: &'static str| line.strip_suffix(';').and_then(|line| line.split_once("TYPE "));
+        let declared: Vec<_> = include_str!("../../src/fmi2/fmi2.h").lines().filter_map(words).collect();
+        let names: Vec<_> = declared.iter().filter(|(kind, name)| kind == name).map(|(_, name)| *name).collect();
+        assert_eq!(names.len(), 34);
+        for name in names {
+            loaded.get::<*const c_void>(format!("{name}\0").as_bytes()).expect("a symbol");
+        }
+        let version = loaded.get::<fmi2GetVersionTYPE>(b"fmi2GetVersion\0").expect("a symbol").expect("a function");
+        assert_eq!(CStr::from_ptr(version()), c"2.0");
+    }
+}
