@@ -20,8 +20,8 @@ use super::scenario::{Scenario, Setting};
 use super::simulate::{self, Refused};
 use crate::slave::variable::Value;
 use cases::{Draw, TOLERANCES};
-use offline::Offline;
 use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, pooled};
+use offline::Offline;
 
 /// Makes the scenario of a run from the study's, the seed of the run, and how often the rotor touched down with the former.
 pub type Vary = Arc<dyn Fn(&Scenario, u64, u64) -> Scenario + Send + Sync>;
@@ -176,7 +176,16 @@ pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: us
         scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
         scenario
     });
-    Study { title: title.into(), scenario, instants_s: vec![0.035, 0.1], runs, first_seed: 1, vary, mixed: false, offline: None }
+    Study {
+        title: title.into(),
+        scenario,
+        instants_s: vec![0.035, 0.1],
+        runs,
+        first_seed: 1,
+        vary,
+        mixed: false,
+        offline: None,
+    }
 }
 
 /// A study of drawn bearings, [`SEEDS`] runs of each; see [`cases::drawn`].
@@ -373,7 +382,7 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     let count = |what: &dyn Fn(&Trial) -> bool| outcome.trials.iter().filter(|trial| what(trial)).count();
     let mut note = format!(
         "{} runs, seeds {} to {}. Over all valid samples the greatest error is {:.1} standard deviations (seed {seed}, {:.4} s: \
-         {:.2} % by {:.2} %); {} runs have one beyond {CONFIDENT}. Valid estimates ceased to be valid {} times.",
+         {:.2} % by {:.2} %); {} runs have one beyond {CONFIDENT}.",
         study.runs,
         study.first_seed,
         study.first_seed + study.runs as u64 - 1,
@@ -382,8 +391,11 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
         100.0 * worst.error,
         100.0 * worst.std,
         outcome.beyond(),
-        outcome.trials.iter().map(|trial| trial.lost).sum::<usize>(),
     );
+    if study.offline.is_none() {
+        let lost = outcome.trials.iter().map(|trial| trial.lost).sum::<usize>();
+        note += &format!(" Valid estimates ceased to be valid {lost} times.");
+    }
     let touched = count(&|trial| trial.touched_s.is_some());
     if touched > 0 {
         note += &format!(" The rotor touched down in {touched} runs.");

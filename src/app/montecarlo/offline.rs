@@ -106,7 +106,8 @@ fn misread(recording: &Recording, step_s: f64, errors: &[f64; BENCH]) -> Option<
     let gain = [1.0 + common + half, 1.0 + common - half];
     let offset = [of("sensor.offset[y]"), of("sensor.offset[z]")];
     let (sin, cos) = libm::sincos(of("sensor.rotation"));
-    let once = ["forward.cos", "forward.sin", "backward.cos", "backward.sin"].map(|part| of(&format!("runout1.{part}")));
+    let once =
+        ["forward.cos", "forward.sin", "backward.cos", "backward.sin"].map(|part| of(&format!("runout1.{part}")));
     let twice = ["y.cos", "y.sin", "z.cos", "z.sin"].map(|part| of(&format!("runout2.{part}")));
     if sin == 0.0 && once.iter().chain(&twice).all(|part| *part == 0.0) {
         return Some(samples);
@@ -203,7 +204,7 @@ pub fn judge(
 /// A verdict without its numbers: its first words.
 fn summary(verdict: &str) -> String {
     let words = verdict.trim_start_matches("Not valid: ").split_whitespace();
-    words.filter(|word| !word.contains(|c: char| c.is_ascii_digit())).take(7).collect::<Vec<_>>().join(" ")
+    words.filter(|word| !word.contains(|c: char| c.is_ascii_digit())).take(5).collect::<Vec<_>>().join(" ")
 }
 
 /// When the controller takes over an estimate: in the middle of recordings of 0.1, 1 and 5 s, or never, in s.
@@ -286,9 +287,7 @@ pub fn studies(runs: usize) -> Vec<Study> {
         studies.push(slow);
     }
     let expanded = |told: &[(&str, f64)]| -> Vec<(usize, f64)> {
-        told.iter()
-            .flat_map(|(name, std)| named(name).unwrap_or_default().into_iter().map(|at| (at, *std)))
-            .collect()
+        told.iter().flat_map(|(name, std)| named(name).unwrap_or_default().into_iter().map(|at| (at, *std))).collect()
     };
     for told in ERRORS {
         let names: Vec<&str> = told.iter().map(|(name, _)| *name).collect();

@@ -1,5 +1,6 @@
 //! The search for the most likely parameters.
 
+use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -8,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use super::bench::{BENCH, PARAMETERS};
 use super::case::{Case, NOISE_STEP, noise_step, prepare};
 use super::changes;
-use super::equations::{ALL, BASE, Bearing, LOAD, Nominal, Theta};
+use super::equations::{ALL, BASE, Bearing, LOAD, Nominal, State, Theta};
 use super::filter::{self, Block, Piece};
 use super::outcome;
 use super::solve::{Normal, SHARED, inverse, part, unknown};
@@ -29,6 +30,9 @@ const ROUGH: f64 = 1.0;
 const WORSE: f64 = 2.0;
 /// Relative steps up to which numbers that multiply are moved in their logarithms.
 const STRAIGHT: f64 = 0.3;
+/// Largest steps of λ downward and upward, relative to λ.
+const SMALLER: f64 = 0.7;
+const LARGER: f64 = 2.0;
 /// Longest step of a bench parameter, in typical tolerances.
 const LONGEST: f64 = 3.0;
 /// Changes of the logarithm of a noise level below this need no second look.
@@ -49,6 +53,8 @@ const BENCH_ROWS: f64 = 50_000.0;
 /// Rows of a long recording, in stretches over the whole of it, from which the search starts: all rows are for its last iterations.
 const FIRST_ROWS: usize = 100_000;
 const STRETCH: usize = 1 << 14;
+/// Pieces that are smoothed together at least.
+const SMOOTHED: usize = 8;
 
 /// Works on all items with so many threads; results in the order of the items.
 fn parallel<T: Sync, R: Send>(threads: usize, items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
@@ -167,16 +173,32 @@ impl<'a> Search<'a> {
             step.step[*at] = solved[i];
             step.largest = step.largest.max((solved[i] / covariance[(i, i)].sqrt()).abs());
         }
+        // λ is a positive number. Where a step would take one too far, the others follow what it may do: shortened as a whole, steps would
+        // bring it ever closer to 0 and the others nowhere.
+        let mut fixed = Vec::new();
+        while let Some(k) = (0..3).find(|k| !fixed.contains(k) && self.too_far(*k, &step.step)) {
+            step.step[k] = step.step[k].clamp(-SMALLER * self.x[k], LARGER * self.x[k]);
+            fixed.push(k);
+            let free: Vec<usize> = (0..of.len()).filter(|i| !fixed.contains(&of[*i])).collect();
+            let known = |i: usize| fixed.iter().map(|k| a[(i, *k)] * step.step[*k]).sum::<f64>();
+            let b = DVector::from_fn(free.len(), |i, _| b[free[i]] - known(free[i]));
+            let rest = inverse(&part(&a, &free, &free))
+                .ok_or_else(|| Failed::Diverged("the normal equations are not positive definite".into()))?;
+            for (i, value) in free.iter().zip((rest * b).iter()) {
+                step.step[of[*i]] = *value;
+            }
+        }
         Ok(step)
+    }
+
+    fn too_far(&self, k: usize, step: &[f64]) -> bool {
+        step[k] < -SMALLER * self.x[k] || step[k] > LARGER * self.x[k]
     }
 
     /// Part of a step that the linearisation can follow: it is shortened as a whole, for its components belong together.
     fn within(&self, step: &[f64]) -> f64 {
         let most = |at: usize| match at {
             LOAD..SHARED => LONGEST * PARAMETERS[at - LOAD].typical,
-            // λ is a positive number.
-            0..3 if step[at] < 0.0 => 0.7 * self.x[at],
-            0..3 => 2.0 * self.x[at],
             _ => f64::INFINITY,
         };
         let moving = (0..step.len()).filter(|at| step[*at] != 0.0);
@@ -226,21 +248,32 @@ impl<'a> Search<'a> {
         self.weight * fit + self.estimated().iter().map(far).map(|far| far * far).sum::<f64>()
     }
 
+    /// Smooths the trajectories, a group of pieces at a time: those of all at once would take as much memory as the trajectories themselves.
     fn smooth(&mut self) {
         let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
-        let smoothed = parallel(self.options.threads, &self.tasks(), |(r, piece)| {
-            let case = &self.cases[*r];
-            let variance = case.position_noise * case.position_noise;
-            let track = filter::smooth(&case.data, &bearings[*r], &case.track, variance, piece);
-            (*r, piece.counted.clone(), track)
-        });
-        for (r, rows, track) in smoothed {
-            self.cases[r].track.state[rows].copy_from_slice(&track);
+        let tasks: Vec<(usize, Piece)> = self.tasks().into_iter().map(|(r, piece)| (r, piece.clone())).collect();
+        let mut before = Vec::new();
+        for group in tasks.chunks(SMOOTHED.max(2 * self.options.threads)) {
+            let smoothed = parallel(self.options.threads, group, |(r, piece)| {
+                let case = &self.cases[*r];
+                let variance = case.position_noise * case.position_noise;
+                let track = filter::smooth(&case.data, &bearings[*r], &case.track, variance, piece);
+                (*r, piece.counted.clone(), track)
+            });
+            // A piece is linearised about the former trajectory of its neighbours: a group is taken over after the next one.
+            self.take_over(std::mem::replace(&mut before, smoothed));
         }
+        self.take_over(before);
         for (case, bearing) in self.cases.iter_mut().zip(&bearings) {
             for segment in &case.segments {
                 case.track.set_levels(&case.data, bearing, segment);
             }
+        }
+    }
+
+    fn take_over(&mut self, smoothed: Vec<(usize, Range<usize>, Vec<State>)>) {
+        for (r, rows, track) in smoothed {
+            self.cases[r].track.state[rows].copy_from_slice(&track);
         }
     }
 
@@ -282,14 +315,18 @@ impl<'a> Search<'a> {
         first
     }
 
+    /// Where the search has ended.
+    fn found(&self) -> Point {
+        let noise = |case: &Case| [case.position_noise, case.current_noise];
+        Point { x: self.x.clone(), noise: self.cases.iter().map(noise).collect() }
+    }
+
     /// Starts where a search over some of the rows ended.
-    fn start_at(&mut self, first: &Self) -> bool {
-        self.x.clone_from(&first.x);
-        for (case, first) in self.cases.iter_mut().zip(&first.cases) {
-            case.position_noise = first.position_noise;
-            case.current_noise = first.current_noise;
+    fn start_at(&mut self, point: Point) {
+        self.x = point.x;
+        for (case, noise) in self.cases.iter_mut().zip(point.noise) {
+            [case.position_noise, case.current_noise] = noise;
         }
-        true
     }
 
     /// λ, unbalance and load first, then all: far from the solution, bench parameters would take up what λ has to explain.
@@ -358,6 +395,12 @@ impl<'a> Search<'a> {
         }
         Ok(())
     }
+}
+
+/// Where a search ends: unknowns, and noise of positions and currents by recording.
+struct Point {
+    x: Vec<f64>,
+    noise: Vec<[f64; 2]>,
 }
 
 /// A step of Gauss and Newton.
@@ -547,17 +590,18 @@ pub(super) fn fit<'a>(
     options: &'a Options,
     held: &mut Vec<usize>,
 ) -> Result<Finished<'a>, Failed> {
-    let mut search = start(recordings, masks, options)?;
     let hold = |search: &mut Search, held: &[usize]| held.iter().for_each(|j| search.prior[LOAD + j].1 = 0.0);
+    // The first search ends before the other begins: each has its own trajectory of all rows.
+    let near = stretches(masks).and_then(|masks| {
+        let mut first = start(recordings, &masks, options).ok()?;
+        hold(&mut first, held);
+        first.run().ok()?;
+        first.converged.then(|| first.found())
+    });
+    let mut search = start(recordings, masks, options)?;
     hold(&mut search, held);
-    let near = match stretches(masks).map(|masks| start(recordings, &masks, options)) {
-        Some(Ok(mut first)) => {
-            hold(&mut first, held);
-            first.run().is_ok() && first.converged && search.start_at(&first)
-        }
-        _ => false,
-    };
-    if near {
+    if let Some(near) = near {
+        search.start_at(near);
         search.smooth();
         search.iterate(UNSMOOTHED, CONVERGED)?;
     } else {
