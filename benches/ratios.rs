@@ -10,19 +10,16 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
+use fmu_export::fmi2::bindings::*;
 use interleave::{candidate, shown, table};
 use libloading::{Library, Symbol};
-use magnetic_bearing::app::package;
-use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::app::simulate;
-use magnetic_bearing::fmi2::bindings::*;
-use magnetic_bearing::fmi2::registry;
-use magnetic_bearing::model::controller::{Controller, ControllerConfig, ControllerInput};
-use magnetic_bearing::model::estimation::paper::window::{Sample, WindowSums};
-use magnetic_bearing::model::estimation::{
-    Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method, Tolerance,
-};
-use magnetic_bearing::model::plant::{Plant, PlantConfig, PlantInput};
+use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
+use magnetic_bearing::estimation::paper::window::{Sample, WindowSums};
+use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method, Tolerance};
+use magnetic_bearing::package;
+use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput};
+use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::simulation::simulate;
 
 const ROUNDS: usize = 101;
 
@@ -194,9 +191,9 @@ fn interface(record: &[EstimatorInput]) {
     let path = package::built_library().expect("the library is built with the benchmark");
     // SAFETY: the library is this project's and does nothing when it is loaded.
     let library = unsafe { Library::new(path) }.expect("a library that can be loaded");
-    let entry = registry::entries().iter().find(|entry| entry.kind.name == "AlgebraicEstimator").expect("a model");
+    let model = magnetic_bearing::fmu::find("AlgebraicEstimator").expect("a model");
     let index = |name: &str| {
-        let variables = (entry.kind.variables)();
+        let variables = model.variables();
         variables.iter().position(|variable| variable.name == name).expect("a variable") as fmi2ValueReference
     };
     macro_rules! function {
@@ -215,7 +212,7 @@ fn interface(record: &[EstimatorInput]) {
     let get_real = function!(fmi2GetReal: fmi2GetRealTYPE);
     let set_boolean = function!(fmi2SetBoolean: fmi2SetBooleanTYPE);
     let free = function!(fmi2FreeInstance: fmi2FreeInstanceTYPE);
-    let guid = CString::new(entry.guid.as_str()).expect("a GUID");
+    let guid = CString::new(model.guid()).expect("a GUID");
     // SAFETY: null is a valid value for every callback.
     let mut callbacks: fmi2CallbackFunctions = unsafe { std::mem::zeroed() };
     // SAFETY: a logger takes more arguments after these, and this one looks at none.

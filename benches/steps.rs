@@ -3,7 +3,7 @@
 mod support;
 
 use divan::{Bencher, black_box};
-use magnetic_bearing::model::estimation::{Estimator, EstimatorConfig, Method, Tolerance};
+use magnetic_bearing::estimation::{Estimator, EstimatorConfig, Method, Tolerance};
 
 /// Steps that are measured together: a revolution, for some samples do more than others.
 const TOGETHER: usize = 200;

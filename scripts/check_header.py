@@ -16,7 +16,7 @@ from pathlib import Path
 
 from clang import cindex
 
-HEADER = Path(__file__).resolve().parent.parent / "src" / "fmi2" / "fmi2.h"
+HEADER = Path(__file__).resolve().parent.parent / "fmu-export" / "src" / "fmi2" / "fmi2.h"
 
 # The C library is replaced by these lines, so that the result depends on no compiler of the machine.
 LIBRARY = {"stddef.h": "typedef __SIZE_TYPE__ size_t;\n", "stdlib.h": ""}

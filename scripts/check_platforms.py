@@ -4,7 +4,7 @@
     scripts/check_platforms.py target/fmu-all
 
 Each FMU holds the same binary for each platform, in the folder that belongs to it; each binary exports the functions of
-src/fmi2/fmi2.h and nothing else, needs system libraries only, and holds no time and no path of the machine that built it.
+fmu-export/src/fmi2/fmi2.h and nothing else, needs system libraries only, and holds no time and no path of the machine that built it.
 Needs the package lief.
 """
 
@@ -53,7 +53,7 @@ def functions_of_standard():
     set of str
         The names.
     """
-    text = (PROJECT / "src" / "fmi2" / "fmi2.h").read_text(encoding="utf-8")
+    text = (PROJECT / "fmu-export" / "src" / "fmi2" / "fmi2.h").read_text(encoding="utf-8")
     return set(re.findall(r"^(?:FMI2_Export )?fmi2\w+TYPE (fmi2\w+);", text, re.MULTILINE))
 
 

@@ -4,7 +4,7 @@ Usage, with matplotlib (scripts/requirements-peers.txt):
 
     python scripts/draw_pictures.py            # runs the scenario and draws
     python scripts/draw_pictures.py --csv FILE # draws a recording of `simulate --csv`
-    python scripts/draw_pictures.py --browser chromium   # also takes the first screen of its report page
+    python scripts/draw_pictures.py --browser chromium #  also takes the first screen of its report page
 
 The same run makes the same files. The background is transparent and text is grey, so that they serve light and dark pages.
 """
@@ -106,7 +106,7 @@ def photograph(browser, page, path):
     with tempfile.TemporaryDirectory() as profile:
         subprocess.run([
             browser, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
-            "--disable-background-networking", "--disable-component-update", f"--user-data-dir={profile}",
+            "--disable-background-networking", "--disable-component-update", "--hide-scrollbars", f"--user-data-dir={profile}",
             "--window-size=1280,860", "--virtual-time-budget=10000", f"--screenshot={path}", f"{page.resolve().as_uri()}#t=0.117",
         ], check=True, capture_output=True)
 

@@ -34,5 +34,5 @@ const COMMIT: Option<[u8; DIGITS]> = {
 
 fn main() -> ExitCode {
     let commit = COMMIT.as_ref().and_then(|digits| std::str::from_utf8(digits).ok());
-    magnetic_bearing::app::cli::main(commit)
+    magnetic_bearing::cli::main(commit)
 }

@@ -4,11 +4,11 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::Path;
 
-use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::slave::AnySlave;
-use magnetic_bearing::slave::instance::Step;
-use magnetic_bearing::slave::log::Silent;
-use magnetic_bearing::slave::variable::Value;
+use fmu_export::Instance;
+use fmu_export::Step;
+use fmu_export::log::Silent;
+use fmu_export::variable::Value;
+use magnetic_bearing::simulation::scenario::Scenario;
 
 /// Steps of every slave; without optimisation fewer, for a test is not to take minutes.
 const STEPS: u64 = if cfg!(debug_assertions) { 50_000 } else { 1_000_000 };
@@ -53,7 +53,7 @@ static ALLOCATOR: Counting = Counting;
 
 /// The closed loop of a scenario, wired by index.
 struct Loop {
-    slaves: Vec<Box<dyn AnySlave>>,
+    slaves: Vec<Box<dyn Instance>>,
     /// Element and variable, from and to.
     wires: Vec<[(usize, usize); 2]>,
     steps: u64,
@@ -67,14 +67,14 @@ impl Loop {
         }
         let find = |[element, variable]: &[String; 2]| {
             let at = scenario.elements.iter().position(|candidate| candidate.name == *element).expect("an element");
-            let variables = (scenario.elements[at].kind.variables)();
+            let variables = scenario.elements[at].kind.variables();
             (at, variables.iter().position(|candidate| candidate.name == *variable).expect("a variable"))
         };
         let wires = scenario.connections().iter().map(|wire| [find(&wire.from), find(&wire.to)]).collect();
         let slaves = scenario.elements.iter().map(|element| {
-            let mut slave = (element.kind.instantiate)();
+            let mut slave = element.kind.instantiate();
             for setting in &element.settings {
-                slave.set(setting.index, setting.value).expect("a value of the scenario");
+                slave.set(setting.index, setting.value.clone()).expect("a value of the scenario");
             }
             slave.start().expect("parameters that are in order");
             slave
@@ -139,9 +139,9 @@ fn a_step_allocates_nothing() {
 /// Fails if a copy of an estimation copies the estimator.
 #[test]
 fn a_snapshot_copies_the_state_alone() {
-    let kind = magnetic_bearing::slave::find("AlgebraicEstimator").expect("it");
-    let mut slave = (kind.instantiate)();
-    let variables = (kind.variables)();
+    let kind = magnetic_bearing::fmu::find("AlgebraicEstimator").expect("it");
+    let mut slave = kind.instantiate();
+    let variables = kind.variables();
     let index = |name: &str| variables.iter().position(|variable| variable.name == name).expect("a variable");
     // The paper's method has kernels, as long as its window; the other one has nothing that is large and does not change.
     slave.set(index("method"), Value::Integer(2)).expect("a method");

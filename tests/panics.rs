@@ -5,8 +5,8 @@ mod support;
 
 use std::ptr::null_mut;
 
-use magnetic_bearing::fmi2::bindings::fmi2Status;
-use magnetic_bearing::slave::planted::plant;
+use fmu_export::fmi2::bindings::fmi2Status;
+use fmu_export::planted::plant;
 use support::ffi::{Expect, Fmu};
 
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];

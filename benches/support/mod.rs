@@ -4,9 +4,9 @@
 
 use std::path::Path;
 
-use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::app::simulate;
-use magnetic_bearing::model::estimation::EstimatorInput;
+use magnetic_bearing::estimation::EstimatorInput;
+use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::simulation::simulate;
 
 /// Samples in a record: ten revolutions.
 pub const RECORD: usize = 2000;

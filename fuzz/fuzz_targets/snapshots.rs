@@ -8,7 +8,7 @@ mod support;
 use std::ptr::null_mut;
 
 use libfuzzer_sys::fuzz_target;
-use magnetic_bearing::fmi2::bindings::fmi2Status;
+use fmu_export::fmi2::bindings::fmi2Status;
 use sha2::{Digest, Sha256};
 use support::ffi::Fmu;
 

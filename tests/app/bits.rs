@@ -7,8 +7,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::app::simulate::run;
+use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::simulation::simulate::run;
 
 /// Samples that stand in the file: the first ones, around the first estimates and around the update, and the last.
 const SAMPLES: [usize; 9] = [0, 1, 2, 200, 208, 1000, 2000, 2001, 4000];

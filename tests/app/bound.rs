@@ -3,8 +3,8 @@
 
 use std::f64::consts::TAU;
 
-use magnetic_bearing::app::montecarlo::bound::{Bearing, Bound, Interval};
-use magnetic_bearing::model::magnet::Geometry;
+use magnetic_bearing::bearing::magnet::Geometry;
+use magnetic_bearing::studies::montecarlo::bound::{Bearing, Bound, Interval};
 use nalgebra::{DMatrix, Matrix4};
 
 const SAMPLES: usize = 100;

@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use crate::support::below;
-use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::app::simulate::{self, Run};
-use magnetic_bearing::model::controller::{Controller, ControllerConfig, ControllerInput, UpdateMode};
-use magnetic_bearing::model::estimation::{
+use fmu_export::variable::Value;
+use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput, UpdateMode};
+use magnetic_bearing::control::reference::{ReferenceConfig, Shape};
+use magnetic_bearing::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Hold, Method, Tolerance,
 };
-use magnetic_bearing::model::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
-use magnetic_bearing::model::reference::{ReferenceConfig, Shape};
-use magnetic_bearing::slave::variable::Value;
+use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
+use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::simulation::simulate::{self, Run};
 
 fn scenario(name: &str) -> Scenario {
     Scenario::open(Path::new(name)).expect("a scenario that comes with the program")

@@ -1,7 +1,7 @@
 //! Contours of holes as tables of points: what is read, what is refused and in which words.
 
-use magnetic_bearing::app::contour::{Fit, read};
-use magnetic_bearing::model::reference::HARMONICS;
+use magnetic_bearing::control::reference::HARMONICS;
+use magnetic_bearing::simulation::contour::{Fit, read};
 
 /// A table of so many points of an ellipse of 30 µm by 70 µm about (1, −2) µm, in the units of `head`.
 fn table(head: &str, count: usize, angle: f64, length: f64) -> String {

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use magnetic_bearing::app::design::{self, Question, design};
-use magnetic_bearing::app::montecarlo::{self, NOISE};
-use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::slave::variable::Value;
+use fmu_export::variable::Value;
+use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::studies::design::{self, Question, design};
+use magnetic_bearing::studies::montecarlo::{self, NOISE};
 
 fn question(rpm: f64, instant_s: f64) -> Question {
     Question { rpm, step_s: None, noise: NOISE, instant_s }

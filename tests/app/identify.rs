@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
-use magnetic_bearing::app::identify::{self, Question, Reading, Samples, duration_s, likelihood, rate_s};
-use magnetic_bearing::app::recording::Recording;
-use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::app::{montecarlo, simulate};
-use magnetic_bearing::model::estimation::{EstimatorConfig, Hold};
-use magnetic_bearing::slave::variable::Value;
+use fmu_export::variable::Value;
+use magnetic_bearing::estimation::{EstimatorConfig, Hold};
+use magnetic_bearing::report::identification;
+use magnetic_bearing::simulation::recording::Recording;
+use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::simulation::simulate;
+use magnetic_bearing::studies::identify::{self, Question, Reading, Samples, duration_s, likelihood, rate_s};
+use magnetic_bearing::studies::montecarlo;
 
 use crate::support::Random;
 
@@ -179,7 +181,7 @@ fn results_can_be_read_back() {
     let hat = json["methods"][0]["estimate"]["lambdaHat"][2].as_f64().expect("a number");
     assert!((hat / TRUTH[2] - 1.0).abs() < 0.02, "{json}");
     assert_eq!(identify::recording(&samples, &tracks).columns.len(), 13);
-    let page = identify::page("A <title>", "command", &samples, &tracks, None, None);
+    let page = identification::page("A <title>", "command", &samples, &tracks, None, None);
     assert!(page.contains("A &lt;title&gt;") && page.matches("application/json").count() == 4);
 }
 
@@ -216,7 +218,7 @@ fn the_answer_is_that_of_the_whole_recording() {
             let ratio = (lambda.value - truth) / lambda.total_std;
             assert!(ratio.abs() < 4.0, "{lambda:?}: {ratio:.1} standard deviations");
         }
-        let page = identify::page("", "", &samples, &[], None, Some(answer));
+        let page = identification::page("", "", &samples, &[], None, Some(answer));
         assert!(page.contains("Maximum likelihood") && page.contains("Budget"));
         assert!(answer.told().contains("m = 6.7 kg, s = 0.5 mm"), "{}", answer.told());
     }
@@ -413,7 +415,7 @@ fn a_recording_of_another_machine_is_not_valid() {
 /// What the on-line estimator is told of its bench holds here as well.
 #[test]
 fn tolerances_of_the_estimator_are_those_of_the_bench() {
-    use magnetic_bearing::model::estimation::Tolerance;
+    use magnetic_bearing::estimation::Tolerance;
     let told = Tolerance { gap_m: 1e-5, position_gain: 0.01, alpha_rad: 0.02, ..Tolerance::default() };
     let found = identify::of_estimator(&told, 6.7, 5e-4);
     let of = |name: &str| {

@@ -1,7 +1,7 @@
 //! Maximum likelihood over whole recordings: accuracy, imperfect benches, changes.
 
 use crate::bench::{Bench, Recorded};
-use magnetic_bearing::app::identify::likelihood::{self, *};
+use magnetic_bearing::studies::identify::likelihood::{self, *};
 
 fn recording<'a>(recorded: &'a Recorded, bench: &Bench, told: bool) -> Recording<'a> {
     Recording {
@@ -30,8 +30,8 @@ fn tell(options: &mut Options, tolerances: &[(&str, f64)]) {
 
 /// A bench of which everything is off by its typical tolerance, drawn.
 fn drawn(seed: u64, base: Bench) -> (Bench, [f64; BENCH]) {
-    let mut noise: [magnetic_bearing::model::noise::Noise; BENCH] =
-        magnetic_bearing::model::noise::Noise::channels(seed);
+    let mut noise: [magnetic_bearing::plant::noise::Noise; BENCH] =
+        magnetic_bearing::plant::noise::Noise::channels(seed);
     let d: [f64; BENCH] = std::array::from_fn(|j| {
         let value = PARAMETERS[j].typical * noise[j].standard_normal();
         // Sensors do not know the future.

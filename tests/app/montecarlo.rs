@@ -1,13 +1,13 @@
 //! The studies: what they draw, the bound over a recording, the figures of samples made up by hand.
 
-use magnetic_bearing::app::montecarlo::bound::bound;
-use magnetic_bearing::app::montecarlo::cases::{self, Draw, TOLERANCES};
-use magnetic_bearing::app::montecarlo::figures::{Figures, Sample, judge, wanted};
-use magnetic_bearing::app::montecarlo::{self, INSTANTS_S, NOISE, nominal};
-use magnetic_bearing::app::recording::{Column, Recording};
-use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::app::simulate;
-use magnetic_bearing::slave::variable::Value;
+use fmu_export::variable::Value;
+use magnetic_bearing::simulation::recording::{Column, Recording};
+use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::simulation::simulate;
+use magnetic_bearing::studies::montecarlo::bound::bound;
+use magnetic_bearing::studies::montecarlo::cases::{self, Draw, TOLERANCES};
+use magnetic_bearing::studies::montecarlo::figures::{Figures, Sample, judge, wanted};
+use magnetic_bearing::studies::montecarlo::{self, INSTANTS_S, NOISE, nominal};
 
 fn real(scenario: &Scenario, element: &str, name: &str) -> f64 {
     scenario.value(element, name).map_or(f64::NAN, Value::as_f64)

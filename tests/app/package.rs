@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::support::says;
-use magnetic_bearing::app::package::{self, Written};
-use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::slave::catalogue;
-use magnetic_bearing::slave::variable::Type;
+use fmu_export::package::{Written, platform};
+use fmu_export::variable::Type;
+use magnetic_bearing::fmu::catalogue;
+use magnetic_bearing::package;
+use magnetic_bearing::simulation::scenario::Scenario;
 use roxmltree::{Document, Node};
 use zip::{CompressionMethod, ZipArchive};
 
@@ -98,10 +99,14 @@ fn archives_hold_no_traces_of_their_making() {
 /// Fails if there is a member more, or less.
 #[test]
 fn an_fmu_holds_what_it_should_and_nothing_else() {
-    let (platform, ending) = package::platform().expect("a platform that FMI 2.0 knows");
-    let library = fs::read(package::built_library().expect("the library")).expect("the library");
-    for (kind, written) in catalogue().into_iter().zip(packaged("members")) {
-        let name = kind.name;
+    let platform = platform().expect("a platform that FMI 2.0 knows");
+    let (platform, ending) = (platform.name, platform.ending);
+    // The library as it was built, but for the folders of this machine in it.
+    let library =
+        fmu_export::package::binaries_of(&package::built_library().expect("the library")).expect("the library");
+    let library = library.places()[0].content.to_vec();
+    for (kind, written) in catalogue().iter().zip(packaged("members")) {
+        let name = kind.info.name;
         assert_eq!(file_name(&written.path), format!("{name}.fmu"));
         let bytes = fs::read(&written.path).expect("an archive");
         // Readers that stream find it first.
@@ -137,31 +142,31 @@ fn an_fmu_holds_what_it_should_and_nothing_else() {
 #[test]
 fn pictures_are_square_and_large_enough() {
     const SIDE: u32 = 256;
-    for (kind, written) in catalogue().into_iter().zip(packaged("pictures")) {
+    for (kind, written) in catalogue().iter().zip(packaged("pictures")) {
         let members = members(&fs::read(&written.path).expect("an archive"));
         let picture = &members["model.png"];
         // Signature, then length and name of the first chunk, then width and height (PNG, section 11.2.2).
-        assert_eq!(picture[..8], *b"\x89PNG\r\n\x1a\n", "{}", kind.name);
-        assert_eq!(&picture[12..16], b"IHDR", "{}", kind.name);
+        assert_eq!(picture[..8], *b"\x89PNG\r\n\x1a\n", "{}", kind.info.name);
+        assert_eq!(&picture[12..16], b"IHDR", "{}", kind.info.name);
         let number = |at: usize| u32::from_be_bytes(picture[at..at + 4].try_into().expect("four bytes"));
-        assert_eq!((number(16), number(20)), (SIDE, SIDE), "{}", kind.name);
-        assert_eq!(&picture[picture.len() - 8..picture.len() - 4], b"IEND", "{}: it is complete", kind.name);
+        assert_eq!((number(16), number(20)), (SIDE, SIDE), "{}", kind.info.name);
+        assert_eq!(&picture[picture.len() - 8..picture.len() - 4], b"IEND", "{}: it is complete", kind.info.name);
     }
 }
 
 /// Fails if the names of the sensors are left out.
 #[test]
 fn documentation_names_every_variable_and_loads_nothing() {
-    for (kind, written) in catalogue().into_iter().zip(packaged("documentation")) {
+    for (kind, written) in catalogue().iter().zip(packaged("documentation")) {
         let members = members(&fs::read(&written.path).expect("an archive"));
         let page = String::from_utf8(members["documentation/index.html"].clone()).expect("UTF-8");
-        says(&page, &["<!DOCTYPE html>", kind.name]);
-        for variable in (kind.variables)() {
+        says(&page, &["<!DOCTYPE html>", kind.info.name]);
+        for variable in kind.variables() {
             let array = variable.name.split('[').next().expect("a name");
-            assert!(page.contains(array), "{}: {} is not in the documentation", kind.name, variable.name);
+            assert!(page.contains(array), "{}: {} is not in the documentation", kind.info.name, variable.name);
         }
         for loading in ["src=\"http", "<script src", "@import", "<link rel=\"stylesheet\" href=\"http"] {
-            assert!(!page.contains(loading), "{}: the page loads something: {loading}", kind.name);
+            assert!(!page.contains(loading), "{}: the page loads something: {loading}", kind.info.name);
         }
     }
 }
@@ -220,14 +225,14 @@ fn the_default_system_is_the_same_without_its_enumerations() {
     let document = Document::parse(&text).expect("XML");
     for component in named(document.root_element(), "Component") {
         let model = component.attribute("source").and_then(|source| Path::new(source).file_stem()?.to_str());
-        let kind = magnetic_bearing::slave::find(model.expect("a file")).expect("a model");
+        let kind = magnetic_bearing::fmu::find(model.expect("a file")).expect("a model");
         for binding in named(component, "ParameterBinding") {
             let text = &system[binding.attribute("source").expect("a source")];
             let text = String::from_utf8(text.clone()).expect("UTF-8");
             let parameters = Document::parse(&text).expect("XML");
             for parameter in named(parameters.root_element(), "Parameter") {
                 let name = parameter.attribute("name").expect("a name");
-                let variables = (kind.variables)();
+                let variables = kind.variables();
                 let variable = variables.iter().find(|variable| variable.name == name).expect("a variable");
                 assert!(!matches!(variable.kind, Type::Enumeration { .. }), "{name} is an enumeration");
             }
@@ -276,9 +281,9 @@ fn systems_connect_what_exists_and_name_what_is_there() {
                 named(component, "ParameterBinding").filter_map(|node| node.attribute("source")).collect();
             let part = scenario.elements.iter().find(|part| part.name == element).expect("an element");
             // A choice that is the start value need not be said.
-            let variables = (part.kind.variables)();
+            let variables = part.kind.variables();
             let is_said = part.settings.iter().any(|setting| {
-                let variable = variables[setting.index];
+                let variable = &variables[setting.index];
                 !matches!(variable.kind, Type::Enumeration { .. }) || variable.start() != setting.value
             });
             let wanted: Vec<_> = is_said.then(|| format!("resources/{set}-{element}.ssv")).into_iter().collect();
@@ -290,9 +295,9 @@ fn systems_connect_what_exists_and_name_what_is_there() {
         for component in named(root, "Component") {
             let element = component.attribute("name").expect("a name");
             let model = component.attribute("source").and_then(|source| Path::new(source).file_stem()?.to_str());
-            let kind = magnetic_bearing::slave::find(model.expect("a file")).expect("a model");
+            let kind = magnetic_bearing::fmu::find(model.expect("a file")).expect("a model");
             let variables: HashMap<_, _> =
-                (kind.variables)().into_iter().map(|variable| (variable.name.to_string(), variable)).collect();
+                kind.variables().into_iter().map(|variable| (variable.name.to_string(), variable)).collect();
             for connector in named(component, "Connector") {
                 let name = connector.attribute("name").expect("a name");
                 let variable = variables.get(name).unwrap_or_else(|| panic!("{file}: {element}.{name} is no variable"));
@@ -344,9 +349,9 @@ fn parameter_sets_give_what_the_scenarios_say() {
         let scenario = Scenario::open(Path::new(name)).expect("a scenario of the program");
         for part in &scenario.elements[..3] {
             // A choice that is the start value need not be said.
-            let variables = (part.kind.variables)();
+            let variables = part.kind.variables();
             let said = part.settings.iter().filter(|setting| {
-                let variable = variables[setting.index];
+                let variable = &variables[setting.index];
                 !matches!(variable.kind, Type::Enumeration { .. }) || variable.start() != setting.value
             });
             let said = said.count();
@@ -370,7 +375,7 @@ fn parameter_sets_give_what_the_scenarios_say() {
             for parameter in named(root, "Parameter") {
                 let variable = parameter.attribute("name").expect("a name");
                 assert!(seen.insert(variable), "{file}: {variable} stands there twice");
-                let variables = (part.kind.variables)();
+                let variables = part.kind.variables();
                 let of_table = variables.into_iter().find(|known| known.name == variable).expect("a variable");
                 assert!(of_table.is_settable(), "{file}: {variable} can be set");
                 let value = parameter.first_element_child().expect("a value");

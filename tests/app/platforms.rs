@@ -6,8 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use magnetic_bearing::app::package::built_library;
-use magnetic_bearing::app::platforms::{Binaries, PLATFORMS, Platform, by_name};
+use fmu_export::package::platforms::{Binaries, PLATFORMS, Platform, by_name};
+use magnetic_bearing::package::built_library;
 
 const X86: u16 = 62;
 const ARM: u16 = 183;

@@ -3,14 +3,13 @@
 use std::f64::consts::{PI, TAU};
 
 use base64::Engine;
-use magnetic_bearing::app::experiment;
-use magnetic_bearing::app::plot::{Line, Plot, Unit};
-use magnetic_bearing::app::recording::{Column, Recording};
-use magnetic_bearing::app::report::{
-    Answer, Bearing, Event, Method, Paper, Parameter, Report, Sensitivity, Table, page,
-};
-use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::app::simulate;
+use magnetic_bearing::report::experiment;
+use magnetic_bearing::report::plot::{Line, Plot, Unit};
+use magnetic_bearing::report::{Answer, Bearing, Event, Method, Paper, Parameter, Report, Sensitivity, page};
+use magnetic_bearing::simulation::recording::{Column, Recording};
+use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::simulation::simulate;
+use magnetic_bearing::table::Table;
 use quick_xml::Reader;
 use quick_xml::events::Event as Xml;
 use serde_json::Value as Json;

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use crate::support::says;
-use magnetic_bearing::app::scenario::{BUILT_IN, Scenario};
-use magnetic_bearing::app::simulate;
-use magnetic_bearing::slave::variable::Value;
+use fmu_export::variable::Value;
+use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
+use magnetic_bearing::simulation::simulate;
 
 /// A scenario around some lines of the head and some tables.
 fn text(head: &str, tables: &str) -> String {

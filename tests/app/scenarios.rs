@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use magnetic_bearing::app::experiment;
-use magnetic_bearing::app::scenario::{BUILT_IN, Scenario};
-use magnetic_bearing::app::simulate::{Run, run};
-use magnetic_bearing::slave::variable::Value;
+use fmu_export::variable::Value;
+use magnetic_bearing::report::experiment;
+use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
+use magnetic_bearing::simulation::simulate::{Run, run};
 
 fn of(name: &str) -> (Scenario, Run) {
     let scenario = Scenario::open(Path::new(name)).expect("a sound scenario");

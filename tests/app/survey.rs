@@ -10,13 +10,13 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-use magnetic_bearing::app::montecarlo::cases::Draw;
-use magnetic_bearing::app::montecarlo::figures::{CONFIDENT, pooled};
-use magnetic_bearing::app::montecarlo::{self, SEEDS, Vary, cases};
-use magnetic_bearing::app::scenario::{BUILT_IN, Scenario};
-use magnetic_bearing::app::simulate;
-use magnetic_bearing::slave::estimator::METHOD;
-use magnetic_bearing::slave::variable::Value;
+use fmu_export::variable::Value;
+use magnetic_bearing::fmu::estimator::METHOD;
+use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
+use magnetic_bearing::simulation::simulate;
+use magnetic_bearing::studies::montecarlo::cases::Draw;
+use magnetic_bearing::studies::montecarlo::figures::{CONFIDENT, pooled};
+use magnetic_bearing::studies::montecarlo::{self, SEEDS, Vary, cases};
 
 /// The methods by the names of the interface, with their numbers.
 fn methods() -> Vec<(&'static str, i32)> {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use magnetic_bearing::app::sweep::{Design, Outcome};
+use magnetic_bearing::studies::sweep::{Design, Outcome};
 
 fn design(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/designs").join(name)

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use crate::running::{Bench, Said};
-use magnetic_bearing::app::montecarlo::{self, NOISE};
-use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::app::simulate;
-use magnetic_bearing::slave::variable::Value;
+use fmu_export::variable::Value;
+use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::simulation::simulate;
+use magnetic_bearing::studies::montecarlo::{self, NOISE};
 
 /// While an estimate is valid its error is to stay below so many of its standard deviations.
 const CONFIDENT: f64 = 5.0;

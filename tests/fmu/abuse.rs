@@ -4,18 +4,12 @@
 use std::time::{Duration, Instant};
 
 use crate::support::Random;
-use crate::support::abuse::{Abuse, Source};
+use crate::support::abuse::Abuse;
 
 /// Calls in all, unless the environment says otherwise. Debug builds, which are a tenth as fast, make fewer.
 const CALLS: u64 = if cfg!(debug_assertions) { 100_000 } else { 1_000_000 };
 /// Calls on one set of instances, after which another begins with a seed of its own.
 const CALLS_OF_A_SEED: u64 = 2_000;
-
-impl Source for Random {
-    fn byte(&mut self) -> Option<u8> {
-        Some(self.between(0.0, 256.0) as u8)
-    }
-}
 
 /// Fails if the finite check of fmi2GetReal is taken away, if a null pointer or a length is believed, if a foreign GUID is
 /// accepted, if fmi2GetFMUstate accepts a snapshot of another model, and if steps may begin anywhere: then it does not end.

@@ -6,11 +6,11 @@
 use core::ffi::{c_char, c_int, c_uint, c_void};
 use core::mem::{align_of, offset_of, size_of};
 
-use magnetic_bearing::fmi2::bindings::*;
+use fmu_export::fmi2::bindings::*;
 use sha2::{Digest, Sha256};
 
-const HEADER: &[u8] = include_bytes!("../../src/fmi2/fmi2.h");
-const BINDINGS: &str = include_str!("../../src/fmi2/bindings.rs");
+const HEADER: &[u8] = include_bytes!("../../fmu-export/src/fmi2/fmi2.h");
+const BINDINGS: &str = include_str!("../../fmu-export/src/fmi2/bindings.rs");
 
 const DIGEST_LABEL: &str = "// SHA-256 of the header: ";
 

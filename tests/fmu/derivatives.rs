@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use crate::support::ffi::{Expect, Fmu};
-use magnetic_bearing::fmi2::bindings::fmi2ValueReference;
-use magnetic_bearing::slave::variable::{Causality, Type};
+use fmu_export::fmi2::bindings::fmi2ValueReference;
+use fmu_export::variable::{Causality, Type};
 
 const PLANT: &str = "MagneticBearing";
 const RUNNING: [(&str, f64); 8] = [
@@ -244,7 +244,7 @@ fn derivatives_of_zero_change_no_bit() {
         let [plain, sloped] = [0, 1].map(|_| Fmu::started(model, settings));
         let inputs: Vec<u32> = (0..plain.variables().len() as u32)
             .filter(|at| {
-                let variable = plain.variables()[*at as usize];
+                let variable = &plain.variables()[*at as usize];
                 variable.causality == Causality::Input && variable.is_continuous()
             })
             .collect();

@@ -6,12 +6,12 @@ use std::collections::{HashMap, HashSet};
 use std::f64::consts::{FRAC_PI_3, PI};
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 
-use magnetic_bearing::app::documentation;
-use magnetic_bearing::fmi2::description;
-use magnetic_bearing::fmi2::registry::{self, Entry};
-use magnetic_bearing::slave::variable::{Type, Variable};
-use magnetic_bearing::slave::{Kind, plant};
+use fmu_export::variable::{Type, Variable};
+use fmu_export::{ModelType, description};
+use magnetic_bearing::fmu;
+use magnetic_bearing::package;
 use roxmltree::{Document, Node};
 
 /// A start value of the contract.
@@ -180,8 +180,8 @@ const ESTIMATOR: &[Promise] = &[
 const CONTRACT: [(&str, &[Promise]); 3] =
     [("MagneticBearing", PLANT), ("FlatnessController", CONTROLLER), ("AlgebraicEstimator", ESTIMATOR)];
 
-fn entry(model: &str) -> &'static Entry {
-    registry::entries().iter().find(|entry| entry.kind.name == model).expect("a model of the catalogue")
+fn model_type(name: &str) -> Arc<ModelType> {
+    fmu::find(name).expect("a model of the catalogue")
 }
 
 fn child<'a>(node: Node<'a, 'a>, name: &str) -> Node<'a, 'a> {
@@ -194,9 +194,9 @@ fn children<'a>(node: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = 
 
 /// Looks at every model description.
 fn each(look: impl Fn(&str, Node<'_, '_>)) {
-    for entry in registry::entries() {
-        let document = Document::parse(&entry.description).expect("well-formed XML");
-        look(entry.kind.name, document.root_element());
+    for entry in fmu::catalogue().iter() {
+        let document = Document::parse(entry.xml()).expect("well-formed XML");
+        look(entry.info.name, document.root_element());
     }
 }
 
@@ -213,14 +213,14 @@ fn number(node: Node<'_, '_>, attribute: &str) -> Option<f64> {
 #[test]
 fn the_files_under_review_are_current() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("modelDescription");
-    for entry in registry::entries() {
-        let name = format!("{}.xml", entry.kind.name);
+    for entry in fmu::catalogue().iter() {
+        let name = format!("{}.xml", entry.info.name);
         let file = fs::read_to_string(folder.join(&name)).unwrap_or_default();
-        assert!(file == entry.description, "modelDescription/{name} is stale: `cargo run -- describe` writes it anew");
+        assert!(file == entry.xml(), "modelDescription/{name} is stale: `cargo run -- describe` writes it anew");
     }
     let file = fs::read_to_string(folder.join("VARIABLES.md")).unwrap_or_default();
     assert!(
-        file == documentation::markdown(),
+        file == package::variables(),
         "modelDescription/VARIABLES.md is stale: `cargo run -- describe` writes it anew"
     );
 }
@@ -230,7 +230,8 @@ fn the_files_under_review_are_current() {
 fn the_interface_keeps_its_promises() {
     let mut broken = Vec::new();
     for (model, promises) in CONTRACT {
-        let document = Document::parse(&entry(model).description).expect("well-formed XML");
+        let model_type = model_type(model);
+        let document = Document::parse(model_type.xml()).expect("well-formed XML");
         let variables: HashMap<_, _> = children(document.root_element(), "ModelVariables")
             .map(|variable| (variable.attribute("name").expect("a name"), variable))
             .collect();
@@ -336,9 +337,9 @@ fn names_and_references_are_unique() {
 /// Fails if descriptions are left out, and if the unit itself is named as the unit for display.
 #[test]
 fn every_variable_can_be_read_by_people() {
-    for entry in registry::entries() {
-        let model = entry.kind.name;
-        let document = Document::parse(&entry.description).expect("well-formed XML");
+    for entry in fmu::catalogue().iter() {
+        let model = entry.info.name;
+        let document = Document::parse(entry.xml()).expect("well-formed XML");
         let root = document.root_element();
         let units: HashMap<_, Vec<_>> = children(root, "UnitDefinitions")
             .map(|unit| {
@@ -433,9 +434,9 @@ fn units_are_declared_once_and_by_their_base_units() {
 fn the_structure_lists_every_output_and_what_acts_on_it_at_once() {
     // What depends on an input at the same instant; samples never do.
     let through = |name: &str| name.starts_with('F') || name.starts_with("perturbation.");
-    for entry in registry::entries() {
-        let model = entry.kind.name;
-        let document = Document::parse(&entry.description).expect("well-formed XML");
+    for entry in fmu::catalogue().iter() {
+        let model = entry.info.name;
+        let document = Document::parse(entry.xml()).expect("well-formed XML");
         let root = document.root_element();
         let variables: Vec<_> = children(root, "ModelVariables").collect();
         let outputs: Vec<usize> = (1..)
@@ -466,7 +467,7 @@ fn the_structure_lists_every_output_and_what_acts_on_it_at_once() {
                     variables[index.parse::<usize>().expect("an index") - 1].attribute("name").expect("a name")
                 })
                 .collect();
-            let depends_on = &(entry.kind.variables)()[index - 1].depends_on;
+            let depends_on = &entry.variables()[index - 1].depends_on;
             let mut meant: Vec<_> = depends_on.iter().map(|(name, _)| name.as_ref()).collect();
             named.sort_unstable();
             meant.sort_unstable();
@@ -519,30 +520,23 @@ fn attributes_say_what_is_offered() {
 #[test]
 fn equal_names_have_equal_units() {
     let mut units: HashMap<String, (&str, String)> = HashMap::new();
-    for entry in registry::entries() {
-        for variable in (entry.kind.variables)() {
+    for entry in fmu::catalogue().iter() {
+        for variable in entry.variables() {
             if let Type::Real { unit, .. } = &variable.kind {
                 let (other, known) =
-                    units.entry(variable.name.to_string()).or_insert((entry.kind.name, unit.name.to_owned()));
-                assert_eq!(known, unit.name, "{} in {other} and in {}", variable.name, entry.kind.name);
+                    units.entry(variable.name.to_string()).or_insert((entry.info.name, unit.name.to_owned()));
+                assert_eq!(known, unit.name, "{} in {other} and in {}", variable.name, entry.info.name);
             }
         }
     }
 }
 
-/// The variables of the plant with something changed about them; they are never freed, as a kind wants them.
-fn changed(change: impl FnOnce(&mut Vec<Variable>)) -> Vec<&'static Variable> {
-    let mut variables: Vec<Variable> = (plant::KIND.variables)().into_iter().cloned().collect();
+/// The GUID that the plant would have with something changed about its variables.
+fn guid(change: impl Fn(&mut Vec<Variable>)) -> String {
+    let plant = model_type("MagneticBearing");
+    let mut variables = plant.variables().to_vec();
     change(&mut variables);
-    Box::leak(variables.into_boxed_slice()).iter().collect()
-}
-
-/// How a kind tells its variables.
-type Variables = fn() -> Vec<&'static Variable>;
-
-/// The GUID that the plant would have with these variables.
-fn guid(variables: Variables) -> String {
-    description::write(&Kind { variables, ..plant::KIND }).0
+    description::write(&plant.info, plant.capabilities, &variables).0
 }
 
 fn named<'a>(variables: &'a mut [Variable], name: &str) -> &'a mut Variable {
@@ -552,25 +546,25 @@ fn named<'a>(variables: &'a mut [Variable], name: &str) -> &'a mut Variable {
 /// Fails if the GUID follows from the name of the model, or from those of the variables alone.
 #[test]
 fn the_guid_follows_the_interface() {
-    let now = entry("MagneticBearing").guid.clone();
-    assert_eq!(guid(|| changed(|_| {})), now, "without a change the GUID stays");
-    let changes: [(&str, Variables); 5] = [
+    let now = model_type("MagneticBearing").guid().to_owned();
+    assert_eq!(guid(|_| {}), now, "without a change the GUID stays");
+    type Change = fn(&mut Vec<Variable>);
+    let changes: [(&str, Change); 5] = [
         // A variable that no other names as what it depends on.
-        ("a name", || changed(|variables| named(variables, "solver.maxStep").name = "solver.step".into())),
-        ("a description", || changed(|variables| named(variables, "m").description = "Another one".into())),
-        ("a start", || {
-            changed(|variables| {
-                let Type::Real { start, .. } = &mut variables[0].kind else { panic!("m is Real") };
-                *start = 6.8;
-            })
+        ("a name", |variables| named(variables, "solver.maxStep").name = "solver.step".into()),
+        ("a description", |variables| named(variables, "m").description = "Another one".into()),
+        ("a start", |variables| {
+            let Type::Real { start, .. } = &mut variables[0].kind else { panic!("m is Real") };
+            *start = 6.8;
         }),
-        ("the order", || changed(|variables| variables.swap(0, 1))),
-        ("a variable less", || changed(|variables| variables.retain(|variable| variable.name != "solver.maxStep"))),
+        ("the order", |variables| variables.swap(0, 1)),
+        ("a variable less", |variables| variables.retain(|variable| variable.name != "solver.maxStep")),
     ];
-    for (what, variables) in changes {
-        assert_ne!(guid(variables), now, "{what} was changed");
+    for (what, change) in changes {
+        assert_ne!(guid(change), now, "{what} was changed");
     }
-    let guids: HashSet<_> = registry::entries().iter().map(|entry| &entry.guid).collect();
+    let models = fmu::catalogue();
+    let guids: HashSet<_> = models.iter().map(|model| model.guid()).collect();
     assert_eq!(guids.len(), 3, "every model has a GUID of its own");
-    each(|model, root| assert_eq!(root.attribute("guid"), Some(entry(model).guid.as_str()), "{model}"));
+    each(|model, root| assert_eq!(root.attribute("guid"), Some(model_type(model).guid()), "{model}"));
 }

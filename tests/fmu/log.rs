@@ -1,6 +1,6 @@
 //! Messages of a slave.
 
-use magnetic_bearing::slave::log::Digits;
+use fmu_export::log::Digits;
 
 #[test]
 fn digits_that_rounding_made_are_not_shown() {

@@ -9,7 +9,7 @@ mod derivatives;
 // The documentation page is made by the program.
 #[cfg(feature = "app")]
 mod description;
-mod door;
+mod guard;
 mod log;
 mod session;
 mod slaves;

@@ -5,7 +5,7 @@
 use std::ptr::null_mut;
 
 use crate::support::ffi::{Expect, Request};
-use magnetic_bearing::fmi2::bindings::{fmi2Status, fmi2StatusKind};
+use fmu_export::fmi2::bindings::{fmi2Status, fmi2StatusKind};
 
 const TS: f64 = 1e-4;
 

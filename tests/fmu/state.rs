@@ -4,7 +4,7 @@ use std::process::Command;
 use std::ptr::null_mut;
 
 use crate::support::ffi::{Expect, Fmu};
-use magnetic_bearing::fmi2::bindings::{fmi2FMUstate, fmi2Status};
+use fmu_export::fmi2::bindings::{fmi2FMUstate, fmi2Status};
 use sha2::{Digest, Sha256};
 
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
@@ -346,8 +346,8 @@ fn damaged_bytes_are_refused_with_a_reason() {
         }
     }
     let mut version = written.clone();
-    version[8] = 3;
-    assert!(refused(&fmu, &version).contains("version 3 of the format: version 2 is wanted"));
+    version[8] = 2;
+    assert!(refused(&fmu, &version).contains("version 2 of the format: version 3 is wanted"));
     let estimator = Fmu::new("AlgebraicEstimator");
     let text = refused(&estimator, &written);
     assert!(text.contains("the model MagneticBearing: AlgebraicEstimator is wanted"), "{text}");

@@ -264,7 +264,7 @@ fn final_values_are_written_down_for_comparison() {
 /// Runs a scenario of the program for a time of our own, into `direct.csv`.
 fn direct(folder: &Path, name: &str, duration: &str) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let text = fs::read_to_string(root.join(format!("src/app/scenarios/{name}.toml"))).expect("a scenario");
+    let text = fs::read_to_string(root.join(format!("src/simulation/scenarios/{name}.toml"))).expect("a scenario");
     let mut scenario: toml::Table = text.parse().expect("a TOML file");
     scenario.insert("duration".into(), duration.into());
     fs::write(folder.join("direct.toml"), scenario.to_string()).expect("a file");

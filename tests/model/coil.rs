@@ -1,9 +1,9 @@
 //! The coil: one energy for current and force, saturation, and the plant driven by voltage.
 
-use magnetic_bearing::model::coil::{CoilConfig, Drive};
-use magnetic_bearing::model::linearisation::{Point, Taylor, along};
-use magnetic_bearing::model::plant::{Conditions, Motion, Plant, PlantConfig, PlantInput, PlantState};
-use magnetic_bearing::model::scalar::Scalar;
+use magnetic_bearing::bearing::coil::{CoilConfig, Drive};
+use magnetic_bearing::bearing::scalar::Scalar;
+use magnetic_bearing::plant::linearisation::{Point, Taylor, along};
+use magnetic_bearing::plant::{Conditions, Motion, Plant, PlantConfig, PlantInput, PlantState};
 
 const STEP_S: f64 = 1e-4;
 const GAP_M: f64 = 5e-4;

@@ -2,13 +2,13 @@
 
 use std::f64::consts::{PI, TAU};
 
-use magnetic_bearing::model::coil::Drive;
-use magnetic_bearing::model::controller::{
+use magnetic_bearing::bearing::coil::Drive;
+use magnetic_bearing::control::controller::{
     Controller, ControllerConfig, ControllerFault, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
     ramp_gains, tracking_gains,
 };
-use magnetic_bearing::model::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
-use magnetic_bearing::model::reference::{ReferenceConfig, Shape};
+use magnetic_bearing::control::reference::{ReferenceConfig, Shape};
+use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
 
 /// Relative error of gains and poles: a few roundings.
 const ROUNDING: f64 = 1e-12;

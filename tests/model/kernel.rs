@@ -1,6 +1,6 @@
 //! The kernels against the polynomials the paper prints, closed-form integrals and exact discrete identities.
 
-use magnetic_bearing::model::estimation::paper::kernel::{
+use magnetic_bearing::estimation::paper::kernel::{
     Polynomial, ROWS_PER_AXIS, Weights, paper_current_kernel, paper_position_kernel, psi, psi_between_nodes,
 };
 

@@ -2,11 +2,11 @@
 
 use std::f64::consts::PI;
 
-use magnetic_bearing::model::coil::{CoilConfig, Drive};
-use magnetic_bearing::model::linearisation::{Point, Taylor, along, in_time};
-use magnetic_bearing::model::plant::{Harmonic, Plant, PlantConfig, PlantInput, PlantOutput, PlantState};
-use magnetic_bearing::model::scalar::Scalar;
-use magnetic_bearing::model::touchdown::TouchdownConfig;
+use magnetic_bearing::bearing::coil::{CoilConfig, Drive};
+use magnetic_bearing::bearing::scalar::Scalar;
+use magnetic_bearing::bearing::touchdown::TouchdownConfig;
+use magnetic_bearing::plant::linearisation::{Point, Taylor, along, in_time};
+use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantInput, PlantOutput, PlantState};
 
 /// A small generator, so that the points are the same everywhere: numbers in [-1, 1).
 struct Numbers(u64);

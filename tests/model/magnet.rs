@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-use magnetic_bearing::model::magnet::{Magnets, SMALLEST_SINE, currents, forces};
-use magnetic_bearing::model::noise::Noise;
+use magnetic_bearing::bearing::magnet::{Magnets, SMALLEST_SINE, currents, forces};
+use magnetic_bearing::plant::noise::Noise;
 
 const GAP_M: f64 = 5e-4;
 const ALPHA_RAD: [f64; 3] = [PI, -PI / 3.0, PI / 3.0];

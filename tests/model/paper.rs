@@ -1,9 +1,7 @@
 //! The paper's two methods on data of a small simulator that shares no code with the program.
 
 use crate::rotor::{Currents, Rotor, Wild, largest};
-use magnetic_bearing::model::estimation::{
-    Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Hold, Method, Verdict,
-};
+use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Hold, Method, Verdict};
 use std::f64::consts::PI;
 
 /// Error of λ̂ at 0.1 s without perturbation and with the right hold, %: what is left is the parabola through

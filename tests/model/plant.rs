@@ -2,12 +2,12 @@
 
 use std::f64::consts::{PI, TAU};
 
-use magnetic_bearing::model::integration::{rk4, substeps};
-use magnetic_bearing::model::noise::Noise;
-use magnetic_bearing::model::plant::{
+use magnetic_bearing::bearing::touchdown::TouchdownConfig;
+use magnetic_bearing::plant::integration::{rk4, substeps};
+use magnetic_bearing::plant::noise::Noise;
+use magnetic_bearing::plant::{
     Harmonic, Measured, Plant, PlantConfig, PlantInput, PlantState, SensorConfig, StepError,
 };
-use magnetic_bearing::model::touchdown::TouchdownConfig;
 
 const STEP_S: f64 = 1e-4;
 const OMEGA_RAD_S: f64 = TAU * 50.0;

@@ -2,9 +2,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use magnetic_bearing::model::magnet::Magnets;
-use magnetic_bearing::model::observer::{PerturbationObserver, Signal, SignalObserver, gains_of_three};
-use magnetic_bearing::model::reference::{Contour, Reference, ReferenceConfig, Shape};
+use magnetic_bearing::bearing::magnet::Magnets;
+use magnetic_bearing::control::observer::{PerturbationObserver, Signal, SignalObserver, gains_of_three};
+use magnetic_bearing::control::reference::{Contour, Reference, ReferenceConfig, Shape};
 
 const STEP_S: f64 = 1e-4;
 const OMEGA_RAD_S: f64 = TAU * 50.0;

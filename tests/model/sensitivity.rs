@@ -1,9 +1,9 @@
 //! The sensitivity function: what is linearised must be what runs.
 
-use magnetic_bearing::model::coil::{CoilConfig, Drive};
-use magnetic_bearing::model::controller::ControllerConfig;
-use magnetic_bearing::model::plant::PlantConfig;
-use magnetic_bearing::model::sensitivity::{SampledLoop, zone};
+use magnetic_bearing::bearing::coil::{CoilConfig, Drive};
+use magnetic_bearing::control::controller::ControllerConfig;
+use magnetic_bearing::plant::PlantConfig;
+use magnetic_bearing::studies::sensitivity::{SampledLoop, zone};
 use nalgebra::DMatrix;
 
 /// Static load, (y, z), in N: one magnet, and always the same, pulls with the least force.

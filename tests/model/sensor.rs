@@ -1,6 +1,6 @@
 //! Errors of the sensors: each alone, and none at all.
 
-use magnetic_bearing::model::plant::{Plant, PlantConfig, PlantInput, SensorConfig};
+use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput, SensorConfig};
 
 const STEP_S: f64 = 1e-4;
 

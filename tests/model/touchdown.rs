@@ -1,7 +1,7 @@
 //! The backup bearing: nothing until it is touched, then a ring that pushes, never pulls, and keeps the rotor inside.
 
-use magnetic_bearing::model::plant::{Plant, PlantConfig, PlantInput, PlantState, SensorConfig};
-use magnetic_bearing::model::touchdown::TouchdownConfig;
+use magnetic_bearing::bearing::touchdown::TouchdownConfig;
+use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput, PlantState, SensorConfig};
 
 const CLEARANCE_M: f64 = 2.5e-4;
 

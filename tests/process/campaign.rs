@@ -6,8 +6,8 @@ use std::ptr::null_mut;
 use std::sync::Mutex;
 
 use crate::support::ffi::{Expect, Fmu, guid, text};
-use magnetic_bearing::app::package;
-use magnetic_bearing::fmi2::bindings::*;
+use fmu_export::fmi2::bindings::*;
+use magnetic_bearing::package;
 
 const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 
@@ -207,7 +207,7 @@ fn the_library_exports_every_function_of_the_header() {
         let loaded = libloading::Library::new(library()).expect("the library");
         // Declarations stand there as `fmi2DoStepTYPE fmi2DoStep;`.
         let words = |line: &'static str| line.strip_suffix(';').and_then(|line| line.split_once("TYPE "));
-        let declared: Vec<_> = include_str!("../../src/fmi2/fmi2.h").lines().filter_map(words).collect();
+        let declared: Vec<_> = include_str!("../../fmu-export/src/fmi2/fmi2.h").lines().filter_map(words).collect();
         let names: Vec<_> = declared.iter().filter(|(kind, name)| kind == name).map(|(_, name)| *name).collect();
         assert_eq!(names.len(), 34);
         for name in names {

@@ -4,10 +4,10 @@
 
 use std::f64::consts::{FRAC_PI_3, PI, TAU};
 
-use magnetic_bearing::model::controller::tracking_gains;
-use magnetic_bearing::model::magnet::{Magnets, currents};
-use magnetic_bearing::model::noise::Noise;
-use magnetic_bearing::model::observer::gains_of_three;
+use magnetic_bearing::bearing::magnet::{Magnets, currents};
+use magnetic_bearing::control::controller::tracking_gains;
+use magnetic_bearing::control::observer::gains_of_three;
+use magnetic_bearing::plant::noise::Noise;
 
 /// Runge–Kutta steps within a sample.
 const SUBSTEPS: usize = 8;

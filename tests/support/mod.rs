@@ -2,36 +2,20 @@
 
 #![allow(dead_code, reason = "every test program uses a part of this")]
 
+#[path = "../../fmu-export/tests/support/abuse.rs"]
 pub mod abuse;
+#[path = "../../fmu-export/tests/support/ffi.rs"]
 pub mod ffi;
 pub mod named;
+#[path = "../../fmu-export/tests/support/random.rs"]
+mod random;
+#[path = "../../fmu-export/tests/support/sequence.rs"]
+pub mod sequence;
 
-/// Numbers that look random and are the same in every run (SplitMix64).
-pub struct Random(u64);
-
-impl Random {
-    /// A sequence of its own for every seed.
-    pub fn new(seed: u64) -> Self {
-        Self(seed)
-    }
-
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// A number in `[low, high)`.
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.next() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// A normal number of mean 0 and standard deviation 1, as the sum of twelve uniform ones.
-    pub fn normal(&mut self) -> f64 {
-        (0..12).fold(-6.0, |sum, _| sum + self.between(0.0, 1.0))
-    }
-}
+/// The models that the tests in `fmu-export/tests/support` work on.
+pub use magnetic_bearing::fmu as library;
+#[allow(unused_imports, reason = "not every test program needs it")]
+pub use random::Random;
 
 /// Demands a value of at most `limit`; a miss prints both.
 #[track_caller]

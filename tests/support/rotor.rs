@@ -2,7 +2,7 @@
 //! the program, and integrates to below 1e-12 m.
 
 use crate::support::Random;
-use magnetic_bearing::model::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method};
+use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method};
 use std::f64::consts::PI;
 
 /// One instant of the data; the two currents are those before and after it (the same if they are continuous).

@@ -1,16 +1,16 @@
 //! The closed loop of a scenario, with a hand on it: what happens in the course of a run.
 #![allow(dead_code, reason = "every test uses its part of this")]
 
-use magnetic_bearing::app::scenario::Scenario;
-use magnetic_bearing::slave::AnySlave;
-use magnetic_bearing::slave::instance::Step;
-use magnetic_bearing::slave::log::{Log, Topic};
-use magnetic_bearing::slave::variable::Value;
+use fmu_export::Instance;
+use fmu_export::Step;
+use fmu_export::log::{Log, Topic};
+use fmu_export::variable::Value;
+use magnetic_bearing::simulation::scenario::Scenario;
 
 /// The slaves of a loop in motion.
 pub struct Bench {
     scenario: Scenario,
-    slaves: Vec<Box<dyn AnySlave>>,
+    slaves: Vec<Box<dyn Instance>>,
     wires: Vec<((usize, usize), (usize, usize))>,
     step: usize,
     /// What the slaves have said.
@@ -37,7 +37,7 @@ impl Log for Lines<'_> {
         true
     }
 
-    fn say(&mut self, _: Topic, message: std::fmt::Arguments<'_>) {
+    fn message(&mut self, _: Topic, message: std::fmt::Arguments<'_>) {
         self.0.push(message.to_string());
     }
 }
@@ -46,9 +46,9 @@ impl Bench {
     /// The loop of a scenario, started.
     pub fn new(scenario: &Scenario) -> Self {
         let slaves = scenario.elements.iter().map(|element| {
-            let mut slave = (element.kind.instantiate)();
+            let mut slave = element.kind.instantiate();
             for setting in &element.settings {
-                slave.set(setting.index, setting.value).expect("a good scenario");
+                slave.set(setting.index, setting.value.clone()).expect("a good scenario");
             }
             slave.start().expect("a good scenario");
             slave
@@ -56,7 +56,7 @@ impl Bench {
         let slaves = slaves.collect();
         let mut bench =
             Self { scenario: scenario.clone(), slaves, wires: Vec::new(), step: 0, lines: Vec::new(), fault: None };
-        let wire = |connection: magnetic_bearing::app::scenario::Connection| {
+        let wire = |connection: magnetic_bearing::simulation::scenario::Connection| {
             let find = |[element, variable]: &[String; 2]| bench.find(element, variable);
             (find(&connection.from), find(&connection.to))
         };
@@ -66,7 +66,7 @@ impl Bench {
 
     fn find(&self, element: &str, variable: &str) -> (usize, usize) {
         let at = self.scenario.elements.iter().position(|candidate| candidate.name == element).expect("an element");
-        let variables = (self.scenario.elements[at].kind.variables)();
+        let variables = self.scenario.elements[at].kind.variables();
         (at, variables.iter().position(|candidate| candidate.name == variable).expect("a variable"))
     }
 
@@ -82,6 +82,7 @@ impl Bench {
             Value::Boolean(_) => Value::Boolean(value != 0.0),
             Value::Integer(_) => Value::Integer(value as i32),
             Value::Real(_) => Value::Real(value),
+            Value::String(_) => panic!("{element}.{variable} is a text"),
         };
         self.slaves[at].set(index, value).expect("a value that may be set");
     }

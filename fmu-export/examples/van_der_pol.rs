@@ -1,0 +1,80 @@
+//! The Van der Pol oscillator x'' = mu (1 - x²) x' - x: `cargo run --release -p fmu-export --example van_der_pol`.
+use fmu_export::{package, prelude::*};
+
+const STEP_S: f64 = 1e-3;
+#[derive(Clone, Default, Serialize, Deserialize)]
+struct Values {
+    mu: f64,
+    x0: f64,
+    v0: f64,
+    x: f64,
+    v: f64,
+    a: f64,
+}
+
+#[derive(Clone)]
+struct VanDerPol;
+
+fn slope(mu: f64, x: f64, v: f64) -> [f64; 2] {
+    [v, mu * (1.0 - x * x) * v - x]
+}
+
+impl Model for VanDerPol {
+    const INFO: Info = Info { stop_s: 20.0, step_s: 0.01, ..Info::new("VanDerPol", "Van der Pol oscillator") };
+    const CAPABILITIES: Capabilities = Capabilities { directional_derivatives: true, ..Capabilities::NONE };
+    type Values = Values;
+    type State = ();
+
+    fn table() -> Vec<Row<Values>> {
+        let v = Row::real("v", place!(Values.v), unit::PER_SECOND, 0.0).output().state().description("Velocity");
+        let a = Row::real("a", place!(Values.a), unit::PER_SECOND2, 0.0).description("Acceleration");
+        vec![
+            Row::real("mu", place!(Values.mu), unit::ONE, 1.0).fixed().description("Strength of the damping"),
+            Row::real("x0", place!(Values.x0), unit::ONE, 2.0).fixed().description("Position at the start"),
+            Row::real("v0", place!(Values.v0), unit::PER_SECOND, 0.0).fixed().description("Velocity at the start"),
+            Row::real("x", place!(Values.x), unit::ONE, 0.0).output().state().depends_on(["x"]).description("Position"),
+            v.derivative_of("x").depends_on(["v"]),
+            a.derivative_of("v").depends_on(["x", "v"]),
+        ]
+    }
+
+    fn new(_: &Values) -> Result<Self, Vec<Invalid>> {
+        Ok(Self)
+    }
+
+    fn start(&self, values: &mut Values, _: f64) {
+        (values.x, values.v) = (values.x0, values.v0);
+        values.a = slope(values.mu, values.x, values.v)[1];
+    }
+
+    fn step(&self, _: &mut (), values: &mut Values, to: Step, _: &InputTrajectory<Values>, _: &mut dyn Log) -> Stepped {
+        let count = (to.length_s / STEP_S - 1e-6).ceil().max(1.0);
+        let (mu, h) = (values.mu, to.length_s / count);
+        for _ in 0..count as usize {
+            let (x, v) = (values.x, values.v);
+            let k1 = slope(mu, x, v);
+            let k2 = slope(mu, x + h / 2.0 * k1[0], v + h / 2.0 * k1[1]);
+            let k3 = slope(mu, x + h / 2.0 * k2[0], v + h / 2.0 * k2[1]);
+            let k4 = slope(mu, x + h * k3[0], v + h * k3[1]);
+            [values.x, values.v] = [0, 1].map(|i| [x, v][i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]));
+        }
+        values.a = slope(mu, values.x, values.v)[1];
+        if values.a.is_finite() { Ok(()) } else { Err(StepError::of("the solution grows beyond all numbers")) }
+    }
+
+    fn base_step_s(&self) -> f64 {
+        STEP_S
+    }
+
+    fn differentiate(&self, _: &(), values: &Values, along: &Values, _: f64, _: bool) -> Values {
+        let (&Values { mu, x, v, .. }, dx, dv) = (values, along.x + along.x0, along.v + along.v0);
+        let da = (1.0 - x * x) * (along.mu * v + mu * dv) - (2.0 * mu * x * v + 1.0) * dx;
+        Values { x: dx, v: dv, a: da, ..Values::default() }
+    }
+}
+
+export_fmus!(VanDerPol);
+
+fn main() -> Result<(), package::PackageError> {
+    package::package_example(&FMUS, "van_der_pol_fmu", "target/fmu").map(drop)
+}

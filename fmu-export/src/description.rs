@@ -1,0 +1,271 @@
+//! Writes `modelDescription.xml` from the table of variables of a model.
+
+use sha2::{Digest, Sha256};
+
+use crate::fmi2::Category;
+use crate::model::{Capabilities, Info};
+use crate::unit::Unit;
+use crate::variable::{Causality, Dependency, Enumeration, Type, Variability, Variable};
+use crate::xml::{Page, element, real, units, write_base_unit};
+
+/// The GUID of a model and the text of its model description.
+///
+/// The GUID is the first half of the SHA-256 of the description with an empty GUID: any change of the interface changes
+/// it.
+pub fn write(info: &Info, capabilities: Capabilities, variables: &[Variable]) -> (String, String) {
+    let digest = Sha256::digest(document(info, capabilities, variables, "").as_bytes());
+    let digits: String = digest[..16].iter().map(|byte| format!("{byte:02x}")).collect();
+    let guid =
+        format!("{{{}-{}-{}-{}-{}}}", &digits[..8], &digits[8..12], &digits[12..16], &digits[16..20], &digits[20..]);
+    let text = document(info, capabilities, variables, &guid);
+    (guid, text)
+}
+
+/// What is wrong with a model so that importers would refuse its description, or see something else than is meant.
+pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
+    let mut found = Vec::new();
+    let part_of_identifier = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
+    if info.name.is_empty() || !info.name.chars().all(part_of_identifier) || info.name.starts_with(char::is_numeric) {
+        found.push(format!(
+            "the name `{}` is none for a C function: letters, digits, and underscores are wanted",
+            info.name
+        ));
+    }
+    let known = |name: &str| variables.iter().any(|variable| variable.name == name);
+    for (index, variable) in variables.iter().enumerate() {
+        let name = &variable.name;
+        if variables[..index].iter().any(|other| other.name == *name) {
+            found.push(format!("{name} is there twice"));
+        }
+        let depends_on = variable.depends_on.iter().map(|(name, _)| name.as_ref());
+        let starts_from = variable.starts_from.iter().flatten().map(AsRef::as_ref);
+        for other in depends_on.chain(starts_from).chain(variable.derivative_of).filter(|other| !known(other)) {
+            found.push(format!("{name} names {other}, which is no variable"));
+        }
+        let inside = match &variable.kind {
+            Type::Real { start, min, max, .. } => {
+                min.is_none_or(|min| min <= *start) && max.is_none_or(|max| *start <= max)
+            }
+            Type::Integer { start, min, max } => {
+                min.is_none_or(|min| min <= *start) && max.is_none_or(|max| *start <= max)
+            }
+            Type::Enumeration { start, items } => items.item(*start).is_some(),
+            Type::Boolean { .. } | Type::String { .. } => true,
+        };
+        if variable.is_settable() && !inside {
+            found.push(format!("the start value of {name} is outside its limits"));
+        }
+    }
+    found
+}
+
+fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], guid: &str) -> String {
+    let given = |text: &'static str| Some(text).filter(|text| !text.is_empty());
+    let root = element("fmiModelDescription")
+        .with("fmiVersion", "2.0")
+        .with("modelName", info.name)
+        .with("guid", guid)
+        .with("description", info.description)
+        .with_some("author", given(info.author))
+        .with_some("version", given(info.version))
+        .with_some("license", given(info.license))
+        .with_some("generationTool", given(info.tool))
+        .with("variableNamingConvention", "structured");
+    Page::document(root, |page| {
+        page.empty(
+            element("CoSimulation")
+                .with("modelIdentifier", info.name)
+                .with("needsExecutionTool", "false")
+                .with("canHandleVariableCommunicationStepSize", "true")
+                .with("canInterpolateInputs", "true")
+                .with("maxOutputDerivativeOrder", capabilities.output_derivative_order.to_string())
+                .with("canRunAsynchronuously", "false")
+                .with("canBeInstantiatedOnlyOncePerProcess", "false")
+                .with("canNotUseMemoryManagementFunctions", "true")
+                .with("canGetAndSetFMUstate", "true")
+                .with("canSerializeFMUstate", "true")
+                .with("providesDirectionalDerivative", capabilities.directional_derivatives.to_string()),
+        );
+        page.nest(element("UnitDefinitions"), |page| {
+            for unit in units(variables) {
+                write_unit(page, unit);
+            }
+        });
+        let enumerations = enumerations(variables);
+        if !enumerations.is_empty() {
+            page.nest(element("TypeDefinitions"), |page| {
+                for enumeration in enumerations {
+                    write_enumeration(page, enumeration);
+                }
+            });
+        }
+        page.nest(element("LogCategories"), |page| {
+            for category in Category::ALL {
+                let name = category.name().to_string_lossy();
+                page.empty(element("Category").with("name", name).with("description", category.description()));
+            }
+        });
+        page.empty(
+            element("DefaultExperiment")
+                .with("startTime", "0")
+                .with("stopTime", real(info.stop_s))
+                .with("tolerance", real(info.tolerance))
+                .with("stepSize", real(info.step_s)),
+        );
+        page.nest(element("ModelVariables"), |page| {
+            for (reference, variable) in variables.iter().enumerate() {
+                let state = variable.derivative_of.and_then(|state| index_of(variables, state));
+                write_variable(page, reference, variable, state);
+            }
+        });
+        page.nest(element("ModelStructure"), |page| write_structure(page, variables));
+    })
+}
+
+fn enumerations(variables: &[Variable]) -> Vec<&'static Enumeration> {
+    let mut enumerations: Vec<&'static Enumeration> = Vec::new();
+    for variable in variables {
+        if let Type::Enumeration { items, .. } = variable.kind
+            && enumerations.iter().all(|known| known.name != items.name)
+        {
+            enumerations.push(items);
+        }
+    }
+    enumerations
+}
+
+fn write_unit(page: &mut Page, unit: &Unit) {
+    page.nest(element("Unit").with("name", unit.name), |page| {
+        write_base_unit(page, "BaseUnit", unit);
+        for display in unit.displays {
+            page.empty(element("DisplayUnit").with("name", display.name).with("factor", real(display.factor)));
+        }
+    });
+}
+
+fn write_enumeration(page: &mut Page, enumeration: &Enumeration) {
+    let root = element("SimpleType").with("name", enumeration.name).with("description", enumeration.description);
+    page.nest(root, |page| {
+        page.nest(element("Enumeration"), |page| {
+            for ((name, description), value) in enumeration.items.iter().zip(1..) {
+                let item = element("Item").with("name", *name).with("value", i32::to_string(&value));
+                page.empty(item.with("description", *description));
+            }
+        });
+    });
+}
+
+/// The number of a variable, counted from 1, as other elements refer to it.
+fn index_of(variables: &[Variable], name: &str) -> Option<String> {
+    variables.iter().position(|variable| variable.name == name).map(|index| (index + 1).to_string())
+}
+
+fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state: Option<String>) {
+    let causality = match variable.causality {
+        Causality::Parameter => "parameter",
+        Causality::Input => "input",
+        Causality::Output => "output",
+        Causality::Local => "local",
+    };
+    let variability = match variable.variability {
+        Variability::Fixed => "fixed",
+        Variability::Tunable => "tunable",
+        Variability::Discrete => "discrete",
+        Variability::Continuous => "continuous",
+    };
+    let initial = match variable.causality {
+        Causality::Parameter => Some("exact"),
+        Causality::Input => None,
+        Causality::Output | Causality::Local => Some("calculated"),
+    };
+    let root = element("ScalarVariable")
+        .with("name", variable.name.as_ref())
+        .with("valueReference", reference.to_string())
+        .with("description", variable.description.as_ref())
+        .with("causality", causality)
+        .with("variability", variability)
+        .with_some("initial", initial);
+    // What is computed has no start value: it follows from the others.
+    let settable = variable.is_settable();
+    page.nest(root, |page| {
+        let kind = match &variable.kind {
+            Type::Real { start, unit, display, nominal, min, max } => element("Real")
+                .with("unit", unit.name)
+                // FMI Library, which several importers are built on, refuses a display unit that is the unit itself.
+                .with_some("displayUnit", display.filter(|display| *display != unit.name))
+                .with_some("min", min.map(real))
+                .with_some("max", max.map(real))
+                .with("nominal", real(*nominal))
+                .with_some("start", settable.then(|| real(*start)))
+                .with_some("derivative", state),
+            Type::Integer { start, min, max } => element("Integer")
+                .with_some("min", min.map(|min| min.to_string()))
+                .with_some("max", max.map(|max| max.to_string()))
+                .with_some("start", settable.then(|| start.to_string())),
+            Type::Boolean { start } => element("Boolean").with_some("start", settable.then(|| start.to_string())),
+            Type::String { start } => element("String").with_some("start", settable.then(|| start.to_string())),
+            Type::Enumeration { start, items } => element("Enumeration")
+                .with("declaredType", items.name)
+                .with_some("start", settable.then(|| start.to_string())),
+        };
+        page.empty(kind);
+    });
+}
+
+/// Outputs and derivatives of states with what acts on them at the same instant, and the unknowns of the initialization.
+fn write_structure(page: &mut Page, variables: &[Variable]) {
+    let chosen = |choice: fn(&Variable) -> bool| (1..).zip(variables).filter(move |(_, variable)| choice(variable));
+    let unknown = |index: i32| element("Unknown").with("index", index.to_string());
+    let indices = |names: &mut dyn Iterator<Item = &str>| {
+        let mut indices: Vec<usize> = names
+            .filter_map(|name| variables.iter().position(|variable| variable.name == name))
+            .map(|at| at + 1)
+            .collect();
+        indices.sort_unstable();
+        indices.iter().map(usize::to_string).collect::<Vec<_>>().join(" ")
+    };
+    let dependent = |page: &mut Page, index: i32, variable: &Variable| {
+        let there = |name: &str| variables.iter().any(|variable| variable.name == name);
+        let mut depends_on: Vec<_> = variable.depends_on.iter().filter(|(name, _)| there(name)).collect();
+        depends_on.sort_by_key(|(name, _)| variables.iter().position(|variable| variable.name == *name));
+        let kinds: Vec<_> = depends_on.iter().map(|(_, how)| kind_of(*how)).collect();
+        let tag = unknown(index).with("dependencies", indices(&mut depends_on.iter().map(|(name, _)| name.as_ref())));
+        page.empty(tag.with_some("dependenciesKind", (!kinds.is_empty()).then(|| kinds.join(" "))));
+    };
+    page.nest(element("Outputs"), |page| {
+        for (index, output) in chosen(|variable| variable.causality == Causality::Output) {
+            dependent(page, index, output);
+        }
+    });
+    if variables.iter().any(|variable| variable.derivative_of.is_some()) {
+        page.nest(element("Derivatives"), |page| {
+            // In the order of the states, which is that of the vector of states.
+            for state in variables.iter().filter(|variable| variable.state) {
+                for (index, derivative) in chosen(|variable| variable.derivative_of.is_some()) {
+                    if derivative.derivative_of == Some(state.name.as_ref()) {
+                        dependent(page, index, derivative);
+                    }
+                }
+            }
+        });
+    }
+    let computed = |variable: &Variable| {
+        variable.causality == Causality::Output || variable.state || variable.derivative_of.is_some()
+    };
+    page.nest(element("InitialUnknowns"), |page| {
+        for (index, variable) in chosen(computed) {
+            // Without `dependencies` an unknown depends on every known: all parameters and inputs.
+            let from = variable.starts_from.as_ref();
+            let from = from.map(|names| indices(&mut names.iter().map(|name| name.as_ref())));
+            page.empty(unknown(index).with_some("dependencies", from));
+        }
+    });
+}
+
+fn kind_of(how: Dependency) -> &'static str {
+    match how {
+        Dependency::Any => "dependent",
+        Dependency::Constant => "constant",
+        Dependency::Fixed => "fixed",
+    }
+}

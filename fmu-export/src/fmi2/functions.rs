@@ -1,0 +1,716 @@
+//! The 34 functions of FMI 2.0 for co-simulation.
+//!
+//! Names, arguments and answers are the standard's, but for [`instantiate`], which is told the models that there are. All
+//! functions that take an instance have one safety contract: the instance came from [`instantiate`] and was not freed since; an
+//! array has as many elements as its length says; an `fmi2FMUstate` is null or came from [`fmi2GetFMUstate`] or
+//! [`fmi2DeSerializeFMUstate`], was not freed since, and no other call writes or frees it meanwhile. Null pointers are refused; so
+//! is a call on an instance while another one is in progress, such as a logger's on the instance that speaks.
+
+#![allow(non_snake_case, reason = "the names are those of the standard")]
+
+use std::ffi::{CStr, CString, c_char};
+use std::panic::catch_unwind;
+
+use super::bindings::*;
+use super::component::{Component, Outcome, Problem};
+use super::guard::{enter, hand_out, take_back};
+use super::logger::{Category, Logger};
+use super::sequence::{Function, State};
+use super::snapshot::Snapshot;
+use crate::fmus::Fmus;
+use crate::model::Step;
+use crate::variable::Value;
+
+/// Declares functions that C can call, and proves at compile time that their types are those of the bindings.
+macro_rules! export {
+    ($(
+        $(#[$attribute:meta])*
+        fn $name:ident: $type:ident ($($argument:ident: $of:ty),* $(,)?) -> $result:ty $body:block
+    )*) => {$(
+        $(#[$attribute])*
+        ///
+        /// # Safety
+        /// As for all functions of [this module](self).
+        pub unsafe extern "C" fn $name($($argument: $of),*) -> $result $body
+
+        const _: $type = Some($name);
+    )*};
+}
+
+/// The elements of an array of the importer's.
+///
+/// # Safety
+/// `first` is null or points to `length` elements that stay valid and unchanged until the call returns.
+unsafe fn elements<'a, T>(name: &str, first: *const T, length: usize) -> Result<&'a [T], Problem> {
+    check_array::<T>(name, first.is_null(), length)?;
+    if length == 0 {
+        return Ok(&[]);
+    }
+    // SAFETY: the pointer is not null, and by this function's contract the elements are there; the length was checked.
+    Ok(unsafe { std::slice::from_raw_parts(first, length) })
+}
+
+/// The elements of an array of the importer's that is to be filled.
+///
+/// # Safety
+/// `first` is null or points to `length` elements that nobody else uses until the call returns.
+unsafe fn elements_mut<'a, T>(name: &str, first: *mut T, length: usize) -> Result<&'a mut [T], Problem> {
+    check_array::<T>(name, first.is_null(), length)?;
+    if length == 0 {
+        return Ok(&mut []);
+    }
+    // SAFETY: the pointer is not null, and by this function's contract the elements are there; the length was checked.
+    Ok(unsafe { std::slice::from_raw_parts_mut(first, length) })
+}
+
+fn check_array<T>(name: &str, null: bool, length: usize) -> Outcome {
+    if length > isize::MAX as usize / size_of::<T>() {
+        return Err(Problem::Call(format!("{name} cannot have {length} elements: that is more than memory can hold")));
+    }
+    if null && length > 0 {
+        return Err(Problem::Call(format!("{name} is null: an array of {length} elements is wanted")));
+    }
+    Ok(())
+}
+
+/// A text of the importer's.
+///
+/// # Safety
+/// `text` is null or ends with a zero byte and stays valid and unchanged until the call returns.
+unsafe fn text<'a>(text: fmi2String) -> Option<&'a CStr> {
+    // SAFETY: the pointer is not null, and by this function's contract the text ends with a zero byte.
+    (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) })
+}
+
+/// Reads the variables of one type.
+///
+/// # Safety
+/// As for all functions of this module.
+unsafe fn get<T>(
+    component: fmi2Component,
+    function: Function,
+    (references, count): (*const fmi2ValueReference, usize),
+    values: *mut T,
+    take: impl Fn(&Value) -> Option<T>,
+    type_name: &str,
+) -> fmi2Status {
+    let body = |component: &mut Component| {
+        // SAFETY: the arrays are as the contract of the exported function says.
+        let (references, values) =
+            unsafe { (elements("vr", references, count)?, elements_mut("value", values, count)?) };
+        for (reference, value) in references.iter().zip(values) {
+            let found = component.instance.get(*reference as usize).map_err(Problem::call)?;
+            if let Value::Real(number) = found {
+                handed_out(component, *reference, number)?;
+            }
+            *value = take(&found).ok_or_else(|| Problem::Call(wrong_type(component, *reference, type_name, &found)))?;
+        }
+        Ok(())
+    };
+    // SAFETY: the component is as the contract of the exported function says.
+    unsafe { enter(component, function, body) }
+}
+
+/// Why a variable cannot be read as that type.
+fn wrong_type(component: &Component, reference: fmi2ValueReference, wanted: &str, found: &Value) -> String {
+    format!("{} is no {wanted} but a {}", component.name_of(reference), found.type_name())
+}
+
+/// Writes the variables of one type: all of them, or none if anything is wrong with one.
+///
+/// # Safety
+/// As for all functions of this module.
+unsafe fn set<T: Copy>(
+    component: fmi2Component,
+    function: Function,
+    (references, count): (*const fmi2ValueReference, usize),
+    values: *const T,
+    wrap: impl Fn(T) -> Result<Value, String>,
+) -> fmi2Status {
+    let body = |component: &mut Component| {
+        // SAFETY: the arrays are as the contract of the exported function says.
+        let (references, values) = unsafe { (elements("vr", references, count)?, elements("value", values, count)?) };
+        for (reference, value) in references.iter().zip(values) {
+            wrap(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
+        }
+        let setting = |at: usize| (references[at] as usize, wrap(values[at]).expect("all values were checked"));
+        component.instance.set_all(count, &setting).map_err(Problem::call)
+    };
+    // SAFETY: the component is as the contract of the exported function says.
+    unsafe { enter(component, function, body) }
+}
+
+/// Lets a number out if it is finite: inputs can be finite and so large that what follows from them is not.
+fn handed_out(component: &Component, reference: fmi2ValueReference, value: fmi2Real) -> Result<fmi2Real, Problem> {
+    let name = || component.name_of(reference);
+    let why = || Problem::Call(format!("{}: with the inputs as they stand it would be {value}", name()));
+    if value.is_finite() { Ok(value) } else { Err(why()) }
+}
+
+/// Refuses a number that is not finite.
+fn finite(value: fmi2Real) -> Result<fmi2Real, String> {
+    if value.is_finite() { Ok(value) } else { Err(format!("{value} is refused: a finite number is wanted")) }
+}
+
+/// A snapshot that the importer was handed before.
+///
+/// # Safety
+/// The pointer is null or came from [`fmi2GetFMUstate`] or [`fmi2DeSerializeFMUstate`] of this library and was not freed
+/// since; nobody changes the snapshot while the answer is in use. Others may read it: several instances can restore one
+/// snapshot at the same time.
+unsafe fn snapshot<'a>(state: fmi2FMUstate) -> Result<&'a Snapshot, Problem> {
+    // SAFETY: a pointer that is not null is, by this function's contract, a live snapshot that nobody changes.
+    unsafe { state.cast::<Snapshot>().as_ref() }.ok_or_else(|| Problem::call("FMUstate is null: a snapshot is wanted"))
+}
+
+/// The place of a single value of the importer's.
+///
+/// # Safety
+/// As for [`elements_mut`].
+unsafe fn element_mut<'a, T>(name: &str, place: *mut T) -> Result<&'a mut T, Problem> {
+    // SAFETY: by this function's contract.
+    unsafe { elements_mut(name, place, 1) }.map(|elements| &mut elements[0])
+}
+
+/// Answers a question about the last step.
+///
+/// # Safety
+/// As for all functions of this module.
+unsafe fn status<T>(
+    component: fmi2Component,
+    function: Function,
+    kind: fmi2StatusKind,
+    value: *mut T,
+    answer: impl Fn(&Component, fmi2StatusKind) -> Option<T>,
+) -> fmi2Status {
+    let body = |component: &mut Component| {
+        // SAFETY: the pointer is as the contract of the exported function says.
+        let value = unsafe { elements_mut("value", value, 1)? };
+        value[0] = answer(component, kind)
+            .ok_or_else(|| Problem::Call(format!("the status kind {} is not of the type asked for", kind.0)))?;
+        Ok(())
+    };
+    // SAFETY: the component is as the contract of the exported function says.
+    unsafe { enter(component, function, body) }
+}
+
+fn make(
+    fmus: &'static Fmus,
+    name: fmi2String,
+    kind: fmi2Type,
+    guid: fmi2String,
+    functions: *const fmi2CallbackFunctions,
+    logging_on: fmi2Boolean,
+) -> Option<fmi2Component> {
+    // SAFETY: the importer keeps the callbacks and both texts valid for the length of the call, the callbacks' content
+    // for the life of the instance; null is looked for.
+    let (callbacks, name, guid) = unsafe { (functions.as_ref()?, text(name), text(guid)) };
+    let shown = name.filter(|name| !name.is_empty()).unwrap_or(c"(no name)");
+    let logger = Logger::new(CString::from(shown), callbacks, logging_on != fmi2False);
+    let refuse = |why: std::fmt::Arguments<'_>| {
+        logger.send(fmi2Status::fmi2Error, Category::StatusError, format_args!("fmi2Instantiate: {why}"));
+        None
+    };
+    if name.is_none_or(CStr::is_empty) {
+        return refuse(format_args!("instanceName is empty: a name is wanted"));
+    }
+    if kind != fmi2Type::fmi2CoSimulation {
+        return refuse(format_args!("fmuType = {} is refused: fmi2CoSimulation (1) is wanted", kind.0));
+    }
+    let Some(guid) = guid else {
+        return refuse(format_args!("fmuGUID is null: the guid of the model description is wanted"));
+    };
+    let Some(model) = guid.to_str().ok().and_then(|guid| fmus.by_guid(guid)) else {
+        return refuse(format_args!(
+            "fmuGUID = {} is none of this binary's: model description and binary do not belong together; wanted is {}",
+            guid.to_string_lossy(),
+            fmus.guids()
+        ));
+    };
+    Some(hand_out(Component::new(model, logger)))
+}
+
+/// Makes an instance of the model that the GUID names; null when that is not possible, with a message that says why. This is
+/// `fmi2Instantiate`, told the models that there are.
+///
+/// # Safety
+/// As for all functions of [this module](self).
+pub unsafe fn instantiate(
+    fmus: &'static Fmus,
+    name: fmi2String,
+    kind: fmi2Type,
+    guid: fmi2String,
+    functions: *const fmi2CallbackFunctions,
+    logging_on: fmi2Boolean,
+) -> fmi2Component {
+    let made = catch_unwind(|| make(fmus, name, kind, guid, functions, logging_on));
+    // What a panic said went to the standard error already; there is no instance whose logger could be used.
+    made.ok().flatten().unwrap_or(std::ptr::null_mut())
+}
+
+export! {
+    /// The platform type of the interface, `default`.
+    fn fmi2GetTypesPlatform: fmi2GetTypesPlatformTYPE() -> *const c_char {
+        fmi2TypesPlatform.as_ptr()
+    }
+
+    /// The version of the interface, `2.0`.
+    fn fmi2GetVersion: fmi2GetVersionTYPE() -> *const c_char {
+        fmi2Version.as_ptr()
+    }
+
+    /// Switches categories of messages on or off.
+    fn fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(
+        c: fmi2Component,
+        loggingOn: fmi2Boolean,
+        nCategories: usize,
+        categories: *const fmi2String,
+    ) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: the array and its texts are as this module's contract says; null is looked for.
+            let names = unsafe { elements("categories", categories, nCategories)? }.iter().map(|name| unsafe { text(*name) });
+            let names: Vec<&CStr> =
+                names.collect::<Option<_>>().ok_or_else(|| Problem::call("categories holds a null pointer"))?;
+            component.logger.switch(loggingOn != fmi2False, &names).map_err(|name| {
+                Problem::Call(format!("{} is no category of the model description", name.to_string_lossy()))
+            })
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::SetDebugLogging, body) }
+    }
+
+    /// Ends an instance.
+    fn fmi2FreeInstance: fmi2FreeInstanceTYPE(c: fmi2Component) -> () {
+        // SAFETY: by this module's contract the pointer came from `fmi2Instantiate` and is not used again.
+        unsafe { take_back(c) }
+    }
+
+    /// Tells start and stop time. A tolerance is accepted and has no effect: the models have a fixed accuracy.
+    fn fmi2SetupExperiment: fmi2SetupExperimentTYPE(
+        c: fmi2Component,
+        _toleranceDefined: fmi2Boolean,
+        _tolerance: fmi2Real,
+        startTime: fmi2Real,
+        stopTimeDefined: fmi2Boolean,
+        stopTime: fmi2Real,
+    ) -> fmi2Status {
+        let stop_s = (stopTimeDefined != fmi2False).then_some(stopTime);
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::SetupExperiment, |component| component.setup(startTime, stop_s)) }
+    }
+
+    /// Begins the initialization.
+    fn fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE(c: fmi2Component) -> fmi2Status {
+        let body = |component: &mut Component| {
+            component.stage.state = State::InitializationMode;
+            Ok(())
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::EnterInitializationMode, body) }
+    }
+
+    /// Ends the initialization. Every parameter that cannot be accepted is named in the message.
+    fn fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE(c: fmi2Component) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::ExitInitializationMode, Component::exit_initialization) }
+    }
+
+    /// Ends the run.
+    fn fmi2Terminate: fmi2TerminateTYPE(c: fmi2Component) -> fmi2Status {
+        let body = |component: &mut Component| {
+            component.stage.state = State::Terminated;
+            Ok(())
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::Terminate, body) }
+    }
+
+    /// Makes the instance what it was after `fmi2Instantiate`.
+    fn fmi2Reset: fmi2ResetTYPE(c: fmi2Component) -> fmi2Status {
+        let body = |component: &mut Component| {
+            component.reset();
+            Ok(())
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::Reset, body) }
+    }
+
+    /// Reads Real variables.
+    fn fmi2GetReal: fmi2GetRealTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *mut fmi2Real,
+    ) -> fmi2Status {
+        let take = |value: &Value| if let Value::Real(value) = value { Some(*value) } else { None };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { get(c, Function::GetReal, (vr, nvr), value, take, "Real") }
+    }
+
+    /// Reads Integer variables and choices.
+    fn fmi2GetInteger: fmi2GetIntegerTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *mut fmi2Integer,
+    ) -> fmi2Status {
+        let take = |value: &Value| if let Value::Integer(value) = value { Some(*value) } else { None };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { get(c, Function::GetInteger, (vr, nvr), value, take, "Integer") }
+    }
+
+    /// Reads Boolean variables.
+    fn fmi2GetBoolean: fmi2GetBooleanTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *mut fmi2Boolean,
+    ) -> fmi2Status {
+        let take = |value: &Value| if let Value::Boolean(value) = value { Some(fmi2Boolean::from(*value)) } else { None };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { get(c, Function::GetBoolean, (vr, nvr), value, take, "Boolean") }
+    }
+
+    /// Reads String variables. The texts stay valid until the next call on the instance.
+    fn fmi2GetString: fmi2GetStringTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *mut fmi2String,
+    ) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: the arrays are as this module's contract says.
+            let (references, values) = unsafe { (elements("vr", vr, nvr)?, elements_mut("value", value, nvr)?) };
+            let mut texts = Vec::new();
+            for reference in references {
+                let found = component.instance.get(*reference as usize).map_err(Problem::call)?;
+                let Value::String(text) = found else {
+                    return Err(Problem::Call(wrong_type(component, *reference, "String", &found)));
+                };
+                // A zero byte would end the text for the importer; a blank keeps the rest readable.
+                texts.push(CString::new(text.replace('\0', " ")).expect("zero bytes were replaced"));
+            }
+            component.texts = texts;
+            for (value, text) in values.iter_mut().zip(&component.texts) {
+                *value = text.as_ptr();
+            }
+            Ok(())
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::GetString, body) }
+    }
+
+    /// Writes Real variables: all of them, or none if one is refused. What is not finite is refused where it is used: a
+    /// parameter at the end of the initialization, an input in the step, unless its lack is news and not an error.
+    fn fmi2SetReal: fmi2SetRealTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *const fmi2Real,
+    ) -> fmi2Status {
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { set(c, Function::SetReal, (vr, nvr), value, |value| Ok(Value::Real(value))) }
+    }
+
+    /// Writes Integer variables and choices: all of them, or none if one is refused.
+    fn fmi2SetInteger: fmi2SetIntegerTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *const fmi2Integer,
+    ) -> fmi2Status {
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { set(c, Function::SetInteger, (vr, nvr), value, |value| Ok(Value::Integer(value))) }
+    }
+
+    /// Writes Boolean variables: all of them, or none if one is refused.
+    fn fmi2SetBoolean: fmi2SetBooleanTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *const fmi2Boolean,
+    ) -> fmi2Status {
+        let wrap = |value| match value {
+            0 => Ok(Value::Boolean(false)),
+            1 => Ok(Value::Boolean(true)),
+            other => Err(format!("{other} is refused: fmi2False (0) or fmi2True (1) is wanted")),
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { set(c, Function::SetBoolean, (vr, nvr), value, wrap) }
+    }
+
+    /// Writes String variables, in UTF-8: all of them, or none if one is refused.
+    fn fmi2SetString: fmi2SetStringTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *const fmi2String,
+    ) -> fmi2Status {
+        let wrap = |value| {
+            // SAFETY: the texts are as this module's contract says.
+            let text = unsafe { text(value) }.ok_or("a null pointer is refused: a text is wanted")?;
+            let text = text.to_str().map_err(|_| "the text is refused: UTF-8 is wanted")?;
+            Ok(Value::String(text.to_owned()))
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { set(c, Function::SetString, (vr, nvr), value, wrap) }
+    }
+
+    /// Takes a snapshot; into an existing one if there is one.
+    fn fmi2GetFMUstate: fmi2GetFMUstateTYPE(c: fmi2Component, FMUstate: *mut fmi2FMUstate) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: the pointer is as this module's contract says, and what it points to is null or a live snapshot.
+            let place = unsafe { element_mut("FMUstate", FMUstate)? };
+            if place.is_null() {
+                *place = Box::into_raw(Box::new(component.save())).cast();
+                return Ok(());
+            }
+            // SAFETY: the pointer is a live snapshot, which is written here and so, by contract, used by no other call.
+            component.save_over(unsafe { &mut *place.cast::<Snapshot>() })
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::GetFMUstate, body) }
+    }
+
+    /// Makes the instance what it, or another instance of the same model, was when the snapshot was taken, its state in
+    /// the sequence of calls and its time included. The snapshot stays.
+    fn fmi2SetFMUstate: fmi2SetFMUstateTYPE(c: fmi2Component, FMUstate: fmi2FMUstate) -> fmi2Status {
+        // SAFETY: the pointer is null or a live snapshot, as this module's contract says.
+        let body = |component: &mut Component| component.restore(unsafe { snapshot(FMUstate)? });
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::SetFMUstate, body) }
+    }
+
+    /// Ends a snapshot and makes the pointer null; a null pointer is left as it is. Any instance of this library can be
+    /// asked to do that.
+    fn fmi2FreeFMUstate: fmi2FreeFMUstateTYPE(c: fmi2Component, FMUstate: *mut fmi2FMUstate) -> fmi2Status {
+        let body = |_: &mut Component| {
+            if FMUstate.is_null() {
+                return Ok(());
+            }
+            // SAFETY: the pointer is as this module's contract says.
+            let place = unsafe { element_mut("FMUstate", FMUstate)? };
+            let state = std::mem::replace(place, std::ptr::null_mut());
+            if !state.is_null() {
+                // SAFETY: a live snapshot, made by `Box::into_raw`, which the importer does not use again.
+                drop(unsafe { Box::from_raw(state.cast::<Snapshot>()) });
+            }
+            Ok(())
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::FreeFMUstate, body) }
+    }
+
+    /// Tells how many bytes a snapshot has when it is written down.
+    fn fmi2SerializedFMUstateSize: fmi2SerializedFMUstateSizeTYPE(
+        c: fmi2Component,
+        FMUstate: fmi2FMUstate,
+        size: *mut usize,
+    ) -> fmi2Status {
+        let body = |_: &mut Component| {
+            // SAFETY: both pointers are as this module's contract says.
+            let (snapshot, size) = unsafe { (snapshot(FMUstate)?, element_mut("size", size)?) };
+            *size = snapshot.write().len();
+            Ok(())
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::SerializedFMUstateSize, body) }
+    }
+
+    /// Writes a snapshot down. Bytes beyond its size are left alone.
+    fn fmi2SerializeFMUstate: fmi2SerializeFMUstateTYPE(
+        c: fmi2Component,
+        FMUstate: fmi2FMUstate,
+        serializedState: *mut fmi2Byte,
+        size: usize,
+    ) -> fmi2Status {
+        let body = |_: &mut Component| {
+            // SAFETY: pointer and array are as this module's contract says.
+            let (snapshot, room) =
+                unsafe { (snapshot(FMUstate)?, elements_mut("serializedState", serializedState.cast::<u8>(), size)?) };
+            let bytes = snapshot.write();
+            let room = room.get_mut(..bytes.len()).ok_or_else(|| {
+                Problem::Call(format!("size = {size} is refused: the snapshot has {} bytes", bytes.len()))
+            })?;
+            room.copy_from_slice(&bytes);
+            Ok(())
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::SerializeFMUstate, body) }
+    }
+
+    /// Makes a new snapshot of bytes that this function's counterpart wrote, in this process or another. Bytes of another
+    /// model, another version, cut short or changed are refused.
+    fn fmi2DeSerializeFMUstate: fmi2DeSerializeFMUstateTYPE(
+        c: fmi2Component,
+        serializedState: *const fmi2Byte,
+        size: usize,
+        FMUstate: *mut fmi2FMUstate,
+    ) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: array and pointer are as this module's contract says.
+            let (bytes, place) = unsafe {
+                (elements("serializedState", serializedState.cast::<u8>(), size)?, element_mut("FMUstate", FMUstate)?)
+            };
+            let snapshot = Snapshot::read(&component.model, bytes).map_err(Problem::Call)?;
+            *place = Box::into_raw(Box::new(snapshot)).cast();
+            Ok(())
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::DeSerializeFMUstate, body) }
+    }
+
+    /// Directional derivatives of outputs and of derivatives of states with respect to inputs and states, in
+    /// initialization also with respect to parameters; exact.
+    fn fmi2GetDirectionalDerivative: fmi2GetDirectionalDerivativeTYPE(
+        c: fmi2Component,
+        vUnknown_ref: *const fmi2ValueReference,
+        nUnknown: usize,
+        vKnown_ref: *const fmi2ValueReference,
+        nKnown: usize,
+        dvKnown: *const fmi2Real,
+        dvUnknown: *mut fmi2Real,
+    ) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: all arrays are as this module's contract says.
+            let (unknowns, knowns, direction, derivatives) = unsafe {
+                (
+                    elements("vUnknown_ref", vUnknown_ref, nUnknown)?,
+                    elements("vKnown_ref", vKnown_ref, nKnown)?,
+                    elements("dvKnown", dvKnown, nKnown)?,
+                    elements_mut("dvUnknown", dvUnknown, nUnknown)?,
+                )
+            };
+            for (reference, value) in knowns.iter().zip(direction) {
+                finite(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
+            }
+            let known = |at: usize| (knowns[at] as usize, direction[at]);
+            let found = component.instance.differentiate(nKnown, &known).map_err(Problem::call)?;
+            for (reference, derivative) in unknowns.iter().zip(derivatives) {
+                *derivative = handed_out(component, *reference, found.of(*reference as usize).map_err(Problem::call)?)?;
+            }
+            Ok(())
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::GetDirectionalDerivative, body) }
+    }
+
+    /// Gives continuous inputs derivatives with respect to time, valid at the begin of the next step and for that step
+    /// alone: all of them, or none if one is refused.
+    ///
+    /// With derivatives d the input is `u(t) = u + Σ_j d_j (t − t_0)^j / j!` over the step from t_0, where u is what
+    /// `fmi2SetReal` set, before or after this call. A plant integrates along it; what is sampled sees its value at the
+    /// instants of its samples. After the step the input stays at the value it has reached and all derivatives are 0.
+    fn fmi2SetRealInputDerivatives: fmi2SetRealInputDerivativesTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        order: *const fmi2Integer,
+        value: *const fmi2Real,
+    ) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: all arrays are as this module's contract says.
+            let (references, orders, values) =
+                unsafe { (elements("vr", vr, nvr)?, elements("order", order, nvr)?, elements("value", value, nvr)?) };
+            for (reference, value) in references.iter().zip(values) {
+                finite(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
+            }
+            let setting = |at: usize| (references[at] as usize, orders[at], values[at]);
+            component.instance.set_input_derivatives(nvr, &setting).map_err(Problem::call)
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::SetRealInputDerivatives, body) }
+    }
+
+    /// Derivatives of outputs with respect to time at the end of the last step, the inputs moving on as they did at its
+    /// end; an input that was set since is held. Exact; 0 for outputs that are sampled, since they stand still in between.
+    fn fmi2GetRealOutputDerivatives: fmi2GetRealOutputDerivativesTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        order: *const fmi2Integer,
+        value: *mut fmi2Real,
+    ) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: all arrays are as this module's contract says.
+            let (references, orders, values) = unsafe {
+                (elements("vr", vr, nvr)?, elements("order", order, nvr)?, elements_mut("value", value, nvr)?)
+            };
+            for ((reference, order), value) in references.iter().zip(orders).zip(values) {
+                let found = component.instance.output_derivative(*reference as usize, *order).map_err(Problem::call)?;
+                *value = handed_out(component, *reference, found)?;
+            }
+            Ok(())
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::GetRealOutputDerivatives, body) }
+    }
+
+    /// Does one communication step.
+    fn fmi2DoStep: fmi2DoStepTYPE(
+        c: fmi2Component,
+        currentCommunicationPoint: fmi2Real,
+        communicationStepSize: fmi2Real,
+        _noSetFMUStatePriorToCurrentPoint: fmi2Boolean,
+    ) -> fmi2Status {
+        let step = Step { time_s: currentCommunicationPoint, length_s: communicationStepSize };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::DoStep, |component| component.step(step)) }
+    }
+
+    /// A step is never in progress when this is called.
+    fn fmi2CancelStep: fmi2CancelStepTYPE(c: fmi2Component) -> fmi2Status {
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::CancelStep, |_| Ok(())) }
+    }
+
+    /// How the last step ended.
+    fn fmi2GetStatus: fmi2GetStatusTYPE(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Status) -> fmi2Status {
+        let answer = |component: &Component, kind| {
+            (kind == fmi2StatusKind::fmi2DoStepStatus).then_some(component.stage.last_step)
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { status(c, Function::GetStatus, s, value, answer) }
+    }
+
+    /// The time up to which the run has come.
+    fn fmi2GetRealStatus: fmi2GetRealStatusTYPE(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Real) -> fmi2Status {
+        let answer = |component: &Component, kind| {
+            (kind == fmi2StatusKind::fmi2LastSuccessfulTime).then_some(component.stage.time_s)
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { status(c, Function::GetRealStatus, s, value, answer) }
+    }
+
+    /// The standard has no question with an answer of this type.
+    fn fmi2GetIntegerStatus: fmi2GetIntegerStatusTYPE(
+        c: fmi2Component,
+        s: fmi2StatusKind,
+        value: *mut fmi2Integer,
+    ) -> fmi2Status {
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { status(c, Function::GetIntegerStatus, s, value, |_, _| None) }
+    }
+
+    /// Whether the model wants the simulation to end: it never does.
+    fn fmi2GetBooleanStatus: fmi2GetBooleanStatusTYPE(
+        c: fmi2Component,
+        s: fmi2StatusKind,
+        value: *mut fmi2Boolean,
+    ) -> fmi2Status {
+        let answer = |_: &Component, kind| (kind == fmi2StatusKind::fmi2Terminated).then_some(fmi2False);
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { status(c, Function::GetBooleanStatus, s, value, answer) }
+    }
+
+    /// What a pending step is doing: no step is ever pending, so the text is empty.
+    fn fmi2GetStringStatus: fmi2GetStringStatusTYPE(
+        c: fmi2Component,
+        s: fmi2StatusKind,
+        value: *mut fmi2String,
+    ) -> fmi2Status {
+        let answer = |_: &Component, kind| (kind == fmi2StatusKind::fmi2PendingStatus).then_some(c"".as_ptr());
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { status(c, Function::GetStringStatus, s, value, answer) }
+    }
+}

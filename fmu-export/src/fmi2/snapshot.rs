@@ -1,0 +1,162 @@
+//! Snapshots: what `fmi2FMUstate` points to, and the bytes in which one is written down.
+//!
+//! ```text
+//! 8 bytes   the letters FMU2SNAP
+//! 2 bytes   version of this format, 3
+//! 1 + n     length and text of the model name
+//! 1 + n     length and text of the GUID
+//! 8 bytes   length of the content
+//! n bytes   content: state in the sequence of calls, times, values and run, in postcard's format
+//! 32 bytes  SHA-256 of all before
+//! ```
+//!
+//! Numbers are little-endian. The GUID stands for the interface, the version in its head for the layout of the content.
+//! Bytes are read only after every one of these was checked, and their content is checked again by the model: a hash
+//! shows damage, not intent.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::bindings::fmi2Status;
+use super::sequence::State;
+use crate::instance::{Instance, ModelType};
+
+const MAGIC: &[u8; 8] = b"FMU2SNAP";
+/// To be raised with every change in what is written beside the values and the state of the model.
+const VERSION: u16 = 3;
+const HASH_BYTES: usize = 32;
+
+/// What `fmi2FMUstate` points to: all that an instance has, but for its name, its callbacks and its log categories.
+pub(super) struct Snapshot {
+    pub(super) model: Arc<ModelType>,
+    pub(super) instance: Box<dyn Instance>,
+    pub(super) stage: Stage,
+}
+
+/// What an instance has beside its values and its run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Stage {
+    pub(super) state: State,
+    /// End of the last completed step, or the start time, in s.
+    pub(super) time_s: f64,
+    pub(super) start_s: f64,
+    pub(super) stop_s: Option<f64>,
+    pub(super) last_step: fmi2Status,
+}
+
+impl Stage {
+    pub(super) const BEGIN: Self =
+        Self { state: State::Instantiated, time_s: 0.0, start_s: 0.0, stop_s: None, last_step: fmi2Status::fmi2OK };
+}
+
+/// A [`Stage`] as it is written down.
+#[derive(Serialize, Deserialize)]
+struct Head {
+    state: u8,
+    time_s: f64,
+    start_s: f64,
+    stop_s: Option<f64>,
+    failed: bool,
+}
+
+impl Snapshot {
+    /// Writes the snapshot down. The same snapshot always gives the same bytes.
+    pub(super) fn write(&self) -> Vec<u8> {
+        let Stage { state, time_s, start_s, stop_s, last_step } = self.stage;
+        let failed = last_step != fmi2Status::fmi2OK;
+        let head = Head { state: state as u8, time_s, start_s, stop_s, failed };
+        let mut content = postcard::to_stdvec(&head).expect("numbers can be written, and memory grows as needed");
+        content.extend(self.instance.write());
+
+        let mut bytes = Vec::with_capacity(content.len() + 128);
+        bytes.extend(MAGIC);
+        bytes.extend(VERSION.to_le_bytes());
+        for text in [self.model.info.name, self.model.guid()] {
+            bytes.push(u8::try_from(text.len()).expect("names and GUIDs are short"));
+            bytes.extend(text.as_bytes());
+        }
+        bytes.extend((content.len() as u64).to_le_bytes());
+        bytes.extend(content);
+        let hash = Sha256::digest(&bytes);
+        bytes.extend(hash);
+        bytes
+    }
+
+    /// Reads what [`Snapshot::write`] wrote, in this process or another.
+    ///
+    /// # Errors
+    /// Why the bytes are no snapshot of this model.
+    pub(super) fn read(model: &Arc<ModelType>, bytes: &[u8]) -> Result<Self, String> {
+        let content = content(model, bytes)?;
+        let (head, rest): (Head, _) =
+            postcard::take_from_bytes(content).map_err(|error| format!("the content is damaged: {error}"))?;
+        let stage = head.stage()?;
+        let mut instance = model.instantiate();
+        instance
+            .read(rest, stage.time_s, stage.state == State::StepComplete)
+            .map_err(|why| format!("the content is damaged: {why}"))?;
+        let fits = match stage.state {
+            State::Instantiated | State::InitializationMode => !instance.has_begun(),
+            State::StepComplete => instance.has_begun(),
+            State::Terminated | State::Error => true,
+        };
+        if !fits {
+            return Err("the content is damaged: the run does not belong to the state".into());
+        }
+        Ok(Self { model: model.clone(), instance, stage })
+    }
+}
+
+impl Head {
+    fn stage(&self) -> Result<Stage, String> {
+        let state = State::ALL.into_iter().find(|state| *state as u8 == self.state);
+        let state = state.ok_or_else(|| format!("the content is damaged: there is no state {}", self.state))?;
+        let Self { time_s, start_s, stop_s, failed, .. } = *self;
+        if !(time_s.is_finite() && start_s.is_finite()) || stop_s.is_some_and(f64::is_nan) {
+            return Err("the content is damaged: the times are not finite".into());
+        }
+        let last_step = if failed { fmi2Status::fmi2Error } else { fmi2Status::fmi2OK };
+        Ok(Stage { state, time_s, start_s, stop_s, last_step })
+    }
+}
+
+/// The content of a byte string whose frame is sound.
+fn content<'b>(model: &ModelType, bytes: &'b [u8]) -> Result<&'b [u8], String> {
+    let whole = bytes;
+    let mut rest = bytes;
+    let mut take = |length: usize| -> Result<&'b [u8], String> {
+        let (head, tail) = rest.split_at_checked(length).ok_or_else(|| {
+            format!("the bytes end too early: {} are there, {} more are wanted", whole.len(), length - rest.len())
+        })?;
+        rest = tail;
+        Ok(head)
+    };
+    if take(MAGIC.len())? != MAGIC {
+        return Err("the bytes are no snapshot: they do not begin with FMU2SNAP".into());
+    }
+    let version = u16::from_le_bytes(take(2)?.try_into().expect("two bytes were taken"));
+    if version != VERSION {
+        return Err(format!("the bytes have version {version} of the format: version {VERSION} is wanted"));
+    }
+    for (what, wanted) in [("model", model.info.name), ("GUID", model.guid())] {
+        let length = usize::from(take(1)?[0]);
+        let found = take(length)?;
+        if found != wanted.as_bytes() {
+            let found = String::from_utf8_lossy(found);
+            return Err(format!("the bytes belong to the {what} {}: {wanted} is wanted", found.escape_debug()));
+        }
+    }
+    let length = u64::from_le_bytes(take(8)?.try_into().expect("eight bytes were taken"));
+    let length = usize::try_from(length).unwrap_or(usize::MAX);
+    let content = take(length)?;
+    let hash = take(HASH_BYTES)?;
+    if !rest.is_empty() {
+        return Err(format!("the bytes do not end where they should: {} are left over", rest.len()));
+    }
+    if hash != Sha256::digest(&whole[..whole.len() - HASH_BYTES]).as_slice() {
+        return Err("the bytes were changed: their SHA-256 is another".into());
+    }
+    Ok(content)
+}

@@ -1,0 +1,100 @@
+//! The models of one binary, by GUID.
+
+use std::sync::{Arc, Mutex, Once, PoisonError};
+
+use crate::instance::ModelType;
+
+/// The models of one binary. [`export_fmus!`](crate::export_fmus) makes one, named `FMUS`.
+///
+/// Tables and model descriptions are made on first use and shared by all instances, which hold them as long as they need
+/// them. The binary gives up its own share when it is unloaded: Rust drops no statics, and every load would otherwise leave
+/// some hundred kilobytes behind.
+pub struct Fmus {
+    library: &'static str,
+    make: fn() -> Vec<ModelType>,
+    models: Mutex<Option<Arc<[Arc<ModelType>]>>>,
+}
+
+impl Fmus {
+    /// The models that `make` makes, in the library of that name; for [`export_fmus!`](crate::export_fmus).
+    pub const fn new(library: &'static str, make: fn() -> Vec<ModelType>) -> Self {
+        Self { library, make, models: Mutex::new(None) }
+    }
+
+    /// All models, in the order in which they are exported.
+    pub fn models(&'static self) -> Arc<[Arc<ModelType>]> {
+        // What a panic leaves behind is all models or none.
+        let mut models = self.models.lock().unwrap_or_else(PoisonError::into_inner);
+        let made = models.get_or_insert_with(|| {
+            at_unload(self);
+            (self.make)().into_iter().map(Arc::new).collect()
+        });
+        made.clone()
+    }
+
+    /// The model of that name.
+    pub fn find(&'static self, name: &str) -> Option<Arc<ModelType>> {
+        self.models().iter().find(|model| model.info.name == name).cloned()
+    }
+
+    /// The model of that GUID.
+    pub(crate) fn by_guid(&'static self, guid: &str) -> Option<Arc<ModelType>> {
+        self.models().iter().find(|model| model.guid() == guid).cloned()
+    }
+
+    /// All GUIDs with their models, for messages.
+    pub(crate) fn guids(&'static self) -> String {
+        let listed: Vec<_> =
+            self.models().iter().map(|model| format!("{} ({})", model.guid(), model.info.name)).collect();
+        listed.join(" or ")
+    }
+
+    /// The name of the library as cargo knows it, with underscores.
+    pub fn library(&self) -> &'static str {
+        self.library
+    }
+}
+
+/// Those who have something to give up when the library is unloaded.
+static IN_USE: Mutex<Vec<&'static Fmus>> = Mutex::new(Vec::new());
+
+fn at_unload(fmus: &'static Fmus) {
+    static PREPARED: Once = Once::new();
+    PREPARED.call_once(prepare);
+    IN_USE.lock().unwrap_or_else(PoisonError::into_inner).push(fmus);
+}
+
+// A function that the system calls when it unloads the library. On Linux it stands in the library's table of such functions:
+// the C library's `atexit` would depend on what the linker puts around a shared library, and where that is missing, it calls
+// functions that are gone. Elsewhere it is `atexit`, which Windows keeps for each library and macOS tells apart by the address
+// of the function.
+#[cfg(all(unix, not(target_vendor = "apple"), not(miri)))]
+#[used]
+// SAFETY: the section holds pointers to functions without arguments, which are called once, before the library goes.
+#[unsafe(link_section = ".fini_array")]
+static AT_UNLOAD: extern "C" fn() = give_up;
+
+#[cfg(any(all(unix, not(target_vendor = "apple")), miri))]
+fn prepare() {}
+
+#[cfg(not(any(all(unix, not(target_vendor = "apple")), miri)))]
+fn prepare() {
+    unsafe extern "C" {
+        fn atexit(handler: extern "C" fn()) -> std::ffi::c_int;
+    }
+    // SAFETY: the handler is part of this library, whose C library calls it before the code is gone. Without a place for
+    // it memory is not given back, and nothing else happens.
+    let _ = unsafe { atexit(give_up) };
+}
+
+/// The same function runs when the process ends, and then perhaps while other threads are in the middle of a call, or before
+/// an importer that still steps its instances: it waits for nobody, and takes nothing that an instance holds.
+#[cfg_attr(miri, allow(dead_code))]
+extern "C" fn give_up() {
+    let Ok(mut in_use) = IN_USE.try_lock() else { return };
+    for fmus in std::mem::take(&mut *in_use) {
+        if let Ok(mut models) = fmus.models.try_lock() {
+            *models = None;
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! Exports any Rust model as an FMI 2.0 co-simulation unit (FMU).
+//!
+//! A model is a type with a table of variables, a start, and a step. From a row of the table everything else follows: start
+//! value, value reference, access, unit, model description, reset, snapshot. [`export_fmus!`] makes the C functions of one
+//! library that serves all models of a crate; [`package`](mod@package) writes the archives.
+//!
+//! ```
+//! use fmu_export::prelude::*;
+//!
+//! #[derive(Clone, Default, Serialize, Deserialize)]
+//! struct Values { u: f64, k: f64, y: f64 }
+//!
+//! #[derive(Clone)]
+//! struct Gain;
+//!
+//! impl Model for Gain {
+//!     const INFO: Info = Info::new("Gain", "An amplifier");
+//!     type Values = Values;
+//!     type State = ();
+//!
+//!     fn table() -> Vec<Row<Values>> {
+//!         vec![
+//!             Row::real("k", place!(Values.k), unit::ONE, 2.0).fixed().description("Gain"),
+//!             Row::real("u", place!(Values.u), unit::VOLT, 0.0).input().description("Voltage in"),
+//!             Row::real("y", place!(Values.y), unit::VOLT, 0.0).output().description("Voltage out").depends_on(["u"]),
+//!         ]
+//!     }
+//!
+//!     fn new(_: &Values) -> Result<Self, Vec<Invalid>> {
+//!         Ok(Self)
+//!     }
+//!
+//!     fn start(&self, values: &mut Values, _: f64) {
+//!         self.refresh(&(), values, 0.0);
+//!     }
+//!
+//!     fn step(&self, _: &mut (), values: &mut Values, step: Step, inputs: &InputTrajectory<Values>, _: &mut dyn Log) -> Stepped {
+//!         inputs.apply(values, step.end_s());
+//!         self.refresh(&(), values, step.end_s());
+//!         Ok(())
+//!     }
+//!
+//!     fn refresh(&self, _: &(), values: &mut Values, _: f64) {
+//!         values.y = values.k * values.u;
+//!     }
+//! }
+//!
+//! export_fmus!(Gain);
+//!
+//! # fn main() {
+//! let mut gain = FMUS.find("Gain").expect("a model of this crate").instantiate();
+//! gain.start().expect("good parameters");
+//! gain.set(1, Value::Real(3.0)).expect("an input");
+//! assert_eq!(gain.get(2), Ok(Value::Real(6.0)));
+//! # }
+//! ```
+//!
+//! In reading order:
+//!
+//! - [`model`]: what a user writes: [`Model`], [`SampledModel`];
+//! - [`variable`], [`mod@unit`]: the table of variables;
+//! - [`input`]: inputs over a step; [`mod@clock`]: sample instants; [`log`]: messages;
+//! - [`instance`]: a model as its importer sees it; [`fmus`]: the models of one binary;
+//! - [`fmi2`]: the C interface, where all unsafe code is;
+//! - [`description`], [`xml`]: the model description;
+//! - `package`: archives, platforms, documentation pages, system structures.
+
+pub mod clock;
+pub mod description;
+pub mod fmi2;
+pub mod fmus;
+pub mod input;
+pub mod instance;
+pub mod log;
+pub mod model;
+#[cfg(feature = "package")]
+pub mod package;
+#[cfg(feature = "planted-panics")]
+pub mod planted;
+pub mod unit;
+pub mod variable;
+pub mod xml;
+
+mod export;
+
+pub use fmus::Fmus;
+pub use instance::{Instance, ModelType};
+pub use model::{Capabilities, Info, Invalid, Model, SampledModel, Step, StepError, Stepped};
+
+/// What a model usually needs, with serde's derive macros.
+pub mod prelude {
+    pub use serde::{Deserialize, Serialize};
+
+    pub use crate::input::{HIGHEST_ORDER, InputTrajectory};
+    pub use crate::log::{Log, Topic};
+    pub use crate::model::{Capabilities, Info, Invalid, Model, SampledModel, Step, StepError, Stepped};
+    pub use crate::unit::{self, Unit};
+    pub use crate::variable::{Enumeration, Row, Value};
+    pub use crate::{export_fmus, place};
+}

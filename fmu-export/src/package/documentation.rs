@@ -1,0 +1,143 @@
+//! The page `documentation/index.html` of an FMU: what it models, the text of its author, its variables.
+
+use maud::{DOCTYPE, PreEscaped, html};
+
+use super::Extras;
+use crate::ModelType;
+use crate::variable::{Causality, Type, Variability, Variable};
+use crate::xml::real;
+
+const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1c2430}\
+table{border-collapse:collapse;width:100%;font-size:.9rem;margin:.5rem 0 1.5rem}\
+th,td{text-align:left;vertical-align:top;padding:.25rem .6rem;border-bottom:1px solid #d5dae1}\
+th{border-bottom:2px solid #8a94a3}td:first-child{white-space:nowrap}\
+code,pre{font-family:ui-monospace,monospace;font-size:.9em}pre{background:#f4f6f8;padding:.8rem;overflow-x:auto}\
+h1{margin-bottom:.2rem}h2{margin-top:2rem}.lead{font-size:1.1rem;color:#465264;margin-top:0}";
+
+/// Whether a variable belongs to a group.
+type Belongs = fn(&Variable) -> bool;
+
+/// Groups of variables, with the heading of their table.
+const GROUPS: [(&str, Belongs); 5] = [
+    ("Inputs", |variable| variable.causality == Causality::Input),
+    ("Outputs", |variable| variable.causality == Causality::Output),
+    ("Parameters", |variable| is_parameter(variable, Variability::Fixed)),
+    ("Tunable parameters", |variable| is_parameter(variable, Variability::Tunable)),
+    ("Local variables", |variable| variable.causality == Causality::Local),
+];
+
+fn is_parameter(variable: &Variable, variability: Variability) -> bool {
+    variable.causality == Causality::Parameter && variable.variability == variability
+}
+
+/// The content of the page, from the heading on.
+pub(super) fn body(model: &ModelType, extras: &Extras) -> String {
+    let info = &model.info;
+    let body = html! {
+        main.document {
+            h1 { (info.name) }
+            p.lead { (info.description) "." }
+            p.soft { "FMI 2.0 for co-simulation, " (info.tool) ", guid " code { (model.guid()) } "." }
+            (PreEscaped(&extras.text))
+            h2 { "Variables" }
+            @for (title, belongs) in GROUPS {
+                @let group: Vec<_> = model.variables().iter().filter(|variable| belongs(variable)).collect();
+                @if !group.is_empty() {
+                    h3 { (title) }
+                    (table(&group))
+                }
+            }
+            @if !info.license.is_empty() {
+                h2 { "Licence" }
+                p {
+                    (info.license)
+                    @if !extras.licenses.is_empty() {
+                        "; the texts, and those of the libraries in the binary, are in the folder "
+                        a href="licenses" { "licenses" }
+                    }
+                    "."
+                }
+            }
+        }
+    };
+    body.into_string()
+}
+
+/// A page with that title and content, in a plain style.
+pub fn page(title: &str, body: &str) -> String {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body { (PreEscaped(body)) }
+        }
+    };
+    page.into_string()
+}
+
+/// The variables of models as Markdown, a section for each model.
+pub fn markdown<'m>(models: impl IntoIterator<Item = &'m ModelType>) -> String {
+    let mut text = String::new();
+    for model in models {
+        text += &format!("\n## {}\n\n{}.\n", model.info.name, model.info.description);
+        for (title, belongs) in GROUPS {
+            let group: Vec<_> = model.variables().iter().filter(|variable| belongs(variable)).collect();
+            if group.is_empty() {
+                continue;
+            }
+            text += &format!("\n### {title}\n\n| Name | Unit | Start | Description |\n|---|---|---|---|\n");
+            for variable in group {
+                let (unit, start) = (unit(variable), start(variable));
+                text += &format!("| `{}` | {unit} | {start} | {} |\n", variable.name, variable.description);
+            }
+        }
+    }
+    text
+}
+
+fn table(variables: &[&Variable]) -> maud::Markup {
+    html! {
+        table.variables {
+            thead { tr { th { "Name" } th { "Unit" } th { "Start" } th { "Description" } } }
+            tbody {
+                @for variable in variables {
+                    tr {
+                        td { code { (variable.name) } }
+                        td { (unit(variable)) }
+                        td { (start(variable)) }
+                        td { (variable.description) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn unit(variable: &Variable) -> String {
+    match &variable.kind {
+        Type::Real { unit, display: Some(display), .. } if *display != unit.name => {
+            format!("{} ({display})", unit.name)
+        }
+        _ => variable.unit_name().into(),
+    }
+}
+
+fn start(variable: &Variable) -> String {
+    if !variable.is_settable() {
+        return String::new();
+    }
+    match &variable.kind {
+        Type::Real { start, .. } => real(*start),
+        Type::Integer { start, .. } => start.to_string(),
+        Type::Boolean { start } => start.to_string(),
+        Type::String { start } => format!("\"{start}\""),
+        Type::Enumeration { start, items } => {
+            format!("{} of {}", items.item(*start).unwrap_or_default(), items.listed())
+        }
+    }
+}

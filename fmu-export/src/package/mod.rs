@@ -1,0 +1,357 @@
+//! Writes FMUs: model description, binaries, documentation page, picture, licences.
+//!
+//! A crate of the types `rlib` and `cdylib` with [`export_fmus!`](crate::export_fmus) in `lib.rs` needs a program of three
+//! lines, and `cargo run --release` packs what cargo has just built:
+//!
+//! ```ignore
+//! fn main() -> Result<(), fmu_export::package::PackageError> {
+//!     fmu_export::package::package(&my_models::FMUS, "target/fmu").map(drop)
+//! }
+//! ```
+//!
+//! [`Extras`] adds picture, text and licences; [`platforms`] holds binaries for several platforms; [`ssp`] writes a system of
+//! several FMUs.
+
+pub mod documentation;
+pub mod platforms;
+pub mod ssp;
+
+use std::borrow::Cow;
+use std::fs;
+use std::io::{Cursor, Write};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipWriter};
+
+use crate::{Fmus, ModelType, description};
+use platforms::{Binaries, NotFor, Platform};
+
+/// What went wrong, with the path it went wrong with.
+#[derive(Debug, thiserror::Error)]
+pub enum PackageError {
+    /// A file could not be read or written.
+    #[error("{path}: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The table of a model is not sound.
+    #[error("{name}: {}", .problems.join("; "))]
+    Model {
+        /// The model.
+        name: &'static str,
+        /// What is wrong with it.
+        problems: Vec<String>,
+    },
+    /// The binary to be packaged is not there.
+    #[error("{0} is not there: build the library together with the program, as `cargo build --release` does")]
+    NoBinary(PathBuf),
+    /// Cargo could not build the library.
+    #[error("cargo could not build the library {0}")]
+    Build(String),
+    /// A file is no binary for the platform it is meant for.
+    #[error("{0} is {1}")]
+    NotFor(PathBuf, NotFor),
+    /// A library without the interface.
+    #[error("{0} is no library of an FMU: it does not export {1}")]
+    NoInterface(PathBuf, String),
+    /// Two binaries are given for one platform.
+    #[error("two binaries are given for the platform {0}: one is wanted")]
+    Twice(&'static str),
+    /// FMI 2.0 has no name for this platform.
+    #[error("FMI 2.0 has no folder name for the platform {0}")]
+    Platform(String),
+    /// The archive could not be made.
+    #[error("{0}: {1}")]
+    Archive(String, zip::result::ZipError),
+}
+
+fn at(path: &Path) -> impl FnOnce(std::io::Error) -> PackageError {
+    move |source| PackageError::File { path: path.into(), source }
+}
+
+/// A file within an archive.
+pub struct Member {
+    /// Path within the archive, with slashes.
+    pub path: String,
+    /// Content.
+    pub content: Vec<u8>,
+}
+
+impl Member {
+    /// A file of that path and content.
+    pub fn new(path: impl Into<String>, content: impl Into<Vec<u8>>) -> Self {
+        Self { path: path.into(), content: content.into() }
+    }
+}
+
+/// An archive that was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Written {
+    /// Where it is.
+    pub path: PathBuf,
+    /// How many bytes it has.
+    pub bytes: usize,
+    /// Names of the platforms it serves.
+    pub platforms: Vec<&'static str>,
+}
+
+/// What an FMU can hold beside model description, binaries and tables of variables.
+#[derive(Clone, Debug)]
+pub struct Extras {
+    /// A picture of the model, as PNG.
+    pub picture: Option<Cow<'static, [u8]>>,
+    /// Paragraphs of HTML for the documentation page.
+    pub text: Cow<'static, str>,
+    /// Makes the documentation page of its title and its content in HTML; [`documentation::page`] unless given.
+    pub page: fn(&str, &str) -> String,
+    /// Licences of the model and of the crates linked into it: file name and text.
+    pub licenses: Vec<(Cow<'static, str>, Cow<'static, str>)>,
+}
+
+impl Default for Extras {
+    fn default() -> Self {
+        Self { picture: None, text: "".into(), page: documentation::page, licenses: Vec::new() }
+    }
+}
+
+/// Writes an FMU of each model into a folder, which is made if need be, with the library that cargo has built together with
+/// the running program.
+///
+/// # Errors
+/// Whatever file could not be read or written.
+pub fn package(fmus: &'static Fmus, folder: impl AsRef<Path>) -> Result<Vec<Written>, PackageError> {
+    package_library(fmus, &built_library(fmus.library())?, folder)
+}
+
+/// As [`package`], with the library that is given.
+///
+/// # Errors
+/// Whatever file could not be read or written.
+pub fn package_library(
+    fmus: &'static Fmus,
+    library: &Path,
+    folder: impl AsRef<Path>,
+) -> Result<Vec<Written>, PackageError> {
+    let binaries = binaries_of(library)?;
+    let archive =
+        |model: &ModelType| Ok((format!("{}.fmu", model.info.name), fmu(model, &binaries, &Extras::default())?));
+    let archives = fmus.models().iter().map(|model| archive(model)).collect::<Result<Vec<_>, _>>()?;
+    write(archives, &binaries, folder.as_ref())
+}
+
+/// As [`package`], for an example that packs itself: cargo is asked to build `library`, another example of the crate type
+/// `cdylib` with the same source, because `cargo run --example` builds no libraries.
+///
+/// # Errors
+/// [`PackageError::Build`], and whatever file could not be read or written.
+pub fn package_example(
+    fmus: &'static Fmus,
+    library: &str,
+    folder: impl AsRef<Path>,
+) -> Result<Vec<Written>, PackageError> {
+    package_library(fmus, &build_example(library)?, folder)
+}
+
+fn build_example(name: &str) -> Result<PathBuf, PackageError> {
+    let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
+    // The program is target/PROFILE/examples/NAME.
+    let folders: Vec<&Path> = program.ancestors().skip(1).take(3).collect();
+    let [examples, profile, target] = folders[..] else { return Err(PackageError::Build(name.into())) };
+    let profile = match profile.file_name().map(|name| name.to_string_lossy()) {
+        Some(name) if name != "debug" => name.into_owned(),
+        _ => "dev".into(),
+    };
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let manifest = std::env::var_os("CARGO_MANIFEST_DIR").map(PathBuf::from).unwrap_or_default().join("Cargo.toml");
+    let mut command = Command::new(cargo);
+    command.args(["build", "--quiet", "--example", name, "--profile", &profile]);
+    command.arg("--manifest-path").arg(manifest).arg("--target-dir").arg(target);
+    let built = command.status().is_ok_and(|status| status.success());
+    let library = examples.join(file_name(name));
+    if built && library.is_file() { Ok(library) } else { Err(PackageError::Build(name.into())) }
+}
+
+fn file_name(library: &str) -> String {
+    format!("{}{library}{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX)
+}
+
+/// The library of that name that cargo has built together with the running program.
+///
+/// # Errors
+/// If there is none beside it.
+pub fn built_library(name: &str) -> Result<PathBuf, PackageError> {
+    let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
+    let folder = program.parent().unwrap_or(Path::new(""));
+    // Cargo compiles into `deps`, where test programs lie as well, and links the library up from there only when it is
+    // asked for the library itself: beside a program that `cargo run` has built it is missing, or an old one.
+    let beside = folder.join(file_name(name));
+    [folder.join("deps").join(file_name(name)), beside.clone()]
+        .into_iter()
+        .find(|candidate| candidate.is_file())
+        .ok_or(PackageError::NoBinary(beside))
+}
+
+/// The platform this program runs on.
+///
+/// # Errors
+/// [`PackageError::Platform`] where the standard has no name.
+pub fn platform() -> Result<&'static Platform, PackageError> {
+    use std::env::consts::{ARCH, OS};
+    platforms::own().ok_or_else(|| PackageError::Platform(format!("{OS} on {ARCH}")))
+}
+
+/// A library for this platform.
+///
+/// # Errors
+/// If it could not be read, or is none.
+pub fn binaries_of(library: &Path) -> Result<Binaries, PackageError> {
+    let mut binaries = Binaries::default();
+    read_built(&mut binaries, platform()?, library)?;
+    Ok(binaries)
+}
+
+/// Reads binaries for the platforms they are given for, and adds `own`, the library for this platform, unless one is given.
+///
+/// # Errors
+/// Whatever file could not be read, or is not what it is said to be.
+pub fn binaries(
+    given: &[(&'static Platform, PathBuf)],
+    own: impl FnOnce() -> Result<PathBuf, PackageError>,
+) -> Result<Binaries, PackageError> {
+    let mut binaries = Binaries::default();
+    for (index, (platform, path)) in given.iter().enumerate() {
+        if given[..index].iter().any(|(other, _)| other == platform) {
+            return Err(PackageError::Twice(platform.name));
+        }
+        read(&mut binaries, platform, path)?;
+    }
+    match platform() {
+        Ok(platform) if !binaries.serve(platform) => read_built(&mut binaries, platform, &own()?)?,
+        Err(unknown) if given.is_empty() => return Err(unknown),
+        _ => {}
+    }
+    Ok(binaries)
+}
+
+fn read(binaries: &mut Binaries, platform: &'static Platform, path: &Path) -> Result<(), PackageError> {
+    add(binaries, platform, path, fs::read(path).map_err(at(path))?)
+}
+
+/// As [`read`], for a library that was built here. What was built elsewhere is packed as it is.
+fn read_built(binaries: &mut Binaries, platform: &'static Platform, path: &Path) -> Result<(), PackageError> {
+    let mut content = fs::read(path).map_err(at(path))?;
+    remap(&mut content);
+    add(binaries, platform, path, content)
+}
+
+fn add(
+    binaries: &mut Binaries,
+    platform: &'static Platform,
+    path: &Path,
+    content: Vec<u8>,
+) -> Result<(), PackageError> {
+    binaries.add(platform, &content).map_err(|why| PackageError::NotFor(path.into(), why))?;
+    let missing = platforms::missing_functions(platform, &content);
+    if missing.is_empty() { Ok(()) } else { Err(PackageError::NoInterface(path.into(), missing.join(", "))) }
+}
+
+/// Takes folders of this machine out of a library: messages of panics hold the paths of the sources of dependencies. Each
+/// folder is overwritten by `/crates` and slashes up to the same length, so that nothing moves. A library for macOS stays as it
+/// is, for it is signed; there, build with the compiler's option `--remap-path-prefix`.
+fn remap(library: &mut [u8]) {
+    if platforms::is_signed(library) {
+        return;
+    }
+    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let home = home.or_else(|| std::env::home_dir().map(|home| home.join(".cargo")));
+    let home = home.map(|home| home.display().to_string()).filter(|home| home.len() > 1);
+    let separator = std::path::MAIN_SEPARATOR;
+    let mut folders = vec![(env!("CARGO_MANIFEST_DIR").to_owned(), 0)];
+    if let Some(home) = home {
+        // Below these stands one folder more, named after the registry or the repository.
+        folders.push((format!("{home}{separator}registry{separator}src{separator}"), 1));
+        folders.push((format!("{home}{separator}git{separator}checkouts{separator}"), 1));
+    }
+    for (folder, below) in folders {
+        let folder = folder.as_bytes();
+        let mut at = 0;
+        while let Some(found) = library[at..].windows(folder.len()).position(|window| window == folder) {
+            let begin = at + found;
+            at = begin + folder.len();
+            for _ in 0..below {
+                let name = library[at..].iter().take_while(|byte| **byte != separator as u8);
+                at += name.take(256).count();
+            }
+            let (head, rest) = library[begin..at].split_at_mut(b"/crates".len().min(at - begin));
+            head.copy_from_slice(&b"/crates"[..head.len()]);
+            rest.fill(b'/');
+        }
+    }
+}
+
+/// The FMU of a model around its binaries. Its bytes depend on the arguments alone.
+///
+/// # Errors
+/// [`PackageError::Model`], [`PackageError::Archive`].
+pub fn fmu(model: &ModelType, binaries: &Binaries, extras: &Extras) -> Result<Vec<u8>, PackageError> {
+    let name = model.info.name;
+    let problems = description::problems(&model.info, model.variables());
+    if !problems.is_empty() {
+        return Err(PackageError::Model { name, problems });
+    }
+    let mut members = vec![Member::new("modelDescription.xml", model.xml())];
+    members.extend(extras.picture.as_deref().map(|picture| Member::new("model.png", picture)));
+    members.extend(binaries.places().into_iter().map(|place| {
+        Member::new(format!("binaries/{}/{name}.{}", place.folder, place.ending), place.content.into_owned())
+    }));
+    members.push(Member::new("documentation/index.html", (extras.page)(name, &documentation::body(model, extras))));
+    let licenses = extras.licenses.iter();
+    members.extend(licenses.map(|(file, text)| Member::new(format!("documentation/licenses/{file}"), text.as_bytes())));
+    archive(name, &members)
+}
+
+/// Writes archives, by file name, into a folder, which is made if need be.
+///
+/// # Errors
+/// Whatever file could not be written.
+pub fn write(
+    archives: Vec<(String, Vec<u8>)>,
+    binaries: &Binaries,
+    folder: &Path,
+) -> Result<Vec<Written>, PackageError> {
+    fs::create_dir_all(folder).map_err(at(folder))?;
+    let mut written = Vec::new();
+    for (name, content) in archives {
+        let path = folder.join(name);
+        fs::write(&path, &content).map_err(at(&path))?;
+        let platforms = binaries.platforms().map(|platform| platform.name).collect();
+        written.push(Written { path, bytes: content.len(), platforms });
+    }
+    Ok(written)
+}
+
+/// A zip archive whose bytes depend on the members alone: no times, no owners, the order as given.
+///
+/// # Errors
+/// [`PackageError::Archive`] with the name given.
+pub fn archive(name: &str, members: &[Member]) -> Result<Vec<u8>, PackageError> {
+    let fail = |error| PackageError::Archive(name.into(), error);
+    let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
+    for member in members {
+        // An archive within an archive is compressed already.
+        let compression =
+            if member.path.ends_with(".fmu") { CompressionMethod::Stored } else { CompressionMethod::Deflated };
+        let options = SimpleFileOptions::default()
+            .compression_method(compression)
+            .last_modified_time(DateTime::default())
+            .unix_permissions(0o644);
+        writer.start_file(&member.path, options).map_err(fail)?;
+        writer.write_all(&member.content).map_err(|error| fail(error.into()))?;
+    }
+    Ok(writer.finish().map_err(fail)?.into_inner())
+}

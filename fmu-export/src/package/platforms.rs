@@ -1,0 +1,337 @@
+//! Platforms that an FMU can hold binaries for, what their files look like, and in which folders importers look for them.
+//!
+//! FMI 2.0.4, section 2.3, knows `linux64`, `win64` and `darwin64`, all of them x86-64, and sends other platforms to the names
+//! of FMI 3.0, `aarch64-linux` and `aarch64-darwin`. Many importers on Arm know the first three only, so that [`Binaries`]
+//! puts a binary where they look as well, if there is room.
+
+use std::borrow::Cow;
+use std::collections::HashSet;
+use std::fmt;
+
+/// A platform, under the name of its folder in an FMU.
+#[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Platform {
+    /// Name of the folder, by the standard.
+    pub name: &'static str,
+    /// Ending of the name of a shared library.
+    pub ending: &'static str,
+    /// The platform in words.
+    pub words: &'static str,
+    format: Format,
+    /// What the format calls the processor.
+    machine: u32,
+}
+
+impl fmt::Display for Platform {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({}, {})", self.name, self.words, self.format)
+    }
+}
+
+/// All platforms, in the order in which archives hold them.
+pub const PLATFORMS: &[Platform] = &[
+    Platform { name: "linux64", ending: "so", words: "Linux on x86-64", format: Format::Elf, machine: 62 },
+    Platform { name: "win64", ending: "dll", words: "Windows on x86-64", format: Format::Pe, machine: 0x8664 },
+    Platform {
+        name: "darwin64",
+        ending: "dylib",
+        words: "macOS on x86-64",
+        format: Format::MachO,
+        machine: 0x0100_0007,
+    },
+    Platform { name: "aarch64-linux", ending: "so", words: "Linux on Arm", format: Format::Elf, machine: 183 },
+    Platform {
+        name: "aarch64-darwin",
+        ending: "dylib",
+        words: "macOS on Apple silicon",
+        format: Format::MachO,
+        machine: 0x0100_000c,
+    },
+];
+
+/// The platform of that name.
+///
+/// # Errors
+/// The names that there are, in words.
+pub fn by_name(name: &str) -> Result<&'static Platform, String> {
+    PLATFORMS.iter().find(|platform| platform.name == name).ok_or_else(|| {
+        let names: Vec<_> = PLATFORMS.iter().map(|platform| platform.name).collect();
+        format!("`{name}` is no platform: one of {} is wanted", names.join(", "))
+    })
+}
+
+/// The platform this program runs on, if FMI 2.0 has a name for it.
+pub fn own() -> Option<&'static Platform> {
+    use std::env::consts::{ARCH, OS};
+    let name = match (OS, ARCH) {
+        ("linux", "x86_64") => "linux64",
+        ("linux", "aarch64") => "aarch64-linux",
+        ("windows", "x86_64") => "win64",
+        ("macos", "x86_64") => "darwin64",
+        ("macos", "aarch64") => "aarch64-darwin",
+        _ => return None,
+    };
+    by_name(name).ok()
+}
+
+/// Format of a file with code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Format {
+    Elf,
+    Pe,
+    MachO,
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Format::Elf => "ELF",
+            Format::Pe => "PE",
+            Format::MachO => "Mach-O",
+        })
+    }
+}
+
+/// Why a file is no binary for a platform.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NotFor {
+    /// It has none of the formats.
+    #[error("no shared library for {wanted}: it is neither ELF nor PE nor Mach-O with 64 bits")]
+    Unknown {
+        /// What was wanted.
+        wanted: &'static Platform,
+    },
+    /// It has a known format but is a program or a part of one.
+    #[error("no shared library for {wanted}: it is {found} code, but not a shared library")]
+    NoLibrary {
+        /// What was wanted.
+        wanted: &'static Platform,
+        /// What it is, in words.
+        found: String,
+    },
+    /// It is a library for something else.
+    #[error("no shared library for {wanted}: it is one for {found}")]
+    Other {
+        /// What was wanted.
+        wanted: &'static Platform,
+        /// What it is for, in words.
+        found: String,
+    },
+}
+
+/// What a file, or a part of a universal file, says of itself.
+struct Part<'a> {
+    format: Format,
+    machine: u32,
+    is_library: bool,
+    content: &'a [u8],
+}
+
+impl Part<'_> {
+    fn platform(&self) -> Option<&'static Platform> {
+        PLATFORMS.iter().find(|platform| platform.format == self.format && platform.machine == self.machine)
+    }
+
+    fn words(&self) -> String {
+        match self.platform() {
+            Some(platform) => platform.to_string(),
+            None => format!("another machine ({}, {:#x})", self.format, self.machine),
+        }
+    }
+}
+
+fn number<const N: usize>(content: &[u8], at: usize) -> Option<[u8; N]> {
+    content.get(at..)?.first_chunk().copied()
+}
+
+fn u16_le(content: &[u8], at: usize) -> Option<u16> {
+    number(content, at).map(u16::from_le_bytes)
+}
+
+fn u32_le(content: &[u8], at: usize) -> Option<u32> {
+    number(content, at).map(u32::from_le_bytes)
+}
+
+fn u32_be(content: &[u8], at: usize) -> Option<u32> {
+    number(content, at).map(u32::from_be_bytes)
+}
+
+/// Magic number of a universal file, which holds one Mach-O file for each processor.
+const UNIVERSAL: u32 = 0xcafe_babe;
+/// Number of bytes of its header, and of the header's entry for each part.
+const UNIVERSAL_HEAD: usize = 8;
+const UNIVERSAL_ENTRY: usize = 20;
+/// Parts begin at multiples of the largest page of these processors, 2¹⁴ bytes.
+const UNIVERSAL_ALIGN: u32 = 14;
+
+/// All that a file holds code for: nothing if it is not understood.
+fn parts(content: &[u8]) -> Vec<Part<'_>> {
+    if u32_be(content, 0) == Some(UNIVERSAL) {
+        let count = u32_be(content, 4).unwrap_or(0).min(16) as usize;
+        let entry = |index| {
+            let at = UNIVERSAL_HEAD + UNIVERSAL_ENTRY * index;
+            let (offset, size) = (u32_be(content, at + 8)? as usize, u32_be(content, at + 12)? as usize);
+            part(content.get(offset..offset.checked_add(size)?)?)
+        };
+        return (0..count).filter_map(entry).filter(|part| part.format == Format::MachO).collect();
+    }
+    part(content).into_iter().collect()
+}
+
+fn part(content: &[u8]) -> Option<Part<'_>> {
+    let part = |format, machine, is_library| Some(Part { format, machine, is_library, content });
+    if content.starts_with(b"\x7fELF\x02\x01") {
+        const ET_DYN: u16 = 3;
+        part(Format::Elf, u16_le(content, 18)?.into(), u16_le(content, 16)? == ET_DYN)
+    } else if content.starts_with(b"MZ") {
+        const IMAGE_FILE_DLL: u16 = 0x2000;
+        let at = u32_le(content, 0x3c)? as usize;
+        if number(content, at)? != *b"PE\0\0" {
+            return None;
+        }
+        part(Format::Pe, u16_le(content, at + 4)?.into(), u16_le(content, at + 22)? & IMAGE_FILE_DLL != 0)
+    } else if u32_le(content, 0)? == 0xfeed_facf {
+        const MH_DYLIB: u32 = 6;
+        part(Format::MachO, u32_le(content, 4)?, u32_le(content, 12)? == MH_DYLIB)
+    } else {
+        None
+    }
+}
+
+/// Whether a file is for macOS, where a signature guards its content.
+pub(super) fn is_signed(content: &[u8]) -> bool {
+    parts(content).iter().any(|part| part.format == Format::MachO)
+}
+
+/// Functions without which no importer can run an FMU.
+const FUNCTIONS: [&str; 6] =
+    ["fmi2GetVersion", "fmi2Instantiate", "fmi2SetupExperiment", "fmi2DoStep", "fmi2GetReal", "fmi2FreeInstance"];
+
+/// Those functions of FMI 2.0 that a library for a platform does not export; all of them if it cannot be read.
+pub fn missing_functions(platform: &Platform, content: &[u8]) -> Vec<&'static str> {
+    use object::Object;
+    use object::read::NameOrOrdinal;
+    let parts = parts(content);
+    let part = parts.iter().find(|part| part.platform() == Some(platform));
+    let Some(file) = part.and_then(|part| object::File::parse(part.content).ok()) else { return FUNCTIONS.into() };
+    // Mach-O puts an underscore before the names of C.
+    let prefix: &[u8] = if platform.format == Format::MachO { b"_" } else { b"" };
+    let exports: HashSet<Vec<u8>> = file
+        .exports()
+        .into_iter()
+        .flatten()
+        .filter_map(|export| {
+            let export = export.ok()?;
+            let NameOrOrdinal::Name(name) = export.name() else { return None };
+            Some(name.strip_prefix(prefix)?.to_vec())
+        })
+        .collect();
+    let is_exported = |name: &str| exports.contains(name.as_bytes());
+    FUNCTIONS.into_iter().filter(|name| !is_exported(name)).collect()
+}
+
+/// A universal file made of Mach-O files.
+fn universal(files: &[&[u8]]) -> Vec<u8> {
+    let align = 1 << UNIVERSAL_ALIGN;
+    let mut offset = (UNIVERSAL_HEAD + UNIVERSAL_ENTRY * files.len()).next_multiple_of(align);
+    let mut head = [UNIVERSAL.to_be_bytes(), (files.len() as u32).to_be_bytes()].concat();
+    let mut body = Vec::new();
+    for file in files {
+        // Type and subtype of the processor stand in the file as well.
+        let [kind, subtype] = [4, 8].map(|at| u32_le(file, at).unwrap_or(0));
+        for field in [kind, subtype, offset as u32, file.len() as u32, UNIVERSAL_ALIGN] {
+            head.extend(field.to_be_bytes());
+        }
+        body.push((offset, file));
+        offset = (offset + file.len()).next_multiple_of(align);
+    }
+    for (offset, file) in body {
+        head.resize(offset, 0);
+        head.extend_from_slice(file);
+    }
+    head
+}
+
+/// Where a binary lies in an FMU.
+pub struct Place<'a> {
+    /// Folder below `binaries`.
+    pub folder: &'static str,
+    /// Ending of the name.
+    pub ending: &'static str,
+    /// The binary.
+    pub content: Cow<'a, [u8]>,
+}
+
+/// The binaries of an archive, at most one for each platform.
+#[derive(Clone, Debug, Default)]
+pub struct Binaries(Vec<(&'static Platform, Vec<u8>)>);
+
+impl Binaries {
+    /// Whether there is one for that platform.
+    pub fn serve(&self, platform: &Platform) -> bool {
+        self.get(platform).is_some()
+    }
+
+    /// The platforms served, in the order of [`PLATFORMS`].
+    pub fn platforms(&self) -> impl Iterator<Item = &'static Platform> {
+        PLATFORMS.iter().filter(|platform| self.serve(platform))
+    }
+
+    fn get(&self, platform: &Platform) -> Option<&[u8]> {
+        self.0.iter().find(|(of, _)| *of == platform).map(|(_, content)| content.as_slice())
+    }
+
+    /// Adds a binary, in the place of the one that was there. A universal file of macOS serves every processor it holds
+    /// code for, unless that one has a binary of its own.
+    ///
+    /// # Errors
+    /// [`NotFor`] if the file is no shared library for that platform; nothing is added then.
+    pub fn add(&mut self, platform: &'static Platform, content: &[u8]) -> Result<(), NotFor> {
+        let parts = parts(content);
+        let libraries = || parts.iter().filter(|part| part.is_library);
+        if !libraries().any(|part| part.platform() == Some(platform)) {
+            let in_words = |parts: &[Part<'_>]| parts.iter().map(Part::words).collect::<Vec<_>>().join(" and ");
+            return Err(match libraries().next() {
+                _ if parts.is_empty() => NotFor::Unknown { wanted: platform },
+                None => NotFor::NoLibrary { wanted: platform, found: in_words(&parts) },
+                Some(_) => NotFor::Other { wanted: platform, found: in_words(&parts) },
+            });
+        }
+        for part in libraries() {
+            let Some(of) = part.platform() else { continue };
+            if of == platform || !self.serve(of) {
+                self.0.retain(|(other, _)| *other != of);
+                self.0.push((of, part.content.to_vec()));
+            }
+        }
+        Ok(())
+    }
+
+    /// Where the binaries lie in an FMU. Beside the folders of the standard, importers on Arm that know 64 bits only find
+    ///
+    /// - in `darwin64` a universal file with the code for both processors of macOS;
+    /// - in `linux64` the library for Arm, if there is none for x86-64, to which the folder belongs.
+    pub fn places(&self) -> Vec<Place<'_>> {
+        let place = |platform: &'static Platform| {
+            let content = match platform.name {
+                "darwin64" => {
+                    let of_macos = |platform: &&Platform| platform.format == Format::MachO;
+                    let files: Vec<_> =
+                        PLATFORMS.iter().filter(of_macos).filter_map(|platform| self.get(platform)).collect();
+                    match files[..] {
+                        [] => return None,
+                        [alone] => Cow::Borrowed(alone),
+                        _ => Cow::Owned(universal(&files)),
+                    }
+                }
+                "linux64" => {
+                    let of_linux = |platform: &&Platform| platform.format == Format::Elf;
+                    Cow::Borrowed(PLATFORMS.iter().filter(of_linux).find_map(|platform| self.get(platform))?)
+                }
+                _ => Cow::Borrowed(self.get(platform)?),
+            };
+            Some(Place { folder: platform.name, ending: platform.ending, content })
+        };
+        PLATFORMS.iter().filter_map(place).collect()
+    }
+}

@@ -1,0 +1,210 @@
+//! A system of several FMUs as a system structure (SSP 1.0), which tools can run as it is.
+//!
+//! There are no connectors at the root, every connection leads from element to element, and the prefixes are the usual ones,
+//! because some tools accept nothing else. Parameters are bound at the elements, one file each, because libcosim and ecos do not
+//! look for bindings at the system; all of them have the name of the parameter set, by which a user of ecos asks for them.
+//! libcosim and ecos pass over parameters of type Enumeration.
+
+use std::sync::Arc;
+
+use super::Member;
+use crate::ModelType;
+use crate::variable::{Causality, Type, Value, Variable};
+use crate::xml::{Page, element, real, units, write_base_unit};
+
+/// One FMU of a system.
+pub struct Element {
+    /// Name, unique in the system.
+    pub name: String,
+    /// Its model, whose FMU lies in `resources` under its name.
+    pub model: Arc<ModelType>,
+    /// Values of parameters and inputs that differ from the start values, by index.
+    pub settings: Vec<(usize, Value)>,
+}
+
+impl Element {
+    /// What the parameter set says. A choice that is the start value is left out: libcosim and ecos would warn that they pass
+    /// over it.
+    fn parameters(&self) -> Vec<(&Variable, &Value)> {
+        let settings = self.settings.iter().map(|(index, value)| (&self.model.variables()[*index], value));
+        let is_chosen_anyway = |variable: &Variable, value: &Value| {
+            matches!(variable.kind, Type::Enumeration { .. }) && variable.start() == *value
+        };
+        settings.filter(|(variable, value)| !is_chosen_anyway(variable, value)).collect()
+    }
+}
+
+/// A system structure: FMUs, what is connected to what, and a set of parameters.
+pub struct System {
+    /// Name of the file within the archive, `SystemStructure.ssd` for the first of an archive.
+    pub file: String,
+    /// Name of the system, unique in the archive: OMSimulator wants names that differ.
+    pub name: String,
+    /// What it is, in a sentence.
+    pub description: String,
+    /// Name and version of the tool that made it.
+    pub tool: String,
+    /// Name of the set of parameters.
+    pub parameters: String,
+    /// The FMUs.
+    pub elements: Vec<Element>,
+    /// Output and input of each connection, as element and variable.
+    pub connections: Vec<[[String; 2]; 2]>,
+    /// Communication step, in seconds.
+    pub step_s: f64,
+    /// End of the run, in seconds.
+    pub stop_s: f64,
+    /// Relative tolerance, for tools that want one.
+    pub tolerance: f64,
+}
+
+impl System {
+    /// The files of the system within an archive, without the FMUs.
+    pub fn members(&self) -> Vec<Member> {
+        let mut members = vec![Member::new(&self.file, self.structure())];
+        // An empty parameter set is not allowed.
+        for part in self.elements.iter().filter(|part| !part.parameters().is_empty()) {
+            members.push(Member::new(self.parameter_file(part), self.parameter_set(part)));
+        }
+        members
+    }
+
+    /// Where the parameter set of an element is, within the archive.
+    fn parameter_file(&self, part: &Element) -> String {
+        format!("resources/{}-{}.ssv", self.parameters, part.name)
+    }
+
+    fn structure(&self) -> String {
+        let root = element("ssd:SystemStructureDescription")
+            .with("version", "1.0")
+            .with("name", &self.name)
+            .with("description", &self.description)
+            .with("generationTool", &self.tool)
+            .with("xmlns:ssd", "http://ssp-standard.org/SSP1/SystemStructureDescription")
+            .with("xmlns:ssc", "http://ssp-standard.org/SSP1/SystemStructureCommon")
+            .with("xmlns:ssv", "http://ssp-standard.org/SSP1/SystemStructureParameterValues")
+            .with("xmlns:osp", "http://opensimulationplatform.com/SSP/OSPAnnotations")
+            .with("xmlns:oms", "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd");
+        Page::document(root, |page| {
+            page.nest(element("ssd:System").with("name", "loop"), |page| {
+                page.nest(element("ssd:Elements"), |page| {
+                    for part in &self.elements {
+                        self.write_element(page, part);
+                    }
+                });
+                page.nest(element("ssd:Connections"), |page| {
+                    for [from, to] in &self.connections {
+                        page.empty(
+                            element("ssd:Connection")
+                                .with("startElement", &from[0])
+                                .with("startConnector", &from[1])
+                                .with("endElement", &to[0])
+                                .with("endConnector", &to[1]),
+                        );
+                    }
+                });
+                page.nest(element("ssd:Annotations"), |page| {
+                    // OMSimulator looks for the communication step here.
+                    page.nest(element("ssc:Annotation").with("type", "org.openmodelica"), |page| {
+                        page.nest(element("oms:Annotations"), |page| {
+                            page.nest(element("oms:SimulationInformation"), |page| {
+                                page.empty(
+                                    element("oms:FixedStepMaster")
+                                        .with("description", "oms-ma")
+                                        .with("stepSize", real(self.step_s))
+                                        .with("relativeTolerance", real(self.tolerance)),
+                                );
+                            });
+                        });
+                    });
+                });
+            });
+            write_units(page, "ssd:Units", &self.elements);
+            let stop = real(self.stop_s);
+            page.nest(element("ssd:DefaultExperiment").with("startTime", "0").with("stopTime", stop), |page| {
+                page.nest(element("ssd:Annotations"), |page| {
+                    // SSP 1.0 has no place for the communication step; libcosim looks for it here.
+                    page.nest(element("ssc:Annotation").with("type", "com.opensimulationplatform"), |page| {
+                        page.nest(element("osp:Algorithm"), |page| {
+                            let step = real(self.step_s);
+                            page.empty(element("osp:FixedStepAlgorithm").with("baseStepSize", step));
+                        });
+                    });
+                });
+            });
+        })
+    }
+
+    fn write_element(&self, page: &mut Page, part: &Element) {
+        let tag = element("ssd:Component")
+            .with("name", &part.name)
+            .with("type", "application/x-fmu-sharedlibrary")
+            .with("source", format!("resources/{}.fmu", part.model.info.name));
+        page.nest(tag, |page| {
+            page.nest(element("ssd:Connectors"), |page| {
+                for variable in part.model.variables() {
+                    write_connector(page, variable);
+                }
+            });
+            if !part.parameters().is_empty() {
+                page.nest(element("ssd:ParameterBindings"), |page| {
+                    page.empty(element("ssd:ParameterBinding").with("source", self.parameter_file(part)));
+                });
+            }
+        });
+    }
+
+    fn parameter_set(&self, part: &Element) -> String {
+        let root = element("ssv:ParameterSet")
+            .with("version", "1.0")
+            .with("name", &self.parameters)
+            .with("description", &self.description)
+            .with("xmlns:ssv", "http://ssp-standard.org/SSP1/SystemStructureParameterValues")
+            .with("xmlns:ssc", "http://ssp-standard.org/SSP1/SystemStructureCommon");
+        Page::document(root, |page| {
+            page.nest(element("ssv:Parameters"), |page| {
+                for (variable, value) in part.parameters() {
+                    page.nest(element("ssv:Parameter").with("name", variable.name.as_ref()), |page| {
+                        page.empty(match value {
+                            Value::Real(value) => {
+                                element("ssv:Real").with("value", real(*value)).with("unit", variable.unit_name())
+                            }
+                            Value::Integer(value) => element("ssv:Integer").with("value", value.to_string()),
+                            Value::Boolean(value) => element("ssv:Boolean").with("value", value.to_string()),
+                            Value::String(value) => element("ssv:String").with("value", value),
+                        });
+                    });
+                }
+            });
+            write_units(page, "ssv:Units", std::slice::from_ref(part));
+        })
+    }
+}
+
+fn write_connector(page: &mut Page, variable: &Variable) {
+    let kind = match variable.causality {
+        Causality::Parameter => "parameter",
+        Causality::Input => "input",
+        Causality::Output => "output",
+        Causality::Local => return,
+    };
+    let tag = element("ssd:Connector").with("name", variable.name.as_ref()).with("kind", kind);
+    page.nest(tag, |page| {
+        page.empty(match &variable.kind {
+            Type::Real { unit, .. } => element("ssc:Real").with("unit", unit.name),
+            // Tools that know FMI 2.0 choices as integers accept no other type here.
+            Type::Integer { .. } | Type::Enumeration { .. } => element("ssc:Integer"),
+            Type::Boolean { .. } => element("ssc:Boolean"),
+            Type::String { .. } => element("ssc:String"),
+        });
+    });
+}
+
+/// The units that the connectors or parameters of these elements refer to.
+fn write_units(page: &mut Page, name: &'static str, parts: &[Element]) {
+    page.nest(element(name), |page| {
+        for unit in units(parts.iter().flat_map(|part| part.model.variables())) {
+            page.nest(element("ssc:Unit").with("name", unit.name), |page| write_base_unit(page, "ssc:BaseUnit", unit));
+        }
+    });
+}

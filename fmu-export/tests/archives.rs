@@ -1,0 +1,71 @@
+//! The packager: its archives, and what it takes out of a library.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+#[path = "../examples/pi_controller.rs"]
+#[allow(dead_code, reason = "`main` belongs to the program")]
+mod pi_controller;
+
+use fmu_export::package::{self, PackageError};
+
+/// The model is there without C as well.
+#[test]
+fn the_controller_limits_its_output() {
+    use fmu_export::{Step, log::Silent, variable::Value};
+    let model = pi_controller::FMUS.find("PiController").expect("the model");
+    let index = |name: &str| model.variables().iter().position(|variable| variable.name == name).expect("a variable");
+    let mut controller = model.instantiate();
+    controller.set(index("r"), Value::Real(0.1)).expect("an input");
+    controller.start().expect("good parameters");
+    let step = |at: f64| Step { time_s: at, length_s: 0.01 };
+    controller.step(step(0.0), &mut Silent).expect("a step");
+    // kp e + ki Ts e
+    assert_eq!(controller.get(index("u")), Ok(Value::Real(2.0 * 0.1 + 5.0 * 0.01 * 0.1)));
+    controller.set(index("r"), Value::Real(10.0)).expect("an input");
+    controller.step(step(0.01), &mut Silent).expect("a step");
+    assert_eq!(controller.get(index("u")), Ok(Value::Real(1.0)));
+    assert_eq!(controller.get(index("limited")), Ok(Value::Boolean(true)));
+    controller.set(index("Ts"), Value::Real(1.0)).expect_err("fixed");
+}
+
+/// Fails if a library that is none is packed.
+#[test]
+fn what_is_no_library_is_refused() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let file = folder.join("text.so");
+    fs::write(&file, "this is a text").expect("a file");
+    let error = package::package_library(&pi_controller::FMUS, &file, folder).expect_err("a text");
+    assert!(matches!(error, PackageError::NotFor(..)), "{error}");
+    let error = package::package(&pi_controller::FMUS, folder).expect_err("this test has no library");
+    assert!(error.to_string().contains("is not there"), "{error}");
+}
+
+/// The archive holds no path of this machine. Fails if the folder of the registry is left in the messages of panics.
+#[test]
+fn a_packaged_library_names_no_folder_of_this_machine() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let Some(platform) = package::platforms::own() else { return };
+    let library = folder.join("library").with_extension(platform.ending);
+    let source = folder.join("library.rs");
+    let home = std::env::var("CARGO_HOME").unwrap_or_else(|_| format!("{}/.cargo", std::env::var("HOME").unwrap()));
+    let text = format!("{home}/registry/src/index.crates.io-1/thing-1.0.0/src/lib.rs");
+    // A library with the functions that the packager looks for, which do nothing.
+    let names = ["GetVersion", "Instantiate", "SetupExperiment", "DoStep", "GetReal", "FreeInstance"];
+    let functions = names.map(|name| format!("#[unsafe(no_mangle)] pub extern \"C\" fn fmi2{name}() {{}}\n")).concat();
+    let code = format!("{functions}#[unsafe(no_mangle)] pub static TEXT: &str = {text:?};");
+    fs::write(&source, code).expect("a file");
+    let mut rustc = Command::new(std::env::var("RUSTC").unwrap_or_else(|_| "rustc".into()));
+    rustc.args(["--edition=2024", "--crate-type=cdylib", "-o"]).arg(&library).arg(&source);
+    assert!(rustc.status().expect("a compiler").success());
+    let holds = |bytes: &[u8], text: &str| bytes.windows(text.len()).any(|window| window == text.as_bytes());
+    assert!(holds(&fs::read(&library).expect("a library"), &text));
+    let binaries = package::binaries_of(&library).expect("a library for this platform");
+    let packed = &binaries.places()[0].content;
+    if platform.name.contains("darwin") {
+        return;
+    }
+    assert!(!holds(packed, &home));
+    assert!(holds(packed, "/thing-1.0.0/src/lib.rs"));
+}

@@ -1,0 +1,208 @@
+//! A model with every type of variable, arrays and texts, through the C interface.
+
+mod library {
+    use fmu_export::prelude::*;
+
+    static MODE: Enumeration = Enumeration {
+        name: "Mode",
+        description: "How the sum is taken",
+        items: &[("all", "Of all elements"), ("first", "Of the first alone")],
+        renamed: &[],
+    };
+
+    #[derive(Clone, Default, Serialize, Deserialize)]
+    struct Values {
+        gain: [f64; 2],
+        count: [i32; 2],
+        on: [bool; 2],
+        label: [String; 2],
+        mode: i32,
+        title: String,
+        sum: f64,
+        says: String,
+    }
+
+    /// Sums its parameters at samples, and says so in words.
+    #[derive(Clone)]
+    struct Types;
+
+    impl SampledModel for Types {
+        const INFO: Info = Info { author: "Nobody", version: "2", ..Info::new("Types", "Every type of variable") };
+        type Values = Values;
+        type State = u32;
+
+        fn table() -> Vec<Row<Values>> {
+            let mut rows = Vec::new();
+            rows.extend(Row::reals("gain", place!(Values.gain[k]), unit::ONE, [1.0, 2.0]).map(Row::tunable));
+            rows.extend(Row::integers("count", place!(Values.count[k]), [3, 4]).map(Row::tunable));
+            rows.extend(Row::booleans("on", place!(Values.on[k]), [true, false]).map(Row::input));
+            rows.extend(Row::strings("label", place!(Values.label[k]), ["one", "two"]).map(Row::fixed));
+            rows.push(Row::choice("mode", place!(Values.mode), &MODE, 1).fixed());
+            rows.push(Row::string("title", place!(Values.title), "the <sum> & more").input());
+            rows.push(Row::real("sum", place!(Values.sum), unit::ONE, 0.0).sampled_output());
+            rows.push(Row::string("says", place!(Values.says), "").sampled_output());
+            rows.into_iter().map(|row| row.description("Element {k} of what it is")).collect()
+        }
+
+        fn new(values: &Values) -> Result<Self, Vec<Invalid>> {
+            let mut findings = Vec::new();
+            MODE.choose("mode", values.mode, [false, true], &mut false, &mut findings);
+            if findings.is_empty() { Ok(Self) } else { Err(findings) }
+        }
+
+        fn period_s(&self) -> f64 {
+            0.1
+        }
+
+        fn start(&self, values: &mut Values, _: f64) -> u32 {
+            values.says = "nothing yet".into();
+            0
+        }
+
+        fn sample(&self, samples: &mut u32, values: &mut Values, _: f64, _: &mut dyn Log) -> Stepped {
+            *samples += 1;
+            let elements = if values.mode == 1 { 2 } else { 1 };
+            let term = |k: usize| f64::from(u8::from(values.on[k])) * values.gain[k] * f64::from(values.count[k]);
+            values.sum = (0..elements).map(term).sum();
+            values.says = format!("{} {}: {} of {}", values.title, samples, values.sum, values.label.join(" and "));
+            Ok(())
+        }
+    }
+
+    export_fmus!(Types);
+}
+mod support;
+
+use std::ffi::CStr;
+use std::ptr::{null, null_mut};
+
+use fmu_export::fmi2::bindings::*;
+use fmu_export::variable::{Dependency, Type};
+use fmu_export::{Info, description};
+use support::abuse::Abuse;
+use support::ffi::{Expect, Fmu, text};
+use support::random::Random;
+
+fn read(fmu: &Fmu, name: &str) -> String {
+    let (reference, mut value) = ([fmu.reference(name)], [null()]);
+    // SAFETY: the instance is live; both arrays have one element.
+    let status =
+        unsafe { call!(fmi2GetString: fmi2GetStringTYPE(fmu.component(), reference.as_ptr(), 1, value.as_mut_ptr())) };
+    status.ok(fmu);
+    // SAFETY: the text is valid until the next call on the instance.
+    unsafe { CStr::from_ptr(value[0]) }.to_str().expect("UTF-8").to_owned()
+}
+
+fn write(fmu: &Fmu, name: &str, value: &CStr) -> fmi2Status {
+    let (reference, value) = ([fmu.reference(name)], [value.as_ptr()]);
+    // SAFETY: the instance is live; both arrays have one element.
+    unsafe { call!(fmi2SetString: fmi2SetStringTYPE(fmu.component(), reference.as_ptr(), 1, value.as_ptr())) }
+}
+
+/// Fails if a text is not copied, or if an element of an array stands in the place of another.
+#[test]
+fn texts_and_arrays_are_read_and_written() {
+    let fmu = Fmu::new("Types");
+    write(&fmu, "label[2]", &text("zwei")).ok(&fmu);
+    write(&fmu, "title", &text("Σ")).ok(&fmu);
+    fmu.set("on[2]", 1.0).ok(&fmu);
+    fmu.start(0.0, None);
+    assert_eq!(read(&fmu, "says"), "nothing yet");
+    fmu.step(0.0, 0.05).ok(&fmu);
+    assert_eq!((read(&fmu, "says").as_str(), fmu.get("sum")), ("Σ 1: 11 of one and zwei", 11.0));
+    fmu.set("gain[2]", 10.0).ok(&fmu);
+    fmu.set("count[2]", -1.0).ok(&fmu);
+    fmu.step(0.05, 0.1).ok(&fmu);
+    assert_eq!((read(&fmu, "says").as_str(), fmu.get("sum")), ("Σ 2: -7 of one and zwei", -7.0));
+    assert!(write(&fmu, "label[1]", &text("late")).error(&fmu).contains("label[1] cannot be set: it is fixed"));
+    assert!(fmu.set("gain[1]", f64::NAN).error(&fmu).contains("gain[1] = NaN is refused: a finite number is wanted"));
+}
+
+/// Fails if bytes that are no UTF-8, a null pointer, or another type are taken for a text.
+#[test]
+fn what_is_no_text_is_refused() {
+    let fmu = Fmu::started("Types", &[]);
+    assert!(write(&fmu, "title", c"\xff").error(&fmu).contains("title: the text is refused: UTF-8 is wanted"));
+    assert!(write(&fmu, "gain[1]", c"1").error(&fmu).contains("gain[1]"));
+    let (reference, value) = ([fmu.reference("title")], [null()]);
+    // SAFETY: the instance is live; both arrays have one element; null is what is tested.
+    let status =
+        unsafe { call!(fmi2SetString: fmi2SetStringTYPE(fmu.component(), reference.as_ptr(), 1, value.as_ptr())) };
+    assert!(status.error(&fmu).contains("title: a null pointer is refused"));
+    assert_eq!(read(&fmu, "title"), "the <sum> & more");
+}
+
+/// Fails if a snapshot leaves a text, the state, or the clock out.
+#[test]
+fn snapshots_hold_texts() {
+    let fmu = Fmu::started("Types", &[]);
+    fmu.step(0.0, 0.25).ok(&fmu);
+    let (said, mut state, mut back) = (read(&fmu, "says"), null_mut(), null_mut());
+    fmu.get_state(&mut state).ok(&fmu);
+    let bytes = fmu.serialize(state).expect("bytes");
+    let other = Fmu::new("Types");
+    other.deserialize(&bytes, &mut back).ok(&other);
+    other.set_state(back).ok(&other);
+    assert_eq!(read(&other, "says"), said);
+    other.step(0.25, 0.1).ok(&other);
+    assert_eq!(read(&other, "says"), "the <sum> & more 4: 3 of one and two");
+    fmu.free_state(&mut state).ok(&fmu);
+    fmu.free_state(&mut back).ok(&fmu);
+}
+
+/// Fails if start values are not escaped, and if author and version of the model are not those given.
+#[test]
+fn the_model_description_has_every_type() {
+    let model = library::FMUS.find("Types").expect("the model");
+    let document = roxmltree::Document::parse(model.xml()).expect("well-formed XML");
+    let root = document.root_element();
+    assert_eq!((root.attribute("author"), root.attribute("version")), (Some("Nobody"), Some("2")));
+    assert_eq!(root.attribute("license"), None);
+    let start = |name: &str| {
+        let found = document.descendants().find(|node| node.attribute("name") == Some(name)).expect("the variable");
+        let kind = found.first_element_child().expect("a type");
+        (kind.tag_name().name().to_owned(), kind.attribute("start").map(str::to_owned))
+    };
+    let is = |name: &str, of_type: &str, value: &str| assert_eq!(start(name), (of_type.into(), Some(value.into())));
+    is("title", "String", "the <sum> & more");
+    is("label[2]", "String", "two");
+    is("gain[2]", "Real", "2");
+    is("count[1]", "Integer", "3");
+    is("on[2]", "Boolean", "false");
+    is("mode", "Enumeration", "1");
+    assert_eq!(start("says"), ("String".into(), None));
+}
+
+/// Fails if a table with a mistake is packed.
+#[test]
+fn mistakes_in_a_table_are_named() {
+    let model = library::FMUS.find("Types").expect("the model");
+    assert!(description::problems(&model.info, model.variables()).is_empty());
+    let mut variables = model.variables().to_vec();
+    variables[0].name = "gain[2]".into();
+    variables[1].depends_on.push(("gian[1]".into(), Dependency::Any));
+    if let Type::Enumeration { start, .. } = &mut variables[8].kind {
+        *start = 3;
+    }
+    let found = description::problems(&Info { name: "my model", ..model.info }, &variables).join("; ");
+    let wanted = [
+        "the name `my model` is none",
+        "gain[2] is there twice",
+        "gain[2] names gian[1], which is no variable",
+        "the start value of mode is outside its limits",
+    ];
+    for what in wanted {
+        assert!(found.contains(what), "`{what}` is not said in: {found}");
+    }
+}
+
+/// Random calls with random arguments; see `support/abuse.rs`.
+#[test]
+fn nothing_that_an_importer_does_breaks_an_instance() {
+    for seed in 1..=50 {
+        let mut abuse = Abuse::new(Random::new(seed));
+        while abuse.calls < 2000 {
+            abuse.step().expect("random bytes do not end");
+        }
+    }
+}

@@ -1,0 +1,215 @@
+#!/usr/bin/env python3
+"""Check the crate fmu-export as its users would: its examples in fmpy, and its README in an empty folder.
+
+Needs the packages of scripts/requirements.txt and cargo. The Van der Pol oscillator is compared with SciPy's solution, the PI
+controller with the same law written in Python. The README's crate is built in a folder of its own, packed, validated, and
+compared with the closed form.
+"""
+
+import argparse
+import math
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import fmpy
+import numpy as np
+from fmpy.validation import validate_fmu
+from scipy.integrate import solve_ivp
+
+PROJECT = Path(__file__).resolve().parent.parent
+CRATE = PROJECT / "fmu-export"
+
+# Difference from SciPy's solution, whose own tolerance is 1e-12. The Runge-Kutta method of the example takes steps of 1 ms: its
+# global error is of the order of the step to the power 4, 1e-12, times the constants of a stiff-free limit cycle over 20 s.
+VAN_DER_POL_TOLERANCE = 1e-9
+# The same operations in another order of rounding.
+ROUNDING = 1e-12
+# Rust besides the equations that the README may ask for.
+README_LINES = 25
+
+
+def cargo(*arguments, folder=PROJECT):
+    """Run cargo, which must succeed.
+
+    Parameters
+    ----------
+    *arguments : str
+        What follows ``cargo``.
+    folder : pathlib.Path
+        Where it runs.
+    """
+    subprocess.run(["cargo", *arguments], cwd=folder, check=True, stdin=subprocess.DEVNULL)
+
+
+def package(example):
+    """Let an example pack itself.
+
+    Parameters
+    ----------
+    example : str
+        Name of the example.
+    """
+    cargo("run", "--release", "--locked", "--quiet", "--package", "fmu-export", "--example", example)
+
+
+def validated(fmu):
+    """Validate an archive with fmpy.
+
+    Parameters
+    ----------
+    fmu : pathlib.Path
+        The archive.
+
+    Returns
+    -------
+    list of str
+        What is wrong with it.
+    """
+    return [f"{fmu.name}: {problem}" for problem in validate_fmu(str(fmu))]
+
+
+def far(name, found, wanted, tolerance):
+    """Compare two signals.
+
+    Parameters
+    ----------
+    name : str
+        What they are.
+    found, wanted : array_like
+        The signals.
+    tolerance : float
+        Largest difference that passes.
+
+    Returns
+    -------
+    list of str
+        Empty, or the difference in words.
+    """
+    difference = float(np.max(np.abs(np.asarray(found) - np.asarray(wanted))))
+    print(f"{name}: largest difference {difference:.2e}, allowed {tolerance:.0e}")
+    return [] if difference <= tolerance else [f"{name}: {difference} is above {tolerance}"]
+
+
+def van_der_pol(fmu):
+    """Compare the oscillator with SciPy's solution over 20 s.
+
+    Parameters
+    ----------
+    fmu : pathlib.Path
+        The archive.
+
+    Returns
+    -------
+    list of str
+        What is wrong with it.
+    """
+    result = fmpy.simulate_fmu(str(fmu), stop_time=20.0, step_size=0.01, output_interval=0.01, output=["x", "v"])
+
+    def slope(_, state):
+        x, v = state
+        return [v, (1.0 - x * x) * v - x]
+
+    solution = solve_ivp(slope, (0.0, 20.0), [2.0, 0.0], method="DOP853", rtol=1e-12, atol=1e-12, t_eval=result["time"].clip(0, 20))
+    return far("VanDerPol x", result["x"], solution.y[0], VAN_DER_POL_TOLERANCE) + far(
+        "VanDerPol v", result["v"], solution.y[1], VAN_DER_POL_TOLERANCE
+    )
+
+
+def pi_controller(fmu):
+    """Compare the controller with its law, in steps that are no multiple of its sample time.
+
+    Parameters
+    ----------
+    fmu : pathlib.Path
+        The archive.
+
+    Returns
+    -------
+    list of str
+        What is wrong with it.
+    """
+    step = 0.004
+    time = np.arange(251) * step
+    reference = np.where(time < 0.5, 0.2, -1.0)
+    signals = np.array(list(zip(time, reference)), dtype=[("time", float), ("r", float)])
+    result = fmpy.simulate_fmu(
+        str(fmu), stop_time=1.0, step_size=step, output_interval=step, input=signals, output=["u", "limited"]
+    )
+    wanted, integral, taken, output = [0.0], 0.0, 0, 0.0
+    for number in range(len(result["time"]) - 1):
+        # A sample belongs to the step in which it lies, the end excluded.
+        while taken * 0.01 < (number + 1) * step - 1e-5:
+            error = reference[math.floor(taken * 0.01 / step + 1e-9)] if taken * 0.01 <= 1.0 else reference[-1]
+            ahead = integral + 5.0 * 0.01 * error
+            unlimited = 2.0 * error + ahead
+            integral = integral if abs(unlimited) > 1.0 else ahead
+            output = min(max(unlimited, -1.0), 1.0)
+            taken += 1
+        wanted.append(output)
+    return far("PiController u", result["u"], wanted, ROUNDING)
+
+
+def readme():
+    """Follow the README in an empty folder.
+
+    Returns
+    -------
+    list of str
+        What is wrong with it.
+    """
+    text = (CRATE / "README.md").read_text(encoding="utf-8")
+    manifest, library, program = (
+        re.search(rf"`{name}`.*?```\w+[^\n]*\n(.*?)```", text, re.DOTALL)[1]
+        for name in ["Cargo.toml", "src/lib.rs", "src/main.rs"]
+    )
+    rust = [line for line in (library + program).splitlines() if line.strip()]
+    equations = [line for line in rust if "values.y" in line and "Row" not in line]
+    print(f"README: {len(rust) - len(equations)} lines of Rust besides the equations")
+    findings = []
+    if len(rust) - len(equations) > README_LINES:
+        findings.append(f"README: more than {README_LINES} lines of Rust besides the equations")
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "low-pass"
+        (folder / "src").mkdir(parents=True)
+        (folder / "Cargo.toml").write_text(manifest.replace("../fmu-export", str(CRATE)), encoding="utf-8")
+        (folder / "src" / "lib.rs").write_text(library, encoding="utf-8")
+        (folder / "src" / "main.rs").write_text(program, encoding="utf-8")
+        # The versions that are locked here, and what was compiled here already.
+        (folder / "Cargo.lock").write_text((PROJECT / "Cargo.lock").read_text(encoding="utf-8"), encoding="utf-8")
+        cargo("run", "--release", "--quiet", "--target-dir", str(PROJECT / "target" / "readme"), folder=folder)
+        fmu = folder / "target" / "fmu" / "LowPass.fmu"
+        findings += validated(fmu)
+        result = fmpy.simulate_fmu(str(fmu), stop_time=1.0, step_size=0.01, output_interval=0.01)
+        findings += far("README LowPass y", result["y"], 1.0 - np.exp(-result["time"] / 0.1), ROUNDING)
+    return findings
+
+
+def main():
+    """Check examples and README.
+
+    Returns
+    -------
+    int
+        0 if all is well, 1 otherwise.
+    """
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    findings = []
+    for example, name, compare in [
+        ("van_der_pol", "VanDerPol", van_der_pol),
+        ("pi_controller", "PiController", pi_controller),
+    ]:
+        package(example)
+        fmu = PROJECT / "target" / "fmu" / f"{name}.fmu"
+        findings += validated(fmu) + compare(fmu)
+    findings += readme()
+    for finding in findings:
+        print(finding)
+    print(f"{len(findings)} findings")
+    return 1 if findings else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

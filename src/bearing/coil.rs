@@ -1,0 +1,237 @@
+//! The coil of a magnet: flux, current, force and field energy, all from one energy function.
+//!
+//! The same current drives the flux `φ` through the air gap and, if there is any, the leakage `L_leak i`:
+//!
+//! ```text
+//! ψ = φ + L_leak i                                  flux linked with the coil
+//! i = φ gap/(2λ) + i_s (φ/φ_s)⁷                     air gap, iron
+//! W = φ² gap/(4λ) + i_s φ_s/8 (φ/φ_s)⁸ + L_leak i²/2
+//! F = ∂W/∂gap = φ²/(4λ)      i = ∂W/∂ψ              towards the magnet
+//! u = R i + dψ/dt
+//! ```
+//!
+//! `φ_s` is the flux at which the iron needs as much current as the nominal gap, `i_s = φ_s s/(2λ)`; with `φ_s = 0` the iron
+//! needs none. Then `i = 2λ/gap` of flux per ampere, `L = L_leak + 2λ/gap`, and the force is P(4), `λ i²/gap²`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::bearing::scalar::Scalar;
+use crate::invalid::Checks;
+
+/// What drives a coil.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Drive {
+    /// The current, held over the step.
+    #[default]
+    Current,
+    /// The voltage of the amplifier, held over the step.
+    Voltage,
+}
+
+/// The fastest coil admitted: least time constant `L/R`, in s.
+///
+/// The integration resolves the time constant; faster coils would take more than ten thousand sub-steps per millisecond and
+/// are better described by current drive.
+pub const SHORTEST_TIME_CONSTANT_S: f64 = 1e-6;
+
+/// The most Newton iterations for the flux in saturated iron; convergence is monotone, and quadratic at its end.
+const MOST_ITERATIONS: usize = 60;
+
+/// The coils, all three alike but for λ.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CoilConfig<T = f64> {
+    /// Whether current or voltage is given.
+    pub drive: Drive,
+    /// Resistance `R`, in Ω.
+    pub resistance_ohm: T,
+    /// Leakage inductance `L_leak`, in H.
+    pub leakage_h: T,
+    /// The amplifier gives voltages within ± this, in V.
+    pub limit_v: T,
+    /// Flux `φ_s` of the saturation of the iron, in Wb; 0 for iron that does not saturate.
+    pub saturation_wb: T,
+}
+
+impl Default for CoilConfig {
+    /// Current drive; 1 Ω and 100 V if it is made voltage drive.
+    fn default() -> Self {
+        Self { drive: Drive::Current, resistance_ohm: 1.0, leakage_h: 0.0, limit_v: 100.0, saturation_wb: 0.0 }
+    }
+}
+
+impl CoilConfig {
+    /// Reports what is wrong, by the names of the interface; `gap_m` and `lambda_nm2_a2` are those of the magnets.
+    pub(crate) fn check(&self, gap_m: f64, lambda_nm2_a2: [f64; 3], checks: &mut Checks) {
+        checks.not_negative("coil.R", self.resistance_ohm, "Ohm");
+        checks.not_negative("coil.Lleak", self.leakage_h, "H");
+        checks.positive("coil.uMax", self.limit_v, "V");
+        checks.not_negative("coil.fluxSaturation", self.saturation_wb, "Wb");
+        let least_h = lambda_nm2_a2.iter().map(|lambda| self.leakage_h + lambda / gap_m).fold(f64::INFINITY, f64::min);
+        if self.drive == Drive::Voltage && self.resistance_ohm.is_finite() && least_h.is_finite() && least_h > 0.0 {
+            checks.require(
+                least_h >= SHORTEST_TIME_CONSTANT_S * self.resistance_ohm,
+                "coil.R",
+                format_args!("{} Ohm", self.resistance_ohm),
+                format!(
+                    "a time constant L/R of at least {SHORTEST_TIME_CONSTANT_S} s (L = {least_h} H at twice the nominal gap)"
+                ),
+            );
+        }
+    }
+}
+
+impl<T: Scalar> CoilConfig<T> {
+    /// The coil of one magnet, for its λ in N·m²/A² and the nominal gap in m.
+    #[inline]
+    pub fn of(&self, lambda_nm2_a2: T, nominal_gap_m: T) -> Coil<T> {
+        let reluctance = T::constant(0.5) / lambda_nm2_a2;
+        Coil {
+            lambda_nm2_a2,
+            leakage_h: self.leakage_h,
+            saturation_wb: self.saturation_wb,
+            iron_a: self.saturation_wb * nominal_gap_m * reluctance,
+        }
+    }
+
+    /// The voltage within the limit of the amplifier, in V.
+    #[inline]
+    pub fn limited(&self, voltage_v: T) -> T {
+        let limit_v = self.limit_v;
+        match voltage_v.value() {
+            u if u > limit_v.value() => limit_v,
+            u if u < -limit_v.value() => -limit_v,
+            _ => voltage_v,
+        }
+    }
+}
+
+/// One coil.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coil<T = f64> {
+    lambda_nm2_a2: T,
+    leakage_h: T,
+    saturation_wb: T,
+    /// `i_s`: current for the iron at the flux `φ_s`, in A.
+    iron_a: T,
+}
+
+/// A coil at an instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoilPoint<T = f64> {
+    /// Flux linked with the coil ψ, in Wb.
+    pub linkage_wb: T,
+    /// Current, in A.
+    pub current_a: T,
+    /// Force towards the magnet, in N.
+    pub force_n: T,
+    /// Energy of the field, in J.
+    pub energy_j: T,
+    /// `∂i/∂ψ`, in 1/H: the inverse of the incremental inductance.
+    pub current_by_linkage: T,
+}
+
+impl<T: Scalar> CoilPoint<T> {
+    /// A coil without current.
+    pub fn idle() -> Self {
+        let zero = T::constant(0.0);
+        Self { linkage_wb: zero, current_a: zero, force_n: zero, energy_j: zero, current_by_linkage: zero }
+    }
+}
+
+impl<T: Scalar> Coil<T> {
+    /// `L = L_leak + 2λ/gap`, in H, with iron that does not saturate.
+    #[inline]
+    pub fn inductance_h(&self, gap_m: T) -> T {
+        self.leakage_h + self.lambda_nm2_a2 * 2.0 / gap_m
+    }
+
+    /// The coil with the flux linkage ψ in Wb at a gap in m, above 0.
+    pub fn at_linkage(&self, linkage_wb: T, gap_m: T) -> CoilPoint<T> {
+        // Of all the flux through the air gap that the linkage allows, which is where Newton's method starts: the curve is
+        // convex beyond the solution, so that the iterations come down to it and cannot overshoot.
+        let mut flux = linkage_wb * (self.lambda_nm2_a2 * 2.0 / gap_m) / self.inductance_h(gap_m);
+        if self.saturates() && !self.leakage_h.is_zero() {
+            flux = solve(flux, |flux| {
+                let (current, by_flux) = self.current(flux, gap_m);
+                (flux + self.leakage_h * current - linkage_wb, self.leakage_h * by_flux + 1.0)
+            });
+        }
+        self.at_flux(flux, gap_m)
+    }
+
+    /// The coil with a current in A at a gap in m, above 0.
+    pub fn at_current(&self, current_a: T, gap_m: T) -> CoilPoint<T> {
+        let mut flux = current_a * 2.0 * self.lambda_nm2_a2 / gap_m;
+        if self.saturates() {
+            // Beyond φ_s the iron alone bounds the flux more tightly; from there it is a few iterations.
+            let ratio = (current_a.value() / self.iron_a.value()).abs();
+            let bound = self.saturation_wb.value() * libm::pow(ratio, 1.0 / 7.0);
+            // Not if 0/0 has made the bound no number.
+            if flux.value().abs() > bound {
+                flux = T::constant(bound.copysign(flux.value()));
+            }
+            flux = solve(flux, |flux| {
+                let (current, by_flux) = self.current(flux, gap_m);
+                (current - current_a, by_flux)
+            });
+        }
+        self.at_flux(flux, gap_m)
+    }
+
+    #[inline]
+    fn saturates(&self) -> bool {
+        self.saturation_wb.value() != 0.0
+    }
+
+    /// Current for a flux through the air gap, and its derivative.
+    #[inline]
+    fn current(&self, flux: T, gap_m: T) -> (T, T) {
+        let reluctance = gap_m / (self.lambda_nm2_a2 * 2.0);
+        if !self.saturates() {
+            return (flux * reluctance, reluctance);
+        }
+        let ratio = flux / self.saturation_wb;
+        let sixth = ratio * ratio * ratio * ratio * ratio * ratio;
+        (flux * reluctance + self.iron_a * sixth * ratio, reluctance + self.iron_a * 7.0 / self.saturation_wb * sixth)
+    }
+
+    #[inline]
+    fn at_flux(&self, flux: T, gap_m: T) -> CoilPoint<T> {
+        let (current_a, by_flux) = self.current(flux, gap_m);
+        let per_gap = flux / (self.lambda_nm2_a2 * 2.0);
+        let mut field_j = flux * 0.5 * per_gap * gap_m;
+        if self.saturates() {
+            let ratio = flux / self.saturation_wb;
+            let square = ratio * ratio;
+            field_j = field_j + self.iron_a * self.saturation_wb * 0.125 * square * square * square * square;
+        }
+        CoilPoint {
+            linkage_wb: flux + self.leakage_h * current_a,
+            current_a,
+            force_n: flux * 0.5 * per_gap,
+            energy_j: field_j + self.leakage_h * 0.5 * current_a * current_a,
+            // dψ/dφ = 1 + L_leak di/dφ.
+            current_by_linkage: by_flux / (self.leakage_h * by_flux + 1.0),
+        }
+    }
+}
+
+/// Newton's method for a function that rises and is convex away from 0, from beyond the solution; value and slope of it are `f`.
+fn solve<T: Scalar>(start: T, f: impl Fn(T) -> (T, T)) -> T {
+    let better = |x: T| {
+        let (value, slope) = f(x);
+        x - value / slope
+    };
+    let mut x = start;
+    for _ in 0..MOST_ITERATIONS {
+        let last = x.value();
+        x = better(x);
+        if x.value() == last || (x.value() - last).abs() <= 4.0 * f64::EPSILON * last.abs() {
+            break;
+        }
+    }
+    for _ in 0..T::POLISHING {
+        x = better(x);
+    }
+    x
+}

@@ -1,0 +1,192 @@
+//! On-line identification of the magnet constants λ.
+//!
+//! In reading order: `config` says what the estimator is told and what it tells; `innovations` is the whitening filter, `sums` the normal equations and
+//! their solutions, `noise` the search for the noise, `validation` the tests of the result, and `prediction_error` the estimator made of them;
+//! `paper` holds the paper's two methods. Here are the checks of a sample, gaps in the data, and the choice of the method.
+
+mod config;
+mod innovations;
+mod noise;
+pub mod paper;
+mod prediction_error;
+mod sums;
+mod validation;
+
+use serde::{Deserialize, Serialize};
+
+use self::config::check;
+pub use self::config::{
+    EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, LEAST_SINE_BETWEEN_MAGNETS, MAX_INTERVALS, MIN_INTERVALS,
+    Method, Tolerance, Verdict,
+};
+use self::paper::{Paper, PaperState};
+pub use self::prediction_error::STD_LIMIT;
+use self::prediction_error::{PredictionError, PredictionErrorState};
+use crate::invalid::Invalid;
+
+const MAGNETS: usize = 3;
+
+/// Where condition numbers end: a singular system shows this value.
+pub const CONDITION_CAP: f64 = 1.0e12;
+
+/// As many samples of one position equal to the last bit, while others move, are a sensor that is stuck.
+pub const STUCK_SAMPLES: u32 = 25;
+
+/// What a method keeps from sample to sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[expect(clippy::large_enum_variant, reason = "there is one of them, and stepping does not allocate")]
+enum MethodState {
+    PredictionError(PredictionErrorState),
+    Paper(PaperState),
+}
+
+/// All that changes with a sample. Made by [`Estimator::start`], and good only for estimators with the same parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EstimatorState {
+    reset_was_high: bool,
+    /// The last positions, m, and for how many samples each has read the same.
+    position_m: [f64; 2],
+    stuck: [u32; 2],
+    method: MethodState,
+    output: EstimatorOutput,
+}
+
+impl EstimatorState {
+    /// The estimates after the last sample.
+    #[must_use]
+    pub fn output(&self) -> &EstimatorOutput {
+        &self.output
+    }
+}
+
+#[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "there is one of them")]
+enum MethodOf {
+    PredictionError(PredictionError),
+    Paper(Paper),
+}
+
+/// The estimator: a checked configuration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimator {
+    config: EstimatorConfig,
+    /// `(sin α_k, cos α_k)`.
+    direction: [[f64; 2]; MAGNETS],
+    method: MethodOf,
+}
+
+impl Estimator {
+    /// Checks the parameters and prepares the method.
+    ///
+    /// # Errors
+    /// Every parameter that cannot be accepted, under its name in the interface: not finite, or not positive where it must be; two magnets
+    /// on one line; a tolerance, or no unbalance, with one of the paper's methods; with these also `Tf` less than 8 or more than 10⁵
+    /// sample times or not a whole number of them, and `epsilon` shorter than `Tf`.
+    pub fn new(config: EstimatorConfig) -> Result<Self, Vec<Invalid>> {
+        check(&config)?;
+        let method = match config.method {
+            Method::PredictionError => MethodOf::PredictionError(PredictionError::new(&config)),
+            Method::Paper | Method::PaperLiteral => MethodOf::Paper(Paper::new(&config)),
+        };
+        let direction = config.alpha_rad.map(|alpha| libm::sincos(alpha).into());
+        Ok(Self { config, direction, method })
+    }
+
+    /// The configuration.
+    #[must_use]
+    pub fn config(&self) -> &EstimatorConfig {
+        &self.config
+    }
+
+    /// A fresh state, with all the memory that stepping needs.
+    #[must_use]
+    pub fn start(&self) -> EstimatorState {
+        let lambda0 = self.config.lambda0_nm2_a2;
+        let output = EstimatorOutput {
+            lambda_hat: lambda0,
+            lambda_raw: lambda0,
+            lambda_std: lambda0,
+            lambda_std_total: lambda0,
+            condition: CONDITION_CAP,
+            residual: 1.0,
+            position_noise_m: self.config.position_noise_m,
+            current_noise_a: self.config.current_noise_a,
+            ..EstimatorOutput::default()
+        };
+        let method = match &self.method {
+            MethodOf::PredictionError(method) => MethodState::PredictionError(method.start()),
+            MethodOf::Paper(method) => MethodState::Paper(method.start()),
+        };
+        EstimatorState { reset_was_high: false, position_m: [0.0; 2], stuck: [0; 2], method, output }
+    }
+
+    /// Whether a state, for instance one read from a file, has the shape this estimator needs and finite numbers alone.
+    #[must_use]
+    pub fn accepts(&self, state: &EstimatorState) -> bool {
+        let finite = state.output.is_finite() && state.position_m.iter().all(|x| x.is_finite());
+        finite
+            && match (&self.method, &state.method) {
+                (MethodOf::PredictionError(_), MethodState::PredictionError(state)) => state.is_sound(),
+                (MethodOf::Paper(method), MethodState::Paper(state)) => method.accepts(state),
+                _ => false,
+            }
+    }
+
+    /// Takes in one sample; to be called once every T_s.
+    ///
+    /// Whatever the input, the result is finite and nothing panics. After a gap in the data (a bad sample, or `enable` false) the
+    /// motion is unknown, but what was learnt of λ stays. A rising edge of `reset` forgets everything, λ̂ included.
+    pub fn sample(&self, state: &mut EstimatorState, input: &EstimatorInput) -> EstimatorOutput {
+        if input.reset && !state.reset_was_high {
+            *state = self.start();
+        }
+        state.reset_was_high = input.reset;
+        state.output.verdict = self.advance(state, input);
+        state.output.valid = state.output.verdict == Verdict::Valid;
+        state.output.clone()
+    }
+
+    fn advance(&self, state: &mut EstimatorState, input: &EstimatorInput) -> Verdict {
+        let refused = if !input.enable {
+            Some(Verdict::Disabled)
+        } else if input.contact {
+            Some(Verdict::Contact)
+        } else if !self.is_usable(input) {
+            Some(Verdict::BadSample)
+        } else {
+            is_stuck(state, input).then_some(Verdict::Stuck)
+        };
+        match (&self.method, &mut state.method) {
+            (MethodOf::PredictionError(method), MethodState::PredictionError(own)) => refused
+                .inspect(|_| method.interrupt(own))
+                .unwrap_or_else(|| method.sample(own, input, &mut state.output)),
+            (MethodOf::Paper(method), MethodState::Paper(own)) if method.has_shape(own) => refused
+                .inspect(|_| method.interrupt(own))
+                .unwrap_or_else(|| method.sample(own, input, &mut state.output)),
+            _ => Verdict::ForeignState,
+        }
+    }
+
+    /// Whether all measurements are finite and the rotor is within the gaps of all magnets.
+    fn is_usable(&self, input: &EstimatorInput) -> bool {
+        let measured = input.position_m.iter().chain(&input.current_a).chain([&input.theta_rad, &input.omega_rad_s]);
+        measured.clone().all(|x| x.is_finite() && x.abs() < MEASUREMENT_LIMIT)
+            && self
+                .direction
+                .iter()
+                .all(|[sin, cos]| self.config.gap_m - sin * input.position_m[0] - cos * input.position_m[1] > 0.0)
+    }
+}
+
+/// No measurement of a machine is as large as this, whatever its unit; squares of it do not overflow.
+const MEASUREMENT_LIMIT: f64 = 1.0e12;
+
+/// Whether a position has read the same for [`STUCK_SAMPLES`] samples while the other moved.
+fn is_stuck(state: &mut EstimatorState, input: &EstimatorInput) -> bool {
+    for ((last, now), count) in state.position_m.iter_mut().zip(input.position_m).zip(&mut state.stuck) {
+        *count = if *last == now { count.saturating_add(1) } else { 0 };
+        *last = now;
+    }
+    let [y, z] = state.stuck;
+    y.max(z) >= STUCK_SAMPLES && y.min(z) == 0
+}

@@ -1,0 +1,431 @@
+//! The paper's estimates, P(19) and P(20): Cramer's rule on the z axis, numerators and determinant filtered apart.
+//!
+//! One row of `D Λ = N`, P(18), is the weak form of the motion along one axis over the window of length `T_f` that
+//! ends now, with a test function that ignores initial conditions and constant forces (see [`kernel`]):
+//!
+//! ```text
+//! ∫ g_z,i Y dτ = T_f² Σ_k λ_k ∫ g_u,i u_y,k dτ        u_y,k = sin α_k i_k²/(m gap_k²)
+//! ∫ g_z,i Z dτ = T_f² Σ_k λ_k ∫ g_u,i u_z,k dτ        u_z,k = cos α_k i_k²/(m gap_k²)
+//! ```
+//!
+//! Every row is divided by its gain for white position noise, so that a row carries metres and every row the same noise; the
+//! column of `λ_k` is multiplied by `λ_0,k`, so that the unknowns are `λ_k/λ_0,k`. Normal equations of both axes are
+//! filtered along to judge the result.
+
+pub mod kernel;
+pub mod lowpass;
+pub mod window;
+
+use libm::sincos;
+use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
+
+use self::kernel::{ROWS_PER_AXIS, Weights};
+use self::lowpass::{LowPass, LowPassState};
+use self::window::{Integrals, KERNELS, Sample, Window, WindowSums};
+use super::config::{EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, Verdict, WHOLE_NUMBER_TOLERANCE};
+use super::{CONDITION_CAP, MAGNETS};
+
+/// The largest condition number with which an estimate counts as valid: on the paper's orbit it is 17 to 32.
+const CONDITION_LIMIT: f64 = 60.0;
+
+/// The largest residual with which an estimate counts as valid: beyond it the model explains less than three
+/// quarters (in the mean square) of the motion that it is asked to explain.
+const RESIDUAL_LIMIT: f64 = 0.5;
+
+/// The largest standard deviation of a λ, relative to the λ, with which an estimate counts as valid.
+///
+/// The standard deviation takes all that is left unexplained for one error in the worst direction, which is about five times the
+/// error that it makes: in the paper's own simulation, where a perturbation of 2 N in phase with the path costs 4.6 %, it is 20 %.
+const STD_LIMIT: f64 = 5.0 * super::STD_LIMIT;
+
+/// Before so many windows without a common sample have passed, the residual says nothing: the six rows of the first one leave three
+/// degrees of freedom, and overfit.
+const LEAST_WINDOWS: u64 = 3;
+
+/// The paper presumes that there is no unbalance, and it is the residual that shows if that is wrong. On a
+/// circle it cannot: the force of an unbalance turns with the acceleration of the rotor, and looks like force constants that
+/// are all too small or too large by the same part. `(a² − b²)/(a² + b²)` of the acceleration with the half-axes a and b must be at
+/// least this; it is 0.69 on the paper's orbit and 0.1 where the half-axes differ by a tenth.
+const ROUND_LIMIT: f64 = 0.1;
+
+/// Upper end of the standard deviation, in units of λ_0.
+const STD_CAP: f64 = 1.0e3;
+
+/// What the discretisation may be off by, relative: motions that noise does not hide are not trusted further than this.
+const MODEL_STD: f64 = 1.0e-4;
+
+/// The least variation of the magnets' `i²/gap²`, relative to its level, that counts as excitation; rounding makes
+/// about 1e-15.
+const EXCITATION_FLOOR: f64 = 1.0e-9;
+
+/// Upper end of the residual.
+const RESIDUAL_CAP: f64 = 1.0e6;
+
+/// Filtered quantities beyond this come from samples that no bearing makes, and their products could overflow.
+const CHANNEL_LIMIT: f64 = 1.0e150;
+
+/// The low-passed quantities: normal equations and the ratio of P(20).
+type Channels = SVector<f64, CHANNELS>;
+
+/// Normal matrix `DᵀD` of the magnets.
+type NormalMatrix = SMatrix<f64, MAGNETS, MAGNETS>;
+
+/// Right-hand side `DᵀN`, or scaled unknowns.
+type NormalVector = SVector<f64, MAGNETS>;
+
+const ROWS: usize = 2 * ROWS_PER_AXIS;
+
+/// Upper triangle of DᵀD.
+const NORMAL: usize = MAGNETS * (MAGNETS + 1) / 2;
+
+/// DᵀN follows.
+const RIGHT: usize = NORMAL;
+
+/// |N|² follows.
+const SQUARE: usize = RIGHT + MAGNETS;
+
+/// n_1, n_2, n_3, d of P(20) follow, signs aligned or not as the method says.
+const RATIO: usize = SQUARE + 1;
+
+/// The squares of what each column of D would be if nothing cancelled follow.
+const LEVEL: usize = RATIO + MAGNETS + 1;
+
+/// `|N_y|² − |N_z|²` and `2 N_y·N_z` follow.
+const SHAPE: usize = LEVEL + MAGNETS;
+
+const CHANNELS: usize = SHAPE + 2;
+
+/// All that changes with a sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PaperState {
+    /// Samples since the start, and since the last gap in the data.
+    samples: u64,
+    filled: u64,
+    /// `1/gap_k²` at the last sample and at the one before, 1/m².
+    inverse_square_gap: [[f64; MAGNETS]; 2],
+    /// Currents of the last sample, A.
+    current_a: [f64; MAGNETS],
+    window: Window,
+    filtered: LowPassState<CHANNELS>,
+    /// Means of `i_k/gap_k²` and `i_k²/gap_k³`, forgotten with the time constant of a window.
+    per_current: [f64; MAGNETS],
+    gradient: [f64; MAGNETS],
+}
+
+/// The estimator of [`Method::Paper`] and [`Method::PaperLiteral`]: the kernels and the filter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Paper {
+    config: EstimatorConfig,
+    intervals: usize,
+    /// Number of samples at which ε has passed; the first sample is at time zero.
+    samples_until_epsilon: u64,
+    /// `(sin α_k, cos α_k)`.
+    direction: [[f64; 2]; MAGNETS],
+    sums: WindowSums,
+    /// One over the gain of each row for position noise.
+    row_scale: [f64; ROWS_PER_AXIS],
+    /// `T_f² λ_0,k/m`.
+    column_scale: [f64; MAGNETS],
+    /// What one A²/m² would make in a column of D if nothing cancelled, m.
+    level: [f64; MAGNETS],
+    low_pass: LowPass,
+}
+
+impl Paper {
+    /// The estimator of a checked configuration.
+    #[must_use]
+    pub fn new(config: &EstimatorConfig) -> Self {
+        let intervals = (config.window_s / config.step_s).round() as usize;
+        let epsilon_steps = config.epsilon_s / config.step_s;
+        let rows: [Weights; ROWS_PER_AXIS] = std::array::from_fn(|row| Weights::paper(row, intervals));
+        let row_scale = std::array::from_fn(|row| 1.0 / rows[row].noise_gain());
+        let window2 = config.window_s * config.window_s;
+        let column_scale = config.lambda0_nm2_a2.map(|lambda0| window2 * lambda0 / config.m_kg);
+        let gain: f64 = rows.iter().zip(&row_scale).map(|(row, scale): (&Weights, &f64)| row.l1_gain() * scale).sum();
+        Self {
+            intervals,
+            samples_until_epsilon: ((epsilon_steps * (1.0 - WHOLE_NUMBER_TOLERANCE)).ceil() as u64).saturating_add(1),
+            direction: config.alpha_rad.map(|alpha| sincos(alpha).into()),
+            sums: WindowSums::new(intervals, config.hold == Hold::Linear),
+            row_scale,
+            level: column_scale.map(|scale| gain * scale),
+            column_scale,
+            low_pass: LowPass::new(config.filter_omega_rad_s, config.filter_zeta, config.step_s),
+            config: config.clone(),
+        }
+    }
+
+    /// A fresh state, with all the memory that stepping needs.
+    #[must_use]
+    pub fn start(&self) -> PaperState {
+        PaperState {
+            samples: 0,
+            filled: 0,
+            inverse_square_gap: [[0.0; MAGNETS]; 2],
+            current_a: [0.0; MAGNETS],
+            window: self.sums.start(),
+            filtered: LowPassState::default(),
+            per_current: [0.0; MAGNETS],
+            gradient: [0.0; MAGNETS],
+        }
+    }
+
+    /// Whether a state has the shape this estimator needs.
+    pub fn has_shape(&self, state: &PaperState) -> bool {
+        self.sums.accepts(&state.window)
+    }
+
+    /// Whether a state, for instance one read from a file, has that shape and finite numbers alone.
+    #[must_use]
+    pub fn accepts(&self, state: &PaperState) -> bool {
+        let PaperState { inverse_square_gap, current_a, per_current, gradient, filtered, .. } = state;
+        let fields = inverse_square_gap.as_flattened().iter().chain(current_a).chain(per_current).chain(gradient);
+        let numbers = fields.chain(&filtered.value).chain(&filtered.rate).chain(state.window.values());
+        self.has_shape(state) && numbers.copied().all(f64::is_finite)
+    }
+
+    /// A gap in the data: the window starts afresh, for its integrals need every sample; the filters F keep what they have.
+    pub fn interrupt(&self, state: &mut PaperState) {
+        state.filled = 0;
+        state.window.clear();
+    }
+
+    /// Takes in a sample, which is finite and within the gap; what to say of the estimate.
+    pub fn sample(&self, state: &mut PaperState, input: &EstimatorInput, output: &mut EstimatorOutput) -> Verdict {
+        let sample = self.signals(state, input);
+        state.filled = state.filled.saturating_add(1);
+        state.samples = state.samples.saturating_add(1);
+        let integrals = self.sums.push(&mut state.window, &sample);
+        let Some(integrals) = integrals.filter(|_| state.samples >= self.samples_until_epsilon) else {
+            return Verdict::Collecting;
+        };
+        let channels = self.channels(output, &integrals, &sample.squares[0]);
+        // Written so that a NaN fails as well.
+        if !channels.iter().all(|x| x.abs() < CHANNEL_LIMIT) {
+            self.interrupt(state);
+            return Verdict::BadSample;
+        }
+        self.low_pass.step(&mut state.filtered, &channels);
+        let lambda = self.lambda(ratio(&channels));
+        if lambda.iter().all(|l| l.is_finite()) {
+            output.lambda_raw = lambda;
+        }
+        let verdict = self.estimate(state, &integrals[ROWS_PER_AXIS], output);
+        output.lambda_std_total = output.lambda_std;
+        for k in 0..MAGNETS {
+            output.ki[k] = 2.0 * output.lambda_hat[k] * state.per_current[k];
+            output.ks[k] = 2.0 * output.lambda_hat[k] * state.gradient[k];
+        }
+        verdict
+    }
+
+    /// What one sample gives the window.
+    fn signals(&self, state: &mut PaperState, input: &EstimatorInput) -> Sample {
+        let [y, z] = input.position_m;
+        let gap_m = self.direction.map(|[sin, cos]| self.config.gap_m - sin * y - cos * z);
+        let w = gap_m.map(|gap| 1.0 / (gap * gap));
+        let [w_last, w_before] = state.inverse_square_gap;
+        let mut sample = Sample { position: input.position_m, ..Sample::default() };
+        let part = 1.0 / (state.samples as f64 + 1.0).min(self.intervals as f64);
+        for k in 0..MAGNETS {
+            let i = match self.config.hold {
+                Hold::HeldBefore | Hold::Linear => input.current_a[k],
+                Hold::HeldAfter => state.current_a[k],
+            };
+            // The mean of (i + n)² is i² + σ_i².
+            let square = i * i - self.config.current_noise_a * self.config.current_noise_a;
+            let [start, end] = &mut sample.squares;
+            if self.config.hold == Hold::Linear {
+                start[k] = square * w[k];
+                end[k] = start[k];
+            } else if state.filled > 0 {
+                // Within the interval 1/gap² is a parabola; one twelfth of its second difference, taken off both
+                // ends of the chord, gives the chord the area of the parabola.
+                let bulge = if state.filled > 1 { (w[k] - 2.0 * w_last[k] + w_before[k]) / 12.0 } else { 0.0 };
+                start[k] = square * (w_last[k] - bulge);
+                end[k] = square * (w[k] - bulge);
+            }
+            state.per_current[k] += part * (i * w[k] - state.per_current[k]);
+            state.gradient[k] += part * (i * i * w[k] / gap_m[k] - state.gradient[k]);
+        }
+        state.inverse_square_gap = [w, w_last];
+        state.current_a = input.current_a;
+        sample
+    }
+
+    /// The rows of D for the two axes, in m per scaled unknown.
+    fn row_pair(&self, integrals: &Integrals) -> [[f64; MAGNETS]; 2] {
+        std::array::from_fn(|axis| {
+            std::array::from_fn(|k| self.column_scale[k] * self.direction[k][axis] * integrals.squares[k])
+        })
+    }
+
+    /// λ from the scaled unknowns.
+    fn lambda(&self, scaled: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|k| self.config.lambda0_nm2_a2[k] * scaled[k])
+    }
+
+    /// The constant force that is left over in the present window: `m (∫ ψ'' Z/T_f² − Σ λ̂ ∫ ψ u)/∫ ψ` per axis.
+    fn static_load(&self, integrals: &Integrals, unknowns: &NormalVector) -> [f64; 2] {
+        let rows = self.row_pair(integrals);
+        std::array::from_fn(|axis| {
+            let modelled: f64 = rows[axis].iter().zip(unknowns.iter()).map(|(d, x)| d * x).sum();
+            self.config.m_kg * (integrals.position[axis] - modelled) / (self.config.window_s * self.config.window_s)
+        })
+    }
+
+    /// What the present window contributes to the filtered quantities.
+    fn channels(
+        &self,
+        output: &mut EstimatorOutput,
+        integrals: &[Integrals; KERNELS],
+        squares: &[f64; MAGNETS],
+    ) -> Channels {
+        let mut d = SMatrix::<f64, ROWS, MAGNETS>::zeros();
+        let mut n = SVector::<f64, ROWS>::zeros();
+        for (row, (integrals, scale)) in integrals.iter().zip(self.row_scale).enumerate() {
+            for (axis, values) in self.row_pair(integrals).iter().enumerate() {
+                let at = axis * ROWS_PER_AXIS + row;
+                n[at] = scale * integrals.position[axis];
+                for (k, value) in values.iter().enumerate().take(MAGNETS) {
+                    d[(at, k)] = scale * value;
+                }
+            }
+        }
+
+        let dz = d.fixed_view::<3, 3>(ROWS_PER_AXIS, 0).into_owned();
+        let nz = n.fixed_rows::<3>(ROWS_PER_AXIS).into_owned();
+        let determinant = dz.determinant();
+        let sign = if self.config.method == Method::Paper && determinant < 0.0 { -1.0 } else { 1.0 };
+        let mut channels = Channels::zeros();
+        for k in 0..MAGNETS {
+            let mut with_n = dz;
+            with_n.set_column(k, &nz);
+            channels[RATIO + k] = sign * with_n.determinant();
+        }
+        channels[RATIO + MAGNETS] = sign * determinant;
+        if determinant.is_finite() {
+            output.determinant = determinant;
+        }
+
+        // The paper solves the rows of the z axis; those of both axes judge the result.
+        let p = d.tr_mul(&d);
+        let h = d.tr_mul(&n);
+        for (channel, (row, column)) in upper_triangle().enumerate() {
+            channels[channel] = p[(row, column)];
+        }
+        channels.fixed_rows_mut::<MAGNETS>(RIGHT).copy_from(&h);
+        channels[SQUARE] = n.norm_squared();
+        let [shape_0, shape_1] = shape(&n.as_slice()[..ROWS_PER_AXIS], &n.as_slice()[ROWS_PER_AXIS..]);
+        channels[SHAPE] = shape_0;
+        channels[SHAPE + 1] = shape_1;
+        for k in 0..MAGNETS {
+            let level = squares[k] * self.level[k];
+            channels[LEVEL + k] = level * level;
+        }
+        channels
+    }
+
+    /// The paper's estimate from the filtered quantities.
+    fn estimate(&self, state: &PaperState, static_load: &Integrals, output: &mut EstimatorOutput) -> Verdict {
+        let filtered = &state.filtered.value;
+        let p = normal(filtered);
+        let inverse = p.try_inverse();
+        let condition = inverse.map_or(f64::INFINITY, |inverse| (norm(&p) * norm(&inverse)).sqrt());
+        output.condition = if condition < CONDITION_CAP { condition } else { CONDITION_CAP };
+        let excited = (0..MAGNETS).all(|k| p[(k, k)] > EXCITATION_FLOOR * EXCITATION_FLOOR * filtered[LEVEL + k]);
+        let literal = self.config.method == Method::PaperLiteral;
+        let scaled = ratio(filtered);
+        let lambda = self.lambda(scaled);
+        if !scaled.iter().chain(&lambda).all(|x| x.is_finite()) {
+            return Verdict::Singular;
+        }
+        let mut unknowns = NormalVector::zeros();
+        unknowns.copy_from_slice(&scaled);
+        output.residual = residual(filtered, &unknowns);
+        // Whatever is left unexplained counts as one coherent error, for it may be: no averaging over windows.
+        let rest = output.residual * output.residual * filtered[SQUARE];
+        for k in 0..MAGNETS {
+            let spread = inverse.map_or(f64::INFINITY, |inverse| (inverse[(k, k)].max(0.0) * rest).sqrt());
+            let std = (spread * spread + (MODEL_STD * scaled[k]) * (MODEL_STD * scaled[k])).sqrt();
+            output.lambda_std[k] = self.config.lambda0_nm2_a2[k] * if std < STD_CAP { std } else { STD_CAP };
+        }
+        if literal {
+            output.lambda_hat = lambda;
+        }
+        if !excited
+            || output.condition > CONDITION_LIMIT
+            || is_round([filtered[SHAPE], filtered[SHAPE + 1]], filtered[SQUARE])
+        {
+            return Verdict::Singular;
+        }
+        if !lambda.iter().all(|l| *l > 0.0) {
+            return Verdict::NotPositive;
+        }
+        if !literal && output.residual > RESIDUAL_LIMIT {
+            return Verdict::Unexplained;
+        }
+        let few = state.samples <= LEAST_WINDOWS * self.intervals as u64;
+        if few || (0..MAGNETS).any(|k| output.lambda_std[k] > STD_LIMIT * lambda[k]) {
+            return Verdict::Uncertain;
+        }
+        output.lambda_hat = lambda;
+        let load = self.static_load(static_load, &unknowns);
+        if load.iter().all(|p| p.is_finite()) {
+            output.load_n = load;
+        }
+        Verdict::Valid
+    }
+}
+
+/// Row and column of the upper triangle, in the order of the channels.
+fn upper_triangle() -> impl Iterator<Item = (usize, usize)> {
+    (0..MAGNETS).flat_map(|row| (row..MAGNETS).map(move |column| (row, column)))
+}
+
+/// DᵀD out of the channels.
+fn normal(channels: &Channels) -> NormalMatrix {
+    let mut p = NormalMatrix::zeros();
+    for (channel, (row, column)) in upper_triangle().enumerate() {
+        p[(row, column)] = channels[channel];
+        p[(column, row)] = channels[channel];
+    }
+    p
+}
+
+/// `n_i/d`, scaled unknowns; not finite where d is zero.
+fn ratio(channels: &Channels) -> [f64; 3] {
+    std::array::from_fn(|k| channels[RATIO + k] / channels[RATIO + MAGNETS])
+}
+
+/// `√(F(|N − D x|²)/F(|N|²))`, between 0 and [`RESIDUAL_CAP`], 1 without motion.
+fn residual(channels: &Channels, x: &NormalVector) -> f64 {
+    let h: NormalVector = channels.fixed_rows::<MAGNETS>(RIGHT).into_owned();
+    let square = channels[SQUARE];
+    let rest = square - 2.0 * x.dot(&h) + x.dot(&(normal(channels) * x));
+    let residual = (rest.max(0.0) / square).sqrt();
+    if square.is_nan() || square <= 0.0 {
+        1.0
+    } else if residual.is_finite() {
+        residual.min(RESIDUAL_CAP)
+    } else {
+        RESIDUAL_CAP
+    }
+}
+
+/// The 1-norm of a symmetric matrix.
+fn norm(p: &NormalMatrix) -> f64 {
+    (0..MAGNETS).map(|c| (0..MAGNETS).map(|r| p[(r, c)].abs()).sum::<f64>()).fold(0.0, f64::max)
+}
+
+/// `|N_y|² − |N_z|²` and `2 N_y·N_z`: both are zero on a circle.
+fn shape(n_y: &[f64], n_z: &[f64]) -> [f64; 2] {
+    let pairs = || n_y.iter().zip(n_z);
+    [pairs().map(|(y, z)| y * y - z * z).sum(), pairs().map(|(y, z)| 2.0 * y * z).sum()]
+}
+
+/// Whether the motion is so nearly a circle that an unbalance would look like other force constants: see [`ROUND_LIMIT`].
+fn is_round([difference, product]: [f64; 2], square: f64) -> bool {
+    (difference * difference + product * product).sqrt() < ROUND_LIMIT * square
+}

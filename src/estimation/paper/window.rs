@@ -1,0 +1,178 @@
+//! Sliding windows: samples kept so that a window is one contiguous slice, and the integrals of the paper's kernels.
+
+use multiversion::multiversion;
+use serde::{Deserialize, Serialize};
+
+use super::kernel::{ROWS_PER_AXIS, Weights};
+
+/// Ring buffers of several signals with a common cursor, each kept twice in a row.
+///
+/// Sample j is written at `j mod n` and at `j mod n + n`, so that the last n samples are always contiguous, oldest
+/// first. A moving sum is then a plain dot product; nothing is ever subtracted, and nothing can drift.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Window {
+    nodes: usize,
+    signals: usize,
+    next: usize,
+    filled: usize,
+    values: Vec<f64>,
+}
+
+impl Window {
+    /// An empty window of `nodes` samples of `signals` signals; the only place that allocates.
+    #[must_use]
+    pub fn new(signals: usize, nodes: usize) -> Self {
+        Self { nodes, signals, next: 0, filled: 0, values: vec![0.0; 2 * nodes * signals] }
+    }
+
+    /// Whether the shape is the one given and the cursor is within it; a state read from a file may fail this.
+    #[must_use]
+    pub fn has_shape(&self, signals: usize, nodes: usize) -> bool {
+        self.nodes == nodes
+            && self.signals == signals
+            && self.values.len() == 2 * nodes * signals
+            && self.next < nodes.max(1)
+            && self.filled <= nodes
+    }
+
+    /// Forgets all samples.
+    pub fn clear(&mut self) {
+        // What is left behind is overwritten before the window is full again; the time this takes does not depend on its length.
+        self.next = 0;
+        self.filled = 0;
+    }
+
+    /// Number of samples since the last [`Window::clear`], at most the length of the window.
+    #[must_use]
+    pub fn filled(&self) -> usize {
+        self.filled
+    }
+
+    /// Whether all nodes hold samples.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.filled == self.nodes
+    }
+
+    /// Takes in one sample of every signal; signals beyond the shape are ignored.
+    pub fn push(&mut self, sample: &[f64]) {
+        let nodes = self.nodes;
+        if nodes == 0 {
+            return;
+        }
+        for (ring, value) in self.values.chunks_exact_mut(2 * nodes).zip(sample) {
+            ring[self.next] = *value;
+            ring[self.next + nodes] = *value;
+        }
+        self.next = (self.next + 1) % nodes;
+        self.filled = (self.filled + 1).min(nodes);
+    }
+
+    /// All numbers of the window.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// The window of one signal, oldest sample first; empty if there is no such signal.
+    #[must_use]
+    pub fn signal(&self, index: usize) -> &[f64] {
+        let start = 2 * self.nodes * index + self.next;
+        self.values.get(start..start + self.nodes).unwrap_or(&[])
+    }
+}
+
+/// `Σ a_j b_j`, in eight partial sums: the order is fixed, so every platform gives the same bits, and the compiler
+/// can use vector registers, the widest that the processor has.
+#[must_use]
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    let (blocks_a, blocks_b) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = blocks_a.remainder().iter().zip(blocks_b.remainder()).map(|(x, y)| x * y).sum();
+    for (x, y) in blocks_a.zip(blocks_b) {
+        for (sum, (x, y)) in sums.iter_mut().zip(x.iter().zip(y)) {
+            *sum += x * y;
+        }
+    }
+    ((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7])) + rest
+}
+
+/// Number of kernels: the rows of P(18), then that of the static load.
+pub const KERNELS: usize = ROWS_PER_AXIS + 1;
+
+/// Signals of a window: two positions, then `i_k²/gap_k²` at the start and at the end of the intervals.
+const SIGNALS: usize = 8;
+
+/// The integrals of one test function φ over a window.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Integrals {
+    /// `∫ φ'' (Y, Z) dτ`, m.
+    pub position: [f64; 2],
+    /// `∫ φ i_k²/gap_k² dτ`, A²/m².
+    pub squares: [f64; 3],
+}
+
+/// One sample of what the paper's kernels are integrated against.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Sample {
+    /// Position (Y, Z), m.
+    pub position: [f64; 2],
+    /// `i_k²/gap_k²` at the start and at the end of the interval that ends with the sample; at the sample, twice, if the current is
+    /// continuous. A²/m².
+    pub squares: [[f64; 3]; 2],
+}
+
+/// The integrals of the kernels of [`Weights::paper`] and [`Weights::static_load`] over a sliding window: finite impulse responses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WindowSums {
+    continuous: bool,
+    weights: [Weights; KERNELS],
+}
+
+impl WindowSums {
+    /// Sums over windows of so many intervals, 8 at least; `continuous` if the currents are, not held.
+    #[must_use]
+    pub fn new(intervals: usize, continuous: bool) -> Self {
+        let weights = std::array::from_fn(|row| match row {
+            ROWS_PER_AXIS.. => Weights::static_load(intervals),
+            _ => Weights::paper(row, intervals),
+        });
+        Self { continuous, weights }
+    }
+
+    fn nodes(&self) -> usize {
+        self.weights[0].position.len()
+    }
+
+    /// A window without samples; the only place that allocates.
+    #[must_use]
+    pub fn start(&self) -> Window {
+        Window::new(SIGNALS, self.nodes())
+    }
+
+    /// Whether a window, for instance one read from a file, has the shape that these sums need.
+    #[must_use]
+    pub fn accepts(&self, window: &Window) -> bool {
+        window.has_shape(SIGNALS, self.nodes())
+    }
+
+    /// Takes in one sample; the integrals over the window that ends with it, once there is one.
+    pub fn push(&self, window: &mut Window, sample: &Sample) -> Option<[Integrals; KERNELS]> {
+        let [y, z] = sample.position;
+        let [[s1, s2, s3], [e1, e2, e3]] = sample.squares;
+        window.push(&[y, z, s1, s2, s3, e1, e2, e3]);
+        if !window.is_full() {
+            return None;
+        }
+        Some(std::array::from_fn(|row| {
+            let Weights { position, held_start, held_end, node } = &self.weights[row];
+            Integrals {
+                position: std::array::from_fn(|axis| dot(position, window.signal(axis))),
+                squares: std::array::from_fn(|k| match self.continuous {
+                    true => dot(node, window.signal(5 + k)),
+                    false => dot(held_start, window.signal(2 + k)) + dot(held_end, window.signal(5 + k)),
+                }),
+            }
+        }))
+    }
+}

@@ -1,0 +1,462 @@
+//! The estimator: whitening filter, prediction errors and instrumental variables, noise, validation.
+//!
+//! The sums hold all samples since the last change of λ; nothing is forgotten. The last revolution is kept apart in quarters, to be compared
+//! with what came before.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use libm::{atan2, sincos, sqrt};
+use serde::{Deserialize, Serialize};
+
+use super::config::{EstimatorConfig, EstimatorInput, EstimatorOutput, Verdict};
+use super::innovations::{Field, FilterState, Innovation, Running, Sample, UNKNOWNS, Vector, WhiteningFilter, turned};
+use super::noise::{Noise, OUTLIER, Waiting};
+use super::sums::{AngleTable, Solution, Square, Sums};
+use super::validation::{Validation, has_changed};
+use super::{CONDITION_CAP, MAGNETS};
+
+/// Quarters of a revolution that are kept apart.
+const QUARTERS: usize = 4;
+
+/// The longest time that counts as a quarter of a revolution, s: a rotor at rest has no revolutions, but λ may change all the same. That
+/// of 2250 rpm.
+const LONGEST_QUARTER_S: f64 = 1.0 / 150.0;
+
+/// The estimate is solved for every so many samples.
+const SOLVE_EVERY: u64 = 4;
+
+/// The least samples for a solution.
+const LEAST_SAMPLES: f64 = 12.0;
+
+/// Revolutions after which the table of the instruments is full, and a little more.
+const INSTRUMENTS_AFTER: f64 = 1.3;
+
+/// Revolutions with instruments before their estimate counts.
+const LEAST_INSTRUMENTED: f64 = 0.5;
+
+/// More outliers than this in a row are no glitches of a sensor.
+const OUTLIERS_IN_A_ROW: u32 = 30;
+
+/// Above this leverage an innovation says more of the unknowns than of the noise: where the noise is not told, it tells nothing of it, and
+/// nothing of the model.
+const LEVERAGE_LIMIT: f64 = 0.5;
+
+/// Least revolutions before an estimate is valid, with the noise told and found.
+const VALID_AFTER: [f64; 2] = [1.25, 2.0];
+
+/// Revolutions before changes are looked for, with the noise told and found: it must be known by then. The sums compared with hold as many
+/// quarters as those of the last revolution.
+const CHANGES_AFTER: [f64; 2] = [2.0, 8.0];
+
+/// The greatest relative standard deviation of a λ with which the filter leaves the first guess.
+const RUNNING_STD: f64 = 0.2;
+
+/// The greatest relative standard deviation of a λ, tolerances included, with which an estimate is valid.
+pub const STD_LIMIT: f64 = 0.05;
+
+/// A normalised innovation squared beyond this comes from samples that no bearing makes.
+const NIS_CAP: f64 = 1.0e12;
+
+/// A quarter of a revolution.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Quarter {
+    sums: Sums,
+    /// Noise and ϑ at its begin, or when the estimate was last valid before it.
+    trusted: Option<(Noise, Vector)>,
+    samples: f64,
+    turned_rad: f64,
+    /// Sums of `i_k/gap_k²` and `i_k²/gap_k³`.
+    per_current: [f64; MAGNETS],
+    gradient: [f64; MAGNETS],
+}
+
+/// All that changes with a sample.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PredictionErrorState {
+    /// Samples that have not been filtered yet, from which the noise is started.
+    waiting: Waiting,
+    /// The noise, once it is known.
+    noise: Option<Noise>,
+    /// The filter, unless the last sample was of no use.
+    filter: Option<FilterState>,
+    /// ϑ with which the filter runs, and whether it comes from the data.
+    running: Vector,
+    estimated: bool,
+    /// Sums before the last quarters, of these, and of the present one.
+    before: Sums,
+    last: [Quarter; QUARTERS],
+    present: Quarter,
+    table: AngleTable,
+    /// Quarters that have ended.
+    quarters: u64,
+    /// Whether the estimate has been valid since the sums began; outliers among the innovations are then known as such. Those in a row, and
+    /// the quarters until which they make the estimate doubtful.
+    armed: bool,
+    outliers: u32,
+    doubtful_until: u64,
+    /// Angle passed since the start, rad.
+    angle_rad: f64,
+    /// Mean square of the currents, A².
+    mean_square_a2: f64,
+    /// Samples since the start.
+    samples: u64,
+    /// The solution that is given out, and the inverse of J for the leverage.
+    solution: Option<Solution>,
+    inverse: Square,
+    condition: f64,
+    validation: Validation,
+}
+
+/// The estimator of [`Method::PredictionError`](super::Method::PredictionError).
+#[derive(Clone, Debug, PartialEq)]
+pub struct PredictionError {
+    filter: WhiteningFilter,
+    lambda0: [f64; MAGNETS],
+    told: [f64; 2],
+    step_s: f64,
+    identify_unbalance: bool,
+    /// Relative variance of λ by what scales it: mass and gains of the currents.
+    scale_variance: f64,
+}
+
+impl PredictionError {
+    /// The estimator of a checked configuration.
+    pub fn new(config: &EstimatorConfig) -> Self {
+        let mass = config.tolerance.m_kg / config.m_kg;
+        Self {
+            filter: WhiteningFilter::new(config),
+            lambda0: config.lambda0_nm2_a2,
+            told: [config.position_noise_m, config.current_noise_a],
+            step_s: config.step_s,
+            identify_unbalance: config.identify_unbalance,
+            scale_variance: mass * mass + 4.0 * config.tolerance.current_gain * config.tolerance.current_gain,
+        }
+    }
+
+    /// A fresh state.
+    pub fn start(&self) -> PredictionErrorState {
+        let [l1, l2, l3] = self.lambda0;
+        let told = self.told.iter().all(|noise| *noise > 0.0);
+        PredictionErrorState {
+            noise: told.then(|| Noise::new(self.told, self.told[0])),
+            running: [l1, l2, l3, 0.0, 0.0, 0.0, 0.0].into(),
+            condition: CONDITION_CAP,
+            validation: Validation::start(0.0),
+            ..PredictionErrorState::default()
+        }
+    }
+
+    /// A gap in the data: the filter starts again after it, the sums stay.
+    pub fn interrupt(&self, state: &mut PredictionErrorState) {
+        (state.filter, state.waiting) = (None, Waiting::default());
+    }
+
+    /// Takes in a sample, which is finite and within the gap; what to say of the estimate.
+    pub fn sample(
+        &self,
+        state: &mut PredictionErrorState,
+        input: &EstimatorInput,
+        output: &mut EstimatorOutput,
+    ) -> Verdict {
+        let (sin, cos) = sincos(input.theta_rad);
+        state.waiting.put(Sample {
+            position_m: input.position_m.into(),
+            current_a: input.current_a,
+            theta_rad: input.theta_rad,
+            turn: [cos, sin],
+            omega_rad_s: input.omega_rad_s,
+        });
+        if state.noise.is_none() {
+            state.noise = state.waiting.position_noise_m().map(|first_m| Noise::new(self.told, first_m));
+        }
+        // Two a step, so that the samples that waited for the noise are caught up with.
+        let mut verdict = Verdict::Collecting;
+        for _ in 0..2 {
+            if let Some(noise) = state.noise.clone()
+                && let Some(sample) = state.waiting.take()
+            {
+                verdict = self.filter(state, &noise, sample, output);
+            }
+        }
+        verdict
+    }
+
+    fn filter(
+        &self,
+        state: &mut PredictionErrorState,
+        noise: &Noise,
+        sample: Sample,
+        output: &mut EstimatorOutput,
+    ) -> Verdict {
+        let [position_variance, current_variance] = noise.variances();
+        let Some(filter) = &mut state.filter else {
+            state.filter = Some(self.filter.start(sample, position_variance));
+            return Verdict::Collecting;
+        };
+        let by_rad = turned(filter.last.theta_rad, sample.theta_rad);
+        let (unknowns, estimated) = (state.running, state.estimated);
+        let running = Running { unknowns, estimated, position_variance, current_variance };
+        let angle_rad = filter.last.theta_rad + 0.5 * by_rad;
+        state.angle_rad += by_rad;
+        let passed = state.angle_rad.abs() / TAU;
+        let table = &mut state.table;
+        let field = self.filter.predict(filter, &running, &sample, |field| {
+            table.exchange(angle_rad, field).filter(|_| passed > 1.0).unwrap_or(field.square)
+        });
+        let innovation = self.filter.innovation(filter, &running);
+        let nis = innovation.nis(position_variance);
+        state.present.count(&field, by_rad);
+        if state.armed && nis > OUTLIER {
+            // The filter goes on without the measurement; several in a row are a change.
+            filter.last.position_m -= innovation.error;
+            state.outliers += 1;
+            state.doubtful_until = state.quarters + QUARTERS as u64;
+            if state.outliers > OUTLIERS_IN_A_ROW {
+                self.restart(state);
+                return self.report(state, output, true);
+            }
+            return self.conclude(state, output);
+        }
+        state.outliers = 0;
+        if !((0.0..NIS_CAP).contains(&nis) && innovation.is_sound()) {
+            // No bearing moves like this: nothing that was gathered can be relied on.
+            *state = self.start();
+            return Verdict::BadSample;
+        }
+        let told = noise.is_told();
+        let settled = state.estimated && (told || leverage(&innovation, &state.inverse) < LEVERAGE_LIMIT);
+        // Less than one for outliers.
+        let weight = if settled && !told { (OUTLIER / nis).min(1.0) } else { 0.0 };
+        self.filter.correct(filter, &running, &innovation, sqrt(weight));
+
+        state.samples += 1;
+        state.present.sums.add(&innovation, self.filter.signals, passed > INSTRUMENTS_AFTER);
+        let per_revolution = state.per_revolution();
+        state.validation.add(&innovation, sample.turn, self.filter.signals);
+        if settled {
+            state.validation.add_settled(&innovation, position_variance, per_revolution);
+        }
+        let square = sample.current_a.iter().map(|i| i * i).sum::<f64>() / 3.0;
+        state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
+        if weight > 0.0
+            && let Some(noise) = &mut state.noise
+        {
+            let discount = noise.update(&innovation, position_variance, weight, state.mean_square_a2);
+            if discount < 1.0 {
+                state.validation.forget(state.revolution());
+                state.all_sums().for_each(|sums| sums.discount(discount));
+            }
+        }
+        if state.samples.is_multiple_of(SOLVE_EVERY) {
+            self.solve(state);
+        }
+        let verdict = self.conclude(state, output);
+        state.armed |= verdict == Verdict::Valid;
+        verdict
+    }
+
+    /// Begins anew after a change of λ.
+    fn restart(&self, state: &mut PredictionErrorState) {
+        // What was found since then holds the contradiction.
+        if let Some((noise, running)) = state.last[0].trusted.clone() {
+            (state.noise, state.running) = (Some(noise), running);
+        }
+        state.all_sums().for_each(|sums| *sums = Sums::default());
+        // The columns of the filter remember what the former λ did.
+        (state.filter, state.solution, state.estimated) = (None, None, false);
+        (state.armed, state.outliers) = (false, 0);
+        state.validation.restart(state.revolution());
+    }
+
+    /// Solves the equations of all samples.
+    fn solve(&self, state: &mut PredictionErrorState) {
+        let Some(noise) = &state.noise else { return };
+        let variances = noise.variances();
+        let mut sums = state.before.clone();
+        state.last.iter().chain([&state.present]).for_each(|quarter| sums.merge(&quarter.sums));
+        if sums.samples < LEAST_SAMPLES {
+            return;
+        }
+        let Some(found) = sums.solve(self.lambda0, variances) else {
+            state.condition = CONDITION_CAP;
+            return;
+        };
+        (state.inverse, state.condition) = (found.inverse, found.condition);
+        let instruments = Some(&sums).filter(|sums| sums.instrumented >= LEAST_INSTRUMENTED * state.per_revolution());
+        let solution = found.combine(instruments, variances[0]);
+        let std = solution.relative_std();
+        if !std.is_finite() {
+            return;
+        }
+        // Once the filter runs with an estimate it follows it: the residuals of an estimate that is held would pass for noise, and the noise
+        // would keep the estimate uncertain.
+        if std < RUNNING_STD || state.estimated {
+            (state.running, state.estimated) = (solution.unknowns, true);
+        }
+        state.solution = Some(solution);
+    }
+
+    /// Ends the quarter if it is over, and reports.
+    fn conclude(&self, state: &mut PredictionErrorState, output: &mut EstimatorOutput) -> Verdict {
+        let Quarter { turned_rad, samples, .. } = state.present;
+        let over = turned_rad.abs() >= FRAC_PI_2 || samples * self.step_s >= LONGEST_QUARTER_S;
+        let changed = over && self.end_quarter(state, output);
+        self.report(state, output, changed)
+    }
+
+    /// Puts the quarter that is over with the last ones; whether the last revolution contradicts what came before.
+    fn end_quarter(&self, state: &mut PredictionErrorState, output: &mut EstimatorOutput) -> bool {
+        let Some(noise) = &state.noise else { return false };
+        state.quarters += 1;
+        let trusted = if output.valid { Some((noise.clone(), state.running)) } else { state.present.trusted.clone() };
+        let quarter = std::mem::replace(&mut state.present, Quarter { trusted, ..Quarter::default() });
+        state.last.rotate_left(1);
+        let oldest = std::mem::replace(&mut state.last[QUARTERS - 1], quarter);
+        state.before.merge(&oldest.sums);
+        let mut revolution = Sums::default();
+        state.last.iter().for_each(|quarter| revolution.merge(&quarter.sums));
+        let mut all = state.before.clone();
+        all.merge(&revolution);
+        let variances = noise.variances();
+        if let Some(found) = all.solve(self.lambda0, variances) {
+            state.validation.judge_harmonics(state.revolution(), &found, variances[0]);
+        }
+        if let Some(alone) = revolution.solve(self.lambda0, variances) {
+            output.lambda_raw = alone.combine(None, variances[0]).lambda();
+        }
+        let testable = state.estimated
+            && state.before.samples > revolution.samples
+            && state.revolution() > CHANGES_AFTER[usize::from(!noise.is_told())];
+        let changed = testable && has_changed(&state.before, &revolution, variances[0]);
+        if changed {
+            self.restart(state);
+        }
+        changed
+    }
+
+    /// Writes the estimate into the output; the verdict on it.
+    fn report(&self, state: &PredictionErrorState, output: &mut EstimatorOutput, changed: bool) -> Verdict {
+        let Some(noise) = &state.noise else { return Verdict::Collecting };
+        [output.position_noise_m, output.current_noise_a] = noise.variances().map(sqrt);
+        output.condition = state.condition;
+        output.residual = state.validation.nis;
+        let Some(solution) = &state.solution else {
+            let few = state.samples < LEAST_SAMPLES as u64 + SOLVE_EVERY;
+            return match (changed, few || state.condition < CONDITION_CAP) {
+                (true, _) => Verdict::Changed,
+                (false, true) => Verdict::Collecting,
+                (false, false) => Verdict::Singular,
+            };
+        };
+        let lambda = solution.lambda();
+        let total = solution.total_variance(self.scale_variance);
+        let verdict = self.verdict(state, noise, lambda, total);
+        if verdict == Verdict::Valid {
+            output.lambda_hat = lambda;
+            let [_, _, _, along, across, p_y, p_z] = <[f64; UNKNOWNS]>::from(solution.unknowns);
+            output.load_n = [p_y, p_z];
+            if self.identify_unbalance {
+                output.unbalance_kg_m = sqrt(along * along + across * across);
+                output.unbalance_phase_rad = atan2(across, along);
+            }
+        }
+        let samples: f64 = state.last.iter().map(|quarter| quarter.samples).sum();
+        for k in 0..MAGNETS {
+            let held = output.lambda_hat[k] - lambda[k];
+            output.lambda_std[k] = sqrt(solution.variance[k] + held * held);
+            output.lambda_std_total[k] = sqrt(total[k] + held * held);
+            if samples > 0.0 {
+                let mean =
+                    |of: fn(&Quarter) -> &[f64; MAGNETS]| state.last.iter().map(|q| of(q)[k]).sum::<f64>() / samples;
+                output.ki[k] = 2.0 * output.lambda_hat[k] * mean(|quarter| &quarter.per_current);
+                output.ks[k] = 2.0 * output.lambda_hat[k] * mean(|quarter| &quarter.gradient);
+            }
+        }
+        verdict
+    }
+
+    /// The verdict on an estimate with this variance.
+    fn verdict(&self, state: &PredictionErrorState, noise: &Noise, lambda: [f64; 3], total: [f64; 3]) -> Verdict {
+        let told = noise.is_told();
+        let revolution = state.revolution();
+        if state.validation.revolutions(revolution) < VALID_AFTER[usize::from(!told)] {
+            Verdict::Collecting
+        } else if lambda.iter().any(|lambda| *lambda <= 0.0) {
+            Verdict::NotPositive
+        } else if state.condition >= CONDITION_CAP {
+            Verdict::Singular
+        } else if state.quarters < state.doubtful_until {
+            Verdict::Unexplained
+        } else if !noise.is_within_range() {
+            Verdict::Noisy
+        } else {
+            match state.validation.verdict(revolution, state.per_revolution(), told) {
+                Verdict::Valid if (0..MAGNETS).any(|k| sqrt(total[k]) >= STD_LIMIT * lambda[k]) => Verdict::Uncertain,
+                verdict => verdict,
+            }
+        }
+    }
+}
+
+impl Quarter {
+    /// Takes in the field of an interval in which the rotor turned by so much.
+    #[inline(always)]
+    fn count(&mut self, field: &Field, by_rad: f64) {
+        self.samples += 1.0;
+        self.turned_rad += by_rad;
+        for k in 0..MAGNETS {
+            self.per_current[k] += field.per_current[k];
+            self.gradient[k] += field.gradient[k];
+        }
+    }
+
+    fn is_finite(&self) -> bool {
+        let own = self.per_current.iter().chain(&self.gradient).chain([&self.samples, &self.turned_rad]);
+        own.copied().all(f64::is_finite)
+            && self.sums.is_finite()
+            && self
+                .trusted
+                .as_ref()
+                .is_none_or(|(noise, running)| noise.is_finite() && running.iter().all(|x| x.is_finite()))
+    }
+}
+
+impl PredictionErrorState {
+    /// Whether all numbers are finite, and all places within their rings.
+    pub fn is_sound(&self) -> bool {
+        let own =
+            self.running.iter().chain([&self.angle_rad, &self.mean_square_a2, &self.condition]).chain(&self.inverse);
+        own.copied().all(f64::is_finite)
+            && (self.waiting.is_finite() && self.table.is_finite() && self.validation.is_finite())
+            && self.last.iter().chain([&self.present]).all(Quarter::is_finite)
+            && self.before.is_finite()
+            && self.noise.as_ref().is_none_or(Noise::is_finite)
+            && self.filter.as_ref().is_none_or(FilterState::is_finite)
+            && self.solution.as_ref().is_none_or(Solution::is_finite)
+    }
+
+    /// Revolutions since the start, in quarters; those of a rotor at rest are times.
+    fn revolution(&self) -> f64 {
+        self.quarters as f64 / QUARTERS as f64
+    }
+
+    /// Samples in a revolution: the last one, as far as it has gone.
+    fn per_revolution(&self) -> f64 {
+        let ended = self.last.iter().filter(|quarter| quarter.samples > 0.0);
+        let (count, samples) = ended.fold((0.0, 0.0), |(count, sum), quarter| (count + 1.0, sum + quarter.samples));
+        if count > 0.0 { samples / count * QUARTERS as f64 } else { self.present.samples.max(1.0) * QUARTERS as f64 }
+    }
+
+    fn all_sums(&mut self) -> impl Iterator<Item = &mut Sums> {
+        self.last.iter_mut().chain([&mut self.present]).map(|quarter| &mut quarter.sums).chain([&mut self.before])
+    }
+}
+
+/// `φ J⁻¹ φᵀ S⁻¹`: how much an innovation says of the unknowns.
+#[inline(always)]
+fn leverage(innovation: &Innovation, inverse: &Square) -> f64 {
+    let [y, z] = innovation.signals.map(|signals| Vector::from_fn(|j, _| signals[1 + j]));
+    let s = innovation.inverse;
+    let [along_y, along_z] = [inverse * y, inverse * z];
+    s.m11 * y.dot(&along_y) + 2.0 * s.m12 * y.dot(&along_z) + s.m22 * z.dot(&along_z)
+}

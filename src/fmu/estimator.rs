@@ -1,0 +1,386 @@
+//! `AlgebraicEstimator`: the force constants from positions and currents, on line.
+
+use fmu_export::log::{Digits, Log, Topic};
+use fmu_export::unit::{
+    AMPERE, KILOGRAM, METRE, NEWTON, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND, SECOND,
+};
+use fmu_export::variable::{Access, Enumeration, Row, Table, Value};
+use fmu_export::{Info, Invalid, SampledModel, StepError, place};
+use serde::{Deserialize, Serialize};
+
+use super::common::{Axes, KILOGRAM_METRE, LAMBDA, geometry, info, lambda0, sample_time, together};
+use crate::estimation::{
+    Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method, Verdict,
+};
+
+/// How the force constants are computed.
+pub static METHOD: Enumeration = Enumeration {
+    name: "EstimationMethod",
+    description: "How the force constants are computed",
+    items: &[
+        ("paperLiteral", "Filtered signed determinants, equation (20) to the letter; diverges"),
+        ("paper", "Equation (20) with the sign of the determinant aligned; z axis only"),
+        ("predictionError", "Prediction errors and instrumental variables; unbalance and noise identified as well"),
+    ],
+    renamed: &[("leastSquares", "predictionError"), ("unbalance", "predictionError")],
+};
+
+/// Why an estimate is valid or not.
+pub static VERDICT: Enumeration = Enumeration {
+    name: "Verdict",
+    description: "Why an estimate is valid or not",
+    items: &[
+        ("valid", "The estimate can be relied on"),
+        ("collecting", "Too few samples so far"),
+        ("disabled", "The input enable is false"),
+        ("badSample", "A sample is not finite, or outside the gap"),
+        ("contact", "The rotor is in contact"),
+        ("stuck", "A position sensor reads the same all the time"),
+        ("changed", "The latest revolution contradicts those before; estimation begins anew"),
+        ("singular", "The excitation does not tell the unknowns apart"),
+        ("notPositive", "A force constant came out zero or negative"),
+        ("unexplained", "The model does not explain the motion"),
+        ("coloured", "The innovations are not white"),
+        ("noisy", "There is more noise than can be found from the data: tell it"),
+        ("unsteady", "The estimate has contradicted itself several times"),
+        ("uncertain", "The standard deviation is too large"),
+        ("foreignState", "The state was made by an estimator with other parameters"),
+    ],
+    renamed: &[],
+};
+
+/// What a sample of a current stands for.
+pub static HOLD: Enumeration = Enumeration {
+    name: "CurrentHold",
+    description: "What a sample of a current stands for",
+    items: &[
+        ("heldBefore", "The current held over the interval that ends at the sample"),
+        ("heldAfter", "The current held over the interval that begins at the sample"),
+        ("linear", "A point of a continuous current"),
+    ],
+    renamed: &[],
+};
+
+/// The values of all variables of the estimator.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Values {
+    config: EstimatorConfig,
+    method: i32,
+    hold: i32,
+    input: EstimatorInput,
+    output: EstimatorOutput,
+}
+
+fn table() -> Vec<Row<Values>> {
+    let mut rows: Vec<Row<Values>> = Vec::new();
+
+    rows.extend(geometry(place!(Values.config.m_kg), place!(Values.config.gap_m), place!(Values.config.alpha_rad[k])));
+    rows.push(sample_time(place!(Values.config.step_s)));
+    rows.extend(lambda0(place!(Values.config.lambda0_nm2_a2[k])));
+    rows.push(
+        Row::choice("method", place!(Values.method), &METHOD, 3)
+            .fixed()
+            .description("How the force constants are computed"),
+    );
+    rows.push(
+        Row::choice("hold", place!(Values.hold), &HOLD, 1).fixed().description("What a sample of a current stands for"),
+    );
+    rows.push(
+        Row::boolean("identify.unbalance", place!(Values.config.identify_unbalance), true)
+            .fixed()
+            .description("Whether the rotor may have an unbalance, which is then identified as well"),
+    );
+    for (name, place, unit, nominal, description) in [
+        (
+            "sensor.positionNoise",
+            place!(Values.config.position_noise_m),
+            METRE,
+            1e-7,
+            "Standard deviation of the noise of Ym and Zm; 0 finds it from the data",
+        ),
+        (
+            "sensor.currentNoise",
+            place!(Values.config.current_noise_a),
+            AMPERE,
+            1e-2,
+            "Standard deviation of the noise of im; 0 finds it from the data",
+        ),
+        (
+            "tolerance.m",
+            place!(Values.config.tolerance.m_kg),
+            KILOGRAM,
+            0.1,
+            "Standard deviation of m; 0 means exactly known",
+        ),
+        (
+            "tolerance.s",
+            place!(Values.config.tolerance.gap_m),
+            METRE,
+            1e-5,
+            "Standard deviation of s; 0 means exactly known",
+        ),
+        (
+            "tolerance.alpha",
+            place!(Values.config.tolerance.alpha_rad),
+            RADIAN,
+            1e-2,
+            "Standard deviation of each alpha; 0 means exactly known",
+        ),
+        (
+            "tolerance.positionGain",
+            place!(Values.config.tolerance.position_gain),
+            ONE,
+            1e-2,
+            "Relative standard deviation of the gains of Ym and Zm; 0 means exact",
+        ),
+        (
+            "tolerance.positionOffset",
+            place!(Values.config.tolerance.position_offset_m),
+            METRE,
+            1e-5,
+            "Standard deviation of the offsets of Ym and Zm; 0 means none",
+        ),
+        (
+            "tolerance.currentGain",
+            place!(Values.config.tolerance.current_gain),
+            ONE,
+            1e-2,
+            "Relative standard deviation of the gain of each im; 0 means exact",
+        ),
+        (
+            "tolerance.currentOffset",
+            place!(Values.config.tolerance.current_offset_a),
+            AMPERE,
+            1e-2,
+            "Standard deviation of the offset of each im; 0 means none",
+        ),
+    ] {
+        rows.push(Row::real(name, place, unit, 0.0).fixed().min(0.0).nominal(nominal).description(description));
+    }
+    rows.push(
+        Row::real("Tf", place!(Values.config.window_s), SECOND, 0.02).fixed().min(0.0).nominal(1e-2).description(
+            "Length of the window of the paper's methods, a whole multiple of Ts; one revolution is a good choice",
+        ),
+    );
+    rows.push(
+        Row::real("epsilon", place!(Values.config.epsilon_s), SECOND, 0.02)
+            .fixed()
+            .min(0.0)
+            .nominal(1e-2)
+            .description("How long the paper's methods give the first guess: counted in usable samples from the start or the last reset"),
+    );
+    rows.push(
+        Row::real("filter.omega", place!(Values.config.filter_omega_rad_s), RADIAN_PER_SECOND, 15.0)
+            .fixed()
+            .min(0.0)
+            .nominal(10.0)
+            .display_unit("Hz")
+            .description("Natural frequency of the low-pass filter of the paper's methods"),
+    );
+    rows.push(
+        Row::real("filter.zeta", place!(Values.config.filter_zeta), ONE, 0.707)
+            .fixed()
+            .min(0.0)
+            .description("Damping ratio of the low-pass filter of the paper's methods"),
+    );
+
+    rows.extend(
+        Row::named_reals(["Ym", "Zm"], place!(Values.input.position_m[k]), METRE, [0.0; 2])
+            .map(|row| row.input().nominal(1e-5).along("Measured position of the rotor along {axis}")),
+    );
+    rows.extend(
+        Row::reals("im", place!(Values.input.current_a[k]), AMPERE, [0.0; 3])
+            .map(|row| row.input().description("Measured current through magnet {k}")),
+    );
+    rows.push(
+        Row::real("theta", place!(Values.input.theta_rad), RADIAN, 0.0)
+            .input()
+            .description("Rotor angle, wrapped or not; without it no unbalance can be identified"),
+    );
+    rows.push(
+        Row::real("omega", place!(Values.input.omega_rad_s), RADIAN_PER_SECOND, 100.0 * std::f64::consts::PI)
+            .input()
+            .nominal(100.0)
+            .description("Speed of the rotor, which the force of an unbalance goes with"),
+    );
+    rows.push(
+        Row::boolean("enable", place!(Values.input.enable), true)
+            .input()
+            .description("Whether samples are taken into account"),
+    );
+    rows.push(
+        Row::boolean("contact", place!(Values.input.contact), false)
+            .input()
+            .description("Whether the rotor touches something beside the magnets, so that samples are of no use"),
+    );
+    rows.push(
+        Row::boolean("reset", place!(Values.input.reset), false)
+            .input()
+            .description("A rising edge starts the estimation afresh"),
+    );
+
+    rows.extend(
+        Row::reals("lambdaHat", place!(Values.output.lambda_hat[k]), LAMBDA, [0.0; 3])
+            .map(|row| row.sampled_output().nominal(1e-6).description("Estimated force constant of magnet {k}")),
+    );
+    rows.extend(Row::reals("lambdaRaw", place!(Values.output.lambda_raw[k]), LAMBDA, [0.0; 3]).map(|row| {
+        row.sampled_output().nominal(1e-6).description("Force constant of magnet {k} from the last revolution alone")
+    }));
+    rows.extend(Row::reals("lambdaStd", place!(Values.output.lambda_std[k]), LAMBDA, [0.0; 3]).map(|row| {
+        row.sampled_output()
+            .min(0.0)
+            .nominal(1e-8)
+            .description("Standard deviation of the force constant of magnet {k} by noise alone")
+    }));
+    rows.extend(Row::reals("lambdaStdTotal", place!(Values.output.lambda_std_total[k]), LAMBDA, [0.0; 3]).map(|row| {
+        row.sampled_output()
+            .min(0.0)
+            .nominal(1e-8)
+            .description("Standard deviation of the force constant of magnet {k} by noise and tolerances")
+    }));
+    rows.extend(Row::reals("ki", place!(Values.output.ki[k]), NEWTON_PER_AMPERE, [0.0; 3]).map(|row| {
+        row.sampled_output().nominal(10.0).description("Force per current of magnet {k}, mean over the last revolution")
+    }));
+    rows.extend(Row::reals("ks", place!(Values.output.ks[k]), NEWTON_PER_METRE, [0.0; 3]).map(|row| {
+        row.sampled_output().nominal(1e5).description("Negative stiffness of magnet {k}, mean over the last revolution")
+    }));
+    for (name, place, unit, nominal, description) in [
+        (
+            "noise.position",
+            place!(Values.output.position_noise_m),
+            METRE,
+            1e-7,
+            "Standard deviation of the noise of Ym and Zm, told or found",
+        ),
+        (
+            "noise.current",
+            place!(Values.output.current_noise_a),
+            AMPERE,
+            1e-2,
+            "Standard deviation of the noise of im, told or found",
+        ),
+    ] {
+        rows.push(
+            Row::real(name, place, unit, 0.0).sampled_output().min(0.0).nominal(nominal).description(description),
+        );
+    }
+    rows.push(
+        Row::boolean("valid", place!(Values.output.valid), false)
+            .sampled_output()
+            .description("Whether the estimate can be relied on; if not, lambdaHat is the last valid one"),
+    );
+    let verdict = Access {
+        get: |values: &Values, _| values.output.verdict as i32 + 1,
+        set: |values: &mut Values, _, number| {
+            let at = usize::try_from(number).ok().and_then(|number| number.checked_sub(1));
+            values.output.verdict =
+                at.and_then(|at| Verdict::ALL.get(at)).map(|(verdict, _)| *verdict).unwrap_or_default();
+        },
+    };
+    rows.push(
+        Row::choice("verdict", verdict, &VERDICT, 2).sampled_output().description("Why the estimate is valid or not"),
+    );
+    rows.push(
+        Row::real("condition", place!(Values.output.condition), ONE, 0.0)
+            .sampled_output()
+            .min(0.0)
+            .nominal(10.0)
+            .description("Condition number of the information matrix scaled to unit diagonal"),
+    );
+    rows.push(
+        Row::real("residual", place!(Values.output.residual), ONE, 0.0)
+            .sampled_output()
+            .min(0.0)
+            .description("Normalised innovation squared, 1 where model and noise are right; the paper's methods: part of the motion left unexplained"),
+    );
+    rows.extend(
+        Row::named_reals(["pYHat", "pZHat"], place!(Values.output.load_n[k]), NEWTON, [0.0; 2])
+            .map(|row| row.sampled_output().nominal(10.0).along("Static load on the rotor along {axis}")),
+    );
+    rows.push(
+        Row::real("unbalance.magnitude", place!(Values.output.unbalance_kg_m), KILOGRAM_METRE, 0.0)
+            .sampled_output()
+            .min(0.0)
+            .nominal(1e-4)
+            .description("Identified unbalance, mass times eccentricity; 0 where none is identified"),
+    );
+    rows.push(
+        Row::real("unbalance.phase", place!(Values.output.unbalance_phase_rad), RADIAN, 0.0)
+            .sampled_output()
+            .description("Identified angle of the unbalance from the mark on the rotor that theta refers to"),
+    );
+    rows
+}
+
+impl Values {
+    /// The configuration, with what the interface has in another form.
+    fn config(&self) -> (EstimatorConfig, Vec<Invalid>) {
+        let mut config = self.config.clone();
+        let mut findings = Vec::new();
+        let methods = [Method::PaperLiteral, Method::Paper, Method::PredictionError];
+        METHOD.choose("method", self.method, methods, &mut config.method, &mut findings);
+        let holds = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear];
+        HOLD.choose("hold", self.hold, holds, &mut config.hold, &mut findings);
+        (config, findings)
+    }
+}
+
+/// The configuration of an estimator whose variables, by index, have the values given and else their start values.
+///
+/// # Errors
+/// Every choice that cannot be accepted.
+pub fn configuration(settings: &[(usize, Value)]) -> Result<EstimatorConfig, Vec<Invalid>> {
+    let (config, findings) = Table::new(table()).values(settings).config();
+    together(findings, Ok(config))
+}
+
+/// The estimator.
+#[derive(Clone)]
+pub struct AlgebraicEstimator(Estimator);
+
+impl SampledModel for AlgebraicEstimator {
+    const INFO: Info =
+        info("AlgebraicEstimator", "On-line estimator of the force constants of a three-phase magnetic bearing");
+    type Values = Values;
+    type State = EstimatorState;
+
+    fn table() -> Vec<Row<Values>> {
+        table()
+    }
+
+    fn new(values: &Values) -> Result<Self, Vec<Invalid>> {
+        let (config, findings) = values.config();
+        together(findings, Estimator::new(config)).map(Self)
+    }
+
+    fn period_s(&self) -> f64 {
+        self.0.config().step_s
+    }
+
+    fn start(&self, values: &mut Values, _: f64) -> EstimatorState {
+        let state = self.0.start();
+        values.output = state.output().clone();
+        state
+    }
+
+    fn sample(
+        &self,
+        state: &mut EstimatorState,
+        values: &mut Values,
+        instant_s: f64,
+        log: &mut dyn Log,
+    ) -> Result<(), StepError> {
+        let former = values.output.verdict;
+        values.output = self.0.sample(state, &values.input);
+        let verdict = values.output.verdict;
+        let topic = if verdict == Verdict::Singular { Topic::SingularLinearSystem } else { Topic::Event };
+        if former != verdict && log.wants(topic) {
+            log.message(topic, format_args!("at {} s the estimate is {verdict}", Digits::<9>(instant_s)));
+        }
+        Ok(())
+    }
+
+    fn accepts(&self, state: &EstimatorState) -> Result<(), String> {
+        self.0.accepts(state).then_some(()).ok_or_else(|| "the state is not that of the parameters".into())
+    }
+}

@@ -1,0 +1,25 @@
+//! The models of this project as FMUs: three tables of variables, and the library that serves them.
+//!
+//! [`plant`], [`controller`] and [`estimator`] each read from top to bottom: values, table, run.
+
+pub mod controller;
+pub mod estimator;
+pub mod plant;
+
+mod common;
+
+use std::sync::Arc;
+
+use fmu_export::ModelType;
+
+fmu_export::export_fmus!(plant::MagneticBearing, controller::FlatnessController, estimator::AlgebraicEstimator);
+
+/// All models of this project, in the order in which they are presented.
+pub fn catalogue() -> Arc<[Arc<ModelType>]> {
+    FMUS.models()
+}
+
+/// The model of that name, for instance `MagneticBearing`.
+pub fn find(name: &str) -> Option<Arc<ModelType>> {
+    FMUS.find(name)
+}

@@ -1,0 +1,141 @@
+//! Packages the FMUs and the SSP out of what was just built, and of what was built for other platforms.
+
+use std::path::{Path, PathBuf};
+
+use fmu_export::package::platforms::{Binaries, Platform};
+use fmu_export::package::ssp::{self, System};
+use fmu_export::package::{self, Extras, Member, PackageError, Written, documentation};
+use maud::PreEscaped;
+
+use crate::fmu::{FMUS, catalogue};
+use crate::output::Format;
+use crate::report::frame;
+use crate::simulation::scenario::Scenario;
+
+/// Picture and text of the documentation of a model, and the licences that travel with every binary: this project's and those
+/// of the crates linked into it.
+fn extras(name: &str) -> Extras {
+    macro_rules! extras {
+        ($($model:literal),*) => {
+            match name {
+                $($model => (
+                    &include_bytes!(concat!("../modelDescription/", $model, ".png"))[..],
+                    include_str!(concat!("../modelDescription/", $model, ".html")),
+                ),)*
+                other => unreachable!("{other} is no model of this project"),
+            }
+        };
+    }
+    let (picture, text) = extras!("MagneticBearing", "FlatnessController", "AlgebraicEstimator");
+    let licenses = [
+        ("LICENSE-MIT.txt", include_str!("../modelDescription/licenses/LICENSE-MIT.txt")),
+        ("LICENSE-APACHE.txt", include_str!("../modelDescription/licenses/LICENSE-APACHE.txt")),
+        ("THIRD-PARTY.txt", include_str!("../modelDescription/licenses/THIRD-PARTY.txt")),
+    ];
+    Extras {
+        picture: Some(picture.into()),
+        text: text.into(),
+        page: |title, body| frame::page(title, &PreEscaped(body.to_owned())),
+        licenses: licenses.map(|(file, text)| (file.into(), text.into())).into(),
+    }
+}
+
+/// The library that was built together with the program that is running.
+///
+/// # Errors
+/// If there is none beside it.
+pub fn built_library() -> Result<PathBuf, PackageError> {
+    package::built_library(FMUS.library())
+}
+
+/// Reads binaries for the platforms they are given for, and adds the library that was built together with this program
+/// unless one is given for this platform.
+///
+/// # Errors
+/// Whatever file could not be read, or is not what it is said to be.
+pub fn binaries(given: &[(&'static Platform, PathBuf)]) -> Result<Binaries, PackageError> {
+    package::binaries(given, built_library)
+}
+
+/// Writes all FMUs and the SSP, with a library for this platform, into a folder, which is made if need be.
+///
+/// # Errors
+/// Whatever file could not be read or written.
+pub fn package(library: &Path, folder: &Path) -> Result<Vec<Written>, PackageError> {
+    package_for(&package::binaries_of(library)?, folder)
+}
+
+/// Writes all FMUs and the SSP into a folder, which is made if need be.
+///
+/// # Errors
+/// Whatever file could not be written.
+pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, PackageError> {
+    let mut archives = Vec::new();
+    for model in catalogue().iter() {
+        let name = model.info.name;
+        archives.push((format!("{name}.fmu"), package::fmu(model, binaries, &extras(name))?));
+    }
+    let mut members: Vec<Member> = VARIANTS.iter().flat_map(|variant| system(variant).members()).collect();
+    members.extend(archives.iter().map(|(name, fmu)| Member::new(format!("resources/{name}"), fmu.as_slice())));
+    archives.push(("MagneticBearing.ssp".into(), package::archive("MagneticBearing.ssp", &members)?));
+    for (name, _) in &archives {
+        let path = folder.join(name);
+        Format::Archive.replaceable(&path).map_err(|source| PackageError::File { path, source })?;
+    }
+    package::write(archives, binaries, folder)
+}
+
+/// Writes the model descriptions and the table of all variables into a folder, where they stand under review.
+///
+/// # Errors
+/// Whatever file could not be written.
+pub fn write_descriptions(folder: &Path) -> Result<(), PackageError> {
+    let write = |format: Format, name: String, text: &str| {
+        let path = folder.join(name);
+        format.write(&path, text.as_bytes()).map_err(|source| PackageError::File { path, source })
+    };
+    for model in catalogue().iter() {
+        write(Format::Xml, format!("{}.xml", model.info.name), model.xml())?;
+    }
+    write(Format::Markdown, "VARIABLES.md".into(), &variables())
+}
+
+/// The variables of all FMUs as Markdown, for readers of the project.
+pub fn variables() -> String {
+    let head = "# Variables of the FMUs\n\nWritten by `cargo run --release -- describe` out of the tables in `src/fmu/`. The unit in \
+                brackets is proposed for display.\n";
+    head.to_owned() + &documentation::markdown(catalogue().iter().map(|model| &**model))
+}
+
+/// Variants of the closed loop as a system structure: file, name, and the scenario that the parameters come from.
+///
+/// libcosim and ecos pass over parameters of type Enumeration. So the structure that tools open by default is the one whose
+/// enumerations have their start values: it computes the same everywhere. The paper's simulation needs `method = paper`.
+const VARIANTS: [[&str; 3]; 2] =
+    [["SystemStructure.ssd", "MagneticBearing", "unbalanced"], ["PaperSimulation.ssd", "PaperSimulation", "paper"]];
+
+/// The closed loop; what runs beside it in a comparison is not part of the system.
+fn system([file, name, scenario]: &[&str; 3]) -> System {
+    let parameters = (*scenario).to_owned();
+    let scenario = Scenario::open(Path::new(scenario)).expect("a scenario that comes with the program is sound");
+    let elements = scenario.elements[..3].iter().map(|element| ssp::Element {
+        name: element.name.clone(),
+        model: element.kind.clone(),
+        settings: element.settings.iter().map(|setting| (setting.index, setting.value.clone())).collect(),
+    });
+    let elements: Vec<_> = elements.collect();
+    let inside = |name: &String| elements.iter().any(|element| element.name == *name);
+    let connections = scenario.connections().into_iter().filter(|connection| inside(&connection.to[0]));
+    System {
+        file: (*file).into(),
+        name: (*name).into(),
+        description: scenario.title.clone(),
+        tool: scenario.elements[0].kind.info.tool.into(),
+        parameters,
+        connections: connections.map(|connection| [connection.from, connection.to]).collect(),
+        elements,
+        step_s: scenario.step_s,
+        stop_s: scenario.duration_s,
+        tolerance: scenario.elements[0].kind.info.tolerance,
+    }
+}

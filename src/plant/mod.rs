@@ -1,0 +1,418 @@
+//! The plant: the rotor between its magnets, with coils, backup bearing and sensors.
+//!
+//! Here are parameters, state and samples. The equations are in `equations.rs`, their integration in `substeps.rs` and [`integration`], inputs
+//! that change over a step in `trajectory.rs`, sensors in [`sensor`] and [`noise`], derivatives in [`linearisation`].
+//!
+//! ```text
+//! m Ÿ = Σ F_k sin α_k + p_y + c_y    P(6), P(3)
+//! m Z̈ = Σ F_k cos α_k + p_z + c_z    P(7), P(3)
+//! F_k = λ_k i_k² / gap_k²            P(4), more generally coil.rs
+//! dψ_k/dt = u_k − R i_k              with voltage drive, u_k within the limit of the amplifier
+//! ```
+//!
+//! `p` are all forces on the rotor but those of magnets and backup bearing: per axis a, with `t` the absolute time,
+//! `p_a + amplitude_a sin(ω_p t + phase_a) + m g_a`, and the unbalance `U ω² (cos(θ + φ), sin(θ + φ))` of axes (y, z).
+//! `c` is the push of the backup bearing, touchdown.rs.
+//!
+//! # Integration
+//!
+//! The classical Runge–Kutta method in equal sub-steps of at most `max_step_s`. Where the model itself is faster, a sub-step
+//! is divided until it is at most [`SAFETY`] over the fastest rate: that of the coils `R ∂i/∂ψ`, of the rotor in the field
+//! of the magnets `√(Σ 2F_k/gap_k/m)`, of the narrowest gap `|v|/gap`, and of a contact. The instant at which the rotor
+//! meets or leaves the backup bearing is located, and a sub-step ends there, so that no step runs across a kink.
+//!
+//! # Samples
+//!
+//! The sensors read at `start + k · T_s`. A sample of the currents is the value just before the instant, that is the
+//! current held over the interval that ends there (`heldBefore`). Sample 0 is taken at the start; no current is held
+//! before it, so it reads 0 A. With voltage drive currents are continuous, and a sample is that of the instant (`linear`).
+//! Steps may have any length; see [`Plant::advance`].
+
+pub mod integration;
+pub mod linearisation;
+pub mod noise;
+pub mod sensor;
+
+mod equations;
+mod error;
+mod substeps;
+mod trajectory;
+
+use serde::{Deserialize, Serialize};
+
+use crate::bearing::coil::Drive;
+use crate::bearing::magnet::Magnets;
+use crate::invalid::Checks;
+use crate::invalid::Invalid;
+use crate::plant::noise::Noise;
+pub use crate::plant::sensor::SensorConfig;
+use crate::plant::sensor::{DelayLine, Sample};
+
+pub use equations::{Conditions, Equations, Harmonic, Motion, PlantConfig, PlantInput, PlantOutput};
+pub use error::StepError;
+pub use substeps::{MOST_PARTS, SAFETY};
+pub use trajectory::{HIGHEST_ORDER, InputTrajectory};
+
+/// Part of the sensor step within which an instant counts as the end of a step.
+pub const INSTANT_TOLERANCE: f64 = 1e-3;
+
+/// Part of the sensor step up to which a difference in time is taken for rounding and removed.
+///
+/// Times that were added up differ in their last bits from those that were multiplied. With this, both give the same
+/// bits of position.
+pub const ROUNDING_TOLERANCE: f64 = 1e-6;
+
+/// The shortest sensor step, and the shortest sub-step of the integration, in s.
+///
+/// Shorter ones are lost in the rounding of the time, or never come to an end.
+pub const SHORTEST_STEP_S: f64 = 1e-9;
+
+/// What the sensors read at their last instant.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// Position (Y, Z), in m.
+    pub position_m: [f64; 2],
+    /// Currents held over the interval that ended at the instant, or with voltage drive those of the instant, in A.
+    pub current_a: [f64; 3],
+    /// Angle of the rotor, unwrapped, in rad.
+    pub theta_rad: f64,
+}
+
+/// Where the plant stands; belongs to a [`Plant`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlantState {
+    /// Time up to which the plant has been advanced, in s.
+    pub time_s: f64,
+    /// Position (Y, Z), in m.
+    pub position_m: [f64; 2],
+    /// Velocity, (y, z), in m/s.
+    pub velocity_m_s: [f64; 2],
+    /// Flux linkages of the coils, in Wb; 0 with current drive, where they follow from the currents.
+    pub linkage_wb: [f64; 3],
+    /// Whether rotor and backup bearing push each other.
+    pub contact: bool,
+    /// Coils whose circuit is open, so that they carry no current; may be changed between steps.
+    pub open: [bool; 3],
+    /// Angle of the rotor, unwrapped, in rad.
+    pub theta_rad: f64,
+    /// The sample taken last.
+    pub measured: Measured,
+    /// Number of samples taken; sample k is that of `start + k · T_s`.
+    pub samples: u64,
+    /// Start time, in s.
+    start_s: f64,
+    /// Where the angle has come from.
+    turn: Turn,
+    /// Noise of Y, Z, and of the three currents.
+    noise: [Noise; 5],
+    /// Samples taken but not yet delivered.
+    delayed: DelayLine,
+}
+
+/// θ = `base + ω (t − since)`, the base moved when ω changes, so that a long run does not add up rounding.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Turn {
+    base_rad: f64,
+    since_s: f64,
+    omega_rad_s: f64,
+}
+
+impl Turn {
+    fn theta_rad(&self, t_s: f64) -> f64 {
+        self.base_rad + self.omega_rad_s * (t_s - self.since_s)
+    }
+}
+
+impl PlantState {
+    /// The states of the equations of motion.
+    pub fn motion(&self) -> Motion {
+        let ([y, z], [v_y, v_z], [psi_1, psi_2, psi_3]) = (self.position_m, self.velocity_m_s, self.linkage_wb);
+        [y, z, v_y, v_z, psi_1, psi_2, psi_3]
+    }
+
+    /// What the equations depend on beside motion and input, at the time `t_s` in s.
+    pub fn conditions(&self, t_s: f64) -> Conditions {
+        Conditions { time_s: t_s, theta_rad: self.theta_rad, contact: self.contact, open: self.open }
+    }
+}
+
+/// A plant with parameters that are in order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plant {
+    equations: Equations,
+}
+
+impl Plant {
+    /// A plant of the given configuration.
+    ///
+    /// # Errors
+    /// Every parameter that is not finite or outside its range, by its name in the interface; `s` and `alpha[k]` as in
+    /// [`Magnets::new`]; `Y0` or `Z0` if the rotor would start outside the gap.
+    pub fn new(config: PlantConfig) -> Result<Self, Vec<Invalid>> {
+        let mut checks = Checks::default();
+        checks.positive("m", config.m_kg, "kg");
+        let magnets = Magnets::checked(config.gap_m, config.alpha_rad, &mut checks);
+        check_tunable(
+            config.lambda_nm2_a2,
+            config.unbalance_kgm,
+            config.unbalance_phase_rad,
+            &config.harmonic,
+            &mut checks,
+        );
+        for (name, value) in ["Y0", "Z0"].into_iter().zip(config.position_m) {
+            checks.finite(name, value, "m");
+        }
+        for (name, value) in ["vY0", "vZ0"].into_iter().zip(config.velocity_m_s) {
+            checks.finite(name, value, "m/s");
+        }
+        checks.finite("theta0", config.theta_rad, "rad");
+        check_start(&config, &magnets, &mut checks);
+        for (name, value) in ["gravity.Y", "gravity.Z"].into_iter().zip(config.gravity_m_s2) {
+            checks.finite(name, value, "m/s2");
+        }
+        config.coil.check(config.gap_m, config.lambda_nm2_a2, &mut checks);
+        config.touchdown.check(&mut checks);
+        config.sensor.check(&mut checks);
+        check_step("solver.maxStep", config.max_step_s, &mut checks);
+        checks.finish()?;
+        Ok(Self { equations: Equations::new(config) })
+    }
+
+    /// The configuration, as it was retuned last.
+    pub fn config(&self) -> &PlantConfig {
+        &self.equations.config
+    }
+
+    /// The equations of motion.
+    pub fn equations(&self) -> &Equations {
+        &self.equations
+    }
+
+    /// Changes the parameters that may change while running: λ in N·m²/A², unbalance in kg·m and rad, harmonic.
+    ///
+    /// # Errors
+    /// As in [`Plant::new`]; nothing is changed then.
+    pub fn retune(
+        &mut self,
+        lambda_nm2_a2: [f64; 3],
+        unbalance_kgm: f64,
+        unbalance_phase_rad: f64,
+        harmonic: Harmonic,
+    ) -> Result<(), Vec<Invalid>> {
+        let mut checks = Checks::default();
+        check_tunable(lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, &harmonic, &mut checks);
+        let config = &mut self.equations.config;
+        config.coil.check(config.gap_m, lambda_nm2_a2, &mut checks);
+        checks.finish()?;
+        config.lambda_nm2_a2 = lambda_nm2_a2;
+        config.unbalance_kgm = unbalance_kgm;
+        config.unbalance_phase_rad = unbalance_phase_rad;
+        config.harmonic = harmonic;
+        Ok(())
+    }
+
+    /// The plant at its start, the time `start_s`, with sample 0 taken. With voltage drive no current flows yet.
+    pub fn start(&self, start_s: f64) -> PlantState {
+        let config = self.config();
+        let sample = Sample { position_m: config.position_m, current_a: [0.0; 3] };
+        let mut state = PlantState {
+            time_s: start_s,
+            position_m: config.position_m,
+            velocity_m_s: config.velocity_m_s,
+            linkage_wb: [0.0; 3],
+            contact: config.touchdown.touches(config.position_m, config.velocity_m_s),
+            open: [false; 3],
+            theta_rad: config.theta_rad,
+            measured: Measured { position_m: [0.0; 2], current_a: [0.0; 3], theta_rad: 0.0 },
+            samples: 0,
+            start_s,
+            turn: Turn { base_rad: config.theta_rad, since_s: start_s, omega_rad_s: 0.0 },
+            noise: Noise::channels(config.sensor.seed),
+            delayed: DelayLine::new(sample, config.sensor.delay_s / config.sensor.step_s),
+        };
+        self.deliver(&mut state, sample);
+        state
+    }
+
+    /// Advances from `t_s` to `t_s + h_s`, in s, with the input held; see [`Plant::advance_along`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn advance(&self, state: &mut PlantState, input: &PlantInput, t_s: f64, h_s: f64) -> Result<(), StepError> {
+        self.advance_along(state, &InputTrajectory::held(input), t_s, h_s)
+    }
+
+    /// Advances from `t_s` to `t_s + h_s`, in s, with inputs that change on the way. A sample of the currents is their
+    /// value just before the instant.
+    ///
+    /// The sensors read at every instant `start + k · T_s` in `(t, t + h]`. An instant within [`INSTANT_TOLERANCE`] of
+    /// `t + h` is read at `t + h`; at one inside, the step is divided. Each part is integrated in equal sub-steps, none
+    /// longer than `max_step_s`. A step of 0 changes nothing; one too short to move the time neither loses nor doubles
+    /// a sample.
+    ///
+    /// # Errors
+    /// [`StepError::Contact`] when the rotor leaves the gap; [`StepError::Fast`] if the step would not end;
+    /// [`StepError::Input`] for an input that is not finite;
+    /// [`StepError::Time`] for a step that is negative, not finite, or does not begin where the last one ended.
+    pub fn advance_along(
+        &self,
+        state: &mut PlantState,
+        inputs: &InputTrajectory,
+        t_s: f64,
+        h_s: f64,
+    ) -> Result<(), StepError> {
+        inputs.check()?;
+        let step_s = self.config().sensor.step_s;
+        let tolerance = INSTANT_TOLERANCE * step_s;
+        let end_s = t_s + h_s;
+        let follows = (t_s - state.time_s).abs() <= tolerance;
+        if !(follows && h_s >= 0.0 && end_s.is_finite()) {
+            return Err(StepError::Time { t_s, h_s, time_s: state.time_s });
+        }
+        if h_s == 0.0 {
+            return Ok(());
+        }
+        let delay_s = self.config().sensor.delay_s;
+        let mut now_s = t_s;
+        let mut budget = MOST_PARTS;
+        loop {
+            let sample_s = state.start_s + state.samples as f64 * step_s;
+            // Without delay a sample is delivered when it is taken.
+            let taken_s = match delay_s {
+                0.0 => sample_s,
+                _ => state.start_s + (state.delayed.taken as f64 * step_s - delay_s),
+            };
+            let instant_s = taken_s.min(sample_s);
+            let inside = instant_s < end_s - tolerance;
+            let part_end_s = if inside { instant_s.max(now_s) } else { end_s };
+            let length_s = if now_s == t_s && !inside { h_s } else { part_end_s - now_s };
+            self.integrate(state, inputs, (now_s, length_s, part_end_s), &mut budget)?;
+            if instant_s > end_s + tolerance {
+                return Ok(());
+            }
+            let sample = self.sample(state, &inputs.at(part_end_s));
+            if delay_s == 0.0 {
+                self.deliver(state, sample);
+                if !inside {
+                    return Ok(());
+                }
+            } else if taken_s <= sample_s {
+                // Of a sample taken and one delivered at the same instant, the one taken comes first.
+                state.delayed.take(sample);
+            } else {
+                let delayed = state.delayed.sample(state.samples);
+                self.deliver(state, delayed);
+            }
+            now_s = part_end_s;
+        }
+    }
+
+    /// Whether a state, for instance one read from a file, is such that this plant can go on with it at `t_s`, in s: its
+    /// numbers are finite, the rotor is inside the gap, and the samples before `t_s` are taken, those after it are not.
+    pub fn accepts(&self, state: &PlantState, t_s: f64) -> bool {
+        let step_s = self.config().sensor.step_s;
+        let Turn { base_rad, since_s, omega_rad_s } = state.turn;
+        let numbers = [state.time_s, state.start_s, state.theta_rad, base_rad, since_s, omega_rad_s, t_s];
+        let mut numbers = numbers.iter().chain(&state.position_m).chain(&state.velocity_m_s).chain(&state.linkage_wb);
+        let inside = self.equations.gaps(state.position_m).iter().all(|gap| *gap > 0.0);
+        // Importers may begin a step a little beside the end of the last one.
+        let beside_s = step_s + 1e-6 * t_s.abs().max(1.0);
+        let instant_s = |count: u64| state.start_s + count as f64 * step_s;
+        let taken = instant_s(state.samples) >= t_s - beside_s && instant_s(state.samples.max(1) - 1) <= t_s + beside_s;
+        let delay = (self.config().sensor.delay_s / step_s) as u64 + 2;
+        let on_their_way = state.samples.saturating_sub(2)..=state.samples.saturating_add(delay);
+        numbers.all(|value| value.is_finite())
+            && inside
+            && taken
+            && (self.config().sensor.delay_s == 0.0 || on_their_way.contains(&state.delayed.taken))
+            && (state.time_s - t_s).abs() <= beside_s
+    }
+
+    /// The instant of the last sample, in s.
+    pub fn sampled_s(&self, state: &PlantState) -> f64 {
+        state.start_s + (state.samples.max(1) - 1) as f64 * self.config().sensor.step_s
+    }
+
+    /// The shortest step inside: that of the sensors or of the integration, in s.
+    pub fn grain_s(&self) -> f64 {
+        self.config().sensor.step_s.min(self.config().max_step_s)
+    }
+
+    /// The outputs at the time `t_s`, in s, at which the state stands.
+    pub fn outputs(&self, state: &PlantState, input: &PlantInput, t_s: f64) -> PlantOutput {
+        self.equations.outputs(&state.motion(), input, state.conditions(t_s))
+    }
+
+    /// Position and currents as a sensor without errors samples them at the end of a step with that input.
+    fn sample(&self, state: &PlantState, input: &PlantInput) -> Sample {
+        let current_a = match self.config().coil.drive {
+            Drive::Current => equations::flowing(state.open, input.current_a),
+            Drive::Voltage => {
+                let gap_m = self.equations.gaps(state.position_m);
+                self.equations.coils(state.open, state.linkage_wb, input, gap_m).map(|coil| coil.current_a)
+            }
+        };
+        Sample { position_m: state.position_m, current_a }
+    }
+
+    /// Delivers a sample, with the errors of the sensors.
+    fn deliver(&self, state: &mut PlantState, sample: Sample) {
+        let Sample { position_m, current_a } = self.config().sensor.read(&sample, &mut state.noise);
+        state.measured = Measured { position_m, current_a, theta_rad: state.theta_rad };
+        state.samples += 1;
+    }
+}
+
+/// A step has to be finite and long enough to be resolved.
+pub(crate) fn check_step(name: &'static str, step_s: f64, checks: &mut Checks) {
+    checks.require(
+        step_s.is_finite() && step_s >= SHORTEST_STEP_S,
+        name,
+        format_args!("{step_s} s"),
+        format!("a finite time of at least {SHORTEST_STEP_S} s"),
+    );
+}
+
+fn check_tunable(
+    lambda_nm2_a2: [f64; 3],
+    unbalance_kgm: f64,
+    unbalance_phase_rad: f64,
+    harmonic: &Harmonic,
+    checks: &mut Checks,
+) {
+    for (name, lambda) in ["lambda[1]", "lambda[2]", "lambda[3]"].into_iter().zip(lambda_nm2_a2) {
+        checks.positive(name, lambda, "N.m2/A2");
+    }
+    checks.not_negative("unbalance.magnitude", unbalance_kgm, "kg.m");
+    checks.finite("unbalance.phase", unbalance_phase_rad, "rad");
+    for (name, value) in ["perturbation.amplitudeY", "perturbation.amplitudeZ"].into_iter().zip(harmonic.amplitude_n) {
+        checks.finite(name, value, "N");
+    }
+    checks.not_negative("perturbation.omega", harmonic.omega_rad_s, "rad/s");
+    for (name, value) in ["perturbation.phaseY", "perturbation.phaseZ"].into_iter().zip(harmonic.phase_rad) {
+        checks.finite(name, value, "rad");
+    }
+}
+
+/// Refuses a rotor that starts at a magnet, by the coordinate that takes it there.
+fn check_start(config: &PlantConfig, magnets: &Magnets, checks: &mut Checks) {
+    let [y, z] = config.position_m;
+    let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+    if !(finite(&config.position_m) && finite(&config.alpha_rad) && config.gap_m.is_finite() && config.gap_m > 0.0) {
+        return;
+    }
+    for (k, (gap, e_k)) in magnets.gaps([y, z]).into_iter().zip(magnets.directions()).enumerate() {
+        if gap > 0.0 {
+            continue;
+        }
+        let (name, value) = if (y * e_k[0]) > (z * e_k[1]) { ("Y0", y) } else { ("Z0", z) };
+        let number = k + 1;
+        checks.require(
+            false,
+            name,
+            format_args!("{value} m"),
+            format!("a start inside the gap (that of magnet {number} would be {gap} m)"),
+        );
+        return;
+    }
+}

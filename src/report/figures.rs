@@ -1,0 +1,508 @@
+//! The figures of the report, each from the columns it needs.
+
+use std::f64::consts::TAU;
+
+use maud::{Markup, html};
+use serde_json::json;
+
+use super::{Paper, Report};
+use crate::report::evaluation::{self, Stretch};
+use crate::report::plot::{self, Line, Plot, Unit, colour};
+use crate::studies::sensitivity::ZONES;
+
+/// Frames of the animation at most; a revolution of the paper's run has 200 of its 4000.
+const FRAMES: usize = 6000;
+/// Path errors the industry asks for, in metres: on circular and on non-circular paths (introduction of the paper).
+const ASKED_M: [(f64, &str); 2] = [(1e-6, "1 µm, for circles"), (3e-6, "3 µm, for other paths")];
+/// Runs up to this length have their time in milliseconds, in s.
+const SHORT_S: f64 = 2.0;
+/// Names of the magnets' indices.
+const INDEX: [&str; 3] = ["₁", "₂", "₃"];
+
+/// A figure: plots and what to see in them.
+pub(super) struct Figure {
+    /// Anchor in the page.
+    pub(super) id: &'static str,
+    /// Heading.
+    pub(super) title: String,
+    /// Figures of the paper that show the same.
+    paper: Option<&'static str>,
+    /// Plots side by side, each with what to call it.
+    plots: Vec<(String, Plot)>,
+    /// What to see.
+    caption: String,
+}
+
+impl Figure {
+    pub(super) fn html(&self, number: usize) -> Markup {
+        html! {
+            figure id=(self.id) {
+                h2 { (self.title) }
+                div class=(if self.plots.len() > 1 { "panels two" } else { "panels" }) {
+                    @for (name, plot) in &self.plots {
+                        div {
+                            @if !name.is_empty() { h3 { (name) } }
+                            (plot.html())
+                        }
+                    }
+                }
+                figcaption {
+                    b { "Figure " (number) }
+                    @if let Some(paper) = self.paper { " (" (paper) ")" }
+                    b { ". " }
+                    (self.caption)
+                }
+            }
+        }
+    }
+}
+
+/// Figures of the paper beside those of a report.
+fn in_paper(paper: Option<Paper>, id: &str) -> Option<&'static str> {
+    match (paper?, id) {
+        (Paper::Simulation, "methods") => Some("the paper’s Fig. 2"),
+        (Paper::Experiment, "methods") => Some("the paper’s Fig. 6"),
+        (Paper::Simulation, "tracking") => Some("the paper’s Fig. 3; Figs. 7 to 10 are of its experiment"),
+        (Paper::Experiment, "tracking") => Some("the paper’s Figs. 7 to 10"),
+        (Paper::Simulation, "currents") => Some("as Fig. 5 of the paper’s experiment"),
+        (Paper::Experiment, "currents") => Some("the paper’s Fig. 5"),
+        (Paper::Simulation, "orbit") => Some("as Figs. 11 and 12 of the paper’s experiment"),
+        (Paper::Experiment, "orbit") => Some("the paper’s Figs. 11 and 12"),
+        _ => None,
+    }
+}
+
+/// The recording and its stretches.
+struct Run<'r> {
+    report: &'r Report<'r>,
+    time_s: &'r [f64],
+    /// Before and after the update, or the end of the run alone.
+    stretches: Vec<Stretch>,
+}
+
+impl<'r> Run<'r> {
+    fn new(report: &'r Report<'r>) -> Run<'r> {
+        let stretches = evaluation::stretches(report.recording);
+        Run { report, time_s: &report.recording.time_s, stretches }
+    }
+
+    /// A column with a value at every instant.
+    fn get(&self, name: &str) -> Option<&'r [f64]> {
+        self.report.recording.get(name).filter(|values| values.len() == self.time_s.len() && !values.is_empty())
+    }
+
+    /// Columns that only serve together.
+    fn get3(&self, pattern: impl Fn(usize) -> String) -> Option<[&'r [f64]; 3]> {
+        Some([self.get(&pattern(1))?, self.get(&pattern(2))?, self.get(&pattern(3))?])
+    }
+
+    fn time_unit(&self) -> Unit {
+        let end_s = self.time_s.last().copied().unwrap_or(0.0);
+        if end_s <= SHORT_S { Unit::MILLISECOND } else { Unit::SECOND }
+    }
+
+    /// A plot over time with the events of the run.
+    fn plot(&self, quantity: &str, unit: Unit) -> Plot {
+        let mut plot = Plot::over_time(self.time_unit(), (quantity, unit));
+        if let [first, .., last] = self.time_s {
+            plot = plot.range(0, [*first, *last]);
+        }
+        // Marks side by side share a label, which would be unreadable twice.
+        let near_s = 0.03 * self.time_s.last().copied().unwrap_or(0.0);
+        let mut events = self.report.events.clone();
+        events.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
+        for together in events.chunk_by(|a, b| b.at_s - a.at_s < near_s) {
+            let labels: Vec<&str> = together.iter().map(|event| event.label.as_str()).collect();
+            for (at, event) in together.iter().enumerate() {
+                plot.instant(event.at_s, if at == 0 { labels.join(", ") } else { String::new() }.as_str());
+            }
+        }
+        plot
+    }
+
+    fn line(&self, plot: &mut Plot, line: Line, values: &[f64]) {
+        plot.line(line, self.time_s, values);
+    }
+
+    /// A figure, or a sentence in its place where a plot has nothing to show.
+    fn figure(&self, id: &'static str, title: &str, plots: Vec<(String, Plot)>, caption: &str) -> Figure {
+        let plots: Vec<_> = plots.into_iter().filter(|(_, plot)| !plot.is_empty()).collect();
+        let caption = if plots.is_empty() {
+            "Not drawn: the recording has no usable signals for it.".into()
+        } else {
+            caption.into()
+        };
+        Figure { id, title: title.into(), paper: in_paper(self.report.paper, id), plots, caption }
+    }
+}
+
+/// `values` where `show` says so, elsewhere no number.
+fn where_shown(values: &[f64], show: impl Fn(usize) -> bool) -> Vec<f64> {
+    values.iter().enumerate().map(|(at, value)| if show(at) { *value } else { f64::NAN }).collect()
+}
+
+/// λ̂ of an element with its band of two standard deviations; dotted where it is not valid.
+fn lambda_plot(run: &Run, element: &str, height_px: f64) -> Plot {
+    let mut plot = run.plot("λ̂", Unit::LAMBDA).height(height_px);
+    let Some(lambda) = run.get3(|k| format!("{element}.lambdaHat[{k}]")) else { return plot };
+    let truth = run.report.truth;
+    // From zero over the truth and the first guesses: what leaves this has diverged, or is only stated very badly.
+    let firsts = lambda.map(|values| values[0]);
+    let most =
+        firsts.iter().chain(truth.iter().flatten()).copied().filter(|value| value.is_finite()).fold(0.0, f64::max);
+    plot = plot.range(1, [0.0, 1.15 * most]);
+    let valid = run.get(&format!("{element}.valid"));
+    let is_valid = |at: usize| valid.is_none_or(|valid| valid[at] > 0.5);
+    let std =
+        run.get3(|k| format!("{element}.lambdaStdTotal[{k}]")).or(run.get3(|k| format!("{element}.lambdaStd[{k}]")));
+    for k in 0..3 {
+        let group = format!("λ{}", k + 1);
+        if let Some(std) = std {
+            let edge = |sign: f64| -> Vec<f64> {
+                let value = |at: usize| if is_valid(at) { lambda[k][at] + sign * 2.0 * std[k][at] } else { f64::NAN };
+                (0..run.time_s.len()).map(value).collect()
+            };
+            plot.band(&group, colour::BANDS[k], run.time_s, &edge(-1.0), &edge(1.0));
+        }
+        let name = format!("λ̂{}", INDEX[k]);
+        // Both reach to where they meet.
+        let not_valid = |at: usize| !is_valid(at) || at > 0 && !is_valid(at - 1);
+        let dotted = Line::new(&format!("{name} not valid"), colour::MAGNETS[k]).dotted().unlisted().group(&group);
+        run.line(&mut plot, dotted, &where_shown(lambda[k], not_valid));
+        run.line(
+            &mut plot,
+            Line::new(&name, colour::MAGNETS[k]).group(&group).width(2.0),
+            &where_shown(lambda[k], is_valid),
+        );
+        if let (Some(truth), [first, .., last]) = (truth, run.time_s) {
+            let line = Line::new(&format!("true λ{}", INDEX[k]), colour::MAGNETS[k]).dashed().width(1.0).unlisted();
+            plot.line(line.group(&group), &[*first, *last], &[truth[k]; 2]);
+        }
+    }
+    plot
+}
+
+/// The run in motion beside λ̂ of the loop's estimator.
+pub(super) fn first(report: &Report) -> Markup {
+    let run = Run::new(report);
+    let element = report.answer.as_ref().map_or("estimator", |answer| answer.element.as_str());
+    let plot = lambda_plot(&run, element, 460.0);
+    let animation = animation(&run, element);
+    html! {
+        div.first {
+            @if let Some(data) = &animation {
+                div #orbit-animation { (plot::data_element(data)) }
+            }
+            @if !plot.is_empty() {
+                div #lambda {
+                    (plot.html())
+                    p.soft {
+                        "Solid where the estimate is valid, with a band of two standard deviations; dotted where it is not"
+                        @if report.truth.is_some() { "; dashed: the truth" } "."
+                        @if animation.is_some() { " Click to go to an instant." }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What moves: positions, forces, angle and λ̂ at instants at equal distances.
+fn animation(run: &Run, element: &str) -> Option<serde_json::Value> {
+    let bearing = run.report.bearing?;
+    let (y, z, theta) = (run.get("plant.Y")?, run.get("plant.Z")?, run.get("plant.theta")?);
+    let force = run.get3(|k| format!("plant.F[{k}]"))?;
+    let every = run.time_s.len().div_ceil(FRAMES).max(1);
+    let frames = |values: &[f64], factor: f64| {
+        let values: Vec<f64> = values.iter().step_by(every).map(|value| value * factor).collect();
+        plot::packed(&values)
+    };
+    let optional = |name: &str, factor: f64| run.get(name).map(|values| frames(values, factor));
+    let lambda = run.get3(|k| format!("{element}.lambdaHat[{k}]"));
+    Some(json!({
+        "t": frames(run.time_s, 1.0), "y": frames(y, 1e6), "z": frames(z, 1e6), "theta": frames(theta, 1.0),
+        "refY": optional("controller.reference.Y", 1e6), "refZ": optional("controller.reference.Z", 1e6),
+        "force": force.map(|force| frames(force, 1.0)), "lambda": lambda.map(|lambda| lambda.map(|lambda| frames(lambda, 1e6))),
+        "valid": optional(&format!("{element}.valid"), 1.0), "contact": optional("plant.touchdown.contact", 1.0),
+        "truth": run.report.truth.map(|truth| truth.map(|lambda| lambda * 1e6)),
+        "alpha": bearing.alpha_rad, "gap": bearing.gap_m * 1e6, "clearance": bearing.clearance_m * 1e6,
+        "timeFactor": run.time_unit().factor,
+        "events": run.report.events.iter().map(|event| json!([event.at_s, event.label])).collect::<Vec<_>>(),
+    }))
+}
+
+/// Buttons for the stretches of time that are worth a look; all plots over time follow.
+pub(super) fn views(report: &Report) -> Markup {
+    let run = Run::new(report);
+    let factor = run.time_unit().factor;
+    let instants = |stretch: &Stretch| [run.time_s[stretch.from] * factor, run.time_s[stretch.to - 1] * factor];
+    let mut views = Vec::new();
+    if let [first, .., last] = run.time_s {
+        views.push(("Whole run".to_owned(), [first * factor, last * factor]));
+    }
+    for stretch in &run.stretches {
+        views.push((stretch.title().into(), instants(stretch)));
+    }
+    html! {
+        @if views.len() > 1 {
+            div #views role="toolbar" aria-label="Time shown in all plots" {
+                span.soft { "Time in all plots: " }
+                @for (name, [from, to]) in &views {
+                    button type="button" data-from=(from) data-to=(to) { (name) }
+                }
+            }
+        }
+    }
+}
+
+/// Every figure of the page, in order.
+pub(super) fn all(report: &Report) -> Vec<Figure> {
+    let run = Run::new(report);
+    let mut figures = Vec::new();
+    figures.extend(estimates(&run));
+    figures.extend(errors(&run));
+    figures.extend(condition(&run));
+    figures.push(tracking(&run));
+    figures.push(currents(&run));
+    figures.push(orbit(&run));
+    figures.extend(clearance(&run));
+    figures.extend(sensitivity(&run));
+    figures
+}
+
+fn estimates(run: &Run) -> Option<Figure> {
+    let methods = &run.report.methods;
+    let plots = methods.iter().map(|method| (method.label.clone(), lambda_plot(run, &method.element, 300.0))).collect();
+    let mut caption = String::from(
+        "Estimates over time, all methods fed with the same samples. Solid where valid, with a band of two standard \
+         deviations; dotted where not; dashed: the truth.",
+    );
+    match run.report.paper {
+        Some(Paper::Simulation) => caption += " The paper ends at (1.786, 2.072, 2.199)·10⁻⁶ in less than 0.1 s.",
+        Some(Paper::Experiment) => {
+            caption += " The paper ends at (2.53, 2.04, 2.42)·10⁻⁶ after 0.2 s on its test bench."
+        }
+        None => {}
+    }
+    (!methods.is_empty()).then(|| run.figure("methods", "Estimates of the force constants", plots, &caption))
+}
+
+fn errors(run: &Run) -> Option<Figure> {
+    let truth = run.report.truth?;
+    let lambda = |element: &str| run.get3(|k| format!("{element}.lambdaHat[{k}]"));
+    // Down to where errors are most of the time: where one changes its sign it is small for an instant.
+    let estimates = run.report.methods.iter().filter_map(|method| lambda(&method.element));
+    let mut all: Vec<f64> = estimates
+        .flat_map(|lambda| (0..3).flat_map(move |k| lambda[k].iter().map(move |value| (value / truth[k] - 1.0).abs())))
+        .filter(|error| *error > 0.0)
+        .collect();
+    all.sort_by(f64::total_cmp);
+    let least = all.get(all.len() / 50).map_or(1e-4, |error| 10f64.powf(error.log10().floor()).clamp(1e-7, 1e-3));
+    let one = |element: &str| {
+        let mut plot = run.plot("|λ̂ − λ|/λ", Unit::PERCENT).decades(1).range(1, [least, 2.0]).height(280.0);
+        let lambda = lambda(element);
+        let std = run
+            .get3(|k| format!("{element}.lambdaStdTotal[{k}]"))
+            .or(run.get3(|k| format!("{element}.lambdaStd[{k}]")));
+        for k in 0..3 {
+            let group = format!("λ{}", k + 1);
+            let positive = |value: f64| if value > 0.0 { value } else { f64::NAN };
+            if let Some(lambda) = lambda {
+                let error: Vec<f64> = lambda[k].iter().map(|value| positive((value / truth[k] - 1.0).abs())).collect();
+                let line = Line::new(&format!("error {}", k + 1), colour::MAGNETS[k]).group(&group);
+                run.line(&mut plot, line, &error);
+            }
+            if let Some(std) = std {
+                let stated: Vec<f64> = std[k].iter().map(|std| positive(2.0 * std / truth[k])).collect();
+                let line = Line::new(&format!("2 std {}", k + 1), colour::MAGNETS[k]).group(&group).dashed().width(1.0);
+                run.line(&mut plot, line.unlisted(), &stated);
+            }
+        }
+        plot
+    };
+    let plots = run.report.methods.iter().map(|method| (method.label.clone(), one(&method.element))).collect();
+    let caption = "Errors in decades (solid) beside two stated standard deviations (dashed). An error of the bench that no \
+                   tolerance states is in no standard deviation.";
+    (!run.report.methods.is_empty()).then(|| run.figure("errors", "Errors of the estimates", plots, caption))
+}
+
+fn condition(run: &Run) -> Option<Figure> {
+    let mut plot = run.plot("condition number", Unit::ONE).decades(1).height(240.0);
+    let colours = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::OTHER];
+    for (method, colour) in run.report.methods.iter().zip(colours.into_iter().cycle()) {
+        if let Some(values) = run.get(&format!("{}.condition", method.element)) {
+            run.line(&mut plot, Line::new(&method.label, colour), &where_shown(values, |at| values[at] > 0.0));
+        }
+    }
+    let caption = "The condition number of the equations that are solved: by how much errors of the data may grow.";
+    let title = "How well the data determine the estimates";
+    (!plot.is_empty()).then(|| run.figure("condition", title, vec![(String::new(), plot)], caption))
+}
+
+/// Position less reference; that of the controller where there is no reference: a sample late, with the noise of the sensor.
+fn error(run: &Run, axis: &str) -> Option<Vec<f64>> {
+    match (run.get(&format!("plant.{axis}")), run.get(&format!("controller.reference.{axis}"))) {
+        (Some(position), Some(reference)) => {
+            Some(position.iter().zip(reference).map(|(is, ought)| is - ought).collect())
+        }
+        _ => run.get(&format!("controller.e{axis}")).map(<[f64]>::to_vec),
+    }
+}
+
+fn tracking(run: &Run) -> Figure {
+    let mut plots = Vec::new();
+    let axes = [("Y", "y"), ("Z", "z")];
+    for (axis, letter) in axes {
+        let mut plot = run.plot(letter, Unit::MICROMETRE);
+        if let Some(position) = run.get(&format!("plant.{axis}")) {
+            run.line(&mut plot, Line::new("position", colour::MAGNETS[0]), position);
+        }
+        if let Some(reference) = run.get(&format!("controller.reference.{axis}")) {
+            run.line(&mut plot, Line::new("reference", colour::INK).dashed().width(1.0), reference);
+        }
+        plots.push((format!("Position along {letter}"), plot));
+    }
+    for (axis, letter) in axes {
+        let mut plot = run.plot(&format!("error of {letter}"), Unit::MICROMETRE).height(230.0);
+        if let Some(error) = error(run, axis) {
+            run.line(&mut plot, Line::new("error", colour::MAGNETS[1]), &error);
+        }
+        plots.push((format!("Tracking error of {letter}"), plot));
+    }
+    for (axis, letter) in axes {
+        let mut plot = run.plot("force", Unit::NEWTON).height(260.0);
+        if let Some(estimate) = run.get(&format!("controller.p{axis}Hat")) {
+            run.line(&mut plot, Line::new("observed", colour::MAGNETS[2]), estimate);
+        }
+        if let Some(truth) = run.get(&format!("plant.perturbation.{axis}")) {
+            run.line(&mut plot, Line::new("true", colour::INK).dashed().width(1.0), truth);
+        }
+        plots.push((format!("Perturbation along {letter}"), plot));
+    }
+    let caption = "Both axes: position on its reference, the error, and the perturbation that the observer sees beside the true \
+                   one. A wrong λ is a perturbation to the observer.";
+    run.figure("tracking", "Tracking", plots, caption)
+}
+
+fn currents(run: &Run) -> Figure {
+    let measured = run.get3(|k| format!("plant.im[{k}]"));
+    let mut plots = Vec::new();
+    let mut add = |name: &str, quantity: &str, unit: Unit, columns: Option<[&[f64]; 3]>| {
+        let mut plot = run.plot(quantity, unit);
+        for (k, column) in columns.iter().flatten().enumerate() {
+            run.line(&mut plot, Line::new(&format!("{quantity}{}", INDEX[k]), colour::MAGNETS[k]), column);
+        }
+        plots.push((name.to_owned(), plot));
+    };
+    let name = if measured.is_some() { "Measured currents" } else { "Commanded currents" };
+    add(name, "i", Unit::AMPERE, measured.or_else(|| run.get3(|k| format!("controller.i[{k}]"))));
+    add("Forces", "F", Unit::NEWTON, run.get3(|k| format!("plant.F[{k}]")));
+    let voltages = run.get3(|k| format!("controller.u[{k}]"));
+    add("Voltages", "u", Unit::VOLT, voltages.filter(|voltages| voltages.iter().any(|u| u.iter().any(|u| *u != 0.0))));
+    let caption = "The magnets only pull: the sign of a current has no meaning.";
+    run.figure("currents", "Currents of the three magnets", plots, caption)
+}
+
+fn orbit(run: &Run) -> Figure {
+    let axes = |what: &str| {
+        let axis = |letter: &str| if what.is_empty() { letter.to_owned() } else { format!("{what} of {letter}") };
+        Plot::new((&axis("y"), Unit::MICROMETRE), (&axis("z"), Unit::MICROMETRE)).equal().height(460.0)
+    };
+    let (mut path, mut errors) = (axes(""), axes("error"));
+    let (y, z) = (run.get("plant.Y"), run.get("plant.Z"));
+    let error = error(run, "Y").zip(error(run, "Z"));
+    let colours =
+        if run.stretches.len() > 1 { vec![colour::MAGNETS[1], colour::MAGNETS[0]] } else { vec![colour::MAGNETS[0]] };
+    for (stretch, colour) in run.stretches.iter().zip(colours) {
+        let part = |values: &'_ [f64]| values[stretch.from..stretch.to].to_vec();
+        if let (Some(y), Some(z)) = (y, z) {
+            path.line(Line::new(stretch.title(), colour), &part(y), &part(z));
+        }
+        if let Some((y, z)) = &error {
+            errors.line(Line::new(stretch.title(), colour), &part(y), &part(z));
+        }
+    }
+    let reference = run.get("controller.reference.Y").zip(run.get("controller.reference.Z"));
+    if let (Some((y, z)), Some(last)) = (reference, run.stretches.last()) {
+        let line = Line::new("reference", colour::INK).dashed().width(1.0);
+        path.line(line, &y[last.from..last.to], &z[last.from..last.to]);
+    }
+    if run.report.paper.is_some() {
+        for (radius, name) in ASKED_M {
+            let circle =
+                |of: fn(f64) -> f64| (0..=120).map(|i| radius * of(TAU * f64::from(i) / 120.0)).collect::<Vec<_>>();
+            errors.line(Line::new(name, colour::SOFT).dashed().width(1.0), &circle(f64::cos), &circle(f64::sin));
+        }
+    }
+    let mut caption =
+        String::from("The path in the plane of the bearing and its distance from the reference, over two revolutions.");
+    if run.report.paper.is_some() {
+        caption += " The paper states about 5 µm for its experiment on a non-circular path, and that up to 1000 rpm the \
+                    industry asks for less than 1 µm on circular paths and 3 µm on others.";
+    }
+    run.figure("orbit", "Orbit of the rotor", vec![("Path".into(), path), ("Error".into(), errors)], &caption)
+}
+
+/// How far from the centre the rotor is, beside the clearance of the backup bearing.
+fn clearance(run: &Run) -> Option<Figure> {
+    let clearance_m = run.report.bearing?.clearance_m;
+    let length = |y: &[f64], z: &[f64]| y.iter().zip(z).map(|(y, z)| y.hypot(*z)).collect::<Vec<f64>>();
+    let (y, z) = (run.get("plant.Y")?, run.get("plant.Z")?);
+    let mut distance = run.plot("distance from the centre", Unit::MICROMETRE).height(260.0);
+    let radius = length(y, z);
+    let most = radius.iter().copied().filter(|radius| radius.is_finite()).fold(clearance_m, f64::max);
+    distance = distance.range(1, [0.0, 1.1 * most]);
+    run.line(&mut distance, Line::new("rotor", colour::MAGNETS[0]).unlisted(), &radius);
+    distance.level(clearance_m, "clearance");
+    let mut plots = vec![("Distance from the centre".into(), distance)];
+    let contact = run.get("plant.touchdown.contact").unwrap_or(&[]);
+    let touched = contact.iter().any(|contact| *contact > 0.5);
+    if let (true, Some(y), Some(z)) = (touched, run.get("plant.touchdown.FY"), run.get("plant.touchdown.FZ")) {
+        let mut push = run.plot("force", Unit::NEWTON).height(260.0);
+        run.line(&mut push, Line::new("backup bearing", colour::MAGNETS[1]).unlisted(), &length(y, z));
+        plots.push(("Force of the backup bearing".into(), push));
+    }
+    let caption =
+        if touched { "The rotor touches the backup bearing." } else { "The backup bearing is never touched." };
+    Some(run.figure("clearance", "Clearance", plots, caption))
+}
+
+/// The sensitivity functions of both axes, before and after the update.
+fn sensitivity(run: &Run) -> Option<Figure> {
+    let hertz = Unit { name: "Hz", factor: 1.0 / TAU };
+    let all = &run.report.sensitivities;
+    let mut plots = Vec::new();
+    for one in all.iter().filter(|one| !one.sweep.is_empty()) {
+        let column = |points: &[[f64; 3]], index: usize| points.iter().map(|point| point[index]).collect::<Vec<f64>>();
+        let peak = one.sweep.iter().flat_map(|point| [point[1], point[2]]).fold(0.0, f64::max);
+        let mut plot =
+            Plot::new(("frequency", hertz), ("|S|", Unit::ONE)).decades(0).range(1, [0.0, 5.5f64.max(1.1 * peak)]);
+        // Both axes are often alike: the narrow line stays visible on the broad one.
+        let lines =
+            [Line::new("y", colour::MAGNETS[0]).width(4.0), Line::new("z", colour::MAGNETS[1]).dashed().width(2.0)];
+        for (axis, line) in lines.into_iter().enumerate() {
+            plot.line(line, &column(&one.sweep, 0), &column(&one.sweep, 1 + axis));
+            let crosses = Line::new(["y injected", "z injected"][axis], colour::INK).crosses().unlisted();
+            plot.line(crosses, &column(&one.injected, 0), &column(&one.injected, 1 + axis));
+        }
+        for (limit, zone) in ZONES {
+            plot.level(limit, &format!("zone {zone}: below {limit} ({:.1} dB)", 20.0 * limit.log10()));
+        }
+        let name = match one.name.as_str() {
+            "before" => "With λ before the update",
+            "after" => "With λ after the update",
+            _ => "",
+        };
+        plots.push((name.into(), plot));
+    }
+    let missing: Vec<String> =
+        all.iter().filter_map(|one| one.missing.as_ref()).map(|why| format!(" Not drawn: {why}.")).collect();
+    let caption = "By how much an error of a position sensor appears in its reading, with the rotor at rest in the centre under \
+                   the static load: lines from the linearised loop, crosses from a sine injected in the time simulation. Zones of ISO 14839-3.";
+    if plots.is_empty() && missing.is_empty() {
+        return None;
+    }
+    let mut figure = run.figure("sensitivity", "Sensitivity function of each axis", plots, caption);
+    figure.caption = if figure.plots.is_empty() { missing.concat() } else { figure.caption + &missing.concat() };
+    Some(figure)
+}

@@ -1,0 +1,360 @@
+//! A run as one page of HTML that needs nothing else: the answer, the run in motion, plots, tables, parameters.
+
+use maud::{Markup, html};
+
+use crate::simulation::recording::Recording;
+use crate::table::Table;
+
+pub mod evaluation;
+pub mod experiment;
+pub mod frame;
+pub mod identification;
+pub mod plot;
+
+mod figures;
+
+/// What the page shows. Start from [`Report::new`] and fill in what there is.
+#[derive(Clone, Debug)]
+pub struct Report<'a> {
+    /// Heading.
+    pub title: String,
+    /// What the run is about; blank lines part paragraphs.
+    pub description: String,
+    /// The command that makes this page.
+    pub command: String,
+    /// Why the run ended early, if it did.
+    pub message: Option<String>,
+    /// What the loop's estimator says.
+    pub answer: Option<Answer>,
+    /// The signals, with columns named `element.variable`.
+    pub recording: &'a Recording,
+    /// Results in numbers.
+    pub tables: Vec<Table>,
+    /// Every parameter of the run.
+    pub parameters: Vec<Parameter>,
+    /// What happened in the run, to be marked in the plots.
+    pub events: Vec<Event>,
+    /// The true λ of the three magnets, in N·m²/A², where it is known.
+    pub truth: Option<[f64; 3]>,
+    /// The estimators to compare.
+    pub methods: Vec<Method>,
+    /// The bearing, for the animation.
+    pub bearing: Option<Bearing>,
+    /// Sensitivity functions of the loop.
+    pub sensitivities: Vec<Sensitivity>,
+    /// What of the paper the run repeats, so that captions name the figures they redraw.
+    pub paper: Option<Paper>,
+}
+
+impl<'a> Report<'a> {
+    /// A report on `recording` with nothing but a title.
+    pub fn new(title: &str, recording: &'a Recording) -> Report<'a> {
+        Report {
+            title: title.into(),
+            description: String::new(),
+            command: String::new(),
+            message: None,
+            answer: None,
+            recording,
+            tables: Vec::new(),
+            parameters: Vec::new(),
+            events: Vec::new(),
+            truth: None,
+            methods: Vec::new(),
+            bearing: None,
+            sensitivities: Vec::new(),
+            paper: None,
+        }
+    }
+}
+
+/// The parts of the paper that a run may repeat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Paper {
+    /// Section IV.A.
+    Simulation,
+    /// Section IV.B.
+    Experiment,
+}
+
+/// The estimate in the end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answer {
+    /// Name of the element whose λ̂ it is.
+    pub element: String,
+    /// Its method.
+    pub method: String,
+    /// Whether the estimate is valid at the end of the run.
+    pub valid: bool,
+    /// The verdict in words, and since when.
+    pub verdict: String,
+    /// λ̂ of the three magnets, in N·m²/A².
+    pub lambda: [f64; 3],
+    /// Standard deviations stated, tolerances included.
+    pub std: [f64; 3],
+    /// What is to be expected instead of the truth, and why; may be empty.
+    pub expectation: String,
+}
+
+/// Something that happened.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// When, in s.
+    pub at_s: f64,
+    /// What, in a few words.
+    pub label: String,
+}
+
+/// What the animation has to know of the bearing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bearing {
+    /// Angles of the magnets, in rad.
+    pub alpha_rad: [f64; 3],
+    /// Nominal air gap, in m.
+    pub gap_m: f64,
+    /// Clearance of the backup bearing, in m.
+    pub clearance_m: f64,
+}
+
+/// An estimator whose λ̂ stands in the columns `element.lambdaHat[1..3]`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Method {
+    /// Name of the element, for instance `paperLiteral`.
+    pub element: String,
+    /// What it is, in words.
+    pub label: String,
+}
+
+impl From<&str> for Method {
+    /// An estimator that goes by the name of its element.
+    fn from(element: &str) -> Method {
+        Method { element: element.into(), label: element.into() }
+    }
+}
+
+/// The sensitivity function of both axes for one λ of the controller.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sensitivity {
+    /// When it holds: before or after the update, or at the end of the run.
+    pub name: String,
+    /// `[ω, |S_y|, |S_z|]` from the linearisation, ω in rad/s.
+    pub sweep: Vec<[f64; 3]>,
+    /// The same from injection in time.
+    pub injected: Vec<[f64; 3]>,
+    /// Why there is none, if there is none.
+    pub missing: Option<String>,
+}
+
+/// A parameter of the run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Parameter {
+    /// The element it belongs to.
+    pub group: String,
+    /// Name as in the interface.
+    pub name: String,
+    /// Value with unit.
+    pub value: String,
+    /// What it is.
+    pub description: String,
+}
+
+/// The page: one file that loads nothing.
+///
+/// The script that draws the plots is part of it, compressed, so that the page can be mailed. Whatever is missing from the
+/// recording leaves out its figure, with a sentence in its place.
+pub fn page(report: &Report) -> String {
+    let figures = figures::all(report);
+    let body = html! {
+        header {
+            h1 { (report.title) }
+            @if let Some(message) = &report.message {
+                p.message role="alert" { strong { "The run ended early. " } (message) }
+            }
+        }
+        main {
+            section #answer {
+                @if let Some(answer) = &report.answer { (answer_of(answer, report.truth)) }
+                (figures::first(report))
+            }
+            section {
+                @for paragraph in report.description.split("\n\n").filter(|text| !text.trim().is_empty()) {
+                    p { (paragraph.trim()) }
+                }
+                p.soft { (run_of(report.recording)) }
+                @if !report.command.is_empty() {
+                    p.soft { "This page is made by" }
+                    pre { code { (report.command) } }
+                }
+            }
+            nav {
+                ul {
+                    @for figure in &figures { li { a href={ "#" (figure.id) } { (figure.title) } } }
+                    @if !report.tables.is_empty() { li { a href="#results" { "Results in numbers" } } }
+                    @if !report.parameters.is_empty() { li { a href="#parameters" { "Parameters" } } }
+                }
+            }
+            (figures::views(report))
+            @for (index, figure) in figures.iter().enumerate() { (figure.html(index + 1)) }
+            @if !report.tables.is_empty() {
+                section #results {
+                    @for table in &report.tables { (table_of(table)) }
+                }
+            }
+            @if !report.parameters.is_empty() { (parameters_of(&report.parameters)) }
+        }
+        footer.soft { "Plots: plotly.js (MIT). Drag to zoom, double-click for all, click a name in a legend to switch its line." }
+        (plot::scripts())
+    };
+    frame::page(&report.title, &body)
+}
+
+/// How long the recording is, and what of it is drawn.
+fn run_of(recording: &Recording) -> String {
+    let (Some(first), Some(last)) = (recording.time_s.first(), recording.time_s.last()) else {
+        return "The recording is empty.".into();
+    };
+    let samples = recording.time_s.len();
+    let thinned = if plot::is_whole(samples) {
+        "each of them is drawn"
+    } else {
+        "of which the plots show the least and the greatest value in short stretches"
+    };
+    format!("{samples} samples from {} to {}, {thinned}.", instant(*first), instant(*last))
+}
+
+/// An instant to the tenth of a millisecond, without zeros at the end.
+pub(super) fn instant(at_s: f64) -> String {
+    format!("{} s", (at_s * 1e4).round() / 1e4)
+}
+
+/// λ̂ ± beside the truth, and whether it is valid.
+fn answer_of(answer: &Answer, truth: Option<[f64; 3]>) -> Markup {
+    html! {
+        p class=(if answer.valid { "verdict good" } else { "verdict bad" }) {
+            strong { (if answer.valid { "Valid" } else { "Not valid" }) } " " (answer.verdict)
+        }
+        (cards(answer.lambda, answer.std, truth))
+        p.soft {
+            "In 10⁻⁶ N·m²/A², at the end of the run; ± is two standard deviations as stated by the loop’s estimator, method "
+            code { (answer.method) } ". " (answer.expectation)
+        }
+    }
+}
+
+/// Three λ̂ with twice their standard deviations, in 10⁻⁶ N·m²/A², beside the truth where it is known.
+pub(super) fn cards(lambda: [f64; 3], std: [f64; 3], truth: Option<[f64; 3]>) -> Markup {
+    // Two digits of a deviation are worth reading, and no more of the estimate.
+    let places = |std: f64| (2.0 - (2e6 * std).log10().floor() - 1.0).clamp(3.0, 7.0) as usize;
+    let number = |value: f64, std: f64| format!("{:.*}", places(std), value * 1e6);
+    html! {
+        div.cards {
+            @for k in 0..3 {
+                div.card style={ "border-color:var(--magnet" (k + 1) ")" } {
+                    span.name { "λ̂" sub { (k + 1) } }
+                    span.value { (number(lambda[k], std[k])) " ± " (number(2.0 * std[k], std[k])) }
+                    @if let Some(truth) = truth {
+                        span.truth {
+                            "truth " (number(truth[k], std[k])) ", error " (percent(lambda[k] / truth[k] - 1.0))
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A ratio in per cent with its sign.
+fn percent(ratio: f64) -> String {
+    let percent = 100.0 * ratio;
+    let text = match percent.abs() {
+        size if !size.is_finite() => return "unknown".into(),
+        size if size >= 1000.0 => format!("{percent:+.1e}"),
+        size if size >= 0.1 => format!("{percent:+.2}"),
+        _ => format!("{percent:+.4}"),
+    };
+    format!("{} %", text.replace('-', "−"))
+}
+
+/// A table with its heading and note.
+pub(super) fn table_of(table: &Table) -> Markup {
+    // A column of numbers reads best flush right.
+    let numeric = |column: usize| {
+        let mut cells = table.rows.iter().filter_map(|row| row.get(column)).filter(|cell| !cell.is_empty()).peekable();
+        column > 0 && cells.peek().is_some() && cells.all(|cell| looks_numeric(cell))
+    };
+    let columns = table.rows.iter().map(Vec::len).chain([table.head.len()]).max().unwrap_or(0);
+    let numeric: Vec<bool> = (0..columns).map(numeric).collect();
+    html! {
+        div.table {
+            @if !table.title.is_empty() { h2 { (table.title) } }
+            @if !table.note.is_empty() { p { (table.note) } }
+            div.scroll {
+                table {
+                    @if !table.head.is_empty() {
+                        thead {
+                            tr {
+                                @for (cell, numeric) in table.head.iter().zip(&numeric) {
+                                    th scope="col" class=[numeric.then_some("number")] { (cell) }
+                                }
+                            }
+                        }
+                    }
+                    tbody {
+                        @for row in &table.rows {
+                            tr {
+                                @for (column, cell) in row.iter().enumerate() {
+                                    @if column == 0 {
+                                        th scope="row" { (cell) }
+                                    } @else {
+                                        td class=[numeric[column].then_some("number")] { (cell) }
+                                    }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Whether a cell holds a number, with or without sign, brackets and unit, rather than words.
+fn looks_numeric(cell: &str) -> bool {
+    let start = cell.trim_start_matches(['+', '-', '−', '±', '<', '>', '≤', '≥', '≈', '(', ' ']);
+    let letters = cell.chars().filter(|c| c.is_alphabetic()).count();
+    cell == "–" || cell == "—" || (start.starts_with(|c: char| c.is_ascii_digit()) && letters <= 8)
+}
+
+/// Every parameter, by group, folded away.
+fn parameters_of(parameters: &[Parameter]) -> Markup {
+    let mut groups: Vec<(&str, Vec<&Parameter>)> = Vec::new();
+    for parameter in parameters {
+        match groups.iter_mut().find(|(group, _)| *group == parameter.group) {
+            Some((_, members)) => members.push(parameter),
+            None => groups.push((&parameter.group, vec![parameter])),
+        }
+    }
+    html! {
+        section id="parameters" {
+            details {
+                summary { "Parameters (" (parameters.len()) ")" }
+                @for (group, members) in groups {
+                    h3 { (group) }
+                    div.scroll {
+                        table.parameters {
+                            tbody {
+                                @for parameter in members {
+                                    tr {
+                                        th scope="row" { code { (parameter.name) } }
+                                        td.value { (parameter.value) }
+                                        td { (parameter.description) }
+                                    }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,335 @@
+//! Plots to zoom and to read with the pointer, as what plotly.js makes of them.
+//!
+//! A page carries the script once ([`scripts`]) and every plot as data. Colours are names of the page's style, so that light and
+//! dark are decided where the page is read.
+
+use std::io::Write;
+use std::sync::LazyLock;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use maud::{Markup, PreEscaped, html};
+use serde_json::{Value as Json, json};
+
+/// Up to so many samples are drawn one by one: the paper's run at every sample.
+const WHOLE: usize = 5000;
+/// Of longer signals the least and the greatest value of this many stretches, more than a screen has columns.
+const STRETCHES: usize = 1200;
+/// Points along each edge of a band, which is smooth.
+const EDGE: usize = 300;
+
+/// Colours by their names in the style of the page.
+pub mod colour {
+    /// The three magnets, distinct to colour-blind eyes as well.
+    pub const MAGNETS: [&str; 3] = ["--magnet1", "--magnet2", "--magnet3"];
+    /// The bands of their standard deviations.
+    pub const BANDS: [&str; 3] = ["--band1", "--band2", "--band3"];
+    /// A fourth colour.
+    pub const OTHER: &str = "--other";
+    /// That of text.
+    pub const INK: &str = "--ink";
+    /// Less than that.
+    pub const SOFT: &str = "--soft";
+}
+
+/// A unit to show values in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unit {
+    /// Name as on the axis; empty for a plain number.
+    pub name: &'static str,
+    /// Shown value over SI value.
+    pub factor: f64,
+}
+
+impl Unit {
+    /// Plain numbers.
+    pub const ONE: Unit = Unit { name: "", factor: 1.0 };
+    /// Ratios.
+    pub const PERCENT: Unit = Unit { name: "%", factor: 1e2 };
+    /// Positions of the rotor.
+    pub const MICROMETRE: Unit = Unit { name: "µm", factor: 1e6 };
+    /// Long runs.
+    pub const SECOND: Unit = Unit { name: "s", factor: 1.0 };
+    /// A few revolutions.
+    pub const MILLISECOND: Unit = Unit { name: "ms", factor: 1e3 };
+    /// Force constants λ.
+    pub const LAMBDA: Unit = Unit { name: "10⁻⁶ N·m²/A²", factor: 1e6 };
+    /// Forces.
+    pub const NEWTON: Unit = Unit { name: "N", factor: 1.0 };
+    /// Currents.
+    pub const AMPERE: Unit = Unit { name: "A", factor: 1.0 };
+    /// Voltages.
+    pub const VOLT: Unit = Unit { name: "V", factor: 1.0 };
+}
+
+/// How a line is drawn.
+#[derive(Clone, Debug)]
+pub struct Line {
+    name: String,
+    colour: &'static str,
+    dash: &'static str,
+    width: f64,
+    mode: &'static str,
+    group: Option<String>,
+    legend: bool,
+}
+
+impl Line {
+    /// A solid line with its name in the legend.
+    pub fn new(name: &str, colour: &'static str) -> Line {
+        Line { name: name.into(), colour, dash: "solid", width: 1.6, mode: "lines", group: None, legend: true }
+    }
+
+    /// Dashed: a reference.
+    pub fn dashed(self) -> Line {
+        Line { dash: "dash", ..self }
+    }
+
+    /// Dotted: not to be relied on.
+    pub fn dotted(self) -> Line {
+        Line { dash: "dot", ..self }
+    }
+
+    /// With this width in pixels.
+    pub fn width(self, width: f64) -> Line {
+        Line { width, ..self }
+    }
+
+    /// Crosses at the points instead of a line.
+    pub fn crosses(self) -> Line {
+        Line { mode: "markers", ..self }
+    }
+
+    /// Switched together with the others of that name.
+    pub fn group(self, name: &str) -> Line {
+        Line { group: Some(name.into()), ..self }
+    }
+
+    /// Without an entry in the legend.
+    pub fn unlisted(self) -> Line {
+        Line { legend: false, ..self }
+    }
+}
+
+/// A plot: lines, levels, instants and stretches between two axes.
+#[derive(Clone, Debug)]
+pub struct Plot {
+    units: [Unit; 2],
+    traces: Vec<Json>,
+    shapes: Vec<Json>,
+    axes: [Json; 2],
+    height_px: f64,
+    over_time: bool,
+}
+
+impl Plot {
+    /// An empty plot of a quantity with its unit over another.
+    pub fn new(x: (&str, Unit), y: (&str, Unit)) -> Plot {
+        let title = |(quantity, unit): (&str, Unit)| match unit.name {
+            "" => json!({"title": {"text": quantity}}),
+            name => json!({"title": {"text": format!("{quantity} [{name}]")}}),
+        };
+        let mut axes = [title(x), title(y)];
+        // The pointer tells the unit, and so does the last number along the axis.
+        axes[0]["ticksuffix"] = json!(format!(" {}", x.1.name));
+        axes[0]["showticksuffix"] = json!("last");
+        Plot { units: [x.1, y.1], traces: Vec::new(), shapes: Vec::new(), axes, height_px: 300.0, over_time: false }
+    }
+
+    /// An empty plot over time, which is linked to all others over time of a page.
+    pub fn over_time(unit: Unit, y: (&str, Unit)) -> Plot {
+        Plot { over_time: true, ..Plot::new(("time", unit), y) }
+    }
+
+    /// With this height in pixels.
+    pub fn height(self, height_px: f64) -> Plot {
+        Plot { height_px, ..self }
+    }
+
+    /// With an axis (0 for x) in decades.
+    pub fn decades(mut self, axis: usize) -> Plot {
+        self.axes[axis]["type"] = json!("log");
+        self.axes[axis]["nticks"] = json!(7);
+        self
+    }
+
+    /// With an axis (0 for x) from and to these SI values at first; not finite ones leave it to the data.
+    pub fn range(mut self, axis: usize, ends: [f64; 2]) -> Plot {
+        let log = self.axes[axis]["type"] == "log";
+        let ends = ends.map(|end| end * self.units[axis].factor).map(|end| if log { end.log10() } else { end });
+        if ends.iter().all(|end| end.is_finite()) && ends[0] < ends[1] {
+            self.axes[axis]["range"] = json!(ends);
+        }
+        self
+    }
+
+    /// With both axes on one scale.
+    pub fn equal(mut self) -> Plot {
+        self.axes[1]["scaleanchor"] = json!("x");
+        self
+    }
+
+    /// Adds a line; values that are not finite leave a gap. A line without any point is left out.
+    pub fn line(&mut self, line: Line, x: &[f64], y: &[f64]) {
+        let (x, y) = self.shown(x, y);
+        if !y.iter().any(|y| y.is_finite()) {
+            return;
+        }
+        let unit = self.units[1].name;
+        let space = if unit.is_empty() { "" } else { " " };
+        let mut trace = json!({
+            "type": "scatter", "mode": line.mode, "name": line.name, "showlegend": line.legend,
+            "line": {"color": line.colour, "dash": line.dash, "width": line.width},
+            "marker": {"color": line.colour, "symbol": "cross-thin", "size": 8, "line": {"color": line.colour, "width": 1.5}},
+            "hovertemplate": format!("{} %{{y:.5~g}}{space}{unit}<extra></extra>", line.name),
+        });
+        if let Some(group) = line.group {
+            trace["legendgroup"] = json!(group);
+        }
+        self.trace(trace, &thinned(&x, &y));
+    }
+
+    /// Adds the area between two lines, stretch by stretch where both are finite; it is switched with its group.
+    pub fn band(&mut self, group: &str, fill: &str, x: &[f64], low: &[f64], high: &[f64]) {
+        let every = (x.len() / EDGE).max(1);
+        let (mut xs, mut ys) = (Vec::new(), Vec::new());
+        let inside = |at: &usize| low[*at].is_finite() && high[*at].is_finite();
+        let rows: Vec<usize> = (0..x.len().min(low.len()).min(high.len())).step_by(every).collect();
+        for stretch in rows.split(|at| !inside(at)).filter(|stretch| stretch.len() > 1) {
+            let around = || stretch.iter().map(|at| (*at, high)).chain(stretch.iter().rev().map(|at| (*at, low)));
+            xs.extend(around().map(|(at, _)| x[at]).chain([f64::NAN]));
+            ys.extend(around().map(|(at, edge)| edge[at]).chain([f64::NAN]));
+        }
+        if !xs.is_empty() {
+            let shown = self.shown(&xs, &ys);
+            let trace = json!({
+                "type": "scatter", "mode": "none", "fill": "toself", "fillcolor": fill, "legendgroup": group,
+                "showlegend": false, "hoverinfo": "skip",
+            });
+            self.trace(trace, &shown);
+        }
+    }
+
+    /// Adds a level across the plot.
+    pub fn level(&mut self, at: f64, label: &str) {
+        let at = at * self.units[1].factor;
+        if at.is_finite() {
+            self.shapes.push(json!({
+                "type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": at, "y1": at,
+                "line": {"color": colour::SOFT, "width": 1, "dash": "dash"},
+                "label": {"text": label, "textposition": "end", "font": {"size": 11, "color": colour::SOFT}},
+            }));
+        }
+    }
+
+    /// Adds an instant, a line from bottom to top.
+    pub fn instant(&mut self, at: f64, label: &str) {
+        let at = at * self.units[0].factor;
+        if at.is_finite() {
+            self.shapes.push(json!({
+                "type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": at, "x1": at,
+                "line": {"color": colour::SOFT, "width": 1.2, "dash": "dot"},
+                // Along the line, within the frame.
+                "label": {"text": label, "textposition": "end", "textangle": -90, "xanchor": "right", "yanchor": "bottom",
+                    "font": {"size": 11, "color": colour::SOFT}},
+            }));
+        }
+    }
+
+    /// Whether there is nothing to see.
+    pub fn is_empty(&self) -> bool {
+        self.traces.is_empty()
+    }
+
+    fn shown(&self, x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let [fx, fy] = self.units.map(|unit| unit.factor);
+        x.iter().zip(y).map(|(x, y)| (x * fx, y * fy)).unzip()
+    }
+
+    fn trace(&mut self, mut trace: Json, (x, y): &(Vec<f64>, Vec<f64>)) {
+        let step = if x.len() > 1 { (x[x.len() - 1] - x[0]) / (x.len() - 1) as f64 } else { 0.0 };
+        let x0 = x.first().copied().unwrap_or(0.0);
+        // Far within the spacing of the samples, far above what rounding does to their instants.
+        let even = x.iter().enumerate().all(|(at, value)| (value - x0 - at as f64 * step).abs() < 1e-3 * step);
+        if even {
+            trace["x0"] = json!(x0);
+            trace["dx"] = json!(step);
+        } else {
+            trace["x"] = packed(x);
+        }
+        trace["y"] = packed(y);
+        self.traces.push(trace);
+    }
+
+    /// The plot as an element of a page that has [`scripts`].
+    pub fn html(&self) -> Markup {
+        let [x, y] = &self.axes;
+        let data = json!({"data": self.traces, "layout": {"xaxis": x, "yaxis": y, "shapes": self.shapes}});
+        html! {
+            div.plot data-over-time[self.over_time] style={ "height:" (self.height_px) "px" } { (data_element(&data)) }
+        }
+    }
+}
+
+/// Data as an element that a script reads.
+pub fn data_element(data: &Json) -> Markup {
+    // A text that ends the element would end it here as well.
+    let text = data.to_string().replace('<', "\\u003c");
+    html! { script type="application/json" { (PreEscaped(text)) } }
+}
+
+/// Numbers as plotly.js reads them in short: single precision, which is more than a screen can show.
+pub fn packed(values: &[f64]) -> Json {
+    let bytes: Vec<u8> = values.iter().flat_map(|value| (*value as f32).to_le_bytes()).collect();
+    json!({"dtype": "f4", "bdata": BASE64.encode(bytes)})
+}
+
+/// What is drawn of a signal: all of a short one, of a long one the least and the greatest value of each stretch where they
+/// are. Where most values are missing, each gap is one point.
+fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let missing = y.iter().filter(|y| !y.is_finite()).count();
+    let mut rows: Vec<usize> = (0..y.len()).collect();
+    if 4 * missing > y.len() {
+        rows.retain(|at| y[*at].is_finite() || *at > 0 && y[*at - 1].is_finite());
+    }
+    if rows.len() > WHOLE {
+        let size = rows.len().div_ceil(STRETCHES);
+        let ends = |stretch: &[usize]| {
+            let finite = || stretch.iter().copied().filter(|at| y[*at].is_finite());
+            let least = finite().min_by(|a, b| y[*a].total_cmp(&y[*b]));
+            let greatest = finite().max_by(|a, b| y[*a].total_cmp(&y[*b]));
+            match (least, greatest) {
+                (Some(least), Some(greatest)) => vec![least.min(greatest), least.max(greatest)],
+                _ => vec![stretch[0]],
+            }
+        };
+        rows = rows.chunks(size).flat_map(ends).collect();
+    }
+    rows.into_iter().map(|at| (x[at], y[at])).unzip()
+}
+
+/// Whether a signal of so many samples is drawn sample by sample.
+pub fn is_whole(samples: usize) -> bool {
+    samples <= WHOLE
+}
+
+/// plotly.js, compressed: 1.9 MB instead of 4.6, so that a page stays one file that fits into a mail.
+static PLOTLY: LazyLock<String> = LazyLock::new(|| {
+    let sources = plotly::Plot::offline_js_sources();
+    // The first of the scripts; the others set formulas.
+    let start = sources.find('>').map_or(0, |at| at + 1);
+    let end = sources.find("</script>").unwrap_or(sources.len());
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+    let written = encoder.write_all(&sources.as_bytes()[start..end]).and_then(|()| encoder.finish());
+    BASE64.encode(written.expect("a vector takes all that is written"))
+});
+
+/// What draws the plots and the animation of a page, to stand at its end.
+pub fn scripts() -> Markup {
+    html! {
+        noscript { p.message { "The plots need scripts to be allowed; nothing is loaded from elsewhere." } }
+        script type="text/plain" id="plotly" { (PreEscaped(PLOTLY.as_str())) }
+        script { (PreEscaped(include_str!("frame/plots.js"))) }
+        script { (PreEscaped(include_str!("frame/orbit.js"))) }
+    }
+}

@@ -1,0 +1,79 @@
+//! The closed loop of a scenario with types: its elements by what they are, and the configurations of their models.
+
+use fmu_export::Invalid;
+use fmu_export::variable::Value;
+
+use crate::control::controller::ControllerConfig;
+use crate::estimation::EstimatorConfig;
+use crate::fmu::{controller, estimator, plant};
+use crate::plant::{PlantConfig, PlantInput};
+use crate::simulation::scenario::{Element, Scenario};
+
+/// The configurations of the models in the loop, at the start.
+#[derive(Clone, Debug)]
+pub struct Loop {
+    /// The plant.
+    pub plant: PlantConfig,
+    /// Its inputs: speed and load; currents and voltages come from the controller.
+    pub input: PlantInput,
+    /// The controller.
+    pub controller: ControllerConfig,
+    /// The estimator whose λ the controller takes over.
+    pub estimator: EstimatorConfig,
+}
+
+impl Scenario {
+    /// The plant.
+    pub fn plant(&self) -> &Element {
+        &self.elements[0]
+    }
+
+    /// The controller.
+    pub fn controller(&self) -> &Element {
+        &self.elements[1]
+    }
+
+    /// The estimator in the loop.
+    pub fn estimator(&self) -> &Element {
+        &self.elements[2]
+    }
+
+    /// Plant, controller and estimator.
+    pub fn in_loop(&self) -> &[Element] {
+        &self.elements[..3]
+    }
+
+    /// Estimators that run beside the loop on the same data.
+    pub fn observers(&self) -> &[Element] {
+        &self.elements[3..]
+    }
+
+    /// Removes the estimators beside the loop.
+    pub fn remove_observers(&mut self) {
+        self.elements.truncate(3);
+    }
+
+    /// The path of a variable, such as `plant.lambda[1]`, by the indices of its element and its own.
+    pub fn path(&self, (element, variable): (usize, usize)) -> String {
+        let element = &self.elements[element];
+        format!("{}.{}", element.name, element.kind.variables()[variable].name)
+    }
+
+    /// The configurations of the models in the loop.
+    ///
+    /// # Errors
+    /// Every choice that cannot be accepted; a scenario that can be run has none. Ranges are not checked.
+    pub fn closed_loop(&self) -> Result<Loop, Vec<Invalid>> {
+        let (plant, input) = plant::configuration(&settings(self.plant()))?;
+        Ok(Loop {
+            plant,
+            input,
+            controller: controller::configuration(&settings(self.controller()))?,
+            estimator: estimator::configuration(&settings(self.estimator()))?,
+        })
+    }
+}
+
+fn settings(element: &Element) -> Vec<(usize, Value)> {
+    element.settings.iter().map(|setting| (setting.index, setting.value.clone())).collect()
+}

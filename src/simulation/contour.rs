@@ -1,0 +1,97 @@
+//! Contours of holes as tables: a closed path given by points becomes a Fourier series.
+//!
+//! A table is CSV with the head `theta [deg],Y [um],Z [um]`, or with the units `rad`, `m`, `mm`, `µm` in their places: the angle
+//! of the spindle and where its centre is to be. The points need not lie at equal angles; the series is the one with the
+//! least squares of distances.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::control::reference::{Contour, HARMONICS};
+use fmu_export::unit::{METRE, RADIAN};
+
+/// Unknowns per axis: the mean, a cosine and a sine per harmonic.
+const UNKNOWNS: usize = 2 * HARMONICS + 1;
+/// Least ratio of singular values at which points still determine all harmonics.
+const LEAST_RATIO: f64 = 1e-6;
+
+/// A contour and how far its series strays from the points, in m.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// The series.
+    pub contour: Contour,
+    /// Largest distance of a point from the series, in m.
+    pub largest_m: f64,
+}
+
+/// Reads a table.
+///
+/// # Errors
+/// What is wrong with it, and what is wanted.
+pub fn read(text: &str) -> Result<Fit, String> {
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
+    let head = reader.headers().map_err(|error| error.to_string())?.clone();
+    let wanted = "the head theta [deg],Y [um],Z [um] is wanted";
+    let column = |name: &str, unit: fmu_export::unit::Unit| {
+        let found = head.iter().enumerate().find_map(|(index, cell)| {
+            let (title, rest) = cell.split_once('[')?;
+            (title.trim() == name).then_some((index, rest.trim_end_matches(']').trim().to_owned()))
+        });
+        let (index, given) = found.ok_or_else(|| format!("there is no column {name} with its unit: {wanted}"))?;
+        let factor = unit.convert(1.0, &given);
+        let factor = factor
+            .ok_or_else(|| format!("the unit {given} is none of {}", unit.names().collect::<Vec<_>>().join(", ")))?;
+        Ok::<_, String>((index, factor))
+    };
+    let columns = [column("theta", RADIAN)?, column("Y", METRE)?, column("Z", METRE)?];
+    let mut points: Vec<[f64; 3]> = Vec::new();
+    for (row, record) in reader.records().enumerate() {
+        let record = record.map_err(|error| error.to_string())?;
+        let mut point = [0.0; 3];
+        for (value, (index, factor)) in point.iter_mut().zip(columns) {
+            let cell = record.get(index).unwrap_or_default();
+            let number: f64 = cell.parse().map_err(|_| format!("row {}: {cell:?} is no number", row + 1))?;
+            if !number.is_finite() {
+                return Err(format!("row {}: {cell} is not finite", row + 1));
+            }
+            *value = number * factor;
+        }
+        points.push(point);
+    }
+    fit(&points)
+}
+
+/// The series for points `[θ, Y, Z]` in rad and m.
+///
+/// # Errors
+/// When the points are too few or lie so that they do not determine the series.
+pub fn fit(points: &[[f64; 3]]) -> Result<Fit, String> {
+    let wanted = format!("at least {UNKNOWNS} points all round are wanted");
+    if points.len() < UNKNOWNS {
+        return Err(format!("{} points: {wanted}", points.len()));
+    }
+    let basis = |theta: f64, column: usize| match column {
+        0 => 1.0,
+        _ if column <= HARMONICS => libm::cos(column as f64 * theta),
+        _ => libm::sin((column - HARMONICS) as f64 * theta),
+    };
+    let matrix = DMatrix::from_fn(points.len(), UNKNOWNS, |row, column| basis(points[row][0], column));
+    let svd = matrix.svd(true, true);
+    if svd.singular_values.min() < LEAST_RATIO * svd.singular_values.max() {
+        return Err(format!("the angles leave gaps: {wanted}"));
+    }
+    let solve = |axis: usize| {
+        let values = DVector::from_fn(points.len(), |row, _| points[row][axis]);
+        svd.solve(&values, 0.0).map_err(str::to_owned)
+    };
+    let (y, z) = (solve(1)?, solve(2)?);
+    let cos = |x: &DVector<f64>| std::array::from_fn(|n| x[1 + n]);
+    let sin = |x: &DVector<f64>| std::array::from_fn(|n| x[1 + HARMONICS + n]);
+    let contour =
+        Contour { centre_m: [y[0], z[0]], cos_y_m: cos(&y), sin_y_m: sin(&y), cos_z_m: cos(&z), sin_z_m: sin(&z) };
+    let distance = |[theta, y, z]: &[f64; 3]| {
+        let [[at_y, ..], [at_z, ..]] = contour.at(*theta);
+        libm::hypot(at_y - y, at_z - z)
+    };
+    let largest_m = points.iter().map(distance).fold(0.0, f64::max);
+    Ok(Fit { contour, largest_m })
+}

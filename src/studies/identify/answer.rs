@@ -1,0 +1,612 @@
+//! The answer for whole recordings: maximum likelihood, what it is worth, and what is said where it is worth nothing.
+
+use serde_json::{Value as Json, json};
+
+use super::diagnosis::{self, Take};
+use super::likelihood::{self, BENCH, Change, CurrentHold, Identification, Knowledge, Options, PARAMETERS, Told};
+use super::read::{Currents, Rotation, Samples, significant, time};
+use super::{Failed, HOLDS};
+use crate::estimation::{EstimatorConfig, Hold, STD_LIMIT};
+use crate::table::Table;
+
+// False alarms of the limits below, over good recordings (`montecarlo --only identify:`, seeds from 62001, docs/identify.md): of 480 of drawn
+// bearings, 0.1 to 5 s, eight have too few turns, and nine are refused for SUSPECTED: eight of one bearing (30 mA, poles at 670 rad/s), whose
+// scores of the delay have the bias of noise in the regressors. Of 2500 of the nominal bearing, its bench off as told or not at all, none is.
+
+/// Turns that a recording must have at least, noise told or not (as on line).
+const TURNS: [f64; 2] = [1.3, 2.0];
+/// Below this speed, in rad/s, the rotor counts as being at rest.
+const REST_RAD_S: f64 = 1.0;
+/// A bench parameter that the residuals ask for makes the answer invalid if it would move a λ by more than this many stated
+/// deviations.
+const SUSPECTED: f64 = 3.0;
+/// Autocorrelation of the innovations at lag one beyond which the model does not describe the motion, unless chance explains it.
+const COLOURED: f64 = 0.15;
+/// Position noise below that of any sensor, m: a simulation without noise, whose residuals are rounding.
+const SILENT_M: f64 = 1e-9;
+/// Amplitude of a harmonic, relative to the noise of one innovation, beyond which it counts.
+const HARMONIC: f64 = 0.3;
+/// χ² with two degrees of freedom of a harmonic: e⁻¹⁵ by chance.
+const HARMONIC_CHI: f64 = 30.0;
+/// Noise of the currents, relative to their rms, that no sensor has.
+const CURRENT_NOISE: f64 = 0.15;
+/// Force constants of one bearing differ by less.
+const RATIO: f64 = 10.0;
+
+/// What is asked of the recordings.
+#[derive(Clone, Debug)]
+pub struct Question {
+    /// The bearing as the on-line estimator is told it, hold and noise included; 0 for noise that is to be found.
+    pub config: EstimatorConfig,
+    /// What is known of the bench.
+    pub bench: [Told; BENCH],
+    /// Threads to work with.
+    pub threads: usize,
+}
+
+/// Columns of a recording as the likelihood takes them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Columns {
+    pub step_s: f64,
+    pub position_m: Vec<[f64; 2]>,
+    pub current_a: Vec<[f64; 3]>,
+    pub theta_rad: Vec<f64>,
+    pub omega_rad_s: Vec<f64>,
+    pub usable: Vec<bool>,
+}
+
+/// What the recordings say.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// Whether the estimates can be relied on.
+    pub valid: bool,
+    /// Why, or why not, in a sentence.
+    pub verdict: String,
+    /// What was found besides, in sentences; where the answer is not valid, what would fit instead.
+    pub findings: Vec<String>,
+    /// The estimates, unless there are none.
+    pub found: Option<Identification>,
+    /// The question.
+    pub question: Question,
+}
+
+pub(super) fn hold_of(hold: Hold) -> CurrentHold {
+    match hold {
+        Hold::HeldBefore => CurrentHold::Before,
+        Hold::HeldAfter => CurrentHold::After,
+        Hold::Linear => CurrentHold::Linear,
+    }
+}
+
+pub(super) fn columns(samples: &Samples, hold: Hold) -> Columns {
+    let currents = samples.currents(match hold {
+        Hold::HeldBefore => Currents::Before,
+        Hold::HeldAfter => Currents::After,
+        Hold::Linear => Currents::Linear,
+    });
+    let count = samples.len();
+    let position_m: Vec<[f64; 2]> = (0..count).map(|j| [samples.position_m[0][j], samples.position_m[1][j]]).collect();
+    let current_a: Vec<[f64; 3]> = (0..count).map(|j| [currents[0][j], currents[1][j], currents[2][j]]).collect();
+    let rotation = |column: &[f64]| if column.is_empty() { vec![0.0; count] } else { column.to_vec() };
+    let known = samples.rotation != Rotation::Unknown;
+    let theta_rad = rotation(if known { &samples.theta_rad } else { &[] });
+    let omega_rad_s = rotation(if known { &samples.omega_rad_s } else { &[] });
+    let finite = |j: usize| {
+        position_m[j].iter().chain(&current_a[j]).chain([&theta_rad[j], &omega_rad_s[j]]).all(|value| value.is_finite())
+    };
+    let usable = (0..count).map(finite).collect();
+    Columns { step_s: samples.step_s, position_m, current_a, theta_rad, omega_rad_s, usable }
+}
+
+impl Columns {
+    pub fn recording(&self, config: &EstimatorConfig, hold: CurrentHold) -> likelihood::Recording<'_> {
+        likelihood::Recording {
+            step_s: self.step_s,
+            position_m: &self.position_m,
+            current_a: &self.current_a,
+            theta_rad: &self.theta_rad,
+            omega_rad_s: &self.omega_rad_s,
+            usable: &self.usable,
+            hold,
+            position_noise_m: (config.position_noise_m > 0.0).then_some(config.position_noise_m),
+            current_noise_a: (config.current_noise_a > 0.0).then_some(config.current_noise_a),
+        }
+    }
+
+    pub fn part(&self, of: std::ops::Range<usize>) -> Self {
+        Self {
+            step_s: self.step_s,
+            position_m: self.position_m[of.clone()].to_vec(),
+            current_a: self.current_a[of.clone()].to_vec(),
+            theta_rad: self.theta_rad[of.clone()].to_vec(),
+            omega_rad_s: self.omega_rad_s[of.clone()].to_vec(),
+            usable: self.usable[of].to_vec(),
+        }
+    }
+
+    fn used(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.usable.len()).filter(|j| self.usable[*j])
+    }
+
+    fn turns(&self) -> f64 {
+        self.used().map(|j| self.omega_rad_s[j].abs()).sum::<f64>() * self.step_s / std::f64::consts::TAU
+    }
+
+    fn at_rest(&self) -> bool {
+        self.turns() * std::f64::consts::TAU < REST_RAD_S * self.step_s * self.usable.len() as f64
+    }
+
+    /// rms of the currents, and of the positions about their mean.
+    pub fn sizes(&self) -> [f64; 2] {
+        let count = self.used().count().max(1) as f64;
+        let currents = self.used().flat_map(|j| self.current_a[j]).map(|i| i * i).sum::<f64>() / (3.0 * count);
+        let mut motion = 0.0;
+        for a in 0..2 {
+            let mean = self.used().map(|j| self.position_m[j][a]).sum::<f64>() / count;
+            motion += self.used().map(|j| (self.position_m[j][a] - mean).powi(2)).sum::<f64>() / count;
+        }
+        [currents.sqrt(), motion.sqrt()]
+    }
+}
+
+/// Whether estimates describe a magnetic bearing at all: `None`, or why not.
+pub(super) fn implausible(found: &Identification, columns: &Columns) -> Option<String> {
+    let [current_rms, motion_rms] = columns.sizes();
+    let lambda = found.lambda.map(|lambda| lambda.value);
+    let (least, greatest) = (lambda[0].min(lambda[1]).min(lambda[2]), lambda[0].max(lambda[1]).max(lambda[2]));
+    if greatest > RATIO * least {
+        return Some(format!(
+            "the force constants would differ by a factor of {}, as those of one bearing do not",
+            significant(greatest / least, 2)
+        ));
+    }
+    for conditions in &found.conditions {
+        if conditions.current_noise_a > CURRENT_NOISE * current_rms {
+            return Some(format!(
+                "the forces would be off by as much as noise of {} A on the currents makes, {} % of their rms: they do not belong \
+                 to the motion",
+                significant(conditions.current_noise_a, 2),
+                significant(100.0 * conditions.current_noise_a / current_rms, 2)
+            ));
+        }
+        if motion_rms > 2e-6 && conditions.position_noise_m > 0.3 * motion_rms {
+            return Some(format!(
+                "the positions would have noise of {} µm where the rotor moves by {} µm rms",
+                significant(1e6 * conditions.position_noise_m, 2),
+                significant(1e6 * motion_rms, 2)
+            ));
+        }
+    }
+    None
+}
+
+/// Identifies from all recordings together.
+///
+/// # Errors
+/// Parameters that make no sense, by name; recordings that say nothing are an [`Answer`] that is not valid.
+pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Failed> {
+    let columns: Vec<Columns> = recordings.iter().map(|samples| columns(samples, question.config.hold)).collect();
+    Ok(answer_columns(&columns, question))
+}
+
+fn answer_columns(all: &[Columns], question: Question) -> Answer {
+    let config = &question.config;
+    let options = Options {
+        bench: question.bench,
+        threads: question.threads,
+        ..Options::new(config.m_kg, config.gap_m, config.alpha_rad)
+    };
+    let hold = hold_of(config.hold);
+    let recordings: Vec<likelihood::Recording<'_>> =
+        all.iter().map(|columns| columns.recording(config, hold)).collect();
+    let identified = likelihood::identify(&recordings, &options);
+    let mut findings = Vec::new();
+    let (mut found, mut refusal) = match identified {
+        Ok(found) => (Some(found), None),
+        Err(failed) => (None, Some(failed.to_string())),
+    };
+    let told = config.position_noise_m > 0.0 && config.current_noise_a > 0.0;
+    let turns: f64 = all.iter().map(Columns::turns).sum();
+    let rest = all.iter().all(Columns::at_rest);
+    if let Some(found) = &found {
+        refusal = judge(found, all);
+    }
+    let weak = found.as_ref().is_some_and(|found| {
+        found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value)
+    });
+    let least = TURNS[usize::from(!told)];
+    if !rest && turns < least {
+        refusal = Some(format!(
+            "the recording is too short: {} turns of the rotor, {least} at least are wanted",
+            significant(turns, 2)
+        ));
+    } else if refusal.is_some() && rest && (weak || all.iter().all(still)) {
+        refusal = Some(
+            "the rotor is at rest and nothing excites it, or not enough. Move it along a path, or modulate the \
+             smallest force (F0.modulation)"
+                .into(),
+        );
+    } else if refusal.is_some() {
+        let take = Take { columns: all[0].clone(), options, hold, config: config.clone() };
+        findings.extend(diagnosis::proposals(&take));
+    }
+    // What did not converge is no estimate, and its residuals ask for nothing.
+    if let Some(found) = found.as_ref().filter(|found| found.converged) {
+        findings.extend(words_on(found, all));
+    }
+    if found.as_ref().is_some_and(|found| !found.converged) {
+        found = None;
+    }
+    let valid = refusal.is_none();
+    let verdict = match (&refusal, &found) {
+        (Some(why), _) => format!("Not valid: {why}."),
+        (None, Some(found)) => {
+            let worst = (0..3).map(|k| found.lambda[k].total_std / found.lambda[k].value).fold(0.0, f64::max);
+            format!(
+                "Valid: the force constants are known within {} %{}.",
+                significant(100.0 * worst, 2),
+                if question.bench.iter().all(|told| told.knowledge == Knowledge::Exact) {
+                    " if the bench is exactly as told; mind the budget"
+                } else {
+                    ", what was told of the bench included"
+                }
+            )
+        }
+        (None, None) => "Not valid.".into(),
+    };
+    Answer { valid, verdict, findings, found, question }
+}
+
+/// Neither the rotor nor its currents vary beyond a few per cent.
+fn still(columns: &Columns) -> bool {
+    let count = columns.used().count().max(1) as f64;
+    let [_, motion_rms] = columns.sizes();
+    let varies = (0..3).any(|k| {
+        let mean = columns.used().map(|j| columns.current_a[j][k]).sum::<f64>() / count;
+        let square = columns.used().map(|j| (columns.current_a[j][k] - mean).powi(2)).sum::<f64>() / count;
+        square.sqrt() > 0.1 * mean.abs()
+    });
+    motion_rms < 5e-6 && !varies
+}
+
+/// Why the estimates are not valid.
+fn judge(found: &Identification, all: &[Columns]) -> Option<String> {
+    if !found.converged {
+        return Some(format!(
+            "the search did not converge in {} iterations: the model does not describe these data, or too much was left free",
+            found.iterations
+        ));
+    }
+    if let Some(why) = all.iter().find_map(|columns| implausible(found, columns)) {
+        return Some(why);
+    }
+    let relative = |k: usize| found.lambda[k].total_std / found.lambda[k].value;
+    let worst = (0..3).max_by(|a, b| relative(*a).total_cmp(&relative(*b))).unwrap_or(0);
+    if relative(worst).is_nan() || relative(worst) >= STD_LIMIT {
+        return Some(format!(
+            "λ{} is known to {} % only, the limit is {} %: a longer recording, a larger path, or better knowledge of the bench is \
+             wanted",
+            worst + 1,
+            significant(100.0 * relative(worst), 2),
+            100.0 * STD_LIMIT
+        ));
+    }
+    let silent = found.conditions.iter().all(|conditions| conditions.position_noise_m < SILENT_M);
+    for suspect in found.suspects.iter().filter(|_| !silent) {
+        let line = &found.budget[suspect.parameter];
+        let moved = suspect.value - found.bench[suspect.parameter].told.value;
+        for k in 0..3 {
+            let shift = line.sensitivity[k] * moved;
+            if shift.abs() * found.lambda[k].value > SUSPECTED * found.lambda[k].total_std && shift.abs() > 0.002 {
+                return Some(format!(
+                    "the residuals ask for {} ({}), and with it λ{} would differ by {} %",
+                    PARAMETERS[suspect.parameter].name,
+                    PARAMETERS[suspect.parameter].description,
+                    k + 1,
+                    significant(100.0 * shift.abs(), 2)
+                ));
+            }
+        }
+    }
+    let noisy = |of: &(&likelihood::Residuals, &likelihood::Conditions)| of.1.position_noise_m >= SILENT_M;
+    for (residuals, _) in found.residuals.iter().zip(&found.conditions).filter(noisy) {
+        for (n, harmonic) in residuals.harmonics.iter().enumerate() {
+            for (axis, chi) in harmonic.iter().enumerate() {
+                if *chi > HARMONIC_CHI && residuals.amplitudes[n][axis] > HARMONIC {
+                    return Some(format!(
+                        "harmonic {} of the rotor stands in the residuals of {}, {} times the noise: something turns with the shaft \
+                         that the model does not know",
+                        n + 1,
+                        ["y", "z"][axis],
+                        significant(residuals.amplitudes[n][axis], 2)
+                    ));
+                }
+            }
+        }
+    }
+    for (residuals, conditions) in found.residuals.iter().zip(&found.conditions).filter(noisy) {
+        let chance = 6.0 / (2.0 * conditions.rows as f64).sqrt();
+        if residuals.lags[0].abs() > COLOURED.max(chance) {
+            return Some(format!(
+                "the residuals of neighbouring samples belong together (correlation {}): the model misses some of the motion",
+                significant(residuals.lags[0], 2)
+            ));
+        }
+    }
+    None
+}
+
+/// What was found besides the estimates.
+fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
+    let mut words = Vec::new();
+    for part in &found.contradictions {
+        let step_s = all[part.recording].step_s;
+        let at = |row: usize| time(row as f64 * step_s);
+        let rows = format!("{} to {} of recording {}", at(part.rows.start), at(part.rows.end), part.recording + 1);
+        words.push(match &part.what {
+            Change::Disturbed { ratio } => {
+                format!(
+                    "From {rows} something disturbs the rotor (residuals {} times as large); left out.",
+                    significant(*ratio, 2)
+                )
+            }
+            Change::Lambda { lambda, .. } => format!(
+                "From {rows} the force constants are others, {} · 10⁻⁶ N·m²/A²; left out.",
+                lambda.map(|l| format!("{:.4} ± {:.4}", 1e6 * l.value, 1e6 * l.noise_std)).join(", ")
+            ),
+            Change::Load { chi_square } => {
+                format!("From {rows} the load is another (χ² {}); left out.", significant(*chi_square, 3))
+            }
+        });
+    }
+    let held: Vec<&str> = found.not_separated.iter().map(|j| PARAMETERS[*j].name).collect();
+    if !held.is_empty() {
+        words.push(format!(
+            "The data do not separate {} from the rest; held at the value told. (Mass and common current gain scale λ; run-out that turns \
+             with the shaft is like unbalance at one speed.)",
+            held.join(", ")
+        ));
+    }
+    let silent = found.conditions.iter().all(|conditions| conditions.position_noise_m < SILENT_M);
+    for suspect in found.suspects.iter().filter(|_| !silent).take(3) {
+        let parameter = &PARAMETERS[suspect.parameter];
+        let (factor, unit) = shown(parameter.unit);
+        let mut more = format!("--estimate {}", parameter.name);
+        if parameter.name == "delay" {
+            let lag = suspect.value / all[0].step_s;
+            more = format!("{} samples; --hold auto, or {more}", significant(lag, 2));
+        }
+        words.push(format!(
+            "The residuals ask for {} of {} ± {} {unit} ({}): {more}.",
+            parameter.name,
+            significant(suspect.value / factor, 3),
+            significant(suspect.std / factor, 2),
+            parameter.description
+        ));
+    }
+    if let Some(residuals) =
+        found.residuals.iter().find(|r| !silent && r.harmonics.iter().flatten().any(|chi| *chi > HARMONIC_CHI))
+    {
+        let listed: Vec<String> = (0..8)
+            .filter(|at| residuals.harmonics[at / 2][at % 2] > HARMONIC_CHI)
+            .map(|at| format!("{}× in {}", at / 2 + 1, ["y", "z"][at % 2]))
+            .collect();
+        words.push(format!(
+            "Harmonics of the shaft in the residuals: {}: run-out, or another force?",
+            listed.join(", ")
+        ));
+    }
+    if found.covariance == likelihood::Covariance::Scores {
+        words.push(
+            "The scatter of the data is larger than noise explains; ± of noise is taken from it (scores).".into(),
+        );
+    }
+    words
+}
+
+/// Factor and name of the unit in which a parameter is shown.
+fn shown(unit: &str) -> (f64, &'static str) {
+    match unit {
+        "1" => (0.01, "%"),
+        "m" => (1e-6, "µm"),
+        "rad" => (std::f64::consts::PI / 180.0, "°"),
+        "s" => (1e-6, "µs"),
+        "A" => (1e-3, "mA"),
+        _ => (1.0, "N"),
+    }
+}
+
+impl Answer {
+    /// Relative standard deviations of λ with a typical bench where no tolerance was told.
+    #[must_use]
+    pub fn typical(&self) -> Option<[f64; 3]> {
+        let found = self.found.as_ref()?;
+        Some(std::array::from_fn(|k| {
+            let own = found.lambda[k].total_std / found.lambda[k].value;
+            let untold = found.budget.iter().filter(|line| !line.told && PARAMETERS[line.parameter].in_typical_bench);
+            untold.map(|line| line.contribution[k]).fold(own * own, |sum, part| sum + part * part).sqrt()
+        }))
+    }
+
+    /// What was taken as known.
+    #[must_use]
+    pub fn told(&self) -> String {
+        let config = &self.question.config;
+        let hold = HOLDS.iter().find(|(_, hold)| *hold == config.hold).map_or("", |(name, _)| name);
+        let mut words = format!(
+            "Taken as known: m = {} kg, s = {} mm, alpha = {} °, currents {hold}",
+            significant(config.m_kg, 6),
+            significant(1e3 * config.gap_m, 6),
+            config.alpha_rad.map(|alpha| significant(alpha.to_degrees(), 5)).join(", ")
+        );
+        for (told, parameter) in self.question.bench.iter().zip(&PARAMETERS) {
+            let (factor, unit) = shown(parameter.unit);
+            match told.knowledge {
+                Knowledge::Exact => {}
+                Knowledge::Tolerance(std) => {
+                    words += &format!(", {} ± {} {unit}", parameter.name, significant(std / factor, 3));
+                }
+                Knowledge::Free => words += &format!(", {} free", parameter.name),
+            }
+        }
+        words + "."
+    }
+
+    /// Estimates, bench and budget as tables.
+    #[must_use]
+    pub fn tables(&self) -> Vec<Table> {
+        let Some(found) = &self.found else { return Vec::new() };
+        vec![self.estimates(found), bench(found), budget(found)]
+            .into_iter()
+            .filter(|table| !table.rows.is_empty())
+            .collect()
+    }
+
+    fn estimates(&self, found: &Identification) -> Table {
+        let typical = self.typical().unwrap_or_default();
+        let row = |name: String, of: &likelihood::Estimate, factor: f64, unit: &str, typical: Option<f64>| {
+            vec![
+                name,
+                significant(of.value / factor, 5),
+                significant(of.noise_std / factor, 2),
+                significant(of.total_std / factor, 2),
+                typical.map_or(String::new(), |std| significant(std / factor, 2)),
+                unit.to_owned(),
+            ]
+        };
+        let mut rows: Vec<Vec<String>> = (0..3)
+            .map(|k| {
+                let lambda = &found.lambda[k];
+                row(format!("λ{}", k + 1), lambda, 1e-6, "10⁻⁶ N·m²/A²", Some(typical[k] * lambda.value))
+            })
+            .collect();
+        rows.push(row("U".into(), &found.unbalance_magnitude, 1e-6, "g·mm", None));
+        rows.push(row("φ".into(), &found.unbalance_phase, 1.0, "rad", None));
+        for (r, conditions) in found.conditions.iter().enumerate() {
+            let of = if found.conditions.len() > 1 { format!(", {}", r + 1) } else { String::new() };
+            for k in 0..3 {
+                rows.push(row(format!("ki{}{of}", k + 1), &conditions.ki_n_a[k], 1.0, "N/A", None));
+            }
+            for k in 0..3 {
+                rows.push(row(format!("ks{}{of}", k + 1), &conditions.ks_n_m[k], 1e3, "N/mm", None));
+            }
+            for (a, name) in ["pY", "pZ"].iter().enumerate() {
+                rows.push(row(format!("{name}{of}"), &conditions.load_n[a], 1.0, "N", None));
+            }
+            let noise = |name: &str, value: f64, unit: &str| {
+                vec![
+                    format!("{name}{of}"),
+                    significant(value, 3),
+                    String::new(),
+                    String::new(),
+                    String::new(),
+                    unit.into(),
+                ]
+            };
+            rows.push(noise("noise of positions", 1e6 * conditions.position_noise_m, "µm"));
+            rows.push(noise("noise of currents", 1e3 * conditions.current_noise_a, "mA"));
+        }
+        Table {
+            title: "Maximum likelihood over the whole recording".into(),
+            note: "± is one standard deviation: of noise alone; in all, with the tolerances that were told; and with those of a typical \
+                   bench where none was told (s ±1 %, angles ±0.5°, offsets ±5 µm, gains ±0.5 %, mass ±1 %)."
+                .into(),
+            head: ["", "value", "± of noise", "± in all", "± typical bench", ""].map(String::from).into(),
+            rows,
+        }
+    }
+
+    /// The answer as one JSON document, SI units; without estimates where they are not valid.
+    #[must_use]
+    pub fn json(&self) -> Json {
+        let Some(found) = self.found.as_ref().filter(|_| self.valid) else {
+            return json!({"valid": false, "verdict": self.verdict, "findings": self.findings});
+        };
+        let per = |of: &[likelihood::Estimate; 3], part: fn(&likelihood::Estimate) -> f64| of.each_ref().map(part);
+        let estimate =
+            |of: &likelihood::Estimate| json!({"value": of.value, "std": of.noise_std, "stdTotal": of.total_std});
+        let typical = self.typical().unwrap_or_default();
+        let bench: serde_json::Map<String, Json> = found
+            .bench
+            .iter()
+            .zip(&PARAMETERS)
+            .filter(|(of, _)| of.estimated)
+            .map(|(of, parameter)| (parameter.name.to_owned(), estimate(&of.estimate)))
+            .collect();
+        let budget: Vec<Json> = found
+            .budget
+            .iter()
+            .map(|line| {
+                json!({
+                    "parameter": PARAMETERS[line.parameter].name, "unit": PARAMETERS[line.parameter].unit,
+                    "tolerance": line.tolerance, "told": line.told, "sensitivity": line.sensitivity,
+                    "contribution": line.contribution,
+                })
+            })
+            .collect();
+        let first = &found.conditions[0];
+        let config = &self.question.config;
+        json!({
+            "valid": self.valid, "verdict": self.verdict, "findings": self.findings,
+            "lambdaHat": per(&found.lambda, |of| of.value), "lambdaStd": per(&found.lambda, |of| of.noise_std),
+            "lambdaStdTotal": per(&found.lambda, |of| of.total_std),
+            "lambdaStdTypical": std::array::from_fn::<f64, 3, _>(|k| typical[k] * found.lambda[k].value),
+            "unbalance": {
+                "magnitude": found.unbalance_magnitude.value, "magnitudeStd": found.unbalance_magnitude.noise_std,
+                "phase": found.unbalance_phase.value, "phaseStd": found.unbalance_phase.noise_std,
+            },
+            "told": {"m": config.m_kg, "s": config.gap_m, "alpha": config.alpha_rad},
+            "noise": {"position": first.position_noise_m, "current": first.current_noise_a},
+            "recordings": found.conditions.iter().map(|of| json!({
+                "pY": estimate(&of.load_n[0]), "pZ": estimate(&of.load_n[1]),
+                "ki": per(&of.ki_n_a, |of| of.value), "ks": per(&of.ks_n_m, |of| of.value),
+                "noise": {"position": of.position_noise_m, "current": of.current_noise_a}, "rows": of.rows,
+            })).collect::<Vec<_>>(),
+            "bench": bench, "budget": budget,
+            "notSeparated": found.not_separated.iter().map(|j| PARAMETERS[*j].name).collect::<Vec<_>>(),
+            "iterations": found.iterations,
+        })
+    }
+}
+
+fn bench(found: &Identification) -> Table {
+    let rows = found.bench.iter().zip(&PARAMETERS).filter(|(of, _)| of.estimated).map(|(of, parameter)| {
+        let (factor, unit) = shown(parameter.unit);
+        vec![
+            parameter.name.to_owned(),
+            significant(of.estimate.value / factor, 4),
+            significant(of.estimate.total_std / factor, 2),
+            unit.into(),
+            parameter.description.into(),
+        ]
+    });
+    Table {
+        title: "The bench, estimated with the rest".into(),
+        note: String::new(),
+        head: ["", "value", "± in all", "", ""].map(String::from).into(),
+        rows: rows.collect(),
+    }
+}
+
+fn budget(found: &Identification) -> Table {
+    let rows =
+        found.budget.iter().filter(|line| line.told || PARAMETERS[line.parameter].in_typical_bench).map(|line| {
+            let parameter = &PARAMETERS[line.parameter];
+            let (factor, unit) = shown(parameter.unit);
+            let mut row = vec![
+                parameter.name.to_owned(),
+                format!("{} {unit}", significant(line.tolerance / factor, 2)),
+                if line.told { "told" } else { "typical" }.into(),
+            ];
+            row.extend(line.contribution.map(|part| format!("{:.2}", 100.0 * part)));
+            row.extend(line.sensitivity.map(|part| format!("{:+.2}", 100.0 * part * factor)));
+            row.push(format!("% per {unit}"));
+            row
+        });
+    Table {
+        title: "Budget: what each parameter of the bench contributes to ± of λ, in %".into(),
+        note: "The sensitivities say by how much λ is wrong if the parameter differs from what was told, and nobody knows.".into(),
+        head: ["", "tolerance", "", "λ1", "λ2", "λ3", "sens. 1", "2", "3", ""].map(String::from).into(),
+        rows: rows.collect(),
+    }
+}

@@ -1,0 +1,184 @@
+//! What else the data may be, where they are not what was told: each alternative is tried on a stretch of the recording.
+
+use super::answer::{Columns, implausible};
+use super::likelihood::{self, CurrentHold, Knowledge, Options, by_name};
+use super::read::significant;
+use crate::estimation::EstimatorConfig;
+
+/// Rows of the stretch at least, and at most where the rotor turns slowly.
+const ROWS: [usize; 2] = [2000, 20_000];
+/// Turns of the stretch.
+const TURNS: f64 = 5.0;
+/// By how much the log-likelihood must be higher than with what was told. Nothing is proposed for 20 recordings of drawn bearings (0.2 and 1 s, noise not
+/// told, seeds from 62001) that are as told.
+const BETTER: f64 = 50.0;
+/// Alternatives so much below the best are as good.
+const AS_GOOD: f64 = 10.0;
+
+/// A recording and what is told of it.
+#[derive(Clone, Debug)]
+pub(super) struct Take {
+    pub columns: Columns,
+    pub options: Options,
+    pub hold: CurrentHold,
+    pub config: EstimatorConfig,
+}
+
+/// Something that people get wrong: its name, how to undo it, and what to propose.
+struct Alternative {
+    /// What is the matter with the data, in words.
+    name: &'static str,
+    /// Undoes it.
+    apply: fn(&mut Take),
+    /// What its user may do.
+    proposal: &'static str,
+}
+
+const fn row(name: &'static str, apply: fn(&mut Take), proposal: &'static str) -> Alternative {
+    Alternative { name, apply, proposal }
+}
+
+fn positions(take: &mut Take, change: impl Fn([f64; 2]) -> [f64; 2]) {
+    for position in &mut take.columns.position_m {
+        *position = change(*position);
+    }
+}
+
+fn currents(take: &mut Take, order: [usize; 3]) {
+    for current in &mut take.columns.current_a {
+        *current = order.map(|k| current[k]);
+    }
+}
+
+fn later(take: &mut Take) {
+    let columns = &mut take.columns;
+    columns.current_a.rotate_right(1);
+    columns.usable[0] = false;
+}
+
+const SWAP: &str = "exchange Ym and Zm (--column)";
+const MIRROR: &str = "reverse the sign of the sensor";
+const ORDER: &str = "exchange the currents (--column), or the angles alpha";
+
+const ALTERNATIVES: &[Alternative] = &[
+    row("y and z are exchanged", |take| positions(take, |[y, z]| [z, y]), SWAP),
+    row("y is mirrored", |take| positions(take, |[y, z]| [-y, z]), MIRROR),
+    row("z is mirrored", |take| positions(take, |[y, z]| [y, -z]), MIRROR),
+    row("y and z are mirrored", |take| positions(take, |[y, z]| [-y, -z]), "reverse the signs of both sensors"),
+    row("the sensors are turned by 90°", |take| positions(take, |[y, z]| [z, -y]), "exchange Ym and Zm and mirror y"),
+    row("the sensors are turned by −90°", |take| positions(take, |[y, z]| [-z, y]), "exchange Ym and Zm and mirror z"),
+    row("y and z are exchanged and mirrored", |take| positions(take, |[y, z]| [-z, -y]), SWAP),
+    row("magnets 1 and 2 are exchanged", |take| currents(take, [1, 0, 2]), ORDER),
+    row("magnets 1 and 3 are exchanged", |take| currents(take, [2, 1, 0]), ORDER),
+    row("magnets 2 and 3 are exchanged", |take| currents(take, [0, 2, 1]), ORDER),
+    row("the magnets count from the second", |take| currents(take, [1, 2, 0]), ORDER),
+    row("the magnets count from the third", |take| currents(take, [2, 0, 1]), ORDER),
+    row(
+        "the currents are those before the sample (measured)",
+        |take| take.hold = CurrentHold::Before,
+        "--hold heldBefore",
+    ),
+    row("the currents are commands, held after the sample", |take| take.hold = CurrentHold::After, "--hold heldAfter"),
+    row("the currents are continuous", |take| take.hold = CurrentHold::Linear, "--hold linear"),
+    row(
+        "the currents come a sample late, or the positions early",
+        |take| take.columns.current_a.rotate_left(1),
+        "shift the currents by one row",
+    ),
+    row(
+        "the currents come a sample early, or the positions late",
+        later,
+        "shift the currents by one row, or --estimate delay",
+    ),
+    row(
+        "the angle counts against the rotation",
+        |take| {
+            take.columns.theta_rad.iter_mut().for_each(|theta| *theta = -*theta);
+            take.columns.omega_rad_s.iter_mut().for_each(|omega| *omega = -*omega);
+        },
+        "reverse the signs of theta and omega",
+    ),
+    row(
+        "the speed is twice as high",
+        |take| {
+            take.columns.theta_rad.iter_mut().for_each(|theta| *theta *= 2.0);
+            take.columns.omega_rad_s.iter_mut().for_each(|omega| *omega *= 2.0);
+        },
+        "double theta and omega",
+    ),
+    row(
+        "the speed is half as high",
+        |take| {
+            take.columns.theta_rad.iter_mut().for_each(|theta| *theta *= 0.5);
+            take.columns.omega_rad_s.iter_mut().for_each(|omega| *omega *= 0.5);
+        },
+        "halve theta and omega",
+    ),
+    row("the gap is another", |take| free(take, "s"), "--estimate s"),
+];
+
+fn free(take: &mut Take, name: &str) {
+    if let Some(at) = by_name(name) {
+        take.options.bench[at].knowledge = Knowledge::Free;
+    }
+}
+
+/// Log-likelihood of a take, what the gap would be, and whether it fits a bearing at all.
+fn fit(take: &Take) -> Option<(f64, f64, bool)> {
+    let recording = take.columns.recording(&take.config, take.hold);
+    let found = likelihood::identify(&[recording], &take.options).ok()?;
+    let sound = found.converged && found.contradictions.is_empty() && implausible(&found, &take.columns).is_none();
+    found.contradictions.is_empty().then_some((found.log_likelihood, found.bench[1].estimate.value, sound))
+}
+
+/// A stretch in the middle of a recording.
+fn stretch(take: &Take) -> Take {
+    let all = &take.columns;
+    let rows = all.position_m.len();
+    let speed = all.omega_rad_s.iter().filter(|omega| omega.is_finite()).sum::<f64>().abs() / rows.max(1) as f64;
+    let wanted = if speed > 0.0 { (TURNS * std::f64::consts::TAU / speed / all.step_s) as usize } else { 0 };
+    let count = wanted.clamp(ROWS[0], ROWS[1]).min(rows);
+    let from = (rows - count) / 2;
+    let of = from..from + count;
+    let mut take = Take { columns: all.part(of), ..take.clone() };
+    // The first row has a neighbour in every alternative, or in none.
+    if let Some(first) = take.columns.usable.first_mut() {
+        *first = false;
+    }
+    if let Some(last) = take.columns.usable.last_mut() {
+        *last = false;
+    }
+    take
+}
+
+/// Minus the log-likelihood of a stretch with each reading of the currents, less that of the best; infinite where nothing was found.
+pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
+    let of = takes.each_ref().map(|take| fit(&stretch(take)).map_or(f64::INFINITY, |(likelihood, ..)| -likelihood));
+    let best = of.iter().copied().fold(f64::INFINITY, f64::min);
+    of.map(|value| if value.is_finite() { value - best } else { value })
+}
+
+/// Proposals, the best first; empty if nothing fits better than what was told.
+pub(super) fn proposals(take: &Take) -> Vec<String> {
+    let take = stretch(take);
+    let told = fit(&take).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
+    let mut fits: Vec<(f64, String)> = Vec::new();
+    for alternative in ALTERNATIVES {
+        let mut other = take.clone();
+        (alternative.apply)(&mut other);
+        if let Some((likelihood, gap, true)) = fit(&other)
+            && likelihood > told + BETTER
+        {
+            let mut words = format!("{}: {}", alternative.name, alternative.proposal);
+            if alternative.proposal == "--estimate s" {
+                words += &format!("; about {} mm", significant(1e3 * take.config.gap_m * (1.0 + gap), 3));
+            }
+            fits.push((likelihood, words));
+        }
+    }
+    fits.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let Some(best) = fits.first().map(|(likelihood, _)| *likelihood) else { return Vec::new() };
+    let as_good: Vec<String> =
+        fits.into_iter().filter(|(likelihood, _)| *likelihood > best - AS_GOOD).map(|(_, words)| words).collect();
+    vec![format!("The data fit if {}.", as_good.join("; or if "))]
+}

@@ -1,0 +1,128 @@
+//! Units in which people record, with the names by which they call them.
+
+use std::f64::consts::{PI, TAU};
+
+/// What a signal measures: its units by all their names, with what one of them is in SI. The first is the SI unit; the first
+/// name of a group is the one that messages propose.
+pub(super) type Quantity = &'static [(&'static [&'static str], f64)];
+
+pub(super) const TIME: Quantity =
+    &[(&["s", "sec", "seconds"], 1.0), (&["ms", "msec"], 1e-3), (&["us", "usec"], 1e-6), (&["ns", "nsec"], 1e-9)];
+
+/// A mil is a thousandth of an inch.
+pub(super) const LENGTH: Quantity = &[
+    (&["m"], 1.0),
+    (&["mm"], 1e-3),
+    (&["um", "micron", "microns"], 1e-6),
+    (&["nm"], 1e-9),
+    (&["mil", "mils"], 25.4e-6),
+];
+
+pub(super) const CURRENT: Quantity = &[(&["A", "Amp", "Ampere"], 1.0), (&["mA"], 1e-3)];
+
+pub(super) const ANGLE: Quantity = &[
+    (&["rad", "radian", "radians"], 1.0),
+    (&["deg", "°", "degree", "degrees"], PI / 180.0),
+    (&["rev", "revolution", "revolutions", "turn", "turns"], TAU),
+];
+
+pub(super) const SPEED: Quantity = &[
+    (&["rad/s", "1/s*rad", "rad*s-1"], 1.0),
+    (&["rpm", "1/min", "U/min", "min-1", "rev/min", "r/min"], PI / 30.0),
+    (&["Hz", "rev/s", "rps"], TAU),
+    (&["deg/s", "°/s"], PI / 180.0),
+];
+
+const ALL: [Quantity; 5] = [TIME, LENGTH, CURRENT, ANGLE, SPEED];
+
+/// Different ways of writing the same name, made one.
+fn plain(name: &str) -> String {
+    let name = name.trim().replace(['µ', 'μ'], "u").replace(['º', '˚'], "°").replace("⁻¹", "-1").replace('−', "-");
+    name.replace([' ', '^', '\u{a0}'], "").replace("{-1}", "-1").replace("(-1)", "-1").replace(['·', '.'], "*")
+}
+
+/// The unit of that name: the name that messages propose, and what one of it is in SI. Where names of a quantity differ in
+/// more than capitals, capitals do not matter, except in short ones: mA is not MA.
+pub(super) fn find(quantity: Quantity, name: &str) -> Option<(&'static str, f64)> {
+    let name = plain(name);
+    let same = |known: &&str| {
+        **known == name
+            || (known.chars().count() > 2 && known.eq_ignore_ascii_case(&name))
+            || (*known == "Hz" && name == "HZ")
+    };
+    quantity.iter().find(|(names, _)| names.iter().any(same)).map(|(names, factor)| (names[0], *factor))
+}
+
+/// Whether any quantity has a unit of that name.
+pub(super) fn is_unit(name: &str) -> bool {
+    ALL.iter().any(|quantity| find(quantity, name).is_some())
+}
+
+/// The names that messages list.
+pub(super) fn names(quantity: Quantity) -> String {
+    quantity.iter().map(|(names, _)| names[0].replace("um", "µm").replace("us", "µs")).collect::<Vec<_>>().join(", ")
+}
+
+/// A length of time with its unit, `100us` or `100 µs`; seconds where there is none.
+///
+/// # Errors
+/// What was wanted.
+pub fn duration_s(text: &str) -> Result<f64, String> {
+    let wanted = || format!("{text}: a time above 0 is wanted, as in 100us, 0.1ms or 1e-4 s");
+    let (number, unit) = number_and_unit(text).ok_or_else(wanted)?;
+    let factor = if unit.is_empty() { 1.0 } else { find(TIME, unit).ok_or_else(wanted)?.1 };
+    // Division by the whole reciprocal keeps 100 µs at exactly 1e-4.
+    let value = if factor < 1.0 { number / (1.0 / factor).round() } else { number };
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err(wanted()) }
+}
+
+/// The sample time of a rate with its unit, `10kHz` or `9600 Hz`.
+///
+/// # Errors
+/// What was wanted.
+pub fn rate_s(text: &str) -> Result<f64, String> {
+    let wanted = || format!("{text}: a rate above 0 with its unit is wanted, as in 10kHz or 9600Hz");
+    let (number, unit) = number_and_unit(text).ok_or_else(wanted)?;
+    let factor = match unit.to_ascii_lowercase().as_str() {
+        "hz" | "s/s" => 1.0,
+        "khz" | "ks/s" => 1e3,
+        "mhz" if unit.starts_with('M') => 1e6,
+        _ => return Err(wanted()),
+    };
+    let value = 1.0 / (number * factor);
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err(wanted()) }
+}
+
+pub(in crate::studies::identify) fn number_and_unit(text: &str) -> Option<(f64, &str)> {
+    let text = text.trim();
+    // The longest beginning that is a number, so that an exponent is not taken for a unit.
+    let ends = text.char_indices().map(|(at, _)| at).chain([text.len()]);
+    let end = ends.rev().find(|end| text[..*end].trim().parse::<f64>().is_ok())?;
+    Some((text[..end].trim().parse().ok()?, text[end..].trim()))
+}
+
+/// A time in the unit in which it has the fewest zeros.
+pub(in crate::studies::identify) fn time(seconds: f64) -> String {
+    // What is a hair less than a unit for rounding is shown in it.
+    let (factor, name) = match seconds.abs() * (1.0 + 1e-9) {
+        size if size >= 1.0 || size == 0.0 => (1.0, "s"),
+        size if size >= 1e-3 => (1e3, "ms"),
+        size if size >= 1e-6 => (1e6, "µs"),
+        _ => (1e9, "ns"),
+    };
+    format!("{} {name}", significant(seconds * factor, 7))
+}
+
+/// A number with so many significant digits, without zeros at its end.
+pub(in crate::studies::identify) fn significant(value: f64, digits: i32) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let size = value.abs().log10().floor() as i32;
+    if !(-4..15).contains(&size) {
+        return format!("{:.*e}", digits as usize - 1, value);
+    }
+    let places = (digits - 1 - size).max(0) as usize;
+    let text = format!("{value:.places$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}

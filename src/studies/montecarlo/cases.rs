@@ -1,0 +1,290 @@
+//! Scenarios to study: drawn bearings and settings of single ones.
+
+use std::f64::consts::{PI, TAU};
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use super::real;
+use crate::plant::noise::Noise;
+use crate::simulation::scenario::{Profile, Scenario};
+use fmu_export::variable::Value;
+
+/// Numbers drawn with a seed; the same on every platform.
+pub struct Draw {
+    uniform: Pcg64,
+    normal: Noise,
+}
+
+impl Draw {
+    /// Seeds that differ, by one for instance, give independent numbers.
+    pub fn new(seed: u64) -> Self {
+        let [normal] = Noise::channels(seed);
+        Self { uniform: Pcg64::seed_from_u64(seed ^ 0x5eed), normal }
+    }
+
+    /// Uniform between two numbers.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.uniform.random::<f64>()
+    }
+
+    /// Uniform on a logarithmic scale between two numbers above 0.
+    pub fn scale(&mut self, low: f64, high: f64) -> f64 {
+        libm::exp(self.between(libm::log(low), libm::log(high)))
+    }
+
+    /// True with that probability.
+    pub fn chance(&mut self, probability: f64) -> bool {
+        self.between(0.0, 1.0) < probability
+    }
+
+    /// One of several, equally likely.
+    pub fn one_of<T: Copy>(&mut self, items: &[T]) -> T {
+        items[self.uniform.random_range(0..items.len())]
+    }
+
+    /// From the standard normal distribution.
+    pub fn normal(&mut self) -> f64 {
+        self.normal.standard_normal()
+    }
+}
+
+/// Part of the drawn bearings that turn at 1000 rpm instead of 40 to 120 Hz.
+const SLOW: f64 = 0.1;
+/// Part of them whose path has lobes.
+const LOBED: f64 = 0.5;
+
+/// A bearing drawn from the ranges in which the estimator is to work, with current drive; the estimator is told the noise or
+/// not.
+///
+/// | | |
+/// |---|---|
+/// | mass, gap | 2–15 kg, 0.3–0.8 mm |
+/// | magnets | 120° apart ± 0.3 rad each, turned anyhow |
+/// | λ | 1–6 × 10⁻⁶ N·m²/A², ratios to 2 |
+/// | sample time | 50, 100 or 200 µs |
+/// | speed | 40–120 Hz, one in ten at 1000 rpm |
+/// | path | half axes 0.04–0.18 gaps, every second with 2 to 4 lobes of up to 0.05 gaps |
+/// | unbalance, load | 0–60 N, up to half the weight in any direction |
+/// | noise | 0.05–2 µm and 5–50 mA, uniform on a logarithmic scale |
+/// | controller | first guesses 0.7–1.6 times λ, F0 2–5 N per kg, tracking poles at 500–2000 rad/s, update at 0.2 s |
+///
+/// `base` gives what is not drawn. The seed draws the bearing; the sensor noise has a seed of its own.
+pub fn drawn(base: &Scenario, seed: u64, told: bool) -> Scenario {
+    let mut draw = Draw::new(seed);
+    let mut scenario = base.clone();
+    let (m, s) = (draw.scale(2.0, 15.0), draw.between(3e-4, 8e-4));
+    let turned = draw.between(-PI, PI);
+    let smallest = draw.scale(1e-6, 3e-6);
+    for element in ["plant", "controller", "estimator"] {
+        scenario.set(element, "m", Value::Real(m));
+        scenario.set(element, "s", Value::Real(s));
+    }
+    for k in 1..=3 {
+        let alpha = turned + (k - 1) as f64 * TAU / 3.0 + draw.between(-0.3, 0.3);
+        for element in ["plant", "controller", "estimator"] {
+            scenario.set(element, &format!("alpha[{k}]"), Value::Real(alpha));
+        }
+        let lambda = smallest * draw.scale(1.0, 2.0);
+        let guess = lambda * draw.between(0.7, 1.6);
+        scenario.set("plant", &format!("lambda[{k}]"), Value::Real(lambda));
+        for element in ["controller", "estimator"] {
+            scenario.set(element, &format!("lambda0[{k}]"), Value::Real(guess));
+        }
+    }
+    sample_time(&mut scenario, draw.one_of(&[5e-5, 1e-4, 2e-4]));
+    let frequency_hz = draw.between(40.0, 120.0);
+    let omega = TAU * if draw.chance(SLOW) { 1000.0 / 60.0 } else { frequency_hz };
+    let radius = [draw.between(0.04, 0.18) * s, draw.between(0.04, 0.18) * s];
+    let lobes = (draw.one_of(&[2, 3, 4]), draw.between(0.0, 0.05) * s);
+    let lobes = if draw.chance(LOBED) { lobes } else { (3, 0.0) };
+    path(&mut scenario, radius, lobes, omega);
+    let force_n = draw.between(0.0, 60.0);
+    let phase = draw.between(-PI, PI);
+    unbalance(&mut scenario, force_n / (omega * omega), phase);
+    let (load_n, direction) = (draw.between(0.0, 0.5) * 9.81 * m, draw.between(-PI, PI));
+    for (name, value) in [
+        ("pY", load_n * libm::cos(direction)),
+        ("pZ", load_n * libm::sin(direction)),
+        ("theta0", draw.between(-PI, PI)),
+        // The rotor may use half of the gap.
+        ("touchdown.clearance", 0.5 * s),
+    ] {
+        scenario.set("plant", name, Value::Real(value));
+    }
+    for (name, value) in
+        [("F0", draw.between(2.0, 5.0) * m), ("bandwidth.tracking", draw.scale(500.0, 2000.0)), ("update.time", 0.2)]
+    {
+        scenario.set("controller", name, Value::Real(value));
+    }
+    noise(&mut scenario, [draw.scale(5e-8, 2e-6), draw.scale(5e-3, 5e-2)], told);
+    scenario
+}
+
+/// Sets the sensor noise, in m and A; the estimator is told it, or finds it itself.
+pub fn noise(scenario: &mut Scenario, noise: [f64; 2], told: bool) {
+    for (name, noise) in [("sensor.positionNoise", noise[0]), ("sensor.currentNoise", noise[1])] {
+        scenario.set("plant", name, Value::Real(noise));
+        scenario.set("estimator", name, Value::Real(if told { noise } else { 0.0 }));
+    }
+}
+
+/// The rotor at rest in the centre.
+pub fn at_rest(scenario: &mut Scenario) {
+    for (element, name) in [
+        ("plant", "Y0"),
+        ("plant", "Z0"),
+        ("plant", "vY0"),
+        ("plant", "vZ0"),
+        ("plant", "omega"),
+        ("controller", "reference.rY"),
+        ("controller", "reference.rZ"),
+        ("controller", "reference.lobeAmplitude"),
+        ("controller", "reference.omega"),
+    ] {
+        scenario.set(element, name, Value::Real(0.0));
+    }
+}
+
+/// Sets the sample time of all, in s.
+pub fn sample_time(scenario: &mut Scenario, step_s: f64) {
+    for (element, name) in [("plant", "sensor.Ts"), ("controller", "Ts"), ("estimator", "Ts")] {
+        scenario.set(element, name, Value::Real(step_s));
+    }
+    scenario.step_s = step_s;
+}
+
+/// Sets half axes in m, number and amplitude in m of the lobes, and speed in rad/s; the rotor starts on the path.
+pub fn path(scenario: &mut Scenario, radius: [f64; 2], (lobes, amplitude): (i32, f64), omega: f64) {
+    for (element, name, value) in [
+        ("controller", "reference.rY", radius[0]),
+        ("controller", "reference.rZ", radius[1]),
+        ("controller", "reference.lobeAmplitude", amplitude),
+        ("controller", "reference.omega", omega),
+        ("plant", "omega", omega),
+        ("plant", "Y0", radius[0] + amplitude),
+        ("plant", "Z0", 0.0),
+        ("plant", "vY0", 0.0),
+        ("plant", "vZ0", (radius[1] + amplitude) * omega),
+    ] {
+        scenario.set(element, name, Value::Real(value));
+    }
+    scenario.set("controller", "reference.lobes", Value::Integer(lobes));
+    scenario.set("controller", "reference.shape", Value::Integer(if amplitude > 0.0 { 2 } else { 1 }));
+}
+
+/// Sets the unbalance, in kg·m and rad.
+pub fn unbalance(scenario: &mut Scenario, magnitude: f64, phase: f64) {
+    scenario.set("plant", "unbalance.magnitude", Value::Real(magnitude));
+    scenario.set("plant", "unbalance.phase", Value::Real(phase));
+}
+
+/// Sets the poles of the tracking error, in rad/s.
+pub fn tracking(scenario: &mut Scenario, poles: f64) {
+    scenario.set("controller", "bandwidth.tracking", Value::Real(poles));
+}
+
+/// Voltage drive: the currents are continuous, and the estimator knows it.
+pub fn voltage_drive(scenario: &mut Scenario) {
+    scenario.set("plant", "drive", Value::Integer(2));
+    scenario.set("controller", "drive", Value::Integer(2));
+    scenario.set("estimator", "hold", Value::Integer(3));
+}
+
+/// Modulates the smallest force by a part of F0 at a frequency in Hz.
+pub fn modulation(scenario: &mut Scenario, part: f64, frequency_hz: f64) {
+    scenario.set("controller", "F0.modulation", Value::Real(part));
+    scenario.set("controller", "F0.modulationFrequency", Value::Real(frequency_hz));
+}
+
+/// Speed over time, in rad/s: instants in s and values, straight between. The rotor keeps its path.
+///
+/// The plant has the unbalance force of a constant speed, `U ω²`; the force `U (ω̇ sin(θ + φ), −ω̇ cos(θ + φ))` that a
+/// changing one adds comes in with the load.
+pub fn speed(scenario: &mut Scenario, time_s: &[f64], omega: &[f64]) {
+    let target = |scenario: &Scenario, path: &str| scenario.settable(path).expect("a variable of the loop");
+    let course = Profile {
+        targets: ["plant.omega", "controller.reference.omega"].map(|path| target(scenario, path)).to_vec(),
+        time_s: time_s.to_vec(),
+        values: omega.iter().map(|omega| Value::Real(*omega)).collect(),
+        hold: false,
+    };
+    let at = |time_s: f64| course.at(time_s).map_or(f64::NAN, Value::as_f64);
+    let step_s = scenario.step_s;
+    let [magnitude, phase] = ["unbalance.magnitude", "unbalance.phase"].map(|name| real(scenario, "plant", name));
+    let load = ["pY", "pZ"].map(|name| real(scenario, "plant", name));
+    let mut theta = real(scenario, "plant", "theta0");
+    let mut forces = [Vec::new(), Vec::new()];
+    let steps = (time_s.last().copied().unwrap_or(0.0) / step_s).round() as usize;
+    let instants: Vec<f64> = (0..=steps).map(|step| step as f64 * step_s).collect();
+    for time_s in &instants {
+        let omega = at(*time_s);
+        let tangential = magnitude * (at(time_s + step_s) - omega) / step_s;
+        let angle = theta + 0.5 * omega * step_s + phase;
+        forces[0].push(Value::Real(load[0] + tangential * libm::sin(angle)));
+        forces[1].push(Value::Real(load[1] - tangential * libm::cos(angle)));
+        theta += omega * step_s;
+    }
+    for (name, values) in ["plant.pY", "plant.pZ"].into_iter().zip(forces) {
+        let targets = vec![target(scenario, name)];
+        scenario.profiles.push(Profile { targets, time_s: instants.clone(), values, hold: true });
+    }
+    scenario.profiles.push(course);
+    let first = omega.first().copied().unwrap_or(0.0);
+    let radius = ["reference.rY", "reference.rZ"].map(|name| real(scenario, "controller", name));
+    path(scenario, radius, (3, 0.0), first);
+}
+
+/// λ of a magnet, 1 to 3, changes by a part at an instant in s.
+pub fn step_of_lambda(scenario: &mut Scenario, magnet: usize, part: f64, at_s: f64) {
+    let path = format!("lambda[{magnet}]");
+    let value = real(scenario, "plant", &path) * (1.0 + part);
+    let target = scenario.settable(&format!("plant.{path}")).expect("a variable of the plant");
+    let profile = Profile { targets: vec![target], time_s: vec![at_s], values: vec![Value::Real(value)], hold: true };
+    scenario.profiles.push(profile);
+}
+
+/// What the estimator takes as known: the name of its tolerance and the standard deviations that are studied, in the unit of
+/// the variable; those of mass and gap are parts of their value.
+pub const TOLERANCES: [(&str, f64); 7] = [
+    ("m", 0.01),
+    ("s", 0.01),
+    ("alpha", PI / 180.0),
+    ("positionGain", 0.01),
+    ("positionOffset", 1e-5),
+    ("currentGain", 0.01),
+    ("currentOffset", 0.01),
+];
+
+/// Draws the error of one of the [`TOLERANCES`] and states it to the estimator. Mass, gap and angles are wrong in the estimator
+/// alone; gains and offsets are those of the sensors, one drawn for each.
+pub fn tolerance(scenario: &mut Scenario, (name, part): (&str, f64), draw: &mut Draw) {
+    let mut deviation = part;
+    let mut wrong = |scenario: &mut Scenario, element: &str, variable: &str, std: f64| {
+        let value = real(scenario, element, variable) + std * draw.normal();
+        scenario.set(element, variable, Value::Real(value));
+    };
+    match name {
+        "m" | "s" => {
+            deviation *= real(scenario, "plant", name);
+            wrong(scenario, "estimator", name, deviation);
+        }
+        "alpha" => (1..=3).for_each(|k| wrong(scenario, "estimator", &format!("alpha[{k}]"), deviation)),
+        "positionGain" => ["Y", "Z"]
+            .into_iter()
+            .for_each(|axis| wrong(scenario, "plant", &format!("sensor.gainError{axis}"), deviation)),
+        "positionOffset" => {
+            ["Y", "Z"]
+                .into_iter()
+                .for_each(|axis| wrong(scenario, "plant", &format!("sensor.offset{axis}"), deviation));
+        }
+        "currentGain" => {
+            (1..=3).for_each(|k| wrong(scenario, "plant", &format!("sensor.currentGainError[{k}]"), deviation));
+        }
+        "currentOffset" => {
+            (1..=3).for_each(|k| wrong(scenario, "plant", &format!("sensor.currentOffset[{k}]"), deviation));
+        }
+        _ => debug_assert!(false, "one of TOLERANCES"),
+    }
+    scenario.set("estimator", &format!("tolerance.{name}"), Value::Real(deviation));
+}

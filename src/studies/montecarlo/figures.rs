@@ -1,0 +1,285 @@
+//! What a run of a study says, and the figures of many.
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+use super::bound;
+use crate::simulation::closed_loop::Loop;
+use crate::simulation::recording::Recording;
+use crate::simulation::scenario::Scenario;
+use fmu_export::variable::{Type, Value};
+
+/// Beyond so many of its standard deviations no valid estimate may be wrong.
+pub const CONFIDENT: f64 = 5.0;
+
+/// Cases whose bound is below this for every λ are to have a valid estimate.
+pub const IDENTIFIABLE: f64 = 0.04;
+
+/// What one run says at one instant; errors and standard deviations are relative to the true λ.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// Whether the estimate was valid.
+    pub valid: bool,
+    /// Error of each λ.
+    pub error: [f64; 3],
+    /// Standard deviation stated, of noise alone.
+    pub std: [f64; 3],
+    /// Standard deviation stated with all tolerances; the former where there is no such output.
+    pub total: [f64; 3],
+    /// The bound; not finite without noise.
+    pub bound: [f64; 3],
+    /// Relative error of the magnitude of the unbalance, and error of its phase in rad; 0 without unbalance.
+    pub unbalance: [f64; 2],
+    /// Why the estimate was not valid, where there is such an output.
+    pub verdict: Option<String>,
+}
+
+/// The valid sample that was off by most of its standard deviations.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Worst {
+    /// |error|/standard deviation, tolerances included.
+    pub ratio: f64,
+    /// When, in s.
+    pub time_s: f64,
+    /// Error there, relative.
+    pub error: f64,
+    /// Standard deviation there, relative.
+    pub std: f64,
+}
+
+/// What one run says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trial {
+    /// The seed that the run can be repeated with.
+    pub seed: u64,
+    /// At the instants of the study.
+    pub samples: Vec<Sample>,
+    /// Over all samples.
+    pub worst: Worst,
+    /// How often an estimate that was valid ceased to be.
+    pub lost: usize,
+    /// From the change of λ to the first sample that is not valid or valid for the new λ within 4 standard deviations, in s.
+    pub noticed_s: Option<f64>,
+    /// When the rotor touched down, in s; nothing after it counts.
+    pub touched_s: Option<f64>,
+}
+
+/// The true λ in the interval that ends at an instant.
+fn truth_at(scenario: &Scenario, start: [f64; 3], time_s: f64) -> [f64; 3] {
+    let mut truth = start;
+    for profile in &scenario.profiles {
+        for target in &profile.targets {
+            let path = scenario.path(*target);
+            let magnet = (1..=3).find(|k| path == format!("plant.lambda[{k}]"));
+            if let (Some(k), Some(value)) = (magnet, profile.at(time_s - 0.5 * scenario.step_s)) {
+                truth[k - 1] = value.as_f64();
+            }
+        }
+    }
+    truth
+}
+
+/// The instant at which a λ changes, in s.
+fn change_s(scenario: &Scenario) -> Option<f64> {
+    let of_lambda = |target: &(usize, usize)| scenario.path(*target).starts_with("plant.lambda");
+    let profile = scenario.profiles.iter().find(|profile| profile.targets.iter().any(of_lambda))?;
+    profile.time_s.first().copied()
+}
+
+/// Whether a signal is needed to judge a run.
+pub fn wanted(path: &str) -> bool {
+    ["plant.Y", "plant.Z", "plant.theta", "plant.omegam", "plant.touchdown.contact"].contains(&path)
+        || ["plant.F[", "plant.gap[", "estimator."].iter().any(|start| path.starts_with(start))
+}
+
+/// Judges a run; without noise, and once a λ has changed, there is no bound.
+pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], seed: u64) -> Option<Trial> {
+    let get = |name: &str| recording.get(&format!("estimator.{name}"));
+    let magnets = |name: &str| {
+        let of = |k: usize| get(&format!("{name}[{k}]"));
+        Some([of(1)?, of(2)?, of(3)?])
+    };
+    let (hat, std, valid) = (magnets("lambdaHat")?, magnets("lambdaStd")?, get("valid")?);
+    let total = magnets("lambdaStdTotal").unwrap_or(std);
+    let Loop { plant, input, .. } = scenario.closed_loop().ok()?;
+    let start = plant.lambda_nm2_a2;
+    let change_s = change_s(scenario);
+    let changing = change_s.is_some();
+    // Two revolutions are granted to find a change.
+    let granted_s = 2.0 * TAU / input.omega_rad_s.abs().max(1.0);
+    let contact = recording.get("plant.touchdown.contact")?;
+    let touched = contact.iter().position(|contact| *contact == 1.0);
+    let rows = touched.unwrap_or(recording.time_s.len());
+    let relative = |row: usize| {
+        let truth = if changing { truth_at(scenario, start, recording.time_s[row]) } else { start };
+        (
+            [0, 1, 2].map(|k| hat[k][row] / truth[k] - 1.0),
+            [0, 1, 2].map(|k| std[k][row] / truth[k]),
+            [0, 1, 2].map(|k| total[k][row] / truth[k]),
+        )
+    };
+    let mut trial = Trial {
+        seed,
+        samples: Vec::new(),
+        worst: Worst::default(),
+        lost: 0,
+        noticed_s: None,
+        touched_s: touched.map(|row| recording.time_s[row]),
+    };
+    for row in 0..rows {
+        let time_s = recording.time_s[row];
+        let after =
+            change_s.filter(|change_s| time_s > change_s + 0.5 * scenario.step_s).map(|change_s| time_s - change_s);
+        if row > 0 && valid[row - 1] == 1.0 && valid[row] != 1.0 {
+            trial.lost += 1;
+        }
+        let mut most = Worst { ratio: 0.0, time_s, ..Worst::default() };
+        if valid[row] == 1.0 {
+            let (error, _, total) = relative(row);
+            for k in 0..3 {
+                // Two numbers that are both 0 agree.
+                let ratio = if error[k] == 0.0 { 0.0 } else { (error[k] / total[k]).abs() };
+                if ratio > most.ratio || ratio.is_nan() {
+                    most = Worst {
+                        ratio: if ratio.is_nan() { f64::INFINITY } else { ratio },
+                        time_s,
+                        error: error[k],
+                        std: total[k],
+                    };
+                }
+            }
+        }
+        if let Some(after_s) = after
+            && trial.noticed_s.is_none()
+            && most.ratio < 4.0
+        {
+            trial.noticed_s = Some(after_s);
+        }
+        if most.ratio > trial.worst.ratio && after.is_none_or(|after_s| after_s > granted_s) {
+            trial.worst = most;
+        }
+    }
+    let bounds = (!changing).then(|| bound::bound(scenario, recording, instants_s)).flatten();
+    let (magnitude, phase) = (plant.unbalance_kgm, plant.unbalance_phase_rad);
+    for (at, instant_s) in instants_s.iter().enumerate() {
+        let Some(row) = (0..rows).find(|row| recording.time_s[*row] >= instant_s - 0.5 * scenario.step_s) else {
+            break;
+        };
+        let (error, std, total) = relative(row);
+        let read = |name: &str| get(name).map_or(f64::NAN, |values| values[row]);
+        let turned = read("unbalance.phase") - phase;
+        trial.samples.push(Sample {
+            valid: valid[row] == 1.0,
+            error,
+            std,
+            total,
+            bound: bounds.as_ref().map_or([f64::NAN; 3], |bounds| bounds[at]),
+            unbalance: match magnitude > 0.0 {
+                true => [read("unbalance.magnitude") / magnitude - 1.0, turned - TAU * (turned / TAU).round()],
+                false => [0.0; 2],
+            },
+            verdict: get("verdict").map(|values| verdict(scenario, values[row])),
+        });
+    }
+    Some(trial)
+}
+
+/// The name of a value of the output `verdict`.
+fn verdict(scenario: &Scenario, value: f64) -> String {
+    let variables = scenario.estimator().kind.variables();
+    let kind = variables.iter().find(|variable| variable.name == "verdict").map(|variable| &variable.kind);
+    match kind {
+        Some(Type::Enumeration { items, .. }) => items
+            .items
+            .get((value as usize).wrapping_sub(1))
+            .map_or_else(|| value.to_string(), |(name, _)| (*name).to_owned()),
+        _ => Value::Real(value).as_f64().to_string(),
+    }
+}
+
+/// The figures of a study at one instant, over the runs whose estimate was valid: no numbers if there is none. Errors are
+/// relative to the true λ.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Figures {
+    /// When, in s.
+    pub instant_s: f64,
+    /// Runs that got there.
+    pub runs: usize,
+    /// Runs whose estimate was valid.
+    pub valid: usize,
+    /// Runs whose bound is below [`IDENTIFIABLE`] for every λ.
+    pub identifiable: usize,
+    /// Those of them whose estimate was valid.
+    pub identified: usize,
+    /// Root mean square of the errors.
+    pub rms: [f64; 3],
+    /// Mean of the errors.
+    pub bias: [f64; 3],
+    /// Root mean square of the standard deviations stated.
+    pub stated: [f64; 3],
+    /// Root mean square of the bound of all runs, valid or not; not finite without noise.
+    pub bound: [f64; 3],
+    /// Root mean square of error/bound.
+    pub over_bound: [f64; 3],
+    /// Root mean square of error/standard deviation of noise alone.
+    pub normalised: [f64; 3],
+    /// Root mean square of error/standard deviation with all tolerances.
+    pub over_total: [f64; 3],
+    /// Greatest |error|/standard deviation with all tolerances.
+    pub worst: f64,
+    /// Root mean square of the error of the magnitude of the unbalance, relative, and of its phase, in rad.
+    pub unbalance: [f64; 2],
+    /// How often each verdict was given where the estimate was not valid.
+    pub verdicts: BTreeMap<String, usize>,
+}
+
+/// Root mean square of three root mean squares over equally many.
+pub fn pooled(values: [f64; 3]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / 3.0).sqrt()
+}
+
+impl Figures {
+    /// The figures of the samples of one instant.
+    pub fn new(instant_s: f64, samples: &[&Sample]) -> Self {
+        let valid: Vec<&&Sample> = samples.iter().filter(|sample| sample.valid).collect();
+        let identifiable = |sample: &Sample| sample.bound.iter().all(|bound| *bound < IDENTIFIABLE);
+        let mean = |value: &dyn Fn(&Sample) -> f64| {
+            // Without a valid estimate there is no figure.
+            if valid.is_empty() {
+                f64::NAN
+            } else {
+                valid.iter().map(|sample| value(sample)).sum::<f64>() / valid.len() as f64
+            }
+        };
+        let rms = |value: &dyn Fn(&Sample, usize) -> f64| -> [f64; 3] {
+            std::array::from_fn(|k| mean(&|sample| value(sample, k).powi(2)).sqrt())
+        };
+        let mut verdicts = BTreeMap::new();
+        for verdict in samples.iter().filter(|sample| !sample.valid).filter_map(|sample| sample.verdict.clone()) {
+            *verdicts.entry(verdict).or_default() += 1;
+        }
+        Self {
+            instant_s,
+            runs: samples.len(),
+            valid: valid.len(),
+            identifiable: samples.iter().filter(|sample| identifiable(sample)).count(),
+            identified: valid.iter().filter(|sample| identifiable(sample)).count(),
+            rms: rms(&|sample, k| sample.error[k]),
+            bias: std::array::from_fn(|k| mean(&|sample| sample.error[k])),
+            stated: rms(&|sample, k| sample.std[k]),
+            bound: std::array::from_fn(|k| {
+                let squares: f64 = samples.iter().map(|sample| sample.bound[k].powi(2)).sum();
+                (squares / samples.len() as f64).sqrt()
+            }),
+            over_bound: rms(&|sample, k| sample.error[k] / sample.bound[k]),
+            normalised: rms(&|sample, k| sample.error[k] / sample.std[k]),
+            over_total: rms(&|sample, k| sample.error[k] / sample.total[k]),
+            worst: valid
+                .iter()
+                .flat_map(|sample| (0..3).map(|k| (sample.error[k] / sample.total[k]).abs()))
+                .fold(f64::NAN, f64::max),
+            unbalance: [0, 1].map(|n| mean(&|sample| sample.unbalance[n].powi(2)).sqrt()),
+            verdicts,
+        }
+    }
+}

@@ -1,0 +1,432 @@
+//! How far the estimate is off, how far it says it may be, and how far it must be: many runs of bearings drawn at random, of
+//! one bearing with many seeds of the noise, with wrong parameters, with a λ that changes.
+//!
+//! Beside the errors stand the standard deviation that the estimator states and the Cramér–Rao bound ([`bound`]), the least
+//! that an unbiased estimate from the same data can have. Nothing here depends on the method.
+
+pub mod bound;
+pub mod cases;
+pub mod figures;
+pub mod offline;
+
+use std::f64::consts::TAU;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+
+use crate::progress::Progress;
+use crate::simulation::scenario::{Scenario, Setting};
+use crate::simulation::simulate::{self, Refused};
+use crate::table::Table;
+use cases::{Draw, TOLERANCES};
+use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, pooled};
+use fmu_export::variable::Value;
+use offline::Offline;
+
+/// Makes the scenario of a run from the study's, the seed of the run, and how often the rotor touched down with the former.
+pub type Vary = Arc<dyn Fn(&Scenario, u64, u64) -> Scenario + Send + Sync>;
+
+/// Runs that are judged together.
+#[derive(Clone)]
+pub struct Study {
+    /// One line.
+    pub title: String,
+    /// The scenario that the runs vary.
+    pub scenario: Scenario,
+    /// When the estimates are looked at, in s; the last ends the runs.
+    pub instants_s: Vec<f64>,
+    /// How many runs.
+    pub runs: usize,
+    /// The seed of the first run; the others follow one by one.
+    pub first_seed: u64,
+    /// What differs from run to run.
+    pub vary: Vary,
+    /// Whether the runs differ in more than noise, so that errors in per cent mean little.
+    pub mixed: bool,
+    /// Maximum likelihood over the recording of each run, up to each instant, is judged instead of the estimator in the loop.
+    pub offline: Option<Offline>,
+}
+
+/// What a study found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// At the instants.
+    pub figures: Vec<Figures>,
+    /// Every run, in the order of the seeds.
+    pub trials: Vec<Trial>,
+}
+
+impl Outcome {
+    /// The worst valid sample of all runs, and the seed of its run.
+    pub fn worst(&self) -> (u64, Worst) {
+        let worst = self.trials.iter().max_by(|one, other| one.worst.ratio.total_cmp(&other.worst.ratio));
+        worst.map_or((0, Worst::default()), |trial| (trial.seed, trial.worst))
+    }
+
+    /// Runs with a valid sample beyond [`CONFIDENT`] of its standard deviations.
+    pub fn beyond(&self) -> usize {
+        self.trials.iter().filter(|trial| trial.worst.ratio > CONFIDENT).count()
+    }
+}
+
+/// How often a drawn bearing that touches down is drawn again.
+const ATTEMPTS: u64 = 20;
+
+/// Seeds of the noise for each drawn bearing.
+pub const SEEDS: u64 = 2;
+
+/// Does the work of every index on all processors; the results in order.
+pub fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let next = AtomicUsize::new(0);
+    let found = Mutex::new(Vec::with_capacity(count));
+    let progress = Progress::new("runs", count as u64);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(count.max(1));
+    let share = |progress: Option<&Progress>| {
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            if index >= count {
+                break;
+            }
+            if let Some(progress) = progress {
+                progress.tell(index as u64);
+            }
+            let result = work(index);
+            found.lock().expect("no thread has panicked").push((index, result));
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(|| share(None));
+        }
+        // The bar is drawn by this thread alone.
+        share(Some(&progress));
+    });
+    let mut found = found.into_inner().expect("no thread has panicked");
+    found.sort_by_key(|(index, _)| *index);
+    found.into_iter().map(|(_, result)| result).collect()
+}
+
+impl Study {
+    /// Runs everything, on all processors.
+    ///
+    /// # Errors
+    /// Every parameter that a slave refuses.
+    pub fn run(&self) -> Result<Outcome, Refused> {
+        let trials = in_parallel(self.runs, |run| self.trial(self.first_seed + run as u64));
+        let trials = trials.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let figures = self.instants_s.iter().enumerate().map(|(at, instant_s)| {
+            let samples: Vec<_> = trials.iter().filter_map(|trial| trial.samples.get(at)).collect();
+            Figures::new(*instant_s, &samples)
+        });
+        Ok(Outcome { figures: figures.collect(), trials })
+    }
+
+    /// The scenario of the run with that seed, drawn for the n-th time.
+    pub fn case(&self, seed: u64, attempt: u64) -> Scenario {
+        let mut scenario = (self.vary)(&self.scenario, seed, attempt);
+        scenario.duration_s = self.instants_s.iter().copied().fold(0.0, f64::max);
+        scenario
+    }
+
+    /// One run. A rotor that touches down before it takes an estimate over says nothing about the estimator: its bearing is
+    /// drawn again. After that, what was said until then counts.
+    fn trial(&self, seed: u64) -> Result<Trial, Refused> {
+        let mut attempt = 0;
+        loop {
+            let scenario = self.case(seed, attempt);
+            let wanted = if self.offline.is_some() { offline::wanted } else { figures::wanted };
+            let run = simulate::run_for(&scenario, wanted, |_| ())?;
+            if let Some(fault) = run.fault {
+                return Err(Refused(vec![format!("{}, seed {seed}: {fault}", self.title)]));
+            }
+            let missing = || Refused(vec!["the plant or the estimator lacks an output that a study needs".into()]);
+            let trial = match &self.offline {
+                None => judge(&scenario, &run.recording, &self.instants_s, seed),
+                Some(bench) => offline::judge(&scenario, &run.recording, &self.instants_s, seed, bench),
+            };
+            let trial = trial.ok_or_else(missing)?;
+            let update_s = scenario.closed_loop()?.controller.update_time_s;
+            attempt += 1;
+            if trial.touched_s.is_none_or(|touched_s| touched_s > update_s) || attempt == ATTEMPTS {
+                return Ok(trial);
+            }
+        }
+    }
+}
+
+/// Sensor noise of the studies: position in m, current in A.
+pub const NOISE: [f64; 2] = [1e-7, 1e-2];
+
+/// When the estimates are looked at, in s.
+pub const INSTANTS_S: [f64; 5] = [0.035, 0.1, 0.2, 0.4, 1.0];
+
+/// A study of one scenario over seeds of this noise, which the estimator, of the default method, is told or not.
+#[must_use]
+pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: usize) -> Study {
+    let mut scenario = base.clone();
+    scenario.remove_observers();
+    let element = scenario.estimator();
+    let method = element.kind.variables().iter().find(|variable| variable.name == "method");
+    if let Some(method) = method.map(|variable| variable.start()) {
+        scenario.set("estimator", "method", method);
+    }
+    cases::noise(&mut scenario, noise, told);
+    let vary: Vary = Arc::new(|scenario: &Scenario, seed, _| {
+        let mut scenario = scenario.clone();
+        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+        scenario
+    });
+    Study {
+        title: title.into(),
+        scenario,
+        instants_s: vec![0.035, 0.1],
+        runs,
+        first_seed: 1,
+        vary,
+        mixed: false,
+        offline: None,
+    }
+}
+
+/// A study of drawn bearings, [`SEEDS`] runs of each; see [`cases::drawn`].
+#[must_use]
+pub fn drawn(title: &str, told: bool, bearings: usize) -> Study {
+    let mut study = study(title, &nominal(), NOISE, told, bearings * SEEDS as usize);
+    study.vary = Arc::new(move |scenario: &Scenario, seed, attempt| {
+        // Seeds of the n-th drawing are far from those of the others.
+        let mut scenario = cases::drawn(scenario, seed / SEEDS + (attempt << 32), told);
+        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+        scenario
+    });
+    study.instants_s = INSTANTS_S.to_vec();
+    study.mixed = true;
+    study
+}
+
+/// The paper's bearing with an unbalance of 20 N and a load of (10, −20) N.
+///
+/// # Panics
+/// Never: the scenario comes with the program.
+#[must_use]
+pub fn nominal() -> Scenario {
+    Scenario::open(Path::new("unbalanced")).expect("a scenario that comes with the program")
+}
+
+/// The scenario at another speed, with the window given.
+pub fn at_speed(scenario: &mut Scenario, rpm: f64, window_s: f64) {
+    let omega = rpm * TAU / 60.0;
+    let radius = real(scenario, "controller", "reference.rZ");
+    for (element, variable, value) in [
+        ("plant", "omega", omega),
+        ("plant", "vZ0", radius * omega),
+        ("controller", "reference.omega", omega),
+        ("estimator", "Tf", window_s),
+        ("estimator", "epsilon", window_s),
+    ] {
+        scenario.set(element, variable, Value::Real(value));
+    }
+}
+
+/// Pairs of noise from the least to the most that an estimator must find by itself, in µm and mA.
+const PAIRS: [[f64; 2]; 14] = [
+    [0.02, 1.0],
+    [0.02, 10.0],
+    [0.02, 100.0],
+    [0.05, 3.0],
+    [0.1, 1.0],
+    [0.1, 10.0],
+    [0.1, 100.0],
+    [0.3, 30.0],
+    [1.0, 1.0],
+    [1.0, 10.0],
+    [1.0, 100.0],
+    [3.0, 30.0],
+    [5.0, 1.0],
+    [5.0, 100.0],
+];
+
+/// When λ steps, in s, and by which part.
+const STEP: (f64, f64) = (0.6, 0.05);
+
+/// How long a run for false restarts lasts, in s, and how many there are.
+const LONG: (f64, usize) = (50.0, 20);
+
+/// All studies of the command without arguments, each with so many runs (of drawn bearings: with so many bearings).
+#[must_use]
+pub fn studies(runs: usize) -> Vec<Study> {
+    let nominal = nominal();
+    let tenfold = [10.0 * NOISE[0], NOISE[1]];
+    let mut studies = Vec::new();
+    for (told, says) in [(true, "noise told"), (false, "noise not told")] {
+        studies.push(drawn(&format!("Drawn bearings, {says}"), told, runs));
+        let mut add = |title: &str, instants_s: &[f64], noise: [f64; 2], set: &dyn Fn(&mut Scenario)| {
+            let mut study = study(&format!("{title}, {says}"), &nominal, noise, told, runs);
+            study.instants_s = instants_s.to_vec();
+            set(&mut study.scenario);
+            studies.push(study);
+        };
+        add("Unbalance 20 N, load (10, −20) N, 0.1 µm and 10 mA", &INSTANTS_S, NOISE, &|_| ());
+        add("The same with voltage drive", &INSTANTS_S, NOISE, &cases::voltage_drive);
+        for poles in [500.0, 1000.0, 2000.0] {
+            let title = format!("1 µm and 10 mA, tracking poles at {poles} rad/s");
+            add(&title, &INSTANTS_S, tenfold, &|scenario| cases::tracking(scenario, poles));
+        }
+        let slow = 1000.0 * TAU / 60.0;
+        add("1000 rpm on the paper's path", &[0.2, 0.4, 0.8, 1.6], NOISE, &|scenario| {
+            cases::path(scenario, [30e-6, 70e-6], (3, 0.0), slow);
+        });
+        add("Run-up from 500 to 6000 rpm in 1 s and back", &[0.1, 0.2, 0.4, 1.0, 2.0], NOISE, &|scenario| {
+            cases::speed(scenario, &[0.0, 1.0, 2.0], &[500.0, 6000.0, 500.0].map(|rpm| rpm * TAU / 60.0));
+        });
+    }
+    let mut without = study("Without noise", &nominal, [0.0; 2], false, 1);
+    without.instants_s = INSTANTS_S.to_vec();
+    studies.push(without);
+
+    let mut pairs = study(
+        "14 pairs of noise from 20 nm and 1 mA to 5 µm and 0.1 A, not told",
+        &nominal,
+        NOISE,
+        false,
+        runs.max(14),
+    );
+    pairs.instants_s = INSTANTS_S.to_vec();
+    pairs.mixed = true;
+    pairs.vary = Arc::new(|scenario: &Scenario, seed, _| {
+        let mut scenario = scenario.clone();
+        let [position, current] = PAIRS[seed as usize % PAIRS.len()];
+        cases::noise(&mut scenario, [position * 1e-6, current * 1e-3], false);
+        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+        scenario
+    });
+    studies.push(pairs);
+
+    let each = TOLERANCES.iter().map(std::slice::from_ref);
+    for tolerances in each.chain([TOLERANCES.as_slice()]).map(<[_]>::to_vec) {
+        let name = if let [(name, _)] = tolerances[..] { name } else { "all at once" };
+        let mut study = study(&format!("Tolerance {name}, noise told"), &nominal, NOISE, true, runs);
+        study.instants_s = vec![0.1, 0.4];
+        study.vary = Arc::new(move |scenario: &Scenario, seed, _| {
+            let mut scenario = scenario.clone();
+            let mut draw = Draw::new(seed);
+            for tolerance in &tolerances {
+                cases::tolerance(&mut scenario, *tolerance, &mut draw);
+            }
+            scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+            scenario
+        });
+        studies.push(study);
+    }
+
+    for (told, says) in [(true, "noise told"), (false, "noise not told")] {
+        let title = format!("Step of λ by {} % at {} s, {says}", 100.0 * STEP.1, STEP.0);
+        let mut step = study(&title, &nominal, NOISE, told, runs);
+        step.instants_s = vec![0.59, 0.64, 0.7, 1.0];
+        step.vary = Arc::new(|scenario: &Scenario, seed, _| {
+            let mut scenario = scenario.clone();
+            cases::step_of_lambda(&mut scenario, 1 + seed as usize % 3, STEP.1, STEP.0);
+            scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+            scenario
+        });
+        studies.push(step);
+        let (length_s, count) = LONG;
+        let title = format!("False restarts: {count} runs of {length_s} s, {says}");
+        let mut long = study(&title, &nominal, NOISE, told, count.min(runs));
+        long.instants_s = vec![1.0, 10.0, length_s];
+        studies.push(long);
+    }
+    studies.extend(offline::studies(runs));
+    studies
+}
+
+/// The figures as a table, a column for each instant.
+pub fn table(study: &Study, outcome: &Outcome) -> Table {
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    let mut row = |name: &str, value: &dyn Fn(&Figures) -> String| {
+        rows.push(std::iter::once(name.to_owned()).chain(outcome.figures.iter().map(value)).collect());
+    };
+    let known = |value: f64, digits: usize| {
+        if value.is_finite() { format!("{value:.digits$}") } else { "–".to_owned() }
+    };
+    // Errors without noise have fewer digits before them than three.
+    let small = |value: f64| value != 0.0 && value.abs() < 1e-5;
+    let percent = |values: [f64; 3]| {
+        let one = |value: f64| if small(value) { format!("{:.0e}", 100.0 * value) } else { known(100.0 * value, 3) };
+        values.map(one).join(" ")
+    };
+    row("valid, runs", &|figures| format!("{}/{}", figures.valid, figures.runs));
+    row(&format!("valid where the bound is below {} %", 100.0 * IDENTIFIABLE), &|figures| {
+        format!("{}/{}", figures.identified, figures.identifiable)
+    });
+    row("rms error/bound", &|figures| known(pooled(figures.over_bound), 2));
+    row("rms error/standard deviation (noise)", &|figures| known(pooled(figures.normalised), 2));
+    row("rms error/standard deviation (total)", &|figures| known(pooled(figures.over_total), 2));
+    row("greatest error/standard deviation", &|figures| known(figures.worst, 1));
+    if !study.mixed {
+        row("rms error of λ1 λ2 λ3, %", &|figures| percent(figures.rms));
+        row("bias, %", &|figures| percent(figures.bias));
+        row("standard deviation stated (noise), %", &|figures| percent(figures.stated));
+        row("Cramér–Rao bound, %", &|figures| percent(figures.bound));
+        row("rms error of U, %; of φ, rad", &|figures| {
+            let [magnitude, phase] = figures.unbalance;
+            format!("{} {}", known(100.0 * magnitude, 3), known(phase, 4))
+        });
+    }
+    if outcome.figures.iter().any(|figures| !figures.verdicts.is_empty()) {
+        row("why not valid", &|figures| {
+            let all: Vec<_> = figures.verdicts.iter().map(|(verdict, count)| format!("{verdict} {count}")).collect();
+            if all.is_empty() { "–".into() } else { all.join(", ") }
+        });
+    }
+    let (seed, worst) = outcome.worst();
+    let count = |what: &dyn Fn(&Trial) -> bool| outcome.trials.iter().filter(|trial| what(trial)).count();
+    let mut note = format!(
+        "{} runs, seeds {} to {}. Over all valid samples the greatest error is {:.1} standard deviations (seed {seed}, {:.4} s: \
+         {:.2} % by {:.2} %); {} runs have one beyond {CONFIDENT}.",
+        study.runs,
+        study.first_seed,
+        study.first_seed + study.runs as u64 - 1,
+        worst.ratio,
+        worst.time_s,
+        100.0 * worst.error,
+        100.0 * worst.std,
+        outcome.beyond(),
+    );
+    if study.offline.is_none() {
+        let lost = outcome.trials.iter().map(|trial| trial.lost).sum::<usize>();
+        note += &format!(" Valid estimates ceased to be valid {lost} times.");
+    }
+    let touched = count(&|trial| trial.touched_s.is_some());
+    if touched > 0 {
+        note += &format!(" The rotor touched down in {touched} runs.");
+    }
+    let mut noticed: Vec<f64> = outcome.trials.iter().filter_map(|trial| trial.noticed_s).collect();
+    noticed.sort_by(f64::total_cmp);
+    if let (Some(last), true) = (noticed.last(), !noticed.is_empty()) {
+        note += &format!(
+            " The change was noticed in {} runs, after {:.1} ms (median), {:.1} ms at most; the greatest error counts from two \
+             revolutions after it.",
+            noticed.len(),
+            1e3 * noticed[noticed.len() / 2],
+            1e3 * last
+        );
+    }
+    let head = std::iter::once(String::new())
+        .chain(study.instants_s.iter().map(|instant_s| format!("{:.0} ms", instant_s * 1e3)))
+        .collect();
+    Table { title: study.title.clone(), note, head, rows }
+}
+
+pub(crate) fn real(scenario: &Scenario, element: &str, variable: &str) -> f64 {
+    scenario.value(element, variable).map_or(f64::NAN, Value::as_f64)
+}
+
+impl Scenario {
+    /// Gives a variable a value at the start; nothing happens if there is no such element or variable.
+    pub fn set(&mut self, element: &str, variable: &str, value: Value) {
+        if let Some(element) = self.elements.iter_mut().find(|candidate| candidate.name == element) {
+            let index = element.kind.variables().iter().position(|candidate| candidate.name == variable);
+            element.settings.extend(index.map(|index| Setting { index, value }));
+        }
+    }
+}

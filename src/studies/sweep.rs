@@ -1,0 +1,555 @@
+//! Many runs of one scenario with other values: a row per case in, a row per case out.
+//!
+//! A design is a CSV table whose columns are variables of the loop, `plant.m` or `plant.m [g]`, and whose rows are cases; or a
+//! description in TOML of how to draw such a table ([`Design::open`]). The rows that come out are written as the cases end,
+//! and each is on the disk before it counts. A sweep that is interrupted goes on where it stopped: rows that are there are not
+//! computed again, a last row that was torn is. When all cases are done the rows are put in the order of the design.
+//!
+//! A case that cannot be run, or ends early, is a row that says so.
+
+use std::collections::{BTreeMap, HashSet};
+use std::fmt::Write as _;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Seek, SeekFrom, Write as _};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use serde::Deserialize;
+use sha2::{Digest, Sha256};
+
+use crate::progress::Progress;
+use crate::simulation::scenario::{BUILT_IN, Scenario};
+use crate::simulation::simulate::{self, Run};
+use fmu_export::variable::Value;
+
+/// Length of the stretch at the end of a run over which tracking is judged, in seconds.
+const STRETCH_S: f64 = 0.04;
+
+/// The scenario that is varied when none is named.
+const DEFAULT_SCENARIO: &str = "unbalanced";
+
+/// What a sweep cannot begin or go on with.
+#[derive(Debug, thiserror::Error)]
+#[error("{origin}:\n  {}", .findings.join("\n  "))]
+pub struct SweepError {
+    /// The file that it is about.
+    pub origin: String,
+    /// What is wrong.
+    pub findings: Vec<String>,
+}
+
+impl SweepError {
+    fn new(origin: &Path, finding: impl ToString) -> Self {
+        Self { origin: origin.display().to_string(), findings: vec![finding.to_string()] }
+    }
+}
+
+/// What became of the cases of a sweep.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Outcome {
+    /// Rows that were there before.
+    pub before: usize,
+    /// Rows, those included, that say of their case why it failed.
+    pub failed: usize,
+}
+
+/// The cases of a sweep.
+#[derive(Clone)]
+pub struct Design {
+    /// What is varied; only the loop itself, without estimators beside it.
+    scenario: Scenario,
+    /// The text of the scenario.
+    scenario_text: String,
+    /// Headers of the columns, `element.variable` or `element.variable [unit]`.
+    columns: Vec<String>,
+    /// A cell per column; an empty one leaves the value of the scenario.
+    cases: Vec<Vec<String>>,
+}
+
+/// A design in TOML.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    /// A built-in scenario, or a file relative to this one.
+    scenario: Option<String>,
+    cases: usize,
+    seed: u64,
+    sampling: Sampling,
+    ranges: toml::Table,
+}
+
+#[derive(Clone, Copy, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "camelCase")]
+enum Sampling {
+    /// Every variable is drawn once from each of as many equal parts of its range as there are cases.
+    LatinHypercube,
+    /// All draws are independent.
+    MonteCarlo,
+}
+
+/// What a variable is drawn from.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Range {
+    Between(Between),
+    OneOf(Vec<toml::Value>),
+    Always(toml::Value),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Between {
+    from: f64,
+    to: f64,
+    /// Unit of both; that of the interface if there is none.
+    unit: Option<String>,
+    /// Whether the logarithm is drawn evenly instead of the value.
+    #[serde(default)]
+    log: bool,
+}
+
+impl Design {
+    /// Reads a design: CSV, also from the standard input under the name `-`, or TOML by the ending of its name. `scenario` names what is varied, before what the design says.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the design as a whole. What is wrong with a single case is found when it is run.
+    pub fn open(path: &Path, scenario: Option<&Path>) -> Result<Self, SweepError> {
+        let read = if path == Path::new("-") { io::read_to_string(io::stdin()) } else { fs::read_to_string(path) };
+        let text = read.map_err(|error| SweepError::new(path, error))?;
+        let design = if path.extension().is_some_and(|ending| ending == "toml") {
+            let document: Document = toml::from_str(&text).map_err(|error| SweepError::new(path, error))?;
+            let named = document.scenario.as_deref().map(|name| beside(path, name));
+            let (columns, cases) = draw(&document).map_err(|finding| SweepError::new(path, finding))?;
+            Self::new(scenario.map(PathBuf::from).or(named), columns, cases)?
+        } else {
+            let (columns, cases) = table(&text).map_err(|finding| SweepError::new(path, finding))?;
+            Self::new(scenario.map(PathBuf::from), columns, cases)?
+        };
+        let mut findings = Vec::new();
+        for column in &design.columns {
+            let (variable, _) = split(column);
+            findings.extend(design.scenario.settable(variable).err());
+        }
+        if findings.is_empty() { Ok(design) } else { Err(SweepError { findings, ..SweepError::new(path, "") }) }
+    }
+
+    fn new(scenario: Option<PathBuf>, columns: Vec<String>, cases: Vec<Vec<String>>) -> Result<Self, SweepError> {
+        let name = scenario.unwrap_or_else(|| DEFAULT_SCENARIO.into());
+        let built_in = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in));
+        let scenario_text = match built_in {
+            Some((_, text)) => (*text).to_owned(),
+            None => fs::read_to_string(&name).map_err(|error| SweepError::new(&name, error))?,
+        };
+        let mut scenario = Scenario::parse(&name.display().to_string(), &scenario_text)
+            .map_err(|error| SweepError { origin: error.origin, findings: error.findings })?;
+        scenario.remove_observers();
+        Ok(Self { scenario, scenario_text, columns, cases })
+    }
+
+    /// Number of cases.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.cases.len()
+    }
+
+    /// Whether there is no case at all.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.cases.is_empty()
+    }
+
+    /// Writes the design as CSV, drawn values included.
+    ///
+    /// # Errors
+    /// Whatever the writer reports.
+    pub fn write(&self, to: impl io::Write) -> io::Result<()> {
+        let mut writer = csv::Writer::from_writer(to);
+        writer.write_record(&self.columns)?;
+        for case in &self.cases {
+            writer.write_record(case)?;
+        }
+        writer.flush()
+    }
+
+    /// The header of the rows that come out.
+    fn header(&self) -> Vec<String> {
+        let figures = RESULTS.iter().map(|(name, _)| (*name).to_owned());
+        ["case", "seed", "status"]
+            .map(String::from)
+            .into_iter()
+            .chain(figures)
+            .chain(["fingerprint".into()])
+            .chain(self.columns.iter().cloned())
+            .collect()
+    }
+
+    /// What tells a case from a case of another design.
+    fn fingerprint(&self, case: usize) -> String {
+        let mut hash = Sha256::new();
+        hash.update(self.scenario_text.as_bytes());
+        for (column, cell) in self.columns.iter().zip(&self.cases[case]) {
+            hash.update([0]);
+            hash.update(column.as_bytes());
+            hash.update([0]);
+            hash.update(cell.as_bytes());
+        }
+        hash.finalize().iter().take(6).fold(String::new(), |mut text, byte| {
+            let _ = write!(text, "{byte:02x}");
+            text
+        })
+    }
+
+    /// The scenario of a case.
+    fn scenario(&self, case: usize) -> Result<Scenario, String> {
+        let mut scenario = self.scenario.clone();
+        for (column, cell) in self.columns.iter().zip(&self.cases[case]) {
+            let (variable, unit) = split(column);
+            let cell = cell.trim();
+            if cell.is_empty() {
+                continue;
+            }
+            // A unit in the cell goes before that of the column.
+            let text = match unit {
+                Some(unit) if cell.parse::<f64>().is_ok() => format!("{cell} {unit}"),
+                _ => cell.to_owned(),
+            };
+            scenario.assign(variable, &text)?;
+        }
+        Ok(scenario)
+    }
+
+    /// Runs a case; its row.
+    fn row(&self, case: usize) -> Vec<String> {
+        let scenario = self.scenario(case);
+        let seed = scenario.as_ref().ok().and_then(|scenario| scenario.value("plant", "sensor.seed"));
+        let seed = seed.map_or(String::new(), |seed| seed.as_f64().to_string());
+        let wanted = |name: &str| RESULTS.iter().any(|(_, result)| result.source() == Some(name));
+        let outcome = scenario.and_then(|scenario| {
+            let run = catch_unwind(AssertUnwindSafe(|| simulate::run_for(&scenario, wanted, |_| ())));
+            match run {
+                Ok(Ok(run)) => Ok((scenario, run)),
+                Ok(Err(refused)) => Err(refused.0.join("; ")),
+                Err(_) => Err("a defect of this program, please report it".into()),
+            }
+        });
+        let (status, figures) = match outcome {
+            Ok((scenario, run)) => {
+                let figures = RESULTS.iter().map(|(_, result)| result.of(&scenario, &run)).collect();
+                (run.fault.unwrap_or_else(|| "ok".into()), figures)
+            }
+            Err(why) => (why, vec![String::new(); RESULTS.len()]),
+        };
+        [(case + 1).to_string(), seed, status.replace('\n', " ")]
+            .into_iter()
+            .chain(figures)
+            .chain([self.fingerprint(case)])
+            .chain(self.cases[case].iter().cloned())
+            .collect()
+    }
+
+    /// Runs all cases that `path` has no row of yet, on so many threads, and puts the rows in order.
+    ///
+    /// # Errors
+    /// If the file cannot be read or written, is no regular file, belongs to another design, or another sweep is at work on
+    /// it.
+    pub fn run(&self, path: &Path, threads: usize) -> Result<Outcome, SweepError> {
+        let fail = |error: io::Error| SweepError::new(path, error);
+        // A device has no rows to go on with, and some have no end.
+        if fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
+            return Err(SweepError::new(path, "it is no regular file; name one, or - for the standard output"));
+        }
+        let mut file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(fail)?;
+        if file.try_lock().is_err() {
+            return Err(SweepError::new(path, "another sweep is at work on it"));
+        }
+        let done = self.resume(path, &mut file)?;
+        let todo: Vec<usize> = (0..self.len()).filter(|case| !done.contains(case)).collect();
+        self.work(&todo, threads, |batch| {
+            file.write_all(&lines(&batch)?)?;
+            file.sync_data()
+        })
+        .map_err(fail)?;
+        let failed = self.put_in_order(path).map_err(fail)?;
+        Ok(Outcome { before: done.len(), failed })
+    }
+
+    /// Runs all cases on so many threads, and writes each row as soon as all before it are written.
+    ///
+    /// # Errors
+    /// Whatever the writer reports.
+    pub fn run_to(&self, mut to: impl io::Write, threads: usize) -> io::Result<Outcome> {
+        to.write_all(&lines(&[self.header()])?)?;
+        let todo: Vec<usize> = (0..self.len()).collect();
+        let (mut waiting, mut next, mut failed) = (BTreeMap::new(), 1, 0);
+        self.work(&todo, threads, |batch| {
+            failed += batch.iter().filter(|row| is_failed(row)).count();
+            waiting.extend(batch.into_iter().map(|row| (number(&row), row)));
+            while let Some(row) = waiting.remove(&next) {
+                to.write_all(&lines(&[row])?)?;
+                next += 1;
+            }
+            to.flush()
+        })?;
+        Ok(Outcome { before: 0, failed })
+    }
+
+    /// Runs these cases on so many threads, and hands over the rows as they come in.
+    fn work(
+        &self,
+        todo: &[usize],
+        threads: usize,
+        mut write: impl FnMut(Vec<Vec<String>>) -> io::Result<()>,
+    ) -> io::Result<()> {
+        let progress = Progress::new("sweeping", todo.len() as u64);
+        let next = AtomicUsize::new(0);
+        let threads = threads.clamp(1, todo.len().max(1));
+        std::thread::scope(|scope| -> io::Result<()> {
+            let (sender, rows) = mpsc::channel();
+            for _ in 0..threads {
+                let (sender, next) = (sender.clone(), &next);
+                scope.spawn(move || {
+                    while let Some(case) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
+                        // Nobody listens any more once the disk is full.
+                        if sender.send(self.row(*case)).is_err() {
+                            break;
+                        }
+                    }
+                });
+            }
+            drop(sender);
+            let mut count = 0;
+            while let Ok(row) = rows.recv() {
+                // Whatever has come in meanwhile goes to the disk with it.
+                let batch: Vec<_> = std::iter::once(row).chain(rows.try_iter()).collect();
+                count += batch.len();
+                write(batch)?;
+                progress.tell(count as u64);
+            }
+            Ok(())
+        })
+    }
+
+    /// Reads what a former sweep left; writes the header if there is nothing. The cases that are done.
+    fn resume(&self, path: &Path, file: &mut File) -> Result<HashSet<usize>, SweepError> {
+        let fail = |error: io::Error| SweepError::new(path, error);
+        let text = fs::read(path).map_err(fail)?;
+        let foreign = |finding: String| SweepError::new(path, format!("{finding}; name another file with --out"));
+        let header = lines(&[self.header()]).map_err(fail)?;
+        if !text.starts_with(&header) && !header.starts_with(&text) {
+            return Err(foreign("it has other columns, or no rows of a sweep at all".into()));
+        }
+        // A row counts from its line break on: without it the writing was cut short.
+        let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
+        file.set_len(whole as u64).map_err(fail)?;
+        file.seek(SeekFrom::End(0)).map_err(fail)?;
+        if whole == 0 {
+            file.write_all(&header).map_err(fail)?;
+            file.sync_all().map_err(fail)?;
+            return Ok(HashSet::new());
+        }
+        let mut reader = csv::Reader::from_reader(&text[..whole]);
+        let at = self.header().iter().position(|name| name == "fingerprint").unwrap_or_default();
+        let mut done = HashSet::new();
+        for row in reader.records() {
+            let row = row.map_err(|error| SweepError::new(path, error))?;
+            let number: usize = row[0].parse().unwrap_or(0);
+            let case = number.wrapping_sub(1);
+            if case >= self.len() || row[at] != *self.fingerprint(case) {
+                return Err(foreign(format!("case {} in it is of another design or scenario", &row[0])));
+            }
+            done.insert(case);
+        }
+        Ok(done)
+    }
+
+    /// Rewrites the rows in the order of the cases, all at once or not at all. Returns how many of them are of cases that failed.
+    fn put_in_order(&self, path: &Path) -> io::Result<usize> {
+        let mut reader = csv::Reader::from_path(path)?;
+        let mut rows: Vec<Vec<String>> =
+            reader.records().map(|row| Ok(row?.iter().map(String::from).collect())).collect::<io::Result<_>>()?;
+        rows.sort_by_key(|row| number(row));
+        let failed = rows.iter().filter(|row| is_failed(row)).count();
+        rows.insert(0, self.header());
+        let mut aside = path.as_os_str().to_owned();
+        aside.push(".sorted");
+        let mut file = File::create(&aside)?;
+        file.write_all(&lines(&rows)?)?;
+        file.sync_all()?;
+        fs::rename(&aside, path)?;
+        Ok(failed)
+    }
+}
+
+/// The number of the case that a row is of.
+fn number(row: &[String]) -> usize {
+    row[0].parse().unwrap_or(usize::MAX)
+}
+
+/// Whether the case of a row could not be run, or ended early.
+fn is_failed(row: &[String]) -> bool {
+    row[2] != "ok"
+}
+
+/// A figure of a run.
+enum Figure {
+    /// The last value of an output of the loop.
+    Last(&'static str),
+    /// `λ̂/λ − 1` of a magnet, counted from 0.
+    Error(usize),
+    /// The largest magnitude of an output at the end of the run.
+    Tracking(&'static str),
+}
+
+/// The columns that come out, after case, seed and status.
+const RESULTS: [(&str, Figure); 17] = [
+    ("valid", Figure::Last("estimator.valid")),
+    ("lambdaHat[1] [N.m2/A2]", Figure::Last("estimator.lambdaHat[1]")),
+    ("lambdaHat[2] [N.m2/A2]", Figure::Last("estimator.lambdaHat[2]")),
+    ("lambdaHat[3] [N.m2/A2]", Figure::Last("estimator.lambdaHat[3]")),
+    ("lambdaStd[1] [N.m2/A2]", Figure::Last("estimator.lambdaStd[1]")),
+    ("lambdaStd[2] [N.m2/A2]", Figure::Last("estimator.lambdaStd[2]")),
+    ("lambdaStd[3] [N.m2/A2]", Figure::Last("estimator.lambdaStd[3]")),
+    ("error[1]", Figure::Error(0)),
+    ("error[2]", Figure::Error(1)),
+    ("error[3]", Figure::Error(2)),
+    ("condition", Figure::Last("estimator.condition")),
+    ("residual", Figure::Last("estimator.residual")),
+    ("unbalance.magnitude [kg.m]", Figure::Last("estimator.unbalance.magnitude")),
+    ("unbalance.phase [rad]", Figure::Last("estimator.unbalance.phase")),
+    ("pZHat [N]", Figure::Last("estimator.pZHat")),
+    ("tracking.Y [m]", Figure::Tracking("controller.eY")),
+    ("tracking.Z [m]", Figure::Tracking("controller.eZ")),
+];
+
+impl Figure {
+    fn source(&self) -> Option<&'static str> {
+        match self {
+            Figure::Last(source) | Figure::Tracking(source) => Some(source),
+            Figure::Error(_) => None,
+        }
+    }
+
+    /// The figure as text with as many digits as it takes to read the same number again; empty if there is none.
+    fn of(&self, scenario: &Scenario, run: &Run) -> String {
+        let column = |name: &str| run.recording.get(name).unwrap_or(&[]);
+        let value = match self {
+            Figure::Last(source) => column(source).last().copied(),
+            Figure::Error(k) => {
+                let hat = column(&format!("estimator.lambdaHat[{}]", k + 1)).last();
+                let truth = scenario.value("plant", &format!("lambda[{}]", k + 1)).map(Value::as_f64);
+                hat.zip(truth).map(|(hat, truth)| hat / truth - 1.0)
+            }
+            Figure::Tracking(source) => {
+                let points = (STRETCH_S / scenario.step_s).round() as usize;
+                column(source).iter().rev().take(points).map(|error| error.abs()).reduce(f64::max)
+            }
+        };
+        value.map_or(String::new(), |value| format!("{value:e}"))
+    }
+}
+
+/// A file beside another, unless it is a built-in scenario.
+fn beside(path: &Path, name: &str) -> PathBuf {
+    if BUILT_IN.iter().any(|(built_in, _)| *built_in == name) {
+        return name.into();
+    }
+    path.parent().unwrap_or(Path::new("")).join(name)
+}
+
+/// `plant.m [g]` as the path and the unit.
+fn split(column: &str) -> (&str, Option<&str>) {
+    match column.trim().strip_suffix(']').and_then(|text| text.rsplit_once(" [")) {
+        Some((path, unit)) => (path.trim(), Some(unit.trim())),
+        None => (column.trim(), None),
+    }
+}
+
+/// The cells of a CSV table.
+fn table(text: &str) -> Result<(Vec<String>, Vec<Vec<String>>), csv::Error> {
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(text.as_bytes());
+    let columns = reader.headers()?.iter().map(String::from).collect();
+    let cases =
+        reader.records().map(|row| Ok(row?.iter().map(String::from).collect())).collect::<Result<_, csv::Error>>()?;
+    Ok((columns, cases))
+}
+
+/// Draws the cases of a description.
+fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> {
+    let mut random = Pcg64::seed_from_u64(document.seed);
+    let mut columns = Vec::new();
+    let mut cases = vec![Vec::new(); document.cases];
+    for (path, range) in leaves("", &document.ranges) {
+        let range: Range = range.clone().try_into().map_err(|_| {
+            format!("{path} = {range} is refused: {{ from = …, to = … }}, a list, or a value is wanted")
+        })?;
+        let mut parts: Vec<usize> = (0..document.cases).collect();
+        // Fisher–Yates.
+        for at in (1..parts.len()).rev() {
+            parts.swap(at, random.random_range(0..=at));
+        }
+        let mut unit = None;
+        for (case, part) in cases.iter_mut().zip(parts) {
+            let chance: f64 = random.random();
+            let share = match document.sampling {
+                Sampling::LatinHypercube => (part as f64 + chance) / document.cases as f64,
+                Sampling::MonteCarlo => chance,
+            };
+            case.push(match &range {
+                Range::Between(between) => {
+                    unit.clone_from(&between.unit);
+                    let Between { from, to, log, .. } = *between;
+                    if !(from.is_finite() && to.is_finite()) || (log && !(from > 0.0 && to > 0.0)) {
+                        return Err(format!("{path}: finite ends are wanted, above 0 where log = true"));
+                    }
+                    let value = if log { from * libm::pow(to / from, share) } else { from + (to - from) * share };
+                    format!("{value:e}")
+                }
+                Range::OneOf(items) => {
+                    let item = items.get(((share * items.len() as f64) as usize).min(items.len().saturating_sub(1)));
+                    shown(item.ok_or_else(|| format!("{path}: the list is empty"))?)
+                }
+                Range::Always(value) => shown(value),
+            });
+        }
+        columns.push(unit.map_or(path.clone(), |unit| format!("{path} [{unit}]")));
+    }
+    // Every case has noise of its own.
+    if !columns.iter().any(|column| split(column).0 == "plant.sensor.seed") {
+        columns.push("plant.sensor.seed".into());
+        for case in &mut cases {
+            case.push(random.random_range(0..i32::MAX).to_string());
+        }
+    }
+    Ok((columns, cases))
+}
+
+/// A value of TOML without the quotes of a text.
+fn shown(value: &toml::Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), String::from)
+}
+
+/// The ranges of a table with their keys joined by dots.
+fn leaves<'t>(prefix: &str, table: &'t toml::Table) -> Vec<(String, &'t toml::Value)> {
+    let mut found = Vec::new();
+    for (key, value) in table {
+        let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+        match value {
+            toml::Value::Table(inner) if !inner.contains_key("from") => found.extend(leaves(&path, inner)),
+            value => found.push((path, value)),
+        }
+    }
+    found
+}
+
+/// Rows as lines of CSV.
+fn lines(rows: &[Vec<String>]) -> io::Result<Vec<u8>> {
+    let mut writer = csv::WriterBuilder::new().flexible(true).from_writer(Vec::new());
+    for row in rows {
+        writer.write_record(row)?;
+    }
+    writer.into_inner().map_err(|error| error.into_error())
+}

@@ -1,0 +1,803 @@
+//! The C interface as an importer meets it, misused as carefully as used.
+
+use std::ffi::CStr;
+use std::ptr::{null, null_mut};
+use std::thread;
+
+use crate::call;
+use crate::support::ffi::{Expect, Fmu, Message, Request, guid, text};
+use crate::support::says;
+use crate::support::sequence::{self, STATES, Subject, in_state, state_of};
+use fmu_export::fmi2::bindings::*;
+use fmu_export::variable::{Causality, Type};
+
+const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
+const PLANT: &str = "MagneticBearing";
+const CONTROLLER: &str = "FlatnessController";
+const TS: f64 = 1e-4;
+
+/// The plant, for the sequence of calls.
+const SUBJECT: Subject = Subject { model: PLANT, real: "omega", refused: ("m", -1.0), step_s: TS };
+
+#[test]
+fn every_function_is_refused_in_every_state_that_is_not_its_own() {
+    sequence::every_function_is_refused_in_every_state_that_is_not_its_own(SUBJECT);
+}
+
+#[test]
+fn every_function_is_swept() {
+    sequence::every_function_is_swept();
+}
+
+/// Fails if fmi2Terminate leaves the state as it was.
+#[test]
+fn the_states_follow_one_another() {
+    let fmu = Fmu::new(PLANT);
+    fmu.setup(0.0, Some(1.0)).ok(&fmu);
+    assert_eq!(state_of(&fmu), 'i');
+    fmu.enter_initialization().ok(&fmu);
+    assert_eq!(state_of(&fmu), 'm');
+    fmu.exit_initialization().ok(&fmu);
+    assert_eq!(state_of(&fmu), 's');
+    fmu.step(0.0, TS).ok(&fmu);
+    assert_eq!(state_of(&fmu), 's');
+    fmu.terminate().ok(&fmu);
+    assert_eq!(state_of(&fmu), 't');
+    fmu.reset().ok(&fmu);
+    assert_eq!(state_of(&fmu), 'i');
+}
+
+/// Fails if the initialization asks for fmi2SetupExperiment.
+#[test]
+fn an_experiment_need_not_be_set_up() {
+    let fmu = Fmu::new(PLANT);
+    fmu.enter_initialization().ok(&fmu);
+    fmu.exit_initialization().ok(&fmu);
+    fmu.step(0.0, TS).ok(&fmu);
+}
+
+/// Fails if a call on no instance is answered with fmi2OK.
+#[test]
+fn null_instances_are_refused_and_freed() {
+    let c = null_mut();
+    let mut value = [0.0];
+    let reference = [0];
+    let error = fmi2Status::fmi2Error;
+    // SAFETY: a null instance is what is tested; all arrays have the length that is said.
+    unsafe {
+        call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(c));
+        assert_eq!(call!(fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(c, fmi2True, 0, null())), error);
+        assert_eq!(call!(fmi2SetupExperiment: fmi2SetupExperimentTYPE(c, 0, 0.0, 0.0, 0, 0.0)), error);
+        assert_eq!(call!(fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE(c)), error);
+        assert_eq!(call!(fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE(c)), error);
+        assert_eq!(call!(fmi2Terminate: fmi2TerminateTYPE(c)), error);
+        assert_eq!(call!(fmi2Reset: fmi2ResetTYPE(c)), error);
+        assert_eq!(call!(fmi2GetReal: fmi2GetRealTYPE(c, reference.as_ptr(), 1, value.as_mut_ptr())), error);
+        assert_eq!(call!(fmi2SetReal: fmi2SetRealTYPE(c, reference.as_ptr(), 1, value.as_ptr())), error);
+        assert_eq!(call!(fmi2GetInteger: fmi2GetIntegerTYPE(c, null(), 0, null_mut())), error);
+        assert_eq!(call!(fmi2GetBoolean: fmi2GetBooleanTYPE(c, null(), 0, null_mut())), error);
+        assert_eq!(call!(fmi2GetString: fmi2GetStringTYPE(c, null(), 0, null_mut())), error);
+        assert_eq!(call!(fmi2SetInteger: fmi2SetIntegerTYPE(c, null(), 0, null())), error);
+        assert_eq!(call!(fmi2SetBoolean: fmi2SetBooleanTYPE(c, null(), 0, null())), error);
+        assert_eq!(call!(fmi2SetString: fmi2SetStringTYPE(c, null(), 0, null())), error);
+        assert_eq!(call!(fmi2GetFMUstate: fmi2GetFMUstateTYPE(c, null_mut())), error);
+        assert_eq!(call!(fmi2SetFMUstate: fmi2SetFMUstateTYPE(c, null_mut())), error);
+        assert_eq!(call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True)), error);
+        assert_eq!(call!(fmi2CancelStep: fmi2CancelStepTYPE(c)), error);
+        let kind = fmi2StatusKind::fmi2LastSuccessfulTime;
+        assert_eq!(call!(fmi2GetRealStatus: fmi2GetRealStatusTYPE(c, kind, value.as_mut_ptr())), error);
+    }
+    assert_eq!(value, [0.0]);
+}
+
+/// The one message of a refused instantiation.
+fn refused(request: Request) -> String {
+    let Err(messages) = request.instantiate(PLANT) else { panic!("an instance was made") };
+    let [Message { status, category, text, .. }] = &messages[..] else { panic!("one message is wanted: {messages:?}") };
+    assert_eq!((*status, category.as_str()), (fmi2Status::fmi2Error, "logStatusError"));
+    assert!(text.starts_with("fmi2Instantiate: "), "{text}");
+    text.clone()
+}
+
+/// Fails if the name, the kind of interface, or the GUID is not looked at.
+#[test]
+fn instances_are_made_only_of_sound_requests() {
+    let sound = || Request::of(PLANT);
+    says(&refused(Request { name: None, ..sound() }), &["instanceName", "a name is wanted"]);
+    says(&refused(Request { name: Some(text("")), ..sound() }), &["instanceName", "a name is wanted"]);
+    let exchange = fmi2Type::fmi2ModelExchange;
+    says(&refused(Request { kind: exchange, ..sound() }), &["fmuType = 0", "fmi2CoSimulation"]);
+    says(&refused(Request { kind: fmi2Type(7), ..sound() }), &["fmuType = 7", "fmi2CoSimulation"]);
+    says(&refused(Request { guid: None, ..sound() }), &["fmuGUID is null"]);
+    let said = refused(Request { guid: Some(text("{0}")), ..sound() });
+    says(&said, &["fmuGUID = {0}", &guid(PLANT), "MagneticBearing", "AlgebraicEstimator"]);
+    // No text at all, and one that would be a format.
+    let bytes = std::ffi::CString::new([0xff, 0xfe]).expect("no zero byte");
+    says(&refused(Request { guid: Some(bytes), ..sound() }), &["fmuGUID = \u{fffd}\u{fffd}", &guid(PLANT)]);
+    says(&refused(Request { guid: Some(text("%s%n%s")), ..sound() }), &["fmuGUID = %s%n%s"]);
+    let long = "{".repeat(1_000_000);
+    says(&refused(Request { guid: Some(text(&long)), ..sound() }), &["fmuGUID = {{{"]);
+    let without = guid(PLANT).replace(['{', '}'], "");
+    says(&refused(Request { guid: Some(text(&without)), ..sound() }), &["fmuGUID = "]);
+    let shouted = guid(PLANT).to_uppercase();
+    says(&refused(Request { guid: Some(text(&shouted)), ..sound() }), &["fmuGUID = "]);
+    // Nobody can be told without callbacks, and it must not matter.
+    assert!(Request { callbacks: false, ..sound() }.instantiate(PLANT).is_err_and(|messages| messages.is_empty()));
+    let silent = Request { logger: false, guid: None, ..sound() };
+    assert!(silent.instantiate(PLANT).is_err_and(|messages| messages.is_empty()));
+}
+
+/// What importers really hand over: names with paths, no resources, no logger.
+/// Fails if a name may hold no slash, and if the location of the resources has to be of one form.
+#[test]
+fn instances_are_made_of_whatever_importers_say() {
+    let long = "a/".repeat(100_000);
+    for name in ["/tmp/a folder/MagneticBearing.fmu", "loop.plant", "Läufer µ", " ", "%s%n%d", &long] {
+        let fmu = Request { name: Some(text(name)), ..Request::of(PLANT) }.instantiate(PLANT).expect("an instance");
+        fmu.step(0.0, TS).error(&fmu);
+        let again = fmu.step(0.0, TS);
+        assert_eq!(again, fmi2Status::fmi2Error);
+        assert_eq!(fmu.take_messages()[0].instance, name);
+    }
+    // A name in an encoding of its own comes back in messages as it was.
+    let latin = std::ffi::CString::new(*b"L\xe4ufer").expect("no zero byte");
+    let fmu = Request { name: Some(latin), ..Request::of(PLANT) }.instantiate(PLANT).expect("an instance");
+    assert_eq!(fmu.step(0.0, TS), fmi2Status::fmi2Error);
+    assert_eq!(fmu.take_messages()[0].instance, "L\u{fffd}ufer");
+    let locations = ["file:/tmp/x", "file:///tmp/x", "file:////tmp/x/", "file:///tmp/a%20b", "nonsense", "", "%s%n"];
+    for resources in locations.map(Some).into_iter().chain([None]) {
+        let request = Request { resources: resources.map(text), ..Request::of(PLANT) };
+        assert!(request.instantiate(PLANT).is_ok(), "{resources:?}");
+    }
+    let silent =
+        Request { logger: false, logging: true, ..Request::of(PLANT) }.instantiate(PLANT).expect("an instance");
+    assert_eq!(silent.step(0.0, TS), fmi2Status::fmi2Error);
+    assert!(silent.take_messages().is_empty());
+}
+
+/// Fails if a reference beyond the table is taken for the last variable.
+#[test]
+fn unknown_references_are_refused() {
+    for model in MODELS {
+        let fmu = Fmu::started(model, &[]);
+        for unknown in [fmu.variables().len() as u32, 100_000, u32::MAX] {
+            let unknown = [unknown];
+            let number = unknown[0].to_string();
+            let words = ["no variable", number.as_str()];
+            says(&fmu.get_reals(&unknown).expect_err("unknown").error(&fmu), &words);
+            says(&fmu.get_integers(&unknown).expect_err("unknown").error(&fmu), &words);
+            says(&fmu.get_booleans(&unknown).expect_err("unknown").error(&fmu), &words);
+            says(&fmu.set_reals(&unknown, &[1.0]).error(&fmu), &words);
+            says(&fmu.set_integers(&unknown, &[1]).error(&fmu), &words);
+            says(&fmu.set_booleans(&unknown, &[1]).error(&fmu), &words);
+        }
+        assert_eq!(state_of(&fmu), 's', "{model}: a wrong reference does not end the run");
+    }
+}
+
+/// Fails if fmi2GetReal converts what is no Real.
+#[test]
+fn values_have_the_type_of_their_variable() {
+    for model in MODELS {
+        let fmu = Fmu::started(model, &[]);
+        for variable in fmu.variables().to_vec() {
+            let reference = [fmu.reference(&variable.name)];
+            let (real, integer, boolean) = match variable.kind {
+                Type::Real { .. } => (true, false, false),
+                Type::Integer { .. } | Type::Enumeration { .. } => (false, true, false),
+                Type::Boolean { .. } => (false, false, true),
+                Type::String { .. } => (false, false, false),
+            };
+            assert_eq!(fmu.get_reals(&reference).is_ok(), real, "{model}.{}", variable.name);
+            assert_eq!(fmu.get_integers(&reference).is_ok(), integer, "{model}.{}", variable.name);
+            assert_eq!(fmu.get_booleans(&reference).is_ok(), boolean, "{model}.{}", variable.name);
+            assert_eq!(fmu.take_messages().len(), 2, "{model}.{}: each refusal is told", variable.name);
+            if variable.causality == Causality::Input {
+                if !real {
+                    says(&fmu.set_reals(&reference, &[1.0]).error(&fmu), &[&variable.name, "Real"]);
+                }
+                if !integer {
+                    says(&fmu.set_integers(&reference, &[1]).error(&fmu), &[&variable.name, "Integer"]);
+                }
+                if !boolean {
+                    says(&fmu.set_booleans(&reference, &[1]).error(&fmu), &[&variable.name, "Boolean"]);
+                }
+            }
+        }
+    }
+}
+
+/// Fails if whatever is not 0 is taken for true.
+#[test]
+fn booleans_are_0_or_1() {
+    let fmu = Fmu::started(CONTROLLER, &[]);
+    let reference = [fmu.reference("lambdaValid")];
+    for wrong in [2, -1, i32::MAX] {
+        says(&fmu.set_booleans(&reference, &[wrong]).error(&fmu), &[&wrong.to_string(), "fmi2True"]);
+        assert_eq!(fmu.get("lambdaValid"), 0.0);
+    }
+    fmu.set_booleans(&reference, &[fmi2True]).ok(&fmu);
+    assert_eq!(fmu.get("lambdaValid"), 1.0);
+}
+
+/// Fails if a Real is read or written as a text.
+#[test]
+fn no_variable_is_a_text() {
+    let fmu = Fmu::started(PLANT, &[]);
+    let reference = [0];
+    let mut value: [fmi2String; 1] = [null()];
+    let (c, first) = (fmu.component(), reference.as_ptr());
+    // SAFETY: the instance is live; both arrays have one element.
+    unsafe {
+        let got = call!(fmi2GetString: fmi2GetStringTYPE(c, first, 1, value.as_mut_ptr()));
+        says(&got.error(&fmu), &["fmi2GetString", "m is no String but a Real"]);
+        value[0] = c"text".as_ptr();
+        let set = call!(fmi2SetString: fmi2SetStringTYPE(c, first, 1, value.as_ptr()));
+        says(&set.error(&fmu), &["fmi2SetString", "m"]);
+    }
+}
+
+/// Fails if null, or a length beyond memory, is believed: then this process ends.
+#[test]
+fn arrays_that_are_not_there_are_refused() {
+    let fmu = Fmu::started(PLANT, &[]);
+    let c = fmu.component();
+    let reference = [fmu.reference("omega")];
+    let mut value = [1.0];
+    // SAFETY: the instance is live; null pointers and lengths beyond memory are what is tested, and are looked for before
+    // anything is read.
+    unsafe {
+        let get = |vr, n, to| call!(fmi2GetReal: fmi2GetRealTYPE(c, vr, n, to));
+        let set = |vr, n, from| call!(fmi2SetReal: fmi2SetRealTYPE(c, vr, n, from));
+        says(&get(null(), 1, value.as_mut_ptr()).error(&fmu), &["fmi2GetReal", "vr is null", "1 elements"]);
+        says(&get(reference.as_ptr(), 1, null_mut()).error(&fmu), &["value is null"]);
+        says(&set(null(), 3, value.as_ptr()).error(&fmu), &["fmi2SetReal", "vr is null", "3 elements"]);
+        says(&set(reference.as_ptr(), 1, null()).error(&fmu), &["value is null"]);
+        says(&get(reference.as_ptr(), usize::MAX, value.as_mut_ptr()).error(&fmu), &["vr", "more than memory"]);
+        get(null(), 0, null_mut()).ok(&fmu);
+        set(null(), 0, null()).ok(&fmu);
+
+        let log = |n, names| call!(fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(c, fmi2True, n, names));
+        says(&log(2, null()).error(&fmu), &["categories is null"]);
+        let names: [fmi2String; 1] = [null()];
+        says(&log(1, names.as_ptr()).error(&fmu), &["categories", "null"]);
+
+        let kind = fmi2StatusKind::fmi2LastSuccessfulTime;
+        let told = call!(fmi2GetRealStatus: fmi2GetRealStatusTYPE(c, kind, null_mut()));
+        says(&told.error(&fmu), &["value is null"]);
+    }
+    assert_eq!(state_of(&fmu), 's');
+}
+
+/// Fails if the values are written one by one until one is refused.
+#[test]
+fn a_list_with_a_refused_value_writes_nothing() {
+    let fmu = Fmu::started(PLANT, &[]);
+    let references = ["pY", "m", "pZ"].map(|name| fmu.reference(name));
+    says(
+        &fmu.set_reals(&references, &[1.0, 2.0, 3.0]).error(&fmu),
+        &["m cannot be set", "fixed once the run has begun"],
+    );
+    assert_eq!((fmu.get("pY"), fmu.get("m"), fmu.get("pZ")), (0.0, 6.7, 0.0));
+    says(&fmu.set("Y", 1.0).error(&fmu), &["Y cannot be set", "computed"]);
+}
+
+/// Fails if the start is not looked at, if a stop before the start is accepted, and if the end of a step is compared with
+/// stopTime not at all.
+#[test]
+fn an_experiment_has_a_beginning_and_an_end() {
+    let fmu = Fmu::new(PLANT);
+    for start in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        says(&fmu.setup(start, None).error(&fmu), &["startTime = ", "a finite number"]);
+    }
+    says(&fmu.setup(1.0, Some(0.5)).error(&fmu), &["stopTime = 0.5", "startTime = 1"]);
+    says(&fmu.setup(1.0, Some(f64::NAN)).error(&fmu), &["stopTime = NaN"]);
+    assert_eq!(state_of(&fmu), 'i');
+    fmu.start(1.0, Some(1.0 + 3.0 * TS));
+    says(&fmu.step(1.0, 4.0 * TS).error(&fmu), &["1.0003", "beyond stopTime"]);
+    assert_eq!(state_of(&fmu), 's', "a step too far does not end the run");
+    // Importers add up: 1 + 3 · 10⁻⁴ in three steps differs from the stop time in the last bits.
+    let mut time_s = 1.0;
+    for _ in 0..3 {
+        fmu.step(time_s, TS).ok(&fmu);
+        time_s += TS;
+    }
+    fmu.step(time_s, 1.1e-16).ok(&fmu);
+    fmu.step(time_s, TS).error(&fmu);
+}
+
+/// Fails if the begin of a step is believed whatever it is, and if a negative length is done.
+#[test]
+fn steps_follow_one_another() {
+    let fmu = Fmu::started(PLANT, &[]);
+    fmu.step(0.0, TS).ok(&fmu);
+    let before = fmu.all_bits();
+    for time_s in [0.0, 2.0 * TS, -TS, f64::NAN, f64::INFINITY] {
+        says(&fmu.step(time_s, TS).error(&fmu), &["currentCommunicationPoint", "0.0001", "end of the last step"]);
+    }
+    for length_s in [-TS, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        says(&fmu.step(TS, length_s).error(&fmu), &["communicationStepSize", "is refused"]);
+    }
+    assert_eq!(fmu.all_bits(), before, "refused steps leave no trace");
+    fmu.step(TS, TS).ok(&fmu);
+}
+
+/// Fails if a step of no length, or of 1.1e-16 s, is refused.
+#[test]
+fn steps_of_any_length_are_taken() {
+    for model in MODELS {
+        let fmu = Fmu::started(model, &[]);
+        let mut time_s = 0.0;
+        for length_s in [TS, 1.1e-16, 0.0, TS / 3.0, 2.5 * TS, 0.009999999999999998, 1e-9] {
+            fmu.step(time_s, length_s).ok(&fmu);
+            time_s += length_s;
+            assert!(fmu.take_messages().iter().all(|message| message.status == fmi2Status::fmi2OK), "{model}");
+        }
+    }
+}
+
+/// Calls of `fmi2SetDebugLogging`: on or off, and the categories.
+type Switches = &'static [(bool, &'static [&'static str])];
+
+/// What an importer hears of a controller that takes over new force constants at its first sample.
+fn heard(logging: bool, switches: Switches) -> Vec<Message> {
+    let fmu = Request { logging, ..Request::of(CONTROLLER) }.instantiate(CONTROLLER).expect("an instance");
+    for (on, categories) in switches {
+        fmu.set_logging(*on, categories).ok(&fmu);
+    }
+    fmu.set("update.time", 0.0).ok(&fmu);
+    fmu.start(0.0, None);
+    for k in 1..=3 {
+        fmu.set(&format!("lambdaHat[{k}]"), 2e-6).ok(&fmu);
+    }
+    fmu.set("lambdaValid", 1.0).ok(&fmu);
+    fmu.step(0.0, TS).ok(&fmu);
+    fmu.take_messages()
+}
+
+/// Fails if all messages pass, and if one category brings the others with it.
+#[test]
+fn messages_come_in_the_categories_that_are_wanted() {
+    let messages = heard(true, &[]);
+    let [message] = &messages[..] else { panic!("one event is wanted: {messages:?}") };
+    assert_eq!((message.status, message.category.as_str()), (fmi2Status::fmi2OK, "logEvents"));
+    says(&message.text, &["force constants", "2e-6"]);
+    assert_eq!(message.instance, "instance");
+
+    let cases: [(bool, Switches, bool); 9] = [
+        (false, &[], false),
+        (false, &[(true, &[])], true),
+        (false, &[(true, &["logEvents"])], true),
+        (false, &[(true, &["logAll"])], true),
+        (false, &[(true, &["logStatusWarning"])], false),
+        (true, &[(false, &[])], false),
+        (true, &[(false, &["logEvents"])], false),
+        (true, &[(false, &["logStatusWarning"])], true),
+        (false, &[(true, &["logEvents", "logStatusWarning"]), (false, &["logEvents"])], false),
+    ];
+    for (logging, switches, event) in cases {
+        let messages = heard(logging, switches);
+        assert_eq!(messages.len(), usize::from(event), "{logging}, {switches:?}: {messages:?}");
+    }
+}
+
+/// The categories of what an importer hears of an estimator without currents, and of a wrong call.
+fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> {
+    const ESTIMATOR: &str = "AlgebraicEstimator";
+    let fmu = Request { logging, ..Request::of(ESTIMATOR) }.instantiate(ESTIMATOR).expect("an instance");
+    for (on, categories) in switches {
+        fmu.set_logging(*on, categories).ok(&fmu);
+    }
+    fmu.set("method", 2.0).ok(&fmu);
+    fmu.set("Tf", 2e-3).ok(&fmu);
+    fmu.set("epsilon", 2e-3).ok(&fmu);
+    fmu.start(0.0, None);
+    for step in 0..100 {
+        // A sample that is missing begins another window, which is an event. Without currents the matrix of the equations is
+        // 0 once the window is full.
+        let position = 1e-6 * f64::from(step % 3);
+        for name in ["Ym", "Zm"] {
+            fmu.set(name, if step == 50 { f64::NAN } else { position }).ok(&fmu);
+        }
+        fmu.step(f64::from(step) * TS, TS).ok(&fmu);
+    }
+    assert_eq!(fmu.step(0.0, -1.0), fmi2Status::fmi2Error);
+    let messages = fmu.take_messages();
+    for message in messages.iter().filter(|message| message.category == "logSingularLinearSystems") {
+        says(&message.text, &["does not tell the unknowns apart"]);
+    }
+    let mut categories: Vec<_> = messages.into_iter().map(|message| message.category).collect();
+    categories.sort();
+    categories.dedup();
+    categories
+}
+
+/// The categories that the model description declares.
+fn declared_categories() -> Vec<String> {
+    let model = magnetic_bearing::fmu::find(PLANT).expect("a model of this project");
+    let document = roxmltree::Document::parse(model.xml()).expect("well-formed XML");
+    let categories = document.descendants().filter(|node| node.has_tag_name("Category"));
+    categories.map(|node| node.attribute("name").expect("a name").to_owned()).collect()
+}
+
+/// Every category of the model description, switched on with nothing else and off with all others on. Nothing is ever said
+/// in `logStatusWarning` and `logStatusFatal`, so that theirs is a matter of what else is heard.
+/// Fails if two categories share a bit, if a category that is switched on brings others with it, if errors cannot be switched off by
+/// name, and if a singular matrix is an event like any other.
+#[test]
+fn every_category_is_switched_alone() {
+    let said = ["logEvents", "logSingularLinearSystems", "logStatusError"];
+    assert_eq!(categories_heard(true, &[]), said);
+    let declared = declared_categories();
+    assert_eq!(declared.len(), 6);
+    for category in declared.iter().map(String::as_str) {
+        let all = category == "logAll";
+        // Errors are told unless they are switched off by name.
+        let on = categories_heard(false, &[(false, &["logStatusError"]), (true, &[category])]);
+        let wanted: Vec<_> = said.into_iter().filter(|said| all || *said == category).collect();
+        assert_eq!(on, wanted, "{category} alone");
+        let off = categories_heard(true, &[(false, &[category])]);
+        let wanted: Vec<_> =
+            if all { vec!["logStatusError"] } else { said.into_iter().filter(|said| *said != category).collect() };
+        assert_eq!(off, wanted, "all but {category}");
+        // Off and on again is on.
+        let again = categories_heard(true, &[(false, &[category]), (true, &[category])]);
+        assert_eq!(again, said, "{category} off and on");
+    }
+}
+
+/// Fails if a list with an unknown category switches the known ones, and if the message does not name the unknown one.
+#[test]
+fn a_list_with_an_unknown_category_switches_nothing() {
+    let fmu = Request::of(PLANT).instantiate(PLANT).expect("an instance");
+    fmu.set_logging(false, &[]).ok(&fmu);
+    // Errors are told even while logging is off: else nobody could tell why a simulation has ended.
+    says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
+    let unknown = ["logNonsense", "logevents", "logEvents ", ""];
+    for name in unknown {
+        let said = fmu.set_logging(false, &["logStatusError", name]).error(&fmu);
+        says(&said, &["fmi2SetDebugLogging: ", &format!("{name} is no category")]);
+    }
+    says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
+}
+
+/// What a logger that calls back into its instance has in hand.
+struct Caller {
+    component: std::cell::Cell<fmi2Component>,
+    answers: std::cell::RefCell<Vec<fmi2Status>>,
+    frees: bool,
+}
+
+/// A logger that uses the instance that speaks: it reads, steps, resets, also in another thread, and asks for its end.
+unsafe extern "C" fn call_back(
+    environment: fmi2ComponentEnvironment,
+    _: fmi2String,
+    _: fmi2Status,
+    _: fmi2String,
+    _: fmi2String,
+    _: fmi2String,
+) {
+    // SAFETY: the environment is the address of the caller, which outlives the instance.
+    let caller = unsafe { &*environment.cast::<Caller>() };
+    let (c, mut value) = (caller.component.get(), 0.0);
+    // SAFETY: the instance is live; the arrays have one element.
+    unsafe {
+        let answers = [
+            call!(fmi2GetReal: fmi2GetRealTYPE(c, [0].as_ptr(), 1, &raw mut value)),
+            call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True)),
+            call!(fmi2Reset: fmi2ResetTYPE(c)),
+            call!(fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(c, fmi2False, 0, null())),
+        ];
+        caller.answers.borrow_mut().extend(answers);
+        let address = c.expose_provenance();
+        let another = move || {
+            let c = std::ptr::with_exposed_provenance_mut(address);
+            call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True))
+        };
+        caller.answers.borrow_mut().push(thread::spawn(another).join().expect("no panic"));
+        if caller.frees {
+            call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(c));
+        }
+    }
+}
+
+/// Loggers of importers call back, for instance to read the time, and so do other threads meanwhile. Fails if the door lets a
+/// second call in: then this process ends in endless recursion, or the instance is freed in the middle of its call.
+#[test]
+fn a_logger_that_calls_back_is_turned_away() {
+    for frees in [false, true] {
+        let caller =
+            Box::new(Caller { component: null_mut::<std::ffi::c_void>().into(), answers: Vec::new().into(), frees });
+        let callbacks = fmi2CallbackFunctions {
+            logger: crate::support::ffi::variadic(call_back),
+            allocateMemory: None,
+            freeMemory: None,
+            stepFinished: None,
+            componentEnvironment: (&raw const *caller).cast_mut().cast(),
+        };
+        let (name, guid) = (text("speaker"), text(&guid(PLANT)));
+        let kind = fmi2Type::fmi2CoSimulation;
+        // SAFETY: callbacks, texts and environment outlive the instance, which is freed once.
+        unsafe {
+            let c = call!(fmi2Instantiate: fmi2InstantiateTYPE(name.as_ptr(), kind, guid.as_ptr(), null(), &raw const callbacks, 0, 0));
+            caller.component.set(c);
+            let error = fmi2Status::fmi2Error;
+            for _ in 0..2 {
+                assert_eq!(call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True)), error);
+                assert_eq!(caller.answers.take(), [error; 5]);
+            }
+            // The call has ended, and the instance is as it was.
+            assert_eq!(call!(fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE(c)), fmi2Status::fmi2OK);
+            assert_eq!(call!(fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE(c)), fmi2Status::fmi2OK);
+            call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(c));
+        }
+    }
+}
+
+/// Fails if fmi2GetRealStatus answers every kind of question.
+#[test]
+fn questions_about_the_step_are_answered() {
+    let fmu = Fmu::started(PLANT, &[]);
+    fmu.step(0.0, TS).ok(&fmu);
+    fmu.step(TS, TS).ok(&fmu);
+    let c = fmu.component();
+    let kinds = [0, 1, 2, 3, 9].map(fmi2StatusKind);
+    for kind in kinds {
+        let (mut status, mut time, mut whole, mut flag) = (fmi2Status::fmi2Pending, -1.0, -1, -1);
+        let mut word: fmi2String = null();
+        // SAFETY: the instance is live; the values outlive the calls.
+        let answers = unsafe {
+            [
+                call!(fmi2GetStatus: fmi2GetStatusTYPE(c, kind, &raw mut status)),
+                call!(fmi2GetRealStatus: fmi2GetRealStatusTYPE(c, kind, &raw mut time)),
+                call!(fmi2GetIntegerStatus: fmi2GetIntegerStatusTYPE(c, kind, &raw mut whole)),
+                call!(fmi2GetBooleanStatus: fmi2GetBooleanStatusTYPE(c, kind, &raw mut flag)),
+                call!(fmi2GetStringStatus: fmi2GetStringStatusTYPE(c, kind, &raw mut word)),
+            ]
+        };
+        let answered = answers.map(|answer| answer == fmi2Status::fmi2OK);
+        let wanted = [
+            kind == fmi2StatusKind::fmi2DoStepStatus,
+            kind == fmi2StatusKind::fmi2LastSuccessfulTime,
+            false,
+            kind == fmi2StatusKind::fmi2Terminated,
+            kind == fmi2StatusKind::fmi2PendingStatus,
+        ];
+        assert_eq!(answered, wanted, "status kind {}", kind.0);
+        let refusals = wanted.iter().filter(|wanted| !**wanted).count();
+        assert_eq!(fmu.take_messages().len(), refusals, "status kind {}: each refusal is told", kind.0);
+        if wanted[0] {
+            assert_eq!(status, fmi2Status::fmi2OK);
+        }
+        if wanted[1] {
+            assert_eq!(time, 2.0 * TS);
+        }
+        if wanted[3] {
+            assert_eq!(flag, fmi2False);
+        }
+        if wanted[4] {
+            // SAFETY: the text was answered, and ends with a zero byte.
+            assert_eq!(unsafe { CStr::from_ptr(word) }, c"");
+        }
+    }
+}
+
+/// Fails if only the first finding is told, and if the run can begin all the same.
+#[test]
+fn refused_parameters_end_the_initialization_with_all_their_names() {
+    let bad: [(&str, &[(&str, f64)]); 3] = [
+        (PLANT, &[("m", 0.0), ("s", -1.0), ("lambda[2]", -1e-6), ("sensor.Ts", 0.0)]),
+        (CONTROLLER, &[("m", -1.0), ("Ts", 0.0), ("update.mode", 7.0), ("bandwidth.observer", -1.0)]),
+        ("AlgebraicEstimator", &[("m", -1.0), ("tolerance.s", -1e-6), ("method", 4.0), ("hold", 4.0)]),
+    ];
+    for (model, values) in bad {
+        let fmu = Fmu::new(model);
+        for (name, value) in values {
+            fmu.set(name, *value).ok(&fmu);
+        }
+        fmu.enter_initialization().ok(&fmu);
+        let said = fmu.exit_initialization().error(&fmu);
+        says(&said, &["fmi2ExitInitializationMode", "is wanted"]);
+        for (name, _) in values {
+            says(&said, &[&format!("{name} = ")]);
+        }
+        assert_eq!(state_of(&fmu), 'e', "{model}");
+        fmu.reset().ok(&fmu);
+        fmu.start(0.0, None);
+        fmu.step(0.0, TS).ok(&fmu);
+    }
+}
+
+/// Drives the rotor into a magnet; gives the time of the step that failed, and what was said.
+fn crash(fmu: &Fmu) -> (f64, String) {
+    fmu.set("pZ", -1e5).ok(fmu);
+    for step in 0..100 {
+        let time_s = f64::from(step) * TS;
+        let status = fmu.step(time_s, TS);
+        if status != fmi2Status::fmi2OK {
+            return (time_s, status.error(fmu));
+        }
+    }
+    panic!("the rotor stays in the gap");
+}
+
+/// Fails if the run goes on after the fault, and if a reset keeps anything of the slave.
+#[test]
+fn a_fault_in_a_step_ends_the_run_and_a_reset_begins_another() {
+    let fmu = Fmu::started(PLANT, &[]);
+    let (time_s, said) = crash(&fmu);
+    says(&said, &["fmi2DoStep", "leaves the gap", "magnet 1"]);
+    assert_eq!(state_of(&fmu), 'e');
+    let (mut status, mut last_s) = (fmi2Status::fmi2OK, -1.0);
+    let c = fmu.component();
+    // SAFETY: the instance is live; the values outlive the calls.
+    unsafe {
+        call!(fmi2GetStatus: fmi2GetStatusTYPE(c, fmi2StatusKind::fmi2DoStepStatus, &raw mut status)).ok(&fmu);
+        call!(fmi2GetRealStatus: fmi2GetRealStatusTYPE(c, fmi2StatusKind::fmi2LastSuccessfulTime, &raw mut last_s))
+            .ok(&fmu);
+    }
+    assert_eq!((status, last_s), (fmi2Status::fmi2Error, time_s));
+    // What was computed can still be read, and it is numbers.
+    assert!(fmu.all_bits().into_iter().all(|bits| f64::from_bits(bits).is_finite()));
+    fmu.step(time_s, TS).error(&fmu);
+
+    fmu.reset().ok(&fmu);
+    fmu.start(0.0, None);
+    let fresh = Fmu::started(PLANT, &[]);
+    for step in 0..20 {
+        for fmu in [&fmu, &fresh] {
+            fmu.set("i[2]", 0.3).ok(fmu);
+            fmu.step(f64::from(step) * TS, TS).ok(fmu);
+        }
+    }
+    assert_eq!(fmu.all_bits(), fresh.all_bits());
+}
+
+/// Fails if fmi2Terminate is refused after an error.
+#[test]
+fn after_an_error_the_end_is_safe() {
+    let terminated = Fmu::started(PLANT, &[]);
+    crash(&terminated);
+    terminated.terminate().ok(&terminated);
+    terminated.terminate().error(&terminated);
+    drop(terminated);
+    let freed = Fmu::started(PLANT, &[]);
+    crash(&freed);
+    drop(freed);
+    // Freed in every other state.
+    for (state, _) in STATES {
+        drop(in_state(SUBJECT, state));
+    }
+}
+
+/// Fails if the checks of parameters let through what is not finite.
+#[test]
+fn parameters_that_are_no_numbers_are_refused_by_name() {
+    for model in MODELS {
+        for variable in Fmu::new(model).variables().to_vec() {
+            if variable.causality != Causality::Parameter || !matches!(variable.kind, Type::Real { .. }) {
+                continue;
+            }
+            for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                let fmu = Fmu::new(model);
+                fmu.set(&variable.name, value).ok(&fmu);
+                fmu.setup(0.0, None).ok(&fmu);
+                fmu.enter_initialization().ok(&fmu);
+                let said = fmu.exit_initialization().error(&fmu);
+                says(&said, &["fmi2ExitInitializationMode", &variable.name, &value.to_string()]);
+            }
+        }
+    }
+}
+
+/// A missing sensor is news for the estimator, not an error; plant and controller cannot go on without theirs.
+/// Fails if plant and controller compute with what is not finite.
+#[test]
+fn inputs_that_are_no_numbers_end_the_step_or_the_validity() {
+    for (model, name) in [(PLANT, "i[2]"), (PLANT, "omega"), ("FlatnessController", "Zm")] {
+        let fmu = Fmu::started(model, &[]);
+        fmu.set(name, f64::NAN).ok(&fmu);
+        says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep", name, "NaN"]);
+    }
+    let fmu = Fmu::started("AlgebraicEstimator", &[]);
+    for name in ["Ym", "im[3]", "theta"] {
+        fmu.set(name, f64::NAN).ok(&fmu);
+    }
+    fmu.step(0.0, TS).ok(&fmu);
+    assert_eq!(fmu.get("valid"), 0.0, "a missing sample gives no valid estimate");
+    assert_eq!(fmu.get("lambdaHat[1]"), 4e-6);
+}
+
+/// Steps an instance with inputs that depend on the number of the step, and gives all its values at the end.
+fn driven(fmu: &Fmu, step: u32) {
+    for variable in fmu.variables().to_vec() {
+        if variable.causality == Causality::Input && matches!(variable.kind, Type::Real { .. }) {
+            let scale = if variable.name.contains("lambda") { 1e-6 } else { 1e-5 };
+            let value = if variable.name == "omega" { 314.0 } else { scale * f64::from(1 + step % 7) };
+            fmu.set(&variable.name, value).ok(fmu);
+        }
+    }
+    fmu.step(f64::from(step) * TS, TS).ok(fmu);
+}
+
+/// Fails if instances count their steps together.
+#[test]
+fn instances_do_not_see_one_another() {
+    const STEPS: u32 = 120;
+    for model in MODELS {
+        let alone = Fmu::started(model, &[]);
+        (0..STEPS).for_each(|step| driven(&alone, step));
+        let wanted = alone.all_bits();
+
+        let one = Fmu::started(model, &[]);
+        let other = Fmu::started(model, &[("m", 3.0)]);
+        for step in 0..STEPS {
+            driven(&one, step);
+            driven(&other, step);
+            if step == STEPS / 2 {
+                other.reset().ok(&other);
+                other.set("m", 4.0).ok(&other);
+                other.start(f64::from(step + 1) * TS, None);
+            }
+        }
+        assert_eq!(one.all_bits(), wanted, "{model}: in turn");
+        assert_ne!(other.all_bits(), wanted, "{model}: the other one is another");
+        assert!(one.take_messages().iter().all(|message| message.status == fmi2Status::fmi2OK));
+
+        let runs: Vec<_> = (0..4)
+            .map(|_| {
+                let fmu = Fmu::started(model, &[]);
+                thread::spawn(move || {
+                    (0..STEPS).for_each(|step| driven(&fmu, step));
+                    fmu.all_bits()
+                })
+            })
+            .collect();
+        for run in runs {
+            assert_eq!(run.join().expect("no panic"), wanted, "{model}: at the same time");
+        }
+    }
+}
+
+/// Fails if a binary serves a thousand instances and no more.
+#[test]
+fn instances_can_be_made_and_freed_without_end() {
+    for model in MODELS {
+        for _ in 0..2000 {
+            Fmu::started(model, &[]).step(0.0, TS);
+        }
+    }
+}
+
+/// Fails if a reset keeps the values.
+#[test]
+fn reset_is_a_fresh_instance_bit_for_bit() {
+    for model in MODELS {
+        let used = Fmu::started(model, &[("m", 5.0)]);
+        (0..30).for_each(|step| driven(&used, step));
+        used.reset().ok(&used);
+        let fresh = Fmu::new(model);
+        for fmu in [&used, &fresh] {
+            fmu.start(0.0, None);
+        }
+        assert_eq!(used.all_bits(), fresh.all_bits(), "{model}");
+        for step in 0..120 {
+            driven(&used, step);
+            driven(&fresh, step);
+        }
+        assert_eq!(used.all_bits(), fresh.all_bits(), "{model}");
+    }
+}
+
+/// Fails if the version is `2.0.4`.
+#[test]
+fn version_and_platform_are_the_standard_s() {
+    // SAFETY: the functions take nothing and answer constants.
+    let (version, platform) = unsafe {
+        (
+            CStr::from_ptr(call!(fmi2GetVersion: fmi2GetVersionTYPE())),
+            CStr::from_ptr(call!(fmi2GetTypesPlatform: fmi2GetTypesPlatformTYPE())),
+        )
+    };
+    assert_eq!((version, platform), (c"2.0", c"default"));
+}
