@@ -400,9 +400,9 @@ fn a_scenario_tells_tolerances() {
 fn a_recording_of_another_machine_is_not_valid() {
     let (base, told) = run(montecarlo::NOISE, 0.1);
     let told = samples_of(&told);
-    for seed in 62_901..62_905 {
+    for seed in [62_901, 62_902] {
         let mut scenario = montecarlo::cases::drawn(&base, seed, false);
-        scenario.duration_s = 0.2;
+        scenario.duration_s = 0.1;
         let samples = samples_of(&simulate::run(&scenario).expect("a good scenario").recording);
         let mut question = question(&told, &[]);
         question.config.step_s = samples.step_s;

@@ -30,8 +30,8 @@ const ROUGH: f64 = 1.0;
 const WORSE: f64 = 2.0;
 /// Relative steps up to which numbers that multiply are moved in their logarithms.
 const STRAIGHT: f64 = 0.3;
-/// First guesses of λ, relative to that from the weight of the rotor: currents that hold a large load or unbalance besides make it too small, 15 times
-/// at 60 N of unbalance, 110 Hz and 3 kg, from where λ1 falls to 0 and stays there (seed 62024 of drawn bearings).
+/// First guesses of λ, relative to that from the weight of the rotor. Currents that hold more than the weight make it too small; from a fifteenth, at
+/// 6657 rpm, λ1 fell to 0 and stayed there (seed 62024 of drawn bearings).
 const GUESSES: [f64; 2] = [1.0, 8.0];
 /// Longest step of a bench parameter, in typical tolerances.
 const LONGEST: f64 = 3.0;
