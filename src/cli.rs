@@ -523,6 +523,9 @@ fn identify(command: Command) -> Result<()> {
     let mut config =
         identify::config(|name| bearing.value("estimator", name).map_or(f64::NAN, fmu_export::variable::Value::as_f64));
     let mut bench = [identify::likelihood::Told::default(); identify::likelihood::BENCH];
+    for (at, std) in identify::of_estimator(&config.tolerance, config.m_kg, config.gap_m) {
+        bench[at].knowledge = identify::likelihood::Knowledge::Tolerance(std);
+    }
     for (name, value) in bearing.tolerance.iter().chain(&tolerances) {
         for (at, std) in identify::tolerance(name, value, config.m_kg, config.gap_m).map_err(Refused)? {
             bench[at].knowledge = identify::likelihood::Knowledge::Tolerance(std);

@@ -301,6 +301,134 @@ fn what_is_wrong_is_told_in_words() {
     }
 }
 
+/// Two mistakes at once may undo each other (axes exchanged and the angle reversed is a bearing seen from behind, with its magnets turned), but
+/// then λ is right. Otherwise no pair of them is valid.
+#[test]
+fn no_two_mistakes_end_valid() {
+    let good = samples_of(&run(montecarlo::NOISE, 0.05).1);
+    let pairs: Vec<[usize; 2]> =
+        (0..WRONG.len()).flat_map(|one| (one + 1..WRONG.len()).map(move |other| [one, other])).collect();
+    let wrong = montecarlo::in_parallel(pairs.len(), |at| {
+        let mut samples = good.clone();
+        let mut question = question(&good, &[]);
+        pairs[at].iter().for_each(|mistake| WRONG[*mistake].0(&mut samples, &mut question));
+        let answer = identify::answer(&[samples], question).expect("a good question");
+        let off = |found: &likelihood::Identification| {
+            (0..3).map(|k| ((found.lambda[k].value - TRUTH[k]) / found.lambda[k].total_std).abs()).fold(0.0, f64::max)
+        };
+        let right = answer.found.as_ref().is_some_and(|found| off(found) < CONFIDENT);
+        (answer.valid && !right).then(|| format!("{:?}: {}", pairs[at].map(|mistake| WRONG[mistake].1), answer.verdict))
+    });
+    let wrong: Vec<String> = wrong.into_iter().flatten().collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// The exit code is 2 and the verdict in words; standard output is one JSON document.
+#[test]
+fn the_command_refuses_in_json_and_by_its_exit_code() {
+    let folder = std::env::temp_dir().join(format!("identify-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let command = |name: &str, text: &str, more: &[&str]| {
+        let path = folder.join(name);
+        std::fs::write(&path, text).expect("a file");
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"))
+            .arg("identify")
+            .arg(&path)
+            .args(["--json", "-"])
+            .args(more)
+            .output()
+            .expect("it runs");
+        let out = String::from_utf8(output.stdout).expect("text");
+        let json: serde_json::Value = serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"));
+        (output.status.code(), json)
+    };
+    let good = csv(&run(montecarlo::NOISE, 0.2).1);
+    let short: String = good.lines().take(200).map(|line| format!("{line}\n")).collect();
+    let (code, json) = command("short.csv", &short, &[]);
+    assert!(code == Some(2) && json["verdict"].as_str().is_some_and(|words| words.contains("too short")), "{json}");
+    let (code, json) = command("good.csv", &good, &[]);
+    assert!(code == Some(0) && json["valid"] == true && json["lambdaHat"][0].is_f64(), "{json}");
+    let swapped =
+        good.replacen("plant.Ym", "other", 1).replacen("plant.Zm", "plant.Ym", 1).replacen("other", "plant.Zm", 1);
+    let (code, json) = command("swapped.csv", &swapped, &[]);
+    let proposal = json["findings"][0].as_str().unwrap_or_default();
+    assert!(code == Some(2) && proposal.contains("exchange Ym and Zm (--column)"), "{json}");
+    std::fs::remove_dir_all(&folder).expect("the folder");
+}
+
+/// A table `[tolerance]` of the scenario says the same as `--tolerance`, which goes before it.
+#[test]
+fn a_scenario_tells_tolerances() {
+    let folder = std::env::temp_dir().join(format!("identify-tolerance-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let (recording, scenario) = (folder.join("good.csv"), folder.join("mine.toml"));
+    std::fs::write(&recording, csv(&run(montecarlo::NOISE, 0.2).1)).expect("a file");
+    let command = |table: &str, more: &[&str]| {
+        let text = format!("title = \"Mine\"\nduration = \"1 s\"\nstep = \"100 µs\"\n\n{table}");
+        std::fs::write(&scenario, text).expect("a file");
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"));
+        command.args(["identify", "--json", "-", "--scenario"]).arg(&scenario).arg(&recording).args(more);
+        let output = command.output().expect("it runs");
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");
+        (text(output.stdout), text(output.stderr))
+    };
+    let told = |json: &str, name: &str| {
+        let json: serde_json::Value = serde_json::from_str(json).unwrap_or_else(|why| panic!("{why}: {json}"));
+        let budget = json["budget"].as_array().expect("a budget").clone();
+        let line = budget.iter().find(|line| line["parameter"] == name && line["told"] == true);
+        line.map(|line| line["tolerance"].as_f64().expect("a number"))
+    };
+    let table = "[tolerance]\ns = \"10 µm\"\nalpha = \"0.5 deg\"\nsensor.offset = 5e-6\n";
+    let (json, _) = command(table, &[]);
+    let close = |found: Option<f64>, wanted: f64| found.is_some_and(|found| (found / wanted - 1.0).abs() < 1e-9);
+    assert!(close(told(&json, "s"), 0.02) && close(told(&json, "alpha[3]"), 0.5_f64.to_radians()), "{json}");
+    assert!(close(told(&json, "sensor.offset[z]"), 5e-6) && told(&json, "m").is_none(), "{json}");
+    let (json, _) = command(table, &["--tolerance", "s=1%"]);
+    assert!(close(told(&json, "s"), 0.01), "{json}");
+    for (table, words) in [
+        ("[tolerance]\ngap = \"1 %\"\n", "gap is no parameter of a bench"),
+        ("[tolerance]\ns = \"wide\"\n", "a number above 0 is wanted"),
+    ] {
+        let (_, error) = command(table, &[]);
+        assert!(error.contains(words), "{words}: {error}");
+    }
+    std::fs::remove_dir_all(&folder).expect("the folder");
+}
+
+/// Rotor, magnets and gap of another machine: nothing is valid, and the verdict says why.
+#[test]
+fn a_recording_of_another_machine_is_not_valid() {
+    let (base, told) = run(montecarlo::NOISE, 0.1);
+    let told = samples_of(&told);
+    for seed in [62_901, 62_902] {
+        let mut scenario = montecarlo::cases::drawn(&base, seed, false);
+        scenario.duration_s = 0.1;
+        let samples = samples_of(&simulate::run(&scenario).expect("a good scenario").recording);
+        let mut question = question(&told, &[]);
+        question.config.step_s = samples.step_s;
+        let answer = identify::answer(&[samples], question).expect("a good question");
+        println!("seed {seed}: {} {:?}", answer.verdict, answer.findings);
+        assert!(!answer.valid && answer.verdict.starts_with("Not valid: "), "seed {seed}: {}", answer.verdict);
+    }
+}
+
+/// What the on-line estimator is told of its bench holds here as well.
+#[test]
+fn tolerances_of_the_estimator_are_those_of_the_bench() {
+    use magnetic_bearing::estimation::Tolerance;
+    let told = Tolerance { gap_m: 1e-5, position_gain: 0.01, alpha_rad: 0.02, ..Tolerance::default() };
+    let found = identify::of_estimator(&told, 6.7, 5e-4);
+    let of = |name: &str| {
+        let at = likelihood::by_name(name).expect("a parameter");
+        found.iter().find(|(of, _)| *of == at).map(|(_, std)| *std)
+    };
+    assert_eq!(found.len(), 6, "{found:?}");
+    assert!(of("s").is_some_and(|std| (std - 0.02).abs() < 1e-12) && of("alpha[3]") == Some(0.02) && of("m").is_none());
+    // Each of two independent gains has the variance of mean and half difference together.
+    let [mean, half] = ["sensor.gain", "sensor.gainDifference"].map(|name| of(name).expect("a tolerance"));
+    assert!((mean.hypot(half) - 0.01).abs() < 1e-12);
+}
+
 #[test]
 fn what_says_nothing_is_not_valid() {
     let short = samples_of(&run(montecarlo::NOISE, 0.02).1);

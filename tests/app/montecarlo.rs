@@ -173,3 +173,20 @@ fn figures_are_over_valid_samples() {
     assert_eq!(figures.verdicts.get("tooUncertain"), Some(&2));
     assert!(Figures::new(0.1, &[&samples[2]]).rms[0].is_nan(), "no valid estimate, no figure");
 }
+
+/// Every error of a bench, drawn, is found by maximum likelihood that is told its tolerance; without being told, some of them would be
+/// wrong by 40 deviations.
+#[test]
+fn errors_of_a_bench_are_estimated_with_the_rest() {
+    let mut count = 0;
+    for mut study in montecarlo::studies(1).into_iter().filter(|study| study.title.starts_with("identify: bench error"))
+    {
+        (study.first_seed, study.instants_s) = (62_150, vec![0.5]);
+        let outcome = study.run().expect("a good scenario");
+        let (_, worst) = outcome.worst();
+        assert!(outcome.figures[0].valid == 1, "{}: {:?}", study.title, outcome.figures[0].verdicts);
+        assert!(worst.ratio < 5.0, "{}: {:.1} standard deviations", study.title, worst.ratio);
+        count += 1;
+    }
+    assert_eq!(count, 13);
+}

@@ -56,10 +56,6 @@ pub struct Bench {
     pub current_gain: [f64; 3],
     pub iron: f64,
     pub backward: [f64; 2],
-    /// First-order lag of the position sensors, s.
-    pub sensor_lag: f64,
-    /// Elliptic force of the other bearing, amplitude y, z, in N.
-    pub elliptic: [f64; 2],
     /// λ steps by this part at that time.
     pub change: [f64; 2],
     /// Impact: half sine of 0.5 ms, in N in z, at that time.
@@ -107,8 +103,6 @@ impl Default for Bench {
             current_gain: [0.0; 3],
             iron: 0.0,
             backward: [0.0; 2],
-            sensor_lag: 0.0,
-            elliptic: [0.0; 2],
             change: [0.0; 2],
             impact: [0.0; 2],
         }
@@ -163,28 +157,12 @@ impl Bench {
         let w_2 = self.omega * self.omega;
         let [u_c, u_s] = self.unbalance;
         let [b_c, b_s] = self.backward;
-        force[0] += w_2 * (u_c * cos - u_s * sin) + b_c * cos + b_s * sin + self.elliptic[0] * cos;
-        force[1] += w_2 * (u_c * sin + u_s * cos) - b_c * sin + b_s * cos + self.elliptic[1] * sin;
+        force[0] += w_2 * (u_c * cos - u_s * sin) + b_c * cos + b_s * sin;
+        force[1] += w_2 * (u_c * sin + u_s * cos) - b_c * sin + b_s * cos;
         if self.impact[1] != 0.0 && t >= self.impact[0] && t < self.impact[0] + 5e-4 {
             force[1] += self.impact[1] * (PI * (t - self.impact[0]) / 5e-4).sin();
         }
         force
-    }
-
-    /// Noise that the controller never saw: the same bench without it, noise added to the readings afterwards.
-    #[must_use]
-    pub fn record_with_noise_afterwards(&self) -> Recorded {
-        let mut recorded = Self { position_noise: 0.0, current_noise: 0.0, ..self.clone() }.record();
-        let mut noise: [Noise; 5] = Noise::channels(self.seed);
-        for (position, current) in recorded.position.iter_mut().zip(&mut recorded.current) {
-            for a in 0..2 {
-                position[a] = noise[a].measure(position[a], self.position_noise);
-            }
-            for k in 0..3 {
-                current[k] = noise[2 + k].measure(current[k], self.current_noise);
-            }
-        }
-        recorded
     }
 
     /// Runs it.
@@ -208,7 +186,6 @@ impl Bench {
         let mut lambda = self.lambda0;
         let mut current = currents(magnets.allocate(wanted, self.f0), gaps, lambda);
         let mut held = current;
-        let mut lagged = [x[0], x[1]];
         let mut history = vec![[x[0], x[1]]];
         let mut out = Recorded { levitated: true, ..Recorded::default() };
         for row in 0..rows {
@@ -288,15 +265,7 @@ impl Bench {
                 for i in 0..4 {
                     x[i] += sub / 6.0 * (k_1[i] + 2.0 * k_2[i] + 2.0 * k_3[i] + k_4[i]);
                 }
-                if self.sensor_lag > 0.0 {
-                    let part = 1.0 - (-sub / self.sensor_lag).exp();
-                    for a in 0..2 {
-                        lagged[a] += part * (x[a] - lagged[a]);
-                    }
-                    history.push(lagged);
-                } else {
-                    history.push([x[0], x[1]]);
-                }
+                history.push([x[0], x[1]]);
             }
             if magnets.gaps([x[0], x[1]]).into_iter().any(|gap| gap.is_nan() || gap < 0.05 * self.s) {
                 out.levitated = false;

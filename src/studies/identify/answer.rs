@@ -9,6 +9,10 @@ use super::{Failed, HOLDS};
 use crate::estimation::{EstimatorConfig, Hold, STD_LIMIT};
 use crate::table::Table;
 
+// False alarms of the limits below, over good recordings (`montecarlo --only identify:`, seeds from 62001, docs/identify.md): of 480 of drawn
+// bearings, 0.1 to 5 s, eight have too few turns, and nine are refused for SUSPECTED: eight of one bearing (30 mA, poles at 670 rad/s), whose
+// scores of the delay have the bias of noise in the regressors. Of 2500 of the nominal bearing, its bench off as told or not at all, none is.
+
 /// Turns that a recording must have at least, noise told or not (as on line).
 const TURNS: [f64; 2] = [1.3, 2.0];
 /// Below this speed, in rad/s, the rotor counts as being at rest.
@@ -354,12 +358,6 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
                 format!("From {rows} the load is another (χ² {}); left out.", significant(*chi_square, 3))
             }
         });
-    }
-    if found.rows_left_out > 0 {
-        words.push(format!(
-            "With bench parameters to estimate, {} of the rows were left out, evenly distributed: tolerances, not noise, decide.",
-            found.rows_left_out
-        ));
     }
     let held: Vec<&str> = found.not_separated.iter().map(|j| PARAMETERS[*j].name).collect();
     if !held.is_empty() {

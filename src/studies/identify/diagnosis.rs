@@ -9,7 +9,8 @@ use crate::estimation::EstimatorConfig;
 const ROWS: [usize; 2] = [2000, 20_000];
 /// Turns of the stretch.
 const TURNS: f64 = 5.0;
-/// By how much the log-likelihood must be higher than with what was told.
+/// By how much the log-likelihood must be higher than with what was told. Nothing is proposed for 20 recordings of drawn bearings (0.2 and 1 s, noise not
+/// told, seeds from 62001) that are as told.
 const BETTER: f64 = 50.0;
 /// Alternatives so much below the best are as good.
 const AS_GOOD: f64 = 10.0;

@@ -22,8 +22,11 @@
 //! order.
 
 mod bench;
+mod case;
+mod changes;
 mod equations;
 mod filter;
+mod outcome;
 mod search;
 mod solve;
 
@@ -262,6 +265,15 @@ pub enum Change {
     },
 }
 
+/// See [`score_at`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Score {
+    /// By unknown, per unit of the unknown.
+    pub score: Vec<f64>,
+    /// Information matrix, row by row.
+    pub information: Vec<Vec<f64>>,
+}
+
 /// The answer for all recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
@@ -291,10 +303,8 @@ pub struct Identification {
     pub covariance: Covariance,
     /// Iterations of the last search.
     pub iterations: usize,
-    /// Whether the last step was smaller than 2 % of a standard deviation.
+    /// Whether the last step was smaller than 5 % of a standard deviation.
     pub converged: bool,
-    /// Rows that were not used, evenly distributed, because bench parameters were estimated from enough others.
-    pub rows_left_out: usize,
     /// Logarithm of the likelihood of the rows that were used, up to a constant that depends on their number alone.
     pub log_likelihood: f64,
 }
@@ -319,6 +329,16 @@ pub fn identify(recordings: &[Recording<'_>], options: &Options) -> Result<Ident
 pub fn cramer_rao(recordings: &[Recording<'_>], options: &Options) -> Result<Vec<f64>, Failed> {
     check(recordings, options)?;
     search::cramer_rao(recordings, options)
+}
+
+/// Score and information of all unknowns at given parameters, every recording smoothed about them: λ (N·m²/A²), U cos φ and U sin φ
+/// (kg·m), the bench parameters, and the loads (N), two for each recording. At the truth the score has no expectation.
+///
+/// # Errors
+/// As for [`identify`].
+pub fn score_at(recordings: &[Recording<'_>], options: &Options, unknowns: &[f64]) -> Result<Score, Failed> {
+    check(recordings, options)?;
+    search::score_at(recordings, options, unknowns)
 }
 
 fn check(recordings: &[Recording<'_>], options: &Options) -> Result<(), Failed> {

@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 use serde_json::{Value as Json, json};
 
 pub use self::answer::{Answer, Question, answer};
-pub use self::tolerance::{named, tolerance};
+pub use self::tolerance::{named, of_estimator, tolerance};
 
 pub use self::read::{Currents, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use crate::estimation::{

@@ -2,6 +2,7 @@
 
 use super::likelihood::{PARAMETERS, by_name};
 use super::read::number_and_unit;
+use crate::estimation::Tolerance;
 
 /// Units by the unit of the parameter; `%` and numbers without unit are parts of the value.
 const UNITS: [(&str, &[(&str, f64)]); 7] = [
@@ -31,6 +32,26 @@ pub fn named(name: &str) -> Result<Vec<usize>, String> {
     }
     let names: Vec<&str> = PARAMETERS.iter().map(|parameter| parameter.name).collect();
     Err(format!("{name} is no parameter of a bench; there are {}", names.join(", ")))
+}
+
+/// The tolerances that the on-line estimator is told (`tolerance.*`), as bench parameters with their standard deviations; none where they
+/// are 0.
+#[must_use]
+pub fn of_estimator(tolerance: &Tolerance, m_kg: f64, gap_m: f64) -> Vec<(usize, f64)> {
+    // Gains of two sensors that are independent of each other: their mean, and half their difference.
+    let gain = tolerance.position_gain * std::f64::consts::FRAC_1_SQRT_2;
+    let told = [
+        ("m", tolerance.m_kg / m_kg),
+        ("s", tolerance.gap_m / gap_m),
+        ("alpha", tolerance.alpha_rad),
+        ("sensor.gain", gain),
+        ("sensor.gainDifference", gain),
+        ("sensor.offset", tolerance.position_offset_m),
+        ("current.gain", tolerance.current_gain),
+        ("current.offset", tolerance.current_offset_a),
+    ];
+    let known = told.into_iter().filter(|(_, std)| *std > 0.0);
+    known.flat_map(|(name, std)| named(name).unwrap_or_default().into_iter().map(move |at| (at, std))).collect()
 }
 
 /// The parameters of a tolerance with its value in their unit. Mass and gap may be given in kg and in m as well; they are relative then to

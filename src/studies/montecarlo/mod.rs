@@ -7,6 +7,7 @@
 pub mod bound;
 pub mod cases;
 pub mod figures;
+pub mod offline;
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -20,6 +21,7 @@ use crate::table::Table;
 use cases::{Draw, TOLERANCES};
 use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, pooled};
 use fmu_export::variable::Value;
+use offline::Offline;
 
 /// Makes the scenario of a run from the study's, the seed of the run, and how often the rotor touched down with the former.
 pub type Vary = Arc<dyn Fn(&Scenario, u64, u64) -> Scenario + Send + Sync>;
@@ -41,6 +43,8 @@ pub struct Study {
     pub vary: Vary,
     /// Whether the runs differ in more than noise, so that errors in per cent mean little.
     pub mixed: bool,
+    /// Maximum likelihood over the recording of each run, up to each instant, is judged instead of the estimator in the loop.
+    pub offline: Option<Offline>,
 }
 
 /// What a study found.
@@ -130,12 +134,17 @@ impl Study {
         let mut attempt = 0;
         loop {
             let scenario = self.case(seed, attempt);
-            let run = simulate::run_for(&scenario, figures::wanted, |_| ())?;
+            let wanted = if self.offline.is_some() { offline::wanted } else { figures::wanted };
+            let run = simulate::run_for(&scenario, wanted, |_| ())?;
             if let Some(error) = run.error {
                 return Err(Refused(vec![format!("{}, seed {seed}: {error}", self.title)]));
             }
             let missing = || Refused(vec!["the plant or the estimator lacks an output that a study needs".into()]);
-            let trial = judge(&scenario, &run.recording, &self.instants_s, seed).ok_or_else(missing)?;
+            let trial = match &self.offline {
+                None => judge(&scenario, &run.recording, &self.instants_s, seed),
+                Some(bench) => offline::judge(&scenario, &run.recording, &self.instants_s, seed, bench),
+            };
+            let trial = trial.ok_or_else(missing)?;
             let update_s = scenario.closed_loop()?.controller.update_time_s;
             attempt += 1;
             if trial.touched_s.is_none_or(|touched_s| touched_s > update_s) || attempt == ATTEMPTS {
@@ -167,7 +176,16 @@ pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: us
         scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
         scenario
     });
-    Study { title: title.into(), scenario, instants_s: vec![0.035, 0.1], runs, first_seed: 1, vary, mixed: false }
+    Study {
+        title: title.into(),
+        scenario,
+        instants_s: vec![0.035, 0.1],
+        runs,
+        first_seed: 1,
+        vary,
+        mixed: false,
+        offline: None,
+    }
 }
 
 /// A study of drawn bearings, [`SEEDS`] runs of each; see [`cases::drawn`].
@@ -317,6 +335,7 @@ pub fn studies(runs: usize) -> Vec<Study> {
         long.instants_s = vec![1.0, 10.0, length_s];
         studies.push(long);
     }
+    studies.extend(offline::studies(runs));
     studies
 }
 
@@ -363,7 +382,7 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     let count = |what: &dyn Fn(&Trial) -> bool| outcome.trials.iter().filter(|trial| what(trial)).count();
     let mut note = format!(
         "{} runs, seeds {} to {}. Over all valid samples the greatest error is {:.1} standard deviations (seed {seed}, {:.4} s: \
-         {:.2} % by {:.2} %); {} runs have one beyond {CONFIDENT}. Valid estimates ceased to be valid {} times.",
+         {:.2} % by {:.2} %); {} runs have one beyond {CONFIDENT}.",
         study.runs,
         study.first_seed,
         study.first_seed + study.runs as u64 - 1,
@@ -372,8 +391,11 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
         100.0 * worst.error,
         100.0 * worst.std,
         outcome.beyond(),
-        outcome.trials.iter().map(|trial| trial.lost).sum::<usize>(),
     );
+    if study.offline.is_none() {
+        let lost = outcome.trials.iter().map(|trial| trial.lost).sum::<usize>();
+        note += &format!(" Valid estimates ceased to be valid {lost} times.");
+    }
     let touched = count(&|trial| trial.touched_s.is_some());
     if touched > 0 {
         note += &format!(" The rotor touched down in {touched} runs.");

@@ -1,0 +1,199 @@
+//! One recording, cut into pieces, and its noise levels.
+
+use std::ops::Range;
+
+use super::filter::{Data, Piece, Track};
+use super::{Recording, SHORTEST};
+
+/// Rows of a piece.
+const PIECE: usize = 1 << 15;
+/// What the filter forgets in this time, in s, does not matter: the field's negative stiffness makes its slowest pole some 100 rad/s
+/// (e⁻¹⁵).
+const MARGIN_S: f64 = 0.15;
+/// Blocks per recording: enough to find a change within a per cent of the recording.
+const BLOCKS: usize = 128;
+/// Rows of the shortest block.
+pub(super) const SHORTEST_BLOCK: usize = 32;
+/// Time over which ω̇ is taken, to each side, in s.
+const RATE_S: f64 = 1.5e-3;
+/// Step of the logarithm of the current noise for the parabola through its likelihood.
+pub(super) const NOISE_STEP: f64 = 0.25;
+/// First guess of the current noise, A, and how far it holds, as a standard deviation of the logarithm: it decides only where
+/// positions are too noisy to tell.
+const CURRENT_NOISE_A: f64 = 0.01;
+const CURRENT_NOISE_LOG_STD: f64 = 3.0;
+
+/// One recording with its rows cut into pieces.
+pub(super) struct Case<'a> {
+    pub data: Data<'a>,
+    pub recording: &'a Recording<'a>,
+    pub segments: Vec<Range<usize>>,
+    pub pieces: Vec<Piece>,
+    pub position_noise: f64,
+    pub current_noise: f64,
+    pub track: Track,
+}
+
+/// Segments of usable rows.
+fn segments(usable: impl Iterator<Item = bool>) -> Vec<Range<usize>> {
+    let mut segments = Vec::new();
+    let mut start = None;
+    let mut count = 0;
+    for (row, usable) in usable.enumerate() {
+        count = row + 1;
+        match (usable, start) {
+            (true, None) => start = Some(row),
+            (false, Some(from)) => {
+                segments.push(from..row);
+                start = None;
+            }
+            _ => {}
+        }
+    }
+    segments.extend(start.map(|from| from..count));
+    segments.retain(|segment: &Range<usize>| segment.len() >= SHORTEST);
+    segments
+}
+
+fn pieces(segments: &[Range<usize>], h: f64) -> Vec<Piece> {
+    let rows: usize = segments.iter().map(Range::len).sum();
+    let block = (rows / BLOCKS).max(SHORTEST_BLOCK);
+    let margin = (MARGIN_S / h).ceil() as usize;
+    let length = PIECE.max(8 * margin).div_ceil(block) * block;
+    let mut pieces = Vec::new();
+    for segment in segments {
+        let mut from = segment.start;
+        while from < segment.end {
+            // A short rest goes with the piece before it.
+            let to = if segment.end - from < length + length / 2 { segment.end } else { from + length };
+            let filtered = from.saturating_sub(margin).max(segment.start)..(to + margin).min(segment.end);
+            pieces.push(Piece { filtered, counted: from..to, block, blocks_from: segment.start });
+            from = to;
+        }
+    }
+    pieces
+}
+
+/// rms of fourth and sixth differences, over √70 and √924, the smaller one: white noise without the motion.
+fn position_noise(position: &[[f64; 2]], segments: &[Range<usize>]) -> f64 {
+    let binomials: [(&[f64], f64); 2] =
+        [(&[1.0, -4.0, 6.0, -4.0, 1.0], 70.0), (&[1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0], 924.0)];
+    let of = |(weights, gain): (&[f64], f64)| {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for segment in segments {
+            for window in position[segment.clone()].windows(weights.len()) {
+                for a in 0..2 {
+                    let d: f64 = window.iter().zip(weights).map(|(p, w)| p[a] * w).sum();
+                    sum += d * d;
+                    count += 1.0;
+                }
+            }
+        }
+        (sum / (count * gain)).sqrt()
+    };
+    of(binomials[0]).min(of(binomials[1])).max(1e-10)
+}
+
+pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Option<Case<'a>> {
+    let h = recording.step_s;
+    let rows = recording.position_m.len();
+    let segments = segments(
+        (0..rows)
+            .map(|row| recording.usable.get(row).copied().unwrap_or(true) && usable.get(row).copied().unwrap_or(true)),
+    );
+    if segments.is_empty() {
+        return None;
+    }
+    let turn = |angle: f64| {
+        let (sin, cos) = libm::sincos(angle);
+        [cos, sin]
+    };
+    let (theta, omega) = (recording.theta_rad, recording.omega_rad_s);
+    let data = Data {
+        h,
+        position: recording.position_m,
+        current: recording.current_a,
+        omega,
+        hold: recording.hold,
+        at: theta.iter().map(|theta| turn(*theta)).collect(),
+        middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
+        reach: ((RATE_S / h).round() as usize).max(1),
+    };
+    let mut track = Track { state: vec![[0.0; 4]; rows], level: vec![[0.0; 3]; rows] };
+    for segment in &segments {
+        for row in segment.clone() {
+            let (before, after) = (row.max(segment.start + 1) - 1, (row + 1).min(segment.end - 1));
+            let velocity = |a: usize| {
+                (recording.position_m[after][a] - recording.position_m[before][a]) / ((after - before) as f64 * h)
+            };
+            let [y, z] = recording.position_m[row];
+            track.state[row] = [y, z, velocity(0), velocity(1)];
+        }
+    }
+    let noise = recording.position_noise_m.unwrap_or_else(|| position_noise(recording.position_m, &segments));
+    Some(Case {
+        data,
+        recording,
+        pieces: pieces(&segments, h),
+        segments,
+        position_noise: noise.max(1e-10),
+        current_noise: recording.current_noise_a.unwrap_or(CURRENT_NOISE_A).max(1e-7),
+        track,
+    })
+}
+
+/// Noise levels of one recording from the likelihood at three levels of the current noise; the largest change of a logarithm.
+pub(super) fn noise_step(case: &mut Case, sums: &[[f64; 3]; 3]) -> f64 {
+    let (told_position, told_current) =
+        (case.recording.position_noise_m.is_some(), case.recording.current_noise_a.is_some());
+    let count = 2.0 * sums[1][2];
+    if count < 8.0 {
+        return 0.0;
+    }
+    let at = |f: f64| f * NOISE_STEP;
+    let logs = |i: usize| libm::log(sums[i][1] / count);
+    // The common scale of both levels is known in closed form where neither is told.
+    let scale_is_free = !told_position && !told_current;
+    let value = |i: usize| {
+        let fit = if scale_is_free { count * logs(i) } else { sums[i][1] };
+        let level = libm::log(case.current_noise / CURRENT_NOISE_A)
+            + at(i as f64 - 1.0)
+            + if scale_is_free { 0.5 * logs(i) } else { 0.0 };
+        let far = level / CURRENT_NOISE_LOG_STD;
+        -0.5 * (sums[i][0] + fit + far * far)
+    };
+    let [low, mid, high] = [0, 1, 2].map(value);
+    let slope = (high - low) / (2.0 * NOISE_STEP);
+    let bend = (high - 2.0 * mid + low) / (NOISE_STEP * NOISE_STEP);
+    let most = 4.0 * NOISE_STEP;
+    let ratio = if bend < 0.0 { (-slope / bend).clamp(-most, most) } else { most.copysign(slope) };
+    let rms = {
+        let currents = case.recording.current_a.iter().flatten().filter(|i| i.is_finite());
+        let (sum, n) = currents.fold((0.0, 0.0), |(sum, n), i| (sum + i * i, n + 1.0));
+        (sum / n).sqrt()
+    };
+    let scale = {
+        let t = ratio / NOISE_STEP;
+        let (l, m, h) = (logs(0), logs(1), logs(2));
+        let inside = t.clamp(-1.0, 1.0);
+        0.5 * (m + 0.5 * inside * (h - l) + 0.5 * inside * inside * (h - 2.0 * m + l))
+    };
+    let (before_position, before_current) = (case.position_noise, case.current_noise);
+    if scale_is_free {
+        case.position_noise *= libm::exp(scale);
+        case.current_noise *= libm::exp(ratio + scale);
+    } else if !told_current {
+        case.current_noise *= libm::exp(ratio);
+    } else if !told_position {
+        // The level of the positions alone: what the common scale says, again and again.
+        case.position_noise *= libm::exp(logs(1).clamp(-1.0, 1.0));
+    }
+    case.position_noise = case.position_noise.max(1e-10);
+    // Beyond it the square of a current would be all noise.
+    case.current_noise = case.current_noise.clamp(1e-6, 0.39 * rms.max(1e-5));
+    // A level that hardly matters has not to converge: weigh its change by its information.
+    let weight = (-bend.min(0.0)).sqrt().min(1.0);
+    libm::log(case.position_noise / before_position)
+        .abs()
+        .max(libm::log(case.current_noise / before_current).abs() * weight)
+}

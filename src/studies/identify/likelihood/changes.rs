@@ -1,0 +1,147 @@
+//! Parts of a recording that contradict the rest.
+
+use std::ops::Range;
+
+use nalgebra::DVector;
+
+use super::case::SHORTEST_BLOCK;
+use super::equations::{ALL, LOAD};
+use super::filter::Block;
+use super::search::{Finished, fit};
+use super::solve::{Normal, inverse, part, unknown};
+use super::{Change, Contradiction, Estimate, Options, Recording, SHORTEST};
+
+/// χ² of a change of three force constants between two blocks above which it counts. At one place chance makes 30 with a probability of
+/// 1.4 · 10⁻⁶ (three degrees of freedom); there are [`BLOCKS`] places, which are not independent of each other.
+const CHANGE: f64 = 30.0;
+/// A change of λ less than this, relative, is no change of the bearing but what models leave.
+const LEAST_CHANGE: f64 = 0.01;
+/// Normalised innovations squared of a block, relative to the median of all, above which it is left out, and by how many of their
+/// standard deviations they are at least.
+const DISTURBED: f64 = 2.0;
+const DISTURBED_STD: f64 = 8.0;
+
+/// A change of λ or load in a recording.
+pub(super) struct Found {
+    pub recording: usize,
+    /// First row after it.
+    pub row: usize,
+    pub lambda: bool,
+    pub chi_square: f64,
+}
+
+/// The most significant change of λ or load.
+///
+/// For a change after block n the score of the blocks up to it, `g`, has the covariance `J_n − J_n J⁻¹ J_n`, all other unknowns estimated.
+pub(super) fn change(finished: &Finished) -> Option<Found> {
+    let search = &finished.search;
+    let of = &finished.estimated;
+    let (a, _) = search.equations(&finished.normal, of);
+    let inverse_all = inverse(&a)?;
+    let mut found: Option<Found> = None;
+    for r in 0..search.cases.len() {
+        let dispersion = finished.nis(r).max(1.0);
+        let mut until = Normal::new(search.cases.len());
+        let blocks: Vec<&Block> =
+            finished.blocks.iter().filter(|(of, _)| *of == r).flat_map(|(_, blocks)| blocks).collect();
+        let end = blocks.last().map_or(0, |block| block.rows.end);
+        for block in blocks.iter().take(blocks.len().saturating_sub(1)) {
+            until.add(block, r, ALL);
+            // A few rows at the end say nothing, and the covariance of what is before them is rounding.
+            if end - block.rows.end < SHORTEST_BLOCK {
+                continue;
+            }
+            for (lambda, unknowns) in [(true, vec![0, 1, 2]), (false, vec![unknown(LOAD, r), unknown(LOAD + 1, r)])] {
+                let g = DVector::from_fn(unknowns.len(), |i, _| until.b[unknowns[i]]);
+                let c = part(&until.j, &unknowns, of);
+                let covariance = part(&until.j, &unknowns, &unknowns) - &c * &inverse_all * c.transpose();
+                let Some(gain) = inverse(&covariance) else { continue };
+                let step = &gain * &g;
+                let chi_square = step.dot(&g) / dispersion;
+                let relative = (0..3).map(|k| (step.get(k).copied().unwrap_or(0.0) / search.x[k]).abs());
+                let large = !lambda || relative.fold(0.0, f64::max) > LEAST_CHANGE;
+                let best = found.as_ref().map_or(CHANGE, |found| found.chi_square);
+                if chi_square > best && large {
+                    found = Some(Found { recording: r, row: block.rows.end, lambda, chi_square });
+                }
+            }
+        }
+    }
+    found
+}
+
+/// Leaves out the smaller side of a change; returns its rows, unless nothing would remain.
+pub(super) fn leave_smaller_side(masks: &mut [Vec<bool>], finished: &Finished, change: &Found) -> Option<Range<usize>> {
+    let case = &finished.search.cases[change.recording];
+    let mask = &mut masks[change.recording];
+    let block = case.pieces.first()?.block;
+    let used = |rows: Range<usize>, mask: &[bool]| mask[rows].iter().filter(|used| **used).count();
+    let rows = mask.len();
+    let before = used(0..change.row, mask);
+    let after = used(change.row..rows, mask);
+    if before.min(after) == 0 || before.max(after) < SHORTEST {
+        return None;
+    }
+    // The change is somewhere within the block before or after.
+    let range = if before < after { 0..(change.row + block).min(rows) } else { change.row.saturating_sub(block)..rows };
+    mask[range.clone()].fill(false);
+    Some(if before < after { 0..change.row } else { change.row..rows })
+}
+
+/// What the side that was left out says for itself.
+pub(super) fn describe(
+    recordings: &[Recording<'_>],
+    masks: &[Vec<bool>],
+    options: &Options,
+    change: &Found,
+    rows: Range<usize>,
+) -> Contradiction {
+    let recording = change.recording;
+    let what = if change.lambda {
+        let mut mask = vec![false; masks[recording].len()];
+        mask[rows.clone()].fill(true);
+        let alone = &recordings[recording..=recording];
+        let fitted = fit(alone, &[mask], options, &mut Vec::new());
+        let lambda = fitted
+            .map_or([Estimate { value: f64::NAN, noise_std: f64::NAN, total_std: f64::NAN }; 3], |fitted| {
+                [0, 1, 2].map(|k| fitted.estimate(k))
+            });
+        Change::Lambda { lambda, chi_square: change.chi_square }
+    } else {
+        Change::Load { chi_square: change.chi_square }
+    };
+    Contradiction { recording, rows, what }
+}
+
+/// Blocks whose innovations are too large.
+pub(super) fn disturbed(finished: &Finished) -> Vec<Contradiction> {
+    let mut found: Vec<Contradiction> = Vec::new();
+    for recording in 0..finished.search.cases.len() {
+        let blocks: Vec<&Block> =
+            finished.blocks.iter().filter(|(of, _)| *of == recording).flat_map(|(_, blocks)| blocks).collect();
+        let mean = |block: &Block| block.nis / (2.0 * block.count);
+        let mut sorted: Vec<f64> = blocks.iter().map(|block| mean(block)).collect();
+        sorted.sort_by(f64::total_cmp);
+        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
+        for block in blocks {
+            let ratio = mean(block) / median;
+            // The variance of χ² with 2n degrees of freedom is 4n.
+            if ratio > DISTURBED && ratio > 1.0 + DISTURBED_STD / block.count.sqrt() {
+                match found.last_mut() {
+                    Some(Contradiction { recording: r, rows, what: Change::Disturbed { ratio: before } })
+                        if *r == recording && rows.end == block.rows.start =>
+                    {
+                        rows.end = block.rows.end;
+                        *before = before.max(ratio);
+                    }
+                    _ => found.push(Contradiction {
+                        recording,
+                        rows: block.rows.clone(),
+                        what: Change::Disturbed { ratio },
+                    }),
+                }
+            }
+        }
+    }
+    found
+}

@@ -1,0 +1,307 @@
+//! Studies of maximum likelihood over whole recordings: drawn bearings, and benches that differ from their data sheets.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use super::bound;
+use super::cases::{self, Draw};
+use super::figures::{Sample, Trial, Worst};
+use super::{NOISE, SEEDS, Study, drawn, nominal, real, study};
+use crate::simulation::recording::Recording;
+use crate::simulation::scenario::Scenario;
+use crate::studies::identify::likelihood::{BENCH, Knowledge, PARAMETERS, Told};
+use crate::studies::identify::{self, Question, Rotation, Samples, named};
+use fmu_export::variable::Value;
+
+/// How a bench differs from its data sheet, and what maximum likelihood is told of it. Parameters by their numbers in [`PARAMETERS`], with
+/// their units.
+#[derive(Clone, Debug, Default)]
+pub struct Offline {
+    /// Tolerances told. Unless `fixed` says otherwise, every run draws the errors from them.
+    pub tolerances: Vec<(usize, f64)>,
+    /// Errors of all runs.
+    pub fixed: Option<[f64; BENCH]>,
+}
+
+/// Keeps the errors of a bench apart from the bearing and the noise that are drawn with the same seed.
+const OTHER_SEED: u64 = 0xbe5c_0000_0000;
+
+impl Offline {
+    /// The errors of the run with this seed.
+    fn errors(&self, seed: u64) -> [f64; BENCH] {
+        if let Some(errors) = self.fixed {
+            return errors;
+        }
+        let mut draw = Draw::new(seed ^ OTHER_SEED);
+        let mut errors = [0.0; BENCH];
+        for (at, std) in &self.tolerances {
+            errors[*at] = std * draw.normal();
+        }
+        errors
+    }
+}
+
+/// The number of a bench parameter.
+fn number(name: &str) -> usize {
+    identify::likelihood::by_name(name).unwrap_or_default()
+}
+
+/// Makes plant and sensors differ from what controller and estimator are told. Rotation and run-out of the sensors are missing in the plant:
+/// see [`misread`].
+fn differ(scenario: &mut Scenario, errors: &[f64; BENCH]) {
+    let of = |name: &str| errors[number(name)];
+    let mut set = |name: &str, value: f64| scenario.set("plant", name, Value::Real(value));
+    let base = nominal();
+    let told = |name: &str| real(&base, "plant", name);
+    set("m", told("m") * (1.0 + of("m")));
+    set("s", told("s") * (1.0 + of("s")) + of("gap.iron"));
+    for k in 1..=3 {
+        let alpha = format!("alpha[{k}]");
+        set(&alpha, told(&alpha) + of(&alpha));
+        set(&format!("sensor.currentOffset[{k}]"), of(&format!("current.offset[{k}]")));
+        set(&format!("sensor.currentGainError[{k}]"), of(&format!("current.gain[{k}]")));
+    }
+    let (common, half) = (of("sensor.gain"), of("sensor.gainDifference"));
+    for (axis, own, gain) in [("Y", "y", common + half), ("Z", "z", common - half)] {
+        set(&format!("sensor.offset{axis}"), of(&format!("sensor.offset[{own}]")));
+        set(&format!("sensor.gainError{axis}"), gain);
+    }
+    // Sensors do not know the future.
+    set("sensor.delay", of("delay").abs());
+    // B_c cos θ + B_s sin θ in y, −B_c sin θ + B_s cos θ in z, as sines of ωt.
+    let (c, s) = (of("force.backward.cos"), of("force.backward.sin"));
+    let start_rad = told("theta0");
+    set("perturbation.omega", told("omega"));
+    for (axis, cos, sin) in [("Y", c, s), ("Z", s, -c)] {
+        set(&format!("perturbation.amplitude{axis}"), cos.hypot(sin));
+        set(&format!("perturbation.phase{axis}"), libm::atan2(cos, sin) + start_rad);
+    }
+}
+
+/// Whether a signal is needed to judge a run.
+pub fn wanted(path: &str) -> bool {
+    ["plant.Y", "plant.Z", "plant.Ym", "plant.Zm", "plant.theta", "plant.omegam", "plant.touchdown.contact"]
+        .contains(&path)
+        || ["plant.F[", "plant.gap[", "plant.im["].iter().any(|start| path.starts_with(start))
+}
+
+/// The recording as a bench would have taken it, rotation and run-out of its sensors included.
+fn misread(recording: &Recording, step_s: f64, errors: &[f64; BENCH]) -> Option<Samples> {
+    let column = |name: &str| recording.get(&format!("plant.{name}")).map(<[f64]>::to_vec);
+    let of = |name: &str| errors[number(name)];
+    let mut samples = Samples {
+        step_s,
+        position_m: [column("Ym")?, column("Zm")?],
+        current_a: [column("im[1]")?, column("im[2]")?, column("im[3]")?],
+        theta_rad: column("theta")?,
+        omega_rad_s: column("omegam")?,
+        rotation: Rotation::Both,
+        ..Samples::default()
+    };
+    // The delay is that of positions alone.
+    for (theta, omega) in samples.theta_rad.iter_mut().zip(&samples.omega_rad_s) {
+        *theta += omega * of("delay").abs();
+    }
+    let (common, half) = (of("sensor.gain"), of("sensor.gainDifference"));
+    let gain = [1.0 + common + half, 1.0 + common - half];
+    let offset = [of("sensor.offset[y]"), of("sensor.offset[z]")];
+    let (sin, cos) = libm::sincos(of("sensor.rotation"));
+    let once =
+        ["forward.cos", "forward.sin", "backward.cos", "backward.sin"].map(|part| of(&format!("runout1.{part}")));
+    let twice = ["y.cos", "y.sin", "z.cos", "z.sin"].map(|part| of(&format!("runout2.{part}")));
+    if sin == 0.0 && once.iter().chain(&twice).all(|part| *part == 0.0) {
+        return Some(samples);
+    }
+    for (row, theta) in samples.theta_rad.iter().enumerate() {
+        let ((s, c), (s2, c2)) = (libm::sincos(*theta), libm::sincos(2.0 * theta));
+        let read = [0, 1].map(|axis| (samples.position_m[axis][row] - offset[axis]) / gain[axis]);
+        let y = read[0] + (once[0] + once[2]) * c + (once[3] - once[1]) * s + twice[0] * c2 + twice[1] * s2;
+        let z = read[1] + (once[0] - once[2]) * s + (once[1] + once[3]) * c + twice[2] * c2 + twice[3] * s2;
+        samples.position_m[0][row] = gain[0] * (cos * y - sin * z) + offset[0];
+        samples.position_m[1][row] = gain[1] * (sin * y + cos * z) + offset[1];
+    }
+    Some(samples)
+}
+
+/// The first rows of a recording.
+fn beginning(samples: &Samples, rows: usize) -> Samples {
+    let cut = |column: &Vec<f64>| column[..rows.min(column.len())].to_vec();
+    Samples {
+        step_s: samples.step_s,
+        position_m: samples.position_m.each_ref().map(cut),
+        current_a: samples.current_a.each_ref().map(cut),
+        theta_rad: cut(&samples.theta_rad),
+        omega_rad_s: cut(&samples.omega_rad_s),
+        rotation: samples.rotation,
+        ..Samples::default()
+    }
+}
+
+/// Identifies from the recording up to each instant and compares with the truth. There is no bound where the bench is estimated with the
+/// rest.
+pub fn judge(
+    scenario: &Scenario,
+    recording: &Recording,
+    instants_s: &[f64],
+    seed: u64,
+    offline: &Offline,
+) -> Option<Trial> {
+    let whole = misread(recording, scenario.step_s, &offline.errors(seed))?;
+    let configured = scenario.closed_loop().ok()?;
+    let truth = configured.plant.lambda_nm2_a2;
+    let touched = recording.get("plant.touchdown.contact")?.iter().position(|contact| *contact == 1.0);
+    let mut bench = [Told::default(); BENCH];
+    for (at, std) in &offline.tolerances {
+        bench[*at].knowledge = Knowledge::Tolerance(*std);
+    }
+    let bounds = offline.tolerances.is_empty().then(|| bound::bound(scenario, recording, instants_s)).flatten();
+    let mut trial = Trial {
+        seed,
+        samples: Vec::new(),
+        worst: Worst::default(),
+        lost: 0,
+        noticed_s: None,
+        touched_s: touched.map(|row| recording.time_s[row]),
+    };
+    for (at, instant_s) in instants_s.iter().enumerate() {
+        let rows = (instant_s / scenario.step_s).round() as usize + 1;
+        if touched.is_some_and(|touched| touched < rows) {
+            break;
+        }
+        let question = Question { config: configured.estimator.clone(), bench, threads: 1 };
+        let answer = identify::answer(&[beginning(&whole, rows)], question).ok()?;
+        let mut sample = Sample {
+            valid: answer.valid,
+            error: [f64::NAN; 3],
+            std: [f64::NAN; 3],
+            total: [f64::NAN; 3],
+            bound: bounds.as_ref().map_or([f64::NAN; 3], |bounds| bounds[at]),
+            unbalance: [f64::NAN; 2],
+            verdict: (!answer.valid).then(|| summary(&answer.verdict)),
+        };
+        if let Some(found) = &answer.found {
+            sample.error = std::array::from_fn(|k| found.lambda[k].value / truth[k] - 1.0);
+            sample.std = std::array::from_fn(|k| found.lambda[k].noise_std / truth[k]);
+            sample.total = std::array::from_fn(|k| found.lambda[k].total_std / truth[k]);
+            let turned = found.unbalance_phase.value - configured.plant.unbalance_phase_rad;
+            sample.unbalance = [
+                found.unbalance_magnitude.value / configured.plant.unbalance_kgm - 1.0,
+                turned - TAU * (turned / TAU).round(),
+            ];
+        }
+        for k in (0..3).filter(|_| answer.valid) {
+            let (error, std) = (sample.error[k], sample.total[k]);
+            let ratio = (error / std).abs();
+            if ratio > trial.worst.ratio {
+                trial.worst = Worst { ratio, time_s: *instant_s, error, std };
+            }
+        }
+        trial.samples.push(sample);
+    }
+    Some(trial)
+}
+
+/// A verdict without its numbers: its first words.
+fn summary(verdict: &str) -> String {
+    let words = verdict.trim_start_matches("Not valid: ").split_whitespace();
+    words.filter(|word| !word.contains(|c: char| c.is_ascii_digit())).take(5).collect::<Vec<_>>().join(" ")
+}
+
+/// When the controller takes over an estimate: in the middle of recordings of 0.1, 1 and 5 s, or never, in s.
+const UPDATES_S: [f64; 4] = [0.05, 0.5, 2.5, 1e3];
+
+/// Lengths of the recordings, in s.
+const LENGTHS_S: [f64; 3] = [0.1, 1.0, 5.0];
+
+/// Errors of a bench, one or several parameters at a time: names and tolerances as the command takes them.
+const ERRORS: [&[(&str, f64)]; 13] = [
+    &[("m", 0.01)],
+    &[("s", 0.02)],
+    &[("gap.iron", 1e-5)],
+    &[("alpha", 2.0 * TAU / 360.0)],
+    &[("sensor.gain", 0.01)],
+    &[("sensor.gainDifference", 0.01)],
+    &[("sensor.offset", 1e-5)],
+    &[("sensor.rotation", TAU / 360.0)],
+    &[("delay", 2e-5)],
+    &[("current.gain", 0.01)],
+    &[("current.offset", 0.02)],
+    &[("force.backward", 1.0)],
+    &[("runout1", 1e-6), ("runout2", 1e-6)],
+];
+
+/// A bench of many errors at once: 1° of rotation, offsets of 10 and −5 µm, gains of ±0.5 %, 20 µm of iron, the phase lag of a sensor of
+/// 10 kHz, and the other bearing of the shaft, 2 N in y and 4.7 N in z: 1.35 N of it turn backward, the rest is like an unbalance.
+const MIXED: [(&str, f64, f64); 8] = [
+    ("sensor.rotation", TAU / 360.0, 0.02),
+    ("sensor.offset[y]", 1e-5, 1e-5),
+    ("sensor.offset[z]", -5e-6, 1e-5),
+    ("sensor.gainDifference", 5e-3, 0.01),
+    ("gap.iron", 2e-5, 2e-5),
+    ("delay", 1.6e-5, 3e-5),
+    ("force.backward.cos", -1.35, 5.0),
+    ("force.backward.sin", 0.0, 5.0),
+];
+
+/// A study of the nominal bearing, noise not told, on a bench.
+fn bench(title: &str, offline: Offline, noise: [f64; 2], instants_s: &[f64], runs: usize) -> Study {
+    let mut study = study(&format!("identify: {title}"), &nominal(), noise, false, runs);
+    study.instants_s = instants_s.to_vec();
+    study.offline = Some(offline.clone());
+    study.vary = Arc::new(move |scenario: &Scenario, seed, _| {
+        let mut scenario = scenario.clone();
+        differ(&mut scenario, &offline.errors(seed));
+        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+        scenario
+    });
+    study
+}
+
+/// The studies of maximum likelihood, each with so many runs (of drawn bearings: with so many bearings).
+pub fn studies(runs: usize) -> Vec<Study> {
+    let mut studies = Vec::new();
+    for (told, says) in [(true, "noise told"), (false, "noise not told")] {
+        let mut bearings = drawn(&format!("identify: drawn bearings, {says}"), told, runs);
+        let vary = bearings.vary;
+        bearings.vary = Arc::new(move |scenario: &Scenario, seed, attempt| {
+            let mut scenario = vary(scenario, seed, attempt);
+            let update_s = UPDATES_S[(seed / SEEDS) as usize % UPDATES_S.len()];
+            scenario.set("controller", "update.time", Value::Real(update_s));
+            scenario
+        });
+        bearings.instants_s = LENGTHS_S.to_vec();
+        bearings.offline = Some(Offline::default());
+        studies.push(bearings);
+        for (title, noise) in [("0.1 µm", NOISE), ("1 µm", [10.0 * NOISE[0], NOISE[1]])] {
+            let title = format!("identify: nominal bearing, {title} and 10 mA, {says}");
+            let mut one = study(&title, &nominal(), noise, told, runs);
+            one.instants_s = LENGTHS_S.to_vec();
+            one.offline = Some(Offline::default());
+            studies.push(one);
+        }
+        let title = format!("identify: 1000 rpm on the paper's path, {says}");
+        let mut slow = study(&title, &nominal(), NOISE, told, runs);
+        cases::path(&mut slow.scenario, [30e-6, 70e-6], (3, 0.0), 1000.0 * TAU / 60.0);
+        slow.instants_s = vec![0.5, 1.0, 2.0];
+        slow.offline = Some(Offline::default());
+        studies.push(slow);
+    }
+    let expanded = |told: &[(&str, f64)]| -> Vec<(usize, f64)> {
+        told.iter().flat_map(|(name, std)| named(name).unwrap_or_default().into_iter().map(|at| (at, *std))).collect()
+    };
+    for told in ERRORS {
+        let names: Vec<&str> = told.iter().map(|(name, _)| *name).collect();
+        let offline = Offline { tolerances: expanded(told), fixed: None };
+        studies.push(bench(&format!("bench error {}", names.join(" and ")), offline, NOISE, &[1.0], runs));
+    }
+    let mut errors = [0.0; BENCH];
+    MIXED.iter().for_each(|(name, error, _)| errors[number(name)] = *error);
+    let tolerances = MIXED.iter().map(|(name, _, std)| (number(name), *std)).collect();
+    studies.push(bench("mixed bench", Offline { tolerances, fixed: Some(errors) }, NOISE, &[1.0], runs));
+    let tolerances: Vec<_> = PARAMETERS.iter().map(|parameter| parameter.typical).enumerate().collect();
+    let offline = Offline { tolerances, fixed: None };
+    for (says, noise) in [("0.1 µm", NOISE), ("1 µm", [10.0 * NOISE[0], NOISE[1]])] {
+        studies.push(bench(&format!("all bench errors at once, {says}"), offline.clone(), noise, &[0.5, 2.0], runs));
+    }
+    studies
+}
