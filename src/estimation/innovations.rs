@@ -230,6 +230,7 @@ impl WhiteningFilter {
     }
 
     /// Predicts to the next sample; `instrument` makes the instruments of the three magnets out of the field.
+    #[allow(clippy::toplevel_ref_arg, reason = "nalgebra's `stack!` expands to such a pattern")]
     #[inline(always)]
     pub fn predict(
         &self,
@@ -296,8 +297,8 @@ impl WhiteningFilter {
             state.columns[1 + j] += added;
         }
         let instruments = instrument(&field);
-        for k in 0..3 {
-            state.columns[FIRST_INSTRUMENT + k] += held(self.direction[k] * (instruments[k] / self.m_kg));
+        for (k, instrument) in instruments.into_iter().enumerate() {
+            state.columns[FIRST_INSTRUMENT + k] += held(self.direction[k] * (instrument / self.m_kg));
         }
         if self.signals > FIRST_TOLERANCE {
             let by_tolerance = self.by_tolerance(running, &field, position, reciprocal, start);
