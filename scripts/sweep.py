@@ -28,7 +28,7 @@ import zipfile
 from xml.etree import ElementTree
 
 HERE = pathlib.Path(__file__).resolve().parent.parent
-SCENARIOS = HERE / "src" / "app" / "scenarios"
+SCENARIOS = HERE / "src" / "simulation" / "scenarios"
 SSD = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
 
 # Interval at the end of a run over which tracking is evaluated, in s.

@@ -214,8 +214,11 @@ pub struct ControllerState {
 }
 
 /// Number of components of a [`ControllerState`] that a small motion of the loop changes.
+#[cfg(feature = "app")]
 pub(crate) const UNKNOWNS: usize = 15;
 
+/// For the sensitivity function, which the library of an FMU does without.
+#[cfg(feature = "app")]
 impl ControllerState {
     /// Increments of these components for difference quotients, each of the size of a small motion.
     pub(crate) const INCREMENTS: [f64; UNKNOWNS] =
