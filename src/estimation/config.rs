@@ -5,6 +5,7 @@ use std::fmt;
 use libm::sin;
 use serde::{Deserialize, Serialize};
 
+use crate::bearing::magnet::SMALLEST_SINE;
 use crate::invalid::Checks;
 use crate::invalid::Invalid;
 
@@ -13,9 +14,6 @@ pub const MIN_INTERVALS: f64 = 8.0;
 
 /// Their longest window, in sample times: memory grows in proportion, and rounding of the kernels with the cube.
 pub const MAX_INTERVALS: f64 = 1.0e5;
-
-/// The least |sin| of the angle between two magnets, that of plant and controller: below it their forces cannot be told apart.
-pub const LEAST_SINE_BETWEEN_MAGNETS: f64 = crate::bearing::magnet::SMALLEST_SINE;
 
 /// How far `T_f/T_s` may be from a whole number, relative.
 pub(super) const WHOLE_NUMBER_TOLERANCE: f64 = 1.0e-6;
@@ -296,7 +294,7 @@ pub(super) fn check(config: &EstimatorConfig) -> Result<(), Vec<Invalid>> {
     for (k, alpha) in config.alpha_rad.iter().enumerate() {
         checks.finite(format!("alpha[{}]", k + 1), *alpha, "rad");
         for (l, other) in config.alpha_rad.iter().enumerate().take(k) {
-            let apart = !(alpha - other).is_finite() || sin(alpha - other).abs() >= LEAST_SINE_BETWEEN_MAGNETS;
+            let apart = !(alpha - other).is_finite() || sin(alpha - other).abs() >= SMALLEST_SINE;
             let wanted = format!("an angle off the line of magnet {}, whose force could not be told apart,", l + 1);
             checks.require(apart, format!("alpha[{}]", k + 1), format_args!("{alpha} rad"), wanted);
         }

@@ -27,6 +27,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Hold;
 use super::config::EstimatorConfig;
+use crate::bearing::magnet::Geometry;
 
 /// Unknowns: λ of three magnets, U cos φ, U sin φ, p_y, p_z.
 pub const UNKNOWNS: usize = 7;
@@ -58,10 +59,8 @@ pub type Vector = nalgebra::SVector<f64, UNKNOWNS>;
 #[derive(Clone, Debug, PartialEq)]
 pub struct WhiteningFilter {
     m_kg: f64,
-    gap_m: f64,
+    geometry: Geometry,
     step_s: f64,
-    /// `e_k = (sin α_k, cos α_k)`.
-    direction: [Vector2<f64>; 3],
     hold: Hold,
     identify_unbalance: bool,
     /// Standard deviations of s, α, gain and offset of a position, offset of a current.
@@ -180,14 +179,19 @@ impl WhiteningFilter {
         let tolerance = [t.gap_m, t.alpha_rad, t.position_gain, t.position_offset_m, t.current_offset_a];
         Self {
             m_kg: config.m_kg,
-            gap_m: config.gap_m,
+            geometry: Geometry::new(config.gap_m, config.alpha_rad),
             step_s: config.step_s,
-            direction: config.alpha_rad.map(|alpha| <[f64; 2]>::from(sincos(alpha)).into()),
             hold: config.hold,
             identify_unbalance: config.identify_unbalance,
             tolerance,
             signals: if tolerance.iter().any(|std| *std > 0.0) { SIGNALS } else { FIRST_TOLERANCE },
         }
+    }
+
+    /// `e_k = (sin α_k, cos α_k)`.
+    #[inline(always)]
+    fn directions(&self) -> [Vector2<f64>; 3] {
+        self.geometry.directions.map(Vector2::from)
     }
 
     /// The state at a first sample, whose position is known to σ_z and whose velocity is not.
@@ -222,10 +226,9 @@ impl WhiteningFilter {
     /// What each unknown does to the acceleration, with `u_k` and `ω² e^{jθ} − j ω̇ e^{jθ}`.
     #[inline(always)]
     fn accelerations(&self, square: &[f64; 3], [c, s]: [f64; 2]) -> SMatrix<f64, 2, UNKNOWNS> {
-        let [e1, e2, e3] = self.direction;
+        let [e1, e2, e3] = self.directions();
         let [turned, loads] = [Vector2::new(c, s), Vector2::new(-s, c)];
-        let magnets = [e1 * square[0], e2 * square[1], e3 * square[2]];
-        let [l1, l2, l3] = magnets;
+        let [l1, l2, l3] = [e1 * square[0], e2 * square[1], e3 * square[2]];
         SMatrix::from_columns(&[l1, l2, l3, turned, loads, Vector2::x(), Vector2::y()]) / self.m_kg
     }
 
@@ -239,6 +242,7 @@ impl WhiteningFilter {
         sample: &Sample,
         instrument: impl FnOnce(&Field) -> [f64; 3],
     ) -> Field {
+        let directions = self.directions();
         let h = self.step_s;
         let (h2, h3) = (0.5 * h * h, h * h * h / 6.0);
         let last = std::mem::replace(&mut state.last, *sample);
@@ -262,7 +266,8 @@ impl WhiteningFilter {
             let t = 0.5 * h * at as f64;
             let acceleration = by[0] * running.unknowns;
             let moved = last.position_m + (velocity + acceleration * (0.5 * t)) * t;
-            let inverse = self.direction.map(|e| 1.0 / (self.gap_m - e.dot(&moved)).max(LEAST_GAP * self.gap_m));
+            let least_m = LEAST_GAP * self.geometry.gap_m;
+            let inverse = self.geometry.gaps(moved.into()).map(|gap_m| 1.0 / gap_m.max(least_m));
             let square = std::array::from_fn(|k| {
                 (currents[at][k] * currents[at][k] - parts[at] * running.current_variance) * inverse[k] * inverse[k]
             });
@@ -278,7 +283,7 @@ impl WhiteningFilter {
         // Motion with the negative stiffness, and what that adds to a free one.
         let one = Matrix2::identity();
         let stiffness = (0..3).fold(Matrix2::zeros(), |sum, k| {
-            let e = self.direction[k];
+            let e = directions[k];
             sum + e * e.transpose() * (2.0 * running.unknowns[k] * field.gradient[k] / self.m_kg)
         });
         let (half, cross, velocity_by) = (one + stiffness * h2, one * h + stiffness * h3, stiffness * h);
@@ -298,7 +303,7 @@ impl WhiteningFilter {
         }
         let instruments = instrument(&field);
         for (k, instrument) in instruments.into_iter().enumerate() {
-            state.columns[FIRST_INSTRUMENT + k] += held(self.direction[k] * (instrument / self.m_kg));
+            state.columns[FIRST_INSTRUMENT + k] += held(directions[k] * (instrument / self.m_kg));
         }
         if self.signals > FIRST_TOLERANCE {
             let by_tolerance = self.by_tolerance(running, &field, position, reciprocal, start);
@@ -312,7 +317,7 @@ impl WhiteningFilter {
         for k in 0..3 {
             // The variance of i² per unit of σ_i² is 4 i² + 2 σ_i².
             let variance = 4.0 * currents[1][k] * currents[1][k] + 2.0 * running.current_variance;
-            let force = held(self.direction[k] * (reciprocal[k] * reciprocal[k] / self.m_kg));
+            let force = held(directions[k] * (reciprocal[k] * reciprocal[k] / self.m_kg));
             let noise = force * force.transpose() * variance;
             state.covariance[0] += noise * running.current_noise(k);
             state.covariance[1 + k] += noise;
@@ -345,7 +350,7 @@ impl WhiteningFilter {
     ) -> [(Vector2<f64>, Vector4<f64>); TOLERANCES] {
         let [gap, alpha, gain, offset, current] = self.tolerance;
         let mut by = [(Vector2::zeros(), Vector4::zeros()); TOLERANCES];
-        for (k, e) in self.direction.into_iter().enumerate() {
+        for (k, e) in self.directions().into_iter().enumerate() {
             let per_square = running.unknowns[k] / self.m_kg;
             let pull = per_square * field.square[k];
             let along = e * (2.0 * pull * reciprocal[k]);

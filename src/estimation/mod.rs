@@ -16,12 +16,12 @@ use serde::{Deserialize, Serialize};
 
 use self::config::check;
 pub use self::config::{
-    EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, LEAST_SINE_BETWEEN_MAGNETS, MAX_INTERVALS, MIN_INTERVALS,
-    Method, Tolerance, Verdict,
+    EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, MAX_INTERVALS, MIN_INTERVALS, Method, Tolerance, Verdict,
 };
 use self::paper::{Paper, PaperState};
 pub use self::prediction_error::STD_LIMIT;
 use self::prediction_error::{PredictionError, PredictionErrorState};
+use crate::bearing::magnet::Geometry;
 use crate::invalid::Invalid;
 
 const MAGNETS: usize = 3;
@@ -70,8 +70,7 @@ enum MethodOf {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimator {
     config: EstimatorConfig,
-    /// `(sin α_k, cos α_k)`.
-    direction: [[f64; 2]; MAGNETS],
+    geometry: Geometry,
     method: MethodOf,
 }
 
@@ -88,8 +87,8 @@ impl Estimator {
             Method::PredictionError => MethodOf::PredictionError(PredictionError::new(&config)),
             Method::Paper | Method::PaperLiteral => MethodOf::Paper(Paper::new(&config)),
         };
-        let direction = config.alpha_rad.map(|alpha| libm::sincos(alpha).into());
-        Ok(Self { config, direction, method })
+        let geometry = Geometry::new(config.gap_m, config.alpha_rad);
+        Ok(Self { config, geometry, method })
     }
 
     /// The configuration.
@@ -135,7 +134,7 @@ impl Estimator {
     /// Takes in one sample; to be called once every T_s.
     ///
     /// Whatever the input, the result is finite and nothing panics. After a gap in the data (a bad sample, or `enable` false) the
-    /// motion is unknown, but what was learnt of λ stays. A rising edge of `reset` forgets everything, λ̂ included.
+    /// motion is unknown, but what the samples before said of λ stays. A rising edge of `reset` forgets everything, λ̂ included.
     pub fn sample(&self, state: &mut EstimatorState, input: &EstimatorInput) -> EstimatorOutput {
         if input.reset && !state.reset_was_high {
             *state = self.start();
@@ -171,10 +170,7 @@ impl Estimator {
     fn is_usable(&self, input: &EstimatorInput) -> bool {
         let measured = input.position_m.iter().chain(&input.current_a).chain([&input.theta_rad, &input.omega_rad_s]);
         measured.clone().all(|x| x.is_finite() && x.abs() < MEASUREMENT_LIMIT)
-            && self
-                .direction
-                .iter()
-                .all(|[sin, cos]| self.config.gap_m - sin * input.position_m[0] - cos * input.position_m[1] > 0.0)
+            && self.geometry.gaps(input.position_m).iter().all(|gap_m| *gap_m > 0.0)
     }
 }
 

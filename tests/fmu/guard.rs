@@ -132,7 +132,7 @@ fn instances_are_made_only_of_sound_requests() {
 #[test]
 fn instances_are_made_of_whatever_importers_say() {
     let long = "a/".repeat(100_000);
-    for name in ["/tmp/a folder/MagneticBearing.fmu", "loop.plant", "Läufer µ", " ", "%s%n%d", &long] {
+    for name in ["/a folder/MagneticBearing.fmu", "loop.plant", "Läufer µ", " ", "%s%n%d", &long] {
         let fmu = Request { name: Some(text(name)), ..Request::of(PLANT) }.instantiate(PLANT).expect("an instance");
         fmu.step(0.0, TS).error(&fmu);
         let again = fmu.step(0.0, TS);
@@ -144,7 +144,7 @@ fn instances_are_made_of_whatever_importers_say() {
     let fmu = Request { name: Some(latin), ..Request::of(PLANT) }.instantiate(PLANT).expect("an instance");
     assert_eq!(fmu.step(0.0, TS), fmi2Status::fmi2Error);
     assert_eq!(fmu.take_messages()[0].instance, "L\u{fffd}ufer");
-    let locations = ["file:/tmp/x", "file:///tmp/x", "file:////tmp/x/", "file:///tmp/a%20b", "nonsense", "", "%s%n"];
+    let locations = ["file:/a/x", "file:///a/x", "file:////a/x/", "file:///a/b%20c", "nonsense", "", "%s%n"];
     for resources in locations.map(Some).into_iter().chain([None]) {
         let request = Request { resources: resources.map(text), ..Request::of(PLANT) };
         assert!(request.instantiate(PLANT).is_ok(), "{resources:?}");

@@ -120,16 +120,7 @@ fn the_start_does_not_matter() {
 /// Another rotor, gap, angles, magnets and speed, from first guesses wrong by two.
 #[test]
 fn another_bearing() {
-    let other = Rotor {
-        m_kg: 3.4,
-        gap_m: 4e-4,
-        alpha_rad: [PI + 0.15, -PI / 3.0 + 0.15, PI / 3.0 + 0.15],
-        lambda: [3.1e-6, 2.7e-6, 2.4e-6],
-        lambda_controller: [5e-6; 3],
-        omega_rad_s: 126.0 * PI,
-        samples: 2001,
-        ..Rotor::default()
-    };
+    let other = Rotor { lambda_controller: [5e-6; 3], samples: 2001, ..Rotor::another() };
     for guess in [1.3e-6, 6e-6] {
         let config = EstimatorConfig { lambda0_nm2_a2: [guess; 3], ..config(&other) };
         assert_right(&format!("from {guess}"), &other, &other.identify(config), 10.0 * EXACT_PERCENT);

@@ -97,15 +97,7 @@ fn constant_load_changes_nothing_and_is_measured() {
 /// Another rotor, gap, angles, magnets and speed; a revolution is 158.7 samples, the window 159.
 #[test]
 fn another_bearing() {
-    let other = Rotor {
-        m_kg: 3.4,
-        gap_m: 4e-4,
-        alpha_rad: [PI + 0.15, -PI / 3.0 + 0.15, PI / 3.0 + 0.15],
-        lambda: [3.1e-6, 2.7e-6, 2.4e-6],
-        lambda_controller: [4e-6; 3],
-        omega_rad_s: 126.0 * PI,
-        ..Rotor::default()
-    };
+    let other = Rotor::another();
     let method = Method::Paper;
     {
         let config = EstimatorConfig { window_s: 0.0159, epsilon_s: 0.0159, ..other.config(method, Hold::HeldBefore) };

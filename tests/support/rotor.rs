@@ -103,6 +103,19 @@ impl Default for Rotor {
 type State = [f64; 4];
 
 impl Rotor {
+    /// Another rotor, gap, angles, magnets and speed; a revolution is 158.7 samples.
+    pub fn another() -> Self {
+        Self {
+            m_kg: 3.4,
+            gap_m: 4e-4,
+            alpha_rad: [PI + 0.15, -PI / 3.0 + 0.15, PI / 3.0 + 0.15],
+            lambda: [3.1e-6, 2.7e-6, 2.4e-6],
+            lambda_controller: [4e-6; 3],
+            omega_rad_s: 126.0 * PI,
+            ..Self::default()
+        }
+    }
+
     fn gaps(&self, x: &State) -> [f64; 3] {
         self.alpha_rad.map(|a| self.gap_m - a.sin() * x[0] - a.cos() * x[1])
     }

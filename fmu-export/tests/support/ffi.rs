@@ -113,7 +113,7 @@ impl Request {
             name: Some(text("instance")),
             kind: fmi2Type::fmi2CoSimulation,
             guid: Some(text(&guid(model))),
-            resources: Some(text("file:///tmp/resources")),
+            resources: Some(text("file:///a/folder/resources")),
             logging: false,
             logger: true,
             callbacks: true,

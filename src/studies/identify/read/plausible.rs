@@ -132,8 +132,8 @@ fn noise(values: &[f64]) -> f64 {
 
 fn positions(samples: &Samples, gap_m: f64) -> Vec<Finding> {
     let mut findings = Vec::new();
-    let swing = |axis: usize| range(&samples.position_m[axis]).map_or(0.0, |[low, high]| high - low);
-    let still = [0, 1].iter().all(|axis| swing(*axis) < STILL_M && noise(&samples.position_m[*axis]) < SILENT_M);
+    let peak_to_peak = |axis: usize| range(&samples.position_m[axis]).map_or(0.0, |[low, high]| high - low);
+    let still = [0, 1].iter().all(|axis| peak_to_peak(*axis) < STILL_M && noise(&samples.position_m[*axis]) < SILENT_M);
     for (axis, at) in POSITIONS.enumerate() {
         let Some([low, high]) = range(&samples.position_m[axis]) else { continue };
         let furthest = low.abs().max(high.abs());
@@ -146,15 +146,15 @@ fn positions(samples: &Samples, gap_m: f64) -> Vec<Finding> {
             let (suspicion, remedy) =
                 remedy(at, samples, |scale| scale * furthest < gap_m && scale * (high - low) > STILL_M);
             findings.push(Finding { signal: SIGNALS[at].name, value, suspicion, remedy });
-        } else if still && swing(axis) > 0.0 {
-            let value = format!("it moves by {} nm only, and without noise", significant(swing(axis) * 1e9, 3));
+        } else if still && peak_to_peak(axis) > 0.0 {
+            let value = format!("it moves by {} nm only, and without noise", significant(peak_to_peak(axis) * 1e9, 3));
             let (suspicion, remedy) =
-                remedy(at, samples, |scale| scale * swing(axis) > STILL_M && scale * furthest < gap_m);
+                remedy(at, samples, |scale| scale * peak_to_peak(axis) > STILL_M && scale * furthest < gap_m);
             findings.push(Finding { signal: SIGNALS[at].name, value, suspicion, remedy });
         }
     }
     // One axis in another unit than the other hides below the limits above.
-    let [y, z] = [swing(0), swing(1)];
+    let [y, z] = [peak_to_peak(0), peak_to_peak(1)];
     if findings.is_empty() && y.min(z) > 0.0 && y.max(z) / y.min(z) > 300.0 {
         let small = usize::from(z < y);
         let at = POSITIONS.start + small;
