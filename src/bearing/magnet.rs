@@ -34,7 +34,7 @@ const ALPHA: [&str; 3] = ["alpha[1]", "alpha[2]", "alpha[3]"];
 ///
 /// A magnet pulls towards itself whatever the sign of its current.
 #[inline]
-pub fn forces<T: Scalar>(lambda_nm2_a2: [T; 3], current_a: [T; 3], gap_m: [T; 3]) -> [T; 3] {
+pub fn forces<T: Scalar, const K: usize>(lambda_nm2_a2: [T; K], current_a: [T; K], gap_m: [T; K]) -> [T; K] {
     std::array::from_fn(|k| {
         let i_per_gap = current_a[k] / gap_m[k];
         lambda_nm2_a2[k] * i_per_gap * i_per_gap
@@ -44,43 +44,56 @@ pub fn forces<T: Scalar>(lambda_nm2_a2: [T; 3], current_a: [T; 3], gap_m: [T; 3]
 /// `i_k = gap_k √(F_k/λ_k)`, in A: P(4) solved for the current, for forces in N, gaps in m, λ in N·m²/A².
 ///
 /// A magnet cannot push: a force below 0 gives no current.
-pub fn currents(force_n: [f64; 3], gap_m: [f64; 3], lambda_nm2_a2: [f64; 3]) -> [f64; 3] {
+pub fn currents<const K: usize>(force_n: [f64; K], gap_m: [f64; K], lambda_nm2_a2: [f64; K]) -> [f64; K] {
     std::array::from_fn(|k| gap_m[k] * (force_n[k].max(0.0) / lambda_nm2_a2[k]).sqrt())
 }
 
-/// Geometry of the magnets: nominal gap and directions.
+/// Geometry of K magnets around a rotor with N coordinates q: nominal gaps and directions.
+///
+/// The planar rotor has `q = (y, z)` and three magnets; a [`Shaft`](crate::bearing::shaft::Shaft) has five coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Geometry<T = f64> {
-    /// Gap of every magnet with the rotor in the centre, the paper's `s`, in m.
-    pub gap_m: T,
-    /// `e_k = (sin α_k, cos α_k)`: direction, in the (y, z) plane, in which magnet k pulls the rotor.
-    pub directions: [[T; 2]; 3],
+pub struct Geometry<T = f64, const N: usize = 2, const K: usize = 3> {
+    /// Gap of each magnet with the rotor in the centre, in m; the paper's `s`.
+    pub gap_m: [T; K],
+    /// `d_k`: how far the point of the rotor before magnet k moves towards the magnet, per unit of each coordinate. So the
+    /// generalised force of magnet k is `F_k d_k`. In the plane it is the direction `e_k = (sin α_k, cos α_k)`.
+    pub directions: [[T; N]; K],
 }
 
 impl<T: Scalar> Geometry<T> {
-    /// Magnets at the angles `α_k` of P(3) in rad, with the nominal gap in m.
+    /// Three magnets in the plane at the angles `α_k` of P(3) in rad, with the nominal gap in m.
     pub fn new(gap_m: T, alpha_rad: [T; 3]) -> Self {
         let directions = alpha_rad.map(|alpha| {
             let (sin, cos) = alpha.sine_cosine();
             [sin, cos]
         });
-        Self { gap_m, directions }
+        Self { gap_m: [gap_m; 3], directions }
     }
+}
 
-    /// `gap_k = s − e_k · (Y, Z)`, in m, of a rotor at `position_m`, (y, z) in m; the bracket of P(4).
+impl<T: Scalar, const N: usize, const K: usize> Geometry<T, N, K> {
+    /// `gap_k = s_k − d_k · q`, in m, of a rotor at the coordinates q; the bracket of P(4).
     ///
     /// A gap of 0 or below means contact.
     #[inline]
-    pub fn gaps(&self, position_m: [T; 2]) -> [T; 3] {
-        self.directions.map(|e_k| self.gap_m - (e_k[0] * position_m[0] + e_k[1] * position_m[1]))
+    pub fn gaps(&self, q: [T; N]) -> [T; K] {
+        std::array::from_fn(|k| self.gap_m[k] - dot(self.directions[k], q))
     }
 
-    /// `(F_y, F_z) = Σ F_k e_k`, in N, P(3), for the forces of the magnets in N.
+    /// `Σ F_k d_k`, the generalised force, P(3), for the forces of the magnets in N.
     #[inline]
-    pub fn resultant(&self, force_n: [T; 3]) -> [T; 2] {
-        let [e_1, e_2, e_3] = self.directions;
-        std::array::from_fn(|a| force_n[0] * e_1[a] + force_n[1] * e_2[a] + force_n[2] * e_3[a])
+    pub fn resultant(&self, force_n: [T; K]) -> [T; N] {
+        std::array::from_fn(|a| {
+            let part = |k: usize| force_n[k] * self.directions[k][a];
+            (1..K).fold(part(0), |sum, k| sum + part(k))
+        })
     }
+}
+
+/// Scalar product, summed from the first component on.
+#[inline]
+fn dot<T: Scalar, const N: usize>(a: [T; N], b: [T; N]) -> T {
+    (1..N).fold(a[0] * b[0], |sum, n| sum + a[n] * b[n])
 }
 
 impl Geometry {
@@ -174,7 +187,7 @@ impl Magnets {
 
     /// Nominal gap `s`, in m.
     pub fn gap_m(&self) -> f64 {
-        self.geometry.gap_m
+        self.geometry.gap_m[0]
     }
 
     /// Angles `α_k` as in P(3), in rad.

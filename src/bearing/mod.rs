@@ -4,10 +4,12 @@
 //!
 //! - [`scalar`]: the number type of the equations: `f64` for values, Taylor series for derivatives;
 //! - [`magnet`]: gaps, forces, currents, and force allocation;
+//! - [`shaft`]: a rigid shaft with five coordinates;
 //! - [`coil`]: flux, current, force and energy of a coil;
 //! - [`touchdown`]: the backup bearing.
 
 pub mod coil;
 pub mod magnet;
 pub mod scalar;
+pub mod shaft;
 pub mod touchdown;

@@ -266,7 +266,7 @@ impl WhiteningFilter {
             let t = 0.5 * h * at as f64;
             let acceleration = by[0] * running.unknowns;
             let moved = last.position_m + (velocity + acceleration * (0.5 * t)) * t;
-            let least_m = LEAST_GAP * self.geometry.gap_m;
+            let least_m = LEAST_GAP * self.geometry.gap_m[0];
             let inverse = self.geometry.gaps(moved.into()).map(|gap_m| 1.0 / gap_m.max(least_m));
             let square = std::array::from_fn(|k| {
                 (currents[at][k] * currents[at][k] - parts[at] * running.current_variance) * inverse[k] * inverse[k]

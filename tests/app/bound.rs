@@ -88,7 +88,7 @@ fn brute_force(bearing: &Bearing) -> [f64; 3] {
         let mut force = DMatrix::<f64>::zeros(4, UNKNOWNS);
         for k in 0..3 {
             let e = bearing.geometry.directions[k];
-            let gap = bearing.geometry.gap_m - e[0] * interval.position_m[0] - e[1] * interval.position_m[1];
+            let gap = bearing.geometry.gap_m[0] - e[0] * interval.position_m[0] - e[1] * interval.position_m[1];
             let (i, lambda) = (interval.current_a[k], bearing.lambda_nm2_a2[k]);
             for a in 0..2 {
                 for b in 0..2 {

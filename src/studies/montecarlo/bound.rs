@@ -69,7 +69,7 @@ impl Bound {
     pub fn new(bearing: Bearing) -> Self {
         let lambda = bearing.lambda_nm2_a2;
         let (sigma, weight) = (bearing.position_noise_m, 9.81 * bearing.m_kg);
-        let eccentric = bearing.m_kg * bearing.geometry.gap_m;
+        let eccentric = bearing.m_kg * bearing.geometry.gap_m[0];
         let scale = [sigma, sigma, 1e-3, 1e-3, lambda[0], lambda[1], lambda[2], eccentric, eccentric, weight, weight];
         let prior = [1e3, 1e3, 1e3, 1e3, 30.0, 30.0, 30.0, 10.0, 10.0, 100.0, 100.0];
         let mut p = [[0.0; STATES]; STATES];

@@ -1,0 +1,67 @@
+//! A rigid shaft with five coordinates, in two radial bearings and an axial one.
+//!
+//! ```text
+//! q = (x, y, z, β, γ)                      centre of gravity, in m; rotations about y and z, in rad
+//! y(ξ) = y + ξ γ     z(ξ) = z − ξ β        a point of the axis, ξ along the shaft from the centre of gravity
+//! M_β = −ξ F_z       M_γ = ξ F_y           moments of a force there
+//! m ẍ = F_x     m ÿ = F_y     m z̈ = F_z
+//! J_t β̈ = M_β − J_p Ω γ̇                    Ω about x, from y towards z
+//! J_t γ̈ = M_γ + J_p Ω β̇
+//! ```
+//!
+//! β and γ are small. With the complex coordinates `u = y + i z` and `ψ = γ − i β`, the displacement is `u + ξ ψ` and the rotation obeys
+//! `J_t ψ̈ − i J_p Ω ψ̇ = M_γ − i M_β`: solutions that turn with the rotor are forward whirls.
+
+use crate::bearing::scalar::Scalar;
+
+/// Number of coordinates of a shaft.
+pub const COORDINATES: usize = 5;
+
+/// Inertia of a shaft.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shaft<T = f64> {
+    /// Mass m, in kg.
+    pub m_kg: T,
+    /// Moment of inertia about an axis across the shaft through the centre of gravity, `J_t`, in kg·m².
+    pub transverse_kgm2: T,
+    /// Moment of inertia about the axis of the shaft, `J_p`, in kg·m².
+    pub polar_kgm2: T,
+}
+
+impl<T: Scalar> Shaft<T> {
+    /// `(m, m, m, J_t, J_t)`, in kg and kg·m².
+    #[inline]
+    pub fn inertia(&self) -> [T; COORDINATES] {
+        [self.m_kg, self.m_kg, self.m_kg, self.transverse_kgm2, self.transverse_kgm2]
+    }
+
+    /// The gyroscopic moments `−Ω G q̇`, in N·m, at the speed Ω in rad/s and the rates q̇ in m/s and rad/s.
+    #[inline]
+    pub fn gyroscopic(&self, omega_rad_s: T, rates: [T; COORDINATES]) -> [T; COORDINATES] {
+        let [zero, spin] = [T::constant(0.0), self.polar_kgm2 * omega_rad_s];
+        [zero, zero, zero, -(spin * rates[4]), spin * rates[3]]
+    }
+}
+
+/// Displacement (y, z) of the axis at ξ in m, for coordinates or for their rates.
+#[inline]
+pub fn displacement<T: Scalar>(at_m: T, [_, y, z, beta, gamma]: [T; COORDINATES]) -> [T; 2] {
+    [y + at_m * gamma, z - at_m * beta]
+}
+
+/// The generalised force of a force (F_y, F_z) at ξ, in N and N·m.
+#[inline]
+pub fn generalised<T: Scalar>(at_m: T, [y, z]: [T; 2]) -> [T; COORDINATES] {
+    [T::constant(0.0), y, z, -(at_m * z), at_m * y]
+}
+
+/// Direction d of a radial magnet at ξ in m and at the angle α in rad, as in [`Geometry`](crate::bearing::magnet::Geometry).
+pub fn radial<T: Scalar>(at_m: T, alpha_rad: T) -> [T; COORDINATES] {
+    let (sin, cos) = alpha_rad.sine_cosine();
+    generalised(at_m, [sin, cos])
+}
+
+/// Directions of the two axial magnets, towards +x and towards −x.
+pub fn axial<T: Scalar>() -> [[T; COORDINATES]; 2] {
+    [1.0, -1.0].map(|x| std::array::from_fn(|a| T::constant(if a == 0 { x } else { 0.0 })))
+}
