@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::{Refused, Result, deviation, duration, named, pair, print, said_of, say, write_table};
+use super::{Refused, Result, deviation, duration, named, pair, print, say, write_page, write_table};
 use crate::estimation::{EstimatorConfig, Method};
 use crate::fmu::estimator::METHOD;
 use crate::output::{self, Format};
@@ -303,14 +303,11 @@ impl Results {
             Format::Json.write(path, format!("{document:#}\n").as_bytes()).map_err(named(path))?;
         }
         if let Some(folder) = &arguments.report {
-            fs::create_dir_all(folder).map_err(named(folder))?;
-            let path = folder.join("index.html");
             let recording = arguments.recordings[0].file_name().unwrap_or_default().to_string_lossy();
             let title = format!("Identification from {recording}");
             let (holds, answer) = (self.holds.as_ref(), self.answer.as_ref());
             let page = identification::page(&title, &frame::command_line(), samples, &self.tracks, holds, answer);
-            Format::Page.write(&path, page.as_bytes()).map_err(named(&path))?;
-            said_of(&path);
+            write_page(folder, &page)?;
         }
         Ok(())
     }

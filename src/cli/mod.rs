@@ -16,8 +16,8 @@ use fmu_export::package::platforms::{self, Platform};
 
 use crate::output::{self, Format};
 use crate::package;
-use crate::report::experiment;
 use crate::report::frame;
+use crate::report::{campbell, experiment};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::{BUILT_IN, Scenario};
 use crate::simulation::simulate::{self, Run};
@@ -25,6 +25,7 @@ use crate::simulation::summary;
 use crate::studies::design;
 use crate::studies::montecarlo;
 use crate::studies::sweep::Sweep;
+use crate::studies::whirl::{self, Whirl};
 
 /// Default folders, relative to the one in which the program is run.
 const FMU_FOLDER: &str = "target/fmu";
@@ -114,6 +115,25 @@ enum Command {
         /// Time by which λ must be known, in s.
         #[arg(long, value_name = "SECONDS", default_value_t = 0.1, allow_hyphen_values = true)]
         at: f64,
+    },
+    /// Natural frequencies and unbalance response of a spindle over the speed (Campbell diagram), on bearings that are springs and
+    /// dampers.
+    Whirl {
+        /// The spindle: a file or a built-in scenario.
+        #[arg(value_name = "SCENARIO", default_value = "spindle")]
+        scenario: PathBuf,
+        /// Stiffness of each bearing, in N/m.
+        #[arg(long, value_name = "N/m", default_value_t = 2e6, allow_hyphen_values = true)]
+        stiffness: f64,
+        /// Damping of each bearing, in N·s/m.
+        #[arg(long, value_name = "N.s/m", default_value_t = 200.0, allow_hyphen_values = true)]
+        damping: f64,
+        /// Greatest speed, in rpm.
+        #[arg(long, value_name = "RPM", default_value_t = 12_000.0, value_parser = duration, allow_hyphen_values = true)]
+        to: f64,
+        /// Writes a report page, index.html, into this folder.
+        #[arg(long, value_name = "DIR")]
+        report: Option<PathBuf>,
     },
     /// Repeats runs with many seeds and prints errors, stated standard deviations and the Cramér–Rao bound.
     ///
@@ -225,6 +245,9 @@ pub fn main(commit: Option<&str>) -> ExitCode {
         Some(Command::Describe { out }) => describe(&out),
         Some(Command::Completions { shell }) => completions(shell),
         Some(Command::Identify(arguments)) => identify::run(&arguments),
+        Some(Command::Whirl { scenario, stiffness, damping, to, report }) => {
+            whirl(&scenario, [stiffness, damping], to, report.as_deref())
+        }
         Some(Command::Design { scenario, speed, sample_time, position_noise, current_noise, at }) => {
             let noise = [position_noise, current_noise];
             let conditions = design::Conditions { rpm: speed, step_s: sample_time, noise, instant_s: at };
@@ -353,11 +376,8 @@ fn simulate(name: &Path, changes: &[(String, String)], out: &Out<'_>) -> Result<
         Format::Json.write(path, document.as_bytes()).map_err(named(path))?;
         said_of(path);
     }
-    if let (Some(folder), Some(path)) = (out.report, page) {
-        fs::create_dir_all(folder).map_err(named(folder))?;
-        let page = experiment::page(name, &frame::command_line(), &scenario, &run);
-        Format::Page.write(&path, page.as_bytes()).map_err(named(&path))?;
-        said_of(&path);
+    if let Some(folder) = out.report {
+        write_page(folder, &experiment::page(name, &frame::command_line(), &scenario, &run))?;
     }
     match run.error {
         Some(error) => Err(format!("the run ended early: {error}").into()),
@@ -394,6 +414,30 @@ fn choose_excitation(name: &Path, conditions: &design::Conditions) -> Result<()>
     print::table(&table);
     say!();
     print::paragraph(&design::advice(conditions, &precisions));
+    Ok(())
+}
+
+/// Steps of the speed in the table of `whirl`.
+const SPEEDS: usize = 12;
+
+fn whirl(name: &Path, [stiffness, damping]: [f64; 2], greatest_rpm: f64, report: Option<&Path>) -> Result<()> {
+    let scenario = Scenario::open(name)?;
+    let whirl = Whirl::new(&scenario, stiffness, damping).map_err(|why| format!("{}: {why}", name.display()))?;
+    let table = whirl::table(&whirl, greatest_rpm, SPEEDS);
+    print::table(&table);
+    if let Some(folder) = report {
+        let page = campbell::page(&frame::command_line(), &whirl, greatest_rpm, &table);
+        write_page(folder, &page)?;
+    }
+    Ok(())
+}
+
+/// Writes a report page into a folder, which is created if missing.
+fn write_page(folder: &Path, page: &str) -> Result<()> {
+    fs::create_dir_all(folder).map_err(named(folder))?;
+    let path = folder.join("index.html");
+    Format::Page.write(&path, page.as_bytes()).map_err(named(&path))?;
+    said_of(&path);
     Ok(())
 }
 

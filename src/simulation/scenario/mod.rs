@@ -97,6 +97,8 @@ pub struct Scenario {
     pub title: String,
     /// A paragraph.
     pub description: String,
+    /// The machine, one of [`MACHINES`].
+    pub machine: &'static str,
     /// Length of the run, in seconds.
     pub duration_s: f64,
     /// Communication step, in seconds.
@@ -212,6 +214,13 @@ impl Scenario {
             }));
         }
         connections
+    }
+
+    /// The magnets, by what stands before and after the name of a quantity: `("", "[1]")` of a bearing, `("A.", "[1]")` of a spindle.
+    pub fn magnets(&self) -> Vec<(String, String)> {
+        let variables = self.plant().model_type.variables().iter();
+        let of_magnet = |name: &str| name.split_once("lambda[").map(|(bearing, k)| (bearing.into(), format!("[{k}")));
+        variables.filter_map(|variable| of_magnet(&variable.name)).collect()
     }
 
     /// Finds the variable of a path such as `plant.lambda[1]`: the index of its element and its own.

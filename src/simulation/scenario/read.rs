@@ -248,6 +248,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     Scenario {
         title: document.title,
         description: document.description,
+        machine: machine.0,
         duration_s,
         step_s,
         elements,
