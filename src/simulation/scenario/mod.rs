@@ -109,6 +109,8 @@ pub struct Scenario {
     pub(crate) connected: Vec<Connection>,
     /// Values that change during the run.
     pub profiles: Vec<Profile>,
+    /// When correction masses are fitted that balance the rotor by what the estimator says, in seconds, if at all.
+    pub balance_s: Option<f64>,
     /// How well a test bench is known, for `identify`: names and values as for `--tolerance`.
     pub tolerance: Vec<(String, String)>,
     /// Changes made when it was opened, each as `name=value`.

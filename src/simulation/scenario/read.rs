@@ -39,6 +39,7 @@ struct Document {
     step: toml::Value,
     compare: Vec<String>,
     contour: Option<String>,
+    balance: Option<toml::Value>,
     profile: Vec<ProfileText>,
     all: toml::Table,
     plant: toml::Table,
@@ -49,7 +50,7 @@ struct Document {
 
 impl Document {
     /// The keys.
-    const KEYS: [&str; 13] = [
+    const KEYS: [&str; 14] = [
         "title",
         "description",
         "machine",
@@ -57,6 +58,7 @@ impl Document {
         "step",
         "compare",
         "contour",
+        "balance",
         "profile",
         "all",
         "plant",
@@ -83,6 +85,7 @@ impl Document {
             step,
             compare: take(&mut table, "compare", "a list of methods", findings),
             contour: take(&mut table, "contour", "the name of a file", findings),
+            balance: table.remove("balance"),
             profile: take(&mut table, "profile", "of = [names], time = [instants], value = [values]", findings),
             all: take(&mut table, "all", "a table", findings),
             plant: take(&mut table, "plant", "a table", findings),
@@ -194,6 +197,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     };
     let duration_s = time("duration", &document.duration);
     let step_s = time("step", &document.step);
+    let balance_s = document.balance.as_ref().map(|value| time("balance", value));
     if findings.is_empty() && step_s > duration_s {
         findings.push(format!("step = {} is refused: expected at most the duration, {duration_s} s", document.step));
     }
@@ -254,6 +258,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         elements,
         connected,
         profiles,
+        balance_s,
         tolerance,
         changes: Vec::new(),
     }
