@@ -5,6 +5,7 @@
 pub mod controller;
 pub mod estimator;
 pub mod plant;
+pub mod spindle;
 
 mod common;
 
