@@ -14,9 +14,11 @@ use serde::{Deserialize, Serialize};
 
 use super::common::{Axes, DRIVE, KILOGRAM_METRE, LAMBDA, coils, geometry, info, of_magnets, together};
 use crate::bearing::coil::Drive;
-use crate::plant::linearisation::{Point, Taylor, along, in_time};
-use crate::plant::noise::Noise;
-use crate::plant::{self, Conditions, INSTANT_TOLERANCE, Plant, PlantConfig, PlantInput, PlantOutput, PlantState};
+use crate::plant::linearisation::{Point, Taylor};
+use crate::plant::sensor::Channels;
+use crate::plant::{
+    self, Conditions, INSTANT_TOLERANCE, Motion, Plant, PlantConfig, PlantInput, PlantOutput, PlantState,
+};
 
 /// Speed of the paper's experiments, 3000 rpm.
 const OMEGA_RAD_S: f64 = 100.0 * std::f64::consts::PI;
@@ -604,15 +606,17 @@ impl Model for MagneticBearing {
         derivatives.velocity_m_s = std::array::from_fn(|a| from(direction.velocity_m_s[a], towards.velocity_m_s[a]));
         derivatives.theta_rad = from(direction.theta_rad, towards.theta_rad);
         derivatives.omega_rad_s = direction.input.omega_rad_s;
-        let ([y, z], [v_y, v_z]) = (derivatives.position_m, derivatives.velocity_m_s);
-        let [psi_1, psi_2, psi_3] = direction.output.linkage_wb;
         let line = Point {
             config: towards.clone(),
-            motion: [y, z, v_y, v_z, psi_1, psi_2, psi_3],
+            motion: Motion {
+                position_m: derivatives.position_m,
+                velocity_m_s: derivatives.velocity_m_s,
+                linkage_wb: direction.output.linkage_wb,
+            },
             input: direction.input.clone(),
             conditions: Conditions { theta_rad: derivatives.theta_rad, ..Conditions::default() },
         };
-        derivatives.output = along(&point, &line).map(|series| series.derivative(1));
+        derivatives.output = point.along(&line).outputs().map(|series| series.derivative(1));
         derivatives.output.linkage_wb = direction.output.linkage_wb;
         self.differentiate_first_sample(state, towards, &mut derivatives);
         derivatives.measured_theta_rad = derivatives.theta_rad;
@@ -630,10 +634,14 @@ impl Model for MagneticBearing {
     ) -> Values {
         let point = Point::of(&self.0, state, &values.input, time_s);
         let slopes = slopes.each_ref().map(|slopes| slopes.input.clone());
-        let (line, output) = in_time::<3>(&point, &slopes);
-        let [y, z, ..] = line.motion;
+        let line = point.in_time(&slopes);
+        let output = line.outputs();
         let derivative = |series: Taylor<3>| series.derivative(order);
-        Values { position_m: [y, z].map(derivative), output: output.map(derivative), ..Values::default() }
+        Values {
+            position_m: line.motion.position_m.map(derivative),
+            output: output.map(derivative),
+            ..Values::default()
+        }
     }
 }
 
@@ -642,16 +650,18 @@ impl MagneticBearing {
     /// constant almost everywhere.
     fn differentiate_first_sample(&self, state: &PlantState, towards: &PlantConfig, derivatives: &mut Values) {
         let (sensor, towards) = (&self.0.config().sensor, &towards.sensor);
-        let draws = Noise::channels::<5>(sensor.seed).map(|mut noise| noise.standard_normal());
+        let Channels { position, current } = Channels::<2, 3>::new(sensor.seed);
+        let position_draws = position.map(|mut noise| noise.standard_normal());
+        let current_draws = current.map(|mut noise| noise.standard_normal());
         derivatives.measured_position_m = std::array::from_fn(|a| {
             let rotor_m = (1.0 + sensor.position_gain_error[a]) * derivatives.position_m[a]
                 + towards.position_gain_error[a] * state.position_m[a];
-            let own_m = towards.position_offset_m[a] + towards.position_noise_m * draws[a];
+            let own_m = towards.position_offset_m[a] + towards.position_noise_m * position_draws[a];
             if sensor.position_resolution_m == 0.0 { rotor_m + own_m } else { 0.0 }
         });
         // No current is held before the start.
         derivatives.measured_current_a = std::array::from_fn(|k| {
-            let own_a = towards.current_offset_a[k] + towards.current_noise_a * draws[2 + k];
+            let own_a = towards.current_offset_a[k] + towards.current_noise_a * current_draws[k];
             if sensor.current_resolution_a == 0.0 { own_a } else { 0.0 }
         });
     }
