@@ -8,6 +8,7 @@ pub mod plant;
 pub mod spindle;
 
 mod common;
+mod plants;
 
 use std::sync::Arc;
 

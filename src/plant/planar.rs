@@ -128,6 +128,10 @@ impl<T: Scalar> Rotor<2, 3> for PlantConfig<T> {
         &self.coil
     }
 
+    fn readings_m(&self, position_m: [T; 2]) -> [T; 2] {
+        position_m
+    }
+
     fn perturbation(&self, input: &PlantInput<T>, time_s: T, theta_rad: T) -> [T; 2] {
         let Harmonic { amplitude_n, omega_rad_s, phase_rad } = &self.harmonic;
         let mut p = input.perturbation_n;
@@ -199,10 +203,6 @@ impl PlantParameters<2, 3> for PlantConfig {
 
     fn max_step_s(&self) -> f64 {
         self.max_step_s
-    }
-
-    fn readings_m(&self, position_m: [f64; 2]) -> [f64; 2] {
-        position_m
     }
 
     fn touches(&self, position_m: &[f64; 2], velocity_m_s: &[f64; 2]) -> bool {

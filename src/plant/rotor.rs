@@ -38,6 +38,9 @@ pub trait Rotor<const N: usize, const K: usize>: Clone {
     /// λ of each magnet, in N·m²/A².
     fn lambda_nm2_a2(&self) -> &[Self::Number; K];
 
+    /// What ideal position sensors read at these coordinates, in m.
+    fn readings_m(&self, position_m: [Self::Number; N]) -> [Self::Number; N];
+
     /// The coils.
     fn coil(&self) -> &CoilConfig<Self::Number>;
 
@@ -79,9 +82,6 @@ pub trait PlantParameters<const N: usize, const K: usize>:
 
     /// Longest sub-step of the integration, in s.
     fn max_step_s(&self) -> f64;
-
-    /// What ideal position sensors read at these coordinates, in m.
-    fn readings_m(&self, position_m: [f64; N]) -> [f64; N];
 
     /// Which backup bearings the rotor touches.
     fn touches(&self, position_m: &[f64; N], velocity_m_s: &[f64; N]) -> Self::Contact;

@@ -200,6 +200,10 @@ impl<T: Scalar> Rotor<COORDINATES, MAGNETS> for SpindleConfig<T> {
         &self.coil
     }
 
+    fn readings_m(&self, position_m: [T; COORDINATES]) -> [T; COORDINATES] {
+        self.geometry.readings(position_m)
+    }
+
     fn perturbation(&self, input: &SpindleInput<T>, _: T, theta_rad: T) -> [T; COORDINATES] {
         let mut p = input.perturbation_n;
         for (p_a, gravity) in p.iter_mut().zip(self.gravity_m_s2) {
@@ -279,10 +283,6 @@ impl PlantParameters<COORDINATES, MAGNETS> for SpindleConfig {
 
     fn max_step_s(&self) -> f64 {
         self.max_step_s
-    }
-
-    fn readings_m(&self, position_m: [f64; COORDINATES]) -> [f64; COORDINATES] {
-        self.geometry.readings(position_m)
     }
 
     fn touches(&self, position_m: &[f64; COORDINATES], velocity_m_s: &[f64; COORDINATES]) -> [bool; 3] {
