@@ -352,38 +352,50 @@ impl PlantParameters<COORDINATES, MAGNETS> for SpindleConfig {
 const STARTS: [(&str, &str); COORDINATES] =
     [("X0", "vX0"), ("Y0", "vY0"), ("Z0", "vZ0"), ("beta0", "betaRate0"), ("gamma0", "gammaRate0")];
 
+/// What a spindle shows at a radial bearing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AtRadialBearing<T = f64> {
+    /// Displacement of the shaft at the magnets along y, in m.
+    pub y_m: T,
+    /// Along z.
+    pub z_m: T,
+    /// Force of the magnets along y, in N.
+    pub y_n: T,
+    /// Along z.
+    pub z_n: T,
+    /// Force of the backup bearing along y, in N.
+    pub touchdown_y_n: T,
+    /// Along z.
+    pub touchdown_z_n: T,
+}
+
 /// What a spindle shows at its bearings.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AtBearings<T = f64> {
-    /// Displacement (y, z) of the shaft at the magnets of A and of B, in m.
-    pub position_m: [[T; 2]; 2],
-    /// Force (y, z) of the magnets of A and of B, in N.
-    pub force_n: [[T; 2]; 2],
-    /// Force (y, z) of the backup bearings at A and B, in N.
-    pub touchdown_n: [[T; 2]; 2],
+    /// At A.
+    pub a: AtRadialBearing<T>,
+    /// At B.
+    pub b: AtRadialBearing<T>,
     /// Force of the axial magnets, in N.
     pub axial_n: T,
     /// Force of the axial stop, in N.
     pub axial_touchdown_n: T,
 }
 
-impl<T: Scalar> Default for AtBearings<T> {
-    /// All 0.
-    fn default() -> Self {
-        let zero = T::constant(0.0);
-        let none = [[zero; 2]; 2];
-        Self { position_m: none, force_n: none, touchdown_n: none, axial_n: zero, axial_touchdown_n: zero }
-    }
-}
-
 impl<T: Copy> AtBearings<T> {
     /// Applies `f` to every number.
     pub fn map<U>(self, f: impl Fn(T) -> U) -> AtBearings<U> {
-        let pairs = |pairs: [[T; 2]; 2]| pairs.map(|pair| pair.map(&f));
+        let radial = |at: AtRadialBearing<T>| AtRadialBearing {
+            y_m: f(at.y_m),
+            z_m: f(at.z_m),
+            y_n: f(at.y_n),
+            z_n: f(at.z_n),
+            touchdown_y_n: f(at.touchdown_y_n),
+            touchdown_z_n: f(at.touchdown_z_n),
+        };
         AtBearings {
-            position_m: pairs(self.position_m),
-            force_n: pairs(self.force_n),
-            touchdown_n: pairs(self.touchdown_n),
+            a: radial(self.a),
+            b: radial(self.b),
             axial_n: f(self.axial_n),
             axial_touchdown_n: f(self.axial_touchdown_n),
         }
@@ -400,18 +412,16 @@ impl<T: Scalar> Equations<SpindleConfig<T>, COORDINATES, MAGNETS> {
         force_n: [T; MAGNETS],
     ) -> AtBearings<T> {
         let (touchdown_n, axial_touchdown_n) = self.config.touchdown_n(motion, omega_rad_s, contact);
+        let displacement_m = self.config.at_magnets(motion.position_m);
         let directions = &self.geometry().directions;
-        // The direction of a radial magnet in the plane is (y, z) of its d.
-        let along = |of: [usize; 3], a: usize| {
-            of.into_iter().fold(T::constant(0.0), |sum, k| sum + force_n[k] * directions[k][a])
+        let radial = |b: usize| {
+            // The direction of a radial magnet in the plane is (y, z) of its d.
+            let along =
+                |a: usize| (3 * b..3 * b + 3).fold(T::constant(0.0), |sum, k| sum + force_n[k] * directions[k][a]);
+            let ([y_m, z_m], [touchdown_y_n, touchdown_z_n]) = (displacement_m[b], touchdown_n[b]);
+            AtRadialBearing { y_m, z_m, y_n: along(1), z_n: along(2), touchdown_y_n, touchdown_z_n }
         };
-        AtBearings {
-            position_m: self.config.at_magnets(motion.position_m),
-            force_n: [[0, 1, 2], [3, 4, 5]].map(|of| [along(of, 1), along(of, 2)]),
-            touchdown_n,
-            axial_n: force_n[6] - force_n[7],
-            axial_touchdown_n,
-        }
+        AtBearings { a: radial(0), b: radial(1), axial_n: force_n[6] - force_n[7], axial_touchdown_n }
     }
 }
 
