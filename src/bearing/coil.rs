@@ -61,12 +61,13 @@ impl Default for CoilConfig {
 
 impl CoilConfig {
     /// Reports invalid parameters by their names in the interface; `gap_m` and `lambda_nm2_a2` belong to the magnets.
-    pub(crate) fn check(&self, gap_m: f64, lambda_nm2_a2: [f64; 3], checks: &mut Checks) {
+    pub(crate) fn check<const K: usize>(&self, gap_m: [f64; K], lambda_nm2_a2: [f64; K], checks: &mut Checks) {
         checks.not_negative("coil.R", self.resistance_ohm, "Ohm");
         checks.not_negative("coil.Lleak", self.leakage_h, "H");
         checks.positive("coil.uMax", self.limit_v, "V");
         checks.not_negative("coil.fluxSaturation", self.saturation_wb, "Wb");
-        let least_h = lambda_nm2_a2.iter().map(|lambda| self.leakage_h + lambda / gap_m).fold(f64::INFINITY, f64::min);
+        let inductances = lambda_nm2_a2.into_iter().zip(gap_m).map(|(lambda, gap_m)| self.leakage_h + lambda / gap_m);
+        let least_h = inductances.fold(f64::INFINITY, f64::min);
         if self.drive == Drive::Voltage && self.resistance_ohm.is_finite() && least_h.is_finite() && least_h > 0.0 {
             checks.require(
                 least_h >= SHORTEST_TIME_CONSTANT_S * self.resistance_ohm,

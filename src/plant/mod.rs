@@ -171,7 +171,7 @@ impl Plant {
         for (name, value) in ["gravity.Y", "gravity.Z"].into_iter().zip(config.gravity_m_s2) {
             checks.finite(name, value, "m/s2");
         }
-        config.coil.check(config.gap_m, config.lambda_nm2_a2, &mut checks);
+        config.coil.check([config.gap_m; 3], config.lambda_nm2_a2, &mut checks);
         config.touchdown.check(&mut checks);
         config.sensor.check(&mut checks);
         check_step("solver.maxStep", config.max_step_s, &mut checks);
@@ -203,7 +203,7 @@ impl Plant {
         let mut checks = Checks::default();
         check_tunable(lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, &harmonic, &mut checks);
         let config = &mut self.equations.config;
-        config.coil.check(config.gap_m, lambda_nm2_a2, &mut checks);
+        config.coil.check([config.gap_m; 3], lambda_nm2_a2, &mut checks);
         checks.finish()?;
         config.lambda_nm2_a2 = lambda_nm2_a2;
         config.unbalance_kgm = unbalance_kgm;
