@@ -66,7 +66,7 @@ impl CoilConfig {
         checks.not_negative("coil.Lleak", self.leakage_h, "H");
         checks.positive("coil.uMax", self.limit_v, "V");
         checks.not_negative("coil.fluxSaturation", self.saturation_wb, "Wb");
-        let inductances = lambda_nm2_a2.into_iter().zip(gap_m).map(|(lambda, gap_m)| self.leakage_h + lambda / gap_m);
+        let inductances = lambda_nm2_a2.iter().zip(gap_m).map(|(lambda, gap_m)| self.leakage_h + lambda / gap_m);
         let least_h = inductances.fold(f64::INFINITY, f64::min);
         if self.drive == Drive::Voltage && self.resistance_ohm.is_finite() && least_h.is_finite() && least_h > 0.0 {
             checks.require(

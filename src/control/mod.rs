@@ -6,9 +6,11 @@
 //! - [`observer`]: position, velocity and perturbation from sampled positions;
 //! - [`tracking`]: the control law, for current and for voltage drive, and the excitation: for any number of coordinates and
 //!   magnets;
-//! - [`controller`]: the controller of the planar rotor.
+//! - [`controller`]: the controller of the planar rotor;
+//! - [`spindle`]: the controller of a shaft with five coordinates.
 
 pub mod controller;
 pub mod observer;
 pub mod reference;
+pub mod spindle;
 pub mod tracking;

@@ -13,7 +13,12 @@ use std::sync::Arc;
 
 use fmu_export::ModelType;
 
-fmu_export::export_fmus!(plant::MagneticBearing, controller::FlatnessController, estimator::AlgebraicEstimator);
+fmu_export::export_fmus!(
+    plant::MagneticBearing,
+    controller::FlatnessController,
+    estimator::AlgebraicEstimator,
+    spindle::controller::SpindleController
+);
 
 /// All models of this project, in the order in which they are shown.
 pub fn catalogue() -> Arc<[Arc<ModelType>]> {

@@ -2,4 +2,6 @@
 //!
 //! Names are those of the planar models with the bearing in front, `A.lambda[1]`, `X.i[2]`.
 
+pub mod controller;
+
 mod common;
