@@ -158,7 +158,8 @@ fn unbalances(scenario: &Scenario) -> Vec<(Unbalance, Unbalance)> {
     let names = [String::new()].into_iter().chain((1..=2).map(|plane| format!("[{plane}]")));
     let find = |element: usize, plane: &str| {
         let variables = scenario.elements[element].model_type.variables();
-        let one = |what: &str| variables.iter().position(|variable| variable.name == format!("unbalance{plane}.{what}"));
+        let one =
+            |what: &str| variables.iter().position(|variable| variable.name == format!("unbalance{plane}.{what}"));
         Some([(element, one("magnitude")?), (element, one("phase")?)])
     };
     names.filter_map(|plane| Some((find(0, &plane)?, find(2, &plane)?))).collect()

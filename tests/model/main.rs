@@ -17,4 +17,5 @@ mod reference;
 mod sensitivity;
 mod sensor;
 mod spindle;
+mod spindle_controller;
 mod touchdown;

@@ -11,6 +11,9 @@ use crate::fmu::common::LAMBDA;
 /// Moment of inertia.
 pub(in crate::fmu) const KILOGRAM_METRE2: Unit = Unit::new("kg.m2", &[("kg", 1), ("m", 2)], &[]);
 
+/// Moment of a force.
+pub(in crate::fmu) const NEWTON_METRE: Unit = Unit::new("N.m", &[("kg", 1), ("m", 2), ("s", -2)], &[]);
+
 /// Measured positions, in the order of the equations.
 pub(in crate::fmu) const MEASURED: [&str; READINGS] = ["A.Ym", "A.Zm", "B.Ym", "B.Zm", "Xm"];
 
