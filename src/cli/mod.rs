@@ -65,7 +65,7 @@ enum Command {
     /// "hole.csv"` makes a closed curve of points the reference trajectory.
     Simulate {
         /// A file, - for the standard input, or a built-in scenario: paper, experiment, unbalanced, turned, run-up, lift-off,
-        /// coil-loss, circle, hole, standstill.
+        /// coil-loss, circle, hole, standstill, spindle, balance.
         #[arg(value_name = "SCENARIO")]
         scenario: PathBuf,
         /// Changes a value of the scenario (can be repeated): `m=7` for every element that has the variable, `plant.m=7` for

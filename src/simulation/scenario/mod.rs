@@ -11,7 +11,7 @@ use fmu_export::variable::{Causality, Type, Value};
 use self::read::{permitted, unknown};
 
 /// The built-in scenarios, by name.
-pub const BUILT_IN: [(&str, &str); 10] = [
+pub const BUILT_IN: [(&str, &str); 12] = [
     ("paper", include_str!("../scenarios/paper.toml")),
     ("experiment", include_str!("../scenarios/experiment.toml")),
     ("unbalanced", include_str!("../scenarios/unbalanced.toml")),
@@ -22,6 +22,8 @@ pub const BUILT_IN: [(&str, &str); 10] = [
     ("circle", include_str!("../scenarios/circle.toml")),
     ("hole", include_str!("../scenarios/hole.toml")),
     ("standstill", include_str!("../scenarios/standstill.toml")),
+    ("spindle", include_str!("../scenarios/spindle.toml")),
+    ("balance", include_str!("../scenarios/balance.toml")),
 ];
 
 /// What is wrong with a scenario; each finding on its own line.
