@@ -129,6 +129,7 @@ impl<D> OfMagnet for Row<D> {
 }
 
 /// First guess of the force constants.
+#[allow(dead_code, reason = "for controller and estimator")]
 pub(in crate::fmu) fn lambda0<D>(lambda0: Access<D, f64>) -> impl Iterator<Item = Row<D>> {
     Row::named_reals(of_magnets("lambda0"), lambda0, LAMBDA, [4e-6; MAGNETS])
         .map(|row| row.fixed().min(0.0).nominal(1e-6).of_magnet("First guess of the force constant of {magnet}"))

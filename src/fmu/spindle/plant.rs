@@ -8,7 +8,7 @@ use fmu_export::variable::Dependency::{Constant, Fixed};
 use fmu_export::variable::{Access, Row, Value};
 use fmu_export::{Info, Invalid, place};
 
-use super::common::{HasGeometry, MEASURED, OfMagnet, geometry, of_magnets};
+use super::common::{HasGeometry, MEASURED, NEWTON_METRE, OfMagnet, geometry, of_magnets};
 use crate::bearing::coil::CoilConfig;
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::COORDINATES;
@@ -22,10 +22,8 @@ use crate::invalid;
 use crate::plant::spindle::{AtBearings, SpindleConfig, SpindleInput, SpindlePlant};
 use crate::plant::{Equations, Motion, SensorConfig};
 
-/// Moment.
-const NEWTON_METRE: Unit = Unit::new("N.m", &[("kg", 1), ("m", 2), ("s", -2)], &[]);
 /// Angular acceleration.
-const RADIAN_PER_SECOND2: Unit = Unit::new("rad/s2", &[("s", -2), ("rad", 1)], &[]);
+const RADIAN_PER_SECOND2: Unit = Unit::new("rad/s2", &[("rad", 1), ("s", -2)], &[]);
 
 /// The plant.
 pub type MagneticSpindle = PlantModel<SpindleConfig, COORDINATES, MAGNETS>;
