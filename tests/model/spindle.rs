@@ -240,7 +240,7 @@ fn the_planar_rotor_is_the_limit_of_equal_bearings_in_phase() {
         let mut two = spindle.start(0.0);
         let (mut touched, mut worst) = (false, 0.0_f64);
         // Without control the rotor stays clear of the ring for some milliseconds.
-        for k in 0..if falls { 200 } else { 80 } {
+        for k in 0..if falls { 200 } else { 40 } {
             let t = f64::from(k) * STEP_S;
             let i: [f64; 3] =
                 std::array::from_fn(|n| if falls { 0.0 } else { 1.2 + 0.2 * (40.0 * t + n as f64).sin() });
