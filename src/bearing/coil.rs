@@ -82,6 +82,17 @@ impl CoilConfig {
 }
 
 impl<T: Scalar> CoilConfig<T> {
+    /// Combines these parameters with others, number by number.
+    pub fn with<U: Scalar, V>(&self, other: &CoilConfig<U>, join: impl Fn(T, U) -> V) -> CoilConfig<V> {
+        CoilConfig {
+            drive: self.drive,
+            resistance_ohm: join(self.resistance_ohm, other.resistance_ohm),
+            leakage_h: join(self.leakage_h, other.leakage_h),
+            limit_v: join(self.limit_v, other.limit_v),
+            saturation_wb: join(self.saturation_wb, other.saturation_wb),
+        }
+    }
+
     /// The coil of one magnet with its λ in N·m²/A² and the nominal gap in m.
     #[inline]
     pub fn of(&self, lambda_nm2_a2: T, nominal_gap_m: T) -> Coil<T> {

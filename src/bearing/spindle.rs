@@ -99,6 +99,17 @@ impl<T: Scalar> SpindleGeometry<T> {
         }
     }
 
+    /// The radial bearings A and B.
+    pub fn radial(&self) -> [&RadialBearing<T>; 2] {
+        [&self.a, &self.b]
+    }
+
+    /// The readings `H q`, in m, at the coordinates q in m and rad.
+    pub fn readings(&self, q: [T; COORDINATES]) -> [T; READINGS] {
+        let [[a_y, a_z], [b_y, b_z]] = self.radial().map(|bearing| shaft::displacement(bearing.sensor_position_m, q));
+        [a_y, a_z, b_y, b_z, q[0]]
+    }
+
     /// The matrix H of the readings `H q`, one row per reading.
     pub fn sensors(&self) -> [[T; COORDINATES]; READINGS] {
         // A displacement towards (1, 0) or (0, 1) at ξ, as of a magnet that would pull there.
@@ -221,9 +232,7 @@ impl Spindle {
 
     /// The readings `H q`, in m, at the coordinates q in m and rad.
     pub fn readings(&self, q: [f64; COORDINATES]) -> [f64; READINGS] {
-        let [[a_y, a_z], [b_y, b_z]] =
-            [&self.config.a, &self.config.b].map(|bearing| shaft::displacement(bearing.sensor_position_m, q));
-        [a_y, a_z, b_y, b_z, q[0]]
+        self.config.readings(q)
     }
 
     /// The coordinates `H⁻¹ r`, in m and rad, for readings r in m.

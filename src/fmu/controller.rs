@@ -242,8 +242,7 @@ pub(super) fn bandwidth<D>(
     current: Access<D, f64>,
 ) -> impl Iterator<Item = Row<D>> {
     [
-        Row::real("bandwidth.tracking", tracking, RADIAN_PER_SECOND, 1000.0)
-            .description("Poles of the tracking error"),
+        Row::real("bandwidth.tracking", tracking, RADIAN_PER_SECOND, 1000.0).description("Poles of the tracking error"),
         Row::real("bandwidth.observer", observer, RADIAN_PER_SECOND, 4000.0)
             .description("Poles of the perturbation observer"),
         Row::real("bandwidth.current", current, RADIAN_PER_SECOND, 5000.0)

@@ -1,6 +1,7 @@
-//! The models of this project as FMUs: three tables of variables, and the library that serves them.
+//! The models of this project as FMUs: a table of variables each, and the library that serves them.
 //!
-//! [`plant`], [`controller`] and [`estimator`] each read from top to bottom: values, table, run.
+//! [`plant`], [`controller`] and [`estimator`] each read from top to bottom: values, table, run. [`spindle`] holds the models of a
+//! whole rotor.
 
 pub mod controller;
 pub mod estimator;
@@ -8,6 +9,7 @@ pub mod plant;
 pub mod spindle;
 
 mod common;
+mod plants;
 
 use std::sync::Arc;
 
@@ -17,7 +19,8 @@ fmu_export::export_fmus!(
     plant::MagneticBearing,
     controller::FlatnessController,
     estimator::AlgebraicEstimator,
-    spindle::controller::SpindleController
+    spindle::plant::MagneticSpindle,
+    spindle::controller::SpindleController,
 );
 
 /// All models of this project, in the order in which they are shown.

@@ -1,13 +1,12 @@
 //! Instances and their tables: access, reset, variability, outputs, and the sample instants.
 
 use crate::support::named::Named;
-use crate::support::{Random, below, says};
+use crate::support::{MODELS, Random, below, is_plant, says};
 use fmu_export::clock::Clock;
 use fmu_export::instance::AccessError;
 use fmu_export::variable::{Causality, Type, Value, Variability};
 use magnetic_bearing::fmu::catalogue;
 
-const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 const TS: f64 = 1e-4;
 
 /// Inputs for a step, different at every step.
@@ -17,8 +16,10 @@ fn excite(instance: &mut Named, random: &mut Random) {
         if variable.causality != Causality::Input {
             continue;
         }
-        let value = match variable.name.as_ref() {
-            "Ym" | "Zm" | "Yref" | "Zref" => Value::Real(random.between(-5e-5, 5e-5)),
+        // Without the bearing.
+        let name = variable.name.strip_prefix(['A', 'B', 'X']).and_then(|name| name.strip_prefix('.'));
+        let value = match name.unwrap_or(&variable.name) {
+            "Ym" | "Zm" | "Xm" | "Yref" | "Zref" => Value::Real(random.between(-5e-5, 5e-5)),
             "omega" => Value::Real(random.between(300.0, 320.0)),
             "theta" => Value::Real(random.between(0.0, 6.0)),
             "reset" => Value::Boolean(false),
@@ -34,7 +35,7 @@ fn excite(instance: &mut Named, random: &mut Random) {
 
 /// Enough steps for the window of the estimator, and few enough for a rotor without control.
 fn steps(model: &str) -> std::ops::Range<u32> {
-    if model == "MagneticBearing" { 0..150 } else { 0..250 }
+    if is_plant(model) { 0..150 } else { 0..250 }
 }
 
 /// Steps of `TS` from a step number on.
@@ -337,8 +338,8 @@ fn outputs_follow_an_input_at_once_only_where_the_table_says_so() {
             };
             let may = variable.depends_on.iter().any(|(name, _)| input(name));
             assert!(may || !follows, "{model}.{} follows an input", variable.name);
-            let force = variable.name.starts_with('F') || variable.name.starts_with("perturbation.");
-            assert!(follows || !(model == "MagneticBearing" && force), "{model}.{} stands still", variable.name);
+            let force = ["F", "perturbation.", "A.F", "B.F", "X.F"].iter().any(|head| variable.name.starts_with(head));
+            assert!(follows || !(is_plant(model) && force), "{model}.{} stands still", variable.name);
         }
     }
 }
@@ -524,6 +525,14 @@ fn refused_parameters_are_all_named_at_once() {
         ("FlatnessController", "reference.shape", 0.0, &["0", "ellipse (1), lobes (2), external (3)"]),
         ("FlatnessController", "reference.lobes", -1.0, &["-1", "0 or above"]),
         ("FlatnessController", "reference.rZ", 6e-4, &[]),
+        ("SpindleController", "Jp", 0.4, &["0.4 kg.m2", "at most 2 Jt"]),
+        ("SpindleController", "B.F0", -1.0, &["0 or above"]),
+        ("SpindleController", "X.lambda0[2]", 0.0, &["above 0"]),
+        ("SpindleController", "X.F0.modulationFrequency", 6000.0, &["6000 Hz", "at most half the sample rate"]),
+        ("SpindleController", "A.reference.rZ", 6e-4, &["does not touch magnet 1"]),
+        ("SpindleController", "X.reference.amplitude", 6e-4, &["the gap is 0.0006 m"]),
+        ("SpindleController", "B.sensorPosition", -0.1, &["-0.1 m", "at least"]),
+        ("SpindleController", "update.mode", 4.0, &["never (1), atTime (2), whenValid (3)"]),
         ("AlgebraicEstimator", "m", 0.0, &["0 kg", "above 0"]),
         ("AlgebraicEstimator", "s", f64::NAN, &["NaN", "finite"]),
         ("AlgebraicEstimator", "Ts", -1e-4, &[]),

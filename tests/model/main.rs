@@ -16,5 +16,6 @@ mod plant;
 mod reference;
 mod sensitivity;
 mod sensor;
+mod spindle;
 mod spindle_controller;
 mod touchdown;

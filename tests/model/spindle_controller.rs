@@ -26,8 +26,9 @@ const WRONG: [f64; 8] = [1.5, 1.0 / 1.5, 2.0, 1.0 / 1.7, 1.6, 1.5, 0.5, 1.6];
 /// Unbalance in two planes: magnitude in kg·m, phase in rad, position in m.
 const UNBALANCE: [[f64; 3]; 2] = [[8e-5, 0.7, -0.08], [5e-5, -1.9, 0.10]];
 
-/// How much larger the worst tracking error is at 12,000 rpm if gyroscopic moments are not compensated, at least.
-const GYROSCOPIC: f64 = 3.0;
+/// How much larger the worst tracking error is at 6000 rpm if gyroscopic moments are not compensated, at least; measured are 49
+/// and 87 with current and voltage drive.
+const GYROSCOPIC: f64 = 20.0;
 
 /// Runge–Kutta steps within a sample.
 const SUBSTEPS: usize = 10;
@@ -55,8 +56,6 @@ struct Record {
     output: SpindleControllerOutput,
     /// True position minus reference at the magnets: A.y, A.z, B.y, B.z, x, in m.
     error_m: [f64; 5],
-    /// Currents that flowed until the sample, in A.
-    flowing_a: [f64; 8],
     /// True coordinates.
     q: [f64; 5],
 }
@@ -106,7 +105,13 @@ impl Loop {
 
     /// Without noise, load and unbalance.
     fn ideal(rpm: f64) -> Self {
-        Self { unbalance: [[0.0; 3]; 2], load: [0.0; 5], position_noise_m: 0.0, current_noise_a: 0.0, ..Self::study(rpm) }
+        Self {
+            unbalance: [[0.0; 3]; 2],
+            load: [0.0; 5],
+            position_noise_m: 0.0,
+            current_noise_a: 0.0,
+            ..Self::study(rpm)
+        }
     }
 
     fn with_voltage(mut self) -> Self {
@@ -189,7 +194,9 @@ impl Loop {
             let t_s = k as f64 * step_s;
             let flowing_a = if voltage { self.rate(t_s, &x, &held, &spindle).1 } else { before };
             let input = SpindleControllerInput {
-                reading_m: spindle.readings(x.q).map(|reading| reading + self.position_noise_m * noise.standard_normal()),
+                reading_m: spindle
+                    .readings(x.q)
+                    .map(|reading| reading + self.position_noise_m * noise.standard_normal()),
                 current_a: flowing_a.map(|i| i + self.current_noise_a * noise.standard_normal()),
                 lambda_hat_nm2_a2: (self.lambda_at)(k),
                 lambda_valid: t_s >= self.valid_s,
@@ -212,7 +219,7 @@ impl Loop {
             }
             before = held;
             held = if voltage { output.voltage_v } else { output.current_a };
-            records.push(Record { t_s, output, error_m, flowing_a, q: x.q });
+            records.push(Record { t_s, output, error_m, q: x.q });
         }
         records
     }
@@ -305,9 +312,10 @@ fn an_estimate_that_changes_all_the_time_makes_no_steps() {
         std::array::from_fn(|j| LAMBDA[j] * (1.0 + 1e-3 * random(j)))
     };
     let changing = case.run();
-    let apart = right[500..].iter().zip(&changing[500..]).flat_map(|(a, b)| {
-        a.output.current_a.into_iter().zip(b.output.current_a).map(|(a, b)| (a - b).abs())
-    });
+    let apart = right[500..]
+        .iter()
+        .zip(&changing[500..])
+        .flat_map(|(a, b)| a.output.current_a.into_iter().zip(b.output.current_a).map(|(a, b)| (a - b).abs()));
     below("currents with a changing λ, A", apart.fold(0.0, f64::max), 0.02);
     all_below("changing λ", largest(&changing, 0.1, 0.4), 1e-6);
 }
@@ -315,7 +323,7 @@ fn an_estimate_that_changes_all_the_time_makes_no_steps() {
 /// Without the compensation, the moments are for the observers to find, and they find them late.
 #[test]
 fn gyroscopic_moments_are_compensated() {
-    for (name, case) in drives(&Loop::ideal(12_000.0)) {
+    for (name, case) in drives(&Loop::ideal(6000.0)) {
         let worst = |case: &Loop| largest(&case.run(), 0.1, 0.3).into_iter().fold(0.0, f64::max);
         let mut without = case.clone();
         without.controller.geometry.shaft.polar_kgm2 = 0.0;
@@ -435,8 +443,7 @@ fn modulated_smallest_forces_move_nothing() {
         let records = case.run();
         all_below(name, largest(&records, 0.05, 0.4), 1e-9);
         for (k, record) in records.iter().enumerate().skip(500) {
-            for ((range, hz), gap_m) in
-                [0..3, 3..6, 6..8].into_iter().zip([110.0, 130.0, 90.0]).zip([5e-4, 5e-4, 6e-4])
+            for ((range, hz), gap_m) in [0..3, 3..6, 6..8].into_iter().zip([110.0, 130.0, 90.0]).zip([5e-4, 5e-4, 6e-4])
             {
                 let force = |j: usize| LAMBDA[j] * (record.output.current_a[j] / gap_m).powi(2);
                 let least_n = range.map(force).fold(f64::INFINITY, f64::min);
@@ -614,33 +621,56 @@ fn the_state_survives_being_written_and_read() {
     assert_eq!(toml::from_str::<SpindleControllerConfig>(&text).expect("read"), config);
 }
 
-
 #[test]
 #[ignore]
 fn figures() {
-    for rpm in [1500.0, 3000.0, 6000.0, 12000.0] {
-        for (name, case) in drives(&Loop::study(rpm)) {
-            let r = case.run();
-            let limited = r.iter().filter(|r| r.t_s > 0.1 && r.output.limited).count();
-            let e = largest(&r, 0.1, 0.4).map(|e| e * 1e6);
-            println!("study {rpm} {name}: {e:.3?}, limited {limited}");
-            let e = largest(&Loop { position_noise_m: 0.0, current_noise_a: 0.0, ..case.clone() }.run(), 0.1, 0.4).map(|e| e * 1e6);
-            println!("   no noise: {e:.3?}");
+    for (tracking, observer) in
+        [(1000.0, 4000.0), (1000.0, 5000.0), (1200.0, 4000.0), (1100.0, 4500.0), (1200.0, 5000.0)]
+    {
+        for rpm in [3000.0, 6000.0] {
+            for (name, mut case) in drives(&Loop::study(rpm)) {
+                (case.controller.law.tracking_rad_s, case.controller.law.observer_rad_s) = (tracking, observer);
+                let mut worst = [0.0; 5];
+                let mut limited = 0;
+                for seed in 1..=5 {
+                    let r = Loop { seed, ..case.clone() }.run();
+                    let e = largest(&r, 0.1, 0.4);
+                    limited += r.iter().filter(|r| r.t_s > 0.1 && r.output.limited).count();
+                    worst = std::array::from_fn(|a| f64::max(worst[a], e[a] * 1e6));
+                }
+                println!("{tracking} {observer}, {rpm} {name}: {worst:.3?}, limited {limited}");
+            }
         }
-        for (name, case) in drives(&Loop::ideal(rpm)) {
-            let e = largest(&case.run(), 0.1, 0.4).map(|e| e * 1e6);
-            println!("ideal {rpm} {name}: {e:.4?}");
-            let mut without = case.clone();
-            without.controller.geometry.shaft.polar_kgm2 = 0.0;
-            let e = largest(&without.run(), 0.1, 0.4).map(|e| e * 1e6);
-            println!("   not compensated: {e:.4?}");
+    }
+    for (name, case) in drives(&Loop::study(3000.0).wrong()) {
+        let r = case.run();
+        let mut never = case.clone();
+        never.controller.law.update = UpdateMode::Never;
+        let n = never.run();
+        for k in [1999, 2000, 2001, 2002, 2005] {
+            let apart: [f64; 8] = std::array::from_fn(|j| (r[k].output.current_a[j] - n[k].output.current_a[j]).abs());
+            println!("bump {name} {k}: {apart:.4?}");
         }
-        for (name, case) in drives(&Loop::study(rpm).wrong()) {
-            let r = case.run();
-            println!("wrong {rpm} {name}: {:.3?} {:.3?}", largest(&r, 0.05, 0.2).map(|e| e * 1e6), largest(&r, 0.3, 0.4).map(|e| e * 1e6));
-            let jump = |k: usize| -> f64 { (0..8).map(|j| (r[k].output.current_a[j] - r[k - 1].output.current_a[j]).abs()).fold(0.0, f64::max) };
-            let usual = (1500..2000).map(jump).fold(0.0, f64::max);
-            println!("    jump {:.4} usual {:.4}, next {:.4}, load {:.3?}", jump(2000), usual, jump(2001), mean(&r));
+    }
+    for (name, case) in drives(&Loop::ideal(6000.0)) {
+        println!(
+            "conical {name} at rest: limited {}",
+            case.run().iter().filter(|r| r.t_s > 0.1 && r.output.limited).count()
+        );
+    }
+    for (name, case) in drives(&Loop::study(3000.0)) {
+        let controller = SpindleController::new(case.controller.clone()).expect("a controller");
+        let mut best = f64::INFINITY;
+        for _ in 0..20 {
+            let mut state = controller.start(0.0);
+            let mut input = SpindleControllerInput { current_a: [2.0; 8], omega_rad_s: 314.0, ..still() };
+            let begin = std::time::Instant::now();
+            for k in 0..10_000 {
+                input.reading_m[1] = f64::from(k % 7) * 1e-6;
+                let _ = std::hint::black_box(controller.sample(&mut state, &input));
+            }
+            best = best.min(begin.elapsed().as_secs_f64() / 1e4);
         }
+        println!("{name}: {:.0} ns a step", best * 1e9);
     }
 }

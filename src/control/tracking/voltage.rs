@@ -52,17 +52,13 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
         let gyroscopic = |rates| self.arrangement.gyroscopic(measured.omega_rad_s, rates);
         let current_a = measured.current_a;
         let lambda = state.lambda_nm2_a2;
-        let inductance =
-            |k: usize, gap_m: f64| self.config.coil.of(lambda[k], geometry.gap_m[k]).inductance_h(gap_m);
-        let to_acceleration = |force: [f64; N], moment: [f64; N]| -> [f64; N] {
-            std::array::from_fn(|a| (force[a] + moment[a]) / m[a])
-        };
+        let inductance = |k: usize, gap_m: f64| self.config.coil.of(lambda[k], geometry.gap_m[k]).inductance_h(gap_m);
+        let to_acceleration =
+            |force: [f64; N], moment: [f64; N]| -> [f64; N] { std::array::from_fn(|a| (force[a] + moment[a]) / m[a]) };
 
         // Position at the next sample: the change of the force until then moves the rotor by less than the rounding of a gap.
-        let now = to_acceleration(
-            geometry.resultant(state.in_effect_n),
-            gyroscopic(std::array::from_fn(|a| estimate[a][1])),
-        );
+        let now =
+            to_acceleration(geometry.resultant(state.in_effect_n), gyroscopic(std::array::from_fn(|a| estimate[a][1])));
         let next: [Estimate; N] = std::array::from_fn(|a| self.observer.predict(estimate[a], now[a]));
         let next_gap_m = self.limited(geometry.gaps(next.map(|[x, ..]| x)));
         // ψ' = u − R i with the mean of the currents at both ends.

@@ -63,7 +63,8 @@ pub fn configuration(settings: &[(usize, Value)]) -> Result<SpindleControllerCon
 
 /// Tracking errors and references, in the order of the readings.
 const ERRORS: [&str; READINGS] = ["A.eY", "A.eZ", "B.eY", "B.eZ", "X.e"];
-const REFERENCES: [&str; READINGS] = ["A.reference.Y", "A.reference.Z", "B.reference.Y", "B.reference.Z", "X.reference.X"];
+const REFERENCES: [&str; READINGS] =
+    ["A.reference.Y", "A.reference.Z", "B.reference.Y", "B.reference.Z", "X.reference.X"];
 
 fn table() -> Vec<Row<Values>> {
     let mut rows: Vec<Row<Values>> = Vec::new();
@@ -91,14 +92,14 @@ fn table() -> Vec<Row<Values>> {
             .description("Amplitude of the modulation of the smallest forces, as a fraction of F0"),
     );
     let frequencies = place!(Values.config.law.modulation_hz[k]);
-    rows.extend(
-        Row::named_reals(of_bearings("F0.modulationFrequency"), frequencies, HERTZ, [110.0, 130.0, 90.0]).map(|row| {
+    rows.extend(Row::named_reals(of_bearings("F0.modulationFrequency"), frequencies, HERTZ, [110.0, 130.0, 90.0]).map(
+        |row| {
             row.tunable()
                 .min(0.0)
                 .nominal(100.0)
                 .of_bearing("Frequency of the modulation in bearing {bearing}, at most half the sample rate")
-        }),
-    );
+        },
+    ));
     rows.extend(bandwidth(
         place!(Values.config.law.tracking_rad_s),
         place!(Values.config.law.observer_rad_s),
@@ -163,12 +164,13 @@ fn table() -> Vec<Row<Values>> {
     );
 
     rows.extend(Row::named_reals(of_magnets("i"), place!(Values.output.current_a[k]), AMPERE, none).map(|row| {
-        row.sampled_output()
-            .of_magnet("Current reference of {magnet}; with drive = voltage for the end of the sample")
+        row.sampled_output().of_magnet("Current reference of {magnet}; with drive = voltage for the end of the sample")
     }));
-    rows.extend(Row::named_reals(of_magnets("u"), place!(Values.output.voltage_v[k]), VOLT, none).map(|row| {
-        row.sampled_output().nominal(10.0).of_magnet("Voltage command of {magnet}, with drive = voltage")
-    }));
+    rows.extend(
+        Row::named_reals(of_magnets("u"), place!(Values.output.voltage_v[k]), VOLT, none).map(|row| {
+            row.sampled_output().nominal(10.0).of_magnet("Voltage command of {magnet}, with drive = voltage")
+        }),
+    );
     rows.extend(Row::named_reals(ERRORS, place!(Values.output.tracking_error_m[k]), METRE, [0.0; READINGS]).map(
         |row| {
             row.sampled_output()

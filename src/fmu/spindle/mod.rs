@@ -3,5 +3,6 @@
 //! Names are those of the planar models with the bearing in front, `A.lambda[1]`, `X.i[2]`.
 
 pub mod controller;
+pub mod plant;
 
 mod common;
