@@ -544,7 +544,22 @@ fn refused_parameters_are_all_named_at_once() {
         ("AlgebraicEstimator", "filter.omega", 0.0, &[]),
         ("AlgebraicEstimator", "filter.zeta", -0.7, &[]),
     ];
-    for (model, name, value, words) in BAD {
+    const BAD_SPINDLES: &[(&str, &str, f64, &[&str])] = &[
+        ("MagneticSpindle", "Jt", 0.0, &["0 kg.m2", "above 0"]),
+        ("MagneticSpindle", "Jp", 0.5, &["0.5 kg.m2", "at most 2 Jt = 0.32 kg.m2"]),
+        ("MagneticSpindle", "B.position", -0.12, &["-0.12 m", "from A.position"]),
+        ("MagneticSpindle", "A.sensorPosition", -0.25, &["-0.25 m", "on the shaft"]),
+        ("MagneticSpindle", "B.sensorPosition", -0.10, &["from A.sensorPosition"]),
+        ("MagneticSpindle", "A.alpha[1]", 0.0, &["0 rad", "all round"]),
+        ("MagneticSpindle", "B.lambda[3]", -1e-6, &["above 0"]),
+        ("MagneticSpindle", "X.lambda[2]", 0.0, &["above 0"]),
+        ("MagneticSpindle", "X.s", 0.0, &["above 0"]),
+        ("MagneticSpindle", "X0", 7e-4, &["0.0007 m", "X.gap[1]"]),
+        ("MagneticSpindle", "beta0", 0.01, &["0.01 rad", "inside the gap"]),
+        ("MagneticSpindle", "unbalance[2].position", 1.0, &["1 m", "on the shaft"]),
+        ("MagneticSpindle", "B.touchdown.damping", -1.0, &["0 or above"]),
+    ];
+    for (model, name, value, words) in BAD.iter().chain(BAD_SPINDLES) {
         let mut instance = Named::new(model);
         instance.set(name, *value);
         let findings = instance.start().expect_err(name);
@@ -556,9 +571,10 @@ fn refused_parameters_are_all_named_at_once() {
     }
     for model in MODELS {
         let mut instance = Named::new(model);
-        instance.set("alpha[2]", std::f64::consts::PI);
+        let angle = if model.contains("Spindle") { "B.alpha[2]" } else { "alpha[2]" };
+        instance.set(angle, std::f64::consts::PI);
         let findings = instance.start().expect_err("two magnets with one angle");
-        assert!(findings.iter().any(|finding| finding.name.starts_with("alpha")), "{model}: {findings:?}");
+        assert!(findings.iter().any(|finding| finding.name.contains("alpha")), "{model}: {findings:?}");
     }
     // Everything at once, the choices included.
     let mut controller = Named::new("FlatnessController");

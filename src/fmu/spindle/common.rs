@@ -11,7 +11,7 @@ use crate::fmu::common::LAMBDA;
 /// Moment of inertia.
 pub(in crate::fmu) const KILOGRAM_METRE2: Unit = Unit::new("kg.m2", &[("kg", 1), ("m", 2)], &[]);
 
-/// Moment of a force.
+/// Moment.
 pub(in crate::fmu) const NEWTON_METRE: Unit = Unit::new("N.m", &[("kg", 1), ("m", 2), ("s", -2)], &[]);
 
 /// Measured positions, in the order of the equations.
