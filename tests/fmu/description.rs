@@ -207,7 +207,7 @@ const SPINDLE_CONTROLLER: &[Contract] = &[
     ("A.F0.modulationFrequency", "parameter", "tunable", "Hz", Real(110.0)),
     ("B.F0.modulationFrequency", "parameter", "tunable", "Hz", Real(130.0)),
     ("X.F0.modulationFrequency", "parameter", "tunable", "Hz", Real(90.0)),
-    ("bandwidth.tracking", "parameter", "fixed", "rad/s", Real(1000.0)),
+    ("bandwidth.tracking", "parameter", "fixed", "rad/s", Real(1200.0)),
     ("bandwidth.observer", "parameter", "fixed", "rad/s", Real(4000.0)),
     ("bandwidth.current", "parameter", "fixed", "rad/s", Real(5000.0)),
     ("update.mode", "parameter", "fixed", "", Item(&["never", "atTime", "whenValid"], 2)),

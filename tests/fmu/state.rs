@@ -43,6 +43,15 @@ fn lively(model: &str) -> Vec<(&'static str, f64)> {
     }
 }
 
+/// An input of the model that acts at once or at the next sample.
+fn an_input(model: &str) -> &'static str {
+    match model {
+        model if is_plant(model) => "pY",
+        "SpindleController" => "A.Ym",
+        _ => "Ym",
+    }
+}
+
 /// One step of a run whose inputs move.
 fn advance(fmu: &Fmu, model: &str, step: u32) {
     let t = f64::from(step) * 1e-4;
@@ -380,7 +389,7 @@ fn damaged_bytes_are_refused_with_a_reason() {
 fn a_hostile_content_in_a_sound_frame_does_no_harm() {
     for model in MODELS {
         let fmu = running(model, 25);
-        let input = fmu.reference(if is_plant(model) { "pY" } else { "Ym" });
+        let input = fmu.reference(an_input(model));
         fmu.set_input_derivatives(&[input], &[1], &[1e-3]).ok(&fmu);
         let written = bytes(&fmu);
         let head = 8 + 2 + 1 + model.len() + 1 + 38;
@@ -474,7 +483,7 @@ fn a_reset_instance_is_a_fresh_one_to_the_last_byte() {
         fmu.reset().ok(&fmu);
         assert_eq!(bytes(&fmu), fresh, "{model}, out of the initialization");
         fmu.start(0.0, None);
-        let input = if is_plant(model) { "pY" } else { "Ym" };
+        let input = an_input(model);
         fmu.set_input_derivatives(&[fmu.reference(input)], &[2], &[1.0]).ok(&fmu);
         fmu.reset().ok(&fmu);
         assert_eq!(bytes(&fmu), fresh, "{model}, with a derivative of an input");
