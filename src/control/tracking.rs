@@ -366,11 +366,10 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
             state.in_effect_n = magnet::forces(state.lambda_nm2_a2, measured.current_a, gap_m);
         }
         self.update_lambda(state, &mut estimate, measured);
-        let mut smallest_n = [0.0; B];
-        for b in 0..B {
+        let smallest_n = std::array::from_fn(|b| {
             state.preload_n[b] += self.relax * (self.config.f0_n[b] - state.preload_n[b]);
-            smallest_n[b] = state.preload_n[b] * self.modulate(state, b);
-        }
+            state.preload_n[b] * self.modulate(state, b)
+        });
 
         let mut command = match voltage {
             true => self.voltages(state, &estimate, measured, gap_m, smallest_n, course),

@@ -119,6 +119,7 @@ fn table() -> Vec<Row<Values>> {
         place!(Values.config.tracking_rad_s),
         place!(Values.config.observer_rad_s),
         place!(Values.config.current_rad_s),
+        [1000.0, 4000.0, 5000.0],
     ));
     rows.extend(update(place!(Values.update_mode), place!(Values.config.update_time_s)));
     rows.push(
@@ -240,12 +241,14 @@ pub(super) fn bandwidth<D>(
     tracking: Access<D, f64>,
     observer: Access<D, f64>,
     current: Access<D, f64>,
+    starts: [f64; 3],
 ) -> impl Iterator<Item = Row<D>> {
     [
-        Row::real("bandwidth.tracking", tracking, RADIAN_PER_SECOND, 1000.0).description("Poles of the tracking error"),
-        Row::real("bandwidth.observer", observer, RADIAN_PER_SECOND, 4000.0)
+        Row::real("bandwidth.tracking", tracking, RADIAN_PER_SECOND, starts[0])
+            .description("Poles of the tracking error"),
+        Row::real("bandwidth.observer", observer, RADIAN_PER_SECOND, starts[1])
             .description("Poles of the perturbation observer"),
-        Row::real("bandwidth.current", current, RADIAN_PER_SECOND, 5000.0)
+        Row::real("bandwidth.current", current, RADIAN_PER_SECOND, starts[2])
             .description("Pole of the current error with drive = voltage"),
     ]
     .into_iter()

@@ -26,8 +26,9 @@ const WRONG: [f64; 8] = [1.5, 1.0 / 1.5, 2.0, 1.0 / 1.7, 1.6, 1.5, 0.5, 1.6];
 /// Unbalance in two planes: magnitude in kg·m, phase in rad, position in m.
 const UNBALANCE: [[f64; 3]; 2] = [[8e-5, 0.7, -0.08], [5e-5, -1.9, 0.10]];
 
-/// How much larger the worst tracking error is at 12,000 rpm if gyroscopic moments are not compensated, at least.
-const GYROSCOPIC: f64 = 3.0;
+/// How much larger the worst tracking error is at 6000 rpm if gyroscopic moments are not compensated, at least; measured are 49
+/// and 87 with current and voltage drive.
+const GYROSCOPIC: f64 = 20.0;
 
 /// Runge–Kutta steps within a sample.
 const SUBSTEPS: usize = 10;
@@ -55,8 +56,6 @@ struct Record {
     output: SpindleControllerOutput,
     /// True position minus reference at the magnets: A.y, A.z, B.y, B.z, x, in m.
     error_m: [f64; 5],
-    /// Currents that flowed until the sample, in A.
-    flowing_a: [f64; 8],
     /// True coordinates.
     q: [f64; 5],
 }
@@ -80,8 +79,8 @@ impl State {
 }
 
 impl Loop {
-    /// The study of identification.md, section 7: mixed ellipses, axial motion, noise of 0.1 µm and 10 mA, unbalance in two
-    /// planes, a load, F_0 modulated by half; λ known from the start.
+    /// Mixed ellipses, axial motion, noise of 0.1 µm and 10 mA, unbalance in two planes, a load, F_0 modulated by half; λ known
+    /// from the start.
     fn study(rpm: f64) -> Self {
         let mut controller = SpindleControllerConfig::default();
         controller.law.lambda0_nm2_a2 = LAMBDA;
@@ -220,7 +219,7 @@ impl Loop {
             }
             before = held;
             held = if voltage { output.voltage_v } else { output.current_a };
-            records.push(Record { t_s, output, error_m, flowing_a, q: x.q });
+            records.push(Record { t_s, output, error_m, q: x.q });
         }
         records
     }
@@ -275,25 +274,63 @@ fn conical_motion_is_tracked() {
     }
 }
 
-/// Guesses wrong by two; the estimate is used at 0.2 s.
+/// Largest change of the current of each magnet from sample to sample, over these samples, in A.
+fn steps(records: &[Record], samples: std::ops::Range<usize>) -> [f64; 8] {
+    samples.fold([0.0; 8], |most, k| {
+        let (now, before) = (&records[k].output.current_a, &records[k - 1].output.current_a);
+        std::array::from_fn(|j| f64::max(most[j], (now[j] - before[j]).abs()))
+    })
+}
+
+/// Guesses wrong by two; the estimate is used at 0.2 s. Without noise, whose steps would hide that of the update.
 #[test]
 fn currents_do_not_jump_when_lambda_changes() {
-    for (name, case) in drives(&Loop::study(3000.0).wrong()) {
+    let case = Loop { position_noise_m: 0.0, current_noise_a: 0.0, ..Loop::study(3000.0).wrong() };
+    for (name, case) in drives(&case) {
         let records = case.run();
-        let step = |k: usize| -> f64 {
-            let of = |k: usize| records[k].output.current_a;
-            of(k).into_iter().zip(of(k - 1)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-        };
         let guess = case.controller.law.lambda0_nm2_a2;
         let update = records.iter().position(|r| r.output.lambda_used_nm2_a2 != guess).expect("an update");
         assert_eq!(update, 2000);
-        let usual = (1500..2000).map(step).fold(0.0, f64::max);
-        below(&format!("{name}: step of a current at the update, A"), step(update), 2.0 * usual);
+        let (usual, at_update) = (steps(&records, 1000..2000), steps(&records, 2000..2001));
+        println!("{name}: {at_update:.4?} of {usual:.4?}");
+        for (at_update, usual) in at_update.into_iter().zip(usual) {
+            below(&format!("{name}: step of a current at the update, A"), at_update, 1.5 * usual);
+        }
+    }
+}
+
+/// As before with noise: the tracking after the update, and the load, which only then is found.
+#[test]
+fn after_the_update_the_load_is_found() {
+    for (name, case) in drives(&Loop::study(3000.0).wrong()) {
+        let records = case.run();
         all_below(&format!("{name}: after the update"), largest(&records, 0.3, 0.4), 1e-6);
-        // The estimate of the load is right only then.
         for (wanted, found) in [8.0, 15.0, -20.0].into_iter().zip(mean(&records)) {
             below(&format!("{name}: load against its estimate, N"), (found - wanted).abs(), 0.3);
         }
+    }
+}
+
+/// An estimate that is off by 5 % and jumps to the true values at 0.2 s, beside one that does not jump.
+#[test]
+fn an_estimate_that_jumps_makes_no_bump() {
+    fn off(k: usize) -> [f64; 8] {
+        std::array::from_fn(|j| LAMBDA[j] * if k >= 2000 { 1.0 } else { [1.05, 0.95][j % 2] })
+    }
+    for (name, mut case) in drives(&Loop::ideal(3000.0)) {
+        case.controller.law.update = UpdateMode::WhenValid;
+        let stays = Loop { lambda_at: |_| off(0), ..case.clone() }.run();
+        let jumps = Loop { lambda_at: off, ..case.clone() }.run();
+        let apart = |k: usize| -> f64 {
+            let pairs = jumps[k].output.current_a.into_iter().zip(stays[k].output.current_a);
+            pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
+        println!("{name}: {:.4} at once, {:.4} soon", apart(2000), (2000..2006).map(apart).fold(0.0, f64::max));
+        assert_eq!((1..2000).map(apart).fold(0.0, f64::max), 0.0);
+        assert!(apart(2000) > 0.0, "the estimate is used at once");
+        // Magnets carry 1 to 3 A, of which a jump of 5 % would be 25 to 75 mA.
+        below(&format!("{name}: currents at the jump, A"), apart(2000), 0.012);
+        below(&format!("{name}: currents soon after, A"), (2000..2006).map(apart).fold(0.0, f64::max), 0.024);
     }
 }
 
@@ -324,7 +361,7 @@ fn an_estimate_that_changes_all_the_time_makes_no_steps() {
 /// Without the compensation, the moments are for the observers to find, and they find them late.
 #[test]
 fn gyroscopic_moments_are_compensated() {
-    for (name, case) in drives(&Loop::ideal(12_000.0)) {
+    for (name, case) in drives(&Loop::ideal(6000.0)) {
         let worst = |case: &Loop| largest(&case.run(), 0.1, 0.3).into_iter().fold(0.0, f64::max);
         let mut without = case.clone();
         without.controller.geometry.shaft.polar_kgm2 = 0.0;
@@ -620,41 +657,4 @@ fn the_state_survives_being_written_and_read() {
     assert_eq!(controller.sample(&mut read, &still()), controller.sample(&mut state, &still()));
     let text = toml::to_string(&config).expect("written");
     assert_eq!(toml::from_str::<SpindleControllerConfig>(&text).expect("read"), config);
-}
-
-#[test]
-#[ignore]
-fn figures() {
-    for rpm in [1500.0, 3000.0, 6000.0, 12000.0] {
-        for (name, case) in drives(&Loop::study(rpm)) {
-            let r = case.run();
-            let limited = r.iter().filter(|r| r.t_s > 0.1 && r.output.limited).count();
-            let e = largest(&r, 0.1, 0.4).map(|e| e * 1e6);
-            println!("study {rpm} {name}: {e:.3?}, limited {limited}");
-            let e = largest(&Loop { position_noise_m: 0.0, current_noise_a: 0.0, ..case.clone() }.run(), 0.1, 0.4)
-                .map(|e| e * 1e6);
-            println!("   no noise: {e:.3?}");
-        }
-        for (name, case) in drives(&Loop::ideal(rpm)) {
-            let e = largest(&case.run(), 0.1, 0.4).map(|e| e * 1e6);
-            println!("ideal {rpm} {name}: {e:.4?}");
-            let mut without = case.clone();
-            without.controller.geometry.shaft.polar_kgm2 = 0.0;
-            let e = largest(&without.run(), 0.1, 0.4).map(|e| e * 1e6);
-            println!("   not compensated: {e:.4?}");
-        }
-        for (name, case) in drives(&Loop::study(rpm).wrong()) {
-            let r = case.run();
-            println!(
-                "wrong {rpm} {name}: {:.3?} {:.3?}",
-                largest(&r, 0.05, 0.2).map(|e| e * 1e6),
-                largest(&r, 0.3, 0.4).map(|e| e * 1e6)
-            );
-            let jump = |k: usize| -> f64 {
-                (0..8).map(|j| (r[k].output.current_a[j] - r[k - 1].output.current_a[j]).abs()).fold(0.0, f64::max)
-            };
-            let usual = (1500..2000).map(jump).fold(0.0, f64::max);
-            println!("    jump {:.4} usual {:.4}, next {:.4}, load {:.3?}", jump(2000), usual, jump(2001), mean(&r));
-        }
-    }
 }

@@ -11,7 +11,7 @@ use crate::fmu::common::LAMBDA;
 /// Moment of inertia.
 pub(in crate::fmu) const KILOGRAM_METRE2: Unit = Unit::new("kg.m2", &[("kg", 1), ("m", 2)], &[]);
 
-/// Moment of a force.
+/// Moment.
 pub(in crate::fmu) const NEWTON_METRE: Unit = Unit::new("N.m", &[("kg", 1), ("m", 2), ("s", -2)], &[]);
 
 /// Measured positions, in the order of the equations.
@@ -129,7 +129,6 @@ impl<D> OfMagnet for Row<D> {
 }
 
 /// First guess of the force constants.
-#[allow(dead_code, reason = "for controller and estimator")]
 pub(in crate::fmu) fn lambda0<D>(lambda0: Access<D, f64>) -> impl Iterator<Item = Row<D>> {
     Row::named_reals(of_magnets("lambda0"), lambda0, LAMBDA, [4e-6; MAGNETS])
         .map(|row| row.fixed().min(0.0).nominal(1e-6).of_magnet("First guess of the force constant of {magnet}"))

@@ -104,6 +104,7 @@ fn table() -> Vec<Row<Values>> {
         place!(Values.config.law.tracking_rad_s),
         place!(Values.config.law.observer_rad_s),
         place!(Values.config.law.current_rad_s),
+        [1200.0, 4000.0, 5000.0],
     ));
     rows.extend(update(place!(Values.update_mode), place!(Values.config.law.update_time_s)));
     rows.extend(path(
