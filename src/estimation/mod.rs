@@ -12,19 +12,30 @@ mod prediction_error;
 mod sums;
 mod validation;
 
+use libm::{atan2, sqrt};
+use nalgebra::{RowVector2, SMatrix, Vector2};
 use serde::{Deserialize, Serialize};
 
 use self::config::check;
 pub use self::config::{
     EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, MAX_INTERVALS, MIN_INTERVALS, Method, Tolerance, Verdict,
 };
+use self::innovations::{Machine, Sample, WhiteningFilter};
 use self::paper::{Paper, PaperState};
 pub use self::prediction_error::STD_LIMIT;
-use self::prediction_error::{PredictionError, PredictionErrorState};
+use self::prediction_error::{Estimate, PredictionError, PredictionErrorState};
 use crate::bearing::magnet::Geometry;
 use crate::invalid::Invalid;
 
 const MAGNETS: usize = 3;
+
+/// Unknowns in the plane: λ of three magnets, U cos φ, U sin φ, p_y, p_z.
+const UNKNOWNS: usize = 7;
+
+/// Tolerances in the plane: s, α of three magnets, gain and offset of two positions, offset of three currents.
+const TOLERANCES: usize = 11;
+
+type Planar = PredictionError<2, MAGNETS, UNKNOWNS, TOLERANCES>;
 
 /// Where condition numbers end: a singular system shows this value.
 pub const CONDITION_CAP: f64 = 1.0e12;
@@ -36,7 +47,7 @@ pub const STUCK_SAMPLES: u32 = 25;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[expect(clippy::large_enum_variant, reason = "there is one of them, and stepping does not allocate")]
 enum MethodState {
-    PredictionError(PredictionErrorState),
+    PredictionError(PredictionErrorState<2, MAGNETS, UNKNOWNS, TOLERANCES>),
     Paper(PaperState),
 }
 
@@ -62,7 +73,7 @@ impl EstimatorState {
 #[derive(Clone, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "there is one of them")]
 enum MethodOf {
-    PredictionError(PredictionError),
+    PredictionError(Planar),
     Paper(Paper),
 }
 
@@ -83,11 +94,11 @@ impl Estimator {
     /// sample times or not a whole number of them, and `epsilon` shorter than `Tf`.
     pub fn new(config: EstimatorConfig) -> Result<Self, Vec<Invalid>> {
         check(&config)?;
+        let geometry = Geometry::new(config.gap_m, config.alpha_rad);
         let method = match config.method {
-            Method::PredictionError => MethodOf::PredictionError(PredictionError::new(&config)),
+            Method::PredictionError => MethodOf::PredictionError(planar(&config, geometry)),
             Method::Paper | Method::PaperLiteral => MethodOf::Paper(Paper::new(&config)),
         };
-        let geometry = Geometry::new(config.gap_m, config.alpha_rad);
         Ok(Self { config, geometry, method })
     }
 
@@ -156,9 +167,19 @@ impl Estimator {
             is_stuck(state, input).then_some(Verdict::Stuck)
         };
         match (&self.method, &mut state.method) {
-            (MethodOf::PredictionError(method), MethodState::PredictionError(own)) => refused
-                .inspect(|_| method.interrupt(own))
-                .unwrap_or_else(|| method.sample(own, input, &mut state.output)),
+            (MethodOf::PredictionError(method), MethodState::PredictionError(own)) => match refused {
+                Some(verdict) => {
+                    method.interrupt(own);
+                    verdict
+                }
+                None => {
+                    let (position, current) = (input.position_m, input.current_a);
+                    let sample = Sample::new(position, current, input.theta_rad, input.omega_rad_s);
+                    let verdict = method.sample(own, sample);
+                    state.output.take(&own.estimate, verdict, self.config.identify_unbalance);
+                    verdict
+                }
+            },
             (MethodOf::Paper(method), MethodState::Paper(own)) if method.has_shape(own) => refused
                 .inspect(|_| method.interrupt(own))
                 .unwrap_or_else(|| method.sample(own, input, &mut state.output)),
@@ -171,6 +192,50 @@ impl Estimator {
         let measured = input.position_m.iter().chain(&input.current_a).chain([&input.theta_rad, &input.omega_rad_s]);
         measured.clone().all(|x| x.is_finite() && x.abs() < MEASUREMENT_LIMIT)
             && self.geometry.gaps(input.position_m).iter().all(|gap_m| *gap_m > 0.0)
+    }
+}
+
+/// The method for the planar rotor, whose coordinates are its position.
+fn planar(config: &EstimatorConfig, geometry: Geometry) -> Planar {
+    let t = &config.tolerance;
+    let std = [t.gap_m, t.alpha_rad, t.position_gain, t.position_offset_m, t.current_offset_a];
+    let forces = geometry.directions.into_iter().chain([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]);
+    let rows = forces.map(|force| RowVector2::from(force) / config.m_kg).collect::<Vec<_>>();
+    let mass = t.m_kg / config.m_kg;
+    PredictionError {
+        filter: WhiteningFilter {
+            machine: Machine {
+                geometry,
+                accelerations: SMatrix::from_rows(&rows),
+                gyroscopic: None,
+                turned: geometry.directions.map(|[y, z]| Vector2::new(z, -y)).map(|e| [e, e / config.m_kg]),
+            },
+            step_s: config.step_s,
+            hold: config.hold,
+            identify_unbalance: config.identify_unbalance,
+            tolerance: std.iter().any(|std| *std > 0.0).then_some(std),
+        },
+        lambda0: config.lambda0_nm2_a2,
+        told: [config.position_noise_m, config.current_noise_a],
+        scale_variance: mass * mass + 4.0 * t.current_gain * t.current_gain,
+    }
+}
+
+impl EstimatorOutput {
+    fn take(&mut self, estimate: &Estimate<MAGNETS, UNKNOWNS>, verdict: Verdict, with_unbalance: bool) {
+        let [std, total] = estimate.variance.map(|variance| variance.map(sqrt).into());
+        let [_, _, _, along, across, p_y, p_z] = estimate.unknowns.into();
+        self.lambda_hat = estimate.lambda().into();
+        self.lambda_raw = estimate.lambda_raw.into();
+        (self.lambda_std, self.lambda_std_total) = (std, total);
+        (self.ki, self.ks) = (estimate.ki.into(), estimate.ks.into());
+        (self.condition, self.residual) = (estimate.condition, estimate.residual);
+        [self.position_noise_m, self.current_noise_a] = estimate.noise;
+        self.load_n = [p_y, p_z];
+        if verdict == Verdict::Valid && with_unbalance {
+            self.unbalance_kg_m = sqrt(along * along + across * across);
+            self.unbalance_phase_rad = atan2(across, along);
+        }
     }
 }
 
