@@ -309,9 +309,10 @@ pub struct Innovation<const N: usize, const K: usize, const U: usize, const T: u
 impl<const N: usize, const K: usize, const U: usize, const T: usize> Innovation<N, K, U, T> {
     /// Whether S is definite, and sums of the squares of all parts stay finite.
     pub fn is_sound(&self) -> bool {
-        let small = |x: &f64| x.abs() < SIGNAL_CAP;
-        self.motion.iter().chain(&self.unknowns).chain(&self.instruments).chain(&self.whitening).all(small)
-            && self.tolerances.iter().flatten().all(small)
+        let small = |square: f64| square < SIGNAL_CAP * SIGNAL_CAP;
+        small(self.motion.norm_squared() + self.unknowns.norm_squared() + self.instruments.norm_squared())
+            && small(self.tolerances.map_or(0.0, |tolerances| tolerances.norm_squared()))
+            && small(self.whitening.norm_squared())
     }
 
     /// Normalised innovation squared `eᵀ S⁻¹ e/σ_z²`.

@@ -63,6 +63,8 @@ pub struct Noise {
     told: [bool; 2],
     /// ln ρ, ln σ_z².
     logs: Vector2<f64>,
+    /// σ_z² and σ_i², m² and A².
+    variances: [f64; 2],
     information: Matrix2<f64>,
     samples: f64,
     /// ln ρ with which most samples were weighed.
@@ -76,11 +78,17 @@ impl Noise {
         let current = if told_a > 0.0 { told_a } else { START_CURRENT_NOISE_A };
         let logs = Vector2::new(2.0 * log(current / position), 2.0 * log(position));
         let information = Matrix2::identity() * START_INFORMATION;
-        Self { told: [told_m > 0.0, told_a > 0.0], weighed_with: logs.x, logs, information, samples: 0.0 }
+        let variances = [position * position, current * current];
+        Self { told: [told_m > 0.0, told_a > 0.0], weighed_with: logs.x, logs, variances, information, samples: 0.0 }
     }
 
     pub fn is_finite(&self) -> bool {
-        self.logs.iter().chain(&self.information).chain([&self.samples, &self.weighed_with]).all(|x| x.is_finite())
+        self.logs
+            .iter()
+            .chain(&self.variances)
+            .chain(&self.information)
+            .chain([&self.samples, &self.weighed_with])
+            .all(|x| x.is_finite())
     }
 
     /// Whether both are told.
@@ -96,7 +104,7 @@ impl Noise {
 
     /// σ_z² and σ_i², m² and A².
     pub fn variances(&self) -> [f64; 2] {
-        [exp(self.logs.y), exp(self.logs.y + self.logs.x)]
+        self.variances
     }
 
     /// Takes in an innovation, found with this variance of the positions, with a weight; the weight that earlier sums are to be counted with from now on.
@@ -141,19 +149,28 @@ impl Noise {
     /// Moves within the bounds.
     fn step(&mut self, by: Vector2<f64>, mean_square_a2: f64) -> f64 {
         let [told_position, told_current] = self.told;
-        let bounded = |x: f64, [least, most]: [f64; 2]| x.clamp(2.0 * log(least), 2.0 * log(most));
+        let squares = |[least, most]: [f64; 2]| [least * least, most * most];
+        // The logarithm within bounds, and its exponential.
+        let bounded = |x: f64, [least, most]: [f64; 2]| match exp(x) {
+            value if value < least => (log(least), least),
+            value if value > most => (log(most), most),
+            value => (x, value),
+        };
         let current = self.logs.sum();
         if !told_position {
-            self.logs.y = bounded(self.logs.y + by.y, POSITION_NOISE_M);
+            (self.logs.y, self.variances[0]) = bounded(self.logs.y + by.y, squares(POSITION_NOISE_M));
         }
-        self.logs.x = if told_current {
-            current - self.logs.y
+        if told_current {
+            self.logs.x = current - self.logs.y;
         } else {
             let most =
                 (CURRENT_NOISE_PART * mean_square_a2).clamp(f64::MIN_POSITIVE, CURRENT_NOISE_A * CURRENT_NOISE_A);
-            let most = log(most) - self.logs.y;
-            bounded((self.logs.x + by.x).min(most), NOISE_RATIO)
-        };
+            let [least, greatest] = squares(NOISE_RATIO);
+            let most = (most / self.variances[0]).clamp(least, greatest);
+            let ratio;
+            (self.logs.x, ratio) = bounded(self.logs.x + by.x, [least, most]);
+            self.variances[1] = ratio * self.variances[0];
+        }
         if (self.logs.x - self.weighed_with).abs() <= RATIO_CHANGE {
             return 1.0;
         }

@@ -256,8 +256,7 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
         let (own, of) = (&sums.instruments, &sums.predicted);
         let h = Square::<U>::from_fn(|r, c| if r < K { own.unknowns[(r, c)] } else { of.unknowns[(r, c)] });
         let (scale, scaled) = scaled(&h);
-        let w = scaled.transpose().try_inverse()? * l.component_mul(&scale);
-        let w = w.component_mul(&scale);
+        let w = solve_transposed(&scaled, l.component_mul(&scale))?.component_mul(&scale);
         let g = Square::from_fn(|r, c| match (r < K, c < K) {
             (true, true) => sums.instrument_square[(r, c)],
             (false, true) => own.unknowns[(c, r)],
@@ -284,11 +283,50 @@ fn scaled<const U: usize>(matrix: &Square<U>) -> (SVector<f64, U>, Square<U>) {
 }
 
 /// The inverse of a symmetric positive definite matrix, and the condition number in the 1-norm of the matrix scaled to unit diagonal.
+///
+/// Gauss–Jordan elimination in place; each of its pivots is positive. It runs along whole columns, which takes half the time of a Cholesky
+/// decomposition of so small a matrix.
 pub fn inverse<const U: usize>(matrix: &Square<U>) -> Option<(Square<U>, f64)> {
     let (scale, scaled) = scaled(matrix);
-    let inverse = scaled.cholesky()?.inverse();
+    let mut left = scaled;
+    for k in 0..U {
+        let column = left.data.0[k];
+        let reciprocal = 1.0 / column[k];
+        if !(reciprocal > 0.0 && reciprocal.is_finite()) {
+            return None;
+        }
+        for (of, row) in left.data.0.iter_mut().zip(&column) {
+            let factor = row * reciprocal;
+            of.iter_mut().zip(&column).for_each(|(x, of_pivot)| *x -= of_pivot * factor);
+            of[k] = factor;
+        }
+        left.data.0[k] = column.map(|x| x * reciprocal);
+        left.data.0[k][k] = -reciprocal;
+    }
+    let inverse = -left;
     let norm = |m: &Square<U>| m.column_iter().map(|column| column.lp_norm(1)).fold(0.0, f64::max);
     Some((Square::from_fn(|r, c| scale[r] * inverse[(r, c)] * scale[c]), norm(&scaled) * norm(&inverse)))
+}
+
+/// Solves `aᵀ x = b` by elimination with pivoting.
+fn solve_transposed<const U: usize>(a: &Square<U>, mut b: SVector<f64, U>) -> Option<SVector<f64, U>> {
+    let mut rows = a.data.0;
+    for k in 0..U {
+        let pivot = (k..U).max_by(|p, q| rows[*p][k].abs().total_cmp(&rows[*q][k].abs()))?;
+        rows.swap(k, pivot);
+        b.swap_rows(k, pivot);
+        let (own, reciprocal) = (rows[k], 1.0 / rows[k][k]);
+        for r in k + 1..U {
+            let factor = rows[r][k] * reciprocal;
+            rows[r].iter_mut().zip(&own).for_each(|(x, own)| *x -= own * factor);
+            b[r] -= b[k] * factor;
+        }
+    }
+    for k in (0..U).rev() {
+        let above: f64 = (k + 1..U).map(|c| rows[k][c] * b[c]).sum();
+        b[k] = (b[k] - above) / rows[k][k];
+    }
+    b.iter().all(|x| x.is_finite()).then_some(b)
 }
 
 /// Cells of the table of instruments around a revolution; what its harmonics above the eighth do is lost to the instruments.
