@@ -60,6 +60,16 @@ impl Checks {
         self.require(value.is_finite(), name, format_args!("{value} {unit}"), "a finite number");
     }
 
+    /// Checks a part whose names begin with `prefix`, for instance `A.`.
+    pub fn of<T>(&mut self, prefix: &str, check: impl FnOnce(&mut Self) -> T) -> T {
+        let before = self.found.len();
+        let checked = check(self);
+        for finding in &mut self.found[before..] {
+            finding.name = format!("{prefix}{}", finding.name).into();
+        }
+        checked
+    }
+
     /// Ends the checks.
     ///
     /// # Errors

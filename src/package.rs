@@ -26,7 +26,7 @@ fn extras(name: &str) -> Extras {
             }
         };
     }
-    let (picture, text) = extras!("MagneticBearing", "FlatnessController", "AlgebraicEstimator");
+    let (picture, text) = extras!("MagneticBearing", "FlatnessController", "AlgebraicEstimator", "MagneticSpindle");
     let licenses = [
         ("LICENSE-MIT.txt", include_str!("../modelDescription/licenses/LICENSE-MIT.txt")),
         ("LICENSE-APACHE.txt", include_str!("../modelDescription/licenses/LICENSE-APACHE.txt")),
@@ -75,8 +75,14 @@ pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, P
         let name = model.info.name;
         archives.push((format!("{name}.fmu"), package::fmu(model, binaries, &extras(name))?));
     }
-    let mut members: Vec<Member> = VARIANTS.iter().flat_map(|variant| system(variant).members()).collect();
-    members.extend(archives.iter().map(|(name, fmu)| Member::new(format!("resources/{name}"), fmu.as_slice())));
+    let systems = VARIANTS.each_ref().map(system);
+    let inside = |archive: &String| {
+        let mut elements = systems.iter().flat_map(|system| &system.elements);
+        elements.any(|element| *archive == format!("{}.fmu", element.model.info.name))
+    };
+    let mut members: Vec<Member> = systems.iter().flat_map(|system| system.members()).collect();
+    let needed = archives.iter().filter(|(name, _)| inside(name));
+    members.extend(needed.map(|(name, fmu)| Member::new(format!("resources/{name}"), fmu.as_slice())));
     archives.push(("MagneticBearing.ssp".into(), package::archive("MagneticBearing.ssp", &members)?));
     for (name, _) in &archives {
         let path = folder.join(name);

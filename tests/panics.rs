@@ -7,9 +7,8 @@ use std::ptr::null_mut;
 
 use fmu_export::fmi2::bindings::fmi2Status;
 use fmu_export::planted::plant;
+use support::MODELS;
 use support::ffi::{Expect, Fmu};
-
-const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 
 #[track_caller]
 fn told(fmu: &Fmu, status: fmi2Status, function: &str, place: &str) {

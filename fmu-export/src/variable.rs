@@ -393,6 +393,16 @@ impl<D> Row<D> {
         Self::elements(name, starts, move |name, start| Self::boolean(name, place, start))
     }
 
+    /// Booleans with individual names.
+    pub fn named_booleans<const N: usize>(
+        names: [impl Into<Cow<'static, str>>; N],
+        place: Access<D, bool>,
+        starts: [bool; N],
+    ) -> impl Iterator<Item = Self> {
+        let rows = names.into_iter().zip(starts).enumerate();
+        rows.map(move |(index, (name, start))| Self { index, ..Self::boolean(name, place, start) })
+    }
+
     /// The elements of an array of strings.
     pub fn strings<const N: usize>(
         name: &str,

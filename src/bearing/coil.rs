@@ -61,12 +61,13 @@ impl Default for CoilConfig {
 
 impl CoilConfig {
     /// Reports invalid parameters by their names in the interface; `gap_m` and `lambda_nm2_a2` belong to the magnets.
-    pub(crate) fn check(&self, gap_m: f64, lambda_nm2_a2: [f64; 3], checks: &mut Checks) {
+    pub(crate) fn check<const K: usize>(&self, gap_m: [f64; K], lambda_nm2_a2: [f64; K], checks: &mut Checks) {
         checks.not_negative("coil.R", self.resistance_ohm, "Ohm");
         checks.not_negative("coil.Lleak", self.leakage_h, "H");
         checks.positive("coil.uMax", self.limit_v, "V");
         checks.not_negative("coil.fluxSaturation", self.saturation_wb, "Wb");
-        let least_h = lambda_nm2_a2.iter().map(|lambda| self.leakage_h + lambda / gap_m).fold(f64::INFINITY, f64::min);
+        let inductances = lambda_nm2_a2.iter().zip(gap_m).map(|(lambda, gap_m)| self.leakage_h + lambda / gap_m);
+        let least_h = inductances.fold(f64::INFINITY, f64::min);
         if self.drive == Drive::Voltage && self.resistance_ohm.is_finite() && least_h.is_finite() && least_h > 0.0 {
             checks.require(
                 least_h >= SHORTEST_TIME_CONSTANT_S * self.resistance_ohm,
@@ -81,6 +82,17 @@ impl CoilConfig {
 }
 
 impl<T: Scalar> CoilConfig<T> {
+    /// Combines these parameters with others, number by number.
+    pub fn with<U: Scalar, V>(&self, other: &CoilConfig<U>, join: impl Fn(T, U) -> V) -> CoilConfig<V> {
+        CoilConfig {
+            drive: self.drive,
+            resistance_ohm: join(self.resistance_ohm, other.resistance_ohm),
+            leakage_h: join(self.leakage_h, other.leakage_h),
+            limit_v: join(self.limit_v, other.limit_v),
+            saturation_wb: join(self.saturation_wb, other.saturation_wb),
+        }
+    }
+
     /// The coil of one magnet with its λ in N·m²/A² and the nominal gap in m.
     #[inline]
     pub fn of(&self, lambda_nm2_a2: T, nominal_gap_m: T) -> Coil<T> {

@@ -5,6 +5,7 @@
 //! - [`scalar`]: the number type of the equations: `f64` for values, Taylor series for derivatives;
 //! - [`magnet`]: gaps, forces, currents, and force allocation;
 //! - [`shaft`]: a rigid shaft with five coordinates;
+//! - [`spindle`]: such a shaft in two radial bearings and an axial one;
 //! - [`coil`]: flux, current, force and energy of a coil;
 //! - [`touchdown`]: the backup bearing.
 
@@ -12,4 +13,5 @@ pub mod coil;
 pub mod magnet;
 pub mod scalar;
 pub mod shaft;
+pub mod spindle;
 pub mod touchdown;

@@ -3,6 +3,7 @@
 //! The equations of geometry, coil, backup bearing and rotor are written once, generic over [`Scalar`]. With `f64` they give
 //! values and integrate the motion; with [`Taylor`](crate::plant::linearisation::Taylor) they give derivatives along a line.
 
+use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A real number, or one that changes along a line.
@@ -11,6 +12,8 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// Functions have other names than the methods of `f64`, which call the platform's functions in code that is not generic.
 pub trait Scalar:
     Copy
+    + Debug
+    + PartialEq
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>

@@ -12,13 +12,15 @@
 //! β and γ are small. With the complex coordinates `u = y + i z` and `ψ = γ − i β`, the displacement is `u + ξ ψ` and the rotation obeys
 //! `J_t ψ̈ − i J_p Ω ψ̇ = M_γ − i M_β`: solutions that turn with the rotor are forward whirls.
 
+use serde::{Deserialize, Serialize};
+
 use crate::bearing::scalar::Scalar;
 
 /// Number of coordinates of a shaft.
 pub const COORDINATES: usize = 5;
 
 /// Inertia of a shaft.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shaft<T = f64> {
     /// Mass m, in kg.
     pub m_kg: T,

@@ -71,6 +71,17 @@ impl TouchdownConfig {
 }
 
 impl<T: Scalar> TouchdownConfig<T> {
+    /// Combines these parameters with others, number by number.
+    pub fn with<U: Scalar, V>(&self, other: &TouchdownConfig<U>, join: impl Fn(T, U) -> V) -> TouchdownConfig<V> {
+        TouchdownConfig {
+            clearance_m: join(self.clearance_m, other.clearance_m),
+            stiffness_n_m: join(self.stiffness_n_m, other.stiffness_n_m),
+            damping_ns_m: join(self.damping_ns_m, other.damping_ns_m),
+            friction: join(self.friction, other.friction),
+            radius_m: join(self.radius_m, other.radius_m),
+        }
+    }
+
     /// The normal force N, in N; meaningless unless [`touches`](TouchdownConfig::touches).
     pub fn push_n(&self, position_m: [T; 2], velocity_m_s: [T; 2]) -> T {
         let ([y, z], [v_y, v_z]) = (position_m, velocity_m_s);

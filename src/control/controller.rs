@@ -317,7 +317,7 @@ impl Controller {
         checks.positive("bandwidth.tracking", config.tracking_rad_s, "rad/s");
         checks.positive("bandwidth.observer", config.observer_rad_s, "rad/s");
         checks.positive("bandwidth.current", config.current_rad_s, "rad/s");
-        config.coil.check(config.gap_m, config.lambda0_nm2_a2, &mut checks);
+        config.coil.check([config.gap_m; 3], config.lambda0_nm2_a2, &mut checks);
         checks.finite("update.time", config.update_time_s, "s");
         let reference = Reference::checked(config.reference.clone(), config.step_s, &magnets, &mut checks);
         checks.finish()?;

@@ -1,18 +1,26 @@
-//! The models of this project as FMUs: three tables of variables, and the library that serves them.
+//! The models of this project as FMUs: a table of variables each, and the library that serves them.
 //!
-//! [`plant`], [`controller`] and [`estimator`] each read from top to bottom: values, table, run.
+//! [`plant`], [`controller`] and [`estimator`] each read from top to bottom: values, table, run. [`spindle`] holds the models of a
+//! whole rotor.
 
 pub mod controller;
 pub mod estimator;
 pub mod plant;
+pub mod spindle;
 
 mod common;
+mod plants;
 
 use std::sync::Arc;
 
 use fmu_export::ModelType;
 
-fmu_export::export_fmus!(plant::MagneticBearing, controller::FlatnessController, estimator::AlgebraicEstimator);
+fmu_export::export_fmus!(
+    plant::MagneticBearing,
+    controller::FlatnessController,
+    estimator::AlgebraicEstimator,
+    spindle::plant::MagneticSpindle,
+);
 
 /// All models of this project, in the order in which they are shown.
 pub fn catalogue() -> Arc<[Arc<ModelType>]> {

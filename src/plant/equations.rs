@@ -1,151 +1,157 @@
-//! The equations of motion, generic over the scalar: parameters, inputs, right-hand side, outputs.
-
-use std::f64::consts::PI;
+//! The equations of motion, generic over the rotor: inputs, right-hand side, outputs.
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::coil::{Coil, CoilConfig, CoilPoint, Drive};
+use super::integration::Vector;
+use super::planar::PlantConfig;
+use super::rotor::Rotor;
+use crate::bearing::coil::{Coil, CoilPoint, Drive};
 use crate::bearing::magnet::{Geometry, forces};
 use crate::bearing::scalar::Scalar;
-use crate::bearing::touchdown::TouchdownConfig;
-use crate::plant::sensor::SensorConfig;
 
-/// `[Y, Z, Ẏ, Ż, ψ_1, ψ_2, ψ_3]`, in m, m/s and Wb: the states of the equations of motion.
-///
-/// With current drive the fluxes follow the currents and are not states: they stay 0.
-pub type Motion<T = f64> = [T; 7];
-
-/// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, with t the absolute time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Harmonic<T = f64> {
-    /// Amplitude, (y, z), in N.
-    pub amplitude_n: [T; 2],
-    /// Angular frequency, common to both axes, in rad/s.
-    pub omega_rad_s: T,
-    /// Phase at t = 0, (y, z), in rad.
-    pub phase_rad: [T; 2],
+/// The states of the equations of motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion<T = f64, const N: usize = 2, const K: usize = 3> {
+    /// Coordinates, in m; angles among them in rad.
+    pub position_m: [T; N],
+    /// Their rates, in m/s; those of angles in rad/s.
+    pub velocity_m_s: [T; N],
+    /// Flux linkages of the coils, in Wb. With current drive they follow from the currents and are not states: they stay 0.
+    pub linkage_wb: [T; K],
 }
 
-impl Default for Harmonic {
-    /// None, at 50 Hz.
-    fn default() -> Self {
-        Self { amplitude_n: [0.0; 2], omega_rad_s: 2.0 * PI * 50.0, phase_rad: [0.0; 2] }
+impl<T: Copy, const N: usize, const K: usize> Motion<T, N, K> {
+    /// Applies `f` to the states of this motion and of another.
+    pub fn with<U: Copy, V>(&self, other: &Motion<U, N, K>, f: impl Fn(T, U) -> V) -> Motion<V, N, K> {
+        Motion {
+            position_m: std::array::from_fn(|n| f(self.position_m[n], other.position_m[n])),
+            velocity_m_s: std::array::from_fn(|n| f(self.velocity_m_s[n], other.velocity_m_s[n])),
+            linkage_wb: std::array::from_fn(|k| f(self.linkage_wb[k], other.linkage_wb[k])),
+        }
     }
 }
 
-/// The bearing and the initial conditions of the rotor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PlantConfig<T = f64> {
-    /// Mass of the rotor `m`, in kg.
-    pub m_kg: T,
-    /// Nominal gap `s`, in m.
-    pub gap_m: T,
-    /// Angles `α_k` of the magnets as in P(3), in rad.
-    pub alpha_rad: [T; 3],
-    /// `λ_k` of P(4), in N·m²/A²; tunable.
-    pub lambda_nm2_a2: [T; 3],
-    /// Unbalance `U`, mass × eccentricity, in kg·m; tunable.
-    pub unbalance_kgm: T,
-    /// Angle `φ` of the unbalance on the rotor, from y towards z, in rad; tunable.
-    pub unbalance_phase_rad: T,
-    /// Harmonic perturbation; tunable.
-    pub harmonic: Harmonic<T>,
-    /// Acceleration of gravity, (y, z), in m/s².
-    pub gravity_m_s2: [T; 2],
-    /// The coils.
-    pub coil: CoilConfig<T>,
-    /// The backup bearing.
-    pub touchdown: TouchdownConfig<T>,
-    /// Initial position (Y, Z), in m.
-    pub position_m: [T; 2],
-    /// Initial velocity, (y, z), in m/s.
-    pub velocity_m_s: [T; 2],
-    /// Initial angle of the rotor, in rad.
-    pub theta_rad: T,
-    /// The sensors.
-    pub sensor: SensorConfig,
-    /// Longest sub-step of the integration, in s.
-    pub max_step_s: f64,
-}
-
-impl Default for PlantConfig {
-    /// The paper's bearing, the rotor on the paper's ellipse.
-    fn default() -> Self {
+impl<const N: usize, const K: usize> Vector for Motion<f64, N, K> {
+    #[inline]
+    fn combined<const M: usize>(all: [&Self; M], f: impl Fn([f64; M]) -> f64) -> Self {
         Self {
-            m_kg: 6.7,
-            gap_m: 5e-4,
-            alpha_rad: [PI, -PI / 3.0, PI / 3.0],
-            lambda_nm2_a2: [1.8e-6, 2.0e-6, 2.2e-6],
-            unbalance_kgm: 0.0,
-            unbalance_phase_rad: 0.0,
-            harmonic: Harmonic::default(),
-            gravity_m_s2: [0.0; 2],
-            coil: CoilConfig::default(),
-            touchdown: TouchdownConfig::default(),
-            position_m: [30e-6, 0.0],
-            velocity_m_s: [0.0, 0.021991148575128554],
-            theta_rad: 0.0,
-            sensor: SensorConfig::default(),
-            max_step_s: 5e-5,
+            position_m: Vector::combined(all.map(|x| &x.position_m), &f),
+            velocity_m_s: Vector::combined(all.map(|x| &x.velocity_m_s), &f),
+            linkage_wb: Vector::combined(all.map(|x| &x.linkage_wb), &f),
         }
     }
 }
 
 /// Inputs of the plant.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PlantInput<T = f64> {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "T: Serialize, [T; N]: Serialize, [T; K]: Serialize",
+    deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>, [T; K]: Deserialize<'de>"
+))]
+pub struct PlantInput<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Currents of the magnets, in A; their sign has no effect on the force. Ignored with voltage drive.
-    pub current_a: [T; 3],
+    pub current_a: [T; K],
     /// Voltage commands of the amplifiers, in V. Ignored with current drive.
-    pub voltage_v: [T; 3],
-    /// Perturbation force on the rotor, (y, z), in N.
-    pub perturbation_n: [T; 2],
+    pub voltage_v: [T; K],
+    /// Perturbation force on the rotor, per coordinate, in N; moments in N·m.
+    pub perturbation_n: [T; N],
     /// Angular velocity of the rotor, from y towards z, in rad/s.
     pub omega_rad_s: T,
 }
 
+impl<T: Scalar, const N: usize, const K: usize> Default for PlantInput<T, N, K> {
+    /// No currents, no forces, standstill.
+    fn default() -> Self {
+        let zero = T::constant(0.0);
+        Self { current_a: [zero; K], voltage_v: [zero; K], perturbation_n: [zero; N], omega_rad_s: zero }
+    }
+}
+
+impl<T: Copy, const N: usize, const K: usize> PlantInput<T, N, K> {
+    /// Applies `f` to the inputs and to others.
+    pub fn with<U: Copy, V>(&self, other: &PlantInput<U, N, K>, f: impl Fn(T, U) -> V) -> PlantInput<V, N, K> {
+        PlantInput {
+            current_a: std::array::from_fn(|k| f(self.current_a[k], other.current_a[k])),
+            voltage_v: std::array::from_fn(|k| f(self.voltage_v[k], other.voltage_v[k])),
+            perturbation_n: std::array::from_fn(|n| f(self.perturbation_n[n], other.perturbation_n[n])),
+            omega_rad_s: f(self.omega_rad_s, other.omega_rad_s),
+        }
+    }
+}
+
 /// What the equations of motion depend on besides state and input.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Conditions<T = f64> {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conditions<T = f64, const K: usize = 3, C = bool> {
     /// Absolute time, in s.
     pub time_s: T,
     /// Angle of the rotor, in rad.
     pub theta_rad: T,
-    /// Whether rotor and backup bearing are in contact.
-    pub contact: bool,
+    /// Whether rotor and backup bearing are in contact; of a spindle, for each of the backup bearings.
+    pub contact: C,
     /// Coils whose circuit is open.
-    pub open: [bool; 3],
+    pub open: [bool; K],
+}
+
+impl<T: Scalar, const K: usize, C: Default> Default for Conditions<T, K, C> {
+    /// At time 0 and angle 0, without contact, all circuits closed.
+    fn default() -> Self {
+        let zero = T::constant(0.0);
+        Self { time_s: zero, theta_rad: zero, contact: C::default(), open: [false; K] }
+    }
 }
 
 /// The outputs of the plant at an instant.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PlantOutput<T = f64> {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "[T; N]: Serialize, [T; K]: Serialize",
+    deserialize = "[T; N]: Deserialize<'de>, [T; K]: Deserialize<'de>"
+))]
+pub struct PlantOutput<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Gap of each magnet, in m.
-    pub gap_m: [T; 3],
+    pub gap_m: [T; K],
     /// Current of each coil, in A.
-    pub current_a: [T; 3],
+    pub current_a: [T; K],
     /// Flux linkage of each coil, in Wb.
-    pub linkage_wb: [T; 3],
+    pub linkage_wb: [T; K],
     /// Energy of the field of each coil, in J.
-    pub energy_j: [T; 3],
+    pub energy_j: [T; K],
     /// Force of each magnet, in N, P(4).
-    pub force_n: [T; 3],
-    /// Resultant of the magnets, (F_y, F_z), in N, P(3).
-    pub resultant_n: [T; 2],
-    /// All forces except those of magnets and backup bearing, (y, z), in N.
-    pub perturbation_n: [T; 2],
+    pub force_n: [T; K],
+    /// Resultant of the magnets per coordinate, (F_y, F_z) of the planar rotor, in N, P(3); moments in N·m.
+    pub resultant_n: [T; N],
+    /// All forces except those of magnets and backup bearings, per coordinate, in N; moments in N·m.
+    pub perturbation_n: [T; N],
     /// Derivative of the flux linkage of each coil, `u − R i` with voltage drive, in V; 0 with current drive, where it is not a
     /// state.
-    pub induced_v: [T; 3],
-    /// Force of the backup bearing, (y, z), in N.
-    pub contact_n: [T; 2],
-    /// Acceleration of the rotor, (y, z), in m/s².
-    pub acceleration_m_s2: [T; 2],
+    pub induced_v: [T; K],
+    /// Force of the backup bearings, per coordinate, in N; moments in N·m.
+    pub contact_n: [T; N],
+    /// Acceleration of each coordinate, in m/s²; of angles in rad/s².
+    pub acceleration_m_s2: [T; N],
 }
 
-impl<T> PlantOutput<T> {
+impl<T: Scalar, const N: usize, const K: usize> Default for PlantOutput<T, N, K> {
+    /// All 0.
+    fn default() -> Self {
+        let (of_magnets, of_coordinates) = ([T::constant(0.0); K], [T::constant(0.0); N]);
+        Self {
+            gap_m: of_magnets,
+            current_a: of_magnets,
+            linkage_wb: of_magnets,
+            energy_j: of_magnets,
+            force_n: of_magnets,
+            resultant_n: of_coordinates,
+            perturbation_n: of_coordinates,
+            induced_v: of_magnets,
+            contact_n: of_coordinates,
+            acceleration_m_s2: of_coordinates,
+        }
+    }
+}
+
+impl<T, const N: usize, const K: usize> PlantOutput<T, N, K> {
     /// Applies `f` to every number.
-    pub fn map<U>(self, f: impl Fn(T) -> U) -> PlantOutput<U> {
+    pub fn map<U>(self, f: impl Fn(T) -> U) -> PlantOutput<U, N, K> {
         PlantOutput {
             gap_m: self.gap_m.map(&f),
             current_a: self.current_a.map(&f),
@@ -163,49 +169,59 @@ impl<T> PlantOutput<T> {
 
 /// The plant's equations for one set of parameters.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Equations<T = f64> {
+pub struct Equations<R: Rotor<N, K> = PlantConfig, const N: usize = 2, const K: usize = 3> {
     /// The parameters.
-    pub(super) config: PlantConfig<T>,
-    geometry: Geometry<T>,
+    pub(super) config: R,
+    geometry: Geometry<R::Number, N, K>,
 }
 
-impl<T: Scalar> Equations<T> {
+impl<T: Scalar, R: Rotor<N, K, Number = T>, const N: usize, const K: usize> Equations<R, N, K> {
     /// The equations for validated parameters, see [`Plant::new`](super::Plant::new).
-    pub fn new(config: PlantConfig<T>) -> Self {
-        let geometry = Geometry::new(config.gap_m, config.alpha_rad);
+    pub fn new(config: R) -> Self {
+        let geometry = config.geometry();
         Self { config, geometry }
     }
 
-    /// Gaps of the magnets with the rotor at a position, in m.
+    /// The parameters.
+    pub fn config(&self) -> &R {
+        &self.config
+    }
+
+    /// Gaps and directions of the magnets.
+    pub fn geometry(&self) -> &Geometry<T, N, K> {
+        &self.geometry
+    }
+
+    /// Gaps of the magnets with the rotor at the given coordinates, in m.
     #[inline]
-    pub fn gaps(&self, position_m: [T; 2]) -> [T; 3] {
+    pub fn gaps(&self, position_m: [T; N]) -> [T; K] {
         self.geometry.gaps(position_m)
     }
 
     /// The coil of magnet k, counted from 0.
     #[inline]
     pub fn coil(&self, k: usize) -> Coil<T> {
-        self.config.coil.of(self.config.lambda_nm2_a2[k], self.config.gap_m)
+        self.config.coil().of(self.config.lambda_nm2_a2()[k], self.geometry.gap_m[k])
     }
 
     /// Whether the forces follow from P(4) with the currents of the input.
     #[inline]
     pub(super) fn is_plain(&self) -> bool {
-        self.config.coil.drive == Drive::Current && self.config.coil.saturation_wb.value() == 0.0
+        self.config.coil().drive == Drive::Current && self.config.coil().saturation_wb.value() == 0.0
     }
 
     /// The coils at the given gaps, in m, from `linkage_wb` with voltage drive, from the currents of the input otherwise.
     pub(super) fn coils(
         &self,
-        open: [bool; 3],
-        linkage_wb: [T; 3],
-        input: &PlantInput<T>,
-        gap_m: [T; 3],
-    ) -> [CoilPoint<T>; 3] {
+        open: [bool; K],
+        linkage_wb: [T; K],
+        input: &PlantInput<T, N, K>,
+        gap_m: [T; K],
+    ) -> [CoilPoint<T>; K] {
         if self.is_plain() {
             // P(4) literally, in the order of operations with the fewest roundings.
             let current_a = flowing(open, input.current_a);
-            let force_n = forces(self.config.lambda_nm2_a2, current_a, gap_m);
+            let force_n = forces(*self.config.lambda_nm2_a2(), current_a, gap_m);
             return std::array::from_fn(|k| {
                 let inductance_h = self.coil(k).inductance_h(gap_m[k]);
                 CoilPoint {
@@ -217,7 +233,7 @@ impl<T: Scalar> Equations<T> {
                 }
             });
         }
-        std::array::from_fn(|k| match self.config.coil.drive {
+        std::array::from_fn(|k| match self.config.coil().drive {
             _ if open[k] => CoilPoint::idle(),
             Drive::Current => self.coil(k).at_current(input.current_a[k], gap_m[k]),
             Drive::Voltage => self.coil(k).at_linkage(linkage_wb[k], gap_m[k]),
@@ -225,16 +241,22 @@ impl<T: Scalar> Equations<T> {
     }
 
     /// The forces of the magnets alone, in N, as in [`Equations::coils`].
-    pub(super) fn forces(&self, open: [bool; 3], linkage_wb: [T; 3], input: &PlantInput<T>, gap_m: [T; 3]) -> [T; 3] {
+    pub(super) fn forces(
+        &self,
+        open: [bool; K],
+        linkage_wb: [T; K],
+        input: &PlantInput<T, N, K>,
+        gap_m: [T; K],
+    ) -> [T; K] {
         if self.is_plain() {
-            return forces(self.config.lambda_nm2_a2, flowing(open, input.current_a), gap_m);
+            return forces(*self.config.lambda_nm2_a2(), flowing(open, input.current_a), gap_m);
         }
         self.coils(open, linkage_wb, input, gap_m).map(|coil| coil.force_n)
     }
 
     /// `dψ_k/dt = u_k − R i_k` in V, u_k limited by the amplifier; 0 with current drive or if the circuit is open.
-    fn induced_v(&self, open: [bool; 3], coils: &[CoilPoint<T>; 3], input: &PlantInput<T>) -> [T; 3] {
-        let coil = &self.config.coil;
+    fn induced_v(&self, open: [bool; K], coils: &[CoilPoint<T>; K], input: &PlantInput<T, N, K>) -> [T; K] {
+        let coil = self.config.coil();
         std::array::from_fn(|k| {
             if coil.drive == Drive::Current || open[k] {
                 return T::constant(0.0);
@@ -243,89 +265,81 @@ impl<T: Scalar> Equations<T> {
         })
     }
 
-    /// All forces except those of magnets and backup bearing, (y, z), in N.
-    pub(super) fn perturbation(&self, input: &PlantInput<T>, time_s: T, theta_rad: T) -> [T; 2] {
-        let Harmonic { amplitude_n, omega_rad_s, phase_rad } = &self.config.harmonic;
-        let mut p = input.perturbation_n;
-        for a in 0..2 {
-            // Skipped at amplitude 0, so that the common case needs no sine.
-            if !amplitude_n[a].is_zero() {
-                p[a] = p[a] + amplitude_n[a] * (*omega_rad_s * time_s + phase_rad[a]).sine();
-            }
-        }
-        for (p_a, gravity) in p.iter_mut().zip(self.config.gravity_m_s2) {
-            if !gravity.is_zero() {
-                *p_a = *p_a + self.config.m_kg * gravity;
-            }
-        }
-        if !self.config.unbalance_kgm.is_zero() {
-            let force = self.config.unbalance_kgm * input.omega_rad_s * input.omega_rad_s;
-            let (sin, cos) = (theta_rad + self.config.unbalance_phase_rad).sine_cosine();
-            p = [p[0] + force * cos, p[1] + force * sin];
-        }
-        p
-    }
-
-    /// Force of the backup bearing, (y, z), in N; 0 without contact.
-    fn contact_n(&self, x: &Motion<T>, input: &PlantInput<T>, contact: bool) -> [T; 2] {
-        match contact {
-            true => self.config.touchdown.force_n([x[0], x[1]], [x[2], x[3]], input.omega_rad_s),
-            false => [T::constant(0.0); 2],
-        }
-    }
-
-    /// `(F + p + c)/m`, (y, z), in m/s².
+    /// `(F + p − Ω G q̇ + c)/M`, per coordinate, in m/s²; of angles in rad/s².
     #[inline]
-    fn acceleration(&self, resultant_n: [T; 2], perturbation_n: [T; 2], contact_n: [T; 2]) -> [T; 2] {
+    fn acceleration(
+        &self,
+        x: &Motion<T, N, K>,
+        input: &PlantInput<T, N, K>,
+        resultant_n: [T; N],
+        perturbation_n: [T; N],
+        contact_n: [T; N],
+    ) -> [T; N] {
+        let inertia = self.config.inertia();
+        let gyroscopic = self.config.gyroscopic(input.omega_rad_s, x.velocity_m_s);
         std::array::from_fn(|a| {
             let force_n = resultant_n[a] + perturbation_n[a];
+            let force_n = gyroscopic.map_or(force_n, |moment| force_n + moment[a]);
             // Without contact the sum keeps its bits, including the sign of a zero.
             let force_n = if contact_n[a].is_zero() { force_n } else { force_n + contact_n[a] };
-            force_n / self.config.m_kg
+            force_n / inertia[a]
         })
     }
 
     /// The right-hand side of the equations of motion, d/dt of [`Motion`]: a function of state, input and conditions.
     ///
     /// NaN outside the gap, where P(4) has no meaning. With current drive the derivatives of the fluxes are 0.
-    pub fn derivative(&self, x: &Motion<T>, input: &PlantInput<T>, conditions: Conditions<T>) -> Motion<T> {
-        let perturbation_n = self.perturbation(input, conditions.time_s, conditions.theta_rad);
+    pub fn derivative(
+        &self,
+        x: &Motion<T, N, K>,
+        input: &PlantInput<T, N, K>,
+        conditions: Conditions<T, K, R::Contact>,
+    ) -> Motion<T, N, K> {
+        let perturbation_n = self.config.perturbation(input, conditions.time_s, conditions.theta_rad);
         self.derivative_under(x, input, conditions, perturbation_n)
     }
 
     /// [`Equations::derivative`] for a given perturbation, in N.
     pub(super) fn derivative_under(
         &self,
-        x: &Motion<T>,
-        input: &PlantInput<T>,
-        conditions: Conditions<T>,
-        perturbation_n: [T; 2],
-    ) -> Motion<T> {
-        let gap_m = self.gaps([x[0], x[1]]);
+        x: &Motion<T, N, K>,
+        input: &PlantInput<T, N, K>,
+        conditions: Conditions<T, K, R::Contact>,
+        perturbation_n: [T; N],
+    ) -> Motion<T, N, K> {
+        let gap_m = self.gaps(x.position_m);
         if !gap_m.iter().all(|gap| gap.value() > 0.0) {
-            return [T::constant(f64::NAN); 7];
+            let nan = T::constant(f64::NAN);
+            return Motion { position_m: [nan; N], velocity_m_s: [nan; N], linkage_wb: [nan; K] };
         }
-        let linkage_wb = [x[4], x[5], x[6]];
         let (force_n, induced_v) = if self.is_plain() {
-            (self.forces(conditions.open, linkage_wb, input, gap_m), [T::constant(0.0); 3])
+            (self.forces(conditions.open, x.linkage_wb, input, gap_m), [T::constant(0.0); K])
         } else {
-            let coils = self.coils(conditions.open, linkage_wb, input, gap_m);
+            let coils = self.coils(conditions.open, x.linkage_wb, input, gap_m);
             (coils.map(|coil| coil.force_n), self.induced_v(conditions.open, &coils, input))
         };
-        let contact_n = self.contact_n(x, input, conditions.contact);
-        let [a_y, a_z] = self.acceleration(self.geometry.resultant(force_n), perturbation_n, contact_n);
-        let [u_1, u_2, u_3] = induced_v;
-        [x[2], x[3], a_y, a_z, u_1, u_2, u_3]
+        let contact_n = self.config.contact_n(x, input.omega_rad_s, conditions.contact);
+        let resultant_n = self.geometry.resultant(force_n);
+        Motion {
+            position_m: x.velocity_m_s,
+            velocity_m_s: self.acceleration(x, input, resultant_n, perturbation_n, contact_n),
+            linkage_wb: induced_v,
+        }
     }
 
     /// All outputs for state, input and conditions at one instant.
-    pub fn outputs(&self, x: &Motion<T>, input: &PlantInput<T>, conditions: Conditions<T>) -> PlantOutput<T> {
-        let gap_m = self.gaps([x[0], x[1]]);
-        let coils = self.coils(conditions.open, [x[4], x[5], x[6]], input, gap_m);
+    pub fn outputs(
+        &self,
+        x: &Motion<T, N, K>,
+        input: &PlantInput<T, N, K>,
+        conditions: Conditions<T, K, R::Contact>,
+    ) -> PlantOutput<T, N, K> {
+        let gap_m = self.gaps(x.position_m);
+        let coils = self.coils(conditions.open, x.linkage_wb, input, gap_m);
         let force_n = coils.map(|coil| coil.force_n);
         let resultant_n = self.geometry.resultant(force_n);
-        let perturbation_n = self.perturbation(input, conditions.time_s, conditions.theta_rad);
-        let contact_n = self.contact_n(x, input, conditions.contact);
+        let perturbation_n = self.config.perturbation(input, conditions.time_s, conditions.theta_rad);
+        let contact_n = self.config.contact_n(x, input.omega_rad_s, conditions.contact);
         PlantOutput {
             gap_m,
             current_a: coils.map(|coil| coil.current_a),
@@ -336,13 +350,13 @@ impl<T: Scalar> Equations<T> {
             resultant_n,
             perturbation_n,
             contact_n,
-            acceleration_m_s2: self.acceleration(resultant_n, perturbation_n, contact_n),
+            acceleration_m_s2: self.acceleration(x, input, resultant_n, perturbation_n, contact_n),
         }
     }
 }
 
 /// The currents, 0 where the circuit is open, in A.
 #[inline]
-pub(super) fn flowing<T: Scalar>(open: [bool; 3], current_a: [T; 3]) -> [T; 3] {
+pub(super) fn flowing<T: Scalar, const K: usize>(open: [bool; K], current_a: [T; K]) -> [T; K] {
     std::array::from_fn(|k| if open[k] { T::constant(0.0) } else { current_a[k] })
 }

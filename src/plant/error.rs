@@ -20,6 +20,23 @@ pub enum StepError {
         /// Position (Y, Z) at that time, in m.
         position_m: [f64; 2],
     },
+    /// The rotor of a spindle has left the gap of a bearing, or its motion is no longer finite. The state is the one before the
+    /// sub-step in which this happened.
+    #[error(
+        "the rotor leaves the gap at magnet {magnet} of bearing {bearing} after t = {time_s} s, starting at \
+         X = {} m, Y = {} m, Z = {} m, beta = {} rad, gamma = {} rad",
+        position_m[0], position_m[1], position_m[2], position_m[3], position_m[4]
+    )]
+    SpindleContact {
+        /// Name of the bearing: A, B or X.
+        bearing: &'static str,
+        /// Number of the nearest magnet in that bearing, from 1.
+        magnet: usize,
+        /// Begin of the sub-step, in s.
+        time_s: f64,
+        /// Coordinates (x, y, z, β, γ) at that time, in m and rad.
+        position_m: [f64; 5],
+    },
     /// The motion is so fast that the step would take too long. The state is the one before the sub-step in which this was
     /// found.
     #[error(
@@ -33,7 +50,7 @@ pub enum StepError {
     #[error("the input {name} is not finite: {value}")]
     Input {
         /// Name of the input as in the interface.
-        name: &'static str,
+        name: String,
         /// Its value.
         value: f64,
     },

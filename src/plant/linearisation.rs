@@ -2,18 +2,18 @@
 //!
 //! A [`Taylor`] is a number together with its first Taylor coefficients along some line. Evaluated with it, the [`Equations`]
 //! of the plant give derivatives as well: with two coefficients and a line through the space of states, inputs and parameters,
-//! the directional derivative ([`along`]); with more coefficients along time, the time derivatives of the outputs
-//! ([`in_time`]). There are no difference quotients: the results are exact to rounding.
+//! the directional derivative ([`Point::along`]); with more coefficients along time, the time derivatives of the outputs
+//! ([`Point::in_time`]). There are no difference quotients: the results are exact to rounding.
 //!
 //! The arithmetic is our own because libraries of dual numbers call the platform's sine, whose bits differ between platforms,
 //! and stop at a fixed order.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::bearing::coil::CoilConfig;
 use crate::bearing::scalar::Scalar;
-use crate::bearing::touchdown::TouchdownConfig;
-use crate::plant::{Conditions, Equations, Harmonic, Motion, Plant, PlantConfig, PlantInput, PlantOutput, PlantState};
+use crate::plant::{
+    Conditions, Equations, Motion, Plant, PlantConfig, PlantInput, PlantOutput, PlantParameters, PlantState, Rotor,
+};
 
 /// The coefficients c of `Σ_j c_j τ^j`, j < N.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,20 +127,25 @@ impl<const N: usize> Mul<f64> for Taylor<N> {
 
 /// Everything that the outputs of the plant depend on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Point<T = f64> {
+pub struct Point<R: Rotor<N, K> = PlantConfig, const N: usize = 2, const K: usize = 3> {
     /// Parameters.
-    pub config: PlantConfig<T>,
+    pub config: R,
     /// States of the equations of motion.
-    pub motion: Motion<T>,
+    pub motion: Motion<R::Number, N, K>,
     /// Inputs.
-    pub input: PlantInput<T>,
+    pub input: PlantInput<R::Number, N, K>,
     /// Time, angle of the rotor, and discrete conditions.
-    pub conditions: Conditions<T>,
+    pub conditions: Conditions<R::Number, K, R::Contact>,
 }
 
-impl Point {
+impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Point<R, N, K> {
     /// The point of a plant at the time `t_s`, in s.
-    pub fn of(plant: &Plant, state: &PlantState, input: &PlantInput, t_s: f64) -> Self {
+    pub fn of(
+        plant: &Plant<R, N, K>,
+        state: &PlantState<N, K, R::Contact>,
+        input: &PlantInput<f64, N, K>,
+        t_s: f64,
+    ) -> Self {
         Self {
             config: plant.config().clone(),
             motion: state.motion(),
@@ -148,82 +153,69 @@ impl Point {
             conditions: state.conditions(t_s),
         }
     }
+
+    /// The line from here in a direction, given in the units of the point: its outputs are values and derivatives along it.
+    pub fn along(&self, direction: &Self) -> Point<R::With<Taylor<2>>, N, K> {
+        self.with(direction, |value, slope| Taylor([value, slope]))
+    }
+
+    /// The motion from here on, as Taylor series in time. `slopes[j]` are the derivatives of order j + 1 of the inputs; missing
+    /// ones are 0.
+    pub fn in_time<const ORDERS: usize>(
+        &self,
+        slopes: &[PlantInput<f64, N, K>],
+    ) -> Point<R::With<Taylor<ORDERS>>, N, K> {
+        let mut line = self.with(self, |value, _: f64| Taylor::<ORDERS>::constant(value));
+        let equations = Equations::new(line.config.clone());
+        let Point { motion, input, conditions, .. } = &mut line;
+        let mut factorial = 1.0;
+        for (j, slope) in (1..ORDERS).zip(slopes) {
+            factorial *= j as f64;
+            *input = input.with(slope, |mut series, slope| {
+                series.0[j] = slope / factorial;
+                series
+            });
+        }
+        if ORDERS > 1 {
+            conditions.time_s.0[1] = 1.0;
+        }
+        // Each round yields one more coefficient of the states: x_j+1 = ẋ_j / (j + 1).
+        for j in 0..ORDERS.saturating_sub(1) {
+            let rate = equations.derivative(motion, input, *conditions);
+            let over = 1.0 / (j + 1) as f64;
+            *motion = motion.with(&rate, |mut state, rate| {
+                state.0[j + 1] = rate.0[j] * over;
+                state
+            });
+            conditions.theta_rad.0[j + 1] = input.omega_rad_s.0[j] * over;
+        }
+        line
+    }
 }
 
-impl<T: Scalar> Point<T> {
+impl<R: Rotor<N, K>, const N: usize, const K: usize> Point<R, N, K> {
     /// Combines this point with another, number by number; discrete values are taken from this one.
-    pub fn with<U: Copy, V>(&self, other: &Point<U>, join: impl Fn(T, U) -> V) -> Point<V> {
-        macro_rules! joined {
-            ($type:ident { $($scalar:ident),*; $($list:ident),*; $($rest:ident: $value:expr),* } of $own:expr, $other:expr) => {
-                $type {
-                    $($scalar: join($own.$scalar, $other.$scalar),)*
-                    $($list: std::array::from_fn(|k| join($own.$list[k], $other.$list[k])),)*
-                    $($rest: $value,)*
-                }
-            };
-        }
-        let (own, off) = (&self.config, &other.config);
+    pub fn with<U: Scalar, V: Scalar>(
+        &self,
+        other: &Point<R::With<U>, N, K>,
+        join: impl Fn(R::Number, U) -> V,
+    ) -> Point<R::With<V>, N, K> {
+        let (own, off) = (&self.conditions, &other.conditions);
         Point {
-            config: joined!(PlantConfig {
-                m_kg, gap_m, unbalance_kgm, unbalance_phase_rad, theta_rad;
-                alpha_rad, lambda_nm2_a2, gravity_m_s2, position_m, velocity_m_s;
-                harmonic: joined!(Harmonic { omega_rad_s; amplitude_n, phase_rad; } of own.harmonic, off.harmonic),
-                coil: joined!(CoilConfig {
-                    resistance_ohm, leakage_h, limit_v, saturation_wb;; drive: own.coil.drive
-                } of own.coil, off.coil),
-                touchdown: joined!(TouchdownConfig {
-                    clearance_m, stiffness_n_m, damping_ns_m, friction, radius_m;;
-                } of own.touchdown, off.touchdown),
-                sensor: own.sensor.clone(),
-                max_step_s: own.max_step_s
-            } of own, off),
-            motion: std::array::from_fn(|k| join(self.motion[k], other.motion[k])),
-            input: joined!(PlantInput { omega_rad_s; current_a, voltage_v, perturbation_n; } of self.input, other.input),
-            conditions: joined!(Conditions {
-                time_s, theta_rad;; contact: self.conditions.contact, open: self.conditions.open
-            } of self.conditions, other.conditions),
+            config: self.config.with(&other.config, &join),
+            motion: self.motion.with(&other.motion, &join),
+            input: self.input.with(&other.input, &join),
+            conditions: Conditions {
+                time_s: join(own.time_s, off.time_s),
+                theta_rad: join(own.theta_rad, off.theta_rad),
+                contact: own.contact,
+                open: own.open,
+            },
         }
     }
 
     /// The outputs there.
-    pub fn outputs(&self) -> PlantOutput<T> {
+    pub fn outputs(&self) -> PlantOutput<R::Number, N, K> {
         Equations::new(self.config.clone()).outputs(&self.motion, &self.input, self.conditions)
     }
-}
-
-/// The outputs at a point and their derivatives in a direction, given in the units of the point.
-pub fn along(point: &Point, direction: &Point) -> PlantOutput<Taylor<2>> {
-    point.with(direction, |value, slope| Taylor([value, slope])).outputs()
-}
-
-/// The motion from a point on, and its outputs, as Taylor series in time. `slopes[j]` are the derivatives of order j + 1 of the
-/// inputs; missing ones are 0.
-pub fn in_time<const N: usize>(point: &Point, slopes: &[PlantInput]) -> (Point<Taylor<N>>, PlantOutput<Taylor<N>>) {
-    let mut line = point.with(point, |value, _| Taylor::<N>::constant(value));
-    let equations = Equations::new(line.config.clone());
-    let Point { motion, input, conditions, .. } = &mut line;
-    let mut factorial = 1.0;
-    for (j, slope) in (1..N).zip(slopes) {
-        factorial *= j as f64;
-        let series = input.current_a.iter_mut().chain(&mut input.voltage_v).chain(&mut input.perturbation_n);
-        let values = slope.current_a.iter().chain(&slope.voltage_v).chain(&slope.perturbation_n);
-        for (series, slope) in series.zip(values) {
-            series.0[j] = slope / factorial;
-        }
-        input.omega_rad_s.0[j] = slope.omega_rad_s / factorial;
-    }
-    if N > 1 {
-        conditions.time_s.0[1] = 1.0;
-    }
-    // Each round yields one more coefficient of the states: x_j+1 = ẋ_j / (j + 1).
-    for j in 0..N.saturating_sub(1) {
-        let rate = equations.derivative(motion, input, *conditions);
-        let over = 1.0 / (j + 1) as f64;
-        for (state, rate) in motion.iter_mut().zip(rate) {
-            state.0[j + 1] = rate.0[j] * over;
-        }
-        conditions.theta_rad.0[j + 1] = input.omega_rad_s.0[j] * over;
-    }
-    let outputs = equations.outputs(motion, input, *conditions);
-    (line, outputs)
 }

@@ -29,28 +29,45 @@
 //! reads 0 A. With voltage drive the currents are continuous, and a sample is their value at the instant (`linear`). Steps may
 //! have any length; see [`Plant::advance`].
 
+/// A structure made of two others: scalars and arrays combined number by number, then all other fields as given.
+macro_rules! joined {
+    ($own:expr, $other:expr, $join:expr, $type:ident {
+        $($scalar:ident),*; $($list:ident),*; $($rest:ident: $value:expr),*
+    }) => {{
+        let (own, other, join) = ($own, $other, $join);
+        $type {
+            $($scalar: join(own.$scalar, other.$scalar),)*
+            $($list: std::array::from_fn(|k| join(own.$list[k], other.$list[k])),)*
+            $($rest: $value,)*
+        }
+    }};
+}
+
 pub mod integration;
 pub mod linearisation;
 pub mod noise;
 pub mod sensor;
+pub mod spindle;
 
 mod equations;
 mod error;
+mod planar;
+mod rotor;
 mod substeps;
 mod trajectory;
 
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::coil::Drive;
-use crate::bearing::magnet::Magnets;
 use crate::invalid::Checks;
 use crate::invalid::Invalid;
-use crate::plant::noise::Noise;
 pub use crate::plant::sensor::SensorConfig;
-use crate::plant::sensor::{DelayLine, Sample};
+use crate::plant::sensor::{Channels, DelayLine, Sample};
 
-pub use equations::{Conditions, Equations, Harmonic, Motion, PlantConfig, PlantInput, PlantOutput};
+pub use equations::{Conditions, Equations, Motion, PlantInput, PlantOutput};
 pub use error::StepError;
+pub use planar::{Harmonic, PlantConfig};
+pub use rotor::{PlantParameters, Rotor};
 pub use substeps::{MOST_PARTS, SAFETY};
 pub use trajectory::{HIGHEST_ORDER, InputTrajectory};
 
@@ -70,44 +87,54 @@ pub const SHORTEST_STEP_S: f64 = 1e-9;
 
 /// The last reading of the sensors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Measured {
-    /// Position (Y, Z), in m.
-    pub position_m: [f64; 2],
+#[serde(bound(
+    serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
+    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+))]
+pub struct Measured<const N: usize = 2, const K: usize = 3> {
+    /// Positions, in m: (Y, Z) of the planar rotor.
+    pub position_m: [f64; N],
     /// Currents held over the interval that ended at the instant, or with voltage drive those at the instant, in A.
-    pub current_a: [f64; 3],
+    pub current_a: [f64; K],
     /// Angle of the rotor, unwrapped, in rad.
     pub theta_rad: f64,
 }
 
 /// State of a [`Plant`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PlantState {
+#[serde(bound(
+    serialize = "C: Serialize, [f64; N]: Serialize, [f64; K]: Serialize, [bool; K]: Serialize, \
+                 Channels<N, K>: Serialize",
+    deserialize = "C: Deserialize<'de>, [f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>, \
+                   [bool; K]: Deserialize<'de>, Channels<N, K>: Deserialize<'de>"
+))]
+pub struct PlantState<const N: usize = 2, const K: usize = 3, C = bool> {
     /// Time of the state, in s.
     pub time_s: f64,
-    /// Position (Y, Z), in m.
-    pub position_m: [f64; 2],
-    /// Velocity, (y, z), in m/s.
-    pub velocity_m_s: [f64; 2],
+    /// Coordinates, in m, angles among them in rad: (Y, Z) of the planar rotor.
+    pub position_m: [f64; N],
+    /// Their rates, in m/s; those of angles in rad/s.
+    pub velocity_m_s: [f64; N],
     /// Flux linkages of the coils, in Wb; 0 with current drive, where they follow from the currents.
-    pub linkage_wb: [f64; 3],
-    /// Whether rotor and backup bearing are in contact.
-    pub contact: bool,
+    pub linkage_wb: [f64; K],
+    /// Whether rotor and backup bearing are in contact; of a spindle, for each of the backup bearings.
+    pub contact: C,
     /// Coils whose circuit is open, so that they carry no current; may change between steps.
-    pub open: [bool; 3],
+    pub open: [bool; K],
     /// Angle of the rotor, unwrapped, in rad.
     pub theta_rad: f64,
     /// The last sample.
-    pub measured: Measured,
+    pub measured: Measured<N, K>,
     /// Number of samples taken; sample k is that of `start + k · T_s`.
     pub samples: u64,
     /// Start time, in s.
     start_s: f64,
     /// Integration of the angle.
     rotation: UniformRotation,
-    /// Noise of Y, Z, and of the three currents.
-    noise: [Noise; 5],
+    /// Noise of the sensors.
+    noise: Channels<N, K>,
     /// Samples taken but not yet delivered.
-    delayed: DelayLine,
+    delayed: DelayLine<N, K>,
 }
 
 /// θ = `base + ω (t − since)`, with a new base when ω changes, so that a long run does not accumulate rounding.
@@ -124,112 +151,69 @@ impl UniformRotation {
     }
 }
 
-impl PlantState {
+impl<const N: usize, const K: usize, C: Copy> PlantState<N, K, C> {
     /// The states of the equations of motion.
-    pub fn motion(&self) -> Motion {
-        let ([y, z], [v_y, v_z], [psi_1, psi_2, psi_3]) = (self.position_m, self.velocity_m_s, self.linkage_wb);
-        [y, z, v_y, v_z, psi_1, psi_2, psi_3]
+    pub fn motion(&self) -> Motion<f64, N, K> {
+        let Self { position_m, velocity_m_s, linkage_wb, .. } = *self;
+        Motion { position_m, velocity_m_s, linkage_wb }
     }
 
     /// The conditions of the equations at the time `t_s` in s.
-    pub fn conditions(&self, t_s: f64) -> Conditions {
+    pub fn conditions(&self, t_s: f64) -> Conditions<f64, K, C> {
         Conditions { time_s: t_s, theta_rad: self.theta_rad, contact: self.contact, open: self.open }
     }
 }
 
-/// A plant with validated parameters.
+/// A plant with validated parameters: the planar rotor, or a spindle.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plant {
-    equations: Equations,
+pub struct Plant<R: Rotor<N, K> = PlantConfig, const N: usize = 2, const K: usize = 3> {
+    equations: Equations<R, N, K>,
 }
 
-impl Plant {
+impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
     /// A plant of the given configuration.
     ///
     /// # Errors
-    /// Every parameter that is not finite or outside its range, by its name in the interface; `s` and `alpha[k]` as in
-    /// [`Magnets::new`]; `Y0` or `Z0` if the rotor would start outside the gap.
-    pub fn new(config: PlantConfig) -> Result<Self, Vec<Invalid>> {
+    /// Every parameter that is not finite or outside its range, by its name in the interface; gaps and angles as in
+    /// [`Magnets::new`](crate::bearing::magnet::Magnets::new); the coordinate of a rotor that would start outside the gap.
+    pub fn new(config: R) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
-        checks.positive("m", config.m_kg, "kg");
-        let magnets = Magnets::checked(config.gap_m, config.alpha_rad, &mut checks);
-        check_tunable(
-            config.lambda_nm2_a2,
-            config.unbalance_kgm,
-            config.unbalance_phase_rad,
-            &config.harmonic,
-            &mut checks,
-        );
-        for (name, value) in ["Y0", "Z0"].into_iter().zip(config.position_m) {
-            checks.finite(name, value, "m");
-        }
-        for (name, value) in ["vY0", "vZ0"].into_iter().zip(config.velocity_m_s) {
-            checks.finite(name, value, "m/s");
-        }
-        checks.finite("theta0", config.theta_rad, "rad");
-        check_start(&config, &magnets, &mut checks);
-        for (name, value) in ["gravity.Y", "gravity.Z"].into_iter().zip(config.gravity_m_s2) {
-            checks.finite(name, value, "m/s2");
-        }
-        config.coil.check(config.gap_m, config.lambda_nm2_a2, &mut checks);
-        config.touchdown.check(&mut checks);
-        config.sensor.check(&mut checks);
-        check_step("solver.maxStep", config.max_step_s, &mut checks);
+        config.check(&mut checks);
         checks.finish()?;
         Ok(Self { equations: Equations::new(config) })
     }
 
     /// The configuration, including the last retuning.
-    pub fn config(&self) -> &PlantConfig {
+    pub fn config(&self) -> &R {
         &self.equations.config
     }
 
     /// The equations of motion.
-    pub fn equations(&self) -> &Equations {
+    pub fn equations(&self) -> &Equations<R, N, K> {
         &self.equations
     }
 
-    /// Changes the tunable parameters: λ in N·m²/A², unbalance in kg·m and rad, harmonic.
-    ///
-    /// # Errors
-    /// As in [`Plant::new`]; nothing is changed then.
-    pub fn retune(
-        &mut self,
-        lambda_nm2_a2: [f64; 3],
-        unbalance_kgm: f64,
-        unbalance_phase_rad: f64,
-        harmonic: Harmonic,
-    ) -> Result<(), Vec<Invalid>> {
-        let mut checks = Checks::default();
-        check_tunable(lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, &harmonic, &mut checks);
-        let config = &mut self.equations.config;
-        config.coil.check(config.gap_m, lambda_nm2_a2, &mut checks);
-        checks.finish()?;
-        config.lambda_nm2_a2 = lambda_nm2_a2;
-        config.unbalance_kgm = unbalance_kgm;
-        config.unbalance_phase_rad = unbalance_phase_rad;
-        config.harmonic = harmonic;
-        Ok(())
-    }
-
     /// The initial state, at the time `start_s`, with sample 0 taken. With voltage drive no current flows yet.
-    pub fn start(&self, start_s: f64) -> PlantState {
+    pub fn start(&self, start_s: f64) -> PlantState<N, K, R::Contact> {
         let config = self.config();
-        let sample = Sample { position_m: config.position_m, current_a: [0.0; 3] };
+        let sensor = config.sensor();
+        let (position_m, velocity_m_s) = config.start();
+        let theta_rad = config.start_angle_rad();
+        let sample = Sample { position_m: config.readings_m(position_m), current_a: [0.0; K] };
         let mut state = PlantState {
             time_s: start_s,
-            position_m: config.position_m,
-            velocity_m_s: config.velocity_m_s,
-            linkage_wb: [0.0; 3],
-            contact: config.touchdown.touches(config.position_m, config.velocity_m_s),
-            open: [false; 3],
-            theta_rad: config.theta_rad,
-            measured: Measured { position_m: [0.0; 2], current_a: [0.0; 3], theta_rad: 0.0 },
+            position_m,
+            velocity_m_s,
+            linkage_wb: [0.0; K],
+            contact: config.touches(&position_m, &velocity_m_s),
+            open: [false; K],
+            theta_rad,
+            measured: Measured { position_m: [0.0; N], current_a: [0.0; K], theta_rad: 0.0 },
             samples: 0,
             start_s,
-            rotation: UniformRotation { base_rad: config.theta_rad, since_s: start_s, omega_rad_s: 0.0 },
-            noise: Noise::channels(config.sensor.seed),
-            delayed: DelayLine::new(sample, config.sensor.delay_s / config.sensor.step_s),
+            rotation: UniformRotation { base_rad: theta_rad, since_s: start_s, omega_rad_s: 0.0 },
+            noise: Channels::new(sensor.seed),
+            delayed: DelayLine::new(sample, sensor.delay_s / sensor.step_s),
         };
         self.deliver(&mut state, sample);
         state
@@ -239,7 +223,13 @@ impl Plant {
     ///
     /// # Errors
     /// As there.
-    pub fn advance(&self, state: &mut PlantState, input: &PlantInput, t_s: f64, h_s: f64) -> Result<(), StepError> {
+    pub fn advance(
+        &self,
+        state: &mut PlantState<N, K, R::Contact>,
+        input: &PlantInput<f64, N, K>,
+        t_s: f64,
+        h_s: f64,
+    ) -> Result<(), StepError> {
         self.advance_along(state, &InputTrajectory::held(input), t_s, h_s)
     }
 
@@ -251,18 +241,18 @@ impl Plant {
     /// `max_step_s`. A step of 0 changes nothing; one too short to change the time neither loses nor repeats a sample.
     ///
     /// # Errors
-    /// [`StepError::Contact`] when the rotor leaves the gap; [`StepError::Fast`] if the step would not end;
+    /// [`StepError::Contact`] or [`StepError::SpindleContact`] when the rotor leaves the gap; [`StepError::Fast`] if the step would not end;
     /// [`StepError::Input`] for an input that is not finite;
     /// [`StepError::Time`] for a step that is negative, not finite, or does not begin where the last one ended.
     pub fn advance_along(
         &self,
-        state: &mut PlantState,
-        inputs: &InputTrajectory,
+        state: &mut PlantState<N, K, R::Contact>,
+        inputs: &InputTrajectory<N, K>,
         t_s: f64,
         h_s: f64,
     ) -> Result<(), StepError> {
-        inputs.check()?;
-        let step_s = self.config().sensor.step_s;
+        inputs.check::<R>()?;
+        let step_s = self.config().sensor().step_s;
         let tolerance = INSTANT_TOLERANCE * step_s;
         let end_s = t_s + h_s;
         let follows = (t_s - state.time_s).abs() <= tolerance;
@@ -272,7 +262,7 @@ impl Plant {
         if h_s == 0.0 {
             return Ok(());
         }
-        let delay_s = self.config().sensor.delay_s;
+        let delay_s = self.config().sensor().delay_s;
         let mut now_s = t_s;
         let mut budget = MOST_PARTS;
         loop {
@@ -309,8 +299,8 @@ impl Plant {
 
     /// Whether a state, for instance one read from a file, belongs to this plant at `t_s`, in s: its numbers are finite, the
     /// rotor is inside the gap, all samples before `t_s` are taken and none after it.
-    pub fn accepts(&self, state: &PlantState, t_s: f64) -> bool {
-        let step_s = self.config().sensor.step_s;
+    pub fn accepts(&self, state: &PlantState<N, K, R::Contact>, t_s: f64) -> bool {
+        let step_s = self.config().sensor().step_s;
         let UniformRotation { base_rad, since_s, omega_rad_s } = state.rotation;
         let numbers = [state.time_s, state.start_s, state.theta_rad, base_rad, since_s, omega_rad_s, t_s];
         let mut numbers = numbers.iter().chain(&state.position_m).chain(&state.velocity_m_s).chain(&state.linkage_wb);
@@ -319,45 +309,50 @@ impl Plant {
         let beside_s = step_s + 1e-6 * t_s.abs().max(1.0);
         let instant_s = |count: u64| state.start_s + count as f64 * step_s;
         let taken = instant_s(state.samples) >= t_s - beside_s && instant_s(state.samples.max(1) - 1) <= t_s + beside_s;
-        let delay = (self.config().sensor.delay_s / step_s) as u64 + 2;
+        let delay = (self.config().sensor().delay_s / step_s) as u64 + 2;
         let on_their_way = state.samples.saturating_sub(2)..=state.samples.saturating_add(delay);
         numbers.all(|value| value.is_finite())
             && inside
             && taken
-            && (self.config().sensor.delay_s == 0.0 || on_their_way.contains(&state.delayed.taken))
+            && (self.config().sensor().delay_s == 0.0 || on_their_way.contains(&state.delayed.taken))
             && (state.time_s - t_s).abs() <= beside_s
     }
 
     /// The instant of the last sample, in s.
-    pub fn sampled_s(&self, state: &PlantState) -> f64 {
-        state.start_s + (state.samples.max(1) - 1) as f64 * self.config().sensor.step_s
+    pub fn sampled_s(&self, state: &PlantState<N, K, R::Contact>) -> f64 {
+        state.start_s + (state.samples.max(1) - 1) as f64 * self.config().sensor().step_s
     }
 
     /// The shorter of sensor step and integration step, in s: the base step of the plant.
     pub fn base_step_s(&self) -> f64 {
-        self.config().sensor.step_s.min(self.config().max_step_s)
+        self.config().sensor().step_s.min(self.config().max_step_s())
     }
 
     /// The outputs at the time `t_s` of the state, in s.
-    pub fn outputs(&self, state: &PlantState, input: &PlantInput, t_s: f64) -> PlantOutput {
+    pub fn outputs(
+        &self,
+        state: &PlantState<N, K, R::Contact>,
+        input: &PlantInput<f64, N, K>,
+        t_s: f64,
+    ) -> PlantOutput<f64, N, K> {
         self.equations.outputs(&state.motion(), input, state.conditions(t_s))
     }
 
     /// Position and currents that ideal sensors sample at the end of a step with that input.
-    fn sample(&self, state: &PlantState, input: &PlantInput) -> Sample {
-        let current_a = match self.config().coil.drive {
+    fn sample(&self, state: &PlantState<N, K, R::Contact>, input: &PlantInput<f64, N, K>) -> Sample<N, K> {
+        let current_a = match self.config().coil().drive {
             Drive::Current => equations::flowing(state.open, input.current_a),
             Drive::Voltage => {
                 let gap_m = self.equations.gaps(state.position_m);
                 self.equations.coils(state.open, state.linkage_wb, input, gap_m).map(|coil| coil.current_a)
             }
         };
-        Sample { position_m: state.position_m, current_a }
+        Sample { position_m: self.config().readings_m(state.position_m), current_a }
     }
 
     /// Delivers a sample, with the sensor errors added.
-    fn deliver(&self, state: &mut PlantState, sample: Sample) {
-        let Sample { position_m, current_a } = self.config().sensor.read(&sample, &mut state.noise);
+    fn deliver(&self, state: &mut PlantState<N, K, R::Contact>, sample: Sample<N, K>) {
+        let Sample { position_m, current_a } = self.config().sensor().read(&sample, &mut state.noise);
         state.measured = Measured { position_m, current_a, theta_rad: state.theta_rad };
         state.samples += 1;
     }
@@ -371,48 +366,4 @@ pub(crate) fn check_step(name: &'static str, step_s: f64, checks: &mut Checks) {
         format_args!("{step_s} s"),
         format!("a finite time of at least {SHORTEST_STEP_S} s"),
     );
-}
-
-fn check_tunable(
-    lambda_nm2_a2: [f64; 3],
-    unbalance_kgm: f64,
-    unbalance_phase_rad: f64,
-    harmonic: &Harmonic,
-    checks: &mut Checks,
-) {
-    for (name, lambda) in ["lambda[1]", "lambda[2]", "lambda[3]"].into_iter().zip(lambda_nm2_a2) {
-        checks.positive(name, lambda, "N.m2/A2");
-    }
-    checks.not_negative("unbalance.magnitude", unbalance_kgm, "kg.m");
-    checks.finite("unbalance.phase", unbalance_phase_rad, "rad");
-    for (name, value) in ["perturbation.amplitudeY", "perturbation.amplitudeZ"].into_iter().zip(harmonic.amplitude_n) {
-        checks.finite(name, value, "N");
-    }
-    checks.not_negative("perturbation.omega", harmonic.omega_rad_s, "rad/s");
-    for (name, value) in ["perturbation.phaseY", "perturbation.phaseZ"].into_iter().zip(harmonic.phase_rad) {
-        checks.finite(name, value, "rad");
-    }
-}
-
-/// Refuses a rotor that starts at a magnet; the finding names the coordinate that brings it there.
-fn check_start(config: &PlantConfig, magnets: &Magnets, checks: &mut Checks) {
-    let [y, z] = config.position_m;
-    let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
-    if !(finite(&config.position_m) && finite(&config.alpha_rad) && config.gap_m.is_finite() && config.gap_m > 0.0) {
-        return;
-    }
-    for (k, (gap, e_k)) in magnets.gaps([y, z]).into_iter().zip(magnets.directions()).enumerate() {
-        if gap > 0.0 {
-            continue;
-        }
-        let (name, value) = if (y * e_k[0]) > (z * e_k[1]) { ("Y0", y) } else { ("Z0", z) };
-        let number = k + 1;
-        checks.require(
-            false,
-            name,
-            format_args!("{value} m"),
-            format!("a start inside the gap (that of magnet {number} would be {gap} m)"),
-        );
-        return;
-    }
 }

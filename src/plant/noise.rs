@@ -15,8 +15,14 @@ pub struct Noise {
 impl Noise {
     /// One generator for each of `N` channels, all from one seed, statistically independent of each other.
     pub fn channels<const N: usize>(seed: u64) -> [Self; N] {
+        let mut sequence = Self::sequence(seed);
+        std::array::from_fn(|_| sequence())
+    }
+
+    /// Such generators, one by one.
+    pub(crate) fn sequence(seed: u64) -> impl FnMut() -> Self {
         let mut parent = Pcg64::seed_from_u64(seed);
-        std::array::from_fn(|_| Self { generator: Pcg64::from_rng(&mut parent) })
+        move || Self { generator: Pcg64::from_rng(&mut parent) }
     }
 
     /// The next number of the standard normal distribution, by Box and Muller.

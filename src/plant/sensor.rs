@@ -17,8 +17,14 @@ pub const LONGEST_DELAY: usize = 16;
 
 /// The sensors of position and current.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct SensorConfig {
+#[serde(
+    default,
+    bound(
+        serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
+        deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+    )
+)]
+pub struct SensorConfig<const N: usize = 2, const K: usize = 3> {
     /// Standard deviation of the position noise, in m; 0 for none.
     pub position_noise_m: f64,
     /// Standard deviation of the current noise, in A; 0 for none.
@@ -31,19 +37,19 @@ pub struct SensorConfig {
     pub position_resolution_m: f64,
     /// Resolution of the current, in A; 0 for no rounding.
     pub current_resolution_a: f64,
-    /// Offsets: readings Ym and Zm with the rotor in the centre, in m.
-    pub position_offset_m: [f64; 2],
+    /// Offsets: readings of position with the rotor in the centre, in m.
+    pub position_offset_m: [f64; N],
     /// Offsets: readings without current, in A.
-    pub current_offset_a: [f64; 3],
-    /// Relative gain errors of Ym and Zm.
-    pub position_gain_error: [f64; 2],
+    pub current_offset_a: [f64; K],
+    /// Relative gain errors of the position sensors.
+    pub position_gain_error: [f64; N],
     /// Relative gain errors of the current sensors.
-    pub current_gain_error: [f64; 3],
+    pub current_gain_error: [f64; K],
     /// Delay of positions and currents, in s.
     pub delay_s: f64,
 }
 
-impl Default for SensorConfig {
+impl<const N: usize, const K: usize> Default for SensorConfig<N, K> {
     /// Without errors, 10 kHz.
     fn default() -> Self {
         Self {
@@ -53,39 +59,38 @@ impl Default for SensorConfig {
             seed: 0,
             position_resolution_m: 0.0,
             current_resolution_a: 0.0,
-            position_offset_m: [0.0; 2],
-            current_offset_a: [0.0; 3],
-            position_gain_error: [0.0; 2],
-            current_gain_error: [0.0; 3],
+            position_offset_m: [0.0; N],
+            current_offset_a: [0.0; K],
+            position_gain_error: [0.0; N],
+            current_gain_error: [0.0; K],
             delay_s: 0.0,
         }
     }
 }
 
-impl SensorConfig {
-    /// Reports invalid parameters by their names in the interface.
-    pub(crate) fn check(&self, checks: &mut Checks) {
+impl<const N: usize, const K: usize> SensorConfig<N, K> {
+    /// Reports invalid parameters by their names in the interface; `of_magnet` and `of_reading` give those of arrays.
+    pub(crate) fn check(
+        &self,
+        of_magnet: impl Fn(&str, usize) -> String,
+        of_reading: impl Fn(&str, usize) -> String,
+        checks: &mut Checks,
+    ) {
         checks.not_negative("sensor.positionNoise", self.position_noise_m, "m");
         checks.not_negative("sensor.currentNoise", self.current_noise_a, "A");
         check_step("sensor.Ts", self.step_s, checks);
         checks.not_negative("sensor.positionResolution", self.position_resolution_m, "m");
         checks.not_negative("sensor.currentResolution", self.current_resolution_a, "A");
-        for (name, offset) in ["sensor.offsetY", "sensor.offsetZ"].into_iter().zip(self.position_offset_m) {
-            checks.finite(name, offset, "m");
+        for (n, offset) in self.position_offset_m.into_iter().enumerate() {
+            checks.finite(of_reading("sensor.offset", n), offset, "m");
         }
-        const OFFSETS: [&str; 3] = ["sensor.currentOffset[1]", "sensor.currentOffset[2]", "sensor.currentOffset[3]"];
-        for (name, offset) in OFFSETS.into_iter().zip(self.current_offset_a) {
-            checks.finite(name, offset, "A");
+        for (k, offset) in self.current_offset_a.into_iter().enumerate() {
+            checks.finite(of_magnet("sensor.currentOffset", k), offset, "A");
         }
-        const GAINS: [&str; 5] = [
-            "sensor.gainErrorY",
-            "sensor.gainErrorZ",
-            "sensor.currentGainError[1]",
-            "sensor.currentGainError[2]",
-            "sensor.currentGainError[3]",
-        ];
-        let errors = self.position_gain_error.into_iter().chain(self.current_gain_error);
-        for (name, error) in GAINS.into_iter().zip(errors) {
+        let of_positions = |n: usize| of_reading("sensor.gainError", n);
+        let of_currents = |k: usize| of_magnet("sensor.currentGainError", k);
+        let names = (0..N).map(of_positions).chain((0..K).map(of_currents));
+        for (name, error) in names.zip(self.position_gain_error.into_iter().chain(self.current_gain_error)) {
             checks.require(error.is_finite() && error > -1.0, name, error, "a finite number above -1");
         }
         // A sample time that was refused restricts no delay.
@@ -98,21 +103,39 @@ impl SensorConfig {
         );
     }
 
-    /// The reading of a true sample, with noise of Y, Z, and the three currents.
-    pub fn read(&self, truth: &Sample, noise: &mut [Noise; 5]) -> Sample {
-        let [noise_y, noise_z, noise_1, noise_2, noise_3] = noise;
-        let position = |a: usize, noise: &mut Noise| {
-            let value = with_errors(truth.position_m[a], self.position_gain_error[a], self.position_offset_m[a]);
-            rounded(noise.measure(value, self.position_noise_m), self.position_resolution_m)
-        };
-        let current = |k: usize, noise: &mut Noise| {
-            let value = with_errors(truth.current_a[k], self.current_gain_error[k], self.current_offset_a[k]);
-            rounded(noise.measure(value, self.current_noise_a), self.current_resolution_a)
-        };
+    /// The reading of a true sample, with the noise of positions and currents.
+    pub fn read(&self, truth: &Sample<N, K>, noise: &mut Channels<N, K>) -> Sample<N, K> {
         Sample {
-            position_m: [position(0, noise_y), position(1, noise_z)],
-            current_a: [current(0, noise_1), current(1, noise_2), current(2, noise_3)],
+            position_m: std::array::from_fn(|n| {
+                let value = with_errors(truth.position_m[n], self.position_gain_error[n], self.position_offset_m[n]);
+                rounded(noise.position[n].measure(value, self.position_noise_m), self.position_resolution_m)
+            }),
+            current_a: std::array::from_fn(|k| {
+                let value = with_errors(truth.current_a[k], self.current_gain_error[k], self.current_offset_a[k]);
+                rounded(noise.current[k].measure(value, self.current_noise_a), self.current_resolution_a)
+            }),
         }
+    }
+}
+
+/// The generators of the noise of all sensors.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "[Noise; N]: Serialize, [Noise; K]: Serialize",
+    deserialize = "[Noise; N]: Deserialize<'de>, [Noise; K]: Deserialize<'de>"
+))]
+pub struct Channels<const N: usize = 2, const K: usize = 3> {
+    /// Those of the positions.
+    pub position: [Noise; N],
+    /// Those of the currents.
+    pub current: [Noise; K],
+}
+
+impl<const N: usize, const K: usize> Channels<N, K> {
+    /// Generators from one seed, statistically independent of each other: positions first.
+    pub fn new(seed: u64) -> Self {
+        let mut channels = Noise::sequence(seed);
+        Self { position: std::array::from_fn(|_| channels()), current: std::array::from_fn(|_| channels()) }
     }
 }
 
@@ -126,36 +149,44 @@ fn rounded(value: f64, resolution: f64) -> f64 {
 }
 
 /// Position and currents, true or as read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Sample {
-    /// Position (Y, Z), in m.
-    pub position_m: [f64; 2],
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
+    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+))]
+pub struct Sample<const N: usize = 2, const K: usize = 3> {
+    /// Positions, in m: (Y, Z) of the planar rotor.
+    pub position_m: [f64; N],
     /// Currents, in A.
-    pub current_a: [f64; 3],
+    pub current_a: [f64; K],
 }
 
 /// Samples taken but not yet delivered (sensor delay).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct DelayLine {
+#[serde(bound(
+    serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
+    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+))]
+pub struct DelayLine<const N: usize = 2, const K: usize = 3> {
     /// Number of samples taken; sample k is taken at `start + k · T_s − delay` and delivered at `start + k · T_s`.
     pub taken: u64,
-    ring: [Sample; LONGEST_DELAY + 1],
+    ring: [Sample<N, K>; LONGEST_DELAY + 1],
 }
 
-impl DelayLine {
+impl<const N: usize, const K: usize> DelayLine<N, K> {
     /// Samples before the start equal the one at the start.
-    pub fn new(at_start: Sample, delay_samples: f64) -> Self {
+    pub fn new(at_start: Sample<N, K>, delay_samples: f64) -> Self {
         Self { taken: delay_samples as u64 + 1, ring: [at_start; LONGEST_DELAY + 1] }
     }
 
     /// Adds a sample.
-    pub fn take(&mut self, now: Sample) {
+    pub fn take(&mut self, now: Sample<N, K>) {
         self.ring[(self.taken % (LONGEST_DELAY as u64 + 1)) as usize] = now;
         self.taken += 1;
     }
 
     /// Sample k, if it is among the last ones taken.
-    pub fn sample(&self, k: u64) -> Sample {
+    pub fn sample(&self, k: u64) -> Sample<N, K> {
         self.ring[(k % (LONGEST_DELAY as u64 + 1)) as usize]
     }
 }

@@ -3,8 +3,8 @@
 use std::cell::Cell;
 
 use super::{
-    Conditions, InputTrajectory, Motion, Plant, PlantInput, PlantState, ROUNDING_TOLERANCE, SHORTEST_STEP_S, StepError,
-    UniformRotation,
+    Conditions, InputTrajectory, Motion, Plant, PlantInput, PlantParameters, PlantState, ROUNDING_TOLERANCE,
+    SHORTEST_STEP_S, StepError, UniformRotation,
 };
 use crate::bearing::coil::Drive;
 use crate::plant::integration::{rk4, substeps};
@@ -23,12 +23,15 @@ const MOST_CROSSINGS: usize = 8;
 /// Bisections that locate such an event: to 10⁻¹² of the sub-step.
 const HALVINGS: usize = 40;
 
-impl Plant {
+/// Time, angle and force of a perturbation.
+type Perturbation<const N: usize> = (f64, f64, [f64; N]);
+
+impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
     /// Integrates over a segment, `length_s` from `from_s`, without a sample inside; the state ends at its end.
     pub(super) fn integrate(
         &self,
-        state: &mut PlantState,
-        inputs: &InputTrajectory,
+        state: &mut PlantState<N, K, R::Contact>,
+        inputs: &InputTrajectory<N, K>,
         (from_s, length_s, end_s): (f64, f64, f64),
         budget: &mut usize,
     ) -> Result<(), StepError> {
@@ -42,9 +45,9 @@ impl Plant {
         let theta_rad = |rotation: &UniformRotation, t: f64| {
             if evenly { rotation.theta_rad(t) } else { rotation.base_rad + (inputs.turned_rad(t) - turned_rad) }
         };
-        let n = substeps(length_s, self.config().max_step_s);
+        let n = substeps(length_s, self.config().max_step_s());
         let h = length_s / n as f64;
-        for k in 0..3 {
+        for k in 0..K {
             if state.open[k] {
                 state.linkage_wb[k] = 0.0;
             }
@@ -70,11 +73,11 @@ impl Plant {
     /// Integrates over one sub-step of `h_s` from `t_s`, divided where the model is faster and where contact begins or ends.
     fn sub_step(
         &self,
-        state: &mut PlantState,
-        inputs: &InputTrajectory,
+        state: &mut PlantState<N, K, R::Contact>,
+        inputs: &InputTrajectory<N, K>,
         (t_s, h_s): (f64, f64),
         theta_rad: &impl Fn(&UniformRotation, f64) -> f64,
-        latest: &Cell<Option<(f64, f64, [f64; 2])>>,
+        latest: &Cell<Option<Perturbation<N>>>,
         budget: &mut usize,
     ) -> Result<(), StepError> {
         let mut done_s = 0.0;
@@ -82,7 +85,6 @@ impl Plant {
         let held = inputs.slopes.is_none();
         while done_s < h_s || done_s == 0.0 {
             let x = state.motion();
-            let [y, z, v_y, v_z, psi_1, psi_2, psi_3] = x;
             let left_s = h_s - done_s;
             let parts = substeps(left_s, self.longest_step_s(state, &inputs.at(t_s + done_s)));
             let mut part_s = if parts == 1 { left_s } else { left_s / parts as f64 };
@@ -94,7 +96,7 @@ impl Plant {
             }
             let step = |h_s: f64| {
                 let rotation = &state.rotation;
-                let slope = |t: f64, x: &Motion| {
+                let slope = |t: f64, x: &Motion<f64, N, K>| {
                     let theta_rad = theta_rad(rotation, t);
                     let conditions = Conditions { time_s: t, theta_rad, contact: state.contact, open: state.open };
                     if !held {
@@ -102,23 +104,25 @@ impl Plant {
                     }
                     let perturbation_n = match latest.get() {
                         Some((at, angle, force)) if at == t && angle == theta_rad => force,
-                        _ => self.equations.perturbation(&inputs.input, t, theta_rad),
+                        _ => self.equations.config.perturbation(&inputs.input, t, theta_rad),
                     };
                     latest.set(Some((t, theta_rad, perturbation_n)));
                     self.equations.derivative_under(x, &inputs.input, conditions, perturbation_n)
                 };
-                match self.config().coil.drive {
+                match self.config().coil().drive {
                     Drive::Voltage => rk4(x, now_s, h_s, slope),
                     Drive::Current => {
-                        let [a, b, c, d] = rk4([y, z, v_y, v_z], now_s, h_s, |t, x| {
-                            let [a, b, c, d, ..] = slope(t, &[x[0], x[1], x[2], x[3], psi_1, psi_2, psi_3]);
-                            [a, b, c, d]
-                        });
-                        [a, b, c, d, psi_1, psi_2, psi_3]
+                        // The fluxes are no states then.
+                        let moving =
+                            |[position_m, velocity_m_s]: [[f64; N]; 2]| Motion { position_m, velocity_m_s, ..x };
+                        moving(rk4([x.position_m, x.velocity_m_s], now_s, h_s, |t, x| {
+                            let Motion { position_m, velocity_m_s, .. } = slope(t, &moving(*x));
+                            [position_m, velocity_m_s]
+                        }))
                     }
                 }
             };
-            let touches = |x: &Motion| self.config().touchdown.touches([x[0], x[1]], [x[2], x[3]]);
+            let touches = |x: &Motion<f64, N, K>| self.config().touches(&x.position_m, &x.velocity_m_s);
             let mut next = step(part_s);
             if touches(&next) != state.contact && crossings < MOST_CROSSINGS {
                 crossings += 1;
@@ -133,18 +137,17 @@ impl Plant {
                     }
                 }
             }
-            let inside = self.equations.gaps([next[0], next[1]]).iter().all(|gap| *gap > 0.0);
-            if !(inside && next.iter().all(|value| value.is_finite())) {
+            let inside = self.equations.gaps(next.position_m).iter().all(|gap| *gap > 0.0);
+            let Motion { position_m, velocity_m_s, linkage_wb } = next;
+            let mut numbers = position_m.iter().chain(&velocity_m_s).chain(&linkage_wb);
+            if !(inside && numbers.all(|value| value.is_finite())) {
                 let gap_m = self.equations.gaps(state.position_m);
-                let nearest = (0..3).fold(0, |k, other| if gap_m[other] < gap_m[k] { other } else { k });
+                let nearest = (0..K).fold(0, |k, other| if gap_m[other] < gap_m[k] { other } else { k });
                 state.time_s = now_s;
-                return Err(StepError::Contact { magnet: nearest + 1, time_s: now_s, position_m: state.position_m });
+                return Err(self.config().left_the_gap(nearest, now_s, state.position_m));
             }
-            let contact = touches(&next);
-            state.position_m = [next[0], next[1]];
-            state.velocity_m_s = [next[2], next[3]];
-            state.linkage_wb = [next[4], next[5], next[6]];
-            state.contact = contact;
+            state.contact = touches(&next);
+            (state.position_m, state.velocity_m_s, state.linkage_wb) = (position_m, velocity_m_s, linkage_wb);
             done_s = if part_s == left_s { h_s } else { done_s + part_s };
             if h_s == 0.0 {
                 break;
@@ -154,8 +157,7 @@ impl Plant {
     }
 
     /// [`SAFETY`] over the fastest rate of the model in this state, in s.
-    fn longest_step_s(&self, state: &PlantState, input: &PlantInput) -> f64 {
-        let m = self.config().m_kg;
+    fn longest_step_s(&self, state: &PlantState<N, K, R::Contact>, input: &PlantInput<f64, N, K>) -> f64 {
         let gap_m = self.equations.gaps(state.position_m);
         let mut rate: f64 = 0.0;
         let force_n = if self.equations.is_plain() {
@@ -163,30 +165,18 @@ impl Plant {
         } else {
             let coils = self.equations.coils(state.open, state.linkage_wb, input, gap_m);
             for coil in &coils {
-                rate = rate.max(self.config().coil.resistance_ohm * coil.current_by_linkage);
+                rate = rate.max(self.config().coil().resistance_ohm * coil.current_by_linkage);
             }
             coils.map(|coil| coil.force_n)
         };
-        let mut softness = 0.0;
-        let mut least_m = f64::INFINITY;
-        for k in 0..3 {
-            softness += 2.0 * force_n[k] / gap_m[k];
-            least_m = least_m.min(gap_m[k]);
-        }
-        rate = rate.max((softness / m).sqrt());
-        let [v_y, v_z] = state.velocity_m_s;
-        rate = rate.max((v_y * v_y + v_z * v_z).sqrt() / least_m);
-        if state.contact {
-            let ring = &self.config().touchdown;
-            rate = rate.max(ring.rate(m, ring.push_n(state.position_m, state.velocity_m_s)));
-        }
+        rate = rate.max(self.config().rate(&state.motion(), state.contact, force_n, gap_m));
         (SAFETY / rate).max(SHORTEST_STEP_S)
     }
 
     /// Begin and length of a segment, with rounding removed: a begin at a sample instant becomes that instant, a length of one
     /// sensor step becomes that step.
-    fn without_rounding(&self, state: &PlantState, from_s: f64, length_s: f64) -> (f64, f64) {
-        let step_s = self.config().sensor.step_s;
+    fn without_rounding(&self, state: &PlantState<N, K, R::Contact>, from_s: f64, length_s: f64) -> (f64, f64) {
+        let step_s = self.config().sensor().step_s;
         let rounding = ROUNDING_TOLERANCE * step_s;
         // Sample 0 is taken at the start, so there is a last one.
         let last_s = state.start_s + (state.samples.max(1) - 1) as f64 * step_s;

@@ -2,29 +2,30 @@
 
 use super::PlantInput;
 use super::error::StepError;
+use super::rotor::PlantParameters;
 
 /// The highest order of an input derivative in an [`InputTrajectory`].
 pub const HIGHEST_ORDER: usize = 4;
 
 /// Inputs over a step, as polynomials: `u(t) = u + Σ_j d_j (t − t_0)^j / j!`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct InputTrajectory {
+pub struct InputTrajectory<const N: usize = 2, const K: usize = 3> {
     /// u, at the time `since_s`.
-    pub input: PlantInput,
+    pub input: PlantInput<f64, N, K>,
     /// d_1, d_2, …; in the unit of the input per power of seconds. `None` holds the inputs.
-    pub slopes: Option<[PlantInput; HIGHEST_ORDER]>,
+    pub slopes: Option<[PlantInput<f64, N, K>; HIGHEST_ORDER]>,
     /// t_0, in s.
     pub since_s: f64,
 }
 
-impl InputTrajectory {
+impl<const N: usize, const K: usize> InputTrajectory<N, K> {
     /// Constant inputs.
-    pub fn held(input: &PlantInput) -> Self {
+    pub fn held(input: &PlantInput<f64, N, K>) -> Self {
         Self { input: input.clone(), slopes: None, since_s: 0.0 }
     }
 
     /// The inputs at a time, in s.
-    pub fn at(&self, t_s: f64) -> PlantInput {
+    pub fn at(&self, t_s: f64) -> PlantInput<f64, N, K> {
         let mut input = self.input.clone();
         let Some(slopes) = &self.slopes else { return input };
         let elapsed_s = t_s - self.since_s;
@@ -60,21 +61,27 @@ impl InputTrajectory {
         angle_rad
     }
 
-    pub(super) fn check(&self) -> Result<(), StepError> {
-        self.slopes.iter().flatten().try_for_each(check_input)?;
-        check_input(&self.input)
+    /// Whether all inputs are finite; names are those of the rotor.
+    pub(super) fn check<R: PlantParameters<N, K>>(&self) -> Result<(), StepError> {
+        self.slopes.iter().flatten().try_for_each(check_input::<R, N, K>)?;
+        check_input::<R, N, K>(&self.input)
     }
 }
 
-fn check_input(input: &PlantInput) -> Result<(), StepError> {
-    const NAMES: [&str; 9] = ["i[1]", "i[2]", "i[3]", "u[1]", "u[2]", "u[3]", "pY", "pZ", "omega"];
-    let [i_1, i_2, i_3] = input.current_a;
-    let [u_1, u_2, u_3] = input.voltage_v;
-    let [p_y, p_z] = input.perturbation_n;
-    for (name, value) in NAMES.into_iter().zip([i_1, i_2, i_3, u_1, u_2, u_3, p_y, p_z, input.omega_rad_s]) {
-        if !value.is_finite() {
-            return Err(StepError::Input { name, value });
+fn check_input<R: PlantParameters<N, K>, const N: usize, const K: usize>(
+    input: &PlantInput<f64, N, K>,
+) -> Result<(), StepError> {
+    let refused = |name: String, value: f64| Err(StepError::Input { name, value });
+    for (name, values) in [("i", &input.current_a), ("u", &input.voltage_v)] {
+        if let Some(k) = values.iter().position(|value| !value.is_finite()) {
+            return refused(R::of_magnet(name, k), values[k]);
         }
     }
-    Ok(())
+    if let Some(n) = input.perturbation_n.iter().position(|value| !value.is_finite()) {
+        return refused(R::force_name(n).into(), input.perturbation_n[n]);
+    }
+    match input.omega_rad_s {
+        omega_rad_s if omega_rad_s.is_finite() => Ok(()),
+        omega_rad_s => refused("omega".into(), omega_rad_s),
+    }
 }

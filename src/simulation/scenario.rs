@@ -432,7 +432,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         findings.push(format!("step = {} is refused: expected at most the duration, {duration_s} s", document.step));
     }
 
-    let [plant, controller, estimator] = &fmu::catalogue()[..] else { unreachable!("there are three models") };
+    let [plant, controller, estimator, ..] = &fmu::catalogue()[..] else { unreachable!("there are more models") };
     let tables: [(&str, &Arc<ModelType>, &toml::Table); 3] = [
         ("plant", plant, &document.plant),
         ("controller", controller, &document.controller),

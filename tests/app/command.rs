@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::Instant;
 
-use crate::support::says;
+use crate::support::{MODELS, says};
 
 /// Seconds. The main job should take five on two cores; beyond this limit a slow machine is no explanation.
 const MAIN_JOB_S: f64 = 30.0;
@@ -39,7 +39,7 @@ fn the_main_job_packages_runs_and_reports() {
     assert_eq!(code, 0, "{err}");
     assert!(lasted_s < MAIN_JOB_S, "{lasted_s} s, the limit is {MAIN_JOB_S} s");
 
-    let archives = ["MagneticBearing.fmu", "FlatnessController.fmu", "AlgebraicEstimator.fmu", "MagneticBearing.ssp"];
+    let archives = MODELS.map(|model| format!("{model}.fmu")).into_iter().chain(["MagneticBearing.ssp".into()]);
     for archive in archives {
         let path = format!("target/fmu/{archive}");
         says(&out, &[&path]);
@@ -150,7 +150,7 @@ fn descriptions_go_where_they_are_wanted() {
     let folder = folder("describe");
     let (code, _, err) = said(&run(&folder, &["describe", "--out", "."]));
     assert_eq!(code, 0, "{err}");
-    for model in ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"] {
+    for model in MODELS {
         let text = fs::read_to_string(folder.join(format!("{model}.xml"))).expect("a model description");
         says(&text, &["fmiVersion=\"2.0\"", &format!("modelName=\"{model}\"")]);
     }

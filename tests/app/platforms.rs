@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use crate::support::MODELS;
 use fmu_export::package::platforms::{Binaries, PLATFORMS, Platform, by_name};
 use magnetic_bearing::package::built_library;
 
@@ -204,8 +205,8 @@ fn the_command_adds_platforms_and_says_so() {
     let output = package(&folder, &["--binary".into(), format!("aarch64-linux={}", path.display())]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let said = String::from_utf8(output.stdout).expect("text");
-    for archive in ["MagneticBearing.fmu", "FlatnessController.fmu", "AlgebraicEstimator.fmu", "MagneticBearing.ssp"] {
-        let line = said.lines().find(|line| line.contains(archive)).unwrap_or_default();
+    for archive in MODELS.map(|model| format!("{model}.fmu")).iter().chain(&["MagneticBearing.ssp".to_owned()]) {
+        let line = said.lines().find(|line| line.contains(archive.as_str())).unwrap_or_default();
         assert!(line.ends_with("for linux64, aarch64-linux"), "{archive}: {said}");
     }
     let fmu = members(&folder.join("out/MagneticBearing.fmu"));

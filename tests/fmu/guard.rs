@@ -5,13 +5,13 @@ use std::ptr::{null, null_mut};
 use std::thread;
 
 use crate::call;
+use crate::support::MODELS;
 use crate::support::ffi::{Expect, Fmu, Message, Request, guid, text};
 use crate::support::says;
 use crate::support::sequence::{self, STATES, Subject, in_state, state_of};
 use fmu_export::fmi2::bindings::*;
 use fmu_export::variable::{Causality, Type};
 
-const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 const PLANT: &str = "MagneticBearing";
 const CONTROLLER: &str = "FlatnessController";
 const TS: f64 = 1e-4;

@@ -1,13 +1,12 @@
 //! Instances and their tables: access, reset, variability, outputs, and the sample instants.
 
 use crate::support::named::Named;
-use crate::support::{Random, below, says};
+use crate::support::{MODELS, Random, below, is_plant, says};
 use fmu_export::clock::Clock;
 use fmu_export::instance::AccessError;
 use fmu_export::variable::{Causality, Type, Value, Variability};
 use magnetic_bearing::fmu::catalogue;
 
-const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 const TS: f64 = 1e-4;
 
 /// Inputs for a step, different at every step.
@@ -24,7 +23,7 @@ fn excite(instance: &mut Named, random: &mut Random) {
             "reset" => Value::Boolean(false),
             name if name.starts_with("lambdaHat") => Value::Real(random.between(1e-6, 3e-6)),
             // Weak, so that the rotor stays in the gap for a while.
-            name if name.starts_with('i') => Value::Real(random.between(0.05, 0.1)),
+            name if name.starts_with('i') || name.contains(".i[") => Value::Real(random.between(0.05, 0.1)),
             _ if matches!(variable.data_type, Type::Boolean { .. }) => Value::Boolean(true),
             _ => Value::Real(random.between(-1.0, 1.0)),
         };
@@ -34,7 +33,7 @@ fn excite(instance: &mut Named, random: &mut Random) {
 
 /// Enough steps for the window of the estimator, and few enough for a rotor without control.
 fn steps(model: &str) -> std::ops::Range<u32> {
-    if model == "MagneticBearing" { 0..150 } else { 0..250 }
+    if is_plant(model) { 0..150 } else { 0..250 }
 }
 
 /// Steps of `TS` from a step number on.
@@ -337,8 +336,8 @@ fn outputs_follow_an_input_at_once_only_where_the_table_says_so() {
             };
             let may = variable.depends_on.iter().any(|(name, _)| input(name));
             assert!(may || !follows, "{model}.{} follows an input", variable.name);
-            let force = variable.name.starts_with('F') || variable.name.starts_with("perturbation.");
-            assert!(follows || !(model == "MagneticBearing" && force), "{model}.{} stands still", variable.name);
+            let force = ["F", "perturbation.", "A.F", "B.F", "X.F"].iter().any(|head| variable.name.starts_with(head));
+            assert!(follows || !(is_plant(model) && force), "{model}.{} stands still", variable.name);
         }
     }
 }

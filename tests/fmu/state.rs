@@ -4,10 +4,9 @@ use std::process::Command;
 use std::ptr::null_mut;
 
 use crate::support::ffi::{Expect, Fmu};
+use crate::support::{MODELS, is_plant};
 use fmu_export::fmi2::bindings::{fmi2FMUstate, fmi2Status};
 use sha2::{Digest, Sha256};
-
-const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 
 /// Values that make every part of a state move: noise, delay, both drives' coils, unbalance, a short window.
 fn lively(model: &str) -> Vec<(&'static str, f64)> {
@@ -21,6 +20,17 @@ fn lively(model: &str) -> Vec<(&'static str, f64)> {
             ("u[1]", 3.0),
             ("u[2]", 2.0),
         ],
+        "MagneticSpindle" => vec![
+            ("sensor.positionNoise", 1e-7),
+            ("sensor.currentNoise", 1e-2),
+            ("sensor.delay", 1.5e-4),
+            ("drive", 2.0),
+            ("unbalance[1].magnitude", 1e-4),
+            ("unbalance[2].magnitude", 5e-5),
+            ("A.u[1]", 3.0),
+            ("B.u[2]", 2.0),
+            ("X.u[1]", 1.0),
+        ],
         "FlatnessController" => vec![("update.mode", 3.0), ("lambdaValid", 1.0)],
         _ => vec![("Tf", 2e-3), ("epsilon", 2e-3), ("im[1]", 1.0), ("im[2]", 2.0)],
     }
@@ -32,6 +42,7 @@ fn advance(fmu: &Fmu, model: &str, step: u32) {
     let wave = (f64::from(step) * 0.7).sin();
     let (name, value) = match model {
         "MagneticBearing" => ("u[2]", 2.0 + wave),
+        "MagneticSpindle" => ("B.u[2]", 2.0 + wave),
         "FlatnessController" => ("Ym", 3e-5 * wave),
         _ => ("Zm", 3e-5 * wave),
     };
@@ -361,7 +372,7 @@ fn damaged_bytes_are_refused_with_a_reason() {
 fn a_hostile_content_in_a_sound_frame_does_no_harm() {
     for model in MODELS {
         let fmu = running(model, 25);
-        let input = fmu.reference(if model == "MagneticBearing" { "pY" } else { "Ym" });
+        let input = fmu.reference(if is_plant(model) { "pY" } else { "Ym" });
         fmu.set_input_derivatives(&[input], &[1], &[1e-3]).ok(&fmu);
         let written = bytes(&fmu);
         let head = 8 + 2 + 1 + model.len() + 1 + 38;
@@ -455,7 +466,7 @@ fn a_reset_instance_is_a_fresh_one_to_the_last_byte() {
         fmu.reset().ok(&fmu);
         assert_eq!(bytes(&fmu), fresh, "{model}, out of the initialization");
         fmu.start(0.0, None);
-        let input = if model == "MagneticBearing" { "pY" } else { "Ym" };
+        let input = if is_plant(model) { "pY" } else { "Ym" };
         fmu.set_input_derivatives(&[fmu.reference(input)], &[2], &[1.0]).ok(&fmu);
         fmu.reset().ok(&fmu);
         assert_eq!(bytes(&fmu), fresh, "{model}, with a derivative of an input");

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use magnetic_bearing::bearing::coil::{CoilConfig, Drive};
 use magnetic_bearing::bearing::scalar::Scalar;
 use magnetic_bearing::bearing::touchdown::TouchdownConfig;
-use magnetic_bearing::plant::linearisation::{Point, Taylor, along, in_time};
+use magnetic_bearing::plant::linearisation::{Point, Taylor};
 use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantInput, PlantOutput, PlantState};
 
 /// A small generator, so that the points are the same everywhere: numbers in [-1, 1).
@@ -130,7 +130,7 @@ fn directional_derivatives_are_limits_of_difference_quotients() {
                 at.set((at.get() + 1) % weights.len());
                 value * weights[at.get()]
             });
-            let got = of_order(&along(&point, &direction), 1);
+            let got = of_order(&point.along(&direction).outputs(), 1);
             let shifted = |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs());
             let h = 2e-4;
             let sides = [-2.0, -1.0, 1.0, 2.0].map(|side| shifted(side * h));
@@ -167,13 +167,14 @@ fn derivatives_in_time_are_those_of_the_motion() {
                 omega_rad_s: size * numbers.next(),
             });
             let point = Point::of(&plant, &state, &input, 0.3);
-            let (short, rate) = in_time::<3>(&point, &slopes);
+            let short = point.in_time::<3>(&slopes);
             // The Taylor polynomial of the motion must satisfy the equations of motion: positions and outputs at τ, from
             // five coefficients, against the sum of the first three.
-            let (long, exact) = in_time::<7>(&point, &slopes);
+            let long = point.in_time::<7>(&slopes);
+            let (rate, exact) = (short.outputs(), long.outputs());
             for a in 0..2 {
-                assert_eq!(short.motion[2 + a].0[0], state.velocity_m_s[a]);
-                let [short, long] = [short.motion[a].0[2], long.motion[a].0[2]];
+                assert_eq!(short.motion.velocity_m_s[a].0[0], state.velocity_m_s[a]);
+                let [short, long] = [short.motion.position_m[a].0[2], long.motion.position_m[a].0[2]];
                 // Newton's iterations for the flux end a rounding apart.
                 assert!((short - long).abs() <= 1e-14 * long.abs(), "{short:e} against {long:e}");
             }

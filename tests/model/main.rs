@@ -16,4 +16,5 @@ mod plant;
 mod reference;
 mod sensitivity;
 mod sensor;
+mod spindle;
 mod touchdown;

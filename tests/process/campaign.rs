@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
 use std::sync::Mutex;
 
+use crate::support::MODELS;
 use crate::support::ffi::{Expect, Fmu, guid, text};
 use fmu_export::fmi2::bindings::*;
 use magnetic_bearing::package;
-
-const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 
 /// Number of loads of the library, unless set by the environment.
 const ROUNDS: u32 = if cfg!(debug_assertions) { 1_000 } else { 10_000 };
@@ -132,7 +131,7 @@ fn a_thousand_instances_in_turn_are_each_like_one_alone() {
     let _alone = ALONE.lock();
     // Each with a disturbance of its own.
     let make = |at: usize| {
-        let model = MODELS[at % 3];
+        let model = MODELS[at % MODELS.len()];
         let value = 1e-6 * at as f64;
         match at % 3 {
             0 => {

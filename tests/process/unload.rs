@@ -3,10 +3,10 @@
 use std::process::Command;
 use std::sync::Mutex;
 
+use crate::support::MODELS;
 use crate::support::ffi::{Fmu, Request};
 use fmu_export::fmi2::bindings::fmi2Status;
 
-const MODELS: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 const CHILD: &str = "MAGNETIC_BEARING_UNLOAD_TEST";
 
 /// Instances that a static object of an importer still holds when the process ends.

@@ -17,6 +17,14 @@ pub use magnetic_bearing::fmu as library;
 #[allow(unused_imports, reason = "not every test program needs it")]
 pub use random::Random;
 
+/// The models of this project.
+pub const MODELS: [&str; 4] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator", "MagneticSpindle"];
+
+/// Whether a model is a plant.
+pub fn is_plant(model: &str) -> bool {
+    ["MagneticBearing", "MagneticSpindle"].contains(&model)
+}
+
 /// Asserts a value of at most `limit`.
 #[track_caller]
 pub fn below(what: &str, value: f64, limit: f64) {

@@ -1,0 +1,244 @@
+//! A spindle: a rigid shaft in two radial bearings A and B with three magnets each, and an axial bearing X with two.
+//!
+//! Coordinates and signs are those of [`shaft`](crate::bearing::shaft). Magnets are counted A 1 to 3, B 1 to 3, X 1 to 2; X 1 pulls
+//! towards +x. Positions along the shaft are in m from the centre of gravity. The sensors read `h · q`, in the order A.Ym,
+//! A.Zm, B.Ym, B.Zm, Xm:
+//!
+//! ```text
+//! A.Ym = y + ξ γ     A.Zm = z − ξ β        ξ of the sensors of A, not of its magnets; B likewise
+//! Xm = x
+//! ```
+
+use serde::{Deserialize, Serialize};
+
+use crate::bearing::magnet::{Geometry, Magnets};
+use crate::bearing::scalar::Scalar;
+use crate::bearing::shaft::{self, COORDINATES, Shaft};
+use crate::invalid::{Checks, Invalid};
+
+/// Number of magnets: three in A, three in B, two in X.
+pub const MAGNETS: usize = 8;
+
+/// Number of readings of position: A.Ym, A.Zm, B.Ym, B.Zm, Xm.
+pub const READINGS: usize = 5;
+
+/// The bearings, in the order of their magnets.
+pub const BEARINGS: [&str; 3] = ["A", "B", "X"];
+
+/// The bearing of magnet k, by its place in [`BEARINGS`], and the magnet's place there; both counted from 0.
+pub const fn bearing_of(k: usize) -> (usize, usize) {
+    (k / 3, k % 3)
+}
+
+/// The least distance along the shaft between two bearings, and between their sensors, in m.
+///
+/// At 1 mm a sensor noise of 0.1 µm is one of 0.1 mrad in the angles, as much as fits into a gap of 0.5 mm at the end of a shaft of
+/// several metres: nothing could be controlled with it.
+pub const SHORTEST_DISTANCE_M: f64 = 1e-3;
+
+/// A radial bearing with three magnets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RadialBearing<T = f64> {
+    /// Position of the magnets along the shaft, in m.
+    pub position_m: T,
+    /// Position of the sensors along the shaft, in m.
+    pub sensor_position_m: T,
+    /// Nominal gap, in m.
+    pub gap_m: T,
+    /// Angles `α_k` of the magnets as in P(3), in rad.
+    pub alpha_rad: [T; 3],
+}
+
+/// Shaft and bearings of a spindle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SpindleGeometry<T = f64> {
+    /// Inertia.
+    pub shaft: Shaft<T>,
+    /// Begin and end of the shaft, in m from the centre of gravity. Nothing can be mounted beyond; the motion does not depend on
+    /// them.
+    pub extent_m: [T; 2],
+    /// Bearing A.
+    pub a: RadialBearing<T>,
+    /// Bearing B.
+    pub b: RadialBearing<T>,
+    /// Nominal gap of both axial magnets, in m.
+    pub axial_gap_m: T,
+}
+
+impl Default for SpindleGeometry {
+    /// The spindle of the examples: 12 kg, 0.27 m between the bearings.
+    fn default() -> Self {
+        use std::f64::consts::{FRAC_PI_3, PI};
+        let bearing = |position_m, sensor_position_m| RadialBearing {
+            position_m,
+            sensor_position_m,
+            gap_m: 5e-4,
+            alpha_rad: [PI, -FRAC_PI_3, FRAC_PI_3],
+        };
+        Self {
+            shaft: Shaft { m_kg: 12.0, transverse_kgm2: 0.16, polar_kgm2: 0.02 },
+            extent_m: [-0.2, 0.2],
+            a: bearing(-0.12, -0.10),
+            b: bearing(0.15, 0.13),
+            axial_gap_m: 6e-4,
+        }
+    }
+}
+
+impl<T: Scalar> SpindleGeometry<T> {
+    /// Gaps and directions of the magnets.
+    pub fn geometry(&self) -> Geometry<T, COORDINATES, MAGNETS> {
+        let axial = shaft::axial();
+        Geometry {
+            gap_m: std::array::from_fn(|k| [self.a.gap_m, self.b.gap_m, self.axial_gap_m][bearing_of(k).0]),
+            directions: std::array::from_fn(|k| match bearing_of(k) {
+                (0, j) => shaft::radial(self.a.position_m, self.a.alpha_rad[j]),
+                (1, j) => shaft::radial(self.b.position_m, self.b.alpha_rad[j]),
+                (_, j) => axial[j],
+            }),
+        }
+    }
+
+    /// The radial bearings A and B.
+    pub fn radial(&self) -> [&RadialBearing<T>; 2] {
+        [&self.a, &self.b]
+    }
+
+    /// The readings `H q`, in m, at the coordinates q in m and rad.
+    pub fn readings(&self, q: [T; COORDINATES]) -> [T; READINGS] {
+        let [[a_y, a_z], [b_y, b_z]] = self.radial().map(|bearing| shaft::displacement(bearing.sensor_position_m, q));
+        [a_y, a_z, b_y, b_z, q[0]]
+    }
+
+    /// The matrix H of the readings `H q`, one row per reading.
+    pub fn sensors(&self) -> [[T; COORDINATES]; READINGS] {
+        // A displacement towards (1, 0) or (0, 1) at ξ, as of a magnet that would pull there.
+        let [one, zero] = [1.0, 0.0].map(T::constant);
+        let towards = |bearing: &RadialBearing<T>, axis: [T; 2]| shaft::generalised(bearing.sensor_position_m, axis);
+        let [along, _] = shaft::axial();
+        let [y, z] = [[one, zero], [zero, one]];
+        [towards(&self.a, y), towards(&self.a, z), towards(&self.b, y), towards(&self.b, z), along]
+    }
+}
+
+impl SpindleGeometry {
+    /// Reports in `checks`, by the names of the interface: masses and moments of inertia that no body has, an empty shaft,
+    /// positions beyond it, bearings or sensors at the same place, and of each bearing what [`Magnets::new`] refuses. Use the
+    /// spindle only if nothing was reported.
+    pub(crate) fn checked(&self, checks: &mut Checks) -> Spindle {
+        let Shaft { m_kg, transverse_kgm2, polar_kgm2 } = self.shaft;
+        checks.positive("m", m_kg, "kg");
+        checks.positive("Jt", transverse_kgm2, "kg.m2");
+        checks.not_negative("Jp", polar_kgm2, "kg.m2");
+        checks.require(
+            // Not of what has been refused already.
+            polar_kgm2 <= 2.0 * transverse_kgm2 || !(polar_kgm2.is_finite() && transverse_kgm2 > 0.0),
+            "Jp",
+            format_args!("{polar_kgm2} kg.m2"),
+            format!("at most 2 Jt = {} kg.m2, as of a disk: no body has more", 2.0 * transverse_kgm2),
+        );
+        let [begin_m, end_m] = self.extent_m;
+        checks.finite("shaft.begin", begin_m, "m");
+        checks.finite("shaft.end", end_m, "m");
+        if begin_m.is_finite() && end_m.is_finite() {
+            checks.require(
+                begin_m < end_m,
+                "shaft.end",
+                format_args!("{end_m} m"),
+                format!("a position beyond shaft.begin = {begin_m} m"),
+            );
+        }
+        let bearings = [("A.", &self.a), ("B.", &self.b)].map(|(prefix, bearing)| {
+            checks.of(prefix, |checks| {
+                self.check_position("position", bearing.position_m, checks);
+                self.check_position("sensorPosition", bearing.sensor_position_m, checks);
+                Magnets::checked(bearing.gap_m, bearing.alpha_rad, checks)
+            })
+        });
+        let (a, b) = (&self.a, &self.b);
+        check_apart("position", "bearings", [a.position_m, b.position_m], checks);
+        check_apart("sensorPosition", "sensors", [a.sensor_position_m, b.sensor_position_m], checks);
+        checks.positive("X.s", self.axial_gap_m, "m");
+        Spindle { config: *self, geometry: self.geometry(), sensors: self.sensors(), bearings }
+    }
+
+    /// Refuses a position that is not on the shaft.
+    pub(crate) fn check_position(&self, name: &'static str, at_m: f64, checks: &mut Checks) {
+        let [begin_m, end_m] = self.extent_m;
+        checks.require(
+            // Where the shaft itself has been refused, any finite position is accepted.
+            at_m.is_finite() && !(begin_m < end_m && (at_m < begin_m || at_m > end_m)),
+            name,
+            format_args!("{at_m} m"),
+            format!("a position on the shaft, from shaft.begin = {begin_m} m to shaft.end = {end_m} m"),
+        );
+    }
+}
+
+fn check_apart(name: &str, what: &str, [a_m, b_m]: [f64; 2], checks: &mut Checks) {
+    checks.require(
+        (a_m - b_m).abs() >= SHORTEST_DISTANCE_M || !(a_m.is_finite() && b_m.is_finite()),
+        format!("B.{name}"),
+        format_args!("{b_m} m"),
+        format!("a position at least {SHORTEST_DISTANCE_M} m from A.{name} = {a_m} m, so that the {what} support or see a tilt"),
+    );
+}
+
+/// A spindle with validated geometry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spindle {
+    config: SpindleGeometry,
+    geometry: Geometry<f64, COORDINATES, MAGNETS>,
+    sensors: [[f64; COORDINATES]; READINGS],
+    bearings: [Magnets; 2],
+}
+
+impl Spindle {
+    /// A spindle.
+    ///
+    /// # Errors
+    /// Positions, gaps, angles and inertia that are refused, by their names in the interface.
+    pub fn new(config: SpindleGeometry) -> Result<Self, Vec<Invalid>> {
+        let mut checks = Checks::default();
+        let spindle = config.checked(&mut checks);
+        checks.finish()?;
+        Ok(spindle)
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &SpindleGeometry {
+        &self.config
+    }
+
+    /// Gaps and directions of the eight magnets.
+    pub fn geometry(&self) -> &Geometry<f64, COORDINATES, MAGNETS> {
+        &self.geometry
+    }
+
+    /// The matrix H of the readings, one row each in the order A.Ym, A.Zm, B.Ym, B.Zm, Xm.
+    pub fn sensors(&self) -> &[[f64; COORDINATES]; READINGS] {
+        &self.sensors
+    }
+
+    /// The magnets of A and of B, each in its own plane: for the allocation of forces.
+    pub fn bearings(&self) -> &[Magnets; 2] {
+        &self.bearings
+    }
+
+    /// `(m, m, m, J_t, J_t)`, in kg and kg·m².
+    pub fn inertia(&self) -> [f64; COORDINATES] {
+        self.config.shaft.inertia()
+    }
+
+    /// The readings `H q`, in m, at the coordinates q in m and rad.
+    pub fn readings(&self, q: [f64; COORDINATES]) -> [f64; READINGS] {
+        self.config.readings(q)
+    }
+
+    /// The coordinates `H⁻¹ r`, in m and rad, for readings r in m.
+    pub fn coordinates(&self, [a_y, a_z, b_y, b_z, x]: [f64; READINGS]) -> [f64; COORDINATES] {
+        let [at_a, at_b] = [self.config.a.sensor_position_m, self.config.b.sensor_position_m];
+        let [gamma, minus_beta] = [(b_y - a_y) / (at_b - at_a), (b_z - a_z) / (at_b - at_a)];
+        [x, a_y - at_a * gamma, a_z - at_a * minus_beta, -minus_beta, gamma]
+    }
+}

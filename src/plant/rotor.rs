@@ -1,0 +1,103 @@
+//! What the plant needs to know of a rotor: written by the planar rotor and by the spindle.
+
+use std::fmt::Debug;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::equations::{Motion, PlantInput};
+use super::error::StepError;
+use super::sensor::SensorConfig;
+use crate::bearing::coil::CoilConfig;
+use crate::bearing::magnet::Geometry;
+use crate::bearing::scalar::Scalar;
+use crate::invalid::Checks;
+
+/// Parameters of a rotor with N coordinates and K magnets, as numbers of the type [`Number`](Rotor::Number).
+///
+/// Coordinates are in m, angles among them in rad; generalised forces are in N, moments among them in N·m.
+pub trait Rotor<const N: usize, const K: usize>: Clone {
+    /// The number type: `f64`, or a Taylor series.
+    type Number: Scalar;
+
+    /// The same parameters with another number type.
+    type With<U: Scalar>: Rotor<N, K, Number = U, Contact = Self::Contact>;
+
+    /// Which backup bearings the rotor touches.
+    type Contact: Copy + Debug + Default + PartialEq + Serialize + DeserializeOwned;
+
+    /// Combines these parameters with others, number by number; what is no number is taken from these.
+    fn with<U: Scalar, V: Scalar>(&self, other: &Self::With<U>, join: &impl Fn(Self::Number, U) -> V) -> Self::With<V>;
+
+    /// Gaps and directions of the magnets.
+    fn geometry(&self) -> Geometry<Self::Number, N, K>;
+
+    /// The mass or moment of inertia of each coordinate, in kg or kg·m².
+    fn inertia(&self) -> [Self::Number; N];
+
+    /// λ of each magnet, in N·m²/A².
+    fn lambda_nm2_a2(&self) -> &[Self::Number; K];
+
+    /// What ideal position sensors read at these coordinates, in m.
+    fn readings_m(&self, position_m: [Self::Number; N]) -> [Self::Number; N];
+
+    /// The coils.
+    fn coil(&self) -> &CoilConfig<Self::Number>;
+
+    /// All forces except those of magnets and backup bearings, at a time in s and an angle in rad.
+    fn perturbation(
+        &self,
+        input: &PlantInput<Self::Number, N, K>,
+        time_s: Self::Number,
+        theta_rad: Self::Number,
+    ) -> [Self::Number; N];
+
+    /// The gyroscopic moments at the speed of the rotor in rad/s; `None` for a rotor that does not tilt.
+    fn gyroscopic(&self, omega_rad_s: Self::Number, rates: [Self::Number; N]) -> Option<[Self::Number; N]>;
+
+    /// Force of the backup bearings that are touched, at the speed of the rotor in rad/s.
+    fn contact_n(
+        &self,
+        motion: &Motion<Self::Number, N, K>,
+        omega_rad_s: Self::Number,
+        contact: Self::Contact,
+    ) -> [Self::Number; N];
+}
+
+/// Parameters of a plant: a [`Rotor`] with its sensors, start and integration.
+pub trait PlantParameters<const N: usize, const K: usize>:
+    Rotor<N, K, Number = f64, With<f64> = Self> + Debug + PartialEq
+{
+    /// Reports invalid parameters by their names in the interface.
+    fn check(&self, checks: &mut Checks);
+
+    /// Coordinates and rates at the start.
+    fn start(&self) -> ([f64; N], [f64; N]);
+
+    /// Angle of the rotor at the start, in rad.
+    fn start_angle_rad(&self) -> f64;
+
+    /// The sensors.
+    fn sensor(&self) -> &SensorConfig<N, K>;
+
+    /// Longest sub-step of the integration, in s.
+    fn max_step_s(&self) -> f64;
+
+    /// Which backup bearings the rotor touches.
+    fn touches(&self, position_m: &[f64; N], velocity_m_s: &[f64; N]) -> Self::Contact;
+
+    /// The fastest rate of motion and contact, in 1/s, where the magnets pull with these forces in N over these gaps in m.
+    fn rate(&self, motion: &Motion<f64, N, K>, contact: Self::Contact, force_n: [f64; K], gap_m: [f64; K]) -> f64;
+
+    /// The error of a rotor that leaves the gap at magnet k, counted from 0, from these coordinates.
+    fn left_the_gap(&self, k: usize, time_s: f64, position_m: [f64; N]) -> StepError;
+
+    /// Name of a variable of magnet k, counted from 0: `i` gives `i[1]`, or `A.i[1]`.
+    fn of_magnet(name: &str, k: usize) -> String;
+
+    /// Name of a variable of reading n, counted from 0: `sensor.offset` gives `sensor.offsetY`, or `A.sensor.offsetY`.
+    fn of_reading(name: &str, n: usize) -> String;
+
+    /// Name of the input of generalised force n.
+    fn force_name(n: usize) -> &'static str;
+}

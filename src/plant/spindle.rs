@@ -1,0 +1,486 @@
+//! The spindle: a rigid shaft with five coordinates (x, y, z, β, γ), eight magnets, a backup ring at each radial bearing and an axial
+//! stop.
+//!
+//! ```text
+//! M q̈ + Ω G q̇ = Σ_k F_k d_k + p + c
+//! p = (p_x, p_y, p_z, M_β, M_γ) + m g + Σ_j U_j ω² (cos(θ + φ_j), sin(θ + φ_j)) at ξ_j
+//! ```
+//!
+//! Coordinates, signs and G are those of [`shaft`](crate::bearing::shaft). A change of speed adds nothing to the tilt: the torque
+//! that drives the rotor acts along its own axis, and its share across the axis at rest is just `J_p Ω̇ (γ, −β)`.
+
+use serde::{Deserialize, Serialize};
+
+use super::equations::{Equations, Motion, PlantInput, PlantOutput};
+use super::error::StepError;
+use super::rotor::{PlantParameters, Rotor};
+use super::sensor::SensorConfig;
+use super::{Plant, PlantState, check_step};
+use crate::bearing::coil::CoilConfig;
+use crate::bearing::magnet::Geometry;
+use crate::bearing::scalar::Scalar;
+use crate::bearing::shaft::{COORDINATES, Shaft, displacement, generalised};
+use crate::bearing::spindle::{BEARINGS, MAGNETS, RadialBearing, Spindle, SpindleGeometry, bearing_of};
+use crate::bearing::touchdown::TouchdownConfig;
+use crate::invalid::{Checks, Invalid};
+
+/// Number of planes with an unbalance.
+pub const PLANES: usize = 2;
+
+/// A plant with a spindle.
+pub type SpindlePlant = Plant<SpindleConfig, COORDINATES, MAGNETS>;
+
+/// Its state. Positions are (x, y, z, β, γ), samples A.Ym, A.Zm, B.Ym, B.Zm, Xm; contacts are those at A, B and the axial stop.
+pub type SpindleState = PlantState<COORDINATES, MAGNETS, [bool; 3]>;
+
+/// Inputs of a spindle; the perturbation is (p_x, p_y, p_z, M_β, M_γ), in N and N·m.
+pub type SpindleInput<T = f64> = PlantInput<T, COORDINATES, MAGNETS>;
+
+/// Outputs of a spindle.
+pub type SpindleOutput<T = f64> = PlantOutput<T, COORDINATES, MAGNETS>;
+
+/// States of the equations of motion of a spindle.
+type SpindleMotion<T = f64> = Motion<T, COORDINATES, MAGNETS>;
+
+/// The backup bearings of a spindle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SpindleTouchdown<T = f64> {
+    /// Ring around the shaft at the magnets of A.
+    pub a: TouchdownConfig<T>,
+    /// Ring around the shaft at the magnets of B.
+    pub b: TouchdownConfig<T>,
+    /// Axial stops on both sides; without friction, its coefficient and radius are not used.
+    pub x: TouchdownConfig<T>,
+}
+
+impl Default for SpindleTouchdown {
+    /// Half the gap, as for the planar rotor.
+    fn default() -> Self {
+        let ring = TouchdownConfig::default();
+        Self { a: ring.clone(), b: ring.clone(), x: TouchdownConfig { clearance_m: 3e-4, ..ring } }
+    }
+}
+
+impl<T: Scalar> SpindleTouchdown<T> {
+    fn rings(&self) -> [&TouchdownConfig<T>; 2] {
+        [&self.a, &self.b]
+    }
+
+    /// The axial stop as a ring that is touched along one axis only.
+    fn stop(&self) -> TouchdownConfig<T> {
+        TouchdownConfig { friction: T::constant(0.0), ..self.x.clone() }
+    }
+}
+
+/// The spindle and its initial conditions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SpindleConfig<T = f64> {
+    /// Shaft and bearings.
+    pub geometry: SpindleGeometry<T>,
+    /// `λ_k` of P(4), in N·m²/A²; tunable.
+    pub lambda_nm2_a2: [T; MAGNETS],
+    /// Unbalance `U` of two planes, mass × eccentricity, in kg·m; tunable.
+    pub unbalance_kgm: [T; PLANES],
+    /// Angle `φ` of the unbalance on the rotor, from y towards z, in rad; tunable.
+    pub unbalance_phase_rad: [T; PLANES],
+    /// Position of the planes along the shaft, in m.
+    pub unbalance_position_m: [T; PLANES],
+    /// Acceleration of gravity, (x, y, z), in m/s².
+    pub gravity_m_s2: [T; 3],
+    /// The coils.
+    pub coil: CoilConfig<T>,
+    /// The backup bearings.
+    pub touchdown: SpindleTouchdown<T>,
+    /// Initial coordinates (x, y, z, β, γ), in m and rad.
+    pub position_m: [T; COORDINATES],
+    /// Their initial rates, in m/s and rad/s.
+    pub velocity_m_s: [T; COORDINATES],
+    /// Initial angle of the rotor, in rad.
+    pub theta_rad: T,
+    /// The sensors.
+    pub sensor: SensorConfig<COORDINATES, MAGNETS>,
+    /// Longest sub-step of the integration, in s.
+    pub max_step_s: f64,
+}
+
+impl Default for SpindleConfig {
+    /// The spindle of the examples at rest in the centre, balanced.
+    fn default() -> Self {
+        Self {
+            geometry: SpindleGeometry::default(),
+            lambda_nm2_a2: [1.8e-6, 2.0e-6, 2.2e-6, 2.4e-6, 2.1e-6, 1.9e-6, 3.0e-6, 2.6e-6],
+            unbalance_kgm: [0.0; PLANES],
+            unbalance_phase_rad: [0.0; PLANES],
+            unbalance_position_m: [-0.08, 0.10],
+            gravity_m_s2: [0.0; 3],
+            coil: CoilConfig::default(),
+            touchdown: SpindleTouchdown::default(),
+            position_m: [0.0; COORDINATES],
+            velocity_m_s: [0.0; COORDINATES],
+            theta_rad: 0.0,
+            sensor: SensorConfig::default(),
+            max_step_s: 5e-5,
+        }
+    }
+}
+
+impl<T: Scalar> SpindleConfig<T> {
+    /// Displacement (y, z) of the shaft at the magnets of A and of B, for coordinates or for their rates.
+    fn at_magnets(&self, q: [T; COORDINATES]) -> [[T; 2]; 2] {
+        self.geometry.radial().map(|bearing| displacement(bearing.position_m, q))
+    }
+
+    /// Forces of the backup bearings that are touched: (y, z) at A and at B, and x, in N.
+    fn touchdown_n(&self, motion: &SpindleMotion<T>, omega_rad_s: T, contact: [bool; 3]) -> ([[T; 2]; 2], T) {
+        let zero = T::constant(0.0);
+        let [at, speed] = [motion.position_m, motion.velocity_m_s].map(|q| self.at_magnets(q));
+        let rings = self.touchdown.rings();
+        let radial = std::array::from_fn(|b| match contact[b] {
+            true => rings[b].force_n(at[b], speed[b], omega_rad_s),
+            false => [zero; 2],
+        });
+        let axial = match contact[2] {
+            true => {
+                self.touchdown.stop().force_n([motion.position_m[0], zero], [motion.velocity_m_s[0], zero], zero)[0]
+            }
+            false => zero,
+        };
+        (radial, axial)
+    }
+}
+
+impl<T: Scalar> Rotor<COORDINATES, MAGNETS> for SpindleConfig<T> {
+    type Number = T;
+    type With<U: Scalar> = SpindleConfig<U>;
+    type Contact = [bool; 3];
+
+    fn with<U: Scalar, V: Scalar>(&self, other: &SpindleConfig<U>, join: &impl Fn(T, U) -> V) -> SpindleConfig<V> {
+        let (own, off) = (&self.geometry, &other.geometry);
+        let bearing = |own: &RadialBearing<T>, off: &RadialBearing<U>| joined!(own, off, join, RadialBearing { position_m, sensor_position_m, gap_m; alpha_rad; });
+        let geometry = joined!(own, off, join, SpindleGeometry {
+            axial_gap_m; extent_m;
+            shaft: joined!(&self.geometry.shaft, &other.geometry.shaft, join, Shaft {
+                m_kg, transverse_kgm2, polar_kgm2;;
+            }),
+            a: bearing(&self.geometry.a, &other.geometry.a),
+            b: bearing(&self.geometry.b, &other.geometry.b)
+        });
+        let (rings, others) = (&self.touchdown, &other.touchdown);
+        joined!(self, other, join, SpindleConfig {
+            theta_rad;
+            lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, unbalance_position_m, gravity_m_s2, position_m, velocity_m_s;
+            geometry: geometry,
+            coil: self.coil.with(&other.coil, join),
+            touchdown: SpindleTouchdown {
+                a: rings.a.with(&others.a, join),
+                b: rings.b.with(&others.b, join),
+                x: rings.x.with(&others.x, join),
+            },
+            sensor: self.sensor.clone(),
+            max_step_s: self.max_step_s
+        })
+    }
+
+    fn geometry(&self) -> Geometry<T, COORDINATES, MAGNETS> {
+        self.geometry.geometry()
+    }
+
+    #[inline]
+    fn inertia(&self) -> [T; COORDINATES] {
+        self.geometry.shaft.inertia()
+    }
+
+    #[inline]
+    fn lambda_nm2_a2(&self) -> &[T; MAGNETS] {
+        &self.lambda_nm2_a2
+    }
+
+    #[inline]
+    fn coil(&self) -> &CoilConfig<T> {
+        &self.coil
+    }
+
+    fn readings_m(&self, position_m: [T; COORDINATES]) -> [T; COORDINATES] {
+        self.geometry.readings(position_m)
+    }
+
+    fn perturbation(&self, input: &SpindleInput<T>, _: T, theta_rad: T) -> [T; COORDINATES] {
+        let mut p = input.perturbation_n;
+        for (p_a, gravity) in p.iter_mut().zip(self.gravity_m_s2) {
+            *p_a = *p_a + self.geometry.shaft.m_kg * gravity;
+        }
+        for j in 0..PLANES {
+            // Skipped in a balanced plane, so that the common case needs no sine.
+            if self.unbalance_kgm[j].is_zero() {
+                continue;
+            }
+            let force = self.unbalance_kgm[j] * input.omega_rad_s * input.omega_rad_s;
+            let (sin, cos) = (theta_rad + self.unbalance_phase_rad[j]).sine_cosine();
+            let turning = generalised(self.unbalance_position_m[j], [force * cos, force * sin]);
+            p = std::array::from_fn(|a| p[a] + turning[a]);
+        }
+        p
+    }
+
+    #[inline]
+    fn gyroscopic(&self, omega_rad_s: T, rates: [T; COORDINATES]) -> Option<[T; COORDINATES]> {
+        Some(self.geometry.shaft.gyroscopic(omega_rad_s, rates))
+    }
+
+    fn contact_n(&self, motion: &SpindleMotion<T>, omega_rad_s: T, contact: [bool; 3]) -> [T; COORDINATES] {
+        let mut sum = [T::constant(0.0); COORDINATES];
+        if contact == [false; 3] {
+            return sum;
+        }
+        let (radial, axial) = self.touchdown_n(motion, omega_rad_s, contact);
+        sum[0] = axial;
+        for (bearing, force) in self.geometry.radial().into_iter().zip(radial) {
+            let part = generalised(bearing.position_m, force);
+            sum = std::array::from_fn(|a| sum[a] + part[a]);
+        }
+        sum
+    }
+}
+
+impl PlantParameters<COORDINATES, MAGNETS> for SpindleConfig {
+    fn check(&self, checks: &mut Checks) {
+        let spindle = self.geometry.checked(checks);
+        check_tunable(self.lambda_nm2_a2, self.unbalance_kgm, self.unbalance_phase_rad, checks);
+        for (name, at_m) in
+            ["unbalance[1].position", "unbalance[2].position"].into_iter().zip(self.unbalance_position_m)
+        {
+            self.geometry.check_position(name, at_m, checks);
+        }
+        for (n, (name, rate)) in STARTS.into_iter().enumerate() {
+            let unit = if n < 3 { "m" } else { "rad" };
+            checks.finite(name, self.position_m[n], unit);
+            checks.finite(rate, self.velocity_m_s[n], if n < 3 { "m/s" } else { "rad/s" });
+        }
+        checks.finite("theta0", self.theta_rad, "rad");
+        check_start(self, &spindle, checks);
+        for (name, value) in ["gravity.X", "gravity.Y", "gravity.Z"].into_iter().zip(self.gravity_m_s2) {
+            checks.finite(name, value, "m/s2");
+        }
+        self.coil.check(spindle.geometry().gap_m, self.lambda_nm2_a2, checks);
+        checks.of("A.", |checks| self.touchdown.a.check(checks));
+        checks.of("B.", |checks| self.touchdown.b.check(checks));
+        checks.of("X.", |checks| self.touchdown.x.check(checks));
+        self.sensor.check(Self::of_magnet, Self::of_reading, checks);
+        check_step("solver.maxStep", self.max_step_s, checks);
+    }
+
+    fn start(&self) -> ([f64; COORDINATES], [f64; COORDINATES]) {
+        (self.position_m, self.velocity_m_s)
+    }
+
+    fn start_angle_rad(&self) -> f64 {
+        self.theta_rad
+    }
+
+    fn sensor(&self) -> &SensorConfig<COORDINATES, MAGNETS> {
+        &self.sensor
+    }
+
+    fn max_step_s(&self) -> f64 {
+        self.max_step_s
+    }
+
+    fn touches(&self, position_m: &[f64; COORDINATES], velocity_m_s: &[f64; COORDINATES]) -> [bool; 3] {
+        let [at, speed] = [position_m, velocity_m_s].map(|q| self.at_magnets(*q));
+        let [a, b] = self.touchdown.rings();
+        [
+            a.touches(at[0], speed[0]),
+            b.touches(at[1], speed[1]),
+            self.touchdown.x.touches([position_m[0], 0.0], [velocity_m_s[0], 0.0]),
+        ]
+    }
+
+    fn rate(&self, motion: &SpindleMotion, contact: [bool; 3], force_n: [f64; MAGNETS], gap_m: [f64; MAGNETS]) -> f64 {
+        let Shaft { m_kg, transverse_kgm2, .. } = self.geometry.shaft;
+        let radial = self.geometry.radial();
+        // 1/m at the centre of gravity, more beside it: how much a force at ξ moves the shaft there.
+        let mobility = radial.map(|bearing| 1.0 / m_kg + bearing.position_m * bearing.position_m / transverse_kgm2);
+        let mobility = [mobility[0], mobility[1], 1.0 / m_kg];
+        let speed = self.at_magnets(motion.velocity_m_s).map(|[v_y, v_z]| (v_y * v_y + v_z * v_z).sqrt());
+        let speed = [speed[0], speed[1], motion.velocity_m_s[0].abs()];
+        // The trace of M⁻¹ K, which is above its largest eigenvalue.
+        let mut field: f64 = 0.0;
+        let mut rate: f64 = 0.0;
+        for k in 0..MAGNETS {
+            let (bearing, _) = bearing_of(k);
+            field += 2.0 * force_n[k] / gap_m[k] * mobility[bearing];
+            rate = rate.max(speed[bearing] / gap_m[k]);
+        }
+        rate = rate.max(field.sqrt());
+        if contact == [false; 3] {
+            return rate;
+        }
+        let [at, moving] = [motion.position_m, motion.velocity_m_s].map(|q| self.at_magnets(q));
+        let rings = self.touchdown.rings();
+        for b in 0..2 {
+            if contact[b] {
+                rate = rate.max(rings[b].rate(1.0 / mobility[b], rings[b].push_n(at[b], moving[b])));
+            }
+        }
+        if contact[2] {
+            rate = rate.max(self.touchdown.stop().rate(m_kg, 0.0));
+        }
+        rate
+    }
+
+    fn left_the_gap(&self, k: usize, time_s: f64, position_m: [f64; COORDINATES]) -> StepError {
+        let (bearing, magnet) = bearing_of(k);
+        StepError::SpindleContact { bearing: BEARINGS[bearing], magnet: magnet + 1, time_s, position_m }
+    }
+
+    fn of_magnet(name: &str, k: usize) -> String {
+        let (bearing, magnet) = bearing_of(k);
+        format!("{}.{name}[{}]", BEARINGS[bearing], magnet + 1)
+    }
+
+    fn of_reading(name: &str, n: usize) -> String {
+        let (bearing, axis) = [("A", "Y"), ("A", "Z"), ("B", "Y"), ("B", "Z"), ("X", "")][n];
+        format!("{bearing}.{name}{axis}")
+    }
+
+    fn force_name(n: usize) -> &'static str {
+        ["pX", "pY", "pZ", "MY", "MZ"][n]
+    }
+}
+
+/// Coordinates and rates at the start, by their names in the interface.
+const STARTS: [(&str, &str); COORDINATES] =
+    [("X0", "vX0"), ("Y0", "vY0"), ("Z0", "vZ0"), ("beta0", "betaRate0"), ("gamma0", "gammaRate0")];
+
+/// What a spindle shows at a radial bearing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AtRadialBearing<T = f64> {
+    /// Displacement of the shaft at the magnets along y, in m.
+    pub y_m: T,
+    /// Along z.
+    pub z_m: T,
+    /// Force of the magnets along y, in N.
+    pub y_n: T,
+    /// Along z.
+    pub z_n: T,
+    /// Force of the backup bearing along y, in N.
+    pub touchdown_y_n: T,
+    /// Along z.
+    pub touchdown_z_n: T,
+}
+
+/// What a spindle shows at its bearings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AtBearings<T = f64> {
+    /// At A.
+    pub a: AtRadialBearing<T>,
+    /// At B.
+    pub b: AtRadialBearing<T>,
+    /// Force of the axial magnets, in N.
+    pub axial_n: T,
+    /// Force of the axial stop, in N.
+    pub axial_touchdown_n: T,
+}
+
+impl<T: Copy> AtBearings<T> {
+    /// Applies `f` to every number.
+    pub fn map<U>(self, f: impl Fn(T) -> U) -> AtBearings<U> {
+        let radial = |at: AtRadialBearing<T>| AtRadialBearing {
+            y_m: f(at.y_m),
+            z_m: f(at.z_m),
+            y_n: f(at.y_n),
+            z_n: f(at.z_n),
+            touchdown_y_n: f(at.touchdown_y_n),
+            touchdown_z_n: f(at.touchdown_z_n),
+        };
+        AtBearings {
+            a: radial(self.a),
+            b: radial(self.b),
+            axial_n: f(self.axial_n),
+            axial_touchdown_n: f(self.axial_touchdown_n),
+        }
+    }
+}
+
+impl<T: Scalar> Equations<SpindleConfig<T>, COORDINATES, MAGNETS> {
+    /// What the spindle shows at its bearings, where the magnets pull with these forces in N.
+    pub fn at_bearings(
+        &self,
+        motion: &SpindleMotion<T>,
+        omega_rad_s: T,
+        contact: [bool; 3],
+        force_n: [T; MAGNETS],
+    ) -> AtBearings<T> {
+        let (touchdown_n, axial_touchdown_n) = self.config.touchdown_n(motion, omega_rad_s, contact);
+        let displacement_m = self.config.at_magnets(motion.position_m);
+        let directions = &self.geometry().directions;
+        let radial = |b: usize| {
+            // The direction of a radial magnet in the plane is (y, z) of its d.
+            let along =
+                |a: usize| (3 * b..3 * b + 3).fold(T::constant(0.0), |sum, k| sum + force_n[k] * directions[k][a]);
+            let ([y_m, z_m], [touchdown_y_n, touchdown_z_n]) = (displacement_m[b], touchdown_n[b]);
+            AtRadialBearing { y_m, z_m, y_n: along(1), z_n: along(2), touchdown_y_n, touchdown_z_n }
+        };
+        AtBearings { a: radial(0), b: radial(1), axial_n: force_n[6] - force_n[7], axial_touchdown_n }
+    }
+}
+
+impl SpindlePlant {
+    /// Changes the tunable parameters: λ in N·m²/A², unbalance of both planes in kg·m and rad.
+    ///
+    /// # Errors
+    /// As in [`Plant::new`]; nothing is changed then.
+    pub fn retune(
+        &mut self,
+        lambda_nm2_a2: [f64; MAGNETS],
+        unbalance_kgm: [f64; PLANES],
+        unbalance_phase_rad: [f64; PLANES],
+    ) -> Result<(), Vec<Invalid>> {
+        let mut checks = Checks::default();
+        check_tunable(lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, &mut checks);
+        let gap_m = self.equations.geometry().gap_m;
+        let config = &mut self.equations.config;
+        config.coil.check(gap_m, lambda_nm2_a2, &mut checks);
+        checks.finish()?;
+        config.lambda_nm2_a2 = lambda_nm2_a2;
+        config.unbalance_kgm = unbalance_kgm;
+        config.unbalance_phase_rad = unbalance_phase_rad;
+        Ok(())
+    }
+}
+
+fn check_tunable(
+    lambda_nm2_a2: [f64; MAGNETS],
+    unbalance_kgm: [f64; PLANES],
+    unbalance_phase_rad: [f64; PLANES],
+    checks: &mut Checks,
+) {
+    for (k, lambda) in lambda_nm2_a2.into_iter().enumerate() {
+        checks.positive(SpindleConfig::<f64>::of_magnet("lambda", k), lambda, "N.m2/A2");
+    }
+    for (j, (magnitude, phase)) in unbalance_kgm.into_iter().zip(unbalance_phase_rad).enumerate() {
+        checks.not_negative(format!("unbalance[{}].magnitude", j + 1), magnitude, "kg.m");
+        checks.finite(format!("unbalance[{}].phase", j + 1), phase, "rad");
+    }
+}
+
+/// Refuses a rotor that starts at a magnet; the finding names the coordinate that brings it nearest.
+fn check_start(config: &SpindleConfig, spindle: &Spindle, checks: &mut Checks) {
+    let geometry = spindle.geometry();
+    for (k, gap) in geometry.gaps(config.position_m).into_iter().enumerate() {
+        // False for what is not finite, which has been refused already.
+        if !(gap <= 0.0 && gap.is_finite() && geometry.gap_m[k] > 0.0) {
+            continue;
+        }
+        let share = |n: usize| config.position_m[n] * geometry.directions[k][n];
+        let worst = (0..COORDINATES).fold(0, |worst, n| if share(n) > share(worst) { n } else { worst });
+        let magnet = SpindleConfig::<f64>::of_magnet("gap", k);
+        checks.require(
+            false,
+            STARTS[worst].0,
+            format_args!("{} {}", config.position_m[worst], if worst < 3 { "m" } else { "rad" }),
+            format!("a start inside the gap ({magnet} would be {gap} m)"),
+        );
+        return;
+    }
+}
