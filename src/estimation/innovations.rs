@@ -116,6 +116,12 @@ impl<const N: usize, const K: usize> Sample<N, K> {
         Self { position_m: position_m.into(), current_a: current_a.into(), theta_rad, turn: [cos, sin], omega_rad_s }
     }
 
+    /// No measurement, at the angle and speed of another sample.
+    pub fn at<const M: usize, const L: usize>(other: &Sample<M, L>) -> Self {
+        let Sample { theta_rad, turn, omega_rad_s, .. } = *other;
+        Self { position_m: SVector::zeros(), current_a: SVector::zeros(), theta_rad, turn, omega_rad_s }
+    }
+
     pub fn is_finite(&self) -> bool {
         let others = [self.theta_rad, self.turn[0], self.turn[1], self.omega_rad_s];
         self.position_m.iter().chain(&self.current_a).chain(&others).all(|x| x.is_finite())

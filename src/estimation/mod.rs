@@ -9,11 +9,12 @@ mod innovations;
 mod noise;
 pub mod paper;
 mod prediction_error;
+pub mod spindle;
 mod sums;
 mod validation;
 
 use libm::{atan2, sqrt};
-use nalgebra::{RowVector2, SMatrix, Vector2};
+use nalgebra::{RowVector2, SMatrix, SVector, Vector2};
 use serde::{Deserialize, Serialize};
 
 use self::config::check;
@@ -55,9 +56,7 @@ enum MethodState {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EstimatorState {
     reset_was_high: bool,
-    /// The last positions, m, and for how many samples each has read the same.
-    position_m: [f64; 2],
-    stuck: [u32; 2],
+    stuck: Stuck<2>,
     method: MethodState,
     output: EstimatorOutput,
 }
@@ -127,13 +126,13 @@ impl Estimator {
             MethodOf::PredictionError(method) => MethodState::PredictionError(method.start()),
             MethodOf::Paper(method) => MethodState::Paper(method.start()),
         };
-        EstimatorState { reset_was_high: false, position_m: [0.0; 2], stuck: [0; 2], method, output }
+        EstimatorState { reset_was_high: false, stuck: Stuck::start(), method, output }
     }
 
     /// Whether a state, for instance one read from a file, has the shape this estimator needs and finite numbers alone.
     #[must_use]
     pub fn accepts(&self, state: &EstimatorState) -> bool {
-        let finite = state.output.is_finite() && state.position_m.iter().all(|x| x.is_finite());
+        let finite = state.output.is_finite() && state.stuck.is_finite();
         finite
             && match (&self.method, &state.method) {
                 (MethodOf::PredictionError(_), MethodState::PredictionError(state)) => state.is_sound(),
@@ -164,7 +163,7 @@ impl Estimator {
         } else if !self.is_usable(input) {
             Some(Verdict::BadSample)
         } else {
-            is_stuck(state, input).then_some(Verdict::Stuck)
+            state.stuck.take(input.position_m).then_some(Verdict::Stuck)
         };
         match (&self.method, &mut state.method) {
             (MethodOf::PredictionError(method), MethodState::PredictionError(own)) => match refused {
@@ -242,12 +241,28 @@ impl EstimatorOutput {
 /// No measurement of a machine is as large as this, whatever its unit; squares of it do not overflow.
 const MEASUREMENT_LIMIT: f64 = 1.0e12;
 
-/// Whether a position has read the same for [`STUCK_SAMPLES`] samples while the other moved.
-fn is_stuck(state: &mut EstimatorState, input: &EstimatorInput) -> bool {
-    for ((last, now), count) in state.position_m.iter_mut().zip(input.position_m).zip(&mut state.stuck) {
-        *count = if *last == now { count.saturating_add(1) } else { 0 };
-        *last = now;
+/// The last positions, m, and for how many samples each has read the same.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Stuck<const N: usize> {
+    position_m: SVector<f64, N>,
+    same: SVector<u32, N>,
+}
+
+impl<const N: usize> Stuck<N> {
+    fn start() -> Self {
+        Self { position_m: SVector::zeros(), same: SVector::zeros() }
     }
-    let [y, z] = state.stuck;
-    y.max(z) >= STUCK_SAMPLES && y.min(z) == 0
+
+    fn is_finite(&self) -> bool {
+        self.position_m.iter().all(|x| x.is_finite())
+    }
+
+    /// Takes in positions; whether one has read the same for [`STUCK_SAMPLES`] samples while another moved.
+    fn take(&mut self, position_m: [f64; N]) -> bool {
+        for ((last, now), count) in self.position_m.iter_mut().zip(position_m).zip(&mut self.same) {
+            *count = if *last == now { count.saturating_add(1) } else { 0 };
+            *last = now;
+        }
+        self.same.max() >= STUCK_SAMPLES && self.same.min() == 0
+    }
 }
