@@ -228,6 +228,15 @@ impl<const N: usize> Covariance<N> {
         (self.position, self.mixed, self.rate) = (above.position, above.rate, below);
     }
 
+    /// `A P Aᵀ` of a free motion.
+    #[inline(always)]
+    fn drift(&mut self, h: f64) {
+        let moved = self.rate * h;
+        let mixed = self.mixed * h;
+        self.position += mixed + mixed.transpose() + moved * h;
+        self.mixed += moved;
+    }
+
     /// `(I − G H) P (I − G H)ᵀ` for the gain G of the positions H; the first columns of `(I − G H) P`.
     #[inline(always)]
     fn correct(&mut self, gain: &[Square<N>; 2]) -> [Square<N>; 2] {
@@ -522,7 +531,9 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             let force = pulls[k] * (reciprocal[k] * reciprocal[k] * h);
             let noise = product(&force, &force) * variance;
             let own = &mut state.by_current_noise[k];
-            own.predict(&a);
+            // The stiffness changes these derivatives by 10⁻⁴ a step, the gyroscope by 10⁻²; any derivative near the true one makes the search for
+            // the noise consistent, for the score has the mean zero with each.
+            own.drift(h);
             for (covariance, part) in [(own, 1.0), (&mut state.covariance, running.current_noise(k))] {
                 covariance.position += noise * (0.25 * h * h * part);
                 covariance.mixed += noise * (0.5 * h * part);
