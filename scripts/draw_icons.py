@@ -17,7 +17,7 @@ from pathlib import Path
 RENDERER = "resvg-py"
 RENDERER_VERSION = "0.5.0"
 SIZE_PX = 256
-NAMES = ("MagneticBearing", "FlatnessController", "AlgebraicEstimator", "MagneticSpindle")
+NAMES = ("MagneticBearing", "FlatnessController", "AlgebraicEstimator", "MagneticSpindle", "SpindleEstimator")
 FOLDER = Path(__file__).resolve().parent.parent / "modelDescription"
 
 

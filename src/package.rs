@@ -26,7 +26,8 @@ fn extras(name: &str) -> Extras {
             }
         };
     }
-    let (picture, text) = extras!("MagneticBearing", "FlatnessController", "AlgebraicEstimator", "MagneticSpindle");
+    let (picture, text) =
+        extras!("MagneticBearing", "FlatnessController", "AlgebraicEstimator", "MagneticSpindle", "SpindleEstimator");
     let licenses = [
         ("LICENSE-MIT.txt", include_str!("../modelDescription/licenses/LICENSE-MIT.txt")),
         ("LICENSE-APACHE.txt", include_str!("../modelDescription/licenses/LICENSE-APACHE.txt")),

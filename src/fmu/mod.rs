@@ -20,6 +20,7 @@ fmu_export::export_fmus!(
     controller::FlatnessController,
     estimator::AlgebraicEstimator,
     spindle::plant::MagneticSpindle,
+    spindle::estimator::SpindleEstimator,
 );
 
 /// All models of this project, in the order in which they are shown.

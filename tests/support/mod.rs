@@ -18,7 +18,8 @@ pub use magnetic_bearing::fmu as library;
 pub use random::Random;
 
 /// The models of this project.
-pub const MODELS: [&str; 4] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator", "MagneticSpindle"];
+pub const MODELS: [&str; 5] =
+    ["MagneticBearing", "FlatnessController", "AlgebraicEstimator", "MagneticSpindle", "SpindleEstimator"];
 
 /// Whether a model is a plant.
 pub fn is_plant(model: &str) -> bool {
