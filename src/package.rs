@@ -26,8 +26,14 @@ fn extras(name: &str) -> Extras {
             }
         };
     }
-    let (picture, text) =
-        extras!("MagneticBearing", "FlatnessController", "AlgebraicEstimator", "MagneticSpindle", "SpindleController");
+    let (picture, text) = extras!(
+        "MagneticBearing",
+        "FlatnessController",
+        "AlgebraicEstimator",
+        "MagneticSpindle",
+        "SpindleController",
+        "SpindleEstimator"
+    );
     let licenses = [
         ("LICENSE-MIT.txt", include_str!("../modelDescription/licenses/LICENSE-MIT.txt")),
         ("LICENSE-APACHE.txt", include_str!("../modelDescription/licenses/LICENSE-APACHE.txt")),

@@ -66,7 +66,7 @@ pub struct Tolerance {
 
 impl Tolerance {
     /// Names in the interface, values and units.
-    fn listed(&self) -> [(&'static str, f64, &'static str); 7] {
+    pub(super) fn listed(&self) -> [(&'static str, f64, &'static str); 7] {
         [
             ("tolerance.m", self.m_kg, "kg"),
             ("tolerance.s", self.gap_m, "m"),

@@ -1,44 +1,35 @@
 //! The whitening filter: a Kalman filter of the motion whose innovations are linear in the unknowns.
 //!
-//! Within one sample interval the rotor moves by
+//! The coordinates q are what the position sensors read. Within one sample interval
 //!
 //! ```text
-//! m (ÿ, z̈) = Σ_k λ_k e_k u_k + K (q − q̄) + U (ω² e^{j(θ+φ)} − j ω̇ e^{j(θ+φ)}) + (p_y, p_z)        u_k = i_k²/gap_k(q̄)²
+//! q̈ = Σ_k λ_k u_k a_k + K (q − q̄) + Γ q̇ + unbalance + load        u_k = i_k²/gap_k(q̄)²        gap_k = s_k − d_k · q
 //! ```
 //!
-//! with q̄ a motion that starts at the measured position, and the negative stiffness `K = Σ_k 2 λ_k (i_k²/gap_k³) e_k e_kᵀ`. The filter
-//! has the state (y, z, ẏ, ż), measurement noise σ_z and process noise `2 λ_k i_k/gap_k² σ_i`. With its gains given, the innovation is
+//! with `a_k` the acceleration by a unit force of magnet k, q̄ a motion that starts at the measured position, the negative stiffness
+//! `K = Σ_k 2 λ_k (i_k²/gap_k³) a_k d_kᵀ` and the gyroscopic Γ, in proportion to the speed. An unbalance in a plane of the rotor accelerates it as a
+//! force `U (ω² e^{j(θ+φ)} − j ω̇ e^{j(θ+φ)})` in (y, z) there does. The filter has the state (q, q̇), measurement noise σ_z and process
+//! noise `2 λ_k i_k/gap_k² σ_i`. With its gains given, the innovation is
 //!
 //! ```text
-//! e = e_0 − Σ_j φ_j ϑ_j        ϑ = (λ_1, λ_2, λ_3, U cos φ, U sin φ, p_y, p_z)
+//! e = e_0 − Σ_j φ_j ϑ_j        ϑ = (λ_k, then U cos φ and U sin φ of each plane, then the constant loads)
 //! ```
 //!
 //! where e_0 and the φ_j come from the same filter run on the measured positions and on what each unknown does to the acceleration
 //! (Ljung, *System Identification*, 2nd ed., section 7.2: a linear regression). So does the response ζ_k to an instrument in place of u_k, and the
 //! sensitivity ψ_n to each tolerance. Covariances and sums are in units of σ_z²: they depend on the ratio of the noises alone.
 //!
-//! Products of matrices whose sizes the compiler knows are left to nalgebra, which takes them in one order on every processor.
+//! Sizes: N coordinates, K magnets, U unknowns, T tolerances. Signals lie along the columns of a matrix, one column per coordinate, so that
+//! each loop runs over contiguous numbers, and its order is the same on every processor.
 
 use std::f64::consts::TAU;
 
 use libm::{sincos, sqrt};
-use nalgebra::{Matrix2, Matrix4, SMatrix, Vector2, Vector4, stack};
+use nalgebra::{RowSVector, SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::Hold;
-use super::config::EstimatorConfig;
 use crate::bearing::magnet::Geometry;
-
-/// Unknowns: λ of three magnets, U cos φ, U sin φ, p_y, p_z.
-pub const UNKNOWNS: usize = 7;
-
-/// Tolerances, each for one standard deviation: s, α of three magnets, gain and offset of two positions, offset of three currents.
-pub const TOLERANCES: usize = 11;
-
-/// The parts of an innovation: e_0, the φ of the unknowns, the ζ of three instruments, the ψ of the tolerances.
-pub const SIGNALS: usize = FIRST_TOLERANCE + TOLERANCES;
-pub const FIRST_INSTRUMENT: usize = 1 + UNKNOWNS;
-pub const FIRST_TOLERANCE: usize = FIRST_INSTRUMENT + 3;
 
 /// Standard deviation of a velocity at the start, m/s: rotors of magnetic bearings orbit within their clearance at less.
 const START_VELOCITY_M_S: f64 = 1.0;
@@ -52,38 +43,96 @@ const ACCELERATION_TIME_S: f64 = 3.0e-3;
 /// No part of an innovation of a bearing is as large as this, whatever its unit.
 const SIGNAL_CAP: f64 = 1.0e60;
 
-/// The unknowns ϑ.
-pub type Vector = nalgebra::SVector<f64, UNKNOWNS>;
+/// A square matrix.
+pub type Square<const N: usize> = SMatrix<f64, N, N>;
 
-/// The filter: geometry and sample time.
+/// `sum += a bᵀ`.
+#[inline(always)]
+pub fn add_product<const R: usize, const C: usize, const M: usize>(
+    sum: &mut SMatrix<f64, R, C>,
+    a: &SMatrix<f64, R, M>,
+    b: &SMatrix<f64, C, M>,
+) {
+    for (c, column) in sum.data.0.iter_mut().enumerate() {
+        for m in 0..M {
+            let factor = b.data.0[m][c];
+            for (sum, a) in column.iter_mut().zip(&a.data.0[m]) {
+                *sum += a * factor;
+            }
+        }
+    }
+}
+
+/// `a bᵀ`.
+#[inline(always)]
+pub fn product<const R: usize, const C: usize, const M: usize>(
+    a: &SMatrix<f64, R, M>,
+    b: &SMatrix<f64, C, M>,
+) -> SMatrix<f64, R, C> {
+    let mut sum = SMatrix::zeros();
+    add_product(&mut sum, a, b);
+    sum
+}
+
+/// The rotor and its magnets, in the coordinates that the position sensors read.
 #[derive(Clone, Debug, PartialEq)]
-pub struct WhiteningFilter {
-    m_kg: f64,
-    geometry: Geometry,
-    step_s: f64,
-    hold: Hold,
-    identify_unbalance: bool,
-    /// Standard deviations of s, α, gain and offset of a position, offset of a current.
-    tolerance: [f64; 5],
-    /// How many of the [`SIGNALS`] are computed: the last ones, those of the tolerances, only if there are any.
-    pub signals: usize,
+pub struct Machine<const N: usize, const K: usize, const U: usize> {
+    /// Gaps in m, and directions `d_k`.
+    pub geometry: Geometry<f64, N, K>,
+    /// Row j: the acceleration by a unit of force of unknown j, in m/s²: by a magnet that pulls with 1 N; for each plane of unbalance by 1 N
+    /// along y and by 1 N along z; by a unit of each load.
+    pub accelerations: SMatrix<f64, U, N>,
+    /// Γ per speed, if the rotor is a gyroscope.
+    pub gyroscopic: Option<Square<N>>,
+    /// Derivatives of `d_k` and `a_k` to the angle of the magnet.
+    pub turned: [[SVector<f64, N>; 2]; K],
+}
+
+/// The filter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WhiteningFilter<const N: usize, const K: usize, const U: usize, const T: usize> {
+    pub machine: Machine<N, K, U>,
+    pub step_s: f64,
+    pub hold: Hold,
+    pub identify_unbalance: bool,
+    /// Standard deviations of gaps, angles, gain and offset of a position, offset of a current, if any is not zero. The tolerances are the gap, the
+    /// angle of each magnet, gain and offset of each position, offset of each current.
+    pub tolerance: Option<[f64; 5]>,
 }
 
 /// One measurement with the rotor angle as cosine and sine.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Sample {
-    pub position_m: Vector2<f64>,
-    pub current_a: [f64; 3],
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sample<const N: usize, const K: usize> {
+    pub position_m: SVector<f64, N>,
+    pub current_a: SVector<f64, K>,
     pub theta_rad: f64,
     pub turn: [f64; 2],
     pub omega_rad_s: f64,
 }
 
+impl<const N: usize, const K: usize> Sample<N, K> {
+    pub fn new(position_m: [f64; N], current_a: [f64; K], theta_rad: f64, omega_rad_s: f64) -> Self {
+        let (sin, cos) = sincos(theta_rad);
+        Self { position_m: position_m.into(), current_a: current_a.into(), theta_rad, turn: [cos, sin], omega_rad_s }
+    }
+
+    /// No measurement, at the angle and speed of another sample.
+    pub fn at<const M: usize, const L: usize>(other: &Sample<M, L>) -> Self {
+        let Sample { theta_rad, turn, omega_rad_s, .. } = *other;
+        Self { position_m: SVector::zeros(), current_a: SVector::zeros(), theta_rad, turn, omega_rad_s }
+    }
+
+    pub fn is_finite(&self) -> bool {
+        let others = [self.theta_rad, self.turn[0], self.turn[1], self.omega_rad_s];
+        self.position_m.iter().chain(&self.current_a).chain(&others).all(|x| x.is_finite())
+    }
+}
+
 /// What the filter is run with: the present estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Running {
+pub struct Running<const U: usize> {
     /// ϑ in SI units.
-    pub unknowns: Vector,
+    pub unknowns: SVector<f64, U>,
     /// Whether ϑ comes from the data, and not from the first guess.
     pub estimated: bool,
     /// σ_z², m².
@@ -92,247 +141,415 @@ pub struct Running {
     pub current_variance: f64,
 }
 
-impl Running {
+impl<const U: usize> Running<U> {
     /// `λ_k² σ_i²/σ_z²`.
     fn current_noise(&self, k: usize) -> f64 {
         self.unknowns[k] * self.unknowns[k] * self.current_variance / self.position_variance
     }
 }
 
-/// All that changes with a sample.
+/// Coordinates and rates that several signals have driven, a row for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FilterState {
-    pub last: Sample,
-    /// The last position less the one before, m.
-    difference_m: Vector2<f64>,
-    /// ω̇, rad/s².
-    acceleration: f64,
-    /// What each of the signals has done to (y, z, ẏ, ż), with the sign with which it enters the innovation: that of e_0 is the negative state.
-    columns: [Vector4<f64>; SIGNALS],
-    /// Derivative of the state to the logarithm of `σ_i²/σ_z²`.
-    by_noise_ratio: Vector4<f64>,
-    /// Covariance of the state in units of σ_z² (index 0), and its derivative to `λ_k² σ_i²/σ_z²` (index k).
-    covariance: [Matrix4<f64>; 4],
+struct Motions<const R: usize, const N: usize> {
+    position: SMatrix<f64, R, N>,
+    rate: SMatrix<f64, R, N>,
 }
 
-impl FilterState {
+impl<const R: usize, const N: usize> Motions<R, N> {
+    fn zeros() -> Self {
+        Self { position: SMatrix::zeros(), rate: SMatrix::zeros() }
+    }
+
+    fn is_finite(&self) -> bool {
+        self.position.iter().chain(&self.rate).all(|x| x.is_finite())
+    }
+
+    /// Adds what a transition makes of other motions.
+    #[inline(always)]
+    fn add(&mut self, by: &Transition<N>, of: &Self) {
+        add_product(&mut self.position, &of.position, &by.position);
+        add_product(&mut self.position, &of.rate, &by.position_by_rate);
+        add_product(&mut self.rate, &of.position, &by.rate_by_position);
+        add_product(&mut self.rate, &of.rate, &by.rate);
+    }
+
+    #[inline(always)]
+    fn predict(&mut self, by: &Transition<N>) {
+        let before = std::mem::replace(self, Self::zeros());
+        self.add(by, &before);
+    }
+
+    /// Subtracts the gain times whitened signals.
+    #[inline(always)]
+    fn correct(&mut self, gain: &[Square<N>; 2], signals: &SMatrix<f64, R, N>) {
+        add_product(&mut self.position, signals, &-gain[0]);
+        add_product(&mut self.rate, signals, &-gain[1]);
+    }
+}
+
+/// The blocks of a transition matrix of (q, q̇).
+struct Transition<const N: usize> {
+    position: Square<N>,
+    position_by_rate: Square<N>,
+    rate_by_position: Square<N>,
+    rate: Square<N>,
+}
+
+/// The blocks of a covariance of (q, q̇).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Covariance<const N: usize> {
+    position: Square<N>,
+    mixed: Square<N>,
+    rate: Square<N>,
+}
+
+impl<const N: usize> Covariance<N> {
+    fn is_finite(&self) -> bool {
+        self.position.iter().chain(&self.mixed).chain(&self.rate).all(|x| x.is_finite())
+    }
+
+    /// `A P Aᵀ`.
+    #[inline(always)]
+    fn predict(&mut self, a: &Transition<N>) {
+        // P A ᵀ, its rows as P has them.
+        let mut left = [Motions::<N, N>::zeros(), Motions::zeros()];
+        left[0].add(a, &Motions { position: self.position, rate: self.mixed });
+        left[1].add(a, &Motions { position: self.mixed.transpose(), rate: self.rate });
+        let transposed = |x: &Square<N>| x.transpose();
+        let of = |position: fn(&Motions<N, N>) -> &Square<N>| Motions {
+            position: transposed(position(&left[0])),
+            rate: transposed(position(&left[1])),
+        };
+        let (positions, rates) = (of(|motions| &motions.position), of(|motions| &motions.rate));
+        let mut above = Motions::zeros();
+        above.add(a, &positions);
+        let mut below = product(&rates.position, &a.rate_by_position);
+        add_product(&mut below, &rates.rate, &a.rate);
+        (self.position, self.mixed, self.rate) = (above.position, above.rate, below);
+    }
+
+    /// `A P Aᵀ` of a free motion.
+    #[inline(always)]
+    fn drift(&mut self, h: f64) {
+        let moved = self.rate * h;
+        let mixed = self.mixed * h;
+        self.position += mixed + mixed.transpose() + moved * h;
+        self.mixed += moved;
+    }
+
+    /// `(I − G H) P (I − G H)ᵀ` for the gain G of the positions H; the first columns of `(I − G H) P`.
+    #[inline(always)]
+    fn correct(&mut self, gain: &[Square<N>; 2]) -> [Square<N>; 2] {
+        let kept = Square::identity() - gain[0];
+        let above = product(&kept, &self.position);
+        let mixed = product(&kept, &self.mixed.transpose());
+        let below = self.mixed.transpose() - product(&gain[1], &self.position);
+        let rate = self.rate - product(&gain[1], &self.mixed.transpose());
+        self.position = product(&above, &kept);
+        self.mixed = mixed - product(&above, &gain[1]);
+        self.rate = rate - product(&below, &gain[1]);
+        [above, below]
+    }
+}
+
+/// All that changes with a sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FilterState<const N: usize, const K: usize, const U: usize, const T: usize> {
+    pub last: Sample<N, K>,
+    /// The last position less the one before, m.
+    difference_m: SVector<f64, N>,
+    /// ω̇, rad/s².
+    acceleration: f64,
+    /// What each of the signals has done to (q, q̇), with the sign with which it enters the innovation: that of e_0 is the negative state.
+    motion: Motions<1, N>,
+    unknowns: Motions<U, N>,
+    instruments: Motions<K, N>,
+    tolerances: Motions<T, N>,
+    /// Derivative of the state to the logarithm of `σ_i²/σ_z²`.
+    by_noise_ratio: Motions<1, N>,
+    /// Covariance of the state in units of σ_z², and its derivative to `λ_k² σ_i²/σ_z²`.
+    covariance: Covariance<N>,
+    by_current_noise: SVector<Covariance<N>, K>,
+}
+
+impl<const N: usize, const K: usize, const U: usize, const T: usize> FilterState<N, K, U, T> {
     pub fn is_finite(&self) -> bool {
-        let Sample { position_m, current_a, theta_rad, turn, omega_rad_s } = &self.last;
-        let sample = position_m.iter().chain(current_a).chain([theta_rad, omega_rad_s]).chain(turn);
-        let state = self.columns.iter().chain([&self.by_noise_ratio]).flatten().chain(self.covariance.iter().flatten());
-        sample.chain(&self.difference_m).chain([&self.acceleration]).chain(state).all(|x| x.is_finite())
+        let motions = self.motion.is_finite()
+            && self.unknowns.is_finite()
+            && self.instruments.is_finite()
+            && self.tolerances.is_finite()
+            && self.by_noise_ratio.is_finite();
+        let covariances = self.covariance.is_finite() && self.by_current_noise.iter().all(Covariance::is_finite);
+        let others = self.difference_m.iter().chain([&self.acceleration]).all(|x| x.is_finite());
+        self.last.is_finite() && motions && covariances && others
     }
 }
 
 /// What the field was in the interval that ended with a sample.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Field {
-    /// `i_k²/gap_k²` in the middle, less the noise expected in it, A²/m².
-    pub square: [f64; 3],
-    /// `i_k/gap_k²`, A/m².
-    pub per_current: [f64; 3],
-    /// `i_k²/gap_k³`, A²/m³.
-    pub gradient: [f64; 3],
-}
-
-/// One innovation and what it is made of.
 #[derive(Clone, Copy, Debug)]
-pub struct Innovation {
-    /// e_0, φ, ζ and ψ of both axes: m, m per unit of the unknown, m per standard deviation of the tolerance.
-    pub signals: [[f64; SIGNALS]; 2],
-    /// Innovation with the present estimate, m.
-    pub error: Vector2<f64>,
-    /// Derivative of the innovation to the logarithm of `σ_i²/σ_z²`, m.
-    pub by_noise_ratio: Vector2<f64>,
-    /// S⁻¹, of the covariance S of the innovation in units of σ_z².
-    pub inverse: Matrix2<f64>,
-    /// Derivative of S to the logarithm of each magnet's `σ_i²/σ_z²`, and to its `λ_k² σ_i²/σ_z²`.
-    pub by_log_ratio: Matrix2<f64>,
-    pub by_current_noise: [Matrix2<f64>; 3],
-    /// L⁻¹ with `S = L Lᵀ`: what it makes of the innovation is white.
-    pub whitening: Matrix2<f64>,
+pub struct Field<const K: usize> {
+    /// `i_k²/gap_k²` in the middle, less the noise expected in it, A²/m².
+    pub square: SVector<f64, K>,
+    /// `i_k/gap_k²`, A/m².
+    pub per_current: SVector<f64, K>,
+    /// `i_k²/gap_k³`, A²/m³.
+    pub gradient: SVector<f64, K>,
 }
 
-impl Innovation {
-    /// One of the signals.
-    #[inline(always)]
-    pub fn signal(&self, n: usize) -> Vector2<f64> {
-        Vector2::new(self.signals[0][n], self.signals[1][n])
-    }
+/// One innovation and what it is made of, whitened: multiplied by L⁻¹, with the covariance `S = L Lᵀ` of the innovation in units of σ_z².
+#[derive(Clone, Copy, Debug)]
+pub struct Innovation<const N: usize, const K: usize, const U: usize, const T: usize> {
+    /// e_0, m.
+    pub motion: RowSVector<f64, N>,
+    /// φ, m per unit of the unknown.
+    pub unknowns: SMatrix<f64, U, N>,
+    /// ζ.
+    pub instruments: SMatrix<f64, K, N>,
+    /// ψ, m per standard deviation of the tolerance, if any is stated.
+    pub tolerances: Option<SMatrix<f64, T, N>>,
+    /// Innovation with the present estimate, m.
+    pub error: SVector<f64, N>,
+    /// The same, not whitened.
+    pub error_m: SVector<f64, N>,
+    /// Derivative of the innovation to the logarithm of `σ_i²/σ_z²`, m.
+    pub by_noise_ratio: SVector<f64, N>,
+    /// Derivative of S to the logarithm of `σ_i²/σ_z²`.
+    pub by_log_ratio: Square<N>,
+    /// Trace of the derivative of S to each magnet's `λ_k² σ_i²/σ_z²`.
+    pub by_current_noise: SVector<f64, K>,
+    /// L⁻¹.
+    whitening: Square<N>,
+}
 
+impl<const N: usize, const K: usize, const U: usize, const T: usize> Innovation<N, K, U, T> {
     /// Whether S is definite, and sums of the squares of all parts stay finite.
     pub fn is_sound(&self) -> bool {
-        self.signals.as_flattened().iter().all(|part| part.abs() < SIGNAL_CAP)
-            && self.whitening.iter().all(|x| x.is_finite())
+        let small = |square: f64| square < SIGNAL_CAP * SIGNAL_CAP;
+        small(self.motion.norm_squared() + self.unknowns.norm_squared() + self.instruments.norm_squared())
+            && small(self.tolerances.map_or(0.0, |tolerances| tolerances.norm_squared()))
+            && small(self.whitening.norm_squared())
     }
 
     /// Normalised innovation squared `eᵀ S⁻¹ e/σ_z²`.
     pub fn nis(&self, position_variance: f64) -> f64 {
-        self.error.dot(&(self.inverse * self.error)) / position_variance
+        self.error.norm_squared() / position_variance
     }
 }
 
-impl WhiteningFilter {
-    /// The filter of a checked configuration.
-    pub fn new(config: &EstimatorConfig) -> Self {
-        let t = &config.tolerance;
-        let tolerance = [t.gap_m, t.alpha_rad, t.position_gain, t.position_offset_m, t.current_offset_a];
-        Self {
-            m_kg: config.m_kg,
-            geometry: Geometry::new(config.gap_m, config.alpha_rad),
-            step_s: config.step_s,
-            hold: config.hold,
-            identify_unbalance: config.identify_unbalance,
-            tolerance,
-            signals: if tolerance.iter().any(|std| *std > 0.0) { SIGNALS } else { FIRST_TOLERANCE },
+/// L⁻¹ for `S = L Lᵀ`: rows made orthonormal with respect to S one after the other.
+#[inline(always)]
+fn whitening<const N: usize>(s: &Square<N>) -> Square<N> {
+    let mut rows = [SVector::<f64, N>::zeros(); N];
+    for n in 0..N {
+        let (mut row, mut left) = (SVector::zeros(), s[(n, n)]);
+        row[n] = 1.0;
+        for former in &rows[..n] {
+            let along = former.dot(&s.column(n));
+            (row, left) = (row - former * along, left - along * along);
         }
+        rows[n] = row / sqrt(left);
     }
+    Square::from_columns(&rows).transpose()
+}
 
-    /// `e_k = (sin α_k, cos α_k)`.
-    #[inline(always)]
-    fn directions(&self) -> [Vector2<f64>; 3] {
-        self.geometry.directions.map(Vector2::from)
-    }
+impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFilter<N, K, U, T> {
+    const SIZES: () = assert!(U >= N + K && (U - N - K).is_multiple_of(2) && T == 1 + 2 * (N + K));
+    /// The first of the loads among the unknowns.
+    pub const LOADS: usize = U - N;
 
     /// The state at a first sample, whose position is known to σ_z and whose velocity is not.
-    pub fn start(&self, sample: Sample, position_variance: f64) -> FilterState {
+    pub fn start(&self, sample: Sample<N, K>, position_variance: f64) -> FilterState<N, K, U, T> {
+        const { Self::SIZES };
         let velocity = START_VELOCITY_M_S * START_VELOCITY_M_S / position_variance;
-        let mut state = FilterState {
+        let zero = Covariance { position: Square::zeros(), mixed: Square::zeros(), rate: Square::zeros() };
+        let position = Square::identity();
+        FilterState {
             last: sample,
-            difference_m: Vector2::zeros(),
+            difference_m: SVector::zeros(),
             acceleration: 0.0,
-            columns: [Vector4::zeros(); SIGNALS],
-            by_noise_ratio: Vector4::zeros(),
-            covariance: [Matrix4::zeros(); 4],
-        };
-        state.columns[0].fixed_rows_mut::<2>(0).copy_from(&-sample.position_m);
-        state.covariance[0] = Matrix4::from_diagonal(&Vector4::new(1.0, 1.0, velocity, velocity));
-        state
+            motion: Motions { position: -sample.position_m.transpose(), rate: SMatrix::zeros() },
+            unknowns: Motions::zeros(),
+            instruments: Motions::zeros(),
+            tolerances: Motions::zeros(),
+            by_noise_ratio: Motions::zeros(),
+            covariance: Covariance { position, mixed: Square::zeros(), rate: position * velocity },
+            by_current_noise: SVector::from_element(zero),
+        }
     }
 
     /// The currents in an interval at its start, middle and end, A, and the variance of each mean in units of σ_i².
     #[inline(always)]
-    fn currents(&self, last: &Sample, sample: &Sample) -> ([[f64; 3]; 3], [f64; 3]) {
+    fn currents(&self, last: &Sample<N, K>, sample: &Sample<N, K>) -> ([SVector<f64, K>; 3], [f64; 3]) {
         match self.hold {
             Hold::HeldBefore => ([sample.current_a; 3], [1.0; 3]),
             Hold::HeldAfter => ([last.current_a; 3], [1.0; 3]),
             Hold::Linear => {
-                let middle = std::array::from_fn(|k| 0.5 * (last.current_a[k] + sample.current_a[k]));
+                let middle = (last.current_a + sample.current_a) * 0.5;
                 ([last.current_a, middle, sample.current_a], [1.0, 0.5, 1.0])
             }
         }
     }
 
-    /// What each unknown does to the acceleration, with `u_k` and `ω² e^{jθ} − j ω̇ e^{jθ}`.
+    /// What each unknown does to the acceleration, with `u_k`, `ω² e^{jθ} − j ω̇ e^{jθ}`, and the loads.
     #[inline(always)]
-    fn accelerations(&self, square: &[f64; 3], [c, s]: [f64; 2]) -> SMatrix<f64, 2, UNKNOWNS> {
-        let [e1, e2, e3] = self.directions();
-        let [turned, loads] = [Vector2::new(c, s), Vector2::new(-s, c)];
-        let [l1, l2, l3] = [e1 * square[0], e2 * square[1], e3 * square[2]];
-        SMatrix::from_columns(&[l1, l2, l3, turned, loads, Vector2::x(), Vector2::y()]) / self.m_kg
+    fn responses(
+        accelerations: &SMatrix<f64, U, N>,
+        square: &SVector<f64, K>,
+        [c, s]: [f64; 2],
+        load: f64,
+    ) -> SMatrix<f64, U, N> {
+        let mut responses = *accelerations;
+        for a in &mut responses.data.0 {
+            for k in 0..K {
+                a[k] *= square[k];
+            }
+            for j in (K..Self::LOADS).step_by(2) {
+                (a[j], a[j + 1]) = (c * a[j] + s * a[j + 1], c * a[j + 1] - s * a[j]);
+            }
+            for a in &mut a[Self::LOADS..] {
+                *a *= load;
+            }
+        }
+        responses
     }
 
-    /// Predicts to the next sample; `instrument` makes the instruments of the three magnets out of the field.
-    #[allow(clippy::toplevel_ref_arg, reason = "nalgebra's `stack!` expands to such a pattern")]
+    /// Predicts to the next sample; `instrument` makes the instruments of the magnets out of the field.
     #[inline(always)]
     pub fn predict(
         &self,
-        state: &mut FilterState,
-        running: &Running,
-        sample: &Sample,
-        instrument: impl FnOnce(&Field) -> [f64; 3],
-    ) -> Field {
-        let directions = self.directions();
+        state: &mut FilterState<N, K, U, T>,
+        running: &Running<U>,
+        sample: &Sample<N, K>,
+        instrument: impl FnOnce(&Field<K>) -> SVector<f64, K>,
+    ) -> Field<K> {
+        let geometry = &self.machine.geometry;
         let h = self.step_s;
         let (h2, h3) = (0.5 * h * h, h * h * h / 6.0);
         let last = std::mem::replace(&mut state.last, *sample);
+        let omega = 0.5 * (last.omega_rad_s + sample.omega_rad_s);
         let rate = (sample.omega_rad_s - last.omega_rad_s) / h;
         state.acceleration += (rate - state.acceleration) * (h / ACCELERATION_TIME_S).min(1.0);
-        let turns = self.turns(&last, sample, state.acceleration);
+        let turns = self.turns(&last, sample, omega, state.acceleration);
+
+        // What a constant force does to the velocity within an interval, per unit of time: part of it is turned across by the gyroscope.
+        let gyroscopic = self.machine.gyroscopic.map(|per_speed| per_speed * omega);
+        let mut accelerations = self.machine.accelerations;
+        if let Some(gyroscopic) = &gyroscopic {
+            add_product(&mut accelerations, &self.machine.accelerations, &(gyroscopic * (0.5 * h)));
+        }
 
         // The motion q̄ along which the field is evaluated. A first guess that knows no load would lead it astray within a few samples.
         let velocity = match running.estimated {
-            true => {
-                let columns = running.unknowns.iter().zip(&state.columns[1..]);
-                columns.fold(-state.columns[0], |sum, (x, column)| sum + column * *x).fixed_rows::<2>(2).into_owned()
-            }
+            true => state.unknowns.rate.tr_mul(&running.unknowns) - state.motion.rate.transpose(),
             false => state.difference_m / h,
         };
         state.difference_m = sample.position_m - last.position_m;
         let (currents, parts) = self.currents(&last, sample);
-        let (mut field, mut position, mut reciprocal) = (Field::default(), last.position_m, [0.0; 3]);
-        let mut by = [SMatrix::<f64, 2, UNKNOWNS>::zeros(); 3];
+        let mut squares = [SVector::<f64, K>::zeros(); 3];
+        let mut field = Field { square: squares[0], per_current: squares[0], gradient: squares[0] };
+        let (mut position, mut reciprocal) = (last.position_m, [0.0; K]);
+        let mut acceleration = SVector::<f64, N>::zeros();
         for at in 0..3 {
             let t = 0.5 * h * at as f64;
-            let acceleration = by[0] * running.unknowns;
             let moved = last.position_m + (velocity + acceleration * (0.5 * t)) * t;
-            let least_m = LEAST_GAP * self.geometry.gap_m[0];
-            let inverse = self.geometry.gaps(moved.into()).map(|gap_m| 1.0 / gap_m.max(least_m));
-            let square = std::array::from_fn(|k| {
+            let gaps = geometry.gaps(moved.into());
+            let inverse: [f64; K] = std::array::from_fn(|k| 1.0 / gaps[k].max(LEAST_GAP * geometry.gap_m[k]));
+            squares[at] = SVector::from_fn(|k, _| {
                 (currents[at][k] * currents[at][k] - parts[at] * running.current_variance) * inverse[k] * inverse[k]
             });
-            by[at] = self.accelerations(&square, turns[at]);
+            if at == 0 {
+                acceleration = Self::responses(&accelerations, &squares[0], turns[0], 1.0).tr_mul(&running.unknowns);
+            }
             if at == 1 {
-                field.square = square;
-                field.per_current = std::array::from_fn(|k| currents[1][k] * inverse[k] * inverse[k]);
-                field.gradient = std::array::from_fn(|k| square[k] * inverse[k]);
+                field.square = squares[1];
+                field.per_current = SVector::from_fn(|k, _| currents[1][k] * inverse[k] * inverse[k]);
+                field.gradient = SVector::from_fn(|k, _| squares[1][k] * inverse[k]);
                 (position, reciprocal) = (moved, inverse);
             }
         }
 
         // Motion with the negative stiffness, and what that adds to a free one.
-        let one = Matrix2::identity();
-        let stiffness = (0..3).fold(Matrix2::zeros(), |sum, k| {
-            let e = directions[k];
-            sum + e * e.transpose() * (2.0 * running.unknowns[k] * field.gradient[k] / self.m_kg)
-        });
-        let (half, cross, velocity_by) = (one + stiffness * h2, one * h + stiffness * h3, stiffness * h);
-        let a: Matrix4<f64> = stack![half, cross; velocity_by, half];
-        let stiff: Matrix4<f64> = stack![stiffness * h2, stiffness * h3; velocity_by, stiffness * h2];
-        // The response to an acceleration that is constant, and to one by Simpson's rule.
-        let held = |force: Vector2<f64>| -> Vector4<f64> { stack![force * h2; force * h] };
-        for column in state.columns[..self.signals].iter_mut().chain([&mut state.by_noise_ratio]) {
-            *column = a * *column;
+        let pulls: [SVector<f64, N>; K] = std::array::from_fn(|k| accelerations.row(k).transpose());
+        let mut stiffness = Square::<N>::zeros();
+        for k in 0..K {
+            let along = SVector::from(geometry.directions[k]) * (2.0 * running.unknowns[k] * field.gradient[k]);
+            add_product(&mut stiffness, &pulls[k], &along);
         }
-        let start: Vector4<f64> = stack![last.position_m; velocity];
-        state.columns[0] += stiff * start;
-        let (positions, velocities) = ((by[0] + by[1] * 2.0) * (h2 / 3.0), (by[0] + by[1] * 4.0 + by[2]) * (h / 6.0));
-        for j in 0..UNKNOWNS {
-            let added: Vector4<f64> = stack![positions.column(j); velocities.column(j)];
-            state.columns[1 + j] += added;
+        let stiff = Transition {
+            position: stiffness * h2,
+            position_by_rate: stiffness * h3,
+            rate_by_position: stiffness * h,
+            rate: stiffness * h2,
+        };
+        let mut a = Transition {
+            position: Square::identity() + stiff.position,
+            position_by_rate: Square::identity() * h + stiff.position_by_rate,
+            rate_by_position: stiff.rate_by_position,
+            rate: Square::identity() + stiff.rate,
+        };
+        if let Some(gyroscopic) = &gyroscopic {
+            let turned = gyroscopic + gyroscopic * gyroscopic * (0.5 * h);
+            a.position_by_rate += turned * h2;
+            a.rate += turned * h;
         }
+        state.motion.predict(&a);
+        state.unknowns.predict(&a);
+        state.instruments.predict(&a);
+        state.by_noise_ratio.predict(&a);
+        state.motion.add(&stiff, &Motions { position: last.position_m.transpose(), rate: velocity.transpose() });
+        // Simpson's rule.
+        let mean = |of: [f64; 3], [start, middle, end]: [f64; 3]| of[0] * start + of[1] * middle + of[2] * end;
+        for (to, by) in [
+            (&mut state.unknowns.position, [h2 / 3.0, 2.0 * h2 / 3.0, 0.0]),
+            (&mut state.unknowns.rate, [h / 6.0, 4.0 * h / 6.0, h / 6.0]),
+        ] {
+            let square = SVector::from_fn(|k, _| mean(by, squares.map(|square| square[k])));
+            let turn = [0, 1].map(|part| mean(by, turns.map(|turn| turn[part])));
+            *to += Self::responses(&accelerations, &square, turn, mean(by, [1.0; 3]));
+        }
+        // Constant over the interval.
         let instruments = instrument(&field);
-        for (k, instrument) in instruments.into_iter().enumerate() {
-            state.columns[FIRST_INSTRUMENT + k] += held(directions[k] * (instrument / self.m_kg));
-        }
-        if self.signals > FIRST_TOLERANCE {
-            let by_tolerance = self.by_tolerance(running, &field, position, reciprocal, start);
-            for (column, (force, moved)) in state.columns[FIRST_TOLERANCE..].iter_mut().zip(by_tolerance) {
-                *column += stiff * moved - held(force);
+        for n in 0..N {
+            for k in 0..K {
+                let acceleration = accelerations[(k, n)] * instruments[k];
+                state.instruments.position[(k, n)] += acceleration * h2;
+                state.instruments.rate[(k, n)] += acceleration * h;
             }
         }
-        for covariance in &mut state.covariance {
-            *covariance = a * *covariance * a.transpose();
+        if let Some(tolerance) = &self.tolerance {
+            let (forces, moved) =
+                self.by_tolerance(tolerance, running, &field, position, reciprocal, &last.position_m, &velocity);
+            state.tolerances.predict(&a);
+            state.tolerances.add(&stiff, &moved);
+            state.tolerances.position -= forces * h2;
+            state.tolerances.rate -= forces * h;
         }
-        for k in 0..3 {
+        state.covariance.predict(&a);
+        for k in 0..K {
             // The variance of i² per unit of σ_i² is 4 i² + 2 σ_i².
             let variance = 4.0 * currents[1][k] * currents[1][k] + 2.0 * running.current_variance;
-            let force = held(directions[k] * (reciprocal[k] * reciprocal[k] / self.m_kg));
-            let noise = force * force.transpose() * variance;
-            state.covariance[0] += noise * running.current_noise(k);
-            state.covariance[1 + k] += noise;
+            let force = pulls[k] * (reciprocal[k] * reciprocal[k] * h);
+            let noise = product(&force, &force) * variance;
+            let own = &mut state.by_current_noise[k];
+            // The stiffness changes these derivatives by 10⁻⁴ a step, the gyroscope by 10⁻²; any derivative near the true one makes the search for
+            // the noise consistent, for the score has the mean zero with each.
+            own.drift(h);
+            for (covariance, part) in [(own, 1.0), (&mut state.covariance, running.current_noise(k))] {
+                covariance.position += noise * (0.25 * h * h * part);
+                covariance.mixed += noise * (0.5 * h * part);
+                covariance.rate += noise * part;
+            }
         }
         field
     }
 
     /// `ω² e^{jθ} − j ω̇ e^{jθ}` at start, middle and end of an interval, as cosine and sine parts; zero without unbalance.
     #[inline(always)]
-    fn turns(&self, last: &Sample, sample: &Sample, acceleration: f64) -> [[f64; 2]; 3] {
+    fn turns(&self, last: &Sample<N, K>, sample: &Sample<N, K>, omega: f64, acceleration: f64) -> [[f64; 2]; 3] {
         if !self.identify_unbalance {
             return [[0.0; 2]; 3];
         }
         let (sin, cos) = sincos(last.theta_rad + 0.5 * turned(last.theta_rad, sample.theta_rad));
-        let omega = 0.5 * (last.omega_rad_s + sample.omega_rad_s);
         [last.turn, [cos, sin], sample.turn]
             .map(|[c, s]| [omega * omega * c + acceleration * s, omega * omega * s - acceleration * c])
     }
@@ -340,86 +557,110 @@ impl WhiteningFilter {
     /// For one standard deviation of each tolerance: change of the modelled acceleration, m/s², and of the state about which the model is
     /// linear.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "all of them belong to one instant")]
     fn by_tolerance(
         &self,
-        running: &Running,
-        field: &Field,
-        position: Vector2<f64>,
-        reciprocal: [f64; 3],
-        start: Vector4<f64>,
-    ) -> [(Vector2<f64>, Vector4<f64>); TOLERANCES] {
-        let [gap, alpha, gain, offset, current] = self.tolerance;
-        let mut by = [(Vector2::zeros(), Vector4::zeros()); TOLERANCES];
-        for (k, e) in self.directions().into_iter().enumerate() {
-            let per_square = running.unknowns[k] / self.m_kg;
-            let pull = per_square * field.square[k];
-            let along = e * (2.0 * pull * reciprocal[k]);
-            let turned = Vector2::new(e.y, -e.x);
-            by[0].0 -= along * gap;
-            by[1 + k].0 += (turned * pull + along * turned.dot(&position)) * alpha;
-            for a in 0..2 {
-                by[4 + a].0 -= along * (gain * e[a] * position[a]);
-                by[6 + a].0 -= along * (offset * e[a]);
+        &[gap, alpha, gain, offset, current]: &[f64; 5],
+        running: &Running<U>,
+        field: &Field<K>,
+        position: SVector<f64, N>,
+        reciprocal: [f64; K],
+        start: &SVector<f64, N>,
+        velocity: &SVector<f64, N>,
+    ) -> (SMatrix<f64, T, N>, Motions<T, N>) {
+        let (mut forces, mut moved) = (SMatrix::<f64, T, N>::zeros(), Motions::zeros());
+        let [gains, offsets, currents] = [1 + K, 1 + K + N, 1 + K + 2 * N];
+        for k in 0..K {
+            let [turned, turned_pull] = &self.machine.turned[k];
+            let direction = self.machine.geometry.directions[k];
+            let force = running.unknowns[k] * field.square[k];
+            let by_gap = 2.0 * force * reciprocal[k];
+            for n in 0..N {
+                let pull = self.machine.accelerations[(k, n)];
+                let along = pull * by_gap;
+                forces[(0, n)] -= along * gap;
+                forces[(1 + k, n)] += (turned_pull[n] * force + along * turned.dot(&position)) * alpha;
+                for a in 0..N {
+                    forces[(gains + a, n)] -= along * (gain * direction[a] * position[a]);
+                    forces[(offsets + a, n)] -= along * (offset * direction[a]);
+                }
+                forces[(currents + k, n)] -= pull * (2.0 * current * running.unknowns[k] * field.per_current[k]);
             }
-            by[8 + k].0 -= e * (2.0 * current * per_square * field.per_current[k]);
         }
-        for a in 0..2 {
-            (by[4 + a].1[a], by[4 + a].1[2 + a]) = (-gain * start[a], -gain * start[2 + a]);
-            by[6 + a].1[a] = -offset;
+        for a in 0..N {
+            (moved.position[(gains + a, a)], moved.rate[(gains + a, a)]) = (-gain * start[a], -gain * velocity[a]);
+            moved.position[(offsets + a, a)] = -offset;
         }
-        by
+        (forces, moved)
     }
 
     /// The innovation of the sample that was predicted.
     #[inline(always)]
-    pub fn innovation(&self, state: &FilterState, running: &Running) -> Innovation {
-        let [covariance, by_current_noise @ ..] = state.covariance.map(|p| p.fixed_view::<2, 2>(0, 0).into_owned());
-        let covariance = covariance + Matrix2::identity();
-        let [yy, yz, zz] = [covariance.m11, covariance.m12, covariance.m22];
-        let root = 1.0 / sqrt(zz - yz * yz / yy);
-        let mut signals = [0, 1].map(|a| state.columns.map(|column| column[a]));
-        for a in 0..2 {
-            signals[a][0] += state.last.position_m[a];
-            if self.signals > FIRST_TOLERANCE {
-                signals[a][FIRST_TOLERANCE + 4 + a] -= self.tolerance[2] * state.last.position_m[a];
-                signals[a][FIRST_TOLERANCE + 6 + a] -= self.tolerance[3];
+    pub fn innovation(&self, state: &FilterState<N, K, U, T>, running: &Running<U>) -> Innovation<N, K, U, T> {
+        let whitening = whitening(&(state.covariance.position + Square::identity()));
+        let measured = state.last.position_m.transpose();
+        let motion = product(&(state.motion.position + measured), &whitening);
+        let unknowns = product(&state.unknowns.position, &whitening);
+        let mut by_log_ratio = Square::zeros();
+        let by_current_noise = SVector::from_fn(|k, _| {
+            let by = product(&product(&whitening, &state.by_current_noise[k].position), &whitening);
+            by_log_ratio += by * running.current_noise(k);
+            by.trace()
+        });
+        let tolerances = self.tolerance.map(|[_, _, gain, offset, _]| {
+            let mut tolerances = state.tolerances.position;
+            for n in 0..N {
+                tolerances[(1 + K + n, n)] -= gain * measured[n];
+                tolerances[(1 + K + N + n, n)] -= offset;
             }
-        }
-        let error = |a: usize| {
-            let [e_0, parts @ ..] = signals[a];
-            parts.iter().zip(&running.unknowns).fold(e_0, |error, (phi, x)| error - x * phi)
-        };
+            product(&tolerances, &whitening)
+        });
+        let error_m = state.last.position_m + state.motion.position.transpose()
+            - state.unknowns.position.tr_mul(&running.unknowns);
         Innovation {
-            error: Vector2::new(error(0), error(1)),
-            signals,
-            by_noise_ratio: state.by_noise_ratio.fixed_rows::<2>(0).into_owned(),
-            inverse: Matrix2::new(zz, -yz, -yz, yy) / (yy * zz - yz * yz),
-            by_log_ratio: (0..3).fold(Matrix2::zeros(), |sum, k| sum + by_current_noise[k] * running.current_noise(k)),
+            error: whitening * error_m,
+            error_m,
+            motion,
+            unknowns,
+            instruments: product(&state.instruments.position, &whitening),
+            tolerances,
+            by_noise_ratio: whitening * state.by_noise_ratio.position.transpose(),
+            by_log_ratio,
             by_current_noise,
-            whitening: Matrix2::new(1.0 / sqrt(yy), 0.0, -yz / yy * root, root),
+            whitening,
         }
     }
 
     /// Corrects the state by the innovation; `weight` is what the sensitivity to the noise counts it with.
     #[inline(always)]
-    pub fn correct(&self, state: &mut FilterState, running: &Running, innovation: &Innovation, weight: f64) {
-        let gain = state.covariance[0].fixed_columns::<2>(0) * innovation.inverse;
-        let residual = innovation.inverse * innovation.error;
-        for (n, column) in state.columns[..self.signals].iter_mut().enumerate() {
-            *column -= gain * innovation.signal(n);
+    pub fn correct(
+        &self,
+        state: &mut FilterState<N, K, U, T>,
+        running: &Running<U>,
+        innovation: &Innovation<N, K, U, T>,
+        weight: f64,
+    ) {
+        let whitening = &innovation.whitening;
+        // The gain of whitened signals, and of those that are not.
+        let whitened = [&state.covariance.position, &state.covariance.mixed.transpose()].map(|p| product(p, whitening));
+        let gain = whitened.map(|gain| gain * whitening);
+        state.motion.correct(&whitened, &innovation.motion);
+        state.unknowns.correct(&whitened, &innovation.unknowns);
+        state.instruments.correct(&whitened, &innovation.instruments);
+        if let Some(tolerances) = &innovation.tolerances {
+            state.tolerances.correct(&whitened, tolerances);
         }
-        state.by_noise_ratio -= gain * innovation.by_noise_ratio;
-        let mut kept = Matrix4::<f64>::identity();
-        kept.fixed_columns_mut::<2>(0).zip_apply(&gain, |kept, gain| *kept -= gain);
-        for (n, covariance) in state.covariance.iter_mut().enumerate() {
-            let left: Matrix4<f64> = kept * *covariance;
-            *covariance = left * kept.transpose();
-            if n == 0 {
-                *covariance += gain * gain.transpose();
-            } else {
-                let moved = left.fixed_columns::<2>(0) * residual;
-                state.by_noise_ratio += moved * (weight * running.current_noise(n - 1));
-            }
+        state.by_noise_ratio.correct(&whitened, &innovation.by_noise_ratio.transpose());
+        state.covariance.correct(&gain);
+        add_product(&mut state.covariance.position, &gain[0], &gain[0]);
+        add_product(&mut state.covariance.mixed, &gain[0], &gain[1]);
+        add_product(&mut state.covariance.rate, &gain[1], &gain[1]);
+        let residual = whitening.tr_mul(&innovation.error);
+        for (k, covariance) in state.by_current_noise.iter_mut().enumerate() {
+            let [above, below] = covariance.correct(&gain);
+            let part = weight * running.current_noise(k);
+            state.by_noise_ratio.position += (above * residual * part).transpose();
+            state.by_noise_ratio.rate += (below * residual * part).transpose();
         }
     }
 }

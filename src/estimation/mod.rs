@@ -9,22 +9,34 @@ mod innovations;
 mod noise;
 pub mod paper;
 mod prediction_error;
+pub mod spindle;
 mod sums;
 mod validation;
 
+use libm::{atan2, sqrt};
+use nalgebra::{RowVector2, SMatrix, SVector, Vector2};
 use serde::{Deserialize, Serialize};
 
 use self::config::check;
 pub use self::config::{
     EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, MAX_INTERVALS, MIN_INTERVALS, Method, Tolerance, Verdict,
 };
+use self::innovations::{Machine, Sample, WhiteningFilter};
 use self::paper::{Paper, PaperState};
 pub use self::prediction_error::STD_LIMIT;
-use self::prediction_error::{PredictionError, PredictionErrorState};
+use self::prediction_error::{Estimate, PredictionError, PredictionErrorState};
 use crate::bearing::magnet::Geometry;
 use crate::invalid::Invalid;
 
 const MAGNETS: usize = 3;
+
+/// Unknowns in the plane: λ of three magnets, U cos φ, U sin φ, p_y, p_z.
+const UNKNOWNS: usize = 7;
+
+/// Tolerances in the plane: s, α of three magnets, gain and offset of two positions, offset of three currents.
+const TOLERANCES: usize = 11;
+
+type Planar = PredictionError<2, MAGNETS, UNKNOWNS, TOLERANCES>;
 
 /// Where condition numbers end: a singular system shows this value.
 pub const CONDITION_CAP: f64 = 1.0e12;
@@ -36,7 +48,7 @@ pub const STUCK_SAMPLES: u32 = 25;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[expect(clippy::large_enum_variant, reason = "there is one of them, and stepping does not allocate")]
 enum MethodState {
-    PredictionError(PredictionErrorState),
+    PredictionError(PredictionErrorState<2, MAGNETS, UNKNOWNS, TOLERANCES>),
     Paper(PaperState),
 }
 
@@ -44,9 +56,7 @@ enum MethodState {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EstimatorState {
     reset_was_high: bool,
-    /// The last positions, m, and for how many samples each has read the same.
-    position_m: [f64; 2],
-    stuck: [u32; 2],
+    stuck: Stuck<2>,
     method: MethodState,
     output: EstimatorOutput,
 }
@@ -62,7 +72,7 @@ impl EstimatorState {
 #[derive(Clone, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "there is one of them")]
 enum MethodOf {
-    PredictionError(PredictionError),
+    PredictionError(Planar),
     Paper(Paper),
 }
 
@@ -83,11 +93,11 @@ impl Estimator {
     /// sample times or not a whole number of them, and `epsilon` shorter than `Tf`.
     pub fn new(config: EstimatorConfig) -> Result<Self, Vec<Invalid>> {
         check(&config)?;
+        let geometry = Geometry::new(config.gap_m, config.alpha_rad);
         let method = match config.method {
-            Method::PredictionError => MethodOf::PredictionError(PredictionError::new(&config)),
+            Method::PredictionError => MethodOf::PredictionError(planar(&config, geometry)),
             Method::Paper | Method::PaperLiteral => MethodOf::Paper(Paper::new(&config)),
         };
-        let geometry = Geometry::new(config.gap_m, config.alpha_rad);
         Ok(Self { config, geometry, method })
     }
 
@@ -116,13 +126,13 @@ impl Estimator {
             MethodOf::PredictionError(method) => MethodState::PredictionError(method.start()),
             MethodOf::Paper(method) => MethodState::Paper(method.start()),
         };
-        EstimatorState { reset_was_high: false, position_m: [0.0; 2], stuck: [0; 2], method, output }
+        EstimatorState { reset_was_high: false, stuck: Stuck::start(), method, output }
     }
 
     /// Whether a state, for instance one read from a file, has the shape this estimator needs and finite numbers alone.
     #[must_use]
     pub fn accepts(&self, state: &EstimatorState) -> bool {
-        let finite = state.output.is_finite() && state.position_m.iter().all(|x| x.is_finite());
+        let finite = state.output.is_finite() && state.stuck.is_finite();
         finite
             && match (&self.method, &state.method) {
                 (MethodOf::PredictionError(_), MethodState::PredictionError(state)) => state.is_sound(),
@@ -153,12 +163,22 @@ impl Estimator {
         } else if !self.is_usable(input) {
             Some(Verdict::BadSample)
         } else {
-            is_stuck(state, input).then_some(Verdict::Stuck)
+            state.stuck.take(input.position_m).then_some(Verdict::Stuck)
         };
         match (&self.method, &mut state.method) {
-            (MethodOf::PredictionError(method), MethodState::PredictionError(own)) => refused
-                .inspect(|_| method.interrupt(own))
-                .unwrap_or_else(|| method.sample(own, input, &mut state.output)),
+            (MethodOf::PredictionError(method), MethodState::PredictionError(own)) => match refused {
+                Some(verdict) => {
+                    method.interrupt(own);
+                    verdict
+                }
+                None => {
+                    let (position, current) = (input.position_m, input.current_a);
+                    let sample = Sample::new(position, current, input.theta_rad, input.omega_rad_s);
+                    let verdict = method.sample(own, sample);
+                    state.output.take(&own.estimate, verdict, self.config.identify_unbalance);
+                    verdict
+                }
+            },
             (MethodOf::Paper(method), MethodState::Paper(own)) if method.has_shape(own) => refused
                 .inspect(|_| method.interrupt(own))
                 .unwrap_or_else(|| method.sample(own, input, &mut state.output)),
@@ -174,15 +194,75 @@ impl Estimator {
     }
 }
 
+/// The method for the planar rotor, whose coordinates are its position.
+fn planar(config: &EstimatorConfig, geometry: Geometry) -> Planar {
+    let t = &config.tolerance;
+    let std = [t.gap_m, t.alpha_rad, t.position_gain, t.position_offset_m, t.current_offset_a];
+    let forces = geometry.directions.into_iter().chain([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]);
+    let rows = forces.map(|force| RowVector2::from(force) / config.m_kg).collect::<Vec<_>>();
+    let mass = t.m_kg / config.m_kg;
+    PredictionError {
+        filter: WhiteningFilter {
+            machine: Machine {
+                geometry,
+                accelerations: SMatrix::from_rows(&rows),
+                gyroscopic: None,
+                turned: geometry.directions.map(|[y, z]| Vector2::new(z, -y)).map(|e| [e, e / config.m_kg]),
+            },
+            step_s: config.step_s,
+            hold: config.hold,
+            identify_unbalance: config.identify_unbalance,
+            tolerance: std.iter().any(|std| *std > 0.0).then_some(std),
+        },
+        lambda0: config.lambda0_nm2_a2,
+        told: [config.position_noise_m, config.current_noise_a],
+        scale_variance: mass * mass + 4.0 * t.current_gain * t.current_gain,
+    }
+}
+
+impl EstimatorOutput {
+    fn take(&mut self, estimate: &Estimate<MAGNETS, UNKNOWNS>, verdict: Verdict, with_unbalance: bool) {
+        let [std, total] = estimate.variance.map(|variance| variance.map(sqrt).into());
+        let [_, _, _, along, across, p_y, p_z] = estimate.unknowns.into();
+        self.lambda_hat = estimate.lambda().into();
+        self.lambda_raw = estimate.lambda_raw.into();
+        (self.lambda_std, self.lambda_std_total) = (std, total);
+        (self.ki, self.ks) = (estimate.ki.into(), estimate.ks.into());
+        (self.condition, self.residual) = (estimate.condition, estimate.residual);
+        [self.position_noise_m, self.current_noise_a] = estimate.noise;
+        self.load_n = [p_y, p_z];
+        if verdict == Verdict::Valid && with_unbalance {
+            self.unbalance_kg_m = sqrt(along * along + across * across);
+            self.unbalance_phase_rad = atan2(across, along);
+        }
+    }
+}
+
 /// No measurement of a machine is as large as this, whatever its unit; squares of it do not overflow.
 const MEASUREMENT_LIMIT: f64 = 1.0e12;
 
-/// Whether a position has read the same for [`STUCK_SAMPLES`] samples while the other moved.
-fn is_stuck(state: &mut EstimatorState, input: &EstimatorInput) -> bool {
-    for ((last, now), count) in state.position_m.iter_mut().zip(input.position_m).zip(&mut state.stuck) {
-        *count = if *last == now { count.saturating_add(1) } else { 0 };
-        *last = now;
+/// The last positions, m, and for how many samples each has read the same.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Stuck<const N: usize> {
+    position_m: SVector<f64, N>,
+    same: SVector<u32, N>,
+}
+
+impl<const N: usize> Stuck<N> {
+    fn start() -> Self {
+        Self { position_m: SVector::zeros(), same: SVector::zeros() }
     }
-    let [y, z] = state.stuck;
-    y.max(z) >= STUCK_SAMPLES && y.min(z) == 0
+
+    fn is_finite(&self) -> bool {
+        self.position_m.iter().all(|x| x.is_finite())
+    }
+
+    /// Takes in positions; whether one has read the same for [`STUCK_SAMPLES`] samples while another moved.
+    fn take(&mut self, position_m: [f64; N]) -> bool {
+        for ((last, now), count) in self.position_m.iter_mut().zip(position_m).zip(&mut self.same) {
+            *count = if *last == now { count.saturating_add(1) } else { 0 };
+            *last = now;
+        }
+        self.same.max() >= STUCK_SAMPLES && self.same.min() == 0
+    }
 }

@@ -5,7 +5,7 @@
 //! the recursive Gauss–Newton method (Ljung, section 11.4) climbs it in `(ln ρ, ln σ_z²)`.
 
 use libm::{exp, log, sqrt};
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix2, SVector, Vector2};
 use serde::{Deserialize, Serialize};
 
 use super::innovations::{Innovation, Sample};
@@ -63,6 +63,8 @@ pub struct Noise {
     told: [bool; 2],
     /// ln ρ, ln σ_z².
     logs: Vector2<f64>,
+    /// σ_z² and σ_i², m² and A².
+    variances: [f64; 2],
     information: Matrix2<f64>,
     samples: f64,
     /// ln ρ with which most samples were weighed.
@@ -76,11 +78,17 @@ impl Noise {
         let current = if told_a > 0.0 { told_a } else { START_CURRENT_NOISE_A };
         let logs = Vector2::new(2.0 * log(current / position), 2.0 * log(position));
         let information = Matrix2::identity() * START_INFORMATION;
-        Self { told: [told_m > 0.0, told_a > 0.0], weighed_with: logs.x, logs, information, samples: 0.0 }
+        let variances = [position * position, current * current];
+        Self { told: [told_m > 0.0, told_a > 0.0], weighed_with: logs.x, logs, variances, information, samples: 0.0 }
     }
 
     pub fn is_finite(&self) -> bool {
-        self.logs.iter().chain(&self.information).chain([&self.samples, &self.weighed_with]).all(|x| x.is_finite())
+        self.logs
+            .iter()
+            .chain(&self.variances)
+            .chain(&self.information)
+            .chain([&self.samples, &self.weighed_with])
+            .all(|x| x.is_finite())
     }
 
     /// Whether both are told.
@@ -96,29 +104,33 @@ impl Noise {
 
     /// σ_z² and σ_i², m² and A².
     pub fn variances(&self) -> [f64; 2] {
-        [exp(self.logs.y), exp(self.logs.y + self.logs.x)]
+        self.variances
     }
 
     /// Takes in an innovation, found with this variance of the positions, with a weight; the weight that earlier sums are to be counted with from now on.
     #[inline(always)]
-    pub fn update(&mut self, innovation: &Innovation, variance: f64, weight: f64, mean_square_a2: f64) -> f64 {
-        let Innovation { inverse, by_log_ratio, by_noise_ratio, .. } = innovation;
-        let residual = inverse * innovation.error;
-        let relative = inverse * by_log_ratio;
-        let along = by_noise_ratio.dot(&residual) / variance;
-        let quadratic = residual.dot(&(by_log_ratio * residual)) / variance;
+    pub fn update<const N: usize, const K: usize, const U: usize, const T: usize>(
+        &mut self,
+        innovation: &Innovation<N, K, U, T>,
+        variance: f64,
+        weight: f64,
+        mean_square_a2: f64,
+    ) -> f64 {
+        let Innovation { error, by_log_ratio, by_noise_ratio, .. } = innovation;
+        let trace = by_log_ratio.trace();
+        let quadratic = error.dot(&(by_log_ratio * error)) / variance;
         let score = Vector2::new(
-            sqrt(weight) * along + 0.5 * (weight * quadratic - relative.trace()),
-            0.5 * (weight * innovation.nis(variance) - 2.0),
+            sqrt(weight) * by_noise_ratio.dot(error) / variance + 0.5 * (weight * quadratic - trace),
+            0.5 * (weight * innovation.nis(variance) - N as f64),
         );
-        let by_ratio = 0.5 * (relative * relative).trace() + by_noise_ratio.dot(&(inverse * by_noise_ratio)) / variance;
-        let mixed = 0.5 * relative.trace();
+        let by_ratio = 0.5 * by_log_ratio.norm_squared() + by_noise_ratio.norm_squared() / variance;
+        let mixed = 0.5 * trace;
         if !(score.sum() + by_ratio).is_finite() {
             return 1.0;
         }
         self.samples += 1.0;
         self.information *= 1.0 - 1.0 / (MEMORY_PART * self.samples).max(LEAST_MEMORY);
-        self.information += Matrix2::new(by_ratio, mixed, mixed, 1.0);
+        self.information += Matrix2::new(by_ratio, mixed, mixed, 0.5 * N as f64);
         // The directions of (ln ρ, ln σ_z²) in which one of the noises stays.
         let free = match self.told {
             [true, true] => return 1.0,
@@ -137,19 +149,28 @@ impl Noise {
     /// Moves within the bounds.
     fn step(&mut self, by: Vector2<f64>, mean_square_a2: f64) -> f64 {
         let [told_position, told_current] = self.told;
-        let bounded = |x: f64, [least, most]: [f64; 2]| x.clamp(2.0 * log(least), 2.0 * log(most));
+        let squares = |[least, most]: [f64; 2]| [least * least, most * most];
+        // The logarithm within bounds, and its exponential.
+        let bounded = |x: f64, [least, most]: [f64; 2]| match exp(x) {
+            value if value < least => (log(least), least),
+            value if value > most => (log(most), most),
+            value => (x, value),
+        };
         let current = self.logs.sum();
         if !told_position {
-            self.logs.y = bounded(self.logs.y + by.y, POSITION_NOISE_M);
+            (self.logs.y, self.variances[0]) = bounded(self.logs.y + by.y, squares(POSITION_NOISE_M));
         }
-        self.logs.x = if told_current {
-            current - self.logs.y
+        if told_current {
+            self.logs.x = current - self.logs.y;
         } else {
             let most =
                 (CURRENT_NOISE_PART * mean_square_a2).clamp(f64::MIN_POSITIVE, CURRENT_NOISE_A * CURRENT_NOISE_A);
-            let most = log(most) - self.logs.y;
-            bounded((self.logs.x + by.x).min(most), NOISE_RATIO)
-        };
+            let [least, greatest] = squares(NOISE_RATIO);
+            let most = (most / self.variances[0]).clamp(least, greatest);
+            let ratio;
+            (self.logs.x, ratio) = bounded(self.logs.x + by.x, [least, most]);
+            self.variances[1] = ratio * self.variances[0];
+        }
         if (self.logs.x - self.weighed_with).abs() <= RATIO_CHANGE {
             return 1.0;
         }
@@ -162,33 +183,35 @@ impl Noise {
 ///
 /// The noise is the smaller of what fourth and sixth differences tell. They take the motion away, and keep 70 and 924 times the variance of
 /// white noise, the sums of the squared binomial coefficients.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Waiting {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Waiting<const N: usize, const K: usize> {
     /// Serde knows arrays of up to 32.
-    ring: [[Sample; 32]; START_SAMPLES / 32],
+    ring: [[Sample<N, K>; 32]; START_SAMPLES / 32],
     first: usize,
     count: usize,
 }
 
-impl Waiting {
+impl<const N: usize, const K: usize> Waiting<N, K> {
+    pub fn empty() -> Self {
+        let sample = Sample::new([0.0; N], [0.0; K], 0.0, 0.0);
+        Self { ring: [[sample; 32]; START_SAMPLES / 32], first: 0, count: 0 }
+    }
+
     pub fn is_finite(&self) -> bool {
-        let numbers = |s: &Sample| {
-            [s.position_m.sum(), s.current_a.iter().sum(), s.theta_rad, s.turn[0] + s.turn[1], s.omega_rad_s]
-        };
         self.first < START_SAMPLES
             && self.count <= START_SAMPLES
-            && self.ring.as_flattened().iter().flat_map(numbers).all(f64::is_finite)
+            && self.ring.as_flattened().iter().all(Sample::is_finite)
     }
 
     /// Puts a sample at the end; there is room as long as one is taken for each, or the ring is cleared when it is full.
-    pub fn put(&mut self, sample: Sample) {
+    pub fn put(&mut self, sample: Sample<N, K>) {
         let at = (self.first + self.count) % START_SAMPLES;
         self.ring.as_flattened_mut()[at] = sample;
         self.count = (self.count + 1).min(START_SAMPLES);
     }
 
     /// Takes the oldest sample.
-    pub fn take(&mut self) -> Option<Sample> {
+    pub fn take(&mut self) -> Option<Sample<N, K>> {
         self.count = self.count.checked_sub(1)?;
         let at = self.first;
         self.first = (at + 1) % START_SAMPLES;
@@ -202,13 +225,13 @@ impl Waiting {
         }
         let mut squares = [0.0; 2];
         for from in 0..START_SAMPLES - 6 {
-            let x: [Vector2<f64>; 7] =
+            let x: [SVector<f64, N>; 7] =
                 std::array::from_fn(|n| self.ring.as_flattened()[(self.first + from + n) % START_SAMPLES].position_m);
             let fourth = x[1] + x[5] - (x[2] + x[4]) * 4.0 + x[3] * 6.0;
             let sixth = x[0] + x[6] - (x[1] + x[5]) * 6.0 + (x[2] + x[4]) * 15.0 - x[3] * 20.0;
             squares[0] += fourth.norm_squared() / 70.0;
             squares[1] += sixth.norm_squared() / 924.0;
         }
-        Some(sqrt(squares[0].min(squares[1]) / (2 * (START_SAMPLES - 6)) as f64))
+        Some(sqrt(squares[0].min(squares[1]) / (N * (START_SAMPLES - 6)) as f64))
     }
 }

@@ -5,15 +5,16 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use libm::{atan2, sincos, sqrt};
+use libm::sqrt;
+use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
-use super::config::{EstimatorConfig, EstimatorInput, EstimatorOutput, Verdict};
-use super::innovations::{Field, FilterState, Innovation, Running, Sample, UNKNOWNS, Vector, WhiteningFilter, turned};
+use super::CONDITION_CAP;
+use super::config::Verdict;
+use super::innovations::{Field, FilterState, Innovation, Running, Sample, Square, WhiteningFilter, turned};
 use super::noise::{Noise, OUTLIER, Waiting};
-use super::sums::{AngleTable, Solution, Square, Sums};
+use super::sums::{AngleTable, Solution, Sums};
 use super::validation::{Validation, has_changed};
-use super::{CONDITION_CAP, MAGNETS};
 
 /// Quarters of a revolution that are kept apart.
 const QUARTERS: usize = 4;
@@ -64,36 +65,71 @@ pub const STD_LIMIT: f64 = 0.05;
 const NIS_CAP: f64 = 1.0e12;
 
 /// A quarter of a revolution.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Quarter {
-    sums: Sums,
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Quarter<const K: usize, const U: usize, const T: usize> {
+    sums: Sums<K, U, T>,
     /// Noise and ϑ at its begin, or when the estimate was last valid before it.
-    trusted: Option<(Noise, Vector)>,
+    trusted: Option<(Noise, SVector<f64, U>)>,
     samples: f64,
     turned_rad: f64,
     /// Sums of `i_k/gap_k²` and `i_k²/gap_k³`.
-    per_current: [f64; MAGNETS],
-    gradient: [f64; MAGNETS],
+    per_current: SVector<f64, K>,
+    gradient: SVector<f64, K>,
+}
+
+/// What there is to say of the unknowns; the last valid estimate where nothing else is said.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Estimate<const K: usize, const U: usize> {
+    /// λ, unbalance, loads; λ_0 and zero at first.
+    pub unknowns: SVector<f64, U>,
+    /// λ of the last revolution alone.
+    pub lambda_raw: SVector<f64, K>,
+    /// Variance of λ by noise, and by noise and tolerances.
+    pub variance: [SVector<f64, K>; 2],
+    pub ki: SVector<f64, K>,
+    pub ks: SVector<f64, K>,
+    /// Condition number of the information matrix, and normalised innovation squared per degree of freedom.
+    pub condition: f64,
+    pub residual: f64,
+    /// Standard deviations of a position, m, and of a current, A.
+    pub noise: [f64; 2],
+    valid: bool,
+}
+
+impl<const K: usize, const U: usize> Estimate<K, U> {
+    /// λ.
+    pub fn lambda(&self) -> SVector<f64, K> {
+        self.unknowns.fixed_rows::<K>(0).into_owned()
+    }
+
+    pub fn is_finite(&self) -> bool {
+        let [noise, total] = &self.variance;
+        let of_magnets = self.lambda_raw.iter().chain(noise).chain(total).chain(&self.ki).chain(&self.ks);
+        let others = [&self.condition, &self.residual];
+        of_magnets.chain(&self.unknowns).chain(others).chain(&self.noise).all(|x| x.is_finite())
+    }
 }
 
 /// All that changes with a sample.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PredictionErrorState {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, const T: usize> {
+    pub estimate: Estimate<K, U>,
     /// Samples that have not been filtered yet, from which the noise is started.
-    waiting: Waiting,
+    waiting: Waiting<N, K>,
     /// The noise, once it is known.
     noise: Option<Noise>,
     /// The filter, unless the last sample was of no use.
-    filter: Option<FilterState>,
+    filter: Option<FilterState<N, K, U, T>>,
     /// ϑ with which the filter runs, whether it comes from the data, and the quarters that had ended when it first did.
-    running: Vector,
+    running: SVector<f64, U>,
     estimated: bool,
     estimated_at: u64,
-    /// Sums before the last quarters, of these, and of the present one.
-    before: Sums,
-    last: [Quarter; QUARTERS],
-    present: Quarter,
-    table: AngleTable,
+    /// Sums before the last quarters, of these and all before, of these, and of the present one.
+    before: Sums<K, U, T>,
+    ended: Sums<K, U, T>,
+    last: [Quarter<K, U, T>; QUARTERS],
+    present: Quarter<K, U, T>,
+    table: AngleTable<K>,
     /// Quarters that have ended.
     quarters: u64,
     /// Whether the estimate has been valid since the sums began; outliers among the innovations are then known as such. Those in a row, and
@@ -108,71 +144,76 @@ pub struct PredictionErrorState {
     /// Samples since the start.
     samples: u64,
     /// The solution that is given out, and the inverse of J for the leverage.
-    solution: Option<Solution>,
-    inverse: Square,
+    solution: Option<Solution<U, T>>,
+    inverse: Square<U>,
     condition: f64,
-    validation: Validation,
+    validation: Validation<N, U, T>,
 }
 
-/// The estimator of [`Method::PredictionError`](super::Method::PredictionError).
+/// The estimator of [`Method::PredictionError`](super::Method::PredictionError) for N coordinates, K magnets, U unknowns and T tolerances.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PredictionError {
-    filter: WhiteningFilter,
-    lambda0: [f64; MAGNETS],
-    told: [f64; 2],
-    step_s: f64,
-    identify_unbalance: bool,
+pub struct PredictionError<const N: usize, const K: usize, const U: usize, const T: usize> {
+    pub filter: WhiteningFilter<N, K, U, T>,
+    pub lambda0: [f64; K],
+    /// Standard deviations of the noise of a position and of a current that are told, m and A, or 0.
+    pub told: [f64; 2],
     /// Relative variance of λ by what scales it: mass and gains of the currents.
-    scale_variance: f64,
+    pub scale_variance: f64,
 }
 
-impl PredictionError {
-    /// The estimator of a checked configuration.
-    pub fn new(config: &EstimatorConfig) -> Self {
-        let mass = config.tolerance.m_kg / config.m_kg;
-        Self {
-            filter: WhiteningFilter::new(config),
-            lambda0: config.lambda0_nm2_a2,
-            told: [config.position_noise_m, config.current_noise_a],
-            step_s: config.step_s,
-            identify_unbalance: config.identify_unbalance,
-            scale_variance: mass * mass + 4.0 * config.tolerance.current_gain * config.tolerance.current_gain,
-        }
-    }
-
+impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionError<N, K, U, T> {
     /// A fresh state.
-    pub fn start(&self) -> PredictionErrorState {
-        let [l1, l2, l3] = self.lambda0;
+    pub fn start(&self) -> PredictionErrorState<N, K, U, T> {
         let told = self.told.iter().all(|noise| *noise > 0.0);
+        let running = SVector::from_fn(|j, _| if j < K { self.lambda0[j] } else { 0.0 });
+        let lambda = SVector::from(self.lambda0);
+        let variance = lambda.component_mul(&lambda);
+        let estimate = Estimate {
+            unknowns: running,
+            lambda_raw: lambda,
+            variance: [variance; 2],
+            ki: SVector::zeros(),
+            ks: SVector::zeros(),
+            condition: CONDITION_CAP,
+            residual: 1.0,
+            noise: self.told,
+            valid: false,
+        };
         PredictionErrorState {
+            estimate,
+            waiting: Waiting::empty(),
             noise: told.then(|| Noise::new(self.told, self.told[0])),
-            running: [l1, l2, l3, 0.0, 0.0, 0.0, 0.0].into(),
+            filter: None,
+            running,
+            estimated: false,
+            estimated_at: 0,
+            before: Sums::zeros(),
+            ended: Sums::zeros(),
+            last: std::array::from_fn(|_| Quarter::begin(None)),
+            present: Quarter::begin(None),
+            table: AngleTable::empty(),
+            quarters: 0,
+            armed: false,
+            outliers: 0,
+            doubtful_until: 0,
+            angle_rad: 0.0,
+            mean_square_a2: 0.0,
+            samples: 0,
+            solution: None,
+            inverse: Square::zeros(),
             condition: CONDITION_CAP,
             validation: Validation::start(0.0),
-            ..PredictionErrorState::default()
         }
     }
 
     /// A gap in the data: the filter starts again after it, the sums stay.
-    pub fn interrupt(&self, state: &mut PredictionErrorState) {
-        (state.filter, state.waiting) = (None, Waiting::default());
+    pub fn interrupt(&self, state: &mut PredictionErrorState<N, K, U, T>) {
+        (state.filter, state.waiting, state.estimate.valid) = (None, Waiting::empty(), false);
     }
 
     /// Takes in a sample, which is finite and within the gap; what to say of the estimate.
-    pub fn sample(
-        &self,
-        state: &mut PredictionErrorState,
-        input: &EstimatorInput,
-        output: &mut EstimatorOutput,
-    ) -> Verdict {
-        let (sin, cos) = sincos(input.theta_rad);
-        state.waiting.put(Sample {
-            position_m: input.position_m.into(),
-            current_a: input.current_a,
-            theta_rad: input.theta_rad,
-            turn: [cos, sin],
-            omega_rad_s: input.omega_rad_s,
-        });
+    pub fn sample(&self, state: &mut PredictionErrorState<N, K, U, T>, sample: Sample<N, K>) -> Verdict {
+        state.waiting.put(sample);
         if state.noise.is_none() {
             state.noise = state.waiting.position_noise_m().map(|first_m| Noise::new(self.told, first_m));
         }
@@ -182,19 +223,14 @@ impl PredictionError {
             if let Some(noise) = state.noise.clone()
                 && let Some(sample) = state.waiting.take()
             {
-                verdict = self.filter(state, &noise, sample, output);
+                verdict = self.filter(state, &noise, sample);
             }
         }
+        state.estimate.valid = verdict == Verdict::Valid;
         verdict
     }
 
-    fn filter(
-        &self,
-        state: &mut PredictionErrorState,
-        noise: &Noise,
-        sample: Sample,
-        output: &mut EstimatorOutput,
-    ) -> Verdict {
+    fn filter(&self, state: &mut PredictionErrorState<N, K, U, T>, noise: &Noise, sample: Sample<N, K>) -> Verdict {
         let [position_variance, current_variance] = noise.variances();
         let Some(filter) = &mut state.filter else {
             state.filter = Some(self.filter.start(sample, position_variance));
@@ -215,19 +251,20 @@ impl PredictionError {
         state.present.count(&field, by_rad);
         if state.armed && nis > OUTLIER {
             // The filter goes on without the measurement; several in a row are a change.
-            filter.last.position_m -= innovation.error;
+            filter.last.position_m -= innovation.error_m;
             state.outliers += 1;
             state.doubtful_until = state.quarters + QUARTERS as u64;
             if state.outliers > OUTLIERS_IN_A_ROW {
                 self.restart(state);
-                return self.report(state, output, true);
+                return self.report(state, true);
             }
-            return self.conclude(state, output);
+            return self.conclude(state);
         }
         state.outliers = 0;
         if !((0.0..NIS_CAP).contains(&nis) && innovation.is_sound()) {
             // No bearing moves like this: nothing that was gathered can be relied on.
-            *state = self.start();
+            let estimate = state.estimate.clone();
+            *state = PredictionErrorState { estimate, ..self.start() };
             return Verdict::BadSample;
         }
         let told = noise.is_told();
@@ -237,13 +274,13 @@ impl PredictionError {
         self.filter.correct(filter, &running, &innovation, sqrt(weight));
 
         state.samples += 1;
-        state.present.sums.add(&innovation, self.filter.signals, passed > INSTRUMENTS_AFTER);
+        state.present.sums.add(&innovation, passed > INSTRUMENTS_AFTER);
         let per_revolution = state.per_revolution();
-        state.validation.add(&innovation, sample.turn, self.filter.signals);
+        state.validation.add(&innovation, sample.turn);
         if settled {
-            state.validation.add_settled(&innovation, position_variance, per_revolution);
+            state.validation.add_settled(&innovation.error, position_variance, per_revolution);
         }
-        let square = sample.current_a.iter().map(|i| i * i).sum::<f64>() / 3.0;
+        let square = sample.current_a.norm_squared() / K as f64;
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
         if weight > 0.0
             && let Some(noise) = &mut state.noise
@@ -257,18 +294,18 @@ impl PredictionError {
         if state.samples.is_multiple_of(SOLVE_EVERY) {
             self.solve(state);
         }
-        let verdict = self.conclude(state, output);
+        let verdict = self.conclude(state);
         state.armed |= verdict == Verdict::Valid;
         verdict
     }
 
     /// Begins anew after a change of λ.
-    fn restart(&self, state: &mut PredictionErrorState) {
+    fn restart(&self, state: &mut PredictionErrorState<N, K, U, T>) {
         // What was found since then holds the contradiction.
         if let Some((noise, running)) = state.last[0].trusted.clone() {
             (state.noise, state.running) = (Some(noise), running);
         }
-        state.all_sums().for_each(|sums| *sums = Sums::default());
+        state.all_sums().for_each(|sums| *sums = Sums::zeros());
         // The columns of the filter remember what the former λ did. The estimate of before goes on as the one with which the filter runs: noise and
         // tests need residuals, or samples that no λ explains would stay in the sums for ever.
         (state.filter, state.solution) = (None, None);
@@ -277,11 +314,11 @@ impl PredictionError {
     }
 
     /// Solves the equations of all samples.
-    fn solve(&self, state: &mut PredictionErrorState) {
+    fn solve(&self, state: &mut PredictionErrorState<N, K, U, T>) {
         let Some(noise) = &state.noise else { return };
         let variances = noise.variances();
-        let mut sums = state.before.clone();
-        state.last.iter().chain([&state.present]).for_each(|quarter| sums.merge(&quarter.sums));
+        let mut sums = state.ended.clone();
+        sums.merge(&state.present.sums);
         if sums.samples < LEAST_SAMPLES {
             return;
         }
@@ -292,7 +329,7 @@ impl PredictionError {
         (state.inverse, state.condition) = (found.inverse, found.condition);
         let instruments = Some(&sums).filter(|sums| sums.instrumented >= LEAST_INSTRUMENTED * state.per_revolution());
         let solution = found.combine(instruments, variances[0]);
-        let std = solution.relative_std();
+        let std = solution.relative_std::<K>();
         if !std.is_finite() {
             return;
         }
@@ -308,32 +345,32 @@ impl PredictionError {
     }
 
     /// Ends the quarter if it is over, and reports.
-    fn conclude(&self, state: &mut PredictionErrorState, output: &mut EstimatorOutput) -> Verdict {
+    fn conclude(&self, state: &mut PredictionErrorState<N, K, U, T>) -> Verdict {
         let Quarter { turned_rad, samples, .. } = state.present;
-        let over = turned_rad.abs() >= FRAC_PI_2 || samples * self.step_s >= LONGEST_QUARTER_S;
-        let changed = over && self.end_quarter(state, output);
-        self.report(state, output, changed)
+        let over = turned_rad.abs() >= FRAC_PI_2 || samples * self.filter.step_s >= LONGEST_QUARTER_S;
+        let changed = over && self.end_quarter(state);
+        self.report(state, changed)
     }
 
     /// Puts the quarter that is over with the last ones; whether the last revolution contradicts what came before.
-    fn end_quarter(&self, state: &mut PredictionErrorState, output: &mut EstimatorOutput) -> bool {
+    fn end_quarter(&self, state: &mut PredictionErrorState<N, K, U, T>) -> bool {
         let Some(noise) = &state.noise else { return false };
         state.quarters += 1;
-        let trusted = if output.valid { Some((noise.clone(), state.running)) } else { state.present.trusted.clone() };
-        let quarter = std::mem::replace(&mut state.present, Quarter { trusted, ..Quarter::default() });
+        let trusted =
+            if state.estimate.valid { Some((noise.clone(), state.running)) } else { state.present.trusted.clone() };
+        let quarter = std::mem::replace(&mut state.present, Quarter::begin(trusted));
+        state.ended.merge(&quarter.sums);
         state.last.rotate_left(1);
         let oldest = std::mem::replace(&mut state.last[QUARTERS - 1], quarter);
         state.before.merge(&oldest.sums);
-        let mut revolution = Sums::default();
+        let mut revolution = Sums::zeros();
         state.last.iter().for_each(|quarter| revolution.merge(&quarter.sums));
-        let mut all = state.before.clone();
-        all.merge(&revolution);
         let variances = noise.variances();
-        if let Some(found) = all.solve(self.lambda0, variances) {
+        if let Some(found) = state.ended.solve(self.lambda0, variances) {
             state.validation.judge_harmonics(state.revolution(), &found, variances[0]);
         }
         if let Some(alone) = revolution.solve(self.lambda0, variances) {
-            output.lambda_raw = alone.combine(None, variances[0]).lambda();
+            state.estimate.lambda_raw = alone.combine::<K>(None, variances[0]).lambda();
         }
         let testable = state.estimated
             && state.before.samples > revolution.samples
@@ -345,12 +382,12 @@ impl PredictionError {
         changed
     }
 
-    /// Writes the estimate into the output; the verdict on it.
-    fn report(&self, state: &PredictionErrorState, output: &mut EstimatorOutput, changed: bool) -> Verdict {
+    /// Completes the estimate; the verdict on it.
+    fn report(&self, state: &mut PredictionErrorState<N, K, U, T>, changed: bool) -> Verdict {
         let Some(noise) = &state.noise else { return Verdict::Collecting };
-        [output.position_noise_m, output.current_noise_a] = noise.variances().map(sqrt);
-        output.condition = state.condition;
-        output.residual = state.validation.nis;
+        state.estimate.noise = noise.variances().map(sqrt);
+        state.estimate.condition = state.condition;
+        state.estimate.residual = state.validation.nis;
         let Some(solution) = &state.solution else {
             let few = state.samples < LEAST_SAMPLES as u64 + SOLVE_EVERY;
             return match (changed, few || state.condition < CONDITION_CAP) {
@@ -359,35 +396,34 @@ impl PredictionError {
                 (false, false) => Verdict::Singular,
             };
         };
-        let lambda = solution.lambda();
+        let lambda = solution.lambda::<K>();
         let total = solution.total_variance(self.scale_variance);
-        let verdict = self.verdict(state, noise, lambda, total);
+        let verdict = self.verdict(state, noise, &lambda, &total);
+        let estimate = &mut state.estimate;
         if verdict == Verdict::Valid {
-            output.lambda_hat = lambda;
-            let [_, _, _, along, across, p_y, p_z] = <[f64; UNKNOWNS]>::from(solution.unknowns);
-            output.load_n = [p_y, p_z];
-            if self.identify_unbalance {
-                output.unbalance_kg_m = sqrt(along * along + across * across);
-                output.unbalance_phase_rad = atan2(across, along);
-            }
+            estimate.unknowns = solution.unknowns;
         }
+        let held = (estimate.lambda() - lambda).map(|x| x * x);
+        estimate.variance = [solution.variance.fixed_rows::<K>(0) + held, total + held];
         let samples: f64 = state.last.iter().map(|quarter| quarter.samples).sum();
-        for k in 0..MAGNETS {
-            let held = output.lambda_hat[k] - lambda[k];
-            output.lambda_std[k] = sqrt(solution.variance[k] + held * held);
-            output.lambda_std_total[k] = sqrt(total[k] + held * held);
-            if samples > 0.0 {
-                let mean =
-                    |of: fn(&Quarter) -> &[f64; MAGNETS]| state.last.iter().map(|q| of(q)[k]).sum::<f64>() / samples;
-                output.ki[k] = 2.0 * output.lambda_hat[k] * mean(|quarter| &quarter.per_current);
-                output.ks[k] = 2.0 * output.lambda_hat[k] * mean(|quarter| &quarter.gradient);
-            }
+        if samples > 0.0 {
+            let twice = estimate.lambda() * (2.0 / samples);
+            let sum =
+                |of: fn(&Quarter<K, U, T>) -> &SVector<f64, K>| state.last.iter().map(of).sum::<SVector<f64, K>>();
+            estimate.ki = twice.component_mul(&sum(|quarter| &quarter.per_current));
+            estimate.ks = twice.component_mul(&sum(|quarter| &quarter.gradient));
         }
         verdict
     }
 
     /// The verdict on an estimate with this variance.
-    fn verdict(&self, state: &PredictionErrorState, noise: &Noise, lambda: [f64; 3], total: [f64; 3]) -> Verdict {
+    fn verdict(
+        &self,
+        state: &PredictionErrorState<N, K, U, T>,
+        noise: &Noise,
+        lambda: &SVector<f64, K>,
+        total: &SVector<f64, K>,
+    ) -> Verdict {
         let told = noise.is_told();
         let revolution = state.revolution();
         let settled = state.quarters >= state.estimated_at + SETTLED_AFTER;
@@ -403,45 +439,47 @@ impl PredictionError {
             Verdict::Noisy
         } else {
             match state.validation.verdict(revolution, state.per_revolution(), told) {
-                Verdict::Valid if (0..MAGNETS).any(|k| sqrt(total[k]) >= STD_LIMIT * lambda[k]) => Verdict::Uncertain,
+                Verdict::Valid if (0..K).any(|k| sqrt(total[k]) >= STD_LIMIT * lambda[k]) => Verdict::Uncertain,
                 verdict => verdict,
             }
         }
     }
 }
 
-impl Quarter {
+impl<const K: usize, const U: usize, const T: usize> Quarter<K, U, T> {
+    fn begin(trusted: Option<(Noise, SVector<f64, U>)>) -> Self {
+        let zero = SVector::zeros();
+        Self { sums: Sums::zeros(), trusted, samples: 0.0, turned_rad: 0.0, per_current: zero, gradient: zero }
+    }
+
     /// Takes in the field of an interval in which the rotor turned by so much.
     #[inline(always)]
-    fn count(&mut self, field: &Field, by_rad: f64) {
+    fn count(&mut self, field: &Field<K>, by_rad: f64) {
         self.samples += 1.0;
         self.turned_rad += by_rad;
-        for k in 0..MAGNETS {
-            self.per_current[k] += field.per_current[k];
-            self.gradient[k] += field.gradient[k];
-        }
+        self.per_current += field.per_current;
+        self.gradient += field.gradient;
     }
 
     fn is_finite(&self) -> bool {
         let own = self.per_current.iter().chain(&self.gradient).chain([&self.samples, &self.turned_rad]);
-        own.copied().all(f64::is_finite)
-            && self.sums.is_finite()
-            && self
-                .trusted
-                .as_ref()
-                .is_none_or(|(noise, running)| noise.is_finite() && running.iter().all(|x| x.is_finite()))
+        let trusted = |(noise, running): &(Noise, SVector<f64, U>)| noise.is_finite() && all_finite(running);
+        own.copied().all(f64::is_finite) && self.sums.is_finite() && self.trusted.as_ref().is_none_or(trusted)
     }
 }
 
-impl PredictionErrorState {
+fn all_finite<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> bool {
+    numbers.into_iter().all(|x| x.is_finite())
+}
+
+impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionErrorState<N, K, U, T> {
     /// Whether all numbers are finite, and all places within their rings.
     pub fn is_sound(&self) -> bool {
-        let own =
-            self.running.iter().chain([&self.angle_rad, &self.mean_square_a2, &self.condition]).chain(&self.inverse);
-        own.copied().all(f64::is_finite)
+        all_finite(self.running.iter().chain([&self.angle_rad, &self.mean_square_a2, &self.condition]))
+            && (all_finite(&self.inverse) && self.estimate.is_finite())
             && (self.waiting.is_finite() && self.table.is_finite() && self.validation.is_finite())
             && self.last.iter().chain([&self.present]).all(Quarter::is_finite)
-            && self.before.is_finite()
+            && (self.before.is_finite() && self.ended.is_finite())
             && self.noise.as_ref().is_none_or(Noise::is_finite)
             && self.filter.as_ref().is_none_or(FilterState::is_finite)
             && self.solution.as_ref().is_none_or(Solution::is_finite)
@@ -459,16 +497,17 @@ impl PredictionErrorState {
         if count > 0.0 { samples / count * QUARTERS as f64 } else { self.present.samples.max(1.0) * QUARTERS as f64 }
     }
 
-    fn all_sums(&mut self) -> impl Iterator<Item = &mut Sums> {
-        self.last.iter_mut().chain([&mut self.present]).map(|quarter| &mut quarter.sums).chain([&mut self.before])
+    fn all_sums(&mut self) -> impl Iterator<Item = &mut Sums<K, U, T>> {
+        let quarters = self.last.iter_mut().chain([&mut self.present]).map(|quarter| &mut quarter.sums);
+        quarters.chain([&mut self.before, &mut self.ended])
     }
 }
 
 /// `φ J⁻¹ φᵀ S⁻¹`: how much an innovation says of the unknowns.
 #[inline(always)]
-fn leverage(innovation: &Innovation, inverse: &Square) -> f64 {
-    let [y, z] = innovation.signals.map(|signals| Vector::from_fn(|j, _| signals[1 + j]));
-    let s = innovation.inverse;
-    let [along_y, along_z] = [inverse * y, inverse * z];
-    s.m11 * y.dot(&along_y) + 2.0 * s.m12 * y.dot(&along_z) + s.m22 * z.dot(&along_z)
+fn leverage<const N: usize, const K: usize, const U: usize, const T: usize>(
+    innovation: &Innovation<N, K, U, T>,
+    inverse: &Square<U>,
+) -> f64 {
+    (inverse * innovation.unknowns).dot(&innovation.unknowns)
 }

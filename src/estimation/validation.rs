@@ -4,20 +4,28 @@
 //! in a million tests; tolerances widen them by what they can explain.
 
 use libm::{exp, sqrt};
-use nalgebra::{Matrix4, SMatrix, Vector2, Vector4};
+use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::config::Verdict;
-use super::innovations::{FIRST_TOLERANCE, Innovation, SIGNALS, TOLERANCES, UNKNOWNS};
+use super::innovations::{Innovation, Square, product};
 use super::noise::OUTLIER;
 use super::sums::{PredictionErrorSolution, Sums, inverse};
 
-/// Limit of χ² with seven degrees of freedom between the last revolution and those before: probability 1.4·10⁻⁷.
-const CHANGE_LIMIT: f64 = 45.0;
+/// Limit of χ² between the last revolution and those before, in standard deviations of a normal distribution; 45 with seven degrees of freedom:
+/// probability 1.4·10⁻⁷.
+const CHANGE_LIMIT: f64 = 5.0;
 
-/// Harmonics of the rotor angle that are tested, and the limit of χ² with four degrees of freedom of each: probability 4.6·10⁻⁷.
+/// Harmonics of the rotor angle that are tested, and the limit of χ² of each; 35 with four degrees of freedom: probability 4.6·10⁻⁷.
 const HARMONICS: usize = 4;
-const HARMONIC_LIMIT: f64 = 35.0;
+const HARMONIC_LIMIT: f64 = 4.735;
+
+/// The value of χ² that is so many standard deviations of a normal distribution out (E. B. Wilson, M. M. Hilferty, 1931).
+fn chi_square(degrees: usize, deviations: f64) -> f64 {
+    let n = degrees as f64;
+    let root = 1.0 - 2.0 / (9.0 * n) + deviations * sqrt(2.0 / (9.0 * n));
+    n * root * root * root
+}
 
 /// The part of the innovations' power at a harmonic that is taken to remain, whatever the estimate has absorbed: gains change while it settles.
 const LEAST_LEFT: f64 = 1.0e-3;
@@ -42,80 +50,106 @@ const RESTART_LIMIT: f64 = 1.5;
 const RESTART_REVOLUTIONS: f64 = 10.0;
 
 /// What the tests have gathered.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Validation {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Validation<const N: usize, const U: usize, const T: usize> {
     /// Revolutions at the last start, and at the last restart after a change with the count of restarts that has not leaked away.
     since: f64,
     restarted: f64,
     restarts: f64,
-    harmonics: Harmonics,
+    /// Revolutions when the sums of the harmonics began, and the sums.
+    harmonics_since: f64,
+    harmonics: [Harmonic<N, U, T>; HARMONICS],
     /// The greatest χ² of a harmonic.
     greatest: f64,
     /// Innovations in the means; product of successive ones, square, the last one.
     averaged: f64,
     product: f64,
     square: f64,
-    last: Vector2<f64>,
+    last: SVector<f64, N>,
     /// Normalised innovation squared per degree of freedom.
     pub nis: f64,
 }
 
-/// Sums of the whitened signals times cosine and sine of each harmonic of the rotor angle, rows y cos, y sin, z cos, z sin. The innovations
-/// of any estimate follow from them.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Harmonics {
-    since: f64,
+/// Sums of the whitened signals times cosine and sine of a harmonic of the rotor angle. The innovations of any estimate follow from them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Harmonic<const N: usize, const U: usize, const T: usize> {
     /// Sums of cos², cos sin and sin².
-    squares: [[f64; 3]; HARMONICS],
-    signals: [[[f64; SIGNALS]; 4]; HARMONICS],
+    squares: [f64; 3],
+    motion: [SMatrix<f64, 1, N>; 2],
+    unknowns: [SMatrix<f64, U, N>; 2],
+    tolerances: [SMatrix<f64, T, N>; 2],
 }
 
-impl Harmonics {
+impl<const N: usize, const U: usize, const T: usize> Harmonic<N, U, T> {
+    fn zeros() -> Self {
+        Self {
+            squares: [0.0; 3],
+            motion: [SMatrix::zeros(); 2],
+            unknowns: [SMatrix::zeros(); 2],
+            tolerances: [SMatrix::zeros(); 2],
+        }
+    }
+
+    fn is_finite(&self) -> bool {
+        let Self { squares, motion, unknowns, tolerances } = self;
+        let signals = motion.iter().flatten().chain(unknowns.iter().flatten()).chain(tolerances.iter().flatten());
+        signals.chain(squares).all(|x| x.is_finite())
+    }
+
     #[inline(always)]
-    fn add(&mut self, innovation: &Innovation, [c, s]: [f64; 2], signals: usize) {
-        let [y, z] = &innovation.signals;
-        let w = innovation.whitening;
-        let whitened: [[f64; SIGNALS]; 2] =
-            [std::array::from_fn(|n| w.m11 * y[n]), std::array::from_fn(|n| w.m21 * y[n] + w.m22 * z[n])];
-        let mut at = [1.0, 0.0];
-        for harmonic in 0..HARMONICS {
-            at = [at[0] * c - at[1] * s, at[1] * c + at[0] * s];
-            let squares = [at[0] * at[0], at[0] * at[1], at[1] * at[1]];
-            self.squares[harmonic].iter_mut().zip(squares).for_each(|(sum, square)| *sum += square);
-            for (row, sums) in self.signals[harmonic].iter_mut().enumerate() {
-                for (sum, value) in sums.iter_mut().zip(&whitened[row / 2]).take(signals) {
-                    *sum += at[row % 2] * value;
-                }
+    fn add<const K: usize>(&mut self, innovation: &Innovation<N, K, U, T>, [c, s]: [f64; 2]) {
+        self.squares[0] += c * c;
+        self.squares[1] += c * s;
+        self.squares[2] += s * s;
+        for (part, by) in [c, s].into_iter().enumerate() {
+            self.motion[part] += innovation.motion * by;
+            self.unknowns[part] += innovation.unknowns * by;
+            if let Some(tolerances) = &innovation.tolerances {
+                self.tolerances[part] += tolerances * by;
             }
         }
     }
 
-    /// The greatest χ² of a harmonic (score test): with the estimate `ϑ = J⁻¹ b`, the sums a of its innovations have the covariance
+    /// χ² (score test): with the estimate `ϑ = J⁻¹ b`, the sums a of its innovations have the covariance
     /// `C − B J⁻¹ Bᵀ`, C that of white innovations and B the sums of φ, and what the tolerances make of them.
-    fn greatest(&self, found: &PredictionErrorSolution, position_variance: f64) -> f64 {
-        let greatest = self.signals.iter().zip(self.squares).map(|(signals, [cc, cs, ss])| {
-            let b = SMatrix::<f64, 4, UNKNOWNS>::from_fn(|row, n| signals[row][1 + n]);
-            let psi = SMatrix::<f64, 4, TOLERANCES>::from_fn(|row, n| signals[row][FIRST_TOLERANCE + n]);
-            let sums = Vector4::from_fn(|row, _| signals[row][0]) - b * found.unknowns;
-            // ψ, and what the estimate makes of it.
-            let by = psi + b * found.sensitivity;
-            let floor = LEAST_LEFT * (cc + ss);
-            let white = Matrix4::from_fn(|r, c| match (r / 2 == c / 2, r % 2 + c % 2) {
-                (false, _) => 0.0,
-                (true, at) => [cc + floor, cs, ss + floor][at],
-            });
-            let covariance = by * by.transpose() / position_variance + white - b * found.inverse * b.transpose();
-            covariance.cholesky().map_or(0.0, |factor| factor.solve(&sums).dot(&sums) / position_variance)
-        });
-        greatest.fold(0.0, f64::max)
+    fn chi_square(&self, found: &PredictionErrorSolution<U, T>, position_variance: f64) -> f64 {
+        let [cc, cs, ss] = self.squares;
+        let floor = LEAST_LEFT * (cc + ss);
+        let sums = [0, 1].map(|part| self.motion[part].transpose() - self.unknowns[part].tr_mul(&found.unknowns));
+        // ψ, and what the estimate makes of it.
+        let by = [0, 1].map(|part| self.tolerances[part] + found.sensitivity.tr_mul(&self.unknowns[part]));
+        let covariance = |r: usize, c: usize, white: f64| {
+            by[r].tr_mul(&by[c]) / position_variance + Square::<N>::identity() * white
+                - self.unknowns[r].tr_mul(&(found.inverse * self.unknowns[c]))
+        };
+        // Of the cosines first, then of what these leave of the sines.
+        let Some(cosines) = covariance(0, 0, cc + floor).cholesky() else { return 0.0 };
+        let mixed = covariance(0, 1, cs);
+        let Some(sines) = (covariance(1, 1, ss + floor) - mixed.tr_mul(&cosines.solve(&mixed))).cholesky() else {
+            return 0.0;
+        };
+        let along = cosines.solve(&sums[0]);
+        let left = sums[1] - mixed.tr_mul(&along);
+        (along.dot(&sums[0]) + sines.solve(&left).dot(&left)) / position_variance
     }
 }
 
-impl Validation {
+impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     /// Begins anew at a revolution.
     pub fn start(revolution: f64) -> Self {
-        let harmonics = Harmonics { since: revolution, ..Harmonics::default() };
-        Self { since: revolution, restarted: revolution, square: 2.0, nis: 1.0, harmonics, ..Self::default() }
+        Self {
+            since: revolution,
+            restarted: revolution,
+            restarts: 0.0,
+            harmonics_since: revolution,
+            harmonics: [Harmonic::zeros(); HARMONICS],
+            greatest: 0.0,
+            averaged: 0.0,
+            product: 0.0,
+            square: N as f64,
+            last: SVector::zeros(),
+            nis: 1.0,
+        }
     }
 
     /// Begins anew after a change of λ.
@@ -125,16 +159,14 @@ impl Validation {
 
     /// Forgets the sums.
     pub fn forget(&mut self, revolution: f64) {
-        self.harmonics = Harmonics { since: revolution, ..Harmonics::default() };
+        (self.harmonics_since, self.harmonics) = (revolution, [Harmonic::zeros(); HARMONICS]);
         self.greatest = 0.0;
     }
 
     pub fn is_finite(&self) -> bool {
-        let Self { since, restarted, restarts, greatest, averaged, product, square, nis, .. } = self;
-        let sums = self.harmonics.signals.as_flattened().as_flattened().iter();
-        let harmonics = sums.chain(self.harmonics.squares.as_flattened()).chain([&self.harmonics.since]);
-        let own = [since, restarted, restarts, greatest, averaged, product, square, nis];
-        harmonics.chain(own).chain(&self.last).all(|x| x.is_finite())
+        let Self { since, restarted, restarts, harmonics_since, greatest, averaged, product, square, nis, .. } = self;
+        let own = [since, restarted, restarts, harmonics_since, greatest, averaged, product, square, nis];
+        own.into_iter().chain(&self.last).all(|x| x.is_finite()) && self.harmonics.iter().all(Harmonic::is_finite)
     }
 
     /// Revolutions since the last start.
@@ -148,14 +180,18 @@ impl Validation {
 
     /// Takes in the signals of an innovation at the rotor angle (cos θ, sin θ).
     #[inline(always)]
-    pub fn add(&mut self, innovation: &Innovation, turn: [f64; 2], signals: usize) {
-        self.harmonics.add(innovation, turn, signals);
+    pub fn add<const K: usize>(&mut self, innovation: &Innovation<N, K, U, T>, [c, s]: [f64; 2]) {
+        let mut at = [1.0, 0.0];
+        for harmonic in &mut self.harmonics {
+            at = [at[0] * c - at[1] * s, at[1] * c + at[0] * s];
+            harmonic.add(innovation, at);
+        }
     }
 
     /// Takes in the innovation of a good estimate.
     #[inline(always)]
-    pub fn add_settled(&mut self, innovation: &Innovation, position_variance: f64, per_revolution: f64) {
-        let white = innovation.whitening * innovation.error / sqrt(position_variance);
+    pub fn add_settled(&mut self, error: &SVector<f64, N>, position_variance: f64, per_revolution: f64) {
+        let white = error / sqrt(position_variance);
         let clipped = white.map(|e| e.clamp(-WHITENESS_CLIP, WHITENESS_CLIP));
         self.averaged += 1.0;
         let memory = MEAN_REVOLUTIONS * per_revolution;
@@ -163,22 +199,23 @@ impl Validation {
         self.product += part * (clipped.dot(&self.last) - self.product);
         self.square += part * (clipped.norm_squared() - self.square);
         self.last = clipped;
-        self.nis += (0.5 * white.norm_squared().min(OUTLIER) - self.nis) / memory;
+        self.nis += (white.norm_squared().min(OUTLIER) / N as f64 - self.nis) / memory;
     }
 
     /// Judges the harmonics of what an estimate leaves unexplained.
-    pub fn judge_harmonics(&mut self, revolution: f64, found: &PredictionErrorSolution, position_variance: f64) {
-        let enough = revolution - self.harmonics.since > HARMONICS_AFTER;
-        self.greatest = if enough { self.harmonics.greatest(found, position_variance) } else { 0.0 };
+    pub fn judge_harmonics(&mut self, revolution: f64, found: &PredictionErrorSolution<U, T>, position_variance: f64) {
+        let enough = revolution - self.harmonics_since > HARMONICS_AFTER;
+        let found = self.harmonics.iter().map(|harmonic| harmonic.chi_square(found, position_variance));
+        self.greatest = if enough { found.fold(0.0, f64::max) } else { 0.0 };
     }
 
     /// What the tests say.
     pub fn verdict(&self, revolution: f64, per_revolution: f64, told: bool) -> Verdict {
-        let samples = 2.0 * self.averaged.min(2.0 * MEAN_REVOLUTIONS * per_revolution);
+        let samples = N as f64 * self.averaged.min(2.0 * MEAN_REVOLUTIONS * per_revolution);
         let correlation = self.product / self.square.max(1.0) * sqrt(samples);
         if self.recent_restarts(revolution) > RESTART_LIMIT {
             Verdict::Unsteady
-        } else if self.greatest >= HARMONIC_LIMIT || (told && self.nis > NIS_LIMIT) {
+        } else if self.greatest >= chi_square(2 * N, HARMONIC_LIMIT) || (told && self.nis > NIS_LIMIT) {
             Verdict::Unexplained
         } else if !told && correlation.abs() >= WHITENESS_LIMIT {
             Verdict::Coloured
@@ -192,13 +229,17 @@ impl Validation {
 ///
 /// With the estimate ϑ of before, `z = b − J ϑ` of the last revolution has the covariance `J + J J_before⁻¹ J`, and what the tolerances make
 /// of it.
-pub fn has_changed(before: &Sums, last: &Sums, position_variance: f64) -> bool {
+pub fn has_changed<const K: usize, const U: usize, const T: usize>(
+    before: &Sums<K, U, T>,
+    last: &Sums<K, U, T>,
+    position_variance: f64,
+) -> bool {
     let information = last.information();
-    let Some((former, _)) = inverse(&before.information()) else { return false };
+    let Some((former, _)) = inverse(before.information()) else { return false };
     let gain = information * former;
     let contradiction = last.right() - gain * before.right();
     let by_tolerance = last.by_tolerance() - gain * before.by_tolerance();
     let noise = (information + gain * information) * position_variance;
-    let Some((weight, _)) = inverse(&(noise + by_tolerance * by_tolerance.transpose())) else { return false };
-    contradiction.dot(&(weight * contradiction)) > CHANGE_LIMIT
+    let Some((weight, _)) = inverse(&(noise + product(&by_tolerance, &by_tolerance))) else { return false };
+    contradiction.dot(&(weight * contradiction)) > chi_square(U, CHANGE_LIMIT)
 }

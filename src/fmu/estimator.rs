@@ -64,6 +64,41 @@ pub static HOLD: Enumeration = Enumeration {
     renamed: &[],
 };
 
+/// Noise of the sensors, and how well the rest is known: σ_z, σ_i, then the tolerances in the order of [`Tolerance`](crate::estimation::Tolerance).
+pub(super) fn known<D>(positions: &str, places: [Access<D, f64>; 9]) -> impl Iterator<Item = Row<D>> {
+    let rows = [
+        (
+            "sensor.positionNoise",
+            METRE,
+            1e-7,
+            "Standard deviation of the noise of {positions}; 0 to estimate it from the data",
+        ),
+        ("sensor.currentNoise", AMPERE, 1e-2, "Standard deviation of the noise of im; 0 to estimate it from the data"),
+        ("tolerance.m", KILOGRAM, 0.1, "Standard deviation of m; 0 means exactly known"),
+        ("tolerance.s", METRE, 1e-5, "Standard deviation of s; 0 means exactly known"),
+        ("tolerance.alpha", RADIAN, 1e-2, "Standard deviation of each alpha; 0 means exactly known"),
+        ("tolerance.positionGain", ONE, 1e-2, "Relative standard deviation of the gains of {positions}; 0 means exact"),
+        ("tolerance.positionOffset", METRE, 1e-5, "Standard deviation of the offsets of {positions}; 0 means none"),
+        ("tolerance.currentGain", ONE, 1e-2, "Relative standard deviation of the gain of each im; 0 means exact"),
+        ("tolerance.currentOffset", AMPERE, 1e-2, "Standard deviation of the offset of each im; 0 means none"),
+    ];
+    rows.into_iter().zip(places).map(move |((name, unit, nominal, description), place)| {
+        let row = Row::real(name, place, unit, 0.0).fixed().min(0.0).nominal(nominal);
+        row.description(description.replace("{positions}", positions))
+    })
+}
+
+/// The number of a verdict in the interface, and the verdict of a number.
+pub(super) fn number_of(verdict: Verdict) -> i32 {
+    verdict as i32 + 1
+}
+
+/// The verdict of a number in the interface.
+pub(super) fn verdict_of(number: i32) -> Verdict {
+    let at = usize::try_from(number).ok().and_then(|number| number.checked_sub(1));
+    at.and_then(|at| Verdict::ALL.get(at)).map(|(verdict, _)| *verdict).unwrap_or_default()
+}
+
 /// The values of all variables of the estimator.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Values {
@@ -93,73 +128,20 @@ fn table() -> Vec<Row<Values>> {
             .fixed()
             .description("Whether to identify an unbalance as well"),
     );
-    for (name, place, unit, nominal, description) in [
-        (
-            "sensor.positionNoise",
+    rows.extend(known(
+        "Ym and Zm",
+        [
             place!(Values.config.position_noise_m),
-            METRE,
-            1e-7,
-            "Standard deviation of the noise of Ym and Zm; 0 to estimate it from the data",
-        ),
-        (
-            "sensor.currentNoise",
             place!(Values.config.current_noise_a),
-            AMPERE,
-            1e-2,
-            "Standard deviation of the noise of im; 0 to estimate it from the data",
-        ),
-        (
-            "tolerance.m",
             place!(Values.config.tolerance.m_kg),
-            KILOGRAM,
-            0.1,
-            "Standard deviation of m; 0 means exactly known",
-        ),
-        (
-            "tolerance.s",
             place!(Values.config.tolerance.gap_m),
-            METRE,
-            1e-5,
-            "Standard deviation of s; 0 means exactly known",
-        ),
-        (
-            "tolerance.alpha",
             place!(Values.config.tolerance.alpha_rad),
-            RADIAN,
-            1e-2,
-            "Standard deviation of each alpha; 0 means exactly known",
-        ),
-        (
-            "tolerance.positionGain",
             place!(Values.config.tolerance.position_gain),
-            ONE,
-            1e-2,
-            "Relative standard deviation of the gains of Ym and Zm; 0 means exact",
-        ),
-        (
-            "tolerance.positionOffset",
             place!(Values.config.tolerance.position_offset_m),
-            METRE,
-            1e-5,
-            "Standard deviation of the offsets of Ym and Zm; 0 means none",
-        ),
-        (
-            "tolerance.currentGain",
             place!(Values.config.tolerance.current_gain),
-            ONE,
-            1e-2,
-            "Relative standard deviation of the gain of each im; 0 means exact",
-        ),
-        (
-            "tolerance.currentOffset",
             place!(Values.config.tolerance.current_offset_a),
-            AMPERE,
-            1e-2,
-            "Standard deviation of the offset of each im; 0 means none",
-        ),
-    ] {
-        rows.push(Row::real(name, place, unit, 0.0).fixed().min(0.0).nominal(nominal).description(description));
-    }
+        ],
+    ));
     rows.push(
         Row::real("Tf", place!(Values.config.window_s), SECOND, 0.02).fixed().min(0.0).nominal(1e-2).description(
             "Length of the window of the paper's methods, a whole multiple of Ts; one revolution is a good choice",
@@ -271,12 +253,8 @@ fn table() -> Vec<Row<Values>> {
             .description("Whether the estimate is valid; if not, lambdaHat is the last valid one"),
     );
     let verdict = Access {
-        get: |values: &Values, _| values.output.verdict as i32 + 1,
-        set: |values: &mut Values, _, number| {
-            let at = usize::try_from(number).ok().and_then(|number| number.checked_sub(1));
-            values.output.verdict =
-                at.and_then(|at| Verdict::ALL.get(at)).map(|(verdict, _)| *verdict).unwrap_or_default();
-        },
+        get: |values: &Values, _| number_of(values.output.verdict),
+        set: |values: &mut Values, _, number| values.output.verdict = verdict_of(number),
     };
     rows.push(
         Row::choice("verdict", verdict, &VERDICT, 2).sampled_output().description("Why the estimate is valid or not"),

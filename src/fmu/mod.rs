@@ -21,6 +21,7 @@ fmu_export::export_fmus!(
     estimator::AlgebraicEstimator,
     spindle::plant::MagneticSpindle,
     spindle::controller::SpindleController,
+    spindle::estimator::SpindleEstimator,
 );
 
 /// All models of this project, in the order in which they are shown.

@@ -31,6 +31,7 @@ fn lively(model: &str) -> Vec<(&'static str, f64)> {
             ("B.u[2]", 2.0),
             ("X.u[1]", 1.0),
         ],
+        "SpindleEstimator" => vec![("A.im[1]", 1.0), ("B.im[2]", 2.0), ("X.im[1]", 1.0)],
         "FlatnessController" => vec![("update.mode", 3.0), ("lambdaValid", 1.0)],
         "SpindleController" => vec![
             ("update.mode", 3.0),
@@ -61,6 +62,7 @@ fn advance(fmu: &Fmu, model: &str, step: u32) {
         "MagneticSpindle" => ("B.u[2]", 2.0 + wave),
         "FlatnessController" => ("Ym", 3e-5 * wave),
         "SpindleController" => ("B.Zm", 3e-5 * wave),
+        "SpindleEstimator" => ("B.Zm", 3e-5 * wave),
         _ => ("Zm", 3e-5 * wave),
     };
     fmu.set(name, value).ok(fmu);

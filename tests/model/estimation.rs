@@ -113,7 +113,7 @@ fn the_start_does_not_matter() {
     for start_off in [(20e-6, 0.0), (0.0, 0.02), (-15e-6, 0.01)] {
         let rotor = Rotor { start_off, samples: 2001, ..unbalanced() };
         // The field is linearised with first guesses wrong by two while the rotor moves the most.
-        assert_right(&format!("{start_off:?}"), &rotor, &rotor.identify(config(&rotor)), 3.0 * EXACT_PERCENT);
+        assert_right(&format!("{start_off:?}"), &rotor, &rotor.identify(config(&rotor)), 4.0 * EXACT_PERCENT);
     }
 }
 

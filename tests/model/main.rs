@@ -1,5 +1,7 @@
 //! The equations: geometry, force law, coils, backup bearing, plant, controller, estimation.
 
+#[path = "../support/five_axes.rs"]
+mod five_axes;
 #[path = "../support/rotor.rs"]
 mod rotor;
 #[path = "../support/mod.rs"]
@@ -18,4 +20,5 @@ mod sensitivity;
 mod sensor;
 mod spindle;
 mod spindle_controller;
+mod spindle_estimation;
 mod touchdown;

@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_PI_3, PI};
 use fmu_export::unit::{KILOGRAM, METRE, RADIAN, Unit};
 use fmu_export::variable::{Access, Row, element};
 
+use crate::bearing::shaft::COORDINATES;
 use crate::bearing::spindle::{BEARINGS, MAGNETS, READINGS, SpindleGeometry, bearing_of};
 use crate::fmu::common::LAMBDA;
 
@@ -132,4 +133,19 @@ impl<D> OfMagnet for Row<D> {
 pub(in crate::fmu) fn lambda0<D>(lambda0: Access<D, f64>) -> impl Iterator<Item = Row<D>> {
     Row::named_reals(of_magnets("lambda0"), lambda0, LAMBDA, [4e-6; MAGNETS])
         .map(|row| row.fixed().min(0.0).nominal(1e-6).of_magnet("First guess of the force constant of {magnet}"))
+}
+
+/// The rows of all coordinates: a value, a rate or an acceleration.
+pub(in crate::fmu) fn of_coordinates<D>(
+    names: [&'static str; COORDINATES],
+    place: Access<D, f64>,
+    units: [Unit; 2],
+) -> impl Iterator<Item = (usize, Row<D>)> {
+    let rows = Row::named_reals(names, place, units[0], [0.0; COORDINATES]).zip(Row::named_reals(
+        names,
+        place,
+        units[1],
+        [0.0; COORDINATES],
+    ));
+    rows.enumerate().map(|(n, (length, angle))| (n, if n < 3 { length } else { angle }))
 }

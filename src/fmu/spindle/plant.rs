@@ -5,10 +5,10 @@ use fmu_export::unit::{
     AMPERE, METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, ONE, RADIAN, RADIAN_PER_SECOND, Unit, VOLT, WEBER,
 };
 use fmu_export::variable::Dependency::{Constant, Fixed};
-use fmu_export::variable::{Access, Row, Value};
+use fmu_export::variable::{Row, Value};
 use fmu_export::{Info, Invalid, place};
 
-use super::common::{HasGeometry, MEASURED, NEWTON_METRE, OfMagnet, geometry, of_magnets};
+use super::common::{HasGeometry, MEASURED, NEWTON_METRE, OfMagnet, geometry, of_coordinates, of_magnets};
 use crate::bearing::coil::CoilConfig;
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::COORDINATES;
@@ -113,21 +113,6 @@ fn moving(k: usize) -> &'static [&'static str] {
 
 /// The coordinates, by index, that the displacement along y or z depends on: y and γ, z and β.
 const SIDEWAYS: [[usize; 2]; 2] = [[1, 4], [2, 3]];
-
-/// The rows of all coordinates: a value, a rate or an acceleration.
-fn of_coordinates(
-    names: [&'static str; COORDINATES],
-    place: Access<Values, f64>,
-    units: [Unit; 2],
-) -> impl Iterator<Item = (usize, Row<Values>)> {
-    let rows = Row::named_reals(names, place, units[0], [0.0; COORDINATES]).zip(Row::named_reals(
-        names,
-        place,
-        units[1],
-        [0.0; COORDINATES],
-    ));
-    rows.enumerate().map(|(n, (length, angle))| (n, if n < 3 { length } else { angle }))
-}
 
 fn table() -> Vec<Row<Values>> {
     let mut rows: Vec<Row<Values>> = Vec::new();

@@ -1,0 +1,370 @@
+//! The estimator of a spindle: two radial bearings, an axial one, two planes of unbalance.
+//!
+//! A radial magnet does not pull along the shaft, and an axial one not across it: the axial motion and the radial one with its tilts are two
+//! machines. Each has its own filter and sums, which costs half of one filter for both. The coordinates of each are what its
+//! position sensors read, `r = H q`: in them the sensors are independent, all numbers are lengths, and with `a = H M⁻¹ f` for a generalised force f and
+//! `H⁻ᵀ d` for a direction d the equations are those of the planar rotor.
+
+use libm::{atan2, sqrt};
+use nalgebra::{SMatrix, SVector, Vector1};
+use serde::{Deserialize, Serialize};
+
+use super::innovations::{Machine, Sample, Square, WhiteningFilter};
+use super::prediction_error::{PredictionError, PredictionErrorState};
+use super::{Hold, MEASUREMENT_LIMIT, Stuck, Tolerance, Verdict};
+use crate::bearing::magnet::Geometry;
+use crate::bearing::shaft::{COORDINATES, generalised};
+use crate::bearing::spindle::{MAGNETS, READINGS, SHORTEST_DISTANCE_M, Spindle, SpindleGeometry, bearing_of};
+use crate::invalid::{Checks, Invalid};
+
+/// Planes of unbalance.
+const PLANES: usize = 2;
+
+/// The first load among the radial unknowns.
+const LOADS: usize = 6 + 2 * PLANES;
+
+/// Readings, magnets, unknowns and tolerances of the two machines.
+type Radial = PredictionError<4, 6, 14, 21>;
+type Axial = PredictionError<1, 2, 3, 7>;
+
+/// Parameters of the estimator, before they are checked.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SpindleEstimatorConfig {
+    /// Shaft and bearings.
+    pub geometry: SpindleGeometry,
+    /// Sample time T_s, s.
+    pub step_s: f64,
+    /// First guess λ_0 of the magnets A 1 to 3, B 1 to 3, X 1 and 2, N·m²/A².
+    pub lambda0_nm2_a2: [f64; MAGNETS],
+    /// What a current sample stands for.
+    pub hold: Hold,
+    /// Whether the rotor may have an unbalance, which is then identified as well.
+    pub identify_unbalance: bool,
+    /// The planes in which it is identified, m from the centre of gravity.
+    pub unbalance_position_m: [f64; PLANES],
+    /// Standard deviation σ_z of the noise of a position, m; 0 if it is to be found from the data.
+    pub position_noise_m: f64,
+    /// Standard deviation σ_i of the noise of a current, A; 0 if it is to be found from the data.
+    pub current_noise_a: f64,
+    /// How well the rest is known: that of the mass is one of all inertia, that of the gap one of all gaps, each in proportion.
+    pub tolerance: Tolerance,
+}
+
+impl Default for SpindleEstimatorConfig {
+    fn default() -> Self {
+        Self {
+            geometry: SpindleGeometry::default(),
+            step_s: 1.0e-4,
+            lambda0_nm2_a2: [4.0e-6; MAGNETS],
+            hold: Hold::default(),
+            identify_unbalance: true,
+            unbalance_position_m: [-0.08, 0.10],
+            position_noise_m: 0.0,
+            current_noise_a: 0.0,
+            tolerance: Tolerance::default(),
+        }
+    }
+}
+
+/// One sample of the measurements, all of the same instant.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SpindleEstimatorInput {
+    /// Readings A.Ym, A.Zm, B.Ym, B.Zm, Xm, m.
+    pub reading_m: [f64; READINGS],
+    /// Currents of the magnets, A; [`Hold`] says what they stand for.
+    pub current_a: [f64; MAGNETS],
+    /// Angle θ of the rotor, rad, wrapped or not.
+    pub theta_rad: f64,
+    /// Speed of the rotor, rad/s.
+    pub omega_rad_s: f64,
+    /// While false, samples are ignored.
+    pub enable: bool,
+    /// Whether the rotor touches something beside the magnets: samples are of no use meanwhile.
+    pub contact: bool,
+    /// A rising edge starts afresh, with this sample as the first.
+    pub reset: bool,
+}
+
+/// The estimates after a sample, as those of [`EstimatorOutput`](super::EstimatorOutput). All numbers are finite at all times.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SpindleEstimatorOutput {
+    /// λ̂, N·m²/A²: λ_0 at first, then the last valid estimate of the radial and of the axial magnets.
+    pub lambda_hat: [f64; MAGNETS],
+    /// λ from the last revolution alone, N·m²/A².
+    pub lambda_raw: [f64; MAGNETS],
+    /// Standard deviation of `lambda_hat` by noise, N·m²/A².
+    pub lambda_std: [f64; MAGNETS],
+    /// The same by noise and tolerances.
+    pub lambda_std_total: [f64; MAGNETS],
+    /// Force per current, N/A, mean over the last revolution.
+    pub ki: [f64; MAGNETS],
+    /// Negative stiffness, N/m, mean over the last revolution.
+    pub ks: [f64; MAGNETS],
+    /// Whether all of `lambda_hat` can be relied on; `verdict == Verdict::Valid`.
+    pub valid: bool,
+    /// Why: what is said of the radial magnets, or, if they are valid, of the axial ones.
+    pub verdict: Verdict,
+    /// What is said of the axial magnets alone.
+    pub axial_verdict: Verdict,
+    /// The greater condition number of both machines.
+    pub condition: f64,
+    /// The greater normalised innovation squared per degree of freedom.
+    pub residual: f64,
+    /// Static load (p_x, p_y, p_z) in N and moments (M_β, M_γ) in N·m.
+    pub load: [f64; COORDINATES],
+    /// Magnitudes of the unbalance, kg·m.
+    pub unbalance_kg_m: [f64; PLANES],
+    /// Their phases, rad in (−π, π].
+    pub unbalance_phase_rad: [f64; PLANES],
+    /// Standard deviations of the noise of a radial and of an axial position, m, as told or as found.
+    pub position_noise_m: [f64; 2],
+    /// The same of a current, A.
+    pub current_noise_a: [f64; 2],
+}
+
+/// All that changes with a sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SpindleEstimatorState {
+    reset_was_high: bool,
+    stuck: Stuck<READINGS>,
+    radial: PredictionErrorState<4, 6, 14, 21>,
+    axial: PredictionErrorState<1, 2, 3, 7>,
+    output: SpindleEstimatorOutput,
+}
+
+impl SpindleEstimatorState {
+    /// The estimates after the last sample.
+    #[must_use]
+    pub fn output(&self) -> &SpindleEstimatorOutput {
+        &self.output
+    }
+}
+
+/// The estimator: a checked configuration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpindleEstimator {
+    config: SpindleEstimatorConfig,
+    spindle: Spindle,
+    radial: Radial,
+    axial: Axial,
+}
+
+impl SpindleEstimator {
+    /// Checks the parameters.
+    ///
+    /// # Errors
+    /// Every parameter that cannot be accepted, under its name in the interface: what [`Spindle::new`] refuses; a sample time or a first guess
+    /// that is not positive; noise or a tolerance that is negative; planes of unbalance that are not on the shaft, or at the same place.
+    pub fn new(config: SpindleEstimatorConfig) -> Result<Self, Vec<Invalid>> {
+        let mut checks = Checks::default();
+        let spindle = config.geometry.checked(&mut checks);
+        checks.positive("Ts", config.step_s, "s");
+        for (k, lambda0) in config.lambda0_nm2_a2.into_iter().enumerate() {
+            let (bearing, magnet) = bearing_of(k);
+            let name = format!("{}.lambda0[{}]", crate::bearing::spindle::BEARINGS[bearing], magnet + 1);
+            checks.positive(name, lambda0, "N.m2/A2");
+        }
+        let [first_m, second_m] = config.unbalance_position_m;
+        config.geometry.check_position("unbalance[1].position", first_m, &mut checks);
+        config.geometry.check_position("unbalance[2].position", second_m, &mut checks);
+        checks.require(
+            (first_m - second_m).abs() >= SHORTEST_DISTANCE_M || !(first_m - second_m).is_finite(),
+            "unbalance[2].position",
+            format_args!("{second_m} m"),
+            format!("a position at least {SHORTEST_DISTANCE_M} m from unbalance[1].position = {first_m} m"),
+        );
+        checks.not_negative("sensor.positionNoise", config.position_noise_m, "m");
+        checks.not_negative("sensor.currentNoise", config.current_noise_a, "A");
+        for (name, value, unit) in config.tolerance.listed() {
+            checks.not_negative(name, value, unit);
+        }
+        checks.finish()?;
+        let Some(radial) = radial(&spindle, &config) else {
+            return Err(vec![Invalid {
+                name: "B.sensorPosition".into(),
+                value: format!("{} m", config.geometry.b.sensor_position_m),
+                wanted: "a position of the sensors that tells a tilt".into(),
+            }]);
+        };
+        let axial = axial(&spindle, &config);
+        Ok(Self { config, spindle, radial, axial })
+    }
+
+    /// The configuration.
+    #[must_use]
+    pub fn config(&self) -> &SpindleEstimatorConfig {
+        &self.config
+    }
+
+    /// A fresh state; stepping allocates nothing.
+    #[must_use]
+    pub fn start(&self) -> SpindleEstimatorState {
+        let mut state = SpindleEstimatorState {
+            reset_was_high: false,
+            stuck: Stuck::start(),
+            radial: self.radial.start(),
+            axial: self.axial.start(),
+            output: SpindleEstimatorOutput::default(),
+        };
+        self.report(&mut state, [Verdict::Collecting; 2]);
+        state
+    }
+
+    /// Whether a state, for instance one read from a file, holds finite numbers alone.
+    #[must_use]
+    pub fn accepts(&self, state: &SpindleEstimatorState) -> bool {
+        state.radial.is_sound() && state.axial.is_sound() && state.stuck.is_finite() && state.output.is_finite()
+    }
+
+    /// Takes in one sample; to be called once every T_s. As [`Estimator::sample`](super::Estimator::sample).
+    pub fn sample(&self, state: &mut SpindleEstimatorState, input: &SpindleEstimatorInput) -> SpindleEstimatorOutput {
+        if input.reset && !state.reset_was_high {
+            *state = self.start();
+        }
+        state.reset_was_high = input.reset;
+        let verdicts = match self.refused(state, input) {
+            Some(verdict) => {
+                self.radial.interrupt(&mut state.radial);
+                self.axial.interrupt(&mut state.axial);
+                [verdict; 2]
+            }
+            None => {
+                let [a_y, a_z, b_y, b_z, x] = input.reading_m;
+                let [a_1, a_2, a_3, b_1, b_2, b_3, x_1, x_2] = input.current_a;
+                let (theta, omega) = (input.theta_rad, input.omega_rad_s);
+                let radial = Sample::new([a_y, a_z, b_y, b_z], [a_1, a_2, a_3, b_1, b_2, b_3], theta, omega);
+                let axial = Sample { position_m: [x].into(), current_a: [x_1, x_2].into(), ..Sample::at(&radial) };
+                [self.radial.sample(&mut state.radial, radial), self.axial.sample(&mut state.axial, axial)]
+            }
+        };
+        self.report(state, verdicts);
+        state.output.clone()
+    }
+
+    /// Why a sample cannot be used, if so.
+    fn refused(&self, state: &mut SpindleEstimatorState, input: &SpindleEstimatorInput) -> Option<Verdict> {
+        let measured = input.reading_m.iter().chain(&input.current_a).chain([&input.theta_rad, &input.omega_rad_s]);
+        let usable = measured.clone().all(|x| x.is_finite() && x.abs() < MEASUREMENT_LIMIT)
+            && self.spindle.geometry().gaps(self.spindle.coordinates(input.reading_m)).iter().all(|gap_m| *gap_m > 0.0);
+        if !input.enable {
+            Some(Verdict::Disabled)
+        } else if input.contact {
+            Some(Verdict::Contact)
+        } else if !usable {
+            Some(Verdict::BadSample)
+        } else {
+            state.stuck.take(input.reading_m).then_some(Verdict::Stuck)
+        }
+    }
+
+    /// Writes both estimates into the output.
+    fn report(&self, state: &mut SpindleEstimatorState, verdicts: [Verdict; 2]) {
+        let (radial, axial, output) = (&state.radial.estimate, &state.axial.estimate, &mut state.output);
+        let joined =
+            |r: &SVector<f64, 6>, x: &SVector<f64, 2>| std::array::from_fn(|k| if k < 6 { r[k] } else { x[k - 6] });
+        output.lambda_hat = joined(&radial.lambda(), &axial.lambda());
+        output.lambda_raw = joined(&radial.lambda_raw, &axial.lambda_raw);
+        let std = |n: usize| joined(&radial.variance[n].map(sqrt), &axial.variance[n].map(sqrt));
+        (output.lambda_std, output.lambda_std_total) = (std(0), std(1));
+        output.ki = joined(&radial.ki, &axial.ki);
+        output.ks = joined(&radial.ks, &axial.ks);
+        output.axial_verdict = verdicts[1];
+        output.verdict = if verdicts[0] == Verdict::Valid { verdicts[1] } else { verdicts[0] };
+        output.valid = output.verdict == Verdict::Valid;
+        output.condition = radial.condition.max(axial.condition);
+        output.residual = radial.residual.max(axial.residual);
+        output.load = std::array::from_fn(|n| if n == 0 { axial.unknowns[2] } else { radial.unknowns[LOADS + n - 1] });
+        if verdicts[0] == Verdict::Valid && self.config.identify_unbalance {
+            for plane in 0..PLANES {
+                let [along, across] = [radial.unknowns[6 + 2 * plane], radial.unknowns[7 + 2 * plane]];
+                output.unbalance_kg_m[plane] = sqrt(along * along + across * across);
+                output.unbalance_phase_rad[plane] = atan2(across, along);
+            }
+        }
+        output.position_noise_m = [radial.noise[0], axial.noise[0]];
+        output.current_noise_a = [radial.noise[1], axial.noise[1]];
+    }
+}
+
+impl SpindleEstimatorOutput {
+    fn is_finite(&self) -> bool {
+        let of_magnets = [self.lambda_hat, self.lambda_raw, self.lambda_std, self.lambda_std_total, self.ki, self.ks];
+        let unbalance = self.unbalance_kg_m.iter().chain(&self.unbalance_phase_rad);
+        let noise = self.position_noise_m.iter().chain(&self.current_noise_a);
+        let others = self.load.iter().chain([&self.condition, &self.residual]).chain(unbalance).chain(noise);
+        of_magnets.as_flattened().iter().chain(others).all(|x| x.is_finite())
+    }
+}
+
+/// What both machines share.
+fn estimator<const N: usize, const K: usize, const U: usize, const T: usize>(
+    machine: Machine<N, K, U>,
+    lambda0: [f64; K],
+    config: &SpindleEstimatorConfig,
+) -> PredictionError<N, K, U, T> {
+    let t = &config.tolerance;
+    let std = [t.gap_m, t.alpha_rad, t.position_gain, t.position_offset_m, t.current_offset_a];
+    let mass = t.m_kg / config.geometry.shaft.m_kg;
+    PredictionError {
+        filter: WhiteningFilter {
+            machine,
+            step_s: config.step_s,
+            hold: config.hold,
+            identify_unbalance: config.identify_unbalance,
+            tolerance: std.iter().any(|std| *std > 0.0).then_some(std),
+        },
+        lambda0,
+        told: [config.position_noise_m, config.current_noise_a],
+        scale_variance: mass * mass + 4.0 * t.current_gain * t.current_gain,
+    }
+}
+
+/// The radial motion; `None` if the readings do not tell a tilt.
+fn radial(spindle: &Spindle, config: &SpindleEstimatorConfig) -> Option<Radial> {
+    let across = |[_, y, z, beta, gamma]: [f64; COORDINATES]| SVector::from([y, z, beta, gamma]);
+    let [a_y, a_z, b_y, b_z, _] = spindle.sensors().map(across);
+    let h = Square::<4>::from_columns(&[a_y, a_z, b_y, b_z]).transpose();
+    let back = h.try_inverse()?;
+    let inertia = across(spindle.inertia());
+    let direction = |d: [f64; COORDINATES]| back.tr_mul(&across(d));
+    let acceleration = |force: SVector<f64, 4>| -> SVector<f64, 4> { h * force.component_div(&inertia) };
+    let [directions, turned] = [0.0, std::f64::consts::FRAC_PI_2].map(|by| {
+        std::array::from_fn::<_, 6, _>(|k| {
+            let bearing = spindle.config().radial()[bearing_of(k).0];
+            crate::bearing::shaft::radial(bearing.position_m, bearing.alpha_rad[bearing_of(k).1] + by)
+        })
+    });
+    let planes = config.unbalance_position_m.map(|at| [[1.0, 0.0], [0.0, 1.0]].map(|axis| generalised(at, axis)));
+    let forces = directions.iter().chain(planes.as_flattened()).copied().map(across);
+    let mut accelerations = SMatrix::<f64, 14, 4>::zeros();
+    for (j, force) in forces.chain(Square::<4>::identity().column_iter().map(|x| x.into_owned())).enumerate() {
+        accelerations.set_row(j, &acceleration(force).transpose());
+    }
+    let columns: [SVector<f64, 4>; 4] = std::array::from_fn(|c| {
+        let rates = back.column(c);
+        let rates = [0.0, rates[0], rates[1], rates[2], rates[3]];
+        acceleration(across(spindle.config().shaft.gyroscopic(1.0, rates)))
+    });
+    let gap = |k: usize| spindle.geometry().gap_m[k];
+    let machine = Machine {
+        geometry: Geometry { gap_m: std::array::from_fn(gap), directions: directions.map(|d| direction(d).into()) },
+        accelerations,
+        gyroscopic: Some(Square::from_columns(&columns)),
+        turned: turned.map(|d| [direction(d), acceleration(across(d))]),
+    };
+    let lambda0 = std::array::from_fn(|k| config.lambda0_nm2_a2[k]);
+    Some(estimator(machine, lambda0, config))
+}
+
+/// The axial motion, without unbalance.
+fn axial(spindle: &Spindle, config: &SpindleEstimatorConfig) -> Axial {
+    let m_kg = spindle.config().shaft.m_kg;
+    let [_, _, _, _, _, _, towards, away] = config.lambda0_nm2_a2;
+    let machine = Machine {
+        geometry: Geometry { gap_m: [spindle.config().axial_gap_m; 2], directions: [[1.0], [-1.0]] },
+        accelerations: SMatrix::from([[1.0, -1.0, 1.0]]) / m_kg,
+        gyroscopic: None,
+        turned: [[Vector1::zeros(); 2]; 2],
+    };
+    estimator(machine, [towards, away], config)
+}
