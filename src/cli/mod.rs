@@ -230,14 +230,13 @@ pub fn main(commit: Option<&str>) -> ExitCode {
             simulate(&scenario, &changes, &out)
         }
         Some(Command::Montecarlo { scenario, runs, seed, only, position_noise, current_noise, untold, at }) => {
-            let studies = match &scenario {
-                None => Ok(montecarlo::studies(runs)),
-                Some(name) => Scenario::open(name).map_err(Into::into).map(|scenario| {
-                    let title = scenario.title.clone();
-                    vec![montecarlo::study(&title, &scenario, [position_noise, current_noise], !untold, runs)]
+            match &scenario {
+                None => monte_carlo(runs, only.as_deref(), seed, &at),
+                Some(name) => Scenario::open(name).map_err(Into::into).and_then(|scenario| {
+                    let (title, noise) = (scenario.title.clone(), [position_noise, current_noise]);
+                    judge(montecarlo::study(&title, &scenario, noise, !untold, runs), seed, &at)
                 }),
-            };
-            studies.and_then(|studies| monte_carlo(studies, only.as_deref(), seed, &at))
+            }
         }
         Some(Command::Sweep { design, out, scenario, jobs, expand: _ }) => {
             sweep(&design, scenario.as_deref(), out.as_deref(), jobs)
@@ -465,24 +464,39 @@ fn count(text: &str) -> std::result::Result<usize, String> {
     }
 }
 
-fn monte_carlo(studies: Vec<montecarlo::Study>, only: Option<&str>, seed: u32, at: &[f64]) -> Result<()> {
-    let titles: Vec<_> = studies.iter().map(|study| study.title.clone()).collect();
-    let wanted = |study: &montecarlo::Study| only.is_none_or(|text| study.title.contains(text));
-    let chosen: Vec<_> = studies.into_iter().filter(wanted).collect();
-    if chosen.is_empty() {
-        let text = only.unwrap_or_default();
+/// Runs the studies whose titles contain the text.
+fn monte_carlo(runs: usize, only: Option<&str>, seed: u32, at: &[f64]) -> Result<()> {
+    let (studies, spindles) = (montecarlo::studies(runs), montecarlo::spindle::studies(runs));
+    let wanted = |title: &str| only.is_none_or(|text| title.contains(text));
+    let titles: Vec<_> =
+        studies.iter().map(|study| &study.title).chain(spindles.iter().map(|study| &study.title)).collect();
+    if !titles.iter().any(|title| wanted(title)) {
+        let (text, titles) = (only.unwrap_or_default(), titles.iter().map(|title| title.as_str()).collect::<Vec<_>>());
         let message =
             format!("--only \"{text}\": no study has this in its title; the studies are\n  {}\n", titles.join("\n  "));
         Arguments::command().error(ErrorKind::InvalidValue, message).exit();
     }
-    for mut study in chosen {
-        study.first_seed = seed.into();
+    for study in studies.into_iter().filter(|study| wanted(&study.title)) {
+        judge(study, seed, at)?;
+    }
+    for mut study in spindles.into_iter().filter(|study| wanted(&study.title)) {
         if !at.is_empty() {
-            study.instants_s = at.to_vec();
+            study.at(at);
         }
-        print::table(&montecarlo::table(&study, &study.run()?));
+        print::table(&study.run(seed.into())?);
         say!();
     }
+    Ok(())
+}
+
+/// Runs a study and prints its figures.
+fn judge(mut study: montecarlo::Study, seed: u32, at: &[f64]) -> Result<()> {
+    study.first_seed = seed.into();
+    if !at.is_empty() {
+        study.instants_s = at.to_vec();
+    }
+    print::table(&montecarlo::table(&study, &study.run()?));
+    say!();
     Ok(())
 }
 

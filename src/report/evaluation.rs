@@ -9,6 +9,7 @@ use crate::simulation::closed_loop::Loop;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
+use crate::simulation::synchronous::harmonic;
 use crate::studies::sensitivity::{NoSensitivity, SampledLoop, zone};
 use crate::table::Table;
 
@@ -49,11 +50,12 @@ impl Stretch {
 /// The sample at which the controller first used an estimate, if any.
 #[must_use]
 pub fn update(recording: &Recording) -> Option<usize> {
-    let changed = |k: usize| {
-        let used = recording.get(&format!("controller.lambdaUsed[{k}]"))?;
-        used.iter().position(|value| *value != used[0])
-    };
-    (1..=3).filter_map(changed).min().filter(|update| *update > 1)
+    let used = recording
+        .columns
+        .iter()
+        .filter(|column| column.name.strip_prefix("controller.").is_some_and(|name| name.contains("lambdaUsed[")));
+    let changed = used.filter_map(|column| column.values.iter().position(|value| *value != column.values[0]));
+    changed.min().filter(|update| *update > 1)
 }
 
 /// When the controller first used an estimate, in s: at the begin of the step after which its output shows it.
@@ -90,19 +92,6 @@ pub fn stretches(recording: &Recording) -> Vec<Stretch> {
         Some(before) => vec![before, after],
         None => vec![Stretch { name: "end of the run", ..after }],
     }
-}
-
-/// Amplitude of harmonic n of the rotor angle in a signal, over whole revolutions.
-fn harmonic(signal: &[f64], theta: &[f64], n: f64) -> f64 {
-    // Trapezoidal rule over the angle, so that a varying speed does no harm.
-    let (mut re, mut im, mut turned) = (0.0, 0.0, 0.0);
-    for (x, angle) in signal.windows(2).zip(theta.windows(2)) {
-        let width = angle[1] - angle[0];
-        re += 0.5 * width * (x[0] * (n * angle[0]).cos() + x[1] * (n * angle[1]).cos());
-        im += 0.5 * width * (x[0] * (n * angle[0]).sin() + x[1] * (n * angle[1]).sin());
-        turned += width;
-    }
-    if turned == 0.0 { 0.0 } else { 2.0 * re.hypot(im) / turned.abs() }
 }
 
 /// The table of figures; `None` if the recording is too short.

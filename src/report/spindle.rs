@@ -6,10 +6,11 @@ use serde_json::json;
 use super::experiment::parameters;
 use super::figures::{Figure, Signals, lambda_plot};
 use super::plot::{self, Line, Plot, PlotUnit, colour};
-use super::{Event, Report, page_with, percent};
+use super::{Event, Report, evaluation, page_with, percent};
 use crate::fmu::estimator::VERDICT;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
+use crate::simulation::synchronous::{self, INTERVAL_S};
 use crate::table::Table;
 use fmu_export::variable::Value;
 
@@ -39,17 +40,11 @@ fn last(run: &Run, name: &str) -> f64 {
     run.recording.get(name).and_then(|values| values.last().copied()).unwrap_or(f64::NAN)
 }
 
-/// When the controller first used an estimate, in s.
-fn update_s(run: &Run) -> Option<f64> {
-    let used = run.recording.get("controller.A.lambdaUsed[1]")?;
-    let at = used.iter().position(|value| *value != used[0])?;
-    run.recording.time_s.get(at.checked_sub(1)?).copied()
-}
-
 /// The tables of results.
 pub fn tables(scenario: &Scenario, run: &Run) -> Vec<Table> {
     let mut tables = vec![constants(scenario, run)];
     tables.extend(unbalance(scenario, run));
+    tables.extend(balance(scenario, run));
     tables.extend(tracking(run));
     tables
 }
@@ -86,7 +81,12 @@ fn unbalance(scenario: &Scenario, run: &Run) -> Option<Table> {
     let mut rows = Vec::new();
     for plane in [1, 2] {
         let name = |what: &str| format!("unbalance[{plane}].{what}");
-        let of = |what: &str| Some((real(scenario, &name(what))?, last(run, &format!("estimator.{}", name(what)))));
+        let of = |what: &str| {
+            let found = run.recording.get(&format!("estimator.{}", name(what)))?;
+            let before = |balance_s| run.recording.time_s.partition_point(|time_s| *time_s < balance_s - 1e-9);
+            let at = scenario.balance_s.map_or(found.len(), before);
+            Some((real(scenario, &name(what))?, *found.get(at.checked_sub(1)?)?))
+        };
         let ((size, size_hat), (phase, phase_hat)) = (of("magnitude")?, of("phase")?);
         rows.push(vec![
             format!("plane {plane}, {} mm", 1e3 * real(scenario, &name("position"))?),
@@ -98,16 +98,44 @@ fn unbalance(scenario: &Scenario, run: &Run) -> Option<Table> {
     }
     Some(Table {
         title: "Unbalance in two planes".into(),
-        note: "Magnitude in g·mm, angle on the rotor in rad.".into(),
+        note: match scenario.balance_s {
+            Some(balance_s) => {
+                format!("Magnitude in g·mm, angle on the rotor in rad, before the correction masses at {balance_s} s.")
+            }
+            None => "Magnitude in g·mm, angle on the rotor in rad.".into(),
+        },
         head: ["", "truth", "estimate", "angle", "estimate"].map(String::from).into(),
         rows,
+    })
+}
+
+fn balance(scenario: &Scenario, run: &Run) -> Option<Table> {
+    let before = synchronous::forces(&run.recording, scenario.balance_s?)?;
+    let after = synchronous::forces(&run.recording, *run.recording.time_s.last()?)?;
+    let rows = ["A, y", "A, z", "B, y", "B, z"].into_iter().zip(before.into_iter().zip(after));
+    let row = |(name, (before, after)): (&str, (f64, f64))| {
+        vec![
+            name.into(),
+            format!("{before:.3}"),
+            format!("{after:.3}"),
+            format!("{:.1} %", 100.0 * (1.0 - after / before)),
+        ]
+    };
+    Some(Table {
+        title: "Synchronous force of the magnets, N".into(),
+        note: format!(
+            "Amplitude at the frequency of the rotor, over {INTERVAL_S} s before the correction masses and at the end."
+        ),
+        head: ["", "before", "after", "removed"].map(String::from).into(),
+        rows: rows.map(row).collect(),
     })
 }
 
 fn tracking(run: &Run) -> Option<Table> {
     let time_s = &run.recording.time_s;
     let end_s = *time_s.last()?;
-    let update_s = update_s(run).filter(|update_s| *update_s > STRETCH_S && *update_s < end_s - STRETCH_S);
+    let update_s =
+        evaluation::update_s(&run.recording).filter(|update_s| *update_s > STRETCH_S && *update_s < end_s - STRETCH_S);
     let mut stretches = Vec::new();
     stretches.extend(update_s.map(|update_s| ("before the update", update_s - STRETCH_S, update_s)));
     stretches.push(("end of the run", end_s - STRETCH_S, end_s));
@@ -131,14 +159,15 @@ fn tracking(run: &Run) -> Option<Table> {
 
 /// The report page, made by that command.
 pub fn page(command: &str, scenario: &Scenario, run: &Run) -> String {
-    let updates = update_s(run).map(|at_s| Event { at_s, label: "update".into() });
+    let update = evaluation::update_s(&run.recording).map(|at_s| Event { at_s, label: "update".into() });
+    let balance = scenario.balance_s.map(|at_s| Event { at_s, label: "correction masses".into() });
     let report = Report {
         description: scenario.description.clone(),
         command: command.into(),
         message: run.error.clone(),
         tables: tables(scenario, run),
         parameters: parameters(scenario),
-        events: updates.into_iter().collect(),
+        events: update.into_iter().chain(balance).collect(),
         ..Report::new(&scenario.title, &run.recording)
     };
     let signals = Signals::new(&report);

@@ -5,7 +5,7 @@
 //! - [`scenario`]: connections and start values; [`contour`]: a closed curve of points as a Fourier series;
 //! - [`closed_loop`]: a scenario as configurations of plant, controller and estimator;
 //! - [`simulate`]: runs a scenario as an importer would run the FMUs; [`recording`]: the signals of a run;
-//! - [`summary`]: the results for other programs.
+//! - [`summary`]: the results for other programs; [`synchronous`]: signals at the frequency of the rotor.
 
 pub mod closed_loop;
 pub mod contour;
@@ -13,3 +13,4 @@ pub mod recording;
 pub mod scenario;
 pub mod simulate;
 pub mod summary;
+pub mod synchronous;

@@ -25,14 +25,14 @@
     <g class="bar"><rect class="body" x="${at(begin)}" y="${y - THICK}" width="${LENGTH}" height="${2 * THICK}" rx="5"/>
     <rect class="body" x="${disc - 7}" y="${y - 58}" width="14" height="116" rx="3"/>
     <path class="mark" d="M${at(begin)} ${y}H${at(end)}"/></g>
-    <text class="name" x="${-LENGTH / 2 - 44}" y="${y + 6}">${name}</text><text class="name" x="${-LENGTH / 2 - 44}" y="${y + 28}">${vertical} ↑</text></g>`;
-  const orbit = (place, name) => `<g transform="translate(${place} 352)"><circle class="ring" r="${ORBIT}"/><path class="trail"/><circle class="centre" r="4.5"/>
+    <text class="name" x="${-LENGTH / 2 - 66}" y="${y - 34}">${name}</text><text class="name" x="${-LENGTH / 2 - 66}" y="${y - 12}">${vertical} ↑</text></g>`;
+  const orbit = (place, name) => `<g transform="translate(${place} 400)"><circle class="ring" r="${ORBIT}"/><path class="trail"/><circle class="centre" r="4.5"/>
     <text class="name" x="${-ORBIT - 26}" y="${-ORBIT + 14}">${name}</text></g>`;
-  root.innerHTML = `<svg viewBox="-350 -112 700 570" role="img" aria-label="The shaft in its bearings, from the side and from above, and its orbits">
+  root.innerHTML = `<svg viewBox="-352 -148 704 652" role="img" aria-label="The shaft in its bearings, from the side and from above, and its orbits">
     <defs><linearGradient id="steel" x1="0" x2="0" y1="0" y2="1"><stop offset="0"/><stop offset="1"/></linearGradient></defs>
-    ${view(-20, "side", "z")}${view(160, "above", "y")}
-    ${data.bearings.map((position, n) => `<text class="name" text-anchor="middle" x="${at(position)}" y="-96">${"AB"[n]}</text>`).join("")}
-    <text class="name" text-anchor="middle" x="${disc}" y="-96">X</text>
+    ${view(-20, "side", "z")}${view(190, "above", "y")}
+    ${data.bearings.map((position, n) => `<text class="name" text-anchor="middle" x="${at(position)}" y="-122">${"AB"[n]}</text>`).join("")}
+    <text class="name" text-anchor="middle" x="${disc}" y="-122">X</text>
     ${orbit(-150, "A")}${orbit(150, "B")}</svg>
     <p class="readout"><span id="now"></span></p>`;
   const bars = [...root.querySelectorAll(".bar")], trails = [...root.querySelectorAll(".trail")], centres = [...root.querySelectorAll(".centre")];
@@ -46,7 +46,7 @@
     // Side: z upwards; above: y upwards.
     [1, 0].forEach((axis, n) => {
       const [inA, inB] = orbits.map(pair => value(pair[axis]) * scale);
-      const tilt = (inB - inA) / (at(b) - at(a)), middle = inA - tilt * at(a), y = n ? 160 : -20;
+      const tilt = (inB - inA) / (at(b) - at(a)), middle = inA - tilt * at(a), y = n ? 190 : -20;
       bars[n].setAttribute("transform", `translate(${value(x) * scale} ${-middle}) rotate(${-Math.atan(tilt) * 180 / Math.PI} 0 ${y})`);
     });
     orbits.forEach(([ys, zs], n) => {

@@ -8,6 +8,7 @@ pub mod bound;
 pub mod cases;
 pub mod figures;
 pub mod offline;
+pub mod spindle;
 
 use std::f64::consts::TAU;
 use std::path::Path;
