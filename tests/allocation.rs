@@ -180,7 +180,8 @@ fn a_step_of_the_controller_of_a_spindle_allocates_nothing() {
     }
     instance.start().expect("parameters that are in order");
     instance.set(index("lambdaValid"), Value::Boolean(true)).expect("an input");
-    let hats = ["A.lambdaHat[1]", "A.lambdaHat[2]", "A.lambdaHat[3]", "B.lambdaHat[1]", "B.lambdaHat[2]", "B.lambdaHat[3]"];
+    let hats =
+        ["A.lambdaHat[1]", "A.lambdaHat[2]", "A.lambdaHat[3]", "B.lambdaHat[1]", "B.lambdaHat[2]", "B.lambdaHat[3]"];
     let hats = hats.into_iter().chain(["X.lambdaHat[1]", "X.lambdaHat[2]"]).map(index).collect::<Vec<_>>();
     let reading = index("B.Zm");
     let before = CALLS.get();
