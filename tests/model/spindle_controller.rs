@@ -331,9 +331,9 @@ fn an_estimate_that_jumps_makes_no_bump() {
         println!("{name}: {:.4} at once, {:.4} soon", apart(2000), (2000..2006).map(apart).fold(0.0, f64::max));
         assert_eq!((1..2000).map(apart).fold(0.0, f64::max), 0.0);
         assert!(apart(2000) > 0.0, "the estimate is used at once");
-        // Magnets carry 1 to 3 A, of which a jump of 5 % would be 25 to 75 mA.
-        below(&format!("{name}: currents at the jump, A"), apart(2000), 0.03);
-        below(&format!("{name}: currents soon after, A"), (2000..2006).map(apart).fold(0.0, f64::max), 0.06);
+        // Magnets carry 1 to 3 A, of which a jump of 5 % would be 25 to 75 mA. Measured are 2 mA at once, 14 mA soon after.
+        below(&format!("{name}: currents at the jump, A"), apart(2000), 0.005);
+        below(&format!("{name}: currents soon after, A"), (2000..2006).map(apart).fold(0.0, f64::max), 0.024);
     }
 }
 
