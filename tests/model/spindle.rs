@@ -154,12 +154,8 @@ fn a_free_rotor_precesses() {
                 below("angular momentum", (momentum(&state)[a] - start[a]).abs() / start[1], 1e-12);
             }
         }
-        for n in 0..3 {
-            below(
-                "the centre of gravity moves uniformly",
-                (state.position_m[n] - rates[n] * state.time_s).abs(),
-                1e-15,
-            );
+        for (position, rate) in state.position_m.into_iter().zip(rates).take(3) {
+            below("the centre of gravity moves uniformly", (position - rate * state.time_s).abs(), 1e-15);
         }
     }
 }
@@ -330,9 +326,9 @@ fn samples_are_taken_where_the_sensors_are() {
     let input = SpindleInput { current_a, omega_rad_s: 300.0, ..SpindleInput::default() };
     plant.advance(&mut state, &input, 0.0, STEP_S).expect("a step");
     let readings = config.geometry.readings(state.position_m);
-    for n in 0..5 {
-        let wanted = (1.0 + 0.01 * (n + 1) as f64) * readings[n] + 1e-6 * (n + 1) as f64;
-        below("reading, m", (state.measured.position_m[n] - wanted).abs(), 1e-18);
+    for (n, (measured, reading)) in state.measured.position_m.into_iter().zip(readings).enumerate() {
+        let wanted = (1.0 + 0.01 * (n + 1) as f64) * reading + 1e-6 * (n + 1) as f64;
+        below("reading, m", (measured - wanted).abs(), 1e-18);
     }
     for k in 0..8 {
         below("current, A", (state.measured.current_a[k] - 1.0 - 0.11 * k as f64).abs(), 1e-15);
