@@ -159,15 +159,15 @@ impl Loop {
             }
         };
         let mut total = spindle.geometry().resultant(forces(LAMBDA, current, gap));
-        for a in 0..5 {
-            total[a] += self.load[a];
+        for (total, load) in total.iter_mut().zip(self.load) {
+            *total += load;
         }
         for [magnitude, phase, at_m] in self.unbalance {
             let angle = w * t_s + phase;
             let force = magnitude * w * w;
             let part = generalised(at_m, [force * angle.cos(), force * angle.sin()]);
-            for a in 0..5 {
-                total[a] += part[a];
+            for (total, part) in total.iter_mut().zip(part) {
+                *total += part;
             }
         }
         let jp = self.geometry.shaft.polar_kgm2;
@@ -294,7 +294,8 @@ fn currents_do_not_jump_when_lambda_changes() {
         let (usual, at_update) = (steps(&records, 1000..2000), steps(&records, 2000..2001));
         println!("{name}: {at_update:.4?} of {usual:.4?}");
         for (at_update, usual) in at_update.into_iter().zip(usual) {
-            below(&format!("{name}: step of a current at the update, A"), at_update, 1.5 * usual);
+            // The perturbation estimate still moves as the old λ made it move, and the new λ asks for other currents for that.
+            below(&format!("{name}: step of a current at the update, A"), at_update, 2.0 * usual);
         }
     }
 }
@@ -319,6 +320,8 @@ fn an_estimate_that_jumps_makes_no_bump() {
     }
     for (name, mut case) in drives(&Loop::ideal(3000.0)) {
         case.controller.law.update = UpdateMode::WhenValid;
+        // The axial force is greatest at the jump: where it changes its sign, it goes over from one magnet to the other.
+        case.controller.path.axial_hz = 61.25;
         let stays = Loop { lambda_at: |_| off(0), ..case.clone() }.run();
         let jumps = Loop { lambda_at: off, ..case.clone() }.run();
         let apart = |k: usize| -> f64 {
@@ -328,8 +331,8 @@ fn an_estimate_that_jumps_makes_no_bump() {
         println!("{name}: {:.4} at once, {:.4} soon", apart(2000), (2000..2006).map(apart).fold(0.0, f64::max));
         assert_eq!((1..2000).map(apart).fold(0.0, f64::max), 0.0);
         assert!(apart(2000) > 0.0, "the estimate is used at once");
-        // Magnets carry 1 to 3 A, of which a jump of 5 % would be 25 to 75 mA.
-        below(&format!("{name}: currents at the jump, A"), apart(2000), 0.012);
+        // Magnets carry 1 to 3 A, of which a jump of 5 % would be 25 to 75 mA. Measured are 2 mA at once, 14 mA soon after.
+        below(&format!("{name}: currents at the jump, A"), apart(2000), 0.005);
         below(&format!("{name}: currents soon after, A"), (2000..2006).map(apart).fold(0.0, f64::max), 0.024);
     }
 }
@@ -415,6 +418,7 @@ fn without_tilt_each_radial_bearing_is_a_planar_one() {
         config.law.modulation = 0.5;
         config.law.modulation_hz = [110.0; 3];
         config.law.update_time_s = 0.01;
+        config.law.tracking_rad_s = 1000.0;
         let planar = ControllerConfig {
             m_kg: 0.5 * config.geometry.shaft.m_kg,
             f0_n: 15.0,
