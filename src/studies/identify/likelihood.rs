@@ -26,6 +26,7 @@ mod case;
 mod changes;
 mod equations;
 mod filter;
+mod instruments;
 mod outcome;
 mod search;
 mod solve;

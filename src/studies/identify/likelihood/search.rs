@@ -11,6 +11,7 @@ use super::case::{Case, NOISE_STEP, noise_step, prepare};
 use super::changes;
 use super::equations::{ALL, BASE, Bearing, LOAD, Nominal, State, Theta};
 use super::filter::{self, Block, Piece};
+use super::instruments::Instruments;
 use super::outcome;
 use super::solve::{Normal, SHARED, inverse, part, unknown};
 use super::{
@@ -33,6 +34,10 @@ const STRAIGHT: f64 = 0.3;
 /// First guesses of λ, relative to that from the weight of the rotor. Currents that hold more than the weight make it too small; from a fifteenth, at
 /// 6657 rpm, λ1 fell to 0 and stayed there (seed 62024 of drawn bearings).
 const GUESSES: [f64; 2] = [1.0, 8.0];
+/// Variance of the size of the bias of scores, as on line.
+const BIAS_VARIANCE: f64 = 0.25;
+/// Most steps with instruments.
+const INSTRUMENTAL: usize = 4;
 /// Longest step of a bench parameter, in typical tolerances.
 const LONGEST: f64 = 3.0;
 /// Changes of the logarithm of a noise level below this need no second look.
@@ -134,7 +139,7 @@ impl<'a> Search<'a> {
         let mut normal = Normal::new(self.cases.len());
         for (r, blocks) in blocks {
             for block in blocks {
-                normal.add(block, *r, if all { ALL } else { BASE });
+                normal.add(block, *r, if all { ALL + 3 } else { BASE });
             }
         }
         normal
@@ -261,30 +266,73 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// One step of the noise levels that were not told; the largest change of a logarithm.
-    fn noise(&mut self) -> f64 {
-        let factors = [libm::exp(-NOISE_STEP), 1.0, libm::exp(NOISE_STEP)];
+    /// Likelihoods of the recordings that `of` holds for, as [`filter::likelihoods`].
+    fn likelihoods(&self, factors: [[f64; 3]; 3], of: impl Fn(&Case) -> bool) -> Vec<[[f64; 3]; 3]> {
         let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
-        let unknown =
-            |case: &Case| case.recording.position_noise_m.is_none() || case.recording.current_noise_a.is_none();
-        let tasks: Vec<(usize, &Piece)> = self.tasks().into_iter().filter(|(r, _)| unknown(&self.cases[*r])).collect();
+        let tasks: Vec<(usize, &Piece)> = self.tasks().into_iter().filter(|(r, _)| of(&self.cases[*r])).collect();
         let sums = parallel(self.options.threads, &tasks, |(r, piece)| {
             let case = &self.cases[*r];
             let variance = case.position_noise * case.position_noise;
             (*r, filter::likelihoods(&case.data, &bearings[*r], &case.track, variance, factors, piece))
         });
-        let mut largest: f64 = 0.0;
-        for (r, case) in self.cases.iter_mut().enumerate().filter(|(_, case)| unknown(case)) {
-            let mut total = [[0.0; 3]; 3];
-            for (_, sums) in sums.iter().filter(|(of, _)| *of == r) {
-                for (total, sums) in total.as_flattened_mut().iter_mut().zip(sums.as_flattened()) {
-                    *total += sums;
-                }
-            }
-            let change = noise_step(case, &total);
-            largest = largest.max(change);
+        let mut totals = vec![[[0.0; 3]; 3]; self.cases.len()];
+        for (r, sums) in sums {
+            let total = totals[r].as_flattened_mut().iter_mut();
+            total.zip(sums.as_flattened()).for_each(|(total, sum)| *total += sum);
         }
-        largest
+        totals
+    }
+
+    /// One step of the noise levels that were not told; the largest change of a logarithm.
+    fn noise(&mut self) -> f64 {
+        let factors = [libm::exp(-NOISE_STEP), 1.0, libm::exp(NOISE_STEP)].map(|factor| [factor; 3]);
+        let unknown =
+            |case: &Case| case.recording.position_noise_m.is_none() || case.recording.current_noise_a.is_none();
+        let totals = self.likelihoods(factors, unknown);
+        let cases = self.cases.iter_mut().zip(&totals).filter(|(case, _)| unknown(case));
+        cases.map(|(case, sums)| noise_step(case, sums)).fold(0.0, f64::max)
+    }
+
+    /// What noise of the currents takes from the scores of λ, per unit of the bias: `λ_k Σ γ_kᵀ S⁻¹ γ_k` with γ_k the sensitivity to λ_k that this noise makes.
+    ///
+    /// The same noise stands in the innovations, as process noise: the derivative of ln det S to the logarithm of its level is twice that, times λ_k.
+    fn attenuation(&self) -> [f64; 3] {
+        let sets = [-NOISE_STEP, NOISE_STEP].map(|step| {
+            let raised = |k: usize| std::array::from_fn(|l| if k == l { libm::exp(step) } else { 1.0 });
+            self.likelihoods([0, 1, 2].map(raised), |_| true)
+        });
+        let log_det = |set: &Vec<[[f64; 3]; 3]>, k: usize| set.iter().map(|sums| sums[k][0]).sum::<f64>();
+        std::array::from_fn(|k| (log_det(&sets[1], k) - log_det(&sets[0], k)) / (4.0 * NOISE_STEP * self.x[k]))
+    }
+
+    /// The estimate freed of the bias of scores, by instruments; the covariance that this adds. The unknowns are at the maximum of the likelihood.
+    fn instrumental(&mut self) -> Result<DMatrix<f64>, Failed> {
+        let of = self.estimated();
+        for iteration in 1.. {
+            let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
+            for (case, bearing) in self.cases.iter_mut().zip(&bearings) {
+                let variance = case.position_noise * case.position_noise;
+                case.track.instruments = Some(Instruments::new(&case.data, bearing, &case.track, variance, &case.segments));
+            }
+            let normal = self.normal(&self.pass(true), true);
+            let attenuation = self.attenuation();
+            let (j, b) = self.equations(&normal, &of);
+            let inverse = inverse(&j).ok_or_else(|| Failed::Diverged("the information matrix is not positive definite".into()))?;
+            let noise = DVector::from_fn(of.len(), |i, _| if of[i] < 3 { attenuation[of[i]] } else { 0.0 });
+            let direction = &inverse * &noise;
+            let combination = combine(&normal, &of, (&j, &(&inverse * &b)), &direction);
+            let (step, added) = combination;
+            let largest = (0..of.len()).map(|i| (step[i] / (inverse[(i, i)] + added[(i, i)]).sqrt()).abs()).fold(0.0, f64::max);
+            if std::env::var("DEBUG").is_ok() { eprintln!("iteration {iteration}: largest {largest:.3} noise/std {:.2} added/std {:.3}", noise.dot(&direction).sqrt(), (added[(0,0)]/inverse[(0,0)]).sqrt()); }
+            for (i, at) in of.iter().enumerate() {
+                self.x[*at] += step[i];
+            }
+            if largest < CONVERGED || iteration == INSTRUMENTAL {
+                return Ok(added);
+            }
+            self.smooth();
+        }
+        unreachable!()
     }
 
     /// Noise levels until they hardly change, in three steps at most; the first change of a logarithm.
@@ -452,6 +500,37 @@ const SCORES: usize = 32;
 /// with the lag: 0.25 for 32 blocks.
 const SCORES_RATIO: f64 = 2.0;
 
+/// The step to the estimate of the likelihood and of instruments together, and the covariance that is added to that of the likelihood.
+///
+/// The bias of scores has a known direction a and an unknown size s, −1 without feedback, with variance V ([`BIAS_VARIANCE`]). With `l = J a/(aᵀ J a)`
+/// the difference `lᵀ (ϑ_IV − ϑ_ML)` is s with the variance `v = lᵀ P_IV l − 1/(aᵀ J a)`. So `ϑ = ϑ_ML + a V lᵀ (ϑ_IV − ϑ_ML)/(V + v)`, and the variance grows
+/// by `a aᵀ V v/(V + v)`: see [`crate::estimation`], which does the same on line.
+fn combine(normal: &Normal, of: &[usize], (j, step): (&DMatrix<f64>, &DVector<f64>), a: &DVector<f64>) -> (DVector<f64>, DMatrix<f64>) {
+    let l = j * a;
+    let weight = a.dot(&l);
+    let instruments = normal.b.len() - 3;
+    let rows: Vec<usize> = of.iter().map(|at| if *at < 3 { instruments + at } else { *at }).collect();
+    let contrast = || {
+        let h = part(&normal.j, &rows, of);
+        let g = part(&normal.j, &rows, &rows);
+        let right = DVector::from_fn(rows.len(), |i, _| normal.b[rows[i]]);
+        let scale = DVector::from_fn(of.len(), |i, _| 1.0 / j[(i, i)].sqrt());
+        let scaled = DMatrix::from_fn(of.len(), of.len(), |i, c| h[(c, i)] * scale[i] * scale[c]);
+        let w = scaled.lu().solve(&(&l / weight).component_mul(&scale))?.component_mul(&scale);
+        let (difference, variance) = (w.dot(&right) - l.dot(step) / weight, w.dot(&(g * &w)) - 1.0 / weight);
+        (difference.is_finite() && variance.is_finite()).then_some((difference, variance.max(0.0)))
+    };
+    let (size, variance) = match contrast().filter(|_| weight > 0.0) {
+        Some((difference, variance)) => {
+            let part = BIAS_VARIANCE / (BIAS_VARIANCE + variance);
+            if std::env::var("DEBUG").is_ok() { eprintln!("difference {difference} variance {variance} ") };
+            (part * difference, part * variance)
+        }
+        None => (0.0, BIAS_VARIANCE),
+    };
+    (step + a * size, a * a.transpose() * variance)
+}
+
 /// A finished search, its sums taken over all columns.
 pub(super) struct Finished<'a> {
     pub search: Search<'a>,
@@ -512,6 +591,9 @@ fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
             }
         }
     }
+    if search.converged && search.options.bench.iter().all(|told| told.knowledge == Knowledge::Exact) {
+        noise += search.instrumental()?;
+    }
     let total = &noise + &response * weights * &response;
     Ok(Finished { search, blocks, normal, estimated, noise, total, covariance })
 }
@@ -528,7 +610,7 @@ fn scores(blocks: &[(usize, Vec<Block>)], of: &[usize], step: &[f64], recordings
         for block in blocks {
             let mut alone = Normal::new(recordings);
             alone.add(block, *r, ALL);
-            let step = DVector::from_column_slice(step);
+            let step = DVector::from_column_slice(step).resize_vertically(alone.b.len(), 0.0);
             let score = alone.b - alone.j * step;
             let score = DVector::from_fn(of.len(), |i, _| score[of[i]]);
             sum += &score * score.transpose();
