@@ -15,7 +15,7 @@ use std::ops::Range;
 use multiversion::multiversion;
 
 use super::equations::{ALL, BASE, Bearing, Interval, Shaft, State};
-use super::instruments::{Instruments, Past};
+use super::instruments::Instruments;
 
 /// Columns of a pass without bench parameters, and of one with them: numbers of parameters, rounded up to whole registers.
 pub(super) const FEW: usize = 8;
@@ -411,7 +411,6 @@ fn columns_of<const P: usize>(
     let mut block = empty(piece.counted.start);
     let mut log_det = LogProduct::new();
     let mut former = [[0.0; 2]; LAGS];
-    let mut past = Past::new(h);
     let mut from = data.shaft(piece.filtered.start);
     for row in piece.filtered.start..piece.counted.end {
         let to = data.shaft(row);
@@ -426,7 +425,7 @@ fn columns_of<const P: usize>(
             if P > FEW
                 && let Some(instruments) = &track.instruments
             {
-                let squares = instruments.at(row, data.middle[row], &past);
+                let squares = instruments.at(row, data.middle[row]);
                 bearing.instrument_columns(squares, ALL, &mut force);
             }
             let [k_0, k_1, k_2] = interval.stiffness;
@@ -455,9 +454,6 @@ fn columns_of<const P: usize>(
         let innovation = kalman.update(bearing, variance, residual);
         let counts = row >= piece.counted.start;
         let w = innovation.whiten(innovation.e);
-        if P > FEW {
-            past.add(w);
-        }
         let [f_0, l_10, f_1] = innovation.factor;
         let g = &innovation.gain;
         let [x_0, x_1, x_2, x_3] = &mut x;
@@ -537,34 +533,6 @@ pub(super) fn all_columns(data: &Data, bearing: &Bearing, track: &Track, varianc
 }
 
 const _: () = assert!(ALL + 3 <= MANY && BASE <= FEW);
-
-/// Calls `each` with every row but the first and the innovations before it.
-pub(super) fn innovations(
-    data: &Data,
-    bearing: &Bearing,
-    track: &Track,
-    variance: f64,
-    rows: Range<usize>,
-    mut each: impl FnMut(usize, &Past),
-) {
-    let (mut kalman, mut past) = (Kalman::diffuse(), Past::new(data.h));
-    let mut from = data.shaft(rows.start);
-    for row in rows.clone() {
-        let to = data.shaft(row);
-        let mut acceleration = [0.0; 2];
-        if row > rows.start {
-            each(row, &past);
-            let (interval, _) = data.interval(bearing, track, row, &from, &to);
-            kalman.predict(data.h, &interval, [1.0; 3]);
-            acceleration = interval.end;
-        }
-        from = to;
-        let (read, _) = bearing.reading(&track.state[row], acceleration, to);
-        let residual = [data.position[row][0] - read[0], data.position[row][1] - read[1]];
-        let innovation = kalman.update(bearing, variance, residual);
-        past.add(innovation.whiten(innovation.e));
-    }
-}
 
 /// What the smoother keeps of a row.
 #[derive(Clone, Copy, Debug, Default)]

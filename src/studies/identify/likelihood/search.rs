@@ -34,8 +34,8 @@ const STRAIGHT: f64 = 0.3;
 /// First guesses of λ, relative to that from the weight of the rotor. Currents that hold more than the weight make it too small; from a fifteenth, at
 /// 6657 rpm, λ1 fell to 0 and stayed there (seed 62024 of drawn bearings).
 const GUESSES: [f64; 2] = [1.0, 8.0];
-/// Variance of the size of the bias of scores, as on line.
-const BIAS_VARIANCE: f64 = 0.25;
+/// Variance of the size of the bias of scores ([`bias`]).
+const BIAS_VARIANCE: f64 = 0.0625;
 /// Most steps with instruments.
 const INSTRUMENTAL: usize = 4;
 /// Longest step of a bench parameter, in typical tolerances.
@@ -293,46 +293,48 @@ impl<'a> Search<'a> {
         cases.map(|(case, sums)| noise_step(case, sums)).fold(0.0, f64::max)
     }
 
-    /// What noise of the currents takes from the scores of λ, per unit of the bias: `λ_k Σ γ_kᵀ S⁻¹ γ_k` with γ_k the sensitivity to λ_k that this noise makes.
+    /// By how much noise of the currents lowers the scores of λ: `λ_k Σ γᵀ S⁻¹ γ` with γ the sensitivity to λ_k that this noise drives.
     ///
-    /// The same noise stands in the innovations, as process noise: the derivative of ln det S to the logarithm of its level is twice that, times λ_k.
+    /// S contains the same noise as process noise, so that this is half the derivative of Σ ln det S to the logarithm of its level, over λ_k.
     fn attenuation(&self) -> [f64; 3] {
         let sets = [-NOISE_STEP, NOISE_STEP].map(|step| {
             let raised = |k: usize| std::array::from_fn(|l| if k == l { libm::exp(step) } else { 1.0 });
             self.likelihoods([0, 1, 2].map(raised), |_| true)
         });
-        let log_det = |set: &Vec<[[f64; 3]; 3]>, k: usize| set.iter().map(|sums| sums[k][0]).sum::<f64>();
+        let log_det = |set: &[[[f64; 3]; 3]], k: usize| set.iter().map(|sums| sums[k][0]).sum::<f64>();
         std::array::from_fn(|k| (log_det(&sets[1], k) - log_det(&sets[0], k)) / (4.0 * NOISE_STEP * self.x[k]))
     }
 
-    /// The estimate freed of the bias of scores, by instruments; the covariance that this adds. The unknowns are at the maximum of the likelihood.
-    fn instrumental(&mut self) -> Result<DMatrix<f64>, Failed> {
+    /// Moves from the maximum of the likelihood to the estimate that instruments free of the bias of scores; returns the covariance that this adds.
+    fn free_of_bias(&mut self) -> Result<DMatrix<f64>, Failed> {
         let of = self.estimated();
-        for iteration in 1.. {
+        let mut added = DMatrix::zeros(of.len(), of.len());
+        for _ in 0..INSTRUMENTAL {
             let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
             for (case, bearing) in self.cases.iter_mut().zip(&bearings) {
-                let variance = case.position_noise * case.position_noise;
-                case.track.instruments = Some(Instruments::new(&case.data, bearing, &case.track, variance, &case.segments));
+                case.track.instruments = Some(Instruments::new(&case.data, bearing, &case.track, &case.segments));
             }
             let normal = self.normal(&self.pass(true), true);
-            let attenuation = self.attenuation();
             let (j, b) = self.equations(&normal, &of);
-            let inverse = inverse(&j).ok_or_else(|| Failed::Diverged("the information matrix is not positive definite".into()))?;
-            let noise = DVector::from_fn(of.len(), |i, _| if of[i] < 3 { attenuation[of[i]] } else { 0.0 });
-            let direction = &inverse * &noise;
-            let combination = combine(&normal, &of, (&j, &(&inverse * &b)), &direction);
-            let (step, added) = combination;
-            let largest = (0..of.len()).map(|i| (step[i] / (inverse[(i, i)] + added[(i, i)]).sqrt()).abs()).fold(0.0, f64::max);
-            if std::env::var("DEBUG").is_ok() { eprintln!("iteration {iteration}: largest {largest:.3} noise/std {:.2} added/std {:.3}", noise.dot(&direction).sqrt(), (added[(0,0)]/inverse[(0,0)]).sqrt()); }
+            let inverse = inverse(&j)
+                .ok_or_else(|| Failed::Diverged("the information matrix is not positive definite".into()))?;
+            let attenuation = self.attenuation();
+            let lowered = DVector::from_fn(of.len(), |i, _| attenuation.get(of[i]).copied().unwrap_or(0.0));
+            let a = &inverse * lowered;
+            let found = &inverse * b;
+            let (size, variance) = bias(&normal, &of, &j, &found, &a);
+            let step = found + &a * size;
+            added = &a * a.transpose() * variance;
             for (i, at) in of.iter().enumerate() {
                 self.x[*at] += step[i];
             }
-            if largest < CONVERGED || iteration == INSTRUMENTAL {
-                return Ok(added);
+            let of_std = |i: usize| (step[i] / (inverse[(i, i)] + added[(i, i)]).sqrt()).abs();
+            if (0..of.len()).map(of_std).fold(0.0, f64::max) < CONVERGED {
+                break;
             }
             self.smooth();
         }
-        unreachable!()
+        Ok(added)
     }
 
     /// Noise levels until they hardly change, in three steps at most; the first change of a logarithm.
@@ -500,35 +502,34 @@ const SCORES: usize = 32;
 /// with the lag: 0.25 for 32 blocks.
 const SCORES_RATIO: f64 = 2.0;
 
-/// The step to the estimate of the likelihood and of instruments together, and the covariance that is added to that of the likelihood.
+/// Size of the bias of the scores and its variance, at a point from which `step` leads to the maximum of the likelihood ϑ.
 ///
-/// The bias of scores has a known direction a and an unknown size s, −1 without feedback, with variance V ([`BIAS_VARIANCE`]). With `l = J a/(aᵀ J a)`
-/// the difference `lᵀ (ϑ_IV − ϑ_ML)` is s with the variance `v = lᵀ P_IV l − 1/(aᵀ J a)`. So `ϑ = ϑ_ML + a V lᵀ (ϑ_IV − ϑ_ML)/(V + v)`, and the variance grows
-/// by `a aᵀ V v/(V + v)`: see [`crate::estimation`], which does the same on line.
-fn combine(normal: &Normal, of: &[usize], (j, step): (&DMatrix<f64>, &DVector<f64>), a: &DVector<f64>) -> (DVector<f64>, DMatrix<f64>) {
-    let l = j * a;
-    let weight = a.dot(&l);
-    let instruments = normal.b.len() - 3;
-    let rows: Vec<usize> = of.iter().map(|at| if *at < 3 { instruments + at } else { *at }).collect();
-    let contrast = || {
-        let h = part(&normal.j, &rows, of);
-        let g = part(&normal.j, &rows, &rows);
-        let right = DVector::from_fn(rows.len(), |i, _| normal.b[rows[i]]);
-        let scale = DVector::from_fn(of.len(), |i, _| 1.0 / j[(i, i)].sqrt());
-        let scaled = DMatrix::from_fn(of.len(), of.len(), |i, c| h[(c, i)] * scale[i] * scale[c]);
-        let w = scaled.lu().solve(&(&l / weight).component_mul(&scale))?.component_mul(&scale);
-        let (difference, variance) = (w.dot(&right) - l.dot(step) / weight, w.dot(&(g * &w)) - 1.0 / weight);
-        (difference.is_finite() && variance.is_finite()).then_some((difference, variance.max(0.0)))
-    };
-    let (size, variance) = match contrast().filter(|_| weight > 0.0) {
-        Some((difference, variance)) => {
-            let part = BIAS_VARIANCE / (BIAS_VARIANCE + variance);
-            if std::env::var("DEBUG").is_ok() { eprintln!("difference {difference} variance {variance} ") };
-            (part * difference, part * variance)
-        }
-        None => (0.0, BIAS_VARIANCE),
-    };
-    (step + a * size, a * a.transpose() * variance)
+/// Noise of the currents in the regressors moves ϑ by −a, what the controller makes of the noise of the positions by about +a where its loop is fast. The
+/// sum is −s a; s has the variance V ([`BIAS_VARIANCE`]). With `l = J a/(aᵀ J a)`, the difference `lᵀ (ϑ_IV − ϑ)` is s with the variance
+/// `v = lᵀ P_IV l − 1/(aᵀ J a)`, so that `ŝ = V lᵀ (ϑ_IV − ϑ)/(V + v)`, and its variance is `V v/(V + v)`. The on-line estimator does the same.
+fn bias(normal: &Normal, of: &[usize], j: &DMatrix<f64>, step: &DVector<f64>, a: &DVector<f64>) -> (f64, f64) {
+    let unknown = (0.0, BIAS_VARIANCE);
+    let weight = a.dot(&(j * a));
+    if weight <= 0.0 {
+        return unknown;
+    }
+    let l = j * a / weight;
+    // Instruments take the place of the columns of λ.
+    let first = normal.b.len() - 3;
+    let rows: Vec<usize> = of.iter().map(|at| if *at < 3 { first + at } else { *at }).collect();
+    let (h, g) = (part(&normal.j, &rows, of), part(&normal.j, &rows, &rows));
+    let scale = j.diagonal().map(|own| 1.0 / own.sqrt());
+    let scaled = DMatrix::from_fn(of.len(), of.len(), |i, c| h[(c, i)] * scale[i] * scale[c]);
+    let Some(w) = scaled.lu().solve(&l.component_mul(&scale)) else { return unknown };
+    let w = w.component_mul(&scale);
+    let right = DVector::from_fn(rows.len(), |i, _| normal.b[rows[i]]);
+    let difference = w.dot(&right) - l.dot(step);
+    let variance = (w.dot(&(g * &w)) - 1.0 / weight).max(0.0);
+    if !difference.is_finite() || !variance.is_finite() {
+        return unknown;
+    }
+    let part = BIAS_VARIANCE / (BIAS_VARIANCE + variance);
+    (part * difference, part * variance)
 }
 
 /// A finished search, its sums taken over all columns.
@@ -592,7 +593,7 @@ fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
         }
     }
     if search.converged && search.options.bench.iter().all(|told| told.knowledge == Knowledge::Exact) {
-        noise += search.instrumental()?;
+        noise += search.free_of_bias()?;
     }
     let total = &noise + &response * weights * &response;
     Ok(Finished { search, blocks, normal, estimated, noise, total, covariance })
