@@ -272,9 +272,9 @@ impl Bearing {
     /// Acceleration (y, z) per unit of λ_k by given `i_k²/gap_k²`, in columns from `first` on.
     #[inline(always)]
     pub fn instrument_columns<const P: usize>(&self, squares: [f64; 3], first: usize, d: &mut [[f64; P]; 2]) {
-        for k in 0..3 {
-            for a in 0..2 {
-                d[a][first + k] = self.e[k][a] * squares[k] * self.per_mass;
+        for (a, d) in d.iter_mut().enumerate() {
+            for (k, square) in squares.into_iter().enumerate() {
+                d[first + k] = self.e[k][a] * square * self.per_mass;
             }
         }
     }

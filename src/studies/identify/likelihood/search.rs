@@ -34,7 +34,8 @@ const STRAIGHT: f64 = 0.3;
 /// First guesses of λ, relative to that from the weight of the rotor. Currents that hold more than the weight make it too small; from a fifteenth, at
 /// 6657 rpm, λ1 fell to 0 and stayed there (seed 62024 of drawn bearings).
 const GUESSES: [f64; 2] = [1.0, 8.0];
-/// Variance of the size of the bias of scores ([`bias`]).
+/// Variance of the size of the bias of scores ([`bias`]): 0 where the loop is fast, 1 without feedback. With the 0.25 of the on-line estimator error/std
+/// was 0.86 and 0.87 over 5 s; with 0.0625 it is 0.87 and 0.96 (drawn bearings, seeds 94001 and 63001).
 const BIAS_VARIANCE: f64 = 0.0625;
 /// Most steps with instruments.
 const INSTRUMENTAL: usize = 4;
