@@ -9,11 +9,21 @@ use crate::estimation::EstimatorConfig;
 const ROWS: [usize; 2] = [2000, 20_000];
 /// Turns of the stretch.
 const TURNS: f64 = 5.0;
-/// By how much the log-likelihood must be higher than with what was told. Nothing is proposed for 20 recordings of drawn bearings (0.2 and 1 s, noise not
-/// told, seeds from 62001) that are as told.
-const BETTER: f64 = 50.0;
-/// Alternatives so much below the best are as good.
+/// Probability that something is proposed for data that are as told.
+const CHANCE: f64 = 1e-3;
+/// Fitted parameters of an alternative: λ, unbalance, load, two levels of noise, the gap.
+const FITTED: f64 = 10.0;
+/// Alternatives whose log-likelihood is lower than that of the best by less than this are proposed as well. Kass and Raftery (1995) call 5 very strong
+/// evidence; the model errors that both share ask for more.
 const AS_GOOD: f64 = 10.0;
+
+/// By how much the log-likelihood must be higher than with what was told, over this many rows.
+///
+/// The likelihood ratio of a fixed alternative has the expectation 1 if what was told is true, so that it exceeds 1/p with a probability of p at most
+/// (Markov). Parameters fitted to N values raise its logarithm by half of ln N each (Schwarz 1978).
+fn better(rows: usize) -> f64 {
+    libm::log(ALTERNATIVES.len() as f64 / CHANCE) + 0.5 * FITTED * libm::log(2.0 * rows as f64)
+}
 
 /// A recording and what is told of it.
 #[derive(Clone, Debug)]
@@ -167,7 +177,7 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
         let mut other = take.clone();
         (alternative.apply)(&mut other);
         if let Some((likelihood, gap, true)) = fit(&other)
-            && likelihood > told + BETTER
+            && likelihood > told + better(take.columns.position_m.len())
         {
             let mut words = format!("{}: {}", alternative.name, alternative.proposal);
             if alternative.proposal == "--estimate s" {

@@ -269,6 +269,16 @@ impl Bearing {
         put(BASE + BACKWARD + 1, shaft.sin * per_mass, shaft.cos * per_mass);
     }
 
+    /// Acceleration (y, z) per unit of λ_k by given `i_k²/gap_k²`, in columns from `first` on.
+    #[inline(always)]
+    pub fn instrument_columns<const P: usize>(&self, squares: [f64; 3], first: usize, d: &mut [[f64; P]; 2]) {
+        for (a, d) in d.iter_mut().enumerate() {
+            for (k, square) in squares.into_iter().enumerate() {
+                d[first + k] = self.e[k][a] * square * self.per_mass;
+            }
+        }
+    }
+
     /// What the position sensors read at a point of the trajectory, and that before gains and rotation.
     #[inline(always)]
     pub fn reading(&self, at: &State, acceleration: [f64; 2], shaft: Shaft) -> ([f64; 2], [f64; 2]) {

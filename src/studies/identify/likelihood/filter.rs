@@ -15,6 +15,7 @@ use std::ops::Range;
 use multiversion::multiversion;
 
 use super::equations::{ALL, BASE, Bearing, Interval, Shaft, State};
+use super::instruments::Instruments;
 
 /// Columns of a pass without bench parameters, and of one with them: numbers of parameters, rounded up to whole registers.
 pub(super) const FEW: usize = 8;
@@ -108,6 +109,8 @@ pub(super) struct Track {
     /// Squared currents, A², by which the noise of an interval is reckoned: with those of the interval itself, noise would decide on the gain
     /// that weighs it.
     pub level: Vec<[f64; 3]>,
+    /// Drive the columns from [`ALL`] on, if any.
+    pub instruments: Option<Instruments>,
 }
 
 impl Track {
@@ -202,19 +205,19 @@ fn transition_transposed(h: f64, k: &[f64; 3], r: State) -> State {
     ]
 }
 
-/// `F P Fᵀ + scale² Σ Γ Γᵀ`.
+/// `F P Fᵀ + Σ scale_k² Γ_k Γ_kᵀ`.
 #[inline(always)]
-fn propagate(h: f64, k: &[f64; 3], noise: &[[f64; 2]], scale: f64, p: &mut [[f64; 4]; 4]) {
+fn propagate(h: f64, k: &[f64; 3], noise: &[[f64; 2]; 3], scales: [f64; 3], p: &mut [[f64; 4]; 4]) {
     // P is symmetric: its rows are its columns.
     let half: [State; 4] = std::array::from_fn(|j| transition(h, k, p[j]));
     let full: [State; 4] = std::array::from_fn(|i| transition(h, k, [half[0][i], half[1][i], half[2][i], half[3][i]]));
     let mut w = [0.0; 3];
-    for g in noise {
+    for (g, scale) in noise.iter().zip(scales) {
+        let g = g.map(|g| g * scale);
         w[0] += g[0] * g[0];
         w[1] += g[0] * g[1];
         w[2] += g[1] * g[1];
     }
-    let w = w.map(|w| w * scale * scale);
     let (q_0, q_1, q_2) = (0.25 * h * h * h * h, 0.5 * h * h * h, h * h);
     let w = [[w[0], w[1]], [w[1], w[2]]];
     for a in 0..2 {
@@ -244,12 +247,12 @@ impl Kalman {
     }
 
     #[inline(always)]
-    fn predict(&mut self, h: f64, interval: &Interval, scale: f64) {
+    fn predict(&mut self, h: f64, interval: &Interval, scales: [f64; 3]) {
         self.x = transition(h, &interval.stiffness, self.x);
         for (x, offset) in self.x.iter_mut().zip(interval.offset) {
             *x += offset;
         }
-        propagate(h, &interval.stiffness, &interval.noise, scale, &mut self.p);
+        propagate(h, &interval.stiffness, &interval.noise, scales, &mut self.p);
     }
 
     /// `residual`: measured minus read at the trajectory.
@@ -416,9 +419,15 @@ fn columns_of<const P: usize>(
             let (interval, between) = data.interval(bearing, track, row, &from, &to);
             let ahead = |a: usize| kalman.x[a] + 0.5 * h * kalman.x[2 + a];
             let predicted = [ahead(0), ahead(1)];
-            kalman.predict(h, &interval, 1.0);
+            kalman.predict(h, &interval, [1.0; 3]);
             acceleration = interval.end;
             bearing.force_columns(&interval, predicted, between, &mut force);
+            if P > FEW
+                && let Some(instruments) = &track.instruments
+            {
+                let squares = instruments.at(row, data.middle[row]);
+                bearing.instrument_columns(squares, ALL, &mut force);
+            }
             let [k_0, k_1, k_2] = interval.stiffness;
             let h_3 = h * h * h / 6.0;
             let [x_0, x_1, x_2, x_3] = &mut x;
@@ -523,7 +532,7 @@ pub(super) fn all_columns(data: &Data, bearing: &Bearing, track: &Track, varianc
     columns_of::<MANY>(data, bearing, track, variance, piece)
 }
 
-const _: () = assert!(ALL <= MANY && BASE <= FEW);
+const _: () = assert!(ALL + 3 <= MANY && BASE <= FEW);
 
 /// What the smoother keeps of a row.
 #[derive(Clone, Copy, Debug, Default)]
@@ -548,7 +557,7 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
         let mut keep = Kept::default();
         if row > start {
             let (interval, _) = data.interval(bearing, track, row, &from, &to);
-            kalman.predict(h, &interval, 1.0);
+            kalman.predict(h, &interval, [1.0; 3]);
             acceleration = interval.end;
             keep.stiffness = interval.stiffness;
         }
@@ -586,14 +595,14 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
     smoothed
 }
 
-/// `[ln det sum, NIS sum, rows]` for each factor of the current noise, at the same position noise.
+/// `[ln det sum, NIS sum, rows]` with the noise of each current times each of three sets of factors, at the same position noise.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn likelihoods(
     data: &Data,
     bearing: &Bearing,
     track: &Track,
     variance: f64,
-    factors: [f64; 3],
+    factors: [[f64; 3]; 3],
     piece: &Piece,
 ) -> [[f64; 3]; 3] {
     let mut kalman = [Kalman::diffuse(), Kalman::diffuse(), Kalman::diffuse()];

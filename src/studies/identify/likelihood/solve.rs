@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::bench::BENCH;
-use super::equations::{BASE, LOAD};
+use super::equations::{ALL, BASE, LOAD};
 use super::filter::Block;
 
 /// λ, U, then the bench.
@@ -18,7 +18,7 @@ pub(super) fn unknown(j: usize, r: usize) -> usize {
     }
 }
 
-/// Sums of the normal equations over blocks.
+/// Sums of the normal equations over blocks: unknowns, then the instruments of λ.
 #[derive(Clone, Debug)]
 pub(super) struct Normal {
     pub j: DMatrix<f64>,
@@ -27,18 +27,20 @@ pub(super) struct Normal {
 
 impl Normal {
     pub fn new(recordings: usize) -> Self {
-        let n = SHARED + 2 * recordings;
+        let n = SHARED + 2 * recordings + 3;
         Self { j: DMatrix::zeros(n, n), b: DVector::zeros(n) }
     }
 
     /// Adds a block of recording `r`.
     pub fn add(&mut self, block: &Block, r: usize, parameters: usize) {
+        let first_instrument = self.b.len() - 3;
+        let place = |j: usize| if j < ALL { unknown(j, r) } else { first_instrument + j - ALL };
         for i in 0..parameters {
-            let row = unknown(i, r);
+            let row = place(i);
             self.b[row] += block.b[i];
             for l in 0..=i {
                 let value = block.j[i * block.columns + l];
-                let column = unknown(l, r);
+                let column = place(l);
                 self.j[(row, column)] += value;
                 if row != column {
                     self.j[(column, row)] += value;
