@@ -14,10 +14,12 @@ use fmu_export::fmi2::bindings::*;
 use interleave::{candidate, shown, table};
 use libloading::{Library, Symbol};
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
+use magnetic_bearing::control::spindle::{SpindleController, SpindleControllerConfig, SpindleControllerInput};
 use magnetic_bearing::estimation::paper::window::{Sample, WindowSums};
 use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method, Tolerance};
 use magnetic_bearing::package;
-use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput};
+use magnetic_bearing::plant::spindle::SpindleConfig;
+use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput, PlantParameters};
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate;
 
@@ -34,6 +36,29 @@ fn main() {
     interface(&record);
     closed_loop();
     worst(&record);
+}
+
+/// Steps of a plant with constant currents, in A, and its outputs.
+fn plant_steps<'a, R: PlantParameters<N, K> + 'a, const N: usize, const K: usize>(
+    name: &str,
+    config: R,
+    current_a: [f64; K],
+) -> interleave::Candidate<'a> {
+    let plant = Plant::new(config).expect("valid parameters");
+    let mut state = plant.start(0.0);
+    let start = state.clone();
+    let input = PlantInput { current_a, omega_rad_s: 314.0, ..PlantInput::default() };
+    candidate(name, 1000, move |times| {
+        for step in 0..times {
+            // The rotor would not stay in the gap for long without a controller.
+            if step % 20 == 0 {
+                state = start.clone();
+            }
+            let t_s = f64::from(step % 20) * 1e-4;
+            let _ = black_box(plant.advance(&mut state, &input, t_s, 1e-4));
+            black_box(plant.outputs(&state, &input, t_s + 1e-4));
+        }
+    })
 }
 
 /// An estimator that has run until its estimate has settled.
@@ -157,27 +182,23 @@ fn steps(record: &[EstimatorInput]) {
         });
         candidates.push(beside(peer, c));
     }
-    let plant = Plant::new(PlantConfig::default()).expect("valid parameters");
-    let mut state = plant.start(0.0);
-    let start = state.clone();
-    let input = PlantInput { current_a: [2.0, 2.0, 2.0], omega_rad_s: 314.0, ..PlantInput::default() };
-    candidates.push(candidate("plant, current drive", 1000, move |times| {
-        for step in 0..times {
-            // The rotor would not stay in the gap for long without a controller.
-            if step % 20 == 0 {
-                state = start.clone();
-            }
-            let t_s = f64::from(step % 20) * 1e-4;
-            let _ = black_box(plant.advance(&mut state, &input, t_s, 1e-4));
-            black_box(plant.outputs(&state, &input, t_s + 1e-4));
-        }
-    }));
+    candidates.push(plant_steps("plant, current drive", PlantConfig::default(), [2.0; 3]));
+    candidates.push(plant_steps("spindle, current drive", SpindleConfig::default(), [2.0; 8]));
     let controller = Controller::new(ControllerConfig::default()).expect("valid parameters");
     let mut state = controller.start(0.0);
     let mut input = ControllerInput { position_m: [30e-6, 0.0], omega_rad_s: 314.0, ..ControllerInput::default() };
     candidates.push(candidate("controller", 1000, move |times| {
         for step in 0..times {
             input.position_m[1] = f64::from(step % 7) * 1e-6;
+            let _ = black_box(controller.sample(&mut state, &input));
+        }
+    }));
+    let controller = SpindleController::new(SpindleControllerConfig::default()).expect("valid parameters");
+    let mut state = controller.start(0.0);
+    let mut input = SpindleControllerInput { omega_rad_s: 314.0, ..SpindleControllerInput::default() };
+    candidates.push(candidate("controller of the spindle", 1000, move |times| {
+        for step in 0..times {
+            input.reading_m[1] = f64::from(step % 7) * 1e-6;
             let _ = black_box(controller.sample(&mut state, &input));
         }
     }));

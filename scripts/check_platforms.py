@@ -19,7 +19,7 @@ import lief
 
 PROJECT = Path(__file__).resolve().parent.parent
 PLANAR = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"]
-MODELS = [*PLANAR, "MagneticSpindle", "SpindleEstimator"]
+MODELS = [*PLANAR, "MagneticSpindle", "SpindleController", "SpindleEstimator"]
 FOLDERS = {"linux64": "so", "win64": "dll", "darwin64": "dylib", "aarch64-linux": "so", "aarch64-darwin": "dylib"}
 # The version in Red Hat Enterprise Linux 7.
 GLIBC_NEWEST = (2, 17)

@@ -17,7 +17,10 @@ from pathlib import Path
 RENDERER = "resvg-py"
 RENDERER_VERSION = "0.5.0"
 SIZE_PX = 256
-NAMES = ("MagneticBearing", "FlatnessController", "AlgebraicEstimator", "MagneticSpindle", "SpindleEstimator")
+NAMES = (
+    *("MagneticBearing", "FlatnessController", "AlgebraicEstimator"),
+    *("MagneticSpindle", "SpindleController", "SpindleEstimator"),
+)
 FOLDER = Path(__file__).resolve().parent.parent / "modelDescription"
 
 

@@ -68,10 +68,11 @@ def test_a_lost_worker_loses_no_row(tmp_path, client, ssp):
             os.kill(process, signal.SIGKILL)
             killed.append(process)
 
-    killer = threading.Thread(target=kill)
+    # A sweep that fails leaves it waiting for rows.
+    killer = threading.Thread(target=kill, daemon=True)
     killer.start()
     sweep.sweep(client, design, tmp_path / "cluster.csv", scenario(), ssp)
-    killer.join()
+    killer.join(timeout=60)
     assert len(killed) == 1, "nothing was killed: the sweep was over too early"
     assert (tmp_path / "cluster.csv").read_text() == (tmp_path / "native.csv").read_text()
 

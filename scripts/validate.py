@@ -118,7 +118,7 @@ REFUSED = [
 ]
 REFUSED += [
     (fmu, {name: value}, [name])
-    for fmu, name in [("MagneticBearing", "sensor.Ts"), ("FlatnessController", "Ts"), ("AlgebraicEstimator", "Ts")]
+    for fmu, name in [("MagneticBearing", "sensor.Ts"), ("FlatnessController", "Ts"), ("AlgebraicEstimator", "Ts"), ("SpindleController", "Ts")]
     for value in (math.nan, 0.0, -1e-4)
 ]
 REFUSED += [(fmu, {f"alpha[{k}]": 1.0 for k in (1, 2, 3)}, ["alpha"]) for fmu in FMUS]
@@ -134,6 +134,8 @@ REFUSED += [
     ("FlatnessController", {"F0.modulation": 1.5, "F0.modulationFrequency": 6000.0}, ["F0.modulation", "F0.modulationFrequency"]),
     ("FlatnessController", {"reference.lobes": -1}, ["reference.lobes"]),
     ("FlatnessController", {"update.mode": 9}, ["update.mode"]),
+    ("SpindleController", {"B.F0": -1.0, "X.lambda0[2]": 0.0}, ["B.F0", "X.lambda0[2]"]),
+    ("SpindleController", {"Jp": 0.4}, ["Jp"]),
     ("AlgebraicEstimator", {"method": 2, "Tf": 7e-4}, ["Tf"]),
     ("AlgebraicEstimator", {"method": 2, "Tf": 0.02005}, ["Tf"]),
     ("AlgebraicEstimator", {"Tf": math.nan}, ["Tf"]),

@@ -26,8 +26,14 @@ fn extras(name: &str) -> Extras {
             }
         };
     }
-    let (picture, text) =
-        extras!("MagneticBearing", "FlatnessController", "AlgebraicEstimator", "MagneticSpindle", "SpindleEstimator");
+    let (picture, text) = extras!(
+        "MagneticBearing",
+        "FlatnessController",
+        "AlgebraicEstimator",
+        "MagneticSpindle",
+        "SpindleController",
+        "SpindleEstimator"
+    );
     let licenses = [
         ("LICENSE-MIT.txt", include_str!("../modelDescription/licenses/LICENSE-MIT.txt")),
         ("LICENSE-APACHE.txt", include_str!("../modelDescription/licenses/LICENSE-APACHE.txt")),
@@ -76,15 +82,18 @@ pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, P
         let name = model.info.name;
         archives.push((format!("{name}.fmu"), package::fmu(model, binaries, &extras(name))?));
     }
-    let systems = VARIANTS.each_ref().map(system);
-    let inside = |archive: &String| {
-        let mut elements = systems.iter().flat_map(|system| &system.elements);
-        elements.any(|element| *archive == format!("{}.fmu", element.model.info.name))
-    };
-    let mut members: Vec<Member> = systems.iter().flat_map(|system| system.members()).collect();
-    let needed = archives.iter().filter(|(name, _)| inside(name));
-    members.extend(needed.map(|(name, fmu)| Member::new(format!("resources/{name}"), fmu.as_slice())));
-    archives.push(("MagneticBearing.ssp".into(), package::archive("MagneticBearing.ssp", &members)?));
+    let fmus = archives.clone();
+    for (name, variants) in SYSTEMS {
+        let systems: Vec<System> = variants.iter().map(system).collect();
+        let inside = |fmu: &str| {
+            let mut elements = systems.iter().flat_map(|system| &system.elements);
+            elements.any(|element| fmu == format!("{}.fmu", element.model.info.name))
+        };
+        let mut members: Vec<Member> = systems.iter().flat_map(System::members).collect();
+        let needed = fmus.iter().filter(|(fmu, _)| inside(fmu));
+        members.extend(needed.map(|(fmu, bytes)| Member::new(format!("resources/{fmu}"), bytes.as_slice())));
+        archives.push((name.into(), package::archive(name, &members)?));
+    }
     for (name, _) in &archives {
         let path = folder.join(name);
         Format::Archive.replaceable(&path).map_err(|source| PackageError::File { path, source })?;
@@ -114,12 +123,20 @@ pub fn variables() -> String {
     head.to_owned() + &documentation::markdown(catalogue().iter().map(|model| &**model))
 }
 
-/// Variants of the closed loop as a system structure: file, name, and the scenario with the parameters.
+/// The closed loops as archives of system structures; of each structure its file, its name, and the scenario with the parameters.
 ///
 /// libcosim and ecos ignore parameters of type Enumeration. So the default structure is one whose enumerations have their start
 /// values: it gives the same results in all tools. The paper's simulation needs `method = paper`.
-const VARIANTS: [[&str; 3]; 2] =
-    [["SystemStructure.ssd", "MagneticBearing", "unbalanced"], ["PaperSimulation.ssd", "PaperSimulation", "paper"]];
+const SYSTEMS: [(&str, &[[&str; 3]]); 2] = [
+    (
+        "MagneticBearing.ssp",
+        &[
+            ["SystemStructure.ssd", "MagneticBearing", "unbalanced"],
+            ["PaperSimulation.ssd", "PaperSimulation", "paper"],
+        ],
+    ),
+    ("MagneticSpindle.ssp", &[["SystemStructure.ssd", "MagneticSpindle", "spindle"]]),
+];
 
 /// The closed loop, without the estimators that run beside it for comparison.
 fn system([file, name, scenario]: &[&str; 3]) -> System {

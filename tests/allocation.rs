@@ -135,6 +135,69 @@ fn a_step_allocates_nothing() {
     }
 }
 
+/// Without a controller it falls into its backup bearings: sensors, coils, contact and friction take part.
+#[test]
+fn a_step_of_a_spindle_allocates_nothing() {
+    let kind = magnetic_bearing::fmu::find("MagneticSpindle").expect("it");
+    let mut instance = kind.instantiate();
+    let index = |name: &str| kind.variables().iter().position(|variable| variable.name == name).expect("a variable");
+    for (name, value) in [
+        ("gravity.X", 1.0),
+        ("gravity.Z", -9.81),
+        ("A.touchdown.friction", 0.05),
+        ("unbalance[1].magnitude", 1e-5),
+        ("A.u[1]", 0.5),
+        ("sensor.positionNoise", 1e-7),
+        ("sensor.delay", 1.5e-4),
+    ] {
+        instance.set(index(name), Value::Real(value)).expect("a value");
+    }
+    instance.set(index("drive"), Value::Integer(2)).expect("a drive");
+    instance.start().expect("parameters that are in order");
+    let before = CALLS.get();
+    for step in 0..STEPS / 50 {
+        let step = Step { time_s: step as f64 * STEP_S, length_s: STEP_S };
+        assert!(instance.step(step, &mut Silent).is_ok(), "{} s", step.time_s);
+    }
+    assert_eq!(CALLS.get() - before, 0, "calls of the allocator");
+    for name in ["A.contact", "B.contact", "X.contact"] {
+        assert_eq!(instance.get(index(name)), Ok(Value::Boolean(true)), "{name}: the test shows nothing");
+    }
+}
+
+/// Every sample takes another estimate of λ over.
+#[test]
+fn a_step_of_the_controller_of_a_spindle_allocates_nothing() {
+    let kind = magnetic_bearing::fmu::find("SpindleController").expect("it");
+    let mut instance = kind.instantiate();
+    let index = |name: &str| kind.variables().iter().position(|variable| variable.name == name).expect("a variable");
+    for name in ["drive", "update.mode"] {
+        let value = if name == "drive" { 2 } else { 3 };
+        instance.set(index(name), Value::Integer(value)).expect("an item");
+    }
+    for (name, value) in [("F0.modulation", 0.5), ("X.reference.amplitude", 2e-5), ("reference.rampTime", 0.1)] {
+        instance.set(index(name), Value::Real(value)).expect("a value");
+    }
+    instance.start().expect("parameters that are in order");
+    instance.set(index("lambdaValid"), Value::Boolean(true)).expect("an input");
+    let hats =
+        ["A.lambdaHat[1]", "A.lambdaHat[2]", "A.lambdaHat[3]", "B.lambdaHat[1]", "B.lambdaHat[2]", "B.lambdaHat[3]"];
+    let hats = hats.into_iter().chain(["X.lambdaHat[1]", "X.lambdaHat[2]"]).map(index).collect::<Vec<_>>();
+    let reading = index("B.Zm");
+    let before = CALLS.get();
+    for step in 0..STEPS / 50 {
+        for hat in &hats {
+            instance.set(*hat, Value::Real(2e-6 + 1e-9 * (step % 7) as f64)).expect("an input");
+        }
+        instance.set(reading, Value::Real(1e-6 * (step % 5) as f64)).expect("an input");
+        let step = Step { time_s: step as f64 * STEP_S, length_s: STEP_S };
+        assert!(instance.step(step, &mut Silent).is_ok(), "{} s", step.time_s);
+    }
+    assert_eq!(CALLS.get() - before, 0, "calls of the allocator");
+    let used = instance.get(index("X.lambdaUsed[2]")).expect("an output").as_f64();
+    assert!((used - 2e-6).abs() < 1e-8, "{used}: the test shows nothing");
+}
+
 /// Large constant data, such as the kernels of the estimator, are shared between an instance and its snapshots.
 /// Fails if a copy of an estimation copies the estimator.
 #[test]

@@ -51,6 +51,22 @@ pub fn displacement<T: Scalar>(at_m: T, [_, y, z, beta, gamma]: [T; COORDINATES]
     [y + at_m * gamma, z - at_m * beta]
 }
 
+/// The coordinates, or their rates, of a shaft with the axial position x whose axis is displaced by (y, z) at two places ξ in m.
+#[inline]
+pub fn through(x: f64, at_m: [f64; 2], [[y_1, z_1], [y_2, z_2]]: [[f64; 2]; 2]) -> [f64; COORDINATES] {
+    let length_m = at_m[1] - at_m[0];
+    let [gamma, minus_beta] = [(y_2 - y_1) / length_m, (z_2 - z_1) / length_m];
+    [x, y_1 - at_m[0] * gamma, z_1 - at_m[0] * minus_beta, -minus_beta, gamma]
+}
+
+/// The forces (F_y, F_z) at two places ξ in m with a generalised force, in N, apart from its axial part.
+#[inline]
+pub fn shared(at_m: [f64; 2], [_, y, z, beta, gamma]: [f64; COORDINATES]) -> [[f64; 2]; 2] {
+    let length_m = at_m[1] - at_m[0];
+    let [y_2, z_2] = [(gamma - at_m[0] * y) / length_m, (-beta - at_m[0] * z) / length_m];
+    [[y - y_2, z - z_2], [y_2, z_2]]
+}
+
 /// The generalised force of a force (F_y, F_z) at ξ, in N and N·m.
 #[inline]
 pub fn generalised<T: Scalar>(at_m: T, [y, z]: [T; 2]) -> [T; COORDINATES] {

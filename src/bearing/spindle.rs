@@ -237,8 +237,7 @@ impl Spindle {
 
     /// The coordinates `H⁻¹ r`, in m and rad, for readings r in m.
     pub fn coordinates(&self, [a_y, a_z, b_y, b_z, x]: [f64; READINGS]) -> [f64; COORDINATES] {
-        let [at_a, at_b] = [self.config.a.sensor_position_m, self.config.b.sensor_position_m];
-        let [gamma, minus_beta] = [(b_y - a_y) / (at_b - at_a), (b_z - a_z) / (at_b - at_a)];
-        [x, a_y - at_a * gamma, a_z - at_a * minus_beta, -minus_beta, gamma]
+        let at_m = [self.config.a.sensor_position_m, self.config.b.sensor_position_m];
+        shaft::through(x, at_m, [[a_y, a_z], [b_y, b_z]])
     }
 }

@@ -1,79 +1,19 @@
-//! Flatness-based tracking of the reference trajectory with a perturbation observer, sampled.
+//! The controller of the planar rotor: flatness-based tracking of its reference trajectory.
 //!
-//! Per axis, with the reference trajectory Y* and the estimated perturbation p̂,
-//!
-//! ```text
-//! F = m (Ÿ* − k_1 (Ẏ − Ẏ*) − k_0 (Y − Y*)) − p̂
-//! ```
-//!
-//! # Timing
-//!
-//! Sample k measures at `t_k = start + k · T_s`. Its currents act over `[t_{k+1}, t_{k+2})`, because co-simulation delays them
-//! by one sample; the force commanded at sample k − 1 acts during `[t_k, t_{k+1})`. So the measurement corrects the observer at
-//! `t_k`, the force in effect predicts it at `t_{k+1}`, and the feedback is computed there:
-//!
-//! - gains for the sampled double integrator with both poles at `ρ = exp(−ω_c T_s)`;
-//! - feed-forward of the mean acceleration of the reference over `[t_{k+1}, t_{k+2})`, from its velocities at both ends;
-//! - currents for the gaps predicted at the middle of `[t_{k+1}, t_{k+2})`, over which they are held.
-//!
-//! At the first sample the rotor is assumed to be on the reference trajectory: position as measured, velocity of the reference,
-//! perturbation 0. From `t_0` to `t_1`, before the first command acts, no current flows, and the observer uses that.
-//!
-//! # A change of λ
-//!
-//! The currents stay what they are; a new λ assigns new forces to them. The difference of the resultants is added to the
-//! perturbation estimate, so that the sum of force and perturbation does not change. The smallest force starts from that of the
-//! new forces and returns to `F_0` with the time constant [`PRELOAD_S`]. So the currents do not jump.
-//!
-//! Both use the forces commanded at the last sample. With current drive these are the forces in effect. With voltage drive the
-//! forces in effect follow from currents measured at one instant: their noise and the errors of the current loop would enter
-//! the perturbation estimate, and with an estimate that changes at every sample nothing would hold the smallest force at `F_0`.
-//!
-//! Voltage drive is in `voltage.rs`, the modulation of the smallest force in `excitation.rs`.
+//! The control law is that of [`tracking`](crate::control::tracking), with two coordinates, three magnets and one bearing.
 
-mod excitation;
-mod voltage;
-
-pub use voltage::ramp_gains;
+pub use crate::control::tracking::{
+    ControllerError, INSTANT_TOLERANCE, PRELOAD_S, SMALLEST_GAP, UpdateMode, ramp_gains, tracking_gains,
+};
 
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::coil::{CoilConfig, Drive};
-use crate::bearing::magnet::{self, Magnets};
-use crate::control::observer::{Estimate, PerturbationObserver, pole};
-use crate::control::reference::{RefPoint, Reference, ReferenceConfig, ReferenceState, Shape};
+use crate::bearing::magnet::{Geometry, Magnets};
+use crate::control::reference::{Reference, ReferenceConfig, ReferenceState, Shape};
+use crate::control::tracking::{Arrangement, Command, Measured, Names, Tracking, TrackingConfig, TrackingState};
 use crate::invalid::Checks;
 use crate::invalid::Invalid;
-use crate::plant::check_step;
-
-/// Time constant, in s, with which the smallest force returns to `F_0` after a change of λ.
-pub const PRELOAD_S: f64 = 0.01;
-
-/// Below this fraction of the preload, the smallest force does not determine the preload.
-///
-/// In the trough of a full modulation the smallest force is 0 whatever the preload. Forces of 100 N are rounded to 10⁻¹⁴ N;
-/// divided by this fraction, that is still only 10⁻⁸ N of preload.
-const TROUGH: f64 = 1e-6;
-
-/// Lower limit of a predicted gap, as a fraction of the nominal gap.
-///
-/// The currents are then computed for this gap, which keeps them finite, and the output `saturated` is true.
-pub const SMALLEST_GAP: f64 = 0.01;
-
-/// Fraction of the sample time by which a sample may precede the time of the update and still count.
-pub const INSTANT_TOLERANCE: f64 = 1e-3;
-
-/// When the controller uses the estimated λ.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum UpdateMode {
-    /// Never: λ0 throughout.
-    Never,
-    /// Once, at the time of the update or as soon after it as the estimate is valid, as in the paper.
-    #[default]
-    AtTime,
-    /// At every sample at which it is valid, from the start.
-    WhenValid,
-}
 
 /// Configuration of the controller.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -182,34 +122,7 @@ pub struct ControllerOutput {
 /// State of a [`Controller`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ControllerState {
-    /// Number of samples taken.
-    pub samples: u64,
-    /// Start time, in s.
-    start_s: f64,
-    /// Predictions of the observers for the next sample, (y, z).
-    expected: [Estimate; 2],
-    /// Forces of the magnets from the next sample on, by the model, in N; with voltage drive those at the last sample.
-    in_effect_n: [f64; 3],
-    /// Forces of the magnets commanded at the last sample, in N.
-    asked_n: [f64; 3],
-    /// Voltages from the next sample on, in V.
-    voltage_v: [f64; 3],
-    /// Currents commanded for the next sample, in A, with voltage drive.
-    planned_a: [f64; 3],
-    /// λ in use, in N·m²/A².
-    lambda_nm2_a2: [f64; 3],
-    /// Whether the estimate has been taken over, in [`UpdateMode::AtTime`].
-    updated: bool,
-    /// Smallest force commanded, without modulation, in N.
-    preload_n: f64,
-    /// `1 + a sin 2πφ` at the last sample.
-    modulation_factor: f64,
-    /// φ at the sample at which f last changed, in revolutions, in [0, 1).
-    base_rev: f64,
-    /// Number of that sample.
-    base_sample: u64,
-    /// f since then, in Hz.
-    modulation_hz: f64,
+    law: TrackingState<2, 3, 1>,
     reference: ReferenceState,
 }
 
@@ -227,8 +140,8 @@ impl ControllerState {
     /// `[x, v, d]` of y and of z, forces and voltages in effect, planned currents.
     pub(crate) fn unknowns(&self) -> [f64; UNKNOWNS] {
         let mut all = [0.0; UNKNOWNS];
-        let parts =
-            self.expected.iter().flatten().chain(&self.in_effect_n).chain(&self.voltage_v).chain(&self.planned_a);
+        let law = &self.law;
+        let parts = law.expected.iter().flatten().chain(&law.in_effect_n).chain(&law.voltage_v).chain(&law.planned_a);
         for (place, value) in all.iter_mut().zip(parts) {
             *place = *value;
         }
@@ -237,65 +150,50 @@ impl ControllerState {
 
     /// Sets the components that [`unknowns`](Self::unknowns) returns.
     pub(crate) fn set_unknowns(&mut self, all: [f64; UNKNOWNS]) {
-        let parts = self.expected.iter_mut().flatten();
-        let parts = parts.chain(&mut self.in_effect_n).chain(&mut self.voltage_v).chain(&mut self.planned_a);
+        let law = &mut self.law;
+        let parts = law.expected.iter_mut().flatten();
+        let parts = parts.chain(&mut law.in_effect_n).chain(&mut law.voltage_v).chain(&mut law.planned_a);
         for (place, value) in parts.zip(all) {
             *place = value;
         }
     }
 }
 
-/// Result of a sample.
-struct Command {
-    current_a: [f64; 3],
-    voltage_v: [f64; 3],
-    force_n: [f64; 2],
-    saturated: bool,
-    limited: bool,
+/// A rotor between three magnets.
+#[derive(Clone, Debug, PartialEq)]
+struct PlanarRotor {
+    m_kg: f64,
+    magnets: Magnets,
 }
 
-/// Why a sample was refused. The state is unchanged, and there are no new currents.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ControllerError {
-    /// An input is not finite.
-    #[error("the input {name} is not finite: {value}")]
-    Input {
-        /// Name of the input as in the interface.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// The inputs are finite, but so large that the results are not.
-    #[error("sample {sample} leads to currents or estimates that are not finite")]
-    Overflow {
-        /// Number of the sample, from 0.
-        sample: u64,
-    },
+impl Arrangement<2, 3, 1> for PlanarRotor {
+    const NAMES: Names<3, 1> = Names {
+        lambda0: ["lambda0[1]", "lambda0[2]", "lambda0[3]"],
+        current: ["im[1]", "im[2]", "im[3]"],
+        f0: ["F0"],
+        modulation_hz: ["F0.modulationFrequency"],
+    };
+    const BEARING: [usize; 3] = [0; 3];
+
+    fn geometry(&self) -> &Geometry {
+        self.magnets.geometry()
+    }
+
+    fn inertia(&self) -> [f64; 2] {
+        [self.m_kg; 2]
+    }
+
+    fn allocate(&self, force_n: [f64; 2], [smallest_n]: [f64; 1]) -> [f64; 3] {
+        self.magnets.allocate(force_n, smallest_n)
+    }
 }
 
 /// A validated controller.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Controller {
     config: ControllerConfig,
-    magnets: Magnets,
-    observer: PerturbationObserver,
+    law: Tracking<PlanarRotor, 2, 3, 1>,
     reference: Reference,
-    /// `[k_0, k_1]` in 1/s² and 1/s.
-    gains: [f64; 2],
-    /// `[k_0, k_1, k_2]` in 1/s², 1/s and 1, with voltage drive.
-    ramp_gains: [f64; 3],
-    /// `ρ_i`.
-    decay: f64,
-    /// Fraction of the way to `F_0` that the smallest force covers per sample.
-    relax: f64,
-}
-
-/// `[k_0, k_1]`, in 1/s² and 1/s, that put both poles of the sampled double integrator at `ρ = exp(−ω T_s)`.
-///
-/// `k_0 = (1 − ρ)²/T_s²`, `k_1 = (1 − ρ)(3 + ρ)/(2 T_s)`.
-pub fn tracking_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 2] {
-    let (rho, q) = pole(bandwidth_rad_s, step_s);
-    [q * q / (step_s * step_s), q * (3.0 + rho) / (2.0 * step_s)]
 }
 
 impl Controller {
@@ -308,29 +206,23 @@ impl Controller {
         let mut checks = Checks::default();
         checks.positive("m", config.m_kg, "kg");
         let magnets = Magnets::checked(config.gap_m, config.alpha_rad, &mut checks);
-        check_step("Ts", config.step_s, &mut checks);
-        for (name, lambda) in ["lambda0[1]", "lambda0[2]", "lambda0[3]"].into_iter().zip(config.lambda0_nm2_a2) {
-            checks.positive(name, lambda, "N.m2/A2");
-        }
-        checks.not_negative("F0", config.f0_n, "N");
-        excitation::check(config.modulation, config.modulation_hz, config.step_s, &mut checks);
-        checks.positive("bandwidth.tracking", config.tracking_rad_s, "rad/s");
-        checks.positive("bandwidth.observer", config.observer_rad_s, "rad/s");
-        checks.positive("bandwidth.current", config.current_rad_s, "rad/s");
-        config.coil.check([config.gap_m; 3], config.lambda0_nm2_a2, &mut checks);
-        checks.finite("update.time", config.update_time_s, "s");
+        let law = TrackingConfig {
+            step_s: config.step_s,
+            lambda0_nm2_a2: config.lambda0_nm2_a2,
+            f0_n: [config.f0_n],
+            modulation: config.modulation,
+            modulation_hz: [config.modulation_hz],
+            tracking_rad_s: config.tracking_rad_s,
+            observer_rad_s: config.observer_rad_s,
+            current_rad_s: config.current_rad_s,
+            coil: config.coil.clone(),
+            update: config.update,
+            update_time_s: config.update_time_s,
+        };
+        let law = Tracking::checked(law, PlanarRotor { m_kg: config.m_kg, magnets: magnets.clone() }, &mut checks);
         let reference = Reference::checked(config.reference.clone(), config.step_s, &magnets, &mut checks);
         checks.finish()?;
-        Ok(Self {
-            magnets,
-            observer: PerturbationObserver::new(config.observer_rad_s, config.step_s),
-            reference,
-            gains: tracking_gains(config.tracking_rad_s, config.step_s),
-            ramp_gains: ramp_gains(config.tracking_rad_s, config.step_s),
-            decay: pole(config.current_rad_s, config.step_s).0,
-            relax: -libm::expm1(-config.step_s / PRELOAD_S),
-            config,
-        })
+        Ok(Self { config, law, reference })
     }
 
     /// The configuration, including the last retuning.
@@ -338,35 +230,27 @@ impl Controller {
         &self.config
     }
 
+    /// Changes the modulation of the smallest force: `modulation` as a fraction of `F_0`, its frequency in Hz.
+    ///
+    /// The phase is continuous.
+    ///
+    /// # Errors
+    /// `F0.modulation` outside 0 to 1; `F0.modulationFrequency` unless it is above 0 and at most half the sample rate. The
+    /// former values then remain.
+    pub fn retune(&mut self, modulation: f64, modulation_hz: f64) -> Result<(), Vec<Invalid>> {
+        self.law.retune(modulation, [modulation_hz])?;
+        (self.config.modulation, self.config.modulation_hz) = (modulation, modulation_hz);
+        Ok(())
+    }
+
     /// The state before the first sample, which is due at `start_s`, in s.
     pub fn start(&self, start_s: f64) -> ControllerState {
-        ControllerState {
-            samples: 0,
-            start_s,
-            expected: [[0.0; 3]; 2],
-            in_effect_n: [0.0; 3],
-            asked_n: [0.0; 3],
-            voltage_v: [0.0; 3],
-            planned_a: [0.0; 3],
-            lambda_nm2_a2: self.config.lambda0_nm2_a2,
-            updated: false,
-            preload_n: self.config.f0_n,
-            modulation_factor: 1.0,
-            base_rev: self.first_phase_rev(),
-            base_sample: 0,
-            modulation_hz: self.config.modulation_hz,
-            reference: self.reference.start(),
-        }
+        ControllerState { law: self.law.start(start_s), reference: self.reference.start() }
     }
 
     /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
     pub fn accepts(&self, state: &ControllerState) -> bool {
-        let lists = state.expected.iter().flatten().chain(&state.in_effect_n).chain(&state.lambda_nm2_a2);
-        let lists = lists.chain(&state.asked_n).chain(&state.voltage_v).chain(&state.planned_a);
-        let modulation = [&state.modulation_factor, &state.base_rev, &state.modulation_hz];
-        let numbers = lists.chain([&state.start_s, &state.preload_n]).chain(modulation);
-        let counts = state.base_sample < state.samples.max(1) && state.samples < u64::MAX;
-        self.reference.accepts(&state.reference) && counts && numbers.copied().all(f64::is_finite)
+        self.reference.accepts(&state.reference) && self.law.accepts(&state.law)
     }
 
     /// The outputs before the first sample: no current, the first guess of λ, and the begin of the reference.
@@ -382,7 +266,7 @@ impl Controller {
 
     /// When the next sample is due, in s: start + count · T_s.
     pub fn due_s(&self, state: &ControllerState) -> f64 {
-        state.start_s + state.samples as f64 * self.config.step_s
+        self.law.due_s(&state.law)
     }
 
     /// Processes the sample that is due.
@@ -397,157 +281,53 @@ impl Controller {
     ) -> Result<ControllerOutput, ControllerError> {
         self.check_input(input)?;
         let mut next = state.clone();
-        let output = self.next(&mut next, input);
-        let estimates = next.expected.iter().flatten().chain(&next.in_effect_n).chain(&output.current_a);
-        let coils = output.voltage_v.iter().chain(&next.planned_a);
-        let outputs = output.force_n.iter().chain(&output.perturbation_n).chain(&output.tracking_error_m);
-        if !estimates.chain(outputs).chain(coils).all(|value| value.is_finite()) {
-            return Err(ControllerError::Overflow { sample: state.samples });
+        if next.law.samples == 0 {
+            self.reference.begin(&mut next.reference, input.position_m);
         }
-        *state = next;
-        Ok(output)
-    }
-
-    fn next(&self, state: &mut ControllerState, input: &ControllerInput) -> ControllerOutput {
-        let step_s = self.config.step_s;
-        let first = state.samples == 0;
-
-        if first {
-            self.reference.begin(&mut state.reference, input.position_m);
-        }
-        self.reference.sample(&mut state.reference, input.omega_rad_s, input.reference_m);
-        let here = self.reference.ahead(&state.reference, 0.0);
-        let begin = self.reference.ahead(&state.reference, step_s);
-        let end = self.reference.ahead(&state.reference, 2.0 * step_s);
+        self.reference.sample(&mut next.reference, input.omega_rad_s, input.reference_m);
+        let course = [0.0, 1.0, 2.0].map(|samples| self.reference.ahead(&next.reference, samples * self.config.step_s));
         // The tracking error refers to the reference itself, not to an observer's estimate of it.
         let reference_m = match self.config.reference.shape {
             Shape::External => input.reference_m,
-            _ => here.map(|point| point.position_m),
+            _ => course[0].map(|point| point.position_m),
         };
-
-        let mut estimate: [Estimate; 2] = std::array::from_fn(|a| {
-            if first {
-                [input.position_m[a], here[a].velocity_m_s, 0.0]
-            } else {
-                self.observer.update(state.expected[a], input.position_m[a])
-            }
-        });
-        let voltage = self.config.coil.drive == Drive::Voltage;
-        let floor_m = SMALLEST_GAP * self.config.gap_m;
-        let gap_m = self.magnets.gaps(estimate.map(|[x, ..]| x)).map(|gap| gap.max(floor_m));
-        if voltage {
-            state.in_effect_n = magnet::forces(state.lambda_nm2_a2, input.current_a, gap_m);
+        let tracking_error_m: [f64; 2] = std::array::from_fn(|a| input.position_m[a] - reference_m[a]);
+        if !tracking_error_m.iter().all(|error| error.is_finite()) {
+            return Err(ControllerError::Overflow { sample: state.law.samples });
         }
-        self.update_lambda(state, &mut estimate, input);
-        state.preload_n += self.relax * (self.config.f0_n - state.preload_n);
-        state.modulation_factor = self.modulate(state);
-
-        let command = match voltage {
-            true => self.voltages(state, &estimate, input.current_a, gap_m, [begin, end]),
-            false => self.currents(state, &estimate, [begin, end]),
+        let measured = Measured {
+            coordinates: input.position_m,
+            current_a: input.current_a,
+            lambda_hat_nm2_a2: input.lambda_hat_nm2_a2,
+            lambda_valid: input.lambda_valid,
+            omega_rad_s: input.omega_rad_s,
         };
-        state.samples += 1;
-        let Command { current_a, voltage_v, force_n, saturated, limited } = command;
-
-        ControllerOutput {
+        let Command { current_a, voltage_v, force, perturbation, saturated, limited } =
+            self.law.sample(&mut next.law, &measured, &course)?;
+        *state = next;
+        Ok(ControllerOutput {
             current_a,
             voltage_v,
-            tracking_error_m: std::array::from_fn(|a| input.position_m[a] - reference_m[a]),
-            perturbation_n: estimate.map(|[_, _, d]| self.config.m_kg * d),
-            lambda_used_nm2_a2: state.lambda_nm2_a2,
-            force_n,
+            tracking_error_m,
+            perturbation_n: perturbation,
+            lambda_used_nm2_a2: state.law.lambda_nm2_a2,
+            force_n: force,
             reference_m,
-            reference_ahead_m: begin.map(|point| point.position_m),
+            reference_ahead_m: course[1].map(|point| point.position_m),
             saturated,
             limited,
-        }
-    }
-
-    /// Currents to hold over the sample time that begins at the next sample, with the reference at its begin and end.
-    fn currents(
-        &self,
-        state: &mut ControllerState,
-        estimate: &[Estimate; 2],
-        [begin, end]: [[RefPoint; 2]; 2],
-    ) -> Command {
-        let m = self.config.m_kg;
-        let step_s = self.config.step_s;
-        let in_effect_n = self.magnets.resultant(state.in_effect_n);
-        let [k_0, k_1] = self.gains;
-        let mut force_n = [0.0; 2];
-        let mut middle_m = [0.0; 2];
-        for a in 0..2 {
-            let expected = self.observer.predict(estimate[a], in_effect_n[a] / m);
-            let [x, v, d] = expected;
-            let feedforward = (end[a].velocity_m_s - begin[a].velocity_m_s) / step_s;
-            let acceleration = feedforward - k_1 * (v - begin[a].velocity_m_s) - k_0 * (x - begin[a].position_m);
-            force_n[a] = m * (acceleration - d);
-            middle_m[a] = self.observer.predict_by(expected, acceleration - d, 0.5 * step_s)[0];
-            state.expected[a] = expected;
-        }
-        let wanted_n = self.magnets.allocate(force_n, state.preload_n * state.modulation_factor);
-        let floor_m = SMALLEST_GAP * self.config.gap_m;
-        let predicted_m = self.magnets.gaps(middle_m);
-        let saturated = predicted_m.iter().any(|gap| *gap < floor_m);
-        let current_a = magnet::currents(wanted_n, predicted_m.map(|gap| gap.max(floor_m)), state.lambda_nm2_a2);
-        state.in_effect_n = wanted_n;
-        state.asked_n = wanted_n;
-        Command { current_a, voltage_v: [0.0; 3], force_n, saturated, limited: false }
-    }
-
-    /// Uses the estimated λ when it is due, and adds the difference in force to the perturbation estimate.
-    fn update_lambda(&self, state: &mut ControllerState, estimate: &mut [Estimate; 2], input: &ControllerInput) {
-        let hat = input.lambda_hat_nm2_a2;
-        let usable = input.lambda_valid && hat.iter().all(|lambda| lambda.is_finite() && *lambda > 0.0);
-        let before = state.lambda_nm2_a2;
-        let after = match self.config.update {
-            UpdateMode::AtTime if usable && !state.updated && self.update_is_due(state) => {
-                state.updated = true;
-                hat
-            }
-            UpdateMode::WhenValid if usable => hat,
-            _ => return,
-        };
-        state.lambda_nm2_a2 = after;
-        if state.samples == 0 || after == before {
-            // No current flows yet, or nothing changes.
-            return;
-        }
-        let old_n = self.magnets.resultant(state.asked_n);
-        // Currents and gaps are unchanged, so P(4) scales with the ratio of the λ.
-        for k in 0..3 {
-            state.in_effect_n[k] *= after[k] / before[k];
-            state.asked_n[k] *= after[k] / before[k];
-        }
-        let new_n = self.magnets.resultant(state.asked_n);
-        for a in 0..2 {
-            estimate[a][2] += (old_n[a] - new_n[a]) / self.config.m_kg;
-        }
-        if state.modulation_factor > TROUGH {
-            let [f_1, f_2, f_3] = state.asked_n;
-            state.preload_n = f_1.min(f_2).min(f_3) / state.modulation_factor;
-        }
-    }
-
-    fn update_is_due(&self, state: &ControllerState) -> bool {
-        self.due_s(state) >= self.config.update_time_s - INSTANT_TOLERANCE * self.config.step_s
+        })
     }
 
     fn check_input(&self, input: &ControllerInput) -> Result<(), ControllerError> {
-        let finite = |name, value: f64| {
-            if value.is_finite() { Ok(()) } else { Err(ControllerError::Input { name, value }) }
-        };
-        finite("Ym", input.position_m[0])?;
-        finite("Zm", input.position_m[1])?;
-        finite("reference.omega", input.omega_rad_s)?;
+        let [y, z] = input.position_m;
+        ControllerError::check([("Ym", y), ("Zm", z), ("reference.omega", input.omega_rad_s)])?;
         if self.config.coil.drive == Drive::Voltage {
-            for (name, value) in ["im[1]", "im[2]", "im[3]"].into_iter().zip(input.current_a) {
-                finite(name, value)?;
-            }
+            ControllerError::check(PlanarRotor::NAMES.current.into_iter().zip(input.current_a))?;
         }
         if self.config.reference.shape == Shape::External {
-            finite("Yref", input.reference_m[0])?;
-            finite("Zref", input.reference_m[1])?;
+            let [y, z] = input.reference_m;
+            ControllerError::check([("Yref", y), ("Zref", z)])?;
         }
         Ok(())
     }

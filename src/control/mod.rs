@@ -4,8 +4,13 @@
 //!
 //! - [`mod@reference`]: the trajectory of the flat output and its derivatives;
 //! - [`observer`]: position, velocity and perturbation from sampled positions;
-//! - [`controller`]: the tracking law, for current and for voltage drive, and the excitation.
+//! - [`tracking`]: the control law, for current and for voltage drive, and the excitation: for any number of coordinates and
+//!   magnets;
+//! - [`controller`]: the controller of the planar rotor;
+//! - [`spindle`]: the controller of a shaft with five coordinates.
 
 pub mod controller;
 pub mod observer;
 pub mod reference;
+pub mod spindle;
+pub mod tracking;

@@ -127,6 +127,13 @@ impl Default for ReferenceConfig {
     }
 }
 
+impl ReferenceConfig {
+    fn transition(&self) -> Transition {
+        let &Self { start_s, ramp_s, lift_s, .. } = self;
+        Transition { start_s, ramp_s, lift_s }
+    }
+}
+
 /// One axis of the reference trajectory at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RefPoint {
@@ -171,9 +178,42 @@ fn rise(t_s: f64, length_s: f64) -> [f64; 3] {
     ]
 }
 
-/// State of a [`Reference`].
+/// The transition of the module: from the first measured position to the curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Transition {
+    /// Time after the first sample at which the curve begins to grow, in s.
+    pub start_s: f64,
+    /// Duration of the growth, in s.
+    pub ramp_s: f64,
+    /// Duration of the lift, in s.
+    pub lift_s: f64,
+}
+
+impl Transition {
+    /// Reports errors in `checks`.
+    pub fn check(self, checks: &mut Checks) {
+        checks.not_negative("reference.startTime", self.start_s, "s");
+        checks.not_negative("reference.rampTime", self.ramp_s, "s");
+        checks.not_negative("reference.liftTime", self.lift_s, "s");
+    }
+
+    /// The reference `t_s` after the first sample, at which the coordinates were `first`.
+    pub fn apply<const N: usize>(self, curve: [RefPoint; N], first: [f64; N], t_s: f64) -> [RefPoint; N] {
+        let Self { start_s, ramp_s, lift_s } = self;
+        if [start_s, ramp_s, lift_s] == [0.0; 3] {
+            return curve;
+        }
+        let grown = rise(t_s - start_s, ramp_s);
+        let left = if lift_s > 0.0 { rise(t_s, lift_s) } else { [1.0, 0.0, 0.0] };
+        std::array::from_fn(|a| curve[a].grown(grown).from(first[a], left))
+    }
+}
+
+/// The angle θ = ∫ω dt of a sampled reference, which starts at 0.
+///
+/// It is base + ω·(count · T_s), with a new base when ω changes, so that it does not drift.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ReferenceState {
+pub(super) struct Turning {
     /// Number of samples taken.
     samples: u64,
     /// θ at the sample at which ω changed last, in rad.
@@ -184,6 +224,59 @@ pub struct ReferenceState {
     omega_rad_s: f64,
     /// θ at the last sample, in rad.
     theta_rad: f64,
+}
+
+impl Turning {
+    /// Before the first sample.
+    pub fn start(omega_rad_s: f64) -> Self {
+        Self { samples: 0, base_rad: 0.0, base_sample: 0, omega_rad_s, theta_rad: 0.0 }
+    }
+
+    /// Whether an angle, for instance one read from a file, is consistent: finite numbers, counts in order.
+    pub fn is_consistent(&self) -> bool {
+        self.base_sample <= self.samples
+            && self.samples < u64::MAX
+            && [self.base_rad, self.omega_rad_s, self.theta_rad].into_iter().all(f64::is_finite)
+    }
+
+    /// Moves on to the next sample; ω holds from this sample on.
+    pub fn sample(&mut self, omega_rad_s: f64, step_s: f64) {
+        let since_base_s = (self.samples - self.base_sample) as f64 * step_s;
+        self.theta_rad = self.base_rad + self.omega_rad_s * since_base_s;
+        if omega_rad_s != self.omega_rad_s {
+            self.base_rad = self.theta_rad;
+            self.base_sample = self.samples;
+            self.omega_rad_s = omega_rad_s;
+        }
+        self.samples += 1;
+    }
+
+    /// Number of samples taken.
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
+    /// Angular velocity at the last sample, in rad/s.
+    pub fn omega_rad_s(&self) -> f64 {
+        self.omega_rad_s
+    }
+
+    /// θ a time after the last sample, in rad.
+    pub fn ahead_rad(&self, ahead_s: f64) -> f64 {
+        self.theta_rad + self.omega_rad_s * ahead_s
+    }
+
+    /// Time since the first sample, a time after the last one, in s.
+    pub fn since_first_s(&self, ahead_s: f64, step_s: f64) -> f64 {
+        (self.samples.max(1) - 1) as f64 * step_s + ahead_s
+    }
+}
+
+/// State of a [`Reference`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReferenceState {
+    /// θ.
+    turning: Turning,
     /// First measured position, (y, z), in m.
     first_m: [f64; 2],
     /// Estimate of the external reference of each axis at the last sample.
@@ -222,9 +315,7 @@ impl Reference {
             format!("a number up to {MOST_LOBES}"),
         );
         checks.finite("reference.lobeAmplitude", config.lobe_amplitude_m, "m");
-        checks.not_negative("reference.startTime", config.start_s, "s");
-        checks.not_negative("reference.rampTime", config.ramp_s, "s");
-        checks.not_negative("reference.liftTime", config.lift_s, "s");
+        config.transition().check(checks);
         check_contour(&config.contour, checks);
         checks.finite("reference.omega", config.omega_rad_s, "rad/s");
         checks.positive("bandwidth.reference", config.bandwidth_rad_s, "rad/s");
@@ -241,11 +332,7 @@ impl Reference {
     /// Before the first sample: θ = 0, an external reference at rest.
     pub fn start(&self) -> ReferenceState {
         ReferenceState {
-            samples: 0,
-            base_rad: 0.0,
-            base_sample: 0,
-            omega_rad_s: self.config.omega_rad_s,
-            theta_rad: 0.0,
+            turning: Turning::start(self.config.omega_rad_s),
             first_m: [0.0; 2],
             signal: [Signal::default(); 2],
         }
@@ -253,32 +340,22 @@ impl Reference {
 
     /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
     pub fn accepts(&self, state: &ReferenceState) -> bool {
-        let angles = [state.base_rad, state.omega_rad_s, state.theta_rad];
-        let numbers = angles.iter().chain(&state.first_m).chain(state.signal.iter().flat_map(|signal| &signal.0));
-        state.base_sample <= state.samples && state.samples < u64::MAX && numbers.copied().all(f64::is_finite)
+        let numbers = state.first_m.iter().chain(state.signal.iter().flat_map(|signal| &signal.0));
+        state.turning.is_consistent() && numbers.copied().all(f64::is_finite)
     }
 
     /// Moves on to the next sample: `omega_rad_s` holds from this sample on, `external_m` is (Yref, Zref) at it, in m, used by
     /// [`Shape::External`] only.
     ///
-    /// θ = ∫ω dt is base + ω·(count · T_s), with a new base when ω changes, so that it does not drift. An external reference
-    /// starts at rest at its first sample.
+    /// An external reference starts at rest at its first sample.
     pub fn sample(&self, state: &mut ReferenceState, omega_rad_s: f64, external_m: [f64; 2]) {
-        let first = state.samples == 0;
-        let sample = state.samples;
-        let since_base_s = (sample - state.base_sample) as f64 * self.step_s;
-        state.theta_rad = state.base_rad + state.omega_rad_s * since_base_s;
-        if omega_rad_s != state.omega_rad_s {
-            state.base_rad = state.theta_rad;
-            state.base_sample = sample;
-            state.omega_rad_s = omega_rad_s;
-        }
+        let first = state.turning.samples() == 0;
+        state.turning.sample(omega_rad_s, self.step_s);
         if self.config.shape == Shape::External {
             for (signal, value_m) in state.signal.iter_mut().zip(external_m) {
                 *signal = if first { Signal([value_m, 0.0, 0.0, 0.0]) } else { self.observer.update(*signal, value_m) };
             }
         }
-        state.samples += 1;
     }
 
     /// Sets the first measured position, (y, z), in m, at which a lift begins.
@@ -292,15 +369,9 @@ impl Reference {
     pub fn ahead(&self, state: &ReferenceState, ahead_s: f64) -> [RefPoint; 2] {
         match self.config.shape {
             Shape::Ellipse | Shape::Lobes | Shape::Fourier => {
-                let curve = self.point(state.theta_rad + state.omega_rad_s * ahead_s, state.omega_rad_s);
-                let ReferenceConfig { start_s, ramp_s, lift_s, .. } = self.config;
-                if [start_s, ramp_s, lift_s] == [0.0; 3] {
-                    return curve;
-                }
-                let t_s = (state.samples.max(1) - 1) as f64 * self.step_s + ahead_s;
-                let grown = rise(t_s - start_s, ramp_s);
-                let left = if lift_s > 0.0 { rise(t_s, lift_s) } else { [1.0, 0.0, 0.0] };
-                std::array::from_fn(|a| curve[a].grown(grown).from(state.first_m[a], left))
+                let curve = self.point(state.turning.ahead_rad(ahead_s), state.turning.omega_rad_s());
+                let t_s = state.turning.since_first_s(ahead_s, self.step_s);
+                self.config.transition().apply(curve, state.first_m, t_s)
             }
             Shape::External => state.signal.map(|signal| {
                 let [position_m, velocity_m_s, acceleration_m_s2, _] = signal.ahead(ahead_s).0;
@@ -311,7 +382,7 @@ impl Reference {
 
     /// θ at the last sample, in rad.
     pub fn theta_rad(&self, state: &ReferenceState) -> f64 {
-        state.theta_rad
+        state.turning.ahead_rad(0.0)
     }
 
     /// The curve, (y, z), at the angle `theta_rad` and the constant angular velocity `omega_rad_s`.
@@ -354,16 +425,21 @@ impl Reference {
 }
 
 /// Refuses a curve that may touch a magnet.
-///
-/// Towards the direction e the ellipse extends to `√((r_Y e_y)² + (r_Z e_z)²)`, the lobes at most `|a|` further.
 fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks) {
-    let a = match config.shape {
+    let lobes_m = match config.shape {
         Shape::External => return,
         Shape::Fourier => return check_contour_reach(&config.contour, magnets, checks),
         Shape::Ellipse => 0.0,
-        Shape::Lobes => config.lobe_amplitude_m.abs(),
+        Shape::Lobes => config.lobe_amplitude_m,
     };
-    let [r_y, r_z] = [config.r_y_m, config.r_z_m];
+    check_ellipse_reach([config.r_y_m, config.r_z_m], lobes_m, magnets, checks);
+}
+
+/// Refuses an ellipse with lobes that may touch a magnet.
+///
+/// Towards the direction e the ellipse extends to `√((r_Y e_y)² + (r_Z e_z)²)`, the lobes at most `|a|` further.
+pub(super) fn check_ellipse_reach([r_y, r_z]: [f64; 2], lobes_m: f64, magnets: &Magnets, checks: &mut Checks) {
+    let a = lobes_m.abs();
     let s = magnets.gap_m();
     // Do not report again what follows from a value already refused.
     if ![r_y, r_z, a, s].iter().all(|value| value.is_finite() && *value >= 0.0) || s == 0.0 {
@@ -374,7 +450,7 @@ fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks)
         let reach = (y * y + z * z).sqrt() + a;
         if reach >= s {
             let (name, value) = if a >= y.abs() && a >= z.abs() {
-                ("reference.lobeAmplitude", config.lobe_amplitude_m)
+                ("reference.lobeAmplitude", lobes_m)
             } else if y.abs() >= z.abs() {
                 ("reference.rY", r_y)
             } else {

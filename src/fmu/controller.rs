@@ -1,8 +1,10 @@
 //! `FlatnessController`: reference, tracking law, perturbation observer, force allocation and current loop.
 
+use std::fmt;
+
 use fmu_export::log::{Digits, Log, Topic};
 use fmu_export::unit::{AMPERE, HERTZ, METRE, NEWTON, ONE, RADIAN_PER_SECOND, SECOND, VOLT};
-use fmu_export::variable::{Enumeration, Row, Table, Value};
+use fmu_export::variable::{Access, Enumeration, Row, Table, Value};
 use fmu_export::{Info, Invalid, SampledModel, StepError, place};
 use serde::{Deserialize, Serialize};
 
@@ -113,43 +115,13 @@ fn table() -> Vec<Row<Values>> {
             .nominal(100.0)
             .description("Frequency of the modulation, at most half the sample rate"),
     );
-    rows.push(
-        Row::real("bandwidth.tracking", place!(Values.config.tracking_rad_s), RADIAN_PER_SECOND, 1000.0)
-            .fixed()
-            .min(0.0)
-            .nominal(1000.0)
-            .display_unit("Hz")
-            .description("Poles of the tracking error"),
-    );
-    rows.push(
-        Row::real("bandwidth.observer", place!(Values.config.observer_rad_s), RADIAN_PER_SECOND, 4000.0)
-            .fixed()
-            .min(0.0)
-            .nominal(1000.0)
-            .display_unit("Hz")
-            .description("Poles of the perturbation observer"),
-    );
-    rows.push(
-        Row::real("bandwidth.current", place!(Values.config.current_rad_s), RADIAN_PER_SECOND, 5000.0)
-            .fixed()
-            .min(0.0)
-            .nominal(1000.0)
-            .display_unit("Hz")
-            .description("Pole of the current error with drive = voltage"),
-    );
-    rows.push(
-        Row::choice("update.mode", place!(Values.update_mode), &UPDATE_MODE, 2)
-            .fixed()
-            .description("When the estimated force constants are taken over"),
-    );
-    rows.push(
-        Row::real("update.time", place!(Values.config.update_time_s), SECOND, 0.2)
-            .fixed()
-            .display_unit("ms")
-            .description(
-                "Time of the update with update.mode = atTime: absolute simulation time, not time since the start",
-            ),
-    );
+    rows.extend(bandwidth(
+        place!(Values.config.tracking_rad_s),
+        place!(Values.config.observer_rad_s),
+        place!(Values.config.current_rad_s),
+        [1000.0, 4000.0, 5000.0],
+    ));
+    rows.extend(update(place!(Values.update_mode), place!(Values.config.update_time_s)));
     rows.push(
         Row::choice("reference.shape", place!(Values.shape), &SHAPE, 1)
             .fixed()
@@ -180,19 +152,11 @@ fn table() -> Vec<Row<Values>> {
             .description("Amplitude of the lobes with shape = lobes"),
     );
     rows.extend(contour());
-    rows.extend(
-        [
-            Row::real("reference.startTime", place!(Values.config.reference.start_s), SECOND, 0.0).description(
-                "Time after the first sample at which the reference trajectory begins to grow out of the centre",
-            ),
-            Row::real("reference.rampTime", place!(Values.config.reference.ramp_s), SECOND, 0.0)
-                .description("Time in which the reference trajectory grows to its full size; 0 for a step"),
-            Row::real("reference.liftTime", place!(Values.config.reference.lift_s), SECOND, 0.0).description(
-                "Time in which the rotor is brought from its first measured position to the centre; 0 for none",
-            ),
-        ]
-        .map(|row| row.fixed().min(0.0).nominal(0.1).display_unit("ms")),
-    );
+    rows.extend(transition(
+        place!(Values.config.reference.start_s),
+        place!(Values.config.reference.ramp_s),
+        place!(Values.config.reference.lift_s),
+    ));
     rows.push(
         Row::real("bandwidth.reference", place!(Values.config.reference.bandwidth_rad_s), RADIAN_PER_SECOND, 4000.0)
             .fixed()
@@ -270,6 +234,79 @@ fn table() -> Vec<Row<Values>> {
             .description("Whether a voltage command is at the limit, with drive = voltage"),
     );
     rows
+}
+
+/// Poles of tracking error, perturbation observer and current loop.
+pub(super) fn bandwidth<D>(
+    tracking: Access<D, f64>,
+    observer: Access<D, f64>,
+    current: Access<D, f64>,
+    starts: [f64; 3],
+) -> impl Iterator<Item = Row<D>> {
+    [
+        Row::real("bandwidth.tracking", tracking, RADIAN_PER_SECOND, starts[0])
+            .description("Poles of the tracking error"),
+        Row::real("bandwidth.observer", observer, RADIAN_PER_SECOND, starts[1])
+            .description("Poles of the perturbation observer"),
+        Row::real("bandwidth.current", current, RADIAN_PER_SECOND, starts[2])
+            .description("Pole of the current error with drive = voltage"),
+    ]
+    .into_iter()
+    .map(|row| row.fixed().min(0.0).nominal(1000.0).display_unit("Hz"))
+}
+
+/// When the estimated force constants are taken over.
+pub(super) fn update<D>(mode: Access<D, i32>, time: Access<D, f64>) -> impl Iterator<Item = Row<D>> {
+    [
+        Row::choice("update.mode", mode, &UPDATE_MODE, 2)
+            .fixed()
+            .description("When the estimated force constants are taken over"),
+        Row::real("update.time", time, SECOND, 0.2).fixed().display_unit("ms").description(
+            "Time of the update with update.mode = atTime: absolute simulation time, not time since the start",
+        ),
+    ]
+    .into_iter()
+}
+
+/// How the rotor is brought onto the reference trajectory.
+pub(super) fn transition<D>(
+    start: Access<D, f64>,
+    ramp: Access<D, f64>,
+    lift: Access<D, f64>,
+) -> impl Iterator<Item = Row<D>> {
+    [
+        Row::real("reference.startTime", start, SECOND, 0.0).description(
+            "Time after the first sample at which the reference trajectory begins to grow out of the centre",
+        ),
+        Row::real("reference.rampTime", ramp, SECOND, 0.0)
+            .description("Time in which the reference trajectory grows to its full size; 0 for a step"),
+        Row::real("reference.liftTime", lift, SECOND, 0.0).description(
+            "Time in which the rotor is brought from its first measured position to the centre; 0 for none",
+        ),
+    ]
+    .into_iter()
+    .map(|row| row.fixed().min(0.0).nominal(0.1).display_unit("ms"))
+}
+
+/// Logs that force constants have been replaced.
+pub(super) fn log_update<const K: usize>(log: &mut dyn Log, instant_s: f64, used: &[f64; K], now: &[f64; K]) {
+    let (at_s, used, now) = (Digits::<9>(instant_s), List(used), List(now));
+    log.message(
+        Topic::Event,
+        format_args!("at {at_s} s the force constants {used} N.m2/A2 are replaced by {now} N.m2/A2"),
+    );
+}
+
+/// Numbers with six digits, for messages.
+struct List<'a>(&'a [f64]);
+
+impl fmt::Display for List<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (k, value) in self.0.iter().enumerate() {
+            write!(f, "{}{}", if k == 0 { "(" } else { ", " }, Digits::<6>(*value))?;
+        }
+        write!(f, ")")
+    }
 }
 
 /// The reference trajectory as a Fourier series.
@@ -353,15 +390,7 @@ impl SampledModel for FlatnessController {
         values.output = self.0.sample(state, &values.input).map_err(StepError::of)?;
         let now = values.output.lambda_used_nm2_a2;
         if used != now && self.0.config().update == UpdateMode::AtTime && log.wants(Topic::Event) {
-            let [a, b, c] = used.map(Digits::<6>);
-            let [x, y, z] = now.map(Digits::<6>);
-            let at_s = Digits::<9>(instant_s);
-            log.message(
-                Topic::Event,
-                format_args!(
-                    "at {at_s} s the force constants ({a}, {b}, {c}) N.m2/A2 are replaced by ({x}, {y}, {z}) N.m2/A2"
-                ),
-            );
+            log_update(log, instant_s, &used, &now);
         }
         Ok(())
     }

@@ -20,6 +20,7 @@ fmu_export::export_fmus!(
     controller::FlatnessController,
     estimator::AlgebraicEstimator,
     spindle::plant::MagneticSpindle,
+    spindle::controller::SpindleController,
     spindle::estimator::SpindleEstimator,
 );
 

@@ -1,14 +1,21 @@
-//! The plant: the rotor between its magnets, with coils, backup bearing and sensors.
+//! The plant: a rotor between its magnets, with coils, backup bearings and sensors.
 //!
-//! This file holds parameters, state and sampling. The equations are in `equations.rs`, their integration in `substeps.rs` and
-//! [`integration`], inputs that change over a step in `trajectory.rs`, sensors in [`sensor`] and [`noise`], derivatives in
-//! [`linearisation`].
+//! This file holds state and sampling. The equations are in `equations.rs`, written once for N coordinates and K magnets; what differs
+//! between rotors is the trait [`Rotor`], written by the planar rotor in `planar.rs` and by the [`spindle`]. Integration is in
+//! `substeps.rs` and [`integration`], inputs that change over a step in `trajectory.rs`, sensors in [`sensor`] and [`noise`],
+//! derivatives in [`linearisation`]. Type parameters default to the planar rotor.
+//!
+//! ```text
+//! M q̈ + Ω G q̇ = Σ F_k d_k + p + c
+//! F_k = λ_k i_k² / gap_k²            P(4), more generally coil.rs
+//! dψ_k/dt = u_k − R i_k              with voltage drive, u_k within the limit of the amplifier
+//! ```
+//!
+//! For the planar rotor, with q = (Y, Z), that is
 //!
 //! ```text
 //! m Ÿ = Σ F_k sin α_k + p_y + c_y    P(6), P(3)
 //! m Z̈ = Σ F_k cos α_k + p_z + c_z    P(7), P(3)
-//! F_k = λ_k i_k² / gap_k²            P(4), more generally coil.rs
-//! dψ_k/dt = u_k − R i_k              with voltage drive, u_k within the limit of the amplifier
 //! ```
 //!
 //! `p` are all forces on the rotor except those of magnets and backup bearing: per axis a, with `t` the absolute time, `p_a +
@@ -19,8 +26,8 @@
 //!
 //! The classical Runge–Kutta method with equal sub-steps of at most `max_step_s`. Where the model is faster, a sub-step is
 //! divided until it is at most [`SAFETY`] over the fastest rate: that of the coils `R ∂i/∂ψ`, of the rotor in the field of the
-//! magnets `√(Σ 2F_k/gap_k/m)`, of the narrowest gap `|v|/gap`, and of a contact. The instant at which contact with the backup
-//! bearing begins or ends is located, and a sub-step ends there, so that none crosses a kink.
+//! magnets `√(Σ 2F_k/gap_k d_kᵀM⁻¹d_k)`, of the narrowest gap `|v|/gap`, and of a contact. The instant at which contact with a
+//! backup bearing begins or ends is located, and a sub-step ends there, so that none crosses a kink.
 //!
 //! # Samples
 //!

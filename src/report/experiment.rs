@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::evaluation;
+use super::{evaluation, spindle};
 use crate::fmu::estimator::{METHOD, VERDICT};
 use crate::report::{self, Answer, Bearing, ComparedEstimator, Event, Paper, Parameter, Report};
 use crate::simulation::closed_loop::Loop;
@@ -43,6 +43,9 @@ fn methods(scenario: &Scenario) -> Vec<ComparedEstimator> {
 
 /// The tables of results of a scenario.
 pub fn tables(name: &Path, scenario: &Scenario, run: &Run) -> Vec<Table> {
+    if spindle::is_spindle(scenario) {
+        return spindle::tables(scenario, run);
+    }
     let mut tables = vec![estimates(scenario, run, is_paper(name, scenario))];
     tables.extend(tracking(run, is_paper(name, scenario)));
     tables
@@ -306,6 +309,9 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<Event> {
 
 /// The report page of a run of a scenario, made by that command.
 pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> String {
+    if spindle::is_spindle(scenario) {
+        return spindle::page(command, scenario, run);
+    }
     let sensitivities = evaluation::sensitivities(scenario, run);
     let mut tables = tables(name, scenario, run);
     tables.extend(evaluation::table(scenario, run, &sensitivities));
@@ -336,7 +342,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
 }
 
 /// All parameters and unconnected inputs of the loop.
-fn parameters(scenario: &Scenario) -> Vec<Parameter> {
+pub(super) fn parameters(scenario: &Scenario) -> Vec<Parameter> {
     let connections = scenario.connections();
     let mut parameters = Vec::new();
     for element in scenario.in_loop() {

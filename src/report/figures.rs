@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use maud::{Markup, html};
 use serde_json::json;
 
-use super::{Paper, Report};
+use super::{ComparedEstimator, Paper, Report};
 use crate::report::evaluation::{self, Stretch};
 use crate::report::plot::{self, Line, Plot, PlotUnit, colour};
 use crate::studies::sensitivity::ZONES;
@@ -73,21 +73,21 @@ fn in_paper(paper: Option<Paper>, id: &str) -> Option<&'static str> {
 }
 
 /// The recording and its intervals.
-struct Signals<'r> {
-    report: &'r Report<'r>,
-    time_s: &'r [f64],
+pub(super) struct Signals<'r> {
+    pub(super) report: &'r Report<'r>,
+    pub(super) time_s: &'r [f64],
     /// Before and after the update, or the end of the run only.
-    stretches: Vec<Stretch>,
+    pub(super) stretches: Vec<Stretch>,
 }
 
 impl<'r> Signals<'r> {
-    fn new(report: &'r Report<'r>) -> Signals<'r> {
+    pub(super) fn new(report: &'r Report<'r>) -> Signals<'r> {
         let stretches = evaluation::stretches(report.recording);
         Signals { report, time_s: &report.recording.time_s, stretches }
     }
 
     /// A column with a value at every instant.
-    fn get(&self, name: &str) -> Option<&'r [f64]> {
+    pub(super) fn get(&self, name: &str) -> Option<&'r [f64]> {
         self.report.recording.get(name).filter(|values| values.len() == self.time_s.len() && !values.is_empty())
     }
 
@@ -96,13 +96,13 @@ impl<'r> Signals<'r> {
         Some([self.get(&pattern(1))?, self.get(&pattern(2))?, self.get(&pattern(3))?])
     }
 
-    fn time_unit(&self) -> PlotUnit {
+    pub(super) fn time_unit(&self) -> PlotUnit {
         let end_s = self.time_s.last().copied().unwrap_or(0.0);
         if end_s <= SHORT_S { PlotUnit::MILLISECOND } else { PlotUnit::SECOND }
     }
 
     /// A plot over time with the events of the run.
-    fn plot(&self, quantity: &str, unit: PlotUnit) -> Plot {
+    pub(super) fn plot(&self, quantity: &str, unit: PlotUnit) -> Plot {
         let mut plot = Plot::over_time(self.time_unit(), (quantity, unit));
         if let [first, .., last] = self.time_s {
             plot = plot.range(0, [*first, *last]);
@@ -120,12 +120,12 @@ impl<'r> Signals<'r> {
         plot
     }
 
-    fn line(&self, plot: &mut Plot, line: Line, values: &[f64]) {
+    pub(super) fn line(&self, plot: &mut Plot, line: Line, values: &[f64]) {
         plot.line(line, self.time_s, values);
     }
 
     /// A figure, or a sentence in its place if a plot is empty.
-    fn figure(&self, id: &'static str, title: &str, plots: Vec<(String, Plot)>, caption: &str) -> Figure {
+    pub(super) fn figure(&self, id: &'static str, title: &str, plots: Vec<(String, Plot)>, caption: &str) -> Figure {
         let plots: Vec<_> = plots.into_iter().filter(|(_, plot)| !plot.is_empty()).collect();
         let caption = if plots.is_empty() {
             "Not drawn: the recording has no usable signals for it.".into()
@@ -141,26 +141,31 @@ fn where_shown(values: &[f64], show: impl Fn(usize) -> bool) -> Vec<f64> {
     values.iter().enumerate().map(|(at, value)| if show(at) { *value } else { f64::NAN }).collect()
 }
 
-/// λ̂ of an element with its band of two standard deviations; dotted where it is not valid.
-fn lambda_plot(run: &Signals, element: &str, height_px: f64) -> Plot {
+/// λ̂ of an element with its band of two standard deviations; dotted where it is not valid. Of a spindle the name of a bearing, `A.`,
+/// stands before that of the quantity.
+pub(super) fn lambda_plot(run: &Signals, element: &str, bearing: &str, truth: Option<&[f64]>, height_px: f64) -> Plot {
     let mut plot = run.plot("λ̂", PlotUnit::LAMBDA).height(height_px);
-    let Some(lambda) = run.get3(|k| format!("{element}.lambdaHat[{k}]")) else { return plot };
-    let truth = run.report.truth;
+    let of_magnets = |name: &str| -> Vec<&[f64]> {
+        (1..=colour::MAGNETS.len()).map_while(|k| run.get(&format!("{element}.{bearing}{name}[{k}]"))).collect()
+    };
+    let lambda = of_magnets("lambdaHat");
+    if lambda.is_empty() {
+        return plot;
+    }
     // From zero past the true values and the first guesses: anything beyond has diverged, or has a very large standard
     // deviation.
-    let firsts = lambda.map(|values| values[0]);
-    let most =
-        firsts.iter().chain(truth.iter().flatten()).copied().filter(|value| value.is_finite()).fold(0.0, f64::max);
+    let firsts = lambda.iter().map(|values| &values[0]);
+    let most = firsts.chain(truth.unwrap_or_default()).copied().filter(|value| value.is_finite()).fold(0.0, f64::max);
     plot = plot.range(1, [0.0, 1.15 * most]);
     let valid = run.get(&format!("{element}.valid"));
     let is_valid = |at: usize| valid.is_none_or(|valid| valid[at] > 0.5);
-    let std =
-        run.get3(|k| format!("{element}.lambdaStdTotal[{k}]")).or(run.get3(|k| format!("{element}.lambdaStd[{k}]")));
-    for k in 0..3 {
+    let total = of_magnets("lambdaStdTotal");
+    let std = if total.is_empty() { of_magnets("lambdaStd") } else { total };
+    for k in 0..lambda.len() {
         let group = format!("λ{}", k + 1);
-        if let Some(std) = std {
+        if let Some(std) = std.get(k) {
             let edge = |sign: f64| -> Vec<f64> {
-                let value = |at: usize| if is_valid(at) { lambda[k][at] + sign * 2.0 * std[k][at] } else { f64::NAN };
+                let value = |at: usize| if is_valid(at) { lambda[k][at] + sign * 2.0 * std[at] } else { f64::NAN };
                 (0..run.time_s.len()).map(value).collect()
             };
             plot.band(&group, colour::BANDS[k], run.time_s, &edge(-1.0), &edge(1.0));
@@ -187,12 +192,12 @@ fn lambda_plot(run: &Signals, element: &str, height_px: f64) -> Plot {
 pub(super) fn first(report: &Report) -> Markup {
     let run = Signals::new(report);
     let element = report.answer.as_ref().map_or("estimator", |answer| answer.element.as_str());
-    let plot = lambda_plot(&run, element, 460.0);
+    let plot = lambda_plot(&run, element, "", report.truth.as_ref().map(|truth| &truth[..]), 460.0);
     let animation = animation(&run, element);
     html! {
         div.first {
             @if let Some(data) = &animation {
-                div #orbit-animation { (plot::data_element(data)) }
+                div #orbit-animation .animation { (plot::data_element(data)) }
             }
             @if !plot.is_empty() {
                 div #lambda {
@@ -273,7 +278,9 @@ pub(super) fn all(report: &Report) -> Vec<Figure> {
 
 fn estimates(run: &Signals) -> Option<Figure> {
     let methods = &run.report.methods;
-    let plots = methods.iter().map(|method| (method.label.clone(), lambda_plot(run, &method.element, 300.0))).collect();
+    let truth = run.report.truth.as_ref().map(|truth| &truth[..]);
+    let plot = |method: &ComparedEstimator| lambda_plot(run, &method.element, "", truth, 300.0);
+    let plots = methods.iter().map(|method| (method.label.clone(), plot(method))).collect();
     let mut caption = String::from(
         "Estimates over time, all methods use the same samples. Solid where valid, with a band of two standard \
          deviations; dotted where not; dashed: the truth.",

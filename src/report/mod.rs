@@ -5,13 +5,17 @@ use maud::{Markup, html};
 use crate::simulation::recording::Recording;
 use crate::table::Table;
 
+pub mod campbell;
 pub mod evaluation;
 pub mod experiment;
 pub mod frame;
 pub mod identification;
 pub mod plot;
+pub mod spindle;
 
 mod figures;
+
+use figures::Figure;
 
 /// Content of the page. Start from [`Report::new`] and fill in what there is.
 #[derive(Clone, Debug)]
@@ -163,7 +167,15 @@ pub struct Parameter {
 /// It contains the compressed script that draws the plots, so that it can be mailed. A figure whose signals are missing is
 /// replaced by a sentence.
 pub fn page(report: &Report) -> String {
-    let figures = figures::all(report);
+    let answer = html! {
+        @if let Some(answer) = &report.answer { (answer_of(answer, report.truth)) }
+        (figures::first(report))
+    };
+    page_with(report, &answer, &figures::all(report))
+}
+
+/// The page with another answer and other figures.
+fn page_with(report: &Report, answer: &Markup, figures: &[Figure]) -> String {
     let body = html! {
         header {
             h1 { (report.title) }
@@ -172,10 +184,7 @@ pub fn page(report: &Report) -> String {
             }
         }
         main {
-            section #answer {
-                @if let Some(answer) = &report.answer { (answer_of(answer, report.truth)) }
-                (figures::first(report))
-            }
+            section #answer { (answer) }
             section {
                 @for paragraph in report.description.split("\n\n").filter(|text| !text.trim().is_empty()) {
                     p { (paragraph.trim()) }
@@ -188,7 +197,7 @@ pub fn page(report: &Report) -> String {
             }
             nav {
                 ul {
-                    @for figure in &figures { li { a href={ "#" (figure.id) } { (figure.title) } } }
+                    @for figure in figures { li { a href={ "#" (figure.id) } { (figure.title) } } }
                     @if !report.tables.is_empty() { li { a href="#results" { "Results in numbers" } } }
                     @if !report.parameters.is_empty() { li { a href="#parameters" { "Parameters" } } }
                 }

@@ -330,6 +330,8 @@ pub fn scripts() -> Markup {
         noscript { p.message { "The plots need JavaScript; nothing is loaded from elsewhere." } }
         script type="text/plain" id="plotly" { (PreEscaped(PLOTLY.as_str())) }
         script { (PreEscaped(include_str!("frame/plots.js"))) }
+        script { (PreEscaped(include_str!("frame/player.js"))) }
         script { (PreEscaped(include_str!("frame/orbit.js"))) }
+        script { (PreEscaped(include_str!("frame/shaft.js"))) }
     }
 }

@@ -7,7 +7,7 @@ use crate::control::controller::ControllerConfig;
 use crate::estimation::EstimatorConfig;
 use crate::fmu::{controller, estimator, plant};
 use crate::plant::{PlantConfig, PlantInput};
-use crate::simulation::scenario::{Element, Scenario};
+use crate::simulation::scenario::{Element, MACHINES, Scenario};
 
 /// The initial configurations of the models in the loop.
 #[derive(Clone, Debug)]
@@ -62,8 +62,14 @@ impl Scenario {
     /// The configurations of the models in the loop.
     ///
     /// # Errors
-    /// Every value that is not an item of its enumeration; a scenario that can be run has none. Ranges are not checked.
+    /// Another machine than a bearing; every value that is not an item of its enumeration. A scenario of a bearing that can be run has
+    /// none. Ranges are not checked.
     pub fn closed_loop(&self) -> Result<Loop, Vec<Invalid>> {
+        let bearing = MACHINES[0].0;
+        if self.machine != bearing {
+            let wanted = format!("{bearing}: this is for the planar bearing alone");
+            return Err(vec![Invalid { name: "machine".into(), value: self.machine.into(), wanted: wanted.into() }]);
+        }
         let (plant, input) = plant::configuration(&settings(self.plant()))?;
         Ok(Loop {
             plant,

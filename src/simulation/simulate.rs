@@ -103,6 +103,9 @@ pub fn run_for(
     let outputs = outputs(scenario, wanted, &mut run.recording);
     let mut carried = Vec::with_capacity(wires.len());
 
+    let unbalances = unbalances(scenario);
+    let mut balance_s = scenario.balance_s;
+
     let steps = steps(scenario);
     for step in 0..=steps {
         let time_s = step as f64 * scenario.step_s;
@@ -116,6 +119,14 @@ pub fn run_for(
         for profile in &scenario.profiles {
             if let Err(error) = apply(profile, time_s, &mut instances) {
                 run.error = Some(error);
+            }
+        }
+        if balance_s.is_some_and(|balance_s| time_s >= balance_s * (1.0 - 1e-9)) {
+            balance_s = None;
+            for (of_plant, of_estimator) in &unbalances {
+                if let Err(error) = balance(&mut instances, of_plant, of_estimator) {
+                    run.error = Some(error);
+                }
             }
         }
         // Reading an instance after one of its inputs was set would compute its outputs again, so all outputs are read first.
@@ -137,6 +148,37 @@ pub fn run_for(
         tell(step);
     }
     Ok(run)
+}
+
+/// Magnitude and phase of an unbalance, by element and variable.
+type Unbalance = [(usize, usize); 2];
+
+/// The unbalances of the plant and of the estimator in its loop, plane by plane.
+fn unbalances(scenario: &Scenario) -> Vec<(Unbalance, Unbalance)> {
+    let names = [String::new()].into_iter().chain((1..=2).map(|plane| format!("[{plane}]")));
+    let find = |element: usize, plane: &str| {
+        let variables = scenario.elements[element].model_type.variables();
+        let one =
+            |what: &str| variables.iter().position(|variable| variable.name == format!("unbalance{plane}.{what}"));
+        Some([(element, one("magnitude")?), (element, one("phase")?)])
+    };
+    names.filter_map(|plane| Some((find(0, &plane)?, find(2, &plane)?))).collect()
+}
+
+/// Fits a correction mass: the unbalance of the plant becomes what the estimator did not find of it.
+fn balance(instances: &mut [Running], of_plant: &Unbalance, of_estimator: &Unbalance) -> Result<(), String> {
+    let mut vector = |[magnitude, phase]: &Unbalance| {
+        let (magnitude, phase) = (read(instances, *magnitude).as_f64(), read(instances, *phase).as_f64());
+        [magnitude * libm::cos(phase), magnitude * libm::sin(phase)]
+    };
+    let ([y, z], [y_hat, z_hat]) = (vector(of_plant), vector(of_estimator));
+    let left = [y - y_hat, z - z_hat];
+    let values = [libm::hypot(left[0], left[1]), libm::atan2(left[1], left[0])];
+    for ((element, index), value) in of_plant.iter().zip(values) {
+        let Running { name, instance } = &mut instances[*element];
+        instance.set(*index, Value::Real(value)).map_err(|error| format!("{name}: {error}"))?;
+    }
+    Ok(())
 }
 
 /// Sets the targets of a profile; the error names the element that refuses the value.

@@ -11,12 +11,14 @@ use fmu_export::variable::Value;
 /// last, smallest and largest value of every output. Values are in the units of the interface.
 #[must_use]
 pub fn json(scenario: &Scenario, run: &Run) -> Json {
-    let truth = [1, 2, 3].map(|k| scenario.value("plant", &format!("lambda[{k}]")).map(Value::as_f64));
+    let magnets = scenario.magnets();
+    let names = |name: &str| magnets.iter().map(|(bearing, k)| format!("{bearing}{name}{k}")).collect::<Vec<_>>();
+    let truth: Vec<_> = names("lambda").iter().map(|name| scenario.value("plant", name).map(Value::as_f64)).collect();
     let estimates = scenario.elements[2..].iter().map(|element| {
         let last = |name: &str| run.recording.get(&format!("{}.{name}", element.name))?.last().copied();
-        let of_magnets = |name: &str| [1, 2, 3].map(|k| last(&format!("{name}[{k}]")));
+        let of_magnets = |name: &str| names(name).iter().map(|name| last(name)).collect::<Vec<_>>();
         let hat = of_magnets("lambdaHat");
-        let error = [0, 1, 2].map(|k| Some(hat[k]? / truth[k]? - 1.0));
+        let error: Vec<_> = hat.iter().zip(&truth).map(|(hat, truth)| Some((*hat)? / (*truth)? - 1.0)).collect();
         let method = scenario.value(&element.name, "method").and_then(|value| METHOD.item(value.as_f64() as i32));
         json!({
             "element": element.name,

@@ -4,6 +4,7 @@
 //! - [`design`]: how fast λ becomes known with which excitation;
 //! - [`sweep`]: a scenario with varied values, a row per case;
 //! - [`sensitivity`]: the sensitivity function of the sampled loop, after ISO 14839-3;
+//! - [`whirl`]: natural frequencies and unbalance response of a shaft over the speed;
 //! - [`identify`]: identification from recordings of a test bench.
 
 pub mod design;
@@ -11,3 +12,4 @@ pub mod identify;
 pub mod montecarlo;
 pub mod sensitivity;
 pub mod sweep;
+pub mod whirl;

@@ -25,3 +25,4 @@ mod scenarios;
 mod survey;
 mod sweep;
 mod uncertainty;
+mod whirl;

@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use crate::support::MODELS;
 use crate::support::ffi::{Expect, Fmu};
 use fmu_export::fmi2::bindings::fmi2ValueReference;
 use fmu_export::variable::{Causality, Type};
@@ -16,6 +17,23 @@ const RUNNING: [(&str, f64); 8] = [
     ("u[3]", 4.0),
     ("unbalance.magnitude", 1e-4),
     ("perturbation.amplitudeY", 2.0),
+];
+const SPINDLE: &str = "MagneticSpindle";
+const SPINDLE_RUNNING: [(&str, f64); 14] = [
+    ("A.i[1]", 1.5),
+    ("A.i[2]", 1.4),
+    ("A.i[3]", 1.3),
+    ("B.i[1]", 1.2),
+    ("B.i[3]", 1.1),
+    ("X.i[1]", 1.0),
+    ("X.i[2]", 1.1),
+    ("A.u[1]", 3.0),
+    ("B.u[2]", 2.0),
+    ("X.u[1]", 4.0),
+    ("unbalance[1].magnitude", 8e-5),
+    ("unbalance[2].magnitude", 5e-5),
+    ("unbalance[2].phase", -1.9),
+    ("beta0", 1e-4),
 ];
 const UNKNOWNS: [&str; 16] = [
     "F[1]",
@@ -117,10 +135,13 @@ fn derivatives_by_parameters_are_those_that_setting_them_shows() {
 /// Fails if `F[1]` is declared to depend on nothing.
 #[test]
 fn dependencies_are_honest() {
-    for drive in drives() {
-        let mut settings = RUNNING.to_vec();
-        settings.extend([("drive", drive), ("coil.Lleak", 1e-3), ("touchdown.friction", 0.2)]);
-        let fmu = Fmu::started(PLANT, &settings);
+    let planar = RUNNING.iter().chain(&[("touchdown.friction", 0.2)]).copied().collect::<Vec<_>>();
+    let spindle = SPINDLE_RUNNING.iter().chain(&[("A.touchdown.friction", 0.2)]).copied().collect();
+    let cases =
+        [(PLANT, planar), (SPINDLE, spindle)].into_iter().flat_map(|case| drives().map(|drive| (case.clone(), drive)));
+    for ((model, mut settings), drive) in cases {
+        settings.extend([("drive", drive), ("coil.Lleak", 1e-3)]);
+        let fmu = Fmu::started(model, &settings);
         for step in 0..10 {
             fmu.step(f64::from(step) * 1e-4, 1e-4).ok(&fmu);
         }
@@ -147,7 +168,7 @@ fn dependencies_are_honest() {
 /// Fails if a dependency is misspelt, which the model description then leaves out.
 #[test]
 fn dependencies_name_variables() {
-    for model in [PLANT, "FlatnessController", "AlgebraicEstimator"] {
+    for model in MODELS {
         let fmu = Fmu::new(model);
         for variable in fmu.variables() {
             let names = variable.depends_on.iter().map(|(name, _)| name).chain(variable.starts_from.iter().flatten());
@@ -239,8 +260,12 @@ fn the_plant_follows_polynomials_within_a_step() {
 /// Fails if a derivative that is 0 takes another path through the arithmetic than none at all.
 #[test]
 fn derivatives_of_zero_change_no_bit() {
-    for model in [PLANT, "FlatnessController", "AlgebraicEstimator"] {
-        let settings = if model == PLANT { &RUNNING[..] } else { &[] };
+    for model in MODELS {
+        let settings = match model {
+            PLANT => &RUNNING[..],
+            SPINDLE => &SPINDLE_RUNNING[..],
+            _ => &[],
+        };
         let [plain, sloped] = [0, 1].map(|_| Fmu::started(model, settings));
         let inputs: Vec<u32> = (0..plain.variables().len() as u32)
             .filter(|at| {
@@ -353,5 +378,79 @@ fn output_derivatives_are_those_of_the_motion() {
         assert_eq!(fmu.output_derivatives(&references(&fmu, &["Ym", "theta"]), &[1, 2]), Ok(vec![0.0; 2]));
         let text = fmu.output_derivatives(&outputs[..1], &[3]).expect_err("an error").error(&fmu);
         assert!(text.contains("Y: a derivative of order 3 is refused: expected an order from 1 to 2"), "{text}");
+    }
+}
+
+/// Of a spindle: by inputs and states as setting them shows, first samples and forces at the bearings included.
+/// Fails if the displacement at a bearing does not follow the tilt.
+#[test]
+fn derivatives_of_a_spindle_are_those_that_setting_shows() {
+    let unknowns = [
+        "A.F[2]",
+        "A.FY",
+        "B.FZ",
+        "X.FX",
+        "B.gap[1]",
+        "A.Y",
+        "B.Z",
+        "B.Ym",
+        "Xm",
+        "betaAcceleration",
+        "aZ",
+        "perturbation.MZ",
+    ];
+    for drive in drives() {
+        let fmu = Fmu::new(SPINDLE);
+        for (name, value) in SPINDLE_RUNNING.iter().chain(&[("drive", drive), ("sensor.positionNoise", 1e-7)]) {
+            fmu.set(name, *value).ok(&fmu);
+        }
+        fmu.enter_initialization().ok(&fmu);
+        let knowns = [
+            "Y0",
+            "beta0",
+            "gamma0",
+            "vX0",
+            "betaRate0",
+            "gammaRate0",
+            "X0",
+            "theta0",
+            "Jt",
+            "Jp",
+            "A.position",
+            "B.position",
+            "B.sensorPosition",
+            "B.sensor.offsetY",
+            "B.sensor.gainErrorY",
+            "sensor.positionNoise",
+            "unbalance[2].position",
+            "A.alpha[2]",
+            "A.lambda[2]",
+            "X.s",
+            "A.i[2]",
+            "B.u[2]",
+            "MY",
+            "pZ",
+            "omega",
+        ];
+        for known in knowns {
+            let exact = fmu.directional_derivative(&references(&fmu, &unknowns), &[fmu.reference(known)], &[1.0]);
+            let exact = exact.unwrap_or_else(|_| panic!("{known}: {:?}", fmu.take_messages()));
+            let value = fmu.get(known);
+            let h = 1e-5 * if value == 0.0 { 1e-4 } else { value.abs() };
+            let [low, high] = [value - h, value + h].map(|value| {
+                fmu.set(known, value).ok(&fmu);
+                unknowns.map(|name| fmu.get(name))
+            });
+            fmu.set(known, value).ok(&fmu);
+            for (at, name) in unknowns.iter().enumerate() {
+                let quotient = (high[at] - low[at]) / (2.0 * h);
+                let scale = (low[at].abs().max(high[at].abs()) / h * 1e-9).max(1e-4 * quotient.abs()).max(1e-9);
+                assert!(
+                    (exact[at] - quotient).abs() <= scale,
+                    "d {name}/d {known}: {:e} against {quotient:e}",
+                    exact[at]
+                );
+            }
+        }
     }
 }

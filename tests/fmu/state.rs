@@ -33,7 +33,23 @@ fn lively(model: &str) -> Vec<(&'static str, f64)> {
         ],
         "SpindleEstimator" => vec![("A.im[1]", 1.0), ("B.im[2]", 2.0), ("X.im[1]", 1.0)],
         "FlatnessController" => vec![("update.mode", 3.0), ("lambdaValid", 1.0)],
+        "SpindleController" => vec![
+            ("update.mode", 3.0),
+            ("lambdaValid", 1.0),
+            ("F0.modulation", 0.5),
+            ("X.reference.amplitude", 2e-5),
+            ("reference.rampTime", 0.01),
+        ],
         _ => vec![("Tf", 2e-3), ("epsilon", 2e-3), ("im[1]", 1.0), ("im[2]", 2.0)],
+    }
+}
+
+/// An input of the model that acts at once or at the next sample.
+fn an_input(model: &str) -> &'static str {
+    match model {
+        model if is_plant(model) => "pY",
+        "SpindleController" => "A.Ym",
+        _ => "Ym",
     }
 }
 
@@ -45,6 +61,7 @@ fn advance(fmu: &Fmu, model: &str, step: u32) {
         "MagneticBearing" => ("u[2]", 2.0 + wave),
         "MagneticSpindle" => ("B.u[2]", 2.0 + wave),
         "FlatnessController" => ("Ym", 3e-5 * wave),
+        "SpindleController" => ("B.Zm", 3e-5 * wave),
         "SpindleEstimator" => ("B.Zm", 3e-5 * wave),
         _ => ("Zm", 3e-5 * wave),
     };
@@ -374,7 +391,7 @@ fn damaged_bytes_are_refused_with_a_reason() {
 fn a_hostile_content_in_a_sound_frame_does_no_harm() {
     for model in MODELS {
         let fmu = running(model, 25);
-        let input = fmu.reference(if is_plant(model) { "pY" } else { "Ym" });
+        let input = fmu.reference(an_input(model));
         fmu.set_input_derivatives(&[input], &[1], &[1e-3]).ok(&fmu);
         let written = bytes(&fmu);
         let head = 8 + 2 + 1 + model.len() + 1 + 38;
@@ -468,7 +485,7 @@ fn a_reset_instance_is_a_fresh_one_to_the_last_byte() {
         fmu.reset().ok(&fmu);
         assert_eq!(bytes(&fmu), fresh, "{model}, out of the initialization");
         fmu.start(0.0, None);
-        let input = if is_plant(model) { "pY" } else { "Ym" };
+        let input = an_input(model);
         fmu.set_input_derivatives(&[fmu.reference(input)], &[2], &[1.0]).ok(&fmu);
         fmu.reset().ok(&fmu);
         assert_eq!(bytes(&fmu), fresh, "{model}, with a derivative of an input");

@@ -19,5 +19,6 @@ mod reference;
 mod sensitivity;
 mod sensor;
 mod spindle;
+mod spindle_controller;
 mod spindle_estimation;
 mod touchdown;

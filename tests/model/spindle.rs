@@ -154,12 +154,8 @@ fn a_free_rotor_precesses() {
                 below("angular momentum", (momentum(&state)[a] - start[a]).abs() / start[1], 1e-12);
             }
         }
-        for n in 0..3 {
-            below(
-                "the centre of gravity moves uniformly",
-                (state.position_m[n] - rates[n] * state.time_s).abs(),
-                1e-15,
-            );
+        for (position, rate) in state.position_m.into_iter().zip(rates).take(3) {
+            below("the centre of gravity moves uniformly", (position - rate * state.time_s).abs(), 1e-15);
         }
     }
 }
@@ -185,7 +181,7 @@ fn energy_is_conserved() {
         };
         let start = plant.start(0.0);
         let mut state = start.clone();
-        for k in 0..120 {
+        for k in 0..80 {
             plant.advance(&mut state, &input, f64::from(k) * STEP_S, STEP_S).expect("a step");
         }
         let moved = (kinetic(&state) / kinetic(&start) - 1.0).abs();
@@ -199,7 +195,7 @@ fn energy_is_conserved() {
 /// Two equal bearings in phase carry half a rotor each, with and without contact.
 #[test]
 fn the_planar_rotor_is_the_limit_of_equal_bearings_in_phase() {
-    /// Sums of other order, and the growth of what they differ by in an unstable field over 20 ms.
+    /// Sums of other order, and the growth of what they differ by in an unstable field over some milliseconds.
     const ROUNDING_M: f64 = 1e-14;
     for (drive, falls) in [(Drive::Current, false), (Drive::Voltage, false), (Drive::Current, true)] {
         let alpha_rad = [PI + 0.1, -PI / 3.0, PI / 3.0 - 0.05];
@@ -211,6 +207,7 @@ fn the_planar_rotor_is_the_limit_of_equal_bearings_in_phase() {
             touchdown: touchdown.clone(),
             unbalance_kgm: 1e-4,
             unbalance_phase_rad: 0.4,
+            velocity_m_s: [1e-3, 2e-3],
             gravity_m_s2: [0.5, if falls { -9.81 } else { -0.2 }],
             ..PlantConfig::default()
         })
@@ -232,13 +229,14 @@ fn the_planar_rotor_is_the_limit_of_equal_bearings_in_phase() {
             coil,
             touchdown: SpindleTouchdown { a: touchdown.clone(), b: touchdown, ..SpindleTouchdown::default() },
             position_m: [0.0, 30e-6, 0.0, 0.0, 0.0],
-            velocity_m_s: [0.0, 0.0, 0.021991148575128554, 0.0, 0.0],
+            velocity_m_s: [0.0, 1e-3, 2e-3, 0.0, 0.0],
             ..SpindleConfig::default()
         });
         let mut one = planar.start(0.0);
         let mut two = spindle.start(0.0);
         let (mut touched, mut worst) = (false, 0.0_f64);
-        for k in 0..200 {
+        // Without control the rotor stays clear of the ring for some milliseconds.
+        for k in 0..if falls { 200 } else { 40 } {
             let t = f64::from(k) * STEP_S;
             let i: [f64; 3] =
                 std::array::from_fn(|n| if falls { 0.0 } else { 1.2 + 0.2 * (40.0 * t + n as f64).sin() });
@@ -328,9 +326,9 @@ fn samples_are_taken_where_the_sensors_are() {
     let input = SpindleInput { current_a, omega_rad_s: 300.0, ..SpindleInput::default() };
     plant.advance(&mut state, &input, 0.0, STEP_S).expect("a step");
     let readings = config.geometry.readings(state.position_m);
-    for n in 0..5 {
-        let wanted = (1.0 + 0.01 * (n + 1) as f64) * readings[n] + 1e-6 * (n + 1) as f64;
-        below("reading, m", (state.measured.position_m[n] - wanted).abs(), 1e-18);
+    for (n, (measured, reading)) in state.measured.position_m.into_iter().zip(readings).enumerate() {
+        let wanted = (1.0 + 0.01 * (n + 1) as f64) * reading + 1e-6 * (n + 1) as f64;
+        below("reading, m", (measured - wanted).abs(), 1e-18);
     }
     for k in 0..8 {
         below("current, A", (state.measured.current_a[k] - 1.0 - 0.11 * k as f64).abs(), 1e-15);

@@ -133,11 +133,12 @@ fn a_thousand_instances_in_turn_are_each_like_one_alone() {
     let make = |at: usize| {
         let model = MODELS[at % MODELS.len()];
         let value = 1e-6 * at as f64;
-        match at % 3 {
-            0 => {
-                Fmu::started(model, &[("Y0", 1e-3 * value), ("sensor.seed", at as f64), ("sensor.positionNoise", 1e-7)])
-            }
-            1 => Fmu::started(model, &[("Ym", 1e-2 * value)]),
+        let noise = [("sensor.seed", at as f64), ("sensor.positionNoise", 1e-7)];
+        match model {
+            "MagneticBearing" => Fmu::started(model, &[&[("Y0", 1e-3 * value)], &noise[..]].concat()),
+            "MagneticSpindle" => Fmu::started(model, &noise),
+            "FlatnessController" => Fmu::started(model, &[("Ym", 1e-2 * value)]),
+            "SpindleController" => Fmu::started(model, &[("A.Ym", 1e-2 * value), ("B.Zm", -1e-2 * value)]),
             _ => Fmu::started(model, &[("Zm", 1e-2 * value), ("im[1]", value), ("Tf", 2e-3), ("epsilon", 2e-3)]),
         }
     };

@@ -18,8 +18,14 @@ pub use magnetic_bearing::fmu as library;
 pub use random::Random;
 
 /// The models of this project.
-pub const MODELS: [&str; 5] =
-    ["MagneticBearing", "FlatnessController", "AlgebraicEstimator", "MagneticSpindle", "SpindleEstimator"];
+pub const MODELS: [&str; 6] = [
+    "MagneticBearing",
+    "FlatnessController",
+    "AlgebraicEstimator",
+    "MagneticSpindle",
+    "SpindleController",
+    "SpindleEstimator",
+];
 
 /// Whether a model is a plant.
 pub fn is_plant(model: &str) -> bool {

@@ -2,6 +2,7 @@
 //!
 //! Names are those of the planar models with the bearing in front, `A.lambda[1]`, `X.i[2]`.
 
+pub mod controller;
 pub mod estimator;
 pub mod plant;
 

@@ -23,7 +23,7 @@ use crate::plant::spindle::{AtBearings, SpindleConfig, SpindleInput, SpindlePlan
 use crate::plant::{Equations, Motion, SensorConfig};
 
 /// Angular acceleration.
-const RADIAN_PER_SECOND2: Unit = Unit::new("rad/s2", &[("s", -2), ("rad", 1)], &[]);
+const RADIAN_PER_SECOND2: Unit = Unit::new("rad/s2", &[("rad", 1), ("s", -2)], &[]);
 
 /// The plant.
 pub type MagneticSpindle = PlantModel<SpindleConfig, COORDINATES, MAGNETS>;

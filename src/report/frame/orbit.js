@@ -17,7 +17,6 @@
   // An impact of a few samples must not shorten all other arrows.
   const sorted = Float32Array.from(force.flatMap(values => [...values])).sort();
   const most = Math.max(1e-9, sorted[Math.floor(0.98 * sorted.length)]);
-  const step = t[last] / last;
   const degrees = 180 / Math.PI;
   const text = number => number.toFixed(number < 9.995 ? 1 : 0);
   const magnet = k => `<g transform="rotate(${data.alpha[k] * degrees})">
@@ -44,20 +43,12 @@
     <g class="axes"><path d="M${-VIEW + 22} ${VIEW - 32}h44m-6 -4l6 4l-6 4M${-VIEW + 22} ${VIEW - 32}v-44m-4 6l4 -6l4 6"/><text x="${-VIEW + 74}" y="${VIEW - 27}">y</text><text x="${-VIEW + 17}" y="${VIEW - 84}">z</text>
     <path d="M${VIEW - 30 - bar * scale} ${VIEW - 32}h${bar * scale}m0 -5v10m${-bar * scale} -10v10"/><text x="${VIEW - 30 - bar * scale / 2}" y="${VIEW - 42}" text-anchor="middle">${bar} µm</text></g>
     <text class="event" y="${-VIEW + 62}" x="${-VIEW + 14}"></text></svg>
-    <div class="controls"><button type="button" id="play"></button>
-    <input type="range" id="seek" min="0" max="${last}" step="any" aria-label="Instant">
-    <label>speed <select id="speed">${[500, 200, 100, 50, 20, 10, 5, 1].map(n => `<option value="${n}">${n > 1 ? "1/" + n : "1"}</option>`).join("")}</select></label></div>
     <p class="readout"><span id="now"></span>${lambda ? [0, 1, 2].map(k => `<span style="color:var(--magnet${k + 1})" id="hat${k}"></span>`).join("") : ""}</p>`;
   const get = id => document.getElementById(id);
   const find = selector => root.querySelector(selector);
-  const [play, seek, speed, rotor] = ["play", "seek", "speed", "rotor"].map(get);
+  const rotor = get("rotor");
   const centre = find(".centre"), body = find(".body"), trail = find(".trail"), ring = find(".ring"), event = find(".event");
 
-  // One revolution per second, or the whole run in ten seconds if the rotor does not turn.
-  const turns = Math.abs(theta[last] - theta[0]) / (2 * Math.PI);
-  const wanted = turns > 1 ? turns / t[last] : 10 / t[last];
-  const speeds = [...speed.options].map(option => Number(option.value));
-  speed.value = speeds.reduce((a, b) => Math.abs(Math.log(b / wanted)) < Math.abs(Math.log(a / wanted)) ? b : a);
   // The trail is one revolution long.
   const turn = at => {
     let from = at;
@@ -65,27 +56,7 @@
     return from;
   };
 
-  // In the plot beside it, the time still to come is dimmed.
-  const plot = document.querySelector("#lambda .plot");
-  const veil = Object.assign(document.createElement("div"), {className: "veil"});
-  if (plot) {
-    plot.addEventListener("drawn", () => {
-      if (veil.parentNode) return;
-      plot.append(veil);
-      plot.on("plotly_afterplot", paint);
-      plot.on("plotly_click", click => { at = click.points[0].x / data.timeFactor / step; pause(); paint(); });
-      paint();
-    });
-  }
-  function cover() {
-    const layout = plot && plot._fullLayout;
-    if (!layout || !veil.parentNode) return;
-    const {xaxis, yaxis} = layout, from = Math.min(Math.max(xaxis.l2p(at * step * data.timeFactor), 0), xaxis._length);
-    veil.style.cssText = `left:${xaxis._offset + from}px;width:${xaxis._length - from}px;top:${yaxis._offset}px;height:${yaxis._length}px`;
-  }
-
-  let at = 0, playing = false, before = null;
-  function paint() {
+  play(root, t, theta, data.timeFactor, at => {
     const i = Math.min(Math.floor(at), last), j = Math.min(i + 1, last), part = at - i;
     const value = values => values[i] + part * (values[j] - values[i]);
     const cy = value(y) * scale, cz = -value(z) * scale;
@@ -107,37 +78,11 @@
       get(`pull${k}`).textContent = `${text(pull)} N`;
       if (lambda) get(`hat${k}`).textContent = `λ̂${"₁₂₃"[k]} ${lambda[k][i].toFixed(3)}`;
     }
-    const now = at * step;
+    const now = at * t[last] / last;
     get("now").textContent = `t ${(now * data.timeFactor).toFixed(data.timeFactor > 1 ? 1 : 3)} ${data.timeFactor > 1 ? "ms" : "s"}` +
       (valid ? valid[i] > 0.5 ? ", valid" : ", not valid" : "");
     // Events stay visible for a while.
-    const told = data.events.filter(([when]) => when <= now && now < when + 40 * step + 0.06 * t[last]).pop();
+    const told = data.events.filter(([when]) => when <= now && now < when + (40 / last + 0.06) * t[last]).pop();
     event.textContent = told ? told[1] : "";
-    seek.value = at;
-    cover();
-  }
-  function frame(stamp) {
-    if (!playing) return;
-    if (before !== null) at += Math.min(stamp - before, 100) / 1000 / Number(speed.value) / step;
-    before = stamp;
-    if (at >= last) { at = last; pause(); }
-    paint();
-    if (playing) requestAnimationFrame(frame);
-  }
-  function pause() { playing = false; before = null; play.textContent = "▶"; play.setAttribute("aria-label", "Play"); }
-  function start() {
-    if (at >= last) at = 0;
-    playing = true;
-    play.textContent = "❚❚";
-    play.setAttribute("aria-label", "Pause");
-    requestAnimationFrame(frame);
-  }
-  play.addEventListener("click", () => playing ? pause() : start());
-  seek.addEventListener("input", () => { at = Number(seek.value); pause(); paint(); });
-  // A page may be opened at an instant in s, stopped: report.html#t=0.12
-  const asked = /^#t=([0-9.]+)$/.exec(location.hash);
-  pause();
-  if (asked) at = Math.min(Number(asked[1]) / step, last);
-  else if (!matchMedia("(prefers-reduced-motion: reduce)").matches) start();
-  paint();
+  });
 })();

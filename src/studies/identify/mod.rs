@@ -18,7 +18,6 @@ pub use self::read::{Currents, Finding, Reading, Rotation, Samples, Unusable, du
 use crate::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, STD_LIMIT, Tolerance, Verdict,
 };
-use crate::fmu::estimator::{HOLD, METHOD};
 use crate::invalid::Invalid;
 use crate::simulation::recording::{Column, Recording};
 use crate::table::Table;
@@ -305,36 +304,5 @@ pub fn table_of_holds(residuals: &[f64; 3], chosen: Hold) -> Table {
         note: "How much less likely the same data are with each reading (differences of log-likelihoods).".into(),
         head: ["", "less likely by", ""].map(String::from).into(),
         rows: rows.collect(),
-    }
-}
-
-/// The configuration of an estimator from the values of its variables, by name.
-pub fn config(real: impl Fn(&str) -> f64) -> EstimatorConfig {
-    let three = |name: &str| [1, 2, 3].map(|k| real(&format!("{name}[{k}]")));
-    let nth = |name: &str, count: usize| (real(name) as usize).clamp(1, count) - 1;
-    EstimatorConfig {
-        m_kg: real("m"),
-        gap_m: real("s"),
-        alpha_rad: three("alpha"),
-        step_s: real("Ts"),
-        window_s: real("Tf"),
-        epsilon_s: real("epsilon"),
-        lambda0_nm2_a2: three("lambda0"),
-        method: METHODS[nth("method", METHOD.items.len().min(METHODS.len()))].1,
-        hold: HOLDS[nth("hold", HOLD.items.len().min(HOLDS.len()))].1,
-        filter_omega_rad_s: real("filter.omega"),
-        filter_zeta: real("filter.zeta"),
-        identify_unbalance: real("identify.unbalance") != 0.0,
-        position_noise_m: real("sensor.positionNoise"),
-        current_noise_a: real("sensor.currentNoise"),
-        tolerance: Tolerance {
-            m_kg: real("tolerance.m"),
-            gap_m: real("tolerance.s"),
-            alpha_rad: real("tolerance.alpha"),
-            position_gain: real("tolerance.positionGain"),
-            position_offset_m: real("tolerance.positionOffset"),
-            current_gain: real("tolerance.currentGain"),
-            current_offset_a: real("tolerance.currentOffset"),
-        },
     }
 }

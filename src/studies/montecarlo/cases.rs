@@ -288,3 +288,46 @@ pub fn tolerance(scenario: &mut Scenario, (name, part): (&str, f64), draw: &mut 
     }
     scenario.set("estimator", &format!("tolerance.{name}"), Value::Real(deviation));
 }
+
+/// Things wrong with a bench, one at a time: what is wrong, the element and the variables that make it so, and the change; the latter is
+/// relative where it is in per cent. Those of the estimator are what it is told.
+pub const FAULTS: [(&str, &str, &[&str], f64); 11] = [
+    ("gain of the position sensor y, +1 %", "plant", &["sensor.gainErrorY"], 0.01),
+    ("gain of both position sensors, +1 %", "plant", &["sensor.gainErrorY", "sensor.gainErrorZ"], 0.01),
+    ("gain of current sensor 1, +1 %", "plant", &["sensor.currentGainError[1]"], 0.01),
+    ("gap s told 10 µm too large, 2 %", "estimator", &["s"], 1e-5),
+    ("mass told 0.134 kg too large, 2 %", "estimator", &["m"], 0.134),
+    ("angle of magnet 2, 2°", "estimator", &["alpha[2]"], PI / 90.0),
+    ("offset of the position sensor y, 10 µm", "plant", &["sensor.offsetY"], 1e-5),
+    ("offset of the position sensor z, 10 µm", "plant", &["sensor.offsetZ"], 1e-5),
+    ("positions and currents 20 µs late", "plant", &["sensor.delay"], 2e-5),
+    ("force that turns backward, 1 N", "", &[], 1.0),
+    ("force that turns backward, 2 N", "", &[], 2.0),
+];
+
+/// Makes one of the [`FAULTS`].
+pub fn fault(scenario: &mut Scenario, (_, element, variables, change): (&str, &str, &[&str], f64)) {
+    for variable in variables {
+        let value = real(scenario, element, variable) + change;
+        scenario.set(element, variable, Value::Real(value));
+    }
+    if variables.is_empty() {
+        backward(scenario, change);
+    }
+}
+
+/// Adds a force in N that turns with the rotor, but backward.
+fn backward(scenario: &mut Scenario, force_n: f64) {
+    let (step_s, omega) = (scenario.step_s, real(scenario, "plant", "omega"));
+    let time_s: Vec<f64> = (0..(1.0 / step_s).round() as usize).map(|step| step as f64 * step_s).collect();
+    let [y, z] = ["pY", "pZ"].map(|name| real(scenario, "plant", name));
+    let angle = |time_s: &f64| omega * (time_s + 0.5 * step_s);
+    let forces = [
+        time_s.iter().map(|time_s| Value::Real(y + force_n * libm::cos(angle(time_s)))).collect::<Vec<_>>(),
+        time_s.iter().map(|time_s| Value::Real(z - force_n * libm::sin(angle(time_s)))).collect(),
+    ];
+    for (name, values) in ["plant.pY", "plant.pZ"].into_iter().zip(forces) {
+        let targets = vec![scenario.settable(name).expect("a variable of the plant")];
+        scenario.profiles.push(Profile { targets, time_s: time_s.clone(), values, hold: true });
+    }
+}

@@ -318,6 +318,13 @@ pub fn studies(runs: usize) -> Vec<Study> {
         studies.push(study);
     }
 
+    for fault in cases::FAULTS {
+        let mut study = study(&format!("One thing wrong: {}", fault.0), &nominal, NOISE, false, runs);
+        study.instants_s = INSTANTS_S[1..].to_vec();
+        cases::fault(&mut study.scenario, fault);
+        studies.push(study);
+    }
+
     for (told, says) in [(true, "noise told"), (false, "noise not told")] {
         let title = format!("Step of λ by {} % at {} s, {says}", 100.0 * STEP.1, STEP.0);
         let mut step = study(&title, &nominal, NOISE, told, runs);

@@ -1,5 +1,8 @@
 //! Commands and their arguments.
 
+mod identify;
+mod print;
+
 use std::error::Error;
 use std::fs;
 use std::io::{self, Write};
@@ -11,20 +14,18 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use fmu_export::package::platforms::{self, Platform};
 
-use crate::estimation::EstimatorConfig;
-use crate::fmu::estimator::METHOD;
-use crate::output::{self, Format, tell};
+use crate::output::{self, Format};
 use crate::package;
 use crate::report::frame;
-use crate::report::{experiment, identification};
+use crate::report::{campbell, experiment};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::{BUILT_IN, Scenario};
 use crate::simulation::simulate::{self, Run};
 use crate::simulation::summary;
 use crate::studies::design;
-use crate::studies::identify;
 use crate::studies::montecarlo;
 use crate::studies::sweep::Sweep;
+use crate::studies::whirl::{self, Whirl};
 
 /// Default folders, relative to the one in which the program is run.
 const FMU_FOLDER: &str = "target/fmu";
@@ -64,7 +65,7 @@ enum Command {
     /// "hole.csv"` makes a closed curve of points the reference trajectory.
     Simulate {
         /// A file, - for the standard input, or a built-in scenario: paper, experiment, unbalanced, turned, run-up, lift-off,
-        /// coil-loss, circle, hole, standstill.
+        /// coil-loss, circle, hole, standstill, spindle, balance.
         #[arg(value_name = "SCENARIO")]
         scenario: PathBuf,
         /// Changes a value of the scenario (can be repeated): `m=7` for every element that has the variable, `plant.m=7` for
@@ -92,71 +93,7 @@ enum Command {
     /// Times are numbers, Unix times or ISO 8601 stamps; the sample time is the slope of the straight line through them.
     ///
     /// The exit code is 2 if the recording cannot be used; the reasons go to the standard error.
-    Identify {
-        /// The recordings, or - for the standard input, in UTF-8, UTF-16 or Windows-1252: columns separated by comma, semicolon
-        /// or tab; with the latter two, decimal commas are understood. Several recordings show one bearing at other speeds,
-        /// loads or reference trajectories: they share the parameters of the bearing and its bench.
-        #[arg(value_name = "RECORDING", required = true)]
-        recordings: Vec<PathBuf>,
-        /// The currents in a separate table, with times from the same clock, at any rate.
-        #[arg(long, value_name = "FILE.csv")]
-        currents: Option<PathBuf>,
-        /// Assigns a column: signal as in the interface = name in the header.
-        #[arg(long, value_name = "SIGNAL=COLUMN", value_parser = pair)]
-        column: Vec<(String, String)>,
-        /// Assigns a unit: signal as in the interface = unit. Known are s, ms, µs, ns; m, mm, µm (um), nm, mil; A, mA; rad, deg
-        /// (°), rev; rad/s, rpm (1/min, U/min, min-1), Hz, deg/s.
-        #[arg(long, value_name = "SIGNAL=UNIT", value_parser = pair)]
-        unit: Vec<(String, String)>,
-        /// Sample rate, as in 10kHz, for recordings without times; if there are times, they must agree.
-        #[arg(long, value_name = "RATE", value_parser = identify::rate_s, conflicts_with = "step")]
-        rate: Option<f64>,
-        /// Sample time, as in 100us, instead of --rate; seconds if there is no unit.
-        #[arg(long, value_name = "TIME", value_parser = identify::duration_s)]
-        step: Option<f64>,
-        /// Scenario whose estimator has the parameters of the bearing: a file or a built-in scenario.
-        #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
-        scenario: PathBuf,
-        /// likelihood (maximum likelihood over the whole recording), an on-line method (paperLiteral, paper, predictionError),
-        /// or all.
-        #[arg(long, value_name = "METHOD", default_value = "likelihood")]
-        method: String,
-        /// Standard deviation of a parameter of the bench, with its unit: s=2%, s=10um, m=0.05kg, alpha=1deg,
-        /// sensor.offset=5um, sensor.gain=0.5%, current.gain=0.5%, delay=20us (can be repeated; also as a table [tolerance] in
-        /// the scenario). The parameter is then estimated as well.
-        #[arg(long = "tolerance", value_name = "NAME=VALUE", value_parser = pair)]
-        tolerances: Vec<(String, String)>,
-        /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated).
-        #[arg(long = "estimate", value_name = "NAME")]
-        estimates: Vec<String>,
-        /// What a current sample stands for: heldBefore, heldAfter, linear, or auto to find out from the data.
-        #[arg(long, value_name = "HOLD", default_value = "heldBefore")]
-        hold: String,
-        /// Length of the window, in s; one revolution by default.
-        #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
-        window: Option<f64>,
-        /// Speed in rpm, for recordings without angle and speed.
-        #[arg(long, value_name = "RPM", allow_hyphen_values = true)]
-        speed: Option<f64>,
-        /// Standard deviation of the position noise, in m; estimated from the data by default.
-        #[arg(long, value_name = "METRES", value_parser = deviation, allow_hyphen_values = true)]
-        position_noise: Option<f64>,
-        /// Standard deviation of the current noise, in A; estimated from the data by default.
-        #[arg(long, value_name = "AMPERES", value_parser = deviation, allow_hyphen_values = true)]
-        current_noise: Option<f64>,
-        /// Interpolates a recording without a uniform sample time to this one, as in 100us; seconds if there is no unit.
-        #[arg(long, value_name = "TIME", value_parser = identify::duration_s, conflicts_with_all = ["rate", "step"])]
-        resample: Option<f64>,
-        /// Writes the estimates over time as CSV; - is the standard output, as for --json.
-        #[arg(long, value_name = "FILE")]
-        csv: Option<PathBuf>,
-        /// Writes the result as JSON; - is the standard output, and messages then go to the standard error.
-        #[arg(long, value_name = "FILE")]
-        json: Option<PathBuf>,
-        /// Writes a report page, index.html, into this folder.
-        #[arg(long, value_name = "DIR")]
-        report: Option<PathBuf>,
-    },
+    Identify(identify::Arguments),
     /// Compares excitations: how precisely λ is known after which time, with the reference trajectory alone and with F0
     /// modulated.
     Design {
@@ -178,6 +115,25 @@ enum Command {
         /// Time by which λ must be known, in s.
         #[arg(long, value_name = "SECONDS", default_value_t = 0.1, allow_hyphen_values = true)]
         at: f64,
+    },
+    /// Natural frequencies and unbalance response of a spindle over the speed (Campbell diagram), on bearings that are springs and
+    /// dampers.
+    Whirl {
+        /// The spindle: a file or a built-in scenario.
+        #[arg(value_name = "SCENARIO", default_value = "spindle")]
+        scenario: PathBuf,
+        /// Stiffness of each bearing, in N/m.
+        #[arg(long, value_name = "N/m", default_value_t = 2e6, allow_hyphen_values = true)]
+        stiffness: f64,
+        /// Damping of each bearing, in N·s/m.
+        #[arg(long, value_name = "N.s/m", default_value_t = 200.0, allow_hyphen_values = true)]
+        damping: f64,
+        /// Greatest speed, in rpm.
+        #[arg(long, value_name = "RPM", default_value_t = 12_000.0, value_parser = duration, allow_hyphen_values = true)]
+        to: f64,
+        /// Writes a report page, index.html, into this folder.
+        #[arg(long, value_name = "DIR")]
+        report: Option<PathBuf>,
     },
     /// Repeats runs with many seeds and prints errors, stated standard deviations and the Cramér–Rao bound.
     ///
@@ -248,9 +204,10 @@ enum Command {
 
 /// Prints a line to the standard output.
 macro_rules! say {
-    () => { tell(format_args!("")) };
-    ($($what:tt)*) => { tell(format_args!($($what)*)) };
+    () => { $crate::output::tell(format_args!("")) };
+    ($($what:tt)*) => { $crate::output::tell(format_args!($($what)*)) };
 }
+use say;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -267,7 +224,7 @@ pub fn main(commit: Option<&str>) -> ExitCode {
     let outcome = match arguments.command {
         None => everything(),
         Some(Command::Package { binaries, out }) => package(&binaries, &out),
-        Some(Command::Simulate { scenario, print: true, .. }) => print(&scenario),
+        Some(Command::Simulate { scenario, print: true, .. }) => print_scenario(&scenario),
         Some(Command::Simulate { scenario, changes, csv, json, report, print: false }) => {
             let out = Out { csv: csv.as_deref(), json: json.as_deref(), report: report.as_deref() };
             simulate(&scenario, &changes, &out)
@@ -287,7 +244,10 @@ pub fn main(commit: Option<&str>) -> ExitCode {
         }
         Some(Command::Describe { out }) => describe(&out),
         Some(Command::Completions { shell }) => completions(shell),
-        Some(command @ Command::Identify { .. }) => identify(command),
+        Some(Command::Identify(arguments)) => identify::run(&arguments),
+        Some(Command::Whirl { scenario, stiffness, damping, to, report }) => {
+            whirl(&scenario, [stiffness, damping], to, report.as_deref())
+        }
         Some(Command::Design { scenario, speed, sample_time, position_noise, current_noise, at }) => {
             let noise = [position_noise, current_noise];
             let conditions = design::Conditions { rpm: speed, step_s: sample_time, noise, instant_s: at };
@@ -365,13 +325,25 @@ fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Optio
     }
 }
 
-fn print(name: &Path) -> Result<()> {
+fn print_scenario(name: &Path) -> Result<()> {
     let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)) else {
         let names: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
         return Err(format!("{}: --print needs one of {}", name.display(), names.join(", ")).into());
     };
     say!("{}", text.trim_end());
     Ok(())
+}
+
+/// Reserves the standard output if one of the results goes there, so that messages go to the standard error.
+fn claim_standard_output(csv: Option<&Path>, json: Option<&Path>) -> Result<()> {
+    match [csv, json].into_iter().flatten().filter(|path| output::is_standard(path)).count() {
+        0 => Ok(()),
+        1 => {
+            output::take_standard_output();
+            Ok(())
+        }
+        _ => Err(Refused("--csv - and --json -: only one of them can use the standard output".into()).into()),
+    }
 }
 
 /// Destinations of the results.
@@ -383,13 +355,7 @@ struct Out<'a> {
 }
 
 fn simulate(name: &Path, changes: &[(String, String)], out: &Out<'_>) -> Result<()> {
-    let standard = [out.csv, out.json].into_iter().flatten().filter(|path| output::is_standard(path)).count();
-    if standard > 1 {
-        return Err(Refused("--csv - and --json -: only one of them can use the standard output".into()).into());
-    }
-    if standard > 0 {
-        output::take_standard_output();
-    }
+    claim_standard_output(out.csv, out.json)?;
     let page = out.report.map(|folder| folder.join("index.html"));
     // Check that the files can be written before a long run.
     for (path, format) in [(out.csv, Format::Table), (out.json, Format::Json), (page.as_deref(), Format::Page)] {
@@ -410,11 +376,8 @@ fn simulate(name: &Path, changes: &[(String, String)], out: &Out<'_>) -> Result<
         Format::Json.write(path, document.as_bytes()).map_err(named(path))?;
         said_of(path);
     }
-    if let (Some(folder), Some(path)) = (out.report, page) {
-        fs::create_dir_all(folder).map_err(named(folder))?;
-        let page = experiment::page(name, &frame::command_line(), &scenario, &run);
-        Format::Page.write(&path, page.as_bytes()).map_err(named(&path))?;
-        said_of(&path);
+    if let Some(folder) = out.report {
+        write_page(folder, &experiment::page(name, &frame::command_line(), &scenario, &run))?;
     }
     match run.error {
         Some(error) => Err(format!("the run ended early: {error}").into()),
@@ -448,227 +411,34 @@ fn choose_excitation(name: &Path, conditions: &design::Conditions) -> Result<()>
     let scenario = Scenario::open(name)?;
     let precisions = design::design(&scenario, conditions)?;
     let table = design::table(conditions, &precisions);
-    say!("{}", table.title);
-    for line in wrapped(&table.note) {
-        say!("  {line}");
-    }
-    print_table(&table.head, &table.rows);
+    print::table(&table);
     say!();
-    for line in wrapped(&design::advice(conditions, &precisions)) {
-        say!("{line}");
+    print::paragraph(&design::advice(conditions, &precisions));
+    Ok(())
+}
+
+/// Steps of the speed in the table of `whirl`.
+const SPEEDS: usize = 12;
+
+fn whirl(name: &Path, [stiffness, damping]: [f64; 2], greatest_rpm: f64, report: Option<&Path>) -> Result<()> {
+    let scenario = Scenario::open(name)?;
+    let whirl = Whirl::new(&scenario, stiffness, damping).map_err(|why| format!("{}: {why}", name.display()))?;
+    let table = whirl::table(&whirl, greatest_rpm, SPEEDS);
+    print::table(&table);
+    if let Some(folder) = report {
+        let page = campbell::page(&frame::command_line(), &whirl, greatest_rpm, &table);
+        write_page(folder, &page)?;
     }
     Ok(())
 }
 
-fn identify(command: Command) -> Result<()> {
-    let Command::Identify {
-        recordings,
-        tolerances,
-        estimates,
-        currents,
-        column,
-        unit,
-        rate,
-        step,
-        scenario,
-        method,
-        hold,
-        window,
-        speed,
-        position_noise,
-        current_noise,
-        resample,
-        csv,
-        json,
-        report,
-    } = command
-    else {
-        unreachable!("called for this command alone");
-    };
-    let reading = identify::Reading {
-        columns: column,
-        units: unit,
-        omega_rad_s: speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
-        rate_s: rate.or(step),
-        resample_s: resample,
-    };
-    let open = |path: &Path| -> Result<Box<dyn io::Read>> {
-        if output::is_standard(path) {
-            return Ok(Box::new(io::stdin().lock()));
-        }
-        Ok(Box::new(fs::File::open(path).map_err(named(path))?))
-    };
-    let to_standard_output = json.as_deref().is_some_and(output::is_standard);
-    if csv.as_deref().is_some_and(output::is_standard) {
-        if to_standard_output {
-            return Err(Refused("--csv - and --json -: only one of them can use the standard output".into()).into());
-        }
-        output::take_standard_output();
-    }
-    if let Some(path) = &csv {
-        let is_same =
-            |other: &PathBuf| path.canonicalize().ok().is_some_and(|path| other.canonicalize().ok() == Some(path));
-        if recordings.iter().chain(&currents).any(is_same) {
-            return Err(Refused(format!("--csv {}: this is the recording", path.display())).into());
-        }
-    }
-    let refused = |path: &Path, findings: Vec<String>| -> Box<dyn Error> {
-        if to_standard_output {
-            let verdict = format!("{}: the recording cannot be used", path.display());
-            say!("{:#}", serde_json::json!({"valid": false, "verdict": verdict, "findings": findings}));
-        }
-        Refused(format!("{}: {}", path.display(), identify::Unusable(findings))).into()
-    };
-    let bearing = Scenario::open(&scenario)?;
-    let mut config =
-        identify::config(|name| bearing.value("estimator", name).map_or(f64::NAN, fmu_export::variable::Value::as_f64));
-    let mut bench = [identify::likelihood::Told::default(); identify::likelihood::BENCH];
-    for (at, std) in identify::of_estimator(&config.tolerance, config.m_kg, config.gap_m) {
-        bench[at].knowledge = identify::likelihood::Knowledge::Tolerance(std);
-    }
-    for (name, value) in bearing.tolerance.iter().chain(&tolerances) {
-        for (at, std) in identify::tolerance(name, value, config.m_kg, config.gap_m).map_err(Refused)? {
-            bench[at].knowledge = identify::likelihood::Knowledge::Tolerance(std);
-        }
-    }
-    for name in &estimates {
-        for at in identify::named(name).map_err(Refused)? {
-            bench[at].knowledge = identify::likelihood::Knowledge::Free;
-        }
-    }
-    let likely = method == "likelihood";
-    if currents.is_some() && recordings.len() > 1 {
-        return Err(Refused("--currents needs a single recording".into()).into());
-    }
-    if !likely && recordings.len() > 1 {
-        return Err(Refused(format!("--method {method} needs a single recording")).into());
-    }
-    let mut all = Vec::new();
-    for path in &recordings {
-        let samples = match &currents {
-            None => identify::Samples::read_from(open(path)?, &reading),
-            Some(apart) => identify::Samples::read_apart_from(open(path)?, open(apart)?, &reading),
-        };
-        let samples = samples.map_err(|unusable| refused(path, unusable.0))?;
-        let implausible = samples.implausible(config.gap_m);
-        if !implausible.is_empty() {
-            return Err(refused(path, implausible.iter().map(ToString::to_string).collect()));
-        }
-        all.push(samples);
-    }
-    let recording = &recordings[0];
-    let samples = &all[0];
-    config.step_s = samples.step_s;
-    config.window_s = match window {
-        Some(window_s) => (window_s / samples.step_s).round() * samples.step_s,
-        None => identify::one_revolution(samples),
-    };
-    config.epsilon_s = config.window_s;
-    config.position_noise_m = position_noise.unwrap_or(0.0);
-    config.current_noise_a = current_noise.unwrap_or(0.0);
-    let one =
-        |names: &[&str], what: &str, given: &str| format!("--{what} {given}: expected one of {}", names.join(", "));
-    let wanted = if likely { "predictionError" } else { method.as_str() };
-    let methods: Vec<_> =
-        identify::METHODS.into_iter().filter(|(name, _)| wanted == *name || wanted == "all").collect();
-    if methods.is_empty() {
-        let names = [&["likelihood"], identify::METHODS.map(|(name, _)| name).as_slice(), &["all"]].concat();
-        return Err(match METHOD.renamed.iter().find(|(former, _)| *former == method) {
-            Some((former, name)) => format!("--method {former}: expected {name}, which replaces it"),
-            None => one(&names, "method", &method),
-        }
-        .into());
-    }
-    let mut holds = None;
-    if hold == "auto" {
-        let residuals = identify::residuals_of_holds(samples, &config);
-        let least = (0..3).min_by(|a, b| residuals[*a].total_cmp(&residuals[*b])).unwrap_or(0);
-        config.hold = identify::HOLDS[least].1;
-        holds = Some(identify::table_of_holds(&residuals, config.hold));
-    } else {
-        let found = identify::HOLDS.into_iter().find(|(name, _)| *name == hold);
-        let names = [identify::HOLDS.map(|(name, _)| name).as_slice(), &["auto"]].concat();
-        config.hold = found.ok_or_else(|| one(&names, "hold", &hold))?.1;
-    }
-    // Plots and tables need no more points than this; the CSV file has all of them.
-    const SHOWN: usize = 4000;
-    let every = if likely && csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
-    let mut tracks = Vec::new();
-    for (_, method) in methods {
-        tracks.push(identify::track_every(samples, &EstimatorConfig { method, ..config.clone() }, every)?);
-    }
-    let threads = std::thread::available_parallelism().map_or(1, Into::into);
-    let question = identify::Question { config, bench, threads };
-    let answer = if likely { Some(identify::answer(&all, question)?) } else { None };
-    if to_standard_output {
-        for note in all.iter().flat_map(|samples| &samples.notes) {
-            eprintln!("{note}");
-        }
-    } else {
-        for (path, samples) in recordings.iter().zip(&all) {
-            say!("{}", path.display());
-            for note in &samples.notes {
-                say!("  {note}");
-            }
-        }
-        if let Some(answer) = &answer {
-            for line in std::iter::once(answer.told()).chain([answer.verdict.clone()]).chain(answer.findings.clone()) {
-                for line in wrapped(&line) {
-                    say!("{line}");
-                }
-            }
-        }
-        let mut tables: Vec<_> = holds.iter().cloned().collect();
-        match &answer {
-            Some(answer) => {
-                tables.extend(answer.tables());
-                tables.push(identify::progress(samples, &tracks[0]));
-            }
-            None => tables.push(identify::table(&tracks)),
-        }
-        for table in tables {
-            say!("\n{}", table.title);
-            for line in wrapped(&table.note) {
-                say!("  {line}");
-            }
-            print_table(&table.head, &table.rows);
-        }
-        if answer.is_none() {
-            say!();
-            for track in &tracks {
-                say!("{}: {}", track.name, track.verdict());
-            }
-        }
-    }
-    if let Some(path) = csv {
-        write_table(&path, &identify::recording(samples, &tracks))?;
-    }
-    if let Some(path) = json {
-        let document = answer.as_ref().map_or_else(|| identify::json(samples, &tracks), identify::Answer::json);
-        let text = format!("{document:#}\n");
-        if to_standard_output {
-            say!("{}", text.trim_end());
-        } else {
-            Format::Json.write(&path, text.as_bytes()).map_err(named(&path))?;
-        }
-    }
-    if let Some(folder) = report {
-        fs::create_dir_all(&folder).map_err(named(&folder))?;
-        let path = folder.join("index.html");
-        let title = format!("Identification from {}", recording.file_name().unwrap_or_default().to_string_lossy());
-        let page =
-            identification::page(&title, &frame::command_line(), samples, &tracks, holds.as_ref(), answer.as_ref());
-        Format::Page.write(&path, page.as_bytes()).map_err(named(&path))?;
-        if to_standard_output {
-            eprintln!("{}", path.display());
-        } else {
-            say!("\n{}", path.display());
-        }
-    }
-    match answer {
-        Some(answer) if !answer.valid => Err(Refused(answer.verdict).into()),
-        _ => Ok(()),
-    }
+/// Writes a report page into a folder, which is created if missing.
+fn write_page(folder: &Path, page: &str) -> Result<()> {
+    fs::create_dir_all(folder).map_err(named(folder))?;
+    let path = folder.join("index.html");
+    Format::Page.write(&path, page.as_bytes()).map_err(named(&path))?;
+    said_of(&path);
+    Ok(())
 }
 
 /// A standard deviation.
@@ -710,12 +480,7 @@ fn monte_carlo(studies: Vec<montecarlo::Study>, only: Option<&str>, seed: u32, a
         if !at.is_empty() {
             study.instants_s = at.to_vec();
         }
-        let table = montecarlo::table(&study, &study.run()?);
-        say!("{}", table.title);
-        for line in wrapped(&table.note) {
-            say!("  {line}");
-        }
-        print_table(&table.head, &table.rows);
+        print::table(&montecarlo::table(&study, &study.run()?));
         say!();
     }
     Ok(())
@@ -727,40 +492,7 @@ fn print_run(name: &Path, scenario: &Scenario, run: &Run) {
         say!("  {message}");
     }
     for table in experiment::tables(name, scenario, run) {
-        say!("\n{}", table.title);
-        for line in wrapped(&table.note) {
-            say!("  {line}");
-        }
-        print_table(&table.head, &table.rows);
-    }
-}
-
-/// Breaks a text into lines that fit a terminal.
-fn wrapped(text: &str) -> Vec<String> {
-    let mut lines: Vec<String> = Vec::new();
-    for word in text.split_whitespace() {
-        match lines.last_mut() {
-            Some(line) if line.chars().count() + word.chars().count() < 100 => {
-                line.push(' ');
-                line.push_str(word);
-            }
-            _ => lines.push(word.into()),
-        }
-    }
-    lines
-}
-
-/// Prints a table whose first column is text and whose others are numbers.
-fn print_table(head: &[String], rows: &[Vec<String>]) {
-    let all = || std::iter::once(head).chain(rows.iter().map(Vec::as_slice));
-    let width = |column: usize| all().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max();
-    let widths: Vec<usize> = (0..head.len()).map(|column| width(column).unwrap_or(0)).collect();
-    for row in all() {
-        let mut line = String::from(" ");
-        for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
-            let pad = " ".repeat(width - cell.chars().count().min(*width));
-            line += &if column == 0 { format!(" {cell}{pad}") } else { format!("  {pad}{cell}") };
-        }
-        say!("{}", line.trim_end());
+        say!();
+        print::table(&table);
     }
 }

@@ -5,7 +5,7 @@
 //! the acceleration at `t_{k+2}` by feedback of position, velocity and acceleration predicted for `t_{k+1}`:
 //!
 //! ```text
-//! Ÿ_{k+2} = Ÿ*_{k+2} − k_0 (Y − Y*)_{k+1} − k_1 (Ẏ − Ẏ*)_{k+1} − k_2 (Ÿ − Ÿ*)_{k+1}
+//! q̈_{k+2} = q̈*_{k+2} − k_0 (q − q*)_{k+1} − k_1 (q̇ − q̇*)_{k+1} − k_2 (q̈ − q̈*)_{k+1}
 //! ```
 //!
 //! with poles at ρ, ρ and 0 of the double integrator with a piecewise linear input. The currents `i*` for the forces give the
@@ -19,11 +19,10 @@
 //! No integrator can wind up when the amplifiers saturate: the integral action of the loop is the perturbation observer, which
 //! uses the forces of the currents that flow, not the commanded ones.
 
-use super::{Command, Controller, ControllerState, SMALLEST_GAP};
+use super::{Arrangement, Command, Course, Measured, Tracking, TrackingState};
 use crate::bearing::coil::CoilConfig;
 use crate::bearing::magnet;
 use crate::control::observer::{Estimate, pole};
-use crate::control::reference::RefPoint;
 
 /// `[k_0, k_1, k_2]`, in 1/s², 1/s and 1, that put the poles of the double integrator with an input that is linear between
 /// samples at `ρ = exp(−ω T_s)`, ρ and 0.
@@ -34,56 +33,70 @@ pub fn ramp_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 3] {
     [q * q / (step_s * step_s), 2.0 * q / step_s, q - q * q / 6.0]
 }
 
-impl Controller {
-    /// Voltages to hold over the sample time that begins at the next sample, with the reference at its begin and end; the
-    /// currents and gaps are those of this sample.
+impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tracking<A, N, K, B> {
+    /// Voltages to hold over the sample time that begins at the next sample; the currents and gaps are those of this sample.
+    #[inline]
     pub(super) fn voltages(
         &self,
-        state: &mut ControllerState,
-        estimate: &[Estimate; 2],
-        current_a: [f64; 3],
-        gap_m: [f64; 3],
-        [begin, end]: [[RefPoint; 2]; 2],
-    ) -> Command {
-        let m = self.config.m_kg;
+        state: &mut TrackingState<N, K, B>,
+        estimate: &[Estimate; N],
+        measured: &Measured<N, K>,
+        gap_m: [f64; K],
+        smallest_n: [f64; B],
+        [_, begin, end]: &Course<N>,
+    ) -> Command<N, K> {
+        let m = self.inertia;
         let step_s = self.config.step_s;
         let CoilConfig { resistance_ohm, limit_v, .. } = self.config.coil;
-        let floor_m = SMALLEST_GAP * self.config.gap_m;
+        let geometry = self.arrangement.geometry();
+        let gyroscopic = |rates| self.arrangement.gyroscopic(measured.omega_rad_s, rates);
+        let current_a = measured.current_a;
         let lambda = state.lambda_nm2_a2;
-        let inductance = |k: usize, gap_m: f64| self.config.coil.of(lambda[k], self.config.gap_m).inductance_h(gap_m);
+        let inductance = |k: usize, gap_m: f64| self.config.coil.of(lambda[k], geometry.gap_m[k]).inductance_h(gap_m);
+        let to_acceleration =
+            |force: [f64; N], moment: [f64; N]| -> [f64; N] { std::array::from_fn(|a| (force[a] + moment[a]) / m[a]) };
 
         // Position at the next sample: the change of the force until then moves the rotor by less than the rounding of a gap.
-        let now_n = self.magnets.resultant(state.in_effect_n);
-        let next_m = std::array::from_fn(|a| self.observer.predict(estimate[a], now_n[a] / m)[0]);
-        let next_gap_m = self.magnets.gaps(next_m).map(|gap| gap.max(floor_m));
+        let now =
+            to_acceleration(geometry.resultant(state.in_effect_n), gyroscopic(std::array::from_fn(|a| estimate[a][1])));
+        let next: [Estimate; N] = std::array::from_fn(|a| self.observer.predict(estimate[a], now[a]));
+        let next_gap_m = self.limited(geometry.gaps(next.map(|[x, ..]| x)));
         // ψ' = u − R i with the mean of the currents at both ends.
         let half = 0.5 * step_s * resistance_ohm;
-        let next_a: [f64; 3] = std::array::from_fn(|k| {
+        let next_a: [f64; K] = std::array::from_fn(|k| {
             let linkage = inductance(k, gap_m[k]) * current_a[k] + step_s * state.voltage_v[k] - half * current_a[k];
             linkage / (inductance(k, next_gap_m[k]) + half)
         });
-        let next_n = self.magnets.resultant(magnet::forces(lambda, next_a, next_gap_m));
+        let next = to_acceleration(
+            geometry.resultant(magnet::forces(lambda, next_a, next_gap_m)),
+            gyroscopic(next.map(|[_, v, _]| v)),
+        );
 
         let [k_0, k_1, k_2] = self.ramp_gains;
-        let mut force_n = [0.0; 2];
-        let mut last_m = [0.0; 2];
-        for a in 0..2 {
-            let expected = self.observer.predict_ramp(estimate[a], now_n[a] / m, next_n[a] / m);
+        let mut acceleration = [0.0; N];
+        for a in 0..N {
+            let expected = self.observer.predict_ramp(estimate[a], now[a], next[a]);
             let [x, v, d] = expected;
-            let acceleration = end[a].acceleration_m_s2
-                - k_2 * (next_n[a] / m + d - begin[a].acceleration_m_s2)
+            acceleration[a] = end[a].acceleration_m_s2
+                - k_2 * (next[a] + d - begin[a].acceleration_m_s2)
                 - k_1 * (v - begin[a].velocity_m_s)
                 - k_0 * (x - begin[a].position_m);
-            force_n[a] = m * (acceleration - d);
-            last_m[a] = self.observer.predict_ramp(expected, next_n[a] / m, acceleration - d)[0];
             state.expected[a] = expected;
         }
-        let wanted_n = self.magnets.allocate(force_n, state.preload_n * state.modulation_factor);
-        let predicted_m = self.magnets.gaps(last_m);
-        let saturated = predicted_m.iter().any(|gap| *gap < floor_m);
-        let last_gap_m = predicted_m.map(|gap| gap.max(floor_m));
+        let last: [Estimate; N] = std::array::from_fn(|a| {
+            let [_, _, d] = state.expected[a];
+            self.observer.predict_ramp(state.expected[a], next[a], acceleration[a] - d)
+        });
+        let moment = gyroscopic(last.map(|[_, v, _]| v));
+        let force = std::array::from_fn(|a| {
+            let [_, _, d] = state.expected[a];
+            m[a] * (acceleration[a] - d) - moment[a]
+        });
+        let wanted_n = self.arrangement.allocate(force, smallest_n);
+        let predicted_m = geometry.gaps(last.map(|[x, ..]| x));
+        let last_gap_m = self.limited(predicted_m);
         let reference_a = magnet::currents(wanted_n, last_gap_m, lambda);
-        let wanted_v: [f64; 3] = std::array::from_fn(|k| {
+        let wanted_v: [f64; K] = std::array::from_fn(|k| {
             let last_a = (reference_a[k] + self.decay * (next_a[k] - state.planned_a[k])).max(0.0);
             let change = inductance(k, last_gap_m[k]) * last_a - inductance(k, next_gap_m[k]) * next_a[k];
             change / step_s + 0.5 * resistance_ohm * (last_a + next_a[k])
@@ -92,6 +105,13 @@ impl Controller {
         state.voltage_v = voltage_v;
         state.planned_a = reference_a;
         state.asked_n = wanted_n;
-        Command { current_a: reference_a, voltage_v, force_n, saturated, limited: voltage_v != wanted_v }
+        Command {
+            current_a: reference_a,
+            voltage_v,
+            force,
+            perturbation: [0.0; N],
+            saturated: last_gap_m != predicted_m,
+            limited: voltage_v != wanted_v,
+        }
     }
 }

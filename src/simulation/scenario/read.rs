@@ -1,4 +1,4 @@
-//! Scenarios: connections and start values of the variables.
+//! Scenarios as TOML has them, from top to bottom: the document, its values, and the elements that take them.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -7,45 +7,39 @@ use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
 use serde::Deserialize;
 
+use super::{Connection, Element, MACHINES, Profile, Scenario, Setting, connected};
 use crate::control::reference::HARMONICS;
 use crate::fmu::{self, estimator};
 use crate::simulation::contour::Fit;
 
-/// The built-in scenarios, by name.
-pub const BUILT_IN: [(&str, &str); 10] = [
-    ("paper", include_str!("scenarios/paper.toml")),
-    ("experiment", include_str!("scenarios/experiment.toml")),
-    ("unbalanced", include_str!("scenarios/unbalanced.toml")),
-    ("turned", include_str!("scenarios/turned.toml")),
-    ("run-up", include_str!("scenarios/run-up.toml")),
-    ("lift-off", include_str!("scenarios/lift-off.toml")),
-    ("coil-loss", include_str!("scenarios/coil-loss.toml")),
-    ("circle", include_str!("scenarios/circle.toml")),
-    ("hole", include_str!("scenarios/hole.toml")),
-    ("standstill", include_str!("scenarios/standstill.toml")),
-];
-
-/// The contours used by built-in scenarios.
-const BUILT_IN_CONTOURS: [(&str, &str); 1] = [("hole.csv", include_str!("scenarios/hole.csv"))];
-
-/// What is wrong with a scenario; each finding on its own line.
-#[derive(Debug, thiserror::Error)]
-#[error("{origin}:\n  {}", .findings.join("\n  "))]
-pub struct ScenarioError {
-    /// The file or the built-in scenario.
-    pub origin: String,
-    /// The findings, each with the name of the key and what is expected.
-    pub findings: Vec<String>,
+/// Reads a scenario with changes; contour files are named relative to the folder.
+///
+/// # Errors
+/// All findings.
+pub fn scenario(text: &str, folder: &Path, changes: &[(String, String)]) -> Result<Scenario, Vec<String>> {
+    let mut findings = Vec::new();
+    let mut table: toml::Table = toml::from_str(text).map_err(|error| vec![error.to_string()])?;
+    let (of_run, of_elements): (Vec<_>, Vec<_>) = changes
+        .iter()
+        .map(|(name, text)| (name.clone(), value_of(text)))
+        .partition(|(name, _)| ["title", "duration", "step"].contains(&name.as_str()));
+    table.extend(of_run);
+    let document = Document::new(table, text, &mut findings);
+    let mut scenario = read(document, folder, &of_elements, &mut findings);
+    scenario.changes = changes.iter().map(|(name, value)| format!("{name}={value}")).collect();
+    if findings.is_empty() { Ok(scenario) } else { Err(findings) }
 }
 
 /// The text of a scenario as TOML has it.
 struct Document {
     title: String,
     description: String,
+    machine: String,
     duration: toml::Value,
     step: toml::Value,
     compare: Vec<String>,
     contour: Option<String>,
+    balance: Option<toml::Value>,
     profile: Vec<ProfileText>,
     all: toml::Table,
     plant: toml::Table,
@@ -56,13 +50,15 @@ struct Document {
 
 impl Document {
     /// The keys.
-    const KEYS: [&str; 12] = [
+    const KEYS: [&str; 14] = [
         "title",
         "description",
+        "machine",
         "duration",
         "step",
         "compare",
         "contour",
+        "balance",
         "profile",
         "all",
         "plant",
@@ -84,10 +80,12 @@ impl Document {
         let document = Self {
             title: take(&mut table, "title", "a text", findings),
             description: take(&mut table, "description", "a text", findings),
+            machine: take(&mut table, "machine", "a text", findings),
             duration,
             step,
             compare: take(&mut table, "compare", "a list of methods", findings),
             contour: take(&mut table, "contour", "the name of a file", findings),
+            balance: table.remove("balance"),
             profile: take(&mut table, "profile", "of = [names], time = [instants], value = [values]", findings),
             all: take(&mut table, "all", "a table", findings),
             plant: take(&mut table, "plant", "a table", findings),
@@ -131,247 +129,11 @@ struct ProfileText {
     hold: bool,
 }
 
-/// Values that variables take during a run: unconnected inputs and tunable parameters.
-///
-/// Real values are interpolated linearly between the instants; with `hold`, and for other types, the value stays until the next
-/// instant. Before the first instant it is the first value, with `hold` the start value. A communication step uses the value at
-/// its begin.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Profile {
-    /// Element and variable, by index, that take the values.
-    pub targets: Vec<(usize, usize)>,
-    /// The instants, in seconds, increasing.
-    pub time_s: Vec<f64>,
-    /// A value for each instant, in the unit of the variables.
-    pub values: Vec<Value>,
-    /// Whether values stay from one instant to the next.
-    pub hold: bool,
-}
-
-impl Profile {
-    /// The value at an instant in seconds, if there is one.
-    pub fn at(&self, time_s: f64) -> Option<Value> {
-        // Instants and communication points are computed in floating point.
-        const ROUNDING_S: f64 = 1e-9;
-        let passed = self.time_s.partition_point(|instant| *instant <= time_s + ROUNDING_S);
-        if passed == 0 {
-            return (!self.hold).then(|| self.values[0].clone());
-        }
-        match (&self.values[passed - 1], self.values.get(passed)) {
-            (Value::Real(from), Some(Value::Real(to))) if !self.hold => {
-                let [begin, end] = [self.time_s[passed - 1], self.time_s[passed]];
-                Some(Value::Real(from + (to - from) * ((time_s - begin) / (end - begin)).max(0.0)))
-            }
-            (value, _) => Some(value.clone()),
-        }
-    }
-}
-
-/// A value that a scenario gives to a variable.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Setting {
-    /// Index of the variable in the table of its model.
-    pub index: usize,
-    /// The value, in the unit of the variable.
-    pub value: Value,
-}
-
-/// A component of a scenario.
-#[derive(Clone)]
-pub struct Element {
-    /// Name, unique in the scenario.
-    pub name: String,
-    /// Its model type.
-    pub model_type: Arc<ModelType>,
-    /// Values that differ from the start values.
-    pub settings: Vec<Setting>,
-}
-
-/// A scenario, checked as far as possible without running it.
-#[derive(Clone)]
-pub struct Scenario {
-    /// One line.
-    pub title: String,
-    /// A paragraph.
-    pub description: String,
-    /// Length of the run, in seconds.
-    pub duration_s: f64,
-    /// Communication step, in seconds.
-    pub step_s: f64,
-    /// The closed loop, `plant`, `controller`, `estimator`, followed by estimators that run beside it on the same data.
-    pub elements: Vec<Element>,
-    /// Values that change during the run.
-    pub profiles: Vec<Profile>,
-    /// How well a test bench is known, for `identify`: names and values as for `--tolerance`.
-    pub tolerance: Vec<(String, String)>,
-    /// Changes made when it was opened, each as `name=value`.
-    pub changes: Vec<String>,
-}
-
-/// Connections of the closed loop, from an output to an input.
-const LOOP: [[&str; 2]; 22] = [
-    ["plant.Ym", "controller.Ym"],
-    ["plant.Zm", "controller.Zm"],
-    ["plant.im[1]", "controller.im[1]"],
-    ["plant.im[2]", "controller.im[2]"],
-    ["plant.im[3]", "controller.im[3]"],
-    ["controller.i[1]", "plant.i[1]"],
-    ["controller.i[2]", "plant.i[2]"],
-    ["controller.i[3]", "plant.i[3]"],
-    ["controller.u[1]", "plant.u[1]"],
-    ["controller.u[2]", "plant.u[2]"],
-    ["controller.u[3]", "plant.u[3]"],
-    ["estimator.lambdaHat[1]", "controller.lambdaHat[1]"],
-    ["estimator.lambdaHat[2]", "controller.lambdaHat[2]"],
-    ["estimator.lambdaHat[3]", "controller.lambdaHat[3]"],
-    ["estimator.valid", "controller.lambdaValid"],
-    ["plant.Ym", "estimator.Ym"],
-    ["plant.Zm", "estimator.Zm"],
-    ["plant.im[1]", "estimator.im[1]"],
-    ["plant.im[2]", "estimator.im[2]"],
-    ["plant.im[3]", "estimator.im[3]"],
-    ["plant.theta", "estimator.theta"],
-    ["plant.omegam", "estimator.omega"],
-];
+/// The contours used by built-in scenarios.
+const BUILT_IN_CONTOURS: [(&str, &str); 1] = [("hole.csv", include_str!("../scenarios/hole.csv"))];
 
 /// Largest deviation of the reference trajectory from the points of its contour, relative to its size.
 const CONTOUR_MISS: f64 = 0.01;
-
-/// An output and the input connected to it, by element and variable name.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Connection {
-    /// Element and variable of the output.
-    pub from: [String; 2],
-    /// Element and variable of the input.
-    pub to: [String; 2],
-}
-
-impl Scenario {
-    /// Reads a built-in scenario by its name, or else a file.
-    ///
-    /// # Errors
-    /// All findings, each with the name of the key and what is expected.
-    pub fn open(name: &Path) -> Result<Self, ScenarioError> {
-        Self::open_with(name, &[])
-    }
-
-    /// As [`Self::open`], with the standard input under the name `-`, and with changes: pairs of a name and a value. A name is
-    /// a path such as `plant.m`, or `m` for every element that has such a variable, or `duration`, `step` or `title`; a value
-    /// is written as in a scenario, texts with or without quotes.
-    ///
-    /// # Errors
-    /// As for [`Self::open`].
-    pub fn open_with(name: &Path, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
-        let origin = name.display().to_string();
-        if let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)) {
-            return Self::parse_with(&origin, text, changes);
-        }
-        let read = if name == Path::new("-") {
-            std::io::read_to_string(std::io::stdin())
-        } else {
-            std::fs::read_to_string(name)
-        };
-        let text = read.map_err(|error| {
-            let names: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
-            let finding = format!("cannot be read ({error}): expected a file, or one of {}", names.join(", "));
-            ScenarioError { origin: origin.clone(), findings: vec![finding] }
-        })?;
-        Self::parse_with(&origin, &text, changes)
-    }
-
-    /// Parses a scenario. `origin` names its source in messages.
-    ///
-    /// # Errors
-    /// As for [`Self::open`].
-    pub fn parse(origin: &str, text: &str) -> Result<Self, ScenarioError> {
-        Self::parse_with(origin, text, &[])
-    }
-
-    fn parse_with(origin: &str, text: &str, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
-        let mut findings = Vec::new();
-        let mut table: toml::Table = match toml::from_str(text) {
-            Ok(table) => table,
-            Err(error) => {
-                return Err(ScenarioError { origin: origin.into(), findings: vec![error.to_string()] });
-            }
-        };
-        let (of_run, of_elements): (Vec<_>, Vec<_>) = changes
-            .iter()
-            .map(|(name, text)| (name.clone(), value_of(text)))
-            .partition(|(name, _)| ["title", "duration", "step"].contains(&name.as_str()));
-        table.extend(of_run);
-        let document = Document::new(table, text, &mut findings);
-        let folder = Path::new(origin).parent().unwrap_or(Path::new(""));
-        let mut scenario = read(document, folder, &of_elements, &mut findings);
-        scenario.changes = changes.iter().map(|(name, value)| format!("{name}={value}")).collect();
-        if findings.is_empty() { Ok(scenario) } else { Err(ScenarioError { origin: origin.into(), findings }) }
-    }
-
-    /// The connections, including those of the estimators beside the loop.
-    pub fn connections(&self) -> Vec<Connection> {
-        let split = |path: &str| {
-            let (element, variable) = path.split_once('.').expect("a path has an element and a variable");
-            [element.to_owned(), variable.to_owned()]
-        };
-        let closed = LOOP.iter().map(|[from, to]| Connection { from: split(from), to: split(to) });
-        let mut connections: Vec<_> = closed.collect();
-        for element in self.elements.iter().skip(3) {
-            let beside = LOOP
-                .iter()
-                .filter(|[_, to]| to.starts_with("estimator."))
-                .map(|[from, to]| Connection { from: split(from), to: [element.name.clone(), split(to)[1].clone()] });
-            connections.extend(beside);
-        }
-        connections
-    }
-
-    /// Finds the variable of a path such as `plant.lambda[1]`: the index of its element and its own.
-    ///
-    /// # Errors
-    /// There is no such variable, or it cannot be set.
-    pub fn settable(&self, path: &str) -> Result<(usize, usize), String> {
-        let (name, key) = path.split_once('.').unwrap_or(("", path));
-        let Some(at) = self.elements.iter().position(|element| element.name == name) else {
-            let names: Vec<_> = self.elements.iter().map(|element| element.name.as_str()).collect();
-            return Err(format!("{path}: expected a path that begins with one of {}", names.join(", ")));
-        };
-        let variables = self.elements[at].model_type.variables();
-        let Some(index) = variables.iter().position(|variable| variable.name == key) else {
-            let settable = variables.iter().filter(|variable| variable.is_settable());
-            return Err(unknown(name, key, &settable.map(|variable| variable.name.to_string()).collect::<Vec<_>>()));
-        };
-        permitted(name, &variables[index]).map_err(|why| format!("{path} is refused: {why}"))?;
-        Ok((at, index))
-    }
-
-    /// Sets the variable of a path from a text: a number with or without a unit, a name, `true` or `false`.
-    ///
-    /// # Errors
-    /// What is wrong with the path or the value.
-    pub fn assign(&mut self, path: &str, text: &str) -> Result<(), String> {
-        let (at, index) = self.settable(path)?;
-        let data_type = &self.elements[at].model_type.variables()[index].data_type;
-        let text = text.trim();
-        let value = match data_type {
-            Type::Integer { .. } => text.parse().map(toml::Value::Integer).ok(),
-            Type::Boolean { .. } => text.parse().map(toml::Value::Boolean).ok(),
-            Type::Real { .. } | Type::Enumeration { .. } | Type::String { .. } => None,
-        };
-        let value = convert(data_type, &value.unwrap_or_else(|| toml::Value::String(text.into())));
-        let value = value.map_err(|why| format!("{path} = {text} is refused: {why}"))?;
-        self.elements[at].settings.push(Setting { index, value });
-        Ok(())
-    }
-
-    /// The start value of a variable.
-    pub fn value(&self, element: &str, variable: &str) -> Option<Value> {
-        let element = self.elements.iter().find(|candidate| candidate.name == element)?;
-        let variables = element.model_type.variables();
-        let index = variables.iter().position(|candidate| candidate.name == variable)?;
-        let set = element.settings.iter().rev().find(|setting| setting.index == index);
-        Some(set.map_or_else(|| variables[index].start(), |setting| setting.value.clone()))
-    }
-}
 
 /// A value as written after `--set`: TOML, or a text without quotes.
 fn value_of(text: &str) -> toml::Value {
@@ -381,7 +143,12 @@ fn value_of(text: &str) -> toml::Value {
 }
 
 /// Applies changes to the elements, after the scenario itself.
-fn change(changes: &[(String, toml::Value)], elements: &mut [Element], findings: &mut Vec<String>) {
+fn change(
+    changes: &[(String, toml::Value)],
+    elements: &mut [Element],
+    connected: &[Connection],
+    findings: &mut Vec<String>,
+) {
     for (path, value) in changes {
         let (owner, key) = match path.split_once('.') {
             Some((name, key)) if elements.iter().any(|element| element.name == name) => (Some(name), key),
@@ -399,12 +166,14 @@ fn change(changes: &[(String, toml::Value)], elements: &mut [Element], findings:
         let is_open = |element: &Element| {
             let index =
                 position(&element.model_type, key).or_else(|| position(&element.model_type, &self::element(key, 0)));
-            index.is_some_and(|index| permitted(&element.name, &element.model_type.variables()[index]).is_ok())
+            index.is_some_and(|index| {
+                permitted(&element.name, &element.model_type.variables()[index], connected).is_ok()
+            })
         };
         let is_open_anywhere = known.iter().any(|element| is_open(element));
         for element in known {
             if is_open(element) || !is_open_anywhere {
-                set(&element.name, &element.model_type, "--set", key, value, &mut element.settings, findings);
+                set(element, connected, "--set", key, value, findings);
             }
         }
     }
@@ -428,67 +197,75 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     };
     let duration_s = time("duration", &document.duration);
     let step_s = time("step", &document.step);
+    let balance_s = document.balance.as_ref().map(|value| time("balance", value));
     if findings.is_empty() && step_s > duration_s {
         findings.push(format!("step = {} is refused: expected at most the duration, {duration_s} s", document.step));
     }
 
-    let [plant, controller, estimator, ..] = &fmu::catalogue()[..] else { unreachable!("there are more models") };
-    let tables: [(&str, &Arc<ModelType>, &toml::Table); 3] = [
-        ("plant", plant, &document.plant),
-        ("controller", controller, &document.controller),
-        ("estimator", estimator, &document.estimator),
-    ];
-    let mut elements: Vec<Element> = Vec::new();
-    for (name, model_type, table) in tables {
-        let mut settings = Vec::new();
-        for (key, value) in flatten(&document.all) {
-            // Keys of other elements are skipped; names that no element knows are reported below.
-            if knows(model_type, &key) {
-                set(name, model_type, "all", &key, value, &mut settings, findings);
-            }
+    let machine = if document.machine.is_empty() { MACHINES[0].0 } else { &document.machine };
+    let machine = MACHINES.into_iter().find(|(name, _)| *name == machine).unwrap_or_else(|| {
+        let names = MACHINES.map(|(name, _)| name).join(", ");
+        findings.push(format!("machine = \"{machine}\" is refused: expected one of {names}"));
+        MACHINES[0]
+    });
+    let [plant, controller, estimator] = machine.1.map(|name| fmu::find(name).expect("a model of this project"));
+    let element =
+        |name: &str, model_type: Arc<ModelType>| Element { name: name.into(), model_type, settings: Vec::new() };
+    let mut elements =
+        vec![element("plant", plant), element("controller", controller), element("estimator", estimator)];
+    let connected = connected(&elements);
+    let all = flatten(&document.all);
+    for (element, table) in elements.iter_mut().zip([&document.plant, &document.controller, &document.estimator]) {
+        // Keys of other elements are skipped; names that no element knows are reported below.
+        let (name, model_type) = (element.name.clone(), element.model_type.clone());
+        for (key, value) in all.iter().filter(|(key, _)| knows(&model_type, key)) {
+            set(element, &connected, "all", key, value, findings);
         }
         for (key, value) in flatten(table) {
-            if knows(model_type, &key) {
-                set(name, model_type, name, &key, value, &mut settings, findings);
+            if knows(&model_type, &key) {
+                set(element, &connected, &name, &key, value, findings);
             } else {
-                findings.push(unknown(name, &key, &names(&[model_type])));
+                findings.push(unknown(&name, &key, &names(&[&model_type])));
             }
         }
-        elements.push(Element { name: name.into(), model_type: model_type.clone(), settings });
     }
-    for (key, _) in flatten(&document.all) {
-        let models = tables.map(|(_, model_type, _)| &**model_type);
-        if !models.iter().any(|model_type| knows(model_type, &key)) {
-            findings.push(unknown("all", &key, &names(&models)));
-        }
+    let models: Vec<_> = elements.iter().map(|element| &*element.model_type).collect();
+    for (key, _) in all.iter().filter(|(key, _)| !models.iter().any(|model_type| knows(model_type, key))) {
+        findings.push(unknown("all", key, &names(&models)));
     }
     if let Some(file) = &document.contour {
-        match contour(file, folder) {
+        match contour(file, folder, &elements[1].model_type) {
             Ok(settings) => elements[1].settings.extend(settings),
             Err(why) => findings.push(format!("contour = \"{file}\" is refused: {why}")),
         }
     }
-    change(changes, &mut elements, findings);
+    change(changes, &mut elements, &connected, findings);
     beside(&document.compare, &mut elements, findings);
-    let profiles =
-        document.profile.iter().enumerate().filter_map(|(index, text)| profile(index, text, &elements, findings));
+    let profiles = document
+        .profile
+        .iter()
+        .enumerate()
+        .filter_map(|(index, text)| profile(index, text, &elements, &connected, findings));
     let profiles = profiles.collect();
     let text = |value: toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     let tolerance = flatten(&document.tolerance).into_iter().map(|(name, value)| (name, text(value.clone()))).collect();
     Scenario {
         title: document.title,
         description: document.description,
+        machine: machine.0,
         duration_s,
         step_s,
         elements,
+        connected,
         profiles,
+        balance_s,
         tolerance,
         changes: Vec::new(),
     }
 }
 
 /// The settings of the controller for a contour file, named relative to the scenario.
-fn contour(file: &str, folder: &Path) -> Result<Vec<Setting>, String> {
+fn contour(file: &str, folder: &Path, controller: &ModelType) -> Result<Vec<Setting>, String> {
     let text = match BUILT_IN_CONTOURS.iter().find(|(name, _)| *name == file) {
         Some((_, text)) if !folder.join(file).exists() => (*text).to_owned(),
         _ => std::fs::read_to_string(folder.join(file)).map_err(|error| error.to_string())?,
@@ -515,18 +292,25 @@ fn contour(file: &str, folder: &Path) -> Result<Vec<Setting>, String> {
     ] {
         values.extend(coefficients.into_iter().enumerate().map(|(n, value)| (element(name, n), value)));
     }
-    let controller = fmu::find("FlatnessController").expect("a model of this project");
-    let settings = values
+    values
         .into_iter()
         .map(|(name, value)| (name, Value::Real(value)))
         .chain([("reference.shape".to_owned(), Value::Integer(4))])
-        .map(|(name, value)| Setting { index: position(&controller, &name).expect("a path has these"), value })
-        .collect();
-    Ok(settings)
+        .map(|(name, value)| {
+            let index = position(controller, &name).ok_or("this machine follows no contours")?;
+            Ok(Setting { index, value })
+        })
+        .collect()
 }
 
 /// Parses a `[[profile]]`; each finding names it by its number.
-fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mut Vec<String>) -> Option<Profile> {
+fn profile(
+    index: usize,
+    text: &ProfileText,
+    elements: &[Element],
+    connected: &[Connection],
+    findings: &mut Vec<String>,
+) -> Option<Profile> {
     let before = findings.len();
     let mut refuse = |why: String| findings.push(format!("[[profile]] number {}: {why}", index + 1));
     let mut targets = Vec::new();
@@ -540,7 +324,7 @@ fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mu
             continue;
         };
         let known = &elements[at].model_type.variables()[variable];
-        match permitted(&elements[at].name, known) {
+        match permitted(&elements[at].name, known, connected) {
             Err(why) => refuse(format!("{path}: {why}")),
             Ok(()) if known.causality == Causality::Parameter && known.variability != Variability::Tunable => {
                 refuse(format!("{path} is fixed once the run has begun; expected an input or a tunable parameter"));
@@ -581,11 +365,12 @@ fn profile(index: usize, text: &ProfileText, elements: &[Element], findings: &mu
 fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<String>) {
     let settings = elements[2].settings.clone();
     let model_type = elements[2].model_type.clone();
-    let index = model_type
-        .variables()
-        .iter()
-        .position(|variable| variable.name == "method")
-        .expect("the estimator has a method");
+    let Some(index) = position(&model_type, "method") else {
+        if !methods.is_empty() {
+            findings.push(format!("compare = {methods:?} is refused: {} has one method", model_type.info.name));
+        }
+        return;
+    };
     for method in methods {
         let value = match estimator::METHOD.find(method) {
             Ok(value) => value,
@@ -618,7 +403,8 @@ fn flatten(table: &toml::Table) -> Vec<(String, &toml::Value)> {
     leaves
 }
 
-fn position(model_type: &ModelType, name: &str) -> Option<usize> {
+/// The index of the variable of a name.
+pub fn position(model_type: &ModelType, name: &str) -> Option<usize> {
     model_type.variables().iter().position(|variable| variable.name == name)
 }
 
@@ -641,7 +427,8 @@ fn names(models: &[&ModelType]) -> Vec<String> {
     names
 }
 
-fn unknown(table: &str, key: &str, known: &[String]) -> String {
+/// There is no variable of this name.
+pub fn unknown(table: &str, key: &str, known: &[String]) -> String {
     format!("[{table}] {key}: there is no variable of this name; {}", suggestion(key, known))
 }
 
@@ -660,18 +447,18 @@ fn suggestion(key: &str, known: &[String]) -> String {
 
 /// Applies one key of a table to one element.
 fn set(
-    element_name: &str,
-    model_type: &ModelType,
+    element: &mut Element,
+    connected: &[Connection],
     table: &str,
     key: &str,
     value: &toml::Value,
-    settings: &mut Vec<Setting>,
     findings: &mut Vec<String>,
 ) {
+    let Element { name, model_type, settings } = element;
     let variables = model_type.variables();
     let mut one = |index: usize, value: &toml::Value| {
         let variable = &variables[index];
-        match permitted(element_name, variable).and_then(|()| convert(&variable.data_type, value)) {
+        match permitted(name, variable, connected).and_then(|()| convert(&variable.data_type, value)) {
             Ok(value) => settings.push(Setting { index, value }),
             Err(why) => findings.push(format!("[{table}] {} = {value} is refused: {why}", variable.name)),
         }
@@ -679,7 +466,7 @@ fn set(
     if let Some(index) = position(model_type, key) {
         return one(index, value);
     }
-    let indices: Vec<usize> = (0..).map_while(|k| position(model_type, &element(key, k))).collect();
+    let indices: Vec<usize> = (0..).map_while(|k| position(model_type, &self::element(key, k))).collect();
     match value.as_array() {
         Some(values) if values.len() == indices.len() => {
             for (index, value) in indices.into_iter().zip(values) {
@@ -690,19 +477,19 @@ fn set(
     }
 }
 
-fn permitted(element: &str, variable: &Variable) -> Result<(), String> {
+/// Whether a variable of an element can be set.
+pub fn permitted(element: &str, variable: &Variable, connected: &[Connection]) -> Result<(), String> {
     if !variable.is_settable() {
         return Err("it is computed; only parameters and inputs can be set".into());
     }
-    let path = format!("{element}.{}", variable.name);
-    match LOOP.iter().find(|[_, to]| *to == path) {
-        Some([from, _]) => Err(format!("it is connected to {from}")),
+    match connected.iter().find(|connection| connection.to[0] == element && connection.to[1] == variable.name) {
+        Some(Connection { from, .. }) => Err(format!("it is connected to {}", from.join("."))),
         None => Ok(()),
     }
 }
 
 /// A TOML value as the value of a variable. Numbers are in the unit of the interface; texts carry their unit.
-fn convert(data_type: &Type, value: &toml::Value) -> Result<Value, String> {
+pub fn convert(data_type: &Type, value: &toml::Value) -> Result<Value, String> {
     match (data_type, value) {
         (Type::Real { .. }, toml::Value::Float(value)) => Ok(Value::Real(*value)),
         (Type::Real { .. }, toml::Value::Integer(value)) => Ok(Value::Real(*value as f64)),

@@ -1,0 +1,314 @@
+//! `identify`: arguments, and the way from recordings to results.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::json;
+
+use super::{Refused, Result, deviation, duration, named, pair, print, say, write_page, write_table};
+use crate::estimation::{EstimatorConfig, Method};
+use crate::fmu::estimator::METHOD;
+use crate::output::{self, Format};
+use crate::report::{frame, identification};
+use crate::simulation::scenario::Scenario;
+use crate::simulation::simulate;
+use crate::studies::identify::likelihood::{BENCH, Knowledge, Told};
+use crate::studies::identify::{self, Answer, HOLDS, METHODS, Question, Reading, Samples, Track};
+use crate::table::Table;
+
+/// Plots and tables need no more points than this; the CSV file has all of them.
+const SHOWN: usize = 4000;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// The recordings, or - for the standard input, in UTF-8, UTF-16 or Windows-1252: columns separated by comma, semicolon
+    /// or tab; with the latter two, decimal commas are understood. Several recordings show one bearing at other speeds,
+    /// loads or reference trajectories: they share the parameters of the bearing and its bench.
+    #[arg(value_name = "RECORDING", required = true)]
+    recordings: Vec<PathBuf>,
+    /// The currents in a separate table, with times from the same clock, at any rate.
+    #[arg(long, value_name = "FILE.csv")]
+    currents: Option<PathBuf>,
+    /// Assigns a column: signal as in the interface = name in the header.
+    #[arg(long, value_name = "SIGNAL=COLUMN", value_parser = pair)]
+    column: Vec<(String, String)>,
+    /// Assigns a unit: signal as in the interface = unit. Known are s, ms, µs, ns; m, mm, µm (um), nm, mil; A, mA; rad, deg
+    /// (°), rev; rad/s, rpm (1/min, U/min, min-1), Hz, deg/s.
+    #[arg(long, value_name = "SIGNAL=UNIT", value_parser = pair)]
+    unit: Vec<(String, String)>,
+    /// Sample rate, as in 10kHz, for recordings without times; if there are times, they must agree.
+    #[arg(long, value_name = "RATE", value_parser = identify::rate_s, conflicts_with = "step")]
+    rate: Option<f64>,
+    /// Sample time, as in 100us, instead of --rate; seconds if there is no unit.
+    #[arg(long, value_name = "TIME", value_parser = identify::duration_s)]
+    step: Option<f64>,
+    /// Scenario whose estimator has the parameters of the bearing: a file or a built-in scenario.
+    #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
+    scenario: PathBuf,
+    /// likelihood (maximum likelihood over the whole recording), an on-line method (paperLiteral, paper, predictionError),
+    /// or all.
+    #[arg(long, value_name = "METHOD", default_value = "likelihood")]
+    method: String,
+    /// Standard deviation of a parameter of the bench, with its unit: s=2%, s=10um, m=0.05kg, alpha=1deg,
+    /// sensor.offset=5um, sensor.gain=0.5%, current.gain=0.5%, delay=20us (can be repeated; also as a table [tolerance] in
+    /// the scenario). The parameter is then estimated as well.
+    #[arg(long = "tolerance", value_name = "NAME=VALUE", value_parser = pair)]
+    tolerances: Vec<(String, String)>,
+    /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated).
+    #[arg(long = "estimate", value_name = "NAME")]
+    estimates: Vec<String>,
+    /// What a current sample stands for: heldBefore, heldAfter, linear, or auto to find out from the data.
+    #[arg(long, value_name = "HOLD", default_value = "heldBefore")]
+    hold: String,
+    /// Length of the window, in s; one revolution by default.
+    #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
+    window: Option<f64>,
+    /// Speed in rpm, for recordings without angle and speed.
+    #[arg(long, value_name = "RPM", allow_hyphen_values = true)]
+    speed: Option<f64>,
+    /// Standard deviation of the position noise, in m; estimated from the data by default.
+    #[arg(long, value_name = "METRES", value_parser = deviation, allow_hyphen_values = true)]
+    position_noise: Option<f64>,
+    /// Standard deviation of the current noise, in A; estimated from the data by default.
+    #[arg(long, value_name = "AMPERES", value_parser = deviation, allow_hyphen_values = true)]
+    current_noise: Option<f64>,
+    /// Interpolates a recording without a uniform sample time to this one, as in 100us; seconds if there is no unit.
+    #[arg(long, value_name = "TIME", value_parser = identify::duration_s, conflicts_with_all = ["rate", "step"])]
+    resample: Option<f64>,
+    /// Writes the estimates over time as CSV; - is the standard output, as for --json.
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Writes the result as JSON; - is the standard output, and messages then go to the standard error.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Writes a report page, index.html, into this folder.
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+}
+
+/// Identifies the bearing, and prints and writes the results.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    arguments.claim_standard_output()?;
+    let bearing = Scenario::open(&arguments.scenario)?;
+    let mut config = bearing.closed_loop().map_err(simulate::Refused::from)?.estimator;
+    let bench = arguments.bench(&bearing, &config)?;
+    let methods = arguments.methods()?;
+    let recordings = arguments.read(config.gap_m)?;
+    let samples = &recordings[0];
+    arguments.complete(&mut config, samples);
+    let holds = arguments.hold(&mut config, samples)?;
+
+    let every = if arguments.is_likelihood() && arguments.csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
+    let tracks = methods
+        .into_iter()
+        .map(|method| identify::track_every(samples, &EstimatorConfig { method, ..config.clone() }, every));
+    let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>()?;
+    let threads = std::thread::available_parallelism().map_or(1, Into::into);
+    let answer = match arguments.is_likelihood() {
+        true => Some(identify::answer(&recordings, Question { config, bench, threads })?),
+        false => None,
+    };
+    let results = Results { recordings, tracks, holds, answer };
+    results.print(&arguments.recordings);
+    results.write(arguments)?;
+    match results.answer {
+        Some(answer) if !answer.valid => Err(Refused(answer.verdict).into()),
+        _ => Ok(()),
+    }
+}
+
+impl Arguments {
+    /// Whether the whole recording is to be answered by maximum likelihood.
+    fn is_likelihood(&self) -> bool {
+        self.method == "likelihood"
+    }
+
+    /// Reserves the standard output if a result goes there, and refuses to overwrite a recording.
+    fn claim_standard_output(&self) -> Result<()> {
+        super::claim_standard_output(self.csv.as_deref(), self.json.as_deref())?;
+        let same = |one: &Path, other: &Path| {
+            one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
+        };
+        match &self.csv {
+            Some(path) if self.recordings.iter().chain(&self.currents).any(|recording| same(path, recording)) => {
+                Err(Refused(format!("--csv {}: this is the recording", path.display())).into())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// What is known of the bench: by the scenario, then by the arguments.
+    fn bench(&self, bearing: &Scenario, config: &EstimatorConfig) -> Result<[Told; BENCH]> {
+        let mut bench = [Told::default(); BENCH];
+        for (at, std) in identify::of_estimator(&config.tolerance, config.m_kg, config.gap_m) {
+            bench[at].knowledge = Knowledge::Tolerance(std);
+        }
+        for (name, value) in bearing.tolerance.iter().chain(&self.tolerances) {
+            for (at, std) in identify::tolerance(name, value, config.m_kg, config.gap_m).map_err(Refused)? {
+                bench[at].knowledge = Knowledge::Tolerance(std);
+            }
+        }
+        for name in &self.estimates {
+            for at in identify::named(name).map_err(Refused)? {
+                bench[at].knowledge = Knowledge::Free;
+            }
+        }
+        Ok(bench)
+    }
+
+    /// The methods to run on line: with maximum likelihood the default one, which shows drift.
+    fn methods(&self) -> Result<Vec<Method>> {
+        let wanted = if self.is_likelihood() { "predictionError" } else { self.method.as_str() };
+        let methods = METHODS.into_iter().filter(|(name, _)| wanted == *name || wanted == "all");
+        let methods: Vec<_> = methods.map(|(_, method)| method).collect();
+        if !methods.is_empty() {
+            return Ok(methods);
+        }
+        let names = METHODS.map(|(name, _)| name).join(", ");
+        Err(match METHOD.renamed.iter().find(|(former, _)| *former == self.method) {
+            Some((former, name)) => format!("--method {former}: expected {name}, which replaces it"),
+            None => format!("--method {}: expected one of likelihood, {names}, all", self.method),
+        }
+        .into())
+    }
+
+    /// Reads the recordings and looks for what cannot be true of a bearing with this gap.
+    fn read(&self, gap_m: f64) -> Result<Vec<Samples>> {
+        if self.recordings.len() > 1 {
+            if self.currents.is_some() {
+                return Err(Refused("--currents needs a single recording".into()).into());
+            }
+            if !self.is_likelihood() {
+                return Err(Refused(format!("--method {} needs a single recording", self.method)).into());
+            }
+        }
+        let reading = Reading {
+            columns: self.column.clone(),
+            units: self.unit.clone(),
+            omega_rad_s: self.speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
+            rate_s: self.rate.or(self.step),
+            resample_s: self.resample,
+        };
+        let one = |path: &PathBuf| {
+            let samples = match &self.currents {
+                None => Samples::read_from(open(path)?, &reading),
+                Some(apart) => Samples::read_apart_from(open(path)?, open(apart)?, &reading),
+            };
+            let samples = samples.map_err(|unusable| self.refused(path, unusable.0))?;
+            match samples.implausible(gap_m) {
+                findings if findings.is_empty() => Ok(samples),
+                findings => Err(self.refused(path, findings.iter().map(ToString::to_string).collect())),
+            }
+        };
+        self.recordings.iter().map(one).collect()
+    }
+
+    /// A recording that cannot be used; says so in the JSON document too if that goes to the standard output.
+    fn refused(&self, path: &Path, findings: Vec<String>) -> Box<dyn std::error::Error> {
+        if let Some(json) = self.json.as_deref().filter(|json| output::is_standard(json)) {
+            let verdict = format!("{}: the recording cannot be used", path.display());
+            let document = format!("{:#}\n", json!({"valid": false, "verdict": verdict, "findings": findings}));
+            if let Err(error) = Format::Json.write(json, document.as_bytes()) {
+                return named(json)(error);
+            }
+        }
+        Refused(format!("{}: {}", path.display(), identify::Unusable(findings))).into()
+    }
+
+    /// Completes the configuration by the sample time and the arguments.
+    fn complete(&self, config: &mut EstimatorConfig, samples: &Samples) {
+        config.step_s = samples.step_s;
+        config.window_s = match self.window {
+            Some(window_s) => (window_s / samples.step_s).round() * samples.step_s,
+            None => identify::one_revolution(samples),
+        };
+        config.epsilon_s = config.window_s;
+        config.position_noise_m = self.position_noise.unwrap_or(0.0);
+        config.current_noise_a = self.current_noise.unwrap_or(0.0);
+    }
+
+    /// Chooses what a current sample stands for; with `auto` the data decide, and a table says how clearly.
+    fn hold(&self, config: &mut EstimatorConfig, samples: &Samples) -> Result<Option<Table>> {
+        if self.hold == "auto" {
+            let residuals = identify::residuals_of_holds(samples, config);
+            let least = (0..HOLDS.len()).min_by(|a, b| residuals[*a].total_cmp(&residuals[*b])).unwrap_or(0);
+            config.hold = HOLDS[least].1;
+            return Ok(Some(identify::table_of_holds(&residuals, config.hold)));
+        }
+        let names = HOLDS.map(|(name, _)| name).join(", ");
+        let found = HOLDS.into_iter().find(|(name, _)| *name == self.hold);
+        config.hold = found.ok_or_else(|| format!("--hold {}: expected one of {names}, auto", self.hold))?.1;
+        Ok(None)
+    }
+}
+
+/// Opens a recording.
+fn open(path: &Path) -> Result<Box<dyn io::Read>> {
+    if output::is_standard(path) {
+        return Ok(Box::new(io::stdin().lock()));
+    }
+    Ok(Box::new(fs::File::open(path).map_err(named(path))?))
+}
+
+/// What was found.
+struct Results {
+    recordings: Vec<Samples>,
+    tracks: Vec<Track>,
+    holds: Option<Table>,
+    answer: Option<Answer>,
+}
+
+impl Results {
+    fn print(&self, paths: &[PathBuf]) {
+        for (path, samples) in paths.iter().zip(&self.recordings) {
+            say!("{}", path.display());
+            for note in &samples.notes {
+                say!("  {note}");
+            }
+        }
+        if let Some(answer) = &self.answer {
+            print::paragraph(&answer.told());
+            print::paragraph(&answer.verdict);
+            answer.findings.iter().for_each(|finding| print::paragraph(finding));
+        }
+        let mut tables: Vec<_> = self.holds.iter().cloned().collect();
+        match &self.answer {
+            Some(answer) => {
+                tables.extend(answer.tables());
+                tables.push(identify::progress(&self.recordings[0], &self.tracks[0]));
+            }
+            None => tables.push(identify::table(&self.tracks)),
+        }
+        for table in tables {
+            say!();
+            print::table(&table);
+        }
+        if self.answer.is_none() {
+            say!();
+            for track in &self.tracks {
+                say!("{}: {}", track.name, track.verdict());
+            }
+        }
+    }
+
+    fn write(&self, arguments: &Arguments) -> Result<()> {
+        let samples = &self.recordings[0];
+        if let Some(path) = &arguments.csv {
+            write_table(path, &identify::recording(samples, &self.tracks))?;
+        }
+        if let Some(path) = &arguments.json {
+            let document = self.answer.as_ref().map_or_else(|| identify::json(samples, &self.tracks), Answer::json);
+            Format::Json.write(path, format!("{document:#}\n").as_bytes()).map_err(named(path))?;
+        }
+        if let Some(folder) = &arguments.report {
+            let recording = arguments.recordings[0].file_name().unwrap_or_default().to_string_lossy();
+            let title = format!("Identification from {recording}");
+            let (holds, answer) = (self.holds.as_ref(), self.answer.as_ref());
+            let page = identification::page(&title, &frame::command_line(), samples, &self.tracks, holds, answer);
+            write_page(folder, &page)?;
+        }
+        Ok(())
+    }
+}

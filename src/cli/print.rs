@@ -1,0 +1,50 @@
+//! Tables and paragraphs on a terminal.
+
+use super::say;
+use crate::table::Table;
+
+/// Prints a table under its title and note.
+pub fn table(table: &Table) {
+    say!("{}", table.title);
+    for line in wrapped(&table.note) {
+        say!("  {line}");
+    }
+    columns(&table.head, &table.rows);
+}
+
+/// Prints a paragraph.
+pub fn paragraph(text: &str) {
+    for line in wrapped(text) {
+        say!("{line}");
+    }
+}
+
+/// Breaks a text into lines that fit a terminal.
+fn wrapped(text: &str) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + word.chars().count() < 100 => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.into()),
+        }
+    }
+    lines
+}
+
+/// Prints columns, of which the first is text and the others are numbers.
+fn columns(head: &[String], rows: &[Vec<String>]) {
+    let all = || std::iter::once(head).chain(rows.iter().map(Vec::as_slice));
+    let width = |column: usize| all().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max();
+    let widths: Vec<usize> = (0..head.len()).map(|column| width(column).unwrap_or(0)).collect();
+    for row in all() {
+        let mut line = String::from(" ");
+        for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
+            let pad = " ".repeat(width - cell.chars().count().min(*width));
+            line += &if column == 0 { format!(" {cell}{pad}") } else { format!("  {pad}{cell}") };
+        }
+        say!("{}", line.trim_end());
+    }
+}

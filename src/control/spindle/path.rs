@@ -1,0 +1,212 @@
+//! The reference of a spindle: an ellipse in each radial bearing, run through at the speed of the rotor, and an axial sine.
+//!
+//! ```text
+//! Y* = r_Y cos(θ + φ)     Z* = r_Z sin(θ + φ)          at the magnets of A and of B, each with its own r_Y, r_Z, φ
+//! X* = a sin(2π f t)                                   t from the first sample on
+//! ```
+//!
+//! Equal phases give cylindrical motion, opposite ones conical motion. The coordinates are linear in the displacements in the
+//! bearings, so that the radial ones are `c cos θ + s sin θ` with constant c and s. The start is that of the planar
+//! [`reference`](crate::control::reference): the same growth and lift, for all five coordinates.
+
+use std::f64::consts::TAU;
+
+use serde::{Deserialize, Serialize};
+
+use super::magnets_at_m;
+use crate::bearing::shaft::{self, COORDINATES};
+use crate::bearing::spindle::Spindle;
+use crate::control::reference::{RefPoint, Transition, Turning, check_ellipse_reach};
+use crate::invalid::{Checks, Invalid};
+
+/// Path in a radial bearing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BearingPath {
+    /// Semi-axis along y, `r_Y`, in m; not below 0.
+    pub r_y_m: f64,
+    /// Semi-axis along z, `r_Z`, in m; not below 0.
+    pub r_z_m: f64,
+    /// Phase φ, in rad.
+    pub phase_rad: f64,
+}
+
+impl Default for BearingPath {
+    /// The paper's ellipse.
+    fn default() -> Self {
+        Self { r_y_m: 30e-6, r_z_m: 70e-6, phase_rad: 0.0 }
+    }
+}
+
+/// The reference of a spindle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SpindlePathConfig {
+    /// Path in bearing A.
+    pub a: BearingPath,
+    /// Path in bearing B.
+    pub b: BearingPath,
+    /// Amplitude a of the axial motion, in m; not below 0.
+    pub axial_amplitude_m: f64,
+    /// Frequency f of the axial motion, in Hz, from 0 to half the sample rate.
+    pub axial_hz: f64,
+    /// Time after the first sample at which the reference begins to grow out of the centre, in s.
+    pub start_s: f64,
+    /// Duration of the growth, in s.
+    pub ramp_s: f64,
+    /// Time to bring the rotor from the first measured position to the centre, in s; 0 for none.
+    pub lift_s: f64,
+    /// Speed of the rotor, in rad/s; negative values run backwards.
+    pub omega_rad_s: f64,
+}
+
+impl Default for SpindlePathConfig {
+    /// The paper's ellipse in both bearings, in phase, at 3000 rpm, without axial motion.
+    fn default() -> Self {
+        Self {
+            a: BearingPath::default(),
+            b: BearingPath::default(),
+            axial_amplitude_m: 0.0,
+            axial_hz: 60.0,
+            start_s: 0.0,
+            ramp_s: 0.0,
+            lift_s: 0.0,
+            omega_rad_s: TAU * 50.0,
+        }
+    }
+}
+
+/// State of a [`SpindlePath`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SpindlePathState {
+    turning: Turning,
+    /// Coordinates at the first sample, in m and rad.
+    first: [f64; COORDINATES],
+}
+
+/// A validated reference, sampled at a fixed step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpindlePath {
+    config: SpindlePathConfig,
+    step_s: f64,
+    /// c and s of the coordinates `c cos θ + s sin θ`, in m and rad.
+    waves: [[f64; COORDINATES]; 2],
+}
+
+impl SpindlePath {
+    /// A reference sampled every `step_s` (finite, above 0), for a spindle.
+    ///
+    /// # Errors
+    /// `A.reference.rY`, `A.reference.rZ` if they are below 0, or if the ellipse touches a magnet, B alike;
+    /// `X.reference.amplitude` below 0 or beyond the gap, `X.reference.frequency` below 0 or beyond half the sample rate; the
+    /// times below 0; all of these, `A.reference.phase` and `reference.omega` if they are not finite.
+    pub fn new(config: SpindlePathConfig, step_s: f64, spindle: &Spindle) -> Result<Self, Vec<Invalid>> {
+        let mut checks = Checks::default();
+        let path = Self::checked(config, step_s, spindle, &mut checks);
+        checks.finish()?;
+        Ok(path)
+    }
+
+    /// Reports errors in `checks`; use the returned value only if there are none.
+    pub(crate) fn checked(config: SpindlePathConfig, step_s: f64, spindle: &Spindle, checks: &mut Checks) -> Self {
+        let paths = [&config.a, &config.b];
+        for ((prefix, path), magnets) in ["A.", "B."].into_iter().zip(paths).zip(spindle.bearings()) {
+            checks.of(prefix, |checks| {
+                checks.not_negative("reference.rY", path.r_y_m, "m");
+                checks.not_negative("reference.rZ", path.r_z_m, "m");
+                checks.finite("reference.phase", path.phase_rad, "rad");
+                check_ellipse_reach([path.r_y_m, path.r_z_m], 0.0, magnets, checks);
+            });
+        }
+        let (amplitude_m, gap_m) = (config.axial_amplitude_m, spindle.config().axial_gap_m);
+        checks.not_negative("X.reference.amplitude", amplitude_m, "m");
+        checks.require(
+            // Not of what has been refused already.
+            amplitude_m < gap_m || !(amplitude_m.is_finite() && gap_m > 0.0),
+            "X.reference.amplitude",
+            format_args!("{amplitude_m} m"),
+            format!("an axial motion that does not touch a magnet (the gap is {gap_m} m)"),
+        );
+        let highest_hz = if step_s.is_finite() && step_s > 0.0 { 0.5 / step_s } else { f64::INFINITY };
+        checks.require(
+            config.axial_hz.is_finite() && (0.0..=highest_hz).contains(&config.axial_hz),
+            "X.reference.frequency",
+            format_args!("{} Hz", config.axial_hz),
+            format!("a finite number, 0 or above, at most half the sample rate ({highest_hz} Hz)"),
+        );
+        config.transition().check(checks);
+        checks.finite("reference.omega", config.omega_rad_s, "rad/s");
+        // r_Y cos(θ + φ) and r_Z sin(θ + φ), expanded.
+        let phases = paths.map(|path| libm::sincos(path.phase_rad));
+        let at_m = magnets_at_m(spindle);
+        let wave = |of: fn(&BearingPath, f64, f64) -> [f64; 2]| {
+            shaft::through(0.0, at_m, std::array::from_fn(|b| of(paths[b], phases[b].0, phases[b].1)))
+        };
+        let waves = [
+            wave(|path, sin, cos| [path.r_y_m * cos, path.r_z_m * sin]),
+            wave(|path, sin, cos| [-path.r_y_m * sin, path.r_z_m * cos]),
+        ];
+        Self { waves, config, step_s }
+    }
+
+    /// The configuration it was made from.
+    pub fn config(&self) -> &SpindlePathConfig {
+        &self.config
+    }
+
+    /// Before the first sample: θ = 0.
+    pub fn start(&self) -> SpindlePathState {
+        SpindlePathState { turning: Turning::start(self.config.omega_rad_s), first: [0.0; COORDINATES] }
+    }
+
+    /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
+    pub fn accepts(&self, state: &SpindlePathState) -> bool {
+        state.turning.is_consistent() && state.first.iter().all(|value| value.is_finite())
+    }
+
+    /// Moves on to the next sample: `omega_rad_s` holds from this sample on; a lift begins at the coordinates of the first one.
+    pub fn sample(&self, state: &mut SpindlePathState, omega_rad_s: f64, coordinates: [f64; COORDINATES]) {
+        if state.turning.samples() == 0 {
+            state.first = coordinates;
+        }
+        state.turning.sample(omega_rad_s, self.step_s);
+    }
+
+    /// The reference of the coordinates `ahead_s` after the last sample, in s.
+    pub fn ahead(&self, state: &SpindlePathState, ahead_s: f64) -> [RefPoint; COORDINATES] {
+        let t_s = state.turning.since_first_s(ahead_s, self.step_s);
+        let (sin, cos) = libm::sincos(state.turning.ahead_rad(ahead_s));
+        let mut curve = self.waves_at(state.turning.omega_rad_s(), sin, cos);
+        curve[0] = self.axial(t_s);
+        self.config.transition().apply(curve, state.first, t_s)
+    }
+
+    fn waves_at(&self, omega_rad_s: f64, sin: f64, cos: f64) -> [RefPoint; COORDINATES] {
+        let [c, s] = self.waves;
+        std::array::from_fn(|a| {
+            let position_m = c[a] * cos + s[a] * sin;
+            RefPoint {
+                position_m,
+                velocity_m_s: omega_rad_s * (s[a] * cos - c[a] * sin),
+                acceleration_m_s2: -omega_rad_s * omega_rad_s * position_m,
+            }
+        })
+    }
+
+    fn axial(&self, t_s: f64) -> RefPoint {
+        let SpindlePathConfig { axial_amplitude_m: a, axial_hz: f, .. } = self.config;
+        if a == 0.0 {
+            return RefPoint::default();
+        }
+        let rate = TAU * f;
+        let revolutions = f * t_s;
+        let (sin, cos) = libm::sincos(TAU * (revolutions - libm::floor(revolutions)));
+        RefPoint { position_m: a * sin, velocity_m_s: a * rate * cos, acceleration_m_s2: -a * rate * rate * sin }
+    }
+}
+
+impl SpindlePathConfig {
+    fn transition(&self) -> Transition {
+        let &Self { start_s, ramp_s, lift_s, .. } = self;
+        Transition { start_s, ramp_s, lift_s }
+    }
+}

@@ -1,0 +1,493 @@
+//! The sampled control law: tracking with a perturbation observer, for N coordinates and K magnets in B bearings.
+//!
+//! With the reference trajectory q* and the estimated perturbation p̂, the generalised force is
+//!
+//! ```text
+//! Q = M (q̈* − k_1 (q̇ − q̇*) − k_0 (q − q*)) − p̂ + Ω G q̇
+//! ```
+//!
+//! M is diagonal. An [`Arrangement`] says how the force is shared by the magnets, and what the gyroscopic moments `−Ω G q̇` are.
+//! The last term compensates them, so that every coordinate behaves as if it were alone, at any speed.
+//!
+//! # Timing
+//!
+//! Sample k measures at `t_k = start + k · T_s`. Its currents act over `[t_{k+1}, t_{k+2})`, because co-simulation delays them
+//! by one sample; the force commanded at sample k − 1 acts during `[t_k, t_{k+1})`. So the measurement corrects the observer at
+//! `t_k`, the force in effect predicts it at `t_{k+1}`, and the feedback is computed there:
+//!
+//! - gains for the sampled double integrator with both poles at `ρ = exp(−ω_c T_s)`;
+//! - feed-forward of the mean acceleration of the reference over `[t_{k+1}, t_{k+2})`, from its velocities at both ends;
+//! - currents for the gaps predicted at the middle of `[t_{k+1}, t_{k+2})`, over which they are held, and gyroscopic moments for
+//!   the rates predicted there.
+//!
+//! At the first sample the rotor is assumed to be on the reference trajectory: position as measured, velocity of the reference,
+//! perturbation 0. From `t_0` to `t_1`, before the first command acts, no current flows, and the observer uses that.
+//!
+//! # A change of λ
+//!
+//! The currents stay what they are; a new λ assigns new forces to them. The difference of the resultants is added to the
+//! perturbation estimate, so that the sum of force and perturbation does not change. The smallest force of each bearing starts
+//! from that of the new forces and returns to `F_0` with the time constant [`PRELOAD_S`]. So the currents do not jump.
+//!
+//! Both use the forces commanded at the last sample. With current drive these are the forces in effect. With voltage drive the
+//! forces in effect follow from currents measured at one instant: their noise and the errors of the current loop would enter
+//! the perturbation estimate, and with an estimate that changes at every sample nothing would hold the smallest force at `F_0`.
+//!
+//! Voltage drive is in `voltage.rs`, the modulation of the smallest force in `excitation.rs`.
+
+mod excitation;
+mod voltage;
+
+pub use voltage::ramp_gains;
+
+use serde::{Deserialize, Serialize};
+
+use crate::bearing::coil::{CoilConfig, Drive};
+use crate::bearing::magnet::{self, Geometry};
+use crate::control::observer::{Estimate, PerturbationObserver, pole};
+use crate::control::reference::RefPoint;
+use crate::control::tracking::excitation::Excitation;
+use crate::invalid::Checks;
+use crate::plant::check_step;
+
+/// Time constant, in s, with which the smallest force returns to `F_0` after a change of λ.
+pub const PRELOAD_S: f64 = 0.01;
+
+/// Below this fraction of the preload, the smallest force does not determine the preload.
+///
+/// In the trough of a full modulation the smallest force is 0 whatever the preload. Forces of 100 N are rounded to 10⁻¹⁴ N;
+/// divided by this fraction, that is still only 10⁻⁸ N of preload.
+const TROUGH: f64 = 1e-6;
+
+/// Lower limit of a predicted gap, as a fraction of the nominal gap.
+///
+/// The currents are then computed for this gap, which keeps them finite, and the output `saturated` is true.
+pub const SMALLEST_GAP: f64 = 0.01;
+
+/// Fraction of the sample time by which a sample may precede the time of the update and still count.
+pub const INSTANT_TOLERANCE: f64 = 1e-3;
+
+/// When the controller uses the estimated λ.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum UpdateMode {
+    /// Never: λ0 throughout.
+    Never,
+    /// Once, at the time of the update or as soon after it as the estimate is valid, as in the paper.
+    #[default]
+    AtTime,
+    /// At every sample at which it is valid, from the start.
+    WhenValid,
+}
+
+/// Names of the interface, with the bearing in front where there are several.
+#[derive(Clone, Copy, Debug)]
+pub struct Names<const K: usize, const B: usize> {
+    /// First guess of λ of each magnet.
+    pub lambda0: [&'static str; K],
+    /// Measured current of each magnet.
+    pub current: [&'static str; K],
+    /// Smallest force of each bearing.
+    pub f0: [&'static str; B],
+    /// Frequency of its modulation.
+    pub modulation_hz: [&'static str; B],
+}
+
+/// A rotor with N coordinates between K magnets in B bearings: what the control law must know of it.
+pub trait Arrangement<const N: usize, const K: usize, const B: usize> {
+    /// Names in the interface.
+    const NAMES: Names<K, B>;
+    /// The bearing of each magnet, from 0.
+    const BEARING: [usize; K];
+
+    /// Gaps and directions of the magnets.
+    fn geometry(&self) -> &Geometry<f64, N, K>;
+
+    /// The diagonal of M, in kg or kg·m².
+    fn inertia(&self) -> [f64; N];
+
+    /// The forces of the magnets, in N, with the generalised force Q, in N or N·m; the smallest of each bearing is given, in N.
+    fn allocate(&self, force: [f64; N], smallest_n: [f64; B]) -> [f64; K];
+
+    /// The gyroscopic moments `−Ω G q̇`, in N or N·m, at the speed Ω in rad/s and the rates q̇ in m/s or rad/s.
+    fn gyroscopic(&self, omega_rad_s: f64, rates: [f64; N]) -> [f64; N] {
+        let _ = (omega_rad_s, rates);
+        [0.0; N]
+    }
+}
+
+/// Configuration of the control law.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "[f64; K]: Serialize, [f64; B]: Serialize",
+    deserialize = "[f64; K]: Deserialize<'de>, [f64; B]: Deserialize<'de>"
+))]
+pub struct TrackingConfig<const K: usize, const B: usize> {
+    /// Sample time `T_s`, in s.
+    pub step_s: f64,
+    /// First guess of `λ_k`, in N·m²/A².
+    pub lambda0_nm2_a2: [f64; K],
+    /// Smallest force `F_0` of a magnet of each bearing, in N; 0 is admitted.
+    pub f0_n: [f64; B],
+    /// Amplitude `a` of the modulation of the smallest force, as a fraction of `F_0`, from 0 to 1; tunable.
+    pub modulation: f64,
+    /// Frequency `f` of that modulation in each bearing, in Hz, at most half the sample rate; tunable.
+    pub modulation_hz: [f64; B],
+    /// Poles of the tracking error, ω_c, in rad/s.
+    pub tracking_rad_s: f64,
+    /// Poles of the perturbation observer, ω_o, in rad/s.
+    pub observer_rad_s: f64,
+    /// Pole of the current loop with voltage drive, ω_i, in rad/s.
+    pub current_rad_s: f64,
+    /// The coils as the controller models them: drive, resistance, leakage, limit of the voltage. It assumes that their iron
+    /// does not saturate.
+    pub coil: CoilConfig,
+    /// When the estimated λ is used.
+    pub update: UpdateMode,
+    /// Time of the update in [`UpdateMode::AtTime`], in s.
+    pub update_time_s: f64,
+}
+
+/// What is measured and estimated at a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured<const N: usize, const K: usize> {
+    /// Coordinates, in m or rad.
+    pub coordinates: [f64; N],
+    /// Currents, in A; used with voltage drive only.
+    pub current_a: [f64; K],
+    /// Estimate of λ, in N·m²/A².
+    pub lambda_hat_nm2_a2: [f64; K],
+    /// Whether that estimate is valid.
+    pub lambda_valid: bool,
+    /// Speed Ω, in rad/s; used by the gyroscopic moments only.
+    pub omega_rad_s: f64,
+}
+
+/// The reference of each coordinate at a sample, at the next one, and at the one after that.
+pub type Course<const N: usize> = [[RefPoint; N]; 3];
+
+/// State of a [`Tracking`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "[Estimate; N]: Serialize, [f64; K]: Serialize, [f64; B]: Serialize, [Excitation; B]: Serialize",
+    deserialize = "[Estimate; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>, [f64; B]: Deserialize<'de>, [Excitation; B]: Deserialize<'de>"
+))]
+pub struct TrackingState<const N: usize, const K: usize, const B: usize> {
+    /// Number of samples taken.
+    pub samples: u64,
+    /// Start time, in s.
+    pub(super) start_s: f64,
+    /// Predictions of the observers for the next sample, one per coordinate.
+    pub(super) expected: [Estimate; N],
+    /// Forces of the magnets from the next sample on, by the model, in N; with voltage drive those at the last sample.
+    pub(super) in_effect_n: [f64; K],
+    /// Forces of the magnets commanded at the last sample, in N.
+    asked_n: [f64; K],
+    /// Voltages from the next sample on, in V.
+    pub(super) voltage_v: [f64; K],
+    /// Currents commanded for the next sample, in A, with voltage drive.
+    pub(super) planned_a: [f64; K],
+    /// λ in use, in N·m²/A².
+    pub(super) lambda_nm2_a2: [f64; K],
+    /// Whether the estimate has been taken over, in [`UpdateMode::AtTime`].
+    updated: bool,
+    /// Smallest force commanded in each bearing, without modulation, in N.
+    preload_n: [f64; B],
+    /// Modulation of the smallest force of each bearing.
+    excitation: [Excitation; B],
+}
+
+/// Result of a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Command<const N: usize, const K: usize> {
+    /// Currents to hold from the next sample on, in A; with voltage drive those at the end of that sample.
+    pub current_a: [f64; K],
+    /// Voltages to hold from the next sample on, in V, with voltage drive.
+    pub voltage_v: [f64; K],
+    /// Commanded generalised force, in N or N·m.
+    pub force: [f64; N],
+    /// Estimated perturbation p̂, in N or N·m.
+    pub perturbation: [f64; N],
+    /// Whether a predicted gap was below [`SMALLEST_GAP`].
+    pub saturated: bool,
+    /// Whether a voltage command is at the limit of the amplifiers.
+    pub limited: bool,
+}
+
+/// Why a sample was refused. The state is unchanged, and there are no new currents.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ControllerError {
+    /// An input is not finite.
+    #[error("the input {name} is not finite: {value}")]
+    Input {
+        /// Name of the input as in the interface.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// The inputs are finite, but so large that the results are not.
+    #[error("sample {sample} leads to currents or estimates that are not finite")]
+    Overflow {
+        /// Number of the sample, from 0.
+        sample: u64,
+    },
+}
+
+impl ControllerError {
+    /// Refuses the inputs with these names that are not finite.
+    pub(super) fn check(inputs: impl IntoIterator<Item = (&'static str, f64)>) -> Result<(), Self> {
+        match inputs.into_iter().find(|(_, value)| !value.is_finite()) {
+            Some((name, value)) => Err(Self::Input { name, value }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The validated control law of an [`Arrangement`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tracking<A, const N: usize, const K: usize, const B: usize> {
+    config: TrackingConfig<K, B>,
+    arrangement: A,
+    inertia: [f64; N],
+    /// Lower limits of the predicted gaps, in m.
+    floor_m: [f64; K],
+    observer: PerturbationObserver,
+    /// `[k_0, k_1]` in 1/s² and 1/s.
+    gains: [f64; 2],
+    /// `[k_0, k_1, k_2]` in 1/s², 1/s and 1, with voltage drive.
+    ramp_gains: [f64; 3],
+    /// `ρ_i`.
+    decay: f64,
+    /// Fraction of the way to `F_0` that the smallest force covers per sample.
+    relax: f64,
+}
+
+/// `[k_0, k_1]`, in 1/s² and 1/s, that put both poles of the sampled double integrator at `ρ = exp(−ω T_s)`.
+///
+/// `k_0 = (1 − ρ)²/T_s²`, `k_1 = (1 − ρ)(3 + ρ)/(2 T_s)`.
+pub fn tracking_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 2] {
+    let (rho, q) = pole(bandwidth_rad_s, step_s);
+    [q * q / (step_s * step_s), q * (3.0 + rho) / (2.0 * step_s)]
+}
+
+impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tracking<A, N, K, B> {
+    /// Reports errors in `checks`; use the returned value only if there are none.
+    pub(super) fn checked(config: TrackingConfig<K, B>, arrangement: A, checks: &mut Checks) -> Self {
+        let gap_m = arrangement.geometry().gap_m;
+        check_step("Ts", config.step_s, checks);
+        for (name, lambda) in A::NAMES.lambda0.into_iter().zip(config.lambda0_nm2_a2) {
+            checks.positive(name, lambda, "N.m2/A2");
+        }
+        for (name, f0_n) in A::NAMES.f0.into_iter().zip(config.f0_n) {
+            checks.not_negative(name, f0_n, "N");
+        }
+        excitation::check(&config, A::NAMES.modulation_hz, checks);
+        checks.positive("bandwidth.tracking", config.tracking_rad_s, "rad/s");
+        checks.positive("bandwidth.observer", config.observer_rad_s, "rad/s");
+        checks.positive("bandwidth.current", config.current_rad_s, "rad/s");
+        config.coil.check(gap_m, config.lambda0_nm2_a2, checks);
+        checks.finite("update.time", config.update_time_s, "s");
+        Self {
+            inertia: arrangement.inertia(),
+            arrangement,
+            floor_m: gap_m.map(|gap_m| SMALLEST_GAP * gap_m),
+            observer: PerturbationObserver::new(config.observer_rad_s, config.step_s),
+            gains: tracking_gains(config.tracking_rad_s, config.step_s),
+            ramp_gains: ramp_gains(config.tracking_rad_s, config.step_s),
+            decay: pole(config.current_rad_s, config.step_s).0,
+            relax: -libm::expm1(-config.step_s / PRELOAD_S),
+            config,
+        }
+    }
+
+    /// The configuration, including the last retuning.
+    pub fn config(&self) -> &TrackingConfig<K, B> {
+        &self.config
+    }
+
+    /// The rotor between its magnets.
+    pub fn arrangement(&self) -> &A {
+        &self.arrangement
+    }
+
+    /// The state before the first sample, which is due at `start_s`, in s.
+    pub fn start(&self, start_s: f64) -> TrackingState<N, K, B> {
+        TrackingState {
+            samples: 0,
+            start_s,
+            expected: [[0.0; 3]; N],
+            in_effect_n: [0.0; K],
+            asked_n: [0.0; K],
+            voltage_v: [0.0; K],
+            planned_a: [0.0; K],
+            lambda_nm2_a2: self.config.lambda0_nm2_a2,
+            updated: false,
+            preload_n: self.config.f0_n,
+            excitation: self.excitation_at_start(),
+        }
+    }
+
+    /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
+    pub fn accepts(&self, state: &TrackingState<N, K, B>) -> bool {
+        let lists = state.expected.iter().flatten().chain(&state.in_effect_n).chain(&state.lambda_nm2_a2);
+        let lists = lists.chain(&state.asked_n).chain(&state.voltage_v).chain(&state.planned_a);
+        let numbers = lists.chain(&state.preload_n).chain([&state.start_s]);
+        state.samples < u64::MAX
+            && state.excitation.iter().all(|excitation| excitation.is_consistent(state.samples))
+            && numbers.copied().all(f64::is_finite)
+    }
+
+    /// When the next sample is due, in s: start + count · T_s.
+    pub fn due_s(&self, state: &TrackingState<N, K, B>) -> f64 {
+        state.start_s + state.samples as f64 * self.config.step_s
+    }
+
+    /// Processes the sample that is due; the numbers that are used must be finite.
+    ///
+    /// # Errors
+    /// [`ControllerError::Overflow`]; the state is then of no use.
+    #[inline]
+    pub(super) fn sample(
+        &self,
+        state: &mut TrackingState<N, K, B>,
+        measured: &Measured<N, K>,
+        course: &Course<N>,
+    ) -> Result<Command<N, K>, ControllerError> {
+        let [here, ..] = course;
+        let mut estimate: [Estimate; N] = std::array::from_fn(|a| {
+            if state.samples == 0 {
+                [measured.coordinates[a], here[a].velocity_m_s, 0.0]
+            } else {
+                self.observer.update(state.expected[a], measured.coordinates[a])
+            }
+        });
+        let voltage = self.config.coil.drive == Drive::Voltage;
+        let gap_m = self.limited(self.arrangement.geometry().gaps(estimate.map(|[x, ..]| x)));
+        if voltage {
+            state.in_effect_n = magnet::forces(state.lambda_nm2_a2, measured.current_a, gap_m);
+        }
+        self.update_lambda(state, &mut estimate, measured);
+        let smallest_n = std::array::from_fn(|b| {
+            state.preload_n[b] += self.relax * (self.config.f0_n[b] - state.preload_n[b]);
+            state.preload_n[b] * self.modulate(state, b)
+        });
+
+        let mut command = match voltage {
+            true => self.voltages(state, &estimate, measured, gap_m, smallest_n, course),
+            false => self.currents(state, &estimate, measured, smallest_n, course),
+        };
+        command.perturbation = std::array::from_fn(|a| self.inertia[a] * estimate[a][2]);
+        let estimates = state.expected.iter().flatten().chain(&state.in_effect_n).chain(&command.current_a);
+        let coils = command.voltage_v.iter().chain(&state.planned_a);
+        let outputs = command.force.iter().chain(&command.perturbation);
+        if !estimates.chain(coils).chain(outputs).all(|value| value.is_finite()) {
+            return Err(ControllerError::Overflow { sample: state.samples });
+        }
+        state.samples += 1;
+        Ok(command)
+    }
+
+    /// The gaps, none below its limit, in m.
+    #[inline]
+    fn limited(&self, gap_m: [f64; K]) -> [f64; K] {
+        std::array::from_fn(|k| gap_m[k].max(self.floor_m[k]))
+    }
+
+    /// Currents to hold over the sample time that begins at the next sample.
+    #[inline]
+    fn currents(
+        &self,
+        state: &mut TrackingState<N, K, B>,
+        estimate: &[Estimate; N],
+        measured: &Measured<N, K>,
+        smallest_n: [f64; B],
+        [_, begin, end]: &Course<N>,
+    ) -> Command<N, K> {
+        let m = self.inertia;
+        let step_s = self.config.step_s;
+        let geometry = self.arrangement.geometry();
+        let gyroscopic = |rates| self.arrangement.gyroscopic(measured.omega_rad_s, rates);
+        let in_effect = geometry.resultant(state.in_effect_n);
+        // Rates at the middle of the interval; their change by the gyroscopic moments is of second order.
+        let rate = |[_, v, d]: Estimate, acceleration: f64| v + 0.5 * step_s * (acceleration + d);
+        let moment = gyroscopic(std::array::from_fn(|a| rate(estimate[a], in_effect[a] / m[a])));
+        let [k_0, k_1] = self.gains;
+        let mut acceleration = [0.0; N];
+        for a in 0..N {
+            let expected = self.observer.predict(estimate[a], (in_effect[a] + moment[a]) / m[a]);
+            let [x, v, _] = expected;
+            let feedforward = (end[a].velocity_m_s - begin[a].velocity_m_s) / step_s;
+            acceleration[a] = feedforward - k_1 * (v - begin[a].velocity_m_s) - k_0 * (x - begin[a].position_m);
+            state.expected[a] = expected;
+        }
+        let moment = gyroscopic(std::array::from_fn(|a| state.expected[a][1] + 0.5 * step_s * acceleration[a]));
+        let mut force = [0.0; N];
+        let mut middle = [0.0; N];
+        for a in 0..N {
+            let [_, _, d] = state.expected[a];
+            force[a] = m[a] * (acceleration[a] - d) - moment[a];
+            middle[a] = self.observer.predict_by(state.expected[a], acceleration[a] - d, 0.5 * step_s)[0];
+        }
+        let wanted_n = self.arrangement.allocate(force, smallest_n);
+        let predicted_m = geometry.gaps(middle);
+        let gap_m = self.limited(predicted_m);
+        let current_a = magnet::currents(wanted_n, gap_m, state.lambda_nm2_a2);
+        state.in_effect_n = wanted_n;
+        state.asked_n = wanted_n;
+        Command {
+            current_a,
+            voltage_v: [0.0; K],
+            force,
+            perturbation: [0.0; N],
+            saturated: gap_m != predicted_m,
+            limited: false,
+        }
+    }
+
+    /// Uses the estimated λ when it is due, and adds the difference in force to the perturbation estimate.
+    fn update_lambda(
+        &self,
+        state: &mut TrackingState<N, K, B>,
+        estimate: &mut [Estimate; N],
+        measured: &Measured<N, K>,
+    ) {
+        let hat = measured.lambda_hat_nm2_a2;
+        let usable = measured.lambda_valid && hat.iter().all(|lambda| lambda.is_finite() && *lambda > 0.0);
+        let before = state.lambda_nm2_a2;
+        let after = match self.config.update {
+            UpdateMode::AtTime if usable && !state.updated && self.update_is_due(state) => {
+                state.updated = true;
+                hat
+            }
+            UpdateMode::WhenValid if usable => hat,
+            _ => return,
+        };
+        state.lambda_nm2_a2 = after;
+        if state.samples == 0 || after == before {
+            // No current flows yet, or nothing changes.
+            return;
+        }
+        let geometry = self.arrangement.geometry();
+        let old = geometry.resultant(state.asked_n);
+        // Currents and gaps are unchanged, so P(4) scales with the ratio of the λ.
+        for k in 0..K {
+            state.in_effect_n[k] *= after[k] / before[k];
+            state.asked_n[k] *= after[k] / before[k];
+        }
+        let new = geometry.resultant(state.asked_n);
+        for a in 0..N {
+            estimate[a][2] += (old[a] - new[a]) / self.inertia[a];
+        }
+        for b in 0..B {
+            let factor = state.excitation[b].factor();
+            if factor > TROUGH {
+                let forces = state.asked_n.into_iter().zip(A::BEARING).filter(|(_, bearing)| *bearing == b);
+                let smallest_n = forces.fold(f64::INFINITY, |smallest, (force_n, _)| smallest.min(force_n));
+                state.preload_n[b] = smallest_n / factor;
+            }
+        }
+    }
+
+    fn update_is_due(&self, state: &TrackingState<N, K, B>) -> bool {
+        self.due_s(state) >= self.config.update_time_s - INSTANT_TOLERANCE * self.config.step_s
+    }
+}

@@ -1,0 +1,136 @@
+//! Modulation of the smallest force, which makes λ identifiable without moving the rotor.
+//!
+//! Forces along the null vector of P(3) cancel on the rotor, so the smallest force of a bearing can vary without moving it:
+//!
+//! ```text
+//! min F_k = F_0 (1 + a sin 2πφ)        φ = f t
+//! ```
+//!
+//! `a` is `F0.modulation`, `f` is `F0.modulationFrequency`, one for each bearing, t starts at the first sample. For current
+//! drive t is the middle of the interval over which the currents are held, for voltage drive the instant at which they are
+//! reached. The varying currents make λ identifiable where the reference trajectory alone does not, for instance with the rotor
+//! at rest. While λ is wrong, the forces do not cancel exactly, and the rotor moves a little.
+
+use std::f64::consts::TAU;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Arrangement, Tracking, TrackingConfig, TrackingState};
+use crate::bearing::coil::Drive;
+use crate::invalid::{Checks, Invalid};
+
+/// Modulation of the smallest force of one bearing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Excitation {
+    /// `1 + a sin 2πφ` at the last sample.
+    factor: f64,
+    /// φ at the sample at which f last changed, in revolutions, in [0, 1).
+    base_rev: f64,
+    /// Number of that sample.
+    base_sample: u64,
+    /// f since then, in Hz.
+    frequency_hz: f64,
+}
+
+impl Excitation {
+    /// `1 + a sin 2πφ` at the last sample.
+    pub(super) fn factor(&self) -> f64 {
+        self.factor
+    }
+
+    /// Whether it may be part of a state after so many samples.
+    pub(super) fn is_consistent(&self, samples: u64) -> bool {
+        self.base_sample < samples.max(1)
+            && [self.factor, self.base_rev, self.frequency_hz].into_iter().all(f64::is_finite)
+    }
+}
+
+/// Checks a modulation; a sample time that is itself refused restricts no frequency.
+pub(super) fn check<const K: usize, const B: usize>(
+    config: &TrackingConfig<K, B>,
+    names: [&'static str; B],
+    checks: &mut Checks,
+) {
+    let &TrackingConfig { step_s, modulation, modulation_hz, .. } = config;
+    checks.require((0.0..=1.0).contains(&modulation), "F0.modulation", modulation, "a fraction of F0 from 0 to 1");
+    let highest_hz = if step_s.is_finite() && step_s > 0.0 { 0.5 / step_s } else { f64::INFINITY };
+    for (name, hz) in names.into_iter().zip(modulation_hz) {
+        checks.require(
+            hz.is_finite() && hz > 0.0 && hz <= highest_hz,
+            name,
+            format_args!("{hz} Hz"),
+            format!("a finite number above 0, at most half the sample rate ({highest_hz} Hz)"),
+        );
+    }
+}
+
+/// Revolutions, 0 or above, modulo 1.
+fn wrapped(revolutions: f64) -> f64 {
+    revolutions - libm::floor(revolutions)
+}
+
+impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tracking<A, N, K, B> {
+    /// Changes the modulation of the smallest force: `modulation` as a fraction of `F_0`, its frequencies in Hz.
+    ///
+    /// The phases are continuous.
+    ///
+    /// # Errors
+    /// `F0.modulation` outside 0 to 1; a frequency unless it is above 0 and at most half the sample rate. The former values
+    /// then remain.
+    pub(in crate::control) fn retune(&mut self, modulation: f64, modulation_hz: [f64; B]) -> Result<(), Vec<Invalid>> {
+        let mut checks = Checks::default();
+        let config = TrackingConfig { modulation, modulation_hz, ..self.config.clone() };
+        check(&config, A::NAMES.modulation_hz, &mut checks);
+        checks.finish()?;
+        self.config = config;
+        Ok(())
+    }
+
+    /// `1 + a sin 2πφ` in bearing b for the force commanded at this sample.
+    pub(super) fn modulate(&self, state: &mut TrackingState<N, K, B>, b: usize) -> f64 {
+        let TrackingConfig { modulation, step_s, .. } = self.config;
+        let frequency_hz = self.config.modulation_hz[b];
+        let samples = state.samples;
+        let excitation = &mut state.excitation[b];
+        // Count × step, so that φ does not drift.
+        let phase_rev = |excitation: &Excitation, sample: u64| {
+            wrapped(excitation.base_rev + excitation.frequency_hz * ((sample - excitation.base_sample) as f64 * step_s))
+        };
+        if frequency_hz != excitation.frequency_hz {
+            // f changes after the last commanded force.
+            (excitation.base_rev, excitation.base_sample) = match samples.checked_sub(1) {
+                Some(last) => (phase_rev(excitation, last), last),
+                None => (self.first_phase_rev(frequency_hz), 0),
+            };
+            excitation.frequency_hz = frequency_hz;
+        }
+        excitation.factor =
+            if modulation == 0.0 { 1.0 } else { 1.0 + modulation * libm::sin(TAU * phase_rev(excitation, samples)) };
+        excitation.factor
+    }
+
+    /// The modulation before the first sample.
+    pub(super) fn excitation_at_start(&self) -> [Excitation; B] {
+        self.config.modulation_hz.map(|frequency_hz| Excitation {
+            factor: 1.0,
+            base_rev: self.first_phase_rev(frequency_hz),
+            base_sample: 0,
+            frequency_hz,
+        })
+    }
+
+    /// φ of the force that the first sample commands, in revolutions.
+    fn first_phase_rev(&self, frequency_hz: f64) -> f64 {
+        wrapped(frequency_hz * self.ahead_s())
+    }
+
+    /// Time from a sample to the instant for which its force is computed, in s: the middle of held currents, the end of
+    /// voltages.
+    fn ahead_s(&self) -> f64 {
+        let samples = match self.config.coil.drive {
+            Drive::Current => 1.5,
+            Drive::Voltage => 2.0,
+        };
+        samples * self.config.step_s
+    }
+}

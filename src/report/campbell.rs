@@ -1,0 +1,69 @@
+//! The Campbell diagram of a shaft as a page.
+
+use maud::html;
+
+use super::{frame, plot, table_of};
+use crate::report::plot::{Line, Plot, PlotUnit, colour};
+use crate::studies::whirl::Whirl;
+use crate::table::Table;
+
+/// Points along each line.
+const POINTS: usize = 240;
+
+/// The page, made by that command: whirl frequencies and unbalance response up to a speed in rpm, and the table.
+pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> String {
+    let rpm: Vec<f64> = (0..=POINTS).map(|n| greatest_rpm * n as f64 / POINTS as f64).collect();
+    let omega = |rpm: &f64| rpm * std::f64::consts::PI / 30.0;
+    let speed = ("speed", PlotUnit { name: "rpm", factor: 1.0 });
+    let hertz = PlotUnit { name: "Hz", factor: 1.0 };
+
+    let mut frequencies = Plot::new(speed, ("natural frequency", hertz)).height(420.0);
+    let all: Vec<[f64; 4]> = rpm.iter().map(|rpm| whirl.frequencies_hz(omega(rpm)).map(f64::abs)).collect();
+    let lines = [
+        ("backward", colour::MAGNETS[0]),
+        ("backward", colour::MAGNETS[0]),
+        ("forward", colour::MAGNETS[1]),
+        ("forward", colour::MAGNETS[1]),
+    ];
+    for (n, (name, colour)) in lines.into_iter().enumerate() {
+        let line = Line::new(name, colour).group(name).width(2.0);
+        let line = if n % 2 == 0 { line } else { line.unlisted() };
+        frequencies.line(line, &rpm, &all.iter().map(|one| one[n]).collect::<Vec<_>>());
+    }
+    let highest = all.iter().flatten().copied().fold(0.0, f64::max);
+    frequencies = frequencies.range(1, [0.0, 1.2 * highest]);
+    let synchronous: Vec<f64> = rpm.iter().map(|rpm| rpm / 60.0).collect();
+    frequencies.line(Line::new("speed (1×)", colour::INK).dashed().width(1.0), &rpm, &synchronous);
+
+    let mut response = Plot::new(speed, ("amplitude", PlotUnit::MICROMETRE)).decades(1).height(320.0);
+    let responses: Vec<_> = rpm.iter().skip(1).map(|rpm| whirl.response_m(omega(rpm))).collect();
+    for (bearing, name) in ["A", "B"].into_iter().enumerate() {
+        let amplitude: Vec<f64> = responses.iter().map(|one| one[bearing].norm()).collect();
+        response.line(Line::new(name, colour::MAGNETS[bearing]), &rpm[1..], &amplitude);
+    }
+
+    let title = "Campbell diagram";
+    let body = html! {
+        header { h1 { (title) } }
+        main {
+            section { p.soft { "This page is made by" } pre { code { (command) } } }
+            figure #campbell {
+                (frequencies.html())
+                figcaption {
+                    "Natural frequencies of the rigid shaft over its speed. Gyroscopic moments raise those that whirl with the rotor and lower \
+                     those that whirl against it. Unbalance excites forward whirl where its line meets that of the speed."
+                }
+            }
+            @if !response.is_empty() {
+                figure #response {
+                    (response.html())
+                    figcaption { "Orbit of the shaft in the bearings under its unbalance." }
+                }
+            }
+            section #results { (table_of(table)) }
+        }
+        footer.soft { "Plots: plotly.js (MIT). Drag to zoom, double-click for all, click a name in a legend to switch its line." }
+        (plot::scripts())
+    };
+    frame::page(title, &body)
+}

@@ -1,0 +1,339 @@
+//! The results of a run of a spindle: tables, and the report page.
+
+use maud::{Markup, html};
+use serde_json::json;
+
+use super::experiment::parameters;
+use super::figures::{Figure, Signals, lambda_plot};
+use super::plot::{self, Line, Plot, PlotUnit, colour};
+use super::{Event, Report, page_with, percent};
+use crate::fmu::estimator::VERDICT;
+use crate::simulation::scenario::Scenario;
+use crate::simulation::simulate::Run;
+use crate::table::Table;
+use fmu_export::variable::Value;
+
+/// The bearings by their names in the interface.
+const BEARINGS: [&str; 3] = ["A", "B", "X"];
+/// Maximum number of frames of the animation.
+const FRAMES: usize = 6000;
+/// Length of the intervals before the update and at the end over which errors are taken, in seconds.
+const STRETCH_S: f64 = 0.04;
+
+/// Whether the machine of a scenario is a spindle.
+pub fn is_spindle(scenario: &Scenario) -> bool {
+    scenario.machine == "spindle"
+}
+
+fn real(scenario: &Scenario, name: &str) -> Option<f64> {
+    scenario.value("plant", name).map(Value::as_f64)
+}
+
+/// λ of the magnets of a bearing, `A`, `B` or `X`, in N·m²/A².
+fn truth(scenario: &Scenario, bearing: &str) -> Vec<f64> {
+    (1..).map_while(|k| real(scenario, &format!("{bearing}.lambda[{k}]"))).collect()
+}
+
+/// The last value of a column.
+fn last(run: &Run, name: &str) -> f64 {
+    run.recording.get(name).and_then(|values| values.last().copied()).unwrap_or(f64::NAN)
+}
+
+/// When the controller first used an estimate, in s.
+fn update_s(run: &Run) -> Option<f64> {
+    let used = run.recording.get("controller.A.lambdaUsed[1]")?;
+    let at = used.iter().position(|value| *value != used[0])?;
+    run.recording.time_s.get(at.checked_sub(1)?).copied()
+}
+
+/// The tables of results.
+pub fn tables(scenario: &Scenario, run: &Run) -> Vec<Table> {
+    let mut tables = vec![constants(scenario, run)];
+    tables.extend(unbalance(scenario, run));
+    tables.extend(tracking(run));
+    tables
+}
+
+fn constants(scenario: &Scenario, run: &Run) -> Table {
+    let mut rows = Vec::new();
+    for bearing in BEARINGS {
+        for (k, truth) in truth(scenario, bearing).into_iter().enumerate() {
+            let of = |name: &str| last(run, &format!("estimator.{bearing}.{name}[{}]", k + 1));
+            let hat = of("lambdaHat");
+            rows.push(vec![
+                format!("{bearing} λ{}", k + 1),
+                format!("{:.4}", truth * 1e6),
+                format!("{:.4}", hat * 1e6),
+                percent(hat / truth - 1.0),
+                format!("{:.2} %", 200.0 * of("lambdaStdTotal") / hat),
+                format!("{:.1}", of("ki")),
+                format!("{:.0}", of("ks")),
+            ]);
+        }
+    }
+    let valid = if last(run, "estimator.valid") == 1.0 { "Valid" } else { "Not valid" };
+    Table {
+        title: "Estimated force constants, 10⁻⁶ N·m²/A²".into(),
+        note: format!(
+            "{valid} at the end of the run. ± is two standard deviations; ki in N/A and ks in N/m at the operating point."
+        ),
+        head: ["", "truth", "estimate", "error", "±", "ki", "ks"].map(String::from).into(),
+        rows,
+    }
+}
+
+fn unbalance(scenario: &Scenario, run: &Run) -> Option<Table> {
+    let mut rows = Vec::new();
+    for plane in [1, 2] {
+        let name = |what: &str| format!("unbalance[{plane}].{what}");
+        let of = |what: &str| Some((real(scenario, &name(what))?, last(run, &format!("estimator.{}", name(what)))));
+        let ((size, size_hat), (phase, phase_hat)) = (of("magnitude")?, of("phase")?);
+        rows.push(vec![
+            format!("plane {plane}, {} mm", 1e3 * real(scenario, &name("position"))?),
+            format!("{:.2}", 1e6 * size),
+            format!("{:.2}", 1e6 * size_hat),
+            format!("{:.4}", phase),
+            format!("{:.4}", phase_hat),
+        ]);
+    }
+    Some(Table {
+        title: "Unbalance in two planes".into(),
+        note: "Magnitude in g·mm, angle on the rotor in rad.".into(),
+        head: ["", "truth", "estimate", "angle", "estimate"].map(String::from).into(),
+        rows,
+    })
+}
+
+fn tracking(run: &Run) -> Option<Table> {
+    let time_s = &run.recording.time_s;
+    let end_s = *time_s.last()?;
+    let update_s = update_s(run).filter(|update_s| *update_s > STRETCH_S && *update_s < end_s - STRETCH_S);
+    let mut stretches = Vec::new();
+    stretches.extend(update_s.map(|update_s| ("before the update", update_s - STRETCH_S, update_s)));
+    stretches.push(("end of the run", end_s - STRETCH_S, end_s));
+    let mut rows = Vec::new();
+    for (name, words) in [("A.eY", "A, y"), ("A.eZ", "A, z"), ("B.eY", "B, y"), ("B.eZ", "B, z"), ("X.e", "axial")] {
+        let error = run.recording.get(&format!("controller.{name}"))?;
+        let largest = |from_s: f64, to_s: f64| {
+            let within = time_s.iter().zip(error).filter(|(time_s, _)| (from_s..=to_s).contains(*time_s));
+            1e6 * within.map(|(_, error)| error.abs()).fold(0.0, f64::max)
+        };
+        let cells = stretches.iter().map(|(_, from_s, to_s)| format!("{:.3}", largest(*from_s, *to_s)));
+        rows.push([words.to_owned()].into_iter().chain(cells).collect());
+    }
+    Some(Table {
+        title: "Largest tracking error as measured, µm".into(),
+        note: format!("Over {:.0} ms each; the noise of the sensors is in it.", 1e3 * STRETCH_S),
+        head: [String::new()].into_iter().chain(stretches.iter().map(|(name, ..)| (*name).to_owned())).collect(),
+        rows,
+    })
+}
+
+/// The report page, made by that command.
+pub fn page(command: &str, scenario: &Scenario, run: &Run) -> String {
+    let updates = update_s(run).map(|at_s| Event { at_s, label: "update".into() });
+    let report = Report {
+        description: scenario.description.clone(),
+        command: command.into(),
+        message: run.error.clone(),
+        tables: tables(scenario, run),
+        parameters: parameters(scenario),
+        events: updates.into_iter().collect(),
+        ..Report::new(&scenario.title, &run.recording)
+    };
+    let signals = Signals::new(&report);
+    page_with(&report, &answer(scenario, run, &signals), &figures(scenario, &signals))
+}
+
+/// The verdict, the estimates by bearing, the animation, and λ̂ over time.
+fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
+    let valid = last(run, "estimator.valid") == 1.0;
+    let verdict = last(run, "estimator.verdict") as usize;
+    let words = VERDICT.items.get(verdict.wrapping_sub(1)).map_or("", |(_, words)| *words);
+    html! {
+        p class=(if valid { "verdict good" } else { "verdict bad" }) {
+            strong { (if valid { "Valid" } else { "Not valid" }) } " at the end: " (words) "."
+        }
+        div.cards {
+            @for bearing in BEARINGS {
+                @for (k, truth) in truth(scenario, bearing).into_iter().enumerate() {
+                    @let of = |name: &str| last(run, &format!("estimator.{bearing}.{name}[{}]", k + 1));
+                    div.card style={ "border-color:var(--magnet" (k + 1) ")" } {
+                        span.name { (bearing) " λ̂" sub { (k + 1) } }
+                        span.value { (format!("{:.4} ± {:.4}", 1e6 * of("lambdaHat"), 2e6 * of("lambdaStdTotal"))) }
+                        span.truth { (format!("truth {:.4}, error ", 1e6 * truth)) (percent(of("lambdaHat") / truth - 1.0)) }
+                    }
+                }
+            }
+        }
+        p.soft { "In 10⁻⁶ N·m²/A², at the end of the run; ± is two standard deviations as stated by the estimator." }
+        div.first {
+            @if let Some(data) = animation(scenario, signals) {
+                div #shaft-animation .animation { (plot::data_element(&data)) }
+            }
+            div #lambda {
+                (lambda_plot(signals, "estimator", "A.", Some(&truth(scenario, "A")), 460.0).html())
+                p.soft {
+                    "Bearing A: solid where the estimate is valid, with a band of two standard deviations; dotted where it is not; dashed: the \
+                     true value. Click to go to an instant."
+                }
+            }
+        }
+    }
+}
+
+/// Data of the animation at equidistant instants.
+fn animation(scenario: &Scenario, run: &Signals) -> Option<serde_json::Value> {
+    let every = run.time_s.len().div_ceil(FRAMES).max(1);
+    let frames = |values: &[f64], factor: f64| {
+        plot::packed(&values.iter().step_by(every).map(|value| value * factor).collect::<Vec<_>>())
+    };
+    let column = |name: &str, factor: f64| run.get(name).map(|values| frames(values, factor));
+    let bearings = [real(scenario, "A.position")?, real(scenario, "B.position")?];
+    Some(json!({
+        "t": frames(run.time_s, 1.0), "theta": column("plant.theta", 1.0)?, "x": column("plant.X", 1e6)?,
+        "orbits": [
+            [column("plant.A.Y", 1e6)?, column("plant.A.Z", 1e6)?],
+            [column("plant.B.Y", 1e6)?, column("plant.B.Z", 1e6)?],
+        ],
+        "valid": column("estimator.valid", 1.0),
+        "bearings": bearings,
+        "sensors": [real(scenario, "A.sensorPosition")?, real(scenario, "B.sensorPosition")?],
+        "extent": [real(scenario, "shaft.begin")?, real(scenario, "shaft.end")?],
+        "clearance": 1e6 * real(scenario, "A.touchdown.clearance").or(real(scenario, "touchdown.clearance"))?,
+        "timeFactor": run.time_unit().factor,
+    }))
+}
+
+fn figures(scenario: &Scenario, run: &Signals) -> Vec<Figure> {
+    vec![
+        estimates(scenario, run),
+        orbits(run),
+        tracking_errors(run),
+        loads(run),
+        unbalances(scenario, run),
+        currents(run),
+    ]
+}
+
+fn estimates(scenario: &Scenario, run: &Signals) -> Figure {
+    let plots = BEARINGS.map(|bearing| {
+        let truth = truth(scenario, bearing);
+        (format!("Bearing {bearing}"), lambda_plot(run, "estimator", &format!("{bearing}."), Some(&truth), 300.0))
+    });
+    let caption = "Estimates over time. Solid where valid, with a band of two standard deviations; dotted where not; dashed: the truth.";
+    run.figure("estimates", "Estimates of the force constants", plots.into(), caption)
+}
+
+fn orbits(run: &Signals) -> Figure {
+    let mut plots = Vec::new();
+    for bearing in ["A", "B"] {
+        let mut plot = Plot::new(("y", PlotUnit::MICROMETRE), ("z", PlotUnit::MICROMETRE)).equal().height(380.0);
+        let of = |element: &str, what: &str| run.get(&format!("{element}.{bearing}.{what}"));
+        for (stretch, colour) in run.stretches.iter().zip([colour::MAGNETS[1], colour::MAGNETS[0]]) {
+            if let (Some(y), Some(z)) = (of("plant", "Y"), of("plant", "Z")) {
+                let line = Line::new(stretch.title(), colour);
+                plot.line(line, &y[stretch.from..stretch.to], &z[stretch.from..stretch.to]);
+            }
+        }
+        if let (Some(y), Some(z), Some(last)) =
+            (of("controller", "reference.Y"), of("controller", "reference.Z"), run.stretches.last())
+        {
+            let line = Line::new("reference", colour::INK).dashed().width(1.0);
+            plot.line(line, &y[last.from..last.to], &z[last.from..last.to]);
+        }
+        plots.push((format!("Orbit in bearing {bearing}"), plot));
+    }
+    let mut axial = run.plot("x", PlotUnit::MICROMETRE).height(260.0);
+    if let Some(x) = run.get("plant.X") {
+        run.line(&mut axial, Line::new("position", colour::MAGNETS[0]), x);
+    }
+    if let Some(reference) = run.get("controller.X.reference.X") {
+        run.line(&mut axial, Line::new("reference", colour::INK).dashed().width(1.0), reference);
+    }
+    plots.push(("Axial position".into(), axial));
+    let caption = "The orbits of the shaft in both bearings over two revolutions, and its axial position over time.";
+    run.figure("orbit", "Orbits and axial position", plots, caption)
+}
+
+/// Plots over time, each with a title, a quantity with its unit, and named columns.
+fn over_time(run: &Signals, plots: &[(&str, (&str, PlotUnit), &[(&str, &str)])]) -> Vec<(String, Plot)> {
+    let colours = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::OTHER];
+    let one = |(title, (quantity, unit), columns): &(&str, (&str, PlotUnit), &[(&str, &str)])| {
+        let mut plot = run.plot(quantity, *unit).height(260.0);
+        for ((name, column), colour) in columns.iter().zip(colours.into_iter().cycle()) {
+            if let Some(values) = run.get(column) {
+                run.line(&mut plot, Line::new(name, colour), values);
+            }
+        }
+        ((*title).to_owned(), plot)
+    };
+    plots.iter().map(one).collect()
+}
+
+fn tracking_errors(run: &Signals) -> Figure {
+    let error = ("error", PlotUnit::MICROMETRE);
+    let plots = over_time(
+        run,
+        &[
+            ("Bearing A", error, &[("y", "controller.A.eY"), ("z", "controller.A.eZ")]),
+            ("Bearing B", error, &[("y", "controller.B.eY"), ("z", "controller.B.eZ")]),
+            ("Axial", error, &[("x", "controller.X.e")]),
+        ],
+    );
+    let caption = "Measured position minus reference; the noise of the sensors is in it.";
+    run.figure("tracking", "Tracking errors", plots, caption)
+}
+
+fn loads(run: &Signals) -> Figure {
+    const MOMENT: PlotUnit = PlotUnit { name: "N·m", factor: 1.0 };
+    let plots = over_time(
+        run,
+        &[
+            (
+                "Forces",
+                ("force", PlotUnit::NEWTON),
+                &[("x", "controller.pXHat"), ("y", "controller.pYHat"), ("z", "controller.pZHat")],
+            ),
+            ("Moments", ("moment", MOMENT), &[("about y", "controller.MYHat"), ("about z", "controller.MZHat")]),
+        ],
+    );
+    let caption = "Loads as the observers see them: three forces and two moments. Wrong force constants and unbalance are loads to them.";
+    run.figure("loads", "Loads", plots, caption)
+}
+
+fn unbalances(scenario: &Scenario, run: &Signals) -> Figure {
+    const GRAM_MILLIMETRE: PlotUnit = PlotUnit { name: "g·mm", factor: 1e6 };
+    let mut plots = over_time(
+        run,
+        &[(
+            "Magnitude",
+            ("unbalance", GRAM_MILLIMETRE),
+            &[("plane 1", "estimator.unbalance[1].magnitude"), ("plane 2", "estimator.unbalance[2].magnitude")],
+        )],
+    );
+    for plane in [1, 2] {
+        if let (Some(truth), Some((_, plot))) =
+            (real(scenario, &format!("unbalance[{plane}].magnitude")), plots.first_mut())
+        {
+            plot.level(truth, "");
+        }
+    }
+    run.figure("unbalance", "Unbalance in two planes", plots, "Identified unbalance; dashed: the truth.")
+}
+
+fn currents(run: &Signals) -> Figure {
+    let names: Vec<[String; 3]> =
+        BEARINGS.iter().map(|bearing| [1, 2, 3].map(|k| format!("plant.{bearing}.im[{k}]"))).collect();
+    let columns: Vec<[(&str, &str); 3]> =
+        names.iter().map(|[one, two, three]| [("i₁", one.as_str()), ("i₂", two), ("i₃", three)]).collect();
+    let title = ["Bearing A", "Bearing B", "Axial bearing"];
+    let plots: Vec<_> =
+        title.iter().zip(&columns).map(|(title, columns)| (*title, ("i", PlotUnit::AMPERE), &columns[..])).collect();
+    run.figure(
+        "currents",
+        "Measured currents",
+        over_time(run, &plots),
+        "The magnets only pull: the sign of a current has no meaning.",
+    )
+}

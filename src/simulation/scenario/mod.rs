@@ -1,0 +1,276 @@
+//! Scenarios: the models of a closed loop, their connections and start values. `read.rs` reads them from TOML.
+
+mod read;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use fmu_export::ModelType;
+use fmu_export::variable::{Causality, Type, Value};
+
+use self::read::{permitted, unknown};
+
+/// The built-in scenarios, by name.
+pub const BUILT_IN: [(&str, &str); 12] = [
+    ("paper", include_str!("../scenarios/paper.toml")),
+    ("experiment", include_str!("../scenarios/experiment.toml")),
+    ("unbalanced", include_str!("../scenarios/unbalanced.toml")),
+    ("turned", include_str!("../scenarios/turned.toml")),
+    ("run-up", include_str!("../scenarios/run-up.toml")),
+    ("lift-off", include_str!("../scenarios/lift-off.toml")),
+    ("coil-loss", include_str!("../scenarios/coil-loss.toml")),
+    ("circle", include_str!("../scenarios/circle.toml")),
+    ("hole", include_str!("../scenarios/hole.toml")),
+    ("standstill", include_str!("../scenarios/standstill.toml")),
+    ("spindle", include_str!("../scenarios/spindle.toml")),
+    ("balance", include_str!("../scenarios/balance.toml")),
+];
+
+/// What is wrong with a scenario; each finding on its own line.
+#[derive(Debug, thiserror::Error)]
+#[error("{origin}:\n  {}", .findings.join("\n  "))]
+pub struct ScenarioError {
+    /// The file or the built-in scenario.
+    pub origin: String,
+    /// The findings, each with the name of the key and what is expected.
+    pub findings: Vec<String>,
+}
+
+/// Values that variables take during a run: unconnected inputs and tunable parameters.
+///
+/// Real values are interpolated linearly between the instants; with `hold`, and for other types, the value stays until the next
+/// instant. Before the first instant it is the first value, with `hold` the start value. A communication step uses the value at
+/// its begin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    /// Element and variable, by index, that take the values.
+    pub targets: Vec<(usize, usize)>,
+    /// The instants, in seconds, increasing.
+    pub time_s: Vec<f64>,
+    /// A value for each instant, in the unit of the variables.
+    pub values: Vec<Value>,
+    /// Whether values stay from one instant to the next.
+    pub hold: bool,
+}
+
+impl Profile {
+    /// The value at an instant in seconds, if there is one.
+    pub fn at(&self, time_s: f64) -> Option<Value> {
+        // Instants and communication points are computed in floating point.
+        const ROUNDING_S: f64 = 1e-9;
+        let passed = self.time_s.partition_point(|instant| *instant <= time_s + ROUNDING_S);
+        if passed == 0 {
+            return (!self.hold).then(|| self.values[0].clone());
+        }
+        match (&self.values[passed - 1], self.values.get(passed)) {
+            (Value::Real(from), Some(Value::Real(to))) if !self.hold => {
+                let [begin, end] = [self.time_s[passed - 1], self.time_s[passed]];
+                Some(Value::Real(from + (to - from) * ((time_s - begin) / (end - begin)).max(0.0)))
+            }
+            (value, _) => Some(value.clone()),
+        }
+    }
+}
+
+/// A value that a scenario gives to a variable.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setting {
+    /// Index of the variable in the table of its model.
+    pub index: usize,
+    /// The value, in the unit of the variable.
+    pub value: Value,
+}
+
+/// A component of a scenario.
+#[derive(Clone)]
+pub struct Element {
+    /// Name, unique in the scenario.
+    pub name: String,
+    /// Its model type.
+    pub model_type: Arc<ModelType>,
+    /// Values that differ from the start values.
+    pub settings: Vec<Setting>,
+}
+
+/// A scenario, checked as far as possible without running it.
+#[derive(Clone)]
+pub struct Scenario {
+    /// One line.
+    pub title: String,
+    /// A paragraph.
+    pub description: String,
+    /// The machine, one of [`MACHINES`].
+    pub machine: &'static str,
+    /// Length of the run, in seconds.
+    pub duration_s: f64,
+    /// Communication step, in seconds.
+    pub step_s: f64,
+    /// The closed loop, `plant`, `controller`, `estimator`, followed by estimators that run beside it on the same data.
+    pub elements: Vec<Element>,
+    /// The connections of the closed loop.
+    pub(crate) connected: Vec<Connection>,
+    /// Values that change during the run.
+    pub profiles: Vec<Profile>,
+    /// When correction masses are fitted that balance the rotor by what the estimator says, in seconds, if at all.
+    pub balance_s: Option<f64>,
+    /// How well a test bench is known, for `identify`: names and values as for `--tolerance`.
+    pub tolerance: Vec<(String, String)>,
+    /// Changes made when it was opened, each as `name=value`.
+    pub changes: Vec<String>,
+}
+
+/// The machines that a scenario can describe: name, and the models of plant, controller and estimator.
+pub const MACHINES: [(&str, [&str; 3]); 2] = [
+    ("bearing", ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"]),
+    ("spindle", ["MagneticSpindle", "SpindleController", "SpindleEstimator"]),
+];
+
+/// Which element's outputs are connected to which element's inputs: those of the same name, and of these pairs of names.
+const LOOP: [([&str; 2], &[[&str; 2]]); 4] = [
+    (["plant", "controller"], &[]),
+    (["controller", "plant"], &[]),
+    (["estimator", "controller"], &[["valid", "lambdaValid"]]),
+    (["plant", "estimator"], &[["omegam", "omega"]]),
+];
+
+/// The connections of a closed loop.
+fn connected(elements: &[Element]) -> Vec<Connection> {
+    let model = |name: &str| elements.iter().find(|element| element.name == name).map(|element| &element.model_type);
+    let mut connections = Vec::new();
+    for ([source, sink], renamed) in LOOP {
+        let (Some(from), Some(to)) = (model(source), model(sink)) else { continue };
+        for input in to.variables().iter().filter(|variable| variable.causality == Causality::Input) {
+            let renamed = renamed.iter().find(|[_, name]| *name == input.name).map(|[name, _]| *name);
+            let name = renamed.unwrap_or(&input.name);
+            let outputs = from.variables().iter().filter(|variable| variable.causality == Causality::Output);
+            if outputs.into_iter().any(|output| output.name == name) {
+                let path = |element: &str, variable: &str| [element.to_owned(), variable.to_owned()];
+                connections.push(Connection { from: path(source, name), to: path(sink, &input.name) });
+            }
+        }
+    }
+    connections
+}
+
+/// An output and the input connected to it, by element and variable name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Connection {
+    /// Element and variable of the output.
+    pub from: [String; 2],
+    /// Element and variable of the input.
+    pub to: [String; 2],
+}
+
+impl Scenario {
+    /// Reads a built-in scenario by its name, or else a file.
+    ///
+    /// # Errors
+    /// All findings, each with the name of the key and what is expected.
+    pub fn open(name: &Path) -> Result<Self, ScenarioError> {
+        Self::open_with(name, &[])
+    }
+
+    /// As [`Self::open`], with the standard input under the name `-`, and with changes: pairs of a name and a value. A name is
+    /// a path such as `plant.m`, or `m` for every element that has such a variable, or `duration`, `step` or `title`; a value
+    /// is written as in a scenario, texts with or without quotes.
+    ///
+    /// # Errors
+    /// As for [`Self::open`].
+    pub fn open_with(name: &Path, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
+        let origin = name.display().to_string();
+        if let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)) {
+            return Self::parse_with(&origin, text, changes);
+        }
+        let read = if name == Path::new("-") {
+            std::io::read_to_string(std::io::stdin())
+        } else {
+            std::fs::read_to_string(name)
+        };
+        let text = read.map_err(|error| {
+            let names: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
+            let finding = format!("cannot be read ({error}): expected a file, or one of {}", names.join(", "));
+            ScenarioError { origin: origin.clone(), findings: vec![finding] }
+        })?;
+        Self::parse_with(&origin, &text, changes)
+    }
+
+    /// Parses a scenario. `origin` names its source in messages.
+    ///
+    /// # Errors
+    /// As for [`Self::open`].
+    pub fn parse(origin: &str, text: &str) -> Result<Self, ScenarioError> {
+        Self::parse_with(origin, text, &[])
+    }
+
+    fn parse_with(origin: &str, text: &str, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
+        let read = read::scenario(text, Path::new(origin).parent().unwrap_or(Path::new("")), changes);
+        read.map_err(|findings| ScenarioError { origin: origin.into(), findings })
+    }
+
+    /// The connections, including those of the estimators beside the loop.
+    pub fn connections(&self) -> Vec<Connection> {
+        let mut connections = self.connected.clone();
+        for element in self.observers() {
+            let of_estimator = self.connected.iter().filter(|connection| connection.to[0] == "estimator");
+            connections.extend(of_estimator.map(|Connection { from, to: [_, variable] }| Connection {
+                from: from.clone(),
+                to: [element.name.clone(), variable.clone()],
+            }));
+        }
+        connections
+    }
+
+    /// The magnets, by what stands before and after the name of a quantity: `("", "[1]")` of a bearing, `("A.", "[1]")` of a spindle.
+    pub fn magnets(&self) -> Vec<(String, String)> {
+        let variables = self.plant().model_type.variables().iter();
+        let of_magnet = |name: &str| name.split_once("lambda[").map(|(bearing, k)| (bearing.into(), format!("[{k}")));
+        variables.filter_map(|variable| of_magnet(&variable.name)).collect()
+    }
+
+    /// Finds the variable of a path such as `plant.lambda[1]`: the index of its element and its own.
+    ///
+    /// # Errors
+    /// There is no such variable, or it cannot be set.
+    pub fn settable(&self, path: &str) -> Result<(usize, usize), String> {
+        let (name, key) = path.split_once('.').unwrap_or(("", path));
+        let Some(at) = self.elements.iter().position(|element| element.name == name) else {
+            let names: Vec<_> = self.elements.iter().map(|element| element.name.as_str()).collect();
+            return Err(format!("{path}: expected a path that begins with one of {}", names.join(", ")));
+        };
+        let variables = self.elements[at].model_type.variables();
+        let Some(index) = variables.iter().position(|variable| variable.name == key) else {
+            let settable = variables.iter().filter(|variable| variable.is_settable());
+            return Err(unknown(name, key, &settable.map(|variable| variable.name.to_string()).collect::<Vec<_>>()));
+        };
+        permitted(name, &variables[index], &self.connected).map_err(|why| format!("{path} is refused: {why}"))?;
+        Ok((at, index))
+    }
+
+    /// Sets the variable of a path from a text: a number with or without a unit, a name, `true` or `false`.
+    ///
+    /// # Errors
+    /// What is wrong with the path or the value.
+    pub fn assign(&mut self, path: &str, text: &str) -> Result<(), String> {
+        let (at, index) = self.settable(path)?;
+        let data_type = &self.elements[at].model_type.variables()[index].data_type;
+        let text = text.trim();
+        let value = match data_type {
+            Type::Integer { .. } => text.parse().map(toml::Value::Integer).ok(),
+            Type::Boolean { .. } => text.parse().map(toml::Value::Boolean).ok(),
+            Type::Real { .. } | Type::Enumeration { .. } | Type::String { .. } => None,
+        };
+        let value = read::convert(data_type, &value.unwrap_or_else(|| toml::Value::String(text.into())));
+        let value = value.map_err(|why| format!("{path} = {text} is refused: {why}"))?;
+        self.elements[at].settings.push(Setting { index, value });
+        Ok(())
+    }
+
+    /// The start value of a variable.
+    pub fn value(&self, element: &str, variable: &str) -> Option<Value> {
+        let element = self.elements.iter().find(|candidate| candidate.name == element)?;
+        let variables = element.model_type.variables();
+        let index = variables.iter().position(|candidate| candidate.name == variable)?;
+        let set = element.settings.iter().rev().find(|setting| setting.index == index);
+        Some(set.map_or_else(|| variables[index].start(), |setting| setting.value.clone()))
+    }
+}

@@ -1,0 +1,134 @@
+//! Whirl of a rigid shaft on springs and dampers at its bearings: natural frequencies over the speed (Campbell diagram) and the response to
+//! unbalance.
+//!
+//! In the complex coordinates `u = y + i z` and `ψ = γ − i β` of [`shaft`](crate::bearing::shaft), with `B = [[1, ξ_A], [1, ξ_B]]`,
+//!
+//! ```text
+//! diag(m, J_t) q̈ + (Bᵀ C B − i Ω diag(0, J_p)) q̇ + Bᵀ K B q = Ω² (ΣU e^{iφ}, ΣU ξ e^{iφ}) e^{iΩt}
+//! ```
+//!
+//! An eigenvalue with a positive imaginary part whirls forward, with the rotor; with a negative one, backward.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{Complex, Matrix2, Matrix4, Schur, Vector2, stack};
+
+use crate::simulation::scenario::Scenario;
+use crate::table::Table;
+use fmu_export::variable::Value;
+
+type C = Complex<f64>;
+
+/// A shaft on springs and dampers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Whirl {
+    /// Mass, in kg.
+    pub m_kg: f64,
+    /// Moments of inertia about an axis across the shaft and about its own, in kg·m².
+    pub inertia_kgm2: [f64; 2],
+    /// Positions of the bearings A and B along the shaft, from the centre of gravity, in m.
+    pub bearings_m: [f64; 2],
+    /// Stiffness of each bearing, in N/m.
+    pub stiffness_n_m: f64,
+    /// Damping of each bearing, in N·s/m.
+    pub damping_ns_m: f64,
+    /// Unbalances: mass times eccentricity in kg·m, angle in rad, position along the shaft in m.
+    pub unbalances: [[f64; 3]; 2],
+}
+
+impl Whirl {
+    /// The shaft of a scenario whose machine is a spindle, on bearings of this stiffness in N/m and damping in N·s/m.
+    ///
+    /// # Errors
+    /// What is wrong with the scenario, the stiffness or the damping.
+    pub fn new(scenario: &Scenario, stiffness_n_m: f64, damping_ns_m: f64) -> Result<Self, String> {
+        if scenario.machine != "spindle" {
+            return Err(format!("machine = {}: expected a scenario of a spindle", scenario.machine));
+        }
+        let positive =
+            |name: &str, value: f64, least: bool| match value.is_finite() && (value > 0.0 || least && value == 0.0) {
+                true => Ok(value),
+                false => Err(format!(
+                    "{name} = {value}: expected a finite number {}",
+                    if least { "from 0 on" } else { "above 0" }
+                )),
+            };
+        let real = |name: &str| scenario.value("plant", name).map_or(f64::NAN, Value::as_f64);
+        Ok(Self {
+            m_kg: positive("m", real("m"), false)?,
+            inertia_kgm2: [positive("Jt", real("Jt"), false)?, positive("Jp", real("Jp"), true)?],
+            bearings_m: [real("A.position"), real("B.position")],
+            stiffness_n_m: positive("stiffness", stiffness_n_m, false)?,
+            damping_ns_m: positive("damping", damping_ns_m, true)?,
+            unbalances: [1, 2].map(|plane| {
+                ["magnitude", "phase", "position"].map(|name| real(&format!("unbalance[{plane}].{name}")))
+            }),
+        })
+    }
+
+    /// Displacements of the bearings by unit displacement u and unit inclination ψ.
+    fn bearings(&self) -> Matrix2<C> {
+        let [a, b] = self.bearings_m;
+        Matrix2::new(1.0, a, 1.0, b).map(C::from)
+    }
+
+    fn inertia(&self) -> Matrix2<C> {
+        Matrix2::new(self.m_kg, 0.0, 0.0, self.inertia_kgm2[0]).map(C::from)
+    }
+
+    /// Stiffness, and damping with the gyroscopic moment, at a speed in rad/s.
+    fn forces(&self, omega_rad_s: f64) -> [Matrix2<C>; 2] {
+        let at_bearings = self.bearings().transpose() * self.bearings();
+        let mut damping = at_bearings * C::from(self.damping_ns_m);
+        damping[(1, 1)] -= C::new(0.0, omega_rad_s * self.inertia_kgm2[1]);
+        [at_bearings * C::from(self.stiffness_n_m), damping]
+    }
+
+    /// The four natural frequencies at a speed in rad/s, in Hz, from the fastest backward to the fastest forward whirl.
+    pub fn frequencies_hz(&self, omega_rad_s: f64) -> [f64; 4] {
+        let [stiffness, damping] = self.forces(omega_rad_s);
+        let over = |matrix: Matrix2<C>| -> Matrix2<C> {
+            Matrix2::from_fn(|row, column| -matrix[(row, column)] / self.inertia()[(row, row)])
+        };
+        let (zero, one) = (Matrix2::<C>::zeros(), Matrix2::<C>::identity());
+        let motion: Matrix4<C> = stack![zero, one; over(stiffness), over(damping)];
+        let (_, triangular) = Schur::new(motion).unpack();
+        let mut found: [f64; 4] = std::array::from_fn(|n| triangular[(n, n)].im / TAU);
+        found.sort_by(f64::total_cmp);
+        found
+    }
+
+    /// Displacements `y + i z` of the bearings A and B by the unbalance, in m, turning with the rotor at a speed in rad/s.
+    pub fn response_m(&self, omega_rad_s: f64) -> [C; 2] {
+        let [stiffness, damping] = self.forces(omega_rad_s);
+        let square = omega_rad_s * omega_rad_s;
+        let dynamic = stiffness - self.inertia() * C::from(square) + damping * C::new(0.0, omega_rad_s);
+        let force = self.unbalances.iter().fold(Vector2::zeros(), |sum, [magnitude, phase, position]| {
+            sum + Vector2::new(1.0, *position).map(C::from) * C::from_polar(square * magnitude, *phase)
+        });
+        let found = dynamic.lu().solve(&force).unwrap_or_else(|| Vector2::from_element(C::new(f64::INFINITY, 0.0)));
+        (self.bearings() * found).into()
+    }
+}
+
+/// A row of the diagram for each of so many steps of the speed up to the greatest, in rpm.
+pub fn table(whirl: &Whirl, greatest_rpm: f64, steps: usize) -> Table {
+    let head = ["rpm", "backward 1", "backward 2", "forward 1", "forward 2", "A, µm", "A, rad", "B, µm", "B, rad"];
+    let rows = (0..=steps).map(|step| {
+        let rpm = greatest_rpm * step as f64 / steps as f64;
+        let omega = rpm * PI / 30.0;
+        let [backward_1, backward_2, forward_1, forward_2] = whirl.frequencies_hz(omega);
+        let frequencies = [-backward_1, -backward_2, forward_1, forward_2].map(|hertz| format!("{hertz:.4}"));
+        let response = whirl.response_m(omega).map(|u| [format!("{:.4}", 1e6 * u.norm()), format!("{:.4}", u.arg())]);
+        [format!("{rpm:.0}")].into_iter().chain(frequencies).chain(response.concat()).collect()
+    });
+    Table {
+        title: "Whirl over the speed".into(),
+        note: format!(
+            "Natural frequencies in Hz and response to the unbalance: amplitude and angle at the bearings, each with {} N/m and {} N·s/m.",
+            whirl.stiffness_n_m, whirl.damping_ns_m
+        ),
+        head: head.map(String::from).into(),
+        rows: rows.collect(),
+    }
+}
