@@ -601,12 +601,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let measured = state.last.position_m.transpose();
         let motion = product(&(state.motion.position + measured), &whitening);
         let unknowns = product(&state.unknowns.position, &whitening);
+        let inverse = whitening.tr_mul(&whitening);
+        let by_current_noise = SVector::from_fn(|k, _| inverse.dot(&state.by_current_noise[k].position));
         let mut by_log_ratio = Square::zeros();
-        let by_current_noise = SVector::from_fn(|k, _| {
-            let by = product(&product(&whitening, &state.by_current_noise[k].position), &whitening);
-            by_log_ratio += by * running.current_noise(k);
-            by.trace()
-        });
+        for k in 0..K {
+            by_log_ratio += state.by_current_noise[k].position * running.current_noise(k);
+        }
+        let by_log_ratio = product(&product(&whitening, &by_log_ratio), &whitening);
         let tolerances = self.tolerance.map(|[_, _, gain, offset, _]| {
             let mut tolerances = state.tolerances.position;
             for n in 0..N {

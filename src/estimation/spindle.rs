@@ -1,9 +1,9 @@
 //! The estimator of a spindle: two radial bearings, an axial one, two planes of unbalance.
 //!
 //! A radial magnet does not pull along the shaft, and an axial one not across it: the axial motion and the radial one with its tilts are two
-//! machines. Each has its own filter and sums, which costs half of one filter for both. The coordinates of each are what its
-//! position sensors read, `r = H q`: in them the sensors are independent, all numbers are lengths, and with `a = H M⁻¹ f` for a generalised force f and
-//! `H⁻ᵀ d` for a direction d the equations are those of the planar rotor.
+//! machines, each with its own filter and sums. The coordinates of each are what its position sensors read, `r = H q`: in them the sensors
+//! are independent and all numbers are lengths. With the acceleration `H M⁻¹ f` by a generalised force f, and directions `H⁻ᵀ d`, the
+//! equations are those of the planar rotor.
 
 use libm::{atan2, sqrt};
 use nalgebra::{SMatrix, SVector, Vector1};

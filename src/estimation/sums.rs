@@ -304,7 +304,7 @@ pub fn inverse<const U: usize>(matrix: &Square<U>) -> Option<(Square<U>, f64)> {
         left.data.0[k][k] = -reciprocal;
     }
     let inverse = -left;
-    let norm = |m: &Square<U>| m.column_iter().map(|column| column.lp_norm(1)).fold(0.0, f64::max);
+    let norm = |m: &Square<U>| m.column_iter().map(|column| column.abs().sum()).fold(0.0, f64::max);
     Some((Square::from_fn(|r, c| scale[r] * inverse[(r, c)] * scale[c]), norm(&scaled) * norm(&inverse)))
 }
 

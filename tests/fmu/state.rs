@@ -48,7 +48,7 @@ fn lively(model: &str) -> Vec<(&'static str, f64)> {
 fn an_input(model: &str) -> &'static str {
     match model {
         model if is_plant(model) => "pY",
-        "SpindleController" => "A.Ym",
+        "SpindleController" | "SpindleEstimator" => "A.Ym",
         _ => "Ym",
     }
 }
