@@ -22,6 +22,7 @@ mod platforms;
 mod report;
 mod scenario;
 mod scenarios;
+mod spindle;
 mod survey;
 mod sweep;
 mod uncertainty;

@@ -58,8 +58,8 @@ fn archive(name: &str, folder: &str) -> BTreeMap<String, Vec<u8>> {
 fn two_packagings_give_the_same_bytes() {
     let (first, second) = (packaged("first"), packaged("second"));
     let names: Vec<_> = first.iter().map(|written| file_name(&written.path)).collect();
-    let wanted: Vec<_> =
-        MODELS.iter().map(|model| format!("{model}.fmu")).chain(["MagneticBearing.ssp".into()]).collect();
+    let systems = ["MagneticBearing.ssp".into(), "MagneticSpindle.ssp".into()];
+    let wanted: Vec<_> = MODELS.iter().map(|model| format!("{model}.fmu")).chain(systems).collect();
     assert_eq!(names, wanted);
     for (one, other) in first.iter().zip(&second) {
         let bytes = fs::read(&one.path).expect("an archive");
@@ -195,45 +195,64 @@ fn named<'a>(root: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = Nod
 
 /// Fails if an FMU in the system has a byte more.
 #[test]
-fn the_system_holds_the_fmus_as_they_are() {
+fn the_systems_hold_the_fmus_as_they_are() {
     let written = packaged("system");
-    let system = members(&fs::read(&written[written.len() - 1].path).expect("the system"));
-    let wanted = [
-        "PaperSimulation.ssd",
-        "SystemStructure.ssd",
-        "resources/AlgebraicEstimator.fmu",
-        "resources/FlatnessController.fmu",
-        "resources/MagneticBearing.fmu",
-        "resources/paper-controller.ssv",
-        "resources/paper-estimator.ssv",
-        "resources/paper-plant.ssv",
-        "resources/unbalanced-plant.ssv",
-    ];
-    assert_eq!(system.keys().collect::<Vec<_>>(), wanted);
-    for fmu in &written[..3] {
-        let inside = &system[&format!("resources/{}", file_name(&fmu.path))];
-        assert!(*inside == fs::read(&fmu.path).expect("an FMU"), "{}", fmu.path.display());
-    }
+    let of = |system: &str, others: &[&str], fmus: &[&str]| {
+        let at = written.iter().position(|written| file_name(&written.path) == system).expect("a system");
+        let system = members(&fs::read(&written[at].path).expect("the system"));
+        let inside = fmus.iter().map(|fmu| format!("resources/{fmu}.fmu"));
+        let mut wanted: Vec<_> = others.iter().map(|other| (*other).to_owned()).chain(inside).collect();
+        wanted.sort();
+        assert_eq!(system.keys().cloned().collect::<Vec<_>>(), wanted);
+        for fmu in fmus {
+            let name = format!("{fmu}.fmu");
+            let alone = written.iter().find(|written| file_name(&written.path) == name).expect("an FMU");
+            assert!(system[&format!("resources/{name}")] == fs::read(&alone.path).expect("an FMU"), "{name}");
+        }
+    };
+    of(
+        "MagneticBearing.ssp",
+        &[
+            "PaperSimulation.ssd",
+            "SystemStructure.ssd",
+            "resources/paper-controller.ssv",
+            "resources/paper-estimator.ssv",
+            "resources/paper-plant.ssv",
+            "resources/unbalanced-plant.ssv",
+        ],
+        &MODELS[..3],
+    );
+    of(
+        "MagneticSpindle.ssp",
+        &[
+            "SystemStructure.ssd",
+            "resources/spindle-controller.ssv",
+            "resources/spindle-estimator.ssv",
+            "resources/spindle-plant.ssv",
+        ],
+        &MODELS[3..],
+    );
 }
 
 /// libcosim and ecos ignore enumerations. Fails if the default structure takes its parameters from the paper's scenario.
 #[test]
 fn the_default_system_is_the_same_without_its_enumerations() {
-    let system = archive("MagneticBearing.ssp", "enumerations");
-    let text = String::from_utf8(system["SystemStructure.ssd"].clone()).expect("UTF-8");
-    let document = Document::parse(&text).expect("XML");
-    for component in named(document.root_element(), "Component") {
-        let model = component.attribute("source").and_then(|source| Path::new(source).file_stem()?.to_str());
-        let kind = magnetic_bearing::fmu::find(model.expect("a file")).expect("a model");
-        for binding in named(component, "ParameterBinding") {
-            let text = &system[binding.attribute("source").expect("a source")];
-            let text = String::from_utf8(text.clone()).expect("UTF-8");
-            let parameters = Document::parse(&text).expect("XML");
-            for parameter in named(parameters.root_element(), "Parameter") {
-                let name = parameter.attribute("name").expect("a name");
-                let variables = kind.variables();
-                let variable = variables.iter().find(|variable| variable.name == name).expect("a variable");
-                assert!(!matches!(variable.data_type, Type::Enumeration { .. }), "{name} is an enumeration");
+    for system in ["MagneticBearing.ssp", "MagneticSpindle.ssp"].map(|name| archive(name, "enumerations")) {
+        let text = String::from_utf8(system["SystemStructure.ssd"].clone()).expect("UTF-8");
+        let document = Document::parse(&text).expect("XML");
+        for component in named(document.root_element(), "Component") {
+            let model = component.attribute("source").and_then(|source| Path::new(source).file_stem()?.to_str());
+            let kind = magnetic_bearing::fmu::find(model.expect("a file")).expect("a model");
+            for binding in named(component, "ParameterBinding") {
+                let text = &system[binding.attribute("source").expect("a source")];
+                let text = String::from_utf8(text.clone()).expect("UTF-8");
+                let parameters = Document::parse(&text).expect("XML");
+                for parameter in named(parameters.root_element(), "Parameter") {
+                    let name = parameter.attribute("name").expect("a name");
+                    let variables = kind.variables();
+                    let variable = variables.iter().find(|variable| variable.name == name).expect("a variable");
+                    assert!(!matches!(variable.data_type, Type::Enumeration { .. }), "{name} is an enumeration");
+                }
             }
         }
     }
@@ -242,9 +261,13 @@ fn the_default_system_is_the_same_without_its_enumerations() {
 /// Fails if a connection ends at `i[9]`.
 #[test]
 fn systems_connect_what_exists_and_name_what_is_there() {
-    let system = archive("MagneticBearing.ssp", "structure");
+    let [bearing, spindle] = ["MagneticBearing.ssp", "MagneticSpindle.ssp"].map(|name| archive(name, "structure"));
     let mut names = HashSet::new();
-    for (file, set) in [("SystemStructure.ssd", "unbalanced"), ("PaperSimulation.ssd", "paper")] {
+    for (system, file, set) in [
+        (&bearing, "SystemStructure.ssd", "unbalanced"),
+        (&bearing, "PaperSimulation.ssd", "paper"),
+        (&spindle, "SystemStructure.ssd", "spindle"),
+    ] {
         let text = String::from_utf8(system[file].clone()).expect("UTF-8");
         let document = Document::parse(&text).unwrap_or_else(|error| panic!("{file}: {error}"));
         let root = document.root_element();

@@ -170,15 +170,17 @@ fn judge(found: &BTreeMap<(String, &'static str), Vec<(u64, Said)>>) -> Vec<Stri
     misses
 }
 
-/// Every built-in scenario.
+/// Every built-in scenario of a bearing.
 #[test]
 fn every_scenario_with_every_method() {
     let seeds = asked("SURVEY", 9).div_ceil(9).max(1);
     let first = asked("SURVEY_SEED", FRESH);
-    let found = survey(seeds * BUILT_IN.len() as u64, |case| {
-        let name = BUILT_IN[case as usize % BUILT_IN.len()].0;
+    let names: Vec<_> =
+        BUILT_IN.into_iter().map(|(name, _)| name).filter(|name| open(name).machine == "bearing").collect();
+    let found = survey(seeds * names.len() as u64, |case| {
+        let name = names[case as usize % names.len()];
         let mut scenario = open(name);
-        let seed = first + case / BUILT_IN.len() as u64;
+        let seed = first + case / names.len() as u64;
         scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
         (name.to_owned(), scenario)
     });

@@ -139,6 +139,7 @@ fn a_thousand_instances_in_turn_are_each_like_one_alone() {
             "MagneticSpindle" => Fmu::started(model, &noise),
             "FlatnessController" => Fmu::started(model, &[("Ym", 1e-2 * value)]),
             "SpindleController" => Fmu::started(model, &[("A.Ym", 1e-2 * value), ("B.Zm", -1e-2 * value)]),
+            "SpindleEstimator" => Fmu::started(model, &[("B.Zm", 1e-2 * value), ("A.im[1]", value)]),
             _ => Fmu::started(model, &[("Zm", 1e-2 * value), ("im[1]", value), ("Tf", 2e-3), ("epsilon", 2e-3)]),
         }
     };

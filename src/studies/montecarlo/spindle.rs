@@ -132,8 +132,11 @@ impl SpindleStudy {
         let of_unbalance = |which: usize| {
             move |valid: &[&Found]| rms(valid.iter().flat_map(move |found| found.unbalance.map(|plane| plane[which])))
         };
-        row("rms error of the unbalance, %", &|valid| format!("{:.2}", 100.0 * of_unbalance(0)(valid)));
-        row("the same of its angle, rad", &|valid| format!("{:.4}", of_unbalance(1)(valid)));
+        // A rotor at rest shows no unbalance.
+        if real(&self.scenario, "plant", "omega") != 0.0 {
+            row("rms error of the unbalance, %", &|valid| format!("{:.2}", 100.0 * of_unbalance(0)(valid)));
+            row("the same of its angle, rad", &|valid| format!("{:.4}", of_unbalance(1)(valid)));
+        }
         let worst = trials.iter().map(|trial| trial.worst).fold(0.0, f64::max);
         let beyond = trials.iter().filter(|trial| trial.worst > CONFIDENT).count();
         let mut note = format!(
