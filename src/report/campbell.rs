@@ -14,7 +14,7 @@ const POINTS: usize = 240;
 pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> String {
     let rpm: Vec<f64> = (0..=POINTS).map(|n| greatest_rpm * n as f64 / POINTS as f64).collect();
     let omega = |rpm: &f64| rpm * std::f64::consts::PI / 30.0;
-    let speed = ("speed", PlotUnit { name: "rpm", factor: 1.0 });
+    let speed = ("speed", PlotUnit { name: "1000 rpm", factor: 1e-3 });
     let hertz = PlotUnit { name: "Hz", factor: 1.0 };
 
     let mut frequencies = Plot::new(speed, ("natural frequency", hertz)).height(420.0);

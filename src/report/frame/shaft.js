@@ -11,21 +11,22 @@
   if (last < 1) return;
 
   // Along the shaft 1 m is LENGTH / extent; displacements across and along it are enlarged alike.
-  const LENGTH = 560, GAP = 40, THICK = 17, ORBIT = 92;
+  const LENGTH = 500, GAP = 40, THICK = 17, ORBIT = 92;
   const [begin, end] = data.extent, along = LENGTH / (end - begin);
-  const at = position => (position - 0.5 * (begin + end)) * along;
+  const at = position => (position - 0.5 * (begin + end)) * along - 20;
   const scale = GAP / data.clearance, orbitScale = ORBIT / data.clearance;
-  const disc = at(end) - 26;
+  // The axial disc is drawn beyond the end, clear of the bearings.
+  const disc = at(end) + 34;
   const pair = (place, y, which) => [-1, 1].map(side =>
     `<g class="${which}"><rect class="iron" x="${place - 20}" y="${y + side * (THICK + GAP + 16) - 16}" width="40" height="32" rx="4"/></g>`).join("");
   const view = (y, name, vertical) => `<g>
     ${data.bearings.map(position => pair(at(position), y, "pole")).join("")}
     ${data.sensors.map(position => `<path class="sensor" d="M${at(position)} ${y - THICK - GAP}v-30m0 0l-5 -9h10z"/>`).join("")}
     <path class="iron" d="M${disc - 34} ${y - 62}h12v38h-12zM${disc + 22} ${y - 62}h12v38h-12zM${disc - 34} ${y + 24}h12v38h-12zM${disc + 22} ${y + 24}h12v38h-12z"/>
-    <g class="bar"><rect class="body" x="${at(begin)}" y="${y - THICK}" width="${LENGTH}" height="${2 * THICK}" rx="5"/>
+    <g class="bar"><rect class="body" x="${at(begin)}" y="${y - THICK}" width="${disc + 24 - at(begin)}" height="${2 * THICK}" rx="5"/>
     <rect class="body" x="${disc - 7}" y="${y - 58}" width="14" height="116" rx="3"/>
-    <path class="mark" d="M${at(begin)} ${y}H${at(end)}"/></g>
-    <text class="name" x="${-LENGTH / 2 - 66}" y="${y - 34}">${name}</text><text class="name" x="${-LENGTH / 2 - 66}" y="${y - 12}">${vertical} ↑</text></g>`;
+    <path class="mark" d="M${at(begin)} ${y}H${disc + 24}"/></g>
+    <text class="name" x="${at(begin) - 72}" y="${y - 34}">${name}</text><text class="name" x="${at(begin) - 72}" y="${y - 12}">${vertical} ↑</text></g>`;
   const orbit = (place, name) => `<g transform="translate(${place} 400)"><circle class="ring" r="${ORBIT}"/><path class="trail"/><circle class="centre" r="4.5"/>
     <text class="name" x="${-ORBIT - 26}" y="${-ORBIT + 14}">${name}</text></g>`;
   root.innerHTML = `<svg viewBox="-352 -148 704 652" role="img" aria-label="The shaft in its bearings, from the side and from above, and its orbits">
