@@ -39,7 +39,10 @@ fn the_main_job_packages_runs_and_reports() {
     assert_eq!(code, 0, "{err}");
     assert!(lasted_s < MAIN_JOB_S, "{lasted_s} s, the limit is {MAIN_JOB_S} s");
 
-    let archives = MODELS.map(|model| format!("{model}.fmu")).into_iter().chain(["MagneticBearing.ssp".into()]);
+    let archives = MODELS
+        .map(|model| format!("{model}.fmu"))
+        .into_iter()
+        .chain(["MagneticBearing.ssp".into(), "MagneticSpindle.ssp".into()]);
     for archive in archives {
         let path = format!("target/fmu/{archive}");
         says(&out, &[&path]);
