@@ -351,7 +351,9 @@ fn systems_connect_what_exists_and_name_what_is_there() {
             assert_eq!((from_type, from_unit), (to_type, to_unit), "{file}: {from:?} to {to:?}");
             assert!(fed.insert(to), "{file}: {to:?} is fed twice");
         }
-        for wanted in [("estimator", "theta"), ("estimator", "omega"), ("controller", "lambdaValid"), ("plant", "i[3]")]
+        let current = if set == "spindle" { "B.i[3]" } else { "i[3]" };
+        for wanted in
+            [("estimator", "theta"), ("estimator", "omega"), ("controller", "lambdaValid"), ("plant", current)]
         {
             assert!(fed.contains(&wanted), "{file}: {wanted:?} is not fed");
         }
