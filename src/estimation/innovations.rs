@@ -659,9 +659,11 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let residual = whitening.tr_mul(&innovation.error);
         for (k, covariance) in state.by_current_noise.iter_mut().enumerate() {
             let [above, below] = covariance.correct(&gain);
-            let part = weight * running.current_noise(k);
-            state.by_noise_ratio.position += (above * residual * part).transpose();
-            state.by_noise_ratio.rate += (below * residual * part).transpose();
+            if weight > 0.0 {
+                let part = weight * running.current_noise(k);
+                state.by_noise_ratio.position += (above * residual * part).transpose();
+                state.by_noise_ratio.rate += (below * residual * part).transpose();
+            }
         }
     }
 }
