@@ -63,10 +63,10 @@ fn study(seeds: std::ops::Range<u64>, told: bool, change: impl Fn(FiveAxes) -> F
         }
         let last = outputs.last().expect("samples");
         sum.valid += usize::from(last.valid);
-        for k in 0..8 {
+        for (k, bound) in bound[..8].iter().enumerate() {
             let error = last.lambda_hat[k] - shaft.lambda[k];
             sum.percent[k] += (100.0 * error / shaft.lambda[k]).powi(2) / count;
-            sum.bound += (error / bound[k]).powi(2) / (8.0 * count);
+            sum.bound += (error / bound).powi(2) / (8.0 * count);
             sum.std += (error / last.lambda_std[k]).powi(2) / (8.0 * count);
         }
         for (plane, (u, phi)) in shaft.unbalance.into_iter().enumerate() {
