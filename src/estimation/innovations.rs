@@ -471,9 +471,9 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         // Motion with the negative stiffness, and what that adds to a free one.
         let pulls: [SVector<f64, N>; K] = std::array::from_fn(|k| accelerations.row(k).transpose());
         let mut stiffness = Square::<N>::zeros();
-        for k in 0..K {
+        for (k, pull) in pulls.iter().enumerate() {
             let along = SVector::from(geometry.directions[k]) * (2.0 * running.unknowns[k] * field.gradient[k]);
-            add_product(&mut stiffness, &pulls[k], &along);
+            add_product(&mut stiffness, pull, &along);
         }
         let stiff = Transition {
             position: stiffness * h2,
@@ -525,10 +525,10 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             state.tolerances.rate -= forces * h;
         }
         state.covariance.predict(&a);
-        for k in 0..K {
+        for (k, pull) in pulls.iter().enumerate() {
             // The variance of i² per unit of σ_i² is 4 i² + 2 σ_i².
             let variance = 4.0 * currents[1][k] * currents[1][k] + 2.0 * running.current_variance;
-            let force = pulls[k] * (reciprocal[k] * reciprocal[k] * h);
+            let force = pull * (reciprocal[k] * reciprocal[k] * h);
             let noise = product(&force, &force) * variance;
             let own = &mut state.by_current_noise[k];
             // The stiffness changes these derivatives by 10⁻⁴ a step, the gyroscope by 10⁻²; any derivative near the true one makes the search for
@@ -659,9 +659,11 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let residual = whitening.tr_mul(&innovation.error);
         for (k, covariance) in state.by_current_noise.iter_mut().enumerate() {
             let [above, below] = covariance.correct(&gain);
-            let part = weight * running.current_noise(k);
-            state.by_noise_ratio.position += (above * residual * part).transpose();
-            state.by_noise_ratio.rate += (below * residual * part).transpose();
+            if weight > 0.0 {
+                let part = weight * running.current_noise(k);
+                state.by_noise_ratio.position += (above * residual * part).transpose();
+                state.by_noise_ratio.rate += (below * residual * part).transpose();
+            }
         }
     }
 }

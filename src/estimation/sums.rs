@@ -5,7 +5,8 @@
 //!
 //! Instrumental variables (section 7.6): `H = Σ ζᵀ S⁻¹ φ`, `h = Σ ζᵀ S⁻¹ e_0`, `G = Σ ζᵀ S⁻¹ ζ`, `ϑ = H⁻¹ h`, covariance `σ_z² H⁻¹ G H⁻ᵀ`, with instruments ζ in
 //! place of φ for the λ. They are driven by the mean of `i_k²/gap_k²` at the same rotor angle over earlier revolutions, whose noise is
-//! not that of the sample: free of both. Before there are such means, ζ is zero; φ of load and unbalance holds no noise and is its own instrument.
+//! not that of the sample: free of both. φ of load and unbalance holds no noise and is its own instrument. Samples from before there are such means,
+//! among them those with the first guess, are left out.
 
 use std::f64::consts::TAU;
 
@@ -65,8 +66,8 @@ pub struct Sums<const K: usize, const U: usize, const T: usize> {
     pub instrumented: f64,
     /// b, J, and `C = Σ φᵀ S⁻¹ ψ`.
     predicted: Products<U, U, T>,
-    /// The same with ζ, and `Σ ζᵀ S⁻¹ ζ`.
-    instruments: Products<K, U, T>,
+    /// h, H and the same of tolerances over the samples with instruments, and `Σ ζᵀ S⁻¹ ζ` of the λ.
+    instruments: Products<U, U, T>,
     instrument_square: Square<K>,
     /// What unit noise of each current adds to the diagonal of J.
     current_noise: SVector<f64, K>,
@@ -100,7 +101,9 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         self.current_noise += innovation.by_current_noise;
         if instrumented {
             self.instrumented += 1.0;
-            self.instruments.add(&innovation.instruments, innovation);
+            let mut instruments = innovation.unknowns;
+            instruments.fixed_rows_mut::<K>(0).copy_from(&innovation.instruments);
+            self.instruments.add(&instruments, innovation);
             add_product(&mut self.instrument_square, &innovation.instruments, &innovation.instruments);
         }
     }
@@ -253,19 +256,15 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
         l: SVector<f64, U>,
         position_variance: f64,
     ) -> Option<(f64, f64, SVector<f64, T>)> {
-        let (own, of) = (&sums.instruments, &sums.predicted);
-        let h = Square::<U>::from_fn(|r, c| if r < K { own.unknowns[(r, c)] } else { of.unknowns[(r, c)] });
-        let (scale, scaled) = scaled(&h);
+        let Products { right, unknowns: h, tolerances: by_tolerance } = &sums.instruments;
+        let (scale, scaled) = scaled(h);
         let w = solve_transposed(&scaled, l.component_mul(&scale))?.component_mul(&scale);
         let g = Square::from_fn(|r, c| match (r < K, c < K) {
             (true, true) => sums.instrument_square[(r, c)],
-            (false, true) => own.unknowns[(c, r)],
+            (false, true) => h[(c, r)],
             _ => h[(r, c)],
         });
-        let right = SVector::<f64, U>::from_fn(|r, _| if r < K { own.right[r] } else { of.right[r] });
-        let by_tolerance =
-            SMatrix::<f64, U, T>::from_fn(|r, n| if r < K { own.tolerances[(r, n)] } else { of.tolerances[(r, n)] });
-        let (difference, variance) = (w.dot(&right) - l.dot(&self.unknowns), position_variance * w.dot(&(g * w)));
+        let (difference, variance) = (w.dot(right) - l.dot(&self.unknowns), position_variance * w.dot(&(g * w)));
         let sensitivity = -by_tolerance.tr_mul(&w) - self.sensitivity.tr_mul(&l);
         (difference.is_finite() && variance >= 0.0 && variance.is_finite()).then_some((
             difference,
