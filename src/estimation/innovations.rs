@@ -74,6 +74,12 @@ pub fn product<const R: usize, const C: usize, const M: usize>(
     sum
 }
 
+/// `(a + aᵀ)/2`.
+#[inline(always)]
+fn symmetric<const N: usize>(a: Square<N>) -> Square<N> {
+    (a + a.transpose()) * 0.5
+}
+
 /// The rotor and its magnets, in the coordinates that the position sensors read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Machine<const N: usize, const K: usize, const U: usize> {
@@ -228,15 +234,6 @@ impl<const N: usize> Covariance<N> {
         (self.position, self.mixed, self.rate) = (above.position, above.rate, below);
     }
 
-    /// `A P Aᵀ` of a free motion.
-    #[inline(always)]
-    fn drift(&mut self, h: f64) {
-        let moved = self.rate * h;
-        let mixed = self.mixed * h;
-        self.position += mixed + mixed.transpose() + moved * h;
-        self.mixed += moved;
-    }
-
     /// `(I − G H) P (I − G H)ᵀ` for the gain G of the positions H; the first columns of `(I − G H) P`.
     #[inline(always)]
     fn correct(&mut self, gain: &[Square<N>; 2]) -> [Square<N>; 2] {
@@ -245,9 +242,10 @@ impl<const N: usize> Covariance<N> {
         let mixed = product(&kept, &self.mixed.transpose());
         let below = self.mixed.transpose() - product(&gain[1], &self.position);
         let rate = self.rate - product(&gain[1], &self.mixed.transpose());
-        self.position = product(&above, &kept);
+        // Rounding must not make them asymmetric: the error would grow.
+        self.position = symmetric(product(&above, &kept));
         self.mixed = mixed - product(&above, &gain[1]);
-        self.rate = rate - product(&below, &gain[1]);
+        self.rate = symmetric(rate - product(&below, &gain[1]));
         [above, below]
     }
 }
@@ -531,9 +529,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             let force = pull * (reciprocal[k] * reciprocal[k] * h);
             let noise = product(&force, &force) * variance;
             let own = &mut state.by_current_noise[k];
-            // The stiffness changes these derivatives by 10⁻⁴ a step, the gyroscope by 10⁻²; any derivative near the true one makes the search for
-            // the noise consistent, for the score has the mean zero with each.
-            own.drift(h);
+            own.predict(&a);
             for (covariance, part) in [(own, 1.0), (&mut state.covariance, running.current_noise(k))] {
                 covariance.position += noise * (0.25 * h * h * part);
                 covariance.mixed += noise * (0.5 * h * part);
