@@ -227,6 +227,14 @@ fn table() -> Vec<Row<Values>> {
     rows.extend(Row::reals("ks", place!(Values.output.ks[k]), NEWTON_PER_METRE, [0.0; 3]).map(|row| {
         row.sampled_output().nominal(1e5).description("Negative stiffness of magnet {k}, mean over the last revolution")
     }));
+    let ki_std = Access { get: |values: &Values, k| stiffness_std(values, k)[0], set: |_, _, _| () };
+    rows.extend(Row::reals("kiStd", ki_std, NEWTON_PER_AMPERE, [0.0; 3]).map(|row| {
+        row.sampled_output().nominal(0.1).description("Standard deviation of ki[{k}] due to noise and tolerances")
+    }));
+    let ks_std = Access { get: |values: &Values, k| stiffness_std(values, k)[1], set: |_, _, _| () };
+    rows.extend(Row::reals("ksStd", ks_std, NEWTON_PER_METRE, [0.0; 3]).map(|row| {
+        row.sampled_output().nominal(1e3).description("Standard deviation of ks[{k}] due to noise and tolerances")
+    }));
     for (name, place, unit, nominal, description) in [
         (
             "noise.position",
@@ -289,6 +297,11 @@ fn table() -> Vec<Row<Values>> {
             .description("Identified angle of the unbalance from the mark on the rotor that theta refers to"),
     );
     rows
+}
+
+/// Standard deviations of ki and ks; 0 before the first sample.
+fn stiffness_std(values: &Values, k: usize) -> [f64; 2] {
+    if values.output.lambda_hat[k] > 0.0 { values.output.stiffness_std(k) } else { [0.0; 2] }
 }
 
 impl Values {

@@ -141,6 +141,20 @@ fn outputs(rows: &mut Vec<Row<Values>>) {
             1e5,
             "Negative stiffness of {magnet}, mean over the last revolution",
         ),
+        (
+            "kiStd",
+            Access { get: |values: &Values, k| stiffness_std(values, k)[0], set: |_, _, _| () },
+            NEWTON_PER_AMPERE,
+            0.1,
+            "Standard deviation of ki of {magnet} due to noise and tolerances",
+        ),
+        (
+            "ksStd",
+            Access { get: |values: &Values, k| stiffness_std(values, k)[1], set: |_, _, _| () },
+            NEWTON_PER_METRE,
+            1e3,
+            "Standard deviation of ks of {magnet} due to noise and tolerances",
+        ),
     ] {
         rows.extend(Row::named_reals(of_magnets(name), place, unit, [0.0; MAGNETS]).map(|row| {
             let row = row.sampled_output().nominal(nominal).of_magnet(description);
@@ -233,6 +247,11 @@ fn outputs(rows: &mut Vec<Row<Values>>) {
             },
         ),
     );
+}
+
+/// Standard deviations of ki and ks; 0 before the first sample.
+fn stiffness_std(values: &Values, k: usize) -> [f64; 2] {
+    if values.output.lambda_hat[k] > 0.0 { values.output.stiffness_std(k) } else { [0.0; 2] }
 }
 
 impl Values {
