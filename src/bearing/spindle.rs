@@ -1,6 +1,6 @@
 //! A spindle: a rigid shaft in two radial bearings A and B with three magnets each, and an axial bearing X with two.
 //!
-//! Coordinates and signs are those of [`shaft`](crate::bearing::shaft). Magnets are counted A 1 to 3, B 1 to 3, X 1 to 2; X 1 pulls
+//! Coordinates and signs are those of [`shaft`]. Magnets are counted A 1 to 3, B 1 to 3, X 1 to 2; X 1 pulls
 //! towards +x. Positions along the shaft are in m from the centre of gravity. The sensors read `h · q`, in the order A.Ym,
 //! A.Zm, B.Ym, B.Zm, Xm:
 //!

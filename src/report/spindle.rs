@@ -285,10 +285,12 @@ fn orbits(run: &Signals) -> Figure {
     run.figure("orbit", "Orbits and axial position", plots, caption)
 }
 
-/// Plots over time, each with a title, a quantity with its unit, and named columns.
-fn over_time(run: &Signals, plots: &[(&str, (&str, PlotUnit), &[(&str, &str)])]) -> Vec<(String, Plot)> {
+/// A plot over time: title, quantity with its unit, columns with their names in the legend.
+type OverTime<'a> = (&'a str, (&'a str, PlotUnit), &'a [(&'a str, &'a str)]);
+
+fn over_time(run: &Signals, plots: &[OverTime]) -> Vec<(String, Plot)> {
     let colours = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::OTHER];
-    let one = |(title, (quantity, unit), columns): &(&str, (&str, PlotUnit), &[(&str, &str)])| {
+    let one = |(title, (quantity, unit), columns): &OverTime| {
         let mut plot = run.plot(quantity, *unit).height(260.0);
         for ((name, column), colour) in columns.iter().zip(colours.into_iter().cycle()) {
             if let Some(values) = run.get(column) {

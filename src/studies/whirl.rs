@@ -11,7 +11,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::{Complex, Matrix2, Matrix4, Schur, Vector2, stack};
+use nalgebra::{Complex, Matrix2, Matrix4, Schur, Vector2};
 
 use crate::simulation::scenario::Scenario;
 use crate::table::Table;
@@ -90,8 +90,11 @@ impl Whirl {
         let over = |matrix: Matrix2<C>| -> Matrix2<C> {
             Matrix2::from_fn(|row, column| -matrix[(row, column)] / self.inertia()[(row, row)])
         };
-        let (zero, one) = (Matrix2::<C>::zeros(), Matrix2::<C>::identity());
-        let motion: Matrix4<C> = stack![zero, one; over(stiffness), over(damping)];
+        // d/dt of (q, q̇).
+        let mut motion = Matrix4::<C>::zeros();
+        motion.fixed_view_mut::<2, 2>(0, 2).fill_with_identity();
+        motion.fixed_view_mut::<2, 2>(2, 0).copy_from(&over(stiffness));
+        motion.fixed_view_mut::<2, 2>(2, 2).copy_from(&over(damping));
         let (_, triangular) = Schur::new(motion).unpack();
         let mut found: [f64; 4] = std::array::from_fn(|n| triangular[(n, n)].im / TAU);
         found.sort_by(f64::total_cmp);
