@@ -14,7 +14,7 @@
 //!
 //! P(5) prints `F_0 − |F_y|/√3 + F_z` in the second line, and exchanges the signs of `F_y` in the two formulas below it. Taken
 //! literally, it asks for negative forces and feeds back positively in y. [`Magnets::allocate`] uses neither: these formulas
-//! hold for one set of angles only. It solves P(3) for any admissible angles and agrees with the corrected formulas where they
+//! hold for one set of angles only. It solves P(3) for any number of magnets at any admissible angles and agrees with the corrected formulas where they
 //! apply.
 
 use crate::bearing::scalar::Scalar;
@@ -27,8 +27,10 @@ use crate::invalid::Invalid;
 /// deviation of their identified λ.
 pub const SMALLEST_SINE: f64 = 1e-2;
 
-/// Names of the angles, in the order of the magnets.
-const ALPHA: [&str; 3] = ["alpha[1]", "alpha[2]", "alpha[3]"];
+/// The name of the angle of magnet k, counted from 0.
+fn alpha_name(k: usize) -> String {
+    format!("alpha[{}]", k + 1)
+}
 
 /// `F_k = λ_k i_k² / gap_k²`, in N, P(4), for λ in N·m²/A², currents in A and gaps in m.
 ///
@@ -60,14 +62,14 @@ pub struct Geometry<T = f64, const N: usize = 2, const K: usize = 3> {
     pub directions: [[T; N]; K],
 }
 
-impl<T: Scalar> Geometry<T> {
-    /// Three magnets in the plane at the angles `α_k` of P(3) in rad, with the nominal gap in m.
-    pub fn new(gap_m: T, alpha_rad: [T; 3]) -> Self {
+impl<T: Scalar, const K: usize> Geometry<T, 2, K> {
+    /// Magnets in the plane at the angles `α_k` of P(3) in rad, with the nominal gap in m.
+    pub fn new(gap_m: T, alpha_rad: [T; K]) -> Self {
         let directions = alpha_rad.map(|alpha| {
             let (sin, cos) = alpha.sine_cosine();
             [sin, cos]
         });
-        Self { gap_m: [gap_m; 3], directions }
+        Self { gap_m: [gap_m; K], directions }
     }
 }
 
@@ -96,62 +98,74 @@ fn dot<T: Scalar, const N: usize>(a: [T; N], b: [T; N]) -> T {
     (1..N).fold(a[0] * b[0], |sum, n| sum + a[n] * b[n])
 }
 
-impl Geometry {
-    /// Reports in `checks`: `s` unless it is finite and above 0; `alpha[k]` if it is not finite, or if magnet k is parallel to
+impl<const K: usize> Geometry<f64, 2, K> {
+    /// Reports in `checks`: `s` unless it is finite and above 0; `alpha[k]` if it is not finite or if, of three, magnet k is parallel to
     /// an earlier one (see [`SMALLEST_SINE`]). Use the geometry only if nothing was reported.
-    pub(crate) fn checked(gap_m: f64, alpha_rad: [f64; 3], checks: &mut Checks) -> Self {
+    fn checked(gap_m: f64, alpha_rad: [f64; K], checks: &mut Checks) -> Self {
         checks.positive("s", gap_m, "m");
-        for (name, alpha) in ALPHA.into_iter().zip(alpha_rad) {
-            checks.finite(name, alpha, "rad");
+        for (k, alpha) in alpha_rad.into_iter().enumerate() {
+            checks.finite(alpha_name(k), alpha, "rad");
         }
         let geometry = Self::new(gap_m, alpha_rad);
-        for (first, second) in geometry.parallel() {
+        for (first, second) in geometry.parallel().filter(|_| K == 3) {
             checks.require(
                 false,
-                ALPHA[second],
+                alpha_name(second),
                 format_args!("{} rad", alpha_rad[second]),
-                format!("a direction that is not parallel to that of {}", ALPHA[first]),
+                format!("a direction that is not parallel to that of {}", alpha_name(first)),
             );
         }
         geometry
     }
 
-    /// `n_1 : n_2 : n_3 = sin(α_2 − α_3) : sin(α_3 − α_1) : sin(α_1 − α_2)` with `Σ n_k e_k = 0`.
-    ///
-    /// Computed from the rounded directions, so that n is their null vector to the last bits.
-    fn sines(&self) -> [f64; 3] {
-        let [e_1, e_2, e_3] = self.directions;
-        [cross(e_2, e_3), cross(e_3, e_1), cross(e_1, e_2)]
-    }
-
     /// Pairs of parallel magnets, the later one second.
     fn parallel(&self) -> impl Iterator<Item = (usize, usize)> {
-        // Component k belongs to the pair of the two other magnets.
-        let pairs = self.sines().into_iter().zip([(1, 2), (0, 2), (0, 1)]);
-        pairs.rev().filter(|(sine, _)| sine.abs() < SMALLEST_SINE).map(|(_, pair)| pair)
+        let pairs = (0..K).flat_map(|second| (0..second).map(move |first| (first, second)));
+        pairs.filter(|(first, second)| cross(self.directions[*first], self.directions[*second]).abs() < SMALLEST_SINE)
+    }
+
+    /// `n` with `Σ n_k e_k = 0`: of three magnets `sin(α_2 − α_3) : sin(α_3 − α_1) : sin(α_1 − α_2)`, of more the sum of those of all three
+    /// that stand all round the rotor. A magnet that belongs to no such three has 0.
+    ///
+    /// Computed from the rounded directions, so that n is their null vector to the last bits.
+    fn null_vector(&self) -> [f64; K] {
+        let mut null = [0.0; K];
+        for c in 0..K {
+            for b in 0..c {
+                for a in 0..b {
+                    let [e_a, e_b, e_c] = [a, b, c].map(|k| self.directions[k]);
+                    let sines = [cross(e_b, e_c), cross(e_c, e_a), cross(e_a, e_b)];
+                    if sines.iter().all(|sine| *sine >= 0.0) || sines.iter().all(|sine| *sine <= 0.0) {
+                        for (k, sine) in [a, b, c].into_iter().zip(sines) {
+                            null[k] += sine.abs();
+                        }
+                    }
+                }
+            }
+        }
+        null
     }
 }
 
-/// Three magnets around a rotor: geometry and force allocation.
+/// Magnets around a rotor, three or more: geometry and force allocation.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Magnets {
-    geometry: Geometry,
+pub struct Magnets<const K: usize = 3> {
+    geometry: Geometry<f64, 2, K>,
     /// Angle of each magnet as in P(3), in rad.
-    alpha_rad: [f64; 3],
+    alpha_rad: [f64; K],
     /// `n` with `Σ n_k e_k = 0`, all components above 0, mean 1: forces without resultant.
-    null: [f64; 3],
+    null: [f64; K],
     /// `Eᵀ(EEᵀ)⁻¹`, one row per magnet: the smallest forces with a given resultant.
-    inverse: [[f64; 2]; 3],
+    inverse: [[f64; 2]; K],
 }
 
-impl Magnets {
+impl<const K: usize> Magnets<K> {
     /// Magnets at the angles `alpha_rad` in rad, nominal gap `gap_m` in m.
     ///
     /// # Errors
-    /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite, if magnet k is parallel to an earlier one (see
-    /// [`SMALLEST_SINE`]), or if it leaves all three within one half-plane. Magnets only pull: within a half-plane, no positive
-    /// forces balance.
-    pub fn new(gap_m: f64, alpha_rad: [f64; 3]) -> Result<Self, Vec<Invalid>> {
+    /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite, if of three magnet k is parallel to an earlier one (see
+    /// [`SMALLEST_SINE`]), or if magnet k cannot balance others, as when all are within one half-plane: magnets only pull.
+    pub fn new(gap_m: f64, alpha_rad: [f64; K]) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         let magnets = Self::checked(gap_m, alpha_rad, &mut checks);
         checks.finish()?;
@@ -159,14 +173,15 @@ impl Magnets {
     }
 
     /// Reports errors in `checks`; use the returned value only if there are none.
-    pub(crate) fn checked(gap_m: f64, alpha_rad: [f64; 3], checks: &mut Checks) -> Self {
+    pub(crate) fn checked(gap_m: f64, alpha_rad: [f64; K], checks: &mut Checks) -> Self {
+        const { assert!(K >= 3, "fewer magnets cannot hold a rotor") };
         let geometry = Geometry::checked(gap_m, alpha_rad, checks);
-        let sines = geometry.sines();
-        if alpha_rad.iter().all(|alpha| alpha.is_finite()) && geometry.parallel().next().is_none() {
-            check_all_round(alpha_rad, sines, checks);
+        let null = geometry.null_vector();
+        if alpha_rad.iter().all(|alpha| alpha.is_finite()) && (K > 3 || geometry.parallel().next().is_none()) {
+            check_all_round(alpha_rad, &geometry.directions, null, checks);
         }
-        let mean = (sines[0] + sines[1] + sines[2]) / 3.0;
-        let null = sines.map(|n_k| n_k / mean);
+        let mean = (1..K).fold(null[0], |sum, k| sum + null[k]) / K as f64;
+        let null = null.map(|n_k| n_k / mean);
 
         // E Eᵀ = [[a, b], [b, c]].
         let [mut a, mut b, mut c] = [0.0; 3];
@@ -181,7 +196,7 @@ impl Magnets {
     }
 
     /// Gap and directions.
-    pub fn geometry(&self) -> &Geometry {
+    pub fn geometry(&self) -> &Geometry<f64, 2, K> {
         &self.geometry
     }
 
@@ -191,27 +206,27 @@ impl Magnets {
     }
 
     /// Angles `α_k` as in P(3), in rad.
-    pub fn alpha_rad(&self) -> [f64; 3] {
+    pub fn alpha_rad(&self) -> [f64; K] {
         self.alpha_rad
     }
 
     /// `e_k = (sin α_k, cos α_k)`, without unit: the direction, (y, z), in which each magnet pulls the rotor.
-    pub fn directions(&self) -> [[f64; 2]; 3] {
+    pub fn directions(&self) -> [[f64; 2]; K] {
         self.geometry.directions
     }
 
     /// `n` with `Σ n_k e_k = 0`, without unit: all components above 0, their mean 1.
-    pub fn null_vector(&self) -> [f64; 3] {
+    pub fn null_vector(&self) -> [f64; K] {
         self.null
     }
 
     /// Gaps in m, P(4); see [`Geometry::gaps`].
-    pub fn gaps(&self, position_m: [f64; 2]) -> [f64; 3] {
+    pub fn gaps(&self, position_m: [f64; 2]) -> [f64; K] {
         self.geometry.gaps(position_m)
     }
 
     /// Resultant in N, P(3); see [`Geometry::resultant`].
-    pub fn resultant(&self, force_n: [f64; 3]) -> [f64; 2] {
+    pub fn resultant(&self, force_n: [f64; K]) -> [f64; 2] {
         self.geometry.resultant(force_n)
     }
 
@@ -219,7 +234,7 @@ impl Magnets {
     ///
     /// For any admissible angles: `F = Eᵀ(EEᵀ)⁻¹ (F_y, F_z) + c n` with `c = max_k (F_0 − F_k)/n_k`. With the paper's angles
     /// this is P(5) with its signs corrected (see the module). No force falls below `f0_n`, not even by rounding.
-    pub fn allocate(&self, force_n: [f64; 2], f0_n: f64) -> [f64; 3] {
+    pub fn allocate(&self, force_n: [f64; 2], f0_n: f64) -> [f64; K] {
         let particular = self.inverse.map(|row| row[0] * force_n[0] + row[1] * force_n[1]);
         let needed = particular.iter().zip(self.null).map(|(f_k, n_k)| (f0_n - f_k) / n_k);
         let c = needed.fold(f64::NEG_INFINITY, f64::max);
@@ -232,16 +247,25 @@ fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
-/// Refuses angles at which the magnets, no two of them parallel, lie within a half-plane.
-fn check_all_round(alpha_rad: [f64; 3], sines: [f64; 3], checks: &mut Checks) {
-    let above = sines.iter().filter(|n_k| **n_k > 0.0).count();
-    if above == 1 || above == 2 {
-        // The magnet whose component has the other sign lies between the two others.
-        let odd = (0..3).find(|k| (sines[*k] > 0.0) == (above == 1)).unwrap_or(0);
+/// Refuses magnets that cannot balance others, such as all within a half-plane.
+fn check_all_round<const K: usize>(
+    alpha_rad: [f64; K],
+    directions: &[[f64; 2]; K],
+    null: [f64; K],
+    checks: &mut Checks,
+) {
+    // Within a half-plane the one in the middle is named: it lies between the others.
+    let between = |k: usize| {
+        let sides = directions.map(|e| cross(directions[k], e));
+        sides.iter().any(|side| *side > 0.0) && sides.iter().any(|side| *side < 0.0)
+    };
+    let middle = (0..K).find(|k| between(*k)).unwrap_or(0);
+    let idle = if null == [0.0; K] { Some(middle) } else { (0..K).find(|k| null[*k] <= 0.0) };
+    if let Some(k) = idle {
         checks.require(
             false,
-            ALPHA[odd],
-            format_args!("{} rad", alpha_rad[odd]),
+            alpha_name(k),
+            format_args!("{} rad", alpha_rad[k]),
             "magnets all round the rotor (magnets only pull, and these lie within a half-plane)",
         );
     }

@@ -14,8 +14,14 @@ use fmi_rs::fmi2::types::{fmi2Status, fmi2True};
 use fmi_rs::fmi2::{CS, FMU2};
 use fmi_rs::model_description::fmi2::{Causality, ScalarVariable, VariableType};
 
-const MODELS: [&str; 6] =
-    ["MagneticBearing", "FlatnessController", "AlgebraicEstimator", "MagneticSpindle", "SpindleController", "SpindleEstimator"];
+const MODELS: [&str; 6] = [
+    "MagneticBearing",
+    "FlatnessController",
+    "AlgebraicEstimator",
+    "MagneticSpindle",
+    "SpindleController",
+    "SpindleEstimator",
+];
 
 /// An empty folder for this test.
 fn folder(name: &str) -> PathBuf {

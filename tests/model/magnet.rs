@@ -145,3 +145,29 @@ fn impossible_geometry_is_refused_by_name() {
         assert_eq!(found, names, "{gap_m} m, {alpha_rad:?} rad");
     }
 }
+
+/// The same allocation for any number of magnets. Fails with `c` from the mean instead of the largest need.
+#[test]
+fn more_magnets_share_a_force_and_none_falls_below_the_smallest() {
+    fn holds<const K: usize>(alpha_rad: [f64; K]) {
+        let magnets = Magnets::new(5e-4, alpha_rad).unwrap_or_else(|error| panic!("{alpha_rad:?}: {error:?}"));
+        let balanced = magnets.resultant(magnets.null_vector());
+        assert!(balanced.iter().all(|force| force.abs() < 1e-12), "{alpha_rad:?}: {balanced:?}");
+        for wanted in [[0.0, 0.0], [30.0, 0.0], [-12.0, 45.0], [3.0, -60.0]] {
+            let forces = magnets.allocate(wanted, 20.0);
+            let least = forces.iter().copied().fold(f64::INFINITY, f64::min);
+            assert!((least - 20.0).abs() < 1e-12, "{alpha_rad:?}: the smallest of {forces:?}");
+            for (found, wanted) in magnets.resultant(forces).into_iter().zip(wanted) {
+                assert!((found - wanted).abs() < 1e-10, "{alpha_rad:?}: {found} N, wanted {wanted} N");
+            }
+        }
+    }
+    let quarter = std::f64::consts::FRAC_PI_2;
+    holds([0.0, quarter, 2.0 * quarter, 3.0 * quarter]);
+    holds([0.1, 1.7, 2.5, 4.0, 5.6]);
+    holds([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+    let refused = Magnets::new(5e-4, [0.0, 0.5, 1.0, 1.5]).expect_err("all on one side");
+    assert!(refused[0].to_string().contains("alpha[2]"), "{refused:?}");
+    // The first three hold the rotor; the fourth has its counterpart among them.
+    holds([0.0, 2.0, 4.0, 4.1]);
+}
