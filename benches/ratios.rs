@@ -16,6 +16,7 @@ use libloading::{Library, Symbol};
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
 use magnetic_bearing::control::spindle::{SpindleController, SpindleControllerConfig, SpindleControllerInput};
 use magnetic_bearing::estimation::paper::window::{Sample, WindowSums};
+use magnetic_bearing::estimation::spindle::{SpindleEstimator, SpindleEstimatorConfig, SpindleEstimatorInput};
 use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method, Tolerance};
 use magnetic_bearing::package;
 use magnetic_bearing::plant::spindle::SpindleConfig;
@@ -202,7 +203,40 @@ fn steps(record: &[EstimatorInput]) {
             let _ = black_box(controller.sample(&mut state, &input));
         }
     }));
+    for (name, told) in [("noise given", [1e-7, 1e-2]), ("noise estimated", [0.0; 2])] {
+        let [position_noise_m, current_noise_a] = told;
+        let config = SpindleEstimatorConfig { position_noise_m, current_noise_a, ..SpindleEstimatorConfig::default() };
+        let estimator = SpindleEstimator::new(config).expect("valid parameters");
+        let (mut state, record, mut at) = (estimator.start(), spindle_record(), 0);
+        candidates.push(candidate(&format!("estimator of the spindle, {name}"), 1000, move |times| {
+            for _ in 0..times {
+                let _ = black_box(estimator.sample(&mut state, &record[at]));
+                // The record holds whole revolutions and periods of the modulation.
+                at = (at + 1) % record.len();
+            }
+        }));
+    }
     table("one step of", ROUNDS, candidates);
+}
+
+/// What the estimator of the spindle reads in the scenario `spindle` while nothing changes, over 0.1 s.
+fn spindle_record() -> Vec<SpindleEstimatorInput> {
+    let scenario = Scenario::open(Path::new("spindle")).expect("a scenario of the program");
+    let run = simulate::run_for(&scenario, |name| name.starts_with("plant."), |_| ()).expect("a run");
+    let column = |name: String| run.recording.get(&format!("plant.{name}")).expect("an output of the plant").to_vec();
+    let readings = ["A.Ym", "A.Zm", "B.Ym", "B.Zm", "Xm"].map(|name| column(name.into()));
+    let currents: Vec<_> =
+        scenario.magnets().into_iter().map(|(bearing, k)| column(format!("{bearing}im{k}"))).collect();
+    let theta = column("theta".into());
+    let input = |at: usize| SpindleEstimatorInput {
+        reading_m: readings.each_ref().map(|column| column[at]),
+        current_a: std::array::from_fn(|k| currents[k][at]),
+        theta_rad: theta[at],
+        omega_rad_s: 100.0 * std::f64::consts::PI,
+        enable: true,
+        ..SpindleEstimatorInput::default()
+    };
+    (3000..4000).map(input).collect()
 }
 
 unsafe extern "C" fn silent(_: fmi2ComponentEnvironment, _: fmi2String, _: fmi2Status, _: fmi2String, _: fmi2String) {}
