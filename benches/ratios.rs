@@ -208,7 +208,7 @@ fn steps(record: &[EstimatorInput]) {
         let config = SpindleEstimatorConfig { position_noise_m, current_noise_a, ..SpindleEstimatorConfig::default() };
         let estimator = SpindleEstimator::new(config).expect("valid parameters");
         let (mut state, record, mut at) = (estimator.start(), spindle_record(), 0);
-        candidates.push(candidate(&format!("estimator of the spindle, {name}"), 1000, move |times| {
+        candidates.push(candidate(format!("estimator of the spindle, {name}"), 1000, move |times| {
             for _ in 0..times {
                 let _ = black_box(estimator.sample(&mut state, &record[at]));
                 // The record holds whole revolutions and periods of the modulation.
