@@ -233,6 +233,7 @@ pub fn main(commit: Option<&str>) -> ExitCode {
             match &scenario {
                 None => monte_carlo(runs, only.as_deref(), seed, &at),
                 Some(name) => Scenario::open(name).map_err(Into::into).and_then(|scenario| {
+                    scenario.closed_loop().map_err(simulate::Refused::from)?;
                     let (title, noise) = (scenario.title.clone(), [position_noise, current_noise]);
                     judge(montecarlo::study(&title, &scenario, noise, !untold, runs), seed, &at)
                 }),

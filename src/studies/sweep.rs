@@ -130,7 +130,9 @@ impl Sweep {
             let (columns, cases) = table(&text).map_err(|finding| SweepError::new(path, finding))?;
             Self::new(scenario.map(PathBuf::from), columns, cases)?
         };
-        let mut findings = Vec::new();
+        // The columns of the result are those of a planar bearing.
+        let wrong = design.scenario.closed_loop().err().unwrap_or_default();
+        let mut findings: Vec<String> = wrong.iter().map(ToString::to_string).collect();
         for column in &design.columns {
             let (variable, _) = split(column);
             findings.extend(design.scenario.settable(variable).err());

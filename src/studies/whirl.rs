@@ -43,7 +43,7 @@ impl Whirl {
     /// What is wrong with the scenario, the stiffness or the damping.
     pub fn new(scenario: &Scenario, stiffness_n_m: f64, damping_ns_m: f64) -> Result<Self, String> {
         if scenario.machine != "spindle" {
-            return Err(format!("machine = {}: expected a scenario of a spindle", scenario.machine));
+            return Err(format!("machine = {} is refused: expected spindle", scenario.machine));
         }
         let positive =
             |name: &str, value: f64, least: bool| match value.is_finite() && (value > 0.0 || least && value == 0.0) {

@@ -505,3 +505,23 @@ fn shells_complete_commands() {
         says(&out, &["magnetic-bearing", "simulate", "montecarlo"]);
     }
 }
+
+/// Each would otherwise leave columns empty, or say nothing of the reason.
+#[test]
+fn what_is_for_the_planar_bearing_alone_refuses_a_spindle_by_name() {
+    let folder = folder("planar");
+    fs::write(folder.join("design.csv"), "plant.pZ\n10\n").expect("a file");
+    for arguments in [
+        &["sweep", "design.csv", "--scenario", "spindle", "--out", "rows.csv"][..],
+        &["montecarlo", "spindle", "--runs", "1"],
+        &["design", "--scenario", "spindle"],
+        &["identify", "design.csv", "--scenario", "spindle"],
+    ] {
+        let (code, _, err) = said(&run(&folder, arguments));
+        assert_ne!(code, 0, "{arguments:?}");
+        says(&err, &["machine = spindle is refused: expected bearing"]);
+    }
+    let (code, _, err) = said(&run(&folder, &["whirl", "unbalanced"]));
+    assert_ne!(code, 0);
+    says(&err, &["machine = bearing is refused: expected spindle"]);
+}
