@@ -82,7 +82,7 @@ pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, P
         let name = model.info.name;
         archives.push((format!("{name}.fmu"), package::fmu(model, binaries, &extras(name))?));
     }
-    let fmus = archives.clone();
+    let mut loops = Vec::new();
     for (name, variants) in SYSTEMS {
         let systems: Vec<System> = variants.iter().map(system).collect();
         let inside = |fmu: &str| {
@@ -90,10 +90,11 @@ pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, P
             elements.any(|element| fmu == format!("{}.fmu", element.model.info.name))
         };
         let mut members: Vec<Member> = systems.iter().flat_map(System::members).collect();
-        let needed = fmus.iter().filter(|(fmu, _)| inside(fmu));
+        let needed = archives.iter().filter(|(fmu, _)| inside(fmu));
         members.extend(needed.map(|(fmu, bytes)| Member::new(format!("resources/{fmu}"), bytes.as_slice())));
-        archives.push((name.into(), package::archive(name, &members)?));
+        loops.push((name.into(), package::archive(name, &members)?));
     }
+    archives.extend(loops);
     for (name, _) in &archives {
         let path = folder.join(name);
         Format::Archive.replaceable(&path).map_err(|source| PackageError::File { path, source })?;

@@ -263,11 +263,6 @@ pub struct EstimatorOutput {
 }
 
 impl EstimatorOutput {
-    /// Standard deviations of ki in N/A and ks in N/m of magnet k, counted from 0: they are as uncertain as λ, tolerances included.
-    pub fn stiffness_std(&self, k: usize) -> [f64; 2] {
-        [self.ki[k], self.ks[k]].map(|stiffness| stiffness * self.lambda_std_total[k] / self.lambda_hat[k])
-    }
-
     pub(super) fn is_finite(&self) -> bool {
         let of_magnets = [self.lambda_hat, self.lambda_raw, self.lambda_std, self.lambda_std_total, self.ki, self.ks];
         let [p_y, p_z] = self.load_n;

@@ -227,11 +227,21 @@ fn table() -> Vec<Row<Values>> {
     rows.extend(Row::reals("ks", place!(Values.output.ks[k]), NEWTON_PER_METRE, [0.0; 3]).map(|row| {
         row.sampled_output().nominal(1e5).description("Negative stiffness of magnet {k}, mean over the last revolution")
     }));
-    let ki_std = Access { get: |values: &Values, k| stiffness_std(values, k)[0], set: |_, _, _| () };
+    let ki_std = Access {
+        get: |Values { output, .. }: &Values, k| {
+            stiffness_std(output.ki[k], output.lambda_std_total[k], output.lambda_hat[k])
+        },
+        set: |_, _, _| (),
+    };
     rows.extend(Row::reals("kiStd", ki_std, NEWTON_PER_AMPERE, [0.0; 3]).map(|row| {
         row.sampled_output().nominal(0.1).description("Standard deviation of ki[{k}] due to noise and tolerances")
     }));
-    let ks_std = Access { get: |values: &Values, k| stiffness_std(values, k)[1], set: |_, _, _| () };
+    let ks_std = Access {
+        get: |Values { output, .. }: &Values, k| {
+            stiffness_std(output.ks[k], output.lambda_std_total[k], output.lambda_hat[k])
+        },
+        set: |_, _, _| (),
+    };
     rows.extend(Row::reals("ksStd", ks_std, NEWTON_PER_METRE, [0.0; 3]).map(|row| {
         row.sampled_output().nominal(1e3).description("Standard deviation of ks[{k}] due to noise and tolerances")
     }));
@@ -299,9 +309,9 @@ fn table() -> Vec<Row<Values>> {
     rows
 }
 
-/// Standard deviations of ki and ks; 0 before the first sample.
-fn stiffness_std(values: &Values, k: usize) -> [f64; 2] {
-    if values.output.lambda_hat[k] > 0.0 { values.output.stiffness_std(k) } else { [0.0; 2] }
+/// Standard deviation of ki or ks, which are as uncertain as λ; 0 before the first sample.
+pub(super) fn stiffness_std(stiffness: f64, lambda_std: f64, lambda: f64) -> f64 {
+    if lambda > 0.0 { stiffness * lambda_std / lambda } else { 0.0 }
 }
 
 impl Values {
@@ -324,6 +334,14 @@ impl Values {
 pub fn configuration(settings: &[(usize, Value)]) -> Result<EstimatorConfig, Vec<Invalid>> {
     let (config, findings) = Table::new(table()).values(settings).config();
     together(findings, Ok(config))
+}
+
+/// Reports a verdict that has changed.
+pub(super) fn log_verdict(log: &mut dyn Log, instant_s: f64, former: Verdict, verdict: Verdict) {
+    let topic = if verdict == Verdict::Singular { Topic::SingularLinearSystem } else { Topic::Event };
+    if former != verdict && log.wants(topic) {
+        log.message(topic, format_args!("at {} s the estimate is {verdict}", Digits::<9>(instant_s)));
+    }
 }
 
 /// The estimator.
@@ -364,11 +382,7 @@ impl SampledModel for AlgebraicEstimator {
     ) -> Result<(), StepError> {
         let former = values.output.verdict;
         values.output = self.0.sample(state, &values.input);
-        let verdict = values.output.verdict;
-        let topic = if verdict == Verdict::Singular { Topic::SingularLinearSystem } else { Topic::Event };
-        if former != verdict && log.wants(topic) {
-            log.message(topic, format_args!("at {} s the estimate is {verdict}", Digits::<9>(instant_s)));
-        }
+        log_verdict(log, instant_s, former, values.output.verdict);
         Ok(())
     }
 

@@ -103,7 +103,6 @@ pub fn run_for(
     let outputs = outputs(scenario, wanted, &mut run.recording);
     let mut carried = Vec::with_capacity(wires.len());
 
-    let unbalances = unbalances(scenario);
     let mut balance_s = scenario.balance_s;
 
     let steps = steps(scenario);
@@ -123,8 +122,8 @@ pub fn run_for(
         }
         if balance_s.is_some_and(|balance_s| time_s >= balance_s * (1.0 - 1e-9)) {
             balance_s = None;
-            for (of_plant, of_estimator) in &unbalances {
-                if let Err(error) = balance(&mut instances, of_plant, of_estimator) {
+            for (of_plant, of_estimator) in unbalances(scenario) {
+                if let Err(error) = balance(&mut instances, &of_plant, &of_estimator) {
                     run.error = Some(error);
                 }
             }

@@ -19,6 +19,7 @@ mod likelihood;
 mod montecarlo;
 mod package;
 mod platforms;
+mod recordings;
 mod report;
 mod scenario;
 mod scenarios;

@@ -1,5 +1,6 @@
 //! The spindle: whirl, unbalance response and precession in closed form, energy, and the planar rotor as its limit.
 
+use crate::support::whirl::{DAMPING_NS_M, STIFFNESS_N_M, TABLE};
 use std::f64::consts::PI;
 
 use magnetic_bearing::bearing::coil::{CoilConfig, Drive};
@@ -23,7 +24,7 @@ fn plant(config: SpindleConfig) -> SpindlePlant {
     Plant::new(config).expect("a plant")
 }
 
-/// The rotor of the table in identification.md, section 7, without currents.
+/// A rotor on two linear bearings, without currents; `docs/spindle.md` names its parameters.
 fn unbalanced() -> SpindleConfig {
     SpindleConfig {
         unbalance_kgm: [8e-5, 5e-5],
@@ -80,17 +81,6 @@ fn on_springs(config: &SpindleConfig, omega_rad_s: f64, stiffness_n_m: f64, damp
     (matrix, unbalance)
 }
 
-/// Rotational speed in rpm; whirl frequencies in Hz from the most backward to the most forward; response at A and at B, in µm and rad.
-type Row = (f64, [f64; 4], Option<[[f64; 2]; 2]>);
-
-/// identification.md, section 7: k = 2·10⁶ N/m, and for the response c = 200 N·s/m, at both bearings.
-const TABLE: [Row; 4] = [
-    (0.0, [-109.635625, -90.039217, 90.039217, 109.635625], None),
-    (3000.0, [-106.863871, -89.731257, 90.276580, 112.568549], Some([[4.042961, 0.552840], [1.795886, -1.628717]])),
-    (6000.0, [-104.282581, -89.323290, 90.463459, 115.642412], Some([[15.411339, -2.659019], [50.748982, -2.406197]])),
-    (12000.0, [-99.866442, -88.030705, 90.736268, 122.160879], Some([[16.941726, -2.354873], [15.347813, 1.258659]])),
-];
-
 /// Fails if a gyroscopic term has the other sign: forward and backward whirl are then exchanged.
 #[test]
 fn whirl_and_unbalance_response_are_those_of_the_table() {
@@ -99,7 +89,7 @@ fn whirl_and_unbalance_response_are_those_of_the_table() {
     let config = unbalanced();
     for (rpm, frequencies, response) in TABLE {
         let omega = rpm * PI / 30.0;
-        let (matrix, _) = on_springs(&config, omega, 2e6, 0.0);
+        let (matrix, _) = on_springs(&config, omega, STIFFNESS_N_M, 0.0);
         // A complex Schur form is triangular.
         let (_, triangle) = matrix.schur().unpack();
         let mut found: Vec<f64> = triangle.diagonal().iter().map(|value| value.im / (2.0 * PI)).collect();
@@ -112,7 +102,7 @@ fn whirl_and_unbalance_response_are_those_of_the_table() {
             );
         }
         let Some(response) = response else { continue };
-        let (matrix, unbalance) = on_springs(&config, omega, 2e6, 200.0);
+        let (matrix, unbalance) = on_springs(&config, omega, STIFFNESS_N_M, DAMPING_NS_M);
         let x = (Matrix4::identity() * (I * omega) - matrix).lu().solve(&unbalance).expect("a response");
         for (xi, [micrometres, angle]) in [-0.12, 0.15].into_iter().zip(response) {
             let at = (x[0] + x[1] * xi) * 1e6;
@@ -268,7 +258,7 @@ fn the_planar_rotor_is_the_limit_of_equal_bearings_in_phase() {
     }
 }
 
-/// Against the formulas of identification.md, section 7, written out: a point ξ of the axis is at `y + ξγ`, `z − ξβ`.
+/// Against the formulas, written out: a point ξ of the axis is at `y + ξγ`, `z − ξβ`.
 #[test]
 fn gaps_readings_and_moments_are_those_of_the_points_of_the_axis() {
     let config = SpindleConfig::default();

@@ -21,7 +21,7 @@ pub struct Sample {
     pub true_a: [f64; 8],
 }
 
-/// The spindle of the prototype: every number as there.
+/// A spindle of rotor, two radial bearings and one axial bearing, told apart from the program.
 #[derive(Clone, Debug)]
 pub struct FiveAxes {
     pub m_kg: f64,

@@ -11,6 +11,7 @@ pub mod named;
 mod random;
 #[path = "../../fmu-export/tests/support/sequence.rs"]
 pub mod sequence;
+pub mod whirl;
 
 /// The models that the tests in `fmu-export/tests/support` work on.
 pub use magnetic_bearing::fmu as library;

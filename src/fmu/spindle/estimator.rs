@@ -1,6 +1,6 @@
 //! `SpindleEstimator`: the force constants of a spindle's eight magnets and its unbalance in two planes, on line.
 
-use fmu_export::log::{Digits, Log, Topic};
+use fmu_export::log::Log;
 use fmu_export::unit::{AMPERE, METRE, NEWTON, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND};
 use fmu_export::variable::{Access, Row, Table, Value};
 use fmu_export::{Info, Invalid, SampledModel, StepError, place};
@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 
 use super::common::{HasGeometry, MEASURED, NEWTON_METRE, OfMagnet, geometry, lambda0, of_coordinates, of_magnets};
 use crate::bearing::spindle::{MAGNETS, READINGS, SpindleGeometry};
+use crate::estimation::Hold;
 use crate::estimation::spindle::{
     self, SpindleEstimatorConfig, SpindleEstimatorInput, SpindleEstimatorOutput, SpindleEstimatorState,
 };
-use crate::estimation::{Hold, Verdict};
 use crate::fmu::common::{KILOGRAM_METRE, LAMBDA, info, sample_time, together};
-use crate::fmu::estimator::{HOLD, VERDICT, known, number_of, verdict_of};
+use crate::fmu::estimator::{HOLD, VERDICT, known, log_verdict, number_of, stiffness_std, verdict_of};
 
 /// The values of all variables of the estimator.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -143,14 +143,24 @@ fn outputs(rows: &mut Vec<Row<Values>>) {
         ),
         (
             "kiStd",
-            Access { get: |values: &Values, k| stiffness_std(values, k)[0], set: |_, _, _| () },
+            Access {
+                get: |Values { output, .. }: &Values, k| {
+                    stiffness_std(output.ki[k], output.lambda_std_total[k], output.lambda_hat[k])
+                },
+                set: |_, _, _| (),
+            },
             NEWTON_PER_AMPERE,
             0.1,
             "Standard deviation of ki of {magnet} due to noise and tolerances",
         ),
         (
             "ksStd",
-            Access { get: |values: &Values, k| stiffness_std(values, k)[1], set: |_, _, _| () },
+            Access {
+                get: |Values { output, .. }: &Values, k| {
+                    stiffness_std(output.ks[k], output.lambda_std_total[k], output.lambda_hat[k])
+                },
+                set: |_, _, _| (),
+            },
             NEWTON_PER_METRE,
             1e3,
             "Standard deviation of ks of {magnet} due to noise and tolerances",
@@ -249,11 +259,6 @@ fn outputs(rows: &mut Vec<Row<Values>>) {
     );
 }
 
-/// Standard deviations of ki and ks; 0 before the first sample.
-fn stiffness_std(values: &Values, k: usize) -> [f64; 2] {
-    if values.output.lambda_hat[k] > 0.0 { values.output.stiffness_std(k) } else { [0.0; 2] }
-}
-
 impl Values {
     /// The configuration, converted from the types of the interface.
     fn config(&self) -> (SpindleEstimatorConfig, Vec<Invalid>) {
@@ -314,11 +319,7 @@ impl SampledModel for SpindleEstimator {
     ) -> Result<(), StepError> {
         let former = values.output.verdict;
         values.output = self.0.sample(state, &values.input);
-        let verdict = values.output.verdict;
-        let topic = if verdict == Verdict::Singular { Topic::SingularLinearSystem } else { Topic::Event };
-        if former != verdict && log.wants(topic) {
-            log.message(topic, format_args!("at {} s the estimate is {verdict}", Digits::<9>(instant_s)));
-        }
+        log_verdict(log, instant_s, former, values.output.verdict);
         Ok(())
     }
 
