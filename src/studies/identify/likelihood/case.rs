@@ -119,7 +119,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Opti
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
         reach: ((RATE_S / h).round() as usize).max(1),
     };
-    let mut track = Track { state: vec![[0.0; 4]; rows], level: vec![[0.0; 3]; rows], instruments: None };
+    let mut track = Track { state: vec![[0.0; 4]; rows], expected: Vec::new() };
     for segment in &segments {
         for row in segment.clone() {
             let (before, after) = (row.max(segment.start + 1) - 1, (row + 1).min(segment.end - 1));

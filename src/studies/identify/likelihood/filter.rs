@@ -15,7 +15,7 @@ use std::ops::Range;
 use multiversion::multiversion;
 
 use super::equations::{ALL, BASE, Bearing, Interval, Shaft, State};
-use super::instruments::Instruments;
+use super::expected::Expected;
 
 /// Columns of a pass without bench parameters, and of one with them: numbers of parameters, rounded up to whole registers.
 pub(super) const FEW: usize = 8;
@@ -24,8 +24,6 @@ pub(super) const MANY: usize = 40;
 const LANES: usize = 8;
 /// Rows of whitened sensitivities that are summed at once.
 const BATCH: usize = 16;
-/// Rows to each side over which the level of a squared current is taken.
-const LEVEL: usize = 16;
 /// Harmonics of the shaft angle that are tested.
 pub(super) const HARMONICS: usize = 4;
 /// Lags that are tested.
@@ -88,7 +86,7 @@ impl Data<'_> {
         };
         let between = self.shaft_between(row, from, to);
         let states = [&track.state[row - 1], &track.state[row]];
-        (bearing.interval(states, &squares, track.level[row], [*from, between, *to]), between)
+        (bearing.interval(states, &squares, track.regressors(row), [*from, between, *to]), between)
     }
 
     /// Squared current that the interval ending at `row` is driven by, A².
@@ -106,30 +104,13 @@ impl Data<'_> {
 pub(super) struct Track {
     /// (y, z, ẏ, ż) at every row.
     pub state: Vec<State>,
-    /// Squared currents, A², by which the noise of an interval is reckoned: with those of the interval itself, noise would decide on the gain
-    /// that weighs it.
-    pub level: Vec<[f64; 3]>,
-    /// Drive the columns from [`ALL`] on, if any.
-    pub instruments: Option<Instruments>,
+    /// What was to be expected, by row; empty as long as it is not known.
+    pub expected: Vec<Expected>,
 }
 
 impl Track {
-    /// Levels: means over [`LEVEL`] rows to each side.
-    pub fn set_levels(&mut self, data: &Data, bearing: &Bearing, segment: &Range<usize>) {
-        let squares: Vec<[f64; 3]> = segment.clone().skip(1).map(|row| data.square(bearing, row)).collect();
-        let (mut sum, mut from, mut to) = ([0.0; 3], 0, 0);
-        for at in 0..squares.len() {
-            let (first, last) = (at.saturating_sub(LEVEL), (at + LEVEL + 1).min(squares.len()));
-            while to < last {
-                sum = std::array::from_fn(|k| sum[k] + squares[to][k]);
-                to += 1;
-            }
-            while from < first {
-                sum = std::array::from_fn(|k| sum[k] - squares[from][k]);
-                from += 1;
-            }
-            self.level[segment.start + 1 + at] = sum.map(|sum| sum / (to - from) as f64);
-        }
+    fn regressors(&self, row: usize) -> Option<[f64; 3]> {
+        self.expected.get(row).map(|of| [of[0], of[1], of[2]].map(f64::from))
     }
 }
 
@@ -386,6 +367,7 @@ fn columns_of<const P: usize>(
     track: &Track,
     variance: f64,
     piece: &Piece,
+    instruments: bool,
 ) -> Vec<Block> {
     let h = data.h;
     let (h_2, d) = (0.5 * h * h, bearing.delay);
@@ -396,6 +378,7 @@ fn columns_of<const P: usize>(
     let mut sensor = [[0.0; P]; 2];
     let mut sums = Box::new(Sums::<P>::new());
     let mut blocks = Vec::new();
+    let expected = |row: usize| track.expected.get(row).filter(|_| instruments).map(|of| of.map(f64::from));
     let block_of = |row: usize| (row - piece.blocks_from) / piece.block;
     let empty = |row: usize| Block {
         rows: row..row,
@@ -417,17 +400,16 @@ fn columns_of<const P: usize>(
         let mut acceleration = [0.0; 2];
         if row > piece.filtered.start {
             let (interval, between) = data.interval(bearing, track, row, &from, &to);
-            let ahead = |a: usize| kalman.x[a] + 0.5 * h * kalman.x[2 + a];
+            let ahead = |a: usize| interval.middle[a] + kalman.x[a] + 0.5 * h * kalman.x[2 + a];
             let predicted = [ahead(0), ahead(1)];
+            let measured = bearing.regressors(predicted, interval.squares);
+            let (at, regressors) = match expected(row) {
+                Some([a, b, c, y, z, v, w]) => ([y - 0.5 * h * v, z - 0.5 * h * w], [a, b, c]),
+                None => (predicted, measured),
+            };
             kalman.predict(h, &interval, [1.0; 3]);
             acceleration = interval.end;
-            bearing.force_columns(&interval, predicted, between, &mut force);
-            if P > FEW
-                && let Some(instruments) = &track.instruments
-            {
-                let squares = instruments.at(row, data.middle[row]);
-                bearing.instrument_columns(squares, ALL, &mut force);
-            }
+            bearing.force_columns(at, regressors, measured, between, &mut force);
             let [k_0, k_1, k_2] = interval.stiffness;
             let h_3 = h * h * h / 6.0;
             let [x_0, x_1, x_2, x_3] = &mut x;
@@ -446,7 +428,10 @@ fn columns_of<const P: usize>(
         let (read, _) = bearing.reading(&track.state[row], acceleration, to);
         if P > FEW {
             // Where the filter predicts the rotor, as the force.
-            let at: State = std::array::from_fn(|i| track.state[row][i] + kalman.x[i]);
+            let at: State = match expected(row) {
+                Some([.., y, z, v, w]) => [y, z, v, w],
+                None => std::array::from_fn(|i| track.state[row][i] + kalman.x[i]),
+            };
             let (_, plain) = bearing.reading(&at, acceleration, to);
             bearing.sensor_columns(&at, acceleration, to, plain, &mut sensor);
         }
@@ -523,13 +508,19 @@ fn close<const P: usize>(block: &mut Block, sums: &mut Sums<P>, log_det: &mut Lo
 /// Sums of the sensitivities of λ, unbalance and load, block by block.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn few_columns(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<Block> {
-    columns_of::<FEW>(data, bearing, track, variance, piece)
+    columns_of::<FEW>(data, bearing, track, variance, piece, false)
 }
 
 /// Sums of the sensitivities of all parameters, block by block.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn all_columns(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<Block> {
-    columns_of::<MANY>(data, bearing, track, variance, piece)
+    columns_of::<MANY>(data, bearing, track, variance, piece, false)
+}
+
+/// The same of their instruments: sensitivities as they were to be expected. The measured ones of λ follow after all others.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+pub(super) fn instruments(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<Block> {
+    columns_of::<MANY>(data, bearing, track, variance, piece, true)
 }
 
 const _: () = assert!(ALL + 3 <= MANY && BASE <= FEW);
@@ -593,6 +584,32 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
         r = transition_transposed(h, &keep.stiffness, r);
     }
     smoothed
+}
+
+/// The whitened innovations of the counted rows.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+pub(super) fn innovations(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<[f64; 2]> {
+    let mut kalman = Kalman::diffuse();
+    let start = piece.filtered.start;
+    let mut innovations = Vec::with_capacity(piece.counted.len());
+    let mut from = data.shaft(start);
+    for row in start..piece.counted.end {
+        let to = data.shaft(row);
+        let mut acceleration = [0.0; 2];
+        if row > start {
+            let (interval, _) = data.interval(bearing, track, row, &from, &to);
+            kalman.predict(data.h, &interval, [1.0; 3]);
+            acceleration = interval.end;
+        }
+        from = to;
+        let (read, _) = bearing.reading(&track.state[row], acceleration, to);
+        let residual = [data.position[row][0] - read[0], data.position[row][1] - read[1]];
+        let innovation = kalman.update(bearing, variance, residual);
+        if row >= piece.counted.start {
+            innovations.push(innovation.whiten(innovation.e));
+        }
+    }
+    innovations
 }
 
 /// `[ln det sum, NIS sum, rows]` with the noise of each current times each of three sets of factors, at the same position noise.

@@ -6,7 +6,7 @@ use super::bench::{BENCH, PARAMETERS};
 use super::equations::LOAD;
 use super::filter::{HARMONICS, LAGS};
 use super::search::Finished;
-use super::solve::{inverse, part, unknown};
+use super::solve::{self, inverse, part, unknown};
 use super::{
     BenchEstimate, BudgetLine, Conditions, Contradiction, Estimate, Identification, Knowledge, Residuals, Suspect,
 };
@@ -150,18 +150,19 @@ fn residuals(finished: &Finished, r: usize) -> Residuals {
 /// Lagrange multiplier tests of the bench parameters that are not estimated.
 fn suspects(finished: &Finished) -> Vec<Suspect> {
     let search = &finished.search;
-    let of = &finished.estimated;
-    let (a, b) = search.equations(&finished.normal, of);
-    let Some(inverse) = inverse(&a) else { return Vec::new() };
+    let (of, columns) = (&finished.estimated, &finished.columns);
+    let (h, b) = search.equations_by(&finished.normal, of, of, columns);
+    let (g, _) = search.equations(&finished.normal, of);
+    let Some(inverse) = solve::general_inverse(&h) else { return Vec::new() };
     let rows: f64 = finished.blocks.iter().flat_map(|(_, blocks)| blocks).map(|block| 2.0 * block.count).sum();
     let nis = finished.blocks.iter().flat_map(|(_, blocks)| blocks).map(|block| block.nis).sum::<f64>() / rows;
     let mut suspects = Vec::new();
     for j in (0..BENCH).filter(|j| finished.at(LOAD + j).is_none()) {
         let unknown = LOAD + j;
-        let cross = part(&finished.normal.j, &[unknown], of);
-        let projected = &cross * &inverse;
+        let projected = part(&finished.normal.j, &[unknown], columns) * &inverse;
         let all = finished.normal.j[(unknown, unknown)];
-        let own = all - (&projected * cross.transpose())[(0, 0)];
+        let cross = part(&finished.normal.j, of, &[unknown]);
+        let own = all - 2.0 * (&projected * cross)[(0, 0)] + (&projected * &g * projected.transpose())[(0, 0)];
         // What the other unknowns imitate up to rounding cannot be suspected.
         if own <= 1e-9 * all {
             continue;

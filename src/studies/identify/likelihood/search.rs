@@ -15,6 +15,7 @@ use super::bench::{BENCH, PARAMETERS};
 use super::case::{Case, NOISE_STEP, noise_step, prepare};
 use super::changes;
 use super::equations::{ALL, BASE, Bearing, LOAD, Nominal, State, Theta};
+use super::expected::expected;
 use super::filter::{self, Block, Piece};
 use super::outcome;
 use super::solve::{Normal, SHARED, inverse, part, unknown};
@@ -83,6 +84,17 @@ fn parallel<T: Sync, R: Send>(threads: usize, items: &[T], work: impl Fn(&T) -> 
     results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).into_iter().flatten().collect()
 }
 
+/// What a pass sums over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Columns {
+    /// Sensitivities to λ, unbalance and load.
+    Few,
+    /// To all parameters.
+    All,
+    /// Their instruments.
+    Instruments,
+}
+
 /// All that is searched.
 pub(super) struct Search<'a> {
     pub cases: Vec<Case<'a>>,
@@ -119,12 +131,16 @@ impl<'a> Search<'a> {
         self.cases.iter().enumerate().flat_map(|(r, case)| case.pieces.iter().map(move |piece| (r, piece))).collect()
     }
 
-    fn pass(&self, all: bool) -> Vec<(usize, Vec<Block>)> {
+    fn pass(&self, columns: Columns) -> Vec<(usize, Vec<Block>)> {
+        let pass = match columns {
+            Columns::Few => filter::few_columns,
+            Columns::All => filter::all_columns,
+            Columns::Instruments => filter::instruments,
+        };
         let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
         let mut blocks = parallel(self.options.threads, &self.tasks(), |(r, piece)| {
             let case = &self.cases[*r];
             let variance = case.position_noise * case.position_noise;
-            let pass = if all { filter::all_columns } else { filter::few_columns };
             (*r, pass(&case.data, &bearings[*r], &case.track, variance, piece))
         });
         for block in blocks.iter_mut().flat_map(|(_, blocks)| blocks) {
@@ -133,11 +149,11 @@ impl<'a> Search<'a> {
         blocks
     }
 
-    fn normal(&self, blocks: &[(usize, Vec<Block>)], all: bool) -> Normal {
+    fn normal(&self, blocks: &[(usize, Vec<Block>)]) -> Normal {
         let mut normal = Normal::new(self.cases.len());
         for (r, blocks) in blocks {
             for block in blocks {
-                normal.add(block, *r, if all { ALL + 3 } else { BASE });
+                normal.add(block, *r, if block.columns > BASE + 1 { ALL + 3 } else { BASE });
             }
         }
         normal
@@ -145,8 +161,19 @@ impl<'a> Search<'a> {
 
     /// `J + Π` and `b + Π(mean − x)` of what is estimated.
     pub fn equations(&self, normal: &Normal, of: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
-        let mut a = part(&normal.j, of, of);
-        let mut b = DVector::from_fn(of.len(), |i, _| normal.b[of[i]]);
+        self.equations_by(normal, of, of, of)
+    }
+
+    /// The same from other rows and columns of the sums than those of the unknowns.
+    pub fn equations_by(
+        &self,
+        normal: &Normal,
+        of: &[usize],
+        rows: &[usize],
+        columns: &[usize],
+    ) -> (DMatrix<f64>, DVector<f64>) {
+        let mut a = part(&normal.j, rows, columns);
+        let mut b = DVector::from_fn(of.len(), |i, _| normal.b[rows[i]]);
         for (i, at) in of.iter().enumerate() {
             let (mean, std) = self.prior[*at];
             let weight = 1.0 / (std * std);
@@ -154,13 +181,6 @@ impl<'a> Search<'a> {
             b[i] += weight * (mean - self.x[*at]);
         }
         (a, b)
-    }
-
-    /// One Gauss–Newton step, scaled by `part`.
-    fn step(&mut self, normal: &Normal) -> Result<f64, Failed> {
-        let step = self.newton(normal)?;
-        self.x = self.moved(&self.x, &step.step, self.within(&step.step));
-        Ok(step.largest)
     }
 
     /// The step of Gauss and Newton from the present point.
@@ -251,16 +271,37 @@ impl<'a> Search<'a> {
             self.take_over(std::mem::replace(&mut before, smoothed));
         }
         self.take_over(before);
-        for (case, bearing) in self.cases.iter_mut().zip(&bearings) {
-            for segment in &case.segments {
-                case.track.set_levels(&case.data, bearing, segment);
-            }
-        }
     }
 
     fn take_over(&mut self, smoothed: Vec<(usize, Range<usize>, Vec<State>)>) {
         for (r, rows, track) in smoothed {
             self.cases[r].track.state[rows].copy_from_slice(&track);
+        }
+    }
+
+    /// Whether the bench is exactly as told.
+    fn exact(&self) -> bool {
+        self.options.bench.iter().all(|told| told.knowledge == Knowledge::Exact)
+    }
+
+    /// Finds what was to be expected of every row, if the bench is exactly as told: where its parameters are searched, what is found at one point does not
+    /// belong to the next.
+    fn expect(&mut self) {
+        if !self.exact() {
+            return;
+        }
+        let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
+        let pieces = parallel(self.options.threads, &self.tasks(), |(r, piece)| {
+            let case = &self.cases[*r];
+            let variance = case.position_noise * case.position_noise;
+            (*r, piece.counted.clone(), filter::innovations(&case.data, &bearings[*r], &case.track, variance, piece))
+        });
+        for (r, (case, bearing)) in self.cases.iter_mut().zip(&bearings).enumerate() {
+            let mut innovations = vec![[0.0; 2]; case.data.at.len()];
+            for (_, rows, of) in pieces.iter().filter(|(of, ..)| *of == r) {
+                innovations[rows.clone()].copy_from_slice(of);
+            }
+            case.track.expected = expected(&case.data, bearing, &case.track, &case.segments, &innovations);
         }
     }
 
@@ -320,16 +361,14 @@ impl<'a> Search<'a> {
     /// λ, unbalance and load first, then all: far from the solution, bench parameters would take up what λ has to explain.
     fn run(&mut self) -> Result<(), Failed> {
         let told = self.prior.clone();
-        if self.estimated().iter().any(|at| (LOAD..SHARED).contains(at)) {
-            for prior in &mut self.prior[LOAD..SHARED] {
-                prior.1 = 0.0;
-            }
-            let first = self.iterate(0, ROUGH);
-            self.prior = told;
-            first?;
-            return self.iterate(UNSMOOTHED, CONVERGED);
+        for prior in &mut self.prior[LOAD..SHARED] {
+            prior.1 = 0.0;
         }
-        self.iterate(0, CONVERGED)
+        let first = self.iterate(0, ROUGH);
+        self.prior = told;
+        first?;
+        self.expect();
+        self.iterate(UNSMOOTHED, CONVERGED)
     }
 
     /// Iterates until the largest step is smaller than `enough` standard deviations; the first `begun` iterations are done.
@@ -338,18 +377,11 @@ impl<'a> Search<'a> {
     fn iterate(&mut self, begun: usize, enough: f64) -> Result<(), Failed> {
         let all = self.estimated().iter().any(|at| (LOAD..SHARED).contains(at));
         self.converged = false;
-        for r in 0..self.cases.len() {
-            let bearing = self.bearing(r);
-            let case = &mut self.cases[r];
-            for segment in &case.segments {
-                case.track.set_levels(&case.data, &bearing, segment);
-            }
-        }
         let mut from: Option<(f64, Vec<f64>, Step, f64)> = None;
         for iteration in begun..MOST {
             self.iterations = iteration + 1;
-            let blocks = self.pass(all);
-            let normal = self.normal(&blocks, all);
+            let blocks = self.pass(if all { Columns::All } else { Columns::Few });
+            let normal = self.normal(&blocks);
             let merit = self.merit(&blocks);
             let next = self.newton(&normal)?;
             if all
@@ -442,10 +474,12 @@ fn start<'a>(recordings: &'a [Recording<'a>], masks: &[Vec<bool>], options: &'a 
         };
         prior[LOAD + j] = (told.value, std);
     }
-    let exact = options.bench.iter().all(|told| told.knowledge == Knowledge::Exact);
-    let rows: usize = masks.iter().flatten().filter(|used| **used).count();
-    let weight = if exact { 1.0 } else { (BENCH_ROWS / rows as f64).min(1.0) };
-    Ok(Search { cases, options, x, prior, weight, iterations: 0, converged: false })
+    let mut search = Search { cases, options, x, prior, weight: 1.0, iterations: 0, converged: false };
+    if !search.exact() {
+        let rows = masks.iter().flatten().filter(|used| **used).count();
+        search.weight = (BENCH_ROWS / rows as f64).min(1.0);
+    }
+    Ok(search)
 }
 
 /// Least part of the rows that has to remain.
@@ -517,6 +551,7 @@ pub(super) fn fit<'a>(
             hold(&mut search, held);
             search.start_at(near);
             search.smooth();
+            search.expect();
             search.iterate(UNSMOOTHED, CONVERGED)?;
             search
         }
@@ -577,7 +612,7 @@ pub(super) fn cramer_rao(recordings: &[Recording<'_>], options: &Options) -> Res
     let mut search = start(recordings, &masks, options)?;
     search.weight = 1.0;
     search.run()?;
-    let (normal, estimated) = (search.normal(&search.pass(true), true), search.estimated());
+    let (normal, estimated) = (search.normal(&search.pass(Columns::All)), search.estimated());
     let (a, _) = search.equations(&normal, &estimated);
     let covariance = inverse(&a).ok_or_else(|| Failed::Diverged("the information matrix is singular".into()))?;
     let place = |unknown: usize| estimated.iter().position(|at| *at == unknown);
@@ -593,7 +628,7 @@ pub(super) fn score_at(recordings: &[Recording<'_>], options: &Options, unknowns
     for _ in 0..3 {
         search.smooth();
     }
-    let normal = search.normal(&search.pass(true), true);
+    let normal = search.normal(&search.pass(Columns::All));
     let information = normal.j.row_iter().map(|row| row.iter().copied().collect()).collect();
     Ok(Score { score: normal.b.iter().copied().collect(), information })
 }

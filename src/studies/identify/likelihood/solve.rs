@@ -62,6 +62,14 @@ pub(super) fn inverse(a: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     Some(DMatrix::from_fn(n, n, |i, l| inverse[(i, l)] * scale[i] * scale[l]))
 }
 
+/// The inverse of a matrix whose rows and columns belong together, scaled by its diagonal first.
+pub(super) fn general_inverse(a: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let scale = a.diagonal().map(|own| 1.0 / own.abs().sqrt());
+    let scaled = |a: &DMatrix<f64>| DMatrix::from_fn(a.nrows(), a.ncols(), |i, l| a[(i, l)] * scale[i] * scale[l]);
+    let inverse = scaled(&scaled(a).try_inverse()?);
+    inverse.iter().all(|value| value.is_finite()).then_some(inverse)
+}
+
 /// The rows and columns `of` of a matrix.
 pub(super) fn part(a: &DMatrix<f64>, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {
     DMatrix::from_fn(rows.len(), columns.len(), |i, l| a[(rows[i], columns[l])])
