@@ -5,14 +5,16 @@ use serde_json::{Value as Json, json};
 use super::diagnosis::{self, Take};
 use super::likelihood::{self, BENCH, Change, CurrentHold, Identification, Knowledge, Options, PARAMETERS, Told};
 use super::read::{Currents, Rotation, Samples, significant, time};
-use super::{Failed, HOLDS};
-use crate::estimation::{EstimatorConfig, Hold, STD_LIMIT};
+use super::{Failed, HOLDS, track_every};
+use crate::estimation::{EstimatorConfig, Hold, Method, STD_LIMIT};
 use crate::table::Table;
 
 // False alarms of the limits below, over good recordings (`montecarlo --only identify:`, seeds from 62001, docs/identify.md): of 480 of drawn
 // bearings, 0.1 to 5 s, eight have too few turns, and nine are refused for SUSPECTED: eight of one bearing (30 mA, poles at 670 rad/s), whose
 // scores of the delay have the bias of noise in the regressors. Of 2500 of the nominal bearing, its bench off as told or not at all, none is.
 
+/// Samples from one on-line estimate that is looked at to the next.
+const ON_LINE: usize = 64;
 /// Turns that a recording must have at least, noise told or not (as on line).
 const TURNS: [f64; 2] = [1.3, 2.0];
 /// Below this speed, in rad/s, the rotor counts as being at rest.
@@ -186,13 +188,22 @@ pub(super) fn implausible(found: &Identification, columns: &Columns) -> Option<S
 /// Parameters that make no sense, by name; recordings that say nothing are an [`Answer`] that is not valid.
 pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Failed> {
     let columns: Vec<Columns> = recordings.iter().map(|samples| columns(samples, question.config.hold)).collect();
-    Ok(answer_columns(&columns, question))
+    let on_line = on_line(recordings, &question.config);
+    Ok(answer_columns(&columns, question, on_line))
 }
 
-fn answer_columns(all: &[Columns], question: Question) -> Answer {
+/// λ that the on-line estimator ends with, in N·m²/A², if any of its estimates is valid.
+fn on_line(recordings: &[Samples], config: &EstimatorConfig) -> Option<[f64; 3]> {
+    let config = EstimatorConfig { method: Method::PredictionError, ..config.clone() };
+    let found = |samples: &Samples| Some(track_every(samples, &config, ON_LINE).ok()?.last_valid()?.lambda_hat);
+    recordings.iter().find_map(found)
+}
+
+fn answer_columns(all: &[Columns], question: Question, on_line: Option<[f64; 3]>) -> Answer {
     let config = &question.config;
     let options = Options {
         bench: question.bench,
+        lambda0_nm2_a2: on_line,
         threads: question.threads,
         ..Options::new(config.m_kg, config.gap_m, config.alpha_rad)
     };
@@ -227,6 +238,8 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
                 .into(),
         );
     } else if refusal.is_some() {
+        // The on-line estimate is of the data as they are told.
+        let options = Options { lambda0_nm2_a2: None, ..options };
         let take = Take { columns: all[0].clone(), options, hold, config: config.clone() };
         findings.extend(diagnosis::proposals(&take));
     }

@@ -32,12 +32,14 @@ pub(super) struct Found {
 
 /// The most significant change of λ or load.
 ///
-/// For a change after block n the score of the blocks up to it, `g`, has the covariance `J_n − J_n J⁻¹ J_n`, all other unknowns estimated.
+/// For a change after block n the score of the blocks up to it, `g`, has the covariance `J_n − J_n J⁻¹ J_n`, all other unknowns estimated;
+/// what the step that remains would take of it, `J_n J⁻¹ b`, is no change.
 pub(super) fn change(finished: &Finished) -> Option<Found> {
     let search = &finished.search;
     let of = &finished.estimated;
-    let (a, _) = search.equations(&finished.normal, of);
+    let (a, b) = search.equations(&finished.normal, of);
     let inverse_all = inverse(&a)?;
+    let step = &inverse_all * b;
     let mut found: Option<Found> = None;
     for r in 0..search.cases.len() {
         let dispersion = finished.nis(r).max(1.0);
@@ -52,8 +54,8 @@ pub(super) fn change(finished: &Finished) -> Option<Found> {
                 continue;
             }
             for (lambda, unknowns) in [(true, vec![0, 1, 2]), (false, vec![unknown(LOAD, r), unknown(LOAD + 1, r)])] {
-                let g = DVector::from_fn(unknowns.len(), |i, _| until.b[unknowns[i]]);
                 let c = part(&until.j, &unknowns, of);
+                let g = DVector::from_fn(unknowns.len(), |i, _| until.b[unknowns[i]]) - &c * &step;
                 let covariance = part(&until.j, &unknowns, &unknowns) - &c * &inverse_all * c.transpose();
                 let Some(gain) = inverse(&covariance) else { continue };
                 let step = &gain * &g;

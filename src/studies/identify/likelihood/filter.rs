@@ -588,7 +588,13 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
 
 /// The whitened innovations of the counted rows.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-pub(super) fn innovations(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<[f64; 2]> {
+pub(super) fn innovations(
+    data: &Data,
+    bearing: &Bearing,
+    track: &Track,
+    variance: f64,
+    piece: &Piece,
+) -> Vec<[f64; 2]> {
     let mut kalman = Kalman::diffuse();
     let start = piece.filtered.start;
     let mut innovations = Vec::with_capacity(piece.counted.len());

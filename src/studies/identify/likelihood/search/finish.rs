@@ -205,7 +205,7 @@ impl Search<'_> {
         let difference = &h * right - found;
         let covariance = &h * g * h.transpose() - inverse;
         let b = moves.rows(0, 3);
-        let scatter = &b * b.transpose() * BIAS_VARIANCE + covariance.view((0, 0), (3, 3));
+        let scatter = b * b.transpose() * BIAS_VARIANCE + covariance.view((0, 0), (3, 3));
         let Some(weights) = solve::inverse(&scatter) else { return unknown() };
         let gain = b.transpose() * weights * BIAS_VARIANCE;
         let size = &gain * difference.rows(0, 3);
