@@ -107,7 +107,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>()?;
     let threads = std::thread::available_parallelism().map_or(1, Into::into);
     let answer = match arguments.is_likelihood() {
-        true => Some(identify::answer(&recordings, Question { config, bench, threads })?),
+        true => {
+            let lambda0_nm2_a2 = tracks[0].last_valid().map(|output| output.lambda_hat);
+            Some(identify::answer(&recordings, Question { config, bench, lambda0_nm2_a2, threads })?)
+        }
         false => None,
     };
     let results = Results { recordings, tracks, holds, answer };

@@ -191,7 +191,7 @@ fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
             bench[at].knowledge = likelihood::Knowledge::Tolerance(std);
         }
     }
-    Question { config, bench, threads: 1 }
+    Question { config, bench, lambda0_nm2_a2: None, threads: 1 }
 }
 
 fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {

@@ -525,6 +525,26 @@ pub(super) fn instruments(data: &Data, bearing: &Bearing, track: &Track, varianc
 
 const _: () = assert!(ALL + 3 <= MANY && BASE <= FEW);
 
+/// Calls `each` with every row, the interval that ends there (none at the first row), and what is measured there minus what is read at the trajectory.
+#[inline(always)]
+fn each_row(
+    data: &Data,
+    bearing: &Bearing,
+    track: &Track,
+    rows: Range<usize>,
+    mut each: impl FnMut(usize, Option<&Interval>, [f64; 2]),
+) {
+    let mut from = data.shaft(rows.start);
+    for row in rows.clone() {
+        let to = data.shaft(row);
+        let interval = (row > rows.start).then(|| data.interval(bearing, track, row, &from, &to).0);
+        from = to;
+        let acceleration = interval.as_ref().map_or([0.0; 2], |interval| interval.end);
+        let (read, _) = bearing.reading(&track.state[row], acceleration, to);
+        each(row, interval.as_ref(), [data.position[row][0] - read[0], data.position[row][1] - read[1]]);
+    }
+}
+
 /// What the smoother keeps of a row.
 #[derive(Clone, Copy, Debug, Default)]
 struct Kept {
@@ -541,25 +561,17 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
     let mut kalman = Kalman::diffuse();
     let start = piece.filtered.start;
     let mut kept = Vec::with_capacity(piece.filtered.len());
-    let mut from = data.shaft(start);
-    for row in piece.filtered.clone() {
-        let to = data.shaft(row);
-        let mut acceleration = [0.0; 2];
+    each_row(data, bearing, track, piece.filtered.clone(), |_, interval, residual| {
         let mut keep = Kept::default();
-        if row > start {
-            let (interval, _) = data.interval(bearing, track, row, &from, &to);
-            kalman.predict(h, &interval, [1.0; 3]);
-            acceleration = interval.end;
+        if let Some(interval) = interval {
+            kalman.predict(h, interval, [1.0; 3]);
             keep.stiffness = interval.stiffness;
         }
-        from = to;
         keep.x = kalman.x;
         keep.p = kalman.p;
-        let (read, _) = bearing.reading(&track.state[row], acceleration, to);
-        let residual = [data.position[row][0] - read[0], data.position[row][1] - read[1]];
         keep.innovation = kalman.update(bearing, variance, residual);
         kept.push(keep);
-    }
+    });
     let (m, d) = (&bearing.sensor, bearing.delay);
     let mut r: State = [0.0; 4];
     let counted = piece.counted.len();
@@ -596,25 +608,16 @@ pub(super) fn innovations(
     piece: &Piece,
 ) -> Vec<[f64; 2]> {
     let mut kalman = Kalman::diffuse();
-    let start = piece.filtered.start;
     let mut innovations = Vec::with_capacity(piece.counted.len());
-    let mut from = data.shaft(start);
-    for row in start..piece.counted.end {
-        let to = data.shaft(row);
-        let mut acceleration = [0.0; 2];
-        if row > start {
-            let (interval, _) = data.interval(bearing, track, row, &from, &to);
-            kalman.predict(data.h, &interval, [1.0; 3]);
-            acceleration = interval.end;
+    each_row(data, bearing, track, piece.filtered.start..piece.counted.end, |row, interval, residual| {
+        if let Some(interval) = interval {
+            kalman.predict(data.h, interval, [1.0; 3]);
         }
-        from = to;
-        let (read, _) = bearing.reading(&track.state[row], acceleration, to);
-        let residual = [data.position[row][0] - read[0], data.position[row][1] - read[1]];
         let innovation = kalman.update(bearing, variance, residual);
         if row >= piece.counted.start {
             innovations.push(innovation.whiten(innovation.e));
         }
-    }
+    });
     innovations
 }
 
@@ -632,20 +635,12 @@ pub(super) fn likelihoods(
     let mut logs = [LogProduct::new(); 3];
     let mut sums = [[0.0; 3]; 3];
     let start = piece.filtered.start;
-    let mut from = data.shaft(start);
-    for row in start..piece.counted.end {
-        let to = data.shaft(row);
-        let mut acceleration = [0.0; 2];
-        if row > start {
-            let (interval, _) = data.interval(bearing, track, row, &from, &to);
-            acceleration = interval.end;
+    each_row(data, bearing, track, start..piece.counted.end, |row, interval, residual| {
+        if let Some(interval) = interval {
             for (kalman, factor) in kalman.iter_mut().zip(factors) {
-                kalman.predict(data.h, &interval, factor);
+                kalman.predict(data.h, interval, factor);
             }
         }
-        from = to;
-        let (read, _) = bearing.reading(&track.state[row], acceleration, to);
-        let residual = [data.position[row][0] - read[0], data.position[row][1] - read[1]];
         for f in 0..3 {
             let innovation = kalman[f].update(bearing, variance, residual);
             if row >= piece.counted.start.max(start + 4) {
@@ -655,7 +650,7 @@ pub(super) fn likelihoods(
                 sums[f][2] += 1.0;
             }
         }
-    }
+    });
     for f in 0..3 {
         sums[f][0] = logs[f].finish(sums[f][2]);
     }

@@ -87,6 +87,9 @@ fn parallel<T: Sync, R: Send>(threads: usize, items: &[T], work: impl Fn(&T) -> 
     results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).into_iter().flatten().collect()
 }
 
+/// Sums of the blocks of every piece, with the number of its recording.
+pub(super) type Blocks = Vec<(usize, Vec<Block>)>;
+
 /// What a pass sums over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Columns {
@@ -134,7 +137,7 @@ impl<'a> Search<'a> {
         self.cases.iter().enumerate().flat_map(|(r, case)| case.pieces.iter().map(move |piece| (r, piece))).collect()
     }
 
-    fn pass(&self, columns: Columns) -> Vec<(usize, Vec<Block>)> {
+    fn pass(&self, columns: Columns) -> Blocks {
         let pass = match columns {
             Columns::Few => filter::few_columns,
             Columns::All => filter::all_columns,
@@ -426,12 +429,6 @@ struct Point {
     noise: Vec<[f64; 2]>,
 }
 
-impl Point {
-    fn x_lambda(&self) -> [f64; 3] {
-        [self.x[0], self.x[1], self.x[2]]
-    }
-}
-
 /// A step of Gauss and Newton.
 struct Step {
     /// By unknown; 0 for what is not estimated.
@@ -565,7 +562,7 @@ pub(super) fn fit<'a>(
     });
     let mut search = match near {
         Some(near) => {
-            let mut search = start(recordings, masks, options, near.x_lambda())?;
+            let mut search = start(recordings, masks, options, [near.x[0], near.x[1], near.x[2]])?;
             hold(&mut search, held);
             search.start_at(near);
             search.smooth();

@@ -11,7 +11,7 @@ use super::super::equations::ALL;
 use super::super::filter::Block;
 use super::super::solve::{self, Normal, part};
 use super::super::{Covariance, Estimate, Failed};
-use super::{CONVERGED, Columns, Search};
+use super::{Blocks, CONVERGED, Columns, Search};
 
 /// Variance of the size of the bias of scores ([`Search::bias`]): 0 where the loop is fast, 1 without feedback; as on line.
 const BIAS_VARIANCE: f64 = 0.25;
@@ -26,7 +26,7 @@ const SCORES_RATIO: f64 = 2.0;
 /// A finished search, its sums taken over all columns.
 pub struct Finished<'a> {
     pub search: Search<'a>,
-    pub blocks: Vec<(usize, Vec<Block>)>,
+    pub blocks: Blocks,
     pub normal: Normal,
     pub estimated: Vec<usize>,
     /// Columns of the sums with the sensitivities to what is estimated; those of `estimated` have their instruments.
@@ -61,10 +61,7 @@ fn inverse(a: &DMatrix<f64>) -> Result<DMatrix<f64>, Failed> {
 pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
     let estimated = search.estimated();
     let bias = if search.converged && search.exact() { Some(search.free_of_bias()?) } else { None };
-    let instruments = bias.is_some() && search.has_instruments();
-    let blocks = search.pass(if instruments { Columns::Instruments } else { Columns::All });
-    let normal = search.normal(&blocks);
-    let columns = if instruments { measured(&estimated, &normal) } else { estimated.clone() };
+    let (blocks, normal, columns) = search.sums(&estimated);
     let (a, b) = search.equations_by(&normal, &estimated, &columns, &columns);
     let response = inverse(&a)?;
     let step = &response * b;
@@ -94,12 +91,6 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
     }
     let total = &noise + &response * weights * &response;
     Ok(Finished { search, blocks, normal, estimated, columns, noise, total, covariance })
-}
-
-/// The columns of the likelihood among sums whose columns are driven by what is to be expected: those of λ stand at the end.
-fn measured(estimated: &[usize], normal: &Normal) -> Vec<usize> {
-    let first = normal.b.len() - 3;
-    estimated.iter().map(|at| if *at < 3 { first + at } else { *at }).collect()
 }
 
 /// Covariance of the sum of the scores, with the covariance between neighbouring blocks (Newey and West 1987, one lag).
@@ -147,6 +138,17 @@ impl Search<'_> {
         self.cases.iter().all(|case| !case.track.expected.is_empty())
     }
 
+    /// Sums over all columns, with instruments if there are any, and the columns of the sensitivities to what is estimated.
+    fn sums(&self, estimated: &[usize]) -> (Blocks, Normal, Vec<usize>) {
+        let instruments = self.has_instruments();
+        let blocks = self.pass(if instruments { Columns::Instruments } else { Columns::All });
+        let normal = self.normal(&blocks);
+        // Beside their instruments, the sensitivities to λ stand at the end.
+        let first = normal.b.len() - 3;
+        let columns = estimated.iter().map(|at| if instruments && *at < 3 { first + at } else { *at }).collect();
+        (blocks, normal, columns)
+    }
+
     /// By how much noise of the currents lowers the scores of λ: `λ_k Σ γᵀ S⁻¹ γ` with γ the sensitivity to λ_k that this noise drives.
     ///
     /// S contains the same noise as process noise, so that this is half the derivative of Σ ln det S to the logarithm of its level, over λ_k.
@@ -164,13 +166,11 @@ impl Search<'_> {
         let of = self.estimated();
         let mut added = DMatrix::zeros(of.len(), of.len());
         for _ in 0..INSTRUMENTAL {
-            let instruments = self.has_instruments();
-            let normal = self.normal(&self.pass(if instruments { Columns::Instruments } else { Columns::All }));
-            let columns = if instruments { measured(&of, &normal) } else { of.clone() };
+            let (_, normal, columns) = self.sums(&of);
             let (j, b) = self.equations_by(&normal, &of, &columns, &columns);
             let inverse = inverse(&j)?;
             let found = &inverse * b;
-            let bias = self.bias(&normal, &of, &inverse, &found);
+            let bias = self.bias(&normal, &of, &columns, &inverse, &found);
             let step = found + bias.step;
             added = bias.covariance;
             for (i, at) in of.iter().enumerate() {
@@ -191,7 +191,14 @@ impl Search<'_> {
     /// as much where its loop is fast. The sum, −s_k A_k with s_k of variance V ([`BIAS_VARIANCE`]), moves ϑ by −J⁻¹ A s. The estimate by instruments ϑ_IV is
     /// free of it and has the covariance P = H⁻¹ G H⁻ᵀ: for λ alone, with B = (J⁻¹ A)_λ, `ŝ = V Bᵀ (V B Bᵀ + P_λ − (J⁻¹)_λ)⁻¹ (ϑ_IV − ϑ)_λ`. The on-line
     /// estimator does the same with one s for all.
-    fn bias(&self, normal: &Normal, of: &[usize], inverse: &DMatrix<f64>, found: &DVector<f64>) -> Bias {
+    fn bias(
+        &self,
+        normal: &Normal,
+        of: &[usize],
+        columns: &[usize],
+        inverse: &DMatrix<f64>,
+        found: &DVector<f64>,
+    ) -> Bias {
         let n = of.len();
         let attenuation = self.attenuation();
         let moves = DMatrix::from_fn(n, 3, |i, k| inverse[(i, k)] * attenuation[k]);
@@ -199,7 +206,7 @@ impl Search<'_> {
         if !self.has_instruments() {
             return unknown();
         }
-        let (h, right) = self.equations_by(normal, of, of, &measured(of, normal));
+        let (h, right) = self.equations_by(normal, of, of, columns);
         let g = part(&normal.j, of, of);
         let Some(h) = solve::general_inverse(&h) else { return unknown() };
         let difference = &h * right - found;
