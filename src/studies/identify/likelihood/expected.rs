@@ -58,9 +58,9 @@ pub(super) fn expected(
     let all = data.at.len();
     let rows = || segments.iter().flat_map(|segment| segment.clone().skip(1).map(|row| (row, segment.start)));
     let signals = |row: usize| -> [f64; SIGNALS] {
-        let (state, squares) = (&track.state[row], data.square(bearing, row));
-        let gaps = bearing.gaps_at(state);
-        std::array::from_fn(|i| if i < 3 { squares[i] / (gaps[i] * gaps[i]) } else { state[i - 3] })
+        let [y, z, v, w] = track.state[row];
+        let [a, b, c] = bearing.regressors([y, z], data.square(bearing, row));
+        [a, b, c, y, z, v, w]
     };
     let angle: f64 = rows().map(|(row, _)| (data.omega[row] * data.h).abs()).sum();
     let turns = angle / std::f64::consts::TAU;
