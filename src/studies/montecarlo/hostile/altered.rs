@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::Draw;
+use super::{Draw, real};
 use crate::simulation::scenario::Scenario;
 use fmu_export::variable::Value;
 
@@ -19,6 +19,8 @@ pub struct Readings {
     pub theta_rad: f64,
     /// Its speed, in rad/s.
     pub omega_rad_s: f64,
+    /// Force constants that the controller gets instead of the estimates, in N·m²/A².
+    pub lambda_nm2_a2: Option<Vec<f64>>,
 }
 
 /// Changes the readings of a run, sample by sample.
@@ -37,8 +39,10 @@ pub struct Wires {
     current: Vec<usize>,
     theta: usize,
     omega: usize,
-    /// Positions on their way to the controller.
+    /// Positions, λ and whether they are valid, on their way to the controller.
     to_controller: Vec<usize>,
+    lambda: Vec<usize>,
+    valid: usize,
 }
 
 impl Wires {
@@ -49,13 +53,15 @@ impl Wires {
             (0..connections.len()).filter(|at| is(&connections[*at].to)).collect()
         };
         let is_position = |name: &str| ["Xm", "Ym", "Zm"].iter().any(|end| name.ends_with(end));
-        let one = |name: &str| to("estimator", &|candidate| candidate == name)[0];
+        let one = |element: &str, name: &str| to(element, &|candidate| candidate == name)[0];
         Self {
             position: to("estimator", &is_position),
             current: to("estimator", &|name| name.contains("im[")),
-            theta: one("theta"),
-            omega: one("omega"),
+            theta: one("estimator", "theta"),
+            omega: one("estimator", "omega"),
             to_controller: to("controller", &is_position),
+            lambda: to("controller", &|name| name.contains("lambdaHat")),
+            valid: one("controller", "lambdaValid"),
         }
     }
 
@@ -68,9 +74,10 @@ impl Wires {
             current_a: all(&self.current),
             theta_rad: values[self.theta].clone().as_f64(),
             omega_rad_s: values[self.omega].clone().as_f64(),
+            lambda_nm2_a2: None,
         };
         change(&mut readings);
-        let Readings { position_m, current_a, theta_rad, omega_rad_s, .. } = readings;
+        let Readings { position_m, current_a, theta_rad, omega_rad_s, lambda_nm2_a2, .. } = readings;
         let angle = [(&self.theta, theta_rad), (&self.omega, omega_rad_s)];
         let positions = self.position.iter().zip(position_m.iter().copied());
         for (at, value) in positions.chain(self.current.iter().zip(current_a)).chain(angle) {
@@ -78,6 +85,12 @@ impl Wires {
         }
         if *of_sensor {
             for (at, value) in self.to_controller.iter().zip(position_m) {
+                values[*at] = Value::Real(value);
+            }
+        }
+        if let Some(lambda) = lambda_nm2_a2 {
+            values[self.valid] = Value::Boolean(true);
+            for (at, value) in self.lambda.iter().zip(lambda) {
                 values[*at] = Value::Real(value);
             }
         }
@@ -92,6 +105,18 @@ pub fn on_the_way(change: impl FnMut(&mut Readings) + 'static) -> Change {
 /// The sensors read something else.
 pub fn in_the_sensor(change: impl FnMut(&mut Readings) + 'static) -> Change {
     Change { change: Box::new(change), of_sensor: true }
+}
+
+/// The controller gets force constants from elsewhere, off by a relative deviation.
+pub fn taught(deviation: f64) -> Alter {
+    Box::new(move |scenario, seed| {
+        let mut draw = Draw::new(seed ^ 0x7a09);
+        let mut about = |(bearing, k): &(String, String)| {
+            real(scenario, "plant", &format!("{bearing}lambda{k}")) * (1.0 + deviation * draw.normal())
+        };
+        let lambda: Vec<f64> = scenario.magnets().iter().map(&mut about).collect();
+        on_the_way(move |readings| readings.lambda_nm2_a2 = Some(lambda.clone()))
+    })
 }
 
 /// White noise of the speed, relative, and of the angle, in rad.

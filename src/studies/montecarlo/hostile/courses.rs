@@ -3,9 +3,8 @@
 use std::f64::consts::{PI, TAU};
 
 use super::altered::{self, Alter, Missing};
-use super::{Asked, Course, Draw, NOISE, cases};
+use super::{Asked, Course, Draw, NOISE, cases, real};
 use crate::simulation::scenario::{Profile, Scenario};
-use crate::studies::montecarlo::real;
 use fmu_export::variable::Value;
 
 /// Speed in rad/s of one in rpm.
@@ -57,7 +56,8 @@ fn excitation() -> Vec<Course> {
             set(scenario);
             put(scenario, "controller.update.time", 0.5);
         };
-        Course::new(&format!("wrong by two, updated late, {name}"), Asked::NotWrong, set).lasting(1.5)
+        let name = format!("wrong by two, updated late, {name}");
+        Course::new(&name, Asked::NotWrong, set).lasting(1.5).with(altered::taught(0.02))
     };
     let mut courses = vec![
         Course::new("nominal", Asked::Valid, |_, _| ()),
@@ -170,8 +170,10 @@ fn forces() -> Vec<Course> {
         }),
         Course {
             rubs: true,
-            ..Course::new("rubbing, not told", Asked::NotWrong, |scenario, _| {
-                put(scenario, "plant.touchdown.clearance", 71e-6);
+            ..Course::new("light rubbing", Asked::NotWrong, |scenario, seed| {
+                let mut draw = Draw::new(seed);
+                put(scenario, "plant.touchdown.clearance", draw.between(70e-6, 73e-6));
+                put(scenario, "plant.touchdown.stiffness", draw.scale(1e6, 5e7));
             })
         },
     ]);
@@ -185,7 +187,7 @@ fn angles() -> Vec<Course> {
         Course::new(&format!("circle, {name}"), Asked::NotWrong, set).with(alter)
     };
     let speed = |name: &str, change: fn(f64) -> f64| {
-        Course::new(&format!("speed {name}"), Asked::NotWrong, |_, _| ()).with(altered::speed(change))
+        Course::new(&format!("speed {name}"), Asked::NotValid, |_, _| ()).with(altered::speed(change))
     };
     vec![
         circle("noise of the speed 1 %", altered::noisy_angle(0.01, 0.0)),
@@ -281,11 +283,12 @@ fn turn(scenario: &mut Scenario, rpm: f64) {
     cases::path(scenario, PATH, (3, 0.0), rpm * RPM);
 }
 
-/// First guesses of controller and estimator that are the true λ times a factor; the smallest force is modulated.
+/// First guesses that are the true λ times a factor, for the controller by two at most, or it would not hold the rotor; the smallest force
+/// is modulated.
 fn guess(scenario: &mut Scenario, factor: f64) {
     for (bearing, k) in scenario.magnets() {
         let lambda = real(scenario, "plant", &format!("{bearing}lambda{k}"));
-        for element in ["controller", "estimator"] {
+        for (element, factor) in [("controller", factor.clamp(0.5, 2.0)), ("estimator", factor)] {
             scenario.set(element, &format!("{bearing}lambda0{k}"), Value::Real(factor * lambda));
         }
     }

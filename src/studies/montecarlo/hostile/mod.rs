@@ -9,7 +9,7 @@ mod courses;
 
 use super::cases::Draw;
 use super::figures::{CONFIDENT, Truth, Worst};
-use super::{NOISE, cases, in_parallel, study};
+use super::{NOISE, cases, in_parallel, real, study};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Refused};
@@ -35,6 +35,8 @@ pub enum Asked {
     Valid,
     /// No valid estimate that is wrong: something is false, or too fast to be known.
     NotWrong,
+    /// No valid estimate: the readings contradict each other.
+    NotValid,
     /// Nothing: the data are those of another bearing without the fault.
     Nothing,
 }
@@ -94,6 +96,13 @@ impl Trial {
     /// Whether a valid estimate was wrong by more than [`CONFIDENT`] standard deviations.
     pub fn is_beyond(&self) -> bool {
         self.worst.ratio > CONFIDENT
+    }
+}
+
+impl Course {
+    /// Whether a run says what must not be said.
+    pub fn is_wrong(&self, trial: &Trial) -> bool {
+        trial.is_beyond() || (self.asked == Asked::NotValid && trial.valid > 0.0)
     }
 }
 
@@ -165,7 +174,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) 
     let touched = contacts.filter_map(|column| column.values.iter().position(|contact| *contact == 1.0)).min();
     let touched = touched.filter(|_| !rubs);
     let rows = touched.unwrap_or(time_s.len());
-    let omega = super::real(scenario, "plant", "omega").abs().max(1.0);
+    let omega = real(scenario, "plant", "omega").abs().max(1.0);
     let granted_s = GRANTED_REVOLUTIONS * std::f64::consts::TAU / omega;
     let granted = |time_s: f64| {
         let jumps = magnets.iter().filter_map(|(truth, ..)| truth.jump_s());
@@ -216,17 +225,17 @@ pub fn run(cases: &[Case], runs: usize, first_seed: u64) -> Result<Vec<Vec<Trial
     cases.iter().map(|_| all.by_ref().take(runs).collect()).collect()
 }
 
-/// Runs with a valid estimate that was wrong, and all runs, where something can be asked.
-pub fn beyond(cases: &[Case], found: &[Vec<Trial>], told: bool) -> (usize, usize) {
+/// Runs that say what must not be said, and all runs, where something can be asked.
+pub fn wrong(cases: &[Case], found: &[Vec<Trial>], told: bool) -> (usize, usize) {
     let counted = cases.iter().zip(found).filter(|(case, _)| case.told == told && case.course.asked != Asked::Nothing);
-    counted.fold((0, 0), |(beyond, runs), (_, trials)| {
-        (beyond + trials.iter().filter(|trial| trial.is_beyond()).count(), runs + trials.len())
+    counted.fold((0, 0), |(wrong, runs), (case, trials)| {
+        (wrong + trials.iter().filter(|trial| case.course.is_wrong(trial)).count(), runs + trials.len())
     })
 }
 
 /// A row for each case.
 pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
-    let head = ["", "beyond 5", "worst", "error, %", "stated, %", "valid, %", "changes", "at the end"];
+    let head = ["", "wrong", "worst", "error, %", "stated, %", "valid, %", "changes", "at the end"];
     let row = |(case, trials): (&Case, &Vec<Trial>)| {
         let worst = trials.iter().map(|trial| trial.worst).max_by(|one, other| one.ratio.total_cmp(&other.ratio));
         let worst = worst.unwrap_or_default();
@@ -240,13 +249,14 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
         let mark = match case.course.asked {
             Asked::Valid => "",
             Asked::NotWrong => " *",
-            Asked::Nothing => " **",
+            Asked::NotValid => " **",
+            Asked::Nothing => " ***",
         };
         let ended = trials.iter().filter(|trial| trial.ended_s.is_some()).count();
         let ended = if ended > 0 { format!(" ({ended} ended by contact)") } else { String::new() };
         vec![
             format!("{}, {}told{mark}{ended}", case.course.name, if case.told { "" } else { "not " }),
-            format!("{}/{}", trials.iter().filter(|trial| trial.is_beyond()).count(), trials.len()),
+            format!("{}/{}", trials.iter().filter(|trial| case.course.is_wrong(trial)).count(), trials.len()),
             number(worst.ratio, 1),
             of_worst(worst.error),
             of_worst(worst.std),
@@ -257,16 +267,18 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
     };
     let seeds = found.first().and_then(|trials| Some((trials.first()?.seed, trials.last()?.seed)));
     let (first, last) = seeds.unwrap_or_default();
-    let share = |(beyond, runs): (usize, usize)| {
-        format!("{beyond} of {runs} ({:.1} %)", 100.0 * beyond as f64 / runs.max(1) as f64)
+    let share = |told: bool| {
+        let (wrong, runs) = wrong(cases, found, told);
+        format!("{wrong} of {runs} runs ({:.1} %)", 100.0 * wrong as f64 / runs.max(1) as f64)
     };
     let note = format!(
-        "Seeds {first} to {last}. Beyond 5: runs with a valid estimate wrong by more than {CONFIDENT} stated deviations, tolerances included; worst: \
-         the greatest error in these deviations, and both in per cent; valid: part of the time from {VALID_FROM_S} s on; changes of `valid` within a \
-         second, at most; at the end: rms error in stated deviations. A star: something is false, so that the estimate need not be valid; two: it \
-         cannot be known, and nothing is asked. Beyond 5 without the latter: noise told {}, not told {}.",
-        share(beyond(cases, found, true)),
-        share(beyond(cases, found, false)),
+        "Seeds {first} to {last}. Wrong: runs with a valid estimate off by more than {CONFIDENT} stated deviations, tolerances included; worst: the \
+         greatest error of a valid estimate in these deviations, and both in per cent; valid: part of the time from {VALID_FROM_S} s on; changes: \
+         of `valid` within a second, at most; at the end: rms error in stated deviations. * something is false or too fast, so that the estimate \
+         need not be valid; ** readings contradict each other, and any valid estimate is wrong; *** cannot be known, and does not count. Wrong in \
+         all: noise told {}, not told {}.",
+        share(true),
+        share(false),
     );
     Table {
         title: "Hostile courses".into(),
