@@ -7,6 +7,7 @@
 pub mod bound;
 pub mod cases;
 pub mod figures;
+pub mod hostile;
 pub mod offline;
 pub mod spindle;
 
