@@ -21,19 +21,20 @@ const MEMORY_S: [f64; MODELS] = [f64::INFINITY, 0.3, 0.1, 0.03, 0.01];
 /// Blocks for which evidence counts.
 const EVIDENCE_BLOCKS: f64 = 64.0;
 
-/// Logarithms of likelihood ratios: by which a shorter memory replaces what a longer one knows, by which another model is taken, from which the simplest
-/// is taken again, and the least that is remembered.
+/// Logarithms of odds: of a model whose memory ends against the one whose memory does not, before there are data; by which a shorter memory replaces what a
+/// longer one knows; by which another model is taken; the least that is remembered.
+const PRIOR: f64 = -4.0;
 const REPLACED: f64 = 12.0;
-const TAKEN: f64 = 2.0;
-const RETURN: f64 = 0.5;
+const TAKEN: f64 = 1.0;
 const LEAST: f64 = -20.0;
 
 /// The same models of the backward force: none, or Gaussian with these parts of its tolerance.
 const FORCE_PARTS: [f64; 4] = [0.0, 0.05, 0.3, 1.0];
 
 /// Probability of a force above which it is identified, and below which no longer.
-const FORCE_LIMITS: [f64; 2] = [0.99, 0.5];
+const FORCE_LIMITS: [f64; 2] = [0.99, 0.50];
 
+const TEMPER: f64 = 0.5;
 /// The most unknowns of backward forces.
 const FORCES: usize = 4;
 
@@ -104,19 +105,25 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         }
         let most = self.evidence.into_iter().fold(f64::NEG_INFINITY, f64::max);
         self.evidence = self.evidence.map(|evidence| (evidence - most).max(LEAST));
-        if self.evidence[self.used] < -TAKEN {
-            self.used = (0..MODELS).find(|m| self.evidence[*m] == 0.0).unwrap_or(0);
+        let odds = self.odds();
+        let likeliest = (0..MODELS).fold(0, |best, m| if odds[m] > odds[best] { m } else { best });
+        if odds[likeliest] > odds[self.used] + TAKEN {
+            self.used = likeliest;
         }
-        self.used = (0..self.used).find(|m| self.evidence[*m] > -RETURN).unwrap_or(self.used);
-        self.mix(prior, variances);
         changed
     }
 
-    /// Variance of the mixture beyond that of the model that is used.
-    fn mix(&mut self, prior: &Prior<U>, variances: [f64; 2]) {
+    /// Logarithms of the odds of the models.
+    fn odds(&self) -> [f64; MODELS] {
+        std::array::from_fn(|m| self.evidence[m] + if m > 0 { PRIOR } else { 0.0 })
+    }
+
+    /// Finds the variance of the mixture beyond that of the model that is used.
+    pub fn mix(&mut self, prior: &Prior<U>, variances: [f64; 2]) {
         self.spread = SVector::zeros();
         let Some(own) = self.sums().solve(prior, variances) else { return };
-        let weights = self.evidence.map(exp);
+        let most = self.odds().into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let weights = self.odds().map(|odds| exp(odds - most));
         let all: f64 = weights.iter().sum();
         for (sums, weight) in self.sums.iter().zip(weights) {
             let Some(other) = sums.solve(prior, variances) else { continue };
@@ -179,7 +186,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         self.force = if probability > FORCE_LIMITS[usize::from(self.force > 0)] { likeliest } else { 0 };
         let used = self.force;
         // Weights by the square root: what is stated holds for models that are less likely as well.
-        let tempered = models.map(|model| exp(0.5 * (model.0 - most)));
+        let tempered = models.map(|model| exp(TEMPER * (model.0 - most)));
         let sum: f64 = tempered.iter().sum();
         let mut spread = -models[used].2;
         for ((_, mean, covariance), weight) in models.iter().zip(tempered) {

@@ -416,17 +416,17 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         } else {
             state.trusted[QUARTERS - 1] = state.trusted[QUARTERS - 2].clone();
         }
-        let prior = self.prior;
+        let prior = state.models.prior(&self.prior, self.forces());
         if state.is_settled() {
             state.validation.discount(state.models.discount_of(time_s));
-            if state.models.weigh(&block, time_s, &prior, variances) {
+            if state.models.weigh(&block, time_s, &self.prior, variances) {
                 state.trust_again();
                 state.validation.forget(state.revolutions());
             }
+            state.models.mix(&prior, variances);
         } else {
             state.models.merge(&block);
         }
-        let prior = state.models.prior(&prior, self.forces());
         if let Some(found) = state.models.sums().solve(&prior, variances) {
             state.validation.judge_harmonics(state.revolutions(), &found, variances[0]);
         }
