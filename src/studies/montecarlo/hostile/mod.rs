@@ -138,8 +138,8 @@ impl Case<'_> {
             let wires = Wires::new(&scenario);
             let mut alter = self.course.alter.as_ref().map(|alter| alter(&scenario, seed));
             let wanted = |path: &str| {
-                let quantities = ["lambdaHat", "lambdaStdTotal", "estimator.valid", "touchdown.contact"];
-                quantities.iter().any(|quantity| path.contains(quantity))
+                let quantities = ["lambdaHat", "lambdaStdTotal", "estimator.valid"];
+                is_contact(path) || quantities.iter().any(|quantity| path.contains(quantity))
             };
             let altered = |time_s: f64, values: &mut [Value]| {
                 if let Some(alter) = &mut alter {
@@ -161,6 +161,11 @@ impl Case<'_> {
     }
 }
 
+/// Whether a signal says that the rotor touches a backup bearing.
+fn is_contact(path: &str) -> bool {
+    path.starts_with("plant.") && path.ends_with("contact")
+}
+
 /// Judges a run by its valid samples, until the rotor touches down unless that is part of the course.
 pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) -> Option<Trial> {
     let mut magnets = Vec::new();
@@ -170,7 +175,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) 
     }
     let valid = recording.get("estimator.valid")?;
     let time_s = &recording.time_s;
-    let contacts = recording.columns.iter().filter(|column| column.name.ends_with("touchdown.contact"));
+    let contacts = recording.columns.iter().filter(|column| is_contact(&column.name));
     let touched = contacts.filter_map(|column| column.values.iter().position(|contact| *contact == 1.0)).min();
     let touched = touched.filter(|_| !rubs);
     let rows = touched.unwrap_or(time_s.len());
