@@ -138,7 +138,8 @@ enum Command {
     /// Repeats runs with many seeds and prints errors, stated standard deviations and the Cramér–Rao bound.
     ///
     /// Without a scenario: random bearings; the unbalanced rotor with several noise levels, controllers, speeds and drives;
-    /// wrong parameters; a step of λ; long runs. With a scenario: that scenario with many seeds of the sensor noise.
+    /// wrong parameters; a step of λ; long runs; hostile courses. With a scenario: that scenario with many seeds of the sensor
+    /// noise.
     Montecarlo {
         /// A file or a built-in scenario, run with the default method.
         #[arg(value_name = "SCENARIO", conflicts_with = "only")]
@@ -161,7 +162,7 @@ enum Command {
         /// The estimator estimates the noise instead of being told.
         #[arg(long, requires = "scenario")]
         untold: bool,
-        /// Times at which the estimates are evaluated, in seconds.
+        /// Times at which the estimates are evaluated, in seconds; hostile courses are judged at all times.
         #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = duration, allow_hyphen_values = true)]
         at: Vec<f64>,
     },

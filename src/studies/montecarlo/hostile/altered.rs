@@ -26,8 +26,15 @@ pub struct Readings {
 /// Changes the readings of a run, sample by sample.
 pub struct Change {
     change: Box<dyn FnMut(&mut Readings)>,
-    /// The controller reads the changed positions as well: it is the sensor that is at fault.
+    /// The controller reads what was changed as well: it is the sensor that is at fault.
     of_sensor: bool,
+}
+
+impl Change {
+    /// Changes the readings of the next sample.
+    pub fn apply(&mut self, readings: &mut Readings) {
+        (self.change)(readings);
+    }
 }
 
 /// Makes the change of a run from its scenario and its seed.
@@ -39,13 +46,14 @@ pub struct Wires {
     current: Vec<usize>,
     theta: usize,
     omega: usize,
-    /// Positions, λ and whether they are valid, on their way to the controller.
+    /// Positions and currents, λ and whether they are valid, on their way to the controller.
     to_controller: Vec<usize>,
     lambda: Vec<usize>,
     valid: usize,
 }
 
 impl Wires {
+    /// Those of a scenario.
     pub fn new(scenario: &Scenario) -> Self {
         let connections = scenario.connections();
         let to = |element: &str, wanted: &dyn Fn(&str) -> bool| -> Vec<usize> {
@@ -53,20 +61,21 @@ impl Wires {
             (0..connections.len()).filter(|at| is(&connections[*at].to)).collect()
         };
         let is_position = |name: &str| ["Xm", "Ym", "Zm"].iter().any(|end| name.ends_with(end));
+        let is_current = |name: &str| name.contains("im[");
         let one = |element: &str, name: &str| to(element, &|candidate| candidate == name)[0];
         Self {
             position: to("estimator", &is_position),
-            current: to("estimator", &|name| name.contains("im[")),
+            current: to("estimator", &is_current),
             theta: one("estimator", "theta"),
             omega: one("estimator", "omega"),
-            to_controller: to("controller", &is_position),
+            to_controller: [to("controller", &is_position), to("controller", &is_current)].concat(),
             lambda: to("controller", &|name| name.contains("lambdaHat")),
             valid: one("controller", "lambdaValid"),
         }
     }
 
     /// Changes the readings among these values.
-    pub fn alter(&self, time_s: f64, values: &mut [Value], Change { change, of_sensor }: &mut Change) {
+    pub fn alter(&self, time_s: f64, values: &mut [Value], change: &mut Change) {
         let all = |places: &[usize]| places.iter().map(|at| values[*at].clone().as_f64()).collect();
         let mut readings = Readings {
             time_s,
@@ -76,15 +85,16 @@ impl Wires {
             omega_rad_s: values[self.omega].clone().as_f64(),
             lambda_nm2_a2: None,
         };
-        change(&mut readings);
+        change.apply(&mut readings);
         let Readings { position_m, current_a, theta_rad, omega_rad_s, lambda_nm2_a2, .. } = readings;
+        let measured = [position_m, current_a].concat();
         let angle = [(&self.theta, theta_rad), (&self.omega, omega_rad_s)];
-        let positions = self.position.iter().zip(position_m.iter().copied());
-        for (at, value) in positions.chain(self.current.iter().zip(current_a)).chain(angle) {
+        let places = self.position.iter().chain(&self.current);
+        for (at, value) in places.zip(measured.iter().copied()).chain(angle) {
             values[*at] = Value::Real(value);
         }
-        if *of_sensor {
-            for (at, value) in self.to_controller.iter().zip(position_m) {
+        if change.of_sensor {
+            for (at, value) in self.to_controller.iter().zip(measured) {
                 values[*at] = Value::Real(value);
             }
         }
@@ -148,23 +158,43 @@ pub fn speed(change: fn(f64) -> f64) -> Alter {
     Box::new(move |_, _| on_the_way(move |readings| readings.omega_rad_s = change(readings.omega_rad_s)))
 }
 
-/// Noise of the currents that is white noise after a low-pass of first order, with this standard deviation in A and this cut-off
-/// frequency in Hz.
-pub fn coloured(std_a: f64, cut_off_hz: f64) -> Alter {
+/// White noise after a low-pass of first order, with this standard deviation and this cut-off frequency in Hz.
+struct Coloured {
+    std: f64,
+    kept: f64,
+    draw: Draw,
+    state: Vec<f64>,
+}
+
+impl Coloured {
+    fn new(std: f64, cut_off_hz: f64, step_s: f64, seed: u64) -> Self {
+        let kept = libm::exp(-TAU * cut_off_hz * step_s);
+        Self { std, kept, draw: Draw::new(seed ^ 0xc010), state: Vec::new() }
+    }
+
+    fn add_to(&mut self, values: &mut [f64]) {
+        let Self { std, kept, draw, state } = self;
+        state.resize_with(values.len(), || draw.normal());
+        for (value, state) in values.iter_mut().zip(state) {
+            *value += *std * *state;
+            *state = *kept * *state + (1.0 - *kept * *kept).sqrt() * draw.normal();
+        }
+    }
+}
+
+/// Coloured noise of the currents, with this standard deviation in A.
+pub fn coloured_currents(std_a: f64, cut_off_hz: f64) -> Alter {
     Box::new(move |scenario, seed| {
-        let mut draw = Draw::new(seed ^ 0xc010);
-        let kept = libm::exp(-TAU * cut_off_hz * scenario.step_s);
-        let fresh = (1.0 - kept * kept).sqrt();
-        let mut noise = Vec::new();
-        on_the_way(move |readings| {
-            if noise.is_empty() {
-                noise = readings.current_a.iter().map(|_| draw.normal()).collect();
-            }
-            for (current, noise) in readings.current_a.iter_mut().zip(&mut noise) {
-                *current += std_a * *noise;
-                *noise = kept * *noise + fresh * draw.normal();
-            }
-        })
+        let mut noise = Coloured::new(std_a, cut_off_hz, scenario.step_s, seed);
+        in_the_sensor(move |readings| noise.add_to(&mut readings.current_a))
+    })
+}
+
+/// Coloured noise of the positions, with this standard deviation in m.
+pub fn coloured_positions(std_m: f64, cut_off_hz: f64) -> Alter {
+    Box::new(move |scenario, seed| {
+        let mut noise = Coloured::new(std_m, cut_off_hz, scenario.step_s, seed);
+        in_the_sensor(move |readings| noise.add_to(&mut readings.position_m))
     })
 }
 

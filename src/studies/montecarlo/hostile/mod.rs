@@ -4,7 +4,7 @@
 //! a run how far valid estimates were off, in standard deviations that the estimator states, how much of the time they were valid,
 //! and how often that changed.
 
-mod altered;
+pub mod altered;
 mod courses;
 
 use super::cases::Draw;
@@ -138,8 +138,8 @@ impl Case<'_> {
             let wires = Wires::new(&scenario);
             let mut alter = self.course.alter.as_ref().map(|alter| alter(&scenario, seed));
             let wanted = |path: &str| {
-                let quantities = ["lambdaHat", "lambdaStdTotal", "estimator.valid", "touchdown.contact"];
-                quantities.iter().any(|quantity| path.contains(quantity))
+                let quantities = ["lambdaHat", "lambdaStdTotal", "estimator.valid"];
+                is_contact(path) || quantities.iter().any(|quantity| path.contains(quantity))
             };
             let altered = |time_s: f64, values: &mut [Value]| {
                 if let Some(alter) = &mut alter {
@@ -161,6 +161,11 @@ impl Case<'_> {
     }
 }
 
+/// Whether a signal says that the rotor touches a backup bearing.
+fn is_contact(path: &str) -> bool {
+    path.starts_with("plant.") && path.ends_with("contact")
+}
+
 /// Judges a run by its valid samples, until the rotor touches down unless that is part of the course.
 pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) -> Option<Trial> {
     let mut magnets = Vec::new();
@@ -170,7 +175,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) 
     }
     let valid = recording.get("estimator.valid")?;
     let time_s = &recording.time_s;
-    let contacts = recording.columns.iter().filter(|column| column.name.ends_with("touchdown.contact"));
+    let contacts = recording.columns.iter().filter(|column| is_contact(&column.name));
     let touched = contacts.filter_map(|column| column.values.iter().position(|contact| *contact == 1.0)).min();
     let touched = touched.filter(|_| !rubs);
     let rows = touched.unwrap_or(time_s.len());
@@ -235,17 +240,17 @@ pub fn wrong(cases: &[Case], found: &[Vec<Trial>], told: bool) -> (usize, usize)
 
 /// A row for each case.
 pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
-    let head = ["", "wrong", "worst", "error, %", "stated, %", "valid, %", "changes", "at the end"];
+    let head = ["", "wrong", "worst", "error, %", "stated, %", "seed", "valid, %", "changes", "at the end"];
     let row = |(case, trials): (&Case, &Vec<Trial>)| {
-        let worst = trials.iter().map(|trial| trial.worst).max_by(|one, other| one.ratio.total_cmp(&other.ratio));
-        let worst = worst.unwrap_or_default();
+        let worst = trials.iter().max_by(|one, other| one.worst.ratio.total_cmp(&other.worst.ratio));
+        let (seed, worst) = worst.map_or((0, Worst::default()), |trial| (trial.seed, trial.worst));
         let valid: Vec<f64> = trials.iter().map(|trial| trial.valid).filter(|valid| !valid.is_nan()).collect();
         let at_end: Vec<f64> = trials.iter().filter_map(|trial| trial.at_end.as_ref()).flatten().copied().collect();
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let number = |value: f64, digits: usize| {
             if value.is_finite() { format!("{value:.digits$}") } else { "–".to_owned() }
         };
-        let of_worst = |value: f64| if worst.ratio > 0.0 { number(100.0 * value, 2) } else { "–".into() };
+        let of_worst = |text: String| if worst.ratio > 0.0 { text } else { "–".into() };
         let mark = match case.course.asked {
             Asked::Valid => "",
             Asked::NotWrong => " *",
@@ -258,8 +263,9 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
             format!("{}, {}told{mark}{ended}", case.course.name, if case.told { "" } else { "not " }),
             format!("{}/{}", trials.iter().filter(|trial| case.course.is_wrong(trial)).count(), trials.len()),
             number(worst.ratio, 1),
-            of_worst(worst.error),
-            of_worst(worst.std),
+            of_worst(number(100.0 * worst.error, 2)),
+            of_worst(number(100.0 * worst.std, 2)),
+            of_worst(format!("{seed} at {:.3} s", worst.time_s)),
             number(100.0 * mean(&valid), 0),
             trials.iter().map(|trial| trial.changes).max().unwrap_or(0).to_string(),
             number(mean(&at_end.iter().map(|ratio| ratio * ratio).collect::<Vec<_>>()).sqrt(), 2),
