@@ -9,17 +9,17 @@ use serde::{Deserialize, Serialize};
 
 use super::innovations::turned;
 
-/// Time constant, s. White noise of 3° on the angle leaves 0.4 % in ω at 10 kHz; a speed that ramps from 0 to 3000 rpm in a second is followed
-/// within 0.3° (tests/model/angle.rs).
-const TIME_S: f64 = 9.0e-3;
+/// Time constant, s: of a third of the time since the start, within these bounds. The short one is long enough for the noise of an encoder to stay below
+/// that of the measured speed that it starts from.
+const TIME_S: [f64; 2] = [9.0e-3, 3.0e-2];
 
 /// An angle further off than this is a new one, not noise, rad.
 const LOST_RAD: f64 = 1.0;
 
-/// Time constant of the mean of the speed's contradiction, s: long beside the differences of a coarse encoder.
-const MISMATCH_TIME_S: f64 = 0.1;
+/// Time constant of the means of speeds, s: long beside the differences of a coarse encoder.
+const MEAN_TIME_S: f64 = 0.1;
 
-/// The mean contradiction beyond which the measured speed is not that of the angle: a part of the speed, and rad/s.
+/// The difference of the means beyond which the measured speed is not that of the angle: a part of the smaller one, and rad/s.
 const MISMATCH: [f64; 2] = [0.1, 3.0];
 
 /// The rotation of the rotor.
@@ -30,47 +30,57 @@ pub struct Rotation {
     pub omega_rad_s: f64,
     /// ω̇, rad/s².
     pub acceleration_rad_s2: f64,
-    /// Mean of the measured speed less the filtered one, rad/s.
-    mismatch_rad_s: f64,
+    /// Time since the start, s, and the last measured angle, rad.
+    age_s: f64,
+    measured_rad: f64,
+    /// Means of the measured speed and of the differences of measured angles, rad/s.
+    mean_rad_s: [f64; 2],
 }
 
 impl Rotation {
     /// At a first sample.
     pub fn start(theta_rad: f64, omega_rad_s: f64) -> Self {
-        Self { theta_rad, omega_rad_s, acceleration_rad_s2: 0.0, mismatch_rad_s: 0.0 }
+        let [acceleration_rad_s2, age_s] = [0.0; 2];
+        Self { theta_rad, omega_rad_s, acceleration_rad_s2, age_s, measured_rad: theta_rad, mean_rad_s: [0.0; 2] }
     }
 
     pub fn is_finite(&self) -> bool {
-        [self.theta_rad, self.omega_rad_s, self.acceleration_rad_s2, self.mismatch_rad_s].iter().all(|x| x.is_finite())
+        let Self { theta_rad, omega_rad_s, acceleration_rad_s2, age_s, measured_rad, mean_rad_s: [speed, turning] } = self;
+        [theta_rad, omega_rad_s, acceleration_rad_s2, age_s, measured_rad, speed, turning].iter().all(|x| x.is_finite())
     }
 
     /// Goes on for a sample without a measurement.
     pub fn coast(&mut self, step_s: f64) {
         self.theta_rad += (self.omega_rad_s + 0.5 * self.acceleration_rad_s2 * step_s) * step_s;
         self.omega_rad_s += self.acceleration_rad_s2 * step_s;
+        self.measured_rad = self.theta_rad;
     }
 
     /// Takes in the measured angle and speed one sample later.
     pub fn advance(&mut self, step_s: f64, theta_rad: f64, omega_rad_s: f64) {
+        let part = (step_s / MEAN_TIME_S).min(1.0);
+        let [speed, turning] = self.mean_rad_s;
+        let turning_now = turned(self.measured_rad, theta_rad) / step_s;
+        let mean_rad_s = [speed + (omega_rad_s - speed) * part, turning + (turning_now - turning) * part];
         self.coast(step_s);
         let error = turned(self.theta_rad, theta_rad);
         if error.abs() > LOST_RAD {
-            *self = Self { mismatch_rad_s: self.mismatch_rad_s, ..Self::start(theta_rad, omega_rad_s) };
+            *self = Self::start(theta_rad, omega_rad_s);
         } else {
-            let r = exp(-step_s / TIME_S);
+            self.age_s += step_s;
+            let r = exp(-step_s / (self.age_s / 3.0).clamp(TIME_S[0], TIME_S[1]));
             let [g, h, k] = [1.0 - r * r * r, 1.5 * (1.0 - r) * (1.0 - r) * (1.0 + r), (1.0 - r) * (1.0 - r) * (1.0 - r)];
             self.theta_rad = theta_rad - (1.0 - g) * error;
             self.omega_rad_s += h * error / step_s;
             self.acceleration_rad_s2 += k * error / (step_s * step_s);
         }
-        let apart = omega_rad_s - self.omega_rad_s;
-        self.mismatch_rad_s += (apart - self.mismatch_rad_s) * (step_s / MISMATCH_TIME_S).min(1.0);
+        (self.measured_rad, self.mean_rad_s) = (theta_rad, mean_rad_s);
     }
 
     /// Whether the measured speed is not that of the angle: in other units, with the other sign, missing.
     pub fn contradicts(&self) -> bool {
-        let [part, least_rad_s] = MISMATCH;
-        self.mismatch_rad_s.abs() > part * self.omega_rad_s.abs() + least_rad_s
+        let ([speed, turning], [part, least_rad_s]) = (self.mean_rad_s, MISMATCH);
+        (speed - turning).abs() > part * speed.abs().min(turning.abs()) + least_rad_s
     }
 
     /// Cosine and sine of the angle.

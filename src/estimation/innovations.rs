@@ -296,8 +296,8 @@ impl<const N: usize> Covariance<N> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FilterState<const N: usize, const K: usize, const U: usize, const T: usize> {
     pub last: Sample<N, K>,
-    /// The last position less the one before, m.
-    difference_m: SVector<f64, N>,
+    /// The last position less the one before, m, if there was one.
+    difference_m: Option<SVector<f64, N>>,
     /// What each of the signals has done to (q, q̇), with the sign with which it enters the innovation: that of e_0 is the negative state.
     motion: Motions<1, N>,
     unknowns: Motions<U, N>,
@@ -318,7 +318,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> FilterState
             && self.tolerances.is_finite()
             && self.by_noise_ratio.is_finite();
         let covariances = self.covariance.is_finite() && self.by_current_noise.iter().all(Covariance::is_finite);
-        self.last.is_finite() && motions && covariances && self.difference_m.iter().all(|x| x.is_finite())
+        self.last.is_finite() && motions && covariances && self.difference_m.is_none_or(|difference| difference.iter().all(|x| x.is_finite()))
     }
 }
 
@@ -438,7 +438,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let position = Square::identity();
         FilterState {
             last: sample,
-            difference_m: SVector::zeros(),
+            difference_m: None,
             motion: Motions { position: -sample.position_m.transpose(), rate: SMatrix::zeros() },
             unknowns: Motions::zeros(),
             instruments: Motions::zeros(),
@@ -524,12 +524,14 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             add_product(&mut accelerations, &self.machine.accelerations, &(gyroscopic * (0.5 * h)));
         }
 
-        // The motion q̄ along which the field is evaluated. A first guess that knows no load would lead it astray within a few samples.
-        let velocity = match running.estimated {
-            true => state.unknowns.rate.tr_mul(&running.unknowns) - state.motion.rate.transpose(),
-            false => state.difference_m / h,
+        // The motion q̄ along which the field is evaluated. A first guess that knows no load would lead it astray within a few samples; at first
+        // the state knows no velocity.
+        let difference_m = sample.position_m - last.position_m;
+        let velocity = match state.difference_m.replace(difference_m) {
+            Some(_) if running.estimated => state.unknowns.rate.tr_mul(&running.unknowns) - state.motion.rate.transpose(),
+            Some(former_m) => former_m / h,
+            None => difference_m / h,
         };
-        state.difference_m = sample.position_m - last.position_m;
         let (currents, parts) = self.currents(&last, sample);
         let zero = SVector::<f64, K>::zeros();
         let mut regressors = turns.map(|[forward, backward]| Regressors { square: zero, forward, backward, load: 1.0 });

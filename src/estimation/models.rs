@@ -67,6 +67,9 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             && self.evidence.iter().chain(&self.spread).all(|x| x.is_finite())
     }
 
+    pub fn dbg(&self) -> String {
+        format!("used {} force {} ev {:.1?}", self.used, self.force, self.evidence)
+    }
     /// The sums of the model that is used.
     pub fn sums(&self) -> &Sums<K, U, T> {
         &self.sums[self.used]

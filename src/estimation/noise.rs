@@ -22,6 +22,9 @@ const START_CURRENT_NOISE_A: f64 = 1.5e-2;
 /// Least and greatest standard deviation of a position, m: what is below is rounding, what is above hides a clearance.
 const POSITION_NOISE_M: [f64; 2] = [1.0e-9, 3.0e-5];
 
+/// Bounds of a variance that is known: it may be beyond what a search finds.
+const ANY: [f64; 2] = [f64::MIN_POSITIVE, f64::MAX];
+
 /// The greatest standard deviations that the search finds without being far off, m and A: one and a half times those of the study of fourteen
 /// pairs of noise (`montecarlo --only "14 pairs"`).
 const GREATEST_FOUND: [f64; 2] = [7.5e-6, 0.15];
@@ -141,8 +144,19 @@ impl Noise {
         // ln σ_i² = ln ρ + ln σ_z².
         let [position, current] = self.known.map(|known| if known { KNOWN } else { ESTIMATED });
         let prior = Matrix2::new(current, current, current, current + position);
-        let step = (self.information + prior).try_inverse().map_or(Vector2::zeros(), |inverse| inverse * score);
+        let information = self.information + prior;
+        let mut step = information.try_inverse().map_or(Vector2::zeros(), |inverse| inverse * score);
+        // A variance of the positions that is at its bound stays there.
+        let [least, most] = self.position_bounds();
+        if (self.variances[0] <= least && step.y < 0.0) || (self.variances[0] >= most && step.y > 0.0) {
+            step = Vector2::new(score.x / information[(0, 0)], 0.0);
+        }
         self.step(step.map(|x| x.clamp(-STEP, STEP)), mean_square_a2)
+    }
+
+    /// Bounds of σ_z², m².
+    fn position_bounds(&self) -> [f64; 2] {
+        if self.known[0] { ANY } else { POSITION_NOISE_M.map(|std_m| std_m * std_m) }
     }
 
     /// Moves within the bounds.
@@ -153,14 +167,10 @@ impl Noise {
             value if value > most => (log(most), most),
             value => (x, value),
         };
-        let squares = |[least, most]: [f64; 2]| [least * least, most * most];
-        // Noise that is known may be beyond what a search can find.
-        let bounds = |known: bool, bounds: [f64; 2]| if known { [f64::MIN_POSITIVE, f64::MAX] } else { bounds };
-        (self.logs.y, self.variances[0]) =
-            bounded(self.logs.y + by.y, bounds(self.known[0], squares(POSITION_NOISE_M)));
-        let [least, greatest] = squares(NOISE_RATIO);
+        (self.logs.y, self.variances[0]) = bounded(self.logs.y + by.y, self.position_bounds());
+        let [least, greatest] = NOISE_RATIO.map(|ratio| ratio * ratio);
         let most = (CURRENT_NOISE_PART * mean_square_a2).min(CURRENT_NOISE_A * CURRENT_NOISE_A) / self.variances[0];
-        let ratio = bounds(self.known[1], [least, most.clamp(least, greatest)]);
+        let ratio = if self.known[1] { ANY } else { [least, most.clamp(least, greatest)] };
         (self.logs.x, self.variances[1]) = bounded(self.logs.x + by.x, ratio);
         self.variances[1] *= self.variances[0];
         if (self.logs.x - self.weighed_with).abs() <= RATIO_CHANGE {

@@ -12,7 +12,7 @@ use super::config::Verdict;
 use super::innovations::{Field, FilterState, Innovation, Running, Sample, Square, WhiteningFilter, turned};
 use super::models::Models;
 use super::noise::{Noise, OUTLIER, Waiting};
-use super::sums::{AngleTable, Prior, Solution, Sums};
+use super::sums::{AngleTable, PredictionErrorSolution, Prior, Solution, Sums};
 use super::validation::Validation;
 
 /// Blocks of samples in a revolution.
@@ -139,8 +139,6 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     unexplained_until: u64,
     /// Whether λ has changed since the estimate was last valid.
     changed: bool,
-    /// Angle passed since the start, rad.
-    angle_rad: f64,
     /// Mean square of the currents, A².
     mean_square_a2: f64,
     /// Samples since the start.
@@ -207,7 +205,6 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             outliers: 0,
             unexplained_until: 0,
             changed: false,
-            angle_rad: 0.0,
             mean_square_a2: 0.0,
             samples: 0,
             solution: None,
@@ -266,11 +263,10 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             state.filter = Some(self.filter.start(sample, position_variance));
             return self.report(state);
         };
-        let by_rad = turned(filter.last.rotation.theta_rad, sample.rotation.theta_rad);
+        let (from_rad, to_rad) = (filter.last.rotation.theta_rad, sample.rotation.theta_rad);
+        let angle_rad = from_rad + 0.5 * turned(from_rad, to_rad);
         let (unknowns, estimated) = (state.running, state.estimated);
         let running = Running { unknowns, estimated, position_variance, current_variance };
-        let angle_rad = filter.last.rotation.theta_rad + 0.5 * by_rad;
-        state.angle_rad += by_rad;
         let mut instrumented = false;
         let table = &mut state.table;
         let field = self.filter.predict(filter, &running, &sample, |field| {
@@ -352,7 +348,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if sums.samples < LEAST_SAMPLES {
             return;
         }
-        let Some(solution) = self.solution(state, &sums, variances) else {
+        let Some([widest, solution]) = self.solutions(state, &sums, variances) else {
             state.condition = CONDITION_CAP;
             return;
         };
@@ -361,7 +357,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             return;
         }
         // Once the filter runs with an estimate it follows it: the residuals of an estimate that is held would pass for noise, and the noise
-        // would keep the estimate uncertain.
+        // would keep the estimate uncertain. So would those of a backward force that is not decided on.
         if std < RUNNING_STD || state.estimated {
             if !state.estimated {
                 (state.estimated, state.estimated_at) = (true, state.quarters);
@@ -370,24 +366,31 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                     state.discount(FIRST_GUESS_PART);
                 }
             }
-            state.running = solution.unknowns;
+            let wide = widest.relative_std::<K>() < RUNNING_STD;
+            state.running = if wide { widest.unknowns } else { solution.unknowns };
         }
         state.solution = Some(solution);
     }
 
-    /// The solution with the prior of the model that is used.
-    fn solution(
+    /// The solutions with the widest prior of the backward forces, and with that of the model that is used.
+    fn solutions(
         &self,
         state: &mut PredictionErrorState<N, K, U, T>,
         sums: &Sums<K, U, T>,
         variances: [f64; 2],
-    ) -> Option<Solution<U, T>> {
+    ) -> Option<[Solution<U, T>; 2]> {
         let widest = sums.solve(&self.prior, variances)?;
         let model = state.models.select(&self.prior, &widest, self.forces(), variances[0])?;
         let prior = state.models.prior(&self.prior, self.forces());
-        let found = if prior == self.prior { widest } else { sums.solve(&prior, variances)? };
+        let combined = |found: &PredictionErrorSolution<U, T>, prior| found.combine(sums, prior, variances[0], model);
+        if prior == self.prior {
+            (state.inverse, state.condition) = (Some(widest.inverse), widest.condition);
+            let solution = combined(&widest, &prior);
+            return Some([solution.clone(), solution]);
+        }
+        let found = sums.solve(&prior, variances)?;
         (state.inverse, state.condition) = (Some(found.inverse), found.condition);
-        Some(found.combine(sums, &prior, variances[0], model))
+        Some([combined(&widest, &self.prior), combined(&found, &prior)])
     }
 
     /// The backward forces among the unknowns.
@@ -412,7 +415,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         (state.quarters, state.passed, state.quarter_samples) = (state.quarters + 1, 0.0, 0.0);
         state.trusted.rotate_left(1);
         if state.estimate.verdict == Verdict::Valid {
-            state.trusted[QUARTERS - 1] = Some(noise);
+            state.trusted[QUARTERS - 1] = Some(noise.clone());
         } else {
             state.trusted[QUARTERS - 1] = state.trusted[QUARTERS - 2].clone();
         }
@@ -426,6 +429,9 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             state.models.mix(&prior, variances);
         } else {
             state.models.merge(&block);
+        }
+        if std::env::var("DBG").is_ok() {
+            eprintln!("{} {:?} {} lam {:?} noise {:?} nis {:.2}", state.quarters, state.estimate.verdict, state.models.dbg(), state.solution.as_ref().map(|s| s.unknowns * 1e6), noise.variances().map(sqrt), state.validation.nis);
         }
         if let Some(found) = state.models.sums().solve(&prior, variances) {
             state.validation.judge_harmonics(state.revolutions(), &found, variances[0]);
@@ -530,7 +536,7 @@ fn all_finite<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> bool {
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionErrorState<N, K, U, T> {
     /// Whether all numbers are finite, and all places within their rings.
     pub fn is_sound(&self) -> bool {
-        let numbers = [&self.angle_rad, &self.mean_square_a2, &self.condition, &self.passed, &self.quarter_samples, &self.pace];
+        let numbers = [&self.mean_square_a2, &self.condition, &self.passed, &self.quarter_samples, &self.pace];
         all_finite(self.running.iter().chain(&self.per_current).chain(&self.gradient).chain(numbers))
             && self.inverse.is_none_or(|inverse| all_finite(&inverse))
             && (self.estimate.is_finite() && self.models.is_sound() && self.present.is_finite())
