@@ -86,8 +86,8 @@ pub struct Trial {
     pub valid: f64,
     /// The most changes of `valid` within one second.
     pub changes: usize,
-    /// Errors of all λ at the end, in standard deviations, if they are valid.
-    pub at_end: Option<Vec<f64>>,
+    /// Standard deviations of all λ at the end, relative, and errors in these, if they are valid.
+    pub at_end: Option<Vec<[f64; 2]>>,
     /// When the rotor touched down or left the gap, in s; nothing after it counts.
     pub ended_s: Option<f64>,
 }
@@ -215,7 +215,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) 
         at_end: rows
             .checked_sub(1)
             .filter(|last| valid[*last] == 1.0)
-            .map(|last| errors(last).map(|(.., ratio)| ratio).collect()),
+            .map(|last| errors(last).map(|(_, std, ratio)| [std, ratio]).collect()),
         ended_s: touched.map(|row| time_s[row]),
     })
 }
@@ -240,13 +240,15 @@ pub fn wrong(cases: &[Case], found: &[Vec<Trial>], told: bool) -> (usize, usize)
 
 /// A row for each case.
 pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
-    let head = ["", "wrong", "worst", "error, %", "stated, %", "seed", "valid, %", "changes", "at the end"];
+    let head =
+        ["", "wrong", "worst", "error, %", "stated, %", "seed", "valid, %", "changes", "± at the end, %", "error/±"];
     let row = |(case, trials): (&Case, &Vec<Trial>)| {
         let worst = trials.iter().max_by(|one, other| one.worst.ratio.total_cmp(&other.worst.ratio));
         let (seed, worst) = worst.map_or((0, Worst::default()), |trial| (trial.seed, trial.worst));
         let valid: Vec<f64> = trials.iter().map(|trial| trial.valid).filter(|valid| !valid.is_nan()).collect();
-        let at_end: Vec<f64> = trials.iter().filter_map(|trial| trial.at_end.as_ref()).flatten().copied().collect();
+        let at_end: Vec<_> = trials.iter().filter_map(|trial| trial.at_end.as_ref()).flatten().collect();
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let rms = |which: usize| mean(&at_end.iter().map(|end| end[which] * end[which]).collect::<Vec<_>>()).sqrt();
         let number = |value: f64, digits: usize| {
             if value.is_finite() { format!("{value:.digits$}") } else { "–".to_owned() }
         };
@@ -268,7 +270,8 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
             of_worst(format!("{seed} at {:.3} s", worst.time_s)),
             number(100.0 * mean(&valid), 0),
             trials.iter().map(|trial| trial.changes).max().unwrap_or(0).to_string(),
-            number(mean(&at_end.iter().map(|ratio| ratio * ratio).collect::<Vec<_>>()).sqrt(), 2),
+            number(100.0 * rms(0), 2),
+            number(rms(1), 2),
         ]
     };
     let seeds = found.first().and_then(|trials| Some((trials.first()?.seed, trials.last()?.seed)));
@@ -280,7 +283,7 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
     let note = format!(
         "Seeds {first} to {last}. Wrong: runs with a valid estimate off by more than {CONFIDENT} stated deviations, tolerances included; worst: the \
          greatest error of a valid estimate in these deviations, and both in per cent; valid: part of the time from {VALID_FROM_S} s on; changes: \
-         of `valid` within a second, at most; at the end: rms error in stated deviations. * something is false or too fast, so that the estimate \
+         of `valid` within a second, at most; ± at the end: rms of what is stated, and error in it. * something is false or too fast, so that the estimate \
          need not be valid; ** readings contradict each other, and any valid estimate is wrong; *** cannot be known, and does not count. Wrong in \
          all: noise told {}, not told {}.",
         share(true),
