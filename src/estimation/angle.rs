@@ -83,6 +83,12 @@ impl Rotation {
         (speed - turning).abs() > part * speed.abs().min(turning.abs()) + least_rad_s
     }
 
+    /// The rotation between this one and another, at a part of the time.
+    pub fn between(&self, other: &Self, part: f64) -> Self {
+        let omega_rad_s = self.omega_rad_s + part * (other.omega_rad_s - self.omega_rad_s);
+        Self { theta_rad: self.theta_rad + part * turned(self.theta_rad, other.theta_rad), omega_rad_s, ..*other }
+    }
+
     /// Cosine and sine of the angle.
     pub fn turn(&self) -> [f64; 2] {
         let (sin, cos) = sincos(self.theta_rad);

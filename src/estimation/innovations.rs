@@ -139,14 +139,21 @@ pub struct Sample<const N: usize, const K: usize> {
     pub rotation: Rotation,
     /// Cosine and sine of the angle.
     pub turn: [f64; 2],
-    /// Whether samples are missing before it.
-    pub after_gap: bool,
+    /// How many samples are missing before it.
+    pub missing: u32,
 }
 
 impl<const N: usize, const K: usize> Sample<N, K> {
     pub fn new(position_m: [f64; N], current_a: [f64; K], rotation: Rotation) -> Self {
         let turn = rotation.turn();
-        Self { position_m: position_m.into(), current_a: current_a.into(), rotation, turn, after_gap: false }
+        Self { position_m: position_m.into(), current_a: current_a.into(), rotation, turn, missing: 0 }
+    }
+
+    /// A sample between this one and another, at a part of the time.
+    pub fn between(&self, other: &Self, part: f64) -> Self {
+        let rotation = self.rotation.between(&other.rotation, part);
+        let position_m = self.position_m.lerp(&other.position_m, part);
+        Self { position_m, current_a: self.current_a.lerp(&other.current_a, part), rotation, turn: rotation.turn(), missing: 0 }
     }
 
     pub fn is_finite(&self) -> bool {

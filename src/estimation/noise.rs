@@ -220,9 +220,9 @@ impl<const N: usize, const K: usize> Waiting<N, K> {
         } else {
             self.first = (self.first + 1) % START_SAMPLES;
             // Nothing is known of the sample before the one that is now the oldest.
-            self.ring.as_flattened_mut()[self.first].after_gap = true;
+            self.ring.as_flattened_mut()[self.first].missing = u32::MAX;
         }
-        self.unbroken = if sample.after_gap { 1 } else { self.unbroken + 1 };
+        self.unbroken = if sample.missing > 0 { 1 } else { self.unbroken + 1 };
         if self.differences < DIFFERENCES && self.unbroken >= 7 {
             let x: [SVector<f64, N>; 7] =
                 std::array::from_fn(|n| self.ring.as_flattened()[(end + START_SAMPLES - n) % START_SAMPLES].position_m);

@@ -24,6 +24,9 @@ const SLOWEST_RAD_S: f64 = TAU;
 /// What counts as a revolution of a rotor at rest, s: λ may change all the same. That of 2250 rpm.
 const REVOLUTION_AT_REST_S: f64 = 4.0 / 150.0;
 
+/// Over so many missing samples the filter predicts; after more it starts again.
+const BRIDGED: u32 = 8;
+
 /// The estimate is solved for every so many samples.
 const SOLVE_EVERY: u64 = 4;
 
@@ -107,13 +110,13 @@ impl<const K: usize, const U: usize> Estimate<K, U> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, const T: usize> {
     pub estimate: Estimate<K, U>,
-    /// Samples that have not been filtered yet, from which the noise is started, and whether samples are missing before the next.
+    /// Samples that have not been filtered yet, from which the noise is started, and how many are missing before the next.
     waiting: Waiting<N, K>,
-    gap: bool,
+    gap: u32,
     /// The noise, once there is one; as it was when the last quarters began or when the estimate was last valid before.
     noise: Option<Noise>,
     trusted: [Option<Noise>; QUARTERS],
-    /// The filter, unless a sample is missing.
+    /// The filter, unless many samples are missing.
     filter: Option<FilterState<N, K, U, T>>,
     /// ϑ with which the filter runs, whether it comes from the data, and the quarters that had ended when it first did.
     running: SVector<f64, U>,
@@ -184,7 +187,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         PredictionErrorState {
             estimate,
             waiting: Waiting::empty(),
-            gap: false,
+            gap: 0,
             noise: known.then(|| Noise::new(self.known_noise, self.known_noise[0])),
             trusted: [const { None }; QUARTERS],
             filter: None,
@@ -214,7 +217,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         }
     }
 
-    /// Takes in a sample unless it is refused: then the filter starts again after it, and the sums stay. The verdict on the estimate.
+    /// Takes in a sample unless it is refused: then it is missing, and the sums stay. The verdict on the estimate.
     pub fn take(
         &self,
         state: &mut PredictionErrorState<N, K, U, T>,
@@ -228,7 +231,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                     // What has been gathered belongs to another angle.
                     *state = PredictionErrorState { estimate: state.estimate.clone(), ..self.start() };
                 }
-                state.gap = true;
+                state.gap = state.gap.saturating_add(1);
                 state.estimate.verdict = verdict;
                 verdict
             }
@@ -237,8 +240,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
     /// Takes in a sample, which is finite and within the gap; the verdict on the estimate.
     fn sample(&self, state: &mut PredictionErrorState<N, K, U, T>, sample: Sample<N, K>) -> Verdict {
-        let after_gap = std::mem::take(&mut state.gap);
-        state.waiting.put(Sample { after_gap, ..sample });
+        let missing = std::mem::take(&mut state.gap);
+        state.waiting.put(Sample { missing, ..sample });
         if state.noise.is_none() {
             state.noise = state.waiting.position_noise_m().map(|first_m| Noise::new(self.known_noise, first_m));
         }
@@ -255,7 +258,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
     fn filter(&self, state: &mut PredictionErrorState<N, K, U, T>, noise: &Noise, sample: Sample<N, K>) -> Verdict {
         let [position_variance, current_variance] = noise.variances();
-        if sample.after_gap {
+        if sample.missing > BRIDGED {
             state.filter = None;
         }
         state.advance(sample.rotation.omega_rad_s, self.filter.step_s);
@@ -263,17 +266,29 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             state.filter = Some(self.filter.start(sample, position_variance));
             return self.report(state);
         };
-        let (from_rad, to_rad) = (filter.last.rotation.theta_rad, sample.rotation.theta_rad);
-        let angle_rad = from_rad + 0.5 * turned(from_rad, to_rad);
         let (unknowns, estimated) = (state.running, state.estimated);
         let running = Running { unknowns, estimated, position_variance, current_variance };
         let mut instrumented = false;
         let table = &mut state.table;
-        let field = self.filter.predict(filter, &running, &sample, |field| {
-            let instruments = table.exchange(angle_rad, field);
-            instrumented = instruments.is_some();
-            instruments.unwrap_or_else(SVector::zeros)
-        });
+        let mut predict = |filter: &mut FilterState<N, K, U, T>, running: &Running<U>, sample: &Sample<N, K>| {
+            let (from_rad, to_rad) = (filter.last.rotation.theta_rad, sample.rotation.theta_rad);
+            self.filter.predict(filter, running, sample, |field| {
+                let instruments = table.exchange(from_rad + 0.5 * turned(from_rad, to_rad), field);
+                instrumented = instruments.is_some();
+                instruments.unwrap_or_else(SVector::zeros)
+            })
+        };
+        let before = filter.last;
+        for n in 0..sample.missing {
+            // The current went from one value to the other at an unknown instant.
+            let lost = before.between(&sample, f64::from(n + 1) / f64::from(sample.missing + 1));
+            let jump = (sample.current_a - before.current_a).amax();
+            let running = Running { current_variance: current_variance + f64::from(sample.missing) * jump * jump, ..running };
+            predict(filter, &running, &lost);
+            let innovation = self.filter.innovation(filter, &running);
+            filter.last.position_m -= innovation.error_m;
+        }
+        let field = predict(filter, &running, &sample);
         let innovation = self.filter.innovation(filter, &running);
         let nis = innovation.nis(position_variance);
         state.revolution.count(&field);
