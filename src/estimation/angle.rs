@@ -9,9 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::innovations::turned;
 
-/// Time constant, s: of a third of the time since the start, within these bounds. The short one is long enough for the noise of an encoder to stay below
-/// that of the measured speed that it starts from.
-const TIME_S: [f64; 2] = [9.0e-3, 3.0e-2];
+/// Time constant, s. White noise of 3° on the angle leaves 0.4 % in ω at 10 kHz.
+const TIME_S: f64 = 9.0e-3;
 
 /// An angle further off than this is a new one, not noise, rad.
 const LOST_RAD: f64 = 1.0;
@@ -25,14 +24,13 @@ const MISMATCH: [f64; 2] = [0.1, 3.0];
 /// The rotation of the rotor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rotation {
-    /// Angle, rad in [−π, π] of the last measured one.
+    /// Angle as measured, rad.
     pub theta_rad: f64,
     pub omega_rad_s: f64,
     /// ω̇, rad/s².
     pub acceleration_rad_s2: f64,
-    /// Time since the start, s, and the last measured angle, rad.
-    age_s: f64,
-    measured_rad: f64,
+    /// The filtered angle less the measured one, rad.
+    lag_rad: f64,
     /// Means of the measured speed and of the differences of measured angles, rad/s.
     mean_rad_s: [f64; 2],
 }
@@ -40,41 +38,39 @@ pub struct Rotation {
 impl Rotation {
     /// At a first sample.
     pub fn start(theta_rad: f64, omega_rad_s: f64) -> Self {
-        let [acceleration_rad_s2, age_s] = [0.0; 2];
-        Self { theta_rad, omega_rad_s, acceleration_rad_s2, age_s, measured_rad: theta_rad, mean_rad_s: [0.0; 2] }
+        Self { theta_rad, omega_rad_s, acceleration_rad_s2: 0.0, lag_rad: 0.0, mean_rad_s: [0.0; 2] }
     }
 
     pub fn is_finite(&self) -> bool {
-        let Self { theta_rad, omega_rad_s, acceleration_rad_s2, age_s, measured_rad, mean_rad_s: [speed, turning] } = self;
-        [theta_rad, omega_rad_s, acceleration_rad_s2, age_s, measured_rad, speed, turning].iter().all(|x| x.is_finite())
+        let Self { theta_rad, omega_rad_s, acceleration_rad_s2, lag_rad, mean_rad_s: [speed, turning] } = self;
+        [theta_rad, omega_rad_s, acceleration_rad_s2, lag_rad, speed, turning].iter().all(|x| x.is_finite())
     }
 
     /// Goes on for a sample without a measurement.
     pub fn coast(&mut self, step_s: f64) {
         self.theta_rad += (self.omega_rad_s + 0.5 * self.acceleration_rad_s2 * step_s) * step_s;
         self.omega_rad_s += self.acceleration_rad_s2 * step_s;
-        self.measured_rad = self.theta_rad;
     }
 
     /// Takes in the measured angle and speed one sample later.
     pub fn advance(&mut self, step_s: f64, theta_rad: f64, omega_rad_s: f64) {
         let part = (step_s / MEAN_TIME_S).min(1.0);
-        let [speed, turning] = self.mean_rad_s;
-        let turning_now = turned(self.measured_rad, theta_rad) / step_s;
-        let mean_rad_s = [speed + (omega_rad_s - speed) * part, turning + (turning_now - turning) * part];
+        let turning = turned(self.theta_rad, theta_rad) / step_s;
+        let mean = |mean: f64, now: f64| mean + (now - mean) * part;
+        let mean_rad_s = [mean(self.mean_rad_s[0], omega_rad_s), mean(self.mean_rad_s[1], turning)];
         self.coast(step_s);
-        let error = turned(self.theta_rad, theta_rad);
+        let error = turned(self.theta_rad + self.lag_rad, theta_rad);
         if error.abs() > LOST_RAD {
             *self = Self::start(theta_rad, omega_rad_s);
         } else {
-            self.age_s += step_s;
-            let r = exp(-step_s / (self.age_s / 3.0).clamp(TIME_S[0], TIME_S[1]));
-            let [g, h, k] = [1.0 - r * r * r, 1.5 * (1.0 - r) * (1.0 - r) * (1.0 + r), (1.0 - r) * (1.0 - r) * (1.0 - r)];
-            self.theta_rad = theta_rad - (1.0 - g) * error;
+            let r = exp(-step_s / TIME_S);
+            let [g, h, k] =
+                [1.0 - r * r * r, 1.5 * (1.0 - r) * (1.0 - r) * (1.0 + r), (1.0 - r) * (1.0 - r) * (1.0 - r)];
             self.omega_rad_s += h * error / step_s;
             self.acceleration_rad_s2 += k * error / (step_s * step_s);
+            (self.theta_rad, self.lag_rad) = (theta_rad, (g - 1.0) * error);
         }
-        (self.measured_rad, self.mean_rad_s) = (theta_rad, mean_rad_s);
+        self.mean_rad_s = mean_rad_s;
     }
 
     /// Whether the measured speed is not that of the angle: in other units, with the other sign, missing.

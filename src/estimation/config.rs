@@ -72,7 +72,16 @@ impl Default for Tolerance {
     fn default() -> Self {
         let [m_kg, gap_m, alpha_rad, position_gain, position_offset_m, current_gain, current_offset_a] = [0.0; 7];
         let backward_force_n = 2.0;
-        Self { m_kg, gap_m, alpha_rad, position_gain, position_offset_m, current_gain, current_offset_a, backward_force_n }
+        Self {
+            m_kg,
+            gap_m,
+            alpha_rad,
+            position_gain,
+            position_offset_m,
+            current_gain,
+            current_offset_a,
+            backward_force_n,
+        }
     }
 }
 

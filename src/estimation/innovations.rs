@@ -96,7 +96,8 @@ impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
     /// By how much one standard deviation of a parameter changes the machine: `(M(p + σ) − M(p − σ))/2`.
     pub fn variation([more, less]: [Self; 2]) -> Self {
         let half = |a: f64, b: f64| 0.5 * (a - b);
-        let directions = |k: usize| std::array::from_fn(|n| half(more.geometry.directions[k][n], less.geometry.directions[k][n]));
+        let directions =
+            |k: usize| std::array::from_fn(|n| half(more.geometry.directions[k][n], less.geometry.directions[k][n]));
         Self {
             geometry: Geometry {
                 gap_m: std::array::from_fn(|k| half(more.geometry.gap_m[k], less.geometry.gap_m[k])),
@@ -153,11 +154,18 @@ impl<const N: usize, const K: usize> Sample<N, K> {
     pub fn between(&self, other: &Self, part: f64) -> Self {
         let rotation = self.rotation.between(&other.rotation, part);
         let position_m = self.position_m.lerp(&other.position_m, part);
-        Self { position_m, current_a: self.current_a.lerp(&other.current_a, part), rotation, turn: rotation.turn(), missing: 0 }
+        Self {
+            position_m,
+            current_a: self.current_a.lerp(&other.current_a, part),
+            rotation,
+            turn: rotation.turn(),
+            missing: 0,
+        }
     }
 
     pub fn is_finite(&self) -> bool {
-        self.rotation.is_finite() && self.position_m.iter().chain(&self.current_a).chain(&self.turn).all(|x| x.is_finite())
+        self.rotation.is_finite()
+            && self.position_m.iter().chain(&self.current_a).chain(&self.turn).all(|x| x.is_finite())
     }
 }
 
@@ -325,7 +333,10 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> FilterState
             && self.tolerances.is_finite()
             && self.by_noise_ratio.is_finite();
         let covariances = self.covariance.is_finite() && self.by_current_noise.iter().all(Covariance::is_finite);
-        self.last.is_finite() && motions && covariances && self.difference_m.is_none_or(|difference| difference.iter().all(|x| x.is_finite()))
+        self.last.is_finite()
+            && motions
+            && covariances
+            && self.difference_m.is_none_or(|difference| difference.iter().all(|x| x.is_finite()))
     }
 }
 
@@ -535,7 +546,9 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         // the state knows no velocity.
         let difference_m = sample.position_m - last.position_m;
         let velocity = match state.difference_m.replace(difference_m) {
-            Some(_) if running.estimated => state.unknowns.rate.tr_mul(&running.unknowns) - state.motion.rate.transpose(),
+            Some(_) if running.estimated => {
+                state.unknowns.rate.tr_mul(&running.unknowns) - state.motion.rate.transpose()
+            }
             Some(former_m) => former_m / h,
             None => difference_m / h,
         };
@@ -671,7 +684,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         for (v, variation) in variations.iter().enumerate() {
             let mut change = variation.accelerations.tr_mul(&middle.forces);
             for k in 0..K {
-                let nearer = SVector::from(variation.geometry.directions[k]).dot(&middle.position) - variation.geometry.gap_m[k];
+                let nearer =
+                    SVector::from(variation.geometry.directions[k]).dot(&middle.position) - variation.geometry.gap_m[k];
                 change += pulls[k] * (stiffness[k] * nearer);
             }
             if let Some(gyroscopic) = &variation.gyroscopic {
@@ -692,7 +706,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             }
         }
         for a in 0..N {
-            (moved.position[(gains + a, a)], moved.rate[(gains + a, a)]) = (-gain * start[a], -gain * middle.velocity[a]);
+            (moved.position[(gains + a, a)], moved.rate[(gains + a, a)]) =
+                (-gain * start[a], -gain * middle.velocity[a]);
             moved.position[(offsets + a, a)] = -offset_m;
         }
         (forces, moved)

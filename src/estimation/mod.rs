@@ -28,8 +28,8 @@ pub use self::config::{
 use self::innovations::{Machine, Sample, WhiteningFilter};
 use self::paper::{Paper, PaperState};
 pub use self::prediction_error::STD_LIMIT;
-use self::readings::{Readings, Taken};
 use self::prediction_error::{Estimate, PredictionError, PredictionErrorState};
+use self::readings::{Readings, Taken};
 use crate::bearing::magnet::Geometry;
 use crate::invalid::Invalid;
 
@@ -168,7 +168,9 @@ impl Estimator {
             _ if !input.enable => Some(Verdict::Disabled),
             _ if input.contact => Some(Verdict::Contact),
             Taken::Usable { stuck } => stuck.iter().any(|stuck| *stuck).then_some(Verdict::Stuck),
-            Taken::Missing => Some(state.output.verdict).filter(|_| !state.readings.are_lost()).or(Some(Verdict::BadSample)),
+            Taken::Missing => {
+                Some(state.output.verdict).filter(|_| !state.readings.are_lost()).or(Some(Verdict::BadSample))
+            }
             Taken::Contradiction => Some(Verdict::Speed),
         };
         match (&self.method, &mut state.method) {

@@ -41,6 +41,17 @@ const FORCES: usize = 4;
 /// A part of the prior that holds an unknown at its mean, relative to what a unit of it could be.
 const HELD: f64 = 1.0e12;
 
+/// What weighing the models told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Weighed {
+    /// The model that is used goes on.
+    Same,
+    /// Other sums are used from now on.
+    Renewed,
+    /// Nothing that was known before holds any more.
+    Changed,
+}
+
 /// The models of memory, with the sums of each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Models<const K: usize, const U: usize, const T: usize> {
@@ -67,9 +78,6 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             && self.evidence.iter().chain(&self.spread).all(|x| x.is_finite())
     }
 
-    pub fn dbg(&self) -> String {
-        format!("used {} force {} ev {:.1?}", self.used, self.force, self.evidence)
-    }
     /// The sums of the model that is used.
     pub fn sums(&self) -> &Sums<K, U, T> {
         &self.sums[self.used]
@@ -90,8 +98,9 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         self.sums.iter_mut().for_each(|sums| sums.merge(block));
     }
 
-    /// Takes in a block of a duration and weighs the models; whether nothing that was known before holds any more.
-    pub fn weigh(&mut self, block: &Sums<K, U, T>, time_s: f64, prior: &Prior<U>, variances: [f64; 2]) -> bool {
+    /// Takes in a block of a duration and weighs the models.
+    pub fn weigh(&mut self, block: &Sums<K, U, T>, time_s: f64, prior: &Prior<U>, variances: [f64; 2]) -> Weighed {
+        let former = self.used;
         for (m, sums) in self.sums.iter_mut().enumerate() {
             sums.discount(exp(-time_s / MEMORY_S[m]));
             let before = sums.log_evidence(prior, variances[0]);
@@ -100,8 +109,10 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             self.evidence[m] = (self.evidence[m] + gain) * (1.0 - 1.0 / EVIDENCE_BLOCKS);
         }
         let changed = self.evidence[MODELS - 1] - self.evidence[0] > REPLACED;
+        let mut renewed = false;
         for m in (0..MODELS - 1).rev() {
             if self.evidence[m + 1] - self.evidence[m] > REPLACED {
+                renewed = true;
                 self.sums[m] = self.sums[m + 1].clone();
                 self.evidence[m] = self.evidence[m + 1] - 1.0;
             }
@@ -113,7 +124,11 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         if odds[likeliest] > odds[self.used] + TAKEN {
             self.used = likeliest;
         }
-        changed
+        match changed {
+            true => Weighed::Changed,
+            false if renewed || self.used != former => Weighed::Renewed,
+            false => Weighed::Same,
+        }
     }
 
     /// Logarithms of the odds of the models.
@@ -197,7 +212,8 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             spread += (covariance + apart * apart.transpose()) * (weight / sum);
         }
         let by_force = SVector::from_fn(|j, _| {
-            let row = SMatrix::<f64, 1, FORCES>::from_fn(|_, n| at(n).map_or(0.0, |f| found.inverse[(j, f)] * variance));
+            let row =
+                SMatrix::<f64, 1, FORCES>::from_fn(|_, n| at(n).map_or(0.0, |f| found.inverse[(j, f)] * variance));
             let gain = row * posterior;
             (gain * spread * gain.transpose())[0].max(0.0)
         });
@@ -206,11 +222,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
 }
 
 /// The prior of λ, ten times as wide as the first guess, and of the unknowns of backward forces with a standard deviation s in N; 0 means there are none.
-pub fn prior<const K: usize, const U: usize>(
-    lambda0: [f64; K],
-    forces: Range<usize>,
-    std_n: f64,
-) -> Prior<U> {
+pub fn prior<const K: usize, const U: usize>(lambda0: [f64; K], forces: Range<usize>, std_n: f64) -> Prior<U> {
     let mut prior = Prior { precision: SVector::zeros(), mean: SVector::zeros() };
     for (k, lambda0) in lambda0.into_iter().enumerate() {
         prior.precision[k] = 1.0 / (PRIOR_WIDTH * lambda0 * (PRIOR_WIDTH * lambda0));

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::CONDITION_CAP;
 use super::config::Verdict;
 use super::innovations::{Field, FilterState, Innovation, Running, Sample, Square, WhiteningFilter, turned};
-use super::models::Models;
+use super::models::{Models, Weighed};
 use super::noise::{Noise, OUTLIER, Waiting};
 use super::sums::{AngleTable, PredictionErrorSolution, Prior, Solution, Sums};
 use super::validation::Validation;
@@ -57,7 +57,7 @@ const FIRST_GUESS_PART: f64 = 0.1;
 
 /// The greatest relative standard deviation of a λ, tolerances included, with which an estimate is valid, and up to which it stays so.
 pub const STD_LIMIT: f64 = 0.05;
-const STD_LIMIT_VALID: f64 = 0.06;
+const STD_LIMIT_VALID: f64 = 0.10;
 
 /// A normalised innovation squared beyond this comes from samples that no bearing makes.
 const NIS_CAP: f64 = 1.0e12;
@@ -283,7 +283,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             // The current went from one value to the other at an unknown instant.
             let lost = before.between(&sample, f64::from(n + 1) / f64::from(sample.missing + 1));
             let jump = (sample.current_a - before.current_a).amax();
-            let running = Running { current_variance: current_variance + f64::from(sample.missing) * jump * jump, ..running };
+            let running =
+                Running { current_variance: current_variance + f64::from(sample.missing) * jump * jump, ..running };
             predict(filter, &running, &lost);
             let innovation = self.filter.innovation(filter, &running);
             filter.last.position_m -= innovation.error_m;
@@ -309,8 +310,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             *state = PredictionErrorState { estimate, ..self.start() };
             return Verdict::BadSample;
         }
-        let settled = state.estimated
-            && state.inverse.is_some_and(|inverse| leverage(&innovation, &inverse) < LEVERAGE_LIMIT);
+        let settled =
+            state.estimated && state.inverse.is_some_and(|inverse| leverage(&innovation, &inverse) < LEVERAGE_LIMIT);
         // Less than one for outliers.
         let weight = if settled { (OUTLIER / nis).min(1.0) } else { 0.0 };
         self.filter.correct(filter, &running, &innovation, sqrt(weight));
@@ -437,16 +438,16 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         let prior = state.models.prior(&self.prior, self.forces());
         if state.is_settled() {
             state.validation.discount(state.models.discount_of(time_s));
-            if state.models.weigh(&block, time_s, &self.prior, variances) {
+            let weighed = state.models.weigh(&block, time_s, &self.prior, variances);
+            if weighed == Weighed::Changed {
                 state.trust_again();
+            }
+            if weighed != Weighed::Same {
                 state.validation.forget(state.revolutions());
             }
             state.models.mix(&prior, variances);
         } else {
             state.models.merge(&block);
-        }
-        if std::env::var("DBG").is_ok() {
-            eprintln!("{} {:?} {} lam {:?} noise {:?} nis {:.2}", state.quarters, state.estimate.verdict, state.models.dbg(), state.solution.as_ref().map(|s| s.unknowns * 1e6), noise.variances().map(sqrt), state.validation.nis);
         }
         if let Some(found) = state.models.sums().solve(&prior, variances) {
             state.validation.judge_harmonics(state.revolutions(), &found, variances[0]);

@@ -327,7 +327,8 @@ impl SpindleEstimatorOutput {
         let unbalance = self.unbalance_kg_m.iter().chain(&self.unbalance_phase_rad);
         let backward = self.backward_force_n.iter().chain(&self.backward_force_phase_rad);
         let noise = self.position_noise_m.iter().chain(&self.current_noise_a);
-        let others = self.load.iter().chain([&self.condition, &self.residual]).chain(unbalance).chain(backward).chain(noise);
+        let others =
+            self.load.iter().chain([&self.condition, &self.residual]).chain(unbalance).chain(backward).chain(noise);
         of_magnets.as_flattened().iter().chain(others).all(|x| x.is_finite())
     }
 }
@@ -358,7 +359,8 @@ impl ShaftTolerance {
         checks.require(light, "tolerance.Jt", format_args!("{} kg.m2", self.transverse_kgm2), wanted);
         // The tilt is told by the distance of the sensors.
         let apart_m = (config.geometry.a.sensor_position_m - config.geometry.b.sensor_position_m).abs();
-        let small = self.sensor_position_m.is_nan() || self.sensor_position_m < apart_m || apart_m < SHORTEST_DISTANCE_M;
+        let small =
+            self.sensor_position_m.is_nan() || self.sensor_position_m < apart_m || apart_m < SHORTEST_DISTANCE_M;
         let wanted = format!("less than the distance of the sensors, {apart_m} m,");
         checks.require(small, "tolerance.sensorPosition", format_args!("{} m", self.sensor_position_m), wanted);
     }

@@ -242,8 +242,7 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
         let a = &self.attenuation;
         let l = self.information * a;
         let weight = a.dot(&l);
-        let contrast =
-            if weight > 0.0 { self.contrast(sums, l / weight, prior, position_variance) } else { None };
+        let contrast = if weight > 0.0 { self.contrast(sums, l / weight, prior, position_variance) } else { None };
         let (size, variance, sensitivity) = match contrast {
             Some((difference, variance, sensitivity)) => {
                 let variance = (variance - position_variance / weight).max(0.0);

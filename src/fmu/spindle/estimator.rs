@@ -6,7 +6,9 @@ use fmu_export::variable::{Access, Row, Table, Value};
 use fmu_export::{Info, Invalid, SampledModel, StepError, place};
 use serde::{Deserialize, Serialize};
 
-use super::common::{HasGeometry, KILOGRAM_METRE2, MEASURED, NEWTON_METRE, OfMagnet, geometry, lambda0, of_coordinates, of_magnets};
+use super::common::{
+    HasGeometry, KILOGRAM_METRE2, MEASURED, NEWTON_METRE, OfMagnet, geometry, lambda0, of_coordinates, of_magnets,
+};
 use crate::bearing::spindle::{MAGNETS, READINGS, SpindleGeometry};
 use crate::estimation::Hold;
 use crate::estimation::spindle::{
