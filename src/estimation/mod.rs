@@ -29,6 +29,7 @@ use self::innovations::{Machine, Sample, WhiteningFilter};
 use self::paper::{Paper, PaperState};
 pub use self::prediction_error::STD_LIMIT;
 use self::prediction_error::{Estimate, PredictionError, PredictionErrorState};
+pub use self::readings::STUCK_SAMPLES;
 use self::readings::{Readings, Taken};
 use crate::bearing::magnet::Geometry;
 use crate::invalid::Invalid;
@@ -167,11 +168,11 @@ impl Estimator {
         let refused = match taken {
             _ if !input.enable => Some(Verdict::Disabled),
             _ if input.contact => Some(Verdict::Contact),
-            Taken::Usable { stuck } => stuck.iter().any(|stuck| *stuck).then_some(Verdict::Stuck),
+            Taken::Usable { contradiction: true, .. } if self.config.identify_unbalance => Some(Verdict::Speed),
+            Taken::Usable { stuck, .. } => stuck.iter().any(|stuck| *stuck).then_some(Verdict::Stuck),
             Taken::Missing => {
                 Some(state.output.verdict).filter(|_| !state.readings.are_lost()).or(Some(Verdict::BadSample))
             }
-            Taken::Contradiction => Some(Verdict::Speed),
         };
         match (&self.method, &mut state.method) {
             (MethodOf::PredictionError(method), MethodState::PredictionError(own)) => {

@@ -49,8 +49,8 @@ const START_INFORMATION: f64 = 0.1;
 /// instead of 1 a search that began a factor of three too low took 0.1 s (drawn bearings, seed 56183).
 const ESTIMATED: f64 = 1.0;
 
-/// The same of a noise that is known: to 3 %, as the standard deviation of as many samples of one reading.
-const KNOWN: f64 = 600.0;
+/// The same of a noise that is known: to 5 %, as the standard deviation of as many samples of one reading.
+const KNOWN: f64 = 200.0;
 
 /// The information forgets the samples taken with a worse estimate: so much of the number of samples counts, and at least so many.
 const MEMORY_PART: f64 = 0.7;

@@ -436,14 +436,16 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             state.trusted[QUARTERS - 1] = state.trusted[QUARTERS - 2].clone();
         }
         let prior = state.models.prior(&self.prior, self.forces());
-        if state.is_settled() {
+        if state.is_settled() || state.changed {
             state.validation.discount(state.models.discount_of(time_s));
             let weighed = state.models.weigh(&block, time_s, &self.prior, variances);
-            if weighed == Weighed::Changed {
-                state.trust_again();
-            }
-            if weighed != Weighed::Same {
-                state.validation.forget(state.revolutions());
+            match weighed {
+                Weighed::Same => (),
+                Weighed::Renewed => state.validation.forget(state.revolutions()),
+                Weighed::Changed => {
+                    state.trust_again();
+                    state.validation = Validation::start(state.revolutions());
+                }
             }
             state.models.mix(&prior, variances);
         } else {
@@ -591,7 +593,10 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if let Some(noise) = self.trusted[0].clone() {
             self.noise = Some(noise);
         }
-        (self.changed, self.estimated_at) = (true, self.quarters);
+        // A change takes several quarters until nothing of before is left.
+        if !self.changed {
+            (self.changed, self.estimated_at) = (true, self.quarters);
+        }
     }
 
     /// Counts all samples so far with a weight.

@@ -17,12 +17,10 @@ const MEASUREMENT_LIMIT: f64 = 1.0e12;
 
 /// What a sample is good for.
 pub enum Taken<const N: usize> {
-    /// All of it, but for sensors that are stuck.
-    Usable { stuck: [bool; N] },
+    /// All of it, but for sensors that are stuck, and a measured speed that is not that of the angle.
+    Usable { stuck: [bool; N], contradiction: bool },
     /// Nothing: not finite, outside the gap, or a repetition of the one before.
     Missing,
-    /// The measured speed is not that of the angle.
-    Contradiction,
 }
 
 /// The readings of N positions and K currents of late.
@@ -102,9 +100,6 @@ impl<const N: usize, const K: usize> Readings<N, K> {
             }
         }
         (self.position_m, self.current_a) = (position, current);
-        if self.rotation().contradicts() {
-            return Taken::Contradiction;
-        }
         if repeated {
             self.missing = self.missing.saturating_add(1);
             return Taken::Missing;
@@ -112,6 +107,7 @@ impl<const N: usize, const K: usize> Readings<N, K> {
         self.missing = 0;
         let moving = self.same.min() == 0;
         let stuck = |n: usize| self.same[n] >= STUCK_SAMPLES && self.mean_m[n] > QUANTISED_STEPS * self.smallest_m[n];
-        Taken::Usable { stuck: std::array::from_fn(|n| moving && stuck(n)) }
+        let contradiction = self.rotation().contradicts();
+        Taken::Usable { stuck: std::array::from_fn(|n| moving && stuck(n)), contradiction }
     }
 }

@@ -278,12 +278,12 @@ impl SpindleEstimator {
         match state.readings.take(input.reading_m, input.current_a, rotation, self.config.step_s, in_gap) {
             _ if !input.enable => [Some(Verdict::Disabled); 2],
             _ if input.contact => [Some(Verdict::Contact); 2],
-            Taken::Usable { stuck: [a_y, a_z, b_y, b_z, x] } => {
+            Taken::Usable { contradiction: true, .. } if self.config.identify_unbalance => [Some(Verdict::Speed); 2],
+            Taken::Usable { stuck: [a_y, a_z, b_y, b_z, x], .. } => {
                 [a_y || a_z || b_y || b_z, x].map(|stuck| stuck.then_some(Verdict::Stuck))
             }
             Taken::Missing if state.readings.are_lost() => [Some(Verdict::BadSample); 2],
             Taken::Missing => [state.radial.estimate.verdict, state.axial.estimate.verdict].map(Some),
-            Taken::Contradiction => [Some(Verdict::Speed); 2],
         }
     }
 

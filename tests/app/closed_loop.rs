@@ -134,6 +134,7 @@ fn estimator_config(values: &Values) -> EstimatorConfig {
             position_offset_m: values.real("tolerance.positionOffset"),
             current_gain: values.real("tolerance.currentGain"),
             current_offset_a: values.real("tolerance.currentOffset"),
+            backward_force_n: values.real("tolerance.backwardForce"),
         },
     }
 }

@@ -2,7 +2,9 @@
 //! the program, and integrates to below 1e-12 m.
 
 use crate::support::Random;
-use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method};
+use magnetic_bearing::estimation::{
+    Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, Tolerance,
+};
 use std::f64::consts::PI;
 
 /// One instant of the data; the two currents are those before and after it (the same if they are continuous).
@@ -230,8 +232,12 @@ impl Rotor {
         out
     }
 
+    /// The rotor tracks its path perfectly with the right force constants: a force that turns backward could then not be told from them, and a rotor that
+    /// has none says so.
     pub fn config(&self, method: Method, hold: Hold) -> EstimatorConfig {
+        let backward_force_n = if self.backward_n == 0.0 { 0.0 } else { Tolerance::default().backward_force_n };
         EstimatorConfig {
+            tolerance: Tolerance { backward_force_n, ..Tolerance::default() },
             m_kg: self.m_kg,
             gap_m: self.gap_m,
             alpha_rad: self.alpha_rad,
