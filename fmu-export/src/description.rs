@@ -20,44 +20,6 @@ pub fn write(info: &Info, capabilities: Capabilities, variables: &[Variable]) ->
     (guid, text)
 }
 
-/// Errors in a model's table that would make importers refuse its description or misread it.
-pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
-    let mut found = Vec::new();
-    let part_of_identifier = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
-    if info.name.is_empty() || !info.name.chars().all(part_of_identifier) || info.name.starts_with(char::is_numeric) {
-        found.push(format!(
-            "the name `{}` cannot be part of a C identifier: expected letters, digits, and underscores",
-            info.name
-        ));
-    }
-    let known = |name: &str| variables.iter().any(|variable| variable.name == name);
-    for (index, variable) in variables.iter().enumerate() {
-        let name = &variable.name;
-        if variables[..index].iter().any(|other| other.name == *name) {
-            found.push(format!("{name} occurs twice"));
-        }
-        let depends_on = variable.depends_on.iter().map(|(name, _)| name.as_ref());
-        let starts_from = variable.starts_from.iter().flatten().map(AsRef::as_ref);
-        for other in depends_on.chain(starts_from).chain(variable.derivative_of).filter(|other| !known(other)) {
-            found.push(format!("{name} refers to {other}, which is not a variable"));
-        }
-        let inside = match &variable.data_type {
-            Type::Real { start, min, max, .. } => {
-                min.is_none_or(|min| min <= *start) && max.is_none_or(|max| *start <= max)
-            }
-            Type::Integer { start, min, max } => {
-                min.is_none_or(|min| min <= *start) && max.is_none_or(|max| *start <= max)
-            }
-            Type::Enumeration { start, items } => items.item(*start).is_some(),
-            Type::Boolean { .. } | Type::String { .. } => true,
-        };
-        if variable.is_settable() && !inside {
-            found.push(format!("the start value of {name} is outside its limits"));
-        }
-    }
-    found
-}
-
 fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], guid: &str) -> String {
     let given = |text: &'static str| Some(text).filter(|text| !text.is_empty());
     let root = element("fmiModelDescription")
@@ -76,13 +38,13 @@ fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], gui
                 .with("modelIdentifier", info.name)
                 .with("needsExecutionTool", "false")
                 .with("canHandleVariableCommunicationStepSize", "true")
-                .with("canInterpolateInputs", "true")
+                .with("canInterpolateInputs", capabilities.interpolates_inputs.to_string())
                 .with("maxOutputDerivativeOrder", capabilities.output_derivative_order.to_string())
                 .with("canRunAsynchronuously", "false")
                 .with("canBeInstantiatedOnlyOncePerProcess", "false")
                 .with("canNotUseMemoryManagementFunctions", "true")
-                .with("canGetAndSetFMUstate", "true")
-                .with("canSerializeFMUstate", "true")
+                .with("canGetAndSetFMUstate", capabilities.snapshots.to_string())
+                .with("canSerializeFMUstate", capabilities.snapshots.to_string())
                 .with("providesDirectionalDerivative", capabilities.directional_derivatives.to_string()),
         );
         page.nest(element("UnitDefinitions"), |page| {
@@ -113,7 +75,7 @@ fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], gui
         );
         page.nest(element("ModelVariables"), |page| {
             for (reference, variable) in variables.iter().enumerate() {
-                let state = variable.derivative_of.and_then(|state| index_of(variables, state));
+                let state = variable.derivative_of.as_ref().and_then(|state| index_of(variables, state));
                 write_variable(page, reference, variable, state);
             }
         });
@@ -137,7 +99,8 @@ fn write_unit(page: &mut Page, unit: &Unit) {
     page.nest(element("Unit").with("name", unit.name), |page| {
         write_base_unit(page, "BaseUnit", unit);
         for display in unit.displays {
-            page.empty(element("DisplayUnit").with("name", display.name).with("factor", real(display.factor)));
+            let tag = element("DisplayUnit").with("name", display.name).with("factor", real(display.factor));
+            page.empty(tag.with_some("offset", (display.offset != 0.0).then(|| real(display.offset))));
         }
     });
 }
@@ -165,17 +128,20 @@ fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state:
         Causality::Input => "input",
         Causality::Output => "output",
         Causality::Local => "local",
+        Causality::CalculatedParameter => "calculatedParameter",
+        Causality::Independent => "independent",
     };
     let variability = match variable.variability {
+        Variability::Constant => "constant",
         Variability::Fixed => "fixed",
         Variability::Tunable => "tunable",
         Variability::Discrete => "discrete",
         Variability::Continuous => "continuous",
     };
     let initial = match variable.causality {
-        Causality::Parameter => Some("exact"),
-        Causality::Input => None,
-        Causality::Output | Causality::Local => Some("calculated"),
+        Causality::Input | Causality::Independent => None,
+        _ if variable.has_start() => Some("exact"),
+        _ => Some("calculated"),
     };
     let root = element("ScalarVariable")
         .with("name", variable.name.as_ref())
@@ -184,8 +150,7 @@ fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state:
         .with("causality", causality)
         .with("variability", variability)
         .with_some("initial", initial);
-    // Computed variables have no start value.
-    let settable = variable.is_settable();
+    let settable = variable.has_start();
     page.nest(root, |page| {
         let kind = match &variable.data_type {
             Type::Real { start, unit, display, nominal, min, max } => element("Real")
@@ -194,7 +159,7 @@ fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state:
                 .with_some("displayUnit", display.filter(|display| *display != unit.name))
                 .with_some("min", min.map(real))
                 .with_some("max", max.map(real))
-                .with("nominal", real(*nominal))
+                .with_some("nominal", (variable.causality != Causality::Independent).then(|| real(*nominal)))
                 .with_some("start", settable.then(|| real(*start)))
                 .with_some("derivative", state),
             Type::Integer { start, min, max } => element("Integer")
@@ -225,7 +190,9 @@ fn write_structure(page: &mut Page, variables: &[Variable]) {
     };
     let dependent = |page: &mut Page, index: i32, variable: &Variable| {
         let there = |name: &str| variables.iter().any(|variable| variable.name == name);
-        let mut depends_on: Vec<_> = variable.depends_on.iter().filter(|(name, _)| there(name)).collect();
+        // Without `dependencies` it depends on all inputs and states.
+        let Some(depends_on) = &variable.depends_on else { return page.empty(unknown(index)) };
+        let mut depends_on: Vec<_> = depends_on.iter().filter(|(name, _)| there(name)).collect();
         depends_on.sort_by_key(|(name, _)| variables.iter().position(|variable| variable.name == *name));
         let kinds: Vec<_> = depends_on.iter().map(|(_, how)| kind_of(*how)).collect();
         let tag = unknown(index).with("dependencies", indices(&mut depends_on.iter().map(|(name, _)| name.as_ref())));
@@ -241,7 +208,7 @@ fn write_structure(page: &mut Page, variables: &[Variable]) {
             // In the order of the state vector.
             for state in variables.iter().filter(|variable| variable.state) {
                 for (index, derivative) in chosen(|variable| variable.derivative_of.is_some()) {
-                    if derivative.derivative_of == Some(state.name.as_ref()) {
+                    if derivative.derivative_of.as_ref() == Some(&state.name) {
                         dependent(page, index, derivative);
                     }
                 }
@@ -249,7 +216,8 @@ fn write_structure(page: &mut Page, variables: &[Variable]) {
         });
     }
     let computed = |variable: &Variable| {
-        variable.causality == Causality::Output || variable.state || variable.derivative_of.is_some()
+        let listed = matches!(variable.causality, Causality::Output | Causality::CalculatedParameter);
+        variable.is_computed() && (listed || variable.state || variable.derivative_of.is_some())
     };
     page.nest(element("InitialUnknowns"), |page| {
         for (index, variable) in chosen(computed) {

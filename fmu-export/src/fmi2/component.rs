@@ -8,7 +8,8 @@ use super::logger::Logger;
 use super::sequence::State;
 use super::snapshot::{Snapshot, Stage};
 use crate::instance::{Instance, ModelType};
-use crate::model::{Invalid, Step};
+use crate::model::{Invalid, Step, StepError};
+use crate::resources::Resources;
 
 /// Why a call returns fmi2Error.
 pub(super) enum Problem {
@@ -16,6 +17,8 @@ pub(super) enum Problem {
     Call(String),
     /// The run cannot continue.
     Run(String),
+    /// The model ends the simulation.
+    End(String),
 }
 
 impl Problem {
@@ -28,13 +31,15 @@ impl Problem {
 /// Result of a call.
 pub(super) type Outcome = Result<(), Problem>;
 
-/// The latest start time: beyond it double precision does not resolve the instants of fast samples.
-const LATEST_START_S: f64 = 1e9;
+/// The latest start time: beyond it double precision does not resolve the instants of fast samples. The time of day in seconds
+/// since 1970 is below it.
+const LATEST_START_S: f64 = 1e10;
 
 /// What a call operates on.
 pub(super) struct Component {
     pub(super) model: Arc<ModelType>,
     pub(super) instance: Box<dyn Instance>,
+    pub(super) resources: Resources,
     pub(super) stage: Stage,
     pub(super) logger: Logger,
     /// The strings last returned to the importer, valid until its next call.
@@ -42,8 +47,9 @@ pub(super) struct Component {
 }
 
 impl Component {
-    pub(super) fn new(model: Arc<ModelType>, logger: Logger) -> Self {
-        Self { instance: model.instantiate(), model, stage: Stage::BEGIN, logger, texts: Vec::new() }
+    pub(super) fn new(model: Arc<ModelType>, resources: Resources, logger: Logger) -> Self {
+        let instance = model.instantiate_with(resources.clone());
+        Self { instance, resources, model, stage: Stage::BEGIN, logger, texts: Vec::new() }
     }
 
     /// The name of a variable for messages, or its value reference if there is none.
@@ -89,6 +95,9 @@ impl Component {
                 "communicationStepSize = {length_s} is refused: expected a finite number, 0 or above"
             ));
         }
+        if self.stage.last_step == fmi2Status::fmi2Discard {
+            return refuse(format!("refused: the model has ended the simulation at {} s", self.stage.time_s));
+        }
         // NaN is refused as well.
         let follows = (time_s - self.stage.time_s).abs() <= self.tolerance_s() && step.end_s().is_finite();
         if !follows {
@@ -109,7 +118,13 @@ impl Component {
             ));
         }
         self.stage.last_step = fmi2Status::fmi2Error;
-        self.instance.step(step, &mut self.logger).map_err(|error| Problem::Run(error.to_string()))?;
+        self.instance.step(step, &mut self.logger).map_err(|error| match error {
+            StepError::Terminated { time_s, .. } => {
+                (self.stage.last_step, self.stage.time_s) = (fmi2Status::fmi2Discard, time_s);
+                Problem::End(error.to_string())
+            }
+            StepError::Failed(text) => Problem::Run(text),
+        })?;
         self.stage.last_step = fmi2Status::fmi2OK;
         self.stage.time_s = step.end_s();
         Ok(())
@@ -121,12 +136,14 @@ impl Component {
     }
 
     /// A snapshot of this instance.
-    pub(super) fn save(&self) -> Snapshot {
-        Snapshot { model: self.model.clone(), instance: self.instance.duplicate(), stage: self.stage }
+    pub(super) fn save(&self) -> Result<Snapshot, Problem> {
+        let instance = self.instance.duplicate().ok_or_else(no_snapshots)?;
+        Ok(Snapshot { model: self.model.clone(), instance, stage: self.stage })
     }
 
     /// Takes a snapshot of this instance into an existing one of the same model.
     pub(super) fn save_over(&self, snapshot: &mut Snapshot) -> Outcome {
+        // Of a model without snapshots there is none to write into.
         if !snapshot.instance.copy_from(self.instance.as_ref()) {
             return Err(foreign(snapshot, &self.model));
         }
@@ -142,6 +159,10 @@ impl Component {
         self.stage = snapshot.stage;
         Ok(())
     }
+}
+
+fn no_snapshots() -> Problem {
+    Problem::call("this model has no snapshots, as the model description says")
 }
 
 fn foreign(snapshot: &Snapshot, model: &ModelType) -> Problem {

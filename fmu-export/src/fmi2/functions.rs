@@ -19,6 +19,7 @@ use super::sequence::{Function, State};
 use super::snapshot::Snapshot;
 use crate::fmus::Fmus;
 use crate::model::Step;
+use crate::resources::Resources;
 use crate::variable::Value;
 
 /// Declares functions for C, and checks at compile time that their types are those of the bindings.
@@ -198,13 +199,13 @@ fn make(
     fmus: &'static Fmus,
     name: fmi2String,
     kind: fmi2Type,
-    guid: fmi2String,
+    (guid, location): (fmi2String, fmi2String),
     functions: *const fmi2CallbackFunctions,
     logging_on: fmi2Boolean,
 ) -> Option<fmi2Component> {
-    // SAFETY: the importer keeps the callbacks and both texts valid for the length of the call, the callbacks' content for the life of
+    // SAFETY: the importer keeps the callbacks and the texts valid for the length of the call, the callbacks' content for the life of
     // the instance; null is checked.
-    let (callbacks, name, guid) = unsafe { (functions.as_ref()?, text(name), text(guid)) };
+    let (callbacks, name, guid, location) = unsafe { (functions.as_ref()?, text(name), text(guid), text(location)) };
     let shown = name.filter(|name| !name.is_empty()).unwrap_or(c"(no name)");
     let logger = Logger::new(CString::from(shown), callbacks, logging_on != fmi2False);
     let refuse = |why: std::fmt::Arguments<'_>| {
@@ -227,7 +228,8 @@ fn make(
             fmus.guids()
         ));
     };
-    Some(hand_out(Component::new(model, logger)))
+    let resources = location.map(|location| Resources::from_uri(&location.to_string_lossy()));
+    Some(hand_out(Component::new(model, resources.unwrap_or_default(), logger)))
 }
 
 /// Makes an instance of the model with that GUID; null if that is not possible, with a message that gives the reason. This is
@@ -240,10 +242,11 @@ pub unsafe fn instantiate(
     name: fmi2String,
     kind: fmi2Type,
     guid: fmi2String,
+    location: fmi2String,
     functions: *const fmi2CallbackFunctions,
     logging_on: fmi2Boolean,
 ) -> fmi2Component {
-    let made = catch_unwind(|| make(fmus, name, kind, guid, functions, logging_on));
+    let made = catch_unwind(|| make(fmus, name, kind, (guid, location), functions, logging_on));
     // The message of a panic went to the standard error; there is no instance whose logger could be used.
     made.ok().flatten().unwrap_or(std::ptr::null_mut())
 }
@@ -462,7 +465,7 @@ export! {
             // SAFETY: the pointer is as this module's contract says, and what it points to is null or a live snapshot.
             let place = unsafe { element_mut("FMUstate", FMUstate)? };
             if place.is_null() {
-                *place = Box::into_raw(Box::new(component.save())).cast();
+                *place = Box::into_raw(Box::new(component.save()?)).cast();
                 return Ok(());
             }
             // SAFETY: the pointer is a live snapshot, which is written here and so, by contract, used by no other call.
@@ -551,7 +554,7 @@ export! {
             let (bytes, place) = unsafe {
                 (elements("serializedState", serializedState.cast::<u8>(), size)?, element_mut("FMUstate", FMUstate)?)
             };
-            let snapshot = Snapshot::read(&component.model, bytes).map_err(Problem::Call)?;
+            let snapshot = Snapshot::read(&component.model, &component.resources, bytes).map_err(Problem::Call)?;
             *place = Box::into_raw(Box::new(snapshot)).cast();
             Ok(())
         };
@@ -645,7 +648,7 @@ export! {
         unsafe { enter(c, Function::GetRealOutputDerivatives, body) }
     }
 
-    /// Does one communication step.
+    /// Does one communication step; fmi2Discard if the model ends the simulation within it.
     fn fmi2DoStep: fmi2DoStepTYPE(
         c: fmi2Component,
         currentCommunicationPoint: fmi2Real,
@@ -691,13 +694,16 @@ export! {
         unsafe { status(c, Function::GetIntegerStatus, s, value, |_, _| None) }
     }
 
-    /// Whether the model requests the end of the simulation: never.
+    /// Whether the model has ended the simulation in the last step.
     fn fmi2GetBooleanStatus: fmi2GetBooleanStatusTYPE(
         c: fmi2Component,
         s: fmi2StatusKind,
         value: *mut fmi2Boolean,
     ) -> fmi2Status {
-        let answer = |_: &Component, kind| (kind == fmi2StatusKind::fmi2Terminated).then_some(fmi2False);
+        let answer = |component: &Component, kind| {
+            let ended = component.stage.last_step == fmi2Status::fmi2Discard;
+            (kind == fmi2StatusKind::fmi2Terminated).then_some(fmi2Boolean::from(ended))
+        };
         // SAFETY: all arguments are as this module's contract says.
         unsafe { status(c, Function::GetBooleanStatus, s, value, answer) }
     }

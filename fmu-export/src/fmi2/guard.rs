@@ -11,7 +11,6 @@ use super::logger::Category;
 use super::sequence::{Function, State};
 
 /// What `fmi2Component` points to: an instance, and whether a call on it is in progress.
-/// What `fmi2Component` points to: an instance, and whether a call on it is in progress.
 ///
 /// The standard forbids concurrent calls, and yet loggers call back into their instance, and importers share instances between
 /// threads. Such a call is refused, so that it cannot see an instance in the middle of a change.
@@ -68,7 +67,8 @@ pub(super) unsafe fn take_back(component: fmi2Component) {
 }
 
 /// Admits one call: checks the instance and the sequence of calls, makes the call, and returns its status. A problem becomes
-/// fmi2Error with a message; so does a panic, after which the run cannot continue without a reset.
+/// fmi2Error with a message; so does a panic, after which the run cannot continue without a reset. A model's request to end the
+/// simulation becomes fmi2Discard.
 ///
 /// # Safety
 /// `component` is null or was made by [`hand_out`], and was not taken back since.
@@ -103,6 +103,14 @@ pub(super) unsafe fn enter(
     let text = match outcome {
         Ok(()) => return fmi2Status::fmi2OK,
         Err(Problem::Call(text)) => text,
+        Err(Problem::End(text)) => {
+            component.logger.send(
+                fmi2Status::fmi2Discard,
+                Category::Events,
+                format_args!("{}: {text}", function.name()),
+            );
+            return fmi2Status::fmi2Discard;
+        }
         Err(Problem::Run(text)) => {
             component.stage.state = State::Error;
             text

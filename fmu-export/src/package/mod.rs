@@ -25,7 +25,7 @@ use std::process::Command;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use crate::{Fmus, ModelType, description};
+use crate::{Fmus, ModelType};
 use platforms::{Binaries, NotFor, Platform};
 
 /// An error, with the path concerned.
@@ -300,7 +300,7 @@ fn remap(library: &mut [u8]) {
 /// [`PackageError::Model`], [`PackageError::Archive`].
 pub fn fmu(model: &ModelType, binaries: &Binaries, extras: &Extras) -> Result<Vec<u8>, PackageError> {
     let name = model.info.name;
-    let problems = description::problems(&model.info, model.variables());
+    let problems = model.problems();
     if !problems.is_empty() {
         return Err(PackageError::Model { name, problems });
     }
