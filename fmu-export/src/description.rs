@@ -2,7 +2,7 @@
 
 use sha2::{Digest, Sha256};
 
-use crate::fmi2::Category;
+use crate::interface::logger::Category;
 use crate::model::{Capabilities, Info};
 use crate::unit::Unit;
 use crate::variable::{Causality, Dependency, Enumeration, Type, Variability, Variable};
@@ -101,7 +101,7 @@ fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], gui
         page.nest(element("LogCategories"), |page| {
             for category in Category::ALL {
                 let name = category.name().to_string_lossy();
-                page.empty(element("Category").with("name", name).with("description", category.description()));
+                page.empty(element("Category").with("name", name).with("description", category.description("fmi2")));
             }
         });
         page.empty(

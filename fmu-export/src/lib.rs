@@ -61,7 +61,7 @@
 //! - [`variable`], [`mod@unit`]: the table of variables;
 //! - [`input`]: inputs over a step; [`mod@clock`]: sample instants; [`log`]: messages;
 //! - [`instance`]: a model as its importer sees it; [`fmus`]: the models of one binary;
-//! - [`fmi2`]: the C interface, where all unsafe code is;
+//! - [`fmi2`], [`interface`]: the C interface, where all unsafe code is;
 //! - [`description`], [`xml`]: the model description;
 //! - `package`: archives, platforms, documentation pages, system structures.
 
@@ -71,6 +71,7 @@ pub mod fmi2;
 pub mod fmus;
 pub mod input;
 pub mod instance;
+pub mod interface;
 pub mod log;
 pub mod model;
 #[cfg(feature = "package")]

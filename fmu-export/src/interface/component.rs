@@ -1,17 +1,18 @@
 //! What a call operates on: an instance, its state in the sequence of calls, and its logger.
 
-use std::ffi::CString;
+use std::ffi::{CStr, CString, c_char};
 use std::sync::Arc;
 
-use super::bindings::{fmi2Status, fmi2ValueReference};
+use super::Interface;
+use super::arguments::text;
 use super::logger::Logger;
 use super::sequence::State;
 use super::snapshot::{Snapshot, Stage};
 use crate::instance::{Instance, ModelType};
 use crate::model::{Invalid, Step};
 
-/// Why a call returns fmi2Error.
-pub(super) enum Problem {
+/// Why a call fails.
+pub(crate) enum Problem {
     /// The call was wrong; the instance is unchanged.
     Call(String),
     /// The run cannot continue.
@@ -20,39 +21,40 @@ pub(super) enum Problem {
 
 impl Problem {
     /// A wrong call, with a message.
-    pub(super) fn call(text: impl std::fmt::Display) -> Self {
+    pub(crate) fn call(text: impl std::fmt::Display) -> Self {
         Self::Call(text.to_string())
     }
 }
 
 /// Result of a call.
-pub(super) type Outcome = Result<(), Problem>;
+pub(crate) type Outcome = Result<(), Problem>;
 
 /// The latest start time: beyond it double precision does not resolve the instants of fast samples.
 const LATEST_START_S: f64 = 1e9;
 
 /// What a call operates on.
-pub(super) struct Component {
-    pub(super) model: Arc<ModelType>,
-    pub(super) instance: Box<dyn Instance>,
-    pub(super) stage: Stage,
-    pub(super) logger: Logger,
+pub(crate) struct Component<I: Interface> {
+    pub(crate) model: Arc<ModelType>,
+    pub(crate) instance: Box<dyn Instance>,
+    pub(crate) stage: Stage,
+    pub(crate) logger: Logger<I>,
+    pub(crate) options: I::Options,
     /// The strings last returned to the importer, valid until its next call.
-    pub(super) texts: Vec<CString>,
+    pub(crate) texts: Vec<CString>,
 }
 
-impl Component {
-    pub(super) fn new(model: Arc<ModelType>, logger: Logger) -> Self {
-        Self { instance: model.instantiate(), model, stage: Stage::BEGIN, logger, texts: Vec::new() }
+impl<I: Interface> Component<I> {
+    pub(crate) fn new(model: Arc<ModelType>, logger: Logger<I>, options: I::Options) -> Self {
+        Self { instance: model.instantiate(), model, stage: Stage::BEGIN, logger, options, texts: Vec::new() }
     }
 
     /// The name of a variable for messages, or its value reference if there is none.
-    pub(super) fn name_of(&self, reference: fmi2ValueReference) -> String {
+    pub(crate) fn name_of(&self, reference: u32) -> String {
         let found = self.model.variables().get(reference as usize).map(|variable| variable.name.to_string());
         found.unwrap_or_else(|| format!("value reference {reference}"))
     }
 
-    pub(super) fn setup(&mut self, start_s: f64, stop_s: Option<f64>) -> Outcome {
+    pub(crate) fn setup(&mut self, start_s: f64, stop_s: Option<f64>) -> Outcome {
         if start_s.is_nan() || start_s.abs() > LATEST_START_S {
             return Err(Problem::Call(format!(
                 "startTime = {start_s} is refused: expected a finite number, at most {LATEST_START_S} in magnitude"
@@ -68,9 +70,9 @@ impl Component {
         Ok(())
     }
 
-    pub(super) fn exit_initialization(&mut self) -> Outcome {
+    pub(crate) fn exit_initialization(&mut self) -> Outcome {
         self.instance.start().map_err(|findings| Problem::Run(Invalid::list(&findings)))?;
-        self.stage.state = State::StepComplete;
+        self.stage.state = State::StepMode;
         Ok(())
     }
 
@@ -81,7 +83,7 @@ impl Component {
         1e-9 * (time_s - start_s).abs().max(1.0) + 4096.0 * f64::EPSILON * time_s.abs()
     }
 
-    pub(super) fn step(&mut self, step: Step) -> Outcome {
+    pub(crate) fn step(&mut self, step: Step) -> Outcome {
         let Step { time_s, length_s } = step;
         let refuse = |why: String| Err(Problem::Call(why));
         if !length_s.is_finite() || length_s < 0.0 {
@@ -108,25 +110,39 @@ impl Component {
                 "communicationStepSize = {length_s} is refused: expected at most {longest_s}, since it would take too long"
             ));
         }
-        self.stage.last_step = fmi2Status::fmi2Error;
+        self.stage.failed = true;
         self.instance.step(step, &mut self.logger).map_err(|error| Problem::Run(error.to_string()))?;
-        self.stage.last_step = fmi2Status::fmi2OK;
+        self.stage.failed = false;
         self.stage.time_s = step.end_s();
         Ok(())
     }
 
-    pub(super) fn reset(&mut self) {
+    /// Switches log categories on or off; an empty list means all of them.
+    ///
+    /// # Safety
+    /// Every text is null or ends with a zero byte and stays valid and unchanged until the call returns.
+    pub(crate) unsafe fn switch_logging(&mut self, on: bool, categories: &[*const c_char]) -> Outcome {
+        // SAFETY: by this function's contract.
+        let names = categories.iter().map(|name| unsafe { text(*name) });
+        let names: Vec<&CStr> =
+            names.collect::<Option<_>>().ok_or_else(|| Problem::call("categories holds a null pointer"))?;
+        self.logger.switch(on, &names).map_err(|name| {
+            Problem::Call(format!("{} is not a category of the model description", name.to_string_lossy()))
+        })
+    }
+
+    pub(crate) fn reset(&mut self) {
         self.instance.reset();
         self.stage = Stage::BEGIN;
     }
 
     /// A snapshot of this instance.
-    pub(super) fn save(&self) -> Snapshot {
+    pub(crate) fn save(&self) -> Snapshot {
         Snapshot { model: self.model.clone(), instance: self.instance.duplicate(), stage: self.stage }
     }
 
     /// Takes a snapshot of this instance into an existing one of the same model.
-    pub(super) fn save_over(&self, snapshot: &mut Snapshot) -> Outcome {
+    pub(crate) fn save_over(&self, snapshot: &mut Snapshot) -> Outcome {
         if !snapshot.instance.copy_from(self.instance.as_ref()) {
             return Err(foreign(snapshot, &self.model));
         }
@@ -135,7 +151,13 @@ impl Component {
     }
 
     /// Restores the state of this, or another instance of the same model. Name, callbacks and log categories stay.
-    pub(super) fn restore(&mut self, snapshot: &Snapshot) -> Outcome {
+    pub(crate) fn restore(&mut self, snapshot: &Snapshot) -> Outcome {
+        let state = snapshot.stage.state;
+        if I::STATES.iter().all(|(known, _)| *known != state) {
+            return Err(Problem::call(
+                "FMUstate is a snapshot of another version of FMI, in a state unknown to this one",
+            ));
+        }
         if !self.instance.copy_from(snapshot.instance.as_ref()) {
             return Err(foreign(snapshot, &self.model));
         }
