@@ -8,7 +8,7 @@
 
 #![allow(non_snake_case, reason = "the names are those of the standard")]
 
-use std::ffi::{CStr, CString, c_char};
+use std::ffi::{CStr, c_char};
 use std::panic::catch_unwind;
 
 use super::Fmi2;
@@ -19,28 +19,12 @@ use crate::interface::arguments::{elements, elements_mut, finite, handed_out, te
 use crate::interface::component::Problem;
 use crate::interface::guard::{enter, hand_out, take_back};
 use crate::interface::logger::Category;
-use crate::interface::{component, logger, states};
+use crate::interface::{c_functions, component, logger, states};
 use crate::model::Step;
 use crate::variable::Value;
 
 type Component = component::Component<Fmi2>;
 type Logger = logger::Logger<Fmi2>;
-
-/// Declares functions for C, and checks at compile time that their types are those of the bindings.
-macro_rules! export {
-    ($(
-        $(#[$attribute:meta])*
-        fn $name:ident: $type:ident ($($argument:ident: $of:ty),* $(,)?) -> $result:ty $body:block
-    )*) => {$(
-        $(#[$attribute])*
-        ///
-        /// # Safety
-        /// As for all functions of [this module](self).
-        pub unsafe extern "C" fn $name($($argument: $of),*) -> $result $body
-
-        const _: $type = Some($name);
-    )*};
-}
 
 /// Reads the variables of one type.
 ///
@@ -176,7 +160,7 @@ pub unsafe fn instantiate(
     made.ok().flatten().unwrap_or(std::ptr::null_mut())
 }
 
-export! {
+c_functions! {
     /// The platform type of the interface, `default`.
     fn fmi2GetTypesPlatform: fmi2GetTypesPlatformTYPE() -> *const c_char {
         fmi2TypesPlatform.as_ptr()
@@ -304,20 +288,7 @@ export! {
         let body = |component: &mut Component| {
             // SAFETY: the arrays are as this module's contract says.
             let (references, values) = unsafe { (elements("vr", vr, nvr)?, elements_mut("value", value, nvr)?) };
-            let mut texts = Vec::new();
-            for reference in references {
-                let found = component.instance.get(*reference as usize).map_err(Problem::call)?;
-                let Value::String(text) = found else {
-                    return Err(Problem::Call(wrong_type(component, *reference, "String", &found)));
-                };
-                // A zero byte would end the string for the importer; a blank keeps what follows readable.
-                texts.push(CString::new(text.replace('\0', " ")).expect("zero bytes were replaced"));
-            }
-            component.texts = texts;
-            for (value, text) in values.iter_mut().zip(&component.texts) {
-                *value = text.as_ptr();
-            }
-            Ok(())
+            component.read_texts(references, values)
         };
         // SAFETY: the component is as this module's contract says.
         unsafe { enter(c, Function::GetString, body) }

@@ -10,6 +10,7 @@ use super::sequence::State;
 use super::snapshot::{Snapshot, Stage};
 use crate::instance::{Instance, ModelType};
 use crate::model::{Invalid, Step};
+use crate::variable::Value;
 
 /// Why a call fails.
 pub(crate) enum Problem {
@@ -114,6 +115,25 @@ impl<I: Interface> Component<I> {
         self.instance.step(step, &mut self.logger).map_err(|error| Problem::Run(error.to_string()))?;
         self.stage.failed = false;
         self.stage.time_s = step.end_s();
+        Ok(())
+    }
+
+    /// Reads texts, which stay valid until the next call.
+    pub(crate) fn read_texts(&mut self, indices: &[u32], values: &mut [*const c_char]) -> Outcome {
+        let mut texts = Vec::new();
+        for index in indices {
+            let found = self.instance.get(*index as usize).map_err(Problem::call)?;
+            let Value::String(text) = found else {
+                let name = self.name_of(*index);
+                return Err(Problem::Call(format!("{name} is not of type String but {}", found.type_name())));
+            };
+            // A zero byte would end the string for the importer; a blank keeps what follows readable.
+            texts.push(CString::new(text.replace('\0', " ")).expect("zero bytes were replaced"));
+        }
+        self.texts = texts;
+        for (value, text) in values.iter_mut().zip(&self.texts) {
+            *value = text.as_ptr();
+        }
         Ok(())
     }
 

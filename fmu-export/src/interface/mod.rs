@@ -63,3 +63,20 @@ pub(crate) struct Message<'m, S> {
 pub(crate) fn name_of<I: Interface>(state: State) -> &'static str {
     I::STATES.iter().find(|(known, _)| *known == state).map_or("unknown", |(_, name)| name)
 }
+
+/// Declares functions for C, and checks at compile time that their types are those of the bindings.
+macro_rules! c_functions {
+    ($(
+        $(#[$attribute:meta])*
+        fn $name:ident: $type:ident ($($argument:ident: $of:ty),* $(,)?) -> $result:ty $body:block
+    )*) => {$(
+        $(#[$attribute])*
+        ///
+        /// # Safety
+        /// As for all functions of [this module](self).
+        pub unsafe extern "C" fn $name($($argument: $of),*) -> $result $body
+
+        const _: $type = Some($name);
+    )*};
+}
+pub(crate) use c_functions;
