@@ -21,6 +21,9 @@ pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
             found.push(format!("{what} = {value} of the typical run is refused: expected a number above 0"));
         }
     }
+    if variables.iter().any(|variable| variable.name == "time" && variable.causality != Causality::Independent) {
+        found.push("the name `time` is that of the independent variable in FMI 3.0: expected another one".into());
+    }
     let mut first: HashMap<&str, &Variable> = HashMap::new();
     for variable in variables {
         if first.insert(&variable.name, variable).is_some() {

@@ -5,13 +5,14 @@ use std::sync::{Arc, OnceLock};
 
 use serde::de::DeserializeOwned;
 
+use crate::check;
+use crate::description::{self, Description, Standard};
 use crate::input::{HIGHEST_ORDER, InputDerivatives, InputTrajectory};
 use crate::log::Log;
 use crate::model::{Capabilities, Info, Invalid, Model, Step, StepError};
 use crate::resources::Resources;
 use crate::state::{HiddenState, write_to};
 use crate::variable::{Causality, Table, Type, Value, Variability, Variable};
-use crate::{check, description};
 
 /// The longest communication step, in units of [`Model::base_step_s`].
 pub const MAX_BASE_STEPS: f64 = 1e6;
@@ -173,7 +174,8 @@ pub struct ModelType {
     variables: Arc<[Variable]>,
     new_instance: Box<dyn Fn(Resources) -> Box<dyn Instance> + Send + Sync>,
     shared_places: Box<dyn Fn() -> Vec<String> + Send + Sync>,
-    description: OnceLock<(String, String)>,
+    /// In the order of [`Standard::ALL`].
+    descriptions: [OnceLock<Description>; 3],
 }
 
 impl ModelType {
@@ -187,7 +189,7 @@ impl ModelType {
             variables: table.variables.clone(),
             new_instance: Box::new(move |resources| Box::new(ModelInstance::<M>::new(table.clone(), resources))),
             shared_places: Box::new(move || same_table.shared_places()),
-            description: OnceLock::new(),
+            descriptions: Default::default(),
         }
     }
 
@@ -213,24 +215,32 @@ impl ModelType {
         found
     }
 
-    fn description(&self) -> &(String, String) {
-        self.description.get_or_init(|| {
+    /// The model description by a standard.
+    pub fn description(&self, standard: Standard) -> &Description {
+        let at = Standard::ALL.iter().position(|known| *known == standard).expect("all standards are listed");
+        self.descriptions[at].get_or_init(|| {
             if cfg!(miri) {
                 // Under Miri, which checks accesses to memory, texts would take many minutes.
-                return (format!("{{{}}}", self.info.name), String::new());
+                return Description { token: format!("{{{} {standard:?}}}", self.info.name), xml: String::new() };
             }
-            description::write(&self.info, self.capabilities, &self.variables)
+            description::write(&self.info, self.capabilities, &self.variables, standard)
         })
     }
 
-    /// GUID, with braces: a hash of the model description, so that a binary matches its description only.
+    /// GUID of the description by FMI 2.0.
     pub fn guid(&self) -> &str {
-        &self.description().0
+        &self.description(Standard::Fmi2).token
     }
 
-    /// The text of `modelDescription.xml`.
+    /// The text of `modelDescription.xml` by FMI 2.0.
     pub fn xml(&self) -> &str {
-        &self.description().1
+        &self.description(Standard::Fmi2).xml
+    }
+
+    /// With arrays: the number of elements that each value reference stands for, 0 within an array.
+    #[cfg(feature = "fmi3")]
+    pub(crate) fn elements(&self) -> Arc<[u32]> {
+        description::arrays::elements(&self.variables)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Exports any Rust model as an FMI 2.0 co-simulation unit (FMU).
+//! Exports any Rust model as a co-simulation unit (FMU) of FMI 2.0 and FMI 3.0.
 //!
 //! A model is a type with a table of variables, a start, and a step. Everything else follows from the rows of the table: start
 //! value, value reference, access, unit, model description, reset, snapshot. [`export_fmus!`] defines the C functions of one
@@ -61,17 +61,21 @@
 //! - [`variable`], [`mod@unit`]: the table of variables;
 //! - [`input`]: inputs over a step; [`mod@clock`]: sample instants; [`log`]: messages;
 //! - [`instance`]: a model as its importer sees it; [`fmus`]: the models of one binary;
-//! - [`fmi2`]: the C interface, where all unsafe code is;
+//! - [`fmi2`], [`fmi3`], [`interface`]: the C interface, where all unsafe code is;
 //! - [`mod@description`], [`xml`]: the model description; [`check`]: errors in a table;
 //! - `package`: archives, platforms, documentation pages, system structures.
 
 pub mod check;
 pub mod clock;
 pub mod description;
+#[cfg(feature = "fmi2")]
 pub mod fmi2;
+#[cfg(feature = "fmi3")]
+pub mod fmi3;
 pub mod fmus;
 pub mod input;
 pub mod instance;
+pub mod interface;
 pub mod log;
 pub mod model;
 #[cfg(feature = "package")]
@@ -86,6 +90,7 @@ pub mod xml;
 
 mod export;
 
+pub use description::Standard;
 pub use fmus::Fmus;
 pub use instance::{Instance, ModelType};
 pub use model::{Capabilities, Info, Invalid, Model, Sampled, SampledModel, Step, StepError, Stepped};

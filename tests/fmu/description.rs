@@ -615,7 +615,7 @@ fn guid(change: impl Fn(&mut Vec<Variable>)) -> String {
     let plant = model_type("MagneticBearing");
     let mut variables = plant.variables().to_vec();
     change(&mut variables);
-    description::write(&plant.info, plant.capabilities, &variables).0
+    description::write(&plant.info, plant.capabilities, &variables, Standard::Fmi2).token
 }
 
 fn named<'a>(variables: &'a mut [Variable], name: &str) -> &'a mut Variable {

@@ -3,9 +3,9 @@
 use maud::{DOCTYPE, PreEscaped, html};
 
 use super::Extras;
-use crate::ModelType;
 use crate::variable::{Causality, Type, Variability, Variable};
 use crate::xml::real;
+use crate::{ModelType, Standard};
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1c2430}\
 table{border-collapse:collapse;width:100%;font-size:.9rem;margin:.5rem 0 1.5rem}\
@@ -32,13 +32,18 @@ fn is_parameter(variable: &Variable, variability: Variability) -> bool {
 }
 
 /// The content of the page, from the heading on.
-pub(super) fn body(model: &ModelType, extras: &Extras) -> String {
+pub(super) fn body(model: &ModelType, standard: Standard, extras: &Extras) -> String {
     let info = &model.info;
+    let token = match standard {
+        Standard::Fmi2 => "guid",
+        Standard::Fmi3 { .. } => "instantiation token",
+    };
     let body = html! {
         main.document {
             h1 { (info.name) }
             p.lead { (info.description) "." }
-            p.soft { "FMI 2.0 for co-simulation, " (info.tool) ", guid " code { (model.guid()) } "." }
+            p.soft { "FMI " (standard.version()) " for co-simulation, " (info.tool) ", "
+                (token) " " code { (model.description(standard).token) } "." }
             (PreEscaped(&extras.text))
             h2 { "Variables" }
             @for (title, belongs) in GROUPS {

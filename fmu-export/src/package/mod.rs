@@ -25,7 +25,7 @@ use std::process::Command;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use crate::{Fmus, ModelType};
+use crate::{Fmus, ModelType, Standard};
 use platforms::{Binaries, NotFor, Platform};
 
 /// An error, with the path concerned.
@@ -119,28 +119,48 @@ impl Default for Extras {
     }
 }
 
-/// Writes an FMU of each model into a folder, which is created if missing, with the library that cargo has built together with
-/// the running program.
+/// The standards of the FMUs to write: those that this crate is built with, by its features `fmi2` and `fmi3`; with `arrays`, the
+/// FMUs of FMI 3.0 have arrays. [`package`] and [`package_example`] make arrays if the running program was called with
+/// `--arrays`.
+pub fn standards(arrays: bool) -> Vec<Standard> {
+    let with_arrays = |standard: &Standard| match standard {
+        Standard::Fmi3 { .. } => Standard::Fmi3 { arrays },
+        other => *other,
+    };
+    Standard::BUILT.iter().map(with_arrays).collect()
+}
+
+fn called_with_arrays() -> bool {
+    std::env::args_os().skip(1).any(|argument| argument == "--arrays")
+}
+
+/// Writes the FMUs of each model, `Name.fmu` for FMI 2.0 and `Name_fmi3.fmu` for FMI 3.0, into a folder, which is created if
+/// missing, with the library that cargo has built together with the running program.
 ///
 /// # Errors
 /// Whatever file cannot be read or written.
 pub fn package(fmus: &'static Fmus, folder: impl AsRef<Path>) -> Result<Vec<Written>, PackageError> {
-    package_library(fmus, &built_library(fmus.library())?, folder)
+    package_library(fmus, &standards(called_with_arrays()), &built_library(fmus.library())?, folder)
 }
 
-/// As [`package`], with a given library.
+/// As [`package`], by given standards and with a given library.
 ///
 /// # Errors
 /// Whatever file cannot be read or written.
 pub fn package_library(
     fmus: &'static Fmus,
+    standards: &[Standard],
     library: &Path,
     folder: impl AsRef<Path>,
 ) -> Result<Vec<Written>, PackageError> {
     let binaries = binaries_of(library)?;
-    let archive =
-        |model: &ModelType| Ok((format!("{}.fmu", model.info.name), fmu(model, &binaries, &Extras::default())?));
-    let archives = fmus.models().iter().map(|model| archive(model)).collect::<Result<Vec<_>, _>>()?;
+    let mut archives = Vec::new();
+    for model in fmus.models().iter() {
+        for standard in standards {
+            let name = format!("{}.fmu", standard.file_stem(model.info.name));
+            archives.push((name, fmu(model, *standard, &binaries, &Extras::default())?));
+        }
+    }
     write(archives, &binaries, folder.as_ref())
 }
 
@@ -154,7 +174,7 @@ pub fn package_example(
     library: &str,
     folder: impl AsRef<Path>,
 ) -> Result<Vec<Written>, PackageError> {
-    package_library(fmus, &build_example(library)?, folder)
+    package_library(fmus, &standards(called_with_arrays()), &build_example(library)?, folder)
 }
 
 fn build_example(name: &str) -> Result<PathBuf, PackageError> {
@@ -294,22 +314,35 @@ fn remap(library: &mut [u8]) {
     }
 }
 
-/// The FMU of a model with its binaries. Its bytes depend on the arguments only.
+/// The FMU of a model by a standard, with its binaries. Its bytes depend on the arguments only.
 ///
 /// # Errors
 /// [`PackageError::Model`], [`PackageError::Archive`].
-pub fn fmu(model: &ModelType, binaries: &Binaries, extras: &Extras) -> Result<Vec<u8>, PackageError> {
+pub fn fmu(
+    model: &ModelType,
+    standard: Standard,
+    binaries: &Binaries,
+    extras: &Extras,
+) -> Result<Vec<u8>, PackageError> {
     let name = model.info.name;
     let problems = model.problems();
     if !problems.is_empty() {
         return Err(PackageError::Model { name, problems });
     }
-    let mut members = vec![Member::new("modelDescription.xml", model.xml())];
-    members.extend(extras.picture.as_deref().map(|picture| Member::new("model.png", picture)));
-    members.extend(binaries.places().into_iter().map(|place| {
+    let mut members = vec![Member::new("modelDescription.xml", model.description(standard).xml.as_str())];
+    // In FMI 3.0 the picture belongs to the icons of terminals.
+    let picture = match standard {
+        Standard::Fmi2 => "model.png",
+        Standard::Fmi3 { .. } => "terminalsAndIcons/icon.png",
+    };
+    members.extend(extras.picture.as_deref().map(|content| Member::new(picture, content)));
+    members.extend(binaries.places(standard).into_iter().map(|place| {
         Member::new(format!("binaries/{}/{name}.{}", place.folder, place.ending), place.content.into_owned())
     }));
-    members.push(Member::new("documentation/index.html", (extras.page)(name, &documentation::body(model, extras))));
+    members.push(Member::new(
+        "documentation/index.html",
+        (extras.page)(name, &documentation::body(model, standard, extras)),
+    ));
     let licenses = extras.licenses.iter();
     members.extend(licenses.map(|(file, text)| Member::new(format!("documentation/licenses/{file}"), text.as_bytes())));
     archive(name, &members)

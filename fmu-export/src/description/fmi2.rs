@@ -1,26 +1,14 @@
-//! Writes `modelDescription.xml` from the table of variables of a model.
+//! `modelDescription.xml` of FMI 2.0.
 
-use sha2::{Digest, Sha256};
-
-use crate::fmi2::Category;
+use super::{causality, enumerations, initial, is_initial_unknown, kind_of, variability};
+use crate::interface::logger::Category;
 use crate::model::{Capabilities, Info};
 use crate::unit::Unit;
-use crate::variable::{Causality, Dependency, Enumeration, Type, Variability, Variable};
+use crate::variable::{Causality, Enumeration, Type, Variable};
 use crate::xml::{Page, element, real, units, write_base_unit};
 
-/// The GUID of a model and the text of its model description.
-///
-/// The GUID is the first half of the SHA-256 of the description with an empty GUID, so it changes with the interface.
-pub fn write(info: &Info, capabilities: Capabilities, variables: &[Variable]) -> (String, String) {
-    let digest = Sha256::digest(document(info, capabilities, variables, "").as_bytes());
-    let digits: String = digest[..16].iter().map(|byte| format!("{byte:02x}")).collect();
-    let guid =
-        format!("{{{}-{}-{}-{}-{}}}", &digits[..8], &digits[8..12], &digits[12..16], &digits[16..20], &digits[20..]);
-    let text = document(info, capabilities, variables, &guid);
-    (guid, text)
-}
-
-fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], guid: &str) -> String {
+/// The text of the description, with that GUID.
+pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], guid: &str) -> String {
     let given = |text: &'static str| Some(text).filter(|text| !text.is_empty());
     let root = element("fmiModelDescription")
         .with("fmiVersion", "2.0")
@@ -63,7 +51,7 @@ fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], gui
         page.nest(element("LogCategories"), |page| {
             for category in Category::ALL {
                 let name = category.name().to_string_lossy();
-                page.empty(element("Category").with("name", name).with("description", category.description()));
+                page.empty(element("Category").with("name", name).with("description", category.description("fmi2")));
             }
         });
         page.empty(
@@ -81,18 +69,6 @@ fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], gui
         });
         page.nest(element("ModelStructure"), |page| write_structure(page, variables));
     })
-}
-
-fn enumerations(variables: &[Variable]) -> Vec<&'static Enumeration> {
-    let mut enumerations: Vec<&'static Enumeration> = Vec::new();
-    for variable in variables {
-        if let Type::Enumeration { items, .. } = variable.data_type
-            && enumerations.iter().all(|known| known.name != items.name)
-        {
-            enumerations.push(items);
-        }
-    }
-    enumerations
 }
 
 fn write_unit(page: &mut Page, unit: &Unit) {
@@ -123,33 +99,14 @@ fn index_of(variables: &[Variable], name: &str) -> Option<String> {
 }
 
 fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state: Option<String>) {
-    let causality = match variable.causality {
-        Causality::Parameter => "parameter",
-        Causality::Input => "input",
-        Causality::Output => "output",
-        Causality::Local => "local",
-        Causality::CalculatedParameter => "calculatedParameter",
-        Causality::Independent => "independent",
-    };
-    let variability = match variable.variability {
-        Variability::Constant => "constant",
-        Variability::Fixed => "fixed",
-        Variability::Tunable => "tunable",
-        Variability::Discrete => "discrete",
-        Variability::Continuous => "continuous",
-    };
-    let initial = match variable.causality {
-        Causality::Input | Causality::Independent => None,
-        _ if variable.has_start() => Some("exact"),
-        _ => Some("calculated"),
-    };
     let root = element("ScalarVariable")
         .with("name", variable.name.as_ref())
         .with("valueReference", reference.to_string())
         .with("description", variable.description.as_ref())
-        .with("causality", causality)
-        .with("variability", variability)
-        .with_some("initial", initial);
+        .with("causality", causality(variable))
+        .with("variability", variability(variable))
+        .with_some("initial", initial(variable));
+    // Computed variables have no start value.
     let settable = variable.has_start();
     page.nest(root, |page| {
         let kind = match &variable.data_type {
@@ -215,24 +172,12 @@ fn write_structure(page: &mut Page, variables: &[Variable]) {
             }
         });
     }
-    let computed = |variable: &Variable| {
-        let listed = matches!(variable.causality, Causality::Output | Causality::CalculatedParameter);
-        variable.is_computed() && (listed || variable.state || variable.derivative_of.is_some())
-    };
     page.nest(element("InitialUnknowns"), |page| {
-        for (index, variable) in chosen(computed) {
+        for (index, variable) in chosen(is_initial_unknown) {
             // Without `dependencies` an unknown depends on all knowns: parameters and inputs.
             let from = variable.starts_from.as_ref();
             let from = from.map(|names| indices(&mut names.iter().map(|name| name.as_ref())));
             page.empty(unknown(index).with_some("dependencies", from));
         }
     });
-}
-
-fn kind_of(how: Dependency) -> &'static str {
-    match how {
-        Dependency::Any => "dependent",
-        Dependency::Constant => "constant",
-        Dependency::Fixed => "fixed",
-    }
 }

@@ -2,49 +2,50 @@
 
 use std::any::Any;
 use std::cell::UnsafeCell;
+use std::ffi::c_void;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::bindings::{fmi2Component, fmi2Status};
 use super::component::{Component, Outcome, Problem};
 use super::logger::Category;
-use super::sequence::{Function, State};
+use super::sequence::{Rule, State};
+use super::{Interface, name_of};
 
-/// What `fmi2Component` points to: an instance, and whether a call on it is in progress.
+/// What the importer's pointer points to: an instance, and whether a call on it is in progress.
 ///
 /// The standard forbids concurrent calls, and yet loggers call back into their instance, and importers share instances between
 /// threads. Such a call is refused, so that it cannot see an instance in the middle of a change.
-struct Guarded {
+struct Guarded<I: Interface> {
     busy: AtomicBool,
-    component: UnsafeCell<Component>,
+    component: UnsafeCell<Component<I>>,
 }
 
-impl Guarded {
+impl<I: Interface> Guarded<I> {
     /// Begins a call, unless one is in progress.
-    fn begin(&self) -> Option<Call<'_>> {
+    fn begin(&self) -> Option<Call<'_, I>> {
         // Constructed only if no call is in progress, because its end admits the next call.
         (!self.busy.swap(true, Ordering::Acquire)).then(|| Call(self))
     }
 }
 
 /// A call in progress; its end admits the next one.
-struct Call<'g>(&'g Guarded);
+struct Call<'g, I: Interface>(&'g Guarded<I>);
 
-impl Call<'_> {
-    fn component(&mut self) -> &mut Component {
+impl<I: Interface> Call<'_, I> {
+    fn component(&mut self) -> &mut Component<I> {
         // SAFETY: `busy` admits one call at a time, and only a call accesses the component.
         unsafe { &mut *self.0.component.get() }
     }
 }
 
-impl Drop for Call<'_> {
+impl<I: Interface> Drop for Call<'_, I> {
     fn drop(&mut self) {
         self.0.busy.store(false, Ordering::Release);
     }
 }
 
 /// Passes a new instance to the importer.
-pub(super) fn hand_out(component: Component) -> fmi2Component {
+pub(crate) fn hand_out<I: Interface>(component: Component<I>) -> *mut c_void {
     let guarded = Guarded { busy: AtomicBool::new(false), component: UnsafeCell::new(component) };
     Box::into_raw(Box::new(guarded)).cast()
 }
@@ -52,9 +53,9 @@ pub(super) fn hand_out(component: Component) -> fmi2Component {
 /// Frees an instance. One freed by its own logger during a call is leaked, because the call continues with it.
 ///
 /// # Safety
-/// `component` is null or was made by [`hand_out`], and is not used again.
-pub(super) unsafe fn take_back(component: fmi2Component) {
-    let guarded = component.cast::<Guarded>();
+/// `component` is null or was made by [`hand_out`] for this standard, and is not used again.
+pub(crate) unsafe fn take_back<I: Interface>(component: *mut c_void) {
+    let guarded = component.cast::<Guarded<I>>();
     // SAFETY: a pointer that is not null is, by this function's contract, a live instance.
     let Some(busy) = (unsafe { guarded.as_ref() }).map(|guarded| guarded.busy.swap(true, Ordering::Acquire)) else {
         return;
@@ -67,57 +68,61 @@ pub(super) unsafe fn take_back(component: fmi2Component) {
 }
 
 /// Admits one call: checks the instance and the sequence of calls, makes the call, and returns its status. A problem becomes
-/// fmi2Error with a message; so does a panic, after which the run cannot continue without a reset. A model's request to end the
-/// simulation becomes fmi2Discard.
+/// an error with a message; so does a panic, after which the run cannot continue without a reset. A model's request to end the
+/// simulation has a status of its own.
 ///
 /// # Safety
-/// `component` is null or was made by [`hand_out`], and was not taken back since.
-pub(super) unsafe fn enter(
-    component: fmi2Component,
-    function: Function,
-    body: impl FnOnce(&mut Component) -> Outcome,
-) -> fmi2Status {
+/// `component` is null or was made by [`hand_out`] for this standard, and was not taken back since.
+pub(crate) unsafe fn enter<F: Rule>(
+    component: *mut c_void,
+    function: F,
+    body: impl FnOnce(&mut Component<F::Standard>) -> Outcome,
+) -> <F::Standard as Interface>::Status {
     // SAFETY: a pointer that is not null is, by this function's contract, a live instance.
-    let guarded = unsafe { component.cast::<Guarded>().as_ref() };
-    let Some(mut call) = guarded.and_then(Guarded::begin) else {
+    let guarded = unsafe { component.cast::<Guarded<F::Standard>>().as_ref() };
+    let Some(mut call) = guarded.and_then(Guarded::<F::Standard>::begin) else {
         // There is no way to report this: the logger belongs to the instance, and may be the caller.
-        return fmi2Status::fmi2Error;
+        return F::Standard::ERROR;
     };
     let component = call.component();
-    let outcome = if function.allowed_in(component.stage.state) {
+    let outcome = if function.states() & component.stage.state as u8 != 0 {
         // After a panic the values are arbitrary but readable; a second panic ends here as well. No step uses them: only a
         // reset or a snapshot leaves the state `error`, and both replace all values.
         catch_unwind(AssertUnwindSafe(|| body(component))).unwrap_or_else(|panic| {
             Err(Problem::Run(format!(
-                "a defect of this FMU, please report it: {}; it can be used again after fmi2Reset",
-                words(panic.as_ref())
+                "a defect of this FMU, please report it: {}; it can be used again after {}",
+                words(panic.as_ref()),
+                F::Standard::RESET
             )))
         })
     } else {
         Err(Problem::Call(format!(
             "not allowed in the state `{}`; allowed in: {}",
-            component.stage.state,
-            function.where_allowed()
+            name_of::<F::Standard>(component.stage.state),
+            where_allowed::<F::Standard>(function)
         )))
     };
     let text = match outcome {
-        Ok(()) => return fmi2Status::fmi2OK,
+        Ok(()) => return F::Standard::OK,
         Err(Problem::Call(text)) => text,
         Err(Problem::End(text)) => {
-            component.logger.send(
-                fmi2Status::fmi2Discard,
-                Category::Events,
-                format_args!("{}: {text}", function.name()),
-            );
-            return fmi2Status::fmi2Discard;
+            component.logger.send(F::Standard::ENDED, Category::Events, format_args!("{}: {text}", function.name()));
+            return F::Standard::ENDED;
         }
         Err(Problem::Run(text)) => {
             component.stage.state = State::Error;
             text
         }
     };
-    component.logger.send(fmi2Status::fmi2Error, Category::StatusError, format_args!("{}: {text}", function.name()));
-    fmi2Status::fmi2Error
+    component.logger.send(F::Standard::ERROR, Category::StatusError, format_args!("{}: {text}", function.name()));
+    F::Standard::ERROR
+}
+
+/// The states in which a function may be called, for messages.
+fn where_allowed<I: Interface>(function: I::Function) -> String {
+    let states = I::STATES.iter().filter(|(state, _)| function.states() & *state as u8 != 0);
+    let states: Vec<_> = states.map(|(_, name)| *name).collect();
+    if states.is_empty() { "no state that occurs here".into() } else { states.join(", ") }
 }
 
 /// The message of a panic.

@@ -1,18 +1,20 @@
 //! What a call operates on: an instance, its state in the sequence of calls, and its logger.
 
-use std::ffi::CString;
+use std::ffi::{CStr, CString, c_char};
 use std::sync::Arc;
 
-use super::bindings::{fmi2Status, fmi2ValueReference};
+use super::Interface;
+use super::arguments::text;
 use super::logger::Logger;
 use super::sequence::State;
 use super::snapshot::{Snapshot, Stage};
 use crate::instance::{Instance, ModelType};
 use crate::model::{Invalid, Step, StepError};
 use crate::resources::Resources;
+use crate::variable::Value;
 
-/// Why a call returns fmi2Error.
-pub(super) enum Problem {
+/// Why a call fails.
+pub(crate) enum Problem {
     /// The call was wrong; the instance is unchanged.
     Call(String),
     /// The run cannot continue.
@@ -23,42 +25,43 @@ pub(super) enum Problem {
 
 impl Problem {
     /// A wrong call, with a message.
-    pub(super) fn call(text: impl std::fmt::Display) -> Self {
+    pub(crate) fn call(text: impl std::fmt::Display) -> Self {
         Self::Call(text.to_string())
     }
 }
 
 /// Result of a call.
-pub(super) type Outcome = Result<(), Problem>;
+pub(crate) type Outcome = Result<(), Problem>;
 
 /// The latest start time: beyond it double precision does not resolve the instants of fast samples. The time of day in seconds
 /// since 1970 is below it.
 const LATEST_START_S: f64 = 1e10;
 
 /// What a call operates on.
-pub(super) struct Component {
-    pub(super) model: Arc<ModelType>,
-    pub(super) instance: Box<dyn Instance>,
-    pub(super) resources: Resources,
-    pub(super) stage: Stage,
-    pub(super) logger: Logger,
+pub(crate) struct Component<I: Interface> {
+    pub(crate) model: Arc<ModelType>,
+    pub(crate) instance: Box<dyn Instance>,
+    pub(crate) resources: Resources,
+    pub(crate) stage: Stage,
+    pub(crate) logger: Logger<I>,
+    pub(crate) options: I::Options,
     /// The strings last returned to the importer, valid until its next call.
-    pub(super) texts: Vec<CString>,
+    pub(crate) texts: Vec<CString>,
 }
 
-impl Component {
-    pub(super) fn new(model: Arc<ModelType>, resources: Resources, logger: Logger) -> Self {
+impl<I: Interface> Component<I> {
+    pub(crate) fn new(model: Arc<ModelType>, resources: Resources, logger: Logger<I>, options: I::Options) -> Self {
         let instance = model.instantiate_with(resources.clone());
-        Self { instance, resources, model, stage: Stage::BEGIN, logger, texts: Vec::new() }
+        Self { instance, resources, model, stage: Stage::BEGIN, logger, options, texts: Vec::new() }
     }
 
     /// The name of a variable for messages, or its value reference if there is none.
-    pub(super) fn name_of(&self, reference: fmi2ValueReference) -> String {
+    pub(crate) fn name_of(&self, reference: u32) -> String {
         let found = self.model.variables().get(reference as usize).map(|variable| variable.name.to_string());
         found.unwrap_or_else(|| format!("value reference {reference}"))
     }
 
-    pub(super) fn setup(&mut self, start_s: f64, stop_s: Option<f64>) -> Outcome {
+    pub(crate) fn setup(&mut self, start_s: f64, stop_s: Option<f64>) -> Outcome {
         if start_s.is_nan() || start_s.abs() > LATEST_START_S {
             return Err(Problem::Call(format!(
                 "startTime = {start_s} is refused: expected a finite number, at most {LATEST_START_S} in magnitude"
@@ -74,9 +77,9 @@ impl Component {
         Ok(())
     }
 
-    pub(super) fn exit_initialization(&mut self) -> Outcome {
+    pub(crate) fn exit_initialization(&mut self) -> Outcome {
         self.instance.start().map_err(|findings| Problem::Run(Invalid::list(&findings)))?;
-        self.stage.state = State::StepComplete;
+        self.stage.state = State::StepMode;
         Ok(())
     }
 
@@ -87,7 +90,7 @@ impl Component {
         1e-9 * (time_s - start_s).abs().max(1.0) + 4096.0 * f64::EPSILON * time_s.abs()
     }
 
-    pub(super) fn step(&mut self, step: Step) -> Outcome {
+    pub(crate) fn step(&mut self, step: Step) -> Outcome {
         let Step { time_s, length_s } = step;
         let refuse = |why: String| Err(Problem::Call(why));
         if !length_s.is_finite() || length_s < 0.0 {
@@ -95,7 +98,7 @@ impl Component {
                 "communicationStepSize = {length_s} is refused: expected a finite number, 0 or above"
             ));
         }
-        if self.stage.last_step == fmi2Status::fmi2Discard {
+        if self.stage.terminated {
             return refuse(format!("refused: the model has ended the simulation at {} s", self.stage.time_s));
         }
         // NaN is refused as well.
@@ -117,33 +120,68 @@ impl Component {
                 "communicationStepSize = {length_s} is refused: expected at most {longest_s}, since it would take too long"
             ));
         }
-        self.stage.last_step = fmi2Status::fmi2Error;
-        self.instance.step(step, &mut self.logger).map_err(|error| match error {
-            StepError::Terminated { time_s, .. } => {
-                (self.stage.last_step, self.stage.time_s) = (fmi2Status::fmi2Discard, time_s);
-                Problem::End(error.to_string())
+        self.stage.failed = true;
+        let outcome = self.instance.step(step, &mut self.logger);
+        if let Err(StepError::Failed(text)) = outcome {
+            return Err(Problem::Run(text));
+        }
+        self.stage.failed = false;
+        if let Err(ended) = outcome {
+            if let StepError::Terminated { time_s, .. } = ended {
+                (self.stage.terminated, self.stage.time_s) = (true, time_s);
             }
-            StepError::Failed(text) => Problem::Run(text),
-        })?;
-        self.stage.last_step = fmi2Status::fmi2OK;
+            return Err(Problem::End(ended.to_string()));
+        }
         self.stage.time_s = step.end_s();
         Ok(())
     }
 
-    pub(super) fn reset(&mut self) {
+    /// Reads texts, which stay valid until the next call.
+    pub(crate) fn read_texts(&mut self, indices: &[u32], values: &mut [*const c_char]) -> Outcome {
+        let mut texts = Vec::new();
+        for index in indices {
+            let found = self.instance.get(*index as usize).map_err(Problem::call)?;
+            let Value::String(text) = found else {
+                let name = self.name_of(*index);
+                return Err(Problem::Call(format!("{name} is not of type String but {}", found.type_name())));
+            };
+            // A zero byte would end the string for the importer; a blank keeps what follows readable.
+            texts.push(CString::new(text.replace('\0', " ")).expect("zero bytes were replaced"));
+        }
+        self.texts = texts;
+        for (value, text) in values.iter_mut().zip(&self.texts) {
+            *value = text.as_ptr();
+        }
+        Ok(())
+    }
+
+    /// Switches log categories on or off; an empty list means all of them.
+    ///
+    /// # Safety
+    /// Every text is null or ends with a zero byte and stays valid and unchanged until the call returns.
+    pub(crate) unsafe fn switch_logging(&mut self, on: bool, categories: &[*const c_char]) -> Outcome {
+        // SAFETY: by this function's contract.
+        let names = categories.iter().map(|name| unsafe { text(*name) });
+        let names: Vec<&CStr> =
+            names.collect::<Option<_>>().ok_or_else(|| Problem::call("categories holds a null pointer"))?;
+        self.logger.switch(on, &names).map_err(|name| {
+            Problem::Call(format!("{} is not a category of the model description", name.to_string_lossy()))
+        })
+    }
+
+    pub(crate) fn reset(&mut self) {
         self.instance.reset();
         self.stage = Stage::BEGIN;
     }
 
     /// A snapshot of this instance.
-    pub(super) fn save(&self) -> Result<Snapshot, Problem> {
+    pub(crate) fn save(&self) -> Result<Snapshot, Problem> {
         let instance = self.instance.duplicate().ok_or_else(no_snapshots)?;
         Ok(Snapshot { model: self.model.clone(), instance, stage: self.stage })
     }
 
     /// Takes a snapshot of this instance into an existing one of the same model.
-    pub(super) fn save_over(&self, snapshot: &mut Snapshot) -> Outcome {
-        // Of a model without snapshots there is none to write into.
+    pub(crate) fn save_over(&self, snapshot: &mut Snapshot) -> Outcome {
         if !snapshot.instance.copy_from(self.instance.as_ref()) {
             return Err(foreign(snapshot, &self.model));
         }
@@ -152,7 +190,13 @@ impl Component {
     }
 
     /// Restores the state of this, or another instance of the same model. Name, callbacks and log categories stay.
-    pub(super) fn restore(&mut self, snapshot: &Snapshot) -> Outcome {
+    pub(crate) fn restore(&mut self, snapshot: &Snapshot) -> Outcome {
+        let state = snapshot.stage.state;
+        if I::STATES.iter().all(|(known, _)| *known != state) {
+            return Err(Problem::call(
+                "FMUstate is a snapshot of another version of FMI, in a state unknown to this one",
+            ));
+        }
         if !self.instance.copy_from(snapshot.instance.as_ref()) {
             return Err(foreign(snapshot, &self.model));
         }
