@@ -36,6 +36,13 @@ impl Display {
     }
 }
 
+/// [`ONE`].
+impl Default for Unit {
+    fn default() -> Self {
+        ONE
+    }
+}
+
 impl Unit {
     /// A unit with its exponents of the base units and its display units.
     pub const fn new(name: &'static str, base: &'static [(&'static str, i32)], displays: &'static [Display]) -> Self {

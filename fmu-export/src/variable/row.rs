@@ -14,8 +14,15 @@ pub struct Row<D> {
     /// The variable.
     pub variable: Variable,
     pub(super) place: Place<D>,
-    pub(super) index: usize,
+    /// Index of the element in its array.
+    index: usize,
+    /// Index of its place, which differs from that of the element within arrays of structures.
+    pub(super) place_index: usize,
     pub(super) starts_from_parameters: bool,
+    /// What its name begins with; names to which it refers are looked up with this prefix first.
+    pub(super) prefix: String,
+    /// Number of the structure that contains it in its array.
+    number: Option<usize>,
 }
 
 impl<D> Row<D> {
@@ -39,7 +46,10 @@ impl<D> Row<D> {
             },
             place,
             index,
+            place_index: index,
             starts_from_parameters: false,
+            prefix: String::new(),
+            number: None,
         }
     }
 
@@ -104,7 +114,11 @@ impl<D> Row<D> {
         starts: [f64; N],
     ) -> impl Iterator<Item = Self> {
         let rows = names.into_iter().zip(starts).enumerate();
-        rows.map(move |(index, (name, start))| Self { index, ..Self::real(name, place, unit, start) })
+        rows.map(move |(index, (name, start))| Self {
+            index,
+            place_index: index,
+            ..Self::real(name, place, unit, start)
+        })
     }
 
     /// The elements of an array of whole numbers.
@@ -128,7 +142,7 @@ impl<D> Row<D> {
         starts: [bool; N],
     ) -> impl Iterator<Item = Self> {
         let rows = names.into_iter().zip(starts).enumerate();
-        rows.map(move |(index, (name, start))| Self { index, ..Self::boolean(name, place, start) })
+        rows.map(move |(index, (name, start))| Self { index, place_index: index, ..Self::boolean(name, place, start) })
     }
 
     /// The elements of an array of strings.
@@ -147,7 +161,26 @@ impl<D> Row<D> {
     ) -> impl Iterator<Item = Self> {
         let name = name.to_owned();
         let rows = starts.into_iter().enumerate();
-        rows.map(move |(index, start)| Self { index, ..row(element(&name, index), start) })
+        rows.map(move |(index, start)| Self { index, place_index: index, ..row(element(&name, index), start) })
+    }
+
+    /// Moves it to another place and another element of its array.
+    pub(crate) fn at_place(self, place_index: usize, index: usize) -> Self {
+        Self { place_index, index, ..self }
+    }
+
+    /// Puts it into a structure whose names begin with `prefix`, the one of that number in its array.
+    pub(crate) fn within(self, prefix: &str, number: Option<usize>) -> Self {
+        Self { prefix: prefix.to_owned(), number, ..self }
+    }
+
+    /// A text with the number of the element for `{k}`, and that of the structure which contains it for `{n}`.
+    fn numbered(&self, text: Cow<'static, str>) -> Cow<'static, str> {
+        if !text.contains('{') {
+            return text;
+        }
+        let text = text.replace("{k}", &(self.index + 1).to_string());
+        self.number.map_or(text.clone(), |number| text.replace("{n}", &number.to_string())).into()
     }
 
     /// The index of the element of an array, counted from 0.
@@ -200,6 +233,12 @@ impl<D> Row<D> {
         self.role(Causality::Output, Variability::Discrete)
     }
 
+    /// Lets an input, output or local variable change at sample instants or events only.
+    pub fn discrete(mut self) -> Self {
+        self.variable.variability = Variability::Discrete;
+        self
+    }
+
     /// Lets an output or a local variable begin with its start value, which importers may set before the run; the start leaves it
     /// alone. For states above all, which need no parameter for their initial values then.
     pub fn exact(mut self) -> Self {
@@ -212,11 +251,10 @@ impl<D> Row<D> {
         self.role(Causality::Local, Variability::Continuous)
     }
 
-    /// Description, as a phrase without a full stop. `{k}` stands for the number of the element, counted from 1.
+    /// Description, as a phrase without a full stop. `{k}` stands for the number of the element, counted from 1, `{n}` for that of
+    /// the structure which contains it.
     pub fn description(mut self, description: impl Into<Cow<'static, str>>) -> Self {
-        let text = description.into();
-        self.variable.description =
-            if text.contains("{k}") { text.replace("{k}", &(self.index + 1).to_string()).into() } else { text };
+        self.variable.description = self.numbered(description.into());
         self
     }
 
@@ -267,20 +305,28 @@ impl<D> Row<D> {
         self
     }
 
+    /// Declares that it depends on no parameter and no input at the start.
+    pub fn starts_from_nothing(mut self) -> Self {
+        self.variable.starts_from.get_or_insert_default();
+        self
+    }
+
     /// Declares that no input and no state has direct feedthrough to it.
     pub fn depends_on_nothing(mut self) -> Self {
         self.variable.depends_on.get_or_insert_default();
         self
     }
 
-    /// Names the inputs and states with direct feedthrough to it; without a name it depends on all of them.
+    /// Names the inputs and states with direct feedthrough to it; without this it depends on all of them. The name of an array
+    /// stands for all its elements; `{k}` in a name for the number of the own element.
     pub fn depends_on(self, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
         self.depends(Dependency::Any, names)
     }
 
     /// Names the inputs and states with direct feedthrough to it, and the form of the dependency.
     pub fn depends(mut self, how: Dependency, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
-        self.variable.depends_on.get_or_insert_default().extend(names.into_iter().map(|name| (name.into(), how)));
+        let names: Vec<_> = names.into_iter().map(|name| (self.numbered(name.into()), how)).collect();
+        self.variable.depends_on.get_or_insert_default().extend(names);
         self
     }
 
@@ -290,9 +336,10 @@ impl<D> Row<D> {
         self
     }
 
-    /// Makes it the derivative of a state.
+    /// Makes it the derivative of a state. An element of an array is the derivative of the element of the same number, if the name is
+    /// that of an array.
     pub fn derivative_of(mut self, state: impl Into<Cow<'static, str>>) -> Self {
-        self.variable.derivative_of = Some(state.into());
+        self.variable.derivative_of = Some(self.numbered(state.into()));
         self
     }
 
@@ -307,7 +354,8 @@ impl<D> Row<D> {
     /// Names the parameters and inputs that it depends on at the start; by default these follow from
     /// [`Row::depends_on`], and are all where that does not tell.
     pub fn starts_from(mut self, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
-        self.variable.starts_from.get_or_insert_default().extend(names.into_iter().map(Into::into));
+        let names: Vec<_> = names.into_iter().map(|name| self.numbered(name.into())).collect();
+        self.variable.starts_from.get_or_insert_default().extend(names);
         self
     }
 }

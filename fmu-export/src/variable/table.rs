@@ -1,10 +1,11 @@
 //! The table of a model: its variables with access to their values.
 
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::access::Place;
-use super::{Causality, Row, Type, Value, Variable};
+use super::{Causality, Dependency, Row, Type, Value, Variable};
 
 /// The variables of a model with access to their values, by index. The index is the value reference.
 pub struct Table<D> {
@@ -16,10 +17,12 @@ pub struct Table<D> {
 impl<D> Table<D> {
     /// The table with these rows.
     pub fn new(rows: Vec<Row<D>>) -> Self {
-        let parameters_count: Vec<bool> = rows.iter().map(|row| row.starts_from_parameters).collect();
+        let mut rows = rows;
+        resolve(&mut rows);
+        let from_parameters: Vec<bool> = rows.iter().map(|row| row.starts_from_parameters).collect();
         let (mut variables, places): (Vec<_>, Vec<_>) =
-            rows.into_iter().map(|row| (row.variable, (row.place, row.index))).unzip();
-        complete(&mut variables, &parameters_count);
+            rows.into_iter().map(|row| (row.variable, (row.place, row.place_index))).unzip();
+        complete(&mut variables, &from_parameters);
         Self { variables: variables.into(), places }
     }
 
@@ -128,6 +131,38 @@ fn same(one: &Value, other: &Value) -> bool {
     match (one, other) {
         (Value::Real(one), Value::Real(other)) => one.to_bits() == other.to_bits(),
         _ => one == other,
+    }
+}
+
+/// Replaces names to which rows refer: one of the own structure gets its prefix, that of an array becomes those of its elements.
+/// Unknown names stay, to be reported.
+fn resolve<D>(rows: &mut [Row<D>]) {
+    let mut elements: HashMap<Cow<'static, str>, Vec<Cow<'static, str>>> = HashMap::new();
+    for row in rows.iter() {
+        let name = row.variable.name.clone();
+        if let Some((array, _)) = name.strip_suffix(']').and_then(|name| name.rsplit_once('[')) {
+            elements.entry(array.to_owned().into()).or_default().push(name.clone());
+        }
+        elements.entry(name.clone()).or_default().push(name);
+    }
+    for row in rows {
+        let index = row.index();
+        let meant = |name: &Cow<'static, str>| {
+            let own: Cow<'static, str> = format!("{}{name}", row.prefix).into();
+            elements.get(&own).or_else(|| elements.get(name)).cloned().unwrap_or_else(|| vec![name.clone()])
+        };
+        if let Some(depends_on) = &mut row.variable.depends_on {
+            let each =
+                |(name, how): &(_, Dependency)| meant(name).into_iter().map(|name| (name, *how)).collect::<Vec<_>>();
+            *depends_on = depends_on.iter().flat_map(each).collect();
+        }
+        if let Some(starts_from) = &mut row.variable.starts_from {
+            *starts_from = starts_from.iter().flat_map(meant).collect();
+        }
+        if let Some(state) = &mut row.variable.derivative_of {
+            let states = meant(state);
+            *state = states.get(index).or(states.first()).cloned().unwrap_or_else(|| state.clone());
+        }
     }
 }
 
