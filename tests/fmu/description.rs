@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use crate::support::is_plant;
 use fmu_export::variable::{Type, Variable};
-use fmu_export::{ModelType, description};
+use fmu_export::{ModelType, Standard, description};
 use magnetic_bearing::fmu;
 use magnetic_bearing::package;
 use roxmltree::{Document, Node};

@@ -5,10 +5,12 @@ mod support;
 
 mod abuse;
 mod bindings;
+mod bindings3;
 mod derivatives;
 // The documentation page is made by the program.
 #[cfg(feature = "app")]
 mod description;
+mod fmi3;
 mod guard;
 mod instances;
 mod log;
