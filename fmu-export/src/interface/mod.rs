@@ -8,6 +8,8 @@ pub mod sequence;
 pub(crate) mod arguments;
 pub(crate) mod component;
 pub(crate) mod guard;
+#[cfg(feature = "package")]
+pub(crate) mod load;
 pub(crate) mod logger;
 pub(crate) mod snapshot;
 pub(crate) mod states;
