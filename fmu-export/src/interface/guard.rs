@@ -126,7 +126,7 @@ fn where_allowed<I: Interface>(function: I::Function) -> String {
 }
 
 /// The message of a panic.
-pub(super) fn words(panic: &(dyn Any + Send)) -> &str {
+pub(crate) fn words(panic: &(dyn Any + Send)) -> &str {
     panic
         .downcast_ref::<&str>()
         .copied()

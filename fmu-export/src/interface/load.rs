@@ -1,6 +1,5 @@
 //! Loads the library of an FMU and initializes an instance, as an importer does.
 
-use std::any::Any;
 use std::ffi::{CStr, CString};
 use std::path::Path;
 #[cfg(feature = "fmi3")]
@@ -94,9 +93,4 @@ unsafe fn function<T: IntoIterator + Copy>(library: &Library, name: &str) -> Res
     // SAFETY: by this function's contract.
     let symbol: Symbol<'_, T> = unsafe { library.get(name) }.map_err(|error| error.to_string())?;
     (*symbol).into_iter().next().ok_or_else(|| format!("{name} is missing"))
-}
-
-/// The message of a panic.
-pub(crate) fn words(panic: &(dyn Any + Send)) -> &str {
-    super::guard::words(panic)
 }

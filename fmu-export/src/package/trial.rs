@@ -5,6 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use super::{Extras, PackageError, at};
+use crate::interface::guard::words;
 use crate::interface::load;
 use crate::model::Invalid;
 use crate::{ModelType, Resources, Standard};
@@ -48,7 +49,9 @@ pub(super) fn start(model: &ModelType, extras: &Extras) -> Result<(), PackageErr
         }
         Ok(())
     }));
-    tried.unwrap_or_else(|panic| Err(format!("the model panics when it is started: {}", load::words(panic.as_ref())))).map_err(fail)
+    tried
+        .unwrap_or_else(|panic| Err(format!("the model panics when it is started: {}", words(panic.as_ref()))))
+        .map_err(fail)
 }
 
 /// Loads the library, makes an instance of the model, and initializes it.
