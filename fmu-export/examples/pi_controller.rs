@@ -37,7 +37,7 @@ impl SampledModel for PiController {
         ]
     }
 
-    fn new(values: &Values) -> Result<Self, Vec<Invalid>> {
+    fn new(values: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
         let Values { period_s, limit, .. } = *values;
         let above_0 = [("Ts", period_s), ("limit", limit)].into_iter().filter(|(_, value)| *value <= 0.0);
         let found: Vec<_> = above_0.map(|(name, value)| Invalid::new(name, value, "a number above 0")).collect();
@@ -58,7 +58,10 @@ impl SampledModel for PiController {
         let ahead = *integral + values.integral_gain * self.period_s * error;
         let wanted = values.gain * error + ahead;
         if !wanted.is_finite() {
-            return Err(StepError(format!("r = {} and y = {} give no output", values.reference, values.measured)));
+            return Err(StepError::of(format_args!(
+                "r = {} and y = {} give no output",
+                values.reference, values.measured
+            )));
         }
         let limited = wanted.abs() > values.limit;
         if limited && !values.limited {

@@ -20,8 +20,8 @@ fn slope(mu: f64, x: f64, v: f64) -> [f64; 2] {
 }
 
 impl Model for VanDerPol {
-    const INFO: Info = Info { stop_s: 20.0, step_s: 0.01, ..Info::new("VanDerPol", "Van der Pol oscillator") };
-    const CAPABILITIES: Capabilities = Capabilities { directional_derivatives: true, ..Capabilities::NONE };
+    const INFO: Info = Info::new("VanDerPol", "Van der Pol oscillator").experiment(20.0, 0.01);
+    const CAPABILITIES: Capabilities = Capabilities::NONE.directional_derivatives();
     type Values = Values;
     type State = ();
 
@@ -38,7 +38,7 @@ impl Model for VanDerPol {
         ]
     }
 
-    fn new(_: &Values) -> Result<Self, Vec<Invalid>> {
+    fn new(_: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
         Ok(Self)
     }
 

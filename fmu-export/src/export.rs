@@ -2,7 +2,11 @@
 
 /// Defines all functions of FMI 2.0 and FMI 3.0 for co-simulation in a library of the crate type `cdylib` with these models, and a static
 /// [`Fmus`](crate::Fmus) named `FMUS` that lists them. Each model is a type that implements [`Model`](crate::Model) or
-/// [`SampledModel`](crate::SampledModel). Use it once per crate.
+/// [`SampledModel`](crate::SampledModel).
+///
+/// The functions have the standard's names, so that a binary can have them once: use the macro once per crate, and in no crate
+/// that another one with it depends on, or the linker reports duplicate symbols. Models of several crates go into one library by
+/// naming them all in one call, in a crate that depends on the others.
 ///
 /// ```ignore
 /// fmu_export::export_fmus!(Pump, Valve, Tank);
@@ -10,9 +14,21 @@
 #[macro_export]
 macro_rules! export_fmus {
     ($($model:ty),+ $(,)?) => {
+        // No panic may reach the importer, and with `panic = "abort"` none could be stopped.
+        #[cfg(not(panic = "unwind"))]
+        ::core::compile_error!(
+            "an FMU must be built with `panic = \"unwind\"`: with `panic = \"abort\"` a panic would end the program that \
+             imports it; remove that line from the profile in Cargo.toml"
+        );
+
         /// The models of this library.
         pub static FMUS: $crate::Fmus =
-            $crate::Fmus::new(::core::env!("CARGO_CRATE_NAME"), || ::std::vec![$($crate::ModelType::of::<$model>()),+]);
+            $crate::Fmus::new(::core::env!("CARGO_CRATE_NAME"), || {
+                // A type is one or the other kind of model; the method of the one that it implements is found.
+                #[allow(unused_imports, reason = "which kind of model there is depends on the crate")]
+                use $crate::instance::kind::{Continuous as _, Sampled as _};
+                ::std::vec![$((&$crate::instance::kind::Of::<$model>::NEW).model_type()),+]
+            });
 
         $crate::__export_fmi2! {}
         $crate::__export_fmi3! {}
@@ -36,7 +52,7 @@ macro_rules! __export_fmi2 {
                 instanceName: fmi2String,
                 fmuType: fmi2Type,
                 fmuGUID: fmi2String,
-                _fmuResourceLocation: fmi2String,
+                fmuResourceLocation: fmi2String,
                 functions: *const fmi2CallbackFunctions,
                 _visible: fmi2Boolean,
                 loggingOn: fmi2Boolean,
@@ -44,7 +60,7 @@ macro_rules! __export_fmi2 {
                 // SAFETY: the contract is the same.
                 unsafe {
                     $crate::fmi2::functions::instantiate(
-                        &super::FMUS, instanceName, fmuType, fmuGUID, functions, loggingOn,
+                        &super::FMUS, instanceName, fmuType, fmuGUID, fmuResourceLocation, functions, loggingOn,
                     )
                 }
             }
@@ -113,7 +129,7 @@ macro_rules! __export_fmi3 {
             pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
                 instanceName: fmi3String,
                 instantiationToken: fmi3String,
-                _resourcePath: fmi3String,
+                resourcePath: fmi3String,
                 _visible: fmi3Boolean,
                 loggingOn: fmi3Boolean,
                 eventModeUsed: fmi3Boolean,
@@ -127,6 +143,7 @@ macro_rules! __export_fmi3 {
                 let request = $crate::fmi3::functions::Request {
                     name: instanceName,
                     token: instantiationToken,
+                    resources: resourcePath,
                     logging_on: loggingOn,
                     event_mode: eventModeUsed,
                     environment: instanceEnvironment,

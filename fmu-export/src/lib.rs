@@ -26,7 +26,7 @@
 //!         ]
 //!     }
 //!
-//!     fn new(_: &Values) -> Result<Self, Vec<Invalid>> {
+//!     fn new(_: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
 //!         Ok(Self)
 //!     }
 //!
@@ -62,9 +62,11 @@
 //! - [`input`]: inputs over a step; [`mod@clock`]: sample instants; [`log`]: messages;
 //! - [`instance`]: a model as its importer sees it; [`fmus`]: the models of one binary;
 //! - [`fmi2`], [`fmi3`], [`interface`]: the C interface, where all unsafe code is;
-//! - [`description`], [`xml`]: the model description;
+//! - [`mod@description`], [`xml`]: the model description; [`check`]: errors in a table;
 //! - `package`: archives, platforms, documentation pages, system structures.
 
+pub mod array;
+pub mod check;
 pub mod clock;
 pub mod description;
 #[cfg(feature = "fmi2")]
@@ -81,25 +83,39 @@ pub mod model;
 pub mod package;
 #[cfg(feature = "planted-panics")]
 pub mod planted;
+pub mod resources;
+pub mod state;
 pub mod unit;
 pub mod variable;
+pub mod variables;
 pub mod xml;
 
 mod export;
 
+pub use array::Array;
 pub use description::Standard;
 pub use fmus::Fmus;
 pub use instance::{Instance, ModelType};
-pub use model::{Capabilities, Info, Invalid, Model, SampledModel, Step, StepError, Stepped};
+pub use model::{Capabilities, Info, Invalid, Model, Sampled, SampledModel, Step, StepError, Stepped};
+pub use resources::Resources;
+pub use state::{HiddenState, NotSaved};
+pub use variables::{Choice, Variables};
+
+pub use fmu_export_derive::{Choice, Variables};
 
 /// What most models need, with serde's derive macros.
 pub mod prelude {
     pub use serde::{Deserialize, Serialize};
 
+    pub use crate::array::Array;
     pub use crate::input::{HIGHEST_ORDER, InputTrajectory};
     pub use crate::log::{Log, Topic};
     pub use crate::model::{Capabilities, Info, Invalid, Model, SampledModel, Step, StepError, Stepped};
+    pub use crate::resources::Resources;
+    pub use crate::state::NotSaved;
     pub use crate::unit::{self, Unit};
     pub use crate::variable::{Enumeration, Row, Value};
+    pub use crate::variables::{Choice, Variables};
     pub use crate::{export_fmus, place};
+    pub use fmu_export_derive::{Choice, Variables};
 }

@@ -3,12 +3,11 @@
 mod library {
     use fmu_export::prelude::*;
 
-    static MODE: Enumeration = Enumeration {
-        name: "Mode",
-        description: "How the sum is taken",
-        items: &[("all", "Of all elements"), ("first", "Of the first alone")],
-        renamed: &[],
-    };
+    static MODE: Enumeration = Enumeration::new(
+        "Mode",
+        "How the sum is taken",
+        &[("all", "Of all elements"), ("first", "Of the first alone")],
+    );
 
     #[derive(Clone, Default, Serialize, Deserialize)]
     struct Values {
@@ -27,7 +26,7 @@ mod library {
     struct Types;
 
     impl SampledModel for Types {
-        const INFO: Info = Info { author: "Nobody", version: "2", ..Info::new("Types", "Every type of variable") };
+        const INFO: Info = Info::new("Types", "Every type of variable").author("Nobody").version("2");
         type Values = Values;
         type State = u32;
 
@@ -44,7 +43,7 @@ mod library {
             rows.into_iter().map(|row| row.description("Element {k} of what it is")).collect()
         }
 
-        fn new(values: &Values) -> Result<Self, Vec<Invalid>> {
+        fn new(values: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
             let mut findings = Vec::new();
             MODE.choose("mode", values.mode, [false, true], &mut false, &mut findings);
             if findings.is_empty() { Ok(Self) } else { Err(findings) }
@@ -76,9 +75,10 @@ mod support;
 use std::ffi::CStr;
 use std::ptr::{null, null_mut};
 
+use fmu_export::check;
 use fmu_export::fmi2::bindings::*;
 use fmu_export::variable::{Dependency, Type};
-use fmu_export::{Info, Standard, description};
+use fmu_export::Standard;
 use support::abuse::Abuse;
 use support::abuse3::Abuse3;
 use support::ffi::{Expect, Fmu, text};
@@ -179,14 +179,16 @@ fn the_model_description_has_every_type() {
 #[test]
 fn mistakes_in_a_table_are_named() {
     let model = library::FMUS.find("Types").expect("the model");
-    assert!(description::problems(&model.info, model.variables()).is_empty());
+    assert!(model.problems().is_empty());
     let mut variables = model.variables().to_vec();
     variables[0].name = "gain[2]".into();
-    variables[1].depends_on.push(("gian[1]".into(), Dependency::Any));
+    variables[1].depends_on.get_or_insert_default().push(("gian[1]".into(), Dependency::Any));
     if let Type::Enumeration { start, .. } = &mut variables[8].data_type {
         *start = 3;
     }
-    let found = description::problems(&Info { name: "my model", ..model.info }, &variables).join("; ");
+    let mut info = model.info;
+    info.name = "my model";
+    let found = check::problems(&info, &variables).join("; ");
     let wanted = [
         "the name `my model` cannot",
         "gain[2] occurs twice",

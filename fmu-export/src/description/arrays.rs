@@ -92,8 +92,8 @@ fn is_element(name: &str, array: &str, number: usize) -> bool {
 
 /// Whether two rows can be elements of one array, the first and that of the given number.
 fn alike(first: &Variable, other: &Variable, number: usize) -> bool {
-    let attributes = |row: &Variable| (row.causality, row.variability, row.state);
-    let derivatives = match (first.derivative_of, other.derivative_of) {
+    let attributes = |row: &Variable| (row.causality, row.variability, row.state, row.exact);
+    let derivatives = match (&first.derivative_of, &other.derivative_of) {
         (None, None) => true,
         (Some(one), Some(state)) => one.strip_suffix("[1]").is_some_and(|array| is_element(state, array, number)),
         _ => false,

@@ -1,6 +1,6 @@
 //! `modelDescription.xml` of FMI 2.0.
 
-use super::{causality, enumerations, initial, kind_of, variability};
+use super::{causality, enumerations, initial, is_initial_unknown, kind_of, variability};
 use crate::interface::logger::Category;
 use crate::model::{Capabilities, Info};
 use crate::unit::Unit;
@@ -26,13 +26,13 @@ pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Var
                 .with("modelIdentifier", info.name)
                 .with("needsExecutionTool", "false")
                 .with("canHandleVariableCommunicationStepSize", "true")
-                .with("canInterpolateInputs", "true")
+                .with("canInterpolateInputs", capabilities.interpolates_inputs.to_string())
                 .with("maxOutputDerivativeOrder", capabilities.output_derivative_order.to_string())
                 .with("canRunAsynchronuously", "false")
                 .with("canBeInstantiatedOnlyOncePerProcess", "false")
                 .with("canNotUseMemoryManagementFunctions", "true")
-                .with("canGetAndSetFMUstate", "true")
-                .with("canSerializeFMUstate", "true")
+                .with("canGetAndSetFMUstate", capabilities.snapshots.to_string())
+                .with("canSerializeFMUstate", capabilities.snapshots.to_string())
                 .with("providesDirectionalDerivative", capabilities.directional_derivatives.to_string()),
         );
         page.nest(element("UnitDefinitions"), |page| {
@@ -63,7 +63,7 @@ pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Var
         );
         page.nest(element("ModelVariables"), |page| {
             for (reference, variable) in variables.iter().enumerate() {
-                let state = variable.derivative_of.and_then(|state| index_of(variables, state));
+                let state = variable.derivative_of.as_ref().and_then(|state| index_of(variables, state));
                 write_variable(page, reference, variable, state);
             }
         });
@@ -75,7 +75,8 @@ fn write_unit(page: &mut Page, unit: &Unit) {
     page.nest(element("Unit").with("name", unit.name), |page| {
         write_base_unit(page, "BaseUnit", unit);
         for display in unit.displays {
-            page.empty(element("DisplayUnit").with("name", display.name).with("factor", real(display.factor)));
+            let tag = element("DisplayUnit").with("name", display.name).with("factor", real(display.factor));
+            page.empty(tag.with_some("offset", (display.offset != 0.0).then(|| real(display.offset))));
         }
     });
 }
@@ -106,7 +107,7 @@ fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state:
         .with("variability", variability(variable))
         .with_some("initial", initial(variable));
     // Computed variables have no start value.
-    let settable = variable.is_settable();
+    let settable = variable.has_start();
     page.nest(root, |page| {
         let kind = match &variable.data_type {
             Type::Real { start, unit, display, nominal, min, max } => element("Real")
@@ -115,7 +116,7 @@ fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state:
                 .with_some("displayUnit", display.filter(|display| *display != unit.name))
                 .with_some("min", min.map(real))
                 .with_some("max", max.map(real))
-                .with("nominal", real(*nominal))
+                .with_some("nominal", (variable.causality != Causality::Independent).then(|| real(*nominal)))
                 .with_some("start", settable.then(|| real(*start)))
                 .with_some("derivative", state),
             Type::Integer { start, min, max } => element("Integer")
@@ -146,7 +147,9 @@ fn write_structure(page: &mut Page, variables: &[Variable]) {
     };
     let dependent = |page: &mut Page, index: i32, variable: &Variable| {
         let there = |name: &str| variables.iter().any(|variable| variable.name == name);
-        let mut depends_on: Vec<_> = variable.depends_on.iter().filter(|(name, _)| there(name)).collect();
+        // Without `dependencies` it depends on all inputs and states.
+        let Some(depends_on) = &variable.depends_on else { return page.empty(unknown(index)) };
+        let mut depends_on: Vec<_> = depends_on.iter().filter(|(name, _)| there(name)).collect();
         depends_on.sort_by_key(|(name, _)| variables.iter().position(|variable| variable.name == *name));
         let kinds: Vec<_> = depends_on.iter().map(|(_, how)| kind_of(*how)).collect();
         let tag = unknown(index).with("dependencies", indices(&mut depends_on.iter().map(|(name, _)| name.as_ref())));
@@ -162,18 +165,15 @@ fn write_structure(page: &mut Page, variables: &[Variable]) {
             // In the order of the state vector.
             for state in variables.iter().filter(|variable| variable.state) {
                 for (index, derivative) in chosen(|variable| variable.derivative_of.is_some()) {
-                    if derivative.derivative_of == Some(state.name.as_ref()) {
+                    if derivative.derivative_of.as_ref() == Some(&state.name) {
                         dependent(page, index, derivative);
                     }
                 }
             }
         });
     }
-    let computed = |variable: &Variable| {
-        variable.causality == Causality::Output || variable.state || variable.derivative_of.is_some()
-    };
     page.nest(element("InitialUnknowns"), |page| {
-        for (index, variable) in chosen(computed) {
+        for (index, variable) in chosen(is_initial_unknown) {
             // Without `dependencies` an unknown depends on all knowns: parameters and inputs.
             let from = variable.starts_from.as_ref();
             let from = from.map(|names| indices(&mut names.iter().map(|name| name.as_ref())));

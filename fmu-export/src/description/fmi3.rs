@@ -1,7 +1,7 @@
 //! `modelDescription.xml` of FMI 3.0.
 
 use super::arrays::{Group, groups};
-use super::{causality, enumerations, initial, kind_of, variability};
+use super::{causality, enumerations, initial, is_initial_unknown, kind_of, variability};
 use crate::interface::logger::Category;
 use crate::model::{Capabilities, Info};
 use crate::unit::{SECOND, Unit};
@@ -34,8 +34,8 @@ pub(super) fn document(
                 .with("modelIdentifier", info.name)
                 .with("needsExecutionTool", "false")
                 .with("canBeInstantiatedOnlyOncePerProcess", "false")
-                .with("canGetAndSetFMUState", "true")
-                .with("canSerializeFMUState", "true")
+                .with("canGetAndSetFMUState", capabilities.snapshots.to_string())
+                .with("canSerializeFMUState", capabilities.snapshots.to_string())
                 .with("providesDirectionalDerivatives", capabilities.directional_derivatives.to_string())
                 .with("canHandleVariableCommunicationStepSize", "true")
                 .with("maxOutputDerivativeOrder", capabilities.output_derivative_order.to_string())
@@ -74,8 +74,11 @@ pub(super) fn document(
         );
         page.nest(element("ModelVariables"), |page| {
             for group in &groups {
-                let state = group.first().derivative_of.and_then(|state| reference_of(&groups, state));
+                let state = group.first().derivative_of.as_ref().and_then(|state| reference_of(&groups, state));
                 write_variable(page, group, state);
+            }
+            if variables.iter().any(|variable| variable.causality == Causality::Independent) {
+                return;
             }
             page.empty(
                 element("Float64")
@@ -95,7 +98,8 @@ fn write_unit(page: &mut Page, unit: &Unit) {
     page.nest(element("Unit").with("name", unit.name), |page| {
         write_base_unit(page, "BaseUnit", unit);
         for display in unit.displays {
-            page.empty(element("DisplayUnit").with("name", display.name).with("factor", real(display.factor)));
+            let tag = element("DisplayUnit").with("name", display.name).with("factor", real(display.factor));
+            page.empty(tag.with_some("offset", (display.offset != 0.0).then(|| real(display.offset))));
         }
     });
 }
@@ -117,7 +121,7 @@ fn reference_of(groups: &[Group<'_>], name: &str) -> Option<usize> {
 
 fn write_variable(page: &mut Page, group: &Group<'_>, state: Option<usize>) {
     let variable = group.first();
-    let settable = variable.is_settable();
+    let settable = variable.has_start();
     // The start values of all elements, which computed variables do not have.
     let starts = || {
         let starts = group.rows.iter().map(|row| match &row.data_type {
@@ -144,7 +148,7 @@ fn write_variable(page: &mut Page, group: &Group<'_>, state: Option<usize>) {
             .with_some("displayUnit", display.filter(|display| *display != unit.name))
             .with_some("min", min.map(real))
             .with_some("max", max.map(real))
-            .with("nominal", real(*nominal))
+            .with_some("nominal", (variable.causality != Causality::Independent).then(|| real(*nominal)))
             .with_some("derivative", state.map(|state| state.to_string()))
             .with_some("start", start),
         Type::Integer { min, max, .. } => common("Int32")
@@ -177,8 +181,11 @@ fn write_structure(page: &mut Page, groups: &[Group<'_>]) {
     let unknown = |name, group: &Group<'_>| element(name).with("valueReference", group.reference.to_string());
     let listed = |references: &[usize]| references.iter().map(usize::to_string).collect::<Vec<_>>().join(" ");
     let dependent = |tag: Element, group: &Group<'_>| {
+        // Without `dependencies` it depends on all inputs and states.
+        let named: Option<Vec<_>> = group.rows.iter().map(|row| row.depends_on.as_ref()).collect();
+        let Some(named) = named else { return tag };
         let mut depends_on: Vec<(usize, Dependency)> = Vec::new();
-        for (name, how) in group.rows.iter().flat_map(|row| &row.depends_on) {
+        for (name, how) in named.into_iter().flatten() {
             let Some(reference) = reference_of(groups, name) else { continue };
             match depends_on.iter_mut().find(|(known, _)| *known == reference) {
                 // Elements that depend in different ways depend in some way.
@@ -198,16 +205,12 @@ fn write_structure(page: &mut Page, groups: &[Group<'_>]) {
     }
     // In the order of the state vector.
     for state in groups.iter().filter(|group| group.first().state) {
-        let is_derivative = |group: &&Group<'_>| group.first().derivative_of == Some(state.first().name.as_ref());
+        let is_derivative = |group: &&Group<'_>| group.first().derivative_of.as_ref() == Some(&state.first().name);
         for group in groups.iter().filter(is_derivative) {
             page.empty(dependent(unknown("ContinuousStateDerivative", group), group));
         }
     }
-    let computed = |group: &&Group<'_>| {
-        let variable = group.first();
-        variable.causality == Causality::Output || variable.state || variable.derivative_of.is_some()
-    };
-    for group in groups.iter().filter(computed) {
+    for group in groups.iter().filter(|group| is_initial_unknown(group.first())) {
         // Without `dependencies` an unknown depends on all knowns: parameters and inputs.
         let from: Option<Vec<_>> = group.rows.iter().map(|row| row.starts_from.as_ref()).collect();
         let from = from.map(|from| {

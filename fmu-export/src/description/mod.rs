@@ -77,58 +77,20 @@ pub fn write(info: &Info, capabilities: Capabilities, variables: &[Variable], st
     Description { token, xml }
 }
 
-/// Errors in a model's table that would make importers refuse its description or misread it.
-pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
-    let mut found = Vec::new();
-    let part_of_identifier = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
-    if info.name.is_empty() || !info.name.chars().all(part_of_identifier) || info.name.starts_with(char::is_numeric) {
-        found.push(format!(
-            "the name `{}` cannot be part of a C identifier: expected letters, digits, and underscores",
-            info.name
-        ));
-    }
-    if variables.iter().any(|variable| variable.name == "time") {
-        found.push("the name `time` is that of the independent variable in FMI 3.0: expected another one".into());
-    }
-    let known = |name: &str| variables.iter().any(|variable| variable.name == name);
-    for (index, variable) in variables.iter().enumerate() {
-        let name = &variable.name;
-        if variables[..index].iter().any(|other| other.name == *name) {
-            found.push(format!("{name} occurs twice"));
-        }
-        let depends_on = variable.depends_on.iter().map(|(name, _)| name.as_ref());
-        let starts_from = variable.starts_from.iter().flatten().map(AsRef::as_ref);
-        for other in depends_on.chain(starts_from).chain(variable.derivative_of).filter(|other| !known(other)) {
-            found.push(format!("{name} refers to {other}, which is not a variable"));
-        }
-        let inside = match &variable.data_type {
-            Type::Real { start, min, max, .. } => {
-                min.is_none_or(|min| min <= *start) && max.is_none_or(|max| *start <= max)
-            }
-            Type::Integer { start, min, max } => {
-                min.is_none_or(|min| min <= *start) && max.is_none_or(|max| *start <= max)
-            }
-            Type::Enumeration { start, items } => items.item(*start).is_some(),
-            Type::Boolean { .. } | Type::String { .. } => true,
-        };
-        if variable.is_settable() && !inside {
-            found.push(format!("the start value of {name} is outside its limits"));
-        }
-    }
-    found
-}
-
 fn causality(variable: &Variable) -> &'static str {
     match variable.causality {
         Causality::Parameter => "parameter",
         Causality::Input => "input",
         Causality::Output => "output",
         Causality::Local => "local",
+        Causality::CalculatedParameter => "calculatedParameter",
+        Causality::Independent => "independent",
     }
 }
 
 fn variability(variable: &Variable) -> &'static str {
     match variable.variability {
+        Variability::Constant => "constant",
         Variability::Fixed => "fixed",
         Variability::Tunable => "tunable",
         Variability::Discrete => "discrete",
@@ -138,10 +100,16 @@ fn variability(variable: &Variable) -> &'static str {
 
 fn initial(variable: &Variable) -> Option<&'static str> {
     match variable.causality {
-        Causality::Parameter => Some("exact"),
-        Causality::Input => None,
-        Causality::Output | Causality::Local => Some("calculated"),
+        Causality::Input | Causality::Independent => None,
+        _ if variable.has_start() => Some("exact"),
+        _ => Some("calculated"),
     }
+}
+
+/// Whether the structure lists it among what is computed at the start.
+fn is_initial_unknown(variable: &Variable) -> bool {
+    let listed = matches!(variable.causality, Causality::Output | Causality::CalculatedParameter);
+    variable.is_computed() && (listed || variable.state || variable.derivative_of.is_some())
 }
 
 fn enumerations(variables: &[Variable]) -> Vec<&'static Enumeration> {

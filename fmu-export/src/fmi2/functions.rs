@@ -19,8 +19,10 @@ use crate::interface::arguments::{elements, elements_mut, finite, handed_out, te
 use crate::interface::component::Problem;
 use crate::interface::guard::{enter, hand_out, take_back};
 use crate::interface::logger::Category;
+use crate::interface::snapshot::Stage;
 use crate::interface::{c_functions, component, logger, states};
 use crate::model::Step;
+use crate::resources::Resources;
 use crate::variable::Value;
 
 type Component = component::Component<Fmi2>;
@@ -110,13 +112,13 @@ fn make(
     fmus: &'static Fmus,
     name: fmi2String,
     kind: fmi2Type,
-    guid: fmi2String,
+    (guid, location): (fmi2String, fmi2String),
     functions: *const fmi2CallbackFunctions,
     logging_on: fmi2Boolean,
 ) -> Option<fmi2Component> {
-    // SAFETY: the importer keeps the callbacks and both texts valid for the length of the call, the callbacks' content for the life of
+    // SAFETY: the importer keeps the callbacks and the texts valid for the length of the call, the callbacks' content for the life of
     // the instance; null is checked.
-    let (callbacks, name, guid) = unsafe { (functions.as_ref()?, text(name), text(guid)) };
+    let (callbacks, name, guid, location) = unsafe { (functions.as_ref()?, text(name), text(guid), text(location)) };
     let shown = name.filter(|name| !name.is_empty()).unwrap_or(c"(no name)");
     let logger = Logger::new(shown, callbacks.logger, callbacks.componentEnvironment, logging_on != fmi2False);
     let refuse = |why: std::fmt::Arguments<'_>| {
@@ -139,7 +141,8 @@ fn make(
             fmus.guids()
         ));
     };
-    Some(hand_out(Component::new(model, logger, ())))
+    let resources = location.map(|location| Resources::from_uri(&location.to_string_lossy())).unwrap_or_default();
+    Some(hand_out(Component::new(model, resources, logger, ())))
 }
 
 /// Makes an instance of the model with that GUID; null if that is not possible, with a message that gives the reason. This is
@@ -152,10 +155,11 @@ pub unsafe fn instantiate(
     name: fmi2String,
     kind: fmi2Type,
     guid: fmi2String,
+    location: fmi2String,
     functions: *const fmi2CallbackFunctions,
     logging_on: fmi2Boolean,
 ) -> fmi2Component {
-    let made = catch_unwind(|| make(fmus, name, kind, guid, functions, logging_on));
+    let made = catch_unwind(|| make(fmus, name, kind, (guid, location), functions, logging_on));
     // The message of a panic went to the standard error; there is no instance whose logger could be used.
     made.ok().flatten().unwrap_or(std::ptr::null_mut())
 }
@@ -488,7 +492,7 @@ c_functions! {
         unsafe { enter(c, Function::GetRealOutputDerivatives, body) }
     }
 
-    /// Does one communication step.
+    /// Does one communication step; fmi2Discard if the model ends the simulation within it.
     fn fmi2DoStep: fmi2DoStepTYPE(
         c: fmi2Component,
         currentCommunicationPoint: fmi2Real,
@@ -509,7 +513,11 @@ c_functions! {
     /// The status of the last step.
     fn fmi2GetStatus: fmi2GetStatusTYPE(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Status) -> fmi2Status {
         let answer = |component: &Component, kind| {
-            (kind == fmi2StatusKind::fmi2DoStepStatus).then_some(if component.stage.failed { fmi2Status::fmi2Error } else { fmi2Status::fmi2OK })
+            (kind == fmi2StatusKind::fmi2DoStepStatus).then_some(match component.stage {
+                Stage { failed: true, .. } => fmi2Status::fmi2Error,
+                Stage { terminated: true, .. } => fmi2Status::fmi2Discard,
+                _ => fmi2Status::fmi2OK,
+            })
         };
         // SAFETY: all arguments are as this module's contract says.
         unsafe { status(c, Function::GetStatus, s, value, answer) }
@@ -534,13 +542,15 @@ c_functions! {
         unsafe { status(c, Function::GetIntegerStatus, s, value, |_, _| None) }
     }
 
-    /// Whether the model requests the end of the simulation: never.
+    /// Whether the model has ended the simulation in the last step.
     fn fmi2GetBooleanStatus: fmi2GetBooleanStatusTYPE(
         c: fmi2Component,
         s: fmi2StatusKind,
         value: *mut fmi2Boolean,
     ) -> fmi2Status {
-        let answer = |_: &Component, kind| (kind == fmi2StatusKind::fmi2Terminated).then_some(fmi2False);
+        let answer = |component: &Component, kind| {
+            (kind == fmi2StatusKind::fmi2Terminated).then_some(fmi2Boolean::from(component.stage.terminated))
+        };
         // SAFETY: all arguments are as this module's contract says.
         unsafe { status(c, Function::GetBooleanStatus, s, value, answer) }
     }

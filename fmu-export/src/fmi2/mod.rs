@@ -33,6 +33,7 @@ impl Interface for Fmi2 {
     const OK: fmi2Status = fmi2Status::fmi2OK;
     const WARNING: fmi2Status = fmi2Status::fmi2Warning;
     const ERROR: fmi2Status = fmi2Status::fmi2Error;
+    const ENDED: fmi2Status = fmi2Status::fmi2Discard;
     type Function = sequence::Function;
     const STATES: &'static [(State, &'static str)] = sequence::STATES;
     const RESET: &'static str = "fmi2Reset";

@@ -43,6 +43,7 @@ impl Interface for Fmi3 {
     const OK: fmi3Status = fmi3Status::fmi3OK;
     const WARNING: fmi3Status = fmi3Status::fmi3Warning;
     const ERROR: fmi3Status = fmi3Status::fmi3Error;
+    const ENDED: fmi3Status = fmi3Status::fmi3OK;
     type Function = sequence::Function;
     const STATES: &'static [(State, &'static str)] = sequence::STATES;
     const RESET: &'static str = "fmi3Reset";

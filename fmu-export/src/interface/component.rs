@@ -9,7 +9,8 @@ use super::logger::Logger;
 use super::sequence::State;
 use super::snapshot::{Snapshot, Stage};
 use crate::instance::{Instance, ModelType};
-use crate::model::{Invalid, Step};
+use crate::model::{Invalid, Step, StepError};
+use crate::resources::Resources;
 use crate::variable::Value;
 
 /// Why a call fails.
@@ -18,6 +19,8 @@ pub(crate) enum Problem {
     Call(String),
     /// The run cannot continue.
     Run(String),
+    /// The model ends the simulation.
+    End(String),
 }
 
 impl Problem {
@@ -30,13 +33,15 @@ impl Problem {
 /// Result of a call.
 pub(crate) type Outcome = Result<(), Problem>;
 
-/// The latest start time: beyond it double precision does not resolve the instants of fast samples.
-const LATEST_START_S: f64 = 1e9;
+/// The latest start time: beyond it double precision does not resolve the instants of fast samples. The time of day in seconds
+/// since 1970 is below it.
+const LATEST_START_S: f64 = 1e10;
 
 /// What a call operates on.
 pub(crate) struct Component<I: Interface> {
     pub(crate) model: Arc<ModelType>,
     pub(crate) instance: Box<dyn Instance>,
+    pub(crate) resources: Resources,
     pub(crate) stage: Stage,
     pub(crate) logger: Logger<I>,
     pub(crate) options: I::Options,
@@ -45,8 +50,9 @@ pub(crate) struct Component<I: Interface> {
 }
 
 impl<I: Interface> Component<I> {
-    pub(crate) fn new(model: Arc<ModelType>, logger: Logger<I>, options: I::Options) -> Self {
-        Self { instance: model.instantiate(), model, stage: Stage::BEGIN, logger, options, texts: Vec::new() }
+    pub(crate) fn new(model: Arc<ModelType>, resources: Resources, logger: Logger<I>, options: I::Options) -> Self {
+        let instance = model.instantiate_with(resources.clone());
+        Self { instance, resources, model, stage: Stage::BEGIN, logger, options, texts: Vec::new() }
     }
 
     /// The name of a variable for messages, or its value reference if there is none.
@@ -92,6 +98,9 @@ impl<I: Interface> Component<I> {
                 "communicationStepSize = {length_s} is refused: expected a finite number, 0 or above"
             ));
         }
+        if self.stage.terminated {
+            return refuse(format!("refused: the model has ended the simulation at {} s", self.stage.time_s));
+        }
         // NaN is refused as well.
         let follows = (time_s - self.stage.time_s).abs() <= self.tolerance_s() && step.end_s().is_finite();
         if !follows {
@@ -112,8 +121,17 @@ impl<I: Interface> Component<I> {
             ));
         }
         self.stage.failed = true;
-        self.instance.step(step, &mut self.logger).map_err(|error| Problem::Run(error.to_string()))?;
+        let outcome = self.instance.step(step, &mut self.logger);
+        if let Err(StepError::Failed(text)) = outcome {
+            return Err(Problem::Run(text));
+        }
         self.stage.failed = false;
+        if let Err(ended) = outcome {
+            if let StepError::Terminated { time_s, .. } = ended {
+                (self.stage.terminated, self.stage.time_s) = (true, time_s);
+            }
+            return Err(Problem::End(ended.to_string()));
+        }
         self.stage.time_s = step.end_s();
         Ok(())
     }
@@ -157,8 +175,9 @@ impl<I: Interface> Component<I> {
     }
 
     /// A snapshot of this instance.
-    pub(crate) fn save(&self) -> Snapshot {
-        Snapshot { model: self.model.clone(), instance: self.instance.duplicate(), stage: self.stage }
+    pub(crate) fn save(&self) -> Result<Snapshot, Problem> {
+        let instance = self.instance.duplicate().ok_or_else(no_snapshots)?;
+        Ok(Snapshot { model: self.model.clone(), instance, stage: self.stage })
     }
 
     /// Takes a snapshot of this instance into an existing one of the same model.
@@ -184,6 +203,10 @@ impl<I: Interface> Component<I> {
         self.stage = snapshot.stage;
         Ok(())
     }
+}
+
+fn no_snapshots() -> Problem {
+    Problem::call("this model has no snapshots, as the model description says")
 }
 
 fn foreign(snapshot: &Snapshot, model: &ModelType) -> Problem {

@@ -68,7 +68,8 @@ pub(crate) unsafe fn take_back<I: Interface>(component: *mut c_void) {
 }
 
 /// Admits one call: checks the instance and the sequence of calls, makes the call, and returns its status. A problem becomes
-/// an error with a message; so does a panic, after which the run cannot continue without a reset.
+/// an error with a message; so does a panic, after which the run cannot continue without a reset. A model's request to end the
+/// simulation has a status of its own.
 ///
 /// # Safety
 /// `component` is null or was made by [`hand_out`] for this standard, and was not taken back since.
@@ -104,6 +105,10 @@ pub(crate) unsafe fn enter<F: Rule>(
     let text = match outcome {
         Ok(()) => return F::Standard::OK,
         Err(Problem::Call(text)) => text,
+        Err(Problem::End(text)) => {
+            component.logger.send(F::Standard::ENDED, Category::Events, format_args!("{}: {text}", function.name()));
+            return F::Standard::ENDED;
+        }
         Err(Problem::Run(text)) => {
             component.stage.state = State::Error;
             text

@@ -26,6 +26,8 @@ pub(crate) trait Interface: Sized + 'static {
     const WARNING: Self::Status;
     /// Failure.
     const ERROR: Self::Status;
+    /// A step in which the model ended the simulation.
+    const ENDED: Self::Status;
 
     /// The functions that take an instance, with the states in which they may be called.
     type Function: Rule;

@@ -20,10 +20,11 @@ use sha2::{Digest, Sha256};
 
 use super::sequence::State;
 use crate::instance::{Instance, ModelType};
+use crate::resources::Resources;
 
 const MAGIC: &[u8; 8] = b"FMU2SNAP";
 /// Increment this whenever the layout of the content changes, apart from the values and the state of the model.
-const VERSION: u16 = 3;
+const VERSION: u16 = 4;
 const HASH_BYTES: usize = 32;
 
 /// What the importer holds as a snapshot: an instance without its name, its callbacks and its log categories.
@@ -43,11 +44,13 @@ pub(crate) struct Stage {
     pub(crate) stop_s: Option<f64>,
     /// Whether the last step failed.
     pub(crate) failed: bool,
+    /// Whether the model has ended the simulation.
+    pub(crate) terminated: bool,
 }
 
 impl Stage {
     pub(crate) const BEGIN: Self =
-        Self { state: State::Instantiated, time_s: 0.0, start_s: 0.0, stop_s: None, failed: false };
+        Self { state: State::Instantiated, time_s: 0.0, start_s: 0.0, stop_s: None, failed: false, terminated: false };
 }
 
 /// A serialized [`Stage`].
@@ -58,15 +61,16 @@ struct Head {
     start_s: f64,
     stop_s: Option<f64>,
     failed: bool,
+    terminated: bool,
 }
 
 impl Snapshot {
     /// Serializes the snapshot. Equal snapshots give equal bytes.
     pub(crate) fn write(&self) -> Vec<u8> {
-        let Stage { state, time_s, start_s, stop_s, failed } = self.stage;
-        let head = Head { state: state as u8, time_s, start_s, stop_s, failed };
+        let Stage { state, time_s, start_s, stop_s, failed, terminated } = self.stage;
+        let head = Head { state: state as u8, time_s, start_s, stop_s, failed, terminated };
         let mut content = postcard::to_stdvec(&head).expect("numbers can be written, and memory grows as needed");
-        content.extend(self.instance.write());
+        content.extend(self.instance.write().expect("there are snapshots of models only that have them"));
 
         let mut bytes = Vec::with_capacity(content.len() + 128);
         bytes.extend(MAGIC);
@@ -86,12 +90,12 @@ impl Snapshot {
     ///
     /// # Errors
     /// Why the bytes are not a snapshot of this model.
-    pub(crate) fn read(model: &Arc<ModelType>, bytes: &[u8]) -> Result<Self, String> {
+    pub(crate) fn read(model: &Arc<ModelType>, resources: &Resources, bytes: &[u8]) -> Result<Self, String> {
         let content = content(model, bytes)?;
         let (head, rest): (Head, _) =
             postcard::take_from_bytes(content).map_err(|error| format!("the content is damaged: {error}"))?;
         let stage = head.stage()?;
-        let mut instance = model.instantiate();
+        let mut instance = model.instantiate_with(resources.clone());
         instance
             .read(rest, stage.time_s, matches!(stage.state, State::StepMode | State::EventMode))
             .map_err(|why| format!("the content is damaged: {why}"))?;
@@ -111,11 +115,11 @@ impl Head {
     fn stage(&self) -> Result<Stage, String> {
         let state = State::ALL.into_iter().find(|state| *state as u8 == self.state);
         let state = state.ok_or_else(|| format!("the content is damaged: there is no state {}", self.state))?;
-        let Self { time_s, start_s, stop_s, failed, .. } = *self;
+        let Self { time_s, start_s, stop_s, failed, terminated, .. } = *self;
         if !(time_s.is_finite() && start_s.is_finite()) || stop_s.is_some_and(f64::is_nan) {
             return Err("the content is damaged: the times are not finite".into());
         }
-        Ok(Stage { state, time_s, start_s, stop_s, failed })
+        Ok(Stage { state, time_s, start_s, stop_s, failed, terminated })
     }
 }
 

@@ -26,7 +26,7 @@ pub(crate) unsafe fn get<I: Interface>(component: &Component<I>, place: *mut *mu
     // SAFETY: by this function's contract.
     let place = unsafe { element_mut("FMUstate", place)? };
     if place.is_null() {
-        *place = Box::into_raw(Box::new(component.save())).cast();
+        *place = Box::into_raw(Box::new(component.save()?)).cast();
         return Ok(());
     }
     // SAFETY: the pointer is a live snapshot, which is written here and so, by contract, used by no other call.
@@ -99,7 +99,7 @@ pub(crate) unsafe fn deserialize<I: Interface>(
 ) -> Outcome {
     // SAFETY: by this function's contract.
     let (bytes, place) = unsafe { (elements("serializedState", first, size)?, element_mut("FMUstate", place)?) };
-    let snapshot = Snapshot::read(&component.model, bytes).map_err(Problem::Call)?;
+    let snapshot = Snapshot::read(&component.model, &component.resources, bytes).map_err(Problem::Call)?;
     *place = Box::into_raw(Box::new(snapshot)).cast();
     Ok(())
 }

@@ -18,12 +18,13 @@ h1{margin-bottom:.2rem}h2{margin-top:2rem}.lead{font-size:1.1rem;color:#465264;m
 type Belongs = fn(&Variable) -> bool;
 
 /// Groups of variables, with the heading of their table.
-const GROUPS: [(&str, Belongs); 5] = [
+const GROUPS: [(&str, Belongs); 6] = [
     ("Inputs", |variable| variable.causality == Causality::Input),
     ("Outputs", |variable| variable.causality == Causality::Output),
     ("Parameters", |variable| is_parameter(variable, Variability::Fixed)),
     ("Tunable parameters", |variable| is_parameter(variable, Variability::Tunable)),
-    ("Local variables", |variable| variable.causality == Causality::Local),
+    ("Calculated parameters", |variable| variable.causality == Causality::CalculatedParameter),
+    ("Local variables", |variable| matches!(variable.causality, Causality::Local | Causality::Independent)),
 ];
 
 fn is_parameter(variable: &Variable, variability: Variability) -> bool {
@@ -133,7 +134,7 @@ fn unit(variable: &Variable) -> String {
 }
 
 fn start(variable: &Variable) -> String {
-    if !variable.is_settable() {
+    if !variable.has_start() {
         return String::new();
     }
     match &variable.data_type {

@@ -25,7 +25,7 @@ use std::process::Command;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use crate::{Fmus, ModelType, Standard, description};
+use crate::{Fmus, ModelType, Standard};
 use platforms::{Binaries, NotFor, Platform};
 
 /// An error, with the path concerned.
@@ -325,7 +325,7 @@ pub fn fmu(
     extras: &Extras,
 ) -> Result<Vec<u8>, PackageError> {
     let name = model.info.name;
-    let problems = description::problems(&model.info, model.variables());
+    let problems = model.problems();
     if !problems.is_empty() {
         return Err(PackageError::Model { name, problems });
     }

@@ -224,7 +224,7 @@ impl Fmu3 {
                 Type::Boolean { .. } => {
                     call3!(fmi3SetBoolean: fmi3SetBooleanTYPE(c, first, 1, [value as u8].as_ptr(), 1))
                 }
-                Type::String { .. } => panic!("{name} is a text"),
+                _ => panic!("{name} is a text"),
             }
         }
     }
@@ -247,7 +247,7 @@ impl Fmu3 {
                 Type::Boolean { .. } => {
                     (call3!(fmi3GetBoolean: fmi3GetBooleanTYPE(c, first, 1, flag.as_mut_ptr(), 1)), f64::from(flag[0]))
                 }
-                Type::String { .. } => panic!("{name} is a text"),
+                _ => panic!("{name} is a text"),
             }
         };
         if status == fmi3Status::fmi3OK { Ok(value) } else { Err(status) }

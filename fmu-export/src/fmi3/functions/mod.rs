@@ -28,6 +28,7 @@ use crate::interface::guard::{enter, hand_out, take_back};
 use crate::interface::logger::Category;
 use crate::interface::{c_functions, component, logger, states};
 use crate::model::Step;
+use crate::resources::Resources;
 
 type Component = component::Component<Fmi3>;
 type Logger = logger::Logger<Fmi3>;
@@ -42,6 +43,8 @@ pub struct Request {
     pub logging_on: fmi3Boolean,
     /// Whether events are handled in a mode of their own.
     pub event_mode: fmi3Boolean,
+    /// The folder `resources`, as a path; null if there is none.
+    pub resources: fmi3String,
     /// Handed back with every message.
     pub environment: fmi3InstanceEnvironment,
     /// Takes messages.
@@ -49,8 +52,8 @@ pub struct Request {
 }
 
 fn make(fmus: &'static Fmus, request: &Request) -> Option<fmi3Instance> {
-    // SAFETY: the importer keeps both texts valid for the length of the call; null is checked.
-    let (name, token) = unsafe { (text(request.name), text(request.token)) };
+    // SAFETY: the importer keeps the texts valid for the length of the call; null is checked.
+    let (name, token, folder) = unsafe { (text(request.name), text(request.token), text(request.resources)) };
     let shown = name.filter(|name| !name.is_empty()).unwrap_or(c"(no name)");
     let logger = Logger::new(shown, request.log, request.environment, request.logging_on != 0);
     let refuse = |why: std::fmt::Arguments<'_>| {
@@ -72,9 +75,10 @@ fn make(fmus: &'static Fmus, request: &Request) -> Option<fmi3Instance> {
             fmus.tokens()
         ));
     };
+    let resources = folder.map(|folder| Resources::in_folder(&*folder.to_string_lossy())).unwrap_or_default();
     let elements = (standard == Standard::Fmi3 { arrays: true }).then(|| model.elements());
     let options = Options { event_mode: request.event_mode != 0, elements };
-    Some(hand_out(Component::new(model, logger, options)))
+    Some(hand_out(Component::new(model, resources, logger, options)))
 }
 
 /// Makes an instance for co-simulation of the model with that token; null if that is not possible, with a message that gives the
@@ -238,6 +242,7 @@ c_functions! {
                 let time = element_mut("lastSuccessfulTime", lastSuccessfulTime)?;
                 (*event, *terminate, *early) = (0, 0, 0);
                 let outcome = component.step(step);
+                *terminate = u8::from(component.stage.terminated) as fmi3Boolean;
                 *time = component.stage.time_s;
                 outcome
             })
