@@ -39,12 +39,11 @@ fn extras(name: &str) -> Extras {
         ("LICENSE-APACHE.txt", include_str!("../modelDescription/licenses/LICENSE-APACHE.txt")),
         ("THIRD-PARTY.txt", include_str!("../modelDescription/licenses/THIRD-PARTY.txt")),
     ];
-    Extras {
-        picture: Some(picture.into()),
-        text: text.into(),
-        page: |title, body| frame::page(title, &PreEscaped(body.to_owned())),
-        licenses: licenses.map(|(file, text)| (file.into(), text.into())).into(),
-    }
+    let extras = Extras::default()
+        .picture(picture)
+        .text(text)
+        .page(|title, body| frame::page(title, &PreEscaped(body.to_owned())));
+    licenses.into_iter().fold(extras, |extras, (file, text)| extras.license(file, text))
 }
 
 /// The library that was built together with the running program.

@@ -76,5 +76,5 @@ impl SampledModel for PiController {
 export_fmus!(PiController);
 
 fn main() -> Result<(), package::PackageError> {
-    package::package_example(&FMUS, "pi_controller_fmu", "target/fmu").map(drop)
+    package::package_example(&FMUS, "pi_controller_fmu", "target/fmu")
 }

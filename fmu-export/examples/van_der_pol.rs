@@ -76,5 +76,5 @@ impl Model for VanDerPol {
 export_fmus!(VanDerPol);
 
 fn main() -> Result<(), package::PackageError> {
-    package::package_example(&FMUS, "van_der_pol_fmu", "target/fmu").map(drop)
+    package::package_example(&FMUS, "van_der_pol_fmu", "target/fmu")
 }

@@ -1,6 +1,7 @@
 //! A model as its importer sees it: values behind a table, a run, and rules for when values may change.
 
 use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, OnceLock};
 
 use serde::de::DeserializeOwned;
@@ -8,6 +9,7 @@ use serde::de::DeserializeOwned;
 use crate::check;
 use crate::description::{self, Description, Standard};
 use crate::input::{HIGHEST_ORDER, InputDerivatives, InputTrajectory};
+use crate::interface::guard::words;
 use crate::log::Log;
 use crate::model::{Capabilities, Info, Invalid, Model, Step, StepError};
 use crate::resources::Resources;
@@ -211,7 +213,10 @@ impl ModelType {
     /// Errors in the table, each in a sentence; the packager refuses a model with any.
     pub fn problems(&self) -> Vec<String> {
         let mut found = check::problems(&self.info, &self.variables);
-        found.extend((self.shared_places)());
+        match catch_unwind(AssertUnwindSafe(|| (self.shared_places)())) {
+            Ok(shared) => found.extend(shared),
+            Err(panic) => found.push(format!("a row panics when it is read or written: {}", words(panic.as_ref()))),
+        }
         found
     }
 
@@ -429,7 +434,7 @@ impl<M: Model> ModelInstance<M> {
             return Err(AccessError::WrongType { name: variable.name.to_string(), asked: value.type_name() });
         }
         // Limits of parameters are checked when they are used, all at once.
-        if variable.causality == Causality::Input || matches!(variable.data_type, Type::Enumeration { .. }) {
+        if variable.causality == Causality::Input || self.table.holds_items_only(index) {
             variable.admits(value).map_err(|finding| AccessError::Refused(finding.into()))?;
         }
         Ok(())

@@ -238,7 +238,7 @@ impl<T: Choice> Scalar for T {
                 }
             },
         };
-        Row::choice(name, place, T::ENUMERATION, start.number())
+        Row::choice(name, place, T::ENUMERATION, start.number()).with_items_only()
     }
 }
 

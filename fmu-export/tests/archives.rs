@@ -9,7 +9,7 @@ use std::process::Command;
 mod pi_controller;
 
 use fmu_export::Standard;
-use fmu_export::package::{self, PackageError};
+use fmu_export::package::{self, PackageError, Packager};
 
 /// The model is there without C as well.
 #[test]
@@ -37,11 +37,10 @@ fn what_is_no_library_is_refused() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let file = folder.join("text.so");
     fs::write(&file, "this is a text").expect("a file");
-    let error =
-        package::package_library(&pi_controller::FMUS, &package::standards(false), &file, folder).expect_err("a text");
+    let error = Packager::new(&pi_controller::FMUS).library(&file).write(folder).expect_err("a text");
     assert!(matches!(error, PackageError::NotFor(..)), "{error}");
-    let error = package::package(&pi_controller::FMUS, folder).expect_err("this test has no library");
-    assert!(error.to_string().contains("does not exist"), "{error}");
+    let error = Packager::new(&pi_controller::FMUS).write(folder).expect_err("this test has no library");
+    assert!(error.to_string().contains("crate-type"), "{error}");
 }
 
 /// The archive holds no path of this machine. Fails if the folder of the registry is left in the messages of panics.

@@ -75,10 +75,9 @@ mod support;
 use std::ffi::CStr;
 use std::ptr::{null, null_mut};
 
-use fmu_export::Standard;
-use fmu_export::check;
 use fmu_export::fmi2::bindings::*;
 use fmu_export::variable::{Dependency, Type};
+use fmu_export::{Standard, check};
 use support::abuse::Abuse;
 use support::abuse3::Abuse3;
 use support::ffi::{Expect, Fmu, text};

@@ -8,6 +8,8 @@ pub mod sequence;
 pub(crate) mod arguments;
 pub(crate) mod component;
 pub(crate) mod guard;
+#[cfg(feature = "package")]
+pub(crate) mod load;
 pub(crate) mod logger;
 pub(crate) mod snapshot;
 pub(crate) mod states;
@@ -52,6 +54,7 @@ pub(crate) trait Interface: Sized + 'static {
 /// A message to the importer.
 pub(crate) struct Message<'m, S> {
     /// Name of the instance.
+    #[cfg_attr(not(feature = "fmi2"), allow(dead_code, reason = "in FMI 3.0 the importer knows it"))]
     pub instance: &'m CStr,
     /// The status that it explains.
     pub status: S,

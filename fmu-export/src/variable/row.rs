@@ -23,6 +23,8 @@ pub struct Row<D> {
     pub(super) prefix: String,
     /// Number of the structure that contains it in its array.
     number: Option<usize>,
+    /// Whether its field cannot hold a number that is none of an item.
+    pub(super) holds_items_only: bool,
 }
 
 impl<D> Row<D> {
@@ -50,6 +52,7 @@ impl<D> Row<D> {
             starts_from_parameters: false,
             prefix: String::new(),
             number: None,
+            holds_items_only: false,
         }
     }
 
@@ -167,6 +170,11 @@ impl<D> Row<D> {
     /// Moves it to another place and another element of its array.
     pub(crate) fn at_place(self, place_index: usize, index: usize) -> Self {
         Self { place_index, index, ..self }
+    }
+
+    /// For a field that is a Rust enum.
+    pub(crate) fn with_items_only(self) -> Self {
+        Self { holds_items_only: true, ..self }
     }
 
     /// Puts it into a structure whose names begin with `prefix`, the one of that number in its array.

@@ -12,6 +12,7 @@ pub struct Table<D> {
     /// The variables.
     pub variables: Arc<[Variable]>,
     places: Vec<(Place<D>, usize)>,
+    items_only: Vec<bool>,
 }
 
 impl<D> Table<D> {
@@ -20,10 +21,11 @@ impl<D> Table<D> {
         let mut rows = rows;
         resolve(&mut rows);
         let from_parameters: Vec<bool> = rows.iter().map(|row| row.starts_from_parameters).collect();
+        let items_only = rows.iter().map(|row| row.holds_items_only).collect();
         let (mut variables, places): (Vec<_>, Vec<_>) =
             rows.into_iter().map(|row| (row.variable, (row.place, row.place_index))).unzip();
         complete(&mut variables, &from_parameters);
-        Self { variables: variables.into(), places }
+        Self { variables: variables.into(), places, items_only }
     }
 
     /// Whether the variable takes values of that type.
@@ -35,6 +37,11 @@ impl<D> Table<D> {
                 | (Place::Boolean(_), Value::Boolean(_))
                 | (Place::String(_), Value::String(_))
         )
+    }
+
+    /// Whether the field of a variable cannot hold a number that is none of an item.
+    pub(crate) fn holds_items_only(&self, index: usize) -> bool {
+        self.items_only[index]
     }
 
     /// Reads a variable.
