@@ -23,7 +23,7 @@ use crate::simulation::scenario::{BUILT_IN, Scenario};
 use crate::simulation::simulate::{self, Run};
 use crate::simulation::summary;
 use crate::studies::design;
-use crate::studies::montecarlo;
+use crate::studies::montecarlo::{self, hostile, hostile::Case};
 use crate::studies::sweep::Sweep;
 use crate::studies::whirl::{self, Whirl};
 
@@ -142,7 +142,8 @@ enum Command {
     /// Repeats runs with many seeds and prints errors, stated standard deviations and the Cramér–Rao bound.
     ///
     /// Without a scenario: random bearings; the unbalanced rotor with several noise levels, controllers, speeds and drives;
-    /// wrong parameters; a step of λ; long runs. With a scenario: that scenario with many seeds of the sensor noise.
+    /// wrong parameters; a step of λ; long runs; hostile courses. With a scenario: that scenario with many seeds of the sensor
+    /// noise.
     Montecarlo {
         /// A file or a built-in scenario, run with the default method.
         #[arg(value_name = "SCENARIO", conflicts_with = "only")]
@@ -165,7 +166,7 @@ enum Command {
         /// The estimator estimates the noise instead of being told.
         #[arg(long, requires = "scenario")]
         untold: bool,
-        /// Times at which the estimates are evaluated, in seconds.
+        /// Times at which the estimates are evaluated, in seconds; hostile courses are judged at all times.
         #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = duration, allow_hyphen_values = true)]
         at: Vec<f64>,
     },
@@ -473,10 +474,13 @@ fn count(text: &str) -> std::result::Result<usize, String> {
 fn monte_carlo(runs: usize, only: Option<&str>, seed: u32, at: &[f64]) -> Result<()> {
     let (studies, spindles) = (montecarlo::studies(runs), montecarlo::spindle::studies(runs));
     let wanted = |title: &str| only.is_none_or(|text| title.contains(text));
-    let titles: Vec<_> =
-        studies.iter().map(|study| &study.title).chain(spindles.iter().map(|study| &study.title)).collect();
+    let courses = hostile::courses();
+    let mut cases = hostile::cases(&courses);
+    let mut titles: Vec<_> = studies.iter().map(|study| study.title.clone()).collect();
+    titles.extend(spindles.iter().map(|study| study.title.clone()));
+    titles.extend(cases.iter().map(Case::title));
     if !titles.iter().any(|title| wanted(title)) {
-        let (text, titles) = (only.unwrap_or_default(), titles.iter().map(|title| title.as_str()).collect::<Vec<_>>());
+        let text = only.unwrap_or_default();
         let message =
             format!("--only \"{text}\": no study has this in its title; the studies are\n  {}\n", titles.join("\n  "));
         Arguments::command().error(ErrorKind::InvalidValue, message).exit();
@@ -489,6 +493,11 @@ fn monte_carlo(runs: usize, only: Option<&str>, seed: u32, at: &[f64]) -> Result
             study.at(at);
         }
         print::table(&study.run(seed.into())?);
+        say!();
+    }
+    cases.retain(|case| wanted(&case.title()));
+    if !cases.is_empty() {
+        print::table(&hostile::table(&cases, &hostile::run(&cases, runs, seed.into())?));
         say!();
     }
     Ok(())

@@ -5,6 +5,7 @@ use std::fmt;
 use libm::sin;
 use serde::{Deserialize, Serialize};
 
+use super::innovations::{Machine, Tolerances};
 use crate::bearing::magnet::SMALLEST_SINE;
 use crate::invalid::Checks;
 use crate::invalid::Invalid;
@@ -46,7 +47,7 @@ pub enum Hold {
 }
 
 /// Standard deviations of what the estimator takes as known; 0 means exactly known.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tolerance {
     /// Of the mass m, kg.
     pub m_kg: f64,
@@ -62,11 +63,53 @@ pub struct Tolerance {
     pub current_gain: f64,
     /// Of the offset of each current sensor, A.
     pub current_offset_a: f64,
+    /// Of each force of constant magnitude that turns against the rotor, N; it is estimated with the rest. 0: there is none.
+    pub backward_force_n: f64,
+}
+
+impl Default for Tolerance {
+    /// All is known exactly but a backward force.
+    fn default() -> Self {
+        let [m_kg, gap_m, alpha_rad, position_gain, position_offset_m, current_gain, current_offset_a] = [0.0; 7];
+        let backward_force_n = 2.0;
+        Self {
+            m_kg,
+            gap_m,
+            alpha_rad,
+            position_gain,
+            position_offset_m,
+            current_gain,
+            current_offset_a,
+            backward_force_n,
+        }
+    }
 }
 
 impl Tolerance {
+    /// The columns of the filter for a machine of which parameters have these standard deviations, if any tolerance is not zero.
+    pub(super) fn columns<const N: usize, const K: usize, const U: usize, const P: usize>(
+        &self,
+        std: [f64; P],
+        machine: impl Fn([f64; P]) -> Machine<N, K, U>,
+    ) -> Option<Tolerances<N, K, U>> {
+        let [gain, offset_m, current_a] = [self.position_gain, self.position_offset_m, self.current_offset_a];
+        let changed = |p: usize, by: f64| machine(std::array::from_fn(|q| if p == q { by } else { 0.0 }));
+        std.iter().chain(&[gain, offset_m, current_a]).any(|std| *std > 0.0).then(|| Tolerances {
+            variations: (0..P).map(|p| Machine::variation([changed(p, std[p]), changed(p, -std[p])])).collect(),
+            gain,
+            offset_m,
+            current_a,
+        })
+    }
+
+    /// Relative variance of λ by what scales it: a mass in kg, and the gains of the currents.
+    pub(super) fn scale_variance(&self, m_kg: f64) -> f64 {
+        let mass = self.m_kg / m_kg;
+        mass * mass + 4.0 * self.current_gain * self.current_gain
+    }
+
     /// Names in the interface, values and units.
-    pub(super) fn listed(&self) -> [(&'static str, f64, &'static str); 7] {
+    pub(super) fn listed(&self) -> [(&'static str, f64, &'static str); 8] {
         [
             ("tolerance.m", self.m_kg, "kg"),
             ("tolerance.s", self.gap_m, "m"),
@@ -75,6 +118,7 @@ impl Tolerance {
             ("tolerance.positionOffset", self.position_offset_m, "m"),
             ("tolerance.currentGain", self.current_gain, ""),
             ("tolerance.currentOffset", self.current_offset_a, "A"),
+            ("tolerance.backwardForce", self.backward_force_n, "N"),
         ]
     }
 }
@@ -190,11 +234,13 @@ pub enum Verdict {
     Uncertain,
     /// The state was made by an estimator with other parameters; it is left untouched.
     ForeignState,
+    /// The measured speed is not that of the angle.
+    Speed,
 }
 
 impl Verdict {
     /// All verdicts with their texts, in the order of their numbers in the interface, which count from 1.
-    pub const ALL: [(Verdict, &str); 15] = [
+    pub const ALL: [(Verdict, &str); 16] = [
         (Verdict::Valid, "valid"),
         (Verdict::Collecting, "not valid: too few samples so far"),
         (Verdict::Disabled, "not valid: enable is false"),
@@ -210,6 +256,7 @@ impl Verdict {
         (Verdict::Unsteady, "not valid: the estimate has contradicted itself several times"),
         (Verdict::Uncertain, "not valid: the standard deviation is too large"),
         (Verdict::ForeignState, "not valid: the state was made by another estimator"),
+        (Verdict::Speed, "not valid: omega is not the speed of theta in rad/s"),
     ];
 }
 
@@ -256,6 +303,10 @@ pub struct EstimatorOutput {
     pub unbalance_kg_m: f64,
     /// Phase φ of the unbalance, rad in (−π, π]: the force on the rotor is `U ω² (cos(θ + φ), sin(θ + φ))`.
     pub unbalance_phase_rad: f64,
+    /// Magnitude B of the force that turns against the rotor, N; 0 unless there is one.
+    pub backward_force_n: f64,
+    /// Its phase φ, rad in (−π, π]: the force on the rotor is `B (cos(θ + φ), −sin(θ + φ))`.
+    pub backward_force_phase_rad: f64,
     /// Standard deviation of the noise of a position, m, as told or as found; 0 before it is found.
     pub position_noise_m: f64,
     /// Standard deviation of the noise of a current, A, as told or as found; 0 before it is found.
@@ -268,8 +319,9 @@ impl EstimatorOutput {
         let [p_y, p_z] = self.load_n;
         let Self { condition, residual, determinant, unbalance_kg_m, unbalance_phase_rad, .. } = *self;
         let others = [condition, residual, determinant, unbalance_kg_m, unbalance_phase_rad, p_y, p_z];
+        let backward = [self.backward_force_n, self.backward_force_phase_rad];
         let noise = [self.position_noise_m, self.current_noise_a];
-        of_magnets.as_flattened().iter().chain(&others).chain(&noise).all(|x| x.is_finite())
+        of_magnets.as_flattened().iter().chain(&others).chain(&backward).chain(&noise).all(|x| x.is_finite())
     }
 }
 
@@ -304,7 +356,8 @@ pub(super) fn check(config: &EstimatorConfig) -> Result<(), Vec<Invalid>> {
     for (name, value, unit) in config.tolerance.listed() {
         checks.not_negative(name, value, unit);
         let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
-        checks.require(!paper || value.is_nan() || value <= 0.0, name, format_args!("{value} {unit}"), wanted);
+        let unused = value.is_nan() || value <= 0.0 || name == "tolerance.backwardForce";
+        checks.require(!paper || unused, name, format_args!("{value} {unit}"), wanted);
     }
     let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance,";
     checks.require(!paper || config.identify_unbalance, "identify.unbalance", config.identify_unbalance, wanted);

@@ -8,11 +8,11 @@
 //!
 //! with `a_k` the acceleration by a unit force of magnet k, q̄ a motion that starts at the measured position, the negative stiffness
 //! `K = Σ_k 2 λ_k (i_k²/gap_k³) a_k d_kᵀ` and the gyroscopic Γ, in proportion to the speed. An unbalance in a plane of the rotor accelerates it as a
-//! force `U (ω² e^{j(θ+φ)} − j ω̇ e^{j(θ+φ)})` in (y, z) there does. The filter has the state (q, q̇), measurement noise σ_z and process
+//! force `U (ω² e^{j(θ+φ)} − j ω̇ e^{j(θ+φ)})` in (y, z) there does; a force of constant magnitude may turn against the rotor as `e^{−j(θ+φ)}`. The filter has the state (q, q̇), measurement noise σ_z and process
 //! noise `2 λ_k i_k/gap_k² σ_i`. With its gains given, the innovation is
 //!
 //! ```text
-//! e = e_0 − Σ_j φ_j ϑ_j        ϑ = (λ_k, then U cos φ and U sin φ of each plane, then the constant loads)
+//! e = e_0 − Σ_j φ_j ϑ_j        ϑ = (λ_k, U cos φ and U sin φ of each plane, B cos φ and −B sin φ of each backward force, constant loads)
 //! ```
 //!
 //! where e_0 and the φ_j come from the same filter run on the measured positions and on what each unknown does to the acceleration
@@ -29,6 +29,7 @@ use nalgebra::{RowSVector, SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::Hold;
+use super::angle::Rotation;
 use crate::bearing::magnet::Geometry;
 
 /// Standard deviation of a velocity at the start, m/s: rotors of magnetic bearings orbit within their clearance at less.
@@ -36,9 +37,6 @@ const START_VELOCITY_M_S: f64 = 1.0;
 
 /// The least gap reckoned with, in parts of s: predictions at the start may be anywhere.
 const LEAST_GAP: f64 = 0.1;
-
-/// Time constant of the acceleration ω̇, s: short beside a run-up, long beside the noise of a speed sensor.
-const ACCELERATION_TIME_S: f64 = 3.0e-3;
 
 /// No part of an innovation of a bearing is as large as this, whatever its unit.
 const SIGNAL_CAP: f64 = 1.0e60;
@@ -85,13 +83,41 @@ fn symmetric<const N: usize>(a: Square<N>) -> Square<N> {
 pub struct Machine<const N: usize, const K: usize, const U: usize> {
     /// Gaps in m, and directions `d_k`.
     pub geometry: Geometry<f64, N, K>,
-    /// Row j: the acceleration by a unit of force of unknown j, in m/s²: by a magnet that pulls with 1 N; for each plane of unbalance by 1 N
-    /// along y and by 1 N along z; by a unit of each load.
+    /// Row j: the acceleration by a unit of force of unknown j, in m/s²: by a magnet that pulls with 1 N; for each plane of unbalance, then for each
+    /// backward force, by 1 N along y and by 1 N along z; by a unit of each load.
     pub accelerations: SMatrix<f64, U, N>,
+    /// The first of the backward forces among the unknowns.
+    pub backward: usize,
     /// Γ per speed, if the rotor is a gyroscope.
     pub gyroscopic: Option<Square<N>>,
-    /// Derivatives of `d_k` and `a_k` to the angle of the magnet.
-    pub turned: [[SVector<f64, N>; 2]; K],
+}
+
+impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
+    /// By how much one standard deviation of a parameter changes the machine: `(M(p + σ) − M(p − σ))/2`.
+    pub fn variation([more, less]: [Self; 2]) -> Self {
+        let half = |a: f64, b: f64| 0.5 * (a - b);
+        let directions =
+            |k: usize| std::array::from_fn(|n| half(more.geometry.directions[k][n], less.geometry.directions[k][n]));
+        Self {
+            geometry: Geometry {
+                gap_m: std::array::from_fn(|k| half(more.geometry.gap_m[k], less.geometry.gap_m[k])),
+                directions: std::array::from_fn(directions),
+            },
+            accelerations: (more.accelerations - less.accelerations) * 0.5,
+            backward: more.backward,
+            gyroscopic: more.gyroscopic.zip(less.gyroscopic).map(|(more, less)| (more - less) * 0.5),
+        }
+    }
+}
+
+/// What the tolerances do: T columns, first one for each variation of the machine, then gain and offset of each position, offset of each current.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tolerances<const N: usize, const K: usize, const U: usize> {
+    pub variations: Vec<Machine<N, K, U>>,
+    /// Standard deviations of the gain and of the offset of a position, m, and of the offset of a current, A.
+    pub gain: f64,
+    pub offset_m: f64,
+    pub current_a: f64,
 }
 
 /// The filter.
@@ -101,36 +127,32 @@ pub struct WhiteningFilter<const N: usize, const K: usize, const U: usize, const
     pub step_s: f64,
     pub hold: Hold,
     pub identify_unbalance: bool,
-    /// Standard deviations of gaps, angles, gain and offset of a position, offset of a current, if any is not zero. The tolerances are the gap, the
-    /// angle of each magnet, gain and offset of each position, offset of each current.
-    pub tolerance: Option<[f64; 5]>,
+    pub identify_backward: bool,
+    /// The tolerances, if any is not zero.
+    pub tolerances: Option<Tolerances<N, K, U>>,
 }
 
-/// One measurement with the rotor angle as cosine and sine.
+/// One measurement with the rotation of the rotor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample<const N: usize, const K: usize> {
     pub position_m: SVector<f64, N>,
     pub current_a: SVector<f64, K>,
-    pub theta_rad: f64,
+    pub rotation: Rotation,
+    /// Cosine and sine of the angle.
     pub turn: [f64; 2],
-    pub omega_rad_s: f64,
+    /// Whether samples are missing before it.
+    pub after_gap: bool,
 }
 
 impl<const N: usize, const K: usize> Sample<N, K> {
-    pub fn new(position_m: [f64; N], current_a: [f64; K], theta_rad: f64, omega_rad_s: f64) -> Self {
-        let (sin, cos) = sincos(theta_rad);
-        Self { position_m: position_m.into(), current_a: current_a.into(), theta_rad, turn: [cos, sin], omega_rad_s }
-    }
-
-    /// No measurement, at the angle and speed of another sample.
-    pub fn at<const M: usize, const L: usize>(other: &Sample<M, L>) -> Self {
-        let Sample { theta_rad, turn, omega_rad_s, .. } = *other;
-        Self { position_m: SVector::zeros(), current_a: SVector::zeros(), theta_rad, turn, omega_rad_s }
+    pub fn new(position_m: [f64; N], current_a: [f64; K], rotation: Rotation) -> Self {
+        let turn = rotation.turn();
+        Self { position_m: position_m.into(), current_a: current_a.into(), rotation, turn, after_gap: false }
     }
 
     pub fn is_finite(&self) -> bool {
-        let others = [self.theta_rad, self.turn[0], self.turn[1], self.omega_rad_s];
-        self.position_m.iter().chain(&self.current_a).chain(&others).all(|x| x.is_finite())
+        self.rotation.is_finite()
+            && self.position_m.iter().chain(&self.current_a).chain(&self.turn).all(|x| x.is_finite())
     }
 }
 
@@ -278,8 +300,6 @@ pub struct FilterState<const N: usize, const K: usize, const U: usize, const T: 
     pub last: Sample<N, K>,
     /// The last position less the one before, m.
     difference_m: SVector<f64, N>,
-    /// ω̇, rad/s².
-    acceleration: f64,
     /// What each of the signals has done to (q, q̇), with the sign with which it enters the innovation: that of e_0 is the negative state.
     motion: Motions<1, N>,
     unknowns: Motions<U, N>,
@@ -300,8 +320,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> FilterState
             && self.tolerances.is_finite()
             && self.by_noise_ratio.is_finite();
         let covariances = self.covariance.is_finite() && self.by_current_noise.iter().all(Covariance::is_finite);
-        let others = self.difference_m.iter().chain([&self.acceleration]).all(|x| x.is_finite());
-        self.last.is_finite() && motions && covariances && others
+        self.last.is_finite() && motions && covariances && self.difference_m.iter().all(|x| x.is_finite())
     }
 }
 
@@ -314,6 +333,42 @@ pub struct Field<const K: usize> {
     pub per_current: SVector<f64, K>,
     /// `i_k²/gap_k³`, A²/m³.
     pub gradient: SVector<f64, K>,
+}
+
+/// What multiplies the unknowns at an instant, or the mean of it over an interval.
+struct Regressors<const K: usize> {
+    /// `u_k`.
+    square: SVector<f64, K>,
+    /// `ω² e^{jθ} − j ω̇ e^{jθ}` and `e^{jθ}`, as cosine and sine parts.
+    forward: [f64; 2],
+    backward: [f64; 2],
+    load: f64,
+}
+
+impl<const K: usize> Regressors<K> {
+    /// The sum with weights for start, middle and end.
+    #[inline(always)]
+    fn mean(by: [f64; 3], at: &[Self; 3]) -> Self {
+        let mean = |of: [f64; 3]| of[0] * by[0] + of[1] * by[1] + of[2] * by[2];
+        Self {
+            square: SVector::from_fn(|k, _| mean([0, 1, 2].map(|n| at[n].square[k]))),
+            forward: [0, 1].map(|part| mean([0, 1, 2].map(|n| at[n].forward[part]))),
+            backward: [0, 1].map(|part| mean([0, 1, 2].map(|n| at[n].backward[part]))),
+            load: mean([0, 1, 2].map(|n| at[n].load)),
+        }
+    }
+}
+
+/// The middle of an interval, at which tolerances are linearised.
+struct Middle<'a, const N: usize, const K: usize, const U: usize> {
+    /// What the rows of the accelerations are multiplied by.
+    forces: SVector<f64, U>,
+    field: &'a Field<K>,
+    position: SVector<f64, N>,
+    /// `1/gap_k`.
+    reciprocal: [f64; K],
+    velocity: SVector<f64, N>,
+    omega: f64,
 }
 
 /// One innovation and what it is made of, whitened: multiplied by L⁻¹, with the covariance `S = L Lᵀ` of the innovation in units of σ_z².
@@ -373,7 +428,7 @@ fn whitening<const N: usize>(s: &Square<N>) -> Square<N> {
 }
 
 impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFilter<N, K, U, T> {
-    const SIZES: () = assert!(U >= N + K && (U - N - K).is_multiple_of(2) && T == 1 + 2 * (N + K));
+    const SIZES: () = assert!(U >= N + K && (U - N - K).is_multiple_of(2) && T >= 2 * N + K);
     /// The first of the loads among the unknowns.
     pub const LOADS: usize = U - N;
 
@@ -386,7 +441,6 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         FilterState {
             last: sample,
             difference_m: SVector::zeros(),
-            acceleration: 0.0,
             motion: Motions { position: -sample.position_m.transpose(), rate: SMatrix::zeros() },
             unknowns: Motions::zeros(),
             instruments: Motions::zeros(),
@@ -410,27 +464,43 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         }
     }
 
-    /// What each unknown does to the acceleration, with `u_k`, `ω² e^{jθ} − j ω̇ e^{jθ}`, and the loads.
+    /// What each unknown does to the acceleration.
     #[inline(always)]
-    fn responses(
-        accelerations: &SMatrix<f64, U, N>,
-        square: &SVector<f64, K>,
-        [c, s]: [f64; 2],
-        load: f64,
-    ) -> SMatrix<f64, U, N> {
+    fn responses(&self, accelerations: &SMatrix<f64, U, N>, at: &Regressors<K>) -> SMatrix<f64, U, N> {
         let mut responses = *accelerations;
+        let ([c, s], [bc, bs]) = (at.forward, at.backward);
         for a in &mut responses.data.0 {
             for k in 0..K {
-                a[k] *= square[k];
+                a[k] *= at.square[k];
             }
-            for j in (K..Self::LOADS).step_by(2) {
+            for j in (K..self.machine.backward).step_by(2) {
                 (a[j], a[j + 1]) = (c * a[j] + s * a[j + 1], c * a[j + 1] - s * a[j]);
             }
+            for j in (self.machine.backward..Self::LOADS).step_by(2) {
+                (a[j], a[j + 1]) = (bc * a[j] - bs * a[j + 1], bs * a[j] + bc * a[j + 1]);
+            }
             for a in &mut a[Self::LOADS..] {
-                *a *= load;
+                *a *= at.load;
             }
         }
         responses
+    }
+
+    /// The forces that the rows of the machine's accelerations are multiplied by: `responses(a)ᵀ ϑ = aᵀ forces`.
+    #[inline(always)]
+    fn forces(&self, unknowns: &SVector<f64, U>, at: &Regressors<K>) -> SVector<f64, U> {
+        let mut forces = *unknowns;
+        let ([c, s], [bc, bs]) = (at.forward, at.backward);
+        for k in 0..K {
+            forces[k] *= at.square[k];
+        }
+        for j in (K..self.machine.backward).step_by(2) {
+            (forces[j], forces[j + 1]) = (c * forces[j] - s * forces[j + 1], s * forces[j] + c * forces[j + 1]);
+        }
+        for j in (self.machine.backward..Self::LOADS).step_by(2) {
+            (forces[j], forces[j + 1]) = (bc * forces[j] + bs * forces[j + 1], bc * forces[j + 1] - bs * forces[j]);
+        }
+        forces
     }
 
     /// Predicts to the next sample; `instrument` makes the instruments of the magnets out of the field.
@@ -446,10 +516,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let h = self.step_s;
         let (h2, h3) = (0.5 * h * h, h * h * h / 6.0);
         let last = std::mem::replace(&mut state.last, *sample);
-        let omega = 0.5 * (last.omega_rad_s + sample.omega_rad_s);
-        let rate = (sample.omega_rad_s - last.omega_rad_s) / h;
-        state.acceleration += (rate - state.acceleration) * (h / ACCELERATION_TIME_S).min(1.0);
-        let turns = self.turns(&last, sample, omega, state.acceleration);
+        let omega = 0.5 * (last.rotation.omega_rad_s + sample.rotation.omega_rad_s);
+        let turns = self.turns(&last, sample);
 
         // What a constant force does to the velocity within an interval, per unit of time: part of it is turned across by the gyroscope.
         let gyroscopic = self.machine.gyroscopic.map(|per_speed| per_speed * omega);
@@ -465,8 +533,9 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         };
         state.difference_m = sample.position_m - last.position_m;
         let (currents, parts) = self.currents(&last, sample);
-        let mut squares = [SVector::<f64, K>::zeros(); 3];
-        let mut field = Field { square: squares[0], per_current: squares[0], gradient: squares[0] };
+        let zero = SVector::<f64, K>::zeros();
+        let mut regressors = turns.map(|[forward, backward]| Regressors { square: zero, forward, backward, load: 1.0 });
+        let mut field = Field { square: zero, per_current: zero, gradient: zero };
         let (mut position, mut reciprocal) = (last.position_m, [0.0; K]);
         let mut acceleration = SVector::<f64, N>::zeros();
         for at in 0..3 {
@@ -474,16 +543,16 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             let moved = last.position_m + (velocity + acceleration * (0.5 * t)) * t;
             let gaps = geometry.gaps(moved.into());
             let inverse: [f64; K] = std::array::from_fn(|k| 1.0 / gaps[k].max(LEAST_GAP * geometry.gap_m[k]));
-            squares[at] = SVector::from_fn(|k, _| {
+            regressors[at].square = SVector::from_fn(|k, _| {
                 (currents[at][k] * currents[at][k] - parts[at] * running.current_variance) * inverse[k] * inverse[k]
             });
             if at == 0 {
-                acceleration = Self::responses(&accelerations, &squares[0], turns[0], 1.0).tr_mul(&running.unknowns);
+                acceleration = accelerations.tr_mul(&self.forces(&running.unknowns, &regressors[0]));
             }
             if at == 1 {
-                field.square = squares[1];
+                field.square = regressors[1].square;
                 field.per_current = SVector::from_fn(|k, _| currents[1][k] * inverse[k] * inverse[k]);
-                field.gradient = SVector::from_fn(|k, _| squares[1][k] * inverse[k]);
+                field.gradient = SVector::from_fn(|k, _| field.square[k] * inverse[k]);
                 (position, reciprocal) = (moved, inverse);
             }
         }
@@ -518,14 +587,11 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         state.by_noise_ratio.predict(&a);
         state.motion.add(&stiff, &Motions { position: last.position_m.transpose(), rate: velocity.transpose() });
         // Simpson's rule.
-        let mean = |of: [f64; 3], [start, middle, end]: [f64; 3]| of[0] * start + of[1] * middle + of[2] * end;
         for (to, by) in [
             (&mut state.unknowns.position, [h2 / 3.0, 2.0 * h2 / 3.0, 0.0]),
             (&mut state.unknowns.rate, [h / 6.0, 4.0 * h / 6.0, h / 6.0]),
         ] {
-            let square = SVector::from_fn(|k, _| mean(by, squares.map(|square| square[k])));
-            let turn = [0, 1].map(|part| mean(by, turns.map(|turn| turn[part])));
-            *to += Self::responses(&accelerations, &square, turn, mean(by, [1.0; 3]));
+            *to += self.responses(&accelerations, &Regressors::mean(by, &regressors));
         }
         // Constant over the interval.
         let instruments = instrument(&field);
@@ -536,13 +602,14 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
                 state.instruments.rate[(k, n)] += acceleration * h;
             }
         }
-        if let Some(tolerance) = &self.tolerance {
-            let (forces, moved) =
-                self.by_tolerance(tolerance, running, &field, position, reciprocal, &last.position_m, &velocity);
+        if let Some(tolerances) = &self.tolerances {
+            let forces = self.forces(&running.unknowns, &regressors[1]);
+            let middle = Middle { forces, field: &field, position, reciprocal, velocity, omega };
+            let (by_force, moved) = self.by_tolerance(tolerances, running, &middle, &last.position_m);
             state.tolerances.predict(&a);
             state.tolerances.add(&stiff, &moved);
-            state.tolerances.position -= forces * h2;
-            state.tolerances.rate -= forces * h;
+            state.tolerances.position -= by_force * h2;
+            state.tolerances.rate -= by_force * h;
         }
         state.covariance.predict(&a);
         let per_step = gyroscopic.map(|gyroscopic| gyroscopic * h);
@@ -562,53 +629,66 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         field
     }
 
-    /// `ω² e^{jθ} − j ω̇ e^{jθ}` at start, middle and end of an interval, as cosine and sine parts; zero without unbalance.
+    /// `ω² e^{jθ} − j ω̇ e^{jθ}` and `e^{jθ}` at start, middle and end of an interval, as cosine and sine parts; zero where they are not identified.
     #[inline(always)]
-    fn turns(&self, last: &Sample<N, K>, sample: &Sample<N, K>, omega: f64, acceleration: f64) -> [[f64; 2]; 3] {
-        if !self.identify_unbalance {
-            return [[0.0; 2]; 3];
+    fn turns(&self, last: &Sample<N, K>, sample: &Sample<N, K>) -> [[[f64; 2]; 2]; 3] {
+        if U == N + K {
+            return [[[0.0; 2]; 2]; 3];
         }
-        let (sin, cos) = sincos(last.theta_rad + 0.5 * turned(last.theta_rad, sample.theta_rad));
-        [last.turn, [cos, sin], sample.turn]
-            .map(|[c, s]| [omega * omega * c + acceleration * s, omega * omega * s - acceleration * c])
+        let (from, to) = (&last.rotation, &sample.rotation);
+        let omega = 0.5 * (from.omega_rad_s + to.omega_rad_s);
+        let acceleration = 0.5 * (from.acceleration_rad_s2 + to.acceleration_rad_s2);
+        let (sin, cos) = sincos(from.theta_rad + 0.5 * turned(from.theta_rad, to.theta_rad));
+        let [unbalance, backward] = [self.identify_unbalance, self.identify_backward].map(f64::from);
+        [last.turn, [cos, sin], sample.turn].map(|[c, s]| {
+            let [along, across] = [omega * omega * unbalance, acceleration * unbalance];
+            [[along * c + across * s, along * s - across * c], [backward * c, backward * s]]
+        })
     }
 
     /// For one standard deviation of each tolerance: change of the modelled acceleration, m/s², and of the state about which the model is
     /// linear.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "all of them belong to one instant")]
     fn by_tolerance(
         &self,
-        &[gap, alpha, gain, offset, current]: &[f64; 5],
+        &Tolerances { ref variations, gain, offset_m, current_a }: &Tolerances<N, K, U>,
         running: &Running<U>,
-        field: &Field<K>,
-        position: SVector<f64, N>,
-        reciprocal: [f64; K],
+        middle: &Middle<N, K, U>,
         start: &SVector<f64, N>,
-        velocity: &SVector<f64, N>,
     ) -> (SMatrix<f64, T, N>, Motions<T, N>) {
         let (mut forces, mut moved) = (SMatrix::<f64, T, N>::zeros(), Motions::zeros());
-        let [gains, offsets, currents] = [1 + K, 1 + K + N, 1 + K + 2 * N];
+        let [gains, offsets, currents] = [T - 2 * N - K, T - N - K, T - K];
+        // Force per gap.
+        let stiffness: [f64; K] = std::array::from_fn(|k| 2.0 * middle.forces[k] * middle.reciprocal[k]);
+        let pulls: [SVector<f64, N>; K] = std::array::from_fn(|k| self.machine.accelerations.row(k).transpose());
+        for (v, variation) in variations.iter().enumerate() {
+            let mut change = variation.accelerations.tr_mul(&middle.forces);
+            for k in 0..K {
+                let nearer =
+                    SVector::from(variation.geometry.directions[k]).dot(&middle.position) - variation.geometry.gap_m[k];
+                change += pulls[k] * (stiffness[k] * nearer);
+            }
+            if let Some(gyroscopic) = &variation.gyroscopic {
+                change += gyroscopic * middle.velocity * middle.omega;
+            }
+            forces.set_row(v, &change.transpose());
+        }
         for k in 0..K {
-            let [turned, turned_pull] = &self.machine.turned[k];
             let direction = self.machine.geometry.directions[k];
-            let force = running.unknowns[k] * field.square[k];
-            let by_gap = 2.0 * force * reciprocal[k];
             for n in 0..N {
-                let pull = self.machine.accelerations[(k, n)];
-                let along = pull * by_gap;
-                forces[(0, n)] -= along * gap;
-                forces[(1 + k, n)] += (turned_pull[n] * force + along * turned.dot(&position)) * alpha;
+                let along = pulls[k][n] * stiffness[k];
                 for a in 0..N {
-                    forces[(gains + a, n)] -= along * (gain * direction[a] * position[a]);
-                    forces[(offsets + a, n)] -= along * (offset * direction[a]);
+                    forces[(gains + a, n)] -= along * (gain * direction[a] * middle.position[a]);
+                    forces[(offsets + a, n)] -= along * (offset_m * direction[a]);
                 }
-                forces[(currents + k, n)] -= pull * (2.0 * current * running.unknowns[k] * field.per_current[k]);
+                forces[(currents + k, n)] -=
+                    pulls[k][n] * (2.0 * current_a * running.unknowns[k] * middle.field.per_current[k]);
             }
         }
         for a in 0..N {
-            (moved.position[(gains + a, a)], moved.rate[(gains + a, a)]) = (-gain * start[a], -gain * velocity[a]);
-            moved.position[(offsets + a, a)] = -offset;
+            (moved.position[(gains + a, a)], moved.rate[(gains + a, a)]) =
+                (-gain * start[a], -gain * middle.velocity[a]);
+            moved.position[(offsets + a, a)] = -offset_m;
         }
         (forces, moved)
     }
@@ -627,11 +707,11 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             by_log_ratio += state.by_current_noise[k].position * running.current_noise(k);
         }
         let by_log_ratio = product(&product(&whitening, &by_log_ratio), &whitening);
-        let tolerances = self.tolerance.map(|[_, _, gain, offset, _]| {
+        let tolerances = self.tolerances.as_ref().map(|&Tolerances { gain, offset_m, .. }| {
             let mut tolerances = state.tolerances.position;
             for n in 0..N {
-                tolerances[(1 + K + n, n)] -= gain * measured[n];
-                tolerances[(1 + K + N + n, n)] -= offset;
+                tolerances[(T - 2 * N - K + n, n)] -= gain * measured[n];
+                tolerances[(T - N - K + n, n)] -= offset_m;
             }
             product(&tolerances, &whitening)
         });

@@ -1,20 +1,24 @@
 //! On-line identification of the magnet constants λ.
 //!
-//! In reading order: `config` says what the estimator is told and what it tells; `innovations` is the whitening filter, `sums` the normal equations and
-//! their solutions, `noise` the search for the noise, `validation` the tests of the result, and `prediction_error` the estimator made of them;
-//! `paper` holds the paper's two methods. Here are the checks of a sample, gaps in the data, and the choice of the method.
+//! In reading order: `config` holds parameters, inputs and outputs; `angle` filters the rotation, `innovations` is the whitening filter, `sums` the
+//! normal equations and their solutions, `models` weighs models of what changes, `noise` is the search for the noise, `validation` tests the
+//! result, and `prediction_error` is the estimator made of them; `paper` holds the paper's two methods. Here are the checks of a sample, gaps
+//! in the data, and the choice of the method.
 
+mod angle;
 mod config;
 mod innovations;
+mod models;
 mod noise;
 pub mod paper;
 mod prediction_error;
+mod readings;
 pub mod spindle;
 mod sums;
 mod validation;
 
 use libm::{atan2, sqrt};
-use nalgebra::{RowVector2, SMatrix, SVector, Vector2};
+use nalgebra::{RowVector2, SMatrix};
 use serde::{Deserialize, Serialize};
 
 use self::config::check;
@@ -25,13 +29,17 @@ use self::innovations::{Machine, Sample, WhiteningFilter};
 use self::paper::{Paper, PaperState};
 pub use self::prediction_error::STD_LIMIT;
 use self::prediction_error::{Estimate, PredictionError, PredictionErrorState};
+use self::readings::{Readings, Taken};
 use crate::bearing::magnet::Geometry;
 use crate::invalid::Invalid;
 
 const MAGNETS: usize = 3;
 
-/// Unknowns in the plane: λ of three magnets, U cos φ, U sin φ, p_y, p_z.
-const UNKNOWNS: usize = 7;
+/// Unknowns in the plane: λ of three magnets, U cos φ, U sin φ, B cos φ, −B sin φ, p_y, p_z.
+const UNKNOWNS: usize = 9;
+
+/// The first of the backward force.
+const BACKWARD: usize = 5;
 
 /// Tolerances in the plane: s, α of three magnets, gain and offset of two positions, offset of three currents.
 const TOLERANCES: usize = 11;
@@ -40,9 +48,6 @@ type Planar = PredictionError<2, MAGNETS, UNKNOWNS, TOLERANCES>;
 
 /// Where condition numbers end: a singular system shows this value.
 pub const CONDITION_CAP: f64 = 1.0e12;
-
-/// As many samples of one position equal to the last bit, while others move, are a sensor that is stuck.
-pub const STUCK_SAMPLES: u32 = 25;
 
 /// What a method keeps from sample to sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,7 +61,7 @@ enum MethodState {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EstimatorState {
     reset_was_high: bool,
-    stuck: Stuck<2>,
+    readings: Readings<2, MAGNETS>,
     method: MethodState,
     output: EstimatorOutput,
 }
@@ -95,7 +100,7 @@ impl Estimator {
         check(&config)?;
         let geometry = Geometry::new(config.gap_m, config.alpha_rad);
         let method = match config.method {
-            Method::PredictionError => MethodOf::PredictionError(planar(&config, geometry)),
+            Method::PredictionError => MethodOf::PredictionError(planar(&config)),
             Method::Paper | Method::PaperLiteral => MethodOf::Paper(Paper::new(&config)),
         };
         Ok(Self { config, geometry, method })
@@ -126,13 +131,13 @@ impl Estimator {
             MethodOf::PredictionError(method) => MethodState::PredictionError(method.start()),
             MethodOf::Paper(method) => MethodState::Paper(method.start()),
         };
-        EstimatorState { reset_was_high: false, stuck: Stuck::start(), method, output }
+        EstimatorState { reset_was_high: false, readings: Readings::start(), method, output }
     }
 
     /// Whether a state, for instance one read from a file, has the shape this estimator needs and finite numbers alone.
     #[must_use]
     pub fn accepts(&self, state: &EstimatorState) -> bool {
-        let finite = state.output.is_finite() && state.stuck.is_finite();
+        let finite = state.output.is_finite() && state.readings.is_finite();
         finite
             && match (&self.method, &state.method) {
                 (MethodOf::PredictionError(_), MethodState::PredictionError(state)) => state.is_sound(),
@@ -156,74 +161,68 @@ impl Estimator {
     }
 
     fn advance(&self, state: &mut EstimatorState, input: &EstimatorInput) -> Verdict {
-        let refused = if !input.enable {
-            Some(Verdict::Disabled)
-        } else if input.contact {
-            Some(Verdict::Contact)
-        } else if !self.is_usable(input) {
-            Some(Verdict::BadSample)
-        } else {
-            state.stuck.take(input.position_m).then_some(Verdict::Stuck)
+        let in_gap = self.geometry.gaps(input.position_m).iter().all(|gap_m| *gap_m > 0.0);
+        let rotation = [input.theta_rad, input.omega_rad_s];
+        let taken = state.readings.take(input.position_m, input.current_a, rotation, self.config.step_s, in_gap);
+        let refused = match taken {
+            _ if !input.enable => Some(Verdict::Disabled),
+            _ if input.contact => Some(Verdict::Contact),
+            Taken::Usable { stuck } => stuck.iter().any(|stuck| *stuck).then_some(Verdict::Stuck),
+            Taken::Missing => {
+                Some(state.output.verdict).filter(|_| !state.readings.are_lost()).or(Some(Verdict::BadSample))
+            }
+            Taken::Contradiction => Some(Verdict::Speed),
         };
         match (&self.method, &mut state.method) {
-            (MethodOf::PredictionError(method), MethodState::PredictionError(own)) => match refused {
-                Some(verdict) => {
-                    method.interrupt(own);
-                    verdict
+            (MethodOf::PredictionError(method), MethodState::PredictionError(own)) => {
+                let rotation = state.readings.rotation();
+                let verdict = method.take(own, refused, || Sample::new(input.position_m, input.current_a, rotation));
+                if refused.is_none() {
+                    state.output.take(&own.estimate, verdict, &self.config);
                 }
-                None => {
-                    let (position, current) = (input.position_m, input.current_a);
-                    let sample = Sample::new(position, current, input.theta_rad, input.omega_rad_s);
-                    let verdict = method.sample(own, sample);
-                    state.output.take(&own.estimate, verdict, self.config.identify_unbalance);
-                    verdict
-                }
-            },
+                verdict
+            }
             (MethodOf::Paper(method), MethodState::Paper(own)) if method.has_shape(own) => refused
                 .inspect(|_| method.interrupt(own))
                 .unwrap_or_else(|| method.sample(own, input, &mut state.output)),
             _ => Verdict::ForeignState,
         }
     }
-
-    /// Whether all measurements are finite and the rotor is within the gaps of all magnets.
-    fn is_usable(&self, input: &EstimatorInput) -> bool {
-        let measured = input.position_m.iter().chain(&input.current_a).chain([&input.theta_rad, &input.omega_rad_s]);
-        measured.clone().all(|x| x.is_finite() && x.abs() < MEASUREMENT_LIMIT)
-            && self.geometry.gaps(input.position_m).iter().all(|gap_m| *gap_m > 0.0)
-    }
 }
 
 /// The method for the planar rotor, whose coordinates are its position.
-fn planar(config: &EstimatorConfig, geometry: Geometry) -> Planar {
+fn planar(config: &EstimatorConfig) -> Planar {
     let t = &config.tolerance;
-    let std = [t.gap_m, t.alpha_rad, t.position_gain, t.position_offset_m, t.current_offset_a];
-    let forces = geometry.directions.into_iter().chain([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]);
-    let rows = forces.map(|force| RowVector2::from(force) / config.m_kg).collect::<Vec<_>>();
-    let mass = t.m_kg / config.m_kg;
+    let machine = |change: [f64; 1 + MAGNETS]| {
+        let alpha_rad = std::array::from_fn(|k| config.alpha_rad[k] + change[1 + k]);
+        let geometry = Geometry::new(config.gap_m + change[0], alpha_rad);
+        let axes = [[1.0, 0.0], [0.0, 1.0]];
+        // Magnets, unbalance, backward force, load.
+        let forces = geometry.directions.into_iter().chain([axes; 3].into_iter().flatten());
+        let rows = forces.map(|force| RowVector2::from(force) / config.m_kg).collect::<Vec<_>>();
+        Machine { geometry, accelerations: SMatrix::from_rows(&rows), backward: BACKWARD, gyroscopic: None }
+    };
+    let backward_n = t.backward_force_n;
     PredictionError {
         filter: WhiteningFilter {
-            machine: Machine {
-                geometry,
-                accelerations: SMatrix::from_rows(&rows),
-                gyroscopic: None,
-                turned: geometry.directions.map(|[y, z]| Vector2::new(z, -y)).map(|e| [e, e / config.m_kg]),
-            },
+            machine: machine([0.0; 1 + MAGNETS]),
             step_s: config.step_s,
             hold: config.hold,
             identify_unbalance: config.identify_unbalance,
-            tolerance: std.iter().any(|std| *std > 0.0).then_some(std),
+            identify_backward: backward_n > 0.0,
+            tolerances: t.columns([t.gap_m, t.alpha_rad, t.alpha_rad, t.alpha_rad], machine),
         },
         lambda0: config.lambda0_nm2_a2,
-        told: [config.position_noise_m, config.current_noise_a],
-        scale_variance: mass * mass + 4.0 * t.current_gain * t.current_gain,
+        prior: models::prior(config.lambda0_nm2_a2, BACKWARD..BACKWARD + 2, backward_n),
+        known_noise: [config.position_noise_m, config.current_noise_a],
+        scale_variance: t.scale_variance(config.m_kg),
     }
 }
 
 impl EstimatorOutput {
-    fn take(&mut self, estimate: &Estimate<MAGNETS, UNKNOWNS>, verdict: Verdict, with_unbalance: bool) {
+    fn take(&mut self, estimate: &Estimate<MAGNETS, UNKNOWNS>, verdict: Verdict, config: &EstimatorConfig) {
         let [std, total] = estimate.variance.map(|variance| variance.map(sqrt).into());
-        let [_, _, _, along, across, p_y, p_z] = estimate.unknowns.into();
+        let [_, _, _, along, across, against, beside, p_y, p_z] = estimate.unknowns.into();
         self.lambda_hat = estimate.lambda().into();
         self.lambda_raw = estimate.lambda_raw.into();
         (self.lambda_std, self.lambda_std_total) = (std, total);
@@ -231,38 +230,16 @@ impl EstimatorOutput {
         (self.condition, self.residual) = (estimate.condition, estimate.residual);
         [self.position_noise_m, self.current_noise_a] = estimate.noise;
         self.load_n = [p_y, p_z];
-        if verdict == Verdict::Valid && with_unbalance {
-            self.unbalance_kg_m = sqrt(along * along + across * across);
-            self.unbalance_phase_rad = atan2(across, along);
+        if verdict == Verdict::Valid && config.identify_unbalance {
+            [self.unbalance_kg_m, self.unbalance_phase_rad] = polar(along, across);
+        }
+        if verdict == Verdict::Valid {
+            [self.backward_force_n, self.backward_force_phase_rad] = polar(against, -beside);
         }
     }
 }
 
-/// No measurement of a machine is as large as this, whatever its unit; squares of it do not overflow.
-const MEASUREMENT_LIMIT: f64 = 1.0e12;
-
-/// The last positions, m, and for how many samples each has read the same.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Stuck<const N: usize> {
-    position_m: SVector<f64, N>,
-    same: SVector<u32, N>,
-}
-
-impl<const N: usize> Stuck<N> {
-    fn start() -> Self {
-        Self { position_m: SVector::zeros(), same: SVector::zeros() }
-    }
-
-    fn is_finite(&self) -> bool {
-        self.position_m.iter().all(|x| x.is_finite())
-    }
-
-    /// Takes in positions; whether one has read the same for [`STUCK_SAMPLES`] samples while another moved.
-    fn take(&mut self, position_m: [f64; N]) -> bool {
-        for ((last, now), count) in self.position_m.iter_mut().zip(position_m).zip(&mut self.same) {
-            *count = if *last == now { count.saturating_add(1) } else { 0 };
-            *last = now;
-        }
-        self.same.max() >= STUCK_SAMPLES && self.same.min() == 0
-    }
+/// Magnitude and phase, rad in (−π, π].
+fn polar(x: f64, y: f64) -> [f64; 2] {
+    [sqrt(x * x + y * y), atan2(y, x)]
 }

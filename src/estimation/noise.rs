@@ -1,6 +1,6 @@
-//! Standard deviations of the noise, told or found by likelihood.
+//! Standard deviations of the noise, by likelihood, with a prior that is tight where they are known.
 //!
-//! Before the filter can run, the noise of the positions is taken from their differences. Then the innovations tell both: with their
+//! Where it is not known, the noise of the positions is first taken from their differences. Then the innovations tell both: with their
 //! covariance `σ_z² S(ρ)`, `ρ = σ_i²/σ_z²`, the logarithm of the likelihood of one of them is `−½ (eᵀ S⁻¹ e/σ_z² + ln det S + 2 ln σ_z²)`, and
 //! the recursive Gauss–Newton method (Ljung, section 11.4) climbs it in `(ln ρ, ln σ_z²)`.
 
@@ -8,10 +8,12 @@ use libm::{exp, log, sqrt};
 use nalgebra::{Matrix2, SVector, Vector2};
 use serde::{Deserialize, Serialize};
 
+use super::angle::Rotation;
 use super::innovations::{Innovation, Sample};
 
 /// Samples whose differences the start is taken from: their standard deviation is then known to about a tenth.
 const START_SAMPLES: usize = 64;
+const DIFFERENCES: usize = START_SAMPLES - 6;
 
 /// Standard deviation of the noise of a current that the search starts from, A: the geometric mean of 5 and 50 mA, usual for current sensors. From
 /// below, where currents say little of their noise, the search is slow, and the deviation stated meanwhile too small.
@@ -40,9 +42,12 @@ const STEP: f64 = 0.1;
 /// Information at the start: a standard deviation of three in ln ρ and ln σ_z², which are found within a factor of twenty.
 const START_INFORMATION: f64 = 0.1;
 
-/// Added to the information of each, so that the first samples decide nothing. That on ln ρ grows with ρ² and is below 1 at first: with a ridge of 2 a
-/// search that began a factor of three too low took 0.1 s (drawn bearings, seed 56183).
-const RIDGE: f64 = 1.0;
+/// Prior information on ln σ² of a noise that is estimated: the first samples decide nothing. That on ln ρ grows with ρ² and is below 1 at first: with 2
+/// instead of 1 a search that began a factor of three too low took 0.1 s (drawn bearings, seed 56183).
+const ESTIMATED: f64 = 1.0;
+
+/// The same of a noise that is known: to 3 %, as the standard deviation of as many samples of one reading.
+const KNOWN: f64 = 600.0;
 
 /// The information forgets the samples taken with a worse estimate: so much of the number of samples counts, and at least so many.
 const MEMORY_PART: f64 = 0.7;
@@ -59,8 +64,8 @@ const DISCOUNT: f64 = 0.3;
 /// The noise, and how well it is known.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
-    /// Whether σ_z and σ_i are told.
-    told: [bool; 2],
+    /// Whether σ_z and σ_i are known beforehand.
+    known: [bool; 2],
     /// ln ρ, ln σ_z².
     logs: Vector2<f64>,
     /// σ_z² and σ_i², m² and A².
@@ -72,14 +77,16 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// The noise at the start; a standard deviation of zero is not told.
-    pub fn new([told_m, told_a]: [f64; 2], first_m: f64) -> Self {
-        let position = if told_m > 0.0 { told_m } else { first_m.clamp(POSITION_NOISE_M[0], POSITION_NOISE_M[1]) };
-        let current = if told_a > 0.0 { told_a } else { START_CURRENT_NOISE_A };
+    /// The noise at the start: standard deviations of a position, m, and of a current, A, where they are not 0; otherwise that of a position is
+    /// taken from differences.
+    pub fn new([known_m, known_a]: [f64; 2], first_m: f64) -> Self {
+        let known = [known_m > 0.0, known_a > 0.0];
+        let position = if known[0] { known_m } else { first_m.clamp(POSITION_NOISE_M[0], POSITION_NOISE_M[1]) };
+        let current = if known[1] { known_a } else { START_CURRENT_NOISE_A };
         let logs = Vector2::new(2.0 * log(current / position), 2.0 * log(position));
         let information = Matrix2::identity() * START_INFORMATION;
         let variances = [position * position, current * current];
-        Self { told: [told_m > 0.0, told_a > 0.0], weighed_with: logs.x, logs, variances, information, samples: 0.0 }
+        Self { known, weighed_with: logs.x, logs, variances, information, samples: 0.0 }
     }
 
     pub fn is_finite(&self) -> bool {
@@ -91,15 +98,15 @@ impl Noise {
             .all(|x| x.is_finite())
     }
 
-    /// Whether both are told.
-    pub fn is_told(&self) -> bool {
-        self.told == [true; 2]
+    /// Whether both are known beforehand.
+    pub fn is_known(&self) -> bool {
+        self.known == [true; 2]
     }
 
-    /// Whether what is not told has been found where the search can find it.
+    /// Whether what is estimated is where the search finds it.
     pub fn is_within_range(&self) -> bool {
-        let found = self.variances().into_iter().zip(GREATEST_FOUND);
-        found.zip(self.told).all(|((variance, greatest), told)| told || variance <= greatest * greatest)
+        let found = self.variances.into_iter().zip(GREATEST_FOUND);
+        found.zip(self.known).all(|((variance, greatest), known)| known || variance <= greatest * greatest)
     }
 
     /// σ_z² and σ_i², m² and A².
@@ -131,46 +138,31 @@ impl Noise {
         self.samples += 1.0;
         self.information *= 1.0 - 1.0 / (MEMORY_PART * self.samples).max(LEAST_MEMORY);
         self.information += Matrix2::new(by_ratio, mixed, mixed, 0.5 * N as f64);
-        // The directions of (ln ρ, ln σ_z²) in which one of the noises stays.
-        let free = match self.told {
-            [true, true] => return 1.0,
-            [true, false] => Some(Vector2::new(1.0, 0.0)),
-            [false, true] => Some(Vector2::new(-1.0, 1.0)),
-            [false, false] => None,
-        };
-        let information = self.information + Matrix2::identity() * RIDGE;
-        let step = match free {
-            Some(free) => free * (score.dot(&free) / free.dot(&(information * free))),
-            None => information.try_inverse().map_or(Vector2::zeros(), |inverse| inverse * score),
-        };
+        // ln σ_i² = ln ρ + ln σ_z².
+        let [position, current] = self.known.map(|known| if known { KNOWN } else { ESTIMATED });
+        let prior = Matrix2::new(current, current, current, current + position);
+        let step = (self.information + prior).try_inverse().map_or(Vector2::zeros(), |inverse| inverse * score);
         self.step(step.map(|x| x.clamp(-STEP, STEP)), mean_square_a2)
     }
 
     /// Moves within the bounds.
     fn step(&mut self, by: Vector2<f64>, mean_square_a2: f64) -> f64 {
-        let [told_position, told_current] = self.told;
-        let squares = |[least, most]: [f64; 2]| [least * least, most * most];
-        // The logarithm within bounds, and its exponential.
+        // The logarithm of a variance within bounds, and the variance.
         let bounded = |x: f64, [least, most]: [f64; 2]| match exp(x) {
             value if value < least => (log(least), least),
             value if value > most => (log(most), most),
             value => (x, value),
         };
-        let current = self.logs.sum();
-        if !told_position {
-            (self.logs.y, self.variances[0]) = bounded(self.logs.y + by.y, squares(POSITION_NOISE_M));
-        }
-        if told_current {
-            self.logs.x = current - self.logs.y;
-        } else {
-            let most =
-                (CURRENT_NOISE_PART * mean_square_a2).clamp(f64::MIN_POSITIVE, CURRENT_NOISE_A * CURRENT_NOISE_A);
-            let [least, greatest] = squares(NOISE_RATIO);
-            let most = (most / self.variances[0]).clamp(least, greatest);
-            let ratio;
-            (self.logs.x, ratio) = bounded(self.logs.x + by.x, [least, most]);
-            self.variances[1] = ratio * self.variances[0];
-        }
+        let squares = |[least, most]: [f64; 2]| [least * least, most * most];
+        // Noise that is known may be beyond what a search can find.
+        let bounds = |known: bool, bounds: [f64; 2]| if known { [f64::MIN_POSITIVE, f64::MAX] } else { bounds };
+        (self.logs.y, self.variances[0]) =
+            bounded(self.logs.y + by.y, bounds(self.known[0], squares(POSITION_NOISE_M)));
+        let [least, greatest] = squares(NOISE_RATIO);
+        let most = (CURRENT_NOISE_PART * mean_square_a2).min(CURRENT_NOISE_A * CURRENT_NOISE_A) / self.variances[0];
+        let ratio = bounds(self.known[1], [least, most.clamp(least, greatest)]);
+        (self.logs.x, self.variances[1]) = bounded(self.logs.x + by.x, ratio);
+        self.variances[1] *= self.variances[0];
         if (self.logs.x - self.weighed_with).abs() <= RATIO_CHANGE {
             return 1.0;
         }
@@ -182,32 +174,54 @@ impl Noise {
 /// The first samples, from which the noise of the positions is taken; they wait here until it is known. So a state has a ring of them.
 ///
 /// The noise is the smaller of what fourth and sixth differences tell. They take the motion away, and keep 70 and 924 times the variance of
-/// white noise, the sums of the squared binomial coefficients.
+/// white noise, the sums of the squared binomial coefficients. Differences over a gap do not count.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Waiting<const N: usize, const K: usize> {
     /// Serde knows arrays of up to 32.
     ring: [[Sample<N, K>; 32]; START_SAMPLES / 32],
     first: usize,
     count: usize,
+    /// Samples since the last gap; differences in the sums, and the sums of their squares.
+    unbroken: usize,
+    differences: usize,
+    squares: [f64; 2],
 }
 
 impl<const N: usize, const K: usize> Waiting<N, K> {
     pub fn empty() -> Self {
-        let sample = Sample::new([0.0; N], [0.0; K], 0.0, 0.0);
-        Self { ring: [[sample; 32]; START_SAMPLES / 32], first: 0, count: 0 }
+        let sample = Sample::new([0.0; N], [0.0; K], Rotation::start(0.0, 0.0));
+        let ring = [[sample; 32]; START_SAMPLES / 32];
+        Self { ring, first: 0, count: 0, unbroken: 0, differences: 0, squares: [0.0; 2] }
     }
 
     pub fn is_finite(&self) -> bool {
         self.first < START_SAMPLES
             && self.count <= START_SAMPLES
+            && self.squares.iter().all(|x| x.is_finite())
             && self.ring.as_flattened().iter().all(Sample::is_finite)
     }
 
-    /// Puts a sample at the end; there is room as long as one is taken for each, or the ring is cleared when it is full.
+    /// Puts a sample at the end; the oldest falls out if none is taken for it.
     pub fn put(&mut self, sample: Sample<N, K>) {
-        let at = (self.first + self.count) % START_SAMPLES;
-        self.ring.as_flattened_mut()[at] = sample;
-        self.count = (self.count + 1).min(START_SAMPLES);
+        let end = self.first + self.count;
+        self.ring.as_flattened_mut()[end % START_SAMPLES] = sample;
+        if self.count < START_SAMPLES {
+            self.count += 1;
+        } else {
+            self.first = (self.first + 1) % START_SAMPLES;
+            // Nothing is known of the sample before the one that is now the oldest.
+            self.ring.as_flattened_mut()[self.first].after_gap = true;
+        }
+        self.unbroken = if sample.after_gap { 1 } else { self.unbroken + 1 };
+        if self.differences < DIFFERENCES && self.unbroken >= 7 {
+            let x: [SVector<f64, N>; 7] =
+                std::array::from_fn(|n| self.ring.as_flattened()[(end + START_SAMPLES - n) % START_SAMPLES].position_m);
+            let fourth = x[1] + x[5] - (x[2] + x[4]) * 4.0 + x[3] * 6.0;
+            let sixth = x[0] + x[6] - (x[1] + x[5]) * 6.0 + (x[2] + x[4]) * 15.0 - x[3] * 20.0;
+            self.differences += 1;
+            self.squares[0] += fourth.norm_squared() / 70.0;
+            self.squares[1] += sixth.norm_squared() / 924.0;
+        }
     }
 
     /// Takes the oldest sample.
@@ -220,18 +234,7 @@ impl<const N: usize, const K: usize> Waiting<N, K> {
 
     /// Standard deviation of the positions, m, once there are enough samples.
     pub fn position_noise_m(&self) -> Option<f64> {
-        if self.count < START_SAMPLES {
-            return None;
-        }
-        let mut squares = [0.0; 2];
-        for from in 0..START_SAMPLES - 6 {
-            let x: [SVector<f64, N>; 7] =
-                std::array::from_fn(|n| self.ring.as_flattened()[(self.first + from + n) % START_SAMPLES].position_m);
-            let fourth = x[1] + x[5] - (x[2] + x[4]) * 4.0 + x[3] * 6.0;
-            let sixth = x[0] + x[6] - (x[1] + x[5]) * 6.0 + (x[2] + x[4]) * 15.0 - x[3] * 20.0;
-            squares[0] += fourth.norm_squared() / 70.0;
-            squares[1] += sixth.norm_squared() / 924.0;
-        }
-        Some(sqrt(squares[0].min(squares[1]) / (N * (START_SAMPLES - 6)) as f64))
+        let enough = self.differences >= DIFFERENCES;
+        enough.then(|| sqrt(self.squares[0].min(self.squares[1]) / (N * DIFFERENCES) as f64))
     }
 }

@@ -5,13 +5,14 @@
 //! are independent and all numbers are lengths. With the acceleration `H M⁻¹ f` by a generalised force f, and directions `H⁻ᵀ d`, the
 //! equations are those of the planar rotor.
 
-use libm::{atan2, sqrt};
-use nalgebra::{SMatrix, SVector, Vector1};
+use libm::sqrt;
+use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::innovations::{Machine, Sample, Square, WhiteningFilter};
 use super::prediction_error::{PredictionError, PredictionErrorState};
-use super::{Hold, MEASUREMENT_LIMIT, Stuck, Tolerance, Verdict};
+use super::readings::{Readings, Taken};
+use super::{Hold, Tolerance, Verdict, models, polar};
 use crate::bearing::magnet::Geometry;
 use crate::bearing::shaft::{COORDINATES, generalised};
 use crate::bearing::spindle::{MAGNETS, READINGS, SHORTEST_DISTANCE_M, Spindle, SpindleGeometry, bearing_of};
@@ -20,12 +21,37 @@ use crate::invalid::{Checks, Invalid};
 /// Planes of unbalance.
 const PLANES: usize = 2;
 
-/// The first load among the radial unknowns.
-const LOADS: usize = 6 + 2 * PLANES;
+/// Radial bearings, each with a backward force.
+const RADIAL: usize = 2;
+
+/// The first backward force and the first load among the radial unknowns, and their number.
+const BACKWARD: usize = 6 + 2 * PLANES;
+const LOADS: usize = BACKWARD + 2 * RADIAL;
+const UNKNOWNS: usize = LOADS + 4;
+
+/// Parameters of the radial machine with a tolerance: gap, six angles, J_t, J_p, positions of magnets, of sensors, of unbalance.
+const PARAMETERS: usize = 15;
 
 /// Readings, magnets, unknowns and tolerances of the two machines.
-type Radial = PredictionError<4, 6, 14, 21>;
-type Axial = PredictionError<1, 2, 3, 7>;
+type Radial = PredictionError<4, 6, UNKNOWNS, { PARAMETERS + 2 * 4 + 6 }>;
+type RadialState = PredictionErrorState<4, 6, UNKNOWNS, { PARAMETERS + 2 * 4 + 6 }>;
+type Axial = PredictionError<1, 2, 3, 5>;
+type AxialState = PredictionErrorState<1, 2, 3, 5>;
+
+/// Standard deviations of what is known of a spindle alone; 0 means exactly known.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ShaftTolerance {
+    /// Of J_t, kg·m².
+    pub transverse_kgm2: f64,
+    /// Of J_p, kg·m².
+    pub polar_kgm2: f64,
+    /// Of the position of the magnets of each radial bearing along the shaft, m.
+    pub position_m: f64,
+    /// Of the position of its sensors, m.
+    pub sensor_position_m: f64,
+    /// Of each plane of unbalance, m.
+    pub unbalance_position_m: f64,
+}
 
 /// Parameters of the estimator, before they are checked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,6 +74,8 @@ pub struct SpindleEstimatorConfig {
     pub current_noise_a: f64,
     /// How well the rest is known: that of the mass is one of all inertia, that of the gap one of all gaps, each in proportion.
     pub tolerance: Tolerance,
+    /// The same of the shaft.
+    pub shaft_tolerance: ShaftTolerance,
 }
 
 impl Default for SpindleEstimatorConfig {
@@ -62,6 +90,7 @@ impl Default for SpindleEstimatorConfig {
             position_noise_m: 0.0,
             current_noise_a: 0.0,
             tolerance: Tolerance::default(),
+            shaft_tolerance: ShaftTolerance::default(),
         }
     }
 }
@@ -116,6 +145,10 @@ pub struct SpindleEstimatorOutput {
     pub unbalance_kg_m: [f64; PLANES],
     /// Their phases, rad in (−π, π].
     pub unbalance_phase_rad: [f64; PLANES],
+    /// Magnitudes of the forces at A and at B that turn against the rotor, N.
+    pub backward_force_n: [f64; RADIAL],
+    /// Their phases, rad in (−π, π].
+    pub backward_force_phase_rad: [f64; RADIAL],
     /// Standard deviations of the noise of a radial and of an axial position, m, as told or as found.
     pub position_noise_m: [f64; 2],
     /// The same of a current, A.
@@ -126,9 +159,9 @@ pub struct SpindleEstimatorOutput {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpindleEstimatorState {
     reset_was_high: bool,
-    stuck: Stuck<READINGS>,
-    radial: PredictionErrorState<4, 6, 14, 21>,
-    axial: PredictionErrorState<1, 2, 3, 7>,
+    readings: Readings<READINGS, MAGNETS>,
+    radial: RadialState,
+    axial: AxialState,
     output: SpindleEstimatorOutput,
 }
 
@@ -178,15 +211,16 @@ impl SpindleEstimator {
         for (name, value, unit) in config.tolerance.listed() {
             checks.not_negative(name, value, unit);
         }
+        config.shaft_tolerance.check(&config, &mut checks);
         checks.finish()?;
-        let Some(radial) = radial(&spindle, &config) else {
+        let Some(radial) = radial(&config) else {
             return Err(vec![Invalid {
                 name: "B.sensorPosition".into(),
                 value: format!("{} m", config.geometry.b.sensor_position_m),
                 wanted: "a position of the sensors that tells a tilt".into(),
             }]);
         };
-        let axial = axial(&spindle, &config);
+        let axial = axial(&config);
         Ok(Self { config, spindle, radial, axial })
     }
 
@@ -201,7 +235,7 @@ impl SpindleEstimator {
     pub fn start(&self) -> SpindleEstimatorState {
         let mut state = SpindleEstimatorState {
             reset_was_high: false,
-            stuck: Stuck::start(),
+            readings: Readings::start(),
             radial: self.radial.start(),
             axial: self.axial.start(),
             output: SpindleEstimatorOutput::default(),
@@ -213,7 +247,7 @@ impl SpindleEstimator {
     /// Whether a state, for instance one read from a file, holds finite numbers alone.
     #[must_use]
     pub fn accepts(&self, state: &SpindleEstimatorState) -> bool {
-        state.radial.is_sound() && state.axial.is_sound() && state.stuck.is_finite() && state.output.is_finite()
+        state.radial.is_sound() && state.axial.is_sound() && state.readings.is_finite() && state.output.is_finite()
     }
 
     /// Takes in one sample; to be called once every T_s. As [`Estimator::sample`](super::Estimator::sample).
@@ -222,38 +256,34 @@ impl SpindleEstimator {
             *state = self.start();
         }
         state.reset_was_high = input.reset;
-        let verdicts = match self.refused(state, input) {
-            Some(verdict) => {
-                self.radial.interrupt(&mut state.radial);
-                self.axial.interrupt(&mut state.axial);
-                [verdict; 2]
-            }
-            None => {
-                let [a_y, a_z, b_y, b_z, x] = input.reading_m;
-                let [a_1, a_2, a_3, b_1, b_2, b_3, x_1, x_2] = input.current_a;
-                let (theta, omega) = (input.theta_rad, input.omega_rad_s);
-                let radial = Sample::new([a_y, a_z, b_y, b_z], [a_1, a_2, a_3, b_1, b_2, b_3], theta, omega);
-                let axial = Sample { position_m: [x].into(), current_a: [x_1, x_2].into(), ..Sample::at(&radial) };
-                [self.radial.sample(&mut state.radial, radial), self.axial.sample(&mut state.axial, axial)]
-            }
-        };
+        let [radial, axial] = self.refused(state, input);
+        let rotation = state.readings.rotation();
+        let [a_y, a_z, b_y, b_z, x] = input.reading_m;
+        let [a_1, a_2, a_3, b_1, b_2, b_3, x_1, x_2] = input.current_a;
+        let verdicts = [
+            self.radial.take(&mut state.radial, radial, || {
+                Sample::new([a_y, a_z, b_y, b_z], [a_1, a_2, a_3, b_1, b_2, b_3], rotation)
+            }),
+            self.axial.take(&mut state.axial, axial, || Sample::new([x], [x_1, x_2], rotation)),
+        ];
         self.report(state, verdicts);
         state.output.clone()
     }
 
-    /// Why a sample cannot be used, if so.
-    fn refused(&self, state: &mut SpindleEstimatorState, input: &SpindleEstimatorInput) -> Option<Verdict> {
-        let measured = input.reading_m.iter().chain(&input.current_a).chain([&input.theta_rad, &input.omega_rad_s]);
-        let usable = measured.clone().all(|x| x.is_finite() && x.abs() < MEASUREMENT_LIMIT)
-            && self.spindle.geometry().gaps(self.spindle.coordinates(input.reading_m)).iter().all(|gap_m| *gap_m > 0.0);
-        if !input.enable {
-            Some(Verdict::Disabled)
-        } else if input.contact {
-            Some(Verdict::Contact)
-        } else if !usable {
-            Some(Verdict::BadSample)
-        } else {
-            state.stuck.take(input.reading_m).then_some(Verdict::Stuck)
+    /// Why the radial and the axial part of a sample cannot be used, if so.
+    fn refused(&self, state: &mut SpindleEstimatorState, input: &SpindleEstimatorInput) -> [Option<Verdict>; 2] {
+        let coordinates = self.spindle.coordinates(input.reading_m);
+        let in_gap = self.spindle.geometry().gaps(coordinates).iter().all(|gap_m| *gap_m > 0.0);
+        let rotation = [input.theta_rad, input.omega_rad_s];
+        match state.readings.take(input.reading_m, input.current_a, rotation, self.config.step_s, in_gap) {
+            _ if !input.enable => [Some(Verdict::Disabled); 2],
+            _ if input.contact => [Some(Verdict::Contact); 2],
+            Taken::Usable { stuck: [a_y, a_z, b_y, b_z, x] } => {
+                [a_y || a_z || b_y || b_z, x].map(|stuck| stuck.then_some(Verdict::Stuck))
+            }
+            Taken::Missing if state.readings.are_lost() => [Some(Verdict::BadSample); 2],
+            Taken::Missing => [state.radial.estimate.verdict, state.axial.estimate.verdict].map(Some),
+            Taken::Contradiction => [Some(Verdict::Speed); 2],
         }
     }
 
@@ -277,8 +307,13 @@ impl SpindleEstimator {
         if verdicts[0] == Verdict::Valid && self.config.identify_unbalance {
             for plane in 0..PLANES {
                 let [along, across] = [radial.unknowns[6 + 2 * plane], radial.unknowns[7 + 2 * plane]];
-                output.unbalance_kg_m[plane] = sqrt(along * along + across * across);
-                output.unbalance_phase_rad[plane] = atan2(across, along);
+                [output.unbalance_kg_m[plane], output.unbalance_phase_rad[plane]] = polar(along, across);
+            }
+        }
+        if verdicts[0] == Verdict::Valid {
+            for at in 0..RADIAL {
+                let [against, beside] = [radial.unknowns[BACKWARD + 2 * at], radial.unknowns[BACKWARD + 1 + 2 * at]];
+                [output.backward_force_n[at], output.backward_force_phase_rad[at]] = polar(against, -beside);
             }
         }
         output.position_noise_m = [radial.noise[0], axial.noise[0]];
@@ -290,81 +325,145 @@ impl SpindleEstimatorOutput {
     fn is_finite(&self) -> bool {
         let of_magnets = [self.lambda_hat, self.lambda_raw, self.lambda_std, self.lambda_std_total, self.ki, self.ks];
         let unbalance = self.unbalance_kg_m.iter().chain(&self.unbalance_phase_rad);
+        let backward = self.backward_force_n.iter().chain(&self.backward_force_phase_rad);
         let noise = self.position_noise_m.iter().chain(&self.current_noise_a);
-        let others = self.load.iter().chain([&self.condition, &self.residual]).chain(unbalance).chain(noise);
+        let others =
+            self.load.iter().chain([&self.condition, &self.residual]).chain(unbalance).chain(backward).chain(noise);
         of_magnets.as_flattened().iter().chain(others).all(|x| x.is_finite())
     }
 }
 
-/// What both machines share.
-fn estimator<const N: usize, const K: usize, const U: usize, const T: usize>(
-    machine: Machine<N, K, U>,
-    lambda0: [f64; K],
-    config: &SpindleEstimatorConfig,
-) -> PredictionError<N, K, U, T> {
-    let t = &config.tolerance;
-    let std = [t.gap_m, t.alpha_rad, t.position_gain, t.position_offset_m, t.current_offset_a];
-    let mass = t.m_kg / config.geometry.shaft.m_kg;
-    PredictionError {
-        filter: WhiteningFilter {
-            machine,
-            step_s: config.step_s,
-            hold: config.hold,
-            identify_unbalance: config.identify_unbalance,
-            tolerance: std.iter().any(|std| *std > 0.0).then_some(std),
-        },
-        lambda0,
-        told: [config.position_noise_m, config.current_noise_a],
-        scale_variance: mass * mass + 4.0 * t.current_gain * t.current_gain,
+impl ShaftTolerance {
+    /// Names in the interface, values and units.
+    fn listed(&self) -> [(&'static str, f64, &'static str); 5] {
+        [
+            ("tolerance.Jt", self.transverse_kgm2, "kg.m2"),
+            ("tolerance.Jp", self.polar_kgm2, "kg.m2"),
+            ("tolerance.position", self.position_m, "m"),
+            ("tolerance.sensorPosition", self.sensor_position_m, "m"),
+            ("tolerance.unbalancePosition", self.unbalance_position_m, "m"),
+        ]
+    }
+
+    fn check(&self, config: &SpindleEstimatorConfig, checks: &mut Checks) {
+        let [begin_m, end_m] = config.geometry.extent_m;
+        for (name, value, unit) in self.listed() {
+            checks.not_negative(name, value, unit);
+            let on_shaft = unit != "m" || value.is_nan() || value < end_m - begin_m || begin_m >= end_m;
+            let wanted = format!("less than the length of the shaft, {} m,", end_m - begin_m);
+            checks.require(on_shaft, name, format_args!("{value} m"), wanted);
+        }
+        let inertia = config.geometry.shaft.transverse_kgm2;
+        let light = self.transverse_kgm2.is_nan() || self.transverse_kgm2 < inertia || inertia <= 0.0;
+        let wanted = format!("less than Jt = {inertia} kg.m2,");
+        checks.require(light, "tolerance.Jt", format_args!("{} kg.m2", self.transverse_kgm2), wanted);
+        // The tilt is told by the distance of the sensors.
+        let apart_m = (config.geometry.a.sensor_position_m - config.geometry.b.sensor_position_m).abs();
+        let small =
+            self.sensor_position_m.is_nan() || self.sensor_position_m < apart_m || apart_m < SHORTEST_DISTANCE_M;
+        let wanted = format!("less than the distance of the sensors, {apart_m} m,");
+        checks.require(small, "tolerance.sensorPosition", format_args!("{} m", self.sensor_position_m), wanted);
     }
 }
 
 /// The radial motion; `None` if the readings do not tell a tilt.
-fn radial(spindle: &Spindle, config: &SpindleEstimatorConfig) -> Option<Radial> {
+fn radial(config: &SpindleEstimatorConfig) -> Option<Radial> {
+    radial_machine(&config.geometry, config.unbalance_position_m)?;
+    let (t, shaft) = (&config.tolerance, &config.shaft_tolerance);
+    let mut std = [0.0; PARAMETERS];
+    std[0] = t.gap_m;
+    std[1..7].fill(t.alpha_rad);
+    std[7..9].copy_from_slice(&[shaft.transverse_kgm2, shaft.polar_kgm2]);
+    std[9..11].fill(shaft.position_m);
+    std[11..13].fill(shaft.sensor_position_m);
+    std[13..15].fill(shaft.unbalance_position_m);
+    let machine = |change: [f64; PARAMETERS]| {
+        let (mut geometry, mut planes_m) = (config.geometry, config.unbalance_position_m);
+        geometry.shaft.transverse_kgm2 += change[7];
+        geometry.shaft.polar_kgm2 += change[8];
+        for (at, bearing) in [&mut geometry.a, &mut geometry.b].into_iter().enumerate() {
+            bearing.gap_m += change[0];
+            bearing.alpha_rad.iter_mut().zip(&change[1 + 3 * at..]).for_each(|(alpha, by)| *alpha += by);
+            bearing.position_m += change[9 + at];
+            bearing.sensor_position_m += change[11 + at];
+            planes_m[at] += change[13 + at];
+        }
+        // The check above and that of the tolerances hold for what is a tolerance away.
+        radial_machine(&geometry, planes_m).unwrap_or_else(|| unreachable!("sensors at different places"))
+    };
+    let lambda0 = std::array::from_fn(|k| config.lambda0_nm2_a2[k]);
+    Some(estimator(machine, std, lambda0, config))
+}
+
+/// The radial machine of a spindle with planes of unbalance; `None` if the readings do not tell a tilt.
+fn radial_machine(spindle: &SpindleGeometry, planes_m: [f64; PLANES]) -> Option<Machine<4, 6, UNKNOWNS>> {
     let across = |[_, y, z, beta, gamma]: [f64; COORDINATES]| SVector::from([y, z, beta, gamma]);
     let [a_y, a_z, b_y, b_z, _] = spindle.sensors().map(across);
     let h = Square::<4>::from_columns(&[a_y, a_z, b_y, b_z]).transpose();
     let back = h.try_inverse()?;
-    let inertia = across(spindle.inertia());
-    let direction = |d: [f64; COORDINATES]| back.tr_mul(&across(d));
+    let inertia = across(spindle.shaft.inertia());
     let acceleration = |force: SVector<f64, 4>| -> SVector<f64, 4> { h * force.component_div(&inertia) };
-    let [directions, turned] = [0.0, std::f64::consts::FRAC_PI_2].map(|by| {
-        std::array::from_fn::<_, 6, _>(|k| {
-            let bearing = spindle.config().radial()[bearing_of(k).0];
-            crate::bearing::shaft::radial(bearing.position_m, bearing.alpha_rad[bearing_of(k).1] + by)
-        })
-    });
-    let planes = config.unbalance_position_m.map(|at| [[1.0, 0.0], [0.0, 1.0]].map(|axis| generalised(at, axis)));
-    let forces = directions.iter().chain(planes.as_flattened()).copied().map(across);
-    let mut accelerations = SMatrix::<f64, 14, 4>::zeros();
-    for (j, force) in forces.chain(Square::<4>::identity().column_iter().map(|x| x.into_owned())).enumerate() {
+    let geometry = spindle.geometry();
+    let directions: [SVector<f64, 4>; 6] = std::array::from_fn(|k| across(geometry.directions[k]));
+    let axes_at = |at_m: f64| [[1.0, 0.0], [0.0, 1.0]].map(|axis| across(generalised(at_m, axis)));
+    let bearings_m = spindle.radial().map(|bearing| bearing.position_m);
+    let turning = planes_m.into_iter().chain(bearings_m).flat_map(axes_at);
+    let loads = Square::<4>::identity();
+    let forces = directions.into_iter().chain(turning).chain(loads.column_iter().map(|x| x.into_owned()));
+    let mut accelerations = SMatrix::<f64, UNKNOWNS, 4>::zeros();
+    for (j, force) in forces.enumerate() {
         accelerations.set_row(j, &acceleration(force).transpose());
     }
     let columns: [SVector<f64, 4>; 4] = std::array::from_fn(|c| {
         let rates = back.column(c);
         let rates = [0.0, rates[0], rates[1], rates[2], rates[3]];
-        acceleration(across(spindle.config().shaft.gyroscopic(1.0, rates)))
+        acceleration(across(spindle.shaft.gyroscopic(1.0, rates)))
     });
-    let gap = |k: usize| spindle.geometry().gap_m[k];
-    let machine = Machine {
-        geometry: Geometry { gap_m: std::array::from_fn(gap), directions: directions.map(|d| direction(d).into()) },
+    Some(Machine {
+        geometry: Geometry {
+            gap_m: std::array::from_fn(|k| geometry.gap_m[k]),
+            directions: directions.map(|d| back.tr_mul(&d).into()),
+        },
         accelerations,
+        backward: BACKWARD,
         gyroscopic: Some(Square::from_columns(&columns)),
-        turned: turned.map(|d| [direction(d), acceleration(across(d))]),
-    };
-    let lambda0 = std::array::from_fn(|k| config.lambda0_nm2_a2[k]);
-    Some(estimator(machine, lambda0, config))
+    })
 }
 
 /// The axial motion, without unbalance.
-fn axial(spindle: &Spindle, config: &SpindleEstimatorConfig) -> Axial {
-    let m_kg = spindle.config().shaft.m_kg;
-    let [_, _, _, _, _, _, towards, away] = config.lambda0_nm2_a2;
-    let machine = Machine {
-        geometry: Geometry { gap_m: [spindle.config().axial_gap_m; 2], directions: [[1.0], [-1.0]] },
-        accelerations: SMatrix::from([[1.0, -1.0, 1.0]]) / m_kg,
+fn axial(config: &SpindleEstimatorConfig) -> Axial {
+    let machine = |[gap_m]: [f64; 1]| Machine {
+        geometry: Geometry { gap_m: [config.geometry.axial_gap_m + gap_m; 2], directions: [[1.0], [-1.0]] },
+        accelerations: SMatrix::from([[1.0, -1.0, 1.0]]) / config.geometry.shaft.m_kg,
+        backward: 2,
         gyroscopic: None,
-        turned: [[Vector1::zeros(); 2]; 2],
     };
-    estimator(machine, [towards, away], config)
+    let [_, _, _, _, _, _, towards, away] = config.lambda0_nm2_a2;
+    estimator(machine, [config.tolerance.gap_m], [towards, away], config)
+}
+
+/// The estimator of a machine of which parameters have these standard deviations.
+fn estimator<const N: usize, const K: usize, const U: usize, const T: usize, const P: usize>(
+    machine: impl Fn([f64; P]) -> Machine<N, K, U>,
+    std: [f64; P],
+    lambda0: [f64; K],
+    config: &SpindleEstimatorConfig,
+) -> PredictionError<N, K, U, T> {
+    let t = &config.tolerance;
+    let central = machine([0.0; P]);
+    let forces = central.backward..U - N;
+    PredictionError {
+        filter: WhiteningFilter {
+            machine: central,
+            step_s: config.step_s,
+            hold: config.hold,
+            identify_unbalance: config.identify_unbalance,
+            identify_backward: t.backward_force_n > 0.0,
+            tolerances: t.columns(std, machine),
+        },
+        lambda0,
+        prior: models::prior(lambda0, forces, t.backward_force_n),
+        known_noise: [config.position_noise_m, config.current_noise_a],
+        scale_variance: t.scale_variance(config.geometry.shaft.m_kg),
+    }
 }

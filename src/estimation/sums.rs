@@ -5,11 +5,14 @@
 //!
 //! Instrumental variables (section 7.6): `H = Σ ζᵀ S⁻¹ φ`, `h = Σ ζᵀ S⁻¹ e_0`, `G = Σ ζᵀ S⁻¹ ζ`, `ϑ = H⁻¹ h`, covariance `σ_z² H⁻¹ G H⁻ᵀ`, with instruments ζ in
 //! place of φ for the λ. They are driven by the mean of `i_k²/gap_k²` at the same rotor angle over earlier revolutions, whose noise is
-//! not that of the sample: free of both. φ of load and unbalance holds no noise and is its own instrument. Samples from before there are such means,
-//! among them those with the first guess, are left out.
+//! not that of the sample: free of both. φ of load, unbalance and backward force holds no noise and is its own instrument. Samples at angles that the
+//! rotor has not passed before have no instruments and are left out.
+//!
+//! A Gaussian [`Prior`] adds its precision R to J, H and G, and R times its mean to b and h.
 
 use std::f64::consts::TAU;
 
+use libm::log;
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
@@ -58,12 +61,17 @@ impl<const R: usize, const U: usize, const T: usize> Products<R, U, T> {
     }
 }
 
+/// What is known of the unknowns beforehand: inverse variances and means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prior<const U: usize> {
+    pub precision: SVector<f64, U>,
+    pub mean: SVector<f64, U>,
+}
+
 /// Sums over a stretch of samples, of K magnets, U unknowns, T tolerances.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sums<const K: usize, const U: usize, const T: usize> {
-    /// Samples, and those of them with instruments.
     pub samples: f64,
-    pub instrumented: f64,
     /// b, J, and `C = Σ φᵀ S⁻¹ ψ`.
     predicted: Products<U, U, T>,
     /// h, H and the same of tolerances over the samples with instruments, and `Σ ζᵀ S⁻¹ ζ` of the λ.
@@ -78,7 +86,6 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
     pub fn zeros() -> Self {
         Self {
             samples: 0.0,
-            instrumented: 0.0,
             predicted: Products::zeros(),
             instruments: Products::zeros(),
             instrument_square: Square::zeros(),
@@ -88,7 +95,7 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
 
     pub fn is_finite(&self) -> bool {
         let others = self.instrument_square.iter().chain(&self.current_noise);
-        others.chain([&self.samples, &self.instrumented]).all(|x| x.is_finite())
+        others.chain([&self.samples]).all(|x| x.is_finite())
             && self.predicted.is_finite()
             && self.instruments.is_finite()
     }
@@ -100,7 +107,6 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         self.predicted.add(&innovation.unknowns, innovation);
         self.current_noise += innovation.by_current_noise;
         if instrumented {
-            self.instrumented += 1.0;
             let mut instruments = innovation.unknowns;
             instruments.fixed_rows_mut::<K>(0).copy_from(&innovation.instruments);
             self.instruments.add(&instruments, innovation);
@@ -111,7 +117,6 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
     /// Adds another stretch.
     pub fn merge(&mut self, other: &Self) {
         self.samples += other.samples;
-        self.instrumented += other.instrumented;
         self.predicted.merge(&other.predicted);
         self.instruments.merge(&other.instruments);
         self.instrument_square += other.instrument_square;
@@ -126,36 +131,35 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         self.current_noise *= weight;
     }
 
-    /// J.
-    pub fn information(&self) -> &Square<U> {
-        &self.predicted.unknowns
+    /// `(J + R) and b + R m` in units of σ_z².
+    fn with(&self, prior: &Prior<U>, position: f64) -> (Square<U>, SVector<f64, U>) {
+        let information = self.predicted.unknowns + Square::from_diagonal(&(prior.precision * position));
+        (information, self.predicted.right + prior.precision.component_mul(&prior.mean) * position)
     }
 
-    /// b.
-    pub fn right(&self) -> &SVector<f64, U> {
-        &self.predicted.right
+    /// `½ (bᵀ J⁻¹ b/σ_z² − ln det J)`, prior included: the logarithm of the evidence, but for what all models have in common.
+    pub fn log_evidence(&self, prior: &Prior<U>, position: f64) -> Option<f64> {
+        let (information, right) = self.with(prior, position);
+        let (scale, scaled) = scaled(&information);
+        let cholesky = scaled.cholesky()?;
+        let lower = cholesky.l_dirty();
+        let half = lower.solve_lower_triangular(&right.component_mul(&scale))?;
+        let log_determinant: f64 = (0..U).map(|j| log(lower[(j, j)] / scale[j])).sum();
+        Some(0.5 * half.norm_squared() / position - log_determinant).filter(|evidence| evidence.is_finite())
     }
 
-    /// C.
-    pub fn by_tolerance(&self) -> &SMatrix<f64, U, T> {
-        &self.predicted.tolerances
-    }
-
-    /// The prediction-error estimate with a prior of 100 % about λ_0, for noises of these variances.
-    pub fn solve(&self, lambda0: [f64; K], [position, current]: [f64; 2]) -> Option<PredictionErrorSolution<U, T>> {
-        let (mut information, mut right) = (*self.information(), *self.right());
-        for (k, lambda0) in lambda0.into_iter().enumerate() {
-            information[(k, k)] += position / (lambda0 * lambda0);
-            right[k] += position / lambda0;
-        }
+    /// The prediction-error estimate with a prior, for noises of these variances.
+    pub fn solve(&self, prior: &Prior<U>, [position, current]: [f64; 2]) -> Option<PredictionErrorSolution<U, T>> {
+        let (information, right) = self.with(prior, position);
         let (inverse, condition) = inverse(&information)?;
         let unknowns = inverse * right;
         let noise = SVector::from_fn(|k, _| if k < K { current * self.current_noise[k] * unknowns[k] } else { 0.0 });
         let attenuation = inverse * noise;
         let mut sensitivity = SMatrix::zeros();
         // Most bearings state no tolerance.
-        if self.by_tolerance().iter().any(|x| *x != 0.0) {
-            sensitivity = -inverse * self.by_tolerance();
+        let by_tolerance = &self.predicted.tolerances;
+        if by_tolerance.iter().any(|x| *x != 0.0) {
+            sensitivity = -inverse * by_tolerance;
         }
         unknowns.iter().chain(&attenuation).all(|x| x.is_finite()).then_some(PredictionErrorSolution {
             unknowns,
@@ -174,13 +178,15 @@ pub struct Solution<const U: usize, const T: usize> {
     pub unknowns: SVector<f64, U>,
     /// Variance of the unknowns by noise.
     pub variance: SVector<f64, U>,
+    /// Variance by the models that may be true instead.
+    pub model: SVector<f64, U>,
     /// Change of the unknowns by one standard deviation of each tolerance.
     sensitivity: SMatrix<f64, U, T>,
 }
 
 impl<const U: usize, const T: usize> Solution<U, T> {
     pub fn is_finite(&self) -> bool {
-        self.unknowns.iter().chain(&self.variance).chain(&self.sensitivity).all(|x| x.is_finite())
+        self.unknowns.iter().chain(&self.variance).chain(&self.model).chain(&self.sensitivity).all(|x| x.is_finite())
     }
 
     /// The first K unknowns.
@@ -197,11 +203,15 @@ impl<const U: usize, const T: usize> Solution<U, T> {
         self.unknowns.iter().zip(&self.variance).take(K).map(relative).fold(0.0, f64::max)
     }
 
-    /// Variance of the K λ by noise and by tolerances, those that scale λ with this relative variance.
-    pub fn total_variance<const K: usize>(&self, scale: f64) -> SVector<f64, K> {
-        SVector::from_fn(|k, _| {
-            self.variance[k] + self.sensitivity.row(k).norm_squared() + scale * self.unknowns[k] * self.unknowns[k]
-        })
+    /// Variance of the K λ by noise, and by noise, other models and tolerances, those that scale λ with this relative variance. A normalised
+    /// innovation squared above 1 scales the noise (variance of unit weight).
+    pub fn variances<const K: usize>(&self, nis: f64, scale: f64) -> [SVector<f64, K>; 2] {
+        let noise = SVector::from_fn(|k, _| self.variance[k] * nis.max(1.0));
+        let total = SVector::from_fn(|k, _| {
+            let tolerances = self.sensitivity.row(k).norm_squared() + scale * self.unknowns[k] * self.unknowns[k];
+            noise[k] + self.model[k] + tolerances
+        });
+        [noise, total]
     }
 }
 
@@ -217,22 +227,23 @@ pub struct PredictionErrorSolution<const U: usize, const T: usize> {
 }
 
 impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
-    /// The estimate of both, with instruments if any are given: the attenuation counts as a bias of the known direction a and of a size s with
+    /// The estimate of both: the attenuation counts as a bias of the known direction a and of a size s with
     /// the variance V of [`ATTENUATION_VARIANCE`], which instruments, free of it, tell as far as they can.
     ///
     /// With `l = J a/(aᵀ J a)`, so that `lᵀ a = 1`, the difference `lᵀ (ϑ_IV − ϑ_PE)` is s with the variance `v = lᵀ (P_IV − P_PE) l`. So
     /// `ŝ = V lᵀ (ϑ_IV − ϑ_PE)/(V + v)`, `ϑ = ϑ_PE + ŝ a`, and the variance is that of ϑ_PE and `a² V v/(V + v)`.
     pub fn combine<const K: usize>(
         &self,
-        instruments: Option<&Sums<K, U, T>>,
+        sums: &Sums<K, U, T>,
+        prior: &Prior<U>,
         position_variance: f64,
+        model: SVector<f64, U>,
     ) -> Solution<U, T> {
         let a = &self.attenuation;
         let l = self.information * a;
         let weight = a.dot(&l);
-        let told =
-            instruments.filter(|_| weight > 0.0).and_then(|sums| self.contrast(sums, l / weight, position_variance));
-        let (size, variance, sensitivity) = match told {
+        let contrast = if weight > 0.0 { self.contrast(sums, l / weight, prior, position_variance) } else { None };
+        let (size, variance, sensitivity) = match contrast {
             Some((difference, variance, sensitivity)) => {
                 let variance = (variance - position_variance / weight).max(0.0);
                 let part = ATTENUATION_VARIANCE / (ATTENUATION_VARIANCE + variance);
@@ -245,6 +256,7 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
         Solution {
             unknowns: self.unknowns + a * size,
             variance: SVector::from_fn(|j, _| position_variance * self.inverse[(j, j)] + variance * a[j] * a[j]),
+            model,
             sensitivity: by_tolerance,
         }
     }
@@ -254,17 +266,21 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
         &self,
         sums: &Sums<K, U, T>,
         l: SVector<f64, U>,
+        prior: &Prior<U>,
         position_variance: f64,
     ) -> Option<(f64, f64, SVector<f64, T>)> {
         let Products { right, unknowns: h, tolerances: by_tolerance } = &sums.instruments;
-        let (scale, scaled) = scaled(h);
+        let ridge = prior.precision * position_variance;
+        let right = right + ridge.component_mul(&prior.mean);
+        let h = h + Square::from_diagonal(&ridge);
+        let (scale, scaled) = scaled(&h);
         let w = solve_transposed(&scaled, l.component_mul(&scale))?.component_mul(&scale);
         let g = Square::from_fn(|r, c| match (r < K, c < K) {
-            (true, true) => sums.instrument_square[(r, c)],
+            (true, true) => sums.instrument_square[(r, c)] + if r == c { ridge[r] } else { 0.0 },
             (false, true) => h[(c, r)],
             _ => h[(r, c)],
         });
-        let (difference, variance) = (w.dot(right) - l.dot(&self.unknowns), position_variance * w.dot(&(g * w)));
+        let (difference, variance) = (w.dot(&right) - l.dot(&self.unknowns), position_variance * w.dot(&(g * w)));
         let sensitivity = -by_tolerance.tr_mul(&w) - self.sensitivity.tr_mul(&l);
         (difference.is_finite() && variance >= 0.0 && variance.is_finite()).then_some((
             difference,

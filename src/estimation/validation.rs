@@ -3,18 +3,14 @@
 //! Every test is of a quantity whose distribution is known when model and noise are right. Limits are set so that a right model fails about once
 //! in a million tests; tolerances widen them by what they can explain.
 
-use libm::{exp, sqrt};
+use libm::sqrt;
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::config::Verdict;
-use super::innovations::{Innovation, Square, product};
+use super::innovations::{Innovation, Square};
 use super::noise::OUTLIER;
-use super::sums::{PredictionErrorSolution, Sums, inverse};
-
-/// Limit of χ² between the last revolution and those before, in standard deviations of a normal distribution; 45 with seven degrees of freedom:
-/// probability 1.4·10⁻⁷.
-const CHANGE_LIMIT: f64 = 5.0;
+use super::sums::PredictionErrorSolution;
 
 /// Harmonics of the rotor angle that are tested, and the limit of χ² of each; 35 with four degrees of freedom: probability 4.6·10⁻⁷.
 const HARMONICS: usize = 4;
@@ -42,20 +38,17 @@ const WHITENESS_CLIP: f64 = 5.0;
 /// Revolutions over which correlation and mean square of the innovations are taken.
 const MEAN_REVOLUTIONS: f64 = 3.0;
 
-/// Limit of the normalised innovation squared per degree of freedom where the noise is told: innovations 1.4 times as strong as they should be.
-const NIS_LIMIT: f64 = 2.0;
+/// Limit of the normalised innovation squared per degree of freedom: innovations twice as strong as they should be.
+const NIS_LIMIT: f64 = 4.0;
 
-/// More restarts than this within [`RESTART_REVOLUTIONS`] are no changes of λ.
-const RESTART_LIMIT: f64 = 1.5;
-const RESTART_REVOLUTIONS: f64 = 10.0;
+/// An estimate that is not valid becomes so below this part of each limit (hysteresis).
+const EASE: f64 = 0.7;
 
 /// What the tests have gathered.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Validation<const N: usize, const U: usize, const T: usize> {
-    /// Revolutions at the last start, and at the last restart after a change with the count of restarts that has not leaked away.
+    /// Revolutions at the start.
     since: f64,
-    restarted: f64,
-    restarts: f64,
     /// Revolutions when the sums of the harmonics began, and the sums.
     harmonics_since: f64,
     harmonics: [Harmonic<N, U, T>; HARMONICS],
@@ -139,8 +132,6 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     pub fn start(revolution: f64) -> Self {
         Self {
             since: revolution,
-            restarted: revolution,
-            restarts: 0.0,
             harmonics_since: revolution,
             harmonics: [Harmonic::zeros(); HARMONICS],
             greatest: 0.0,
@@ -152,9 +143,16 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         }
     }
 
-    /// Begins anew after a change of λ.
-    pub fn restart(&mut self, revolution: f64) {
-        *self = Self { restarts: self.recent_restarts(revolution) + 1.0, ..Self::start(revolution) };
+    /// Counts the sums so far with this weight.
+    pub fn discount(&mut self, weight: f64) {
+        for harmonic in &mut self.harmonics {
+            harmonic.squares = harmonic.squares.map(|x| x * weight * weight);
+            for part in 0..2 {
+                harmonic.motion[part] *= weight;
+                harmonic.unknowns[part] *= weight;
+                harmonic.tolerances[part] *= weight;
+            }
+        }
     }
 
     /// Forgets the sums.
@@ -164,18 +162,14 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     }
 
     pub fn is_finite(&self) -> bool {
-        let Self { since, restarted, restarts, harmonics_since, greatest, averaged, product, square, nis, .. } = self;
-        let own = [since, restarted, restarts, harmonics_since, greatest, averaged, product, square, nis];
+        let Self { since, harmonics_since, greatest, averaged, product, square, nis, .. } = self;
+        let own = [since, harmonics_since, greatest, averaged, product, square, nis];
         own.into_iter().chain(&self.last).all(|x| x.is_finite()) && self.harmonics.iter().all(Harmonic::is_finite)
     }
 
     /// Revolutions since the last start.
     pub fn revolutions(&self, revolution: f64) -> f64 {
         revolution - self.since
-    }
-
-    fn recent_restarts(&self, revolution: f64) -> f64 {
-        self.restarts * exp(-(revolution - self.restarted) / RESTART_REVOLUTIONS)
     }
 
     /// Takes in the signals of an innovation at the rotor angle (cos θ, sin θ).
@@ -209,37 +203,17 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         self.greatest = if enough { found.fold(0.0, f64::max) } else { 0.0 };
     }
 
-    /// What the tests say.
-    pub fn verdict(&self, revolution: f64, per_revolution: f64, told: bool) -> Verdict {
+    /// The verdict on an estimate that was valid or not.
+    pub fn verdict(&self, per_revolution: f64, was_valid: bool) -> Verdict {
+        let ease = if was_valid { 1.0 } else { EASE };
         let samples = N as f64 * self.averaged.min(2.0 * MEAN_REVOLUTIONS * per_revolution);
         let correlation = self.product / self.square.max(1.0) * sqrt(samples);
-        if self.recent_restarts(revolution) > RESTART_LIMIT {
-            Verdict::Unsteady
-        } else if self.greatest >= chi_square(2 * N, HARMONIC_LIMIT) || (told && self.nis > NIS_LIMIT) {
+        if self.greatest >= chi_square(2 * N, HARMONIC_LIMIT * ease) || self.nis > NIS_LIMIT * ease {
             Verdict::Unexplained
-        } else if !told && correlation.abs() >= WHITENESS_LIMIT {
+        } else if correlation.abs() >= WHITENESS_LIMIT * ease {
             Verdict::Coloured
         } else {
             Verdict::Valid
         }
     }
-}
-
-/// Whether the last revolution contradicts what was known before it: the sums of both, in units of σ_z² each.
-///
-/// With the estimate ϑ of before, `z = b − J ϑ` of the last revolution has the covariance `J + J J_before⁻¹ J`, and what the tolerances make
-/// of it.
-pub fn has_changed<const K: usize, const U: usize, const T: usize>(
-    before: &Sums<K, U, T>,
-    last: &Sums<K, U, T>,
-    position_variance: f64,
-) -> bool {
-    let information = last.information();
-    let Some((former, _)) = inverse(before.information()) else { return false };
-    let gain = information * former;
-    let contradiction = last.right() - gain * before.right();
-    let by_tolerance = last.by_tolerance() - gain * before.by_tolerance();
-    let noise = (information + gain * information) * position_variance;
-    let Some((weight, _)) = inverse(&(noise + product(&by_tolerance, &by_tolerance))) else { return false };
-    contradiction.dot(&(weight * contradiction)) > chi_square(U, CHANGE_LIMIT)
 }

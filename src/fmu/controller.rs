@@ -13,7 +13,7 @@ use crate::bearing::coil::Drive;
 use crate::control::controller::{
     Controller, ControllerConfig, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
 };
-use crate::control::reference::{HARMONICS, Shape};
+use crate::control::reference::{HARMONICS, MOST_LOBES, Shape};
 
 /// When the estimated force constants are taken over.
 pub static UPDATE_MODE: Enumeration = Enumeration::new(
@@ -141,6 +141,7 @@ fn table() -> Vec<Row<Values>> {
         Row::integer("reference.lobes", place!(Values.lobes), 3)
             .fixed()
             .min(0.0)
+            .max(f64::from(MOST_LOBES))
             .description("Number of lobes with shape = lobes"),
     );
     rows.push(

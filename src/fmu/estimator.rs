@@ -35,7 +35,7 @@ pub static VERDICT: Enumeration = Enumeration::new(
         ("badSample", "A sample is not finite, or outside the gap"),
         ("contact", "The rotor is in contact"),
         ("stuck", "A position sensor reads the same all the time"),
-        ("changed", "The latest revolution contradicts the earlier ones; estimation restarts"),
+        ("changed", "The latest samples contradict the earlier ones; what they told is discarded"),
         ("singular", "The excitation does not determine all unknowns"),
         ("notPositive", "A force constant came out zero or negative"),
         ("unexplained", "The model does not explain the motion"),
@@ -47,6 +47,7 @@ pub static VERDICT: Enumeration = Enumeration::new(
         ("unsteady", "The estimate has changed several times"),
         ("uncertain", "The standard deviation is too large"),
         ("foreignState", "The state belongs to an estimator with other parameters"),
+        ("speed", "The input omega is not the speed of theta in rad/s"),
     ],
 );
 
@@ -62,7 +63,7 @@ pub static HOLD: Enumeration = Enumeration::new(
 );
 
 /// Noise of the sensors, and how well the rest is known: σ_z, σ_i, then the tolerances in the order of [`Tolerance`](crate::estimation::Tolerance).
-pub(super) fn known<D>(positions: &str, places: [Access<D, f64>; 9]) -> impl Iterator<Item = Row<D>> {
+pub(super) fn known<D>(positions: &str, places: [Access<D, f64>; 10]) -> impl Iterator<Item = Row<D>> {
     let rows = [
         (
             "sensor.positionNoise",
@@ -78,9 +79,16 @@ pub(super) fn known<D>(positions: &str, places: [Access<D, f64>; 9]) -> impl Ite
         ("tolerance.positionOffset", METRE, 1e-5, "Standard deviation of the offsets of {positions}; 0 means none"),
         ("tolerance.currentGain", ONE, 1e-2, "Relative standard deviation of the gain of each im; 0 means exact"),
         ("tolerance.currentOffset", AMPERE, 1e-2, "Standard deviation of the offset of each im; 0 means none"),
+        (
+            "tolerance.backwardForce",
+            NEWTON,
+            1.0,
+            "Standard deviation of a force of constant magnitude that turns against the rotor, estimated with the rest; 0 means there is none",
+        ),
     ];
     rows.into_iter().zip(places).map(move |((name, unit, nominal, description), place)| {
-        let row = Row::real(name, place, unit, 0.0).fixed().min(0.0).nominal(nominal);
+        let start = if name == "tolerance.backwardForce" { 2.0 } else { 0.0 };
+        let row = Row::real(name, place, unit, start).fixed().min(0.0).nominal(nominal);
         row.description(description.replace("{positions}", positions))
     })
 }
@@ -137,6 +145,7 @@ fn table() -> Vec<Row<Values>> {
             place!(Values.config.tolerance.position_offset_m),
             place!(Values.config.tolerance.current_gain),
             place!(Values.config.tolerance.current_offset_a),
+            place!(Values.config.tolerance.backward_force_n),
         ],
     ));
     rows.push(
@@ -302,6 +311,17 @@ fn table() -> Vec<Row<Values>> {
         Row::real("unbalance.phase", place!(Values.output.unbalance_phase_rad), RADIAN, 0.0)
             .sampled_output()
             .description("Identified angle of the unbalance from the mark on the rotor that theta refers to"),
+    );
+    rows.push(
+        Row::real("backwardForce.magnitude", place!(Values.output.backward_force_n), NEWTON, 0.0)
+            .sampled_output()
+            .min(0.0)
+            .description("Identified force that turns against the rotor; 0 if there is none"),
+    );
+    rows.push(
+        Row::real("backwardForce.phase", place!(Values.output.backward_force_phase_rad), RADIAN, 0.0)
+            .sampled_output()
+            .description("Identified phase phi of that force B (cos(theta + phi), -sin(theta + phi)) in the y-z plane"),
     );
     rows
 }

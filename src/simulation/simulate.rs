@@ -73,9 +73,19 @@ pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
 ///
 /// # Errors
 /// As for [`run`].
-pub fn run_for(
+pub fn run_for(scenario: &Scenario, wanted: impl Fn(&str) -> bool, tell: impl FnMut(usize)) -> Result<Run, Refused> {
+    run_altered(scenario, wanted, |_, _| (), tell)
+}
+
+/// As [`run_for`]; at each communication point `alter` may change the values on their way to the inputs, in the order of
+/// [`Scenario::connections`]. It also gets the time in s.
+///
+/// # Errors
+/// As for [`run`].
+pub fn run_altered(
     scenario: &Scenario,
     wanted: impl Fn(&str) -> bool,
+    mut alter: impl FnMut(f64, &mut [Value]),
     mut tell: impl FnMut(usize),
 ) -> Result<Run, Refused> {
     let mut instances = Vec::new();
@@ -131,6 +141,7 @@ pub fn run_for(
         // Reading an instance after one of its inputs was set would compute its outputs again, so all outputs are read first.
         carried.clear();
         carried.extend(wires.iter().map(|wire| read(&mut instances, wire.from)));
+        alter(time_s, &mut carried);
         for (wire, value) in wires.iter().zip(&carried) {
             let set = instances[wire.to.0].instance.set(wire.to.1, value.clone());
             debug_assert!(set.is_ok(), "an input takes any value");

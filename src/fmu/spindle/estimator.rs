@@ -2,7 +2,8 @@
 
 use fmu_export::log::Log;
 use fmu_export::unit::{
-    AMPERE, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND,
+    AMPERE, KILOGRAM_METRE2, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN,
+    RADIAN_PER_SECOND,
 };
 use fmu_export::variable::{Access, Row, Table, Value};
 use fmu_export::{Info, Invalid, Resources, SampledModel, StepError, place};
@@ -67,8 +68,42 @@ fn table() -> Vec<Row<Values>> {
             place!(Values.config.tolerance.position_offset_m),
             place!(Values.config.tolerance.current_gain),
             place!(Values.config.tolerance.current_offset_a),
+            place!(Values.config.tolerance.backward_force_n),
         ],
     ));
+    for (name, place, unit, nominal, description) in [
+        ("Jt", place!(Values.config.shaft_tolerance.transverse_kgm2), KILOGRAM_METRE2, 1e-3, "Jt"),
+        ("Jp", place!(Values.config.shaft_tolerance.polar_kgm2), KILOGRAM_METRE2, 1e-3, "Jp"),
+        (
+            "position",
+            place!(Values.config.shaft_tolerance.position_m),
+            METRE,
+            1e-3,
+            "the positions of A and B along the shaft",
+        ),
+        (
+            "sensorPosition",
+            place!(Values.config.shaft_tolerance.sensor_position_m),
+            METRE,
+            1e-3,
+            "the positions of their sensors along the shaft",
+        ),
+        (
+            "unbalancePosition",
+            place!(Values.config.shaft_tolerance.unbalance_position_m),
+            METRE,
+            1e-3,
+            "the positions of the planes of unbalance",
+        ),
+    ] {
+        rows.push(
+            Row::real(format!("tolerance.{name}"), place, unit, 0.0)
+                .fixed()
+                .min(0.0)
+                .nominal(nominal)
+                .description(format!("Standard deviation of {description}; 0 means exactly known")),
+        );
+    }
 
     rows.extend(Row::named_reals(MEASURED, place!(Values.input.reading_m[k]), METRE, [0.0; READINGS]).map(|row| {
         let (axis, place) = [("y", "A"), ("z", "A"), ("y", "B"), ("z", "B"), ("x", "X")][row.index()];
@@ -259,6 +294,26 @@ fn outputs(rows: &mut Vec<Row<Values>>) {
             },
         ),
     );
+    let of_bearings = |name: &str| ["A", "B"].map(|bearing| format!("{bearing}.backwardForce.{name}"));
+    for (name, place, unit, description) in [
+        (
+            "magnitude",
+            place!(Values.output.backward_force_n[k]),
+            NEWTON,
+            "Identified force at this bearing that turns against the rotor; 0 if there is none",
+        ),
+        (
+            "phase",
+            place!(Values.output.backward_force_phase_rad[k]),
+            RADIAN,
+            "Identified phase phi of that force B (cos(theta + phi), -sin(theta + phi)) in the y-z plane",
+        ),
+    ] {
+        rows.extend(Row::named_reals(of_bearings(name), place, unit, [0.0; 2]).map(|row| {
+            let row = row.sampled_output().description(description);
+            if name == "magnitude" { row.min(0.0) } else { row }
+        }));
+    }
 }
 
 impl Values {

@@ -318,16 +318,26 @@ pub fn fault(scenario: &mut Scenario, (_, element, variables, change): (&str, &s
 
 /// Adds a force in N that turns with the rotor, but backward.
 fn backward(scenario: &mut Scenario, force_n: f64) {
-    let (step_s, omega) = (scenario.step_s, real(scenario, "plant", "omega"));
-    let time_s: Vec<f64> = (0..(1.0 / step_s).round() as usize).map(|step| step as f64 * step_s).collect();
-    let [y, z] = ["pY", "pZ"].map(|name| real(scenario, "plant", name));
-    let angle = |time_s: &f64| omega * (time_s + 0.5 * step_s);
-    let forces = [
-        time_s.iter().map(|time_s| Value::Real(y + force_n * libm::cos(angle(time_s)))).collect::<Vec<_>>(),
-        time_s.iter().map(|time_s| Value::Real(z - force_n * libm::sin(angle(time_s)))).collect(),
-    ];
-    for (name, values) in ["plant.pY", "plant.pZ"].into_iter().zip(forces) {
-        let targets = vec![scenario.settable(name).expect("a variable of the plant")];
+    let omega = real(scenario, "plant", "omega");
+    push(scenario, &["pY", "pZ"], 1.0, |time_s| {
+        let angle = omega * time_s;
+        [force_n * libm::cos(angle), -force_n * libm::sin(angle)]
+    });
+}
+
+/// Adds forces over time, in the unit of these inputs of the plant, for a length of time in s.
+pub fn push<const N: usize>(
+    scenario: &mut Scenario,
+    inputs: &[&str; N],
+    length_s: f64,
+    force: impl Fn(f64) -> [f64; N],
+) {
+    let step_s = scenario.step_s;
+    let time_s: Vec<f64> = (0..(length_s / step_s).round() as usize).map(|step| step as f64 * step_s).collect();
+    for (n, name) in inputs.iter().enumerate() {
+        let constant = real(scenario, "plant", name);
+        let values = time_s.iter().map(|time_s| Value::Real(constant + force(time_s + 0.5 * step_s)[n])).collect();
+        let targets = vec![scenario.settable(&format!("plant.{name}")).expect("an input of the plant")];
         scenario.profiles.push(Profile { targets, time_s: time_s.clone(), values, hold: true });
     }
 }

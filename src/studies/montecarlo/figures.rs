@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-use super::bound;
+use super::{bound, real};
 use crate::simulation::closed_loop::Loop;
 use crate::simulation::recording::Recording;
-use crate::simulation::scenario::Scenario;
+use crate::simulation::scenario::{Profile, Scenario};
 use fmu_export::variable::{Type, Value};
 
 /// Beyond so many of its standard deviations no valid estimate may be wrong.
@@ -64,26 +64,36 @@ pub struct Trial {
     pub touched_s: Option<f64>,
 }
 
-/// The true λ in the interval that ends at an instant.
-fn truth_at(scenario: &Scenario, start: [f64; 3], time_s: f64) -> [f64; 3] {
-    let mut truth = start;
-    for profile in &scenario.profiles {
-        for target in &profile.targets {
-            let path = scenario.path(*target);
-            let magnet = (1..=3).find(|k| path == format!("plant.lambda[{k}]"));
-            if let (Some(k), Some(value)) = (magnet, profile.at(time_s - 0.5 * scenario.step_s)) {
-                truth[k - 1] = value.as_f64();
-            }
-        }
-    }
-    truth
+/// The true λ of a magnet over time.
+pub struct Truth<'a> {
+    start: f64,
+    course: Option<&'a Profile>,
+    step_s: f64,
 }
 
-/// The instant at which a λ changes, in s.
-fn change_s(scenario: &Scenario) -> Option<f64> {
-    let of_lambda = |target: &(usize, usize)| scenario.path(*target).starts_with("plant.lambda");
-    let profile = scenario.profiles.iter().find(|profile| profile.targets.iter().any(of_lambda))?;
-    profile.time_s.first().copied()
+impl<'a> Truth<'a> {
+    /// That of a magnet as [`Scenario::magnets`] gives it.
+    pub fn new(scenario: &'a Scenario, (bearing, k): &(String, String)) -> Self {
+        let name = format!("{bearing}lambda{k}");
+        let path = format!("plant.{name}");
+        let of_magnet = |profile: &&Profile| profile.targets.iter().any(|target| scenario.path(*target) == path);
+        Self {
+            start: real(scenario, "plant", &name),
+            course: scenario.profiles.iter().find(of_magnet),
+            step_s: scenario.step_s,
+        }
+    }
+
+    /// λ in the interval that ends at an instant, in N·m²/A².
+    pub fn at(&self, time_s: f64) -> f64 {
+        let now = self.course.and_then(|course| course.at(time_s - 0.5 * self.step_s));
+        now.map_or(self.start, |value| value.as_f64())
+    }
+
+    /// When λ jumps, in s, if it does.
+    pub fn jump_s(&self) -> Option<f64> {
+        self.course.filter(|course| course.hold)?.time_s.first().copied()
+    }
 }
 
 /// Whether a signal is needed to judge a run.
@@ -102,8 +112,8 @@ pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], see
     let (hat, std, valid) = (magnets("lambdaHat")?, magnets("lambdaStd")?, get("valid")?);
     let total = magnets("lambdaStdTotal").unwrap_or(std);
     let Loop { plant, input, .. } = scenario.closed_loop().ok()?;
-    let start = plant.lambda_nm2_a2;
-    let change_s = change_s(scenario);
+    let truths: Vec<_> = scenario.magnets().iter().map(|magnet| Truth::new(scenario, magnet)).collect();
+    let change_s = truths.iter().find_map(Truth::jump_s);
     let changing = change_s.is_some();
     // Two revolutions are granted to find a change.
     let granted_s = 2.0 * TAU / input.omega_rad_s.abs().max(1.0);
@@ -111,7 +121,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], see
     let touched = contact.iter().position(|contact| *contact == 1.0);
     let rows = touched.unwrap_or(recording.time_s.len());
     let relative = |row: usize| {
-        let truth = if changing { truth_at(scenario, start, recording.time_s[row]) } else { start };
+        let truth = [0, 1, 2].map(|k: usize| truths[k].at(recording.time_s[row]));
         (
             [0, 1, 2].map(|k| hat[k][row] / truth[k] - 1.0),
             [0, 1, 2].map(|k| std[k][row] / truth[k]),

@@ -1,5 +1,5 @@
 //! How far the estimate is off, how far it says it may be, and how far it must be: many runs of bearings drawn at random, of
-//! one bearing with many seeds of the noise, with wrong parameters, with a λ that changes.
+//! one bearing with many seeds of the noise, with wrong parameters, with a λ that changes; and [`hostile`] courses.
 //!
 //! Beside the errors stand the standard deviation that the estimator states and the Cramér–Rao bound ([`bound`]), the least
 //! that an unbiased estimate from the same data can have. Nothing here depends on the method.
@@ -7,6 +7,7 @@
 pub mod bound;
 pub mod cases;
 pub mod figures;
+pub mod hostile;
 pub mod offline;
 pub mod spindle;
 

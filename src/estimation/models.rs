@@ -1,0 +1,220 @@
+//! Models side by side, weighed by their evidence: for how long the unknowns stay what they are, and whether a force turns backward.
+//!
+//! Discount models (M. West, J. Harrison, *Bayesian Forecasting and Dynamic Models*, 2nd ed., sections 6.3 and 12.2): in each block of samples a
+//! model counts what it knows with a factor `exp(−t/τ)`, so that the unknowns may have moved. The evidence for it is the likelihood of each block given what it
+//! knew before. The one with the longest memory τ that is not clearly less likely than another is used, and the total variance includes
+//! that of the mixture.
+
+use std::ops::Range;
+
+use libm::{exp, log};
+use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
+
+use super::innovations::Square;
+use super::sums::{PredictionErrorSolution, Prior, Sums};
+
+/// Models, and their memories τ in s: from that of a bearing that does not change down to half a revolution at 3000 rpm.
+const MODELS: usize = 5;
+const MEMORY_S: [f64; MODELS] = [f64::INFINITY, 0.3, 0.1, 0.03, 0.01];
+
+/// Blocks for which evidence counts.
+const EVIDENCE_BLOCKS: f64 = 64.0;
+
+/// Logarithms of odds: of a model whose memory ends against the one whose memory does not, before there are data; by which a shorter memory replaces what a
+/// longer one knows; by which another model is taken; the least that is remembered.
+const PRIOR: f64 = -4.0;
+const REPLACED: f64 = 12.0;
+const TAKEN: f64 = 1.0;
+const LEAST: f64 = -20.0;
+
+/// The same models of the backward force: none, or Gaussian with these parts of its tolerance.
+const FORCE_PARTS: [f64; 4] = [0.0, 0.05, 0.3, 1.0];
+
+/// Probability of a force above which it is identified, and below which no longer.
+const FORCE_LIMITS: [f64; 2] = [0.99, 0.50];
+
+const TEMPER: f64 = 0.5;
+/// The most unknowns of backward forces.
+const FORCES: usize = 4;
+
+/// A part of the prior that holds an unknown at its mean, relative to what a unit of it could be.
+const HELD: f64 = 1.0e12;
+
+/// The models of memory, with the sums of each.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Models<const K: usize, const U: usize, const T: usize> {
+    sums: [Sums<K, U, T>; MODELS],
+    /// Logarithms of the evidence, relative to that of the first.
+    evidence: [f64; MODELS],
+    used: usize,
+    /// Variance by the other models.
+    spread: SVector<f64, U>,
+    /// The model of the backward force that is used, by its place in [`FORCE_PARTS`].
+    force: usize,
+}
+
+impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
+    pub fn start() -> Self {
+        let sums = std::array::from_fn(|_| Sums::zeros());
+        Self { sums, evidence: [0.0; MODELS], used: 0, spread: SVector::zeros(), force: 0 }
+    }
+
+    pub fn is_sound(&self) -> bool {
+        self.used < MODELS
+            && self.force < FORCE_PARTS.len()
+            && self.sums.iter().all(Sums::is_finite)
+            && self.evidence.iter().chain(&self.spread).all(|x| x.is_finite())
+    }
+
+    /// The sums of the model that is used.
+    pub fn sums(&self) -> &Sums<K, U, T> {
+        &self.sums[self.used]
+    }
+
+    /// The factor by which that model counts what it knew a time before.
+    pub fn discount_of(&self, time_s: f64) -> f64 {
+        exp(-time_s / MEMORY_S[self.used])
+    }
+
+    /// Counts what all models know with a weight.
+    pub fn discount(&mut self, weight: f64) {
+        self.sums.iter_mut().for_each(|sums| sums.discount(weight));
+    }
+
+    /// Takes in a block whose model is not to be judged.
+    pub fn merge(&mut self, block: &Sums<K, U, T>) {
+        self.sums.iter_mut().for_each(|sums| sums.merge(block));
+    }
+
+    /// Takes in a block of a duration and weighs the models; whether nothing that was known before holds any more.
+    pub fn weigh(&mut self, block: &Sums<K, U, T>, time_s: f64, prior: &Prior<U>, variances: [f64; 2]) -> bool {
+        for (m, sums) in self.sums.iter_mut().enumerate() {
+            sums.discount(exp(-time_s / MEMORY_S[m]));
+            let before = sums.log_evidence(prior, variances[0]);
+            sums.merge(block);
+            let gain = before.zip(sums.log_evidence(prior, variances[0])).map_or(0.0, |(before, after)| after - before);
+            self.evidence[m] = (self.evidence[m] + gain) * (1.0 - 1.0 / EVIDENCE_BLOCKS);
+        }
+        let changed = self.evidence[MODELS - 1] - self.evidence[0] > REPLACED;
+        for m in (0..MODELS - 1).rev() {
+            if self.evidence[m + 1] - self.evidence[m] > REPLACED {
+                self.sums[m] = self.sums[m + 1].clone();
+                self.evidence[m] = self.evidence[m + 1] - 1.0;
+            }
+        }
+        let most = self.evidence.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        self.evidence = self.evidence.map(|evidence| (evidence - most).max(LEAST));
+        let odds = self.odds();
+        let likeliest = (0..MODELS).fold(0, |best, m| if odds[m] > odds[best] { m } else { best });
+        if odds[likeliest] > odds[self.used] + TAKEN {
+            self.used = likeliest;
+        }
+        changed
+    }
+
+    /// Logarithms of the odds of the models.
+    fn odds(&self) -> [f64; MODELS] {
+        std::array::from_fn(|m| self.evidence[m] + if m > 0 { PRIOR } else { 0.0 })
+    }
+
+    /// Finds the variance of the mixture beyond that of the model that is used.
+    pub fn mix(&mut self, prior: &Prior<U>, variances: [f64; 2]) {
+        self.spread = SVector::zeros();
+        let Some(own) = self.sums().solve(prior, variances) else { return };
+        let most = self.odds().into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let weights = self.odds().map(|odds| exp(odds - most));
+        let all: f64 = weights.iter().sum();
+        for (sums, weight) in self.sums.iter().zip(weights) {
+            let Some(other) = sums.solve(prior, variances) else { continue };
+            let apart = other.unknowns - own.unknowns;
+            let wider = (other.inverse.diagonal() - own.inverse.diagonal()) * variances[0];
+            self.spread += (apart.component_mul(&apart) + wider) * (weight / all);
+        }
+        self.spread.iter_mut().for_each(|x| *x = x.max(0.0));
+    }
+
+    /// The prior of the unknowns in the model that is used, from that with the widest prior of the backward forces.
+    pub fn prior(&self, widest: &Prior<U>, forces: Range<usize>) -> Prior<U> {
+        let mut prior = *widest;
+        let part = FORCE_PARTS[self.force];
+        for j in forces {
+            prior.precision[j] = (prior.precision[j] / (part * part)).min(HELD);
+        }
+        prior
+    }
+
+    /// Chooses the model of the backward force; the variance by all other models.
+    ///
+    /// The solution with the widest prior R of the force gives what the data say of it, Λ and Λz: with the posterior precision P⁻¹ and mean F,
+    /// `Λ = P⁻¹ − R` and `Λz = P⁻¹ F`. A model with the standard deviation s has the posterior covariance `P_s = (Λ + I/s²)⁻¹`, the mean
+    /// `F_s = P_s Λz` and the evidence `½ (Λz)ᵀ F_s + ½ ln det (P_s/s²)`.
+    pub fn select(
+        &mut self,
+        widest: &Prior<U>,
+        found: &PredictionErrorSolution<U, T>,
+        forces: Range<usize>,
+        variance: f64,
+    ) -> Option<SVector<f64, U>> {
+        if forces.is_empty() || widest.precision[forces.start] >= HELD {
+            return Some(self.spread);
+        }
+        let at = |n: usize| Some(forces.start + n).filter(|j| forces.contains(j));
+        let precision = widest.precision[forces.start];
+        // Where there is one force alone, two more of which nothing is known but the prior make no difference.
+        let covariance = SMatrix::<f64, FORCES, FORCES>::from_fn(|r, c| match (at(r), at(c)) {
+            (Some(r), Some(c)) => found.inverse[(r, c)] * variance,
+            _ => f64::from(r == c) / precision,
+        });
+        let mean = SVector::<f64, FORCES>::from_fn(|n, _| at(n).map_or(0.0, |j| found.unknowns[j]));
+        let posterior = covariance.try_inverse()?;
+        let data = posterior - Square::identity() * precision;
+        let right = posterior * mean;
+        let mut models = [(0.0, SVector::zeros(), SMatrix::zeros()); FORCE_PARTS.len()];
+        for (model, part) in models.iter_mut().zip(FORCE_PARTS).filter(|(_, part)| *part > 0.0) {
+            let own = precision / (part * part);
+            let covariance = (data + Square::identity() * own).try_inverse()?;
+            let mean = covariance * right;
+            let volume = (covariance * own).determinant();
+            let share = log((FORCE_PARTS.len() - 1) as f64);
+            *model = (0.5 * (right.dot(&mean) + log(volume)) - share, mean, covariance);
+        }
+        let most = models.iter().fold(f64::NEG_INFINITY, |most, model| most.max(model.0));
+        let all: f64 = models.iter().map(|model| exp(model.0 - most)).sum();
+        let probability = 1.0 - exp(models[0].0 - most) / all;
+        let likeliest = (1..models.len()).max_by(|a, b| models[*a].0.total_cmp(&models[*b].0)).unwrap_or(1);
+        self.force = if probability > FORCE_LIMITS[usize::from(self.force > 0)] { likeliest } else { 0 };
+        let used = self.force;
+        // Weights by the square root: what is stated holds for models that are less likely as well.
+        let tempered = models.map(|model| exp(TEMPER * (model.0 - most)));
+        let sum: f64 = tempered.iter().sum();
+        let mut spread = -models[used].2;
+        for ((_, mean, covariance), weight) in models.iter().zip(tempered) {
+            let apart = mean - models[used].1;
+            spread += (covariance + apart * apart.transpose()) * (weight / sum);
+        }
+        let by_force = SVector::from_fn(|j, _| {
+            let row =
+                SMatrix::<f64, 1, FORCES>::from_fn(|_, n| at(n).map_or(0.0, |f| found.inverse[(j, f)] * variance));
+            let gain = row * posterior;
+            (gain * spread * gain.transpose())[0].max(0.0)
+        });
+        Some(self.spread + by_force)
+    }
+}
+
+/// The prior of λ, ten times as wide as the first guess, and of the unknowns of backward forces with a standard deviation s in N; 0 means there are none.
+pub fn prior<const K: usize, const U: usize>(lambda0: [f64; K], forces: Range<usize>, std_n: f64) -> Prior<U> {
+    let mut prior = Prior { precision: SVector::zeros(), mean: SVector::zeros() };
+    for (k, lambda0) in lambda0.into_iter().enumerate() {
+        prior.precision[k] = 1.0 / (PRIOR_WIDTH * lambda0 * (PRIOR_WIDTH * lambda0));
+        prior.mean[k] = lambda0;
+    }
+    for j in forces {
+        prior.precision[j] = (1.0 / (std_n * std_n)).min(HELD);
+    }
+    prior
+}
+
+/// Standard deviation of the prior of λ, in first guesses: a force constant may be ten times as large.
+const PRIOR_WIDTH: f64 = 10.0;

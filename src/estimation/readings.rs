@@ -1,0 +1,117 @@
+//! Samples as they come in: which can be used, which are missing, which sensor is stuck, and the rotation of the rotor.
+
+use nalgebra::SVector;
+use serde::{Deserialize, Serialize};
+
+use super::angle::Rotation;
+
+/// As many samples of one position equal to the last bit, while others move, are a sensor that is stuck. More missing samples in a row are a
+/// measurement that is lost.
+pub const STUCK_SAMPLES: u32 = 25;
+
+/// Steps of a reading that are this many times its smallest one are not those of a still rotor behind a quantised sensor.
+const QUANTISED_STEPS: f64 = 8.0;
+
+/// No measurement of a machine is as large as this, whatever its unit; squares of it do not overflow.
+const MEASUREMENT_LIMIT: f64 = 1.0e12;
+
+/// What a sample is good for.
+pub enum Taken<const N: usize> {
+    /// All of it, but for sensors that are stuck.
+    Usable { stuck: [bool; N] },
+    /// Nothing: not finite, outside the gap, or a repetition of the one before.
+    Missing,
+    /// The measured speed is not that of the angle.
+    Contradiction,
+}
+
+/// The readings of N positions and K currents of late.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Readings<const N: usize, const K: usize> {
+    position_m: SVector<f64, N>,
+    current_a: SVector<f64, K>,
+    /// Since how many samples each position has read the same, its smallest step and the mean of its steps, m.
+    same: SVector<u32, N>,
+    smallest_m: SVector<f64, N>,
+    mean_m: SVector<f64, N>,
+    /// Missing samples in a row.
+    missing: u32,
+    rotation: Option<Rotation>,
+}
+
+impl<const N: usize, const K: usize> Readings<N, K> {
+    pub fn start() -> Self {
+        Self {
+            position_m: SVector::zeros(),
+            current_a: SVector::zeros(),
+            same: SVector::zeros(),
+            smallest_m: SVector::repeat(f64::MAX),
+            mean_m: SVector::zeros(),
+            missing: 0,
+            rotation: None,
+        }
+    }
+
+    pub fn is_finite(&self) -> bool {
+        let positions = self.position_m.iter().chain(&self.smallest_m).chain(&self.mean_m);
+        positions.chain(&self.current_a).all(|x| x.is_finite())
+            && self.rotation.is_none_or(|rotation| rotation.is_finite())
+    }
+
+    /// Whether more samples are missing than a gap has.
+    pub fn are_lost(&self) -> bool {
+        self.missing > STUCK_SAMPLES
+    }
+
+    /// The rotation at the last sample that could be used.
+    pub fn rotation(&self) -> Rotation {
+        self.rotation.unwrap_or(Rotation::start(0.0, 0.0))
+    }
+
+    /// Takes in a sample with the rotor's angle, rad, and speed, rad/s; `in_gap` says whether the rotor is within the gaps of all magnets.
+    pub fn take(
+        &mut self,
+        position_m: [f64; N],
+        current_a: [f64; K],
+        [theta_rad, omega_rad_s]: [f64; 2],
+        step_s: f64,
+        in_gap: bool,
+    ) -> Taken<N> {
+        let usable = |x: f64| x.is_finite() && x.abs() < MEASUREMENT_LIMIT;
+        let turning = usable(theta_rad) && usable(omega_rad_s);
+        match &mut self.rotation {
+            Some(rotation) if turning => rotation.advance(step_s, theta_rad, omega_rad_s),
+            Some(rotation) => rotation.coast(step_s),
+            None if turning => self.rotation = Some(Rotation::start(theta_rad, omega_rad_s)),
+            None => (),
+        }
+        if !(turning && in_gap && position_m.iter().chain(&current_a).all(|x| usable(*x))) {
+            self.missing = self.missing.saturating_add(1);
+            return Taken::Missing;
+        }
+        let (position, current) = (SVector::from(position_m), SVector::from(current_a));
+        let repeated = position == self.position_m && current == self.current_a;
+        for n in 0..N {
+            let step_m = (position[n] - self.position_m[n]).abs();
+            if step_m == 0.0 {
+                self.same[n] = self.same[n].saturating_add(1);
+            } else {
+                self.same[n] = 0;
+                self.smallest_m[n] = self.smallest_m[n].min(step_m);
+                self.mean_m[n] += (step_m - self.mean_m[n]) / f64::from(STUCK_SAMPLES);
+            }
+        }
+        (self.position_m, self.current_a) = (position, current);
+        if self.rotation().contradicts() {
+            return Taken::Contradiction;
+        }
+        if repeated {
+            self.missing = self.missing.saturating_add(1);
+            return Taken::Missing;
+        }
+        self.missing = 0;
+        let moving = self.same.min() == 0;
+        let stuck = |n: usize| self.same[n] >= STUCK_SAMPLES && self.mean_m[n] > QUANTISED_STEPS * self.smallest_m[n];
+        Taken::Usable { stuck: std::array::from_fn(|n| moving && stuck(n)) }
+    }
+}

@@ -1,0 +1,337 @@
+//! The list of hostile courses.
+
+use std::f64::consts::{PI, TAU};
+
+use super::altered::{self, Alter, Missing};
+use super::{Asked, Course, Draw, NOISE, cases, real};
+use crate::simulation::scenario::{Profile, Scenario};
+use fmu_export::variable::Value;
+
+/// Speed in rad/s of one in rpm.
+const RPM: f64 = TAU / 60.0;
+
+/// The paper's path, in m.
+const PATH: [f64; 2] = [30e-6, 70e-6];
+
+impl Course {
+    fn new(name: &str, asked: Asked, set: impl Fn(&mut Scenario, u64) + Send + Sync + 'static) -> Self {
+        Self {
+            name: name.into(),
+            asked,
+            base: "unbalanced",
+            noise: NOISE,
+            length_s: 1.0,
+            set: Box::new(set),
+            alter: None,
+            only: None,
+            rubs: false,
+            drawn: false,
+        }
+    }
+
+    fn lasting(self, length_s: f64) -> Self {
+        Self { length_s, ..self }
+    }
+
+    fn with(self, alter: Alter) -> Self {
+        Self { alter: Some(alter), ..self }
+    }
+}
+
+/// All courses; those of the spindle last.
+pub fn courses() -> Vec<Course> {
+    let mut courses = excitation();
+    courses.extend(changes());
+    courses.extend(forces());
+    courses.extend(angles());
+    courses.extend(readings());
+    courses.extend(spindle());
+    courses
+}
+
+/// Little excitation, wrong first guesses, other speeds and sample times.
+fn excitation() -> Vec<Course> {
+    let late = |name: &str, set: fn(&mut Scenario)| {
+        let set = move |scenario: &mut Scenario, _| {
+            set(scenario);
+            put(scenario, "controller.update.time", 0.5);
+        };
+        let name = format!("wrong by two, updated late, {name}");
+        Course::new(&name, Asked::Valid, set).lasting(1.5).with(altered::taught(0.02))
+    };
+    let mut courses = vec![
+        Course::new("nominal", Asked::Valid, |_, _| ()),
+        // The scenario of the documentation.
+        Course {
+            base: "run-up",
+            noise: [1e-7, 5e-3],
+            ..Course::new("scenario run-up, with voltage drive", Asked::Valid, |_, _| ())
+        },
+        late("300 rpm", |scenario| turn(scenario, 300.0)),
+        late("600 rpm", |scenario| turn(scenario, 600.0)),
+        late("at rest", cases::at_rest),
+        late("0 to 3000 rpm", |scenario| {
+            cases::speed(scenario, &[0.0, 0.3, 1.0], &[0.0, 0.0, 3000.0].map(|rpm| rpm * RPM));
+        }),
+    ];
+    for factor in [0.1, 0.2, 5.0, 10.0] {
+        courses.push(Course::new(
+            &format!("first guess × {factor}, at rest, modulated"),
+            Asked::Valid,
+            move |scenario, _| {
+                cases::at_rest(scenario);
+                guess(scenario, factor);
+            },
+        ));
+        courses.push(Course::new(&format!("first guess × {factor}, modulated"), Asked::Valid, move |scenario, _| {
+            guess(scenario, factor);
+        }));
+    }
+    courses.push(Course::new("1500 rpm", Asked::Valid, |scenario, _| turn(scenario, 1500.0)));
+    courses.push(Course::new("1000 rpm", Asked::NotWrong, |scenario, _| turn(scenario, 1000.0)).lasting(1.5));
+    for (per_turn, step_s) in [(20, 5e-4), (10, 1e-3)] {
+        let set = move |scenario: &mut Scenario, _| {
+            cases::sample_time(scenario, step_s);
+            put(scenario, "controller.bandwidth.tracking", 0.2 / step_s);
+            put(scenario, "controller.bandwidth.observer", 0.6 / step_s);
+            cases::path(scenario, [20e-6, 45e-6], (3, 0.0), 6000.0 * RPM);
+            scale(scenario, "plant.unbalance.magnitude", 0.25);
+        };
+        let asked = if per_turn == 20 { Asked::Valid } else { Asked::NotWrong };
+        courses.push(Course::new(&format!("{per_turn} samples a turn"), asked, set));
+    }
+    courses
+}
+
+/// Courses of speed, load, λ and unbalance.
+fn changes() -> Vec<Course> {
+    let ramp = |rate: f64| {
+        Course::new(&format!("load ramp {rate} N/s"), Asked::Valid, move |scenario, seed| {
+            load_ramp(scenario, rate, seed)
+        })
+        .lasting(2.0)
+    };
+    vec![
+        Course::new("500 to 6000 rpm and back", Asked::Valid, |scenario, _| {
+            cases::speed(scenario, &[0.0, 1.0, 2.0], &[500.0, 6000.0, 500.0].map(|rpm| rpm * RPM));
+        })
+        .lasting(2.0),
+        Course::new("3000 to −3000 rpm", Asked::NotWrong, |scenario, _| {
+            cases::speed(scenario, &[0.0, 0.3, 1.2, 1.6], &[3000.0, 3000.0, -3000.0, -3000.0].map(|rpm| rpm * RPM));
+        })
+        .lasting(1.6),
+        ramp(1.0),
+        ramp(10.0),
+        Course::new("λ drifts 2 %/s", Asked::Valid, |scenario, _| drift(scenario, [0.0, 2.0], 0.04)).lasting(2.0),
+        Course::new("λ + 3 % within 0.3 s", Asked::Valid, |scenario, _| drift(scenario, [0.5, 0.8], 0.03)).lasting(1.5),
+        Course::new("λ steps by 5 %", Asked::NotWrong, |scenario, seed| {
+            cases::step_of_lambda(scenario, 1 + seed as usize % 3, 0.05, 0.6);
+        })
+        .lasting(1.5),
+        Course::new("unbalance grows 10 %/s", Asked::NotWrong, |scenario, _| {
+            change(scenario, "plant.unbalance.magnitude", [0.0, 2.0], 0.2);
+        })
+        .lasting(2.0),
+        Course {
+            drawn: true,
+            ..Course::new("drawn bearing, load ramp 5 N/s, λ drifts 1 %/s", Asked::NotWrong, |scenario, seed| {
+                let told = real(scenario, "estimator", "sensor.positionNoise") > 0.0;
+                *scenario = cases::drawn(scenario, seed, told);
+                load_ramp(scenario, 5.0, seed);
+                drift(scenario, [0.0, 1.0], 0.01);
+            })
+        },
+    ]
+}
+
+/// Forces that turn backward, beat, or rub.
+fn forces() -> Vec<Course> {
+    let mut courses: Vec<_> = [0.1, 0.3, 1.0, 2.0]
+        .into_iter()
+        .map(|force_n| {
+            Course::new(&format!("{force_n} N backward"), Asked::Valid, move |scenario, seed| {
+                let (omega, phase) = (real(scenario, "plant", "omega"), Draw::new(seed).between(-PI, PI));
+                cases::push(scenario, &["pY", "pZ"], scenario.duration_s, |time_s| {
+                    let (sin, cos) = libm::sincos(omega * time_s + phase);
+                    [force_n * cos, -force_n * sin]
+                });
+            })
+        })
+        .collect();
+    courses.extend([
+        Course {
+            base: "paper",
+            noise: [0.0; 2],
+            only: Some(false),
+            ..Course::new("the paper's simulation, without noise", Asked::Valid, |_, _| ())
+        },
+        Course { base: "paper", ..Course::new("the paper's simulation, with noise", Asked::Valid, |_, _| ()) },
+        Course::new("0.3 N at 47 Hz", Asked::NotWrong, |scenario, seed| {
+            put(scenario, "plant.perturbation.amplitudeY", 0.3);
+            put(scenario, "plant.perturbation.omega", 47.0 * TAU);
+            put(scenario, "plant.perturbation.phaseY", Draw::new(seed).between(-PI, PI));
+        }),
+        Course {
+            rubs: true,
+            ..Course::new("light rubbing", Asked::NotWrong, |scenario, seed| {
+                let mut draw = Draw::new(seed);
+                put(scenario, "plant.touchdown.clearance", draw.between(70e-6, 73e-6));
+                put(scenario, "plant.touchdown.stiffness", draw.scale(1e6, 5e7));
+            })
+        },
+    ]);
+    courses
+}
+
+/// Angle and speed of the rotor as they are read.
+fn angles() -> Vec<Course> {
+    let circle = |name: &str, alter: Alter| {
+        let set = |scenario: &mut Scenario, _| cases::path(scenario, [50e-6; 2], (3, 0.0), 3000.0 * RPM);
+        Course::new(&format!("circle, {name}"), Asked::NotWrong, set).with(alter)
+    };
+    let speed = |name: &str, change: fn(f64) -> f64| {
+        Course::new(&format!("speed {name}"), Asked::NotValid, |_, _| ()).with(altered::speed(change))
+    };
+    vec![
+        circle("noise of the speed 1 %", altered::noisy_angle(0.01, 0.0)),
+        circle("noise of the speed 3 %", altered::noisy_angle(0.03, 0.0)),
+        circle("noise of the angle 3°", altered::noisy_angle(0.0, PI / 60.0)),
+        circle("encoder of 64 counts, speed by differences", altered::encoder(64.0)),
+        Course::new("encoder of 64 counts, speed by differences", Asked::NotWrong, |_, _| ())
+            .with(altered::encoder(64.0)),
+        speed("in rpm", |omega| omega / RPM),
+        speed("of the wrong sign", |omega| -omega),
+        speed("missing", |_| 0.0),
+    ]
+}
+
+/// Readings of positions and currents that are not what the estimator is told.
+fn readings() -> Vec<Course> {
+    let told = |name: &str, variable: &'static str, factor: f64| Course {
+        only: Some(true),
+        ..Course::new(name, Asked::NotWrong, move |scenario, _| scale(scenario, variable, factor))
+    };
+    let missing = |name: &str, asked, how, when| Course::new(name, asked, |_, _| ()).with(altered::missing(how, when));
+    let hundredth = |_, draw: &mut Draw| draw.chance(0.01);
+    let three_of_fifty = |number, _: &mut Draw| number % 50 < 3;
+    vec![
+        Course::new("currents coloured at 100 Hz", Asked::NotWrong, |scenario, _| {
+            put(scenario, "plant.sensor.currentNoise", 0.0);
+        })
+        .with(altered::coloured_currents(NOISE[1], 100.0)),
+        Course::new("positions coloured at 1000 Hz", Asked::NotWrong, |scenario, _| {
+            put(scenario, "plant.sensor.positionNoise", 0.0);
+        })
+        .with(altered::coloured_positions(NOISE[0], 1000.0)),
+        told("current noise told a third", "estimator.sensor.currentNoise", 1.0 / 3.0),
+        told("position noise told 30 % low", "estimator.sensor.positionNoise", 0.7),
+        Course::new("currents one sample late for 50 ms", Asked::NotWrong, |_, _| ())
+            .with(altered::late_currents(0.05)),
+        missing("1 % of the samples repeated", Asked::Valid, Missing::Repeated, hundredth),
+        missing("1 % of the samples not a number", Asked::Valid, Missing::NotANumber, hundredth),
+        missing("3 of 50 samples repeated", Asked::NotWrong, Missing::Repeated, three_of_fifty),
+        missing("3 of 50 samples not a number", Asked::NotWrong, Missing::NotANumber, three_of_fifty),
+        Course::new("positions in steps of 1 µm", Asked::NotWrong, |scenario, _| {
+            put(scenario, "plant.sensor.positionResolution", 1e-6);
+        }),
+        Course::new("positions in steps of 1 µm, at rest, modulated", Asked::NotWrong, |scenario, _| {
+            put(scenario, "plant.sensor.positionResolution", 1e-6);
+            cases::at_rest(scenario);
+            cases::modulation(scenario, 0.5, 110.0);
+        }),
+        Course::new("1 µm of forward run-out", Asked::Nothing, |_, _| ())
+            .with(altered::added(|_, theta| [libm::cos(theta), libm::sin(theta)].map(|part| 1e-6 * part))),
+        Course::new("hum of 0.5 µm in a position at the speed of the rotor", Asked::Nothing, |_, _| ())
+            .with(altered::added(|time_s, _| [0.5e-6 * libm::sin(TAU * 50.0 * time_s), 0.0])),
+    ]
+}
+
+/// A few of these of a spindle.
+fn spindle() -> Vec<Course> {
+    let spindle = |name: &str, asked, set: fn(&mut Scenario, u64)| Course {
+        base: "spindle",
+        ..Course::new(&format!("spindle, {name}"), asked, set)
+    };
+    vec![
+        spindle("nominal", Asked::Valid, |_, _| ()),
+        spindle("wrong by two, updated late, at rest", Asked::Valid, |scenario, _| {
+            put(scenario, "plant.omega", 0.0);
+            put(scenario, "controller.reference.omega", 0.0);
+            put(scenario, "controller.F0.modulation", 0.0);
+            for radius in
+                ["A.reference.rY", "A.reference.rZ", "B.reference.rY", "B.reference.rZ", "X.reference.amplitude"]
+            {
+                scenario.set("controller", radius, Value::Real(0.0));
+            }
+            put(scenario, "controller.update.time", 0.5);
+        })
+        .lasting(1.5)
+        .with(altered::taught(0.02)),
+        spindle("first guess × 0.2", Asked::Valid, |scenario, _| guess(scenario, 0.2)),
+        spindle("0.5 N backward in bearing A", Asked::Valid, |scenario, seed| {
+            let (omega, phase) = (real(scenario, "plant", "omega"), Draw::new(seed).between(-PI, PI));
+            let at_m = real(scenario, "plant", "A.position");
+            cases::push(scenario, &["pY", "pZ", "MY", "MZ"], scenario.duration_s, |time_s| {
+                let (sin, cos) = libm::sincos(omega * time_s + phase);
+                let [y, z] = [0.5 * cos, -0.5 * sin];
+                [y, z, -at_m * z, at_m * y]
+            });
+        }),
+        spindle("load ramp 1 N/s", Asked::Valid, |scenario, seed| load_ramp(scenario, 1.0, seed)),
+        spindle("λ drifts 2 %/s", Asked::Valid, |scenario, _| drift(scenario, [0.0, 1.0], 0.02)),
+    ]
+}
+
+/// Element and variable of a path such as `plant.pY`.
+fn split(path: &'static str) -> (&'static str, &'static str) {
+    path.split_once('.').expect("a path")
+}
+
+fn put(scenario: &mut Scenario, path: &'static str, value: f64) {
+    let (element, variable) = split(path);
+    scenario.set(element, variable, Value::Real(value));
+}
+
+fn scale(scenario: &mut Scenario, path: &'static str, factor: f64) {
+    let (element, variable) = split(path);
+    put(scenario, path, real(scenario, element, variable) * factor);
+}
+
+/// The rotor on the paper's path at another speed.
+fn turn(scenario: &mut Scenario, rpm: f64) {
+    cases::path(scenario, PATH, (3, 0.0), rpm * RPM);
+}
+
+/// First guesses that are the true λ times a factor, for the controller by two at most, or it would not hold the rotor; the smallest force
+/// is modulated.
+fn guess(scenario: &mut Scenario, factor: f64) {
+    for (bearing, k) in scenario.magnets() {
+        let lambda = real(scenario, "plant", &format!("{bearing}lambda{k}"));
+        for (element, factor) in [("controller", factor.clamp(0.5, 2.0)), ("estimator", factor)] {
+            scenario.set(element, &format!("{bearing}lambda0{k}"), Value::Real(factor * lambda));
+        }
+    }
+    scenario.set("controller", "F0.modulation", Value::Real(0.5));
+}
+
+/// A variable of the plant grows by a part between two instants in s.
+fn change(scenario: &mut Scenario, path: &str, time_s: [f64; 2], part: f64) {
+    let variable = path.strip_prefix("plant.").expect("a variable of the plant");
+    let value = real(scenario, "plant", variable);
+    let targets = vec![scenario.settable(path).expect("a variable of the plant")];
+    let values = [value, value * (1.0 + part)].map(Value::Real).into();
+    scenario.profiles.push(Profile { targets, time_s: time_s.into(), values, hold: false });
+}
+
+/// All λ grow by a part between two instants in s.
+fn drift(scenario: &mut Scenario, time_s: [f64; 2], part: f64) {
+    for (bearing, k) in scenario.magnets() {
+        change(scenario, &format!("plant.{bearing}lambda{k}"), time_s, part);
+    }
+}
+
+/// The load grows at a rate in N/s, in a direction that is drawn.
+fn load_ramp(scenario: &mut Scenario, rate: f64, seed: u64) {
+    let (sin, cos) = libm::sincos(Draw::new(seed).between(-PI, PI));
+    cases::push(scenario, &["pY", "pZ"], scenario.duration_s, |time_s| [rate * time_s * cos, rate * time_s * sin]);
+}

@@ -1,0 +1,192 @@
+//! Hostile courses: no valid estimate is wrong, whatever a bench does; and the study sees one that is.
+//!
+//! `cargo run --release -- montecarlo --only hostile` prints them as a table, with as many seeds as one likes.
+
+use std::f64::consts::TAU;
+
+use magnetic_bearing::simulation::simulate;
+use magnetic_bearing::studies::montecarlo::hostile::altered::{self, Alter, Missing, Readings};
+use magnetic_bearing::studies::montecarlo::hostile::{self, Asked, Case, Trial, VALID_FROM_S};
+use magnetic_bearing::studies::montecarlo::{NOISE, nominal};
+
+/// Seeds with which nothing was tuned.
+const FIRST_SEED: u64 = 98_001;
+const RUNS: usize = 2;
+
+/// Part of all runs that may have a valid estimate beyond five of its deviations.
+const MOST_WRONG: f64 = 0.01;
+
+/// Part of the time in which estimates that can be known are to be valid, in the mean over the runs of a course.
+const LEAST_VALID: f64 = 0.6;
+
+/// How often `valid` may change within a second.
+const MOST_CHANGES: usize = 5;
+
+#[test]
+fn no_valid_estimate_is_wrong_on_hostile_courses() {
+    let courses = hostile::courses();
+    let cases = hostile::cases(&courses);
+    let found = hostile::run(&cases, RUNS, FIRST_SEED).expect("good scenarios");
+    let table = hostile::table(&cases, &found);
+    println!("{}", table.note);
+    for row in [&table.head].into_iter().chain(&table.rows) {
+        println!("{}", row.join("  "));
+    }
+    let mut misses = Vec::new();
+    for told in [true, false] {
+        let (wrong, runs) = hostile::wrong(&cases, &found, told);
+        if wrong as f64 > MOST_WRONG * runs as f64 {
+            misses.push(format!("noise told {told}: {wrong} of {runs} runs are wrong, limit {MOST_WRONG}"));
+        }
+    }
+    for (case, trials) in cases.iter().zip(&found).filter(|(case, _)| case.course.asked != Asked::Nothing) {
+        let valid = trials.iter().map(|trial| trial.valid).sum::<f64>() / trials.len() as f64;
+        if case.course.asked == Asked::Valid && (valid.is_nan() || valid < LEAST_VALID) {
+            misses.push(format!("{}: valid {:.0} % of the time, limit {LEAST_VALID}", case.title(), 100.0 * valid));
+        }
+        let changes = trials.iter().map(|trial| trial.changes).max().unwrap_or(0);
+        if changes > MOST_CHANGES {
+            misses.push(format!("{}: {changes} changes within a second, limit {MOST_CHANGES}", case.title()));
+        }
+    }
+    assert!(misses.is_empty(), "{}", misses.join("\n"));
+}
+
+/// A run of the first course, and what is said of it after a change of one of its outputs.
+fn judged(change: impl Fn(&str, &mut [f64])) -> Trial {
+    let courses = hostile::courses();
+    let scenario = Case { course: &courses[0], told: true }.scenario(FIRST_SEED, 0);
+    let mut run = simulate::run_for(&scenario, |_| true, |_| ()).expect("a good scenario");
+    run.recording.columns.iter_mut().for_each(|column| change(&column.name, &mut column.values));
+    hostile::judge(&scenario, &run.recording, FIRST_SEED, false).expect("all signals are there")
+}
+
+#[test]
+fn a_deviation_that_is_too_small_is_seen() {
+    let good = judged(|_, _| ());
+    assert!(!good.is_beyond() && good.valid == 1.0 && good.changes == 1, "{good:?}");
+    let small = judged(|name, values| {
+        if name == "estimator.lambdaStdTotal[2]" {
+            values.iter_mut().for_each(|std| *std /= 20.0);
+        }
+    });
+    assert!(small.is_beyond(), "{small:?}");
+    // One sample is enough.
+    let once = judged(|name, values| {
+        if name == "estimator.lambdaHat[3]" {
+            values[7000] *= 1.05;
+        }
+    });
+    assert!(once.is_beyond() && (once.worst.time_s - 0.7).abs() < 1e-9, "{once:?}");
+    assert!((once.worst.error - 0.05).abs() < 0.01, "{once:?}");
+    // It does not count while the estimate is not valid, or after contact.
+    let invalid = judged(|name, values| match name {
+        "estimator.lambdaHat[3]" => values[7000] *= 1.05,
+        "estimator.valid" => values[7000] = 0.0,
+        _ => (),
+    });
+    assert!(!invalid.is_beyond() && invalid.changes == 3, "{invalid:?}");
+    let touched = judged(|name, values| match name {
+        "estimator.lambdaHat[3]" => values[7000] *= 1.05,
+        "plant.touchdown.contact" => values[6000] = 1.0,
+        _ => (),
+    });
+    assert!(!touched.is_beyond() && touched.ended_s.is_some_and(|at_s| (at_s - 0.6).abs() < 1e-9), "{touched:?}");
+}
+
+#[test]
+fn what_is_counted_is_what_is_said() {
+    let still = judged(|name, values| {
+        if name == "estimator.valid" {
+            // Valid in every second sample of the last 50 ms.
+            (0..values.len()).for_each(|row| values[row] = f64::from(u8::from(row >= 9500 && row % 2 == 0)));
+        }
+    });
+    assert!((still.valid - 0.025 / (1.0 - VALID_FROM_S)).abs() < 1e-3, "{still:?}");
+    assert_eq!(still.changes, 501);
+}
+
+/// The truth of a λ that drifts is the one of the same instant.
+#[test]
+fn an_estimate_that_follows_a_drift_is_right() {
+    let courses = hostile::courses();
+    let course = courses.iter().find(|course| course.name == "λ drifts 2 %/s").expect("a course");
+    let scenario = Case { course, told: true }.scenario(FIRST_SEED, 0);
+    let mut run = simulate::run_for(&scenario, |_| true, |_| ()).expect("a good scenario");
+    let time_s = run.recording.time_s.clone();
+    let truth = [1.8e-6, 2.0e-6, 2.2e-6];
+    for column in &mut run.recording.columns {
+        for (at, value) in column.values.iter_mut().enumerate() {
+            match column.name.strip_prefix("estimator.lambda") {
+                Some(name) if name.starts_with("Hat[") => {
+                    let k: usize = name[4..5].parse().expect("the number of a magnet");
+                    *value = truth[k - 1] * (1.0 + 0.02 * (time_s[at] - 0.5e-4).max(0.0));
+                }
+                Some(name) if name.starts_with("StdTotal") => *value = 1e-15,
+                _ if column.name == "estimator.valid" => *value = 1.0,
+                _ => (),
+            }
+        }
+    }
+    let trial = hostile::judge(&scenario, &run.recording, FIRST_SEED, false).expect("all signals are there");
+    assert!(trial.worst.ratio < 0.01, "{trial:?}");
+}
+
+/// Readings of a rotor at 3000 rpm, sample by sample, after a change.
+fn readings(alter: &Alter, samples: usize) -> Vec<Readings> {
+    let scenario = nominal();
+    let mut change = alter(&scenario, 1);
+    let sample = |n: usize| {
+        let time_s = n as f64 * scenario.step_s;
+        let mut readings = Readings {
+            time_s,
+            position_m: vec![n as f64; 2],
+            current_a: vec![n as f64; 3],
+            theta_rad: 50.0 * TAU * time_s,
+            omega_rad_s: 50.0 * TAU,
+            lambda_nm2_a2: None,
+        };
+        change.apply(&mut readings);
+        readings
+    };
+    (0..samples).map(sample).collect()
+}
+
+#[test]
+fn readings_change_as_they_should() {
+    const SAMPLES: usize = 100_000;
+    let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / SAMPLES as f64;
+
+    // Noise of the currents: its standard deviation, and the correlation of a low-pass of 100 Hz over 1 ms.
+    let noise: Vec<f64> = readings(&altered::coloured_currents(NOISE[1], 100.0), SAMPLES)
+        .iter()
+        .enumerate()
+        .map(|(n, readings)| readings.current_a[1] - n as f64)
+        .collect();
+    let square = mean(&mut noise.iter().map(|noise| noise * noise));
+    let product = mean(&mut noise.windows(11).map(|window| window[0] * window[10]));
+    assert!((square.sqrt() / NOISE[1] - 1.0).abs() < 0.05, "{}", square.sqrt());
+    assert!((product / square - (-TAU * 0.1f64).exp()).abs() < 0.05, "{}", product / square);
+
+    // An encoder: the mean speed is right, a single one is 0 or that of a count in a sample.
+    let encoder = readings(&altered::encoder(64.0), SAMPLES);
+    let speed = mean(&mut encoder.iter().map(|readings| readings.omega_rad_s));
+    assert!((speed / (50.0 * TAU) - 1.0).abs() < 1e-3, "{speed}");
+    assert!(encoder[1..].iter().all(|readings| {
+        let counts = readings.omega_rad_s * 1e-4 * 64.0 / TAU;
+        counts.abs() < 1e-6 || (counts - 1.0).abs() < 1e-6
+    }));
+
+    // Missing samples, and those that are left.
+    let gaps: fn(u64, &mut _) -> bool = |number, _| number % 50 < 3;
+    let repeated = readings(&altered::missing(Missing::Repeated, gaps), SAMPLES);
+    let same = repeated.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    assert!((same as f64 / SAMPLES as f64 - 0.06).abs() < 0.001, "{same}");
+    let no_numbers = readings(&altered::missing(Missing::NotANumber, gaps), SAMPLES);
+    // The first sample has none before it that it could repeat.
+    assert_eq!(no_numbers.iter().filter(|readings| readings.current_a[0].is_nan()).count(), same + 1);
+
+    // Late currents: those of the sample before, up to the instant.
+    let late = readings(&altered::late_currents(0.05), 600);
+    assert_eq!([late[499].current_a[0], late[500].current_a[0], late[499].position_m[0]], [498.0, 500.0, 499.0]);
+}
