@@ -302,7 +302,13 @@ def readme():
             findings.append("README: a library with panic = abort is not refused")
         fmu = folder / "target" / "fmu" / "LowPass.fmu"
         findings += validated(fmu)
-        result = fmpy.simulate_fmu(str(fmu), stop_time=1.0, step_size=0.01, output_interval=0.01)
+        third = fmu.with_name("LowPass_fmi3.fmu")
+        findings += validated(third)
+        result, again = (
+            fmpy.simulate_fmu(str(archive), stop_time=1.0, step_size=0.01, output_interval=0.01) for archive in (fmu, third)
+        )
+        if result.tobytes() != again.tobytes():
+            findings.append("README LowPass: FMI 3.0 and FMI 2.0 differ")
         findings += far("README LowPass y", result["y"], 1.0 - np.exp(-result["time"] / 0.1), ROUNDING)
     return findings
 

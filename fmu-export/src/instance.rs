@@ -413,7 +413,18 @@ impl<M: Model> ModelInstance<M> {
     }
 
     /// Whether a variable may be set to a value of that type now.
+    #[inline]
     fn check(&self, index: usize, value: &Value) -> Result<(), AccessError> {
+        // An input, which is set at every step.
+        let variable = self.table.variables.get(index).filter(|variable| variable.causality == Causality::Input);
+        if variable.is_some_and(|variable| self.table.takes(index, value) && variable.holds(value)) {
+            return Ok(());
+        }
+        self.check_any(index, value)
+    }
+
+    #[inline(never)]
+    fn check_any(&self, index: usize, value: &Value) -> Result<(), AccessError> {
         let variable = self.variable(index)?;
         let refuse = |reason| Err(AccessError::NotSettable { name: variable.name.to_string(), reason });
         match (variable.causality, variable.variability, &self.run) {
@@ -434,8 +445,9 @@ impl<M: Model> ModelInstance<M> {
             return Err(AccessError::WrongType { name: variable.name.to_string(), asked: value.type_name() });
         }
         // Limits of parameters are checked when they are used, all at once.
-        if variable.causality == Causality::Input || self.table.holds_items_only(index) {
-            variable.admits(value).map_err(|finding| AccessError::Refused(finding.into()))?;
+        let checked = variable.causality == Causality::Input || self.table.holds_items_only(index);
+        if checked && !variable.holds(value) {
+            return Err(AccessError::Refused(variable.admits(value).err().into_iter().collect()));
         }
         Ok(())
     }
@@ -486,7 +498,7 @@ impl<M: Model> Instance for ModelInstance<M> {
             && variable.causality == Causality::Input
             && self.moved.is_empty()
             && self.table.takes(index, &value)
-            && variable.admits(&value).is_ok()
+            && variable.holds(&value)
         {
             self.stale = true;
             let _ = self.table.set(index, &mut self.values, value);

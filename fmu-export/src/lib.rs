@@ -73,6 +73,9 @@
 //! - [`mod@description`], [`xml`]: the model description; [`check`]: errors in a table;
 //! - `package`: archives, platforms, documentation pages, system structures.
 
+#[cfg(not(any(feature = "fmi2", feature = "fmi3")))]
+compile_error!("fmu-export needs one of its features `fmi2` and `fmi3`, or both");
+
 pub mod array;
 pub mod check;
 pub mod clock;

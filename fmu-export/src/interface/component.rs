@@ -44,6 +44,7 @@ pub(crate) struct Component<I: Interface> {
     pub(crate) resources: Resources,
     pub(crate) stage: Stage,
     pub(crate) logger: Logger<I>,
+    #[cfg_attr(not(feature = "fmi3"), allow(dead_code, reason = "FMI 2.0 has none"))]
     pub(crate) options: I::Options,
     /// The strings last returned to the importer, valid until its next call.
     pub(crate) texts: Vec<CString>,

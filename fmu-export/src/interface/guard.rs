@@ -85,37 +85,63 @@ pub(crate) unsafe fn enter<F: Rule>(
         return F::Standard::ERROR;
     };
     let component = call.component();
-    let outcome = if function.states() & component.stage.state as u8 != 0 {
-        // After a panic the values are arbitrary but readable; a second panic ends here as well. No step uses them: only a
-        // reset or a snapshot leaves the state `error`, and both replace all values.
-        catch_unwind(AssertUnwindSafe(|| body(component))).unwrap_or_else(|panic| {
-            Err(Problem::Run(format!(
-                "a defect of this FMU, please report it: {}; it can be used again after {}",
-                words(panic.as_ref()),
-                F::Standard::RESET
-            )))
-        })
-    } else {
-        Err(Problem::Call(format!(
-            "not allowed in the state `{}`; allowed in: {}",
-            name_of::<F::Standard>(component.stage.state),
-            where_allowed::<F::Standard>(function)
-        )))
+    if function.states() & component.stage.state as u8 == 0 {
+        let problem = out_of_sequence(component, function);
+        return failed(component, function, problem);
+    }
+    // After a panic the values are arbitrary but readable; a second panic ends here as well. No step uses them: only a reset or
+    // a snapshot leaves the state `error`, and both replace all values.
+    let outcome = catch_unwind(AssertUnwindSafe(|| body(component)));
+    let problem = match outcome {
+        Ok(Ok(())) => return F::Standard::OK,
+        Ok(Err(problem)) => problem,
+        Err(panic) => defect::<F::Standard>(panic.as_ref()),
     };
-    let text = match outcome {
-        Ok(()) => return F::Standard::OK,
-        Err(Problem::Call(text)) => text,
-        Err(Problem::End(text)) => {
-            component.logger.send(F::Standard::ENDED, Category::Events, format_args!("{}: {text}", function.name()));
-            return F::Standard::ENDED;
-        }
-        Err(Problem::Run(text)) => {
+    failed(component, function, problem)
+}
+
+// Every exported function has an `enter` of its own; what follows is kept out of it, or the library would be a tenth larger.
+
+/// Reports a problem, and returns the status that belongs to it.
+#[cold]
+#[inline(never)]
+fn failed<F: Rule>(
+    component: &mut Component<F::Standard>,
+    function: F,
+    problem: Problem,
+) -> <F::Standard as Interface>::Status {
+    let (status, category, text) = match problem {
+        Problem::Call(text) => (F::Standard::ERROR, Category::StatusError, text),
+        Problem::End(text) => (F::Standard::ENDED, Category::Events, text),
+        Problem::Run(text) => {
             component.stage.state = State::Error;
-            text
+            (F::Standard::ERROR, Category::StatusError, text)
         }
     };
-    component.logger.send(F::Standard::ERROR, Category::StatusError, format_args!("{}: {text}", function.name()));
-    F::Standard::ERROR
+    component.logger.send(status, category, format_args!("{}: {text}", function.name()));
+    status
+}
+
+/// A call in a state in which it is not allowed.
+#[cold]
+#[inline(never)]
+fn out_of_sequence<F: Rule>(component: &Component<F::Standard>, function: F) -> Problem {
+    Problem::Call(format!(
+        "not allowed in the state `{}`; allowed in: {}",
+        name_of::<F::Standard>(component.stage.state),
+        where_allowed::<F::Standard>(function)
+    ))
+}
+
+/// A panic.
+#[cold]
+#[inline(never)]
+fn defect<I: Interface>(panic: &(dyn Any + Send)) -> Problem {
+    Problem::Run(format!(
+        "a defect of this FMU, please report it: {}; it can be used again after {}",
+        words(panic),
+        I::RESET
+    ))
 }
 
 /// The states in which a function may be called, for messages.

@@ -1,7 +1,7 @@
 //! What the C interfaces of FMI 2.0 and FMI 3.0 share.
 //!
 //! Every call passes one entry guard, which checks the instance and the [`sequence`] of calls, stops panics at the C boundary,
-//! and logs errors. [`Interface`] holds what the standards name differently: statuses, functions, the logger's type.
+//! and logs errors. `Interface` holds what the standards name differently: statuses, functions, the logger's type.
 
 pub mod sequence;
 
@@ -54,6 +54,7 @@ pub(crate) trait Interface: Sized + 'static {
 /// A message to the importer.
 pub(crate) struct Message<'m, S> {
     /// Name of the instance.
+    #[cfg_attr(not(feature = "fmi2"), allow(dead_code, reason = "in FMI 3.0 the importer knows it"))]
     pub instance: &'m CStr,
     /// The status that it explains.
     pub status: S,

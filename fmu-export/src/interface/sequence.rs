@@ -32,6 +32,7 @@ pub(crate) const ERROR: u8 = State::Error as u8;
 #[cfg(feature = "fmi3")]
 pub(crate) const EVENT: u8 = State::EventMode as u8;
 pub(crate) const ALWAYS: u8 = u8::MAX;
+#[cfg(feature = "fmi2")]
 pub(crate) const NEVER: u8 = 0;
 
 /// A function that takes an instance.

@@ -212,42 +212,55 @@ impl Variable {
     /// # Errors
     /// What is expected instead.
     pub fn admits(&self, value: &Value) -> Result<(), Invalid> {
-        let unit = self.unit_name();
+        if self.holds(value) { Ok(()) } else { Err(self.refusal(value)) }
+    }
+
+    /// Whether a value is within the limits, or an item. Asked for every value that is set.
+    #[inline]
+    pub(crate) fn holds(&self, value: &Value) -> bool {
         match (&self.data_type, value) {
-            (Type::Real { min: None, max: None, .. }, _) => Ok(()),
-            (Type::Real { min, max, .. }, Value::Real(value)) => self.within(*value, *min, *max, unit),
-            (Type::Integer { min, max, .. }, Value::Integer(value)) => self.within(*value, *min, *max, unit),
-            (Type::Enumeration { items, .. }, Value::Integer(value)) if items.item(*value).is_none() => {
-                Err(Invalid::new(self.name.clone(), value, format!("one of {}", items.listed())))
-            }
-            _ => Ok(()),
+            (Type::Real { min, max, .. }, Value::Real(value)) => within(value, min.as_ref(), max.as_ref()),
+            (Type::Integer { min, max, .. }, Value::Integer(value)) => within(value, min.as_ref(), max.as_ref()),
+            (Type::Enumeration { items, .. }, Value::Integer(value)) => items.item(*value).is_some(),
+            _ => true,
         }
     }
 
-    fn within<T: PartialOrd + Display>(
-        &self,
-        value: T,
-        min: Option<T>,
-        max: Option<T>,
-        unit: &str,
-    ) -> Result<(), Invalid> {
-        let below = min.as_ref().is_some_and(|min| value < *min);
-        let above = max.as_ref().is_some_and(|max| value > *max);
-        if !(below || above) {
-            return Ok(());
+    /// What is wrong with a value that is not held.
+    #[cold]
+    fn refusal(&self, value: &Value) -> Invalid {
+        let unit = match self.unit_name() {
+            "" | "1" => String::new(),
+            unit => format!(" {unit}"),
+        };
+        match (&self.data_type, value) {
+            (Type::Real { min, max, .. }, Value::Real(value)) => self.outside(*value, *min, *max, &unit),
+            (Type::Integer { min, max, .. }, Value::Integer(value)) => self.outside(*value, *min, *max, &unit),
+            (Type::Enumeration { items, .. }, Value::Integer(value)) => {
+                Invalid::new(self.name.clone(), value, format!("one of {}", items.listed()))
+            }
+            (_, value) => Invalid::new(self.name.clone(), value.type_name(), "a value of its type"),
         }
-        let unit = if unit.is_empty() || unit == "1" { String::new() } else { format!(" {unit}") };
+    }
+
+    fn outside<T: Display>(&self, value: T, min: Option<T>, max: Option<T>, unit: &str) -> Invalid {
         let wanted = match (min, max) {
             (Some(min), Some(max)) => format!("a value from {min} to {max}{unit}"),
             (Some(min), None) => format!("a value of at least {min}{unit}"),
             (_, Some(max)) => format!("a value of at most {max}{unit}"),
-            (None, None) => unreachable!("without limits nothing is refused"),
+            (None, None) => "a value of its type".into(),
         };
-        Err(Invalid::new(self.name.clone(), format!("{value}{unit}"), wanted))
+        Invalid::new(self.name.clone(), format!("{value}{unit}"), wanted)
     }
 
     /// Whether it is a Real that may change at any time.
     pub fn is_continuous(&self) -> bool {
         self.variability == Variability::Continuous && matches!(self.data_type, Type::Real { .. })
     }
+}
+
+/// Whether a value is not outside its limits; NaN is refused elsewhere, where it is not a missing input.
+#[inline]
+fn within<T: PartialOrd>(value: &T, min: Option<&T>, max: Option<&T>) -> bool {
+    !(min.is_some_and(|min| value < min) || max.is_some_and(|max| value > max))
 }
