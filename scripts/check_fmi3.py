@@ -34,7 +34,13 @@ MODELS = (
     "SpindleEstimator",
 )
 # Examples of fmu-export, with the names of their FMUs.
-EXAMPLES = {"van_der_pol": "VanDerPol", "pi_controller": "PiController"}
+EXAMPLES = {
+    "van_der_pol": "VanDerPol",
+    "pi_controller": "PiController",
+    "bouncing_ball": "BouncingBall",
+    "thermostat": "Thermostat",
+    "heated_rod": "HeatedRod",
+}
 STEPS = 200
 # Getters and setters of fmpy by the type of a variable.
 GETTERS = {"Real": "getReal", "Integer": "getInteger", "Enumeration": "getInteger", "Boolean": "getBoolean"}

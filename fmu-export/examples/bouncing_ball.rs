@@ -55,8 +55,7 @@ impl Model for BouncingBall {
         loop {
             // The ball flies on a parabola; h + v t - g t²/2 = 0 is the next impact.
             let Values { g, h, v, .. } = *values;
-            let impact_s = (v + (v * v + 2.0 * g * h).sqrt()) / g;
-            let flight_s = impact_s.min(rest_s);
+            let flight_s = ((v + (v * v + 2.0 * g * h).sqrt()) / g).min(rest_s);
             (values.h, values.v) = ((h + v * flight_s - g / 2.0 * flight_s * flight_s).max(0.0), v - g * flight_s);
             rest_s -= flight_s;
             if rest_s <= 0.0 || g == 0.0 {

@@ -1,8 +1,6 @@
 //! A rod of 40 cells that is heated at one end: `cargo run -p fmu-export --example heated_rod`.
 use fmu_export::{package, prelude::*};
 
-const CELLS: usize = 40;
-
 #[derive(Clone, Default, Serialize, Deserialize, Variables)]
 struct Values {
     /// Thermal conductance between neighbouring cells
@@ -16,16 +14,15 @@ struct Values {
     heat: f64,
     /// Temperature of cell {k}
     #[output(unit = unit::KELVIN, display_unit = "degC", start = 293.15, state, exact, depends_on = ["temperature[{k}]"])]
-    temperature: Array<f64, CELLS>,
+    temperature: Array<f64, 40>,
     /// Rate of the temperature of cell {k}
     #[local(unit = unit::KELVIN_PER_SECOND, derivative_of = "temperature", depends_on = ["heat", "temperature"])]
-    rate: Array<f64, CELLS>,
+    rate: Array<f64, 40>,
 }
 
 impl Values {
     fn update_rates(&mut self) {
-        let cell = |k: usize| self.temperature[k.min(CELLS - 1)];
-        let flow = |k: usize| self.conductance * (cell(k) - cell(k + 1));
+        let flow = |k: usize| self.conductance * (self.temperature[k] - self.temperature[(k + 1).min(39)]);
         let into = |k: usize| if k == 0 { self.heat } else { flow(k - 1) };
         self.rate = Array(std::array::from_fn(|k| (into(k) - flow(k)) / self.capacity));
     }
@@ -63,16 +60,12 @@ impl Model for HeatedRod {
         let count = (step.length_s * 100.0 * values.conductance / values.capacity).ceil().max(1.0);
         for _ in 0..count as usize {
             values.update_rates();
-            for k in 0..CELLS {
+            for k in 0..40 {
                 values.temperature[k] += step.length_s / count * values.rate[k];
             }
         }
         values.update_rates();
         Ok(())
-    }
-
-    fn refresh(&self, _: &(), values: &mut Values, _: f64) {
-        values.update_rates();
     }
 }
 

@@ -66,8 +66,7 @@ impl SampledModel for Thermostat {
     }
 
     fn sample(&self, _: &mut (), values: &mut Values, _: f64, _: &mut dyn Log) -> Stepped {
-        let above = values.temperature - values.wanted;
-        let excess = if values.mode == Mode::Cooling { above } else { -above };
+        let excess = (values.temperature - values.wanted) * if values.mode == Mode::Cooling { 1.0 } else { -1.0 };
         let limit = if values.on { -values.hysteresis } else { values.hysteresis } / 2.0;
         let on = values.mode != Mode::Off && excess > limit;
         values.count += i32::from(on && !values.on);

@@ -1,29 +1,36 @@
 //! Exports any Rust model as a co-simulation unit (FMU) of FMI 2.0 and FMI 3.0.
 //!
-//! A model is a type with a table of variables, a start, and a step. Everything else follows from the rows of the table: start
+//! A model is a type with a structure of variables, a start, and a step. Everything else follows from the rows of the table: start
 //! value, value reference, access, unit, model description, reset, snapshot. [`export_fmus!`] defines the C functions of one
 //! library that serves all models of a crate; [`package`](mod@package) writes the archives.
 //!
 //! ```
 //! use fmu_export::prelude::*;
 //!
-//! #[derive(Clone, Default, Serialize, Deserialize)]
-//! struct Values { u: f64, k: f64, y: f64 }
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     /// Gain
+//!     #[parameter(start = 2.0, tunable)]
+//!     k: f64,
+//!     /// Voltage in
+//!     #[input(unit = unit::VOLT)]
+//!     u: f64,
+//!     /// Voltage out
+//!     #[output(unit = unit::VOLT, depends_on = ["u"])]
+//!     y: f64,
+//! }
 //!
 //! #[derive(Clone)]
 //! struct Gain;
 //!
 //! impl Model for Gain {
 //!     const INFO: Info = Info::new("Gain", "An amplifier");
+//!     const CAPABILITIES: Capabilities = Capabilities::NONE.interpolates_inputs();
 //!     type Values = Values;
 //!     type State = ();
 //!
 //!     fn table() -> Vec<Row<Values>> {
-//!         vec![
-//!             Row::real("k", place!(Values.k), unit::ONE, 2.0).fixed().description("Gain"),
-//!             Row::real("u", place!(Values.u), unit::VOLT, 0.0).input().description("Voltage in"),
-//!             Row::real("y", place!(Values.y), unit::VOLT, 0.0).output().description("Voltage out").depends_on(["u"]),
-//!         ]
+//!         Values::rows()
 //!     }
 //!
 //!     fn new(_: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
@@ -58,7 +65,8 @@
 //! In reading order:
 //!
 //! - [`model`]: what a user writes: [`Model`], [`SampledModel`];
-//! - [`variable`], [`mod@unit`]: the table of variables;
+//! - [`mod@variables`], [`mod@unit`]: the structure of variables; [`variable`]: the rows made of it, or by hand; [`mod@array`]: long arrays;
+//! - [`resources`]: files; [`state`]: what snapshots hold;
 //! - [`input`]: inputs over a step; [`mod@clock`]: sample instants; [`log`]: messages;
 //! - [`instance`]: a model as its importer sees it; [`fmus`]: the models of one binary;
 //! - [`fmi2`], [`fmi3`], [`interface`]: the C interface, where all unsafe code is;

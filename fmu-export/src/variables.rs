@@ -1,4 +1,100 @@
-//! Rows made of a structure: what [`derive@crate::Variables`] builds on.
+//! Variables as fields of a structure: [`derive@crate::Variables`], and of Rust enums: [`derive@crate::Choice`].
+//!
+//! A field is a variable, and its doc comment the description. The attribute gives the role, and in parentheses what else there is
+//! to say; README lists it all.
+//!
+//! ```
+//! use fmu_export::prelude::*;
+//!
+//! /// What drives the coil
+//! #[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, Choice)]
+//! enum Drive {
+//!     /// A current
+//!     #[default]
+//!     Current,
+//!     /// A voltage
+//!     Voltage,
+//! }
+//!
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Coil {
+//!     /// Resistance of coil {n}
+//!     #[parameter(name = "R", unit = unit::OHM, start = 1.0, min = 0.0)]
+//!     resistance: f64,
+//!     /// Current through coil {n}
+//!     #[output(unit = unit::AMPERE, depends_on = ["u[{n}]"])]
+//!     i: f64,
+//! }
+//!
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     #[parameter]
+//!     drive: Drive,
+//!     /// Voltage at coil {k}
+//!     #[input(unit = unit::VOLT)]
+//!     u: [f64; 2],
+//!     coil: [Coil; 2],
+//! }
+//!
+//! let names: Vec<_> = Values::rows().into_iter().map(|row| row.variable.name.to_string()).collect();
+//! assert_eq!(names, ["drive", "u[1]", "u[2]", "coil[1].R", "coil[1].i", "coil[2].R", "coil[2].i"]);
+//! ```
+//!
+//! Mistakes are errors of the compiler, at the place of the mistake:
+//!
+//! ```compile_fail
+//! # use fmu_export::prelude::*;
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     #[parameter(unit = unit::FURLONG)] // there is no such unit
+//!     length: f64,
+//! }
+//! ```
+//!
+//! ```compile_fail
+//! # use fmu_export::prelude::*;
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     #[input]
+//!     #[output] // two rows on one field
+//!     u: f64,
+//! }
+//! ```
+//!
+//! ```compile_fail
+//! # use fmu_export::prelude::*;
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     #[input(name = "my input")] // not allowed as a name
+//!     u: f64,
+//! }
+//! ```
+//!
+//! ```compile_fail
+//! # use fmu_export::prelude::*;
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     #[input(unit = unit::VOLT)] // a Boolean has no unit
+//!     on: bool,
+//! }
+//! ```
+//!
+//! ```compile_fail
+//! # use fmu_export::prelude::*;
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     #[input(maximum = 3.0)] // unknown
+//!     u: f64,
+//! }
+//! ```
+//!
+//! ```compile_fail
+//! # use fmu_export::prelude::*;
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     forgotten: f64, // neither a variable nor a structure of variables
+//! }
+//! ```
 
 use std::marker::PhantomData;
 

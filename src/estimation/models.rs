@@ -44,7 +44,8 @@ const HELD: f64 = 1.0e12;
 /// The models of memory, with the sums of each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Models<const K: usize, const U: usize, const T: usize> {
-    sums: [Sums<K, U, T>; MODELS],
+    /// On the heap one by one: the threads of importers have small stacks.
+    sums: [Box<Sums<K, U, T>>; MODELS],
     /// Logarithms of the evidence, relative to that of the first.
     evidence: [f64; MODELS],
     used: usize,
@@ -56,15 +57,21 @@ pub struct Models<const K: usize, const U: usize, const T: usize> {
 
 impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     pub fn start() -> Self {
-        let sums = std::array::from_fn(|_| Sums::zeros());
+        let sums = std::array::from_fn(|_| Box::new(Sums::zeros()));
         Self { sums, evidence: [0.0; MODELS], used: 0, spread: SVector::zeros(), force: 0 }
     }
 
     pub fn is_sound(&self) -> bool {
         self.used < MODELS
             && self.force < FORCE_PARTS.len()
-            && self.sums.iter().all(Sums::is_finite)
+            && self.sums.iter().all(|sums| sums.is_finite())
             && self.evidence.iter().chain(&self.spread).all(|x| x.is_finite())
+    }
+
+    /// Forgets everything; without allocation, as all that a step does.
+    pub fn restart(&mut self) {
+        self.sums.iter_mut().for_each(|sums| **sums = Sums::zeros());
+        (self.evidence, self.used, self.spread, self.force) = ([0.0; MODELS], 0, SVector::zeros(), 0);
     }
 
     /// The sums of the model that is used.
@@ -99,7 +106,8 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         let changed = self.evidence[MODELS - 1] - self.evidence[0] > REPLACED;
         for m in (0..MODELS - 1).rev() {
             if self.evidence[m + 1] - self.evidence[m] > REPLACED {
-                self.sums[m] = self.sums[m + 1].clone();
+                let (to, from) = self.sums.split_at_mut(m + 1);
+                to[m].clone_from(&from[0]);
                 self.evidence[m] = self.evidence[m + 1] - 1.0;
             }
         }

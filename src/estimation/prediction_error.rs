@@ -103,12 +103,12 @@ impl<const K: usize, const U: usize> Estimate<K, U> {
     }
 }
 
-/// All that changes with a sample.
+/// All that changes with a sample. Its large parts are on the heap: the threads of importers have small stacks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, const T: usize> {
     pub estimate: Estimate<K, U>,
     /// Samples that have not been filtered yet, from which the noise is started, and whether samples are missing before the next.
-    waiting: Waiting<N, K>,
+    waiting: Box<Waiting<N, K>>,
     gap: bool,
     /// The noise, once there is one; as it was when the last quarters began or when the estimate was last valid before.
     noise: Option<Noise>,
@@ -121,8 +121,8 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     estimated_at: u64,
     /// What the quarters that have ended tell, and the present one.
     models: Models<K, U, T>,
-    present: Sums<K, U, T>,
-    revolution: Revolution<K, U, T>,
+    present: Box<Sums<K, U, T>>,
+    revolution: Box<Revolution<K, U, T>>,
     /// Means of `i_k/gap_k²` and `i_k²/gap_k³` over the last revolution.
     per_current: SVector<f64, K>,
     gradient: SVector<f64, K>,
@@ -149,7 +149,7 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     solution: Option<Solution<U, T>>,
     inverse: Option<Square<U>>,
     condition: f64,
-    validation: Validation<N, U, T>,
+    validation: Box<Validation<N, U, T>>,
 }
 
 /// The estimator of [`Method::PredictionError`](super::Method::PredictionError) for N coordinates, K magnets, U unknowns and T tolerances.
@@ -185,7 +185,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         };
         PredictionErrorState {
             estimate,
-            waiting: Waiting::empty(),
+            waiting: Box::new(Waiting::empty()),
             gap: false,
             noise: known.then(|| Noise::new(self.known_noise, self.known_noise[0])),
             trusted: [const { None }; QUARTERS],
@@ -194,8 +194,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             estimated: false,
             estimated_at: 0,
             models: Models::start(),
-            present: Sums::zeros(),
-            revolution: Revolution::start(),
+            present: Box::new(Sums::zeros()),
+            revolution: Box::new(Revolution::start()),
             per_current: SVector::zeros(),
             gradient: SVector::zeros(),
             table: AngleTable::empty(),
@@ -213,7 +213,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             solution: None,
             inverse: None,
             condition: CONDITION_CAP,
-            validation: Validation::start(0.0),
+            validation: Box::new(Validation::start(0.0)),
         }
     }
 
@@ -335,12 +335,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     /// Begins anew after a change of λ.
     fn restart(&self, state: &mut PredictionErrorState<N, K, U, T>) {
         state.trust_again();
-        (state.models, state.present, state.revolution) = (Models::start(), Sums::zeros(), Revolution::start());
+        state.models.restart();
+        (*state.present, *state.revolution) = (Sums::zeros(), Revolution::start());
         // The columns of the filter remember what the former λ did. The estimate of before goes on as the one with which the filter runs: noise and
         // tests need residuals, or samples that no λ explains would stay in the sums for ever.
         (state.filter, state.solution, state.inverse) = (None, None, None);
         (state.armed, state.outliers) = (false, 0);
-        state.validation = Validation::start(state.revolutions());
+        *state.validation = Validation::start(state.revolutions());
     }
 
     /// Solves the equations of all samples.
@@ -407,7 +408,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     fn end_quarter(&self, state: &mut PredictionErrorState<N, K, U, T>) {
         let Some(noise) = state.noise.clone() else { return };
         let variances = noise.variances();
-        let block = std::mem::replace(&mut state.present, Sums::zeros());
+        let block = std::mem::replace(&mut *state.present, Sums::zeros());
         let time_s = state.quarter_samples * self.filter.step_s;
         (state.quarters, state.passed, state.quarter_samples) = (state.quarters + 1, 0.0, 0.0);
         state.trusted.rotate_left(1);
@@ -441,7 +442,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                 (revolution.per_current / revolution.samples, revolution.gradient / revolution.samples);
         }
         if over {
-            *revolution = Revolution::start();
+            **revolution = Revolution::start();
         }
     }
 

@@ -35,27 +35,5 @@ fn every_fmu_lives_in_a_thread_with_a_small_stack() {
         let size = std::env::var("STACK_KIB").map_or(STACK_BYTES, |kib| kib.parse::<usize>().expect("a number") << 10);
         let thread = std::thread::Builder::new().stack_size(size).spawn(all).expect("a thread");
         thread.join().expect("it ends well");
-        eprintln!("{model} lives in {size} bytes");
-    }
-}
-
-#[test]
-fn measure_saturation() {
-    for drive in [1.0, 2.0] {
-        for flux in [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9] {
-            let fmu = Fmu::new("MagneticBearing");
-            fmu.set("coil.fluxSaturation", flux);
-            fmu.set("drive", drive);
-            let _ = fmu.set("i[1]", 5.0);
-            let _ = fmu.set("u[1]", 100.0);
-            fmu.start(0.0, None);
-            let begin = std::time::Instant::now();
-            let mut done = 0;
-            for step in 0..5 {
-                done +=
-                    i32::from(fmu.step(f64::from(step) * 1e-4, 1e-4) == fmu_export::fmi2::bindings::fmi2Status::fmi2OK);
-            }
-            eprintln!("drive {drive} flux {flux:e}: {:?} a step, {done} done", begin.elapsed() / 5);
-        }
     }
 }

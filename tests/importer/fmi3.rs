@@ -23,7 +23,13 @@ const MODELS: [&str; 6] = [
     "SpindleEstimator",
 ];
 /// Examples of fmu-export, and their FMUs.
-const EXAMPLES: [(&str, &str); 2] = [("van_der_pol", "VanDerPol"), ("pi_controller", "PiController")];
+const EXAMPLES: [(&str, &str); 5] = [
+    ("van_der_pol", "VanDerPol"),
+    ("pi_controller", "PiController"),
+    ("bouncing_ball", "BouncingBall"),
+    ("thermostat", "Thermostat"),
+    ("heated_rod", "HeatedRod"),
+];
 const STEPS: u32 = 200;
 const STEP_S: f64 = 1e-4;
 

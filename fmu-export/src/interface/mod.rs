@@ -78,7 +78,7 @@ macro_rules! c_functions {
         $(#[$attribute])*
         ///
         /// # Safety
-        /// As for all functions of [this module](self).
+        /// As for all functions of this module.
         pub unsafe extern "C" fn $name($($argument: $of),*) -> $result $body
 
         const _: $type = Some($name);
