@@ -11,6 +11,7 @@ use fmi_rs::fmi2::builder::FMU2Builder;
 use fmi_rs::fmi2::types::{fmi2Status, fmi2True};
 use fmi_rs::fmi3::builder::FMU3Builder;
 use fmi_rs::fmi3::types::fmi3Status;
+use fmi_rs::model_description::DefaultExperiment;
 use fmi_rs::model_description::fmi2::{Causality, Variability, VariableType};
 use fmi_rs::model_description::fmi3::{self, Dimension};
 
@@ -23,9 +24,14 @@ const MODELS: [&str; 6] = [
     "SpindleEstimator",
 ];
 /// Examples of fmu-export, and their FMUs.
-const EXAMPLES: [(&str, &str); 2] = [("van_der_pol", "VanDerPol"), ("pi_controller", "PiController")];
+const EXAMPLES: [(&str, &str); 5] = [
+    ("van_der_pol", "VanDerPol"),
+    ("pi_controller", "PiController"),
+    ("bouncing_ball", "BouncingBall"),
+    ("thermostat", "Thermostat"),
+    ("heated_rod", "HeatedRod"),
+];
 const STEPS: u32 = 200;
-const STEP_S: f64 = 1e-4;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
@@ -67,6 +73,12 @@ fn excitation(start: f64, nominal: f64, reference: u32, step: u32) -> f64 {
     start + 1e-3 * nominal * (f64::from(step * (reference + 1) % 17) - 8.0)
 }
 
+/// The step that the model description proposes, in seconds.
+fn step_s(experiment: Option<&DefaultExperiment>) -> f64 {
+    let text = experiment.and_then(|experiment| experiment.stepSize.as_ref()).expect("a step");
+    text.parse().expect("a number")
+}
+
 /// Continuous inputs, with start and nominal value, by reference.
 type Inputs = Vec<(u32, f64, f64)>;
 
@@ -83,6 +95,7 @@ fn run_of_fmi2(builder: &FMU2Builder) -> (Inputs, Vec<HashMap<u32, u64>>) {
             (variable.valueReference, number(start).unwrap_or(0.0), number(nominal).unwrap_or(1.0))
         })
         .collect();
+    let length = step_s(builder.model_description.defaultExperiment.as_ref());
     let fmu = builder.instantiate_cs("two").expect("an instance");
     assert_eq!(fmu.setupExperiment(None, 0.0, None), fmi2Status::Ok);
     assert_eq!(fmu.enterInitializationMode(), fmi2Status::Ok);
@@ -94,7 +107,7 @@ fn run_of_fmi2(builder: &FMU2Builder) -> (Inputs, Vec<HashMap<u32, u64>>) {
             let value = excitation(*start, *nominal, *reference, step);
             assert_eq!(fmu.setReal(&[*reference], &[value]), fmi2Status::Ok);
         }
-        assert_eq!(fmu.doStep(f64::from(step) * STEP_S, STEP_S, fmi2True), fmi2Status::Ok);
+        assert_eq!(fmu.doStep(f64::from(step) * length, length, fmi2True), fmi2Status::Ok);
         let mut values = vec![0.0; references.len()];
         assert_eq!(fmu.getReal(&references, &mut values), fmi2Status::Ok);
         rows.push(references.iter().copied().zip(values.into_iter().map(f64::to_bits)).collect());
@@ -115,6 +128,7 @@ fn run_of_fmi3(builder: &FMU3Builder, inputs: &Inputs) -> Vec<HashMap<u32, u64>>
             ref other => panic!("{}: {other:?}", variable.name),
         })
         .collect();
+    let length = step_s(builder.model_description.defaultExperiment.as_ref());
     let fmu = builder.instantiate_cs("three").expect("an instance");
     assert_eq!(fmu.getVersion(), "3.0");
     assert_eq!(fmu.enterInitializationMode(None, 0.0, None), fmi3Status::Ok);
@@ -141,10 +155,10 @@ fn run_of_fmi3(builder: &FMU3Builder, inputs: &Inputs) -> Vec<HashMap<u32, u64>>
         let status = fmu.updateDiscreteStates(&mut need, &mut end, &mut nominals, &mut states, &mut next);
         assert_eq!((status, need, end, nominals, states, next), (fmi3Status::Ok, false, false, false, false, None));
         assert_eq!(fmu.enterStepMode(), fmi3Status::Ok);
-        let begin = f64::from(step) * STEP_S;
-        let status = fmu.doStep(begin, STEP_S, true, &mut event, &mut end, &mut early, &mut time);
+        let begin = f64::from(step) * length;
+        let status = fmu.doStep(begin, length, true, &mut event, &mut end, &mut early, &mut time);
         assert_eq!((status, event, end, early), (fmi3Status::Ok, false, false, false));
-        assert_eq!(time, begin + STEP_S);
+        assert_eq!(time, begin + length);
         let references: Vec<u32> = floats.iter().map(|(reference, _)| *reference).collect();
         let elements: Vec<u32> = floats.iter().flat_map(|(first, size)| *first..*first + *size).collect();
         let mut values = vec![0.0; elements.len()];

@@ -1,8 +1,8 @@
 //! Functions of what co-simulation does not need. They are there because importers look for all functions of the standard.
 
-use super::super::bindings::*;
-use super::super::sequence::Function;
 use super::{Component, Logger};
+use crate::fmi3::bindings::*;
+use crate::fmi3::sequence::Function;
 use crate::interface::c_functions;
 use crate::interface::component::Problem;
 use crate::interface::guard::enter;

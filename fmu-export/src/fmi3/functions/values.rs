@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 
-use super::super::bindings::*;
-use super::super::sequence::Function;
 use super::Component;
+use crate::fmi3::bindings::*;
+use crate::fmi3::sequence::Function;
 use crate::interface::arguments::{elements, elements_mut, handed_out, text};
 use crate::interface::c_functions;
 use crate::interface::component::{Outcome, Problem};
