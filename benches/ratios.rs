@@ -8,9 +8,12 @@ use std::ffi::CString;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::ptr::{null, null_mut};
 use std::time::Instant;
 
 use fmu_export::fmi2::bindings::*;
+use fmu_export::fmi3::bindings::*;
+use fmu_export::{ModelType, Standard};
 use interleave::{candidate, shown, table};
 use libloading::{Library, Symbol};
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
@@ -298,7 +301,8 @@ fn interface(record: &[EstimatorInput]) {
     let (estimator, mut state) = settled(EstimatorConfig::default(), record);
     let step = std::cell::Cell::new(0_u32);
     let mut values = [0.0; 5];
-    let candidates = vec![
+    let third = Fmi3::new(&library, &model);
+    let mut candidates = vec![
         candidate("model's step, samples ignored", 2000, |times| {
             for _ in 0..times {
                 black_box(estimator.sample(&mut state, black_box(&disabled)));
@@ -326,10 +330,105 @@ fn interface(record: &[EstimatorInput]) {
             }
         }),
     ];
+    candidates.extend(third.candidates());
     let medians = table("through the C interface", ROUNDS, candidates);
     println!("\nfmi2DoStep adds {} to the model's step.", shown(medians[1] - medians[0]));
     // SAFETY: the instance is not used again.
     unsafe { free(component) };
+}
+
+/// An instance of the same estimator through FMI 3.0, which ignores its samples.
+struct Fmi3 {
+    instance: fmi3Instance,
+    do_step: <fmi3DoStepTYPE as IntoIterator>::Item,
+    set: <fmi3SetFloat64TYPE as IntoIterator>::Item,
+    get: <fmi3GetFloat64TYPE as IntoIterator>::Item,
+    free: <fmi3FreeInstanceTYPE as IntoIterator>::Item,
+    inputs: [u32; 5],
+    outputs: [u32; 5],
+}
+
+impl Fmi3 {
+    fn new(library: &Library, model: &ModelType) -> Self {
+        macro_rules! function {
+            ($name:ident: $type:ty) => {
+                // SAFETY: the function has the type that the bindings give it.
+                unsafe {
+                    *library.get::<$type>(concat!(stringify!($name), "\0").as_bytes()).expect("an exported function")
+                }
+                .expect("a function is no null pointer")
+            };
+        }
+        let index = |name: &str| {
+            model.variables().iter().position(|variable| variable.name == name).expect("a variable") as u32
+        };
+        let instantiate = function!(fmi3InstantiateCoSimulation: fmi3InstantiateCoSimulationTYPE);
+        let enter = function!(fmi3EnterInitializationMode: fmi3EnterInitializationModeTYPE);
+        let exit = function!(fmi3ExitInitializationMode: fmi3ExitInitializationModeTYPE);
+        let set_boolean = function!(fmi3SetBoolean: fmi3SetBooleanTYPE);
+        let token = model.description(Standard::Fmi3 { arrays: false }).token.as_str();
+        let token = CString::new(token).expect("a token");
+        let name = c"bench".as_ptr();
+        // SAFETY: all pointers are null or live until the calls return; arrays have one element.
+        let instance = unsafe {
+            let instance = instantiate(name, token.as_ptr(), null(), 0, 0, 0, 0, null(), 0, null_mut(), None, None);
+            assert!(!instance.is_null());
+            enter(instance, 0, 0.0, 0.0, 0, 0.0);
+            exit(instance);
+            assert_eq!(set_boolean(instance, &index("enable"), 1, &0, 1), fmi3Status::fmi3OK);
+            instance
+        };
+        Self {
+            instance,
+            do_step: function!(fmi3DoStep: fmi3DoStepTYPE),
+            set: function!(fmi3SetFloat64: fmi3SetFloat64TYPE),
+            get: function!(fmi3GetFloat64: fmi3GetFloat64TYPE),
+            free: function!(fmi3FreeInstance: fmi3FreeInstanceTYPE),
+            inputs: ["Ym", "Zm", "im[1]", "im[2]", "im[3]"].map(index),
+            outputs: ["lambdaHat[1]", "lambdaHat[2]", "lambdaHat[3]", "pYHat", "pZHat"].map(index),
+        }
+    }
+
+    fn candidates(&self) -> Vec<interleave::Candidate<'_>> {
+        let (mut step, mut values) = (0_u32, [0.0; 5]);
+        vec![
+            candidate("fmi3DoStep, samples ignored", 2000, move |times| {
+                let (mut event, mut end, mut early, mut time) = (0, 0, 0, 0.0);
+                for _ in 0..times {
+                    let begin = f64::from(step) * 1e-4;
+                    // SAFETY: the instance is a live one, and all places can be written.
+                    let status = unsafe {
+                        (self.do_step)(self.instance, begin, 1e-4, 1, &mut event, &mut end, &mut early, &mut time)
+                    };
+                    assert_eq!(status, fmi3Status::fmi3OK);
+                    step += 1;
+                }
+            })
+            .beside(1),
+            candidate("fmi3SetFloat64 of 5", 2000, move |times| {
+                let values = [1e-5, 1e-5, 2.0, 2.0, 2.0];
+                for _ in 0..times {
+                    // SAFETY: the arrays have five elements.
+                    black_box(unsafe { (self.set)(self.instance, self.inputs.as_ptr(), 5, values.as_ptr(), 5) });
+                }
+            })
+            .beside(2),
+            candidate("fmi3GetFloat64 of 5", 2000, move |times| {
+                for _ in 0..times {
+                    // SAFETY: the arrays have five elements.
+                    black_box(unsafe { (self.get)(self.instance, self.outputs.as_ptr(), 5, values.as_mut_ptr(), 5) });
+                }
+            })
+            .beside(3),
+        ]
+    }
+}
+
+impl Drop for Fmi3 {
+    fn drop(&mut self) {
+        // SAFETY: the instance is not used again.
+        unsafe { (self.free)(self.instance) }
+    }
 }
 
 /// One second of the closed loop.

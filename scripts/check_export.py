@@ -2,12 +2,14 @@
 """Check the crate fmu-export as its users would: its examples in fmpy, and its README in an empty folder.
 
 Needs the packages of scripts/requirements.txt and cargo. The Van der Pol oscillator is compared with SciPy's solution, the PI
-controller with the same law written in Python. The README's crate is built in a folder of its own, packed, validated, and
-compared with the closed form.
+controller and the thermostat with the same laws written in Python, the bouncing ball with its parabolas, the heated rod with the heat
+that it has taken in and with SciPy's solution. The README's crate is built in a folder of its own, packed, validated, and
+compared with the closed form; with `panic = "abort"` it must not compile.
 """
 
 import argparse
 import math
+import os
 import re
 import subprocess
 import sys
@@ -27,8 +29,12 @@ CRATE = PROJECT / "fmu-export"
 VAN_DER_POL_TOLERANCE = 1e-9
 # The same operations in another order of rounding.
 ROUNDING = 1e-12
-# Rust besides the equations that the README may ask for.
-README_LINES = 25
+# Lines that the README's `lib.rs` may have.
+README_LINES = 30
+# Lines of code that an example of a model may have, without comments and empty lines.
+EXAMPLE_LINES = 59
+# The rod takes steps of Euler's method of a hundredth of the fastest time constant.
+HEATED_ROD_TOLERANCE_K = 0.05
 
 
 def cargo(*arguments, folder=PROJECT):
@@ -152,6 +158,110 @@ def pi_controller(fmu):
     return far("PiController u", result["u"], wanted, ROUNDING)
 
 
+def bouncing_ball(fmu):
+    """Compare the ball with its parabolas.
+
+    Parameters
+    ----------
+    fmu : pathlib.Path
+        The archive.
+
+    Returns
+    -------
+    list of str
+        What is wrong with it.
+    """
+    result = fmpy.simulate_fmu(str(fmu), stop_time=2.0, step_size=0.01, output_interval=0.01, output=["h", "v", "impacts"])
+    g, restitution, wanted = 9.81, 0.7, []
+    for time in result["time"]:
+        # The time since the last impact, at which the ball was on the ground with a velocity upwards.
+        begin, velocity, impacts = -math.sqrt(2.0 / g), math.sqrt(2.0 * g), 0
+        while time - begin > 2.0 * velocity / g:
+            begin, velocity, impacts = begin + 2.0 * velocity / g, restitution * velocity, impacts + 1
+        wanted.append((velocity * (time - begin) - g / 2.0 * (time - begin) ** 2, impacts))
+    height, impacts = np.transpose(wanted)
+    return far("BouncingBall h", result["h"], height, 1e-9) + far("BouncingBall impacts", result["impacts"], impacts, 0)
+
+
+def thermostat(fmu):
+    """Compare the thermostat with its law; fmpy records no texts.
+
+    Parameters
+    ----------
+    fmu : pathlib.Path
+        The archive.
+
+    Returns
+    -------
+    list of str
+        What is wrong with it.
+    """
+    time = np.arange(61) * 60.0
+    temperature = 293.15 + np.sin(time / 300.0)
+    signals = np.array(list(zip(time, temperature)), dtype=[("time", float), ("temperature", float)])
+    result = fmpy.simulate_fmu(
+        str(fmu),
+        stop_time=3600.0,
+        step_size=60.0,
+        output_interval=60.0,
+        input=signals,
+        start_values={"mode": 3, "room": "cellar", "hysteresis": 1.0},
+        output=["on", "count"],
+    )
+    on, count, wanted = False, 0, [(False, 0)]
+    for value in temperature[:-1]:
+        before, on = on, value - 293.15 > (-0.5 if on else 0.5)
+        count += on and not before
+        wanted.append((on, count))
+    states, counts = np.transpose(wanted)
+    return far("Thermostat on", result["on"], states, 0) + far("Thermostat count", result["count"], counts, 0)
+
+
+def heated_rod(fmu):
+    """Compare the rod with SciPy's solution, and its heat with what it has taken in.
+
+    Parameters
+    ----------
+    fmu : pathlib.Path
+        The archive.
+
+    Returns
+    -------
+    list of str
+        What is wrong with it.
+    """
+    names = [f"temperature[{cell}]" for cell in range(1, 41)]
+    result = fmpy.simulate_fmu(str(fmu), stop_time=200.0, step_size=1.0, output_interval=1.0, output=names)
+    found = np.array([result[name] for name in names])
+
+    def slope(_, cells):
+        flows = 0.5 * (cells[:-1] - cells[1:])
+        return (np.concatenate([[1.0], flows]) - np.concatenate([flows, [0.0]])) / 2.0
+
+    solution = solve_ivp(slope, (0.0, 200.0), np.full(40, 293.15), method="LSODA", rtol=1e-9, atol=1e-9, t_eval=result["time"])
+    heat = 2.0 * (found - 293.15).sum(axis=0)
+    return far("HeatedRod", found, solution.y, HEATED_ROD_TOLERANCE_K) + far("HeatedRod heat", heat, result["time"], 1e-8)
+
+
+def length(example):
+    """Count the lines of an example.
+
+    Parameters
+    ----------
+    example : str
+        Name of the example.
+
+    Returns
+    -------
+    list of str
+        What is wrong with it.
+    """
+    text = (CRATE / "examples" / f"{example}.rs").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if line.strip() and not line.strip().startswith("//")]
+    print(f"{example}: {len(lines)} lines of code")
+    return [] if len(lines) <= EXAMPLE_LINES else [f"{example}: more than {EXAMPLE_LINES} lines of code"]
+
+
 def readme():
     """Follow the README in an empty folder.
 
@@ -165,12 +275,11 @@ def readme():
         re.search(rf"`{name}`.*?```\w+[^\n]*\n(.*?)```", text, re.DOTALL)[1]
         for name in ["Cargo.toml", "src/lib.rs", "src/main.rs"]
     )
-    rust = [line for line in (library + program).splitlines() if line.strip()]
-    equations = [line for line in rust if "values.y" in line and "Row" not in line]
-    print(f"README: {len(rust) - len(equations)} lines of Rust besides the equations")
+    lines = len(library.strip().splitlines())
+    print(f"README: {lines} lines of lib.rs")
     findings = []
-    if len(rust) - len(equations) > README_LINES:
-        findings.append(f"README: more than {README_LINES} lines of Rust besides the equations")
+    if lines > README_LINES:
+        findings.append(f"README: more than {README_LINES} lines of lib.rs")
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "low-pass"
         (folder / "src").mkdir(parents=True)
@@ -180,9 +289,26 @@ def readme():
         # The versions that are locked here, and what was compiled here already.
         (folder / "Cargo.lock").write_text((PROJECT / "Cargo.lock").read_text(encoding="utf-8"), encoding="utf-8")
         cargo("run", "--release", "--quiet", "--target-dir", str(PROJECT / "target" / "readme"), folder=folder)
+        # A panic must not end the importer.
+        refused = subprocess.run(
+            ["cargo", "check", "--release", "--quiet", "--lib", "--target-dir", str(PROJECT / "target" / "readme")],
+            cwd=folder,
+            env={**os.environ, "CARGO_PROFILE_RELEASE_PANIC": "abort"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if refused.returncode == 0 or "panic = \"unwind\"" not in refused.stderr:
+            findings.append("README: a library with panic = abort is not refused")
         fmu = folder / "target" / "fmu" / "LowPass.fmu"
         findings += validated(fmu)
-        result = fmpy.simulate_fmu(str(fmu), stop_time=1.0, step_size=0.01, output_interval=0.01)
+        third = fmu.with_name("LowPass_fmi3.fmu")
+        findings += validated(third)
+        result, again = (
+            fmpy.simulate_fmu(str(archive), stop_time=1.0, step_size=0.01, output_interval=0.01) for archive in (fmu, third)
+        )
+        if result.tobytes() != again.tobytes():
+            findings.append("README LowPass: FMI 3.0 and FMI 2.0 differ")
         findings += far("README LowPass y", result["y"], 1.0 - np.exp(-result["time"] / 0.1), ROUNDING)
     return findings
 
@@ -200,8 +326,13 @@ def main():
     for example, name, compare in [
         ("van_der_pol", "VanDerPol", van_der_pol),
         ("pi_controller", "PiController", pi_controller),
+        ("bouncing_ball", "BouncingBall", bouncing_ball),
+        ("thermostat", "Thermostat", thermostat),
+        ("heated_rod", "HeatedRod", heated_rod),
     ]:
         package(example)
+        if example in ("bouncing_ball", "thermostat", "heated_rod"):
+            findings += length(example)
         fmu = PROJECT / "target" / "fmu" / f"{name}.fmu"
         findings += validated(fmu) + compare(fmu)
     findings += readme()

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compare our FMI 2.0 header, item by item, with the headers that fmpy ships.
+"""Compare our headers of FMI 2.0 and FMI 3.0, item by item, with those that fmpy ships.
 
 Both sides are read by libclang, so that what is compared is what a compiler understands, whatever the layout of the text:
 the values of macros and enumeration constants, the types of typedefs, structure fields, function types and prototypes.
@@ -16,10 +16,17 @@ from pathlib import Path
 
 from clang import cindex
 
-HEADER = Path(__file__).resolve().parent.parent / "fmu-export" / "src" / "fmi2" / "fmi2.h"
+SOURCES = Path(__file__).resolve().parent.parent / "fmu-export" / "src"
 
 # The C library is replaced by these lines, so that the result depends on no compiler of the machine.
-LIBRARY = {"stddef.h": "typedef __SIZE_TYPE__ size_t;\n", "stdlib.h": ""}
+LIBRARY = {
+    "stddef.h": "typedef __SIZE_TYPE__ size_t;\n",
+    "stdlib.h": "",
+    "stdbool.h": "#define bool _Bool\n#define true 1\n#define false 0\n",
+    "stdint.h": "".join(
+        f"typedef __{sign.upper()}INT{bits}_TYPE__ {sign}int{bits}_t;\n" for sign in ("", "u") for bits in (8, 16, 32, 64)
+    ),
+}
 LIBRARY_FOLDER = "/library"
 # One fixed platform, since the width of size_t is part of the resolved types.
 COMPILER_ARGUMENTS = ["-x", "c", "-std=c99", "-target", "x86_64-unknown-linux-gnu", "-nostdinc", "-isystem", LIBRARY_FOLDER]
@@ -41,7 +48,11 @@ MODEL_EXCHANGE_TYPES = ["fmi2EventInfo"] + [f"{name}TYPE" for name in MODEL_EXCH
 # The means by which C sources decorate the names they export; our exports are made in Rust.
 EXPORT_MACROS = ["FMI2_Export", "fmi2FullName"]
 
-ABSENT = set(MODEL_EXCHANGE_FUNCTIONS + MODEL_EXCHANGE_TYPES + EXPORT_MACROS)
+# What our headers leave out. An FMU exports all functions of FMI 3.0.
+ABSENT = {
+    "fmi2": set(MODEL_EXCHANGE_FUNCTIONS + MODEL_EXCHANGE_TYPES + EXPORT_MACROS),
+    "fmi3": {"FMI3_Export", "fmi3FullName"},
+}
 
 
 def described(kind):
@@ -57,7 +68,8 @@ def described(kind):
     str
         Both spellings.
     """
-    return f"{kind.spelling} = {kind.get_canonical().spelling}"
+    # fmpy declares callbacks without arguments as in K&R's C; the standard has (void).
+    return f"{kind.spelling} = {kind.get_canonical().spelling}".replace("()", "(void)")
 
 
 def cursor_items(cursor):
@@ -78,7 +90,7 @@ def cursor_items(cursor):
     if cursor.kind == kinds.MACRO_DEFINITION:
         value = " ".join(token.spelling for token in list(cursor.get_tokens())[1:])
         # Without a value it is an include guard; with the macro for full names it is the decoration of an exported name.
-        if value and "fmi2FullName (" not in value:
+        if value and "FullName (" not in value:
             yield ("macro", name, ""), value
     elif cursor.kind == kinds.TYPEDEF_DECL:
         yield ("typedef", name, ""), described(cursor.underlying_typedef_type)
@@ -126,8 +138,13 @@ def header_items(header):
     return items
 
 
-def reference_header():
+def reference_header(standard):
     """Find the header in the installed fmpy that includes all others.
+
+    Parameters
+    ----------
+    standard : str
+        ``fmi2`` or ``fmi3``.
 
     Returns
     -------
@@ -141,19 +158,21 @@ def reference_header():
     """
     package = importlib.util.find_spec("fmpy")
     folders = package.submodule_search_locations if package else []
-    found = sorted(path for folder in folders for path in Path(folder).rglob("fmi2Functions.h"))
+    found = sorted(path for folder in folders for path in Path(folder).rglob(f"{standard}Functions.h"))
     if not found:
-        sys.exit("fmpy with its header fmi2Functions.h is not installed for this interpreter")
+        sys.exit(f"fmpy with its header {standard}Functions.h is not installed for this interpreter")
     return found[0]
 
 
-def differences(ours, theirs):
+def differences(ours, theirs, left_out):
     """Compare two headers.
 
     Parameters
     ----------
     ours, theirs : dict
         Items of our header and of the reference.
+    left_out : set of str
+        Names that our header leaves out.
 
     Returns
     -------
@@ -162,13 +181,13 @@ def differences(ours, theirs):
     """
     lines = []
     for key in sorted(ours.keys() | theirs.keys()):
-        if key in ours and key[1] in ABSENT:
+        if key in ours and key[1] in left_out:
             lines.append(f"{' '.join(key).strip()}: listed as absent, but our header has it")
-        elif key[1] not in ABSENT and ours.get(key) != theirs.get(key):
+        elif key[1] not in left_out and ours.get(key) != theirs.get(key):
             lines.append(f"{' '.join(key).strip()}: ours {ours.get(key)}, theirs {theirs.get(key)}")
     # A name that the reference does not know would hide nothing now, and perhaps a mistake later.
     known = {name for _, name, _ in theirs}
-    lines += [f"{name}: listed as absent, but the reference does not have it" for name in sorted(ABSENT - known)]
+    lines += [f"{name}: listed as absent, but the reference does not have it" for name in sorted(left_out - known)]
     return lines
 
 
@@ -180,18 +199,20 @@ def main():
     int
         0 if the headers agree, 1 if not.
     """
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("header", nargs="?", type=Path, default=HEADER, help="the header to check")
-    ours = header_items(parser.parse_args().header)
-    theirs = header_items(reference_header())
-    lines = differences(ours, theirs)
-    for line in lines:
-        print(line)
-    compared = sum(name not in ABSENT for _, name, _ in ours.keys() | theirs.keys())
-    absent = sorted(ABSENT & {name for _, name, _ in theirs})
-    print(f"deliberately absent: {', '.join(absent)}")
-    print(f"{compared} items compared, {len(lines)} differences")
-    return 1 if lines else 0
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    wrong = 0
+    for standard, left_out in ABSENT.items():
+        ours = header_items(SOURCES / standard / f"{standard}.h")
+        theirs = header_items(reference_header(standard))
+        lines = differences(ours, theirs, left_out)
+        for line in lines:
+            print(line)
+        compared = sum(name not in left_out for _, name, _ in ours.keys() | theirs.keys())
+        absent = sorted(left_out & {name for _, name, _ in theirs})
+        print(f"{standard}.h: deliberately absent: {', '.join(absent)}")
+        print(f"{standard}.h: {compared} items compared, {len(lines)} differences")
+        wrong += len(lines)
+    return 1 if wrong else 0
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
     scripts/check_platforms.py target/fmu-all
 
 Each FMU holds the same binary for each platform, in the folder that belongs to it; each binary exports the functions of
-fmu-export/src/fmi2/fmi2.h and nothing else, needs system libraries only, and holds no time and no path of the machine that built it.
+the headers fmi2.h and fmi3.h of fmu-export/src and nothing else, needs system libraries only, and holds no time and no path of the machine that built it.
 Needs the package lief.
 """
 
@@ -47,15 +47,18 @@ def check(holds, problem):
 
 
 def functions_of_standard():
-    """Read the names of the functions from the header.
+    """Read the names of the functions of FMI 2.0 and FMI 3.0 from the headers.
 
     Returns
     -------
     set of str
         The names.
     """
-    text = (PROJECT / "fmu-export" / "src" / "fmi2" / "fmi2.h").read_text(encoding="utf-8")
-    return set(re.findall(r"^(?:FMI2_Export )?fmi2\w+TYPE (fmi2\w+);", text, re.MULTILINE))
+    names = set()
+    for standard in ("fmi2", "fmi3"):
+        text = (PROJECT / "fmu-export" / "src" / standard / f"{standard}.h").read_text(encoding="utf-8")
+        names |= set(re.findall(rf"^{standard}\w+TYPE ({standard}\w+);", text, re.MULTILINE))
+    return names
 
 
 def check_elf(name, binary, machine):
@@ -137,7 +140,7 @@ def check_content(name, folder, content, expected):
         check(len(slices) == len(machines), f"{name} holds {len(slices)} libraries")
         exports = [check_macho(name, part, machine) for part, machine in zip(slices, machines)]
     for names in exports:
-        check(names == expected, f"{name}: exports differ from the header: {sorted(names ^ expected)[:5]}")
+        check(names == expected, f"{name}: exports differ from the headers: {sorted(names ^ expected)[:5]}")
 
 
 def main():
@@ -150,7 +153,7 @@ def main():
     """
     folder = Path(sys.argv[1])
     expected = functions_of_standard()
-    check(len(expected) == 34, f"the header has {len(expected)} functions")
+    check(len(expected) == 34 + 75, f"the headers have {len(expected)} functions")
     binaries = {}
     system = zipfile.ZipFile(folder / "MagneticBearing.ssp")
     for model in MODELS:

@@ -41,6 +41,7 @@ import numpy as np
 from elftools.elf.elffile import ELFFile
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 from lxml import etree
 
@@ -412,9 +413,10 @@ def reproducible(archives):
 
 
 def exported_symbols(archives, fmu):
-    """Compare what each ELF binary exports with the functions of FMI 2.0 that fmpy knows for co-simulation."""
+    """Compare what each ELF binary exports with the functions that fmpy knows, of FMI 2.0 for co-simulation, of FMI 3.0 all."""
     wanted = {name for name in dir(FMU2Slave) if name.startswith("fmi2")}
-    findings = [] if len(wanted) == 34 else [f"fmpy knows {len(wanted)} functions, and not 34"]
+    wanted |= {name for name in dir(FMU3Slave) if name.startswith("fmi3")}
+    findings = [] if len(wanted) == 34 + 75 else [f"fmpy knows {len(wanted)} functions, and not 109"]
     binaries = sorted(Path(archives.models[fmu].folder, "binaries").rglob("*.so"))
     for binary in binaries:
         with binary.open("rb") as file:

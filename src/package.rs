@@ -39,12 +39,11 @@ fn extras(name: &str) -> Extras {
         ("LICENSE-APACHE.txt", include_str!("../modelDescription/licenses/LICENSE-APACHE.txt")),
         ("THIRD-PARTY.txt", include_str!("../modelDescription/licenses/THIRD-PARTY.txt")),
     ];
-    Extras {
-        picture: Some(picture.into()),
-        text: text.into(),
-        page: |title, body| frame::page(title, &PreEscaped(body.to_owned())),
-        licenses: licenses.map(|(file, text)| (file.into(), text.into())).into(),
-    }
+    let extras = Extras::default()
+        .picture(picture)
+        .text(text)
+        .page(|title, body| frame::page(title, &PreEscaped(body.to_owned())));
+    licenses.into_iter().fold(extras, |extras, (file, text)| extras.license(file, text))
 }
 
 /// The library that was built together with the running program.
@@ -64,23 +63,27 @@ pub fn binaries(given: &[(&'static Platform, PathBuf)]) -> Result<Binaries, Pack
     package::binaries(given, built_library)
 }
 
-/// Writes all FMUs and the SSP, with a library for this platform, into a folder, which is created if missing.
+/// Writes all FMUs and the SSPs, with a library for this platform, into a folder, which is created if missing.
 ///
 /// # Errors
 /// Whatever file cannot be read or written.
 pub fn package(library: &Path, folder: &Path) -> Result<Vec<Written>, PackageError> {
-    package_for(&package::binaries_of(library)?, folder)
+    package_for(&package::binaries_of(library)?, false, folder)
 }
 
-/// Writes all FMUs and the SSP into a folder, which is created if missing.
+/// Writes all FMUs, `Name.fmu` for FMI 2.0 and `Name_fmi3.fmu` for FMI 3.0, and the SSPs, which hold those for FMI 2.0, into a
+/// folder, which is created if missing. With `arrays`, the FMUs for FMI 3.0 have arrays.
 ///
 /// # Errors
 /// Whatever file cannot be written.
-pub fn package_for(binaries: &Binaries, folder: &Path) -> Result<Vec<Written>, PackageError> {
+pub fn package_for(binaries: &Binaries, arrays: bool, folder: &Path) -> Result<Vec<Written>, PackageError> {
     let mut archives = Vec::new();
-    for model in catalogue().iter() {
-        let name = model.info.name;
-        archives.push((format!("{name}.fmu"), package::fmu(model, binaries, &extras(name))?));
+    for standard in package::standards(arrays) {
+        for model in catalogue().iter() {
+            let name = model.info.name;
+            let file = format!("{}.fmu", standard.file_stem(name));
+            archives.push((file, package::fmu(model, standard, binaries, &extras(name))?));
+        }
     }
     let mut loops = Vec::new();
     for (name, variants) in SYSTEMS {
@@ -112,7 +115,10 @@ pub fn write_descriptions(folder: &Path) -> Result<(), PackageError> {
         format.write(&path, text.as_bytes()).map_err(|source| PackageError::File { path, source })
     };
     for model in catalogue().iter() {
-        write(Format::Xml, format!("{}.xml", model.info.name), model.xml())?;
+        for standard in package::standards(false) {
+            let file = format!("{}.xml", standard.file_stem(model.info.name));
+            write(Format::Xml, file, &model.description(standard).xml)?;
+        }
     }
     write(Format::Markdown, "VARIABLES.md".into(), &variables())
 }

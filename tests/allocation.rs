@@ -218,7 +218,7 @@ fn a_snapshot_copies_the_state_alone() {
         instance.step(Step { time_s: f64::from(step) * STEP_S, length_s: STEP_S }, &mut Silent).expect("a step");
     }
     let before = BYTES.get();
-    let mut snapshot = instance.duplicate();
+    let mut snapshot = instance.duplicate().expect("a copy");
     let saved = BYTES.get() - before;
     let before = BYTES.get();
     assert!(snapshot.copy_from(instance.as_ref()));

@@ -2,13 +2,25 @@
 use fmu_export::{package, prelude::*};
 
 const STEP_S: f64 = 1e-3;
-#[derive(Clone, Default, Serialize, Deserialize)]
+#[derive(Clone, Default, Serialize, Deserialize, Variables)]
 struct Values {
+    /// Strength of the damping
+    #[parameter(start = 1.0)]
     mu: f64,
+    /// Initial position
+    #[parameter(start = 2.0)]
     x0: f64,
+    /// Initial velocity
+    #[parameter(unit = unit::PER_SECOND)]
     v0: f64,
+    /// Position
+    #[output(state, depends_on = ["x"], starts_from = ["x0"])]
     x: f64,
+    /// Velocity
+    #[output(unit = unit::PER_SECOND, state, derivative_of = "x", depends_on = ["v"], starts_from = ["v0"])]
     v: f64,
+    /// Acceleration
+    #[local(unit = unit::PER_SECOND2, derivative_of = "v", depends_on = ["x", "v"])]
     a: f64,
 }
 
@@ -20,25 +32,16 @@ fn slope(mu: f64, x: f64, v: f64) -> [f64; 2] {
 }
 
 impl Model for VanDerPol {
-    const INFO: Info = Info { stop_s: 20.0, step_s: 0.01, ..Info::new("VanDerPol", "Van der Pol oscillator") };
-    const CAPABILITIES: Capabilities = Capabilities { directional_derivatives: true, ..Capabilities::NONE };
+    const INFO: Info = Info::new("VanDerPol", "Van der Pol oscillator").experiment(20.0, 0.01);
+    const CAPABILITIES: Capabilities = Capabilities::NONE.directional_derivatives();
     type Values = Values;
     type State = ();
 
     fn table() -> Vec<Row<Values>> {
-        let v = Row::real("v", place!(Values.v), unit::PER_SECOND, 0.0).output().state().description("Velocity");
-        let a = Row::real("a", place!(Values.a), unit::PER_SECOND2, 0.0).description("Acceleration");
-        vec![
-            Row::real("mu", place!(Values.mu), unit::ONE, 1.0).fixed().description("Strength of the damping"),
-            Row::real("x0", place!(Values.x0), unit::ONE, 2.0).fixed().description("Initial position"),
-            Row::real("v0", place!(Values.v0), unit::PER_SECOND, 0.0).fixed().description("Initial velocity"),
-            Row::real("x", place!(Values.x), unit::ONE, 0.0).output().state().depends_on(["x"]).description("Position"),
-            v.derivative_of("x").depends_on(["v"]),
-            a.derivative_of("v").depends_on(["x", "v"]),
-        ]
+        Values::rows()
     }
 
-    fn new(_: &Values) -> Result<Self, Vec<Invalid>> {
+    fn new(_: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
         Ok(Self)
     }
 
@@ -76,5 +79,5 @@ impl Model for VanDerPol {
 export_fmus!(VanDerPol);
 
 fn main() -> Result<(), package::PackageError> {
-    package::package_example(&FMUS, "van_der_pol_fmu", "target/fmu").map(drop)
+    package::package_example(&FMUS, "van_der_pol_fmu", "target/fmu")
 }

@@ -2,6 +2,8 @@
 
 use std::sync::{Arc, Mutex, Once, PoisonError};
 
+#[cfg(feature = "fmi3")]
+use crate::description::Standard;
 use crate::instance::ModelType;
 
 /// The models of one binary. [`export_fmus!`](crate::export_fmus) makes one, named `FMUS`.
@@ -38,14 +40,41 @@ impl Fmus {
     }
 
     /// The model of a GUID.
+    #[cfg(feature = "fmi2")]
     pub(crate) fn by_guid(&'static self, guid: &str) -> Option<Arc<ModelType>> {
         self.models().iter().find(|model| model.guid() == guid).cloned()
     }
 
     /// All GUIDs with their models, for messages.
+    #[cfg(feature = "fmi2")]
     pub(crate) fn guids(&'static self) -> String {
         let listed: Vec<_> =
             self.models().iter().map(|model| format!("{} ({})", model.guid(), model.info.name)).collect();
+        listed.join(" or ")
+    }
+
+    /// The model and the standard of an instantiation token of FMI 3.0.
+    #[cfg(feature = "fmi3")]
+    pub(crate) fn by_token(&'static self, token: &str) -> Option<(Arc<ModelType>, Standard)> {
+        let models = self.models();
+        // Descriptions with arrays are made only if the token is none of the others.
+        Standard::OF_FMI3.into_iter().find_map(|standard| {
+            let found = models.iter().find(|model| model.description(standard).token == token)?;
+            Some((found.clone(), standard))
+        })
+    }
+
+    /// All instantiation tokens of FMI 3.0 with their models, for messages.
+    #[cfg(feature = "fmi3")]
+    pub(crate) fn tokens(&'static self) -> String {
+        let listed: Vec<_> = self
+            .models()
+            .iter()
+            .map(|model| {
+                let token = &model.description(Standard::Fmi3 { arrays: false }).token;
+                format!("{token} ({})", model.info.name)
+            })
+            .collect();
         listed.join(" or ")
     }
 

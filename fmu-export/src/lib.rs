@@ -1,32 +1,39 @@
-//! Exports any Rust model as an FMI 2.0 co-simulation unit (FMU).
+//! Exports any Rust model as a co-simulation unit (FMU) of FMI 2.0 and FMI 3.0.
 //!
-//! A model is a type with a table of variables, a start, and a step. Everything else follows from the rows of the table: start
+//! A model is a type with a structure of variables, a start, and a step. Everything else follows from the rows of the table: start
 //! value, value reference, access, unit, model description, reset, snapshot. [`export_fmus!`] defines the C functions of one
 //! library that serves all models of a crate; [`package`](mod@package) writes the archives.
 //!
 //! ```
 //! use fmu_export::prelude::*;
 //!
-//! #[derive(Clone, Default, Serialize, Deserialize)]
-//! struct Values { u: f64, k: f64, y: f64 }
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     /// Gain
+//!     #[parameter(start = 2.0, tunable)]
+//!     k: f64,
+//!     /// Voltage in
+//!     #[input(unit = unit::VOLT)]
+//!     u: f64,
+//!     /// Voltage out
+//!     #[output(unit = unit::VOLT, depends_on = ["u"])]
+//!     y: f64,
+//! }
 //!
 //! #[derive(Clone)]
 //! struct Gain;
 //!
 //! impl Model for Gain {
 //!     const INFO: Info = Info::new("Gain", "An amplifier");
+//!     const CAPABILITIES: Capabilities = Capabilities::NONE.interpolates_inputs();
 //!     type Values = Values;
 //!     type State = ();
 //!
 //!     fn table() -> Vec<Row<Values>> {
-//!         vec![
-//!             Row::real("k", place!(Values.k), unit::ONE, 2.0).fixed().description("Gain"),
-//!             Row::real("u", place!(Values.u), unit::VOLT, 0.0).input().description("Voltage in"),
-//!             Row::real("y", place!(Values.y), unit::VOLT, 0.0).output().description("Voltage out").depends_on(["u"]),
-//!         ]
+//!         Values::rows()
 //!     }
 //!
-//!     fn new(_: &Values) -> Result<Self, Vec<Invalid>> {
+//!     fn new(_: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
 //!         Ok(Self)
 //!     }
 //!
@@ -58,43 +65,68 @@
 //! In reading order:
 //!
 //! - [`model`]: what a user writes: [`Model`], [`SampledModel`];
-//! - [`variable`], [`mod@unit`]: the table of variables;
+//! - [`mod@variables`], [`mod@unit`]: the structure of variables; [`variable`]: the rows made of it, or by hand; [`mod@array`]: long arrays;
+//! - [`resources`]: files; [`state`]: what snapshots hold;
 //! - [`input`]: inputs over a step; [`mod@clock`]: sample instants; [`log`]: messages;
 //! - [`instance`]: a model as its importer sees it; [`fmus`]: the models of one binary;
-//! - [`fmi2`]: the C interface, where all unsafe code is;
-//! - [`description`], [`xml`]: the model description;
+//! - [`fmi2`], [`fmi3`], [`interface`]: the C interface, where all unsafe code is;
+//! - [`mod@description`], [`xml`]: the model description; [`check`]: errors in a table;
 //! - `package`: archives, platforms, documentation pages, system structures.
 
+#[cfg(not(any(feature = "fmi2", feature = "fmi3")))]
+compile_error!("fmu-export needs one of its features `fmi2` and `fmi3`, or both");
+
+pub mod array;
+pub mod check;
 pub mod clock;
 pub mod description;
+#[cfg(feature = "fmi2")]
 pub mod fmi2;
+#[cfg(feature = "fmi3")]
+pub mod fmi3;
 pub mod fmus;
 pub mod input;
 pub mod instance;
+pub mod interface;
 pub mod log;
 pub mod model;
 #[cfg(feature = "package")]
 pub mod package;
 #[cfg(feature = "planted-panics")]
 pub mod planted;
+pub mod resources;
+pub mod state;
 pub mod unit;
 pub mod variable;
+pub mod variables;
 pub mod xml;
 
 mod export;
 
+pub use array::Array;
+pub use description::Standard;
 pub use fmus::Fmus;
 pub use instance::{Instance, ModelType};
-pub use model::{Capabilities, Info, Invalid, Model, SampledModel, Step, StepError, Stepped};
+pub use model::{Capabilities, Info, Invalid, Model, Sampled, SampledModel, Step, StepError, Stepped};
+pub use resources::Resources;
+pub use state::{HiddenState, NotSaved};
+pub use variables::{Choice, Variables};
+
+pub use fmu_export_derive::{Choice, Variables};
 
 /// What most models need, with serde's derive macros.
 pub mod prelude {
     pub use serde::{Deserialize, Serialize};
 
+    pub use crate::array::Array;
     pub use crate::input::{HIGHEST_ORDER, InputTrajectory};
     pub use crate::log::{Log, Topic};
     pub use crate::model::{Capabilities, Info, Invalid, Model, SampledModel, Step, StepError, Stepped};
+    pub use crate::resources::Resources;
+    pub use crate::state::NotSaved;
     pub use crate::unit::{self, Unit};
     pub use crate::variable::{Enumeration, Row, Value};
+    pub use crate::variables::{Choice, Variables};
     pub use crate::{export_fmus, place};
+    pub use fmu_export_derive::{Choice, Variables};
 }

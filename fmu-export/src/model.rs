@@ -9,15 +9,19 @@ use serde::de::DeserializeOwned;
 use crate::clock::Clock;
 use crate::input::{HIGHEST_ORDER, InputTrajectory};
 use crate::log::Log;
-use crate::variable::Row;
+use crate::resources::Resources;
+use crate::state::{HiddenState, write_to};
+use crate::variable::{Row, Variability};
 
 /// General information for the model description. Empty texts are left out.
 ///
 /// ```
 /// # use fmu_export::Info;
-/// const INFO: Info = Info { stop_s: 20.0, ..Info::new("VanDerPol", "Oscillator with nonlinear damping") };
+/// const INFO: Info = Info::new("VanDerPol", "Oscillator with nonlinear damping").experiment(20.0, 1e-2).author("B. van der Pol");
+/// assert_eq!(INFO.stop_s, 20.0);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Info {
     /// Name of the model and of its FMU: letters, digits, and underscores.
     pub name: &'static str,
@@ -46,23 +50,93 @@ impl Info {
         let [version, author, license] = [""; 3];
         Self { name, description, version, author, license, tool, stop_s: 1.0, step_s: 1e-3, tolerance: 1e-4 }
     }
+
+    /// Length and communication step of a typical run, in seconds.
+    pub const fn experiment(mut self, stop_s: f64, step_s: f64) -> Self {
+        (self.stop_s, self.step_s) = (stop_s, step_s);
+        self
+    }
+
+    /// Relative tolerance of such a run.
+    pub const fn tolerance(mut self, tolerance: f64) -> Self {
+        self.tolerance = tolerance;
+        self
+    }
+
+    /// Version of the model.
+    pub const fn version(mut self, version: &'static str) -> Self {
+        self.version = version;
+        self
+    }
+
+    /// Name and organisation of the author.
+    pub const fn author(mut self, author: &'static str) -> Self {
+        self.author = author;
+        self
+    }
+
+    /// Licence under which the model may be used.
+    pub const fn license(mut self, license: &'static str) -> Self {
+        self.license = license;
+        self
+    }
+
+    /// Name and version of the tool that wrote the model description.
+    pub const fn tool(mut self, tool: &'static str) -> Self {
+        self.tool = tool;
+        self
+    }
 }
 
 /// Optional capabilities of a model.
+///
+/// ```
+/// # use fmu_export::Capabilities;
+/// const CAPABILITIES: Capabilities = Capabilities::NONE.directional_derivatives().output_derivatives(2);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Capabilities {
     /// Directional derivatives of outputs and of derivatives of states.
     pub directional_derivatives: bool,
     /// The highest order of derivatives of outputs with respect to time; 0 if there are none.
     pub output_derivative_order: usize,
+    /// Whether steps follow the derivatives of inputs that importers set.
+    pub interpolates_inputs: bool,
+    /// Whether there are snapshots; the type of the state decides, see [`HiddenState::SAVED`].
+    pub snapshots: bool,
 }
 
 impl Capabilities {
-    /// Nothing beyond stepping.
-    pub const NONE: Self = Self { directional_derivatives: false, output_derivative_order: 0 };
+    /// Nothing beyond stepping, and snapshots.
+    pub const NONE: Self = Self {
+        directional_derivatives: false,
+        output_derivative_order: 0,
+        interpolates_inputs: false,
+        snapshots: true,
+    };
+
+    /// [`Model::differentiate`] is there.
+    pub const fn directional_derivatives(mut self) -> Self {
+        self.directional_derivatives = true;
+        self
+    }
+
+    /// [`Model::output_derivatives`] is there, up to that order.
+    pub const fn output_derivatives(mut self, order: usize) -> Self {
+        self.output_derivative_order = order;
+        self
+    }
+
+    /// [`Model::step`] uses its [`InputTrajectory`]. Without this, derivatives of inputs are refused, because a model that holds its
+    /// inputs over a step would ignore them. Sampled models always have it.
+    pub const fn interpolates_inputs(mut self) -> Self {
+        self.interpolates_inputs = true;
+        self
+    }
 }
 
-/// An invalid parameter.
+/// A refused value: a parameter or input with what is expected instead, or a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Invalid {
     /// Name of the variable, for instance `coil.R` or `alpha[2]`.
@@ -89,6 +163,13 @@ impl Invalid {
     }
 }
 
+/// So that `?` takes a single finding where a list is returned.
+impl From<Invalid> for Vec<Invalid> {
+    fn from(finding: Invalid) -> Self {
+        vec![finding]
+    }
+}
+
 impl fmt::Display for Invalid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} = {} is refused: expected {}", self.name, self.value, self.wanted)
@@ -96,14 +177,40 @@ impl fmt::Display for Invalid {
 }
 
 /// Why a step could not be completed, as a message for the user.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct StepError(pub String);
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StepError {
+    /// The run cannot continue.
+    #[error("{0}")]
+    Failed(String),
+    /// The model ends the simulation, as intended.
+    #[error("the model ends the simulation at {time_s} s: {reason}")]
+    Terminated {
+        /// When, in seconds; the values are those of this instant.
+        time_s: f64,
+        /// Why.
+        reason: String,
+    },
+}
 
 impl StepError {
-    /// A step error from any error.
+    /// An error that ends the run, from any error.
     pub fn of(error: impl fmt::Display) -> Self {
-        Self(error.to_string())
+        Self::Failed(error.to_string())
+    }
+
+    /// The request to end the simulation at an instant within the step, with the values as they are then. Not an error: the
+    /// importer is told, may read all variables, and is refused further steps.
+    ///
+    /// ```
+    /// # use fmu_export::{Step, StepError, Stepped};
+    /// fn check(level_m: f64, step: Step) -> Stepped {
+    ///     if level_m <= 0.0 { Err(StepError::terminate(step.end_s(), "the tank is empty")) } else { Ok(()) }
+    /// }
+    /// # assert!(check(0.0, Step { time_s: 0.0, length_s: 1.0 }).is_err());
+    /// ```
+    pub fn terminate(time_s: f64, reason: impl fmt::Display) -> Self {
+        Self::Terminated { time_s, reason: reason.to_string() }
     }
 }
 
@@ -142,16 +249,17 @@ pub trait Model: Clone + Send + Sync + 'static {
     type Values: Clone + Default + Serialize + DeserializeOwned + Send + Sync + 'static;
 
     /// What changes during a run besides the values.
-    type State: Clone + Serialize + DeserializeOwned + Send + Sync + 'static;
+    type State: HiddenState;
 
     /// The table of variables.
     fn table() -> Vec<Row<Self::Values>>;
 
-    /// Validates the parameters among the values and constructs the model.
+    /// Validates the parameters among the values and constructs the model. What is
+    /// outside the `min` and `max` of its row is refused besides, and the run does not begin. `resources` gives the files that the FMU brings along.
     ///
     /// # Errors
     /// Every invalid parameter.
-    fn new(values: &Self::Values) -> Result<Self, Vec<Invalid>>;
+    fn new(values: &Self::Values, resources: &Resources) -> Result<Self, Vec<Invalid>>;
 
     /// Begins a run at a time, in seconds, and computes the outputs.
     fn start(&self, values: &mut Self::Values, start_s: f64) -> Self::State;
@@ -178,12 +286,19 @@ pub trait Model: Clone + Send + Sync + 'static {
         f64::INFINITY
     }
 
-    /// Applies changed tunable parameters.
+    /// Applies changed tunable parameters; by default the model is constructed anew and the state kept. A model that keeps
+    /// parameters in its state updates them here.
     ///
     /// # Errors
     /// Every invalid parameter; the run continues with the former ones.
-    fn retune(&mut self, state: &mut Self::State, values: &Self::Values) -> Result<(), Vec<Invalid>> {
-        let _ = (state, values);
+    fn retune(
+        &mut self,
+        state: &mut Self::State,
+        values: &Self::Values,
+        resources: &Resources,
+    ) -> Result<(), Vec<Invalid>> {
+        let _ = state;
+        *self = Self::new(values, resources)?;
         Ok(())
     }
 
@@ -236,10 +351,9 @@ pub trait Model: Clone + Send + Sync + 'static {
     }
 }
 
-/// A model that acts at sample instants and holds its outputs in between. Every such type is a [`Model`].
+/// A model that acts at sample instants and holds its outputs in between; [`Sampled`] makes a [`Model`] of it.
 ///
 /// Samples are taken at the start of the run plus whole multiples of the period, whatever the communication steps; see
-/// [`Clock`].
 /// [`Clock`].
 pub trait SampledModel: Clone + Send + Sync + 'static {
     /// Name and description.
@@ -249,7 +363,7 @@ pub trait SampledModel: Clone + Send + Sync + 'static {
     type Values: Clone + Default + Serialize + DeserializeOwned + Send + Sync + 'static;
 
     /// What changes from sample to sample besides the values.
-    type State: Clone + Serialize + DeserializeOwned + Send + Sync + 'static;
+    type State: HiddenState;
 
     /// The table of variables.
     fn table() -> Vec<Row<Self::Values>>;
@@ -258,7 +372,7 @@ pub trait SampledModel: Clone + Send + Sync + 'static {
     ///
     /// # Errors
     /// Every invalid parameter.
-    fn new(values: &Self::Values) -> Result<Self, Vec<Invalid>>;
+    fn new(values: &Self::Values, resources: &Resources) -> Result<Self, Vec<Invalid>>;
 
     /// Sample period, in seconds.
     fn period_s(&self) -> f64;
@@ -272,12 +386,18 @@ pub trait SampledModel: Clone + Send + Sync + 'static {
     /// Why the run cannot continue.
     fn sample(&self, state: &mut Self::State, values: &mut Self::Values, instant_s: f64, log: &mut dyn Log) -> Stepped;
 
-    /// As [`Model::retune`].
+    /// As [`Model::retune`]. A changed period is refused, because the samples taken so far belong to the former one.
     ///
     /// # Errors
     /// Every invalid parameter.
-    fn retune(&mut self, state: &mut Self::State, values: &Self::Values) -> Result<(), Vec<Invalid>> {
-        let _ = (state, values);
+    fn retune(
+        &mut self,
+        state: &mut Self::State,
+        values: &Self::Values,
+        resources: &Resources,
+    ) -> Result<(), Vec<Invalid>> {
+        let _ = state;
+        *self = Self::new(values, resources)?;
         Ok(())
     }
 
@@ -291,58 +411,100 @@ pub trait SampledModel: Clone + Send + Sync + 'static {
     }
 }
 
-impl<S: SampledModel> Model for S {
-    const INFO: Info = <S as SampledModel>::INFO;
-    type Values = <S as SampledModel>::Values;
-    type State = (<S as SampledModel>::State, Clock);
+/// A sampled model as a [`Model`]; [`export_fmus!`](crate::export_fmus) wraps sampled models in it.
+#[derive(Clone, Debug)]
+pub struct Sampled<S>(S);
 
-    fn table() -> Vec<Row<<S as SampledModel>::Values>> {
-        <S as SampledModel>::table()
+/// The state of a [`Sampled`] model: its own, and the samples taken.
+#[derive(Debug, PartialEq)]
+pub struct SampledState<T> {
+    state: T,
+    clock: Clock,
+}
+
+impl<T: HiddenState> HiddenState for SampledState<T> {
+    const SAVED: bool = T::SAVED;
+
+    fn copy(&self) -> Option<Self> {
+        Some(Self { state: self.state.copy()?, clock: self.clock })
     }
 
-    fn new(values: &<S as SampledModel>::Values) -> Result<Self, Vec<Invalid>> {
-        <S as SampledModel>::new(values)
+    fn write(&self, bytes: &mut Vec<u8>) -> Option<()> {
+        write_to(bytes, &self.clock);
+        self.state.write(bytes)
     }
 
-    fn start(&self, values: &mut <S as SampledModel>::Values, start_s: f64) -> (<S as SampledModel>::State, Clock) {
-        (SampledModel::start(self, values, start_s), Clock::new(start_s, self.period_s()))
+    fn read(bytes: &[u8]) -> Result<(Self, &[u8]), String> {
+        let (clock, rest) = <Clock as HiddenState>::read(bytes)?;
+        let (state, rest) = T::read(rest)?;
+        Ok((Self { state, clock }, rest))
+    }
+}
+
+impl<S: SampledModel> Model for Sampled<S> {
+    const INFO: Info = S::INFO;
+    const CAPABILITIES: Capabilities = Capabilities::NONE.interpolates_inputs();
+    type Values = S::Values;
+    type State = SampledState<S::State>;
+
+    fn table() -> Vec<Row<S::Values>> {
+        // Between samples nothing depends on anything.
+        let held = |row: &Row<S::Values>| row.variable.variability == Variability::Discrete;
+        S::table().into_iter().map(|row| if held(&row) { row.depends_on_nothing() } else { row }).collect()
+    }
+
+    fn new(values: &S::Values, resources: &Resources) -> Result<Self, Vec<Invalid>> {
+        S::new(values, resources).map(Self)
+    }
+
+    fn start(&self, values: &mut S::Values, start_s: f64) -> SampledState<S::State> {
+        SampledState { state: self.0.start(values, start_s), clock: Clock::new(start_s, self.0.period_s()) }
     }
 
     fn step(
         &self,
-        (state, clock): &mut (<S as SampledModel>::State, Clock),
-        values: &mut <S as SampledModel>::Values,
+        SampledState { state, clock }: &mut SampledState<S::State>,
+        values: &mut S::Values,
         step: Step,
-        inputs: &InputTrajectory<'_, <S as SampledModel>::Values>,
+        inputs: &InputTrajectory<'_, S::Values>,
         log: &mut dyn Log,
-    ) -> Result<(), StepError> {
+    ) -> Stepped {
         while let Some(instant_s) = clock.next_before(step.end_s()) {
             inputs.apply(values, instant_s);
-            self.sample(state, values, instant_s, log)?;
+            self.0.sample(state, values, instant_s, log)?;
         }
         Ok(())
     }
 
     fn base_step_s(&self) -> f64 {
-        self.period_s()
+        self.0.period_s()
     }
 
     fn retune(
         &mut self,
-        (state, _): &mut (<S as SampledModel>::State, Clock),
-        values: &<S as SampledModel>::Values,
+        SampledState { state, .. }: &mut SampledState<S::State>,
+        values: &S::Values,
+        resources: &Resources,
     ) -> Result<(), Vec<Invalid>> {
-        SampledModel::retune(self, state, values)
+        let former = self.0.clone();
+        self.0.retune(state, values, resources)?;
+        let (period_s, former_s) = (self.0.period_s(), former.period_s());
+        if period_s != former_s {
+            self.0 = former;
+            let wanted = format!("{former_s} s as before: samples have been taken with it");
+            return Err(Invalid::new("the sample period", format!("{period_s} s"), wanted).into());
+        }
+        Ok(())
     }
 
     fn accepts(
         &self,
-        (state, clock): &(<S as SampledModel>::State, Clock),
-        _: &<S as SampledModel>::Values,
+        SampledState { state, clock }: &SampledState<S::State>,
+        _: &S::Values,
         time_s: Option<f64>,
     ) -> Result<(), String> {
-        SampledModel::accepts(self, state)?;
-        if time_s.is_some_and(|time_s| !clock.suits(self.period_s(), time_s)) {
+        self.0.accepts(state)?;
+        if time_s.is_some_and(|time_s| !clock.suits(self.0.period_s(), time_s)) {
             return Err("the number of samples taken does not match the time".into());
         }
         Ok(())

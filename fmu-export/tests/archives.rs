@@ -8,7 +8,8 @@ use std::process::Command;
 #[allow(dead_code, reason = "`main` belongs to the program")]
 mod pi_controller;
 
-use fmu_export::package::{self, PackageError};
+use fmu_export::Standard;
+use fmu_export::package::{self, PackageError, Packager};
 
 /// The model is there without C as well.
 #[test]
@@ -36,10 +37,10 @@ fn what_is_no_library_is_refused() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let file = folder.join("text.so");
     fs::write(&file, "this is a text").expect("a file");
-    let error = package::package_library(&pi_controller::FMUS, &file, folder).expect_err("a text");
+    let error = Packager::new(&pi_controller::FMUS).library(&file).write(folder).expect_err("a text");
     assert!(matches!(error, PackageError::NotFor(..)), "{error}");
-    let error = package::package(&pi_controller::FMUS, folder).expect_err("this test has no library");
-    assert!(error.to_string().contains("does not exist"), "{error}");
+    let error = Packager::new(&pi_controller::FMUS).write(folder).expect_err("this test has no library");
+    assert!(error.to_string().contains("crate-type"), "{error}");
 }
 
 /// The archive holds no path of this machine. Fails if the folder of the registry is left in the messages of panics.
@@ -52,8 +53,10 @@ fn a_packaged_library_names_no_folder_of_this_machine() {
     let home = std::env::var("CARGO_HOME").unwrap_or_else(|_| format!("{}/.cargo", std::env::var("HOME").unwrap()));
     let text = format!("{home}/registry/src/index.crates.io-1/thing-1.0.0/src/lib.rs");
     // A library with the functions that the packager looks for, which do nothing.
-    let names = ["GetVersion", "Instantiate", "SetupExperiment", "DoStep", "GetReal", "FreeInstance"];
-    let functions = names.map(|name| format!("#[unsafe(no_mangle)] pub extern \"C\" fn fmi2{name}() {{}}\n")).concat();
+    let names = ["fmi2GetVersion", "fmi2Instantiate", "fmi2SetupExperiment", "fmi2DoStep", "fmi2FreeInstance"];
+    let of_fmi3 = ["fmi3GetVersion", "fmi3InstantiateCoSimulation", "fmi3GetFloat64", "fmi3DoStep", "fmi3FreeInstance"];
+    let define = |name| format!("#[unsafe(no_mangle)] pub extern \"C\" fn {name}() {{}}\n");
+    let functions = names.into_iter().chain(of_fmi3).map(define).collect::<String>();
     let code = format!("{functions}#[unsafe(no_mangle)] pub static TEXT: &str = {text:?};");
     fs::write(&source, code).expect("a file");
     let mut rustc = Command::new(std::env::var("RUSTC").unwrap_or_else(|_| "rustc".into()));
@@ -62,7 +65,7 @@ fn a_packaged_library_names_no_folder_of_this_machine() {
     let holds = |bytes: &[u8], text: &str| bytes.windows(text.len()).any(|window| window == text.as_bytes());
     assert!(holds(&fs::read(&library).expect("a library"), &text));
     let binaries = package::binaries_of(&library).expect("a library for this platform");
-    let packed = &binaries.places()[0].content;
+    let packed = &binaries.places(Standard::Fmi2)[0].content;
     if platform.name.contains("darwin") {
         return;
     }

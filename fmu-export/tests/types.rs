@@ -3,12 +3,11 @@
 mod library {
     use fmu_export::prelude::*;
 
-    static MODE: Enumeration = Enumeration {
-        name: "Mode",
-        description: "How the sum is taken",
-        items: &[("all", "Of all elements"), ("first", "Of the first alone")],
-        renamed: &[],
-    };
+    static MODE: Enumeration = Enumeration::new(
+        "Mode",
+        "How the sum is taken",
+        &[("all", "Of all elements"), ("first", "Of the first alone")],
+    );
 
     #[derive(Clone, Default, Serialize, Deserialize)]
     struct Values {
@@ -27,7 +26,7 @@ mod library {
     struct Types;
 
     impl SampledModel for Types {
-        const INFO: Info = Info { author: "Nobody", version: "2", ..Info::new("Types", "Every type of variable") };
+        const INFO: Info = Info::new("Types", "Every type of variable").author("Nobody").version("2");
         type Values = Values;
         type State = u32;
 
@@ -44,7 +43,7 @@ mod library {
             rows.into_iter().map(|row| row.description("Element {k} of what it is")).collect()
         }
 
-        fn new(values: &Values) -> Result<Self, Vec<Invalid>> {
+        fn new(values: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
             let mut findings = Vec::new();
             MODE.choose("mode", values.mode, [false, true], &mut false, &mut findings);
             if findings.is_empty() { Ok(Self) } else { Err(findings) }
@@ -78,9 +77,11 @@ use std::ptr::{null, null_mut};
 
 use fmu_export::fmi2::bindings::*;
 use fmu_export::variable::{Dependency, Type};
-use fmu_export::{Info, description};
+use fmu_export::{Standard, check};
 use support::abuse::Abuse;
+use support::abuse3::Abuse3;
 use support::ffi::{Expect, Fmu, text};
+use support::ffi3::Fmu3;
 use support::random::Random;
 
 fn read(fmu: &Fmu, name: &str) -> String {
@@ -177,14 +178,16 @@ fn the_model_description_has_every_type() {
 #[test]
 fn mistakes_in_a_table_are_named() {
     let model = library::FMUS.find("Types").expect("the model");
-    assert!(description::problems(&model.info, model.variables()).is_empty());
+    assert!(model.problems().is_empty());
     let mut variables = model.variables().to_vec();
     variables[0].name = "gain[2]".into();
-    variables[1].depends_on.push(("gian[1]".into(), Dependency::Any));
+    variables[1].depends_on.get_or_insert_default().push(("gian[1]".into(), Dependency::Any));
     if let Type::Enumeration { start, .. } = &mut variables[8].data_type {
         *start = 3;
     }
-    let found = description::problems(&Info { name: "my model", ..model.info }, &variables).join("; ");
+    let mut info = model.info;
+    info.name = "my model";
+    let found = check::problems(&info, &variables).join("; ");
     let wanted = [
         "the name `my model` cannot",
         "gain[2] occurs twice",
@@ -193,6 +196,120 @@ fn mistakes_in_a_table_are_named() {
     ];
     for what in wanted {
         assert!(found.contains(what), "`{what}` is not said in: {found}");
+    }
+}
+
+/// The texts of a String variable, through FMI 3.0.
+fn texts(fmu: &Fmu3, name: &str, count: usize) -> Vec<String> {
+    let (reference, mut values) = ([fmu.reference(name)], vec![null(); count]);
+    let (c, place) = (fmu.instance(), values.as_mut_ptr());
+    // SAFETY: the instance is live; both arrays are as long as is said.
+    fmu.ok(unsafe { call3!(fmi3GetString: fmi3GetStringTYPE(c, reference.as_ptr(), 1, place, count)) });
+    // SAFETY: the texts are valid until the next call on the instance.
+    let text = |text: &*const _| unsafe { CStr::from_ptr(*text) }.to_str().expect("UTF-8").to_owned();
+    values.iter().map(text).collect()
+}
+
+/// Fails if the values of arrays do not follow one another, or if one reference means one value.
+#[test]
+fn arrays_of_fmi_3_have_one_reference_each() {
+    let fmu = Fmu3::new("Types", true);
+    let c = fmu.instance();
+    let at = |name: &str| fmu.reference(name);
+    fmu.ok(fmu.set_floats(&[at("gain[1]")], &[3.0, 10.0]));
+    let counts = [at("count[1]")];
+    // SAFETY: the instance is live; all arrays are as long as is said.
+    unsafe {
+        fmu.ok(call3!(fmi3SetInt32: fmi3SetInt32TYPE(c, counts.as_ptr(), 1, [5, -1].as_ptr(), 2)));
+        let (on, label) = ([at("on[1]")], [at("label[1]")]);
+        fmu.ok(call3!(fmi3SetBoolean: fmi3SetBooleanTYPE(c, on.as_ptr(), 1, [1, 1].as_ptr(), 2)));
+        let two = [c"uno".as_ptr(), c"due".as_ptr()];
+        fmu.ok(call3!(fmi3SetString: fmi3SetStringTYPE(c, label.as_ptr(), 1, two.as_ptr(), 2)));
+    }
+    fmu.start(0.0);
+    fmu.ok(fmu.step(0.0, 0.05));
+    assert_eq!(texts(&fmu, "says", 1), ["the <sum> & more 1: 5 of uno and due"]);
+    assert_eq!(texts(&fmu, "label[1]", 2), ["uno", "due"]);
+    // A scalar, an array, and the time.
+    let found = fmu.get_floats(&[at("sum"), at("gain[1]"), at("time")], 4);
+    assert_eq!(found, Ok(vec![5.0, 3.0, 10.0, 0.05]));
+
+    let wrong = fmu.get_floats(&[at("gain[1]")], 1).expect_err("two values");
+    assert!(fmu.error(wrong).contains("nValues = 1 is refused: the value references stand for 2 values"));
+    let within = fmu.get_floats(&[at("gain[2]")], 1).expect_err("an element");
+    assert!(fmu.error(within).contains("lies within an array, as gain[2]"));
+    let status = fmu.set_floats(&[at("time")], &[1.0]);
+    assert!(fmu.error(status).contains("time cannot be set"));
+}
+
+/// Fails if an enumeration is read as Int32, if a byte beyond 0 and 1 is taken for a Boolean, or if a type that no variable has
+/// is not refused by name.
+#[test]
+fn types_of_fmi_3_are_told_apart() {
+    let fmu = Fmu3::new("Types", false);
+    fmu.ok(fmu.set("mode", 2.0));
+    fmu.start(0.0);
+    let (c, mode, on) = (fmu.instance(), [fmu.reference("mode")], [fmu.reference("on[1]")]);
+    let gain = [fmu.reference("gain[1]")];
+    assert_eq!(fmu.get("mode"), 2.0);
+    // SAFETY: the instance is live; all arrays have one element.
+    unsafe {
+        let status = call3!(fmi3GetInt32: fmi3GetInt32TYPE(c, mode.as_ptr(), 1, [0].as_mut_ptr(), 1));
+        assert!(fmu.error(status).contains("mode is not of type Int32 but Enumeration (Int64)"));
+        let status = call3!(fmi3SetInt64: fmi3SetInt64TYPE(c, mode.as_ptr(), 1, [1 << 32].as_ptr(), 1));
+        assert!(fmu.error(status).contains("mode: 4294967296 is refused"));
+        let status = call3!(fmi3SetBoolean: fmi3SetBooleanTYPE(c, on.as_ptr(), 1, [2].as_ptr(), 1));
+        assert!(fmu.error(status).contains("on[1]: 2 is refused: expected fmi3False (0) or fmi3True (1)"));
+        let status = call3!(fmi3GetFloat32: fmi3GetFloat32TYPE(c, gain.as_ptr(), 1, [0.0].as_mut_ptr(), 1));
+        assert!(fmu.error(status).contains("gain[1] is not of type Float32 but Float64"));
+        let status = call3!(fmi3SetBinary: fmi3SetBinaryTYPE(c, gain.as_ptr(), 1, null(), null(), 0));
+        assert!(fmu.error(status).contains("gain[1] is not of type Binary but Float64"));
+        // Nothing of that type is not too much.
+        fmu.ok(call3!(fmi3GetUInt16: fmi3GetUInt16TYPE(c, null(), 0, null_mut(), 0)));
+    }
+}
+
+/// Fails if elements are not joined, if a start value is lost, or if the description of an element stands for all.
+#[test]
+fn the_model_description_of_fmi_3_has_scalars_or_arrays() {
+    let model = library::FMUS.find("Types").expect("the model");
+    let [scalars, arrays] = Standard::OF_FMI3.map(|standard| model.description(standard));
+    assert_ne!(scalars.token, arrays.token);
+    assert_ne!(scalars.token, model.guid());
+    let document = roxmltree::Document::parse(&arrays.xml).expect("well-formed XML");
+    let named = |name: &str| document.descendants().find(|node| node.attribute("name") == Some(name));
+    let is = |name: &str, of_type: &str, reference: &str, start: Option<&str>| {
+        let node = named(name).unwrap_or_else(|| panic!("there is no {name}"));
+        let found = (node.tag_name().name(), node.attribute("valueReference"), node.attribute("start"));
+        assert_eq!(found, (of_type, Some(reference), start));
+    };
+    is("gain", "Float64", "0", Some("1 2"));
+    is("count", "Int32", "2", Some("3 4"));
+    is("on", "Boolean", "4", Some("true false"));
+    is("label", "String", "6", None);
+    is("mode", "Enumeration", "8", Some("1"));
+    is("time", "Float64", "12", None);
+    let label = named("label").expect("it");
+    let children: Vec<_> = label.children().filter(|node| node.is_element()).collect();
+    let values: Vec<_> = children.iter().map(|node| node.attribute("start").or(node.attribute("value"))).collect();
+    assert_eq!(values, [Some("2"), Some("one"), Some("two")]);
+    assert_eq!(named("gain").and_then(|node| node.attribute("description")), Some("Element k of what it is"));
+    assert!(named("gain[1]").is_none());
+    let document = roxmltree::Document::parse(&scalars.xml).expect("well-formed XML");
+    let names = document.descendants().filter(|node| node.attribute("causality").is_some());
+    let names: Vec<_> = names.filter_map(|node| node.attribute("name")).collect();
+    let wanted = model.variables().iter().map(|variable| variable.name.as_ref()).chain(["time"]);
+    assert_eq!(names, wanted.collect::<Vec<_>>());
+}
+
+/// Random calls with random arguments; see `support/abuse3.rs`.
+#[test]
+fn nothing_that_an_importer_of_fmi_3_does_breaks_an_instance() {
+    for seed in 1..=50 {
+        let mut abuse = Abuse3::new(Random::new(seed));
+        while abuse.calls < 2000 {
+            abuse.step().expect("random bytes do not end");
+        }
     }
 }
 

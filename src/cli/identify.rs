@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::{Refused, Result, deviation, duration, named, pair, print, say, write_page, write_table};
 use crate::estimation::{EstimatorConfig, Method};
-use crate::fmu::estimator::METHOD;
+use crate::fmu::RENAMED;
 use crate::output::{self, Format};
 use crate::report::{frame, identification};
 use crate::simulation::scenario::Scenario;
@@ -170,7 +170,7 @@ impl Arguments {
             return Ok(methods);
         }
         let names = METHODS.map(|(name, _)| name).join(", ");
-        Err(match METHOD.renamed.iter().find(|(former, _)| *former == self.method) {
+        Err(match RENAMED.iter().find(|(former, _)| *former == self.method) {
             Some((former, name)) => format!("--method {former}: expected {name}, which replaces it"),
             None => format!("--method {}: expected one of likelihood, {names}, all", self.method),
         }

@@ -45,7 +45,8 @@ struct Arguments {
 #[derive(Subcommand)]
 #[allow(clippy::large_enum_variant, reason = "there is one of it, and it is taken apart at once")]
 enum Command {
-    /// Packages the three FMUs and the SSP from the library that was built together with this program.
+    /// Packages the FMUs, each for FMI 2.0 and for FMI 3.0, and the SSPs from the library that was built together with this
+    /// program.
     ///
     /// Binaries for other platforms can be added; `scripts/build-platforms` makes them all.
     Package {
@@ -53,6 +54,9 @@ enum Command {
         /// platform replaces the library that was built together with this program.
         #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = binary)]
         binaries: Vec<(&'static Platform, PathBuf)>,
+        /// Makes the elements `x[1]`, `x[2]`, … one array `x` in the FMUs for FMI 3.0; fewer tools read arrays.
+        #[arg(long)]
+        arrays: bool,
         /// Folder for the archives; it is created if missing.
         #[arg(long, value_name = "DIR", default_value = FMU_FOLDER)]
         out: PathBuf,
@@ -224,7 +228,7 @@ pub fn main(commit: Option<&str>) -> ExitCode {
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let outcome = match arguments.command {
         None => everything(),
-        Some(Command::Package { binaries, out }) => package(&binaries, &out),
+        Some(Command::Package { binaries, arrays, out }) => package(&binaries, arrays, &out),
         Some(Command::Simulate { scenario, print: true, .. }) => print_scenario(&scenario),
         Some(Command::Simulate { scenario, changes, csv, json, report, print: false }) => {
             let out = Out { csv: csv.as_deref(), json: json.as_deref(), report: report.as_deref() };
@@ -276,7 +280,7 @@ fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
 }
 
 fn everything() -> Result<()> {
-    package(&[], Path::new(FMU_FOLDER))?;
+    package(&[], false, Path::new(FMU_FOLDER))?;
     say!();
     simulate(Path::new("paper"), &[], &Out { report: Some(Path::new(REPORT_FOLDER)), ..Out::default() })
 }
@@ -287,8 +291,8 @@ fn binary(argument: &str) -> std::result::Result<(&'static Platform, PathBuf), S
     Ok((platforms::by_name(name)?, path.into()))
 }
 
-fn package(binaries: &[(&'static Platform, PathBuf)], folder: &Path) -> Result<()> {
-    for written in package::package_for(&package::binaries(binaries)?, folder)? {
+fn package(binaries: &[(&'static Platform, PathBuf)], arrays: bool, folder: &Path) -> Result<()> {
+    for written in package::package_for(&package::binaries(binaries)?, arrays, folder)? {
         let platforms = written.platforms.join(", ");
         say!("{} ({} kB) for {platforms}", written.path.display(), written.bytes.div_ceil(1000));
     }

@@ -52,10 +52,9 @@ pub const CONDITION_CAP: f64 = 1.0e12;
 
 /// What a method keeps from sample to sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[expect(clippy::large_enum_variant, reason = "there is one of them, and stepping does not allocate")]
 enum MethodState {
-    PredictionError(PredictionErrorState<2, MAGNETS, UNKNOWNS, TOLERANCES>),
-    Paper(PaperState),
+    PredictionError(Box<PredictionErrorState<2, MAGNETS, UNKNOWNS, TOLERANCES>>),
+    Paper(Box<PaperState>),
 }
 
 /// All that changes with a sample. Made by [`Estimator::start`], and good only for estimators with the same parameters.
@@ -129,8 +128,8 @@ impl Estimator {
             ..EstimatorOutput::default()
         };
         let method = match &self.method {
-            MethodOf::PredictionError(method) => MethodState::PredictionError(method.start()),
-            MethodOf::Paper(method) => MethodState::Paper(method.start()),
+            MethodOf::PredictionError(method) => MethodState::PredictionError(Box::new(method.start())),
+            MethodOf::Paper(method) => MethodState::Paper(Box::new(method.start())),
         };
         EstimatorState { reset_was_high: false, readings: Readings::start(), method, output }
     }

@@ -12,6 +12,7 @@ use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::innovations::Square;
+use super::prediction_error::all_finite;
 use super::sums::{PredictionErrorSolution, Prior, Sums};
 
 /// Models, and their memories τ in s: from that of a bearing that does not change down to half a revolution at 3000 rpm.
@@ -61,7 +62,8 @@ pub enum Weighed {
 /// The models of memory, with the sums of each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Models<const K: usize, const U: usize, const T: usize> {
-    sums: [Sums<K, U, T>; MODELS],
+    /// On the heap one by one: the threads of importers have small stacks.
+    sums: [Box<Sums<K, U, T>>; MODELS],
     /// Logarithms of the evidence, relative to that of the first.
     evidence: [f64; MODELS],
     used: usize,
@@ -77,7 +79,7 @@ pub struct Models<const K: usize, const U: usize, const T: usize> {
 
 impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     pub fn start() -> Self {
-        let sums = std::array::from_fn(|_| Sums::zeros());
+        let sums = std::array::from_fn(|_| Box::new(Sums::zeros()));
         Self {
             sums,
             evidence: [0.0; MODELS],
@@ -92,14 +94,14 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     pub fn is_sound(&self) -> bool {
         self.used < MODELS
             && self.force < FORCE_PARTS.len()
-            && self.sums.iter().all(Sums::is_finite)
-            && self
-                .evidence
-                .iter()
-                .chain(&self.spread)
-                .chain(&self.force_odds)
-                .chain(&self.retained)
-                .all(|x| x.is_finite())
+            && self.sums.iter().all(|sums| sums.is_finite())
+            && all_finite(self.evidence.iter().chain(&self.spread).chain(&self.force_odds).chain(&self.retained))
+    }
+
+    /// Forgets the sums; without allocation, as all that a step does.
+    pub fn restart(&mut self) {
+        self.sums.iter_mut().for_each(|sums| **sums = Sums::zeros());
+        (self.evidence, self.used, self.spread) = ([0.0; MODELS], 0, SVector::zeros());
     }
 
     /// The sums of the model that is used.
@@ -138,7 +140,8 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         for m in (0..MODELS - 1).rev() {
             if self.evidence[m + 1] - self.evidence[m] > REPLACED {
                 renewed = true;
-                self.sums[m] = self.sums[m + 1].clone();
+                let (to, from) = self.sums.split_at_mut(m + 1);
+                to[m].clone_from(&from[0]);
                 self.evidence[m] = self.evidence[m + 1];
             }
         }

@@ -106,12 +106,12 @@ impl<const K: usize, const U: usize> Estimate<K, U> {
     }
 }
 
-/// All that changes with a sample.
+/// All that changes with a sample. Its large parts are on the heap: the threads of importers have small stacks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, const T: usize> {
     pub estimate: Estimate<K, U>,
     /// Samples that have not been filtered yet, from which the noise is started, and how many are missing before the next.
-    waiting: Waiting<N, K>,
+    waiting: Box<Waiting<N, K>>,
     gap: u32,
     /// The noise, once there is one; as it was when the last quarters began or when the estimate was last valid before.
     noise: Option<Noise>,
@@ -124,8 +124,8 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     estimated_at: u64,
     /// What the quarters that have ended tell, and the present one.
     models: Models<K, U, T>,
-    present: Sums<K, U, T>,
-    revolution: Revolution<K, U, T>,
+    present: Box<Sums<K, U, T>>,
+    revolution: Box<Revolution<K, U, T>>,
     /// Means of `i_k/gap_k²` and `i_k²/gap_k³` over the last revolution.
     per_current: SVector<f64, K>,
     gradient: SVector<f64, K>,
@@ -150,7 +150,7 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     solution: Option<Solution<U, T>>,
     inverse: Option<Square<U>>,
     condition: f64,
-    validation: Validation<N, U, T>,
+    validation: Box<Validation<N, U, T>>,
 }
 
 /// The estimator of [`Method::PredictionError`](super::Method::PredictionError) for N coordinates, K magnets, U unknowns and T tolerances.
@@ -186,7 +186,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         };
         PredictionErrorState {
             estimate,
-            waiting: Waiting::empty(),
+            waiting: Box::new(Waiting::empty()),
             gap: 0,
             noise: known.then(|| Noise::new(self.known_noise, self.known_noise[0])),
             trusted: [const { None }; QUARTERS],
@@ -195,8 +195,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             estimated: false,
             estimated_at: 0,
             models: Models::start(),
-            present: Sums::zeros(),
-            revolution: Revolution::start(),
+            present: Box::new(Sums::zeros()),
+            revolution: Box::new(Revolution::start()),
             per_current: SVector::zeros(),
             gradient: SVector::zeros(),
             table: AngleTable::empty(),
@@ -213,7 +213,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             solution: None,
             inverse: None,
             condition: CONDITION_CAP,
-            validation: Validation::start(0.0),
+            validation: Box::new(Validation::start(0.0)),
         }
     }
 
@@ -347,12 +347,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     /// Begins anew after a change of λ.
     fn restart(&self, state: &mut PredictionErrorState<N, K, U, T>) {
         state.trust_again();
-        (state.models, state.present, state.revolution) = (Models::start(), Sums::zeros(), Revolution::start());
+        state.models.restart();
+        (*state.present, *state.revolution) = (Sums::zeros(), Revolution::start());
         // The columns of the filter remember what the former λ did. The estimate of before goes on as the one with which the filter runs: noise and
         // tests need residuals, or samples that no λ explains would stay in the sums for ever.
         (state.filter, state.solution, state.inverse) = (None, None, None);
         (state.armed, state.outliers) = (false, 0);
-        state.validation = Validation::start(state.revolutions());
+        *state.validation = Validation::start(state.revolutions());
     }
 
     /// Solves the equations of all samples.
@@ -426,7 +427,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     fn end_quarter(&self, state: &mut PredictionErrorState<N, K, U, T>) {
         let Some(noise) = state.noise.clone() else { return };
         let variances = noise.variances();
-        let block = std::mem::replace(&mut state.present, Sums::zeros());
+        let block = std::mem::replace(&mut *state.present, Sums::zeros());
         let time_s = state.quarter_samples * self.filter.step_s;
         (state.quarters, state.passed, state.quarter_samples) = (state.quarters + 1, 0.0, 0.0);
         state.trusted.rotate_left(1);
@@ -444,7 +445,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                 Weighed::Renewed => state.validation.forget(state.revolutions()),
                 Weighed::Changed => {
                     state.trust_again();
-                    state.validation = Validation::start(state.revolutions());
+                    *state.validation = Validation::start(state.revolutions());
                 }
             }
             state.models.mix(&prior, variances);
@@ -465,7 +466,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                 (revolution.per_current / revolution.samples, revolution.gradient / revolution.samples);
         }
         if over {
-            *revolution = Revolution::start();
+            **revolution = Revolution::start();
         }
     }
 
@@ -547,7 +548,7 @@ impl<const K: usize, const U: usize, const T: usize> Revolution<K, U, T> {
     }
 }
 
-fn all_finite<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> bool {
+pub fn all_finite<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> bool {
     numbers.into_iter().all(|x| x.is_finite())
 }
 

@@ -160,8 +160,8 @@ pub struct SpindleEstimatorOutput {
 pub struct SpindleEstimatorState {
     reset_was_high: bool,
     readings: Readings<READINGS, MAGNETS>,
-    radial: RadialState,
-    axial: AxialState,
+    radial: Box<RadialState>,
+    axial: Box<AxialState>,
     output: SpindleEstimatorOutput,
 }
 
@@ -236,8 +236,8 @@ impl SpindleEstimator {
         let mut state = SpindleEstimatorState {
             reset_was_high: false,
             readings: Readings::start(),
-            radial: self.radial.start(),
-            axial: self.axial.start(),
+            radial: Box::new(self.radial.start()),
+            axial: Box::new(self.axial.start()),
             output: SpindleEstimatorOutput::default(),
         };
         self.report(&mut state, [Verdict::Collecting; 2]);

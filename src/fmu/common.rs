@@ -1,7 +1,7 @@
 //! Rows shared by the models of this project.
 
 use fmu_export::unit::{Display, HENRY, KILOGRAM, METRE, OHM, RADIAN, SECOND, Unit, VOLT};
-use fmu_export::variable::{Access, Enumeration, Row, element};
+use fmu_export::variable::{Access, Causality, Enumeration, Row, element};
 use fmu_export::{Info, Invalid};
 
 use crate::invalid;
@@ -14,17 +14,14 @@ pub(super) const KILOGRAM_METRE: Unit = Unit::new("kg.m", &[("kg", 1), ("m", 1)]
 
 /// What the three models share: version, licence, the paper's experiment of 0.4 s in steps of 0.1 ms.
 pub(super) const fn info(name: &'static str, description: &'static str) -> Info {
-    Info {
-        version: env!("CARGO_PKG_VERSION"),
-        license: env!("CARGO_PKG_LICENSE"),
-        tool: concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")),
-        stop_s: 0.4,
-        step_s: 1e-4,
+    Info::new(name, description)
+        .version(env!("CARGO_PKG_VERSION"))
+        .license(env!("CARGO_PKG_LICENSE"))
+        .tool(concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")))
+        .experiment(0.4, 1e-4)
         // The models have a fixed accuracy better than this: without noise the estimates err by less
         // (tests/app/closed_loop.rs), and the motion of the plant by far less (tests/model/plant.rs).
-        tolerance: 1e-4,
-        ..Info::new(name, description)
-    }
+        .tolerance(1e-4)
 }
 
 /// Rows for the axes y and z.
@@ -57,12 +54,11 @@ pub(super) fn geometry<D>(m: Access<D, f64>, s: Access<D, f64>, alpha: Access<D,
 }
 
 /// What drives the coils.
-pub static DRIVE: Enumeration = Enumeration {
-    name: "Drive",
-    description: "What drives the coils",
-    items: &[("current", "Currents, held over the step"), ("voltage", "Amplifier voltages, held over the step")],
-    renamed: &[],
-};
+pub static DRIVE: Enumeration = Enumeration::new(
+    "Drive",
+    "What drives the coils",
+    &[("current", "Currents, held over the step"), ("voltage", "Amplifier voltages, held over the step")],
+);
 
 /// Drive, resistance, leakage and limit of the voltage of the coils.
 pub(super) fn coils<D>(
@@ -84,6 +80,18 @@ pub(super) fn coils<D>(
     ]
     .into_iter()
     .map(Row::fixed)
+}
+
+/// The rows of a model as its users see them: every quantity with a display unit in the first of them.
+pub(super) fn displayed<D>(rows: Vec<Row<D>>) -> Vec<Row<D>> {
+    rows.into_iter().map(Row::display_in_first).collect()
+}
+
+/// As [`displayed`], for a sampled model, whose outputs at the start follow from the parameters alone.
+pub(super) fn sampled<D>(rows: Vec<Row<D>>) -> Vec<Row<D>> {
+    let is_output = |row: &Row<D>| row.variable.causality == Causality::Output;
+    let rows = rows.into_iter().map(|row| if is_output(&row) { row.starts_from_parameters() } else { row });
+    displayed(rows.collect())
 }
 
 /// First guess of the force constants.

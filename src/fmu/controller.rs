@@ -5,40 +5,38 @@ use std::fmt;
 use fmu_export::log::{Digits, Log, Topic};
 use fmu_export::unit::{AMPERE, HERTZ, METRE, NEWTON, ONE, RADIAN_PER_SECOND, SECOND, VOLT};
 use fmu_export::variable::{Access, Enumeration, Row, Table, Value};
-use fmu_export::{Info, Invalid, SampledModel, StepError, place};
+use fmu_export::{Info, Invalid, Resources, SampledModel, StepError, place};
 use serde::{Deserialize, Serialize};
 
-use super::common::{Axes, DRIVE, LAMBDA, coils, geometry, info, lambda0, sample_time, together};
+use super::common::{Axes, DRIVE, LAMBDA, coils, geometry, info, lambda0, sample_time, sampled, together};
 use crate::bearing::coil::Drive;
 use crate::control::controller::{
     Controller, ControllerConfig, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
 };
-use crate::control::reference::{HARMONICS, Shape};
+use crate::control::reference::{HARMONICS, MOST_LOBES, Shape};
 
 /// When the estimated force constants are taken over.
-pub static UPDATE_MODE: Enumeration = Enumeration {
-    name: "UpdateMode",
-    description: "When the controller takes over the estimated force constants",
-    items: &[
+pub static UPDATE_MODE: Enumeration = Enumeration::new(
+    "UpdateMode",
+    "When the controller takes over the estimated force constants",
+    &[
         ("never", "The first guess is used throughout"),
         ("atTime", "Once, at the simulation time update.time or as soon after it as the estimate is valid"),
         ("whenValid", "At every sample at which the estimate is valid"),
     ],
-    renamed: &[],
-};
+);
 
 /// Shape of the reference trajectory.
-pub static SHAPE: Enumeration = Enumeration {
-    name: "ReferenceShape",
-    description: "Shape of the reference trajectory",
-    items: &[
+pub static SHAPE: Enumeration = Enumeration::new(
+    "ReferenceShape",
+    "Shape of the reference trajectory",
+    &[
         ("ellipse", "Ellipse with the semi-axes rY and rZ"),
         ("lobes", "Ellipse with lobes"),
         ("external", "The inputs Yref and Zref"),
         ("fourier", "A Fourier series with centre, cosY, sinY, cosZ, sinZ"),
     ],
-    renamed: &[],
-};
+);
 
 /// The values of all variables of the controller.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -143,6 +141,7 @@ fn table() -> Vec<Row<Values>> {
         Row::integer("reference.lobes", place!(Values.lobes), 3)
             .fixed()
             .min(0.0)
+            .max(f64::from(MOST_LOBES))
             .description("Number of lobes with shape = lobes"),
     );
     rows.push(
@@ -362,10 +361,10 @@ impl SampledModel for FlatnessController {
     type State = ControllerState;
 
     fn table() -> Vec<Row<Values>> {
-        table()
+        sampled(table())
     }
 
-    fn new(values: &Values) -> Result<Self, Vec<Invalid>> {
+    fn new(values: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
         let (config, findings) = values.config();
         together(findings, Controller::new(config)).map(Self)
     }
@@ -395,7 +394,7 @@ impl SampledModel for FlatnessController {
         Ok(())
     }
 
-    fn retune(&mut self, _: &mut ControllerState, values: &Values) -> Result<(), Vec<Invalid>> {
+    fn retune(&mut self, _: &mut ControllerState, values: &Values, _: &Resources) -> Result<(), Vec<Invalid>> {
         together(Vec::new(), self.0.retune(values.config.modulation, values.config.modulation_hz))
     }
 

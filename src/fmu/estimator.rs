@@ -5,31 +5,30 @@ use fmu_export::unit::{
     AMPERE, KILOGRAM, METRE, NEWTON, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND, SECOND,
 };
 use fmu_export::variable::{Access, Enumeration, Row, Table, Value};
-use fmu_export::{Info, Invalid, SampledModel, StepError, place};
+use fmu_export::{Info, Invalid, Resources, SampledModel, StepError, place};
 use serde::{Deserialize, Serialize};
 
-use super::common::{Axes, KILOGRAM_METRE, LAMBDA, geometry, info, lambda0, sample_time, together};
+use super::common::{Axes, KILOGRAM_METRE, LAMBDA, geometry, info, lambda0, sample_time, sampled, together};
 use crate::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method, Verdict,
 };
 
 /// How the force constants are computed.
-pub static METHOD: Enumeration = Enumeration {
-    name: "EstimationMethod",
-    description: "How the force constants are computed",
-    items: &[
+pub static METHOD: Enumeration = Enumeration::new(
+    "EstimationMethod",
+    "How the force constants are computed",
+    &[
         ("paperLiteral", "Filtered signed determinants, equation (20) to the letter; diverges"),
         ("paper", "Equation (20) with the sign of the determinant aligned; z axis only"),
         ("predictionError", "Prediction errors and instrumental variables; unbalance and noise identified as well"),
     ],
-    renamed: &[("leastSquares", "predictionError"), ("unbalance", "predictionError")],
-};
+);
 
 /// Why an estimate is valid or not.
-pub static VERDICT: Enumeration = Enumeration {
-    name: "Verdict",
-    description: "Why an estimate is valid or not",
-    items: &[
+pub static VERDICT: Enumeration = Enumeration::new(
+    "Verdict",
+    "Why an estimate is valid or not",
+    &[
         ("valid", "All tests pass"),
         ("collecting", "Not enough samples yet"),
         ("disabled", "The input enable is false"),
@@ -50,20 +49,18 @@ pub static VERDICT: Enumeration = Enumeration {
         ("foreignState", "The state belongs to an estimator with other parameters"),
         ("speed", "The input omega is not the speed of theta in rad/s"),
     ],
-    renamed: &[],
-};
+);
 
 /// What a sample of a current stands for.
-pub static HOLD: Enumeration = Enumeration {
-    name: "CurrentHold",
-    description: "What a sample of a current stands for",
-    items: &[
+pub static HOLD: Enumeration = Enumeration::new(
+    "CurrentHold",
+    "What a sample of a current stands for",
+    &[
         ("heldBefore", "The current held over the interval that ends at the sample"),
         ("heldAfter", "The current held over the interval that begins at the sample"),
         ("linear", "A point of a continuous current"),
     ],
-    renamed: &[],
-};
+);
 
 /// Noise of the sensors, and how well the rest is known: σ_z, σ_i, then the tolerances in the order of [`Tolerance`](crate::estimation::Tolerance).
 pub(super) fn known<D>(positions: &str, places: [Access<D, f64>; 10]) -> impl Iterator<Item = Row<D>> {
@@ -375,10 +372,10 @@ impl SampledModel for AlgebraicEstimator {
     type State = EstimatorState;
 
     fn table() -> Vec<Row<Values>> {
-        table()
+        sampled(table())
     }
 
-    fn new(values: &Values) -> Result<Self, Vec<Invalid>> {
+    fn new(values: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
         let (config, findings) = values.config();
         together(findings, Estimator::new(config)).map(Self)
     }

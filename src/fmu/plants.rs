@@ -8,12 +8,12 @@ use fmu_export::unit::{
     AMPERE, METRE, NEWTON_PER_METRE, NEWTON_SECOND_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND, SECOND, WEBER,
 };
 use fmu_export::variable::Dependency::Constant;
-use fmu_export::variable::{Access, Row, Table, Value};
-use fmu_export::{Capabilities, Info, Invalid, Model, Step, StepError};
+use fmu_export::variable::{Access, Row, Table, Value, Variability};
+use fmu_export::{Capabilities, Info, Invalid, Model, Resources, Step, StepError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::common::{DRIVE, together};
+use super::common::{DRIVE, displayed, together};
 use crate::bearing::coil::{CoilConfig, Drive};
 use crate::bearing::scalar::Scalar;
 use crate::invalid;
@@ -315,13 +315,17 @@ where
     type Values = Values<R, N, K>;
     type State = PlantState<N, K, R::Contact>;
 
-    const CAPABILITIES: Capabilities = Capabilities { directional_derivatives: true, output_derivative_order: 2 };
+    const CAPABILITIES: Capabilities =
+        Capabilities::NONE.directional_derivatives().output_derivatives(2).interpolates_inputs();
 
     fn table() -> Vec<Row<Values<R, N, K>>> {
-        R::table()
+        // A sampled output is held until the next sample.
+        let is_held = |row: &Row<_>| row.variable.variability == Variability::Discrete;
+        let rows = R::table().into_iter().map(|row| if is_held(&row) { row.depends_on_nothing() } else { row });
+        displayed(rows.collect())
     }
 
-    fn new(values: &Values<R, N, K>) -> Result<Self, Vec<Invalid>> {
+    fn new(values: &Values<R, N, K>, _: &Resources) -> Result<Self, Vec<Invalid>> {
         let (config, findings) = values.config();
         together(findings, Plant::new(config)).map(Self)
     }
@@ -354,6 +358,7 @@ where
         &mut self,
         state: &mut PlantState<N, K, R::Contact>,
         values: &Values<R, N, K>,
+        _: &Resources,
     ) -> Result<(), Vec<Invalid>> {
         let tuned = R::retune(&mut self.0, &values.config);
         together(Vec::new(), tuned)?;

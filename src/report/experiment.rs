@@ -370,7 +370,7 @@ fn shown(variable: &Variable, value: Value) -> String {
         (Type::Real { unit, display, .. }, Value::Real(value)) => {
             let display = unit.displays.iter().find(|candidate| Some(candidate.name) == *display);
             match display {
-                Some(display) => format!("{} {}", rounded(value * display.factor), display.name),
+                Some(display) => format!("{} {}", rounded(value * display.factor + display.offset), display.name),
                 None if unit.name == "1" => rounded(value),
                 None => format!("{} {}", rounded(value), unit.name),
             }
@@ -379,7 +379,7 @@ fn shown(variable: &Variable, value: Value) -> String {
         (_, Value::Integer(value)) => value.to_string(),
         (_, Value::Boolean(value)) => value.to_string(),
         (_, Value::String(value)) => value,
-        (_, Value::Real(value)) => rounded(value),
+        (_, value) => rounded(value.as_f64()),
     }
 }
 

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::support::{MODELS, says};
+use fmu_export::Standard;
 use fmu_export::package::{Written, platform};
 use fmu_export::variable::Type;
 use magnetic_bearing::fmu::catalogue;
@@ -59,7 +60,8 @@ fn two_packagings_give_the_same_bytes() {
     let (first, second) = (packaged("first"), packaged("second"));
     let names: Vec<_> = first.iter().map(|written| file_name(&written.path)).collect();
     let systems = ["MagneticBearing.ssp".into(), "MagneticSpindle.ssp".into()];
-    let wanted: Vec<_> = MODELS.iter().map(|model| format!("{model}.fmu")).chain(systems).collect();
+    let of = |ending: &'static str| MODELS.iter().map(move |model| format!("{model}{ending}"));
+    let wanted: Vec<_> = of(".fmu").chain(of("_fmi3.fmu")).chain(systems).collect();
     assert_eq!(names, wanted);
     for (one, other) in first.iter().zip(&second) {
         let bytes = fs::read(&one.path).expect("an archive");
@@ -103,7 +105,7 @@ fn an_fmu_holds_what_it_should_and_nothing_else() {
     // The library as it was built, but for the folders of this machine in it.
     let library =
         fmu_export::package::binaries_of(&package::built_library().expect("the library")).expect("the library");
-    let library = library.places()[0].content.to_vec();
+    let library = library.places(Standard::Fmi2)[0].content.to_vec();
     for (kind, written) in catalogue().iter().zip(packaged("members")) {
         let name = kind.info.name;
         assert_eq!(file_name(&written.path), format!("{name}.fmu"));

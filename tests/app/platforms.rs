@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use crate::support::MODELS;
+use fmu_export::Standard;
 use fmu_export::package::platforms::{Binaries, PLATFORMS, Platform, by_name};
 use magnetic_bearing::package::built_library;
 
@@ -65,7 +66,7 @@ fn names(binaries: &Binaries) -> Vec<&'static str> {
 
 /// Folders with the binaries in them.
 fn places(binaries: &Binaries) -> Vec<(&'static str, Vec<u8>)> {
-    binaries.places().into_iter().map(|place| (place.folder, place.content.into_owned())).collect()
+    binaries.places(Standard::Fmi2).into_iter().map(|place| (place.folder, place.content.into_owned())).collect()
 }
 
 fn universal(files: &[Vec<u8>]) -> Vec<u8> {
@@ -94,8 +95,13 @@ fn every_platform_has_its_folder() {
     assert_eq!(places[1].1, dll());
     assert_eq!(places[3].1, elf(ARM));
     assert_eq!(places[4].1, dylib(MACH_ARM));
-    let endings: Vec<_> = all.places().iter().map(|place| place.ending).collect();
+    let endings: Vec<_> = all.places(Standard::Fmi2).iter().map(|place| place.ending).collect();
     assert_eq!(endings, ["so", "dll", "dylib", "so", "dylib"]);
+    // FMI 3.0 has other names, and each folder holds the library for its platform alone.
+    let places: Vec<_> = all.places(Standard::Fmi3 { arrays: false });
+    let folders: Vec<_> = places.iter().map(|place| place.folder).collect();
+    assert_eq!(folders, ["x86_64-linux", "x86_64-windows", "x86_64-darwin", "aarch64-linux", "aarch64-darwin"]);
+    assert!(*places[2].content == *dylib(MACH_X86) && *places[4].content == *dylib(MACH_ARM));
 }
 
 #[test]

@@ -5,13 +5,17 @@ mod support;
 
 mod abuse;
 mod bindings;
+mod bindings3;
 mod derivatives;
 // The documentation page is made by the program.
 #[cfg(feature = "app")]
 mod description;
+mod fmi3;
 mod guard;
+mod initial;
 mod instances;
 mod log;
 mod session;
+mod stack;
 mod state;
 mod time;

@@ -6,8 +6,11 @@ use std::ptr::null_mut;
 use std::sync::Mutex;
 
 use crate::support::MODELS;
+use crate::support::Random;
+use crate::support::abuse3::Abuse3;
 use crate::support::ffi::{Expect, Fmu, guid, text};
 use fmu_export::fmi2::bindings::*;
+use fmu_export::fmi3::bindings::fmi3GetVersionTYPE;
 use magnetic_bearing::package;
 
 /// Number of loads of the library, unless set by the environment.
@@ -199,22 +202,52 @@ fn eight_threads_at_once_compute_what_one_does() {
     });
 }
 
-/// The texts of the library itself are there for the length of its load. Fails if a function of the header is missing.
+/// The texts of the library itself are there for the length of its load. Fails if a function of a header is missing.
 #[test]
-fn the_library_exports_every_function_of_the_header() {
+fn the_library_exports_every_function_of_the_headers() {
     let _alone = ALONE.lock();
+    let headers = [
+        (include_str!("../../fmu-export/src/fmi2/fmi2.h"), 34),
+        (include_str!("../../fmu-export/src/fmi3/fmi3.h"), 75),
+    ];
     // SAFETY: as in `round`.
     unsafe {
         let loaded = libloading::Library::new(library()).expect("the library");
-        // Declarations stand there as `fmi2DoStepTYPE fmi2DoStep;`.
-        let words = |line: &'static str| line.strip_suffix(';').and_then(|line| line.split_once("TYPE "));
-        let declared: Vec<_> = include_str!("../../fmu-export/src/fmi2/fmi2.h").lines().filter_map(words).collect();
-        let names: Vec<_> = declared.iter().filter(|(kind, name)| kind == name).map(|(_, name)| *name).collect();
-        assert_eq!(names.len(), 34);
-        for name in names {
-            loaded.get::<*const c_void>(format!("{name}\0").as_bytes()).expect("a symbol");
+        for (header, count) in headers {
+            // Declarations stand there as `fmi2DoStepTYPE fmi2DoStep;`.
+            let words = |line: &'static str| line.strip_suffix(';').and_then(|line| line.split_once("TYPE "));
+            let declared: Vec<_> = header.lines().filter_map(words).collect();
+            let names: Vec<_> = declared.iter().filter(|(kind, name)| kind == name).map(|(_, name)| *name).collect();
+            assert_eq!(names.len(), count);
+            for name in names {
+                loaded.get::<*const c_void>(format!("{name}\0").as_bytes()).expect("a symbol");
+            }
         }
         let version = loaded.get::<fmi2GetVersionTYPE>(b"fmi2GetVersion\0").expect("a symbol").expect("a function");
         assert_eq!(CStr::from_ptr(version()), c"2.0");
+        let version = loaded.get::<fmi3GetVersionTYPE>(b"fmi3GetVersion\0").expect("a symbol").expect("a function");
+        assert_eq!(CStr::from_ptr(version()), c"3.0");
     }
+}
+
+/// Fails if fmi3FreeInstance forgets the instance, fmi3FreeFMUState the snapshot, or a call the memory that it needs: each leaves
+/// many megabytes.
+#[test]
+fn random_calls_of_fmi_3_leave_nothing_behind() {
+    let _alone = ALONE.lock();
+    let mut settled = 0;
+    const SEEDS: u64 = if cfg!(debug_assertions) { 50 } else { 500 };
+    for seed in 1..=SEEDS {
+        let mut abuse = Abuse3::new(Random::new(seed));
+        while abuse.calls < 2000 {
+            abuse.step().expect("random bytes do not end");
+        }
+        drop(abuse);
+        if seed == SEEDS / 5 {
+            settled = resident_bytes();
+        }
+    }
+    let grown = resident_bytes().saturating_sub(settled);
+    println!("{settled} bytes, {grown} more at the end");
+    assert!(grown <= GROWTH_BYTES, "{grown} bytes more");
 }

@@ -4,13 +4,19 @@
 
 #[path = "../../fmu-export/tests/support/abuse.rs"]
 pub mod abuse;
+#[path = "../../fmu-export/tests/support/abuse3.rs"]
+pub mod abuse3;
 #[path = "../../fmu-export/tests/support/ffi.rs"]
 pub mod ffi;
+#[path = "../../fmu-export/tests/support/ffi3.rs"]
+pub mod ffi3;
 pub mod named;
 #[path = "../../fmu-export/tests/support/random.rs"]
 mod random;
 #[path = "../../fmu-export/tests/support/sequence.rs"]
 pub mod sequence;
+#[path = "../../fmu-export/tests/support/sequence3.rs"]
+pub mod sequence3;
 pub mod whirl;
 
 /// The models that the tests in `fmu-export/tests/support` work on.

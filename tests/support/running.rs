@@ -82,7 +82,7 @@ impl Bench {
             Value::Boolean(_) => Value::Boolean(value != 0.0),
             Value::Integer(_) => Value::Integer(value as i32),
             Value::Real(_) => Value::Real(value),
-            Value::String(_) => panic!("{element}.{variable} is a text"),
+            _ => panic!("{element}.{variable} is a text"),
         };
         self.instances[at].set(index, value).expect("a value that may be set");
     }

@@ -8,79 +8,25 @@
 
 #![allow(non_snake_case, reason = "the names are those of the standard")]
 
-use std::ffi::{CStr, CString, c_char};
+use std::ffi::{CStr, c_char};
 use std::panic::catch_unwind;
 
+use super::Fmi2;
 use super::bindings::*;
-use super::component::{Component, Outcome, Problem};
-use super::guard::{enter, hand_out, take_back};
-use super::logger::{Category, Logger};
 use super::sequence::{Function, State};
-use super::snapshot::Snapshot;
 use crate::fmus::Fmus;
+use crate::interface::arguments::{elements, elements_mut, finite, handed_out, text};
+use crate::interface::component::Problem;
+use crate::interface::guard::{enter, hand_out, take_back};
+use crate::interface::logger::Category;
+use crate::interface::snapshot::Stage;
+use crate::interface::{c_functions, component, logger, states};
 use crate::model::Step;
+use crate::resources::Resources;
 use crate::variable::Value;
 
-/// Declares functions for C, and checks at compile time that their types are those of the bindings.
-macro_rules! export {
-    ($(
-        $(#[$attribute:meta])*
-        fn $name:ident: $type:ident ($($argument:ident: $of:ty),* $(,)?) -> $result:ty $body:block
-    )*) => {$(
-        $(#[$attribute])*
-        ///
-        /// # Safety
-        /// As for all functions of [this module](self).
-        pub unsafe extern "C" fn $name($($argument: $of),*) -> $result $body
-
-        const _: $type = Some($name);
-    )*};
-}
-
-/// The elements of an array passed by the importer.
-///
-/// # Safety
-/// `first` is null or points to `length` elements that stay valid and unchanged until the call returns.
-unsafe fn elements<'a, T>(name: &str, first: *const T, length: usize) -> Result<&'a [T], Problem> {
-    check_array::<T>(name, first.is_null(), length)?;
-    if length == 0 {
-        return Ok(&[]);
-    }
-    // SAFETY: the pointer is not null, and by this function's contract the elements are there; the length was checked.
-    Ok(unsafe { std::slice::from_raw_parts(first, length) })
-}
-
-/// The elements of an array that the importer wants filled.
-///
-/// # Safety
-/// `first` is null or points to `length` elements that nobody else uses until the call returns.
-unsafe fn elements_mut<'a, T>(name: &str, first: *mut T, length: usize) -> Result<&'a mut [T], Problem> {
-    check_array::<T>(name, first.is_null(), length)?;
-    if length == 0 {
-        return Ok(&mut []);
-    }
-    // SAFETY: the pointer is not null, and by this function's contract the elements are there; the length was checked.
-    Ok(unsafe { std::slice::from_raw_parts_mut(first, length) })
-}
-
-fn check_array<T>(name: &str, null: bool, length: usize) -> Outcome {
-    if length > isize::MAX as usize / size_of::<T>() {
-        return Err(Problem::Call(format!("{name} cannot have {length} elements: that is more than memory can hold")));
-    }
-    if null && length > 0 {
-        return Err(Problem::Call(format!("{name} is null: expected an array of {length} elements")));
-    }
-    Ok(())
-}
-
-/// A string passed by the importer.
-///
-/// # Safety
-/// `text` is null or ends with a zero byte and stays valid and unchanged until the call returns.
-unsafe fn text<'a>(text: fmi2String) -> Option<&'a CStr> {
-    // SAFETY: the pointer is not null, and by this function's contract the text ends with a zero byte.
-    (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) })
-}
+type Component = component::Component<Fmi2>;
+type Logger = logger::Logger<Fmi2>;
 
 /// Reads the variables of one type.
 ///
@@ -140,38 +86,6 @@ unsafe fn set<T: Copy>(
     unsafe { enter(component, function, body) }
 }
 
-/// Returns a number if it is finite: inputs can be finite and yet so large that the results are not.
-fn handed_out(component: &Component, reference: fmi2ValueReference, value: fmi2Real) -> Result<fmi2Real, Problem> {
-    let name = || component.name_of(reference);
-    let why = || Problem::Call(format!("{}: with the present inputs it would be {value}", name()));
-    if value.is_finite() { Ok(value) } else { Err(why()) }
-}
-
-/// Refuses NaN and infinity.
-fn finite(value: fmi2Real) -> Result<fmi2Real, String> {
-    if value.is_finite() { Ok(value) } else { Err(format!("{value} is refused: expected a finite number")) }
-}
-
-/// A snapshot that the importer got from this library.
-///
-/// # Safety
-/// The pointer is null or came from [`fmi2GetFMUstate`] or [`fmi2DeSerializeFMUstate`] of this library and was not freed
-/// since; nobody changes the snapshot while the answer is in use. Others may read it: several instances can restore one
-/// snapshot at the same time.
-unsafe fn snapshot<'a>(state: fmi2FMUstate) -> Result<&'a Snapshot, Problem> {
-    // SAFETY: a pointer that is not null is, by this function's contract, a live snapshot that nobody changes.
-    unsafe { state.cast::<Snapshot>().as_ref() }.ok_or_else(|| Problem::call("FMUstate is null: expected a snapshot"))
-}
-
-/// The place for a single value.
-///
-/// # Safety
-/// As for [`elements_mut`].
-unsafe fn element_mut<'a, T>(name: &str, place: *mut T) -> Result<&'a mut T, Problem> {
-    // SAFETY: by this function's contract.
-    unsafe { elements_mut(name, place, 1) }.map(|elements| &mut elements[0])
-}
-
 /// Answers a query about the last step.
 ///
 /// # Safety
@@ -198,15 +112,15 @@ fn make(
     fmus: &'static Fmus,
     name: fmi2String,
     kind: fmi2Type,
-    guid: fmi2String,
+    (guid, location): (fmi2String, fmi2String),
     functions: *const fmi2CallbackFunctions,
     logging_on: fmi2Boolean,
 ) -> Option<fmi2Component> {
-    // SAFETY: the importer keeps the callbacks and both texts valid for the length of the call, the callbacks' content for the life of
+    // SAFETY: the importer keeps the callbacks and the texts valid for the length of the call, the callbacks' content for the life of
     // the instance; null is checked.
-    let (callbacks, name, guid) = unsafe { (functions.as_ref()?, text(name), text(guid)) };
+    let (callbacks, name, guid, location) = unsafe { (functions.as_ref()?, text(name), text(guid), text(location)) };
     let shown = name.filter(|name| !name.is_empty()).unwrap_or(c"(no name)");
-    let logger = Logger::new(CString::from(shown), callbacks, logging_on != fmi2False);
+    let logger = Logger::new(shown, callbacks.logger, callbacks.componentEnvironment, logging_on != fmi2False);
     let refuse = |why: std::fmt::Arguments<'_>| {
         logger.send(fmi2Status::fmi2Error, Category::StatusError, format_args!("fmi2Instantiate: {why}"));
         None
@@ -227,7 +141,8 @@ fn make(
             fmus.guids()
         ));
     };
-    Some(hand_out(Component::new(model, logger)))
+    let resources = location.map(|location| Resources::from_uri(&location.to_string_lossy())).unwrap_or_default();
+    Some(hand_out(Component::new(model, resources, logger, ())))
 }
 
 /// Makes an instance of the model with that GUID; null if that is not possible, with a message that gives the reason. This is
@@ -240,15 +155,16 @@ pub unsafe fn instantiate(
     name: fmi2String,
     kind: fmi2Type,
     guid: fmi2String,
+    location: fmi2String,
     functions: *const fmi2CallbackFunctions,
     logging_on: fmi2Boolean,
 ) -> fmi2Component {
-    let made = catch_unwind(|| make(fmus, name, kind, guid, functions, logging_on));
+    let made = catch_unwind(|| make(fmus, name, kind, (guid, location), functions, logging_on));
     // The message of a panic went to the standard error; there is no instance whose logger could be used.
     made.ok().flatten().unwrap_or(std::ptr::null_mut())
 }
 
-export! {
+c_functions! {
     /// The platform type of the interface, `default`.
     fn fmi2GetTypesPlatform: fmi2GetTypesPlatformTYPE() -> *const c_char {
         fmi2TypesPlatform.as_ptr()
@@ -266,23 +182,18 @@ export! {
         nCategories: usize,
         categories: *const fmi2String,
     ) -> fmi2Status {
-        let body = |component: &mut Component| {
-            // SAFETY: the array and its texts are as this module's contract says; null is checked.
-            let names = unsafe { elements("categories", categories, nCategories)? }.iter().map(|name| unsafe { text(*name) });
-            let names: Vec<&CStr> =
-                names.collect::<Option<_>>().ok_or_else(|| Problem::call("categories holds a null pointer"))?;
-            component.logger.switch(loggingOn != fmi2False, &names).map_err(|name| {
-                Problem::Call(format!("{} is not a category of the model description", name.to_string_lossy()))
+        // SAFETY: component, array and texts are as this module's contract says.
+        unsafe {
+            enter(c, Function::SetDebugLogging, |component| {
+                component.switch_logging(loggingOn != fmi2False, elements("categories", categories, nCategories)?)
             })
-        };
-        // SAFETY: the component is as this module's contract says.
-        unsafe { enter(c, Function::SetDebugLogging, body) }
+        }
     }
 
     /// Frees an instance.
     fn fmi2FreeInstance: fmi2FreeInstanceTYPE(c: fmi2Component) -> () {
         // SAFETY: by this module's contract the pointer came from `fmi2Instantiate` and is not used again.
-        unsafe { take_back(c) }
+        unsafe { take_back::<Fmi2>(c) }
     }
 
     /// Sets start and stop time. A tolerance is accepted without effect: the models have a fixed accuracy.
@@ -381,20 +292,7 @@ export! {
         let body = |component: &mut Component| {
             // SAFETY: the arrays are as this module's contract says.
             let (references, values) = unsafe { (elements("vr", vr, nvr)?, elements_mut("value", value, nvr)?) };
-            let mut texts = Vec::new();
-            for reference in references {
-                let found = component.instance.get(*reference as usize).map_err(Problem::call)?;
-                let Value::String(text) = found else {
-                    return Err(Problem::Call(wrong_type(component, *reference, "String", &found)));
-                };
-                // A zero byte would end the string for the importer; a blank keeps what follows readable.
-                texts.push(CString::new(text.replace('\0', " ")).expect("zero bytes were replaced"));
-            }
-            component.texts = texts;
-            for (value, text) in values.iter_mut().zip(&component.texts) {
-                *value = text.as_ptr();
-            }
-            Ok(())
+            component.read_texts(references, values)
         };
         // SAFETY: the component is as this module's contract says.
         unsafe { enter(c, Function::GetString, body) }
@@ -458,46 +356,21 @@ export! {
 
     /// Takes a snapshot, into an existing one if there is one.
     fn fmi2GetFMUstate: fmi2GetFMUstateTYPE(c: fmi2Component, FMUstate: *mut fmi2FMUstate) -> fmi2Status {
-        let body = |component: &mut Component| {
-            // SAFETY: the pointer is as this module's contract says, and what it points to is null or a live snapshot.
-            let place = unsafe { element_mut("FMUstate", FMUstate)? };
-            if place.is_null() {
-                *place = Box::into_raw(Box::new(component.save())).cast();
-                return Ok(());
-            }
-            // SAFETY: the pointer is a live snapshot, which is written here and so, by contract, used by no other call.
-            component.save_over(unsafe { &mut *place.cast::<Snapshot>() })
-        };
-        // SAFETY: the component is as this module's contract says.
-        unsafe { enter(c, Function::GetFMUstate, body) }
+        // SAFETY: component and pointers are as this module's contract says.
+        unsafe { enter(c, Function::GetFMUstate, |component| states::get(component, FMUstate)) }
     }
 
     /// Restores a snapshot of this or another instance of the same model, including the state in the sequence of calls and the
     /// time. The snapshot remains valid.
     fn fmi2SetFMUstate: fmi2SetFMUstateTYPE(c: fmi2Component, FMUstate: fmi2FMUstate) -> fmi2Status {
-        // SAFETY: the pointer is null or a live snapshot, as this module's contract says.
-        let body = |component: &mut Component| component.restore(unsafe { snapshot(FMUstate)? });
-        // SAFETY: the component is as this module's contract says.
-        unsafe { enter(c, Function::SetFMUstate, body) }
+        // SAFETY: component and pointers are as this module's contract says.
+        unsafe { enter(c, Function::SetFMUstate, |component| states::set(component, FMUstate)) }
     }
 
     /// Frees a snapshot and sets the pointer to null; a null pointer is ignored. Any instance of this library may be used.
     fn fmi2FreeFMUstate: fmi2FreeFMUstateTYPE(c: fmi2Component, FMUstate: *mut fmi2FMUstate) -> fmi2Status {
-        let body = |_: &mut Component| {
-            if FMUstate.is_null() {
-                return Ok(());
-            }
-            // SAFETY: the pointer is as this module's contract says.
-            let place = unsafe { element_mut("FMUstate", FMUstate)? };
-            let state = std::mem::replace(place, std::ptr::null_mut());
-            if !state.is_null() {
-                // SAFETY: a live snapshot, made by `Box::into_raw`, which the importer does not use again.
-                drop(unsafe { Box::from_raw(state.cast::<Snapshot>()) });
-            }
-            Ok(())
-        };
-        // SAFETY: the component is as this module's contract says.
-        unsafe { enter(c, Function::FreeFMUstate, body) }
+        // SAFETY: component and pointers are as this module's contract says.
+        unsafe { enter(c, Function::FreeFMUstate, |_| states::free(FMUstate)) }
     }
 
     /// Returns the size of a serialized snapshot in bytes.
@@ -506,14 +379,8 @@ export! {
         FMUstate: fmi2FMUstate,
         size: *mut usize,
     ) -> fmi2Status {
-        let body = |_: &mut Component| {
-            // SAFETY: both pointers are as this module's contract says.
-            let (snapshot, size) = unsafe { (snapshot(FMUstate)?, element_mut("size", size)?) };
-            *size = snapshot.write().len();
-            Ok(())
-        };
-        // SAFETY: the component is as this module's contract says.
-        unsafe { enter(c, Function::SerializedFMUstateSize, body) }
+        // SAFETY: component and pointers are as this module's contract says.
+        unsafe { enter(c, Function::SerializedFMUstateSize, |_| states::size(FMUstate, size)) }
     }
 
     /// Serializes a snapshot. Bytes beyond its size are not changed.
@@ -523,19 +390,8 @@ export! {
         serializedState: *mut fmi2Byte,
         size: usize,
     ) -> fmi2Status {
-        let body = |_: &mut Component| {
-            // SAFETY: pointer and array are as this module's contract says.
-            let (snapshot, room) =
-                unsafe { (snapshot(FMUstate)?, elements_mut("serializedState", serializedState.cast::<u8>(), size)?) };
-            let bytes = snapshot.write();
-            let room = room.get_mut(..bytes.len()).ok_or_else(|| {
-                Problem::Call(format!("size = {size} is refused: the snapshot has {} bytes", bytes.len()))
-            })?;
-            room.copy_from_slice(&bytes);
-            Ok(())
-        };
-        // SAFETY: the component is as this module's contract says.
-        unsafe { enter(c, Function::SerializeFMUstate, body) }
+        // SAFETY: component and pointers are as this module's contract says.
+        unsafe { enter(c, Function::SerializeFMUstate, |_| states::serialize(FMUstate, serializedState.cast(), size)) }
     }
 
     /// Makes a new snapshot from serialized bytes, of this process or another. Bytes of another model or version, truncated or
@@ -546,17 +402,8 @@ export! {
         size: usize,
         FMUstate: *mut fmi2FMUstate,
     ) -> fmi2Status {
-        let body = |component: &mut Component| {
-            // SAFETY: array and pointer are as this module's contract says.
-            let (bytes, place) = unsafe {
-                (elements("serializedState", serializedState.cast::<u8>(), size)?, element_mut("FMUstate", FMUstate)?)
-            };
-            let snapshot = Snapshot::read(&component.model, bytes).map_err(Problem::Call)?;
-            *place = Box::into_raw(Box::new(snapshot)).cast();
-            Ok(())
-        };
-        // SAFETY: the component is as this module's contract says.
-        unsafe { enter(c, Function::DeSerializeFMUstate, body) }
+        // SAFETY: component and pointers are as this module's contract says.
+        unsafe { enter(c, Function::DeSerializeFMUstate, |component| states::deserialize(component, serializedState.cast(), size, FMUstate)) }
     }
 
     /// Directional derivatives of outputs and of derivatives of states with respect to inputs and states, during initialization
@@ -645,7 +492,7 @@ export! {
         unsafe { enter(c, Function::GetRealOutputDerivatives, body) }
     }
 
-    /// Does one communication step.
+    /// Does one communication step; fmi2Discard if the model ends the simulation within it.
     fn fmi2DoStep: fmi2DoStepTYPE(
         c: fmi2Component,
         currentCommunicationPoint: fmi2Real,
@@ -666,7 +513,11 @@ export! {
     /// The status of the last step.
     fn fmi2GetStatus: fmi2GetStatusTYPE(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Status) -> fmi2Status {
         let answer = |component: &Component, kind| {
-            (kind == fmi2StatusKind::fmi2DoStepStatus).then_some(component.stage.last_step)
+            (kind == fmi2StatusKind::fmi2DoStepStatus).then_some(match component.stage {
+                Stage { failed: true, .. } => fmi2Status::fmi2Error,
+                Stage { terminated: true, .. } => fmi2Status::fmi2Discard,
+                _ => fmi2Status::fmi2OK,
+            })
         };
         // SAFETY: all arguments are as this module's contract says.
         unsafe { status(c, Function::GetStatus, s, value, answer) }
@@ -691,13 +542,15 @@ export! {
         unsafe { status(c, Function::GetIntegerStatus, s, value, |_, _| None) }
     }
 
-    /// Whether the model requests the end of the simulation: never.
+    /// Whether the model has ended the simulation in the last step.
     fn fmi2GetBooleanStatus: fmi2GetBooleanStatusTYPE(
         c: fmi2Component,
         s: fmi2StatusKind,
         value: *mut fmi2Boolean,
     ) -> fmi2Status {
-        let answer = |_: &Component, kind| (kind == fmi2StatusKind::fmi2Terminated).then_some(fmi2False);
+        let answer = |component: &Component, kind| {
+            (kind == fmi2StatusKind::fmi2Terminated).then_some(fmi2Boolean::from(component.stage.terminated))
+        };
         // SAFETY: all arguments are as this module's contract says.
         unsafe { status(c, Function::GetBooleanStatus, s, value, answer) }
     }

@@ -3,9 +3,9 @@
 use maud::{DOCTYPE, PreEscaped, html};
 
 use super::Extras;
-use crate::ModelType;
 use crate::variable::{Causality, Type, Variability, Variable};
 use crate::xml::real;
+use crate::{ModelType, Standard};
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1c2430}\
 table{border-collapse:collapse;width:100%;font-size:.9rem;margin:.5rem 0 1.5rem}\
@@ -18,12 +18,13 @@ h1{margin-bottom:.2rem}h2{margin-top:2rem}.lead{font-size:1.1rem;color:#465264;m
 type Belongs = fn(&Variable) -> bool;
 
 /// Groups of variables, with the heading of their table.
-const GROUPS: [(&str, Belongs); 5] = [
+const GROUPS: [(&str, Belongs); 6] = [
     ("Inputs", |variable| variable.causality == Causality::Input),
     ("Outputs", |variable| variable.causality == Causality::Output),
     ("Parameters", |variable| is_parameter(variable, Variability::Fixed)),
     ("Tunable parameters", |variable| is_parameter(variable, Variability::Tunable)),
-    ("Local variables", |variable| variable.causality == Causality::Local),
+    ("Calculated parameters", |variable| variable.causality == Causality::CalculatedParameter),
+    ("Local variables", |variable| matches!(variable.causality, Causality::Local | Causality::Independent)),
 ];
 
 fn is_parameter(variable: &Variable, variability: Variability) -> bool {
@@ -31,13 +32,18 @@ fn is_parameter(variable: &Variable, variability: Variability) -> bool {
 }
 
 /// The content of the page, from the heading on.
-pub(super) fn body(model: &ModelType, extras: &Extras) -> String {
+pub(super) fn body(model: &ModelType, standard: Standard, extras: &Extras) -> String {
     let info = &model.info;
+    let token = match standard {
+        Standard::Fmi2 => "guid",
+        Standard::Fmi3 { .. } => "instantiation token",
+    };
     let body = html! {
         main.document {
             h1 { (info.name) }
             p.lead { (info.description) "." }
-            p.soft { "FMI 2.0 for co-simulation, " (info.tool) ", guid " code { (model.guid()) } "." }
+            p.soft { "FMI " (standard.version()) " for co-simulation, " (info.tool) ", "
+                (token) " " code { (model.description(standard).token) } "." }
             (PreEscaped(&extras.text))
             h2 { "Variables" }
             @for (title, belongs) in GROUPS {
@@ -128,7 +134,7 @@ fn unit(variable: &Variable) -> String {
 }
 
 fn start(variable: &Variable) -> String {
-    if !variable.is_settable() {
+    if !variable.has_start() {
         return String::new();
     }
     match &variable.data_type {

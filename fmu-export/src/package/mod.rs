@@ -5,31 +5,41 @@
 //!
 //! ```ignore
 //! fn main() -> Result<(), fmu_export::package::PackageError> {
-//!     fmu_export::package::package(&my_models::FMUS, "target/fmu").map(drop)
+//!     fmu_export::package::package(&my_models::FMUS, "target/fmu")
 //! }
 //! ```
 //!
-//! [`Extras`] adds picture, text and licences; [`platforms`] holds binaries for several platforms; [`ssp`] writes a system of
-//! several FMUs.
+//! Before anything is written, the library is loaded, and every model is instantiated and initialized with its start values.
+//!
+//! [`Packager`] has more to choose from: [`Extras`] adds picture, text, licences and resources, [`platforms`] holds binaries for
+//! several platforms. [`ssp`] writes a system of several FMUs.
+
+mod library;
+mod packager;
+mod trial;
 
 pub mod documentation;
 pub mod platforms;
 pub mod ssp;
 
 use std::borrow::Cow;
+use std::fmt;
 use std::fs;
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+
+pub use library::built_library;
+pub use packager::{Packager, package, package_example};
 
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use crate::{Fmus, ModelType, description};
+use crate::{ModelType, Standard};
 use platforms::{Binaries, NotFor, Platform};
 
 /// An error, with the path concerned.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PackageError {
     /// A file could not be read or written.
     #[error("{path}: {source}")]
@@ -47,8 +57,28 @@ pub enum PackageError {
         /// The errors.
         problems: Vec<String>,
     },
+    /// There are two models of one name.
+    #[error("there are two models named {0}, which would be one file")]
+    SameName(&'static str),
+    /// A model cannot be used as it stands.
+    #[error("{name}: {why}")]
+    Trial {
+        /// The model.
+        name: &'static str,
+        /// Why not.
+        why: String,
+    },
+    /// A command-line argument that the packager does not know.
+    #[error("the argument `{0}` is unknown: expected --arrays, or PLATFORM=FILE as in win64=low_pass.dll")]
+    Argument(String),
+    /// A platform that the packager does not know.
+    #[error("{0}")]
+    NoPlatform(String),
     /// The binary to package does not exist.
-    #[error("{0} does not exist: build the library together with the program, as `cargo build --release` does")]
+    #[error(
+        "{0} does not exist: in Cargo.toml the library needs `crate-type = [\"rlib\", \"cdylib\"]` below `[lib]`, and it is built \
+         together with the program, as by `cargo run --release`"
+    )]
     NoBinary(PathBuf),
     /// Cargo could not build the library.
     #[error("cargo could not build the library {0}")]
@@ -91,6 +121,7 @@ impl Member {
 
 /// A written archive.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Written {
     /// Path.
     pub path: PathBuf,
@@ -100,8 +131,21 @@ pub struct Written {
     pub platforms: Vec<&'static str>,
 }
 
+impl fmt::Display for Written {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kilobytes = self.bytes.div_ceil(1000);
+        write!(f, "{} ({kilobytes} kB, {})", self.path.display(), self.platforms.join(", "))
+    }
+}
+
 /// Optional content of an FMU besides model description, binaries and tables of variables.
+///
+/// ```
+/// # use fmu_export::package::Extras;
+/// let extras = Extras::default().text("<p>Measured in 2026.</p>").resource("map.csv", "0,1\n1,3\n");
+/// ```
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Extras {
     /// A picture of the model, as PNG.
     pub picture: Option<Cow<'static, [u8]>>,
@@ -111,89 +155,56 @@ pub struct Extras {
     pub page: fn(&str, &str) -> String,
     /// Licences of the model and of the linked crates: file name and text.
     pub licenses: Vec<(Cow<'static, str>, Cow<'static, str>)>,
+    /// Files for the folder `resources`: path below it and content.
+    pub resources: Vec<(Cow<'static, str>, Cow<'static, [u8]>)>,
+}
+
+impl Extras {
+    /// Sets the picture of the model, as PNG.
+    pub fn picture(mut self, png: impl Into<Cow<'static, [u8]>>) -> Self {
+        self.picture = Some(png.into());
+        self
+    }
+
+    /// Sets the paragraphs of HTML for the documentation page.
+    pub fn text(mut self, html: impl Into<Cow<'static, str>>) -> Self {
+        self.text = html.into();
+        self
+    }
+
+    /// Sets what builds the documentation page from its title and its content in HTML.
+    pub fn page(mut self, page: fn(&str, &str) -> String) -> Self {
+        self.page = page;
+        self
+    }
+
+    /// Adds a licence of the model or of a linked crate.
+    pub fn license(mut self, file: impl Into<Cow<'static, str>>, text: impl Into<Cow<'static, str>>) -> Self {
+        self.licenses.push((file.into(), text.into()));
+        self
+    }
+
+    /// Adds a file to the folder `resources`, which the model reads by [`Resources`](crate::Resources).
+    pub fn resource(mut self, path: impl Into<Cow<'static, str>>, content: impl Into<Vec<u8>>) -> Self {
+        self.resources.push((path.into(), Cow::Owned(content.into())));
+        self
+    }
 }
 
 impl Default for Extras {
     fn default() -> Self {
-        Self { picture: None, text: "".into(), page: documentation::page, licenses: Vec::new() }
+        Self { picture: None, text: "".into(), page: documentation::page, licenses: Vec::new(), resources: Vec::new() }
     }
 }
 
-/// Writes an FMU of each model into a folder, which is created if missing, with the library that cargo has built together with
-/// the running program.
-///
-/// # Errors
-/// Whatever file cannot be read or written.
-pub fn package(fmus: &'static Fmus, folder: impl AsRef<Path>) -> Result<Vec<Written>, PackageError> {
-    package_library(fmus, &built_library(fmus.library())?, folder)
-}
-
-/// As [`package`], with a given library.
-///
-/// # Errors
-/// Whatever file cannot be read or written.
-pub fn package_library(
-    fmus: &'static Fmus,
-    library: &Path,
-    folder: impl AsRef<Path>,
-) -> Result<Vec<Written>, PackageError> {
-    let binaries = binaries_of(library)?;
-    let archive =
-        |model: &ModelType| Ok((format!("{}.fmu", model.info.name), fmu(model, &binaries, &Extras::default())?));
-    let archives = fmus.models().iter().map(|model| archive(model)).collect::<Result<Vec<_>, _>>()?;
-    write(archives, &binaries, folder.as_ref())
-}
-
-/// As [`package`], for an example that packages itself: cargo builds `library`, another example of the crate type `cdylib` with
-/// the same source, because `cargo run --example` builds no libraries.
-///
-/// # Errors
-/// [`PackageError::Build`], and whatever file cannot be read or written.
-pub fn package_example(
-    fmus: &'static Fmus,
-    library: &str,
-    folder: impl AsRef<Path>,
-) -> Result<Vec<Written>, PackageError> {
-    package_library(fmus, &build_example(library)?, folder)
-}
-
-fn build_example(name: &str) -> Result<PathBuf, PackageError> {
-    let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
-    // The program is target/PROFILE/examples/NAME.
-    let folders: Vec<&Path> = program.ancestors().skip(1).take(3).collect();
-    let [examples, profile, target] = folders[..] else { return Err(PackageError::Build(name.into())) };
-    let profile = match profile.file_name().map(|name| name.to_string_lossy()) {
-        Some(name) if name != "debug" => name.into_owned(),
-        _ => "dev".into(),
+/// The standards of the FMUs to write: those that this crate is built with, by its features `fmi2` and `fmi3`; with `arrays`, the
+/// FMUs of FMI 3.0 have arrays.
+pub fn standards(arrays: bool) -> Vec<Standard> {
+    let with_arrays = |standard: &Standard| match standard {
+        Standard::Fmi3 { .. } => Standard::Fmi3 { arrays },
+        other => *other,
     };
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let manifest = std::env::var_os("CARGO_MANIFEST_DIR").map(PathBuf::from).unwrap_or_default().join("Cargo.toml");
-    let mut command = Command::new(cargo);
-    command.args(["build", "--quiet", "--example", name, "--profile", &profile]);
-    command.arg("--manifest-path").arg(manifest).arg("--target-dir").arg(target);
-    let built = command.status().is_ok_and(|status| status.success());
-    let library = examples.join(file_name(name));
-    if built && library.is_file() { Ok(library) } else { Err(PackageError::Build(name.into())) }
-}
-
-fn file_name(library: &str) -> String {
-    format!("{}{library}{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX)
-}
-
-/// The library of that name that cargo has built together with the running program.
-///
-/// # Errors
-/// If it is not beside the program.
-pub fn built_library(name: &str) -> Result<PathBuf, PackageError> {
-    let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
-    let folder = program.parent().unwrap_or(Path::new(""));
-    // Cargo compiles into `deps`, where test programs are as well, and links the library into the parent folder only when asked
-    // for the library itself: beside a program built by `cargo run` it is missing or out of date.
-    let beside = folder.join(file_name(name));
-    [folder.join("deps").join(file_name(name)), beside.clone()]
-        .into_iter()
-        .find(|candidate| candidate.is_file())
-        .ok_or(PackageError::NoBinary(beside))
+    Standard::BUILT.iter().map(with_arrays).collect()
 }
 
 /// The platform of this program.
@@ -294,24 +305,39 @@ fn remap(library: &mut [u8]) {
     }
 }
 
-/// The FMU of a model with its binaries. Its bytes depend on the arguments only.
+/// The FMU of a model by a standard, with its binaries. Its bytes depend on the arguments only.
 ///
 /// # Errors
 /// [`PackageError::Model`], [`PackageError::Archive`].
-pub fn fmu(model: &ModelType, binaries: &Binaries, extras: &Extras) -> Result<Vec<u8>, PackageError> {
+pub fn fmu(
+    model: &ModelType,
+    standard: Standard,
+    binaries: &Binaries,
+    extras: &Extras,
+) -> Result<Vec<u8>, PackageError> {
     let name = model.info.name;
-    let problems = description::problems(&model.info, model.variables());
+    let problems = model.problems();
     if !problems.is_empty() {
         return Err(PackageError::Model { name, problems });
     }
-    let mut members = vec![Member::new("modelDescription.xml", model.xml())];
-    members.extend(extras.picture.as_deref().map(|picture| Member::new("model.png", picture)));
-    members.extend(binaries.places().into_iter().map(|place| {
+    let mut members = vec![Member::new("modelDescription.xml", model.description(standard).xml.as_str())];
+    // In FMI 3.0 the picture belongs to the icons of terminals.
+    let picture = match standard {
+        Standard::Fmi2 => "model.png",
+        Standard::Fmi3 { .. } => "terminalsAndIcons/icon.png",
+    };
+    members.extend(extras.picture.as_deref().map(|content| Member::new(picture, content)));
+    members.extend(binaries.places(standard).into_iter().map(|place| {
         Member::new(format!("binaries/{}/{name}.{}", place.folder, place.ending), place.content.into_owned())
     }));
-    members.push(Member::new("documentation/index.html", (extras.page)(name, &documentation::body(model, extras))));
+    members.push(Member::new(
+        "documentation/index.html",
+        (extras.page)(name, &documentation::body(model, standard, extras)),
+    ));
     let licenses = extras.licenses.iter();
     members.extend(licenses.map(|(file, text)| Member::new(format!("documentation/licenses/{file}"), text.as_bytes())));
+    let resources = extras.resources.iter();
+    members.extend(resources.map(|(path, content)| Member::new(format!("resources/{path}"), content.as_ref())));
     archive(name, &members)
 }
 

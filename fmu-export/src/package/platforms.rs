@@ -1,18 +1,23 @@
 //! Platforms of binaries in an FMU: their file formats, and the folders in which importers look for them.
 //!
 //! FMI 2.0.4, section 2.3, defines `linux64`, `win64` and `darwin64`, all of them x86-64, and refers other platforms to the
-//! names of FMI 3.0, `aarch64-linux` and `aarch64-darwin`. Many importers on Arm know the first three only, so [`Binaries`]
+//! names of FMI 3.0, `aarch64-linux` and `aarch64-darwin`; there the first three are `x86_64-linux`, `x86_64-windows` and
+//! `x86_64-darwin`. Many importers on Arm know the first three only, so [`Binaries`]
 //! also puts a binary where they look, if there is room.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
 use std::fmt;
 
+use crate::Standard;
+
 /// A platform, under the name of its folder in an FMU.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Platform {
-    /// Name of the folder, by the standard.
+    /// Name of the folder in FMI 2.0.
     pub name: &'static str,
+    /// Name of the folder in FMI 3.0.
+    pub tuple: &'static str,
     /// File name extension of a shared library.
     pub ending: &'static str,
     /// The platform in words.
@@ -30,18 +35,41 @@ impl fmt::Display for Platform {
 
 /// All platforms, in the order in which archives hold them.
 pub const PLATFORMS: &[Platform] = &[
-    Platform { name: "linux64", ending: "so", words: "Linux on x86-64", format: Format::Elf, machine: 62 },
-    Platform { name: "win64", ending: "dll", words: "Windows on x86-64", format: Format::Pe, machine: 0x8664 },
+    Platform {
+        name: "linux64",
+        tuple: "x86_64-linux",
+        ending: "so",
+        words: "Linux on x86-64",
+        format: Format::Elf,
+        machine: 62,
+    },
+    Platform {
+        name: "win64",
+        tuple: "x86_64-windows",
+        ending: "dll",
+        words: "Windows on x86-64",
+        format: Format::Pe,
+        machine: 0x8664,
+    },
     Platform {
         name: "darwin64",
+        tuple: "x86_64-darwin",
         ending: "dylib",
         words: "macOS on x86-64",
         format: Format::MachO,
         machine: 0x0100_0007,
     },
-    Platform { name: "aarch64-linux", ending: "so", words: "Linux on Arm", format: Format::Elf, machine: 183 },
+    Platform {
+        name: "aarch64-linux",
+        tuple: "aarch64-linux",
+        ending: "so",
+        words: "Linux on Arm",
+        format: Format::Elf,
+        machine: 183,
+    },
     Platform {
         name: "aarch64-darwin",
+        tuple: "aarch64-darwin",
         ending: "dylib",
         words: "macOS on Apple silicon",
         format: Format::MachO,
@@ -204,16 +232,28 @@ pub(super) fn is_signed(content: &[u8]) -> bool {
 }
 
 /// Functions that every importer needs.
-const FUNCTIONS: [&str; 6] =
-    ["fmi2GetVersion", "fmi2Instantiate", "fmi2SetupExperiment", "fmi2DoStep", "fmi2GetReal", "fmi2FreeInstance"];
+fn functions(standard: Standard) -> [&'static str; 5] {
+    match standard {
+        Standard::Fmi2 => {
+            ["fmi2GetVersion", "fmi2Instantiate", "fmi2SetupExperiment", "fmi2DoStep", "fmi2FreeInstance"]
+        }
+        Standard::Fmi3 { .. } => {
+            ["fmi3GetVersion", "fmi3InstantiateCoSimulation", "fmi3GetFloat64", "fmi3DoStep", "fmi3FreeInstance"]
+        }
+    }
+}
 
-/// Those of these functions that a library does not export; all of them if it cannot be read.
+/// The functions that every importer needs, by the standards whose functions this crate is built with, and that a library does not
+/// export; all of them if it cannot be read.
 pub fn missing_functions(platform: &Platform, content: &[u8]) -> Vec<&'static str> {
+    let functions = Standard::BUILT.iter().flat_map(|standard| functions(*standard));
     use object::Object;
     use object::read::NameOrOrdinal;
     let parts = parts(content);
     let part = parts.iter().find(|part| part.platform() == Some(platform));
-    let Some(file) = part.and_then(|part| object::File::parse(part.content).ok()) else { return FUNCTIONS.into() };
+    let Some(file) = part.and_then(|part| object::File::parse(part.content).ok()) else {
+        return functions.collect();
+    };
     // Mach-O prefixes C names with an underscore.
     let prefix: &[u8] = if platform.format == Format::MachO { b"_" } else { b"" };
     let exports: HashSet<Vec<u8>> = file
@@ -227,7 +267,7 @@ pub fn missing_functions(platform: &Platform, content: &[u8]) -> Vec<&'static st
         })
         .collect();
     let is_exported = |name: &str| exports.contains(name.as_bytes());
-    FUNCTIONS.into_iter().filter(|name| !is_exported(name)).collect()
+    functions.filter(|name| !is_exported(name)).collect()
 }
 
 /// A universal file from Mach-O files.
@@ -311,7 +351,16 @@ impl Binaries {
     ///
     /// - in `darwin64` a universal file with the code for both processors of macOS;
     /// - in `linux64` the library for Arm, if there is none for x86-64, to which the folder belongs.
-    pub fn places(&self) -> Vec<Place<'_>> {
+    ///
+    /// FMI 3.0 has a name for each platform.
+    pub fn places(&self, standard: Standard) -> Vec<Place<'_>> {
+        if let Standard::Fmi3 { .. } = standard {
+            let place = |platform: &'static Platform| {
+                let content = Cow::Borrowed(self.get(platform)?);
+                Some(Place { folder: platform.tuple, ending: platform.ending, content })
+            };
+            return PLATFORMS.iter().filter_map(place).collect();
+        }
         let place = |platform: &'static Platform| {
             let content = match platform.name {
                 "darwin64" => {

@@ -186,7 +186,8 @@ fn write_connector(page: &mut Page, variable: &Variable) {
         Causality::Parameter => "parameter",
         Causality::Input => "input",
         Causality::Output => "output",
-        Causality::Local => return,
+        Causality::CalculatedParameter => "calculatedParameter",
+        Causality::Local | Causality::Independent => return,
     };
     let tag = element("ssd:Connector").with("name", variable.name.as_ref()).with("kind", kind);
     page.nest(tag, |page| {

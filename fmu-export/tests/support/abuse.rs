@@ -16,6 +16,47 @@ use crate::call;
 pub trait Source {
     /// The next byte.
     fn byte(&mut self) -> Option<u8>;
+
+    /// A number below a limit.
+    fn below(&mut self, limit: usize) -> Option<usize> {
+        let low = usize::from(self.byte()?);
+        if limit <= 256 {
+            return Some(low % limit);
+        }
+        Some((low + 256 * usize::from(self.byte()?)) % limit)
+    }
+
+    /// A number, more often than not one that makes sense in place of `usual`.
+    fn real(&mut self, usual: f64) -> Option<f64> {
+        const ODD: [f64; 20] = [
+            0.0,
+            -0.0,
+            1.0,
+            -1.0,
+            1e-9,
+            1e-4,
+            3e-5,
+            1e3,
+            -1e3,
+            1e9,
+            1e155,
+            1e300,
+            f64::MAX,
+            f64::MIN,
+            f64::MIN_POSITIVE,
+            5e-324,
+            f64::NAN,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            std::f64::consts::PI,
+        ];
+        let choice = self.below(40)?;
+        if let Some(odd) = ODD.get(choice) {
+            return Some(*odd);
+        }
+        let part = f64::from(self.byte()?) / 256.0;
+        Some(if usual == 0.0 { 1e-4 * (part - 0.5) } else { usual * (0.9 + 0.2 * part) })
+    }
 }
 
 /// Bytes of a fuzzer.
@@ -82,43 +123,11 @@ impl<S: Source> Abuse<S> {
     }
 
     fn below(&mut self, limit: usize) -> Option<usize> {
-        let low = usize::from(self.source.byte()?);
-        if limit <= 256 {
-            return Some(low % limit);
-        }
-        Some((low + 256 * usize::from(self.source.byte()?)) % limit)
+        self.source.below(limit)
     }
 
-    /// A number, more often than not one that makes sense in place of `usual`.
     fn real(&mut self, usual: f64) -> Option<f64> {
-        const ODD: [f64; 20] = [
-            0.0,
-            -0.0,
-            1.0,
-            -1.0,
-            1e-9,
-            1e-4,
-            3e-5,
-            1e3,
-            -1e3,
-            1e9,
-            1e155,
-            1e300,
-            f64::MAX,
-            f64::MIN,
-            f64::MIN_POSITIVE,
-            5e-324,
-            f64::NAN,
-            f64::INFINITY,
-            f64::NEG_INFINITY,
-            std::f64::consts::PI,
-        ];
-        let choice = self.below(40)?;
-        if let Some(odd) = ODD.get(choice) {
-            return Some(*odd);
-        }
-        let part = f64::from(self.source.byte()?) / 256.0;
-        Some(if usual == 0.0 { 1e-4 * (part - 0.5) } else { usual * (0.9 + 0.2 * part) })
+        self.source.real(usual)
     }
 
     /// A variable; sometimes one that is not there.

@@ -235,7 +235,7 @@ impl Fmu {
             Type::Real { .. } => self.set_reals(&reference, &[value]),
             Type::Integer { .. } | Type::Enumeration { .. } => self.set_integers(&reference, &[value as i32]),
             Type::Boolean { .. } => self.set_booleans(&reference, &[value as i32]),
-            Type::String { .. } => panic!("{name} is a text"),
+            _ => panic!("{name} is a text"),
         }
     }
 
@@ -248,7 +248,7 @@ impl Fmu {
                 self.get_integers(&reference).map(|values| f64::from(values[0]))
             }
             Type::Boolean { .. } => self.get_booleans(&reference).map(|values| f64::from(values[0])),
-            Type::String { .. } => panic!("{name} is a text"),
+            _ => panic!("{name} is a text"),
         }
     }
 

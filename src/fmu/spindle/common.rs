@@ -2,18 +2,12 @@
 
 use std::f64::consts::{FRAC_PI_3, PI};
 
-use fmu_export::unit::{KILOGRAM, METRE, RADIAN, Unit};
+use fmu_export::unit::{KILOGRAM, KILOGRAM_METRE2, METRE, RADIAN, Unit};
 use fmu_export::variable::{Access, Row, element};
 
 use crate::bearing::shaft::COORDINATES;
 use crate::bearing::spindle::{BEARINGS, MAGNETS, READINGS, SpindleGeometry, bearing_of};
 use crate::fmu::common::LAMBDA;
-
-/// Moment of inertia.
-pub(in crate::fmu) const KILOGRAM_METRE2: Unit = Unit::new("kg.m2", &[("kg", 1), ("m", 2)], &[]);
-
-/// Moment.
-pub(in crate::fmu) const NEWTON_METRE: Unit = Unit::new("N.m", &[("kg", 1), ("m", 2), ("s", -2)], &[]);
 
 /// Measured positions, in the order of the equations.
 pub(in crate::fmu) const MEASURED: [&str; READINGS] = ["A.Ym", "A.Zm", "B.Ym", "B.Zm", "Xm"];

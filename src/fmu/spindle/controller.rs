@@ -1,12 +1,12 @@
 //! `SpindleController`: reference, tracking law, perturbation observers, force allocation and current loop of a spindle.
 
 use fmu_export::log::{Log, Topic};
-use fmu_export::unit::{AMPERE, HERTZ, METRE, NEWTON, ONE, RADIAN, RADIAN_PER_SECOND, VOLT};
+use fmu_export::unit::{AMPERE, HERTZ, METRE, NEWTON, NEWTON_METRE, ONE, RADIAN, RADIAN_PER_SECOND, VOLT};
 use fmu_export::variable::{Access, Row, Table, Value};
-use fmu_export::{Info, Invalid, SampledModel, StepError, place};
+use fmu_export::{Info, Invalid, Resources, SampledModel, StepError, place};
 use serde::{Deserialize, Serialize};
 
-use super::common::{HasGeometry, MEASURED, NEWTON_METRE, OfMagnet, geometry, lambda0, of_magnets};
+use super::common::{HasGeometry, MEASURED, OfMagnet, geometry, lambda0, of_magnets};
 use crate::bearing::coil::Drive;
 use crate::bearing::spindle::{BEARINGS, MAGNETS, READINGS, SpindleGeometry};
 use crate::control::spindle::{
@@ -14,7 +14,7 @@ use crate::control::spindle::{
     SpindleControllerState,
 };
 use crate::control::tracking::UpdateMode;
-use crate::fmu::common::{DRIVE, LAMBDA, coils, info, sample_time, together};
+use crate::fmu::common::{DRIVE, LAMBDA, coils, info, sample_time, sampled, together};
 use crate::fmu::controller::{UPDATE_MODE, bandwidth, log_update, transition, update};
 
 /// The values of all variables of the controller.
@@ -284,10 +284,10 @@ impl SampledModel for SpindleController {
     type State = SpindleControllerState;
 
     fn table() -> Vec<Row<Values>> {
-        table()
+        sampled(table())
     }
 
-    fn new(values: &Values) -> Result<Self, Vec<Invalid>> {
+    fn new(values: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
         let (config, findings) = values.config();
         together(findings, Controller::new(config)).map(Self)
     }
@@ -317,7 +317,7 @@ impl SampledModel for SpindleController {
         Ok(())
     }
 
-    fn retune(&mut self, _: &mut SpindleControllerState, values: &Values) -> Result<(), Vec<Invalid>> {
+    fn retune(&mut self, _: &mut SpindleControllerState, values: &Values, _: &Resources) -> Result<(), Vec<Invalid>> {
         let law = &values.config.law;
         together(Vec::new(), self.0.retune(law.modulation, law.modulation_hz))
     }

@@ -1,20 +1,21 @@
 //! `SpindleEstimator`: the force constants of a spindle's eight magnets and its unbalance in two planes, on line.
 
 use fmu_export::log::Log;
-use fmu_export::unit::{AMPERE, METRE, NEWTON, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND};
+use fmu_export::unit::{
+    AMPERE, KILOGRAM_METRE2, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN,
+    RADIAN_PER_SECOND,
+};
 use fmu_export::variable::{Access, Row, Table, Value};
-use fmu_export::{Info, Invalid, SampledModel, StepError, place};
+use fmu_export::{Info, Invalid, Resources, SampledModel, StepError, place};
 use serde::{Deserialize, Serialize};
 
-use super::common::{
-    HasGeometry, KILOGRAM_METRE2, MEASURED, NEWTON_METRE, OfMagnet, geometry, lambda0, of_coordinates, of_magnets,
-};
+use super::common::{HasGeometry, MEASURED, OfMagnet, geometry, lambda0, of_coordinates, of_magnets};
 use crate::bearing::spindle::{MAGNETS, READINGS, SpindleGeometry};
 use crate::estimation::Hold;
 use crate::estimation::spindle::{
     self, SpindleEstimatorConfig, SpindleEstimatorInput, SpindleEstimatorOutput, SpindleEstimatorState,
 };
-use crate::fmu::common::{KILOGRAM_METRE, LAMBDA, info, sample_time, together};
+use crate::fmu::common::{KILOGRAM_METRE, LAMBDA, info, sample_time, sampled, together};
 use crate::fmu::estimator::{HOLD, VERDICT, known, log_verdict, number_of, stiffness_std, verdict_of};
 
 /// The values of all variables of the estimator.
@@ -348,10 +349,10 @@ impl SampledModel for SpindleEstimator {
     type State = SpindleEstimatorState;
 
     fn table() -> Vec<Row<Values>> {
-        table()
+        sampled(table())
     }
 
-    fn new(values: &Values) -> Result<Self, Vec<Invalid>> {
+    fn new(values: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
         let (config, findings) = values.config();
         together(findings, spindle::SpindleEstimator::new(config)).map(Self)
     }

@@ -2,13 +2,14 @@
 //! bearings and sensors.
 
 use fmu_export::unit::{
-    AMPERE, METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, ONE, RADIAN, RADIAN_PER_SECOND, Unit, VOLT, WEBER,
+    AMPERE, METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, NEWTON_METRE, ONE, RADIAN, RADIAN_PER_SECOND,
+    RADIAN_PER_SECOND2, Unit, VOLT, WEBER,
 };
 use fmu_export::variable::Dependency::{Constant, Fixed};
 use fmu_export::variable::{Row, Value};
 use fmu_export::{Info, Invalid, place};
 
-use super::common::{HasGeometry, MEASURED, NEWTON_METRE, OfMagnet, geometry, of_coordinates, of_magnets};
+use super::common::{HasGeometry, MEASURED, OfMagnet, geometry, of_coordinates, of_magnets};
 use crate::bearing::coil::CoilConfig;
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::COORDINATES;
@@ -21,9 +22,6 @@ use crate::fmu::plants::{
 use crate::invalid;
 use crate::plant::spindle::{AtBearings, SpindleConfig, SpindleInput, SpindlePlant};
 use crate::plant::{Equations, Motion, SensorConfig};
-
-/// Angular acceleration.
-const RADIAN_PER_SECOND2: Unit = Unit::new("rad/s2", &[("rad", 1), ("s", -2)], &[]);
 
 /// The plant.
 pub type MagneticSpindle = PlantModel<SpindleConfig, COORDINATES, MAGNETS>;
@@ -401,10 +399,11 @@ fn outputs() -> Vec<Row<Values>> {
         row.sampled_output()
             .nominal(1e-5)
             .description(format!("Position {what} as read by the sensor at the last sample"))
+            .starts_from_parameters()
     }));
     let measured = place!(Values.measured_current_a[k]);
     rows.extend(Row::named_reals(of_magnets("im"), measured, AMPERE, [0.0; MAGNETS]).map(|row| {
-        row.sampled_output().of_magnet(
+        row.sampled_output().starts_from_parameters().of_magnet(
             "Current through {magnet} as read by the sensor at the last sample; with drive = current the one held until then",
         )
     }));
@@ -448,8 +447,11 @@ fn outputs() -> Vec<Row<Values>> {
 fn locals() -> Vec<Row<Values>> {
     let mut rows = Vec::new();
     rows.extend(Row::named_reals(FLUXES, place!(Values.output.linkage_wb[k]), WEBER, [0.0; MAGNETS]).map(|row| {
+        let own_current = of_magnets("i")[row.index()].clone();
         row.local()
             .state()
+            .starts_from_parameters()
+            .starts_from([own_current])
             .nominal(1e-2)
             .of_magnet("Flux linked with the coil of {magnet}; a state with drive = voltage")
     }));

@@ -257,7 +257,7 @@ impl Scenario {
         let value = match data_type {
             Type::Integer { .. } => text.parse().map(toml::Value::Integer).ok(),
             Type::Boolean { .. } => text.parse().map(toml::Value::Boolean).ok(),
-            Type::Real { .. } | Type::Enumeration { .. } | Type::String { .. } => None,
+            _ => None,
         };
         let value = read::convert(data_type, &value.unwrap_or_else(|| toml::Value::String(text.into())));
         let value = value.map_err(|why| format!("{path} = {text} is refused: {why}"))?;

@@ -1,64 +1,14 @@
-//! Writes `modelDescription.xml` from the table of variables of a model.
+//! `modelDescription.xml` of FMI 2.0.
 
-use sha2::{Digest, Sha256};
-
-use crate::fmi2::Category;
+use super::{causality, enumerations, initial, is_initial_unknown, kind_of, variability};
+use crate::interface::logger::Category;
 use crate::model::{Capabilities, Info};
 use crate::unit::Unit;
-use crate::variable::{Causality, Dependency, Enumeration, Type, Variability, Variable};
+use crate::variable::{Causality, Enumeration, Type, Variable};
 use crate::xml::{Page, element, real, units, write_base_unit};
 
-/// The GUID of a model and the text of its model description.
-///
-/// The GUID is the first half of the SHA-256 of the description with an empty GUID, so it changes with the interface.
-pub fn write(info: &Info, capabilities: Capabilities, variables: &[Variable]) -> (String, String) {
-    let digest = Sha256::digest(document(info, capabilities, variables, "").as_bytes());
-    let digits: String = digest[..16].iter().map(|byte| format!("{byte:02x}")).collect();
-    let guid =
-        format!("{{{}-{}-{}-{}-{}}}", &digits[..8], &digits[8..12], &digits[12..16], &digits[16..20], &digits[20..]);
-    let text = document(info, capabilities, variables, &guid);
-    (guid, text)
-}
-
-/// Errors in a model's table that would make importers refuse its description or misread it.
-pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
-    let mut found = Vec::new();
-    let part_of_identifier = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
-    if info.name.is_empty() || !info.name.chars().all(part_of_identifier) || info.name.starts_with(char::is_numeric) {
-        found.push(format!(
-            "the name `{}` cannot be part of a C identifier: expected letters, digits, and underscores",
-            info.name
-        ));
-    }
-    let known = |name: &str| variables.iter().any(|variable| variable.name == name);
-    for (index, variable) in variables.iter().enumerate() {
-        let name = &variable.name;
-        if variables[..index].iter().any(|other| other.name == *name) {
-            found.push(format!("{name} occurs twice"));
-        }
-        let depends_on = variable.depends_on.iter().map(|(name, _)| name.as_ref());
-        let starts_from = variable.starts_from.iter().flatten().map(AsRef::as_ref);
-        for other in depends_on.chain(starts_from).chain(variable.derivative_of).filter(|other| !known(other)) {
-            found.push(format!("{name} refers to {other}, which is not a variable"));
-        }
-        let inside = match &variable.data_type {
-            Type::Real { start, min, max, .. } => {
-                min.is_none_or(|min| min <= *start) && max.is_none_or(|max| *start <= max)
-            }
-            Type::Integer { start, min, max } => {
-                min.is_none_or(|min| min <= *start) && max.is_none_or(|max| *start <= max)
-            }
-            Type::Enumeration { start, items } => items.item(*start).is_some(),
-            Type::Boolean { .. } | Type::String { .. } => true,
-        };
-        if variable.is_settable() && !inside {
-            found.push(format!("the start value of {name} is outside its limits"));
-        }
-    }
-    found
-}
-
-fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], guid: &str) -> String {
+/// The text of the description, with that GUID.
+pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], guid: &str) -> String {
     let given = |text: &'static str| Some(text).filter(|text| !text.is_empty());
     let root = element("fmiModelDescription")
         .with("fmiVersion", "2.0")
@@ -76,13 +26,13 @@ fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], gui
                 .with("modelIdentifier", info.name)
                 .with("needsExecutionTool", "false")
                 .with("canHandleVariableCommunicationStepSize", "true")
-                .with("canInterpolateInputs", "true")
+                .with("canInterpolateInputs", capabilities.interpolates_inputs.to_string())
                 .with("maxOutputDerivativeOrder", capabilities.output_derivative_order.to_string())
                 .with("canRunAsynchronuously", "false")
                 .with("canBeInstantiatedOnlyOncePerProcess", "false")
                 .with("canNotUseMemoryManagementFunctions", "true")
-                .with("canGetAndSetFMUstate", "true")
-                .with("canSerializeFMUstate", "true")
+                .with("canGetAndSetFMUstate", capabilities.snapshots.to_string())
+                .with("canSerializeFMUstate", capabilities.snapshots.to_string())
                 .with("providesDirectionalDerivative", capabilities.directional_derivatives.to_string()),
         );
         page.nest(element("UnitDefinitions"), |page| {
@@ -101,7 +51,7 @@ fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], gui
         page.nest(element("LogCategories"), |page| {
             for category in Category::ALL {
                 let name = category.name().to_string_lossy();
-                page.empty(element("Category").with("name", name).with("description", category.description()));
+                page.empty(element("Category").with("name", name).with("description", category.description("fmi2")));
             }
         });
         page.empty(
@@ -113,7 +63,7 @@ fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], gui
         );
         page.nest(element("ModelVariables"), |page| {
             for (reference, variable) in variables.iter().enumerate() {
-                let state = variable.derivative_of.and_then(|state| index_of(variables, state));
+                let state = variable.derivative_of.as_ref().and_then(|state| index_of(variables, state));
                 write_variable(page, reference, variable, state);
             }
         });
@@ -121,23 +71,12 @@ fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], gui
     })
 }
 
-fn enumerations(variables: &[Variable]) -> Vec<&'static Enumeration> {
-    let mut enumerations: Vec<&'static Enumeration> = Vec::new();
-    for variable in variables {
-        if let Type::Enumeration { items, .. } = variable.data_type
-            && enumerations.iter().all(|known| known.name != items.name)
-        {
-            enumerations.push(items);
-        }
-    }
-    enumerations
-}
-
 fn write_unit(page: &mut Page, unit: &Unit) {
     page.nest(element("Unit").with("name", unit.name), |page| {
         write_base_unit(page, "BaseUnit", unit);
         for display in unit.displays {
-            page.empty(element("DisplayUnit").with("name", display.name).with("factor", real(display.factor)));
+            let tag = element("DisplayUnit").with("name", display.name).with("factor", real(display.factor));
+            page.empty(tag.with_some("offset", (display.offset != 0.0).then(|| real(display.offset))));
         }
     });
 }
@@ -160,32 +99,15 @@ fn index_of(variables: &[Variable], name: &str) -> Option<String> {
 }
 
 fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state: Option<String>) {
-    let causality = match variable.causality {
-        Causality::Parameter => "parameter",
-        Causality::Input => "input",
-        Causality::Output => "output",
-        Causality::Local => "local",
-    };
-    let variability = match variable.variability {
-        Variability::Fixed => "fixed",
-        Variability::Tunable => "tunable",
-        Variability::Discrete => "discrete",
-        Variability::Continuous => "continuous",
-    };
-    let initial = match variable.causality {
-        Causality::Parameter => Some("exact"),
-        Causality::Input => None,
-        Causality::Output | Causality::Local => Some("calculated"),
-    };
     let root = element("ScalarVariable")
         .with("name", variable.name.as_ref())
         .with("valueReference", reference.to_string())
         .with("description", variable.description.as_ref())
-        .with("causality", causality)
-        .with("variability", variability)
-        .with_some("initial", initial);
+        .with("causality", causality(variable))
+        .with("variability", variability(variable))
+        .with_some("initial", initial(variable));
     // Computed variables have no start value.
-    let settable = variable.is_settable();
+    let settable = variable.has_start();
     page.nest(root, |page| {
         let kind = match &variable.data_type {
             Type::Real { start, unit, display, nominal, min, max } => element("Real")
@@ -194,7 +116,7 @@ fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state:
                 .with_some("displayUnit", display.filter(|display| *display != unit.name))
                 .with_some("min", min.map(real))
                 .with_some("max", max.map(real))
-                .with("nominal", real(*nominal))
+                .with_some("nominal", (variable.causality != Causality::Independent).then(|| real(*nominal)))
                 .with_some("start", settable.then(|| real(*start)))
                 .with_some("derivative", state),
             Type::Integer { start, min, max } => element("Integer")
@@ -225,7 +147,9 @@ fn write_structure(page: &mut Page, variables: &[Variable]) {
     };
     let dependent = |page: &mut Page, index: i32, variable: &Variable| {
         let there = |name: &str| variables.iter().any(|variable| variable.name == name);
-        let mut depends_on: Vec<_> = variable.depends_on.iter().filter(|(name, _)| there(name)).collect();
+        // Without `dependencies` it depends on all inputs and states.
+        let Some(depends_on) = &variable.depends_on else { return page.empty(unknown(index)) };
+        let mut depends_on: Vec<_> = depends_on.iter().filter(|(name, _)| there(name)).collect();
         depends_on.sort_by_key(|(name, _)| variables.iter().position(|variable| variable.name == *name));
         let kinds: Vec<_> = depends_on.iter().map(|(_, how)| kind_of(*how)).collect();
         let tag = unknown(index).with("dependencies", indices(&mut depends_on.iter().map(|(name, _)| name.as_ref())));
@@ -241,30 +165,19 @@ fn write_structure(page: &mut Page, variables: &[Variable]) {
             // In the order of the state vector.
             for state in variables.iter().filter(|variable| variable.state) {
                 for (index, derivative) in chosen(|variable| variable.derivative_of.is_some()) {
-                    if derivative.derivative_of == Some(state.name.as_ref()) {
+                    if derivative.derivative_of.as_ref() == Some(&state.name) {
                         dependent(page, index, derivative);
                     }
                 }
             }
         });
     }
-    let computed = |variable: &Variable| {
-        variable.causality == Causality::Output || variable.state || variable.derivative_of.is_some()
-    };
     page.nest(element("InitialUnknowns"), |page| {
-        for (index, variable) in chosen(computed) {
+        for (index, variable) in chosen(is_initial_unknown) {
             // Without `dependencies` an unknown depends on all knowns: parameters and inputs.
             let from = variable.starts_from.as_ref();
             let from = from.map(|names| indices(&mut names.iter().map(|name| name.as_ref())));
             page.empty(unknown(index).with_some("dependencies", from));
         }
     });
-}
-
-fn kind_of(how: Dependency) -> &'static str {
-    match how {
-        Dependency::Any => "dependent",
-        Dependency::Constant => "constant",
-        Dependency::Fixed => "fixed",
-    }
 }

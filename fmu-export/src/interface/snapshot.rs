@@ -1,4 +1,4 @@
-//! Snapshots: what `fmi2FMUstate` points to, and its serialized form.
+//! Snapshots: what `fmi2FMUstate` and `fmi3FMUState` point to, and their serialized form, which is the same.
 //!
 //! ```text
 //! 8 bytes   the letters FMU2SNAP
@@ -18,36 +18,39 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::bindings::fmi2Status;
 use super::sequence::State;
 use crate::instance::{Instance, ModelType};
+use crate::resources::Resources;
 
 const MAGIC: &[u8; 8] = b"FMU2SNAP";
 /// Increment this whenever the layout of the content changes, apart from the values and the state of the model.
-const VERSION: u16 = 3;
+const VERSION: u16 = 4;
 const HASH_BYTES: usize = 32;
 
-/// What `fmi2FMUstate` points to: an instance without its name, its callbacks and its log categories.
-pub(super) struct Snapshot {
-    pub(super) model: Arc<ModelType>,
-    pub(super) instance: Box<dyn Instance>,
-    pub(super) stage: Stage,
+/// What the importer holds as a snapshot: an instance without its name, its callbacks and its log categories.
+pub(crate) struct Snapshot {
+    pub(crate) model: Arc<ModelType>,
+    pub(crate) instance: Box<dyn Instance>,
+    pub(crate) stage: Stage,
 }
 
 /// Everything in an instance besides its values and its run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Stage {
-    pub(super) state: State,
+pub(crate) struct Stage {
+    pub(crate) state: State,
     /// End of the last completed step, or the start time, in s.
-    pub(super) time_s: f64,
-    pub(super) start_s: f64,
-    pub(super) stop_s: Option<f64>,
-    pub(super) last_step: fmi2Status,
+    pub(crate) time_s: f64,
+    pub(crate) start_s: f64,
+    pub(crate) stop_s: Option<f64>,
+    /// Whether the last step failed.
+    pub(crate) failed: bool,
+    /// Whether the model has ended the simulation.
+    pub(crate) terminated: bool,
 }
 
 impl Stage {
-    pub(super) const BEGIN: Self =
-        Self { state: State::Instantiated, time_s: 0.0, start_s: 0.0, stop_s: None, last_step: fmi2Status::fmi2OK };
+    pub(crate) const BEGIN: Self =
+        Self { state: State::Instantiated, time_s: 0.0, start_s: 0.0, stop_s: None, failed: false, terminated: false };
 }
 
 /// A serialized [`Stage`].
@@ -58,16 +61,16 @@ struct Head {
     start_s: f64,
     stop_s: Option<f64>,
     failed: bool,
+    terminated: bool,
 }
 
 impl Snapshot {
     /// Serializes the snapshot. Equal snapshots give equal bytes.
-    pub(super) fn write(&self) -> Vec<u8> {
-        let Stage { state, time_s, start_s, stop_s, last_step } = self.stage;
-        let failed = last_step != fmi2Status::fmi2OK;
-        let head = Head { state: state as u8, time_s, start_s, stop_s, failed };
+    pub(crate) fn write(&self) -> Vec<u8> {
+        let Stage { state, time_s, start_s, stop_s, failed, terminated } = self.stage;
+        let head = Head { state: state as u8, time_s, start_s, stop_s, failed, terminated };
         let mut content = postcard::to_stdvec(&head).expect("numbers can be written, and memory grows as needed");
-        content.extend(self.instance.write());
+        content.extend(self.instance.write().expect("there are snapshots of models only that have them"));
 
         let mut bytes = Vec::with_capacity(content.len() + 128);
         bytes.extend(MAGIC);
@@ -87,18 +90,18 @@ impl Snapshot {
     ///
     /// # Errors
     /// Why the bytes are not a snapshot of this model.
-    pub(super) fn read(model: &Arc<ModelType>, bytes: &[u8]) -> Result<Self, String> {
+    pub(crate) fn read(model: &Arc<ModelType>, resources: &Resources, bytes: &[u8]) -> Result<Self, String> {
         let content = content(model, bytes)?;
         let (head, rest): (Head, _) =
             postcard::take_from_bytes(content).map_err(|error| format!("the content is damaged: {error}"))?;
         let stage = head.stage()?;
-        let mut instance = model.instantiate();
+        let mut instance = model.instantiate_with(resources.clone());
         instance
-            .read(rest, stage.time_s, stage.state == State::StepComplete)
+            .read(rest, stage.time_s, matches!(stage.state, State::StepMode | State::EventMode))
             .map_err(|why| format!("the content is damaged: {why}"))?;
         let fits = match stage.state {
             State::Instantiated | State::InitializationMode => !instance.has_begun(),
-            State::StepComplete => instance.has_begun(),
+            State::StepMode | State::EventMode => instance.has_begun(),
             State::Terminated | State::Error => true,
         };
         if !fits {
@@ -112,12 +115,11 @@ impl Head {
     fn stage(&self) -> Result<Stage, String> {
         let state = State::ALL.into_iter().find(|state| *state as u8 == self.state);
         let state = state.ok_or_else(|| format!("the content is damaged: there is no state {}", self.state))?;
-        let Self { time_s, start_s, stop_s, failed, .. } = *self;
+        let Self { time_s, start_s, stop_s, failed, terminated, .. } = *self;
         if !(time_s.is_finite() && start_s.is_finite()) || stop_s.is_some_and(f64::is_nan) {
             return Err("the content is damaged: the times are not finite".into());
         }
-        let last_step = if failed { fmi2Status::fmi2Error } else { fmi2Status::fmi2OK };
-        Ok(Stage { state, time_s, start_s, stop_s, last_step })
+        Ok(Stage { state, time_s, start_s, stop_s, failed, terminated })
     }
 }
 

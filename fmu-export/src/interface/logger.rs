@@ -1,9 +1,9 @@
 //! Messages to the importer.
 
-use std::ffi::{CStr, CString};
+use std::ffi::{CStr, CString, c_void};
 use std::fmt;
 
-use super::bindings::{fmi2CallbackFunctions, fmi2CallbackLogger, fmi2ComponentEnvironment, fmi2Status};
+use super::{Interface, Message};
 use crate::log::{Log, Topic};
 
 /// A log category, as declared in the model description.
@@ -13,11 +13,11 @@ pub enum Category {
     Events,
     /// A linear system could not be solved.
     SingularLinearSystems,
-    /// Messages with fmi2Warning.
+    /// Messages that go with a warning.
     StatusWarning,
-    /// Messages with fmi2Error.
+    /// Messages that go with an error.
     StatusError,
-    /// Messages with fmi2Fatal.
+    /// Messages that go with a fatal error.
     StatusFatal,
     /// All messages.
     All,
@@ -46,15 +46,15 @@ impl Category {
         }
     }
 
-    /// Description of the category.
-    pub fn description(self) -> &'static str {
+    /// Description of the category, with the statuses under the names that begin with `prefix`.
+    pub fn description(self, prefix: &str) -> String {
         match self {
-            Self::Events => "Events in the model",
-            Self::SingularLinearSystems => "Linear systems that could not be solved",
-            Self::StatusWarning => "Messages with fmi2Warning",
-            Self::StatusError => "Messages with fmi2Error; passed on even while logging is off",
-            Self::StatusFatal => "Messages with fmi2Fatal; passed on even while logging is off",
-            Self::All => "All messages",
+            Self::Events => "Events in the model".into(),
+            Self::SingularLinearSystems => "Linear systems that could not be solved".into(),
+            Self::StatusWarning => format!("Messages with {prefix}Warning"),
+            Self::StatusError => format!("Messages with {prefix}Error; passed on even while logging is off"),
+            Self::StatusFatal => format!("Messages with {prefix}Fatal; passed on even while logging is off"),
+            Self::All => "All messages".into(),
         }
     }
 
@@ -64,23 +64,23 @@ impl Category {
 }
 
 /// Passes messages to the importer's callback, if it wants them.
-pub(super) struct Logger {
+pub(crate) struct Logger<I: Interface> {
     instance: CString,
-    callback: fmi2CallbackLogger,
-    environment: fmi2ComponentEnvironment,
+    callback: Option<I::Callback>,
+    environment: *mut c_void,
     /// Categories switched on.
     wanted: u8,
     /// Categories switched off by name.
     unwanted: u8,
 }
 
-impl Logger {
+impl<I: Interface> Logger<I> {
     /// A logger for one instance, with all categories on or off.
-    pub(super) fn new(instance: CString, callbacks: &fmi2CallbackFunctions, on: bool) -> Self {
+    pub(crate) fn new(instance: &CStr, callback: Option<I::Callback>, environment: *mut c_void, on: bool) -> Self {
         Self {
-            instance,
-            callback: callbacks.logger,
-            environment: callbacks.componentEnvironment,
+            instance: instance.to_owned(),
+            callback,
+            environment,
             wanted: if on { Category::All.bit() } else { 0 },
             unwanted: 0,
         }
@@ -90,7 +90,7 @@ impl Logger {
     ///
     /// # Errors
     /// The name that is not a category; nothing is switched then.
-    pub(super) fn switch<'n>(&mut self, on: bool, names: &[&'n CStr]) -> Result<(), &'n CStr> {
+    pub(crate) fn switch<'n>(&mut self, on: bool, names: &[&'n CStr]) -> Result<(), &'n CStr> {
         let mut bits = 0;
         for name in names {
             let category = Category::ALL.into_iter().find(|category| category.name() == *name).ok_or(*name)?;
@@ -121,42 +121,32 @@ impl Logger {
     }
 
     /// Sends one message.
-    pub(super) fn send(&self, status: fmi2Status, category: Category, message: fmt::Arguments<'_>) {
+    pub(crate) fn send(&self, status: I::Status, category: Category, message: fmt::Arguments<'_>) {
         let Some(callback) = self.callback.filter(|_| self.passes(category)) else { return };
         // A text from the importer contains a zero byte only if damaged; a blank keeps what follows readable.
         let text = message.to_string().replace('\0', " ");
         let Ok(text) = CString::new(text) else { return };
-        // SAFETY: the importer provided callback and environment for this instance and keeps them valid until it is freed; all
-        // texts end with a zero byte and live until the call returns; the format `%s` consumes exactly the one argument that
-        // follows it.
-        unsafe {
-            callback(
-                self.environment,
-                self.instance.as_ptr(),
-                status,
-                category.name().as_ptr(),
-                c"%s".as_ptr(),
-                text.as_ptr(),
-            );
-        }
+        let message = Message { instance: &self.instance, status, category: category.name(), text: &text };
+        // SAFETY: the importer provided callback and environment for this instance and keeps them valid until it is freed.
+        unsafe { I::send(callback, self.environment, message) }
     }
 }
 
-impl Log for Logger {
+impl<I: Interface> Log for Logger<I> {
     fn wants(&self, topic: Topic) -> bool {
-        self.callback.is_some() && self.passes(category_of(topic).0)
+        self.callback.is_some() && self.passes(category_of::<I>(topic).0)
     }
 
     fn message(&mut self, topic: Topic, message: fmt::Arguments<'_>) {
-        let (category, status) = category_of(topic);
+        let (category, status) = category_of::<I>(topic);
         self.send(status, category, message);
     }
 }
 
-fn category_of(topic: Topic) -> (Category, fmi2Status) {
+fn category_of<I: Interface>(topic: Topic) -> (Category, I::Status) {
     match topic {
-        Topic::Event => (Category::Events, fmi2Status::fmi2OK),
-        Topic::SingularLinearSystem => (Category::SingularLinearSystems, fmi2Status::fmi2OK),
-        Topic::Warning => (Category::StatusWarning, fmi2Status::fmi2Warning),
+        Topic::Event => (Category::Events, I::OK),
+        Topic::SingularLinearSystem => (Category::SingularLinearSystems, I::OK),
+        Topic::Warning => (Category::StatusWarning, I::WARNING),
     }
 }

@@ -1,0 +1,277 @@
+//! `#[derive(Variables)]`.
+
+use proc_macro2::TokenStream;
+use quote::{format_ident, quote, quote_spanned};
+use syn::spanned::Spanned;
+use syn::{Data, DeriveInput, Error, Expr, Field, Fields, Ident, LitStr, Member, Result, Type};
+
+use crate::attributes::{Attributes, Role, items, literal};
+use crate::names::{check, description};
+
+/// The implementation for a structure.
+pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
+    let Data::Struct(data) = &input.data else {
+        return Err(Error::new(input.ident.span(), "expected a structure: an enum has `#[derive(Choice)]`"));
+    };
+    let mut context: Option<Expr> = None;
+    for attribute in input.attrs.iter().filter(|attribute| attribute.path().is_ident("variables")) {
+        for item in items(attribute, "variables", &["context"])? {
+            context = item.value;
+        }
+    }
+    let mut seen: Vec<String> = Vec::new();
+    let (mut lenses, mut rows) = (Vec::new(), Vec::new());
+    for (at, field) in data.fields.iter().enumerate() {
+        let attributes = Attributes::of(field)?;
+        if attributes.role == Role::Hidden {
+            continue;
+        }
+        let member = field.ident.clone().map_or_else(|| Member::Unnamed(at.into()), Member::Named);
+        let lens = format_ident!("Field{at}");
+        let name = name_of(field, &attributes, at, &data.fields)?;
+        if let Some(name) = &name {
+            if seen.contains(&name.value()) {
+                return Err(Error::new(name.span(), format!("there are two variables named `{}`", name.value())));
+            }
+            seen.push(name.value());
+        }
+        lenses.push(lens_of(input, &lens, &member, &field.ty));
+        let of_field = if attributes.role == Role::Nested {
+            nested(input, &lens, &field.ty, &attributes, name.as_ref(), context.is_some())
+        } else {
+            variable(input, &lens, field, &attributes, name.as_ref())
+        };
+        rows.push(of_field);
+    }
+    let (ident, context) = (&input.ident, context.map_or_else(|| quote!(()), |context| quote!(#context)));
+    let (bounds, types, conditions) = input.generics.split_for_impl();
+    Ok(quote! {
+        #[automatically_derived]
+        const _: () = {
+            #(#lenses)*
+
+            impl #bounds ::fmu_export::Variables for #ident #types #conditions {
+                type Context = #context;
+
+                #[allow(unused_variables, reason = "`context` is for the attributes")]
+                fn rows_at<Place: ::fmu_export::variables::Lens<Target = Self>>(
+                    scope: &::fmu_export::variables::Scope<'_, Place::Data, Self::Context>,
+                ) -> ::std::vec::Vec<::fmu_export::variable::Row<Place::Data>> {
+                    let context = scope.context;
+                    let mut rows = ::std::vec::Vec::new();
+                    #(#rows)*
+                    rows
+                }
+            }
+        };
+    })
+}
+
+/// The name of a variable or structure as far as it is known when the macro runs.
+fn name_of(field: &Field, attributes: &Attributes, at: usize, fields: &Fields) -> Result<Option<LitStr>> {
+    let given = match attributes.role {
+        Role::Nested if attributes.has("prefix") || attributes.has("prefixes") => return Ok(None),
+        _ if attributes.has("names") => return Ok(None),
+        _ => attributes.value("name"),
+    };
+    let name = match (given, &field.ident) {
+        (Some(value), _) => match literal(value) {
+            Some(name) => name.clone(),
+            None => return Ok(None),
+        },
+        (None, Some(ident)) => {
+            let text = ident.to_string();
+            LitStr::new(text.strip_prefix("r#").unwrap_or(&text), ident.span())
+        }
+        (None, None) if attributes.role == Role::Nested && fields.len() == 1 => return Ok(None),
+        (None, None) => {
+            return Err(Error::new(field.ty.span(), format!("field {at} has no name: give it one by `name = …`")));
+        }
+    };
+    check(&name)?;
+    Ok(Some(name))
+}
+
+/// The place of a field within its structure.
+fn lens_of(input: &DeriveInput, lens: &Ident, member: &Member, of_type: &Type) -> TokenStream {
+    let ident = &input.ident;
+    let (bounds, types, conditions) = input.generics.split_for_impl();
+    quote! {
+        struct #lens #bounds (::core::marker::PhantomData<fn() -> #ident #types>) #conditions;
+
+        impl #bounds ::fmu_export::variables::Lens for #lens #types #conditions {
+            type Data = #ident #types;
+            type Target = #of_type;
+            const COUNT: usize = 1;
+
+            fn get(data: &Self::Data, _: usize) -> &Self::Target {
+                &data.#member
+            }
+
+            fn get_mut(data: &mut Self::Data, _: usize) -> &mut Self::Target {
+                &mut data.#member
+            }
+        }
+    }
+}
+
+/// Adds the rows of a field that is a structure, or an array of them.
+fn nested(
+    input: &DeriveInput,
+    lens: &Ident,
+    of_type: &Type,
+    attributes: &Attributes,
+    name: Option<&LitStr>,
+    has_context: bool,
+) -> TokenStream {
+    let (_, types, _) = input.generics.split_for_impl();
+    let base = name.map_or_else(|| quote!(""), |name| quote!(#name));
+    let prefixes = match (attributes.value("prefix"), attributes.value("prefixes"), name) {
+        (Some(prefix), ..) => {
+            quote!(::core::option::Option::Some(::std::vec![::std::format!("{}{}", scope.prefix, #prefix)]))
+        }
+        (_, Some(prefixes), _) => quote!(::core::option::Option::Some(
+            (#prefixes).into_iter().map(|prefix| ::std::format!("{}{}", scope.prefix, prefix)).collect()
+        )),
+        (_, _, None) => quote!(::core::option::Option::Some(::std::vec![scope.prefix.clone()])),
+        _ => quote!(::core::option::Option::None),
+    };
+    let count = optional(attributes.value("count"));
+    let context = match attributes.value("context") {
+        Some(context) => quote!(&#context),
+        None if has_context => quote!(context),
+        None => quote!(&()),
+    };
+    // The span is that of the type, so that errors of trait bounds point at the field.
+    let add = quote_spanned!(of_type.span()=> <#of_type as ::fmu_export::variables::Nested<_>>::add::<::fmu_export::variables::Then<Place, #lens #types>>);
+    quote! {
+        #add(
+            &mut rows,
+            &::fmu_export::variables::Scope {
+                prefix: ::std::format!("{}{}", scope.prefix, #base),
+                context: #context,
+                defaults: scope.defaults,
+                outer: scope.outer,
+                number: scope.number,
+            },
+            #prefixes,
+            #count,
+        );
+    }
+}
+
+/// Adds the rows of a field that is a variable, or an array of them.
+fn variable(
+    input: &DeriveInput,
+    lens: &Ident,
+    field: &Field,
+    attributes: &Attributes,
+    name: Option<&LitStr>,
+) -> TokenStream {
+    let (_, types, _) = input.generics.split_for_impl();
+    let of_type = &field.ty;
+    let names = match (attributes.value("names"), attributes.value("name"), name) {
+        (Some(names), ..) => quote!(Each((#names).into_iter().map(::std::convert::Into::into).collect())),
+        (None, Some(name), None) => quote!(Common(::std::convert::Into::into(#name))),
+        (_, _, name) => quote!(Common(::std::convert::Into::into(#name))),
+    };
+    let unit =
+        attributes.value("unit").map_or_else(|| quote!(::core::default::Default::default()), |unit| quote!(#unit));
+    let start = match attributes.value("start") {
+        Some(start) => quote_spanned!(start.span()=>
+            ::core::option::Option::Some(::fmu_export::variables::Start::<#of_type>::into_start(#start))),
+        None => quote!(::core::option::Option::None),
+    };
+    let count = optional(attributes.value("count"));
+    let finish = finish(attributes, field);
+    let checks = checks(attributes, of_type);
+    let with = attributes.value("with").map(|with| {
+        quote! {
+            let with: &mut dyn ::core::ops::FnMut(
+                ::fmu_export::variable::Row<Place::Data>,
+            ) -> ::fmu_export::variable::Row<Place::Data> = &mut (#with);
+            let row = with(row);
+        }
+    });
+    let add = quote_spanned!(of_type.span()=> ::fmu_export::variables::add::<::fmu_export::variables::Then<Place, #lens #types>, Self::Context>);
+    quote! {
+        #checks
+        #add(
+            &mut rows,
+            scope,
+            ::fmu_export::variables::Names::#names,
+            #unit,
+            #start,
+            #count,
+            &mut |row| {
+                #finish
+                #with
+                row
+            },
+        );
+    }
+}
+
+fn optional(value: Option<&Expr>) -> TokenStream {
+    value.map_or_else(|| quote!(::core::option::Option::None), |value| quote!(::core::option::Option::Some(#value)))
+}
+
+/// Attributes that suit some types only.
+fn checks(attributes: &Attributes, of_type: &Type) -> TokenStream {
+    let of_reals = ["display_unit", "nominal", "state", "derivative_of"];
+    let there = of_reals.into_iter().filter(|key| attributes.has(key));
+    let checks =
+        there.map(|key| quote_spanned!(attributes.span(key)=> ::fmu_export::variables::only_real::<#of_type>();));
+    quote!(#(#checks)*)
+}
+
+/// Role and attributes of a row.
+fn finish(attributes: &Attributes, field: &Field) -> TokenStream {
+    let of_type = &field.ty;
+    let mut steps = Vec::new();
+    steps.push(match attributes.role {
+        Role::Parameter if attributes.has("tunable") => quote!(.tunable()),
+        Role::Parameter if attributes.has("calculated") => quote!(.calculated()),
+        Role::Parameter => quote!(.fixed()),
+        Role::Input => quote!(.input()),
+        Role::Output => quote!(.output()),
+        Role::Local if attributes.has("constant") => quote!(.constant()),
+        Role::Local | Role::Nested | Role::Hidden => quote!(.local()),
+    });
+    let about = attributes.value("description").map_or_else(
+        || {
+            let text = description(&field.attrs);
+            quote!(#text)
+        },
+        |text| quote!(#text),
+    );
+    steps.push(quote!(.description(#about)));
+    for flag in ["discrete", "exact", "state"].into_iter().filter(|flag| attributes.has(flag)) {
+        let flag = Ident::new(flag, attributes.span(flag));
+        steps.push(quote!(.#flag()));
+    }
+    for limit in ["min", "max"] {
+        if let Some(value) = attributes.value(limit) {
+            let method = Ident::new(limit, attributes.span(limit));
+            steps.push(quote_spanned!(value.span()=> .#method(::fmu_export::variables::limit::<#of_type>(#value))));
+        }
+    }
+    for key in ["nominal", "display_unit", "derivative_of"] {
+        if let Some(value) = attributes.value(key) {
+            let method = Ident::new(key, attributes.span(key));
+            steps.push(quote!(.#method(#value)));
+        }
+    }
+    for key in ["depends_on", "starts_from"] {
+        if let Some(value) = attributes.value(key) {
+            let method = Ident::new(key, attributes.span(key));
+            let is_empty = matches!(value, Expr::Array(array) if array.elems.is_empty());
+            steps.push(match (is_empty, key) {
+                (true, "depends_on") => quote!(.depends_on_nothing()),
+                (true, _) => quote!(.starts_from_nothing()),
+                _ => quote!(.#method(#value)),
+            });
+        }
+    }
+    quote!(let row = row #(#steps)*;)
+}

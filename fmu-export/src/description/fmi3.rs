@@ -1,0 +1,225 @@
+//! `modelDescription.xml` of FMI 3.0.
+
+use super::arrays::{Group, groups};
+use super::{causality, enumerations, initial, is_initial_unknown, kind_of, variability};
+use crate::interface::logger::Category;
+use crate::model::{Capabilities, Info};
+use crate::unit::{SECOND, Unit};
+use crate::variable::{Causality, Dependency, Enumeration, Type, Variable};
+use crate::xml::{Element, Page, element, real, units, write_base_unit};
+
+/// The text of the description, with that instantiation token.
+pub(super) fn document(
+    info: &Info,
+    capabilities: Capabilities,
+    variables: &[Variable],
+    arrays: bool,
+    token: &str,
+) -> String {
+    let given = |text: &'static str| Some(text).filter(|text| !text.is_empty());
+    let root = element("fmiModelDescription")
+        .with("fmiVersion", "3.0")
+        .with("modelName", info.name)
+        .with("instantiationToken", token)
+        .with("description", info.description)
+        .with_some("author", given(info.author))
+        .with_some("version", given(info.version))
+        .with_some("license", given(info.license))
+        .with_some("generationTool", given(info.tool))
+        .with("variableNamingConvention", "structured");
+    let groups = groups(variables, arrays);
+    Page::document(root, |page| {
+        page.empty(
+            element("CoSimulation")
+                .with("modelIdentifier", info.name)
+                .with("needsExecutionTool", "false")
+                .with("canBeInstantiatedOnlyOncePerProcess", "false")
+                .with("canGetAndSetFMUState", capabilities.snapshots.to_string())
+                .with("canSerializeFMUState", capabilities.snapshots.to_string())
+                .with("providesDirectionalDerivatives", capabilities.directional_derivatives.to_string())
+                .with("canHandleVariableCommunicationStepSize", "true")
+                .with("maxOutputDerivativeOrder", capabilities.output_derivative_order.to_string())
+                .with("hasEventMode", "true"),
+        );
+        page.nest(element("UnitDefinitions"), |page| {
+            let mut units = units(variables);
+            // The unit of the time.
+            if units.iter().all(|unit| unit.name != SECOND.name) {
+                units.push(&SECOND);
+            }
+            for unit in units {
+                write_unit(page, unit);
+            }
+        });
+        let enumerations = enumerations(variables);
+        if !enumerations.is_empty() {
+            page.nest(element("TypeDefinitions"), |page| {
+                for enumeration in enumerations {
+                    write_enumeration(page, enumeration);
+                }
+            });
+        }
+        page.nest(element("LogCategories"), |page| {
+            for category in Category::ALL {
+                let name = category.name().to_string_lossy();
+                page.empty(element("Category").with("name", name).with("description", category.description("fmi3")));
+            }
+        });
+        page.empty(
+            element("DefaultExperiment")
+                .with("startTime", "0")
+                .with("stopTime", real(info.stop_s))
+                .with("tolerance", real(info.tolerance))
+                .with("stepSize", real(info.step_s)),
+        );
+        page.nest(element("ModelVariables"), |page| {
+            for group in &groups {
+                let state = group.first().derivative_of.as_ref().and_then(|state| reference_of(&groups, state));
+                write_variable(page, group, state);
+            }
+            if variables.iter().any(|variable| variable.causality == Causality::Independent) {
+                return;
+            }
+            page.empty(
+                element("Float64")
+                    .with("name", "time")
+                    .with("valueReference", variables.len().to_string())
+                    .with("description", "Time")
+                    .with("causality", "independent")
+                    .with("variability", "continuous")
+                    .with("unit", SECOND.name),
+            );
+        });
+        page.nest(element("ModelStructure"), |page| write_structure(page, &groups));
+    })
+}
+
+fn write_unit(page: &mut Page, unit: &Unit) {
+    page.nest(element("Unit").with("name", unit.name), |page| {
+        write_base_unit(page, "BaseUnit", unit);
+        for display in unit.displays {
+            let tag = element("DisplayUnit").with("name", display.name).with("factor", real(display.factor));
+            page.empty(tag.with_some("offset", (display.offset != 0.0).then(|| real(display.offset))));
+        }
+    });
+}
+
+fn write_enumeration(page: &mut Page, enumeration: &Enumeration) {
+    let root = element("EnumerationType").with("name", enumeration.name).with("description", enumeration.description);
+    page.nest(root, |page| {
+        for ((name, description), value) in enumeration.items.iter().zip(1..) {
+            let item = element("Item").with("name", *name).with("value", i32::to_string(&value));
+            page.empty(item.with("description", *description));
+        }
+    });
+}
+
+/// The value reference of a row, or of the array that it is an element of.
+fn reference_of(groups: &[Group<'_>], name: &str) -> Option<usize> {
+    groups.iter().find(|group| group.rows.iter().any(|row| row.name == name)).map(|group| group.reference)
+}
+
+fn write_variable(page: &mut Page, group: &Group<'_>, state: Option<usize>) {
+    let variable = group.first();
+    let settable = variable.has_start();
+    // The start values of all elements, which computed variables do not have.
+    let starts = || {
+        let starts = group.rows.iter().map(|row| match &row.data_type {
+            Type::Real { start, .. } => real(*start),
+            Type::Integer { start, .. } | Type::Enumeration { start, .. } => start.to_string(),
+            Type::Boolean { start } => start.to_string(),
+            Type::String { start } => start.to_string(),
+        });
+        starts.collect::<Vec<_>>()
+    };
+    let start = settable.then(|| starts().join(" "));
+    let common = |name| {
+        element(name)
+            .with("name", group.name)
+            .with("valueReference", group.reference.to_string())
+            .with("description", group.description())
+            .with("causality", causality(variable))
+            .with("variability", variability(variable))
+            .with_some("initial", initial(variable))
+    };
+    let tag = match &variable.data_type {
+        Type::Real { unit, display, nominal, min, max, .. } => common("Float64")
+            .with("unit", unit.name)
+            .with_some("displayUnit", display.filter(|display| *display != unit.name))
+            .with_some("min", min.map(real))
+            .with_some("max", max.map(real))
+            .with_some("nominal", (variable.causality != Causality::Independent).then(|| real(*nominal)))
+            .with_some("derivative", state.map(|state| state.to_string()))
+            .with_some("start", start),
+        Type::Integer { min, max, .. } => common("Int32")
+            .with_some("min", min.map(|min| min.to_string()))
+            .with_some("max", max.map(|max| max.to_string()))
+            .with_some("start", start),
+        Type::Boolean { .. } => common("Boolean").with_some("start", start),
+        // The start values of texts are elements.
+        Type::String { .. } => common("String"),
+        Type::Enumeration { items, .. } => {
+            common("Enumeration").with("declaredType", items.name).with_some("start", start)
+        }
+    };
+    let texts = if settable && matches!(variable.data_type, Type::String { .. }) { starts() } else { Vec::new() };
+    if !group.is_array && texts.is_empty() {
+        return page.empty(tag);
+    }
+    page.nest(tag, |page| {
+        if group.is_array {
+            page.empty(element("Dimension").with("start", group.rows.len().to_string()));
+        }
+        for text in texts {
+            page.empty(element("Start").with("value", text));
+        }
+    });
+}
+
+/// Outputs and derivatives of states with their dependencies, and the initial unknowns.
+fn write_structure(page: &mut Page, groups: &[Group<'_>]) {
+    let unknown = |name, group: &Group<'_>| element(name).with("valueReference", group.reference.to_string());
+    let listed = |references: &[usize]| references.iter().map(usize::to_string).collect::<Vec<_>>().join(" ");
+    let dependent = |tag: Element, group: &Group<'_>| {
+        // Without `dependencies` it depends on all inputs and states.
+        let named: Option<Vec<_>> = group.rows.iter().map(|row| row.depends_on.as_ref()).collect();
+        let Some(named) = named else { return tag };
+        let mut depends_on: Vec<(usize, Dependency)> = Vec::new();
+        for (name, how) in named.into_iter().flatten() {
+            let Some(reference) = reference_of(groups, name) else { continue };
+            match depends_on.iter_mut().find(|(known, _)| *known == reference) {
+                // Elements that depend in different ways depend in some way.
+                Some((_, known)) if *known != *how => *known = Dependency::Any,
+                Some(_) => {}
+                None => depends_on.push((reference, *how)),
+            }
+        }
+        depends_on.sort_by_key(|(reference, _)| *reference);
+        let references: Vec<_> = depends_on.iter().map(|(reference, _)| *reference).collect();
+        let kinds: Vec<_> = depends_on.iter().map(|(_, how)| kind_of(*how)).collect();
+        tag.with("dependencies", listed(&references))
+            .with_some("dependenciesKind", (!kinds.is_empty()).then(|| kinds.join(" ")))
+    };
+    for group in groups.iter().filter(|group| group.first().causality == Causality::Output) {
+        page.empty(dependent(unknown("Output", group), group));
+    }
+    // In the order of the state vector.
+    for state in groups.iter().filter(|group| group.first().state) {
+        let is_derivative = |group: &&Group<'_>| group.first().derivative_of.as_ref() == Some(&state.first().name);
+        for group in groups.iter().filter(is_derivative) {
+            page.empty(dependent(unknown("ContinuousStateDerivative", group), group));
+        }
+    }
+    for group in groups.iter().filter(|group| is_initial_unknown(group.first())) {
+        // Without `dependencies` an unknown depends on all knowns: parameters and inputs.
+        let from: Option<Vec<_>> = group.rows.iter().map(|row| row.starts_from.as_ref()).collect();
+        let from = from.map(|from| {
+            let names = from.into_iter().flatten();
+            let mut references: Vec<_> = names.filter_map(|name| reference_of(groups, name)).collect();
+            references.sort_unstable();
+            references.dedup();
+            listed(&references)
+        });
+        page.empty(unknown("InitialUnknown", group).with_some("dependencies", from));
+    }
+}

@@ -1,0 +1,133 @@
+//! Writes `modelDescription.xml` from the table of variables of a model.
+
+pub(crate) mod arrays;
+mod fmi2;
+mod fmi3;
+
+use sha2::{Digest, Sha256};
+
+use crate::model::{Capabilities, Info};
+use crate::variable::{Causality, Dependency, Enumeration, Type, Variability, Variable};
+
+/// A version of the standard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Standard {
+    /// FMI 2.0.
+    Fmi2,
+    /// FMI 3.0.
+    Fmi3 {
+        /// Whether `x[1]`, `x[2]`, … are one array `x`. Otherwise they are variables of their own, as in FMI 2.0: more tools
+        /// accept that.
+        arrays: bool,
+    },
+}
+
+impl Standard {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Fmi2, Self::Fmi3 { arrays: false }, Self::Fmi3 { arrays: true }];
+    /// Those of FMI 3.0.
+    pub const OF_FMI3: [Self; 2] = [Self::Fmi3 { arrays: false }, Self::Fmi3 { arrays: true }];
+    /// Those whose functions this crate is built with, by its features `fmi2` and `fmi3`; arrays are not used.
+    pub const BUILT: &[Self] = &[
+        #[cfg(feature = "fmi2")]
+        Self::Fmi2,
+        #[cfg(feature = "fmi3")]
+        Self::Fmi3 { arrays: false },
+    ];
+
+    /// Name of the FMU of a model, without the ending: `Name` for FMI 2.0, `Name_fmi3` for FMI 3.0.
+    pub fn file_stem(self, model: &str) -> String {
+        match self {
+            Self::Fmi2 => model.to_owned(),
+            Self::Fmi3 { .. } => format!("{model}_fmi3"),
+        }
+    }
+
+    /// Number of the version.
+    pub fn version(self) -> &'static str {
+        match self {
+            Self::Fmi2 => "2.0",
+            Self::Fmi3 { .. } => "3.0",
+        }
+    }
+}
+
+/// A model description.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Description {
+    /// GUID, with braces: the first half of the SHA-256 of the description with an empty GUID, so that it changes with the
+    /// interface and a binary matches its description only. In FMI 3.0 it is the instantiation token.
+    pub token: String,
+    /// The text of `modelDescription.xml`.
+    pub xml: String,
+}
+
+/// The model description by a standard.
+pub fn write(info: &Info, capabilities: Capabilities, variables: &[Variable], standard: Standard) -> Description {
+    let document = |token: &str| match standard {
+        Standard::Fmi2 => fmi2::document(info, capabilities, variables, token),
+        Standard::Fmi3 { arrays } => fmi3::document(info, capabilities, variables, arrays, token),
+    };
+    let digest = Sha256::digest(document("").as_bytes());
+    let digits: String = digest[..16].iter().map(|byte| format!("{byte:02x}")).collect();
+    let token =
+        format!("{{{}-{}-{}-{}-{}}}", &digits[..8], &digits[8..12], &digits[12..16], &digits[16..20], &digits[20..]);
+    let xml = document(&token);
+    Description { token, xml }
+}
+
+fn causality(variable: &Variable) -> &'static str {
+    match variable.causality {
+        Causality::Parameter => "parameter",
+        Causality::Input => "input",
+        Causality::Output => "output",
+        Causality::Local => "local",
+        Causality::CalculatedParameter => "calculatedParameter",
+        Causality::Independent => "independent",
+    }
+}
+
+fn variability(variable: &Variable) -> &'static str {
+    match variable.variability {
+        Variability::Constant => "constant",
+        Variability::Fixed => "fixed",
+        Variability::Tunable => "tunable",
+        Variability::Discrete => "discrete",
+        Variability::Continuous => "continuous",
+    }
+}
+
+fn initial(variable: &Variable) -> Option<&'static str> {
+    match variable.causality {
+        Causality::Input | Causality::Independent => None,
+        _ if variable.has_start() => Some("exact"),
+        _ => Some("calculated"),
+    }
+}
+
+/// Whether the structure lists it among what is computed at the start.
+fn is_initial_unknown(variable: &Variable) -> bool {
+    let listed = matches!(variable.causality, Causality::Output | Causality::CalculatedParameter);
+    variable.is_computed() && (listed || variable.state || variable.derivative_of.is_some())
+}
+
+fn enumerations(variables: &[Variable]) -> Vec<&'static Enumeration> {
+    let mut enumerations: Vec<&'static Enumeration> = Vec::new();
+    for variable in variables {
+        if let Type::Enumeration { items, .. } = variable.data_type
+            && enumerations.iter().all(|known| known.name != items.name)
+        {
+            enumerations.push(items);
+        }
+    }
+    enumerations
+}
+
+fn kind_of(how: Dependency) -> &'static str {
+    match how {
+        Dependency::Any => "dependent",
+        Dependency::Constant => "constant",
+        Dependency::Fixed => "fixed",
+    }
+}

@@ -1,0 +1,388 @@
+//! The 75 functions of FMI 3.0.
+//!
+//! Names, arguments and results are the standard's, except for [`instantiate`], which gets the list of models. All functions
+//! that take an instance share one safety contract: the instance came from [`instantiate`] and was not freed since; an array
+//! has the length given; an `fmi3FMUState` is null or came from [`fmi3GetFMUState`] or [`fmi3DeserializeFMUState`], was not
+//! freed since, and no other call writes or frees it meanwhile. Null pointers are refused, and so is a call on an instance
+//! during another one, for instance from its logger.
+
+#![allow(non_snake_case, reason = "the names are those of the standard")]
+
+mod refused;
+mod values;
+
+use std::ffi::{CStr, c_char};
+use std::panic::catch_unwind;
+
+pub use refused::*;
+pub use values::*;
+
+use super::bindings::*;
+use super::sequence::{Function, State};
+use super::{Fmi3, Options};
+use crate::Standard;
+use crate::fmus::Fmus;
+use crate::interface::arguments::{element_mut, elements, elements_mut, finite, handed_out, text};
+use crate::interface::component::{Outcome, Problem};
+use crate::interface::guard::{enter, hand_out, take_back};
+use crate::interface::logger::Category;
+use crate::interface::{c_functions, component, logger, states};
+use crate::model::Step;
+use crate::resources::Resources;
+
+type Component = component::Component<Fmi3>;
+type Logger = logger::Logger<Fmi3>;
+
+/// How an importer asks for an instance.
+pub struct Request {
+    /// Name of the instance.
+    pub name: fmi3String,
+    /// The token of the model description.
+    pub token: fmi3String,
+    /// Whether messages are wanted.
+    pub logging_on: fmi3Boolean,
+    /// Whether events are handled in a mode of their own.
+    pub event_mode: fmi3Boolean,
+    /// The folder `resources`, as a path; null if there is none.
+    pub resources: fmi3String,
+    /// Handed back with every message.
+    pub environment: fmi3InstanceEnvironment,
+    /// Takes messages.
+    pub log: fmi3LogMessageCallback,
+}
+
+fn make(fmus: &'static Fmus, request: &Request) -> Option<fmi3Instance> {
+    // SAFETY: the importer keeps the texts valid for the length of the call; null is checked.
+    let (name, token, folder) = unsafe { (text(request.name), text(request.token), text(request.resources)) };
+    let shown = name.filter(|name| !name.is_empty()).unwrap_or(c"(no name)");
+    let logger = Logger::new(shown, request.log, request.environment, request.logging_on != 0);
+    let refuse = |why: std::fmt::Arguments<'_>| {
+        let function = "fmi3InstantiateCoSimulation";
+        logger.send(fmi3Status::fmi3Error, Category::StatusError, format_args!("{function}: {why}"));
+        None
+    };
+    if name.is_none_or(CStr::is_empty) {
+        return refuse(format_args!("instanceName is empty: expected a name"));
+    }
+    let Some(token) = token else {
+        return refuse(format_args!("instantiationToken is null: expected the one of the model description"));
+    };
+    let found = token.to_str().ok().and_then(|token| fmus.by_token(token));
+    let Some((model, standard)) = found else {
+        return refuse(format_args!(
+            "instantiationToken = {} is unknown: model description and binary do not belong together; this binary has {}",
+            token.to_string_lossy(),
+            fmus.tokens()
+        ));
+    };
+    let resources = folder.map(|folder| Resources::in_folder(&*folder.to_string_lossy())).unwrap_or_default();
+    let elements = (standard == Standard::Fmi3 { arrays: true }).then(|| model.elements());
+    let options = Options { event_mode: request.event_mode != 0, elements };
+    Some(hand_out(Component::new(model, resources, logger, options)))
+}
+
+/// Makes an instance for co-simulation of the model with that token; null if that is not possible, with a message that gives the
+/// reason. This is `fmi3InstantiateCoSimulation` for a list of models.
+///
+/// # Safety
+/// The texts are null or end with a zero byte; callback and environment belong together and stay valid as long as the instance.
+pub unsafe fn instantiate(fmus: &'static Fmus, request: Request) -> fmi3Instance {
+    let made = catch_unwind(|| make(fmus, &request));
+    // The message of a panic went to the standard error; there is no instance whose logger could be used.
+    made.ok().flatten().unwrap_or(std::ptr::null_mut())
+}
+
+/// Leaves one mode for another.
+fn change(component: &mut Component, state: State) -> Outcome {
+    component.stage.state = state;
+    Ok(())
+}
+
+c_functions! {
+    /// The version of the interface, `3.0`.
+    fn fmi3GetVersion: fmi3GetVersionTYPE() -> *const c_char {
+        fmi3Version.as_ptr()
+    }
+
+    /// Switches categories of messages on or off.
+    fn fmi3SetDebugLogging: fmi3SetDebugLoggingTYPE(
+        instance: fmi3Instance,
+        loggingOn: fmi3Boolean,
+        nCategories: usize,
+        categories: *const fmi3String,
+    ) -> fmi3Status {
+        // SAFETY: instance, array and texts are as this module's contract says.
+        unsafe {
+            enter(instance, Function::SetDebugLogging, |component| {
+                component.switch_logging(loggingOn != 0, elements("categories", categories, nCategories)?)
+            })
+        }
+    }
+
+    /// Frees an instance.
+    fn fmi3FreeInstance: fmi3FreeInstanceTYPE(instance: fmi3Instance) -> () {
+        // SAFETY: by this module's contract the pointer came from `fmi3InstantiateCoSimulation` and is not used again.
+        unsafe { take_back::<Fmi3>(instance) }
+    }
+
+    /// Sets start and stop time, and begins initialization. A tolerance is accepted without effect: the models have a fixed
+    /// accuracy.
+    fn fmi3EnterInitializationMode: fmi3EnterInitializationModeTYPE(
+        instance: fmi3Instance,
+        _toleranceDefined: fmi3Boolean,
+        _tolerance: fmi3Float64,
+        startTime: fmi3Float64,
+        stopTimeDefined: fmi3Boolean,
+        stopTime: fmi3Float64,
+    ) -> fmi3Status {
+        let stop_s = (stopTimeDefined != 0).then_some(stopTime);
+        // SAFETY: the instance is as this module's contract says.
+        unsafe {
+            enter(instance, Function::EnterInitializationMode, |component| {
+                component.setup(startTime, stop_s)?;
+                change(component, State::InitializationMode)
+            })
+        }
+    }
+
+    /// Ends initialization. The message names every invalid parameter.
+    fn fmi3ExitInitializationMode: fmi3ExitInitializationModeTYPE(instance: fmi3Instance) -> fmi3Status {
+        // SAFETY: the instance is as this module's contract says.
+        unsafe {
+            enter(instance, Function::ExitInitializationMode, |component: &mut Component| {
+                component.exit_initialization()?;
+                change(component, if component.options.event_mode { State::EventMode } else { State::StepMode })
+            })
+        }
+    }
+
+    /// Begins the handling of an event. No model needs it: its own events are handled within a step.
+    fn fmi3EnterEventMode: fmi3EnterEventModeTYPE(instance: fmi3Instance) -> fmi3Status {
+        // SAFETY: the instance is as this module's contract says.
+        unsafe {
+            enter(instance, Function::EnterEventMode, |component: &mut Component| {
+                if !component.options.event_mode {
+                    return Err(Problem::call("the instance was made with eventModeUsed = fmi3False"));
+                }
+                change(component, State::EventMode)
+            })
+        }
+    }
+
+    /// Ends an iteration of an event; another one is never needed.
+    fn fmi3UpdateDiscreteStates: fmi3UpdateDiscreteStatesTYPE(
+        instance: fmi3Instance,
+        discreteStatesNeedUpdate: *mut fmi3Boolean,
+        terminateSimulation: *mut fmi3Boolean,
+        nominalsOfContinuousStatesChanged: *mut fmi3Boolean,
+        valuesOfContinuousStatesChanged: *mut fmi3Boolean,
+        nextEventTimeDefined: *mut fmi3Boolean,
+        nextEventTime: *mut fmi3Float64,
+    ) -> fmi3Status {
+        let flags = [
+            ("discreteStatesNeedUpdate", discreteStatesNeedUpdate),
+            ("terminateSimulation", terminateSimulation),
+            ("nominalsOfContinuousStatesChanged", nominalsOfContinuousStatesChanged),
+            ("valuesOfContinuousStatesChanged", valuesOfContinuousStatesChanged),
+            ("nextEventTimeDefined", nextEventTimeDefined),
+        ];
+        // SAFETY: instance and pointers are as this module's contract says.
+        unsafe {
+            enter(instance, Function::UpdateDiscreteStates, |_| {
+                let time = element_mut("nextEventTime", nextEventTime)?;
+                for (name, flag) in flags {
+                    *element_mut(name, flag)? = 0;
+                }
+                *time = 0.0;
+                Ok(())
+            })
+        }
+    }
+
+    /// Ends the handling of an event.
+    fn fmi3EnterStepMode: fmi3EnterStepModeTYPE(instance: fmi3Instance) -> fmi3Status {
+        // SAFETY: the instance is as this module's contract says.
+        unsafe { enter(instance, Function::EnterStepMode, |component| change(component, State::StepMode)) }
+    }
+
+    /// Ends the run.
+    fn fmi3Terminate: fmi3TerminateTYPE(instance: fmi3Instance) -> fmi3Status {
+        // SAFETY: the instance is as this module's contract says.
+        unsafe { enter(instance, Function::Terminate, |component| change(component, State::Terminated)) }
+    }
+
+    /// Resets the instance to its state after `fmi3InstantiateCoSimulation`.
+    fn fmi3Reset: fmi3ResetTYPE(instance: fmi3Instance) -> fmi3Status {
+        let body = |component: &mut Component| {
+            component.reset();
+            Ok(())
+        };
+        // SAFETY: the instance is as this module's contract says.
+        unsafe { enter(instance, Function::Reset, body) }
+    }
+
+    /// Does one communication step.
+    fn fmi3DoStep: fmi3DoStepTYPE(
+        instance: fmi3Instance,
+        currentCommunicationPoint: fmi3Float64,
+        communicationStepSize: fmi3Float64,
+        _noSetFMUStatePriorToCurrentPoint: fmi3Boolean,
+        eventHandlingNeeded: *mut fmi3Boolean,
+        terminateSimulation: *mut fmi3Boolean,
+        earlyReturn: *mut fmi3Boolean,
+        lastSuccessfulTime: *mut fmi3Float64,
+    ) -> fmi3Status {
+        let step = Step { time_s: currentCommunicationPoint, length_s: communicationStepSize };
+        // SAFETY: instance and pointers are as this module's contract says.
+        unsafe {
+            enter(instance, Function::DoStep, |component: &mut Component| {
+                let event = element_mut("eventHandlingNeeded", eventHandlingNeeded)?;
+                let terminate = element_mut("terminateSimulation", terminateSimulation)?;
+                let early = element_mut("earlyReturn", earlyReturn)?;
+                let time = element_mut("lastSuccessfulTime", lastSuccessfulTime)?;
+                (*event, *terminate, *early) = (0, 0, 0);
+                let outcome = component.step(step);
+                *terminate = u8::from(component.stage.terminated) as fmi3Boolean;
+                *time = component.stage.time_s;
+                outcome
+            })
+        }
+    }
+
+    /// Takes a snapshot, into an existing one if there is one.
+    fn fmi3GetFMUState: fmi3GetFMUStateTYPE(instance: fmi3Instance, FMUState: *mut fmi3FMUState) -> fmi3Status {
+        // SAFETY: instance and pointers are as this module's contract says.
+        unsafe { enter(instance, Function::GetFMUState, |component| states::get(component, FMUState)) }
+    }
+
+    /// Restores a snapshot of this or another instance of the same model, including the state in the sequence of calls and the
+    /// time. The snapshot remains valid.
+    fn fmi3SetFMUState: fmi3SetFMUStateTYPE(instance: fmi3Instance, FMUState: fmi3FMUState) -> fmi3Status {
+        // SAFETY: instance and pointer are as this module's contract says.
+        unsafe { enter(instance, Function::SetFMUState, |component| states::set(component, FMUState)) }
+    }
+
+    /// Frees a snapshot and sets the pointer to null; a null pointer is ignored. Any instance of this library may be used.
+    fn fmi3FreeFMUState: fmi3FreeFMUStateTYPE(instance: fmi3Instance, FMUState: *mut fmi3FMUState) -> fmi3Status {
+        // SAFETY: instance and pointers are as this module's contract says.
+        unsafe { enter(instance, Function::FreeFMUState, |_| states::free(FMUState)) }
+    }
+
+    /// Returns the size of a serialized snapshot in bytes.
+    fn fmi3SerializedFMUStateSize: fmi3SerializedFMUStateSizeTYPE(
+        instance: fmi3Instance,
+        FMUState: fmi3FMUState,
+        size: *mut usize,
+    ) -> fmi3Status {
+        // SAFETY: instance and pointers are as this module's contract says.
+        unsafe { enter(instance, Function::SerializedFMUStateSize, |_| states::size(FMUState, size)) }
+    }
+
+    /// Serializes a snapshot. Bytes beyond its size are not changed.
+    fn fmi3SerializeFMUState: fmi3SerializeFMUStateTYPE(
+        instance: fmi3Instance,
+        FMUState: fmi3FMUState,
+        serializedState: *mut fmi3Byte,
+        size: usize,
+    ) -> fmi3Status {
+        // SAFETY: instance, pointer and array are as this module's contract says.
+        unsafe {
+            enter(instance, Function::SerializeFMUState, |_| states::serialize(FMUState, serializedState, size))
+        }
+    }
+
+    /// Makes a new snapshot from serialized bytes, of this process or another. Bytes of another model or version, truncated or
+    /// changed ones are refused.
+    fn fmi3DeserializeFMUState: fmi3DeserializeFMUStateTYPE(
+        instance: fmi3Instance,
+        serializedState: *const fmi3Byte,
+        size: usize,
+        FMUState: *mut fmi3FMUState,
+    ) -> fmi3Status {
+        // SAFETY: instance, array and pointer are as this module's contract says.
+        unsafe {
+            enter(instance, Function::DeserializeFMUState, |component| {
+                states::deserialize(component, serializedState, size, FMUState)
+            })
+        }
+    }
+
+    /// Directional derivatives of outputs and of derivatives of states with respect to inputs and states, during initialization
+    /// also with respect to parameters; exact.
+    fn fmi3GetDirectionalDerivative: fmi3GetDirectionalDerivativeTYPE(
+        instance: fmi3Instance,
+        unknowns: *const fmi3ValueReference,
+        nUnknowns: usize,
+        knowns: *const fmi3ValueReference,
+        nKnowns: usize,
+        seed: *const fmi3Float64,
+        nSeed: usize,
+        sensitivity: *mut fmi3Float64,
+        nSensitivity: usize,
+    ) -> fmi3Status {
+        let body = |component: &mut Component| {
+            // SAFETY: all arrays are as this module's contract says.
+            let (unknowns, knowns, seed, sensitivity) = unsafe {
+                (
+                    elements("unknowns", unknowns, nUnknowns)?,
+                    elements("knowns", knowns, nKnowns)?,
+                    elements("seed", seed, nSeed)?,
+                    elements_mut("sensitivity", sensitivity, nSensitivity)?,
+                )
+            };
+            let knowns = each(component, knowns, "nSeed", seed.len())?;
+            let unknowns = each(component, unknowns, "nSensitivity", sensitivity.len())?;
+            for (reference, value) in knowns.iter().zip(seed) {
+                finite(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
+            }
+            let known = |at: usize| (knowns[at] as usize, seed[at]);
+            let found = component.instance.differentiate(knowns.len(), &known).map_err(Problem::call)?;
+            for (reference, derivative) in unknowns.iter().zip(sensitivity) {
+                *derivative = handed_out(component, *reference, found.of(*reference as usize).map_err(Problem::call)?)?;
+            }
+            Ok(())
+        };
+        // SAFETY: the instance is as this module's contract says.
+        unsafe { enter(instance, Function::GetDirectionalDerivative, body) }
+    }
+
+    /// Derivatives of outputs with respect to time at the end of the last step, with the inputs held. Exact; 0 for sampled
+    /// outputs, which are constant in between.
+    fn fmi3GetOutputDerivatives: fmi3GetOutputDerivativesTYPE(
+        instance: fmi3Instance,
+        valueReferences: *const fmi3ValueReference,
+        nValueReferences: usize,
+        orders: *const fmi3Int32,
+        values: *mut fmi3Float64,
+        nValues: usize,
+    ) -> fmi3Status {
+        let body = |component: &mut Component| {
+            // SAFETY: all arrays are as this module's contract says.
+            let (references, orders, values) = unsafe {
+                (
+                    elements("valueReferences", valueReferences, nValueReferences)?,
+                    elements("orders", orders, nValueReferences)?,
+                    elements_mut("values", values, nValues)?,
+                )
+            };
+            // One order for each reference, which holds for all elements of an array.
+            let mut values = values.iter_mut();
+            let count: usize = references.iter().map(|reference| size_of_variable(component, *reference)).sum();
+            if count != nValues {
+                return Err(wrong_count("nValues", nValues, count));
+            }
+            for (reference, order) in references.iter().zip(orders) {
+                let indices = each(component, std::slice::from_ref(reference), "nValues", size_of_variable(component, *reference))?;
+                for index in indices.iter() {
+                    let found = component.instance.output_derivative(*index as usize, *order).map_err(Problem::call)?;
+                    if let Some(value) = values.next() {
+                        *value = handed_out(component, *index, found)?;
+                    }
+                }
+            }
+            Ok(())
+        };
+        // SAFETY: the instance is as this module's contract says.
+        unsafe { enter(instance, Function::GetOutputDerivatives, body) }
+    }
+}

@@ -1,0 +1,403 @@
+//! Reading and writing variables.
+
+use std::borrow::Cow;
+
+use super::Component;
+use crate::fmi3::bindings::*;
+use crate::fmi3::sequence::Function;
+use crate::interface::arguments::{elements, elements_mut, handed_out, text};
+use crate::interface::c_functions;
+use crate::interface::component::{Outcome, Problem};
+use crate::interface::guard::enter;
+use crate::variable::{Type, Value};
+
+/// The indices of the variables that value references stand for: of all elements in turn if it is an array. `count` values go
+/// with them.
+pub(super) fn each<'r>(
+    component: &Component,
+    references: &'r [fmi3ValueReference],
+    name: &str,
+    count: usize,
+) -> Result<Cow<'r, [u32]>, Problem> {
+    let Some(elements) = &component.options.elements else {
+        return if count == references.len() {
+            Ok(Cow::Borrowed(references))
+        } else {
+            Err(wrong_count(name, count, references.len()))
+        };
+    };
+    // Not more than the importer has room for, whatever the references are.
+    let mut indices = Vec::with_capacity(references.len().max(count).min(elements.len()));
+    for reference in references {
+        let size = elements.get(*reference as usize).copied().unwrap_or(1);
+        if size == 0 {
+            return Err(Problem::Call(format!(
+                "value reference {reference} is not that of a variable but lies within an array, as {}",
+                component.name_of(*reference)
+            )));
+        }
+        indices.extend(*reference..reference.saturating_add(size));
+    }
+    if indices.len() == count { Ok(Cow::Owned(indices)) } else { Err(wrong_count(name, count, indices.len())) }
+}
+
+/// The number of values of a variable.
+pub(super) fn size_of_variable(component: &Component, reference: fmi3ValueReference) -> usize {
+    let elements = component.options.elements.as_ref();
+    elements.and_then(|elements| elements.get(reference as usize)).map_or(1, |size| *size as usize)
+}
+
+pub(super) fn wrong_count(name: &str, found: usize, wanted: usize) -> Problem {
+    Problem::Call(format!("{name} = {found} is refused: the value references stand for {wanted} values"))
+}
+
+/// The name of a type in FMI 3.0.
+fn type_name(data_type: &Type) -> &'static str {
+    match data_type {
+        Type::Real { .. } => "Float64",
+        Type::Integer { .. } => "Int32",
+        Type::Enumeration { .. } => "Enumeration (Int64)",
+        Type::Boolean { .. } => "Boolean",
+        Type::String { .. } => "String",
+    }
+}
+
+/// Whether a variable is of the type that a function reads or writes.
+fn check(component: &Component, index: u32, fits: impl Fn(&Type) -> bool, asked: &str) -> Outcome {
+    let variables = component.model.variables();
+    let (name, found) = match variables.get(index as usize) {
+        Some(variable) if fits(&variable.data_type) => return Ok(()),
+        Some(variable) => (variable.name.as_ref(), type_name(&variable.data_type)),
+        None if index as usize == variables.len() => ("time", "Float64"),
+        None => return Err(Problem::Call(format!("there is no variable with value reference {index}"))),
+    };
+    Err(Problem::Call(format!("{name} is not of type {asked} but {found}")))
+}
+
+/// Value references and their number, as the importer passes them.
+type References = (*const fmi3ValueReference, usize);
+
+/// Reads the variables of one type.
+///
+/// # Safety
+/// As for all functions of this module.
+unsafe fn get<T>(
+    instance: fmi3Instance,
+    function: Function,
+    (references, count): References,
+    (values, n_values): (*mut T, usize),
+    read: impl Fn(&mut Component, u32) -> Result<T, Problem>,
+) -> fmi3Status {
+    let body = |component: &mut Component| {
+        // SAFETY: the arrays are as the contract of the exported function says.
+        let (references, values) =
+            unsafe { (elements("valueReferences", references, count)?, elements_mut("values", values, n_values)?) };
+        for (index, value) in each(component, references, "nValues", n_values)?.iter().zip(values) {
+            *value = read(component, *index)?;
+        }
+        Ok(())
+    };
+    // SAFETY: the instance is as the contract of the exported function says.
+    unsafe { enter(instance, function, body) }
+}
+
+/// Reads a variable after its type was checked.
+fn value(component: &mut Component, index: u32) -> Result<Value, Problem> {
+    component.instance.get(index as usize).map_err(Problem::call)
+}
+
+/// A value whose type differs from that in the table: a defect.
+fn mixed_up<T>(component: &Component, index: u32) -> Result<T, Problem> {
+    Err(Problem::Run(format!("{} has a value of another type", component.name_of(index))))
+}
+
+/// Writes the variables of one type: all of them, or none if one is refused.
+///
+/// # Safety
+/// As for all functions of this module.
+unsafe fn set<T: Copy>(
+    instance: fmi3Instance,
+    function: Function,
+    (references, count): References,
+    (values, n_values): (*const T, usize),
+    (fits, asked): (impl Fn(&Type) -> bool, &str),
+    wrap: impl Fn(T) -> Result<Value, String>,
+) -> fmi3Status {
+    let body = |component: &mut Component| {
+        // SAFETY: the arrays are as the contract of the exported function says.
+        let (references, values) =
+            unsafe { (elements("valueReferences", references, count)?, elements("values", values, n_values)?) };
+        let indices = each(component, references, "nValues", n_values)?;
+        for (index, value) in indices.iter().zip(values) {
+            if *index as usize == component.model.variables().len() {
+                return Err(Problem::call("time cannot be set: it follows from the steps"));
+            }
+            check(component, *index, &fits, asked)?;
+            wrap(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*index))))?;
+        }
+        let setting = |at: usize| (indices[at] as usize, wrap(values[at]).expect("all values were checked"));
+        component.instance.set_all(indices.len(), &setting).map_err(Problem::call)
+    };
+    // SAFETY: the instance is as the contract of the exported function says.
+    unsafe { enter(instance, function, body) }
+}
+
+/// Refuses every variable, because no model has any of that type; nothing to read or write is no error.
+///
+/// # Safety
+/// As for all functions of this module.
+unsafe fn none_of(
+    instance: fmi3Instance,
+    function: Function,
+    (references, count): References,
+    asked: &str,
+) -> fmi3Status {
+    let body = |component: &mut Component| {
+        // SAFETY: the array is as the contract of the exported function says.
+        let references = unsafe { elements("valueReferences", references, count)? };
+        references.iter().try_for_each(|index| check(component, *index, |_| false, asked))
+    };
+    // SAFETY: the instance is as the contract of the exported function says.
+    unsafe { enter(instance, function, body) }
+}
+
+fn is_float(data_type: &Type) -> bool {
+    matches!(data_type, Type::Real { .. })
+}
+
+fn is_integer(data_type: &Type) -> bool {
+    matches!(data_type, Type::Integer { .. })
+}
+
+fn is_enumeration(data_type: &Type) -> bool {
+    matches!(data_type, Type::Enumeration { .. })
+}
+
+fn is_boolean(data_type: &Type) -> bool {
+    matches!(data_type, Type::Boolean { .. })
+}
+
+fn is_string(data_type: &Type) -> bool {
+    matches!(data_type, Type::String { .. })
+}
+
+c_functions! {
+    /// Reads Float64 variables, the time among them.
+    fn fmi3GetFloat64: fmi3GetFloat64TYPE(
+        instance: fmi3Instance,
+        valueReferences: *const fmi3ValueReference,
+        nValueReferences: usize,
+        values: *mut fmi3Float64,
+        nValues: usize,
+    ) -> fmi3Status {
+        let read = |component: &mut Component, index: u32| {
+            if index as usize == component.model.variables().len() {
+                return Ok(component.stage.time_s);
+            }
+            match value(component, index)? {
+                Value::Real(value) => handed_out(component, index, value),
+                _ => check(component, index, is_float, "Float64").and_then(|()| mixed_up(component, index)),
+            }
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe {
+            get(instance, Function::GetFloat64, (valueReferences, nValueReferences), (values, nValues), read)
+        }
+    }
+
+    /// Reads Int32 variables.
+    fn fmi3GetInt32: fmi3GetInt32TYPE(
+        instance: fmi3Instance,
+        valueReferences: *const fmi3ValueReference,
+        nValueReferences: usize,
+        values: *mut fmi3Int32,
+        nValues: usize,
+    ) -> fmi3Status {
+        let read = |component: &mut Component, index: u32| {
+            check(component, index, is_integer, "Int32")?;
+            let Value::Integer(value) = value(component, index)? else { return mixed_up(component, index) };
+            Ok(value)
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { get(instance, Function::GetInt32, (valueReferences, nValueReferences), (values, nValues), read) }
+    }
+
+    /// Reads Enumeration variables.
+    fn fmi3GetInt64: fmi3GetInt64TYPE(
+        instance: fmi3Instance,
+        valueReferences: *const fmi3ValueReference,
+        nValueReferences: usize,
+        values: *mut fmi3Int64,
+        nValues: usize,
+    ) -> fmi3Status {
+        let read = |component: &mut Component, index: u32| {
+            check(component, index, is_enumeration, "Int64")?;
+            let Value::Integer(value) = value(component, index)? else { return mixed_up(component, index) };
+            Ok(value.into())
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { get(instance, Function::GetInt64, (valueReferences, nValueReferences), (values, nValues), read) }
+    }
+
+    /// Reads Boolean variables.
+    fn fmi3GetBoolean: fmi3GetBooleanTYPE(
+        instance: fmi3Instance,
+        valueReferences: *const fmi3ValueReference,
+        nValueReferences: usize,
+        values: *mut fmi3Boolean,
+        nValues: usize,
+    ) -> fmi3Status {
+        let read = |component: &mut Component, index: u32| {
+            check(component, index, is_boolean, "Boolean")?;
+            let Value::Boolean(value) = value(component, index)? else { return mixed_up(component, index) };
+            Ok(value.into())
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe {
+            get(instance, Function::GetBoolean, (valueReferences, nValueReferences), (values, nValues), read)
+        }
+    }
+
+    /// Reads String variables. The texts stay valid until the next call on the instance.
+    fn fmi3GetString: fmi3GetStringTYPE(
+        instance: fmi3Instance,
+        valueReferences: *const fmi3ValueReference,
+        nValueReferences: usize,
+        values: *mut fmi3String,
+        nValues: usize,
+    ) -> fmi3Status {
+        let body = |component: &mut Component| {
+            // SAFETY: the arrays are as this module's contract says.
+            let (references, values) = unsafe {
+                (elements("valueReferences", valueReferences, nValueReferences)?, elements_mut("values", values, nValues)?)
+            };
+            let indices = each(component, references, "nValues", nValues)?;
+            indices.iter().try_for_each(|index| check(component, *index, is_string, "String"))?;
+            component.read_texts(&indices, values)
+        };
+        // SAFETY: the instance is as this module's contract says.
+        unsafe { enter(instance, Function::GetString, body) }
+    }
+
+    /// Writes Float64 variables: all of them, or none if one is refused. Values that are not finite are refused where they are
+    /// used: a parameter at the end of initialization, an input in the step, unless the model accepts a missing input.
+    fn fmi3SetFloat64: fmi3SetFloat64TYPE(
+        instance: fmi3Instance,
+        valueReferences: *const fmi3ValueReference,
+        nValueReferences: usize,
+        values: *const fmi3Float64,
+        nValues: usize,
+    ) -> fmi3Status {
+        let references = (valueReferences, nValueReferences);
+        let wrap = |value| Ok(Value::Real(value));
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { set(instance, Function::SetFloat64, references, (values, nValues), (is_float, "Float64"), wrap) }
+    }
+
+    /// Writes Int32 variables: all of them, or none if one is refused.
+    fn fmi3SetInt32: fmi3SetInt32TYPE(
+        instance: fmi3Instance,
+        valueReferences: *const fmi3ValueReference,
+        nValueReferences: usize,
+        values: *const fmi3Int32,
+        nValues: usize,
+    ) -> fmi3Status {
+        let references = (valueReferences, nValueReferences);
+        let wrap = |value| Ok(Value::Integer(value));
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { set(instance, Function::SetInt32, references, (values, nValues), (is_integer, "Int32"), wrap) }
+    }
+
+    /// Writes Enumeration variables: all of them, or none if one is refused.
+    fn fmi3SetInt64: fmi3SetInt64TYPE(
+        instance: fmi3Instance,
+        valueReferences: *const fmi3ValueReference,
+        nValueReferences: usize,
+        values: *const fmi3Int64,
+        nValues: usize,
+    ) -> fmi3Status {
+        let references = (valueReferences, nValueReferences);
+        let wrap = |value: fmi3Int64| {
+            let item = i32::try_from(value).map_err(|_| format!("{value} is refused: expected an item of the enumeration"));
+            item.map(Value::Integer)
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { set(instance, Function::SetInt64, references, (values, nValues), (is_enumeration, "Int64"), wrap) }
+    }
+
+    /// Writes Boolean variables: all of them, or none if one is refused.
+    fn fmi3SetBoolean: fmi3SetBooleanTYPE(
+        instance: fmi3Instance,
+        valueReferences: *const fmi3ValueReference,
+        nValueReferences: usize,
+        values: *const fmi3Boolean,
+        nValues: usize,
+    ) -> fmi3Status {
+        let references = (valueReferences, nValueReferences);
+        let wrap = |value| match value {
+            0 => Ok(Value::Boolean(false)),
+            1 => Ok(Value::Boolean(true)),
+            other => Err(format!("{other} is refused: expected fmi3False (0) or fmi3True (1)")),
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { set(instance, Function::SetBoolean, references, (values, nValues), (is_boolean, "Boolean"), wrap) }
+    }
+
+    /// Writes String variables, in UTF-8: all of them, or none if one is refused.
+    fn fmi3SetString: fmi3SetStringTYPE(
+        instance: fmi3Instance,
+        valueReferences: *const fmi3ValueReference,
+        nValueReferences: usize,
+        values: *const fmi3String,
+        nValues: usize,
+    ) -> fmi3Status {
+        let references = (valueReferences, nValueReferences);
+        let wrap = |value| {
+            // SAFETY: the texts are as this module's contract says.
+            let text = unsafe { text(value) }.ok_or("a null pointer is refused: expected a string")?;
+            let text = text.to_str().map_err(|_| "the string is refused: expected UTF-8")?;
+            Ok(Value::String(text.to_owned()))
+        };
+        // SAFETY: all arguments are as this module's contract says.
+        unsafe { set(instance, Function::SetString, references, (values, nValues), (is_string, "String"), wrap) }
+    }
+}
+
+/// Functions for the types that no model has.
+macro_rules! other_types {
+    ($($name:ident: $type:ident = $function:ident($($argument:ident: $of:ty),*), $asked:literal;)*) => {
+        c_functions! {$(
+            #[doc = concat!("No variable is of type ", $asked, ".")]
+            fn $name: $type(
+                instance: fmi3Instance,
+                valueReferences: *const fmi3ValueReference,
+                nValueReferences: usize,
+                $($argument: $of),*
+            ) -> fmi3Status {
+                // SAFETY: all arguments are as this module's contract says.
+                unsafe { none_of(instance, Function::$function, (valueReferences, nValueReferences), $asked) }
+            }
+        )*}
+    };
+}
+
+other_types! {
+    fmi3GetFloat32: fmi3GetFloat32TYPE = GetFloat32(_values: *mut fmi3Float32, _nValues: usize), "Float32";
+    fmi3GetInt8: fmi3GetInt8TYPE = GetInt8(_values: *mut fmi3Int8, _nValues: usize), "Int8";
+    fmi3GetUInt8: fmi3GetUInt8TYPE = GetUInt8(_values: *mut fmi3UInt8, _nValues: usize), "UInt8";
+    fmi3GetInt16: fmi3GetInt16TYPE = GetInt16(_values: *mut fmi3Int16, _nValues: usize), "Int16";
+    fmi3GetUInt16: fmi3GetUInt16TYPE = GetUInt16(_values: *mut fmi3UInt16, _nValues: usize), "UInt16";
+    fmi3GetUInt32: fmi3GetUInt32TYPE = GetUInt32(_values: *mut fmi3UInt32, _nValues: usize), "UInt32";
+    fmi3GetUInt64: fmi3GetUInt64TYPE = GetUInt64(_values: *mut fmi3UInt64, _nValues: usize), "UInt64";
+    fmi3GetBinary: fmi3GetBinaryTYPE = GetBinary(_valueSizes: *mut usize, _values: *mut fmi3Binary, _nValues: usize), "Binary";
+    fmi3GetClock: fmi3GetClockTYPE = GetClock(_values: *mut fmi3Clock), "Clock";
+    fmi3SetFloat32: fmi3SetFloat32TYPE = SetFloat32(_values: *const fmi3Float32, _nValues: usize), "Float32";
+    fmi3SetInt8: fmi3SetInt8TYPE = SetInt8(_values: *const fmi3Int8, _nValues: usize), "Int8";
+    fmi3SetUInt8: fmi3SetUInt8TYPE = SetUInt8(_values: *const fmi3UInt8, _nValues: usize), "UInt8";
+    fmi3SetInt16: fmi3SetInt16TYPE = SetInt16(_values: *const fmi3Int16, _nValues: usize), "Int16";
+    fmi3SetUInt16: fmi3SetUInt16TYPE = SetUInt16(_values: *const fmi3UInt16, _nValues: usize), "UInt16";
+    fmi3SetUInt32: fmi3SetUInt32TYPE = SetUInt32(_values: *const fmi3UInt32, _nValues: usize), "UInt32";
+    fmi3SetUInt64: fmi3SetUInt64TYPE = SetUInt64(_values: *const fmi3UInt64, _nValues: usize), "UInt64";
+    fmi3SetBinary: fmi3SetBinaryTYPE = SetBinary(_valueSizes: *const usize, _values: *const fmi3Binary, _nValues: usize), "Binary";
+    fmi3SetClock: fmi3SetClockTYPE = SetClock(_values: *const fmi3Clock), "Clock";
+}

@@ -1,0 +1,72 @@
+//! Arguments of calls: arrays, strings, numbers.
+
+use std::ffi::{CStr, c_char};
+
+use super::Interface;
+use super::component::{Component, Outcome, Problem};
+
+/// The elements of an array passed by the importer.
+///
+/// # Safety
+/// `first` is null or points to `length` elements that stay valid and unchanged until the call returns.
+pub(crate) unsafe fn elements<'a, T>(name: &str, first: *const T, length: usize) -> Result<&'a [T], Problem> {
+    check_array::<T>(name, first.is_null(), length)?;
+    if length == 0 {
+        return Ok(&[]);
+    }
+    // SAFETY: the pointer is not null, and by this function's contract the elements are there; the length was checked.
+    Ok(unsafe { std::slice::from_raw_parts(first, length) })
+}
+
+/// The elements of an array that the importer wants filled.
+///
+/// # Safety
+/// `first` is null or points to `length` elements that nobody else uses until the call returns.
+pub(crate) unsafe fn elements_mut<'a, T>(name: &str, first: *mut T, length: usize) -> Result<&'a mut [T], Problem> {
+    check_array::<T>(name, first.is_null(), length)?;
+    if length == 0 {
+        return Ok(&mut []);
+    }
+    // SAFETY: the pointer is not null, and by this function's contract the elements are there; the length was checked.
+    Ok(unsafe { std::slice::from_raw_parts_mut(first, length) })
+}
+
+fn check_array<T>(name: &str, null: bool, length: usize) -> Outcome {
+    if length > isize::MAX as usize / size_of::<T>() {
+        return Err(Problem::Call(format!("{name} cannot have {length} elements: that is more than memory can hold")));
+    }
+    if null && length > 0 {
+        return Err(Problem::Call(format!("{name} is null: expected an array of {length} elements")));
+    }
+    Ok(())
+}
+
+/// A string passed by the importer.
+///
+/// # Safety
+/// `text` is null or ends with a zero byte and stays valid and unchanged until the call returns.
+pub(crate) unsafe fn text<'a>(text: *const c_char) -> Option<&'a CStr> {
+    // SAFETY: the pointer is not null, and by this function's contract the text ends with a zero byte.
+    (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) })
+}
+
+/// The place for a single value.
+///
+/// # Safety
+/// As for [`elements_mut`].
+pub(crate) unsafe fn element_mut<'a, T>(name: &str, place: *mut T) -> Result<&'a mut T, Problem> {
+    // SAFETY: by this function's contract.
+    unsafe { elements_mut(name, place, 1) }.map(|elements| &mut elements[0])
+}
+
+/// Returns a number if it is finite: inputs can be finite and yet so large that the results are not.
+pub(crate) fn handed_out<I: Interface>(component: &Component<I>, reference: u32, value: f64) -> Result<f64, Problem> {
+    let name = || component.name_of(reference);
+    let why = || Problem::Call(format!("{}: with the present inputs it would be {value}", name()));
+    if value.is_finite() { Ok(value) } else { Err(why()) }
+}
+
+/// Refuses NaN and infinity.
+pub(crate) fn finite(value: f64) -> Result<f64, String> {
+    if value.is_finite() { Ok(value) } else { Err(format!("{value} is refused: expected a finite number")) }
+}

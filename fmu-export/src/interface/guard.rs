@@ -1,0 +1,161 @@
+//! The entry guard: every call on an instance passes it.
+
+use std::any::Any;
+use std::cell::UnsafeCell;
+use std::ffi::c_void;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::component::{Component, Outcome, Problem};
+use super::logger::Category;
+use super::sequence::{Rule, State};
+use super::{Interface, name_of};
+
+/// What the importer's pointer points to: an instance, and whether a call on it is in progress.
+///
+/// The standard forbids concurrent calls, and yet loggers call back into their instance, and importers share instances between
+/// threads. Such a call is refused, so that it cannot see an instance in the middle of a change.
+struct Guarded<I: Interface> {
+    busy: AtomicBool,
+    component: UnsafeCell<Component<I>>,
+}
+
+impl<I: Interface> Guarded<I> {
+    /// Begins a call, unless one is in progress.
+    fn begin(&self) -> Option<Call<'_, I>> {
+        // Constructed only if no call is in progress, because its end admits the next call.
+        (!self.busy.swap(true, Ordering::Acquire)).then(|| Call(self))
+    }
+}
+
+/// A call in progress; its end admits the next one.
+struct Call<'g, I: Interface>(&'g Guarded<I>);
+
+impl<I: Interface> Call<'_, I> {
+    fn component(&mut self) -> &mut Component<I> {
+        // SAFETY: `busy` admits one call at a time, and only a call accesses the component.
+        unsafe { &mut *self.0.component.get() }
+    }
+}
+
+impl<I: Interface> Drop for Call<'_, I> {
+    fn drop(&mut self) {
+        self.0.busy.store(false, Ordering::Release);
+    }
+}
+
+/// Passes a new instance to the importer.
+pub(crate) fn hand_out<I: Interface>(component: Component<I>) -> *mut c_void {
+    let guarded = Guarded { busy: AtomicBool::new(false), component: UnsafeCell::new(component) };
+    Box::into_raw(Box::new(guarded)).cast()
+}
+
+/// Frees an instance. One freed by its own logger during a call is leaked, because the call continues with it.
+///
+/// # Safety
+/// `component` is null or was made by [`hand_out`] for this standard, and is not used again.
+pub(crate) unsafe fn take_back<I: Interface>(component: *mut c_void) {
+    let guarded = component.cast::<Guarded<I>>();
+    // SAFETY: a pointer that is not null is, by this function's contract, a live instance.
+    let Some(busy) = (unsafe { guarded.as_ref() }).map(|guarded| guarded.busy.swap(true, Ordering::Acquire)) else {
+        return;
+    };
+    if !busy {
+        // SAFETY: `hand_out` made the pointer of a box; no call is in progress, and by contract none follows.
+        let guarded = unsafe { Box::from_raw(guarded) };
+        let _ = catch_unwind(AssertUnwindSafe(|| drop(guarded)));
+    }
+}
+
+/// Admits one call: checks the instance and the sequence of calls, makes the call, and returns its status. A problem becomes
+/// an error with a message; so does a panic, after which the run cannot continue without a reset. A model's request to end the
+/// simulation has a status of its own.
+///
+/// # Safety
+/// `component` is null or was made by [`hand_out`] for this standard, and was not taken back since.
+pub(crate) unsafe fn enter<F: Rule>(
+    component: *mut c_void,
+    function: F,
+    body: impl FnOnce(&mut Component<F::Standard>) -> Outcome,
+) -> <F::Standard as Interface>::Status {
+    // SAFETY: a pointer that is not null is, by this function's contract, a live instance.
+    let guarded = unsafe { component.cast::<Guarded<F::Standard>>().as_ref() };
+    let Some(mut call) = guarded.and_then(Guarded::<F::Standard>::begin) else {
+        // There is no way to report this: the logger belongs to the instance, and may be the caller.
+        return F::Standard::ERROR;
+    };
+    let component = call.component();
+    if function.states() & component.stage.state as u8 == 0 {
+        let problem = out_of_sequence(component, function);
+        return failed(component, function, problem);
+    }
+    // After a panic the values are arbitrary but readable; a second panic ends here as well. No step uses them: only a reset or
+    // a snapshot leaves the state `error`, and both replace all values.
+    let outcome = catch_unwind(AssertUnwindSafe(|| body(component)));
+    let problem = match outcome {
+        Ok(Ok(())) => return F::Standard::OK,
+        Ok(Err(problem)) => problem,
+        Err(panic) => defect::<F::Standard>(panic.as_ref()),
+    };
+    failed(component, function, problem)
+}
+
+// Every exported function has an `enter` of its own; what follows is kept out of it, or the library would be a tenth larger.
+
+/// Reports a problem, and returns the status that belongs to it.
+#[cold]
+#[inline(never)]
+fn failed<F: Rule>(
+    component: &mut Component<F::Standard>,
+    function: F,
+    problem: Problem,
+) -> <F::Standard as Interface>::Status {
+    let (status, category, text) = match problem {
+        Problem::Call(text) => (F::Standard::ERROR, Category::StatusError, text),
+        Problem::End(text) => (F::Standard::ENDED, Category::Events, text),
+        Problem::Run(text) => {
+            component.stage.state = State::Error;
+            (F::Standard::ERROR, Category::StatusError, text)
+        }
+    };
+    component.logger.send(status, category, format_args!("{}: {text}", function.name()));
+    status
+}
+
+/// A call in a state in which it is not allowed.
+#[cold]
+#[inline(never)]
+fn out_of_sequence<F: Rule>(component: &Component<F::Standard>, function: F) -> Problem {
+    Problem::Call(format!(
+        "not allowed in the state `{}`; allowed in: {}",
+        name_of::<F::Standard>(component.stage.state),
+        where_allowed::<F::Standard>(function)
+    ))
+}
+
+/// A panic.
+#[cold]
+#[inline(never)]
+fn defect<I: Interface>(panic: &(dyn Any + Send)) -> Problem {
+    Problem::Run(format!(
+        "a defect of this FMU, please report it: {}; it can be used again after {}",
+        words(panic),
+        I::RESET
+    ))
+}
+
+/// The states in which a function may be called, for messages.
+fn where_allowed<I: Interface>(function: I::Function) -> String {
+    let states = I::STATES.iter().filter(|(state, _)| function.states() & *state as u8 != 0);
+    let states: Vec<_> = states.map(|(_, name)| *name).collect();
+    if states.is_empty() { "no state that occurs here".into() } else { states.join(", ") }
+}
+
+/// The message of a panic.
+pub(crate) fn words(panic: &(dyn Any + Send)) -> &str {
+    panic
+        .downcast_ref::<&str>()
+        .copied()
+        .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
+        .unwrap_or("a panic without a message")
+}

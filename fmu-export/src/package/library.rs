@@ -1,0 +1,70 @@
+//! The library to package: the one that cargo has built with the running program, or builds for it.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use super::{PackageError, at};
+
+/// The library of that name that cargo has built together with the running program.
+///
+/// # Errors
+/// If it is not beside the program.
+pub fn built_library(name: &str) -> Result<PathBuf, PackageError> {
+    let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
+    let folder = program.parent().unwrap_or(Path::new(""));
+    // Cargo compiles into `deps`, where test programs are as well, and links the library into the parent folder only when asked
+    // for the library itself: beside a program built by `cargo run` it is missing or out of date.
+    let beside = folder.join(file_name(name));
+    [folder.join("deps").join(file_name(name)), beside.clone()]
+        .into_iter()
+        .find(|candidate| candidate.is_file())
+        .ok_or(PackageError::NoBinary(beside))
+}
+
+/// As [`built_library`], with optimization: a program without is run by `cargo run`, and cargo builds the library once more. A
+/// library without optimization is slow, and has twenty times the size.
+pub(super) fn released_library(name: &str) -> Result<PathBuf, PackageError> {
+    let built = built_library(name)?;
+    if !cfg!(debug_assertions) {
+        return Ok(built);
+    }
+    let Some((cargo, manifest)) = cargo() else { return Ok(built) };
+    let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
+    // The program is target/debug/NAME.
+    let Some(target) = program.ancestors().nth(2) else { return Ok(built) };
+    let library = target.join("release").join(file_name(name));
+    let mut command = Command::new(cargo);
+    command.args(["build", "--quiet", "--lib", "--release", "--manifest-path"]).arg(manifest);
+    command.arg("--target-dir").arg(target);
+    let done = command.status().is_ok_and(|status| status.success());
+    if done && library.is_file() { Ok(library) } else { Err(PackageError::Build(name.into())) }
+}
+
+/// An example of the crate type `cdylib`, built by cargo with optimization, unless the running program has another profile.
+pub(super) fn example(name: &str) -> Result<PathBuf, PackageError> {
+    let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
+    // The program is target/PROFILE/examples/NAME.
+    let folders: Vec<&Path> = program.ancestors().skip(1).take(3).collect();
+    let [_, profile, target] = folders[..] else { return Err(PackageError::Build(name.into())) };
+    let profile = match profile.file_name().map(|name| name.to_string_lossy()) {
+        Some(name) if name != "debug" => name.into_owned(),
+        _ => "release".into(),
+    };
+    let Some((cargo, manifest)) = cargo() else { return Err(PackageError::Build(name.into())) };
+    let mut command = Command::new(cargo);
+    command.args(["build", "--quiet", "--example", name, "--profile", &profile, "--manifest-path"]).arg(manifest);
+    command.arg("--target-dir").arg(target);
+    let built = command.status().is_ok_and(|status| status.success());
+    let library = target.join(profile).join("examples").join(file_name(name));
+    if built && library.is_file() { Ok(library) } else { Err(PackageError::Build(name.into())) }
+}
+
+/// Cargo and the manifest, if cargo runs the program.
+fn cargo() -> Option<(PathBuf, PathBuf)> {
+    let manifest = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR")?).join("Cargo.toml");
+    Some((std::env::var_os("CARGO")?.into(), manifest))
+}
+
+fn file_name(library: &str) -> String {
+    format!("{}{library}{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX)
+}

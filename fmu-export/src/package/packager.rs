@@ -1,0 +1,147 @@
+//! Writes the FMUs of a crate.
+
+use std::path::{Path, PathBuf};
+
+use super::platforms::{self, Platform};
+use super::{Extras, PackageError, Written, binaries, fmu, library, platform, standards, trial, write};
+use crate::{Fmus, ModelType, Standard};
+
+/// Writes the FMUs of each model, `Name.fmu` for FMI 2.0 and `Name_fmi3.fmu` for FMI 3.0, into a folder, which is created if
+/// missing, and prints what was written. The library is the one that cargo has built together with the running program; for a
+/// program without optimization cargo builds a library with.
+///
+/// The arguments of the program may name libraries for other platforms, as in `win64=low_pass.dll`; with `--arrays` the FMUs of
+/// FMI 3.0 have arrays.
+///
+/// # Errors
+/// A mistake in a model, and whatever file cannot be read or written.
+pub fn package(fmus: &'static Fmus, folder: impl AsRef<Path>) -> Result<(), PackageError> {
+    report(Packager::new(fmus).arguments(std::env::args().skip(1))?.write(folder)?);
+    Ok(())
+}
+
+/// As [`package`], for an example that packages itself: cargo builds `library`, another example of the crate type `cdylib` with
+/// the same source, because `cargo run --example` builds no libraries.
+///
+/// # Errors
+/// [`PackageError::Build`], a mistake in a model, and whatever file cannot be read or written.
+pub fn package_example(fmus: &'static Fmus, library: &str, folder: impl AsRef<Path>) -> Result<(), PackageError> {
+    let library = library::example(library)?;
+    report(Packager::new(fmus).arguments(std::env::args().skip(1))?.library(library).write(folder)?);
+    Ok(())
+}
+
+fn report(written: Vec<Written>) {
+    for archive in written {
+        println!("wrote {archive}");
+    }
+}
+
+/// How the FMUs of a crate are written.
+///
+/// ```ignore
+/// Packager::new(&my_models::FMUS)
+///     .binary("win64", "target/x86_64-pc-windows-gnu/release/my_models.dll")?
+///     .extras(|model| Extras::default().resource("map.csv", include_str!("map.csv")))
+///     .write("target/fmu")?;
+/// ```
+pub struct Packager {
+    fmus: &'static Fmus,
+    library: Option<PathBuf>,
+    others: Vec<(&'static Platform, PathBuf)>,
+    arrays: bool,
+    standards: Option<Vec<Standard>>,
+    extras: Box<dyn Fn(&ModelType) -> Extras>,
+}
+
+impl Packager {
+    /// The models of a crate, with the library that cargo has built together with the running program.
+    pub fn new(fmus: &'static Fmus) -> Self {
+        let extras = Box::new(|_: &ModelType| Extras::default());
+        Self { fmus, library: None, others: Vec::new(), arrays: false, standards: None, extras }
+    }
+
+    /// Uses another library for this platform.
+    pub fn library(mut self, path: impl Into<PathBuf>) -> Self {
+        self.library = Some(path.into());
+        self
+    }
+
+    /// Adds a library for another platform; the names of platforms are those of [`platforms::PLATFORMS`].
+    ///
+    /// # Errors
+    /// If there is no platform of that name.
+    pub fn binary(mut self, platform: &str, path: impl Into<PathBuf>) -> Result<Self, PackageError> {
+        self.others.push((platforms::by_name(platform).map_err(PackageError::NoPlatform)?, path.into()));
+        Ok(self)
+    }
+
+    /// Arrays in the FMUs of FMI 3.0.
+    pub fn arrays(mut self) -> Self {
+        self.arrays = true;
+        self
+    }
+
+    /// The standards of the FMUs to write; by default all that the crate is built with.
+    pub fn standards(mut self, standards: impl IntoIterator<Item = Standard>) -> Self {
+        self.standards = Some(standards.into_iter().collect());
+        self
+    }
+
+    /// Picture, text, licences and resources of each model.
+    pub fn extras(mut self, extras: impl Fn(&ModelType) -> Extras + 'static) -> Self {
+        self.extras = Box::new(extras);
+        self
+    }
+
+    /// Takes command-line arguments: `--arrays`, and `PLATFORM=FILE` for libraries for other platforms.
+    ///
+    /// # Errors
+    /// The argument that is unknown.
+    pub fn arguments(self, arguments: impl IntoIterator<Item = String>) -> Result<Self, PackageError> {
+        arguments.into_iter().try_fold(self, |packager, argument| match argument.split_once('=') {
+            None if argument == "--arrays" => Ok(packager.arrays()),
+            Some((platform, file)) if !argument.starts_with('-') => packager.binary(platform, file),
+            _ => Err(PackageError::Argument(argument)),
+        })
+    }
+
+    /// Writes the archives into a folder, which is created if missing, after every model has been tried.
+    ///
+    /// # Errors
+    /// A mistake in a model, and whatever file cannot be read or written.
+    pub fn write(self, folder: impl AsRef<Path>) -> Result<Vec<Written>, PackageError> {
+        let models = self.fmus.models();
+        for (at, model) in models.iter().enumerate() {
+            let name = model.info.name;
+            if models[..at].iter().any(|other| other.info.name == name) {
+                return Err(PackageError::SameName(name));
+            }
+            let problems = model.problems();
+            if !problems.is_empty() {
+                return Err(PackageError::Model { name, problems });
+            }
+            trial::start(model, &(self.extras)(model))?;
+        }
+        let given = |platform: &'static Platform| self.others.iter().find(|(other, _)| *other == platform);
+        let own = match (platform().ok().and_then(given), &self.library) {
+            (Some((_, path)), _) => path.clone(),
+            (None, Some(path)) => path.clone(),
+            (None, None) => library::released_library(self.fmus.library())?,
+        };
+        let binaries = binaries(&self.others, || Ok(own.clone()))?;
+        if platform().is_ok() {
+            for model in models.iter() {
+                trial::load(&own, model, &(self.extras)(model))?;
+            }
+        }
+        let mut archives = Vec::new();
+        for model in models.iter() {
+            for standard in self.standards.clone().unwrap_or_else(|| standards(self.arrays)) {
+                let name = format!("{}.fmu", standard.file_stem(model.info.name));
+                archives.push((name, fmu(model, standard, &binaries, &(self.extras)(model))?));
+            }
+        }
+        write(archives, &binaries, folder.as_ref())
+    }
+}

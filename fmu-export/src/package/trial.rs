@@ -1,0 +1,68 @@
+//! Tries a model before its archive is written: once as it is in this program, where errors have words, and once in the library.
+
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+
+use super::{Extras, PackageError, at};
+use crate::interface::guard::words;
+use crate::interface::load;
+use crate::model::Invalid;
+use crate::{ModelType, Resources, Standard};
+
+/// A folder with the files of a model, removed in the end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn with(extras: &Extras) -> Result<Self, PackageError> {
+        static COUNT: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
+        let number = COUNT.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let folder = std::env::temp_dir().join(format!("fmu-export-{}-{number}", std::process::id())).join("resources");
+        fs::create_dir_all(&folder).map_err(at(&folder))?;
+        for (path, content) in &extras.resources {
+            let path = folder.join(path.as_ref());
+            let parent = path.parent().unwrap_or(&folder);
+            fs::create_dir_all(parent).map_err(at(parent))?;
+            fs::write(&path, content).map_err(at(&path))?;
+        }
+        Ok(Self(folder))
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(self.0.parent().unwrap_or(&self.0));
+    }
+}
+
+/// Starts the model with its start values, and reads all variables.
+pub(super) fn start(model: &ModelType, extras: &Extras) -> Result<(), PackageError> {
+    let fail = |why: String| PackageError::Trial { name: model.info.name, why };
+    let folder = Folder::with(extras)?;
+    let tried = catch_unwind(AssertUnwindSafe(|| {
+        let mut instance = model.instantiate_with(Resources::in_folder(&folder.0));
+        instance.start().map_err(|findings| {
+            format!("the model does not start with its start values: {}", Invalid::list(&findings))
+        })?;
+        for index in 0..model.variables().len() {
+            instance.get(index).map_err(|error| error.to_string())?;
+        }
+        Ok(())
+    }));
+    tried
+        .unwrap_or_else(|panic| Err(format!("the model panics when it is started: {}", words(panic.as_ref()))))
+        .map_err(fail)
+}
+
+/// Loads the library, makes an instance of the model, and initializes it.
+pub(super) fn load(library: &Path, model: &ModelType, extras: &Extras) -> Result<(), PackageError> {
+    let folder = Folder::with(extras)?;
+    for standard in Standard::BUILT {
+        let token = &model.description(*standard).token;
+        load::initialize(library, *standard, token, &folder.0).map_err(|why| {
+            let why = format!("{} cannot be used for FMI {}: {why}", library.display(), standard.version());
+            PackageError::Trial { name: model.info.name, why }
+        })?;
+    }
+    Ok(())
+}

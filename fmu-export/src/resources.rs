@@ -1,0 +1,98 @@
+//! Files that an FMU brings along, in its folder `resources`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::model::Invalid;
+
+/// The folder `resources` of an FMU, as the importer has unpacked it. `package::Extras` puts files there.
+///
+/// ```
+/// # use fmu_export::Resources;
+/// let folder = Resources::from_uri("file:///tmp/my%20models/pump/resources");
+/// assert!(folder.path("map.csv").expect("a folder is given").ends_with("resources/map.csv"));
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Resources(Result<Arc<Path>, Arc<str>>);
+
+impl Default for Resources {
+    fn default() -> Self {
+        Self(Err("the instance was made without a folder `resources`".into()))
+    }
+}
+
+impl Resources {
+    /// A folder.
+    pub fn in_folder(folder: impl AsRef<Path>) -> Self {
+        Self(Ok(folder.as_ref().into()))
+    }
+
+    /// A folder as FMI 2.0 gives it, for instance `file:///home/me/pump/resources`. Importers write one to four slashes.
+    pub fn from_uri(uri: &str) -> Self {
+        let unusable = || Self(Err(format!("the importer gave the folder `resources` as `{uri}`").into()));
+        let Some(rest) = uri.get(..5).filter(|scheme| scheme.eq_ignore_ascii_case("file:")).map(|_| &uri[5..]) else {
+            return unusable();
+        };
+        let Some(path) = without_escapes(rest) else { return unusable() };
+        // Two slashes precede the name of a host, which is empty or `localhost`; four are those of an empty host and a path.
+        let path = path.strip_prefix("//localhost/").unwrap_or(path.trim_start_matches('/'));
+        let has_drive = path.as_bytes().get(1) == Some(&b':');
+        Self::in_folder(if has_drive { path.to_owned() } else { format!("/{path}") })
+    }
+
+    /// The path of a file.
+    ///
+    /// # Errors
+    /// If the importer gave no folder.
+    pub fn path(&self, name: &str) -> Result<PathBuf, Invalid> {
+        match &self.0 {
+            Ok(folder) => Ok(folder.join(name)),
+            Err(why) => Err(Invalid::new(format!("resources/{name}"), why, "a file in a folder that can be read")),
+        }
+    }
+
+    /// The content of a file.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn read(&self, name: &str) -> Result<Vec<u8>, Invalid> {
+        let path = self.path(name)?;
+        fs::read(&path).map_err(|error| {
+            Invalid::new(
+                format!("resources/{name}"),
+                format!("{} ({error})", path.display()),
+                "a file that can be read",
+            )
+        })
+    }
+
+    /// The content of a file in UTF-8.
+    ///
+    /// # Errors
+    /// If it cannot be read, or is no text.
+    pub fn read_text(&self, name: &str) -> Result<String, Invalid> {
+        String::from_utf8(self.read(name)?)
+            .map_err(|error| Invalid::new(format!("resources/{name}"), error, "a text in UTF-8"))
+    }
+}
+
+/// A text with `%20` and the like replaced; `None` if that is no UTF-8.
+fn without_escapes(text: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let [first, after @ ..] = rest {
+        let code = after.get(..2).filter(|_| *first == b'%').and_then(|digits| std::str::from_utf8(digits).ok());
+        match code.and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
+            Some(byte) => {
+                bytes.push(byte);
+                rest = &after[2..];
+            }
+            None => {
+                bytes.push(*first);
+                rest = after;
+            }
+        }
+    }
+    String::from_utf8(bytes).ok()
+}

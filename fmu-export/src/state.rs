@@ -1,0 +1,89 @@
+//! What a model keeps besides its values, and whether snapshots can hold it.
+
+use std::ops::{Deref, DerefMut};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// The hidden state of a model.
+///
+/// Every type with serde's `Serialize` and `Deserialize` and `Clone` is one; `()` if there is none. Snapshots hold it. A state that
+/// cannot be copied or written, such as a solver of another library, is wrapped in [`NotSaved`]: the FMU then offers no
+/// snapshots, and declares so.
+pub trait HiddenState: Sized + Send + Sync + 'static {
+    /// Whether snapshots are possible.
+    const SAVED: bool;
+    /// A copy; `None` if there can be none.
+    fn copy(&self) -> Option<Self>;
+    /// Appends the state to bytes; `None` if it cannot be written.
+    fn write(&self, bytes: &mut Vec<u8>) -> Option<()>;
+    /// Reads a state and the bytes after it.
+    ///
+    /// # Errors
+    /// Why the bytes are none.
+    fn read(bytes: &[u8]) -> Result<(Self, &[u8]), String>;
+}
+
+impl<T: Clone + Serialize + DeserializeOwned + Send + Sync + 'static> HiddenState for T {
+    const SAVED: bool = true;
+
+    fn copy(&self) -> Option<Self> {
+        Some(self.clone())
+    }
+
+    fn write(&self, bytes: &mut Vec<u8>) -> Option<()> {
+        write_to(bytes, self);
+        Some(())
+    }
+
+    fn read(bytes: &[u8]) -> Result<(Self, &[u8]), String> {
+        postcard::take_from_bytes(bytes).map_err(|error| error.to_string())
+    }
+}
+
+/// Appends a value in postcard's format.
+pub(crate) fn write_to(bytes: &mut Vec<u8>, value: &impl Serialize) {
+    let former = std::mem::take(bytes);
+    *bytes = postcard::to_extend(value, former)
+        .expect("numbers, texts and lists can be written, and memory grows as needed");
+}
+
+/// A state that snapshots cannot hold; an FMU with it declares that it has none.
+///
+/// ```
+/// # use fmu_export::{HiddenState, NotSaved};
+/// struct Solver;
+/// assert!(!<NotSaved<Solver> as HiddenState>::SAVED);
+/// ```
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct NotSaved<T>(pub T);
+
+impl<T> Deref for NotSaved<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.0
+    }
+}
+
+impl<T> DerefMut for NotSaved<T> {
+    fn deref_mut(&mut self) -> &mut T {
+        &mut self.0
+    }
+}
+
+impl<T: Send + Sync + 'static> HiddenState for NotSaved<T> {
+    const SAVED: bool = false;
+
+    fn copy(&self) -> Option<Self> {
+        None
+    }
+
+    fn write(&self, _: &mut Vec<u8>) -> Option<()> {
+        None
+    }
+
+    fn read(_: &[u8]) -> Result<(Self, &[u8]), String> {
+        Err("the model has no snapshots".into())
+    }
+}

@@ -1,0 +1,75 @@
+//! Enumerations: names for whole numbers.
+
+use crate::model::Invalid;
+
+/// Names for the values 1, 2, … of an enumeration.
+///
+/// ```
+/// # use fmu_export::variable::Enumeration;
+/// static DRIVE: Enumeration =
+///     Enumeration::new("Drive", "What drives the coils", &[("current", "Currents"), ("voltage", "Voltages")]);
+/// assert_eq!(DRIVE.item(2), Some("voltage"));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Enumeration {
+    /// Name of the type.
+    pub name: &'static str,
+    /// Description.
+    pub description: &'static str,
+    /// Name and description of the items, whose values count from 1.
+    pub items: &'static [(&'static str, &'static str)],
+}
+
+impl Enumeration {
+    /// An enumeration with its name, its description, and name and description of each item.
+    pub const fn new(
+        name: &'static str,
+        description: &'static str,
+        items: &'static [(&'static str, &'static str)],
+    ) -> Self {
+        Self { name, description, items }
+    }
+
+    /// The value of an item.
+    pub fn value_of(&self, item: &str) -> Option<i32> {
+        self.items.iter().position(|(name, _)| *name == item).map(|index| index as i32 + 1)
+    }
+
+    /// The value of an item.
+    ///
+    /// # Errors
+    /// The items that there are.
+    pub fn find(&self, item: &str) -> Result<i32, String> {
+        self.value_of(item).ok_or_else(|| format!("expected one of {}", self.listed()))
+    }
+
+    /// The name of the item with that value.
+    pub fn item(&self, value: i32) -> Option<&'static str> {
+        let index = usize::try_from(value.checked_sub(1)?).ok()?;
+        self.items.get(index).map(|(name, _)| *name)
+    }
+
+    /// Sets `chosen` to the option with that value, or adds a finding if there is none.
+    pub fn choose<T, const N: usize>(
+        &self,
+        name: &'static str,
+        value: i32,
+        options: [T; N],
+        chosen: &mut T,
+        findings: &mut Vec<Invalid>,
+    ) {
+        debug_assert_eq!(N, self.items.len());
+        let index = value.checked_sub(1).and_then(|index| usize::try_from(index).ok());
+        match index.and_then(|index| options.into_iter().nth(index)) {
+            Some(option) => *chosen = option,
+            None => findings.push(Invalid::new(name, value, format!("one of {}", self.listed()))),
+        }
+    }
+
+    /// The items with their values, for messages.
+    pub fn listed(&self) -> String {
+        let items = self.items.iter().zip(1..).map(|((item, _), value)| format!("{item} ({value})"));
+        items.collect::<Vec<_>>().join(", ")
+    }
+}

@@ -1,0 +1,266 @@
+//! Variables as importers see them, and the table of a model: [`Row`]s, with [`Access`] to the values.
+
+mod access;
+mod enumeration;
+mod row;
+mod table;
+
+use std::borrow::Cow;
+use std::fmt::Display;
+
+use crate::model::Invalid;
+use crate::unit::Unit;
+
+pub use access::Access;
+pub use enumeration::Enumeration;
+pub use row::{Row, element};
+pub use table::Table;
+
+/// Role of a variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Causality {
+    /// Set before the run; during it only if [`Variability::Tunable`].
+    Parameter,
+    /// Set by the importer at any time.
+    Input,
+    /// Computed, to be connected.
+    Output,
+    /// Computed, to be observed.
+    Local,
+    /// Computed from parameters.
+    CalculatedParameter,
+    /// The time.
+    Independent,
+}
+
+/// When a variable may change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Variability {
+    /// Never.
+    Constant,
+    /// Never after initialization.
+    Fixed,
+    /// Between two steps.
+    Tunable,
+    /// At sample instants or events.
+    Discrete,
+    /// At any time.
+    Continuous,
+}
+
+/// How an unknown depends on a known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Dependency {
+    /// In any way.
+    Any,
+    /// Linearly, with a constant factor.
+    Constant,
+    /// Linearly, with a factor that depends on fixed parameters only.
+    Fixed,
+}
+
+/// Type of a variable, with its attributes and start value.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Type {
+    /// A real number in SI units.
+    Real {
+        /// Start value in `unit`.
+        start: f64,
+        /// Its unit.
+        unit: Unit,
+        /// Unit in which tools show it unless told otherwise, by name; its unit if there is none.
+        display: Option<&'static str>,
+        /// Typical magnitude.
+        nominal: f64,
+        /// Smallest value accepted.
+        min: Option<f64>,
+        /// Largest value accepted.
+        max: Option<f64>,
+    },
+    /// A whole number.
+    Integer {
+        /// Start value.
+        start: i32,
+        /// Smallest value accepted.
+        min: Option<i32>,
+        /// Largest value accepted.
+        max: Option<i32>,
+    },
+    /// True or false.
+    Boolean {
+        /// Start value.
+        start: bool,
+    },
+    /// One of several named items.
+    Enumeration {
+        /// Start value.
+        start: i32,
+        /// The items.
+        items: &'static Enumeration,
+    },
+    /// A text.
+    String {
+        /// Start value.
+        start: Cow<'static, str>,
+    },
+}
+
+/// A value of any type; enumerations are integers.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Value {
+    /// Of a [`Type::Real`].
+    Real(f64),
+    /// Of a [`Type::Integer`] or [`Type::Enumeration`].
+    Integer(i32),
+    /// Of a [`Type::Boolean`].
+    Boolean(bool),
+    /// Of a [`Type::String`].
+    String(String),
+}
+
+impl Value {
+    /// The value as a number for recordings; false and true are 0 and 1, a string is NaN.
+    pub fn as_f64(self) -> f64 {
+        match self {
+            Value::Real(value) => value,
+            Value::Integer(value) => f64::from(value),
+            Value::Boolean(value) => f64::from(u8::from(value)),
+            Value::String(_) => f64::NAN,
+        }
+    }
+
+    /// The name of its type, for messages.
+    pub fn type_name(&self) -> &'static str {
+        match self {
+            Value::Real(_) => "Real",
+            Value::Integer(_) => "Integer",
+            Value::Boolean(_) => "Boolean",
+            Value::String(_) => "String",
+        }
+    }
+}
+
+/// Description of a variable, independent of the model.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Variable {
+    /// Name in structured naming convention, for instance `coil.R` or `lambda[1]`.
+    pub name: Cow<'static, str>,
+    /// Description, as a phrase without a full stop.
+    pub description: Cow<'static, str>,
+    /// Its role.
+    pub causality: Causality,
+    /// When it may change.
+    pub variability: Variability,
+    /// Type, start value, unit and limits.
+    pub data_type: Type,
+    /// Whether an output or local variable begins with its start value, which importers may set before the run.
+    pub exact: bool,
+    /// Whether it is a continuous state, which is integrated.
+    pub state: bool,
+    /// For the derivative of a state: the name of the state.
+    pub derivative_of: Option<Cow<'static, str>>,
+    /// For outputs and derivatives: the inputs and states with direct feedthrough to it, by name; `None` means all of them.
+    pub depends_on: Option<Vec<(Cow<'static, str>, Dependency)>>,
+    /// For variables computed at the start: the parameters and inputs that they depend on then, by name; `None` means all of
+    /// them.
+    pub starts_from: Option<Vec<Cow<'static, str>>>,
+}
+
+impl Variable {
+    /// The start value.
+    pub fn start(&self) -> Value {
+        match &self.data_type {
+            Type::Real { start, .. } => Value::Real(*start),
+            Type::Integer { start, .. } | Type::Enumeration { start, .. } => Value::Integer(*start),
+            Type::Boolean { start } => Value::Boolean(*start),
+            Type::String { start } => Value::String(start.to_string()),
+        }
+    }
+
+    /// The name of the unit; empty if there is none.
+    pub fn unit_name(&self) -> &'static str {
+        match &self.data_type {
+            Type::Real { unit, .. } => unit.name,
+            _ => "",
+        }
+    }
+
+    /// Whether an importer may set it at all.
+    pub fn is_settable(&self) -> bool {
+        matches!(self.causality, Causality::Parameter | Causality::Input)
+    }
+
+    /// Whether it has a start value in the model description. Computed variables have none.
+    pub fn has_start(&self) -> bool {
+        self.is_settable() || self.exact || self.variability == Variability::Constant
+    }
+
+    /// Whether its value at the start is computed.
+    pub fn is_computed(&self) -> bool {
+        !self.has_start() && self.causality != Causality::Independent
+    }
+
+    /// Whether it may have this value: one of the items of its enumeration, within its limits. Numbers that are not finite are no
+    /// matter of limits.
+    ///
+    /// # Errors
+    /// What is expected instead.
+    pub fn admits(&self, value: &Value) -> Result<(), Invalid> {
+        if self.holds(value) { Ok(()) } else { Err(self.refusal(value)) }
+    }
+
+    /// Whether a value is within the limits, or an item. Asked for every value that is set.
+    #[inline]
+    pub(crate) fn holds(&self, value: &Value) -> bool {
+        match (&self.data_type, value) {
+            (Type::Real { min, max, .. }, Value::Real(value)) => within(value, min.as_ref(), max.as_ref()),
+            (Type::Integer { min, max, .. }, Value::Integer(value)) => within(value, min.as_ref(), max.as_ref()),
+            (Type::Enumeration { items, .. }, Value::Integer(value)) => items.item(*value).is_some(),
+            _ => true,
+        }
+    }
+
+    /// What is wrong with a value that is not held.
+    #[cold]
+    fn refusal(&self, value: &Value) -> Invalid {
+        let unit = match self.unit_name() {
+            "" | "1" => String::new(),
+            unit => format!(" {unit}"),
+        };
+        match (&self.data_type, value) {
+            (Type::Real { min, max, .. }, Value::Real(value)) => self.outside(*value, *min, *max, &unit),
+            (Type::Integer { min, max, .. }, Value::Integer(value)) => self.outside(*value, *min, *max, &unit),
+            (Type::Enumeration { items, .. }, Value::Integer(value)) => {
+                Invalid::new(self.name.clone(), value, format!("one of {}", items.listed()))
+            }
+            (_, value) => Invalid::new(self.name.clone(), value.type_name(), "a value of its type"),
+        }
+    }
+
+    fn outside<T: Display>(&self, value: T, min: Option<T>, max: Option<T>, unit: &str) -> Invalid {
+        let wanted = match (min, max) {
+            (Some(min), Some(max)) => format!("a value from {min} to {max}{unit}"),
+            (Some(min), None) => format!("a value of at least {min}{unit}"),
+            (_, Some(max)) => format!("a value of at most {max}{unit}"),
+            (None, None) => "a value of its type".into(),
+        };
+        Invalid::new(self.name.clone(), format!("{value}{unit}"), wanted)
+    }
+
+    /// Whether it is a Real that may change at any time.
+    pub fn is_continuous(&self) -> bool {
+        self.variability == Variability::Continuous && matches!(self.data_type, Type::Real { .. })
+    }
+}
+
+/// Whether a value is not outside its limits; NaN is refused elsewhere, where it is not a missing input.
+#[inline]
+fn within<T: PartialOrd>(value: &T, min: Option<&T>, max: Option<&T>) -> bool {
+    !(min.is_some_and(|min| value < min) || max.is_some_and(|max| value > max))
+}

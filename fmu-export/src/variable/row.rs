@@ -1,0 +1,381 @@
+//! The rows of a model's table.
+
+use std::borrow::Cow;
+
+use super::access::Place;
+use super::{Access, Causality, Dependency, Enumeration, Type, Variability, Variable};
+use crate::unit::{SECOND, Unit};
+
+/// One row of a model's table: a variable, and access to its value in `D`.
+///
+/// A constructor gives type and start value; the role follows ([`Row::fixed`], [`Row::tunable`], [`Row::input`],
+/// [`Row::output`], [`Row::sampled_output`]; a local variable by default), and then further attributes.
+pub struct Row<D> {
+    /// The variable.
+    pub variable: Variable,
+    pub(super) place: Place<D>,
+    /// Index of the element in its array.
+    index: usize,
+    /// Index of its place, which differs from that of the element within arrays of structures.
+    pub(super) place_index: usize,
+    pub(super) starts_from_parameters: bool,
+    /// What its name begins with; names to which it refers are looked up with this prefix first.
+    pub(super) prefix: String,
+    /// Number of the structure that contains it in its array.
+    number: Option<usize>,
+    /// Whether its field cannot hold a number that is none of an item.
+    pub(super) holds_items_only: bool,
+}
+
+impl<D> Row<D> {
+    fn new(name: impl Into<Cow<'static, str>>, data_type: Type, place: Place<D>, index: usize) -> Self {
+        Self {
+            variable: Variable {
+                name: name.into(),
+                description: Cow::Borrowed(""),
+                causality: Causality::Local,
+                variability: if matches!(data_type, Type::Real { .. }) {
+                    Variability::Continuous
+                } else {
+                    Variability::Discrete
+                },
+                data_type,
+                exact: false,
+                state: false,
+                derivative_of: None,
+                depends_on: None,
+                starts_from: None,
+            },
+            place,
+            index,
+            place_index: index,
+            starts_from_parameters: false,
+            prefix: String::new(),
+            number: None,
+            holds_items_only: false,
+        }
+    }
+
+    /// A real number.
+    pub fn real(name: impl Into<Cow<'static, str>>, place: Access<D, f64>, unit: Unit, start: f64) -> Self {
+        let data_type = Type::Real { start, unit, display: None, nominal: 1.0, min: None, max: None };
+        Self::new(name, data_type, Place::Real(place), 0)
+    }
+
+    /// A whole number.
+    pub fn integer(name: impl Into<Cow<'static, str>>, place: Access<D, i32>, start: i32) -> Self {
+        Self::new(name, Type::Integer { start, min: None, max: None }, Place::Integer(place), 0)
+    }
+
+    /// A Boolean.
+    pub fn boolean(name: impl Into<Cow<'static, str>>, place: Access<D, bool>, start: bool) -> Self {
+        Self::new(name, Type::Boolean { start }, Place::Boolean(place), 0)
+    }
+
+    /// An item of an enumeration.
+    pub fn choice(
+        name: impl Into<Cow<'static, str>>,
+        place: Access<D, i32>,
+        items: &'static Enumeration,
+        start: i32,
+    ) -> Self {
+        Self::new(name, Type::Enumeration { start, items }, Place::Integer(place), 0)
+    }
+
+    /// A string.
+    pub fn string(
+        name: impl Into<Cow<'static, str>>,
+        place: Access<D, String>,
+        start: impl Into<Cow<'static, str>>,
+    ) -> Self {
+        Self::new(name, Type::String { start: start.into() }, Place::String(place), 0)
+    }
+
+    /// The time, as the independent variable of FMI. It needs no place, and there is at most one.
+    pub fn time(name: impl Into<Cow<'static, str>>) -> Self {
+        let place = Access { get: |_: &D, _| f64::NAN, set: |_, _, _| () };
+        let mut row = Self::real(name, place, SECOND, 0.0).description("Time");
+        row.variable.causality = Causality::Independent;
+        row
+    }
+
+    /// The elements `name[1]`, `name[2]`, … of an array of real numbers.
+    pub fn reals<const N: usize>(
+        name: &str,
+        place: Access<D, f64>,
+        unit: Unit,
+        starts: [f64; N],
+    ) -> impl Iterator<Item = Self> {
+        Self::elements(name, starts, move |name, start| Self::real(name, place, unit, start))
+    }
+
+    /// Array elements with individual names.
+    pub fn named_reals<const N: usize>(
+        names: [impl Into<Cow<'static, str>>; N],
+        place: Access<D, f64>,
+        unit: Unit,
+        starts: [f64; N],
+    ) -> impl Iterator<Item = Self> {
+        let rows = names.into_iter().zip(starts).enumerate();
+        rows.map(move |(index, (name, start))| Self {
+            index,
+            place_index: index,
+            ..Self::real(name, place, unit, start)
+        })
+    }
+
+    /// The elements of an array of whole numbers.
+    pub fn integers<const N: usize>(name: &str, place: Access<D, i32>, starts: [i32; N]) -> impl Iterator<Item = Self> {
+        Self::elements(name, starts, move |name, start| Self::integer(name, place, start))
+    }
+
+    /// The elements of an array of Booleans.
+    pub fn booleans<const N: usize>(
+        name: &str,
+        place: Access<D, bool>,
+        starts: [bool; N],
+    ) -> impl Iterator<Item = Self> {
+        Self::elements(name, starts, move |name, start| Self::boolean(name, place, start))
+    }
+
+    /// Booleans with individual names.
+    pub fn named_booleans<const N: usize>(
+        names: [impl Into<Cow<'static, str>>; N],
+        place: Access<D, bool>,
+        starts: [bool; N],
+    ) -> impl Iterator<Item = Self> {
+        let rows = names.into_iter().zip(starts).enumerate();
+        rows.map(move |(index, (name, start))| Self { index, place_index: index, ..Self::boolean(name, place, start) })
+    }
+
+    /// The elements of an array of strings.
+    pub fn strings<const N: usize>(
+        name: &str,
+        place: Access<D, String>,
+        starts: [&'static str; N],
+    ) -> impl Iterator<Item = Self> {
+        Self::elements(name, starts, move |name, start| Self::string(name, place, start))
+    }
+
+    fn elements<T, const N: usize>(
+        name: &str,
+        starts: [T; N],
+        row: impl Fn(String, T) -> Self,
+    ) -> impl Iterator<Item = Self> {
+        let name = name.to_owned();
+        let rows = starts.into_iter().enumerate();
+        rows.map(move |(index, start)| Self { index, place_index: index, ..row(element(&name, index), start) })
+    }
+
+    /// Moves it to another place and another element of its array.
+    pub(crate) fn at_place(self, place_index: usize, index: usize) -> Self {
+        Self { place_index, index, ..self }
+    }
+
+    /// For a field that is a Rust enum.
+    pub(crate) fn with_items_only(self) -> Self {
+        Self { holds_items_only: true, ..self }
+    }
+
+    /// Puts it into a structure whose names begin with `prefix`, the one of that number in its array.
+    pub(crate) fn within(self, prefix: &str, number: Option<usize>) -> Self {
+        Self { prefix: prefix.to_owned(), number, ..self }
+    }
+
+    /// A text with the number of the element for `{k}`, and that of the structure which contains it for `{n}`.
+    fn numbered(&self, text: Cow<'static, str>) -> Cow<'static, str> {
+        if !text.contains('{') {
+            return text;
+        }
+        let text = text.replace("{k}", &(self.index + 1).to_string());
+        self.number.map_or(text.clone(), |number| text.replace("{n}", &number.to_string())).into()
+    }
+
+    /// The index of the element of an array, counted from 0.
+    pub fn index(&self) -> usize {
+        self.index
+    }
+
+    fn role(mut self, causality: Causality, variability: Variability) -> Self {
+        self.variable.causality = causality;
+        self.variable.variability = match (variability, &self.variable.data_type) {
+            (Variability::Continuous, Type::Real { .. }) => Variability::Continuous,
+            (Variability::Continuous, _) => Variability::Discrete,
+            (other, _) => other,
+        };
+        self
+    }
+
+    /// Makes it a parameter that is fixed during the run.
+    pub fn fixed(self) -> Self {
+        self.role(Causality::Parameter, Variability::Fixed)
+    }
+
+    /// Makes it a parameter that follows from other parameters; [`Model::start`](crate::Model::start) computes it.
+    pub fn calculated(self) -> Self {
+        self.role(Causality::CalculatedParameter, Variability::Fixed)
+    }
+
+    /// Makes it a constant, with its start value.
+    pub fn constant(self) -> Self {
+        self.role(Causality::Local, Variability::Constant)
+    }
+
+    /// Makes it a parameter that may change between steps.
+    pub fn tunable(self) -> Self {
+        self.role(Causality::Parameter, Variability::Tunable)
+    }
+
+    /// Makes it an input.
+    pub fn input(self) -> Self {
+        self.role(Causality::Input, Variability::Continuous)
+    }
+
+    /// Makes it an output that may change at any time.
+    pub fn output(self) -> Self {
+        self.role(Causality::Output, Variability::Continuous)
+    }
+
+    /// Makes it an output that changes at sample instants or events only.
+    pub fn sampled_output(self) -> Self {
+        self.role(Causality::Output, Variability::Discrete)
+    }
+
+    /// Lets an input, output or local variable change at sample instants or events only.
+    pub fn discrete(mut self) -> Self {
+        self.variable.variability = Variability::Discrete;
+        self
+    }
+
+    /// Lets an output or a local variable begin with its start value, which importers may set before the run; the start leaves it
+    /// alone. For states above all, which need no parameter for their initial values then.
+    pub fn exact(mut self) -> Self {
+        self.variable.exact = true;
+        self
+    }
+
+    /// Makes it a local variable, to be observed.
+    pub fn local(self) -> Self {
+        self.role(Causality::Local, Variability::Continuous)
+    }
+
+    /// Description, as a phrase without a full stop. `{k}` stands for the number of the element, counted from 1, `{n}` for that of
+    /// the structure which contains it.
+    pub fn description(mut self, description: impl Into<Cow<'static, str>>) -> Self {
+        self.variable.description = self.numbered(description.into());
+        self
+    }
+
+    /// Typical magnitude of a Real variable.
+    pub fn nominal(mut self, value: f64) -> Self {
+        if let Type::Real { nominal, .. } = &mut self.variable.data_type {
+            *nominal = value;
+        }
+        self
+    }
+
+    /// Smallest value accepted; anything below is refused.
+    ///
+    /// # Panics
+    /// For a variable of type Integer if the value is no whole number; so does [`Row::max`].
+    pub fn min(mut self, value: f64) -> Self {
+        match &mut self.variable.data_type {
+            Type::Real { min, .. } => *min = Some(value),
+            Type::Integer { min, .. } => *min = Some(whole(value, &self.variable.name)),
+            Type::Boolean { .. } | Type::Enumeration { .. } | Type::String { .. } => {}
+        }
+        self
+    }
+
+    /// Largest value accepted; anything above is refused.
+    pub fn max(mut self, value: f64) -> Self {
+        match &mut self.variable.data_type {
+            Type::Real { max, .. } => *max = Some(value),
+            Type::Integer { max, .. } => *max = Some(whole(value, &self.variable.name)),
+            Type::Boolean { .. } | Type::Enumeration { .. } | Type::String { .. } => {}
+        }
+        self
+    }
+
+    /// Sets the unit in which tools show it, one of the display units of its unit.
+    pub fn display_unit(mut self, name: &'static str) -> Self {
+        if let Type::Real { display, .. } = &mut self.variable.data_type {
+            *display = Some(name);
+        }
+        self
+    }
+
+    /// Lets tools show it in the first display unit of its unit, unless another was set.
+    pub fn display_in_first(mut self) -> Self {
+        if let Type::Real { display, unit, .. } = &mut self.variable.data_type {
+            *display = display.or(unit.displays.first().map(|first| first.name));
+        }
+        self
+    }
+
+    /// Declares that it depends on no parameter and no input at the start.
+    pub fn starts_from_nothing(mut self) -> Self {
+        self.variable.starts_from.get_or_insert_default();
+        self
+    }
+
+    /// Declares that no input and no state has direct feedthrough to it.
+    pub fn depends_on_nothing(mut self) -> Self {
+        self.variable.depends_on.get_or_insert_default();
+        self
+    }
+
+    /// Names the inputs and states with direct feedthrough to it; without this it depends on all of them. The name of an array
+    /// stands for all its elements; `{k}` in a name for the number of the own element.
+    pub fn depends_on(self, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
+        self.depends(Dependency::Any, names)
+    }
+
+    /// Names the inputs and states with direct feedthrough to it, and the form of the dependency.
+    pub fn depends(mut self, how: Dependency, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
+        let names: Vec<_> = names.into_iter().map(|name| (self.numbered(name.into()), how)).collect();
+        self.variable.depends_on.get_or_insert_default().extend(names);
+        self
+    }
+
+    /// Makes it a continuous state, which is integrated.
+    pub fn state(mut self) -> Self {
+        self.variable.state = true;
+        self
+    }
+
+    /// Makes it the derivative of a state. An element of an array is the derivative of the element of the same number, if the name is
+    /// that of an array.
+    pub fn derivative_of(mut self, state: impl Into<Cow<'static, str>>) -> Self {
+        self.variable.derivative_of = Some(self.numbered(state.into()));
+        self
+    }
+
+    /// Declares that it depends on parameters at the start, on any of them, and on no input but those that are named by
+    /// [`Row::starts_from`].
+    pub fn starts_from_parameters(mut self) -> Self {
+        self.starts_from_parameters = true;
+        self.variable.starts_from.get_or_insert_default();
+        self
+    }
+
+    /// Names the parameters and inputs that it depends on at the start; by default these follow from
+    /// [`Row::depends_on`], and are all where that does not tell.
+    pub fn starts_from(mut self, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
+        let names: Vec<_> = names.into_iter().map(|name| self.numbered(name.into())).collect();
+        self.variable.starts_from.get_or_insert_default().extend(names);
+        self
+    }
+}
+
+/// The name of an array element, with the index counted from 0: `element("i", 0)` is `i[1]`.
+pub fn element(name: &str, index: usize) -> String {
+    format!("{name}[{}]", index + 1)
+}
+
+/// A limit of an Integer variable.
+fn whole(value: f64, name: &str) -> i32 {
+    let limit = value as i32;
+    assert!(f64::from(limit) == value, "the limit {value} of {name} is refused: expected a whole number");
+    limit
+}

@@ -1,0 +1,599 @@
+//! Variables as fields of a structure: [`derive@crate::Variables`], and of Rust enums: [`derive@crate::Choice`].
+//!
+//! A field is a variable, and its doc comment the description. The attribute gives the role, and in parentheses what else there is
+//! to say; README lists it all.
+//!
+//! ```
+//! use fmu_export::prelude::*;
+//!
+//! /// What drives the coil
+//! #[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, Choice)]
+//! enum Drive {
+//!     /// A current
+//!     #[default]
+//!     Current,
+//!     /// A voltage
+//!     Voltage,
+//! }
+//!
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Coil {
+//!     /// Resistance of coil {n}
+//!     #[parameter(name = "R", unit = unit::OHM, start = 1.0, min = 0.0)]
+//!     resistance: f64,
+//!     /// Current through coil {n}
+//!     #[output(unit = unit::AMPERE, depends_on = ["u[{n}]"])]
+//!     i: f64,
+//! }
+//!
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     #[parameter]
+//!     drive: Drive,
+//!     /// Voltage at coil {k}
+//!     #[input(unit = unit::VOLT)]
+//!     u: [f64; 2],
+//!     coil: [Coil; 2],
+//! }
+//!
+//! let names: Vec<_> = Values::rows().into_iter().map(|row| row.variable.name.to_string()).collect();
+//! assert_eq!(names, ["drive", "u[1]", "u[2]", "coil[1].R", "coil[1].i", "coil[2].R", "coil[2].i"]);
+//! ```
+//!
+//! Mistakes are errors of the compiler, at the place of the mistake:
+//!
+//! ```compile_fail
+//! # use fmu_export::prelude::*;
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     #[parameter(unit = unit::FURLONG)] // there is no such unit
+//!     length: f64,
+//! }
+//! ```
+//!
+//! ```compile_fail
+//! # use fmu_export::prelude::*;
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     #[input]
+//!     #[output] // two rows on one field
+//!     u: f64,
+//! }
+//! ```
+//!
+//! ```compile_fail
+//! # use fmu_export::prelude::*;
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     #[input(name = "my input")] // not allowed as a name
+//!     u: f64,
+//! }
+//! ```
+//!
+//! ```compile_fail
+//! # use fmu_export::prelude::*;
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     #[input(unit = unit::VOLT)] // a Boolean has no unit
+//!     on: bool,
+//! }
+//! ```
+//!
+//! ```compile_fail
+//! # use fmu_export::prelude::*;
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     #[input(maximum = 3.0)] // unknown
+//!     u: f64,
+//! }
+//! ```
+//!
+//! ```compile_fail
+//! # use fmu_export::prelude::*;
+//! #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+//! struct Values {
+//!     forgotten: f64, // neither a variable nor a structure of variables
+//! }
+//! ```
+
+use std::marker::PhantomData;
+
+use crate::array::Array;
+use crate::unit::Unit;
+use crate::variable::{Access, Enumeration, Row};
+
+/// A structure whose fields are variables; see [`derive@crate::Variables`].
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is not a structure of variables",
+    label = "expected `#[derive(Variables)]` on it, or one of the attributes `#[parameter]`, `#[input]`, `#[output]`, `#[local]`, \
+             `#[hidden]` on this field"
+)]
+pub trait Variables: Sized + 'static {
+    /// What names, descriptions and start values may depend on when the table is built; `()` unless
+    /// `#[variables(context = Type)]` says otherwise.
+    type Context: ?Sized;
+
+    /// The rows of this structure where it stands within the values of a model; for the macro.
+    #[doc(hidden)]
+    fn rows_at<L: Lens<Target = Self>>(scope: &Scope<'_, L::Data, Self::Context>) -> Vec<Row<L::Data>>;
+
+    /// The rows of a model whose values are this structure.
+    fn rows() -> Vec<Row<Self>>
+    where
+        Self: Default + Variables<Context = ()>,
+    {
+        Self::rows_in(&())
+    }
+
+    /// As [`Variables::rows`], with what the attributes call `context`.
+    fn rows_in(context: &Self::Context) -> Vec<Row<Self>>
+    where
+        Self: Default,
+    {
+        let scope = Scope { prefix: String::new(), context, defaults: &Self::default(), outer: 0, number: None };
+        Self::rows_at::<Whole<Self>>(&scope)
+    }
+}
+
+/// Items of an enumeration as a Rust enum; see [`derive@crate::Choice`].
+pub trait Choice: Copy + 'static {
+    /// Names and descriptions.
+    const ENUMERATION: &'static Enumeration;
+    /// The value of an item, counted from 1.
+    fn number(self) -> i32;
+    /// The item with that value.
+    fn of_number(number: i32) -> Option<Self>;
+}
+
+/// The place of a structure or a variable within the values of a model.
+#[doc(hidden)]
+pub trait Lens: 'static {
+    type Data: 'static;
+    type Target: 'static;
+    fn get(data: &Self::Data, index: usize) -> &Self::Target;
+    fn get_mut(data: &mut Self::Data, index: usize) -> &mut Self::Target;
+    /// How many places there are: the index is below it.
+    const COUNT: usize;
+}
+
+/// All values.
+#[doc(hidden)]
+pub struct Whole<D>(PhantomData<D>);
+
+impl<D: 'static> Lens for Whole<D> {
+    type Data = D;
+    type Target = D;
+    const COUNT: usize = 1;
+
+    fn get(data: &D, _: usize) -> &D {
+        data
+    }
+
+    fn get_mut(data: &mut D, _: usize) -> &mut D {
+        data
+    }
+}
+
+/// A place within a place.
+#[doc(hidden)]
+pub struct Then<A, B>(PhantomData<(A, B)>);
+
+impl<A: Lens, B: Lens<Data = A::Target>> Lens for Then<A, B> {
+    type Data = A::Data;
+    type Target = B::Target;
+    const COUNT: usize = A::COUNT * B::COUNT;
+
+    fn get(data: &A::Data, index: usize) -> &B::Target {
+        B::get(A::get(data, index / B::COUNT), index % B::COUNT)
+    }
+
+    fn get_mut(data: &mut A::Data, index: usize) -> &mut B::Target {
+        B::get_mut(A::get_mut(data, index / B::COUNT), index % B::COUNT)
+    }
+}
+
+/// An array.
+#[doc(hidden)]
+pub trait List: 'static {
+    type Item: 'static;
+    const LENGTH: usize;
+    fn at(&self, index: usize) -> &Self::Item;
+    fn at_mut(&mut self, index: usize) -> &mut Self::Item;
+}
+
+impl<T: 'static, const N: usize> List for [T; N] {
+    type Item = T;
+    const LENGTH: usize = N;
+
+    fn at(&self, index: usize) -> &T {
+        &self[index]
+    }
+
+    fn at_mut(&mut self, index: usize) -> &mut T {
+        &mut self[index]
+    }
+}
+
+impl<T: 'static, const N: usize> List for Array<T, N> {
+    type Item = T;
+    const LENGTH: usize = N;
+
+    fn at(&self, index: usize) -> &T {
+        &self[index]
+    }
+
+    fn at_mut(&mut self, index: usize) -> &mut T {
+        &mut self[index]
+    }
+}
+
+/// The elements of an array.
+#[doc(hidden)]
+pub struct Elements<A>(PhantomData<A>);
+
+impl<A: Lens<Target: List>> Lens for Elements<A> {
+    type Data = A::Data;
+    type Target = <A::Target as List>::Item;
+    const COUNT: usize = A::COUNT * <A::Target as List>::LENGTH;
+
+    fn get(data: &A::Data, index: usize) -> &Self::Target {
+        A::get(data, index / <A::Target as List>::LENGTH).at(index % <A::Target as List>::LENGTH)
+    }
+
+    fn get_mut(data: &mut A::Data, index: usize) -> &mut Self::Target {
+        A::get_mut(data, index / <A::Target as List>::LENGTH).at_mut(index % <A::Target as List>::LENGTH)
+    }
+}
+
+/// What the rows of a structure depend on.
+#[doc(hidden)]
+pub struct Scope<'s, D, C: ?Sized> {
+    /// What all names begin with.
+    pub prefix: String,
+    pub context: &'s C,
+    /// The values from which start values come that no attribute gives.
+    pub defaults: &'s D,
+    /// Index of the structure among those at its place.
+    pub outer: usize,
+    /// Number of the structure in its array.
+    pub number: Option<usize>,
+}
+
+/// A type of variables.
+#[doc(hidden)]
+pub trait Scalar: Sized + 'static {
+    /// Its unit; `()` if it has none.
+    type Unit;
+    /// Its limits.
+    type Limit: Into<f64>;
+    fn row<L: Lens<Target = Self>>(name: String, unit: &Self::Unit, start: &Self) -> Row<L::Data>;
+}
+
+/// The limits of a type that has none.
+#[doc(hidden)]
+pub enum NoLimit {}
+
+impl From<NoLimit> for f64 {
+    fn from(none: NoLimit) -> f64 {
+        match none {}
+    }
+}
+
+impl Scalar for f64 {
+    type Unit = Unit;
+    type Limit = f64;
+
+    fn row<L: Lens<Target = f64>>(name: String, unit: &Unit, start: &f64) -> Row<L::Data> {
+        let place = Access { get: |data, at| *L::get(data, at), set: |data, at, value| *L::get_mut(data, at) = value };
+        Row::real(name, place, *unit, *start)
+    }
+}
+
+impl Scalar for i32 {
+    type Unit = ();
+    type Limit = i32;
+
+    fn row<L: Lens<Target = i32>>(name: String, (): &(), start: &i32) -> Row<L::Data> {
+        let place = Access { get: |data, at| *L::get(data, at), set: |data, at, value| *L::get_mut(data, at) = value };
+        Row::integer(name, place, *start)
+    }
+}
+
+impl Scalar for bool {
+    type Unit = ();
+    type Limit = NoLimit;
+
+    fn row<L: Lens<Target = bool>>(name: String, (): &(), start: &bool) -> Row<L::Data> {
+        let place = Access { get: |data, at| *L::get(data, at), set: |data, at, value| *L::get_mut(data, at) = value };
+        Row::boolean(name, place, *start)
+    }
+}
+
+impl Scalar for String {
+    type Unit = ();
+    type Limit = NoLimit;
+
+    fn row<L: Lens<Target = String>>(name: String, (): &(), start: &String) -> Row<L::Data> {
+        let place =
+            Access { get: |data, at| L::get(data, at).clone(), set: |data, at, value| *L::get_mut(data, at) = value };
+        Row::string(name, place, start.clone())
+    }
+}
+
+impl<T: Choice> Scalar for T {
+    type Unit = ();
+    type Limit = NoLimit;
+
+    fn row<L: Lens<Target = T>>(name: String, (): &(), start: &T) -> Row<L::Data> {
+        let place = Access {
+            get: |data, at| L::get(data, at).number(),
+            // A number that is none of an item was refused before.
+            set: |data, at, number| {
+                if let Some(item) = T::of_number(number) {
+                    *L::get_mut(data, at) = item;
+                }
+            },
+        };
+        Row::choice(name, place, T::ENUMERATION, start.number()).with_items_only()
+    }
+}
+
+/// A type that a field with one of the attributes can have: a variable, or an array of them.
+#[doc(hidden)]
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is not a type of variables",
+    label = "expected f64, i32, bool, String, an enum with `#[derive(Choice)]`, or an array of them"
+)]
+pub trait Field: Sized + 'static {
+    type Scalar: Scalar;
+    /// Appends the places of all elements, with their indices and start values.
+    fn add<L: Lens<Target = Self>>(
+        at: Place<'_, L::Data>,
+        start: Option<&Self>,
+        rows: &mut Rows<'_, L::Data, Self::Scalar>,
+    );
+}
+
+/// Where the rows of a field are.
+#[doc(hidden)]
+pub struct Place<'p, D> {
+    defaults: &'p D,
+    /// Index among all places of the lens.
+    index: usize,
+    /// Indices of the element in its arrays, counted from 1.
+    indices: Vec<usize>,
+}
+
+/// Makes the rows of a field.
+#[doc(hidden)]
+pub struct Rows<'r, D, S: Scalar> {
+    unit: S::Unit,
+    name: &'r mut dyn FnMut(&[usize]) -> Option<String>,
+    finish: &'r mut dyn FnMut(Row<D>) -> Row<D>,
+    rows: &'r mut Vec<Row<D>>,
+    made: usize,
+}
+
+impl<T: Scalar> Field for T {
+    type Scalar = T;
+
+    fn add<L: Lens<Target = T>>(at: Place<'_, L::Data>, start: Option<&T>, rows: &mut Rows<'_, L::Data, T>) {
+        let Some(name) = (rows.name)(&at.indices) else { return };
+        let start = start.unwrap_or_else(|| L::get(at.defaults, at.index));
+        let row = T::row::<L>(name, &rows.unit, start).at_place(at.index, rows.made);
+        rows.rows.push((rows.finish)(row));
+        rows.made += 1;
+    }
+}
+
+macro_rules! list_of_fields {
+    ($list:ty) => {
+        impl<T: Field, const N: usize> Field for $list {
+            type Scalar = T::Scalar;
+
+            fn add<L: Lens<Target = Self>>(
+                at: Place<'_, L::Data>,
+                start: Option<&Self>,
+                rows: &mut Rows<'_, L::Data, T::Scalar>,
+            ) {
+                for k in 0..N {
+                    let indices = at.indices.iter().copied().chain([k + 1]).collect();
+                    let place = Place { defaults: at.defaults, index: at.index * N + k, indices };
+                    T::add::<Elements<L>>(place, start.map(|start| &start[k]), rows);
+                }
+            }
+        }
+    };
+}
+list_of_fields!([T; N]);
+list_of_fields!(Array<T, N>);
+
+/// The value of the attribute `start` for a field of type `F`: the same type, or one value for all elements.
+#[doc(hidden)]
+#[diagnostic::on_unimplemented(message = "`{Self}` cannot be the start value of a `{F}`")]
+pub trait Start<F> {
+    fn into_start(self) -> F;
+}
+
+impl<F> Start<F> for F {
+    fn into_start(self) -> F {
+        self
+    }
+}
+
+impl<T: Scalar + Clone, const N: usize> Start<[T; N]> for T {
+    fn into_start(self) -> [T; N] {
+        std::array::from_fn(|_| self.clone())
+    }
+}
+
+impl<T: Scalar + Clone, const N: usize> Start<Array<T, N>> for T {
+    fn into_start(self) -> Array<T, N> {
+        Array(self.into_start())
+    }
+}
+
+impl<T, const N: usize> Start<Array<T, N>> for [T; N] {
+    fn into_start(self) -> Array<T, N> {
+        Array(self)
+    }
+}
+
+impl Start<String> for &str {
+    fn into_start(self) -> String {
+        self.to_owned()
+    }
+}
+
+impl<const N: usize> Start<[String; N]> for [&str; N] {
+    fn into_start(self) -> [String; N] {
+        self.map(str::to_owned)
+    }
+}
+
+/// Names of the elements of a field.
+#[doc(hidden)]
+pub enum Names {
+    /// `name`, `name[1]`, `name[1,2]`.
+    Common(String),
+    /// One for each.
+    Each(Vec<String>),
+}
+
+/// Adds the rows of a field; for the macro.
+///
+/// # Panics
+/// If there are not as many names as elements.
+#[doc(hidden)]
+pub fn add<L: Lens<Target: Field>, C: ?Sized>(
+    rows: &mut Vec<Row<L::Data>>,
+    scope: &Scope<'_, L::Data, C>,
+    names: Names,
+    unit: <<L::Target as Field>::Scalar as Scalar>::Unit,
+    start: Option<L::Target>,
+    count: Option<usize>,
+    finish: &mut dyn FnMut(Row<L::Data>) -> Row<L::Data>,
+) {
+    let each = L::COUNT;
+    let _ = each;
+    let mut made = 0;
+    let mut name = |indices: &[usize]| {
+        if count.is_some_and(|count| made >= count) {
+            return None;
+        }
+        made += 1;
+        let prefix = &scope.prefix;
+        Some(match &names {
+            Names::Common(name) if indices.is_empty() => format!("{prefix}{name}"),
+            Names::Common(name) => {
+                let indices: Vec<_> = indices.iter().map(usize::to_string).collect();
+                format!("{prefix}{name}[{}]", indices.join(","))
+            }
+            Names::Each(names) => {
+                let known = names.get(made - 1).unwrap_or_else(|| {
+                    panic!("there are {} names for an array with more elements: {}", names.len(), names.join(", "))
+                });
+                format!("{prefix}{known}")
+            }
+        })
+    };
+    let mut finish = |row: Row<L::Data>| finish(row.within(prefix_of(scope), scope.number));
+    let first = scope.outer;
+    let place = Place { defaults: scope.defaults, index: first, indices: Vec::new() };
+    let mut rows = Rows { unit, name: &mut name, finish: &mut finish, rows, made: 0 };
+    <L::Target as Field>::add::<L>(place, start.as_ref(), &mut rows);
+    let made = rows.made;
+    if let Names::Each(names) = &names {
+        assert!(made == names.len(), "there are {} names for {made} elements: {}", names.len(), names.join(", "));
+    }
+    if let Some(count) = count {
+        assert!(made == count, "count = {count} is refused for an array of {made} elements");
+    }
+}
+
+fn prefix_of<'s, D, C: ?Sized>(scope: &'s Scope<'_, D, C>) -> &'s str {
+    &scope.prefix
+}
+
+/// A field that is a structure of variables, or an array of them.
+#[doc(hidden)]
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is not a structure of variables",
+    label = "expected `#[derive(Variables)]` on it, or one of the attributes `#[parameter]`, `#[input]`, `#[output]`, `#[local]`, \
+             `#[hidden]` on this field"
+)]
+pub trait Nested<Kind>: Sized + 'static {
+    type Context: ?Sized;
+    fn add<L: Lens<Target = Self>>(
+        rows: &mut Vec<Row<L::Data>>,
+        scope: &Scope<'_, L::Data, Self::Context>,
+        prefixes: Option<Vec<String>>,
+        count: Option<usize>,
+    );
+}
+
+/// [`Nested`] of one structure.
+#[doc(hidden)]
+pub enum One {}
+
+/// [`Nested`] of an array.
+#[doc(hidden)]
+pub enum Many {}
+
+impl<V: Variables> Nested<One> for V {
+    type Context = V::Context;
+
+    fn add<L: Lens<Target = V>>(
+        rows: &mut Vec<Row<L::Data>>,
+        scope: &Scope<'_, L::Data, V::Context>,
+        prefixes: Option<Vec<String>>,
+        _: Option<usize>,
+    ) {
+        let prefix = match prefixes.as_deref() {
+            Some([prefix]) => prefix.clone(),
+            _ => scope.prefix.clone() + ".",
+        };
+        rows.extend(V::rows_at::<L>(&Scope { prefix, ..*scope }));
+    }
+}
+
+impl<A: List<Item: Variables>> Nested<Many> for A {
+    type Context = <A::Item as Variables>::Context;
+
+    fn add<L: Lens<Target = A>>(
+        rows: &mut Vec<Row<L::Data>>,
+        scope: &Scope<'_, L::Data, Self::Context>,
+        prefixes: Option<Vec<String>>,
+        count: Option<usize>,
+    ) {
+        let count = count.or(prefixes.as_ref().map(Vec::len)).unwrap_or(A::LENGTH);
+        assert!(count <= A::LENGTH, "{} has {} elements, fewer than {count}", scope.prefix, A::LENGTH);
+        for k in 0..count {
+            let prefix = match &prefixes {
+                Some(prefixes) => prefixes[k].clone(),
+                None => format!("{}[{}].", scope.prefix, k + 1),
+            };
+            let outer = scope.outer * A::LENGTH + k;
+            rows.extend(A::Item::rows_at::<Elements<L>>(&Scope { prefix, outer, number: Some(k + 1), ..*scope }));
+        }
+    }
+}
+
+/// For attributes that only a variable of type Real can have.
+#[doc(hidden)]
+#[diagnostic::on_unimplemented(
+    message = "only a variable of type f64 can have this attribute, not one of type `{Self}`"
+)]
+pub trait Real {}
+
+impl Real for f64 {}
+
+/// Fails to compile unless the field is of type Real.
+#[doc(hidden)]
+pub fn only_real<F: Field<Scalar: Real>>() {}
+
+/// The limit of a field as a number.
+#[doc(hidden)]
+pub fn limit<F: Field>(limit: <F::Scalar as Scalar>::Limit) -> f64 {
+    limit.into()
+}

@@ -1,0 +1,174 @@
+//! Variables made of structures: the same rows as by hand.
+
+use fmu_export::prelude::*;
+use fmu_export::variable::{Causality, Dependency, Table, Type, Variability, Variable};
+use fmu_export::{Array, unit};
+
+/// How the wheels are driven
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Choice)]
+enum Drive {
+    /// Not at all
+    #[default]
+    None,
+    /// By the front axle
+    #[item(name = "front")]
+    FrontAxle,
+}
+
+/// A wheel; its number is that in the array.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+struct Wheel<const N: usize> {
+    /// Radius of wheel {n}
+    #[parameter(unit = unit::METRE, display_unit = "mm", start = 0.3, min = 0.0)]
+    radius: f64,
+    /// Angle of wheel {n}.
+    ///
+    /// It is not wrapped.
+    #[local(unit = unit::RADIAN, state)]
+    angle: f64,
+    /// Speed of wheel {n}
+    #[local(unit = unit::RADIAN_PER_SECOND, derivative_of = "angle", depends_on = ["torque[{k}]", "angle"])]
+    speed: f64,
+    /// Temperature {k} of wheel {n}
+    #[output(unit = unit::KELVIN, display_unit = "degC", depends_on = [], nominal = 100.0)]
+    temperature: Array<f64, N>,
+}
+
+/// How many of the wheels there are, and where they begin.
+struct Machine {
+    wheels: usize,
+    radius: f64,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
+struct Car<const N: usize> {
+    #[parameter(start = Drive::FrontAxle)]
+    drive: Drive,
+    /// Torques
+    #[input(unit = unit::NEWTON_METRE, start = 1.5)]
+    torque: [f64; 2],
+    /// Forces
+    #[input(unit = unit::NEWTON, names = ["Fx", "Fy"], with = |row| row.max(9.0))]
+    force: [f64; 2],
+    #[nested(count = context.wheels, context = ())]
+    wheel: [Wheel<N>; 3],
+    #[nested(prefix = "spare.", context = ())]
+    spare: Wheel<N>,
+    /// Largest radius
+    #[parameter(unit = unit::METRE, start = context.radius, tunable)]
+    largest: f64,
+    /// Number of gears
+    #[parameter(min = 1, max = 6)]
+    gears: i32,
+    /// Says what happens
+    #[output(discrete)]
+    says: String,
+    /// Matrix
+    #[local(discrete)]
+    matrix: [[f64; 2]; 2],
+    #[hidden]
+    secret: u64,
+}
+
+impl<const N: usize> Default for Car<N> {
+    fn default() -> Self {
+        Self {
+            drive: Drive::None,
+            torque: [0.0; 2],
+            force: [3.0, 4.0],
+            wheel: std::array::from_fn(|_| Wheel { radius: 7.0, ..Wheel::default() }),
+            spare: Wheel::default(),
+            largest: 0.0,
+            gears: 5,
+            says: String::new(),
+            matrix: [[1.0, 2.0], [3.0, 4.0]],
+            secret: 0,
+        }
+    }
+}
+
+fn table() -> Table<Car<2>> {
+    Table::new(Car::rows_in(&Machine { wheels: 2, radius: 0.35 }))
+}
+
+fn find<'t>(table: &'t Table<Car<2>>, name: &str) -> &'t Variable {
+    table.variables.iter().find(|variable| variable.name == name).unwrap_or_else(|| panic!("there is no {name}"))
+}
+
+/// Fails if a field is left out, or stands in another order, or under another name.
+#[test]
+fn every_field_is_a_variable_in_its_place() {
+    let table = table();
+    let names: Vec<_> = table.variables.iter().map(|variable| variable.name.as_ref()).collect();
+    let of_wheel = |prefix: &str| {
+        ["radius", "angle", "speed", "temperature[1]", "temperature[2]"].map(|name| format!("{prefix}.{name}"))
+    };
+    let mut wanted: Vec<String> = ["drive", "torque[1]", "torque[2]", "Fx", "Fy"].map(str::to_owned).into();
+    wanted.extend(["wheel[1]", "wheel[2]", "spare"].iter().flat_map(|prefix| of_wheel(prefix)));
+    let rest = ["largest", "gears", "says", "matrix[1,1]", "matrix[1,2]", "matrix[2,1]", "matrix[2,2]"];
+    wanted.extend(rest.map(str::to_owned));
+    assert_eq!(names, wanted);
+}
+
+/// Fails if an attribute is ignored.
+#[test]
+fn attributes_reach_the_variables() {
+    let table = table();
+    let radius = find(&table, "wheel[2].radius");
+    assert_eq!((radius.causality, radius.variability), (Causality::Parameter, Variability::Fixed));
+    assert_eq!(radius.description, "Radius of wheel 2");
+    let Type::Real { start, unit, display, min, max, .. } = radius.data_type else { panic!("a Real") };
+    assert_eq!((start, unit.name, display, min, max), (0.3, "m", Some("mm"), Some(0.0), None));
+    let temperature = find(&table, "wheel[1].temperature[2]");
+    assert_eq!(temperature.description, "Temperature 2 of wheel 1");
+    assert_eq!(temperature.depends_on, Some(vec![]));
+    let angle = find(&table, "spare.angle");
+    assert_eq!((angle.state, angle.description.as_ref()), (true, "Angle of wheel {n}"));
+    let speed = find(&table, "wheel[2].speed");
+    assert_eq!(speed.derivative_of.as_deref(), Some("wheel[2].angle"));
+    let any = |name: &str| (name.to_owned().into(), Dependency::Any);
+    assert_eq!(speed.depends_on, Some(vec![any("torque[1]"), any("wheel[2].angle")]));
+    assert_eq!(find(&table, "torque[2]").depends_on, None);
+    assert!(matches!(find(&table, "Fy").data_type, Type::Real { max: Some(9.0), .. }));
+    assert_eq!(find(&table, "largest").variability, Variability::Tunable);
+    assert_eq!(find(&table, "says").variability, Variability::Discrete);
+    assert!(matches!(find(&table, "gears").data_type, Type::Integer { min: Some(1), max: Some(6), .. }));
+    let Type::Enumeration { start, items } = find(&table, "drive").data_type else { panic!("an enumeration") };
+    assert_eq!((start, items.name, items.description), (2, "Drive", "How the wheels are driven"));
+    assert_eq!(items.items, [("none", "Not at all"), ("front", "By the front axle")]);
+}
+
+/// Fails if a start value is not that of the attribute, or else that of `Default`, or else if it is not that of the context.
+#[test]
+fn start_values_come_from_attribute_default_and_context() {
+    let table = table();
+    let start = |name: &str| find(&table, name).start();
+    assert_eq!(start("torque[2]"), Value::Real(1.5));
+    assert_eq!(start("Fy"), Value::Real(4.0));
+    assert_eq!(start("wheel[1].radius"), Value::Real(0.3));
+    assert_eq!(start("largest"), Value::Real(0.35));
+    assert_eq!(start("gears"), Value::Integer(5));
+    assert_eq!(start("matrix[2,1]"), Value::Real(3.0));
+}
+
+/// Fails if a row reads or writes the field of another.
+#[test]
+fn every_row_has_its_own_field() {
+    let numbers = |index: usize| 10.0 + index as f64;
+    let table = table();
+    let is_real = |index: &usize| matches!(table.variables[*index].data_type, Type::Real { .. });
+    let reals = (0..table.variables.len()).filter(is_real);
+    let settings: Vec<_> = reals.map(|index| (index, Value::Real(numbers(index)))).collect();
+    let values = table.values(&settings);
+    let at = |name: &str| table.variables.iter().position(|variable| variable.name == name).expect("a variable");
+    assert_eq!(values.force, [numbers(at("Fx")), numbers(at("Fy"))]);
+    assert_eq!(values.wheel[1].radius, numbers(at("wheel[2].radius")));
+    assert_eq!(values.wheel[1].temperature[0], numbers(at("wheel[2].temperature[1]")));
+    assert_eq!(values.wheel[0].temperature[1], numbers(at("wheel[1].temperature[2]")));
+    assert_eq!(values.spare.temperature[1], numbers(at("spare.temperature[2]")));
+    assert_eq!(values.matrix[1][0], numbers(at("matrix[2,1]")));
+    // The third wheel is not there.
+    assert_eq!(values.wheel[2], Wheel { radius: 7.0, ..Wheel::default() });
+    assert_eq!(values.drive, Drive::FrontAxle);
+}

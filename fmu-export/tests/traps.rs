@@ -1,0 +1,463 @@
+//! What a model may get wrong without noticing: each is done right by default, or refused.
+
+use fmu_export::fmi2::bindings::{fmi2Boolean, fmi2Real, fmi2Status, fmi2StatusKind};
+use fmu_export::log::Silent;
+use fmu_export::package::{PackageError, Packager};
+use fmu_export::prelude::*;
+use fmu_export::variable::Variable;
+use fmu_export::{Array, Instance, ModelType};
+
+mod support;
+
+mod library {
+    use super::*;
+
+    /// Law of a controller
+    #[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, Choice)]
+    pub enum Law {
+        #[default]
+        Proportional,
+        Integral,
+    }
+
+    #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+    pub struct PidValues {
+        #[parameter(start = 2.0, max = 100.0, tunable)]
+        kp: f64,
+        #[parameter(tunable)]
+        law: Law,
+        #[parameter(unit = unit::KILOGRAM_METRE2, start = 1.0, min = 0.0)]
+        inertia: f64,
+        #[input(unit = unit::METRE, min = -1.0, max = 1.0)]
+        e: f64,
+        #[output(discrete)]
+        u: f64,
+    }
+
+    /// Copies its gain when it is made, and has no `retune`.
+    #[derive(Clone)]
+    pub struct Pid {
+        kp: f64,
+    }
+
+    impl SampledModel for Pid {
+        const INFO: Info = Info::new("Pid", "Controller");
+        type Values = PidValues;
+        type State = ();
+
+        fn table() -> Vec<Row<PidValues>> {
+            PidValues::rows()
+        }
+
+        fn new(values: &PidValues, _: &Resources) -> Result<Self, Vec<Invalid>> {
+            Ok(Self { kp: values.kp })
+        }
+
+        fn period_s(&self) -> f64 {
+            1e-4
+        }
+
+        fn start(&self, values: &mut PidValues, _: f64) {
+            // The prelude has two traits with this function, of which one is meant.
+            let again = Pid::new(values, &Resources::default()).expect("good parameters");
+            values.u = 0.0 * again.kp;
+        }
+
+        fn sample(&self, _: &mut (), values: &mut PidValues, _: f64, _: &mut dyn Log) -> Stepped {
+            values.u = self.kp * values.e + 1000.0 * f64::from(values.law.number() - 1);
+            Ok(())
+        }
+    }
+
+    #[derive(Clone, Default, Serialize, Deserialize, Variables)]
+    pub struct TankValues {
+        #[hidden]
+        never: u8,
+        #[parameter(unit = unit::METRE2, start = 2.0)]
+        area: f64,
+        #[parameter(calculated, unit = unit::ONE)]
+        doubled: f64,
+        #[local(constant, start = 9.81)]
+        g: f64,
+        #[input(unit = unit::METRE3_PER_SECOND)]
+        flow: f64,
+        #[output(unit = unit::METRE, state, exact, start = 5.0)]
+        level: f64,
+        #[local(unit = unit::METRE_PER_SECOND, derivative_of = "level", depends_on = ["flow"])]
+        rate: f64,
+        #[output(unit = unit::METRE)]
+        forgotten: f64,
+        #[output(depends_on = ["level"])]
+        starts: f64,
+        #[local]
+        cells: Array<f64, 40>,
+    }
+
+    /// Its start is not idempotent, its state cannot be saved, and it ends when it is empty.
+    #[derive(Clone)]
+    pub struct Tank;
+
+    pub struct Handle;
+
+    impl Model for Tank {
+        const INFO: Info = Info::new("Tank", "A tank that runs empty");
+        type Values = TankValues;
+        type State = NotSaved<Handle>;
+
+        fn table() -> Vec<Row<TankValues>> {
+            let mut rows = TankValues::rows();
+            rows.push(Row::time("time"));
+            rows
+        }
+
+        fn new(_: &TankValues, _: &Resources) -> Result<Self, Vec<Invalid>> {
+            Ok(Self)
+        }
+
+        fn start(&self, values: &mut TankValues, _: f64) -> NotSaved<Handle> {
+            values.starts += 1.0;
+            values.doubled = 2.0 * values.area;
+            values.cells[39] = 39.0;
+            NotSaved(Handle)
+        }
+
+        fn step(
+            &self,
+            _: &mut NotSaved<Handle>,
+            values: &mut TankValues,
+            step: Step,
+            _: &InputTrajectory<TankValues>,
+            _: &mut dyn Log,
+        ) -> Stepped {
+            let empty_s = step.time_s + values.level;
+            values.level -= step.length_s.min(values.level);
+            if values.level > 0.0 { Ok(()) } else { Err(StepError::terminate(empty_s, "it is empty")) }
+        }
+    }
+
+    export_fmus!(Pid, Tank);
+}
+
+use library::FMUS;
+use support::ffi::{Expect, Fmu};
+
+fn made(name: &str) -> (std::sync::Arc<ModelType>, Box<dyn Instance>) {
+    let model = FMUS.find(name).expect("a model");
+    let instance = model.instantiate();
+    (model, instance)
+}
+
+fn index(model: &ModelType, name: &str) -> usize {
+    model.variables().iter().position(|variable| variable.name == name).expect("a variable")
+}
+
+fn variable<'m>(model: &'m ModelType, name: &str) -> &'m Variable {
+    &model.variables()[index(model, name)]
+}
+
+fn real(instance: &mut dyn Instance, index: usize) -> f64 {
+    instance.get(index).expect("a value").as_f64()
+}
+
+/// Fails if a tunable parameter is read back as set, and the model goes on with the former one.
+#[test]
+fn tuning_reaches_the_model() {
+    let (model, mut pid) = made("Pid");
+    let [kp, e, u] = ["kp", "e", "u"].map(|name| index(&model, name));
+    pid.set(e, Value::Real(0.5)).expect("an input");
+    pid.start().expect("good parameters");
+    pid.step(Step { time_s: 0.0, length_s: 1e-4 }, &mut Silent).expect("a step");
+    assert_eq!(real(pid.as_mut(), u), 1.0);
+    pid.set(kp, Value::Real(20.0)).expect("a tunable parameter");
+    pid.step(Step { time_s: 1e-4, length_s: 1e-4 }, &mut Silent).expect("a step");
+    assert_eq!(real(pid.as_mut(), u), 10.0);
+    // A copy goes on like the original.
+    let mut copy = model.instantiate();
+    copy.read(&pid.write().expect("bytes"), 2e-4, true).expect("its own bytes");
+    copy.step(Step { time_s: 2e-4, length_s: 1e-4 }, &mut Silent).expect("a step");
+    assert_eq!(real(copy.as_mut(), u), 10.0);
+}
+
+/// Fails if a number that is no item is taken, or a value outside the limits of its row.
+#[test]
+fn limits_are_enforced_by_name() {
+    let (model, mut pid) = made("Pid");
+    let [kp, law, inertia, e] = ["kp", "law", "inertia", "e"].map(|name| index(&model, name));
+    let refused = |error: &dyn std::fmt::Display, wanted: &str| assert_eq!(error.to_string(), wanted);
+    let error = pid.set(law, Value::Integer(99)).expect_err("no item");
+    refused(&error, "law = 99 is refused: expected one of proportional (1), integral (2)");
+    let error = pid.set(e, Value::Real(1.5)).expect_err("too large");
+    refused(&error, "e = 1.5 m is refused: expected a value from -1 to 1 m");
+    pid.set(inertia, Value::Real(-1.0)).expect("checked at the start");
+    pid.set(kp, Value::Real(101.0)).expect("checked at the start");
+    let found = Invalid::list(&pid.start().expect_err("two parameters"));
+    let wanted = "kp = 101 is refused: expected a value of at most 100; \
+                  inertia = -1 kg.m2 is refused: expected a value of at least 0 kg.m2";
+    assert_eq!(found, wanted);
+    pid.set(inertia, Value::Real(0.0)).expect("a value");
+    pid.set(kp, Value::Real(100.0)).expect("a value");
+    pid.start().expect("now it is good");
+    let error = pid.set(kp, Value::Real(1000.0)).expect_err("tuned too far");
+    refused(&error, "kp = 1000 is refused: expected a value of at most 100");
+    assert_eq!(pid.get(kp), Ok(Value::Real(100.0)));
+}
+
+/// Fails if the trial start before the run changes the values of the run.
+#[test]
+fn reading_before_the_run_changes_nothing() {
+    let (model, mut tank) = made("Tank");
+    let [starts, area] = ["starts", "area"].map(|name| index(&model, name));
+    for _ in 0..3 {
+        tank.set(area, Value::Real(3.0)).expect("a parameter");
+        assert_eq!(real(tank.as_mut(), starts), 1.0);
+    }
+    tank.start().expect("good parameters");
+    assert_eq!(real(tank.as_mut(), starts), 1.0);
+}
+
+/// Fails if a capability is declared that the model does not have.
+#[test]
+fn inputs_are_interpolated_only_where_the_model_does() {
+    let (model, mut tank) = made("Tank");
+    assert!(model.xml().contains("canInterpolateInputs=\"false\""));
+    let flow = index(&model, "flow");
+    let error = tank.set_input_derivatives(1, &|_| (flow, 1, 1.0)).expect_err("not followed");
+    assert!(error.to_string().contains("flow: the model holds its inputs over a step"), "{error}");
+    assert!(made("Pid").0.xml().contains("canInterpolateInputs=\"true\""));
+}
+
+/// The elements of a part of the structure, by name, with their dependencies by name.
+fn structure(model: &ModelType, part: &str) -> Vec<(String, Option<Vec<String>>)> {
+    let document = roxmltree::Document::parse(model.xml()).expect("well-formed XML");
+    let found = document.descendants().find(|node| node.has_tag_name(part)).expect("the part");
+    let name = |index: &str| model.variables()[index.parse::<usize>().expect("an index") - 1].name.to_string();
+    let unknowns = found.children().filter(|node| node.is_element());
+    let named = unknowns.map(|unknown| {
+        let known = unknown.attribute("dependencies").map(|known| known.split_whitespace().map(name).collect());
+        (name(unknown.attribute("index").expect("an index")), known)
+    });
+    named.collect()
+}
+
+/// Fails if a forgotten dependency claims independence, and if the start claims more or less than the table says.
+#[test]
+fn dependencies_that_are_not_given_are_all() {
+    let (tank, _) = made("Tank");
+    let some = |names: &[&str]| Some(names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>());
+    let outputs = [("level", None), ("forgotten", None), ("starts", some(&["level"]))];
+    assert_eq!(structure(&tank, "Outputs"), outputs.map(|(name, known)| (name.to_owned(), known)));
+    // The state has a start value, so that it is no unknown.
+    let unknowns = [
+        ("doubled", None),
+        ("rate", some(&["area", "flow"])),
+        ("forgotten", None),
+        ("starts", some(&["area", "level"])),
+    ];
+    assert_eq!(structure(&tank, "InitialUnknowns"), unknowns.map(|(name, known)| (name.to_owned(), known)));
+    let (pid, _) = made("Pid");
+    assert_eq!(structure(&pid, "Outputs"), [("u".to_owned(), Some(Vec::new()))]);
+    assert_eq!(structure(&pid, "InitialUnknowns"), [("u".to_owned(), None)]);
+}
+
+/// Fails if a start value that can be set, a constant, a calculated parameter, or the time is not declared as such, or not kept.
+#[test]
+fn every_kind_of_variable_is_there() {
+    let (model, mut tank) = made("Tank");
+    let [level, doubled, g, area, time, cell] =
+        ["level", "doubled", "g", "area", "time", "cells[40]"].map(|name| index(&model, name));
+    tank.set(level, Value::Real(7.0)).expect("a start value");
+    tank.set(area, Value::Real(3.0)).expect("a parameter");
+    tank.set_start(10.0);
+    assert_eq!(real(tank.as_mut(), level), 7.0);
+    assert!(tank.set(g, Value::Real(1.0)).expect_err("a constant").to_string().contains("it is constant"));
+    tank.start().expect("good parameters");
+    assert_eq!([level, doubled, g, time, cell].map(|at| real(tank.as_mut(), at)), [7.0, 6.0, 9.81, 10.0, 39.0]);
+    assert!(tank.set(level, Value::Real(1.0)).is_err());
+    let document = roxmltree::Document::parse(model.xml()).expect("well-formed XML");
+    let attributes = |name: &str| {
+        let node = document.descendants().find(|node| node.attribute("name") == Some(name)).expect("the variable");
+        let start = node.first_element_child().expect("a type").attribute("start").map(str::to_owned);
+        let of = |attribute| node.attribute(attribute).unwrap_or("-").to_owned();
+        format!("{} {} {} {}", of("causality"), of("variability"), of("initial"), start.unwrap_or("-".into()))
+    };
+    assert_eq!(attributes("level"), "output continuous exact 5");
+    assert_eq!(attributes("g"), "local constant exact 9.81");
+    assert_eq!(attributes("doubled"), "calculatedParameter fixed calculated -");
+    assert_eq!(attributes("time"), "independent continuous - -");
+    assert!(variable(&model, "cells[40]").description.is_empty());
+}
+
+/// Fails if a unit is shown in another one although nobody asked for it.
+#[test]
+fn nothing_is_displayed_in_another_unit_by_default() {
+    for name in ["Pid", "Tank"] {
+        assert!(!made(name).0.xml().contains("displayUnit="), "{name}");
+    }
+}
+
+/// Fails if snapshots are declared or made of a state that cannot be copied.
+#[test]
+fn a_state_that_cannot_be_saved_is_declared() {
+    let (model, mut tank) = made("Tank");
+    assert!(model.xml().contains("canGetAndSetFMUstate=\"false\" canSerializeFMUstate=\"false\""));
+    tank.start().expect("good parameters");
+    assert!(tank.duplicate().is_none() && tank.write().is_none());
+    let fmu = Fmu::started("Tank", &[]);
+    let mut state = std::ptr::null_mut();
+    assert!(fmu.get_state(&mut state).error(&fmu).contains("this model has no snapshots"));
+}
+
+/// Fails if the request of a model to end the simulation is an error, or is not told, or does not end it.
+#[test]
+fn a_model_may_end_the_simulation() {
+    let fmu = Fmu::started("Tank", &[("level", 0.25)]);
+    fmu.step(0.0, 0.1).ok(&fmu);
+    assert_eq!(fmu.step(0.1, 0.2), fmi2Status::fmi2Discard);
+    let (mut ended, mut time): (fmi2Boolean, fmi2Real) = (0, 0.0);
+    // SAFETY: the instance is live, the places can be written.
+    unsafe {
+        call!(fmi2GetBooleanStatus: fmi2GetBooleanStatusTYPE(fmu.component(), fmi2StatusKind::fmi2Terminated, &raw mut ended)).ok(&fmu);
+        call!(fmi2GetRealStatus: fmi2GetRealStatusTYPE(fmu.component(), fmi2StatusKind::fmi2LastSuccessfulTime, &raw mut time)).ok(&fmu);
+    }
+    assert_eq!((ended, time, fmu.get("time")), (1, 0.25, 0.25));
+    let said = fmu.take_messages();
+    assert!(said.iter().any(|message| message.text.contains("it is empty")), "{said:?}");
+    assert!(fmu.step(0.25, 0.1).error(&fmu).contains("the model has ended the simulation"));
+}
+
+/// Fails if a run cannot begin at the time of day, or loses or doubles a sample there.
+#[test]
+fn runs_begin_at_the_time_of_day() {
+    for start_s in [1.8e9, 1e10] {
+        let fmu = Fmu::new("Pid");
+        fmu.set("e", 0.5).ok(&fmu);
+        fmu.start(start_s, None);
+        let step_s = if start_s > 2e9 { 1e-3 } else { 1e-4 };
+        for step in 0..100 {
+            fmu.step(start_s + f64::from(step) * step_s, step_s).ok(&fmu);
+        }
+        assert_eq!(fmu.get("u"), 1.0);
+    }
+    let fmu = Fmu::new("Pid");
+    assert!(fmu.setup(1e11, None).error(&fmu).contains("startTime = 100000000000 is refused"));
+}
+
+/// Mistakes that a packager must find.
+mod mistakes {
+    use super::*;
+
+    #[derive(Clone, Default, Serialize, Deserialize)]
+    pub struct Values {
+        list: Vec<f64>,
+        x: f64,
+        n: i32,
+    }
+
+    /// A model whose table is the mistake.
+    macro_rules! mistaken {
+        ($module:ident, $name:literal, $table:expr) => {
+            pub mod $module {
+                use super::*;
+
+                #[derive(Clone)]
+                pub struct Mistaken;
+
+                impl Model for Mistaken {
+                    const INFO: Info = Info::new($name, "A mistake");
+                    type Values = Values;
+                    type State = ();
+
+                    fn table() -> Vec<Row<Values>> {
+                        $table
+                    }
+
+                    fn new(_: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
+                        Ok(Self)
+                    }
+
+                    fn start(&self, _: &mut Values, _: f64) {}
+
+                    fn step(
+                        &self,
+                        _: &mut (),
+                        _: &mut Values,
+                        _: Step,
+                        _: &InputTrajectory<Values>,
+                        _: &mut dyn Log,
+                    ) -> Stepped {
+                        Ok(())
+                    }
+                }
+            }
+        };
+    }
+
+    fn x(name: &'static str) -> Row<Values> {
+        Row::real(name, place!(Values.x), unit::METRE, 0.0).input()
+    }
+
+    mistaken!(empty, "Empty", vec![Row::real("x", place!(Values.list[k]), unit::ONE, 0.0).fixed()]);
+    mistaken!(shared, "Shared", vec![x("a"), x("b")]);
+    mistaken!(named, "Named", vec![x("my variable"), Row::integer("2n", place!(Values.n), 0).input()]);
+    mistaken!(display, "Display", vec![x("a").display_unit("furlong")]);
+    mistaken!(bound, "Bound", vec![x("a").min(f64::NAN)]);
+    mistaken!(
+        derivative,
+        "Derivative",
+        vec![
+            Row::real("v", place!(Values.x), unit::ONE, 0.0).derivative_of("n"),
+            Row::integer("n", place!(Values.n), 0).output()
+        ]
+    );
+
+    fn one_metre() -> unit::Unit {
+        unit::Unit::new("m", &[("s", 1)], &[])
+    }
+
+    fn other_values() -> Row<Values> {
+        Row::real("b", fmu_export::variable::Access { get: |_, _| 0.0, set: |_, _, _| () }, one_metre(), 0.0).output()
+    }
+
+    mistaken!(units, "Units", vec![x("a"), other_values()]);
+
+    pub static EMPTY: fmu_export::Fmus = fmu_export::Fmus::new("none", || vec![ModelType::of::<empty::Mistaken>()]);
+    pub static TWICE: fmu_export::Fmus =
+        fmu_export::Fmus::new("none", || vec![ModelType::of::<named::Mistaken>(), ModelType::of::<named::Mistaken>()]);
+}
+
+/// Fails if a mistake in a table is packed.
+#[test]
+fn mistakes_are_found_when_packing() {
+    fn problems<M: Model>() -> String {
+        ModelType::of::<M>().problems().join("; ")
+    }
+    let found = [
+        (problems::<mistakes::shared::Mistaken>(), "a and b access the same field"),
+        (problems::<mistakes::named::Mistaken>(), "the name `my variable` is not allowed"),
+        (problems::<mistakes::named::Mistaken>(), "the name `2n` is not allowed"),
+        (problems::<mistakes::display::Mistaken>(), "a has the display unit furlong: expected one of m, µm, mm"),
+        (problems::<mistakes::bound::Mistaken>(), "the min of a is not a finite number"),
+        (problems::<mistakes::derivative::Mistaken>(), "v refers to n, which is not a state"),
+        (problems::<mistakes::units::Mistaken>(), "there are two units named m; b has the second"),
+    ];
+    for (said, wanted) in found {
+        assert!(said.contains(wanted), "`{wanted}` is not said in: {said}");
+    }
+    for name in ["Pid", "Tank"] {
+        assert_eq!(made(name).0.problems(), [""; 0], "{name}");
+    }
+}
+
+/// Fails if an archive is written of a model that cannot be instantiated, or two under one name.
+#[test]
+fn models_that_cannot_run_are_not_packed() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("mistakes");
+    let error = Packager::new(&mistakes::EMPTY).write(&folder).expect_err("it panics");
+    assert!(matches!(error, PackageError::Trial { name: "Empty", .. } | PackageError::Model { .. }), "{error}");
+    assert!(error.to_string().contains("panics"), "{error}");
+    let error = Packager::new(&mistakes::TWICE).write(&folder).expect_err("two of one name");
+    assert!(error.to_string().contains("Named"), "{error}");
+    let error = Packager::new(&FMUS).arguments(["--fast".to_owned()]).err().expect("an unknown argument");
+    assert!(error.to_string().contains("`--fast` is unknown"), "{error}");
+    assert!(!folder.exists());
+}

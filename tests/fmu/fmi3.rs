@@ -1,0 +1,201 @@
+//! The models through FMI 3.0: the same run as through FMI 2.0, to the last bit.
+
+use std::path::Path;
+
+use fmu_export::fmi3::bindings::fmi3Status;
+use fmu_export::variable::{Causality, Type};
+use fmu_export::{ModelType, Standard};
+use magnetic_bearing::fmu;
+
+use crate::support::MODELS;
+use crate::support::Random;
+use crate::support::ffi::{Expect, Fmu};
+use crate::support::ffi3::{Fmu3, Request3, no_state};
+use crate::support::is_plant;
+use crate::support::sequence::Subject;
+use crate::support::sequence3;
+
+const TS: f64 = 1e-4;
+const STEPS: u32 = 300;
+
+#[test]
+fn every_function_is_refused_in_every_state_that_is_not_its_own() {
+    let subject = Subject { model: "MagneticBearing", real: "omega", refused: ("m", -1.0), step_s: TS };
+    sequence3::every_function_is_refused_in_every_state_that_is_not_its_own(subject);
+}
+
+/// The continuous inputs of a model, and values for them near their start.
+fn inputs(model: &ModelType, random: &mut Random) -> Vec<(u32, f64)> {
+    let rows = (0..).zip(model.variables());
+    let inputs = rows.filter_map(|(reference, variable)| match variable.data_type {
+        Type::Real { start, nominal, .. } if variable.causality == Causality::Input => {
+            Some((reference, start + 1e-3 * nominal * random.between(-1.0, 1.0)))
+        }
+        _ => None,
+    });
+    inputs.collect()
+}
+
+/// Elements `x[1]`, `x[2]`, … are found by the name of the array. Every array is read in one piece.
+fn read(fmu: &Fmu3, model: &ModelType) -> Vec<u64> {
+    let document = &model.description(Standard::Fmi3 { arrays: fmu.arrays() }).xml;
+    let document = roxmltree::Document::parse(document).expect("well-formed XML");
+    let floats = document.descendants().filter(|node| node.tag_name().name() == "Float64");
+    let mut bits = Vec::new();
+    for variable in floats.filter(|variable| variable.attribute("name") != Some("time")) {
+        let reference = variable.attribute("valueReference").and_then(|text| text.parse().ok()).expect("a number");
+        let size = variable.first_element_child().and_then(|dimension| dimension.attribute("start"));
+        let count = size.map_or(1, |size| size.parse().expect("a number"));
+        let values = fmu.get_floats(&[reference], count);
+        let values = values.unwrap_or_else(|_| panic!("{reference}: {:?}", fmu.take_messages()));
+        bits.extend(values.into_iter().map(f64::to_bits));
+    }
+    bits
+}
+
+/// With and without arrays and event mode. Fails if one of the interfaces leaves an input out, or sets it later.
+#[test]
+fn the_run_is_that_of_fmi_2_bit_for_bit() {
+    for name in MODELS {
+        let model = fmu::find(name).expect("a model");
+        let old = Fmu::started(name, &[]);
+        let new: Vec<_> = [(false, false), (false, true), (true, true)]
+            .map(|(arrays, event_mode)| {
+                let request = Request3 { logging: true, event_mode, ..Request3::of(name, arrays) };
+                let fmu = request.instantiate(name, arrays).expect("an instance");
+                fmu.start(0.0);
+                if event_mode {
+                    fmu.ok(fmu.update_discrete_states());
+                    fmu.ok(fmu.enter_step_mode());
+                }
+                (fmu, event_mode)
+            })
+            .into();
+        let elements = array_sizes(&model);
+        let mut random = Random::new(7);
+        let mut compared = 0;
+        for step in 0..STEPS {
+            let time = f64::from(step) * TS;
+            let settings = inputs(&model, &mut random);
+            for (reference, value) in &settings {
+                old.set_reals(&[*reference], &[*value]).ok(&old);
+            }
+            old.step(time, TS).ok(&old);
+            let floats = model.variables().iter().filter(|variable| matches!(variable.data_type, Type::Real { .. }));
+            let wanted: Vec<_> = floats.map(|variable| old.get(&variable.name).to_bits()).collect();
+            for (fmu, event_mode) in &new {
+                if *event_mode {
+                    fmu.ok(fmu.enter_event_mode());
+                }
+                let mut rest = &settings[..];
+                while let Some((reference, _)) = rest.first() {
+                    let size = if fmu.arrays() { elements[*reference as usize] } else { 1 };
+                    let (array, others) = rest.split_at(size);
+                    let values: Vec<_> = array.iter().map(|(_, value)| *value).collect();
+                    fmu.ok(fmu.set_floats(&[*reference], &values));
+                    rest = others;
+                }
+                if *event_mode {
+                    fmu.ok(fmu.update_discrete_states());
+                    fmu.ok(fmu.enter_step_mode());
+                }
+                fmu.ok(fmu.step(time, TS));
+                assert!(read(fmu, &model) == wanted, "{name} at {time} s");
+                compared += wanted.len();
+            }
+        }
+        println!("{name}: {compared} values compared");
+        assert!(compared > 20_000, "{name}");
+        // Of all types, by name.
+        assert_eq!(new[0].0.all_bits(), old.all_bits(), "{name}");
+    }
+}
+
+/// The number of elements that begin at each row.
+fn array_sizes(model: &ModelType) -> Vec<usize> {
+    let document = &model.description(Standard::Fmi3 { arrays: true }).xml;
+    let document = roxmltree::Document::parse(document).expect("well-formed XML");
+    let mut sizes = vec![0; model.variables().len() + 1];
+    for variable in document.descendants().filter(|node| node.attribute("causality").is_some()) {
+        let reference: usize = variable.attribute("valueReference").and_then(|text| text.parse().ok()).expect("it");
+        let dimension = variable.children().find(|child| child.tag_name().name() == "Dimension");
+        let size = dimension.and_then(|dimension| dimension.attribute("start")).unwrap_or("1");
+        sizes[reference] = size.parse().expect("a number");
+    }
+    sizes
+}
+
+/// Fails if a derivative is that of another variable.
+#[test]
+fn derivatives_are_those_of_fmi_2_bit_for_bit() {
+    for name in MODELS.into_iter().filter(|name| is_plant(name)) {
+        let (old, new) = (Fmu::started(name, &[]), Fmu3::started(name, &[]));
+        for step in 0..50 {
+            old.step(f64::from(step) * TS, TS).ok(&old);
+            new.ok(new.step(f64::from(step) * TS, TS));
+        }
+        // Without currents there are no forces.
+        for (reference, value) in inputs(&fmu::find(name).expect("a model"), &mut Random::new(3)) {
+            old.set_reals(&[reference], &[value + 1.0]).ok(&old);
+            new.ok(new.set_floats(&[reference], &[value + 1.0]));
+        }
+        old.step(50.0 * TS, TS).ok(&old);
+        new.ok(new.step(50.0 * TS, TS));
+        let of = |causality| {
+            let rows = (0_u32..).zip(old.variables());
+            let chosen = rows.filter(move |(_, variable)| variable.causality == causality && variable.is_continuous());
+            chosen.map(|(reference, _)| reference).collect::<Vec<_>>()
+        };
+        let (knowns, unknowns) = (of(Causality::Input), of(Causality::Output));
+        let seed: Vec<_> = (1..=knowns.len()).map(|k| 0.1 * k as f64).collect();
+        let wanted = old.directional_derivative(&unknowns, &knowns, &seed).expect("derivatives");
+        assert!(wanted.iter().any(|value| *value != 0.0));
+        assert_eq!(new.directional_derivative(&unknowns, &knowns, &seed, unknowns.len()), Ok(wanted), "{name}");
+        for order in [1, 2] {
+            let orders = vec![order; unknowns.len()];
+            let wanted = old.output_derivatives(&unknowns, &orders).expect("derivatives");
+            assert!(wanted.iter().any(|value| *value != 0.0));
+            assert_eq!(new.output_derivatives(&unknowns, &orders, unknowns.len()), Ok(wanted), "{name}");
+        }
+    }
+}
+
+/// Fails if something is left out of a snapshot.
+#[test]
+fn snapshots_restore_every_bit() {
+    for name in MODELS {
+        let fmu = Fmu3::started(name, &[]);
+        let advance = |fmu: &Fmu3, steps: std::ops::Range<u32>| {
+            steps.for_each(|step| fmu.ok(fmu.step(f64::from(step) * TS, TS)));
+            fmu.all_bits()
+        };
+        advance(&fmu, 0..100);
+        let (mut state, mut read) = (no_state(), no_state());
+        fmu.ok(fmu.get_state(&mut state));
+        let wanted = advance(&fmu, 100..200);
+        fmu.ok(fmu.set_state(state));
+        assert_eq!(advance(&fmu, 100..200), wanted, "{name}");
+        let other = Fmu3::new(name, true);
+        let bytes = fmu.serialize(state).expect("bytes");
+        other.ok(other.deserialize(&bytes, &mut read));
+        let third = Fmu3::new(name, false);
+        third.ok(third.set_state(read));
+        assert_eq!(advance(&third, 100..200), wanted, "{name}");
+        let damaged = [&[bytes[0] ^ 1], &bytes[1..]].concat();
+        assert_eq!(third.deserialize(&damaged, &mut state), fmi3Status::fmi3Error);
+        fmu.ok(fmu.free_state(&mut state));
+        fmu.ok(fmu.free_state(&mut read));
+    }
+}
+
+/// Fails if a checked-in file differs.
+#[test]
+fn the_files_under_review_are_current() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("modelDescription");
+    for model in fmu::catalogue().iter() {
+        let name = format!("{}_fmi3.xml", model.info.name);
+        let file = std::fs::read_to_string(folder.join(&name)).unwrap_or_default();
+        let wanted = &model.description(Standard::Fmi3 { arrays: false }).xml;
+        assert!(file == *wanted, "modelDescription/{name} is stale: run `cargo run -- describe`");
+    }
+}

@@ -1,0 +1,86 @@
+//! What the model descriptions say of the start: which outputs depend on which inputs then.
+
+use fmu_export::variable::{Causality, Variable};
+use magnetic_bearing::fmu::find;
+
+use crate::support::MODELS;
+use crate::support::named::{self, Named};
+
+fn outputs(variables: &[Variable]) -> impl Iterator<Item = (usize, &Variable)> {
+    variables.iter().enumerate().filter(|(_, variable)| variable.causality == Causality::Output)
+}
+
+/// Importers take an unknown without dependencies for one that depends on all inputs, and find algebraic loops that are none.
+/// Fails if an output is left without.
+#[test]
+fn no_output_depends_on_everything_at_the_start() {
+    for model in MODELS {
+        let kind = find(model).expect("a model");
+        let document = roxmltree::Document::parse(kind.xml()).expect("well-formed XML");
+        let part = |name: &str| document.descendants().find(|node| node.has_tag_name(name)).expect("a part");
+        let dependencies = |name: &str, index: usize| {
+            let index = (index + 1).to_string();
+            let unknown = part(name).children().find(|node| node.attribute("index") == Some(&index)).expect("listed");
+            let known = unknown.attribute("dependencies")?;
+            Some(known.split_whitespace().map(|at| at.parse::<usize>().expect("an index") - 1).collect::<Vec<_>>())
+        };
+        for (index, output) in outputs(kind.variables()) {
+            let at_start = dependencies("InitialUnknowns", index).unwrap_or_else(|| panic!("{model}.{}", output.name));
+            // What acts at once in the run does so at the start.
+            let acting = dependencies("Outputs", index).expect("given").into_iter();
+            let inputs = acting.filter(|at| kind.variables()[*at].causality == Causality::Input);
+            for input in inputs {
+                assert!(at_start.contains(&input), "{model}.{}: {}", output.name, kind.variables()[input].name);
+            }
+        }
+    }
+}
+
+/// Fails if an output follows an input at the start although the model description says otherwise.
+#[test]
+fn outputs_follow_at_the_start_what_they_declare() {
+    for model in MODELS {
+        let kind = find(model).expect("a model");
+        for (known, input) in kind.variables().iter().enumerate() {
+            if input.causality != Causality::Input {
+                continue;
+            }
+            for drive in [1.0, 2.0] {
+                let mut instances = [0, 1].map(|_| Named::new(model));
+                for instance in &mut instances {
+                    if kind.variables().iter().any(|variable| variable.name == "drive") {
+                        instance.set("drive", drive);
+                    }
+                }
+                let number = instances[0].instance.get(known).expect("a value").as_f64();
+                let changed = named::value(&input.data_type, if number == 0.0 { 1.0 } else { 0.0 });
+                instances[1].instance.set(known, changed).expect("an input");
+                for instance in &mut instances {
+                    instance.start().expect("sound parameters");
+                }
+                for (index, output) in outputs(kind.variables()) {
+                    let [one, other] =
+                        instances.each_mut().map(|instance| instance.instance.get(index).expect("a value"));
+                    let declared = output.starts_from.as_ref().is_none_or(|names| names.contains(&input.name));
+                    assert!(declared || one == other, "{model}.{} follows {} at the start", output.name, input.name);
+                }
+            }
+        }
+    }
+}
+
+/// Fails if a parameter that makes a step take seconds is accepted, or if a limit that a model enforces is not in its XML.
+#[test]
+fn what_a_model_refuses_is_said() {
+    let mut bearing = Named::new("MagneticBearing");
+    bearing.set("coil.fluxSaturation", 1e-9);
+    let found = fmu_export::Invalid::list(&bearing.start().expect_err("too little"));
+    assert!(found.contains("coil.fluxSaturation = 0.000000001 Wb is refused: expected 0, or at least"), "{found}");
+    bearing.set("coil.fluxSaturation", 1e-4);
+    bearing.start().expect("enough");
+    let controller = find("FlatnessController").expect("a model");
+    let document = roxmltree::Document::parse(controller.xml()).expect("well-formed XML");
+    let lobes =
+        document.descendants().find(|node| node.attribute("name") == Some("reference.lobes")).expect("a variable");
+    assert_eq!(lobes.first_element_child().expect("a type").attribute("max"), Some("1000"));
+}
