@@ -93,6 +93,7 @@ fn prediction_error() -> [(&'static str, EstimatorConfig); 3] {
         position_offset_m: 2e-6,
         current_gain: 2e-3,
         current_offset_a: 5e-3,
+        backward_force_n: 2.0,
     };
     let tolerances = EstimatorConfig { tolerance, ..found.clone() };
     [("noise given", told), ("noise estimated", found), ("noise estimated, all tolerances", tolerances)]
