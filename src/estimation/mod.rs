@@ -164,12 +164,18 @@ impl Estimator {
         let in_gap = self.geometry.gaps(input.position_m).iter().all(|gap_m| *gap_m > 0.0);
         let rotation = [input.theta_rad, input.omega_rad_s];
         let taken = state.readings.take(input.position_m, input.current_a, rotation, self.config.step_s, in_gap);
+        let online = self.config.method == Method::PredictionError;
         let refused = match taken {
             _ if !input.enable => Some(Verdict::Disabled),
             _ if input.contact => Some(Verdict::Contact),
-            Taken::Usable { contradiction: true, .. } if self.config.identify_unbalance => Some(Verdict::Speed),
+            // The paper's methods have no use for the angle, and none for a gap that is bridged.
+            Taken::Usable { contradiction: true, .. } if online && self.config.identify_unbalance => {
+                Some(Verdict::Speed)
+            }
             Taken::Usable { stuck, .. } => stuck.iter().any(|stuck| *stuck).then_some(Verdict::Stuck),
-            Taken::Missing => {
+            Taken::Missing if !online => Some(Verdict::BadSample),
+            Taken::Repeated if !online => None,
+            Taken::Missing | Taken::Repeated => {
                 Some(state.output.verdict).filter(|_| !state.readings.are_lost()).or(Some(Verdict::BadSample))
             }
         };

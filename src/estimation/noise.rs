@@ -49,8 +49,11 @@ const START_INFORMATION: f64 = 0.1;
 /// instead of 1 a search that began a factor of three too low took 0.1 s (drawn bearings, seed 56183).
 const ESTIMATED: f64 = 1.0;
 
-/// The same of a noise that is known: to 5 %, as the standard deviation of as many samples of one reading.
-const KNOWN: f64 = 200.0;
+/// The same of a noise that is known: to 2 %, as after 1200 samples of one reading.
+const KNOWN: f64 = 600.0;
+
+/// Noise that is found this many standard deviations of the prior away was not known (conflict of prior and data).
+const CONFLICT: f64 = 5.0;
 
 /// The information forgets the samples taken with a worse estimate: so much of the number of samples counts, and at least so many.
 const MEMORY_PART: f64 = 0.7;
@@ -67,8 +70,9 @@ const DISCOUNT: f64 = 0.3;
 /// The noise, and how well it is known.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
-    /// Whether σ_z and σ_i are known beforehand.
+    /// Whether σ_z and σ_i are known beforehand, and ln σ_z² and ln σ_i² at the start.
     known: [bool; 2],
+    start: [f64; 2],
     /// ln ρ, ln σ_z².
     logs: Vector2<f64>,
     /// σ_z² and σ_i², m² and A².
@@ -89,13 +93,15 @@ impl Noise {
         let logs = Vector2::new(2.0 * log(current / position), 2.0 * log(position));
         let information = Matrix2::identity() * START_INFORMATION;
         let variances = [position * position, current * current];
-        Self { known, weighed_with: logs.x, logs, variances, information, samples: 0.0 }
+        let start = [logs.y, logs.sum()];
+        Self { known, start, weighed_with: logs.x, logs, variances, information, samples: 0.0 }
     }
 
     pub fn is_finite(&self) -> bool {
         self.logs
             .iter()
             .chain(&self.variances)
+            .chain(&self.start)
             .chain(&self.information)
             .chain([&self.samples, &self.weighed_with])
             .all(|x| x.is_finite())
@@ -173,6 +179,10 @@ impl Noise {
         let ratio = if self.known[1] { ANY } else { [least, most.clamp(least, greatest)] };
         (self.logs.x, self.variances[1]) = bounded(self.logs.x + by.x, ratio);
         self.variances[1] *= self.variances[0];
+        let apart = [self.logs.y - self.start[0], self.logs.sum() - self.start[1]];
+        if self.known.iter().zip(apart).any(|(known, apart)| *known && apart * apart * KNOWN > CONFLICT * CONFLICT) {
+            self.known = [false; 2];
+        }
         if (self.logs.x - self.weighed_with).abs() <= RATIO_CHANGE {
             return 1.0;
         }

@@ -27,7 +27,7 @@ const REVOLUTION_AT_REST_S: f64 = 4.0 / 150.0;
 /// Over so many missing samples the filter predicts; after more it starts again.
 const BRIDGED: u32 = 8;
 
-/// The estimate is solved for every so many samples.
+/// At first the estimate is solved for every so many samples; then at the end of each quarter, whose samples are judged first.
 const SOLVE_EVERY: u64 = 4;
 
 /// The least samples for a solution.
@@ -59,6 +59,11 @@ const FIRST_GUESS_PART: f64 = 0.1;
 pub const STD_LIMIT: f64 = 0.05;
 const STD_LIMIT_VALID: f64 = 0.10;
 
+/// Least and greatest time for which an estimate has to pass all tests before it is valid again, s: four times as long at each refusal, so that `valid` changes
+/// at most five times a second; and the time in which that is forgotten.
+const PAUSE_S: [f64; 2] = [0.15, 0.6];
+const PAUSE_FADES_S: f64 = 0.5;
+
 /// A normalised innovation squared beyond this comes from samples that no bearing makes.
 const NIS_CAP: f64 = 1.0e12;
 
@@ -67,6 +72,8 @@ const NIS_CAP: f64 = 1.0e12;
 struct Revolution<const K: usize, const U: usize, const T: usize> {
     sums: Sums<K, U, T>,
     samples: f64,
+    /// The part of it that has passed.
+    passed: f64,
     /// Sums of `i_k/gap_k²` and `i_k²/gap_k³`.
     per_current: SVector<f64, K>,
     gradient: SVector<f64, K>,
@@ -126,7 +133,8 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     models: Models<K, U, T>,
     present: Box<Sums<K, U, T>>,
     revolution: Box<Revolution<K, U, T>>,
-    /// Means of `i_k/gap_k²` and `i_k²/gap_k³` over the last revolution.
+    /// Whether a revolution has ended; means of `i_k/gap_k²` and `i_k²/gap_k³` over the last one.
+    turned: bool,
     per_current: SVector<f64, K>,
     gradient: SVector<f64, K>,
     table: AngleTable<K>,
@@ -142,6 +150,9 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     unexplained_until: u64,
     /// Whether λ has changed since the estimate was last valid.
     changed: bool,
+    /// For how long an estimate that a test refused has to pass before it is valid again, s, and from which sample on it may be.
+    pause_s: f64,
+    valid_from: u64,
     /// Mean square of the currents, A².
     mean_square_a2: f64,
     /// Samples since the start.
@@ -197,6 +208,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             models: Models::start(),
             present: Box::new(Sums::zeros()),
             revolution: Box::new(Revolution::start()),
+            turned: false,
             per_current: SVector::zeros(),
             gradient: SVector::zeros(),
             table: AngleTable::empty(),
@@ -208,6 +220,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             outliers: 0,
             unexplained_until: 0,
             changed: false,
+            pause_s: PAUSE_S[0],
+            valid_from: 0,
             mean_square_a2: 0.0,
             samples: 0,
             solution: None,
@@ -334,12 +348,21 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                 state.discount(discount);
             }
         }
-        if state.samples.is_multiple_of(SOLVE_EVERY) {
+        if state.samples.is_multiple_of(SOLVE_EVERY) && !state.is_settled() {
             self.solve(state);
         }
+        let was_valid = state.estimate.verdict == Verdict::Valid;
         let verdict = self.conclude(state);
-        if verdict == Verdict::Valid {
-            (state.armed, state.changed) = (true, false);
+        match verdict {
+            Verdict::Valid => {
+                (state.armed, state.changed) = (true, false);
+                state.pause_s = (state.pause_s * (1.0 - self.filter.step_s / PAUSE_FADES_S)).max(PAUSE_S[0]);
+            }
+            _ if was_valid => {
+                state.valid_from = state.samples + (state.pause_s / self.filter.step_s) as u64;
+                state.pause_s = (4.0 * state.pause_s).min(PAUSE_S[1]);
+            }
+            _ => (),
         }
         verdict
     }
@@ -457,17 +480,19 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         }
         let revolution = &mut state.revolution;
         revolution.sums.merge(&block);
-        let over = state.quarters.is_multiple_of(QUARTERS as u64);
+        let over = revolution.passed >= 1.0;
         if over && let Some(alone) = revolution.sums.solve(&prior, variances) {
             state.estimate.lambda_raw = alone.unknowns.fixed_rows::<K>(0).into_owned();
         }
-        if over || state.quarters < QUARTERS as u64 {
+        if over || !state.turned {
             (state.per_current, state.gradient) =
                 (revolution.per_current / revolution.samples, revolution.gradient / revolution.samples);
         }
         if over {
             **revolution = Revolution::start();
+            state.turned = true;
         }
+        self.solve(state);
     }
 
     /// Completes the estimate; the verdict on it.
@@ -524,6 +549,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         } else {
             match state.validation.verdict(state.per_revolution(), was_valid || !state.armed) {
                 Verdict::Valid if (0..K).any(|k| sqrt(total[k]) >= limit * lambda[k]) => Verdict::Uncertain,
+                Verdict::Valid if state.samples < state.valid_from => state.estimate.verdict,
                 verdict => verdict,
             }
         }
@@ -532,7 +558,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
 impl<const K: usize, const U: usize, const T: usize> Revolution<K, U, T> {
     fn start() -> Self {
-        Self { sums: Sums::zeros(), samples: 0.0, per_current: SVector::zeros(), gradient: SVector::zeros() }
+        Self {
+            sums: Sums::zeros(),
+            samples: 0.0,
+            passed: 0.0,
+            per_current: SVector::zeros(),
+            gradient: SVector::zeros(),
+        }
     }
 
     /// Takes in the field of an interval.
@@ -555,7 +587,8 @@ pub fn all_finite<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> bool {
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionErrorState<N, K, U, T> {
     /// Whether all numbers are finite, and all places within their rings.
     pub fn is_sound(&self) -> bool {
-        let numbers = [&self.mean_square_a2, &self.condition, &self.passed, &self.quarter_samples, &self.pace];
+        let numbers =
+            [&self.mean_square_a2, &self.condition, &self.passed, &self.quarter_samples, &self.pace, &self.pause_s];
         all_finite(self.running.iter().chain(&self.per_current).chain(&self.gradient).chain(numbers))
             && self.inverse.is_none_or(|inverse| all_finite(&inverse))
             && (self.estimate.is_finite() && self.models.is_sound() && self.present.is_finite())
@@ -568,9 +601,10 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
     /// Counts what passes of a revolution with a sample.
     fn advance(&mut self, omega_rad_s: f64, step_s: f64) {
-        let omega = omega_rad_s.abs();
-        self.pace = if omega > SLOWEST_RAD_S { omega * step_s / TAU } else { step_s / REVOLUTION_AT_REST_S };
-        self.passed += self.pace;
+        let (omega, at_rest) = (omega_rad_s.abs(), step_s / REVOLUTION_AT_REST_S);
+        self.pace = if omega > SLOWEST_RAD_S { omega * step_s / TAU } else { at_rest };
+        self.revolution.passed += self.pace;
+        self.passed += self.pace.max(at_rest);
         self.quarter_samples += 1.0;
     }
 

@@ -19,8 +19,10 @@ const MEASUREMENT_LIMIT: f64 = 1.0e12;
 pub enum Taken<const N: usize> {
     /// All of it, but for sensors that are stuck, and a measured speed that is not that of the angle.
     Usable { stuck: [bool; N], contradiction: bool },
-    /// Nothing: not finite, outside the gap, or a repetition of the one before.
+    /// Nothing: not finite, or outside the gap.
     Missing,
+    /// Nothing: the positions and currents of the sample before.
+    Repeated,
 }
 
 /// The readings of N positions and K currents of late.
@@ -102,7 +104,7 @@ impl<const N: usize, const K: usize> Readings<N, K> {
         (self.position_m, self.current_a) = (position, current);
         if repeated {
             self.missing = self.missing.saturating_add(1);
-            return Taken::Missing;
+            return Taken::Repeated;
         }
         self.missing = 0;
         let moving = self.same.min() == 0;

@@ -282,8 +282,8 @@ impl SpindleEstimator {
             Taken::Usable { stuck: [a_y, a_z, b_y, b_z, x], .. } => {
                 [a_y || a_z || b_y || b_z, x].map(|stuck| stuck.then_some(Verdict::Stuck))
             }
-            Taken::Missing if state.readings.are_lost() => [Some(Verdict::BadSample); 2],
-            Taken::Missing => [state.radial.estimate.verdict, state.axial.estimate.verdict].map(Some),
+            _ if state.readings.are_lost() => [Some(Verdict::BadSample); 2],
+            Taken::Missing | Taken::Repeated => [state.radial.estimate.verdict, state.axial.estimate.verdict].map(Some),
         }
     }
 

@@ -38,8 +38,8 @@ const WHITENESS_CLIP: f64 = 5.0;
 /// Revolutions over which correlation and mean square of the innovations are taken.
 const MEAN_REVOLUTIONS: f64 = 3.0;
 
-/// Limit of the normalised innovation squared per degree of freedom: innovations twice as strong as they should be.
-const NIS_LIMIT: f64 = 4.0;
+/// Limit of the normalised innovation squared per degree of freedom: innovations 1.6 times as strong as they should be.
+const NIS_LIMIT: f64 = 2.5;
 
 /// An estimate that is not valid becomes so below this part of each limit (hysteresis).
 const EASE: f64 = 0.7;

@@ -184,8 +184,7 @@ fn every_scenario_with_every_method() {
         scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
         (name.to_owned(), scenario)
     });
-    // The perturbation of the paper's simulation turns partly backward, and is seen after 0.16 s only: README, "What is not seen".
-    let misses: Vec<_> = judge(&found).into_iter().filter(|miss| !miss.starts_with("paper, predictionError")).collect();
+    let misses = judge(&found);
     assert!(misses.is_empty(), "{}", misses.join("\n"));
 }
 
@@ -233,8 +232,9 @@ fn rotors_without_unbalance_with_the_papers_methods() {
     assert!(misses.is_empty(), "{}", misses.join("\n"));
 }
 
-/// Root mean square of error/standard deviation.
+/// Root mean squares of error/standard deviation, by noise, and by noise and other models: a backward force that a drawn bearing has not, a memory that ends.
 const STATED: std::ops::RangeInclusive<f64> = 0.85..=1.15;
+const TOTAL: std::ops::RangeInclusive<f64> = 0.7..=1.1;
 
 /// Limits of drawn bearings at 35 ms, 0.1, 0.2, 0.4 and 1 s.
 struct Limits {
@@ -243,7 +243,7 @@ struct Limits {
     /// From which of the instants on the other limits hold.
     from: usize,
     /// Part of the cases with a bound below 4 % that are valid.
-    valid: f64,
+    valid: [f64; 5],
 }
 
 fn drawn_bearings(told: bool, limits: &Limits, set: impl Fn(&mut Scenario) + Send + Sync + 'static) {
@@ -274,19 +274,23 @@ fn drawn_bearings(told: bool, limits: &Limits, set: impl Fn(&mut Scenario) + Sen
             100.0 * worst.std
         ));
     }
-    for (figures, limit) in outcome.figures.iter().zip(limits.over_bound).skip(limits.from) {
+    let of_instants = limits.over_bound.into_iter().zip(limits.valid);
+    for (figures, (limit, least)) in outcome.figures.iter().zip(of_instants).skip(limits.from) {
         let at = figures.instant_s;
-        let (bound, stated) = (pooled(figures.over_bound), pooled(figures.over_total));
+        let [bound, stated, total] = [figures.over_bound, figures.normalised, figures.over_total].map(pooled);
         // NaN is not below the limit.
         if bound.is_nan() || bound > limit {
             misses.push(format!("{at} s: error/bound {bound:.2}, limit {limit}"));
         }
         if !STATED.contains(&stated) {
-            misses.push(format!("{at} s: error/standard deviation {stated:.2}, limits {STATED:?}"));
+            misses.push(format!("{at} s: error/standard deviation by noise {stated:.2}, limits {STATED:?}"));
+        }
+        if !TOTAL.contains(&total) {
+            misses.push(format!("{at} s: error/total standard deviation {total:.2}, limits {TOTAL:?}"));
         }
         let (valid, of) = (figures.identified, figures.identifiable);
-        if (valid as f64) < limits.valid * of as f64 {
-            misses.push(format!("{at} s: {valid} valid of {of} with a bound below 4 %, limit {}", limits.valid));
+        if (valid as f64) < least * of as f64 {
+            misses.push(format!("{at} s: {valid} valid of {of} with a bound below 4 %, limit {least}"));
         }
     }
     assert!(misses.is_empty(), "{}", misses.join("\n"));
@@ -294,10 +298,18 @@ fn drawn_bearings(told: bool, limits: &Limits, set: impl Fn(&mut Scenario) + Sen
 
 #[test]
 fn drawn_bearings_with_noise_told() {
-    drawn_bearings(true, &Limits { over_bound: [1.2, 1.15, 1.15, 1.15, 1.15], from: 0, valid: 0.95 }, |_| ());
+    drawn_bearings(
+        true,
+        &Limits { over_bound: [1.2, 1.15, 1.15, 1.15, 1.15], from: 0, valid: [0.85, 0.95, 0.95, 0.95, 0.95] },
+        |_| (),
+    );
 }
 
 #[test]
 fn drawn_bearings_with_noise_not_told() {
-    drawn_bearings(false, &Limits { over_bound: [f64::INFINITY, 1.3, 1.3, 1.3, 1.3], from: 1, valid: 0.95 }, |_| ());
+    drawn_bearings(
+        false,
+        &Limits { over_bound: [f64::INFINITY, 1.3, 1.3, 1.3, 1.3], from: 1, valid: [0.0, 0.85, 0.95, 0.95, 0.95] },
+        |_| (),
+    );
 }

@@ -230,7 +230,8 @@ fn noise_that_is_fed_back_is_covered() {
     let study = montecarlo::study("", &open("unbalanced"), [10.0 * NOISE[0], NOISE[1]], true, RUNS);
     let [_, late] = study.run().expect("a good scenario").figures.try_into().expect("two instants");
     println!("{late:.4?}");
-    assert_eq!(late.valid, RUNS);
+    // A backward force that cannot be excluded leaves some of them uncertain.
+    assert!(late.valid >= RUNS * 19 / 20, "{}", late.valid);
     for k in 0..3 {
         let normalised = late.normalised[k];
         assert!((0.8..=1.25).contains(&normalised), "lambda[{}]: error/std {normalised:.2}", k + 1);
