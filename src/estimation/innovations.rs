@@ -486,8 +486,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let mut responses = *accelerations;
         let ([c, s], [bc, bs]) = (at.forward, at.backward);
         for a in &mut responses.data.0 {
-            for k in 0..K {
-                a[k] *= at.square[k];
+            for (a, square) in a.iter_mut().zip(&at.square) {
+                *a *= square;
             }
             for j in (K..self.machine.backward).step_by(2) {
                 (a[j], a[j + 1]) = (c * a[j] + s * a[j + 1], c * a[j + 1] - s * a[j]);

@@ -35,6 +35,9 @@ const FORCE_PARTS: [f64; 4] = [0.0, 0.05, 0.3, 1.0];
 /// Probability of a force above which it is identified, and below which no longer.
 const FORCE_LIMITS: [f64; 2] = [0.99, 0.50];
 
+/// Solutions in a row that tell of a force before it is believed: a transient that no model explains looks like one for a quarter (`coil-loss`).
+const FORCE_SOLUTIONS: u32 = 4;
+
 /// The greatest logarithm of odds that is retained when samples are forgotten: a force may begin.
 const RETAINED: f64 = 4.0;
 
@@ -74,6 +77,8 @@ pub struct Models<const K: usize, const U: usize, const T: usize> {
     /// Logarithms of the odds of the models of the force against none by the sums, and by samples that these no longer hold: a force does not come and
     /// go with λ.
     force_odds: [f64; FORCE_PARTS.len()],
+    /// Solutions in a row in which there is a force.
+    solutions: u32,
     retained: [f64; FORCE_PARTS.len()],
 }
 
@@ -87,6 +92,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             spread: SVector::zeros(),
             force: 0,
             force_odds: [0.0; 4],
+            solutions: 0,
             retained: [0.0; 4],
         }
     }
@@ -237,7 +243,13 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         let all: f64 = models.iter().map(|model| exp(model.0 - most)).sum();
         let probability = 1.0 - exp(models[0].0 - most) / all;
         let likeliest = (1..models.len()).max_by(|a, b| models[*a].0.total_cmp(&models[*b].0)).unwrap_or(1);
-        self.force = if probability > FORCE_LIMITS[usize::from(self.force > 0)] { likeliest } else { 0 };
+        let likely = probability > FORCE_LIMITS[usize::from(self.force > 0)];
+        self.solutions = if likely { self.solutions.saturating_add(1) } else { 0 };
+        self.force = match likely {
+            true if self.solutions >= FORCE_SOLUTIONS => likeliest,
+            true => self.force,
+            false => 0,
+        };
         let used = self.force;
         let tempered = models.map(|model| exp(TEMPER * (model.0 - most)));
         let sum: f64 = tempered.iter().sum();

@@ -61,7 +61,7 @@ const STD_LIMIT_VALID: f64 = 0.10;
 
 /// Least and greatest time for which an estimate has to pass all tests before it is valid again, s: four times as long at each refusal, so that `valid` changes
 /// at most five times a second; and the time in which that is forgotten.
-const PAUSE_S: [f64; 2] = [0.15, 0.6];
+const PAUSE_S: [f64; 2] = [0.13, 0.6];
 const PAUSE_FADES_S: f64 = 0.5;
 
 /// A normalised innovation squared beyond this comes from samples that no bearing makes.
@@ -533,7 +533,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     ) -> Verdict {
         let was_valid = state.estimate.verdict == Verdict::Valid;
         let limit = if was_valid { STD_LIMIT_VALID } else { STD_LIMIT };
-        let early = state.validation.revolutions(state.revolutions()) < VALID_AFTER[usize::from(!noise.is_known())];
+        let early = state.validation.revolutions(state.revolutions())
+            < VALID_AFTER[usize::from(self.known_noise.contains(&0.0))];
         if early || (state.estimated && !state.is_settled()) {
             if state.changed { Verdict::Changed } else { Verdict::Collecting }
         } else if lambda.iter().any(|lambda| *lambda <= 0.0) {
@@ -576,7 +577,8 @@ impl<const K: usize, const U: usize, const T: usize> Revolution<K, U, T> {
     }
 
     fn is_finite(&self) -> bool {
-        self.sums.is_finite() && all_finite(self.per_current.iter().chain(&self.gradient).chain([&self.samples]))
+        self.sums.is_finite()
+            && all_finite(self.per_current.iter().chain(&self.gradient).chain([&self.samples, &self.passed]))
     }
 }
 
