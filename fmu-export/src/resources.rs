@@ -10,7 +10,7 @@ use crate::model::Invalid;
 ///
 /// ```
 /// # use fmu_export::Resources;
-/// let folder = Resources::from_uri("file:///tmp/my%20models/pump/resources");
+/// let folder = Resources::from_uri("file:///my%20models/pump/resources");
 /// assert!(folder.path("map.csv").expect("a folder is given").ends_with("resources/map.csv"));
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -77,9 +77,9 @@ pub struct Models<const K: usize, const U: usize, const T: usize> {
     /// Logarithms of the odds of the models of the force against none by the sums, and by samples that these no longer hold: a force does not come and
     /// go with λ.
     force_odds: [f64; FORCE_PARTS.len()],
+    retained: [f64; FORCE_PARTS.len()],
     /// Solutions in a row in which there is a force.
     solutions: u32,
-    retained: [f64; FORCE_PARTS.len()],
 }
 
 impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
@@ -91,9 +91,9 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             used: 0,
             spread: SVector::zeros(),
             force: 0,
-            force_odds: [0.0; 4],
+            force_odds: [0.0; FORCE_PARTS.len()],
+            retained: [0.0; FORCE_PARTS.len()],
             solutions: 0,
-            retained: [0.0; 4],
         }
     }
 
