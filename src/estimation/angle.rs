@@ -1,21 +1,25 @@
 //! Angle, speed and acceleration of the rotor, filtered from measurements.
 //!
 //! A critically damped g-h-k filter of the measured angle (fading memory of degree two; E. Brookner, *Tracking and Kalman Filtering Made Easy*,
-//! 1998, section 1.3): exact for a constant acceleration, whatever the noise of the encoder. The measured speed starts it, and is
-//! compared with it.
+//! 1998, section 1.3), whose memory follows from the noise of the angle: nothing is smoothed where the angle is exact. The noise is found from
+//! third differences, in which a constant acceleration does not show. The measured speed starts the filter, and is compared with it.
 
-use libm::{exp, sincos};
+use libm::{cbrt, exp, sincos, sqrt};
 use serde::{Deserialize, Serialize};
 
 use super::innovations::turned;
 
-/// Time constant, s. White noise of 3° on the angle leaves 0.4 % in ω at 10 kHz.
-const TIME_S: f64 = 9.0e-3;
+/// Time constant for white noise of 1 rad on the angle, s. It grows with the cube root of the noise, as in the Kalman filter of a motion whose
+/// jerk is white. Noise of 3° leaves 0.4 % in ω at 10 kHz.
+const TIME_S: f64 = 0.024;
+
+/// For so long the measured speed is averaged at the start, s.
+const START_S: f64 = 9.0e-3;
 
 /// An angle further off than this is a new one, not noise, rad.
 const LOST_RAD: f64 = 1.0;
 
-/// Time constant of the means of speeds, s: long beside the differences of a coarse encoder.
+/// Time constant of the means of speeds and noise, s: long beside the differences of a coarse encoder.
 const MEAN_TIME_S: f64 = 0.1;
 
 /// The difference of the means beyond which the measured speed is not that of the angle: a part of the smaller one, and rad/s.
@@ -24,53 +28,90 @@ const MISMATCH: [f64; 2] = [0.1, 3.0];
 /// The rotation of the rotor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rotation {
-    /// Angle as measured, rad.
+    /// Angle, rad.
     pub theta_rad: f64,
     pub omega_rad_s: f64,
     /// ω̇, rad/s².
     pub acceleration_rad_s2: f64,
-    /// The filtered angle less the measured one, rad.
-    lag_rad: f64,
+    /// Variance of the angle, rad².
+    pub variance_rad2: f64,
+    /// The last measured angle, rad, and its last first and second differences.
+    measured_rad: [f64; 3],
+    /// Variance of the measured angle, rad².
+    noise_rad2: f64,
     /// Means of the measured speed and of the differences of measured angles, rad/s.
     mean_rad_s: [f64; 2],
+    /// Samples since the start.
+    samples: u32,
 }
 
 impl Rotation {
     /// At a first sample.
     pub fn start(theta_rad: f64, omega_rad_s: f64) -> Self {
-        Self { theta_rad, omega_rad_s, acceleration_rad_s2: 0.0, lag_rad: 0.0, mean_rad_s: [0.0; 2] }
+        Self {
+            theta_rad,
+            omega_rad_s,
+            acceleration_rad_s2: 0.0,
+            variance_rad2: 0.0,
+            measured_rad: [theta_rad, 0.0, 0.0],
+            noise_rad2: 0.0,
+            mean_rad_s: [0.0; 2],
+            samples: 1,
+        }
     }
 
     pub fn is_finite(&self) -> bool {
-        let Self { theta_rad, omega_rad_s, acceleration_rad_s2, lag_rad, mean_rad_s: [speed, turning] } = self;
-        [theta_rad, omega_rad_s, acceleration_rad_s2, lag_rad, speed, turning].iter().all(|x| x.is_finite())
+        let Self { theta_rad, omega_rad_s, acceleration_rad_s2, variance_rad2, noise_rad2, .. } = self;
+        let others = [theta_rad, omega_rad_s, acceleration_rad_s2, variance_rad2, noise_rad2];
+        others.into_iter().chain(&self.measured_rad).chain(&self.mean_rad_s).all(|x| x.is_finite())
     }
 
     /// Goes on for a sample without a measurement.
     pub fn coast(&mut self, step_s: f64) {
+        self.predict(step_s);
+        self.measured_rad = [self.theta_rad, self.omega_rad_s * step_s, self.acceleration_rad_s2 * step_s * step_s];
+    }
+
+    fn predict(&mut self, step_s: f64) {
         self.theta_rad += (self.omega_rad_s + 0.5 * self.acceleration_rad_s2 * step_s) * step_s;
         self.omega_rad_s += self.acceleration_rad_s2 * step_s;
     }
 
     /// Takes in the measured angle and speed one sample later.
     pub fn advance(&mut self, step_s: f64, theta_rad: f64, omega_rad_s: f64) {
-        let part = (step_s / MEAN_TIME_S).min(1.0);
-        let turning = turned(self.theta_rad, theta_rad) / step_s;
-        let mean = |mean: f64, now: f64| mean + (now - mean) * part;
-        let mean_rad_s = [mean(self.mean_rad_s[0], omega_rad_s), mean(self.mean_rad_s[1], turning)];
-        self.coast(step_s);
-        let error = turned(self.theta_rad + self.lag_rad, theta_rad);
+        self.predict(step_s);
+        let error = turned(self.theta_rad, theta_rad);
         if error.abs() > LOST_RAD {
-            *self = Self::start(theta_rad, omega_rad_s);
-        } else {
-            let r = exp(-step_s / TIME_S);
-            let [g, h, k] =
-                [1.0 - r * r * r, 1.5 * (1.0 - r) * (1.0 - r) * (1.0 + r), (1.0 - r) * (1.0 - r) * (1.0 - r)];
-            self.omega_rad_s += h * error / step_s;
-            self.acceleration_rad_s2 += k * error / (step_s * step_s);
-            (self.theta_rad, self.lag_rad) = (theta_rad, (g - 1.0) * error);
+            let Self { mean_rad_s, noise_rad2, .. } = *self;
+            *self = Self { mean_rad_s, noise_rad2, ..Self::start(theta_rad, omega_rad_s) };
+            return;
         }
-        self.mean_rad_s = mean_rad_s;
+        self.samples = self.samples.saturating_add(1);
+        let part = (step_s / MEAN_TIME_S).min(1.0);
+        let first = turned(self.measured_rad[0], theta_rad);
+        let second = first - self.measured_rad[1];
+        let third = second - self.measured_rad[2];
+        self.measured_rad = [theta_rad, first, second];
+        self.mean_rad_s[0] += (omega_rad_s - self.mean_rad_s[0]) * part;
+        self.mean_rad_s[1] += (first / step_s - self.mean_rad_s[1]) * part;
+        if self.samples > 3 {
+            // They have 20 times the variance of white noise.
+            let part = part.max(1.0 / f64::from(self.samples - 3));
+            self.noise_rad2 += (third * third / 20.0 - self.noise_rad2) * part;
+        }
+        if f64::from(self.samples) * step_s < START_S {
+            self.omega_rad_s += (omega_rad_s - self.omega_rad_s) / f64::from(self.samples);
+        }
+        if self.samples <= 4 {
+            return;
+        }
+        let r = exp(-step_s / (TIME_S * cbrt(sqrt(self.noise_rad2))));
+        let left = 1.0 - r;
+        self.theta_rad += (1.0 - r * r * r) * error;
+        self.omega_rad_s += 1.5 * left * left * (1.0 + r) * error / step_s;
+        self.acceleration_rad_s2 += left * left * left * error / (step_s * step_s);
+        // Variance reduction of the smoothed position for r near 1.
+        self.variance_rad2 = self.noise_rad2 * (33.0 / 16.0 * left).min(1.0);
     }
 
     /// Whether the measured speed is not that of the angle: in other units, with the other sign, missing.

@@ -24,7 +24,7 @@ const EVIDENCE_BLOCKS: f64 = 64.0;
 
 /// Logarithms of odds: of a model whose memory ends against the one whose memory does not, before there are data; by which a shorter memory replaces what a
 /// longer one knows; by which another model is taken; the least that is remembered.
-const PRIOR: f64 = -4.0;
+const PRIOR: f64 = -3.0;
 const REPLACED: f64 = 12.0;
 const TAKEN: f64 = 1.0;
 const LEAST: f64 = -20.0;
@@ -141,7 +141,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             let gain = before.zip(sums.log_evidence(prior, variances[0])).map_or(0.0, |(before, after)| after - before);
             self.evidence[m] = (self.evidence[m] + gain) * (1.0 - 1.0 / EVIDENCE_BLOCKS);
         }
-        let changed = self.evidence[MODELS - 1] - self.evidence[0] > REPLACED;
+        let changed = self.evidence[MODELS - 1] - self.evidence[MODELS - 2] > REPLACED;
         let mut renewed = false;
         for m in (0..MODELS - 1).rev() {
             if self.evidence[m + 1] - self.evidence[m] > REPLACED {

@@ -61,8 +61,8 @@ const STD_LIMIT_VALID: f64 = 0.10;
 
 /// Least and greatest time for which an estimate has to pass all tests before it is valid again, s: four times as long at each refusal, so that `valid` changes
 /// at most five times a second; and the time in which that is forgotten.
-const PAUSE_S: [f64; 2] = [0.13, 0.6];
-const PAUSE_FADES_S: f64 = 0.5;
+const PAUSE_S: [f64; 2] = [0.2, 0.8];
+const PAUSE_FADES_S: f64 = 1.0;
 
 /// A normalised innovation squared beyond this comes from samples that no bearing makes.
 const NIS_CAP: f64 = 1.0e12;
@@ -331,7 +331,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         self.filter.correct(filter, &running, &innovation, sqrt(weight));
 
         state.samples += 1;
-        state.present.add(&innovation, instrumented);
+        state.present.add(&innovation, sample.rotation.variance_rad2, instrumented);
         let per_revolution = state.per_revolution();
         state.validation.add(&innovation, sample.turn);
         if settled {
@@ -476,7 +476,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             state.models.merge(&block);
         }
         if let Some(found) = state.models.sums().solve(&prior, variances) {
-            state.validation.judge_harmonics(state.revolutions(), &found, variances[0]);
+            let moved = state.models.discount_of(time_s) < 1.0;
+            state.validation.judge_harmonics(state.revolutions(), &found, moved, variances[0]);
         }
         let revolution = &mut state.revolution;
         revolution.sums.merge(&block);

@@ -22,6 +22,9 @@ use super::innovations::{Field, Innovation, Square, add_product};
 /// the positions. With a variance of 1 error/std was 0.2 to 0.8 where the attenuation decides (100 drawn bearings, seeds 51001 and 55001).
 const ATTENUATION_VARIANCE: f64 = 0.25;
 
+/// Noise of the angle, which no controller answers to, attenuates in full: so that this is one standard deviation of the size.
+const ANGLE_ATTENUATION: f64 = 2.0;
+
 /// Sums of R signals times e_0, times φ of U unknowns, and times ψ of T tolerances.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Products<const R: usize, const U: usize, const T: usize> {
@@ -77,8 +80,8 @@ pub struct Sums<const K: usize, const U: usize, const T: usize> {
     /// h, H and the same of tolerances over the samples with instruments, and `Σ ζᵀ S⁻¹ ζ` of the λ.
     instruments: Products<U, U, T>,
     instrument_square: Square<K>,
-    /// What unit noise of each current adds to the diagonal of J.
-    current_noise: SVector<f64, K>,
+    /// What unit noise of each current, and the noise of the angle, add to the diagonal of J.
+    regressor_noise: SVector<f64, U>,
 }
 
 impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
@@ -89,23 +92,34 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
             predicted: Products::zeros(),
             instruments: Products::zeros(),
             instrument_square: Square::zeros(),
-            current_noise: SVector::zeros(),
+            regressor_noise: SVector::zeros(),
         }
     }
 
     pub fn is_finite(&self) -> bool {
-        let others = self.instrument_square.iter().chain(&self.current_noise);
+        let others = self.instrument_square.iter().chain(&self.regressor_noise);
         others.chain([&self.samples]).all(|x| x.is_finite())
             && self.predicted.is_finite()
             && self.instruments.is_finite()
     }
 
-    /// Adds a sample, with instruments or without.
+    /// Adds a sample with the variance of its angle, rad², with instruments or without.
     #[inline(always)]
-    pub fn add<const N: usize>(&mut self, innovation: &Innovation<N, K, U, T>, instrumented: bool) {
+    pub fn add<const N: usize>(
+        &mut self,
+        innovation: &Innovation<N, K, U, T>,
+        angle_variance: f64,
+        instrumented: bool,
+    ) {
         self.samples += 1.0;
         self.predicted.add(&innovation.unknowns, innovation);
-        self.current_noise += innovation.by_current_noise;
+        for (j, noise) in self.regressor_noise.iter_mut().enumerate() {
+            *noise += match j {
+                j if j < K => innovation.by_current_noise[j],
+                j if j < U - N => ANGLE_ATTENUATION * angle_variance * innovation.unknowns.row(j).norm_squared(),
+                _ => 0.0,
+            };
+        }
         if instrumented {
             let mut instruments = innovation.unknowns;
             instruments.fixed_rows_mut::<K>(0).copy_from(&innovation.instruments);
@@ -120,7 +134,7 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         self.predicted.merge(&other.predicted);
         self.instruments.merge(&other.instruments);
         self.instrument_square += other.instrument_square;
-        self.current_noise += other.current_noise;
+        self.regressor_noise += other.regressor_noise;
     }
 
     /// Counts all samples so far with this weight.
@@ -128,7 +142,7 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         self.predicted.scale(weight);
         self.instruments.scale(weight);
         self.instrument_square *= weight;
-        self.current_noise *= weight;
+        self.regressor_noise *= weight;
     }
 
     /// `(J + R) and b + R m` in units of σ_z².
@@ -153,7 +167,7 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         let (information, right) = self.with(prior, position);
         let (inverse, condition) = inverse(&information)?;
         let unknowns = inverse * right;
-        let noise = SVector::from_fn(|k, _| if k < K { current * self.current_noise[k] * unknowns[k] } else { 0.0 });
+        let noise = SVector::from_fn(|j, _| if j < K { current } else { 1.0 } * self.regressor_noise[j] * unknowns[j]);
         let attenuation = inverse * noise;
         let mut sensitivity = SMatrix::zeros();
         // Most bearings state no tolerance.
