@@ -401,6 +401,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if std < RUNNING_STD || state.estimated {
             if !state.estimated {
                 (state.estimated, state.estimated_at) = (true, state.quarters);
+                state.validation.forget(state.revolutions());
                 let wrong = |k: usize| (solution.unknowns[k] / self.lambda0[k] - 1.0).abs() > FIRST_GUESS_ERROR;
                 if state.quarters >= QUARTERS as u64 && (0..K).any(wrong) {
                     state.discount(FIRST_GUESS_PART);
