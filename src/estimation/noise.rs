@@ -1,19 +1,17 @@
 //! Standard deviations of the noise, by likelihood, with a prior that is tight where they are known.
 //!
-//! Where it is not known, the noise of the positions is first taken from their differences. Then the innovations tell both: with their
+//! The innovations tell both: with their
 //! covariance `σ_z² S(ρ)`, `ρ = σ_i²/σ_z²`, the logarithm of the likelihood of one of them is `−½ (eᵀ S⁻¹ e/σ_z² + ln det S + 2 ln σ_z²)`, and
 //! the recursive Gauss–Newton method (Ljung, section 11.4) climbs it in `(ln ρ, ln σ_z²)`.
 
 use libm::{exp, log, sqrt};
-use nalgebra::{Matrix2, SVector, Vector2};
+use nalgebra::{Matrix2, Vector2};
 use serde::{Deserialize, Serialize};
 
-use super::angle::Rotation;
-use super::innovations::{Innovation, Sample};
+use super::innovations::Innovation;
 
-/// Samples whose differences the start is taken from: their standard deviation is then known to about a tenth.
-const START_SAMPLES: usize = 64;
-const DIFFERENCES: usize = START_SAMPLES - 6;
+/// Standard deviation of the noise of a position that the search starts from, m: the geometric mean of 0.02 and 5 µm.
+const START_POSITION_NOISE_M: f64 = 1.0e-6;
 
 /// Standard deviation of the noise of a current that the search starts from, A: the geometric mean of 5 and 50 mA, usual for current sensors. From
 /// below, where currents say little of their noise, the search is slow, and the deviation stated meanwhile too small.
@@ -85,11 +83,10 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// The noise at the start: standard deviations of a position, m, and of a current, A, where they are not 0; otherwise that of a position is
-    /// taken from differences.
-    pub fn new([known_m, known_a]: [f64; 2], first_m: f64) -> Self {
+    /// The noise at the start: standard deviations of a position, m, and of a current, A, where they are not 0.
+    pub fn new([known_m, known_a]: [f64; 2]) -> Self {
         let known = [known_m > 0.0, known_a > 0.0];
-        let position = if known[0] { known_m } else { first_m.clamp(POSITION_NOISE_M[0], POSITION_NOISE_M[1]) };
+        let position = if known[0] { known_m } else { START_POSITION_NOISE_M };
         let current = if known[1] { known_a } else { START_CURRENT_NOISE_A };
         let logs = Vector2::new(2.0 * log(current / position), 2.0 * log(position));
         let information = Matrix2::identity() * START_INFORMATION;
@@ -184,73 +181,5 @@ impl Noise {
         }
         self.weighed_with = self.logs.x;
         DISCOUNT
-    }
-}
-
-/// The first samples, from which the noise of the positions is taken; they wait here until it is known. So a state has a ring of them.
-///
-/// The noise is the smaller of what fourth and sixth differences tell. They take the motion away, and keep 70 and 924 times the variance of
-/// white noise, the sums of the squared binomial coefficients. Differences over a gap do not count.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Waiting<const N: usize, const K: usize> {
-    /// Serde knows arrays of up to 32.
-    ring: [[Sample<N, K>; 32]; START_SAMPLES / 32],
-    first: usize,
-    count: usize,
-    /// Samples since the last gap; differences in the sums, and the sums of their squares.
-    unbroken: usize,
-    differences: usize,
-    squares: [f64; 2],
-}
-
-impl<const N: usize, const K: usize> Waiting<N, K> {
-    pub fn empty() -> Self {
-        let sample = Sample::new([0.0; N], [0.0; K], Rotation::start(0.0, 0.0));
-        let ring = [[sample; 32]; START_SAMPLES / 32];
-        Self { ring, first: 0, count: 0, unbroken: 0, differences: 0, squares: [0.0; 2] }
-    }
-
-    pub fn is_finite(&self) -> bool {
-        self.first < START_SAMPLES
-            && self.count <= START_SAMPLES
-            && self.squares.iter().all(|x| x.is_finite())
-            && self.ring.as_flattened().iter().all(Sample::is_finite)
-    }
-
-    /// Puts a sample at the end; the oldest falls out if none is taken for it.
-    pub fn put(&mut self, sample: Sample<N, K>) {
-        let end = self.first + self.count;
-        self.ring.as_flattened_mut()[end % START_SAMPLES] = sample;
-        if self.count < START_SAMPLES {
-            self.count += 1;
-        } else {
-            self.first = (self.first + 1) % START_SAMPLES;
-            // Nothing is known of the sample before the one that is now the oldest.
-            self.ring.as_flattened_mut()[self.first].missing = u32::MAX;
-        }
-        self.unbroken = if sample.missing > 0 { 1 } else { self.unbroken + 1 };
-        if self.differences < DIFFERENCES && self.unbroken >= 7 {
-            let x: [SVector<f64, N>; 7] =
-                std::array::from_fn(|n| self.ring.as_flattened()[(end + START_SAMPLES - n) % START_SAMPLES].position_m);
-            let fourth = x[1] + x[5] - (x[2] + x[4]) * 4.0 + x[3] * 6.0;
-            let sixth = x[0] + x[6] - (x[1] + x[5]) * 6.0 + (x[2] + x[4]) * 15.0 - x[3] * 20.0;
-            self.differences += 1;
-            self.squares[0] += fourth.norm_squared() / 70.0;
-            self.squares[1] += sixth.norm_squared() / 924.0;
-        }
-    }
-
-    /// Takes the oldest sample.
-    pub fn take(&mut self) -> Option<Sample<N, K>> {
-        self.count = self.count.checked_sub(1)?;
-        let at = self.first;
-        self.first = (at + 1) % START_SAMPLES;
-        Some(self.ring.as_flattened()[at])
-    }
-
-    /// Standard deviation of the positions, m, once there are enough samples.
-    pub fn position_noise_m(&self) -> Option<f64> {
-        let enough = self.differences >= DIFFERENCES;
-        enough.then(|| sqrt(self.squares[0].min(self.squares[1]) / (N * DIFFERENCES) as f64))
     }
 }

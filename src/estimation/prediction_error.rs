@@ -11,7 +11,7 @@ use super::CONDITION_CAP;
 use super::config::Verdict;
 use super::innovations::{Field, FilterState, Innovation, Running, Sample, Square, WhiteningFilter, turned};
 use super::models::{Models, Weighed};
-use super::noise::{Noise, OUTLIER, Waiting};
+use super::noise::{Noise, OUTLIER};
 use super::sums::{AngleTable, PredictionErrorSolution, Prior, Solution, Sums};
 use super::validation::Validation;
 
@@ -117,11 +117,10 @@ impl<const K: usize, const U: usize> Estimate<K, U> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, const T: usize> {
     pub estimate: Estimate<K, U>,
-    /// Samples that have not been filtered yet, from which the noise is started, and how many are missing before the next.
-    waiting: Box<Waiting<N, K>>,
+    /// How many samples are missing before the next.
     gap: u32,
-    /// The noise, once there is one; as it was when the last quarters began or when the estimate was last valid before.
-    noise: Option<Noise>,
+    /// The noise; as it was when the last quarters began or when the estimate was last valid before.
+    noise: Noise,
     trusted: [Option<Noise>; QUARTERS],
     /// The filter, unless many samples are missing.
     filter: Option<FilterState<N, K, U, T>>,
@@ -180,7 +179,6 @@ pub struct PredictionError<const N: usize, const K: usize, const U: usize, const
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionError<N, K, U, T> {
     /// A fresh state.
     pub fn start(&self) -> PredictionErrorState<N, K, U, T> {
-        let known = self.known_noise.iter().all(|noise| *noise > 0.0);
         let running = SVector::from_fn(|j, _| if j < K { self.lambda0[j] } else { 0.0 });
         let lambda = SVector::from(self.lambda0);
         let variance = lambda.component_mul(&lambda);
@@ -197,9 +195,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         };
         PredictionErrorState {
             estimate,
-            waiting: Box::new(Waiting::empty()),
             gap: 0,
-            noise: known.then(|| Noise::new(self.known_noise, self.known_noise[0])),
+            noise: Noise::new(self.known_noise),
             trusted: [const { None }; QUARTERS],
             filter: None,
             running,
@@ -255,23 +252,12 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     /// Takes in a sample, which is finite and within the gap; the verdict on the estimate.
     fn sample(&self, state: &mut PredictionErrorState<N, K, U, T>, sample: Sample<N, K>) -> Verdict {
         let missing = std::mem::take(&mut state.gap);
-        state.waiting.put(Sample { missing, ..sample });
-        if state.noise.is_none() {
-            state.noise = state.waiting.position_noise_m().map(|first_m| Noise::new(self.known_noise, first_m));
-        }
-        // Two a step, so that the samples that waited for the noise are caught up with.
-        for _ in 0..2 {
-            if let Some(noise) = state.noise.clone()
-                && let Some(sample) = state.waiting.take()
-            {
-                state.estimate.verdict = self.filter(state, &noise, sample);
-            }
-        }
+        state.estimate.verdict = self.filter(state, Sample { missing, ..sample });
         state.estimate.verdict
     }
 
-    fn filter(&self, state: &mut PredictionErrorState<N, K, U, T>, noise: &Noise, sample: Sample<N, K>) -> Verdict {
-        let [position_variance, current_variance] = noise.variances();
+    fn filter(&self, state: &mut PredictionErrorState<N, K, U, T>, sample: Sample<N, K>) -> Verdict {
+        let [position_variance, current_variance] = state.noise.variances();
         if sample.missing > BRIDGED {
             state.filter = None;
         }
@@ -339,10 +325,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         }
         let square = sample.current_a.norm_squared() / K as f64;
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
-        if weight > 0.0
-            && let Some(noise) = &mut state.noise
-        {
-            let discount = noise.update(&innovation, position_variance, weight, state.mean_square_a2);
+        if weight > 0.0 {
+            let discount = state.noise.update(&innovation, position_variance, weight, state.mean_square_a2);
             if discount < 1.0 {
                 state.validation.forget(state.revolutions());
                 state.discount(discount);
@@ -381,8 +365,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
     /// Solves the equations of all samples.
     fn solve(&self, state: &mut PredictionErrorState<N, K, U, T>) {
-        let Some(noise) = &state.noise else { return };
-        let variances = noise.variances();
+        let variances = state.noise.variances();
         let mut sums = state.models.sums().clone();
         sums.merge(&state.present);
         if sums.samples < LEAST_SAMPLES {
@@ -392,7 +375,9 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             state.condition = CONDITION_CAP;
             return;
         };
-        let std = solution.relative_std::<K>();
+        // Before the noise is found it is larger than it may be.
+        let unit = sums.unit_variance::<N>(&widest.unknowns, variances[0]).clamp(0.0, 1.0);
+        let std = solution.relative_std::<K>() * sqrt(unit);
         if !std.is_finite() {
             return;
         }
@@ -407,7 +392,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                     state.discount(FIRST_GUESS_PART);
                 }
             }
-            let wide = widest.relative_std::<K>() < RUNNING_STD;
+            let wide = widest.relative_std::<K>() * sqrt(unit) < RUNNING_STD;
             state.running = if wide { widest.unknowns } else { solution.unknowns };
         }
         state.solution = Some(solution);
@@ -449,14 +434,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
     /// Takes the quarter that is over into the models.
     fn end_quarter(&self, state: &mut PredictionErrorState<N, K, U, T>) {
-        let Some(noise) = state.noise.clone() else { return };
-        let variances = noise.variances();
+        let variances = state.noise.variances();
         let block = std::mem::replace(&mut *state.present, Sums::zeros());
         let time_s = state.quarter_samples * self.filter.step_s;
         (state.quarters, state.passed, state.quarter_samples) = (state.quarters + 1, 0.0, 0.0);
         state.trusted.rotate_left(1);
         if state.estimate.verdict == Verdict::Valid {
-            state.trusted[QUARTERS - 1] = Some(noise.clone());
+            state.trusted[QUARTERS - 1] = Some(state.noise.clone());
         } else {
             state.trusted[QUARTERS - 1] = state.trusted[QUARTERS - 2].clone();
         }
@@ -499,8 +483,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
     /// Completes the estimate; the verdict on it.
     fn report(&self, state: &mut PredictionErrorState<N, K, U, T>) -> Verdict {
-        let Some(noise) = &state.noise else { return Verdict::Collecting };
-        state.estimate.noise = noise.variances().map(sqrt);
+        state.estimate.noise = state.noise.variances().map(sqrt);
         state.estimate.condition = state.condition;
         state.estimate.residual = state.validation.nis;
         let Some(solution) = &state.solution else {
@@ -513,7 +496,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         };
         let lambda = solution.lambda::<K>();
         let [variance, total] = solution.variances(state.validation.nis, self.scale_variance);
-        let verdict = self.verdict(state, noise, &lambda, &total);
+        let verdict = self.verdict(state, &lambda, &total);
         let estimate = &mut state.estimate;
         if verdict == Verdict::Valid {
             estimate.unknowns = solution.unknowns;
@@ -529,7 +512,6 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     fn verdict(
         &self,
         state: &PredictionErrorState<N, K, U, T>,
-        noise: &Noise,
         lambda: &SVector<f64, K>,
         total: &SVector<f64, K>,
     ) -> Verdict {
@@ -547,7 +529,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             Verdict::Uncertain
         } else if state.quarters < state.unexplained_until {
             Verdict::Unexplained
-        } else if !noise.is_within_range() {
+        } else if !state.noise.is_within_range() {
             Verdict::Noisy
         } else {
             match state.validation.verdict(state.per_revolution(), was_valid || !state.armed) {
@@ -596,9 +578,9 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         all_finite(self.running.iter().chain(&self.per_current).chain(&self.gradient).chain(numbers))
             && self.inverse.is_none_or(|inverse| all_finite(&inverse))
             && (self.estimate.is_finite() && self.models.is_sound() && self.present.is_finite())
-            && (self.waiting.is_finite() && self.table.is_finite() && self.validation.is_finite())
+            && (self.table.is_finite() && self.validation.is_finite())
             && self.revolution.is_finite()
-            && self.trusted.iter().chain([&self.noise]).flatten().all(Noise::is_finite)
+            && self.trusted.iter().flatten().chain([&self.noise]).all(Noise::is_finite)
             && self.filter.as_ref().is_none_or(FilterState::is_finite)
             && self.solution.as_ref().is_none_or(Solution::is_finite)
     }
@@ -630,7 +612,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     /// What was found of the noise since λ changed holds the contradiction.
     fn trust_again(&mut self) {
         if let Some(noise) = self.trusted[0].clone() {
-            self.noise = Some(noise);
+            self.noise = noise;
         }
         // A change takes several quarters until nothing of before is left.
         if !self.changed {

@@ -161,7 +161,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     /// Forgets the sums.
     pub fn forget(&mut self, revolution: f64) {
         (self.harmonics_since, self.harmonics) = (revolution, [Harmonic::zeros(); HARMONICS]);
-        self.greatest = 0.0;
+        (self.greatest, self.averaged, self.product) = (0.0, 0.0, 0.0);
     }
 
     pub fn is_finite(&self) -> bool {

@@ -139,9 +139,7 @@ impl Case<'_> {
             let mut alter = self.course.alter.as_ref().map(|alter| alter(&scenario, seed));
             let wanted = |path: &str| {
                 let quantities = ["lambdaHat", "lambdaStdTotal", "estimator.valid"];
-                (std::env::var("DUMP").is_ok() && path.starts_with("estimator"))
-                    || is_contact(path)
-                    || quantities.iter().any(|quantity| path.contains(quantity))
+                is_contact(path) || quantities.iter().any(|quantity| path.contains(quantity))
             };
             let altered = |time_s: f64, values: &mut [Value]| {
                 if let Some(alter) = &mut alter {
@@ -149,33 +147,6 @@ impl Case<'_> {
                 }
             };
             let run = simulate::run_altered(&scenario, wanted, altered, |_| ())?;
-            if let Ok(by) = std::env::var("DUMP") {
-                let by: usize = by.parse().unwrap();
-                for row in (0..run.recording.time_s.len()).step_by(by) {
-                    eprint!("{:.4}", run.recording.time_s[row]);
-                    for name in [
-                        "lambdaHat[1]",
-                        "lambdaHat[2]",
-                        "lambdaHat[3]",
-                        "lambdaStdTotal[1]",
-                        "verdict",
-                        "residual",
-                        "noise.position",
-                        "noise.current",
-                        "backwardForce.magnitude",
-                        "unbalance.magnitude",
-                        "load[1]",
-                        "load[2]",
-                        "condition",
-                    ] {
-                        eprint!(
-                            " {:.4e}",
-                            run.recording.get(&format!("estimator.{name}")).map_or(f64::NAN, |x| x[row])
-                        );
-                    }
-                    eprintln!();
-                }
-            }
             let missing = || Refused(vec!["plant or estimator lacks an output that a study needs".into()]);
             let mut trial = judge(&scenario, &run.recording, seed, self.course.rubs).ok_or_else(missing)?;
             if run.error.is_some() {
