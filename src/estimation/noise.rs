@@ -105,6 +105,11 @@ impl Noise {
             .all(|x| x.is_finite())
     }
 
+    /// Whether all of it is known.
+    pub fn is_known(&self) -> bool {
+        self.known == [true; 2]
+    }
+
     /// Whether what is estimated is where the search finds it.
     pub fn is_within_range(&self) -> bool {
         let found = self.variances.into_iter().zip(GREATEST_FOUND);

@@ -59,9 +59,9 @@ const FIRST_GUESS_PART: f64 = 0.1;
 pub const STD_LIMIT: f64 = 0.05;
 const STD_LIMIT_VALID: f64 = 0.10;
 
-/// Least and greatest time for which an estimate has to pass all tests before it is valid again, s: four times as long at each refusal, so that `valid` changes
+/// Least and greatest time for which an estimate has to pass all tests before it is valid again, s: ten times as long at each refusal, so that `valid` changes
 /// at most five times a second; and the time in which that is forgotten.
-const PAUSE_S: [f64; 2] = [0.2, 0.8];
+const PAUSE_S: [f64; 2] = [0.1, 1.0];
 const PAUSE_FADES_S: f64 = 1.0;
 
 /// A normalised innovation squared beyond this comes from samples that no bearing makes.
@@ -344,7 +344,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             }
             _ if was_valid => {
                 state.valid_from = state.samples + (state.pause_s / self.filter.step_s) as u64;
-                state.pause_s = (4.0 * state.pause_s).min(PAUSE_S[1]);
+                state.pause_s = (10.0 * state.pause_s).min(PAUSE_S[1]);
             }
             _ => (),
         }
@@ -532,7 +532,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         } else if !state.noise.is_within_range() {
             Verdict::Noisy
         } else {
-            match state.validation.verdict(state.per_revolution(), was_valid || !state.armed) {
+            match state.validation.verdict(state.per_revolution()) {
                 Verdict::Valid if (0..K).any(|k| sqrt(total[k]) >= limit * lambda[k]) => Verdict::Uncertain,
                 Verdict::Valid if state.samples < state.valid_from => state.estimate.verdict,
                 verdict => verdict,
@@ -611,7 +611,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
     /// What was found of the noise since λ changed holds the contradiction.
     fn trust_again(&mut self) {
-        if let Some(noise) = self.trusted[0].clone() {
+        if let Some(noise) = self.trusted[0].clone().filter(|noise| !noise.is_known()) {
             self.noise = noise;
         }
         // A change takes several quarters until nothing of before is left.

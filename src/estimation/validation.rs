@@ -41,9 +41,6 @@ const MEAN_REVOLUTIONS: f64 = 3.0;
 /// Limit of the normalised innovation squared per degree of freedom: innovations 1.6 times as strong as they should be.
 const NIS_LIMIT: f64 = 2.5;
 
-/// An estimate that is not valid becomes so below this part of each limit (hysteresis).
-const EASE: f64 = 0.7;
-
 /// What the tests have gathered.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Validation<const N: usize, const U: usize, const T: usize> {
@@ -212,14 +209,13 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         self.greatest = if enough { found.fold(0.0, f64::max) } else { 0.0 };
     }
 
-    /// The verdict on an estimate that was valid or not.
-    pub fn verdict(&self, per_revolution: f64, was_valid: bool) -> Verdict {
-        let ease = if was_valid { 1.0 } else { EASE };
+    /// The verdict on an estimate.
+    pub fn verdict(&self, per_revolution: f64) -> Verdict {
         let samples = N as f64 * self.averaged.min(2.0 * MEAN_REVOLUTIONS * per_revolution);
         let correlation = self.product / self.square.max(1.0) * sqrt(samples);
-        if self.greatest >= chi_square(2 * N, HARMONIC_LIMIT * ease) || self.nis > NIS_LIMIT * ease {
+        if self.greatest >= chi_square(2 * N, HARMONIC_LIMIT) || self.nis > NIS_LIMIT {
             Verdict::Unexplained
-        } else if correlation.abs() >= WHITENESS_LIMIT * ease {
+        } else if correlation.abs() >= WHITENESS_LIMIT {
             Verdict::Coloured
         } else {
             Verdict::Valid
