@@ -1,16 +1,12 @@
 //! Rows shared by the models of this project.
 
-use fmu_export::unit::{Display, HENRY, KILOGRAM, METRE, OHM, RADIAN, SECOND, Unit, VOLT};
-use fmu_export::variable::{Access, Causality, Enumeration, Row, element};
+use fmu_export::unit::{KILOGRAM, METRE, RADIAN, SECOND};
+use fmu_export::variable::{Access, Causality, Row};
 use fmu_export::{Info, Invalid};
 
 use crate::invalid;
-
-/// Force constant λ of a magnet.
-pub(super) const LAMBDA: Unit =
-    Unit::new("N.m2/A2", &[("kg", 1), ("m", 3), ("s", -2), ("A", -2)], &[Display::new("N.mm2/A2", 1e6)]);
-/// Unbalance, mass times eccentricity.
-pub(super) const KILOGRAM_METRE: Unit = Unit::new("kg.m", &[("kg", 1), ("m", 1)], &[Display::new("g.mm", 1e6)]);
+use crate::machine::Machine;
+use crate::variables::LAMBDA;
 
 /// What the three models share: version, licence, the paper's experiment of 0.4 s in steps of 0.1 ms.
 pub(super) const fn info(name: &'static str, description: &'static str) -> Info {
@@ -53,45 +49,27 @@ pub(super) fn geometry<D>(m: Access<D, f64>, s: Access<D, f64>, alpha: Access<D,
     .map(Row::fixed)
 }
 
-/// What drives the coils.
-pub static DRIVE: Enumeration = Enumeration::new(
-    "Drive",
-    "What drives the coils",
-    &[("current", "Currents, held over the step"), ("voltage", "Amplifier voltages, held over the step")],
-);
-
-/// Drive, resistance, leakage and limit of the voltage of the coils.
-pub(super) fn coils<D>(
-    drive: Access<D, i32>,
-    resistance: Access<D, f64>,
-    leakage: Access<D, f64>,
-    limit: Access<D, f64>,
-) -> impl Iterator<Item = Row<D>> {
-    [
-        Row::choice("drive", drive, &DRIVE, 1).description("What drives the coils"),
-        Row::real("coil.R", resistance, OHM, 1.0).min(0.0).description("Resistance of each coil, with drive = voltage"),
-        Row::real("coil.Lleak", leakage, HENRY, 0.0).min(0.0).nominal(1e-3).description(
-            "Leakage inductance of each coil, in addition to the 2 lambda/gap of its magnet, with drive = voltage",
-        ),
-        Row::real("coil.uMax", limit, VOLT, 100.0)
-            .min(0.0)
-            .nominal(100.0)
-            .description("Voltage limit of the amplifiers, both signs, with drive = voltage"),
-    ]
-    .into_iter()
-    .map(Row::fixed)
+/// The rows of a model as its users see them: descriptions in the words of the machine, and every quantity with a display unit in
+/// the first of them.
+pub(super) fn described<D>(rows: impl IntoIterator<Item = Row<D>>, machine: &Machine) -> Vec<Row<D>> {
+    let rows = rows.into_iter().map(|row| {
+        let description = machine.describe(&row.variable.description, row.index());
+        row.description(description).display_in_first()
+    });
+    rows.collect()
 }
 
-/// The rows of a model as its users see them: every quantity with a display unit in the first of them.
-pub(super) fn displayed<D>(rows: Vec<Row<D>>) -> Vec<Row<D>> {
-    rows.into_iter().map(Row::display_in_first).collect()
-}
-
-/// As [`displayed`], for a sampled model, whose outputs at the start follow from the parameters alone.
-pub(super) fn sampled<D>(rows: Vec<Row<D>>) -> Vec<Row<D>> {
+/// As [`described`], for a sampled model, whose outputs at the start follow from the parameters alone.
+pub(super) fn sampled<D>(rows: Vec<Row<D>>, machine: &Machine) -> Vec<Row<D>> {
     let is_output = |row: &Row<D>| row.variable.causality == Causality::Output;
     let rows = rows.into_iter().map(|row| if is_output(&row) { row.starts_from_parameters() } else { row });
-    displayed(rows.collect())
+    described(rows, machine)
+}
+
+/// The findings of the equations in the type of the interface.
+pub(super) fn refused(findings: Vec<invalid::Invalid>) -> Vec<Invalid> {
+    let findings = findings.into_iter();
+    findings.map(|invalid::Invalid { name, value, wanted }| Invalid { name, value, wanted }).collect()
 }
 
 /// First guess of the force constants.
@@ -119,17 +97,8 @@ pub(super) fn together<T>(
         Ok(made) if findings.is_empty() => Ok(made),
         Ok(_) => Err(findings),
         Err(others) => {
-            findings.extend(others.into_iter().map(|invalid::Invalid { name, value, wanted }| Invalid {
-                name,
-                value,
-                wanted,
-            }));
+            findings.extend(refused(others));
             Err(findings)
         }
     }
-}
-
-/// The names `name[1]`, `name[2]`, `name[3]`.
-pub(super) fn of_magnets(name: &str) -> [String; 3] {
-    std::array::from_fn(|k| element(name, k))
 }

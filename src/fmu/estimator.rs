@@ -8,10 +8,12 @@ use fmu_export::variable::{Access, Enumeration, Row, Table, Value};
 use fmu_export::{Info, Invalid, Resources, SampledModel, StepError, place};
 use serde::{Deserialize, Serialize};
 
-use super::common::{Axes, KILOGRAM_METRE, LAMBDA, geometry, info, lambda0, sample_time, sampled, together};
+use super::common::{Axes, geometry, info, lambda0, sample_time, sampled, together};
 use crate::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method, Verdict,
 };
+use crate::machine::PLANAR;
+use crate::variables::{KILOGRAM_METRE, LAMBDA};
 
 /// How the force constants are computed.
 pub static METHOD: Enumeration = Enumeration::new(
@@ -372,7 +374,7 @@ impl SampledModel for AlgebraicEstimator {
     type State = EstimatorState;
 
     fn table() -> Vec<Row<Values>> {
-        sampled(table())
+        sampled(table(), &PLANAR)
     }
 
     fn new(values: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {

@@ -188,6 +188,7 @@ impl<D> Row<D> {
             return text;
         }
         let text = text.replace("{k}", &(self.index + 1).to_string());
+        let text = text.replace("{prefix}", self.prefix.strip_suffix('.').unwrap_or(&self.prefix));
         self.number.map_or(text.clone(), |number| text.replace("{n}", &number.to_string())).into()
     }
 
@@ -260,7 +261,7 @@ impl<D> Row<D> {
     }
 
     /// Description, as a phrase without a full stop. `{k}` stands for the number of the element, counted from 1, `{n}` for that of
-    /// the structure which contains it.
+    /// the structure which contains it, `{prefix}` for what its names begin with, without a point at the end.
     pub fn description(mut self, description: impl Into<Cow<'static, str>>) -> Self {
         self.variable.description = self.numbered(description.into());
         self

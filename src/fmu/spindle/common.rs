@@ -7,7 +7,7 @@ use fmu_export::variable::{Access, Row, element};
 
 use crate::bearing::shaft::COORDINATES;
 use crate::bearing::spindle::{BEARINGS, MAGNETS, READINGS, SpindleGeometry, bearing_of};
-use crate::fmu::common::LAMBDA;
+use crate::variables::LAMBDA;
 
 /// Measured positions, in the order of the equations.
 pub(in crate::fmu) const MEASURED: [&str; READINGS] = ["A.Ym", "A.Zm", "B.Ym", "B.Zm", "Xm"];

@@ -15,8 +15,10 @@ use crate::estimation::Hold;
 use crate::estimation::spindle::{
     self, SpindleEstimatorConfig, SpindleEstimatorInput, SpindleEstimatorOutput, SpindleEstimatorState,
 };
-use crate::fmu::common::{KILOGRAM_METRE, LAMBDA, info, sample_time, sampled, together};
+use crate::fmu::common::{info, sample_time, sampled, together};
 use crate::fmu::estimator::{HOLD, VERDICT, known, log_verdict, number_of, stiffness_std, verdict_of};
+use crate::machine::SPINDLE;
+use crate::variables::{KILOGRAM_METRE, LAMBDA};
 
 /// The values of all variables of the estimator.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -349,7 +351,7 @@ impl SampledModel for SpindleEstimator {
     type State = SpindleEstimatorState;
 
     fn table() -> Vec<Row<Values>> {
-        sampled(table())
+        sampled(table(), &SPINDLE)
     }
 
     fn new(values: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
