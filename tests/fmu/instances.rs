@@ -520,7 +520,7 @@ fn refused_parameters_are_all_named_at_once() {
             &["6000 Hz", "at most half the sample rate (5000 Hz)"],
         ),
         ("FlatnessController", "bandwidth.tracking", 0.0, &["above 0"]),
-        ("FlatnessController", "reference.lobes", -1.0, &["-1", "0 or above"]),
+        ("FlatnessController", "reference.lobes", -1.0, &["-1", "from 0 to 1000"]),
         ("FlatnessController", "reference.rZ", 6e-4, &[]),
         ("SpindleController", "Jp", 0.4, &["0.4 kg.m2", "at most 2 Jt"]),
         ("SpindleController", "B.F0", -1.0, &["0 or above"]),
