@@ -166,6 +166,7 @@ pub static PLANAR: Machine = Machine {
     resultant: &["Y", "Z"],
     words: &[
         ("{positions}", "Ym and Zm"),
+        ("{read}", "Ym and Zm"),
         ("{positions and im}", "Ym, Zm and im"),
         ("{smallest force}", "smallest force"),
         ("{turning}", ""),
@@ -245,6 +246,7 @@ pub static SPINDLE: Machine = Machine {
     resultant: &[],
     words: &[
         ("{positions}", "the measured positions"),
+        ("{read}", "the positions"),
         ("{positions and im}", "the measured positions and im"),
         ("{smallest force}", "smallest forces"),
         ("{turning}", ", from y towards z"),

@@ -75,7 +75,7 @@ impl Scenario {
             plant,
             input,
             controller: controller::configuration(&settings(self.controller())),
-            estimator: estimator::configuration(&settings(self.estimator()))?,
+            estimator: estimator::configuration(&settings(self.estimator())),
         })
     }
 }

@@ -197,6 +197,22 @@ impl<D> Row<D> {
         self.index
     }
 
+    /// The value of a Real variable in a structure.
+    pub fn number(&self, data: &D) -> Option<f64> {
+        match &self.place {
+            Place::Real(place) => Some((place.get)(data, self.place_index)),
+            _ => None,
+        }
+    }
+
+    /// The unit of a Real variable.
+    pub fn unit(&self) -> Option<Unit> {
+        match self.variable.data_type {
+            Type::Real { unit, .. } => Some(unit),
+            _ => None,
+        }
+    }
+
     fn role(mut self, causality: Causality, variability: Variability) -> Self {
         self.variable.causality = causality;
         self.variable.variability = match (variability, &self.variable.data_type) {
