@@ -18,9 +18,9 @@ pub const KILOGRAM_METRE: Unit = Unit::new("kg.m", &[("kg", 1), ("m", 1)], &[Dis
 /// Speed of the paper's experiments, 3000 rpm.
 pub const OMEGA_RAD_S: f64 = 100.0 * std::f64::consts::PI;
 
-/// Name, value and unit of the numbers of a structure; all names begin with `prefix`.
-pub fn numbers<V: Variables<Context = ()> + Default>(prefix: &str, of: &V) -> Vec<(String, f64, &'static str)> {
-    let rows = V::rows();
+/// Name, value and unit of the described numbers of a structure; all names begin with `prefix`.
+pub fn numbers<V: Variables + Default>(prefix: &str, of: &V, context: &V::Context) -> Vec<(String, f64, &'static str)> {
+    let rows = V::rows_in(context);
     let number =
         rows.iter().filter_map(|row| Some((format!("{prefix}{}", row.variable.name), row.number(of)?, row.unit()?)));
     number.map(|(name, value, unit)| (name, value, if unit == unit::ONE { "" } else { unit.name })).collect()

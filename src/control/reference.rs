@@ -98,10 +98,10 @@ pub struct ReferenceConfig {
     #[parameter(name = "reference.shape")]
     pub shape: Shape,
     /// Semi-axis of the reference trajectory along y
-    #[parameter(name = "reference.rY", unit = METRE, nominal = 1e-5)]
+    #[parameter(name = "reference.rY", unit = METRE, min = 0.0, nominal = 1e-5)]
     pub r_y_m: f64,
     /// Semi-axis of the reference trajectory along z
-    #[parameter(name = "reference.rZ", unit = METRE, nominal = 1e-5)]
+    #[parameter(name = "reference.rZ", unit = METRE, min = 0.0, nominal = 1e-5)]
     pub r_z_m: f64,
     /// Number of lobes with shape = lobes
     #[parameter(name = "reference.lobes", min = 0, max = MOST_LOBES)]

@@ -136,7 +136,7 @@ impl Tolerance {
 
     /// Names in the interface, values and units.
     pub(super) fn listed(&self) -> Vec<(String, f64, &'static str)> {
-        numbers("tolerance.", self)
+        numbers("tolerance.", self, &())
     }
 }
 
@@ -425,13 +425,7 @@ pub(super) fn stiffness_std<const K: usize>(stiffness: [f64; K], lambda_std: [f6
 
 impl EstimatorOutput {
     pub(super) fn is_finite(&self) -> bool {
-        let of_magnets = [self.lambda_hat, self.lambda_raw, self.lambda_std, self.lambda_std_total, self.ki, self.ks];
-        let [p_y, p_z] = self.load_n;
-        let Self { condition, residual, determinant, unbalance_kg_m, unbalance_phase_rad, .. } = *self;
-        let others = [condition, residual, determinant, unbalance_kg_m, unbalance_phase_rad, p_y, p_z];
-        let backward = [self.backward_force_n, self.backward_force_phase_rad];
-        let noise = [self.position_noise_m, self.current_noise_a];
-        of_magnets.as_flattened().iter().chain(&others).chain(&backward).chain(&noise).all(|x| x.is_finite())
+        self.determinant.is_finite() && numbers("", self, &()).iter().all(|(_, value, _)| value.is_finite())
     }
 }
 

@@ -18,7 +18,7 @@ use crate::bearing::magnet::Geometry;
 use crate::bearing::shaft::{COORDINATES, generalised};
 use crate::bearing::spindle::{MAGNETS, READINGS, SHORTEST_DISTANCE_M, Spindle, SpindleGeometry, bearing_of};
 use crate::invalid::{Checks, Invalid};
-use crate::machine::Machine as Names;
+use crate::machine::{Machine as Names, SPINDLE};
 use crate::plant::spindle::of_planes;
 use crate::variables::unit::{
     AMPERE, KILOGRAM_METRE2, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN,
@@ -414,20 +414,14 @@ impl SpindleEstimator {
 
 impl SpindleEstimatorOutput {
     fn is_finite(&self) -> bool {
-        let of_magnets = [self.lambda_hat, self.lambda_raw, self.lambda_std, self.lambda_std_total, self.ki, self.ks];
-        let unbalance = self.unbalance_kg_m.iter().chain(&self.unbalance_phase_rad);
-        let backward = self.backward_force_n.iter().chain(&self.backward_force_phase_rad);
-        let noise = self.position_noise_m.iter().chain(&self.current_noise_a);
-        let others =
-            self.load.iter().chain([&self.condition, &self.residual]).chain(unbalance).chain(backward).chain(noise);
-        of_magnets.as_flattened().iter().chain(others).all(|x| x.is_finite())
+        numbers("", self, &SPINDLE).iter().all(|(_, value, _)| value.is_finite())
     }
 }
 
 impl ShaftTolerance {
     /// Names in the interface, values and units.
     fn listed(&self) -> Vec<(String, f64, &'static str)> {
-        numbers("tolerance.", self)
+        numbers("tolerance.", self, &())
     }
 
     fn check(&self, config: &SpindleEstimatorConfig, checks: &mut Checks) {

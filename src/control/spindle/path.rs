@@ -25,10 +25,10 @@ use crate::variables::unit::{HERTZ, METRE, RADIAN};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
 pub struct BearingPath {
     /// Semi-axis of the reference trajectory along y at the magnets of bearing {prefix}
-    #[parameter(name = "reference.rY", unit = METRE, nominal = 1e-5)]
+    #[parameter(name = "reference.rY", unit = METRE, min = 0.0, nominal = 1e-5)]
     pub r_y_m: f64,
     /// Semi-axis of the reference trajectory along z at the magnets of bearing {prefix}
-    #[parameter(name = "reference.rZ", unit = METRE, nominal = 1e-5)]
+    #[parameter(name = "reference.rZ", unit = METRE, min = 0.0, nominal = 1e-5)]
     pub r_z_m: f64,
     /// Phase of the reference trajectory in bearing {prefix}
     #[parameter(name = "reference.phase", unit = RADIAN)]
