@@ -95,7 +95,7 @@ fn limits_that_a_model_enforces_stand_in_its_description() {
             let lowest = match variable.data_type {
                 Type::Real { min, .. } => min,
                 Type::Integer { min, .. } => min.map(f64::from),
-                Type::Boolean { .. } | Type::Enumeration { .. } | Type::String { .. } => continue,
+                _ => continue,
             };
             if variable.causality != Causality::Parameter {
                 continue;
