@@ -4,10 +4,12 @@
 Needs the packages of scripts/requirements.txt and cargo. The Van der Pol oscillator is compared with SciPy's solution, the PI
 controller and the thermostat with the same laws written in Python, the bouncing ball with its parabolas, the heated rod with the heat
 that it has taken in and with SciPy's solution. The README's crate is built in a folder of its own, packed, validated, and
-compared with the closed form; with `panic = "abort"` it must not compile.
+compared with the closed form; with `panic = "abort"` it must not compile. No dependency of the two crates needs a later Rust than they
+state, and both can be published.
 """
 
 import argparse
+import json
 import math
 import os
 import re
@@ -313,6 +315,39 @@ def readme():
     return findings
 
 
+def rust_version():
+    """Compare the oldest Rust that the crates state with what their dependencies state.
+
+    Returns
+    -------
+    list of str
+        Dependencies that need a later one.
+    """
+    found = subprocess.run(
+        ["cargo", "metadata", "--format-version", "1", "--locked", "--manifest-path", str(CRATE / "Cargo.toml")],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    metadata = json.loads(found.stdout)
+    packages = {package["id"]: package for package in metadata["packages"]}
+    edges = {node["id"]: [edge["pkg"] for edge in node["deps"]] for node in metadata["resolve"]["nodes"]}
+
+    def version(package):
+        return [int(part) for part in (package["rust_version"] or "1").split(".")]
+
+    [crate] = [package for package in packages.values() if package["name"] == "fmu-export"]
+    needed, rest = set(), [crate["id"]]
+    while rest:
+        at = rest.pop()
+        if at not in needed:
+            needed.add(at)
+            rest += edges[at]
+    late = [packages[at] for at in needed if version(packages[at]) > version(crate)]
+    print(f"fmu-export: Rust {crate['rust_version']}, {len(needed)} crates, {len(late)} need a later one")
+    return [f"{package['name']} needs Rust {package['rust_version']}" for package in late]
+
+
 def main():
     """Check examples and README.
 
@@ -335,7 +370,8 @@ def main():
             findings += length(example)
         fmu = PROJECT / "target" / "fmu" / f"{name}.fmu"
         findings += validated(fmu) + compare(fmu)
-    findings += readme()
+    findings += readme() + rust_version()
+    cargo("publish", "--dry-run", "--allow-dirty", "--no-verify", "-p", "fmu-export-derive", "-p", "fmu-export")
     for finding in findings:
         print(finding)
     print(f"{len(findings)} findings")

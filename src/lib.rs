@@ -5,7 +5,8 @@
 //! 1. the equations, which know nothing of FMI, access no files, and do not allocate while stepping: [`bearing`],
 //!    [`plant`], [`control`], [`estimation`]. Configuration and state are separate types: a configuration is validated
 //!    once, when it is made ([`invalid`] collects the errors), and a step changes only the state. Elementary functions
-//!    come from the crate `libm`, so that all platforms compute the same bits;
+//!    come from the crate `libm`, so that all platforms compute the same bits. [`machine`] holds the names of what differs between
+//!    rotors, and [`mod@variables`] how a field is described: unit, limits, meaning;
 //! 2. [`fmu`]: the equations as FMUs, through the crate `fmu_export`;
 //! 3. [`simulation`]: scenarios and the closed loop;
 //! 4. [`studies`]: many runs, and identification from recordings of a test bench;
@@ -17,7 +18,9 @@ pub mod control;
 pub mod estimation;
 pub mod fmu;
 pub mod invalid;
+pub mod machine;
 pub mod plant;
+pub mod variables;
 
 #[cfg(feature = "app")]
 pub mod cli;

@@ -3,9 +3,9 @@
 use proc_macro2::TokenStream;
 use quote::{format_ident, quote, quote_spanned};
 use syn::spanned::Spanned;
-use syn::{Data, DeriveInput, Error, Expr, Field, Fields, Ident, LitStr, Member, Result, Type};
+use syn::{Data, DeriveInput, Error, Expr, Field, Fields, GenericParam, Generics, Ident, LitStr, Member, Result, Type};
 
-use crate::attributes::{Attributes, Role, items, literal};
+use crate::attributes::{Attributes, Item, Role, items, literal};
 use crate::names::{check, description};
 
 /// The implementation for a structure.
@@ -13,12 +13,18 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
     let Data::Struct(data) = &input.data else {
         return Err(Error::new(input.ident.span(), "expected a structure: an enum has `#[derive(Choice)]`"));
     };
-    let mut context: Option<Expr> = None;
+    let parameters: Vec<String> = input.generics.type_params().map(|parameter| parameter.ident.to_string()).collect();
+    let keys: Vec<&str> = ["context"].into_iter().chain(parameters.iter().map(String::as_str)).collect();
+    let (mut context, mut chosen) = (None, Vec::new());
     for attribute in input.attrs.iter().filter(|attribute| attribute.path().is_ident("variables")) {
-        for item in items(attribute, "variables", &["context"])? {
-            context = item.value;
+        for Item { key, value } in items(attribute, "variables", &keys)? {
+            match value {
+                Some(value) if key == "context" => context = Some(value),
+                value => chosen.push((key, value)),
+            }
         }
     }
+    let target = Target::new(input, &chosen);
     let mut seen: Vec<String> = Vec::new();
     let (mut lenses, mut rows) = (Vec::new(), Vec::new());
     for (at, field) in data.fields.iter().enumerate() {
@@ -35,25 +41,28 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
             }
             seen.push(name.value());
         }
-        lenses.push(lens_of(input, &lens, &member, &field.ty));
+        lenses.push(lens_of(&target, &lens, &member, &field.ty));
         let of_field = if attributes.role == Role::Nested {
-            nested(input, &lens, &field.ty, &attributes, name.as_ref(), context.is_some())
+            nested(&target, &lens, &field.ty, &attributes, name.as_ref(), context.is_some())
         } else {
-            variable(input, &lens, field, &attributes, name.as_ref())
+            variable(&target, &lens, field, &attributes, name.as_ref())
         };
         rows.push(of_field);
     }
     let (ident, context) = (&input.ident, context.map_or_else(|| quote!(()), |context| quote!(#context)));
-    let (bounds, types, conditions) = input.generics.split_for_impl();
+    let aliases = chosen.iter().map(|(parameter, argument)| quote!(#[allow(dead_code)] type #parameter = #argument;));
+    let (_, types, _) = input.generics.split_for_impl();
+    let (bounds, _, conditions) = target.generics.split_for_impl();
     Ok(quote! {
         #[automatically_derived]
         const _: () = {
+            #(#aliases)*
             #(#lenses)*
 
             impl #bounds ::fmu_export::Variables for #ident #types #conditions {
                 type Context = #context;
 
-                #[allow(unused_variables, reason = "`context` is for the attributes")]
+                #[allow(unused_variables, reason = "`context` and `index` are for the attributes")]
                 fn rows_at<Place: ::fmu_export::variables::Lens<Target = Self>>(
                     scope: &::fmu_export::variables::Scope<'_, Place::Data, Self::Context>,
                 ) -> ::std::vec::Vec<::fmu_export::variable::Row<Place::Data>> {
@@ -65,6 +74,24 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
             }
         };
     })
+}
+
+/// The structure, and what it stays generic over: the other type parameters become aliases of their arguments.
+struct Target<'i> {
+    input: &'i DeriveInput,
+    generics: Generics,
+}
+
+impl<'i> Target<'i> {
+    fn new(input: &'i DeriveInput, chosen: &[(Ident, Option<Expr>)]) -> Self {
+        let mut generics = input.generics.clone();
+        let is_chosen = |parameter: &GenericParam| match parameter {
+            GenericParam::Type(parameter) => chosen.iter().any(|(chosen, _)| *chosen == parameter.ident),
+            _ => false,
+        };
+        generics.params = generics.params.into_iter().filter(|parameter| !is_chosen(parameter)).collect();
+        Self { input, generics }
+    }
 }
 
 /// The name of a variable or structure as far as it is known when the macro runs.
@@ -93,14 +120,15 @@ fn name_of(field: &Field, attributes: &Attributes, at: usize, fields: &Fields) -
 }
 
 /// The place of a field within its structure.
-fn lens_of(input: &DeriveInput, lens: &Ident, member: &Member, of_type: &Type) -> TokenStream {
-    let ident = &input.ident;
-    let (bounds, types, conditions) = input.generics.split_for_impl();
+fn lens_of(target: &Target<'_>, lens: &Ident, member: &Member, of_type: &Type) -> TokenStream {
+    let ident = &target.input.ident;
+    let (_, arguments, _) = target.input.generics.split_for_impl();
+    let (bounds, types, conditions) = target.generics.split_for_impl();
     quote! {
-        struct #lens #bounds (::core::marker::PhantomData<fn() -> #ident #types>) #conditions;
+        struct #lens #bounds (::core::marker::PhantomData<fn() -> #ident #arguments>) #conditions;
 
         impl #bounds ::fmu_export::variables::Lens for #lens #types #conditions {
-            type Data = #ident #types;
+            type Data = #ident #arguments;
             type Target = #of_type;
             const COUNT: usize = 1;
 
@@ -117,14 +145,14 @@ fn lens_of(input: &DeriveInput, lens: &Ident, member: &Member, of_type: &Type) -
 
 /// Adds the rows of a field that is a structure, or an array of them.
 fn nested(
-    input: &DeriveInput,
+    target: &Target<'_>,
     lens: &Ident,
     of_type: &Type,
     attributes: &Attributes,
     name: Option<&LitStr>,
     has_context: bool,
 ) -> TokenStream {
-    let (_, types, _) = input.generics.split_for_impl();
+    let (_, types, _) = target.generics.split_for_impl();
     let base = name.map_or_else(|| quote!(""), |name| quote!(#name));
     let prefixes = match (attributes.value("prefix"), attributes.value("prefixes"), name) {
         (Some(prefix), ..) => {
@@ -162,13 +190,13 @@ fn nested(
 
 /// Adds the rows of a field that is a variable, or an array of them.
 fn variable(
-    input: &DeriveInput,
+    target: &Target<'_>,
     lens: &Ident,
     field: &Field,
     attributes: &Attributes,
     name: Option<&LitStr>,
 ) -> TokenStream {
-    let (_, types, _) = input.generics.split_for_impl();
+    let (_, types, _) = target.generics.split_for_impl();
     let of_type = &field.ty;
     let names = match (attributes.value("names"), attributes.value("name"), name) {
         (Some(names), ..) => quote!(Each((#names).into_iter().map(::std::convert::Into::into).collect())),
@@ -200,10 +228,11 @@ fn variable(
             &mut rows,
             scope,
             ::fmu_export::variables::Names::#names,
-            #unit,
+            &|index| #unit,
             #start,
             #count,
             &mut |row| {
+                let index = row.index();
                 #finish
                 #with
                 row

@@ -367,7 +367,7 @@ pub struct Place<'p, D> {
 /// Makes the rows of a field.
 #[doc(hidden)]
 pub struct Rows<'r, D, S: Scalar> {
-    unit: S::Unit,
+    unit: &'r dyn Fn(usize) -> S::Unit,
     name: &'r mut dyn FnMut(&[usize]) -> Option<String>,
     finish: &'r mut dyn FnMut(Row<D>) -> Row<D>,
     rows: &'r mut Vec<Row<D>>,
@@ -380,7 +380,7 @@ impl<T: Scalar> Field for T {
     fn add<L: Lens<Target = T>>(at: Place<'_, L::Data>, start: Option<&T>, rows: &mut Rows<'_, L::Data, T>) {
         let Some(name) = (rows.name)(&at.indices) else { return };
         let start = start.unwrap_or_else(|| L::get(at.defaults, at.index));
-        let row = T::row::<L>(name, &rows.unit, start).at_place(at.index, rows.made);
+        let row = T::row::<L>(name, &(rows.unit)(rows.made), start).at_place(at.index, rows.made);
         rows.rows.push((rows.finish)(row));
         rows.made += 1;
     }
@@ -469,13 +469,11 @@ pub fn add<L: Lens<Target: Field>, C: ?Sized>(
     rows: &mut Vec<Row<L::Data>>,
     scope: &Scope<'_, L::Data, C>,
     names: Names,
-    unit: <<L::Target as Field>::Scalar as Scalar>::Unit,
+    unit: &dyn Fn(usize) -> <<L::Target as Field>::Scalar as Scalar>::Unit,
     start: Option<L::Target>,
     count: Option<usize>,
     finish: &mut dyn FnMut(Row<L::Data>) -> Row<L::Data>,
 ) {
-    let each = L::COUNT;
-    let _ = each;
     let mut made = 0;
     let mut name = |indices: &[usize]| {
         if count.is_some_and(|count| made >= count) {

@@ -172,3 +172,45 @@ fn every_row_has_its_own_field() {
     assert_eq!(values.wheel[2], Wheel { radius: 7.0, ..Wheel::default() });
     assert_eq!(values.drive, Drive::FrontAxle);
 }
+
+/// A mast, generic over its numbers; the table is for one type of them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64)]
+struct Mast<T = f64> {
+    /// Own force on {prefix}
+    #[input(unit = unit::NEWTON)]
+    force: T,
+    /// Coordinate {k} of {prefix}
+    #[output(
+        names = ["x", "tilt"], unit = [unit::METRE, unit::RADIAN][index], nominal = [1.0, 0.1][index],
+        depends_on = [["force", ".force"][index]]
+    )]
+    place: [T; 2],
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+struct Ship {
+    /// Force on all
+    #[input(unit = unit::NEWTON)]
+    force: f64,
+    #[nested(prefix = "fore.")]
+    fore: Mast,
+    main: Mast,
+}
+
+/// Fails if an attribute does not see the index of the element, if a name is not that of the own structure first and with a point
+/// that of the model, or if the prefix is not in the description.
+#[test]
+fn elements_of_generic_structures_differ_and_names_are_looked_up_from_inside() {
+    let table = Table::new(Ship::rows());
+    let find = |name: &str| table.variables.iter().find(|variable| variable.name == name).expect("a variable");
+    let real = |name: &str| match find(name).data_type {
+        Type::Real { unit, nominal, .. } => (unit.name, nominal),
+        _ => panic!("a Real"),
+    };
+    assert_eq!((real("fore.x"), real("fore.tilt")), (("m", 1.0), ("rad", 0.1)));
+    assert_eq!(find("fore.tilt").description, "Coordinate 2 of fore");
+    assert_eq!(find("main.force").description, "Own force on main");
+    let acting = |name: &str| find(name).depends_on.clone().expect("given")[0].0.clone();
+    assert_eq!((acting("main.x"), acting("main.tilt")), ("main.force".into(), "force".into()));
+}

@@ -17,14 +17,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::bearing::scalar::Scalar;
 use crate::invalid::Checks;
+use crate::variables::unit::{HENRY, OHM, VOLT, WEBER};
+use crate::variables::{Choice, Variables};
 
-/// What drives a coil.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// What drives the coils
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]
 pub enum Drive {
-    /// The current, held over the step.
+    /// Currents, held over the step
     #[default]
     Current,
-    /// The voltage of the amplifier, held over the step.
+    /// Amplifier voltages, held over the step
     Voltage,
 }
 
@@ -41,18 +43,28 @@ pub const SHORTEST_TIME_CONSTANT_S: f64 = 1e-6;
 /// Limit of the Newton iterations for the flux in saturated iron; convergence is monotone, and quadratic near the solution.
 const MOST_ITERATIONS: usize = 60;
 
-/// The three coils, equal except for λ.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Whether the iron of coils may saturate: the controller assumes that it does not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Saturates(pub bool);
+
+/// The coils, equal except for λ.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64, context = Saturates)]
 pub struct CoilConfig<T = f64> {
-    /// Whether current or voltage is imposed.
+    /// What drives the coils
+    #[parameter]
     pub drive: Drive,
-    /// Resistance `R`, in Ω.
+    /// Resistance of each coil, with drive = voltage
+    #[parameter(name = "coil.R", unit = OHM, min = 0.0)]
     pub resistance_ohm: T,
-    /// Leakage inductance `L_leak`, in H.
+    /// Leakage inductance of each coil, in addition to the 2 lambda/gap of its magnet, with drive = voltage
+    #[parameter(name = "coil.Lleak", unit = HENRY, min = 0.0, nominal = 1e-3)]
     pub leakage_h: T,
-    /// The amplifier saturates at ± this voltage, in V.
+    /// Voltage limit of the amplifiers, both signs, with drive = voltage
+    #[parameter(name = "coil.uMax", unit = VOLT, min = 0.0, nominal = 100.0)]
     pub limit_v: T,
-    /// Saturation flux `φ_s` of the iron, in Wb; 0 for iron that does not saturate.
+    /// Flux at which the iron takes as much current as the nominal gap; 0 for iron that does not saturate
+    #[parameter(name = "coil.fluxSaturation", count = usize::from(context.0), unit = WEBER, min = 0.0, nominal = 1e-2)]
     pub saturation_wb: T,
 }
 

@@ -15,18 +15,24 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::scalar::Scalar;
+use crate::variables::Variables;
+use crate::variables::unit::{KILOGRAM, KILOGRAM_METRE2};
 
 /// Number of coordinates of a shaft.
 pub const COORDINATES: usize = 5;
 
 /// Inertia of a shaft.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64)]
 pub struct Shaft<T = f64> {
-    /// Mass m, in kg.
+    /// Mass of the rotor
+    #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
     pub m_kg: T,
-    /// Moment of inertia about an axis across the shaft through the centre of gravity, `J_t`, in kg·m².
+    /// Moment of inertia of the rotor about an axis across the shaft through the centre of gravity
+    #[parameter(name = "Jt", unit = KILOGRAM_METRE2, min = 0.0, nominal = 0.1)]
     pub transverse_kgm2: T,
-    /// Moment of inertia about the axis of the shaft, `J_p`, in kg·m².
+    /// Moment of inertia of the rotor about its axis, at most 2 Jt
+    #[parameter(name = "Jp", unit = KILOGRAM_METRE2, min = 0.0, nominal = 0.1)]
     pub polar_kgm2: T,
 }
 

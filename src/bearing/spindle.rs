@@ -15,6 +15,8 @@ use crate::bearing::magnet::{Geometry, Magnets};
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::{self, COORDINATES, Shaft};
 use crate::invalid::{Checks, Invalid};
+use crate::variables::Variables;
+use crate::variables::unit::{METRE, RADIAN};
 
 /// Number of magnets: three in A, three in B, two in X.
 pub const MAGNETS: usize = 8;
@@ -37,31 +39,45 @@ pub const fn bearing_of(k: usize) -> (usize, usize) {
 pub const SHORTEST_DISTANCE_M: f64 = 1e-3;
 
 /// A radial bearing with three magnets.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64)]
 pub struct RadialBearing<T = f64> {
-    /// Position of the magnets along the shaft, in m.
+    /// Position of the magnets of bearing {prefix} along the shaft, from the centre of gravity
+    #[parameter(name = "position", unit = METRE, nominal = 0.1)]
     pub position_m: T,
-    /// Position of the sensors along the shaft, in m.
+    /// Position of the sensors of bearing {prefix} along the shaft, from the centre of gravity
+    #[parameter(name = "sensorPosition", unit = METRE, nominal = 0.1)]
     pub sensor_position_m: T,
-    /// Nominal gap, in m.
+    /// Nominal air gap of bearing {prefix}
+    #[parameter(name = "s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
     pub gap_m: T,
-    /// Angles `α_k` of the magnets as in P(3), in rad.
+    /// Angle of magnet {k} of bearing {prefix}; its direction is (sin alpha, cos alpha) in the y-z plane
+    #[parameter(name = "alpha", unit = RADIAN)]
     pub alpha_rad: [T; 3],
 }
 
 /// Shaft and bearings of a spindle.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64)]
 pub struct SpindleGeometry<T = f64> {
     /// Inertia.
+    #[nested(prefix = "")]
     pub shaft: Shaft<T>,
     /// Begin and end of the shaft, in m from the centre of gravity. Nothing can be mounted beyond; the motion does not depend on
     /// them.
+    #[parameter(
+        names = ["shaft.begin", "shaft.end"], unit = METRE, nominal = 0.1,
+        description = ["Begin of the shaft, from the centre of gravity", "End of the shaft, from the centre of gravity"][index]
+    )]
     pub extent_m: [T; 2],
     /// Bearing A.
+    #[nested(prefix = "A.")]
     pub a: RadialBearing<T>,
     /// Bearing B.
+    #[nested(prefix = "B.")]
     pub b: RadialBearing<T>,
-    /// Nominal gap of both axial magnets, in m.
+    /// Nominal air gap of the axial magnets
+    #[parameter(name = "X.s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
     pub axial_gap_m: T,
 }
 

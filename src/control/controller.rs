@@ -8,114 +8,110 @@ pub use crate::control::tracking::{
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::coil::{CoilConfig, Drive};
+use crate::bearing::coil::Drive;
 use crate::bearing::magnet::{Geometry, Magnets};
 use crate::control::reference::{Reference, ReferenceConfig, ReferenceState, Shape};
 use crate::control::tracking::{Arrangement, Command, Measured, Names, Tracking, TrackingConfig, TrackingState};
-use crate::invalid::Checks;
-use crate::invalid::Invalid;
+use crate::invalid::{Checks, Invalid};
+use crate::machine::Machine;
+use crate::variables::unit::{AMPERE, KILOGRAM, METRE, NEWTON, RADIAN, RADIAN_PER_SECOND, VOLT};
+use crate::variables::{LAMBDA, OMEGA_RAD_S, Variables};
 
 /// Configuration of the controller.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
 #[serde(default)]
 pub struct ControllerConfig {
-    /// Mass of the rotor `m`, in kg.
+    /// Mass of the rotor
+    #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
     pub m_kg: f64,
-    /// Nominal gap `s`, in m.
+    /// Nominal air gap
+    #[parameter(name = "s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
     pub gap_m: f64,
-    /// Angles `α_k` of the magnets as in P(3), in rad.
+    /// Angle of magnet {k}; its direction is (sin alpha, cos alpha) in the y-z plane
+    #[parameter(name = "alpha", unit = RADIAN)]
     pub alpha_rad: [f64; 3],
-    /// Sample time `T_s`, in s.
-    pub step_s: f64,
-    /// First guess of `λ_k`, in N·m²/A².
-    pub lambda0_nm2_a2: [f64; 3],
-    /// Smallest force of a magnet `F_0`, in N; 0 is admitted.
-    pub f0_n: f64,
-    /// Amplitude `a` of the modulation of the smallest force, as a fraction of `F_0`, from 0 to 1; tunable.
-    pub modulation: f64,
-    /// Frequency `f` of that modulation, in Hz, at most half the sample rate; tunable.
-    pub modulation_hz: f64,
-    /// Poles of the tracking error, ω_c, in rad/s.
-    pub tracking_rad_s: f64,
-    /// Poles of the perturbation observer, ω_o, in rad/s.
-    pub observer_rad_s: f64,
-    /// Pole of the current loop with voltage drive, ω_i, in rad/s.
-    pub current_rad_s: f64,
-    /// The coils as the controller models them: drive, resistance, leakage, limit of the voltage. It assumes that their iron
-    /// does not saturate.
-    pub coil: CoilConfig,
-    /// When the estimated λ is used.
-    pub update: UpdateMode,
-    /// Time of the update in [`UpdateMode::AtTime`], in s.
-    pub update_time_s: f64,
+    /// The control law.
+    #[nested(prefix = "")]
+    pub law: TrackingConfig<3, 1>,
     /// The reference trajectory.
+    #[nested(prefix = "", context = ())]
     pub reference: ReferenceConfig,
 }
 
 impl Default for ControllerConfig {
     /// The paper's bearing and its first guess.
     fn default() -> Self {
-        use std::f64::consts::PI;
+        use std::f64::consts::{FRAC_PI_3, PI};
         Self {
             m_kg: 6.7,
             gap_m: 5e-4,
-            alpha_rad: [PI, -PI / 3.0, PI / 3.0],
-            step_s: 1e-4,
-            lambda0_nm2_a2: [4e-6; 3],
-            f0_n: 20.0,
-            modulation: 0.0,
-            modulation_hz: 110.0,
-            tracking_rad_s: 1000.0,
-            observer_rad_s: 4000.0,
-            current_rad_s: 5000.0,
-            coil: CoilConfig::default(),
-            update: UpdateMode::AtTime,
-            update_time_s: 0.2,
+            alpha_rad: [PI, -FRAC_PI_3, FRAC_PI_3],
+            law: TrackingConfig::default(),
             reference: ReferenceConfig::default(),
         }
     }
 }
 
 /// Inputs of the controller at a sample.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 pub struct ControllerInput {
-    /// Measured position (Ym, Zm), in m.
-    pub position_m: [f64; 2],
-    /// Measured currents, in A; must be finite only with voltage drive.
-    pub current_a: [f64; 3],
-    /// Estimate of λ, in N·m²/A².
-    pub lambda_hat_nm2_a2: [f64; 3],
-    /// Whether that estimate is valid.
-    pub lambda_valid: bool,
-    /// External reference (Yref, Zref), in m; must be finite only if it is used.
-    pub reference_m: [f64; 2],
-    /// Angular velocity on the reference trajectory from this sample on, in rad/s.
+    /// Angular velocity on the reference trajectory
+    #[parameter(name = "reference.omega", tunable, unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0)]
     pub omega_rad_s: f64,
+    /// Measured position of the rotor along {axis}
+    #[input(names = ["Ym", "Zm"], unit = METRE, nominal = 1e-5)]
+    pub position_m: [f64; 2],
+    /// Measured current of magnet {k}, with drive = voltage
+    #[input(name = "im", unit = AMPERE)]
+    pub current_a: [f64; 3],
+    /// Estimated force constant of magnet {k}
+    #[input(name = "lambdaHat", unit = LAMBDA, nominal = 1e-6)]
+    pub lambda_hat_nm2_a2: [f64; 3],
+    /// Whether lambdaHat may be used
+    #[input(name = "lambdaValid")]
+    pub lambda_valid: bool,
+    /// Reference along {axis} with reference.shape = external
+    #[input(names = ["Yref", "Zref"], unit = METRE, nominal = 1e-5)]
+    pub reference_m: [f64; 2],
 }
 
 /// Outputs of the controller at a sample.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 pub struct ControllerOutput {
-    /// Currents to hold from the next sample on, in A; with voltage drive those at the end of that sample.
+    /// Current reference of magnet {k}; with drive = voltage for the end of the sample
+    #[output(name = "i", discrete, unit = AMPERE)]
     pub current_a: [f64; 3],
-    /// Voltages to hold from the next sample on, in V, with voltage drive.
+    /// Voltage command of amplifier {k}, with drive = voltage
+    #[output(name = "u", discrete, unit = VOLT, nominal = 10.0)]
     pub voltage_v: [f64; 3],
-    /// Measured position minus reference at this sample, (y, z), in m.
+    /// Tracking error at the last sample, measured minus reference, along {axis}
+    #[output(names = ["eY", "eZ"], discrete, unit = METRE, nominal = 1e-6)]
     pub tracking_error_m: [f64; 2],
-    /// Estimated perturbation p̂, (y, z), in N.
+    /// Observed perturbation force along {axis}
+    #[output(names = ["pYHat", "pZHat"], discrete, unit = NEWTON, nominal = 10.0)]
     pub perturbation_n: [f64; 2],
-    /// λ in use, in N·m²/A².
+    /// Force constant of magnet {k} that the controller uses
+    #[output(name = "lambdaUsed", discrete, unit = LAMBDA, nominal = 1e-6)]
     pub lambda_used_nm2_a2: [f64; 3],
-    /// Commanded force, (F_y, F_z), in N.
+    /// Force command along {axis}
+    #[output(names = ["FYdes", "FZdes"], discrete, unit = NEWTON, nominal = 10.0)]
     pub force_n: [f64; 2],
     /// Reference at this sample, (y, z), in m.
+    #[hidden]
     pub reference_m: [f64; 2],
-    /// Reference at the next sample, (y, z), in m; predicted if it is external.
+    /// Reference at the next sample along {axis}
+    ///
+    /// Predicted if it is external.
+    #[output(names = ["reference.Y", "reference.Z"], discrete, unit = METRE, nominal = 1e-5)]
     pub reference_ahead_m: [f64; 2],
-    /// Whether a predicted gap was below [`SMALLEST_GAP`]: the currents are those for that gap, and the magnets do not give the
-    /// commanded forces.
+    /// Whether the predicted gap was below its limit, so that the currents are those for the limit
+    ///
+    /// The limit is [`SMALLEST_GAP`]. The magnets do not give the commanded forces then.
+    #[output(discrete)]
     pub saturated: bool,
-    /// Whether a voltage command is at the limit of the amplifiers.
+    /// Whether a voltage command is at the limit, with drive = voltage
+    #[output(discrete)]
     pub limited: bool,
 }
 
@@ -206,21 +202,12 @@ impl Controller {
         let mut checks = Checks::default();
         checks.positive("m", config.m_kg, "kg");
         let magnets = Magnets::checked(config.gap_m, config.alpha_rad, &mut checks);
-        let law = TrackingConfig {
-            step_s: config.step_s,
-            lambda0_nm2_a2: config.lambda0_nm2_a2,
-            f0_n: [config.f0_n],
-            modulation: config.modulation,
-            modulation_hz: [config.modulation_hz],
-            tracking_rad_s: config.tracking_rad_s,
-            observer_rad_s: config.observer_rad_s,
-            current_rad_s: config.current_rad_s,
-            coil: config.coil.clone(),
-            update: config.update,
-            update_time_s: config.update_time_s,
-        };
-        let law = Tracking::checked(law, PlanarRotor { m_kg: config.m_kg, magnets: magnets.clone() }, &mut checks);
-        let reference = Reference::checked(config.reference.clone(), config.step_s, &magnets, &mut checks);
+        let law = Tracking::checked(
+            config.law.clone(),
+            PlanarRotor { m_kg: config.m_kg, magnets: magnets.clone() },
+            &mut checks,
+        );
+        let reference = Reference::checked(config.reference.clone(), config.law.step_s, &magnets, &mut checks);
         checks.finish()?;
         Ok(Self { config, law, reference })
     }
@@ -239,7 +226,7 @@ impl Controller {
     /// former values then remain.
     pub fn retune(&mut self, modulation: f64, modulation_hz: f64) -> Result<(), Vec<Invalid>> {
         self.law.retune(modulation, [modulation_hz])?;
-        (self.config.modulation, self.config.modulation_hz) = (modulation, modulation_hz);
+        (self.config.law.modulation, self.config.law.modulation_hz) = (modulation, [modulation_hz]);
         Ok(())
     }
 
@@ -257,7 +244,7 @@ impl Controller {
     pub fn output_at_start(&self) -> ControllerOutput {
         let begin = self.reference.ahead(&self.reference.start(), 0.0).map(|point| point.position_m);
         ControllerOutput {
-            lambda_used_nm2_a2: self.config.lambda0_nm2_a2,
+            lambda_used_nm2_a2: self.config.law.lambda0_nm2_a2,
             reference_m: begin,
             reference_ahead_m: begin,
             ..ControllerOutput::default()
@@ -285,7 +272,8 @@ impl Controller {
             self.reference.begin(&mut next.reference, input.position_m);
         }
         self.reference.sample(&mut next.reference, input.omega_rad_s, input.reference_m);
-        let course = [0.0, 1.0, 2.0].map(|samples| self.reference.ahead(&next.reference, samples * self.config.step_s));
+        let course =
+            [0.0, 1.0, 2.0].map(|samples| self.reference.ahead(&next.reference, samples * self.config.law.step_s));
         // The tracking error refers to the reference itself, not to an observer's estimate of it.
         let reference_m = match self.config.reference.shape {
             Shape::External => input.reference_m,
@@ -322,7 +310,7 @@ impl Controller {
     fn check_input(&self, input: &ControllerInput) -> Result<(), ControllerError> {
         let [y, z] = input.position_m;
         ControllerError::check([("Ym", y), ("Zm", z), ("reference.omega", input.omega_rad_s)])?;
-        if self.config.coil.drive == Drive::Voltage {
+        if self.config.law.coil.drive == Drive::Voltage {
             ControllerError::check(PlanarRotor::NAMES.current.into_iter().zip(input.current_a))?;
         }
         if self.config.reference.shape == Shape::External {

@@ -20,27 +20,34 @@ use crate::bearing::magnet::Magnets;
 use crate::control::observer::{Signal, SignalObserver};
 use crate::invalid::Checks;
 use crate::invalid::Invalid;
+use crate::variables::unit::{METRE, RADIAN_PER_SECOND, SECOND};
+use crate::variables::{Choice, Variables};
 
 /// The most lobes of a curve; no sample time in use resolves more.
-pub const MOST_LOBES: u32 = 1000;
+pub const MOST_LOBES: i32 = 1000;
 
 /// The number of harmonics of [`Contour`].
 pub const HARMONICS: usize = 8;
 
 /// A closed curve as a Fourier series, n from 1 to [`HARMONICS`]:
 /// `Y* = y_0 + Σ (cosY_n cos nθ + sinY_n sin nθ)`, `Z*` alike, all in m.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[serde(default)]
 pub struct Contour {
-    /// Mean position `(y_0, z_0)`.
+    /// Mean of the reference trajectory along {axis} with shape = fourier
+    #[parameter(names = ["centreY", "centreZ"], unit = METRE, nominal = 1e-5)]
     pub centre_m: [f64; 2],
-    /// `cosY_n`.
+    /// Cosine of harmonic {k} of the reference trajectory along y with shape = fourier
+    #[parameter(name = "cosY", unit = METRE, nominal = 1e-5)]
     pub cos_y_m: [f64; HARMONICS],
-    /// `sinY_n`.
+    /// Sine of harmonic {k} of the reference trajectory along y with shape = fourier
+    #[parameter(name = "sinY", unit = METRE, nominal = 1e-5)]
     pub sin_y_m: [f64; HARMONICS],
-    /// `cosZ_n`.
+    /// Cosine of harmonic {k} of the reference trajectory along z with shape = fourier
+    #[parameter(name = "cosZ", unit = METRE, nominal = 1e-5)]
     pub cos_z_m: [f64; HARMONICS],
-    /// `sinZ_n`.
+    /// Sine of harmonic {k} of the reference trajectory along z with shape = fourier
+    #[parameter(name = "sinZ", unit = METRE, nominal = 1e-5)]
     pub sin_z_m: [f64; HARMONICS],
 }
 
@@ -62,50 +69,64 @@ impl Contour {
     }
 }
 
-/// Shape of the reference trajectory.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// Shape of the reference trajectory
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]
+#[choice(name = "ReferenceShape")]
 pub enum Shape {
-    /// The paper's ellipse: `Y* = r_Y cos θ`, `Z* = r_Z sin θ`.
+    /// Ellipse with the semi-axes rY and rZ
+    ///
+    /// That of the paper: `Y* = r_Y cos θ`, `Z* = r_Z sin θ`.
     #[default]
     Ellipse,
-    /// An ellipse with lobes: `Y* = (r_Y + a cos nθ) cos θ`, `Z* = (r_Z + a cos nθ) sin θ`.
+    /// Ellipse with lobes
+    ///
+    /// `Y* = (r_Y + a cos nθ) cos θ`, `Z* = (r_Z + a cos nθ) sin θ`.
     Lobes,
-    /// Positions sampled from an input.
+    /// The inputs Yref and Zref
     External,
-    /// A Fourier series, for holes of any shape.
+    /// A Fourier series with centre, cosY, sinY, cosZ, sinZ
+    ///
+    /// For holes of any shape.
     Fourier,
 }
 
 /// The reference trajectory.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[serde(default)]
 pub struct ReferenceConfig {
-    /// Shape of the curve.
+    /// Shape of the reference trajectory
+    #[parameter(name = "reference.shape")]
     pub shape: Shape,
-    /// Semi-axis along y, `r_Y`, in m; not below 0.
+    /// Semi-axis of the reference trajectory along y
+    #[parameter(name = "reference.rY", unit = METRE, min = 0.0, nominal = 1e-5)]
     pub r_y_m: f64,
-    /// Semi-axis along z, `r_Z`, in m; not below 0.
+    /// Semi-axis of the reference trajectory along z
+    #[parameter(name = "reference.rZ", unit = METRE, min = 0.0, nominal = 1e-5)]
     pub r_z_m: f64,
-    /// Number of lobes `n` per revolution.
-    pub lobes: u32,
-    /// Amplitude `a` of the lobes, in m; a negative one rotates them by half a lobe.
+    /// Number of lobes with shape = lobes
+    #[parameter(name = "reference.lobes", min = 0, max = MOST_LOBES)]
+    pub lobes: i32,
+    /// Amplitude of the lobes with shape = lobes
+    ///
+    /// A negative one rotates them by half a lobe.
+    #[parameter(name = "reference.lobeAmplitude", unit = METRE, nominal = 1e-5)]
     pub lobe_amplitude_m: f64,
     /// The curve of [`Shape::Fourier`].
+    #[nested(prefix = "reference.")]
     pub contour: Contour,
-    /// Time after the first sample at which the curve begins to grow out of the centre, in s.
-    pub start_s: f64,
-    /// Duration of the growth, in s.
-    pub ramp_s: f64,
-    /// Time to bring the rotor from the first measured position to the centre, in s; 0 for none.
-    pub lift_s: f64,
-    /// Angular velocity on the curve, in rad/s; negative values run backwards.
-    pub omega_rad_s: f64,
-    /// Bandwidth of the observer of an external reference, in rad/s.
+    /// Begin of the motion.
+    #[nested(prefix = "reference.")]
+    pub transition: Transition,
+    /// Poles of the observer that differentiates an external reference
     ///
     /// It tracks any reference that is not a cubic with a lag. For the paper's ellipse as external reference the tracking error
     /// is 1.9 µm at 3000 rpm and 0.03 µm at 1000 rpm with 2000 rad/s, and 0.45 µm at 3000 rpm with 4000 rad/s (tracking poles
     /// at 1000 rad/s, 10 kHz). Noise in the reference calls for a lower bandwidth.
+    #[parameter(name = "bandwidth.reference", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz")]
     pub bandwidth_rad_s: f64,
+    /// Angular velocity on the curve, in rad/s; negative values run backwards.
+    #[hidden]
+    pub omega_rad_s: f64,
 }
 
 impl Default for ReferenceConfig {
@@ -118,19 +139,10 @@ impl Default for ReferenceConfig {
             lobes: 3,
             lobe_amplitude_m: 0.0,
             contour: Contour::default(),
-            start_s: 0.0,
-            ramp_s: 0.0,
-            lift_s: 0.0,
+            transition: Transition::default(),
             omega_rad_s: 2.0 * PI * 50.0,
             bandwidth_rad_s: 4000.0,
         }
-    }
-}
-
-impl ReferenceConfig {
-    fn transition(&self) -> Transition {
-        let &Self { start_s, ramp_s, lift_s, .. } = self;
-        Transition { start_s, ramp_s, lift_s }
     }
 }
 
@@ -179,26 +191,30 @@ fn rise(t_s: f64, length_s: f64) -> [f64; 3] {
 }
 
 /// The transition of the module: from the first measured position to the curve.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Transition {
-    /// Time after the first sample at which the curve begins to grow, in s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[serde(default)]
+pub struct Transition {
+    /// Time after the first sample at which the reference trajectory begins to grow out of the centre
+    #[parameter(name = "startTime", unit = SECOND, min = 0.0, nominal = 0.1, display_unit = "ms")]
     pub start_s: f64,
-    /// Duration of the growth, in s.
+    /// Time in which the reference trajectory grows to its full size; 0 for a step
+    #[parameter(name = "rampTime", unit = SECOND, min = 0.0, nominal = 0.1, display_unit = "ms")]
     pub ramp_s: f64,
-    /// Duration of the lift, in s.
+    /// Time in which the rotor is brought from its first measured position to the centre; 0 for none
+    #[parameter(name = "liftTime", unit = SECOND, min = 0.0, nominal = 0.1, display_unit = "ms")]
     pub lift_s: f64,
 }
 
 impl Transition {
     /// Reports errors in `checks`.
-    pub fn check(self, checks: &mut Checks) {
+    pub(super) fn check(self, checks: &mut Checks) {
         checks.not_negative("reference.startTime", self.start_s, "s");
         checks.not_negative("reference.rampTime", self.ramp_s, "s");
         checks.not_negative("reference.liftTime", self.lift_s, "s");
     }
 
     /// The reference `t_s` after the first sample, at which the coordinates were `first`.
-    pub fn apply<const N: usize>(self, curve: [RefPoint; N], first: [f64; N], t_s: f64) -> [RefPoint; N] {
+    pub(super) fn apply<const N: usize>(self, curve: [RefPoint; N], first: [f64; N], t_s: f64) -> [RefPoint; N] {
         let Self { start_s, ramp_s, lift_s } = self;
         if [start_s, ramp_s, lift_s] == [0.0; 3] {
             return curve;
@@ -309,13 +325,13 @@ impl Reference {
         checks.not_negative("reference.rY", config.r_y_m, "m");
         checks.not_negative("reference.rZ", config.r_z_m, "m");
         checks.require(
-            config.lobes <= MOST_LOBES,
+            (0..=MOST_LOBES).contains(&config.lobes),
             "reference.lobes",
             config.lobes,
-            format!("a number up to {MOST_LOBES}"),
+            format!("a number from 0 to {MOST_LOBES}"),
         );
         checks.finite("reference.lobeAmplitude", config.lobe_amplitude_m, "m");
-        config.transition().check(checks);
+        config.transition.check(checks);
         check_contour(&config.contour, checks);
         checks.finite("reference.omega", config.omega_rad_s, "rad/s");
         checks.positive("bandwidth.reference", config.bandwidth_rad_s, "rad/s");
@@ -371,7 +387,7 @@ impl Reference {
             Shape::Ellipse | Shape::Lobes | Shape::Fourier => {
                 let curve = self.point(state.turning.ahead_rad(ahead_s), state.turning.omega_rad_s());
                 let t_s = state.turning.since_first_s(ahead_s, self.step_s);
-                self.config.transition().apply(curve, state.first_m, t_s)
+                self.config.transition.apply(curve, state.first_m, t_s)
             }
             Shape::External => state.signal.map(|signal| {
                 let [position_m, velocity_m_s, acceleration_m_s2, _] = signal.ahead(ahead_s).0;

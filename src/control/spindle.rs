@@ -14,27 +14,34 @@ pub use path::{BearingPath, SpindlePath, SpindlePathConfig, SpindlePathState};
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::coil::{CoilConfig, Drive};
+use crate::bearing::coil::Drive;
 use crate::bearing::magnet::Geometry;
 use crate::bearing::shaft::{self, COORDINATES};
 use crate::bearing::spindle::{MAGNETS, READINGS, Spindle, SpindleGeometry};
 use crate::control::tracking::{
-    Arrangement, Command, ControllerError, Measured, Names, Tracking, TrackingConfig, TrackingState, UpdateMode,
+    Arrangement, Command, ControllerError, Measured, Names, Tracking, TrackingConfig, TrackingState,
 };
 use crate::invalid::{Checks, Invalid};
+use crate::machine::Machine;
+use crate::variables::unit::{AMPERE, METRE, NEWTON, NEWTON_METRE, RADIAN_PER_SECOND, VOLT};
+use crate::variables::{LAMBDA, OMEGA_RAD_S, Variables};
 
 /// Names of the readings of position.
 const READING_NAMES: [&str; READINGS] = ["A.Ym", "A.Zm", "B.Ym", "B.Zm", "Xm"];
 
 /// Configuration of the controller.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
 #[serde(default)]
 pub struct SpindleControllerConfig {
     /// Shaft and bearings as the controller knows them. With `J_p` = 0 it compensates no gyroscopic moments.
+    #[nested(prefix = "", context = ())]
     pub geometry: SpindleGeometry,
     /// The control law; magnets and bearings in the order of [`spindle`](crate::bearing::spindle).
+    #[nested(prefix = "")]
     pub law: TrackingConfig<MAGNETS, 3>,
     /// The reference.
+    #[nested(prefix = "", context = ())]
     pub path: SpindlePathConfig,
 }
 
@@ -48,17 +55,10 @@ impl Default for SpindleControllerConfig {
         Self {
             geometry: SpindleGeometry::default(),
             law: TrackingConfig {
-                step_s: 1e-4,
-                lambda0_nm2_a2: [4e-6; MAGNETS],
                 f0_n: [15.0; 3],
-                modulation: 0.0,
                 modulation_hz: [110.0, 130.0, 90.0],
                 tracking_rad_s: 1200.0,
-                observer_rad_s: 4000.0,
-                current_rad_s: 5000.0,
-                coil: CoilConfig::default(),
-                update: UpdateMode::AtTime,
-                update_time_s: 0.2,
+                ..TrackingConfig::default()
             },
             path: SpindlePathConfig::default(),
         }
@@ -66,47 +66,92 @@ impl Default for SpindleControllerConfig {
 }
 
 /// Inputs of the controller at a sample.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
 pub struct SpindleControllerInput {
-    /// Readings of position (A.Ym, A.Zm, B.Ym, B.Zm, Xm), in m.
-    pub reading_m: [f64; READINGS],
-    /// Measured currents, in A; must be finite only with voltage drive.
-    pub current_a: [f64; MAGNETS],
-    /// Estimate of λ, in N·m²/A².
-    pub lambda_hat_nm2_a2: [f64; MAGNETS],
-    /// Whether that estimate is valid.
-    pub lambda_valid: bool,
-    /// Speed of the rotor from this sample on, in rad/s: that of the paths and of the gyroscopic moments.
+    /// Speed of the rotor: of the reference trajectory and of the gyroscopic moments
+    #[parameter(name = "reference.omega", tunable, unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0)]
     pub omega_rad_s: f64,
+    /// Readings of position.
+    #[input(
+        names = context.measured(), unit = METRE, nominal = 1e-5,
+        description = format!("Measured position of the rotor along {}", PLACES[index])
+    )]
+    pub reading_m: [f64; READINGS],
+    /// Measured current of {magnet}, with drive = voltage
+    #[input(names = context.of_magnets("im"), unit = AMPERE)]
+    pub current_a: [f64; MAGNETS],
+    /// Estimated force constant of {magnet}
+    #[input(names = context.of_magnets("lambdaHat"), unit = LAMBDA, nominal = 1e-6)]
+    pub lambda_hat_nm2_a2: [f64; MAGNETS],
+    /// Whether lambdaHat of all magnets may be used
+    #[input(name = "lambdaValid")]
+    pub lambda_valid: bool,
 }
 
+/// Where tracking errors and references are, in the order of the readings.
+const PLACES: [&str; READINGS] = ["y at bearing A", "z at bearing A", "y at bearing B", "z at bearing B", "x"];
+
 /// Outputs of the controller at a sample.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
 pub struct SpindleControllerOutput {
-    /// Currents to hold from the next sample on, in A; with voltage drive those at the end of that sample.
+    /// Current reference of {magnet}; with drive = voltage for the end of the sample
+    #[output(names = context.of_magnets("i"), discrete, unit = AMPERE)]
     pub current_a: [f64; MAGNETS],
-    /// Voltages to hold from the next sample on, in V, with voltage drive.
+    /// Voltage command of {magnet}, with drive = voltage
+    #[output(names = context.of_magnets("u"), discrete, unit = VOLT, nominal = 10.0)]
     pub voltage_v: [f64; MAGNETS],
-    /// Measured position minus reference at this sample, (y, z) at the magnets of A, (y, z) at those of B, x, in m.
+    /// Measured position minus reference at this sample, at the magnets.
+    #[output(
+        names = ["A.eY", "A.eZ", "B.eY", "B.eZ", "X.e"], discrete, unit = METRE, nominal = 1e-6,
+        description = format!("Tracking error at the last sample, measured minus reference, along {}", PLACES[index])
+    )]
     pub tracking_error_m: [f64; READINGS],
-    /// Estimated perturbation force at the centre of gravity, (x, y, z), in N.
+    /// Estimated perturbation force at the centre of gravity.
+    #[output(
+        names = ["pXHat", "pYHat", "pZHat"], discrete, unit = NEWTON, nominal = 10.0,
+        description = format!("Observed perturbation force along {}", AXES[index])
+    )]
     pub perturbation_n: [f64; 3],
-    /// Estimated perturbation moment about y and z, in N·m.
+    /// Estimated perturbation moment.
+    #[output(
+        names = ["MYHat", "MZHat"], discrete, unit = NEWTON_METRE,
+        description = format!("Observed perturbation moment about {}", AXES[index + 1])
+    )]
     pub perturbation_nm: [f64; 2],
-    /// λ in use, in N·m²/A².
+    /// Force constant of {magnet} that the controller uses
+    #[output(names = context.of_magnets("lambdaUsed"), discrete, unit = LAMBDA, nominal = 1e-6)]
     pub lambda_used_nm2_a2: [f64; MAGNETS],
-    /// Commanded force at the centre of gravity, (x, y, z), in N.
+    /// Commanded force at the centre of gravity.
+    #[output(
+        names = ["FXdes", "FYdes", "FZdes"], discrete, unit = NEWTON, nominal = 10.0,
+        description = format!("Force command along {}", AXES[index])
+    )]
     pub force_n: [f64; 3],
-    /// Commanded moment about y and z, in N·m.
+    /// Commanded moment.
+    #[output(
+        names = ["MYdes", "MZdes"], discrete, unit = NEWTON_METRE,
+        description = format!("Moment command about {}", AXES[index + 1])
+    )]
     pub moment_nm: [f64; 2],
-    /// Reference at the next sample, as the tracking error, in m.
+    /// Reference at the next sample, as the tracking error.
+    #[output(
+        names = ["A.reference.Y", "A.reference.Z", "B.reference.Y", "B.reference.Z", "X.reference.X"], discrete,
+        unit = METRE, nominal = 1e-5, description = format!("Reference at the next sample along {}", PLACES[index])
+    )]
     pub reference_ahead_m: [f64; READINGS],
-    /// Whether a predicted gap was below [`SMALLEST_GAP`](crate::control::tracking::SMALLEST_GAP): the currents are those for
-    /// that gap, and the magnets do not give the commanded forces.
+    /// Whether a predicted gap was below its limit, so that the currents are those for the limit
+    ///
+    /// The limit is [`SMALLEST_GAP`](crate::control::tracking::SMALLEST_GAP). The magnets do not give the commanded forces then.
+    #[output(discrete)]
     pub saturated: bool,
-    /// Whether a voltage command is at the limit of the amplifiers.
+    /// Whether a voltage command is at the limit, with drive = voltage
+    #[output(discrete)]
     pub limited: bool,
 }
+
+const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// State of a [`SpindleController`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

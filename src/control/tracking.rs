@@ -42,13 +42,16 @@ pub use voltage::ramp_gains;
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::coil::{CoilConfig, Drive};
+use crate::bearing::coil::{CoilConfig, Drive, Saturates};
 use crate::bearing::magnet::{self, Geometry};
 use crate::control::observer::{Estimate, PerturbationObserver, pole};
 use crate::control::reference::RefPoint;
 use crate::control::tracking::excitation::Excitation;
 use crate::invalid::Checks;
+use crate::machine::Machine;
 use crate::plant::check_step;
+use crate::variables::unit::{HERTZ, NEWTON, ONE, RADIAN_PER_SECOND, SECOND};
+use crate::variables::{Choice, LAMBDA, Variables};
 
 /// Time constant, in s, with which the smallest force returns to `F_0` after a change of λ.
 pub const PRELOAD_S: f64 = 0.01;
@@ -67,15 +70,15 @@ pub const SMALLEST_GAP: f64 = 0.01;
 /// Fraction of the sample time by which a sample may precede the time of the update and still count.
 pub const INSTANT_TOLERANCE: f64 = 1e-3;
 
-/// When the controller uses the estimated λ.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// When the controller takes over the estimated force constants
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]
 pub enum UpdateMode {
-    /// Never: λ0 throughout.
+    /// The first guess is used throughout
     Never,
-    /// Once, at the time of the update or as soon after it as the estimate is valid, as in the paper.
+    /// Once, at the simulation time update.time or as soon after it as the estimate is valid
     #[default]
     AtTime,
-    /// At every sample at which it is valid, from the start.
+    /// At every sample at which the estimate is valid
     WhenValid,
 }
 
@@ -116,35 +119,66 @@ pub trait Arrangement<const N: usize, const K: usize, const B: usize> {
 }
 
 /// Configuration of the control law.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
 #[serde(bound(
     serialize = "[f64; K]: Serialize, [f64; B]: Serialize",
     deserialize = "[f64; K]: Deserialize<'de>, [f64; B]: Deserialize<'de>"
 ))]
 pub struct TrackingConfig<const K: usize, const B: usize> {
-    /// Sample time `T_s`, in s.
+    /// Sample time; samples are taken at the start time plus whole multiples of it
+    #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
     pub step_s: f64,
-    /// First guess of `λ_k`, in N·m²/A².
-    pub lambda0_nm2_a2: [f64; K],
-    /// Smallest force `F_0` of a magnet of each bearing, in N; 0 is admitted.
-    pub f0_n: [f64; B],
-    /// Amplitude `a` of the modulation of the smallest force, as a fraction of `F_0`, from 0 to 1; tunable.
-    pub modulation: f64,
-    /// Frequency `f` of that modulation in each bearing, in Hz, at most half the sample rate; tunable.
-    pub modulation_hz: [f64; B],
-    /// Poles of the tracking error, ω_c, in rad/s.
-    pub tracking_rad_s: f64,
-    /// Poles of the perturbation observer, ω_o, in rad/s.
-    pub observer_rad_s: f64,
-    /// Pole of the current loop with voltage drive, ω_i, in rad/s.
-    pub current_rad_s: f64,
     /// The coils as the controller models them: drive, resistance, leakage, limit of the voltage. It assumes that their iron
     /// does not saturate.
+    #[nested(prefix = "", context = Saturates(false))]
     pub coil: CoilConfig,
-    /// When the estimated λ is used.
+    /// First guess of the force constant of {magnet}
+    #[parameter(names = context.of_magnets("lambda0"), unit = LAMBDA, min = 0.0, nominal = 1e-6)]
+    pub lambda0_nm2_a2: [f64; K],
+    /// Smallest force commanded of each magnet{of bearing}, without modulation
+    #[parameter(names = context.of_bearings("F0"), unit = NEWTON, min = 0.0, nominal = 10.0)]
+    pub f0_n: [f64; B],
+    /// Amplitude of the modulation of the {smallest force}, as a fraction of F0
+    #[parameter(name = "F0.modulation", tunable, unit = ONE, min = 0.0, max = 1.0)]
+    pub modulation: f64,
+    /// Frequency of the modulation{in bearing}, at most half the sample rate
+    #[parameter(names = context.of_bearings("F0.modulationFrequency"), tunable, unit = HERTZ, min = 0.0, nominal = 100.0)]
+    pub modulation_hz: [f64; B],
+    /// Poles of the tracking error
+    #[parameter(name = "bandwidth.tracking", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz")]
+    pub tracking_rad_s: f64,
+    /// Poles of the perturbation observer
+    #[parameter(name = "bandwidth.observer", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz")]
+    pub observer_rad_s: f64,
+    /// Pole of the current error with drive = voltage
+    #[parameter(name = "bandwidth.current", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz")]
+    pub current_rad_s: f64,
+    /// When the estimated force constants are taken over
+    #[parameter(name = "update.mode")]
     pub update: UpdateMode,
-    /// Time of the update in [`UpdateMode::AtTime`], in s.
+    /// Time of the update with update.mode = atTime: absolute simulation time, not time since the start
+    #[parameter(name = "update.time", unit = SECOND, display_unit = "ms")]
     pub update_time_s: f64,
+}
+
+impl<const K: usize, const B: usize> Default for TrackingConfig<K, B> {
+    /// The paper's first guess, poles for the planar rotor.
+    fn default() -> Self {
+        Self {
+            step_s: 1e-4,
+            coil: CoilConfig::default(),
+            lambda0_nm2_a2: [4e-6; K],
+            f0_n: [20.0; B],
+            modulation: 0.0,
+            modulation_hz: [110.0; B],
+            tracking_rad_s: 1000.0,
+            observer_rad_s: 4000.0,
+            current_rad_s: 5000.0,
+            update: UpdateMode::AtTime,
+            update_time_s: 0.2,
+        }
+    }
 }
 
 /// What is measured and estimated at a sample.

@@ -9,6 +9,11 @@ use super::innovations::{Machine, Tolerances};
 use crate::bearing::magnet::SMALLEST_SINE;
 use crate::invalid::Checks;
 use crate::invalid::Invalid;
+use crate::machine::Machine as Names;
+use crate::variables::unit::{
+    AMPERE, KILOGRAM, METRE, NEWTON, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND, SECOND,
+};
+use crate::variables::{Choice, KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Variables, numbers};
 
 /// The shortest window of the paper's methods, in sample times: the kernels need room for their three changes of sign.
 pub const MIN_INTERVALS: f64 = 8.0;
@@ -19,51 +24,72 @@ pub const MAX_INTERVALS: f64 = 1.0e5;
 /// How far `T_f/T_s` may be from a whole number, relative.
 pub(super) const WHOLE_NUMBER_TOLERANCE: f64 = 1.0e-6;
 
-/// How λ is computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// How the force constants are computed
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]
+#[choice(name = "EstimationMethod")]
 pub enum Method {
-    /// P(20) to the letter, `F(n_i)/F(d)` with signed Cramer numerators and determinant of the z axis.
+    /// Filtered signed determinants, equation (20) to the letter; diverges
     ///
-    /// `d` changes sign twice per revolution and nearly cancels in the mean, so this diverges; it is here to be
-    /// compared with. Its values are shown as they are, valid or not, and no residual makes them invalid.
+    /// P(20) to the letter, `F(n_i)/F(d)` with signed Cramer numerators and determinant of the z axis. `d` changes sign twice per revolution
+    /// and nearly cancels in the mean, so this diverges; it is here to be compared with. Its values are shown as they are, valid or not, and
+    /// no residual makes them invalid.
     PaperLiteral,
-    /// P(20) with the signs aligned first, `F(n_i sign d)/F(|d|)`: what reproduces the paper.
+    /// Equation (20) with the sign of the determinant aligned; z axis only
+    ///
+    /// `F(n_i sign d)/F(|d|)`: what reproduces the paper.
     Paper,
-    /// Prediction errors of both axes and instrumental variables; unbalance and noise identified as well.
+    /// Prediction errors and instrumental variables; unbalance and noise identified as well
     #[default]
     PredictionError,
 }
 
-/// What a current sample stands for; the choice decides several per cent in λ.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// What a sample of a current stands for
+///
+/// The choice decides several per cent in λ.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]
+#[choice(name = "CurrentHold")]
 pub enum Hold {
+    /// The current held over the interval that ends at the sample
+    ///
     /// Sample j was held over `[t_{j−1}, t_j)`: the current measured just before it jumps.
     #[default]
     HeldBefore,
+    /// The current held over the interval that begins at the sample
+    ///
     /// Sample j is held over `[t_j, t_{j+1})`: the command issued at the sample.
     HeldAfter,
-    /// Sample j is a point of a continuous current, straight between samples.
+    /// A point of a continuous current
+    ///
+    /// Straight between samples.
     Linear,
 }
 
 /// Standard deviations of what the estimator takes as known; 0 means exactly known.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 pub struct Tolerance {
-    /// Of the mass m, kg.
+    /// Standard deviation of m; 0 means exactly known
+    #[parameter(name = "m", unit = KILOGRAM, min = 0.0, nominal = 0.1)]
     pub m_kg: f64,
-    /// Of the nominal air gap s, m.
+    /// Standard deviation of s; 0 means exactly known
+    #[parameter(name = "s", unit = METRE, min = 0.0, nominal = 1e-5)]
     pub gap_m: f64,
-    /// Of the angle of each magnet, rad.
+    /// Standard deviation of each alpha; 0 means exactly known
+    #[parameter(name = "alpha", unit = RADIAN, min = 0.0, nominal = 1e-2)]
     pub alpha_rad: f64,
-    /// Of the gain of each position sensor, relative.
+    /// Relative standard deviation of the gains of {read}; 0 means exact
+    #[parameter(name = "positionGain", unit = ONE, min = 0.0, nominal = 1e-2)]
     pub position_gain: f64,
-    /// Of the offset of each position sensor, m.
+    /// Standard deviation of the offsets of {read}; 0 means none
+    #[parameter(name = "positionOffset", unit = METRE, min = 0.0, nominal = 1e-5)]
     pub position_offset_m: f64,
-    /// Of the gain of each current sensor, relative.
+    /// Relative standard deviation of the gain of each im; 0 means exact
+    #[parameter(name = "currentGain", unit = ONE, min = 0.0, nominal = 1e-2)]
     pub current_gain: f64,
-    /// Of the offset of each current sensor, A.
+    /// Standard deviation of the offset of each im; 0 means none
+    #[parameter(name = "currentOffset", unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_offset_a: f64,
-    /// Of each force of constant magnitude that turns against the rotor, N; it is estimated with the rest. 0: there is none.
+    /// Standard deviation of a force of constant magnitude that turns against the rotor, estimated with the rest; 0 means there is none
+    #[parameter(name = "backwardForce", unit = NEWTON, min = 0.0)]
     pub backward_force_n: f64,
 }
 
@@ -109,52 +135,67 @@ impl Tolerance {
     }
 
     /// Names in the interface, values and units.
-    pub(super) fn listed(&self) -> [(&'static str, f64, &'static str); 8] {
-        [
-            ("tolerance.m", self.m_kg, "kg"),
-            ("tolerance.s", self.gap_m, "m"),
-            ("tolerance.alpha", self.alpha_rad, "rad"),
-            ("tolerance.positionGain", self.position_gain, ""),
-            ("tolerance.positionOffset", self.position_offset_m, "m"),
-            ("tolerance.currentGain", self.current_gain, ""),
-            ("tolerance.currentOffset", self.current_offset_a, "A"),
-            ("tolerance.backwardForce", self.backward_force_n, "N"),
-        ]
+    pub(super) fn listed(&self) -> Vec<(String, f64, &'static str)> {
+        numbers("tolerance.", self, &())
     }
 }
 
 /// Parameters of the estimator, before they are checked.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Names)]
 pub struct EstimatorConfig {
-    /// Mass m of the rotor, kg.
+    /// Mass of the rotor
+    #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
     pub m_kg: f64,
-    /// Nominal air gap s, m.
+    /// Nominal air gap
+    #[parameter(name = "s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
     pub gap_m: f64,
-    /// Angles α_k of the magnets, rad; magnet k pulls along `(sin α_k, cos α_k)` in (y, z).
+    /// Angle of magnet {k}; its direction is (sin alpha, cos alpha) in the y-z plane
+    #[parameter(name = "alpha", unit = RADIAN)]
     pub alpha_rad: [f64; 3],
-    /// Sample time T_s, s.
+    /// Sample time; samples are taken at the start time plus whole multiples of it
+    #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
     pub step_s: f64,
-    /// First guess λ_0, N·m²/A².
+    /// First guess of the force constant of magnet {k}
+    #[parameter(name = "lambda0", unit = LAMBDA, min = 0.0, nominal = 1e-6)]
     pub lambda0_nm2_a2: [f64; 3],
-    /// How λ is computed.
+    /// How the force constants are computed
+    #[parameter]
     pub method: Method,
-    /// What a current sample stands for.
+    /// What a sample of a current stands for
+    #[parameter]
     pub hold: Hold,
-    /// Whether the rotor may have an unbalance, which is then identified as well; [`Method::PredictionError`] alone.
+    /// Whether to identify an unbalance as well
+    ///
+    /// [`Method::PredictionError`] alone.
+    #[parameter(name = "identify.unbalance")]
     pub identify_unbalance: bool,
-    /// Standard deviation σ_z of the noise of a position, m; 0 if it is to be found from the data.
+    /// Standard deviation of the noise of {read}; 0 to estimate it from the data
+    #[parameter(name = "sensor.positionNoise", unit = METRE, min = 0.0, nominal = 1e-7)]
     pub position_noise_m: f64,
-    /// Standard deviation σ_i of the noise of a current, A; 0 if it is to be found from the data.
+    /// Standard deviation of the noise of im; 0 to estimate it from the data
+    #[parameter(name = "sensor.currentNoise", unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_noise_a: f64,
     /// How well the rest is known; [`Method::PredictionError`] alone.
+    #[nested(context = ())]
     pub tolerance: Tolerance,
-    /// Window length T_f of the paper's methods, s; a whole number of sample times.
+    /// Length of the window of the paper's methods, a whole multiple of Ts; one revolution is a good choice
+    #[parameter(name = "Tf", unit = SECOND, min = 0.0, nominal = 1e-2)]
     pub window_s: f64,
-    /// ε of P: with the paper's methods the estimate is λ_0 until samples of this length of time have come in, s; at least T_f.
+    /// Time during which the paper's methods return the first guess, counted in usable samples since the start or the last reset
+    ///
+    /// ε of P; at least T_f.
+    #[parameter(name = "epsilon", unit = SECOND, min = 0.0, nominal = 1e-2)]
     pub epsilon_s: f64,
-    /// ω_n of F(s) in P(20), rad/s.
+    /// Natural frequency of the low-pass filter of the paper's methods
+    ///
+    /// ω_n of F(s) in P(20).
+    #[parameter(name = "filter.omega", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 10.0, display_unit = "Hz")]
     pub filter_omega_rad_s: f64,
+    /// Damping ratio of the low-pass filter of the paper's methods
+    ///
     /// ζ of F(s) in P(20).
+    #[parameter(name = "filter.zeta", unit = ONE, min = 0.0)]
     pub filter_zeta: f64,
 }
 
@@ -182,59 +223,76 @@ impl Default for EstimatorConfig {
 }
 
 /// One sample of the measurements, all of the same instant.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 pub struct EstimatorInput {
-    /// Position (Y, Z) of the rotor, m.
+    /// Measured position of the rotor along {axis}
+    #[input(names = ["Ym", "Zm"], unit = METRE, nominal = 1e-5)]
     pub position_m: [f64; 2],
-    /// Currents of the magnets, A; [`Hold`] says what they stand for.
+    /// Measured current through magnet {k}
+    ///
+    /// [`Hold`] says what it stands for.
+    #[input(name = "im", unit = AMPERE)]
     pub current_a: [f64; 3],
-    /// Angle θ of the rotor, rad, wrapped or not.
+    /// Rotor angle, wrapped or unwrapped; needed to identify an unbalance
+    #[input(name = "theta", unit = RADIAN)]
     pub theta_rad: f64,
-    /// Speed of the rotor, rad/s.
+    /// Speed of the rotor
+    #[input(name = "omega", unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0)]
     pub omega_rad_s: f64,
-    /// While false, samples are ignored.
+    /// Whether to use the samples
+    #[input(start = true)]
     pub enable: bool,
-    /// Whether the rotor touches something beside the magnets: samples are of no use meanwhile.
+    /// Whether the rotor touches the backup bearing, so that samples cannot be used
+    #[input]
     pub contact: bool,
-    /// A rising edge starts afresh, with this sample as the first.
+    /// A rising edge restarts the estimation
+    ///
+    /// With this sample as the first.
+    #[input]
     pub reset: bool,
 }
 
-/// Why an estimate is valid or not.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// Why an estimate is valid or not
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]
 pub enum Verdict {
-    /// The estimate can be relied on.
+    /// All tests pass
     Valid,
-    /// Too few samples so far.
+    /// Not enough samples yet
     #[default]
     Collecting,
-    /// `enable` is false.
+    /// The input enable is false
     Disabled,
-    /// The sample is not finite, or the rotor is outside the gap of a magnet.
+    /// A sample is not finite, or outside the gap
     BadSample,
-    /// The rotor touches something.
+    /// The rotor is in contact
     Contact,
-    /// A position has read the same to the last bit for many samples, while others move.
+    /// A position sensor reads the same all the time
+    ///
+    /// To the last bit for many samples, while others move.
     Stuck,
-    /// The latest revolution contradicts those before: estimation has begun anew.
+    /// The latest samples contradict the earlier ones; what they told is discarded
     Changed,
-    /// The excitation does not tell the unknowns apart.
+    /// The excitation does not determine all unknowns
     Singular,
-    /// A force constant came out zero or negative, which a magnet cannot have.
+    /// A force constant came out zero or negative
     NotPositive,
-    /// The model does not explain the motion: the innovations are larger than the noise told, or turn with the rotor.
+    /// The model does not explain the motion
+    ///
+    /// The innovations are larger than the known noise, or turn with the rotor.
     Unexplained,
-    /// The innovations are not white: the noise found does not describe the data.
+    /// The innovations are not white
     Coloured,
-    /// The noise is not told, and beyond what can be found from the data.
+    /// There is too much noise to be estimated from the data: set sensor.positionNoise and sensor.currentNoise
     Noisy,
-    /// The estimate contradicted itself several times within a few revolutions.
+    /// The estimate has changed several times
     Unsteady,
-    /// A standard deviation is too large for the estimate to be of use.
+    /// The standard deviation is too large
     Uncertain,
-    /// The state was made by an estimator with other parameters; it is left untouched.
+    /// The state belongs to an estimator with other parameters
+    ///
+    /// It is left untouched.
     ForeignState,
-    /// The measured speed is not that of the angle.
+    /// The input omega is not the speed of theta in rad/s
     Speed,
 }
 
@@ -268,60 +326,106 @@ impl fmt::Display for Verdict {
 }
 
 /// The estimates after a sample. All numbers are finite at all times.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 pub struct EstimatorOutput {
-    /// λ̂, N·m²/A²: λ_0 at first, then the last valid estimate ([`Method::PaperLiteral`]: the last finite one).
+    /// Estimated force constant of magnet {k}
+    ///
+    /// λ_0 at first, then the last valid estimate ([`Method::PaperLiteral`]: the last finite one).
+    #[output(name = "lambdaHat", discrete, unit = LAMBDA, nominal = 1e-6)]
     pub lambda_hat: [f64; 3],
-    /// λ from the last revolution alone, N·m²/A²; with the paper's methods `D⁻¹N` of the window, P(19). λ_0 at first, then the
-    /// last finite value.
+    /// Force constant of magnet {k} from the last revolution alone
+    ///
+    /// With the paper's methods `D⁻¹N` of the window, P(19). λ_0 at first, then the last finite value.
+    #[output(name = "lambdaRaw", discrete, unit = LAMBDA, nominal = 1e-6)]
     pub lambda_raw: [f64; 3],
-    /// Standard deviation of `lambda_hat` by noise, N·m²/A²; λ_0 before there is one. While the estimate is not valid it includes
-    /// how far the present estimate is from `lambda_hat`.
+    /// Standard deviation of the force constant of magnet {k} due to noise alone
+    ///
+    /// λ_0 before there is one. While the estimate is not valid it includes how far the present estimate is from `lambda_hat`.
+    #[output(name = "lambdaStd", discrete, unit = LAMBDA, min = 0.0, nominal = 1e-8)]
     pub lambda_std: [f64; 3],
-    /// The same by noise and tolerances.
+    /// Standard deviation of the force constant of magnet {k} due to noise and tolerances
+    #[output(name = "lambdaStdTotal", discrete, unit = LAMBDA, min = 0.0, nominal = 1e-8)]
     pub lambda_std_total: [f64; 3],
-    /// Force per current `2 λ_k i_k/gap_k²`, N/A, mean over the last revolution.
+    /// Force per current of magnet {k}, mean over the last revolution
+    ///
+    /// `2 λ_k i_k/gap_k²`.
+    #[output(discrete, unit = NEWTON_PER_AMPERE, nominal = 10.0)]
     pub ki: [f64; 3],
-    /// Negative stiffness `2 λ_k i_k²/gap_k³`, N/m, mean over the last revolution.
+    /// Negative stiffness of magnet {k}, mean over the last revolution
+    ///
+    /// `2 λ_k i_k²/gap_k³`.
+    #[output(discrete, unit = NEWTON_PER_METRE, nominal = 1e5)]
     pub ks: [f64; 3],
-    /// Whether `lambda_hat` can be relied on; `verdict == Verdict::Valid`. False while disabled: the estimate held then
-    /// is as old as the last sample.
-    pub valid: bool,
-    /// Why.
-    pub verdict: Verdict,
-    /// Condition number (1-norm) of the information matrix scaled to unit diagonal, dimensionless; with the paper's methods the square
-    /// root of that of the filtered normal equations of both axes. [`CONDITION_CAP`](super::CONDITION_CAP) if singular and before the first estimate.
-    pub condition: f64,
-    /// Normalised innovation squared per degree of freedom, mean over about three revolutions, dimensionless: 1 where model and noise
-    /// describe the data. With the paper's methods `√(F(|N − D Λ̂|²)/F(|N|²))`, the part of the motion left unexplained, 1 at first.
-    pub residual: f64,
-    /// det D of the z axis of the present window, rows and columns scaled as `paper` says, m³; 0 with [`Method::PredictionError`].
-    pub determinant: f64,
-    /// Static load (p_y, p_z), N; 0 at first, then that of the last valid estimate.
-    pub load_n: [f64; 2],
-    /// Magnitude U of the unbalance, kg·m; 0 unless it was identified.
-    pub unbalance_kg_m: f64,
-    /// Phase φ of the unbalance, rad in (−π, π]: the force on the rotor is `U ω² (cos(θ + φ), sin(θ + φ))`.
-    pub unbalance_phase_rad: f64,
-    /// Magnitude B of the force that turns against the rotor, N; 0 unless there is one.
-    pub backward_force_n: f64,
-    /// Its phase φ, rad in (−π, π]: the force on the rotor is `B (cos(θ + φ), −sin(θ + φ))`.
-    pub backward_force_phase_rad: f64,
-    /// Standard deviation of the noise of a position, m, as told or as found; 0 before it is found.
+    /// Standard deviation of ki[{k}] due to noise and tolerances
+    #[output(name = "kiStd", discrete, unit = NEWTON_PER_AMPERE, nominal = 0.1)]
+    pub ki_std: [f64; 3],
+    /// Standard deviation of ks[{k}] due to noise and tolerances
+    #[output(name = "ksStd", discrete, unit = NEWTON_PER_METRE, nominal = 1e3)]
+    pub ks_std: [f64; 3],
+    /// Standard deviation of the noise of {read}, given or estimated
+    ///
+    /// 0 before it is estimated.
+    #[output(name = "noise.position", discrete, unit = METRE, min = 0.0, nominal = 1e-7)]
     pub position_noise_m: f64,
-    /// Standard deviation of the noise of a current, A, as told or as found; 0 before it is found.
+    /// Standard deviation of the noise of im, given or estimated
+    ///
+    /// 0 before it is estimated.
+    #[output(name = "noise.current", discrete, unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_noise_a: f64,
+    /// Whether the estimate is valid; if not, lambdaHat is the last valid one
+    ///
+    /// `verdict == Verdict::Valid`. False while disabled: the estimate held then is as old as the last sample.
+    #[output(discrete)]
+    pub valid: bool,
+    /// Why the estimate is valid or not
+    #[output(discrete)]
+    pub verdict: Verdict,
+    /// Condition number of the information matrix scaled to unit diagonal
+    ///
+    /// In the 1-norm; with the paper's methods the square root of that of the filtered normal equations of both axes.
+    /// [`CONDITION_CAP`](super::CONDITION_CAP) if singular and before the first estimate.
+    #[output(discrete, unit = ONE, min = 0.0, nominal = 10.0)]
+    pub condition: f64,
+    /// Normalised innovation squared, 1 if model and noise are correct; with the paper's methods: fraction of the motion left unexplained
+    ///
+    /// Per degree of freedom, mean over about three revolutions. With the paper's methods `√(F(|N − D Λ̂|²)/F(|N|²))`, 1 at first.
+    #[output(discrete, unit = ONE, min = 0.0)]
+    pub residual: f64,
+    /// Static load on the rotor along {axis}
+    ///
+    /// 0 at first, then that of the last valid estimate.
+    #[output(names = ["pYHat", "pZHat"], discrete, unit = NEWTON, nominal = 10.0)]
+    pub load_n: [f64; 2],
+    /// Identified unbalance, mass times eccentricity; 0 if none is identified
+    #[output(name = "unbalance.magnitude", discrete, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4)]
+    pub unbalance_kg_m: f64,
+    /// Identified angle of the unbalance from the mark on the rotor that theta refers to
+    ///
+    /// φ in (−π, π]: the force on the rotor is `U ω² (cos(θ + φ), sin(θ + φ))`.
+    #[output(name = "unbalance.phase", discrete, unit = RADIAN)]
+    pub unbalance_phase_rad: f64,
+    /// Identified force that turns against the rotor; 0 if there is none
+    #[output(name = "backwardForce.magnitude", discrete, unit = NEWTON, min = 0.0)]
+    pub backward_force_n: f64,
+    /// Identified phase phi of that force B (cos(theta + phi), -sin(theta + phi)) in the y-z plane
+    ///
+    /// In (−π, π].
+    #[output(name = "backwardForce.phase", discrete, unit = RADIAN)]
+    pub backward_force_phase_rad: f64,
+    /// det D of the z axis of the present window, rows and columns scaled as `paper` says, m³; 0 with [`Method::PredictionError`].
+    #[hidden]
+    pub determinant: f64,
+}
+
+/// Standard deviations of ki or ks, which are as uncertain as λ; 0 before the first sample.
+pub(super) fn stiffness_std<const K: usize>(stiffness: [f64; K], lambda_std: [f64; K], lambda: [f64; K]) -> [f64; K] {
+    let of = |k: usize| if lambda[k] > 0.0 { stiffness[k] * lambda_std[k] / lambda[k] } else { 0.0 };
+    std::array::from_fn(of)
 }
 
 impl EstimatorOutput {
     pub(super) fn is_finite(&self) -> bool {
-        let of_magnets = [self.lambda_hat, self.lambda_raw, self.lambda_std, self.lambda_std_total, self.ki, self.ks];
-        let [p_y, p_z] = self.load_n;
-        let Self { condition, residual, determinant, unbalance_kg_m, unbalance_phase_rad, .. } = *self;
-        let others = [condition, residual, determinant, unbalance_kg_m, unbalance_phase_rad, p_y, p_z];
-        let backward = [self.backward_force_n, self.backward_force_phase_rad];
-        let noise = [self.position_noise_m, self.current_noise_a];
-        of_magnets.as_flattened().iter().chain(&others).chain(&backward).chain(&noise).all(|x| x.is_finite())
+        self.determinant.is_finite() && numbers("", self, &()).iter().all(|(_, value, _)| value.is_finite())
     }
 }
 
@@ -354,7 +458,7 @@ pub(super) fn check(config: &EstimatorConfig) -> Result<(), Vec<Invalid>> {
     checks.not_negative("sensor.positionNoise", config.position_noise_m, "m");
     checks.not_negative("sensor.currentNoise", config.current_noise_a, "A");
     for (name, value, unit) in config.tolerance.listed() {
-        checks.not_negative(name, value, unit);
+        checks.not_negative(name.clone(), value, unit);
         let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
         let unused = value.is_nan() || value <= 0.0 || name == "tolerance.backwardForce";
         checks.require(!paper || unused, name, format_args!("{value} {unit}"), wanted);

@@ -21,10 +21,10 @@ use libm::{atan2, sqrt};
 use nalgebra::{RowVector2, SMatrix};
 use serde::{Deserialize, Serialize};
 
-use self::config::check;
 pub use self::config::{
     EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, MAX_INTERVALS, MIN_INTERVALS, Method, Tolerance, Verdict,
 };
+use self::config::{check, stiffness_std};
 use self::innovations::{Machine, Sample, WhiteningFilter};
 use self::paper::{Paper, PaperState};
 pub use self::prediction_error::STD_LIMIT;
@@ -157,6 +157,9 @@ impl Estimator {
         state.reset_was_high = input.reset;
         state.output.verdict = self.advance(state, input);
         state.output.valid = state.output.verdict == Verdict::Valid;
+        let output = &mut state.output;
+        output.ki_std = stiffness_std(output.ki, output.lambda_std_total, output.lambda_hat);
+        output.ks_std = stiffness_std(output.ks, output.lambda_std_total, output.lambda_hat);
         state.output.clone()
     }
 

@@ -9,6 +9,7 @@ use libm::sqrt;
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
+use super::config::stiffness_std;
 use super::innovations::{Machine, Sample, Square, WhiteningFilter};
 use super::prediction_error::{PredictionError, PredictionErrorState};
 use super::readings::{Readings, Taken};
@@ -17,6 +18,13 @@ use crate::bearing::magnet::Geometry;
 use crate::bearing::shaft::{COORDINATES, generalised};
 use crate::bearing::spindle::{MAGNETS, READINGS, SHORTEST_DISTANCE_M, Spindle, SpindleGeometry, bearing_of};
 use crate::invalid::{Checks, Invalid};
+use crate::machine::{Machine as Names, SPINDLE};
+use crate::plant::spindle::of_planes;
+use crate::variables::unit::{
+    AMPERE, KILOGRAM_METRE2, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN,
+    RADIAN_PER_SECOND, SECOND,
+};
+use crate::variables::{KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Variables, numbers};
 
 /// Planes of unbalance.
 const PLANES: usize = 2;
@@ -39,42 +47,58 @@ type Axial = PredictionError<1, 2, 3, 5>;
 type AxialState = PredictionErrorState<1, 2, 3, 5>;
 
 /// Standard deviations of what is known of a spindle alone; 0 means exactly known.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 pub struct ShaftTolerance {
-    /// Of J_t, kg·m².
+    /// Standard deviation of Jt; 0 means exactly known
+    #[parameter(name = "Jt", unit = KILOGRAM_METRE2, min = 0.0, nominal = 1e-3)]
     pub transverse_kgm2: f64,
-    /// Of J_p, kg·m².
+    /// Standard deviation of Jp; 0 means exactly known
+    #[parameter(name = "Jp", unit = KILOGRAM_METRE2, min = 0.0, nominal = 1e-3)]
     pub polar_kgm2: f64,
-    /// Of the position of the magnets of each radial bearing along the shaft, m.
+    /// Standard deviation of the positions of A and B along the shaft; 0 means exactly known
+    #[parameter(name = "position", unit = METRE, min = 0.0, nominal = 1e-3)]
     pub position_m: f64,
-    /// Of the position of its sensors, m.
+    /// Standard deviation of the positions of their sensors along the shaft; 0 means exactly known
+    #[parameter(name = "sensorPosition", unit = METRE, min = 0.0, nominal = 1e-3)]
     pub sensor_position_m: f64,
-    /// Of each plane of unbalance, m.
+    /// Standard deviation of the positions of the planes of unbalance; 0 means exactly known
+    #[parameter(name = "unbalancePosition", unit = METRE, min = 0.0, nominal = 1e-3)]
     pub unbalance_position_m: f64,
 }
 
 /// Parameters of the estimator, before they are checked.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Names)]
 pub struct SpindleEstimatorConfig {
     /// Shaft and bearings.
+    #[nested(prefix = "", context = ())]
     pub geometry: SpindleGeometry,
-    /// Sample time T_s, s.
+    /// Sample time; samples are taken at the start time plus whole multiples of it
+    #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
     pub step_s: f64,
-    /// First guess λ_0 of the magnets A 1 to 3, B 1 to 3, X 1 and 2, N·m²/A².
+    /// First guess of the force constant of {magnet}
+    #[parameter(names = context.of_magnets("lambda0"), unit = LAMBDA, min = 0.0, nominal = 1e-6)]
     pub lambda0_nm2_a2: [f64; MAGNETS],
-    /// What a current sample stands for.
+    /// What a sample of a current stands for
+    #[parameter]
     pub hold: Hold,
-    /// Whether the rotor may have an unbalance, which is then identified as well.
+    /// Whether to identify an unbalance in two planes as well
+    #[parameter(name = "identify.unbalance")]
     pub identify_unbalance: bool,
-    /// The planes in which it is identified, m from the centre of gravity.
+    /// Position of plane {k} of the unbalance along the shaft, from the centre of gravity
+    #[parameter(names = of_planes("position"), unit = METRE, nominal = 0.1)]
     pub unbalance_position_m: [f64; PLANES],
-    /// Standard deviation σ_z of the noise of a position, m; 0 if it is to be found from the data.
+    /// Standard deviation of the noise of {read}; 0 to estimate it from the data
+    #[parameter(name = "sensor.positionNoise", unit = METRE, min = 0.0, nominal = 1e-7)]
     pub position_noise_m: f64,
-    /// Standard deviation σ_i of the noise of a current, A; 0 if it is to be found from the data.
+    /// Standard deviation of the noise of im; 0 to estimate it from the data
+    #[parameter(name = "sensor.currentNoise", unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_noise_a: f64,
     /// How well the rest is known: that of the mass is one of all inertia, that of the gap one of all gaps, each in proportion.
+    #[nested(context = ())]
     pub tolerance: Tolerance,
     /// The same of the shaft.
+    #[nested(prefix = "tolerance.", context = ())]
     pub shaft_tolerance: ShaftTolerance,
 }
 
@@ -96,63 +120,128 @@ impl Default for SpindleEstimatorConfig {
 }
 
 /// One sample of the measurements, all of the same instant.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Names)]
 pub struct SpindleEstimatorInput {
-    /// Readings A.Ym, A.Zm, B.Ym, B.Zm, Xm, m.
+    /// Readings of position.
+    #[input(
+        names = context.measured(), unit = METRE, nominal = 1e-5,
+        description = format!("Measured position along {}", PLACES[index])
+    )]
     pub reading_m: [f64; READINGS],
-    /// Currents of the magnets, A; [`Hold`] says what they stand for.
+    /// Measured current through {magnet}
+    ///
+    /// [`Hold`] says what it stands for.
+    #[input(names = context.of_magnets("im"), unit = AMPERE)]
     pub current_a: [f64; MAGNETS],
-    /// Angle θ of the rotor, rad, wrapped or not.
+    /// Rotor angle, wrapped or unwrapped; needed to identify an unbalance
+    #[input(name = "theta", unit = RADIAN)]
     pub theta_rad: f64,
-    /// Speed of the rotor, rad/s.
+    /// Speed of the rotor
+    #[input(name = "omega", unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0)]
     pub omega_rad_s: f64,
-    /// While false, samples are ignored.
+    /// Whether to use the samples
+    #[input(start = true)]
     pub enable: bool,
-    /// Whether the rotor touches something beside the magnets: samples are of no use meanwhile.
+    /// Whether the rotor touches a backup bearing, so that samples cannot be used
+    #[input]
     pub contact: bool,
-    /// A rising edge starts afresh, with this sample as the first.
+    /// A rising edge restarts the estimation
+    ///
+    /// With this sample as the first.
+    #[input]
     pub reset: bool,
 }
 
+/// Where the positions are measured.
+const PLACES: [&str; READINGS] = [
+    "y at the sensors of A",
+    "z at the sensors of A",
+    "y at the sensors of B",
+    "z at the sensors of B",
+    "x at the sensors of X",
+];
+
 /// The estimates after a sample, as those of [`EstimatorOutput`](super::EstimatorOutput). All numbers are finite at all times.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Names)]
 pub struct SpindleEstimatorOutput {
-    /// λ̂, N·m²/A²: λ_0 at first, then the last valid estimate of the radial and of the axial magnets.
+    /// Estimated force constant of {magnet}
+    ///
+    /// λ_0 at first, then the last valid estimate of the radial and of the axial magnets.
+    #[output(names = context.of_magnets("lambdaHat"), discrete, unit = LAMBDA, nominal = 1e-6)]
     pub lambda_hat: [f64; MAGNETS],
-    /// λ from the last revolution alone, N·m²/A².
+    /// Force constant of {magnet} from the last revolution alone
+    #[output(names = context.of_magnets("lambdaRaw"), discrete, unit = LAMBDA, nominal = 1e-6)]
     pub lambda_raw: [f64; MAGNETS],
-    /// Standard deviation of `lambda_hat` by noise, N·m²/A².
+    /// Standard deviation of the force constant of {magnet} due to noise alone
+    #[output(names = context.of_magnets("lambdaStd"), discrete, unit = LAMBDA, min = 0.0, nominal = 1e-8)]
     pub lambda_std: [f64; MAGNETS],
-    /// The same by noise and tolerances.
+    /// Standard deviation of the force constant of {magnet} due to noise and tolerances
+    #[output(names = context.of_magnets("lambdaStdTotal"), discrete, unit = LAMBDA, min = 0.0, nominal = 1e-8)]
     pub lambda_std_total: [f64; MAGNETS],
-    /// Force per current, N/A, mean over the last revolution.
+    /// Force per current of {magnet}, mean over the last revolution
+    #[output(names = context.of_magnets("ki"), discrete, unit = NEWTON_PER_AMPERE, nominal = 10.0)]
     pub ki: [f64; MAGNETS],
-    /// Negative stiffness, N/m, mean over the last revolution.
+    /// Negative stiffness of {magnet}, mean over the last revolution
+    #[output(names = context.of_magnets("ks"), discrete, unit = NEWTON_PER_METRE, nominal = 1e5)]
     pub ks: [f64; MAGNETS],
-    /// Whether all of `lambda_hat` can be relied on; `verdict == Verdict::Valid`.
-    pub valid: bool,
-    /// Why: what is said of the radial magnets, or, if they are valid, of the axial ones.
-    pub verdict: Verdict,
-    /// What is said of the axial magnets alone.
-    pub axial_verdict: Verdict,
-    /// The greater condition number of both machines.
-    pub condition: f64,
-    /// The greater normalised innovation squared per degree of freedom.
-    pub residual: f64,
-    /// Static load (p_x, p_y, p_z) in N and moments (M_β, M_γ) in N·m.
-    pub load: [f64; COORDINATES],
-    /// Magnitudes of the unbalance, kg·m.
-    pub unbalance_kg_m: [f64; PLANES],
-    /// Their phases, rad in (−π, π].
-    pub unbalance_phase_rad: [f64; PLANES],
-    /// Magnitudes of the forces at A and at B that turn against the rotor, N.
-    pub backward_force_n: [f64; RADIAL],
-    /// Their phases, rad in (−π, π].
-    pub backward_force_phase_rad: [f64; RADIAL],
-    /// Standard deviations of the noise of a radial and of an axial position, m, as told or as found.
+    /// Standard deviation of ki of {magnet} due to noise and tolerances
+    #[output(names = context.of_magnets("kiStd"), discrete, unit = NEWTON_PER_AMPERE, nominal = 0.1)]
+    pub ki_std: [f64; MAGNETS],
+    /// Standard deviation of ks of {magnet} due to noise and tolerances
+    #[output(names = context.of_magnets("ksStd"), discrete, unit = NEWTON_PER_METRE, nominal = 1e3)]
+    pub ks_std: [f64; MAGNETS],
+    /// Of the radial and of the axial positions, 0 before it is estimated.
+    #[output(
+        names = ["noise.position", "X.noise.position"], discrete, unit = METRE, min = 0.0, nominal = 1e-7,
+        description = format!(
+            "Standard deviation of the noise of {}, given or estimated", ["the radial positions", "Xm"][index]
+        )
+    )]
     pub position_noise_m: [f64; 2],
-    /// The same of a current, A.
+    /// Of the radial and of the axial currents, 0 before it is estimated.
+    #[output(
+        names = ["noise.current", "X.noise.current"], discrete, unit = AMPERE, min = 0.0, nominal = 1e-2,
+        description = format!("Standard deviation of the noise of im of {}, given or estimated", ["A and B", "X"][index])
+    )]
     pub current_noise_a: [f64; 2],
+    /// Whether all estimates are valid; of those that are not, the last valid one is shown
+    #[output(discrete)]
+    pub valid: bool,
+    /// Why the estimates are valid or not: of A and B, or, if they are valid, of X
+    #[output(discrete)]
+    pub verdict: Verdict,
+    /// Why the estimate of the axial magnets is valid or not
+    #[output(name = "X.verdict", discrete)]
+    pub axial_verdict: Verdict,
+    /// Condition number of the information matrix scaled to unit diagonal, the greater of the radial and of the axial one
+    #[output(discrete, unit = ONE, min = 0.0, nominal = 10.0)]
+    pub condition: f64,
+    /// Normalised innovation squared, 1 if model and noise are correct, the greater of the radial and of the axial one
+    #[output(discrete, unit = ONE, min = 0.0)]
+    pub residual: f64,
+    /// Static load and moments.
+    #[output(
+        names = ["pXHat", "pYHat", "pZHat", "MYHat", "MZHat"], discrete,
+        unit = context.either(index, NEWTON, NEWTON_METRE), nominal = context.either(index, 10.0, 1.0),
+        description = format!(
+            "Static {} {}", context.either(index, "load along", "moment about"), ["x", "y", "z", "y", "z"][index]
+        )
+    )]
+    pub load: [f64; COORDINATES],
+    /// Identified unbalance in plane {k}, mass times eccentricity; 0 if none is identified
+    #[output(names = of_planes("magnitude"), discrete, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4)]
+    pub unbalance_kg_m: [f64; PLANES],
+    /// Identified angle of the unbalance in plane {k} from the mark on the rotor that theta refers to
+    #[output(names = of_planes("phase"), discrete, unit = RADIAN)]
+    pub unbalance_phase_rad: [f64; PLANES],
+    /// Identified force at this bearing that turns against the rotor; 0 if there is none
+    #[output(names = ["A.backwardForce.magnitude", "B.backwardForce.magnitude"], discrete, unit = NEWTON, min = 0.0)]
+    pub backward_force_n: [f64; RADIAL],
+    /// Identified phase phi of that force B (cos(theta + phi), -sin(theta + phi)) in the y-z plane
+    #[output(names = ["A.backwardForce.phase", "B.backwardForce.phase"], discrete, unit = RADIAN)]
+    pub backward_force_phase_rad: [f64; RADIAL],
 }
 
 /// All that changes with a sample.
@@ -318,37 +407,27 @@ impl SpindleEstimator {
         }
         output.position_noise_m = [radial.noise[0], axial.noise[0]];
         output.current_noise_a = [radial.noise[1], axial.noise[1]];
+        output.ki_std = stiffness_std(output.ki, output.lambda_std_total, output.lambda_hat);
+        output.ks_std = stiffness_std(output.ks, output.lambda_std_total, output.lambda_hat);
     }
 }
 
 impl SpindleEstimatorOutput {
     fn is_finite(&self) -> bool {
-        let of_magnets = [self.lambda_hat, self.lambda_raw, self.lambda_std, self.lambda_std_total, self.ki, self.ks];
-        let unbalance = self.unbalance_kg_m.iter().chain(&self.unbalance_phase_rad);
-        let backward = self.backward_force_n.iter().chain(&self.backward_force_phase_rad);
-        let noise = self.position_noise_m.iter().chain(&self.current_noise_a);
-        let others =
-            self.load.iter().chain([&self.condition, &self.residual]).chain(unbalance).chain(backward).chain(noise);
-        of_magnets.as_flattened().iter().chain(others).all(|x| x.is_finite())
+        numbers("", self, &SPINDLE).iter().all(|(_, value, _)| value.is_finite())
     }
 }
 
 impl ShaftTolerance {
     /// Names in the interface, values and units.
-    fn listed(&self) -> [(&'static str, f64, &'static str); 5] {
-        [
-            ("tolerance.Jt", self.transverse_kgm2, "kg.m2"),
-            ("tolerance.Jp", self.polar_kgm2, "kg.m2"),
-            ("tolerance.position", self.position_m, "m"),
-            ("tolerance.sensorPosition", self.sensor_position_m, "m"),
-            ("tolerance.unbalancePosition", self.unbalance_position_m, "m"),
-        ]
+    fn listed(&self) -> Vec<(String, f64, &'static str)> {
+        numbers("tolerance.", self, &())
     }
 
     fn check(&self, config: &SpindleEstimatorConfig, checks: &mut Checks) {
         let [begin_m, end_m] = config.geometry.extent_m;
         for (name, value, unit) in self.listed() {
-            checks.not_negative(name, value, unit);
+            checks.not_negative(name.clone(), value, unit);
             let on_shaft = unit != "m" || value.is_nan() || value < end_m - begin_m || begin_m >= end_m;
             let wanted = format!("less than the length of the shaft, {} m,", end_m - begin_m);
             checks.require(on_shaft, name, format_args!("{value} m"), wanted);

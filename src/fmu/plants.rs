@@ -1,50 +1,56 @@
-//! The model of a plant, written once for the planar rotor and the spindle: values, run, derivatives, and the rows that both have.
+//! The model of a plant, written once for the planar rotor and the spindle: values, table, run, derivatives.
 
 use std::fmt::Debug;
 
 use fmu_export::input::{HIGHEST_ORDER, InputTrajectory};
 use fmu_export::log::Log;
-use fmu_export::unit::{
-    AMPERE, METRE, NEWTON_PER_METRE, NEWTON_SECOND_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND, SECOND, WEBER,
-};
-use fmu_export::variable::Dependency::Constant;
-use fmu_export::variable::{Access, Row, Table, Value, Variability};
+use fmu_export::variable::Dependency::{Constant, Fixed};
+use fmu_export::variable::{Causality, Row, Table, Value, Variability};
 use fmu_export::{Capabilities, Info, Invalid, Model, Resources, Step, StepError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::common::{DRIVE, displayed, together};
-use crate::bearing::coil::{CoilConfig, Drive};
+use super::common::{described, refused};
 use crate::bearing::scalar::Scalar;
 use crate::invalid;
+use crate::machine::Machine;
 use crate::plant::linearisation::{Point, Taylor};
-use crate::plant::sensor::{Channels, SensorConfig};
+use crate::plant::sensor::Channels;
 use crate::plant::{
     self, Conditions, Equations, INSTANT_TOLERANCE, Motion, Plant, PlantInput, PlantOutput, PlantParameters,
     PlantState, Rotor,
 };
+use crate::variables::Variables;
+use crate::variables::unit::{AMPERE, METRE, METRE_PER_SECOND, RADIAN, RADIAN_PER_SECOND};
 
-/// Speed of the paper's experiments, 3000 rpm.
-pub(super) const OMEGA_RAD_S: f64 = 100.0 * std::f64::consts::PI;
-
-/// A rotor as a model: its table, and what the equations leave to it.
+/// A rotor as a model: its dependencies, and what the equations leave to it.
 pub trait ModelledRotor<const N: usize, const K: usize>:
-    PlantParameters<N, K, Contact: Send + Sync> + Default + Serialize + DeserializeOwned + Send + Sync + 'static
+    PlantParameters<N, K, Contact: Send + Sync>
+    + Default
+    + Variables<Context = Machine>
+    + Serialize
+    + DeserializeOwned
+    + Send
+    + Sync
+    + 'static
 {
     /// Name and description.
     const INFO: Info;
 
     /// Outputs besides those of all plants.
-    type Details: Clone + Debug + Default + PartialEq + Serialize + DeserializeOwned + Send + Sync + 'static;
+    type Details: Clone
+        + Debug
+        + Default
+        + PartialEq
+        + Variables<Context = ()>
+        + Serialize
+        + DeserializeOwned
+        + Send
+        + Sync
+        + 'static;
 
-    /// The table of variables.
-    fn table() -> Vec<Row<Values<Self, N, K>>>;
-
-    /// The sensors.
-    fn sensor_mut(&mut self) -> &mut SensorConfig<N, K>;
-
-    /// The coils.
-    fn coil_mut(&mut self) -> &mut CoilConfig;
+    /// Adds to a row what it depends on, beyond what holds for all plants.
+    fn dependent(row: Row<Values<Self, N, K>>) -> Row<Values<Self, N, K>>;
 
     /// The parameters that give coordinates and rates at the start, and the angle.
     fn start_mut(&mut self) -> (&mut [f64; N], &mut [f64; N], &mut f64);
@@ -67,208 +73,158 @@ pub trait ModelledRotor<const N: usize, const K: usize>:
 }
 
 /// The values of all variables of a plant.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
 #[serde(bound(
-    serialize = "R: Serialize, R::Contact: Serialize, R::Details: Serialize, [bool; K]: Serialize, [f64; N]: Serialize, \
-                 [f64; K]: Serialize",
-    deserialize = "R: DeserializeOwned, R::Contact: DeserializeOwned, R::Details: DeserializeOwned, \
-                   [bool; K]: Deserialize<'de>, [f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+    serialize = "R: Serialize, R::Details: Serialize, [bool; K]: Serialize, [f64; N]: Serialize, [f64; K]: Serialize",
+    deserialize = "R: DeserializeOwned, R::Details: DeserializeOwned, [bool; K]: Deserialize<'de>, \
+                   [f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
 ))]
 pub struct Values<R: ModelledRotor<N, K>, const N: usize, const K: usize> {
-    pub(super) config: R,
-    pub(super) seed: i32,
-    pub(super) drive: i32,
-    pub(super) open: [bool; K],
-    pub(super) contact: R::Contact,
-    pub(super) input: PlantInput<f64, N, K>,
-    pub(super) output: PlantOutput<f64, N, K>,
-    pub(super) details: R::Details,
-    pub(super) position_m: [f64; N],
-    pub(super) velocity_m_s: [f64; N],
-    pub(super) measured_position_m: [f64; N],
-    pub(super) measured_current_a: [f64; K],
-    pub(super) measured_theta_rad: f64,
-    pub(super) measured_omega_rad_s: f64,
-    pub(super) theta_rad: f64,
-    pub(super) omega_rad_s: f64,
+    #[nested(prefix = "")]
+    config: R,
+    /// Whether the circuit of {magnet} is open, so that it carries no current
+    #[parameter(names = context.of_magnets("coil.open"), tunable)]
+    open: [bool; K],
+    #[nested(prefix = "")]
+    input: PlantInput<f64, N, K>,
+    #[output(
+        names = context.of_coordinates(|coordinate| coordinate.position),
+        description = context.coordinates[index].position.1,
+        unit = context.either(index, METRE, RADIAN), nominal = context.either(index, 1e-5, 1e-4), state,
+        with = |row| {
+            let name = row.variable.name.clone();
+            row.starts_from([format!("{name}0")]).depends(Constant, [name])
+        }
+    )]
+    position_m: [f64; N],
+    #[nested(prefix = "", context = ())]
+    details: R::Details,
+    /// Position {place} as read by the sensor at the last sample
+    #[output(names = context.measured(), discrete, unit = METRE, nominal = 1e-5)]
+    measured_position_m: [f64; N],
+    /// Current through {magnet} as read by the sensor at the last sample; with drive = current the one held until then
+    #[output(names = context.of_magnets("im"), discrete, unit = AMPERE)]
+    measured_current_a: [f64; K],
+    /// Unwrapped rotor angle at the last sample
+    #[output(name = "theta", discrete, unit = RADIAN, starts_from = ["theta0"])]
+    measured_theta_rad: f64,
+    /// Speed of the rotor at the last sample, held over the interval that ends there
+    #[output(name = "omegam", discrete, unit = RADIAN_PER_SECOND, nominal = 100.0, starts_from = ["omega"])]
+    measured_omega_rad_s: f64,
+    #[nested(prefix = "")]
+    output: PlantOutput<f64, N, K>,
+    #[local(
+        names = context.of_coordinates(|coordinate| coordinate.rate),
+        description = context.coordinates[index].rate.1,
+        unit = context.either(index, METRE_PER_SECOND, RADIAN_PER_SECOND), nominal = context.either(index, 1e-2, 0.1), state,
+        derivative_of = context.coordinates[index].position.0,
+        with = |row| {
+            let name = row.variable.name.clone();
+            row.starts_from([format!("{name}0")]).depends(Constant, [name])
+        }
+    )]
+    velocity_m_s: [f64; N],
+    /// Unwrapped rotor angle
+    #[local(name = "rotor.theta", unit = RADIAN, state, starts_from = ["theta0"])]
+    theta_rad: f64,
+    /// Derivative of the rotor angle, equal to the input omega
+    #[local(
+        name = "rotor.omega", unit = RADIAN_PER_SECOND, nominal = 100.0, derivative_of = "rotor.theta", starts_from = ["omega"],
+        with = |row| row.depends(Constant, ["omega"])
+    )]
+    omega_rad_s: f64,
 }
 
 impl<R: ModelledRotor<N, K>, const N: usize, const K: usize> Default for Values<R, N, K> {
     fn default() -> Self {
         Self {
             config: R::default(),
-            seed: 0,
-            drive: 0,
             open: [false; K],
-            contact: R::Contact::default(),
             input: PlantInput::default(),
-            output: PlantOutput::default(),
-            details: R::Details::default(),
             position_m: [0.0; N],
-            velocity_m_s: [0.0; N],
+            details: R::Details::default(),
             measured_position_m: [0.0; N],
             measured_current_a: [0.0; K],
             measured_theta_rad: 0.0,
             measured_omega_rad_s: 0.0,
+            output: PlantOutput::default(),
+            velocity_m_s: [0.0; N],
             theta_rad: 0.0,
             omega_rad_s: 0.0,
         }
     }
 }
 
-impl<R: ModelledRotor<N, K>, const N: usize, const K: usize> Values<R, N, K> {
-    /// The configuration, converted from the types of the interface.
-    fn config(&self) -> (R, Vec<Invalid>) {
-        let mut config = self.config.clone();
-        // Any integer is a seed, negative ones included.
-        config.sensor_mut().seed = u64::from(self.seed.cast_unsigned());
-        let mut findings = Vec::new();
-        let drives = [Drive::Current, Drive::Voltage];
-        DRIVE.choose("drive", self.drive, drives, &mut config.coil_mut().drive, &mut findings);
-        (config, findings)
+/// The table of a plant.
+fn table<R: ModelledRotor<N, K>, const N: usize, const K: usize>() -> Vec<Row<Values<R, N, K>>> {
+    let machine = R::MACHINE;
+    // A sampled output is held until the next sample.
+    let held = |row: Row<_>| match row.variable.variability {
+        Variability::Discrete if row.variable.causality == Causality::Output => row.depends_on_nothing(),
+        _ => row,
+    };
+    let mut rows = Values::rows_in(machine);
+    // Where the order of the interface is not that of the fields.
+    before(&mut rows, "touchdown.contact", "touchdown.FY");
+    for coordinate in machine.coordinates {
+        before(&mut rows, coordinate.rate.0, machine.coordinates[0].acceleration.0);
     }
+    let rows = rows.into_iter().map(|row| held(R::dependent(feedthrough(row, machine))));
+    described(rows, machine)
+}
+
+/// Moves a row, if it is there, to the place before another.
+fn before<D>(rows: &mut Vec<Row<D>>, name: &str, other: &str) {
+    let find = |rows: &[Row<D>], name: &str| rows.iter().position(|row| row.variable.name == name);
+    let Some(from) = find(rows, name) else { return };
+    let row = rows.remove(from);
+    let to = find(rows, other).unwrap_or(from);
+    rows.insert(to, row);
+}
+
+/// Inputs and states with direct feedthrough to the outputs that all plants have.
+fn feedthrough<D>(row: Row<D>, machine: &Machine) -> Row<D> {
+    let (name, index) = (row.variable.name.clone(), row.index());
+    let is_of_magnet = |what: &str| machine.of_magnets(what).get(index).is_some_and(|known| *known == name);
+    let of_magnet = |what: &str| machine.of_magnets(what)[index].clone();
+    let moving = || machine.moves[machine.magnets[index].0].iter().map(|n| machine.coordinates[*n].position.0);
+    if is_of_magnet("F") {
+        return row.depends_on(["i", "psi"].map(of_magnet)).depends_on(moving());
+    }
+    if is_of_magnet("gap") {
+        return row.depends(Fixed, moving());
+    }
+    if is_of_magnet("coil.uInduced") {
+        return row.depends_on(["u", "psi"].map(of_magnet)).depends_on(moving());
+    }
+    let Some(coordinate) = machine.coordinates.get(index) else { return row };
+    // The magnets that move the coordinate, and what else they move. A force along the shaft does not turn with it.
+    let bearing = machine.moves.iter().position(|moved| moved.contains(&index)).unwrap_or_default();
+    let moved = machine.moves[bearing];
+    let turning: &[&str] = if moved.len() > 1 { &["omega", "rotor.theta"] } else { &[] };
+    if name == coordinate.perturbation.0 {
+        return row.depends(Constant, [coordinate.load.0]).depends_on(turning.iter().copied());
+    }
+    if name == coordinate.acceleration.0 {
+        let magnets = machine.magnets.iter().enumerate().filter(|(_, (of, _))| machine.moves[*of] == moved);
+        let drives = magnets.flat_map(|(k, _)| ["i", "psi"].map(|what| machine.of_magnets(what).swap_remove(k)));
+        let motion = moved.iter().map(|n| &machine.coordinates[*n]);
+        return row
+            .depends_on(drives)
+            .depends(Fixed, [coordinate.load.0])
+            .depends_on(turning.iter().copied())
+            .depends_on(motion.flat_map(|coordinate| [coordinate.position.0, coordinate.rate.0]));
+    }
+    row
 }
 
 /// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
-///
-/// # Errors
-/// Every value that is not an item of its enumeration.
 pub(super) fn configuration<R: ModelledRotor<N, K>, const N: usize, const K: usize>(
     settings: &[(usize, Value)],
-) -> Result<(R, PlantInput<f64, N, K>), Vec<Invalid>> {
-    let values = Table::new(R::table()).values(settings);
-    let (config, findings) = values.config();
-    together(findings, Ok((config, values.input)))
-}
-
-/// Noise and resolution of the sensors; `positions` names what the position sensors read.
-pub(super) fn sensor_errors<D>(
-    positions: &str,
-    noise: [Access<D, f64>; 2],
-    resolution: [Access<D, f64>; 2],
-) -> impl Iterator<Item = Row<D>> {
-    let ([position_noise, current_noise], [position_resolution, current_resolution]) = (noise, resolution);
-    [
-        Row::real("sensor.positionNoise", position_noise, METRE, 0.0)
-            .nominal(1e-7)
-            .description(format!("Standard deviation of the noise on {positions}")),
-        Row::real("sensor.currentNoise", current_noise, AMPERE, 0.0)
-            .nominal(1e-2)
-            .description("Standard deviation of the noise on im"),
-        Row::real("sensor.positionResolution", position_resolution, METRE, 0.0)
-            .nominal(1e-7)
-            .description(format!("Resolution of {positions}; 0 for no rounding")),
-        Row::real("sensor.currentResolution", current_resolution, AMPERE, 0.0)
-            .nominal(1e-3)
-            .description("Resolution of im; 0 for no rounding"),
-    ]
-    .into_iter()
-    .map(|row| row.fixed().min(0.0))
-}
-
-/// Delay, sample time and seed of the sensors, and the step of the integration.
-pub(super) fn sampling<D>(
-    positions: &str,
-    [delay, ts, max_step]: [Access<D, f64>; 3],
-    seed: Access<D, i32>,
-) -> impl Iterator<Item = Row<D>> {
-    let real = |name: &'static str, place, start, nominal| {
-        Row::real(name, place, SECOND, start).min(0.0).nominal(nominal).display_unit("µs")
-    };
-    [
-        real("sensor.delay", delay, 0.0, 1e-4)
-            .description(format!("Delay of {positions} and im, up to 16 sample times")),
-        real("sensor.Ts", ts, 1e-4, 1e-4).description("Sample time of the sensors"),
-        Row::integer("sensor.seed", seed, 1).description("Seed of the noise; equal seeds give equal noise"),
-        real("solver.maxStep", max_step, 5e-5, 1e-5).description("Upper bound of the integration step"),
-    ]
-    .into_iter()
-    .map(Row::fixed)
-}
-
-/// Saturation of the iron.
-pub(super) fn saturation<D>(flux: Access<D, f64>) -> Row<D> {
-    Row::real("coil.fluxSaturation", flux, WEBER, 0.0).fixed().min(0.0).nominal(1e-2).description(
-        "Flux at which the iron takes as much current as the nominal gap; 0 for iron that does not saturate",
-    )
-}
-
-/// Clearance, stiffness and damping of a backup bearing, whose names begin with `prefix`; `from` is what the clearance is
-/// measured from.
-pub(super) fn touchdown<D>(
-    prefix: &str,
-    (what, from): (&str, &str),
-    clearance_m: f64,
-    [clearance, stiffness, damping]: [Access<D, f64>; 3],
-) -> impl Iterator<Item = Row<D>> {
-    [
-        Row::real(format!("{prefix}touchdown.clearance"), clearance, METRE, clearance_m)
-            .nominal(1e-4)
-            .display_unit("mm")
-            .description(format!("Distance from the {from} at which the rotor touches the {what}")),
-        Row::real(format!("{prefix}touchdown.stiffness"), stiffness, NEWTON_PER_METRE, 5e7)
-            .nominal(1e7)
-            .description(format!("Stiffness of the {what}")),
-        Row::real(format!("{prefix}touchdown.damping"), damping, NEWTON_SECOND_PER_METRE, 5e3)
-            .nominal(1e3)
-            .description(format!("Damping of the {what}")),
-    ]
-    .into_iter()
-    .map(|row| row.fixed().min(0.0))
-}
-
-/// Friction of a backup bearing, and the radius that it acts at.
-pub(super) fn friction<D>(
-    prefix: &str,
-    what: &str,
-    [friction, radius]: [Access<D, f64>; 2],
-) -> impl Iterator<Item = Row<D>> {
-    [
-        Row::real(format!("{prefix}touchdown.friction"), friction, ONE, 0.0)
-            .nominal(0.1)
-            .description(format!("Coefficient of friction of the {what}")),
-        Row::real(format!("{prefix}touchdown.radius"), radius, METRE, 0.025)
-            .nominal(1e-2)
-            .display_unit("mm")
-            .description(format!("Radius of the rotor at the {what}, used by friction")),
-    ]
-    .into_iter()
-    .map(|row| row.fixed().min(0.0))
-}
-
-/// Angle and speed of the rotor at the last sample.
-pub(super) fn encoder<D>(theta: Access<D, f64>, omega: Access<D, f64>) -> impl Iterator<Item = Row<D>> {
-    [
-        Row::real("theta", theta, RADIAN, 0.0)
-            .sampled_output()
-            .description("Unwrapped rotor angle at the last sample")
-            .starts_from(["theta0"]),
-        Row::real("omegam", omega, RADIAN_PER_SECOND, 0.0)
-            .sampled_output()
-            .nominal(100.0)
-            .description("Speed of the rotor at the last sample, held over the interval that ends there")
-            .starts_from(["omega"]),
-    ]
-    .into_iter()
-}
-
-/// The angle as a state, and its derivative.
-pub(super) fn rotation<D>(theta: Access<D, f64>, omega: Access<D, f64>) -> impl Iterator<Item = Row<D>> {
-    [
-        Row::real("rotor.theta", theta, RADIAN, 0.0)
-            .local()
-            .description("Unwrapped rotor angle")
-            .state()
-            .starts_from(["theta0"]),
-        Row::real("rotor.omega", omega, RADIAN_PER_SECOND, 0.0)
-            .local()
-            .nominal(100.0)
-            .description("Derivative of the rotor angle, equal to the input omega")
-            .derivative_of("rotor.theta")
-            .depends(Constant, ["omega"])
-            .starts_from(["omega"]),
-    ]
-    .into_iter()
+) -> (R, PlantInput<f64, N, K>) {
+    let values = Table::new(table::<R, N, K>()).values(settings);
+    (values.config, values.input)
 }
 
 /// The model of a plant.
@@ -289,7 +245,6 @@ impl<R: ModelledRotor<N, K>, const N: usize, const K: usize> PlantModel<R, N, K>
         let force_n = values.output.force_n;
         let equations = self.0.equations();
         values.details = R::details(equations, &motion, omega_rad_s, state.contact, force_n, |value: f64| value);
-        values.contact = state.contact;
     }
 
     /// The inputs over a step in the form of the equations.
@@ -319,15 +274,11 @@ where
         Capabilities::NONE.directional_derivatives().output_derivatives(2).interpolates_inputs();
 
     fn table() -> Vec<Row<Values<R, N, K>>> {
-        // A sampled output is held until the next sample.
-        let is_held = |row: &Row<_>| row.variable.variability == Variability::Discrete;
-        let rows = R::table().into_iter().map(|row| if is_held(&row) { row.depends_on_nothing() } else { row });
-        displayed(rows.collect())
+        table()
     }
 
     fn new(values: &Values<R, N, K>, _: &Resources) -> Result<Self, Vec<Invalid>> {
-        let (config, findings) = values.config();
-        together(findings, Plant::new(config)).map(Self)
+        Plant::new(values.config.clone()).map(Self).map_err(refused)
     }
 
     fn start(&self, values: &mut Values<R, N, K>, start_s: f64) -> PlantState<N, K, R::Contact> {
@@ -360,8 +311,7 @@ where
         values: &Values<R, N, K>,
         _: &Resources,
     ) -> Result<(), Vec<Invalid>> {
-        let tuned = R::retune(&mut self.0, &values.config);
-        together(Vec::new(), tuned)?;
+        R::retune(&mut self.0, &values.config).map_err(refused)?;
         state.open = values.open;
         Ok(())
     }

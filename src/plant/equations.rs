@@ -8,6 +8,11 @@ use super::rotor::Rotor;
 use crate::bearing::coil::{Coil, CoilPoint, Drive};
 use crate::bearing::magnet::{Geometry, forces};
 use crate::bearing::scalar::Scalar;
+use crate::machine::Machine;
+use crate::variables::unit::{
+    AMPERE, METRE, METRE_PER_SECOND2, NEWTON, NEWTON_METRE, RADIAN_PER_SECOND, RADIAN_PER_SECOND2, VOLT, WEBER,
+};
+use crate::variables::{OMEGA_RAD_S, Variables};
 
 /// The states of the equations of motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,19 +48,30 @@ impl<const N: usize, const K: usize> Vector for Motion<f64, N, K> {
 }
 
 /// Inputs of the plant.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64, context = Machine)]
 #[serde(bound(
     serialize = "T: Serialize, [T; N]: Serialize, [T; K]: Serialize",
     deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>, [T; K]: Deserialize<'de>"
 ))]
 pub struct PlantInput<T = f64, const N: usize = 2, const K: usize = 3> {
-    /// Currents of the magnets, in A; their sign has no effect on the force. Ignored with voltage drive.
+    /// Current through {magnet}, held over the step, with drive = current
+    ///
+    /// Its sign has no effect on the force.
+    #[input(names = context.of_magnets("i"), unit = AMPERE)]
     pub current_a: [T; K],
-    /// Voltage commands of the amplifiers, in V. Ignored with current drive.
+    /// Voltage command of {amplifier}, with drive = voltage
+    #[input(names = context.of_magnets("u"), unit = VOLT, nominal = 10.0)]
     pub voltage_v: [T; K],
-    /// Perturbation force on the rotor, per coordinate, in N; moments in N·m.
+    /// Load on each coordinate, in N; moments in N·m.
+    #[input(
+        names = context.of_coordinates(|coordinate| coordinate.load),
+        description = context.coordinates[index].load.1,
+        unit = context.either(index, NEWTON, NEWTON_METRE)
+    )]
     pub perturbation_n: [T; N],
-    /// Angular velocity of the rotor, from y towards z, in rad/s.
+    /// Speed of the rotor{turning}
+    #[input(name = "omega", unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0)]
     pub omega_rad_s: T,
 }
 
@@ -101,33 +117,62 @@ impl<T: Scalar, const K: usize, C: Default> Default for Conditions<T, K, C> {
 }
 
 /// The outputs of the plant at an instant.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64, context = Machine)]
 #[serde(bound(
     serialize = "[T; N]: Serialize, [T; K]: Serialize",
     deserialize = "[T; N]: Deserialize<'de>, [T; K]: Deserialize<'de>"
 ))]
 pub struct PlantOutput<T = f64, const N: usize = 2, const K: usize = 3> {
-    /// Gap of each magnet, in m.
-    pub gap_m: [T; K],
-    /// Current of each coil, in A.
-    pub current_a: [T; K],
-    /// Flux linkage of each coil, in Wb.
-    pub linkage_wb: [T; K],
-    /// Energy of the field of each coil, in J.
-    pub energy_j: [T; K],
-    /// Force of each magnet, in N, P(4).
+    /// Force of {magnet} on the rotor
+    #[output(names = context.of_magnets("F"), unit = NEWTON, nominal = 10.0)]
     pub force_n: [T; K],
-    /// Resultant of the magnets per coordinate, (F_y, F_z) of the planar rotor, in N, P(3); moments in N·m.
+    /// Force of all magnets on the rotor along {axis}
+    ///
+    /// Per coordinate, P(3); moments in N·m.
+    #[output(names = context.of_resultant("F"), count = context.resultant.len(), unit = NEWTON, nominal = 10.0)]
     pub resultant_n: [T; N],
+    /// Air gap at {magnet}
+    #[output(names = context.of_magnets("gap"), unit = METRE, nominal = 1e-4, display_unit = "mm")]
+    pub gap_m: [T; K],
     /// All forces except those of magnets and backup bearings, per coordinate, in N; moments in N·m.
+    #[output(
+        names = context.of_coordinates(|coordinate| coordinate.perturbation),
+        description = context.coordinates[index].perturbation.1,
+        unit = context.either(index, NEWTON, NEWTON_METRE),
+        nominal = context.either(index, 10.0, 1.0)
+    )]
     pub perturbation_n: [T; N],
-    /// Derivative of the flux linkage of each coil, `u − R i` with voltage drive, in V; 0 with current drive, where it is not a
-    /// state.
-    pub induced_v: [T; K],
-    /// Force of the backup bearings, per coordinate, in N; moments in N·m.
+    /// Force of the backup bearing on the rotor along {axis}
+    ///
+    /// Per coordinate; moments in N·m.
+    #[output(
+        names = context.of_resultant("touchdown.F"), count = context.resultant.len(), unit = NEWTON, nominal = 1000.0
+    )]
     pub contact_n: [T; N],
+    /// Flux linked with {coil}; a state with drive = voltage
+    #[local(names = context.of_magnets("psi"), unit = WEBER, state, nominal = 1e-2)]
+    pub linkage_wb: [T; K],
+    /// Current through {coil}
+    #[local(names = context.of_magnets("coil.i"), unit = AMPERE)]
+    pub current_a: [T; K],
+    /// Derivative of {flux}, u - R i with drive = voltage; 0 with drive = current, where {its flux} is no state
+    #[local(
+        names = context.of_magnets("coil.uInduced"), unit = VOLT, nominal = 10.0,
+        derivative_of = context.of_magnets("psi")[index].clone()
+    )]
+    pub induced_v: [T; K],
     /// Acceleration of each coordinate, in m/s²; of angles in rad/s².
+    #[local(
+        names = context.of_coordinates(|coordinate| coordinate.acceleration),
+        description = context.coordinates[index].acceleration.1,
+        unit = context.either(index, METRE_PER_SECOND2, RADIAN_PER_SECOND2),
+        derivative_of = context.coordinates[index].rate.0
+    )]
     pub acceleration_m_s2: [T; N],
+    /// Energy of the field of each coil, in J.
+    #[hidden]
+    pub energy_j: [T; K],
 }
 
 impl<T: Scalar, const N: usize, const K: usize> Default for PlantOutput<T, N, K> {

@@ -1,6 +1,6 @@
 //! The planar rotor of the paper: two coordinates (y, z), three magnets.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_3, PI};
 
 use serde::{Deserialize, Serialize};
 
@@ -9,20 +9,29 @@ use super::error::StepError;
 use super::rotor::{PlantParameters, Rotor};
 use super::sensor::SensorConfig;
 use super::{Plant, check_step};
-use crate::bearing::coil::CoilConfig;
+use crate::bearing::coil::{CoilConfig, Saturates};
 use crate::bearing::magnet::{Geometry, Magnets};
 use crate::bearing::scalar::Scalar;
-use crate::bearing::touchdown::TouchdownConfig;
+use crate::bearing::touchdown::{Called, TouchdownConfig};
 use crate::invalid::{Checks, Invalid};
+use crate::machine::{Machine, PLANAR};
+use crate::variables::unit::{
+    KILOGRAM, METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND, SECOND,
+};
+use crate::variables::{KILOGRAM_METRE, LAMBDA, Variables};
 
 /// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, with t the absolute time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64)]
 pub struct Harmonic<T = f64> {
-    /// Amplitude, (y, z), in N.
+    /// Amplitude of a harmonic perturbation force along {axis}
+    #[parameter(names = ["amplitudeY", "amplitudeZ"], tunable, unit = NEWTON)]
     pub amplitude_n: [T; 2],
-    /// Angular frequency, common to both axes, in rad/s.
+    /// Angular frequency of the harmonic perturbation force
+    #[parameter(name = "omega", tunable, unit = RADIAN_PER_SECOND, min = 0.0, nominal = 100.0, display_unit = "Hz")]
     pub omega_rad_s: T,
-    /// Phase at t = 0, (y, z), in rad.
+    /// Phase at time 0 of the harmonic perturbation force along {axis}, which is a sine
+    #[parameter(names = ["phaseY", "phaseZ"], tunable, unit = RADIAN)]
     pub phase_rad: [T; 2],
 }
 
@@ -34,38 +43,54 @@ impl Default for Harmonic {
 }
 
 /// The bearing and the initial conditions of the rotor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64, context = Machine)]
 pub struct PlantConfig<T = f64> {
-    /// Mass of the rotor `m`, in kg.
+    /// Mass of the rotor
+    #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
     pub m_kg: T,
-    /// Nominal gap `s`, in m.
+    /// Nominal air gap
+    #[parameter(name = "s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
     pub gap_m: T,
-    /// Angles `α_k` of the magnets as in P(3), in rad.
+    /// Angle of magnet {k}; its direction is (sin alpha, cos alpha) in the y-z plane
+    #[parameter(name = "alpha", unit = RADIAN)]
     pub alpha_rad: [T; 3],
-    /// `λ_k` of P(4), in N·m²/A²; tunable.
-    pub lambda_nm2_a2: [T; 3],
-    /// Unbalance `U`, mass × eccentricity, in kg·m; tunable.
-    pub unbalance_kgm: T,
-    /// Angle `φ` of the unbalance on the rotor, from y towards z, in rad; tunable.
-    pub unbalance_phase_rad: T,
-    /// Harmonic perturbation; tunable.
-    pub harmonic: Harmonic<T>,
-    /// Acceleration of gravity, (y, z), in m/s².
-    pub gravity_m_s2: [T; 2],
-    /// The coils.
-    pub coil: CoilConfig<T>,
-    /// The backup bearing.
-    pub touchdown: TouchdownConfig<T>,
-    /// Initial position (Y, Z), in m.
+    /// Initial position of the rotor along {axis}
+    #[parameter(names = ["Y0", "Z0"], unit = METRE, nominal = 1e-5)]
     pub position_m: [T; 2],
-    /// Initial velocity, (y, z), in m/s.
+    /// Initial velocity of the rotor along {axis}
+    #[parameter(names = ["vY0", "vZ0"], unit = METRE_PER_SECOND, nominal = 1e-2)]
     pub velocity_m_s: [T; 2],
-    /// Initial angle of the rotor, in rad.
+    /// The coils.
+    #[nested(prefix = "", context = Saturates(true))]
+    pub coil: CoilConfig<T>,
+    /// Acceleration of gravity along {axis}
+    #[parameter(names = ["gravity.Y", "gravity.Z"], unit = METRE_PER_SECOND2, nominal = 10.0)]
+    pub gravity_m_s2: [T; 2],
+    /// The backup bearing.
+    #[nested(prefix = "", context = Called { what: "backup bearing", from: "centre", is_ring: true })]
+    pub touchdown: TouchdownConfig<T>,
+    /// Initial rotor angle
+    #[parameter(name = "theta0", unit = RADIAN)]
     pub theta_rad: T,
     /// The sensors.
+    #[nested(prefix = "")]
     pub sensor: SensorConfig,
-    /// Longest sub-step of the integration, in s.
+    /// Upper bound of the integration step
+    #[parameter(name = "solver.maxStep", unit = SECOND, min = 0.0, nominal = 1e-5, display_unit = "µs")]
     pub max_step_s: f64,
+    /// Force constant of magnet {k}
+    #[parameter(name = "lambda", tunable, unit = LAMBDA, min = 0.0, nominal = 1e-6)]
+    pub lambda_nm2_a2: [T; 3],
+    /// Unbalance of the rotor, mass times eccentricity
+    #[parameter(name = "unbalance.magnitude", tunable, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4)]
+    pub unbalance_kgm: T,
+    /// Angle of the unbalance from the mark on the rotor that theta refers to
+    #[parameter(name = "unbalance.phase", tunable, unit = RADIAN)]
+    pub unbalance_phase_rad: T,
+    /// Harmonic perturbation.
+    #[nested(prefix = "perturbation.", context = ())]
+    pub harmonic: Harmonic<T>,
 }
 
 impl Default for PlantConfig {
@@ -74,7 +99,7 @@ impl Default for PlantConfig {
         Self {
             m_kg: 6.7,
             gap_m: 5e-4,
-            alpha_rad: [PI, -PI / 3.0, PI / 3.0],
+            alpha_rad: [PI, -FRAC_PI_3, FRAC_PI_3],
             lambda_nm2_a2: [1.8e-6, 2.0e-6, 2.2e-6],
             unbalance_kgm: 0.0,
             unbalance_phase_rad: 0.0,
@@ -168,6 +193,8 @@ impl<T: Scalar> Rotor<2, 3> for PlantConfig<T> {
 }
 
 impl PlantParameters<2, 3> for PlantConfig {
+    const MACHINE: &'static Machine = &PLANAR;
+
     fn check(&self, checks: &mut Checks) {
         checks.positive("m", self.m_kg, "kg");
         let magnets = Magnets::checked(self.gap_m, self.alpha_rad, checks);
@@ -185,7 +212,7 @@ impl PlantParameters<2, 3> for PlantConfig {
         }
         self.coil.check([self.gap_m; 3], self.lambda_nm2_a2, checks);
         self.touchdown.check(checks);
-        self.sensor.check(Self::of_magnet, Self::of_reading, checks);
+        self.sensor.check(Self::MACHINE, checks);
         check_step("solver.maxStep", self.max_step_s, checks);
     }
 
@@ -228,18 +255,6 @@ impl PlantParameters<2, 3> for PlantConfig {
 
     fn left_the_gap(&self, k: usize, time_s: f64, position_m: [f64; 2]) -> StepError {
         StepError::Contact { magnet: k + 1, time_s, position_m }
-    }
-
-    fn of_magnet(name: &str, k: usize) -> String {
-        format!("{name}[{}]", k + 1)
-    }
-
-    fn of_reading(name: &str, n: usize) -> String {
-        format!("{name}{}", ["Y", "Z"][n])
-    }
-
-    fn force_name(n: usize) -> &'static str {
-        ["pY", "pZ"][n]
     }
 }
 

@@ -12,6 +12,7 @@ use crate::bearing::coil::CoilConfig;
 use crate::bearing::magnet::Geometry;
 use crate::bearing::scalar::Scalar;
 use crate::invalid::Checks;
+use crate::machine::Machine;
 
 /// Parameters of a rotor with N coordinates and K magnets, as numbers of the type [`Number`](Rotor::Number).
 ///
@@ -68,6 +69,9 @@ pub trait Rotor<const N: usize, const K: usize>: Clone {
 pub trait PlantParameters<const N: usize, const K: usize>:
     Rotor<N, K, Number = f64, With<f64> = Self> + Debug + PartialEq
 {
+    /// How its parts are called.
+    const MACHINE: &'static Machine;
+
     /// Reports invalid parameters by their names in the interface.
     fn check(&self, checks: &mut Checks);
 
@@ -91,13 +95,4 @@ pub trait PlantParameters<const N: usize, const K: usize>:
 
     /// The error of a rotor that leaves the gap at magnet k, counted from 0, from these coordinates.
     fn left_the_gap(&self, k: usize, time_s: f64, position_m: [f64; N]) -> StepError;
-
-    /// Name of a variable of magnet k, counted from 0: `i` gives `i[1]`, or `A.i[1]`.
-    fn of_magnet(name: &str, k: usize) -> String;
-
-    /// Name of a variable of reading n, counted from 0: `sensor.offset` gives `sensor.offsetY`, or `A.sensor.offsetY`.
-    fn of_reading(name: &str, n: usize) -> String;
-
-    /// Name of the input of generalised force n.
-    fn force_name(n: usize) -> &'static str;
 }

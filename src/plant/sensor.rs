@@ -9,14 +9,18 @@
 use serde::{Deserialize, Serialize};
 
 use crate::invalid::Checks;
+use crate::machine::Machine;
 use crate::plant::check_step;
 use crate::plant::noise::Noise;
+use crate::variables::Variables;
+use crate::variables::unit::{AMPERE, METRE, ONE, SECOND};
 
 /// The longest delay, in samples.
 pub const LONGEST_DELAY: usize = 16;
 
 /// The sensors of position and current.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
 #[serde(
     default,
     bound(
@@ -25,28 +29,39 @@ pub const LONGEST_DELAY: usize = 16;
     )
 )]
 pub struct SensorConfig<const N: usize = 2, const K: usize = 3> {
-    /// Standard deviation of the position noise, in m; 0 for none.
+    /// Standard deviation of the noise on {positions}
+    #[parameter(name = "sensor.positionNoise", unit = METRE, min = 0.0, nominal = 1e-7)]
     pub position_noise_m: f64,
-    /// Standard deviation of the current noise, in A; 0 for none.
+    /// Standard deviation of the noise on im
+    #[parameter(name = "sensor.currentNoise", unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_noise_a: f64,
-    /// Time between samples `T_s`, in s.
-    pub step_s: f64,
-    /// Seed of the noise; the same seed gives the same noise.
-    pub seed: u64,
-    /// Resolution of the position, in m; 0 for no rounding.
+    /// Resolution of {positions}; 0 for no rounding
+    #[parameter(name = "sensor.positionResolution", unit = METRE, min = 0.0, nominal = 1e-7)]
     pub position_resolution_m: f64,
-    /// Resolution of the current, in A; 0 for no rounding.
+    /// Resolution of im; 0 for no rounding
+    #[parameter(name = "sensor.currentResolution", unit = AMPERE, min = 0.0, nominal = 1e-3)]
     pub current_resolution_a: f64,
-    /// Offsets: readings of position with the rotor in the centre, in m.
+    /// Offset of {sensor}: its reading with the rotor in the centre
+    #[parameter(names = context.of_readings("sensor.offset"), unit = METRE, nominal = 1e-6)]
     pub position_offset_m: [f64; N],
-    /// Offsets: readings without current, in A.
-    pub current_offset_a: [f64; K],
-    /// Relative gain errors of the position sensors.
+    /// Relative gain error of {sensor}
+    #[parameter(names = context.of_readings("sensor.gainError"), unit = ONE, min = -1.0, nominal = 0.01)]
     pub position_gain_error: [f64; N],
-    /// Relative gain errors of the current sensors.
+    /// Offset of the current sensor of {magnet}: its reading without current
+    #[parameter(names = context.of_magnets("sensor.currentOffset"), unit = AMPERE, nominal = 1e-2)]
+    pub current_offset_a: [f64; K],
+    /// Relative gain error of the current sensor of {magnet}
+    #[parameter(names = context.of_magnets("sensor.currentGainError"), unit = ONE, min = -1.0, nominal = 0.01)]
     pub current_gain_error: [f64; K],
-    /// Delay of positions and currents, in s.
+    /// Delay of {positions and im}, up to 16 sample times
+    #[parameter(name = "sensor.delay", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
     pub delay_s: f64,
+    /// Sample time of the sensors
+    #[parameter(name = "sensor.Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
+    pub step_s: f64,
+    /// Seed of the noise; equal seeds give equal noise
+    #[parameter(name = "sensor.seed", start = 1)]
+    pub seed: i32,
 }
 
 impl<const N: usize, const K: usize> Default for SensorConfig<N, K> {
@@ -69,28 +84,23 @@ impl<const N: usize, const K: usize> Default for SensorConfig<N, K> {
 }
 
 impl<const N: usize, const K: usize> SensorConfig<N, K> {
-    /// Reports invalid parameters by their names in the interface; `of_magnet` and `of_reading` give those of arrays.
-    pub(crate) fn check(
-        &self,
-        of_magnet: impl Fn(&str, usize) -> String,
-        of_reading: impl Fn(&str, usize) -> String,
-        checks: &mut Checks,
-    ) {
+    /// Reports invalid parameters by their names in the interface.
+    pub(crate) fn check(&self, machine: &Machine, checks: &mut Checks) {
         checks.not_negative("sensor.positionNoise", self.position_noise_m, "m");
         checks.not_negative("sensor.currentNoise", self.current_noise_a, "A");
         check_step("sensor.Ts", self.step_s, checks);
         checks.not_negative("sensor.positionResolution", self.position_resolution_m, "m");
         checks.not_negative("sensor.currentResolution", self.current_resolution_a, "A");
-        for (n, offset) in self.position_offset_m.into_iter().enumerate() {
-            checks.finite(of_reading("sensor.offset", n), offset, "m");
+        for (name, offset) in machine.of_readings("sensor.offset").into_iter().zip(self.position_offset_m) {
+            checks.finite(name, offset, "m");
         }
-        for (k, offset) in self.current_offset_a.into_iter().enumerate() {
-            checks.finite(of_magnet("sensor.currentOffset", k), offset, "A");
+        for (name, offset) in machine.of_magnets("sensor.currentOffset").into_iter().zip(self.current_offset_a) {
+            checks.finite(name, offset, "A");
         }
-        let of_positions = |n: usize| of_reading("sensor.gainError", n);
-        let of_currents = |k: usize| of_magnet("sensor.currentGainError", k);
-        let names = (0..N).map(of_positions).chain((0..K).map(of_currents));
-        for (name, error) in names.zip(self.position_gain_error.into_iter().chain(self.current_gain_error)) {
+        let names = [machine.of_readings("sensor.gainError"), machine.of_magnets("sensor.currentGainError")];
+        for (name, error) in
+            names.into_iter().flatten().zip(self.position_gain_error.into_iter().chain(self.current_gain_error))
+        {
             checks.require(error.is_finite() && error > -1.0, name, error, "a finite number above -1");
         }
         // A sample time that was refused restricts no delay.
@@ -132,9 +142,9 @@ pub struct Channels<const N: usize = 2, const K: usize = 3> {
 }
 
 impl<const N: usize, const K: usize> Channels<N, K> {
-    /// Generators from one seed, statistically independent of each other: positions first.
-    pub fn new(seed: u64) -> Self {
-        let mut channels = Noise::sequence(seed);
+    /// Generators from one seed, which may be any number, statistically independent of each other: positions first.
+    pub fn new(seed: i32) -> Self {
+        let mut channels = Noise::sequence(u64::from(seed.cast_unsigned()));
         Self { position: std::array::from_fn(|_| channels()), current: std::array::from_fn(|_| channels()) }
     }
 }

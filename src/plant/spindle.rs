@@ -16,13 +16,16 @@ use super::error::StepError;
 use super::rotor::{PlantParameters, Rotor};
 use super::sensor::SensorConfig;
 use super::{Plant, PlantState, check_step};
-use crate::bearing::coil::CoilConfig;
+use crate::bearing::coil::{CoilConfig, Saturates};
 use crate::bearing::magnet::Geometry;
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::{COORDINATES, Shaft, displacement, generalised};
 use crate::bearing::spindle::{BEARINGS, MAGNETS, RadialBearing, Spindle, SpindleGeometry, bearing_of};
-use crate::bearing::touchdown::TouchdownConfig;
+use crate::bearing::touchdown::{Called, TouchdownConfig};
 use crate::invalid::{Checks, Invalid};
+use crate::machine::{Machine, SPINDLE};
+use crate::variables::unit::{METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND, SECOND};
+use crate::variables::{KILOGRAM_METRE, LAMBDA, Variables};
 
 /// Number of planes with an unbalance.
 pub const PLANES: usize = 2;
@@ -43,13 +46,17 @@ pub type SpindleOutput<T = f64> = PlantOutput<T, COORDINATES, MAGNETS>;
 type SpindleMotion<T = f64> = Motion<T, COORDINATES, MAGNETS>;
 
 /// The backup bearings of a spindle.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64)]
 pub struct SpindleTouchdown<T = f64> {
     /// Ring around the shaft at the magnets of A.
+    #[nested(prefix = "A.", context = Called { what: "backup bearing at A", from: "centre", is_ring: true })]
     pub a: TouchdownConfig<T>,
     /// Ring around the shaft at the magnets of B.
+    #[nested(prefix = "B.", context = Called { what: "backup bearing at B", from: "centre", is_ring: true })]
     pub b: TouchdownConfig<T>,
     /// Axial stops on both sides; without friction, its coefficient and radius are not used.
+    #[nested(prefix = "X.", context = Called { what: "axial stop", from: "middle", is_ring: false })]
     pub x: TouchdownConfig<T>,
 }
 
@@ -73,34 +80,64 @@ impl<T: Scalar> SpindleTouchdown<T> {
 }
 
 /// The spindle and its initial conditions.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64, context = Machine)]
 pub struct SpindleConfig<T = f64> {
     /// Shaft and bearings.
+    #[nested(prefix = "", context = ())]
     pub geometry: SpindleGeometry<T>,
-    /// `λ_k` of P(4), in N·m²/A²; tunable.
-    pub lambda_nm2_a2: [T; MAGNETS],
-    /// Unbalance `U` of two planes, mass × eccentricity, in kg·m; tunable.
-    pub unbalance_kgm: [T; PLANES],
-    /// Angle `φ` of the unbalance on the rotor, from y towards z, in rad; tunable.
-    pub unbalance_phase_rad: [T; PLANES],
-    /// Position of the planes along the shaft, in m.
-    pub unbalance_position_m: [T; PLANES],
-    /// Acceleration of gravity, (x, y, z), in m/s².
-    pub gravity_m_s2: [T; 3],
     /// The coils.
+    #[nested(prefix = "", context = Saturates(true))]
     pub coil: CoilConfig<T>,
-    /// The backup bearings.
-    pub touchdown: SpindleTouchdown<T>,
     /// Initial coordinates (x, y, z, β, γ), in m and rad.
+    #[parameter(
+        names = STARTS.map(|(name, _)| name), unit = context.either(index, METRE, RADIAN),
+        nominal = context.either(index, 1e-5, 1e-4),
+        description = format!("{} at the start", context.coordinates[index].position.1)
+    )]
     pub position_m: [T; COORDINATES],
     /// Their initial rates, in m/s and rad/s.
+    #[parameter(
+        names = STARTS.map(|(_, rate)| rate), unit = context.either(index, METRE_PER_SECOND, RADIAN_PER_SECOND),
+        nominal = context.either(index, 1e-2, 0.1),
+        description = format!("{} at the start", context.coordinates[index].rate.1)
+    )]
     pub velocity_m_s: [T; COORDINATES],
-    /// Initial angle of the rotor, in rad.
+    /// Initial rotor angle
+    #[parameter(name = "theta0", unit = RADIAN)]
     pub theta_rad: T,
+    /// Acceleration of gravity, (x, y, z), in m/s².
+    #[parameter(
+        names = ["gravity.X", "gravity.Y", "gravity.Z"], unit = METRE_PER_SECOND2, nominal = 10.0,
+        description = format!("Acceleration of gravity along {}", ["x, the shaft", "y", "z"][index])
+    )]
+    pub gravity_m_s2: [T; 3],
+    /// The backup bearings.
+    #[nested(prefix = "", context = ())]
+    pub touchdown: SpindleTouchdown<T>,
     /// The sensors.
+    #[nested(prefix = "")]
     pub sensor: SensorConfig<COORDINATES, MAGNETS>,
-    /// Longest sub-step of the integration, in s.
+    /// Upper bound of the integration step
+    #[parameter(name = "solver.maxStep", unit = SECOND, min = 0.0, nominal = 1e-5, display_unit = "µs")]
     pub max_step_s: f64,
+    /// Force constant of {magnet}
+    #[parameter(names = context.of_magnets("lambda"), tunable, unit = LAMBDA, min = 0.0, nominal = 1e-6)]
+    pub lambda_nm2_a2: [T; MAGNETS],
+    /// Unbalance of the rotor in plane {k}, mass times eccentricity
+    #[parameter(names = of_planes("magnitude"), tunable, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4)]
+    pub unbalance_kgm: [T; PLANES],
+    /// Angle of the unbalance in plane {k} from the mark on the rotor that theta refers to
+    #[parameter(names = of_planes("phase"), tunable, unit = RADIAN)]
+    pub unbalance_phase_rad: [T; PLANES],
+    /// Position of plane {k} along the shaft, from the centre of gravity
+    #[parameter(names = of_planes("position"), unit = METRE, nominal = 0.1)]
+    pub unbalance_position_m: [T; PLANES],
+}
+
+/// Names of a variable of each plane of unbalance.
+pub(crate) fn of_planes(name: &str) -> [String; PLANES] {
+    std::array::from_fn(|plane| format!("unbalance[{}].{name}", plane + 1))
 }
 
 impl Default for SpindleConfig {
@@ -243,6 +280,8 @@ impl<T: Scalar> Rotor<COORDINATES, MAGNETS> for SpindleConfig<T> {
 }
 
 impl PlantParameters<COORDINATES, MAGNETS> for SpindleConfig {
+    const MACHINE: &'static Machine = &SPINDLE;
+
     fn check(&self, checks: &mut Checks) {
         let spindle = self.geometry.checked(checks);
         check_tunable(self.lambda_nm2_a2, self.unbalance_kgm, self.unbalance_phase_rad, checks);
@@ -265,7 +304,7 @@ impl PlantParameters<COORDINATES, MAGNETS> for SpindleConfig {
         checks.of("A.", |checks| self.touchdown.a.check(checks));
         checks.of("B.", |checks| self.touchdown.b.check(checks));
         checks.of("X.", |checks| self.touchdown.x.check(checks));
-        self.sensor.check(Self::of_magnet, Self::of_reading, checks);
+        self.sensor.check(Self::MACHINE, checks);
         check_step("solver.maxStep", self.max_step_s, checks);
     }
 
@@ -332,20 +371,6 @@ impl PlantParameters<COORDINATES, MAGNETS> for SpindleConfig {
         let (bearing, magnet) = bearing_of(k);
         StepError::SpindleContact { bearing: BEARINGS[bearing], magnet: magnet + 1, time_s, position_m }
     }
-
-    fn of_magnet(name: &str, k: usize) -> String {
-        let (bearing, magnet) = bearing_of(k);
-        format!("{}.{name}[{}]", BEARINGS[bearing], magnet + 1)
-    }
-
-    fn of_reading(name: &str, n: usize) -> String {
-        let (bearing, axis) = [("A", "Y"), ("A", "Z"), ("B", "Y"), ("B", "Z"), ("X", "")][n];
-        format!("{bearing}.{name}{axis}")
-    }
-
-    fn force_name(n: usize) -> &'static str {
-        ["pX", "pY", "pZ", "MY", "MZ"][n]
-    }
 }
 
 /// Coordinates and rates at the start, by their names in the interface.
@@ -353,33 +378,53 @@ const STARTS: [(&str, &str); COORDINATES] =
     [("X0", "vX0"), ("Y0", "vY0"), ("Z0", "vZ0"), ("beta0", "betaRate0"), ("gamma0", "gammaRate0")];
 
 /// What a spindle shows at a radial bearing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64)]
 pub struct AtRadialBearing<T = f64> {
-    /// Displacement of the shaft at the magnets along y, in m.
+    /// Position of the shaft along y at the magnets of bearing {prefix}
+    #[output(name = "Y", unit = METRE, nominal = 1e-5)]
     pub y_m: T,
-    /// Along z.
-    pub z_m: T,
-    /// Force of the magnets along y, in N.
+    /// Force of the magnets of bearing {prefix} along y
+    #[output(name = "FY", unit = NEWTON, nominal = 10.0)]
     pub y_n: T,
-    /// Along z.
-    pub z_n: T,
-    /// Force of the backup bearing along y, in N.
+    /// Force of the backup bearing at {prefix} on the rotor along y
+    #[output(name = "touchdown.FY", unit = NEWTON, nominal = 1000.0)]
     pub touchdown_y_n: T,
-    /// Along z.
+    /// Position of the shaft along z at the magnets of bearing {prefix}
+    #[output(name = "Z", unit = METRE, nominal = 1e-5)]
+    pub z_m: T,
+    /// Force of the magnets of bearing {prefix} along z
+    #[output(name = "FZ", unit = NEWTON, nominal = 10.0)]
+    pub z_n: T,
+    /// Force of the backup bearing at {prefix} on the rotor along z
+    #[output(name = "touchdown.FZ", unit = NEWTON, nominal = 1000.0)]
     pub touchdown_z_n: T,
 }
 
 /// What a spindle shows at its bearings.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64)]
 pub struct AtBearings<T = f64> {
     /// At A.
+    #[nested(prefix = "A.")]
     pub a: AtRadialBearing<T>,
     /// At B.
+    #[nested(prefix = "B.")]
     pub b: AtRadialBearing<T>,
-    /// Force of the axial magnets, in N.
+    /// Force of the axial magnets along the shaft
+    #[output(name = "X.FX", unit = NEWTON, nominal = 10.0)]
     pub axial_n: T,
-    /// Force of the axial stop, in N.
+    /// Force of the axial stop on the rotor along the shaft
+    #[output(name = "X.touchdown.FX", unit = NEWTON, nominal = 1000.0)]
     pub axial_touchdown_n: T,
+    /// Whether the rotor touches the backup bearings at A and B, and the axial stop.
+    #[output(
+        names = ["A.contact", "B.contact", "X.contact"],
+        description = format!(
+            "Whether the rotor touches the {}", ["backup bearing at A", "backup bearing at B", "axial stop"][index]
+        )
+    )]
+    pub contact: [bool; 3],
 }
 
 impl<T: Copy> AtBearings<T> {
@@ -398,6 +443,7 @@ impl<T: Copy> AtBearings<T> {
             b: radial(self.b),
             axial_n: f(self.axial_n),
             axial_touchdown_n: f(self.axial_touchdown_n),
+            contact: self.contact,
         }
     }
 }
@@ -421,7 +467,7 @@ impl<T: Scalar> Equations<SpindleConfig<T>, COORDINATES, MAGNETS> {
             let ([y_m, z_m], [touchdown_y_n, touchdown_z_n]) = (displacement_m[b], touchdown_n[b]);
             AtRadialBearing { y_m, z_m, y_n: along(1), z_n: along(2), touchdown_y_n, touchdown_z_n }
         };
-        AtBearings { a: radial(0), b: radial(1), axial_n: force_n[6] - force_n[7], axial_touchdown_n }
+        AtBearings { a: radial(0), b: radial(1), axial_n: force_n[6] - force_n[7], axial_touchdown_n, contact }
     }
 }
 
@@ -456,7 +502,7 @@ fn check_tunable(
     checks: &mut Checks,
 ) {
     for (k, lambda) in lambda_nm2_a2.into_iter().enumerate() {
-        checks.positive(SpindleConfig::<f64>::of_magnet("lambda", k), lambda, "N.m2/A2");
+        checks.positive(SPINDLE.of_magnets("lambda").swap_remove(k), lambda, "N.m2/A2");
     }
     for (j, (magnitude, phase)) in unbalance_kgm.into_iter().zip(unbalance_phase_rad).enumerate() {
         checks.not_negative(format!("unbalance[{}].magnitude", j + 1), magnitude, "kg.m");
@@ -474,7 +520,7 @@ fn check_start(config: &SpindleConfig, spindle: &Spindle, checks: &mut Checks) {
         }
         let share = |n: usize| config.position_m[n] * geometry.directions[k][n];
         let worst = (0..COORDINATES).fold(0, |worst, n| if share(n) > share(worst) { n } else { worst });
-        let magnet = SpindleConfig::<f64>::of_magnet("gap", k);
+        let magnet = SPINDLE.of_magnets("gap").swap_remove(k);
         checks.require(
             false,
             STARTS[worst].0,

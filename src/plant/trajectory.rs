@@ -74,11 +74,11 @@ fn check_input<R: PlantParameters<N, K>, const N: usize, const K: usize>(
     let refused = |name: String, value: f64| Err(StepError::Input { name, value });
     for (name, values) in [("i", &input.current_a), ("u", &input.voltage_v)] {
         if let Some(k) = values.iter().position(|value| !value.is_finite()) {
-            return refused(R::of_magnet(name, k), values[k]);
+            return refused(R::MACHINE.of_magnets(name).swap_remove(k), values[k]);
         }
     }
     if let Some(n) = input.perturbation_n.iter().position(|value| !value.is_finite()) {
-        return refused(R::force_name(n).into(), input.perturbation_n[n]);
+        return refused(R::MACHINE.coordinates[n].load.0.into(), input.perturbation_n[n]);
     }
     match input.omega_rad_s {
         omega_rad_s if omega_rad_s.is_finite() => Ok(()),

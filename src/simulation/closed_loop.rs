@@ -70,12 +70,12 @@ impl Scenario {
             let wanted = format!("{bearing}: this is for the planar bearing alone");
             return Err(vec![Invalid { name: "machine".into(), value: self.machine.into(), wanted: wanted.into() }]);
         }
-        let (plant, input) = plant::configuration(&settings(self.plant()))?;
+        let (plant, input) = plant::configuration(&settings(self.plant()));
         Ok(Loop {
             plant,
             input,
-            controller: controller::configuration(&settings(self.controller()))?,
-            estimator: estimator::configuration(&settings(self.estimator()))?,
+            controller: controller::configuration(&settings(self.controller())),
+            estimator: estimator::configuration(&settings(self.estimator())),
         })
     }
 }

@@ -81,7 +81,7 @@ impl SampledLoop {
         lambda_nm2_a2: [f64; 3],
         load_n: [f64; 2],
     ) -> Result<Self, NoSensitivity> {
-        let step_s = controller.step_s;
+        let step_s = controller.law.step_s;
         let plant = PlantConfig {
             unbalance_kgm: 0.0,
             harmonic: Harmonic::default(),
@@ -90,11 +90,11 @@ impl SampledLoop {
             sensor: SensorConfig { step_s, ..SensorConfig::default() },
             ..plant.clone()
         };
-        let mut controller =
-            ControllerConfig { lambda0_nm2_a2: lambda_nm2_a2, update: UpdateMode::Never, ..controller.clone() };
+        let mut controller = controller.clone();
+        (controller.law.lambda0_nm2_a2, controller.law.update) = (lambda_nm2_a2, UpdateMode::Never);
         controller.reference.shape = Shape::Ellipse;
         // With modulation there is no operating point.
-        controller.modulation = 0.0;
+        controller.law.modulation = 0.0;
         (controller.reference.r_y_m, controller.reference.r_z_m) = (0.0, 0.0);
         let plant = Plant::new(plant).map_err(NoSensitivity::Refused)?;
         let controller = Controller::new(controller).map_err(NoSensitivity::Refused)?;
@@ -117,7 +117,7 @@ impl SampledLoop {
     }
 
     fn step_s(&self) -> f64 {
-        self.controller.config().step_s
+        self.controller.config().law.step_s
     }
 
     /// One sample with an error n of the position sensors, in m; returns their readings.

@@ -6,6 +6,7 @@ use crate::support::below;
 use fmu_export::variable::Value;
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput, UpdateMode};
 use magnetic_bearing::control::reference::{ReferenceConfig, Shape};
+use magnetic_bearing::control::tracking::TrackingConfig;
 use magnetic_bearing::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Hold, Method, Tolerance,
 };
@@ -74,7 +75,7 @@ fn plant_config(values: &Values) -> PlantConfig {
             position_noise_m: values.real("sensor.positionNoise"),
             current_noise_a: values.real("sensor.currentNoise"),
             step_s: values.real("sensor.Ts"),
-            seed: values.integer("sensor.seed") as u64,
+            seed: values.integer("sensor.seed"),
             ..SensorConfig::default()
         },
         max_step_s: values.real("solver.maxStep"),
@@ -84,23 +85,26 @@ fn plant_config(values: &Values) -> PlantConfig {
 
 fn controller_config(values: &Values) -> ControllerConfig {
     ControllerConfig {
+        law: TrackingConfig {
+            step_s: values.real("Ts"),
+            lambda0_nm2_a2: values.three("lambda0"),
+            f0_n: [values.real("F0")],
+            modulation: values.real("F0.modulation"),
+            modulation_hz: [values.real("F0.modulationFrequency")],
+            tracking_rad_s: values.real("bandwidth.tracking"),
+            observer_rad_s: values.real("bandwidth.observer"),
+            update: values.choice("update.mode", &[UpdateMode::Never, UpdateMode::AtTime, UpdateMode::WhenValid]),
+            update_time_s: values.real("update.time"),
+            ..TrackingConfig::default()
+        },
         m_kg: values.real("m"),
         gap_m: values.real("s"),
         alpha_rad: values.three("alpha"),
-        step_s: values.real("Ts"),
-        lambda0_nm2_a2: values.three("lambda0"),
-        f0_n: values.real("F0"),
-        modulation: values.real("F0.modulation"),
-        modulation_hz: values.real("F0.modulationFrequency"),
-        tracking_rad_s: values.real("bandwidth.tracking"),
-        observer_rad_s: values.real("bandwidth.observer"),
-        update: values.choice("update.mode", &[UpdateMode::Never, UpdateMode::AtTime, UpdateMode::WhenValid]),
-        update_time_s: values.real("update.time"),
         reference: ReferenceConfig {
             shape: values.choice("reference.shape", &[Shape::Ellipse, Shape::Lobes, Shape::External]),
             r_y_m: values.real("reference.rY"),
             r_z_m: values.real("reference.rZ"),
-            lobes: values.integer("reference.lobes") as u32,
+            lobes: values.integer("reference.lobes"),
             lobe_amplitude_m: values.real("reference.lobeAmplitude"),
             omega_rad_s: values.real("reference.omega"),
             bandwidth_rad_s: values.real("bandwidth.reference"),

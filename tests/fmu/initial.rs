@@ -1,6 +1,6 @@
 //! What the model descriptions say of the start: which outputs depend on which inputs then.
 
-use fmu_export::variable::{Causality, Variable};
+use fmu_export::variable::{Causality, Type, Variable};
 use magnetic_bearing::fmu::find;
 
 use crate::support::MODELS;
@@ -83,4 +83,34 @@ fn what_a_model_refuses_is_said() {
     let lobes =
         document.descendants().find(|node| node.attribute("name") == Some("reference.lobes")).expect("a variable");
     assert_eq!(lobes.first_element_child().expect("a type").attribute("max"), Some("1000"));
+}
+
+/// Fails if a parameter is refused below 0 or at -1, or as an integer beyond a limit, while the model description allows it.
+#[test]
+fn limits_that_a_model_enforces_stand_in_its_description() {
+    let mut found = 0;
+    for model in MODELS {
+        let kind = find(model).expect("a model");
+        for (index, variable) in kind.variables().iter().enumerate() {
+            let lowest = match variable.data_type {
+                Type::Real { min, .. } => min,
+                Type::Integer { min, .. } => min.map(f64::from),
+                _ => continue,
+            };
+            if variable.causality != Causality::Parameter {
+                continue;
+            }
+            let mut instance = Named::new(model);
+            instance.instance.set(index, named::value(&variable.data_type, -1e9)).expect("a parameter");
+            let Err(findings) = instance.start() else { continue };
+            for finding in findings.iter().filter(|finding| finding.name == variable.name) {
+                let absolute = ["0 or above", "above 0", "above -1", "from 0 to"];
+                if absolute.iter().any(|words| finding.wanted.contains(words)) {
+                    found += 1;
+                    assert!(lowest.is_some(), "{model}: {finding}, and there is no `min`");
+                }
+            }
+        }
+    }
+    assert!(found > 100, "{found} limits: does this test still see them?");
 }

@@ -8,6 +8,7 @@ use magnetic_bearing::control::controller::{
     ramp_gains, tracking_gains,
 };
 use magnetic_bearing::control::reference::{ReferenceConfig, Shape};
+use magnetic_bearing::control::tracking::TrackingConfig;
 use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
 
 /// Relative error of gains and poles: a few roundings.
@@ -92,8 +93,8 @@ impl Loop {
         case.plant.harmonic.amplitude_n = [0.0; 2];
         case.plant.position_m = [0.0; 2];
         case.plant.velocity_m_s = [0.0; 2];
-        case.controller.lambda0_nm2_a2 = case.plant.lambda_nm2_a2;
-        case.controller.modulation = 0.5;
+        case.controller.law.lambda0_nm2_a2 = case.plant.lambda_nm2_a2;
+        case.controller.law.modulation = 0.5;
         (case.controller.reference.r_y_m, case.controller.reference.r_z_m) = (0.0, 0.0);
         case.load_n = [0.0, -60.0];
         case
@@ -101,20 +102,20 @@ impl Loop {
 
     fn with_voltage(mut self) -> Self {
         self.plant.coil.drive = Drive::Voltage;
-        self.controller.coil.drive = Drive::Voltage;
+        self.controller.law.coil.drive = Drive::Voltage;
         self
     }
 
     fn at_step(mut self, step_s: f64) -> Self {
         self.plant.sensor.step_s = step_s;
-        self.controller.step_s = step_s;
+        self.controller.law.step_s = step_s;
         self
     }
 
     fn run(&self) -> Vec<Record> {
         let plant = Plant::new(self.plant.clone()).expect("plant");
         let controller = Controller::new(self.controller.clone()).expect("controller");
-        let step_s = self.controller.step_s;
+        let step_s = self.controller.law.step_s;
         let mut x = plant.start(0.0);
         let mut c = controller.start(0.0);
         let mut commanded = ([0.0; 3], [0.0; 3]);
@@ -239,7 +240,7 @@ fn with_true_lambda_only_the_hold_remains() {
     /// Error, in m, that a current held over 0.1 ms leaves on an orbit of 70 µm at 50 Hz.
     const HOLD_M: f64 = 4e-9;
     let mut case = Loop::paper();
-    case.controller.lambda0_nm2_a2 = case.plant.lambda_nm2_a2;
+    case.controller.law.lambda0_nm2_a2 = case.plant.lambda_nm2_a2;
     case.plant.harmonic.amplitude_n = [0.0; 2];
     let records = case.run();
     for a in 0..2 {
@@ -252,7 +253,7 @@ fn with_true_lambda_only_the_hold_remains() {
 #[test]
 fn lobes_are_followed() {
     let mut case = Loop::paper();
-    case.controller.lambda0_nm2_a2 = case.plant.lambda_nm2_a2;
+    case.controller.law.lambda0_nm2_a2 = case.plant.lambda_nm2_a2;
     case.plant.harmonic.amplitude_n = [0.0; 2];
     case.controller.reference =
         ReferenceConfig { shape: Shape::Lobes, lobe_amplitude_m: 5e-6, ..ReferenceConfig::default() };
@@ -289,7 +290,7 @@ fn currents_do_not_jump_when_lambda_changes() {
 
     // Using λ from the start: no steps once the observer has settled.
     let mut case = Loop::paper();
-    case.controller.update = UpdateMode::WhenValid;
+    case.controller.law.update = UpdateMode::WhenValid;
     case.valid_s = 0.1;
     let records = case.run();
     let step = |k: usize| -> [f64; 3] {
@@ -330,8 +331,8 @@ fn estimates_taken_over_directly_make_no_bump() {
     for (name, case) in [("current", Loop::paper()), ("voltage", Loop::paper().with_voltage())] {
         for modulation in [0.0, 0.5, 1.0] {
             let mut case = case.clone();
-            case.controller.update = UpdateMode::WhenValid;
-            case.controller.modulation = modulation;
+            case.controller.law.update = UpdateMode::WhenValid;
+            case.controller.law.modulation = modulation;
             let run = |lambda_at: fn([f64; 3], usize) -> [f64; 3]| Loop { lambda_at, ..case.clone() }.run();
             let jumps = run(|[a, b, c], k| if k < 2000 { [1.05 * a, 0.95 * b, 1.05 * c] } else { [a, b, c] });
             let stays = Loop { lambda_hat: off(case.lambda_hat), ..case.clone() }.run();
@@ -375,7 +376,7 @@ fn a_modulated_smallest_force_moves_nothing() {
     for (name, case, ahead) in [("current", Loop::at_rest(), 1.5), ("voltage", Loop::at_rest().with_voltage(), 2.0)] {
         let lambda = case.plant.lambda_nm2_a2;
         let mut without = case.clone();
-        without.controller.modulation = 0.0;
+        without.controller.law.modulation = 0.0;
         let (with, without) = (case.run(), without.run());
         // The load is there before the first current flows; the observer takes it up within 20 ms.
         let radius = largest(&with, 0.05, 0.4, |r| r.error_m[0].hypot(r.error_m[1]));
@@ -406,8 +407,8 @@ fn a_modulated_smallest_force_hardly_moves_a_rotor_whose_constants_are_not_known
     for (name, case) in [("current", Loop::at_rest()), ("voltage", Loop::at_rest().with_voltage())] {
         for (modulation, seed) in (1..=20).flat_map(|seed| [(0.0, seed), (0.5, seed)]) {
             let mut case = case.clone();
-            case.controller.modulation = modulation;
-            case.controller.lambda0_nm2_a2 = [4e-6; 3];
+            case.controller.law.modulation = modulation;
+            case.controller.law.lambda0_nm2_a2 = [4e-6; 3];
             let noise = SensorConfig { position_noise_m: 1e-7, current_noise_a: 1e-2, seed, ..case.plant.sensor };
             case.plant.sensor = noise;
             let radius = largest(&case.run(), 0.05, 0.4, |r| r.error_m[0].hypot(r.error_m[1]));
@@ -419,9 +420,9 @@ fn a_modulated_smallest_force_hardly_moves_a_rotor_whose_constants_are_not_known
 /// A controller at rest with a modulation, and its smallest force at each sample, over F_0 and less 1; `tune` may change the
 /// modulation before a sample.
 fn modulation(config: ControllerConfig, samples: u64, tune: impl Fn(&mut Controller, u64)) -> Vec<f64> {
-    let mut config = ControllerConfig { modulation: 0.5, ..config };
+    let mut config = ControllerConfig { law: TrackingConfig { modulation: 0.5, ..config.law }, ..config };
     (config.reference.r_y_m, config.reference.r_z_m) = (0.0, 0.0);
-    let lambda = config.lambda0_nm2_a2;
+    let lambda = config.law.lambda0_nm2_a2;
     let mut controller = Controller::new(config).expect("controller");
     let mut state = controller.start(0.0);
     let input = ControllerInput { position_m: [0.0; 2], ..still() };
@@ -484,8 +485,11 @@ fn tuned_modulation_goes_on_without_a_jump_of_its_phase() {
 #[test]
 fn a_change_of_lambda_moves_neither_the_rotor_nor_force_and_perturbation() {
     let settled = |update| {
-        let controller =
-            Controller::new(ControllerConfig { update, ..ControllerConfig::default() }).expect("controller");
+        let controller = Controller::new(ControllerConfig {
+            law: TrackingConfig { update, ..TrackingConfig::default() },
+            ..ControllerConfig::default()
+        })
+        .expect("controller");
         let mut state = controller.start(0.0);
         let input = |lambda_valid| ControllerInput { lambda_valid, ..still() };
         let mut outputs = Vec::new();
@@ -533,7 +537,10 @@ fn lambda_is_taken_over_once_at_its_time_and_only_if_it_is_of_use() {
     let first = [4e-6; 3];
     let good = [2e-6; 3];
     let other = [3e-6; 3];
-    let at = |update_time_s| ControllerConfig { update_time_s, ..ControllerConfig::default() };
+    let at = |update_time_s| ControllerConfig {
+        law: TrackingConfig { update_time_s, ..TrackingConfig::default() },
+        ..ControllerConfig::default()
+    };
     // Not before its time, once, and with a time that is short of a sample by its last bits.
     let used = lambda_used(at(2e-4 * (1.0 + 1e-12)), &[(other, true), (other, true), (good, true), (other, true)]);
     assert_eq!(used, [first, first, good, good]);
@@ -543,15 +550,18 @@ fn lambda_is_taken_over_once_at_its_time_and_only_if_it_is_of_use() {
     // Never an unusable one.
     for bad in [f64::NAN, f64::INFINITY, 0.0, -2e-6] {
         for update in [UpdateMode::AtTime, UpdateMode::WhenValid] {
-            let config = ControllerConfig { update, ..at(0.0) };
+            let config = ControllerConfig { law: TrackingConfig { update, ..at(0.0).law }, ..at(0.0) };
             let used = lambda_used(config, &[([2e-6, bad, 2e-6], true), ([2e-6, 2e-6, bad], true)]);
             assert_eq!(used, [first, first], "{bad} {update:?}");
         }
     }
-    let used = lambda_used(ControllerConfig { update: UpdateMode::Never, ..at(0.0) }, &[(good, true); 3]);
+    let used = lambda_used(
+        ControllerConfig { law: TrackingConfig { update: UpdateMode::Never, ..at(0.0).law }, ..at(0.0) },
+        &[(good, true); 3],
+    );
     assert_eq!(used, [first; 3]);
     // Always while it is valid.
-    let config = ControllerConfig { update: UpdateMode::WhenValid, ..at(0.0) };
+    let config = ControllerConfig { law: TrackingConfig { update: UpdateMode::WhenValid, ..at(0.0).law }, ..at(0.0) };
     let used = lambda_used(config, &[(good, true), (other, true), (good, false), (good, true)]);
     assert_eq!(used, [good, other, other, good]);
 }
@@ -587,8 +597,8 @@ fn an_external_reference_is_followed() {
     /// Error, in m, from the lag of the acceleration found; measured 0.45 µm. The ellipse known from within costs 4 nm.
     const EXTERNAL_M: f64 = 0.6e-6;
     let config = ControllerConfig {
+        law: TrackingConfig { lambda0_nm2_a2: PlantConfig::default().lambda_nm2_a2, ..TrackingConfig::default() },
         reference: ReferenceConfig { shape: Shape::External, bandwidth_rad_s: 4000.0, ..ReferenceConfig::default() },
-        lambda0_nm2_a2: PlantConfig::default().lambda_nm2_a2,
         ..ControllerConfig::default()
     };
     let controller = Controller::new(config).expect("controller");
@@ -661,7 +671,10 @@ fn a_rotor_beyond_the_magnets_saturates_and_says_so() {
 
 #[test]
 fn the_state_survives_being_written_and_read() {
-    let config = ControllerConfig { modulation: 0.5, ..ControllerConfig::default() };
+    let config = ControllerConfig {
+        law: TrackingConfig { modulation: 0.5, ..TrackingConfig::default() },
+        ..ControllerConfig::default()
+    };
     let mut controller = Controller::new(config).expect("controller");
     let mut state = controller.start(0.5);
     for k in 0..5 {
@@ -674,7 +687,10 @@ fn the_state_survives_being_written_and_read() {
     let mut read: ControllerState = toml::from_str(&text).expect("read");
     assert_eq!(read, state);
     assert_eq!(controller.sample(&mut read, &still()), controller.sample(&mut state, &still()));
-    let config = ControllerConfig { update: UpdateMode::WhenValid, ..ControllerConfig::default() };
+    let config = ControllerConfig {
+        law: TrackingConfig { update: UpdateMode::WhenValid, ..TrackingConfig::default() },
+        ..ControllerConfig::default()
+    };
     let text = toml::to_string(&config).expect("written");
     assert_eq!(toml::from_str::<ControllerConfig>(&text).expect("read"), config);
 }
@@ -684,34 +700,73 @@ fn bad_parameters_are_refused_by_name_all_at_once() {
     let default = ControllerConfig::default;
     for bad in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
         let config = ControllerConfig {
+            law: TrackingConfig {
+                step_s: bad,
+                lambda0_nm2_a2: [4e-6, bad, bad],
+                tracking_rad_s: bad,
+                observer_rad_s: bad,
+                ..TrackingConfig::default()
+            },
             m_kg: bad,
             gap_m: bad,
-            step_s: bad,
-            lambda0_nm2_a2: [4e-6, bad, bad],
-            tracking_rad_s: bad,
-            observer_rad_s: bad,
             ..default()
         };
         let wanted = ["m", "s", "Ts", "lambda0[2]", "lambda0[3]", "bandwidth.tracking", "bandwidth.observer"];
         assert_eq!(names(config), wanted, "{bad}");
     }
     for bad in [f64::NAN, f64::INFINITY, -1.0] {
-        assert_eq!(names(ControllerConfig { f0_n: bad, ..default() }), ["F0"]);
+        assert_eq!(
+            names(ControllerConfig { law: TrackingConfig { f0_n: [bad], ..TrackingConfig::default() }, ..default() }),
+            ["F0"]
+        );
     }
     for bad in [f64::NAN, f64::INFINITY, -0.1, 1.1] {
-        assert_eq!(names(ControllerConfig { modulation: bad, ..default() }), ["F0.modulation"], "{bad}");
+        assert_eq!(
+            names(ControllerConfig {
+                law: TrackingConfig { modulation: bad, ..TrackingConfig::default() },
+                ..default()
+            }),
+            ["F0.modulation"],
+            "{bad}"
+        );
     }
     for bad in [f64::NAN, f64::INFINITY, 0.0, -110.0, 5000.1] {
-        assert_eq!(names(ControllerConfig { modulation_hz: bad, ..default() }), ["F0.modulationFrequency"], "{bad}");
+        assert_eq!(
+            names(ControllerConfig {
+                law: TrackingConfig { modulation_hz: [bad], ..TrackingConfig::default() },
+                ..default()
+            }),
+            ["F0.modulationFrequency"],
+            "{bad}"
+        );
     }
     for good in [1e-3, 5000.0] {
-        assert!(Controller::new(ControllerConfig { modulation: 1.0, modulation_hz: good, ..default() }).is_ok());
+        assert!(
+            Controller::new(ControllerConfig {
+                law: TrackingConfig { modulation: 1.0, modulation_hz: [good], ..TrackingConfig::default() },
+                ..default()
+            })
+            .is_ok()
+        );
     }
-    assert_eq!(names(ControllerConfig { update_time_s: f64::NAN, ..default() }), ["update.time"]);
+    assert_eq!(
+        names(ControllerConfig {
+            law: TrackingConfig { update_time_s: f64::NAN, ..TrackingConfig::default() },
+            ..default()
+        }),
+        ["update.time"]
+    );
     assert_eq!(names(ControllerConfig { alpha_rad: [PI, 0.5, 0.5], ..default() }), ["alpha[3]"]);
     let reference = ReferenceConfig { r_y_m: -1.0, ..ReferenceConfig::default() };
     assert_eq!(names(ControllerConfig { reference, ..default() }), ["reference.rY"]);
-    assert!(Controller::new(ControllerConfig { f0_n: 0.0, ..default() }).is_ok(), "F0 = 0 is admitted");
+    assert!(
+        Controller::new(ControllerConfig {
+            law: TrackingConfig { f0_n: [0.0], ..TrackingConfig::default() },
+            ..default()
+        })
+        .is_ok(),
+        "F0 = 0 is admitted"
+    );
 }
 
 fn names(config: ControllerConfig) -> Vec<String> {

@@ -352,7 +352,7 @@ fn noise_off_is_exact_and_one_channel_leaves_the_others_alone() {
 
 #[test]
 fn the_state_survives_being_written_and_read() {
-    let sensor = SensorConfig { position_noise_m: 1e-7, seed: u64::MAX, ..SensorConfig::default() };
+    let sensor = SensorConfig { position_noise_m: 1e-7, seed: -1, ..SensorConfig::default() };
     let config = PlantConfig { sensor, ..all_on() };
     let plant = plant(config.clone());
     let mut state = plant.start(0.0);

@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use magnetic_bearing::bearing::magnet::Magnets;
 use magnetic_bearing::control::observer::{PerturbationObserver, Signal, SignalObserver, gains_of_three};
+use magnetic_bearing::control::reference::Transition;
 use magnetic_bearing::control::reference::{Contour, Reference, ReferenceConfig, Shape};
 
 const STEP_S: f64 = 1e-4;
@@ -261,7 +262,10 @@ fn a_fourier_series_is_the_lobes_it_is_the_series_of() {
 #[test]
 fn a_smooth_start_is_smooth() {
     let magnets = Magnets::new(5e-4, ReferenceMagnets::ALPHA).expect("magnets");
-    let config = ReferenceConfig { lift_s: 0.02, start_s: 0.01, ramp_s: 0.03, ..ReferenceConfig::default() };
+    let config = ReferenceConfig {
+        transition: Transition { lift_s: 0.02, start_s: 0.01, ramp_s: 0.03 },
+        ..ReferenceConfig::default()
+    };
     let reference = Reference::new(config, 1e-4, &magnets).expect("reference");
     let plain = Reference::new(ReferenceConfig::default(), 1e-4, &magnets).expect("reference");
     let (mut state, mut other) = (reference.start(), plain.start());
@@ -304,7 +308,10 @@ fn bad_starts_and_contours_are_refused_by_name() {
         let found = Reference::new(config, 1e-4, &magnets).expect_err("a refusal");
         found.into_iter().map(|finding| finding.name.into_owned()).collect()
     };
-    let bad = ReferenceConfig { start_s: -1.0, ramp_s: f64::NAN, lift_s: -1.0, ..ReferenceConfig::default() };
+    let bad = ReferenceConfig {
+        transition: Transition { start_s: -1.0, ramp_s: f64::NAN, lift_s: -1.0 },
+        ..ReferenceConfig::default()
+    };
     assert_eq!(names(bad), ["reference.startTime", "reference.rampTime", "reference.liftTime"]);
     let mut contour = Contour::default();
     contour.sin_z_m[2] = 6e-4;

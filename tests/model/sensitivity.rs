@@ -2,6 +2,7 @@
 
 use magnetic_bearing::bearing::coil::{CoilConfig, Drive};
 use magnetic_bearing::control::controller::ControllerConfig;
+use magnetic_bearing::control::tracking::TrackingConfig;
 use magnetic_bearing::plant::PlantConfig;
 use magnetic_bearing::studies::sensitivity::{SampledLoop, zone};
 use nalgebra::DMatrix;
@@ -14,7 +15,8 @@ const FIRST_GUESS: [f64; 3] = [4e-6; 3];
 fn loop_of(drive: Drive, lambda: [f64; 3]) -> SampledLoop {
     let coil = CoilConfig { drive, ..CoilConfig::default() };
     let plant = PlantConfig { coil: coil.clone(), ..PlantConfig::default() };
-    let controller = ControllerConfig { coil, ..ControllerConfig::default() };
+    let controller =
+        ControllerConfig { law: TrackingConfig { coil, ..TrackingConfig::default() }, ..ControllerConfig::default() };
     SampledLoop::new(&plant, &controller, lambda, LOAD_N).expect("settled")
 }
 

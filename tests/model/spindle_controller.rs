@@ -10,10 +10,12 @@ use magnetic_bearing::bearing::shaft::{displacement, generalised, shared, throug
 use magnetic_bearing::bearing::spindle::{RadialBearing, Spindle, SpindleGeometry};
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
 use magnetic_bearing::control::reference::ReferenceConfig;
+use magnetic_bearing::control::reference::Transition;
 use magnetic_bearing::control::spindle::{
     BearingPath, SpindleController, SpindleControllerConfig, SpindleControllerInput, SpindleControllerOutput,
     SpindleControllerState, SpindlePath, SpindlePathConfig,
 };
+use magnetic_bearing::control::tracking::TrackingConfig;
 use magnetic_bearing::control::tracking::{Arrangement, ControllerError, UpdateMode};
 use magnetic_bearing::plant::noise::Noise;
 
@@ -420,11 +422,14 @@ fn without_tilt_each_radial_bearing_is_a_planar_one() {
         config.law.update_time_s = 0.01;
         config.law.tracking_rad_s = 1000.0;
         let planar = ControllerConfig {
+            law: TrackingConfig {
+                f0_n: [15.0],
+                modulation: 0.5,
+                coil: config.law.coil.clone(),
+                update_time_s: 0.01,
+                ..TrackingConfig::default()
+            },
             m_kg: 0.5 * config.geometry.shaft.m_kg,
-            f0_n: 15.0,
-            modulation: 0.5,
-            coil: config.law.coil.clone(),
-            update_time_s: 0.01,
             reference: ReferenceConfig::default(),
             ..ControllerConfig::default()
         };
@@ -505,7 +510,11 @@ fn reference(config: SpindlePathConfig) -> SpindlePath {
 #[test]
 fn the_reference_is_consistent_with_its_derivatives() {
     for ramp_s in [0.0, 0.05] {
-        let mut config = SpindlePathConfig { ramp_s, lift_s: ramp_s, axial_amplitude_m: 20e-6, ..Default::default() };
+        let mut config = SpindlePathConfig {
+            transition: Transition { ramp_s, lift_s: ramp_s, ..Default::default() },
+            axial_amplitude_m: 20e-6,
+            ..Default::default()
+        };
         config.b = BearingPath { r_y_m: 60e-6, r_z_m: 25e-6, phase_rad: 1.2 };
         let path = reference(config);
         let mut state = path.start();
@@ -526,7 +535,10 @@ fn the_reference_is_consistent_with_its_derivatives() {
 /// From rest on the backup bearings, without jumps: the reference begins where the rotor is.
 #[test]
 fn a_lift_begins_where_the_rotor_is() {
-    let path = reference(SpindlePathConfig { ramp_s: 0.05, lift_s: 0.05, start_s: 0.05, ..Default::default() });
+    let path = reference(SpindlePathConfig {
+        transition: Transition { ramp_s: 0.05, lift_s: 0.05, start_s: 0.05, ..Default::default() },
+        ..Default::default()
+    });
     let mut state = path.start();
     let first = [1e-4, -1e-4, 5e-5, 1e-4, -2e-4];
     path.sample(&mut state, TAU * 50.0, first);
@@ -569,7 +581,7 @@ fn bad_parameters_are_refused_by_name() {
         assert_eq!(refused(|c| c.path.a.r_y_m = bad), ["A.reference.rY"], "{bad}");
         assert_eq!(refused(|c| c.path.axial_amplitude_m = bad), ["X.reference.amplitude"], "{bad}");
         assert_eq!(refused(|c| c.path.axial_hz = bad), ["X.reference.frequency"], "{bad}");
-        assert_eq!(refused(|c| c.path.lift_s = bad), ["reference.liftTime"], "{bad}");
+        assert_eq!(refused(|c| c.path.transition.lift_s = bad), ["reference.liftTime"], "{bad}");
         assert_eq!(refused(|c| c.geometry.shaft.m_kg = bad), ["m"], "{bad}");
         assert_eq!(refused(|c| c.geometry.axial_gap_m = bad), ["X.s"], "{bad}");
     }
@@ -584,7 +596,8 @@ fn bad_parameters_are_refused_by_name() {
 
     // Several at once; a refused retuning changes nothing.
     assert_eq!(
-        refused(|c| (c.geometry.shaft.transverse_kgm2, c.law.f0_n[0], c.path.ramp_s) = (-1.0, -1.0, -1.0)).len(),
+        refused(|c| (c.geometry.shaft.transverse_kgm2, c.law.f0_n[0], c.path.transition.ramp_s) = (-1.0, -1.0, -1.0))
+            .len(),
         3
     );
     let mut controller = SpindleController::new(SpindleControllerConfig::default()).expect("a controller");

@@ -4,6 +4,7 @@ use std::ffi::{CStr, c_char};
 
 use super::Interface;
 use super::component::{Component, Outcome, Problem};
+use crate::variable::Value;
 
 /// The elements of an array passed by the importer.
 ///
@@ -48,6 +49,26 @@ fn check_array<T>(name: &str, null: bool, length: usize) -> Outcome {
 pub(crate) unsafe fn text<'a>(text: *const c_char) -> Option<&'a CStr> {
     // SAFETY: the pointer is not null, and by this function's contract the text ends with a zero byte.
     (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) })
+}
+
+/// The value of a string passed by the importer.
+///
+/// # Safety
+/// As for [`text`].
+pub(crate) unsafe fn text_value(value: *const c_char) -> Result<Value, String> {
+    // SAFETY: by this function's contract.
+    let text = unsafe { text(value) }.ok_or("a null pointer is refused: expected a string")?;
+    let text = text.to_str().map_err(|_| "the string is refused: expected UTF-8")?;
+    Ok(Value::String(text.to_owned()))
+}
+
+/// The value of a Boolean passed as a number; `standard` begins the names of its two values.
+pub(crate) fn boolean(value: impl Into<i32>, standard: &str) -> Result<Value, String> {
+    match value.into() {
+        0 => Ok(Value::Boolean(false)),
+        1 => Ok(Value::Boolean(true)),
+        other => Err(format!("{other} is refused: expected {standard}False (0) or {standard}True (1)")),
+    }
 }
 
 /// The place for a single value.

@@ -1,7 +1,5 @@
 //! Enumerations: names for whole numbers.
 
-use crate::model::Invalid;
-
 /// Names for the values 1, 2, … of an enumeration.
 ///
 /// ```
@@ -48,23 +46,6 @@ impl Enumeration {
     pub fn item(&self, value: i32) -> Option<&'static str> {
         let index = usize::try_from(value.checked_sub(1)?).ok()?;
         self.items.get(index).map(|(name, _)| *name)
-    }
-
-    /// Sets `chosen` to the option with that value, or adds a finding if there is none.
-    pub fn choose<T, const N: usize>(
-        &self,
-        name: &'static str,
-        value: i32,
-        options: [T; N],
-        chosen: &mut T,
-        findings: &mut Vec<Invalid>,
-    ) {
-        debug_assert_eq!(N, self.items.len());
-        let index = value.checked_sub(1).and_then(|index| usize::try_from(index).ok());
-        match index.and_then(|index| options.into_iter().nth(index)) {
-            Some(option) => *chosen = option,
-            None => findings.push(Invalid::new(name, value, format!("one of {}", self.listed()))),
-        }
     }
 
     /// The items with their values, for messages.

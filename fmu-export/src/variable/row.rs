@@ -99,72 +99,22 @@ impl<D> Row<D> {
         row
     }
 
-    /// The elements `name[1]`, `name[2]`, … of an array of real numbers.
-    pub fn reals<const N: usize>(
-        name: &str,
-        place: Access<D, f64>,
-        unit: Unit,
-        starts: [f64; N],
-    ) -> impl Iterator<Item = Self> {
-        Self::elements(name, starts, move |name, start| Self::real(name, place, unit, start))
-    }
-
-    /// Array elements with individual names.
-    pub fn named_reals<const N: usize>(
-        names: [impl Into<Cow<'static, str>>; N],
-        place: Access<D, f64>,
-        unit: Unit,
-        starts: [f64; N],
-    ) -> impl Iterator<Item = Self> {
-        let rows = names.into_iter().zip(starts).enumerate();
-        rows.map(move |(index, (name, start))| Self {
-            index,
-            place_index: index,
-            ..Self::real(name, place, unit, start)
-        })
-    }
-
-    /// The elements of an array of whole numbers.
-    pub fn integers<const N: usize>(name: &str, place: Access<D, i32>, starts: [i32; N]) -> impl Iterator<Item = Self> {
-        Self::elements(name, starts, move |name, start| Self::integer(name, place, start))
-    }
-
-    /// The elements of an array of Booleans.
-    pub fn booleans<const N: usize>(
-        name: &str,
-        place: Access<D, bool>,
-        starts: [bool; N],
-    ) -> impl Iterator<Item = Self> {
-        Self::elements(name, starts, move |name, start| Self::boolean(name, place, start))
-    }
-
-    /// Booleans with individual names.
-    pub fn named_booleans<const N: usize>(
-        names: [impl Into<Cow<'static, str>>; N],
-        place: Access<D, bool>,
-        starts: [bool; N],
-    ) -> impl Iterator<Item = Self> {
-        let rows = names.into_iter().zip(starts).enumerate();
-        rows.map(move |(index, (name, start))| Self { index, place_index: index, ..Self::boolean(name, place, start) })
-    }
-
-    /// The elements of an array of strings.
-    pub fn strings<const N: usize>(
-        name: &str,
-        place: Access<D, String>,
-        starts: [&'static str; N],
-    ) -> impl Iterator<Item = Self> {
-        Self::elements(name, starts, move |name, start| Self::string(name, place, start))
-    }
-
-    fn elements<T, const N: usize>(
+    /// The elements `name[1]`, `name[2]`, … of an array, of which `row` makes one of its name and start value.
+    ///
+    /// ```
+    /// # use fmu_export::{place, unit, variable::Row};
+    /// struct Values { gain: [f64; 2] }
+    /// let gains = Row::elements("gain", [1.0, 2.0], |name, start| Row::real(name, place!(Values.gain[k]), unit::ONE, start));
+    /// assert_eq!(gains.last().expect("two rows").variable.name, "gain[2]");
+    /// ```
+    pub fn elements<T, const N: usize>(
         name: &str,
         starts: [T; N],
         row: impl Fn(String, T) -> Self,
     ) -> impl Iterator<Item = Self> {
         let name = name.to_owned();
         let rows = starts.into_iter().enumerate();
-        rows.map(move |(index, start)| Self { index, place_index: index, ..row(element(&name, index), start) })
+        rows.map(move |(index, start)| row(element(&name, index), start).at_place(index, index))
     }
 
     /// Moves it to another place and another element of its array.
@@ -188,12 +138,29 @@ impl<D> Row<D> {
             return text;
         }
         let text = text.replace("{k}", &(self.index + 1).to_string());
+        let text = text.replace("{prefix}", self.prefix.strip_suffix('.').unwrap_or(&self.prefix));
         self.number.map_or(text.clone(), |number| text.replace("{n}", &number.to_string())).into()
     }
 
     /// The index of the element of an array, counted from 0.
     pub fn index(&self) -> usize {
         self.index
+    }
+
+    /// The value of a Real variable in a structure.
+    pub fn number(&self, data: &D) -> Option<f64> {
+        match &self.place {
+            Place::Real(place) => Some((place.get)(data, self.place_index)),
+            _ => None,
+        }
+    }
+
+    /// The unit of a Real variable.
+    pub fn unit(&self) -> Option<Unit> {
+        match self.variable.data_type {
+            Type::Real { unit, .. } => Some(unit),
+            _ => None,
+        }
     }
 
     fn role(mut self, causality: Causality, variability: Variability) -> Self {
@@ -260,7 +227,7 @@ impl<D> Row<D> {
     }
 
     /// Description, as a phrase without a full stop. `{k}` stands for the number of the element, counted from 1, `{n}` for that of
-    /// the structure which contains it.
+    /// the structure which contains it, `{prefix}` for what its names begin with, without a point at the end.
     pub fn description(mut self, description: impl Into<Cow<'static, str>>) -> Self {
         self.variable.description = self.numbered(description.into());
         self

@@ -141,8 +141,8 @@ fn same(one: &Value, other: &Value) -> bool {
     }
 }
 
-/// Replaces names to which rows refer: one of the own structure gets its prefix, that of an array becomes those of its elements.
-/// Unknown names stay, to be reported.
+/// Replaces names to which rows refer: one of the own structure gets its prefix, unless it begins with a point; that of an
+/// array becomes those of its elements. Unknown names stay, to be reported.
 fn resolve<D>(rows: &mut [Row<D>]) {
     let mut elements: HashMap<Cow<'static, str>, Vec<Cow<'static, str>>> = HashMap::new();
     for row in rows.iter() {
@@ -155,8 +155,11 @@ fn resolve<D>(rows: &mut [Row<D>]) {
     for row in rows {
         let index = row.index();
         let meant = |name: &Cow<'static, str>| {
-            let own: Cow<'static, str> = format!("{}{name}", row.prefix).into();
-            elements.get(&own).or_else(|| elements.get(name)).cloned().unwrap_or_else(|| vec![name.clone()])
+            let own = match name.strip_prefix('.') {
+                Some(name) => name.to_owned(),
+                None => format!("{}{name}", row.prefix),
+            };
+            elements.get(own.as_str()).or_else(|| elements.get(name)).cloned().unwrap_or_else(|| vec![name.clone()])
         };
         if let Some(depends_on) = &mut row.variable.depends_on {
             let each =

@@ -18,15 +18,20 @@ use crate::bearing::shaft::{self, COORDINATES};
 use crate::bearing::spindle::Spindle;
 use crate::control::reference::{RefPoint, Transition, Turning, check_ellipse_reach};
 use crate::invalid::{Checks, Invalid};
+use crate::variables::Variables;
+use crate::variables::unit::{HERTZ, METRE, RADIAN};
 
 /// Path in a radial bearing.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
 pub struct BearingPath {
-    /// Semi-axis along y, `r_Y`, in m; not below 0.
+    /// Semi-axis of the reference trajectory along y at the magnets of bearing {prefix}
+    #[parameter(name = "reference.rY", unit = METRE, min = 0.0, nominal = 1e-5)]
     pub r_y_m: f64,
-    /// Semi-axis along z, `r_Z`, in m; not below 0.
+    /// Semi-axis of the reference trajectory along z at the magnets of bearing {prefix}
+    #[parameter(name = "reference.rZ", unit = METRE, min = 0.0, nominal = 1e-5)]
     pub r_z_m: f64,
-    /// Phase φ, in rad.
+    /// Phase of the reference trajectory in bearing {prefix}
+    #[parameter(name = "reference.phase", unit = RADIAN)]
     pub phase_rad: f64,
 }
 
@@ -38,24 +43,26 @@ impl Default for BearingPath {
 }
 
 /// The reference of a spindle.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[serde(default)]
 pub struct SpindlePathConfig {
     /// Path in bearing A.
+    #[nested(prefix = "A.")]
     pub a: BearingPath,
     /// Path in bearing B.
+    #[nested(prefix = "B.")]
     pub b: BearingPath,
-    /// Amplitude a of the axial motion, in m; not below 0.
+    /// Amplitude of the axial reference, a sine
+    #[parameter(name = "X.reference.amplitude", unit = METRE, min = 0.0, nominal = 1e-5)]
     pub axial_amplitude_m: f64,
-    /// Frequency f of the axial motion, in Hz, from 0 to half the sample rate.
+    /// Frequency of the axial reference
+    #[parameter(name = "X.reference.frequency", unit = HERTZ, min = 0.0, nominal = 100.0)]
     pub axial_hz: f64,
-    /// Time after the first sample at which the reference begins to grow out of the centre, in s.
-    pub start_s: f64,
-    /// Duration of the growth, in s.
-    pub ramp_s: f64,
-    /// Time to bring the rotor from the first measured position to the centre, in s; 0 for none.
-    pub lift_s: f64,
+    /// Begin of the motion.
+    #[nested(prefix = "reference.")]
+    pub transition: Transition,
     /// Speed of the rotor, in rad/s; negative values run backwards.
+    #[hidden]
     pub omega_rad_s: f64,
 }
 
@@ -67,9 +74,7 @@ impl Default for SpindlePathConfig {
             b: BearingPath::default(),
             axial_amplitude_m: 0.0,
             axial_hz: 60.0,
-            start_s: 0.0,
-            ramp_s: 0.0,
-            lift_s: 0.0,
+            transition: Transition::default(),
             omega_rad_s: TAU * 50.0,
         }
     }
@@ -133,7 +138,7 @@ impl SpindlePath {
             format_args!("{} Hz", config.axial_hz),
             format!("a finite number, 0 or above, at most half the sample rate ({highest_hz} Hz)"),
         );
-        config.transition().check(checks);
+        config.transition.check(checks);
         checks.finite("reference.omega", config.omega_rad_s, "rad/s");
         // r_Y cos(θ + φ) and r_Z sin(θ + φ), expanded.
         let phases = paths.map(|path| libm::sincos(path.phase_rad));
@@ -177,7 +182,7 @@ impl SpindlePath {
         let (sin, cos) = libm::sincos(state.turning.ahead_rad(ahead_s));
         let mut curve = self.waves_at(state.turning.omega_rad_s(), sin, cos);
         curve[0] = self.axial(t_s);
-        self.config.transition().apply(curve, state.first, t_s)
+        self.config.transition.apply(curve, state.first, t_s)
     }
 
     fn waves_at(&self, omega_rad_s: f64, sin: f64, cos: f64) -> [RefPoint; COORDINATES] {
@@ -201,12 +206,5 @@ impl SpindlePath {
         let revolutions = f * t_s;
         let (sin, cos) = libm::sincos(TAU * (revolutions - libm::floor(revolutions)));
         RefPoint { position_m: a * sin, velocity_m_s: a * rate * cos, acceleration_m_s2: -a * rate * rate * sin }
-    }
-}
-
-impl SpindlePathConfig {
-    fn transition(&self) -> Transition {
-        let &Self { start_s, ramp_s, lift_s, .. } = self;
-        Transition { start_s, ramp_s, lift_s }
     }
 }

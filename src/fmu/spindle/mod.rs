@@ -5,5 +5,3 @@
 pub mod controller;
 pub mod estimator;
 pub mod plant;
-
-mod common;

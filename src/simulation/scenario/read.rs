@@ -372,7 +372,7 @@ fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<St
         return;
     };
     for method in methods {
-        let value = match fmu::item(&estimator::METHOD, method) {
+        let value = match fmu::item(estimator::METHOD, method) {
             Ok(value) => value,
             Err(wanted) => {
                 findings.push(format!("compare = \"{method}\" is refused: {wanted}"));

@@ -147,7 +147,7 @@ impl Study {
                 Some(bench) => offline::judge(&scenario, &run.recording, &self.instants_s, seed, bench),
             };
             let trial = trial.ok_or_else(missing)?;
-            let update_s = scenario.closed_loop()?.controller.update_time_s;
+            let update_s = scenario.closed_loop()?.controller.law.update_time_s;
             attempt += 1;
             if trial.touched_s.is_none_or(|touched_s| touched_s > update_s) || attempt == ATTEMPTS {
                 return Ok(trial);

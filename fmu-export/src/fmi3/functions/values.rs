@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::Component;
 use crate::fmi3::bindings::*;
 use crate::fmi3::sequence::Function;
-use crate::interface::arguments::{elements, elements_mut, handed_out, text};
+use crate::interface::arguments::{boolean, elements, elements_mut, handed_out, text_value};
 use crate::interface::c_functions;
 use crate::interface::component::{Outcome, Problem};
 use crate::interface::guard::enter;
@@ -205,59 +205,6 @@ c_functions! {
         }
     }
 
-    /// Reads Int32 variables.
-    fn fmi3GetInt32: fmi3GetInt32TYPE(
-        instance: fmi3Instance,
-        valueReferences: *const fmi3ValueReference,
-        nValueReferences: usize,
-        values: *mut fmi3Int32,
-        nValues: usize,
-    ) -> fmi3Status {
-        let read = |component: &mut Component, index: u32| {
-            check(component, index, is_integer, "Int32")?;
-            let Value::Integer(value) = value(component, index)? else { return mixed_up(component, index) };
-            Ok(value)
-        };
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { get(instance, Function::GetInt32, (valueReferences, nValueReferences), (values, nValues), read) }
-    }
-
-    /// Reads Enumeration variables.
-    fn fmi3GetInt64: fmi3GetInt64TYPE(
-        instance: fmi3Instance,
-        valueReferences: *const fmi3ValueReference,
-        nValueReferences: usize,
-        values: *mut fmi3Int64,
-        nValues: usize,
-    ) -> fmi3Status {
-        let read = |component: &mut Component, index: u32| {
-            check(component, index, is_enumeration, "Int64")?;
-            let Value::Integer(value) = value(component, index)? else { return mixed_up(component, index) };
-            Ok(value.into())
-        };
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { get(instance, Function::GetInt64, (valueReferences, nValueReferences), (values, nValues), read) }
-    }
-
-    /// Reads Boolean variables.
-    fn fmi3GetBoolean: fmi3GetBooleanTYPE(
-        instance: fmi3Instance,
-        valueReferences: *const fmi3ValueReference,
-        nValueReferences: usize,
-        values: *mut fmi3Boolean,
-        nValues: usize,
-    ) -> fmi3Status {
-        let read = |component: &mut Component, index: u32| {
-            check(component, index, is_boolean, "Boolean")?;
-            let Value::Boolean(value) = value(component, index)? else { return mixed_up(component, index) };
-            Ok(value.into())
-        };
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe {
-            get(instance, Function::GetBoolean, (valueReferences, nValueReferences), (values, nValues), read)
-        }
-    }
-
     /// Reads String variables. The texts stay valid until the next call on the instance.
     fn fmi3GetString: fmi3GetStringTYPE(
         instance: fmi3Instance,
@@ -278,89 +225,76 @@ c_functions! {
         // SAFETY: the instance is as this module's contract says.
         unsafe { enter(instance, Function::GetString, body) }
     }
+}
 
-    /// Writes Float64 variables: all of them, or none if one is refused. Values that are not finite are refused where they are
-    /// used: a parameter at the end of initialization, an input in the step, unless the model accepts a missing input.
-    fn fmi3SetFloat64: fmi3SetFloat64TYPE(
-        instance: fmi3Instance,
-        valueReferences: *const fmi3ValueReference,
-        nValueReferences: usize,
-        values: *const fmi3Float64,
-        nValues: usize,
-    ) -> fmi3Status {
-        let references = (valueReferences, nValueReferences);
-        let wrap = |value| Ok(Value::Real(value));
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { set(instance, Function::SetFloat64, references, (values, nValues), (is_float, "Float64"), wrap) }
-    }
+/// Functions that read the variables of one type.
+macro_rules! readers {
+    ($($about:literal $name:ident: $type:ident = $function:ident($of:ty), $fits:ident, $asked:literal, $kind:ident;)*) => {
+        c_functions! {$(
+            #[doc = $about]
+            fn $name: $type(
+                instance: fmi3Instance,
+                valueReferences: *const fmi3ValueReference,
+                nValueReferences: usize,
+                values: *mut $of,
+                nValues: usize,
+            ) -> fmi3Status {
+                let read = |component: &mut Component, index: u32| {
+                    check(component, index, $fits, $asked)?;
+                    let Value::$kind(value) = value(component, index)? else { return mixed_up(component, index) };
+                    Ok(value.into())
+                };
+                let references = (valueReferences, nValueReferences);
+                // SAFETY: all arguments are as this module's contract says.
+                unsafe { get(instance, Function::$function, references, (values, nValues), read) }
+            }
+        )*}
+    };
+}
 
-    /// Writes Int32 variables: all of them, or none if one is refused.
-    fn fmi3SetInt32: fmi3SetInt32TYPE(
-        instance: fmi3Instance,
-        valueReferences: *const fmi3ValueReference,
-        nValueReferences: usize,
-        values: *const fmi3Int32,
-        nValues: usize,
-    ) -> fmi3Status {
-        let references = (valueReferences, nValueReferences);
-        let wrap = |value| Ok(Value::Integer(value));
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { set(instance, Function::SetInt32, references, (values, nValues), (is_integer, "Int32"), wrap) }
-    }
+readers! {
+    "Reads Int32 variables." fmi3GetInt32: fmi3GetInt32TYPE = GetInt32(fmi3Int32), is_integer, "Int32", Integer;
+    "Reads Enumeration variables." fmi3GetInt64: fmi3GetInt64TYPE = GetInt64(fmi3Int64), is_enumeration, "Int64", Integer;
+    "Reads Boolean variables." fmi3GetBoolean: fmi3GetBooleanTYPE = GetBoolean(fmi3Boolean), is_boolean, "Boolean", Boolean;
+}
 
-    /// Writes Enumeration variables: all of them, or none if one is refused.
-    fn fmi3SetInt64: fmi3SetInt64TYPE(
-        instance: fmi3Instance,
-        valueReferences: *const fmi3ValueReference,
-        nValueReferences: usize,
-        values: *const fmi3Int64,
-        nValues: usize,
-    ) -> fmi3Status {
-        let references = (valueReferences, nValueReferences);
-        let wrap = |value: fmi3Int64| {
-            let item = i32::try_from(value).map_err(|_| format!("{value} is refused: expected an item of the enumeration"));
-            item.map(Value::Integer)
-        };
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { set(instance, Function::SetInt64, references, (values, nValues), (is_enumeration, "Int64"), wrap) }
-    }
+/// Functions that write the variables of one type.
+macro_rules! writers {
+    ($($about:literal $name:ident: $type:ident = $function:ident($of:ty), $fits:ident, $asked:literal, $wrap:expr;)*) => {
+        c_functions! {$(
+            #[doc = $about]
+            fn $name: $type(
+                instance: fmi3Instance,
+                valueReferences: *const fmi3ValueReference,
+                nValueReferences: usize,
+                values: *const $of,
+                nValues: usize,
+            ) -> fmi3Status {
+                let references = (valueReferences, nValueReferences);
+                // SAFETY: all arguments, the texts among them, are as this module's contract says.
+                unsafe { set(instance, Function::$function, references, (values, nValues), ($fits, $asked), $wrap) }
+            }
+        )*}
+    };
+}
 
-    /// Writes Boolean variables: all of them, or none if one is refused.
-    fn fmi3SetBoolean: fmi3SetBooleanTYPE(
-        instance: fmi3Instance,
-        valueReferences: *const fmi3ValueReference,
-        nValueReferences: usize,
-        values: *const fmi3Boolean,
-        nValues: usize,
-    ) -> fmi3Status {
-        let references = (valueReferences, nValueReferences);
-        let wrap = |value| match value {
-            0 => Ok(Value::Boolean(false)),
-            1 => Ok(Value::Boolean(true)),
-            other => Err(format!("{other} is refused: expected fmi3False (0) or fmi3True (1)")),
-        };
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { set(instance, Function::SetBoolean, references, (values, nValues), (is_boolean, "Boolean"), wrap) }
-    }
+writers! {
+    "Writes Float64 variables: all of them, or none if one is refused. Values that are not finite are refused where they are\n\
+     used: a parameter at the end of initialization, an input in the step, unless the model accepts a missing input."
+    fmi3SetFloat64: fmi3SetFloat64TYPE = SetFloat64(fmi3Float64), is_float, "Float64", |value| Ok(Value::Real(value));
+    "Writes Int32 variables: all of them, or none if one is refused."
+    fmi3SetInt32: fmi3SetInt32TYPE = SetInt32(fmi3Int32), is_integer, "Int32", |value| Ok(Value::Integer(value));
+    "Writes Enumeration variables: all of them, or none if one is refused."
+    fmi3SetInt64: fmi3SetInt64TYPE = SetInt64(fmi3Int64), is_enumeration, "Int64", item;
+    "Writes Boolean variables: all of them, or none if one is refused."
+    fmi3SetBoolean: fmi3SetBooleanTYPE = SetBoolean(fmi3Boolean), is_boolean, "Boolean", |value| boolean(value, "fmi3");
+    "Writes String variables, in UTF-8: all of them, or none if one is refused."
+    fmi3SetString: fmi3SetStringTYPE = SetString(fmi3String), is_string, "String", |value| text_value(value);
+}
 
-    /// Writes String variables, in UTF-8: all of them, or none if one is refused.
-    fn fmi3SetString: fmi3SetStringTYPE(
-        instance: fmi3Instance,
-        valueReferences: *const fmi3ValueReference,
-        nValueReferences: usize,
-        values: *const fmi3String,
-        nValues: usize,
-    ) -> fmi3Status {
-        let references = (valueReferences, nValueReferences);
-        let wrap = |value| {
-            // SAFETY: the texts are as this module's contract says.
-            let text = unsafe { text(value) }.ok_or("a null pointer is refused: expected a string")?;
-            let text = text.to_str().map_err(|_| "the string is refused: expected UTF-8")?;
-            Ok(Value::String(text.to_owned()))
-        };
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { set(instance, Function::SetString, references, (values, nValues), (is_string, "String"), wrap) }
-    }
+fn item(value: fmi3Int64) -> Result<Value, String> {
+    let item = i32::try_from(value).map_err(|_| format!("{value} is refused: expected an item of the enumeration"));
+    item.map(Value::Integer)
 }
 
 /// Functions for the types that no model has.

@@ -8,8 +8,12 @@
 
 #![allow(non_snake_case, reason = "the names are those of the standard")]
 
+mod values;
+
 use std::ffi::{CStr, c_char};
 use std::panic::catch_unwind;
+
+pub use values::*;
 
 use super::Fmi2;
 use super::bindings::*;
@@ -23,68 +27,9 @@ use crate::interface::snapshot::Stage;
 use crate::interface::{c_functions, component, logger, states};
 use crate::model::Step;
 use crate::resources::Resources;
-use crate::variable::Value;
 
 type Component = component::Component<Fmi2>;
 type Logger = logger::Logger<Fmi2>;
-
-/// Reads the variables of one type.
-///
-/// # Safety
-/// As for all functions of this module.
-unsafe fn get<T>(
-    component: fmi2Component,
-    function: Function,
-    (references, count): (*const fmi2ValueReference, usize),
-    values: *mut T,
-    take: impl Fn(&Value) -> Option<T>,
-    type_name: &str,
-) -> fmi2Status {
-    let body = |component: &mut Component| {
-        // SAFETY: the arrays are as the contract of the exported function says.
-        let (references, values) =
-            unsafe { (elements("vr", references, count)?, elements_mut("value", values, count)?) };
-        for (reference, value) in references.iter().zip(values) {
-            let found = component.instance.get(*reference as usize).map_err(Problem::call)?;
-            if let Value::Real(number) = found {
-                handed_out(component, *reference, number)?;
-            }
-            *value = take(&found).ok_or_else(|| Problem::Call(wrong_type(component, *reference, type_name, &found)))?;
-        }
-        Ok(())
-    };
-    // SAFETY: the component is as the contract of the exported function says.
-    unsafe { enter(component, function, body) }
-}
-
-/// The error for reading a variable as another type.
-fn wrong_type(component: &Component, reference: fmi2ValueReference, wanted: &str, found: &Value) -> String {
-    format!("{} is not of type {wanted} but {}", component.name_of(reference), found.type_name())
-}
-
-/// Writes the variables of one type: all of them, or none if one is refused.
-///
-/// # Safety
-/// As for all functions of this module.
-unsafe fn set<T: Copy>(
-    component: fmi2Component,
-    function: Function,
-    (references, count): (*const fmi2ValueReference, usize),
-    values: *const T,
-    wrap: impl Fn(T) -> Result<Value, String>,
-) -> fmi2Status {
-    let body = |component: &mut Component| {
-        // SAFETY: the arrays are as the contract of the exported function says.
-        let (references, values) = unsafe { (elements("vr", references, count)?, elements("value", values, count)?) };
-        for (reference, value) in references.iter().zip(values) {
-            wrap(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
-        }
-        let setting = |at: usize| (references[at] as usize, wrap(values[at]).expect("all values were checked"));
-        component.instance.set_all(count, &setting).map_err(Problem::call)
-    };
-    // SAFETY: the component is as the contract of the exported function says.
-    unsafe { enter(component, function, body) }
-}
 
 /// Answers a query about the last step.
 ///
@@ -244,114 +189,6 @@ c_functions! {
         };
         // SAFETY: the component is as this module's contract says.
         unsafe { enter(c, Function::Reset, body) }
-    }
-
-    /// Reads Real variables.
-    fn fmi2GetReal: fmi2GetRealTYPE(
-        c: fmi2Component,
-        vr: *const fmi2ValueReference,
-        nvr: usize,
-        value: *mut fmi2Real,
-    ) -> fmi2Status {
-        let take = |value: &Value| if let Value::Real(value) = value { Some(*value) } else { None };
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { get(c, Function::GetReal, (vr, nvr), value, take, "Real") }
-    }
-
-    /// Reads Integer and Enumeration variables.
-    fn fmi2GetInteger: fmi2GetIntegerTYPE(
-        c: fmi2Component,
-        vr: *const fmi2ValueReference,
-        nvr: usize,
-        value: *mut fmi2Integer,
-    ) -> fmi2Status {
-        let take = |value: &Value| if let Value::Integer(value) = value { Some(*value) } else { None };
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { get(c, Function::GetInteger, (vr, nvr), value, take, "Integer") }
-    }
-
-    /// Reads Boolean variables.
-    fn fmi2GetBoolean: fmi2GetBooleanTYPE(
-        c: fmi2Component,
-        vr: *const fmi2ValueReference,
-        nvr: usize,
-        value: *mut fmi2Boolean,
-    ) -> fmi2Status {
-        let take = |value: &Value| if let Value::Boolean(value) = value { Some(fmi2Boolean::from(*value)) } else { None };
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { get(c, Function::GetBoolean, (vr, nvr), value, take, "Boolean") }
-    }
-
-    /// Reads String variables. The texts stay valid until the next call on the instance.
-    fn fmi2GetString: fmi2GetStringTYPE(
-        c: fmi2Component,
-        vr: *const fmi2ValueReference,
-        nvr: usize,
-        value: *mut fmi2String,
-    ) -> fmi2Status {
-        let body = |component: &mut Component| {
-            // SAFETY: the arrays are as this module's contract says.
-            let (references, values) = unsafe { (elements("vr", vr, nvr)?, elements_mut("value", value, nvr)?) };
-            component.read_texts(references, values)
-        };
-        // SAFETY: the component is as this module's contract says.
-        unsafe { enter(c, Function::GetString, body) }
-    }
-
-    /// Writes Real variables: all of them, or none if one is refused. Values that are not finite are refused where they are
-    /// used: a parameter at the end of initialization, an input in the step, unless the model accepts a missing input.
-    fn fmi2SetReal: fmi2SetRealTYPE(
-        c: fmi2Component,
-        vr: *const fmi2ValueReference,
-        nvr: usize,
-        value: *const fmi2Real,
-    ) -> fmi2Status {
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { set(c, Function::SetReal, (vr, nvr), value, |value| Ok(Value::Real(value))) }
-    }
-
-    /// Writes Integer and Enumeration variables: all of them, or none if one is refused.
-    fn fmi2SetInteger: fmi2SetIntegerTYPE(
-        c: fmi2Component,
-        vr: *const fmi2ValueReference,
-        nvr: usize,
-        value: *const fmi2Integer,
-    ) -> fmi2Status {
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { set(c, Function::SetInteger, (vr, nvr), value, |value| Ok(Value::Integer(value))) }
-    }
-
-    /// Writes Boolean variables: all of them, or none if one is refused.
-    fn fmi2SetBoolean: fmi2SetBooleanTYPE(
-        c: fmi2Component,
-        vr: *const fmi2ValueReference,
-        nvr: usize,
-        value: *const fmi2Boolean,
-    ) -> fmi2Status {
-        let wrap = |value| match value {
-            0 => Ok(Value::Boolean(false)),
-            1 => Ok(Value::Boolean(true)),
-            other => Err(format!("{other} is refused: expected fmi2False (0) or fmi2True (1)")),
-        };
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { set(c, Function::SetBoolean, (vr, nvr), value, wrap) }
-    }
-
-    /// Writes String variables, in UTF-8: all of them, or none if one is refused.
-    fn fmi2SetString: fmi2SetStringTYPE(
-        c: fmi2Component,
-        vr: *const fmi2ValueReference,
-        nvr: usize,
-        value: *const fmi2String,
-    ) -> fmi2Status {
-        let wrap = |value| {
-            // SAFETY: the texts are as this module's contract says.
-            let text = unsafe { text(value) }.ok_or("a null pointer is refused: expected a string")?;
-            let text = text.to_str().map_err(|_| "the string is refused: expected UTF-8")?;
-            Ok(Value::String(text.to_owned()))
-        };
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe { set(c, Function::SetString, (vr, nvr), value, wrap) }
     }
 
     /// Takes a snapshot, into an existing one if there is one.

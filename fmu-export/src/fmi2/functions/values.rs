@@ -1,0 +1,141 @@
+//! Reading and writing variables.
+
+use super::Component;
+use crate::fmi2::bindings::*;
+use crate::fmi2::sequence::Function;
+use crate::interface::arguments::{boolean, elements, elements_mut, handed_out, text_value};
+use crate::interface::c_functions;
+use crate::interface::component::Problem;
+use crate::interface::guard::enter;
+use crate::variable::Value;
+
+/// Reads the variables of one type.
+///
+/// # Safety
+/// As for all functions of this module.
+unsafe fn get<T>(
+    component: fmi2Component,
+    function: Function,
+    (references, count): (*const fmi2ValueReference, usize),
+    values: *mut T,
+    take: impl Fn(&Value) -> Option<T>,
+    type_name: &str,
+) -> fmi2Status {
+    let body = |component: &mut Component| {
+        // SAFETY: the arrays are as the contract of the exported function says.
+        let (references, values) =
+            unsafe { (elements("vr", references, count)?, elements_mut("value", values, count)?) };
+        for (reference, value) in references.iter().zip(values) {
+            let found = component.instance.get(*reference as usize).map_err(Problem::call)?;
+            if let Value::Real(number) = found {
+                handed_out(component, *reference, number)?;
+            }
+            *value = take(&found).ok_or_else(|| Problem::Call(wrong_type(component, *reference, type_name, &found)))?;
+        }
+        Ok(())
+    };
+    // SAFETY: the component is as the contract of the exported function says.
+    unsafe { enter(component, function, body) }
+}
+
+/// The error for reading a variable as another type.
+fn wrong_type(component: &Component, reference: fmi2ValueReference, wanted: &str, found: &Value) -> String {
+    format!("{} is not of type {wanted} but {}", component.name_of(reference), found.type_name())
+}
+
+/// Writes the variables of one type: all of them, or none if one is refused.
+///
+/// # Safety
+/// As for all functions of this module.
+unsafe fn set<T: Copy>(
+    component: fmi2Component,
+    function: Function,
+    (references, count): (*const fmi2ValueReference, usize),
+    values: *const T,
+    wrap: impl Fn(T) -> Result<Value, String>,
+) -> fmi2Status {
+    let body = |component: &mut Component| {
+        // SAFETY: the arrays are as the contract of the exported function says.
+        let (references, values) = unsafe { (elements("vr", references, count)?, elements("value", values, count)?) };
+        for (reference, value) in references.iter().zip(values) {
+            wrap(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
+        }
+        let setting = |at: usize| (references[at] as usize, wrap(values[at]).expect("all values were checked"));
+        component.instance.set_all(count, &setting).map_err(Problem::call)
+    };
+    // SAFETY: the component is as the contract of the exported function says.
+    unsafe { enter(component, function, body) }
+}
+
+c_functions! {
+    /// Reads String variables. The texts stay valid until the next call on the instance.
+    fn fmi2GetString: fmi2GetStringTYPE(
+        c: fmi2Component,
+        vr: *const fmi2ValueReference,
+        nvr: usize,
+        value: *mut fmi2String,
+    ) -> fmi2Status {
+        let body = |component: &mut Component| {
+            // SAFETY: the arrays are as this module's contract says.
+            let (references, values) = unsafe { (elements("vr", vr, nvr)?, elements_mut("value", value, nvr)?) };
+            component.read_texts(references, values)
+        };
+        // SAFETY: the component is as this module's contract says.
+        unsafe { enter(c, Function::GetString, body) }
+    }
+}
+
+/// Functions that read the variables of one type.
+macro_rules! readers {
+    ($($about:literal $name:ident: $type:ident = $function:ident($of:ty), $asked:literal, $kind:ident;)*) => {
+        c_functions! {$(
+            #[doc = $about]
+            fn $name: $type(
+                c: fmi2Component,
+                vr: *const fmi2ValueReference,
+                nvr: usize,
+                value: *mut $of,
+            ) -> fmi2Status {
+                let take = |value: &Value| if let Value::$kind(value) = value { Some((*value).into()) } else { None };
+                // SAFETY: all arguments are as this module's contract says.
+                unsafe { get(c, Function::$function, (vr, nvr), value, take, $asked) }
+            }
+        )*}
+    };
+}
+
+readers! {
+    "Reads Real variables." fmi2GetReal: fmi2GetRealTYPE = GetReal(fmi2Real), "Real", Real;
+    "Reads Integer and Enumeration variables." fmi2GetInteger: fmi2GetIntegerTYPE = GetInteger(fmi2Integer), "Integer", Integer;
+    "Reads Boolean variables." fmi2GetBoolean: fmi2GetBooleanTYPE = GetBoolean(fmi2Boolean), "Boolean", Boolean;
+}
+
+/// Functions that write the variables of one type.
+macro_rules! writers {
+    ($($about:literal $name:ident: $type:ident = $function:ident($of:ty), $wrap:expr;)*) => {
+        c_functions! {$(
+            #[doc = $about]
+            fn $name: $type(
+                c: fmi2Component,
+                vr: *const fmi2ValueReference,
+                nvr: usize,
+                value: *const $of,
+            ) -> fmi2Status {
+                // SAFETY: all arguments, the texts among them, are as this module's contract says.
+                unsafe { set(c, Function::$function, (vr, nvr), value, $wrap) }
+            }
+        )*}
+    };
+}
+
+writers! {
+    "Writes Real variables: all of them, or none if one is refused. Values that are not finite are refused where they are\n\
+     used: a parameter at the end of initialization, an input in the step, unless the model accepts a missing input."
+    fmi2SetReal: fmi2SetRealTYPE = SetReal(fmi2Real), |value| Ok(Value::Real(value));
+    "Writes Integer and Enumeration variables: all of them, or none if one is refused."
+    fmi2SetInteger: fmi2SetIntegerTYPE = SetInteger(fmi2Integer), |value| Ok(Value::Integer(value));
+    "Writes Boolean variables: all of them, or none if one is refused."
+    fmi2SetBoolean: fmi2SetBooleanTYPE = SetBoolean(fmi2Boolean), |value| boolean(value, "fmi2");
+    "Writes String variables, in UTF-8: all of them, or none if one is refused."
+    fmi2SetString: fmi2SetStringTYPE = SetString(fmi2String), |value| text_value(value);
+}

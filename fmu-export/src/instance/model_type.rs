@@ -1,0 +1,132 @@
+//! A model that can be instantiated, and its descriptions.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, OnceLock};
+
+use super::Instance;
+use super::run::ModelInstance;
+use crate::check;
+use crate::description::{self, Description, Standard};
+use crate::interface::guard::words;
+use crate::model::{Capabilities, Info, Model};
+use crate::resources::Resources;
+use crate::state::HiddenState;
+use crate::variable::{Table, Variable};
+
+/// A model that can be instantiated, independent of its Rust type. Instances share its table.
+pub struct ModelType {
+    /// Name and description.
+    pub info: Info,
+    /// Optional capabilities.
+    pub capabilities: Capabilities,
+    variables: Arc<[Variable]>,
+    new_instance: Box<dyn Fn(Resources) -> Box<dyn Instance> + Send + Sync>,
+    shared_places: Box<dyn Fn() -> Vec<String> + Send + Sync>,
+    /// In the order of [`Standard::ALL`].
+    descriptions: [OnceLock<Description>; 3],
+}
+
+impl ModelType {
+    /// The model type of a Rust type.
+    pub fn of<M: Model>() -> Self {
+        let table = Arc::new(Table::new(M::table()));
+        let same_table = table.clone();
+        Self {
+            info: M::INFO,
+            capabilities: Capabilities { snapshots: M::State::SAVED, ..M::CAPABILITIES },
+            variables: table.variables.clone(),
+            new_instance: Box::new(move |resources| Box::new(ModelInstance::<M>::new(table.clone(), resources))),
+            shared_places: Box::new(move || same_table.shared_places()),
+            descriptions: Default::default(),
+        }
+    }
+
+    /// The variables in the order of the table. The index of a variable is its value reference.
+    pub fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+
+    /// Makes an instance with the start values of the table, without a folder `resources`.
+    pub fn instantiate(&self) -> Box<dyn Instance> {
+        self.instantiate_with(Resources::default())
+    }
+
+    /// Makes an instance that finds its files in that folder.
+    pub fn instantiate_with(&self, resources: Resources) -> Box<dyn Instance> {
+        (self.new_instance)(resources)
+    }
+
+    /// Errors in the table, each in a sentence; the packager refuses a model with any.
+    pub fn problems(&self) -> Vec<String> {
+        let mut found = check::problems(&self.info, &self.variables);
+        match catch_unwind(AssertUnwindSafe(|| (self.shared_places)())) {
+            Ok(shared) => found.extend(shared),
+            Err(panic) => found.push(format!("a row panics when it is read or written: {}", words(panic.as_ref()))),
+        }
+        found
+    }
+
+    /// The model description by a standard.
+    pub fn description(&self, standard: Standard) -> &Description {
+        let at = Standard::ALL.iter().position(|known| *known == standard).expect("all standards are listed");
+        self.descriptions[at].get_or_init(|| {
+            if cfg!(miri) {
+                // Under Miri, which checks accesses to memory, texts would take many minutes.
+                return Description { token: format!("{{{} {standard:?}}}", self.info.name), xml: String::new() };
+            }
+            description::write(&self.info, self.capabilities, &self.variables, standard)
+        })
+    }
+
+    /// GUID of the description by FMI 2.0.
+    pub fn guid(&self) -> &str {
+        &self.description(Standard::Fmi2).token
+    }
+
+    /// The text of `modelDescription.xml` by FMI 2.0.
+    pub fn xml(&self) -> &str {
+        &self.description(Standard::Fmi2).xml
+    }
+
+    /// With arrays: the number of elements that each value reference stands for, 0 within an array.
+    #[cfg(feature = "fmi3")]
+    pub(crate) fn elements(&self) -> Arc<[u32]> {
+        description::arrays::elements(&self.variables)
+    }
+}
+
+/// How [`export_fmus!`](crate::export_fmus) finds out whether a type is a [`Model`] or a
+/// [`SampledModel`](crate::SampledModel): the compiler looks for a method first without a reference, then behind one.
+#[doc(hidden)]
+pub mod kind {
+    use std::marker::PhantomData;
+
+    use super::ModelType;
+    use crate::model::{self, Model, SampledModel};
+
+    pub struct Of<M>(PhantomData<M>);
+
+    impl<M> Of<M> {
+        pub const NEW: Self = Self(PhantomData);
+    }
+
+    pub trait Continuous {
+        fn model_type(&self) -> ModelType;
+    }
+
+    impl<M: Model> Continuous for Of<M> {
+        fn model_type(&self) -> ModelType {
+            ModelType::of::<M>()
+        }
+    }
+
+    pub trait Sampled {
+        fn model_type(&self) -> ModelType;
+    }
+
+    impl<S: SampledModel> Sampled for &Of<S> {
+        fn model_type(&self) -> ModelType {
+            ModelType::of::<model::Sampled<S>>()
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! Descriptions of variables: name, unit, limits and meaning stand beside the field.
+//!
+//! `#[derive(Variables)]` makes them of the attributes and doc comments of a structure's fields, `#[derive(Choice)]` of an enum's
+//! items; both are explained in the documentation of fmu-export. Neither says anything about FMI, so that the equations can use
+//! them; tables of variables are made of them in `fmu`.
+
+pub use fmu_export::unit;
+pub use fmu_export::unit::{Display, Unit};
+pub use fmu_export::{Choice, Variables};
+
+/// Force constant λ of a magnet.
+pub const LAMBDA: Unit =
+    Unit::new("N.m2/A2", &[("kg", 1), ("m", 3), ("s", -2), ("A", -2)], &[Display::new("N.mm2/A2", 1e6)]);
+
+/// Unbalance, mass times eccentricity.
+pub const KILOGRAM_METRE: Unit = Unit::new("kg.m", &[("kg", 1), ("m", 1)], &[Display::new("g.mm", 1e6)]);
+
+/// Speed of the paper's experiments, 3000 rpm.
+pub const OMEGA_RAD_S: f64 = 100.0 * std::f64::consts::PI;
+
+/// Name, value and unit of the described numbers of a structure; all names begin with `prefix`.
+pub fn numbers<V: Variables + Default>(prefix: &str, of: &V, context: &V::Context) -> Vec<(String, f64, &'static str)> {
+    let rows = V::rows_in(context);
+    let number =
+        rows.iter().filter_map(|row| Some((format!("{prefix}{}", row.variable.name), row.number(of)?, row.unit()?)));
+    number.map(|(name, value, unit)| (name, value, if unit == unit::ONE { "" } else { unit.name })).collect()
+}
