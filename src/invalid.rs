@@ -20,6 +20,17 @@ impl fmt::Display for Invalid {
     }
 }
 
+/// A computed number in a message, with five significant digits at most.
+pub struct Short(pub f64);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rounded: f64 = format!("{:.4e}", self.0).parse().unwrap_or(self.0);
+        let size = rounded.abs();
+        if size != 0.0 && !(1e-3..1e6).contains(&size) { write!(f, "{rounded:e}") } else { write!(f, "{rounded}") }
+    }
+}
+
 /// Collects findings, so that a user sees all of them at once.
 #[derive(Debug, Default)]
 pub struct Checks {

@@ -16,7 +16,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::scalar::Scalar;
-use crate::invalid::Checks;
+use crate::invalid::{Checks, Short};
 
 /// What drives a coil.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -86,7 +86,8 @@ impl CoilConfig {
                 "coil.R",
                 format_args!("{} Ohm", self.resistance_ohm),
                 format!(
-                    "a time constant L/R of at least {SHORTEST_TIME_CONSTANT_S} s (L = {least_h} H at twice the nominal gap)"
+                    "a time constant L/R of at least {SHORTEST_TIME_CONSTANT_S} s (L = {} H at twice the nominal gap)",
+                    Short(least_h)
                 ),
             );
         }

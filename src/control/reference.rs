@@ -18,8 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bearing::magnet::Magnets;
 use crate::control::observer::{Signal, SignalObserver};
-use crate::invalid::Checks;
-use crate::invalid::Invalid;
+use crate::invalid::{Checks, Invalid, Short};
 
 /// The most lobes of a curve; no sample time in use resolves more.
 pub const MOST_LOBES: u32 = 1000;
@@ -461,7 +460,11 @@ pub(super) fn check_ellipse_reach([r_y, r_z]: [f64; 2], lobes_m: f64, magnets: &
                 false,
                 name,
                 format_args!("{value} m"),
-                format!("a reference trajectory that does not touch magnet {number} (it extends to {reach} m, the gap is {s} m)"),
+                format!(
+                    "a reference trajectory that does not touch magnet {number} (it extends to {} m, the gap is {} m)",
+                    Short(reach),
+                    Short(s)
+                ),
             );
             return;
         }
@@ -516,6 +519,6 @@ fn check_contour_reach(contour: &Contour, magnets: &Magnets, checks: &mut Checks
         gap > 0.0 || gap.is_infinite(),
         largest.0,
         format_args!("{} m", largest.1),
-        format!("a reference trajectory that does not touch magnet {number} (the least gap would be {gap} m)"),
+        format!("a reference trajectory that does not touch magnet {number} (the least gap would be {} m)", Short(gap)),
     );
 }

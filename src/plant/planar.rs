@@ -13,7 +13,7 @@ use crate::bearing::coil::CoilConfig;
 use crate::bearing::magnet::{Geometry, Magnets};
 use crate::bearing::scalar::Scalar;
 use crate::bearing::touchdown::TouchdownConfig;
-use crate::invalid::{Checks, Invalid};
+use crate::invalid::{Checks, Invalid, Short};
 
 /// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, with t the absolute time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -306,7 +306,7 @@ fn check_start(config: &PlantConfig, magnets: &Magnets, checks: &mut Checks) {
             false,
             name,
             format_args!("{value} m"),
-            format!("a start inside the gap (that of magnet {number} would be {gap} m)"),
+            format!("a start inside the gap (that of magnet {number} would be {} m)", Short(gap)),
         );
         return;
     }

@@ -22,7 +22,7 @@ use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::{COORDINATES, Shaft, displacement, generalised};
 use crate::bearing::spindle::{BEARINGS, MAGNETS, RadialBearing, Spindle, SpindleGeometry, bearing_of};
 use crate::bearing::touchdown::TouchdownConfig;
-use crate::invalid::{Checks, Invalid};
+use crate::invalid::{Checks, Invalid, Short};
 
 /// Number of planes with an unbalance.
 pub const PLANES: usize = 2;
@@ -479,7 +479,7 @@ fn check_start(config: &SpindleConfig, spindle: &Spindle, checks: &mut Checks) {
             false,
             STARTS[worst].0,
             format_args!("{} {}", config.position_m[worst], if worst < 3 { "m" } else { "rad" }),
-            format!("a start inside the gap ({magnet} would be {gap} m)"),
+            format!("a start inside the gap ({magnet} would be {} m)", Short(gap)),
         );
         return;
     }

@@ -45,21 +45,22 @@ impl Whirl {
         if scenario.machine != "spindle" {
             return Err(format!("machine = {} is refused: expected spindle", scenario.machine));
         }
-        let positive =
-            |name: &str, value: f64, least: bool| match value.is_finite() && (value > 0.0 || least && value == 0.0) {
-                true => Ok(value),
-                false => Err(format!(
-                    "{name} = {value}: expected a finite number {}",
-                    if least { "from 0 on" } else { "above 0" }
-                )),
-            };
+        let positive = |name: &str, value: f64, unit: &str, least: bool| match value.is_finite()
+            && (value > 0.0 || least && value == 0.0)
+        {
+            true => Ok(value),
+            false => Err(format!(
+                "{name} = {value} {unit} is refused: expected a finite number {}",
+                if least { "from 0 on" } else { "above 0" }
+            )),
+        };
         let real = |name: &str| scenario.value("plant", name).map_or(f64::NAN, Value::as_f64);
         Ok(Self {
-            m_kg: positive("m", real("m"), false)?,
-            inertia_kgm2: [positive("Jt", real("Jt"), false)?, positive("Jp", real("Jp"), true)?],
+            m_kg: positive("m", real("m"), "kg", false)?,
+            inertia_kgm2: [positive("Jt", real("Jt"), "kg.m2", false)?, positive("Jp", real("Jp"), "kg.m2", true)?],
             bearings_m: [real("A.position"), real("B.position")],
-            stiffness_n_m: positive("stiffness", stiffness_n_m, false)?,
-            damping_ns_m: positive("damping", damping_ns_m, true)?,
+            stiffness_n_m: positive("stiffness", stiffness_n_m, "N/m", false)?,
+            damping_ns_m: positive("damping", damping_ns_m, "N.s/m", true)?,
             unbalances: [1, 2].map(|plane| {
                 ["magnitude", "phase", "position"].map(|name| real(&format!("unbalance[{plane}].{name}")))
             }),

@@ -177,9 +177,21 @@ impl Scenario {
     /// # Errors
     /// As for [`Self::open`].
     pub fn open_with(name: &Path, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
+        Self::open_requiring(name, &read::REQUIRED, changes)
+    }
+
+    /// As [`Self::open_with`], for the parameters alone: title, duration and step may be missing.
+    ///
+    /// # Errors
+    /// As for [`Self::open`].
+    pub fn open_parameters(name: &Path, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
+        Self::open_requiring(name, &[], changes)
+    }
+
+    fn open_requiring(name: &Path, required: &[&str], changes: &[(String, String)]) -> Result<Self, ScenarioError> {
         let origin = name.display().to_string();
         if let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)) {
-            return Self::parse_with(&origin, text, changes);
+            return Self::parse_requiring(&origin, text, required, changes);
         }
         let read = if name == Path::new("-") {
             std::io::read_to_string(std::io::stdin())
@@ -191,7 +203,7 @@ impl Scenario {
             let finding = format!("cannot be read ({error}): expected a file, or one of {}", names.join(", "));
             ScenarioError { origin: origin.clone(), findings: vec![finding] }
         })?;
-        Self::parse_with(&origin, &text, changes)
+        Self::parse_requiring(&origin, &text, required, changes)
     }
 
     /// Parses a scenario. `origin` names its source in messages.
@@ -199,11 +211,17 @@ impl Scenario {
     /// # Errors
     /// As for [`Self::open`].
     pub fn parse(origin: &str, text: &str) -> Result<Self, ScenarioError> {
-        Self::parse_with(origin, text, &[])
+        Self::parse_requiring(origin, text, &read::REQUIRED, &[])
     }
 
-    fn parse_with(origin: &str, text: &str, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
-        let read = read::scenario(text, Path::new(origin).parent().unwrap_or(Path::new("")), changes);
+    fn parse_requiring(
+        origin: &str,
+        text: &str,
+        required: &[&str],
+        changes: &[(String, String)],
+    ) -> Result<Self, ScenarioError> {
+        let folder = Path::new(origin).parent().unwrap_or(Path::new(""));
+        let read = read::scenario(text, folder, required, changes);
         read.map_err(|findings| ScenarioError { origin: origin.into(), findings })
     }
 
