@@ -779,6 +779,8 @@ def rotor_leaves_the_gap(archives):
     except FMICallException as error:
         if error.status != 3:
             findings.append(f"status {error.status} and not fmi2Error")
+        if "gap" not in str(error):
+            findings.append(f"the exception does not give the reason of the FMU: {error}")
     errors = [text for status, _, text in instance.messages if status == 3]
     if not any("gap" in text and "magnet" in text for text in errors):
         findings.append(f"no message says what happened: {errors}")

@@ -347,7 +347,8 @@ impl Results {
             let recording = arguments.recordings[0].file_name().unwrap_or_default().to_string_lossy();
             let title = format!("Identification from {recording}");
             let (holds, answer) = (self.holds.as_ref(), self.answer.as_ref());
-            let page = identification::page(&title, &frame::command_line(), samples, &self.tracks, holds, answer);
+            let page =
+                identification::page(&title, &frame::command_line(), &self.recordings, &self.tracks, holds, answer);
             write_page(folder, &page)?;
         }
         Ok(())

@@ -196,6 +196,19 @@ fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
             }
         }
         p.soft { "In 10⁻⁶ N·m²/A², at the end of the run; ± is two standard deviations as stated by the estimator." }
+        @if let Some(table) = balance(scenario, run) {
+            h2 { (table.title) }
+            div.cards {
+                @for row in &table.rows {
+                    div.card {
+                        span.name { (row[0]) }
+                        span.value { (row[1]) " → " (row[2]) }
+                        span.truth { (row[3]) " removed" }
+                    }
+                }
+            }
+            p.soft { (table.note) }
+        }
         div.first {
             @if let Some(data) = animation(scenario, signals) {
                 div #shaft-animation .animation { (plot::data_element(&data)) }
@@ -203,7 +216,7 @@ fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
             div #lambda {
                 (lambda_plot(signals, "estimator", "A.", Some(&truth(scenario, "A")), 460.0).html())
                 p.soft {
-                    "Bearing A: solid where the estimate is valid, with a band of two standard deviations; dotted where it is not; dashed: the \
+                    "Bearing A: solid where the estimate is valid, with a band of two standard deviations; dotted and shaded where it is not; dashed: the \
                      true value. Click to go to an instant."
                 }
             }
@@ -250,7 +263,7 @@ fn estimates(scenario: &Scenario, run: &Signals) -> Figure {
         let truth = truth(scenario, bearing);
         (format!("Bearing {bearing}"), lambda_plot(run, "estimator", &format!("{bearing}."), Some(&truth), 300.0))
     });
-    let caption = "Estimates over time. Solid where valid, with a band of two standard deviations; dotted where not; dashed: the truth.";
+    let caption = "Estimates over time. Solid where valid, with a band of two standard deviations; dotted and shaded where not; dashed: the truth.";
     run.figure("estimates", "Estimates of the force constants", plots.into(), caption)
 }
 

@@ -179,8 +179,8 @@ fn results_can_be_read_back() {
     let hat = json["methods"][0]["estimate"]["lambdaHat"][2].as_f64().expect("a number");
     assert!((hat / TRUTH[2] - 1.0).abs() < 0.02, "{json}");
     assert_eq!(identify::recording(&samples, &tracks).columns.len(), 13);
-    let page = identification::page("A <title>", "command", &samples, &tracks, None, None);
-    assert!(page.contains("A &lt;title&gt;") && page.matches("application/json").count() == 4);
+    let page = identification::page("A <title>", "command", std::slice::from_ref(&samples), &tracks, None, None);
+    assert!(page.contains("A &lt;title&gt;") && page.matches("application/json").count() == 5);
 }
 
 fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
@@ -216,7 +216,7 @@ fn the_answer_is_that_of_the_whole_recording() {
             let ratio = (lambda.value - truth) / lambda.total_std;
             assert!(ratio.abs() < 4.0, "{lambda:?}: {ratio:.1} standard deviations");
         }
-        let page = identification::page("", "", &samples, &[], None, Some(answer));
+        let page = identification::page("", "", std::slice::from_ref(&samples), &[], None, Some(answer));
         assert!(page.contains("Maximum likelihood") && page.contains("Budget"));
         assert!(answer.told().contains("m = 6.7 kg, s = 0.5 mm"), "{}", answer.told());
     }
@@ -321,7 +321,7 @@ fn no_two_mistakes_end_valid() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// The exit code is 2 and the verdict in words; standard output is one JSON document.
+/// The exit code is 3 and the verdict in words; standard output is one JSON document.
 #[test]
 fn the_command_refuses_in_json_and_by_its_exit_code() {
     let folder = std::env::temp_dir().join(format!("identify-{}", std::process::id()));
@@ -343,14 +343,14 @@ fn the_command_refuses_in_json_and_by_its_exit_code() {
     let good = csv(&run(montecarlo::NOISE, 0.2).1);
     let short: String = good.lines().take(200).map(|line| format!("{line}\n")).collect();
     let (code, json) = command("short.csv", &short, &[]);
-    assert!(code == Some(2) && json["verdict"].as_str().is_some_and(|words| words.contains("too short")), "{json}");
+    assert!(code == Some(3) && json["verdict"].as_str().is_some_and(|words| words.contains("too short")), "{json}");
     let (code, json) = command("good.csv", &good, &[]);
     assert!(code == Some(0) && json["valid"] == true && json["lambdaHat"][0].is_f64(), "{json}");
     let swapped =
         good.replacen("plant.Ym", "other", 1).replacen("plant.Zm", "plant.Ym", 1).replacen("other", "plant.Zm", 1);
     let (code, json) = command("swapped.csv", &swapped, &[]);
     let proposal = json["findings"][0].as_str().unwrap_or_default();
-    assert!(code == Some(2) && proposal.contains("exchange Ym and Zm (--column)"), "{json}");
+    assert!(code == Some(3) && proposal.contains("exchange Ym and Zm (--column)"), "{json}");
     std::fs::remove_dir_all(&folder).expect("the folder");
 }
 

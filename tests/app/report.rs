@@ -84,6 +84,7 @@ fn report(recording: &Recording) -> Report<'_> {
     Report {
         description: "The simulation of the paper.\n\nA rotor on three magnets, λ < 4·10⁻⁶ & unknown.".into(),
         command: "cargo run --release -- simulate 'my file.toml' --report out".into(),
+        used: None,
         answer: Some(Answer {
             element: "estimator".into(),
             method: "predictionError".into(),
@@ -91,6 +92,7 @@ fn report(recording: &Recording) -> Report<'_> {
             verdict: "since 0.3 s: the innovations are not white.".into(),
             lambda: LAMBDA.map(|lambda| 1.01 * lambda),
             std: [2e-9; 3],
+            limit: 0.05,
             expectation: "One per cent too much is to be expected.".into(),
         }),
         tables: vec![Table {
