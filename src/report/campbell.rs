@@ -14,7 +14,7 @@ const POINTS: usize = 240;
 pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> String {
     let rpm: Vec<f64> = (0..=POINTS).map(|n| greatest_rpm * n as f64 / POINTS as f64).collect();
     let omega = |rpm: &f64| rpm * std::f64::consts::PI / 30.0;
-    let speed = ("speed", PlotUnit { name: "1000 rpm", factor: 1e-3 });
+    let speed = ("speed", PlotUnit { name: "rpm", factor: 1.0 });
     let hertz = PlotUnit { name: "Hz", factor: 1.0 };
 
     let mut frequencies = Plot::new(speed, ("natural frequency", hertz)).height(420.0);
@@ -30,7 +30,7 @@ pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> S
     let synchronous: Vec<f64> = rpm.iter().map(|rpm| rpm / 60.0).collect();
     frequencies.line(Line::new("speed (1×)", colour::INK).dashed().width(1.0), &rpm, &synchronous);
     for (mode, rpm) in whirl.critical_rpm(greatest_rpm) {
-        frequencies.instant(rpm, &format!("critical, mode {mode}"));
+        frequencies.instant(rpm, &format!("critical {mode}"));
     }
 
     let mut response = Plot::new(speed, ("amplitude", PlotUnit::MICROMETRE)).decades(1).height(320.0);

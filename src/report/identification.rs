@@ -159,10 +159,10 @@ impl<'s> Drawn<'s> {
             plots.push(("On-line estimator".into(), on_line));
         }
         let mut caption = String::from(
-            "Left: one answer from all samples, with a band of two standard deviations; parts in which λ or the load is another are shaded. ",
+            "The answer from all samples, with a band of two standard deviations; parts in which λ or the load is another are shaded. ",
         );
         caption += if is_known {
-            "Right, for comparison: the on-line estimator, which knows at each instant only the samples before it, beside the answer (dashed)."
+            "For comparison the on-line estimator, which knows at each instant only the samples before it, beside the answer (dashed)."
         } else {
             "The on-line estimator, which knows at each instant only the samples before it, gives no valid estimate of this recording."
         };
@@ -231,7 +231,7 @@ impl<'s> Drawn<'s> {
             let amplitudes: Vec<f64> = found.residuals[0].amplitudes.iter().map(|of| of[axis]).collect();
             harmonics.bars(name, colour::MAGNETS[axis], &names, &amplitudes, false);
         }
-        let caption = "Measured minus predicted positions: noise if the model describes the motion. Right: the amplitudes of their components at \
+        let caption = "Measured minus predicted positions: noise if the model describes the motion. Bars: the amplitudes of their components at \
                        multiples of the rotor's speed, relative to the noise of one sample; those well above zero are run-out or forces that the \
                        model does not have.";
         let plots = vec![("Over time".into(), over_time), ("Harmonics of the speed".into(), harmonics)];

@@ -174,11 +174,11 @@ pub struct Parameter {
 pub fn page(report: &Report) -> String {
     let answer = html! {
         @if let Some(answer) = &report.answer { (answer_of(answer, report.truth)) }
+        (figures::first(report))
         @if let Some(used) = &report.used {
-            h2 { "The estimate that the controller uses" }
+            h2 { "Beside it: the estimate that the controller uses" }
             (answer_of(used, report.truth))
         }
-        (figures::first(report))
     };
     page_with(report, &answer, &figures::all(report))
 }

@@ -374,7 +374,7 @@ pub fn notice() -> Markup {
     html! {
         noscript {
             p.message { "Plots and animation need JavaScript, which this browser does not run; nothing is loaded from elsewhere. The tables need none." }
-            style { ".plot, .animation, #views { display: none }" }
+            style { "figure, .first, nav, #views, footer { display: none }" }
         }
     }
 }

@@ -61,10 +61,11 @@
     }
     const log = own.yaxis.type === "log";
     let least = Infinity, most = -Infinity;
-    for (const {x, y, visible} of div._fullData) {
+    for (const {x, x0, dx, y, visible} of div._fullData) {
       if (visible !== true) continue;
       for (let i = 0; i < y.length; i++) {
-        if (x[i] < from || x[i] > to || !Number.isFinite(y[i]) || log && y[i] <= 0) continue;
+        const at = x ? x[i] : x0 + i * dx;
+        if (at < from || at > to || !Number.isFinite(y[i]) || log && y[i] <= 0) continue;
         least = Math.min(least, y[i]);
         most = Math.max(most, y[i]);
       }
@@ -90,5 +91,10 @@
   plots.forEach(div => watch.observe(div));
   const redraw = () => plots.filter(div => div.drawn).forEach(draw);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
-  addEventListener("beforeprint", () => plots.filter(div => !div.drawn).forEach(draw));
+  // A printed page is about 660 pixels wide, whatever the window; the browser lays it out before a plot could follow.
+  addEventListener("beforeprint", () => plots.forEach(div => {
+    if (!div.drawn) draw(div);
+    Plotly.relayout(div, {autosize: false, width: div.closest(".two") ? 320 : 650});
+  }));
+  addEventListener("afterprint", () => plots.forEach(div => Plotly.relayout(div, {autosize: true, width: null})));
 })();
