@@ -534,7 +534,7 @@ def in_tool(archives, tool, structure, named):
     settings = without_choices(system, archives.models) if named or tool == "libcosim" else without_settings(system)
     findings = []
     for line in text.splitlines():
-        # What is known to be passed over is a choice; any other warning is news.
+        # Warnings known to be harmless are skipped; any other is a finding.
         if re.search(r"warning|error", line, re.IGNORECASE) and not any(
             re.search(rf"\b{re.escape(choice)}\b", line) for choice in choices
         ):

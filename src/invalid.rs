@@ -10,7 +10,7 @@ pub struct Invalid {
     pub name: Cow<'static, str>,
     /// The refused value as text, with its unit if it has one.
     pub value: String,
-    /// What is expected, with the reason where it is not obvious.
+    /// The expected value, with the reason where it is not obvious.
     pub wanted: Cow<'static, str>,
 }
 

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::bearing::scalar::Scalar;
 use crate::invalid::{Checks, Short};
 
-/// What drives a coil.
+/// The drive of a coil.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Drive {
     /// The current, held over the step.

@@ -76,7 +76,7 @@ pub struct Arguments {
     /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated).
     #[arg(long = "estimate", value_name = "NAME")]
     estimates: Vec<String>,
-    /// What a current sample stands for: heldBefore, heldAfter, linear, or auto to find out from the data.
+    /// Meaning of a current sample: heldBefore, heldAfter, linear, or auto to find out from the data.
     #[arg(long, value_name = "HOLD", default_value = "heldBefore")]
     hold: String,
     /// Length of the window, in s; one revolution by default.
@@ -180,7 +180,7 @@ impl Arguments {
         Scenario::open_parameters(&self.scenario, &self.changes).map_err(Into::into)
     }
 
-    /// What is known of the bench: by the scenario, then by the arguments.
+    /// Knowledge of the bench: from the scenario, then from the arguments.
     fn bench(&self, bearing: &Scenario, config: &EstimatorConfig) -> Result<[Told; BENCH]> {
         let mut bench = [Told::default(); BENCH];
         for (at, std) in identify::of_estimator(&config.tolerance, config.m_kg, config.gap_m) {
@@ -293,7 +293,7 @@ fn open(path: &Path) -> Result<Box<dyn io::Read>> {
     Ok(Box::new(file))
 }
 
-/// What was found.
+/// Results.
 struct Results {
     recordings: Vec<Samples>,
     tracks: Vec<Track>,

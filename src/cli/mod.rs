@@ -39,9 +39,9 @@ const EXIT_CODES: &str = "Exit codes:
     3  an identification is not valid
   130  a sweep was interrupted";
 
-/// On-line parameter estimation of a magnetic bearing, as FMI 2.0 co-simulation FMUs.
+/// On-line parameter estimation of a magnetic bearing, as co-simulation FMUs of FMI 2.0 and FMI 3.0.
 ///
-/// Without a command: packages the FMUs and the SSP into target/fmu, runs the paper's simulation, prints the estimates beside
+/// Without a command: packages the FMUs and the SSPs into target/fmu, runs the paper's simulation, prints the estimates beside
 /// the true values and the paper's, and writes target/report/index.html.
 #[derive(Parser)]
 #[command(version, max_term_width = 100, after_help = EXIT_CODES)]
@@ -53,8 +53,8 @@ struct Arguments {
 #[derive(Subcommand)]
 #[allow(clippy::large_enum_variant, reason = "there is one of it, and it is taken apart at once")]
 enum Command {
-    /// Packages the FMUs, each for FMI 2.0 and for FMI 3.0, and the SSPs from the library that was built together with this
-    /// program.
+    /// Packages the six FMUs, each for FMI 2.0 and for FMI 3.0, and two SSPs (MagneticBearing, MagneticSpindle) from the library that
+    /// was built together with this program.
     ///
     /// Binaries for other platforms can be added; `scripts/build-platforms` makes them all.
     Package {
@@ -171,7 +171,7 @@ enum Command {
         /// Standard deviation of the current noise, in A.
         #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
         current_noise: f64,
-        /// The estimator estimates the noise instead of being told.
+        /// The estimator estimates the noise instead of knowing it.
         #[arg(long, requires = "scenario")]
         untold: bool,
         /// Times at which the estimates are evaluated, in seconds; hostile courses are judged at all times.
@@ -292,7 +292,7 @@ struct Refused(String);
 #[error("{0}")]
 struct NotValid(String);
 
-/// What cannot be used, with the reason.
+/// An error for arguments or input that cannot be used, with the reason.
 fn refused(why: impl ToString) -> Box<dyn Error> {
     Refused(why.to_string()).into()
 }
@@ -341,7 +341,7 @@ fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Optio
     let outcome = if output::is_standard(out) {
         output::take_standard_output();
         match design.run_to(io::stdout().lock(), jobs) {
-            // Nobody wants the other rows.
+            // The reader has gone, and wants no other rows.
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
             outcome => outcome.map_err(named(out))?,
         }

@@ -147,7 +147,7 @@ pub struct TrackingConfig<const K: usize, const B: usize> {
     pub update_time_s: f64,
 }
 
-/// What is measured and estimated at a sample.
+/// Measurements and estimates at a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured<const N: usize, const K: usize> {
     /// Coordinates, in m or rad.

@@ -1,4 +1,4 @@
-//! What the plant needs to know of a rotor: written by the planar rotor and by the spindle.
+//! The interface of a rotor to the plant, implemented by the planar rotor and by the spindle.
 
 use std::fmt::Debug;
 
@@ -38,7 +38,7 @@ pub trait Rotor<const N: usize, const K: usize>: Clone {
     /// λ of each magnet, in N·m²/A².
     fn lambda_nm2_a2(&self) -> &[Self::Number; K];
 
-    /// What ideal position sensors read at these coordinates, in m.
+    /// Readings of ideal position sensors at these coordinates, in m.
     fn readings_m(&self, position_m: [Self::Number; N]) -> [Self::Number; N];
 
     /// The coils.

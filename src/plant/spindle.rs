@@ -352,7 +352,7 @@ impl PlantParameters<COORDINATES, MAGNETS> for SpindleConfig {
 const STARTS: [(&str, &str); COORDINATES] =
     [("X0", "vX0"), ("Y0", "vY0"), ("Z0", "vZ0"), ("beta0", "betaRate0"), ("gamma0", "gammaRate0")];
 
-/// What a spindle shows at a radial bearing.
+/// Outputs of a spindle at a radial bearing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AtRadialBearing<T = f64> {
     /// Displacement of the shaft at the magnets along y, in m.
@@ -369,7 +369,7 @@ pub struct AtRadialBearing<T = f64> {
     pub touchdown_z_n: T,
 }
 
-/// What a spindle shows at its bearings.
+/// Outputs of a spindle at its bearings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AtBearings<T = f64> {
     /// At A.
@@ -403,7 +403,7 @@ impl<T: Copy> AtBearings<T> {
 }
 
 impl<T: Scalar> Equations<SpindleConfig<T>, COORDINATES, MAGNETS> {
-    /// What the spindle shows at its bearings, where the magnets pull with these forces in N.
+    /// The outputs at the bearings for these forces of the magnets in N.
     pub fn at_bearings(
         &self,
         motion: &SpindleMotion<T>,

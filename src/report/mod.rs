@@ -110,7 +110,7 @@ pub struct Answer {
 pub struct Event {
     /// When, in s.
     pub at_s: f64,
-    /// What happened, in a few words.
+    /// The event in a few words.
     pub label: String,
 }
 

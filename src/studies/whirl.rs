@@ -40,7 +40,7 @@ impl Whirl {
     /// The shaft of a scenario whose machine is a spindle, on bearings of this stiffness in N/m and damping in N·s/m.
     ///
     /// # Errors
-    /// What is wrong with the scenario, the stiffness or the damping.
+    /// A finding about the scenario, the stiffness or the damping.
     pub fn new(scenario: &Scenario, stiffness_n_m: f64, damping_ns_m: f64) -> Result<Self, String> {
         if scenario.machine != "spindle" {
             return Err(format!("machine = {} is refused: expected spindle", scenario.machine));

@@ -261,7 +261,7 @@ fn tolerances_have_units() {
     }
 }
 
-/// What people get wrong: what is done to a good recording, and what is proposed.
+/// Common mistakes: a change of a good recording, and the expected proposal.
 type Wrong = (fn(&mut Samples, &mut Question), &'static str);
 
 const WRONG: &[Wrong] = &[
@@ -410,7 +410,7 @@ fn a_recording_of_another_machine_is_not_valid() {
     }
 }
 
-/// What the on-line estimator is told of its bench holds here as well.
+/// Tolerances of the on-line estimator hold here as well.
 #[test]
 fn tolerances_of_the_estimator_are_those_of_the_bench() {
     use magnetic_bearing::estimation::Tolerance;

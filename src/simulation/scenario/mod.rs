@@ -26,7 +26,7 @@ pub const BUILT_IN: [(&str, &str); 12] = [
     ("balance", include_str!("../scenarios/balance.toml")),
 ];
 
-/// What is wrong with a scenario; each finding on its own line.
+/// Findings about a scenario, each on its own line.
 #[derive(Debug, thiserror::Error)]
 #[error("{origin}:\n  {}", .findings.join("\n  "))]
 pub struct ScenarioError {
@@ -267,7 +267,7 @@ impl Scenario {
     /// Sets the variable of a path from a text: a number with or without a unit, a name, `true` or `false`.
     ///
     /// # Errors
-    /// What is wrong with the path or the value.
+    /// A finding about the path or the value.
     pub fn assign(&mut self, path: &str, text: &str) -> Result<(), String> {
         let (at, index) = self.settable(path)?;
         let data_type = &self.elements[at].model_type.variables()[index].data_type;
