@@ -86,6 +86,19 @@ fn the_hold_is_found() {
     assert!(largest(errors) < 4e-3, "{errors:?}, limit 0.4 %");
 }
 
+/// The recording that the documents offer to try needs no arguments.
+#[test]
+fn the_recording_to_try_is_read_as_it_stands() {
+    let samples =
+        Samples::read(include_str!("../../docs/recording.csv"), &Reading::default()).expect("a good recording");
+    let answer = ask(std::slice::from_ref(&samples), &[]);
+    assert!(answer.valid, "{}", answer.verdict);
+    let found = answer.found.expect("estimates");
+    for (lambda, truth) in found.lambda.iter().zip(TRUTH) {
+        assert!((lambda.value - truth).abs() < 4.0 * lambda.total_std, "{lambda:?}");
+    }
+}
+
 /// The recording in tests/data: semicolons, decimal commas, German names, ms, µm and mA, remarks before the header, a clock
 /// with jitter, positions and currents missing here and there, the angle in wrapped degrees, no speed.
 #[test]
@@ -217,7 +230,13 @@ fn the_answer_is_that_of_the_whole_recording() {
             assert!(ratio.abs() < 4.0, "{lambda:?}: {ratio:.1} standard deviations");
         }
         let page = identification::page("", "", std::slice::from_ref(&samples), &[], None, Some(answer));
-        assert!(page.contains("Maximum likelihood") && page.contains("Budget"));
+        for id in ["constants", "positions", "residuals", "budget", "currents"] {
+            assert!(page.contains(&format!("<figure id=\"{id}\">")), "no figure {id}");
+        }
+        // Prediction errors are noise: of the sample, and of what the samples before leave unknown.
+        let errors = &found.prediction_errors_m[0];
+        let square = errors.iter().flatten().map(|error| error * error).sum::<f64>() / (2.0 * errors.len() as f64);
+        assert!((1.0..2.0).contains(&(square.sqrt() / montecarlo::NOISE[0])), "{} m rms", square.sqrt());
         assert!(answer.told().contains("m = 6.7 kg, s = 0.5 mm"), "{}", answer.told());
     }
     let std = |answer: &identify::Answer| answer.found.as_ref().map_or(f64::NAN, |found| found.lambda[0].total_std);
