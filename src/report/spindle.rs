@@ -183,19 +183,6 @@ fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
         p class=(if valid { "verdict good" } else { "verdict bad" }) {
             strong { (if valid { "Valid" } else { "Not valid" }) } " at the end: " (words) "."
         }
-        div.cards {
-            @for bearing in BEARINGS {
-                @for (k, truth) in truth(scenario, bearing).into_iter().enumerate() {
-                    @let of = |name: &str| last(run, &format!("estimator.{bearing}.{name}[{}]", k + 1));
-                    div.card style={ "border-color:var(--magnet" (k + 1) ")" } {
-                        span.name { (bearing) " λ̂" sub { (k + 1) } }
-                        span.value { (format!("{:.4} ± {:.4}", 1e6 * of("lambdaHat"), 2e6 * of("lambdaStdTotal"))) }
-                        span.truth { (format!("truth {:.4}, error ", 1e6 * truth)) (percent(of("lambdaHat") / truth - 1.0)) }
-                    }
-                }
-            }
-        }
-        p.soft { "In 10⁻⁶ N·m²/A², at the end of the run; ± is two standard deviations as stated by the estimator." }
         @if let Some(table) = balance(scenario, run) {
             h2 { (table.title) }
             div.cards {
@@ -209,6 +196,20 @@ fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
             }
             p.soft { (table.note) }
         }
+        @if scenario.balance_s.is_some() { h2 { "Force constants" } }
+        div.cards {
+            @for bearing in BEARINGS {
+                @for (k, truth) in truth(scenario, bearing).into_iter().enumerate() {
+                    @let of = |name: &str| last(run, &format!("estimator.{bearing}.{name}[{}]", k + 1));
+                    div.card style={ "border-color:var(--magnet" (k + 1) ")" } {
+                        span.name { (bearing) " λ̂" sub { (k + 1) } }
+                        span.value { (format!("{:.4} ± {:.4}", 1e6 * of("lambdaHat"), 2e6 * of("lambdaStdTotal"))) }
+                        span.truth { (format!("truth {:.4}, error ", 1e6 * truth)) (percent(of("lambdaHat") / truth - 1.0)) }
+                    }
+                }
+            }
+        }
+        p.soft { "In 10⁻⁶ N·m²/A², at the end of the run; ± is two standard deviations as stated by the estimator." }
         div.first {
             @if let Some(data) = animation(scenario, signals) {
                 div #shaft-animation .animation { (plot::data_element(&data)) }
