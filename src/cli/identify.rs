@@ -214,7 +214,7 @@ impl Arguments {
         })
     }
 
-    /// Reads the recordings and looks for what cannot be true of a bearing with this gap.
+    /// Reads the recordings and refuses those that a bearing with this gap cannot have made.
     fn read(&self, gap_m: f64) -> Result<Vec<Samples>> {
         if self.recordings.len() > 1 {
             if self.currents.is_some() {
@@ -245,7 +245,7 @@ impl Arguments {
         self.recordings.iter().map(one).collect()
     }
 
-    /// A recording that cannot be used; says so in the JSON document too if that goes to the standard output.
+    /// The error for a recording that cannot be used; also as a JSON document if that goes to the standard output.
     fn refused(&self, path: &Path, findings: Vec<String>) -> Box<dyn std::error::Error> {
         if let Some(json) = self.json.as_deref().filter(|json| output::is_standard(json)) {
             let verdict = format!("{}: the recording cannot be used", path.display());
@@ -269,7 +269,7 @@ impl Arguments {
         config.current_noise_a = self.current_noise.unwrap_or(0.0);
     }
 
-    /// Chooses what a current sample stands for; with `auto` the data decide, and a table says how clearly.
+    /// Chooses the meaning of a current sample; with `auto` the data decide, and a table shows how clearly.
     fn hold(&self, config: &mut EstimatorConfig, samples: &Samples) -> Result<Option<Table>> {
         if self.hold == "auto" {
             let residuals = identify::residuals_of_holds(samples, config);

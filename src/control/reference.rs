@@ -440,7 +440,7 @@ fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks)
 pub(super) fn check_ellipse_reach([r_y, r_z]: [f64; 2], lobes_m: f64, magnets: &Magnets, checks: &mut Checks) {
     let a = lobes_m.abs();
     let s = magnets.gap_m();
-    // Do not report again what follows from a value already refused.
+    // Do not report again the consequences of a refused value.
     if ![r_y, r_z, a, s].iter().all(|value| value.is_finite() && *value >= 0.0) || s == 0.0 {
         return;
     }

@@ -26,7 +26,7 @@ pub trait Rotor<const N: usize, const K: usize>: Clone {
     /// Which backup bearings the rotor touches.
     type Contact: Copy + Debug + Default + PartialEq + Serialize + DeserializeOwned;
 
-    /// Combines these parameters with others, number by number; what is no number is taken from these.
+    /// Combines these parameters with others, number by number; fields that are no numbers are taken from these.
     fn with<U: Scalar, V: Scalar>(&self, other: &Self::With<U>, join: &impl Fn(Self::Number, U) -> V) -> Self::With<V>;
 
     /// Gaps and directions of the magnets.

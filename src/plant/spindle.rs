@@ -468,7 +468,7 @@ fn check_tunable(
 fn check_start(config: &SpindleConfig, spindle: &Spindle, checks: &mut Checks) {
     let geometry = spindle.geometry();
     for (k, gap) in geometry.gaps(config.position_m).into_iter().enumerate() {
-        // False for what is not finite, which has been refused already.
+        // False for values that are not finite, which have been refused already.
         if !(gap <= 0.0 && gap.is_finite() && geometry.gap_m[k] > 0.0) {
             continue;
         }

@@ -55,7 +55,7 @@ pub fn page(
     page_with(&report, &first(answer, recordings, tracks), &figures)
 }
 
-/// Verdict, estimates, and what they rest on.
+/// Verdict, estimates, and the data and parameters behind them.
 fn first(answer: Option<&Answer>, recordings: &[Samples], tracks: &[Track]) -> Markup {
     let verdict = answer.map(|answer| answer.verdict.clone()).or_else(|| tracks.last().map(Track::verdict));
     let class = match answer {
@@ -83,7 +83,7 @@ fn first(answer: Option<&Answer>, recordings: &[Samples], tracks: &[Track]) -> M
     }
 }
 
-/// Bars for what each parameter of the bench contributes.
+/// Bars for the contribution of each parameter of the bench.
 fn budget(found: &Identification) -> Figure {
     let lines: Vec<_> =
         found.budget.iter().filter(|line| line.told || PARAMETERS[line.parameter].in_typical_bench).collect();
@@ -197,7 +197,7 @@ impl<'s> Drawn<'s> {
         self.time_s.get(row).or(self.time_s.last()).copied().unwrap_or(0.0)
     }
 
-    /// Positions beside what the model predicts from the samples before, over the last revolutions.
+    /// Measured positions beside predicted ones over the last revolutions.
     fn positions(&self, found: &Identification) -> Figure {
         let errors = &found.prediction_errors_m[0];
         let end = errors.iter().rposition(|error| error[0].is_finite()).map_or(0, |last| last + 1);

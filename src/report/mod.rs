@@ -17,7 +17,7 @@ mod figures;
 
 use figures::Figure;
 
-/// Content of the page. Start from [`Report::new`] and fill in what there is.
+/// Content of the page. Start from [`Report::new`] and fill in the rest.
 #[derive(Clone, Debug)]
 pub struct Report<'a> {
     /// Heading.

@@ -369,7 +369,7 @@ static PLOTLY: LazyLock<String> = LazyLock::new(|| {
     BASE64.encode(written.expect("a vector takes all that is written"))
 });
 
-/// Says to a reader without JavaScript what is missing, and takes away the empty frames.
+/// A notice for browsers without JavaScript, which also hides the empty figures.
 pub fn notice() -> Markup {
     html! {
         noscript {

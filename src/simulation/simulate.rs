@@ -188,7 +188,7 @@ fn unbalances(scenario: &Scenario) -> Vec<(Unbalance, Unbalance)> {
     names.filter_map(|plane| Some((find(0, &plane)?, find(2, &plane)?))).collect()
 }
 
-/// Fits a correction mass: the unbalance of the plant becomes what the estimator did not find of it.
+/// Fits a correction mass: the estimated unbalance is subtracted from that of the plant.
 fn balance(instances: &mut [Running], of_plant: &Unbalance, of_estimator: &Unbalance) -> Result<(), String> {
     let mut vector = |[magnitude, phase]: &Unbalance| {
         let (magnitude, phase) = (read(instances, *magnitude).as_f64(), read(instances, *phase).as_f64());

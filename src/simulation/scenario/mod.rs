@@ -32,7 +32,7 @@ pub const BUILT_IN: [(&str, &str); 12] = [
 pub struct ScenarioError {
     /// The file or the built-in scenario.
     pub origin: String,
-    /// The findings, each with the name of the key and what is expected.
+    /// The findings, each with the name of the key and the expected value.
     pub findings: Vec<String>,
 }
 
@@ -111,7 +111,7 @@ pub struct Scenario {
     pub(crate) connected: Vec<Connection>,
     /// Values that change during the run.
     pub profiles: Vec<Profile>,
-    /// When correction masses are fitted that balance the rotor by what the estimator says, in seconds, if at all.
+    /// Time in s at which correction masses against the estimated unbalance are fitted, if at all.
     pub balance_s: Option<f64>,
     /// How well a test bench is known, for `identify`: names and values as for `--tolerance`.
     pub tolerance: Vec<(String, String)>,
@@ -165,7 +165,7 @@ impl Scenario {
     /// Reads a built-in scenario by its name, or else a file.
     ///
     /// # Errors
-    /// All findings, each with the name of the key and what is expected.
+    /// All findings, each with the name of the key and the expected value.
     pub fn open(name: &Path) -> Result<Self, ScenarioError> {
         Self::open_with(name, &[])
     }
@@ -238,7 +238,7 @@ impl Scenario {
         connections
     }
 
-    /// The magnets, by what stands before and after the name of a quantity: `("", "[1]")` of a bearing, `("A.", "[1]")` of a spindle.
+    /// The magnets, as prefix and suffix of the names of their quantities: `("", "[1]")` of a bearing, `("A.", "[1]")` of a spindle.
     pub fn magnets(&self) -> Vec<(String, String)> {
         let variables = self.plant().model_type.variables().iter();
         let of_magnet = |name: &str| name.split_once("lambda[").map(|(bearing, k)| (bearing.into(), format!("[{k}")));

@@ -510,8 +510,9 @@ pub fn convert(data_type: &Type, value: &toml::Value) -> Result<Value, String> {
             // With or without a blank between them; 1e-3 is a number, not 1 of a unit e-3.
             let ends = (1..=text.len()).rev().filter(|end| text.is_char_boundary(*end));
             let number_and_unit = |end| Some((text[..end].trim_end().parse::<f64>().ok()?, text[end..].trim_start()));
+            let first = text.split_whitespace().next().unwrap_or_default();
             let (number, name) =
-                ends.filter_map(number_and_unit).next().ok_or_else(|| format!("{text} is not a number"))?;
+                ends.filter_map(number_and_unit).next().ok_or_else(|| format!("{first} is not a number"))?;
             let name = if name.is_empty() { unit.name } else { name };
             unit.convert(number, name).map(Value::Real).ok_or_else(|| {
                 let names: Vec<_> = unit.names().collect();
