@@ -224,7 +224,7 @@ use say;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// Runs the program; errors go to the standard error, and [`EXIT_CODES`] lists the exit codes. `commit` is the commit that the program was built from, if known.
+/// Runs the program; errors go to the standard error, and `EXIT_CODES` lists the exit codes. `commit` is the commit that the program was built from, if known.
 pub fn main(commit: Option<&str>) -> ExitCode {
     let version = match commit {
         Some(commit) => format!("{} ({commit})", env!("CARGO_PKG_VERSION")),

@@ -92,9 +92,9 @@ fn budget(found: &Identification) -> Figure {
         .map(|line| format!("{}{}", PARAMETERS[line.parameter].name, if line.told { " (stated)" } else { "" }))
         .collect();
     let mut plot = Plot::new(("part of the standard deviation of λ", PlotUnit::PERCENT), ("", PlotUnit::ONE));
-    for k in 0..3 {
+    for (k, name) in NAMES.into_iter().enumerate() {
         let parts: Vec<f64> = lines.iter().map(|line| line.contribution[k]).collect();
-        plot.bars(NAMES[k], colour::MAGNETS[k], &names, &parts, true);
+        plot.bars(name, colour::MAGNETS[k], &names, &parts, true);
     }
     let plot = plot.height(90.0 + 38.0 * names.len() as f64);
     let caption = "What each parameter of the bench contributes to the standard deviation of λ: with its tolerance if one is stated, \
@@ -129,7 +129,7 @@ impl<'s> Drawn<'s> {
     /// λ over the recording: the answer with its parts, and the on-line estimate beside it.
     fn constants(&self, found: &Identification, estimates: &Recording, track: Option<&Track>) -> Figure {
         let mut whole = self.over_time("λ", PlotUnit::LAMBDA).height(380.0);
-        for k in 0..3 {
+        for (k, name) in NAMES.into_iter().enumerate() {
             let (mut x, mut low, mut middle, mut high) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
             for (from, to, estimate) in self.parts(found, k) {
                 let (value, two) = (estimate.value, 2.0 * estimate.total_std.max(estimate.noise_std));
@@ -141,8 +141,8 @@ impl<'s> Drawn<'s> {
                     high.push(shown * (value + two));
                 }
             }
-            whole.band(NAMES[k], colour::BANDS[k], &x, &low, &high);
-            whole.line(Line::new(NAMES[k], colour::MAGNETS[k]).group(NAMES[k]).width(2.0), &x, &middle);
+            whole.band(name, colour::BANDS[k], &x, &low, &high);
+            whole.line(Line::new(name, colour::MAGNETS[k]).group(name).width(2.0), &x, &middle);
         }
         for part in found.contradictions.iter().filter(|part| part.recording == 0) {
             whole.shade(self.instant(part.rows.start), self.instant(part.rows.end));
@@ -151,9 +151,9 @@ impl<'s> Drawn<'s> {
         let is_known = on_line.is_some();
         let mut plots = vec![("Maximum likelihood".to_owned(), whole)];
         if let Some(mut on_line) = on_line {
-            for k in 0..3 {
+            for (k, name) in NAMES.into_iter().enumerate() {
                 let line =
-                    Line::new("maximum likelihood", colour::MAGNETS[k]).group(NAMES[k]).dashed().width(1.0).unlisted();
+                    Line::new("maximum likelihood", colour::MAGNETS[k]).group(name).dashed().width(1.0).unlisted();
                 on_line.line(line, &[self.instant(0), self.instant(self.time_s.len())], &[found.lambda[k].value; 2]);
             }
             plots.push(("On-line estimator".into(), on_line));

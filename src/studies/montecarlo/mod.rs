@@ -1,4 +1,4 @@
-//! How far the estimate is off, how far it says it may be, and how far it must be: many runs of bearings drawn at random, of
+//! Error, stated standard deviation and Cramér–Rao bound: many runs of bearings drawn at random, of
 //! one bearing with many seeds of the noise, with wrong parameters, with a λ that changes; and [`hostile`] courses.
 //!
 //! Beside the errors stand the standard deviation that the estimator states and the Cramér–Rao bound ([`bound`]), the least
