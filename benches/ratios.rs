@@ -223,7 +223,7 @@ fn steps(record: &[EstimatorInput]) {
     table("one step of", ROUNDS, candidates);
 }
 
-/// What the estimator of the spindle reads in the scenario `spindle` while nothing changes, over 0.1 s.
+/// Inputs of the spindle's estimator in the scenario `spindle` while nothing changes, over 0.1 s.
 fn spindle_record() -> Vec<SpindleEstimatorInput> {
     let scenario = Scenario::open(Path::new("spindle")).expect("a scenario of the program");
     let run = simulate::run_for(&scenario, |name| name.starts_with("plant."), |_| ()).expect("a run");

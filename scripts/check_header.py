@@ -48,7 +48,7 @@ MODEL_EXCHANGE_TYPES = ["fmi2EventInfo"] + [f"{name}TYPE" for name in MODEL_EXCH
 # The means by which C sources decorate the names they export; our exports are made in Rust.
 EXPORT_MACROS = ["FMI2_Export", "fmi2FullName"]
 
-# What our headers leave out. An FMU exports all functions of FMI 3.0.
+# Functions that our headers leave out. An FMU exports all functions of FMI 3.0.
 ABSENT = {
     "fmi2": set(MODEL_EXCHANGE_FUNCTIONS + MODEL_EXCHANGE_TYPES + EXPORT_MACROS),
     "fmi3": {"FMI3_Export", "fmi3FullName"},

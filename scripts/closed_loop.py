@@ -15,12 +15,14 @@ point on.
 
 import tempfile
 import zipfile
+from contextlib import contextmanager
 from ctypes import byref
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from fmpy import calloc, extract, free, read_model_description
+from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import (
     FMU2Slave,
     fmi2Boolean,
@@ -115,6 +117,17 @@ class Model:
         return [v.name for v in self.description.modelVariables if v.type == "Enumeration"]
 
 
+class CallFailed(FMICallException):
+    """A call of an FMU has failed; the text is the FMU's own reason."""
+
+    def __init__(self, error, reason):
+        super().__init__(error.function, error.status)
+        self.reason = reason
+
+    def __str__(self):
+        return self.reason
+
+
 class Instance:
     """One instance of an FMU, called directly.
 
@@ -151,6 +164,17 @@ class Instance:
     def messages(self):
         """Messages so far, as (status, category, text)."""
         return MESSAGES[self.name]
+
+    @contextmanager
+    def _with_reason(self):
+        """Replace the status of a call that failed by what the FMU said."""
+        before = len(self.messages)
+        try:
+            yield
+        except FMICallException as error:
+            # Status 2 is a discarded call, 3 an error, 4 a fatal one.
+            reasons = [text for status, _, text in self.messages[before:] if status >= 2]
+            raise (CallFailed(error, f"{self.name}: {'; '.join(reasons)}") if reasons else error) from None
 
     def _grouped(self, names):
         groups = {}
@@ -203,14 +227,16 @@ class Instance:
 
     def start(self, settings=None, start_s=0.0):
         """Set parameters and begin the run; an enumeration may be given by the name of its item."""
-        self.fmu.setupExperiment(startTime=start_s)
-        self.set({name: self.model.value(name, value) for name, value in (settings or {}).items()})
-        self.fmu.enterInitializationMode()
-        self.fmu.exitInitializationMode()
+        with self._with_reason():
+            self.fmu.setupExperiment(startTime=start_s)
+            self.set({name: self.model.value(name, value) for name, value in (settings or {}).items()})
+            self.fmu.enterInitializationMode()
+            self.fmu.exitInitializationMode()
 
     def step(self, time_s, length_s):
         """Do one communication step."""
-        self.fmu.doStep(time_s, length_s)
+        with self._with_reason():
+            self.fmu.doStep(time_s, length_s)
 
     def close(self):
         """Free the instance and unload the library."""

@@ -107,7 +107,7 @@ def photograph(browser, page, path):
         subprocess.run([
             browser, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
             "--disable-background-networking", "--disable-component-update", "--hide-scrollbars", f"--user-data-dir={profile}",
-            "--window-size=1280,860", "--virtual-time-budget=10000", f"--screenshot={path}", f"{page.resolve().as_uri()}#t=0.117",
+            "--window-size=1280,900", "--virtual-time-budget=10000", f"--screenshot={path}", f"{page.resolve().as_uri()}#t=0.117",
         ], check=True, capture_output=True)
 
 

@@ -57,6 +57,10 @@ LAST = {
 TRACKING = {"tracking.Y [m]": "controller.eY", "tracking.Z [m]": "controller.eZ"}
 
 
+# A number and its unit, with or without a blank between them.
+NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|infinity)(?![a-zA-Z]))\s*(.*)", re.IGNORECASE)
+
+
 class Refused(Exception):
     """A case that cannot be run, with the reason."""
 
@@ -114,11 +118,10 @@ def convert(path, description, variable, value):
         return int(value)
     if not isinstance(value, str):
         return float(value)
-    number, _, unit = value.strip().partition(" ")
-    try:
-        number, unit = float(number), unit.strip().replace("μ", "µ")
-    except ValueError:
-        raise Refused(f"{path} = {value} is refused: {number} is no number") from None
+    parts = NUMBER_AND_UNIT.fullmatch(value.strip())
+    if not parts:
+        raise Refused(f"{path} = {value} is refused: {value.split(maxsplit=1)[0]} is not a number")
+    number, unit = float(parts[1]), parts[2].replace("μ", "µ")
     name = variable.unit or variable.declaredType.unit
     if unit in ("", name):
         return number

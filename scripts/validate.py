@@ -534,7 +534,7 @@ def in_tool(archives, tool, structure, named):
     settings = without_choices(system, archives.models) if named or tool == "libcosim" else without_settings(system)
     findings = []
     for line in text.splitlines():
-        # What is known to be passed over is a choice; any other warning is news.
+        # Warnings known to be harmless are skipped; any other is a finding.
         if re.search(r"warning|error", line, re.IGNORECASE) and not any(
             re.search(rf"\b{re.escape(choice)}\b", line) for choice in choices
         ):
@@ -779,6 +779,8 @@ def rotor_leaves_the_gap(archives):
     except FMICallException as error:
         if error.status != 3:
             findings.append(f"status {error.status} and not fmi2Error")
+        if "gap" not in str(error):
+            findings.append(f"the exception does not give the reason of the FMU: {error}")
     errors = [text for status, _, text in instance.messages if status == 3]
     if not any("gap" in text and "magnet" in text for text in errors):
         findings.append(f"no message says what happened: {errors}")

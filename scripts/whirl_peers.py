@@ -27,7 +27,7 @@ TOLERANCE = 5e-3
 
 
 def ours(damping):
-    """Rows of the table of `whirl`: rpm, four frequencies in Hz, amplitude in µm and angle at A and at B."""
+    """Rows of the table of `whirl`: rpm, four frequencies in Hz (two modes, backward and forward), amplitude in µm and angle at A and at B."""
     command = [str(PROGRAM), "whirl", "spindle", f"--stiffness={STIFFNESS}", f"--damping={damping}", f"--to={GREATEST_RPM}"]
     text = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     rows = [line.split() for line in text.splitlines() if re.match(r"\s+\d", line)]

@@ -10,13 +10,24 @@ pub struct Invalid {
     pub name: Cow<'static, str>,
     /// The refused value as text, with its unit if it has one.
     pub value: String,
-    /// What is expected, with the reason where it is not obvious.
+    /// The expected value, with the reason where it is not obvious.
     pub wanted: Cow<'static, str>,
 }
 
 impl fmt::Display for Invalid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} = {} is refused: expected {}", self.name, self.value, self.wanted)
+    }
+}
+
+/// A computed number in a message, with five significant digits at most.
+pub struct Short(pub f64);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rounded: f64 = format!("{:.4e}", self.0).parse().unwrap_or(self.0);
+        let size = rounded.abs();
+        if size != 0.0 && !(1e-3..1e6).contains(&size) { write!(f, "{rounded:e}") } else { write!(f, "{rounded}") }
     }
 }
 

@@ -25,18 +25,30 @@ pub fn take_standard_output() {
 /// reported once and noted for [`has_failed`].
 pub fn tell(line: std::fmt::Arguments<'_>) {
     if IS_TAKEN.load(Ordering::Relaxed) {
-        eprintln!("{line}");
+        warn(line);
     } else {
         note(writeln!(io::stdout().lock(), "{line}"));
     }
 }
 
+/// Prints a line to the standard error, whose reader may close it at any time as well: `eprintln!` would panic.
+pub fn warn(line: std::fmt::Arguments<'_>) {
+    let _ = writeln!(io::stderr().lock(), "{line}");
+}
+
+/// The outcome of writing to the standard output, whose reader may close it at any time: that is no error.
+///
+/// # Errors
+/// Any other failure.
+pub fn unless_closed(written: io::Result<()>) -> io::Result<()> {
+    written.or_else(|error| if error.kind() == io::ErrorKind::BrokenPipe { Ok(()) } else { Err(error) })
+}
+
 fn note(written: io::Result<()>) {
-    if let Err(error) = written
-        && error.kind() != io::ErrorKind::BrokenPipe
+    if let Err(error) = unless_closed(written)
         && !HAS_FAILED.swap(true, Ordering::Relaxed)
     {
-        eprintln!("error: standard output: {error}");
+        warn(format_args!("error: standard output: {error}"));
     }
 }
 
@@ -123,10 +135,6 @@ impl Format {
     pub fn write(self, path: &Path, content: &[u8]) -> io::Result<()> {
         let mut file = self.create(path)?;
         let written = file.write_all(content).and_then(|()| file.flush());
-        match written {
-            // The reader has closed the pipe.
-            Err(error) if is_standard(path) && error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-            written => written,
-        }
+        if is_standard(path) { unless_closed(written) } else { written }
     }
 }

@@ -16,7 +16,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::scalar::Scalar;
-use crate::invalid::Checks;
+use crate::invalid::{Checks, Short};
 use crate::variables::unit::{HENRY, OHM, VOLT, WEBER};
 use crate::variables::{Choice, Variables};
 
@@ -98,7 +98,8 @@ impl CoilConfig {
                 "coil.R",
                 format_args!("{} Ohm", self.resistance_ohm),
                 format!(
-                    "a time constant L/R of at least {SHORTEST_TIME_CONSTANT_S} s (L = {least_h} H at twice the nominal gap)"
+                    "a time constant L/R of at least {SHORTEST_TIME_CONSTANT_S} s (L = {} H at twice the nominal gap)",
+                    Short(least_h)
                 ),
             );
         }

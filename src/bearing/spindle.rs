@@ -147,7 +147,7 @@ impl SpindleGeometry {
         checks.positive("Jt", transverse_kgm2, "kg.m2");
         checks.not_negative("Jp", polar_kgm2, "kg.m2");
         checks.require(
-            // Not of what has been refused already.
+            // Values that were refused already are skipped.
             polar_kgm2 <= 2.0 * transverse_kgm2 || !(polar_kgm2.is_finite() && transverse_kgm2 > 0.0),
             "Jp",
             format_args!("{polar_kgm2} kg.m2"),

@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::{Refused, Result, deviation, duration, named, pair, print, say, write_page, write_table};
+use super::{
+    NotValid, Refused, Result, deviation, duration, named, pair, print, refused, say, write_page, write_table,
+};
 use crate::estimation::{EstimatorConfig, Method};
-use crate::fmu::RENAMED;
+use crate::fmu::{RENAMED, find};
 use crate::output::{self, Format};
 use crate::report::{frame, identification};
 use crate::simulation::scenario::Scenario;
@@ -17,6 +19,17 @@ use crate::simulation::simulate;
 use crate::studies::identify::likelihood::{BENCH, Knowledge, Told};
 use crate::studies::identify::{self, Answer, HOLDS, METHODS, Question, Reading, Samples, Track};
 use crate::table::Table;
+
+/// Variables of the estimator that have options of their own.
+const OPTIONS: [(&str, &str); 7] = [
+    ("Ts", "the times of the recording, --rate or --step"),
+    ("Tf", "--window"),
+    ("epsilon", "--window"),
+    ("method", "--method"),
+    ("hold", "--hold"),
+    ("sensor.positionNoise", "--position-noise"),
+    ("sensor.currentNoise", "--current-noise"),
+];
 
 /// Plots and tables need no more points than this; the CSV file has all of them.
 const SHOWN: usize = 4000;
@@ -44,9 +57,13 @@ pub struct Arguments {
     /// Sample time, as in 100us, instead of --rate; seconds if there is no unit.
     #[arg(long, value_name = "TIME", value_parser = identify::duration_s)]
     step: Option<f64>,
-    /// Scenario whose estimator has the parameters of the bearing: a file or a built-in scenario.
+    /// Scenario whose estimator has the parameters of the bearing: a file or a built-in scenario. A file needs no title, duration and
+    /// step.
     #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
     scenario: PathBuf,
+    /// Changes a parameter of the bearing, as for simulate (can be repeated): s=5.1e-4, m=4.2kg, alpha[1]=178deg.
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
+    changes: Vec<(String, String)>,
     /// likelihood (maximum likelihood over the whole recording), an on-line method (paperLiteral, paper, predictionError),
     /// or all.
     #[arg(long, value_name = "METHOD", default_value = "likelihood")]
@@ -59,7 +76,7 @@ pub struct Arguments {
     /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated).
     #[arg(long = "estimate", value_name = "NAME")]
     estimates: Vec<String>,
-    /// What a current sample stands for: heldBefore, heldAfter, linear, or auto to find out from the data.
+    /// Meaning of a current sample: heldBefore, heldAfter, linear, or auto to find out from the data.
     #[arg(long, value_name = "HOLD", default_value = "heldBefore")]
     hold: String,
     /// Length of the window, in s; one revolution by default.
@@ -91,7 +108,7 @@ pub struct Arguments {
 /// Identifies the bearing, and prints and writes the results.
 pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.claim_standard_output()?;
-    let bearing = Scenario::open(&arguments.scenario)?;
+    let bearing = arguments.bearing()?;
     let mut config = bearing.closed_loop().map_err(simulate::Refused::from)?.estimator;
     let bench = arguments.bench(&bearing, &config)?;
     let methods = arguments.methods()?;
@@ -104,12 +121,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let tracks = methods
         .into_iter()
         .map(|method| identify::track_every(samples, &EstimatorConfig { method, ..config.clone() }, every));
-    let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>()?;
+    let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
     let threads = std::thread::available_parallelism().map_or(1, Into::into);
     let answer = match arguments.is_likelihood() {
         true => {
             let lambda0_nm2_a2 = tracks[0].last_valid().map(|output| output.lambda_hat);
-            Some(identify::answer(&recordings, Question { config, bench, lambda0_nm2_a2, threads })?)
+            Some(identify::answer(&recordings, Question { config, bench, lambda0_nm2_a2, threads }).map_err(refused)?)
         }
         false => None,
     };
@@ -117,7 +134,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     results.print(&arguments.recordings);
     results.write(arguments)?;
     match results.answer {
-        Some(answer) if !answer.valid => Err(Refused(answer.verdict).into()),
+        Some(answer) if !answer.valid => Err(NotValid(answer.verdict).into()),
         _ => Ok(()),
     }
 }
@@ -142,7 +159,28 @@ impl Arguments {
         }
     }
 
-    /// What is known of the bench: by the scenario, then by the arguments.
+    /// The scenario of the bearing, with its changes.
+    fn bearing(&self) -> Result<Scenario> {
+        for (path, _) in &self.changes {
+            let name = path.strip_prefix("estimator.").unwrap_or(path);
+            let known = find("AlgebraicEstimator").is_some_and(|estimator| {
+                let begins =
+                    |whole: &str| whole.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('['));
+                estimator.variables().iter().any(|variable| begins(&variable.name))
+            });
+            if let Some((_, option)) = OPTIONS.iter().find(|(variable, _)| *variable == name) {
+                return Err(refused(format!("--set {path}: identify takes it from {option}")));
+            }
+            if !known {
+                return Err(refused(format!(
+                    "--set {path}: the estimator of the bearing has no variable of this name"
+                )));
+            }
+        }
+        Scenario::open_parameters(&self.scenario, &self.changes).map_err(Into::into)
+    }
+
+    /// Knowledge of the bench: from the scenario, then from the arguments.
     fn bench(&self, bearing: &Scenario, config: &EstimatorConfig) -> Result<[Told; BENCH]> {
         let mut bench = [Told::default(); BENCH];
         for (at, std) in identify::of_estimator(&config.tolerance, config.m_kg, config.gap_m) {
@@ -171,13 +209,12 @@ impl Arguments {
         }
         let names = METHODS.map(|(name, _)| name).join(", ");
         Err(match RENAMED.iter().find(|(former, _)| *former == self.method) {
-            Some((former, name)) => format!("--method {former}: expected {name}, which replaces it"),
-            None => format!("--method {}: expected one of likelihood, {names}, all", self.method),
-        }
-        .into())
+            Some((former, name)) => refused(format!("--method {former}: expected {name}, which replaces it")),
+            None => refused(format!("--method {}: expected one of likelihood, {names}, all", self.method)),
+        })
     }
 
-    /// Reads the recordings and looks for what cannot be true of a bearing with this gap.
+    /// Reads the recordings and refuses those that a bearing with this gap cannot have made.
     fn read(&self, gap_m: f64) -> Result<Vec<Samples>> {
         if self.recordings.len() > 1 {
             if self.currents.is_some() {
@@ -208,7 +245,7 @@ impl Arguments {
         self.recordings.iter().map(one).collect()
     }
 
-    /// A recording that cannot be used; says so in the JSON document too if that goes to the standard output.
+    /// The error for a recording that cannot be used; also as a JSON document if that goes to the standard output.
     fn refused(&self, path: &Path, findings: Vec<String>) -> Box<dyn std::error::Error> {
         if let Some(json) = self.json.as_deref().filter(|json| output::is_standard(json)) {
             let verdict = format!("{}: the recording cannot be used", path.display());
@@ -232,7 +269,7 @@ impl Arguments {
         config.current_noise_a = self.current_noise.unwrap_or(0.0);
     }
 
-    /// Chooses what a current sample stands for; with `auto` the data decide, and a table says how clearly.
+    /// Chooses the meaning of a current sample; with `auto` the data decide, and a table shows how clearly.
     fn hold(&self, config: &mut EstimatorConfig, samples: &Samples) -> Result<Option<Table>> {
         if self.hold == "auto" {
             let residuals = identify::residuals_of_holds(samples, config);
@@ -242,7 +279,7 @@ impl Arguments {
         }
         let names = HOLDS.map(|(name, _)| name).join(", ");
         let found = HOLDS.into_iter().find(|(name, _)| *name == self.hold);
-        config.hold = found.ok_or_else(|| format!("--hold {}: expected one of {names}, auto", self.hold))?.1;
+        config.hold = found.ok_or_else(|| refused(format!("--hold {}: expected one of {names}, auto", self.hold)))?.1;
         Ok(None)
     }
 }
@@ -252,10 +289,11 @@ fn open(path: &Path) -> Result<Box<dyn io::Read>> {
     if output::is_standard(path) {
         return Ok(Box::new(io::stdin().lock()));
     }
-    Ok(Box::new(fs::File::open(path).map_err(named(path))?))
+    let file = fs::File::open(path).map_err(|error| refused(format!("{}: {error}", path.display())))?;
+    Ok(Box::new(file))
 }
 
-/// What was found.
+/// Results.
 struct Results {
     recordings: Vec<Samples>,
     tracks: Vec<Track>,
@@ -309,7 +347,8 @@ impl Results {
             let recording = arguments.recordings[0].file_name().unwrap_or_default().to_string_lossy();
             let title = format!("Identification from {recording}");
             let (holds, answer) = (self.holds.as_ref(), self.answer.as_ref());
-            let page = identification::page(&title, &frame::command_line(), samples, &self.tracks, holds, answer);
+            let page =
+                identification::page(&title, &frame::command_line(), &self.recordings, &self.tracks, holds, answer);
             write_page(folder, &page)?;
         }
         Ok(())

@@ -19,7 +19,7 @@ use crate::package;
 use crate::report::frame;
 use crate::report::{campbell, experiment};
 use crate::simulation::recording::Recording;
-use crate::simulation::scenario::{BUILT_IN, Scenario};
+use crate::simulation::scenario::{BUILT_IN, Scenario, ScenarioError};
 use crate::simulation::simulate::{self, Run};
 use crate::simulation::summary;
 use crate::studies::design;
@@ -31,12 +31,20 @@ use crate::studies::whirl::{self, Whirl};
 const FMU_FOLDER: &str = "target/fmu";
 const REPORT_FOLDER: &str = "target/report";
 
-/// On-line parameter estimation of a magnetic bearing, as FMI 2.0 co-simulation FMUs.
+/// The exit codes, for `--help`.
+const EXIT_CODES: &str = "Exit codes:
+    0  done
+    1  a run ended early, a case failed, or a file cannot be written
+    2  arguments or input cannot be used: an unknown name, a value that is refused, a recording that cannot be read
+    3  an identification is not valid
+  130  a sweep was interrupted";
+
+/// On-line parameter estimation of a magnetic bearing, as co-simulation FMUs of FMI 2.0 and FMI 3.0.
 ///
-/// Without a command: packages the FMUs and the SSP into target/fmu, runs the paper's simulation, prints the estimates beside
+/// Without a command: packages the FMUs and the SSPs into target/fmu, runs the paper's simulation, prints the estimates beside
 /// the true values and the paper's, and writes target/report/index.html.
 #[derive(Parser)]
-#[command(version, max_term_width = 100)]
+#[command(version, max_term_width = 100, after_help = EXIT_CODES)]
 struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
@@ -45,8 +53,8 @@ struct Arguments {
 #[derive(Subcommand)]
 #[allow(clippy::large_enum_variant, reason = "there is one of it, and it is taken apart at once")]
 enum Command {
-    /// Packages the FMUs, each for FMI 2.0 and for FMI 3.0, and the SSPs from the library that was built together with this
-    /// program.
+    /// Packages the six FMUs, each for FMI 2.0 and for FMI 3.0, and two SSPs (MagneticBearing, MagneticSpindle) from the library that
+    /// was built together with this program.
     ///
     /// Binaries for other platforms can be added; `scripts/build-platforms` makes them all.
     Package {
@@ -96,7 +104,7 @@ enum Command {
     /// element (plant.Ym), or assigned by --column. Units are in the header, `Ym [µm]`, in a row below it, or given by --unit.
     /// Times are numbers, Unix times or ISO 8601 stamps; the sample time is the slope of the straight line through them.
     ///
-    /// The exit code is 2 if the recording cannot be used; the reasons go to the standard error.
+    /// The exit code is 2 if the recording cannot be used, and 3 if its answer is not valid; the reasons go to the standard error.
     Identify(identify::Arguments),
     /// Compares excitations: how precisely λ is known after which time, with the reference trajectory alone and with F0
     /// modulated.
@@ -133,7 +141,7 @@ enum Command {
         #[arg(long, value_name = "N.s/m", default_value_t = 200.0, allow_hyphen_values = true)]
         damping: f64,
         /// Greatest speed, in rpm.
-        #[arg(long, value_name = "RPM", default_value_t = 12_000.0, value_parser = duration, allow_hyphen_values = true)]
+        #[arg(long, value_name = "RPM", default_value_t = 12_000.0, value_parser = speed, allow_hyphen_values = true)]
         to: f64,
         /// Writes a report page, index.html, into this folder.
         #[arg(long, value_name = "DIR")]
@@ -163,7 +171,7 @@ enum Command {
         /// Standard deviation of the current noise, in A.
         #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
         current_noise: f64,
-        /// The estimator estimates the noise instead of being told.
+        /// The estimator estimates the noise instead of knowing it.
         #[arg(long, requires = "scenario")]
         untold: bool,
         /// Times at which the estimates are evaluated, in seconds; hostile courses are judged at all times.
@@ -216,8 +224,7 @@ use say;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// Runs the program. The exit code is 1 after an error, reported on the standard error, and 2 if the arguments are invalid or a
-/// recording cannot be used. `commit` is the commit that the program was built from, if known.
+/// Runs the program; errors go to the standard error, and `EXIT_CODES` lists the exit codes. `commit` is the commit that the program was built from, if known.
 pub fn main(commit: Option<&str>) -> ExitCode {
     let version = match commit {
         Some(commit) => format!("{} ({commit})", env!("CARGO_PKG_VERSION")),
@@ -263,16 +270,32 @@ pub fn main(commit: Option<&str>) -> ExitCode {
         Ok(()) if output::has_failed() => ExitCode::FAILURE,
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
-            if error.is::<Refused>() { ExitCode::from(2) } else { ExitCode::FAILURE }
+            output::warn(format_args!("error: {error}"));
+            if error.is::<NotValid>() {
+                ExitCode::from(3)
+            } else if error.is::<Refused>() || error.is::<ScenarioError>() || error.is::<simulate::Refused>() {
+                ExitCode::from(2)
+            } else {
+                ExitCode::FAILURE
+            }
         }
     }
 }
 
-/// Input that cannot be used; the exit code is 2.
+/// Arguments or input that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct Refused(String);
+
+/// An answer that is not valid.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct NotValid(String);
+
+/// An error for arguments or input that cannot be used, with the reason.
+fn refused(why: impl ToString) -> Box<dyn Error> {
+    Refused(why.to_string()).into()
+}
 
 /// An error that names the file.
 fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
@@ -306,19 +329,24 @@ fn describe(folder: &Path) -> Result<()> {
 fn completions(shell: Shell) -> Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Arguments::command(), env!("CARGO_PKG_NAME"), &mut script);
-    io::stdout().lock().write_all(&script).map_err(named(Path::new("standard output")))
+    output::unless_closed(io::stdout().lock().write_all(&script)).map_err(named(Path::new("standard output")))
 }
 
 fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Option<usize>) -> Result<()> {
-    let design = Sweep::open(design, scenario)?;
+    let design = Sweep::open(design, scenario).map_err(refused)?;
     let Some(out) = out else {
-        return design.write(io::stdout().lock()).map_err(Into::into);
+        return output::unless_closed(design.write(io::stdout().lock())).map_err(Into::into);
     };
     let jobs = jobs.or_else(|| std::thread::available_parallelism().ok().map(Into::into)).unwrap_or(1);
     let outcome = if output::is_standard(out) {
         output::take_standard_output();
-        design.run_to(io::stdout().lock(), jobs).map_err(named(out))?
+        match design.run_to(io::stdout().lock(), jobs) {
+            // The reader has gone, and wants no other rows.
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
+            outcome => outcome.map_err(named(out))?,
+        }
     } else {
+        say_how_to_resume(out)?;
         design.run(out, jobs)?
     };
     let there = if outcome.before > 0 { format!(", {} of them from before", outcome.before) } else { String::new() };
@@ -330,10 +358,22 @@ fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Optio
     }
 }
 
+/// Makes an interrupted sweep say how to go on.
+fn say_how_to_resume(out: &Path) -> Result<()> {
+    let file = out.display().to_string();
+    let handler = move || {
+        output::warn(format_args!(
+            "\ninterrupted: {file} keeps the rows that are done; the same command computes the others"
+        ));
+        std::process::exit(130)
+    };
+    ctrlc::set_handler(handler).map_err(Into::into)
+}
+
 fn print_scenario(name: &Path) -> Result<()> {
     let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)) else {
         let names: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
-        return Err(format!("{}: --print needs one of {}", name.display(), names.join(", ")).into());
+        return Err(refused(format!("{}: --print needs one of {}", name.display(), names.join(", "))));
     };
     say!("{}", text.trim_end());
     Ok(())
@@ -400,10 +440,8 @@ fn said_of(path: &Path) {
 /// Writes a table to a file, or to the standard output under the name `-`, whose reader may close it at any time.
 fn write_table(path: &Path, recording: &Recording) -> Result<()> {
     let file = Format::Table.create(path).map_err(named(path))?;
-    match recording.write_csv(io::BufWriter::new(file)) {
-        Err(error) if output::is_standard(path) && error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        written => written.map_err(named(path)),
-    }
+    let written = recording.write_csv(io::BufWriter::new(file));
+    if output::is_standard(path) { output::unless_closed(written) } else { written }.map_err(named(path))
 }
 
 /// `name=value`.
@@ -427,7 +465,8 @@ const SPEEDS: usize = 12;
 
 fn whirl(name: &Path, [stiffness, damping]: [f64; 2], greatest_rpm: f64, report: Option<&Path>) -> Result<()> {
     let scenario = Scenario::open(name)?;
-    let whirl = Whirl::new(&scenario, stiffness, damping).map_err(|why| format!("{}: {why}", name.display()))?;
+    let whirl =
+        Whirl::new(&scenario, stiffness, damping).map_err(|why| refused(format!("{}: {why}", name.display())))?;
     let table = whirl::table(&whirl, greatest_rpm, SPEEDS);
     print::table(&table);
     if let Some(folder) = report {
@@ -459,6 +498,14 @@ fn duration(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("expected a time in s above 0".into()),
+    }
+}
+
+/// A speed in rpm.
+fn speed(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("expected a speed in rpm above 0".into()),
     }
 }
 

@@ -18,8 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bearing::magnet::Magnets;
 use crate::control::observer::{Signal, SignalObserver};
-use crate::invalid::Checks;
-use crate::invalid::Invalid;
+use crate::invalid::{Checks, Invalid, Short};
 use crate::variables::unit::{METRE, RADIAN_PER_SECOND, SECOND};
 use crate::variables::{Choice, Variables};
 
@@ -457,7 +456,7 @@ fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks)
 pub(super) fn check_ellipse_reach([r_y, r_z]: [f64; 2], lobes_m: f64, magnets: &Magnets, checks: &mut Checks) {
     let a = lobes_m.abs();
     let s = magnets.gap_m();
-    // Do not report again what follows from a value already refused.
+    // Do not report again the consequences of a refused value.
     if ![r_y, r_z, a, s].iter().all(|value| value.is_finite() && *value >= 0.0) || s == 0.0 {
         return;
     }
@@ -477,7 +476,11 @@ pub(super) fn check_ellipse_reach([r_y, r_z]: [f64; 2], lobes_m: f64, magnets: &
                 false,
                 name,
                 format_args!("{value} m"),
-                format!("a reference trajectory that does not touch magnet {number} (it extends to {reach} m, the gap is {s} m)"),
+                format!(
+                    "a reference trajectory that does not touch magnet {number} (it extends to {} m, the gap is {} m)",
+                    Short(reach),
+                    Short(s)
+                ),
             );
             return;
         }
@@ -532,6 +535,6 @@ fn check_contour_reach(contour: &Contour, magnets: &Magnets, checks: &mut Checks
         gap > 0.0 || gap.is_infinite(),
         largest.0,
         format_args!("{} m", largest.1),
-        format!("a reference trajectory that does not touch magnet {number} (the least gap would be {gap} m)"),
+        format!("a reference trajectory that does not touch magnet {number} (the least gap would be {} m)", Short(gap)),
     );
 }

@@ -204,7 +204,7 @@ fn magnets_at_m(spindle: &Spindle) -> [f64; 2] {
     [spindle.config().a.position_m, spindle.config().b.position_m]
 }
 
-/// What the coordinates, or their differences, are at the magnets: (y, z) in A, (y, z) in B, x, in m.
+/// The coordinates, or their differences, at the magnets: (y, z) in A, (y, z) in B, x, in m.
 fn at_magnets(spindle: &Spindle, q: [f64; COORDINATES]) -> [f64; READINGS] {
     let [[a_y, a_z], [b_y, b_z]] = magnets_at_m(spindle).map(|at_m| shaft::displacement(at_m, q));
     [a_y, a_z, b_y, b_z, q[0]]

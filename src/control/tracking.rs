@@ -6,7 +6,7 @@
 //! Q = M (q̈* − k_1 (q̇ − q̇*) − k_0 (q − q*)) − p̂ + Ω G q̇
 //! ```
 //!
-//! M is diagonal. An [`Arrangement`] says how the force is shared by the magnets, and what the gyroscopic moments `−Ω G q̇` are.
+//! M is diagonal. An [`Arrangement`] shares the force among the magnets, and gives the gyroscopic moments `−Ω G q̇`.
 //! The last term compensates them, so that every coordinate behaves as if it were alone, at any speed.
 //!
 //! # Timing
@@ -25,7 +25,7 @@
 //!
 //! # A change of λ
 //!
-//! The currents stay what they are; a new λ assigns new forces to them. The difference of the resultants is added to the
+//! The currents do not change; a new λ assigns new forces to them. The difference of the resultants is added to the
 //! perturbation estimate, so that the sum of force and perturbation does not change. The smallest force of each bearing starts
 //! from that of the new forces and returns to `F_0` with the time constant [`PRELOAD_S`]. So the currents do not jump.
 //!
@@ -95,7 +95,7 @@ pub struct Names<const K: usize, const B: usize> {
     pub modulation_hz: [&'static str; B],
 }
 
-/// A rotor with N coordinates between K magnets in B bearings: what the control law must know of it.
+/// A rotor with N coordinates between K magnets in B bearings, as the control law needs it.
 pub trait Arrangement<const N: usize, const K: usize, const B: usize> {
     /// Names in the interface.
     const NAMES: Names<K, B>;
@@ -181,7 +181,7 @@ impl<const K: usize, const B: usize> Default for TrackingConfig<K, B> {
     }
 }
 
-/// What is measured and estimated at a sample.
+/// Measurements and estimates at a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured<const N: usize, const K: usize> {
     /// Coordinates, in m or rad.

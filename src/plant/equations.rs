@@ -95,7 +95,7 @@ impl<T: Copy, const N: usize, const K: usize> PlantInput<T, N, K> {
     }
 }
 
-/// What the equations of motion depend on besides state and input.
+/// Parameters of the equations of motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conditions<T = f64, const K: usize = 3, C = bool> {
     /// Absolute time, in s.

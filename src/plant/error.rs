@@ -1,6 +1,7 @@
 //! Errors of a step.
 
 use super::substeps::MOST_PARTS;
+use crate::invalid::Short;
 
 /// Why the plant could not complete a step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -8,9 +9,10 @@ pub enum StepError {
     /// The rotor has left the gap, or its motion is no longer finite. The state is the one before the sub-step in which this
     /// happened.
     #[error(
-        "the rotor leaves the gap at magnet {magnet} after t = {time_s} s, starting at Y = {} m, Z = {} m",
-        position_m[0],
-        position_m[1]
+        "the rotor leaves the gap at magnet {magnet} after t = {} s, starting at Y = {} m, Z = {} m",
+        Short(*time_s),
+        Short(position_m[0]),
+        Short(position_m[1])
     )]
     Contact {
         /// Number of the nearest magnet, 1 to 3.
@@ -23,9 +25,9 @@ pub enum StepError {
     /// The rotor of a spindle has left the gap of a bearing, or its motion is no longer finite. The state is the one before the
     /// sub-step in which this happened.
     #[error(
-        "the rotor leaves the gap at magnet {magnet} of bearing {bearing} after t = {time_s} s, starting at \
+        "the rotor leaves the gap at magnet {magnet} of bearing {bearing} after t = {} s, starting at \
          X = {} m, Y = {} m, Z = {} m, beta = {} rad, gamma = {} rad",
-        position_m[0], position_m[1], position_m[2], position_m[3], position_m[4]
+        Short(*time_s), Short(position_m[0]), Short(position_m[1]), Short(position_m[2]), Short(position_m[3]), Short(position_m[4])
     )]
     SpindleContact {
         /// Name of the bearing: A, B or X.
@@ -40,7 +42,8 @@ pub enum StepError {
     /// The motion is so fast that the step would take too long. The state is the one before the sub-step in which this was
     /// found.
     #[error(
-        "the motion of the rotor is too fast for a step after t = {time_s} s: it needs more than {MOST_PARTS} sub-steps"
+        "the motion of the rotor is too fast for a step after t = {} s: it needs more than {MOST_PARTS} sub-steps",
+        Short(*time_s)
     )]
     Fast {
         /// Begin of the sub-step, in s.

@@ -13,7 +13,7 @@ use crate::bearing::coil::{CoilConfig, Saturates};
 use crate::bearing::magnet::{Geometry, Magnets};
 use crate::bearing::scalar::Scalar;
 use crate::bearing::touchdown::{Called, TouchdownConfig};
-use crate::invalid::{Checks, Invalid};
+use crate::invalid::{Checks, Invalid, Short};
 use crate::machine::{Machine, PLANAR};
 use crate::variables::unit::{
     KILOGRAM, METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND, SECOND,
@@ -321,7 +321,7 @@ fn check_start(config: &PlantConfig, magnets: &Magnets, checks: &mut Checks) {
             false,
             name,
             format_args!("{value} m"),
-            format!("a start inside the gap (that of magnet {number} would be {gap} m)"),
+            format!("a start inside the gap (that of magnet {number} would be {} m)", Short(gap)),
         );
         return;
     }

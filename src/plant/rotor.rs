@@ -1,4 +1,4 @@
-//! What the plant needs to know of a rotor: written by the planar rotor and by the spindle.
+//! The interface of a rotor to the plant, implemented by the planar rotor and by the spindle.
 
 use std::fmt::Debug;
 
@@ -27,7 +27,7 @@ pub trait Rotor<const N: usize, const K: usize>: Clone {
     /// Which backup bearings the rotor touches.
     type Contact: Copy + Debug + Default + PartialEq + Serialize + DeserializeOwned;
 
-    /// Combines these parameters with others, number by number; what is no number is taken from these.
+    /// Combines these parameters with others, number by number; fields that are no numbers are taken from these.
     fn with<U: Scalar, V: Scalar>(&self, other: &Self::With<U>, join: &impl Fn(Self::Number, U) -> V) -> Self::With<V>;
 
     /// Gaps and directions of the magnets.
@@ -39,7 +39,7 @@ pub trait Rotor<const N: usize, const K: usize>: Clone {
     /// λ of each magnet, in N·m²/A².
     fn lambda_nm2_a2(&self) -> &[Self::Number; K];
 
-    /// What ideal position sensors read at these coordinates, in m.
+    /// Readings of ideal position sensors at these coordinates, in m.
     fn readings_m(&self, position_m: [Self::Number; N]) -> [Self::Number; N];
 
     /// The coils.

@@ -22,7 +22,7 @@ use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::{COORDINATES, Shaft, displacement, generalised};
 use crate::bearing::spindle::{BEARINGS, MAGNETS, RadialBearing, Spindle, SpindleGeometry, bearing_of};
 use crate::bearing::touchdown::{Called, TouchdownConfig};
-use crate::invalid::{Checks, Invalid};
+use crate::invalid::{Checks, Invalid, Short};
 use crate::machine::{Machine, SPINDLE};
 use crate::variables::unit::{METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND, SECOND};
 use crate::variables::{KILOGRAM_METRE, LAMBDA, Variables};
@@ -377,7 +377,7 @@ impl PlantParameters<COORDINATES, MAGNETS> for SpindleConfig {
 const STARTS: [(&str, &str); COORDINATES] =
     [("X0", "vX0"), ("Y0", "vY0"), ("Z0", "vZ0"), ("beta0", "betaRate0"), ("gamma0", "gammaRate0")];
 
-/// What a spindle shows at a radial bearing.
+/// Outputs of a spindle at a radial bearing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64)]
 pub struct AtRadialBearing<T = f64> {
@@ -401,7 +401,7 @@ pub struct AtRadialBearing<T = f64> {
     pub touchdown_z_n: T,
 }
 
-/// What a spindle shows at its bearings.
+/// Outputs of a spindle at its bearings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64)]
 pub struct AtBearings<T = f64> {
@@ -449,7 +449,7 @@ impl<T: Copy> AtBearings<T> {
 }
 
 impl<T: Scalar> Equations<SpindleConfig<T>, COORDINATES, MAGNETS> {
-    /// What the spindle shows at its bearings, where the magnets pull with these forces in N.
+    /// The outputs at the bearings for these forces of the magnets in N.
     pub fn at_bearings(
         &self,
         motion: &SpindleMotion<T>,
@@ -514,7 +514,7 @@ fn check_tunable(
 fn check_start(config: &SpindleConfig, spindle: &Spindle, checks: &mut Checks) {
     let geometry = spindle.geometry();
     for (k, gap) in geometry.gaps(config.position_m).into_iter().enumerate() {
-        // False for what is not finite, which has been refused already.
+        // False for values that are not finite, which have been refused already.
         if !(gap <= 0.0 && gap.is_finite() && geometry.gap_m[k] > 0.0) {
             continue;
         }
@@ -525,7 +525,7 @@ fn check_start(config: &SpindleConfig, spindle: &Spindle, checks: &mut Checks) {
             false,
             STARTS[worst].0,
             format_args!("{} {}", config.position_m[worst], if worst < 3 { "m" } else { "rad" }),
-            format!("a start inside the gap ({magnet} would be {gap} m)"),
+            format!("a start inside the gap ({magnet} would be {} m)", Short(gap)),
         );
         return;
     }

@@ -4,7 +4,7 @@ use maud::html;
 
 use super::{frame, plot, table_of};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
-use crate::studies::whirl::Whirl;
+use crate::studies::whirl::{Whirl, modes_hz};
 use crate::table::Table;
 
 /// Points along each line.
@@ -14,26 +14,24 @@ const POINTS: usize = 240;
 pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> String {
     let rpm: Vec<f64> = (0..=POINTS).map(|n| greatest_rpm * n as f64 / POINTS as f64).collect();
     let omega = |rpm: &f64| rpm * std::f64::consts::PI / 30.0;
-    let speed = ("speed", PlotUnit { name: "1000 rpm", factor: 1e-3 });
+    let speed = ("speed", PlotUnit { name: "rpm", factor: 1.0 });
     let hertz = PlotUnit { name: "Hz", factor: 1.0 };
 
     let mut frequencies = Plot::new(speed, ("natural frequency", hertz)).height(420.0);
-    let all: Vec<[f64; 4]> = rpm.iter().map(|rpm| whirl.frequencies_hz(omega(rpm)).map(f64::abs)).collect();
-    let lines = [
-        ("backward", colour::MAGNETS[0]),
-        ("backward", colour::MAGNETS[0]),
-        ("forward", colour::MAGNETS[1]),
-        ("forward", colour::MAGNETS[1]),
-    ];
-    for (n, (name, colour)) in lines.into_iter().enumerate() {
-        let line = Line::new(name, colour).group(name).width(2.0);
-        let line = if n % 2 == 0 { line } else { line.unlisted() };
-        frequencies.line(line, &rpm, &all.iter().map(|one| one[n]).collect::<Vec<_>>());
+    let all: Vec<[[f64; 2]; 2]> = rpm.iter().map(|rpm| modes_hz(whirl.frequencies_hz(omega(rpm)))).collect();
+    for mode in 0..2 {
+        let line = |name: &str| Line::new(&format!("mode {} {name}", mode + 1), colour::MAGNETS[mode]).width(2.0);
+        let of = |direction: usize| all.iter().map(|one| one[mode][direction]).collect::<Vec<_>>();
+        frequencies.line(line("backward").dotted(), &rpm, &of(0));
+        frequencies.line(line("forward"), &rpm, &of(1));
     }
-    let highest = all.iter().flatten().copied().fold(0.0, f64::max);
+    let highest = all.iter().flatten().flatten().copied().fold(0.0, f64::max);
     frequencies = frequencies.range(1, [0.0, 1.2 * highest]);
     let synchronous: Vec<f64> = rpm.iter().map(|rpm| rpm / 60.0).collect();
     frequencies.line(Line::new("speed (1×)", colour::INK).dashed().width(1.0), &rpm, &synchronous);
+    for (mode, rpm) in whirl.critical_rpm(greatest_rpm) {
+        frequencies.instant(rpm, &format!("critical {mode}"));
+    }
 
     let mut response = Plot::new(speed, ("amplitude", PlotUnit::MICROMETRE)).decades(1).height(320.0);
     let responses: Vec<_> = rpm.iter().skip(1).map(|rpm| whirl.response_m(omega(rpm))).collect();
@@ -44,8 +42,9 @@ pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> S
 
     let title = "Campbell diagram";
     let body = html! {
-        header { h1 { (title) } }
+        header { h1 { (title) } (plot::notice()) }
         main {
+            section #answer { p.verdict { (whirl.critical_in_words(greatest_rpm)) } }
             section { p.soft { "This page is made by" } pre { code { (command) } } }
             figure #campbell {
                 (frequencies.html())

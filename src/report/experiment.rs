@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::{evaluation, spindle};
+use crate::estimation::{STD_LIMIT, paper};
 use crate::fmu::estimator::{METHOD, VERDICT};
 use crate::report::{self, Answer, Bearing, ComparedEstimator, Event, Paper, Parameter, Report};
 use crate::simulation::closed_loop::Loop;
@@ -19,6 +20,8 @@ const PAPER_RATIO: &str = "at least 3";
 const INSTANTS_S: [f64; 2] = [0.1, 0.2];
 /// Length of the intervals before and after the update over which errors are taken, in seconds.
 const STRETCH_S: f64 = 0.04;
+/// Lengths from here on, in m, are shown in mm: dimensions of a machine, not displacements.
+const LONG_M: f64 = 1e-3;
 
 /// Whether the scenario is the paper's, so that its numbers can be compared with ours.
 fn is_paper(name: &Path, scenario: &Scenario) -> bool {
@@ -226,9 +229,20 @@ fn over(run: &Run, signal: &[f64], (from_s, to_s): (f64, f64)) -> Option<(f64, f
     within.map(|(_, value)| (*value, *value)).reduce(|(low, high), (value, _)| (low.min(value), high.max(value)))
 }
 
-/// The final answer of the loop's estimator.
-fn answer(scenario: &Scenario, run: &Run) -> Option<Answer> {
-    let column = |name: &str| run.recording.get(&format!("estimator.{name}"));
+/// The best final answer, and that of the estimator which the controller uses if it is another.
+fn answers(scenario: &Scenario, run: &Run) -> [Option<Answer>; 2] {
+    const BEST: &str = "predictionError";
+    let used = answer(scenario, run, "estimator");
+    let beside = scenario.observers().iter().any(|element| element.name == BEST);
+    match used {
+        Some(used) if used.method != BEST && beside => [answer(scenario, run, BEST), Some(used)],
+        used => [used, None],
+    }
+}
+
+/// The final answer of an estimator.
+fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Answer> {
+    let column = |name: &str| run.recording.get(&format!("{element}.{name}"));
     let last = |name: &str| {
         let mut values = [0.0; 3];
         for (k, value) in values.iter_mut().enumerate() {
@@ -252,16 +266,17 @@ fn answer(scenario: &Scenario, run: &Run) -> Option<Answer> {
             None => " It was never valid.".into(),
         };
     }
-    let expectation = coherence_note(scenario);
-    let method = scenario.value("estimator", "method").and_then(|value| METHOD.item(value.as_f64() as i32));
+    let method = scenario.value(element, "method").and_then(|value| METHOD.item(value.as_f64() as i32));
+    let is_paper = method.is_some_and(|method| method.starts_with("paper"));
     Some(Answer {
-        element: "estimator".into(),
+        element: element.into(),
         method: method.unwrap_or_default().into(),
         valid,
         verdict,
         lambda: last("lambdaHat")?,
         std: last("lambdaStdTotal")?,
-        expectation,
+        limit: if is_paper { paper::STD_LIMIT } else { STD_LIMIT },
+        expectation: if is_paper { coherence_note(scenario) } else { String::new() },
     })
 }
 
@@ -323,11 +338,13 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
     };
     let plant = closed_loop(scenario).plant;
     let bearing = Bearing { alpha_rad: plant.alpha_rad, gap_m: plant.gap_m, clearance_m: plant.touchdown.clearance_m };
+    let [answer, used] = answers(scenario, run);
     let report = Report {
         description: scenario.description.clone(),
         command: command.into(),
         message: run.error.clone(),
-        answer: answer(scenario, run),
+        answer,
+        used,
         tables,
         sensitivities,
         bearing: Some(bearing),
@@ -368,7 +385,9 @@ pub(super) fn parameters(scenario: &Scenario) -> Vec<Parameter> {
 fn shown(variable: &Variable, value: Value) -> String {
     match (&variable.data_type, value) {
         (Type::Real { unit, display, .. }, Value::Real(value)) => {
-            let display = unit.displays.iter().find(|candidate| Some(candidate.name) == *display);
+            // Positions along a shaft have the display unit of its displacements.
+            let display = if unit.name == "m" && value.abs() >= LONG_M { Some("mm") } else { *display };
+            let display = unit.displays.iter().find(|candidate| Some(candidate.name) == display);
             match display {
                 Some(display) => format!("{} {}", rounded(value * display.factor + display.offset), display.name),
                 None if unit.name == "1" => rounded(value),

@@ -34,6 +34,12 @@ pub(super) struct Figure {
 }
 
 impl Figure {
+    /// A figure with an anchor, a heading, plots with a title each, and a caption; empty plots are left out.
+    pub(super) fn new(id: &'static str, title: &str, plots: Vec<(String, Plot)>, caption: String) -> Figure {
+        let plots = plots.into_iter().filter(|(_, plot)| !plot.is_empty()).collect();
+        Figure { id, title: title.into(), paper: None, plots, caption }
+    }
+
     pub(super) fn html(&self, number: usize) -> Markup {
         html! {
             figure id=(self.id) {
@@ -97,8 +103,7 @@ impl<'r> Signals<'r> {
     }
 
     pub(super) fn time_unit(&self) -> PlotUnit {
-        let end_s = self.time_s.last().copied().unwrap_or(0.0);
-        if end_s <= SHORT_S { PlotUnit::MILLISECOND } else { PlotUnit::SECOND }
+        time_unit(self.time_s.last().copied().unwrap_or(0.0))
     }
 
     /// A plot over time with the events of the run.
@@ -126,14 +131,17 @@ impl<'r> Signals<'r> {
 
     /// A figure, or a sentence in its place if a plot is empty.
     pub(super) fn figure(&self, id: &'static str, title: &str, plots: Vec<(String, Plot)>, caption: &str) -> Figure {
-        let plots: Vec<_> = plots.into_iter().filter(|(_, plot)| !plot.is_empty()).collect();
-        let caption = if plots.is_empty() {
-            "Not drawn: the recording has no usable signals for it.".into()
-        } else {
-            caption.into()
-        };
-        Figure { id, title: title.into(), paper: in_paper(self.report.paper, id), plots, caption }
+        let mut figure = Figure::new(id, title, plots, caption.into());
+        if figure.plots.is_empty() {
+            figure.caption = "Not drawn: the recording has no usable signals for it.".into();
+        }
+        Figure { paper: in_paper(self.report.paper, id), ..figure }
     }
+}
+
+/// The unit of the time axis of a run that ends at this instant in s.
+pub(super) fn time_unit(end_s: f64) -> PlotUnit {
+    if end_s <= SHORT_S { PlotUnit::MILLISECOND } else { PlotUnit::SECOND }
 }
 
 /// `values` where `show` is true, NaN elsewhere.
@@ -159,6 +167,13 @@ pub(super) fn lambda_plot(run: &Signals, element: &str, bearing: &str, truth: Op
     plot = plot.range(1, [0.0, 1.15 * most]);
     let valid = run.get(&format!("{element}.valid"));
     let is_valid = |at: usize| valid.is_none_or(|valid| valid[at] > 0.5);
+    let changes = (0..run.time_s.len()).filter(|at| *at == 0 || is_valid(*at) != is_valid(at - 1));
+    let mut changes = changes.chain([run.time_s.len() - 1]).peekable();
+    while let Some(from) = changes.next() {
+        if let Some(to) = changes.peek().filter(|_| !is_valid(from)) {
+            plot.shade(run.time_s[from], run.time_s[*to]);
+        }
+    }
     let total = of_magnets("lambdaStdTotal");
     let std = if total.is_empty() { of_magnets("lambdaStd") } else { total };
     for k in 0..lambda.len() {
@@ -203,7 +218,7 @@ pub(super) fn first(report: &Report) -> Markup {
                 div #lambda {
                     (plot.html())
                     p.soft {
-                        "Solid where the estimate is valid, with a band of two standard deviations; dotted where it is not"
+                        "Solid where the estimate is valid, with a band of two standard deviations; dotted and shaded where it is not"
                         @if report.truth.is_some() { "; dashed: the true value" } "."
                         @if animation.is_some() { " Click to go to an instant." }
                     }
@@ -283,7 +298,7 @@ fn estimates(run: &Signals) -> Option<Figure> {
     let plots = methods.iter().map(|method| (method.label.clone(), plot(method))).collect();
     let mut caption = String::from(
         "Estimates over time, all methods use the same samples. Solid where valid, with a band of two standard \
-         deviations; dotted where not; dashed: the truth.",
+         deviations; dotted and shaded where not; dashed: the truth.",
     );
     match run.report.paper {
         Some(Paper::Simulation) => caption += " The paper ends at (1.786, 2.072, 2.199)·10⁻⁶ in less than 0.1 s.",

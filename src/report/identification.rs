@@ -1,108 +1,301 @@
-//! The report page of an identification.
+//! The report page of an identification: the maximum likelihood answer first, the on-line estimate beside it.
 
-use maud::html;
+use maud::{Markup, html};
 
 use crate::estimation::{Method, Verdict};
-use crate::report::frame;
-use crate::report::plot::{self, Line, Plot, PlotUnit, colour};
-use crate::report::{cards, table_of};
+use crate::report::figures::{Figure, time_unit};
+use crate::report::plot::{Line, Plot, PlotUnit, colour};
+use crate::report::{Report, cards, page_with};
 use crate::simulation::recording::Recording;
-use crate::studies::identify::{Answer, Samples, Track, recording, table};
+use crate::studies::identify::likelihood::{Change, Estimate, Identification, PARAMETERS};
+use crate::studies::identify::{Answer, Samples, Track, progress, recording, table};
 use crate::table::Table;
 
-/// The report page of an identification made by that command.
+/// Revolutions over which positions are drawn beside their predictions, and the same in s where the rotor hardly turns.
+const REVOLUTIONS: f64 = 2.0;
+const WITHOUT_TURNING_S: f64 = 0.05;
+/// Names of the magnets in legends.
+const NAMES: [&str; 3] = ["λ₁", "λ₂", "λ₃"];
+
+/// The report page of an identification made by that command. The figures of signals are of the first recording.
 #[must_use]
 pub fn page(
     title: &str,
     command: &str,
-    samples: &Samples,
+    recordings: &[Samples],
     tracks: &[Track],
     holds: Option<&Table>,
     answer: Option<&Answer>,
 ) -> String {
-    let recording = recording(samples, tracks);
-    let mut figures: Vec<(String, Vec<Plot>, String)> = Vec::new();
-    for track in tracks {
-        let caption = format!(
-            "With a band of two standard deviations. Gaps are instants without a valid estimate. {}",
-            track.verdict()
-        );
-        figures.push((format!("Force constants over time, {}", track.name), vec![bands(&recording, track)], caption));
+    let samples = &recordings[0];
+    let estimates = recording(samples, tracks);
+    let run = Drawn::new(samples, recordings.len());
+    let found = answer.and_then(|answer| answer.found.as_ref());
+    let mut figures = Vec::new();
+    if let Some(found) = found {
+        figures.push(run.constants(found, &estimates, tracks.first()));
+        figures.push(run.positions(found));
+        figures.push(run.residuals(found));
+        figures.push(budget(found));
     }
-    if let Some(track) = tracks.iter().find(|track| track.config.method == Method::PredictionError) {
-        let valid = |j: usize| track.outputs[j].valid;
-        let mut unbalance = Plot::over_time(PlotUnit::SECOND, ("unbalance", PlotUnit { name: "g·mm", factor: 1e6 }));
-        line(
-            &mut unbalance,
-            &recording,
-            track,
-            "unbalance.magnitude",
-            Line::new("unbalance", colour::MAGNETS[0]),
-            valid,
-        );
-        let mut load = Plot::over_time(PlotUnit::SECOND, ("static load", PlotUnit::NEWTON));
-        for (name, label, colour) in
-            [("pYHat", "along y", colour::MAGNETS[0]), ("pZHat", "along z", colour::MAGNETS[1])]
-        {
-            line(&mut load, &recording, track, name, Line::new(label, colour), valid);
+    figures.push(run.currents());
+    if answer.is_none() {
+        figures.extend(run.on_line(&estimates, tracks));
+    }
+    let mut tables: Vec<Table> = holds.into_iter().cloned().collect();
+    match answer {
+        Some(answer) => {
+            tables.extend(answer.tables());
+            tables.extend(tracks.first().map(|track| progress(samples, track)));
         }
-        let caption = "As identified together with the force constants.";
-        figures.push(("Unbalance and static load".into(), vec![unbalance, load], caption.into()));
+        None => tables.push(table(tracks)),
     }
-    let mut residual = Plot::over_time(PlotUnit::SECOND, ("residual", PlotUnit::ONE));
-    let colours = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::OTHER];
-    for (track, colour) in tracks.iter().zip(colours) {
-        line(&mut residual, &recording, track, "residual", Line::new(track.name, colour), |_| true);
-    }
-    figures.push((
-        "What the model leaves unexplained".into(),
-        vec![residual],
-        "For predictionError the normalised innovation squared, 1 if model and noise describe the data; for the paper's methods the \
-         part of the motion that is left over.".into(),
-    ));
-    let mut tables: Vec<Table> = answer.map(Answer::tables).unwrap_or_default();
-    tables.extend(std::iter::once(table(tracks)).chain(holds.cloned()));
+    let whole = Recording { time_s: run.time_s.clone(), columns: Vec::new() };
+    let report = Report { command: command.into(), tables, ..Report::new(title, &whole) };
+    page_with(&report, &first(answer, recordings, tracks), &figures)
+}
+
+/// Verdict, estimates, and the data and parameters behind them.
+fn first(answer: Option<&Answer>, recordings: &[Samples], tracks: &[Track]) -> Markup {
     let verdict = answer.map(|answer| answer.verdict.clone()).or_else(|| tracks.last().map(Track::verdict));
     let class = match answer {
         Some(answer) if answer.valid => "verdict good",
         Some(_) => "verdict bad",
         None => "verdict",
     };
-    let body = html! {
-        header { h1 { (title) } }
-        main {
-            section #answer {
-                @if let Some(verdict) = &verdict {
-                    p class=(class) { (verdict) }
-                }
-                @if let Some(answer) = answer {
-                    @if let Some(found) = &answer.found {
-                        (cards([0, 1, 2].map(|k| found.lambda[k].value), [0, 1, 2].map(|k| found.lambda[k].total_std), None))
-                        p.soft { "In 10⁻⁶ N·m²/A²; ± is two standard deviations, tolerances included." }
+    html! {
+        @if let Some(verdict) = &verdict { p class=(class) { (verdict) } }
+        @if let Some(answer) = answer {
+            @if let Some(found) = &answer.found {
+                (cards([0, 1, 2].map(|k| found.lambda[k].value), [0, 1, 2].map(|k| found.lambda[k].total_std), None))
+                p.soft {
+                    "Maximum likelihood over the whole recording, in 10⁻⁶ N·m²/A²; ± is two standard deviations, stated tolerances included."
+                    @if let Some(typical) = answer.typical() {
+                        " With a typical bench where no tolerance is stated: ± "
+                        (typical.map(|std| format!("{:.1}", 200.0 * std)).join(", ")) " %."
                     }
-                    p { (answer.told()) }
-                    ul { @for finding in &answer.findings { li { (finding) } } }
-                }
-                ul { @for note in &samples.notes { li { (note) } } }
-            }
-            @for (title, plots, caption) in &figures {
-                figure {
-                    h2 { (title) }
-                    div.panels { @for plot in plots.iter().filter(|plot| !plot.is_empty()) { (plot.html()) } }
-                    figcaption { (caption) }
                 }
             }
-            section #results { @for table in &tables { (table_of(table)) } }
-            @if !command.is_empty() {
-                section.table {
-                    p.soft { "This page is made by" }
-                    pre { code { (command) } }
-                }
-            }
+            p { (answer.told()) }
+            ul { @for finding in &answer.findings { li { (finding) } } }
         }
-        (plot::scripts())
-    };
-    frame::page(title, &body)
+        ul { @for samples in recordings { @for note in &samples.notes { li { (note) } } } }
+    }
+}
+
+/// Bars for the contribution of each parameter of the bench.
+fn budget(found: &Identification) -> Figure {
+    let lines: Vec<_> =
+        found.budget.iter().filter(|line| line.told || PARAMETERS[line.parameter].in_typical_bench).collect();
+    let names: Vec<String> = lines
+        .iter()
+        .map(|line| format!("{}{}", PARAMETERS[line.parameter].name, if line.told { " (stated)" } else { "" }))
+        .collect();
+    let mut plot = Plot::new(("part of the standard deviation of λ", PlotUnit::PERCENT), ("", PlotUnit::ONE));
+    for (k, name) in NAMES.into_iter().enumerate() {
+        let parts: Vec<f64> = lines.iter().map(|line| line.contribution[k]).collect();
+        plot.bars(name, colour::MAGNETS[k], &names, &parts, true);
+    }
+    let plot = plot.height(90.0 + 38.0 * names.len() as f64);
+    let caption = "What each parameter of the bench contributes to the standard deviation of λ: with its tolerance if one is stated, \
+                   otherwise with that of a typical bench, which is not in the ± above.";
+    Figure::new("budget", "Budget", vec![(String::new(), plot)], caption.into())
+}
+
+/// The first recording as it is drawn.
+struct Drawn<'s> {
+    samples: &'s Samples,
+    time_s: Vec<f64>,
+    unit: PlotUnit,
+    /// Words for captions where there are several recordings.
+    of: &'static str,
+}
+
+impl<'s> Drawn<'s> {
+    fn new(samples: &'s Samples, recordings: usize) -> Self {
+        let time_s: Vec<f64> = (0..samples.len()).map(|j| samples.start_s + j as f64 * samples.step_s).collect();
+        let unit = time_unit(samples.len() as f64 * samples.step_s);
+        Self { samples, time_s, unit, of: if recordings > 1 { " Of the first recording." } else { "" } }
+    }
+
+    fn over_time(&self, quantity: &str, unit: PlotUnit) -> Plot {
+        let plot = Plot::over_time(self.unit, (quantity, unit));
+        match self.time_s[..] {
+            [first, .., last] => plot.range(0, [first, last]),
+            _ => plot,
+        }
+    }
+
+    /// λ over the recording: the answer with its parts, and the on-line estimate beside it.
+    fn constants(&self, found: &Identification, estimates: &Recording, track: Option<&Track>) -> Figure {
+        let mut whole = self.over_time("λ", PlotUnit::LAMBDA).height(380.0);
+        for (k, name) in NAMES.into_iter().enumerate() {
+            let (mut x, mut low, mut middle, mut high) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+            for (from, to, estimate) in self.parts(found, k) {
+                let (value, two) = (estimate.value, 2.0 * estimate.total_std.max(estimate.noise_std));
+                // A gap at the end of each part.
+                for (at, shown) in [(from, 1.0), (to, 1.0), (to, f64::NAN)] {
+                    x.push(at);
+                    low.push(shown * (value - two));
+                    middle.push(shown * value);
+                    high.push(shown * (value + two));
+                }
+            }
+            whole.band(name, colour::BANDS[k], &x, &low, &high);
+            whole.line(Line::new(name, colour::MAGNETS[k]).group(name).width(2.0), &x, &middle);
+        }
+        for part in found.contradictions.iter().filter(|part| part.recording == 0) {
+            whole.shade(self.instant(part.rows.start), self.instant(part.rows.end));
+        }
+        let on_line = track.map(|track| self.bands(estimates, track)).filter(|plot| !plot.is_empty());
+        let is_known = on_line.is_some();
+        let mut plots = vec![("Maximum likelihood".to_owned(), whole)];
+        if let Some(mut on_line) = on_line {
+            for (k, name) in NAMES.into_iter().enumerate() {
+                let line =
+                    Line::new("maximum likelihood", colour::MAGNETS[k]).group(name).dashed().width(1.0).unlisted();
+                on_line.line(line, &[self.instant(0), self.instant(self.time_s.len())], &[found.lambda[k].value; 2]);
+            }
+            plots.push(("On-line estimator".into(), on_line));
+        }
+        let mut caption = String::from(
+            "The answer from all samples, with a band of two standard deviations; parts in which λ or the load is another are shaded. ",
+        );
+        caption += if is_known {
+            "For comparison the on-line estimator, which knows at each instant only the samples before it, beside the answer (dashed)."
+        } else {
+            "The on-line estimator, which knows at each instant only the samples before it, gives no valid estimate of this recording."
+        };
+        Figure::new("constants", "Force constants", plots, caption + self.of)
+    }
+
+    /// Begin and end in s of the parts of the recording with the values of λ of one magnet there.
+    fn parts(&self, found: &Identification, k: usize) -> Vec<(f64, f64, Estimate)> {
+        let mut changes: Vec<_> = found
+            .contradictions
+            .iter()
+            .filter(|part| part.recording == 0)
+            .filter_map(|part| match &part.what {
+                Change::Lambda { lambda, .. } => Some((part.rows.clone(), lambda[k])),
+                _ => None,
+            })
+            .collect();
+        changes.sort_by_key(|(rows, _)| rows.start);
+        let (mut parts, mut from) = (Vec::new(), 0);
+        for (rows, estimate) in changes {
+            parts.push((from, rows.start, found.lambda[k]));
+            parts.push((rows.start, rows.end, estimate));
+            from = rows.end;
+        }
+        parts.push((from, self.time_s.len(), found.lambda[k]));
+        parts.retain(|(from, to, _)| from < to);
+        parts.into_iter().map(|(from, to, estimate)| (self.instant(from), self.instant(to), estimate)).collect()
+    }
+
+    /// The instant of a row in s; that after the last one is the end.
+    fn instant(&self, row: usize) -> f64 {
+        self.time_s.get(row).or(self.time_s.last()).copied().unwrap_or(0.0)
+    }
+
+    /// Measured positions beside predicted ones over the last revolutions.
+    fn positions(&self, found: &Identification) -> Figure {
+        let errors = &found.prediction_errors_m[0];
+        let end = errors.iter().rposition(|error| error[0].is_finite()).map_or(0, |last| last + 1);
+        let speed = self.samples.omega_rad_s.get(end.saturating_sub(1)).copied().unwrap_or(0.0).abs();
+        let turns_s = REVOLUTIONS * std::f64::consts::TAU / speed;
+        let length_s = if turns_s.is_finite() && turns_s < 1.0 { turns_s } else { WITHOUT_TURNING_S };
+        let rows = end.saturating_sub((length_s / self.samples.step_s) as usize)..end;
+        let plots = ["y", "z"].iter().enumerate().map(|(axis, name)| {
+            let mut plot = Plot::new(("time", self.unit), (name, PlotUnit::MICROMETRE));
+            let time_s = &self.time_s[rows.clone()];
+            let measured = &self.samples.position_m[axis][rows.clone()];
+            let predicted: Vec<f64> =
+                measured.iter().zip(&errors[rows.clone()]).map(|(measured, error)| measured - error[axis]).collect();
+            plot.line(Line::new("measured", colour::MAGNETS[0]).width(3.0), time_s, measured);
+            plot.line(Line::new("predicted", colour::INK).dashed().width(1.2), time_s, &predicted);
+            ((*name).to_owned(), plot)
+        });
+        let caption = "The end of the recording: measured positions beside those that the identified model predicts from the samples before.";
+        Figure::new("positions", "Measured and predicted positions", plots.collect(), caption.to_owned() + self.of)
+    }
+
+    /// Prediction errors over time, and their harmonics.
+    fn residuals(&self, found: &Identification) -> Figure {
+        let errors = &found.prediction_errors_m[0];
+        let mut over_time = self.over_time("residual", PlotUnit::MICROMETRE);
+        let mut harmonics = Plot::new(("", PlotUnit::ONE), ("amplitude / noise", PlotUnit::ONE));
+        let names: Vec<String> = (1..=4).map(|harmonic| format!("{harmonic}×")).collect();
+        for (axis, name) in ["y", "z"].into_iter().enumerate() {
+            let of_axis: Vec<f64> = errors.iter().map(|error| error[axis]).collect();
+            over_time.line(Line::new(name, colour::MAGNETS[axis]).width(1.0), &self.time_s, &of_axis);
+            let amplitudes: Vec<f64> = found.residuals[0].amplitudes.iter().map(|of| of[axis]).collect();
+            harmonics.bars(name, colour::MAGNETS[axis], &names, &amplitudes, false);
+        }
+        let caption = "Measured minus predicted positions: noise if the model describes the motion. Bars: the amplitudes of their components at \
+                       multiples of the rotor's speed, relative to the noise of one sample; those well above zero are run-out or forces that the \
+                       model does not have.";
+        let plots = vec![("Over time".into(), over_time), ("Harmonics of the speed".into(), harmonics)];
+        Figure::new("residuals", "Residuals", plots, caption.to_owned() + self.of)
+    }
+
+    fn currents(&self) -> Figure {
+        let mut plot = self.over_time("i", PlotUnit::AMPERE);
+        for k in 0..3 {
+            plot.line(Line::new(["i₁", "i₂", "i₃"][k], colour::MAGNETS[k]), &self.time_s, &self.samples.current_a[k]);
+        }
+        Figure::new("currents", "Currents", vec![(String::new(), plot)], format!("As recorded.{}", self.of))
+    }
+
+    /// Figures of the on-line methods.
+    fn on_line(&self, estimates: &Recording, tracks: &[Track]) -> Vec<Figure> {
+        let constants = |track: &Track| (track.name.to_owned(), self.bands(estimates, track));
+        let verdicts: Vec<String> = tracks.iter().map(|track| format!("{}: {}", track.name, track.verdict())).collect();
+        let caption =
+            format!("With a band of two standard deviations; gaps have no valid estimate. {}", verdicts.join(" "));
+        let constants = tracks.iter().map(constants).collect();
+        let mut figures = vec![Figure::new("constants", "Force constants over time", constants, caption)];
+        if let Some(track) = tracks.iter().find(|track| track.config.method == Method::PredictionError) {
+            let valid = |j: usize| track.outputs[j].valid;
+            let mut unbalance = self.over_time("unbalance", PlotUnit { name: "g·mm", factor: 1e6 });
+            let of_unbalance = Line::new("unbalance", colour::MAGNETS[0]);
+            line(&mut unbalance, estimates, track, "unbalance.magnitude", of_unbalance, valid);
+            let mut load = self.over_time("static load", PlotUnit::NEWTON);
+            for (name, label, colour) in
+                [("pYHat", "along y", colour::MAGNETS[0]), ("pZHat", "along z", colour::MAGNETS[1])]
+            {
+                line(&mut load, estimates, track, name, Line::new(label, colour), valid);
+            }
+            let plots = vec![("Unbalance".into(), unbalance), ("Static load".into(), load)];
+            let caption = "As identified together with the force constants.";
+            figures.push(Figure::new("unbalance", "Unbalance and static load", plots, caption.into()));
+        }
+        let mut residual = self.over_time("residual", PlotUnit::ONE);
+        let colours = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::OTHER];
+        for (track, colour) in tracks.iter().zip(colours) {
+            line(&mut residual, estimates, track, "residual", Line::new(track.name, colour), |_| true);
+        }
+        let caption = "For predictionError the normalised innovation squared, 1 if model and noise describe the data; for the paper's methods the \
+                       part of the motion that is left over.";
+        figures.push(Figure::new("residuals", "Residuals", vec![(String::new(), residual)], caption.into()));
+        figures
+    }
+
+    /// Valid λ̂ of an on-line method with their bands.
+    fn bands(&self, estimates: &Recording, track: &Track) -> Plot {
+        let mut plot = self.over_time("λ̂", PlotUnit::LAMBDA).height(380.0);
+        for k in 0..3 {
+            let edge = |stds: f64| -> Vec<f64> {
+                let valid = track.outputs.iter().map(|output| output.valid.then_some(output));
+                valid
+                    .map(|output| output.map_or(f64::NAN, |o| o.lambda_hat[k] + stds * o.lambda_std_total[k]))
+                    .collect()
+            };
+            plot.band(NAMES[k], colour::BANDS[k], &estimates.time_s, &edge(-2.0), &edge(2.0));
+            let line = Line::new(["λ̂₁", "λ̂₂", "λ̂₃"][k], colour::MAGNETS[k]).group(NAMES[k]).width(2.0);
+            plot.line(line, &estimates.time_s, &edge(0.0));
+        }
+        plot
+    }
 }
 
 /// Adds a signal of a track, with gaps where it is not shown.
@@ -111,19 +304,4 @@ fn line(plot: &mut Plot, recording: &Recording, track: &Track, name: &str, line:
     let filling = |j: usize| track.outputs.get(j).is_none_or(|output| output.verdict == Verdict::Collecting);
     let shown = |(j, value): (usize, &f64)| if show(j) && !filling(j) { *value } else { f64::NAN };
     plot.line(line, &recording.time_s, &values.iter().enumerate().map(shown).collect::<Vec<f64>>());
-}
-
-fn bands(recording: &Recording, track: &Track) -> Plot {
-    let mut plot = Plot::over_time(PlotUnit::SECOND, ("λ̂", PlotUnit::LAMBDA)).height(380.0);
-    for k in 0..3 {
-        let edge = |stds: f64| -> Vec<f64> {
-            let valid = track.outputs.iter().map(|output| output.valid.then_some(output));
-            valid.map(|output| output.map_or(f64::NAN, |o| o.lambda_hat[k] + stds * o.lambda_std_total[k])).collect()
-        };
-        let group = format!("λ{}", k + 1);
-        plot.band(&group, colour::BANDS[k], &recording.time_s, &edge(-2.0), &edge(2.0));
-        let line = Line::new(&format!("λ̂{}", ["₁", "₂", "₃"][k]), colour::MAGNETS[k]).group(&group).width(2.0);
-        plot.line(line, &recording.time_s, &edge(0.0));
-    }
-    plot
 }

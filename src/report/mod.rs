@@ -17,7 +17,7 @@ mod figures;
 
 use figures::Figure;
 
-/// Content of the page. Start from [`Report::new`] and fill in what there is.
+/// Content of the page. Start from [`Report::new`] and fill in the rest.
 #[derive(Clone, Debug)]
 pub struct Report<'a> {
     /// Heading.
@@ -28,8 +28,10 @@ pub struct Report<'a> {
     pub command: String,
     /// Why the run ended early, if it did.
     pub message: Option<String>,
-    /// The answer of the loop's estimator.
+    /// The best answer.
     pub answer: Option<Answer>,
+    /// That of the estimator which the controller uses, if it is another.
+    pub used: Option<Answer>,
     /// The signals, with columns named `element.variable`.
     pub recording: &'a Recording,
     /// Tables of results.
@@ -59,6 +61,7 @@ impl<'a> Report<'a> {
             command: String::new(),
             message: None,
             answer: None,
+            used: None,
             recording,
             tables: Vec::new(),
             parameters: Vec::new(),
@@ -81,7 +84,7 @@ pub enum Paper {
     Experiment,
 }
 
-/// The final estimate.
+/// The final estimate of an estimator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
     /// Name of the element whose λ̂ it is.
@@ -96,6 +99,8 @@ pub struct Answer {
     pub lambda: [f64; 3],
     /// Standard deviations, tolerances included.
     pub std: [f64; 3],
+    /// The relative standard deviation below which an estimate of this method becomes valid.
+    pub limit: f64,
     /// The expected value if it differs from the true one, with the reason; may be empty.
     pub expectation: String,
 }
@@ -105,7 +110,7 @@ pub struct Answer {
 pub struct Event {
     /// When, in s.
     pub at_s: f64,
-    /// What happened, in a few words.
+    /// The event in a few words.
     pub label: String,
 }
 
@@ -170,6 +175,10 @@ pub fn page(report: &Report) -> String {
     let answer = html! {
         @if let Some(answer) = &report.answer { (answer_of(answer, report.truth)) }
         (figures::first(report))
+        @if let Some(used) = &report.used {
+            h2 { "Beside it: the estimate that the controller uses" }
+            (answer_of(used, report.truth))
+        }
     };
     page_with(report, &answer, &figures::all(report))
 }
@@ -182,6 +191,7 @@ fn page_with(report: &Report, answer: &Markup, figures: &[Figure]) -> String {
             @if let Some(message) = &report.message {
                 p.message role="alert" { strong { "The run ended early. " } (message) }
             }
+            (plot::notice())
         }
         main {
             section #answer { (answer) }
@@ -244,8 +254,9 @@ fn answer_of(answer: &Answer, truth: Option<[f64; 3]>) -> Markup {
         }
         (cards(answer.lambda, answer.std, truth))
         p.soft {
-            "In 10⁻⁶ N·m²/A², at the end of the run; ± is two standard deviations as stated by the loop’s estimator, method "
-            code { (answer.method) } ". " (answer.expectation)
+            "In 10⁻⁶ N·m²/A², at the end of the run, by the method " code { (answer.method) } "; ± is two standard deviations as stated by the \
+             estimator. It becomes valid when its tests pass and one standard deviation is below " (format!("{:.0}", 100.0 * answer.limit))
+            " % of each λ. " (answer.expectation)
         }
     }
 }

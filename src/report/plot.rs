@@ -30,6 +30,8 @@ pub mod colour {
     pub const INK: &str = "--ink";
     /// Softer than text.
     pub const SOFT: &str = "--soft";
+    /// Intervals without a valid estimate.
+    pub const SHADE: &str = "--shade";
 }
 
 /// A unit to show values in.
@@ -120,6 +122,7 @@ pub struct Plot {
     axes: [Json; 2],
     height_px: f64,
     over_time: bool,
+    bars: bool,
 }
 
 impl Plot {
@@ -133,7 +136,15 @@ impl Plot {
         // The pointer shows the unit, and so does the last number of the axis.
         axes[0]["ticksuffix"] = json!(format!(" {}", x.1.name));
         axes[0]["showticksuffix"] = json!("last");
-        Plot { units: [x.1, y.1], traces: Vec::new(), shapes: Vec::new(), axes, height_px: 300.0, over_time: false }
+        Plot {
+            units: [x.1, y.1],
+            traces: Vec::new(),
+            shapes: Vec::new(),
+            axes,
+            height_px: 300.0,
+            over_time: false,
+            bars: false,
+        }
     }
 
     /// An empty plot over time, linked to all others over time on the page.
@@ -210,6 +221,35 @@ impl Plot {
         }
     }
 
+    /// Adds a row of bars with a name each, upright over the names or, if `lying`, from the names to the right.
+    pub fn bars(&mut self, name: &str, colour: &str, names: &[String], values: &[f64], lying: bool) {
+        let (value, unit) = if lying { ("x", self.units[0]) } else { ("y", self.units[1]) };
+        let values: Vec<f64> = values.iter().map(|value| value * unit.factor).collect();
+        let mut trace = json!({
+            "type": "bar", "name": name, "marker": {"color": colour}, "orientation": if lying { "h" } else { "v" },
+            "hovertemplate": format!("{name} %{{{value}:.3~g}} {}<extra></extra>", unit.name),
+        });
+        trace[value] = packed(&values);
+        trace[if lying { "y" } else { "x" }] = json!(names);
+        if lying {
+            // From top to bottom, as in a table.
+            self.axes[1]["autorange"] = json!("reversed");
+        }
+        self.bars = true;
+        self.traces.push(trace);
+    }
+
+    /// Shades an interval of the horizontal axis.
+    pub fn shade(&mut self, from: f64, to: f64) {
+        let [from, to] = [from, to].map(|end| end * self.units[0].factor);
+        if from.is_finite() && to.is_finite() && from < to {
+            self.shapes.push(json!({
+                "type": "rect", "yref": "paper", "y0": 0, "y1": 1, "x0": from, "x1": to, "layer": "below",
+                "fillcolor": colour::SHADE, "line": {"width": 0},
+            }));
+        }
+    }
+
     /// Adds a horizontal line.
     pub fn level(&mut self, at: f64, label: &str) {
         let at = at * self.units[1].factor;
@@ -264,7 +304,12 @@ impl Plot {
     /// The plot as an element of a page with [`scripts`].
     pub fn html(&self) -> Markup {
         let [x, y] = &self.axes;
-        let data = json!({"data": self.traces, "layout": {"xaxis": x, "yaxis": y, "shapes": self.shapes}});
+        let mut layout = json!({"xaxis": x, "yaxis": y, "shapes": self.shapes});
+        if self.bars {
+            layout["barmode"] = json!("group");
+            layout["hovermode"] = json!("closest");
+        }
+        let data = json!({"data": self.traces, "layout": layout});
         html! {
             div.plot data-over-time[self.over_time] style={ "height:" (self.height_px) "px" } { (data_element(&data)) }
         }
@@ -324,10 +369,19 @@ static PLOTLY: LazyLock<String> = LazyLock::new(|| {
     BASE64.encode(written.expect("a vector takes all that is written"))
 });
 
+/// A notice for browsers without JavaScript, which also hides the empty figures.
+pub fn notice() -> Markup {
+    html! {
+        noscript {
+            p.message { "Plots and animation need JavaScript, which this browser does not run; nothing is loaded from elsewhere. The tables need none." }
+            style { "figure, .first, nav, #views, footer { display: none }" }
+        }
+    }
+}
+
 /// The scripts that draw the plots and the animation, for the end of the page.
 pub fn scripts() -> Markup {
     html! {
-        noscript { p.message { "The plots need JavaScript; nothing is loaded from elsewhere." } }
         script type="text/plain" id="plotly" { (PreEscaped(PLOTLY.as_str())) }
         script { (PreEscaped(include_str!("frame/plots.js"))) }
         script { (PreEscaped(include_str!("frame/player.js"))) }

@@ -183,6 +183,20 @@ fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
         p class=(if valid { "verdict good" } else { "verdict bad" }) {
             strong { (if valid { "Valid" } else { "Not valid" }) } " at the end: " (words) "."
         }
+        @if let Some(table) = balance(scenario, run) {
+            h2 { (table.title) }
+            div.cards {
+                @for row in &table.rows {
+                    div.card {
+                        span.name { (row[0]) }
+                        span.value { (row[1]) " → " (row[2]) }
+                        span.truth { (row[3]) " removed" }
+                    }
+                }
+            }
+            p.soft { (table.note) }
+        }
+        @if scenario.balance_s.is_some() { h2 { "Force constants" } }
         div.cards {
             @for bearing in BEARINGS {
                 @for (k, truth) in truth(scenario, bearing).into_iter().enumerate() {
@@ -203,7 +217,7 @@ fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
             div #lambda {
                 (lambda_plot(signals, "estimator", "A.", Some(&truth(scenario, "A")), 460.0).html())
                 p.soft {
-                    "Bearing A: solid where the estimate is valid, with a band of two standard deviations; dotted where it is not; dashed: the \
+                    "Bearing A: solid where the estimate is valid, with a band of two standard deviations; dotted and shaded where it is not; dashed: the \
                      true value. Click to go to an instant."
                 }
             }
@@ -250,7 +264,7 @@ fn estimates(scenario: &Scenario, run: &Signals) -> Figure {
         let truth = truth(scenario, bearing);
         (format!("Bearing {bearing}"), lambda_plot(run, "estimator", &format!("{bearing}."), Some(&truth), 300.0))
     });
-    let caption = "Estimates over time. Solid where valid, with a band of two standard deviations; dotted where not; dashed: the truth.";
+    let caption = "Estimates over time. Solid where valid, with a band of two standard deviations; dotted and shaded where not; dashed: the truth.";
     run.figure("estimates", "Estimates of the force constants", plots.into(), caption)
 }
 

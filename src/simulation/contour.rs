@@ -26,7 +26,7 @@ pub struct Fit {
 /// Reads a table.
 ///
 /// # Errors
-/// What is wrong, and what is expected.
+/// The finding, with the expected form.
 pub fn read(text: &str) -> Result<Fit, String> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
     let head = reader.headers().map_err(|error| error.to_string())?.clone();

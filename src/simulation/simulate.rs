@@ -7,6 +7,7 @@ use fmu_export::log::{Log, Topic};
 use fmu_export::variable::{Causality, Value};
 use fmu_export::{Instance, Invalid, Step};
 
+use crate::invalid::Short;
 use crate::progress::Progress;
 use crate::simulation::recording::{Column, Recording};
 use crate::simulation::scenario::{Element, Profile, Scenario, Setting};
@@ -32,6 +33,9 @@ impl From<Vec<Invalid>> for Refused {
         Self(findings.iter().map(ToString::to_string).collect())
     }
 }
+
+/// Memory that a recording may take, in bytes.
+const MOST_BYTES: f64 = 8e9;
 
 struct Running {
     name: String,
@@ -88,29 +92,11 @@ pub fn run_altered(
     mut alter: impl FnMut(f64, &mut [Value]),
     mut tell: impl FnMut(usize),
 ) -> Result<Run, Refused> {
-    let mut instances = Vec::new();
-    let mut refused = Vec::new();
-    for (at, element) in scenario.elements.iter().enumerate() {
-        // A profile's value at time 0 is set before the instance starts.
-        let at_start = scenario.profiles.iter().flat_map(|profile| {
-            let given = profile.targets.iter().filter(move |target| target.0 == at);
-            profile.at(0.0).into_iter().flat_map(move |value| {
-                given.clone().map(move |(_, index)| Setting { index: *index, value: value.clone() })
-            })
-        });
-        let mut element = element.clone();
-        element.settings.extend(at_start);
-        match start(&element) {
-            Ok(instance) => instances.push(Running { name: element.name.clone(), instance }),
-            Err(findings) => refused.extend(findings),
-        }
-    }
-    if !refused.is_empty() {
-        return Err(Refused(refused));
-    }
+    let mut instances = instances(scenario).map_err(Refused)?;
     let wires = wires(scenario);
     let mut run = Run::default();
     let outputs = outputs(scenario, wanted, &mut run.recording);
+    fits(scenario, outputs.len())?;
     let mut carried = Vec::with_capacity(wires.len());
 
     let mut balance_s = scenario.balance_s;
@@ -160,6 +146,33 @@ pub fn run_altered(
     Ok(run)
 }
 
+/// Every parameter of a scenario that a model refuses.
+pub fn refused(scenario: &Scenario) -> Vec<String> {
+    instances(scenario).err().unwrap_or_default()
+}
+
+/// Starts an instance of every element, or returns every parameter that a model refuses.
+fn instances(scenario: &Scenario) -> Result<Vec<Running>, Vec<String>> {
+    let mut instances = Vec::new();
+    let mut refused = Vec::new();
+    for (at, element) in scenario.elements.iter().enumerate() {
+        // A profile's value at time 0 is set before the instance starts.
+        let at_start = scenario.profiles.iter().flat_map(|profile| {
+            let given = profile.targets.iter().filter(move |target| target.0 == at);
+            profile.at(0.0).into_iter().flat_map(move |value| {
+                given.clone().map(move |(_, index)| Setting { index: *index, value: value.clone() })
+            })
+        });
+        let mut element = element.clone();
+        element.settings.extend(at_start);
+        match start(&element) {
+            Ok(instance) => instances.push(Running { name: element.name.clone(), instance }),
+            Err(findings) => refused.extend(findings),
+        }
+    }
+    if refused.is_empty() { Ok(instances) } else { Err(refused) }
+}
+
 /// Magnitude and phase of an unbalance, by element and variable.
 type Unbalance = [(usize, usize); 2];
 
@@ -175,7 +188,7 @@ fn unbalances(scenario: &Scenario) -> Vec<(Unbalance, Unbalance)> {
     names.filter_map(|plane| Some((find(0, &plane)?, find(2, &plane)?))).collect()
 }
 
-/// Fits a correction mass: the unbalance of the plant becomes what the estimator did not find of it.
+/// Fits a correction mass: the estimated unbalance is subtracted from that of the plant.
 fn balance(instances: &mut [Running], of_plant: &Unbalance, of_estimator: &Unbalance) -> Result<(), String> {
     let mut vector = |[magnitude, phase]: &Unbalance| {
         let (magnitude, phase) = (read(instances, *magnitude).as_f64(), read(instances, *phase).as_f64());
@@ -204,6 +217,25 @@ fn apply(profile: &Profile, time_s: f64, instances: &mut [Running]) -> Result<()
 /// Number of communication steps of a run.
 fn steps(scenario: &Scenario) -> usize {
     (scenario.duration_s / scenario.step_s).round() as usize
+}
+
+/// Refuses a run whose recording would not fit into memory.
+fn fits(scenario: &Scenario, outputs: usize) -> Result<(), Refused> {
+    let samples = (scenario.duration_s / scenario.step_s).round() + 1.0;
+    let bytes = samples * (outputs + 1) as f64 * size_of::<f64>() as f64;
+    if bytes <= MOST_BYTES {
+        return Ok(());
+    }
+    Err(Refused(vec![format!(
+        "duration = {} s with step = {} s is refused: {} samples of {outputs} outputs take {} GB of memory, the limit is {} GB, \
+         which is a duration of {} s",
+        Short(scenario.duration_s),
+        Short(scenario.step_s),
+        Short(samples),
+        Short(1e-9 * bytes),
+        1e-9 * MOST_BYTES,
+        Short((scenario.duration_s * MOST_BYTES / bytes).floor()),
+    )]))
 }
 
 fn read(instances: &mut [Running], (element, index): (usize, usize)) -> Value {

@@ -58,7 +58,7 @@ impl Precision {
 /// Every parameter that a model refuses, and every invalid condition.
 pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision; 2], Refused> {
     let refuse =
-        |name: &str, value: f64, wanted: &str| Refused(vec![format!("{name} = {value} is refused: expected {wanted}")]);
+        |name: &str, value: f64, wanted: &str| Refused(vec![format!("--{name} {value} is refused: expected {wanted}")]);
     if !(conditions.rpm.is_finite() && conditions.rpm >= 0.0) {
         return Err(refuse("speed", conditions.rpm, "a speed in rpm, 0 or above"));
     }

@@ -1,4 +1,4 @@
-//! Studies: many runs, and what they tell about estimator, controller and data.
+//! Studies: many runs, to judge estimator, controller and data.
 //!
 //! - [`montecarlo`]: errors over many seeds beside stated standard deviations and the Cramér–Rao bound;
 //! - [`design`]: how fast λ becomes known with which excitation;

@@ -38,7 +38,7 @@ const DEFAULT_SCENARIO: &str = "unbalanced";
 pub struct SweepError {
     /// The file concerned.
     pub origin: String,
-    /// What is wrong.
+    /// The findings.
     pub findings: Vec<String>,
 }
 

@@ -40,26 +40,27 @@ impl Whirl {
     /// The shaft of a scenario whose machine is a spindle, on bearings of this stiffness in N/m and damping in N·s/m.
     ///
     /// # Errors
-    /// What is wrong with the scenario, the stiffness or the damping.
+    /// A finding about the scenario, the stiffness or the damping.
     pub fn new(scenario: &Scenario, stiffness_n_m: f64, damping_ns_m: f64) -> Result<Self, String> {
         if scenario.machine != "spindle" {
             return Err(format!("machine = {} is refused: expected spindle", scenario.machine));
         }
-        let positive =
-            |name: &str, value: f64, least: bool| match value.is_finite() && (value > 0.0 || least && value == 0.0) {
-                true => Ok(value),
-                false => Err(format!(
-                    "{name} = {value}: expected a finite number {}",
-                    if least { "from 0 on" } else { "above 0" }
-                )),
-            };
+        let positive = |name: &str, value: f64, unit: &str, least: bool| match value.is_finite()
+            && (value > 0.0 || least && value == 0.0)
+        {
+            true => Ok(value),
+            false => Err(format!(
+                "{name} = {value} {unit} is refused: expected a finite number {}",
+                if least { "from 0 on" } else { "above 0" }
+            )),
+        };
         let real = |name: &str| scenario.value("plant", name).map_or(f64::NAN, Value::as_f64);
         Ok(Self {
-            m_kg: positive("m", real("m"), false)?,
-            inertia_kgm2: [positive("Jt", real("Jt"), false)?, positive("Jp", real("Jp"), true)?],
+            m_kg: positive("m", real("m"), "kg", false)?,
+            inertia_kgm2: [positive("Jt", real("Jt"), "kg.m2", false)?, positive("Jp", real("Jp"), "kg.m2", true)?],
             bearings_m: [real("A.position"), real("B.position")],
-            stiffness_n_m: positive("stiffness", stiffness_n_m, false)?,
-            damping_ns_m: positive("damping", damping_ns_m, true)?,
+            stiffness_n_m: positive("stiffness", stiffness_n_m, "N/m", false)?,
+            damping_ns_m: positive("damping", damping_ns_m, "N.s/m", true)?,
             unbalances: [1, 2].map(|plane| {
                 ["magnitude", "phase", "position"].map(|name| real(&format!("unbalance[{plane}].{name}")))
             }),
@@ -114,22 +115,69 @@ impl Whirl {
     }
 }
 
+/// Frequencies of the two modes in Hz, each backward and forward. At rest both whirl at one frequency; the slower mode comes first.
+pub fn modes_hz([backward_2, backward_1, forward_1, forward_2]: [f64; 4]) -> [[f64; 2]; 2] {
+    [[-backward_1, forward_1], [-backward_2, forward_2]]
+}
+
+/// Steps of the speed in which a critical speed is searched.
+const SEARCH: usize = 400;
+
+impl Whirl {
+    /// The critical speeds up to the greatest, in rpm: those at which a mode whirls forward as fast as the rotor turns, so that unbalance
+    /// excites it. With the number of the mode, from 1.
+    pub fn critical_rpm(&self, greatest_rpm: f64) -> Vec<(usize, f64)> {
+        let mut found = Vec::new();
+        for mode in 0..2 {
+            let ahead = |rpm: f64| modes_hz(self.frequencies_hz(rpm * PI / 30.0))[mode][1] - rpm / 60.0;
+            let at = |step: usize| greatest_rpm * step as f64 / SEARCH as f64;
+            for step in 1..=SEARCH {
+                let (mut low, mut high) = (at(step - 1), at(step));
+                if ahead(low) <= 0.0 || ahead(high) > 0.0 {
+                    continue;
+                }
+                for _ in 0..50 {
+                    let middle = 0.5 * (low + high);
+                    if ahead(middle) > 0.0 { low = middle } else { high = middle }
+                }
+                found.push((mode + 1, high));
+            }
+        }
+        found
+    }
+
+    /// The critical speeds in a sentence.
+    pub fn critical_in_words(&self, greatest_rpm: f64) -> String {
+        let of = |(mode, rpm): (usize, f64)| {
+            let [a, b] = self.response_m(rpm * PI / 30.0).map(|u| 1e6 * u.norm());
+            format!("{rpm:.0} rpm (mode {mode}, {a:.1} µm at A and {b:.1} µm at B)")
+        };
+        let found: Vec<_> = self.critical_rpm(greatest_rpm).into_iter().map(of).collect();
+        match found.as_slice() {
+            [] => format!("There is no critical speed up to {greatest_rpm:.0} rpm."),
+            [one] => format!("Critical speed up to {greatest_rpm:.0} rpm: {one}."),
+            _ => format!("Critical speeds up to {greatest_rpm:.0} rpm: {}.", found.join(", ")),
+        }
+    }
+}
+
 /// A row of the diagram for each of so many steps of the speed up to the greatest, in rpm.
 pub fn table(whirl: &Whirl, greatest_rpm: f64, steps: usize) -> Table {
-    let head = ["rpm", "backward 1", "backward 2", "forward 1", "forward 2", "A, µm", "A, rad", "B, µm", "B, rad"];
+    let head = ["rpm", "1 backward", "1 forward", "2 backward", "2 forward", "A, µm", "A, rad", "B, µm", "B, rad"];
     let rows = (0..=steps).map(|step| {
         let rpm = greatest_rpm * step as f64 / steps as f64;
         let omega = rpm * PI / 30.0;
-        let [backward_1, backward_2, forward_1, forward_2] = whirl.frequencies_hz(omega);
-        let frequencies = [-backward_1, -backward_2, forward_1, forward_2].map(|hertz| format!("{hertz:.4}"));
+        let frequencies = modes_hz(whirl.frequencies_hz(omega)).concat().into_iter().map(|hertz| format!("{hertz:.4}"));
         let response = whirl.response_m(omega).map(|u| [format!("{:.4}", 1e6 * u.norm()), format!("{:.4}", u.arg())]);
         [format!("{rpm:.0}")].into_iter().chain(frequencies).chain(response.concat()).collect()
     });
     Table {
         title: "Whirl over the speed".into(),
         note: format!(
-            "Natural frequencies in Hz and response to the unbalance: amplitude and angle at the bearings, each with {} N/m and {} N·s/m.",
-            whirl.stiffness_n_m, whirl.damping_ns_m
+            "{} Natural frequencies in Hz of the two modes, each whirling against the rotor and with it, and response to the unbalance: amplitude and angle at the bearings, each with {} N/m and {} N·s/m.",
+            whirl.critical_in_words(greatest_rpm),
+            whirl.stiffness_n_m,
+            whirl.damping_ns_m
         ),
         head: head.map(String::from).into(),
         rows: rows.collect(),

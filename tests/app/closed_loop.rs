@@ -262,7 +262,7 @@ fn models_and_slaves_agree_bit_for_bit() {
                 same_estimate(&run, step, name, estimate);
             }
 
-            // What each receives: the present sample, the previous estimate and command.
+            // Each receives the present sample, the previous estimate and command.
             let seen = ControllerInput {
                 position_m: rotor.measured.position_m,
                 lambda_hat_nm2_a2: estimates[0].output().lambda_hat,

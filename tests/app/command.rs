@@ -95,21 +95,21 @@ fn a_scenario_that_cannot_be_read_is_refused() {
     )
     .expect("a file");
     let (code, out, err) = said(&run(&folder, &["simulate", "bad.toml", "--csv", "out.csv"]));
-    assert_eq!((code, out.as_str()), (1, ""));
+    assert_eq!((code, out.as_str()), (2, ""));
     says(&err, &["error: bad.toml:", "duration = -1", "lamda", "did you mean lambda?", "Y0", "1 inch"]);
     assert!(!folder.join("out.csv").exists(), "nothing was computed");
 
     let (code, _, err) = said(&run(&folder, &["simulate", "none.toml"]));
-    assert_eq!(code, 1);
+    assert_eq!(code, 2);
     says(&err, &["none.toml", "cannot be read", "paper,", "unbalanced", "turned"]);
 
     fs::write(folder.join("zero.toml"), "title = \"Zero\"\nduration = 1\nstep = 1e-4\n[all]\nm = 0\n").expect("a file");
     let (code, _, err) = said(&run(&folder, &["simulate", "zero.toml"]));
-    assert_eq!(code, 1);
+    assert_eq!(code, 2);
     says(&err, &["[plant] m = 0 kg", "[controller] m", "[estimator] m"]);
 
     let (code, _, err) = said(&run(&folder, &["simulate", "--print", "nothing"]));
-    assert_eq!(code, 1);
+    assert_eq!(code, 2);
     says(&err, &["nothing", "paper,", "unbalanced", "turned"]);
 }
 
@@ -268,7 +268,7 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
     }
     // A missing file is a different error.
     let (code, _, err) = said(&run(&folder, &["identify", "none.csv"]));
-    assert_eq!(code, 1);
+    assert_eq!(code, 2);
     says(&err, &["none.csv"]);
     for arguments in [
         &["identify", "bench.csv", "--rate", "10"][..],
@@ -413,7 +413,7 @@ fn values_are_changed_without_a_scenario_of_ones_own() {
     assert_eq!(document["outputs"], same["outputs"]);
 
     let (code, out, err) = set(&["mass=7", "plant.m=heavy", "plant.lamda=1", "duration=0"]);
-    assert_eq!((code, out.as_str()), (1, ""));
+    assert_eq!((code, out.as_str()), (2, ""));
     says(&err, &["mass: there is no variable", "m = \"heavy\"", "did you mean lambda?", "duration = 0"]);
     let (code, _, err) = set(&["m"]);
     assert_eq!(code, 2);

@@ -58,7 +58,7 @@ fn no_valid_estimate_is_wrong_on_hostile_courses() {
 /// λ of the rotor that all courses start from, in N·m²/A².
 const TRUTH: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
 
-/// What is said of a recording of 1 s in which each λ is 0.1 % off by a deviation of 0.2 %, after a change of its signals; valid from
+/// The verdict on a recording of 1 s in which each λ is 0.1 % off by a deviation of 0.2 %, after a change of its signals; valid from
 /// the second sample on.
 fn judged(scenario: &Scenario, change: impl Fn(&str, &mut [f64])) -> Trial {
     let time_s: Vec<f64> = (0..=10_000).map(|row| f64::from(row) * 1e-4).collect();

@@ -86,6 +86,19 @@ fn the_hold_is_found() {
     assert!(largest(errors) < 4e-3, "{errors:?}, limit 0.4 %");
 }
 
+/// The recording that the documents offer to try needs no arguments.
+#[test]
+fn the_recording_to_try_is_read_as_it_stands() {
+    let samples =
+        Samples::read(include_str!("../../docs/recording.csv"), &Reading::default()).expect("a good recording");
+    let answer = ask(std::slice::from_ref(&samples), &[]);
+    assert!(answer.valid, "{}", answer.verdict);
+    let found = answer.found.expect("estimates");
+    for (lambda, truth) in found.lambda.iter().zip(TRUTH) {
+        assert!((lambda.value - truth).abs() < 4.0 * lambda.total_std, "{lambda:?}");
+    }
+}
+
 /// The recording in tests/data: semicolons, decimal commas, German names, ms, µm and mA, remarks before the header, a clock
 /// with jitter, positions and currents missing here and there, the angle in wrapped degrees, no speed.
 #[test]
@@ -179,8 +192,8 @@ fn results_can_be_read_back() {
     let hat = json["methods"][0]["estimate"]["lambdaHat"][2].as_f64().expect("a number");
     assert!((hat / TRUTH[2] - 1.0).abs() < 0.02, "{json}");
     assert_eq!(identify::recording(&samples, &tracks).columns.len(), 13);
-    let page = identification::page("A <title>", "command", &samples, &tracks, None, None);
-    assert!(page.contains("A &lt;title&gt;") && page.matches("application/json").count() == 4);
+    let page = identification::page("A <title>", "command", std::slice::from_ref(&samples), &tracks, None, None);
+    assert!(page.contains("A &lt;title&gt;") && page.matches("application/json").count() == 5);
 }
 
 fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
@@ -216,8 +229,14 @@ fn the_answer_is_that_of_the_whole_recording() {
             let ratio = (lambda.value - truth) / lambda.total_std;
             assert!(ratio.abs() < 4.0, "{lambda:?}: {ratio:.1} standard deviations");
         }
-        let page = identification::page("", "", &samples, &[], None, Some(answer));
-        assert!(page.contains("Maximum likelihood") && page.contains("Budget"));
+        let page = identification::page("", "", std::slice::from_ref(&samples), &[], None, Some(answer));
+        for id in ["constants", "positions", "residuals", "budget", "currents"] {
+            assert!(page.contains(&format!("<figure id=\"{id}\">")), "no figure {id}");
+        }
+        // Prediction errors are noise: of the sample, and of what the samples before leave unknown.
+        let errors = &found.prediction_errors_m[0];
+        let square = errors.iter().flatten().map(|error| error * error).sum::<f64>() / (2.0 * errors.len() as f64);
+        assert!((1.0..2.0).contains(&(square.sqrt() / montecarlo::NOISE[0])), "{} m rms", square.sqrt());
         assert!(answer.told().contains("m = 6.7 kg, s = 0.5 mm"), "{}", answer.told());
     }
     let std = |answer: &identify::Answer| answer.found.as_ref().map_or(f64::NAN, |found| found.lambda[0].total_std);
@@ -261,7 +280,7 @@ fn tolerances_have_units() {
     }
 }
 
-/// What people get wrong: what is done to a good recording, and what is proposed.
+/// Common mistakes: a change of a good recording, and the expected proposal.
 type Wrong = (fn(&mut Samples, &mut Question), &'static str);
 
 const WRONG: &[Wrong] = &[
@@ -321,7 +340,7 @@ fn no_two_mistakes_end_valid() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// The exit code is 2 and the verdict in words; standard output is one JSON document.
+/// The exit code is 3 and the verdict in words; standard output is one JSON document.
 #[test]
 fn the_command_refuses_in_json_and_by_its_exit_code() {
     let folder = std::env::temp_dir().join(format!("identify-{}", std::process::id()));
@@ -343,14 +362,14 @@ fn the_command_refuses_in_json_and_by_its_exit_code() {
     let good = csv(&run(montecarlo::NOISE, 0.2).1);
     let short: String = good.lines().take(200).map(|line| format!("{line}\n")).collect();
     let (code, json) = command("short.csv", &short, &[]);
-    assert!(code == Some(2) && json["verdict"].as_str().is_some_and(|words| words.contains("too short")), "{json}");
+    assert!(code == Some(3) && json["verdict"].as_str().is_some_and(|words| words.contains("too short")), "{json}");
     let (code, json) = command("good.csv", &good, &[]);
     assert!(code == Some(0) && json["valid"] == true && json["lambdaHat"][0].is_f64(), "{json}");
     let swapped =
         good.replacen("plant.Ym", "other", 1).replacen("plant.Zm", "plant.Ym", 1).replacen("other", "plant.Zm", 1);
     let (code, json) = command("swapped.csv", &swapped, &[]);
     let proposal = json["findings"][0].as_str().unwrap_or_default();
-    assert!(code == Some(2) && proposal.contains("exchange Ym and Zm (--column)"), "{json}");
+    assert!(code == Some(3) && proposal.contains("exchange Ym and Zm (--column)"), "{json}");
     std::fs::remove_dir_all(&folder).expect("the folder");
 }
 
@@ -410,7 +429,7 @@ fn a_recording_of_another_machine_is_not_valid() {
     }
 }
 
-/// What the on-line estimator is told of its bench holds here as well.
+/// Tolerances of the on-line estimator hold here as well.
 #[test]
 fn tolerances_of_the_estimator_are_those_of_the_bench() {
     use magnetic_bearing::estimation::Tolerance;

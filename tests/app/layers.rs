@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What a folder must not contain, and why.
+/// Names that a folder must not contain, and why.
 struct Rule {
     /// Folder of the project.
     folder: &'static str,
@@ -119,7 +119,7 @@ const RULES: &[Rule] = &[
 const PROGRAM: &[&str] =
     &["crate::simulation", "crate::studies", "crate::report", "crate::cli", "crate::package", "crate::output"];
 
-/// What only the equations must not use.
+/// Names that only the equations must not use.
 const ABOVE_EQUATIONS: &[&str] = &[
     "crate::fmu",
     "fmu_export",

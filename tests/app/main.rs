@@ -13,6 +13,7 @@ mod closed_loop;
 mod command;
 mod contour;
 mod design;
+mod exits;
 mod hostile;
 mod identify;
 mod layers;

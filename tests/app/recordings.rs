@@ -63,7 +63,7 @@ fn the_pace_is_a_straight_line_through_the_stamps() {
         let fraction = format!("{:09}", ns % 1_000_000_000);
         format!("2026-11-21T14:38:{:02}.{}", 14 + ns / 1_000_000_000, &fraction[..places])
     };
-    // What it is, header, stamps, sample time, samples, words among the notes.
+    // Description, header, stamps, sample time, samples, words among the notes.
     let cases: Vec<(&str, &str, Stamp, f64, usize, &str)> = vec![
         ("exact", "time [s]", Box::new(|j| some(format!("{:.4}", at(j)))), 1e-4, rows, ""),
         (
@@ -549,7 +549,7 @@ fn no_misread_unit_goes_unnoticed() {
                     println!("{is} read as {said}, {what}: {found:?}");
                 }
                 assert!(!found.is_empty(), "{is} read as {said}: nothing was found; {what}");
-                // What is right stands among the proposals.
+                // The right proposal is among them.
                 let name = ["time", "Ym", "", "im[1]", "", "", "theta", "omega"][misread.signal];
                 let proposal = format!("--unit {name}={is}");
                 assert!(found.iter().any(|finding| finding.contains(&proposal)), "{proposal} in {found:?}; {what}");

@@ -167,7 +167,7 @@ fn what_cannot_be_understood_is_refused_by_name() {
         ("", "[plant]\nlambda = [1e-6, 2e-6]", &["lambda = [0.000001, 0.000002]", "a list of 3"]),
         ("", "[plant]\nlambda = 2e-6", &["lambda = ", "a list of 3"]),
         ("", "[plant]\nlambda = [1e-6, \"two\", 2e-6]", &["lambda[2]", "two is not a number"]),
-        // What cannot be set.
+        // Variables that cannot be set.
         ("", "[plant]\ni = [1.0, 1.0, 1.0]", &["i[1] = 1.0", "connected to controller.i[1]"]),
         ("", "[controller]\nYm = 0.0", &["Ym = 0.0", "connected to plant.Ym"]),
         ("", "[estimator]\nomega = 300.0", &["omega = 300.0", "connected to plant.omegam"]),

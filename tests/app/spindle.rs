@@ -78,6 +78,11 @@ fn the_page_shows_the_machine() {
         let (scenario, run) = of(name, &[]);
         let page = experiment::page(Path::new(name), "", &scenario, &run);
         says(&page, &[&scenario.title, "shaft-animation", "Axial position", "Unbalance in two planes", words]);
+        assert!(page.contains("-120 mm") && !page.contains("-120000 µm"), "positions along the shaft");
+        // The forces before and after the correction masses are on the first screen, before the animation.
+        let forces =
+            page.find("Synchronous force of the magnets").filter(|at| *at < page.find("shaft-animation").unwrap_or(0));
+        assert_eq!(forces.is_some(), name == "balance", "{name}");
     }
 }
 

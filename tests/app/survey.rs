@@ -30,7 +30,7 @@ fn asked(name: &str, otherwise: u64) -> u64 {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(otherwise)
 }
 
-/// What one method said in one run.
+/// Results of one method in one run.
 #[derive(Clone, Debug, Default)]
 struct Said {
     case: String,

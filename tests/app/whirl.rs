@@ -1,7 +1,7 @@
 //! Whirl of a shaft against figures of another program.
 
 use crate::support::whirl::{DAMPING_NS_M, STIFFNESS_N_M, TABLE, UNBALANCES};
-use magnetic_bearing::studies::whirl::Whirl;
+use magnetic_bearing::studies::whirl::{Whirl, modes_hz};
 use std::f64::consts::PI;
 
 fn shaft(damping_ns_m: f64) -> Whirl {
@@ -30,6 +30,24 @@ fn frequencies_and_response_are_those_of_another_program() {
             );
         }
     }
+}
+
+/// At a critical speed a mode whirls forward as fast as the rotor turns, and without damping the response has no limit.
+#[test]
+fn critical_speeds_are_where_a_mode_turns_with_the_rotor() {
+    let whirl = shaft(0.0);
+    let found = whirl.critical_rpm(12_000.0);
+    assert_eq!(found.iter().map(|(mode, _)| *mode).collect::<Vec<_>>(), [1, 2]);
+    for (mode, rpm) in found {
+        let forward = modes_hz(whirl.frequencies_hz(rpm * PI / 30.0))[mode - 1][1];
+        assert!((60.0 * forward / rpm - 1.0).abs() < 1e-9, "mode {mode}: {rpm} rpm, {forward} Hz");
+        let amplitude = |rpm: f64| whirl.response_m(rpm * PI / 30.0)[0].norm();
+        assert!(amplitude(rpm) > 1e3 * amplitude(1.1 * rpm), "mode {mode}");
+    }
+    assert!(whirl.critical_rpm(3000.0).is_empty());
+    let at_rest = modes_hz(whirl.frequencies_hz(0.0));
+    assert!(at_rest.iter().all(|[backward, forward]| (backward - forward).abs() < 1e-9), "{at_rest:?}");
+    assert!(at_rest[0][0] < at_rest[1][0]);
 }
 
 #[test]

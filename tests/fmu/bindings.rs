@@ -1,6 +1,6 @@
 //! The bindings are current, and agree with the standard.
 //!
-//! What is expected here is written by hand after the standard (FMI 2.0, chapters 2.1 and 4.2), not made from the header.
+//! The expected values are written by hand after the standard (FMI 2.0, chapters 2.1 and 4.2), not made from the header.
 //! `scripts/bindings --check` regenerates the bindings and compares; that needs libclang, these tests do not.
 
 use core::ffi::{c_char, c_int, c_uint, c_void};

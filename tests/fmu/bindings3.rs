@@ -1,6 +1,6 @@
 //! The bindings of FMI 3.0 are current, and agree with the standard.
 //!
-//! What is expected here is written after the standard (FMI 3.0, chapters 2 to 5), not made from the header. `scripts/bindings
+//! The expected values follow the standard (FMI 3.0, chapters 2 to 5), not made from the header. `scripts/bindings
 //! --check` regenerates the bindings and compares; that needs libclang, these tests do not.
 
 use core::ffi::{c_char, c_void};

@@ -511,7 +511,7 @@ fn units_are_declared_once_and_by_their_base_units() {
 /// Fails if an output is left out, and if variables are counted from 0 instead of from 1.
 #[test]
 fn the_structure_lists_every_output_and_what_acts_on_it_at_once() {
-    // What depends on an input at the same instant; samples never do.
+    // Outputs that depend on an input at the same instant; samples never do.
     let through = |name: &str| ["F", "perturbation.", "A.F", "B.F", "X.F"].iter().any(|head| name.starts_with(head));
     for entry in fmu::catalogue().iter() {
         let model = entry.info.name;

@@ -127,7 +127,7 @@ fn instances_are_made_only_of_sound_requests() {
     assert!(silent.instantiate(PLANT).is_err_and(|messages| messages.is_empty()));
 }
 
-/// What importers really pass: names with paths, no resources, no logger.
+/// Arguments that importers pass: names with paths, no resources, no logger.
 /// Fails if a name may hold no slash, and if the location of the resources has to be of one form.
 #[test]
 fn instances_are_made_of_whatever_importers_say() {
@@ -637,7 +637,7 @@ fn an_error_in_a_step_ends_the_run_and_a_reset_begins_another() {
             .ok(&fmu);
     }
     assert_eq!((status, last_s), (fmi2Status::fmi2Error, time_s));
-    // What was computed can still be read, and it is numbers.
+    // Computed values can still be read, and are numbers.
     assert!(fmu.all_bits().into_iter().all(|bits| f64::from_bits(bits).is_finite()));
     fmu.step(time_s, TS).error(&fmu);
 

@@ -1,4 +1,4 @@
-//! What the model descriptions say of the start: which outputs depend on which inputs then.
+//! Initial dependencies in the model descriptions: which outputs depend on which inputs then.
 
 use fmu_export::variable::{Causality, Type, Variable};
 use magnetic_bearing::fmu::find;
@@ -26,7 +26,7 @@ fn no_output_depends_on_everything_at_the_start() {
         };
         for (index, output) in outputs(kind.variables()) {
             let at_start = dependencies("InitialUnknowns", index).unwrap_or_else(|| panic!("{model}.{}", output.name));
-            // What acts at once in the run does so at the start.
+            // An input that acts at once in the run does so at the start.
             let acting = dependencies("Outputs", index).expect("given").into_iter();
             let inputs = acting.filter(|at| kind.variables()[*at].causality == Causality::Input);
             for input in inputs {

@@ -8,7 +8,7 @@ const ESTIMATOR: &str = "AlgebraicEstimator";
 const PLANT: &str = "MagneticBearing";
 const TS: f64 = 1e-4;
 
-/// What the input of a sampled FMU is at a sample.
+/// The input of a sampled FMU at a sample.
 fn wave(sample: i64) -> f64 {
     3e-5 * (sample as f64 * 0.3).sin()
 }

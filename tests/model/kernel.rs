@@ -7,7 +7,7 @@ use magnetic_bearing::estimation::paper::kernel::{
 /// Rounding of a few additions of numbers of order 100, absolute.
 const COEFFICIENT_ROUNDING: f64 = 1e-13;
 
-/// What rounding may leave of a sum that vanishes, relative to the sum of the absolute terms.
+/// Largest rounding error of a sum that vanishes, relative to the sum of the absolute terms.
 const VANISHING_SUM: f64 = 1e-14;
 
 /// `c (1 − τ)^a τ^b`.

@@ -18,7 +18,7 @@ impl Numbers {
     }
 }
 
-/// What a difference quotient of fourth order misses, in parts of the largest value of its kind.
+/// Error of a difference quotient of fourth order, in parts of the largest value of its kind.
 const QUOTIENT: f64 = 1e-7;
 
 fn config(drive: Drive, saturation_wb: f64, leakage_h: f64) -> PlantConfig {

@@ -562,7 +562,7 @@ fn names(config: SpindleControllerConfig) -> Vec<String> {
     found.into_iter().map(|finding| finding.name.into_owned()).collect()
 }
 
-/// What is refused when the default is changed like this.
+/// The findings when the default is changed like this.
 fn refused(change: impl FnOnce(&mut SpindleControllerConfig)) -> Vec<String> {
     let mut config = SpindleControllerConfig::default();
     change(&mut config);

@@ -1,4 +1,4 @@
-//! What belongs to the process as a whole: the memory it holds when the library comes and goes, and its end.
+//! Effects on the process as a whole: the memory it holds when the library comes and goes, and its end.
 
 #[path = "../support/mod.rs"]
 mod support;

@@ -117,7 +117,7 @@ pub struct Recorded {
     pub current: Vec<[f64; 3]>,
     pub theta: Vec<f64>,
     pub omega: Vec<f64>,
-    /// What the sensors would have read without noise and imperfections; the current is that of the interval before.
+    /// Readings of sensors without noise and imperfections; the current is that of the interval before.
     pub true_position: Vec<[f64; 2]>,
     pub true_current: Vec<[f64; 3]>,
     /// Whether the rotor stayed within its gap.

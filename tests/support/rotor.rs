@@ -195,7 +195,7 @@ impl Rotor {
             };
             let measured = [x[0] + self.noise.0 * noise.normal(), x[1] + self.noise.0 * noise.normal()];
             let after_a = seen_after.map(|i| i + self.noise.1 * noise.normal());
-            // What is held is measured once.
+            // A held value is measured once.
             let before_a = match self.currents {
                 Currents::Held => out.last().map_or(seen_before, |last: &Sample| last.after_a),
                 _ => after_a,

@@ -125,7 +125,7 @@ impl SpindlePath {
         let (amplitude_m, gap_m) = (config.axial_amplitude_m, spindle.config().axial_gap_m);
         checks.not_negative("X.reference.amplitude", amplitude_m, "m");
         checks.require(
-            // Not of what has been refused already.
+            // Values that were refused already are skipped.
             amplitude_m < gap_m || !(amplitude_m.is_finite() && gap_m > 0.0),
             "X.reference.amplitude",
             format_args!("{amplitude_m} m"),

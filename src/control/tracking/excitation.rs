@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Arrangement, Tracking, TrackingConfig, TrackingState};
 use crate::bearing::coil::Drive;
-use crate::invalid::{Checks, Invalid};
+use crate::invalid::{Checks, Invalid, Short};
 
 /// Modulation of the smallest force of one bearing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,7 +59,7 @@ pub(super) fn check<const K: usize, const B: usize>(
             hz.is_finite() && hz > 0.0 && hz <= highest_hz,
             name,
             format_args!("{hz} Hz"),
-            format!("a finite number above 0, at most half the sample rate ({highest_hz} Hz)"),
+            format!("a finite number above 0, at most half the sample rate ({} Hz)", Short(highest_hz)),
         );
     }
 }

@@ -37,7 +37,7 @@ const RESIDUAL_LIMIT: f64 = 0.5;
 ///
 /// The standard deviation takes all that is left unexplained for one error in the worst direction, which is about five times the
 /// error that it makes: in the paper's own simulation, where a perturbation of 2 N in phase with the path costs 4.6 %, it is 20 %.
-const STD_LIMIT: f64 = 5.0 * super::STD_LIMIT;
+pub const STD_LIMIT: f64 = 5.0 * super::STD_LIMIT;
 
 /// Before so many windows without a common sample have passed, the residual says nothing: the six rows of the first one leave three
 /// degrees of freedom, and overfit.

@@ -18,7 +18,8 @@ function play(root, t, theta, timeFactor, draw) {
   if (plot) {
     plot.addEventListener("drawn", () => {
       if (veil.parentNode) return;
-      plot.append(veil);
+      // Between the lines and the layer with legend and values.
+      plot.querySelectorAll(".main-svg")[1].before(veil);
       plot.on("plotly_afterplot", paint);
       plot.on("plotly_click", click => { at = click.points[0].x / timeFactor / step; pause(); paint(); });
       paint();
@@ -55,6 +56,10 @@ function play(root, t, theta, timeFactor, draw) {
   }
   button.addEventListener("click", () => playing ? pause() : start());
   seek.addEventListener("input", () => { at = Number(seek.value); pause(); paint(); });
+  // Paper shows the end of the run.
+  let seen = null;
+  addEventListener("beforeprint", () => { seen ??= at; at = last; pause(); paint(); });
+  addEventListener("afterprint", () => { at = seen ?? at; seen = null; paint(); });
   // A page may be opened at an instant in s, stopped: report.html#t=0.12
   const asked = /^#t=([0-9.]+)$/.exec(location.hash);
   pause();

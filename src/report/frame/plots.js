@@ -31,7 +31,7 @@
       modebar: {bgcolor: "rgba(0,0,0,0)", color: "--soft", activecolor: "--ink"},
       font: {family: "system-ui, sans-serif", size: 12, color: "--ink"},
       legend: {orientation: "h", x: 0, y: 1, yanchor: "bottom", font: {size: 12.5}},
-      hovermode: layout.yaxis.scaleanchor ? "closest" : "x unified", dragmode: touch ? false : "zoom",
+      hovermode: layout.hovermode ?? (layout.yaxis.scaleanchor ? "closest" : "x unified"), dragmode: touch ? false : "zoom",
       hoverlabel: {bgcolor: "--wash", bordercolor: "--rule", font: {color: "--ink"}}};
     if (shown && linked.includes(div)) full.xaxis.range = shown;
     return [data, full].map(resolved);
@@ -49,13 +49,38 @@
       if (ends[0] !== undefined) show(ends.map(Number), div);
       else if (change["xaxis.autorange"]) show(specs.get(div).layout.xaxis.range, null);
     });
+    if (first && shown && linked.includes(div)) Plotly.relayout(div, ranges(div));
+  }
+
+  // The interval shown, and what the lines reach within it; over the whole run the range that the plot begins with.
+  function ranges(div) {
+    const own = specs.get(div).layout, [from, to] = shown;
+    const change = {"xaxis.range": [from, to]};
+    if (own.xaxis.range && from <= own.xaxis.range[0] && to >= own.xaxis.range[1]) {
+      return Object.assign(change, own.yaxis.range ? {"yaxis.range": [...own.yaxis.range]} : {"yaxis.autorange": true});
+    }
+    const log = own.yaxis.type === "log";
+    let least = Infinity, most = -Infinity;
+    for (const {x, x0, dx, y, visible} of div._fullData) {
+      if (visible !== true) continue;
+      for (let i = 0; i < y.length; i++) {
+        const at = x ? x[i] : x0 + i * dx;
+        if (at < from || at > to || !Number.isFinite(y[i]) || log && y[i] <= 0) continue;
+        least = Math.min(least, y[i]);
+        most = Math.max(most, y[i]);
+      }
+    }
+    if (least > most) return change;
+    if (log) [least, most] = [Math.log10(least), Math.log10(most)];
+    const margin = 0.06 * (most - least) || 0.05 * Math.abs(most) || 1;
+    return Object.assign(change, {"yaxis.range": [least - margin, most + margin]});
   }
 
   // Shows this interval in all plots over time; plots not yet drawn use it later.
   function show(ends, from) {
     if (!ends || shown && ends[0] === shown[0] && ends[1] === shown[1]) return;
     shown = [...ends];
-    for (const div of linked) if (div !== from && div.drawn) Plotly.relayout(div, {"xaxis.range": [...ends]});
+    for (const div of linked) if (div !== from && div.drawn) Plotly.relayout(div, ranges(div));
   }
   for (const button of document.querySelectorAll("#views button"))
     button.addEventListener("click", () => show([Number(button.dataset.from), Number(button.dataset.to)], null));
@@ -66,5 +91,10 @@
   plots.forEach(div => watch.observe(div));
   const redraw = () => plots.filter(div => div.drawn).forEach(draw);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
-  addEventListener("beforeprint", () => plots.filter(div => !div.drawn).forEach(draw));
+  // A printed page is about 660 pixels wide, whatever the window; the browser lays it out before a plot could follow.
+  addEventListener("beforeprint", () => plots.forEach(div => {
+    if (!div.drawn) draw(div);
+    Plotly.relayout(div, {autosize: false, width: div.closest(".two") ? 320 : 650});
+  }));
+  addEventListener("afterprint", () => plots.forEach(div => Plotly.relayout(div, {autosize: true, width: null})));
 })();

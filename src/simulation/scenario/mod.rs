@@ -26,13 +26,13 @@ pub const BUILT_IN: [(&str, &str); 12] = [
     ("balance", include_str!("../scenarios/balance.toml")),
 ];
 
-/// What is wrong with a scenario; each finding on its own line.
+/// Findings about a scenario, each on its own line.
 #[derive(Debug, thiserror::Error)]
 #[error("{origin}:\n  {}", .findings.join("\n  "))]
 pub struct ScenarioError {
     /// The file or the built-in scenario.
     pub origin: String,
-    /// The findings, each with the name of the key and what is expected.
+    /// The findings, each with the name of the key and the expected value.
     pub findings: Vec<String>,
 }
 
@@ -111,7 +111,7 @@ pub struct Scenario {
     pub(crate) connected: Vec<Connection>,
     /// Values that change during the run.
     pub profiles: Vec<Profile>,
-    /// When correction masses are fitted that balance the rotor by what the estimator says, in seconds, if at all.
+    /// Time in s at which correction masses against the estimated unbalance are fitted, if at all.
     pub balance_s: Option<f64>,
     /// How well a test bench is known, for `identify`: names and values as for `--tolerance`.
     pub tolerance: Vec<(String, String)>,
@@ -165,7 +165,7 @@ impl Scenario {
     /// Reads a built-in scenario by its name, or else a file.
     ///
     /// # Errors
-    /// All findings, each with the name of the key and what is expected.
+    /// All findings, each with the name of the key and the expected value.
     pub fn open(name: &Path) -> Result<Self, ScenarioError> {
         Self::open_with(name, &[])
     }
@@ -177,9 +177,21 @@ impl Scenario {
     /// # Errors
     /// As for [`Self::open`].
     pub fn open_with(name: &Path, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
+        Self::open_requiring(name, &read::REQUIRED, changes)
+    }
+
+    /// As [`Self::open_with`], for the parameters alone: title, duration and step may be missing.
+    ///
+    /// # Errors
+    /// As for [`Self::open`].
+    pub fn open_parameters(name: &Path, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
+        Self::open_requiring(name, &[], changes)
+    }
+
+    fn open_requiring(name: &Path, required: &[&str], changes: &[(String, String)]) -> Result<Self, ScenarioError> {
         let origin = name.display().to_string();
         if let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)) {
-            return Self::parse_with(&origin, text, changes);
+            return Self::parse_requiring(&origin, text, required, changes);
         }
         let read = if name == Path::new("-") {
             std::io::read_to_string(std::io::stdin())
@@ -191,7 +203,7 @@ impl Scenario {
             let finding = format!("cannot be read ({error}): expected a file, or one of {}", names.join(", "));
             ScenarioError { origin: origin.clone(), findings: vec![finding] }
         })?;
-        Self::parse_with(&origin, &text, changes)
+        Self::parse_requiring(&origin, &text, required, changes)
     }
 
     /// Parses a scenario. `origin` names its source in messages.
@@ -199,11 +211,17 @@ impl Scenario {
     /// # Errors
     /// As for [`Self::open`].
     pub fn parse(origin: &str, text: &str) -> Result<Self, ScenarioError> {
-        Self::parse_with(origin, text, &[])
+        Self::parse_requiring(origin, text, &read::REQUIRED, &[])
     }
 
-    fn parse_with(origin: &str, text: &str, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
-        let read = read::scenario(text, Path::new(origin).parent().unwrap_or(Path::new("")), changes);
+    fn parse_requiring(
+        origin: &str,
+        text: &str,
+        required: &[&str],
+        changes: &[(String, String)],
+    ) -> Result<Self, ScenarioError> {
+        let folder = Path::new(origin).parent().unwrap_or(Path::new(""));
+        let read = read::scenario(text, folder, required, changes);
         read.map_err(|findings| ScenarioError { origin: origin.into(), findings })
     }
 
@@ -220,7 +238,7 @@ impl Scenario {
         connections
     }
 
-    /// The magnets, by what stands before and after the name of a quantity: `("", "[1]")` of a bearing, `("A.", "[1]")` of a spindle.
+    /// The magnets, as prefix and suffix of the names of their quantities: `("", "[1]")` of a bearing, `("A.", "[1]")` of a spindle.
     pub fn magnets(&self) -> Vec<(String, String)> {
         let variables = self.plant().model_type.variables().iter();
         let of_magnet = |name: &str| name.split_once("lambda[").map(|(bearing, k)| (bearing.into(), format!("[{k}")));
@@ -249,7 +267,7 @@ impl Scenario {
     /// Sets the variable of a path from a text: a number with or without a unit, a name, `true` or `false`.
     ///
     /// # Errors
-    /// What is wrong with the path or the value.
+    /// A finding about the path or the value.
     pub fn assign(&mut self, path: &str, text: &str) -> Result<(), String> {
         let (at, index) = self.settable(path)?;
         let data_type = &self.elements[at].model_type.variables()[index].data_type;

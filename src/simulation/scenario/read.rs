@@ -11,23 +11,37 @@ use super::{Connection, Element, MACHINES, Profile, Scenario, Setting, connected
 use crate::control::reference::HARMONICS;
 use crate::fmu::{self, estimator};
 use crate::simulation::contour::Fit;
+use crate::simulation::simulate;
 
-/// Reads a scenario with changes; contour files are named relative to the folder.
+/// Keys that a scenario must have in order to run.
+pub const REQUIRED: [&str; 3] = ["title", "duration", "step"];
+
+/// Reads a scenario with these required keys and with changes; contour files are named relative to the folder.
 ///
 /// # Errors
 /// All findings.
-pub fn scenario(text: &str, folder: &Path, changes: &[(String, String)]) -> Result<Scenario, Vec<String>> {
+pub fn scenario(
+    text: &str,
+    folder: &Path,
+    required: &[&str],
+    changes: &[(String, String)],
+) -> Result<Scenario, Vec<String>> {
     let mut findings = Vec::new();
     let mut table: toml::Table = toml::from_str(text).map_err(|error| vec![error.to_string()])?;
     let (of_run, of_elements): (Vec<_>, Vec<_>) = changes
         .iter()
         .map(|(name, text)| (name.clone(), value_of(text)))
-        .partition(|(name, _)| ["title", "duration", "step"].contains(&name.as_str()));
+        .partition(|(name, _)| REQUIRED.contains(&name.as_str()));
     table.extend(of_run);
-    let document = Document::new(table, text, &mut findings);
+    let document = Document::new(table, text, required, &mut findings);
     let mut scenario = read(document, folder, &of_elements, &mut findings);
     scenario.changes = changes.iter().map(|(name, value)| format!("{name}={value}")).collect();
-    if findings.is_empty() { Ok(scenario) } else { Err(findings) }
+    if findings.is_empty() {
+        return Ok(scenario);
+    }
+    // The models refuse values as well; a user sees all findings at once.
+    findings.extend(simulate::refused(&scenario));
+    Err(findings)
 }
 
 /// The text of a scenario as TOML has it.
@@ -68,13 +82,11 @@ impl Document {
     ];
 
     /// Takes the table apart key by key, so that one error does not hide others.
-    fn new(mut table: toml::Table, text: &str, findings: &mut Vec<String>) -> Self {
-        for key in ["title", "duration", "step"] {
-            if !table.contains_key(key) {
-                findings.push(format!("{key} is missing"));
-            }
+    fn new(mut table: toml::Table, text: &str, required: &[&str], findings: &mut Vec<String>) -> Self {
+        for key in required.iter().filter(|key| !table.contains_key(**key)) {
+            findings.push(format!("{key} is missing"));
         }
-        // A missing time has been reported; a valid one in its place raises no second finding.
+        // A missing time has been reported or is not used; a valid one in its place raises no second finding.
         let mut time = |key: &str| table.remove(key).unwrap_or(toml::Value::Float(1.0));
         let (duration, step) = (time("duration"), time("step"));
         let document = Self {
@@ -495,11 +507,16 @@ pub fn convert(data_type: &Type, value: &toml::Value) -> Result<Value, String> {
         (Type::Real { .. }, toml::Value::Integer(value)) => Ok(Value::Real(*value as f64)),
         (Type::Real { unit, .. }, toml::Value::String(text)) => {
             let text = text.trim();
-            let (number, name) = text.split_once(char::is_whitespace).unwrap_or((text, unit.name));
-            let number: f64 = number.parse().map_err(|_| format!("{number} is not a number"))?;
-            unit.convert(number, name.trim()).map(Value::Real).ok_or_else(|| {
+            // With or without a blank between them; 1e-3 is a number, not 1 of a unit e-3.
+            let ends = (1..=text.len()).rev().filter(|end| text.is_char_boundary(*end));
+            let number_and_unit = |end| Some((text[..end].trim_end().parse::<f64>().ok()?, text[end..].trim_start()));
+            let first = text.split_whitespace().next().unwrap_or_default();
+            let (number, name) =
+                ends.filter_map(number_and_unit).next().ok_or_else(|| format!("{first} is not a number"))?;
+            let name = if name.is_empty() { unit.name } else { name };
+            unit.convert(number, name).map(Value::Real).ok_or_else(|| {
                 let names: Vec<_> = unit.names().collect();
-                format!("the unit {} is not one of {}", name.trim(), names.join(", "))
+                format!("the unit {name} is not one of {}", names.join(", "))
             })
         }
         (Type::Real { unit, .. }, _) => Err(format!("expected a number in {}, or a text like \"1 {0}\"", unit.name)),

@@ -299,6 +299,8 @@ pub struct Identification {
     pub budget: Vec<BudgetLine>,
     /// Residuals by recording.
     pub residuals: Vec<Residuals>,
+    /// Position minus its prediction from the samples before, by recording and row, in m; NaN where a row was not used.
+    pub prediction_errors_m: Vec<Vec<[f64; 2]>>,
     /// Bench parameters that the residuals ask for, the strongest first.
     pub suspects: Vec<Suspect>,
     /// Parts that contradict the rest.

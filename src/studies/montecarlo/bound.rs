@@ -10,7 +10,7 @@ const PARAMETERS: usize = 7;
 /// Position and velocity of both axes, `y, z, ẏ, ż`, before the parameters.
 const STATES: usize = 4 + PARAMETERS;
 
-/// What the bound needs to know of one interval between two samples; axes in the order (y, z).
+/// Data of one interval for the bound between two samples; axes in the order (y, z).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interval {
     /// Length, in s.

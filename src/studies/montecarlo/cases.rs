@@ -244,7 +244,7 @@ pub fn step_of_lambda(scenario: &mut Scenario, magnet: usize, part: f64, at_s: f
     scenario.profiles.push(profile);
 }
 
-/// What the estimator takes as known: the name of its tolerance and the standard deviations that are studied, in the unit of
+/// Parameters that the estimator takes as known: the name of its tolerance and the standard deviations that are studied, in the unit of
 /// the variable; those of mass and gap are parts of their value.
 pub const TOLERANCES: [(&str, f64); 7] = [
     ("m", 0.01),

@@ -1,4 +1,4 @@
-//! What a run of a study says, and the figures of many.
+//! Results of one run of a study, and the figures of many.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -15,7 +15,7 @@ pub const CONFIDENT: f64 = 5.0;
 /// Cases whose bound is below this for every λ are to have a valid estimate.
 pub const IDENTIFIABLE: f64 = 0.04;
 
-/// What one run says at one instant; errors and standard deviations are relative to the true λ.
+/// Results of one run at one instant; errors and standard deviations are relative to the true λ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample {
     /// Whether the estimate was valid.
@@ -47,7 +47,7 @@ pub struct Worst {
     pub std: f64,
 }
 
-/// What one run says.
+/// Results of one run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trial {
     /// The seed that the run can be repeated with.

@@ -1,4 +1,4 @@
-//! How far the estimate is off, how far it says it may be, and how far it must be: many runs of bearings drawn at random, of
+//! Error, stated standard deviation and Cramér–Rao bound: many runs of bearings drawn at random, of
 //! one bearing with many seeds of the noise, with wrong parameters, with a λ that changes; and [`hostile`] courses.
 //!
 //! Beside the errors stand the standard deviation that the estimator states and the Cramér–Rao bound ([`bound`]), the least
@@ -41,7 +41,7 @@ pub struct Study {
     pub runs: usize,
     /// The seed of the first run; the others follow one by one.
     pub first_seed: u64,
-    /// What differs from run to run.
+    /// The quantity that differs from run to run.
     pub vary: Vary,
     /// Whether the runs differ in more than noise, so that errors in per cent mean little.
     pub mixed: bool,
@@ -49,7 +49,7 @@ pub struct Study {
     pub offline: Option<Offline>,
 }
 
-/// What a study found.
+/// Results of a study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// At the instants.

@@ -179,7 +179,7 @@ struct Trial {
     found: Vec<Found>,
     /// The greatest error of a valid sample, in standard deviations.
     worst: f64,
-    /// What correction masses left of the synchronous force.
+    /// Part of the synchronous force that correction masses leave.
     left: Option<f64>,
 }
 

@@ -598,7 +598,7 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
     smoothed
 }
 
-/// The whitened innovations of the counted rows.
+/// The innovations of the counted rows: in m, and whitened.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn innovations(
     data: &Data,
@@ -606,7 +606,7 @@ pub(super) fn innovations(
     track: &Track,
     variance: f64,
     piece: &Piece,
-) -> Vec<[f64; 2]> {
+) -> Vec<[[f64; 2]; 2]> {
     let mut kalman = Kalman::diffuse();
     let mut innovations = Vec::with_capacity(piece.counted.len());
     each_row(data, bearing, track, piece.filtered.start..piece.counted.end, |row, interval, residual| {
@@ -615,7 +615,7 @@ pub(super) fn innovations(
         }
         let innovation = kalman.update(bearing, variance, residual);
         if row >= piece.counted.start {
-            innovations.push(innovation.whiten(innovation.e));
+            innovations.push([innovation.e, innovation.whiten(innovation.e)]);
         }
     });
     innovations

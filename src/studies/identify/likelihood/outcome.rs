@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use super::bench::{BENCH, PARAMETERS};
 use super::equations::LOAD;
-use super::filter::{HARMONICS, LAGS};
+use super::filter::{self, HARMONICS, LAGS};
 use super::search::Finished;
 use super::solve::{self, inverse, part, unknown};
 use super::{
@@ -36,6 +36,7 @@ pub(super) fn report(finished: &Finished, mut held: Vec<usize>, contradictions: 
         not_separated: held,
         budget: budget(finished),
         residuals: (0..search.cases.len()).map(|r| residuals(finished, r)).collect(),
+        prediction_errors_m: (0..search.cases.len()).map(|r| prediction_errors(finished, r)).collect(),
         suspects: suspects(finished),
         contradictions,
         covariance: finished.covariance,
@@ -145,6 +146,18 @@ fn residuals(finished: &Finished, r: usize) -> Residuals {
         residuals.lags[lag] = blocks().map(|block| block.lags[lag]).sum::<f64>() / nis;
     }
     residuals
+}
+
+/// Measured minus predicted positions of one recording by row, in m; NaN where a row was not used.
+fn prediction_errors(finished: &Finished, r: usize) -> Vec<[f64; 2]> {
+    let (case, bearing) = (&finished.search.cases[r], finished.search.bearing(r));
+    let variance = case.position_noise * case.position_noise;
+    let mut errors = vec![[f64::NAN; 2]; case.data.position.len()];
+    for piece in &case.pieces {
+        let innovations = filter::innovations(&case.data, &bearing, &case.track, variance, piece);
+        errors[piece.counted.clone()].iter_mut().zip(innovations).for_each(|(error, [metres, _])| *error = metres);
+    }
+    errors
 }
 
 /// Lagrange multiplier tests of the bench parameters that are not estimated.

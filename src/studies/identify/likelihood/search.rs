@@ -305,7 +305,7 @@ impl<'a> Search<'a> {
         for (r, (case, bearing)) in self.cases.iter_mut().zip(&bearings).enumerate() {
             let mut innovations = vec![[0.0; 2]; case.data.at.len()];
             for (_, rows, of) in pieces.iter().filter(|(of, ..)| *of == r) {
-                innovations[rows.clone()].copy_from_slice(of);
+                innovations[rows.clone()].iter_mut().zip(of).for_each(|(to, [_, whitened])| *to = *whitened);
             }
             case.track.expected = expected(&case.data, bearing, &case.track, &case.segments, &innovations);
         }

@@ -1,4 +1,4 @@
-//! What can happen to readings between the sensors and those who use them.
+//! Errors of readings between the sensors and their users.
 
 use std::f64::consts::TAU;
 

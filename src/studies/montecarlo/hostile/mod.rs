@@ -28,7 +28,7 @@ const GRANTED_REVOLUTIONS: f64 = 2.0;
 /// How often a bearing drawn at random that touches down is drawn again.
 const ATTEMPTS: u64 = 20;
 
-/// What can be asked of a course.
+/// Requirements on a course.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
     /// An estimate that is right, most of the time.
@@ -48,7 +48,7 @@ type Set = Box<dyn Fn(&mut Scenario, u64) + Send + Sync>;
 pub struct Course {
     /// A few words; what is tried.
     pub name: String,
-    /// What can be asked of it.
+    /// The requirement.
     pub asked: Asked,
     /// The built-in scenario that it starts from.
     base: &'static str,
@@ -57,7 +57,7 @@ pub struct Course {
     /// How long a run lasts, in s.
     length_s: f64,
     set: Set,
-    /// What happens to the readings.
+    /// The error of the readings.
     alter: Option<Alter>,
     /// It makes no difference whether the noise is told; or it is what is told that is false.
     only: Option<bool>,
@@ -75,7 +75,7 @@ pub struct Case<'a> {
     pub told: bool,
 }
 
-/// What a run says.
+/// Results of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trial {
     /// The seed that the run can be repeated with.
