@@ -366,9 +366,9 @@ fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
     notes.insert(0, format!("{count} samples of {}.", time(step_s)));
     let known = |at: usize| signals::known(&place, &table.columns[at]);
     let mut filled = |known: &Known, at: usize| {
-        let is_interpolated = known.iter().any(|(place, _)| place.fract() != 0.0);
+        let is_at_samples = signals::is_at_samples(known);
         let mut values =
-            if is_interpolated { signals::straight(known, count, false) } else { signals::at_samples(known, count) };
+            if is_at_samples { signals::at_samples(known, count) } else { signals::straight(known, count, false) };
         let missing = values.iter().filter(|value| value.is_nan()).count();
         if missing > 0 {
             let (name, filled) = (SIGNALS[at].name, signals::fill(&mut values));
@@ -377,9 +377,11 @@ fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
         values
     };
     let mut samples = Samples { start_s, step_s, units: table.units, ..Samples::default() };
-    samples.position_m = [0, 1].map(|axis| filled(&known(POSITIONS.start + axis), POSITIONS.start + axis));
+    let positions = [0, 1].map(|axis| known(POSITIONS.start + axis));
     let currents = [0, 1, 2].map(|k| known(CURRENTS.start + k));
-    let is_apart = !currents.iter().all(|current| signals::is_at_samples(current, count));
+    let is_beside = |current: &Known| signals::is_at_samples(current) && 2 * current.len() > positions[0].len();
+    let is_apart = !currents.iter().all(is_beside);
+    samples.position_m = [0, 1].map(|axis| filled(&positions[axis], POSITIONS.start + axis));
     if !is_apart {
         samples.current_a = [0, 1, 2].map(|k| filled(&currents[k], CURRENTS.start + k));
     }

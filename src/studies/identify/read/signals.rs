@@ -26,9 +26,9 @@ pub(super) fn known(place: &[f64], column: &[f64]) -> Known {
     both.filter(|(place, value)| place.is_finite() && value.is_finite()).collect()
 }
 
-/// Whether the values belong to samples, most of which have one.
-pub(super) fn is_at_samples(known: &Known, count: usize) -> bool {
-    2 * known.len() >= count && known.iter().all(|(place, _)| place.fract() == 0.0)
+/// Whether the values belong to samples.
+pub(super) fn is_at_samples(known: &Known) -> bool {
+    known.iter().all(|(place, _)| place.fract() == 0.0)
 }
 
 /// The values of the samples; NaN for those without one.
