@@ -1,6 +1,6 @@
 //! A progress bar for work that takes more than a second.
 
-use std::cell::OnceCell;
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -13,13 +13,13 @@ pub struct Progress {
     title: &'static str,
     length: u64,
     since: Instant,
-    bar: OnceCell<ProgressBar>,
+    bar: OnceLock<ProgressBar>,
 }
 
 impl Progress {
     /// Work with this many steps.
     pub fn new(title: &'static str, length: u64) -> Self {
-        Self { title, length, since: Instant::now(), bar: OnceCell::new() }
+        Self { title, length, since: Instant::now(), bar: OnceLock::new() }
     }
 
     /// Reports how many steps are done.

@@ -36,7 +36,7 @@ const SHOWN: usize = 4000;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// The recordings, or - for the standard input, in UTF-8, UTF-16 or Windows-1252: columns separated by comma, semicolon
+    /// The recordings, or - for the standard input, in UTF-8, UTF-16 or Windows-1252, plain or compressed by gzip: columns separated by comma, semicolon
     /// or tab; with the latter two, decimal commas are understood. Several recordings show one bearing at other speeds,
     /// loads or reference trajectories: they share the parameters of the bearing and its bench.
     #[arg(value_name = "RECORDING", required = true)]
@@ -122,11 +122,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .into_iter()
         .map(|method| identify::track_every(samples, &EstimatorConfig { method, ..config.clone() }, every));
     let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
-    let threads = std::thread::available_parallelism().map_or(1, Into::into);
     let answer = match arguments.is_likelihood() {
         true => {
             let lambda0_nm2_a2 = tracks[0].last_valid().map(|output| output.lambda_hat);
-            Some(identify::answer(&recordings, Question { config, bench, lambda0_nm2_a2, threads }).map_err(refused)?)
+            Some(identify::answer(&recordings, Question { config, bench, lambda0_nm2_a2 }).map_err(refused)?)
         }
         false => None,
     };

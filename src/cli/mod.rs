@@ -337,17 +337,19 @@ fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Optio
     let Some(out) = out else {
         return output::unless_closed(design.write(io::stdout().lock())).map_err(Into::into);
     };
-    let jobs = jobs.or_else(|| std::thread::available_parallelism().ok().map(Into::into)).unwrap_or(1);
+    if let Some(jobs) = jobs {
+        rayon::ThreadPoolBuilder::new().num_threads(jobs).build_global()?;
+    }
     let outcome = if output::is_standard(out) {
         output::take_standard_output();
-        match design.run_to(io::stdout().lock(), jobs) {
+        match design.run_to(io::stdout().lock()) {
             // The reader has gone, and wants no other rows.
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
             outcome => outcome.map_err(named(out))?,
         }
     } else {
         say_how_to_resume(out)?;
-        design.run(out, jobs)?
+        design.run(out)?
     };
     let there = if outcome.before > 0 { format!(", {} of them from before", outcome.before) } else { String::new() };
     say!("{}: {} rows{there}", out.display(), design.len());

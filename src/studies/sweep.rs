@@ -13,11 +13,11 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write as _};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use rayon::iter::{ParallelBridge, ParallelIterator};
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
@@ -254,11 +254,11 @@ impl Sweep {
             .collect()
     }
 
-    /// Runs all cases without a row in `path`, on this many threads, and puts the rows in order.
+    /// Runs all cases without a row in `path` and puts the rows in order.
     ///
     /// # Errors
     /// If the file cannot be read or written, is not a regular file, belongs to another design, or is in use by another sweep.
-    pub fn run(&self, path: &Path, threads: usize) -> Result<Outcome, SweepError> {
+    pub fn run(&self, path: &Path) -> Result<Outcome, SweepError> {
         let fail = |error: io::Error| SweepError::new(path, error);
         // A device has no rows to resume from, and some have no end.
         if fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
@@ -270,7 +270,7 @@ impl Sweep {
         }
         let done = self.resume(path, &mut file)?;
         let todo: Vec<usize> = (0..self.len()).filter(|case| !done.contains(case)).collect();
-        self.work(&todo, threads, |batch| {
+        self.work(&todo, |batch| {
             file.write_all(&lines(&batch)?)?;
             file.sync_data()
         })
@@ -279,15 +279,15 @@ impl Sweep {
         Ok(Outcome { before: done.len(), failed })
     }
 
-    /// Runs all cases on this many threads, and writes each row as soon as all earlier ones are written.
+    /// Runs all cases and writes each row as soon as all earlier ones are written.
     ///
     /// # Errors
     /// Whatever the writer reports.
-    pub fn run_to(&self, mut to: impl io::Write, threads: usize) -> io::Result<Outcome> {
+    pub fn run_to(&self, mut to: impl io::Write) -> io::Result<Outcome> {
         to.write_all(&lines(&[self.header()])?)?;
         let todo: Vec<usize> = (0..self.len()).collect();
         let (mut waiting, mut next, mut failed) = (BTreeMap::new(), 1, 0);
-        self.work(&todo, threads, |batch| {
+        self.work(&todo, |batch| {
             failed += batch.iter().filter(|row| is_failed(row)).count();
             waiting.extend(batch.into_iter().map(|row| (number(&row), row)));
             while let Some(row) = waiting.remove(&next) {
@@ -299,30 +299,14 @@ impl Sweep {
         Ok(Outcome { before: 0, failed })
     }
 
-    /// Runs these cases on this many threads, and hands over the rows as they arrive.
-    fn work(
-        &self,
-        todo: &[usize],
-        threads: usize,
-        mut write: impl FnMut(Vec<Vec<String>>) -> io::Result<()>,
-    ) -> io::Result<()> {
+    /// Runs these cases on the pool of the program, in order, and hands over the rows as they arrive.
+    fn work(&self, todo: &[usize], mut write: impl FnMut(Vec<Vec<String>>) -> io::Result<()>) -> io::Result<()> {
         let progress = Progress::new("sweeping", todo.len() as u64);
-        let next = AtomicUsize::new(0);
-        let threads = threads.clamp(1, todo.len().max(1));
-        std::thread::scope(|scope| -> io::Result<()> {
-            let (sender, rows) = mpsc::channel();
-            for _ in 0..threads {
-                let (sender, next) = (sender.clone(), &next);
-                scope.spawn(move || {
-                    while let Some(case) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
-                        // The receiver is gone once the disk is full.
-                        if sender.send(self.row(*case)).is_err() {
-                            break;
-                        }
-                    }
-                });
-            }
-            drop(sender);
+        let (sender, rows) = mpsc::channel();
+        rayon::in_place_scope(move |scope| {
+            // The receiver is dropped when the disk is full; no further case is begun then.
+            let send = |sender: &mut mpsc::Sender<_>, case: &usize| sender.send(self.row(*case));
+            scope.spawn(move |_| drop(todo.iter().par_bridge().try_for_each_with(sender, send)));
             let mut count = 0;
             while let Ok(row) = rows.recv() {
                 // Rows that have arrived meanwhile are written with it.

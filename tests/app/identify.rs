@@ -204,7 +204,7 @@ fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
             bench[at].knowledge = likelihood::Knowledge::Tolerance(std);
         }
     }
-    Question { config, bench, lambda0_nm2_a2: None, threads: 1 }
+    Question { config, bench, lambda0_nm2_a2: None }
 }
 
 fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {
@@ -462,6 +462,36 @@ fn what_says_nothing_is_not_valid() {
     montecarlo::cases::modulation(&mut scenario, 0.5, 110.0);
     let answer = ask(&[of(&scenario)], &[]);
     assert!(answer.valid, "{} {:?}", answer.verdict, answer.findings);
+}
+
+/// Rows that are missing at random, alone and in bursts, and single cells: the answer has the stated standard deviation.
+#[test]
+fn what_is_missing_is_a_gap() {
+    let (_, recording) = run(montecarlo::NOISE, 0.4);
+    let text = csv(&recording);
+    type Missing = fn(usize, &[f64], &[f64]) -> bool;
+    let cases: [(&str, Missing); 3] = [
+        ("3 % at random", |row, single, _| single[row] < 0.03),
+        ("half, in bursts", |row, _, bursts| bursts[row / 40] < 0.5),
+        ("four of every 24", |row, _, _| row % 24 < 4),
+    ];
+    for (name, is_missing) in cases {
+        let mut random = crate::support::Random::new(7);
+        let mut draw = || (0..recording.time_s.len()).map(|_| random.between(0.0, 1.0)).collect::<Vec<f64>>();
+        let (single, bursts) = (draw(), draw());
+        let (header, rows) = text.split_once('\n').expect("a header");
+        let rows = rows.lines().enumerate().filter(|(row, _)| !is_missing(*row, &single, &bursts));
+        let lossy: String = rows.map(|(_, line)| format!("{line}\n")).collect();
+        let samples = Samples::read(&format!("{header}\n{lossy}"), &Reading::default()).expect("a usable recording");
+        let answer = ask(&[samples], &[]);
+        println!("{name}: {} {:?}", answer.verdict, answer.findings);
+        assert!(answer.valid, "{name}: {} {:?}", answer.verdict, answer.findings);
+        for (lambda, truth) in answer.found.expect("estimates").lambda.iter().zip(TRUTH) {
+            let ratio = (lambda.value - truth) / lambda.total_std;
+            println!("  {lambda:?}: {ratio:.1} standard deviations");
+            assert!(ratio.abs() < 4.0, "{name}: {lambda:?}: {ratio:.1} standard deviations");
+        }
+    }
 }
 
 /// Currents in a table of their own: held ones at four times the rate, and points of a continuous current at another rate.

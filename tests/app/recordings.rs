@@ -1,5 +1,7 @@
 //! Reading recordings: times, rates, encodings, separators, units, headers, and units that were misread.
 
+use std::io::Write;
+
 use magnetic_bearing::studies::identify::{Reading, Samples, duration_s, rate_s};
 
 use crate::support::Random;
@@ -43,6 +45,12 @@ impl Bench {
     }
 }
 
+/// Compressed by gzip.
+fn zipped(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(bytes).and_then(|()| encoder.finish()).expect("a vector takes everything")
+}
+
 /// Equally distributed over ±`size`.
 fn jitter(seed: u64, rows: usize, size: f64) -> Vec<f64> {
     let mut random = Random::new(seed);
@@ -53,6 +61,9 @@ fn jitter(seed: u64, rows: usize, size: f64) -> Vec<f64> {
 fn the_pace_is_a_straight_line_through_the_stamps() {
     let rows = BENCH.rows;
     let jittered = jitter(1, rows, 5e-6);
+    let mut lost = jitter(5, rows, 1.0);
+    // The first and the last row are there.
+    (lost[0], lost[rows - 1], lost[(rows - 1) / 7]) = (1.0, 1.0, 1.0);
     let late: Vec<f64> = jitter(2, rows, 1.0).iter().map(|u| 2e-6 * -(0.5 + 0.5 * u).max(1e-9).ln()).collect();
     let at = |j: usize| 1e-4 * j as f64;
     let some = |text: String| Some(text);
@@ -167,6 +178,30 @@ fn the_pace_is_a_straight_line_through_the_stamps() {
             1e-4,
             rows,
             "3500 rows are missing at 1 places, the first after line 501",
+        ),
+        (
+            "3 % lost at random",
+            "time [s]",
+            Box::new(|j| (lost[j] > -0.94).then(|| format!("{:.4}", at(j)))),
+            1e-4,
+            rows,
+            "rows are missing at",
+        ),
+        (
+            "40 % lost at random, jitter",
+            "time [s]",
+            Box::new(|j| (lost[j] > -0.2).then(|| format!("{:.7}", at(j) + jittered[j]))),
+            1e-4,
+            rows,
+            "rows are missing at",
+        ),
+        (
+            "lost in bursts",
+            "time [s]",
+            Box::new(|j| (lost[j / 7] > -0.5).then(|| format!("{:.5}", 1.0417 * at(j)))),
+            1.0417e-4,
+            rows,
+            "rows are missing at",
         ),
         (
             "outliers",
@@ -335,6 +370,8 @@ fn encodings_separators_and_decimal_commas() {
         ("commas", points.into_bytes()),
         ("row of units", row.into_bytes()),
         ("torn", text.as_bytes()[..text.len() - 25].to_vec()),
+        ("gzip", zipped(text.as_bytes())),
+        ("gzip, UTF-16 LE", zipped(&sixteen(u16::to_le_bytes, true))),
     ];
     for (name, bytes) in cases {
         let samples = Samples::read_from(bytes.as_slice(), &reading).unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -346,6 +383,9 @@ fn encodings_separators_and_decimal_commas() {
         assert!((samples.theta_rad[last] - plain[last][6]).abs() < 1e-5, "{name}: {}", samples.theta_rad[last]);
         assert_eq!(samples.implausible(5e-4), [], "{name}");
     }
+    let whole = zipped(text.as_bytes());
+    let error = Samples::read_from(&whole[..whole.len() / 2], &reading).expect_err("half a file").to_string();
+    assert!(error.contains("the text cannot be read"), "{error}");
     // Decimal commas in a table that is separated by commas would shift the columns.
     let shifted = text.replace(';', ",");
     let error = Samples::read(&shifted, &reading).expect_err("more cells than the header has").to_string();

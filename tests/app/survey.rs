@@ -7,8 +7,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use fmu_export::variable::Value;
 use magnetic_bearing::fmu::estimator::METHOD;
@@ -105,29 +104,18 @@ fn open(name: &str) -> Scenario {
 /// Runs all cases on all processors; per group and method: what was said, worst first.
 fn survey(
     cases: u64,
-    make: impl Fn(u64) -> (String, Scenario) + Sync,
+    make: impl Fn(u64) -> (String, Scenario) + Send + Sync,
 ) -> BTreeMap<(String, &'static str), Vec<(u64, Said)>> {
-    let next = AtomicU64::new(0);
-    let found = Mutex::new(BTreeMap::<_, Vec<_>>::new());
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                loop {
-                    let case = next.fetch_add(1, Ordering::Relaxed);
-                    if case >= cases {
-                        break;
-                    }
-                    let (group, scenario) = make(case);
-                    for (method, said) in run(&scenario) {
-                        let mut found = found.lock().expect("no thread has panicked");
-                        found.entry((group.clone(), method)).or_default().push((case, said));
-                    }
-                }
-            });
-        }
+    let runs = montecarlo::in_parallel(cases as usize, |case| {
+        let (group, scenario) = make(case as u64);
+        (group, run(&scenario))
     });
-    let mut found = found.into_inner().expect("no thread has panicked");
+    let mut found = BTreeMap::<_, Vec<_>>::new();
+    for (case, (group, methods)) in (0..).zip(runs) {
+        for (method, said) in methods {
+            found.entry((group.clone(), method)).or_default().push((case, said));
+        }
+    }
     found.values_mut().for_each(|list| list.sort_by(|a, b| b.1.worst.total_cmp(&a.1.worst)));
     found
 }

@@ -25,7 +25,7 @@ fn cell<'r>(rows: &'r [csv::StringRecord], header: &csv::StringRecord, row: usiz
 fn a_failing_case_is_a_row_with_its_message() {
     let design = Sweep::open(&design("cases.csv"), None).expect("a valid design");
     let out = fresh("failing.csv");
-    design.run(&out, 2).expect("the sweep runs");
+    design.run(&out).expect("the sweep runs");
     let mut reader = csv::Reader::from_path(&out).expect("rows");
     let header = reader.headers().expect("a header").clone();
     let rows: Vec<_> = reader.records().map(|row| row.expect("a row")).collect();
@@ -48,7 +48,7 @@ fn a_failing_case_is_a_row_with_its_message() {
 fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
     let design = Sweep::open(&design("cases.csv"), None).expect("a valid design");
     let whole = fresh("whole.csv");
-    design.run(&whole, 1).expect("the sweep runs");
+    design.run(&whole).expect("the sweep runs");
     let text = fs::read_to_string(&whole).expect("rows");
     let lines: Vec<&str> = text.lines().collect();
 
@@ -56,15 +56,15 @@ fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
     let torn = fresh("torn.csv");
     let left = format!("{}\n{}\n{}\n{}", lines[0], lines[5], lines[2], &lines[6][..20]);
     fs::write(&torn, left).expect("a file can be written");
-    let before = design.run(&torn, 2).expect("the sweep resumes");
+    let before = design.run(&torn).expect("the sweep resumes");
     assert_eq!(before, Outcome { before: 2, failed: 3 });
     assert_eq!(fs::read_to_string(&torn).expect("rows"), text, "the same rows in the same order");
-    assert_eq!(design.run(&torn, 2).expect("there is nothing left to do").before, 6);
+    assert_eq!(design.run(&torn).expect("there is nothing left to do").before, 6);
     assert_eq!(fs::read_to_string(&torn).expect("rows"), text);
 
     // With an incomplete header the sweep starts again.
     fs::write(&torn, "case,se").expect("a file can be written");
-    assert_eq!(design.run(&torn, 2).expect("the sweep begins").before, 0);
+    assert_eq!(design.run(&torn).expect("the sweep begins").before, 0);
     assert_eq!(fs::read_to_string(&torn).expect("rows"), text);
 }
 
@@ -72,19 +72,19 @@ fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
 fn rows_of_another_design_or_scenario_are_not_mixed_in() {
     let one = Sweep::open(&design("cases.csv"), None).expect("a valid design");
     let out = fresh("foreign.csv");
-    one.run(&out, 2).expect("the sweep runs");
+    one.run(&out).expect("the sweep runs");
     let before = fs::read_to_string(&out).expect("rows");
     let other = Sweep::open(&design("cases.csv"), Some(Path::new("paper"))).expect("a valid design");
-    let error = other.run(&out, 2).expect_err("another scenario").to_string();
+    let error = other.run(&out).expect_err("another scenario").to_string();
     assert!(error.contains("another design or scenario"), "{error}");
     let other = Sweep::open(&design("hypercube.toml"), None).expect("a valid design");
-    let error = other.run(&out, 2).expect_err("another design").to_string();
+    let error = other.run(&out).expect_err("another design").to_string();
     assert!(error.contains("other columns"), "{error}");
     assert_eq!(fs::read_to_string(&out).expect("rows"), before);
     // Nor is any other file, whose last line is not an incomplete row.
     for foreign in ["not mine", "title = 1\nstep"] {
         fs::write(&out, foreign).expect("a file can be written");
-        let error = one.run(&out, 2).expect_err("a file of another kind").to_string();
+        let error = one.run(&out).expect_err("a file of another kind").to_string();
         assert!(error.contains("no rows of a sweep"), "{error}");
         assert_eq!(fs::read_to_string(&out).expect("the file"), foreign);
     }

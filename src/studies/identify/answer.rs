@@ -43,8 +43,6 @@ pub struct Question {
     pub bench: [Told; BENCH],
     /// First guess of λ, N·m²/A²; by default the on-line estimator makes one.
     pub lambda0_nm2_a2: Option<[f64; 3]>,
-    /// Threads to work with.
-    pub threads: usize,
 }
 
 /// Columns of a recording as the likelihood takes them.
@@ -205,7 +203,6 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
     let options = Options {
         bench: question.bench,
         lambda0_nm2_a2: question.lambda0_nm2_a2,
-        threads: question.threads,
         ..Options::new(config.m_kg, config.gap_m, config.alpha_rad)
     };
     let hold = hold_of(config.hold);

@@ -76,15 +76,13 @@ pub struct Options {
     pub lambda0_nm2_a2: Option<[f64; 3]>,
     /// What is told of the bench, by the order of [`PARAMETERS`].
     pub bench: [Told; BENCH],
-    /// Threads to work with, at least 1. The result does not depend on it.
-    pub threads: usize,
 }
 
 impl Options {
     /// A bearing whose bench is exactly as told.
     #[must_use]
     pub fn new(m_kg: f64, gap_m: f64, alpha_rad: [f64; 3]) -> Self {
-        Self { m_kg, gap_m, alpha_rad, lambda0_nm2_a2: None, bench: [Told::default(); BENCH], threads: 1 }
+        Self { m_kg, gap_m, alpha_rad, lambda0_nm2_a2: None, bench: [Told::default(); BENCH] }
     }
 }
 
@@ -269,15 +267,6 @@ pub enum Change {
     },
 }
 
-/// See [`score_at`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct Score {
-    /// By unknown, per unit of the unknown.
-    pub score: Vec<f64>,
-    /// Information matrix, row by row.
-    pub information: Vec<Vec<f64>>,
-}
-
 /// The answer for all recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
@@ -325,26 +314,6 @@ pub const SHORTEST: usize = 16;
 pub fn identify(recordings: &[Recording<'_>], options: &Options) -> Result<Identification, Failed> {
     check(recordings, options)?;
     search::identify(recordings, options)
-}
-
-/// The Cramér–Rao bound of all unknowns along recordings without noise, whose noise levels are told: standard deviations of λ
-/// (N·m²/A²), U cos φ and U sin φ (kg·m), the bench parameters, and of the loads (N), two for each recording; 0 for what is not estimated.
-///
-/// # Errors
-/// As for [`identify`].
-pub fn cramer_rao(recordings: &[Recording<'_>], options: &Options) -> Result<Vec<f64>, Failed> {
-    check(recordings, options)?;
-    search::cramer_rao(recordings, options)
-}
-
-/// Score and information of all unknowns at given parameters, every recording smoothed about them: λ (N·m²/A²), U cos φ and U sin φ
-/// (kg·m), the bench parameters, and the loads (N), two for each recording. At the truth the score has no expectation.
-///
-/// # Errors
-/// As for [`identify`].
-pub fn score_at(recordings: &[Recording<'_>], options: &Options, unknowns: &[f64]) -> Result<Score, Failed> {
-    check(recordings, options)?;
-    search::score_at(recordings, options, unknowns)
 }
 
 fn check(recordings: &[Recording<'_>], options: &Options) -> Result<(), Failed> {

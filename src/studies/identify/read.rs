@@ -1,9 +1,9 @@
 //! Recordings of test benches: tables of text with all their imperfections, made into samples at a uniform pace.
 
-mod gaps;
 mod header;
 mod pace;
 mod plausible;
+mod signals;
 mod stamps;
 mod table;
 mod text;
@@ -12,6 +12,7 @@ mod units;
 use std::io::Read;
 
 use self::header::{CURRENTS, OMEGA, POSITIONS, SIGNALS, THETA, TIME_AT};
+use self::signals::Known;
 use self::table::Table;
 
 pub use self::plausible::Finding;
@@ -24,10 +25,10 @@ pub const FILLED: usize = 3;
 /// So many samples of both positions a recording must have.
 const LEAST: usize = 20;
 
-/// How far an instant may be from a sample to count as its own, in sample times.
+/// The time stamps may lead away from the samples that are to be interpolated by so many sample times at the end of the recording.
 const NEAR: f64 = 0.05;
 
-/// A rate that is told and the slope of the time stamps may differ by so much; quartz clocks differ by a tenth of it.
+/// A rate that is given and the slope of the time stamps may differ by so much; quartz clocks differ by a tenth of it.
 const CLOCKS: f64 = 1e-3;
 
 /// How the columns are to be read.
@@ -93,9 +94,9 @@ pub struct Samples {
     pub wrap_rad: Option<f64>,
     /// The units that the recorded signals were taken to be in, by the order (time, Ym, Zm, im\[1\], im\[2\], im\[3\], theta, omega).
     pub units: [Option<&'static str>; 8],
-    /// The currents at instants of their own, if they were recorded apart: in s and A.
-    pub apart: Option<(Vec<f64>, [Vec<f64>; 3])>,
-    /// What was found and done, in sentences.
+    /// The currents at places of their own, in samples from the first, if they were recorded at another rate.
+    pub apart: Option<[Vec<(f64, f64)>; 3]>,
+    /// Remarks, in sentences.
     pub notes: Vec<String>,
 }
 
@@ -120,25 +121,22 @@ impl Samples {
     /// The currents with a value at every sample where one can be had.
     #[must_use]
     pub fn currents(&self, how: Currents) -> [Vec<f64>; 3] {
-        if let Some((time, columns)) = &self.apart {
-            return std::array::from_fn(|k| {
-                let instants = (0..self.len()).map(|j| self.start_s + j as f64 * self.step_s);
-                gaps::resampled(time, &columns[k], instants, self.step_s, how)
-            });
+        match &self.apart {
+            Some(apart) => apart.each_ref().map(|current| signals::resampled(current, self.len(), how)),
+            None => self.current_a.clone(),
         }
-        std::array::from_fn(|k| gaps::fill_current(&self.current_a[k], how))
     }
 
     /// Reads a recording, row by row.
     ///
-    /// The text may be UTF-8, UTF-16 or Windows-1252. Columns are separated by comma, semicolon or tab, whichever the header
+    /// The text may be UTF-8, UTF-16 or Windows-1252, also compressed by gzip. Columns are separated by comma, semicolon or tab, whichever the header
     /// has most of; a decimal comma is understood where they are not separated by commas. Empty cells and `NaN` are missing
     /// values. Time stamps are numbers, Unix times or ISO 8601; the samples are taken to be on the straight line through them.
     ///
     /// # Errors
     /// Everything that keeps the recording from being used.
     pub fn read_from(recording: impl Read, reading: &Reading) -> Result<Self, Unusable> {
-        samples(Table::read(recording, reading, |_| true)?, reading)
+        samples(&Table::read(recording, reading, |_| true)?, reading).map_err(Unusable)
     }
 
     /// Reads a recording that is a text already.
@@ -164,76 +162,95 @@ impl Samples {
     /// As for [`Samples::read_from`], of both tables.
     pub fn read_apart_from(motion: impl Read, currents: impl Read, reading: &Reading) -> Result<Self, Unusable> {
         let motion = Table::read(motion, reading, |signal| !CURRENTS.contains(&signal));
-        // The tables need not have the same name for the time, nor is it read in the same unit.
-        let own = |signal: &str| CURRENTS.map(|at| SIGNALS[at].name).any(|name| name == signal);
-        let mut told = Reading { rate_s: None, ..reading.clone() };
-        let wanted = |signal: usize| signal == TIME_AT || CURRENTS.contains(&signal);
-        let mut text = Vec::new();
-        let mut currents = currents;
-        if let Err(error) = currents.read_to_end(&mut text) {
-            return Err(Unusable(vec![format!("the table of the currents cannot be read: {error}")]));
-        }
-        let mut apart = Table::read(text.as_slice(), &told, wanted);
-        if apart.is_err() {
-            told.columns.retain(|(signal, _)| own(signal));
-            told.units.retain(|(signal, _)| own(signal));
-            apart = Table::read(text.as_slice(), &told, wanted).map_err(|second| apart.err().unwrap_or(second));
-        }
-        drop(text);
-        let (motion, mut apart) = match (motion, apart) {
-            (Ok(motion), Ok(apart)) => (motion, apart),
-            (motion, apart) => {
-                let of = |findings: Option<Unusable>, what: &str| {
-                    let findings = findings.map(|unusable| unusable.0).unwrap_or_default();
-                    findings.into_iter().map(|finding| format!("{what}: {finding}")).collect::<Vec<_>>()
+        let (motion, currents) = match (motion, table_of_currents(currents, reading)) {
+            (Ok(motion), Ok(currents)) => (motion, currents),
+            (motion, currents) => {
+                let of = |unusable: Option<Unusable>, table: &'static str| {
+                    unusable
+                        .into_iter()
+                        .flat_map(|unusable| unusable.0)
+                        .map(move |finding| format!("{table}: {finding}"))
                 };
-                let mut findings = of(motion.err(), "positions");
-                findings.extend(of(apart.err(), "currents"));
-                return Err(Unusable(findings));
+                return Err(Unusable(of(motion.err(), "positions").chain(of(currents.err(), "currents")).collect()));
             }
         };
-        let origin_ns = |table: &Table| table.stamps.as_ref().map_or(0, stamps::Stamps::origin_ns);
-        let later_s = (origin_ns(&apart) - origin_ns(&motion)) as f64 * 1e-9;
-        let mut samples = samples(motion, reading)?;
-        let known =
-            |row: &usize| [TIME_AT].into_iter().chain(CURRENTS).all(|signal| apart.columns[signal][*row].is_finite());
-        let rows: Vec<usize> = (0..apart.lines.len()).filter(known).collect();
-        let column = |signal: usize| rows.iter().map(|row| apart.columns[signal][*row]).collect::<Vec<f64>>();
-        let time: Vec<f64> = column(TIME_AT).into_iter().map(|time| time + later_s).collect();
-        if time.len() < LEAST {
-            return Err(Unusable(vec![format!(
-                "currents: {} samples of all of them, {LEAST} at least are wanted",
-                time.len()
-            )]));
-        }
-        if let Some(row) = time.windows(2).position(|pair| pair[1] <= pair[0]) {
-            return Err(Unusable(vec![format!(
-                "currents: time does not rise from line {} to line {}",
-                apart.lines[rows[row]],
-                apart.lines[rows[row + 1]]
-            )]));
-        }
-        let end_s = samples.start_s + samples.len() as f64 * samples.step_s;
-        if time[0] > end_s || time[time.len() - 1] < samples.start_s {
-            return Err(Unusable(vec![format!(
-                "currents: their times, from {} to {}, and those of the positions, from {} to {}, have nothing in common; one \
-                 clock is wanted",
-                units::time(time[0]),
-                units::time(time[time.len() - 1]),
-                units::time(samples.start_s),
-                units::time(end_s)
-            )]));
-        }
-        samples.notes.append(&mut apart.notes);
-        samples.notes.push(format!(
-            "The currents have {} samples of their own, every {}.",
-            time.len(),
-            units::time(units::significant(gaps::median(&time), 4).parse().unwrap_or(f64::NAN))
-        ));
-        samples.units[CURRENTS].copy_from_slice(&apart.units[CURRENTS]);
-        let currents = std::array::from_fn(|k| column(CURRENTS.start + k));
-        samples.apart = Some((time, currents));
+        let later_s = (currents.origin_ns() - motion.origin_ns()) as f64 * 1e-9;
+        let mut samples = samples(&motion, reading).map_err(Unusable)?;
+        samples.take_currents(currents, later_s).map_err(|finding| Unusable(vec![format!("currents: {finding}")]))?;
         Ok(samples)
+    }
+
+    /// Takes over the currents of a table whose clock began so much later.
+    fn take_currents(&mut self, table: Table, later_s: f64) -> Result<(), String> {
+        let rows = table.known([TIME_AT].into_iter().chain(CURRENTS));
+        if rows.len() < LEAST {
+            return Err(format!("{} samples of all of them, {LEAST} at least are wanted", rows.len()));
+        }
+        table.check_rising(&rows)?;
+        let time_s = |row: usize| table.columns[TIME_AT][row] + later_s;
+        let [begin_s, end_s] = [rows[0], rows[rows.len() - 1]].map(time_s);
+        let last_s = self.start_s + self.len() as f64 * self.step_s;
+        if begin_s > last_s || end_s < self.start_s {
+            let [begin, end, first, last] = [begin_s, end_s, self.start_s, last_s].map(time);
+            return Err(format!(
+                "their times, from {begin} to {end}, and those of the positions, from {first} to {last}, have nothing in common; \
+                 one clock is wanted"
+            ));
+        }
+        let place = |row: usize| (time_s(row) - self.start_s) / self.step_s;
+        let current = |at: usize| rows.iter().map(|row| (place(*row), table.columns[at][*row])).collect();
+        let currents = [0, 1, 2].map(|k| current(CURRENTS.start + k));
+        self.notes.extend(table.notes);
+        self.units[CURRENTS].copy_from_slice(&table.units[CURRENTS]);
+        self.take_apart(currents);
+        Ok(())
+    }
+
+    /// Takes over angle and speed, and completes one from the other or from the speed that was given.
+    fn take_rotation(&mut self, theta: Known, omega: Known, given_rad_s: Option<f64>) {
+        let line =
+            |known: &Known| if known.is_empty() { Vec::new() } else { signals::straight(known, self.len(), true) };
+        (self.theta_rad, self.omega_rad_s) = (line(&theta), line(&omega));
+        let (rotation, note) = match (theta.is_empty(), omega.is_empty(), given_rad_s) {
+            (false, false, _) => (Rotation::Both, None),
+            (false, true, _) => {
+                self.omega_rad_s = signals::slope(&self.theta_rad, self.step_s);
+                (Rotation::Angle, Some("There is no speed; it is the slope of the angle.".into()))
+            }
+            (true, false, _) => (Rotation::Speed, None),
+            (true, true, Some(speed)) => {
+                self.omega_rad_s = vec![speed; self.len()];
+                (Rotation::Told, Some(format!("The speed is taken to be {} rad/s, as told.", significant(speed, 6))))
+            }
+            (true, true, None) => (
+                Rotation::Unknown,
+                Some("There is neither angle nor speed: the unbalance cannot be identified.".into()),
+            ),
+        };
+        self.rotation = rotation;
+        self.notes.extend(note);
+        if matches!(self.rotation, Rotation::Speed | Rotation::Told) {
+            let turned = self.omega_rad_s.iter().scan(0.0, |angle, omega| {
+                let now = *angle;
+                *angle += omega * self.step_s;
+                Some(now)
+            });
+            self.theta_rad = turned.collect();
+            self.notes.push(
+                "There is no angle; it is the integral of the speed, and the phase of the unbalance counts from it."
+                    .into(),
+            );
+        }
+    }
+
+    /// Takes over currents at places of their own.
+    fn take_apart(&mut self, currents: [Known; 3]) {
+        self.notes.push(format!(
+            "The currents have {} samples of their own, every {}.",
+            currents[0].len(),
+            units::rounded_time(self.step_s * signals::distance(&currents[0]), 4)
+        ));
+        self.apart = Some(currents);
     }
 
     /// What looks like a misread unit, by magnitude and by comparison of the signals with each other; `gap_m` is the nominal
@@ -244,363 +261,136 @@ impl Samples {
     }
 }
 
-/// Which sample each row belongs to.
+/// Reads a table of currents. It need not have the same name for the time as that of the positions, nor the same unit.
+fn table_of_currents(mut from: impl Read, reading: &Reading) -> Result<Table, Unusable> {
+    let mut text = Vec::new();
+    from.read_to_end(&mut text)
+        .map_err(|error| Unusable(vec![format!("the table of the currents cannot be read: {error}")]))?;
+    let wanted = |signal: usize| signal == TIME_AT || CURRENTS.contains(&signal);
+    let mut reading = Reading { rate_s: None, ..reading.clone() };
+    Table::read(text.as_slice(), &reading, wanted).or_else(|first| {
+        let is_current = |name: &str| SIGNALS[CURRENTS].iter().any(|signal| signal.name == name);
+        reading.columns.retain(|(signal, _)| is_current(signal));
+        reading.units.retain(|(signal, _)| is_current(signal));
+        Table::read(text.as_slice(), &reading, wanted).map_err(|_| first)
+    })
+}
+
+/// Where the samples are, and which of them each row is.
 struct Grid {
     start_s: f64,
     step_s: f64,
     count: usize,
-    /// The sample that a row is.
-    sample: Vec<Option<u32>>,
-    /// The sample at the end of the interval in which a row lies, for currents that come more often than the positions.
-    interval: Vec<Option<u32>>,
+    /// The place of each row, in samples from the first; NaN for rows that have none.
+    place: Vec<f64>,
+}
+
+/// Where the rows of a table are.
+fn grid(table: &Table, reading: &Reading, notes: &mut Vec<String>) -> Result<Grid, Vec<String>> {
+    let refuse = |why: String| Err(vec![why]);
+    let few = |count: usize| format!("{count} samples of both positions, {LEAST} at least are wanted");
+    let Some(_) = &table.stamps else {
+        let count = table.lines.len();
+        return match (table.known(POSITIONS).len(), reading.rate_s) {
+            (0..LEAST, _) => refuse(few(table.known(POSITIONS).len())),
+            (_, None) => refuse("there are no time stamps and no rate; --rate is wanted".into()),
+            (_, Some(step_s)) => {
+                Ok(Grid { start_s: 0.0, step_s, count, place: (0..count).map(|row| row as f64).collect() })
+            }
+        };
+    };
+    let stamp_s = &table.columns[TIME_AT];
+    let timed = table.known([TIME_AT]);
+    // The pace is that of the positions; currents may have one of their own.
+    let at = table.known([TIME_AT].into_iter().chain(POSITIONS));
+    if at.len() < LEAST {
+        return refuse(few(at.len()));
+    }
+    // Where a position is missing now and then its row still counts; where most rows have none, the others do.
+    let is_dense = 2 * at.len() > timed.len();
+    let rows = if is_dense { &timed } else { &at };
+    let stamps: Vec<f64> = rows.iter().map(|row| stamp_s[*row]).collect();
+    let found = pace::find(&stamps, |row| table.lines[rows[row]]);
+    let same = |a: f64, b: f64, freedom: f64| (a / b - 1.0).abs() <= freedom;
+    let pace = match (found, reading.resample_s) {
+        (Ok(pace), Some(wanted)) if same(pace.step_s, wanted, NEAR / at.len() as f64) => pace,
+        (_, Some(wanted)) => {
+            table.check_rising(&timed).map_err(|why| vec![why])?;
+            notes.push(
+                "The recording was interpolated, at the price of errors that the standard deviation does not include."
+                    .into(),
+            );
+            let start_s = stamp_s[at[0]];
+            let place: Vec<f64> = stamp_s.iter().map(|stamp| (stamp - start_s) / wanted).collect();
+            let count = place[at[at.len() - 1]] + 1e-6;
+            // The same limit as for a recording that is not interpolated.
+            if !(count >= LEAST as f64 && count < 100.0 * stamp_s.len() as f64) {
+                return refuse(format!(
+                    "--resample {wanted}: {count:.0} samples would come from {} rows",
+                    stamp_s.len()
+                ));
+            }
+            return Ok(Grid { start_s, step_s: wanted, count: count as usize + 1, place });
+        }
+        (found, None) => found?,
+    };
+    notes.extend(pace.notes);
+    let mut place: Vec<f64> = stamp_s.iter().map(|stamp| (stamp - pace.start_s) / pace.step_s).collect();
+    if !is_dense {
+        table.check_rising(&timed).map_err(|why| vec![why])?;
+    }
+    for (row, own) in rows.iter().zip(pace.place) {
+        place[*row] = own;
+    }
+    let step_s = reading.rate_s.unwrap_or(pace.step_s);
+    if !same(pace.step_s, step_s, CLOCKS) {
+        return refuse(format!(
+            "the rate that was told has samples {} apart, the time stamps {}; they must agree within {} %",
+            time(step_s),
+            time(pace.step_s),
+            100.0 * CLOCKS
+        ));
+    }
+    // The grid reaches from the first row with both positions to the last.
+    let mut placed = at.iter().map(|row| place[*row]).filter(|place| place.is_finite());
+    let first = placed.next().unwrap_or(0.0);
+    let count = placed.next_back().unwrap_or(first) - first + 1.0;
+    place.iter_mut().for_each(|place| *place -= first);
+    Ok(Grid { start_s: pace.start_s + first * step_s, step_s, count: count as usize, place })
 }
 
 /// Brings the rows of a table to a uniform pace.
-fn samples(table: Table, reading: &Reading) -> Result<Samples, Unusable> {
-    let Table { mut columns, mut lines, units, stamps, mut notes } = table;
-    let refuse = |why: String| Err(Unusable(vec![why]));
-    if stamps.is_some() {
-        // Rows without a time are of no use.
-        let keep: Vec<bool> = columns[TIME_AT].iter().map(|time| time.is_finite()).collect();
-        if keep.contains(&false) {
-            for column in columns.iter_mut().filter(|column| !column.is_empty()) {
-                let mut rows = keep.iter();
-                column.retain(|_| *rows.next().unwrap_or(&false));
-            }
-            let mut rows = keep.iter();
-            lines.retain(|_| *rows.next().unwrap_or(&false));
-        }
-    }
-    // The pace is that of the positions; currents may have one of their own.
-    let known = |row: &usize| {
-        POSITIONS.into_iter().all(|signal| columns[signal].get(*row).is_some_and(|value| value.is_finite()))
-    };
-    let at: Vec<usize> = (0..lines.len()).filter(known).collect();
-    if at.len() < LEAST {
-        return refuse(format!("{} samples of both positions, {LEAST} at least are wanted", at.len()));
-    }
-    let time = std::mem::take(&mut columns[TIME_AT]);
-    let mut findings = Vec::new();
-    let grid = match &stamps {
-        None => match reading.rate_s {
-            Some(step_s) => Some(grid_of_rows(step_s, lines.len())),
-            None => return refuse("there are no time stamps and no rate; --rate is wanted".into()),
-        },
-        Some(_) => match grid_of_stamps(&time, &at, &lines, reading, &mut notes) {
-            Ok(grid) => grid,
-            Err(mut why) => {
-                findings.append(&mut why);
-                None
-            }
-        },
-    };
-    if !findings.is_empty() {
-        return Err(Unusable(findings));
-    }
-    let mut samples = Samples { units, ..Samples::default() };
-    let jumps;
-    (jumps, samples.wrap_rad) = wrap(&columns[THETA]);
-    match grid {
-        Some(grid) => take_rows(&mut samples, &grid, columns, jumps, &mut notes),
-        None => {
-            let step_s = reading.resample_s.unwrap_or(f64::NAN);
-            if let Some(row) = time.windows(2).position(|pair| pair[1] <= pair[0]) {
-                return refuse(format!("time does not rise from line {} to line {}", lines[row], lines[row + 1]));
-            }
-            let end_s = time[at[at.len() - 1]];
-            samples.start_s = time[at[0]];
-            samples.step_s = step_s;
-            let count = (end_s - samples.start_s) / step_s + 1e-6;
-            // The same limit as for a recording that is not interpolated.
-            if !(count >= LEAST as f64 && count < 100.0 * lines.len() as f64) {
-                return refuse(format!("--resample {step_s}: {count:.0} samples would come from {} rows", lines.len()));
-            }
-            interpolate_rows(&mut samples, count as usize + 1, &time, columns, jumps, &mut notes);
-        }
-    }
-    let count = samples.len();
-    notes.insert(0, format!("{count} samples of {}.", units::time(samples.step_s)));
-    take_rotation(&mut samples, reading, &mut notes);
-    samples.notes = notes;
-    Ok(samples)
-}
-
-/// Rows without time stamps follow each other at the rate that was told.
-fn grid_of_rows(step_s: f64, count: usize) -> Grid {
-    let sample: Vec<Option<u32>> = (0..count as u32).map(Some).collect();
-    Grid { start_s: 0.0, step_s, count, interval: sample.clone(), sample }
-}
-
-/// The pace that the time stamps have; none if it is to be interpolated.
-fn grid_of_stamps(
-    time: &[f64],
-    at: &[usize],
-    lines: &[u32],
-    reading: &Reading,
-    notes: &mut Vec<String>,
-) -> Result<Option<Grid>, Vec<String>> {
-    // Where a position is missing now and then its row still counts; where most rows have none, the others do.
-    let all = 2 * at.len() > lines.len();
-    let found = if all {
-        pace::find(time, |row| lines[row])
-    } else {
-        let own: Vec<f64> = at.iter().map(|row| time[*row]).collect();
-        pace::find(&own, |row| lines[at[row]])
-    };
-    let same = |a: f64, b: f64, freedom: f64| (a / b - 1.0).abs() <= freedom;
-    let pace = match (found, reading.resample_s) {
-        (Ok(pace), Some(told)) if !same(pace.step_s, told, NEAR / at.len() as f64) => {
-            notes.push(format!(
-                "The recording has a pace of {}; it was interpolated, as told.",
-                units::time(pace.step_s)
-            ));
-            return Ok(None);
-        }
-        (Err(_), Some(_)) => {
-            notes.push(
-                "The recording has no uniform pace; it was interpolated, at the price of errors that the standard deviation \
-                 does not know."
-                    .into(),
-            );
-            return Ok(None);
-        }
-        (found, _) => found?,
-    };
-    let mut step_s = pace.step_s;
-    if let Some(told) = reading.rate_s {
-        if !same(step_s, told, CLOCKS) {
-            return Err(vec![format!(
-                "the rate that was told has samples {} apart, the time stamps {}; they must agree within {} %",
-                units::time(told),
-                units::time(step_s),
-                100.0 * CLOCKS
-            )]);
-        }
-        step_s = told;
-    }
-    notes.extend(pace.notes);
-    let (sample, interval): (Vec<_>, Vec<_>) = if all {
-        (pace.place.clone(), pace.place)
-    } else {
-        let near = NEAR.max(3.0 * pace.scatter).min(0.3);
-        let place = |time: &f64| (time - pace.start_s) / pace.step_s;
-        let mut sample = vec![None; time.len()];
-        for (row, place) in at.iter().zip(&pace.place) {
-            sample[*row] = *place;
-        }
-        let interval =
-            time.iter().map(place).map(|place| (place - near).ceil()).map(|end| (end >= 0.0).then_some(end as u32));
-        (sample, interval.collect())
-    };
-    // The grid reaches from the first row with both positions to the last.
-    let first = at.iter().find_map(|row| sample[*row]).unwrap_or(0);
-    let last = at.iter().rev().find_map(|row| sample[*row]).unwrap_or(first);
-    let count = (last - first) as usize + 1;
-    let cut = |places: Vec<Option<u32>>| -> Vec<Option<u32>> {
-        places.into_iter().map(|place| place?.checked_sub(first).filter(|place| (*place as usize) < count)).collect()
-    };
-    let start_s = pace.start_s + f64::from(first) * step_s;
-    Ok(Some(Grid { start_s, step_s, count, sample: cut(sample), interval: cut(interval) }))
-}
-
-/// The signals at the samples that the rows are.
-fn take_rows(samples: &mut Samples, grid: &Grid, mut columns: Vec<Vec<f64>>, jumps: bool, notes: &mut Vec<String>) {
-    let count = grid.count;
-    samples.start_s = grid.start_s;
-    samples.step_s = grid.step_s;
-    let mut signal = |at: usize| {
-        let column = std::mem::take(&mut columns[at]);
-        let mut values = if column.is_empty() { Vec::new() } else { vec![f64::NAN; count] };
-        for (value, sample) in column.iter().zip(&grid.sample).filter(|(value, _)| value.is_finite()) {
-            if let Some(sample) = sample {
-                values[*sample as usize] = *value;
-            }
+fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
+    let mut notes = table.notes.clone();
+    let Grid { start_s, step_s, count, place } = grid(table, reading, &mut notes)?;
+    notes.insert(0, format!("{count} samples of {}.", time(step_s)));
+    let known = |at: usize| signals::known(&place, &table.columns[at]);
+    let mut filled = |known: &Known, at: usize| {
+        let is_at_samples = signals::is_at_samples(known);
+        let mut values =
+            if is_at_samples { signals::at_samples(known, count) } else { signals::straight(known, count, false) };
+        let missing = values.iter().filter(|value| value.is_nan()).count();
+        if missing > 0 {
+            let (name, filled) = (SIGNALS[at].name, signals::fill(&mut values));
+            notes.push(format!("{missing} of {count} samples have no {name}; {filled} were filled by cubics."));
         }
         values
     };
-    for (axis, at) in POSITIONS.enumerate() {
-        let (filled, number) = gaps::fill_position(signal(at));
-        if number > 0 {
-            notes.push(format!("{number} missing samples of {} were filled by cubics.", SIGNALS[at].name));
-        }
-        samples.position_m[axis] = filled;
+    let mut samples = Samples { start_s, step_s, units: table.units, ..Samples::default() };
+    let positions = [0, 1].map(|axis| known(POSITIONS.start + axis));
+    let currents = [0, 1, 2].map(|k| known(CURRENTS.start + k));
+    let is_beside = |current: &Known| signals::is_at_samples(current) && 2 * current.len() > positions[0].len();
+    let is_apart = !currents.iter().all(is_beside);
+    samples.position_m = [0, 1].map(|axis| filled(&positions[axis], POSITIONS.start + axis));
+    if !is_apart {
+        samples.current_a = [0, 1, 2].map(|k| filled(&currents[k], CURRENTS.start + k));
     }
-    samples.theta_rad = signal(THETA);
-    if jumps {
-        unwrap(&mut samples.theta_rad, |sample| sample as f64);
+    samples.notes = notes;
+    if is_apart && table.units[CURRENTS.start].is_some() {
+        samples.take_apart(currents);
     }
-    samples.omega_rad_s = signal(OMEGA);
-    for (k, at) in CURRENTS.enumerate() {
-        if columns[at].is_empty() {
-            continue;
-        }
-        samples.current_a[k] = mean_square(&std::mem::take(&mut columns[at]), &grid.interval, count);
-        let missing = samples.current_a[k].iter().filter(|value| !value.is_finite()).count();
-        if missing > 0 {
-            notes.push(format!(
-                "{missing} of {count} samples have no {}; they follow from their neighbours.",
-                SIGNALS[at].name
-            ));
-        }
-    }
-}
-
-/// The signals at a pace of their own, interpolated.
-fn interpolate_rows(
-    samples: &mut Samples,
-    count: usize,
-    time: &[f64],
-    mut columns: Vec<Vec<f64>>,
-    jumps: bool,
-    notes: &mut Vec<String>,
-) {
-    let (start_s, step_s) = (samples.start_s, samples.step_s);
-    if jumps {
-        unwrap(&mut columns[THETA], |row| (time[row] - time[0]) / step_s);
-    }
-    let signal = |column: &[f64]| -> Vec<f64> {
-        let instants = (0..count).map(|sample| start_s + sample as f64 * step_s);
-        if column.is_empty() { Vec::new() } else { gaps::interpolate(time, column, instants, step_s) }
-    };
-    for (axis, at) in POSITIONS.enumerate() {
-        let (filled, number) = gaps::fill_position(signal(&columns[at]));
-        if number > 0 {
-            notes.push(format!("{number} missing samples of {} were filled by cubics.", SIGNALS[at].name));
-        }
-        samples.position_m[axis] = filled;
-    }
-    for (k, at) in CURRENTS.enumerate() {
-        samples.current_a[k] = signal(&columns[at]);
-    }
-    samples.theta_rad = signal(&columns[THETA]);
-    samples.omega_rad_s = signal(&columns[OMEGA]);
-}
-
-/// Completes angle and speed, one from the other or from the speed that was told.
-fn take_rotation(samples: &mut Samples, reading: &Reading, notes: &mut Vec<String>) {
-    let count = samples.len();
-    for line in [&mut samples.theta_rad, &mut samples.omega_rad_s] {
-        gaps::fill_straight(line);
-        // A column without any value is none.
-        if line.iter().all(|value| !value.is_finite()) {
-            line.clear();
-        }
-    }
-    samples.rotation = match (samples.theta_rad.is_empty(), samples.omega_rad_s.is_empty(), reading.omega_rad_s) {
-        (false, false, _) => Rotation::Both,
-        (false, true, _) => {
-            samples.omega_rad_s = speed_of(&samples.theta_rad, samples.step_s);
-            notes.push("There is no speed; it is the slope of the angle.".into());
-            Rotation::Angle
-        }
-        (true, false, _) => Rotation::Speed,
-        (true, true, Some(speed)) => {
-            samples.omega_rad_s = vec![speed; count];
-            notes.push(format!("The speed is taken to be {} rad/s, as told.", units::significant(speed, 6)));
-            Rotation::Told
-        }
-        (true, true, None) => {
-            notes.push("There is neither angle nor speed: the unbalance cannot be identified.".into());
-            Rotation::Unknown
-        }
-    };
-    if matches!(samples.rotation, Rotation::Speed | Rotation::Told) {
-        // The angle counts from the first sample.
-        let mut angle = 0.0;
-        let step_s = samples.step_s;
-        samples.theta_rad = samples
-            .omega_rad_s
-            .iter()
-            .map(|omega| {
-                let now = angle;
-                angle += omega * step_s;
-                now
-            })
-            .collect();
-        notes.push(
-            "There is no angle; it is the integral of the speed, and the phase of the unbalance counts from it.".into(),
-        );
-    }
-}
-
-/// Currents that come more often than the positions count by their mean square over the interval that ends at the sample.
-fn mean_square(column: &[f64], interval: &[Option<u32>], count: usize) -> Vec<f64> {
-    let mut sums = vec![(0.0, 0.0, 0_u32); count];
-    for (value, sample) in column.iter().zip(interval).filter(|(value, _)| value.is_finite()) {
-        let Some(sample) = sample else { continue };
-        let (sum, squares, number) = &mut sums[*sample as usize];
-        *sum += value;
-        *squares += value * value;
-        *number += 1;
-    }
-    let mean = |(sum, squares, number): &(f64, f64, u32)| match number {
-        0 => f64::NAN,
-        // The only one keeps its sign and its last bit.
-        1 => *sum,
-        _ => (squares / f64::from(*number)).sqrt().copysign(*sum),
-    };
-    sums.iter().map(mean).collect()
-}
-
-/// Whether an angle ever jumps by more than half its range, and by how much it jumps when it wraps: always against its
-/// direction. An angle without jumps is left as it is, for a unit that was misread must not be hidden by taking turns off it.
-fn wrap(angle: &[f64]) -> (bool, Option<f64>) {
-    let known = || angle.iter().copied().filter(|value| value.is_finite());
-    let (low, high) =
-        known().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
-    let mut jumps = Vec::new();
-    let mut others = Vec::new();
-    for (former, next) in known().zip(known().skip(1)) {
-        let step = next - former;
-        if step.abs() > 0.5 * (high - low) { jumps.push(step) } else { others.push(step) }
-    }
-    if jumps.is_empty() || others.len() < 2 * jumps.len() {
-        return (!jumps.is_empty(), None);
-    }
-    let median = |steps: &mut Vec<f64>| {
-        let middle = steps.len() / 2;
-        *steps.select_nth_unstable_by(middle, f64::total_cmp).1
-    };
-    let (jump, step) = (median(&mut jumps), median(&mut others));
-    let against = jumps.iter().all(|one| one.signum() == jump.signum()) && jump * step < 0.0;
-    (true, against.then(|| (step - jump).abs()))
-}
-
-/// An angle without jumps of whole turns; `at` is where the value of an index lies, in samples. Over a gap the rotor turns on
-/// as before.
-fn unwrap(angle: &mut [f64], at: impl Fn(usize) -> f64) {
-    use std::f64::consts::TAU;
-    /// The pace is followed over about so many samples.
-    const FOLLOWED: f64 = 20.0;
-    let mut last: Option<(f64, f64)> = None;
-    let mut pace = None;
-    for (index, value) in angle.iter_mut().enumerate().filter(|(_, value)| value.is_finite()) {
-        let here = at(index);
-        if let Some((before, place)) = last {
-            let samples = here - place;
-            let expected = before + if samples > 1.5 { pace.unwrap_or(0.0) * samples } else { 0.0 };
-            *value -= ((*value - expected) / TAU).round() * TAU;
-            let step = (*value - before) / samples;
-            pace = Some(pace.map_or(step, |pace: f64| pace + (step - pace) / FOLLOWED));
-        }
-        last = Some((*value, here));
-    }
-}
-
-/// Slope of an angle, by straight lines fitted over 41 samples.
-fn speed_of(theta: &[f64], step_s: f64) -> Vec<f64> {
-    const HALF: usize = 20;
-    (0..theta.len())
-        .map(|j| {
-            let from = j.saturating_sub(HALF).min(theta.len().saturating_sub(2 * HALF + 1));
-            let piece = &theta[from..(from + 2 * HALF + 1).min(theta.len())];
-            let middle = (piece.len() - 1) as f64 / 2.0;
-            let (mut up, mut down) = (0.0, 0.0);
-            for (n, value) in piece.iter().enumerate() {
-                up += (n as f64 - middle) * value;
-                down += (n as f64 - middle) * (n as f64 - middle);
-            }
-            up / down / step_s
-        })
-        .collect()
+    let mut theta = known(THETA);
+    samples.wrap_rad = signals::unwrap(&mut theta);
+    samples.take_rotation(theta, known(OMEGA), reading.omega_rad_s);
+    Ok(samples)
 }

@@ -13,8 +13,10 @@ pub mod spindle;
 
 use std::f64::consts::TAU;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 
 use crate::progress::Progress;
 use crate::simulation::scenario::{Scenario, Setting};
@@ -77,35 +79,16 @@ const ATTEMPTS: u64 = 20;
 /// Seeds of the noise for each drawn bearing.
 pub const SEEDS: u64 = 2;
 
-/// Does the work of every index on all processors; the results in order.
-pub fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let next = AtomicUsize::new(0);
-    let found = Mutex::new(Vec::with_capacity(count));
+/// Does the work of every index on the pool of the program; the results in order.
+pub fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     let progress = Progress::new("runs", count as u64);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(count.max(1));
-    let share = |progress: Option<&Progress>| {
-        loop {
-            let index = next.fetch_add(1, Ordering::Relaxed);
-            if index >= count {
-                break;
-            }
-            if let Some(progress) = progress {
-                progress.tell(index as u64);
-            }
-            let result = work(index);
-            found.lock().expect("no thread has panicked").push((index, result));
-        }
+    let done = AtomicU64::new(0);
+    let counted = |index| {
+        let result = work(index);
+        progress.tell(done.fetch_add(1, Ordering::Relaxed) + 1);
+        result
     };
-    std::thread::scope(|scope| {
-        for _ in 1..threads {
-            scope.spawn(|| share(None));
-        }
-        // The bar is drawn by this thread alone.
-        share(Some(&progress));
-    });
-    let mut found = found.into_inner().expect("no thread has panicked");
-    found.sort_by_key(|(index, _)| *index);
-    found.into_iter().map(|(_, result)| result).collect()
+    (0..count).into_par_iter().with_max_len(1).map(counted).collect()
 }
 
 impl Study {

@@ -168,7 +168,7 @@ pub fn judge(
         if touched.is_some_and(|touched| touched < rows) {
             break;
         }
-        let question = Question { config: configured.estimator.clone(), bench, lambda0_nm2_a2: None, threads: 1 };
+        let question = Question { config: configured.estimator.clone(), bench, lambda0_nm2_a2: None };
         let answer = identify::answer(&[beginning(&whole, rows)], question).ok()?;
         let mut sample = Sample {
             valid: answer.valid,

@@ -3,10 +3,9 @@
 mod finish;
 
 use std::ops::Range;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::{DMatrix, DVector};
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 pub(super) use finish::Finished;
 use finish::finish;
@@ -19,7 +18,7 @@ use super::expected::expected;
 use super::filter::{self, Block, Piece};
 use super::outcome;
 use super::solve::{Normal, SHARED, inverse, part, unknown};
-use super::{Contradiction, Failed, Identification, Knowledge, Options, Recording, SHORTEST, Score};
+use super::{Contradiction, Failed, Identification, Knowledge, Options, Recording, SHORTEST};
 
 /// Passes about the measured trajectory before the smoother takes over: without load and unbalance it would follow a wrong model.
 const UNSMOOTHED: usize = 2;
@@ -54,7 +53,7 @@ const NOT_SEPARATED: f64 = 20.0;
 /// Its scores have a bias that grows with the rows, their standard deviation with the root of them. Noise of the positions comes back through the
 /// controller as current and motion, noise of the currents stands in the regressors; combinations of parameters that hardly change the motion (delay,
 /// offsets, gap, and gain together) explain it. At the truth, nominal bench, 0.1 µm and 10 mA, the step with all typical tolerances is −2.1 standard
-/// deviations in the delay after 5 s, −4.9 after 40 s, with 1 µm −10.6 in an offset and −6 in λ2 after 40 s (`score_at`, seeds 70000–70003). One
+/// deviations in the delay after 5 s, −4.9 after 40 s, with 1 µm −10.6 in an offset and −6 in λ2 after 40 s (seeds 70000–70003). One
 /// parameter alone shows none of it, nor do regressors that take from other turns what repeats; these leave too little to find the rest by.
 const BENCH_ROWS: f64 = 50_000.0;
 /// Rows of a long recording, in stretches over the whole of it, from which the search starts: all rows are for its last iterations.
@@ -63,28 +62,9 @@ const STRETCH: usize = 1 << 14;
 /// Pieces that are smoothed together at least.
 const SMOOTHED: usize = 8;
 
-/// Works on all items with so many threads; results in the order of the items.
-fn parallel<T: Sync, R: Send>(threads: usize, items: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    if threads <= 1 || items.len() <= 1 {
-        return items.iter().map(work).collect();
-    }
-    let next = AtomicUsize::new(0);
-    let results: Mutex<Vec<Option<R>>> = Mutex::new(items.iter().map(|_| None).collect());
-    std::thread::scope(|scope| {
-        for _ in 0..threads.min(items.len()) {
-            scope.spawn(|| {
-                loop {
-                    let at = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(item) = items.get(at) else { break };
-                    let result = work(item);
-                    if let Ok(mut results) = results.lock() {
-                        results[at] = Some(result);
-                    }
-                }
-            });
-        }
-    });
-    results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).into_iter().flatten().collect()
+/// Works on all items on the pool of the program; results in the order of the items.
+fn parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
+    items.par_iter().with_max_len(1).map(work).collect()
 }
 
 /// Sums of the blocks of every piece, with the number of its recording.
@@ -144,7 +124,7 @@ impl<'a> Search<'a> {
             Columns::Instruments => filter::instruments,
         };
         let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
-        let mut blocks = parallel(self.options.threads, &self.tasks(), |(r, piece)| {
+        let mut blocks = parallel(&self.tasks(), |(r, piece)| {
             let case = &self.cases[*r];
             let variance = case.position_noise * case.position_noise;
             (*r, pass(&case.data, &bearings[*r], &case.track, variance, piece))
@@ -266,8 +246,8 @@ impl<'a> Search<'a> {
         let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
         let tasks: Vec<(usize, Piece)> = self.tasks().into_iter().map(|(r, piece)| (r, piece.clone())).collect();
         let mut before = Vec::new();
-        for group in tasks.chunks(SMOOTHED.max(2 * self.options.threads)) {
-            let smoothed = parallel(self.options.threads, group, |(r, piece)| {
+        for group in tasks.chunks(SMOOTHED.max(2 * rayon::current_num_threads())) {
+            let smoothed = parallel(group, |(r, piece)| {
                 let case = &self.cases[*r];
                 let variance = case.position_noise * case.position_noise;
                 let track = filter::smooth(&case.data, &bearings[*r], &case.track, variance, piece);
@@ -297,7 +277,7 @@ impl<'a> Search<'a> {
             return;
         }
         let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
-        let pieces = parallel(self.options.threads, &self.tasks(), |(r, piece)| {
+        let pieces = parallel(&self.tasks(), |(r, piece)| {
             let case = &self.cases[*r];
             let variance = case.position_noise * case.position_noise;
             (*r, piece.counted.clone(), filter::innovations(&case.data, &bearings[*r], &case.track, variance, piece))
@@ -315,7 +295,7 @@ impl<'a> Search<'a> {
     fn likelihoods(&self, factors: [[f64; 3]; 3], of: impl Fn(&Case) -> bool) -> Vec<[[f64; 3]; 3]> {
         let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
         let tasks: Vec<(usize, &Piece)> = self.tasks().into_iter().filter(|(r, _)| of(&self.cases[*r])).collect();
-        let sums = parallel(self.options.threads, &tasks, |(r, piece)| {
+        let sums = parallel(&tasks, |(r, piece)| {
             let case = &self.cases[*r];
             let variance = case.position_noise * case.position_noise;
             (*r, filter::likelihoods(&case.data, &bearings[*r], &case.track, variance, factors, piece))
@@ -584,12 +564,8 @@ pub(super) fn fit<'a>(
     }
 }
 
-fn everything(recordings: &[Recording<'_>]) -> Vec<Vec<bool>> {
-    recordings.iter().map(|recording| vec![true; recording.position_m.len()]).collect()
-}
-
 pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Result<Identification, Failed> {
-    let mut masks = everything(recordings);
+    let mut masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.position_m.len()]).collect();
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();
     let mut finished = fit(recordings, &masks, options, &mut held)?;
@@ -619,31 +595,4 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
         finished = fit(recordings, &masks, options, &mut held)?;
     }
     Ok(outcome::report(&finished, held, contradictions))
-}
-
-/// See [`super::cramer_rao`].
-pub(super) fn cramer_rao(recordings: &[Recording<'_>], options: &Options) -> Result<Vec<f64>, Failed> {
-    let masks = everything(recordings);
-    let mut search = start(recordings, &masks, options, guesses(recordings, options)[0])?;
-    search.weight = 1.0;
-    search.run()?;
-    let (normal, estimated) = (search.normal(&search.pass(Columns::All)), search.estimated());
-    let (a, _) = search.equations(&normal, &estimated);
-    let covariance = inverse(&a).ok_or_else(|| Failed::Diverged("the information matrix is singular".into()))?;
-    let place = |unknown: usize| estimated.iter().position(|at| *at == unknown);
-    Ok((0..search.x.len()).map(|unknown| place(unknown).map_or(0.0, |i| covariance[(i, i)].sqrt())).collect())
-}
-
-/// See [`super::score_at`].
-pub(super) fn score_at(recordings: &[Recording<'_>], options: &Options, unknowns: &[f64]) -> Result<Score, Failed> {
-    let masks = everything(recordings);
-    let mut search = start(recordings, &masks, options, guesses(recordings, options)[0])?;
-    search.weight = 1.0;
-    search.x.copy_from_slice(unknowns);
-    for _ in 0..3 {
-        search.smooth();
-    }
-    let normal = search.normal(&search.pass(Columns::All));
-    let information = normal.j.row_iter().map(|row| row.iter().copied().collect()).collect();
-    Ok(Score { score: normal.b.iter().copied().collect(), information })
 }

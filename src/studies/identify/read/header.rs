@@ -24,7 +24,7 @@ const fn signal(
     Signal { name, others, quantity, meaning }
 }
 
-/// All of them. The positions and currents are needed, the time if no rate is told.
+/// All of them. The positions and currents are needed, the time if no rate is given.
 pub(super) const SIGNALS: [Signal; 8] = [
     signal("time", &["t", "Time", "TIME", "zeit", "Zeit", "timestamp", "Timestamp"], TIME, "the time of the sample"),
     signal("Ym", &["Y", "y"], LENGTH, "the position along y"),
@@ -33,7 +33,7 @@ pub(super) const SIGNALS: [Signal; 8] = [
     signal("im[2]", &["im2", "i[2]", "i2"], CURRENT, "the current of magnet 2"),
     signal("im[3]", &["im3", "i[3]", "i3"], CURRENT, "the current of magnet 3"),
     signal("theta", &["theta_m"], ANGLE, "the angle of the rotor"),
-    signal("omega", &["omegam"], SPEED, "the speed of the rotor"),
+    signal("omega", &["omegam", "plant.omegam"], SPEED, "the speed of the rotor"),
 ];
 /// Where they stand.
 pub(super) const TIME_AT: usize = 0;
@@ -50,84 +50,72 @@ pub(super) struct Place {
 }
 
 /// A column as the header names it.
-#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Column {
     name: String,
     unit: Option<String>,
 }
 
-/// Reads the cells of a header.
-pub(super) fn columns<'a>(cells: impl Iterator<Item = &'a str>) -> Vec<Column> {
-    cells.map(column).collect()
-}
-
-/// `name [unit]`, `name (unit)`, `name / unit` or `name in unit`; an index in brackets is no unit, nor is a dash.
-fn column(cell: &str) -> Column {
+/// Reads a cell of a header: `name [unit]`, `name (unit)`, `name / unit` or `name in unit`; an index in brackets is no unit, nor is a dash.
+pub(super) fn column(cell: &str) -> Column {
     let cell = cell.trim().trim_matches('"').trim();
-    let of = |name: &str, unit: &str| {
-        let none = unit.is_empty() || matches!(unit, "-" | "–");
-        Column { name: name.trim().into(), unit: (!none).then(|| unit.into()) }
-    };
-    if let Some((name, unit)) = bracketed(cell)
-        && !name.trim().is_empty()
-        && (unit.is_empty() || !unit.chars().all(|c| c.is_ascii_digit()))
-    {
-        return of(name, unit);
-    }
-    for between in [" in ", "/"] {
-        if let Some((name, unit)) = cell.split_once(between)
-            && !name.trim().is_empty()
-            && units::is_unit(unit)
-            && !units::is_unit(cell)
-        {
-            return of(name, unit.trim());
-        }
-    }
-    Column { name: cell.into(), unit: None }
+    let split = bracketed(cell)
+        .filter(|(name, unit)| !name.is_empty() && (unit.is_empty() || !unit.chars().all(|c| c.is_ascii_digit())));
+    let split = split.or_else(|| {
+        let halves = [" in ", "/"].into_iter().filter_map(|between| cell.split_once(between));
+        let mut named = halves.filter(|(name, unit)| !name.trim().is_empty() && units::is_unit(unit));
+        named.next().filter(|_| !units::is_unit(cell))
+    });
+    let (name, unit) = split.unwrap_or((cell, ""));
+    Column { name: name.trim().into(), unit: stated(unit) }
 }
 
-/// What stands before a bracket at the end, and in it.
+/// A unit, unless the cell is empty or holds a dash.
+fn stated(unit: &str) -> Option<String> {
+    let unit = unit.trim();
+    (!matches!(unit, "" | "-" | "–")).then(|| unit.to_owned())
+}
+
+/// The text before a bracket at the end, and that in it.
 fn bracketed(cell: &str) -> Option<(&str, &str)> {
     [('[', ']'), ('(', ')'), ('{', '}'), ('<', '>')].into_iter().find_map(|(open, close)| {
-        let (name, unit) = cell.strip_suffix(close)?.rsplit_once(open)?;
-        Some((name, unit.trim()))
+        let (name, unit) = cell.trim().strip_suffix(close)?.rsplit_once(open)?;
+        Some((name.trim(), unit.trim()))
     })
 }
 
-/// A row of units below the header: no number in it, and a unit in one of its cells at least. Units in both places must agree.
-pub(super) fn take_units(columns: &mut [Column], cells: &[&str], findings: &mut Vec<String>) {
-    for (column, cell) in columns.iter_mut().zip(cells) {
-        let cell = cell.trim();
-        let unit = bracketed(cell).filter(|(name, _)| name.is_empty()).map_or(cell, |(_, unit)| unit);
-        if unit.is_empty() || matches!(unit, "-" | "–") {
-            continue;
-        }
+/// Takes the units from the row below the header, if it holds units: no number, and a unit in one of its cells at least. Returns whether it
+/// does. Units in both places must agree.
+pub(super) fn take_units(columns: &mut [Column], cells: &[String], findings: &mut Vec<String>) -> bool {
+    let unit = |cell: &String| match bracketed(cell) {
+        Some(("", unit)) => stated(unit),
+        _ => stated(cell),
+    };
+    let units: Vec<Option<String>> = cells.iter().map(unit).collect();
+    let is_unit = |unit: &String| units::is_unit(unit);
+    if !units.iter().flatten().any(is_unit) || cells.iter().any(|cell| cell.trim().parse::<f64>().is_ok()) {
+        return false;
+    }
+    for (column, unit) in columns.iter_mut().zip(units) {
+        let Some(unit) = unit else { continue };
         match &column.unit {
-            Some(before) if before != unit => findings.push(format!(
+            Some(before) if *before != unit => findings.push(format!(
                 "column {}: the header says {before}, the row below it {unit}; one unit is wanted",
                 column.name
             )),
-            _ => column.unit = Some(unit.into()),
+            _ => column.unit = Some(unit),
         }
     }
-}
-
-/// Whether a row below the header holds units.
-pub(super) fn is_units(cells: &[&str]) -> bool {
-    let unit = |cell: &&str| {
-        let cell = cell.trim();
-        units::is_unit(bracketed(cell).filter(|(name, _)| name.is_empty()).map_or(cell, |(_, unit)| unit))
-    };
-    cells.iter().any(unit) && !cells.iter().any(|cell| cell.trim().parse::<f64>().is_ok())
+    true
 }
 
 /// How many signals a line names, to find the header among the lines before it.
 pub(super) fn recognised(columns: &[Column], reading: &Reading) -> usize {
-    SIGNALS.iter().filter(|signal| matches!(find(columns, signal, told(reading, signal)), Ok(Some(_)))).count()
+    SIGNALS.iter().filter(|signal| candidates(columns, signal, given(&reading.columns, signal)).len() == 1).count()
 }
 
-fn told<'a>(reading: &'a Reading, signal: &Signal) -> Option<&'a str> {
-    reading.columns.iter().rev().find(|(name, _)| name == signal.name).map(|(_, column)| column.as_str())
+/// The last option for a signal.
+fn given<'a>(options: &'a [(String, String)], signal: &Signal) -> Option<&'a String> {
+    options.iter().rev().find(|(name, _)| name == signal.name).map(|(_, value)| value)
 }
 
 /// Finds the wanted signals, in the order of [`SIGNALS`]; all that is wrong goes to the findings.
@@ -136,118 +124,82 @@ pub(super) fn places(
     reading: &Reading,
     wanted: impl Fn(usize) -> bool,
     findings: &mut Vec<String>,
-) -> Vec<Option<Place>> {
-    let known = columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", ");
-    for (option, (signal, _)) in
-        reading.columns.iter().map(|pair| ("--column", pair)).chain(reading.units.iter().map(|pair| ("--unit", pair)))
+) -> [Option<Place>; SIGNALS.len()] {
+    let options = [("--column", &reading.columns), ("--unit", &reading.units)];
+    for (option, name) in
+        options.into_iter().flat_map(|(option, pairs)| pairs.iter().map(move |pair| (option, &pair.0)))
     {
-        if !SIGNALS.iter().any(|candidate| candidate.name == signal) {
-            let names: Vec<_> = SIGNALS.iter().map(|signal| signal.name).collect();
-            findings.push(format!(
-                "{option} {signal}: {signal} is no signal of a recording; known are {}",
-                names.join(", ")
-            ));
+        if !SIGNALS.iter().any(|signal| signal.name == name) {
+            let names = SIGNALS.each_ref().map(|signal| signal.name).join(", ");
+            findings.push(format!("{option} {name}: {name} is no signal of a recording; known are {names}"));
         }
     }
-    let mut absent = Vec::new();
-    let mut places: Vec<Option<Place>> = Vec::new();
-    for (at, signal) in SIGNALS.iter().enumerate() {
-        places.push(None);
-        if !wanted(at) {
+    let mut is_absent = false;
+    let mut places: [Option<Place>; SIGNALS.len()] = Default::default();
+    for (at, signal) in SIGNALS.iter().enumerate().filter(|(at, _)| wanted(*at)) {
+        let name = signal.name;
+        let column = given(&reading.columns, signal);
+        let needed = at < THETA && (at != TIME_AT || reading.rate_s.is_none());
+        let found = candidates(columns, signal, column);
+        let [found] = found.as_slice() else {
+            let names: Vec<&str> = found.iter().map(|at| columns[*at].name.as_str()).collect();
+            match (names.as_slice(), column) {
+                ([], Some(column)) => findings.push(format!("--column {name}={column}: there is no column {column}")),
+                ([], None) if needed => {
+                    let mut finding =
+                        format!("{name}: no column of this name; {} is wanted: --column {name}=…", signal.meaning);
+                    if at == TIME_AT {
+                        finding += ", or --rate if there is none";
+                    }
+                    findings.push(finding);
+                }
+                ([_, ..], _) if at < THETA || column.is_some() => findings.push(format!(
+                    "{name}: several columns go by this name: {}; one is wanted: --column {name}=…",
+                    names.join(", ")
+                )),
+                _ => continue,
+            }
+            is_absent |= names.is_empty();
             continue;
-        }
-        let told = told(reading, signal);
-        let column = match (find(columns, signal, told), told) {
-            (Ok(Some(column)), _) => column,
-            (Ok(None), Some(told)) => {
-                findings.push(format!("--column {}={told}: there is no column {told}", signal.name));
-                absent.push(None);
-                continue;
-            }
-            (Ok(None), None) => {
-                if at < THETA && (at != TIME_AT || reading.rate_s.is_none()) {
-                    let rate = if at == TIME_AT { ", or --rate if there is none" } else { "" };
-                    findings.push(format!(
-                        "{}: no column of this name; {} is wanted: --column {}=…{rate}",
-                        signal.name, signal.meaning, signal.name
-                    ));
-                    absent.push(Some(at));
-                }
-                continue;
-            }
-            (Err(several), _) => {
-                let names: Vec<_> = several.iter().map(|column| columns[*column].name.as_str()).collect();
-                if at < THETA || told.is_some() {
-                    findings.push(format!(
-                        "{}: several columns go by this name: {}; one is wanted: --column {}=…",
-                        signal.name,
-                        names.join(", "),
-                        signal.name
-                    ));
-                }
-                continue;
-            }
         };
-        if let Some(other) = (0..at).find(|other| places[*other].is_some_and(|place| place.column == column)) {
+        if let Some(other) = (0..at).find(|other| places[*other].is_some_and(|place| place.column == *found)) {
             findings.push(format!(
-                "{} and {}: both are column {}; one of its own is wanted for each",
-                SIGNALS[other].name, signal.name, columns[column].name
+                "{} and {name}: both are column {}; one of its own is wanted for each",
+                SIGNALS[other].name, columns[*found].name
             ));
         }
-        let named = reading.units.iter().rev().find(|(name, _)| name == signal.name).map(|(_, unit)| unit);
-        let name = named.or(columns[column].unit.as_ref());
-        let unit = name.and_then(|name| units::find(signal.quantity, name));
-        if let (Some(name), None) = (name, unit) {
-            findings.push(format!(
-                "{} (column {}): the unit {name} is none of {}",
-                signal.name,
-                columns[column].name,
-                units::names(signal.quantity)
-            ));
+        let stated = given(&reading.units, signal).or(columns[*found].unit.as_ref());
+        let unit = stated.and_then(|unit| units::find(signal.quantity, unit));
+        if let (Some(stated), None) = (stated, unit) {
+            let (column, known) = (&columns[*found].name, units::names(signal.quantity));
+            findings.push(format!("{name} (column {column}): the unit {stated} is none of {known}"));
         }
-        places[at] = Some(Place { column, unit });
+        places[at] = Some(Place { column: *found, unit });
     }
-    if !absent.is_empty() {
-        findings.push(format!("the header has the columns {known}"));
+    if is_absent {
+        let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+        findings.push(format!("the header has the columns {}", names.join(", ")));
     }
     places
 }
 
-/// The column of a signal: the one that was told, or by its name, behind an element's name (that of the plant first), or by
-/// another name.
-///
-/// # Errors
-/// Several that would do equally well.
-fn find(columns: &[Column], signal: &Signal, told: Option<&str>) -> Result<Option<usize>, Vec<usize>> {
-    let by = |fits: &dyn Fn(&str) -> bool| -> Result<Option<usize>, Vec<usize>> {
-        let found: Vec<usize> = (0..columns.len()).filter(|at| fits(&columns[*at].name)).collect();
-        if found.len() > 1 { Err(found) } else { Ok(found.first().copied()) }
+/// The columns that are the signal, one if all is well: the column that was given, with or without its unit, or those that fit best, by the name,
+/// behind the name of an element (that of the plant first), or by another name.
+fn candidates(columns: &[Column], signal: &Signal, given: Option<&String>) -> Vec<usize> {
+    let rank = |name: &str| -> Option<usize> {
+        if let Some(given) = given {
+            return [given.as_str(), &column(given).name].iter().position(|given| *given == name);
+        }
+        let element = name.strip_suffix(signal.name).and_then(|element| element.strip_suffix('.'));
+        match element {
+            _ if name == signal.name => Some(0),
+            Some("plant") => Some(1),
+            _ if name.starts_with("plant.") && signal.others.contains(&name) => Some(2),
+            Some(_) => Some(3),
+            None => signal.others.iter().position(|other| *other == name).map(|at| 4 + at),
+        }
     };
-    let exact = |wanted: &str| by(&|name| name == wanted);
-    if let Some(told) = told {
-        // The name may be told with its unit, as it stands in the header.
-        return Ok(exact(told)?.or(exact(&column(told).name)?));
-    }
-    let plant = |name: &str| exact(&format!("plant.{name}"));
-    if let Some(at) = exact(signal.name)?.or(plant(signal.name)?) {
-        return Ok(Some(at));
-    }
-    if signal.name == SIGNALS[OMEGA].name {
-        for other in signal.others {
-            if let Some(at) = plant(other)? {
-                return Ok(Some(at));
-            }
-        }
-    }
-    let suffix = format!(".{}", signal.name);
-    let behind = by(&|name| name.ends_with(&suffix));
-    if let Ok(Some(at)) = behind {
-        return Ok(Some(at));
-    }
-    for other in signal.others {
-        if let Some(at) = exact(other)? {
-            return Ok(Some(at));
-        }
-    }
-    behind
+    let ranks: Vec<Option<usize>> = columns.iter().map(|column| rank(&column.name)).collect();
+    let best = ranks.iter().flatten().min();
+    (0..columns.len()).filter(|at| ranks[*at].is_some() && ranks[*at].as_ref() == best).collect()
 }

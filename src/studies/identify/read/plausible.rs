@@ -1,10 +1,11 @@
-//! Misread units: what no magnetic bearing does, and signals that contradict each other.
+//! Misread units: values that no magnetic bearing has, and signals that contradict each other.
 
 use std::f64::consts::{PI, TAU};
 use std::fmt;
 
 use super::header::{CURRENTS, OMEGA, POSITIONS, SIGNALS, THETA, TIME_AT};
-use super::units::{ANGLE, LENGTH, Quantity, SPEED, TIME, significant, time};
+use super::signals::median;
+use super::units::{rounded_time, significant, time};
 use super::{Rotation, Samples};
 
 /// Sample times of controllers and recorders of magnetic bearings, in s: 2 MHz to 500 Hz.
@@ -29,11 +30,11 @@ const REST_RAD_S: f64 = 1.0;
 pub struct Finding {
     /// The signal, as in the interface.
     pub signal: &'static str,
-    /// What was found, with its unit.
+    /// The value, with its unit.
     pub value: String,
-    /// What may be behind it.
+    /// The likely cause.
     pub suspicion: String,
-    /// What to try; empty if nothing is known that would fit.
+    /// Options to try; empty if nothing is known that would fit.
     pub remedy: String,
 }
 
@@ -46,80 +47,65 @@ impl fmt::Display for Finding {
 
 /// All findings.
 pub(super) fn findings(samples: &Samples, gap_m: f64) -> Vec<Finding> {
-    let mut findings = Vec::new();
-    findings.extend(pace(samples));
+    let mut findings: Vec<Finding> = pace(samples).into_iter().collect();
+    let is_paced = findings.is_empty();
     findings.extend(positions(samples, gap_m));
     findings.extend(currents(samples));
-    let paced = !findings.iter().any(|finding| finding.signal == SIGNALS[TIME_AT].name);
     let before = findings.len();
     findings.extend(wrapping(samples));
     findings.extend(angle_against_speed(samples));
-    // What follows goes by a speed that makes sense only if the time does, and says less than what was found.
-    if paced && findings.len() == before {
-        findings.extend(speed(samples));
-    }
-    if paced && findings.len() == before {
-        findings.extend(motion_against_angle(samples));
+    // The other checks go by a speed that makes sense only if the time does, and say less than these.
+    if is_paced && findings.len() == before {
+        findings.extend(speed(samples).or_else(|| motion_against_angle(samples)));
     }
     findings
 }
 
-/// The units that a signal may have been recorded in instead, and how its values would change.
-fn instead(quantity: Quantity, taken: Option<&'static str>) -> impl Iterator<Item = (&'static str, f64)> {
-    let factor = quantity.iter().find(|(names, _)| Some(names[0]) == taken).map_or(1.0, |(_, factor)| *factor);
-    let taken = taken.unwrap_or("");
-    quantity.iter().map(move |(names, other)| (names[0], other / factor)).filter(move |(name, _)| *name != taken)
-}
-
 /// The name as people write it.
-fn written(unit: &str) -> String {
+fn written(unit: &str) -> &str {
     match unit {
-        "um" => "µm".into(),
-        "us" => "µs".into(),
-        other => other.into(),
+        "um" => "µm",
+        "us" => "µs",
+        other => other,
     }
 }
 
-/// `--unit`, or a question, for the units that would bring a value into a range.
-fn remedy(at: usize, samples: &Samples, fits: impl Fn(f64) -> bool) -> (String, String) {
-    let taken = samples.units[at];
-    let units: Vec<String> =
-        instead(SIGNALS[at].quantity, taken).filter(|(_, scale)| fits(*scale)).map(|(name, _)| written(name)).collect();
-    let name = SIGNALS[at].name;
-    let read = taken.map_or(String::new(), |taken| format!(" read as {}", written(taken)));
-    match units.as_slice() {
-        [] => ("no unit known here explains it".into(), String::new()),
-        [one] => (format!("{one}{read}?"), format!("--unit {name}={one}")),
-        several => (
-            format!("{}{read}?", several.join(" or ")),
-            several.iter().map(|unit| format!("--unit {name}={unit}")).collect::<Vec<_>>().join(" or "),
-        ),
-    }
+/// The units that a signal may have been recorded in instead of that in which it was read, and how its values would change.
+fn instead(at: usize, samples: &Samples) -> Vec<(&'static str, f64)> {
+    let quantity = SIGNALS[at].quantity;
+    let taken = quantity.iter().find(|(names, _)| Some(names[0]) == samples.units[at]).unwrap_or(&quantity[0]);
+    quantity.iter().filter(|unit| *unit != taken).map(|(names, factor)| (written(names[0]), factor / taken.1)).collect()
+}
+
+/// A finding with the units that would bring the value into a range: `fits` says of a factor whether it would.
+fn misread(at: usize, samples: &Samples, value: String, fits: impl Fn(f64) -> bool) -> Finding {
+    let signal = SIGNALS[at].name;
+    let units: Vec<&str> =
+        instead(at, samples).into_iter().filter(|(_, scale)| fits(*scale)).map(|(name, _)| name).collect();
+    let read = samples.units[at].map_or(String::new(), |taken| format!(" read as {}", written(taken)));
+    let suspicion = match units.as_slice() {
+        [] => "no unit known here explains it".into(),
+        units => format!("{}{read}?", units.join(" or ")),
+    };
+    let remedies: Vec<String> = units.iter().map(|unit| format!("--unit {signal}={unit}")).collect();
+    Finding { signal, value, suspicion, remedy: remedies.join(" or ") }
 }
 
 fn pace(samples: &Samples) -> Option<Finding> {
     let fits = |step_s: f64| (STEP_S[0]..=STEP_S[1]).contains(&step_s);
-    if fits(samples.step_s) {
-        return None;
-    }
-    let value = format!(
-        "a sample every {}, where {} to {} is usual",
-        time(significant(samples.step_s, 4).parse().unwrap_or(samples.step_s)),
-        time(STEP_S[0]),
-        time(STEP_S[1])
-    );
-    let (suspicion, remedy) = if samples.units[TIME_AT].is_some() {
-        remedy(TIME_AT, samples, |scale| fits(scale * samples.step_s))
-    } else {
-        ("the wrong rate?".into(), String::new())
+    let [least, most] = STEP_S.map(time);
+    let value = format!("a sample every {}, where {least} to {most} is usual", rounded_time(samples.step_s, 4));
+    let finding = || match samples.units[TIME_AT] {
+        Some(_) => misread(TIME_AT, samples, value, |scale| fits(scale * samples.step_s)),
+        None => Finding { signal: "time", value, suspicion: "the wrong rate?".into(), remedy: String::new() },
     };
-    Some(Finding { signal: "time", value, suspicion, remedy })
+    (!fits(samples.step_s)).then(finding)
 }
 
 /// Lowest and highest of the known values.
-fn range(values: &[f64]) -> Option<[f64; 2]> {
-    let known = values.iter().copied().filter(|value| value.is_finite());
-    known.map(|value| [value, value]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+fn range(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
+    let known = values.into_iter().filter(|value| value.is_finite());
+    known.map(|value| [value, value]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default()
 }
 
 /// Standard deviation of the noise from fourth differences, whose squares sum to 70.
@@ -132,79 +118,66 @@ fn noise(values: &[f64]) -> f64 {
 
 fn positions(samples: &Samples, gap_m: f64) -> Vec<Finding> {
     let mut findings = Vec::new();
-    let peak_to_peak = |axis: usize| range(&samples.position_m[axis]).map_or(0.0, |[low, high]| high - low);
-    let still = [0, 1].iter().all(|axis| peak_to_peak(*axis) < STILL_M && noise(&samples.position_m[*axis]) < SILENT_M);
+    let ranges = samples.position_m.each_ref().map(|position| range(position.iter().copied()));
+    let swings = ranges.map(|[low, high]| high - low);
+    let is_silent = |axis: usize| noise(&samples.position_m[axis]) < SILENT_M;
+    let is_still = (0..2).all(|axis| swings[axis] < STILL_M && is_silent(axis));
     for (axis, at) in POSITIONS.enumerate() {
-        let Some([low, high]) = range(&samples.position_m[axis]) else { continue };
-        let furthest = low.abs().max(high.abs());
+        let (swing, furthest) = (swings[axis], ranges[axis][0].abs().max(ranges[axis][1].abs()));
+        let fits = |scale: f64| scale * furthest < gap_m && scale * swing > STILL_M;
         if furthest > gap_m {
-            let value = format!(
-                "up to {} mm from the centre, beyond the gap of {} mm",
-                significant(furthest * 1e3, 4),
-                significant(gap_m * 1e3, 4)
-            );
-            let (suspicion, remedy) =
-                remedy(at, samples, |scale| scale * furthest < gap_m && scale * (high - low) > STILL_M);
-            findings.push(Finding { signal: SIGNALS[at].name, value, suspicion, remedy });
-        } else if still && peak_to_peak(axis) > 0.0 {
-            let value = format!("it moves by {} nm only, and without noise", significant(peak_to_peak(axis) * 1e9, 3));
-            let (suspicion, remedy) =
-                remedy(at, samples, |scale| scale * peak_to_peak(axis) > STILL_M && scale * furthest < gap_m);
-            findings.push(Finding { signal: SIGNALS[at].name, value, suspicion, remedy });
+            let [furthest, gap] = [furthest, gap_m].map(|length_m| significant(length_m * 1e3, 4));
+            let value = format!("up to {furthest} mm from the centre, beyond the gap of {gap} mm");
+            findings.push(misread(at, samples, value, fits));
+        } else if is_still && swing > 0.0 {
+            let value = format!("it moves by {} nm only, and without noise", significant(swing * 1e9, 3));
+            findings.push(misread(at, samples, value, fits));
         }
     }
     // One axis in another unit than the other hides below the limits above.
-    let [y, z] = [peak_to_peak(0), peak_to_peak(1)];
-    if findings.is_empty() && y.min(z) > 0.0 && y.max(z) / y.min(z) > 300.0 {
-        let small = usize::from(z < y);
+    let small = usize::from(swings[1] < swings[0]);
+    let (least, most) = (swings[small], swings[1 - small]);
+    if findings.is_empty() && least > 0.0 && most / least > 300.0 {
         let at = POSITIONS.start + small;
-        let fits = |scale: f64| (0.03..30.0).contains(&(scale * y.min(z) / y.max(z)));
-        let named = samples.units[at];
-        if instead(LENGTH, named).any(|(_, scale)| fits(scale)) && noise(&samples.position_m[small]) < SILENT_M {
-            let value = format!(
-                "it moves by {} µm, the other axis by {} µm",
-                significant(y.min(z) * 1e6, 3),
-                significant(y.max(z) * 1e6, 3)
-            );
-            let (suspicion, remedy) = remedy(at, samples, fits);
-            findings.push(Finding { signal: SIGNALS[at].name, value, suspicion, remedy });
+        let fits = |scale: f64| (0.03..30.0).contains(&(scale * least / most));
+        if instead(at, samples).iter().any(|(_, scale)| fits(*scale)) && is_silent(small) {
+            let [own, other] = [least, most].map(|swing| significant(swing * 1e6, 3));
+            let value = format!("it moves by {own} µm, the other axis by {other} µm");
+            findings.push(misread(at, samples, value, fits));
         }
     }
     findings
 }
 
 fn currents(samples: &Samples) -> Vec<Finding> {
-    let fits = |current: f64| (CURRENT_A[0]..=CURRENT_A[1]).contains(&current);
-    let mut findings = Vec::new();
-    let of = |k: usize| samples.apart.as_ref().map_or(&samples.current_a[k], |(_, currents)| &currents[k]);
-    let largest = [0, 1, 2].map(|k| range(of(k)).map_or(0.0, |[low, high]| low.abs().max(high.abs())));
-    for (k, at) in CURRENTS.enumerate() {
-        let strongest = largest[k];
+    let currents: [Vec<f64>; 3] = match &samples.apart {
+        Some(apart) => apart.each_ref().map(|current| current.iter().map(|(_, value)| *value).collect()),
+        None => samples.current_a.clone(),
+    };
+    let largest = currents.each_ref().map(|current| range(current.iter().map(|value| value.abs()))[1]);
+    let is_misread = |k: &usize| {
+        let strongest = largest[*k];
         // A magnet that is switched off is not misread.
-        let weak = strongest > 0.0 && strongest < CURRENT_A[0] && largest.iter().all(|other| *other < 50.0 * strongest);
-        let odd = strongest > 0.0 && largest.iter().any(|other| *other > 300.0 * strongest) && noise(of(k)) < 2e-5;
-        if strongest > CURRENT_A[1] || weak || odd {
-            let value = format!("up to {} A", significant(strongest, 4));
-            let (suspicion, remedy) = remedy(at, samples, |scale| fits(scale * strongest));
-            findings.push(Finding { signal: SIGNALS[at].name, value, suspicion, remedy });
-        }
-    }
-    findings
+        let weak = strongest < CURRENT_A[0] && largest.iter().all(|other| *other < 50.0 * strongest);
+        let odd = largest.iter().any(|other| *other > 300.0 * strongest) && noise(&currents[*k]) < 2e-5;
+        strongest > CURRENT_A[1] || strongest > 0.0 && (weak || odd)
+    };
+    let finding = |k: usize| {
+        let fits = |scale: f64| (CURRENT_A[0]..=CURRENT_A[1]).contains(&(scale * largest[k]));
+        misread(CURRENTS.start + k, samples, format!("up to {} A", significant(largest[k], 4)), fits)
+    };
+    (0..3).filter(is_misread).map(finding).collect()
 }
 
-/// A wrapped angle says its unit by the size of a turn.
+/// A wrapped angle shows its unit by the size of a turn.
 fn wrapping(samples: &Samples) -> Option<Finding> {
     let wrap = samples.wrap_rad?;
-    let turns = |scale: f64| {
+    let fits = |scale: f64| {
         let turns = scale * wrap / TAU;
         turns > 0.5 && (turns - turns.round()).abs() < 0.1 && turns < 4.5
     };
-    if turns(1.0) {
-        return None;
-    }
     let value = format!("it wraps every {} rad, a turn is {} rad", significant(wrap, 5), significant(TAU, 5));
-    let (suspicion, remedy) = remedy(THETA, samples, turns);
-    Some(Finding { signal: "theta", value, suspicion, remedy })
+    (!fits(1.0)).then(|| misread(THETA, samples, value, fits))
 }
 
 /// The slope of the angle over the speed, by least squares; none at rest.
@@ -223,62 +196,52 @@ fn slope_over_speed(samples: &Samples) -> Option<f64> {
         }
     }
     let rest = REST_RAD_S * REST_RAD_S * count;
-    (count > 0.0 && (speeds > rest || slopes > rest)).then(|| if speeds > 0.0 { up / speeds } else { f64::INFINITY })
+    (speeds > rest || slopes > rest).then(|| if speeds > 0.0 { up / speeds } else { f64::INFINITY })
 }
 
 fn rpm(rad_s: f64) -> String {
-    let digits = format!("{:.0}", (rad_s * 30.0 / PI).abs());
-    // Groups of three, as in 171,887.
-    let groups: Vec<&str> = {
-        let head = digits.len() % 3;
-        let (first, rest) = digits.split_at(head);
-        std::iter::once(first)
-            .filter(|group| !group.is_empty())
-            .chain((0..rest.len() / 3).map(|n| &rest[3 * n..3 * n + 3]))
-            .collect()
-    };
-    format!("{} rpm", groups.join(","))
+    format!("{:.0} rpm", (rad_s * 30.0 / PI).abs())
 }
 
-/// Angle and speed, both recorded, must tell the same.
+/// Other units of a signal in words, the remedy, and how the speed or angle would change; `power` is −1 for signals that divide it.
+fn alternatives(samples: &Samples, signals: &[(usize, i32)]) -> Vec<(String, String, f64)> {
+    let of = |(at, power): &(usize, i32)| {
+        let (signal, power) = (SIGNALS[*at].name, *power);
+        let other = move |taken: &'static str, (name, scale): (&str, f64)| {
+            let words = format!("{signal} in {name} read as {}", written(taken));
+            (words, format!("--unit {signal}={name}"), scale.powi(power))
+        };
+        let others =
+            samples.units[*at].map(|taken| instead(*at, samples).into_iter().map(move |unit| other(taken, unit)));
+        others.into_iter().flatten()
+    };
+    signals.iter().flat_map(of).collect()
+}
+
+/// Angle and speed, both recorded, must agree.
 fn angle_against_speed(samples: &Samples) -> Option<Finding> {
     let ratio = slope_over_speed(samples)?;
     let agrees = |scale: f64| (ratio * scale - 1.0).abs() < AGREE;
     if agrees(1.0) {
         return None;
     }
-    let mut suspects = Vec::new();
-    let mut remedies = Vec::new();
-    for (at, quantity, power) in [(THETA, ANGLE, 1.0), (OMEGA, SPEED, -1.0), (TIME_AT, TIME, -1.0)] {
-        let Some(taken) = samples.units[at] else { continue };
-        for (name, _) in instead(quantity, Some(taken)).filter(|(_, scale)| agrees(scale.powf(power))) {
-            suspects.push(format!("{} in {} read as {}", SIGNALS[at].name, written(name), written(taken)));
-            remedies.push(format!("--unit {}={}", SIGNALS[at].name, written(name)));
-        }
-    }
-    let speed = middle(&samples.omega_rad_s);
+    let suspects = alternatives(samples, &[(THETA, 1), (OMEGA, -1), (TIME_AT, -1)]);
+    let suspects: Vec<_> = suspects.into_iter().filter(|(_, _, scale)| agrees(*scale)).collect();
+    let joined =
+        |by: &str, text: fn(&(String, String, f64)) -> &str| suspects.iter().map(text).collect::<Vec<_>>().join(by);
+    let speed = median(samples.omega_rad_s.iter().copied());
     let value = format!("the angle turns at {}, the speed is {}", rpm(ratio * speed), rpm(speed));
     let suspicion = if !suspects.is_empty() {
-        format!("{}?", suspects.join(", or "))
+        format!("{}?", joined(", or ", |suspect| &suspect.0))
     } else if agrees(-1.0) {
         "they have opposite directions".into()
     } else {
         "no unit known here explains it".into()
     };
-    Some(Finding { signal: "theta", value, suspicion, remedy: remedies.join(" or ") })
+    Some(Finding { signal: "theta", value, suspicion, remedy: joined(" or ", |suspect| &suspect.1) })
 }
 
-/// The median of the known values.
-fn middle(values: &[f64]) -> f64 {
-    let mut known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    if known.is_empty() {
-        return 0.0;
-    }
-    let middle = known.len() / 2;
-    *known.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-/// Where the speed comes from: the signal whose unit tells it.
+/// Where the speed comes from: the signal whose unit decides it.
 fn source(samples: &Samples) -> Option<usize> {
     match samples.rotation {
         Rotation::Angle | Rotation::Both => Some(THETA),
@@ -289,21 +252,17 @@ fn source(samples: &Samples) -> Option<usize> {
 
 /// Speeds that no rotor has, or no controller follows.
 fn speed(samples: &Samples) -> Option<Finding> {
-    let speed = middle(&samples.omega_rad_s).abs();
+    let speed = median(samples.omega_rad_s.iter().copied()).abs();
     let fits = |speed: f64| speed <= SPEED_RAD_S && speed * samples.step_s <= TAU / SAMPLES_PER_TURN;
-    if fits(speed) {
+    if fits(speed) || speed.is_nan() {
         return None;
     }
-    let turn = TAU / speed / samples.step_s;
-    let value = format!("{}, {} samples a turn", rpm(speed), significant(turn, 3));
-    match source(samples) {
-        Some(at) => {
-            // A rotor that hardly turns is no better explanation.
-            let (suspicion, remedy) = remedy(at, samples, |scale| fits(scale * speed) && scale * speed > REST_RAD_S);
-            Some(Finding { signal: SIGNALS[at].name, value, suspicion, remedy })
-        }
-        None => Some(Finding { signal: "omega", value, suspicion: "--speed is in rpm".into(), remedy: String::new() }),
-    }
+    let value = format!("{}, {} samples a turn", rpm(speed), significant(TAU / speed / samples.step_s, 3));
+    Some(match source(samples) {
+        // A rotor that hardly turns is no better explanation.
+        Some(at) => misread(at, samples, value, |scale| fits(scale * speed) && scale * speed > REST_RAD_S),
+        None => Finding { signal: "omega", value, suspicion: "--speed is in rpm".into(), remedy: String::new() },
+    })
 }
 
 /// Part of the motion that goes with the angle times a factor, its first four harmonics forwards and backwards.
@@ -311,32 +270,30 @@ fn synchronous(samples: &Samples, factor: f64) -> Option<f64> {
     const HARMONICS: i32 = 4;
     /// So many samples are enough to tell.
     const SEEN: usize = 100_000;
-    let seen = samples.len().min(SEEN);
-    let theta = &samples.theta_rad[..seen.min(samples.theta_rad.len())];
-    let rows: Vec<usize> = (0..theta.len())
-        .filter(|j| theta[*j].is_finite() && samples.position_m.iter().all(|axis| axis[*j].is_finite()))
-        .collect();
-    let turned = range(theta).map_or(0.0, |[low, high]| factor * (high - low));
-    // Less than two turns say little, and fast ones are confused with slow ones.
+    let theta = &samples.theta_rad[..samples.theta_rad.len().min(SEEN)];
+    let [low, high] = range(theta.iter().copied());
+    let turned = factor * (high - low);
+    // Less than two turns show little, and fast ones are confused with slow ones.
     if turned < 2.0 * TAU || turned / theta.len() as f64 > PI / f64::from(HARMONICS) {
         return None;
     }
+    let rows =
+        theta.iter().zip(&samples.position_m[0]).zip(&samples.position_m[1]).map(|((theta, y), z)| [*theta, *y, *z]);
+    let mut rows: Vec<[f64; 3]> = rows.filter(|row| row.iter().all(|value| value.is_finite())).collect();
     let count = rows.len() as f64;
-    let mean = [0, 1].map(|axis| rows.iter().map(|j| samples.position_m[axis][*j]).sum::<f64>() / count);
-    let at = |j: usize| [0, 1].map(|axis| samples.position_m[axis][j] - mean[axis]);
-    let all: f64 = rows.iter().map(|j| at(*j)).map(|[y, z]| y * y + z * z).sum::<f64>() / count;
-    let mut part = 0.0;
-    for n in (-HARMONICS..=HARMONICS).filter(|n| *n != 0) {
-        let (mut re, mut im) = (0.0, 0.0);
-        for j in &rows {
-            let [y, z] = at(*j);
-            let (sin, cos) = libm::sincos(f64::from(n) * factor * theta[*j]);
-            re += y * cos + z * sin;
-            im += z * cos - y * sin;
-        }
-        part += (re * re + im * im) / (count * count);
+    for axis in 1..3 {
+        let mean = rows.iter().map(|row| row[axis]).sum::<f64>() / count;
+        rows.iter_mut().for_each(|row| row[axis] -= mean);
     }
-    (all > 0.0).then_some(part / all)
+    let all: f64 = rows.iter().map(|[_, y, z]| y * y + z * z).sum::<f64>() / count;
+    let part = |n: i32| {
+        let (re, im) = rows.iter().fold((0.0, 0.0), |(re, im), [theta, y, z]| {
+            let (sin, cos) = libm::sincos(f64::from(n) * factor * theta);
+            (re + y * cos + z * sin, im + z * cos - y * sin)
+        });
+        (re * re + im * im) / (count * count)
+    };
+    (all > 0.0).then(|| (-HARMONICS..=HARMONICS).filter(|n| *n != 0).map(part).sum::<f64>() / all)
 }
 
 /// A rotor moves with its own rotation; where it moves with another one instead, angle, speed or time are misread.
@@ -347,39 +304,26 @@ fn motion_against_angle(samples: &Samples) -> Option<Finding> {
     if samples.theta_rad.is_empty() || synchronous(samples, 1.0).is_some_and(|part| part > NOTHING) {
         return None;
     }
-    let mut candidates: Vec<(String, String, f64)> = Vec::new();
-    let mut add = |at: usize, quantity: Quantity, power: f64| {
-        let Some(taken) = samples.units[at] else { return };
-        for (name, scale) in instead(quantity, Some(taken)) {
-            let [name, taken] = [name, taken].map(written);
-            let signal = SIGNALS[at].name;
-            candidates.push((
-                format!("{signal} in {name} read as {taken}?"),
-                format!("--unit {signal}={name}"),
-                scale.powf(power),
-            ));
-        }
-    };
-    match samples.rotation {
-        Rotation::Angle | Rotation::Both => add(THETA, ANGLE, 1.0),
-        Rotation::Speed => {
-            add(OMEGA, SPEED, 1.0);
-            add(TIME_AT, TIME, 1.0);
-        }
-        Rotation::Told => {
-            add(TIME_AT, TIME, 1.0);
-            for (unit, scale) in [("Hz", 60.0), ("rad/s", 30.0 / PI)] {
-                candidates.push((format!("--speed given in {unit}, which is in rpm?"), String::new(), scale));
-            }
-        }
-        Rotation::Unknown => {}
+    let mut candidates = alternatives(
+        samples,
+        match samples.rotation {
+            Rotation::Angle | Rotation::Both => &[(THETA, 1)],
+            Rotation::Speed => &[(OMEGA, 1), (TIME_AT, 1)],
+            Rotation::Told => &[(TIME_AT, 1)],
+            Rotation::Unknown => &[],
+        },
+    );
+    if samples.rotation == Rotation::Told {
+        let given =
+            |(unit, scale): (&str, f64)| (format!("--speed given in {unit}, which is in rpm"), String::new(), scale);
+        candidates.extend([("Hz", 60.0), ("rad/s", 30.0 / PI)].map(given));
     }
     let parts = candidates.into_iter().filter_map(|candidate| Some((synchronous(samples, candidate.2)?, candidate)));
     let (part, (suspicion, remedy, scale)) =
         parts.filter(|(part, _)| *part > MOST).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let speed = middle(&samples.omega_rad_s);
-    let value =
-        format!("{}, while {:.0} % of the motion turns at {}", rpm(speed), 100.0 * part.min(1.0), rpm(speed * scale));
-    let signal = source(samples).map_or("omega", |at| SIGNALS[at].name);
-    Some(Finding { signal, value, suspicion, remedy })
+    let speed = median(samples.omega_rad_s.iter().copied());
+    let (own, other) = (rpm(speed), rpm(speed * scale));
+    let value = format!("{own}, while {:.0} % of the motion turns at {other}", 100.0 * part.min(1.0));
+    let signal = SIGNALS[source(samples).unwrap_or(OMEGA)].name;
+    Some(Finding { signal, value, suspicion: format!("{suspicion}?"), remedy })
 }

@@ -18,41 +18,30 @@ pub(super) enum Stamps {
 /// A stamp in plain decimal notation as whole units and the rest; others as a rest alone.
 fn parts(cell: &[u8], separator: char) -> Option<(i64, f64)> {
     let point = cell.iter().position(|byte| *byte == b'.' || (*byte == b',' && separator != ','));
-    let whole = &cell[..point.unwrap_or(cell.len())];
-    if !whole.is_empty()
-        && whole.iter().all(u8::is_ascii_digit)
-        && let Some(whole) = std::str::from_utf8(whole).ok().and_then(|text| text.parse::<i64>().ok())
-    {
-        let rest = point.map_or(&b""[..], |point| &cell[point..]);
-        if rest.len() <= 1 {
-            return Some((whole, 0.0));
-        }
-        if rest[1..].iter().all(u8::is_ascii_digit) {
-            return Some((whole, text::number(&[b"0", rest].concat(), separator)?));
-        }
+    let (whole, rest) = cell.split_at(point.unwrap_or(cell.len()));
+    let is_plain = [whole, rest.get(1..).unwrap_or_default()].iter().all(|part| part.iter().all(u8::is_ascii_digit));
+    match std::str::from_utf8(whole).ok().and_then(|whole| whole.parse().ok()).filter(|_| is_plain) {
+        Some(whole) if rest.len() <= 1 => Some((whole, 0.0)),
+        Some(whole) => Some((whole, text::number(&[b"0", rest].concat(), separator)?)),
+        None => text::number(cell, separator).map(|value| (0, value)),
     }
-    text::number(cell, separator).map(|value| (0, value))
 }
 
 /// ISO 8601 as nanoseconds from some instant: with an offset, without one, or the time of day alone.
 fn iso_ns(cell: &[u8]) -> Option<i128> {
     let cell = std::str::from_utf8(cell).ok()?.trim();
-    if let Ok(absolute) = cell.parse::<jiff::Timestamp>() {
-        return Some(absolute.as_nanosecond());
-    }
-    let civil = cell
-        .parse::<jiff::civil::DateTime>()
-        .ok()
-        .or_else(|| Some(jiff::civil::date(1970, 1, 1).to_datetime(cell.parse::<jiff::civil::Time>().ok()?)))?;
-    Some(civil.to_zoned(jiff::tz::TimeZone::UTC).ok()?.timestamp().as_nanosecond())
+    let day = jiff::civil::date(1970, 1, 1);
+    let civil = || cell.parse().or_else(|_| cell.parse().map(|time| day.to_datetime(time))).ok();
+    let absolute =
+        cell.parse().ok().or_else(|| civil()?.to_zoned(jiff::tz::TimeZone::UTC).ok().map(|zoned| zoned.timestamp()));
+    absolute.map(jiff::Timestamp::as_nanosecond)
 }
 
 impl Stamps {
-    /// How the stamps are written, by the first of them; the unit is that of the header or told, if any. Beside it what there
-    /// is to say.
+    /// How the stamps are written, by the first of them; the unit is that of the header or given, if any. Beside it a remark, if any.
     ///
     /// # Errors
-    /// What contradicts the unit.
+    /// A contradiction to the unit.
     pub(super) fn of(
         first: &[u8],
         separator: char,
@@ -60,31 +49,26 @@ impl Stamps {
     ) -> Result<(Self, Option<String>), String> {
         let shown = String::from_utf8_lossy(first);
         let Some((whole, rest)) = parts(first, separator) else {
-            return match iso_ns(first) {
-                Some(origin) => Ok((Self::Iso { origin }, Some(format!("Time counts from {shown}.")))),
-                None => Err(format!("{shown:?} is no time: a number or an ISO 8601 stamp is wanted")),
-            };
+            let origin = iso_ns(first)
+                .ok_or_else(|| format!("{shown:?} is no time: a number or an ISO 8601 stamp is wanted"))?;
+            return Ok((Self::Iso { origin }, Some(format!("Time counts from {shown}."))));
         };
         let value = whole as f64 + rest;
-        let epoch = TIME.iter().find(|(_, factor)| EPOCH_S.contains(&(value * factor)));
-        match (unit, epoch) {
-            (Some(told), Some((names, factor))) if told.1 != *factor => Err(format!(
-                "the first stamp is {shown} {}: a Unix time in {1}? Then --unit time={1}",
-                told.0, names[0]
-            )),
-            (told, Some((names, factor))) => {
-                let unit = told.unwrap_or((names[0], *factor));
-                let note = format!("The stamps are Unix times in {}; time counts from the first, {shown}.", unit.0);
-                Ok((Self::Number { unit, origin: whole }, Some(note)))
-            }
-            (told, None) => {
-                let note = told.is_none().then(|| "time has no unit; it is taken to be in s.".to_owned());
-                Ok((Self::Number { unit: told.unwrap_or(("s", 1.0)), origin: 0 }, note))
-            }
+        let Some((names, factor)) = TIME.iter().find(|(_, factor)| EPOCH_S.contains(&(value * factor))) else {
+            let note = unit.is_none().then(|| "time has no unit; it is taken to be in s.".to_owned());
+            return Ok((Self::Number { unit: unit.unwrap_or(("s", 1.0)), origin: 0 }, note));
+        };
+        if let Some((given, _)) = unit.filter(|(_, given)| given != factor) {
+            return Err(format!(
+                "the first stamp is {shown} {given}: a Unix time in {0}? Then --unit time={0}",
+                names[0]
+            ));
         }
+        let note = format!("The stamps are Unix times in {}; time counts from the first, {shown}.", names[0]);
+        Ok((Self::Number { unit: (names[0], *factor), origin: whole }, Some(note)))
     }
 
-    /// What the times count from, in ns of the clock.
+    /// The origin of the times, in ns of the clock.
     pub(super) fn origin_ns(&self) -> i128 {
         match self {
             Self::Number { unit: (_, factor), origin } => i128::from(*origin) * (factor * 1e9).round() as i128,

@@ -1,11 +1,11 @@
 //! The rows of a recording: the wanted columns as numbers in SI units.
 
-use std::io::Read;
+use std::fmt::Display;
+use std::io::{self, Read};
 
-use super::header::{self, Place, SIGNALS, TIME_AT};
+use super::header::{self, Column, Place, SIGNALS, TIME_AT};
 use super::stamps::Stamps;
-use super::text::{self, Text};
-use super::{Reading, Unusable};
+use super::{Reading, Unusable, text};
 
 /// The header is sought among so many lines.
 const BEFORE_HEADER: usize = 200;
@@ -14,17 +14,22 @@ const BEFORE_HEADER: usize = 200;
 const SHOWN: usize = 5;
 
 /// The columns of a recording, in SI units.
+#[derive(Default)]
 pub(super) struct Table {
     /// In the order of [`SIGNALS`]; empty where there is none.
-    pub columns: Vec<Vec<f64>>,
+    pub columns: [Vec<f64>; SIGNALS.len()],
     /// The line of the file in which each row stands.
     pub lines: Vec<u32>,
     /// In which unit each signal was taken to be.
     pub units: [Option<&'static str>; SIGNALS.len()],
     /// How the time stamps are written; none if there are none.
     pub stamps: Option<Stamps>,
-    /// What was found, in sentences.
+    /// Findings, in sentences.
     pub notes: Vec<String>,
+}
+
+fn broken(error: &dyn Display) -> Unusable {
+    Unusable(vec![format!("the text cannot be read: {error}")])
 }
 
 impl Table {
@@ -33,104 +38,86 @@ impl Table {
     /// # Errors
     /// All that is wrong with the header, or with the rows.
     pub(super) fn read(from: impl Read, reading: &Reading, wanted: impl Fn(usize) -> bool) -> Result<Self, Unusable> {
-        let broken = |error: &dyn std::fmt::Display| Unusable(vec![format!("the text cannot be read: {error}")]);
-        let text = Text::open(from).map_err(|error| broken(&error))?;
-        let header = find_header(&text, reading).ok_or_else(|| {
+        let (head, mut text) = text::open(from).map_err(|error| broken(&error))?;
+        let header = find_header(&head, reading).ok_or_else(|| {
             Unusable(vec!["no header was found: a line with the names of the columns is wanted, separated by comma, semicolon or tab".into()])
         })?;
+        io::copy(&mut text.by_ref().take(header.start as u64), &mut io::sink()).map_err(|error| broken(&error))?;
         let mut reader = csv::ReaderBuilder::new()
             .delimiter(header.separator as u8)
             .flexible(true)
             .has_headers(false)
             .trim(csv::Trim::All)
             .comment(Some(b'#'))
-            .from_reader(text.from(header.start));
+            .from_reader(text);
         let mut record = csv::ByteRecord::new();
+        let mut next = |record: &mut csv::ByteRecord| reader.read_byte_record(record).map_err(|error| broken(&error));
         let line_of =
             |record: &csv::ByteRecord| header.line + record.position().map_or(1, csv::Position::line) as u32 - 1;
-        let mut more = reader.read_byte_record(&mut record).map_err(|error| broken(&error))?;
-        let cells = owned(&record);
-        let mut columns = header::columns(cells.iter().map(String::as_str));
-        // The row below may hold the units.
+        next(&mut record)?;
+        let mut columns: Vec<Column> = owned(&record).iter().map(|cell| header::column(cell)).collect();
         let mut findings = Vec::new();
-        more = more && reader.read_byte_record(&mut record).map_err(|error| broken(&error))?;
-        let cells = owned(&record);
-        let cells: Vec<&str> = cells.iter().map(String::as_str).collect();
-        if more && header::is_units(&cells) {
-            header::take_units(&mut columns, &cells, &mut findings);
-            more = reader.read_byte_record(&mut record).map_err(|error| broken(&error))?;
+        let mut more = next(&mut record)?;
+        if more && header::take_units(&mut columns, &owned(&record), &mut findings) {
+            more = next(&mut record)?;
         }
         let places = header::places(&columns, reading, wanted, &mut findings);
-        let mut notes = Vec::new();
-        let stamps = match (places[TIME_AT], more) {
-            (Some(Place { column, unit }), true) => {
-                match Stamps::of(record.get(column).unwrap_or_default(), header.separator, unit) {
-                    Ok((stamps, note)) => {
-                        notes.extend(note);
-                        Some(stamps)
-                    }
-                    Err(why) => {
-                        findings.push(format!("time, line {}: {why}", line_of(&record)));
-                        None
-                    }
+        let mut table = Self::default();
+        if let (Some(Place { column, unit }), true) = (places[TIME_AT], more) {
+            match Stamps::of(record.get(column).unwrap_or_default(), header.separator, unit) {
+                Ok((stamps, note)) => {
+                    table.notes.extend(note);
+                    table.units[TIME_AT] = stamps.unit();
+                    table.stamps = Some(stamps);
                 }
+                Err(why) => findings.push(format!("time, line {}: {why}", line_of(&record))),
             }
-            _ => None,
-        };
+        }
         if !findings.is_empty() {
             return Err(Unusable(findings));
         }
-        let mut units = [None; SIGNALS.len()];
-        for (at, place) in places.iter().enumerate().filter(|(at, _)| *at != TIME_AT) {
+        for (at, place) in places.iter().enumerate().skip(TIME_AT + 1) {
             let Some(Place { unit, .. }) = place else { continue };
             let si = SIGNALS[at].quantity[0].0[0];
-            units[at] = Some(unit.map_or(si, |unit| unit.0));
+            table.units[at] = Some(unit.map_or(si, |unit| unit.0));
             if unit.is_none() {
-                notes.push(format!("{} has no unit; it is taken to be in {si}.", SIGNALS[at].name));
+                table.notes.push(format!("{} has no unit; it is taken to be in {si}.", SIGNALS[at].name));
             }
         }
-        units[TIME_AT] = stamps.as_ref().and_then(Stamps::unit);
-        let mut table = Self { columns: vec![Vec::new(); SIGNALS.len()], lines: Vec::new(), units, stamps, notes };
-        // A row with cells missing at its end may be the last one, which was not written to its end.
-        let mut short: Option<Vec<String>> = None;
-        let mut shorter = 0;
-        while more {
-            let line = line_of(&record);
+        // Rows with cells missing at their end; the last one may not have been written to its end.
+        let (mut short, mut last_is_short) = (0, None);
+        while more && findings.len() < SHOWN {
             if !record.iter().all(<[u8]>::is_empty) {
-                if let Some(wrong) = short.take() {
-                    findings.extend(wrong);
-                    shorter += 1;
-                }
-                let wrong = table.push(&record, line, &places, header.separator, columns.len());
+                findings.extend(last_is_short.take().into_iter().flatten());
+                let wrong = table.push(&record, line_of(&record), &places, header.separator, columns.len());
                 if record.len() < columns.len() {
-                    short = Some(wrong);
+                    short += 1;
+                    last_is_short = Some(wrong);
                 } else {
                     findings.extend(wrong);
                 }
-                if findings.len() >= SHOWN {
-                    findings.push("reading stopped here".into());
-                    break;
-                }
             }
-            more = reader.read_byte_record(&mut record).map_err(|error| broken(&error))?;
+            more = next(&mut record)?;
         }
-        if short.is_some() {
-            for column in table.columns.iter_mut() {
-                column.pop();
-            }
-            if let Some(line) = table.lines.pop() {
-                table.notes.push(format!("The last row (line {line}) is incomplete and was left out."));
-            }
+        if findings.len() >= SHOWN {
+            findings.push("reading stopped here".into());
         }
-        if shorter > 0 {
+        if last_is_short.is_some()
+            && let Some(line) = table.lines.pop()
+        {
+            short -= 1;
+            table.columns.iter_mut().for_each(|column| column.truncate(table.lines.len()));
+            table.notes.push(format!("The last row (line {line}) is incomplete and was left out."));
+        }
+        if short > 0 {
             table
                 .notes
-                .push(format!("{shorter} rows have fewer cells than the header; the missing ones count as empty."));
+                .push(format!("{short} rows have fewer cells than the header; the missing ones count as empty."));
         }
         if findings.is_empty() { Ok(table) } else { Err(Unusable(findings)) }
     }
 
-    /// Takes over a row; what is wrong with it is answered.
+    /// Takes over a row; what is wrong with it is returned.
     fn push(
         &mut self,
         record: &csv::ByteRecord,
@@ -147,8 +134,8 @@ impl Table {
         for (at, place) in places.iter().enumerate() {
             let Some(Place { column, unit }) = place else { continue };
             let cell = record.get(*column).unwrap_or_default();
-            let value = match (&self.stamps, at == TIME_AT) {
-                (Some(stamps), true) => stamps.seconds(cell, separator),
+            let value = match &self.stamps {
+                Some(stamps) if at == TIME_AT => stamps.seconds(cell, separator),
                 _ => text::number(cell, separator).map(|value| value * unit.map_or(1.0, |unit| unit.1)),
             };
             if value.is_none() {
@@ -160,6 +147,27 @@ impl Table {
         }
         self.lines.push(line);
         wrong
+    }
+
+    /// The origin of the times, in ns of the clock.
+    pub(super) fn origin_ns(&self) -> i128 {
+        self.stamps.as_ref().map_or(0, Stamps::origin_ns)
+    }
+
+    /// Refuses times that go back from one of these rows to the next.
+    pub(super) fn check_rising(&self, rows: &[usize]) -> Result<(), String> {
+        let time = &self.columns[TIME_AT];
+        let back = rows.windows(2).find(|pair| time[pair[1]] < time[pair[0]]);
+        let from_to = |pair: &[usize]| (self.lines[pair[0]], self.lines[pair[1]]);
+        back.map(from_to).map_or(Ok(()), |(from, to)| Err(format!("time goes back from line {from} to line {to}")))
+    }
+
+    /// Numbers of the rows in which all of these signals are known.
+    pub(super) fn known(&self, signals: impl IntoIterator<Item = usize> + Clone) -> Vec<usize> {
+        let known = |row: &usize| {
+            signals.clone().into_iter().all(|at| self.columns[at].get(*row).is_some_and(|value| value.is_finite()))
+        };
+        (0..self.lines.len()).filter(known).collect()
     }
 }
 
@@ -175,18 +183,19 @@ struct Header {
 }
 
 /// The header: the line that names the most signals, since data loggers write remarks and settings before it.
-fn find_header<R: Read>(text: &Text<R>, reading: &Reading) -> Option<Header> {
+fn find_header(head: &str, reading: &Reading) -> Option<Header> {
     let mut best: Option<(usize, Header)> = None;
-    for (number, (start, line)) in text.lines().enumerate().take(BEFORE_HEADER) {
-        if line.trim_start().starts_with(['#', '%']) {
-            continue;
+    let mut start = 0;
+    for (number, line) in head.split_inclusive('\n').enumerate().take(BEFORE_HEADER) {
+        let header = |separator| Header { start, line: number as u32 + 1, separator };
+        if let Some(separator) = text::separator(line).filter(|_| !line.trim_start().starts_with(['#', '%'])) {
+            let columns: Vec<Column> = line.split(separator).map(header::column).collect();
+            let recognised = header::recognised(&columns, reading);
+            if best.as_ref().is_none_or(|(most, _)| recognised > *most) {
+                best = Some((recognised, header(separator)));
+            }
         }
-        let Some(separator) = text::separator(&line) else { continue };
-        let columns = header::columns(line.split(separator));
-        let recognised = header::recognised(&columns, reading);
-        if best.as_ref().is_none_or(|(most, _)| recognised > *most) {
-            best = Some((recognised, Header { start, line: number as u32 + 1, separator }));
-        }
+        start += line.len();
     }
     best.map(|(_, header)| header)
 }

@@ -113,6 +113,11 @@ pub(in crate::studies::identify) fn time(seconds: f64) -> String {
     format!("{} {name}", significant(seconds * factor, 7))
 }
 
+/// A time that is not known to more than so many digits, with its unit.
+pub(super) fn rounded_time(seconds: f64, digits: i32) -> String {
+    time(significant(seconds, digits).parse().unwrap_or(seconds))
+}
+
 /// A number with so many significant digits, without zeros at its end.
 pub(in crate::studies::identify) fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {

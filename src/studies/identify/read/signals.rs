@@ -1,0 +1,162 @@
+//! Signals at the samples: gaps, other rates, angle and speed.
+
+use std::f64::consts::TAU;
+
+use super::{Currents, FILLED};
+
+/// A gap is filled by the cubic through neighbours that are no further apart than this, in samples.
+const SPAN: usize = 2 * FILLED + 1;
+
+/// The median of finite values; NaN if there are none.
+pub(super) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.into_iter().filter(|value| value.is_finite()).collect();
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Known values by their places, in samples from the first one; the places rise.
+pub(super) type Known = Vec<(f64, f64)>;
+
+/// The values of a column with their places.
+pub(super) fn known(place: &[f64], column: &[f64]) -> Known {
+    let both = place.iter().copied().zip(column.iter().copied());
+    both.filter(|(place, value)| place.is_finite() && value.is_finite()).collect()
+}
+
+/// Whether the values belong to samples.
+pub(super) fn is_at_samples(known: &Known) -> bool {
+    known.iter().all(|(place, _)| place.fract() == 0.0)
+}
+
+/// The values of the samples; NaN for those without one.
+pub(super) fn at_samples(known: &Known, count: usize) -> Vec<f64> {
+    let mut values = vec![f64::NAN; count];
+    for (place, value) in known.iter().filter(|(place, _)| (0.0..count as f64).contains(place)) {
+        values[*place as usize] = *value;
+    }
+    values
+}
+
+/// The usual distance of the known values.
+pub(super) fn distance(known: &Known) -> f64 {
+    median(known.windows(2).map(|pair| pair[1].0 - pair[0].0))
+}
+
+/// How far from a sample its neighbours may be before there is a gap.
+fn reach(known: &Known) -> f64 {
+    (FILLED as f64 + 1.0) * distance(known).max(1.0)
+}
+
+/// Straight lines between the known neighbours of the samples, NaN in gaps unless these are bridged.
+pub(super) fn straight(known: &Known, count: usize, bridges: bool) -> Vec<f64> {
+    let reach = if bridges { f64::INFINITY } else { reach(known) };
+    let at = |sample: usize| {
+        let after = known.partition_point(|(place, _)| *place < sample as f64 - ROUNDING);
+        let (next, value) = *known.get(after)?;
+        if next - sample as f64 <= ROUNDING {
+            return Some(value);
+        }
+        let (former, begin) = known[after.checked_sub(1)?];
+        let near = next - sample as f64 <= reach && sample as f64 - former <= reach;
+        near.then(|| begin + (value - begin) * (sample as f64 - former) / (next - former))
+    };
+    (0..count).map(|sample| at(sample).unwrap_or(f64::NAN)).collect()
+}
+
+/// Places come from decimal fractions.
+const ROUNDING: f64 = 1e-6;
+
+/// The currents of the samples from currents at other instants: the root of the mean of the square over the interval that a sample stands
+/// for, or the value on the straight line. NaN in gaps.
+pub(super) fn resampled(known: &Known, count: usize, how: Currents) -> Vec<f64> {
+    if how == Currents::Linear {
+        return straight(known, count, false);
+    }
+    let reach = reach(known);
+    let mean_square = |sample: usize| {
+        let start = if how == Currents::Before { sample as f64 - 1.0 } else { sample as f64 };
+        let (mut at, mut sum) = (start, 0.0);
+        while at < start + 1.0 - ROUNDING {
+            // The first value after the instant; it stands for the time before it, or the one before it for that after.
+            let next = known.partition_point(|(place, _)| *place <= at + ROUNDING);
+            let row = if how == Currents::Before { next } else { next.wrapping_sub(1) };
+            let Some((_, value)) = known.get(row).filter(|(place, _)| (place - at).abs() <= reach) else {
+                return f64::NAN;
+            };
+            let until = known.get(next).map_or(start + 1.0, |(place, _)| place.min(start + 1.0));
+            // The only one keeps its sign and its last bit.
+            if until - at > 1.0 - ROUNDING {
+                return *value;
+            }
+            sum += value * value * (until - at);
+            at = until;
+        }
+        sum.sqrt()
+    };
+    (0..count).map(mean_square).collect()
+}
+
+/// Fills short gaps by the cubic through two neighbours on both sides; how many samples were filled.
+pub(super) fn fill(values: &mut [f64]) -> usize {
+    let known: Vec<usize> = (0..values.len()).filter(|at| values[*at].is_finite()).collect();
+    let mut filled = 0;
+    for nodes in known.windows(4).filter(|nodes| nodes[2] - nodes[1] <= FILLED + 1 && nodes[3] - nodes[0] <= SPAN) {
+        for at in nodes[1] + 1..nodes[2] {
+            let from = |node: &usize| at as f64 - *node as f64;
+            let basis = |one: &usize| {
+                let others = nodes.iter().filter(|other| *other != one);
+                others.map(|other| from(other) / (*one as f64 - *other as f64)).product::<f64>()
+            };
+            values[at] = nodes.iter().map(|node| values[*node] * basis(node)).sum();
+            filled += 1;
+        }
+    }
+    filled
+}
+
+/// Takes the jumps of whole turns out of an angle; over a gap the rotor turns on as before. Returns by how much the recorded angle jumps when it
+/// wraps: always against its direction. An angle that never jumps by more than half its range is left as it is, for a unit that was misread must
+/// not be hidden by taking turns off it.
+pub(super) fn unwrap(angle: &mut Known) -> Option<f64> {
+    /// The pace is followed over about so many samples.
+    const FOLLOWED: f64 = 20.0;
+    let range = angle
+        .iter()
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], (_, value)| [low.min(*value), high.max(*value)]);
+    let (jumps, steps): (Vec<f64>, Vec<f64>) =
+        angle.windows(2).map(|pair| pair[1].1 - pair[0].1).partition(|step| step.abs() > 0.5 * (range[1] - range[0]));
+    if jumps.is_empty() {
+        return None;
+    }
+    let mut pace = None;
+    for at in 1..angle.len() {
+        let ((former, before), (place, value)) = (angle[at - 1], &mut angle[at]);
+        let samples = *place - former;
+        let expected = before + if samples > 1.5 { pace.unwrap_or(0.0) * samples } else { 0.0 };
+        *value -= ((*value - expected) / TAU).round() * TAU;
+        let step = (*value - before) / samples;
+        pace = Some(pace.map_or(step, |pace: f64| pace + (step - pace) / FOLLOWED));
+    }
+    let [jump, step] = [&jumps, &steps].map(|steps| median(steps.iter().copied()));
+    let is_against = jumps.iter().all(|one| one * jump > 0.0) && jump * step < 0.0;
+    (steps.len() >= 2 * jumps.len() && is_against).then(|| (step - jump).abs())
+}
+
+/// Slope of an angle, by straight lines fitted over 41 samples.
+pub(super) fn slope(angle: &[f64], step_s: f64) -> Vec<f64> {
+    const WIDTH: usize = 41;
+    let at = |sample: usize| {
+        let from = sample.saturating_sub(WIDTH / 2).min(angle.len().saturating_sub(WIDTH));
+        let piece = &angle[from..(from + WIDTH).min(angle.len())];
+        let middle = (piece.len() - 1) as f64 / 2.0;
+        let (up, down) = piece.iter().enumerate().fold((0.0, 0.0), |(up, down), (n, value)| {
+            let x = n as f64 - middle;
+            (up + x * value, down + x * x)
+        });
+        up / (down * step_s)
+    };
+    (0..angle.len()).map(at).collect()
+}
