@@ -12,7 +12,7 @@ use super::config::Verdict;
 use super::innovations::{Field, FilterState, Innovation, Running, Sample, Square, WhiteningFilter, turned};
 use super::models::{Models, Weighed};
 use super::noise::{Noise, OUTLIER};
-use super::sums::{AngleTable, PredictionErrorSolution, Prior, Solution, Sums};
+use super::sums::{AngleTable, Prior, Solution, Sums};
 use super::validation::Validation;
 
 /// Blocks of samples in a revolution.
@@ -59,9 +59,9 @@ const FIRST_GUESS_PART: f64 = 0.1;
 pub const STD_LIMIT: f64 = 0.05;
 const STD_LIMIT_VALID: f64 = 0.10;
 
-/// Least and greatest time for which an estimate has to pass all tests before it is valid again, s: ten times as long at each refusal, so that `valid` changes
+/// Least and greatest time for which an estimate has to pass all tests before it is valid again, s: four times as long at each refusal, so that `valid` changes
 /// at most five times a second; and the time in which that is forgotten.
-const PAUSE_S: [f64; 2] = [0.1, 1.0];
+const PAUSE_S: [f64; 2] = [0.2, 0.8];
 const PAUSE_FADES_S: f64 = 1.0;
 
 /// A normalised innovation squared beyond this comes from samples that no bearing makes.
@@ -152,8 +152,6 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     /// For how long an estimate that a test refused has to pass before it is valid again, s, and from which sample on it may be.
     pause_s: f64,
     valid_from: u64,
-    /// Mean square of the currents, A².
-    mean_square_a2: f64,
     /// Samples since the start.
     samples: u64,
     /// The solution that is given out, and the inverse of J for the leverage.
@@ -219,7 +217,6 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             changed: false,
             pause_s: PAUSE_S[0],
             valid_from: 0,
-            mean_square_a2: 0.0,
             samples: 0,
             solution: None,
             inverse: None,
@@ -317,18 +314,16 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         self.filter.correct(filter, &running, &innovation, sqrt(weight));
 
         state.samples += 1;
-        state.present.add(&innovation, sample.rotation.variance_rad2, instrumented);
+        state.present.add(&innovation, sample.rotation.variance, instrumented);
         let per_revolution = state.per_revolution();
         state.validation.add(&innovation, sample.turn);
         if settled {
             state.validation.add_settled(&innovation.error, position_variance, per_revolution);
         }
-        let square = sample.current_a.norm_squared() / K as f64;
-        state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
         if weight > 0.0 {
-            let discount = state.noise.update(&innovation, position_variance, weight, state.mean_square_a2);
+            let discount = state.noise.update(&innovation, position_variance, weight);
             if discount < 1.0 {
-                state.validation.forget(state.revolutions());
+                state.validation.forget_all(state.revolutions());
                 state.discount(discount);
             }
         }
@@ -344,7 +339,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             }
             _ if was_valid => {
                 state.valid_from = state.samples + (state.pause_s / self.filter.step_s) as u64;
-                state.pause_s = (10.0 * state.pause_s).min(PAUSE_S[1]);
+                state.pause_s = (4.0 * state.pause_s).min(PAUSE_S[1]);
             }
             _ => (),
         }
@@ -371,52 +366,45 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if sums.samples < LEAST_SAMPLES {
             return;
         }
-        let Some([widest, solution]) = self.solutions(state, &sums, variances) else {
+        let Some(solution) = self.solution(state, &sums, variances) else {
             state.condition = CONDITION_CAP;
             return;
         };
         // Before the noise is found it is larger than it may be.
-        let unit = sums.unit_variance::<N>(&widest.unknowns, variances[0]).clamp(0.0, 1.0);
+        let unit = sums.unit_variance::<N>(&solution.unknowns, variances[0]).clamp(0.0, 1.0);
         let std = solution.relative_std::<K>() * sqrt(unit);
         if !std.is_finite() {
             return;
         }
         // Once the filter runs with an estimate it follows it: the residuals of an estimate that is held would pass for noise, and the noise
-        // would keep the estimate uncertain. So would those of a backward force that is not decided on.
+        // would keep the estimate uncertain.
         if std < RUNNING_STD || state.estimated {
             if !state.estimated {
                 (state.estimated, state.estimated_at) = (true, state.quarters);
-                state.validation.forget(state.revolutions());
                 let wrong = |k: usize| (solution.unknowns[k] / self.lambda0[k] - 1.0).abs() > FIRST_GUESS_ERROR;
                 if state.quarters >= QUARTERS as u64 && (0..K).any(wrong) {
                     state.discount(FIRST_GUESS_PART);
+                    state.validation.forget(state.revolutions());
                 }
             }
-            let wide = widest.relative_std::<K>() * sqrt(unit) < RUNNING_STD;
-            state.running = if wide { widest.unknowns } else { solution.unknowns };
+            state.running = solution.unknowns;
         }
         state.solution = Some(solution);
     }
 
-    /// The solutions with the widest prior of the backward forces, and with that of the model that is used.
-    fn solutions(
+    /// The solution with the prior of the model of the backward forces that is used; that model is chosen with the widest prior.
+    fn solution(
         &self,
         state: &mut PredictionErrorState<N, K, U, T>,
         sums: &Sums<K, U, T>,
         variances: [f64; 2],
-    ) -> Option<[Solution<U, T>; 2]> {
+    ) -> Option<Solution<U, T>> {
         let widest = sums.solve(&self.prior, variances)?;
         let model = state.models.select(&self.prior, &widest, self.forces(), variances[0])?;
         let prior = state.models.prior(&self.prior, self.forces());
-        let combined = |found: &PredictionErrorSolution<U, T>, prior| found.combine(sums, prior, variances[0], model);
-        if prior == self.prior {
-            (state.inverse, state.condition) = (Some(widest.inverse), widest.condition);
-            let solution = combined(&widest, &prior);
-            return Some([solution.clone(), solution]);
-        }
-        let found = sums.solve(&prior, variances)?;
+        let found = if prior == self.prior { widest } else { sums.solve(&prior, variances)? };
         (state.inverse, state.condition) = (Some(found.inverse), found.condition);
-        Some([combined(&widest, &self.prior), combined(&found, &prior)])
+        Some(found.combine(sums, &prior, variances[0], model))
     }
 
     /// The backward forces among the unknowns.
@@ -573,8 +561,7 @@ pub fn all_finite<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> bool {
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionErrorState<N, K, U, T> {
     /// Whether all numbers are finite, and all places within their rings.
     pub fn is_sound(&self) -> bool {
-        let numbers =
-            [&self.mean_square_a2, &self.condition, &self.passed, &self.quarter_samples, &self.pace, &self.pause_s];
+        let numbers = [&self.condition, &self.passed, &self.quarter_samples, &self.pace, &self.pause_s];
         all_finite(self.running.iter().chain(&self.per_current).chain(&self.gradient).chain(numbers))
             && self.inverse.is_none_or(|inverse| all_finite(&inverse))
             && (self.estimate.is_finite() && self.models.is_sound() && self.present.is_finite())
@@ -611,7 +598,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
     /// What was found of the noise since λ changed holds the contradiction.
     fn trust_again(&mut self) {
-        if let Some(noise) = self.trusted[0].clone().filter(|noise| !noise.is_known()) {
+        if let Some(noise) = self.trusted[0].clone() {
             self.noise = noise;
         }
         // A change takes several quarters until nothing of before is left.

@@ -158,7 +158,13 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     /// Forgets the sums.
     pub fn forget(&mut self, revolution: f64) {
         (self.harmonics_since, self.harmonics) = (revolution, [Harmonic::zeros(); HARMONICS]);
-        (self.greatest, self.averaged, self.product) = (0.0, 0.0, 0.0);
+        self.greatest = 0.0;
+    }
+
+    /// Forgets all that was found with another ratio of the noises.
+    pub fn forget_all(&mut self, revolution: f64) {
+        self.forget(revolution);
+        (self.averaged, self.product) = (0.0, 0.0);
     }
 
     pub fn is_finite(&self) -> bool {
