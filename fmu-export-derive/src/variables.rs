@@ -132,10 +132,12 @@ fn lens_of(target: &Target<'_>, lens: &Ident, member: &Member, of_type: &Type) -
             type Target = #of_type;
             const COUNT: usize = 1;
 
+            #[inline]
             fn get(data: &Self::Data, _: usize) -> &Self::Target {
                 &data.#member
             }
 
+            #[inline]
             fn get_mut(data: &mut Self::Data, _: usize) -> &mut Self::Target {
                 &mut data.#member
             }

@@ -165,10 +165,12 @@ impl<D: 'static> Lens for Whole<D> {
     type Target = D;
     const COUNT: usize = 1;
 
+    #[inline]
     fn get(data: &D, _: usize) -> &D {
         data
     }
 
+    #[inline]
     fn get_mut(data: &mut D, _: usize) -> &mut D {
         data
     }
@@ -183,10 +185,12 @@ impl<A: Lens, B: Lens<Data = A::Target>> Lens for Then<A, B> {
     type Target = B::Target;
     const COUNT: usize = A::COUNT * B::COUNT;
 
+    #[inline]
     fn get(data: &A::Data, index: usize) -> &B::Target {
         B::get(A::get(data, index / B::COUNT), index % B::COUNT)
     }
 
+    #[inline]
     fn get_mut(data: &mut A::Data, index: usize) -> &mut B::Target {
         B::get_mut(A::get_mut(data, index / B::COUNT), index % B::COUNT)
     }
@@ -205,10 +209,12 @@ impl<T: 'static, const N: usize> List for [T; N] {
     type Item = T;
     const LENGTH: usize = N;
 
+    #[inline]
     fn at(&self, index: usize) -> &T {
         &self[index]
     }
 
+    #[inline]
     fn at_mut(&mut self, index: usize) -> &mut T {
         &mut self[index]
     }
@@ -218,10 +224,12 @@ impl<T: 'static, const N: usize> List for Array<T, N> {
     type Item = T;
     const LENGTH: usize = N;
 
+    #[inline]
     fn at(&self, index: usize) -> &T {
         &self[index]
     }
 
+    #[inline]
     fn at_mut(&mut self, index: usize) -> &mut T {
         &mut self[index]
     }
@@ -236,10 +244,12 @@ impl<A: Lens<Target: List>> Lens for Elements<A> {
     type Target = <A::Target as List>::Item;
     const COUNT: usize = A::COUNT * <A::Target as List>::LENGTH;
 
+    #[inline]
     fn get(data: &A::Data, index: usize) -> &Self::Target {
         A::get(data, index / <A::Target as List>::LENGTH).at(index % <A::Target as List>::LENGTH)
     }
 
+    #[inline]
     fn get_mut(data: &mut A::Data, index: usize) -> &mut Self::Target {
         A::get_mut(data, index / <A::Target as List>::LENGTH).at_mut(index % <A::Target as List>::LENGTH)
     }

@@ -110,7 +110,6 @@ fn controller_config(values: &Values) -> ControllerConfig {
             bandwidth_rad_s: values.real("bandwidth.reference"),
             ..ReferenceConfig::default()
         },
-        ..ControllerConfig::default()
     }
 }
 

@@ -536,7 +536,7 @@ fn the_reference_is_consistent_with_its_derivatives() {
 #[test]
 fn a_lift_begins_where_the_rotor_is() {
     let path = reference(SpindlePathConfig {
-        transition: Transition { ramp_s: 0.05, lift_s: 0.05, start_s: 0.05, ..Default::default() },
+        transition: Transition { ramp_s: 0.05, lift_s: 0.05, start_s: 0.05 },
         ..Default::default()
     });
     let mut state = path.start();
