@@ -23,8 +23,11 @@ pub(super) fn open<'a>(from: impl Read + 'a) -> io::Result<(String, impl Read + 
     Ok((String::from_utf8_lossy(&head).into_owned(), text))
 }
 
+/// Bytes that were read already, and those that follow.
+type Again<R> = Chain<Cursor<Vec<u8>>, R>;
+
 /// The first bytes, and all of them.
-fn peek<R: Read>(mut from: R) -> io::Result<(Vec<u8>, Chain<Cursor<Vec<u8>>, R>)> {
+fn peek<R: Read>(mut from: R) -> io::Result<(Vec<u8>, Again<R>)> {
     let mut start = Vec::new();
     from.by_ref().take(HEAD as u64).read_to_end(&mut start)?;
     Ok((start.clone(), Cursor::new(start).chain(from)))
