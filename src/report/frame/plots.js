@@ -30,7 +30,7 @@
     const full = {...layout, xaxis: axis(layout.xaxis, "bottom"), yaxis: axis(layout.yaxis, "left"),
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", margin: {l: 10, r: 30, t: 6, b: 8},
       modebar: {bgcolor: "rgba(0,0,0,0)", color: "--soft", activecolor: "--ink"},
-      font: {family: "system-ui, sans-serif", size: 12, color: "--ink"},
+      separators: ".\u2009", font: {family: "system-ui, sans-serif", size: 12, color: "--ink"},
       legend: {orientation: "h", x: 0, y: 1, yanchor: "bottom", font: {size: 12.5}},
       hovermode: layout.hovermode ?? (layout.yaxis.scaleanchor ? "closest" : "x unified"), dragmode: touch ? false : "zoom",
       hoverlabel: {bgcolor: "--wash", bordercolor: "--rule", font: {color: "--ink"}}};
