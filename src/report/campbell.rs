@@ -17,7 +17,8 @@ pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> S
     let speed = ("speed", PlotUnit { name: "rpm", factor: 1.0 });
     let hertz = PlotUnit { name: "Hz", factor: 1.0 };
 
-    let mut frequencies = Plot::new(speed, ("natural frequency", hertz)).height(420.0);
+    let speeds = [0.0, greatest_rpm];
+    let mut frequencies = Plot::new(speed, ("natural frequency", hertz)).range(0, speeds).height(420.0);
     let all: Vec<[[f64; 2]; 2]> = rpm.iter().map(|rpm| modes_hz(whirl.frequencies_hz(omega(rpm)))).collect();
     for mode in 0..2 {
         let line = |name: &str| Line::new(&format!("mode {} {name}", mode + 1), colour::MAGNETS[mode]).width(2.0);
@@ -33,7 +34,7 @@ pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> S
         frequencies.instant(rpm, &format!("critical {mode}"));
     }
 
-    let mut response = Plot::new(speed, ("amplitude", PlotUnit::MICROMETRE)).decades(1).height(320.0);
+    let mut response = Plot::new(speed, ("amplitude", PlotUnit::MICROMETRE)).range(0, speeds).decades(1).height(320.0);
     let responses: Vec<_> = rpm.iter().skip(1).map(|rpm| whirl.response_m(omega(rpm))).collect();
     for (bearing, name) in ["A", "B"].into_iter().enumerate() {
         let amplitude: Vec<f64> = responses.iter().map(|one| one[bearing].norm()).collect();
