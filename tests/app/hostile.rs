@@ -14,16 +14,14 @@ use magnetic_bearing::studies::montecarlo::{NOISE, nominal};
 const FIRST_SEED: u64 = 98_001;
 const RUNS: usize = 2;
 
-/// Part of all runs that may have a valid estimate beyond five of its deviations. With forty seeds it is below 0.01; with two, the circle with 3° of noise on the
-/// angle, stated as none, decides.
-const MOST_WRONG: f64 = 0.03;
+/// Part of all runs that may have a valid estimate beyond five of its deviations.
+const MOST_WRONG: f64 = 0.01;
 
-/// Part of the time in which estimates that can be known are to be valid, in the mean over the runs of a course. 0.6 is wanted; the run-up with voltage drive, a λ
-/// that drifts for a while and a first guess ten times too large at rest have 0.4 to 0.5.
-const LEAST_VALID: f64 = 0.35;
+/// Part of the time in which estimates that can be known are to be valid, in the mean over the runs of a course.
+const LEAST_VALID: f64 = 0.6;
 
 /// How often `valid` may change within a second, the first time included.
-const MOST_CHANGES: usize = 6;
+const MOST_CHANGES: usize = 5;
 
 #[test]
 fn no_valid_estimate_is_wrong_on_hostile_courses() {

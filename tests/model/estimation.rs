@@ -730,7 +730,7 @@ fn a_foreign_state_is_refused() {
 fn a_state_that_is_not_finite_is_refused() {
     let rotor = noisy(34, 801);
     let inputs = rotor.inputs(Hold::HeldBefore);
-    // While samples wait, while they are played back, and later.
+    // Before there is an estimate, before the noise is found, and later.
     for (method, at) in [
         (Method::PredictionError, 40),
         (Method::PredictionError, 90),
@@ -759,9 +759,9 @@ fn a_state_that_is_not_finite_is_refused() {
     }
 }
 
-/// The samples before the noise has a start are not lost: what they tell is in the estimate as soon as they are played back.
+/// The samples before the noise is found are not lost: what they tell is in the estimate later on.
 #[test]
-fn the_first_samples_are_played_back() {
+fn the_first_samples_are_not_lost() {
     let rotor = noisy(35, 1001);
     let outputs = |noise| rotor.identify(told(config(&rotor), noise)).pop().expect("samples");
     let (told, found) = (outputs(NOISE), outputs((0.0, 0.0)));
