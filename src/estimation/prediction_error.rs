@@ -59,8 +59,10 @@ const FIRST_GUESS_PART: f64 = 0.1;
 pub const STD_LIMIT: f64 = 0.05;
 const STD_LIMIT_VALID: f64 = 0.10;
 
-/// An estimate becomes valid at most twice in this time, s: so `valid` changes at most five times within it.
-const CALM_S: f64 = 1.0;
+/// Least and greatest time for which an estimate has to pass all tests before it is valid again, s: four times as long at each refusal, so that `valid` changes
+/// at most five times a second; and the time in which that is forgotten.
+const PAUSE_S: [f64; 2] = [0.13, 0.6];
+const PAUSE_FADES_S: f64 = 0.5;
 
 /// A normalised innovation squared beyond this comes from samples that no bearing makes.
 const NIS_CAP: f64 = 1.0e12;
@@ -147,8 +149,8 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     unexplained_until: u64,
     /// Whether λ has changed since the estimate was last valid.
     changed: bool,
-    /// The sample at which the estimate last became valid, and from which on it may do so again.
-    valid_at: Option<u64>,
+    /// For how long an estimate that a test refused has to pass before it is valid again, s, and from which sample on it may be.
+    pause_s: f64,
     valid_from: u64,
     /// Samples since the start.
     samples: u64,
@@ -213,7 +215,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             outliers: 0,
             unexplained_until: 0,
             changed: false,
-            valid_at: None,
+            pause_s: PAUSE_S[0],
             valid_from: 0,
             samples: 0,
             solution: None,
@@ -330,12 +332,16 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         }
         let was_valid = state.estimate.verdict == Verdict::Valid;
         let verdict = self.conclude(state);
-        if verdict == Verdict::Valid {
-            (state.armed, state.changed) = (true, false);
-            if !was_valid {
-                let calm = (CALM_S / self.filter.step_s) as u64;
-                state.valid_from = state.valid_at.replace(state.samples).map_or(0, |at| at + calm);
+        match verdict {
+            Verdict::Valid => {
+                (state.armed, state.changed) = (true, false);
+                state.pause_s = (state.pause_s * (1.0 - self.filter.step_s / PAUSE_FADES_S)).max(PAUSE_S[0]);
             }
+            _ if was_valid => {
+                state.valid_from = state.samples + (state.pause_s / self.filter.step_s) as u64;
+                state.pause_s = (4.0 * state.pause_s).min(PAUSE_S[1]);
+            }
+            _ => (),
         }
         verdict
     }
@@ -555,7 +561,7 @@ pub fn all_finite<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> bool {
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionErrorState<N, K, U, T> {
     /// Whether all numbers are finite, and all places within their rings.
     pub fn is_sound(&self) -> bool {
-        let numbers = [&self.condition, &self.passed, &self.quarter_samples, &self.pace];
+        let numbers = [&self.condition, &self.passed, &self.quarter_samples, &self.pace, &self.pause_s];
         all_finite(self.running.iter().chain(&self.per_current).chain(&self.gradient).chain(numbers))
             && self.inverse.is_none_or(|inverse| all_finite(&inverse))
             && (self.estimate.is_finite() && self.models.is_sound() && self.present.is_finite())

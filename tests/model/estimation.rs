@@ -431,7 +431,7 @@ fn a_step_of_lambda_is_found() {
             all_valid += valid;
         }
         // Where the change itself was explained by a shorter memory, that has to end first: single seeds take a quarter of a second.
-        if all_valid < 20 * 1500 {
+        if all_valid < 20 * 1200 {
             misses.push(format!("told {noise:?}: valid in {} of 2600 samples after it, in the mean", all_valid / 20));
         }
         println!("told {noise:?}: at most {worst_of_all:.2} standard deviations");

@@ -15,7 +15,7 @@ pub use model_type::ModelType;
 #[doc(hidden)]
 pub use model_type::kind;
 
-/// The longest communication step, in units of [`Model::base_step_s`].
+/// The longest communication step, in units of [`Model::base_step_s`](crate::Model::base_step_s).
 pub const MAX_BASE_STEPS: f64 = 1e6;
 
 /// Why a variable could not be read or written.
