@@ -141,7 +141,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             let gain = before.zip(sums.log_evidence(prior, variances[0])).map_or(0.0, |(before, after)| after - before);
             self.evidence[m] = (self.evidence[m] + gain) * (1.0 - 1.0 / EVIDENCE_BLOCKS);
         }
-        let changed = self.evidence[MODELS - 1] - self.evidence[MODELS - 2] > REPLACED;
+        let changed = self.evidence[MODELS - 1] - self.evidence[0] > REPLACED;
         let mut renewed = false;
         for m in (0..MODELS - 1).rev() {
             if self.evidence[m + 1] - self.evidence[m] > REPLACED {

@@ -1,18 +1,19 @@
 //! Standard deviations of the noise, by likelihood, with a prior that is tight where they are known.
 //!
-//! The innovations tell both: with their
+//! Where it is not known, the noise of the positions is first taken from their differences. Then the innovations tell both: with their
 //! covariance `σ_z² S(ρ)`, `ρ = σ_i²/σ_z²`, the logarithm of the likelihood of one of them is `−½ (eᵀ S⁻¹ e/σ_z² + ln det S + 2 ln σ_z²)`, and
 //! the recursive Gauss–Newton method (Ljung, section 11.4) climbs it in `(ln ρ, ln σ_z²)`.
 
 use libm::{exp, log, sqrt};
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix2, SVector, Vector2};
 use serde::{Deserialize, Serialize};
 
-use super::innovations::Innovation;
+use super::angle::Rotation;
+use super::innovations::{Innovation, Sample};
 
-/// Standard deviation of the noise of a position that the search starts from, m: above that of most sensors of magnetic bearings. From below, what is stated
-/// meanwhile is too small: with 0.1 µm error/bound of drawn bearings at 0.2 s was 1.84 instead of 1.17 (seeds 95001 to 95050).
-const START_POSITION_NOISE_M: f64 = 5.0e-7;
+/// Samples whose differences the start is taken from: their standard deviation is then known to about a tenth.
+const START_SAMPLES: usize = 64;
+const DIFFERENCES: usize = START_SAMPLES - 6;
 
 /// Standard deviation of the noise of a current that the search starts from, A: the geometric mean of 5 and 50 mA, usual for current sensors. From
 /// below, where currents say little of their noise, the search is slow, and the deviation stated meanwhile too small.
@@ -34,6 +35,9 @@ const CURRENT_NOISE_A: f64 = 0.2;
 
 /// Least and greatest `σ_i/σ_z`, A/m. At the ends one of the two noises is without effect on the innovations.
 const NOISE_RATIO: [f64; 2] = [1.0e2, 1.0e8];
+
+/// The greatest part of the mean square of the currents that may be noise: the motion itself, while λ is unknown, is not to be taken for it.
+const CURRENT_NOISE_PART: f64 = 0.15;
 
 /// The most by which a logarithm changes with one sample.
 const STEP: f64 = 0.1;
@@ -81,10 +85,11 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// The noise at the start: standard deviations of a position, m, and of a current, A, where they are not 0.
-    pub fn new([known_m, known_a]: [f64; 2]) -> Self {
+    /// The noise at the start: standard deviations of a position, m, and of a current, A, where they are not 0; otherwise that of a position is
+    /// taken from differences.
+    pub fn new([known_m, known_a]: [f64; 2], first_m: f64) -> Self {
         let known = [known_m > 0.0, known_a > 0.0];
-        let position = if known[0] { known_m } else { START_POSITION_NOISE_M };
+        let position = if known[0] { known_m } else { first_m.clamp(POSITION_NOISE_M[0], POSITION_NOISE_M[1]) };
         let current = if known[1] { known_a } else { START_CURRENT_NOISE_A };
         let logs = Vector2::new(2.0 * log(current / position), 2.0 * log(position));
         let information = Matrix2::identity() * START_INFORMATION;
@@ -121,6 +126,7 @@ impl Noise {
         innovation: &Innovation<N, K, U, T>,
         variance: f64,
         weight: f64,
+        mean_square_a2: f64,
     ) -> f64 {
         let Innovation { error, by_log_ratio, by_noise_ratio, .. } = innovation;
         let trace = by_log_ratio.trace();
@@ -147,7 +153,7 @@ impl Noise {
         if (self.variances[0] <= least && step.y < 0.0) || (self.variances[0] >= most && step.y > 0.0) {
             step = Vector2::new(score.x / information[(0, 0)], 0.0);
         }
-        self.step(step.map(|x| x.clamp(-STEP, STEP)))
+        self.step(step.map(|x| x.clamp(-STEP, STEP)), mean_square_a2)
     }
 
     /// Bounds of σ_z², m².
@@ -156,7 +162,7 @@ impl Noise {
     }
 
     /// Moves within the bounds.
-    fn step(&mut self, by: Vector2<f64>) -> f64 {
+    fn step(&mut self, by: Vector2<f64>, mean_square_a2: f64) -> f64 {
         // The logarithm of a variance within bounds, and the variance.
         let bounded = |x: f64, [least, most]: [f64; 2]| match exp(x) {
             value if value < least => (log(least), least),
@@ -165,7 +171,7 @@ impl Noise {
         };
         (self.logs.y, self.variances[0]) = bounded(self.logs.y + by.y, self.position_bounds());
         let [least, greatest] = NOISE_RATIO.map(|ratio| ratio * ratio);
-        let most = CURRENT_NOISE_A * CURRENT_NOISE_A / self.variances[0];
+        let most = (CURRENT_NOISE_PART * mean_square_a2).min(CURRENT_NOISE_A * CURRENT_NOISE_A) / self.variances[0];
         let ratio = if self.known[1] { ANY } else { [least, most.clamp(least, greatest)] };
         (self.logs.x, self.variances[1]) = bounded(self.logs.x + by.x, ratio);
         self.variances[1] *= self.variances[0];
@@ -178,5 +184,73 @@ impl Noise {
         }
         self.weighed_with = self.logs.x;
         DISCOUNT
+    }
+}
+
+/// The first samples, from which the noise of the positions is taken; they wait here until it is known. So a state has a ring of them.
+///
+/// The noise is the smaller of what fourth and sixth differences tell. They take the motion away, and keep 70 and 924 times the variance of
+/// white noise, the sums of the squared binomial coefficients. Differences over a gap do not count.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Waiting<const N: usize, const K: usize> {
+    /// Serde knows arrays of up to 32.
+    ring: [[Sample<N, K>; 32]; START_SAMPLES / 32],
+    first: usize,
+    count: usize,
+    /// Samples since the last gap; differences in the sums, and the sums of their squares.
+    unbroken: usize,
+    differences: usize,
+    squares: [f64; 2],
+}
+
+impl<const N: usize, const K: usize> Waiting<N, K> {
+    pub fn empty() -> Self {
+        let sample = Sample::new([0.0; N], [0.0; K], Rotation::start(0.0, 0.0));
+        let ring = [[sample; 32]; START_SAMPLES / 32];
+        Self { ring, first: 0, count: 0, unbroken: 0, differences: 0, squares: [0.0; 2] }
+    }
+
+    pub fn is_finite(&self) -> bool {
+        self.first < START_SAMPLES
+            && self.count <= START_SAMPLES
+            && self.squares.iter().all(|x| x.is_finite())
+            && self.ring.as_flattened().iter().all(Sample::is_finite)
+    }
+
+    /// Puts a sample at the end; the oldest falls out if none is taken for it.
+    pub fn put(&mut self, sample: Sample<N, K>) {
+        let end = self.first + self.count;
+        self.ring.as_flattened_mut()[end % START_SAMPLES] = sample;
+        if self.count < START_SAMPLES {
+            self.count += 1;
+        } else {
+            self.first = (self.first + 1) % START_SAMPLES;
+            // Nothing is known of the sample before the one that is now the oldest.
+            self.ring.as_flattened_mut()[self.first].missing = u32::MAX;
+        }
+        self.unbroken = if sample.missing > 0 { 1 } else { self.unbroken + 1 };
+        if self.differences < DIFFERENCES && self.unbroken >= 7 {
+            let x: [SVector<f64, N>; 7] =
+                std::array::from_fn(|n| self.ring.as_flattened()[(end + START_SAMPLES - n) % START_SAMPLES].position_m);
+            let fourth = x[1] + x[5] - (x[2] + x[4]) * 4.0 + x[3] * 6.0;
+            let sixth = x[0] + x[6] - (x[1] + x[5]) * 6.0 + (x[2] + x[4]) * 15.0 - x[3] * 20.0;
+            self.differences += 1;
+            self.squares[0] += fourth.norm_squared() / 70.0;
+            self.squares[1] += sixth.norm_squared() / 924.0;
+        }
+    }
+
+    /// Takes the oldest sample.
+    pub fn take(&mut self) -> Option<Sample<N, K>> {
+        self.count = self.count.checked_sub(1)?;
+        let at = self.first;
+        self.first = (at + 1) % START_SAMPLES;
+        Some(self.ring.as_flattened()[at])
+    }
+
+    /// Standard deviation of the positions, m, once there are enough samples.
+    pub fn position_noise_m(&self) -> Option<f64> {
+        let enough = self.differences >= DIFFERENCES;
+        enough.then(|| sqrt(self.squares[0].min(self.squares[1]) / (N * DIFFERENCES) as f64))
     }
 }

@@ -11,8 +11,8 @@ use super::CONDITION_CAP;
 use super::config::Verdict;
 use super::innovations::{Field, FilterState, Innovation, Running, Sample, Square, WhiteningFilter, turned};
 use super::models::{Models, Weighed};
-use super::noise::{Noise, OUTLIER};
-use super::sums::{AngleTable, Prior, Solution, Sums};
+use super::noise::{Noise, OUTLIER, Waiting};
+use super::sums::{AngleTable, PredictionErrorSolution, Prior, Solution, Sums};
 use super::validation::Validation;
 
 /// Blocks of samples in a revolution.
@@ -117,10 +117,11 @@ impl<const K: usize, const U: usize> Estimate<K, U> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, const T: usize> {
     pub estimate: Estimate<K, U>,
-    /// How many samples are missing before the next.
+    /// Samples that have not been filtered yet, from which the noise is started, and how many are missing before the next.
+    waiting: Box<Waiting<N, K>>,
     gap: u32,
-    /// The noise; as it was when the last quarters began or when the estimate was last valid before.
-    noise: Noise,
+    /// The noise, once there is one; as it was when the last quarters began or when the estimate was last valid before.
+    noise: Option<Noise>,
     trusted: [Option<Noise>; QUARTERS],
     /// The filter, unless many samples are missing.
     filter: Option<FilterState<N, K, U, T>>,
@@ -152,6 +153,8 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     /// For how long an estimate that a test refused has to pass before it is valid again, s, and from which sample on it may be.
     pause_s: f64,
     valid_from: u64,
+    /// Mean square of the currents, A².
+    mean_square_a2: f64,
     /// Samples since the start.
     samples: u64,
     /// The solution that is given out, and the inverse of J for the leverage.
@@ -177,6 +180,7 @@ pub struct PredictionError<const N: usize, const K: usize, const U: usize, const
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionError<N, K, U, T> {
     /// A fresh state.
     pub fn start(&self) -> PredictionErrorState<N, K, U, T> {
+        let known = self.known_noise.iter().all(|noise| *noise > 0.0);
         let running = SVector::from_fn(|j, _| if j < K { self.lambda0[j] } else { 0.0 });
         let lambda = SVector::from(self.lambda0);
         let variance = lambda.component_mul(&lambda);
@@ -193,8 +197,9 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         };
         PredictionErrorState {
             estimate,
+            waiting: Box::new(Waiting::empty()),
             gap: 0,
-            noise: Noise::new(self.known_noise),
+            noise: known.then(|| Noise::new(self.known_noise, self.known_noise[0])),
             trusted: [const { None }; QUARTERS],
             filter: None,
             running,
@@ -217,6 +222,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             changed: false,
             pause_s: PAUSE_S[0],
             valid_from: 0,
+            mean_square_a2: 0.0,
             samples: 0,
             solution: None,
             inverse: None,
@@ -249,12 +255,23 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     /// Takes in a sample, which is finite and within the gap; the verdict on the estimate.
     fn sample(&self, state: &mut PredictionErrorState<N, K, U, T>, sample: Sample<N, K>) -> Verdict {
         let missing = std::mem::take(&mut state.gap);
-        state.estimate.verdict = self.filter(state, Sample { missing, ..sample });
+        state.waiting.put(Sample { missing, ..sample });
+        if state.noise.is_none() {
+            state.noise = state.waiting.position_noise_m().map(|first_m| Noise::new(self.known_noise, first_m));
+        }
+        // Two a step, so that the samples that waited for the noise are caught up with.
+        for _ in 0..2 {
+            if let Some(noise) = state.noise.clone()
+                && let Some(sample) = state.waiting.take()
+            {
+                state.estimate.verdict = self.filter(state, &noise, sample);
+            }
+        }
         state.estimate.verdict
     }
 
-    fn filter(&self, state: &mut PredictionErrorState<N, K, U, T>, sample: Sample<N, K>) -> Verdict {
-        let [position_variance, current_variance] = state.noise.variances();
+    fn filter(&self, state: &mut PredictionErrorState<N, K, U, T>, noise: &Noise, sample: Sample<N, K>) -> Verdict {
+        let [position_variance, current_variance] = noise.variances();
         if sample.missing > BRIDGED {
             state.filter = None;
         }
@@ -314,16 +331,20 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         self.filter.correct(filter, &running, &innovation, sqrt(weight));
 
         state.samples += 1;
-        state.present.add(&innovation, sample.rotation.variance, instrumented);
+        state.present.add(&innovation, sample.rotation.variance_rad2, instrumented);
         let per_revolution = state.per_revolution();
         state.validation.add(&innovation, sample.turn);
         if settled {
             state.validation.add_settled(&innovation.error, position_variance, per_revolution);
         }
-        if weight > 0.0 {
-            let discount = state.noise.update(&innovation, position_variance, weight);
+        let square = sample.current_a.norm_squared() / K as f64;
+        state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
+        if weight > 0.0
+            && let Some(noise) = &mut state.noise
+        {
+            let discount = noise.update(&innovation, position_variance, weight, state.mean_square_a2);
             if discount < 1.0 {
-                state.validation.forget_all(state.revolutions());
+                state.validation.forget(state.revolutions());
                 state.discount(discount);
             }
         }
@@ -360,51 +381,56 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
     /// Solves the equations of all samples.
     fn solve(&self, state: &mut PredictionErrorState<N, K, U, T>) {
-        let variances = state.noise.variances();
+        let Some(noise) = &state.noise else { return };
+        let variances = noise.variances();
         let mut sums = state.models.sums().clone();
         sums.merge(&state.present);
         if sums.samples < LEAST_SAMPLES {
             return;
         }
-        let Some(solution) = self.solution(state, &sums, variances) else {
+        let Some([widest, solution]) = self.solutions(state, &sums, variances) else {
             state.condition = CONDITION_CAP;
             return;
         };
-        // Before the noise is found it is larger than it may be.
-        let unit = sums.unit_variance::<N>(&solution.unknowns, variances[0]).clamp(0.0, 1.0);
-        let std = solution.relative_std::<K>() * sqrt(unit);
+        let std = solution.relative_std::<K>();
         if !std.is_finite() {
             return;
         }
         // Once the filter runs with an estimate it follows it: the residuals of an estimate that is held would pass for noise, and the noise
-        // would keep the estimate uncertain.
+        // would keep the estimate uncertain. So would those of a backward force that is not decided on.
         if std < RUNNING_STD || state.estimated {
             if !state.estimated {
                 (state.estimated, state.estimated_at) = (true, state.quarters);
                 let wrong = |k: usize| (solution.unknowns[k] / self.lambda0[k] - 1.0).abs() > FIRST_GUESS_ERROR;
                 if state.quarters >= QUARTERS as u64 && (0..K).any(wrong) {
                     state.discount(FIRST_GUESS_PART);
-                    state.validation.forget(state.revolutions());
                 }
             }
-            state.running = solution.unknowns;
+            let wide = widest.relative_std::<K>() < RUNNING_STD;
+            state.running = if wide { widest.unknowns } else { solution.unknowns };
         }
         state.solution = Some(solution);
     }
 
-    /// The solution with the prior of the model of the backward forces that is used; that model is chosen with the widest prior.
-    fn solution(
+    /// The solutions with the widest prior of the backward forces, and with that of the model that is used.
+    fn solutions(
         &self,
         state: &mut PredictionErrorState<N, K, U, T>,
         sums: &Sums<K, U, T>,
         variances: [f64; 2],
-    ) -> Option<Solution<U, T>> {
+    ) -> Option<[Solution<U, T>; 2]> {
         let widest = sums.solve(&self.prior, variances)?;
         let model = state.models.select(&self.prior, &widest, self.forces(), variances[0])?;
         let prior = state.models.prior(&self.prior, self.forces());
-        let found = if prior == self.prior { widest } else { sums.solve(&prior, variances)? };
+        let combined = |found: &PredictionErrorSolution<U, T>, prior| found.combine(sums, prior, variances[0], model);
+        if prior == self.prior {
+            (state.inverse, state.condition) = (Some(widest.inverse), widest.condition);
+            let solution = combined(&widest, &prior);
+            return Some([solution.clone(), solution]);
+        }
+        let found = sums.solve(&prior, variances)?;
         (state.inverse, state.condition) = (Some(found.inverse), found.condition);
-        Some(found.combine(sums, &prior, variances[0], model))
+        Some([combined(&widest, &self.prior), combined(&found, &prior)])
     }
 
     /// The backward forces among the unknowns.
@@ -422,13 +448,14 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
     /// Takes the quarter that is over into the models.
     fn end_quarter(&self, state: &mut PredictionErrorState<N, K, U, T>) {
-        let variances = state.noise.variances();
+        let Some(noise) = state.noise.clone() else { return };
+        let variances = noise.variances();
         let block = std::mem::replace(&mut *state.present, Sums::zeros());
         let time_s = state.quarter_samples * self.filter.step_s;
         (state.quarters, state.passed, state.quarter_samples) = (state.quarters + 1, 0.0, 0.0);
         state.trusted.rotate_left(1);
         if state.estimate.verdict == Verdict::Valid {
-            state.trusted[QUARTERS - 1] = Some(state.noise.clone());
+            state.trusted[QUARTERS - 1] = Some(noise.clone());
         } else {
             state.trusted[QUARTERS - 1] = state.trusted[QUARTERS - 2].clone();
         }
@@ -471,7 +498,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
     /// Completes the estimate; the verdict on it.
     fn report(&self, state: &mut PredictionErrorState<N, K, U, T>) -> Verdict {
-        state.estimate.noise = state.noise.variances().map(sqrt);
+        let Some(noise) = &state.noise else { return Verdict::Collecting };
+        state.estimate.noise = noise.variances().map(sqrt);
         state.estimate.condition = state.condition;
         state.estimate.residual = state.validation.nis;
         let Some(solution) = &state.solution else {
@@ -484,7 +512,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         };
         let lambda = solution.lambda::<K>();
         let [variance, total] = solution.variances(state.validation.nis, self.scale_variance);
-        let verdict = self.verdict(state, &lambda, &total);
+        let verdict = self.verdict(state, noise, &lambda, &total);
         let estimate = &mut state.estimate;
         if verdict == Verdict::Valid {
             estimate.unknowns = solution.unknowns;
@@ -500,6 +528,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     fn verdict(
         &self,
         state: &PredictionErrorState<N, K, U, T>,
+        noise: &Noise,
         lambda: &SVector<f64, K>,
         total: &SVector<f64, K>,
     ) -> Verdict {
@@ -517,10 +546,10 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             Verdict::Uncertain
         } else if state.quarters < state.unexplained_until {
             Verdict::Unexplained
-        } else if !state.noise.is_within_range() {
+        } else if !noise.is_within_range() {
             Verdict::Noisy
         } else {
-            match state.validation.verdict(state.per_revolution()) {
+            match state.validation.verdict(state.per_revolution(), was_valid || !state.armed) {
                 Verdict::Valid if (0..K).any(|k| sqrt(total[k]) >= limit * lambda[k]) => Verdict::Uncertain,
                 Verdict::Valid if state.samples < state.valid_from => state.estimate.verdict,
                 verdict => verdict,
@@ -561,13 +590,14 @@ pub fn all_finite<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> bool {
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionErrorState<N, K, U, T> {
     /// Whether all numbers are finite, and all places within their rings.
     pub fn is_sound(&self) -> bool {
-        let numbers = [&self.condition, &self.passed, &self.quarter_samples, &self.pace, &self.pause_s];
+        let numbers =
+            [&self.mean_square_a2, &self.condition, &self.passed, &self.quarter_samples, &self.pace, &self.pause_s];
         all_finite(self.running.iter().chain(&self.per_current).chain(&self.gradient).chain(numbers))
             && self.inverse.is_none_or(|inverse| all_finite(&inverse))
             && (self.estimate.is_finite() && self.models.is_sound() && self.present.is_finite())
-            && (self.table.is_finite() && self.validation.is_finite())
+            && (self.waiting.is_finite() && self.table.is_finite() && self.validation.is_finite())
             && self.revolution.is_finite()
-            && self.trusted.iter().flatten().chain([&self.noise]).all(Noise::is_finite)
+            && self.trusted.iter().chain([&self.noise]).flatten().all(Noise::is_finite)
             && self.filter.as_ref().is_none_or(FilterState::is_finite)
             && self.solution.as_ref().is_none_or(Solution::is_finite)
     }
@@ -599,7 +629,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     /// What was found of the noise since λ changed holds the contradiction.
     fn trust_again(&mut self) {
         if let Some(noise) = self.trusted[0].clone() {
-            self.noise = noise;
+            self.noise = Some(noise);
         }
         // A change takes several quarters until nothing of before is left.
         if !self.changed {

