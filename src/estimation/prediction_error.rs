@@ -476,8 +476,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             state.models.merge(&block);
         }
         if let Some(found) = state.models.sums().solve(&prior, variances) {
-            let moved = state.models.discount_of(time_s) < 1.0;
-            state.validation.judge_harmonics(state.revolutions(), &found, moved, variances[0]);
+            state.validation.judge_harmonics(state.revolutions(), &found, variances[0]);
         }
         let revolution = &mut state.revolution;
         revolution.sums.merge(&block);
