@@ -114,7 +114,7 @@ pub use variables::{Choice, Variables};
 
 pub use fmu_export_derive::{Choice, Variables};
 
-/// What most models need, with serde's derive macros.
+/// The items that most models need, with serde's derive macros.
 pub mod prelude {
     pub use serde::{Deserialize, Serialize};
 

@@ -75,7 +75,7 @@ pub trait Instance: Send + Sync {
     /// Sets the variable with that index.
     ///
     /// # Errors
-    /// What is wrong with the value, see [`AccessError`]; the former value stays.
+    /// If the value is refused, see [`AccessError`]; the former value stays.
     fn set(&mut self, index: usize, value: Value) -> Result<(), AccessError> {
         self.set_all(1, &|_| (index, value.clone()))
     }
@@ -83,7 +83,7 @@ pub trait Instance: Send + Sync {
     /// Sets several variables, or none if one value is refused: `settings(n)` returns index and value of setting n.
     ///
     /// # Errors
-    /// What is wrong with one of them, see [`AccessError`]; all former values stay.
+    /// If one of them is refused, see [`AccessError`]; all former values stay.
     fn set_all(&mut self, count: usize, settings: &dyn Fn(usize) -> (usize, Value)) -> Result<(), AccessError>;
 
     /// Sets the time at which the run will begin, in seconds; 0 by default.
@@ -111,7 +111,7 @@ pub trait Instance: Send + Sync {
     /// returns index, order and value of setting n.
     ///
     /// # Errors
-    /// What is wrong with one of them.
+    /// If one of them is refused.
     fn set_input_derivatives(
         &mut self,
         count: usize,
@@ -121,13 +121,13 @@ pub trait Instance: Send + Sync {
     /// The derivative of an output with respect to time, at the end of the last step.
     ///
     /// # Errors
-    /// What is wrong with the request.
+    /// If the variable has no derivative of this order.
     fn output_derivative(&mut self, index: usize, order: i32) -> Result<f64, AccessError>;
 
     /// Prepares a directional derivative: `knowns(n)` returns index and direction of the n-th known variable.
     ///
     /// # Errors
-    /// What is wrong with one of them.
+    /// If an unknown or a known is refused.
     fn differentiate(
         &mut self,
         count: usize,

@@ -1,4 +1,4 @@
-//! What a call operates on: an instance, its state in the sequence of calls, and its logger.
+//! The component of a call: an instance, its state in the sequence of calls, and its logger.
 
 use std::ffi::{CStr, CString, c_char};
 use std::sync::Arc;
@@ -37,7 +37,7 @@ pub(crate) type Outcome = Result<(), Problem>;
 /// since 1970 is below it.
 const LATEST_START_S: f64 = 1e10;
 
-/// What a call operates on.
+/// An instance with its state in the sequence of calls, its logger and its buffers.
 pub(crate) struct Component<I: Interface> {
     pub(crate) model: Arc<ModelType>,
     pub(crate) instance: Box<dyn Instance>,
