@@ -86,6 +86,18 @@ pub trait Instance: Send + Sync {
     /// If one of them is refused, see [`AccessError`]; all former values stay.
     fn set_all(&mut self, count: usize, settings: &dyn Fn(usize) -> (usize, Value)) -> Result<(), AccessError>;
 
+    /// Reads variables of type Real in a run, until one of them needs more care: it is unknown, of another type, the time, or not
+    /// finite. Returns the number of values read; [`get`](Self::get) reads the next one or gives the reason.
+    fn get_reals(&mut self, _indices: &[u32], _values: &mut [f64]) -> usize {
+        0
+    }
+
+    /// Sets variables as [`set_all`](Self::set_all) does if all of them are inputs of type Real within their limits; otherwise it
+    /// returns `false` and changes nothing.
+    fn set_reals(&mut self, _indices: &[u32], _values: &[f64]) -> bool {
+        false
+    }
+
     /// Sets the time at which the run will begin, in seconds; 0 by default.
     fn set_start(&mut self, start_s: f64);
 

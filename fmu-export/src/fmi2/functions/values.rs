@@ -3,7 +3,7 @@
 use super::Component;
 use crate::fmi2::bindings::*;
 use crate::fmi2::sequence::Function;
-use crate::interface::arguments::{boolean, elements, elements_mut, handed_out, text_value};
+use crate::interface::arguments::{Passed, boolean, elements, elements_mut, handed_out, text_value};
 use crate::interface::c_functions;
 use crate::interface::component::Problem;
 use crate::interface::guard::enter;
@@ -13,7 +13,7 @@ use crate::variable::Value;
 ///
 /// # Safety
 /// As for all functions of this module.
-unsafe fn get<T>(
+unsafe fn get<T: Passed>(
     component: fmi2Component,
     function: Function,
     (references, count): (*const fmi2ValueReference, usize),
@@ -25,7 +25,8 @@ unsafe fn get<T>(
         // SAFETY: the arrays are as the contract of the exported function says.
         let (references, values) =
             unsafe { (elements("vr", references, count)?, elements_mut("value", values, count)?) };
-        for (reference, value) in references.iter().zip(values) {
+        let read = T::read(component, references, values);
+        for (reference, value) in references.iter().zip(values).skip(read) {
             let found = component.instance.get(*reference as usize).map_err(Problem::call)?;
             if let Value::Real(number) = found {
                 handed_out(component, *reference, number)?;
@@ -47,7 +48,7 @@ fn wrong_type(component: &Component, reference: fmi2ValueReference, wanted: &str
 ///
 /// # Safety
 /// As for all functions of this module.
-unsafe fn set<T: Copy>(
+unsafe fn set<T: Passed + Copy>(
     component: fmi2Component,
     function: Function,
     (references, count): (*const fmi2ValueReference, usize),
@@ -57,6 +58,9 @@ unsafe fn set<T: Copy>(
     let body = |component: &mut Component| {
         // SAFETY: the arrays are as the contract of the exported function says.
         let (references, values) = unsafe { (elements("vr", references, count)?, elements("value", values, count)?) };
+        if T::write(component, references, values) {
+            return Ok(());
+        }
         for (reference, value) in references.iter().zip(values) {
             wrap(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
         }

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::Component;
 use crate::fmi3::bindings::*;
 use crate::fmi3::sequence::Function;
-use crate::interface::arguments::{boolean, elements, elements_mut, handed_out, text_value};
+use crate::interface::arguments::{Passed, boolean, elements, elements_mut, handed_out, text_value};
 use crate::interface::c_functions;
 use crate::interface::component::{Outcome, Problem};
 use crate::interface::guard::enter;
@@ -81,7 +81,7 @@ type References = (*const fmi3ValueReference, usize);
 ///
 /// # Safety
 /// As for all functions of this module.
-unsafe fn get<T>(
+unsafe fn get<T: Passed>(
     instance: fmi3Instance,
     function: Function,
     (references, count): References,
@@ -92,7 +92,9 @@ unsafe fn get<T>(
         // SAFETY: the arrays are as the contract of the exported function says.
         let (references, values) =
             unsafe { (elements("valueReferences", references, count)?, elements_mut("values", values, n_values)?) };
-        for (index, value) in each(component, references, "nValues", n_values)?.iter().zip(values) {
+        let indices = each(component, references, "nValues", n_values)?;
+        let done = T::read(component, &indices, values);
+        for (index, value) in indices.iter().zip(values).skip(done) {
             *value = read(component, *index)?;
         }
         Ok(())
@@ -115,7 +117,7 @@ fn mixed_up<T>(component: &Component, index: u32) -> Result<T, Problem> {
 ///
 /// # Safety
 /// As for all functions of this module.
-unsafe fn set<T: Copy>(
+unsafe fn set<T: Passed + Copy>(
     instance: fmi3Instance,
     function: Function,
     (references, count): References,
@@ -128,6 +130,9 @@ unsafe fn set<T: Copy>(
         let (references, values) =
             unsafe { (elements("valueReferences", references, count)?, elements("values", values, n_values)?) };
         let indices = each(component, references, "nValues", n_values)?;
+        if T::write(component, &indices, values) {
+            return Ok(());
+        }
         for (index, value) in indices.iter().zip(values) {
             if *index as usize == component.model.variables().len() {
                 return Err(Problem::call("time cannot be set: it follows from the steps"));
