@@ -185,7 +185,7 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
 fn montecarlo_refuses_what_it_cannot_run() {
     let folder = folder("command/montecarlo");
     for (arguments, wanted) in [
-        (["--only", "nosuch"], ["--only \"nosuch\"", "no study has this in its title", "Drawn bearings, noise told"]),
+        (["--only", "nosuch"], ["--only \"nosuch\"", "no study has this in its title", "Drawn bearings, noise known"]),
         (["--runs", "0"], ["--runs", "'0'", "expected a whole number above 0"]),
         (["--runs", "many"], ["--runs", "'many'", "expected a whole number above 0"]),
     ] {
