@@ -98,10 +98,10 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Variance of unit weight, for N coordinates and U unknowns, and its standard deviation if model and noise are right.
-    pub fn unit_variance(&self, n: usize, u: usize) -> [f64; 2] {
-        let degrees = (n as f64 * self.weight - u as f64).max(1.0);
-        [self.left / degrees, (2.0 / degrees).sqrt()]
+    /// Variance of unit weight, for N coordinates and U unknowns, and its degrees of freedom.
+    pub fn unit_variance<const N: usize, const U: usize>(&self) -> [f64; 2] {
+        let degrees = (N as f64 * self.weight - U as f64).max(1.0);
+        [self.left / degrees, degrees]
     }
 }
 
@@ -191,7 +191,11 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         let explained = half.norm_squared() / position;
         let prior = prior.precision.dot(&prior.mean.component_mul(&prior.mean));
         let log = 0.5 * explained - log_determinant;
-        log.is_finite().then_some(Evidence { log, left: self.square / position + prior - explained, weight: self.weight })
+        log.is_finite().then_some(Evidence {
+            log,
+            left: self.square / position + prior - explained,
+            weight: self.weight,
+        })
     }
 
     /// The prediction-error estimate with a prior, for noises of these variances.

@@ -310,7 +310,8 @@ fn blows_are_forgotten() {
                 });
                 bench.set("plant", "pY", 10.0);
                 said.extend(bench.until(0.6, |_| ()));
-                let back = said.iter().rev().take_while(|said| said.valid).last().map_or(f64::INFINITY, |said| said.time_s);
+                let back =
+                    said.iter().rev().take_while(|said| said.valid).last().map_or(f64::INFINITY, |said| said.time_s);
                 back_s.push(back - 0.2);
                 let late: Vec<Said> = said.into_iter().filter(|said| said.time_s > 0.16).collect();
                 let (worst, _) = confidence(&late, &truth);
@@ -324,6 +325,6 @@ fn blows_are_forgotten() {
     back_s.sort_by(f64::total_cmp);
     let [median, most] = [back_s.len() / 2, back_s.len() * 9 / 10].map(|n| back_s[n]);
     println!("{wrong} of {} wrong; valid again after {median:.3} s, nine in ten after {most:.3} s", back_s.len());
-    assert!(wrong <= back_s.len() / 40, "{wrong} of {} valid and wrong", back_s.len());
+    assert!(wrong <= back_s.len() / 100, "{wrong} of {} valid and wrong", back_s.len());
     assert!(median < 0.075 && most < 0.125, "valid again after {median:.3} s, nine in ten after {most:.3} s");
 }
