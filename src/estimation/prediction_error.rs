@@ -462,8 +462,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         let prior = state.models.prior(&self.prior, self.forces());
         if state.is_settled() || state.changed {
             state.validation.discount(state.models.discount_of(time_s));
-            let weighed = state.models.weigh(&block, time_s, &self.prior, variances);
-            match weighed {
+            let present = state.validation.present(state.per_revolution());
+            match state.models.weigh::<N>(&block, time_s, &self.prior, variances[0], present) {
                 Weighed::Same => (),
                 Weighed::Renewed => state.validation.forget(state.revolutions()),
                 Weighed::Changed => {
@@ -548,7 +548,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         } else if !noise.is_within_range() {
             Verdict::Noisy
         } else {
-            match state.validation.verdict(state.per_revolution(), was_valid || !state.armed) {
+            match state.validation.verdict(state.per_revolution(), was_valid) {
                 Verdict::Valid if (0..K).any(|k| sqrt(total[k]) >= limit * lambda[k]) => Verdict::Uncertain,
                 Verdict::Valid if state.samples < state.valid_from => state.estimate.verdict,
                 verdict => verdict,

@@ -196,6 +196,11 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         self.nis += (white.norm_squared().min(OUTLIER) / N as f64 - self.nis) / memory;
     }
 
+    /// The normalised innovation squared, and the degrees of freedom of its exponentially weighted mean.
+    pub fn present(&self, per_revolution: f64) -> [f64; 2] {
+        [self.nis, N as f64 * 2.0 * MEAN_REVOLUTIONS * per_revolution]
+    }
+
     /// Judges the harmonics of what an estimate leaves unexplained.
     pub fn judge_harmonics(&mut self, revolution: f64, found: &PredictionErrorSolution<U, T>, position_variance: f64) {
         let enough = revolution - self.harmonics_since > HARMONICS_AFTER;
