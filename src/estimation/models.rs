@@ -23,7 +23,7 @@ const EVIDENCE_BLOCKS: f64 = 64.0;
 
 /// Logarithms of odds: of a model whose memory ends against the one whose memory does not, before there are data; by which a shorter memory replaces what a
 /// longer one knows; by which another model is taken; the least that is remembered.
-const PRIOR: f64 = -4.0;
+const PRIOR: f64 = -3.5;
 const REPLACED: f64 = 12.0;
 const TAKEN: f64 = 1.0;
 const LEAST: f64 = -20.0;
