@@ -1,5 +1,7 @@
 //! `identify`: arguments, and the way from recordings to results.
 
+mod axial;
+
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -61,6 +63,20 @@ pub struct Arguments {
     /// step.
     #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
     scenario: PathBuf,
+    /// The machine: planar (a rotor in a bearing with three magnets) or axial (one axis between one or two magnets). A scenario may
+    /// name it as well.
+    #[arg(long, value_name = "MACHINE", value_parser = ["planar", "axial"])]
+    machine: Option<String>,
+    /// Machine axial: position at which the answer is linearised, as in Xm=10mm; the mean of the recording by default.
+    #[arg(long, value_name = "Xm=VALUE", value_parser = pair)]
+    at: Option<(String, String)>,
+    /// Machine axial: another recording of the same bench that is judged with the estimate of the first: prediction errors beside those of a
+    /// fit of its own, one sample and 20 ms ahead.
+    #[arg(long, value_name = "FILE")]
+    check: Option<PathBuf>,
+    /// Writes the estimate as a scenario.
+    #[arg(long, value_name = "FILE.toml")]
+    save: Option<PathBuf>,
     /// Changes a parameter of the bearing, as for simulate (can be repeated): s=5.1e-4, m=4.2kg, alpha[1]=178deg.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
     changes: Vec<(String, String)>,
@@ -108,6 +124,9 @@ pub struct Arguments {
 /// Identifies the bearing, and prints and writes the results.
 pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.claim_standard_output()?;
+    if let Some(bench) = axial::bench(arguments)? {
+        return axial::run(arguments, bench);
+    }
     let bearing = arguments.bearing()?;
     let mut config = bearing.closed_loop().map_err(simulate::Refused::from)?.estimator;
     let bench = arguments.bench(&bearing, &config)?;

@@ -1,9 +1,11 @@
 //! Identification from a recording of a test bench, with the estimator that runs on line.
 
+pub mod axial;
 pub mod likelihood;
 
 mod answer;
 mod diagnosis;
+mod faults;
 mod read;
 mod tolerance;
 
@@ -12,9 +14,9 @@ use std::f64::consts::TAU;
 use serde_json::{Value as Json, json};
 
 pub use self::answer::{Answer, Question, answer};
-pub use self::tolerance::{named, of_estimator, tolerance};
+pub use self::tolerance::{named, of_estimator, quantity, tolerance};
 
-pub use self::read::{Currents, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
+pub use self::read::{Axial, Currents, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use crate::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, STD_LIMIT, Tolerance, Verdict,
 };
