@@ -92,8 +92,9 @@ pub struct Arguments {
     /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated).
     #[arg(long = "estimate", value_name = "NAME")]
     estimates: Vec<String>,
-    /// Meaning of a current sample: heldBefore, heldAfter, linear, or auto to find out from the data.
-    #[arg(long, value_name = "HOLD", default_value = "heldBefore")]
+    /// Meaning of a current sample: heldBefore (measured), heldAfter (commanded), linear, or auto to find out from the data: heldBefore
+    /// unless another one is more likely.
+    #[arg(long, value_name = "HOLD", default_value = "auto")]
     hold: String,
     /// Length of the window, in s; one revolution by default.
     #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
@@ -291,8 +292,11 @@ impl Arguments {
     fn hold(&self, config: &mut EstimatorConfig, samples: &Samples) -> Result<Option<Table>> {
         if self.hold == "auto" {
             let residuals = identify::residuals_of_holds(samples, config);
-            let least = (0..HOLDS.len()).min_by(|a, b| residuals[*a].total_cmp(&residuals[*b])).unwrap_or(0);
-            config.hold = HOLDS[least].1;
+            config.hold = identify::most_likely_hold(&residuals);
+            // Where no reading has a likelihood there is nothing to compare.
+            if residuals.iter().all(|residual| residual.is_infinite()) {
+                return Ok(None);
+            }
             return Ok(Some(identify::table_of_holds(&residuals, config.hold)));
         }
         let names = HOLDS.map(|(name, _)| name).join(", ");
@@ -360,6 +364,10 @@ impl Results {
         if let Some(path) = &arguments.json {
             let document = self.answer.as_ref().map_or_else(|| identify::json(samples, &self.tracks), Answer::json);
             Format::Json.write(path, format!("{document:#}\n").as_bytes()).map_err(named(path))?;
+        }
+        if let (Some(path), Some(answer)) = (&arguments.save, &self.answer) {
+            let scenario = answer.scenario(samples).ok_or_else(|| Refused(format!("--save: {}", answer.verdict)))?;
+            fs::write(path, scenario).map_err(named(path))?;
         }
         if let Some(folder) = &arguments.report {
             let recording = arguments.recordings[0].file_name().unwrap_or_default().to_string_lossy();

@@ -24,7 +24,7 @@ fn unused(arguments: &Arguments) -> [(bool, &'static str); 9] {
         (arguments.speed.is_some(), "--speed"),
         (arguments.window.is_some(), "--window"),
         (arguments.method != "likelihood", "--method"),
-        (arguments.hold != "heldBefore", "--hold"),
+        (arguments.hold != "auto", "--hold"),
         (!arguments.tolerances.is_empty(), "--tolerance"),
         (arguments.csv.is_some(), "--csv"),
         (arguments.position_noise.is_some(), "--position-noise; --set noise.position=…"),

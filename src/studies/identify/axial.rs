@@ -15,7 +15,7 @@ pub use self::answer::{Answer, Check, Estimate, agreement, answer, check};
 use self::filter::Readings;
 use self::search::{Fit, Part, fit, log_likelihood};
 use super::faults;
-use super::read::{Axial, significant, time};
+use super::read::{Axial, time};
 
 /// Unknowns of the search, by number; noises and force constants by their logarithms.
 pub const UNKNOWNS: usize = 11;
@@ -239,15 +239,10 @@ fn find(axis: &Axis, recording: &Axial) -> Result<Found, String> {
     let mut axis = axis.clone();
     let (mut x_m, mut current_a, mut notes) = (recording.x_m.clone(), recording.current_a.clone(), Vec::new());
     let instant = |row: usize| time(recording.start_s + row as f64 * recording.step_s);
-    let mut columns: Vec<(&str, &mut Vec<f64>)> = vec![("Xm", &mut x_m)];
+    let mut columns: Vec<faults::Column<'_>> = vec![("Xm", &mut x_m)];
     let names = axis.used.iter().map(|k| ["im[1]", "im[2]"][*k]);
     columns.extend(names.zip(current_a.iter_mut()));
     notes.extend(faults::leave_out(&mut columns, instant));
-    let repeated = leave_out_repetitions(&mut x_m, &mut current_a);
-    if repeated > 0 {
-        let percent = significant(100.0 * repeated as f64 / x_m.len() as f64, 2);
-        notes.push(format!("{repeated} rows ({percent} %) repeat the one before and were left out."));
-    }
     let readings = Readings { step_s: recording.step_s, x_m: &x_m, current_a: &current_a };
     let count = x_m.len();
     let half = Part { readings, rows: count / 2..count };
@@ -324,19 +319,6 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 fn noise(values: &[f64]) -> f64 {
     let fourth = |v: &[f64]| v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4];
     (mean(values.windows(5).map(|v| fourth(v).powi(2))) / 70.0).sqrt()
-}
-
-/// Rows in which all readings are those of the row before: a logger that was late. Their number.
-fn leave_out_repetitions(x_m: &mut [f64], current_a: &mut [Vec<f64>]) -> usize {
-    let is_repeated = |row: usize, x_m: &[f64], current_a: &[Vec<f64>]| {
-        x_m[row] == x_m[row - 1] && current_a.iter().all(|current| current[row] == current[row - 1])
-    };
-    let rows: Vec<usize> = (1..x_m.len()).filter(|row| is_repeated(*row, x_m, current_a)).collect();
-    for row in &rows {
-        x_m[*row] = f64::NAN;
-        current_a.iter_mut().for_each(|current| current[*row] = f64::NAN);
-    }
-    rows.len()
 }
 
 /// First guess: statics where one magnet carries a load that is known, and otherwise the most likely of force constants that differ

@@ -1,5 +1,5 @@
-//! Faults of sensors, found in each column alone before any model is asked: readings that are stuck, stuck at the end of a range
-//! (clipped), or single outliers. They are left out.
+//! Faults of sensors, found in the columns before any model is asked: readings that are stuck, stuck at the end of a range (clipped), or
+//! single outliers, and rows that a late logger repeats. They are left out.
 
 use super::read::significant;
 
@@ -12,8 +12,11 @@ const LEAST: usize = 4;
 /// Faults of one column that are listed.
 const LISTED: usize = 3;
 
-/// Sets faulty readings to NaN. Says what was left out, with the times of rows as `instant` writes them.
-pub(super) fn leave_out(columns: &mut [(&str, &mut Vec<f64>)], instant: impl Fn(usize) -> String) -> Vec<String> {
+/// A column of a recording with its name; those of positions end in m.
+pub(super) type Column<'a> = (&'a str, &'a mut Vec<f64>);
+
+/// Sets faulty readings and repeated rows to NaN. Says what was left out, with the times of rows as `instant` writes them.
+pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> String) -> Vec<String> {
     let mut notes = Vec::new();
     for (name, values) in columns.iter_mut() {
         let mut found = Vec::new();
@@ -30,9 +33,14 @@ pub(super) fn leave_out(columns: &mut [(&str, &mut Vec<f64>)], instant: impl Fn(
             let first = rows.start + usize::from(how == "stuck");
             values[first..rows.end].fill(f64::NAN);
         }
-        let outliers = outliers(values);
+        let mut outliers = outliers(values);
+        if !name.ends_with('m') {
+            let [low, high] = middle(values);
+            outliers.retain(|row| values[*row] == 0.0 || !(2.0 * low - high..2.0 * high - low).contains(&values[*row]));
+        }
         if let Some(first) = outliers.first() {
-            found.push(format!("{} outliers, the first at {}", outliers.len(), instant(*first)));
+            let (count, first) = (outliers.len(), instant(*first));
+            found.push(if count == 1 { format!("an outlier at {first}") } else { format!("{count} outliers, the first at {first}") });
             outliers.iter().for_each(|row| values[*row] = f64::NAN);
         }
         if !found.is_empty() {
@@ -42,7 +50,23 @@ pub(super) fn leave_out(columns: &mut [(&str, &mut Vec<f64>)], instant: impl Fn(
             notes.push(format!("{name}: {}; left out.", found.join(", ")));
         }
     }
+    notes.extend(leave_out_repetitions(columns));
     notes
+}
+
+/// Rows in which all readings are those of the row before. Where most rows are, nothing moves and nothing is noisy.
+fn leave_out_repetitions(columns: &mut [Column<'_>]) -> Option<String> {
+    let count = columns.first()?.1.len();
+    let is_repeated = |row: &usize| columns.iter().all(|(_, values)| values[*row] == values[*row - 1]);
+    let rows: Vec<usize> = (1..count).filter(is_repeated).collect();
+    if rows.is_empty() || 2 * rows.len() > count {
+        return None;
+    }
+    for (_, values) in columns {
+        rows.iter().for_each(|row| values[*row] = f64::NAN);
+    }
+    let percent = significant(100.0 * rows.len() as f64 / count as f64, 2);
+    Some(format!("{} rows ({percent} %) repeat the one before; left out.", rows.len()))
 }
 
 /// Runs of equal readings that chance does not make: with the share p of readings that equal the one before, a run of n occurs in N
@@ -66,6 +90,15 @@ fn stuck(values: &[f64]) -> Vec<std::ops::Range<usize>> {
         }
     }
     found
+}
+
+/// The middle 99 % of a column. Currents may jump for a sample, as masses may not: single ones are outliers if they are 0, or as far again beyond the others
+/// as these differ.
+fn middle(values: &[f64]) -> [f64; 2] {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let at = |part: f64| sorted.get((part * sorted.len() as f64) as usize).copied().unwrap_or(f64::NAN);
+    [at(0.005), at(0.995)]
 }
 
 /// Rows over which the noise of a sensor is taken to be the same.

@@ -55,6 +55,8 @@ pub struct Recording<'a> {
     pub omega_rad_s: &'a [f64],
     /// Which samples may be used; empty for all of them. What is not usable separates segments, each with a state of its own.
     pub usable: &'a [bool],
+    /// Samples that were not recorded and hold what their neighbours suggest; empty if there are none. The filter predicts across them.
+    pub missing: &'a [bool],
     /// What a current sample stands for.
     pub hold: CurrentHold,
     /// Standard deviation of the position noise, m, if known.
@@ -356,6 +358,7 @@ fn check_recording(number: usize, recording: &Recording<'_>) -> Result<(), Faile
         ("theta", recording.theta_rad.len()),
         ("omega", recording.omega_rad_s.len()),
         ("usable", if recording.usable.is_empty() { wanted } else { recording.usable.len() }),
+        ("missing", if recording.missing.is_empty() { wanted } else { recording.missing.len() }),
     ] {
         if got != wanted {
             return Err(Failed::Lengths { recording: number, column, got, wanted });

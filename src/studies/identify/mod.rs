@@ -122,6 +122,13 @@ pub fn residuals_of_holds(samples: &Samples, config: &EstimatorConfig) -> [f64; 
     }))
 }
 
+/// The reading of the currents by [`residuals_of_holds`]: that of measured currents, unless another one is clearly more likely.
+#[must_use]
+pub fn most_likely_hold(residuals: &[f64; 3]) -> Hold {
+    let best = (0..HOLDS.len()).min_by(|a, b| residuals[*a].total_cmp(&residuals[*b])).unwrap_or(0);
+    HOLDS[if residuals[0] < diagnosis::VERY_STRONG { 0 } else { best }].1
+}
+
 impl Track {
     /// The last valid estimate.
     #[must_use]

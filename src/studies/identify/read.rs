@@ -15,12 +15,13 @@ use std::ops::Range;
 use self::header::{AXIAL, CURRENTS, OMEGA, POSITIONS, SIGNALS, THETA, TIME_AT};
 use self::signals::Known;
 use self::table::Table;
+use super::faults;
 
 pub use self::plausible::Finding;
 pub use self::units::{duration_s, rate_s};
 pub(super) use self::units::{number_and_unit, significant, time};
 
-/// Gaps of at most so many samples are filled; longer ones interrupt the identification.
+/// The identification predicts across gaps of at most so many samples; longer ones begin a new segment.
 pub const FILLED: usize = 3;
 
 /// So many samples of both positions a recording must have.
@@ -85,6 +86,8 @@ pub struct Samples {
     pub position_m: [Vec<f64>; 2],
     /// Currents as recorded, in A; NaN where there was none.
     pub current_a: [Vec<f64>; 3],
+    /// Rows in which a position or a current was not recorded, but filled from its neighbours; empty if there is none.
+    pub missing: Vec<bool>,
     /// Angle of the rotor, unwrapped, in rad; empty if not known.
     pub theta_rad: Vec<f64>,
     /// Speed, in rad/s; empty if not known.
@@ -422,26 +425,36 @@ fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
     let Grid { start_s, step_s, count, place } = grid(table, reading, POSITIONS, &mut notes)?;
     notes.insert(0, format!("{count} samples of {}.", time(step_s)));
     let known = |at: usize| signals::known(&place, &table.columns[at]);
-    let mut filled = |known: &Known, at: usize| {
-        let is_at_samples = signals::is_at_samples(known);
-        let mut values =
-            if is_at_samples { signals::at_samples(known, count) } else { signals::straight(known, count, false) };
-        let missing = values.iter().filter(|value| value.is_nan()).count();
-        if missing > 0 {
-            let (name, filled) = (SIGNALS[at].name, signals::fill(&mut values));
-            notes.push(format!("{missing} of {count} samples have no {name}; {filled} were filled by cubics."));
-        }
-        values
-    };
     let mut samples = Samples { start_s, step_s, units: table.units, ..Samples::default() };
-    let positions = [0, 1].map(|axis| known(POSITIONS.start + axis));
     let currents = [0, 1, 2].map(|k| known(CURRENTS.start + k));
-    let is_beside = |current: &Known| signals::is_at_samples(current) && 2 * current.len() > positions[0].len();
-    let is_apart = !currents.iter().all(is_beside);
-    samples.position_m = [0, 1].map(|axis| filled(&positions[axis], POSITIONS.start + axis));
-    if !is_apart {
-        samples.current_a = [0, 1, 2].map(|k| filled(&currents[k], CURRENTS.start + k));
+    let rows = table.known([POSITIONS.start]).len();
+    let is_apart = !currents.iter().all(|of| signals::is_at_samples(of) && 2 * of.len() > rows);
+    let at = if is_apart { POSITIONS } else { POSITIONS.start..CURRENTS.end };
+    let mut columns: Vec<Vec<f64>> = Vec::new();
+    let mut at_samples = true;
+    for known in at.clone().map(known) {
+        let is_plain = signals::is_at_samples(&known);
+        at_samples &= is_plain;
+        columns.push(if is_plain { signals::at_samples(&known, count) } else { signals::straight(&known, count, false) });
     }
+    if at_samples {
+        let mut named: Vec<_> = at.clone().map(|at| SIGNALS[at].name).zip(&mut columns).collect();
+        notes.extend(faults::leave_out(&mut named, |row| time(start_s + row as f64 * step_s)));
+    }
+    for values in &mut columns {
+        if values.iter().any(|value| value.is_nan()) {
+            samples.missing.resize(count, false);
+            samples.missing.iter_mut().zip(values.iter()).for_each(|(missing, value)| *missing |= value.is_nan());
+            signals::fill(values);
+        }
+    }
+    let gaps = samples.missing.iter().filter(|missing| **missing).count();
+    if gaps > 0 {
+        notes.push(format!("{gaps} of {count} samples lack a position or a current: gaps."));
+    }
+    let mut columns = columns.into_iter();
+    samples.position_m = [(); 2].map(|()| columns.next().unwrap_or_default());
+    samples.current_a = [(); 3].map(|()| columns.next().unwrap_or_default());
     samples.notes = notes;
     if is_apart && table.units[CURRENTS.start].is_some() {
         samples.take_apart(currents);

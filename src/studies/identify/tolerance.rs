@@ -32,7 +32,9 @@ pub fn quantity(name: &str, text: &str, si: &str) -> Result<f64, String> {
     let (number, unit) = number_and_unit(text).ok_or_else(wanted)?;
     let unit = unit.replace('μ', "µ");
     let factor = units.iter().find(|(known, _)| *known == unit).ok_or_else(wanted)?.1;
-    let value = number * factor;
+    // Division by a whole reciprocal rounds once.
+    let per = (1.0 / factor).round();
+    let value = if (factor * per - 1.0).abs() < 1e-12 && factor < 1.0 { number / per } else { number * factor };
     if value.is_finite() { Ok(value) } else { Err(wanted()) }
 }
 

@@ -10,6 +10,7 @@ use super::{
     find, is_logarithm, mean,
 };
 use crate::estimation::STD_LIMIT;
+use crate::studies::identify::answer::likely;
 use crate::studies::identify::read::{Axial, significant, time};
 use crate::table::Table;
 
@@ -20,8 +21,6 @@ const FLOOR: f64 = 0.015;
 const BADLY: f64 = FLOOR;
 /// Deviations by which a finding may move an estimate of a valid answer.
 const MOVED: f64 = 3.0;
-/// Recordings differ beyond the χ² that chance exceeds with a probability of 10⁻⁴, a normal deviate of this.
-const DIFFER: f64 = 3.719;
 /// Horizon of predictions, s.
 const AHEAD_S: f64 = 0.020;
 
@@ -491,9 +490,7 @@ pub fn agreement(answers: &[&Answer]) -> Option<String> {
     let chi: Vec<f64> = statics.iter().zip(&weights).map(|(of, w)| far(of, w)).collect();
     let freedom = 3.0 * (answers.len() - 1) as f64;
     let total: f64 = chi.iter().sum();
-    // Wilson and Hilferty 1931: the cube root of χ² over its degrees of freedom is about normal.
-    let spread = 2.0 / (9.0 * freedom);
-    if total <= freedom * (1.0 - spread + DIFFER * spread.sqrt()).powi(3) {
+    if total <= likely(freedom) {
         return None;
     }
     let worst = (0..chi.len()).max_by(|a, b| chi[*a].total_cmp(&chi[*b]))?;

@@ -131,8 +131,9 @@ pub(super) fn places(
     for (option, name) in
         options.into_iter().flat_map(|(option, pairs)| pairs.iter().map(move |pair| (option, &pair.0)))
     {
-        if !SIGNALS.iter().any(|signal| signal.name == name) {
-            let names = SIGNALS.each_ref().map(|signal| signal.name).join(", ");
+        let known = (0..SIGNALS.len()).filter(|at| *at != AXIAL || wanted(AXIAL)).map(|at| SIGNALS[at].name);
+        if !known.clone().any(|known| known == name) {
+            let names = known.collect::<Vec<_>>().join(", ");
             findings.push(format!("{option} {name}: {name} is no signal of a recording; known are {names}"));
         }
     }

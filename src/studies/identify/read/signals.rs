@@ -99,10 +99,9 @@ pub(super) fn resampled(known: &Known, count: usize, how: Currents) -> Vec<f64> 
     (0..count).map(mean_square).collect()
 }
 
-/// Fills short gaps by the cubic through two neighbours on both sides; how many samples were filled.
-pub(super) fn fill(values: &mut [f64]) -> usize {
+/// Fills short gaps by the cubic through two neighbours on both sides.
+pub(super) fn fill(values: &mut [f64]) {
     let known: Vec<usize> = (0..values.len()).filter(|at| values[*at].is_finite()).collect();
-    let mut filled = 0;
     for nodes in known.windows(4).filter(|nodes| nodes[2] - nodes[1] <= FILLED + 1 && nodes[3] - nodes[0] <= SPAN) {
         for at in nodes[1] + 1..nodes[2] {
             let from = |node: &usize| at as f64 - *node as f64;
@@ -111,10 +110,8 @@ pub(super) fn fill(values: &mut [f64]) -> usize {
                 others.map(|other| from(other) / (*one as f64 - *other as f64)).product::<f64>()
             };
             values[at] = nodes.iter().map(|node| values[*node] * basis(node)).sum();
-            filled += 1;
         }
     }
-    filled
 }
 
 /// Takes the jumps of whole turns out of an angle; over a gap the rotor turns on as before. Returns by how much the recorded angle jumps when it
