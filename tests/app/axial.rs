@@ -99,16 +99,14 @@ impl Levitation {
         if self.bias_a == 0.0 {
             i = [0.0, hold(0.0)];
         }
-        let (mut last, mut out) = (0.0, Vec::new());
+        let mut out = Vec::new();
         for row in 0..rows {
             let reading = [state[0] + normal(10e-6), (i[0] + normal(5e-3)).max(0.0), i[1] + normal(5e-3)];
             out.push([row as f64 * STEP_S, reading[0], reading[1], reading[2]]);
-            // Stairs of ±2 mm, which the controller follows.
-            let aim = 1e-3 * ((row / 700 % 5) as f64 - 2.0);
-            let off = reading[0] - aim;
-            let speed = 0.7 * (off - last) / STEP_S * 0.2;
-            last = off;
-            let pull = 500.0 * off + 8.0 * state[1] + 0.0 * speed;
+            // A smooth path of ±2 mm.
+            let turn = std::f64::consts::TAU * STEP_S * row as f64;
+            let off = reading[0] - 1.2e-3 * (0.7 * turn).sin() - 0.8e-3 * (1.9 * turn).sin();
+            let pull = 500.0 * off + 8.0 * state[1];
             wanted = match self.bias_a {
                 0.0 => [0.0, (hold(reading[0]) + 0.6 * pull / hold(0.0)).clamp(0.0, 5.0)],
                 bias => [bias - 0.3 * pull, bias + 0.3 * pull].map(|i: f64| i.clamp(0.0, 5.0)),

@@ -34,6 +34,11 @@ const CURRENT_NOISE: f64 = 0.15;
 /// Force constants of one bearing differ by less.
 const RATIO: f64 = 10.0;
 
+/// A motion whose speed differs from that of the shaft by more, relative, is a path with a speed of its own.
+const OTHER: f64 = 0.05;
+/// An error of the angle, rad, that moves a synchronous force by a tenth of itself.
+const TURNED_RAD: f64 = 0.1;
+
 /// What is asked of the recordings.
 #[derive(Clone, Debug)]
 pub struct Question {
@@ -193,6 +198,15 @@ pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Fail
     let columns: Vec<Columns> = recordings.iter().map(|samples| columns(samples, question.config.hold)).collect();
     let lambda0_nm2_a2 = question.lambda0_nm2_a2.or_else(|| on_line(recordings, &question.config));
     let mut answer = answer_columns(&columns, Question { lambda0_nm2_a2, ..question });
+    for (samples, columns) in recordings.iter().zip(&columns) {
+        if let Some(off) = drifts(samples, columns) {
+            answer.valid = false;
+            answer.verdict = format!(
+                "Not valid: the motion turns by {} % faster than the speed that was told: --speed, or a column of the angle.",
+                significant(100.0 * off, 2)
+            );
+        }
+    }
     if recordings.iter().any(|samples| samples.rotation == Rotation::Unknown) {
         answer.valid = false;
         answer.verdict = "Not valid: neither angle nor speed was recorded, so that unbalance and force constants cannot be told apart: \
@@ -200,6 +214,16 @@ pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Fail
             .into();
     }
     Ok(answer)
+}
+
+/// By which part of itself the motion is faster than a speed that is not that of a recorded angle, if by less than [`OTHER`] and certainly, and if
+/// it matters.
+fn drifts(samples: &Samples, columns: &Columns) -> Option<f64> {
+    if !matches!(samples.rotation, Rotation::Told | Rotation::Speed) {
+        return None;
+    }
+    let [off, std, angle_rad] = diagnosis::drift(columns)?;
+    (off.abs() > 5.0 * std && off.abs() < OTHER && angle_rad.abs() > TURNED_RAD).then_some(off)
 }
 
 /// λ that the on-line estimator ends with, in N·m²/A², if any of its estimates is valid.

@@ -60,6 +60,9 @@ const ROUGH: usize = 8;
 /// whose five recordings then agree within their deviations.
 const SLOW_START: f64 = 0.017;
 
+/// Gaps from which the search may start where positions hardly differ, relative to the mean position.
+const GAPS: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
+
 /// An axis as it is told.
 #[derive(Clone, Debug)]
 pub struct Axis {
@@ -75,9 +78,14 @@ pub struct Axis {
     pub at_m: Option<f64>,
 }
 
+/// Whether an unknown is the level of a noise.
+pub(crate) fn is_noise(at: usize) -> bool {
+    matches!(at, POSITION_NOISE | CURRENT_NOISE | WALK | SLOW)
+}
+
 /// Whether the search moves the logarithm of an unknown.
 pub(crate) fn is_logarithm(at: usize) -> bool {
-    matches!(at, 0..GAP | POSITION_NOISE | CURRENT_NOISE | WALK | SLOW)
+    at < GAP || is_noise(at)
 }
 
 impl Axis {
@@ -129,7 +137,7 @@ impl Axis {
         let at_m = self.at_m.unwrap_or(0.0);
         let magnets = self.used.iter().map(|k| (if *k == 0 { 1.0 } else { -1.0 }, libm::exp(point[*k])));
         let mut law = Law {
-            magnets: [(1.0, 0.0); 2],
+            magnets: [(0.0, 0.0); 2],
             gap_m: point[GAP],
             load_n: point[LOAD],
             dynamics: point[DYNAMICS],
@@ -172,9 +180,9 @@ impl Law {
     }
 
     /// Force of the magnets, N, and its derivatives by x, N/m, and by the currents, N/A.
-    fn force(&self, x_m: f64, current_a: &[f64]) -> (f64, f64, [f64; 2]) {
+    fn force(&self, x_m: f64, current_a: [f64; 2]) -> (f64, f64, [f64; 2]) {
         let (mut force, mut stiffness, mut gain) = (0.0, 0.0, [0.0; 2]);
-        for (k, i) in current_a.iter().enumerate() {
+        for (k, i) in current_a.into_iter().enumerate() {
             let (direction, lambda) = self.magnets[k];
             let gap = self.gap_of(k, x_m);
             gain[k] = 2.0 * direction * lambda * i / (gap * gap);
@@ -184,13 +192,8 @@ impl Law {
         (force, stiffness, gain)
     }
 
-    /// Acceleration without the slow force, m/s².
-    pub(crate) fn acceleration(&self, axis: &Axis, x_m: f64, current_a: &[f64]) -> f64 {
-        (self.load_n + self.force(x_m, current_a).0) / (self.dynamics * axis.m_kg)
-    }
-
-    /// The same with its derivatives by x and by the currents.
-    pub(crate) fn linearised(&self, axis: &Axis, x_m: f64, current_a: &[f64]) -> (f64, f64, [f64; 2]) {
+    /// Acceleration without the slow force, m/s², with its derivatives by x and by the currents.
+    pub(crate) fn linearised(&self, axis: &Axis, x_m: f64, current_a: [f64; 2]) -> (f64, f64, [f64; 2]) {
         let (force, stiffness, gain) = self.force(x_m, current_a);
         let inertia = self.dynamics * axis.m_kg;
         ((self.load_n + force) / inertia, stiffness / inertia, gain.map(|gain| gain / inertia))
@@ -353,29 +356,26 @@ fn first_guess(axis: &Axis, part: &Part<'_>) -> Result<Point, String> {
                 k + 1
             ));
         }
-        // p = λ i²/gap², so that i = c (s − direction x) with c = √(p/λ).
+        // p = λ i²/gap², so that i = c (s − direction x) with c = √(p/λ): by the slope of i where positions differ, and otherwise the most likely.
         let current = |row: &usize| readings.current_a[0][*row];
         let along = |row: &usize| -direction * readings.x_m[*row];
         let (x, i) = (mean(known.iter().map(along)), mean(known.iter().map(current)));
-        let c = if axis.estimated[GAP] || axis.told[GAP].is_none() {
+        let mut gaps = vec![axis.told[GAP].map_or(f64::NAN, |gap_m| gap_m + x)];
+        if axis.estimated[GAP] || axis.told[GAP].is_none() {
             let slope = mean(known.iter().map(|row| (along(row) - x) * (current(row) - i)))
                 / mean(known.iter().map(|row| (along(row) - x).powi(2)));
-            if slope.is_nan() || slope <= 0.0 {
-                return Err(
-                    "the current does not rise with the gap, so that the force constant cannot be told from the gap: set s, \
-                     or record more positions"
-                        .into(),
-                );
-            }
-            point[GAP] = i / slope - x;
-            slope
-        } else {
-            i / (point[GAP] + x)
-        };
-        if axis.told[*k].is_none() {
-            point[*k] = libm::log(load_n.abs() / (c * c));
+            gaps.push(i / slope);
+            gaps.extend(GAPS.map(|part| part * x.abs()));
         }
-        return Ok(point);
+        let guesses = gaps.into_iter().filter(|gap_m| *gap_m > 0.0 && gap_m.is_finite()).map(|gap_m| {
+            let mut guess = point;
+            guess[GAP] = gap_m - x;
+            if axis.told[*k].is_none() {
+                guess[*k] = libm::log(load_n.abs() * (gap_m / i).powi(2));
+            }
+            guess
+        });
+        return most_likely(axis, part, guesses);
     }
     if axis.told[GAP].is_none() {
         return Err("s is not known: --set s=… is wanted where the load is not known or there are two magnets".into());
@@ -385,8 +385,7 @@ fn first_guess(axis: &Axis, part: &Part<'_>) -> Result<Point, String> {
         mean(known.iter().map(|row| (readings.current_a[n][*row] / point[GAP]).powi(2)))
     });
     let largest = 100.0 * axis.weight_n() / pull.fold(1e-300, f64::max);
-    let mut best = (f64::NEG_INFINITY, point);
-    for halved in 0..20 {
+    let guesses = (0..20).map(|halved| {
         let mut guess = point;
         for k in axis.used.iter().filter(|k| axis.told[**k].is_none()) {
             guess[*k] = libm::log(largest) - f64::from(halved) * std::f64::consts::LN_2;
@@ -394,17 +393,20 @@ fn first_guess(axis: &Axis, part: &Part<'_>) -> Result<Point, String> {
         if axis.told[LOAD].is_none() {
             let law = axis.law(&guess);
             let force = |row: &usize| {
-                let currents: Vec<f64> = readings.current_a.iter().map(|current| current[*row]).collect();
-                law.force(readings.x_m[*row], &currents).0
+                let current = |k: usize| readings.current_a.get(k).map_or(0.0, |current| current[*row]);
+                law.force(readings.x_m[*row], [current(0), current(1)]).0
             };
             guess[LOAD] = -mean(known.iter().map(force));
         }
-        let likelihood = log_likelihood(axis, part, &guess);
-        if likelihood > best.0 {
-            best = (likelihood, guess);
-        }
-    }
-    if best.0.is_finite() { Ok(best.1) } else { Err("no force constant explains the motion at all".into()) }
+        guess
+    });
+    most_likely(axis, part, guesses)
+}
+
+fn most_likely(axis: &Axis, part: &Part<'_>, guesses: impl Iterator<Item = Point>) -> Result<Point, String> {
+    let weighed = guesses.map(|guess| (log_likelihood(axis, part, &guess), guess));
+    let best = weighed.filter(|(likelihood, _)| likelihood.is_finite()).max_by(|a, b| a.0.total_cmp(&b.0));
+    best.map(|(_, guess)| guess).ok_or_else(|| "no force constant explains the motion at all".into())
 }
 
 /// The row from which on the readings follow the law.

@@ -1,5 +1,7 @@
 //! What else the data may be, where they are not what was told: each alternative is tried on a stretch of the recording.
 
+use std::f64::consts::TAU;
+
 use super::answer::{Columns, implausible};
 use super::likelihood::{self, CurrentHold, Knowledge, Options, PARAMETERS, by_name};
 use super::read::significant;
@@ -126,21 +128,21 @@ const ALTERNATIVES: &[Alternative] = &[
         },
         "halve theta and omega",
     ),
-    row("the speed is another", |take| drift(&take.columns).into_iter().for_each(|off| respeed(take, off)), SPEED),
+    row("the speed is another", |take| drift(&take.columns).into_iter().for_each(|[off, ..]| respeed(take, off)), SPEED),
     row("the gap is another", |take| free(take, "s"), "--estimate s"),
 ];
 
 const SPEED: &str = "--speed, or a column of the angle";
 
-/// By which part of itself the speed of the motion differs from that told: the slope of the phase of its forward component over the angle,
-/// turn by turn.
-fn drift(columns: &Columns) -> Option<f64> {
+/// By which part of itself the speed of the motion differs from that told, with its standard deviation and the angle in rad that this makes over the
+/// recording: the slope of the phase of the forward component over the angle, turn by turn.
+pub(super) fn drift(columns: &Columns) -> Option<[f64; 3]> {
     let (first, last) = (*columns.theta_rad.first()?, *columns.theta_rad.last()?);
     let rows: Vec<usize> = (0..columns.usable.len()).filter(|row| columns.usable[*row]).collect();
     let mean = [0, 1].map(|a| rows.iter().map(|row| columns.position_m[*row][a]).sum::<f64>() / rows.len() as f64);
     let mut turns: Vec<[f64; 2]> = Vec::new();
     for row in rows {
-        let turn = ((columns.theta_rad[row] - first).abs() / std::f64::consts::TAU) as usize;
+        let turn = ((columns.theta_rad[row] - first).abs() / TAU) as usize;
         turns.resize(turns.len().max(turn + 1), [0.0; 2]);
         let (sin, cos) = libm::sincos(columns.theta_rad[row]);
         let [y, z] = [0, 1].map(|a| columns.position_m[row][a] - mean[a]);
@@ -149,12 +151,15 @@ fn drift(columns: &Columns) -> Option<f64> {
     }
     // The last turn is not a whole one.
     turns.pop();
-    let phases = turns.windows(2).map(|pair| {
+    let phase = |pair: &[[f64; 2]]| {
         let [[a, b], [c, d]] = [pair[0], pair[1]];
-        libm::atan2(a * d - b * c, a * c + b * d)
-    });
-    let phases: Vec<f64> = phases.collect();
-    (phases.len() >= 2).then(|| phases.iter().sum::<f64>() / phases.len() as f64 / std::f64::consts::TAU.copysign(last - first))
+        libm::atan2(a * d - b * c, a * c + b * d) / TAU.copysign(last - first)
+    };
+    let steps: Vec<f64> = turns.windows(2).map(phase).collect();
+    let count = steps.len() as f64;
+    let mean = steps.iter().sum::<f64>() / count;
+    let square = steps.iter().map(|step| (step - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    (steps.len() >= 2).then(|| [mean, (square / count).sqrt(), mean * (last - first).abs()])
 }
 
 fn respeed(take: &mut Take, off: f64) {
@@ -182,7 +187,7 @@ fn stretch(take: &Take) -> Take {
     let all = &take.columns;
     let rows = all.position_m.len();
     let speed = all.omega_rad_s.iter().filter(|omega| omega.is_finite()).sum::<f64>().abs() / rows.max(1) as f64;
-    let wanted = if speed > 0.0 { (TURNS * std::f64::consts::TAU / speed / all.step_s) as usize } else { 0 };
+    let wanted = if speed > 0.0 { (TURNS * TAU / speed / all.step_s) as usize } else { 0 };
     let count = wanted.clamp(ROWS[0], ROWS[1]).min(rows);
     let from = (rows - count) / 2;
     let of = from..from + count;
@@ -226,7 +231,7 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
             if alternative.proposal == "--estimate s" {
                 words += &format!("; about {} mm", significant(1e3 * take.config.gap_m * (1.0 + gap), 3));
             }
-            if let (SPEED, Some(off)) = (alternative.proposal, drift(&take.columns)) {
+            if let (SPEED, Some([off, ..])) = (alternative.proposal, drift(&take.columns)) {
                 words += &format!("; by about {} %", significant(100.0 * off, 2));
             }
             fits.push((likelihood, words));

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde_json::{Value as Json, json};
 
-use super::filter::{Filter, Row};
+use super::filter::{Filter, POSITION, Row};
 use super::search::{Fit, Part};
 use super::{
     Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Found, GAP, LOAD, PARAMETERS, POSITION_NOISE, Point, SLOW, UNKNOWNS,
@@ -81,20 +81,6 @@ pub struct Traces {
     pub from_s: f64,
 }
 
-impl Traces {
-    fn fill<const N: usize, const C: usize>(&mut self, axis: &Axis, part: &Part<'_>, point: &Point) {
-        let filter = Filter::<N, C>::new(axis, axis.law(point), &part.readings, &part.rows);
-        let Some(mut filter) = filter else { return };
-        let mut out: Vec<Row<C>> = Vec::new();
-        for row in part.rows.clone() {
-            filter.advance(axis, &part.readings, row..row + 1, &mut out);
-            self.slow_n.push(filter.slow_n());
-            let [error, variance] = out[out.len() - 1][C - 1];
-            self.error_m.push(if variance > 0.0 { error } else { f64::NAN });
-        }
-    }
-}
-
 /// One recording judged with the estimate of another.
 #[derive(Clone, Debug)]
 pub struct Check {
@@ -106,56 +92,48 @@ pub struct Check {
     pub errors: Vec<[f64; 3]>,
 }
 
+/// Filters a part and calls `each` with the filter after every row, and the innovation of its position with its variance.
+fn follow(axis: &Axis, part: &Part<'_>, point: &Point, mut each: impl FnMut(&Filter, [f64; 2])) {
+    let Some(mut filter) = Filter::new(axis, axis.law(point), &part.readings, &part.rows) else { return };
+    let mut out: Vec<Row> = Vec::new();
+    for row in part.rows.clone() {
+        out.clear();
+        filter.advance(axis, &part.readings, row..row + 1, &mut out);
+        each(&filter, out[0][POSITION]);
+    }
+}
+
 /// Normalised innovations squared of the positions; NaN where there was none.
 pub(super) fn position_nis(axis: &Axis, part: &Part<'_>, point: &Point) -> Vec<f64> {
-    fn rows<const N: usize, const C: usize>(axis: &Axis, part: &Part<'_>, point: &Point) -> Vec<f64> {
-        let Some(mut filter) = Filter::<N, C>::new(axis, axis.law(point), &part.readings, &part.rows) else {
-            return vec![f64::NAN; part.rows.len()];
-        };
-        let mut out: Vec<Row<C>> = Vec::with_capacity(part.rows.len());
-        filter.advance(axis, &part.readings, part.rows.clone(), &mut out);
-        let nis = |[error, variance]: [f64; 2]| if variance > 0.0 { error * error / variance } else { f64::NAN };
-        out.iter().map(|row| nis(row[C - 1])).collect()
-    }
-    match part.readings.current_a.len() {
-        1 => rows::<4, 2>(axis, part, point),
-        _ => rows::<5, 3>(axis, part, point),
-    }
+    let mut nis = Vec::with_capacity(part.rows.len());
+    follow(axis, part, point, |_, [error, variance]| nis.push(error * error / variance));
+    nis
 }
 
 /// rms of the errors of predictions over so many rows, m.
 fn prediction_rms(axis: &Axis, part: &Part<'_>, point: &Point, ahead: usize) -> f64 {
-    fn rms<const N: usize, const C: usize>(axis: &Axis, part: &Part<'_>, point: &Point, ahead: usize) -> f64 {
-        let Some(mut filter) = Filter::<N, C>::new(axis, axis.law(point), &part.readings, &part.rows) else {
-            return f64::NAN;
-        };
-        let mut out = Vec::new();
-        let errors = part.rows.start..part.rows.end.saturating_sub(ahead);
-        let square = errors.map(|row| {
-            filter.advance(axis, &part.readings, row..row + 1, &mut out);
-            out.clear();
-            (part.readings.x_m[row + ahead] - filter.ahead(axis, &part.readings, ahead)).powi(2)
-        });
-        mean(square).sqrt()
-    }
-    match part.readings.current_a.len() {
-        1 => rms::<4, 2>(axis, part, point, ahead),
-        _ => rms::<5, 3>(axis, part, point, ahead),
-    }
+    let (mut squares, mut row) = (Vec::new(), part.rows.start);
+    follow(axis, part, point, |filter, _| {
+        if let Some(x_m) = part.readings.x_m[..part.rows.end].get(row + ahead) {
+            squares.push((x_m - filter.ahead(axis, &part.readings, ahead)).powi(2));
+        }
+        row += 1;
+    });
+    mean(squares.into_iter()).sqrt()
 }
 
 /// Current (A), ki (N/A), ks (N/m) at the operating point, and ki/κ, ks/κ: in equilibrium where one magnet carries a load,
 /// otherwise with the mean currents of the recording.
 fn operating(axis: &Axis, point: &Point, mean_a: &[f64]) -> [f64; 5] {
     let (law, at_m) = (axis.law(point), axis.at_m.unwrap_or(0.0));
-    let mut current_a = mean_a.to_vec();
+    let mut current_a = [mean_a[0], mean_a.get(1).copied().unwrap_or(0.0)];
     if let [k] = axis.used.as_slice() {
         let gap = law.gap_of(0, at_m);
         current_a[0] = gap * (point[LOAD].abs() / libm::exp(point[*k])).sqrt();
     }
-    let (_, stiffness, gain) = law.force(at_m, &current_a);
+    let (_, stiffness, gain) = law.force(at_m, current_a);
     let gain: f64 = gain.iter().map(|gain| gain.abs()).sum();
-    let current = current_a.iter().sum::<f64>() / current_a.len() as f64;
+    let current = current_a.iter().sum::<f64>() / axis.used.len() as f64;
     [current, gain, stiffness, gain / law.dynamics, stiffness / law.dynamics]
 }
 
@@ -428,10 +406,10 @@ impl Answer {
             error_m: vec![f64::NAN; from],
             from_s: instant(from),
         };
-        match part.readings.current_a.len() {
-            1 => traces.fill::<4, 2>(&found.axis, &part, &found.fit.point),
-            _ => traces.fill::<5, 3>(&found.axis, &part, &found.fit.point),
-        }
+        follow(&found.axis, &part, &found.fit.point, |filter, [error, variance]| {
+            traces.slow_n.push(filter.slow_n());
+            traces.error_m.push(if variance > 0.0 { error } else { f64::NAN });
+        });
         traces
     }
 

@@ -28,19 +28,24 @@ pub(super) struct Readings<'a> {
     pub current_a: &'a [Vec<f64>],
 }
 
-/// An innovation of every channel (currents, position) with its variance; a variance of 0 where there was no reading.
-pub(super) type Row<const C: usize> = [[f64; 2]; C];
+/// Numbers of the state x, v, d and two currents; a magnet that is not used has the current 0 without variance.
+const N: usize = 5;
+/// Number of the position among the channels, which are the currents and the position.
+pub(super) const POSITION: usize = 2;
 
-/// The filter before a row. The state is (x, v, d, currents), N = 3 + magnets, C = 1 + magnets.
+/// An innovation of every channel with its variance; a variance of 0 where there was no reading.
+pub(super) type Row = [[f64; 2]; 3];
+
+/// The filter at a row.
 #[derive(Clone, Debug)]
-pub(super) struct Filter<const N: usize, const C: usize> {
+pub(super) struct Filter {
     law: Law,
     x: [f64; N],
     p: [[f64; N]; N],
     row: usize,
 }
 
-impl<const N: usize, const C: usize> Filter<N, C> {
+impl Filter {
     /// Starts at the first row with all readings.
     pub(super) fn new(axis: &Axis, law: Law, readings: &Readings<'_>, rows: &Range<usize>) -> Option<Self> {
         let known = |row: &usize| {
@@ -61,10 +66,10 @@ impl<const N: usize, const C: usize> Filter<N, C> {
     }
 
     /// Filters up to this row. Innovations of the rows are appended to `out`; rows before the first reading have none.
-    pub(super) fn advance(&mut self, axis: &Axis, readings: &Readings<'_>, rows: Range<usize>, out: &mut Vec<Row<C>>) {
+    pub(super) fn advance(&mut self, axis: &Axis, readings: &Readings<'_>, rows: Range<usize>, out: &mut Vec<Row>) {
         for row in rows {
             if row < self.row {
-                out.push([[0.0; 2]; C]);
+                out.push(Row::default());
                 continue;
             }
             if row > self.row {
@@ -78,10 +83,10 @@ impl<const N: usize, const C: usize> Filter<N, C> {
     /// One sample time: midpoint rule, the current of its beginning.
     fn predict(&mut self, axis: &Axis, h: f64) {
         let law = &self.law;
-        let currents: [f64; N] = std::array::from_fn(|i| if i < N - 3 { self.x[3 + i] } else { 0.0 });
-        let begin = law.acceleration(axis, self.x[0], &currents[..N - 3]) + self.x[2] / axis.m_kg;
+        let currents = [self.x[3], self.x[4]];
+        let begin = law.linearised(axis, self.x[0], currents).0 + self.x[2] / axis.m_kg;
         let middle_m = self.x[0] + 0.5 * h * self.x[1] + 0.125 * h * h * begin;
-        let (middle, stiffness, gain) = law.linearised(axis, middle_m, &currents[..N - 3]);
+        let (middle, stiffness, gain) = law.linearised(axis, middle_m, currents);
         let middle = middle + self.x[2] / axis.m_kg;
         self.x[0] += h * self.x[1] + h * h / 6.0 * (begin + 2.0 * middle);
         self.x[1] += h * middle;
@@ -93,7 +98,7 @@ impl<const N: usize, const C: usize> Filter<N, C> {
         f[1][0] = h * stiffness;
         f[1][1] = 1.0 + 0.5 * h * h * stiffness;
         f[1][2] = h / axis.m_kg;
-        for k in 0..N - 3 {
+        for k in 0..2 {
             f[0][3 + k] = 0.5 * h * h * gain[k];
             f[1][3 + k] = h * gain[k];
         }
@@ -114,7 +119,7 @@ impl<const N: usize, const C: usize> Filter<N, C> {
         };
         // A current that walks straight from one sample to the next moves the rotor by h²/6 and h/2 of its gain.
         let variance = law.walk_a * law.walk_a * h;
-        for k in 0..N - 3 {
+        for k in 0..axis.used.len() {
             let w = [gain[k] * h * h / 6.0, gain[k] * 0.5 * h];
             for r in 0..2 {
                 for c in 0..2 {
@@ -128,14 +133,12 @@ impl<const N: usize, const C: usize> Filter<N, C> {
         self.p[2][2] += law.slow_n * law.slow_n * h;
     }
 
-    fn correct(&mut self, readings: &Readings<'_>, row: usize) -> Row<C> {
-        let mut innovations = [[0.0; 2]; C];
-        for k in 0..C {
-            let is_position = k == C - 1;
-            let reading = if is_position { readings.x_m[row] } else { readings.current_a[k][row] };
-            if !reading.is_finite() {
-                continue;
-            }
+    fn correct(&mut self, readings: &Readings<'_>, row: usize) -> Row {
+        let mut innovations = Row::default();
+        for k in 0..=POSITION {
+            let is_position = k == POSITION;
+            let reading = if is_position { Some(readings.x_m[row]) } else { readings.current_a.get(k).map(|of| of[row]) };
+            let Some(reading) = reading.filter(|reading| reading.is_finite()) else { continue };
             let (at, delay_s) = if is_position { (0, self.law.delay_s) } else { (3 + k, 0.0) };
             let gain: [f64; N] = std::array::from_fn(|i| self.p[i][at] - delay_s * self.p[i][1]);
             let noise = if is_position { self.law.position_noise(reading) } else { self.law.current_noise_a };

@@ -5,13 +5,13 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector};
 use rayon::iter::{IntoParallelRefMutIterator, ParallelIterator};
 
-use super::filter::{Filter, Readings, Row};
-use super::{Axis, Point, UNKNOWNS, is_logarithm};
+use super::filter::{Filter, POSITION, Readings, Row};
+use super::{Axis, Point, UNKNOWNS, is_logarithm, is_noise};
 
 /// Rows that all filters pass before their innovations are summed: what is kept of them does not grow with the recording.
 const ROWS: usize = 4096;
 /// Most iterations, and the gain of the log-likelihood at which they end.
-const MOST: usize = 40;
+const MOST: usize = 100;
 const CONVERGED: f64 = 1e-3;
 /// Longest step in steps of the differences ([`Axis::step`]): a tenth of λ, a factor of 7 of a noise.
 const LONGEST: f64 = 100.0;
@@ -45,32 +45,16 @@ struct Sums {
     score: DVector<f64>,
 }
 
-pub(super) fn fit(axis: &Axis, part: &Part<'_>, start: &Point, free: &[usize], most: usize) -> Option<Fit> {
-    match part.readings.current_a.len() {
-        1 => search::<4, 2>(axis, part, start, free, most),
-        _ => search::<5, 3>(axis, part, start, free, most),
-    }
-}
-
 pub(super) fn log_likelihood(axis: &Axis, part: &Part<'_>, point: &Point) -> f64 {
-    let sums = match part.readings.current_a.len() {
-        1 => pass::<4, 2>(axis, part, point, &[]),
-        _ => pass::<5, 3>(axis, part, point, &[]),
-    };
-    sums.map_or(f64::NEG_INFINITY, |sums| sums.log_likelihood)
+    pass(axis, part, point, &[]).map_or(f64::NEG_INFINITY, |sums| sums.log_likelihood)
 }
 
-fn search<const N: usize, const C: usize>(
-    axis: &Axis,
-    part: &Part<'_>,
-    start: &Point,
-    free: &[usize],
-    most: usize,
-) -> Option<Fit> {
+/// The most likely point, from a start along the unknowns that are free, in `most` iterations at most.
+pub(super) fn fit(axis: &Axis, part: &Part<'_>, start: &Point, free: &[usize], most: usize) -> Option<Fit> {
     let mut point = *start;
     let mut damping = 1e-4;
     let mut converged = false;
-    let mut sums = pass::<N, C>(axis, part, &point, free)?;
+    let mut sums = pass(axis, part, &point, free)?;
     for _ in 0..most.min(MOST) {
         let scale = DVector::from_fn(free.len(), |i, _| sums.information[(i, i)].sqrt() + 1e-300);
         let mut step = None;
@@ -80,15 +64,19 @@ fn search<const N: usize, const C: usize>(
             });
             let moved = scaled.cholesky().map(|cholesky| {
                 let solved = cholesky.solve(&sums.score.component_div(&scale)).component_div(&scale);
+                // λ, gap and load belong together: their step is shortened as a whole. Noises stand alone.
+                let longest = |at: usize| LONGEST * axis.step(at, &point);
+                let bench = free.iter().zip(solved.iter()).filter(|(at, _)| !is_noise(**at));
+                let part = bench.map(|(at, step)| longest(*at) / step.abs()).fold(1.0, f64::min);
                 let mut to = point;
-                for (i, at) in free.iter().enumerate() {
-                    let longest = LONGEST * axis.step(*at, &point);
-                    to[*at] += solved[i].clamp(-longest, longest);
+                for (at, step) in free.iter().zip(solved.iter()) {
+                    let longest = longest(*at);
+                    to[*at] += if is_noise(*at) { step.clamp(-longest, longest) } else { part * step };
                 }
                 axis.bounded(to)
             });
             if let Some(to) = moved {
-                let there = pass::<N, C>(axis, part, &to, &[]).map_or(f64::NAN, |of| of.log_likelihood);
+                let there = pass(axis, part, &to, &[]).map_or(f64::NAN, |of| of.log_likelihood);
                 let gain = there - sums.log_likelihood;
                 if gain >= -1e-9 {
                     step = Some((to, gain));
@@ -104,7 +92,7 @@ fn search<const N: usize, const C: usize>(
         };
         point = to;
         damping = (0.1 * damping).max(1e-9);
-        sums = pass::<N, C>(axis, part, &point, free)?;
+        sums = pass(axis, part, &point, free)?;
         if gain < CONVERGED {
             converged = true;
             break;
@@ -126,7 +114,7 @@ fn search<const N: usize, const C: usize>(
 /// One pass of the filters at a point and, by central differences, at its neighbours along the unknowns.
 ///
 /// The information of an innovation e with variance S is `∂e ∂eᵀ/S + ½ ∂ln S ∂ln Sᵀ`, its score `−e ∂e/S + ½ (e²/S − 1) ∂ln S`.
-fn pass<const N: usize, const C: usize>(axis: &Axis, part: &Part<'_>, point: &Point, free: &[usize]) -> Option<Sums> {
+fn pass(axis: &Axis, part: &Part<'_>, point: &Point, free: &[usize]) -> Option<Sums> {
     let Part { readings, rows } = part;
     let mut points = vec![*point];
     for at in free {
@@ -136,8 +124,8 @@ fn pass<const N: usize, const C: usize>(axis: &Axis, part: &Part<'_>, point: &Po
             points.push(beside);
         }
     }
-    let filters = points.iter().map(|point| Filter::<N, C>::new(axis, axis.law(point), readings, rows));
-    let mut filters: Vec<(Filter<N, C>, Vec<Row<C>>)> =
+    let filters = points.iter().map(|point| Filter::new(axis, axis.law(point), readings, rows));
+    let mut filters: Vec<(Filter, Vec<Row>)> =
         filters.map(|filter| Some((filter?, Vec::with_capacity(ROWS)))).collect::<Option<_>>()?;
     let n = free.len();
     let mut sums = Sums {
@@ -156,7 +144,7 @@ fn pass<const N: usize, const C: usize>(axis: &Axis, part: &Part<'_>, point: &Po
             filter.advance(axis, readings, from..to, out);
         });
         for j in 0..to - from {
-            for k in 0..C {
+            for k in 0..=POSITION {
                 let [error, variance] = filters[0].1[j][k];
                 if variance == 0.0 {
                     continue;
