@@ -423,12 +423,6 @@ pub(super) fn stiffness_std<const K: usize>(stiffness: [f64; K], lambda_std: [f6
     std::array::from_fn(of)
 }
 
-impl EstimatorOutput {
-    pub(super) fn is_finite(&self) -> bool {
-        self.determinant.is_finite() && numbers("", self, &()).iter().all(|(_, value, _)| value.is_finite())
-    }
-}
-
 /// Checks every parameter, under its name in the interface.
 pub(super) fn check(config: &EstimatorConfig) -> Result<(), Vec<Invalid>> {
     let mut checks = Checks::default();

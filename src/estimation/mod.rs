@@ -33,6 +33,7 @@ pub use self::readings::STUCK_SAMPLES;
 use self::readings::{Readings, Taken};
 use crate::bearing::magnet::Geometry;
 use crate::invalid::Invalid;
+use crate::variables::is_finite;
 
 const MAGNETS: usize = 3;
 
@@ -137,11 +138,10 @@ impl Estimator {
     /// Whether a state, for instance one read from a file, has the shape this estimator needs and finite numbers alone.
     #[must_use]
     pub fn accepts(&self, state: &EstimatorState) -> bool {
-        let finite = state.output.is_finite() && state.readings.is_finite();
-        finite
+        is_finite(state)
             && match (&self.method, &state.method) {
-                (MethodOf::PredictionError(_), MethodState::PredictionError(state)) => state.is_sound(),
-                (MethodOf::Paper(method), MethodState::Paper(state)) => method.accepts(state),
+                (MethodOf::PredictionError(_), MethodState::PredictionError(state)) => state.has_shape(),
+                (MethodOf::Paper(method), MethodState::Paper(state)) => method.has_shape(state),
                 _ => false,
             }
     }

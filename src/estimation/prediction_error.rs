@@ -104,13 +104,6 @@ impl<const K: usize, const U: usize> Estimate<K, U> {
     pub fn lambda(&self) -> SVector<f64, K> {
         self.unknowns.fixed_rows::<K>(0).into_owned()
     }
-
-    pub fn is_finite(&self) -> bool {
-        let [noise, total] = &self.variance;
-        let of_magnets = self.lambda_raw.iter().chain(noise).chain(total).chain(&self.ki).chain(&self.ks);
-        let others = [&self.condition, &self.residual];
-        of_magnets.chain(&self.unknowns).chain(others).chain(&self.noise).all(|x| x.is_finite())
-    }
 }
 
 /// All that changes with a sample. Its large parts are on the heap: the threads of importers have small stacks.
@@ -331,7 +324,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         self.filter.correct(filter, &running, &innovation, sqrt(weight));
 
         state.samples += 1;
-        state.present.add(&innovation, sample.rotation.variance_rad2, instrumented);
+        state.present.add(&innovation, sample.rotation.variance, instrumented);
         let per_revolution = state.per_revolution();
         state.validation.add(&innovation, sample.turn);
         if settled {
@@ -404,6 +397,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                 let wrong = |k: usize| (solution.unknowns[k] / self.lambda0[k] - 1.0).abs() > FIRST_GUESS_ERROR;
                 if state.quarters >= QUARTERS as u64 && (0..K).any(wrong) {
                     state.discount(FIRST_GUESS_PART);
+                    state.validation.forget(state.revolutions());
                 }
             }
             let wide = widest.relative_std::<K>() < RUNNING_STD;
@@ -462,8 +456,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         let prior = state.models.prior(&self.prior, self.forces());
         if state.is_settled() || state.changed {
             state.validation.discount(state.models.discount_of(time_s));
-            let weighed = state.models.weigh(&block, time_s, &self.prior, variances);
-            match weighed {
+            let present = state.validation.present(state.per_revolution());
+            match state.models.weigh::<N>(&block, time_s, &self.prior, variances[0], present) {
                 Weighed::Same => (),
                 Weighed::Renewed => state.validation.forget(state.revolutions()),
                 Weighed::Changed => {
@@ -476,7 +470,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             state.models.merge(&block);
         }
         if let Some(found) = state.models.sums().solve(&prior, variances) {
-            state.validation.judge_harmonics(state.revolutions(), &found, variances[0]);
+            let moved = state.models.discount_of(time_s) < 1.0;
+            state.validation.judge_harmonics(state.revolutions(), &found, moved, variances[0]);
         }
         let revolution = &mut state.revolution;
         revolution.sums.merge(&block);
@@ -548,7 +543,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         } else if !noise.is_within_range() {
             Verdict::Noisy
         } else {
-            match state.validation.verdict(state.per_revolution(), was_valid || !state.armed) {
+            match state.validation.verdict(state.per_revolution(), was_valid) {
                 Verdict::Valid if (0..K).any(|k| sqrt(total[k]) >= limit * lambda[k]) => Verdict::Uncertain,
                 Verdict::Valid if state.samples < state.valid_from => state.estimate.verdict,
                 verdict => verdict,
@@ -575,30 +570,12 @@ impl<const K: usize, const U: usize, const T: usize> Revolution<K, U, T> {
         self.per_current += field.per_current;
         self.gradient += field.gradient;
     }
-
-    fn is_finite(&self) -> bool {
-        self.sums.is_finite()
-            && all_finite(self.per_current.iter().chain(&self.gradient).chain([&self.samples, &self.passed]))
-    }
-}
-
-pub fn all_finite<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> bool {
-    numbers.into_iter().all(|x| x.is_finite())
 }
 
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionErrorState<N, K, U, T> {
-    /// Whether all numbers are finite, and all places within their rings.
-    pub fn is_sound(&self) -> bool {
-        let numbers =
-            [&self.mean_square_a2, &self.condition, &self.passed, &self.quarter_samples, &self.pace, &self.pause_s];
-        all_finite(self.running.iter().chain(&self.per_current).chain(&self.gradient).chain(numbers))
-            && self.inverse.is_none_or(|inverse| all_finite(&inverse))
-            && (self.estimate.is_finite() && self.models.is_sound() && self.present.is_finite())
-            && (self.waiting.is_finite() && self.table.is_finite() && self.validation.is_finite())
-            && self.revolution.is_finite()
-            && self.trusted.iter().chain([&self.noise]).flatten().all(Noise::is_finite)
-            && self.filter.as_ref().is_none_or(FilterState::is_finite)
-            && self.solution.as_ref().is_none_or(Solution::is_finite)
+    /// Whether all places are within their lists.
+    pub fn has_shape(&self) -> bool {
+        self.models.has_shape() && self.waiting.has_shape() && self.table.has_shape()
     }
 
     /// Counts what passes of a revolution with a sample.

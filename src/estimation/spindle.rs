@@ -18,13 +18,13 @@ use crate::bearing::magnet::Geometry;
 use crate::bearing::shaft::{COORDINATES, generalised};
 use crate::bearing::spindle::{MAGNETS, READINGS, SHORTEST_DISTANCE_M, Spindle, SpindleGeometry, bearing_of};
 use crate::invalid::{Checks, Invalid};
-use crate::machine::{Machine as Names, SPINDLE};
+use crate::machine::Machine as Names;
 use crate::plant::spindle::of_planes;
 use crate::variables::unit::{
     AMPERE, KILOGRAM_METRE2, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN,
     RADIAN_PER_SECOND, SECOND,
 };
-use crate::variables::{KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Variables, numbers};
+use crate::variables::{KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Variables, is_finite, numbers};
 
 /// Planes of unbalance.
 const PLANES: usize = 2;
@@ -336,7 +336,7 @@ impl SpindleEstimator {
     /// Whether a state, for instance one read from a file, holds finite numbers alone.
     #[must_use]
     pub fn accepts(&self, state: &SpindleEstimatorState) -> bool {
-        state.radial.is_sound() && state.axial.is_sound() && state.readings.is_finite() && state.output.is_finite()
+        is_finite(state) && state.radial.has_shape() && state.axial.has_shape()
     }
 
     /// Takes in one sample; to be called once every T_s. As [`Estimator::sample`](super::Estimator::sample).
@@ -409,12 +409,6 @@ impl SpindleEstimator {
         output.current_noise_a = [radial.noise[1], axial.noise[1]];
         output.ki_std = stiffness_std(output.ki, output.lambda_std_total, output.lambda_hat);
         output.ks_std = stiffness_std(output.ks, output.lambda_std_total, output.lambda_hat);
-    }
-}
-
-impl SpindleEstimatorOutput {
-    fn is_finite(&self) -> bool {
-        numbers("", self, &SPINDLE).iter().all(|(_, value, _)| value.is_finite())
     }
 }
 
