@@ -44,7 +44,16 @@ fn recordings_of_a_real_bench() {
         let words = [answer.notes.clone(), answer.findings.clone()].concat().join(" ");
         println!("{run}: {} {words}", answer.verdict);
         assert!(answer.valid, "{run}: {}", answer.verdict);
-        says(&words, &["start at rest", "repeat the one before", "% weaker than the law", "slow force", "noise of the position grows"]);
+        says(
+            &words,
+            &[
+                "start at rest",
+                "repeat the one before",
+                "% weaker than the law",
+                "slow force",
+                "noise of the position grows",
+            ],
+        );
         below("ki", (answer.operating[1].value / ki - 1.0).abs(), 0.02);
         below("ks", (answer.operating[2].value / ks - 1.0).abs(), 0.04);
         assert!((1.09..1.25).contains(&answer.dynamics.value), "{run}: κ = {}", answer.dynamics.value);
@@ -126,7 +135,10 @@ impl Levitation {
                     state[n] += h / 6.0 * (a[n] + 2.0 * b[n] + 2.0 * c[n] + d[n]);
                 }
             }
-            assert!(state[0].abs() < 0.8 * self.gap_m, "the simulator's own controller holds the mass: {state:?} in row {row}");
+            assert!(
+                state[0].abs() < 0.8 * self.gap_m,
+                "the simulator's own controller holds the mass: {state:?} in row {row}"
+            );
         }
         let _ = wanted;
         out
@@ -267,7 +279,8 @@ fn the_command() {
         (output.status.code(), text(output.stdout), text(output.stderr))
     };
     let bench = ["--machine", "axial", "--set", "magnets.used=second", "--set", "m=60.54g"];
-    let load = ["--set", "pX=0.5939N", "--column", "Xm=z", "--column", "im[2]=i1", "--estimate", "s", "--at", "Xm=10mm"];
+    let load =
+        ["--set", "pX=0.5939N", "--column", "Xm=z", "--column", "im[2]=i1", "--estimate", "s", "--at", "Xm=10mm"];
     let (code, out, err) =
         run(&[&bench[..], &load[..], &["--json", "-", "--save", "found.toml", "--report", "report"]].concat());
     assert_eq!(code, Some(0), "{err}");
@@ -285,14 +298,14 @@ fn the_command() {
     below("ki of the saved scenario", (first / second - 1.0).abs(), 1e-3);
     for (arguments, words) in [
         (&["--machine", "axial"][..], &["m is missing"][..]),
-        (&["--machine", "axial", "--set", "m=1kg", "--set", "lambda[3]=1"], &["lambda[3] is no parameter", "force.slow"]),
+        (
+            &["--machine", "axial", "--set", "m=1kg", "--set", "lambda[3]=1"],
+            &["lambda[3] is no parameter", "force.slow"],
+        ),
         (&["--machine", "axial", "--set", "m=-1kg", "--speed", "3"], &["above 0", "no --speed"]),
         (&["--machine", "axial", "--set", "m=1kg"], &["Xm: no column"]),
         (&["--at", "Xm=1mm"], &["--at needs --machine axial"]),
-        (
-            &[&bench[..], &load[..], &["--set", "pX=-1N"]].concat(),
-            &["pX = -1 N pulls where magnet 2 pulls as well"],
-        ),
+        (&[&bench[..], &load[..], &["--set", "pX=-1N"]].concat(), &["pX = -1 N pulls where magnet 2 pulls as well"]),
     ] {
         let (code, _, err) = run(arguments);
         assert_eq!(code, Some(2), "{arguments:?}: {err}");

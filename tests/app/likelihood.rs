@@ -16,7 +16,7 @@ fn recording<'a>(recorded: &'a Recorded, bench: &Bench, told: bool) -> Recording
         omega_rad_s: &recorded.omega,
         usable: &[],
         missing: &[],
-        hold: CurrentHold::Before,
+        hold: Hold::HeldBefore,
         position_noise_m: told.then_some(bench.position_noise),
         current_noise_a: told.then_some(bench.current_noise),
     }

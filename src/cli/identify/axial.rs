@@ -209,7 +209,8 @@ pub(super) fn run(arguments: &Arguments, bench: Bench) -> Result<()> {
             }
         };
         if let Some(check) = &check {
-            let horizon = |[ahead_s, foreign_m, own_m]: &[f64; 3]| json!({"ahead": ahead_s, "rms": foreign_m, "rmsOwn": own_m});
+            let horizon =
+                |[ahead_s, foreign_m, own_m]: &[f64; 3]| json!({"ahead": ahead_s, "rms": foreign_m, "rmsOwn": own_m});
             let errors: Vec<_> = check.errors.iter().map(horizon).collect();
             document["check"] = json!({"agrees": check.agrees, "verdict": check.verdict, "predictions": errors});
         }

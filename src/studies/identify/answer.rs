@@ -3,8 +3,8 @@
 use serde_json::{Value as Json, json};
 
 use super::diagnosis::{self, Take};
-use super::likelihood::{self, BENCH, Change, CurrentHold, Identification, Knowledge, Options, PARAMETERS, Told};
-use super::read::{Currents, Rotation, Samples, significant, time};
+use super::likelihood::{self, BENCH, Change, Identification, Knowledge, Options, PARAMETERS, Told};
+use super::read::{Rotation, Samples, significant, time};
 use super::{Failed, HOLDS, track_every};
 use crate::estimation::{EstimatorConfig, Hold, Method, STD_LIMIT};
 use crate::table::Table;
@@ -77,20 +77,8 @@ pub struct Answer {
     pub question: Question,
 }
 
-pub(super) fn hold_of(hold: Hold) -> CurrentHold {
-    match hold {
-        Hold::HeldBefore => CurrentHold::Before,
-        Hold::HeldAfter => CurrentHold::After,
-        Hold::Linear => CurrentHold::Linear,
-    }
-}
-
 pub(super) fn columns(samples: &Samples, hold: Hold) -> Columns {
-    let currents = samples.currents(match hold {
-        Hold::HeldBefore => Currents::Before,
-        Hold::HeldAfter => Currents::After,
-        Hold::Linear => Currents::Linear,
-    });
+    let currents = samples.currents(hold);
     let count = samples.len();
     let position_m: Vec<[f64; 2]> = (0..count).map(|j| [samples.position_m[0][j], samples.position_m[1][j]]).collect();
     let current_a: Vec<[f64; 3]> = (0..count).map(|j| [currents[0][j], currents[1][j], currents[2][j]]).collect();
@@ -107,7 +95,7 @@ pub(super) fn columns(samples: &Samples, hold: Hold) -> Columns {
 }
 
 impl Columns {
-    pub fn recording(&self, config: &EstimatorConfig, hold: CurrentHold) -> likelihood::Recording<'_> {
+    pub fn recording(&self, config: &EstimatorConfig, hold: Hold) -> likelihood::Recording<'_> {
         likelihood::Recording {
             step_s: self.step_s,
             position_m: &self.position_m,
@@ -240,7 +228,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
         lambda0_nm2_a2: question.lambda0_nm2_a2,
         ..Options::new(config.m_kg, config.gap_m, config.alpha_rad)
     };
-    let hold = hold_of(config.hold);
+    let hold = config.hold;
     let recordings: Vec<likelihood::Recording<'_>> =
         all.iter().map(|columns| columns.recording(config, hold)).collect();
     let identified = likelihood::identify(&recordings, &options);
@@ -328,7 +316,8 @@ fn differ(recordings: &[likelihood::Recording<'_>], options: &Options) -> Option
             let of_others = (sum * mean - weight(&own[at]) * own[at].lambda[k].value) / others;
             let std = (1.0 / others + 1.0 / weight(&own[at])).sqrt();
             let [by, std] = [own[at].lambda[k].value - of_others, std].map(|of| significant(100.0 * of / of_others, 2));
-            worst = Some((total, format!("the recordings differ: λ{} of recording {} by {by} % ± {std} %", k + 1, at + 1)));
+            worst =
+                Some((total, format!("the recordings differ: λ{} of recording {} by {by} % ± {std} %", k + 1, at + 1)));
         }
     }
     worst.map(|(_, words)| words)

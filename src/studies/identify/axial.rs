@@ -167,7 +167,7 @@ pub(crate) struct Law {
     dynamics: f64,
     position_noise_m: f64,
     exponent: f64,
-    reference_m: f64,
+    pub(crate) reference_m: f64,
     pub(crate) current_noise_a: f64,
     pub(crate) walk_a: f64,
     pub(crate) slow_n: f64,
@@ -291,10 +291,7 @@ fn find(axis: &Axis, recording: &Axial) -> Result<Found, String> {
 
 impl Found {
     fn part(&self, step_s: f64) -> Part<'_> {
-        Part {
-            readings: Readings { step_s, x_m: &self.x_m, current_a: &self.current_a },
-            rows: self.rows.clone(),
-        }
+        Part { readings: Readings { step_s, x_m: &self.x_m, current_a: &self.current_a }, rows: self.rows.clone() }
     }
 }
 
@@ -345,7 +342,10 @@ fn first_guess(axis: &Axis, part: &Part<'_>) -> Result<Point, String> {
         .filter(|row| readings.x_m[*row].is_finite() && readings.current_a.iter().all(|of| of[*row].is_finite()))
         .collect();
     if known.len() < 100 {
-        return Err(format!("the second half of the recording has {} rows with all readings, 100 at least are wanted", known.len()));
+        return Err(format!(
+            "the second half of the recording has {} rows with all readings, 100 at least are wanted",
+            known.len()
+        ));
     }
     if let ([k], Some(load_n)) = (axis.used.as_slice(), axis.told[LOAD]) {
         let direction = if *k == 0 { 1.0 } else { -1.0 };
@@ -381,9 +381,11 @@ fn first_guess(axis: &Axis, part: &Part<'_>) -> Result<Point, String> {
         return Err("s is not known: --set s=… is wanted where the load is not known or there are two magnets".into());
     }
     // Largest force constants with which the mean currents carry a hundred times the weight, and all below.
-    let pull = axis.used.iter().enumerate().map(|(n, _)| {
-        mean(known.iter().map(|row| (readings.current_a[n][*row] / point[GAP]).powi(2)))
-    });
+    let pull = axis
+        .used
+        .iter()
+        .enumerate()
+        .map(|(n, _)| mean(known.iter().map(|row| (readings.current_a[n][*row] / point[GAP]).powi(2))));
     let largest = 100.0 * axis.weight_n() / pull.fold(1e-300, f64::max);
     let guesses = (0..20).map(|halved| {
         let mut guess = point;

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::answer::{Columns, implausible};
-use super::likelihood::{self, CurrentHold, Knowledge, Options, PARAMETERS, by_name};
+use super::likelihood::{self, Hold, Knowledge, Options, PARAMETERS, by_name};
 use super::read::significant;
 use crate::estimation::EstimatorConfig;
 
@@ -34,7 +34,7 @@ fn better(rows: usize) -> f64 {
 pub(super) struct Take {
     pub columns: Columns,
     pub options: Options,
-    pub hold: CurrentHold,
+    pub hold: Hold,
     pub config: EstimatorConfig,
 }
 
@@ -89,11 +89,11 @@ const ALTERNATIVES: &[Alternative] = &[
     row("the magnets count from the third", |take| currents(take, [2, 0, 1]), ORDER),
     row(
         "the currents are those before the sample (measured)",
-        |take| take.hold = CurrentHold::Before,
+        |take| take.hold = Hold::HeldBefore,
         "--hold heldBefore",
     ),
-    row("the currents are commands, held after the sample", |take| take.hold = CurrentHold::After, "--hold heldAfter"),
-    row("the currents are continuous", |take| take.hold = CurrentHold::Linear, "--hold linear"),
+    row("the currents are commands, held after the sample", |take| take.hold = Hold::HeldAfter, "--hold heldAfter"),
+    row("the currents are continuous", |take| take.hold = Hold::Linear, "--hold linear"),
     row(
         "the currents come a sample late, or the positions early",
         |take| take.columns.current_a.rotate_left(1),
@@ -128,7 +128,11 @@ const ALTERNATIVES: &[Alternative] = &[
         },
         "halve theta and omega",
     ),
-    row("the speed is another", |take| drift(&take.columns).into_iter().for_each(|[off, ..]| respeed(take, off)), SPEED),
+    row(
+        "the speed is another",
+        |take| drift(&take.columns).into_iter().for_each(|[off, ..]| respeed(take, off)),
+        SPEED,
+    ),
     row("the gap is another", |take| free(take, "s"), "--estimate s"),
 ];
 

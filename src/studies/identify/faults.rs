@@ -40,7 +40,11 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
         }
         if let Some(first) = outliers.first() {
             let (count, first) = (outliers.len(), instant(*first));
-            found.push(if count == 1 { format!("an outlier at {first}") } else { format!("{count} outliers, the first at {first}") });
+            found.push(if count == 1 {
+                format!("an outlier at {first}")
+            } else {
+                format!("{count} outliers, the first at {first}")
+            });
             outliers.iter().for_each(|row| values[*row] = f64::NAN);
         }
         if !found.is_empty() {

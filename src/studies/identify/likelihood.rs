@@ -38,7 +38,7 @@ use std::fmt;
 use std::ops::Range;
 
 pub use self::bench::{BENCH, BenchParameter, Knowledge, PARAMETERS, Told, by_name};
-pub use self::filter::CurrentHold;
+pub use crate::estimation::Hold;
 
 /// One recording, sampled at equal distances.
 #[derive(Clone, Copy, Debug)]
@@ -58,7 +58,7 @@ pub struct Recording<'a> {
     /// Samples that were not recorded and hold what their neighbours suggest; empty if there are none. The filter predicts across them.
     pub missing: &'a [bool],
     /// What a current sample stands for.
-    pub hold: CurrentHold,
+    pub hold: Hold,
     /// Standard deviation of the position noise, m, if known.
     pub position_noise_m: Option<f64>,
     /// Standard deviation of the current noise, A, if known.

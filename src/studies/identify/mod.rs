@@ -16,7 +16,7 @@ use serde_json::{Value as Json, json};
 pub use self::answer::{Answer, Question, answer};
 pub use self::tolerance::{named, of_estimator, quantity, tolerance};
 
-pub use self::read::{Axial, Currents, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
+pub use self::read::{Axial, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use crate::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, STD_LIMIT, Tolerance, Verdict,
 };
@@ -87,11 +87,7 @@ pub fn track_every(samples: &Samples, config: &EstimatorConfig, every: usize) ->
     }
     let estimator = Estimator::new(config.clone()).map_err(Failed::Refused)?;
     let mut state = estimator.start();
-    let currents = samples.currents(match config.hold {
-        Hold::HeldBefore => Currents::Before,
-        Hold::HeldAfter => Currents::After,
-        Hold::Linear => Currents::Linear,
-    });
+    let currents = samples.currents(config.hold);
     let outputs = (0..samples.len()).filter_map(|j| {
         let input = EstimatorInput {
             position_m: [samples.position_m[0][j], samples.position_m[1][j]],
@@ -117,7 +113,7 @@ pub fn residuals_of_holds(samples: &Samples, config: &EstimatorConfig) -> [f64; 
     diagnosis::holds(&HOLDS.map(|(_, hold)| diagnosis::Take {
         columns: answer::columns(samples, hold),
         options: likelihood::Options::new(config.m_kg, config.gap_m, config.alpha_rad),
-        hold: answer::hold_of(hold),
+        hold,
         config: config.clone(),
     }))
 }

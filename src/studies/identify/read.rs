@@ -16,6 +16,7 @@ use self::header::{AXIAL, CURRENTS, OMEGA, POSITIONS, SIGNALS, THETA, TIME_AT};
 use self::signals::Known;
 use self::table::Table;
 use super::faults;
+use crate::estimation::Hold;
 
 pub use self::plausible::Finding;
 pub use self::units::{duration_s, rate_s};
@@ -46,17 +47,6 @@ pub struct Reading {
     pub rate_s: Option<f64>,
     /// Sample time in seconds to which everything is interpolated, for recordings without a uniform pace.
     pub resample_s: Option<f64>,
-}
-
-/// What a current sample stands for decides how missing ones are filled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Currents {
-    /// The next known one stands for the interval before it.
-    Before,
-    /// The last known one stands for the interval after it.
-    After,
-    /// Straight lines.
-    Linear,
 }
 
 /// Where angle and speed of the rotor come from.
@@ -124,7 +114,7 @@ impl Samples {
 
     /// The currents with a value at every sample where one can be had.
     #[must_use]
-    pub fn currents(&self, how: Currents) -> [Vec<f64>; 3] {
+    pub fn currents(&self, how: Hold) -> [Vec<f64>; 3] {
         match &self.apart {
             Some(apart) => apart.each_ref().map(|current| signals::resampled(current, self.len(), how)),
             None => self.current_a.clone(),
@@ -435,7 +425,11 @@ fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
     for known in at.clone().map(known) {
         let is_plain = signals::is_at_samples(&known);
         at_samples &= is_plain;
-        columns.push(if is_plain { signals::at_samples(&known, count) } else { signals::straight(&known, count, false) });
+        columns.push(if is_plain {
+            signals::at_samples(&known, count)
+        } else {
+            signals::straight(&known, count, false)
+        });
     }
     if at_samples {
         let mut named: Vec<_> = at.clone().map(|at| SIGNALS[at].name).zip(&mut columns).collect();

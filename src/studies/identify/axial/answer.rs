@@ -6,8 +6,8 @@ use serde_json::{Value as Json, json};
 use super::filter::{Filter, POSITION, Row};
 use super::search::{Fit, Part};
 use super::{
-    Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Found, GAP, LOAD, PARAMETERS, POSITION_NOISE, Point, SLOW, UNKNOWNS,
-    find, is_logarithm, mean,
+    Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Found, GAP, LOAD, PARAMETERS, POSITION_NOISE, Point, SLOW,
+    UNKNOWNS, find, is_logarithm, mean,
 };
 use crate::estimation::STD_LIMIT;
 use crate::studies::identify::answer::likely;
@@ -194,9 +194,7 @@ fn covariance(axis: &Axis, fit: &Fit, of: impl Fn(&Point) -> [f64; 5]) -> DMatri
     };
     let slopes: Vec<[f64; 5]> = (0..UNKNOWNS).map(slope).collect();
     // Unknowns without covariance were not searched; a slow force of none has no slope.
-    let jacobian = DMatrix::from_fn(5, UNKNOWNS, |i, j| {
-        if fit.covariance[(j, j)] > 0.0 { slopes[j][i] } else { 0.0 }
-    });
+    let jacobian = DMatrix::from_fn(5, UNKNOWNS, |i, j| if fit.covariance[(j, j)] > 0.0 { slopes[j][i] } else { 0.0 });
     &jacobian * &fit.covariance * jacobian.transpose()
 }
 
@@ -231,10 +229,8 @@ impl Answer {
                     "The noise of the position grows with the gap to the power of {} ({worth}).",
                     significant(fit.point[EXPONENT], 2)
                 )),
-                (at, _) => findings.push(format!(
-                    "No {} ({}): it would be {worth} only.",
-                    PARAMETERS[at].0, PARAMETERS[at].2
-                )),
+                // What is not significant is not mentioned.
+                _ => {}
             }
         }
         let slow = libm::exp(fit.point[SLOW]);
@@ -326,7 +322,10 @@ impl Answer {
         rows.push(noise("slow force", SLOW, 1e-3, "mN/√s"));
         Table {
             title: format!("Axis at x = {} mm", significant(1e3 * self.at_m, 4)),
-            note: format!("± is one standard deviation: of noise and slow force; and with {} % that any bench hides.", 100.0 * FLOOR),
+            note: format!(
+                "± is one standard deviation: of noise and slow force; and with {} % that any bench hides.",
+                100.0 * FLOOR
+            ),
             head: ["", "value", "± of noise", "± in all", ""].map(String::from).into(),
             rows,
         }

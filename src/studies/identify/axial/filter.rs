@@ -14,8 +14,11 @@ use std::ops::Range;
 
 use super::{Axis, Law};
 
-/// Position and speed are not known before the first reading, m and m/s; currents neither, A.
-const UNKNOWN: [f64; 3] = [1e-3, 1.0, 1.0];
+/// Standard deviation of what is not known at the start: the position, and the way of a sample time, relative to the gap; a current, A.
+const UNKNOWN: f64 = 0.1;
+const UNKNOWN_A: f64 = 1.0;
+/// Where the position is known no better than this part of the gap, the law cannot be linearised: the filter waits for a reading, and starts anew.
+const LOST: f64 = 0.3;
 
 /// What the filter sees: readings at a uniform sample time, NaN where there is none.
 #[derive(Clone, Copy, Debug)]
@@ -56,13 +59,28 @@ impl Filter {
         filter.x[0] = readings.x_m[row];
         for (k, current) in readings.current_a.iter().enumerate() {
             filter.x[3 + k] = current[row];
-            filter.p[3 + k][3 + k] = UNKNOWN[2] * UNKNOWN[2];
+            filter.p[3 + k][3 + k] = UNKNOWN_A * UNKNOWN_A;
         }
-        filter.p[0][0] = UNKNOWN[0] * UNKNOWN[0];
-        filter.p[1][1] = UNKNOWN[1] * UNKNOWN[1];
+        filter.forget_motion(readings.step_s);
         let start_n = if law.slow_n > 0.0 { axis.slow_start_n() } else { 0.0 };
         filter.p[2][2] = start_n * start_n;
         Some(filter)
+    }
+
+    /// Neither position nor speed are known but for the position of the state.
+    fn forget_motion(&mut self, h: f64) {
+        let unknown_m = UNKNOWN * self.law.reference_m;
+        for r in 0..2 {
+            for c in 0..N {
+                (self.p[r][c], self.p[c][r]) = (0.0, 0.0);
+            }
+        }
+        (self.p[0][0], self.p[1][1]) = (unknown_m.powi(2), (unknown_m / h).powi(2));
+        self.x[1] = 0.0;
+    }
+
+    fn is_lost(&self) -> bool {
+        self.p[0][0] > (LOST * self.law.reference_m).powi(2)
     }
 
     /// Filters up to this row. Innovations of the rows are appended to `out`; rows before the first reading have none.
@@ -82,7 +100,15 @@ impl Filter {
 
     /// One sample time: midpoint rule, the current of its beginning.
     fn predict(&mut self, axis: &Axis, h: f64) {
-        let law = &self.law;
+        let law = self.law;
+        let walk = law.walk_a * law.walk_a * h;
+        self.p[2][2] += law.slow_n * law.slow_n * h;
+        if self.is_lost() {
+            self.forget_motion(h);
+            self.p[0][0] = law.reference_m * law.reference_m;
+            (0..axis.used.len()).for_each(|k| self.p[3 + k][3 + k] += walk);
+            return;
+        }
         let currents = [self.x[3], self.x[4]];
         let begin = law.linearised(axis, self.x[0], currents).0 + self.x[2] / axis.m_kg;
         let middle_m = self.x[0] + 0.5 * h * self.x[1] + 0.125 * h * h * begin;
@@ -118,27 +144,30 @@ impl Filter {
             (a, b)
         };
         // A current that walks straight from one sample to the next moves the rotor by h²/6 and h/2 of its gain.
-        let variance = law.walk_a * law.walk_a * h;
         for k in 0..axis.used.len() {
             let w = [gain[k] * h * h / 6.0, gain[k] * 0.5 * h];
             for r in 0..2 {
                 for c in 0..2 {
-                    self.p[r][c] += variance * w[r] * w[c];
+                    self.p[r][c] += walk * w[r] * w[c];
                 }
-                self.p[r][3 + k] += variance * w[r];
-                self.p[3 + k][r] += variance * w[r];
+                self.p[r][3 + k] += walk * w[r];
+                self.p[3 + k][r] += walk * w[r];
             }
-            self.p[3 + k][3 + k] += variance;
+            self.p[3 + k][3 + k] += walk;
         }
-        self.p[2][2] += law.slow_n * law.slow_n * h;
     }
 
     fn correct(&mut self, readings: &Readings<'_>, row: usize) -> Row {
         let mut innovations = Row::default();
         for k in 0..=POSITION {
             let is_position = k == POSITION;
-            let reading = if is_position { Some(readings.x_m[row]) } else { readings.current_a.get(k).map(|of| of[row]) };
+            let reading =
+                if is_position { Some(readings.x_m[row]) } else { readings.current_a.get(k).map(|of| of[row]) };
             let Some(reading) = reading.filter(|reading| reading.is_finite()) else { continue };
+            if is_position && self.is_lost() {
+                self.x[0] = reading;
+                self.forget_motion(readings.step_s);
+            }
             let (at, delay_s) = if is_position { (0, self.law.delay_s) } else { (3 + k, 0.0) };
             let gain: [f64; N] = std::array::from_fn(|i| self.p[i][at] - delay_s * self.p[i][1]);
             let noise = if is_position { self.law.position_noise(reading) } else { self.law.current_noise_a };

@@ -128,12 +128,8 @@ fn pass(axis: &Axis, part: &Part<'_>, point: &Point, free: &[usize]) -> Option<S
     let mut filters: Vec<(Filter, Vec<Row>)> =
         filters.map(|filter| Some((filter?, Vec::with_capacity(ROWS)))).collect::<Option<_>>()?;
     let n = free.len();
-    let mut sums = Sums {
-        log_likelihood: 0.0,
-        readings: 0,
-        information: DMatrix::zeros(n, n),
-        score: DVector::zeros(n),
-    };
+    let mut sums =
+        Sums { log_likelihood: 0.0, readings: 0, information: DMatrix::zeros(n, n), score: DVector::zeros(n) };
     let widths: Vec<f64> = free.iter().map(|at| 2.0 * axis.step(*at, point)).collect();
     let (mut of_error, mut of_variance) = (vec![0.0; n], vec![0.0; n]);
     let mut from = rows.start;

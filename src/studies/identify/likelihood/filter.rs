@@ -16,6 +16,7 @@ use multiversion::multiversion;
 
 use super::equations::{ALL, BASE, Bearing, Interval, Shaft, State};
 use super::expected::Expected;
+use crate::estimation::Hold;
 
 /// Columns of a pass without bench parameters, and of one with them: numbers of parameters, rounded up to whole registers.
 pub(super) const FEW: usize = 8;
@@ -29,18 +30,6 @@ pub(super) const HARMONICS: usize = 4;
 /// Lags that are tested.
 pub(super) const LAGS: usize = 4;
 
-/// What a current sample stands for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CurrentHold {
-    /// Sample j was held over `[t_{j−1}, t_j)`: the current measured just before it jumps.
-    #[default]
-    Before,
-    /// Sample j is held over `[t_j, t_{j+1})`: the command issued at the sample.
-    After,
-    /// Sample j is a point of a continuous current.
-    Linear,
-}
-
 /// A recording as the passes need it.
 #[derive(Debug)]
 pub(super) struct Data<'a> {
@@ -48,7 +37,7 @@ pub(super) struct Data<'a> {
     pub position: &'a [[f64; 2]],
     pub current: &'a [[f64; 3]],
     pub omega: &'a [f64],
-    pub hold: CurrentHold,
+    pub hold: Hold,
     /// cos θ, sin θ at the samples, and in the middle of the interval that ends there.
     pub at: Vec<[f64; 2]>,
     pub middle: Vec<[f64; 2]>,
@@ -98,17 +87,17 @@ impl Data<'_> {
     #[inline(always)]
     fn interval(&self, bearing: &Bearing, track: &Track, row: usize, from: &Shaft, to: &Shaft) -> (Interval, Shaft) {
         let squares = match self.hold {
-            CurrentHold::Before => bearing.squares(self.current[row], None),
-            CurrentHold::After => bearing.squares(self.current[row - 1], None),
-            CurrentHold::Linear => bearing.squares(self.current[row], Some(self.current[row - 1])),
+            Hold::HeldBefore => bearing.squares(self.current[row], None),
+            Hold::HeldAfter => bearing.squares(self.current[row - 1], None),
+            Hold::Linear => bearing.squares(self.current[row], Some(self.current[row - 1])),
         };
         let between = self.shaft_between(row, from, to);
         let states = [&track.state[row - 1], &track.state[row]];
         let mut interval = bearing.interval(states, &squares, track.regressors(row), [*from, between, *to]);
         let is_filled = match self.hold {
-            CurrentHold::Before => self.is_missing(row),
-            CurrentHold::After => self.is_missing(row - 1),
-            CurrentHold::Linear => self.is_missing(row) || self.is_missing(row - 1),
+            Hold::HeldBefore => self.is_missing(row),
+            Hold::HeldAfter => self.is_missing(row - 1),
+            Hold::Linear => self.is_missing(row) || self.is_missing(row - 1),
         };
         if is_filled {
             for (noise, filled_a) in interval.noise.iter_mut().zip(self.filled_a) {
@@ -122,9 +111,9 @@ impl Data<'_> {
     /// Squared current that the interval ending at `row` is driven by, A².
     pub fn square(&self, bearing: &Bearing, row: usize) -> [f64; 3] {
         match self.hold {
-            CurrentHold::Before => bearing.squares(self.current[row], None).middle,
-            CurrentHold::After => bearing.squares(self.current[row - 1], None).middle,
-            CurrentHold::Linear => bearing.squares(self.current[row], Some(self.current[row - 1])).middle,
+            Hold::HeldBefore => bearing.squares(self.current[row], None).middle,
+            Hold::HeldAfter => bearing.squares(self.current[row - 1], None).middle,
+            Hold::Linear => bearing.squares(self.current[row], Some(self.current[row - 1])).middle,
         }
     }
 }
