@@ -110,12 +110,11 @@ impl Bench {
         };
         let result = match name {
             "m" => positive(quantity(name, value, "kg")).map(|m_kg| self.axis.m_kg = m_kg),
-            "magnets.used" => match value {
-                "first" => Ok(self.axis.used = vec![0]),
-                "second" => Ok(self.axis.used = vec![1]),
-                "both" => Ok(self.axis.used = vec![0, 1]),
-                _ => Err(format!("magnets.used={value}: first, second or both is wanted")),
-            },
+            "magnets.used" => [("first", vec![0]), ("second", vec![1]), ("both", vec![0, 1])]
+                .into_iter()
+                .find(|(known, _)| *known == value)
+                .map(|(_, used)| self.axis.used = used)
+                .ok_or_else(|| format!("magnets.used={value}: first, second or both is wanted")),
             _ => match parameter(name) {
                 Some(at) => {
                     let number = quantity(name, value, PARAMETERS[at].1);

@@ -10,6 +10,8 @@
 //! and Filtering Theory*, section 8.3 for the extended filter). A reading that is missing is not used: the filter predicts
 //! across any pattern of gaps.
 
+#![allow(clippy::needless_range_loop, reason = "several matrices go by one index")]
+
 use std::ops::Range;
 
 use super::{Axis, Law};
