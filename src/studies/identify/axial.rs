@@ -260,7 +260,10 @@ fn find(axis: &Axis, recording: &Axial) -> Result<Found, String> {
         "no second of the recording follows the law as its second half does: it is too short, or the bench changes",
     )?;
     if begin > 0 {
-        notes.push(format!("The first {} do not follow the law (a start at rest?) and were left out.", instant(begin)));
+        notes.push(format!(
+            "Readings before {} do not follow the law (a start at rest?) and were left out.",
+            instant(begin)
+        ));
     }
     let part = Part { readings, rows: begin..count };
     let mut best = fit(&axis, &part, &rough.point, &free, usize::MAX).ok_or(failed)?;
