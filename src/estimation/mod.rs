@@ -51,7 +51,7 @@ type Planar = PredictionError<2, MAGNETS, UNKNOWNS, TOLERANCES>;
 /// Where condition numbers end: a singular system shows this value.
 pub const CONDITION_CAP: f64 = 1.0e12;
 
-/// What a method keeps from sample to sample.
+/// State of a method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 enum MethodState {
     PredictionError(Box<PredictionErrorState<2, MAGNETS, UNKNOWNS, TOLERANCES>>),
