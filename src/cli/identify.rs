@@ -1,5 +1,7 @@
 //! `identify`: arguments, and the way from recordings to results.
 
+mod axial;
+
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -61,6 +63,20 @@ pub struct Arguments {
     /// step.
     #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
     scenario: PathBuf,
+    /// The machine: planar (a rotor in a bearing with three magnets) or axial (one axis between one or two magnets). A scenario may
+    /// name it as well.
+    #[arg(long, value_name = "MACHINE", value_parser = ["planar", "axial"])]
+    machine: Option<String>,
+    /// Machine axial: position at which the answer is linearised, as in Xm=10mm; the mean of the recording by default.
+    #[arg(long, value_name = "Xm=VALUE", value_parser = pair)]
+    at: Option<(String, String)>,
+    /// Machine axial: another recording of the same bench that is judged with the estimate of the first: prediction errors beside those of a
+    /// fit of its own, one sample and 20 ms ahead.
+    #[arg(long, value_name = "FILE")]
+    check: Option<PathBuf>,
+    /// Writes the estimate as a scenario.
+    #[arg(long, value_name = "FILE.toml")]
+    save: Option<PathBuf>,
     /// Changes a parameter of the bearing, as for simulate (can be repeated): s=5.1e-4, m=4.2kg, alpha[1]=178deg.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
     changes: Vec<(String, String)>,
@@ -76,8 +92,9 @@ pub struct Arguments {
     /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated).
     #[arg(long = "estimate", value_name = "NAME")]
     estimates: Vec<String>,
-    /// Meaning of a current sample: heldBefore, heldAfter, linear, or auto to find out from the data.
-    #[arg(long, value_name = "HOLD", default_value = "heldBefore")]
+    /// Meaning of a current sample: heldBefore (measured), heldAfter (commanded), linear, or auto to find out from the data: heldBefore
+    /// unless another one is more likely.
+    #[arg(long, value_name = "HOLD", default_value = "auto")]
     hold: String,
     /// Length of the window, in s; one revolution by default.
     #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
@@ -108,6 +125,9 @@ pub struct Arguments {
 /// Identifies the bearing, and prints and writes the results.
 pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.claim_standard_output()?;
+    if let Some(bench) = axial::bench(arguments)? {
+        return axial::run(arguments, bench);
+    }
     let bearing = arguments.bearing()?;
     let mut config = bearing.closed_loop().map_err(simulate::Refused::from)?.estimator;
     let bench = arguments.bench(&bearing, &config)?;
@@ -272,8 +292,11 @@ impl Arguments {
     fn hold(&self, config: &mut EstimatorConfig, samples: &Samples) -> Result<Option<Table>> {
         if self.hold == "auto" {
             let residuals = identify::residuals_of_holds(samples, config);
-            let least = (0..HOLDS.len()).min_by(|a, b| residuals[*a].total_cmp(&residuals[*b])).unwrap_or(0);
-            config.hold = HOLDS[least].1;
+            config.hold = identify::most_likely_hold(&residuals);
+            // Where no reading has a likelihood there is nothing to compare.
+            if residuals.iter().all(|residual| residual.is_infinite()) {
+                return Ok(None);
+            }
             return Ok(Some(identify::table_of_holds(&residuals, config.hold)));
         }
         let names = HOLDS.map(|(name, _)| name).join(", ");
@@ -341,6 +364,10 @@ impl Results {
         if let Some(path) = &arguments.json {
             let document = self.answer.as_ref().map_or_else(|| identify::json(samples, &self.tracks), Answer::json);
             Format::Json.write(path, format!("{document:#}\n").as_bytes()).map_err(named(path))?;
+        }
+        if let (Some(path), Some(answer)) = (&arguments.save, &self.answer) {
+            let scenario = answer.scenario(samples).ok_or_else(|| Refused(format!("--save: {}", answer.verdict)))?;
+            fs::write(path, scenario).map_err(named(path))?;
         }
         if let Some(folder) = &arguments.report {
             let recording = arguments.recordings[0].file_name().unwrap_or_default().to_string_lossy();

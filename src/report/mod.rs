@@ -5,6 +5,7 @@ use maud::{Markup, html};
 use crate::simulation::recording::Recording;
 use crate::table::Table;
 
+pub mod axial;
 pub mod campbell;
 pub mod evaluation;
 pub mod experiment;

@@ -15,7 +15,8 @@ fn recording<'a>(recorded: &'a Recorded, bench: &Bench, told: bool) -> Recording
         theta_rad: &recorded.theta,
         omega_rad_s: &recorded.omega,
         usable: &[],
-        hold: CurrentHold::Before,
+        missing: &[],
+        hold: Hold::HeldBefore,
         position_noise_m: told.then_some(bench.position_noise),
         current_noise_a: told.then_some(bench.current_noise),
     }

@@ -7,6 +7,7 @@ mod running;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod axial;
 mod bits;
 mod bound;
 mod closed_loop;

@@ -3,8 +3,8 @@
 use serde_json::{Value as Json, json};
 
 use super::diagnosis::{self, Take};
-use super::likelihood::{self, BENCH, Change, CurrentHold, Identification, Knowledge, Options, PARAMETERS, Told};
-use super::read::{Currents, Rotation, Samples, significant, time};
+use super::likelihood::{self, BENCH, Change, Identification, Knowledge, Options, PARAMETERS, Told};
+use super::read::{Rotation, Samples, significant, time};
 use super::{Failed, HOLDS, track_every};
 use crate::estimation::{EstimatorConfig, Hold, Method, STD_LIMIT};
 use crate::table::Table;
@@ -34,6 +34,11 @@ const CURRENT_NOISE: f64 = 0.15;
 /// Force constants of one bearing differ by less.
 const RATIO: f64 = 10.0;
 
+/// A motion whose speed differs from that of the shaft by more, relative, is a path with a speed of its own.
+const OTHER: f64 = 0.05;
+/// An error of the angle, rad, that moves a synchronous force by a tenth of itself.
+const TURNED_RAD: f64 = 0.1;
+
 /// What is asked of the recordings.
 #[derive(Clone, Debug)]
 pub struct Question {
@@ -54,6 +59,7 @@ pub(super) struct Columns {
     pub theta_rad: Vec<f64>,
     pub omega_rad_s: Vec<f64>,
     pub usable: Vec<bool>,
+    pub missing: Vec<bool>,
 }
 
 /// What the recordings say.
@@ -71,20 +77,8 @@ pub struct Answer {
     pub question: Question,
 }
 
-pub(super) fn hold_of(hold: Hold) -> CurrentHold {
-    match hold {
-        Hold::HeldBefore => CurrentHold::Before,
-        Hold::HeldAfter => CurrentHold::After,
-        Hold::Linear => CurrentHold::Linear,
-    }
-}
-
 pub(super) fn columns(samples: &Samples, hold: Hold) -> Columns {
-    let currents = samples.currents(match hold {
-        Hold::HeldBefore => Currents::Before,
-        Hold::HeldAfter => Currents::After,
-        Hold::Linear => Currents::Linear,
-    });
+    let currents = samples.currents(hold);
     let count = samples.len();
     let position_m: Vec<[f64; 2]> = (0..count).map(|j| [samples.position_m[0][j], samples.position_m[1][j]]).collect();
     let current_a: Vec<[f64; 3]> = (0..count).map(|j| [currents[0][j], currents[1][j], currents[2][j]]).collect();
@@ -96,11 +90,12 @@ pub(super) fn columns(samples: &Samples, hold: Hold) -> Columns {
         position_m[j].iter().chain(&current_a[j]).chain([&theta_rad[j], &omega_rad_s[j]]).all(|value| value.is_finite())
     };
     let usable = (0..count).map(finite).collect();
-    Columns { step_s: samples.step_s, position_m, current_a, theta_rad, omega_rad_s, usable }
+    let missing = samples.missing.clone();
+    Columns { step_s: samples.step_s, position_m, current_a, theta_rad, omega_rad_s, usable, missing }
 }
 
 impl Columns {
-    pub fn recording(&self, config: &EstimatorConfig, hold: CurrentHold) -> likelihood::Recording<'_> {
+    pub fn recording(&self, config: &EstimatorConfig, hold: Hold) -> likelihood::Recording<'_> {
         likelihood::Recording {
             step_s: self.step_s,
             position_m: &self.position_m,
@@ -108,6 +103,7 @@ impl Columns {
             theta_rad: &self.theta_rad,
             omega_rad_s: &self.omega_rad_s,
             usable: &self.usable,
+            missing: &self.missing,
             hold,
             position_noise_m: (config.position_noise_m > 0.0).then_some(config.position_noise_m),
             current_noise_a: (config.current_noise_a > 0.0).then_some(config.current_noise_a),
@@ -121,7 +117,8 @@ impl Columns {
             current_a: self.current_a[of.clone()].to_vec(),
             theta_rad: self.theta_rad[of.clone()].to_vec(),
             omega_rad_s: self.omega_rad_s[of.clone()].to_vec(),
-            usable: self.usable[of].to_vec(),
+            usable: self.usable[of.clone()].to_vec(),
+            missing: self.missing.get(of).unwrap_or_default().to_vec(),
         }
     }
 
@@ -188,7 +185,33 @@ pub(super) fn implausible(found: &Identification, columns: &Columns) -> Option<S
 pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Failed> {
     let columns: Vec<Columns> = recordings.iter().map(|samples| columns(samples, question.config.hold)).collect();
     let lambda0_nm2_a2 = question.lambda0_nm2_a2.or_else(|| on_line(recordings, &question.config));
-    Ok(answer_columns(&columns, Question { lambda0_nm2_a2, ..question }))
+    let mut answer = answer_columns(&columns, Question { lambda0_nm2_a2, ..question });
+    for (samples, columns) in recordings.iter().zip(&columns) {
+        if let Some(off) = drifts(samples, columns) {
+            answer.valid = false;
+            answer.verdict = format!(
+                "Not valid: the motion turns by {} % faster than the speed that was told: --speed, or a column of the angle.",
+                significant(100.0 * off, 2)
+            );
+        }
+    }
+    if recordings.iter().any(|samples| samples.rotation == Rotation::Unknown) {
+        answer.valid = false;
+        answer.verdict = "Not valid: neither angle nor speed was recorded, so that unbalance and force constants cannot be told apart: \
+                          --speed RPM is wanted, 0 at rest."
+            .into();
+    }
+    Ok(answer)
+}
+
+/// By which part of itself the motion is faster than a speed that is not that of a recorded angle, if by less than [`OTHER`] and certainly, and if
+/// it matters.
+fn drifts(samples: &Samples, columns: &Columns) -> Option<f64> {
+    if !matches!(samples.rotation, Rotation::Told | Rotation::Speed) {
+        return None;
+    }
+    let [off, std, angle_rad] = diagnosis::drift(columns)?;
+    (off.abs() > 5.0 * std && off.abs() < OTHER && angle_rad.abs() > TURNED_RAD).then_some(off)
 }
 
 /// λ that the on-line estimator ends with, in N·m²/A², if any of its estimates is valid.
@@ -205,7 +228,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
         lambda0_nm2_a2: question.lambda0_nm2_a2,
         ..Options::new(config.m_kg, config.gap_m, config.alpha_rad)
     };
-    let hold = hold_of(config.hold);
+    let hold = config.hold;
     let recordings: Vec<likelihood::Recording<'_>> =
         all.iter().map(|columns| columns.recording(config, hold)).collect();
     let identified = likelihood::identify(&recordings, &options);
@@ -224,6 +247,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
         found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value)
     });
     let least = TURNS[usize::from(!told)];
+    let differ = found.as_ref().filter(|_| recordings.len() > 1).and_then(|_| differ(&recordings, &options));
     if !rest && turns < least {
         refusal = Some(format!(
             "the recording is too short: {} turns of the rotor, {least} at least are wanted",
@@ -241,8 +265,11 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
         let take = Take { columns: all[0].clone(), options, hold, config: config.clone() };
         findings.extend(diagnosis::proposals(&take));
     }
-    // What did not converge is no estimate, and its residuals ask for nothing.
-    if let Some(found) = found.as_ref().filter(|found| found.converged) {
+    // What did not converge is no estimate, and its residuals ask for nothing; parts of recordings that differ say nothing else.
+    if let Some(differ) = differ {
+        findings = Vec::new();
+        refusal = Some(differ);
+    } else if let Some(found) = found.as_ref().filter(|found| found.converged) {
         findings.extend(words_on(found, all));
     }
     if found.as_ref().is_some_and(|found| !found.converged) {
@@ -266,6 +293,40 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
         (None, None) => "Not valid.".into(),
     };
     Answer { valid, verdict, findings, found, question }
+}
+
+/// Whether recordings of one bearing disagree by estimates of their own, and about what: χ² of each λ about the weighted mean.
+fn differ(recordings: &[likelihood::Recording<'_>], options: &Options) -> Option<String> {
+    let own = |recording| likelihood::identify(std::slice::from_ref(recording), options).ok();
+    let own: Vec<Identification> = recordings.iter().map(own).collect::<Option<_>>()?;
+    if own.iter().any(|own| !own.converged) {
+        return None;
+    }
+    let mut worst: Option<(f64, String)> = None;
+    for k in 0..3 {
+        let weight = |of: &Identification| of.lambda[k].total_std.powi(-2);
+        let sum: f64 = own.iter().map(weight).sum();
+        let mean = own.iter().map(|of| weight(of) * of.lambda[k].value).sum::<f64>() / sum;
+        let chi = |of: &Identification| weight(of) * (of.lambda[k].value - mean).powi(2);
+        let total: f64 = own.iter().map(chi).sum();
+        let at = (0..own.len()).max_by(|a, b| chi(&own[*a]).total_cmp(&chi(&own[*b])))?;
+        if total > likely((own.len() - 1) as f64) && worst.as_ref().is_none_or(|(most, _)| total > *most) {
+            // Against the others alone: the mean has a part of the one that differs.
+            let others = sum - weight(&own[at]);
+            let of_others = (sum * mean - weight(&own[at]) * own[at].lambda[k].value) / others;
+            let std = (1.0 / others + 1.0 / weight(&own[at])).sqrt();
+            let [by, std] = [own[at].lambda[k].value - of_others, std].map(|of| significant(100.0 * of / of_others, 2));
+            worst =
+                Some((total, format!("the recordings differ: λ{} of recording {} by {by} % ± {std} %", k + 1, at + 1)));
+        }
+    }
+    worst.map(|(_, words)| words)
+}
+
+/// χ² of so many degrees of freedom that chance exceeds with a probability of 10⁻⁴ (normal deviate 3.719; Wilson and Hilferty 1931).
+pub(super) fn likely(freedom: f64) -> f64 {
+    let spread = 2.0 / (9.0 * freedom);
+    freedom * (1.0 - spread + 3.719 * spread.sqrt()).powi(3)
 }
 
 /// Neither the rotor nor its currents vary beyond a few per cent.
@@ -308,7 +369,7 @@ fn judge(found: &Identification, all: &[Columns]) -> Option<String> {
         let moved = suspect.value - found.bench[suspect.parameter].told.value;
         for k in 0..3 {
             let shift = line.sensitivity[k] * moved;
-            if shift.abs() * found.lambda[k].value > SUSPECTED * found.lambda[k].total_std && shift.abs() > 0.002 {
+            if shift.abs() * found.lambda[k].value > SUSPECTED * found.lambda[k].total_std {
                 return Some(format!(
                     "the residuals ask for {} ({}), and with it λ{} would differ by {} %",
                     PARAMETERS[suspect.parameter].name,
@@ -437,6 +498,40 @@ impl Answer {
             let untold = found.budget.iter().filter(|line| !line.told && PARAMETERS[line.parameter].in_typical_bench);
             untold.map(|line| line.contribution[k]).fold(own * own, |sum, part| sum + part * part).sqrt()
         }))
+    }
+
+    /// The bearing as a scenario for `simulate`: what was told and what was found of it, as plant, controller and estimator. None if the answer is
+    /// not valid.
+    #[must_use]
+    pub fn scenario(&self, samples: &Samples) -> Option<String> {
+        let found = self.found.as_ref().filter(|_| self.valid)?;
+        let (config, first) = (&self.question.config, &found.conditions[0]);
+        let known: Vec<f64> = samples.omega_rad_s.iter().copied().filter(|omega| omega.is_finite()).collect();
+        let speed = known.iter().sum::<f64>() / known.len().max(1) as f64;
+        let list = |of: [f64; 3]| of.map(|value| format!("{value:e}")).join(", ");
+        let lambda = found.lambda.map(|lambda| lambda.value);
+        let of = |name: &str| likelihood::by_name(name).map_or(0.0, |at| found.bench[at].estimate.value);
+        let gap_m = config.gap_m * (1.0 + of("s")) + of("gap.iron");
+        let m_kg = config.m_kg * (1.0 + of("m"));
+        let alpha = std::array::from_fn(|k| config.alpha_rad[k] + of(&format!("alpha[{}]", k + 1)));
+        let bearing = format!("m = {m_kg:e}\ns = {gap_m:e}\nalpha = [{}]\n", list(alpha));
+        let [load_y, load_z] = first.load_n.map(|load| load.value);
+        let noise = format!(
+            "sensor.positionNoise = {:e}\nsensor.currentNoise = {:e}\n",
+            first.position_noise_m, first.current_noise_a
+        );
+        Some(format!(
+            "title = \"Identified from a recording\"\ndescription = \"{}\"\nduration = \"0.4 s\"\nstep = {:e}\n\n[plant]\n{bearing}\
+             lambda = [{}]\nunbalance.magnitude = {:e}\nunbalance.phase = {:e}\npY = {load_y:e}\npZ = {load_z:e}\nomega = {speed:e}\n{noise}\n\
+             [controller]\n{bearing}lambda0 = [{}]\n\n[estimator]\n{bearing}lambda0 = [{}]\n{noise}",
+            self.verdict,
+            samples.step_s,
+            list(lambda),
+            found.unbalance_magnitude.value,
+            found.unbalance_phase.value,
+            list(lambda),
+            list(lambda),
+        ))
     }
 
     /// What was taken as known.

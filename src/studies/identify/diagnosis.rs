@@ -1,7 +1,9 @@
 //! What else the data may be, where they are not what was told: each alternative is tried on a stretch of the recording.
 
+use std::f64::consts::TAU;
+
 use super::answer::{Columns, implausible};
-use super::likelihood::{self, CurrentHold, Knowledge, Options, by_name};
+use super::likelihood::{self, Hold, Knowledge, Options, PARAMETERS, by_name};
 use super::read::significant;
 use crate::estimation::EstimatorConfig;
 
@@ -13,9 +15,11 @@ const TURNS: f64 = 5.0;
 const CHANCE: f64 = 1e-3;
 /// Fitted parameters of an alternative: λ, unbalance, load, two levels of noise, the gap.
 const FITTED: f64 = 10.0;
-/// Alternatives whose log-likelihood is lower than that of the best by less than this are proposed as well. Kass and Raftery (1995) call 5 very strong
-/// evidence; the model errors that both share ask for more.
-const AS_GOOD: f64 = 10.0;
+/// Very strong evidence, as a difference of log-likelihoods (Kass and Raftery 1995).
+pub(super) const VERY_STRONG: f64 = 5.0;
+/// Alternatives whose log-likelihood is lower than that of the best by less than this are proposed as well: the model errors that both share ask for
+/// more than very strong evidence.
+const AS_GOOD: f64 = 2.0 * VERY_STRONG;
 
 /// By how much the log-likelihood must be higher than with what was told, over this many rows.
 ///
@@ -30,7 +34,7 @@ fn better(rows: usize) -> f64 {
 pub(super) struct Take {
     pub columns: Columns,
     pub options: Options,
-    pub hold: CurrentHold,
+    pub hold: Hold,
     pub config: EstimatorConfig,
 }
 
@@ -85,11 +89,11 @@ const ALTERNATIVES: &[Alternative] = &[
     row("the magnets count from the third", |take| currents(take, [2, 0, 1]), ORDER),
     row(
         "the currents are those before the sample (measured)",
-        |take| take.hold = CurrentHold::Before,
+        |take| take.hold = Hold::HeldBefore,
         "--hold heldBefore",
     ),
-    row("the currents are commands, held after the sample", |take| take.hold = CurrentHold::After, "--hold heldAfter"),
-    row("the currents are continuous", |take| take.hold = CurrentHold::Linear, "--hold linear"),
+    row("the currents are commands, held after the sample", |take| take.hold = Hold::HeldAfter, "--hold heldAfter"),
+    row("the currents are continuous", |take| take.hold = Hold::Linear, "--hold linear"),
     row(
         "the currents come a sample late, or the positions early",
         |take| take.columns.current_a.rotate_left(1),
@@ -124,8 +128,49 @@ const ALTERNATIVES: &[Alternative] = &[
         },
         "halve theta and omega",
     ),
+    row(
+        "the speed is another",
+        |take| drift(&take.columns).into_iter().for_each(|[off, ..]| respeed(take, off)),
+        SPEED,
+    ),
     row("the gap is another", |take| free(take, "s"), "--estimate s"),
 ];
+
+const SPEED: &str = "--speed, or a column of the angle";
+
+/// By which part of itself the speed of the motion differs from that told, with its standard deviation and the angle in rad that this makes over the
+/// recording: the slope of the phase of the forward component over the angle, turn by turn.
+pub(super) fn drift(columns: &Columns) -> Option<[f64; 3]> {
+    let (first, last) = (*columns.theta_rad.first()?, *columns.theta_rad.last()?);
+    let rows: Vec<usize> = (0..columns.usable.len()).filter(|row| columns.usable[*row]).collect();
+    let mean = [0, 1].map(|a| rows.iter().map(|row| columns.position_m[*row][a]).sum::<f64>() / rows.len() as f64);
+    let mut turns: Vec<[f64; 2]> = Vec::new();
+    for row in rows {
+        let turn = ((columns.theta_rad[row] - first).abs() / TAU) as usize;
+        turns.resize(turns.len().max(turn + 1), [0.0; 2]);
+        let (sin, cos) = libm::sincos(columns.theta_rad[row]);
+        let [y, z] = [0, 1].map(|a| columns.position_m[row][a] - mean[a]);
+        turns[turn][0] += y * cos + z * sin;
+        turns[turn][1] += z * cos - y * sin;
+    }
+    // The last turn is not a whole one.
+    turns.pop();
+    let phase = |pair: &[[f64; 2]]| {
+        let [[a, b], [c, d]] = [pair[0], pair[1]];
+        libm::atan2(a * d - b * c, a * c + b * d) / TAU.copysign(last - first)
+    };
+    let steps: Vec<f64> = turns.windows(2).map(phase).collect();
+    let count = steps.len() as f64;
+    let mean = steps.iter().sum::<f64>() / count;
+    let square = steps.iter().map(|step| (step - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    (steps.len() >= 2).then(|| [mean, (square / count).sqrt(), mean * (last - first).abs()])
+}
+
+fn respeed(take: &mut Take, off: f64) {
+    for value in take.columns.theta_rad.iter_mut().chain(&mut take.columns.omega_rad_s) {
+        *value *= 1.0 + off;
+    }
+}
 
 fn free(take: &mut Take, name: &str) {
     if let Some(at) = by_name(name) {
@@ -146,7 +191,7 @@ fn stretch(take: &Take) -> Take {
     let all = &take.columns;
     let rows = all.position_m.len();
     let speed = all.omega_rad_s.iter().filter(|omega| omega.is_finite()).sum::<f64>().abs() / rows.max(1) as f64;
-    let wanted = if speed > 0.0 { (TURNS * std::f64::consts::TAU / speed / all.step_s) as usize } else { 0 };
+    let wanted = if speed > 0.0 { (TURNS * TAU / speed / all.step_s) as usize } else { 0 };
     let count = wanted.clamp(ROWS[0], ROWS[1]).min(rows);
     let from = (rows - count) / 2;
     let of = from..from + count;
@@ -161,9 +206,16 @@ fn stretch(take: &Take) -> Take {
     take
 }
 
-/// Minus the log-likelihood of a stretch with each reading of the currents, less that of the best; infinite where nothing was found.
+/// Minus the log-likelihood of a stretch with each reading of the currents, less that of the best; infinite where nothing was found. Each has the delay that
+/// suits it best, as far as a typical bench has one: without it a delay of a third of a sample looks like a current that is continuous.
 pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
-    let of = takes.each_ref().map(|take| fit(&stretch(take)).map_or(f64::INFINITY, |(likelihood, ..)| -likelihood));
+    let of = takes.each_ref().map(|take| {
+        let mut take = stretch(take);
+        if let Some(delay) = by_name("delay").filter(|delay| take.options.bench[*delay].knowledge == Knowledge::Exact) {
+            take.options.bench[delay].knowledge = Knowledge::Tolerance(PARAMETERS[delay].typical);
+        }
+        fit(&take).map_or(f64::INFINITY, |(likelihood, ..)| -likelihood)
+    });
     let best = of.iter().copied().fold(f64::INFINITY, f64::min);
     of.map(|value| if value.is_finite() { value - best } else { value })
 }
@@ -182,6 +234,9 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
             let mut words = format!("{}: {}", alternative.name, alternative.proposal);
             if alternative.proposal == "--estimate s" {
                 words += &format!("; about {} mm", significant(1e3 * take.config.gap_m * (1.0 + gap), 3));
+            }
+            if let (SPEED, Some([off, ..])) = (alternative.proposal, drift(&take.columns)) {
+                words += &format!("; by about {} %", significant(100.0 * off, 2));
             }
             fits.push((likelihood, words));
         }

@@ -38,7 +38,7 @@ use std::fmt;
 use std::ops::Range;
 
 pub use self::bench::{BENCH, BenchParameter, Knowledge, PARAMETERS, Told, by_name};
-pub use self::filter::CurrentHold;
+pub use crate::estimation::Hold;
 
 /// One recording, sampled at equal distances.
 #[derive(Clone, Copy, Debug)]
@@ -55,8 +55,10 @@ pub struct Recording<'a> {
     pub omega_rad_s: &'a [f64],
     /// Which samples may be used; empty for all of them. What is not usable separates segments, each with a state of its own.
     pub usable: &'a [bool],
+    /// Samples that were not recorded and hold what their neighbours suggest; empty if there are none. The filter predicts across them.
+    pub missing: &'a [bool],
     /// What a current sample stands for.
-    pub hold: CurrentHold,
+    pub hold: Hold,
     /// Standard deviation of the position noise, m, if known.
     pub position_noise_m: Option<f64>,
     /// Standard deviation of the current noise, A, if known.
@@ -356,6 +358,7 @@ fn check_recording(number: usize, recording: &Recording<'_>) -> Result<(), Faile
         ("theta", recording.theta_rad.len()),
         ("omega", recording.omega_rad_s.len()),
         ("usable", if recording.usable.is_empty() { wanted } else { recording.usable.len() }),
+        ("missing", if recording.missing.is_empty() { wanted } else { recording.missing.len() }),
     ] {
         if got != wanted {
             return Err(Failed::Lengths { recording: number, column, got, wanted });

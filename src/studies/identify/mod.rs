@@ -1,9 +1,11 @@
 //! Identification from a recording of a test bench, with the estimator that runs on line.
 
+pub mod axial;
 pub mod likelihood;
 
 mod answer;
 mod diagnosis;
+mod faults;
 mod read;
 mod tolerance;
 
@@ -12,9 +14,9 @@ use std::f64::consts::TAU;
 use serde_json::{Value as Json, json};
 
 pub use self::answer::{Answer, Question, answer};
-pub use self::tolerance::{named, of_estimator, tolerance};
+pub use self::tolerance::{named, of_estimator, quantity, tolerance};
 
-pub use self::read::{Currents, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
+pub use self::read::{Axial, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use crate::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, STD_LIMIT, Tolerance, Verdict,
 };
@@ -85,11 +87,7 @@ pub fn track_every(samples: &Samples, config: &EstimatorConfig, every: usize) ->
     }
     let estimator = Estimator::new(config.clone()).map_err(Failed::Refused)?;
     let mut state = estimator.start();
-    let currents = samples.currents(match config.hold {
-        Hold::HeldBefore => Currents::Before,
-        Hold::HeldAfter => Currents::After,
-        Hold::Linear => Currents::Linear,
-    });
+    let currents = samples.currents(config.hold);
     let outputs = (0..samples.len()).filter_map(|j| {
         let input = EstimatorInput {
             position_m: [samples.position_m[0][j], samples.position_m[1][j]],
@@ -115,9 +113,16 @@ pub fn residuals_of_holds(samples: &Samples, config: &EstimatorConfig) -> [f64; 
     diagnosis::holds(&HOLDS.map(|(_, hold)| diagnosis::Take {
         columns: answer::columns(samples, hold),
         options: likelihood::Options::new(config.m_kg, config.gap_m, config.alpha_rad),
-        hold: answer::hold_of(hold),
+        hold,
         config: config.clone(),
     }))
+}
+
+/// The reading of the currents by [`residuals_of_holds`]: that of measured currents, unless another one is clearly more likely.
+#[must_use]
+pub fn most_likely_hold(residuals: &[f64; 3]) -> Hold {
+    let best = (0..HOLDS.len()).min_by(|a, b| residuals[*a].total_cmp(&residuals[*b])).unwrap_or(0);
+    HOLDS[if residuals[0] < diagnosis::VERY_STRONG { 0 } else { best }].1
 }
 
 impl Track {

@@ -10,16 +10,19 @@ mod text;
 mod units;
 
 use std::io::Read;
+use std::ops::Range;
 
-use self::header::{CURRENTS, OMEGA, POSITIONS, SIGNALS, THETA, TIME_AT};
+use self::header::{AXIAL, CURRENTS, OMEGA, POSITIONS, SIGNALS, THETA, TIME_AT};
 use self::signals::Known;
 use self::table::Table;
+use super::faults;
+use crate::estimation::Hold;
 
 pub use self::plausible::Finding;
 pub use self::units::{duration_s, rate_s};
 pub(super) use self::units::{number_and_unit, significant, time};
 
-/// Gaps of at most so many samples are filled; longer ones interrupt the identification.
+/// The identification predicts across gaps of at most so many samples; longer ones begin a new segment.
 pub const FILLED: usize = 3;
 
 /// So many samples of both positions a recording must have.
@@ -44,17 +47,6 @@ pub struct Reading {
     pub rate_s: Option<f64>,
     /// Sample time in seconds to which everything is interpolated, for recordings without a uniform pace.
     pub resample_s: Option<f64>,
-}
-
-/// What a current sample stands for decides how missing ones are filled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Currents {
-    /// The next known one stands for the interval before it.
-    Before,
-    /// The last known one stands for the interval after it.
-    After,
-    /// Straight lines.
-    Linear,
 }
 
 /// Where angle and speed of the rotor come from.
@@ -84,6 +76,8 @@ pub struct Samples {
     pub position_m: [Vec<f64>; 2],
     /// Currents as recorded, in A; NaN where there was none.
     pub current_a: [Vec<f64>; 3],
+    /// Rows in which a position or a current was not recorded, but filled from its neighbours; empty if there is none.
+    pub missing: Vec<bool>,
     /// Angle of the rotor, unwrapped, in rad; empty if not known.
     pub theta_rad: Vec<f64>,
     /// Speed, in rad/s; empty if not known.
@@ -92,8 +86,8 @@ pub struct Samples {
     pub rotation: Rotation,
     /// By how much the recorded angle jumps back when it wraps, in rad as read; none if it does not.
     pub wrap_rad: Option<f64>,
-    /// The units that the recorded signals were taken to be in, by the order (time, Ym, Zm, im\[1\], im\[2\], im\[3\], theta, omega).
-    pub units: [Option<&'static str>; 8],
+    /// The units that the recorded signals were taken to be in, by the order (time, Ym, Zm, im\[1\], im\[2\], im\[3\], theta, omega, Xm).
+    pub units: [Option<&'static str>; SIGNALS.len()],
     /// The currents at places of their own, in samples from the first, if they were recorded at another rate.
     pub apart: Option<[Vec<(f64, f64)>; 3]>,
     /// Remarks, in sentences.
@@ -120,7 +114,7 @@ impl Samples {
 
     /// The currents with a value at every sample where one can be had.
     #[must_use]
-    pub fn currents(&self, how: Currents) -> [Vec<f64>; 3] {
+    pub fn currents(&self, how: Hold) -> [Vec<f64>; 3] {
         match &self.apart {
             Some(apart) => apart.each_ref().map(|current| signals::resampled(current, self.len(), how)),
             None => self.current_a.clone(),
@@ -136,7 +130,7 @@ impl Samples {
     /// # Errors
     /// Everything that keeps the recording from being used.
     pub fn read_from(recording: impl Read, reading: &Reading) -> Result<Self, Unusable> {
-        samples(&Table::read(recording, reading, |_| true)?, reading).map_err(Unusable)
+        samples(&Table::read(recording, reading, |signal| signal != AXIAL)?, reading).map_err(Unusable)
     }
 
     /// Reads a recording that is a text already.
@@ -161,7 +155,7 @@ impl Samples {
     /// # Errors
     /// As for [`Samples::read_from`], of both tables.
     pub fn read_apart_from(motion: impl Read, currents: impl Read, reading: &Reading) -> Result<Self, Unusable> {
-        let motion = Table::read(motion, reading, |signal| !CURRENTS.contains(&signal));
+        let motion = Table::read(motion, reading, |signal| signal < AXIAL && !CURRENTS.contains(&signal));
         let (motion, currents) = match (motion, table_of_currents(currents, reading)) {
             (Ok(motion), Ok(currents)) => (motion, currents),
             (motion, currents) => {
@@ -261,6 +255,56 @@ impl Samples {
     }
 }
 
+/// A recording of one axis at a uniform sample time, in SI units; NaN where there is no value.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Axial {
+    /// Instant of the first sample, s.
+    pub start_s: f64,
+    /// Sample time, s.
+    pub step_s: f64,
+    /// Position, m.
+    pub x_m: Vec<f64>,
+    /// Currents of the magnets that are used, A.
+    pub current_a: Vec<Vec<f64>>,
+    /// Remarks, in sentences.
+    pub notes: Vec<String>,
+}
+
+impl Axial {
+    /// Reads a recording of one axis, as [`Samples::read_from`] does, with the currents of these magnets (0, 1).
+    ///
+    /// # Errors
+    /// Everything that keeps the recording from being used.
+    pub fn read_from(recording: impl Read, reading: &Reading, used: &[usize]) -> Result<Self, Unusable> {
+        let is_current = |signal: usize| used.iter().any(|k| CURRENTS.start + k == signal);
+        let wanted = |signal: usize| matches!(signal, TIME_AT | AXIAL) || is_current(signal);
+        let table = Table::read(recording, reading, wanted)?;
+        let mut notes = table.notes.clone();
+        let Grid { start_s, step_s, count, place } =
+            grid(&table, reading, AXIAL..AXIAL + 1, &mut notes).map_err(Unusable)?;
+        notes.insert(0, format!("{count} samples of {}.", time(step_s)));
+        let mut missing = Vec::new();
+        let mut column = |at: usize| {
+            let values = signals::at_samples(&signals::known(&place, &table.columns[at]), count);
+            let empty = values.iter().filter(|value| value.is_nan()).count();
+            if empty > 0 {
+                notes.push(format!("{empty} of {count} samples have no {}.", SIGNALS[at].name));
+            }
+            if count - empty < LEAST {
+                missing.push(format!(
+                    "{}: {} values at the samples of the position, {LEAST} at least are wanted",
+                    SIGNALS[at].name,
+                    count - empty
+                ));
+            }
+            values
+        };
+        let x_m = column(AXIAL);
+        let current_a = used.iter().map(|k| column(CURRENTS.start + k)).collect();
+        if missing.is_empty() { Ok(Self { start_s, step_s, x_m, current_a, notes }) } else { Err(Unusable(missing)) }
+    }
+}
+
 /// Reads a table of currents. It need not have the same name for the time as that of the positions, nor the same unit.
 fn table_of_currents(mut from: impl Read, reading: &Reading) -> Result<Table, Unusable> {
     let mut text = Vec::new();
@@ -285,14 +329,20 @@ struct Grid {
     place: Vec<f64>,
 }
 
-/// Where the rows of a table are.
-fn grid(table: &Table, reading: &Reading, notes: &mut Vec<String>) -> Result<Grid, Vec<String>> {
+/// Where the rows of a table with these positions are.
+fn grid(
+    table: &Table,
+    reading: &Reading,
+    positions: Range<usize>,
+    notes: &mut Vec<String>,
+) -> Result<Grid, Vec<String>> {
     let refuse = |why: String| Err(vec![why]);
-    let few = |count: usize| format!("{count} samples of both positions, {LEAST} at least are wanted");
+    let of = if positions.len() > 1 { "both positions" } else { "the position" };
+    let few = |count: usize| format!("{count} samples of {of}, {LEAST} at least are wanted");
     let Some(_) = &table.stamps else {
         let count = table.lines.len();
-        return match (table.known(POSITIONS).len(), reading.rate_s) {
-            (0..LEAST, _) => refuse(few(table.known(POSITIONS).len())),
+        return match (table.known(positions).len(), reading.rate_s) {
+            (known @ 0..LEAST, _) => refuse(few(known)),
             (_, None) => refuse("there are no time stamps and no rate; --rate is wanted".into()),
             (_, Some(step_s)) => {
                 Ok(Grid { start_s: 0.0, step_s, count, place: (0..count).map(|row| row as f64).collect() })
@@ -302,7 +352,7 @@ fn grid(table: &Table, reading: &Reading, notes: &mut Vec<String>) -> Result<Gri
     let stamp_s = &table.columns[TIME_AT];
     let timed = table.known([TIME_AT]);
     // The pace is that of the positions; currents may have one of their own.
-    let at = table.known([TIME_AT].into_iter().chain(POSITIONS));
+    let at = table.known([TIME_AT].into_iter().chain(positions));
     if at.len() < LEAST {
         return refuse(few(at.len()));
     }
@@ -362,29 +412,43 @@ fn grid(table: &Table, reading: &Reading, notes: &mut Vec<String>) -> Result<Gri
 /// Brings the rows of a table to a uniform pace.
 fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
     let mut notes = table.notes.clone();
-    let Grid { start_s, step_s, count, place } = grid(table, reading, &mut notes)?;
+    let Grid { start_s, step_s, count, place } = grid(table, reading, POSITIONS, &mut notes)?;
     notes.insert(0, format!("{count} samples of {}.", time(step_s)));
     let known = |at: usize| signals::known(&place, &table.columns[at]);
-    let mut filled = |known: &Known, at: usize| {
-        let is_at_samples = signals::is_at_samples(known);
-        let mut values =
-            if is_at_samples { signals::at_samples(known, count) } else { signals::straight(known, count, false) };
-        let missing = values.iter().filter(|value| value.is_nan()).count();
-        if missing > 0 {
-            let (name, filled) = (SIGNALS[at].name, signals::fill(&mut values));
-            notes.push(format!("{missing} of {count} samples have no {name}; {filled} were filled by cubics."));
-        }
-        values
-    };
     let mut samples = Samples { start_s, step_s, units: table.units, ..Samples::default() };
-    let positions = [0, 1].map(|axis| known(POSITIONS.start + axis));
     let currents = [0, 1, 2].map(|k| known(CURRENTS.start + k));
-    let is_beside = |current: &Known| signals::is_at_samples(current) && 2 * current.len() > positions[0].len();
-    let is_apart = !currents.iter().all(is_beside);
-    samples.position_m = [0, 1].map(|axis| filled(&positions[axis], POSITIONS.start + axis));
-    if !is_apart {
-        samples.current_a = [0, 1, 2].map(|k| filled(&currents[k], CURRENTS.start + k));
+    let rows = table.known([POSITIONS.start]).len();
+    let is_apart = !currents.iter().all(|of| signals::is_at_samples(of) && 2 * of.len() > rows);
+    let at = if is_apart { POSITIONS } else { POSITIONS.start..CURRENTS.end };
+    let mut columns: Vec<Vec<f64>> = Vec::new();
+    let mut at_samples = true;
+    for known in at.clone().map(known) {
+        let is_plain = signals::is_at_samples(&known);
+        at_samples &= is_plain;
+        columns.push(if is_plain {
+            signals::at_samples(&known, count)
+        } else {
+            signals::straight(&known, count, false)
+        });
     }
+    if at_samples {
+        let mut named: Vec<_> = at.clone().map(|at| SIGNALS[at].name).zip(&mut columns).collect();
+        notes.extend(faults::leave_out(&mut named, |row| time(start_s + row as f64 * step_s)));
+    }
+    for values in &mut columns {
+        if values.iter().any(|value| value.is_nan()) {
+            samples.missing.resize(count, false);
+            samples.missing.iter_mut().zip(values.iter()).for_each(|(missing, value)| *missing |= value.is_nan());
+            signals::fill(values);
+        }
+    }
+    let gaps = samples.missing.iter().filter(|missing| **missing).count();
+    if gaps > 0 {
+        notes.push(format!("{gaps} of {count} samples lack a position or a current: gaps."));
+    }
+    let mut columns = columns.into_iter();
+    samples.position_m = [(); 2].map(|()| columns.next().unwrap_or_default());
+    samples.current_a = [(); 3].map(|()| columns.next().unwrap_or_default());
     samples.notes = notes;
     if is_apart && table.units[CURRENTS.start].is_some() {
         samples.take_apart(currents);

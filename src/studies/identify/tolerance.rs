@@ -12,9 +12,31 @@ const UNITS: [(&str, &[(&str, f64)]); 7] = [
     ("s", &[("", 1.0), ("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("us", 1e-6)]),
     ("A", &[("", 1.0), ("A", 1.0), ("mA", 1e-3)]),
     ("N", &[("", 1.0), ("N", 1.0), ("mN", 1e-3)]),
-    ("kg", &[("kg", 1.0), ("g", 1e-3)]),
+    ("kg", &[("", 1.0), ("kg", 1.0), ("g", 1e-3)]),
 ];
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
+
+/// A value in SI units from a number with or without one of the units of a quantity, which is named by its SI unit.
+///
+/// # Errors
+/// What was wanted.
+pub fn quantity(name: &str, text: &str, si: &str) -> Result<f64, String> {
+    // A random walk is given by what it reaches in a second.
+    let of = si.trim_end_matches("/s0.5");
+    let units = UNITS.iter().find(|(unit, _)| *unit == of).map_or(&[("", 1.0)][..], |(_, units)| *units);
+    let listed: Vec<_> = units.iter().map(|(unit, _)| *unit).filter(|unit| !unit.is_empty() && *unit != "1").collect();
+    let wanted = || match listed.as_slice() {
+        [] => format!("{name}={text}: a number is wanted ({si})"),
+        listed => format!("{name}={text}: a number is wanted, in {}", listed.join(", ")),
+    };
+    let (number, unit) = number_and_unit(text).ok_or_else(wanted)?;
+    let unit = unit.replace('μ', "µ");
+    let factor = units.iter().find(|(known, _)| *known == unit).ok_or_else(wanted)?.1;
+    // Division by a whole reciprocal rounds once.
+    let per = (1.0 / factor).round();
+    let value = if (factor * per - 1.0).abs() < 1e-12 && factor < 1.0 { number / per } else { number * factor };
+    if value.is_finite() { Ok(value) } else { Err(wanted()) }
+}
 
 /// The bench parameters that a name means: one, or all whose names begin with it (`alpha`, `sensor.offset`, `runout2`).
 ///

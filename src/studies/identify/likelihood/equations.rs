@@ -62,7 +62,7 @@ pub(super) struct Bearing {
     /// Variance of the current noise, A².
     variance: f64,
     /// Standard deviation of the current noise, A.
-    noise: f64,
+    pub noise: f64,
     rotation: [f64; 2],
 }
 

@@ -16,6 +16,7 @@ use multiversion::multiversion;
 
 use super::equations::{ALL, BASE, Bearing, Interval, Shaft, State};
 use super::expected::Expected;
+use crate::estimation::Hold;
 
 /// Columns of a pass without bench parameters, and of one with them: numbers of parameters, rounded up to whole registers.
 pub(super) const FEW: usize = 8;
@@ -29,18 +30,6 @@ pub(super) const HARMONICS: usize = 4;
 /// Lags that are tested.
 pub(super) const LAGS: usize = 4;
 
-/// What a current sample stands for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CurrentHold {
-    /// Sample j was held over `[t_{j−1}, t_j)`: the current measured just before it jumps.
-    #[default]
-    Before,
-    /// Sample j is held over `[t_j, t_{j+1})`: the command issued at the sample.
-    After,
-    /// Sample j is a point of a continuous current.
-    Linear,
-}
-
 /// A recording as the passes need it.
 #[derive(Debug)]
 pub(super) struct Data<'a> {
@@ -48,15 +37,33 @@ pub(super) struct Data<'a> {
     pub position: &'a [[f64; 2]],
     pub current: &'a [[f64; 3]],
     pub omega: &'a [f64],
-    pub hold: CurrentHold,
+    pub hold: Hold,
     /// cos θ, sin θ at the samples, and in the middle of the interval that ends there.
     pub at: Vec<[f64; 2]>,
     pub middle: Vec<[f64; 2]>,
     /// Half the number of rows over which ω̇ is taken.
     pub reach: usize,
+    /// Rows that were not recorded, but filled from their neighbours; empty if there are none.
+    pub missing: &'a [bool],
+    /// Errors of currents that were filled, A.
+    pub filled_a: [f64; 3],
 }
 
+/// Factor of the measurement variance of a row that was not recorded: the filter predicts across it.
+const UNKNOWN: f64 = 1e10;
+
 impl Data<'_> {
+    #[inline(always)]
+    fn is_missing(&self, row: usize) -> bool {
+        self.missing.get(row).copied().unwrap_or(false)
+    }
+
+    /// Variance of the position reading in a row.
+    #[inline(always)]
+    fn variance(&self, row: usize, variance: f64) -> f64 {
+        if self.is_missing(row) { UNKNOWN * variance } else { variance }
+    }
+
     #[inline(always)]
     fn rate(&self, row: usize) -> f64 {
         let (from, to) = (row.saturating_sub(self.reach), (row + self.reach).min(self.omega.len() - 1));
@@ -80,21 +87,33 @@ impl Data<'_> {
     #[inline(always)]
     fn interval(&self, bearing: &Bearing, track: &Track, row: usize, from: &Shaft, to: &Shaft) -> (Interval, Shaft) {
         let squares = match self.hold {
-            CurrentHold::Before => bearing.squares(self.current[row], None),
-            CurrentHold::After => bearing.squares(self.current[row - 1], None),
-            CurrentHold::Linear => bearing.squares(self.current[row], Some(self.current[row - 1])),
+            Hold::HeldBefore => bearing.squares(self.current[row], None),
+            Hold::HeldAfter => bearing.squares(self.current[row - 1], None),
+            Hold::Linear => bearing.squares(self.current[row], Some(self.current[row - 1])),
         };
         let between = self.shaft_between(row, from, to);
         let states = [&track.state[row - 1], &track.state[row]];
-        (bearing.interval(states, &squares, track.regressors(row), [*from, between, *to]), between)
+        let mut interval = bearing.interval(states, &squares, track.regressors(row), [*from, between, *to]);
+        let is_filled = match self.hold {
+            Hold::HeldBefore => self.is_missing(row),
+            Hold::HeldAfter => self.is_missing(row - 1),
+            Hold::Linear => self.is_missing(row) || self.is_missing(row - 1),
+        };
+        if is_filled {
+            for (noise, filled_a) in interval.noise.iter_mut().zip(self.filled_a) {
+                let factor = (filled_a / bearing.noise).max(1.0);
+                *noise = noise.map(|noise| noise * factor);
+            }
+        }
+        (interval, between)
     }
 
     /// Squared current that the interval ending at `row` is driven by, A².
     pub fn square(&self, bearing: &Bearing, row: usize) -> [f64; 3] {
         match self.hold {
-            CurrentHold::Before => bearing.squares(self.current[row], None).middle,
-            CurrentHold::After => bearing.squares(self.current[row - 1], None).middle,
-            CurrentHold::Linear => bearing.squares(self.current[row], Some(self.current[row - 1])).middle,
+            Hold::HeldBefore => bearing.squares(self.current[row], None).middle,
+            Hold::HeldAfter => bearing.squares(self.current[row - 1], None).middle,
+            Hold::Linear => bearing.squares(self.current[row], Some(self.current[row - 1])).middle,
         }
     }
 }
@@ -436,7 +455,7 @@ fn columns_of<const P: usize>(
             bearing.sensor_columns(&at, acceleration, to, plain, &mut sensor);
         }
         let residual = [data.position[row][0] - read[0], data.position[row][1] - read[1]];
-        let innovation = kalman.update(bearing, variance, residual);
+        let innovation = kalman.update(bearing, data.variance(row, variance), residual);
         let counts = row >= piece.counted.start;
         let w = innovation.whiten(innovation.e);
         let [f_0, l_10, f_1] = innovation.factor;
@@ -475,9 +494,11 @@ fn columns_of<const P: usize>(
             }
             sums.filled += 2;
             block.rows.end = row + 1;
-            block.count += 1.0;
-            block.nis += w[0] * w[0] + w[1] * w[1];
-            log_det.times(innovation.log_det);
+            if !data.is_missing(row) {
+                block.count += 1.0;
+                block.nis += w[0] * w[0] + w[1] * w[1];
+                log_det.times(innovation.log_det);
+            }
             let (c, s) = (to.cos, to.sin);
             let mut turn = [c, s];
             for harmonic in &mut block.harmonics {
@@ -561,7 +582,7 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
     let mut kalman = Kalman::diffuse();
     let start = piece.filtered.start;
     let mut kept = Vec::with_capacity(piece.filtered.len());
-    each_row(data, bearing, track, piece.filtered.clone(), |_, interval, residual| {
+    each_row(data, bearing, track, piece.filtered.clone(), |row, interval, residual| {
         let mut keep = Kept::default();
         if let Some(interval) = interval {
             kalman.predict(h, interval, [1.0; 3]);
@@ -569,7 +590,7 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
         }
         keep.x = kalman.x;
         keep.p = kalman.p;
-        keep.innovation = kalman.update(bearing, variance, residual);
+        keep.innovation = kalman.update(bearing, data.variance(row, variance), residual);
         kept.push(keep);
     });
     let (m, d) = (&bearing.sensor, bearing.delay);
@@ -613,9 +634,10 @@ pub(super) fn innovations(
         if let Some(interval) = interval {
             kalman.predict(data.h, interval, [1.0; 3]);
         }
-        let innovation = kalman.update(bearing, variance, residual);
+        let innovation = kalman.update(bearing, data.variance(row, variance), residual);
         if row >= piece.counted.start {
-            innovations.push([innovation.e, innovation.whiten(innovation.e)]);
+            let error = if data.is_missing(row) { [f64::NAN; 2] } else { innovation.e };
+            innovations.push([error, innovation.whiten(innovation.e)]);
         }
     });
     innovations
@@ -642,8 +664,8 @@ pub(super) fn likelihoods(
             }
         }
         for f in 0..3 {
-            let innovation = kalman[f].update(bearing, variance, residual);
-            if row >= piece.counted.start.max(start + 4) {
+            let innovation = kalman[f].update(bearing, data.variance(row, variance), residual);
+            if row >= piece.counted.start.max(start + 4) && !data.is_missing(row) {
                 let w = innovation.whiten(innovation.e);
                 logs[f].times(innovation.log_det);
                 sums[f][1] += w[0] * w[0] + w[1] * w[1];

@@ -24,8 +24,8 @@ const fn signal(
     Signal { name, others, quantity, meaning }
 }
 
-/// All of them. The positions and currents are needed, the time if no rate is given.
-pub(super) const SIGNALS: [Signal; 8] = [
+/// All of them. Positions and currents of the machine are needed, the time if no rate is given.
+pub(super) const SIGNALS: [Signal; 9] = [
     signal("time", &["t", "Time", "TIME", "zeit", "Zeit", "timestamp", "Timestamp"], TIME, "the time of the sample"),
     signal("Ym", &["Y", "y"], LENGTH, "the position along y"),
     signal("Zm", &["Z", "z"], LENGTH, "the position along z"),
@@ -34,6 +34,7 @@ pub(super) const SIGNALS: [Signal; 8] = [
     signal("im[3]", &["im3", "i[3]", "i3"], CURRENT, "the current of magnet 3"),
     signal("theta", &["theta_m"], ANGLE, "the angle of the rotor"),
     signal("omega", &["omegam", "plant.omegam"], SPEED, "the speed of the rotor"),
+    signal("Xm", &["X", "x"], LENGTH, "the position along the axis"),
 ];
 /// Where they stand.
 pub(super) const TIME_AT: usize = 0;
@@ -41,6 +42,7 @@ pub(super) const POSITIONS: std::ops::Range<usize> = 1..3;
 pub(super) const CURRENTS: std::ops::Range<usize> = 3..6;
 pub(super) const THETA: usize = 6;
 pub(super) const OMEGA: usize = 7;
+pub(super) const AXIAL: usize = 8;
 
 /// Where a signal stands in a row, and in what unit: its name and what one of it is in SI; none if nobody said.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -129,8 +131,9 @@ pub(super) fn places(
     for (option, name) in
         options.into_iter().flat_map(|(option, pairs)| pairs.iter().map(move |pair| (option, &pair.0)))
     {
-        if !SIGNALS.iter().any(|signal| signal.name == name) {
-            let names = SIGNALS.each_ref().map(|signal| signal.name).join(", ");
+        let known = (0..SIGNALS.len()).filter(|at| *at != AXIAL || wanted(AXIAL)).map(|at| SIGNALS[at].name);
+        if !known.clone().any(|known| known == name) {
+            let names = known.collect::<Vec<_>>().join(", ");
             findings.push(format!("{option} {name}: {name} is no signal of a recording; known are {names}"));
         }
     }
@@ -139,7 +142,7 @@ pub(super) fn places(
     for (at, signal) in SIGNALS.iter().enumerate().filter(|(at, _)| wanted(*at)) {
         let name = signal.name;
         let column = given(&reading.columns, signal);
-        let needed = at < THETA && (at != TIME_AT || reading.rate_s.is_none());
+        let needed = !matches!(at, THETA | OMEGA) && (at != TIME_AT || reading.rate_s.is_none());
         let found = candidates(columns, signal, column);
         let [found] = found.as_slice() else {
             let names: Vec<&str> = found.iter().map(|at| columns[*at].name.as_str()).collect();
@@ -153,7 +156,7 @@ pub(super) fn places(
                     }
                     findings.push(finding);
                 }
-                ([_, ..], _) if at < THETA || column.is_some() => findings.push(format!(
+                ([_, ..], _) if !matches!(at, THETA | OMEGA) || column.is_some() => findings.push(format!(
                     "{name}: several columns go by this name: {}; one is wanted: --column {name}=…",
                     names.join(", ")
                 )),

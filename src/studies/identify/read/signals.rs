@@ -2,7 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use super::{Currents, FILLED};
+use super::FILLED;
+use crate::estimation::Hold;
 
 /// A gap is filled by the cubic through neighbours that are no further apart than this, in samples.
 const SPAN: usize = 2 * FILLED + 1;
@@ -71,18 +72,18 @@ const ROUNDING: f64 = 1e-6;
 
 /// The currents of the samples from currents at other instants: the root of the mean of the square over the interval that a sample stands
 /// for, or the value on the straight line. NaN in gaps.
-pub(super) fn resampled(known: &Known, count: usize, how: Currents) -> Vec<f64> {
-    if how == Currents::Linear {
+pub(super) fn resampled(known: &Known, count: usize, how: Hold) -> Vec<f64> {
+    if how == Hold::Linear {
         return straight(known, count, false);
     }
     let reach = reach(known);
     let mean_square = |sample: usize| {
-        let start = if how == Currents::Before { sample as f64 - 1.0 } else { sample as f64 };
+        let start = if how == Hold::HeldBefore { sample as f64 - 1.0 } else { sample as f64 };
         let (mut at, mut sum) = (start, 0.0);
         while at < start + 1.0 - ROUNDING {
             // The first value after the instant; it stands for the time before it, or the one before it for that after.
             let next = known.partition_point(|(place, _)| *place <= at + ROUNDING);
-            let row = if how == Currents::Before { next } else { next.wrapping_sub(1) };
+            let row = if how == Hold::HeldBefore { next } else { next.wrapping_sub(1) };
             let Some((_, value)) = known.get(row).filter(|(place, _)| (place - at).abs() <= reach) else {
                 return f64::NAN;
             };
@@ -99,10 +100,9 @@ pub(super) fn resampled(known: &Known, count: usize, how: Currents) -> Vec<f64> 
     (0..count).map(mean_square).collect()
 }
 
-/// Fills short gaps by the cubic through two neighbours on both sides; how many samples were filled.
-pub(super) fn fill(values: &mut [f64]) -> usize {
+/// Fills short gaps by the cubic through two neighbours on both sides.
+pub(super) fn fill(values: &mut [f64]) {
     let known: Vec<usize> = (0..values.len()).filter(|at| values[*at].is_finite()).collect();
-    let mut filled = 0;
     for nodes in known.windows(4).filter(|nodes| nodes[2] - nodes[1] <= FILLED + 1 && nodes[3] - nodes[0] <= SPAN) {
         for at in nodes[1] + 1..nodes[2] {
             let from = |node: &usize| at as f64 - *node as f64;
@@ -111,10 +111,8 @@ pub(super) fn fill(values: &mut [f64]) -> usize {
                 others.map(|other| from(other) / (*one as f64 - *other as f64)).product::<f64>()
             };
             values[at] = nodes.iter().map(|node| values[*node] * basis(node)).sum();
-            filled += 1;
         }
     }
-    filled
 }
 
 /// Takes the jumps of whole turns out of an angle; over a gap the rotor turns on as before. Returns by how much the recorded angle jumps when it

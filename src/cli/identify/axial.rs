@@ -1,0 +1,233 @@
+//! `identify` for the machine `axial`: one axis between one or two magnets.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::json;
+
+use super::{Arguments, NotValid, Refused, Result, named, open, print, refused, say, write_page};
+use crate::output::Format;
+use crate::report::{axial as page, frame};
+use crate::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
+use crate::studies::identify::{Axial, Reading, quantity};
+
+/// A bench as the scenario and the arguments describe it.
+pub(super) struct Bench {
+    axis: Axis,
+    columns: Vec<(String, String)>,
+}
+
+/// Options that make sense for a rotor that turns, or for the estimator on line.
+fn unused(arguments: &Arguments) -> [(bool, &'static str); 9] {
+    [
+        (arguments.currents.is_some(), "--currents"),
+        (arguments.speed.is_some(), "--speed"),
+        (arguments.window.is_some(), "--window"),
+        (arguments.method != "likelihood", "--method"),
+        (arguments.hold != "auto", "--hold"),
+        (!arguments.tolerances.is_empty(), "--tolerance"),
+        (arguments.csv.is_some(), "--csv"),
+        (arguments.position_noise.is_some(), "--position-noise; --set noise.position=…"),
+        (arguments.current_noise.is_some(), "--current-noise; --set noise.current=…"),
+    ]
+}
+
+/// The bench, if the machine is `axial`.
+pub(super) fn bench(arguments: &Arguments) -> Result<Option<Bench>> {
+    let text = fs::read_to_string(&arguments.scenario).unwrap_or_default();
+    let table: toml::Table = text.parse().unwrap_or_default();
+    let of_scenario = table.get("machine").and_then(toml::Value::as_str);
+    match arguments.machine.as_deref().or(of_scenario) {
+        Some("axial") => {}
+        _ => {
+            let axial = [(arguments.at.is_some(), "--at"), (arguments.check.is_some(), "--check")];
+            return match axial.iter().find(|(is_given, _)| *is_given) {
+                Some((_, option)) => Err(refused(format!("{option} needs --machine axial"))),
+                None => Ok(None),
+            };
+        }
+    }
+    let mut wrong: Vec<String> = unused(arguments)
+        .iter()
+        .filter(|(is_given, _)| *is_given)
+        .map(|(_, option)| format!("the machine axial has no {option}"))
+        .collect();
+    let mut bench = Bench { axis: Axis::new(f64::NAN, vec![0, 1]), columns: Vec::new() };
+    // A scenario of another machine says nothing of this one.
+    if of_scenario == Some("axial") {
+        bench.read(&table, &mut wrong);
+    }
+    bench.columns.extend(arguments.column.iter().cloned());
+    for (name, value) in &arguments.changes {
+        bench.set(name, value, "--set ", &mut wrong);
+    }
+    for name in &arguments.estimates {
+        bench.estimate(name, "--estimate ", &mut wrong);
+    }
+    if let Some((name, value)) = &arguments.at {
+        bench.set_position(name, value, &mut wrong);
+    }
+    if bench.axis.m_kg.is_nan() {
+        wrong.push("m is missing: the mass of what levitates, --set m=…".into());
+    }
+    if wrong.is_empty() { Ok(Some(bench)) } else { Err(Refused(wrong.join("\n  ")).into()) }
+}
+
+impl Bench {
+    /// Reads `[estimator]`, `[columns]`, `estimate` and `at` of a scenario.
+    fn read(&mut self, table: &toml::Table, wrong: &mut Vec<String>) {
+        let text = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        for (key, value) in table {
+            match (key.as_str(), value) {
+                ("machine" | "title" | "description", _) => {}
+                ("estimator", toml::Value::Table(values)) => {
+                    for (name, value) in values {
+                        self.set(name, &text(value), "[estimator] ", wrong);
+                    }
+                }
+                ("columns", toml::Value::Table(columns)) => {
+                    self.columns.extend(columns.iter().map(|(signal, column)| (signal.clone(), text(column))));
+                }
+                ("estimate", toml::Value::Array(names)) => {
+                    names.iter().for_each(|name| self.estimate(&text(name), "estimate ", wrong));
+                }
+                ("at", value) => self.set_position("Xm", &text(value), wrong),
+                (other, _) => wrong.push(format!(
+                    "{other}: no key of a scenario of this machine; there are machine, title, description, [estimator], [columns], \
+                     estimate = […], at"
+                )),
+            }
+        }
+    }
+
+    fn set(&mut self, name: &str, value: &str, from: &str, wrong: &mut Vec<String>) {
+        let name = name.strip_prefix("estimator.").unwrap_or(name);
+        let positive = |result: std::result::Result<f64, String>| {
+            result.and_then(|number| match number > 0.0 {
+                true => Ok(number),
+                false => Err(format!("{name}={value}: a value above 0 is wanted")),
+            })
+        };
+        let result = match name {
+            "m" => positive(quantity(name, value, "kg")).map(|m_kg| self.axis.m_kg = m_kg),
+            "magnets.used" => [("first", vec![0]), ("second", vec![1]), ("both", vec![0, 1])]
+                .into_iter()
+                .find(|(known, _)| *known == value)
+                .map(|(_, used)| self.axis.used = used)
+                .ok_or_else(|| format!("magnets.used={value}: first, second or both is wanted")),
+            _ => match parameter(name) {
+                Some(at) => {
+                    let number = quantity(name, value, PARAMETERS[at].1);
+                    let signed = matches!(name, "pX" | "noise.exponent" | "delay" | "force.slow");
+                    let number = if signed { number } else { positive(number) };
+                    number.map(|number| self.axis.told[at] = Some(number))
+                }
+                None => Err(no_parameter(name)),
+            },
+        };
+        wrong.extend(result.err().map(|why| format!("{from}{why}")));
+    }
+
+    fn estimate(&mut self, name: &str, from: &str, wrong: &mut Vec<String>) {
+        match parameter(name) {
+            Some(at) => self.axis.estimated[at] = true,
+            None => wrong.push(format!("{from}{}", no_parameter(name))),
+        }
+    }
+
+    fn set_position(&mut self, name: &str, value: &str, wrong: &mut Vec<String>) {
+        match quantity(name, value, "m") {
+            Ok(at_m) if name == "Xm" => self.axis.at_m = Some(at_m),
+            Ok(_) => wrong.push(format!("--at {name}: a position along the axis is wanted, as in Xm=10mm")),
+            Err(why) => wrong.push(format!("--at {why}")),
+        }
+    }
+
+    fn recording(&self, path: &Path, arguments: &Arguments) -> Result<Axial> {
+        let reading = Reading {
+            columns: self.columns.clone(),
+            units: arguments.unit.clone(),
+            rate_s: arguments.rate.or(arguments.step),
+            resample_s: arguments.resample,
+            ..Reading::default()
+        };
+        Axial::read_from(open(path)?, &reading, &self.axis.used).map_err(|unusable| arguments.refused(path, unusable.0))
+    }
+}
+
+fn parameter(name: &str) -> Option<usize> {
+    PARAMETERS.iter().position(|(known, ..)| *known == name)
+}
+
+fn no_parameter(name: &str) -> String {
+    let names: Vec<&str> = PARAMETERS.iter().map(|(name, ..)| *name).collect();
+    format!("{name} is no parameter of this machine; there are m, magnets.used, {}", names.join(", "))
+}
+
+/// Identifies the axis, and prints and writes the results.
+pub(super) fn run(arguments: &Arguments, bench: Bench) -> Result<()> {
+    let mut answers: Vec<Answer> = Vec::new();
+    for path in &arguments.recordings {
+        let recording = bench.recording(path, arguments)?;
+        // All are linearised where the first one is.
+        let at_m = bench.axis.at_m.or(answers.first().map(|first| first.at_m));
+        let axis = Axis { at_m, ..bench.axis.clone() };
+        let answer = axial::answer(&axis, &recording).map_err(|why| arguments.refused(path, vec![why]))?;
+        say!("{}", path.display());
+        answer.notes.iter().for_each(|note| print::paragraph(note));
+        print::paragraph(&answer.told());
+        print::paragraph(&answer.verdict);
+        answer.findings.iter().for_each(|finding| print::paragraph(finding));
+        say!();
+        print::table(&answer.table());
+        answers.push(answer);
+    }
+    let all: Vec<&Answer> = answers.iter().collect();
+    let differ = axial::agreement(&all).filter(|_| all.len() > 1);
+    if all.len() > 1 {
+        say!();
+        print::paragraph(differ.as_deref().unwrap_or("The recordings agree."));
+    }
+    let check = match &arguments.check {
+        Some(path) => {
+            let check = axial::check(&answers[0], &bench.axis, &bench.recording(path, arguments)?)
+                .map_err(|why| arguments.refused(path, vec![why]))?;
+            say!();
+            print::paragraph(&format!("{}: {}", path.display(), check.verdict));
+            Some(check)
+        }
+        None => None,
+    };
+    let valid = answers.iter().all(|answer| answer.valid) && differ.is_none();
+    if let Some(path) = &arguments.json {
+        let mut document = match answers.as_slice() {
+            [answer] => answer.json(),
+            answers => {
+                let documents: Vec<_> = answers.iter().map(Answer::json).collect();
+                json!({"valid": valid, "differ": differ, "recordings": documents})
+            }
+        };
+        if let Some(check) = &check {
+            let horizon =
+                |[ahead_s, foreign_m, own_m]: &[f64; 3]| json!({"ahead": ahead_s, "rms": foreign_m, "rmsOwn": own_m});
+            let errors: Vec<_> = check.errors.iter().map(horizon).collect();
+            document["check"] = json!({"agrees": check.agrees, "verdict": check.verdict, "predictions": errors});
+        }
+        Format::Json.write(path, format!("{document:#}\n").as_bytes()).map_err(named(path))?;
+    }
+    if let Some(path) = &arguments.save {
+        fs::write(path, answers[0].scenario(&bench.columns)).map_err(named(path))?;
+    }
+    if let Some(folder) = &arguments.report {
+        let name = arguments.recordings[0].file_name().unwrap_or_default().to_string_lossy();
+        let title = format!("Identification from {name}");
+        write_page(folder, &page::page(&title, &frame::command_line(), &answers))?;
+    }
+    match answers.iter().find(|answer| !answer.valid) {
+        Some(answer) => Err(NotValid(answer.verdict.clone()).into()),
+        None => match differ {
+            Some(differ) => Err(NotValid(differ).into()),
+            None => Ok(()),
+        },
+    }
+}

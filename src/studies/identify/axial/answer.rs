@@ -1,0 +1,496 @@
+//! The answer for an axis: force constants, the operating point with its deviations, what the bench was found to have.
+
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use serde_json::{Value as Json, json};
+
+use super::filter::{Filter, POSITION, Row};
+use super::search::{Fit, Part};
+use super::{
+    Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Found, GAP, LOAD, PARAMETERS, POSITION_NOISE, Point, SLOW,
+    UNKNOWNS, find, is_logarithm, mean,
+};
+use crate::estimation::STD_LIMIT;
+use crate::studies::identify::answer::likely;
+use crate::studies::identify::read::{Axial, significant, time};
+use crate::table::Table;
+
+/// Relative standard deviation that any bench hides from one recording, and that is therefore part of every ±: with it the
+/// five recordings in tests/data differ by their stated deviations (docs/bench.md).
+const FLOOR: f64 = 0.015;
+/// A slow force that within a second wanders by more than the floor, relative to the load, is not covered by ±.
+const BADLY: f64 = FLOOR;
+/// Deviations by which a finding may move an estimate of a valid answer.
+const MOVED: f64 = 3.0;
+/// Horizon of predictions, s.
+const AHEAD_S: f64 = 0.020;
+
+/// A value with its standard deviations, of noise and in all.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Estimate {
+    /// The value, in SI units.
+    pub value: f64,
+    /// Standard deviation by noise and slow force.
+    pub noise_std: f64,
+    /// The same with what every bench hides.
+    pub total_std: f64,
+}
+
+/// Current, ki, ks, ki/κ and ks/κ at the operating point.
+pub type Point5 = [Estimate; 5];
+
+/// The answer for one axis.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// Whether it can be relied on.
+    pub valid: bool,
+    /// Why, or why not.
+    pub verdict: String,
+    /// What was found besides, in sentences.
+    pub findings: Vec<String>,
+    /// Remarks on the recording.
+    pub notes: Vec<String>,
+    /// Position of the operating point, m.
+    pub at_m: f64,
+    /// Operating point: current in A, ki in N/A, ks in N/m, dynamic ki and ks.
+    pub operating: Point5,
+    /// κ between statics and dynamics.
+    pub dynamics: Estimate,
+    /// Estimates of λ of the magnets that are used, N·m²/A², by magnet, and of the gap, m.
+    pub lambda: Vec<(usize, Estimate)>,
+    /// See [`Answer::lambda`].
+    pub gap: Estimate,
+    found: Found,
+    step_s: f64,
+    start_s: f64,
+}
+
+/// Signals of a recording with what the filter makes of them, by row.
+#[derive(Clone, Debug)]
+pub struct Traces {
+    /// Instants, s.
+    pub time_s: Vec<f64>,
+    /// Positions, m; NaN where they were left out.
+    pub x_m: Vec<f64>,
+    /// Currents, A.
+    pub current_a: Vec<Vec<f64>>,
+    /// Slow force and its standard deviation, N.
+    pub slow_n: Vec<[f64; 2]>,
+    /// Errors of predictions of the position by one sample, m.
+    pub error_m: Vec<f64>,
+    /// Where what was used begins, s.
+    pub from_s: f64,
+}
+
+/// One recording judged with the estimate of another.
+#[derive(Clone, Debug)]
+pub struct Check {
+    /// Whether both agree.
+    pub agrees: bool,
+    /// In words.
+    pub verdict: String,
+    /// Horizons in s, rms prediction errors in m with the estimate of the first and with a fit of its own.
+    pub errors: Vec<[f64; 3]>,
+}
+
+/// Filters a part and calls `each` with the filter after every row, and the innovation of its position with its variance.
+fn follow(axis: &Axis, part: &Part<'_>, point: &Point, mut each: impl FnMut(&Filter, [f64; 2])) {
+    let Some(mut filter) = Filter::new(axis, axis.law(point), &part.readings, &part.rows) else { return };
+    let mut out: Vec<Row> = Vec::new();
+    for row in part.rows.clone() {
+        out.clear();
+        filter.advance(axis, &part.readings, row..row + 1, &mut out);
+        each(&filter, out[0][POSITION]);
+    }
+}
+
+/// Normalised innovations squared of the positions; NaN where there was none.
+pub(super) fn position_nis(axis: &Axis, part: &Part<'_>, point: &Point) -> Vec<f64> {
+    let mut nis = Vec::with_capacity(part.rows.len());
+    follow(axis, part, point, |_, [error, variance]| nis.push(error * error / variance));
+    nis
+}
+
+/// rms of the errors of predictions over so many rows, m.
+fn prediction_rms(axis: &Axis, part: &Part<'_>, point: &Point, ahead: usize) -> f64 {
+    let (mut squares, mut row) = (Vec::new(), part.rows.start);
+    follow(axis, part, point, |filter, _| {
+        if let Some(x_m) = part.readings.x_m[..part.rows.end].get(row + ahead) {
+            squares.push((x_m - filter.ahead(axis, &part.readings, ahead)).powi(2));
+        }
+        row += 1;
+    });
+    mean(squares.into_iter()).sqrt()
+}
+
+/// Current (A), ki (N/A), ks (N/m) at the operating point, and ki/κ, ks/κ: in equilibrium where one magnet carries a load,
+/// otherwise with the mean currents of the recording.
+fn operating(axis: &Axis, point: &Point, mean_a: &[f64]) -> [f64; 5] {
+    let (law, at_m) = (axis.law(point), axis.at_m.unwrap_or(0.0));
+    let mut current_a = [mean_a[0], mean_a.get(1).copied().unwrap_or(0.0)];
+    if let [k] = axis.used.as_slice() {
+        let gap = law.gap_of(0, at_m);
+        current_a[0] = gap * (point[LOAD].abs() / libm::exp(point[*k])).sqrt();
+    }
+    let (_, stiffness, gain) = law.force(at_m, current_a);
+    let gain: f64 = gain.iter().map(|gain| gain.abs()).sum();
+    let current = current_a.iter().sum::<f64>() / axis.used.len() as f64;
+    [current, gain, stiffness, gain / law.dynamics, stiffness / law.dynamics]
+}
+
+/// Identifies the axis from one recording.
+///
+/// # Errors
+/// Why nothing can be identified.
+pub fn answer(axis: &Axis, recording: &Axial) -> Result<Answer, String> {
+    let found = find(axis, recording)?;
+    let fit = &found.fit;
+    let (axis, point) = (&found.axis, &fit.point);
+    let mean_a: Vec<f64> = found.current_a.iter().map(|of| mean(of[found.rows.clone()].iter().copied())).collect();
+    let five = |point: &Point| operating(axis, point, &mean_a);
+    let values = five(point);
+    let cross = covariance(axis, fit, five);
+    let of = |value: f64, variance: f64| Estimate {
+        value,
+        noise_std: variance.max(0.0).sqrt(),
+        total_std: (variance.max(0.0) + (FLOOR * value).powi(2)).sqrt(),
+    };
+    let operating: Point5 = std::array::from_fn(|i| of(values[i], cross[(i, i)]));
+    let dynamics = of(point[DYNAMICS], fit.covariance[(DYNAMICS, DYNAMICS)]);
+    let lambda_of = |k: usize| {
+        let value = libm::exp(point[k]);
+        of(value, value * value * fit.covariance[(k, k)])
+    };
+    let lambda: Vec<_> = axis.used.iter().map(|k| (*k, lambda_of(*k))).collect();
+    let gap = of(point[GAP], fit.covariance[(GAP, GAP)]);
+    let mut answer = Answer {
+        valid: true,
+        verdict: String::new(),
+        findings: Vec::new(),
+        notes: recording.notes.iter().chain(&found.notes).cloned().collect(),
+        at_m: axis.at_m.unwrap_or(0.0),
+        operating,
+        dynamics,
+        lambda,
+        gap,
+        step_s: recording.step_s,
+        start_s: recording.start_s,
+        found,
+    };
+    answer.judge(&mean_a);
+    Ok(answer)
+}
+
+/// Covariance of five values of a point, by differences.
+fn covariance(axis: &Axis, fit: &Fit, of: impl Fn(&Point) -> [f64; 5]) -> DMatrix<f64> {
+    let slope = |at: usize| {
+        let step = axis.step(at, &fit.point);
+        let beside = |sign: f64| {
+            let mut point = fit.point;
+            point[at] += sign * step;
+            of(&point)
+        };
+        let (up, down) = (beside(1.0), beside(-1.0));
+        std::array::from_fn::<f64, 5, _>(|i| (up[i] - down[i]) / (2.0 * step))
+    };
+    let slopes: Vec<[f64; 5]> = (0..UNKNOWNS).map(slope).collect();
+    // Unknowns without covariance were not searched; a slow force of none has no slope.
+    let jacobian = DMatrix::from_fn(5, UNKNOWNS, |i, j| if fit.covariance[(j, j)] > 0.0 { slopes[j][i] } else { 0.0 });
+    &jacobian * &fit.covariance * jacobian.transpose()
+}
+
+fn percent(part: f64) -> String {
+    significant(100.0 * part, 2)
+}
+
+impl Answer {
+    fn judge(&mut self, mean_a: &[f64]) {
+        let (axis, fit) = (&self.found.axis, &self.found.fit);
+        let mut findings = Vec::new();
+        let mut refusal = None;
+        let [_, ki, ks, ..] = &self.operating;
+        for (at, gain, kept) in &self.found.effects {
+            let worth = format!("worth {} in log-likelihood", significant(*gain, 3));
+            match (*at, *kept) {
+                (DYNAMICS, true) => {
+                    let weaker = 1.0 - 1.0 / self.dynamics.value;
+                    let side = if weaker > 0.0 { "weaker" } else { "stronger" };
+                    let factor = significant(self.dynamics.value, 4);
+                    findings.push(format!(
+                        "The dynamics are {} % {side} than the law (κ = {factor} ± {}, {worth}): use ki/κ and ks/κ for a controller.",
+                        percent(weaker.abs()),
+                        significant(self.dynamics.noise_std, 2)
+                    ));
+                }
+                (SLOW, true) => findings.push(format!(
+                    "A slow force that nothing explains wanders by {} mN/√s ({worth}).",
+                    significant(1e3 * libm::exp(fit.point[SLOW]), 2)
+                )),
+                (EXPONENT, true) => findings.push(format!(
+                    "The noise of the position grows with the gap to the power of {} ({worth}).",
+                    significant(fit.point[EXPONENT], 2)
+                )),
+                // What is not significant is not mentioned.
+                _ => {}
+            }
+        }
+        let slow = libm::exp(fit.point[SLOW]);
+        if slow > BADLY * axis.weight_n() {
+            refusal = Some(format!("the law fits badly: slow force of {} mN/√s", significant(1e3 * slow, 2)));
+        }
+        if let Some(delayed) = &self.found.delayed {
+            let moved = operating(axis, &delayed.point, mean_a);
+            let far = |of: &Estimate, to: f64| (to - of.value).abs() / of.total_std;
+            let furthest = far(ki, moved[1]).max(far(ks, moved[2]));
+            let delay = format!(
+                "positions {} later than currents are more likely by {}",
+                time(delayed.point[DELAY]),
+                significant(delayed.log_likelihood - fit.log_likelihood, 3)
+            );
+            if furthest > MOVED {
+                let far = significant(furthest, 2);
+                refusal = Some(format!("{delay}, and with them ki or ks moves by {far} deviations (--estimate delay)"));
+            }
+        }
+        let worst = (ki.total_std / ki.value).max(ks.total_std / ks.value);
+        if worst.is_nan() || worst > STD_LIMIT {
+            refusal = Some(format!(
+                "ki or ks is known to {} % only, the limit is {} %: a longer recording with more positions is wanted",
+                percent(worst),
+                100.0 * STD_LIMIT
+            ));
+        }
+        if !fit.converged {
+            refusal = Some("the search did not converge".into());
+        }
+        self.findings = findings;
+        self.valid = refusal.is_none();
+        self.verdict = match refusal {
+            Some(why) => format!("Not valid: {why}."),
+            None => format!(
+                "Valid: ki and ks at x = {} mm are known within {} %, {} % of any bench included.",
+                significant(1e3 * self.at_m, 4),
+                percent(worst),
+                100.0 * FLOOR
+            ),
+        };
+    }
+
+    /// What was taken as known.
+    #[must_use]
+    pub fn told(&self) -> String {
+        let axis = &self.found.axis;
+        let known = (0..UNKNOWNS).filter(|at| axis.is_known(*at));
+        let known = known.map(|at| {
+            let (name, unit, _) = PARAMETERS[at];
+            format!(", {name} = {} {unit}", significant(axis.told[at].unwrap_or(0.0), 5))
+        });
+        let used: Vec<_> = axis.used.iter().map(|k| (k + 1).to_string()).collect();
+        let known: String = known.collect();
+        format!("Taken as known: m = {} kg, magnets {}{known}.", significant(axis.m_kg, 5), used.join(" and "))
+    }
+
+    /// Estimates as a table.
+    #[must_use]
+    pub fn table(&self) -> Table {
+        let row = |name: &str, of: &Estimate, factor: f64, unit: &str| {
+            vec![
+                name.to_owned(),
+                significant(of.value / factor, 5),
+                significant(of.noise_std / factor, 2),
+                significant(of.total_std / factor, 2),
+                unit.to_owned(),
+            ]
+        };
+        let [current, ki, ks, ki_dynamic, ks_dynamic] = &self.operating;
+        let mut rows = vec![
+            row("current", current, 1.0, "A"),
+            row("ki", ki, 1.0, "N/A"),
+            row("ks", ks, 1.0, "N/m"),
+            row("κ", &self.dynamics, 1.0, ""),
+            row("ki/κ", ki_dynamic, 1.0, "N/A"),
+            row("ks/κ", ks_dynamic, 1.0, "N/m"),
+        ];
+        rows.extend(self.lambda.iter().map(|(k, of)| row(&format!("λ{}", k + 1), of, 1e-6, "10⁻⁶ N·m²/A²")));
+        rows.push(row("s", &self.gap, 1e-3, "mm"));
+        let point = &self.found.fit.point;
+        let noise = |name: &str, at: usize, factor: f64, unit: &str| {
+            let value = significant(libm::exp(point[at]) / factor, 3);
+            vec![name.to_owned(), value, String::new(), String::new(), unit.to_owned()]
+        };
+        rows.push(noise("noise of the position", POSITION_NOISE, 1e-6, "µm"));
+        rows.push(noise("noise of the currents", CURRENT_NOISE, 1e-3, "mA"));
+        rows.push(noise("slow force", SLOW, 1e-3, "mN/√s"));
+        Table {
+            title: format!("Axis at x = {} mm", significant(1e3 * self.at_m, 4)),
+            note: format!(
+                "± is one standard deviation: of noise and slow force; and with {} % that any bench hides.",
+                100.0 * FLOOR
+            ),
+            head: ["", "value", "± of noise", "± in all", ""].map(String::from).into(),
+            rows,
+        }
+    }
+
+    /// The answer as JSON, in SI units.
+    #[must_use]
+    pub fn json(&self) -> Json {
+        let [current, ki, ks, ki_dynamic, ks_dynamic] = &self.operating;
+        let of = |of: &Estimate| json!({"value": of.value, "std": of.noise_std, "stdTotal": of.total_std});
+        let magnets: serde_json::Map<String, Json> =
+            self.lambda.iter().map(|(k, lambda)| (format!("lambda[{}]", k + 1), of(lambda))).collect();
+        let effects: serde_json::Map<String, Json> = self
+            .found
+            .effects
+            .iter()
+            .map(|(at, gain, kept)| (PARAMETERS[*at].0.into(), json!({"logLikelihood": gain, "taken": kept})))
+            .collect();
+        let (point, rows) = (&self.found.fit.point, &self.found.rows);
+        json!({
+            "valid": self.valid, "verdict": self.verdict, "findings": self.findings, "notes": self.notes,
+            "operatingPoint": {
+                "x": self.at_m, "current": current.value,
+                "ki": ki.value, "kiStd": ki.noise_std, "kiStdTotal": ki.total_std,
+                "ks": ks.value, "ksStd": ks.noise_std, "ksStdTotal": ks.total_std,
+                "dynamics": self.dynamics.value, "dynamicsStd": self.dynamics.noise_std,
+                "dynamicsStdTotal": self.dynamics.total_std,
+                "kiDynamic": ki_dynamic.value, "kiDynamicStdTotal": ki_dynamic.total_std,
+                "ksDynamic": ks_dynamic.value, "ksDynamicStdTotal": ks_dynamic.total_std,
+            },
+            "magnets": magnets, "s": of(&self.gap), "pX": point[LOAD],
+            "force.slow": libm::exp(point[SLOW]), "noise.exponent": point[EXPONENT], "delay": point[DELAY],
+            "noise": {"position": libm::exp(point[POSITION_NOISE]), "current": libm::exp(point[CURRENT_NOISE])},
+            "effects": effects,
+            "rows": {"from": self.start_s + rows.start as f64 * self.step_s, "count": rows.len()},
+            "logLikelihood": self.found.fit.log_likelihood,
+        })
+    }
+
+    /// The estimate as a scenario that `identify` reads with `--scenario`; `columns` as they were assigned.
+    #[must_use]
+    pub fn scenario(&self, columns: &[(String, String)]) -> String {
+        let (axis, point) = (&self.found.axis, &self.found.fit.point);
+        let used = ["first", "second"];
+        let used = if let [k] = axis.used.as_slice() { used[*k] } else { "both" };
+        let mut text = format!(
+            "machine = \"axial\"\ntitle = \"{} ({})\"\nat = {}\n\n[estimator]\nm = {}\n\"magnets.used\" = \"{used}\"\n",
+            if self.valid { "Identified from a recording" } else { "NOT VALID" },
+            self.verdict.replace('"', "'"),
+            self.at_m,
+            axis.m_kg
+        );
+        let left_out = |at: &usize| *at < GAP && !axis.used.contains(at) || point[*at] == f64::NEG_INFINITY;
+        for at in (0..UNKNOWNS).filter(|at| !left_out(at)) {
+            let value = if is_logarithm(at) { libm::exp(point[at]) } else { point[at] };
+            text += &format!("\"{}\" = {value:e}\n", PARAMETERS[at].0);
+        }
+        if !columns.is_empty() {
+            text += "\n[columns]\n";
+            columns.iter().for_each(|(signal, column)| text += &format!("\"{signal}\" = \"{column}\"\n"));
+        }
+        text
+    }
+
+    /// Signals for figures.
+    #[must_use]
+    pub fn traces(&self) -> Traces {
+        let found = &self.found;
+        let part = found.part(self.step_s);
+        let (count, from) = (found.x_m.len(), found.rows.start);
+        let instant = |row: usize| self.start_s + row as f64 * self.step_s;
+        let mut traces = Traces {
+            time_s: (0..count).map(instant).collect(),
+            x_m: found.x_m.clone(),
+            current_a: found.current_a.clone(),
+            slow_n: vec![[f64::NAN; 2]; from],
+            error_m: vec![f64::NAN; from],
+            from_s: instant(from),
+        };
+        follow(&found.axis, &part, &found.fit.point, |filter, [error, variance]| {
+            traces.slow_n.push(filter.slow_n());
+            traces.error_m.push(if variance > 0.0 { error } else { f64::NAN });
+        });
+        traces
+    }
+
+    fn statics(&self) -> (Vector3<f64>, Matrix3<f64>) {
+        let [_, ki, ks, ..] = &self.operating;
+        let values = Vector3::new(ki.value, ks.value, self.dynamics.value);
+        let std = Vector3::new(ki.total_std, ks.total_std, self.dynamics.total_std);
+        (values, Matrix3::from_diagonal(&std.component_mul(&std)))
+    }
+
+    /// Judges another recording, whose own answer stands beside it, with this estimate.
+    #[must_use]
+    pub fn check(&self, own: &Self) -> Check {
+        let found = &own.found;
+        let part = found.part(own.step_s);
+        // Noises, slow force and delay are of the recording, force constants and gap of the bench.
+        let mut point = found.fit.point;
+        let bench = [0, 1, GAP, DYNAMICS];
+        bench.iter().for_each(|at| point[*at] = self.found.fit.point[*at]);
+        let horizons = [1, ((AHEAD_S / own.step_s).round() as usize).max(2)];
+        let errors: Vec<[f64; 3]> = horizons
+            .iter()
+            .map(|ahead| {
+                let [foreign, fitted] =
+                    [&point, &found.fit.point].map(|point| prediction_rms(&found.axis, &part, point, *ahead));
+                [*ahead as f64 * own.step_s, foreign, fitted]
+            })
+            .collect();
+        let differ = agreement(&[self, own]);
+        let words: Vec<String> = errors
+            .iter()
+            .map(|[ahead_s, foreign, fitted]| {
+                let [foreign_um, own_um] = [foreign, fitted].map(|rms| significant(1e6 * rms, 3));
+                format!("{} ahead {foreign_um} µm, by a fit of its own {own_um} µm", time(*ahead_s))
+            })
+            .collect();
+        let agrees = differ.is_none();
+        let verdict = format!(
+            "{} Predictions with the first estimate are off by (rms): {}.",
+            differ.unwrap_or_else(|| "The recordings agree.".into()),
+            words.join("; ")
+        );
+        Check { agrees, verdict, errors }
+    }
+}
+
+/// What recordings of one bench disagree about: χ² of ki, ks and κ about their weighted mean, with the floor of every bench.
+/// Nothing if they agree.
+#[must_use]
+pub fn agreement(answers: &[&Answer]) -> Option<String> {
+    let statics: Vec<_> = answers.iter().map(|answer| answer.statics()).collect();
+    let weights: Vec<Matrix3<f64>> = statics.iter().map(|(_, of)| of.try_inverse().unwrap_or_default()).collect();
+    let sum: Matrix3<f64> = weights.iter().sum();
+    let mean = sum.try_inverse()? * statics.iter().zip(&weights).map(|((x, _), w)| w * x).sum::<Vector3<f64>>();
+    let far = |(x, _): &(Vector3<f64>, Matrix3<f64>), w: &Matrix3<f64>| (x - mean).dot(&(w * (x - mean)));
+    let chi: Vec<f64> = statics.iter().zip(&weights).map(|(of, w)| far(of, w)).collect();
+    let freedom = 3.0 * (answers.len() - 1) as f64;
+    let total: f64 = chi.iter().sum();
+    if total <= likely(freedom) {
+        return None;
+    }
+    let worst = (0..chi.len()).max_by(|a, b| chi[*a].total_cmp(&chi[*b]))?;
+    let names = ["ki", "ks", "κ"];
+    let deviation = |i: usize| (statics[worst].0[i] - mean[i]) / statics[worst].1[(i, i)].sqrt();
+    let most = (0..3).max_by(|a, b| deviation(*a).abs().total_cmp(&deviation(*b).abs()))?;
+    let relative = (statics[worst].0[most] - mean[most]) / mean[most];
+    Some(format!(
+        "The recordings differ (χ² {} of {} degrees of freedom): {} of recording {} by {} % ± {} %.",
+        significant(total, 3),
+        freedom,
+        names[most],
+        worst + 1,
+        percent(relative),
+        percent(statics[worst].1[(most, most)].sqrt() / mean[most])
+    ))
+}
+
+/// Judges a recording with the answer of another.
+///
+/// # Errors
+/// Why the second cannot be identified.
+pub fn check(first: &Answer, axis: &Axis, recording: &Axial) -> Result<Check, String> {
+    let axis = Axis { at_m: Some(first.at_m), ..axis.clone() };
+    Ok(first.check(&answer(&axis, recording)?))
+}

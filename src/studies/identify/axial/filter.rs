@@ -1,0 +1,207 @@
+//! Extended Kalman filter of one axis between one or two magnets, whose currents are measured with noise.
+//!
+//! ```text
+//! m ẍ = (p + λ₁ i₁²/(s − x)² − λ₂ i₂²/(s + x)²)/κ + d      x in m, forces in N
+//! d  random walk with the level q in N/√s                   i_k  random walks with the level w in A/√s
+//! x_read = x(t − delay) + noise, σ_x (gap/gap_at)^ν          i_read = i + noise, σ_i
+//! ```
+//!
+//! The innovations give the likelihood (Ljung, *System Identification*, 2nd ed., section 7.4; Jazwinski, *Stochastic Processes
+//! and Filtering Theory*, section 8.3 for the extended filter). A reading that is missing is not used: the filter predicts
+//! across any pattern of gaps.
+
+#![allow(clippy::needless_range_loop, reason = "several matrices go by one index")]
+
+use std::ops::Range;
+
+use super::{Axis, Law};
+
+/// Standard deviation of what is not known at the start: the position, and the way of a sample time, relative to the gap; a current, A.
+const UNKNOWN: f64 = 0.1;
+const UNKNOWN_A: f64 = 1.0;
+/// Where the position is known no better than this part of the gap, the law cannot be linearised: the filter waits for a reading, and starts anew.
+const LOST: f64 = 0.3;
+
+/// What the filter sees: readings at a uniform sample time, NaN where there is none.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Readings<'a> {
+    /// Sample time, s.
+    pub step_s: f64,
+    /// Positions, m.
+    pub x_m: &'a [f64],
+    /// Currents of the magnets that are used, A.
+    pub current_a: &'a [Vec<f64>],
+}
+
+/// Numbers of the state x, v, d and two currents; a magnet that is not used has the current 0 without variance.
+const N: usize = 5;
+/// Number of the position among the channels, which are the currents and the position.
+pub(super) const POSITION: usize = 2;
+
+/// An innovation of every channel with its variance; a variance of 0 where there was no reading.
+pub(super) type Row = [[f64; 2]; 3];
+
+/// The filter at a row.
+#[derive(Clone, Debug)]
+pub(super) struct Filter {
+    law: Law,
+    x: [f64; N],
+    p: [[f64; N]; N],
+    row: usize,
+}
+
+impl Filter {
+    /// Starts at the first row with all readings.
+    pub(super) fn new(axis: &Axis, law: Law, readings: &Readings<'_>, rows: &Range<usize>) -> Option<Self> {
+        let known = |row: &usize| {
+            readings.x_m[*row].is_finite() && readings.current_a.iter().all(|current| current[*row].is_finite())
+        };
+        let row = rows.clone().find(known)?;
+        let mut filter = Self { law, x: [0.0; N], p: [[0.0; N]; N], row };
+        filter.x[0] = readings.x_m[row];
+        for (k, current) in readings.current_a.iter().enumerate() {
+            filter.x[3 + k] = current[row];
+            filter.p[3 + k][3 + k] = UNKNOWN_A * UNKNOWN_A;
+        }
+        filter.forget_motion(readings.step_s);
+        let start_n = if law.slow_n > 0.0 { axis.slow_start_n() } else { 0.0 };
+        filter.p[2][2] = start_n * start_n;
+        Some(filter)
+    }
+
+    /// Neither position nor speed are known but for the position of the state.
+    fn forget_motion(&mut self, h: f64) {
+        let unknown_m = UNKNOWN * self.law.reference_m;
+        for r in 0..2 {
+            for c in 0..N {
+                (self.p[r][c], self.p[c][r]) = (0.0, 0.0);
+            }
+        }
+        (self.p[0][0], self.p[1][1]) = (unknown_m.powi(2), (unknown_m / h).powi(2));
+        self.x[1] = 0.0;
+    }
+
+    fn is_lost(&self) -> bool {
+        self.p[0][0] > (LOST * self.law.reference_m).powi(2)
+    }
+
+    /// Filters up to this row. Innovations of the rows are appended to `out`; rows before the first reading have none.
+    pub(super) fn advance(&mut self, axis: &Axis, readings: &Readings<'_>, rows: Range<usize>, out: &mut Vec<Row>) {
+        for row in rows {
+            if row < self.row {
+                out.push(Row::default());
+                continue;
+            }
+            if row > self.row {
+                self.predict(axis, readings.step_s);
+            }
+            self.row = row;
+            out.push(self.correct(readings, row));
+        }
+    }
+
+    /// One sample time: midpoint rule, the current of its beginning.
+    fn predict(&mut self, axis: &Axis, h: f64) {
+        let law = self.law;
+        let walk = law.walk_a * law.walk_a * h;
+        self.p[2][2] += law.slow_n * law.slow_n * h;
+        if self.is_lost() {
+            self.forget_motion(h);
+            self.p[0][0] = law.reference_m * law.reference_m;
+            (0..axis.used.len()).for_each(|k| self.p[3 + k][3 + k] += walk);
+            return;
+        }
+        let currents = [self.x[3], self.x[4]];
+        let begin = law.linearised(axis, self.x[0], currents).0 + self.x[2] / axis.m_kg;
+        let middle_m = self.x[0] + 0.5 * h * self.x[1] + 0.125 * h * h * begin;
+        let (middle, stiffness, gain) = law.linearised(axis, middle_m, currents);
+        let middle = middle + self.x[2] / axis.m_kg;
+        self.x[0] += h * self.x[1] + h * h / 6.0 * (begin + 2.0 * middle);
+        self.x[1] += h * middle;
+        // F has two rows that are not those of the unit matrix.
+        let mut f = [[0.0; N]; 2];
+        f[0][0] = 1.0 + 0.5 * h * h * stiffness;
+        f[0][1] = h + h * h * h / 6.0 * stiffness;
+        f[0][2] = 0.5 * h * h / axis.m_kg;
+        f[1][0] = h * stiffness;
+        f[1][1] = 1.0 + 0.5 * h * h * stiffness;
+        f[1][2] = h / axis.m_kg;
+        for k in 0..2 {
+            f[0][3 + k] = 0.5 * h * h * gain[k];
+            f[1][3 + k] = h * gain[k];
+        }
+        let left: [[f64; N]; 2] =
+            std::array::from_fn(|r| std::array::from_fn(|c| (0..N).map(|i| f[r][i] * self.p[i][c]).sum()));
+        let corner: [[f64; 2]; 2] =
+            std::array::from_fn(|r| std::array::from_fn(|c| (0..N).map(|i| left[r][i] * f[c][i]).sum()));
+        for r in 0..2 {
+            for c in 2..N {
+                self.p[r][c] = left[r][c];
+                self.p[c][r] = left[r][c];
+            }
+        }
+        (self.p[0], self.p[1]) = {
+            let (mut a, mut b) = (self.p[0], self.p[1]);
+            (a[0], a[1], b[0], b[1]) = (corner[0][0], corner[0][1], corner[0][1], corner[1][1]);
+            (a, b)
+        };
+        // A current that walks straight from one sample to the next moves the rotor by h²/6 and h/2 of its gain.
+        for k in 0..axis.used.len() {
+            let w = [gain[k] * h * h / 6.0, gain[k] * 0.5 * h];
+            for r in 0..2 {
+                for c in 0..2 {
+                    self.p[r][c] += walk * w[r] * w[c];
+                }
+                self.p[r][3 + k] += walk * w[r];
+                self.p[3 + k][r] += walk * w[r];
+            }
+            self.p[3 + k][3 + k] += walk;
+        }
+    }
+
+    fn correct(&mut self, readings: &Readings<'_>, row: usize) -> Row {
+        let mut innovations = Row::default();
+        for k in 0..=POSITION {
+            let is_position = k == POSITION;
+            let reading =
+                if is_position { Some(readings.x_m[row]) } else { readings.current_a.get(k).map(|of| of[row]) };
+            let Some(reading) = reading.filter(|reading| reading.is_finite()) else { continue };
+            if is_position && self.is_lost() {
+                self.x[0] = reading;
+                self.forget_motion(readings.step_s);
+            }
+            let (at, delay_s) = if is_position { (0, self.law.delay_s) } else { (3 + k, 0.0) };
+            let gain: [f64; N] = std::array::from_fn(|i| self.p[i][at] - delay_s * self.p[i][1]);
+            let noise = if is_position { self.law.position_noise(reading) } else { self.law.current_noise_a };
+            let variance = gain[at] - delay_s * gain[1] + noise * noise;
+            let error = reading - (self.x[at] - delay_s * self.x[1]);
+            innovations[k] = [error, variance];
+            for r in 0..N {
+                self.x[r] += gain[r] * error / variance;
+                for c in 0..N {
+                    self.p[r][c] -= gain[r] * gain[c] / variance;
+                }
+            }
+        }
+        innovations
+    }
+
+    /// The slow force with its standard deviation, N.
+    pub(super) fn slow_n(&self) -> [f64; 2] {
+        [self.x[2], self.p[2][2].max(0.0).sqrt()]
+    }
+
+    /// Position after the readings of so many rows are known for the currents, but not for the position, m.
+    pub(super) fn ahead(&self, axis: &Axis, readings: &Readings<'_>, rows: usize) -> f64 {
+        let mut open = self.clone();
+        for row in self.row + 1..=self.row + rows {
+            open.predict(axis, readings.step_s);
+            for (k, current) in readings.current_a.iter().enumerate() {
+                if current[row].is_finite() {
+                    open.x[3 + k] = current[row];
+                }
+            }
+        }
+        open.x[0]
+    }
+}

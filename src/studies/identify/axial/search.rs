@@ -1,0 +1,172 @@
+//! The most likely point: Fisher scoring with the damping of Levenberg and Marquardt on the innovations of the filter.
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::iter::{IntoParallelRefMutIterator, ParallelIterator};
+
+use super::filter::{Filter, POSITION, Readings, Row};
+use super::{Axis, Point, UNKNOWNS, is_logarithm, is_noise};
+
+/// Rows that all filters pass before their innovations are summed: what is kept of them does not grow with the recording.
+const ROWS: usize = 4096;
+/// Most iterations, and the gain of the log-likelihood at which they end.
+const MOST: usize = 100;
+const CONVERGED: f64 = 1e-3;
+/// Longest step in steps of the differences ([`Axis::step`]): a tenth of λ, a factor of 7 of a noise.
+const LONGEST: f64 = 100.0;
+/// Logarithms of noises that the data say less of than this are at their lower limit.
+const FLAT: f64 = 1e-3;
+
+/// What a search found.
+#[derive(Clone, Debug)]
+pub(super) struct Fit {
+    pub point: Point,
+    /// Logarithm of the likelihood, up to a constant of the number of readings.
+    pub log_likelihood: f64,
+    /// Covariance of the point by the Fisher information; 0 for what was not searched.
+    pub covariance: DMatrix<f64>,
+    pub readings: usize,
+    pub converged: bool,
+}
+
+/// Readings with the rows that count.
+#[derive(Clone, Debug)]
+pub(super) struct Part<'a> {
+    pub readings: Readings<'a>,
+    pub rows: Range<usize>,
+}
+
+/// Sums of one pass: log-likelihood, number of readings, information and score of the unknowns.
+struct Sums {
+    log_likelihood: f64,
+    readings: usize,
+    information: DMatrix<f64>,
+    score: DVector<f64>,
+}
+
+pub(super) fn log_likelihood(axis: &Axis, part: &Part<'_>, point: &Point) -> f64 {
+    pass(axis, part, point, &[]).map_or(f64::NEG_INFINITY, |sums| sums.log_likelihood)
+}
+
+/// The most likely point, from a start along the unknowns that are free, in `most` iterations at most.
+pub(super) fn fit(axis: &Axis, part: &Part<'_>, start: &Point, free: &[usize], most: usize) -> Option<Fit> {
+    let mut point = *start;
+    let mut damping = 1e-4;
+    let mut converged = false;
+    let mut sums = pass(axis, part, &point, free)?;
+    for _ in 0..most.min(MOST) {
+        let scale = DVector::from_fn(free.len(), |i, _| sums.information[(i, i)].sqrt() + 1e-300);
+        let mut step = None;
+        while damping < 1e8 {
+            let scaled = DMatrix::from_fn(free.len(), free.len(), |i, j| {
+                sums.information[(i, j)] / (scale[i] * scale[j]) + if i == j { damping } else { 0.0 }
+            });
+            let moved = scaled.cholesky().map(|cholesky| {
+                let solved = cholesky.solve(&sums.score.component_div(&scale)).component_div(&scale);
+                // λ, gap and load belong together: their step is shortened as a whole. Noises stand alone.
+                let longest = |at: usize| LONGEST * axis.step(at, &point);
+                let bench = free.iter().zip(solved.iter()).filter(|(at, _)| !is_noise(**at));
+                let part = bench.map(|(at, step)| longest(*at) / step.abs()).fold(1.0, f64::min);
+                let mut to = point;
+                for (at, step) in free.iter().zip(solved.iter()) {
+                    let longest = longest(*at);
+                    to[*at] += if is_noise(*at) { step.clamp(-longest, longest) } else { part * step };
+                }
+                axis.bounded(to)
+            });
+            if let Some(to) = moved {
+                let there = pass(axis, part, &to, &[]).map_or(f64::NAN, |of| of.log_likelihood);
+                let gain = there - sums.log_likelihood;
+                if gain >= -1e-9 {
+                    step = Some((to, gain));
+                    break;
+                }
+            }
+            damping = (10.0 * damping).max(1e-6);
+        }
+        let Some((to, gain)) = step else {
+            // No direction leads up: the point is a maximum up to rounding.
+            converged = true;
+            break;
+        };
+        point = to;
+        damping = (0.1 * damping).max(1e-9);
+        sums = pass(axis, part, &point, free)?;
+        if gain < CONVERGED {
+            converged = true;
+            break;
+        }
+    }
+    let told: Vec<usize> =
+        (0..free.len()).filter(|i| !is_logarithm(free[*i]) || sums.information[(*i, *i)] > FLAT).collect();
+    let information = DMatrix::from_fn(told.len(), told.len(), |i, j| sums.information[(told[i], told[j])]);
+    let inverse = information.cholesky()?.inverse();
+    let mut covariance = DMatrix::zeros(UNKNOWNS, UNKNOWNS);
+    for (i, a) in told.iter().enumerate() {
+        for (j, b) in told.iter().enumerate() {
+            covariance[(free[*a], free[*b])] = inverse[(i, j)];
+        }
+    }
+    Some(Fit { point, log_likelihood: sums.log_likelihood, covariance, readings: sums.readings, converged })
+}
+
+/// One pass of the filters at a point and, by central differences, at its neighbours along the unknowns.
+///
+/// The information of an innovation e with variance S is `∂e ∂eᵀ/S + ½ ∂ln S ∂ln Sᵀ`, its score `−e ∂e/S + ½ (e²/S − 1) ∂ln S`.
+fn pass(axis: &Axis, part: &Part<'_>, point: &Point, free: &[usize]) -> Option<Sums> {
+    let Part { readings, rows } = part;
+    let mut points = vec![*point];
+    for at in free {
+        for sign in [1.0, -1.0] {
+            let mut beside = *point;
+            beside[*at] += sign * axis.step(*at, point);
+            points.push(beside);
+        }
+    }
+    let filters = points.iter().map(|point| Filter::new(axis, axis.law(point), readings, rows));
+    let mut filters: Vec<(Filter, Vec<Row>)> =
+        filters.map(|filter| Some((filter?, Vec::with_capacity(ROWS)))).collect::<Option<_>>()?;
+    let n = free.len();
+    let mut sums =
+        Sums { log_likelihood: 0.0, readings: 0, information: DMatrix::zeros(n, n), score: DVector::zeros(n) };
+    let widths: Vec<f64> = free.iter().map(|at| 2.0 * axis.step(*at, point)).collect();
+    let (mut of_error, mut of_variance) = (vec![0.0; n], vec![0.0; n]);
+    let mut from = rows.start;
+    while from < rows.end {
+        let to = (from + ROWS).min(rows.end);
+        filters.par_iter_mut().for_each(|(filter, out)| {
+            out.clear();
+            filter.advance(axis, readings, from..to, out);
+        });
+        for j in 0..to - from {
+            for k in 0..=POSITION {
+                let [error, variance] = filters[0].1[j][k];
+                if variance == 0.0 {
+                    continue;
+                }
+                sums.readings += 1;
+                sums.log_likelihood -= 0.5 * (error * error / variance + libm::log(variance));
+                for i in 0..n {
+                    let [[e, s], [f, t]] = [filters[1 + 2 * i].1[j][k], filters[2 + 2 * i].1[j][k]];
+                    of_error[i] = (e - f) / widths[i];
+                    of_variance[i] = (s - t) / variance / widths[i];
+                }
+                for i in 0..n {
+                    let (along, spread) = (of_error[i] / variance, 0.5 * of_variance[i]);
+                    sums.score[i] += -error * along + (error * error / variance - 1.0) * spread;
+                    for l in 0..=i {
+                        sums.information[(i, l)] += along * of_error[l] + spread * of_variance[l];
+                    }
+                }
+            }
+        }
+        from = to;
+    }
+    for i in 0..n {
+        for l in 0..i {
+            sums.information[(l, i)] = sums.information[(i, l)];
+        }
+    }
+    sums.log_likelihood.is_finite().then_some(sums)
+}

@@ -1,0 +1,137 @@
+//! Faults of sensors, found in the columns before any model is asked: readings that are stuck, stuck at the end of a range (clipped), or
+//! single outliers, and rows that a late logger repeats. They are left out.
+
+use super::read::significant;
+
+/// Probability by which good readings of a whole column are taken for a fault.
+const CHANCE: f64 = 1e-6;
+/// More outliers than this part of all readings are a signal that is not smooth, not faults.
+const MOST: f64 = 0.01;
+/// Rows of a run at least: with two, readings agree by chance of their digits.
+const LEAST: usize = 4;
+/// Faults of one column that are listed.
+const LISTED: usize = 3;
+
+/// A column of a recording with its name; those of positions end in m.
+pub(super) type Column<'a> = (&'a str, &'a mut Vec<f64>);
+
+/// Sets faulty readings and repeated rows to NaN. Says what was left out, with the times of rows as `instant` writes them.
+pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> String) -> Vec<String> {
+    let mut notes = Vec::new();
+    for (name, values) in columns.iter_mut() {
+        let mut found = Vec::new();
+        let [low, high] = values
+            .iter()
+            .filter(|value| value.is_finite())
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(*value), high.max(*value)]);
+        for rows in stuck(values) {
+            let value = values[rows.start];
+            let how = if value == low || value == high { "clipped" } else { "stuck" };
+            let [from, to] = [instant(rows.start), instant(rows.end - 1)];
+            found.push(format!("{how} at {} from {from} to {to}", significant(value, 4)));
+            // The first reading of a stuck sensor is its last good one.
+            let first = rows.start + usize::from(how == "stuck");
+            values[first..rows.end].fill(f64::NAN);
+        }
+        let mut outliers = outliers(values);
+        if !name.ends_with('m') {
+            let [low, high] = middle(values);
+            outliers.retain(|row| values[*row] == 0.0 || !(2.0 * low - high..2.0 * high - low).contains(&values[*row]));
+        }
+        if let Some(first) = outliers.first() {
+            let (count, first) = (outliers.len(), instant(*first));
+            found.push(if count == 1 {
+                format!("an outlier at {first}")
+            } else {
+                format!("{count} outliers, the first at {first}")
+            });
+            outliers.iter().for_each(|row| values[*row] = f64::NAN);
+        }
+        if !found.is_empty() {
+            let more = found.len().saturating_sub(LISTED);
+            found.truncate(LISTED);
+            found.extend((more > 0).then(|| format!("{more} more")));
+            notes.push(format!("{name}: {}; left out.", found.join(", ")));
+        }
+    }
+    notes.extend(leave_out_repetitions(columns));
+    notes
+}
+
+/// Rows in which all readings are those of the row before. Where most rows are, nothing moves and nothing is noisy.
+fn leave_out_repetitions(columns: &mut [Column<'_>]) -> Option<String> {
+    let count = columns.first()?.1.len();
+    let is_repeated = |row: &usize| columns.iter().all(|(_, values)| values[*row] == values[*row - 1]);
+    let rows: Vec<usize> = (1..count).filter(is_repeated).collect();
+    if rows.is_empty() || 2 * rows.len() > count {
+        return None;
+    }
+    for (_, values) in columns {
+        rows.iter().for_each(|row| values[*row] = f64::NAN);
+    }
+    let percent = significant(100.0 * rows.len() as f64 / count as f64, 2);
+    Some(format!("{} rows ({percent} %) repeat the one before; left out.", rows.len()))
+}
+
+/// Runs of equal readings that chance does not make: with the share p of readings that equal the one before, a run of n occurs in N
+/// rows with a probability of N pⁿ at most.
+fn stuck(values: &[f64]) -> Vec<std::ops::Range<usize>> {
+    let equal = values.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    let share = equal as f64 / values.len().max(1) as f64;
+    let longest = libm::log(values.len() as f64 / CHANCE) / -libm::log(share);
+    if equal == 0 || !longest.is_finite() {
+        return Vec::new();
+    }
+    let least = (longest.ceil() as usize).max(LEAST);
+    let mut found = Vec::new();
+    let mut from = 0;
+    for row in 1..=values.len() {
+        if row == values.len() || values[row] != values[from] {
+            if row - from > least {
+                found.push(from..row);
+            }
+            from = row;
+        }
+    }
+    found
+}
+
+/// The middle 99 % of a column. Currents may jump for a sample, as masses may not: single ones are outliers if they are 0, or as far again beyond the others
+/// as these differ.
+fn middle(values: &[f64]) -> [f64; 2] {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let at = |part: f64| sorted.get((part * sorted.len() as f64) as usize).copied().unwrap_or(f64::NAN);
+    [at(0.005), at(0.995)]
+}
+
+/// Rows over which the noise of a sensor is taken to be the same.
+const BLOCK: usize = 500;
+
+/// Single readings far from the cubic through their four neighbours, which agree with each other. Far is what normal noise exceeds
+/// with a probability of [`CHANCE`] in all rows, √(2 ln(N/CHANCE)) deviations; the deviation is 1.4826 times the median of the
+/// distances nearby (Huber, *Robust Statistics*, section 5.1).
+fn outliers(values: &[f64]) -> Vec<usize> {
+    let off = |row: usize| {
+        let [a, b, c, d] = [values[row - 2], values[row - 1], values[row + 1], values[row + 2]];
+        values[row] - (4.0 * (b + c) - (a + d)) / 6.0
+    };
+    let limit = 1.4826 * (2.0 * libm::log(values.len() as f64 / CHANCE)).sqrt();
+    let mut found = Vec::new();
+    let end = values.len().saturating_sub(2);
+    for from in (2..end).step_by(BLOCK) {
+        let block = from..(from + BLOCK).min(end);
+        let mut sizes: Vec<f64> = block.clone().map(|row| off(row).abs()).filter(|off| off.is_finite()).collect();
+        if sizes.is_empty() {
+            continue;
+        }
+        let middle = sizes.len() / 2;
+        let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let is_outlier = |row: &usize| {
+            let size = off(*row).abs();
+            median > 0.0 && size > limit * median && 4.0 * (values[row + 1] - values[row - 1]).abs() < size
+        };
+        found.extend(block.filter(is_outlier));
+    }
+    if found.len() as f64 > MOST * values.len() as f64 { Vec::new() } else { found }
+}
