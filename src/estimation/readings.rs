@@ -16,6 +16,7 @@ const QUANTISED_STEPS: f64 = 8.0;
 const MEASUREMENT_LIMIT: f64 = 1.0e12;
 
 /// What a sample is good for.
+#[derive(Debug)]
 pub enum Taken<const N: usize> {
     /// All of it, but for sensors that are stuck, and a measured speed that is not that of the angle.
     Usable { stuck: [bool; N], contradiction: bool },

@@ -24,7 +24,10 @@ use self::kernel::{ROWS_PER_AXIS, Weights};
 use self::lowpass::{LowPass, LowPassState};
 use self::window::{Integrals, KERNELS, Sample, Window, WindowSums};
 use super::config::{EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, Verdict, WHOLE_NUMBER_TOLERANCE};
-use super::{CONDITION_CAP, MAGNETS};
+use super::CONDITION_CAP;
+
+/// Magnets of the machine of the paper.
+const MAGNETS: usize = 3;
 
 /// The largest condition number with which an estimate counts as valid: on the paper's orbit it is 17 to 32.
 const CONDITION_LIMIT: f64 = 60.0;

@@ -9,6 +9,7 @@ use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value};
 
 use self::read::{permitted, unknown};
+use crate::machine::Machine;
 
 /// The built-in scenarios, by name.
 pub const BUILT_IN: [(&str, &str); 12] = [
@@ -99,8 +100,8 @@ pub struct Scenario {
     pub title: String,
     /// A paragraph.
     pub description: String,
-    /// The machine, one of [`MACHINES`].
-    pub machine: &'static str,
+    /// The machine.
+    pub machine: &'static Machine,
     /// Length of the run, in seconds.
     pub duration_s: f64,
     /// Communication step, in seconds.
@@ -118,12 +119,6 @@ pub struct Scenario {
     /// Changes made when it was opened, each as `name=value`.
     pub changes: Vec<String>,
 }
-
-/// The machines that a scenario can describe: name, and the models of plant, controller and estimator.
-pub const MACHINES: [(&str, [&str; 3]); 2] = [
-    ("bearing", ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"]),
-    ("spindle", ["MagneticSpindle", "SpindleController", "SpindleEstimator"]),
-];
 
 /// Which element's outputs are connected to which element's inputs: those of the same name, and of these pairs of names.
 const LOOP: [([&str; 2], &[[&str; 2]]); 4] = [
