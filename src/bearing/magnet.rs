@@ -235,7 +235,7 @@ impl<const N: usize, const K: usize> Geometry<f64, N, K> {
 
 /// The magnets of a bearing: geometry and force allocation. Across the shaft (N = 2) they are three or more, along it (N = 1) two.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Magnets<const N: usize = 2, const K: usize = 3> {
+pub struct MagnetsOf<const N: usize, const K: usize> {
     geometry: Geometry<f64, N, K>,
     /// Angle of each magnet as in P(3), in rad.
     alpha_rad: [f64; K],
@@ -247,8 +247,11 @@ pub struct Magnets<const N: usize = 2, const K: usize = 3> {
     pairs: Option<[[f64; N]; N]>,
 }
 
-impl<const N: usize, const K: usize> Magnets<N, K> {
-    /// Magnets at the angles `alpha_rad` in rad, nominal gap `gap_m` in m.
+/// Those across the shaft.
+pub type Magnets<const K: usize = 3> = MagnetsOf<2, K>;
+
+impl<const N: usize, const K: usize> MagnetsOf<N, K> {
+    /// MagnetsOf at the angles `alpha_rad` in rad, nominal gap `gap_m` in m.
     ///
     /// # Errors
     /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite, if of three magnet k is parallel to an earlier one (see

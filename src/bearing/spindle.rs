@@ -1,6 +1,6 @@
 //! A spindle: a rigid shaft in two radial bearings A and B with M magnets each, three or four, and an axial bearing X with two.
 //!
-//! Coordinates and signs are those of [`shaft`]. Magnets are counted A 1 to M, B 1 to M, X 1 to 2; X 1 pulls
+//! Coordinates and signs are those of [`shaft`]. MagnetsOf are counted A 1 to M, B 1 to M, X 1 to 2; X 1 pulls
 //! towards +x. Positions along the shaft are in m from the centre of gravity. The sensors read `h · q`, in the order A.Ym,
 //! A.Zm, B.Ym, B.Zm, Xm:
 //!
@@ -11,7 +11,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::magnet::{Geometry, Magnets, alpha_rad};
+use crate::bearing::magnet::{Geometry, MagnetsOf, alpha_rad};
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::{self, COORDINATES, Shaft};
 use crate::invalid::{Checks, Invalid};
@@ -65,7 +65,7 @@ impl<const M: usize> Default for RadialBearing<f64, M> {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64)]
 #[serde(bound(serialize = "T: Serialize, [T; M]: Serialize", deserialize = "T: Deserialize<'de>, [T; M]: Deserialize<'de>"))]
-pub struct SpindleGeometry<T = f64, const M: usize = 3> {
+pub struct SpindleGeometryOf<T, const M: usize> {
     /// Inertia.
     #[nested(prefix = "")]
     pub shaft: Shaft<T>,
@@ -87,7 +87,10 @@ pub struct SpindleGeometry<T = f64, const M: usize = 3> {
     pub axial_gap_m: T,
 }
 
-impl<const M: usize> Default for SpindleGeometry<f64, M> {
+/// That with three magnets in each radial bearing.
+pub type SpindleGeometry<T = f64> = SpindleGeometryOf<T, 3>;
+
+impl<const M: usize> Default for SpindleGeometryOf<f64, M> {
     /// The spindle of the examples: 12 kg, 0.27 m between the bearings.
     fn default() -> Self {
         let bearing = |position_m, sensor_position_m| RadialBearing {
@@ -106,7 +109,7 @@ impl<const M: usize> Default for SpindleGeometry<f64, M> {
     }
 }
 
-impl<T: Scalar, const M: usize> SpindleGeometry<T, M> {
+impl<T: Scalar, const M: usize> SpindleGeometryOf<T, M> {
     /// Gaps and directions of the magnets.
     pub fn geometry<const K: usize>(&self) -> Geometry<T, COORDINATES, K> {
         const { assert!(K == 2 * M + 2, "two radial bearings and an axial one") };
@@ -143,11 +146,11 @@ impl<T: Scalar, const M: usize> SpindleGeometry<T, M> {
     }
 }
 
-impl<const M: usize> SpindleGeometry<f64, M> {
+impl<const M: usize> SpindleGeometryOf<f64, M> {
     /// Reports in `checks`, by the names of the interface: masses and moments of inertia that no body has, an empty shaft,
     /// positions beyond it, bearings or sensors at the same place, and of each bearing what [`Magnets::new`] refuses. Use the
     /// spindle only if nothing was reported.
-    pub(crate) fn checked<const K: usize>(&self, checks: &mut Checks) -> Spindle<M, K> {
+    pub(crate) fn checked<const K: usize>(&self, checks: &mut Checks) -> SpindleOf<M, K> {
         let Shaft { m_kg, transverse_kgm2, polar_kgm2 } = self.shaft;
         checks.positive("m", m_kg, "kg");
         checks.positive("Jt", transverse_kgm2, "kg.m2");
@@ -174,14 +177,14 @@ impl<const M: usize> SpindleGeometry<f64, M> {
             checks.of(prefix, |checks| {
                 self.check_position("position", bearing.position_m, checks);
                 self.check_position("sensorPosition", bearing.sensor_position_m, checks);
-                Magnets::checked(bearing.gap_m, bearing.alpha_rad, checks)
+                MagnetsOf::checked(bearing.gap_m, bearing.alpha_rad, checks)
             })
         });
         let (a, b) = (&self.a, &self.b);
         check_apart("position", "bearings", [a.position_m, b.position_m], checks);
         check_apart("sensorPosition", "sensors", [a.sensor_position_m, b.sensor_position_m], checks);
-        let axial = checks.of("X.", |checks| Magnets::checked(self.axial_gap_m, [0.0; 2], checks));
-        Spindle { config: *self, geometry: self.geometry(), sensors: self.sensors(), bearings, axial }
+        let axial = checks.of("X.", |checks| MagnetsOf::checked(self.axial_gap_m, [0.0; 2], checks));
+        SpindleOf { config: *self, geometry: self.geometry(), sensors: self.sensors(), bearings, axial }
     }
 
     /// Refuses a position that is not on the shaft.
@@ -208,20 +211,23 @@ fn check_apart(name: &str, what: &str, [a_m, b_m]: [f64; 2], checks: &mut Checks
 
 /// A spindle with validated geometry.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Spindle<const M: usize = 3, const K: usize = MAGNETS> {
-    config: SpindleGeometry<f64, M>,
+pub struct SpindleOf<const M: usize, const K: usize> {
+    config: SpindleGeometryOf<f64, M>,
     geometry: Geometry<f64, COORDINATES, K>,
     sensors: [[f64; COORDINATES]; READINGS],
-    bearings: [Magnets<2, M>; 2],
-    axial: Magnets<1, 2>,
+    bearings: [MagnetsOf<2, M>; 2],
+    axial: MagnetsOf<1, 2>,
 }
 
-impl<const M: usize, const K: usize> Spindle<M, K> {
+/// That with three magnets in each radial bearing.
+pub type Spindle = SpindleOf<3, MAGNETS>;
+
+impl<const M: usize, const K: usize> SpindleOf<M, K> {
     /// A spindle.
     ///
     /// # Errors
     /// Positions, gaps, angles and inertia that are refused, by their names in the interface.
-    pub fn new(config: SpindleGeometry<f64, M>) -> Result<Self, Vec<Invalid>> {
+    pub fn new(config: SpindleGeometryOf<f64, M>) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         let spindle = config.checked(&mut checks);
         checks.finish()?;
@@ -229,7 +235,7 @@ impl<const M: usize, const K: usize> Spindle<M, K> {
     }
 
     /// The configuration.
-    pub fn config(&self) -> &SpindleGeometry<f64, M> {
+    pub fn config(&self) -> &SpindleGeometryOf<f64, M> {
         &self.config
     }
 
@@ -244,12 +250,12 @@ impl<const M: usize, const K: usize> Spindle<M, K> {
     }
 
     /// The magnets of A and of B, each in its own plane: for the allocation of forces.
-    pub fn bearings(&self) -> &[Magnets<2, M>; 2] {
+    pub fn bearings(&self) -> &[MagnetsOf<2, M>; 2] {
         &self.bearings
     }
 
     /// The axial magnets: for the allocation of forces.
-    pub fn axial(&self) -> &Magnets<1, 2> {
+    pub fn axial(&self) -> &MagnetsOf<1, 2> {
         &self.axial
     }
 

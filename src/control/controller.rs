@@ -3,7 +3,7 @@
 //! The control law is that of [`tracking`](crate::control::tracking). What differs between machines is a [`ControllerParameters`]: how its
 //! magnets are arranged, and its reference.
 
-pub use crate::control::one_bearing::ControllerConfig;
+pub use crate::control::one_bearing::{ControllerConfig, ControllerConfigOf};
 pub use crate::control::tracking::{
     Allocation, ControllerError, INSTANT_TOLERANCE, PRELOAD_S, SMALLEST_GAP, UpdateMode, ramp_gains, tracking_gains,
 };
@@ -71,7 +71,7 @@ pub trait ControllerParameters<const N: usize, const K: usize, const G: usize>: 
     serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
     deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
 ))]
-pub struct ControllerInput<const N: usize = 2, const K: usize = 3> {
+pub struct ControllerInputOf<const N: usize, const K: usize> {
     /// Angular velocity on the reference, in rad/s; of a shaft that tilts also that of the gyroscopic moments.
     #[parameter(
         name = "reference.omega", tunable, unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0,
@@ -101,7 +101,10 @@ pub struct ControllerInput<const N: usize = 2, const K: usize = 3> {
     pub reference_m: [f64; N],
 }
 
-impl<const N: usize, const K: usize> Default for ControllerInput<N, K> {
+/// Those for the planar rotor of the paper.
+pub type ControllerInput = ControllerInputOf<2, 3>;
+
+impl<const N: usize, const K: usize> Default for ControllerInputOf<N, K> {
     /// All 0.
     fn default() -> Self {
         Self {
@@ -122,7 +125,7 @@ impl<const N: usize, const K: usize> Default for ControllerInput<N, K> {
     serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
     deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
 ))]
-pub struct ControllerOutput<const N: usize = 2, const K: usize = 3> {
+pub struct ControllerOutputOf<const N: usize, const K: usize> {
     /// Current reference of {magnet}; with drive = voltage for the end of the sample
     #[output(names = context.of_magnets("i"), discrete, unit = AMPERE)]
     pub current_a: [f64; K],
@@ -173,7 +176,10 @@ pub struct ControllerOutput<const N: usize = 2, const K: usize = 3> {
     pub limited: bool,
 }
 
-impl<const N: usize, const K: usize> Default for ControllerOutput<N, K> {
+/// Those for the planar rotor of the paper.
+pub type ControllerOutput = ControllerOutputOf<2, 3>;
+
+impl<const N: usize, const K: usize> Default for ControllerOutputOf<N, K> {
     /// All 0.
     fn default() -> Self {
         Self {
@@ -296,13 +302,13 @@ impl<C: ControllerParameters<N, K, G>, const N: usize, const K: usize, const G: 
     }
 
     /// The outputs before the first sample: no current, the first guess of λ, and the begin of the reference.
-    pub fn output_at_start(&self) -> ControllerOutput<N, K> {
+    pub fn output_at_start(&self) -> ControllerOutputOf<N, K> {
         let begin = self.at_magnets(self.reference.ahead(&self.reference.start(), 0.0));
-        ControllerOutput {
+        ControllerOutputOf {
             lambda_used_nm2_a2: self.config.law().lambda0_nm2_a2,
             reference_m: begin,
             reference_ahead_m: begin,
-            ..ControllerOutput::default()
+            ..ControllerOutputOf::default()
         }
     }
 
@@ -323,8 +329,8 @@ impl<C: ControllerParameters<N, K, G>, const N: usize, const K: usize, const G: 
     pub fn sample(
         &self,
         state: &mut StateOf<C, N, K, G>,
-        input: &ControllerInput<N, K>,
-    ) -> Result<ControllerOutput<N, K>, ControllerError> {
+        input: &ControllerInputOf<N, K>,
+    ) -> Result<ControllerOutputOf<N, K>, ControllerError> {
         self.check_input(input)?;
         let mut next = state.clone();
         let rotor = self.law.arrangement();
@@ -351,7 +357,7 @@ impl<C: ControllerParameters<N, K, G>, const N: usize, const K: usize, const G: 
         let Command { current_a, voltage_v, force, perturbation, saturated, limited } =
             self.law.sample(&mut next.law, &measured, &course)?;
         *state = next;
-        Ok(ControllerOutput {
+        Ok(ControllerOutputOf {
             current_a,
             voltage_v,
             tracking_error_m,
@@ -365,7 +371,7 @@ impl<C: ControllerParameters<N, K, G>, const N: usize, const K: usize, const G: 
         })
     }
 
-    fn check_input(&self, input: &ControllerInput<N, K>) -> Result<(), ControllerError> {
+    fn check_input(&self, input: &ControllerInputOf<N, K>) -> Result<(), ControllerError> {
         let machine = C::Rotor::MACHINE;
         ControllerError::check(|| machine.measured(), &input.position_m)?;
         ControllerError::check(|| vec!["reference.omega".into()], &[input.omega_rad_s])?;

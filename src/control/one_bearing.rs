@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::magnet::{Geometry, Magnets, alpha_rad};
+use crate::bearing::magnet::{Geometry, MagnetsOf, alpha_rad};
 use crate::control::controller::{ControllerParameters, Path};
 use crate::control::reference::{RefPoint, Reference, ReferenceConfig, ReferenceState, Shape};
 use crate::control::tracking::{Allocation, Arrangement, Tracking, TrackingConfig};
@@ -23,7 +23,7 @@ pub use crate::bearing::magnet::Used;
         deserialize = "[f64; K]: Deserialize<'de>, [f64; G]: Deserialize<'de>"
     )
 )]
-pub struct ControllerConfig<const N: usize = 2, const K: usize = 3, const G: usize = 1> {
+pub struct ControllerConfigOf<const N: usize, const K: usize, const G: usize> {
     /// Mass of the rotor
     #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
     pub m_kg: f64,
@@ -44,7 +44,10 @@ pub struct ControllerConfig<const N: usize = 2, const K: usize = 3, const G: usi
     pub reference: ReferenceConfig,
 }
 
-impl<const N: usize, const K: usize, const G: usize> Default for ControllerConfig<N, K, G> {
+/// That for the planar rotor of the paper.
+pub type ControllerConfig = ControllerConfigOf<2, 3, 1>;
+
+impl<const N: usize, const K: usize, const G: usize> Default for ControllerConfigOf<N, K, G> {
     /// The paper's bearing, or one of the same size, and its first guess; along the axis the rotor rests in the middle.
     fn default() -> Self {
         let at_rest = ReferenceConfig { r_y_m: 0.0, r_z_m: 0.0, ..ReferenceConfig::default() };
@@ -59,7 +62,7 @@ impl<const N: usize, const K: usize, const G: usize> Default for ControllerConfi
     }
 }
 
-impl<const N: usize, const K: usize, const G: usize> ControllerParameters<N, K, G> for ControllerConfig<N, K, G> {
+impl<const N: usize, const K: usize, const G: usize> ControllerParameters<N, K, G> for ControllerConfigOf<N, K, G> {
     type Rotor = OneBearing<N, K>;
     type Path = Reference;
 
@@ -77,7 +80,7 @@ impl<const N: usize, const K: usize, const G: usize> ControllerParameters<N, K, 
 
     fn checked(&self, checks: &mut Checks) -> (Tracking<OneBearing<N, K>, N, K, G>, Reference) {
         checks.positive("m", self.m_kg, "kg");
-        let magnets = Magnets::checked(self.gap_m, self.alpha_rad, checks);
+        let magnets = MagnetsOf::checked(self.gap_m, self.alpha_rad, checks);
         let rotor = OneBearing { m_kg: self.m_kg, magnets: magnets.clone(), used: self.used };
         checks.require(
             self.used == Used::Both || self.law.allocation == Allocation::SmallestForce,
@@ -94,7 +97,7 @@ impl<const N: usize, const K: usize, const G: usize> ControllerParameters<N, K, 
 #[derive(Clone, Debug, PartialEq)]
 pub struct OneBearing<const N: usize, const K: usize> {
     m_kg: f64,
-    magnets: Magnets<N, K>,
+    magnets: MagnetsOf<N, K>,
     used: Used,
 }
 

@@ -16,7 +16,7 @@ use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::magnet::Magnets;
+use crate::bearing::magnet::MagnetsOf;
 use crate::control::observer::{Signal, SignalObserver};
 use crate::invalid::{Checks, Invalid, Short};
 use crate::machine::Machine;
@@ -318,7 +318,7 @@ impl Reference {
     pub fn new<const N: usize, const K: usize>(
         config: ReferenceConfig,
         step_s: f64,
-        magnets: &Magnets<N, K>,
+        magnets: &MagnetsOf<N, K>,
     ) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         let reference = Self::checked(config, step_s, magnets, &mut checks);
@@ -330,7 +330,7 @@ impl Reference {
     pub(crate) fn checked<const N: usize, const K: usize>(
         config: ReferenceConfig,
         step_s: f64,
-        magnets: &Magnets<N, K>,
+        magnets: &MagnetsOf<N, K>,
         checks: &mut Checks,
     ) -> Self {
         checks.not_negative(along_first::<N>("reference.r"), config.r_y_m, "m");
@@ -459,7 +459,7 @@ impl Reference {
 /// Refuses a curve that may touch a magnet.
 fn check_reach<const N: usize, const K: usize>(
     config: &ReferenceConfig,
-    magnets: &Magnets<N, K>,
+    magnets: &MagnetsOf<N, K>,
     checks: &mut Checks,
 ) {
     let lobes_m = match config.shape {
@@ -477,7 +477,7 @@ fn check_reach<const N: usize, const K: usize>(
 pub(super) fn check_ellipse_reach<const N: usize, const K: usize>(
     [r_y, r_z]: [f64; 2],
     lobes_m: f64,
-    magnets: &Magnets<N, K>,
+    magnets: &MagnetsOf<N, K>,
     checks: &mut Checks,
 ) {
     let a = lobes_m.abs();
@@ -544,7 +544,7 @@ fn check_contour<const N: usize>(contour: &Contour, checks: &mut Checks) {
 /// coefficient.
 fn check_contour_reach<const N: usize, const K: usize>(
     contour: &Contour,
-    magnets: &Magnets<N, K>,
+    magnets: &MagnetsOf<N, K>,
     checks: &mut Checks,
 ) {
     const ANGLES: usize = 45 * HARMONICS;

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::bearing::magnet::Geometry;
 use crate::bearing::shaft::{self, COORDINATES};
-use crate::bearing::spindle::{MAGNETS, READINGS, Spindle, SpindleGeometry, bearing_of};
-use crate::control::controller::{Controller, ControllerInput, ControllerOutput, ControllerParameters, StateOf};
+use crate::bearing::spindle::{MAGNETS, READINGS, SpindleOf, SpindleGeometryOf, bearing_of};
+use crate::control::controller::{Controller, ControllerInputOf, ControllerOutputOf, ControllerParameters, StateOf};
 use crate::control::tracking::{Arrangement, Tracking, TrackingConfig};
 use crate::invalid::Checks;
 use crate::machine::Machine;
@@ -26,10 +26,10 @@ pub type SpindleController = Controller<SpindleControllerConfig, COORDINATES, MA
 pub type SpindleControllerState = StateOf<SpindleControllerConfig, COORDINATES, MAGNETS, 3>;
 
 /// Its inputs.
-pub type SpindleControllerInput = ControllerInput<READINGS, MAGNETS>;
+pub type SpindleControllerInput = ControllerInputOf<READINGS, MAGNETS>;
 
 /// Its outputs.
-pub type SpindleControllerOutput = ControllerOutput<READINGS, MAGNETS>;
+pub type SpindleControllerOutput = ControllerOutputOf<READINGS, MAGNETS>;
 
 /// Configuration of the controller.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
@@ -41,10 +41,10 @@ pub type SpindleControllerOutput = ControllerOutput<READINGS, MAGNETS>;
         deserialize = "[f64; M]: Deserialize<'de>, [f64; K]: Deserialize<'de>, [f64; G]: Deserialize<'de>"
     )
 )]
-pub struct SpindleControllerConfig<const M: usize = 3, const K: usize = MAGNETS, const G: usize = 3> {
+pub struct SpindleControllerConfigOf<const M: usize, const K: usize, const G: usize> {
     /// Shaft and bearings as the controller knows them. With `J_p` = 0 it compensates no gyroscopic moments.
     #[nested(prefix = "", context = ())]
-    pub geometry: SpindleGeometry<f64, M>,
+    pub geometry: SpindleGeometryOf<f64, M>,
     /// The control law; magnets and bearings in the order of [`spindle`](crate::bearing::spindle).
     #[nested(prefix = "")]
     pub law: TrackingConfig<K, G>,
@@ -53,7 +53,10 @@ pub struct SpindleControllerConfig<const M: usize = 3, const K: usize = MAGNETS,
     pub path: SpindlePathConfig,
 }
 
-impl<const M: usize, const K: usize, const G: usize> Default for SpindleControllerConfig<M, K, G> {
+/// That with three magnets in each radial bearing.
+pub type SpindleControllerConfig = SpindleControllerConfigOf<3, MAGNETS, 3>;
+
+impl<const M: usize, const K: usize, const G: usize> Default for SpindleControllerConfigOf<M, K, G> {
     /// The spindle of the examples, a smallest force of 15 N, and modulation frequencies that are apart in all bearings.
     ///
     /// With tracking poles at 1200 rad/s an unbalance of 8 and 5·10⁻⁵ kg·m in two planes leaves a tracking error of 2.5 µm at
@@ -64,7 +67,7 @@ impl<const M: usize, const K: usize, const G: usize> Default for SpindleControll
         let mut modulation_hz = law.modulation_hz;
         modulation_hz[G - 1] = 90.0;
         Self {
-            geometry: SpindleGeometry::default(),
+            geometry: SpindleGeometryOf::default(),
             law: TrackingConfig { f0_n: [15.0; G], modulation_hz, tracking_rad_s: 1200.0, ..law },
             path: SpindlePathConfig::default(),
         }
@@ -72,9 +75,9 @@ impl<const M: usize, const K: usize, const G: usize> Default for SpindleControll
 }
 
 impl<const M: usize, const K: usize, const G: usize> ControllerParameters<COORDINATES, K, G>
-    for SpindleControllerConfig<M, K, G>
+    for SpindleControllerConfigOf<M, K, G>
 {
-    type Rotor = Spindle<M, K>;
+    type Rotor = SpindleOf<M, K>;
     type Path = SpindlePath;
 
     fn law(&self) -> &TrackingConfig<K, G> {
@@ -89,7 +92,7 @@ impl<const M: usize, const K: usize, const G: usize> ControllerParameters<COORDI
         &mut self.path.omega_rad_s
     }
 
-    fn checked(&self, checks: &mut Checks) -> (Tracking<Spindle<M, K>, COORDINATES, K, G>, SpindlePath) {
+    fn checked(&self, checks: &mut Checks) -> (Tracking<SpindleOf<M, K>, COORDINATES, K, G>, SpindlePath) {
         let spindle = self.geometry.checked(checks);
         let path = SpindlePath::checked(self.path.clone(), self.law.step_s, &spindle, checks);
         (Tracking::checked(self.law.clone(), spindle, checks), path)
@@ -104,7 +107,7 @@ fn joined<const M: usize, const K: usize>(radial: [[f64; M]; 2], axial: [f64; 2]
     })
 }
 
-impl<const M: usize, const K: usize, const G: usize> Arrangement<COORDINATES, K, G> for Spindle<M, K> {
+impl<const M: usize, const K: usize, const G: usize> Arrangement<COORDINATES, K, G> for SpindleOf<M, K> {
     const MACHINE: &'static Machine = Machine::of_shaft(M);
 
     fn geometry(&self) -> &Geometry<f64, COORDINATES, K> {
@@ -151,6 +154,6 @@ impl<const M: usize, const K: usize, const G: usize> Arrangement<COORDINATES, K,
 }
 
 /// Positions of the radial magnets along the shaft, in m.
-fn magnets_at_m<const M: usize, const K: usize>(spindle: &Spindle<M, K>) -> [f64; 2] {
+fn magnets_at_m<const M: usize, const K: usize>(spindle: &SpindleOf<M, K>) -> [f64; 2] {
     [spindle.config().a.position_m, spindle.config().b.position_m]
 }

@@ -144,7 +144,7 @@ impl Tolerance {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Names)]
 #[serde(bound(serialize = "[f64; K]: Serialize", deserialize = "[f64; K]: Deserialize<'de>"))]
-pub struct EstimatorConfig<const N: usize = 2, const K: usize = 3> {
+pub struct EstimatorConfigOf<const N: usize, const K: usize> {
     /// Mass of the rotor
     #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
     pub m_kg: f64,
@@ -203,7 +203,10 @@ pub struct EstimatorConfig<const N: usize = 2, const K: usize = 3> {
     pub filter_zeta: f64,
 }
 
-impl<const N: usize, const K: usize> Default for EstimatorConfig<N, K> {
+/// Those for the planar rotor of the paper.
+pub type EstimatorConfig = EstimatorConfigOf<2, 3>;
+
+impl<const N: usize, const K: usize> Default for EstimatorConfigOf<N, K> {
     fn default() -> Self {
         Self {
             m_kg: 6.7,
@@ -233,7 +236,7 @@ impl<const N: usize, const K: usize> Default for EstimatorConfig<N, K> {
     serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
     deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
 ))]
-pub struct EstimatorInput<const N: usize = 2, const K: usize = 3> {
+pub struct EstimatorInputOf<const N: usize, const K: usize> {
     /// Measured position of the rotor {place}
     #[input(names = context.measured(), unit = METRE, nominal = 1e-5)]
     pub position_m: [f64; N],
@@ -261,7 +264,10 @@ pub struct EstimatorInput<const N: usize = 2, const K: usize = 3> {
     pub reset: bool,
 }
 
-impl<const N: usize, const K: usize> Default for EstimatorInput<N, K> {
+/// That of the planar rotor of the paper.
+pub type EstimatorInput = EstimatorInputOf<2, 3>;
+
+impl<const N: usize, const K: usize> Default for EstimatorInputOf<N, K> {
     /// All 0 and false.
     fn default() -> Self {
         Self {
@@ -359,7 +365,7 @@ impl fmt::Display for Verdict {
     serialize = "[f64; N]: Serialize, [f64; K]: Serialize, [f64; P]: Serialize",
     deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>, [f64; P]: Deserialize<'de>"
 ))]
-pub struct EstimatorOutput<const N: usize = 2, const K: usize = 3, const P: usize = 1> {
+pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
     /// Estimated force constant of {magnet}
     ///
     /// λ_0 at first, then the last valid estimate ([`Method::PaperLiteral`]: the last finite one).
@@ -461,7 +467,10 @@ pub struct EstimatorOutput<const N: usize = 2, const K: usize = 3, const P: usiz
     pub determinant: f64,
 }
 
-impl<const N: usize, const K: usize, const P: usize> Default for EstimatorOutput<N, K, P> {
+/// Those for the planar rotor of the paper.
+pub type EstimatorOutput = EstimatorOutputOf<2, 3, 1>;
+
+impl<const N: usize, const K: usize, const P: usize> Default for EstimatorOutputOf<N, K, P> {
     /// All 0.
     fn default() -> Self {
         Self {
@@ -496,7 +505,7 @@ pub(super) fn stiffness_std<const K: usize>(stiffness: [f64; K], lambda_std: [f6
     std::array::from_fn(of)
 }
 
-impl<const N: usize, const K: usize, const P: usize> EstimatorOutput<N, K, P> {
+impl<const N: usize, const K: usize, const P: usize> EstimatorOutputOf<N, K, P> {
     pub(super) fn is_finite(&self, machine: &Names) -> bool {
         self.determinant.is_finite() && numbers("", self, machine).iter().all(|(_, value, _)| value.is_finite())
     }
@@ -523,7 +532,7 @@ pub(super) fn check_common<const K: usize>(
 }
 
 /// Checks every parameter, under its name in the interface.
-pub(super) fn check<const N: usize, const K: usize>(config: &EstimatorConfig<N, K>, checks: &mut Checks) {
+pub(super) fn check<const N: usize, const K: usize>(config: &EstimatorConfigOf<N, K>, checks: &mut Checks) {
     let machine = Names::of_one_bearing(N, K);
     let paper = config.method != Method::PredictionError;
     for (name, value, unit) in [

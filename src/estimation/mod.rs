@@ -26,7 +26,8 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 pub use self::config::{
-    EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, MAX_INTERVALS, MIN_INTERVALS, Method, Tolerance, Verdict,
+    EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorInputOf, EstimatorOutput, EstimatorOutputOf, Hold, MAX_INTERVALS,
+    MIN_INTERVALS, Method, Tolerance, Verdict,
 };
 use self::config::{check_common, stiffness_std};
 use self::innovations::{Machine, Sample, WhiteningFilter};
@@ -86,7 +87,7 @@ pub struct Common<'a, const K: usize> {
 /// A sample for a method, with the verdict on each part if it cannot be used.
 #[derive(Debug)]
 pub struct Judged<'a, const N: usize, const K: usize> {
-    input: &'a EstimatorInput<N, K>,
+    input: &'a EstimatorInputOf<N, K>,
     taken: Taken<N>,
     is_lost: bool,
     rotation: angle::Rotation,
@@ -123,27 +124,27 @@ pub trait Estimation<const N: usize, const K: usize, const P: usize> {
         &self,
         state: &mut Self::State,
         sample: &Judged<'_, N, K>,
-        output: &mut EstimatorOutput<N, K, P>,
+        output: &mut EstimatorOutputOf<N, K, P>,
     ) -> [Verdict; P];
 }
 
 /// All that changes with a sample. Made by [`Estimator::start`], and good only for estimators with the same parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound(
-    serialize = "S: Serialize, EstimatorOutput<N, K, P>: Serialize",
-    deserialize = "S: Deserialize<'de>, EstimatorOutput<N, K, P>: Deserialize<'de>"
+    serialize = "S: Serialize, EstimatorOutputOf<N, K, P>: Serialize",
+    deserialize = "S: Deserialize<'de>, EstimatorOutputOf<N, K, P>: Deserialize<'de>"
 ))]
 pub struct EstimatorState<S = one_bearing::PlanarState, const N: usize = 2, const K: usize = 3, const P: usize = 1> {
     reset_was_high: bool,
     readings: Readings<N, K>,
     method: S,
-    output: EstimatorOutput<N, K, P>,
+    output: EstimatorOutputOf<N, K, P>,
 }
 
 impl<S, const N: usize, const K: usize, const P: usize> EstimatorState<S, N, K, P> {
     /// The estimates after the last sample.
     #[must_use]
-    pub fn output(&self) -> &EstimatorOutput<N, K, P> {
+    pub fn output(&self) -> &EstimatorOutputOf<N, K, P> {
         &self.output
     }
 }
@@ -190,7 +191,7 @@ impl<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: u
     #[must_use]
     pub fn start(&self) -> StateOf<C, N, K, P> {
         let Common { lambda0_nm2_a2: lambda0, noise, .. } = self.config.common();
-        let output = EstimatorOutput {
+        let output = EstimatorOutputOf {
             lambda_hat: lambda0,
             lambda_raw: lambda0,
             lambda_std: lambda0,
@@ -201,7 +202,7 @@ impl<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: u
             axial_verdict: Verdict::Collecting,
             position_noise_m: [noise[0]; P],
             current_noise_a: [noise[1]; P],
-            ..EstimatorOutput::default()
+            ..EstimatorOutputOf::default()
         };
         EstimatorState { reset_was_high: false, readings: Readings::start(), method: self.method.start(), output }
     }
@@ -219,8 +220,8 @@ impl<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: u
     pub fn sample(
         &self,
         state: &mut StateOf<C, N, K, P>,
-        input: &EstimatorInput<N, K>,
-    ) -> EstimatorOutput<N, K, P> {
+        input: &EstimatorInputOf<N, K>,
+    ) -> EstimatorOutputOf<N, K, P> {
         if input.reset && !state.reset_was_high {
             *state = self.start();
         }
@@ -242,7 +243,7 @@ impl<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: u
     }
 }
 
-impl<const N: usize, const K: usize, const P: usize> EstimatorOutput<N, K, P> {
+impl<const N: usize, const K: usize, const P: usize> EstimatorOutputOf<N, K, P> {
     /// Writes the estimate of a part: its magnets begin with `first`, its loads are those of these coordinates.
     fn write<const R: usize, const M: usize, const U: usize, const T: usize>(
         &mut self,

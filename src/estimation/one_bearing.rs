@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::config::check;
 use super::paper::{Paper, PaperState};
 use super::{
-    Common, Estimation, EstimatorConfig, EstimatorOutput, EstimatorParameters, Judged, Machine, Method, Names,
+    Common, Estimation, EstimatorConfigOf, EstimatorOutputOf, EstimatorParameters, Judged, Machine, Method, Names,
     PredictionError, PredictionErrorState, Sample, Taken, Verdict, prediction_error,
 };
 use crate::bearing::magnet::Geometry;
@@ -15,7 +15,7 @@ use crate::invalid::{Checks, Invalid};
 /// A force constant that is held at its first guess has this standard deviation, relative.
 const HELD: f64 = 1.0e-6;
 
-impl<const N: usize, const K: usize> EstimatorConfig<N, K> {
+impl<const N: usize, const K: usize> EstimatorConfigOf<N, K> {
     /// What all estimators have.
     fn shared(&self) -> Common<'_, K> {
         Common {
@@ -62,7 +62,7 @@ impl<const N: usize, const K: usize> EstimatorConfig<N, K> {
 /// Implements the parameters for the sizes of a machine: coordinates, magnets, unknowns, columns of tolerances, uncertain parameters.
 macro_rules! of_sizes {
     ($n:literal, $k:literal, $method:ty, |$config:ident| $make:expr) => {
-        impl EstimatorParameters<$n, $k, 1> for EstimatorConfig<$n, $k> {
+        impl EstimatorParameters<$n, $k, 1> for EstimatorConfigOf<$n, $k> {
             const MACHINE: &'static Names = Names::of_one_bearing($n, $k);
 
             type Method = $method;
@@ -112,7 +112,7 @@ where
         &self,
         state: &mut Self::State,
         sample: &Judged<'_, N, K>,
-        output: &mut EstimatorOutput<N, K, 1>,
+        output: &mut EstimatorOutputOf<N, K, 1>,
     ) -> [Verdict; 1] {
         let refused = sample.refused(0..N, state.estimate.verdict);
         let (input, rotation) = (sample.input, sample.rotation);
@@ -155,7 +155,7 @@ impl Estimation<2, 3, 1> for Planar {
         }
     }
 
-    fn advance(&self, state: &mut PlanarState, sample: &Judged<'_, 2, 3>, output: &mut EstimatorOutput) -> [Verdict; 1] {
+    fn advance(&self, state: &mut PlanarState, sample: &Judged<'_, 2, 3>, output: &mut EstimatorOutputOf<2, 3, 1>) -> [Verdict; 1] {
         match (self, state) {
             (Planar::PredictionError(method), PlanarState::PredictionError(own)) => method.advance(own, sample, output),
             (Planar::Paper(method), PlanarState::Paper(own)) if method.has_shape(own) => {

@@ -10,12 +10,12 @@ use serde::{Deserialize, Serialize};
 
 use super::innovations::Square;
 use super::{
-    Common, Estimation, Estimator, EstimatorInput, EstimatorOutput, EstimatorParameters, Hold, Judged, Machine, Names,
+    Common, Estimation, Estimator, EstimatorInputOf, EstimatorOutputOf, EstimatorParameters, Hold, Judged, Machine, Names,
     PredictionError, PredictionErrorState, Sample, StateOf, Tolerance, Verdict, check_common, prediction_error,
 };
 use crate::bearing::magnet::Geometry;
 use crate::bearing::shaft::{COORDINATES, generalised, through};
-use crate::bearing::spindle::{MAGNETS, READINGS, SHORTEST_DISTANCE_M, Spindle, SpindleGeometry};
+use crate::bearing::spindle::{MAGNETS, READINGS, SHORTEST_DISTANCE_M, SpindleOf, SpindleGeometryOf};
 use crate::invalid::{Checks, Invalid};
 use crate::plant::spindle::PLANES;
 use crate::variables::unit::{AMPERE, KILOGRAM_METRE2, METRE, SECOND};
@@ -28,10 +28,10 @@ pub type SpindleEstimator = Estimator<SpindleEstimatorConfig, READINGS, MAGNETS,
 pub type SpindleEstimatorState = StateOf<SpindleEstimatorConfig, READINGS, MAGNETS, 2>;
 
 /// Its inputs.
-pub type SpindleEstimatorInput = EstimatorInput<READINGS, MAGNETS>;
+pub type SpindleEstimatorInput = EstimatorInputOf<READINGS, MAGNETS>;
 
 /// Its outputs.
-pub type SpindleEstimatorOutput = EstimatorOutput<READINGS, MAGNETS, 2>;
+pub type SpindleEstimatorOutput = EstimatorOutputOf<READINGS, MAGNETS, 2>;
 
 /// Parameters of the radial machine with a tolerance, besides the angles: gap, J_t, J_p, positions of magnets, of sensors, of unbalance.
 const BESIDE_ANGLES: usize = 9;
@@ -63,10 +63,10 @@ pub struct ShaftTolerance {
     serialize = "[f64; M]: Serialize, [f64; K]: Serialize",
     deserialize = "[f64; M]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
 ))]
-pub struct SpindleEstimatorConfig<const M: usize = 3, const K: usize = MAGNETS> {
+pub struct SpindleEstimatorConfigOf<const M: usize, const K: usize> {
     /// Shaft and bearings.
     #[nested(prefix = "", context = ())]
-    pub geometry: SpindleGeometry<f64, M>,
+    pub geometry: SpindleGeometryOf<f64, M>,
     /// Sample time; samples are taken at the start time plus whole multiples of it
     #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
     pub step_s: f64,
@@ -96,10 +96,13 @@ pub struct SpindleEstimatorConfig<const M: usize = 3, const K: usize = MAGNETS> 
     pub shaft_tolerance: ShaftTolerance,
 }
 
-impl<const M: usize, const K: usize> Default for SpindleEstimatorConfig<M, K> {
+/// Those with three magnets in each radial bearing.
+pub type SpindleEstimatorConfig = SpindleEstimatorConfigOf<3, MAGNETS>;
+
+impl<const M: usize, const K: usize> Default for SpindleEstimatorConfigOf<M, K> {
     fn default() -> Self {
         Self {
-            geometry: SpindleGeometry::default(),
+            geometry: SpindleGeometryOf::default(),
             step_s: 1.0e-4,
             lambda0_nm2_a2: [4.0e-6; K],
             hold: Hold::default(),
@@ -117,7 +120,7 @@ impl<const M: usize, const K: usize> Default for SpindleEstimatorConfig<M, K> {
 /// radial part, its columns of tolerances, and its uncertain parameters.
 macro_rules! of_sizes {
     ($m:literal, $k:literal, $radial:literal, $unknowns:literal, $columns:literal, $parameters:literal) => {
-        impl EstimatorParameters<READINGS, $k, 2> for SpindleEstimatorConfig<$m, $k> {
+        impl EstimatorParameters<READINGS, $k, 2> for SpindleEstimatorConfigOf<$m, $k> {
             const MACHINE: &'static Names = Names::of_shaft($m);
 
             type Method = Parts<$radial, $unknowns, $columns>;
@@ -177,9 +180,9 @@ where
         &self,
         (radial, axial): &mut Self::State,
         sample: &Judged<'_, N, A>,
-        output: &mut EstimatorOutput<N, A, 2>,
+        output: &mut EstimatorOutputOf<N, A, 2>,
     ) -> [Verdict; 2] {
-        let EstimatorInput { position_m, current_a, .. } = sample.input;
+        let EstimatorInputOf { position_m, current_a, .. } = sample.input;
         let refused = [
             sample.refused(0..4, radial.estimate.verdict),
             sample.refused(4..5, axial.estimate.verdict),
@@ -205,7 +208,7 @@ impl ShaftTolerance {
         numbers("tolerance.", self, &())
     }
 
-    fn check<const M: usize>(&self, geometry: &SpindleGeometry<f64, M>, checks: &mut Checks) {
+    fn check<const M: usize>(&self, geometry: &SpindleGeometryOf<f64, M>, checks: &mut Checks) {
         let [begin_m, end_m] = geometry.extent_m;
         for (name, value, unit) in self.listed() {
             checks.not_negative(name.clone(), value, unit);
@@ -226,7 +229,7 @@ impl ShaftTolerance {
     }
 }
 
-impl<const M: usize, const A: usize> SpindleEstimatorConfig<M, A> {
+impl<const M: usize, const A: usize> SpindleEstimatorConfigOf<M, A> {
     fn shared(&self) -> Common<'_, A> {
         Common {
             m_kg: self.geometry.shaft.m_kg,
@@ -242,7 +245,7 @@ impl<const M: usize, const A: usize> SpindleEstimatorConfig<M, A> {
     /// Reports what [`Spindle::new`] refuses; a sample time or a first guess that is not positive; noise or a tolerance that is negative;
     /// planes of unbalance that are not on the shaft, or at the same place.
     fn checked(&self, machine: &Names, checks: &mut Checks) {
-        let _: Spindle<M, A> = self.geometry.checked(checks);
+        let _: SpindleOf<M, A> = self.geometry.checked(checks);
         let noise = [self.position_noise_m, self.current_noise_a];
         let [first_m, second_m] = self.unbalance_position_m;
         self.geometry.check_position("unbalance[1].position", first_m, checks);
@@ -313,7 +316,7 @@ impl<const M: usize, const A: usize> SpindleEstimatorConfig<M, A> {
 
 /// The radial machine of a spindle with planes of unbalance; `None` if the readings do not tell a tilt.
 fn radial_machine<const M: usize, const A: usize, const K: usize, const U: usize>(
-    spindle: &SpindleGeometry<f64, M>,
+    spindle: &SpindleGeometryOf<f64, M>,
     planes_m: [f64; PLANES],
 ) -> Option<Machine<4, K, U>> {
     let across = |[_, y, z, beta, gamma]: [f64; COORDINATES]| SVector::from([y, z, beta, gamma]);

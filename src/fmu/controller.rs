@@ -12,9 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use super::common::{info, refused, sampled};
 use crate::control::controller::{
-    Controller, ControllerConfig, ControllerInput, ControllerOutput, ControllerParameters, StateOf, UpdateMode,
+    Controller, ControllerConfig, ControllerConfigOf, ControllerInputOf, ControllerOutputOf, ControllerParameters, StateOf, UpdateMode,
 };
-use crate::control::spindle::SpindleControllerConfig;
+use crate::control::spindle::{SpindleControllerConfig, SpindleControllerConfigOf};
 use crate::control::tracking::Arrangement;
 use crate::machine::Machine;
 use crate::variables::Variables;
@@ -23,8 +23,8 @@ use crate::variables::Variables;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
 #[serde(bound(
-    serialize = "C: Serialize, ControllerInput<N, K>: Serialize, ControllerOutput<N, K>: Serialize",
-    deserialize = "C: Deserialize<'de>, ControllerInput<N, K>: Deserialize<'de>, ControllerOutput<N, K>: Deserialize<'de>"
+    serialize = "C: Serialize, ControllerInputOf<N, K>: Serialize, ControllerOutputOf<N, K>: Serialize",
+    deserialize = "C: Deserialize<'de>, ControllerInputOf<N, K>: Deserialize<'de>, ControllerOutputOf<N, K>: Deserialize<'de>"
 ))]
 pub struct Values<C, const N: usize, const K: usize>
 where
@@ -33,9 +33,9 @@ where
     #[nested(prefix = "")]
     config: C,
     #[nested(prefix = "")]
-    input: ControllerInput<N, K>,
+    input: ControllerInputOf<N, K>,
     #[nested(prefix = "")]
-    output: ControllerOutput<N, K>,
+    output: ControllerOutputOf<N, K>,
 }
 
 /// The configuration with the speed, which may change during a run.
@@ -84,16 +84,16 @@ pub struct ControllerModel<C: ControllerParameters<N, K, G>, const N: usize, con
 pub type FlatnessController = ControllerModel<ControllerConfig, 2, 3, 1>;
 
 /// That with four magnets.
-pub type FlatnessController4 = ControllerModel<ControllerConfig<2, 4, 2>, 2, 4, 2>;
+pub type FlatnessController4 = ControllerModel<ControllerConfigOf<2, 4, 2>, 2, 4, 2>;
 
 /// That along the axis.
-pub type AxialController = ControllerModel<ControllerConfig<1, 2, 1>, 1, 2, 1>;
+pub type AxialController = ControllerModel<ControllerConfigOf<1, 2, 1>, 1, 2, 1>;
 
 /// The controller of the spindle.
 pub type SpindleController = ControllerModel<SpindleControllerConfig, 5, 8, 3>;
 
 /// That with four magnets in each radial bearing.
-pub type SpindleController4 = ControllerModel<SpindleControllerConfig<4, 10, 5>, 5, 10, 5>;
+pub type SpindleController4 = ControllerModel<SpindleControllerConfigOf<4, 10, 5>, 5, 10, 5>;
 
 impl<C, const N: usize, const K: usize, const G: usize> SampledModel for ControllerModel<C, N, K, G>
 where

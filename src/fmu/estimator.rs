@@ -7,9 +7,9 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::common::{info, refused, sampled};
-use crate::estimation::spindle::SpindleEstimatorConfig;
+use crate::estimation::spindle::{SpindleEstimatorConfig, SpindleEstimatorConfigOf};
 use crate::estimation::{
-    Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorParameters, Method, StateOf, Verdict,
+    Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, EstimatorParameters, Method, StateOf, Verdict,
 };
 use crate::machine::Machine;
 use crate::variables::{Choice, Variables};
@@ -24,8 +24,8 @@ pub const VERDICT: &Enumeration = Verdict::ENUMERATION;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
 #[serde(bound(
-    serialize = "C: Serialize, EstimatorInput<N, K>: Serialize, EstimatorOutput<N, K, P>: Serialize",
-    deserialize = "C: Deserialize<'de>, EstimatorInput<N, K>: Deserialize<'de>, EstimatorOutput<N, K, P>: Deserialize<'de>"
+    serialize = "C: Serialize, EstimatorInputOf<N, K>: Serialize, EstimatorOutputOf<N, K, P>: Serialize",
+    deserialize = "C: Deserialize<'de>, EstimatorInputOf<N, K>: Deserialize<'de>, EstimatorOutputOf<N, K, P>: Deserialize<'de>"
 ))]
 pub struct Values<C, const N: usize, const K: usize, const P: usize>
 where
@@ -34,9 +34,9 @@ where
     #[nested(prefix = "")]
     config: C,
     #[nested(prefix = "")]
-    input: EstimatorInput<N, K>,
+    input: EstimatorInputOf<N, K>,
     #[nested(prefix = "")]
-    output: EstimatorOutput<N, K, P>,
+    output: EstimatorOutputOf<N, K, P>,
 }
 
 /// The configuration of the estimator of the planar rotor with the given values by index, and start values elsewhere.
@@ -62,16 +62,16 @@ pub struct EstimatorModel<C: EstimatorParameters<N, K, P>, const N: usize, const
 pub type AlgebraicEstimator = EstimatorModel<EstimatorConfig, 2, 3, 1>;
 
 /// That with four magnets.
-pub type AlgebraicEstimator4 = EstimatorModel<EstimatorConfig<2, 4>, 2, 4, 1>;
+pub type AlgebraicEstimator4 = EstimatorModel<EstimatorConfigOf<2, 4>, 2, 4, 1>;
 
 /// That along the axis.
-pub type AxialEstimator = EstimatorModel<EstimatorConfig<1, 2>, 1, 2, 1>;
+pub type AxialEstimator = EstimatorModel<EstimatorConfigOf<1, 2>, 1, 2, 1>;
 
 /// The estimator of the spindle.
 pub type SpindleEstimator = EstimatorModel<SpindleEstimatorConfig, 5, 8, 2>;
 
 /// That with four magnets in each radial bearing.
-pub type SpindleEstimator4 = EstimatorModel<SpindleEstimatorConfig<4, 10>, 5, 10, 2>;
+pub type SpindleEstimator4 = EstimatorModel<SpindleEstimatorConfigOf<4, 10>, 5, 10, 2>;
 
 impl<C, const N: usize, const K: usize, const P: usize> SampledModel for EstimatorModel<C, N, K, P>
 where

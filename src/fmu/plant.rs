@@ -9,20 +9,20 @@ use super::plants::{self, ModelledRotor, PlantModel};
 use crate::bearing::scalar::Scalar;
 use crate::invalid;
 use crate::machine::Machine;
-use crate::plant::{Equations, Motion, Plant, PlantConfig, PlantInput, PlantParameters};
+use crate::plant::{Equations, Motion, Plant, PlantConfig, PlantInput, PlantParameters, RotorConfig};
 use crate::variables::Variables;
 
 /// The plant with three magnets.
 pub type MagneticBearing = PlantModel<PlantConfig, 2, 3>;
 
 /// That with four.
-pub type MagneticBearing4 = PlantModel<PlantConfig<f64, 2, 4>, 2, 4>;
+pub type MagneticBearing4 = PlantModel<RotorConfig<f64, 2, 4>, 2, 4>;
 
 /// That along the axis.
-pub type AxialBearing = PlantModel<PlantConfig<f64, 1, 2>, 1, 2>;
+pub type AxialBearing = PlantModel<RotorConfig<f64, 1, 2>, 1, 2>;
 
 /// The values of all variables of the plant.
-type Values<const N: usize, const K: usize> = plants::Values<PlantConfig<f64, N, K>, N, K>;
+type Values<const N: usize, const K: usize> = plants::Values<RotorConfig<f64, N, K>, N, K>;
 
 /// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
 pub fn configuration(settings: &[(usize, Value)]) -> (PlantConfig, PlantInput) {
@@ -37,7 +37,7 @@ pub struct Touchdown {
     contact: bool,
 }
 
-impl<const N: usize, const K: usize> ModelledRotor<N, K> for PlantConfig<f64, N, K>
+impl<const N: usize, const K: usize> ModelledRotor<N, K> for RotorConfig<f64, N, K>
 where
     // True of every length that is used; serde does not know it of all.
     Self: Serialize + DeserializeOwned,
@@ -57,7 +57,7 @@ where
     }
 
     fn details<U: Scalar>(
-        _: &Equations<PlantConfig<U, N, K>, N, K>,
+        _: &Equations<RotorConfig<U, N, K>, N, K>,
         _: &Motion<U, N, K>,
         _: U,
         contact: bool,

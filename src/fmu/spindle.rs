@@ -11,21 +11,21 @@ use crate::bearing::shaft::COORDINATES;
 use crate::fmu::plants::{self, ModelledRotor, PlantModel};
 use crate::invalid;
 use crate::machine::Machine;
-use crate::plant::spindle::{AtBearings, SpindleConfig, SpindleInput, SpindlePlant};
+use crate::plant::spindle::{AtBearings, SpindleConfig, SpindleConfigOf, SpindleInput, SpindlePlant};
 use crate::plant::{Equations, Motion, PlantParameters};
 
 /// The plant with three magnets in each radial bearing.
 pub type MagneticSpindle = PlantModel<SpindleConfig, COORDINATES, 8>;
 
 /// That with four.
-pub type MagneticSpindle4 = PlantModel<SpindleConfig<f64, 4, 10>, COORDINATES, 10>;
+pub type MagneticSpindle4 = PlantModel<SpindleConfigOf<f64, 4, 10>, COORDINATES, 10>;
 
 /// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
 pub fn configuration(settings: &[(usize, Value)]) -> (SpindleConfig, SpindleInput) {
     plants::configuration(settings)
 }
 
-impl<const M: usize, const K: usize> ModelledRotor<COORDINATES, K> for SpindleConfig<f64, M, K>
+impl<const M: usize, const K: usize> ModelledRotor<COORDINATES, K> for SpindleConfigOf<f64, M, K>
 where
     // True of every length that is used; serde does not know it of all.
     Self: Serialize + DeserializeOwned,
@@ -45,7 +45,7 @@ where
     }
 
     fn details<U: Scalar>(
-        equations: &Equations<SpindleConfig<U, M, K>, COORDINATES, K>,
+        equations: &Equations<SpindleConfigOf<U, M, K>, COORDINATES, K>,
         motion: &Motion<U, COORDINATES, K>,
         omega_rad_s: U,
         contact: [bool; 3],

@@ -73,7 +73,7 @@ use crate::plant::sensor::{Channels, DelayLine, Sample};
 
 pub use equations::{Conditions, Equations, Motion, PlantInput, PlantOutput};
 pub use error::StepError;
-pub use one_bearing::{Harmonic, PlantConfig};
+pub use one_bearing::{Harmonic, PlantConfig, RotorConfig};
 pub use rotor::{PlantParameters, Rotor};
 pub use substeps::{MOST_PARTS, SAFETY};
 pub use trajectory::{HIGHEST_ORDER, InputTrajectory};

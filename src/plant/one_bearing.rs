@@ -10,7 +10,7 @@ use super::rotor::{PlantParameters, Rotor};
 use super::sensor::SensorConfig;
 use super::{Plant, check_step};
 use crate::bearing::coil::{CoilConfig, Saturates};
-use crate::bearing::magnet::{Geometry, Magnets, alpha_rad};
+use crate::bearing::magnet::{Geometry, MagnetsOf, alpha_rad};
 use crate::bearing::scalar::Scalar;
 use crate::bearing::touchdown::{Called, TouchdownConfig};
 use crate::invalid::{Checks, Invalid, Short};
@@ -51,7 +51,7 @@ impl<const N: usize> Default for Harmonic<f64, N> {
     deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>, [T; K]: Deserialize<'de>, [f64; N]: Deserialize<'de>, \
                    [f64; K]: Deserialize<'de>"
 ))]
-pub struct PlantConfig<T = f64, const N: usize = 2, const K: usize = 3> {
+pub struct RotorConfig<T, const N: usize, const K: usize> {
     /// Mass of the rotor
     #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
     pub m_kg: T,
@@ -99,6 +99,9 @@ pub struct PlantConfig<T = f64, const N: usize = 2, const K: usize = 3> {
     pub harmonic: Harmonic<T, N>,
 }
 
+/// That of the planar rotor of the paper.
+pub type PlantConfig<T = f64> = RotorConfig<T, 2, 3>;
+
 /// What the backup bearing of a machine with one bearing is called.
 fn backup_bearing(machine: &Machine) -> Called {
     match machine.is_planar() {
@@ -107,7 +110,7 @@ fn backup_bearing(machine: &Machine) -> Called {
     }
 }
 
-impl<const N: usize, const K: usize> Default for PlantConfig<f64, N, K> {
+impl<const N: usize, const K: usize> Default for RotorConfig<f64, N, K> {
     /// The paper's bearing, or one of the same size; across its axis the rotor is on the paper's ellipse.
     fn default() -> Self {
         Self {
@@ -136,18 +139,18 @@ fn in_plane<T: Scalar, const N: usize>(x: [T; N]) -> [T; 2] {
     std::array::from_fn(|n| if n < N { x[n] } else { T::constant(0.0) })
 }
 
-impl<T: Scalar, const N: usize, const K: usize> Rotor<N, K> for PlantConfig<T, N, K> {
+impl<T: Scalar, const N: usize, const K: usize> Rotor<N, K> for RotorConfig<T, N, K> {
     type Number = T;
-    type With<U: Scalar> = PlantConfig<U, N, K>;
+    type With<U: Scalar> = RotorConfig<U, N, K>;
     type Contact = bool;
 
     fn with<U: Scalar, V: Scalar>(
         &self,
-        other: &PlantConfig<U, N, K>,
+        other: &RotorConfig<U, N, K>,
         join: &impl Fn(T, U) -> V,
-    ) -> PlantConfig<V, N, K> {
+    ) -> RotorConfig<V, N, K> {
         let harmonic = &other.harmonic;
-        joined!(self, other, join, PlantConfig {
+        joined!(self, other, join, RotorConfig {
             m_kg, gap_m, unbalance_kgm, unbalance_phase_rad, theta_rad;
             alpha_rad, lambda_nm2_a2, gravity_m_s2, position_m, velocity_m_s;
             harmonic: joined!(&self.harmonic, harmonic, join, Harmonic { omega_rad_s; amplitude_n, phase_rad; }),
@@ -218,12 +221,12 @@ impl<T: Scalar, const N: usize, const K: usize> Rotor<N, K> for PlantConfig<T, N
     }
 }
 
-impl<const N: usize, const K: usize> PlantParameters<N, K> for PlantConfig<f64, N, K> {
+impl<const N: usize, const K: usize> PlantParameters<N, K> for RotorConfig<f64, N, K> {
     const MACHINE: &'static Machine = Machine::of_one_bearing(N, K);
 
     fn check(&self, checks: &mut Checks) {
         checks.positive("m", self.m_kg, "kg");
-        let magnets = Magnets::<N, K>::checked(self.gap_m, self.alpha_rad, checks);
+        let magnets = MagnetsOf::<N, K>::checked(self.gap_m, self.alpha_rad, checks);
         let machine = Self::MACHINE;
         let Self { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, harmonic, .. } = self;
         check_tunable(machine, *lambda_nm2_a2, *unbalance_kgm, *unbalance_phase_rad, harmonic, checks);
@@ -282,7 +285,7 @@ impl<const N: usize, const K: usize> PlantParameters<N, K> for PlantConfig<f64, 
     }
 }
 
-impl<const N: usize, const K: usize> Plant<PlantConfig<f64, N, K>, N, K> {
+impl<const N: usize, const K: usize> Plant<RotorConfig<f64, N, K>, N, K> {
     /// Changes the tunable parameters: λ in N·m²/A², unbalance in kg·m and rad, harmonic.
     ///
     /// # Errors
@@ -295,7 +298,7 @@ impl<const N: usize, const K: usize> Plant<PlantConfig<f64, N, K>, N, K> {
         harmonic: Harmonic<f64, N>,
     ) -> Result<(), Vec<Invalid>> {
         let mut checks = Checks::default();
-        let machine = PlantConfig::<f64, N, K>::MACHINE;
+        let machine = RotorConfig::<f64, N, K>::MACHINE;
         check_tunable(machine, lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, &harmonic, &mut checks);
         let config = &mut self.equations.config;
         config.coil.check([config.gap_m; K], lambda_nm2_a2, &mut checks);
@@ -332,8 +335,8 @@ fn check_tunable<const N: usize, const K: usize>(
 
 /// Refuses a rotor that starts at a magnet; the finding names the coordinate that brings it there.
 fn check_start<const N: usize, const K: usize>(
-    config: &PlantConfig<f64, N, K>,
-    magnets: &Magnets<N, K>,
+    config: &RotorConfig<f64, N, K>,
+    magnets: &MagnetsOf<N, K>,
     checks: &mut Checks,
 ) {
     let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
@@ -347,7 +350,7 @@ fn check_start<const N: usize, const K: usize>(
         let share = |n: usize| config.position_m[n] * e_k[n];
         let worst = if N == 2 && share(0) <= share(1) { 1 } else { 0 };
         let (name, value) = (
-            PlantConfig::<f64, N, K>::MACHINE.at_start(|coordinate| coordinate.position).swap_remove(worst),
+            RotorConfig::<f64, N, K>::MACHINE.at_start(|coordinate| coordinate.position).swap_remove(worst),
             config.position_m[worst],
         );
         let number = k + 1;

@@ -19,7 +19,7 @@ use crate::bearing::coil::{CoilConfig, Saturates};
 use crate::bearing::magnet::Geometry;
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::{COORDINATES, Shaft, displacement, generalised};
-use crate::bearing::spindle::{MAGNETS, RadialBearing, Spindle, SpindleGeometry, bearing_of};
+use crate::bearing::spindle::{MAGNETS, RadialBearing, SpindleOf, SpindleGeometryOf, bearing_of};
 use crate::bearing::touchdown::{Called, TouchdownConfig};
 use crate::invalid::{Checks, Invalid, Short};
 use crate::machine::Machine;
@@ -30,7 +30,7 @@ use crate::variables::{KILOGRAM_METRE, LAMBDA, Variables};
 pub const PLANES: usize = 2;
 
 /// A plant with a spindle.
-pub type SpindlePlant<const M: usize = 3, const K: usize = MAGNETS> = Plant<SpindleConfig<f64, M, K>, COORDINATES, K>;
+pub type SpindlePlant<const M: usize = 3, const K: usize = MAGNETS> = Plant<SpindleConfigOf<f64, M, K>, COORDINATES, K>;
 
 /// Its state. Positions are (x, y, z, β, γ), samples A.Ym, A.Zm, B.Ym, B.Zm, Xm; contacts are those at A, B and the axial stop.
 pub type SpindleState = PlantState<COORDINATES, MAGNETS, [bool; 3]>;
@@ -85,10 +85,10 @@ impl<T: Scalar> SpindleTouchdown<T> {
     serialize = "T: Serialize, [T; M]: Serialize, [T; K]: Serialize, [f64; K]: Serialize",
     deserialize = "T: Deserialize<'de>, [T; M]: Deserialize<'de>, [T; K]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
 ))]
-pub struct SpindleConfig<T = f64, const M: usize = 3, const K: usize = MAGNETS> {
+pub struct SpindleConfigOf<T, const M: usize, const K: usize> {
     /// Shaft and bearings.
     #[nested(prefix = "", context = ())]
-    pub geometry: SpindleGeometry<T, M>,
+    pub geometry: SpindleGeometryOf<T, M>,
     /// The coils.
     #[nested(prefix = "", context = Saturates(true))]
     pub coil: CoilConfig<T>,
@@ -138,11 +138,14 @@ pub struct SpindleConfig<T = f64, const M: usize = 3, const K: usize = MAGNETS> 
     pub unbalance_position_m: [T; PLANES],
 }
 
-impl<const M: usize, const K: usize> Default for SpindleConfig<f64, M, K> {
+/// That with three magnets in each radial bearing.
+pub type SpindleConfig<T = f64> = SpindleConfigOf<T, 3, MAGNETS>;
+
+impl<const M: usize, const K: usize> Default for SpindleConfigOf<f64, M, K> {
     /// The spindle of the examples at rest in the centre, balanced.
     fn default() -> Self {
         Self {
-            geometry: SpindleGeometry::default(),
+            geometry: SpindleGeometryOf::default(),
             lambda_nm2_a2: std::array::from_fn(|k| {
                 let radial = [[1.8e-6, 2.0e-6, 2.2e-6, 2.3e-6], [2.4e-6, 2.1e-6, 1.9e-6, 2.0e-6]];
                 match bearing_of::<M>(k) {
@@ -165,7 +168,7 @@ impl<const M: usize, const K: usize> Default for SpindleConfig<f64, M, K> {
     }
 }
 
-impl<T: Scalar, const M: usize, const K: usize> SpindleConfig<T, M, K> {
+impl<T: Scalar, const M: usize, const K: usize> SpindleConfigOf<T, M, K> {
     /// Displacement (y, z) of the shaft at the magnets of A and of B, for coordinates or for their rates.
     fn at_magnets(&self, q: [T; COORDINATES]) -> [[T; 2]; 2] {
         self.geometry.radial().map(|bearing| displacement(bearing.position_m, q))
@@ -190,19 +193,19 @@ impl<T: Scalar, const M: usize, const K: usize> SpindleConfig<T, M, K> {
     }
 }
 
-impl<T: Scalar, const M: usize, const K: usize> Rotor<COORDINATES, K> for SpindleConfig<T, M, K> {
+impl<T: Scalar, const M: usize, const K: usize> Rotor<COORDINATES, K> for SpindleConfigOf<T, M, K> {
     type Number = T;
-    type With<U: Scalar> = SpindleConfig<U, M, K>;
+    type With<U: Scalar> = SpindleConfigOf<U, M, K>;
     type Contact = [bool; 3];
 
     fn with<U: Scalar, V: Scalar>(
         &self,
-        other: &SpindleConfig<U, M, K>,
+        other: &SpindleConfigOf<U, M, K>,
         join: &impl Fn(T, U) -> V,
-    ) -> SpindleConfig<V, M, K> {
+    ) -> SpindleConfigOf<V, M, K> {
         let (own, off) = (&self.geometry, &other.geometry);
         let bearing = |own: &RadialBearing<T, M>, off: &RadialBearing<U, M>| joined!(own, off, join, RadialBearing { position_m, sensor_position_m, gap_m; alpha_rad; });
-        let geometry = joined!(own, off, join, SpindleGeometry {
+        let geometry = joined!(own, off, join, SpindleGeometryOf {
             axial_gap_m; extent_m;
             shaft: joined!(&self.geometry.shaft, &other.geometry.shaft, join, Shaft {
                 m_kg, transverse_kgm2, polar_kgm2;;
@@ -211,7 +214,7 @@ impl<T: Scalar, const M: usize, const K: usize> Rotor<COORDINATES, K> for Spindl
             b: bearing(&self.geometry.b, &other.geometry.b)
         });
         let (rings, others) = (&self.touchdown, &other.touchdown);
-        joined!(self, other, join, SpindleConfig {
+        joined!(self, other, join, SpindleConfigOf {
             theta_rad;
             lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, unbalance_position_m, gravity_m_s2, position_m, velocity_m_s;
             geometry: geometry,
@@ -287,11 +290,11 @@ impl<T: Scalar, const M: usize, const K: usize> Rotor<COORDINATES, K> for Spindl
     }
 }
 
-impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for SpindleConfig<f64, M, K> {
+impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for SpindleConfigOf<f64, M, K> {
     const MACHINE: &'static Machine = Machine::of_shaft(M);
 
     fn check(&self, checks: &mut Checks) {
-        let spindle: Spindle<M, K> = self.geometry.checked(checks);
+        let spindle: SpindleOf<M, K> = self.geometry.checked(checks);
         check_tunable(Self::MACHINE, self.lambda_nm2_a2, self.unbalance_kgm, self.unbalance_phase_rad, checks);
         for (name, at_m) in
             ["unbalance[1].position", "unbalance[2].position"].into_iter().zip(self.unbalance_position_m)
@@ -451,7 +454,7 @@ impl<T: Copy> AtBearings<T> {
     }
 }
 
-impl<T: Scalar, const M: usize, const K: usize> Equations<SpindleConfig<T, M, K>, COORDINATES, K> {
+impl<T: Scalar, const M: usize, const K: usize> Equations<SpindleConfigOf<T, M, K>, COORDINATES, K> {
     /// The outputs at the bearings for these forces of the magnets in N.
     pub fn at_bearings(
         &self,
@@ -486,7 +489,7 @@ impl<const M: usize, const K: usize> SpindlePlant<M, K> {
         unbalance_phase_rad: [f64; PLANES],
     ) -> Result<(), Vec<Invalid>> {
         let mut checks = Checks::default();
-        let machine = SpindleConfig::<f64, M, K>::MACHINE;
+        let machine = SpindleConfigOf::<f64, M, K>::MACHINE;
         check_tunable(machine, lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, &mut checks);
         let gap_m = self.equations.geometry().gap_m;
         let config = &mut self.equations.config;
@@ -517,8 +520,8 @@ fn check_tunable<const K: usize>(
 
 /// Refuses a rotor that starts at a magnet; the finding names the coordinate that brings it nearest.
 fn check_start<const M: usize, const K: usize>(
-    config: &SpindleConfig<f64, M, K>,
-    spindle: &Spindle<M, K>,
+    config: &SpindleConfigOf<f64, M, K>,
+    spindle: &SpindleOf<M, K>,
     checks: &mut Checks,
 ) {
     let geometry = spindle.geometry();
@@ -529,7 +532,7 @@ fn check_start<const M: usize, const K: usize>(
         }
         let share = |n: usize| config.position_m[n] * geometry.directions[k][n];
         let worst = (0..COORDINATES).fold(0, |worst, n| if share(n) > share(worst) { n } else { worst });
-        let magnet = SpindleConfig::<f64, M, K>::MACHINE.of_magnets("gap").swap_remove(k);
+        let magnet = SpindleConfigOf::<f64, M, K>::MACHINE.of_magnets("gap").swap_remove(k);
         checks.require(
             false,
             STARTS[worst].0,

@@ -519,9 +519,9 @@ fn what_is_for_the_planar_bearing_alone_refuses_a_spindle_by_name() {
     ] {
         let (code, _, err) = said(&run(&folder, arguments));
         assert_ne!(code, 0, "{arguments:?}");
-        says(&err, &["machine = spindle is refused: expected bearing"]);
+        says(&err, &["machine = spindle is refused: expected planar"]);
     }
     let (code, _, err) = said(&run(&folder, &["whirl", "unbalanced"]));
     assert_ne!(code, 0);
-    says(&err, &["machine = bearing is refused: expected spindle"]);
+    says(&err, &["machine = planar is refused: expected spindle"]);
 }

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::magnets_at_m;
 use crate::bearing::shaft::{self, COORDINATES};
-use crate::bearing::spindle::Spindle;
+use crate::bearing::spindle::SpindleOf;
 use crate::control::controller::Path;
 use crate::control::reference::{RefPoint, Transition, Turning, check_ellipse_reach};
 use crate::invalid::{Checks, Invalid};
@@ -108,7 +108,7 @@ impl SpindlePath {
     pub fn new<const M: usize, const K: usize>(
         config: SpindlePathConfig,
         step_s: f64,
-        spindle: &Spindle<M, K>,
+        spindle: &SpindleOf<M, K>,
     ) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         let path = Self::checked(config, step_s, spindle, &mut checks);
@@ -120,7 +120,7 @@ impl SpindlePath {
     pub(crate) fn checked<const M: usize, const K: usize>(
         config: SpindlePathConfig,
         step_s: f64,
-        spindle: &Spindle<M, K>,
+        spindle: &SpindleOf<M, K>,
         checks: &mut Checks,
     ) -> Self {
         let paths = [&config.a, &config.b];

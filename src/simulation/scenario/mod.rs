@@ -8,11 +8,12 @@ use std::sync::Arc;
 use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value};
 
+pub use self::read::suggestion;
 use self::read::{permitted, unknown};
 use crate::machine::Machine;
 
 /// The built-in scenarios, by name.
-pub const BUILT_IN: [(&str, &str); 12] = [
+pub const BUILT_IN: [(&str, &str); 16] = [
     ("paper", include_str!("../scenarios/paper.toml")),
     ("experiment", include_str!("../scenarios/experiment.toml")),
     ("unbalanced", include_str!("../scenarios/unbalanced.toml")),
@@ -25,6 +26,10 @@ pub const BUILT_IN: [(&str, &str); 12] = [
     ("standstill", include_str!("../scenarios/standstill.toml")),
     ("spindle", include_str!("../scenarios/spindle.toml")),
     ("balance", include_str!("../scenarios/balance.toml")),
+    ("planar4", include_str!("../scenarios/planar4.toml")),
+    ("spindle4", include_str!("../scenarios/spindle4.toml")),
+    ("axial", include_str!("../scenarios/axial.toml")),
+    ("levitation", include_str!("../scenarios/levitation.toml")),
 ];
 
 /// Findings about a scenario, each on its own line.

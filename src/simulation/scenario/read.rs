@@ -448,7 +448,7 @@ pub fn unknown(table: &str, key: &str, known: &[String]) -> String {
 }
 
 /// Suggests a name for an unknown one.
-fn suggestion(key: &str, known: &[String]) -> String {
+pub fn suggestion(key: &str, known: &[String]) -> String {
     let near = known
         .iter()
         .map(|name| (strsim::jaro_winkler(&name.to_lowercase(), &key.to_lowercase()), name))
