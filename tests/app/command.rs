@@ -39,9 +39,9 @@ fn the_main_job_packages_runs_and_reports() {
     assert_eq!(code, 0, "{err}");
     assert!(lasted_s < MAIN_JOB_S, "{lasted_s} s, the limit is {MAIN_JOB_S} s");
 
-    let archives = MODELS
+    let archives = MODELS[..6]
+        .iter()
         .map(|model| format!("{model}.fmu"))
-        .into_iter()
         .chain(["MagneticBearing.ssp".into(), "MagneticSpindle.ssp".into()]);
     for archive in archives {
         let path = format!("target/fmu/{archive}");

@@ -18,6 +18,7 @@ mod hostile;
 mod identify;
 mod layers;
 mod likelihood;
+mod machines;
 mod montecarlo;
 mod package;
 mod platforms;
