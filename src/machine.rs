@@ -75,9 +75,14 @@ impl Bearing {
         }
     }
 
-    /// The number of independent sets of forces that cancel on the rotor.
-    pub fn free(&self) -> usize {
-        self.magnets - self.directions()
+    /// Whether its magnets come in pairs that may face each other.
+    fn is_paired(&self) -> bool {
+        self.magnets == 2 * self.directions()
+    }
+
+    /// The number of groups of magnets that have a smallest force of their own: the pairs, or all magnets together.
+    pub fn groups(&self) -> usize {
+        if self.is_paired() { self.directions() } else { 1 }
     }
 }
 
@@ -133,23 +138,22 @@ impl Machine {
         self.bearings.iter().map(|bearing| bearing.magnets).sum()
     }
 
-    /// Bearing and number, counted from 0, of each set of magnets whose forces can cancel on the rotor: the opposed pairs of a bearing
-    /// that consists of such, or all magnets of a radial bearing that has three.
+    /// Bearing, and number in it, of each group of magnets that has a smallest force of its own, both counted from 0.
     pub fn groups(&self) -> Vec<(usize, usize)> {
-        let of_bearing = |(b, bearing): (usize, &Bearing)| (0..bearing.free()).map(move |group| (b, group));
+        let of_bearing = |(b, bearing): (usize, &Bearing)| (0..bearing.groups()).map(move |group| (b, group));
         self.bearings.iter().enumerate().flat_map(of_bearing).collect()
     }
 
     /// The group of magnet k, by its place in [`groups`](Self::groups).
     pub(crate) fn group(&self, k: usize) -> usize {
         let Some((bearing, number)) = self.magnet(k) else { return 0 };
-        let before: usize = self.bearings[..bearing].iter().map(Bearing::free).sum();
-        before + (number - 1) % self.bearings[bearing].free()
+        let before: usize = self.bearings[..bearing].iter().map(Bearing::groups).sum();
+        before + (number - 1) % self.bearings[bearing].groups()
     }
 
     /// Whether all magnets come in pairs that may face each other.
     pub fn is_paired(&self) -> bool {
-        self.bearings.iter().all(|bearing| bearing.magnets == 2 * bearing.directions())
+        self.bearings.iter().all(Bearing::is_paired)
     }
 
     /// Whether the machine is a single bearing and holds the rotor across its axis.
@@ -185,7 +189,7 @@ impl Machine {
     pub fn of_groups(&self, name: &str) -> Vec<String> {
         let of = |(bearing, group): (usize, usize)| {
             let Bearing { prefix, .. } = self.bearings[bearing];
-            let number = if self.bearings[bearing].free() > 1 { format!("[{}]", group + 1) } else { String::new() };
+            let number = if self.bearings[bearing].groups() > 1 { format!("[{}]", group + 1) } else { String::new() };
             format!("{prefix}{name}{number}")
         };
         self.groups().into_iter().map(of).collect()
@@ -339,7 +343,7 @@ impl Machine {
         if let Some((bearing, group)) = self.groups().get(index) {
             let Bearing { prefix, .. } = self.bearings[*bearing];
             let pair = format!(" in magnets {} and {}", group + 1, group + 3);
-            let pair = if self.bearings[*bearing].free() > 1 { pair } else { String::new() };
+            let pair = if self.bearings[*bearing].groups() > 1 { pair } else { String::new() };
             replace("{in group}", &(pair + &of_bearing(prefix).replace(" of ", " in ")));
         }
         if let Some(axis) = self.resultant.get(index) {
@@ -361,104 +365,70 @@ fn of_bearing(prefix: &str) -> String {
 /// The name of the coordinate along the shaft.
 const X: &str = "X";
 
+/// A coordinate of a rotor in one bearing: its name and the axis.
+macro_rules! in_one_bearing {
+    ($name:literal $axis:literal) => {
+        Coordinate {
+            position: ($name, concat!("Position of the rotor along ", $axis)),
+            rate: (concat!("v", $name), concat!("Velocity of the rotor along ", $axis)),
+            acceleration: (concat!("a", $name), concat!("Acceleration of the rotor along ", $axis)),
+            load: (concat!("p", $name), concat!("Perturbation force on the rotor along ", $axis)),
+            perturbation: (
+                concat!("perturbation.", $name),
+                concat!("All forces on the rotor except those of magnets and backup bearing, along ", $axis),
+            ),
+            is_angle: false,
+        }
+    };
+}
+
+/// A coordinate of the centre of gravity of a shaft: its name, its direction, and where a load acts.
+macro_rules! of_centre {
+    ($name:literal $along:literal $at:literal) => {
+        Coordinate {
+            position: ($name, concat!("Position of the centre of gravity ", $along)),
+            rate: (concat!("v", $name), concat!("Derivative of ", $name)),
+            acceleration: (concat!("a", $name), concat!("Derivative of v", $name)),
+            load: (concat!("p", $name), concat!("Load on the rotor ", $along, $at)),
+            perturbation: (
+                concat!("perturbation.", $name),
+                concat!("All forces on the rotor ", $along, " except those of magnets and backup bearings"),
+            ),
+            is_angle: false,
+        }
+    };
+}
+
+/// A tilt of a shaft: its name, its axis, and the moment about it.
+macro_rules! tilt {
+    ($name:literal $about:literal $moment:literal) => {
+        Coordinate {
+            position: ($name, concat!("Tilt of the rotor ", $about)),
+            rate: (concat!($name, "Rate"), concat!("Derivative of ", $name)),
+            acceleration: (concat!($name, "Acceleration"), concat!("Derivative of ", $name, "Rate")),
+            load: ($moment, concat!("Load moment on the rotor ", $about)),
+            perturbation: (
+                concat!("perturbation.", $moment),
+                concat!("All moments on the rotor ", $about, " except those of magnets and backup bearings"),
+            ),
+            is_angle: true,
+        }
+    };
+}
+
 /// The coordinates of a rotor that is held in a plane.
-const IN_PLANE: [Coordinate; 2] = [
-    Coordinate {
-        position: ("Y", "Position of the rotor along y"),
-        rate: ("vY", "Velocity of the rotor along y"),
-        acceleration: ("aY", "Acceleration of the rotor along y"),
-        load: ("pY", "Perturbation force on the rotor along y"),
-        perturbation: (
-            "perturbation.Y",
-            "All forces on the rotor except those of magnets and backup bearing, along y",
-        ),
-        is_angle: false,
-    },
-    Coordinate {
-        position: ("Z", "Position of the rotor along z"),
-        rate: ("vZ", "Velocity of the rotor along z"),
-        acceleration: ("aZ", "Acceleration of the rotor along z"),
-        load: ("pZ", "Perturbation force on the rotor along z"),
-        perturbation: (
-            "perturbation.Z",
-            "All forces on the rotor except those of magnets and backup bearing, along z",
-        ),
-        is_angle: false,
-    },
-];
+const IN_PLANE: [Coordinate; 2] = [in_one_bearing!("Y" "y"), in_one_bearing!("Z" "z")];
 
 /// The coordinate of a rotor that moves along its axis alone.
-const ALONG_AXIS: [Coordinate; 1] = [
-    Coordinate {
-        position: ("X", "Position of the rotor along x"),
-        rate: ("vX", "Velocity of the rotor along x"),
-        acceleration: ("aX", "Acceleration of the rotor along x"),
-        load: ("pX", "Perturbation force on the rotor along x"),
-        perturbation: (
-            "perturbation.X",
-            "All forces on the rotor except those of magnets and backup bearing, along x",
-        ),
-        is_angle: false,
-    },
-];
+const ALONG_AXIS: [Coordinate; 1] = [in_one_bearing!("X" "x")];
 
 /// The coordinates of a shaft that tilts.
 const OF_SHAFT: [Coordinate; 5] = [
-    Coordinate {
-        position: ("X", "Position of the centre of gravity along the shaft"),
-        rate: ("vX", "Derivative of X"),
-        acceleration: ("aX", "Derivative of vX"),
-        load: ("pX", "Load on the rotor along the shaft"),
-        perturbation: (
-            "perturbation.X",
-            "All forces on the rotor along the shaft except those of magnets and backup bearings",
-        ),
-        is_angle: false,
-    },
-    Coordinate {
-        position: ("Y", "Position of the centre of gravity along y"),
-        rate: ("vY", "Derivative of Y"),
-        acceleration: ("aY", "Derivative of vY"),
-        load: ("pY", "Load on the rotor along y at the centre of gravity"),
-        perturbation: (
-            "perturbation.Y",
-            "All forces on the rotor along y except those of magnets and backup bearings",
-        ),
-        is_angle: false,
-    },
-    Coordinate {
-        position: ("Z", "Position of the centre of gravity along z"),
-        rate: ("vZ", "Derivative of Z"),
-        acceleration: ("aZ", "Derivative of vZ"),
-        load: ("pZ", "Load on the rotor along z at the centre of gravity"),
-        perturbation: (
-            "perturbation.Z",
-            "All forces on the rotor along z except those of magnets and backup bearings",
-        ),
-        is_angle: false,
-    },
-    Coordinate {
-        position: ("beta", "Tilt of the rotor about y"),
-        rate: ("betaRate", "Derivative of beta"),
-        acceleration: ("betaAcceleration", "Derivative of betaRate"),
-        load: ("MY", "Load moment on the rotor about y"),
-        perturbation: (
-            "perturbation.MY",
-            "All moments on the rotor about y except those of magnets and backup bearings",
-        ),
-        is_angle: true,
-    },
-    Coordinate {
-        position: ("gamma", "Tilt of the rotor about z"),
-        rate: ("gammaRate", "Derivative of gamma"),
-        acceleration: ("gammaAcceleration", "Derivative of gammaRate"),
-        load: ("MZ", "Load moment on the rotor about z"),
-        perturbation: (
-            "perturbation.MZ",
-            "All moments on the rotor about z except those of magnets and backup bearings",
-        ),
-        is_angle: true,
-    },
+    of_centre!("X" "along the shaft" ""),
+    of_centre!("Y" "along y" " at the centre of gravity"),
+    of_centre!("Z" "along z" " at the centre of gravity"),
+    tilt!("beta" "about y" "MY"),
+    tilt!("gamma" "about z" "MZ"),
 ];
 
 /// The planar rotor of the paper.
@@ -569,10 +539,34 @@ pub const SPINDLE: Machine = Machine {
     planes: 2,
     coordinates: &OF_SHAFT,
     readings: &[
-        Reading { name: "A.Ym", around: ("A.", "Y"), place: "along y at the sensors of bearing A", axis: "y at bearing A", sensor: "A.Ym" },
-        Reading { name: "A.Zm", around: ("A.", "Z"), place: "along z at the sensors of bearing A", axis: "z at bearing A", sensor: "A.Zm" },
-        Reading { name: "B.Ym", around: ("B.", "Y"), place: "along y at the sensors of bearing B", axis: "y at bearing B", sensor: "B.Ym" },
-        Reading { name: "B.Zm", around: ("B.", "Z"), place: "along z at the sensors of bearing B", axis: "z at bearing B", sensor: "B.Zm" },
+        Reading {
+            name: "A.Ym",
+            around: ("A.", "Y"),
+            place: "along y at the sensors of bearing A",
+            axis: "y at bearing A",
+            sensor: "A.Ym",
+        },
+        Reading {
+            name: "A.Zm",
+            around: ("A.", "Z"),
+            place: "along z at the sensors of bearing A",
+            axis: "z at bearing A",
+            sensor: "A.Zm",
+        },
+        Reading {
+            name: "B.Ym",
+            around: ("B.", "Y"),
+            place: "along y at the sensors of bearing B",
+            axis: "y at bearing B",
+            sensor: "B.Ym",
+        },
+        Reading {
+            name: "B.Zm",
+            around: ("B.", "Z"),
+            place: "along z at the sensors of bearing B",
+            axis: "z at bearing B",
+            sensor: "B.Zm",
+        },
         Reading { name: "Xm", around: ("X.", ""), place: "along the shaft", axis: "x", sensor: "Xm" },
     ],
     resultant: &[],

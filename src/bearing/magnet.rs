@@ -213,7 +213,9 @@ impl<const N: usize, const K: usize> Geometry<f64, N, K> {
         }
         let det = a * c - b * b;
         self.directions.map(|e_k| {
-            std::array::from_fn(|n| if n == 0 { (c * e_k[0] - b * e_k[1]) / det } else { (a * e_k[1] - b * e_k[0]) / det })
+            std::array::from_fn(
+                |n| if n == 0 { (c * e_k[0] - b * e_k[1]) / det } else { (a * e_k[1] - b * e_k[0]) / det },
+            )
         })
     }
 

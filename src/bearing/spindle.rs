@@ -38,7 +38,10 @@ pub const SHORTEST_DISTANCE_M: f64 = 1e-3;
 /// A radial bearing with M magnets.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64)]
-#[serde(bound(serialize = "T: Serialize, [T; M]: Serialize", deserialize = "T: Deserialize<'de>, [T; M]: Deserialize<'de>"))]
+#[serde(bound(
+    serialize = "T: Serialize, [T; M]: Serialize",
+    deserialize = "T: Deserialize<'de>, [T; M]: Deserialize<'de>"
+))]
 pub struct RadialBearing<T = f64, const M: usize = 3> {
     /// Position of the magnets of bearing {prefix} along the shaft, from the centre of gravity
     #[parameter(name = "position", unit = METRE, nominal = 0.1)]
@@ -64,7 +67,10 @@ impl<const M: usize> Default for RadialBearing<f64, M> {
 /// Shaft and bearings of a spindle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64)]
-#[serde(bound(serialize = "T: Serialize, [T; M]: Serialize", deserialize = "T: Deserialize<'de>, [T; M]: Deserialize<'de>"))]
+#[serde(bound(
+    serialize = "T: Serialize, [T; M]: Serialize",
+    deserialize = "T: Deserialize<'de>, [T; M]: Deserialize<'de>"
+))]
 pub struct SpindleGeometryOf<T, const M: usize> {
     /// Inertia.
     #[nested(prefix = "")]

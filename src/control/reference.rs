@@ -376,13 +376,7 @@ impl Reference {
     /// [`Shape::External`] only.
     ///
     /// An external reference starts at rest at its first sample.
-    pub fn sample(
-        &self,
-        state: &mut ReferenceState,
-        omega_rad_s: f64,
-        position_m: [f64; 2],
-        external_m: [f64; 2],
-    ) {
+    pub fn sample(&self, state: &mut ReferenceState, omega_rad_s: f64, position_m: [f64; 2], external_m: [f64; 2]) {
         let first = state.turning.samples() == 0;
         if first {
             state.first_m = position_m;

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bearing::magnet::Geometry;
 use crate::bearing::shaft::{self, COORDINATES};
-use crate::bearing::spindle::{MAGNETS, READINGS, SpindleOf, SpindleGeometryOf, bearing_of};
+use crate::bearing::spindle::{MAGNETS, READINGS, SpindleGeometryOf, SpindleOf, bearing_of};
 use crate::control::controller::{Controller, ControllerInputOf, ControllerOutputOf, ControllerParameters, StateOf};
 use crate::control::tracking::{Arrangement, Tracking, TrackingConfig};
 use crate::invalid::Checks;

@@ -10,7 +10,8 @@ use crate::bearing::magnet::{SMALLEST_SINE, Used, alpha_rad};
 use crate::invalid::Checks;
 use crate::machine::Machine as Names;
 use crate::variables::unit::{
-    AMPERE, KILOGRAM, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND, SECOND,
+    AMPERE, KILOGRAM, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND,
+    SECOND,
 };
 use crate::variables::{Choice, KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Variables, numbers};
 

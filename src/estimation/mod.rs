@@ -26,8 +26,8 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 pub use self::config::{
-    EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorInputOf, EstimatorOutput, EstimatorOutputOf, Hold, MAX_INTERVALS,
-    MIN_INTERVALS, Method, Tolerance, Verdict,
+    EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorInputOf, EstimatorOutput, EstimatorOutputOf, Hold,
+    MAX_INTERVALS, MIN_INTERVALS, Method, Tolerance, Verdict,
 };
 use self::config::{check_common, stiffness_std};
 use self::innovations::{Machine, Sample, WhiteningFilter};
@@ -60,9 +60,6 @@ pub trait EstimatorParameters<const N: usize, const K: usize, const P: usize>: C
     /// # Errors
     /// Parameters that leave the motion open.
     fn method(&self) -> Result<Self::Method, Vec<Invalid>>;
-
-    /// Whether the rotor is within the gaps of all magnets at these positions, in m.
-    fn is_in_gap(&self, position_m: [f64; N]) -> bool;
 }
 
 /// Parameters that the estimators of all machines have.
@@ -118,6 +115,9 @@ pub trait Estimation<const N: usize, const K: usize, const P: usize> {
 
     /// Whether a state has the shape this method needs and finite numbers alone.
     fn accepts(&self, state: &Self::State) -> bool;
+
+    /// Whether the rotor is within the gaps of all magnets at these positions, in m.
+    fn is_in_gap(&self, position_m: [f64; N]) -> bool;
 
     /// Takes in a sample and writes what it tells into the output; the verdicts on the parts.
     fn advance(
@@ -228,7 +228,7 @@ impl<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: u
         state.reset_was_high = input.reset;
         let Common { step_s, identify_unbalance, .. } = self.config.common();
         let (readings, rotation) = (&mut state.readings, [input.theta_rad, input.omega_rad_s]);
-        let in_gap = self.config.is_in_gap(input.position_m);
+        let in_gap = self.method.is_in_gap(input.position_m);
         let taken = readings.take(input.position_m, input.current_a, rotation, step_s, in_gap);
         let (is_lost, rotation) = (readings.are_lost(), readings.rotation());
         let sample = Judged { input, taken, is_lost, rotation, identify_unbalance };

@@ -30,10 +30,6 @@ impl<const N: usize, const K: usize> EstimatorConfigOf<N, K> {
         }
     }
 
-    fn has_gaps(&self, position_m: [f64; N]) -> bool {
-        Geometry::<f64, N, K>::new(self.gap_m, self.alpha_rad).gaps(position_m).iter().all(|gap_m| *gap_m > 0.0)
-    }
-
     /// The method with `std.len()` uncertain parameters: the gap, and in the plane the angles.
     fn estimator<const U: usize, const T: usize, const R: usize>(&self) -> PredictionError<N, K, U, T> {
         let machine = |change: [f64; R]| {
@@ -68,7 +64,10 @@ macro_rules! of_sizes {
             type Method = $method;
 
             fn common(&self) -> Common<'_, $k> {
-                Common { identify_unbalance: self.shared().identify_unbalance && self.method == Method::PredictionError, ..self.shared() }
+                Common {
+                    identify_unbalance: self.shared().identify_unbalance && self.method == Method::PredictionError,
+                    ..self.shared()
+                }
             }
 
             fn check(&self, checks: &mut Checks) {
@@ -78,10 +77,6 @@ macro_rules! of_sizes {
             fn method(&self) -> Result<$method, Vec<Invalid>> {
                 let $config = self;
                 Ok($make)
-            }
-
-            fn is_in_gap(&self, position_m: [f64; $n]) -> bool {
-                self.has_gaps(position_m)
             }
         }
     };
@@ -106,6 +101,10 @@ where
 
     fn accepts(&self, state: &Self::State) -> bool {
         state.is_sound()
+    }
+
+    fn is_in_gap(&self, position_m: [f64; N]) -> bool {
+        self.filter.machine.geometry.gaps(position_m).iter().all(|gap_m| *gap_m > 0.0)
     }
 
     fn advance(
@@ -155,7 +154,19 @@ impl Estimation<2, 3, 1> for Planar {
         }
     }
 
-    fn advance(&self, state: &mut PlanarState, sample: &Judged<'_, 2, 3>, output: &mut EstimatorOutputOf<2, 3, 1>) -> [Verdict; 1] {
+    fn is_in_gap(&self, position_m: [f64; 2]) -> bool {
+        match self {
+            Planar::PredictionError(method) => method.is_in_gap(position_m),
+            Planar::Paper(method) => method.gaps(position_m).iter().all(|gap_m| *gap_m > 0.0),
+        }
+    }
+
+    fn advance(
+        &self,
+        state: &mut PlanarState,
+        sample: &Judged<'_, 2, 3>,
+        output: &mut EstimatorOutputOf<2, 3, 1>,
+    ) -> [Verdict; 1] {
         match (self, state) {
             (Planar::PredictionError(method), PlanarState::PredictionError(own)) => method.advance(own, sample, output),
             (Planar::Paper(method), PlanarState::Paper(own)) if method.has_shape(own) => {

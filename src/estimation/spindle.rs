@@ -10,12 +10,12 @@ use serde::{Deserialize, Serialize};
 
 use super::innovations::Square;
 use super::{
-    Common, Estimation, Estimator, EstimatorInputOf, EstimatorOutputOf, EstimatorParameters, Hold, Judged, Machine, Names,
-    PredictionError, PredictionErrorState, Sample, StateOf, Tolerance, Verdict, check_common, prediction_error,
+    Common, Estimation, Estimator, EstimatorInputOf, EstimatorOutputOf, EstimatorParameters, Hold, Judged, Machine,
+    Names, PredictionError, PredictionErrorState, Sample, StateOf, Tolerance, Verdict, check_common, prediction_error,
 };
 use crate::bearing::magnet::Geometry;
-use crate::bearing::shaft::{COORDINATES, generalised, through};
-use crate::bearing::spindle::{MAGNETS, READINGS, SHORTEST_DISTANCE_M, SpindleOf, SpindleGeometryOf};
+use crate::bearing::shaft::{COORDINATES, generalised};
+use crate::bearing::spindle::{MAGNETS, READINGS, SHORTEST_DISTANCE_M, SpindleGeometryOf, SpindleOf};
 use crate::invalid::{Checks, Invalid};
 use crate::plant::spindle::PLANES;
 use crate::variables::unit::{AMPERE, KILOGRAM_METRE2, METRE, SECOND};
@@ -136,13 +136,6 @@ macro_rules! of_sizes {
             fn method(&self) -> Result<Self::Method, Vec<Invalid>> {
                 self.parts::<$radial, $unknowns, $columns, $parameters>()
             }
-
-            fn is_in_gap(&self, reading_m: [f64; READINGS]) -> bool {
-                let [a_y, a_z, b_y, b_z, x] = reading_m;
-                let at_m = self.geometry.radial().map(|bearing| bearing.sensor_position_m);
-                let gaps = self.geometry.geometry::<$k>().gaps(through(x, at_m, [[a_y, a_z], [b_y, b_z]]));
-                gaps.iter().all(|gap_m| *gap_m > 0.0)
-            }
         }
     };
 }
@@ -176,6 +169,10 @@ where
         radial.is_sound() && axial.is_sound()
     }
 
+    fn is_in_gap(&self, position_m: [f64; N]) -> bool {
+        self.radial.is_in_gap(std::array::from_fn(|n| position_m[n])) && self.axial.is_in_gap([position_m[4]])
+    }
+
     fn advance(
         &self,
         (radial, axial): &mut Self::State,
@@ -183,13 +180,11 @@ where
         output: &mut EstimatorOutputOf<N, A, 2>,
     ) -> [Verdict; 2] {
         let EstimatorInputOf { position_m, current_a, .. } = sample.input;
-        let refused = [
-            sample.refused(0..4, radial.estimate.verdict),
-            sample.refused(4..5, axial.estimate.verdict),
-        ];
+        let refused = [sample.refused(0..4, radial.estimate.verdict), sample.refused(4..5, axial.estimate.verdict)];
         let verdicts = [
             self.radial.take(radial, refused[0], || {
-                let (position_m, current_a) = (std::array::from_fn(|n| position_m[n]), std::array::from_fn(|k| current_a[k]));
+                let (position_m, current_a) =
+                    (std::array::from_fn(|n| position_m[n]), std::array::from_fn(|k| current_a[k]));
                 Sample::new(position_m, current_a, sample.rotation)
             }),
             self.axial.take(axial, refused[1], || {
@@ -297,7 +292,8 @@ impl<const M: usize, const A: usize> SpindleEstimatorConfigOf<M, A> {
                 planes_m[at] += beside[6 + at];
             }
             // The check above and that of the tolerances hold for what is a tolerance away.
-            radial_machine::<M, A, K, U>(&geometry, planes_m).unwrap_or_else(|| unreachable!("sensors at different places"))
+            radial_machine::<M, A, K, U>(&geometry, planes_m)
+                .unwrap_or_else(|| unreachable!("sensors at different places"))
         };
         // The axial motion knows no unbalance.
         let axial = |[gap_m]: [f64; 1]| Machine {

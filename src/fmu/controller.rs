@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 
 use super::common::{info, refused, sampled};
 use crate::control::controller::{
-    Controller, ControllerConfig, ControllerConfigOf, ControllerInputOf, ControllerOutputOf, ControllerParameters, StateOf, UpdateMode,
+    Controller, ControllerConfig, ControllerConfigOf, ControllerInputOf, ControllerOutputOf, ControllerParameters,
+    StateOf, UpdateMode,
 };
 use crate::control::spindle::{SpindleControllerConfig, SpindleControllerConfigOf};
 use crate::control::tracking::Arrangement;

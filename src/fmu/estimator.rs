@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::common::{info, refused, sampled};
 use crate::estimation::spindle::{SpindleEstimatorConfig, SpindleEstimatorConfigOf};
 use crate::estimation::{
-    Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, EstimatorParameters, Method, StateOf, Verdict,
+    Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, EstimatorParameters, Method,
+    StateOf, Verdict,
 };
 use crate::machine::Machine;
 use crate::variables::{Choice, Variables};

@@ -23,7 +23,10 @@ use crate::variables::{KILOGRAM_METRE, LAMBDA, Variables};
 /// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, with t the absolute time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Machine)]
-#[serde(bound(serialize = "T: Serialize, [T; N]: Serialize", deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>"))]
+#[serde(bound(
+    serialize = "T: Serialize, [T; N]: Serialize",
+    deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>"
+))]
 pub struct Harmonic<T = f64, const N: usize = 2> {
     /// Amplitude of a harmonic perturbation force along {axis}
     #[parameter(names = context.of_resultant("amplitude"), tunable, unit = NEWTON)]
@@ -215,8 +218,7 @@ impl<T: Scalar, const N: usize, const K: usize> Rotor<N, K> for RotorConfig<T, N
         if !contact {
             return [T::constant(0.0); N];
         }
-        let force_n =
-            self.touchdown.force_n(in_plane(motion.position_m), in_plane(motion.velocity_m_s), omega_rad_s);
+        let force_n = self.touchdown.force_n(in_plane(motion.position_m), in_plane(motion.velocity_m_s), omega_rad_s);
         std::array::from_fn(|n| force_n[n])
     }
 }

@@ -19,7 +19,7 @@ use crate::bearing::coil::{CoilConfig, Saturates};
 use crate::bearing::magnet::Geometry;
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::{COORDINATES, Shaft, displacement, generalised};
-use crate::bearing::spindle::{MAGNETS, RadialBearing, SpindleOf, SpindleGeometryOf, bearing_of};
+use crate::bearing::spindle::{MAGNETS, RadialBearing, SpindleGeometryOf, SpindleOf, bearing_of};
 use crate::bearing::touchdown::{Called, TouchdownConfig};
 use crate::invalid::{Checks, Invalid, Short};
 use crate::machine::Machine;
@@ -473,7 +473,13 @@ impl<T: Scalar, const M: usize, const K: usize> Equations<SpindleConfigOf<T, M, 
             let ([y_m, z_m], [touchdown_y_n, touchdown_z_n]) = (displacement_m[b], touchdown_n[b]);
             AtRadialBearing { y_m, z_m, y_n: along(1), z_n: along(2), touchdown_y_n, touchdown_z_n }
         };
-        AtBearings { a: radial(0), b: radial(1), axial_n: force_n[2 * M] - force_n[2 * M + 1], axial_touchdown_n, contact }
+        AtBearings {
+            a: radial(0),
+            b: radial(1),
+            axial_n: force_n[2 * M] - force_n[2 * M + 1],
+            axial_touchdown_n,
+            contact,
+        }
     }
 }
 

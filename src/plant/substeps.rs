@@ -144,7 +144,8 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
                 let gap_m = self.equations.gaps(state.position_m);
                 let nearest = (0..K).fold(0, |k, other| if gap_m[other] < gap_m[k] { other } else { k });
                 state.time_s = now_s;
-                let position = R::MACHINE.coordinates.iter().map(|coordinate| coordinate.position.0).zip(state.position_m);
+                let position =
+                    R::MACHINE.coordinates.iter().map(|coordinate| coordinate.position.0).zip(state.position_m);
                 return Err(StepError::Contact {
                     magnet: R::MACHINE.describe("{magnet}", nearest),
                     time_s: now_s,

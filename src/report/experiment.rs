@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::{evaluation, machine};
-use crate::machine::PLANAR;
 use crate::estimation::{STD_LIMIT, paper};
 use crate::fmu::estimator::{METHOD, VERDICT};
+use crate::machine::PLANAR;
 use crate::report::{self, Answer, Bearing, ComparedEstimator, Event, Paper, Parameter, Report};
 use crate::simulation::closed_loop::Loop;
 use crate::simulation::scenario::Scenario;

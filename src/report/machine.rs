@@ -305,7 +305,8 @@ fn orbits(machine: &Machine, run: &Signals) -> Figure {
     let mut axial = run.plot("x", PlotUnit::MICROMETRE).height(260.0);
     if let Some(x) = run.get("plant.X") {
         run.line(&mut axial, Line::new("position", colour::MAGNETS[0]), x);
-        if let Some(reference) = machine.of_references().last().and_then(|name| run.get(&format!("controller.{name}"))) {
+        if let Some(reference) = machine.of_references().last().and_then(|name| run.get(&format!("controller.{name}")))
+        {
             run.line(&mut axial, Line::new("reference", colour::INK).dashed().width(1.0), reference);
         }
         plots.push(("Axial position".into(), axial));
@@ -315,7 +316,12 @@ fn orbits(machine: &Machine, run: &Signals) -> Figure {
 }
 
 /// A plot over time of columns with their names in the legend.
-fn over_time(run: &Signals, title: &str, (quantity, unit): (&str, PlotUnit), columns: &[(String, String)]) -> (String, Plot) {
+fn over_time(
+    run: &Signals,
+    title: &str,
+    (quantity, unit): (&str, PlotUnit),
+    columns: &[(String, String)],
+) -> (String, Plot) {
     let mut plot = run.plot(quantity, unit).height(260.0);
     for ((name, column), colour) in columns.iter().zip(colour::MAGNETS) {
         if let Some(values) = run.get(column) {

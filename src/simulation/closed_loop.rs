@@ -6,8 +6,8 @@ use fmu_export::variable::Value;
 use crate::control::controller::ControllerConfig;
 use crate::estimation::EstimatorConfig;
 use crate::fmu::{controller, estimator, plant};
-use crate::plant::{PlantConfig, PlantInput};
 use crate::machine::PLANAR;
+use crate::plant::{PlantConfig, PlantInput};
 use crate::simulation::scenario::{Element, Scenario};
 
 /// The initial configurations of the models in the loop.

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use crate::support::below;
 use fmu_export::variable::Value;
+use magnetic_bearing::bearing::magnet::Used;
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput, UpdateMode};
 use magnetic_bearing::control::reference::{ReferenceConfig, Shape};
 use magnetic_bearing::control::tracking::TrackingConfig;
 use magnetic_bearing::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Hold, Method, Tolerance,
 };
-use magnetic_bearing::bearing::magnet::Used;
 use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate::{self, Run};

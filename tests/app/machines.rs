@@ -33,7 +33,12 @@ fn estimates(scenario: &Scenario, from_s: f64, magnets: &[String], limit: f64) {
             let truth = scenario.value("plant", &magnet.replace("lambdaHat", "lambda")).expect("λ").as_f64();
             let error = at(&run, &format!("estimator.{magnet}"), time_s) - truth;
             let std = at(&run, &format!("estimator.{}", magnet.replace("Hat", "StdTotal")), time_s);
-            println!("{} at {time_s} s: {magnet} {:.3} %, {:.2} std", scenario.title, 100.0 * error / truth, error / std);
+            println!(
+                "{} at {time_s} s: {magnet} {:.3} %, {:.2} std",
+                scenario.title,
+                100.0 * error / truth,
+                error / std
+            );
             assert!(error.abs() < limit * truth, "{} at {time_s} s: {magnet} is off by {error:e}", scenario.title);
             assert!(error.abs() < MOST_STD * std, "{} at {time_s} s: {magnet}: {} std", scenario.title, error / std);
         }
@@ -83,7 +88,11 @@ fn what_a_machine_cannot_do_is_refused_by_name() {
             &[("allocation", "biasCurrent"), ("alpha", "[0.8, 2.3, 4.0, 5.5]")][..],
             &["allocation = biasCurrent is refused", "face each other"][..],
         ),
-        ("axial", &[("allocation", "biasCurrent"), ("magnets.used", "first")], &["allocation = biasCurrent is refused"]),
+        (
+            "axial",
+            &[("allocation", "biasCurrent"), ("magnets.used", "first")],
+            &["allocation = biasCurrent is refused"],
+        ),
         ("planar4", &[("alpha", "[0.0, 0.5, 1.0, 1.5]")], &["alpha[", "all round the rotor"]),
         ("axial", &[("bias.current", "-1 A")], &["bias.current = -1 A is refused"]),
         ("spindle4", &[("B.bias.current", "-1 A")], &["B.bias.current = -1 A is refused"]),

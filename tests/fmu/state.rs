@@ -40,7 +40,9 @@ fn lively(model: &str) -> Vec<(&'static str, f64)> {
             ("X.u[1]", 1.0),
         ],
         "SpindleEstimator" | "SpindleEstimator4" => vec![("A.im[1]", 1.0), ("B.im[2]", 2.0), ("X.im[1]", 1.0)],
-        "FlatnessController" | "FlatnessController4" | "AxialController" => vec![("update.mode", 3.0), ("lambdaValid", 1.0)],
+        "FlatnessController" | "FlatnessController4" | "AxialController" => {
+            vec![("update.mode", 3.0), ("lambdaValid", 1.0)]
+        }
         "SpindleController" | "SpindleController4" => vec![
             ("update.mode", 3.0),
             ("lambdaValid", 1.0),

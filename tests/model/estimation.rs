@@ -102,7 +102,11 @@ fn exact_data_give_exact_constants() {
                 let (u, phi) = rotor.unbalance;
                 // 10 µg·m is a thousandth of an unbalance of 1 N.
                 assert!((last.unbalance_kg_m[0] - u).abs() < 1e-8, "{what}: U {}", last.unbalance_kg_m[0]);
-                assert!(u == 0.0 || (last.unbalance_phase_rad[0] - phi).abs() < 1e-4, "{}", last.unbalance_phase_rad[0]);
+                assert!(
+                    u == 0.0 || (last.unbalance_phase_rad[0] - phi).abs() < 1e-4,
+                    "{}",
+                    last.unbalance_phase_rad[0]
+                );
             }
         }
     }

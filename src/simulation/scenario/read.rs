@@ -223,7 +223,8 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         findings.push(format!("machine = \"{given}\" is refused: expected one of {}; {suggestion}", names.join(", ")));
         &MACHINES[0]
     });
-    let [plant, controller, estimator] = machine.models.map(|(name, _)| fmu::find(name).expect("a model of this project"));
+    let [plant, controller, estimator] =
+        machine.models.map(|(name, _)| fmu::find(name).expect("a model of this project"));
     let element =
         |name: &str, model_type: Arc<ModelType>| Element { name: name.into(), model_type, settings: Vec::new() };
     let mut elements =
