@@ -84,7 +84,7 @@ fn paper(intervals: usize) -> EstimatorConfig {
 /// The default method: noise given, estimated, and with all tolerances.
 fn prediction_error() -> [(&'static str, EstimatorConfig); 3] {
     let found = EstimatorConfig::default();
-    let told = EstimatorConfig { position_noise_m: 1e-7, current_noise_a: 1e-2, ..found.clone() };
+    let given = EstimatorConfig { position_noise_m: 1e-7, current_noise_a: 1e-2, ..found.clone() };
     let tolerance = Tolerance {
         m_kg: 0.02,
         gap_m: 2e-6,
@@ -96,7 +96,7 @@ fn prediction_error() -> [(&'static str, EstimatorConfig); 3] {
         backward_force_n: 2.0,
     };
     let tolerances = EstimatorConfig { tolerance, ..found.clone() };
-    [("noise given", told), ("noise estimated", found), ("noise estimated, all tolerances", tolerances)]
+    [("noise given", given), ("noise estimated", found), ("noise estimated, all tolerances", tolerances)]
 }
 
 type FirPush =
@@ -207,8 +207,8 @@ fn steps(record: &[EstimatorInput]) {
             let _ = black_box(controller.sample(&mut state, &input));
         }
     }));
-    for (name, told) in [("noise given", [1e-7, 1e-2]), ("noise estimated", [0.0; 2])] {
-        let [position_noise_m, current_noise_a] = told;
+    for (name, noise) in [("noise given", [1e-7, 1e-2]), ("noise estimated", [0.0; 2])] {
+        let [position_noise_m, current_noise_a] = noise;
         let config = SpindleEstimatorConfig { position_noise_m, current_noise_a, ..SpindleEstimatorConfig::default() };
         let estimator = SpindleEstimator::new(config).expect("valid parameters");
         let (mut state, record, mut at) = (estimator.start(), spindle_record(), 0);

@@ -36,12 +36,12 @@ fn paper(bencher: Bencher, intervals: usize) {
 }
 
 #[divan::bench]
-fn noise_told(bencher: Bencher) {
+fn noise_known(bencher: Bencher) {
     bench(bencher, EstimatorConfig { position_noise_m: 1e-7, current_noise_a: 1e-2, ..EstimatorConfig::default() });
 }
 
 #[divan::bench]
-fn noise_found(bencher: Bencher) {
+fn noise_estimated(bencher: Bencher) {
     bench(bencher, EstimatorConfig::default());
 }
 

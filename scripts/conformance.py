@@ -386,13 +386,13 @@ def loop_in_every_tool(archive, all_models, findings):
 
 def sound_archives(folder, findings):
     """Look at the archives with fmutool."""
-    told = {}
+    compliant = {}
     fmutool = str(Path(sys.executable).with_name("fmutool"))
     for name in ALL:
         report = command(fmutool, "-input", str(folder / f"{name}.fmu"), "-check")
-        told[name] = sum("compliant with FMI-2.0" in line or "No semantic error" in line for line in report.splitlines())
-        findings.expect(told[name] == 2, f"{name}: fmutool -check says {report}")
-    print(f"  {'fmutool':10}runs no FMU; it finds {sum(count == 2 for count in told.values())} of {len(ALL)} archives sound")
+        compliant[name] = sum("compliant with FMI-2.0" in line or "No semantic error" in line for line in report.splitlines())
+        findings.expect(compliant[name] == 2, f"{name}: fmutool -check says {report}")
+    print(f"  {'fmutool':10}runs no FMU; it finds {sum(count == 2 for count in compliant.values())} of {len(ALL)} archives sound")
 
 
 def main():

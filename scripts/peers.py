@@ -1,15 +1,15 @@
 """Peers on the same data: recursive least squares and an extended Kalman filter beside the estimator of this project.
 
 Simulates the nominal unbalanced rotor and bearings drawn at random (``cargo build --release`` first), several seeds of the sensor
-noise each, with the estimator told the noise and not told; or reads recordings of ``simulate SCENARIO --csv`` of the nominal
+noise each, with the noise known to the estimator and with the noise estimated; or reads recordings of ``simulate SCENARIO --csv`` of the nominal
 bearing. Prints, while the estimate is valid, the rms of error/bound and of error/standard deviation at some instants and the
 greatest error/standard deviation of all samples. The peers have no notion of validity and are judged always.
 
 * RLS: ``padasip.filters.FilterRLS`` on the equations of motion with both sides low-passed (state-variable filter of third order),
   one filter per axis, the results weighted alike. It states no standard deviation.
 * EKF: the textbook filter with the states [y, z, vy, vz, lambda 1 to 3, Uc, Us, py, pz]. The noise of the currents is the noise of its
-  process. Not told, it takes what our estimator starts its search from: the noise of the positions from the fourth differences of the
-  first 64 samples, and 15 mA. Told the noise, its covariance along the true trajectory, from no knowledge, is the Cramér–Rao bound.
+  process. Where the noise is not known, it takes what our estimator starts its search from: the noise of the positions from the fourth differences of the
+  first 64 samples, and 15 mA. Where it is known, its covariance along the true trajectory, from no knowledge, is the Cramér–Rao bound.
 
 All know mass, gap, angles, angle and speed of the rotor, and the same first guess of lambda.
 
@@ -32,10 +32,10 @@ FILTER_RAD_S = 2 * np.pi * 150.0
 INSTANTS_S = (0.035, 0.1, 0.2, 0.4, 1.0)
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = ROOT / "target" / "release" / "magnetic-bearing"
-TOLD, NOT_TOLD, RLS = "ours, noise told", "ours, not told", "RLS (padasip)"
-EKF, EKF_NOT_TOLD = "EKF, noise told", "EKF, not told"
+KNOWN, ESTIMATED, RLS = "ours, noise known", "ours, noise estimated", "RLS (padasip)"
+EKF, EKF_GUESSED = "EKF, noise known", "EKF, noise guessed"
 # Colours of Okabe and Ito.
-COLOURS = {TOLD: "#0072b2", NOT_TOLD: "#d55e00", EKF: "#009e73", EKF_NOT_TOLD: "#cc79a7", RLS: "#6b727a"}
+COLOURS = {KNOWN: "#0072b2", ESTIMATED: "#d55e00", EKF: "#009e73", EKF_GUESSED: "#cc79a7", RLS: "#6b727a"}
 
 
 @dataclass
@@ -89,7 +89,7 @@ def draw(seed):
     )
 
 
-def scenario(bearing, seed, told):
+def scenario(bearing, seed, known):
     """The text of a scenario."""
 
     def table(title, **values):
@@ -120,14 +120,14 @@ def scenario(bearing, seed, told):
             **{"F0": bearing.least_force, "bandwidth__tracking": bearing.poles},
             **shape,
         ),
-        table("estimator", **(noise if told else {})),
+        table("estimator", **(noise if known else {})),
     ])  # fmt: skip
 
 
-def simulate(bearing, seed, told, folder):
+def simulate(bearing, seed, known, folder):
     """Path of a recording."""
     text, recording = folder / "scenario.toml", folder / "recording.csv"
-    text.write_text(scenario(bearing, seed, told), encoding="utf-8")
+    text.write_text(scenario(bearing, seed, known), encoding="utf-8")
     done = subprocess.run([str(PROGRAM), "simulate", str(text), "--csv", str(recording)], capture_output=True, text=True)
     if done.returncode:
         raise SystemExit(done.stderr)
@@ -245,12 +245,12 @@ def extended_kalman_filter(data, bearing, noise=None, true=False):
     return found, std, np.ones(theta.size, dtype=bool)
 
 
-def estimates(bearing, told, not_told):
+def estimates(bearing, known, estimated):
     """Estimates, standard deviations and validity of every estimator over time, by name."""
-    tracks = {TOLD: own(told)} | ({NOT_TOLD: own(not_told)} if not_told else {})
-    differences = np.diff(np.stack([told["plant.Ym"][:64], told["plant.Zm"][:64]]), 4)
-    guessed = extended_kalman_filter(told, bearing, (np.sqrt(np.mean(differences**2) / 70), 1.5e-2))
-    return tracks | {EKF: extended_kalman_filter(told, bearing), EKF_NOT_TOLD: guessed, RLS: recursive_least_squares(told, bearing)}
+    tracks = {KNOWN: own(known)} | ({ESTIMATED: own(estimated)} if estimated else {})
+    differences = np.diff(np.stack([known["plant.Ym"][:64], known["plant.Zm"][:64]]), 4)
+    guessed = extended_kalman_filter(known, bearing, (np.sqrt(np.mean(differences**2) / 70), 1.5e-2))
+    return tracks | {EKF: extended_kalman_filter(known, bearing), EKF_GUESSED: guessed, RLS: recursive_least_squares(known, bearing)}
 
 
 def judge(bearing, tracks, bound, rows):
@@ -293,7 +293,7 @@ def plot(path, bearing, runs):
 
     plt.rcParams["svg.hashsalt"] = "peers"
     figure, axes = plt.subplots(figsize=(9, 5), layout="constrained")
-    time = np.arange(runs[0][TOLD][0].shape[0]) * bearing.step
+    time = np.arange(runs[0][KNOWN][0].shape[0]) * bearing.step
     shown = time >= 0.02
     for name in runs[0]:
         errors = np.array([100 * np.max(np.abs(tracks[name][0] / bearing.truth - 1), axis=1) for tracks in runs])[:, shown]
@@ -333,14 +333,14 @@ def main():
                 pairs = ((read(path), None) for path in arguments.recordings)
             else:
                 seeds = range(arguments.first, arguments.first + arguments.seeds)
-                pairs = (tuple(read(simulate(bearing, seed, told, Path(folder))) for told in (True, False)) for seed in seeds)
-            for told, not_told in pairs:
-                if told.get("plant.touchdown.contact", np.zeros(1)).any():
+                pairs = (tuple(read(simulate(bearing, seed, known, Path(folder))) for known in (True, False)) for seed in seeds)
+            for known, estimated in pairs:
+                if known.get("plant.touchdown.contact", np.zeros(1)).any():
                     print(f"{bearing.name}: the rotor touches down", file=sys.stderr)
                     continue
-                bound = extended_kalman_filter(told, bearing, true=True)[1] if bound is None else bound
+                bound = extended_kalman_filter(known, bearing, true=True)[1] if bound is None else bound
                 rows = [min(round(instant / bearing.step), bound.shape[0] - 1) for instant in INSTANTS_S]
-                runs.append(estimates(bearing, told, not_told))
+                runs.append(estimates(bearing, known, estimated))
                 judged.append(judge(bearing, runs[-1], bound, rows))
         if not runs:
             continue

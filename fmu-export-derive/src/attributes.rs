@@ -6,7 +6,7 @@ use syn::punctuated::Punctuated;
 use syn::spanned::Spanned;
 use syn::{Attribute, Error, Expr, ExprLit, Field, Ident, Lit, LitStr, Meta, Result, Token};
 
-/// What a field is.
+/// Role of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     Parameter,
@@ -27,7 +27,7 @@ const ROLES: [(&str, Role); 6] = [
 ];
 
 impl Role {
-    /// What it may have in parentheses.
+    /// Keys that may stand in its parentheses.
     fn keys(self) -> Vec<&'static str> {
         let of_variable =
             ["unit", "display_unit", "start", "min", "max", "nominal", "name", "names", "description", "count", "with"];
@@ -124,7 +124,7 @@ impl Attributes {
     }
 }
 
-/// What stands in the parentheses of an attribute, of which these keys are known.
+/// Items in the parentheses of an attribute; only these keys are accepted.
 pub fn items(attribute: &Attribute, name: &str, keys: &[&str]) -> Result<Vec<Item>> {
     let items = match &attribute.meta {
         Meta::Path(_) => return Ok(Vec::new()),

@@ -1,7 +1,7 @@
 //! A thermostat with a mode, texts, and tunable parameters: `cargo run -p fmu-export --example thermostat`.
 use fmu_export::{package, prelude::*};
 
-/// What the thermostat does
+/// Operating mode
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Choice)]
 enum Mode {
     /// Nothing
@@ -18,7 +18,7 @@ struct Values {
     /// Name of the room
     #[parameter(start = "living room")]
     room: String,
-    /// What the thermostat does
+    /// Operating mode
     #[parameter(start = Mode::Heating, tunable)]
     mode: Mode,
     /// Temperature wanted

@@ -6,7 +6,7 @@ use crate::model::Info;
 use crate::unit::Unit;
 use crate::variable::{Causality, Type, Variability, Variable};
 
-/// What is wrong with a name and a table, each in a sentence.
+/// Defects of a model's name and table, one sentence each.
 pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
     let mut found = Vec::new();
     let part_of_identifier = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
@@ -81,7 +81,7 @@ fn is_structured(name: &str) -> bool {
     }
 }
 
-/// What follows one part of a name and its indices.
+/// Text after the first part of a name and its indices.
 fn after_part(text: &str) -> Option<&str> {
     let rest = if let Some(quoted) = text.strip_prefix('\'') {
         let end = quoted.find('\'').filter(|end| *end > 0)?;

@@ -64,9 +64,9 @@
 //!
 //! In reading order:
 //!
-//! - [`model`]: what a user writes: [`Model`], [`SampledModel`];
+//! - [`model`]: the part that you write: [`Model`], [`SampledModel`];
 //! - [`mod@variables`], [`mod@unit`]: the structure of variables; [`variable`]: the rows made of it, or by hand; [`mod@array`]: long arrays;
-//! - [`resources`]: files; [`state`]: what snapshots hold;
+//! - [`resources`]: files; [`state`]: the content of snapshots; [`mod@finite`]: a check of it;
 //! - [`input`]: inputs over a step; [`mod@clock`]: sample instants; [`log`]: messages;
 //! - [`instance`]: a model as its importer sees it; [`fmus`]: the models of one binary;
 //! - [`fmi2`], [`fmi3`], [`interface`]: the C interface, where all unsafe code is;
@@ -80,6 +80,7 @@ pub mod array;
 pub mod check;
 pub mod clock;
 pub mod description;
+pub mod finite;
 #[cfg(feature = "fmi2")]
 pub mod fmi2;
 #[cfg(feature = "fmi3")]
@@ -105,6 +106,7 @@ mod export;
 
 pub use array::Array;
 pub use description::Standard;
+pub use finite::is_finite;
 pub use fmus::Fmus;
 pub use instance::{Instance, ModelType};
 pub use model::{Capabilities, Info, Invalid, Model, Sampled, SampledModel, Step, StepError, Stepped};
@@ -114,7 +116,7 @@ pub use variables::{Choice, Variables};
 
 pub use fmu_export_derive::{Choice, Variables};
 
-/// What most models need, with serde's derive macros.
+/// The items that most models need, with serde's derive macros.
 pub mod prelude {
     pub use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! What you write: a model as a table of variables, a start, and a step.
+//! The part that you write: a model as a table of variables, a start, and a step.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -25,7 +25,7 @@ use crate::variable::{Row, Variability};
 pub struct Info {
     /// Name of the model and of its FMU: letters, digits, and underscores.
     pub name: &'static str,
-    /// What it models, as a phrase without a full stop.
+    /// The modelled object, as a phrase without a full stop.
     pub description: &'static str,
     /// Version of the model.
     pub version: &'static str,
@@ -143,7 +143,7 @@ pub struct Invalid {
     pub name: Cow<'static, str>,
     /// The refused value, with its unit if it has one.
     pub value: String,
-    /// What is expected, with the reason where it is not obvious.
+    /// The expected value, with the reason where it is not obvious.
     pub wanted: Cow<'static, str>,
 }
 
@@ -248,7 +248,7 @@ pub trait Model: Clone + Send + Sync + 'static {
     /// The values of all variables.
     type Values: Clone + Default + Serialize + DeserializeOwned + Send + Sync + 'static;
 
-    /// What changes during a run besides the values.
+    /// State that changes during a run besides the values.
     type State: HiddenState;
 
     /// The table of variables.
@@ -362,7 +362,7 @@ pub trait SampledModel: Clone + Send + Sync + 'static {
     /// The values of all variables.
     type Values: Clone + Default + Serialize + DeserializeOwned + Send + Sync + 'static;
 
-    /// What changes from sample to sample besides the values.
+    /// State that changes from sample to sample besides the values.
     type State: HiddenState;
 
     /// The table of variables.

@@ -1,4 +1,4 @@
-//! What a model keeps besides its values, and whether snapshots can hold it.
+//! State that a model keeps besides its values, and whether snapshots can hold it.
 
 use std::ops::{Deref, DerefMut};
 

@@ -6,7 +6,7 @@
 //! ```
 //! use fmu_export::prelude::*;
 //!
-//! /// What drives the coil
+//! /// Drive of the coil
 //! #[derive(Clone, Copy, Default, PartialEq, Serialize, Deserialize, Choice)]
 //! enum Drive {
 //!     /// A current
@@ -109,7 +109,7 @@ use crate::variable::{Access, Enumeration, Row};
              `#[hidden]` on this field"
 )]
 pub trait Variables: Sized + 'static {
-    /// What names, descriptions and start values may depend on when the table is built; `()` unless
+    /// Source of names, descriptions and start values when the table is built; `()` unless
     /// `#[variables(context = Type)]` says otherwise.
     type Context: ?Sized;
 
@@ -255,10 +255,10 @@ impl<A: Lens<Target: List>> Lens for Elements<A> {
     }
 }
 
-/// What the rows of a structure depend on.
+/// Context of the rows of a structure: prefix, index, description.
 #[doc(hidden)]
 pub struct Scope<'s, D, C: ?Sized> {
-    /// What all names begin with.
+    /// Prefix of all names.
     pub prefix: String,
     pub context: &'s C,
     /// The values from which start values come that no attribute gives.

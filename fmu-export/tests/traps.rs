@@ -1,4 +1,4 @@
-//! What a model may get wrong without noticing: each is done right by default, or refused.
+//! Mistakes that a model can make without noticing: each is done right by default, or refused.
 
 use fmu_export::fmi2::bindings::{fmi2Boolean, fmi2Real, fmi2Status, fmi2StatusKind};
 use fmu_export::log::Silent;

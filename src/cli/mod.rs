@@ -180,7 +180,7 @@ enum Command {
         current_noise: f64,
         /// The estimator estimates the noise instead of knowing it.
         #[arg(long, requires = "scenario")]
-        untold: bool,
+        estimate_noise: bool,
         /// Times at which the estimates are evaluated, in seconds; hostile courses are judged at all times.
         #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = duration, allow_hyphen_values = true)]
         at: Vec<f64>,
@@ -255,13 +255,13 @@ pub fn main(commit: Option<&str>) -> ExitCode {
             let out = Out { csv: csv.as_deref(), json: json.as_deref(), report: report.as_deref() };
             simulate(&scenario, &changes, &out)
         }
-        Some(Command::Montecarlo { scenario, runs, seed, only, position_noise, current_noise, untold, at }) => {
+        Some(Command::Montecarlo { scenario, runs, seed, only, position_noise, current_noise, estimate_noise, at }) => {
             match &scenario {
                 None => monte_carlo(runs, only.as_deref(), seed, &at),
                 Some(name) => Scenario::open(name).map_err(Into::into).and_then(|scenario| {
                     scenario.closed_loop().map_err(simulate::Refused::from)?;
                     let (title, noise) = (scenario.title.clone(), [position_noise, current_noise]);
-                    judge(montecarlo::study(&title, &scenario, noise, !untold, runs), seed, &at)
+                    judge(montecarlo::study(&title, &scenario, noise, !estimate_noise, runs), seed, &at)
                 }),
             }
         }

@@ -33,8 +33,8 @@ pub struct Rotation {
     pub omega_rad_s: f64,
     /// ω̇, rad/s².
     pub acceleration_rad_s2: f64,
-    /// Variance of the angle, rad².
-    pub variance_rad2: f64,
+    /// Relative variance of the force of an unbalance, `ω² e^{jθ}`, by the noise of the angle.
+    pub variance: f64,
     /// The last measured angle, rad, and its last first and second differences.
     measured_rad: [f64; 3],
     /// Variance of the measured angle, rad².
@@ -52,7 +52,7 @@ impl Rotation {
             theta_rad,
             omega_rad_s,
             acceleration_rad_s2: 0.0,
-            variance_rad2: 0.0,
+            variance: 0.0,
             measured_rad: [theta_rad, 0.0, 0.0],
             noise_rad2: 0.0,
             mean_rad_s: [0.0; 2],
@@ -61,8 +61,8 @@ impl Rotation {
     }
 
     pub fn is_finite(&self) -> bool {
-        let Self { theta_rad, omega_rad_s, acceleration_rad_s2, variance_rad2, noise_rad2, .. } = self;
-        let others = [theta_rad, omega_rad_s, acceleration_rad_s2, variance_rad2, noise_rad2];
+        let Self { theta_rad, omega_rad_s, acceleration_rad_s2, variance, noise_rad2, .. } = self;
+        let others = [theta_rad, omega_rad_s, acceleration_rad_s2, variance, noise_rad2];
         others.into_iter().chain(&self.measured_rad).chain(&self.mean_rad_s).all(|x| x.is_finite())
     }
 
@@ -110,8 +110,12 @@ impl Rotation {
         self.theta_rad += (1.0 - r * r * r) * error;
         self.omega_rad_s += 1.5 * left * left * (1.0 + r) * error / step_s;
         self.acceleration_rad_s2 += left * left * left * error / (step_s * step_s);
-        // Variance reduction of the smoothed position for r near 1.
-        self.variance_rad2 = self.noise_rad2 * (33.0 / 16.0 * left).min(1.0);
+        // Variances of the smoothed angle and of the speed, for r near 1; at first the speed is no better than that between the first and the
+        // last angle.
+        let samples = f64::from(self.samples);
+        let of_speed = (2.0 / (samples * samples)).max(1.75 * left * left * left) / (step_s * step_s);
+        let relative = 2.0 / self.omega_rad_s.abs().max(1.0);
+        self.variance = self.noise_rad2 * ((33.0 / 16.0 * left).min(1.0) + relative * relative * of_speed);
     }
 
     /// Whether the measured speed is not that of the angle: in other units, with the other sign, missing.

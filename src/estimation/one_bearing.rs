@@ -13,7 +13,7 @@ use crate::bearing::magnet::Geometry;
 use crate::invalid::{Checks, Invalid};
 
 /// A force constant that is held at its first guess has this standard deviation, relative.
-const HELD: f64 = 1.0e-6;
+const HELD: f64 = 1.0e-3;
 
 impl<const N: usize, const K: usize> EstimatorConfigOf<N, K> {
     /// What all estimators have.

@@ -331,7 +331,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         self.filter.correct(filter, &running, &innovation, sqrt(weight));
 
         state.samples += 1;
-        state.present.add(&innovation, sample.rotation.variance_rad2, instrumented);
+        state.present.add(&innovation, sample.rotation.variance, instrumented);
         let per_revolution = state.per_revolution();
         state.validation.add(&innovation, sample.turn);
         if settled {
@@ -404,6 +404,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                 let wrong = |k: usize| (solution.unknowns[k] / self.lambda0[k] - 1.0).abs() > FIRST_GUESS_ERROR;
                 if state.quarters >= QUARTERS as u64 && (0..K).any(wrong) {
                     state.discount(FIRST_GUESS_PART);
+                    state.validation.forget(state.revolutions());
                 }
             }
             let wide = widest.relative_std::<K>() < RUNNING_STD;
@@ -462,8 +463,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         let prior = state.models.prior(&self.prior, self.forces());
         if state.is_settled() || state.changed {
             state.validation.discount(state.models.discount_of(time_s));
-            let weighed = state.models.weigh(&block, time_s, &self.prior, variances);
-            match weighed {
+            let present = state.validation.present(state.per_revolution());
+            match state.models.weigh::<N>(&block, time_s, &self.prior, variances[0], present) {
                 Weighed::Same => (),
                 Weighed::Renewed => state.validation.forget(state.revolutions()),
                 Weighed::Changed => {
@@ -476,7 +477,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             state.models.merge(&block);
         }
         if let Some(found) = state.models.sums().solve(&prior, variances) {
-            state.validation.judge_harmonics(state.revolutions(), &found, variances[0]);
+            let moved = state.models.discount_of(time_s) < 1.0;
+            state.validation.judge_harmonics(state.revolutions(), &found, moved, variances[0]);
         }
         let revolution = &mut state.revolution;
         revolution.sums.merge(&block);
@@ -548,7 +550,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         } else if !noise.is_within_range() {
             Verdict::Noisy
         } else {
-            match state.validation.verdict(state.per_revolution(), was_valid || !state.armed) {
+            match state.validation.verdict(state.per_revolution(), was_valid) {
                 Verdict::Valid if (0..K).any(|k| sqrt(total[k]) >= limit * lambda[k]) => Verdict::Uncertain,
                 Verdict::Valid if state.samples < state.valid_from => state.estimate.verdict,
                 verdict => verdict,

@@ -75,6 +75,9 @@ pub struct Prior<const U: usize> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sums<const K: usize, const U: usize, const T: usize> {
     pub samples: f64,
+    /// Weights of the samples, and `Σ e_0ᵀ S⁻¹ e_0`.
+    weight: f64,
+    square: f64,
     /// b, J, and `C = Σ φᵀ S⁻¹ ψ`.
     predicted: Products<U, U, T>,
     /// h, H and the same of tolerances over the samples with instruments, and `Σ ζᵀ S⁻¹ ζ` of the λ.
@@ -84,11 +87,31 @@ pub struct Sums<const K: usize, const U: usize, const T: usize> {
     regressor_noise: SVector<f64, U>,
 }
 
+/// What samples say of a model.
+#[derive(Clone, Copy, Debug)]
+pub struct Evidence {
+    /// `½ (bᵀ J⁻¹ b/σ_z² − ln det J)`, prior included: the logarithm of the evidence, but for what all models have in common.
+    pub log: f64,
+    /// What the best estimate leaves of the innovations, `Σ eᵀ S⁻¹ e/σ_z²`, and the weights of the samples.
+    left: f64,
+    weight: f64,
+}
+
+impl Evidence {
+    /// Variance of unit weight, for N coordinates and U unknowns, and its degrees of freedom.
+    pub fn unit_variance<const N: usize, const U: usize>(&self) -> [f64; 2] {
+        let degrees = (N as f64 * self.weight - U as f64).max(1.0);
+        [self.left / degrees, degrees]
+    }
+}
+
 impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
     /// No samples.
     pub fn zeros() -> Self {
         Self {
             samples: 0.0,
+            weight: 0.0,
+            square: 0.0,
             predicted: Products::zeros(),
             instruments: Products::zeros(),
             instrument_square: Square::zeros(),
@@ -98,7 +121,7 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
 
     pub fn is_finite(&self) -> bool {
         let others = self.instrument_square.iter().chain(&self.regressor_noise);
-        others.chain([&self.samples]).all(|x| x.is_finite())
+        others.chain([&self.samples, &self.weight, &self.square]).all(|x| x.is_finite())
             && self.predicted.is_finite()
             && self.instruments.is_finite()
     }
@@ -112,6 +135,8 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         instrumented: bool,
     ) {
         self.samples += 1.0;
+        self.weight += 1.0;
+        self.square += innovation.motion.norm_squared();
         self.predicted.add(&innovation.unknowns, innovation);
         for (j, noise) in self.regressor_noise.iter_mut().enumerate() {
             *noise += match j {
@@ -131,6 +156,8 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
     /// Adds another stretch.
     pub fn merge(&mut self, other: &Self) {
         self.samples += other.samples;
+        self.weight += other.weight;
+        self.square += other.square;
         self.predicted.merge(&other.predicted);
         self.instruments.merge(&other.instruments);
         self.instrument_square += other.instrument_square;
@@ -139,6 +166,8 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
 
     /// Counts all samples so far with this weight.
     pub fn discount(&mut self, weight: f64) {
+        self.weight *= weight;
+        self.square *= weight;
         self.predicted.scale(weight);
         self.instruments.scale(weight);
         self.instrument_square *= weight;
@@ -151,15 +180,22 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         (information, self.predicted.right + prior.precision.component_mul(&prior.mean) * position)
     }
 
-    /// `½ (bᵀ J⁻¹ b/σ_z² − ln det J)`, prior included: the logarithm of the evidence, but for what all models have in common.
-    pub fn log_evidence(&self, prior: &Prior<U>, position: f64) -> Option<f64> {
+    /// What the samples say of a model with this prior.
+    pub fn evidence(&self, prior: &Prior<U>, position: f64) -> Option<Evidence> {
         let (information, right) = self.with(prior, position);
         let (scale, scaled) = scaled(&information);
         let cholesky = scaled.cholesky()?;
         let lower = cholesky.l_dirty();
         let half = lower.solve_lower_triangular(&right.component_mul(&scale))?;
         let log_determinant: f64 = (0..U).map(|j| log(lower[(j, j)] / scale[j])).sum();
-        Some(0.5 * half.norm_squared() / position - log_determinant).filter(|evidence| evidence.is_finite())
+        let explained = half.norm_squared() / position;
+        let prior = prior.precision.dot(&prior.mean.component_mul(&prior.mean));
+        let log = 0.5 * explained - log_determinant;
+        log.is_finite().then_some(Evidence {
+            log,
+            left: self.square / position + prior - explained,
+            weight: self.weight,
+        })
     }
 
     /// The prediction-error estimate with a prior, for noises of these variances.

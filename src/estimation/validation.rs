@@ -104,16 +104,19 @@ impl<const N: usize, const U: usize, const T: usize> Harmonic<N, U, T> {
     }
 
     /// χ² (score test): with the estimate `ϑ = J⁻¹ b`, the sums a of its innovations have the covariance
-    /// `C − B J⁻¹ Bᵀ`, C that of white innovations and B the sums of φ, and what the tolerances make of them.
-    fn chi_square(&self, found: &PredictionErrorSolution<U, T>, position_variance: f64) -> f64 {
+    /// `C − B J⁻¹ Bᵀ`, C that of white innovations and B the sums of φ, and what the tolerances make of them. It is `C + B J⁻¹ Bᵀ` where the
+    /// unknowns may have moved since, as in the prediction of data that the estimate has not seen.
+    fn chi_square(&self, found: &PredictionErrorSolution<U, T>, moved: bool, position_variance: f64) -> f64 {
+        let sign = if moved { 1.0 } else { -1.0 };
         let [cc, cs, ss] = self.squares;
         let floor = LEAST_LEFT * (cc + ss);
         let sums = [0, 1].map(|part| self.motion[part].transpose() - self.unknowns[part].tr_mul(&found.unknowns));
         // ψ, and what the estimate makes of it.
         let by = [0, 1].map(|part| self.tolerances[part] + found.sensitivity.tr_mul(&self.unknowns[part]));
         let covariance = |r: usize, c: usize, white: f64| {
-            by[r].tr_mul(&by[c]) / position_variance + Square::<N>::identity() * white
-                - self.unknowns[r].tr_mul(&(found.inverse * self.unknowns[c]))
+            by[r].tr_mul(&by[c]) / position_variance
+                + Square::<N>::identity() * white
+                + self.unknowns[r].tr_mul(&(found.inverse * self.unknowns[c])) * sign
         };
         // Of the cosines first, then of what these leave of the sines.
         let Some(cosines) = covariance(0, 0, cc + floor).cholesky() else { return 0.0 };
@@ -196,10 +199,21 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         self.nis += (white.norm_squared().min(OUTLIER) / N as f64 - self.nis) / memory;
     }
 
-    /// Judges the harmonics of what an estimate leaves unexplained.
-    pub fn judge_harmonics(&mut self, revolution: f64, found: &PredictionErrorSolution<U, T>, position_variance: f64) {
+    /// The normalised innovation squared, and the degrees of freedom of its exponentially weighted mean.
+    pub fn present(&self, per_revolution: f64) -> [f64; 2] {
+        [self.nis, N as f64 * 2.0 * MEAN_REVOLUTIONS * per_revolution]
+    }
+
+    /// Judges the harmonics of what an estimate leaves unexplained; whether the unknowns may have moved while the sums were gathered.
+    pub fn judge_harmonics(
+        &mut self,
+        revolution: f64,
+        found: &PredictionErrorSolution<U, T>,
+        moved: bool,
+        position_variance: f64,
+    ) {
         let enough = revolution - self.harmonics_since > HARMONICS_AFTER;
-        let found = self.harmonics.iter().map(|harmonic| harmonic.chi_square(found, position_variance));
+        let found = self.harmonics.iter().map(|harmonic| harmonic.chi_square(found, moved, position_variance));
         self.greatest = if enough { found.fold(0.0, f64::max) } else { 0.0 };
     }
 

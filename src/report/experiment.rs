@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{evaluation, machine};
+use super::{after_colon, evaluation, machine};
 use crate::estimation::{STD_LIMIT, paper};
 use crate::fmu::estimator::{METHOD, VERDICT};
 use crate::machine::PLANAR;
@@ -257,7 +257,7 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Answer> {
     let since = verdicts.iter().rposition(|other| *other != verdict).map_or(0, |at| at + 1);
     let since_s = report::instant(run.recording.time_s[since]);
     let words = VERDICT.items.get((verdict as usize).wrapping_sub(1)).map_or("", |(_, words)| *words);
-    let mut verdict = format!("since {since_s}: {}{}.", words[..1].to_lowercase(), &words[1..]);
+    let mut verdict = format!("since {since_s}: {}.", after_colon(words));
     if !valid {
         verdict += &match column("valid")?.iter().rposition(|valid| *valid == 1.0) {
             Some(at) => {

@@ -6,7 +6,7 @@ use serde_json::json;
 use super::experiment::parameters;
 use super::figures::{Figure, INDEX, Signals, lambda_plot};
 use super::plot::{self, Line, Plot, PlotUnit, colour};
-use super::{Event, Report, evaluation, page_with, percent};
+use super::{Event, Report, after_colon, evaluation, page_with, percent};
 use crate::fmu::estimator::VERDICT;
 use crate::machine::{Bearing, Kind, Machine};
 use crate::simulation::scenario::Scenario;
@@ -193,7 +193,7 @@ fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
     let words = VERDICT.items.get(verdict.wrapping_sub(1)).map_or("", |(_, words)| *words);
     html! {
         p class=(if valid { "verdict good" } else { "verdict bad" }) {
-            strong { (if valid { "Valid" } else { "Not valid" }) } " at the end: " (words) "."
+            strong { (if valid { "Valid" } else { "Not valid" }) } " at the end: " (after_colon(words)) "."
         }
         @if let Some(table) = balance(scenario, run) {
             h2 { (table.title) }

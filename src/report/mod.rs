@@ -197,7 +197,7 @@ fn page_with(report: &Report, answer: &Markup, figures: &[Figure]) -> String {
             section #answer { (answer) }
             section {
                 @for paragraph in report.description.split("\n\n").filter(|text| !text.trim().is_empty()) {
-                    p { (paragraph.trim()) }
+                    p { (prose(paragraph.trim())) }
                 }
                 p.soft { (run_of(report.recording)) }
                 @if !report.command.is_empty() {
@@ -225,6 +225,21 @@ fn page_with(report: &Report, answer: &Markup, figures: &[Figure]) -> String {
         (plot::scripts())
     };
     frame::page(&report.title, &body)
+}
+
+/// The words of a verdict after a colon.
+pub(super) fn after_colon(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or_else(String::new, |first| first.to_lowercase().chain(letters).collect())
+}
+
+/// A text with the names between backticks as code.
+fn prose(text: &str) -> Markup {
+    html! {
+        @for (at, part) in text.split('`').enumerate() {
+            @if at % 2 == 0 { (part) } @else { code { (part) } }
+        }
+    }
 }
 
 /// The length of the recording, and how much of it is drawn.

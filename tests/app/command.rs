@@ -1,40 +1,21 @@
 //! The built program: its files, its messages, and the exit codes that scripts rely on.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 use std::time::Instant;
 
+use crate::program::{folder, program, run, said};
 use crate::support::{MODELS, says};
 
 /// Seconds. The main job should take five on two cores; beyond this limit a slow machine is no explanation.
 const MAIN_JOB_S: f64 = 30.0;
 
-/// An empty folder for this test.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("command").join(name);
-    let _ = fs::remove_dir_all(&folder);
-    fs::create_dir_all(&folder).expect("a folder");
-    folder
-}
-
-/// Runs the program in a folder.
-fn run(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"));
-    command.current_dir(folder).args(arguments).output().expect("the program runs")
-}
-
-/// Exit code, standard output and standard error.
-fn said(output: &Output) -> (i32, String, String) {
-    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).expect("UTF-8");
-    (output.status.code().expect("an exit code"), text(&output.stdout), text(&output.stderr))
-}
-
 #[test]
 fn the_main_job_packages_runs_and_reports() {
-    let folder = folder("main");
+    let folder = folder("command/main");
     let begin = Instant::now();
-    let (code, out, err) = said(&run(&folder, &[]));
+    let (code, out, err) = run(&folder, &[]);
     let lasted_s = begin.elapsed().as_secs_f64();
     assert_eq!(code, 0, "{err}");
     assert!(lasted_s < MAIN_JOB_S, "{lasted_s} s, the limit is {MAIN_JOB_S} s");
@@ -60,12 +41,12 @@ fn the_main_job_packages_runs_and_reports() {
 
 #[test]
 fn a_scenario_is_printed_changed_and_run() {
-    let folder = folder("simulate");
-    let (code, text, _) = said(&run(&folder, &["simulate", "--print", "unbalanced"]));
+    let folder = folder("command/simulate");
+    let (code, text, _) = run(&folder, &["simulate", "--print", "unbalanced"]);
     assert_eq!(code, 0);
     let file = folder.join("mine.toml");
     fs::write(&file, text.replace("duration = \"0.4 s\"", "duration = \"30 ms\"")).expect("a file");
-    let (code, out, err) = said(&run(&folder, &["simulate", "mine.toml", "--csv", "out.csv", "--report", "page"]));
+    let (code, out, err) = run(&folder, &["simulate", "mine.toml", "--csv", "out.csv", "--report", "page"]);
     assert_eq!(code, 0, "{err}");
     says(&out, &["out.csv", "page/index.html"]);
 
@@ -88,41 +69,41 @@ fn a_scenario_is_printed_changed_and_run() {
 
 #[test]
 fn a_scenario_that_cannot_be_read_is_refused() {
-    let folder = folder("bad");
+    let folder = folder("command/bad");
     fs::write(
         folder.join("bad.toml"),
         "title = \"Bad\"\nduration = -1\nstep = 1e-4\n[plant]\nlamda = 1\nY0 = \"1 inch\"\n",
     )
     .expect("a file");
-    let (code, out, err) = said(&run(&folder, &["simulate", "bad.toml", "--csv", "out.csv"]));
+    let (code, out, err) = run(&folder, &["simulate", "bad.toml", "--csv", "out.csv"]);
     assert_eq!((code, out.as_str()), (2, ""));
     says(&err, &["error: bad.toml:", "duration = -1", "lamda", "did you mean lambda?", "Y0", "1 inch"]);
     assert!(!folder.join("out.csv").exists(), "nothing was computed");
 
-    let (code, _, err) = said(&run(&folder, &["simulate", "none.toml"]));
+    let (code, _, err) = run(&folder, &["simulate", "none.toml"]);
     assert_eq!(code, 2);
     says(&err, &["none.toml", "cannot be read", "paper,", "unbalanced", "turned"]);
 
     fs::write(folder.join("zero.toml"), "title = \"Zero\"\nduration = 1\nstep = 1e-4\n[all]\nm = 0\n").expect("a file");
-    let (code, _, err) = said(&run(&folder, &["simulate", "zero.toml"]));
+    let (code, _, err) = run(&folder, &["simulate", "zero.toml"]);
     assert_eq!(code, 2);
     says(&err, &["[plant] m = 0 kg", "[controller] m", "[estimator] m"]);
 
-    let (code, _, err) = said(&run(&folder, &["simulate", "--print", "nothing"]));
+    let (code, _, err) = run(&folder, &["simulate", "--print", "nothing"]);
     assert_eq!(code, 2);
     says(&err, &["nothing", "paper,", "unbalanced", "turned"]);
 }
 
 #[test]
 fn a_run_that_ends_early_keeps_what_it_has() {
-    let folder = folder("early");
+    let folder = folder("command/early");
     // A load that no current of the controller can balance.
     fs::write(
         folder.join("push.toml"),
         "title = \"A load\"\nduration = \"0.2 s\"\nstep = \"100 µs\"\n[plant]\npZ = \"-20000 N\"\n",
     )
     .expect("a file");
-    let (code, _, err) = said(&run(&folder, &["simulate", "push.toml", "--csv", "out.csv", "--report", "page"]));
+    let (code, _, err) = run(&folder, &["simulate", "push.toml", "--csv", "out.csv", "--report", "page"]);
     assert_eq!(code, 1);
     says(&err, &["the run ended early", "plant", "leaves the gap", "magnet"]);
     let rows = fs::read_to_string(folder.join("out.csv")).expect("the table").lines().count();
@@ -133,25 +114,25 @@ fn a_run_that_ends_early_keeps_what_it_has() {
 
 #[test]
 fn what_cannot_be_written_is_named() {
-    let folder = folder("unwritable");
+    let folder = folder("command/unwritable");
     fs::write(folder.join("taken"), "a file").expect("a file");
     fs::write(folder.join("short.toml"), "title = \"Short\"\nduration = 1e-3\nstep = 1e-4\n").expect("a file");
     for arguments in
         [["simulate", "short.toml", "--csv", "taken/out.csv"], ["simulate", "short.toml", "--report", "taken/page"]]
     {
-        let (code, _, err) = said(&run(&folder, &arguments));
+        let (code, _, err) = run(&folder, &arguments);
         assert_eq!(code, 1, "{arguments:?}");
         says(&err, &["error: ", arguments[3]]);
     }
-    let (code, _, err) = said(&run(&folder, &["package", "--out", "taken"]));
+    let (code, _, err) = run(&folder, &["package", "--out", "taken"]);
     assert_eq!(code, 1);
     says(&err, &["error: ", "taken"]);
 }
 
 #[test]
 fn descriptions_go_where_they_are_wanted() {
-    let folder = folder("describe");
-    let (code, _, err) = said(&run(&folder, &["describe", "--out", "."]));
+    let folder = folder("command/describe");
+    let (code, _, err) = run(&folder, &["describe", "--out", "."]);
     assert_eq!(code, 0, "{err}");
     for model in MODELS {
         let text = fs::read_to_string(folder.join(format!("{model}.xml"))).expect("a model description");
@@ -161,14 +142,14 @@ fn descriptions_go_where_they_are_wanted() {
 
 #[test]
 fn help_says_what_there_is() {
-    let folder = folder("help");
-    let (code, out, _) = said(&run(&folder, &["--help"]));
+    let folder = folder("command/help");
+    let (code, out, _) = run(&folder, &["--help"]);
     assert_eq!(code, 0);
     says(&out, &["Without a command", "package", "simulate", "describe", "--version", "target/report/index.html"]);
-    let (code, out, _) = said(&run(&folder, &["simulate", "--help"]));
+    let (code, out, _) = run(&folder, &["simulate", "--help"]);
     assert_eq!(code, 0);
     says(&out, &["[plant]", "[all]", "--csv", "--report", "--print", "paper"]);
-    let (code, out, _) = said(&run(&folder, &["--version"]));
+    let (code, out, _) = run(&folder, &["--version"]);
     assert_eq!(code, 0);
     let version =
         out.trim().strip_prefix(concat!("magnetic-bearing ", env!("CARGO_PKG_VERSION"))).expect("the version");
@@ -185,7 +166,7 @@ fn help_says_what_there_is() {
 
 #[test]
 fn arguments_that_make_no_sense_are_answered_with_2() {
-    let folder = folder("arguments");
+    let folder = folder("command/arguments");
     for arguments in [
         &["--nonsense"][..],
         &["nonsense"],
@@ -194,7 +175,7 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
         &["simulate", "paper", "--print", "--csv", "x.csv"],
         &["package", "paper"],
     ] {
-        let (code, out, err) = said(&run(&folder, arguments));
+        let (code, out, err) = run(&folder, arguments);
         assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}");
         says(&err, &["error: ", "--help"]);
     }
@@ -202,13 +183,13 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
 
 #[test]
 fn montecarlo_refuses_what_it_cannot_run() {
-    let folder = folder("montecarlo");
+    let folder = folder("command/montecarlo");
     for (arguments, wanted) in [
-        (["--only", "nosuch"], ["--only \"nosuch\"", "no study has this in its title", "Drawn bearings, noise told"]),
+        (["--only", "nosuch"], ["--only \"nosuch\"", "no study has this in its title", "Drawn bearings, noise known"]),
         (["--runs", "0"], ["--runs", "'0'", "expected a whole number above 0"]),
         (["--runs", "many"], ["--runs", "'many'", "expected a whole number above 0"]),
     ] {
-        let (code, out, err) = said(&run(&folder, &[["montecarlo"].as_slice(), &arguments].concat()));
+        let (code, out, err) = run(&folder, &[["montecarlo"].as_slice(), &arguments].concat());
         assert_eq!(code, 2, "{err}");
         assert_eq!(out, "");
         says(&err, &wanted);
@@ -217,18 +198,18 @@ fn montecarlo_refuses_what_it_cannot_run() {
 
 /// A short run of the unbalanced rotor, as a table.
 fn bench(folder: &Path) -> String {
-    let (_, text, _) = said(&run(folder, &["simulate", "--print", "unbalanced"]));
+    let (_, text, _) = run(folder, &["simulate", "--print", "unbalanced"]);
     fs::write(folder.join("bench.toml"), text.replace("duration = \"0.4 s\"", "duration = \"0.1 s\"")).expect("a file");
-    let (code, _, err) = said(&run(folder, &["simulate", "bench.toml", "--csv", "bench.csv"]));
+    let (code, _, err) = run(folder, &["simulate", "bench.toml", "--csv", "bench.csv"]);
     assert_eq!(code, 0, "{err}");
     fs::read_to_string(folder.join("bench.csv")).expect("the table")
 }
 
 #[test]
 fn recordings_that_cannot_be_used_are_answered_with_2() {
-    let folder = folder("misread");
+    let folder = folder("command/misread");
     let text = bench(&folder);
-    let (code, out, err) = said(&run(&folder, &["identify", "bench.csv"]));
+    let (code, out, err) = run(&folder, &["identify", "bench.csv"]);
     assert_eq!((code, err.as_str()), (0, ""), "{out}");
     // Wrong headers and the messages for them.
     type Case<'a> = (&'a [(&'a str, &'a str)], &'a [&'a str]);
@@ -254,7 +235,7 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
         fs::write(folder.join("changed.csv"), changed).expect("a file");
         for options in [&[][..], &["--json", "-"], &["--hold", "auto", "--method", "all"]] {
             let arguments = [&["identify", "changed.csv"], options].concat();
-            let (code, out, err) = said(&run(&folder, &arguments));
+            let (code, out, err) = run(&folder, &arguments);
             assert_eq!(code, 2, "{changes:?} {options:?}: {err}");
             if options.contains(&"--json") {
                 let refusal: serde_json::Value = serde_json::from_str(&out).expect("one document");
@@ -267,7 +248,7 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
         }
     }
     // A missing file is a different error.
-    let (code, _, err) = said(&run(&folder, &["identify", "none.csv"]));
+    let (code, _, err) = run(&folder, &["identify", "none.csv"]);
     assert_eq!(code, 2);
     says(&err, &["none.csv"]);
     for arguments in [
@@ -276,12 +257,12 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
         &["identify", "bench.csv", "--rate", "10kHz", "--step", "100us"],
         &["identify", "bench.csv", "--rate", "9kHz"],
     ] {
-        let (code, out, err) = said(&run(&folder, arguments));
+        let (code, out, err) = run(&folder, arguments);
         assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}: {err}");
     }
     // Removed methods are refused with their replacement.
     for method in ["leastSquares", "unbalance"] {
-        let (code, _, err) = said(&run(&folder, &["identify", "bench.csv", "--method", method]));
+        let (code, _, err) = run(&folder, &["identify", "bench.csv", "--method", method]);
         assert_ne!(code, 0);
         says(&err, &["--method", method, "predictionError"]);
     }
@@ -289,7 +270,7 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
 
 #[test]
 fn json_on_the_standard_output_is_one_document_and_nothing_else() {
-    let folder = folder("json");
+    let folder = folder("command/json");
     bench(&folder);
     let arguments = [
         "identify",
@@ -305,7 +286,7 @@ fn json_on_the_standard_output_is_one_document_and_nothing_else() {
         "--report",
         "page",
     ];
-    let (code, out, err) = said(&run(&folder, &arguments));
+    let (code, out, err) = run(&folder, &arguments);
     assert_eq!(code, 0, "{err}");
     let document: serde_json::Value = serde_json::from_str(&out).unwrap_or_else(|error| panic!("{error}: {out}"));
     assert!(document.is_object(), "{out}");
@@ -316,8 +297,8 @@ fn json_on_the_standard_output_is_one_document_and_nothing_else() {
 fn run_with_input(folder: &Path, arguments: &[&str], text: &str) -> Output {
     use std::io::Write;
     use std::process::Stdio;
-    let mut command = Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"));
-    command.current_dir(folder).args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut command = program(folder, arguments);
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("the program runs");
     child.stdin.take().expect("its input").write_all(text.as_bytes()).expect("it reads");
     child.wait_with_output().expect("it ends")
@@ -330,13 +311,11 @@ const SHORT: &str = "title = \"Short\"\nduration = 5e-3\nstep = 1e-4\n";
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_standard_output_is_an_error() {
-    let folder = folder("full");
+    let folder = folder("command/full");
     fs::write(folder.join("short.toml"), SHORT).expect("a file");
     for arguments in [&["simulate", "short.toml"][..], &["simulate", "--print", "paper"], &["completions", "bash"]] {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("the device");
-        let mut command = Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"));
-        let output = command.current_dir(&folder).args(arguments).stdout(full).output().expect("the program runs");
-        let (code, _, err) = said(&output);
+        let (code, _, err) = said(&program(&folder, arguments).stdout(full).output().expect("the program runs"));
         assert_eq!(code, 1, "{arguments:?}");
         assert_eq!(err.lines().count(), 1, "{err}");
         says(&err, &["error: standard output", "No space left"]);
@@ -344,22 +323,22 @@ fn a_full_standard_output_is_an_error() {
     for arguments in
         [["simulate", "short.toml", "--csv", "/dev/full"], ["simulate", "short.toml", "--json", "/dev/full"]]
     {
-        let (code, _, err) = said(&run(&folder, &arguments));
+        let (code, _, err) = run(&folder, &arguments);
         assert_eq!(code, 1);
         says(&err, &["error: /dev/full: No space left"]);
     }
     // Reading it would not end, either.
     fs::write(folder.join("design.csv"), "plant.m\n6.7\n").expect("a file");
-    let (code, _, err) = said(&run(&folder, &["sweep", "design.csv", "--out", "/dev/full"]));
+    let (code, _, err) = run(&folder, &["sweep", "design.csv", "--out", "/dev/full"]);
     assert_eq!(code, 1);
     says(&err, &["/dev/full", "not a regular file"]);
 }
 
 #[test]
 fn a_hyphen_is_the_standard_input_or_output() {
-    let folder = folder("hyphen");
+    let folder = folder("command/hyphen");
     fs::write(folder.join("short.toml"), SHORT).expect("a file");
-    let (code, _, err) = said(&run(&folder, &["simulate", "short.toml", "--csv", "out.csv", "--json", "out.json"]));
+    let (code, _, err) = run(&folder, &["simulate", "short.toml", "--csv", "out.csv", "--json", "out.json"]);
     assert_eq!(code, 0, "{err}");
     let table = fs::read_to_string(folder.join("out.csv")).expect("a table");
     let document = fs::read_to_string(folder.join("out.json")).expect("a document");
@@ -370,14 +349,14 @@ fn a_hyphen_is_the_standard_input_or_output() {
         assert!(out == wanted, "{arguments:?}: the result and nothing else: {out}");
         says(&err, &["Short", "Estimated force constants"]);
     }
-    let (code, _, err) = said(&run(&folder, &["simulate", "short.toml", "--csv", "-", "--json", "-"]));
+    let (code, _, err) = run(&folder, &["simulate", "short.toml", "--csv", "-", "--json", "-"]);
     assert_eq!(code, 2);
     says(&err, &["--csv - and --json -"]);
     assert!(!folder.join("-").exists());
 
     fs::write(folder.join("design.csv"), "plant.m\n6.7\n6.8\n").expect("a file");
     let sweep = ["sweep", "design.csv", "--scenario", "short.toml", "--out"];
-    let (code, _, err) = said(&run(&folder, &[&sweep[..], &["rows.csv"]].concat()));
+    let (code, _, err) = run(&folder, &[&sweep[..], &["rows.csv"]].concat());
     assert_eq!(code, 0, "{err}");
     let arguments = ["sweep", "-", "--scenario", "short.toml", "--out", "-"];
     let (code, out, err) = said(&run_with_input(&folder, &arguments, "plant.m\n6.7\n6.8\n"));
@@ -387,13 +366,13 @@ fn a_hyphen_is_the_standard_input_or_output() {
 
 #[test]
 fn values_are_changed_without_a_scenario_of_ones_own() {
-    let folder = folder("set");
+    let folder = folder("command/set");
     fs::write(folder.join("short.toml"), format!("{SHORT}[controller]\nm = 6.0\nreference.rY = 1e-5\n"))
         .expect("a file");
     let set = |changes: &[&str]| {
         let changes = changes.iter().flat_map(|change| ["--set", change]);
         let arguments: Vec<_> = ["simulate", "short.toml", "--json", "-"].into_iter().chain(changes).collect();
-        said(&run(&folder, &arguments))
+        run(&folder, &arguments)
     };
     let (code, out, err) =
         set(&["m=7", "lambda=[1e-6, 2e-6, 3e-6]", "reference.rY=20 µm", "duration=3 ms", "plant.pZ=-20"]);
@@ -422,7 +401,7 @@ fn values_are_changed_without_a_scenario_of_ones_own() {
 
 #[test]
 fn files_of_another_kind_are_not_overwritten() {
-    let folder = folder("kinds");
+    let folder = folder("command/kinds");
     fs::write(folder.join("short.toml"), SHORT).expect("a file");
     fs::create_dir(folder.join("page")).expect("a folder");
     fs::create_dir(folder.join("fmu")).expect("a folder");
@@ -437,7 +416,7 @@ fn files_of_another_kind_are_not_overwritten() {
         let path = folder.join(file);
         let before = if file == "short.toml" { SHORT } else { "notes" };
         fs::write(&path, before).expect("a file");
-        let (code, _, err) = said(&run(&folder, arguments));
+        let (code, _, err) = run(&folder, arguments);
         assert_eq!(code, 1, "{arguments:?}: {err}");
         says(&err, &[file, "it already exists"]);
         assert_eq!(fs::read_to_string(&path).expect("the file"), before, "{arguments:?}");
@@ -449,25 +428,25 @@ fn files_of_another_kind_are_not_overwritten() {
     // The program overwrites its own files.
     for _ in 0..2 {
         let arguments = ["simulate", "short.toml", "--csv", "a.csv", "--json", "a.json", "--report", "page"];
-        let (code, _, err) = said(&run(&folder, &arguments));
+        let (code, _, err) = run(&folder, &arguments);
         assert_eq!(code, 0, "{err}");
     }
     // The recording has the same format as the table of estimates.
     bench(&folder);
-    let (code, _, err) = said(&run(&folder, &["identify", "bench.csv", "--csv", "./bench.csv"]));
+    let (code, _, err) = run(&folder, &["identify", "bench.csv", "--csv", "./bench.csv"]);
     assert_eq!(code, 2);
     says(&err, &["this is the recording"]);
 }
 
 #[test]
 fn failed_cases_are_counted() {
-    let folder = folder("failed");
+    let folder = folder("command/failed");
     fs::write(folder.join("short.toml"), SHORT).expect("a file");
     fs::write(folder.join("design.csv"), "plant.m\n6.7\n-1\n0\n").expect("a file");
     // Also when all rows were there before.
     for out in ["rows.csv", "rows.csv", "-"] {
         let arguments = ["sweep", "design.csv", "--scenario", "short.toml", "--out", out];
-        let (code, _, err) = said(&run(&folder, &arguments));
+        let (code, _, err) = run(&folder, &arguments);
         assert_eq!(code, 1);
         says(&err, &["2 of 3 cases failed"]);
     }
@@ -475,7 +454,7 @@ fn failed_cases_are_counted() {
 
 #[test]
 fn negative_numbers_are_values_and_refused_as_such() {
-    let folder = folder("negative");
+    let folder = folder("command/negative");
     fs::write(folder.join("empty.csv"), "").expect("a file");
     for arguments in [
         ["identify", "empty.csv", "--position-noise", "-1"],
@@ -486,11 +465,11 @@ fn negative_numbers_are_values_and_refused_as_such() {
         ["design", "--scenario=paper", "--position-noise", "-1"],
         ["design", "--scenario=paper", "--sample-time", "-1"],
     ] {
-        let (code, out, err) = said(&run(&folder, &arguments));
+        let (code, out, err) = run(&folder, &arguments);
         assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}");
         says(&err, &[&format!("invalid value '{}' for '{}", arguments[3], arguments[2]), "expected"]);
     }
-    let (code, out, err) = said(&run(&folder, &["design", "--speed", "0", "--at", "0.01"]));
+    let (code, out, err) = run(&folder, &["design", "--speed", "0", "--at", "0.01"]);
     assert_eq!(code, 0, "{err}");
     assert!(!out.contains("inf") && !out.contains("NaN"), "{out}");
     says(&out, &["at 0 rpm"]);
@@ -498,9 +477,9 @@ fn negative_numbers_are_values_and_refused_as_such() {
 
 #[test]
 fn shells_complete_commands() {
-    let folder = folder("shells");
+    let folder = folder("command/shells");
     for shell in ["bash", "zsh", "fish", "powershell"] {
-        let (code, out, err) = said(&run(&folder, &["completions", shell]));
+        let (code, out, err) = run(&folder, &["completions", shell]);
         assert_eq!(code, 0, "{err}");
         says(&out, &["magnetic-bearing", "simulate", "montecarlo"]);
     }
@@ -509,7 +488,7 @@ fn shells_complete_commands() {
 /// Each would otherwise leave columns empty, or say nothing of the reason.
 #[test]
 fn what_is_for_the_planar_bearing_alone_refuses_a_spindle_by_name() {
-    let folder = folder("planar");
+    let folder = folder("command/planar");
     fs::write(folder.join("design.csv"), "plant.pZ\n10\n").expect("a file");
     for arguments in [
         &["sweep", "design.csv", "--scenario", "spindle", "--out", "rows.csv"][..],
@@ -517,11 +496,11 @@ fn what_is_for_the_planar_bearing_alone_refuses_a_spindle_by_name() {
         &["design", "--scenario", "spindle"],
         &["identify", "design.csv", "--scenario", "spindle"],
     ] {
-        let (code, _, err) = said(&run(&folder, arguments));
+        let (code, _, err) = run(&folder, arguments);
         assert_ne!(code, 0, "{arguments:?}");
         says(&err, &["machine = spindle is refused: expected planar"]);
     }
-    let (code, _, err) = said(&run(&folder, &["whirl", "unbalanced"]));
+    let (code, _, err) = run(&folder, &["whirl", "unbalanced"]);
     assert_ne!(code, 0);
     says(&err, &["machine = planar is refused: expected spindle"]);
 }

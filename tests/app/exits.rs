@@ -2,33 +2,10 @@
 
 use std::fs;
 use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 
+use crate::program::{folder, program, run, said};
 use crate::support::says;
-
-/// An empty folder for this test.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("exits").join(name);
-    let _ = fs::remove_dir_all(&folder);
-    fs::create_dir_all(&folder).expect("a folder");
-    folder
-}
-
-fn program(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"));
-    command.current_dir(folder).args(arguments);
-    command
-}
-
-fn run(folder: &Path, arguments: &[&str]) -> (i32, String) {
-    let output = program(folder, arguments).output().expect("the program runs");
-    code_and_errors(&output)
-}
-
-fn code_and_errors(output: &Output) -> (i32, String) {
-    (output.status.code().expect("an exit code"), String::from_utf8_lossy(&output.stderr).into_owned())
-}
 
 /// A pipe that nobody reads.
 fn closed() -> Stdio {
@@ -39,7 +16,7 @@ fn closed() -> Stdio {
 
 #[test]
 fn a_closed_standard_error_is_no_panic() {
-    let folder = folder("closed-error");
+    let folder = folder("exits/closed-error");
     let runs: [(&[&str], i32); 4] = [
         (&["simulate", "none"], 2),
         (&["identify", "none.csv"], 2),
@@ -54,7 +31,7 @@ fn a_closed_standard_error_is_no_panic() {
 
 #[test]
 fn a_closed_standard_output_ends_the_work_quietly() {
-    let folder = folder("closed-output");
+    let folder = folder("exits/closed-output");
     fs::write(folder.join("design.csv"), "plant.m\n6.7\n6.8\n").expect("a file");
     let runs: [&[&str]; 5] = [
         &["simulate", "unbalanced", "--set", "duration=50ms", "--csv", "-"],
@@ -65,7 +42,7 @@ fn a_closed_standard_output_ends_the_work_quietly() {
     ];
     for arguments in runs {
         let output = program(&folder, arguments).stdout(closed()).stderr(Stdio::piped()).output().expect("it runs");
-        let (code, errors) = code_and_errors(&output);
+        let (code, _, errors) = said(&output);
         assert_eq!(code, 0, "{arguments:?}: {errors}");
         assert!(!errors.contains("error:"), "{arguments:?}: {errors}");
     }
@@ -73,8 +50,8 @@ fn a_closed_standard_output_ends_the_work_quietly() {
 
 #[test]
 fn exit_codes_tell_arguments_from_answers() {
-    let folder = folder("codes");
-    let (code, errors) = run(&folder, &["simulate", "unbalanced", "--set", "duration=0.1s", "--csv", "good.csv"]);
+    let folder = folder("exits/codes");
+    let (code, _, errors) = run(&folder, &["simulate", "unbalanced", "--set", "duration=0.1s", "--csv", "good.csv"]);
     assert_eq!(code, 0, "{errors}");
     for arguments in [
         &["simulate", "unbalanced", "--set", "m=-1"][..],
@@ -85,39 +62,39 @@ fn exit_codes_tell_arguments_from_answers() {
         &["whirl", "--stiffness", "-5"],
         &["sweep", "none.csv", "--out", "rows.csv"],
     ] {
-        let (code, errors) = run(&folder, arguments);
+        let (code, _, errors) = run(&folder, arguments);
         assert_eq!(code, 2, "{arguments:?}: {errors}");
     }
     // Less than a revolution and a third.
     let short = fs::read_to_string(folder.join("good.csv")).expect("a table");
     let short: Vec<&str> = short.lines().take(200).collect();
     fs::write(folder.join("short.csv"), short.join("\n")).expect("a file");
-    let (code, errors) = run(&folder, &["identify", "short.csv"]);
+    let (code, _, errors) = run(&folder, &["identify", "short.csv"]);
     assert_eq!(code, 3, "{errors}");
     says(&errors, &["Not valid", "too short"]);
-    let output = program(&folder, &["--help"]).output().expect("it runs");
-    says(&String::from_utf8_lossy(&output.stdout), &["Exit codes:", "3  an identification"]);
+    let (_, help, _) = run(&folder, &["--help"]);
+    says(&help, &["Exit codes:", "3  an identification"]);
 }
 
 #[test]
 fn a_bearing_is_given_to_identify_as_to_simulate() {
-    let folder = folder("set");
-    let (code, errors) = run(&folder, &["simulate", "unbalanced", "--set", "duration=0.1s", "--csv", "run.csv"]);
+    let folder = folder("exits/set");
+    let (code, _, errors) = run(&folder, &["simulate", "unbalanced", "--set", "duration=0.1s", "--csv", "run.csv"]);
     assert_eq!(code, 0, "{errors}");
-    let told = |arguments: &[&str]| {
-        let output = program(&folder, &[&["identify", "run.csv"], arguments].concat()).output().expect("it runs");
-        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8_lossy(&output.stdout).into_owned()
+    let identified = |arguments: &[&str]| {
+        let (code, out, errors) = run(&folder, &[&["identify", "run.csv"], arguments].concat());
+        assert_eq!(code, 0, "{arguments:?}: {errors}");
+        out
     };
-    let out = told(&["--set", "s=5.1e-4", "--set", "m=6.8kg", "--set", "alpha[1]=179.5deg"]);
+    let out = identified(&["--set", "s=5.1e-4", "--set", "m=6.8kg", "--set", "alpha[1]=179.5deg"]);
     says(&out, &["m = 6.8 kg, s = 0.51 mm, alpha = 179.5,"]);
     // A file with the parameters alone.
     fs::write(folder.join("bench.toml"), "[all]\nm = \"6.6 kg\"\n").expect("a file");
-    says(&told(&["--scenario", "bench.toml"]), &["m = 6.6 kg"]);
+    says(&identified(&["--scenario", "bench.toml"]), &["m = 6.6 kg"]);
     for (change, option) in
         [("hold=linear", "--hold"), ("sensor.positionNoise=1e-6", "--position-noise"), ("lambda=1", "no variable")]
     {
-        let (code, errors) = run(&folder, &["identify", "run.csv", "--set", change]);
+        let (code, _, errors) = run(&folder, &["identify", "run.csv", "--set", change]);
         assert_eq!(code, 2, "{change}");
         says(&errors, &[change.split('=').next().unwrap_or_default(), option]);
     }
@@ -125,20 +102,21 @@ fn a_bearing_is_given_to_identify_as_to_simulate() {
 
 #[test]
 fn a_run_that_does_not_fit_into_memory_is_refused() {
-    let (code, errors) = run(&folder("memory"), &["simulate", "unbalanced", "--set", "duration=1e9"]);
+    let (code, _, errors) = run(&folder("exits/memory"), &["simulate", "unbalanced", "--set", "duration=1e9"]);
     assert_eq!(code, 2);
     says(&errors, &["duration = 1e9 s", "1e13 samples", "GB of memory", "the limit is 8 GB"]);
 }
 
 #[test]
 fn messages_have_units_and_few_digits() {
-    let folder = folder("messages");
-    let (_, errors) = run(&folder, &["whirl", "--to", "-5"]);
+    let folder = folder("exits/messages");
+    let (_, _, errors) = run(&folder, &["whirl", "--to", "-5"]);
     says(&errors, &["a speed in rpm"]);
-    let (_, errors) = run(&folder, &["whirl", "--stiffness", "-5"]);
+    let (_, _, errors) = run(&folder, &["whirl", "--stiffness", "-5"]);
     says(&errors, &["-5 N/m"]);
     // A load that no current can hold.
-    let (code, errors) = run(&folder, &["simulate", "unbalanced", "--set", "plant.pZ=-20000", "--set", "duration=0.1"]);
+    let (code, _, errors) =
+        run(&folder, &["simulate", "unbalanced", "--set", "plant.pZ=-20000", "--set", "duration=0.1"]);
     assert_eq!(code, 1);
     let digits = |word: &str| {
         word.trim_start_matches(['-', '0', '.']).chars().take_while(|c| *c != 'e').filter(char::is_ascii_digit).count()
@@ -152,7 +130,7 @@ fn messages_have_units_and_few_digits() {
 #[cfg(unix)]
 #[test]
 fn an_interrupted_sweep_says_how_to_go_on() {
-    let folder = folder("interrupted");
+    let folder = folder("exits/interrupted");
     let cases: String = (0..400).map(|case| format!("{}\n", 6.5 + 1e-3 * f64::from(case))).collect();
     fs::write(folder.join("design.csv"), format!("plant.m\n{cases}")).expect("a file");
     let arguments = ["sweep", "design.csv", "--out", "rows.csv", "--jobs", "1"];

@@ -203,10 +203,10 @@ fn mass_and_current_gain_are_not_separated_from_lambda() {
     assert!(found.bench[by_name("sensor.offset[y]").unwrap()].estimate.total_std < 5e-6);
 }
 
-/// Runs of one drawn bearing (`montecarlo --only "identify: drawn bearings, noise told"` and its seed) with other noise, the position noise scaled.
+/// Runs of one drawn bearing (`montecarlo --only "identify: drawn bearings, noise known"` and its seed) with other noise, the position noise scaled.
 fn runs_of(bearing: u64, position_noise: f64, runs: usize) -> Vec<Trial> {
     let studies = offline::studies(1);
-    let study = studies.iter().find(|study| study.title == "identify: drawn bearings, noise told").unwrap();
+    let study = studies.iter().find(|study| study.title == "identify: drawn bearings, noise known").unwrap();
     in_parallel(runs, |run| {
         let mut scenario = study.case(bearing, 0);
         let noise = position_noise * scenario.closed_loop().unwrap().plant.sensor.position_noise_m;

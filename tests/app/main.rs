@@ -22,6 +22,7 @@ mod machines;
 mod montecarlo;
 mod package;
 mod platforms;
+mod program;
 mod recordings;
 mod report;
 mod scenario;

@@ -3,9 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fs;
 use std::io::{Cursor, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
+use crate::program::folder;
 use crate::support::{MODELS, says};
 use fmu_export::Standard;
 use fmu_export::package::{Written, platform};
@@ -16,13 +17,6 @@ use magnetic_bearing::package;
 use magnetic_bearing::simulation::scenario::Scenario;
 use roxmltree::{Document, Node};
 use zip::{CompressionMethod, ZipArchive};
-
-/// An empty folder for this test.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("package").join(name);
-    let _ = fs::remove_dir_all(&folder);
-    folder
-}
 
 /// All machines.
 fn all() -> Vec<&'static Machine> {
@@ -37,7 +31,7 @@ fn systems() -> impl Iterator<Item = String> {
 /// Packages all machines into a folder of that name.
 fn packaged(name: &str) -> Vec<Written> {
     let library = package::built_library().expect("the library is built with the tests");
-    package::package(&library, &all(), &folder(name)).expect("the archives")
+    package::package(&library, &all(), &folder(&format!("package/{name}"))).expect("the archives")
 }
 
 fn members(bytes: &[u8]) -> BTreeMap<String, Vec<u8>> {
@@ -469,15 +463,12 @@ fn tests_do_not_change_the_library() {
 #[test]
 fn what_cannot_be_packaged_is_said_by_name() {
     let missing = Path::new("no/such/library.so");
-    let error = package::package(missing, &all(), &folder("missing")).expect_err("there is no such library");
+    let error = package::package(missing, &all(), &folder("package/missing")).expect_err("there is no such library");
     says(&error.to_string(), &["no/such/library.so"]);
     // A file has the name of the folder.
-    let taken = folder("taken");
-    fs::create_dir_all(taken.parent().expect("a parent")).expect("a folder");
-    let _ = fs::remove_file(&taken);
+    let taken = folder("package/unwritable").join("taken");
     fs::write(&taken, "in the way").expect("a file");
     let library = package::built_library().expect("the library");
     let error = package::package(&library, &all(), &taken).expect_err("a file is in the way");
-    fs::remove_file(&taken).expect("the file");
     says(&error.to_string(), &["taken"]);
 }

@@ -3,9 +3,10 @@
 //! Most binaries here are file headers only; real ones are built and run by `scripts/test-platforms`.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
+use std::process::Output;
 
+use crate::program::{folder, program};
 use crate::support::MODELS;
 use fmu_export::Standard;
 use fmu_export::package::platforms::{Binaries, PLATFORMS, Platform, by_name};
@@ -172,25 +173,13 @@ fn files_that_are_not_of_the_platform_are_refused() {
     }
 }
 
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("platforms").join(name);
-    let _ = fs::remove_dir_all(&folder);
-    fs::create_dir_all(&folder).expect("a folder");
-    folder
-}
-
 /// The library that was built with the tests.
 fn built() -> Vec<u8> {
     fs::read(built_library().expect("the library is built with the tests")).expect("a library")
 }
 
 fn package(folder: &Path, arguments: &[String]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"))
-        .args(["package", "--out"])
-        .arg(folder.join("out"))
-        .args(arguments)
-        .output()
-        .expect("the program runs")
+    program(folder, &["package", "--out", "out"]).args(arguments).output().expect("the program runs")
 }
 
 fn members(archive: &Path) -> Vec<String> {
@@ -204,7 +193,7 @@ fn members(archive: &Path) -> Vec<String> {
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn the_command_adds_platforms_and_says_so() {
-    let folder = folder("adds");
+    let folder = folder("platforms/adds");
     // A Linux library with the machine number of another processor.
     let path = folder.join("some name.so");
     fs::write(&path, with_u16(built(), 18, ARM)).expect("a file");
@@ -225,7 +214,7 @@ fn the_command_adds_platforms_and_says_so() {
 fn a_binary_for_the_own_platform_takes_the_place_of_the_built_one() {
     use std::io::Read;
 
-    let folder = folder("own");
+    let folder = folder("platforms/own");
     let path = folder.join("lib.so");
     let other = [built(), b"another".to_vec()].concat();
     fs::write(&path, &other).expect("a file");
@@ -242,7 +231,7 @@ fn a_binary_for_the_own_platform_takes_the_place_of_the_built_one() {
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn the_command_refuses_what_makes_no_sense() {
-    let folder = folder("refuses");
+    let folder = folder("platforms/refuses");
     let path = folder.join("lib.so");
     fs::write(&path, elf(X86)).expect("a file");
     let path = path.display();

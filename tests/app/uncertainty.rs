@@ -292,3 +292,39 @@ fn errors_over_many_seeds() {
         assert!(late.unbalance[0] < 0.01 && late.unbalance[1] < 0.02, "unbalance {:?}", late.unbalance);
     }
 }
+
+/// After an unknown force of 10 to 60 N for 50 ms the estimate is right whenever it is valid, and valid again within three revolutions in the median.
+#[test]
+fn blows_are_forgotten() {
+    const BLOWS: u32 = 40;
+    let (mut wrong, mut back_s) = (0, Vec::new());
+    for noise in [[0.0; 2], NOISE] {
+        for told in [true, false] {
+            for blow in 0..BLOWS {
+                let (amplitude_n, rate_rad_s) = (10.0 + 10.0 * f64::from(blow % 6), 400.0 + 61.0 * f64::from(blow));
+                let (scenario, mut bench) = row("unbalanced", &[], 3, noise, told);
+                let truth = truth(&scenario);
+                bench.until(0.15, |_| ());
+                let mut said = bench.until(0.2, |bench| {
+                    bench.set("plant", "pY", 10.0 + amplitude_n * (rate_rad_s * bench.time_s()).sin())
+                });
+                bench.set("plant", "pY", 10.0);
+                said.extend(bench.until(0.6, |_| ()));
+                let back =
+                    said.iter().rev().take_while(|said| said.valid).last().map_or(f64::INFINITY, |said| said.time_s);
+                back_s.push(back - 0.2);
+                let late: Vec<Said> = said.into_iter().filter(|said| said.time_s > 0.16).collect();
+                let (worst, _) = confidence(&late, &truth);
+                if worst >= CONFIDENT {
+                    wrong += 1;
+                    println!("{amplitude_n} N, {rate_rad_s} rad/s, noise {noise:?}, told {told}: {worst:.1}");
+                }
+            }
+        }
+    }
+    back_s.sort_by(f64::total_cmp);
+    let [median, most] = [back_s.len() / 2, back_s.len() * 9 / 10].map(|n| back_s[n]);
+    println!("{wrong} of {} wrong; valid again after {median:.3} s, nine in ten after {most:.3} s", back_s.len());
+    assert!(wrong <= back_s.len() / 100, "{wrong} of {} valid and wrong", back_s.len());
+    assert!(median < 0.075 && most < 0.125, "valid again after {median:.3} s, nine in ten after {most:.3} s");
+}

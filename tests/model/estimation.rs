@@ -131,7 +131,7 @@ fn another_bearing() {
     }
 }
 
-/// What is held over an interval is told by the sample at its end or at its start: the estimates are the same.
+/// Values held over an interval may come with the sample at its end or at its start: the estimates are the same.
 #[test]
 fn both_holds_tell_the_same() {
     let rotor = noisy(3, 2001);
@@ -239,7 +239,7 @@ fn gaps_keep_what_was_learnt() {
                 assert_never_wrong(&format!("{verdict:?} {gap:?}"), &rotor, &outputs);
                 let last = outputs.last().expect("samples");
                 for k in 0..3 {
-                    // What the gap takes is the information of its samples.
+                    // The gap costs the information of its samples.
                     let more = last.lambda_std[k] / undisturbed.lambda_std[k];
                     assert!((0.95..1.15).contains(&more), "{verdict:?} {gap:?}: {more} times the standard deviation");
                 }
@@ -641,7 +641,7 @@ fn the_other_outputs_mean_what_they_say() {
 fn tolerances_enter_the_total_alone() {
     let rotor = noisy(22, 3001);
     let plain = rotor.identify(told(config(&rotor), NOISE)).pop().expect("samples");
-    // What the other models of memory add.
+    // Uncertainty that the other models of memory add.
     let models: [f64; 3] = std::array::from_fn(|k| plain.lambda_std_total[k] / plain.lambda_hat[k]);
     for (total, noise) in plain.lambda_std_total.iter().zip(plain.lambda_std) {
         assert!((1.0..1.6).contains(&(total / noise)), "{plain:?}");

@@ -195,7 +195,7 @@ fn samples_that_cannot_be_used_are_named() {
         Verdict::Collecting,
     ];
     assert_eq!(verdicts, wanted);
-    // What was found before a gap stays, and a reset forgets it.
+    // An estimate from before a gap stays, and a reset forgets it.
     assert_eq!(outputs[740].lambda_hat, outputs[711].lambda_hat);
     assert_eq!(outputs[850].lambda_hat, shaft.guess);
 

@@ -30,7 +30,7 @@ pub(crate) enum Fmi3 {}
 /// The function in `fmi3LogMessageCallback`.
 type Callback = <fmi3LogMessageCallback as IntoIterator>::Item;
 
-/// What was agreed on when the instance was made.
+/// Options that the importer chose at instantiation.
 pub(crate) struct Options {
     /// Whether events are handled in a mode of their own.
     event_mode: bool,

@@ -75,7 +75,7 @@ pub trait Instance: Send + Sync {
     /// Sets the variable with that index.
     ///
     /// # Errors
-    /// What is wrong with the value, see [`AccessError`]; the former value stays.
+    /// If the value is refused, see [`AccessError`]; the former value stays.
     fn set(&mut self, index: usize, value: Value) -> Result<(), AccessError> {
         self.set_all(1, &|_| (index, value.clone()))
     }
@@ -83,8 +83,20 @@ pub trait Instance: Send + Sync {
     /// Sets several variables, or none if one value is refused: `settings(n)` returns index and value of setting n.
     ///
     /// # Errors
-    /// What is wrong with one of them, see [`AccessError`]; all former values stay.
+    /// If one of them is refused, see [`AccessError`]; all former values stay.
     fn set_all(&mut self, count: usize, settings: &dyn Fn(usize) -> (usize, Value)) -> Result<(), AccessError>;
+
+    /// Reads variables of type Real in a run, until one of them needs more care: it is unknown, of another type, the time, or not
+    /// finite. Returns the number of values read; [`get`](Self::get) reads the next one or gives the reason.
+    fn get_reals(&mut self, _indices: &[u32], _values: &mut [f64]) -> usize {
+        0
+    }
+
+    /// Sets variables as [`set_all`](Self::set_all) does if all of them are inputs of type Real within their limits; otherwise it
+    /// returns `false` and changes nothing.
+    fn set_reals(&mut self, _indices: &[u32], _values: &[f64]) -> bool {
+        false
+    }
 
     /// Sets the time at which the run will begin, in seconds; 0 by default.
     fn set_start(&mut self, start_s: f64);
@@ -111,7 +123,7 @@ pub trait Instance: Send + Sync {
     /// returns index, order and value of setting n.
     ///
     /// # Errors
-    /// What is wrong with one of them.
+    /// If one of them is refused.
     fn set_input_derivatives(
         &mut self,
         count: usize,
@@ -121,13 +133,13 @@ pub trait Instance: Send + Sync {
     /// The derivative of an output with respect to time, at the end of the last step.
     ///
     /// # Errors
-    /// What is wrong with the request.
+    /// If the variable has no derivative of this order.
     fn output_derivative(&mut self, index: usize, order: i32) -> Result<f64, AccessError>;
 
     /// Prepares a directional derivative: `knowns(n)` returns index and direction of the n-th known variable.
     ///
     /// # Errors
-    /// What is wrong with one of them.
+    /// If an unknown or a known is refused.
     fn differentiate(
         &mut self,
         count: usize,

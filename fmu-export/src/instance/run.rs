@@ -140,19 +140,16 @@ impl<M: Model> ModelInstance<M> {
         }
     }
 
-    /// Whether a variable may be set to a value of that type now.
+    /// Whether it is an input that admits this value; nothing else has to be checked then.
     #[inline]
-    fn check(&self, index: usize, value: &Value) -> Result<(), AccessError> {
-        // An input, which is set at every step.
-        let variable = self.table.variables.get(index).filter(|variable| variable.causality == Causality::Input);
-        if variable.is_some_and(|variable| self.table.takes(index, value) && variable.holds(value)) {
-            return Ok(());
-        }
-        self.check_any(index, value)
+    fn takes_at_any_time(&self, index: usize, value: &Value) -> bool {
+        self.table.variables.get(index).is_some_and(|variable| {
+            variable.causality == Causality::Input && self.table.takes(index, value) && variable.holds(value)
+        })
     }
 
-    #[inline(never)]
-    fn check_any(&self, index: usize, value: &Value) -> Result<(), AccessError> {
+    /// Whether a variable may be set to a value of that type now.
+    fn check(&self, index: usize, value: &Value) -> Result<(), AccessError> {
         let variable = self.variable(index)?;
         let refuse = |reason| Err(AccessError::NotSettable { name: variable.name.to_string(), reason });
         match (variable.causality, variable.variability, &self.run) {
@@ -221,13 +218,8 @@ impl<M: Model> Instance for ModelInstance<M> {
     }
 
     fn set(&mut self, index: usize, value: Value) -> Result<(), AccessError> {
-        // Fast path for the value of one input, which a loop sets at every step.
-        if let Some(variable) = self.table.variables.get(index)
-            && variable.causality == Causality::Input
-            && self.moved.is_empty()
-            && self.table.takes(index, &value)
-            && variable.holds(&value)
-        {
+        // A loop sets its inputs one by one at every step.
+        if self.moved.is_empty() && self.takes_at_any_time(index, &value) {
             self.stale = true;
             let _ = self.table.set(index, &mut self.values, value);
             return Ok(());
@@ -264,6 +256,38 @@ impl<M: Model> Instance for ModelInstance<M> {
         }
         self.stale |= count > 0;
         Ok(())
+    }
+
+    fn get_reals(&mut self, indices: &[u32], values: &mut [f64]) -> usize {
+        // Before the run, outputs come from a trial start.
+        if self.run.is_none() {
+            return 0;
+        }
+        for (at, (index, value)) in indices.iter().zip(&mut *values).enumerate() {
+            let index = *index as usize;
+            match self.table.variables.get(index) {
+                Some(variable) if variable.is_settable() => {}
+                Some(variable) if variable.causality != Causality::Independent => self.update_outputs(),
+                _ => return at,
+            }
+            match self.table.get(index, &self.values) {
+                Value::Real(number) if number.is_finite() => *value = number,
+                _ => return at,
+            }
+        }
+        indices.len().min(values.len())
+    }
+
+    fn set_reals(&mut self, indices: &[u32], values: &[f64]) -> bool {
+        let settings = || indices.iter().zip(values).map(|(index, value)| (*index as usize, Value::Real(*value)));
+        if !self.moved.is_empty() || !settings().all(|(index, value)| self.takes_at_any_time(index, &value)) {
+            return false;
+        }
+        for (index, value) in settings() {
+            let _ = self.table.set(index, &mut self.values, value);
+        }
+        self.stale |= !indices.is_empty();
+        true
     }
 
     fn set_start(&mut self, start_s: f64) {

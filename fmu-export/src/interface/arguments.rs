@@ -51,6 +51,34 @@ pub(crate) unsafe fn text<'a>(text: *const c_char) -> Option<&'a CStr> {
     (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) })
 }
 
+/// A C type of values. Importers pass Real numbers at every step, so these have a short path for many at once.
+pub(crate) trait Passed: Sized {
+    /// Reads variables until one needs more care; returns the number of values read.
+    fn read<I: Interface>(_: &mut Component<I>, _indices: &[u32], _values: &mut [Self]) -> usize {
+        0
+    }
+
+    /// Writes all variables, or none if one of them needs more care, and returns whether it did.
+    fn write<I: Interface>(_: &mut Component<I>, _indices: &[u32], _values: &[Self]) -> bool {
+        false
+    }
+}
+
+impl Passed for f64 {
+    fn read<I: Interface>(component: &mut Component<I>, indices: &[u32], values: &mut [Self]) -> usize {
+        component.instance.get_reals(indices, values)
+    }
+
+    fn write<I: Interface>(component: &mut Component<I>, indices: &[u32], values: &[Self]) -> bool {
+        component.instance.set_reals(indices, values)
+    }
+}
+
+impl Passed for i32 {}
+impl Passed for i64 {}
+impl Passed for u8 {}
+impl Passed for *const c_char {}
+
 /// The value of a string passed by the importer.
 ///
 /// # Safety

@@ -1,10 +1,10 @@
-//! What a call operates on: an instance, its state in the sequence of calls, and its logger.
+//! The component of a call: an instance, its state in the sequence of calls, and its logger.
 
 use std::ffi::{CStr, CString, c_char};
 use std::sync::Arc;
 
 use super::Interface;
-use super::arguments::text;
+use super::arguments::{finite, handed_out, text};
 use super::logger::Logger;
 use super::sequence::State;
 use super::snapshot::{Snapshot, Stage};
@@ -37,7 +37,7 @@ pub(crate) type Outcome = Result<(), Problem>;
 /// since 1970 is below it.
 const LATEST_START_S: f64 = 1e10;
 
-/// What a call operates on.
+/// An instance with its state in the sequence of calls, its logger and its buffers.
 pub(crate) struct Component<I: Interface> {
     pub(crate) model: Arc<ModelType>,
     pub(crate) instance: Box<dyn Instance>,
@@ -156,6 +156,23 @@ impl<I: Interface> Component<I> {
         Ok(())
     }
 
+    /// Directional derivatives of the unknowns, in the direction in which the knowns change.
+    pub(crate) fn differentiate(
+        &mut self,
+        (knowns, direction): (&[u32], &[f64]),
+        (unknowns, derivatives): (&[u32], &mut [f64]),
+    ) -> Outcome {
+        for (reference, value) in knowns.iter().zip(direction) {
+            finite(*value).map_err(|why| Problem::Call(format!("{}: {why}", self.name_of(*reference))))?;
+        }
+        let known = |at: usize| (knowns[at] as usize, direction[at]);
+        let found = self.instance.differentiate(knowns.len(), &known).map_err(Problem::call)?;
+        for (reference, derivative) in unknowns.iter().zip(derivatives) {
+            *derivative = handed_out(self, *reference, found.of(*reference as usize).map_err(Problem::call)?)?;
+        }
+        Ok(())
+    }
+
     /// Switches log categories on or off; an empty list means all of them.
     ///
     /// # Safety
@@ -170,9 +187,16 @@ impl<I: Interface> Component<I> {
         })
     }
 
-    pub(crate) fn reset(&mut self) {
+    /// Enters a state of the sequence of calls.
+    pub(crate) fn change(&mut self, state: State) -> Outcome {
+        self.stage.state = state;
+        Ok(())
+    }
+
+    pub(crate) fn reset(&mut self) -> Outcome {
         self.instance.reset();
         self.stage = Stage::BEGIN;
+        Ok(())
     }
 
     /// A snapshot of this instance.

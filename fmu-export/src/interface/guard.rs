@@ -11,7 +11,7 @@ use super::logger::Category;
 use super::sequence::{Rule, State};
 use super::{Interface, name_of};
 
-/// What the importer's pointer points to: an instance, and whether a call on it is in progress.
+/// Target of the importer's pointer: an instance, and whether a call on it is in progress.
 ///
 /// The standard forbids concurrent calls, and yet loggers call back into their instance, and importers share instances between
 /// threads. Such a call is refused, so that it cannot see an instance in the middle of a change.

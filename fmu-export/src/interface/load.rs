@@ -16,7 +16,7 @@ const NOT_INITIALIZED: &str = "the model cannot be initialized";
 /// Makes an instance of the model with that token, initializes it, and frees it.
 ///
 /// # Errors
-/// What fails, in words.
+/// If a step of this fails, with the reason.
 pub(crate) fn initialize(library: &Path, standard: Standard, token: &str, resources: &Path) -> Result<(), String> {
     // SAFETY: the library is one that this crate made, whose initialization does nothing that needs care.
     let library = unsafe { Library::new(library) }.map_err(|error| error.to_string())?;

@@ -1,4 +1,4 @@
-//! What the C interfaces of FMI 2.0 and FMI 3.0 share.
+//! The parts that the C interfaces of FMI 2.0 and FMI 3.0 share.
 //!
 //! Every call passes one entry guard, which checks the instance and the [`sequence`] of calls, stops panics at the C boundary,
 //! and logs errors. `Interface` holds what the standards name differently: statuses, functions, the logger's type.
@@ -38,7 +38,7 @@ pub(crate) trait Interface: Sized + 'static {
     /// The function that resets an instance, for messages.
     const RESET: &'static str;
 
-    /// What else was agreed on when the instance was made.
+    /// Further options that the importer chooses at instantiation.
     type Options;
 
     /// The importer's function for messages.

@@ -27,7 +27,7 @@ const MAGIC: &[u8; 8] = b"FMU2SNAP";
 const VERSION: u16 = 4;
 const HASH_BYTES: usize = 32;
 
-/// What the importer holds as a snapshot: an instance without its name, its callbacks and its log categories.
+/// A snapshot in the hands of the importer: an instance without its name, its callbacks and its log categories.
 pub(crate) struct Snapshot {
     pub(crate) model: Arc<ModelType>,
     pub(crate) instance: Box<dyn Instance>,

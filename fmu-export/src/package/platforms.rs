@@ -134,7 +134,7 @@ pub enum NotFor {
     NoLibrary {
         /// The platform expected.
         wanted: &'static Platform,
-        /// What it is.
+        /// Kind of file that was found.
         found: String,
     },
     /// It is a library for another platform.
@@ -142,7 +142,7 @@ pub enum NotFor {
     Other {
         /// The platform expected.
         wanted: &'static Platform,
-        /// What it is for.
+        /// Platform that it was built for.
         found: String,
     },
 }

@@ -5,7 +5,7 @@
 /// ```
 /// # use fmu_export::variable::Enumeration;
 /// static DRIVE: Enumeration =
-///     Enumeration::new("Drive", "What drives the coils", &[("current", "Currents"), ("voltage", "Voltages")]);
+///     Enumeration::new("Drive", "Drive of the coils", &[("current", "Currents"), ("voltage", "Voltages")]);
 /// assert_eq!(DRIVE.item(2), Some("voltage"));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]

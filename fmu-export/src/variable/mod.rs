@@ -210,7 +210,7 @@ impl Variable {
     /// matter of limits.
     ///
     /// # Errors
-    /// What is expected instead.
+    /// If the value is refused, with the expected one.
     pub fn admits(&self, value: &Value) -> Result<(), Invalid> {
         if self.holds(value) { Ok(()) } else { Err(self.refusal(value)) }
     }
@@ -226,7 +226,7 @@ impl Variable {
         }
     }
 
-    /// What is wrong with a value that is not held.
+    /// Refusal of a value that is not held.
     #[cold]
     fn refusal(&self, value: &Value) -> Invalid {
         let unit = match self.unit_name() {

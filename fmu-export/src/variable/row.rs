@@ -19,7 +19,7 @@ pub struct Row<D> {
     /// Index of its place, which differs from that of the element within arrays of structures.
     pub(super) place_index: usize,
     pub(super) starts_from_parameters: bool,
-    /// What its name begins with; names to which it refers are looked up with this prefix first.
+    /// Prefix of its name; names to which it refers are looked up with this prefix first.
     pub(super) prefix: String,
     /// Number of the structure that contains it in its array.
     number: Option<usize>,

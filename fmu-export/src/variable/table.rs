@@ -91,7 +91,7 @@ impl<D: Default> Table<D> {
     pub(crate) fn shared_places(&self) -> Vec<String> {
         let start = self.values(&[]);
         let read = |values: &D, index| self.get(index, values);
-        // What reads differently once the row has written another value.
+        // Variables that read differently once the row has written another value.
         let changed: Vec<Vec<usize>> = (0..self.places.len())
             .map(|index| {
                 let mut values = self.values(&[]);
@@ -209,7 +209,7 @@ fn complete(variables: &mut [Variable], from_parameters: &[bool]) {
     }
 }
 
-/// What a known of a variable depends on at the start; `None` for everything.
+/// Parameters and inputs that a known depends on at the start; `None` for all of them.
 fn at_start(variables: &[Variable], known: &str) -> Option<Vec<Cow<'static, str>>> {
     let variable = variables.iter().find(|variable| variable.name == known)?;
     match variable.causality {

@@ -1,6 +1,6 @@
 //! An importer that does anything: calls in any order with any arguments that C allows, over several instances in turn.
 //!
-//! What it does follows from bytes: random ones in a test, those of a fuzzer in its target. Foreign pointers and arrays
+//! Bytes decide what it does: random ones in a test, those of a fuzzer in its target. Foreign pointers and arrays
 //! shorter than they are said to be are left out, for nobody can tell them from good ones.
 
 use std::ptr::{null, null_mut};
@@ -357,7 +357,7 @@ impl<S: Source> Abuse<S> {
         Some(())
     }
 
-    /// What brings an instance to its first step.
+    /// The calls that bring an instance to its first step.
     fn begin(&mut self, at: usize) -> Option<()> {
         if self.below(4)? == 0 {
             let status = self.instances[at].1.reset();

@@ -88,7 +88,7 @@ unsafe extern "C" fn allocate(_: usize, _: usize) -> *mut c_void {
 
 unsafe extern "C" fn release(_: *mut c_void) {}
 
-/// What an importer says when it makes an instance; the defaults are those of a sound call.
+/// An importer's arguments for a new instance; the defaults are those of a sound call.
 pub struct Request {
     /// Name of the instance; `None` is a null pointer.
     pub name: Option<CString>,
@@ -203,7 +203,7 @@ impl Fmu {
         self.exit_initialization().ok(self);
     }
 
-    /// What the C functions take as the instance.
+    /// The pointer that the C functions take as the instance.
     pub fn component(&self) -> fmi2Component {
         self.component
     }

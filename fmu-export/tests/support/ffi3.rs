@@ -131,7 +131,7 @@ impl Drop for Fmu3 {
     }
 }
 
-/// What a step returns besides its status.
+/// Results of a step besides its status.
 #[derive(Debug, PartialEq)]
 pub struct Stepped3 {
     /// Whether an event is to be handled, whether the simulation is to end, whether the step ended early.

@@ -1,4 +1,4 @@
-//! What the tests share: an importer that calls the C functions of `crate::library`.
+//! The importer that all tests share: it calls the C functions of `crate::library`.
 
 #![allow(dead_code, reason = "every test program uses a part of this")]
 

@@ -137,7 +137,7 @@ fn call(subject: Subject, fmu: &Fmu, function: &str) -> fmi2Status {
     }
 }
 
-/// What may be called when, written after FMI 2.0.4, section 4.2.4, with the freedoms that importers take: settings of
+/// The functions that each state allows, written after FMI 2.0.4, section 4.2.4, with the freedoms that importers take: settings of
 /// the log at any time, and an end after an error.
 const SEQUENCE: [(&str, &str); 30] = [
     ("SetDebugLogging", "imste"),

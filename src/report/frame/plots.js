@@ -25,9 +25,11 @@
   // Each axis makes room on its own side alone: at both ends, the last number of x would move the margin back and forth.
   const axis = (own, automargin) => ({gridcolor: "--grid", linecolor: "--rule", zerolinecolor: "--rule", automargin,
     hoverformat: ".6~g", exponentformat: "power", minexponent: 5, ...own, title: {...own.title, standoff: 6}});
+  // On a narrow page a long title takes several lines.
+  const broken = (title, div) => div.clientWidth < 500 && title?.text ? {...title, text: title.text.replace(/(.{15}\S*) /g, "$1<br>")} : title;
   function figure(div) {
     const {data, layout} = specs.get(div);
-    const full = {...layout, xaxis: axis(layout.xaxis, "bottom"), yaxis: axis(layout.yaxis, "left"),
+    const full = {...layout, xaxis: axis({...layout.xaxis, title: broken(layout.xaxis.title, div)}, "bottom"), yaxis: axis(layout.yaxis, "left"),
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", margin: {l: 10, r: 30, t: 6, b: 8},
       modebar: {bgcolor: "rgba(0,0,0,0)", color: "--soft", activecolor: "--ink"},
       separators: ".\u2009", font: {family: "system-ui, sans-serif", size: 12, color: "--ink"},

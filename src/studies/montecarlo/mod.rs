@@ -242,7 +242,7 @@ pub fn studies(runs: usize) -> Vec<Study> {
     let nominal = nominal();
     let tenfold = [10.0 * NOISE[0], NOISE[1]];
     let mut studies = Vec::new();
-    for (told, says) in [(true, "noise told"), (false, "noise not told")] {
+    for (told, says) in [(true, "noise known"), (false, "noise estimated")] {
         studies.push(drawn(&format!("Drawn bearings, {says}"), told, runs));
         let mut add = |title: &str, instants_s: &[f64], noise: [f64; 2], set: &dyn Fn(&mut Scenario)| {
             let mut study = study(&format!("{title}, {says}"), &nominal, noise, told, runs);
@@ -269,7 +269,7 @@ pub fn studies(runs: usize) -> Vec<Study> {
     studies.push(without);
 
     let mut pairs = study(
-        "14 pairs of noise from 20 nm and 1 mA to 5 µm and 0.1 A, not told",
+        "14 pairs of noise from 20 nm and 1 mA to 5 µm and 0.1 A, estimated",
         &nominal,
         NOISE,
         false,
@@ -289,7 +289,7 @@ pub fn studies(runs: usize) -> Vec<Study> {
     let each = TOLERANCES.iter().map(std::slice::from_ref);
     for tolerances in each.chain([TOLERANCES.as_slice()]).map(<[_]>::to_vec) {
         let name = if let [(name, _)] = tolerances[..] { name } else { "all at once" };
-        let mut study = study(&format!("Tolerance {name}, noise told"), &nominal, NOISE, true, runs);
+        let mut study = study(&format!("Tolerance {name}, noise known"), &nominal, NOISE, true, runs);
         study.instants_s = vec![0.1, 0.4];
         study.vary = Arc::new(move |scenario: &Scenario, seed, _| {
             let mut scenario = scenario.clone();
@@ -310,7 +310,7 @@ pub fn studies(runs: usize) -> Vec<Study> {
         studies.push(study);
     }
 
-    for (told, says) in [(true, "noise told"), (false, "noise not told")] {
+    for (told, says) in [(true, "noise known"), (false, "noise estimated")] {
         let title = format!("Step of λ by {} % at {} s, {says}", 100.0 * STEP.1, STEP.0);
         let mut step = study(&title, &nominal, NOISE, told, runs);
         step.instants_s = vec![0.59, 0.64, 0.7, 1.0];

@@ -243,7 +243,7 @@ const MIXED: [(&str, f64, f64); 8] = [
     ("force.backward.sin", 0.0, 5.0),
 ];
 
-/// A study of the nominal bearing, noise not told, on a bench.
+/// A study of the nominal bearing, noise estimated, on a bench.
 fn bench(title: &str, offline: Offline, noise: [f64; 2], instants_s: &[f64], runs: usize) -> Study {
     let mut study = study(&format!("identify: {title}"), &nominal(), noise, false, runs);
     study.instants_s = instants_s.to_vec();
@@ -260,7 +260,7 @@ fn bench(title: &str, offline: Offline, noise: [f64; 2], instants_s: &[f64], run
 /// The studies of maximum likelihood, each with so many runs (of drawn bearings: with so many bearings).
 pub fn studies(runs: usize) -> Vec<Study> {
     let mut studies = Vec::new();
-    for (told, says) in [(true, "noise told"), (false, "noise not told")] {
+    for (told, says) in [(true, "noise known"), (false, "noise estimated")] {
         let mut bearings = drawn(&format!("identify: drawn bearings, {says}"), told, runs);
         let vary = bearings.vary;
         bearings.vary = Arc::new(move |scenario: &Scenario, seed, attempt| {

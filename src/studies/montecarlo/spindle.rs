@@ -43,7 +43,7 @@ struct Found {
 pub fn studies(runs: usize) -> Vec<SpindleStudy> {
     let built_in = |name: &str| Scenario::open(Path::new(name)).expect("a scenario that comes with the program");
     let mut studies = Vec::new();
-    for (told, says) in [(true, "noise told"), (false, "noise not told")] {
+    for (told, says) in [(true, "noise known"), (false, "noise estimated")] {
         let mut add = |title: &str, instants_s: &[f64], set: &dyn Fn(&mut Scenario)| {
             let mut scenario = built_in("spindle");
             cases::noise(&mut scenario, NOISE, told);

@@ -157,12 +157,8 @@ c_functions! {
 
     /// Begins initialization.
     fn fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE(c: fmi2Component) -> fmi2Status {
-        let body = |component: &mut Component| {
-            component.stage.state = State::InitializationMode;
-            Ok(())
-        };
         // SAFETY: the component is as this module's contract says.
-        unsafe { enter(c, Function::EnterInitializationMode, body) }
+        unsafe { enter(c, Function::EnterInitializationMode, |component| component.change(State::InitializationMode)) }
     }
 
     /// Ends initialization. The message names every invalid parameter.
@@ -173,22 +169,14 @@ c_functions! {
 
     /// Ends the run.
     fn fmi2Terminate: fmi2TerminateTYPE(c: fmi2Component) -> fmi2Status {
-        let body = |component: &mut Component| {
-            component.stage.state = State::Terminated;
-            Ok(())
-        };
         // SAFETY: the component is as this module's contract says.
-        unsafe { enter(c, Function::Terminate, body) }
+        unsafe { enter(c, Function::Terminate, |component| component.change(State::Terminated)) }
     }
 
     /// Resets the instance to its state after `fmi2Instantiate`.
     fn fmi2Reset: fmi2ResetTYPE(c: fmi2Component) -> fmi2Status {
-        let body = |component: &mut Component| {
-            component.reset();
-            Ok(())
-        };
         // SAFETY: the component is as this module's contract says.
-        unsafe { enter(c, Function::Reset, body) }
+        unsafe { enter(c, Function::Reset, Component::reset) }
     }
 
     /// Takes a snapshot, into an existing one if there is one.
@@ -264,15 +252,7 @@ c_functions! {
                     elements_mut("dvUnknown", dvUnknown, nUnknown)?,
                 )
             };
-            for (reference, value) in knowns.iter().zip(direction) {
-                finite(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
-            }
-            let known = |at: usize| (knowns[at] as usize, direction[at]);
-            let found = component.instance.differentiate(nKnown, &known).map_err(Problem::call)?;
-            for (reference, derivative) in unknowns.iter().zip(derivatives) {
-                *derivative = handed_out(component, *reference, found.of(*reference as usize).map_err(Problem::call)?)?;
-            }
-            Ok(())
+            component.differentiate((knowns, direction), (unknowns, derivatives))
         };
         // SAFETY: the component is as this module's contract says.
         unsafe { enter(c, Function::GetDirectionalDerivative, body) }

@@ -3,7 +3,7 @@
 use super::Component;
 use crate::fmi2::bindings::*;
 use crate::fmi2::sequence::Function;
-use crate::interface::arguments::{boolean, elements, elements_mut, handed_out, text_value};
+use crate::interface::arguments::{Passed, boolean, elements, elements_mut, handed_out, text_value};
 use crate::interface::c_functions;
 use crate::interface::component::Problem;
 use crate::interface::guard::enter;
@@ -13,7 +13,7 @@ use crate::variable::Value;
 ///
 /// # Safety
 /// As for all functions of this module.
-unsafe fn get<T>(
+unsafe fn get<T: Passed>(
     component: fmi2Component,
     function: Function,
     (references, count): (*const fmi2ValueReference, usize),
@@ -25,7 +25,8 @@ unsafe fn get<T>(
         // SAFETY: the arrays are as the contract of the exported function says.
         let (references, values) =
             unsafe { (elements("vr", references, count)?, elements_mut("value", values, count)?) };
-        for (reference, value) in references.iter().zip(values) {
+        let read = T::read(component, references, values);
+        for (reference, value) in references.iter().zip(values).skip(read) {
             let found = component.instance.get(*reference as usize).map_err(Problem::call)?;
             if let Value::Real(number) = found {
                 handed_out(component, *reference, number)?;
@@ -47,7 +48,7 @@ fn wrong_type(component: &Component, reference: fmi2ValueReference, wanted: &str
 ///
 /// # Safety
 /// As for all functions of this module.
-unsafe fn set<T: Copy>(
+unsafe fn set<T: Passed + Copy>(
     component: fmi2Component,
     function: Function,
     (references, count): (*const fmi2ValueReference, usize),
@@ -57,6 +58,9 @@ unsafe fn set<T: Copy>(
     let body = |component: &mut Component| {
         // SAFETY: the arrays are as the contract of the exported function says.
         let (references, values) = unsafe { (elements("vr", references, count)?, elements("value", values, count)?) };
+        if T::write(component, references, values) {
+            return Ok(());
+        }
         for (reference, value) in references.iter().zip(values) {
             wrap(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
         }
@@ -85,57 +89,39 @@ c_functions! {
     }
 }
 
-/// Functions that read the variables of one type.
-macro_rules! readers {
-    ($($about:literal $name:ident: $type:ident = $function:ident($of:ty), $asked:literal, $kind:ident;)*) => {
-        c_functions! {$(
-            #[doc = $about]
-            fn $name: $type(
-                c: fmi2Component,
-                vr: *const fmi2ValueReference,
-                nvr: usize,
-                value: *mut $of,
-            ) -> fmi2Status {
-                let take = |value: &Value| if let Value::$kind(value) = value { Some((*value).into()) } else { None };
-                // SAFETY: all arguments are as this module's contract says.
-                unsafe { get(c, Function::$function, (vr, nvr), value, take, $asked) }
-            }
-        )*}
+/// The value if it is of one type.
+macro_rules! only {
+    ($kind:ident) => {
+        |value: &Value| if let Value::$kind(value) = value { Some((*value).into()) } else { None }
     };
 }
 
-readers! {
-    "Reads Real variables." fmi2GetReal: fmi2GetRealTYPE = GetReal(fmi2Real), "Real", Real;
-    "Reads Integer and Enumeration variables." fmi2GetInteger: fmi2GetIntegerTYPE = GetInteger(fmi2Integer), "Integer", Integer;
-    "Reads Boolean variables." fmi2GetBoolean: fmi2GetBooleanTYPE = GetBoolean(fmi2Boolean), "Boolean", Boolean;
-}
-
-/// Functions that write the variables of one type.
-macro_rules! writers {
-    ($($about:literal $name:ident: $type:ident = $function:ident($of:ty), $wrap:expr;)*) => {
+/// Functions that read or write the variables of one type, by [`get`] or [`set`].
+macro_rules! accessors {
+    ($($about:literal $name:ident: $type:ident = $function:ident($of:ty), $way:ident($($how:expr),+);)*) => {
         c_functions! {$(
             #[doc = $about]
-            fn $name: $type(
-                c: fmi2Component,
-                vr: *const fmi2ValueReference,
-                nvr: usize,
-                value: *const $of,
-            ) -> fmi2Status {
+            fn $name: $type(c: fmi2Component, vr: *const fmi2ValueReference, nvr: usize, value: $of) -> fmi2Status {
                 // SAFETY: all arguments, the texts among them, are as this module's contract says.
-                unsafe { set(c, Function::$function, (vr, nvr), value, $wrap) }
+                unsafe { $way(c, Function::$function, (vr, nvr), value, $($how),+) }
             }
         )*}
     };
 }
 
-writers! {
+accessors! {
+    "Reads Real variables." fmi2GetReal: fmi2GetRealTYPE = GetReal(*mut fmi2Real), get(only!(Real), "Real");
+    "Reads Integer and Enumeration variables."
+    fmi2GetInteger: fmi2GetIntegerTYPE = GetInteger(*mut fmi2Integer), get(only!(Integer), "Integer");
+    "Reads Boolean variables."
+    fmi2GetBoolean: fmi2GetBooleanTYPE = GetBoolean(*mut fmi2Boolean), get(only!(Boolean), "Boolean");
     "Writes Real variables: all of them, or none if one is refused. Values that are not finite are refused where they are\n\
      used: a parameter at the end of initialization, an input in the step, unless the model accepts a missing input."
-    fmi2SetReal: fmi2SetRealTYPE = SetReal(fmi2Real), |value| Ok(Value::Real(value));
+    fmi2SetReal: fmi2SetRealTYPE = SetReal(*const fmi2Real), set(|value| Ok(Value::Real(value)));
     "Writes Integer and Enumeration variables: all of them, or none if one is refused."
-    fmi2SetInteger: fmi2SetIntegerTYPE = SetInteger(fmi2Integer), |value| Ok(Value::Integer(value));
+    fmi2SetInteger: fmi2SetIntegerTYPE = SetInteger(*const fmi2Integer), set(|value| Ok(Value::Integer(value)));
     "Writes Boolean variables: all of them, or none if one is refused."
-    fmi2SetBoolean: fmi2SetBooleanTYPE = SetBoolean(fmi2Boolean), |value| boolean(value, "fmi2");
+    fmi2SetBoolean: fmi2SetBooleanTYPE = SetBoolean(*const fmi2Boolean), set(|value| boolean(value, "fmi2"));
     "Writes String variables, in UTF-8: all of them, or none if one is refused."
-    fmi2SetString: fmi2SetStringTYPE = SetString(fmi2String), |value| text_value(value);
+    fmi2SetString: fmi2SetStringTYPE = SetString(*const fmi2String), set(|value| text_value(value));
 }

@@ -22,8 +22,8 @@ use super::sequence::{Function, State};
 use super::{Fmi3, Options};
 use crate::Standard;
 use crate::fmus::Fmus;
-use crate::interface::arguments::{element_mut, elements, elements_mut, finite, handed_out, text};
-use crate::interface::component::{Outcome, Problem};
+use crate::interface::arguments::{element_mut, elements, elements_mut, handed_out, text};
+use crate::interface::component::Problem;
 use crate::interface::guard::{enter, hand_out, take_back};
 use crate::interface::logger::Category;
 use crate::interface::{c_functions, component, logger, states};
@@ -92,12 +92,6 @@ pub unsafe fn instantiate(fmus: &'static Fmus, request: Request) -> fmi3Instance
     made.ok().flatten().unwrap_or(std::ptr::null_mut())
 }
 
-/// Leaves one mode for another.
-fn change(component: &mut Component, state: State) -> Outcome {
-    component.stage.state = state;
-    Ok(())
-}
-
 c_functions! {
     /// The version of the interface, `3.0`.
     fn fmi3GetVersion: fmi3GetVersionTYPE() -> *const c_char {
@@ -140,7 +134,7 @@ c_functions! {
         unsafe {
             enter(instance, Function::EnterInitializationMode, |component| {
                 component.setup(startTime, stop_s)?;
-                change(component, State::InitializationMode)
+                component.change(State::InitializationMode)
             })
         }
     }
@@ -151,7 +145,7 @@ c_functions! {
         unsafe {
             enter(instance, Function::ExitInitializationMode, |component: &mut Component| {
                 component.exit_initialization()?;
-                change(component, if component.options.event_mode { State::EventMode } else { State::StepMode })
+                component.change(if component.options.event_mode { State::EventMode } else { State::StepMode })
             })
         }
     }
@@ -164,7 +158,7 @@ c_functions! {
                 if !component.options.event_mode {
                     return Err(Problem::call("the instance was made with eventModeUsed = fmi3False"));
                 }
-                change(component, State::EventMode)
+                component.change(State::EventMode)
             })
         }
     }
@@ -202,23 +196,19 @@ c_functions! {
     /// Ends the handling of an event.
     fn fmi3EnterStepMode: fmi3EnterStepModeTYPE(instance: fmi3Instance) -> fmi3Status {
         // SAFETY: the instance is as this module's contract says.
-        unsafe { enter(instance, Function::EnterStepMode, |component| change(component, State::StepMode)) }
+        unsafe { enter(instance, Function::EnterStepMode, |component| component.change(State::StepMode)) }
     }
 
     /// Ends the run.
     fn fmi3Terminate: fmi3TerminateTYPE(instance: fmi3Instance) -> fmi3Status {
         // SAFETY: the instance is as this module's contract says.
-        unsafe { enter(instance, Function::Terminate, |component| change(component, State::Terminated)) }
+        unsafe { enter(instance, Function::Terminate, |component| component.change(State::Terminated)) }
     }
 
     /// Resets the instance to its state after `fmi3InstantiateCoSimulation`.
     fn fmi3Reset: fmi3ResetTYPE(instance: fmi3Instance) -> fmi3Status {
-        let body = |component: &mut Component| {
-            component.reset();
-            Ok(())
-        };
         // SAFETY: the instance is as this module's contract says.
-        unsafe { enter(instance, Function::Reset, body) }
+        unsafe { enter(instance, Function::Reset, Component::reset) }
     }
 
     /// Does one communication step.
@@ -332,15 +322,7 @@ c_functions! {
             };
             let knowns = each(component, knowns, "nSeed", seed.len())?;
             let unknowns = each(component, unknowns, "nSensitivity", sensitivity.len())?;
-            for (reference, value) in knowns.iter().zip(seed) {
-                finite(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*reference))))?;
-            }
-            let known = |at: usize| (knowns[at] as usize, seed[at]);
-            let found = component.instance.differentiate(knowns.len(), &known).map_err(Problem::call)?;
-            for (reference, derivative) in unknowns.iter().zip(sensitivity) {
-                *derivative = handed_out(component, *reference, found.of(*reference as usize).map_err(Problem::call)?)?;
-            }
-            Ok(())
+            component.differentiate((&knowns, seed), (&unknowns, sensitivity))
         };
         // SAFETY: the instance is as this module's contract says.
         unsafe { enter(instance, Function::GetDirectionalDerivative, body) }

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::Component;
 use crate::fmi3::bindings::*;
 use crate::fmi3::sequence::Function;
-use crate::interface::arguments::{boolean, elements, elements_mut, handed_out, text_value};
+use crate::interface::arguments::{Passed, boolean, elements, elements_mut, handed_out, text_value};
 use crate::interface::c_functions;
 use crate::interface::component::{Outcome, Problem};
 use crate::interface::guard::enter;
@@ -81,7 +81,7 @@ type References = (*const fmi3ValueReference, usize);
 ///
 /// # Safety
 /// As for all functions of this module.
-unsafe fn get<T>(
+unsafe fn get<T: Passed>(
     instance: fmi3Instance,
     function: Function,
     (references, count): References,
@@ -92,7 +92,9 @@ unsafe fn get<T>(
         // SAFETY: the arrays are as the contract of the exported function says.
         let (references, values) =
             unsafe { (elements("valueReferences", references, count)?, elements_mut("values", values, n_values)?) };
-        for (index, value) in each(component, references, "nValues", n_values)?.iter().zip(values) {
+        let indices = each(component, references, "nValues", n_values)?;
+        let done = T::read(component, &indices, values);
+        for (index, value) in indices.iter().zip(values).skip(done) {
             *value = read(component, *index)?;
         }
         Ok(())
@@ -115,7 +117,7 @@ fn mixed_up<T>(component: &Component, index: u32) -> Result<T, Problem> {
 ///
 /// # Safety
 /// As for all functions of this module.
-unsafe fn set<T: Copy>(
+unsafe fn set<T: Passed + Copy>(
     instance: fmi3Instance,
     function: Function,
     (references, count): References,
@@ -128,6 +130,9 @@ unsafe fn set<T: Copy>(
         let (references, values) =
             unsafe { (elements("valueReferences", references, count)?, elements("values", values, n_values)?) };
         let indices = each(component, references, "nValues", n_values)?;
+        if T::write(component, &indices, values) {
+            return Ok(());
+        }
         for (index, value) in indices.iter().zip(values) {
             if *index as usize == component.model.variables().len() {
                 return Err(Problem::call("time cannot be set: it follows from the steps"));
@@ -182,29 +187,6 @@ fn is_string(data_type: &Type) -> bool {
 }
 
 c_functions! {
-    /// Reads Float64 variables, the time among them.
-    fn fmi3GetFloat64: fmi3GetFloat64TYPE(
-        instance: fmi3Instance,
-        valueReferences: *const fmi3ValueReference,
-        nValueReferences: usize,
-        values: *mut fmi3Float64,
-        nValues: usize,
-    ) -> fmi3Status {
-        let read = |component: &mut Component, index: u32| {
-            if index as usize == component.model.variables().len() {
-                return Ok(component.stage.time_s);
-            }
-            match value(component, index)? {
-                Value::Real(value) => handed_out(component, index, value),
-                _ => check(component, index, is_float, "Float64").and_then(|()| mixed_up(component, index)),
-            }
-        };
-        // SAFETY: all arguments are as this module's contract says.
-        unsafe {
-            get(instance, Function::GetFloat64, (valueReferences, nValueReferences), (values, nValues), read)
-        }
-    }
-
     /// Reads String variables. The texts stay valid until the next call on the instance.
     fn fmi3GetString: fmi3GetStringTYPE(
         instance: fmi3Instance,
@@ -227,69 +209,70 @@ c_functions! {
     }
 }
 
-/// Functions that read the variables of one type.
-macro_rules! readers {
-    ($($about:literal $name:ident: $type:ident = $function:ident($of:ty), $fits:ident, $asked:literal, $kind:ident;)*) => {
-        c_functions! {$(
-            #[doc = $about]
-            fn $name: $type(
-                instance: fmi3Instance,
-                valueReferences: *const fmi3ValueReference,
-                nValueReferences: usize,
-                values: *mut $of,
-                nValues: usize,
-            ) -> fmi3Status {
-                let read = |component: &mut Component, index: u32| {
-                    check(component, index, $fits, $asked)?;
-                    let Value::$kind(value) = value(component, index)? else { return mixed_up(component, index) };
-                    Ok(value.into())
-                };
-                let references = (valueReferences, nValueReferences);
-                // SAFETY: all arguments are as this module's contract says.
-                unsafe { get(instance, Function::$function, references, (values, nValues), read) }
-            }
-        )*}
+/// Reads a variable of one type.
+macro_rules! only {
+    ($kind:ident, $fits:ident, $asked:literal) => {
+        |component: &mut Component, index: u32| {
+            check(component, index, $fits, $asked)?;
+            let Value::$kind(value) = value(component, index)? else { return mixed_up(component, index) };
+            Ok(value.into())
+        }
     };
 }
 
-readers! {
-    "Reads Int32 variables." fmi3GetInt32: fmi3GetInt32TYPE = GetInt32(fmi3Int32), is_integer, "Int32", Integer;
-    "Reads Enumeration variables." fmi3GetInt64: fmi3GetInt64TYPE = GetInt64(fmi3Int64), is_enumeration, "Int64", Integer;
-    "Reads Boolean variables." fmi3GetBoolean: fmi3GetBooleanTYPE = GetBoolean(fmi3Boolean), is_boolean, "Boolean", Boolean;
-}
-
-/// Functions that write the variables of one type.
-macro_rules! writers {
-    ($($about:literal $name:ident: $type:ident = $function:ident($of:ty), $fits:ident, $asked:literal, $wrap:expr;)*) => {
+/// Functions that read or write the variables of one type, by [`get`] or [`set`].
+macro_rules! accessors {
+    ($($about:literal $name:ident: $type:ident = $function:ident($of:ty), $way:ident($($how:expr),+);)*) => {
         c_functions! {$(
             #[doc = $about]
             fn $name: $type(
                 instance: fmi3Instance,
                 valueReferences: *const fmi3ValueReference,
                 nValueReferences: usize,
-                values: *const $of,
+                values: $of,
                 nValues: usize,
             ) -> fmi3Status {
                 let references = (valueReferences, nValueReferences);
                 // SAFETY: all arguments, the texts among them, are as this module's contract says.
-                unsafe { set(instance, Function::$function, references, (values, nValues), ($fits, $asked), $wrap) }
+                unsafe { $way(instance, Function::$function, references, (values, nValues), $($how),+) }
             }
         )*}
     };
 }
 
-writers! {
+accessors! {
+    "Reads Float64 variables, the time among them."
+    fmi3GetFloat64: fmi3GetFloat64TYPE = GetFloat64(*mut fmi3Float64), get(float);
+    "Reads Int32 variables."
+    fmi3GetInt32: fmi3GetInt32TYPE = GetInt32(*mut fmi3Int32), get(only!(Integer, is_integer, "Int32"));
+    "Reads Enumeration variables."
+    fmi3GetInt64: fmi3GetInt64TYPE = GetInt64(*mut fmi3Int64), get(only!(Integer, is_enumeration, "Int64"));
+    "Reads Boolean variables."
+    fmi3GetBoolean: fmi3GetBooleanTYPE = GetBoolean(*mut fmi3Boolean), get(only!(Boolean, is_boolean, "Boolean"));
     "Writes Float64 variables: all of them, or none if one is refused. Values that are not finite are refused where they are\n\
      used: a parameter at the end of initialization, an input in the step, unless the model accepts a missing input."
-    fmi3SetFloat64: fmi3SetFloat64TYPE = SetFloat64(fmi3Float64), is_float, "Float64", |value| Ok(Value::Real(value));
+    fmi3SetFloat64: fmi3SetFloat64TYPE = SetFloat64(*const fmi3Float64),
+        set((is_float, "Float64"), |value| Ok(Value::Real(value)));
     "Writes Int32 variables: all of them, or none if one is refused."
-    fmi3SetInt32: fmi3SetInt32TYPE = SetInt32(fmi3Int32), is_integer, "Int32", |value| Ok(Value::Integer(value));
+    fmi3SetInt32: fmi3SetInt32TYPE = SetInt32(*const fmi3Int32), set((is_integer, "Int32"), |value| Ok(Value::Integer(value)));
     "Writes Enumeration variables: all of them, or none if one is refused."
-    fmi3SetInt64: fmi3SetInt64TYPE = SetInt64(fmi3Int64), is_enumeration, "Int64", item;
+    fmi3SetInt64: fmi3SetInt64TYPE = SetInt64(*const fmi3Int64), set((is_enumeration, "Int64"), item);
     "Writes Boolean variables: all of them, or none if one is refused."
-    fmi3SetBoolean: fmi3SetBooleanTYPE = SetBoolean(fmi3Boolean), is_boolean, "Boolean", |value| boolean(value, "fmi3");
+    fmi3SetBoolean: fmi3SetBooleanTYPE = SetBoolean(*const fmi3Boolean),
+        set((is_boolean, "Boolean"), |value| boolean(value, "fmi3"));
     "Writes String variables, in UTF-8: all of them, or none if one is refused."
-    fmi3SetString: fmi3SetStringTYPE = SetString(fmi3String), is_string, "String", |value| text_value(value);
+    fmi3SetString: fmi3SetStringTYPE = SetString(*const fmi3String), set((is_string, "String"), |value| text_value(value));
+}
+
+/// Reads a Float64 variable, or the time.
+fn float(component: &mut Component, index: u32) -> Result<f64, Problem> {
+    if index as usize == component.model.variables().len() {
+        return Ok(component.stage.time_s);
+    }
+    match value(component, index)? {
+        Value::Real(value) => handed_out(component, index, value),
+        _ => check(component, index, is_float, "Float64").and_then(|()| mixed_up(component, index)),
+    }
 }
 
 fn item(value: fmi3Int64) -> Result<Value, String> {

@@ -222,8 +222,8 @@ fn readings() -> Vec<Course> {
             put(scenario, "plant.sensor.positionNoise", 0.0);
         })
         .with(altered::coloured_positions(NOISE[0], 1000.0)),
-        told("current noise told a third", "estimator.sensor.currentNoise", 1.0 / 3.0),
-        told("position noise told 30 % low", "estimator.sensor.positionNoise", 0.7),
+        told("current noise stated as a third", "estimator.sensor.currentNoise", 1.0 / 3.0),
+        told("position noise stated 30 % too low", "estimator.sensor.positionNoise", 0.7),
         Course::new("currents one sample late for 50 ms", Asked::NotWrong, |_, _| ())
             .with(altered::late_currents(0.05)),
         missing("1 % of the samples repeated", Asked::Valid, Missing::Repeated, hundredth),

@@ -1,6 +1,6 @@
 //! Hostile courses: what a bench really takes. An estimate that is called valid must be right on every one of them.
 //!
-//! Each course of [`courses`] runs with the noise told to the estimator and not, many times each, in closed loop. [`judge`] says of
+//! Each course of [`courses`] runs with the noise known to the estimator and estimated by it, many times each, in closed loop. [`judge`] says of
 //! a run how far valid estimates were off, in standard deviations that the estimator states, how much of the time they were valid,
 //! and how often that changed.
 
@@ -67,7 +67,7 @@ pub struct Course {
     drawn: bool,
 }
 
-/// Runs of a course with the noise told or not.
+/// Runs of a course with the noise known or estimated.
 pub struct Case<'a> {
     /// The course.
     pub course: &'a Course,
@@ -106,7 +106,12 @@ impl Course {
     }
 }
 
-/// All courses, with the noise told and not told.
+/// The word for the noise in titles.
+fn noise(known: bool) -> &'static str {
+    if known { "known" } else { "estimated" }
+}
+
+/// All courses, with the noise known and estimated.
 pub fn cases(courses: &[Course]) -> Vec<Case<'_>> {
     let both = |told| courses.iter().map(move |course| Case { course, told });
     let wanted = |case: &Case| case.course.only.is_none_or(|only| only == case.told);
@@ -116,7 +121,7 @@ pub fn cases(courses: &[Course]) -> Vec<Case<'_>> {
 impl Case<'_> {
     /// The title of these runs among those of all studies.
     pub fn title(&self) -> String {
-        format!("hostile: {}, noise {}told", self.course.name, if self.told { "" } else { "not " })
+        format!("hostile: {}, noise {}", self.course.name, noise(self.told))
     }
 
     /// The scenario of the run with that seed, drawn for the n-th time.
@@ -262,7 +267,7 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
         let ended = trials.iter().filter(|trial| trial.ended_s.is_some()).count();
         let ended = if ended > 0 { format!(" ({ended} ended by contact)") } else { String::new() };
         vec![
-            format!("{}, {}told{mark}{ended}", case.course.name, if case.told { "" } else { "not " }),
+            format!("{}, {}{mark}{ended}", case.course.name, noise(case.told)),
             format!("{}/{}", trials.iter().filter(|trial| case.course.is_wrong(trial)).count(), trials.len()),
             number(worst.ratio, 1),
             of_worst(number(100.0 * worst.error, 2)),
@@ -285,7 +290,7 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
          greatest error of a valid estimate in these deviations, and both in per cent; valid: part of the time from {VALID_FROM_S} s on; changes: \
          of `valid` within a second, at most; ± at the end: rms of what is stated, and error in it. * something is false or too fast, so that the estimate \
          need not be valid; ** readings contradict each other, and any valid estimate is wrong; *** cannot be known, and does not count. Wrong in \
-         all: noise told {}, not told {}.",
+         all: noise known {}, estimated {}.",
         share(true),
         share(false),
     );
