@@ -157,7 +157,7 @@ impl<const N: usize, const K: usize> Geometry<f64, N, K> {
             checks.finite(alpha_name(k), alpha, "rad");
         }
         let geometry = Self::new(gap_m, alpha_rad);
-        for (first, second) in geometry.parallel().filter(|_| N == 2 && K == 3) {
+        for (first, second) in geometry.parallel().filter(|_| K == 3) {
             checks.require(
                 false,
                 alpha_name(second),
@@ -168,9 +168,9 @@ impl<const N: usize, const K: usize> Geometry<f64, N, K> {
         geometry
     }
 
-    /// Pairs of parallel magnets, the later one second.
+    /// Pairs of parallel magnets in a plane, the later one second.
     fn parallel(&self) -> impl Iterator<Item = (usize, usize)> {
-        let pairs = (0..K).flat_map(|second| (0..second).map(move |first| (first, second)));
+        let pairs = (0..if N == 2 { K } else { 0 }).flat_map(|second| (0..second).map(move |first| (first, second)));
         pairs.filter(|(first, second)| cross(self.directions[*first], self.directions[*second]).abs() < SMALLEST_SINE)
     }
 
