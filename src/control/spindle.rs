@@ -120,7 +120,7 @@ impl<const M: usize, const K: usize, const G: usize> Arrangement<COORDINATES, K,
 
     fn allocate(&self, force: [f64; COORDINATES], smallest_n: [f64; G]) -> [f64; K] {
         let at = shaft::shared(magnets_at_m(self), force);
-        let of = |b: usize| self.bearings()[b].allocate(at[b], &smallest_n[(M - 2) * b..]);
+        let of = |b: usize| self.bearings()[b].allocate(at[b], &smallest_n[(M - 2) * b..(M - 2) * (b + 1)]);
         joined([of(0), of(1)], self.axial().allocate([force[0]], &smallest_n[G - 1..]))
     }
 

@@ -31,6 +31,12 @@ fn truth(scenario: &Scenario, bearing: &Bearing) -> Vec<f64> {
         .collect()
 }
 
+/// Whether magnet k, counted from 0, is used: of an axial bearing it may be the first or the second alone.
+fn is_used(scenario: &Scenario, k: usize) -> bool {
+    let used = scenario.value("controller", "magnets.used").map_or(1.0, Value::as_f64);
+    used == 1.0 || used == 2.0 + k as f64
+}
+
 /// `A ` for the prefix `A.`, nothing where there is but one.
 fn name_of(bearing: &Bearing) -> String {
     bearing.prefix.strip_suffix('.').map(|name| format!("{name} ")).unwrap_or_default()
@@ -58,7 +64,7 @@ pub fn tables(scenario: &Scenario, run: &Run) -> Vec<Table> {
 fn constants(scenario: &Scenario, run: &Run) -> Table {
     let mut rows = Vec::new();
     for bearing in scenario.machine.bearings {
-        for (k, truth) in truth(scenario, bearing).into_iter().enumerate() {
+        for (k, truth) in truth(scenario, bearing).into_iter().enumerate().filter(|(k, _)| is_used(scenario, *k)) {
             let of = |name: &str| last(run, &format!("estimator.{}{name}[{}]", bearing.prefix, k + 1));
             let hat = of("lambdaHat");
             rows.push(vec![
@@ -211,7 +217,7 @@ fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
         @if scenario.balance_s.is_some() { h2 { "Force constants" } }
         div.cards {
             @for bearing in scenario.machine.bearings {
-                @for (k, truth) in truth(scenario, bearing).into_iter().enumerate() {
+                @for (k, truth) in truth(scenario, bearing).into_iter().enumerate().filter(|(k, _)| is_used(scenario, *k)) {
                     @let of = |name: &str| last(run, &format!("estimator.{}{name}[{}]", bearing.prefix, k + 1));
                     div.card style={ "border-color:var(--magnet" (k + 1) ")" } {
                         span.name { (name_of(bearing)) "λ̂" sub { (k + 1) } }

@@ -154,7 +154,7 @@ fn more_magnets_share_a_force_and_none_falls_below_the_smallest() {
         let balanced = magnets.resultant(magnets.null_vector());
         assert!(balanced.iter().all(|force| force.abs() < 1e-12), "{alpha_rad:?}: {balanced:?}");
         for wanted in [[0.0, 0.0], [30.0, 0.0], [-12.0, 45.0], [3.0, -60.0]] {
-            let forces = magnets.allocate(wanted, &[20.0]);
+            let forces = magnets.allocate(wanted, &[20.0; 2]);
             let least = forces.iter().copied().fold(f64::INFINITY, f64::min);
             assert!((least - 20.0).abs() < 1e-12, "{alpha_rad:?}: the smallest of {forces:?}");
             for (found, wanted) in magnets.resultant(forces).into_iter().zip(wanted) {
