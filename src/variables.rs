@@ -6,7 +6,7 @@
 
 pub use fmu_export::unit;
 pub use fmu_export::unit::{Display, Unit};
-pub use fmu_export::{Choice, Variables};
+pub use fmu_export::{Choice, Variables, is_finite};
 
 /// Force constant λ of a magnet.
 pub const LAMBDA: Unit =

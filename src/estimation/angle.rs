@@ -60,12 +60,6 @@ impl Rotation {
         }
     }
 
-    pub fn is_finite(&self) -> bool {
-        let Self { theta_rad, omega_rad_s, acceleration_rad_s2, variance, noise_rad2, .. } = self;
-        let others = [theta_rad, omega_rad_s, acceleration_rad_s2, variance, noise_rad2];
-        others.into_iter().chain(&self.measured_rad).chain(&self.mean_rad_s).all(|x| x.is_finite())
-    }
-
     /// Goes on for a sample without a measurement.
     pub fn coast(&mut self, step_s: f64) {
         self.predict(step_s);

@@ -506,12 +506,6 @@ pub(super) fn stiffness_std<const K: usize>(stiffness: [f64; K], lambda_std: [f6
     std::array::from_fn(of)
 }
 
-impl<const N: usize, const K: usize, const P: usize> EstimatorOutputOf<N, K, P> {
-    pub(super) fn is_finite(&self, machine: &Names) -> bool {
-        self.determinant.is_finite() && numbers("", self, machine).iter().all(|(_, value, _)| value.is_finite())
-    }
-}
-
 /// Checks what the estimators of all machines have, under its name in the interface.
 pub(super) fn check_common<const K: usize>(
     machine: &Names,

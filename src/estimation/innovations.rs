@@ -162,11 +162,6 @@ impl<const N: usize, const K: usize> Sample<N, K> {
             missing: 0,
         }
     }
-
-    pub fn is_finite(&self) -> bool {
-        self.rotation.is_finite()
-            && self.position_m.iter().chain(&self.current_a).chain(&self.turn).all(|x| x.is_finite())
-    }
 }
 
 /// What the filter is run with: the present estimate.
@@ -199,10 +194,6 @@ struct Motions<const R: usize, const N: usize> {
 impl<const R: usize, const N: usize> Motions<R, N> {
     fn zeros() -> Self {
         Self { position: SMatrix::zeros(), rate: SMatrix::zeros() }
-    }
-
-    fn is_finite(&self) -> bool {
-        self.position.iter().chain(&self.rate).all(|x| x.is_finite())
     }
 
     /// Adds what a transition makes of other motions.
@@ -245,10 +236,6 @@ struct Covariance<const N: usize> {
 }
 
 impl<const N: usize> Covariance<N> {
-    fn is_finite(&self) -> bool {
-        self.position.iter().chain(&self.mixed).chain(&self.rate).all(|x| x.is_finite())
-    }
-
     /// `A P Aᵀ`.
     #[inline(always)]
     fn predict(&mut self, a: &Transition<N>) {
@@ -325,20 +312,7 @@ pub struct FilterState<const N: usize, const K: usize, const U: usize, const T: 
     by_current_noise: SVector<Covariance<N>, K>,
 }
 
-impl<const N: usize, const K: usize, const U: usize, const T: usize> FilterState<N, K, U, T> {
-    pub fn is_finite(&self) -> bool {
-        let motions = self.motion.is_finite()
-            && self.unknowns.is_finite()
-            && self.instruments.is_finite()
-            && self.tolerances.is_finite()
-            && self.by_noise_ratio.is_finite();
-        let covariances = self.covariance.is_finite() && self.by_current_noise.iter().all(Covariance::is_finite);
-        self.last.is_finite()
-            && motions
-            && covariances
-            && self.difference_m.is_none_or(|difference| difference.iter().all(|x| x.is_finite()))
-    }
-}
+impl<const N: usize, const K: usize, const U: usize, const T: usize> FilterState<N, K, U, T> {}
 
 /// What the field was in the interval that ended with a sample.
 #[derive(Clone, Copy, Debug)]

@@ -37,6 +37,7 @@ pub use self::readings::STUCK_SAMPLES;
 use self::readings::{Readings, Taken};
 use crate::invalid::{Checks, Invalid};
 use crate::machine::Machine as Names;
+use crate::variables::is_finite;
 
 /// Where condition numbers end: a singular system shows this value.
 pub const CONDITION_CAP: f64 = 1.0e12;
@@ -113,8 +114,8 @@ pub trait Estimation<const N: usize, const K: usize, const P: usize> {
     /// A fresh state, with all the memory that stepping needs.
     fn start(&self) -> Self::State;
 
-    /// Whether a state has the shape this method needs and finite numbers alone.
-    fn accepts(&self, state: &Self::State) -> bool;
+    /// Whether a state has the shape this method needs.
+    fn has_shape(&self, state: &Self::State) -> bool;
 
     /// Whether the rotor is within the gaps of all magnets at these positions, in m.
     fn is_in_gap(&self, position_m: [f64; N]) -> bool;
@@ -209,8 +210,11 @@ impl<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: u
 
     /// Whether a state, for instance one read from a file, has the shape this estimator needs and finite numbers alone.
     #[must_use]
-    pub fn accepts(&self, state: &StateOf<C, N, K, P>) -> bool {
-        state.output.is_finite(C::MACHINE) && state.readings.is_finite() && self.method.accepts(&state.method)
+    pub fn accepts(&self, state: &StateOf<C, N, K, P>) -> bool
+    where
+        StateOf<C, N, K, P>: Serialize,
+    {
+        is_finite(state) && self.method.has_shape(&state.method)
     }
 
     /// Takes in one sample; to be called once every T_s.

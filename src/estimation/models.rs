@@ -12,7 +12,6 @@ use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::innovations::Square;
-use super::prediction_error::all_finite;
 use super::sums::{PredictionErrorSolution, Prior, Sums};
 
 /// Models, and their memories τ in s: from that of a bearing that does not change down to less than a block at 3000 rpm.
@@ -105,11 +104,9 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         }
     }
 
-    pub fn is_sound(&self) -> bool {
-        self.used < MODELS
-            && self.force < FORCE_PARTS.len()
-            && self.sums.iter().all(|sums| sums.is_finite())
-            && all_finite(self.evidence.iter().chain(&self.spread).chain(&self.force_odds).chain(&self.retained))
+    /// Whether the models that are used are in the lists.
+    pub fn has_shape(&self) -> bool {
+        self.used < MODELS && self.force < FORCE_PARTS.len()
     }
 
     /// Forgets the sums; without allocation, as all that a step does.

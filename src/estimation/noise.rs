@@ -98,16 +98,6 @@ impl Noise {
         Self { known, start, weighed_with: logs.x, logs, variances, information, samples: 0.0 }
     }
 
-    pub fn is_finite(&self) -> bool {
-        self.logs
-            .iter()
-            .chain(&self.variances)
-            .chain(&self.start)
-            .chain(&self.information)
-            .chain([&self.samples, &self.weighed_with])
-            .all(|x| x.is_finite())
-    }
-
     /// Whether what is estimated is where the search finds it.
     pub fn is_within_range(&self) -> bool {
         let found = self.variances.into_iter().zip(GREATEST_FOUND);
@@ -210,11 +200,9 @@ impl<const N: usize, const K: usize> Waiting<N, K> {
         Self { ring, first: 0, count: 0, unbroken: 0, differences: 0, squares: [0.0; 2] }
     }
 
-    pub fn is_finite(&self) -> bool {
-        self.first < START_SAMPLES
-            && self.count <= START_SAMPLES
-            && self.squares.iter().all(|x| x.is_finite())
-            && self.ring.as_flattened().iter().all(Sample::is_finite)
+    /// Whether all places are within the ring.
+    pub fn has_shape(&self) -> bool {
+        self.first < START_SAMPLES && self.count <= START_SAMPLES
     }
 
     /// Puts a sample at the end; the oldest falls out if none is taken for it.

@@ -99,8 +99,8 @@ where
         Box::new(self.start())
     }
 
-    fn accepts(&self, state: &Self::State) -> bool {
-        state.is_sound()
+    fn has_shape(&self, state: &Self::State) -> bool {
+        PredictionErrorState::has_shape(state)
     }
 
     fn is_in_gap(&self, position_m: [f64; N]) -> bool {
@@ -146,10 +146,10 @@ impl Estimation<2, 3, 1> for Planar {
         }
     }
 
-    fn accepts(&self, state: &PlanarState) -> bool {
+    fn has_shape(&self, state: &PlanarState) -> bool {
         match (self, state) {
-            (Planar::PredictionError(_), PlanarState::PredictionError(state)) => state.is_sound(),
-            (Planar::Paper(method), PlanarState::Paper(state)) => method.accepts(state),
+            (Planar::PredictionError(_), PlanarState::PredictionError(state)) => state.has_shape(),
+            (Planar::Paper(method), PlanarState::Paper(state)) => method.has_shape(state),
             _ => false,
         }
     }

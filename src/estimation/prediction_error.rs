@@ -104,13 +104,6 @@ impl<const K: usize, const U: usize> Estimate<K, U> {
     pub fn lambda(&self) -> SVector<f64, K> {
         self.unknowns.fixed_rows::<K>(0).into_owned()
     }
-
-    pub fn is_finite(&self) -> bool {
-        let [noise, total] = &self.variance;
-        let of_magnets = self.lambda_raw.iter().chain(noise).chain(total).chain(&self.ki).chain(&self.ks);
-        let others = [&self.condition, &self.residual];
-        of_magnets.chain(&self.unknowns).chain(others).chain(&self.noise).all(|x| x.is_finite())
-    }
 }
 
 /// All that changes with a sample. Its large parts are on the heap: the threads of importers have small stacks.
@@ -577,30 +570,12 @@ impl<const K: usize, const U: usize, const T: usize> Revolution<K, U, T> {
         self.per_current += field.per_current;
         self.gradient += field.gradient;
     }
-
-    fn is_finite(&self) -> bool {
-        self.sums.is_finite()
-            && all_finite(self.per_current.iter().chain(&self.gradient).chain([&self.samples, &self.passed]))
-    }
-}
-
-pub fn all_finite<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> bool {
-    numbers.into_iter().all(|x| x.is_finite())
 }
 
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionErrorState<N, K, U, T> {
-    /// Whether all numbers are finite, and all places within their rings.
-    pub fn is_sound(&self) -> bool {
-        let numbers =
-            [&self.mean_square_a2, &self.condition, &self.passed, &self.quarter_samples, &self.pace, &self.pause_s];
-        all_finite(self.running.iter().chain(&self.per_current).chain(&self.gradient).chain(numbers))
-            && self.inverse.is_none_or(|inverse| all_finite(&inverse))
-            && (self.estimate.is_finite() && self.models.is_sound() && self.present.is_finite())
-            && (self.waiting.is_finite() && self.table.is_finite() && self.validation.is_finite())
-            && self.revolution.is_finite()
-            && self.trusted.iter().chain([&self.noise]).flatten().all(Noise::is_finite)
-            && self.filter.as_ref().is_none_or(FilterState::is_finite)
-            && self.solution.as_ref().is_none_or(Solution::is_finite)
+    /// Whether all places are within their lists.
+    pub fn has_shape(&self) -> bool {
+        self.models.has_shape() && self.waiting.has_shape() && self.table.has_shape()
     }
 
     /// Counts what passes of a revolution with a sample.

@@ -53,12 +53,6 @@ impl<const N: usize, const K: usize> Readings<N, K> {
         }
     }
 
-    pub fn is_finite(&self) -> bool {
-        let positions = self.position_m.iter().chain(&self.smallest_m).chain(&self.mean_m);
-        positions.chain(&self.current_a).all(|x| x.is_finite())
-            && self.rotation.is_none_or(|rotation| rotation.is_finite())
-    }
-
     /// Whether more samples are missing than a gap has.
     pub fn are_lost(&self) -> bool {
         self.missing > STUCK_SAMPLES

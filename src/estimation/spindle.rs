@@ -165,8 +165,8 @@ where
         (Box::new(self.radial.start()), Box::new(self.axial.start()))
     }
 
-    fn accepts(&self, (radial, axial): &Self::State) -> bool {
-        radial.is_sound() && axial.is_sound()
+    fn has_shape(&self, (radial, axial): &Self::State) -> bool {
+        radial.has_shape() && axial.has_shape()
     }
 
     fn is_in_gap(&self, position_m: [f64; N]) -> bool {

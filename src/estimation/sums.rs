@@ -38,10 +38,6 @@ impl<const R: usize, const U: usize, const T: usize> Products<R, U, T> {
         Self { right: SVector::zeros(), unknowns: SMatrix::zeros(), tolerances: SMatrix::zeros() }
     }
 
-    fn is_finite(&self) -> bool {
-        self.right.iter().chain(&self.unknowns).chain(&self.tolerances).all(|x| x.is_finite())
-    }
-
     #[inline(always)]
     fn add<const N: usize, const K: usize>(&mut self, of: &SMatrix<f64, R, N>, innovation: &Innovation<N, K, U, T>) {
         add_product(&mut self.right, of, &innovation.motion);
@@ -117,13 +113,6 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
             instrument_square: Square::zeros(),
             regressor_noise: SVector::zeros(),
         }
-    }
-
-    pub fn is_finite(&self) -> bool {
-        let others = self.instrument_square.iter().chain(&self.regressor_noise);
-        others.chain([&self.samples, &self.weight, &self.square]).all(|x| x.is_finite())
-            && self.predicted.is_finite()
-            && self.instruments.is_finite()
     }
 
     /// Adds a sample with the variance of its angle, rad², with instruments or without.
@@ -235,10 +224,6 @@ pub struct Solution<const U: usize, const T: usize> {
 }
 
 impl<const U: usize, const T: usize> Solution<U, T> {
-    pub fn is_finite(&self) -> bool {
-        self.unknowns.iter().chain(&self.variance).chain(&self.model).chain(&self.sensitivity).all(|x| x.is_finite())
-    }
-
     /// The first K unknowns.
     pub fn lambda<const K: usize>(&self) -> SVector<f64, K> {
         self.unknowns.fixed_rows::<K>(0).into_owned()
@@ -424,9 +409,9 @@ impl<const K: usize> AngleTable<K> {
         Self { cells: [cell; CELLS], present: 0 }
     }
 
-    pub fn is_finite(&self) -> bool {
-        let numbers = |cell: &Cell<K>| [cell.mean.sum(), cell.sum.sum(), cell.weight, cell.seen];
-        self.present < CELLS && self.cells.iter().flat_map(numbers).all(f64::is_finite)
+    /// Whether the place is one of the table.
+    pub fn has_shape(&self) -> bool {
+        self.present < CELLS
     }
 
     /// The mean at an angle, interpolated, if the rotor has passed there before; then takes in what is there now.

@@ -83,12 +83,6 @@ impl<const N: usize, const U: usize, const T: usize> Harmonic<N, U, T> {
         }
     }
 
-    fn is_finite(&self) -> bool {
-        let Self { squares, motion, unknowns, tolerances } = self;
-        let signals = motion.iter().flatten().chain(unknowns.iter().flatten()).chain(tolerances.iter().flatten());
-        signals.chain(squares).all(|x| x.is_finite())
-    }
-
     #[inline(always)]
     fn add<const K: usize>(&mut self, innovation: &Innovation<N, K, U, T>, [c, s]: [f64; 2]) {
         self.squares[0] += c * c;
@@ -162,12 +156,6 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     pub fn forget(&mut self, revolution: f64) {
         (self.harmonics_since, self.harmonics) = (revolution, [Harmonic::zeros(); HARMONICS]);
         self.greatest = 0.0;
-    }
-
-    pub fn is_finite(&self) -> bool {
-        let Self { since, harmonics_since, greatest, averaged, product, square, nis, .. } = self;
-        let own = [since, harmonics_since, greatest, averaged, product, square, nis];
-        own.into_iter().chain(&self.last).all(|x| x.is_finite()) && self.harmonics.iter().all(Harmonic::is_finite)
     }
 
     /// Revolutions since the last start.

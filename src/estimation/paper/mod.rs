@@ -179,15 +179,6 @@ impl Paper {
         self.sums.accepts(&state.window)
     }
 
-    /// Whether a state, for instance one read from a file, has that shape and finite numbers alone.
-    #[must_use]
-    pub fn accepts(&self, state: &PaperState) -> bool {
-        let PaperState { inverse_square_gap, current_a, per_current, gradient, filtered, .. } = state;
-        let fields = inverse_square_gap.as_flattened().iter().chain(current_a).chain(per_current).chain(gradient);
-        let numbers = fields.chain(&filtered.value).chain(&filtered.rate).chain(state.window.values());
-        self.has_shape(state) && numbers.copied().all(f64::is_finite)
-    }
-
     /// A gap in the data: the window starts afresh, for its integrals need every sample; the filters F keep what they have.
     pub fn interrupt(&self, state: &mut PaperState) {
         state.filled = 0;

@@ -68,11 +68,6 @@ impl Window {
         self.filled = (self.filled + 1).min(nodes);
     }
 
-    /// All numbers of the window.
-    pub fn values(&self) -> &[f64] {
-        &self.values
-    }
-
     /// The window of one signal, oldest sample first; empty if there is no such signal.
     #[must_use]
     pub fn signal(&self, index: usize) -> &[f64] {
