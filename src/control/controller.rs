@@ -60,7 +60,6 @@ pub trait ControllerParameters<const N: usize, const K: usize, const G: usize>: 
     fn omega_mut(&mut self) -> &mut f64;
 
     /// Arrangement, control law and reference. Reports errors in `checks`; use the returned values only if there are none.
-    #[expect(clippy::type_complexity, reason = "three parts")]
     fn checked(&self, checks: &mut Checks) -> (Tracking<Self::Rotor, N, K, G>, Self::Path);
 }
 
