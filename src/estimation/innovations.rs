@@ -110,7 +110,7 @@ impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
     }
 }
 
-/// What the tolerances do: T columns, first one for each variation of the machine, then gain and offset of each position, offset of each current.
+/// Effect of the tolerances: T columns, first one for each variation of the machine, then gain and offset of each position, offset of each current.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tolerances<const N: usize, const K: usize, const U: usize> {
     pub variations: Vec<Machine<N, K, U>>,
@@ -164,7 +164,7 @@ impl<const N: usize, const K: usize> Sample<N, K> {
     }
 }
 
-/// What the filter is run with: the present estimate.
+/// The present estimate, with which the filter runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Running<const U: usize> {
     /// ϑ in SI units.
@@ -300,7 +300,7 @@ pub struct FilterState<const N: usize, const K: usize, const U: usize, const T: 
     pub last: Sample<N, K>,
     /// The last position less the one before, m, if there was one.
     difference_m: Option<SVector<f64, N>>,
-    /// What each of the signals has done to (q, q̇), with the sign with which it enters the innovation: that of e_0 is the negative state.
+    /// Effect of each signal on (q, q̇), with the sign with which it enters the innovation: that of e_0 is the negative state.
     motion: Motions<1, N>,
     unknowns: Motions<U, N>,
     instruments: Motions<K, N>,
@@ -314,7 +314,7 @@ pub struct FilterState<const N: usize, const K: usize, const U: usize, const T: 
 
 impl<const N: usize, const K: usize, const U: usize, const T: usize> FilterState<N, K, U, T> {}
 
-/// What the field was in the interval that ended with a sample.
+/// The field in the interval that ended with a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Field<const K: usize> {
     /// `i_k²/gap_k²` in the middle, less the noise expected in it, A²/m².
@@ -325,7 +325,7 @@ pub struct Field<const K: usize> {
     pub gradient: SVector<f64, K>,
 }
 
-/// What multiplies the unknowns at an instant, or the mean of it over an interval.
+/// The factors of the unknowns at an instant, or the mean of it over an interval.
 struct Regressors<const K: usize> {
     /// `u_k`.
     square: SVector<f64, K>,
@@ -351,7 +351,7 @@ impl<const K: usize> Regressors<K> {
 
 /// The middle of an interval, at which tolerances are linearised.
 struct Middle<'a, const N: usize, const K: usize, const U: usize> {
-    /// What the rows of the accelerations are multiplied by.
+    /// The factors of the rows of the accelerations.
     forces: SVector<f64, U>,
     field: &'a Field<K>,
     position: SVector<f64, N>,
@@ -454,7 +454,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         }
     }
 
-    /// What each unknown does to the acceleration.
+    /// Effect of each unknown on the acceleration.
     #[inline(always)]
     fn responses(&self, accelerations: &SMatrix<f64, U, N>, at: &Regressors<K>) -> SMatrix<f64, U, N> {
         let mut responses = *accelerations;
@@ -509,7 +509,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let omega = 0.5 * (last.rotation.omega_rad_s + sample.rotation.omega_rad_s);
         let turns = self.turns(&last, sample);
 
-        // What a constant force does to the velocity within an interval, per unit of time: part of it is turned across by the gyroscope.
+        // Effect of a constant force on the velocity within an interval, per unit of time: part of it is turned across by the gyroscope.
         let gyroscopic = self.machine.gyroscopic.map(|per_speed| per_speed * omega);
         let mut accelerations = self.machine.accelerations;
         if let Some(gyroscopic) = &gyroscopic {

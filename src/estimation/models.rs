@@ -58,7 +58,7 @@ const FORCES: usize = 4;
 /// A part of the prior that holds an unknown at its mean, relative to what a unit of it could be.
 const HELD: f64 = 1.0e12;
 
-/// What weighing the models told.
+/// Result of weighing the models.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weighed {
     /// The model that is used goes on.

@@ -21,7 +21,7 @@ const QUARTERS: usize = 4;
 /// The slowest rotor that turns, rad/s, one revolution a second; slower ones are at rest.
 const SLOWEST_RAD_S: f64 = TAU;
 
-/// What counts as a revolution of a rotor at rest, s: λ may change all the same. That of 2250 rpm.
+/// Duration that counts as a revolution of a rotor at rest, s: λ may change all the same. That of 2250 rpm.
 const REVOLUTION_AT_REST_S: f64 = 4.0 / 150.0;
 
 /// Over so many missing samples the filter predicts; after more it starts again.
@@ -50,7 +50,7 @@ const SETTLED_AFTER: u64 = 4;
 /// The greatest relative standard deviation of a λ with which the filter leaves the first guess.
 const RUNNING_STD: f64 = 0.2;
 
-/// What was filtered with a first guess that was wrong by more than a fifth counts so much: the filter had another stiffness. To drop it altogether
+/// Weight of samples that were filtered with a first guess wrong by more than a fifth: the filter had another stiffness. To drop it altogether
 /// costs bearings with little excitation most of their time valid: 16 instead of 78 % in a study of weakly excited bearings.
 const FIRST_GUESS_ERROR: f64 = 0.2;
 const FIRST_GUESS_PART: f64 = 0.1;
@@ -122,7 +122,7 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     running: SVector<f64, U>,
     estimated: bool,
     estimated_at: u64,
-    /// What the quarters that have ended tell, and the present one.
+    /// Sums of the quarters that have ended, and of the present one.
     models: Models<K, U, T>,
     present: Box<Sums<K, U, T>>,
     revolution: Box<Revolution<K, U, T>>,
@@ -235,7 +235,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             None => self.sample(state, sample()),
             Some(verdict) => {
                 if verdict == Verdict::Speed {
-                    // What has been gathered belongs to another angle.
+                    // All samples so far belong to another angle.
                     *state = PredictionErrorState { estimate: state.estimate.clone(), ..self.start() };
                 }
                 state.gap = state.gap.saturating_add(1);
@@ -602,7 +602,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         self.estimated && self.quarters >= self.estimated_at + SETTLED_AFTER
     }
 
-    /// What was found of the noise since λ changed holds the contradiction.
+    /// The noise found since λ changed holds the contradiction.
     fn trust_again(&mut self) {
         if let Some(noise) = self.trusted[0].clone() {
             self.noise = Some(noise);

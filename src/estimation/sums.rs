@@ -60,7 +60,7 @@ impl<const R: usize, const U: usize, const T: usize> Products<R, U, T> {
     }
 }
 
-/// What is known of the unknowns beforehand: inverse variances and means.
+/// Prior knowledge of the unknowns: inverse variances and means.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prior<const U: usize> {
     pub precision: SVector<f64, U>,
@@ -79,16 +79,16 @@ pub struct Sums<const K: usize, const U: usize, const T: usize> {
     /// h, H and the same of tolerances over the samples with instruments, and `Σ ζᵀ S⁻¹ ζ` of the λ.
     instruments: Products<U, U, T>,
     instrument_square: Square<K>,
-    /// What unit noise of each current, and the noise of the angle, add to the diagonal of J.
+    /// Contribution of unit noise of each current, and of the noise of the angle, to the diagonal of J.
     regressor_noise: SVector<f64, U>,
 }
 
-/// What samples say of a model.
+/// Evidence of samples for a model.
 #[derive(Clone, Copy, Debug)]
 pub struct Evidence {
     /// `½ (bᵀ J⁻¹ b/σ_z² − ln det J)`, prior included: the logarithm of the evidence, but for what all models have in common.
     pub log: f64,
-    /// What the best estimate leaves of the innovations, `Σ eᵀ S⁻¹ e/σ_z²`, and the weights of the samples.
+    /// Residual sum of squares of the best estimate, `Σ eᵀ S⁻¹ e/σ_z²`, and the weights of the samples.
     left: f64,
     weight: f64,
 }
@@ -169,7 +169,7 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         (information, self.predicted.right + prior.precision.component_mul(&prior.mean) * position)
     }
 
-    /// What the samples say of a model with this prior.
+    /// Evidence of the samples for a model with this prior.
     pub fn evidence(&self, prior: &Prior<U>, position: f64) -> Option<Evidence> {
         let (information, right) = self.with(prior, position);
         let (scale, scaled) = scaled(&information);
@@ -250,7 +250,7 @@ impl<const U: usize, const T: usize> Solution<U, T> {
     }
 }
 
-/// What prediction errors tell.
+/// The estimate of prediction errors alone.
 pub struct PredictionErrorSolution<const U: usize, const T: usize> {
     pub unknowns: SVector<f64, U>,
     /// How far noise of the currents in the regressors may pull the unknowns: `J⁻¹ D λ σ_i²`.

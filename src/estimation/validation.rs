@@ -44,7 +44,7 @@ const NIS_LIMIT: f64 = 2.5;
 /// An estimate that is not valid becomes so below this part of each limit (hysteresis).
 const EASE: f64 = 0.7;
 
-/// What the tests have gathered.
+/// Sums and means of the tests.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Validation<const N: usize, const U: usize, const T: usize> {
     /// Revolutions at the start.

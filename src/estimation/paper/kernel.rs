@@ -142,7 +142,7 @@ pub fn paper_position_kernel(row: usize) -> Polynomial {
     paper_current_kernel(row).derivative().derivative()
 }
 
-/// What one test function weighs the samples of a window with; every vector has a weight for each of the N + 1
+/// Weights of one test function for the samples of a window; every vector has a weight for each of the N + 1
 /// nodes, oldest first. Dimensionless.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weights {

@@ -55,7 +55,7 @@ const ROUND_LIMIT: f64 = 0.1;
 /// Upper end of the standard deviation, in units of λ_0.
 const STD_CAP: f64 = 1.0e3;
 
-/// What the discretisation may be off by, relative: motions that noise does not hide are not trusted further than this.
+/// Relative error that the discretisation may have: motions that noise does not hide are not trusted further than this.
 const MODEL_STD: f64 = 1.0e-4;
 
 /// The least variation of the magnets' `i²/gap²`, relative to its level, that counts as excitation; rounding makes
@@ -130,7 +130,7 @@ pub struct Paper {
     row_scale: [f64; ROWS_PER_AXIS],
     /// `T_f² λ_0,k/m`.
     column_scale: [f64; MAGNETS],
-    /// What one A²/m² would make in a column of D if nothing cancelled, m.
+    /// Size of a column of D per A²/m² if nothing cancelled, m.
     level: [f64; MAGNETS],
     low_pass: LowPass,
 }
@@ -219,7 +219,7 @@ impl Paper {
         verdict
     }
 
-    /// What one sample gives the window.
+    /// The signals of one sample for the window.
     fn signals(&self, state: &mut PaperState, input: &EstimatorInput) -> Sample {
         let gap_m = self.gaps(input.position_m);
         let w = gap_m.map(|gap| 1.0 / (gap * gap));
@@ -273,7 +273,7 @@ impl Paper {
         })
     }
 
-    /// What the present window contributes to the filtered quantities.
+    /// Contribution of the present window to the filtered quantities.
     fn channels(
         &self,
         output: &mut EstimatorOutput,

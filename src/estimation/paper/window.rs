@@ -37,7 +37,7 @@ impl Window {
 
     /// Forgets all samples.
     pub fn clear(&mut self) {
-        // What is left behind is overwritten before the window is full again; the time this takes does not depend on its length.
+        // Old values are overwritten before the window is full again; the time this takes does not depend on its length.
         self.next = 0;
         self.filled = 0;
     }
