@@ -203,7 +203,7 @@ fn steps(record: &[EstimatorInput]) {
     let mut input = SpindleControllerInput { omega_rad_s: 314.0, ..SpindleControllerInput::default() };
     candidates.push(candidate("controller of the spindle", 1000, move |times| {
         for step in 0..times {
-            input.reading_m[1] = f64::from(step % 7) * 1e-6;
+            input.position_m[1] = f64::from(step % 7) * 1e-6;
             let _ = black_box(controller.sample(&mut state, &input));
         }
     }));
@@ -233,7 +233,7 @@ fn spindle_record() -> Vec<SpindleEstimatorInput> {
         scenario.magnets().into_iter().map(|(bearing, k)| column(format!("{bearing}im{k}"))).collect();
     let theta = column("theta".into());
     let input = |at: usize| SpindleEstimatorInput {
-        reading_m: readings.each_ref().map(|column| column[at]),
+        position_m: readings.each_ref().map(|column| column[at]),
         current_a: std::array::from_fn(|k| currents[k][at]),
         theta_rad: theta[at],
         omega_rad_s: 100.0 * std::f64::consts::PI,

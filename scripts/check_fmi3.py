@@ -32,6 +32,15 @@ MODELS = (
     "MagneticSpindle",
     "SpindleController",
     "SpindleEstimator",
+    "MagneticBearing4",
+    "FlatnessController4",
+    "AlgebraicEstimator4",
+    "MagneticSpindle4",
+    "SpindleController4",
+    "SpindleEstimator4",
+    "AxialBearing",
+    "AxialController",
+    "AxialEstimator",
 )
 # Examples of fmu-export, with the names of their FMUs.
 EXAMPLES = {
@@ -93,7 +102,7 @@ def package(folder, *switches):
     pathlib.Path
         The folder with the FMUs.
     """
-    command(PROGRAM, "package", "--out", "target/fmu", *switches, folder=folder)
+    command(PROGRAM, "package", "--all", "--out", "target/fmu", *switches, folder=folder)
     for example in EXAMPLES:
         options = ["--release", "--locked", "--quiet", "--manifest-path", PROJECT / "Cargo.toml", "--package", "fmu-export"]
         command("cargo", "run", *options, "--example", example, "--", *switches, folder=folder)

@@ -1,7 +1,7 @@
 """Call every function of the packaged FMUs through fmpy, and compare final values of all tools.
 
 Usage: `conformance.py DIST`, with the folder of the packaged FMUs. Each FMU runs alone in fmpy, libcosim and ecos; the loops of
-MagneticBearing.ssp and MagneticSpindle.ssp run in these, the former in fmi-rs as well, and directly in the program. All of them must give the same
+all machines run in these, MagneticBearing.ssp in fmi-rs as well, and directly in the program. All of them must give the same
 final values, relative to the nominal of every variable. Needs the packages of scripts/requirements.txt, and cargo for the
 program and for the importer in tests/importer.
 
@@ -29,11 +29,19 @@ STEPS = 50
 SAME_RUN = 1e-9
 # A central difference against an exact derivative: in parts of the largest in its column.
 QUOTIENT = 1e-5
-PLANTS = ("MagneticBearing", "MagneticSpindle")
-SPINDLE = {"plant": "MagneticSpindle", "controller": "SpindleController", "estimator": "SpindleEstimator"}
+# The other machines: scenario, and plant, controller and estimator.
+OTHERS = {
+    "spindle": ("MagneticSpindle", "SpindleController", "SpindleEstimator"),
+    "planar4": ("MagneticBearing4", "FlatnessController4", "AlgebraicEstimator4"),
+    "spindle4": ("MagneticSpindle4", "SpindleController4", "SpindleEstimator4"),
+    "axial": ("AxialBearing", "AxialController", "AxialEstimator"),
+}
+PLANTS = ("MagneticBearing", *(plant for plant, _, _ in OTHERS.values()))
 # The closed loops: scenario and FMUs of each.
-SYSTEMS = {"MagneticBearing.ssp": ("unbalanced", ELEMENTS), "MagneticSpindle.ssp": ("spindle", SPINDLE)}
-ALL = (*FMUS, *SPINDLE.values())
+SYSTEMS = {"MagneticBearing.ssp": ("unbalanced", ELEMENTS)} | {
+    f"{fmus[0]}.ssp": (scenario, dict(zip(ELEMENTS, fmus, strict=True))) for scenario, fmus in OTHERS.items()
+}
+ALL = (*FMUS, *(fmu for fmus in OTHERS.values() for fmu in fmus))
 PROJECT = Path(__file__).resolve().parent.parent
 PROGRAM = ["cargo", "run", "--release", "--locked", "--quiet", "--"]
 IMPORTER = PROJECT / "tests" / "importer" / "Cargo.toml"
@@ -346,8 +354,8 @@ def loop_in_every_tool(archive, all_models, findings):
     }
     scenario, elements = SYSTEMS[archive.name]
     models = {fmu: all_models[fmu] for fmu in elements.values()}
-    if elements is SPINDLE:
-        # The importer in Rust runs the other loop.
+    if elements is not ELEMENTS:
+        # The importer in Rust runs that of the planar rotor.
         del runs["fmi-rs"]
     with tempfile.TemporaryDirectory() as scratch:
         wanted = loop_in_the_program(scenario, models, Path(scratch))

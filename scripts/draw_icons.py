@@ -20,6 +20,7 @@ SIZE_PX = 256
 NAMES = (
     *("MagneticBearing", "FlatnessController", "AlgebraicEstimator"),
     *("MagneticSpindle", "SpindleController", "SpindleEstimator"),
+    *("MagneticBearing4", "AxialBearing"),
 )
 FOLDER = Path(__file__).resolve().parent.parent / "modelDescription"
 

@@ -1,10 +1,13 @@
-//! How the parts of a machine are called: names of variables, and words of their descriptions.
+//! The machines of this project, each described once: its bearings, coordinates and sensors, and how they are called.
+//!
+//! Names of variables, connections, scenario keys and FMUs follow from a description. The sizes of the arrays in the equations are
+//! const generics, which a description does not know: where these meet, see `Machine::of_one_bearing` and `Machine::of_shaft`.
 
 /// Name and description.
 type Called = (&'static str, &'static str);
 
 /// A coordinate, and what belongs to it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coordinate {
     /// The coordinate itself.
     pub position: Called,
@@ -21,7 +24,7 @@ pub struct Coordinate {
 }
 
 /// A reading of position.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
     /// Its name.
     pub name: &'static str,
@@ -29,20 +32,72 @@ pub struct Reading {
     pub around: (&'static str, &'static str),
     /// Where it is taken.
     pub place: &'static str,
+    /// The axis that it is for, and the bearing if there are several.
+    pub axis: &'static str,
     /// Its sensor.
     pub sensor: &'static str,
 }
 
+/// In which direction a bearing holds the rotor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Across the shaft.
+    Radial,
+    /// Along the shaft.
+    Axial,
+}
+
+/// A bearing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bearing {
+    /// What the names of all that belongs to it begin with.
+    pub prefix: &'static str,
+    /// Its direction.
+    pub kind: Kind,
+    /// Number of its magnets.
+    pub magnets: usize,
+}
+
+impl Bearing {
+    const fn radial(prefix: &'static str, magnets: usize) -> Self {
+        Self { prefix, kind: Kind::Radial, magnets }
+    }
+
+    const fn axial(prefix: &'static str) -> Self {
+        Self { prefix, kind: Kind::Axial, magnets: 2 }
+    }
+
+    /// The number of directions in which it holds the rotor.
+    fn directions(&self) -> usize {
+        match self.kind {
+            Kind::Radial => 2,
+            Kind::Axial => 1,
+        }
+    }
+
+    /// Whether its magnets come in pairs that may face each other.
+    fn is_paired(&self) -> bool {
+        self.magnets == 2 * self.directions()
+    }
+
+    /// The number of groups of magnets that have a smallest force of their own: the pairs, or all magnets together.
+    pub fn groups(&self) -> usize {
+        if self.is_paired() { self.directions() } else { 1 }
+    }
+}
+
 /// A machine.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Machine {
-    /// What the names of each bearing begin with.
-    pub bearings: &'static [&'static str],
-    /// The bearing of each magnet, by its place in `bearings`, and its number there, counted from 1.
-    pub magnets: &'static [(usize, usize)],
-    /// The coordinates that each bearing moves.
-    pub moves: &'static [&'static [usize]],
-    /// The coordinates.
+    /// Its name in scenarios.
+    pub name: &'static str,
+    /// The models of plant, controller and estimator, with a description each.
+    pub models: [Called; 3],
+    /// The bearings, in the order of their magnets.
+    pub bearings: &'static [Bearing],
+    /// Number of planes with an unbalance.
+    pub planes: usize,
+    /// The coordinates; among them angles if the shaft tilts.
     pub coordinates: &'static [Coordinate],
     /// The readings of position.
     pub readings: &'static [Reading],
@@ -53,20 +108,143 @@ pub struct Machine {
 }
 
 impl Machine {
+    /// The machine with one bearing, n coordinates and k magnets.
+    pub(crate) const fn of_one_bearing(n: usize, k: usize) -> &'static Self {
+        match (n, k) {
+            (2, 3) => &PLANAR,
+            (2, 4) => &PLANAR4,
+            (1, 2) => &AXIAL,
+            _ => panic!("no machine of this project"),
+        }
+    }
+
+    /// The spindle with that many magnets in each radial bearing.
+    pub(crate) const fn of_shaft(radial: usize) -> &'static Self {
+        match radial {
+            3 => &SPINDLE,
+            4 => &SPINDLE4,
+            _ => panic!("no machine of this project"),
+        }
+    }
+
+    /// The bearing of magnet k, counted from 0, by its place among the bearings, and the magnet's number there, counted from 1.
+    pub fn magnet(&self, k: usize) -> Option<(usize, usize)> {
+        let numbered = |(b, bearing): (usize, &Bearing)| (1..=bearing.magnets).map(move |number| (b, number));
+        self.bearings.iter().enumerate().flat_map(numbered).nth(k)
+    }
+
+    /// Number of magnets.
+    pub fn magnets(&self) -> usize {
+        self.bearings.iter().map(|bearing| bearing.magnets).sum()
+    }
+
+    /// Bearing, and number in it, of each group of magnets that has a smallest force of its own, both counted from 0.
+    pub fn groups(&self) -> Vec<(usize, usize)> {
+        let of_bearing = |(b, bearing): (usize, &Bearing)| (0..bearing.groups()).map(move |group| (b, group));
+        self.bearings.iter().enumerate().flat_map(of_bearing).collect()
+    }
+
+    /// The group of magnet k, by its place in [`groups`](Self::groups).
+    pub(crate) fn group(&self, k: usize) -> usize {
+        let Some((bearing, number)) = self.magnet(k) else { return 0 };
+        let before: usize = self.bearings[..bearing].iter().map(Bearing::groups).sum();
+        before + (number - 1) % self.bearings[bearing].groups()
+    }
+
+    /// Whether all magnets come in pairs that may face each other.
+    pub fn is_paired(&self) -> bool {
+        self.bearings.iter().all(Bearing::is_paired)
+    }
+
+    /// Whether the machine is a single bearing and holds the rotor across its axis.
+    pub fn is_planar(&self) -> bool {
+        matches!(self.bearings, [bearing] if bearing.kind == Kind::Radial)
+    }
+
+    /// The coordinates that a bearing moves.
+    pub fn moves(&self, bearing: usize) -> Vec<usize> {
+        let axial = self.bearings[bearing].kind == Kind::Axial;
+        (0..self.coordinates.len()).filter(|n| (self.coordinates[*n].position.0 == X) == axial).collect()
+    }
+
     /// Names of a variable of each magnet: `i` gives `i[1]`, or `A.i[1]`.
     pub fn of_magnets(&self, name: &str) -> Vec<String> {
-        let of = |(bearing, number): &(usize, usize)| format!("{}{name}[{number}]", self.bearings[*bearing]);
-        self.magnets.iter().map(of).collect()
+        let of = |bearing: &'static Bearing| {
+            (1..=bearing.magnets).map(move |number| format!("{}{name}[{number}]", bearing.prefix))
+        };
+        self.bearings.iter().flat_map(of).collect()
     }
 
     /// Names of a variable of each bearing: `F0`, or `A.F0`.
     pub fn of_bearings(&self, name: &str) -> Vec<String> {
-        self.bearings.iter().map(|bearing| format!("{bearing}{name}")).collect()
+        self.bearings.iter().map(|bearing| format!("{}{name}", bearing.prefix)).collect()
+    }
+
+    /// Names of the bias current of each bearing, if all have pairs of magnets that may face each other.
+    pub fn of_biases(&self) -> Vec<String> {
+        if self.is_paired() { self.of_bearings("bias.current") } else { Vec::new() }
+    }
+
+    /// Names of a variable of each group: that of the bearing, with a number if it has several.
+    pub fn of_groups(&self, name: &str) -> Vec<String> {
+        let of = |(bearing, group): (usize, usize)| {
+            let Bearing { prefix, .. } = self.bearings[bearing];
+            let number = if self.bearings[bearing].groups() > 1 { format!("[{}]", group + 1) } else { String::new() };
+            format!("{prefix}{name}{number}")
+        };
+        self.groups().into_iter().map(of).collect()
+    }
+
+    /// Number of radial bearings.
+    pub fn radial(&self) -> usize {
+        self.bearings.iter().filter(|bearing| bearing.kind == Kind::Radial).count()
+    }
+
+    /// Names of a variable of each radial bearing.
+    pub fn of_radial(&self, name: &str) -> Vec<String> {
+        let radial = self.bearings.iter().filter(|bearing| bearing.kind == Kind::Radial);
+        radial.map(|bearing| format!("{}{name}", bearing.prefix)).collect()
+    }
+
+    /// Names of a variable of each plane of unbalance: `unbalance.phase`, or `unbalance[1].phase`.
+    pub fn of_planes(&self, name: &str) -> Vec<String> {
+        let number = |plane: usize| if self.planes > 1 { format!("[{plane}]") } else { String::new() };
+        (1..=self.planes).map(|plane| format!("unbalance{}.{name}", number(plane))).collect()
+    }
+
+    /// Number of independent parts of the motion: radial bearings and an axial one make two.
+    pub fn parts(&self) -> usize {
+        1 + usize::from(self.radial() > 0 && self.radial() < self.bearings.len())
+    }
+
+    /// Names of a variable of each part.
+    pub fn of_parts(&self, name: &str) -> Vec<String> {
+        ["", "X."][..self.parts()].iter().map(|prefix| format!("{prefix}{name}")).collect()
+    }
+
+    /// What the positions and the currents of a part are called.
+    pub fn part(&self, index: usize) -> (&'static str, &'static str) {
+        match (self.parts(), index) {
+            (1, _) => (self.word("{read}"), "im"),
+            (_, 0) => ("the radial positions", "im of A and B"),
+            _ => ("Xm", "im of X"),
+        }
+    }
+
+    /// 1 for the machine of the paper, for which its methods are, 0 for all others.
+    pub fn of_paper(&self) -> usize {
+        usize::from(*self == PLANAR)
     }
 
     /// Names of a variable of each reading: `sensor.offset` gives `sensor.offsetY`, or `A.sensor.offsetY`.
     pub fn of_readings(&self, name: &str) -> Vec<String> {
         self.readings.iter().map(|Reading { around: (begin, end), .. }| format!("{begin}{name}{end}")).collect()
+    }
+
+    /// Names of the references in the order of the readings.
+    pub fn of_references(&self) -> Vec<String> {
+        let names = self.of_readings("reference.").into_iter();
+        names.map(|name| if name.ends_with('.') { name + X } else { name }).collect()
     }
 
     /// Names of the readings.
@@ -79,6 +257,31 @@ impl Machine {
         self.coordinates.iter().map(|coordinate| part(coordinate).0.to_owned()).collect()
     }
 
+    /// Names of what belongs to each coordinate at the start: `Y0`.
+    pub fn at_start(&self, part: impl Fn(&Coordinate) -> Called) -> Vec<String> {
+        self.of_coordinates(part).into_iter().map(|name| name + "0").collect()
+    }
+
+    /// The number of angles of magnets if all are in one bearing: an axial one has none.
+    pub fn angles(&self) -> usize {
+        if self.is_planar() { self.magnets() } else { 0 }
+    }
+
+    /// Names of what belongs to the load on each coordinate: `p` and `Hat` give `pYHat`, and `MYHat` for a moment.
+    pub fn of_loads(&self, force: &str, end: &str) -> Vec<String> {
+        let of = |coordinate: &Coordinate| {
+            let (kind, axis) = coordinate.load.0.split_at(1);
+            format!("{}{axis}{end}", if coordinate.is_angle { kind } else { force })
+        };
+        self.coordinates.iter().map(of).collect()
+    }
+
+    /// `along y`, or `about y` for an angle.
+    pub fn direction(&self, n: usize) -> String {
+        let axis = self.coordinates[n].load.0[1..].to_lowercase();
+        format!("{} {axis}", self.either(n, "along", "about"))
+    }
+
     /// Names of a force along each axis of the resultant.
     pub fn of_resultant(&self, name: &str) -> Vec<String> {
         self.resultant.iter().map(|axis| format!("{name}{axis}")).collect()
@@ -87,6 +290,11 @@ impl Machine {
     /// The first for a coordinate that is a length or what belongs to one, the second for an angle.
     pub fn either<T>(&self, n: usize, length: T, angle: T) -> T {
         if self.coordinates[n].is_angle { angle } else { length }
+    }
+
+    /// What stands for a word in braces.
+    pub fn word(&self, word: &str) -> &'static str {
+        self.words.iter().find(|(known, _)| *known == word).map_or("", |(_, text)| text)
     }
 
     /// A description with words for what stands in braces, of the element with that index.
@@ -99,20 +307,44 @@ impl Machine {
         for (word, by) in self.words {
             replace(word, by);
         }
-        if let Some((bearing, number)) = self.magnets.get(index) {
-            let prefix = self.bearings[*bearing];
+        let several = self.parts() > 1;
+        replace("{, the greater}", if several { ", the greater of the radial and of the axial one" } else { "" });
+        replace("{at this bearing}", if several { " at this bearing" } else { "" });
+        let paper = "; with the paper's methods: fraction of the motion left unexplained";
+        replace("{unexplained}", if self.of_paper() == 1 { paper } else { "" });
+        replace("{in plane}", &if self.planes > 1 { format!(" in plane {}", index + 1) } else { String::new() });
+        let (valid, why) = match several {
+            true => (
+                "Whether all estimates are valid; of those that are not, the last valid one is shown",
+                "Why the estimates are valid or not: of A and B, or, if they are valid, of X",
+            ),
+            false => (
+                "Whether the estimate is valid; if not, lambdaHat is the last valid one",
+                "Why the estimate is valid or not",
+            ),
+        };
+        replace("{Whether the estimate is valid}", valid);
+        replace("{Why the estimate is valid or not}", why);
+        if let Some((bearing, number)) = self.magnet(index) {
+            let Bearing { prefix, .. } = self.bearings[bearing];
             let magnet = format!("magnet {number}{}", of_bearing(prefix));
             let part = |part: &str| {
                 if prefix.is_empty() { format!("{part} {number}") } else { format!("the {part} of {magnet}") }
             };
             replace("{coil}", &part("coil"));
             replace("{amplifier}", &part("amplifier"));
+            replace("{driven}", &if prefix.is_empty() { format!("amplifier {number}") } else { magnet.clone() });
             replace("{flux}", &format!("{prefix}psi[{number}]"));
             replace("{magnet}", &magnet);
         }
-        if let Some(prefix) = self.bearings.get(index) {
+        if let Some(Bearing { prefix, .. }) = self.bearings.get(index) {
             replace("{of bearing}", &of_bearing(prefix));
-            replace("{in bearing}", &of_bearing(prefix).replace(" of ", " in "));
+        }
+        if let Some((bearing, group)) = self.groups().get(index) {
+            let Bearing { prefix, .. } = self.bearings[*bearing];
+            let pair = format!(" in magnets {} and {}", group + 1, group + 3);
+            let pair = if self.bearings[*bearing].groups() > 1 { pair } else { String::new() };
+            replace("{in group}", &(pair + &of_bearing(prefix).replace(" of ", " in ")));
         }
         if let Some(axis) = self.resultant.get(index) {
             replace("{axis}", &axis.to_lowercase());
@@ -130,38 +362,95 @@ fn of_bearing(prefix: &str) -> String {
     prefix.strip_suffix('.').map(|name| format!(" of bearing {name}")).unwrap_or_default()
 }
 
+/// The name of the coordinate along the shaft.
+const X: &str = "X";
+
+/// A coordinate of a rotor in one bearing: its name and the axis.
+macro_rules! in_one_bearing {
+    ($name:literal $axis:literal) => {
+        Coordinate {
+            position: ($name, concat!("Position of the rotor along ", $axis)),
+            rate: (concat!("v", $name), concat!("Velocity of the rotor along ", $axis)),
+            acceleration: (concat!("a", $name), concat!("Acceleration of the rotor along ", $axis)),
+            load: (concat!("p", $name), concat!("Perturbation force on the rotor along ", $axis)),
+            perturbation: (
+                concat!("perturbation.", $name),
+                concat!("All forces on the rotor except those of magnets and backup bearing, along ", $axis),
+            ),
+            is_angle: false,
+        }
+    };
+}
+
+/// A coordinate of the centre of gravity of a shaft: its name, its direction, and where a load acts.
+macro_rules! of_centre {
+    ($name:literal $along:literal $at:literal) => {
+        Coordinate {
+            position: ($name, concat!("Position of the centre of gravity ", $along)),
+            rate: (concat!("v", $name), concat!("Derivative of ", $name)),
+            acceleration: (concat!("a", $name), concat!("Derivative of v", $name)),
+            load: (concat!("p", $name), concat!("Load on the rotor ", $along, $at)),
+            perturbation: (
+                concat!("perturbation.", $name),
+                concat!("All forces on the rotor ", $along, " except those of magnets and backup bearings"),
+            ),
+            is_angle: false,
+        }
+    };
+}
+
+/// A tilt of a shaft: its name, its axis, and the moment about it.
+macro_rules! tilt {
+    ($name:literal $about:literal $moment:literal) => {
+        Coordinate {
+            position: ($name, concat!("Tilt of the rotor ", $about)),
+            rate: (concat!($name, "Rate"), concat!("Derivative of ", $name)),
+            acceleration: (concat!($name, "Acceleration"), concat!("Derivative of ", $name, "Rate")),
+            load: ($moment, concat!("Load moment on the rotor ", $about)),
+            perturbation: (
+                concat!("perturbation.", $moment),
+                concat!("All moments on the rotor ", $about, " except those of magnets and backup bearings"),
+            ),
+            is_angle: true,
+        }
+    };
+}
+
+/// The coordinates of a rotor that is held in a plane.
+const IN_PLANE: [Coordinate; 2] = [in_one_bearing!("Y" "y"), in_one_bearing!("Z" "z")];
+
+/// The coordinate of a rotor that moves along its axis alone.
+const ALONG_AXIS: [Coordinate; 1] = [in_one_bearing!("X" "x")];
+
+/// The coordinates of a shaft that tilts.
+const OF_SHAFT: [Coordinate; 5] = [
+    of_centre!("X" "along the shaft" ""),
+    of_centre!("Y" "along y" " at the centre of gravity"),
+    of_centre!("Z" "along z" " at the centre of gravity"),
+    tilt!("beta" "about y" "MY"),
+    tilt!("gamma" "about z" "MZ"),
+];
+
 /// The planar rotor of the paper.
-pub static PLANAR: Machine = Machine {
-    bearings: &[""],
-    magnets: &[(0, 1), (0, 2), (0, 3)],
-    moves: &[&[0, 1]],
-    coordinates: &[
-        Coordinate {
-            position: ("Y", "Position of the rotor along y"),
-            rate: ("vY", "Velocity of the rotor along y"),
-            acceleration: ("aY", "Acceleration of the rotor along y"),
-            load: ("pY", "Perturbation force on the rotor along y"),
-            perturbation: (
-                "perturbation.Y",
-                "All forces on the rotor except those of magnets and backup bearing, along y",
-            ),
-            is_angle: false,
-        },
-        Coordinate {
-            position: ("Z", "Position of the rotor along z"),
-            rate: ("vZ", "Velocity of the rotor along z"),
-            acceleration: ("aZ", "Acceleration of the rotor along z"),
-            load: ("pZ", "Perturbation force on the rotor along z"),
-            perturbation: (
-                "perturbation.Z",
-                "All forces on the rotor except those of magnets and backup bearing, along z",
-            ),
-            is_angle: false,
-        },
+pub const PLANAR: Machine = Machine {
+    name: "planar",
+    models: [
+        (
+            "MagneticBearing",
+            "Rotor in a three-phase radial magnetic bearing, with unbalance, perturbation forces and sensors",
+        ),
+        (
+            "FlatnessController",
+            "Flatness-based tracking controller with perturbation observer for a three-phase magnetic bearing",
+        ),
+        ("AlgebraicEstimator", "On-line estimator of the force constants of a three-phase magnetic bearing"),
     ],
+    bearings: &[Bearing::radial("", 3)],
+    planes: 1,
+    coordinates: &IN_PLANE,
     readings: &[
-        Reading { name: "Ym", around: ("", "Y"), place: "along y", sensor: "the position sensor along y" },
-        Reading { name: "Zm", around: ("", "Z"), place: "along z", sensor: "the position sensor along z" },
+        Reading { name: "Ym", around: ("", "Y"), place: "along y", axis: "y", sensor: "the position sensor along y" },
+        Reading { name: "Zm", around: ("", "Z"), place: "along z", axis: "z", sensor: "the position sensor along z" },
     ],
     resultant: &["Y", "Z"],
     words: &[
@@ -170,78 +459,115 @@ pub static PLANAR: Machine = Machine {
         ("{positions and im}", "Ym, Zm and im"),
         ("{smallest force}", "smallest force"),
         ("{turning}", ""),
+        ("{speed of the reference}", "Angular velocity on the reference trajectory"),
+        ("{predicted gap}", "the predicted gap"),
+        ("{of all} ", ""),
+        ("{first axis}", "y"),
         ("{its flux}", "psi"),
     ],
 };
 
-/// The spindle.
-pub static SPINDLE: Machine = Machine {
-    bearings: &["A.", "B.", "X."],
-    magnets: &[(0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 1), (2, 2)],
-    moves: &[&[1, 2, 3, 4], &[1, 2, 3, 4], &[0]],
-    coordinates: &[
-        Coordinate {
-            position: ("X", "Position of the centre of gravity along the shaft"),
-            rate: ("vX", "Derivative of X"),
-            acceleration: ("aX", "Derivative of vX"),
-            load: ("pX", "Load on the rotor along the shaft"),
-            perturbation: (
-                "perturbation.X",
-                "All forces on the rotor along the shaft except those of magnets and backup bearings",
-            ),
-            is_angle: false,
-        },
-        Coordinate {
-            position: ("Y", "Position of the centre of gravity along y"),
-            rate: ("vY", "Derivative of Y"),
-            acceleration: ("aY", "Derivative of vY"),
-            load: ("pY", "Load on the rotor along y at the centre of gravity"),
-            perturbation: (
-                "perturbation.Y",
-                "All forces on the rotor along y except those of magnets and backup bearings",
-            ),
-            is_angle: false,
-        },
-        Coordinate {
-            position: ("Z", "Position of the centre of gravity along z"),
-            rate: ("vZ", "Derivative of Z"),
-            acceleration: ("aZ", "Derivative of vZ"),
-            load: ("pZ", "Load on the rotor along z at the centre of gravity"),
-            perturbation: (
-                "perturbation.Z",
-                "All forces on the rotor along z except those of magnets and backup bearings",
-            ),
-            is_angle: false,
-        },
-        Coordinate {
-            position: ("beta", "Tilt of the rotor about y"),
-            rate: ("betaRate", "Derivative of beta"),
-            acceleration: ("betaAcceleration", "Derivative of betaRate"),
-            load: ("MY", "Load moment on the rotor about y"),
-            perturbation: (
-                "perturbation.MY",
-                "All moments on the rotor about y except those of magnets and backup bearings",
-            ),
-            is_angle: true,
-        },
-        Coordinate {
-            position: ("gamma", "Tilt of the rotor about z"),
-            rate: ("gammaRate", "Derivative of gamma"),
-            acceleration: ("gammaAcceleration", "Derivative of gammaRate"),
-            load: ("MZ", "Load moment on the rotor about z"),
-            perturbation: (
-                "perturbation.MZ",
-                "All moments on the rotor about z except those of magnets and backup bearings",
-            ),
-            is_angle: true,
-        },
+/// A radial bearing with two opposed pairs of magnets.
+pub const PLANAR4: Machine = Machine {
+    name: "planar4",
+    models: [
+        (
+            "MagneticBearing4",
+            "Rotor in a radial magnetic bearing with four magnets, with unbalance, perturbation forces and sensors",
+        ),
+        (
+            "FlatnessController4",
+            "Flatness-based tracking controller with perturbation observer for a magnetic bearing with four magnets",
+        ),
+        ("AlgebraicEstimator4", "On-line estimator of the force constants of a magnetic bearing with four magnets"),
     ],
+    bearings: &[Bearing::radial("", 4)],
+    ..PLANAR
+};
+
+/// One axis held by a magnet on either side.
+pub const AXIAL: Machine = Machine {
+    name: "axial",
+    models: [
+        (
+            "AxialBearing",
+            "Rotor in an axial magnetic bearing with one or two magnets, with perturbation forces and sensors",
+        ),
+        (
+            "AxialController",
+            "Flatness-based tracking controller with perturbation observer for an axial magnetic bearing",
+        ),
+        ("AxialEstimator", "On-line estimator of the force constants of an axial magnetic bearing"),
+    ],
+    bearings: &[Bearing::axial("")],
+    planes: 0,
+    coordinates: &ALONG_AXIS,
+    readings: &[Reading { name: "Xm", around: ("", "X"), place: "along x", axis: "x", sensor: "the position sensor" }],
+    resultant: &[X],
+    words: &[
+        ("{positions}", "Xm"),
+        ("{read}", "Xm"),
+        ("{positions and im}", "Xm and im"),
+        ("{smallest force}", "smallest force"),
+        ("{turning}", ""),
+        ("{speed of the reference}", "Angular velocity on the reference trajectory"),
+        ("{predicted gap}", "the predicted gap"),
+        ("{of all} ", ""),
+        ("{first axis}", "x"),
+        ("{its flux}", "psi"),
+    ],
+};
+
+/// The spindle: a rigid shaft in two radial bearings with three magnets each, and an axial one.
+pub const SPINDLE: Machine = Machine {
+    name: "spindle",
+    models: [
+        (
+            "MagneticSpindle",
+            "Rigid rotor in two radial magnetic bearings and an axial one, with two-plane unbalance, loads and sensors",
+        ),
+        (
+            "SpindleController",
+            "Flatness-based tracking controller with perturbation observers for a spindle in two radial bearings and an axial one",
+        ),
+        (
+            "SpindleEstimator",
+            "On-line estimator of the force constants and the two-plane unbalance of a spindle in magnetic bearings",
+        ),
+    ],
+    bearings: &[Bearing::radial("A.", 3), Bearing::radial("B.", 3), Bearing::axial("X.")],
+    planes: 2,
+    coordinates: &OF_SHAFT,
     readings: &[
-        Reading { name: "A.Ym", around: ("A.", "Y"), place: "along y at the sensors of bearing A", sensor: "A.Ym" },
-        Reading { name: "A.Zm", around: ("A.", "Z"), place: "along z at the sensors of bearing A", sensor: "A.Zm" },
-        Reading { name: "B.Ym", around: ("B.", "Y"), place: "along y at the sensors of bearing B", sensor: "B.Ym" },
-        Reading { name: "B.Zm", around: ("B.", "Z"), place: "along z at the sensors of bearing B", sensor: "B.Zm" },
-        Reading { name: "Xm", around: ("X.", ""), place: "along the shaft", sensor: "Xm" },
+        Reading {
+            name: "A.Ym",
+            around: ("A.", "Y"),
+            place: "along y at the sensors of bearing A",
+            axis: "y at bearing A",
+            sensor: "A.Ym",
+        },
+        Reading {
+            name: "A.Zm",
+            around: ("A.", "Z"),
+            place: "along z at the sensors of bearing A",
+            axis: "z at bearing A",
+            sensor: "A.Zm",
+        },
+        Reading {
+            name: "B.Ym",
+            around: ("B.", "Y"),
+            place: "along y at the sensors of bearing B",
+            axis: "y at bearing B",
+            sensor: "B.Ym",
+        },
+        Reading {
+            name: "B.Zm",
+            around: ("B.", "Z"),
+            place: "along z at the sensors of bearing B",
+            axis: "z at bearing B",
+            sensor: "B.Zm",
+        },
+        Reading { name: "Xm", around: ("X.", ""), place: "along the shaft", axis: "x", sensor: "Xm" },
     ],
     resultant: &[],
     words: &[
@@ -250,6 +576,34 @@ pub static SPINDLE: Machine = Machine {
         ("{positions and im}", "the measured positions and im"),
         ("{smallest force}", "smallest forces"),
         ("{turning}", ", from y towards z"),
+        ("{speed of the reference}", "Speed of the rotor: of the reference trajectory and of the gyroscopic moments"),
+        ("{predicted gap}", "a predicted gap"),
+        ("{of all} ", "of all magnets "),
+        ("{first axis}", "y"),
         ("{its flux}", "it"),
     ],
 };
+
+/// The spindle with two opposed pairs of magnets in each radial bearing.
+pub const SPINDLE4: Machine = Machine {
+    name: "spindle4",
+    models: [
+        (
+            "MagneticSpindle4",
+            "Rigid rotor in two radial magnetic bearings with four magnets each and an axial one, with two-plane unbalance, loads and sensors",
+        ),
+        (
+            "SpindleController4",
+            "Flatness-based tracking controller with perturbation observers for a spindle with four magnets in each radial bearing",
+        ),
+        (
+            "SpindleEstimator4",
+            "On-line estimator of the force constants and the two-plane unbalance of a spindle with four magnets in each radial bearing",
+        ),
+    ],
+    bearings: &[Bearing::radial("A.", 4), Bearing::radial("B.", 4), Bearing::axial("X.")],
+    ..SPINDLE
+};
+
+/// All machines, in the order in which they are shown; a scenario that names none is of the first.
+pub const MACHINES: [Machine; 5] = [PLANAR, SPINDLE, PLANAR4, SPINDLE4, AXIAL];

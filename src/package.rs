@@ -1,4 +1,4 @@
-//! Packages the FMUs and the SSP from the library just built, and from those built for other platforms.
+//! Packages the FMUs and the SSPs of machines from the library just built, and from those built for other platforms.
 
 use std::path::{Path, PathBuf};
 
@@ -7,19 +7,38 @@ use fmu_export::package::ssp::{self, System};
 use fmu_export::package::{self, Extras, Member, PackageError, Written, documentation};
 use maud::PreEscaped;
 
-use crate::fmu::{FMUS, catalogue};
+use crate::fmu::{FMUS, catalogue, find};
+use crate::machine::{MACHINES, Machine, PLANAR, SPINDLE};
 use crate::output::Format;
 use crate::report::frame;
-use crate::simulation::scenario::Scenario;
+use crate::simulation::scenario::{Scenario, suggestion};
+
+/// The machines that are packaged if none is named: those that the README begins with.
+pub const USUAL: [&str; 2] = [PLANAR.name, SPINDLE.name];
+
+/// The machines of these names.
+///
+/// # Errors
+/// A name that none has, with the nearest one.
+pub fn machines(names: &[impl AsRef<str>]) -> Result<Vec<&'static Machine>, String> {
+    let known = MACHINES.iter().map(|machine| machine.name.to_owned()).collect::<Vec<_>>();
+    let find = |name: &str| {
+        let found = MACHINES.iter().find(|machine| machine.name == name);
+        found.ok_or_else(|| {
+            format!("{name} is no machine: expected one of {}; {}", known.join(", "), suggestion(name, &known))
+        })
+    };
+    names.iter().map(|name| find(name.as_ref())).collect()
+}
 
 /// Picture and documentation text of a model, and the licences that go with every binary: this project's and those of the
-/// linked crates.
+/// linked crates. Controllers and estimators of all machines with one bearing, or of all spindles, have one picture.
 fn extras(name: &str) -> Extras {
     macro_rules! extras {
-        ($($model:literal),*) => {
+        ($($model:literal $picture:literal),*) => {
             match name {
                 $($model => (
-                    &include_bytes!(concat!("../modelDescription/", $model, ".png"))[..],
+                    &include_bytes!(concat!("../modelDescription/", $picture, ".png"))[..],
                     include_str!(concat!("../modelDescription/", $model, ".html")),
                 ),)*
                 other => unreachable!("{other} is no model of this project"),
@@ -27,12 +46,21 @@ fn extras(name: &str) -> Extras {
         };
     }
     let (picture, text) = extras!(
-        "MagneticBearing",
-        "FlatnessController",
-        "AlgebraicEstimator",
-        "MagneticSpindle",
-        "SpindleController",
-        "SpindleEstimator"
+        "MagneticBearing" "MagneticBearing",
+        "FlatnessController" "FlatnessController",
+        "AlgebraicEstimator" "AlgebraicEstimator",
+        "MagneticSpindle" "MagneticSpindle",
+        "SpindleController" "SpindleController",
+        "SpindleEstimator" "SpindleEstimator",
+        "MagneticBearing4" "MagneticBearing4",
+        "FlatnessController4" "FlatnessController",
+        "AlgebraicEstimator4" "AlgebraicEstimator",
+        "MagneticSpindle4" "MagneticSpindle",
+        "SpindleController4" "SpindleController",
+        "SpindleEstimator4" "SpindleEstimator",
+        "AxialBearing" "AxialBearing",
+        "AxialController" "FlatnessController",
+        "AxialEstimator" "AlgebraicEstimator"
     );
     let licenses = [
         ("LICENSE-MIT.txt", include_str!("../modelDescription/licenses/LICENSE-MIT.txt")),
@@ -63,30 +91,39 @@ pub fn binaries(given: &[(&'static Platform, PathBuf)]) -> Result<Binaries, Pack
     package::binaries(given, built_library)
 }
 
-/// Writes all FMUs and the SSPs, with a library for this platform, into a folder, which is created if missing.
+/// Writes the FMUs and the SSPs of machines, with a library for this platform, into a folder, which is created if missing.
 ///
 /// # Errors
 /// Whatever file cannot be read or written.
-pub fn package(library: &Path, folder: &Path) -> Result<Vec<Written>, PackageError> {
-    package_for(&package::binaries_of(library)?, false, folder)
+pub fn package(library: &Path, machines: &[&Machine], folder: &Path) -> Result<Vec<Written>, PackageError> {
+    package_for(&package::binaries_of(library)?, machines, false, folder)
 }
 
-/// Writes all FMUs, `Name.fmu` for FMI 2.0 and `Name_fmi3.fmu` for FMI 3.0, and the SSPs, which hold those for FMI 2.0, into a
-/// folder, which is created if missing. With `arrays`, the FMUs for FMI 3.0 have arrays.
+/// Writes the FMUs of machines, `Name.fmu` for FMI 2.0 and `Name_fmi3.fmu` for FMI 3.0, and their SSPs, which hold those for FMI 2.0, into
+/// a folder, which is created if missing. With `arrays`, the FMUs for FMI 3.0 have arrays.
 ///
 /// # Errors
 /// Whatever file cannot be written.
-pub fn package_for(binaries: &Binaries, arrays: bool, folder: &Path) -> Result<Vec<Written>, PackageError> {
+pub fn package_for(
+    binaries: &Binaries,
+    machines: &[&Machine],
+    arrays: bool,
+    folder: &Path,
+) -> Result<Vec<Written>, PackageError> {
+    let models = machines.iter().flat_map(|machine| machine.models);
+    let models: Vec<_> = models.filter_map(|(name, _)| find(name)).collect();
     let mut archives = Vec::new();
     for standard in package::standards(arrays) {
-        for model in catalogue().iter() {
+        for model in &models {
             let name = model.info.name;
             let file = format!("{}.fmu", standard.file_stem(name));
             archives.push((file, package::fmu(model, standard, binaries, &extras(name))?));
         }
     }
     let mut loops = Vec::new();
-    for (name, variants) in SYSTEMS {
+    for machine in machines {
+        let name = format!("{}.ssp", machine.models[0].0);
+        let variants = systems(machine);
         let systems: Vec<System> = variants.iter().map(system).collect();
         let inside = |fmu: &str| {
             let mut elements = systems.iter().flat_map(|system| &system.elements);
@@ -95,7 +132,8 @@ pub fn package_for(binaries: &Binaries, arrays: bool, folder: &Path) -> Result<V
         let mut members: Vec<Member> = systems.iter().flat_map(System::members).collect();
         let needed = archives.iter().filter(|(fmu, _)| inside(fmu));
         members.extend(needed.map(|(fmu, bytes)| Member::new(format!("resources/{fmu}"), bytes.as_slice())));
-        loops.push((name.into(), package::archive(name, &members)?));
+        let archive = package::archive(&name, &members)?;
+        loops.push((name, archive));
     }
     archives.extend(loops);
     for (name, _) in &archives {
@@ -130,23 +168,20 @@ pub fn variables() -> String {
     head.to_owned() + &documentation::markdown(catalogue().iter().map(|model| &**model))
 }
 
-/// The closed loops as archives of system structures; of each structure its file, its name, and the scenario with the parameters.
+/// The structures in the archive of the closed loop of a machine: of each its file, its name, and the scenario with the parameters.
 ///
 /// libcosim and ecos ignore parameters of type Enumeration. So the default structure is one whose enumerations have their start
 /// values: it gives the same results in all tools. The paper's simulation needs `method = paper`.
-const SYSTEMS: [(&str, &[[&str; 3]]); 2] = [
-    (
-        "MagneticBearing.ssp",
-        &[
-            ["SystemStructure.ssd", "MagneticBearing", "unbalanced"],
-            ["PaperSimulation.ssd", "PaperSimulation", "paper"],
-        ],
-    ),
-    ("MagneticSpindle.ssp", &[["SystemStructure.ssd", "MagneticSpindle", "spindle"]]),
-];
+fn systems(machine: &Machine) -> Vec<[&'static str; 3]> {
+    let own = |scenario| ["SystemStructure.ssd", machine.models[0].0, scenario];
+    match machine.name {
+        "planar" => vec![own("unbalanced"), ["PaperSimulation.ssd", "PaperSimulation", "paper"]],
+        _ => vec![own(machine.name)],
+    }
+}
 
 /// The closed loop, without the estimators that run beside it for comparison.
-fn system([file, name, scenario]: &[&str; 3]) -> System {
+fn system([file, name, scenario]: &[&'static str; 3]) -> System {
     let parameters = (*scenario).to_owned();
     let scenario = Scenario::open(Path::new(scenario)).expect("a scenario that comes with the program is sound");
     let elements = scenario.elements[..3].iter().map(|element| ssp::Element {

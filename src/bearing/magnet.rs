@@ -1,4 +1,4 @@
-//! The three magnets: geometry, force law, and allocation of a force to the magnets.
+//! The magnets of a bearing: geometry, force law, and allocation of a force to the magnets.
 //!
 //! # Two signs of the paper
 //!
@@ -16,16 +16,64 @@
 //! literally, it asks for negative forces and feeds back positively in y. [`Magnets::allocate`] uses neither: these formulas
 //! hold for one set of angles only. It solves P(3) for any number of magnets at any admissible angles and agrees with the corrected formulas where they
 //! apply.
+//!
+//! # Opposed pairs
+//!
+//! Two magnets that face each other share a force f along their line. With the smallest force F_0 it is `F_0 + max(±f, 0)` each. With a
+//! bias current i_0 the currents are `i_0 ± i_c`, and `f = a (i_0 + i_c)² − b (i_0 − i_c)²` with `a = λ₊/gap₊²` and `b = λ₋/gap₋²` has one
+//! solution with both currents above 0; beyond it one magnet alone pulls. In the centre, with equal λ, it is the linear law of the field,
+//! `i_c = f/k_i` with `k_i = 4 λ i_0/s²` (Schweitzer and Maslen, Magnetic Bearings, 2009, section 4.2); off the centre it compensates the
+//! negative stiffness as well.
+
+use serde::{Deserialize, Serialize};
 
 use crate::bearing::scalar::Scalar;
 use crate::invalid::Checks;
 use crate::invalid::Invalid;
+use crate::variables::Choice;
 
 /// Two magnets whose angle has a smaller sine than this (0.57°) count as parallel.
 ///
 /// The forces for a resultant across two nearly parallel magnets grow with the inverse of this sine, and so does the standard
 /// deviation of their identified λ.
 pub const SMALLEST_SINE: f64 = 1e-2;
+
+/// Two magnets face each other if their directions add up to less than this: angles may be given with six digits.
+const OPPOSED: f64 = 1e-5;
+
+/// Which magnets of an axial bearing are used
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]
+#[choice(name = "UsedMagnets")]
+pub enum Used {
+    /// Both
+    #[default]
+    Both,
+    /// The first one alone, which pulls towards +x: a load pulls back
+    First,
+    /// The second one alone, which pulls towards -x: a load pulls back
+    Second,
+}
+
+impl Used {
+    /// The only magnet that is used, counted from 0.
+    pub fn only(self) -> Option<usize> {
+        match self {
+            Self::Both => None,
+            Self::First => Some(0),
+            Self::Second => Some(1),
+        }
+    }
+}
+
+/// The angles, in rad, of three magnets as in the paper, or of four in opposed pairs, 1 and 3, 2 and 4; along an axis there are none.
+pub fn alpha_rad<const K: usize>() -> [f64; K] {
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_4, PI};
+    std::array::from_fn(|k| match K {
+        3 => [PI, -FRAC_PI_3, FRAC_PI_3][k],
+        4 => FRAC_PI_4 + k as f64 * FRAC_PI_2,
+        _ => 0.0,
+    })
+}
 
 /// The name of the angle of magnet k, counted from 0.
 fn alpha_name(k: usize) -> String {
@@ -62,18 +110,20 @@ pub struct Geometry<T = f64, const N: usize = 2, const K: usize = 3> {
     pub directions: [[T; N]; K],
 }
 
-impl<T: Scalar, const K: usize> Geometry<T, 2, K> {
-    /// Magnets in the plane at the angles `α_k` of P(3) in rad, with the nominal gap in m.
+impl<T: Scalar, const N: usize, const K: usize> Geometry<T, N, K> {
+    /// The magnets of one bearing with the nominal gap in m: in the plane (y, z) at the angles `α_k` of P(3) in rad; along an axis, which
+    /// needs no angles, the first towards +x and the second towards −x.
     pub fn new(gap_m: T, alpha_rad: [T; K]) -> Self {
-        let directions = alpha_rad.map(|alpha| {
-            let (sin, cos) = alpha.sine_cosine();
-            [sin, cos]
+        let directions = std::array::from_fn(|k| {
+            if N == 1 {
+                return [T::constant(if k == 0 { 1.0 } else { -1.0 }); N];
+            }
+            let (sin, cos) = alpha_rad[k].sine_cosine();
+            std::array::from_fn(|n| if n == 0 { sin } else { cos })
         });
         Self { gap_m: [gap_m; K], directions }
     }
-}
 
-impl<T: Scalar, const N: usize, const K: usize> Geometry<T, N, K> {
     /// `gap_k = s_k − d_k · q`, in m, of a rotor at the coordinates q; the bracket of P(4).
     ///
     /// A gap of 0 or below means contact.
@@ -98,12 +148,12 @@ fn dot<T: Scalar, const N: usize>(a: [T; N], b: [T; N]) -> T {
     (1..N).fold(a[0] * b[0], |sum, n| sum + a[n] * b[n])
 }
 
-impl<const K: usize> Geometry<f64, 2, K> {
+impl<const N: usize, const K: usize> Geometry<f64, N, K> {
     /// Reports in `checks`: `s` unless it is finite and above 0; `alpha[k]` if it is not finite or if, of three, magnet k is parallel to
     /// an earlier one (see [`SMALLEST_SINE`]). Use the geometry only if nothing was reported.
     fn checked(gap_m: f64, alpha_rad: [f64; K], checks: &mut Checks) -> Self {
         checks.positive("s", gap_m, "m");
-        for (k, alpha) in alpha_rad.into_iter().enumerate() {
+        for (k, alpha) in alpha_rad.into_iter().enumerate().filter(|_| N == 2) {
             checks.finite(alpha_name(k), alpha, "rad");
         }
         let geometry = Self::new(gap_m, alpha_rad);
@@ -118,9 +168,9 @@ impl<const K: usize> Geometry<f64, 2, K> {
         geometry
     }
 
-    /// Pairs of parallel magnets, the later one second.
+    /// Pairs of parallel magnets in a plane, the later one second.
     fn parallel(&self) -> impl Iterator<Item = (usize, usize)> {
-        let pairs = (0..K).flat_map(|second| (0..second).map(move |first| (first, second)));
+        let pairs = (0..if N == 2 { K } else { 0 }).flat_map(|second| (0..second).map(move |first| (first, second)));
         pairs.filter(|(first, second)| cross(self.directions[*first], self.directions[*second]).abs() < SMALLEST_SINE)
     }
 
@@ -129,6 +179,9 @@ impl<const K: usize> Geometry<f64, 2, K> {
     ///
     /// Computed from the rounded directions, so that n is their null vector to the last bits.
     fn null_vector(&self) -> [f64; K] {
+        if N == 1 {
+            return [1.0; K];
+        }
         let mut null = [0.0; K];
         for c in 0..K {
             for b in 0..c {
@@ -145,22 +198,62 @@ impl<const K: usize> Geometry<f64, 2, K> {
         }
         null
     }
+
+    /// `Eᵀ(EEᵀ)⁻¹`, one row per magnet.
+    fn inverse(&self) -> [[f64; N]; K] {
+        if N == 1 {
+            return self.directions.map(|e_k| e_k.map(|e| e / K as f64));
+        }
+        // E Eᵀ = [[a, b], [b, c]].
+        let [mut a, mut b, mut c] = [0.0; 3];
+        for e_k in self.directions {
+            a += e_k[0] * e_k[0];
+            b += e_k[0] * e_k[1];
+            c += e_k[1] * e_k[1];
+        }
+        let det = a * c - b * b;
+        self.directions.map(|e_k| {
+            std::array::from_fn(
+                |n| if n == 0 { (c * e_k[0] - b * e_k[1]) / det } else { (a * e_k[1] - b * e_k[0]) / det },
+            )
+        })
+    }
+
+    /// If magnets k and k + N face each other, the rows that split a force into parts along `e_1` to `e_N`.
+    fn pairs(&self) -> Option<[[f64; N]; N]> {
+        let e = self.directions;
+        let opposed = |k: usize| (0..N).all(|n| (e[k][n] + e[k + N][n]).abs() < OPPOSED);
+        if K != 2 * N || !(0..N).all(opposed) {
+            return None;
+        }
+        if N == 1 {
+            return Some([[1.0; N]; N]);
+        }
+        let sine = cross(e[0], e[1]);
+        let rows = [[e[1][1], -e[1][0]], [-e[0][1], e[0][0]]];
+        (sine.abs() >= SMALLEST_SINE).then(|| std::array::from_fn(|p| std::array::from_fn(|n| rows[p][n] / sine)))
+    }
 }
 
-/// Magnets around a rotor, three or more: geometry and force allocation.
+/// The magnets of a bearing: geometry and force allocation. Across the shaft (N = 2) they are three or more, along it (N = 1) two.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Magnets<const K: usize = 3> {
-    geometry: Geometry<f64, 2, K>,
+pub struct MagnetsOf<const N: usize, const K: usize> {
+    geometry: Geometry<f64, N, K>,
     /// Angle of each magnet as in P(3), in rad.
     alpha_rad: [f64; K],
     /// `n` with `Σ n_k e_k = 0`, all components above 0, mean 1: forces without resultant.
     null: [f64; K],
     /// `Eᵀ(EEᵀ)⁻¹`, one row per magnet: the smallest forces with a given resultant.
-    inverse: [[f64; 2]; K],
+    inverse: [[f64; N]; K],
+    /// If magnets k and k + N face each other, for each such pair the row that gives the force along its line.
+    pairs: Option<[[f64; N]; N]>,
 }
 
-impl<const K: usize> Magnets<K> {
-    /// Magnets at the angles `alpha_rad` in rad, nominal gap `gap_m` in m.
+/// Those across the shaft.
+pub type Magnets<const K: usize = 3> = MagnetsOf<2, K>;
+
+impl<const N: usize, const K: usize> MagnetsOf<N, K> {
+    /// MagnetsOf at the angles `alpha_rad` in rad, nominal gap `gap_m` in m.
     ///
     /// # Errors
     /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite, if of three magnet k is parallel to an earlier one (see
@@ -174,29 +267,21 @@ impl<const K: usize> Magnets<K> {
 
     /// Reports errors in `checks`; use the returned value only if there are none.
     pub(crate) fn checked(gap_m: f64, alpha_rad: [f64; K], checks: &mut Checks) -> Self {
-        const { assert!(K >= 3, "fewer magnets cannot hold a rotor") };
+        const { assert!(N == 1 && K == 2 || N == 2 && K >= 3, "fewer magnets cannot hold a rotor") };
         let geometry = Geometry::checked(gap_m, alpha_rad, checks);
         let null = geometry.null_vector();
-        if alpha_rad.iter().all(|alpha| alpha.is_finite()) && (K > 3 || geometry.parallel().next().is_none()) {
+        let finite = alpha_rad.iter().all(|alpha| alpha.is_finite());
+        if N == 2 && finite && (K > 3 || geometry.parallel().next().is_none()) {
             check_all_round(alpha_rad, &geometry.directions, null, checks);
         }
         let mean = (1..K).fold(null[0], |sum, k| sum + null[k]) / K as f64;
         let null = null.map(|n_k| n_k / mean);
-
-        // E Eᵀ = [[a, b], [b, c]].
-        let [mut a, mut b, mut c] = [0.0; 3];
-        for e_k in geometry.directions {
-            a += e_k[0] * e_k[0];
-            b += e_k[0] * e_k[1];
-            c += e_k[1] * e_k[1];
-        }
-        let det = a * c - b * b;
-        let inverse = geometry.directions.map(|e_k| [(c * e_k[0] - b * e_k[1]) / det, (a * e_k[1] - b * e_k[0]) / det]);
-        Self { geometry, alpha_rad, null, inverse }
+        let (inverse, pairs) = (geometry.inverse(), geometry.pairs());
+        Self { geometry, alpha_rad, null, inverse, pairs }
     }
 
     /// Gap and directions.
-    pub fn geometry(&self) -> &Geometry<f64, 2, K> {
+    pub fn geometry(&self) -> &Geometry<f64, N, K> {
         &self.geometry
     }
 
@@ -211,7 +296,7 @@ impl<const K: usize> Magnets<K> {
     }
 
     /// `e_k = (sin α_k, cos α_k)`, without unit: the direction, (y, z), in which each magnet pulls the rotor.
-    pub fn directions(&self) -> [[f64; 2]; K] {
+    pub fn directions(&self) -> [[f64; N]; K] {
         self.geometry.directions
     }
 
@@ -221,36 +306,76 @@ impl<const K: usize> Magnets<K> {
     }
 
     /// Gaps in m, P(4); see [`Geometry::gaps`].
-    pub fn gaps(&self, position_m: [f64; 2]) -> [f64; K] {
+    pub fn gaps(&self, position_m: [f64; N]) -> [f64; K] {
         self.geometry.gaps(position_m)
     }
 
     /// Resultant in N, P(3); see [`Geometry::resultant`].
-    pub fn resultant(&self, force_n: [f64; K]) -> [f64; 2] {
+    pub fn resultant(&self, force_n: [f64; K]) -> [f64; N] {
         self.geometry.resultant(force_n)
     }
 
-    /// The forces, in N, with the resultant `force_n` = (F_y, F_z) in N, the smallest of them `f0_n` in N.
+    /// Whether the magnets face each other in pairs.
+    pub fn is_paired(&self) -> bool {
+        self.pairs.is_some()
+    }
+
+    /// The forces, in N, with the resultant `force_n` in N, (F_y, F_z) in the plane, and the smallest force `f0_n` in N of every opposed
+    /// pair, or of all magnets where they are not paired: the least of those given.
     ///
     /// For any admissible angles: `F = Eᵀ(EEᵀ)⁻¹ (F_y, F_z) + c n` with `c = max_k (F_0 − F_k)/n_k`. With the paper's angles
     /// this is P(5) with its signs corrected (see the module). No force falls below `f0_n`, not even by rounding.
-    pub fn allocate(&self, force_n: [f64; 2], f0_n: f64) -> [f64; K] {
-        let particular = self.inverse.map(|row| row[0] * force_n[0] + row[1] * force_n[1]);
+    pub fn allocate(&self, force_n: [f64; N], f0_n: &[f64]) -> [f64; K] {
+        if let Some(along_n) = self.along_pairs(force_n) {
+            return std::array::from_fn(|k| {
+                let f = if k < N { along_n[k] } else { -along_n[k - N] };
+                f0_n[k % N] + f.max(0.0)
+            });
+        }
+        let f0_n = f0_n.iter().copied().fold(f64::INFINITY, f64::min);
+        let particular = self.inverse.map(|row| dot(row, force_n));
         let needed = particular.iter().zip(self.null).map(|(f_k, n_k)| (f0_n - f_k) / n_k);
         let c = needed.fold(f64::NEG_INFINITY, f64::max);
         std::array::from_fn(|k| (particular[k] + c * self.null[k]).max(f0_n))
     }
+
+    /// The forces of opposed pairs, in N, with the resultant `force_n` in N, where the two currents of each pair have the mean `bias_a`, in
+    /// A, as long as both are above 0. `per_square` is `λ_k/gap_k²`, in N/A². See the module; 0 where the magnets are not paired.
+    pub fn allocate_with_bias(&self, force_n: [f64; N], bias_a: &[f64], per_square: [f64; K]) -> [f64; K] {
+        let mut forces_n = [0.0; K];
+        for (p, f) in self.along_pairs(force_n).into_iter().flatten().enumerate() {
+            let [a, b, i_0] = [per_square[p], per_square[p + N], bias_a[p]];
+            let both_n = 4.0 * i_0 * i_0;
+            [forces_n[p], forces_n[p + N]] = if f >= a * both_n {
+                [f, 0.0]
+            } else if f <= -b * both_n {
+                [0.0, -f]
+            } else {
+                // (a − b) i_c² + 2 (a + b) i_0 i_c + (a − b) i_0² − f = 0, in the form that also holds where a = b.
+                let (second, first) = (a - b, 2.0 * (a + b) * i_0);
+                let zeroth = second * i_0 * i_0 - f;
+                let i_c = -2.0 * zeroth / (first + (first * first - 4.0 * second * zeroth).sqrt());
+                [a * (i_0 + i_c) * (i_0 + i_c), b * (i_0 - i_c) * (i_0 - i_c)]
+            };
+        }
+        forces_n
+    }
+
+    /// The parts of a force along the first magnet of each opposed pair, in N.
+    fn along_pairs(&self, force_n: [f64; N]) -> Option<[f64; N]> {
+        self.pairs.map(|rows| rows.map(|row| dot(row, force_n)))
+    }
 }
 
 /// The sine of the angle between two directions `(sin α, cos α)`: `sin(α_a − α_b)`.
-fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
+fn cross<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
 /// Refuses magnets that cannot balance others, such as all within a half-plane.
-fn check_all_round<const K: usize>(
+fn check_all_round<const N: usize, const K: usize>(
     alpha_rad: [f64; K],
-    directions: &[[f64; 2]; K],
+    directions: &[[f64; N]; K],
     null: [f64; K],
     checks: &mut Checks,
 ) {

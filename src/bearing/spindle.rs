@@ -1,6 +1,6 @@
-//! A spindle: a rigid shaft in two radial bearings A and B with three magnets each, and an axial bearing X with two.
+//! A spindle: a rigid shaft in two radial bearings A and B with M magnets each, three or four, and an axial bearing X with two.
 //!
-//! Coordinates and signs are those of [`shaft`]. Magnets are counted A 1 to 3, B 1 to 3, X 1 to 2; X 1 pulls
+//! Coordinates and signs are those of [`shaft`]. MagnetsOf are counted A 1 to M, B 1 to M, X 1 to 2; X 1 pulls
 //! towards +x. Positions along the shaft are in m from the centre of gravity. The sensors read `h · q`, in the order A.Ym,
 //! A.Zm, B.Ym, B.Zm, Xm:
 //!
@@ -11,25 +11,22 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::magnet::{Geometry, Magnets};
+use crate::bearing::magnet::{Geometry, MagnetsOf, alpha_rad};
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::{self, COORDINATES, Shaft};
 use crate::invalid::{Checks, Invalid};
 use crate::variables::Variables;
 use crate::variables::unit::{METRE, RADIAN};
 
-/// Number of magnets: three in A, three in B, two in X.
+/// Number of magnets with three in A, three in B, two in X.
 pub const MAGNETS: usize = 8;
 
 /// Number of readings of position: A.Ym, A.Zm, B.Ym, B.Zm, Xm.
 pub const READINGS: usize = 5;
 
-/// The bearings, in the order of their magnets.
-pub const BEARINGS: [&str; 3] = ["A", "B", "X"];
-
-/// The bearing of magnet k, by its place in [`BEARINGS`], and the magnet's place there; both counted from 0.
-pub const fn bearing_of(k: usize) -> (usize, usize) {
-    (k / 3, k % 3)
+/// The bearing of magnet k with M magnets in each radial bearing, and the magnet's place there; all counted from 0.
+pub const fn bearing_of<const M: usize>(k: usize) -> (usize, usize) {
+    (k / M, k % M)
 }
 
 /// The least distance along the shaft between two bearings, and between their sensors, in m.
@@ -38,10 +35,14 @@ pub const fn bearing_of(k: usize) -> (usize, usize) {
 /// several metres: nothing could be controlled with it.
 pub const SHORTEST_DISTANCE_M: f64 = 1e-3;
 
-/// A radial bearing with three magnets.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+/// A radial bearing with M magnets.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64)]
-pub struct RadialBearing<T = f64> {
+#[serde(bound(
+    serialize = "T: Serialize, [T; M]: Serialize",
+    deserialize = "T: Deserialize<'de>, [T; M]: Deserialize<'de>"
+))]
+pub struct RadialBearing<T = f64, const M: usize = 3> {
     /// Position of the magnets of bearing {prefix} along the shaft, from the centre of gravity
     #[parameter(name = "position", unit = METRE, nominal = 0.1)]
     pub position_m: T,
@@ -53,13 +54,24 @@ pub struct RadialBearing<T = f64> {
     pub gap_m: T,
     /// Angle of magnet {k} of bearing {prefix}; its direction is (sin alpha, cos alpha) in the y-z plane
     #[parameter(name = "alpha", unit = RADIAN)]
-    pub alpha_rad: [T; 3],
+    pub alpha_rad: [T; M],
+}
+
+impl<const M: usize> Default for RadialBearing<f64, M> {
+    /// Without size and place.
+    fn default() -> Self {
+        Self { position_m: 0.0, sensor_position_m: 0.0, gap_m: 0.0, alpha_rad: [0.0; M] }
+    }
 }
 
 /// Shaft and bearings of a spindle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64)]
-pub struct SpindleGeometry<T = f64> {
+#[serde(bound(
+    serialize = "T: Serialize, [T; M]: Serialize",
+    deserialize = "T: Deserialize<'de>, [T; M]: Deserialize<'de>"
+))]
+pub struct SpindleGeometryOf<T, const M: usize> {
     /// Inertia.
     #[nested(prefix = "")]
     pub shaft: Shaft<T>,
@@ -72,24 +84,26 @@ pub struct SpindleGeometry<T = f64> {
     pub extent_m: [T; 2],
     /// Bearing A.
     #[nested(prefix = "A.")]
-    pub a: RadialBearing<T>,
+    pub a: RadialBearing<T, M>,
     /// Bearing B.
     #[nested(prefix = "B.")]
-    pub b: RadialBearing<T>,
+    pub b: RadialBearing<T, M>,
     /// Nominal air gap of the axial magnets
     #[parameter(name = "X.s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
     pub axial_gap_m: T,
 }
 
-impl Default for SpindleGeometry {
+/// That with three magnets in each radial bearing.
+pub type SpindleGeometry<T = f64> = SpindleGeometryOf<T, 3>;
+
+impl<const M: usize> Default for SpindleGeometryOf<f64, M> {
     /// The spindle of the examples: 12 kg, 0.27 m between the bearings.
     fn default() -> Self {
-        use std::f64::consts::{FRAC_PI_3, PI};
         let bearing = |position_m, sensor_position_m| RadialBearing {
             position_m,
             sensor_position_m,
             gap_m: 5e-4,
-            alpha_rad: [PI, -FRAC_PI_3, FRAC_PI_3],
+            alpha_rad: alpha_rad(),
         };
         Self {
             shaft: Shaft { m_kg: 12.0, transverse_kgm2: 0.16, polar_kgm2: 0.02 },
@@ -101,13 +115,14 @@ impl Default for SpindleGeometry {
     }
 }
 
-impl<T: Scalar> SpindleGeometry<T> {
+impl<T: Scalar, const M: usize> SpindleGeometryOf<T, M> {
     /// Gaps and directions of the magnets.
-    pub fn geometry(&self) -> Geometry<T, COORDINATES, MAGNETS> {
+    pub fn geometry<const K: usize>(&self) -> Geometry<T, COORDINATES, K> {
+        const { assert!(K == 2 * M + 2, "two radial bearings and an axial one") };
         let axial = shaft::axial();
         Geometry {
-            gap_m: std::array::from_fn(|k| [self.a.gap_m, self.b.gap_m, self.axial_gap_m][bearing_of(k).0]),
-            directions: std::array::from_fn(|k| match bearing_of(k) {
+            gap_m: std::array::from_fn(|k| [self.a.gap_m, self.b.gap_m, self.axial_gap_m][bearing_of::<M>(k).0]),
+            directions: std::array::from_fn(|k| match bearing_of::<M>(k) {
                 (0, j) => shaft::radial(self.a.position_m, self.a.alpha_rad[j]),
                 (1, j) => shaft::radial(self.b.position_m, self.b.alpha_rad[j]),
                 (_, j) => axial[j],
@@ -116,7 +131,7 @@ impl<T: Scalar> SpindleGeometry<T> {
     }
 
     /// The radial bearings A and B.
-    pub fn radial(&self) -> [&RadialBearing<T>; 2] {
+    pub fn radial(&self) -> [&RadialBearing<T, M>; 2] {
         [&self.a, &self.b]
     }
 
@@ -130,18 +145,18 @@ impl<T: Scalar> SpindleGeometry<T> {
     pub fn sensors(&self) -> [[T; COORDINATES]; READINGS] {
         // A displacement towards (1, 0) or (0, 1) at ξ, as of a magnet that would pull there.
         let [one, zero] = [1.0, 0.0].map(T::constant);
-        let towards = |bearing: &RadialBearing<T>, axis: [T; 2]| shaft::generalised(bearing.sensor_position_m, axis);
+        let towards = |bearing: &RadialBearing<T, M>, axis: [T; 2]| shaft::generalised(bearing.sensor_position_m, axis);
         let [along, _] = shaft::axial();
         let [y, z] = [[one, zero], [zero, one]];
         [towards(&self.a, y), towards(&self.a, z), towards(&self.b, y), towards(&self.b, z), along]
     }
 }
 
-impl SpindleGeometry {
+impl<const M: usize> SpindleGeometryOf<f64, M> {
     /// Reports in `checks`, by the names of the interface: masses and moments of inertia that no body has, an empty shaft,
     /// positions beyond it, bearings or sensors at the same place, and of each bearing what [`Magnets::new`] refuses. Use the
     /// spindle only if nothing was reported.
-    pub(crate) fn checked(&self, checks: &mut Checks) -> Spindle {
+    pub(crate) fn checked<const K: usize>(&self, checks: &mut Checks) -> SpindleOf<M, K> {
         let Shaft { m_kg, transverse_kgm2, polar_kgm2 } = self.shaft;
         checks.positive("m", m_kg, "kg");
         checks.positive("Jt", transverse_kgm2, "kg.m2");
@@ -168,14 +183,14 @@ impl SpindleGeometry {
             checks.of(prefix, |checks| {
                 self.check_position("position", bearing.position_m, checks);
                 self.check_position("sensorPosition", bearing.sensor_position_m, checks);
-                Magnets::checked(bearing.gap_m, bearing.alpha_rad, checks)
+                MagnetsOf::checked(bearing.gap_m, bearing.alpha_rad, checks)
             })
         });
         let (a, b) = (&self.a, &self.b);
         check_apart("position", "bearings", [a.position_m, b.position_m], checks);
         check_apart("sensorPosition", "sensors", [a.sensor_position_m, b.sensor_position_m], checks);
-        checks.positive("X.s", self.axial_gap_m, "m");
-        Spindle { config: *self, geometry: self.geometry(), sensors: self.sensors(), bearings }
+        let axial = checks.of("X.", |checks| MagnetsOf::checked(self.axial_gap_m, [0.0; 2], checks));
+        SpindleOf { config: *self, geometry: self.geometry(), sensors: self.sensors(), bearings, axial }
     }
 
     /// Refuses a position that is not on the shaft.
@@ -202,19 +217,23 @@ fn check_apart(name: &str, what: &str, [a_m, b_m]: [f64; 2], checks: &mut Checks
 
 /// A spindle with validated geometry.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Spindle {
-    config: SpindleGeometry,
-    geometry: Geometry<f64, COORDINATES, MAGNETS>,
+pub struct SpindleOf<const M: usize, const K: usize> {
+    config: SpindleGeometryOf<f64, M>,
+    geometry: Geometry<f64, COORDINATES, K>,
     sensors: [[f64; COORDINATES]; READINGS],
-    bearings: [Magnets; 2],
+    bearings: [MagnetsOf<2, M>; 2],
+    axial: MagnetsOf<1, 2>,
 }
 
-impl Spindle {
+/// That with three magnets in each radial bearing.
+pub type Spindle = SpindleOf<3, MAGNETS>;
+
+impl<const M: usize, const K: usize> SpindleOf<M, K> {
     /// A spindle.
     ///
     /// # Errors
     /// Positions, gaps, angles and inertia that are refused, by their names in the interface.
-    pub fn new(config: SpindleGeometry) -> Result<Self, Vec<Invalid>> {
+    pub fn new(config: SpindleGeometryOf<f64, M>) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         let spindle = config.checked(&mut checks);
         checks.finish()?;
@@ -222,12 +241,12 @@ impl Spindle {
     }
 
     /// The configuration.
-    pub fn config(&self) -> &SpindleGeometry {
+    pub fn config(&self) -> &SpindleGeometryOf<f64, M> {
         &self.config
     }
 
-    /// Gaps and directions of the eight magnets.
-    pub fn geometry(&self) -> &Geometry<f64, COORDINATES, MAGNETS> {
+    /// Gaps and directions of all magnets.
+    pub fn geometry(&self) -> &Geometry<f64, COORDINATES, K> {
         &self.geometry
     }
 
@@ -237,8 +256,13 @@ impl Spindle {
     }
 
     /// The magnets of A and of B, each in its own plane: for the allocation of forces.
-    pub fn bearings(&self) -> &[Magnets; 2] {
+    pub fn bearings(&self) -> &[MagnetsOf<2, M>; 2] {
         &self.bearings
+    }
+
+    /// The axial magnets: for the allocation of forces.
+    pub fn axial(&self) -> &MagnetsOf<1, 2> {
+        &self.axial
     }
 
     /// `(m, m, m, J_t, J_t)`, in kg and kg·m².

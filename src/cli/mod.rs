@@ -14,6 +14,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use fmu_export::package::platforms::{self, Platform};
 
+use crate::machine::{MACHINES, Machine};
 use crate::output::{self, Format};
 use crate::package;
 use crate::report::frame;
@@ -53,11 +54,17 @@ struct Arguments {
 #[derive(Subcommand)]
 #[allow(clippy::large_enum_variant, reason = "there is one of it, and it is taken apart at once")]
 enum Command {
-    /// Packages the six FMUs, each for FMI 2.0 and for FMI 3.0, and two SSPs (MagneticBearing, MagneticSpindle) from the library that
-    /// was built together with this program.
+    /// Packages the FMUs of machines, each for FMI 2.0 and for FMI 3.0, and an SSP of each closed loop, from the library that was built
+    /// together with this program.
     ///
     /// Binaries for other platforms can be added; `scripts/build-platforms` makes them all.
     Package {
+        /// Machines: planar, spindle, planar4, spindle4, axial; by default the first two.
+        #[arg(value_name = "MACHINE", conflicts_with = "all")]
+        machines: Vec<String>,
+        /// Packages all machines.
+        #[arg(long)]
+        all: bool,
         /// A binary for a platform: linux64, win64, darwin64, aarch64-linux or aarch64-darwin (can be repeated). One for this
         /// platform replaces the library that was built together with this program.
         #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = binary)]
@@ -77,7 +84,7 @@ enum Command {
     /// "hole.csv"` makes a closed curve of points the reference trajectory.
     Simulate {
         /// A file, - for the standard input, or a built-in scenario: paper, experiment, unbalanced, turned, run-up, lift-off,
-        /// coil-loss, circle, hole, standstill, spindle, balance.
+        /// coil-loss, circle, hole, standstill, spindle, balance, planar4, spindle4, axial, levitation.
         #[arg(value_name = "SCENARIO")]
         scenario: PathBuf,
         /// Changes a value of the scenario (can be repeated): `m=7` for every element that has the variable, `plant.m=7` for
@@ -235,7 +242,14 @@ pub fn main(commit: Option<&str>) -> ExitCode {
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let outcome = match arguments.command {
         None => everything(),
-        Some(Command::Package { binaries, arrays, out }) => package(&binaries, arrays, &out),
+        Some(Command::Package { machines, all, binaries, arrays, out }) => {
+            let chosen = match (all, &machines[..]) {
+                (true, _) => Ok(MACHINES.iter().collect()),
+                (false, []) => package::machines(&package::USUAL),
+                (false, names) => package::machines(names),
+            };
+            chosen.map_err(refused).and_then(|machines| package(&binaries, &machines, arrays, &out))
+        }
         Some(Command::Simulate { scenario, print: true, .. }) => print_scenario(&scenario),
         Some(Command::Simulate { scenario, changes, csv, json, report, print: false }) => {
             let out = Out { csv: csv.as_deref(), json: json.as_deref(), report: report.as_deref() };
@@ -303,7 +317,7 @@ fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
 }
 
 fn everything() -> Result<()> {
-    package(&[], false, Path::new(FMU_FOLDER))?;
+    package(&[], &package::machines(&package::USUAL).map_err(refused)?, false, Path::new(FMU_FOLDER))?;
     say!();
     simulate(Path::new("paper"), &[], &Out { report: Some(Path::new(REPORT_FOLDER)), ..Out::default() })
 }
@@ -314,8 +328,13 @@ fn binary(argument: &str) -> std::result::Result<(&'static Platform, PathBuf), S
     Ok((platforms::by_name(name)?, path.into()))
 }
 
-fn package(binaries: &[(&'static Platform, PathBuf)], arrays: bool, folder: &Path) -> Result<()> {
-    for written in package::package_for(&package::binaries(binaries)?, arrays, folder)? {
+fn package(
+    binaries: &[(&'static Platform, PathBuf)],
+    machines: &[&Machine],
+    arrays: bool,
+    folder: &Path,
+) -> Result<()> {
+    for written in package::package_for(&package::binaries(binaries)?, machines, arrays, folder)? {
         let platforms = written.platforms.join(", ");
         say!("{} ({} kB) for {platforms}", written.path.display(), written.bytes.div_ceil(1000));
     }

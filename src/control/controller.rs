@@ -1,111 +1,171 @@
-//! The controller of the planar rotor: flatness-based tracking of its reference trajectory.
+//! The controller of any machine: flatness-based tracking of its reference trajectory.
 //!
-//! The control law is that of [`tracking`](crate::control::tracking), with two coordinates, three magnets and one bearing.
+//! The control law is that of [`tracking`](crate::control::tracking). What differs between machines is a [`ControllerParameters`]: how its
+//! magnets are arranged, and its reference.
 
+pub use crate::control::one_bearing::{ControllerConfig, ControllerConfigOf};
 pub use crate::control::tracking::{
-    ControllerError, INSTANT_TOLERANCE, PRELOAD_S, SMALLEST_GAP, UpdateMode, ramp_gains, tracking_gains,
+    Allocation, ControllerError, INSTANT_TOLERANCE, PRELOAD_S, SMALLEST_GAP, UpdateMode, ramp_gains, tracking_gains,
 };
 
+use std::fmt::Debug;
+
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::coil::Drive;
-use crate::bearing::magnet::{Geometry, Magnets};
-use crate::control::reference::{Reference, ReferenceConfig, ReferenceState, Shape};
-use crate::control::tracking::{Arrangement, Command, Measured, Names, Tracking, TrackingConfig, TrackingState};
+use crate::control::reference::{RefPoint, ReferenceState};
+use crate::control::tracking::{Arrangement, Command, Measured, Tracking, TrackingConfig, TrackingState};
 use crate::invalid::{Checks, Invalid};
 use crate::machine::Machine;
-use crate::variables::unit::{AMPERE, KILOGRAM, METRE, NEWTON, RADIAN, RADIAN_PER_SECOND, VOLT};
+use crate::variables::unit::{AMPERE, METRE, NEWTON, NEWTON_METRE, RADIAN_PER_SECOND, VOLT};
 use crate::variables::{LAMBDA, OMEGA_RAD_S, Variables};
 
-/// Configuration of the controller.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Machine)]
-#[serde(default)]
-pub struct ControllerConfig {
-    /// Mass of the rotor
-    #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
-    pub m_kg: f64,
-    /// Nominal air gap
-    #[parameter(name = "s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
-    pub gap_m: f64,
-    /// Angle of magnet {k}; its direction is (sin alpha, cos alpha) in the y-z plane
-    #[parameter(name = "alpha", unit = RADIAN)]
-    pub alpha_rad: [f64; 3],
-    /// The control law.
-    #[nested(prefix = "")]
-    pub law: TrackingConfig<3, 1>,
-    /// The reference trajectory.
-    #[nested(prefix = "", context = ())]
-    pub reference: ReferenceConfig,
+/// The reference of a machine with N coordinates, sampled at a fixed step.
+pub trait Path<const N: usize> {
+    /// What changes from sample to sample.
+    type State: Clone + Debug + PartialEq + Serialize + DeserializeOwned;
+
+    /// Before the first sample.
+    fn start(&self) -> Self::State;
+
+    /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
+    fn accepts(&self, state: &Self::State) -> bool;
+
+    /// Moves on to the next sample at the measured coordinates: `omega_rad_s` holds from this sample on, `external_m` is an external
+    /// reference.
+    fn sample(&self, state: &mut Self::State, omega_rad_s: f64, coordinates: [f64; N], external_m: [f64; N]);
+
+    /// The reference of the coordinates `ahead_s` after the last sample, in s.
+    fn ahead(&self, state: &Self::State, ahead_s: f64) -> [RefPoint; N];
+
+    /// Whether the reference is external.
+    fn is_external(&self) -> bool {
+        false
+    }
 }
 
-impl Default for ControllerConfig {
-    /// The paper's bearing and its first guess.
+/// Configuration of the controller of a machine with N coordinates and K magnets in G groups.
+pub trait ControllerParameters<const N: usize, const K: usize, const G: usize>: Clone + Debug + PartialEq {
+    /// How its magnets are arranged.
+    type Rotor: Arrangement<N, K, G> + Clone + Debug + PartialEq;
+    /// Its reference.
+    type Path: Path<N> + Clone + Debug + PartialEq;
+
+    /// The control law.
+    fn law(&self) -> &TrackingConfig<K, G>;
+    /// The control law.
+    fn law_mut(&mut self) -> &mut TrackingConfig<K, G>;
+    /// The speed of the reference, in rad/s.
+    fn omega_mut(&mut self) -> &mut f64;
+
+    /// Arrangement, control law and reference. Reports errors in `checks`; use the returned values only if there are none.
+    fn checked(&self, checks: &mut Checks) -> (Tracking<Self::Rotor, N, K, G>, Self::Path);
+}
+
+/// Inputs of the controller at a sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
+#[serde(bound(
+    serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
+    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+))]
+pub struct ControllerInputOf<const N: usize, const K: usize> {
+    /// Angular velocity on the reference, in rad/s; of a shaft that tilts also that of the gyroscopic moments.
+    #[parameter(
+        name = "reference.omega", tunable, unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0,
+        description = context.word("{speed of the reference}")
+    )]
+    pub omega_rad_s: f64,
+    /// Readings of position, in m.
+    #[input(
+        names = context.measured(), unit = METRE, nominal = 1e-5,
+        description = format!("Measured position of the rotor along {}", context.readings[index].axis)
+    )]
+    pub position_m: [f64; N],
+    /// Measured current of {magnet}, with drive = voltage
+    #[input(names = context.of_magnets("im"), unit = AMPERE)]
+    pub current_a: [f64; K],
+    /// Estimated force constant of {magnet}
+    #[input(names = context.of_magnets("lambdaHat"), unit = LAMBDA, nominal = 1e-6)]
+    pub lambda_hat_nm2_a2: [f64; K],
+    /// Whether lambdaHat {of all} may be used
+    #[input(name = "lambdaValid")]
+    pub lambda_valid: bool,
+    /// Reference along {axis} with reference.shape = external
+    #[input(
+        names = context.of_resultant("").into_iter().map(|axis| axis + "ref").collect::<Vec<_>>(),
+        count = context.resultant.len(), unit = METRE, nominal = 1e-5
+    )]
+    pub reference_m: [f64; N],
+}
+
+/// Those for the planar rotor of the paper.
+pub type ControllerInput = ControllerInputOf<2, 3>;
+
+impl<const N: usize, const K: usize> Default for ControllerInputOf<N, K> {
+    /// All 0.
     fn default() -> Self {
-        use std::f64::consts::{FRAC_PI_3, PI};
         Self {
-            m_kg: 6.7,
-            gap_m: 5e-4,
-            alpha_rad: [PI, -FRAC_PI_3, FRAC_PI_3],
-            law: TrackingConfig::default(),
-            reference: ReferenceConfig::default(),
+            omega_rad_s: 0.0,
+            position_m: [0.0; N],
+            current_a: [0.0; K],
+            lambda_hat_nm2_a2: [0.0; K],
+            lambda_valid: false,
+            reference_m: [0.0; N],
         }
     }
 }
 
-/// Inputs of the controller at a sample.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
-pub struct ControllerInput {
-    /// Angular velocity on the reference trajectory
-    #[parameter(name = "reference.omega", tunable, unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0)]
-    pub omega_rad_s: f64,
-    /// Measured position of the rotor along {axis}
-    #[input(names = ["Ym", "Zm"], unit = METRE, nominal = 1e-5)]
-    pub position_m: [f64; 2],
-    /// Measured current of magnet {k}, with drive = voltage
-    #[input(name = "im", unit = AMPERE)]
-    pub current_a: [f64; 3],
-    /// Estimated force constant of magnet {k}
-    #[input(name = "lambdaHat", unit = LAMBDA, nominal = 1e-6)]
-    pub lambda_hat_nm2_a2: [f64; 3],
-    /// Whether lambdaHat may be used
-    #[input(name = "lambdaValid")]
-    pub lambda_valid: bool,
-    /// Reference along {axis} with reference.shape = external
-    #[input(names = ["Yref", "Zref"], unit = METRE, nominal = 1e-5)]
-    pub reference_m: [f64; 2],
-}
-
 /// Outputs of the controller at a sample.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
-pub struct ControllerOutput {
-    /// Current reference of magnet {k}; with drive = voltage for the end of the sample
-    #[output(name = "i", discrete, unit = AMPERE)]
-    pub current_a: [f64; 3],
-    /// Voltage command of amplifier {k}, with drive = voltage
-    #[output(name = "u", discrete, unit = VOLT, nominal = 10.0)]
-    pub voltage_v: [f64; 3],
-    /// Tracking error at the last sample, measured minus reference, along {axis}
-    #[output(names = ["eY", "eZ"], discrete, unit = METRE, nominal = 1e-6)]
-    pub tracking_error_m: [f64; 2],
-    /// Observed perturbation force along {axis}
-    #[output(names = ["pYHat", "pZHat"], discrete, unit = NEWTON, nominal = 10.0)]
-    pub perturbation_n: [f64; 2],
-    /// Force constant of magnet {k} that the controller uses
-    #[output(name = "lambdaUsed", discrete, unit = LAMBDA, nominal = 1e-6)]
-    pub lambda_used_nm2_a2: [f64; 3],
-    /// Force command along {axis}
-    #[output(names = ["FYdes", "FZdes"], discrete, unit = NEWTON, nominal = 10.0)]
-    pub force_n: [f64; 2],
-    /// Reference at this sample, (y, z), in m.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
+#[serde(bound(
+    serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
+    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+))]
+pub struct ControllerOutputOf<const N: usize, const K: usize> {
+    /// Current reference of {magnet}; with drive = voltage for the end of the sample
+    #[output(names = context.of_magnets("i"), discrete, unit = AMPERE)]
+    pub current_a: [f64; K],
+    /// Voltage command of {driven}, with drive = voltage
+    #[output(names = context.of_magnets("u"), discrete, unit = VOLT, nominal = 10.0)]
+    pub voltage_v: [f64; K],
+    /// Measured position minus reference at this sample, at the magnets, in m.
+    #[output(
+        names = context.of_readings("e"), discrete, unit = METRE, nominal = 1e-6,
+        description = format!("Tracking error at the last sample, measured minus reference, along {}", context.readings[index].axis)
+    )]
+    pub tracking_error_m: [f64; N],
+    /// Estimated perturbation, in N; moments in N·m.
+    #[output(
+        names = context.of_loads("p", "Hat"), discrete, unit = context.either(index, NEWTON, NEWTON_METRE),
+        nominal = context.either(index, 10.0, 1.0),
+        description = format!(
+            "Observed perturbation {} {}", context.either(index, "force", "moment"), context.direction(index)
+        )
+    )]
+    pub perturbation_n: [f64; N],
+    /// Force constant of {magnet} that the controller uses
+    #[output(names = context.of_magnets("lambdaUsed"), discrete, unit = LAMBDA, nominal = 1e-6)]
+    pub lambda_used_nm2_a2: [f64; K],
+    /// Commanded generalised force, in N; moments in N·m.
+    #[output(
+        names = context.of_loads("F", "des"), discrete, unit = context.either(index, NEWTON, NEWTON_METRE),
+        nominal = context.either(index, 10.0, 1.0),
+        description = format!("{} command {}", context.either(index, "Force", "Moment"), context.direction(index))
+    )]
+    pub force_n: [f64; N],
+    /// Reference at this sample, as the tracking error, in m.
     #[hidden]
-    pub reference_m: [f64; 2],
-    /// Reference at the next sample along {axis}
-    ///
-    /// Predicted if it is external.
-    #[output(names = ["reference.Y", "reference.Z"], discrete, unit = METRE, nominal = 1e-5)]
-    pub reference_ahead_m: [f64; 2],
-    /// Whether the predicted gap was below its limit, so that the currents are those for the limit
+    pub reference_m: [f64; N],
+    /// Reference at the next sample, as the tracking error, in m; predicted if it is external.
+    #[output(
+        names = context.of_references(), discrete, unit = METRE, nominal = 1e-5,
+        description = format!("Reference at the next sample along {}", context.readings[index].axis)
+    )]
+    pub reference_ahead_m: [f64; N],
+    /// Whether {predicted gap} was below its limit, so that the currents are those for the limit
     ///
     /// The limit is [`SMALLEST_GAP`]. The magnets do not give the commanded forces then.
     #[output(discrete)]
@@ -115,11 +175,36 @@ pub struct ControllerOutput {
     pub limited: bool,
 }
 
+/// Those for the planar rotor of the paper.
+pub type ControllerOutput = ControllerOutputOf<2, 3>;
+
+impl<const N: usize, const K: usize> Default for ControllerOutputOf<N, K> {
+    /// All 0.
+    fn default() -> Self {
+        Self {
+            current_a: [0.0; K],
+            voltage_v: [0.0; K],
+            tracking_error_m: [0.0; N],
+            perturbation_n: [0.0; N],
+            lambda_used_nm2_a2: [0.0; K],
+            force_n: [0.0; N],
+            reference_m: [0.0; N],
+            reference_ahead_m: [0.0; N],
+            saturated: false,
+            limited: false,
+        }
+    }
+}
+
 /// State of a [`Controller`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ControllerState {
-    law: TrackingState<2, 3, 1>,
-    reference: ReferenceState,
+#[serde(bound(
+    serialize = "P: Serialize, TrackingState<N, K, G>: Serialize",
+    deserialize = "P: Deserialize<'de>, TrackingState<N, K, G>: Deserialize<'de>"
+))]
+pub struct ControllerState<P = ReferenceState, const N: usize = 2, const K: usize = 3, const G: usize = 1> {
+    law: TrackingState<N, K, G>,
+    reference: P,
 }
 
 /// Number of components of a [`ControllerState`] that a small motion of the loop changes.
@@ -155,104 +240,83 @@ impl ControllerState {
     }
 }
 
-/// A rotor between three magnets.
-#[derive(Clone, Debug, PartialEq)]
-struct PlanarRotor {
-    m_kg: f64,
-    magnets: Magnets,
-}
-
-impl Arrangement<2, 3, 1> for PlanarRotor {
-    const NAMES: Names<3, 1> = Names {
-        lambda0: ["lambda0[1]", "lambda0[2]", "lambda0[3]"],
-        current: ["im[1]", "im[2]", "im[3]"],
-        f0: ["F0"],
-        modulation_hz: ["F0.modulationFrequency"],
-    };
-    const BEARING: [usize; 3] = [0; 3];
-
-    fn geometry(&self) -> &Geometry {
-        self.magnets.geometry()
-    }
-
-    fn inertia(&self) -> [f64; 2] {
-        [self.m_kg; 2]
-    }
-
-    fn allocate(&self, force_n: [f64; 2], [smallest_n]: [f64; 1]) -> [f64; 3] {
-        self.magnets.allocate(force_n, smallest_n)
-    }
-}
+/// The state of the controller with these parameters.
+pub type StateOf<C, const N: usize, const K: usize, const G: usize> =
+    ControllerState<<<C as ControllerParameters<N, K, G>>::Path as Path<N>>::State, N, K, G>;
 
 /// A validated controller.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Controller {
-    config: ControllerConfig,
-    law: Tracking<PlanarRotor, 2, 3, 1>,
-    reference: Reference,
+pub struct Controller<
+    C: ControllerParameters<N, K, G> = ControllerConfig,
+    const N: usize = 2,
+    const K: usize = 3,
+    const G: usize = 1,
+> {
+    config: C,
+    law: Tracking<C::Rotor, N, K, G>,
+    reference: C::Path,
 }
 
-impl Controller {
+impl<C: ControllerParameters<N, K, G>, const N: usize, const K: usize, const G: usize> Controller<C, N, K, G> {
     /// A controller of the given configuration.
     ///
     /// # Errors
-    /// Every parameter that is not finite or outside its range, by its name in the interface; `s` and `alpha[k]` as in
-    /// [`Magnets::new`], the reference as in [`Reference::new`], the modulation as in [`Controller::retune`].
-    pub fn new(config: ControllerConfig) -> Result<Self, Vec<Invalid>> {
+    /// Every parameter that is not finite or outside its range, by its name in the interface; the geometry as in
+    /// [`Magnets::new`](crate::bearing::magnet::Magnets::new) or [`Spindle::new`](crate::bearing::spindle::Spindle::new), the reference as
+    /// in [`Reference::new`](crate::control::reference::Reference::new) or
+    /// [`SpindlePath::new`](crate::control::spindle::SpindlePath::new), the modulation as in [`Controller::retune`].
+    pub fn new(config: C) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
-        checks.positive("m", config.m_kg, "kg");
-        let magnets = Magnets::checked(config.gap_m, config.alpha_rad, &mut checks);
-        let law = Tracking::checked(
-            config.law.clone(),
-            PlanarRotor { m_kg: config.m_kg, magnets: magnets.clone() },
-            &mut checks,
-        );
-        let reference = Reference::checked(config.reference.clone(), config.law.step_s, &magnets, &mut checks);
+        let (law, reference) = config.checked(&mut checks);
         checks.finish()?;
         Ok(Self { config, law, reference })
     }
 
     /// The configuration, including the last retuning.
-    pub fn config(&self) -> &ControllerConfig {
+    pub fn config(&self) -> &C {
         &self.config
     }
 
-    /// Changes the modulation of the smallest force: `modulation` as a fraction of `F_0`, its frequency in Hz.
+    /// Changes the modulation of the smallest forces: `modulation` as a fraction of `F_0`, its frequencies in Hz, one for each group.
     ///
-    /// The phase is continuous.
+    /// The phases are continuous.
     ///
     /// # Errors
     /// `F0.modulation` outside 0 to 1; `F0.modulationFrequency` unless it is above 0 and at most half the sample rate. The
     /// former values then remain.
-    pub fn retune(&mut self, modulation: f64, modulation_hz: f64) -> Result<(), Vec<Invalid>> {
-        self.law.retune(modulation, [modulation_hz])?;
-        (self.config.law.modulation, self.config.law.modulation_hz) = (modulation, [modulation_hz]);
+    pub fn retune(&mut self, modulation: f64, modulation_hz: [f64; G]) -> Result<(), Vec<Invalid>> {
+        self.law.retune(modulation, modulation_hz)?;
+        *self.config.law_mut() = self.law.config().clone();
         Ok(())
     }
 
     /// The state before the first sample, which is due at `start_s`, in s.
-    pub fn start(&self, start_s: f64) -> ControllerState {
+    pub fn start(&self, start_s: f64) -> StateOf<C, N, K, G> {
         ControllerState { law: self.law.start(start_s), reference: self.reference.start() }
     }
 
     /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
-    pub fn accepts(&self, state: &ControllerState) -> bool {
+    pub fn accepts(&self, state: &StateOf<C, N, K, G>) -> bool {
         self.reference.accepts(&state.reference) && self.law.accepts(&state.law)
     }
 
     /// The outputs before the first sample: no current, the first guess of λ, and the begin of the reference.
-    pub fn output_at_start(&self) -> ControllerOutput {
-        let begin = self.reference.ahead(&self.reference.start(), 0.0).map(|point| point.position_m);
-        ControllerOutput {
-            lambda_used_nm2_a2: self.config.law.lambda0_nm2_a2,
+    pub fn output_at_start(&self) -> ControllerOutputOf<N, K> {
+        let begin = self.at_magnets(self.reference.ahead(&self.reference.start(), 0.0));
+        ControllerOutputOf {
+            lambda_used_nm2_a2: self.config.law().lambda0_nm2_a2,
             reference_m: begin,
             reference_ahead_m: begin,
-            ..ControllerOutput::default()
+            ..ControllerOutputOf::default()
         }
     }
 
+    fn at_magnets(&self, reference: [RefPoint; N]) -> [f64; N] {
+        self.law.arrangement().at_magnets(reference.map(|point| point.position_m))
+    }
+
     /// When the next sample is due, in s: start + count · T_s.
-    pub fn due_s(&self, state: &ControllerState) -> f64 {
+    pub fn due_s(&self, state: &StateOf<C, N, K, G>) -> f64 {
         self.law.due_s(&state.law)
     }
 
@@ -263,28 +327,27 @@ impl Controller {
     /// last valid ones. An unusable estimate of λ is no error: it is not used.
     pub fn sample(
         &self,
-        state: &mut ControllerState,
-        input: &ControllerInput,
-    ) -> Result<ControllerOutput, ControllerError> {
+        state: &mut StateOf<C, N, K, G>,
+        input: &ControllerInputOf<N, K>,
+    ) -> Result<ControllerOutputOf<N, K>, ControllerError> {
         self.check_input(input)?;
         let mut next = state.clone();
-        if next.law.samples == 0 {
-            self.reference.begin(&mut next.reference, input.position_m);
-        }
-        self.reference.sample(&mut next.reference, input.omega_rad_s, input.reference_m);
-        let course =
-            [0.0, 1.0, 2.0].map(|samples| self.reference.ahead(&next.reference, samples * self.config.law.step_s));
+        let rotor = self.law.arrangement();
+        let coordinates = rotor.coordinates(input.position_m);
+        self.reference.sample(&mut next.reference, input.omega_rad_s, coordinates, input.reference_m);
+        let step_s = self.config.law().step_s;
+        let course = [0.0, 1.0, 2.0].map(|samples| self.reference.ahead(&next.reference, samples * step_s));
         // The tracking error refers to the reference itself, not to an observer's estimate of it.
-        let reference_m = match self.config.reference.shape {
-            Shape::External => input.reference_m,
-            _ => course[0].map(|point| point.position_m),
+        let here = match self.reference.is_external() {
+            true => input.reference_m,
+            false => course[0].map(|point| point.position_m),
         };
-        let tracking_error_m: [f64; 2] = std::array::from_fn(|a| input.position_m[a] - reference_m[a]);
+        let tracking_error_m = rotor.at_magnets(std::array::from_fn(|a| coordinates[a] - here[a]));
         if !tracking_error_m.iter().all(|error| error.is_finite()) {
             return Err(ControllerError::Overflow { sample: state.law.samples });
         }
         let measured = Measured {
-            coordinates: input.position_m,
+            coordinates,
             current_a: input.current_a,
             lambda_hat_nm2_a2: input.lambda_hat_nm2_a2,
             lambda_valid: input.lambda_valid,
@@ -293,29 +356,30 @@ impl Controller {
         let Command { current_a, voltage_v, force, perturbation, saturated, limited } =
             self.law.sample(&mut next.law, &measured, &course)?;
         *state = next;
-        Ok(ControllerOutput {
+        Ok(ControllerOutputOf {
             current_a,
             voltage_v,
             tracking_error_m,
             perturbation_n: perturbation,
             lambda_used_nm2_a2: state.law.lambda_nm2_a2,
             force_n: force,
-            reference_m,
-            reference_ahead_m: course[1].map(|point| point.position_m),
+            reference_m: rotor.at_magnets(here),
+            reference_ahead_m: self.at_magnets(course[1]),
             saturated,
             limited,
         })
     }
 
-    fn check_input(&self, input: &ControllerInput) -> Result<(), ControllerError> {
-        let [y, z] = input.position_m;
-        ControllerError::check([("Ym", y), ("Zm", z), ("reference.omega", input.omega_rad_s)])?;
-        if self.config.law.coil.drive == Drive::Voltage {
-            ControllerError::check(PlanarRotor::NAMES.current.into_iter().zip(input.current_a))?;
+    fn check_input(&self, input: &ControllerInputOf<N, K>) -> Result<(), ControllerError> {
+        let machine = C::Rotor::MACHINE;
+        ControllerError::check(|| machine.measured(), &input.position_m)?;
+        ControllerError::check(|| vec!["reference.omega".into()], &[input.omega_rad_s])?;
+        if self.config.law().coil.drive == Drive::Voltage {
+            ControllerError::check(|| machine.of_magnets("im"), &input.current_a)?;
         }
-        if self.config.reference.shape == Shape::External {
-            let [y, z] = input.reference_m;
-            ControllerError::check([("Yref", y), ("Zref", z)])?;
+        if self.reference.is_external() {
+            let names = || machine.of_resultant("").into_iter().map(|axis| axis + "ref").collect();
+            ControllerError::check(names, &input.reference_m)?;
         }
         Ok(())
     }

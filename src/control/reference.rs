@@ -16,9 +16,10 @@ use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::magnet::Magnets;
+use crate::bearing::magnet::MagnetsOf;
 use crate::control::observer::{Signal, SignalObserver};
 use crate::invalid::{Checks, Invalid, Short};
+use crate::machine::Machine;
 use crate::variables::unit::{METRE, RADIAN_PER_SECOND, SECOND};
 use crate::variables::{Choice, Variables};
 
@@ -31,22 +32,23 @@ pub const HARMONICS: usize = 8;
 /// A closed curve as a Fourier series, n from 1 to [`HARMONICS`]:
 /// `Y* = y_0 + Σ (cosY_n cos nθ + sinY_n sin nθ)`, `Z*` alike, all in m.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
 #[serde(default)]
 pub struct Contour {
     /// Mean of the reference trajectory along {axis} with shape = fourier
-    #[parameter(names = ["centreY", "centreZ"], unit = METRE, nominal = 1e-5)]
+    #[parameter(names = context.of_resultant("centre"), count = context.resultant.len(), unit = METRE, nominal = 1e-5)]
     pub centre_m: [f64; 2],
-    /// Cosine of harmonic {k} of the reference trajectory along y with shape = fourier
-    #[parameter(name = "cosY", unit = METRE, nominal = 1e-5)]
+    /// Cosine of harmonic {k} of the reference trajectory along {first axis} with shape = fourier
+    #[parameter(name = format!("cos{}", context.resultant[0]), unit = METRE, nominal = 1e-5)]
     pub cos_y_m: [f64; HARMONICS],
-    /// Sine of harmonic {k} of the reference trajectory along y with shape = fourier
-    #[parameter(name = "sinY", unit = METRE, nominal = 1e-5)]
+    /// Sine of harmonic {k} of the reference trajectory along {first axis} with shape = fourier
+    #[parameter(name = format!("sin{}", context.resultant[0]), unit = METRE, nominal = 1e-5)]
     pub sin_y_m: [f64; HARMONICS],
     /// Cosine of harmonic {k} of the reference trajectory along z with shape = fourier
-    #[parameter(name = "cosZ", unit = METRE, nominal = 1e-5)]
+    #[parameter(name = "cosZ", count = if context.is_planar() { HARMONICS } else { 0 }, unit = METRE, nominal = 1e-5)]
     pub cos_z_m: [f64; HARMONICS],
     /// Sine of harmonic {k} of the reference trajectory along z with shape = fourier
-    #[parameter(name = "sinZ", unit = METRE, nominal = 1e-5)]
+    #[parameter(name = "sinZ", count = if context.is_planar() { HARMONICS } else { 0 }, unit = METRE, nominal = 1e-5)]
     pub sin_z_m: [f64; HARMONICS],
 }
 
@@ -91,30 +93,31 @@ pub enum Shape {
 
 /// The reference trajectory.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
 #[serde(default)]
 pub struct ReferenceConfig {
     /// Shape of the reference trajectory
     #[parameter(name = "reference.shape")]
     pub shape: Shape,
-    /// Semi-axis of the reference trajectory along y
-    #[parameter(name = "reference.rY", unit = METRE, min = 0.0, nominal = 1e-5)]
+    /// Semi-axis of the reference trajectory along {first axis}
+    #[parameter(name = format!("reference.r{}", context.resultant[0]), unit = METRE, min = 0.0, nominal = 1e-5)]
     pub r_y_m: f64,
     /// Semi-axis of the reference trajectory along z
-    #[parameter(name = "reference.rZ", unit = METRE, min = 0.0, nominal = 1e-5)]
+    #[parameter(name = "reference.rZ", count = usize::from(context.is_planar()), unit = METRE, min = 0.0, nominal = 1e-5)]
     pub r_z_m: f64,
     /// Number of lobes with shape = lobes
-    #[parameter(name = "reference.lobes", min = 0, max = MOST_LOBES)]
+    #[parameter(name = "reference.lobes", count = usize::from(context.is_planar()), min = 0, max = MOST_LOBES)]
     pub lobes: i32,
     /// Amplitude of the lobes with shape = lobes
     ///
     /// A negative one rotates them by half a lobe.
-    #[parameter(name = "reference.lobeAmplitude", unit = METRE, nominal = 1e-5)]
+    #[parameter(name = "reference.lobeAmplitude", count = usize::from(context.is_planar()), unit = METRE, nominal = 1e-5)]
     pub lobe_amplitude_m: f64,
     /// The curve of [`Shape::Fourier`].
     #[nested(prefix = "reference.")]
     pub contour: Contour,
     /// Begin of the motion.
-    #[nested(prefix = "reference.")]
+    #[nested(prefix = "reference.", context = ())]
     pub transition: Transition,
     /// Poles of the observer that differentiates an external reference
     ///
@@ -312,7 +315,11 @@ impl Reference {
     /// `reference.rY`, `reference.rZ` if they are below 0, `reference.lobes` above [`MOST_LOBES`], `bandwidth.reference` unless
     /// above 0; all of these and `reference.lobeAmplitude`, `reference.omega` if they are not finite; `reference.rY` and others
     /// if the reference trajectory touches a magnet.
-    pub fn new(config: ReferenceConfig, step_s: f64, magnets: &Magnets) -> Result<Self, Vec<Invalid>> {
+    pub fn new<const N: usize, const K: usize>(
+        config: ReferenceConfig,
+        step_s: f64,
+        magnets: &MagnetsOf<N, K>,
+    ) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         let reference = Self::checked(config, step_s, magnets, &mut checks);
         checks.finish()?;
@@ -320,8 +327,13 @@ impl Reference {
     }
 
     /// Reports errors in `checks`; use the returned value only if there are none.
-    pub(crate) fn checked(config: ReferenceConfig, step_s: f64, magnets: &Magnets, checks: &mut Checks) -> Self {
-        checks.not_negative("reference.rY", config.r_y_m, "m");
+    pub(crate) fn checked<const N: usize, const K: usize>(
+        config: ReferenceConfig,
+        step_s: f64,
+        magnets: &MagnetsOf<N, K>,
+        checks: &mut Checks,
+    ) -> Self {
+        checks.not_negative(along_first::<N>("reference.r"), config.r_y_m, "m");
         checks.not_negative("reference.rZ", config.r_z_m, "m");
         checks.require(
             (0..=MOST_LOBES).contains(&config.lobes),
@@ -331,7 +343,7 @@ impl Reference {
         );
         checks.finite("reference.lobeAmplitude", config.lobe_amplitude_m, "m");
         config.transition.check(checks);
-        check_contour(&config.contour, checks);
+        check_contour::<N>(&config.contour, checks);
         checks.finite("reference.omega", config.omega_rad_s, "rad/s");
         checks.positive("bandwidth.reference", config.bandwidth_rad_s, "rad/s");
         check_reach(&config, magnets, checks);
@@ -359,23 +371,22 @@ impl Reference {
         state.turning.is_consistent() && numbers.copied().all(f64::is_finite)
     }
 
-    /// Moves on to the next sample: `omega_rad_s` holds from this sample on, `external_m` is (Yref, Zref) at it, in m, used by
+    /// Moves on to the next sample, at the measured position (y, z) in m; a lift begins at the first. `omega_rad_s` holds from this sample on,
+    /// `external_m` is (Yref, Zref) at it, in m, used by
     /// [`Shape::External`] only.
     ///
     /// An external reference starts at rest at its first sample.
-    pub fn sample(&self, state: &mut ReferenceState, omega_rad_s: f64, external_m: [f64; 2]) {
+    pub fn sample(&self, state: &mut ReferenceState, omega_rad_s: f64, position_m: [f64; 2], external_m: [f64; 2]) {
         let first = state.turning.samples() == 0;
+        if first {
+            state.first_m = position_m;
+        }
         state.turning.sample(omega_rad_s, self.step_s);
         if self.config.shape == Shape::External {
             for (signal, value_m) in state.signal.iter_mut().zip(external_m) {
                 *signal = if first { Signal([value_m, 0.0, 0.0, 0.0]) } else { self.observer.update(*signal, value_m) };
             }
         }
-    }
-
-    /// Sets the first measured position, (y, z), in m, at which a lift begins.
-    pub fn begin(&self, state: &mut ReferenceState, position_m: [f64; 2]) {
-        state.first_m = position_m;
     }
 
     /// The reference trajectory, (y, z), `ahead_s` after the last sample, in s.
@@ -440,7 +451,11 @@ impl Reference {
 }
 
 /// Refuses a curve that may touch a magnet.
-fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks) {
+fn check_reach<const N: usize, const K: usize>(
+    config: &ReferenceConfig,
+    magnets: &MagnetsOf<N, K>,
+    checks: &mut Checks,
+) {
     let lobes_m = match config.shape {
         Shape::External => return,
         Shape::Fourier => return check_contour_reach(&config.contour, magnets, checks),
@@ -453,7 +468,12 @@ fn check_reach(config: &ReferenceConfig, magnets: &Magnets, checks: &mut Checks)
 /// Refuses an ellipse with lobes that may touch a magnet.
 ///
 /// Towards the direction e the ellipse extends to `√((r_Y e_y)² + (r_Z e_z)²)`, the lobes at most `|a|` further.
-pub(super) fn check_ellipse_reach([r_y, r_z]: [f64; 2], lobes_m: f64, magnets: &Magnets, checks: &mut Checks) {
+pub(super) fn check_ellipse_reach<const N: usize, const K: usize>(
+    [r_y, r_z]: [f64; 2],
+    lobes_m: f64,
+    magnets: &MagnetsOf<N, K>,
+    checks: &mut Checks,
+) {
     let a = lobes_m.abs();
     let s = magnets.gap_m();
     // Do not report again the consequences of a refused value.
@@ -461,15 +481,15 @@ pub(super) fn check_ellipse_reach([r_y, r_z]: [f64; 2], lobes_m: f64, magnets: &
         return;
     }
     for (k, e_k) in magnets.directions().into_iter().enumerate() {
-        let [y, z] = [r_y * e_k[0], r_z * e_k[1]];
+        let [y, z] = [r_y * e_k[0], if N == 2 { r_z * e_k[1] } else { 0.0 }];
         let reach = (y * y + z * z).sqrt() + a;
         if reach >= s {
             let (name, value) = if a >= y.abs() && a >= z.abs() {
-                ("reference.lobeAmplitude", lobes_m)
+                ("reference.lobeAmplitude".to_owned(), lobes_m)
             } else if y.abs() >= z.abs() {
-                ("reference.rY", r_y)
+                (along_first::<N>("reference.r"), r_y)
             } else {
-                ("reference.rZ", r_z)
+                ("reference.rZ".to_owned(), r_z)
             };
             let number = k + 1;
             checks.require(
@@ -487,21 +507,27 @@ pub(super) fn check_ellipse_reach([r_y, r_z]: [f64; 2], lobes_m: f64, magnets: &
     }
 }
 
+/// The name of what belongs to the first axis: y, or x along the axis.
+fn along_first<const N: usize>(name: &str) -> String {
+    format!("{name}{}", if N == 1 { "X" } else { "Y" })
+}
+
 /// The arrays of a contour with their names in the interface.
-fn coefficients(contour: &Contour) -> [(&'static str, &[f64; HARMONICS]); 4] {
+fn coefficients<const N: usize>(contour: &Contour) -> [(String, &[f64; HARMONICS]); 4] {
     [
-        ("reference.cosY", &contour.cos_y_m),
-        ("reference.sinY", &contour.sin_y_m),
-        ("reference.cosZ", &contour.cos_z_m),
-        ("reference.sinZ", &contour.sin_z_m),
+        (along_first::<N>("reference.cos"), &contour.cos_y_m),
+        (along_first::<N>("reference.sin"), &contour.sin_y_m),
+        ("reference.cosZ".to_owned(), &contour.cos_z_m),
+        ("reference.sinZ".to_owned(), &contour.sin_z_m),
     ]
 }
 
-fn check_contour(contour: &Contour, checks: &mut Checks) {
-    for (name, value) in ["reference.centreY", "reference.centreZ"].into_iter().zip(contour.centre_m) {
+fn check_contour<const N: usize>(contour: &Contour, checks: &mut Checks) {
+    let centres = [along_first::<N>("reference.centre"), "reference.centreZ".to_owned()];
+    for (name, value) in centres.into_iter().zip(contour.centre_m) {
         checks.finite(name, value, "m");
     }
-    for (name, values) in coefficients(contour) {
+    for (name, values) in coefficients::<N>(contour) {
         for (index, value) in values.iter().enumerate() {
             checks.finite(format!("{name}[{}]", index + 1), *value, "m");
         }
@@ -510,20 +536,25 @@ fn check_contour(contour: &Contour, checks: &mut Checks) {
 
 /// Refuses a contour that touches a magnet at one of these angles, 45 per shortest wave; the finding names the largest
 /// coefficient.
-fn check_contour_reach(contour: &Contour, magnets: &Magnets, checks: &mut Checks) {
+fn check_contour_reach<const N: usize, const K: usize>(
+    contour: &Contour,
+    magnets: &MagnetsOf<N, K>,
+    checks: &mut Checks,
+) {
     const ANGLES: usize = 45 * HARMONICS;
     let mut least = (f64::INFINITY, 0);
     for index in 0..ANGLES {
         let theta_rad = 2.0 * PI * index as f64 / ANGLES as f64;
-        let position_m = contour.at(theta_rad).map(|[x, ..]| x);
+        let point = contour.at(theta_rad);
+        let position_m = std::array::from_fn(|n| point[n][0]);
         for (k, gap) in magnets.gaps(position_m).into_iter().enumerate() {
             if gap < least.0 {
                 least = (gap, k + 1);
             }
         }
     }
-    let mut largest = (String::from("reference.centreY"), contour.centre_m[0]);
-    for (name, values) in coefficients(contour) {
+    let mut largest = (along_first::<N>("reference.centre"), contour.centre_m[0]);
+    for (name, values) in coefficients::<N>(contour) {
         for (index, value) in values.iter().enumerate() {
             if value.abs() > largest.1.abs() {
                 largest = (format!("{name}[{}]", index + 1), *value);

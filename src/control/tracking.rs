@@ -1,4 +1,4 @@
-//! The sampled control law: tracking with a perturbation observer, for N coordinates and K magnets in B bearings.
+//! The sampled control law: tracking with a perturbation observer, for N coordinates and K magnets in G groups.
 //!
 //! With the reference trajectory q* and the estimated perturbation p̂, the generalised force is
 //!
@@ -50,7 +50,7 @@ use crate::control::tracking::excitation::Excitation;
 use crate::invalid::Checks;
 use crate::machine::Machine;
 use crate::plant::check_step;
-use crate::variables::unit::{HERTZ, NEWTON, ONE, RADIAN_PER_SECOND, SECOND};
+use crate::variables::unit::{AMPERE, HERTZ, NEWTON, ONE, RADIAN_PER_SECOND, SECOND};
 use crate::variables::{Choice, LAMBDA, Variables};
 
 /// Time constant, in s, with which the smallest force returns to `F_0` after a change of λ.
@@ -82,25 +82,22 @@ pub enum UpdateMode {
     WhenValid,
 }
 
-/// Names of the interface, with the bearing in front where there are several.
-#[derive(Clone, Copy, Debug)]
-pub struct Names<const K: usize, const B: usize> {
-    /// First guess of λ of each magnet.
-    pub lambda0: [&'static str; K],
-    /// Measured current of each magnet.
-    pub current: [&'static str; K],
-    /// Smallest force of each bearing.
-    pub f0: [&'static str; B],
-    /// Frequency of its modulation.
-    pub modulation_hz: [&'static str; B],
+/// How a force is shared among the magnets of a bearing
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]
+pub enum Allocation {
+    /// The smaller force of each opposed pair is F0
+    #[default]
+    SmallestForce,
+    /// The currents of each opposed pair are bias.current plus and minus the same current
+    ///
+    /// As long as both are above 0; beyond that one magnet pulls alone.
+    BiasCurrent,
 }
 
-/// A rotor with N coordinates between K magnets in B bearings, as the control law needs it.
-pub trait Arrangement<const N: usize, const K: usize, const B: usize> {
-    /// Names in the interface.
-    const NAMES: Names<K, B>;
-    /// The bearing of each magnet, from 0.
-    const BEARING: [usize; K];
+/// A rotor with N coordinates between K magnets in G groups, as the control law needs it; see [`Machine::groups`].
+pub trait Arrangement<const N: usize, const K: usize, const G: usize> {
+    /// The machine.
+    const MACHINE: &'static Machine;
 
     /// Gaps and directions of the magnets.
     fn geometry(&self) -> &Geometry<f64, N, K>;
@@ -108,8 +105,24 @@ pub trait Arrangement<const N: usize, const K: usize, const B: usize> {
     /// The diagonal of M, in kg or kg·m².
     fn inertia(&self) -> [f64; N];
 
-    /// The forces of the magnets, in N, with the generalised force Q, in N or N·m; the smallest of each bearing is given, in N.
-    fn allocate(&self, force: [f64; N], smallest_n: [f64; B]) -> [f64; K];
+    /// The forces of the magnets, in N, with the generalised force Q, in N or N·m; the smallest of each group is given, in N.
+    fn allocate(&self, force: [f64; N], smallest_n: [f64; G]) -> [f64; K];
+
+    /// Those with a bias current in A for each group, for `λ_k/gap_k²` in N/A².
+    fn allocate_with_bias(&self, force: [f64; N], bias_a: [f64; G], per_square: [f64; K]) -> [f64; K];
+
+    /// Whether the magnets of all bearings face each other in pairs.
+    fn is_paired(&self) -> bool;
+
+    /// The coordinates for readings of position in m.
+    fn coordinates(&self, reading_m: [f64; N]) -> [f64; N] {
+        reading_m
+    }
+
+    /// The displacements at the magnets, in m, in the order of the readings, for coordinates.
+    fn at_magnets(&self, coordinates: [f64; N]) -> [f64; N] {
+        coordinates
+    }
 
     /// The gyroscopic moments `−Ω G q̇`, in N or N·m, at the speed Ω in rad/s and the rates q̇ in m/s or rad/s.
     fn gyroscopic(&self, omega_rad_s: f64, rates: [f64; N]) -> [f64; N] {
@@ -122,10 +135,10 @@ pub trait Arrangement<const N: usize, const K: usize, const B: usize> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
 #[serde(bound(
-    serialize = "[f64; K]: Serialize, [f64; B]: Serialize",
-    deserialize = "[f64; K]: Deserialize<'de>, [f64; B]: Deserialize<'de>"
+    serialize = "[f64; K]: Serialize, [f64; G]: Serialize",
+    deserialize = "[f64; K]: Deserialize<'de>, [f64; G]: Deserialize<'de>"
 ))]
-pub struct TrackingConfig<const K: usize, const B: usize> {
+pub struct TrackingConfig<const K: usize, const G: usize> {
     /// Sample time; samples are taken at the start time plus whole multiples of it
     #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
     pub step_s: f64,
@@ -136,15 +149,25 @@ pub struct TrackingConfig<const K: usize, const B: usize> {
     /// First guess of the force constant of {magnet}
     #[parameter(names = context.of_magnets("lambda0"), unit = LAMBDA, min = 0.0, nominal = 1e-6)]
     pub lambda0_nm2_a2: [f64; K],
+    /// How a force is shared among the magnets of a bearing
+    #[parameter(count = usize::from(context.is_paired()))]
+    pub allocation: Allocation,
     /// Smallest force commanded of each magnet{of bearing}, without modulation
-    #[parameter(names = context.of_bearings("F0"), unit = NEWTON, min = 0.0, nominal = 10.0)]
-    pub f0_n: [f64; B],
+    ///
+    /// Of each bearing, as the bias current; further elements are not used.
+    #[parameter(
+        names = context.of_bearings("F0"), count = context.bearings.len(), unit = NEWTON, min = 0.0, nominal = 10.0
+    )]
+    pub f0_n: [f64; G],
+    /// Mean of the currents of each opposed pair{of bearing} with allocation = biasCurrent, without modulation
+    #[parameter(names = context.of_biases(), count = context.of_biases().len(), unit = AMPERE, min = 0.0)]
+    pub bias_a: [f64; G],
     /// Amplitude of the modulation of the {smallest force}, as a fraction of F0
     #[parameter(name = "F0.modulation", tunable, unit = ONE, min = 0.0, max = 1.0)]
     pub modulation: f64,
-    /// Frequency of the modulation{in bearing}, at most half the sample rate
-    #[parameter(names = context.of_bearings("F0.modulationFrequency"), tunable, unit = HERTZ, min = 0.0, nominal = 100.0)]
-    pub modulation_hz: [f64; B],
+    /// Frequency of the modulation{in group}, at most half the sample rate
+    #[parameter(names = context.of_groups("F0.modulationFrequency"), tunable, unit = HERTZ, min = 0.0, nominal = 100.0)]
+    pub modulation_hz: [f64; G],
     /// Poles of the tracking error
     #[parameter(name = "bandwidth.tracking", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz")]
     pub tracking_rad_s: f64,
@@ -162,16 +185,18 @@ pub struct TrackingConfig<const K: usize, const B: usize> {
     pub update_time_s: f64,
 }
 
-impl<const K: usize, const B: usize> Default for TrackingConfig<K, B> {
+impl<const K: usize, const G: usize> Default for TrackingConfig<K, G> {
     /// The paper's first guess, poles for the planar rotor.
     fn default() -> Self {
         Self {
             step_s: 1e-4,
             coil: CoilConfig::default(),
             lambda0_nm2_a2: [4e-6; K],
-            f0_n: [20.0; B],
+            allocation: Allocation::SmallestForce,
+            f0_n: [20.0; G],
+            bias_a: [2.0; G],
             modulation: 0.0,
-            modulation_hz: [110.0; B],
+            modulation_hz: std::array::from_fn(|g| 110.0 + 20.0 * g as f64),
             tracking_rad_s: 1000.0,
             observer_rad_s: 4000.0,
             current_rad_s: 5000.0,
@@ -202,10 +227,10 @@ pub type Course<const N: usize> = [[RefPoint; N]; 3];
 /// State of a [`Tracking`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound(
-    serialize = "[Estimate; N]: Serialize, [f64; K]: Serialize, [f64; B]: Serialize, [Excitation; B]: Serialize",
-    deserialize = "[Estimate; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>, [f64; B]: Deserialize<'de>, [Excitation; B]: Deserialize<'de>"
+    serialize = "[Estimate; N]: Serialize, [f64; K]: Serialize, [f64; G]: Serialize, [Excitation; G]: Serialize",
+    deserialize = "[Estimate; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>, [f64; G]: Deserialize<'de>, [Excitation; G]: Deserialize<'de>"
 ))]
-pub struct TrackingState<const N: usize, const K: usize, const B: usize> {
+pub struct TrackingState<const N: usize, const K: usize, const G: usize> {
     /// Number of samples taken.
     pub samples: u64,
     /// Start time, in s.
@@ -224,10 +249,10 @@ pub struct TrackingState<const N: usize, const K: usize, const B: usize> {
     pub(super) lambda_nm2_a2: [f64; K],
     /// Whether the estimate has been taken over, in [`UpdateMode::AtTime`].
     updated: bool,
-    /// Smallest force commanded in each bearing, without modulation, in N.
-    preload_n: [f64; B],
-    /// Modulation of the smallest force of each bearing.
-    excitation: [Excitation; B],
+    /// Smallest force commanded in each group, without modulation, in N.
+    preload_n: [f64; G],
+    /// Modulation of each group.
+    excitation: [Excitation; G],
 }
 
 /// Result of a sample.
@@ -254,7 +279,7 @@ pub enum ControllerError {
     #[error("the input {name} is not finite: {value}")]
     Input {
         /// Name of the input as in the interface.
-        name: &'static str,
+        name: String,
         /// Its value.
         value: f64,
     },
@@ -267,10 +292,10 @@ pub enum ControllerError {
 }
 
 impl ControllerError {
-    /// Refuses the inputs with these names that are not finite.
-    pub(super) fn check(inputs: impl IntoIterator<Item = (&'static str, f64)>) -> Result<(), Self> {
-        match inputs.into_iter().find(|(_, value)| !value.is_finite()) {
-            Some((name, value)) => Err(Self::Input { name, value }),
+    /// Refuses inputs that are not finite.
+    pub(super) fn check(names: impl Fn() -> Vec<String>, values: &[f64]) -> Result<(), Self> {
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(at) => Err(Self::Input { name: names().swap_remove(at), value: values[at] }),
             None => Ok(()),
         }
     }
@@ -278,10 +303,15 @@ impl ControllerError {
 
 /// The validated control law of an [`Arrangement`].
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tracking<A, const N: usize, const K: usize, const B: usize> {
-    config: TrackingConfig<K, B>,
+pub struct Tracking<A, const N: usize, const K: usize, const G: usize> {
+    config: TrackingConfig<K, G>,
     arrangement: A,
     inertia: [f64; N],
+    /// The group of each magnet.
+    group: [usize; K],
+    /// Smallest force of each group, in N, and its bias current, in A.
+    f0_n: [f64; G],
+    bias_a: [f64; G],
     /// Lower limits of the predicted gaps, in m.
     floor_m: [f64; K],
     observer: PerturbationObserver,
@@ -303,18 +333,28 @@ pub fn tracking_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 2] {
     [q * q / (step_s * step_s), q * (3.0 + rho) / (2.0 * step_s)]
 }
 
-impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tracking<A, N, K, B> {
+impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tracking<A, N, K, G> {
     /// Reports errors in `checks`; use the returned value only if there are none.
-    pub(super) fn checked(config: TrackingConfig<K, B>, arrangement: A, checks: &mut Checks) -> Self {
+    pub(super) fn checked(config: TrackingConfig<K, G>, arrangement: A, checks: &mut Checks) -> Self {
         let gap_m = arrangement.geometry().gap_m;
         check_step("Ts", config.step_s, checks);
-        for (name, lambda) in A::NAMES.lambda0.into_iter().zip(config.lambda0_nm2_a2) {
+        let (machine, groups) = (A::MACHINE, A::MACHINE.groups());
+        for (name, lambda) in machine.of_magnets("lambda0").into_iter().zip(config.lambda0_nm2_a2) {
             checks.positive(name, lambda, "N.m2/A2");
         }
-        for (name, f0_n) in A::NAMES.f0.into_iter().zip(config.f0_n) {
+        for (name, f0_n) in machine.of_bearings("F0").into_iter().zip(config.f0_n) {
             checks.not_negative(name, f0_n, "N");
         }
-        excitation::check(&config, A::NAMES.modulation_hz, checks);
+        for (name, bias_a) in machine.of_biases().into_iter().zip(config.bias_a) {
+            checks.not_negative(name, bias_a, "A");
+        }
+        checks.require(
+            config.allocation == Allocation::SmallestForce || arrangement.is_paired(),
+            "allocation",
+            "biasCurrent",
+            "smallestForce, for the magnets do not face each other in pairs",
+        );
+        excitation::check(&config, machine, checks);
         checks.positive("bandwidth.tracking", config.tracking_rad_s, "rad/s");
         checks.positive("bandwidth.observer", config.observer_rad_s, "rad/s");
         checks.positive("bandwidth.current", config.current_rad_s, "rad/s");
@@ -322,6 +362,9 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
         checks.finite("update.time", config.update_time_s, "s");
         Self {
             inertia: arrangement.inertia(),
+            group: std::array::from_fn(|k| machine.group(k)),
+            f0_n: std::array::from_fn(|g| config.f0_n[groups[g].0]),
+            bias_a: std::array::from_fn(|g| config.bias_a[groups[g].0]),
             arrangement,
             floor_m: gap_m.map(|gap_m| SMALLEST_GAP * gap_m),
             observer: PerturbationObserver::new(config.observer_rad_s, config.step_s),
@@ -334,7 +377,7 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
     }
 
     /// The configuration, including the last retuning.
-    pub fn config(&self) -> &TrackingConfig<K, B> {
+    pub fn config(&self) -> &TrackingConfig<K, G> {
         &self.config
     }
 
@@ -344,7 +387,7 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
     }
 
     /// The state before the first sample, which is due at `start_s`, in s.
-    pub fn start(&self, start_s: f64) -> TrackingState<N, K, B> {
+    pub fn start(&self, start_s: f64) -> TrackingState<N, K, G> {
         TrackingState {
             samples: 0,
             start_s,
@@ -355,13 +398,13 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
             planned_a: [0.0; K],
             lambda_nm2_a2: self.config.lambda0_nm2_a2,
             updated: false,
-            preload_n: self.config.f0_n,
+            preload_n: self.f0_n,
             excitation: self.excitation_at_start(),
         }
     }
 
     /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
-    pub fn accepts(&self, state: &TrackingState<N, K, B>) -> bool {
+    pub fn accepts(&self, state: &TrackingState<N, K, G>) -> bool {
         let lists = state.expected.iter().flatten().chain(&state.in_effect_n).chain(&state.lambda_nm2_a2);
         let lists = lists.chain(&state.asked_n).chain(&state.voltage_v).chain(&state.planned_a);
         let numbers = lists.chain(&state.preload_n).chain([&state.start_s]);
@@ -371,7 +414,7 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
     }
 
     /// When the next sample is due, in s: start + count · T_s.
-    pub fn due_s(&self, state: &TrackingState<N, K, B>) -> f64 {
+    pub fn due_s(&self, state: &TrackingState<N, K, G>) -> f64 {
         state.start_s + state.samples as f64 * self.config.step_s
     }
 
@@ -382,7 +425,7 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
     #[inline]
     pub(super) fn sample(
         &self,
-        state: &mut TrackingState<N, K, B>,
+        state: &mut TrackingState<N, K, G>,
         measured: &Measured<N, K>,
         course: &Course<N>,
     ) -> Result<Command<N, K>, ControllerError> {
@@ -400,14 +443,19 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
             state.in_effect_n = magnet::forces(state.lambda_nm2_a2, measured.current_a, gap_m);
         }
         self.update_lambda(state, &mut estimate, measured);
-        let smallest_n = std::array::from_fn(|b| {
-            state.preload_n[b] += self.relax * (self.config.f0_n[b] - state.preload_n[b]);
-            state.preload_n[b] * self.modulate(state, b)
+        let level = std::array::from_fn(|g| {
+            state.preload_n[g] += self.relax * (self.f0_n[g] - state.preload_n[g]);
+            let factor = self.modulate(state, g);
+            match self.config.allocation {
+                Allocation::SmallestForce => state.preload_n[g] * factor,
+                // The force of a magnet goes with the square of its current.
+                Allocation::BiasCurrent => self.bias_a[g] * factor.sqrt(),
+            }
         });
 
         let mut command = match voltage {
-            true => self.voltages(state, &estimate, measured, gap_m, smallest_n, course),
-            false => self.currents(state, &estimate, measured, smallest_n, course),
+            true => self.voltages(state, &estimate, measured, gap_m, level, course),
+            false => self.currents(state, &estimate, measured, level, course),
         };
         command.perturbation = std::array::from_fn(|a| self.inertia[a] * estimate[a][2]);
         let estimates = state.expected.iter().flatten().chain(&state.in_effect_n).chain(&command.current_a);
@@ -426,14 +474,27 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
         std::array::from_fn(|k| gap_m[k].max(self.floor_m[k]))
     }
 
+    /// The forces of the magnets, in N, with a generalised force, in N or N·m, at gaps in m. `level` is the smallest force of each group
+    /// in N, or its bias current in A.
+    #[inline]
+    fn share(&self, force: [f64; N], level: [f64; G], lambda_nm2_a2: [f64; K], gap_m: [f64; K]) -> [f64; K] {
+        match self.config.allocation {
+            Allocation::SmallestForce => self.arrangement.allocate(force, level),
+            Allocation::BiasCurrent => {
+                let per_square = std::array::from_fn(|k| lambda_nm2_a2[k] / (gap_m[k] * gap_m[k]));
+                self.arrangement.allocate_with_bias(force, level, per_square)
+            }
+        }
+    }
+
     /// Currents to hold over the sample time that begins at the next sample.
     #[inline]
     fn currents(
         &self,
-        state: &mut TrackingState<N, K, B>,
+        state: &mut TrackingState<N, K, G>,
         estimate: &[Estimate; N],
         measured: &Measured<N, K>,
-        smallest_n: [f64; B],
+        level: [f64; G],
         [_, begin, end]: &Course<N>,
     ) -> Command<N, K> {
         let m = self.inertia;
@@ -461,9 +522,9 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
             force[a] = m[a] * (acceleration[a] - d) - moment[a];
             middle[a] = self.observer.predict_by(state.expected[a], acceleration[a] - d, 0.5 * step_s)[0];
         }
-        let wanted_n = self.arrangement.allocate(force, smallest_n);
         let predicted_m = geometry.gaps(middle);
         let gap_m = self.limited(predicted_m);
+        let wanted_n = self.share(force, level, state.lambda_nm2_a2, gap_m);
         let current_a = magnet::currents(wanted_n, gap_m, state.lambda_nm2_a2);
         state.in_effect_n = wanted_n;
         state.asked_n = wanted_n;
@@ -480,7 +541,7 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
     /// Uses the estimated λ when it is due, and adds the difference in force to the perturbation estimate.
     fn update_lambda(
         &self,
-        state: &mut TrackingState<N, K, B>,
+        state: &mut TrackingState<N, K, G>,
         estimate: &mut [Estimate; N],
         measured: &Measured<N, K>,
     ) {
@@ -511,17 +572,17 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
         for a in 0..N {
             estimate[a][2] += (old[a] - new[a]) / self.inertia[a];
         }
-        for b in 0..B {
-            let factor = state.excitation[b].factor();
+        for g in 0..G {
+            let factor = state.excitation[g].factor();
             if factor > TROUGH {
-                let forces = state.asked_n.into_iter().zip(A::BEARING).filter(|(_, bearing)| *bearing == b);
+                let forces = state.asked_n.into_iter().zip(self.group).filter(|(_, group)| *group == g);
                 let smallest_n = forces.fold(f64::INFINITY, |smallest, (force_n, _)| smallest.min(force_n));
-                state.preload_n[b] = smallest_n / factor;
+                state.preload_n[g] = smallest_n / factor;
             }
         }
     }
 
-    fn update_is_due(&self, state: &TrackingState<N, K, B>) -> bool {
+    fn update_is_due(&self, state: &TrackingState<N, K, G>) -> bool {
         self.due_s(state) >= self.config.update_time_s - INSTANT_TOLERANCE * self.config.step_s
     }
 }

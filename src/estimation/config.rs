@@ -6,12 +6,12 @@ use libm::sin;
 use serde::{Deserialize, Serialize};
 
 use super::innovations::{Machine, Tolerances};
-use crate::bearing::magnet::SMALLEST_SINE;
+use crate::bearing::magnet::{SMALLEST_SINE, Used, alpha_rad};
 use crate::invalid::Checks;
-use crate::invalid::Invalid;
 use crate::machine::Machine as Names;
 use crate::variables::unit::{
-    AMPERE, KILOGRAM, METRE, NEWTON, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND, SECOND,
+    AMPERE, KILOGRAM, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND,
+    SECOND,
 };
 use crate::variables::{Choice, KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Variables, numbers};
 
@@ -66,6 +66,7 @@ pub enum Hold {
 
 /// Standard deviations of what the estimator takes as known; 0 means exactly known.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Names)]
 pub struct Tolerance {
     /// Standard deviation of m; 0 means exactly known
     #[parameter(name = "m", unit = KILOGRAM, min = 0.0, nominal = 0.1)]
@@ -74,7 +75,7 @@ pub struct Tolerance {
     #[parameter(name = "s", unit = METRE, min = 0.0, nominal = 1e-5)]
     pub gap_m: f64,
     /// Standard deviation of each alpha; 0 means exactly known
-    #[parameter(name = "alpha", unit = RADIAN, min = 0.0, nominal = 1e-2)]
+    #[parameter(name = "alpha", count = context.radial().min(1), unit = RADIAN, min = 0.0, nominal = 1e-2)]
     pub alpha_rad: f64,
     /// Relative standard deviation of the gains of {read}; 0 means exact
     #[parameter(name = "positionGain", unit = ONE, min = 0.0, nominal = 1e-2)]
@@ -89,7 +90,7 @@ pub struct Tolerance {
     #[parameter(name = "currentOffset", unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_offset_a: f64,
     /// Standard deviation of a force of constant magnitude that turns against the rotor, estimated with the rest; 0 means there is none
-    #[parameter(name = "backwardForce", unit = NEWTON, min = 0.0)]
+    #[parameter(name = "backwardForce", count = context.radial().min(1), unit = NEWTON, min = 0.0)]
     pub backward_force_n: f64,
 }
 
@@ -135,15 +136,16 @@ impl Tolerance {
     }
 
     /// Names in the interface, values and units.
-    pub(super) fn listed(&self) -> Vec<(String, f64, &'static str)> {
-        numbers("tolerance.", self, &())
+    pub(super) fn listed(&self, machine: &Names) -> Vec<(String, f64, &'static str)> {
+        numbers("tolerance.", self, machine)
     }
 }
 
 /// Parameters of the estimator, before they are checked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Names)]
-pub struct EstimatorConfig {
+#[serde(bound(serialize = "[f64; K]: Serialize", deserialize = "[f64; K]: Deserialize<'de>"))]
+pub struct EstimatorConfigOf<const N: usize, const K: usize> {
     /// Mass of the rotor
     #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
     pub m_kg: f64,
@@ -151,16 +153,19 @@ pub struct EstimatorConfig {
     #[parameter(name = "s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
     pub gap_m: f64,
     /// Angle of magnet {k}; its direction is (sin alpha, cos alpha) in the y-z plane
-    #[parameter(name = "alpha", unit = RADIAN)]
-    pub alpha_rad: [f64; 3],
+    #[parameter(name = "alpha", count = context.angles(), unit = RADIAN)]
+    pub alpha_rad: [f64; K],
+    /// Which magnets are used
+    #[parameter(name = "magnets.used", count = usize::from(!context.is_planar()))]
+    pub used: Used,
     /// Sample time; samples are taken at the start time plus whole multiples of it
     #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
     pub step_s: f64,
     /// First guess of the force constant of magnet {k}
     #[parameter(name = "lambda0", unit = LAMBDA, min = 0.0, nominal = 1e-6)]
-    pub lambda0_nm2_a2: [f64; 3],
+    pub lambda0_nm2_a2: [f64; K],
     /// How the force constants are computed
-    #[parameter]
+    #[parameter(count = context.of_paper())]
     pub method: Method,
     /// What a sample of a current stands for
     #[parameter]
@@ -168,7 +173,7 @@ pub struct EstimatorConfig {
     /// Whether to identify an unbalance as well
     ///
     /// [`Method::PredictionError`] alone.
-    #[parameter(name = "identify.unbalance")]
+    #[parameter(name = "identify.unbalance", count = context.planes)]
     pub identify_unbalance: bool,
     /// Standard deviation of the noise of {read}; 0 to estimate it from the data
     #[parameter(name = "sensor.positionNoise", unit = METRE, min = 0.0, nominal = 1e-7)]
@@ -177,37 +182,40 @@ pub struct EstimatorConfig {
     #[parameter(name = "sensor.currentNoise", unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_noise_a: f64,
     /// How well the rest is known; [`Method::PredictionError`] alone.
-    #[nested(context = ())]
+    #[nested]
     pub tolerance: Tolerance,
     /// Length of the window of the paper's methods, a whole multiple of Ts; one revolution is a good choice
-    #[parameter(name = "Tf", unit = SECOND, min = 0.0, nominal = 1e-2)]
+    #[parameter(name = "Tf", count = context.of_paper(), unit = SECOND, min = 0.0, nominal = 1e-2)]
     pub window_s: f64,
     /// Time during which the paper's methods return the first guess, counted in usable samples since the start or the last reset
     ///
     /// ε of P; at least T_f.
-    #[parameter(name = "epsilon", unit = SECOND, min = 0.0, nominal = 1e-2)]
+    #[parameter(name = "epsilon", count = context.of_paper(), unit = SECOND, min = 0.0, nominal = 1e-2)]
     pub epsilon_s: f64,
     /// Natural frequency of the low-pass filter of the paper's methods
     ///
     /// ω_n of F(s) in P(20).
-    #[parameter(name = "filter.omega", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 10.0, display_unit = "Hz")]
+    #[parameter(name = "filter.omega", count = context.of_paper(), unit = RADIAN_PER_SECOND, min = 0.0, nominal = 10.0, display_unit = "Hz")]
     pub filter_omega_rad_s: f64,
     /// Damping ratio of the low-pass filter of the paper's methods
     ///
     /// ζ of F(s) in P(20).
-    #[parameter(name = "filter.zeta", unit = ONE, min = 0.0)]
+    #[parameter(name = "filter.zeta", count = context.of_paper(), unit = ONE, min = 0.0)]
     pub filter_zeta: f64,
 }
 
-impl Default for EstimatorConfig {
+/// Those for the planar rotor of the paper.
+pub type EstimatorConfig = EstimatorConfigOf<2, 3>;
+
+impl<const N: usize, const K: usize> Default for EstimatorConfigOf<N, K> {
     fn default() -> Self {
-        use std::f64::consts::{FRAC_PI_3, PI};
         Self {
             m_kg: 6.7,
             gap_m: 5.0e-4,
-            alpha_rad: [PI, -FRAC_PI_3, FRAC_PI_3],
+            alpha_rad: alpha_rad(),
+            used: Used::Both,
             step_s: 1.0e-4,
-            lambda0_nm2_a2: [4.0e-6; 3],
+            lambda0_nm2_a2: [4.0e-6; K],
             method: Method::default(),
             hold: Hold::default(),
             identify_unbalance: true,
@@ -223,16 +231,21 @@ impl Default for EstimatorConfig {
 }
 
 /// One sample of the measurements, all of the same instant.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
-pub struct EstimatorInput {
-    /// Measured position of the rotor along {axis}
-    #[input(names = ["Ym", "Zm"], unit = METRE, nominal = 1e-5)]
-    pub position_m: [f64; 2],
-    /// Measured current through magnet {k}
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Names)]
+#[serde(bound(
+    serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
+    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+))]
+pub struct EstimatorInputOf<const N: usize, const K: usize> {
+    /// Measured position of the rotor {place}
+    #[input(names = context.measured(), unit = METRE, nominal = 1e-5)]
+    pub position_m: [f64; N],
+    /// Measured current through {magnet}
     ///
     /// [`Hold`] says what it stands for.
-    #[input(name = "im", unit = AMPERE)]
-    pub current_a: [f64; 3],
+    #[input(names = context.of_magnets("im"), unit = AMPERE)]
+    pub current_a: [f64; K],
     /// Rotor angle, wrapped or unwrapped; needed to identify an unbalance
     #[input(name = "theta", unit = RADIAN)]
     pub theta_rad: f64,
@@ -242,7 +255,7 @@ pub struct EstimatorInput {
     /// Whether to use the samples
     #[input(start = true)]
     pub enable: bool,
-    /// Whether the rotor touches the backup bearing, so that samples cannot be used
+    /// Whether the rotor touches a backup bearing, so that samples cannot be used
     #[input]
     pub contact: bool,
     /// A rising edge restarts the estimation
@@ -250,6 +263,24 @@ pub struct EstimatorInput {
     /// With this sample as the first.
     #[input]
     pub reset: bool,
+}
+
+/// That of the planar rotor of the paper.
+pub type EstimatorInput = EstimatorInputOf<2, 3>;
+
+impl<const N: usize, const K: usize> Default for EstimatorInputOf<N, K> {
+    /// All 0 and false.
+    fn default() -> Self {
+        Self {
+            position_m: [0.0; N],
+            current_a: [0.0; K],
+            theta_rad: 0.0,
+            omega_rad_s: 0.0,
+            enable: false,
+            contact: false,
+            reset: false,
+        }
+    }
 }
 
 /// Why an estimate is valid or not
@@ -326,95 +357,147 @@ impl fmt::Display for Verdict {
 }
 
 /// The estimates after a sample. All numbers are finite at all times.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
-pub struct EstimatorOutput {
-    /// Estimated force constant of magnet {k}
+///
+/// A machine whose axial motion is independent of the radial one has two parts with an estimate each, P = 2: the radial one, with two planes
+/// of unbalance and two backward forces, and the axial one. All others have one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Names)]
+#[serde(bound(
+    serialize = "[f64; N]: Serialize, [f64; K]: Serialize, [f64; P]: Serialize",
+    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>, [f64; P]: Deserialize<'de>"
+))]
+pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
+    /// Estimated force constant of {magnet}
     ///
     /// λ_0 at first, then the last valid estimate ([`Method::PaperLiteral`]: the last finite one).
-    #[output(name = "lambdaHat", discrete, unit = LAMBDA, nominal = 1e-6)]
-    pub lambda_hat: [f64; 3],
-    /// Force constant of magnet {k} from the last revolution alone
+    #[output(names = context.of_magnets("lambdaHat"), discrete, unit = LAMBDA, nominal = 1e-6)]
+    pub lambda_hat: [f64; K],
+    /// Force constant of {magnet} from the last revolution alone
     ///
     /// With the paper's methods `D⁻¹N` of the window, P(19). λ_0 at first, then the last finite value.
-    #[output(name = "lambdaRaw", discrete, unit = LAMBDA, nominal = 1e-6)]
-    pub lambda_raw: [f64; 3],
-    /// Standard deviation of the force constant of magnet {k} due to noise alone
+    #[output(names = context.of_magnets("lambdaRaw"), discrete, unit = LAMBDA, nominal = 1e-6)]
+    pub lambda_raw: [f64; K],
+    /// Standard deviation of the force constant of {magnet} due to noise alone
     ///
     /// λ_0 before there is one. While the estimate is not valid it includes how far the present estimate is from `lambda_hat`.
-    #[output(name = "lambdaStd", discrete, unit = LAMBDA, min = 0.0, nominal = 1e-8)]
-    pub lambda_std: [f64; 3],
-    /// Standard deviation of the force constant of magnet {k} due to noise and tolerances
-    #[output(name = "lambdaStdTotal", discrete, unit = LAMBDA, min = 0.0, nominal = 1e-8)]
-    pub lambda_std_total: [f64; 3],
-    /// Force per current of magnet {k}, mean over the last revolution
+    #[output(names = context.of_magnets("lambdaStd"), discrete, unit = LAMBDA, min = 0.0, nominal = 1e-8)]
+    pub lambda_std: [f64; K],
+    /// Standard deviation of the force constant of {magnet} due to noise and tolerances
+    #[output(names = context.of_magnets("lambdaStdTotal"), discrete, unit = LAMBDA, min = 0.0, nominal = 1e-8)]
+    pub lambda_std_total: [f64; K],
+    /// Force per current of {magnet}, mean over the last revolution
     ///
     /// `2 λ_k i_k/gap_k²`.
-    #[output(discrete, unit = NEWTON_PER_AMPERE, nominal = 10.0)]
-    pub ki: [f64; 3],
-    /// Negative stiffness of magnet {k}, mean over the last revolution
+    #[output(names = context.of_magnets("ki"), discrete, unit = NEWTON_PER_AMPERE, nominal = 10.0)]
+    pub ki: [f64; K],
+    /// Negative stiffness of {magnet}, mean over the last revolution
     ///
     /// `2 λ_k i_k²/gap_k³`.
-    #[output(discrete, unit = NEWTON_PER_METRE, nominal = 1e5)]
-    pub ks: [f64; 3],
-    /// Standard deviation of ki[{k}] due to noise and tolerances
-    #[output(name = "kiStd", discrete, unit = NEWTON_PER_AMPERE, nominal = 0.1)]
-    pub ki_std: [f64; 3],
-    /// Standard deviation of ks[{k}] due to noise and tolerances
-    #[output(name = "ksStd", discrete, unit = NEWTON_PER_METRE, nominal = 1e3)]
-    pub ks_std: [f64; 3],
-    /// Standard deviation of the noise of {read}, given or estimated
-    ///
-    /// 0 before it is estimated.
-    #[output(name = "noise.position", discrete, unit = METRE, min = 0.0, nominal = 1e-7)]
-    pub position_noise_m: f64,
-    /// Standard deviation of the noise of im, given or estimated
-    ///
-    /// 0 before it is estimated.
-    #[output(name = "noise.current", discrete, unit = AMPERE, min = 0.0, nominal = 1e-2)]
-    pub current_noise_a: f64,
-    /// Whether the estimate is valid; if not, lambdaHat is the last valid one
+    #[output(names = context.of_magnets("ks"), discrete, unit = NEWTON_PER_METRE, nominal = 1e5)]
+    pub ks: [f64; K],
+    /// Standard deviation of ki of {magnet} due to noise and tolerances
+    #[output(names = context.of_magnets("kiStd"), discrete, unit = NEWTON_PER_AMPERE, nominal = 0.1)]
+    pub ki_std: [f64; K],
+    /// Standard deviation of ks of {magnet} due to noise and tolerances
+    #[output(names = context.of_magnets("ksStd"), discrete, unit = NEWTON_PER_METRE, nominal = 1e3)]
+    pub ks_std: [f64; K],
+    /// Of each part: standard deviation of the noise of its positions, in m, given or estimated; 0 before it is estimated.
+    #[output(
+        names = context.of_parts("noise.position"), discrete, unit = METRE, min = 0.0, nominal = 1e-7,
+        description = format!("Standard deviation of the noise of {}, given or estimated", context.part(index).0)
+    )]
+    pub position_noise_m: [f64; P],
+    /// Of each part: standard deviation of the noise of its currents, in A, given or estimated; 0 before it is estimated.
+    #[output(
+        names = context.of_parts("noise.current"), discrete, unit = AMPERE, min = 0.0, nominal = 1e-2,
+        description = format!("Standard deviation of the noise of {}, given or estimated", context.part(index).1)
+    )]
+    pub current_noise_a: [f64; P],
+    /// {Whether the estimate is valid}
     ///
     /// `verdict == Verdict::Valid`. False while disabled: the estimate held then is as old as the last sample.
     #[output(discrete)]
     pub valid: bool,
-    /// Why the estimate is valid or not
+    /// {Why the estimate is valid or not}
     #[output(discrete)]
     pub verdict: Verdict,
-    /// Condition number of the information matrix scaled to unit diagonal
+    /// Why the estimate of the axial magnets is valid or not
+    #[output(name = "X.verdict", count = context.parts() - 1, discrete)]
+    pub axial_verdict: Verdict,
+    /// Condition number of the information matrix scaled to unit diagonal{, the greater}
     ///
     /// In the 1-norm; with the paper's methods the square root of that of the filtered normal equations of both axes.
     /// [`CONDITION_CAP`](super::CONDITION_CAP) if singular and before the first estimate.
     #[output(discrete, unit = ONE, min = 0.0, nominal = 10.0)]
     pub condition: f64,
-    /// Normalised innovation squared, 1 if model and noise are correct; with the paper's methods: fraction of the motion left unexplained
+    /// Normalised innovation squared, 1 if model and noise are correct{, the greater}{unexplained}
     ///
     /// Per degree of freedom, mean over about three revolutions. With the paper's methods `√(F(|N − D Λ̂|²)/F(|N|²))`, 1 at first.
     #[output(discrete, unit = ONE, min = 0.0)]
     pub residual: f64,
-    /// Static load on the rotor along {axis}
-    ///
-    /// 0 at first, then that of the last valid estimate.
-    #[output(names = ["pYHat", "pZHat"], discrete, unit = NEWTON, nominal = 10.0)]
-    pub load_n: [f64; 2],
-    /// Identified unbalance, mass times eccentricity; 0 if none is identified
-    #[output(name = "unbalance.magnitude", discrete, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4)]
-    pub unbalance_kg_m: f64,
-    /// Identified angle of the unbalance from the mark on the rotor that theta refers to
+    /// Static load, in N; moments in N·m. 0 at first, then that of the last valid estimate.
+    #[output(
+        names = context.of_loads("p", "Hat"), discrete, unit = context.either(index, NEWTON, NEWTON_METRE),
+        nominal = context.either(index, 10.0, 1.0),
+        description = format!("Static {} on the rotor {}", context.either(index, "load", "moment"), context.direction(index))
+    )]
+    pub load_n: [f64; N],
+    /// Identified unbalance{in plane}, mass times eccentricity; 0 if none is identified
+    #[output(
+        names = context.of_planes("magnitude"), count = context.planes, discrete, unit = KILOGRAM_METRE, min = 0.0,
+        nominal = 1e-4
+    )]
+    pub unbalance_kg_m: [f64; P],
+    /// Identified angle of the unbalance{in plane} from the mark on the rotor that theta refers to
     ///
     /// φ in (−π, π]: the force on the rotor is `U ω² (cos(θ + φ), sin(θ + φ))`.
-    #[output(name = "unbalance.phase", discrete, unit = RADIAN)]
-    pub unbalance_phase_rad: f64,
-    /// Identified force that turns against the rotor; 0 if there is none
-    #[output(name = "backwardForce.magnitude", discrete, unit = NEWTON, min = 0.0)]
-    pub backward_force_n: f64,
+    #[output(names = context.of_planes("phase"), count = context.planes, discrete, unit = RADIAN)]
+    pub unbalance_phase_rad: [f64; P],
+    /// Identified force{at this bearing} that turns against the rotor; 0 if there is none
+    #[output(
+        names = context.of_radial("backwardForce.magnitude"), count = context.radial(), discrete, unit = NEWTON, min = 0.0
+    )]
+    pub backward_force_n: [f64; P],
     /// Identified phase phi of that force B (cos(theta + phi), -sin(theta + phi)) in the y-z plane
     ///
     /// In (−π, π].
-    #[output(name = "backwardForce.phase", discrete, unit = RADIAN)]
-    pub backward_force_phase_rad: f64,
+    #[output(names = context.of_radial("backwardForce.phase"), count = context.radial(), discrete, unit = RADIAN)]
+    pub backward_force_phase_rad: [f64; P],
     /// det D of the z axis of the present window, rows and columns scaled as `paper` says, m³; 0 with [`Method::PredictionError`].
     #[hidden]
     pub determinant: f64,
+}
+
+/// Those for the planar rotor of the paper.
+pub type EstimatorOutput = EstimatorOutputOf<2, 3, 1>;
+
+impl<const N: usize, const K: usize, const P: usize> Default for EstimatorOutputOf<N, K, P> {
+    /// All 0.
+    fn default() -> Self {
+        Self {
+            lambda_hat: [0.0; K],
+            lambda_raw: [0.0; K],
+            lambda_std: [0.0; K],
+            lambda_std_total: [0.0; K],
+            ki: [0.0; K],
+            ks: [0.0; K],
+            ki_std: [0.0; K],
+            ks_std: [0.0; K],
+            position_noise_m: [0.0; P],
+            current_noise_a: [0.0; P],
+            valid: false,
+            verdict: Verdict::default(),
+            axial_verdict: Verdict::default(),
+            condition: 0.0,
+            residual: 0.0,
+            load_n: [0.0; N],
+            unbalance_kg_m: [0.0; P],
+            unbalance_phase_rad: [0.0; P],
+            backward_force_n: [0.0; P],
+            backward_force_phase_rad: [0.0; P],
+            determinant: 0.0,
+        }
+    }
 }
 
 /// Standard deviations of ki or ks, which are as uncertain as λ; 0 before the first sample.
@@ -423,17 +506,33 @@ pub(super) fn stiffness_std<const K: usize>(stiffness: [f64; K], lambda_std: [f6
     std::array::from_fn(of)
 }
 
+/// Checks what the estimators of all machines have, under its name in the interface.
+pub(super) fn check_common<const K: usize>(
+    machine: &Names,
+    step_s: f64,
+    lambda0_nm2_a2: [f64; K],
+    noise: [f64; 2],
+    tolerance: &Tolerance,
+    checks: &mut Checks,
+) {
+    checks.positive("Ts", step_s, "s");
+    for (name, lambda0) in machine.of_magnets("lambda0").into_iter().zip(lambda0_nm2_a2) {
+        checks.positive(name, lambda0, "N.m2/A2");
+    }
+    checks.not_negative("sensor.positionNoise", noise[0], "m");
+    checks.not_negative("sensor.currentNoise", noise[1], "A");
+    for (name, value, unit) in tolerance.listed(machine) {
+        checks.not_negative(name, value, unit);
+    }
+}
+
 /// Checks every parameter, under its name in the interface.
-pub(super) fn check(config: &EstimatorConfig) -> Result<(), Vec<Invalid>> {
-    let mut checks = Checks::default();
+pub(super) fn check<const N: usize, const K: usize>(config: &EstimatorConfigOf<N, K>, checks: &mut Checks) {
+    let machine = Names::of_one_bearing(N, K);
     let paper = config.method != Method::PredictionError;
     for (name, value, unit) in [
         ("m", config.m_kg, "kg"),
         ("s", config.gap_m, "m"),
-        ("Ts", config.step_s, "s"),
-        ("lambda0[1]", config.lambda0_nm2_a2[0], "N.m2/A2"),
-        ("lambda0[2]", config.lambda0_nm2_a2[1], "N.m2/A2"),
-        ("lambda0[3]", config.lambda0_nm2_a2[2], "N.m2/A2"),
         ("Tf", config.window_s, "s"),
         ("epsilon", config.epsilon_s, "s"),
         ("filter.omega", config.filter_omega_rad_s, "rad/s"),
@@ -441,18 +540,19 @@ pub(super) fn check(config: &EstimatorConfig) -> Result<(), Vec<Invalid>> {
     ] {
         checks.positive(name, value, unit);
     }
-    for (k, alpha) in config.alpha_rad.iter().enumerate() {
+    for (k, alpha) in config.alpha_rad.iter().enumerate().filter(|_| N == 2) {
         checks.finite(format!("alpha[{}]", k + 1), *alpha, "rad");
         for (l, other) in config.alpha_rad.iter().enumerate().take(k) {
-            let apart = !(alpha - other).is_finite() || sin(alpha - other).abs() >= SMALLEST_SINE;
+            // Opposed magnets pull in turn: their currents tell them apart.
+            let line = if K == 3 { sin(alpha - other).abs() } else { 2.0 * sin(0.5 * (alpha - other)).abs() };
+            let apart = !(alpha - other).is_finite() || line >= SMALLEST_SINE;
             let wanted = format!("an angle off the line of magnet {}, whose force could not be told apart,", l + 1);
             checks.require(apart, format!("alpha[{}]", k + 1), format_args!("{alpha} rad"), wanted);
         }
     }
-    checks.not_negative("sensor.positionNoise", config.position_noise_m, "m");
-    checks.not_negative("sensor.currentNoise", config.current_noise_a, "A");
-    for (name, value, unit) in config.tolerance.listed() {
-        checks.not_negative(name.clone(), value, unit);
+    let noise = [config.position_noise_m, config.current_noise_a];
+    check_common(machine, config.step_s, config.lambda0_nm2_a2, noise, &config.tolerance, checks);
+    for (name, value, unit) in config.tolerance.listed(machine) {
         let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
         let unused = value.is_nan() || value <= 0.0 || name == "tolerance.backwardForce";
         checks.require(!paper || unused, name, format_args!("{value} {unit}"), wanted);
@@ -460,7 +560,7 @@ pub(super) fn check(config: &EstimatorConfig) -> Result<(), Vec<Invalid>> {
     let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance,";
     checks.require(!paper || config.identify_unbalance, "identify.unbalance", config.identify_unbalance, wanted);
     let positive = |x: f64| x.is_finite() && x > 0.0;
-    // The window that nobody uses is not held against a Ts.
+    // Tf is ignored by methods that have no window.
     if paper && positive(config.step_s) && positive(config.window_s) {
         let (n, slack, value) =
             (config.window_s / config.step_s, WHOLE_NUMBER_TOLERANCE, format!("{} s", config.window_s));
@@ -475,5 +575,4 @@ pub(super) fn check(config: &EstimatorConfig) -> Result<(), Vec<Invalid>> {
         let wanted = "at least Tf, for there is no estimate before the first window is full,";
         checks.require(enough, "epsilon", format_args!("{} s", config.epsilon_s), wanted);
     }
-    checks.finish()
 }

@@ -2,7 +2,7 @@
 //!
 //! In reading order: `config` holds parameters, inputs and outputs; `angle` filters the rotation, `innovations` is the whitening filter, `sums` the
 //! normal equations and their solutions, `models` weighs models of what changes, `noise` is the search for the noise, `validation` tests the
-//! result, and `prediction_error` is the estimator made of them; `paper` holds the paper's two methods. Here are the checks of a sample, gaps
+//! result, and `prediction_error` is the estimator made of them; `paper` holds the paper's two methods; `one_bearing` and [`spindle`] make machines of parameters. Here are the checks of a sample, gaps
 //! in the data, and the choice of the method.
 
 mod angle;
@@ -10,6 +10,7 @@ mod config;
 mod innovations;
 mod models;
 mod noise;
+mod one_bearing;
 pub mod paper;
 mod prediction_error;
 mod readings;
@@ -17,234 +18,302 @@ pub mod spindle;
 mod sums;
 mod validation;
 
+use std::fmt::Debug;
+use std::ops::Range;
+
 use libm::{atan2, sqrt};
-use nalgebra::{RowVector2, SMatrix};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 pub use self::config::{
-    EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, MAX_INTERVALS, MIN_INTERVALS, Method, Tolerance, Verdict,
+    EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorInputOf, EstimatorOutput, EstimatorOutputOf, Hold,
+    MAX_INTERVALS, MIN_INTERVALS, Method, Tolerance, Verdict,
 };
-use self::config::{check, stiffness_std};
+use self::config::{check_common, stiffness_std};
 use self::innovations::{Machine, Sample, WhiteningFilter};
-use self::paper::{Paper, PaperState};
 pub use self::prediction_error::STD_LIMIT;
-use self::prediction_error::{Estimate, PredictionError, PredictionErrorState};
+use self::prediction_error::{PredictionError, PredictionErrorState};
 pub use self::readings::STUCK_SAMPLES;
 use self::readings::{Readings, Taken};
-use crate::bearing::magnet::Geometry;
-use crate::invalid::Invalid;
+use crate::invalid::{Checks, Invalid};
+use crate::machine::Machine as Names;
 use crate::variables::is_finite;
-
-const MAGNETS: usize = 3;
-
-/// Unknowns in the plane: λ of three magnets, U cos φ, U sin φ, B cos φ, −B sin φ, p_y, p_z.
-const UNKNOWNS: usize = 9;
-
-/// The first of the backward force.
-const BACKWARD: usize = 5;
-
-/// Tolerances in the plane: s, α of three magnets, gain and offset of two positions, offset of three currents.
-const TOLERANCES: usize = 11;
-
-type Planar = PredictionError<2, MAGNETS, UNKNOWNS, TOLERANCES>;
 
 /// Where condition numbers end: a singular system shows this value.
 pub const CONDITION_CAP: f64 = 1.0e12;
 
-/// State of a method.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-enum MethodState {
-    PredictionError(Box<PredictionErrorState<2, MAGNETS, UNKNOWNS, TOLERANCES>>),
-    Paper(Box<PaperState>),
+/// Parameters of the estimator of a machine with N coordinates, K magnets and P parts.
+pub trait EstimatorParameters<const N: usize, const K: usize, const P: usize>: Clone + Debug + PartialEq {
+    /// How its parts are called.
+    const MACHINE: &'static Names;
+
+    /// Its method.
+    type Method: Estimation<N, K, P> + Clone + Debug + PartialEq;
+
+    /// What all estimators have.
+    fn common(&self) -> Common<'_, K>;
+
+    /// Reports invalid parameters by their names in the interface.
+    fn check(&self, checks: &mut Checks);
+
+    /// The method, for parameters that were checked.
+    ///
+    /// # Errors
+    /// Parameters that leave the motion open.
+    fn method(&self) -> Result<Self::Method, Vec<Invalid>>;
+}
+
+/// Parameters that the estimators of all machines have.
+#[derive(Clone, Copy, Debug)]
+pub struct Common<'a, const K: usize> {
+    /// Mass of the rotor, in kg.
+    pub m_kg: f64,
+    /// Sample time, in s.
+    pub step_s: f64,
+    /// First guess of λ, in N·m²/A².
+    pub lambda0_nm2_a2: [f64; K],
+    /// What a sample of a current stands for.
+    pub hold: Hold,
+    /// Whether to identify an unbalance.
+    pub identify_unbalance: bool,
+    /// Standard deviations of the noise of positions, in m, and currents, in A; 0 to estimate them.
+    pub noise: [f64; 2],
+    /// How well the rest is known.
+    pub tolerance: &'a Tolerance,
+}
+
+/// A sample for a method, with the verdict on each part if it cannot be used.
+#[derive(Debug)]
+pub struct Judged<'a, const N: usize, const K: usize> {
+    input: &'a EstimatorInputOf<N, K>,
+    taken: Taken<N>,
+    is_lost: bool,
+    rotation: angle::Rotation,
+    identify_unbalance: bool,
+}
+
+impl<const N: usize, const K: usize> Judged<'_, N, K> {
+    /// Why a part whose positions are these cannot use the sample, if so; `verdict` is that on its estimate, which a gap leaves as it is.
+    fn refused(&self, positions: Range<usize>, verdict: Verdict) -> Option<Verdict> {
+        match self.taken {
+            _ if !self.input.enable => Some(Verdict::Disabled),
+            _ if self.input.contact => Some(Verdict::Contact),
+            Taken::Usable { contradiction: true, .. } if self.identify_unbalance => Some(Verdict::Speed),
+            Taken::Usable { stuck, .. } => stuck[positions].iter().any(|stuck| *stuck).then_some(Verdict::Stuck),
+            _ if self.is_lost => Some(Verdict::BadSample),
+            Taken::Missing | Taken::Repeated => Some(verdict),
+        }
+    }
+}
+
+/// A method of estimation.
+pub trait Estimation<const N: usize, const K: usize, const P: usize> {
+    /// What it keeps from sample to sample.
+    type State: Clone + Debug + PartialEq + Serialize + DeserializeOwned;
+
+    /// A fresh state, with all the memory that stepping needs.
+    fn start(&self) -> Self::State;
+
+    /// Whether a state has the shape this method needs.
+    fn has_shape(&self, state: &Self::State) -> bool;
+
+    /// Whether the rotor is within the gaps of all magnets at these positions, in m.
+    fn is_in_gap(&self, position_m: [f64; N]) -> bool;
+
+    /// Takes in a sample and writes what it tells into the output; the verdicts on the parts.
+    fn advance(
+        &self,
+        state: &mut Self::State,
+        sample: &Judged<'_, N, K>,
+        output: &mut EstimatorOutputOf<N, K, P>,
+    ) -> [Verdict; P];
 }
 
 /// All that changes with a sample. Made by [`Estimator::start`], and good only for estimators with the same parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct EstimatorState {
+#[serde(bound(
+    serialize = "S: Serialize, EstimatorOutputOf<N, K, P>: Serialize",
+    deserialize = "S: Deserialize<'de>, EstimatorOutputOf<N, K, P>: Deserialize<'de>"
+))]
+pub struct EstimatorState<S = one_bearing::PlanarState, const N: usize = 2, const K: usize = 3, const P: usize = 1> {
     reset_was_high: bool,
-    readings: Readings<2, MAGNETS>,
-    method: MethodState,
-    output: EstimatorOutput,
+    readings: Readings<N, K>,
+    method: S,
+    output: EstimatorOutputOf<N, K, P>,
 }
 
-impl EstimatorState {
+impl<S, const N: usize, const K: usize, const P: usize> EstimatorState<S, N, K, P> {
     /// The estimates after the last sample.
     #[must_use]
-    pub fn output(&self) -> &EstimatorOutput {
+    pub fn output(&self) -> &EstimatorOutputOf<N, K, P> {
         &self.output
     }
 }
 
-#[derive(Clone, Debug, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "there is one of them")]
-enum MethodOf {
-    PredictionError(Planar),
-    Paper(Paper),
-}
+/// The state of the estimator with these parameters.
+pub type StateOf<C, const N: usize, const K: usize, const P: usize> =
+    EstimatorState<<<C as EstimatorParameters<N, K, P>>::Method as Estimation<N, K, P>>::State, N, K, P>;
 
 /// The estimator: a checked configuration.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Estimator {
-    config: EstimatorConfig,
-    geometry: Geometry,
-    method: MethodOf,
+pub struct Estimator<
+    C: EstimatorParameters<N, K, P> = EstimatorConfig,
+    const N: usize = 2,
+    const K: usize = 3,
+    const P: usize = 1,
+> {
+    config: C,
+    method: C::Method,
 }
 
-impl Estimator {
+impl<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator<C, N, K, P> {
     /// Checks the parameters and prepares the method.
     ///
     /// # Errors
-    /// Every parameter that cannot be accepted, under its name in the interface: not finite, or not positive where it must be; two magnets
-    /// on one line; a tolerance, or no unbalance, with one of the paper's methods; with these also `Tf` less than 8 or more than 10⁵
-    /// sample times or not a whole number of them, and `epsilon` shorter than `Tf`.
-    pub fn new(config: EstimatorConfig) -> Result<Self, Vec<Invalid>> {
-        check(&config)?;
-        let geometry = Geometry::new(config.gap_m, config.alpha_rad);
-        let method = match config.method {
-            Method::PredictionError => MethodOf::PredictionError(planar(&config)),
-            Method::Paper | Method::PaperLiteral => MethodOf::Paper(Paper::new(&config)),
-        };
-        Ok(Self { config, geometry, method })
+    /// Every parameter that cannot be accepted, under its name in the interface: not finite, or not positive where it must be; a geometry that
+    /// cannot hold the rotor, or magnets and sensors that cannot be told apart; a tolerance, or no unbalance, with one of the paper's
+    /// methods; with these also `Tf` less than 8 or more than 10⁵ sample times or not a whole number of them, and `epsilon` shorter than
+    /// `Tf`.
+    pub fn new(config: C) -> Result<Self, Vec<Invalid>> {
+        let mut checks = Checks::default();
+        config.check(&mut checks);
+        checks.finish()?;
+        let method = config.method()?;
+        Ok(Self { config, method })
     }
 
     /// The configuration.
     #[must_use]
-    pub fn config(&self) -> &EstimatorConfig {
+    pub fn config(&self) -> &C {
         &self.config
     }
 
     /// A fresh state, with all the memory that stepping needs.
     #[must_use]
-    pub fn start(&self) -> EstimatorState {
-        let lambda0 = self.config.lambda0_nm2_a2;
-        let output = EstimatorOutput {
+    pub fn start(&self) -> StateOf<C, N, K, P> {
+        let Common { lambda0_nm2_a2: lambda0, noise, .. } = self.config.common();
+        let output = EstimatorOutputOf {
             lambda_hat: lambda0,
             lambda_raw: lambda0,
             lambda_std: lambda0,
             lambda_std_total: lambda0,
             condition: CONDITION_CAP,
             residual: 1.0,
-            position_noise_m: self.config.position_noise_m,
-            current_noise_a: self.config.current_noise_a,
-            ..EstimatorOutput::default()
+            verdict: Verdict::Collecting,
+            axial_verdict: Verdict::Collecting,
+            position_noise_m: [noise[0]; P],
+            current_noise_a: [noise[1]; P],
+            ..EstimatorOutputOf::default()
         };
-        let method = match &self.method {
-            MethodOf::PredictionError(method) => MethodState::PredictionError(Box::new(method.start())),
-            MethodOf::Paper(method) => MethodState::Paper(Box::new(method.start())),
-        };
-        EstimatorState { reset_was_high: false, readings: Readings::start(), method, output }
+        EstimatorState { reset_was_high: false, readings: Readings::start(), method: self.method.start(), output }
     }
 
     /// Whether a state, for instance one read from a file, has the shape this estimator needs and finite numbers alone.
     #[must_use]
-    pub fn accepts(&self, state: &EstimatorState) -> bool {
-        is_finite(state)
-            && match (&self.method, &state.method) {
-                (MethodOf::PredictionError(_), MethodState::PredictionError(state)) => state.has_shape(),
-                (MethodOf::Paper(method), MethodState::Paper(state)) => method.has_shape(state),
-                _ => false,
-            }
+    pub fn accepts(&self, state: &StateOf<C, N, K, P>) -> bool
+    where
+        StateOf<C, N, K, P>: Serialize,
+    {
+        is_finite(state) && self.method.has_shape(&state.method)
     }
 
     /// Takes in one sample; to be called once every T_s.
     ///
     /// Whatever the input, the result is finite and nothing panics. After a gap in the data (a bad sample, or `enable` false) the
     /// motion is unknown, but what the samples before said of λ stays. A rising edge of `reset` forgets everything, λ̂ included.
-    pub fn sample(&self, state: &mut EstimatorState, input: &EstimatorInput) -> EstimatorOutput {
+    pub fn sample(
+        &self,
+        state: &mut StateOf<C, N, K, P>,
+        input: &EstimatorInputOf<N, K>,
+    ) -> EstimatorOutputOf<N, K, P> {
         if input.reset && !state.reset_was_high {
             *state = self.start();
         }
         state.reset_was_high = input.reset;
-        state.output.verdict = self.advance(state, input);
-        state.output.valid = state.output.verdict == Verdict::Valid;
+        let Common { step_s, identify_unbalance, .. } = self.config.common();
+        let (readings, rotation) = (&mut state.readings, [input.theta_rad, input.omega_rad_s]);
+        let in_gap = self.method.is_in_gap(input.position_m);
+        let taken = readings.take(input.position_m, input.current_a, rotation, step_s, in_gap);
+        let (is_lost, rotation) = (readings.are_lost(), readings.rotation());
+        let sample = Judged { input, taken, is_lost, rotation, identify_unbalance };
         let output = &mut state.output;
+        let verdicts = self.method.advance(&mut state.method, &sample, output);
+        output.axial_verdict = verdicts[P - 1];
+        output.verdict = verdicts.into_iter().find(|verdict| *verdict != Verdict::Valid).unwrap_or(Verdict::Valid);
+        output.valid = output.verdict == Verdict::Valid;
         output.ki_std = stiffness_std(output.ki, output.lambda_std_total, output.lambda_hat);
         output.ks_std = stiffness_std(output.ks, output.lambda_std_total, output.lambda_hat);
-        state.output.clone()
+        output.clone()
     }
+}
 
-    fn advance(&self, state: &mut EstimatorState, input: &EstimatorInput) -> Verdict {
-        let in_gap = self.geometry.gaps(input.position_m).iter().all(|gap_m| *gap_m > 0.0);
-        let rotation = [input.theta_rad, input.omega_rad_s];
-        let taken = state.readings.take(input.position_m, input.current_a, rotation, self.config.step_s, in_gap);
-        let online = self.config.method == Method::PredictionError;
-        let refused = match taken {
-            _ if !input.enable => Some(Verdict::Disabled),
-            _ if input.contact => Some(Verdict::Contact),
-            // The paper's methods have no use for the angle, and none for a gap that is bridged.
-            Taken::Usable { contradiction: true, .. } if online && self.config.identify_unbalance => {
-                Some(Verdict::Speed)
-            }
-            Taken::Usable { stuck, .. } => stuck.iter().any(|stuck| *stuck).then_some(Verdict::Stuck),
-            Taken::Missing if !online => Some(Verdict::BadSample),
-            Taken::Repeated if !online => None,
-            Taken::Missing | Taken::Repeated => {
-                Some(state.output.verdict).filter(|_| !state.readings.are_lost()).or(Some(Verdict::BadSample))
-            }
-        };
-        match (&self.method, &mut state.method) {
-            (MethodOf::PredictionError(method), MethodState::PredictionError(own)) => {
-                let rotation = state.readings.rotation();
-                let verdict = method.take(own, refused, || Sample::new(input.position_m, input.current_a, rotation));
-                if refused.is_none() {
-                    state.output.take(&own.estimate, verdict, &self.config);
-                }
-                verdict
-            }
-            (MethodOf::Paper(method), MethodState::Paper(own)) if method.has_shape(own) => refused
-                .inspect(|_| method.interrupt(own))
-                .unwrap_or_else(|| method.sample(own, input, &mut state.output)),
-            _ => Verdict::ForeignState,
+impl<const N: usize, const K: usize, const P: usize> EstimatorOutputOf<N, K, P> {
+    /// Writes the estimate of a part: its magnets begin with `first`, its loads are those of these coordinates.
+    fn write<const R: usize, const M: usize, const U: usize, const T: usize>(
+        &mut self,
+        part: usize,
+        first: usize,
+        loads: Range<usize>,
+        method: &PredictionError<R, M, U, T>,
+        state: &PredictionErrorState<R, M, U, T>,
+        verdict: Verdict,
+    ) {
+        let estimate = &state.estimate;
+        let (lambda, [noise, total]) = (estimate.lambda(), estimate.variance.map(|variance| variance.map(sqrt)));
+        for k in 0..M {
+            self.lambda_hat[first + k] = lambda[k];
+            self.lambda_raw[first + k] = estimate.lambda_raw[k];
+            (self.lambda_std[first + k], self.lambda_std_total[first + k]) = (noise[k], total[k]);
+            (self.ki[first + k], self.ks[first + k]) = (estimate.ki[k], estimate.ks[k]);
+        }
+        [self.position_noise_m[part], self.current_noise_a[part]] = estimate.noise;
+        // Of several parts, the worst.
+        let worst = |so_far: f64, own: f64| if part == 0 { own } else { so_far.max(own) };
+        self.condition = worst(self.condition, estimate.condition);
+        self.residual = worst(self.residual, estimate.residual);
+        let unknowns = &estimate.unknowns;
+        for (at, n) in loads.enumerate() {
+            self.load_n[n] = unknowns[U - R + at];
+        }
+        if verdict != Verdict::Valid {
+            return;
+        }
+        let backward = method.filter.machine.backward;
+        for plane in (0..(backward - M) / 2).filter(|_| method.filter.identify_unbalance) {
+            let at = M + 2 * plane;
+            [self.unbalance_kg_m[plane], self.unbalance_phase_rad[plane]] = polar(unknowns[at], unknowns[at + 1]);
+        }
+        for bearing in 0..(U - R - backward) / 2 {
+            let at = backward + 2 * bearing;
+            [self.backward_force_n[bearing], self.backward_force_phase_rad[bearing]] =
+                polar(unknowns[at], -unknowns[at + 1]);
         }
     }
 }
 
-/// The method for the planar rotor, whose coordinates are its position.
-fn planar(config: &EstimatorConfig) -> Planar {
-    let t = &config.tolerance;
-    let machine = |change: [f64; 1 + MAGNETS]| {
-        let alpha_rad = std::array::from_fn(|k| config.alpha_rad[k] + change[1 + k]);
-        let geometry = Geometry::new(config.gap_m + change[0], alpha_rad);
-        let axes = [[1.0, 0.0], [0.0, 1.0]];
-        // Magnets, unbalance, backward force, load.
-        let forces = geometry.directions.into_iter().chain([axes; 3].into_iter().flatten());
-        let rows = forces.map(|force| RowVector2::from(force) / config.m_kg).collect::<Vec<_>>();
-        Machine { geometry, accelerations: SMatrix::from_rows(&rows), backward: BACKWARD, gyroscopic: None }
-    };
-    let backward_n = t.backward_force_n;
+/// The method for a machine of which parameters have these standard deviations.
+fn prediction_error<const N: usize, const K: usize, const U: usize, const T: usize, const R: usize, const A: usize>(
+    machine: impl Fn([f64; R]) -> Machine<N, K, U>,
+    std: [f64; R],
+    lambda0: [f64; K],
+    common: &Common<'_, A>,
+) -> PredictionError<N, K, U, T> {
+    let t = common.tolerance;
+    let central = machine([0.0; R]);
+    let forces = central.backward..U - N;
     PredictionError {
         filter: WhiteningFilter {
-            machine: machine([0.0; 1 + MAGNETS]),
-            step_s: config.step_s,
-            hold: config.hold,
-            identify_unbalance: config.identify_unbalance,
-            identify_backward: backward_n > 0.0,
-            tolerances: t.columns([t.gap_m, t.alpha_rad, t.alpha_rad, t.alpha_rad], machine),
+            machine: central,
+            step_s: common.step_s,
+            hold: common.hold,
+            identify_unbalance: common.identify_unbalance,
+            identify_backward: t.backward_force_n > 0.0,
+            tolerances: t.columns(std, machine),
         },
-        lambda0: config.lambda0_nm2_a2,
-        prior: models::prior(config.lambda0_nm2_a2, BACKWARD..BACKWARD + 2, backward_n),
-        known_noise: [config.position_noise_m, config.current_noise_a],
-        scale_variance: t.scale_variance(config.m_kg),
-    }
-}
-
-impl EstimatorOutput {
-    fn take(&mut self, estimate: &Estimate<MAGNETS, UNKNOWNS>, verdict: Verdict, config: &EstimatorConfig) {
-        let [std, total] = estimate.variance.map(|variance| variance.map(sqrt).into());
-        let [_, _, _, along, across, against, beside, p_y, p_z] = estimate.unknowns.into();
-        self.lambda_hat = estimate.lambda().into();
-        self.lambda_raw = estimate.lambda_raw.into();
-        (self.lambda_std, self.lambda_std_total) = (std, total);
-        (self.ki, self.ks) = (estimate.ki.into(), estimate.ks.into());
-        (self.condition, self.residual) = (estimate.condition, estimate.residual);
-        [self.position_noise_m, self.current_noise_a] = estimate.noise;
-        self.load_n = [p_y, p_z];
-        if verdict == Verdict::Valid && config.identify_unbalance {
-            [self.unbalance_kg_m, self.unbalance_phase_rad] = polar(along, across);
-        }
-        if verdict == Verdict::Valid {
-            [self.backward_force_n, self.backward_force_phase_rad] = polar(against, -beside);
-        }
+        lambda0,
+        prior: models::prior(lambda0, forces, t.backward_force_n),
+        known_noise: common.noise,
+        scale_variance: t.scale_variance(common.m_kg),
     }
 }
 

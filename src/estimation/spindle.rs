@@ -5,46 +5,36 @@
 //! are independent and all numbers are lengths. With the acceleration `H M⁻¹ f` by a generalised force f, and directions `H⁻ᵀ d`, the
 //! equations are those of the planar rotor.
 
-use libm::sqrt;
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-use super::config::stiffness_std;
-use super::innovations::{Machine, Sample, Square, WhiteningFilter};
-use super::prediction_error::{PredictionError, PredictionErrorState};
-use super::readings::{Readings, Taken};
-use super::{Hold, Tolerance, Verdict, models, polar};
+use super::innovations::Square;
+use super::{
+    Common, Estimation, Estimator, EstimatorInputOf, EstimatorOutputOf, EstimatorParameters, Hold, Judged, Machine,
+    Names, PredictionError, PredictionErrorState, Sample, StateOf, Tolerance, Verdict, check_common, prediction_error,
+};
 use crate::bearing::magnet::Geometry;
 use crate::bearing::shaft::{COORDINATES, generalised};
-use crate::bearing::spindle::{MAGNETS, READINGS, SHORTEST_DISTANCE_M, Spindle, SpindleGeometry, bearing_of};
+use crate::bearing::spindle::{MAGNETS, READINGS, SHORTEST_DISTANCE_M, SpindleGeometryOf, SpindleOf};
 use crate::invalid::{Checks, Invalid};
-use crate::machine::Machine as Names;
-use crate::plant::spindle::of_planes;
-use crate::variables::unit::{
-    AMPERE, KILOGRAM_METRE2, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN,
-    RADIAN_PER_SECOND, SECOND,
-};
-use crate::variables::{KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Variables, is_finite, numbers};
+use crate::plant::spindle::PLANES;
+use crate::variables::unit::{AMPERE, KILOGRAM_METRE2, METRE, SECOND};
+use crate::variables::{LAMBDA, Variables, numbers};
 
-/// Planes of unbalance.
-const PLANES: usize = 2;
+/// The estimator of a spindle with three magnets in each radial bearing.
+pub type SpindleEstimator = Estimator<SpindleEstimatorConfig, READINGS, MAGNETS, 2>;
 
-/// Radial bearings, each with a backward force.
-const RADIAL: usize = 2;
+/// Its state.
+pub type SpindleEstimatorState = StateOf<SpindleEstimatorConfig, READINGS, MAGNETS, 2>;
 
-/// The first backward force and the first load among the radial unknowns, and their number.
-const BACKWARD: usize = 6 + 2 * PLANES;
-const LOADS: usize = BACKWARD + 2 * RADIAL;
-const UNKNOWNS: usize = LOADS + 4;
+/// Its inputs.
+pub type SpindleEstimatorInput = EstimatorInputOf<READINGS, MAGNETS>;
 
-/// Parameters of the radial machine with a tolerance: gap, six angles, J_t, J_p, positions of magnets, of sensors, of unbalance.
-const PARAMETERS: usize = 15;
+/// Its outputs.
+pub type SpindleEstimatorOutput = EstimatorOutputOf<READINGS, MAGNETS, 2>;
 
-/// Readings, magnets, unknowns and tolerances of the two machines.
-type Radial = PredictionError<4, 6, UNKNOWNS, { PARAMETERS + 2 * 4 + 6 }>;
-type RadialState = PredictionErrorState<4, 6, UNKNOWNS, { PARAMETERS + 2 * 4 + 6 }>;
-type Axial = PredictionError<1, 2, 3, 5>;
-type AxialState = PredictionErrorState<1, 2, 3, 5>;
+/// Parameters of the radial machine with a tolerance, besides the angles: gap, J_t, J_p, positions of magnets, of sensors, of unbalance.
+const BESIDE_ANGLES: usize = 9;
 
 /// Standard deviations of what is known of a spindle alone; 0 means exactly known.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
@@ -69,16 +59,20 @@ pub struct ShaftTolerance {
 /// Parameters of the estimator, before they are checked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Names)]
-pub struct SpindleEstimatorConfig {
+#[serde(bound(
+    serialize = "[f64; M]: Serialize, [f64; K]: Serialize",
+    deserialize = "[f64; M]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+))]
+pub struct SpindleEstimatorConfigOf<const M: usize, const K: usize> {
     /// Shaft and bearings.
     #[nested(prefix = "", context = ())]
-    pub geometry: SpindleGeometry,
+    pub geometry: SpindleGeometryOf<f64, M>,
     /// Sample time; samples are taken at the start time plus whole multiples of it
     #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
     pub step_s: f64,
     /// First guess of the force constant of {magnet}
     #[parameter(names = context.of_magnets("lambda0"), unit = LAMBDA, min = 0.0, nominal = 1e-6)]
-    pub lambda0_nm2_a2: [f64; MAGNETS],
+    pub lambda0_nm2_a2: [f64; K],
     /// What a sample of a current stands for
     #[parameter]
     pub hold: Hold,
@@ -86,7 +80,7 @@ pub struct SpindleEstimatorConfig {
     #[parameter(name = "identify.unbalance")]
     pub identify_unbalance: bool,
     /// Position of plane {k} of the unbalance along the shaft, from the centre of gravity
-    #[parameter(names = of_planes("position"), unit = METRE, nominal = 0.1)]
+    #[parameter(names = context.of_planes("position"), unit = METRE, nominal = 0.1)]
     pub unbalance_position_m: [f64; PLANES],
     /// Standard deviation of the noise of {read}; 0 to estimate it from the data
     #[parameter(name = "sensor.positionNoise", unit = METRE, min = 0.0, nominal = 1e-7)]
@@ -95,19 +89,22 @@ pub struct SpindleEstimatorConfig {
     #[parameter(name = "sensor.currentNoise", unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_noise_a: f64,
     /// How well the rest is known: that of the mass is one of all inertia, that of the gap one of all gaps, each in proportion.
-    #[nested(context = ())]
+    #[nested]
     pub tolerance: Tolerance,
     /// The same of the shaft.
     #[nested(prefix = "tolerance.", context = ())]
     pub shaft_tolerance: ShaftTolerance,
 }
 
-impl Default for SpindleEstimatorConfig {
+/// Those with three magnets in each radial bearing.
+pub type SpindleEstimatorConfig = SpindleEstimatorConfigOf<3, MAGNETS>;
+
+impl<const M: usize, const K: usize> Default for SpindleEstimatorConfigOf<M, K> {
     fn default() -> Self {
         Self {
-            geometry: SpindleGeometry::default(),
+            geometry: SpindleGeometryOf::default(),
             step_s: 1.0e-4,
-            lambda0_nm2_a2: [4.0e-6; MAGNETS],
+            lambda0_nm2_a2: [4.0e-6; K],
             hold: Hold::default(),
             identify_unbalance: true,
             unbalance_position_m: [-0.08, 0.10],
@@ -119,296 +116,84 @@ impl Default for SpindleEstimatorConfig {
     }
 }
 
-/// One sample of the measurements, all of the same instant.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Names)]
-pub struct SpindleEstimatorInput {
-    /// Readings of position.
-    #[input(
-        names = context.measured(), unit = METRE, nominal = 1e-5,
-        description = format!("Measured position along {}", PLACES[index])
-    )]
-    pub reading_m: [f64; READINGS],
-    /// Measured current through {magnet}
-    ///
-    /// [`Hold`] says what it stands for.
-    #[input(names = context.of_magnets("im"), unit = AMPERE)]
-    pub current_a: [f64; MAGNETS],
-    /// Rotor angle, wrapped or unwrapped; needed to identify an unbalance
-    #[input(name = "theta", unit = RADIAN)]
-    pub theta_rad: f64,
-    /// Speed of the rotor
-    #[input(name = "omega", unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0)]
-    pub omega_rad_s: f64,
-    /// Whether to use the samples
-    #[input(start = true)]
-    pub enable: bool,
-    /// Whether the rotor touches a backup bearing, so that samples cannot be used
-    #[input]
-    pub contact: bool,
-    /// A rising edge restarts the estimation
-    ///
-    /// With this sample as the first.
-    #[input]
-    pub reset: bool,
+/// Implements the parameters for the sizes of a spindle: magnets of a radial bearing and of all, of both radial bearings, unknowns of the
+/// radial part, its columns of tolerances, and its uncertain parameters.
+macro_rules! of_sizes {
+    ($m:literal, $k:literal, $radial:literal, $unknowns:literal, $columns:literal, $parameters:literal) => {
+        impl EstimatorParameters<READINGS, $k, 2> for SpindleEstimatorConfigOf<$m, $k> {
+            const MACHINE: &'static Names = Names::of_shaft($m);
+
+            type Method = Parts<$radial, $unknowns, $columns>;
+
+            fn common(&self) -> Common<'_, $k> {
+                self.shared()
+            }
+
+            fn check(&self, checks: &mut Checks) {
+                self.checked(Self::MACHINE, checks);
+            }
+
+            fn method(&self) -> Result<Self::Method, Vec<Invalid>> {
+                self.parts::<$radial, $unknowns, $columns, $parameters>()
+            }
+        }
+    };
 }
 
-/// Where the positions are measured.
-const PLACES: [&str; READINGS] = [
-    "y at the sensors of A",
-    "z at the sensors of A",
-    "y at the sensors of B",
-    "z at the sensors of B",
-    "x at the sensors of X",
-];
+of_sizes!(3, 8, 6, 18, 29, 15);
+of_sizes!(4, 10, 8, 20, 33, 17);
 
-/// The estimates after a sample, as those of [`EstimatorOutput`](super::EstimatorOutput). All numbers are finite at all times.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Names)]
-pub struct SpindleEstimatorOutput {
-    /// Estimated force constant of {magnet}
-    ///
-    /// λ_0 at first, then the last valid estimate of the radial and of the axial magnets.
-    #[output(names = context.of_magnets("lambdaHat"), discrete, unit = LAMBDA, nominal = 1e-6)]
-    pub lambda_hat: [f64; MAGNETS],
-    /// Force constant of {magnet} from the last revolution alone
-    #[output(names = context.of_magnets("lambdaRaw"), discrete, unit = LAMBDA, nominal = 1e-6)]
-    pub lambda_raw: [f64; MAGNETS],
-    /// Standard deviation of the force constant of {magnet} due to noise alone
-    #[output(names = context.of_magnets("lambdaStd"), discrete, unit = LAMBDA, min = 0.0, nominal = 1e-8)]
-    pub lambda_std: [f64; MAGNETS],
-    /// Standard deviation of the force constant of {magnet} due to noise and tolerances
-    #[output(names = context.of_magnets("lambdaStdTotal"), discrete, unit = LAMBDA, min = 0.0, nominal = 1e-8)]
-    pub lambda_std_total: [f64; MAGNETS],
-    /// Force per current of {magnet}, mean over the last revolution
-    #[output(names = context.of_magnets("ki"), discrete, unit = NEWTON_PER_AMPERE, nominal = 10.0)]
-    pub ki: [f64; MAGNETS],
-    /// Negative stiffness of {magnet}, mean over the last revolution
-    #[output(names = context.of_magnets("ks"), discrete, unit = NEWTON_PER_METRE, nominal = 1e5)]
-    pub ks: [f64; MAGNETS],
-    /// Standard deviation of ki of {magnet} due to noise and tolerances
-    #[output(names = context.of_magnets("kiStd"), discrete, unit = NEWTON_PER_AMPERE, nominal = 0.1)]
-    pub ki_std: [f64; MAGNETS],
-    /// Standard deviation of ks of {magnet} due to noise and tolerances
-    #[output(names = context.of_magnets("ksStd"), discrete, unit = NEWTON_PER_METRE, nominal = 1e3)]
-    pub ks_std: [f64; MAGNETS],
-    /// Of the radial and of the axial positions, 0 before it is estimated.
-    #[output(
-        names = ["noise.position", "X.noise.position"], discrete, unit = METRE, min = 0.0, nominal = 1e-7,
-        description = format!(
-            "Standard deviation of the noise of {}, given or estimated", ["the radial positions", "Xm"][index]
-        )
-    )]
-    pub position_noise_m: [f64; 2],
-    /// Of the radial and of the axial currents, 0 before it is estimated.
-    #[output(
-        names = ["noise.current", "X.noise.current"], discrete, unit = AMPERE, min = 0.0, nominal = 1e-2,
-        description = format!("Standard deviation of the noise of im of {}, given or estimated", ["A and B", "X"][index])
-    )]
-    pub current_noise_a: [f64; 2],
-    /// Whether all estimates are valid; of those that are not, the last valid one is shown
-    #[output(discrete)]
-    pub valid: bool,
-    /// Why the estimates are valid or not: of A and B, or, if they are valid, of X
-    #[output(discrete)]
-    pub verdict: Verdict,
-    /// Why the estimate of the axial magnets is valid or not
-    #[output(name = "X.verdict", discrete)]
-    pub axial_verdict: Verdict,
-    /// Condition number of the information matrix scaled to unit diagonal, the greater of the radial and of the axial one
-    #[output(discrete, unit = ONE, min = 0.0, nominal = 10.0)]
-    pub condition: f64,
-    /// Normalised innovation squared, 1 if model and noise are correct, the greater of the radial and of the axial one
-    #[output(discrete, unit = ONE, min = 0.0)]
-    pub residual: f64,
-    /// Static load and moments.
-    #[output(
-        names = ["pXHat", "pYHat", "pZHat", "MYHat", "MZHat"], discrete,
-        unit = context.either(index, NEWTON, NEWTON_METRE), nominal = context.either(index, 10.0, 1.0),
-        description = format!(
-            "Static {} {}", context.either(index, "load along", "moment about"), ["x", "y", "z", "y", "z"][index]
-        )
-    )]
-    pub load: [f64; COORDINATES],
-    /// Identified unbalance in plane {k}, mass times eccentricity; 0 if none is identified
-    #[output(names = of_planes("magnitude"), discrete, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4)]
-    pub unbalance_kg_m: [f64; PLANES],
-    /// Identified angle of the unbalance in plane {k} from the mark on the rotor that theta refers to
-    #[output(names = of_planes("phase"), discrete, unit = RADIAN)]
-    pub unbalance_phase_rad: [f64; PLANES],
-    /// Identified force at this bearing that turns against the rotor; 0 if there is none
-    #[output(names = ["A.backwardForce.magnitude", "B.backwardForce.magnitude"], discrete, unit = NEWTON, min = 0.0)]
-    pub backward_force_n: [f64; RADIAL],
-    /// Identified phase phi of that force B (cos(theta + phi), -sin(theta + phi)) in the y-z plane
-    #[output(names = ["A.backwardForce.phase", "B.backwardForce.phase"], discrete, unit = RADIAN)]
-    pub backward_force_phase_rad: [f64; RADIAL],
-}
-
-/// All that changes with a sample.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SpindleEstimatorState {
-    reset_was_high: bool,
-    readings: Readings<READINGS, MAGNETS>,
-    radial: Box<RadialState>,
-    axial: Box<AxialState>,
-    output: SpindleEstimatorOutput,
-}
-
-impl SpindleEstimatorState {
-    /// The estimates after the last sample.
-    #[must_use]
-    pub fn output(&self) -> &SpindleEstimatorOutput {
-        &self.output
-    }
-}
-
-/// The estimator: a checked configuration.
+/// The radial motion with K magnets, and the axial one.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SpindleEstimator {
-    config: SpindleEstimatorConfig,
-    spindle: Spindle,
-    radial: Radial,
-    axial: Axial,
+pub struct Parts<const K: usize, const U: usize, const T: usize> {
+    radial: PredictionError<4, K, U, T>,
+    axial: PredictionError<1, 2, 3, 5>,
 }
 
-impl SpindleEstimator {
-    /// Checks the parameters.
-    ///
-    /// # Errors
-    /// Every parameter that cannot be accepted, under its name in the interface: what [`Spindle::new`] refuses; a sample time or a first guess
-    /// that is not positive; noise or a tolerance that is negative; planes of unbalance that are not on the shaft, or at the same place.
-    pub fn new(config: SpindleEstimatorConfig) -> Result<Self, Vec<Invalid>> {
-        let mut checks = Checks::default();
-        let spindle = config.geometry.checked(&mut checks);
-        checks.positive("Ts", config.step_s, "s");
-        for (k, lambda0) in config.lambda0_nm2_a2.into_iter().enumerate() {
-            let (bearing, magnet) = bearing_of(k);
-            let name = format!("{}.lambda0[{}]", crate::bearing::spindle::BEARINGS[bearing], magnet + 1);
-            checks.positive(name, lambda0, "N.m2/A2");
-        }
-        let [first_m, second_m] = config.unbalance_position_m;
-        config.geometry.check_position("unbalance[1].position", first_m, &mut checks);
-        config.geometry.check_position("unbalance[2].position", second_m, &mut checks);
-        checks.require(
-            (first_m - second_m).abs() >= SHORTEST_DISTANCE_M || !(first_m - second_m).is_finite(),
-            "unbalance[2].position",
-            format_args!("{second_m} m"),
-            format!("a position at least {SHORTEST_DISTANCE_M} m from unbalance[1].position = {first_m} m"),
-        );
-        checks.not_negative("sensor.positionNoise", config.position_noise_m, "m");
-        checks.not_negative("sensor.currentNoise", config.current_noise_a, "A");
-        for (name, value, unit) in config.tolerance.listed() {
-            checks.not_negative(name, value, unit);
-        }
-        config.shaft_tolerance.check(&config, &mut checks);
-        checks.finish()?;
-        let Some(radial) = radial(&config) else {
-            return Err(vec![Invalid {
-                name: "B.sensorPosition".into(),
-                value: format!("{} m", config.geometry.b.sensor_position_m),
-                wanted: "a position of the sensors that tells a tilt".into(),
-            }]);
-        };
-        let axial = axial(&config);
-        Ok(Self { config, spindle, radial, axial })
+/// What they keep from sample to sample.
+type PartsState<const K: usize, const U: usize, const T: usize> =
+    (Box<PredictionErrorState<4, K, U, T>>, Box<PredictionErrorState<1, 2, 3, 5>>);
+
+impl<const N: usize, const A: usize, const K: usize, const U: usize, const T: usize> Estimation<N, A, 2>
+    for Parts<K, U, T>
+where
+    PredictionErrorState<4, K, U, T>: Serialize + for<'de> Deserialize<'de>,
+{
+    type State = PartsState<K, U, T>;
+
+    fn start(&self) -> Self::State {
+        (Box::new(self.radial.start()), Box::new(self.axial.start()))
     }
 
-    /// The configuration.
-    #[must_use]
-    pub fn config(&self) -> &SpindleEstimatorConfig {
-        &self.config
+    fn has_shape(&self, (radial, axial): &Self::State) -> bool {
+        radial.has_shape() && axial.has_shape()
     }
 
-    /// A fresh state; stepping allocates nothing.
-    #[must_use]
-    pub fn start(&self) -> SpindleEstimatorState {
-        let mut state = SpindleEstimatorState {
-            reset_was_high: false,
-            readings: Readings::start(),
-            radial: Box::new(self.radial.start()),
-            axial: Box::new(self.axial.start()),
-            output: SpindleEstimatorOutput::default(),
-        };
-        self.report(&mut state, [Verdict::Collecting; 2]);
-        state
+    fn is_in_gap(&self, position_m: [f64; N]) -> bool {
+        self.radial.is_in_gap(std::array::from_fn(|n| position_m[n])) && self.axial.is_in_gap([position_m[4]])
     }
 
-    /// Whether a state, for instance one read from a file, holds finite numbers alone.
-    #[must_use]
-    pub fn accepts(&self, state: &SpindleEstimatorState) -> bool {
-        is_finite(state) && state.radial.has_shape() && state.axial.has_shape()
-    }
-
-    /// Takes in one sample; to be called once every T_s. As [`Estimator::sample`](super::Estimator::sample).
-    pub fn sample(&self, state: &mut SpindleEstimatorState, input: &SpindleEstimatorInput) -> SpindleEstimatorOutput {
-        if input.reset && !state.reset_was_high {
-            *state = self.start();
-        }
-        state.reset_was_high = input.reset;
-        let [radial, axial] = self.refused(state, input);
-        let rotation = state.readings.rotation();
-        let [a_y, a_z, b_y, b_z, x] = input.reading_m;
-        let [a_1, a_2, a_3, b_1, b_2, b_3, x_1, x_2] = input.current_a;
+    fn advance(
+        &self,
+        (radial, axial): &mut Self::State,
+        sample: &Judged<'_, N, A>,
+        output: &mut EstimatorOutputOf<N, A, 2>,
+    ) -> [Verdict; 2] {
+        let EstimatorInputOf { position_m, current_a, .. } = sample.input;
+        let refused = [sample.refused(0..4, radial.estimate.verdict), sample.refused(4..5, axial.estimate.verdict)];
         let verdicts = [
-            self.radial.take(&mut state.radial, radial, || {
-                Sample::new([a_y, a_z, b_y, b_z], [a_1, a_2, a_3, b_1, b_2, b_3], rotation)
+            self.radial.take(radial, refused[0], || {
+                let (position_m, current_a) =
+                    (std::array::from_fn(|n| position_m[n]), std::array::from_fn(|k| current_a[k]));
+                Sample::new(position_m, current_a, sample.rotation)
             }),
-            self.axial.take(&mut state.axial, axial, || Sample::new([x], [x_1, x_2], rotation)),
+            self.axial.take(axial, refused[1], || {
+                Sample::new([position_m[4]], [current_a[K], current_a[K + 1]], sample.rotation)
+            }),
         ];
-        self.report(state, verdicts);
-        state.output.clone()
-    }
-
-    /// Why the radial and the axial part of a sample cannot be used, if so.
-    fn refused(&self, state: &mut SpindleEstimatorState, input: &SpindleEstimatorInput) -> [Option<Verdict>; 2] {
-        let coordinates = self.spindle.coordinates(input.reading_m);
-        let in_gap = self.spindle.geometry().gaps(coordinates).iter().all(|gap_m| *gap_m > 0.0);
-        let rotation = [input.theta_rad, input.omega_rad_s];
-        match state.readings.take(input.reading_m, input.current_a, rotation, self.config.step_s, in_gap) {
-            _ if !input.enable => [Some(Verdict::Disabled); 2],
-            _ if input.contact => [Some(Verdict::Contact); 2],
-            Taken::Usable { contradiction: true, .. } if self.config.identify_unbalance => [Some(Verdict::Speed); 2],
-            Taken::Usable { stuck: [a_y, a_z, b_y, b_z, x], .. } => {
-                [a_y || a_z || b_y || b_z, x].map(|stuck| stuck.then_some(Verdict::Stuck))
-            }
-            _ if state.readings.are_lost() => [Some(Verdict::BadSample); 2],
-            Taken::Missing | Taken::Repeated => [state.radial.estimate.verdict, state.axial.estimate.verdict].map(Some),
-        }
-    }
-
-    /// Writes both estimates into the output.
-    fn report(&self, state: &mut SpindleEstimatorState, verdicts: [Verdict; 2]) {
-        let (radial, axial, output) = (&state.radial.estimate, &state.axial.estimate, &mut state.output);
-        let joined =
-            |r: &SVector<f64, 6>, x: &SVector<f64, 2>| std::array::from_fn(|k| if k < 6 { r[k] } else { x[k - 6] });
-        output.lambda_hat = joined(&radial.lambda(), &axial.lambda());
-        output.lambda_raw = joined(&radial.lambda_raw, &axial.lambda_raw);
-        let std = |n: usize| joined(&radial.variance[n].map(sqrt), &axial.variance[n].map(sqrt));
-        (output.lambda_std, output.lambda_std_total) = (std(0), std(1));
-        output.ki = joined(&radial.ki, &axial.ki);
-        output.ks = joined(&radial.ks, &axial.ks);
-        output.axial_verdict = verdicts[1];
-        output.verdict = if verdicts[0] == Verdict::Valid { verdicts[1] } else { verdicts[0] };
-        output.valid = output.verdict == Verdict::Valid;
-        output.condition = radial.condition.max(axial.condition);
-        output.residual = radial.residual.max(axial.residual);
-        output.load = std::array::from_fn(|n| if n == 0 { axial.unknowns[2] } else { radial.unknowns[LOADS + n - 1] });
-        if verdicts[0] == Verdict::Valid && self.config.identify_unbalance {
-            for plane in 0..PLANES {
-                let [along, across] = [radial.unknowns[6 + 2 * plane], radial.unknowns[7 + 2 * plane]];
-                [output.unbalance_kg_m[plane], output.unbalance_phase_rad[plane]] = polar(along, across);
-            }
-        }
-        if verdicts[0] == Verdict::Valid {
-            for at in 0..RADIAL {
-                let [against, beside] = [radial.unknowns[BACKWARD + 2 * at], radial.unknowns[BACKWARD + 1 + 2 * at]];
-                [output.backward_force_n[at], output.backward_force_phase_rad[at]] = polar(against, -beside);
-            }
-        }
-        output.position_noise_m = [radial.noise[0], axial.noise[0]];
-        output.current_noise_a = [radial.noise[1], axial.noise[1]];
-        output.ki_std = stiffness_std(output.ki, output.lambda_std_total, output.lambda_hat);
-        output.ks_std = stiffness_std(output.ks, output.lambda_std_total, output.lambda_hat);
+        output.write(0, 0, 1..N, &self.radial, radial, verdicts[0]);
+        output.write(1, K, 0..1, &self.axial, axial, verdicts[1]);
+        verdicts
     }
 }
 
@@ -418,20 +203,20 @@ impl ShaftTolerance {
         numbers("tolerance.", self, &())
     }
 
-    fn check(&self, config: &SpindleEstimatorConfig, checks: &mut Checks) {
-        let [begin_m, end_m] = config.geometry.extent_m;
+    fn check<const M: usize>(&self, geometry: &SpindleGeometryOf<f64, M>, checks: &mut Checks) {
+        let [begin_m, end_m] = geometry.extent_m;
         for (name, value, unit) in self.listed() {
             checks.not_negative(name.clone(), value, unit);
             let on_shaft = unit != "m" || value.is_nan() || value < end_m - begin_m || begin_m >= end_m;
             let wanted = format!("less than the length of the shaft, {} m,", end_m - begin_m);
             checks.require(on_shaft, name, format_args!("{value} m"), wanted);
         }
-        let inertia = config.geometry.shaft.transverse_kgm2;
+        let inertia = geometry.shaft.transverse_kgm2;
         let light = self.transverse_kgm2.is_nan() || self.transverse_kgm2 < inertia || inertia <= 0.0;
         let wanted = format!("less than Jt = {inertia} kg.m2,");
         checks.require(light, "tolerance.Jt", format_args!("{} kg.m2", self.transverse_kgm2), wanted);
         // The tilt is told by the distance of the sensors.
-        let apart_m = (config.geometry.a.sensor_position_m - config.geometry.b.sensor_position_m).abs();
+        let apart_m = (geometry.a.sensor_position_m - geometry.b.sensor_position_m).abs();
         let small =
             self.sensor_position_m.is_nan() || self.sensor_position_m < apart_m || apart_m < SHORTEST_DISTANCE_M;
         let wanted = format!("less than the distance of the sensors, {apart_m} m,");
@@ -439,51 +224,111 @@ impl ShaftTolerance {
     }
 }
 
-/// The radial motion; `None` if the readings do not tell a tilt.
-fn radial(config: &SpindleEstimatorConfig) -> Option<Radial> {
-    radial_machine(&config.geometry, config.unbalance_position_m)?;
-    let (t, shaft) = (&config.tolerance, &config.shaft_tolerance);
-    let mut std = [0.0; PARAMETERS];
-    std[0] = t.gap_m;
-    std[1..7].fill(t.alpha_rad);
-    std[7..9].copy_from_slice(&[shaft.transverse_kgm2, shaft.polar_kgm2]);
-    std[9..11].fill(shaft.position_m);
-    std[11..13].fill(shaft.sensor_position_m);
-    std[13..15].fill(shaft.unbalance_position_m);
-    let machine = |change: [f64; PARAMETERS]| {
-        let (mut geometry, mut planes_m) = (config.geometry, config.unbalance_position_m);
-        geometry.shaft.transverse_kgm2 += change[7];
-        geometry.shaft.polar_kgm2 += change[8];
-        for (at, bearing) in [&mut geometry.a, &mut geometry.b].into_iter().enumerate() {
-            bearing.gap_m += change[0];
-            bearing.alpha_rad.iter_mut().zip(&change[1 + 3 * at..]).for_each(|(alpha, by)| *alpha += by);
-            bearing.position_m += change[9 + at];
-            bearing.sensor_position_m += change[11 + at];
-            planes_m[at] += change[13 + at];
+impl<const M: usize, const A: usize> SpindleEstimatorConfigOf<M, A> {
+    fn shared(&self) -> Common<'_, A> {
+        Common {
+            m_kg: self.geometry.shaft.m_kg,
+            step_s: self.step_s,
+            lambda0_nm2_a2: self.lambda0_nm2_a2,
+            hold: self.hold,
+            identify_unbalance: self.identify_unbalance,
+            noise: [self.position_noise_m, self.current_noise_a],
+            tolerance: &self.tolerance,
         }
-        // The check above and that of the tolerances hold for what is a tolerance away.
-        radial_machine(&geometry, planes_m).unwrap_or_else(|| unreachable!("sensors at different places"))
-    };
-    let lambda0 = std::array::from_fn(|k| config.lambda0_nm2_a2[k]);
-    Some(estimator(machine, std, lambda0, config))
+    }
+
+    /// Reports what [`Spindle::new`] refuses; a sample time or a first guess that is not positive; noise or a tolerance that is negative;
+    /// planes of unbalance that are not on the shaft, or at the same place.
+    fn checked(&self, machine: &Names, checks: &mut Checks) {
+        let _: SpindleOf<M, A> = self.geometry.checked(checks);
+        let noise = [self.position_noise_m, self.current_noise_a];
+        let [first_m, second_m] = self.unbalance_position_m;
+        self.geometry.check_position("unbalance[1].position", first_m, checks);
+        self.geometry.check_position("unbalance[2].position", second_m, checks);
+        checks.require(
+            (first_m - second_m).abs() >= SHORTEST_DISTANCE_M || !(first_m - second_m).is_finite(),
+            "unbalance[2].position",
+            format_args!("{second_m} m"),
+            format!("a position at least {SHORTEST_DISTANCE_M} m from unbalance[1].position = {first_m} m"),
+        );
+        check_common(machine, self.step_s, self.lambda0_nm2_a2, noise, &self.tolerance, checks);
+        self.shaft_tolerance.check(&self.geometry, checks);
+    }
+
+    /// Both parts of the motion.
+    ///
+    /// # Errors
+    /// If the readings do not tell a tilt.
+    fn parts<const K: usize, const U: usize, const T: usize, const R: usize>(
+        &self,
+    ) -> Result<Parts<K, U, T>, Vec<Invalid>> {
+        const { assert!(R == BESIDE_ANGLES + K, "an angle for each magnet") };
+        if radial_machine::<M, A, K, U>(&self.geometry, self.unbalance_position_m).is_none() {
+            return Err(vec![Invalid {
+                name: "B.sensorPosition".into(),
+                value: format!("{} m", self.geometry.b.sensor_position_m),
+                wanted: "a position of the sensors that tells a tilt".into(),
+            }]);
+        }
+        let (t, shaft) = (&self.tolerance, &self.shaft_tolerance);
+        let mut std = [0.0; R];
+        std[0] = t.gap_m;
+        std[1..=K].fill(t.alpha_rad);
+        let beside = &mut std[1 + K..];
+        beside[..2].copy_from_slice(&[shaft.transverse_kgm2, shaft.polar_kgm2]);
+        beside[2..4].fill(shaft.position_m);
+        beside[4..6].fill(shaft.sensor_position_m);
+        beside[6..8].fill(shaft.unbalance_position_m);
+        let radial = |change: [f64; R]| {
+            let (mut geometry, mut planes_m) = (self.geometry, self.unbalance_position_m);
+            let beside = &change[1 + K..];
+            geometry.shaft.transverse_kgm2 += beside[0];
+            geometry.shaft.polar_kgm2 += beside[1];
+            for (at, bearing) in [&mut geometry.a, &mut geometry.b].into_iter().enumerate() {
+                bearing.gap_m += change[0];
+                bearing.alpha_rad.iter_mut().zip(&change[1 + M * at..]).for_each(|(alpha, by)| *alpha += by);
+                bearing.position_m += beside[2 + at];
+                bearing.sensor_position_m += beside[4 + at];
+                planes_m[at] += beside[6 + at];
+            }
+            // The check above and that of the tolerances hold for what is a tolerance away.
+            radial_machine::<M, A, K, U>(&geometry, planes_m)
+                .unwrap_or_else(|| unreachable!("sensors at different places"))
+        };
+        // The axial motion knows no unbalance.
+        let axial = |[gap_m]: [f64; 1]| Machine {
+            geometry: Geometry::new(self.geometry.axial_gap_m + gap_m, [0.0; 2]),
+            accelerations: SMatrix::from([[1.0, -1.0, 1.0]]) / self.geometry.shaft.m_kg,
+            backward: 2,
+            gyroscopic: None,
+        };
+        let (common, lambda0) = (self.shared(), self.lambda0_nm2_a2);
+        Ok(Parts {
+            radial: prediction_error(radial, std, std::array::from_fn(|k| lambda0[k]), &common),
+            axial: prediction_error(axial, [t.gap_m], [lambda0[K], lambda0[K + 1]], &common),
+        })
+    }
 }
 
 /// The radial machine of a spindle with planes of unbalance; `None` if the readings do not tell a tilt.
-fn radial_machine(spindle: &SpindleGeometry, planes_m: [f64; PLANES]) -> Option<Machine<4, 6, UNKNOWNS>> {
+fn radial_machine<const M: usize, const A: usize, const K: usize, const U: usize>(
+    spindle: &SpindleGeometryOf<f64, M>,
+    planes_m: [f64; PLANES],
+) -> Option<Machine<4, K, U>> {
     let across = |[_, y, z, beta, gamma]: [f64; COORDINATES]| SVector::from([y, z, beta, gamma]);
     let [a_y, a_z, b_y, b_z, _] = spindle.sensors().map(across);
     let h = Square::<4>::from_columns(&[a_y, a_z, b_y, b_z]).transpose();
     let back = h.try_inverse()?;
     let inertia = across(spindle.shaft.inertia());
     let acceleration = |force: SVector<f64, 4>| -> SVector<f64, 4> { h * force.component_div(&inertia) };
-    let geometry = spindle.geometry();
-    let directions: [SVector<f64, 4>; 6] = std::array::from_fn(|k| across(geometry.directions[k]));
+    let geometry = spindle.geometry::<A>();
+    let directions: [SVector<f64, 4>; K] = std::array::from_fn(|k| across(geometry.directions[k]));
     let axes_at = |at_m: f64| [[1.0, 0.0], [0.0, 1.0]].map(|axis| across(generalised(at_m, axis)));
     let bearings_m = spindle.radial().map(|bearing| bearing.position_m);
     let turning = planes_m.into_iter().chain(bearings_m).flat_map(axes_at);
     let loads = Square::<4>::identity();
     let forces = directions.into_iter().chain(turning).chain(loads.column_iter().map(|x| x.into_owned()));
-    let mut accelerations = SMatrix::<f64, UNKNOWNS, 4>::zeros();
+    let mut accelerations = SMatrix::<f64, U, 4>::zeros();
     for (j, force) in forces.enumerate() {
         accelerations.set_row(j, &acceleration(force).transpose());
     }
@@ -498,45 +343,7 @@ fn radial_machine(spindle: &SpindleGeometry, planes_m: [f64; PLANES]) -> Option<
             directions: directions.map(|d| back.tr_mul(&d).into()),
         },
         accelerations,
-        backward: BACKWARD,
+        backward: K + 2 * PLANES,
         gyroscopic: Some(Square::from_columns(&columns)),
     })
-}
-
-/// The axial motion, without unbalance.
-fn axial(config: &SpindleEstimatorConfig) -> Axial {
-    let machine = |[gap_m]: [f64; 1]| Machine {
-        geometry: Geometry { gap_m: [config.geometry.axial_gap_m + gap_m; 2], directions: [[1.0], [-1.0]] },
-        accelerations: SMatrix::from([[1.0, -1.0, 1.0]]) / config.geometry.shaft.m_kg,
-        backward: 2,
-        gyroscopic: None,
-    };
-    let [_, _, _, _, _, _, towards, away] = config.lambda0_nm2_a2;
-    estimator(machine, [config.tolerance.gap_m], [towards, away], config)
-}
-
-/// The estimator of a machine of which parameters have these standard deviations.
-fn estimator<const N: usize, const K: usize, const U: usize, const T: usize, const P: usize>(
-    machine: impl Fn([f64; P]) -> Machine<N, K, U>,
-    std: [f64; P],
-    lambda0: [f64; K],
-    config: &SpindleEstimatorConfig,
-) -> PredictionError<N, K, U, T> {
-    let t = &config.tolerance;
-    let central = machine([0.0; P]);
-    let forces = central.backward..U - N;
-    PredictionError {
-        filter: WhiteningFilter {
-            machine: central,
-            step_s: config.step_s,
-            hold: config.hold,
-            identify_unbalance: config.identify_unbalance,
-            identify_backward: t.backward_force_n > 0.0,
-            tolerances: t.columns(std, machine),
-        },
-        lambda0,
-        prior: models::prior(lambda0, forces, t.backward_force_n),
-        known_noise: [config.position_noise_m, config.current_noise_a],
-        scale_variance: t.scale_variance(config.geometry.shaft.m_kg),
-    }
 }

@@ -7,7 +7,7 @@ use crate::invalid;
 use crate::machine::Machine;
 
 /// What the three models share: version, licence, the paper's experiment of 0.4 s in steps of 0.1 ms.
-pub(super) const fn info(name: &'static str, description: &'static str) -> Info {
+pub(super) const fn info((name, description): &(&'static str, &'static str)) -> Info {
     Info::new(name, description)
         .version(env!("CARGO_PKG_VERSION"))
         .license(env!("CARGO_PKG_LICENSE"))

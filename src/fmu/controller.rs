@@ -1,4 +1,5 @@
-//! `FlatnessController`: reference, tracking law, perturbation observer, force allocation and current loop.
+//! `FlatnessController`, `SpindleController` and those of the other machines: reference, tracking law, perturbation observers, force
+//! allocation and current loop.
 
 use std::fmt;
 
@@ -6,43 +7,55 @@ use fmu_export::log::{Digits, Log, Topic};
 use fmu_export::variable::Row;
 use fmu_export::variable::{Table, Value};
 use fmu_export::{Info, Invalid, Resources, SampledModel, StepError};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::common::{info, refused, sampled};
 use crate::control::controller::{
-    Controller, ControllerConfig, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
+    Controller, ControllerConfig, ControllerConfigOf, ControllerInputOf, ControllerOutputOf, ControllerParameters,
+    StateOf, UpdateMode,
 };
-use crate::machine::{Machine, PLANAR};
+use crate::control::spindle::{SpindleControllerConfig, SpindleControllerConfigOf};
+use crate::control::tracking::Arrangement;
+use crate::machine::Machine;
 use crate::variables::Variables;
 
-/// The values of all variables of the controller.
+/// The values of all variables of a controller.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
-pub struct Values {
+#[serde(bound(
+    serialize = "C: Serialize, ControllerInputOf<N, K>: Serialize, ControllerOutputOf<N, K>: Serialize",
+    deserialize = "C: Deserialize<'de>, ControllerInputOf<N, K>: Deserialize<'de>, ControllerOutputOf<N, K>: Deserialize<'de>"
+))]
+pub struct Values<C, const N: usize, const K: usize>
+where
+    C: Variables<Context = Machine> + Default + Clone + 'static,
+{
     #[nested(prefix = "")]
-    config: ControllerConfig,
-    #[nested(prefix = "", context = ())]
-    input: ControllerInput,
-    #[nested(prefix = "", context = ())]
-    output: ControllerOutput,
+    config: C,
+    #[nested(prefix = "")]
+    input: ControllerInputOf<N, K>,
+    #[nested(prefix = "")]
+    output: ControllerOutputOf<N, K>,
 }
 
-impl Values {
-    /// The configuration with the speed, which may change during a run.
-    fn config(&self) -> ControllerConfig {
-        let mut config = self.config.clone();
-        config.reference.omega_rad_s = self.input.omega_rad_s;
-        config
-    }
+/// The configuration with the speed, which may change during a run.
+fn config<C, const N: usize, const K: usize, const G: usize>(values: &Values<C, N, K>) -> C
+where
+    C: ControllerParameters<N, K, G> + Variables<Context = Machine> + Default + 'static,
+{
+    let mut config = values.config.clone();
+    *config.omega_mut() = values.input.omega_rad_s;
+    config
 }
 
-/// The configuration of a controller with the given values by index, and start values elsewhere.
+/// The configuration of a controller of the planar rotor with the given values by index, and start values elsewhere.
 pub fn configuration(settings: &[(usize, Value)]) -> ControllerConfig {
-    Table::new(FlatnessController::table()).values(settings).config()
+    config(&Table::new(FlatnessController::table()).values(settings))
 }
 
 /// Logs that force constants have been replaced.
-pub(super) fn log_update<const K: usize>(log: &mut dyn Log, instant_s: f64, used: &[f64; K], now: &[f64; K]) {
+fn log_update<const K: usize>(log: &mut dyn Log, instant_s: f64, used: &[f64; K], now: &[f64; K]) {
     let (at_s, used, now) = (Digits::<9>(instant_s), List(used), List(now));
     log.message(
         Topic::Event,
@@ -62,57 +75,82 @@ impl fmt::Display for List<'_> {
     }
 }
 
-/// The controller.
+/// The model of a controller.
 #[derive(Clone)]
-pub struct FlatnessController(Controller);
+pub struct ControllerModel<C: ControllerParameters<N, K, G>, const N: usize, const K: usize, const G: usize>(
+    Controller<C, N, K, G>,
+);
 
-impl SampledModel for FlatnessController {
-    const INFO: Info = info(
-        "FlatnessController",
-        "Flatness-based tracking controller with perturbation observer for a three-phase magnetic bearing",
-    );
-    type Values = Values;
-    type State = ControllerState;
+/// The controller of the planar rotor.
+pub type FlatnessController = ControllerModel<ControllerConfig, 2, 3, 1>;
 
-    fn table() -> Vec<Row<Values>> {
-        sampled(Values::rows_in(&PLANAR), &PLANAR)
+/// That with four magnets.
+pub type FlatnessController4 = ControllerModel<ControllerConfigOf<2, 4, 2>, 2, 4, 2>;
+
+/// That along the axis.
+pub type AxialController = ControllerModel<ControllerConfigOf<1, 2, 1>, 1, 2, 1>;
+
+/// The controller of the spindle.
+pub type SpindleController = ControllerModel<SpindleControllerConfig, 5, 8, 3>;
+
+/// That with four magnets in each radial bearing.
+pub type SpindleController4 = ControllerModel<SpindleControllerConfigOf<4, 10, 5>, 5, 10, 5>;
+
+impl<C, const N: usize, const K: usize, const G: usize> SampledModel for ControllerModel<C, N, K, G>
+where
+    C: ControllerParameters<N, K, G, Rotor: Send + Sync, Path: Send + Sync>
+        + Variables<Context = Machine>
+        + Default
+        + Send
+        + Sync
+        + 'static,
+    // True of every length that is used; serde does not know it of all.
+    Values<C, N, K>: Serialize + DeserializeOwned,
+    StateOf<C, N, K, G>: Serialize + DeserializeOwned + Send + Sync + 'static,
+{
+    const INFO: Info = info(&C::Rotor::MACHINE.models[1]);
+    type Values = Values<C, N, K>;
+    type State = StateOf<C, N, K, G>;
+
+    fn table() -> Vec<Row<Self::Values>> {
+        sampled(Values::rows_in(C::Rotor::MACHINE), C::Rotor::MACHINE)
     }
 
-    fn new(values: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
-        Controller::new(values.config()).map(Self).map_err(refused)
+    fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
+        Controller::new(config(values)).map(Self).map_err(refused)
     }
 
     fn period_s(&self) -> f64 {
-        self.0.config().law.step_s
+        self.0.config().law().step_s
     }
 
-    fn start(&self, values: &mut Values, start_s: f64) -> ControllerState {
+    fn start(&self, values: &mut Self::Values, start_s: f64) -> Self::State {
         values.output = self.0.output_at_start();
         self.0.start(start_s)
     }
 
     fn sample(
         &self,
-        state: &mut ControllerState,
-        values: &mut Values,
+        state: &mut Self::State,
+        values: &mut Self::Values,
         instant_s: f64,
         log: &mut dyn Log,
     ) -> Result<(), StepError> {
         let used = values.output.lambda_used_nm2_a2;
         values.output = self.0.sample(state, &values.input).map_err(StepError::of)?;
         let now = values.output.lambda_used_nm2_a2;
-        if used != now && self.0.config().law.update == UpdateMode::AtTime && log.wants(Topic::Event) {
+        if used != now && self.0.config().law().update == UpdateMode::AtTime && log.wants(Topic::Event) {
             log_update(log, instant_s, &used, &now);
         }
         Ok(())
     }
 
-    fn retune(&mut self, _: &mut ControllerState, values: &Values, _: &Resources) -> Result<(), Vec<Invalid>> {
-        let law = &values.config.law;
-        self.0.retune(law.modulation, law.modulation_hz[0]).map_err(refused)
+    fn retune(&mut self, _: &mut Self::State, values: &Self::Values, _: &Resources) -> Result<(), Vec<Invalid>> {
+        let law = values.config.law();
+        self.0.retune(law.modulation, law.modulation_hz).map_err(refused)
     }
 
-    fn accepts(&self, state: &ControllerState) -> Result<(), String> {
+    fn accepts(&self, state: &Self::State) -> Result<(), String> {
         self.0.accepts(state).then_some(()).ok_or_else(|| "the state is not one that this controller can have".into())
     }
 }

@@ -1,13 +1,18 @@
-//! `AlgebraicEstimator`: the force constants from positions and currents, on line.
+//! `AlgebraicEstimator`, `SpindleEstimator` and those of the other machines: the force constants from positions and currents, on line.
 
 use fmu_export::log::{Digits, Log, Topic};
 use fmu_export::variable::{Enumeration, Row, Table, Value};
 use fmu_export::{Info, Invalid, Resources, SampledModel, StepError};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::common::{info, refused, sampled};
-use crate::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Method, Verdict};
-use crate::machine::{Machine, PLANAR};
+use crate::estimation::spindle::{SpindleEstimatorConfig, SpindleEstimatorConfigOf};
+use crate::estimation::{
+    Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, EstimatorParameters, Method,
+    StateOf, Verdict,
+};
+use crate::machine::Machine;
 use crate::variables::{Choice, Variables};
 
 /// How the force constants are computed.
@@ -16,54 +21,88 @@ pub const METHOD: &Enumeration = Method::ENUMERATION;
 /// Why an estimate is valid or not.
 pub const VERDICT: &Enumeration = Verdict::ENUMERATION;
 
-/// The values of all variables of the estimator.
+/// The values of all variables of an estimator.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
-pub struct Values {
+#[serde(bound(
+    serialize = "C: Serialize, EstimatorInputOf<N, K>: Serialize, EstimatorOutputOf<N, K, P>: Serialize",
+    deserialize = "C: Deserialize<'de>, EstimatorInputOf<N, K>: Deserialize<'de>, EstimatorOutputOf<N, K, P>: Deserialize<'de>"
+))]
+pub struct Values<C, const N: usize, const K: usize, const P: usize>
+where
+    C: Variables<Context = Machine> + Default + Clone + 'static,
+{
     #[nested(prefix = "")]
-    config: EstimatorConfig,
-    #[nested(prefix = "", context = ())]
-    input: EstimatorInput,
-    #[nested(prefix = "", context = ())]
-    output: EstimatorOutput,
+    config: C,
+    #[nested(prefix = "")]
+    input: EstimatorInputOf<N, K>,
+    #[nested(prefix = "")]
+    output: EstimatorOutputOf<N, K, P>,
 }
 
-/// The configuration of an estimator with the given values by index, and start values elsewhere.
+/// The configuration of the estimator of the planar rotor with the given values by index, and start values elsewhere.
 pub fn configuration(settings: &[(usize, Value)]) -> EstimatorConfig {
     Table::new(AlgebraicEstimator::table()).values(settings).config
 }
 
 /// Reports a verdict that has changed.
-pub(super) fn log_verdict(log: &mut dyn Log, instant_s: f64, former: Verdict, verdict: Verdict) {
+fn log_verdict(log: &mut dyn Log, instant_s: f64, former: Verdict, verdict: Verdict) {
     let topic = if verdict == Verdict::Singular { Topic::SingularLinearSystem } else { Topic::Event };
     if former != verdict && log.wants(topic) {
         log.message(topic, format_args!("at {} s the estimate is {verdict}", Digits::<9>(instant_s)));
     }
 }
 
-/// The estimator.
+/// The model of an estimator.
 #[derive(Clone)]
-pub struct AlgebraicEstimator(Estimator);
+pub struct EstimatorModel<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: usize>(
+    Estimator<C, N, K, P>,
+);
 
-impl SampledModel for AlgebraicEstimator {
-    const INFO: Info =
-        info("AlgebraicEstimator", "On-line estimator of the force constants of a three-phase magnetic bearing");
-    type Values = Values;
-    type State = EstimatorState;
+/// The estimator of the planar rotor.
+pub type AlgebraicEstimator = EstimatorModel<EstimatorConfig, 2, 3, 1>;
 
-    fn table() -> Vec<Row<Values>> {
-        sampled(Values::rows_in(&PLANAR), &PLANAR)
+/// That with four magnets.
+pub type AlgebraicEstimator4 = EstimatorModel<EstimatorConfigOf<2, 4>, 2, 4, 1>;
+
+/// That along the axis.
+pub type AxialEstimator = EstimatorModel<EstimatorConfigOf<1, 2>, 1, 2, 1>;
+
+/// The estimator of the spindle.
+pub type SpindleEstimator = EstimatorModel<SpindleEstimatorConfig, 5, 8, 2>;
+
+/// That with four magnets in each radial bearing.
+pub type SpindleEstimator4 = EstimatorModel<SpindleEstimatorConfigOf<4, 10>, 5, 10, 2>;
+
+impl<C, const N: usize, const K: usize, const P: usize> SampledModel for EstimatorModel<C, N, K, P>
+where
+    C: EstimatorParameters<N, K, P, Method: Send + Sync>
+        + Variables<Context = Machine>
+        + Default
+        + Send
+        + Sync
+        + 'static,
+    // True of every length that is used; serde does not know it of all.
+    Values<C, N, K, P>: Serialize + DeserializeOwned,
+    StateOf<C, N, K, P>: Serialize + DeserializeOwned + Send + Sync + 'static,
+{
+    const INFO: Info = info(&C::MACHINE.models[2]);
+    type Values = Values<C, N, K, P>;
+    type State = StateOf<C, N, K, P>;
+
+    fn table() -> Vec<Row<Self::Values>> {
+        sampled(Values::rows_in(C::MACHINE), C::MACHINE)
     }
 
-    fn new(values: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
+    fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
         Estimator::new(values.config.clone()).map(Self).map_err(refused)
     }
 
     fn period_s(&self) -> f64 {
-        self.0.config().step_s
+        self.0.config().common().step_s
     }
 
-    fn start(&self, values: &mut Values, _: f64) -> EstimatorState {
+    fn start(&self, values: &mut Self::Values, _: f64) -> Self::State {
         let state = self.0.start();
         values.output = state.output().clone();
         state
@@ -71,8 +110,8 @@ impl SampledModel for AlgebraicEstimator {
 
     fn sample(
         &self,
-        state: &mut EstimatorState,
-        values: &mut Values,
+        state: &mut Self::State,
+        values: &mut Self::Values,
         instant_s: f64,
         log: &mut dyn Log,
     ) -> Result<(), StepError> {
@@ -82,7 +121,7 @@ impl SampledModel for AlgebraicEstimator {
         Ok(())
     }
 
-    fn accepts(&self, state: &EstimatorState) -> Result<(), String> {
+    fn accepts(&self, state: &Self::State) -> Result<(), String> {
         self.0.accepts(state).then_some(()).ok_or_else(|| "the state does not belong to these parameters".into())
     }
 }

@@ -1,7 +1,7 @@
 //! The models of this project as FMUs: a table of variables each, and the library that serves them.
 //!
-//! [`plant`], [`controller`] and [`estimator`] each read from top to bottom: values, table, run. [`spindle`] holds the models of a
-//! whole rotor.
+//! [`controller`] and [`estimator`] each read from top to bottom: values, table, run, for any machine. `plants.rs` does so for the plants;
+//! what they depend on is in [`plant`] for one bearing and in [`spindle`].
 
 pub mod controller;
 pub mod estimator;
@@ -20,9 +20,18 @@ fmu_export::export_fmus!(
     plant::MagneticBearing,
     controller::FlatnessController,
     estimator::AlgebraicEstimator,
-    spindle::plant::MagneticSpindle,
-    spindle::controller::SpindleController,
-    spindle::estimator::SpindleEstimator,
+    spindle::MagneticSpindle,
+    controller::SpindleController,
+    estimator::SpindleEstimator,
+    plant::MagneticBearing4,
+    controller::FlatnessController4,
+    estimator::AlgebraicEstimator4,
+    spindle::MagneticSpindle4,
+    controller::SpindleController4,
+    estimator::SpindleEstimator4,
+    plant::AxialBearing,
+    controller::AxialController,
+    estimator::AxialEstimator,
 );
 
 /// All models of this project, in the order in which they are shown.

@@ -1,23 +1,28 @@
-//! `MagneticBearing`: the rotor, its three magnets and their coils, unbalance, perturbation forces, backup bearing and
+//! `MagneticBearing`, `MagneticBearing4`, `AxialBearing`: the rotor, its magnets and their coils, unbalance, perturbation forces, backup bearing and
 //! sensors.
 
-use fmu_export::Info;
 use fmu_export::variable::{Row, Value};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::common::info;
 use super::plants::{self, ModelledRotor, PlantModel};
 use crate::bearing::scalar::Scalar;
 use crate::invalid;
-use crate::machine::PLANAR;
-use crate::plant::{Equations, Motion, Plant, PlantConfig, PlantInput};
+use crate::machine::Machine;
+use crate::plant::{Equations, Motion, Plant, PlantConfig, PlantInput, PlantParameters, RotorConfig};
 use crate::variables::Variables;
 
-/// The plant.
+/// The plant with three magnets.
 pub type MagneticBearing = PlantModel<PlantConfig, 2, 3>;
 
+/// That with four.
+pub type MagneticBearing4 = PlantModel<RotorConfig<f64, 2, 4>, 2, 4>;
+
+/// That along the axis.
+pub type AxialBearing = PlantModel<RotorConfig<f64, 1, 2>, 1, 2>;
+
 /// The values of all variables of the plant.
-type Values = plants::Values<PlantConfig, 2, 3>;
+type Values<const N: usize, const K: usize> = plants::Values<RotorConfig<f64, N, K>, N, K>;
 
 /// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
 pub fn configuration(settings: &[(usize, Value)]) -> (PlantConfig, PlantInput) {
@@ -32,56 +37,59 @@ pub struct Touchdown {
     contact: bool,
 }
 
-impl ModelledRotor<2, 3> for PlantConfig {
-    const INFO: Info = info(
-        "MagneticBearing",
-        "Rotor in a three-phase radial magnetic bearing, with unbalance, perturbation forces and sensors",
-    );
+impl<const N: usize, const K: usize> ModelledRotor<N, K> for RotorConfig<f64, N, K>
+where
+    // True of every length that is used; serde does not know it of all.
+    Self: Serialize + DeserializeOwned,
+{
     type Details = Touchdown;
 
-    fn dependent(row: Row<Values>) -> Row<Values> {
-        dependent(row)
+    fn dependent(row: Row<Values<N, K>>) -> Row<Values<N, K>> {
+        dependent(row, Self::MACHINE)
     }
 
-    fn start_mut(&mut self) -> (&mut [f64; 2], &mut [f64; 2], &mut f64) {
+    fn start_mut(&mut self) -> (&mut [f64; N], &mut [f64; N], &mut f64) {
         (&mut self.position_m, &mut self.velocity_m_s, &mut self.theta_rad)
     }
 
-    fn retune(plant: &mut Plant, to: &Self) -> Result<(), Vec<invalid::Invalid>> {
+    fn retune(plant: &mut Plant<Self, N, K>, to: &Self) -> Result<(), Vec<invalid::Invalid>> {
         plant.retune(to.lambda_nm2_a2, to.unbalance_kgm, to.unbalance_phase_rad, to.harmonic.clone())
     }
 
     fn details<U: Scalar>(
-        _: &Equations<PlantConfig<U>>,
-        _: &Motion<U>,
+        _: &Equations<RotorConfig<U, N, K>, N, K>,
+        _: &Motion<U, N, K>,
         _: U,
         contact: bool,
-        _: [U; 3],
+        _: [U; K],
         _: impl Fn(U) -> f64,
     ) -> Touchdown {
         Touchdown { contact }
     }
 }
 
-/// Position and velocity of the rotor.
-const MOTION: [&str; 4] = ["Y", "Z", "vY", "vZ"];
+/// What contact with the backup bearing depends on at the start, besides the motion.
+const TOUCHING: [&str; 3] = ["touchdown.clearance", "touchdown.stiffness", "touchdown.damping"];
 
-/// What forces of magnets depend on at the start, besides what belongs to the magnet.
-const PULLING: [&str; 5] = ["s", "Y0", "Z0", "drive", "coil.fluxSaturation"];
-
-/// What contact with the backup bearing depends on at the start.
-const TOUCHING: [&str; 7] =
-    ["Y0", "Z0", "vY0", "vZ0", "touchdown.clearance", "touchdown.stiffness", "touchdown.damping"];
-
-/// What the perturbation along either axis depends on at the start.
-const ACTING: [&str; 6] = ["perturbation.omega", "unbalance.magnitude", "unbalance.phase", "omega", "theta0", "m"];
-
-fn dependent(row: Row<Values>) -> Row<Values> {
+fn dependent<D>(row: Row<D>, machine: &Machine) -> Row<D> {
     let (name, k) = (row.variable.name.clone(), row.index());
-    let axis = ["Y", "Z"].get(k).copied().unwrap_or_default();
+    let axis = machine.resultant.get(k).copied().unwrap_or_default();
     let along = |names: &[&str]| names.iter().map(|name| format!("{name}{axis}")).collect::<Vec<_>>();
-    match name.split('[').next().unwrap_or(&name) {
-        "Ym" | "Zm" => row
+    let [position, rate] = [machine.of_resultant(""), machine.of_resultant("v")];
+    let at_start = |names: &[String]| names.iter().map(|name| format!("{name}0")).collect::<Vec<_>>();
+    // An axial bearing has neither angles of magnets nor an unbalance.
+    let angle = machine.is_planar().then_some("alpha[{k}]");
+    let turning: &[&str] =
+        if machine.planes > 0 { &["unbalance.magnitude", "unbalance.phase", "omega", "theta0"] } else { &[] };
+    let ring: &[&str] = if machine.is_planar() { &["omega"] } else { &[] };
+    let pulling = |row: Row<_>| {
+        row.starts_from(["s"]).starts_from(at_start(&position)).starts_from(["drive", "coil.fluxSaturation"])
+    };
+    let touching =
+        |row: Row<_>| row.starts_from(at_start(&position)).starts_from(at_start(&rate)).starts_from(TOUCHING);
+    let kind = name.split('[').next().unwrap_or(&name).trim_end_matches(axis);
+    match kind {
+        _ if machine.measured().contains(&name.to_string()) => row
             .starts_from([format!("{axis}0")])
             .starts_from(along(&["sensor.offset", "sensor.gainError"]))
             .starts_from(["sensor.positionNoise", "sensor.positionResolution", "sensor.seed"]),
@@ -91,24 +99,28 @@ fn dependent(row: Row<Values>) -> Row<Values> {
             "sensor.seed",
             "sensor.currentOffset[{k}]",
         ]),
-        "F" => row.starts_from(PULLING).starts_from(["lambda[{k}]", "alpha[{k}]", "i[{k}]", "coil.open[{k}]"]),
-        "FY" | "FZ" => row
-            .depends_on(["i", "psi", "Y", "Z"])
-            .starts_from(PULLING)
-            .starts_from(["alpha", "lambda", "i", "coil.open"].into_iter().flat_map(|name| PLANAR.of_magnets(name))),
-        "gap" => row.starts_from(["s", "Y0", "Z0", "alpha[{k}]"]),
-        "perturbation.Y" | "perturbation.Z" => row.starts_from(ACTING).starts_from(along(&[
-            "p",
-            "perturbation.amplitude",
-            "perturbation.phase",
-            "gravity.",
-        ])),
-        "touchdown.contact" => row.depends_on(MOTION).starts_from(TOUCHING),
-        "touchdown.FY" | "touchdown.FZ" => row
-            .depends_on(["omega"])
-            .depends_on(MOTION)
-            .starts_from(["omega", "touchdown.friction", "touchdown.radius"])
-            .starts_from(TOUCHING),
+        "F" if name.contains('[') => {
+            pulling(row).starts_from(["lambda[{k}]"]).starts_from(angle).starts_from(["i[{k}]", "coil.open[{k}]"])
+        }
+        "F" => {
+            let of_magnets = ["lambda", "i", "coil.open"].into_iter().flat_map(|name| machine.of_magnets(name));
+            let angles = machine.of_magnets("alpha").into_iter().filter(|_| machine.is_planar());
+            pulling(row.depends_on(["i", "psi"]).depends_on(position.clone())).starts_from(angles.chain(of_magnets))
+        }
+        "gap" => row.starts_from(["s"]).starts_from(at_start(&position)).starts_from(angle),
+        "perturbation." => row
+            .starts_from(["perturbation.omega"])
+            .starts_from(turning.iter().copied())
+            .starts_from(["m"])
+            .starts_from(along(&["p", "perturbation.amplitude", "perturbation.phase", "gravity."])),
+        "touchdown.contact" => touching(row.depends_on(position.clone()).depends_on(rate.clone())),
+        "touchdown.F" => touching(
+            row.depends_on(ring.iter().copied())
+                .depends_on(position.clone())
+                .depends_on(rate.clone())
+                .starts_from(ring.iter().copied())
+                .starts_from(["touchdown.friction", "touchdown.radius"].into_iter().filter(|_| machine.is_planar())),
+        ),
         _ => row,
     }
 }

@@ -10,7 +10,7 @@ use fmu_export::{Capabilities, Info, Invalid, Model, Resources, Step, StepError}
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::common::{described, refused};
+use super::common::{described, info, refused};
 use crate::bearing::scalar::Scalar;
 use crate::invalid;
 use crate::machine::Machine;
@@ -34,9 +34,6 @@ pub trait ModelledRotor<const N: usize, const K: usize>:
     + Sync
     + 'static
 {
-    /// Name and description.
-    const INFO: Info;
-
     /// Outputs besides those of all plants.
     type Details: Clone
         + Debug
@@ -188,7 +185,8 @@ fn feedthrough<D>(row: Row<D>, machine: &Machine) -> Row<D> {
     let (name, index) = (row.variable.name.clone(), row.index());
     let is_of_magnet = |what: &str| machine.of_magnets(what).get(index).is_some_and(|known| *known == name);
     let of_magnet = |what: &str| machine.of_magnets(what)[index].clone();
-    let moving = || machine.moves[machine.magnets[index].0].iter().map(|n| machine.coordinates[*n].position.0);
+    let bearing = machine.magnet(index).map_or(0, |(bearing, _)| bearing);
+    let moving = || machine.moves(bearing).into_iter().map(|n| machine.coordinates[n].position.0);
     if is_of_magnet("F") {
         return row.depends_on(["i", "psi"].map(of_magnet)).depends_on(moving());
     }
@@ -200,15 +198,16 @@ fn feedthrough<D>(row: Row<D>, machine: &Machine) -> Row<D> {
     }
     let Some(coordinate) = machine.coordinates.get(index) else { return row };
     // The magnets that move the coordinate, and what else they move. A force along the shaft does not turn with it.
-    let bearing = machine.moves.iter().position(|moved| moved.contains(&index)).unwrap_or_default();
-    let moved = machine.moves[bearing];
+    let moved = (0..machine.bearings.len()).map(|b| machine.moves(b)).find(|moved| moved.contains(&index));
+    let moved = moved.unwrap_or_default();
     let turning: &[&str] = if moved.len() > 1 { &["omega", "rotor.theta"] } else { &[] };
     if name == coordinate.perturbation.0 {
         return row.depends(Constant, [coordinate.load.0]).depends_on(turning.iter().copied());
     }
     if name == coordinate.acceleration.0 {
-        let magnets = machine.magnets.iter().enumerate().filter(|(_, (of, _))| machine.moves[*of] == moved);
-        let drives = magnets.flat_map(|(k, _)| ["i", "psi"].map(|what| machine.of_magnets(what).swap_remove(k)));
+        let magnets = (0..machine.magnets())
+            .filter(|k| machine.magnet(*k).is_some_and(|(bearing, _)| machine.moves(bearing) == moved));
+        let drives = magnets.flat_map(|k| ["i", "psi"].map(|what| machine.of_magnets(what).swap_remove(k)));
         let motion = moved.iter().map(|n| &machine.coordinates[*n]);
         return row
             .depends_on(drives)
@@ -266,7 +265,7 @@ where
     Values<R, N, K>: Serialize + DeserializeOwned,
     PlantState<N, K, R::Contact>: Serialize + DeserializeOwned,
 {
-    const INFO: Info = R::INFO;
+    const INFO: Info = info(&R::MACHINE.models[0]);
     type Values = Values<R, N, K>;
     type State = PlantState<N, K, R::Contact>;
 

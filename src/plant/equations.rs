@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::integration::Vector;
-use super::planar::PlantConfig;
+use super::one_bearing::PlantConfig;
 use super::rotor::Rotor;
 use crate::bearing::coil::{Coil, CoilPoint, Drive};
 use crate::bearing::magnet::{Geometry, forces};

@@ -1,43 +1,23 @@
 //! Errors of a step.
 
+use std::fmt;
+
 use super::substeps::MOST_PARTS;
 use crate::invalid::Short;
 
 /// Why the plant could not complete a step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StepError {
-    /// The rotor has left the gap, or its motion is no longer finite. The state is the one before the sub-step in which this
+    /// The rotor has left the gap of a magnet, or its motion is no longer finite. The state is the one before the sub-step in which this
     /// happened.
-    #[error(
-        "the rotor leaves the gap at magnet {magnet} after t = {} s, starting at Y = {} m, Z = {} m",
-        Short(*time_s),
-        Short(position_m[0]),
-        Short(position_m[1])
-    )]
+    #[error("the rotor leaves the gap at {magnet} after t = {} s, starting at {}", Short(*time_s), List(position))]
     Contact {
-        /// Number of the nearest magnet, 1 to 3.
-        magnet: usize,
+        /// The nearest magnet, for instance `magnet 2 of bearing A`.
+        magnet: String,
         /// Begin of the sub-step, in s.
         time_s: f64,
-        /// Position (Y, Z) at that time, in m.
-        position_m: [f64; 2],
-    },
-    /// The rotor of a spindle has left the gap of a bearing, or its motion is no longer finite. The state is the one before the
-    /// sub-step in which this happened.
-    #[error(
-        "the rotor leaves the gap at magnet {magnet} of bearing {bearing} after t = {} s, starting at \
-         X = {} m, Y = {} m, Z = {} m, beta = {} rad, gamma = {} rad",
-        Short(*time_s), Short(position_m[0]), Short(position_m[1]), Short(position_m[2]), Short(position_m[3]), Short(position_m[4])
-    )]
-    SpindleContact {
-        /// Name of the bearing: A, B or X.
-        bearing: &'static str,
-        /// Number of the nearest magnet in that bearing, from 1.
-        magnet: usize,
-        /// Begin of the sub-step, in s.
-        time_s: f64,
-        /// Coordinates (x, y, z, β, γ) at that time, in m and rad.
-        position_m: [f64; 5],
+        /// Names and values of the coordinates at that time, in m, of angles in rad.
+        position: Vec<(&'static str, f64)>,
     },
     /// The motion is so fast that the step would take too long. The state is the one before the sub-step in which this was
     /// found.
@@ -67,4 +47,17 @@ pub enum StepError {
         /// Time of the plant, in s.
         time_s: f64,
     },
+}
+
+/// Coordinates with their units: angles have Greek names.
+struct List<'a>(&'a [(&'static str, f64)]);
+
+impl fmt::Display for List<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (n, (name, value)) in self.0.iter().enumerate() {
+            let unit = if ["beta", "gamma"].contains(name) { "rad" } else { "m" };
+            write!(f, "{}{name} = {} {unit}", if n == 0 { "" } else { ", " }, Short(*value))?;
+        }
+        Ok(())
+    }
 }

@@ -1,7 +1,7 @@
 //! The plant: a rotor between its magnets, with coils, backup bearings and sensors.
 //!
 //! This file holds state and sampling. The equations are in `equations.rs`, written once for N coordinates and K magnets; what differs
-//! between rotors is the trait [`Rotor`], written by the planar rotor in `planar.rs` and by the [`spindle`]. Integration is in
+//! between rotors is the trait [`Rotor`], written by a rotor in one bearing in `one_bearing.rs` and by the [`spindle`]. Integration is in
 //! `substeps.rs` and [`integration`], inputs that change over a step in `trajectory.rs`, sensors in [`sensor`] and [`noise`],
 //! derivatives in [`linearisation`]. Type parameters default to the planar rotor.
 //!
@@ -58,7 +58,7 @@ pub mod spindle;
 
 mod equations;
 mod error;
-mod planar;
+mod one_bearing;
 mod rotor;
 mod substeps;
 mod trajectory;
@@ -73,7 +73,7 @@ use crate::plant::sensor::{Channels, DelayLine, Sample};
 
 pub use equations::{Conditions, Equations, Motion, PlantInput, PlantOutput};
 pub use error::StepError;
-pub use planar::{Harmonic, PlantConfig};
+pub use one_bearing::{Harmonic, PlantConfig, RotorConfig};
 pub use rotor::{PlantParameters, Rotor};
 pub use substeps::{MOST_PARTS, SAFETY};
 pub use trajectory::{HIGHEST_ORDER, InputTrajectory};
@@ -248,7 +248,7 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
     /// `max_step_s`. A step of 0 changes nothing; one too short to change the time neither loses nor repeats a sample.
     ///
     /// # Errors
-    /// [`StepError::Contact`] or [`StepError::SpindleContact`] when the rotor leaves the gap; [`StepError::Fast`] if the step would not end;
+    /// [`StepError::Contact`] when the rotor leaves the gap; [`StepError::Fast`] if the step would not end;
     /// [`StepError::Input`] for an input that is not finite;
     /// [`StepError::Time`] for a step that is negative, not finite, or does not begin where the last one ended.
     pub fn advance_along(

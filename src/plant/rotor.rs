@@ -6,7 +6,6 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::equations::{Motion, PlantInput};
-use super::error::StepError;
 use super::sensor::SensorConfig;
 use crate::bearing::coil::CoilConfig;
 use crate::bearing::magnet::Geometry;
@@ -92,7 +91,4 @@ pub trait PlantParameters<const N: usize, const K: usize>:
 
     /// The fastest rate of motion and contact, in 1/s, where the magnets pull with these forces in N over these gaps in m.
     fn rate(&self, motion: &Motion<f64, N, K>, contact: Self::Contact, force_n: [f64; K], gap_m: [f64; K]) -> f64;
-
-    /// The error of a rotor that leaves the gap at magnet k, counted from 0, from these coordinates.
-    fn left_the_gap(&self, k: usize, time_s: f64, position_m: [f64; N]) -> StepError;
 }

@@ -1,4 +1,4 @@
-//! The spindle: a rigid shaft with five coordinates (x, y, z, β, γ), eight magnets, a backup ring at each radial bearing and an axial
+//! The spindle: a rigid shaft with five coordinates (x, y, z, β, γ), M magnets in each of two radial bearings and two axial ones, a backup ring at each radial bearing and an axial
 //! stop.
 //!
 //! ```text
@@ -12,7 +12,6 @@
 use serde::{Deserialize, Serialize};
 
 use super::equations::{Equations, Motion, PlantInput, PlantOutput};
-use super::error::StepError;
 use super::rotor::{PlantParameters, Rotor};
 use super::sensor::SensorConfig;
 use super::{Plant, PlantState, check_step};
@@ -20,10 +19,10 @@ use crate::bearing::coil::{CoilConfig, Saturates};
 use crate::bearing::magnet::Geometry;
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::{COORDINATES, Shaft, displacement, generalised};
-use crate::bearing::spindle::{BEARINGS, MAGNETS, RadialBearing, Spindle, SpindleGeometry, bearing_of};
+use crate::bearing::spindle::{MAGNETS, RadialBearing, SpindleGeometryOf, SpindleOf, bearing_of};
 use crate::bearing::touchdown::{Called, TouchdownConfig};
 use crate::invalid::{Checks, Invalid, Short};
-use crate::machine::{Machine, SPINDLE};
+use crate::machine::Machine;
 use crate::variables::unit::{METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND, SECOND};
 use crate::variables::{KILOGRAM_METRE, LAMBDA, Variables};
 
@@ -31,19 +30,19 @@ use crate::variables::{KILOGRAM_METRE, LAMBDA, Variables};
 pub const PLANES: usize = 2;
 
 /// A plant with a spindle.
-pub type SpindlePlant = Plant<SpindleConfig, COORDINATES, MAGNETS>;
+pub type SpindlePlant<const M: usize = 3, const K: usize = MAGNETS> = Plant<SpindleConfigOf<f64, M, K>, COORDINATES, K>;
 
 /// Its state. Positions are (x, y, z, β, γ), samples A.Ym, A.Zm, B.Ym, B.Zm, Xm; contacts are those at A, B and the axial stop.
 pub type SpindleState = PlantState<COORDINATES, MAGNETS, [bool; 3]>;
 
 /// Inputs of a spindle; the perturbation is (p_x, p_y, p_z, M_β, M_γ), in N and N·m.
-pub type SpindleInput<T = f64> = PlantInput<T, COORDINATES, MAGNETS>;
+pub type SpindleInput<T = f64, const K: usize = MAGNETS> = PlantInput<T, COORDINATES, K>;
 
 /// Outputs of a spindle.
 pub type SpindleOutput<T = f64> = PlantOutput<T, COORDINATES, MAGNETS>;
 
 /// States of the equations of motion of a spindle.
-type SpindleMotion<T = f64> = Motion<T, COORDINATES, MAGNETS>;
+type SpindleMotion<T = f64, const K: usize = MAGNETS> = Motion<T, COORDINATES, K>;
 
 /// The backup bearings of a spindle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
@@ -82,10 +81,14 @@ impl<T: Scalar> SpindleTouchdown<T> {
 /// The spindle and its initial conditions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Machine)]
-pub struct SpindleConfig<T = f64> {
+#[serde(bound(
+    serialize = "T: Serialize, [T; M]: Serialize, [T; K]: Serialize, [f64; K]: Serialize",
+    deserialize = "T: Deserialize<'de>, [T; M]: Deserialize<'de>, [T; K]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+))]
+pub struct SpindleConfigOf<T, const M: usize, const K: usize> {
     /// Shaft and bearings.
     #[nested(prefix = "", context = ())]
-    pub geometry: SpindleGeometry<T>,
+    pub geometry: SpindleGeometryOf<T, M>,
     /// The coils.
     #[nested(prefix = "", context = Saturates(true))]
     pub coil: CoilConfig<T>,
@@ -117,35 +120,39 @@ pub struct SpindleConfig<T = f64> {
     pub touchdown: SpindleTouchdown<T>,
     /// The sensors.
     #[nested(prefix = "")]
-    pub sensor: SensorConfig<COORDINATES, MAGNETS>,
+    pub sensor: SensorConfig<COORDINATES, K>,
     /// Upper bound of the integration step
     #[parameter(name = "solver.maxStep", unit = SECOND, min = 0.0, nominal = 1e-5, display_unit = "µs")]
     pub max_step_s: f64,
     /// Force constant of {magnet}
     #[parameter(names = context.of_magnets("lambda"), tunable, unit = LAMBDA, min = 0.0, nominal = 1e-6)]
-    pub lambda_nm2_a2: [T; MAGNETS],
+    pub lambda_nm2_a2: [T; K],
     /// Unbalance of the rotor in plane {k}, mass times eccentricity
-    #[parameter(names = of_planes("magnitude"), tunable, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4)]
+    #[parameter(names = context.of_planes("magnitude"), tunable, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4)]
     pub unbalance_kgm: [T; PLANES],
     /// Angle of the unbalance in plane {k} from the mark on the rotor that theta refers to
-    #[parameter(names = of_planes("phase"), tunable, unit = RADIAN)]
+    #[parameter(names = context.of_planes("phase"), tunable, unit = RADIAN)]
     pub unbalance_phase_rad: [T; PLANES],
     /// Position of plane {k} along the shaft, from the centre of gravity
-    #[parameter(names = of_planes("position"), unit = METRE, nominal = 0.1)]
+    #[parameter(names = context.of_planes("position"), unit = METRE, nominal = 0.1)]
     pub unbalance_position_m: [T; PLANES],
 }
 
-/// Names of a variable of each plane of unbalance.
-pub(crate) fn of_planes(name: &str) -> [String; PLANES] {
-    std::array::from_fn(|plane| format!("unbalance[{}].{name}", plane + 1))
-}
+/// That with three magnets in each radial bearing.
+pub type SpindleConfig<T = f64> = SpindleConfigOf<T, 3, MAGNETS>;
 
-impl Default for SpindleConfig {
+impl<const M: usize, const K: usize> Default for SpindleConfigOf<f64, M, K> {
     /// The spindle of the examples at rest in the centre, balanced.
     fn default() -> Self {
         Self {
-            geometry: SpindleGeometry::default(),
-            lambda_nm2_a2: [1.8e-6, 2.0e-6, 2.2e-6, 2.4e-6, 2.1e-6, 1.9e-6, 3.0e-6, 2.6e-6],
+            geometry: SpindleGeometryOf::default(),
+            lambda_nm2_a2: std::array::from_fn(|k| {
+                let radial = [[1.8e-6, 2.0e-6, 2.2e-6, 2.3e-6], [2.4e-6, 2.1e-6, 1.9e-6, 2.0e-6]];
+                match bearing_of::<M>(k) {
+                    (2, k) => [3.0e-6, 2.6e-6][k],
+                    (bearing, k) => radial[bearing][k],
+                }
+            }),
             unbalance_kgm: [0.0; PLANES],
             unbalance_phase_rad: [0.0; PLANES],
             unbalance_position_m: [-0.08, 0.10],
@@ -161,14 +168,14 @@ impl Default for SpindleConfig {
     }
 }
 
-impl<T: Scalar> SpindleConfig<T> {
+impl<T: Scalar, const M: usize, const K: usize> SpindleConfigOf<T, M, K> {
     /// Displacement (y, z) of the shaft at the magnets of A and of B, for coordinates or for their rates.
     fn at_magnets(&self, q: [T; COORDINATES]) -> [[T; 2]; 2] {
         self.geometry.radial().map(|bearing| displacement(bearing.position_m, q))
     }
 
     /// Forces of the backup bearings that are touched: (y, z) at A and at B, and x, in N.
-    fn touchdown_n(&self, motion: &SpindleMotion<T>, omega_rad_s: T, contact: [bool; 3]) -> ([[T; 2]; 2], T) {
+    fn touchdown_n(&self, motion: &SpindleMotion<T, K>, omega_rad_s: T, contact: [bool; 3]) -> ([[T; 2]; 2], T) {
         let zero = T::constant(0.0);
         let [at, speed] = [motion.position_m, motion.velocity_m_s].map(|q| self.at_magnets(q));
         let rings = self.touchdown.rings();
@@ -186,15 +193,19 @@ impl<T: Scalar> SpindleConfig<T> {
     }
 }
 
-impl<T: Scalar> Rotor<COORDINATES, MAGNETS> for SpindleConfig<T> {
+impl<T: Scalar, const M: usize, const K: usize> Rotor<COORDINATES, K> for SpindleConfigOf<T, M, K> {
     type Number = T;
-    type With<U: Scalar> = SpindleConfig<U>;
+    type With<U: Scalar> = SpindleConfigOf<U, M, K>;
     type Contact = [bool; 3];
 
-    fn with<U: Scalar, V: Scalar>(&self, other: &SpindleConfig<U>, join: &impl Fn(T, U) -> V) -> SpindleConfig<V> {
+    fn with<U: Scalar, V: Scalar>(
+        &self,
+        other: &SpindleConfigOf<U, M, K>,
+        join: &impl Fn(T, U) -> V,
+    ) -> SpindleConfigOf<V, M, K> {
         let (own, off) = (&self.geometry, &other.geometry);
-        let bearing = |own: &RadialBearing<T>, off: &RadialBearing<U>| joined!(own, off, join, RadialBearing { position_m, sensor_position_m, gap_m; alpha_rad; });
-        let geometry = joined!(own, off, join, SpindleGeometry {
+        let bearing = |own: &RadialBearing<T, M>, off: &RadialBearing<U, M>| joined!(own, off, join, RadialBearing { position_m, sensor_position_m, gap_m; alpha_rad; });
+        let geometry = joined!(own, off, join, SpindleGeometryOf {
             axial_gap_m; extent_m;
             shaft: joined!(&self.geometry.shaft, &other.geometry.shaft, join, Shaft {
                 m_kg, transverse_kgm2, polar_kgm2;;
@@ -203,7 +214,7 @@ impl<T: Scalar> Rotor<COORDINATES, MAGNETS> for SpindleConfig<T> {
             b: bearing(&self.geometry.b, &other.geometry.b)
         });
         let (rings, others) = (&self.touchdown, &other.touchdown);
-        joined!(self, other, join, SpindleConfig {
+        joined!(self, other, join, SpindleConfigOf {
             theta_rad;
             lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, unbalance_position_m, gravity_m_s2, position_m, velocity_m_s;
             geometry: geometry,
@@ -218,7 +229,7 @@ impl<T: Scalar> Rotor<COORDINATES, MAGNETS> for SpindleConfig<T> {
         })
     }
 
-    fn geometry(&self) -> Geometry<T, COORDINATES, MAGNETS> {
+    fn geometry(&self) -> Geometry<T, COORDINATES, K> {
         self.geometry.geometry()
     }
 
@@ -228,7 +239,7 @@ impl<T: Scalar> Rotor<COORDINATES, MAGNETS> for SpindleConfig<T> {
     }
 
     #[inline]
-    fn lambda_nm2_a2(&self) -> &[T; MAGNETS] {
+    fn lambda_nm2_a2(&self) -> &[T; K] {
         &self.lambda_nm2_a2
     }
 
@@ -241,7 +252,7 @@ impl<T: Scalar> Rotor<COORDINATES, MAGNETS> for SpindleConfig<T> {
         self.geometry.readings(position_m)
     }
 
-    fn perturbation(&self, input: &SpindleInput<T>, _: T, theta_rad: T) -> [T; COORDINATES] {
+    fn perturbation(&self, input: &SpindleInput<T, K>, _: T, theta_rad: T) -> [T; COORDINATES] {
         let mut p = input.perturbation_n;
         for (p_a, gravity) in p.iter_mut().zip(self.gravity_m_s2) {
             *p_a = *p_a + self.geometry.shaft.m_kg * gravity;
@@ -264,7 +275,7 @@ impl<T: Scalar> Rotor<COORDINATES, MAGNETS> for SpindleConfig<T> {
         Some(self.geometry.shaft.gyroscopic(omega_rad_s, rates))
     }
 
-    fn contact_n(&self, motion: &SpindleMotion<T>, omega_rad_s: T, contact: [bool; 3]) -> [T; COORDINATES] {
+    fn contact_n(&self, motion: &SpindleMotion<T, K>, omega_rad_s: T, contact: [bool; 3]) -> [T; COORDINATES] {
         let mut sum = [T::constant(0.0); COORDINATES];
         if contact == [false; 3] {
             return sum;
@@ -279,12 +290,12 @@ impl<T: Scalar> Rotor<COORDINATES, MAGNETS> for SpindleConfig<T> {
     }
 }
 
-impl PlantParameters<COORDINATES, MAGNETS> for SpindleConfig {
-    const MACHINE: &'static Machine = &SPINDLE;
+impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for SpindleConfigOf<f64, M, K> {
+    const MACHINE: &'static Machine = Machine::of_shaft(M);
 
     fn check(&self, checks: &mut Checks) {
-        let spindle = self.geometry.checked(checks);
-        check_tunable(self.lambda_nm2_a2, self.unbalance_kgm, self.unbalance_phase_rad, checks);
+        let spindle: SpindleOf<M, K> = self.geometry.checked(checks);
+        check_tunable(Self::MACHINE, self.lambda_nm2_a2, self.unbalance_kgm, self.unbalance_phase_rad, checks);
         for (name, at_m) in
             ["unbalance[1].position", "unbalance[2].position"].into_iter().zip(self.unbalance_position_m)
         {
@@ -316,7 +327,7 @@ impl PlantParameters<COORDINATES, MAGNETS> for SpindleConfig {
         self.theta_rad
     }
 
-    fn sensor(&self) -> &SensorConfig<COORDINATES, MAGNETS> {
+    fn sensor(&self) -> &SensorConfig<COORDINATES, K> {
         &self.sensor
     }
 
@@ -334,7 +345,7 @@ impl PlantParameters<COORDINATES, MAGNETS> for SpindleConfig {
         ]
     }
 
-    fn rate(&self, motion: &SpindleMotion, contact: [bool; 3], force_n: [f64; MAGNETS], gap_m: [f64; MAGNETS]) -> f64 {
+    fn rate(&self, motion: &SpindleMotion<f64, K>, contact: [bool; 3], force_n: [f64; K], gap_m: [f64; K]) -> f64 {
         let Shaft { m_kg, transverse_kgm2, .. } = self.geometry.shaft;
         let radial = self.geometry.radial();
         // 1/m at the centre of gravity, more beside it: how much a force at ξ moves the shaft there.
@@ -345,8 +356,8 @@ impl PlantParameters<COORDINATES, MAGNETS> for SpindleConfig {
         // The trace of M⁻¹ K, which is above its largest eigenvalue.
         let mut field: f64 = 0.0;
         let mut rate: f64 = 0.0;
-        for k in 0..MAGNETS {
-            let (bearing, _) = bearing_of(k);
+        for k in 0..K {
+            let (bearing, _) = bearing_of::<M>(k);
             field += 2.0 * force_n[k] / gap_m[k] * mobility[bearing];
             rate = rate.max(speed[bearing] / gap_m[k]);
         }
@@ -365,11 +376,6 @@ impl PlantParameters<COORDINATES, MAGNETS> for SpindleConfig {
             rate = rate.max(self.touchdown.stop().rate(m_kg, 0.0));
         }
         rate
-    }
-
-    fn left_the_gap(&self, k: usize, time_s: f64, position_m: [f64; COORDINATES]) -> StepError {
-        let (bearing, magnet) = bearing_of(k);
-        StepError::SpindleContact { bearing: BEARINGS[bearing], magnet: magnet + 1, time_s, position_m }
     }
 }
 
@@ -448,14 +454,14 @@ impl<T: Copy> AtBearings<T> {
     }
 }
 
-impl<T: Scalar> Equations<SpindleConfig<T>, COORDINATES, MAGNETS> {
+impl<T: Scalar, const M: usize, const K: usize> Equations<SpindleConfigOf<T, M, K>, COORDINATES, K> {
     /// The outputs at the bearings for these forces of the magnets in N.
     pub fn at_bearings(
         &self,
-        motion: &SpindleMotion<T>,
+        motion: &SpindleMotion<T, K>,
         omega_rad_s: T,
         contact: [bool; 3],
-        force_n: [T; MAGNETS],
+        force_n: [T; K],
     ) -> AtBearings<T> {
         let (touchdown_n, axial_touchdown_n) = self.config.touchdown_n(motion, omega_rad_s, contact);
         let displacement_m = self.config.at_magnets(motion.position_m);
@@ -463,27 +469,34 @@ impl<T: Scalar> Equations<SpindleConfig<T>, COORDINATES, MAGNETS> {
         let radial = |b: usize| {
             // The direction of a radial magnet in the plane is (y, z) of its d.
             let along =
-                |a: usize| (3 * b..3 * b + 3).fold(T::constant(0.0), |sum, k| sum + force_n[k] * directions[k][a]);
+                |a: usize| (M * b..M * (b + 1)).fold(T::constant(0.0), |sum, k| sum + force_n[k] * directions[k][a]);
             let ([y_m, z_m], [touchdown_y_n, touchdown_z_n]) = (displacement_m[b], touchdown_n[b]);
             AtRadialBearing { y_m, z_m, y_n: along(1), z_n: along(2), touchdown_y_n, touchdown_z_n }
         };
-        AtBearings { a: radial(0), b: radial(1), axial_n: force_n[6] - force_n[7], axial_touchdown_n, contact }
+        AtBearings {
+            a: radial(0),
+            b: radial(1),
+            axial_n: force_n[2 * M] - force_n[2 * M + 1],
+            axial_touchdown_n,
+            contact,
+        }
     }
 }
 
-impl SpindlePlant {
+impl<const M: usize, const K: usize> SpindlePlant<M, K> {
     /// Changes the tunable parameters: λ in N·m²/A², unbalance of both planes in kg·m and rad.
     ///
     /// # Errors
     /// As in [`Plant::new`]; nothing is changed then.
     pub fn retune(
         &mut self,
-        lambda_nm2_a2: [f64; MAGNETS],
+        lambda_nm2_a2: [f64; K],
         unbalance_kgm: [f64; PLANES],
         unbalance_phase_rad: [f64; PLANES],
     ) -> Result<(), Vec<Invalid>> {
         let mut checks = Checks::default();
-        check_tunable(lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, &mut checks);
+        let machine = SpindleConfigOf::<f64, M, K>::MACHINE;
+        check_tunable(machine, lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, &mut checks);
         let gap_m = self.equations.geometry().gap_m;
         let config = &mut self.equations.config;
         config.coil.check(gap_m, lambda_nm2_a2, &mut checks);
@@ -495,14 +508,15 @@ impl SpindlePlant {
     }
 }
 
-fn check_tunable(
-    lambda_nm2_a2: [f64; MAGNETS],
+fn check_tunable<const K: usize>(
+    machine: &Machine,
+    lambda_nm2_a2: [f64; K],
     unbalance_kgm: [f64; PLANES],
     unbalance_phase_rad: [f64; PLANES],
     checks: &mut Checks,
 ) {
-    for (k, lambda) in lambda_nm2_a2.into_iter().enumerate() {
-        checks.positive(SPINDLE.of_magnets("lambda").swap_remove(k), lambda, "N.m2/A2");
+    for (name, lambda) in machine.of_magnets("lambda").into_iter().zip(lambda_nm2_a2) {
+        checks.positive(name, lambda, "N.m2/A2");
     }
     for (j, (magnitude, phase)) in unbalance_kgm.into_iter().zip(unbalance_phase_rad).enumerate() {
         checks.not_negative(format!("unbalance[{}].magnitude", j + 1), magnitude, "kg.m");
@@ -511,7 +525,11 @@ fn check_tunable(
 }
 
 /// Refuses a rotor that starts at a magnet; the finding names the coordinate that brings it nearest.
-fn check_start(config: &SpindleConfig, spindle: &Spindle, checks: &mut Checks) {
+fn check_start<const M: usize, const K: usize>(
+    config: &SpindleConfigOf<f64, M, K>,
+    spindle: &SpindleOf<M, K>,
+    checks: &mut Checks,
+) {
     let geometry = spindle.geometry();
     for (k, gap) in geometry.gaps(config.position_m).into_iter().enumerate() {
         // False for values that are not finite, which have been refused already.
@@ -520,7 +538,7 @@ fn check_start(config: &SpindleConfig, spindle: &Spindle, checks: &mut Checks) {
         }
         let share = |n: usize| config.position_m[n] * geometry.directions[k][n];
         let worst = (0..COORDINATES).fold(0, |worst, n| if share(n) > share(worst) { n } else { worst });
-        let magnet = SPINDLE.of_magnets("gap").swap_remove(k);
+        let magnet = SpindleConfigOf::<f64, M, K>::MACHINE.of_magnets("gap").swap_remove(k);
         checks.require(
             false,
             STARTS[worst].0,

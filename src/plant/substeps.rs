@@ -144,7 +144,13 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
                 let gap_m = self.equations.gaps(state.position_m);
                 let nearest = (0..K).fold(0, |k, other| if gap_m[other] < gap_m[k] { other } else { k });
                 state.time_s = now_s;
-                return Err(self.config().left_the_gap(nearest, now_s, state.position_m));
+                let position =
+                    R::MACHINE.coordinates.iter().map(|coordinate| coordinate.position.0).zip(state.position_m);
+                return Err(StepError::Contact {
+                    magnet: R::MACHINE.describe("{magnet}", nearest),
+                    time_s: now_s,
+                    position: position.collect(),
+                });
             }
             state.contact = touches(&next);
             (state.position_m, state.velocity_m_s, state.linkage_wb) = (position_m, velocity_m_s, linkage_wb);

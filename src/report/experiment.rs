@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use super::{after_colon, evaluation, spindle};
+use super::{after_colon, evaluation, machine};
 use crate::estimation::{STD_LIMIT, paper};
 use crate::fmu::estimator::{METHOD, VERDICT};
+use crate::machine::PLANAR;
 use crate::report::{self, Answer, Bearing, ComparedEstimator, Event, Paper, Parameter, Report};
 use crate::simulation::closed_loop::Loop;
 use crate::simulation::scenario::Scenario;
@@ -46,8 +47,8 @@ fn methods(scenario: &Scenario) -> Vec<ComparedEstimator> {
 
 /// The tables of results of a scenario.
 pub fn tables(name: &Path, scenario: &Scenario, run: &Run) -> Vec<Table> {
-    if spindle::is_spindle(scenario) {
-        return spindle::tables(scenario, run);
+    if *scenario.machine != PLANAR {
+        return machine::tables(scenario, run);
     }
     let mut tables = vec![estimates(scenario, run, is_paper(name, scenario))];
     tables.extend(tracking(run, is_paper(name, scenario)));
@@ -324,8 +325,8 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<Event> {
 
 /// The report page of a run of a scenario, made by that command.
 pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> String {
-    if spindle::is_spindle(scenario) {
-        return spindle::page(command, scenario, run);
+    if *scenario.machine != PLANAR {
+        return machine::page(command, scenario, run);
     }
     let sensitivities = evaluation::sensitivities(scenario, run);
     let mut tables = tables(name, scenario, run);

@@ -17,7 +17,7 @@ const ASKED_M: [(f64, &str); 2] = [(1e-6, "1 µm, for circles"), (3e-6, "3 µm, 
 /// Runs up to this length, in s, have their time axis in milliseconds.
 const SHORT_S: f64 = 2.0;
 /// Subscripts of the magnets.
-const INDEX: [&str; 3] = ["₁", "₂", "₃"];
+pub(super) const INDEX: [&str; 4] = ["₁", "₂", "₃", "₄"];
 
 /// A figure: plots and their caption.
 pub(super) struct Figure {

@@ -11,8 +11,8 @@ pub mod evaluation;
 pub mod experiment;
 pub mod frame;
 pub mod identification;
+pub mod machine;
 pub mod plot;
-pub mod spindle;
 
 mod figures;
 

@@ -6,8 +6,9 @@ use fmu_export::variable::Value;
 use crate::control::controller::ControllerConfig;
 use crate::estimation::EstimatorConfig;
 use crate::fmu::{controller, estimator, plant};
+use crate::machine::PLANAR;
 use crate::plant::{PlantConfig, PlantInput};
-use crate::simulation::scenario::{Element, MACHINES, Scenario};
+use crate::simulation::scenario::{Element, Scenario};
 
 /// The initial configurations of the models in the loop.
 #[derive(Clone, Debug)]
@@ -62,13 +63,13 @@ impl Scenario {
     /// The configurations of the models in the loop.
     ///
     /// # Errors
-    /// Another machine than a bearing; every value that is not an item of its enumeration. A scenario of a bearing that can be run has
+    /// Another machine than the planar one; every value that is not an item of its enumeration. A scenario of that machine that can be run has
     /// none. Ranges are not checked.
     pub fn closed_loop(&self) -> Result<Loop, Vec<Invalid>> {
-        let bearing = MACHINES[0].0;
-        if self.machine != bearing {
-            let wanted = format!("{bearing}: this is for the planar bearing alone");
-            return Err(vec![Invalid { name: "machine".into(), value: self.machine.into(), wanted: wanted.into() }]);
+        let (own, planar) = (self.machine.name, PLANAR.name);
+        if own != planar {
+            let wanted = format!("{planar}: this is for the planar bearing with three magnets alone");
+            return Err(vec![Invalid { name: "machine".into(), value: own.into(), wanted: wanted.into() }]);
         }
         let (plant, input) = plant::configuration(&settings(self.plant()));
         Ok(Loop {

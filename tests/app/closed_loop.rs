@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::support::below;
 use fmu_export::variable::Value;
+use magnetic_bearing::bearing::magnet::Used;
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput, UpdateMode};
 use magnetic_bearing::control::reference::{ReferenceConfig, Shape};
 use magnetic_bearing::control::tracking::TrackingConfig;
@@ -85,6 +86,7 @@ fn plant_config(values: &Values) -> PlantConfig {
 
 fn controller_config(values: &Values) -> ControllerConfig {
     ControllerConfig {
+        used: Used::Both,
         law: TrackingConfig {
             step_s: values.real("Ts"),
             lambda0_nm2_a2: values.three("lambda0"),
@@ -115,6 +117,7 @@ fn controller_config(values: &Values) -> ControllerConfig {
 
 fn estimator_config(values: &Values) -> EstimatorConfig {
     EstimatorConfig {
+        used: Used::Both,
         m_kg: values.real("m"),
         gap_m: values.real("s"),
         alpha_rad: values.three("alpha"),
@@ -177,15 +180,15 @@ fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
             ("lambdaStdTotal[3]", output.lambda_std_total[2]),
             ("ki[2]", output.ki[1]),
             ("ks[3]", output.ks[2]),
-            ("noise.position", output.position_noise_m),
-            ("noise.current", output.current_noise_a),
+            ("noise.position", output.position_noise_m[0]),
+            ("noise.current", output.current_noise_a[0]),
             ("valid", f64::from(u8::from(output.valid))),
             ("condition", output.condition),
             ("residual", output.residual),
             ("pYHat", y),
             ("pZHat", z),
-            ("unbalance.magnitude", output.unbalance_kg_m),
-            ("unbalance.phase", output.unbalance_phase_rad),
+            ("unbalance.magnitude", output.unbalance_kg_m[0]),
+            ("unbalance.phase", output.unbalance_phase_rad[0]),
         ],
     );
 }

@@ -20,9 +20,9 @@ fn the_main_job_packages_runs_and_reports() {
     assert_eq!(code, 0, "{err}");
     assert!(lasted_s < MAIN_JOB_S, "{lasted_s} s, the limit is {MAIN_JOB_S} s");
 
-    let archives = MODELS
+    let archives = MODELS[..6]
+        .iter()
         .map(|model| format!("{model}.fmu"))
-        .into_iter()
         .chain(["MagneticBearing.ssp".into(), "MagneticSpindle.ssp".into()]);
     for archive in archives {
         let path = format!("target/fmu/{archive}");
@@ -498,9 +498,9 @@ fn what_is_for_the_planar_bearing_alone_refuses_a_spindle_by_name() {
     ] {
         let (code, _, err) = run(&folder, arguments);
         assert_ne!(code, 0, "{arguments:?}");
-        says(&err, &["machine = spindle is refused: expected bearing"]);
+        says(&err, &["machine = spindle is refused: expected planar"]);
     }
     let (code, _, err) = run(&folder, &["whirl", "unbalanced"]);
     assert_ne!(code, 0);
-    says(&err, &["machine = bearing is refused: expected spindle"]);
+    says(&err, &["machine = planar is refused: expected spindle"]);
 }

@@ -19,6 +19,7 @@ mod hostile;
 mod identify;
 mod layers;
 mod likelihood;
+mod machines;
 mod montecarlo;
 mod package;
 mod platforms;

@@ -12,15 +12,26 @@ use fmu_export::Standard;
 use fmu_export::package::{Written, platform};
 use fmu_export::variable::Type;
 use magnetic_bearing::fmu::catalogue;
+use magnetic_bearing::machine::{MACHINES, Machine};
 use magnetic_bearing::package;
 use magnetic_bearing::simulation::scenario::Scenario;
 use roxmltree::{Document, Node};
 use zip::{CompressionMethod, ZipArchive};
 
-/// Packages into a folder of that name.
+/// All machines.
+fn all() -> Vec<&'static Machine> {
+    MACHINES.iter().collect()
+}
+
+/// The names of the archives of closed loops.
+fn systems() -> impl Iterator<Item = String> {
+    MACHINES.iter().map(|machine| format!("{}.ssp", machine.models[0].0))
+}
+
+/// Packages all machines into a folder of that name.
 fn packaged(name: &str) -> Vec<Written> {
     let library = package::built_library().expect("the library is built with the tests");
-    package::package(&library, &folder(&format!("package/{name}"))).expect("the archives")
+    package::package(&library, &all(), &folder(&format!("package/{name}"))).expect("the archives")
 }
 
 fn members(bytes: &[u8]) -> BTreeMap<String, Vec<u8>> {
@@ -53,9 +64,8 @@ fn archive(name: &str, folder: &str) -> BTreeMap<String, Vec<u8>> {
 fn two_packagings_give_the_same_bytes() {
     let (first, second) = (packaged("first"), packaged("second"));
     let names: Vec<_> = first.iter().map(|written| file_name(&written.path)).collect();
-    let systems = ["MagneticBearing.ssp".into(), "MagneticSpindle.ssp".into()];
     let of = |ending: &'static str| MODELS.iter().map(move |model| format!("{model}{ending}"));
-    let wanted: Vec<_> = of(".fmu").chain(of("_fmi3.fmu")).chain(systems).collect();
+    let wanted: Vec<_> = of(".fmu").chain(of("_fmi3.fmu")).chain(systems()).collect();
     assert_eq!(names, wanted);
     for (one, other) in first.iter().zip(&second) {
         let bytes = fs::read(&one.path).expect("an archive");
@@ -226,14 +236,19 @@ fn the_systems_hold_the_fmus_as_they_are() {
             "resources/spindle-estimator.ssv",
             "resources/spindle-plant.ssv",
         ],
-        &MODELS[3..],
+        &MODELS[3..6],
+    );
+    of(
+        "AxialBearing.ssp",
+        &["SystemStructure.ssd", "resources/axial-controller.ssv", "resources/axial-plant.ssv"],
+        &MODELS[12..],
     );
 }
 
 /// libcosim and ecos ignore enumerations. Fails if the default structure takes its parameters from the paper's scenario.
 #[test]
 fn the_default_system_is_the_same_without_its_enumerations() {
-    for system in ["MagneticBearing.ssp", "MagneticSpindle.ssp"].map(|name| archive(name, "enumerations")) {
+    for system in systems().map(|name| archive(&name, "enumerations")) {
         let text = String::from_utf8(system["SystemStructure.ssd"].clone()).expect("UTF-8");
         let document = Document::parse(&text).expect("XML");
         for component in named(document.root_element(), "Component") {
@@ -257,12 +272,16 @@ fn the_default_system_is_the_same_without_its_enumerations() {
 /// Fails if a connection ends at `i[9]`.
 #[test]
 fn systems_connect_what_exists_and_name_what_is_there() {
-    let [bearing, spindle] = ["MagneticBearing.ssp", "MagneticSpindle.ssp"].map(|name| archive(name, "structure"));
+    let [bearing, spindle, planar4, spindle4, axial] =
+        MACHINES.map(|machine| archive(&format!("{}.ssp", machine.models[0].0), "structure"));
     let mut names = HashSet::new();
     for (system, file, set) in [
         (&bearing, "SystemStructure.ssd", "unbalanced"),
         (&bearing, "PaperSimulation.ssd", "paper"),
         (&spindle, "SystemStructure.ssd", "spindle"),
+        (&planar4, "SystemStructure.ssd", "planar4"),
+        (&spindle4, "SystemStructure.ssd", "spindle4"),
+        (&axial, "SystemStructure.ssd", "axial"),
     ] {
         let text = String::from_utf8(system[file].clone()).expect("UTF-8");
         let document = Document::parse(&text).unwrap_or_else(|error| panic!("{file}: {error}"));
@@ -347,7 +366,12 @@ fn systems_connect_what_exists_and_name_what_is_there() {
             assert_eq!((from_type, from_unit), (to_type, to_unit), "{file}: {from:?} to {to:?}");
             assert!(fed.insert(to), "{file}: {to:?} is fed twice");
         }
-        let current = if set == "spindle" { "B.i[3]" } else { "i[3]" };
+        let current = match set {
+            "spindle" => "B.i[3]",
+            "spindle4" => "B.i[4]",
+            "axial" => "i[2]",
+            _ => "i[3]",
+        };
         for wanted in
             [("estimator", "theta"), ("estimator", "omega"), ("controller", "lambdaValid"), ("plant", current)]
         {
@@ -439,12 +463,12 @@ fn tests_do_not_change_the_library() {
 #[test]
 fn what_cannot_be_packaged_is_said_by_name() {
     let missing = Path::new("no/such/library.so");
-    let error = package::package(missing, &folder("package/missing")).expect_err("there is no such library");
+    let error = package::package(missing, &all(), &folder("package/missing")).expect_err("there is no such library");
     says(&error.to_string(), &["no/such/library.so"]);
     // A file has the name of the folder.
     let taken = folder("package/unwritable").join("taken");
     fs::write(&taken, "in the way").expect("a file");
     let library = package::built_library().expect("the library");
-    let error = package::package(&library, &taken).expect_err("a file is in the way");
+    let error = package::package(&library, &all(), &taken).expect_err("a file is in the way");
     says(&error.to_string(), &["taken"]);
 }

@@ -200,7 +200,8 @@ fn the_command_adds_platforms_and_says_so() {
     let output = package(&folder, &["--binary".into(), format!("aarch64-linux={}", path.display())]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let said = String::from_utf8(output.stdout).expect("text");
-    for archive in MODELS.map(|model| format!("{model}.fmu")).iter().chain(&["MagneticBearing.ssp".to_owned()]) {
+    let archives = MODELS[..6].iter().map(|model| format!("{model}.fmu"));
+    for archive in archives.chain(["MagneticBearing.ssp".to_owned()]) {
         let line = said.lines().find(|line| line.contains(archive.as_str())).unwrap_or_default();
         assert!(line.ends_with("for linux64, aarch64-linux"), "{archive}: {said}");
     }

@@ -17,7 +17,7 @@ fn of(name: &str) -> (Scenario, Run) {
 /// The built-in scenarios of a planar bearing.
 fn of_bearings() -> impl Iterator<Item = &'static str> {
     let names = BUILT_IN.into_iter().map(|(name, _)| name);
-    names.filter(|name| Scenario::open(Path::new(name)).expect("a sound scenario").machine == "bearing")
+    names.filter(|name| Scenario::open(Path::new(name)).expect("a sound scenario").machine.name == "planar")
 }
 
 fn column<'r>(run: &'r Run, name: &str) -> &'r [f64] {

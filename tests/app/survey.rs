@@ -164,7 +164,7 @@ fn every_scenario_with_every_method() {
     let seeds = asked("SURVEY", 9).div_ceil(9).max(1);
     let first = asked("SURVEY_SEED", FRESH);
     let names: Vec<_> =
-        BUILT_IN.into_iter().map(|(name, _)| name).filter(|name| open(name).machine == "bearing").collect();
+        BUILT_IN.into_iter().map(|(name, _)| name).filter(|name| open(name).machine.name == "planar").collect();
     let found = survey(seeds * names.len() as u64, |case| {
         let name = names[case as usize % names.len()];
         let mut scenario = open(name);

@@ -102,8 +102,10 @@ fn after_a_reset_a_slave_is_as_new() {
         for index in 0..used.variables.len() {
             let variable = used.variables[index];
             if let (Causality::Parameter, Type::Real { start, .. }) = (variable.causality, &variable.data_type) {
-                // Within what is accepted: multiples of the sample time stay multiples.
-                used.instance.set(index, Value::Real(start * 2.0)).expect("a parameter");
+                // Within what is accepted: multiples of the sample time stay multiples, and opposed magnets opposed.
+                let turned = variable.name.contains("alpha") && !variable.name.contains("tolerance");
+                let value = if turned { start + 0.1 } else { start * 2.0 };
+                used.instance.set(index, Value::Real(value)).expect("a parameter");
             }
         }
         used.instance.set_start(3.0);
@@ -572,7 +574,8 @@ fn refused_parameters_are_all_named_at_once() {
         says(line, words);
         says(line, &["is refused", "expected"]);
     }
-    for model in MODELS {
+    // Of three magnets: more may stand beside each other, and along the axis there are no angles.
+    for model in &MODELS[..6] {
         let mut instance = Named::new(model);
         let angle = if model.contains("Spindle") { "B.alpha[2]" } else { "alpha[2]" };
         instance.set(angle, std::f64::consts::PI);

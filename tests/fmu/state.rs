@@ -11,7 +11,15 @@ use sha2::{Digest, Sha256};
 /// Values that make every part of a state move: noise, delay, both drives' coils, unbalance, a short window.
 fn lively(model: &str) -> Vec<(&'static str, f64)> {
     match model {
-        "MagneticBearing" => vec![
+        "AxialBearing" => vec![
+            ("sensor.positionNoise", 1e-7),
+            ("sensor.currentNoise", 1e-2),
+            ("sensor.delay", 1.5e-4),
+            ("drive", 2.0),
+            ("u[1]", 3.0),
+            ("u[2]", 2.0),
+        ],
+        "MagneticBearing" | "MagneticBearing4" => vec![
             ("sensor.positionNoise", 1e-7),
             ("sensor.currentNoise", 1e-2),
             ("sensor.delay", 1.5e-4),
@@ -20,7 +28,7 @@ fn lively(model: &str) -> Vec<(&'static str, f64)> {
             ("u[1]", 3.0),
             ("u[2]", 2.0),
         ],
-        "MagneticSpindle" => vec![
+        "MagneticSpindle" | "MagneticSpindle4" => vec![
             ("sensor.positionNoise", 1e-7),
             ("sensor.currentNoise", 1e-2),
             ("sensor.delay", 1.5e-4),
@@ -31,24 +39,29 @@ fn lively(model: &str) -> Vec<(&'static str, f64)> {
             ("B.u[2]", 2.0),
             ("X.u[1]", 1.0),
         ],
-        "SpindleEstimator" => vec![("A.im[1]", 1.0), ("B.im[2]", 2.0), ("X.im[1]", 1.0)],
-        "FlatnessController" => vec![("update.mode", 3.0), ("lambdaValid", 1.0)],
-        "SpindleController" => vec![
+        "SpindleEstimator" | "SpindleEstimator4" => vec![("A.im[1]", 1.0), ("B.im[2]", 2.0), ("X.im[1]", 1.0)],
+        "FlatnessController" | "FlatnessController4" | "AxialController" => {
+            vec![("update.mode", 3.0), ("lambdaValid", 1.0)]
+        }
+        "SpindleController" | "SpindleController4" => vec![
             ("update.mode", 3.0),
             ("lambdaValid", 1.0),
             ("F0.modulation", 0.5),
             ("X.reference.amplitude", 2e-5),
             ("reference.rampTime", 0.01),
         ],
-        _ => vec![("Tf", 2e-3), ("epsilon", 2e-3), ("im[1]", 1.0), ("im[2]", 2.0)],
+        "AlgebraicEstimator" => vec![("Tf", 2e-3), ("epsilon", 2e-3), ("im[1]", 1.0), ("im[2]", 2.0)],
+        _ => vec![("im[1]", 1.0), ("im[2]", 2.0)],
     }
 }
 
 /// An input of the model that acts at once or at the next sample.
 fn an_input(model: &str) -> &'static str {
     match model {
+        "AxialBearing" => "pX",
         model if is_plant(model) => "pY",
-        "SpindleController" | "SpindleEstimator" => "A.Ym",
+        model if model.starts_with("Axial") => "Xm",
+        model if model.starts_with("Spindle") => "A.Ym",
         _ => "Ym",
     }
 }
@@ -58,11 +71,11 @@ fn advance(fmu: &Fmu, model: &str, step: u32) {
     let t = f64::from(step) * 1e-4;
     let wave = (f64::from(step) * 0.7).sin();
     let (name, value) = match model {
-        "MagneticBearing" => ("u[2]", 2.0 + wave),
-        "MagneticSpindle" => ("B.u[2]", 2.0 + wave),
-        "FlatnessController" => ("Ym", 3e-5 * wave),
-        "SpindleController" => ("B.Zm", 3e-5 * wave),
-        "SpindleEstimator" => ("B.Zm", 3e-5 * wave),
+        "MagneticBearing" | "MagneticBearing4" | "AxialBearing" => ("u[2]", 2.0 + wave),
+        "MagneticSpindle" | "MagneticSpindle4" => ("B.u[2]", 2.0 + wave),
+        model if model.starts_with("Flatness") => ("Ym", 3e-5 * wave),
+        model if model.starts_with("Spindle") => ("B.Zm", 3e-5 * wave),
+        model if model.starts_with("Axial") => ("Xm", 3e-5 * wave),
         _ => ("Zm", 3e-5 * wave),
     };
     fmu.set(name, value).ok(fmu);

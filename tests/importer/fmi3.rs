@@ -16,13 +16,22 @@ use fmi_rs::model_description::DefaultExperiment;
 use fmi_rs::model_description::fmi2::{Causality, Variability, VariableType};
 use fmi_rs::model_description::fmi3::{self, Dimension};
 
-const MODELS: [&str; 6] = [
+const MODELS: [&str; 15] = [
     "MagneticBearing",
     "FlatnessController",
     "AlgebraicEstimator",
     "MagneticSpindle",
     "SpindleController",
     "SpindleEstimator",
+    "MagneticBearing4",
+    "FlatnessController4",
+    "AlgebraicEstimator4",
+    "MagneticSpindle4",
+    "SpindleController4",
+    "SpindleEstimator4",
+    "AxialBearing",
+    "AxialController",
+    "AxialEstimator",
 ];
 /// Examples of fmu-export, and their FMUs.
 const EXAMPLES: [(&str, &str); 5] = [
@@ -59,7 +68,7 @@ fn packaged(arrays: bool) -> Vec<[PathBuf; 2]> {
     let folder = folder(if arrays { "arrays" } else { "scalars" });
     let switch: &[&str] = if arrays { &["--arrays"] } else { &[] };
     let program = root().join("target/release").join(format!("magnetic-bearing{}", std::env::consts::EXE_SUFFIX));
-    run(Command::new(program).current_dir(&folder).args(["package", "--out", "target/fmu"]).args(switch));
+    run(Command::new(program).current_dir(&folder).args(["package", "--all", "--out", "target/fmu"]).args(switch));
     for (example, _) in EXAMPLES {
         let mut cargo = Command::new("cargo");
         cargo.current_dir(&folder).args(["run", "--release", "--locked", "--quiet", "--manifest-path"]);

@@ -14,13 +14,22 @@ use fmi_rs::fmi2::types::{fmi2Status, fmi2True};
 use fmi_rs::fmi2::{CS, FMU2};
 use fmi_rs::model_description::fmi2::{Causality, ScalarVariable, VariableType};
 
-const MODELS: [&str; 6] = [
+const MODELS: [&str; 15] = [
     "MagneticBearing",
     "FlatnessController",
     "AlgebraicEstimator",
     "MagneticSpindle",
     "SpindleController",
     "SpindleEstimator",
+    "MagneticBearing4",
+    "FlatnessController4",
+    "AlgebraicEstimator4",
+    "MagneticSpindle4",
+    "SpindleController4",
+    "SpindleEstimator4",
+    "AxialBearing",
+    "AxialController",
+    "AxialEstimator",
 ];
 
 /// An empty folder for this test.
@@ -43,7 +52,7 @@ fn run(folder: &Path, arguments: &[&str]) {
 /// The FMUs, packaged into a folder of that name.
 fn packaged(name: &str) -> HashMap<&'static str, FMU2Builder> {
     let folder = folder(name);
-    run(&folder, &["package", "--out", "."]);
+    run(&folder, &["package", "--all", "--out", "."]);
     let builder = |model: &str| {
         let path = folder.join(format!("{model}.fmu"));
         FMU2Builder::new(&path).unwrap_or_else(|error| panic!("{model}: {error}"))
@@ -196,7 +205,7 @@ impl<'a> Loop<'a> {
 /// The SSP that the program packages, unpacked into a folder of that name.
 fn unpacked(name: &str) -> PathBuf {
     let folder = folder(name);
-    run(&folder, &["package", "--out", "."]);
+    run(&folder, &["package", "--all", "--out", "."]);
     fmi_rs::zip::extract_zip_archive(folder.join("MagneticBearing.ssp"), folder.join("system")).expect("the system");
     folder.join("system")
 }

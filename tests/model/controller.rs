@@ -450,7 +450,7 @@ fn the_phase_of_the_modulation_does_not_drift() {
 fn tuned_modulation_goes_on_without_a_jump_of_its_phase() {
     let tuned_hz = |k: u64| if (100..250).contains(&k) { 1700.0 } else { 110.0 };
     let parts = modulation(ControllerConfig::default(), 400, |controller, k| {
-        controller.retune(0.5, tuned_hz(k)).expect("a sound frequency");
+        controller.retune(0.5, [tuned_hz(k)]).expect("a sound frequency");
     });
     let mut phase = 1.5 * 110.0 * 1e-4;
     for (k, part) in parts.into_iter().enumerate() {
@@ -462,7 +462,7 @@ fn tuned_modulation_goes_on_without_a_jump_of_its_phase() {
     // Switched off and on again, it is where it would have been.
     let pause = |controller: &mut Controller, k| {
         let part = if (100..250).contains(&k) { 0.0 } else { 0.5 };
-        controller.retune(part, 110.0).expect("a sound part");
+        controller.retune(part, [110.0]).expect("a sound part");
     };
     let parts = modulation(ControllerConfig::default(), 400, pause);
     assert!(parts[100..250].iter().all(|part| part.abs() < 1e-12), "no modulation");
@@ -476,7 +476,7 @@ fn tuned_modulation_goes_on_without_a_jump_of_its_phase() {
         (0.5, 5001.0, "F0.modulationFrequency"),
         (0.5, f64::INFINITY, "F0.modulationFrequency"),
     ] {
-        let findings = controller.retune(part, hz).expect_err("a refusal");
+        let findings = controller.retune(part, [hz]).expect_err("a refusal");
         assert!(findings.len() == 1 && findings[0].name == name, "{findings:?}");
         assert_eq!(controller.config(), &ControllerConfig::default());
     }
@@ -656,7 +656,7 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
         Controller::new(ControllerConfig { reference: external, ..ControllerConfig::default() }).expect("controller");
     let mut state = controller.start(0.0);
     let result = controller.sample(&mut state, &ControllerInput { reference_m: [0.0, f64::NAN], ..still() });
-    assert!(matches!(result, Err(ControllerError::Input { name: "Zref", .. })), "{result:?}");
+    assert!(matches!(result, Err(ControllerError::Input { ref name, .. }) if name == "Zref"), "{result:?}");
 }
 
 #[test]
@@ -679,7 +679,7 @@ fn the_state_survives_being_written_and_read() {
     let mut state = controller.start(0.5);
     for k in 0..5 {
         // Another frequency, so that the phase has a base.
-        controller.retune(0.5, if k < 3 { 110.0 } else { 90.0 }).expect("a sound frequency");
+        controller.retune(0.5, [if k < 3 { 110.0 } else { 90.0 }]).expect("a sound frequency");
         controller.sample(&mut state, &still()).expect("sample");
     }
     assert!(controller.accepts(&state));

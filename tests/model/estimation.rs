@@ -101,8 +101,12 @@ fn exact_data_give_exact_constants() {
                 }
                 let (u, phi) = rotor.unbalance;
                 // 10 µg·m is a thousandth of an unbalance of 1 N.
-                assert!((last.unbalance_kg_m - u).abs() < 1e-8, "{what}: U {}", last.unbalance_kg_m);
-                assert!(u == 0.0 || (last.unbalance_phase_rad - phi).abs() < 1e-4, "{}", last.unbalance_phase_rad);
+                assert!((last.unbalance_kg_m[0] - u).abs() < 1e-8, "{what}: U {}", last.unbalance_kg_m[0]);
+                assert!(
+                    u == 0.0 || (last.unbalance_phase_rad[0] - phi).abs() < 1e-4,
+                    "{}",
+                    last.unbalance_phase_rad[0]
+                );
             }
         }
     }
@@ -297,7 +301,7 @@ fn the_angle_may_be_wrapped() {
             // A sample at the edge of a cell of the instruments may fall on either side.
             assert!(off < 0.1, "lambda[{}] is off by {off} standard deviations", k + 1);
         }
-        assert!((one.unbalance_phase_rad - other.unbalance_phase_rad).abs() < 1e-3);
+        assert!((one.unbalance_phase_rad[0] - other.unbalance_phase_rad[0]).abs() < 1e-3);
     }
 }
 
@@ -307,8 +311,8 @@ fn the_rotor_may_turn_backward() {
     let outputs = rotor.identify(config(&rotor));
     assert_right("backward", &rotor, &outputs, 2.0 * EXACT_PERCENT);
     let last = outputs.last().expect("samples");
-    assert!((last.unbalance_kg_m / rotor.unbalance.0 - 1.0).abs() < 1e-4, "{}", last.unbalance_kg_m);
-    assert!((last.unbalance_phase_rad - rotor.unbalance.1).abs() < 1e-4, "{}", last.unbalance_phase_rad);
+    assert!((last.unbalance_kg_m[0] / rotor.unbalance.0 - 1.0).abs() < 1e-4, "{}", last.unbalance_kg_m[0]);
+    assert!((last.unbalance_phase_rad[0] - rotor.unbalance.1).abs() < 1e-4, "{}", last.unbalance_phase_rad[0]);
     let rotor = Rotor { noise: NOISE, ..rotor };
     assert!(assert_never_wrong("backward with noise", &rotor, &rotor.identify(config(&rotor))) > 1000);
 }
@@ -321,7 +325,7 @@ fn a_balanced_rotor_needs_no_unbalance() {
     let without = rotor.identify(balanced.clone());
     assert!(assert_never_wrong("balanced", &rotor, &without) > 1000);
     let [with, without] = [with, without].map(|mut outputs| outputs.pop().expect("samples"));
-    assert_eq!((without.unbalance_kg_m, without.unbalance_phase_rad), (0.0, 0.0));
+    assert_eq!((without.unbalance_kg_m[0], without.unbalance_phase_rad[0]), (0.0, 0.0));
     assert!(without.lambda_std[1] < 0.6 * with.lambda_std[1], "an unknown less: {without:?}\n{with:?}");
 
     // No angle is connected: it stays at 0, while the rotor turns.
@@ -520,7 +524,7 @@ fn noise_is_found_or_the_estimate_refused() {
             let outputs = rotor.identify(config(&rotor));
             let (worst, at, valid) = confidence(&rotor, &outputs, 0);
             let last = outputs.last().expect("samples");
-            let found = [last.position_noise_m / noise.0, last.current_noise_a / noise.1];
+            let found = [last.position_noise_m[0] / noise.0, last.current_noise_a[0] / noise.1];
             println!(
                 "{noise:?}, seed {seed}: {worst:.2} at {at}, valid {valid}, noise found over true {found:.2?}, {:?}",
                 last.verdict
@@ -607,7 +611,7 @@ fn the_other_outputs_mean_what_they_say() {
     }
     let fresh = estimator(config(&rotor)).start();
     assert_eq!((fresh.output().condition, fresh.output().residual), (CONDITION_CAP, 1.0));
-    assert_eq!((fresh.output().position_noise_m, fresh.output().current_noise_a), (0.0, 0.0));
+    assert_eq!((fresh.output().position_noise_m[0], fresh.output().current_noise_a[0]), (0.0, 0.0));
 
     let rotor = noisy(21, 5001);
     let nis = |factor: f64| {
@@ -616,13 +620,13 @@ fn the_other_outputs_mean_what_they_say() {
     };
     let right = nis(1.0);
     assert!((0.9..1.1).contains(&right.residual), "{}", right.residual);
-    for (noise, known) in [(right.position_noise_m, NOISE.0), (right.current_noise_a, NOISE.1)] {
+    for (noise, known) in [(right.position_noise_m[0], NOISE.0), (right.current_noise_a[0], NOISE.1)] {
         assert!((noise / known - 1.0).abs() < 0.05, "{noise}, {known} is known");
     }
     // Known noise is a strong prior: where half of it is stated, the data correct it.
     let half = nis(0.5);
     println!("half of the noise stated: {half:?}");
-    assert!((half.position_noise_m / NOISE.0 - 1.0).abs() < 0.2, "{}", half.position_noise_m);
+    assert!((half.position_noise_m[0] / NOISE.0 - 1.0).abs() < 0.2, "{}", half.position_noise_m[0]);
     assert!((0.8..1.5).contains(&half.residual), "{}", half.residual);
     // The condition number of an unknown less is smaller, and no scale of the units enters.
     let rotor = Rotor { noise: NOISE, seed: 21, samples: 5001, ..Rotor::default() };
@@ -791,8 +795,8 @@ fn outputs_are_finite_on_wild_inputs() {
         for j in 0..20_000 {
             let input = wild.input(j, 5001);
             let o = estimator.sample(&mut state, &input);
-            let numbers = [o.condition, o.residual, o.determinant, o.unbalance_kg_m, o.unbalance_phase_rad];
-            let noises = [o.position_noise_m, o.current_noise_a];
+            let numbers = [o.condition, o.residual, o.determinant, o.unbalance_kg_m[0], o.unbalance_phase_rad[0]];
+            let noises = [o.position_noise_m[0], o.current_noise_a[0]];
             let all = o.lambda_hat.iter().chain(&o.lambda_raw).chain(&o.lambda_std).chain(&o.lambda_std_total);
             let all = all.chain(&o.ki).chain(&o.ks).chain(&o.load_n).chain(&numbers).chain(&noises);
             assert!(all.clone().all(|x| x.is_finite()), "{hold:?} {told_noise:?}, sample {j}: {o:?}");

@@ -71,7 +71,7 @@ fn the_allocation_agrees_with_the_corrected_closed_form() {
     for _ in 0..TRIALS {
         let wanted = [100.0 * random.standard_normal(), 100.0 * random.standard_normal()];
         for f0 in [0.0, 20.0] {
-            let forces = magnets.allocate(wanted, f0);
+            let forces = magnets.allocate(wanted, &[f0]);
             let expected = closed_form(wanted, f0, false);
             below(&format!("forces for {wanted:?} N"), distance(forces, expected), 1e3 * ROUNDING);
         }
@@ -88,7 +88,7 @@ fn the_printed_formulas_pull_the_wrong_way() {
     let printed = closed_form([0.0, -50.0], 20.0, true);
     assert!(printed[0] < 0.0, "F_1 of the printed formulas is {} N", printed[0]);
     // The forces used instead give the commanded resultant.
-    let [f_y, f_z] = magnets.resultant(magnets.allocate([30.0, -50.0], 20.0));
+    let [f_y, f_z] = magnets.resultant(magnets.allocate([30.0, -50.0], &[20.0]));
     below("F in N", distance([f_y, f_z], [30.0, -50.0]), 1e3 * ROUNDING);
 }
 
@@ -101,7 +101,7 @@ fn the_allocation_is_exact_for_any_admissible_angles() {
         let Ok(magnets) = Magnets::new(GAP_M, alpha_rad) else { continue };
         admissible += 1;
         let wanted = [100.0 * random.standard_normal(), 100.0 * random.standard_normal()];
-        let forces = magnets.allocate(wanted, 20.0);
+        let forces = magnets.allocate(wanted, &[20.0]);
         let largest = forces.iter().copied().fold(0.0, f64::max);
         let error = distance(magnets.resultant(forces), wanted);
         // Near the limit of parallel magnets the inverse loses a square of the sine.
@@ -119,7 +119,7 @@ fn currents_give_the_forces_asked_for() {
     let magnets = paper();
     let lambda = [1.8e-6, 2.0e-6, 2.2e-6];
     let gaps = magnets.gaps([30e-6, -70e-6]);
-    let wanted = magnets.allocate([30.0, -50.0], 20.0);
+    let wanted = magnets.allocate([30.0, -50.0], &[20.0]);
     let given = forces(lambda, currents(wanted, gaps, lambda), gaps);
     below("forces in N", distance(given, wanted), 1e3 * ROUNDING);
     assert_eq!(currents([-1.0; 3], gaps, lambda), [0.0; 3], "a magnet does not push");
@@ -154,7 +154,7 @@ fn more_magnets_share_a_force_and_none_falls_below_the_smallest() {
         let balanced = magnets.resultant(magnets.null_vector());
         assert!(balanced.iter().all(|force| force.abs() < 1e-12), "{alpha_rad:?}: {balanced:?}");
         for wanted in [[0.0, 0.0], [30.0, 0.0], [-12.0, 45.0], [3.0, -60.0]] {
-            let forces = magnets.allocate(wanted, 20.0);
+            let forces = magnets.allocate(wanted, &[20.0; 2]);
             let least = forces.iter().copied().fold(f64::INFINITY, f64::min);
             assert!((least - 20.0).abs() < 1e-12, "{alpha_rad:?}: the smallest of {forces:?}");
             for (found, wanted) in magnets.resultant(forces).into_iter().zip(wanted) {

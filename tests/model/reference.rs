@@ -77,16 +77,16 @@ fn the_angle_does_not_drift_and_follows_a_change_of_speed() {
     let mut state = reference.start();
     let last = 1_000_000u32;
     for _ in 0..=last {
-        reference.sample(&mut state, OMEGA_RAD_S, [0.0; 2]);
+        reference.sample(&mut state, OMEGA_RAD_S, [0.0; 2], [0.0; 2]);
     }
     let theta = reference.theta_rad(&state);
     below("θ in rad", (theta - OMEGA_RAD_S * (f64::from(last) * STEP_S)).abs(), ANGLE_RAD);
 
     // A speed given at a sample holds from this sample on; the angle does not jump.
-    reference.sample(&mut state, 2.0 * OMEGA_RAD_S, [0.0; 2]);
+    reference.sample(&mut state, 2.0 * OMEGA_RAD_S, [0.0; 2], [0.0; 2]);
     let at_change = reference.theta_rad(&state);
     below("θ at the change", (at_change - theta - OMEGA_RAD_S * STEP_S).abs(), ANGLE_RAD);
-    reference.sample(&mut state, 2.0 * OMEGA_RAD_S, [0.0; 2]);
+    reference.sample(&mut state, 2.0 * OMEGA_RAD_S, [0.0; 2], [0.0; 2]);
     let after = reference.theta_rad(&state);
     below("θ after the change", (after - at_change - 2.0 * OMEGA_RAD_S * STEP_S).abs(), ANGLE_RAD);
     let [ahead, _] = reference.ahead(&state, STEP_S);
@@ -107,7 +107,7 @@ fn a_cubic_from_outside_is_followed_without_lag() {
     let mut t = 0.0;
     for k in 0..1000 {
         t = f64::from(k) * STEP_S;
-        reference.sample(&mut state, OMEGA_RAD_S, [cubic(t)[0], -cubic(t)[0]]);
+        reference.sample(&mut state, OMEGA_RAD_S, [0.0; 2], [cubic(t)[0], -cubic(t)[0]]);
     }
     let [y, z] = reference.ahead(&state, 2.0 * STEP_S);
     let expected = cubic(t + 2.0 * STEP_S);
@@ -125,7 +125,7 @@ fn a_cubic_from_outside_is_followed_without_lag() {
 fn a_reference_from_outside_starts_at_its_first_sample_at_rest() {
     let reference = reference(ReferenceConfig { shape: Shape::External, ..ReferenceConfig::default() });
     let mut state = reference.start();
-    reference.sample(&mut state, OMEGA_RAD_S, [20e-6, -10e-6]);
+    reference.sample(&mut state, OMEGA_RAD_S, [0.0; 2], [20e-6, -10e-6]);
     let [y, z] = reference.ahead(&state, 2.0 * STEP_S);
     assert_eq!([y.position_m, y.velocity_m_s, y.acceleration_m_s2], [20e-6, 0.0, 0.0]);
     assert_eq!([z.position_m, z.velocity_m_s, z.acceleration_m_s2], [-10e-6, 0.0, 0.0]);
@@ -269,10 +269,9 @@ fn a_smooth_start_is_smooth() {
     let reference = Reference::new(config, 1e-4, &magnets).expect("reference");
     let plain = Reference::new(ReferenceConfig::default(), 1e-4, &magnets).expect("reference");
     let (mut state, mut other) = (reference.start(), plain.start());
-    reference.begin(&mut state, [1e-5, -2.5e-4]);
     for k in 0..600 {
-        reference.sample(&mut state, 314.0, [0.0; 2]);
-        plain.sample(&mut other, 314.0, [0.0; 2]);
+        reference.sample(&mut state, 314.0, [1e-5, -2.5e-4], [0.0; 2]);
+        plain.sample(&mut other, 314.0, [0.0; 2], [0.0; 2]);
         let at = |ahead_s: f64| reference.ahead(&state, ahead_s);
         let h = 1e-6;
         for a in 0..2 {

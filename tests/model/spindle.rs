@@ -375,9 +375,9 @@ fn a_rotor_that_leaves_the_gap_is_told_by_bearing() {
         let mut input = SpindleInput::default();
         input.current_a[k] = 5.0;
         match plant.advance(&mut state, &input, 0.0, 1.0) {
-            Err(StepError::SpindleContact { bearing: found, magnet: number, position_m, .. }) => {
-                assert_eq!((found, number), (bearing, magnet));
-                assert_eq!(position_m, state.position_m);
+            Err(StepError::Contact { magnet: found, position, .. }) => {
+                assert_eq!(found, format!("magnet {magnet} of bearing {bearing}"));
+                assert_eq!(position.iter().map(|(_, value)| *value).collect::<Vec<_>>(), state.position_m);
             }
             other => panic!("{bearing} {magnet}: {other:?}"),
         }

@@ -8,6 +8,7 @@ use magnetic_bearing::bearing::coil::Drive;
 use magnetic_bearing::bearing::magnet::forces;
 use magnetic_bearing::bearing::shaft::{displacement, generalised, shared, through};
 use magnetic_bearing::bearing::spindle::{RadialBearing, Spindle, SpindleGeometry};
+use magnetic_bearing::control::controller::Path;
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
 use magnetic_bearing::control::reference::ReferenceConfig;
 use magnetic_bearing::control::reference::Transition;
@@ -196,7 +197,8 @@ impl Loop {
             let t_s = k as f64 * step_s;
             let flowing_a = if voltage { self.rate(t_s, &x, &held, &spindle).1 } else { before };
             let input = SpindleControllerInput {
-                reading_m: spindle
+                reference_m: [0.0; 5],
+                position_m: spindle
                     .readings(x.q)
                     .map(|reading| reading + self.position_noise_m * noise.standard_normal()),
                 current_a: flowing_a.map(|i| i + self.current_noise_a * noise.standard_normal()),
@@ -381,7 +383,7 @@ fn no_magnet_of_a_bearing_pulls_with_less_than_its_smallest_force() {
     let mut random = Random::new(3);
     for _ in 0..1000 {
         let force: [f64; 5] = std::array::from_fn(|a| random.between(-1.0, 1.0) * if a < 3 { 100.0 } else { 10.0 });
-        let smallest_n = std::array::from_fn(|_| random.between(0.0, 30.0));
+        let smallest_n: [f64; 3] = std::array::from_fn(|_| random.between(0.0, 30.0));
         let forces = spindle.allocate(force, smallest_n);
         for (range, smallest) in [0..3, 3..6, 6..8].into_iter().zip(smallest_n) {
             let least = forces[range].iter().copied().fold(f64::INFINITY, f64::min);
@@ -457,7 +459,8 @@ fn without_tilt_each_radial_bearing_is_a_planar_one() {
             let all = spindle.sample(
                 &mut s,
                 &SpindleControllerInput {
-                    reading_m: [y, z, y, z, 0.0],
+                    reference_m: [0.0; 5],
+                    position_m: [y, z, y, z, 0.0],
                     current_a: [a, b, c, a, b, c, 1.0, 1.0],
                     lambda_hat_nm2_a2: [1.8e-6, 2.0e-6, 2.2e-6, 1.8e-6, 2.0e-6, 2.2e-6, 2e-6, 2e-6],
                     lambda_valid,
@@ -519,7 +522,7 @@ fn the_reference_is_consistent_with_its_derivatives() {
         let path = reference(config);
         let mut state = path.start();
         for _ in 0..200 {
-            path.sample(&mut state, TAU * 50.0, [1e-4, -1e-4, 5e-5, 1e-4, -2e-4]);
+            path.sample(&mut state, TAU * 50.0, [1e-4, -1e-4, 5e-5, 1e-4, -2e-4], [0.0; 5]);
         }
         let h = 1e-5;
         let [before, here, after] = [-h, 0.0, h].map(|ahead_s| path.ahead(&state, 3e-5 + ahead_s));
@@ -541,13 +544,13 @@ fn a_lift_begins_where_the_rotor_is() {
     });
     let mut state = path.start();
     let first = [1e-4, -1e-4, 5e-5, 1e-4, -2e-4];
-    path.sample(&mut state, TAU * 50.0, first);
+    path.sample(&mut state, TAU * 50.0, first, [0.0; 5]);
     for (point, first) in path.ahead(&state, 0.0).into_iter().zip(first) {
         below("first position", (point.position_m - first).abs(), 1e-20);
         below("first velocity", point.velocity_m_s.abs() + point.acceleration_m_s2.abs(), 1e-20);
     }
     for _ in 1..2000 {
-        path.sample(&mut state, TAU * 50.0, [0.0; 5]);
+        path.sample(&mut state, TAU * 50.0, [0.0; 5], [0.0; 5]);
     }
     let angle: f64 = TAU * 50.0 * 0.1999;
     for at_m in [-0.12, 0.15] {
@@ -609,7 +612,7 @@ fn bad_parameters_are_refused_by_name() {
 /// A rotor at rest away from the reference.
 fn still() -> SpindleControllerInput {
     SpindleControllerInput {
-        reading_m: [2e-5, 1e-5, -1e-5, 2e-5, 3e-5],
+        position_m: [2e-5, 1e-5, -1e-5, 2e-5, 3e-5],
         lambda_hat_nm2_a2: LAMBDA,
         omega_rad_s: TAU * 50.0,
         ..SpindleControllerInput::default()
@@ -632,17 +635,17 @@ fn bad_inputs_are_refused_by_name_and_change_nothing() {
     for bad in [f64::NAN, f64::INFINITY] {
         for (place, name) in ["A.Ym", "A.Zm", "B.Ym", "B.Zm", "Xm"].into_iter().enumerate() {
             let mut input = still();
-            input.reading_m[place] = bad;
+            input.position_m[place] = bad;
             assert!(matches!(refused(&input), ControllerError::Input { name: said, .. } if said == name));
         }
         let mut input = still();
         input.current_a[4] = bad;
-        assert!(matches!(refused(&input), ControllerError::Input { name: "B.im[2]", .. }));
+        assert!(matches!(refused(&input), ControllerError::Input { name, .. } if name == "B.im[2]"));
         let input = SpindleControllerInput { omega_rad_s: bad, ..still() };
-        assert!(matches!(refused(&input), ControllerError::Input { name: "reference.omega", .. }));
+        assert!(matches!(refused(&input), ControllerError::Input { name, .. } if name == "reference.omega"));
     }
     let mut input = still();
-    input.reading_m[1] = 1e308;
+    input.position_m[1] = 1e308;
     assert!(matches!(refused(&input), ControllerError::Overflow { sample: 1 }));
 
     // With current drive the measured currents are not used. An unusable λ is no error, and is not used.

@@ -14,7 +14,7 @@ fn config(shaft: &FiveAxes, told: bool) -> SpindleEstimatorConfig {
 
 fn inputs(shaft: &FiveAxes) -> Vec<SpindleEstimatorInput> {
     let input = |sample: &crate::five_axes::Sample| SpindleEstimatorInput {
-        reading_m: sample.reading_m,
+        position_m: sample.reading_m,
         current_a: sample.current_a,
         theta_rad: sample.theta_rad,
         omega_rad_s: shaft.omega(),
@@ -133,7 +133,7 @@ fn exact_data_give_exact_constants() {
         for (found, (u, _)) in last.unbalance_kg_m.iter().zip(shaft.unbalance) {
             assert!((found / u - 1.0).abs() < 1e-2, "{rpm} rpm: U {found}, wanted {u}");
         }
-        for (n, (found, wanted)) in last.load.iter().zip(shaft.load).enumerate() {
+        for (n, (found, wanted)) in last.load_n.iter().zip(shaft.load).enumerate() {
             assert!((found - wanted).abs() < limit_n, "{rpm} rpm: load {n} {found}, wanted {wanted}");
         }
     }
@@ -179,9 +179,9 @@ fn samples_that_cannot_be_used_are_named() {
     inputs[700].enable = false;
     inputs[710].contact = true;
     // Single missing samples are bridged; many are named.
-    inputs[712].reading_m[4] = 7e-4;
+    inputs[712].position_m[4] = 7e-4;
     (712..750).for_each(|at| inputs[at].current_a[7] = f64::NAN);
-    (760..800).for_each(|at| inputs[at].reading_m[2] = 1e-5);
+    (760..800).for_each(|at| inputs[at].position_m[2] = 1e-5);
     inputs[850].reset = true;
     let (outputs, state) = run(config(&shaft, true), &inputs);
     let verdicts = [699, 700, 710, 740, 745, 795, 850].map(|at| outputs[at].verdict);

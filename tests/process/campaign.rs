@@ -140,10 +140,17 @@ fn a_thousand_instances_in_turn_are_each_like_one_alone() {
         let noise = [("sensor.seed", at as f64), ("sensor.positionNoise", 1e-7)];
         match model {
             "MagneticBearing" => Fmu::started(model, &[&[("Y0", 1e-3 * value)], &noise[..]].concat()),
-            "MagneticSpindle" => Fmu::started(model, &noise),
-            "FlatnessController" => Fmu::started(model, &[("Ym", 1e-2 * value)]),
-            "SpindleController" => Fmu::started(model, &[("A.Ym", 1e-2 * value), ("B.Zm", -1e-2 * value)]),
-            "SpindleEstimator" => Fmu::started(model, &[("B.Zm", 1e-2 * value), ("A.im[1]", value)]),
+            "MagneticSpindle" | "MagneticSpindle4" | "MagneticBearing4" | "AxialBearing" => Fmu::started(model, &noise),
+            "FlatnessController" | "FlatnessController4" => Fmu::started(model, &[("Ym", 1e-2 * value)]),
+            "AxialController" => Fmu::started(model, &[("Xm", 1e-2 * value)]),
+            "SpindleController" | "SpindleController4" => {
+                Fmu::started(model, &[("A.Ym", 1e-2 * value), ("B.Zm", -1e-2 * value)])
+            }
+            "SpindleEstimator" | "SpindleEstimator4" => {
+                Fmu::started(model, &[("B.Zm", 1e-2 * value), ("A.im[1]", value)])
+            }
+            "AlgebraicEstimator4" => Fmu::started(model, &[("Zm", 1e-2 * value), ("im[1]", value)]),
+            "AxialEstimator" => Fmu::started(model, &[("Xm", 1e-2 * value), ("im[1]", value)]),
             _ => Fmu::started(model, &[("Zm", 1e-2 * value), ("im[1]", value), ("Tf", 2e-3), ("epsilon", 2e-3)]),
         }
     };

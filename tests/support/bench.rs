@@ -184,7 +184,7 @@ impl Bench {
         let mut wanted = [self.m * ahead[0][2], self.m * ahead[1][2]];
         let gaps = magnets.gaps([x[0], x[1]]);
         let mut lambda = self.lambda0;
-        let mut current = currents(magnets.allocate(wanted, self.f0), gaps, lambda);
+        let mut current = currents(magnets.allocate(wanted, &[self.f0]), gaps, lambda);
         let mut held = current;
         let mut history = vec![[x[0], x[1]]];
         let mut out = Recorded { levitated: true, ..Recorded::default() };
@@ -249,7 +249,7 @@ impl Bench {
             }
             let f0 = self.f0 * (1.0 + self.modulation[0] * (TAU * self.modulation[1] * (t + 1.5 * h)).sin());
             let gaps = magnets.gaps(predicted).map(|gap| gap.max(1e-5));
-            let next = currents(magnets.allocate(force, f0), gaps, lambda);
+            let next = currents(magnets.allocate(force, &[f0]), gaps, lambda);
 
             for step in 0..SUBSTEPS {
                 let t_0 = t + step as f64 * sub;

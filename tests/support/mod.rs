@@ -25,18 +25,27 @@ pub use magnetic_bearing::fmu as library;
 pub use random::Random;
 
 /// The models of this project.
-pub const MODELS: [&str; 6] = [
+pub const MODELS: [&str; 15] = [
     "MagneticBearing",
     "FlatnessController",
     "AlgebraicEstimator",
     "MagneticSpindle",
     "SpindleController",
     "SpindleEstimator",
+    "MagneticBearing4",
+    "FlatnessController4",
+    "AlgebraicEstimator4",
+    "MagneticSpindle4",
+    "SpindleController4",
+    "SpindleEstimator4",
+    "AxialBearing",
+    "AxialController",
+    "AxialEstimator",
 ];
 
 /// Whether a model is a plant.
 pub fn is_plant(model: &str) -> bool {
-    ["MagneticBearing", "MagneticSpindle"].contains(&model)
+    ["MagneticBearing", "MagneticSpindle", "MagneticBearing4", "MagneticSpindle4", "AxialBearing"].contains(&model)
 }
 
 /// Asserts a value of at most `limit`.

@@ -15,7 +15,8 @@ use serde::{Deserialize, Serialize};
 
 use super::magnets_at_m;
 use crate::bearing::shaft::{self, COORDINATES};
-use crate::bearing::spindle::Spindle;
+use crate::bearing::spindle::SpindleOf;
+use crate::control::controller::Path;
 use crate::control::reference::{RefPoint, Transition, Turning, check_ellipse_reach};
 use crate::invalid::{Checks, Invalid};
 use crate::variables::Variables;
@@ -104,7 +105,11 @@ impl SpindlePath {
     /// `A.reference.rY`, `A.reference.rZ` if they are below 0, or if the ellipse touches a magnet, B alike;
     /// `X.reference.amplitude` below 0 or beyond the gap, `X.reference.frequency` below 0 or beyond half the sample rate; the
     /// times below 0; all of these, `A.reference.phase` and `reference.omega` if they are not finite.
-    pub fn new(config: SpindlePathConfig, step_s: f64, spindle: &Spindle) -> Result<Self, Vec<Invalid>> {
+    pub fn new<const M: usize, const K: usize>(
+        config: SpindlePathConfig,
+        step_s: f64,
+        spindle: &SpindleOf<M, K>,
+    ) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         let path = Self::checked(config, step_s, spindle, &mut checks);
         checks.finish()?;
@@ -112,7 +117,12 @@ impl SpindlePath {
     }
 
     /// Reports errors in `checks`; use the returned value only if there are none.
-    pub(crate) fn checked(config: SpindlePathConfig, step_s: f64, spindle: &Spindle, checks: &mut Checks) -> Self {
+    pub(crate) fn checked<const M: usize, const K: usize>(
+        config: SpindlePathConfig,
+        step_s: f64,
+        spindle: &SpindleOf<M, K>,
+        checks: &mut Checks,
+    ) -> Self {
         let paths = [&config.a, &config.b];
         for ((prefix, path), magnets) in ["A.", "B."].into_iter().zip(paths).zip(spindle.bearings()) {
             checks.of(prefix, |checks| {
@@ -158,33 +168,6 @@ impl SpindlePath {
         &self.config
     }
 
-    /// Before the first sample: θ = 0.
-    pub fn start(&self) -> SpindlePathState {
-        SpindlePathState { turning: Turning::start(self.config.omega_rad_s), first: [0.0; COORDINATES] }
-    }
-
-    /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
-    pub fn accepts(&self, state: &SpindlePathState) -> bool {
-        state.turning.is_consistent() && state.first.iter().all(|value| value.is_finite())
-    }
-
-    /// Moves on to the next sample: `omega_rad_s` holds from this sample on; a lift begins at the coordinates of the first one.
-    pub fn sample(&self, state: &mut SpindlePathState, omega_rad_s: f64, coordinates: [f64; COORDINATES]) {
-        if state.turning.samples() == 0 {
-            state.first = coordinates;
-        }
-        state.turning.sample(omega_rad_s, self.step_s);
-    }
-
-    /// The reference of the coordinates `ahead_s` after the last sample, in s.
-    pub fn ahead(&self, state: &SpindlePathState, ahead_s: f64) -> [RefPoint; COORDINATES] {
-        let t_s = state.turning.since_first_s(ahead_s, self.step_s);
-        let (sin, cos) = libm::sincos(state.turning.ahead_rad(ahead_s));
-        let mut curve = self.waves_at(state.turning.omega_rad_s(), sin, cos);
-        curve[0] = self.axial(t_s);
-        self.config.transition.apply(curve, state.first, t_s)
-    }
-
     fn waves_at(&self, omega_rad_s: f64, sin: f64, cos: f64) -> [RefPoint; COORDINATES] {
         let [c, s] = self.waves;
         std::array::from_fn(|a| {
@@ -206,5 +189,39 @@ impl SpindlePath {
         let revolutions = f * t_s;
         let (sin, cos) = libm::sincos(TAU * (revolutions - libm::floor(revolutions)));
         RefPoint { position_m: a * sin, velocity_m_s: a * rate * cos, acceleration_m_s2: -a * rate * rate * sin }
+    }
+}
+
+impl Path<COORDINATES> for SpindlePath {
+    type State = SpindlePathState;
+
+    fn start(&self) -> SpindlePathState {
+        SpindlePathState { turning: Turning::start(self.config.omega_rad_s), first: [0.0; COORDINATES] }
+    }
+
+    fn accepts(&self, state: &SpindlePathState) -> bool {
+        state.turning.is_consistent() && state.first.iter().all(|value| value.is_finite())
+    }
+
+    /// A lift begins at the coordinates of the first sample.
+    fn sample(
+        &self,
+        state: &mut SpindlePathState,
+        omega_rad_s: f64,
+        coordinates: [f64; COORDINATES],
+        _: [f64; COORDINATES],
+    ) {
+        if state.turning.samples() == 0 {
+            state.first = coordinates;
+        }
+        state.turning.sample(omega_rad_s, self.step_s);
+    }
+
+    fn ahead(&self, state: &SpindlePathState, ahead_s: f64) -> [RefPoint; COORDINATES] {
+        let t_s = state.turning.since_first_s(ahead_s, self.step_s);
+        let (sin, cos) = libm::sincos(state.turning.ahead_rad(ahead_s));
+        let mut curve = self.waves_at(state.turning.omega_rad_s(), sin, cos);
+        curve[0] = self.axial(t_s);
+        self.config.transition.apply(curve, state.first, t_s)
     }
 }

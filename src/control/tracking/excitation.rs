@@ -1,12 +1,13 @@
 //! Modulation of the smallest force, which makes λ identifiable without moving the rotor.
 //!
-//! Forces along the null vector of P(3) cancel on the rotor, so the smallest force of a bearing can vary without moving it:
+//! Forces along a null vector of P(3) cancel on the rotor, so the smallest force of a bearing can vary without moving it, and with two
+//! opposed pairs of magnets that of each pair:
 //!
 //! ```text
 //! min F_k = F_0 (1 + a sin 2πφ)        φ = f t
 //! ```
 //!
-//! `a` is `F0.modulation`, `f` is `F0.modulationFrequency`, one for each bearing, t starts at the first sample. For current
+//! `a` is `F0.modulation`, `f` is `F0.modulationFrequency`, one for each null vector, t starts at the first sample. For current
 //! drive t is the middle of the interval over which the currents are held, for voltage drive the instant at which they are
 //! reached. The varying currents make λ identifiable where the reference trajectory alone does not, for instance with the rotor
 //! at rest. While λ is wrong, the forces do not cancel exactly, and the rotor moves a little.
@@ -18,8 +19,9 @@ use serde::{Deserialize, Serialize};
 use super::{Arrangement, Tracking, TrackingConfig, TrackingState};
 use crate::bearing::coil::Drive;
 use crate::invalid::{Checks, Invalid, Short};
+use crate::machine::Machine;
 
-/// Modulation of the smallest force of one bearing.
+/// Modulation of the smallest force, or of the bias, of one group of magnets.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Excitation {
     /// `1 + a sin 2πφ` at the last sample.
@@ -46,15 +48,15 @@ impl Excitation {
 }
 
 /// Checks a modulation; a sample time that is itself refused restricts no frequency.
-pub(super) fn check<const K: usize, const B: usize>(
-    config: &TrackingConfig<K, B>,
-    names: [&'static str; B],
+pub(super) fn check<const K: usize, const G: usize>(
+    config: &TrackingConfig<K, G>,
+    machine: &Machine,
     checks: &mut Checks,
 ) {
     let &TrackingConfig { step_s, modulation, modulation_hz, .. } = config;
     checks.require((0.0..=1.0).contains(&modulation), "F0.modulation", modulation, "a fraction of F0 from 0 to 1");
     let highest_hz = if step_s.is_finite() && step_s > 0.0 { 0.5 / step_s } else { f64::INFINITY };
-    for (name, hz) in names.into_iter().zip(modulation_hz) {
+    for (name, hz) in machine.of_groups("F0.modulationFrequency").into_iter().zip(modulation_hz) {
         checks.require(
             hz.is_finite() && hz > 0.0 && hz <= highest_hz,
             name,
@@ -69,7 +71,7 @@ fn wrapped(revolutions: f64) -> f64 {
     revolutions - libm::floor(revolutions)
 }
 
-impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tracking<A, N, K, B> {
+impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tracking<A, N, K, G> {
     /// Changes the modulation of the smallest force: `modulation` as a fraction of `F_0`, its frequencies in Hz.
     ///
     /// The phases are continuous.
@@ -77,21 +79,21 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
     /// # Errors
     /// `F0.modulation` outside 0 to 1; a frequency unless it is above 0 and at most half the sample rate. The former values
     /// then remain.
-    pub(in crate::control) fn retune(&mut self, modulation: f64, modulation_hz: [f64; B]) -> Result<(), Vec<Invalid>> {
+    pub(in crate::control) fn retune(&mut self, modulation: f64, modulation_hz: [f64; G]) -> Result<(), Vec<Invalid>> {
         let mut checks = Checks::default();
         let config = TrackingConfig { modulation, modulation_hz, ..self.config.clone() };
-        check(&config, A::NAMES.modulation_hz, &mut checks);
+        check(&config, A::MACHINE, &mut checks);
         checks.finish()?;
         self.config = config;
         Ok(())
     }
 
-    /// `1 + a sin 2πφ` in bearing b for the force commanded at this sample.
-    pub(super) fn modulate(&self, state: &mut TrackingState<N, K, B>, b: usize) -> f64 {
+    /// `1 + a sin 2πφ` in group g for the force commanded at this sample.
+    pub(super) fn modulate(&self, state: &mut TrackingState<N, K, G>, g: usize) -> f64 {
         let TrackingConfig { modulation, step_s, .. } = self.config;
-        let frequency_hz = self.config.modulation_hz[b];
+        let frequency_hz = self.config.modulation_hz[g];
         let samples = state.samples;
-        let excitation = &mut state.excitation[b];
+        let excitation = &mut state.excitation[g];
         // Count × step, so that φ does not drift.
         let phase_rev = |excitation: &Excitation, sample: u64| {
             wrapped(excitation.base_rev + excitation.frequency_hz * ((sample - excitation.base_sample) as f64 * step_s))
@@ -110,7 +112,7 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
     }
 
     /// The modulation before the first sample.
-    pub(super) fn excitation_at_start(&self) -> [Excitation; B] {
+    pub(super) fn excitation_at_start(&self) -> [Excitation; G] {
         self.config.modulation_hz.map(|frequency_hz| Excitation {
             factor: 1.0,
             base_rev: self.first_phase_rev(frequency_hz),

@@ -33,16 +33,16 @@ pub fn ramp_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 3] {
     [q * q / (step_s * step_s), 2.0 * q / step_s, q - q * q / 6.0]
 }
 
-impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tracking<A, N, K, B> {
+impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tracking<A, N, K, G> {
     /// Voltages to hold over the sample time that begins at the next sample; the currents and gaps are those of this sample.
     #[inline]
     pub(super) fn voltages(
         &self,
-        state: &mut TrackingState<N, K, B>,
+        state: &mut TrackingState<N, K, G>,
         estimate: &[Estimate; N],
         measured: &Measured<N, K>,
         gap_m: [f64; K],
-        smallest_n: [f64; B],
+        level: [f64; G],
         [_, begin, end]: &Course<N>,
     ) -> Command<N, K> {
         let m = self.inertia;
@@ -92,9 +92,9 @@ impl<A: Arrangement<N, K, B>, const N: usize, const K: usize, const B: usize> Tr
             let [_, _, d] = state.expected[a];
             m[a] * (acceleration[a] - d) - moment[a]
         });
-        let wanted_n = self.arrangement.allocate(force, smallest_n);
         let predicted_m = geometry.gaps(last.map(|[x, ..]| x));
         let last_gap_m = self.limited(predicted_m);
+        let wanted_n = self.share(force, level, lambda, last_gap_m);
         let reference_a = magnet::currents(wanted_n, last_gap_m, lambda);
         let wanted_v: [f64; K] = std::array::from_fn(|k| {
             let last_a = (reference_a[k] + self.decay * (next_a[k] - state.planned_a[k])).max(0.0);

@@ -23,8 +23,11 @@ use serde::{Deserialize, Serialize};
 use self::kernel::{ROWS_PER_AXIS, Weights};
 use self::lowpass::{LowPass, LowPassState};
 use self::window::{Integrals, KERNELS, Sample, Window, WindowSums};
+use super::CONDITION_CAP;
 use super::config::{EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, Verdict, WHOLE_NUMBER_TOLERANCE};
-use super::{CONDITION_CAP, MAGNETS};
+
+/// Magnets of the machine of the paper.
+const MAGNETS: usize = 3;
 
 /// The largest condition number with which an estimate counts as valid: on the paper's orbit it is 17 to 32.
 const CONDITION_LIMIT: f64 = 60.0;
@@ -182,6 +185,11 @@ impl Paper {
         state.window.clear();
     }
 
+    /// The gaps of the magnets at a position, m.
+    pub fn gaps(&self, [y, z]: [f64; 2]) -> [f64; MAGNETS] {
+        self.direction.map(|[sin, cos]| self.config.gap_m - sin * y - cos * z)
+    }
+
     /// Takes in a sample, which is finite and within the gap; what to say of the estimate.
     pub fn sample(&self, state: &mut PaperState, input: &EstimatorInput, output: &mut EstimatorOutput) -> Verdict {
         let sample = self.signals(state, input);
@@ -213,8 +221,7 @@ impl Paper {
 
     /// The signals of one sample for the window.
     fn signals(&self, state: &mut PaperState, input: &EstimatorInput) -> Sample {
-        let [y, z] = input.position_m;
-        let gap_m = self.direction.map(|[sin, cos]| self.config.gap_m - sin * y - cos * z);
+        let gap_m = self.gaps(input.position_m);
         let w = gap_m.map(|gap| 1.0 / (gap * gap));
         let [w_last, w_before] = state.inverse_square_gap;
         let mut sample = Sample { position: input.position_m, ..Sample::default() };

@@ -8,10 +8,12 @@ use std::sync::Arc;
 use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value};
 
+pub use self::read::suggestion;
 use self::read::{permitted, unknown};
+use crate::machine::Machine;
 
 /// The built-in scenarios, by name.
-pub const BUILT_IN: [(&str, &str); 12] = [
+pub const BUILT_IN: [(&str, &str); 16] = [
     ("paper", include_str!("../scenarios/paper.toml")),
     ("experiment", include_str!("../scenarios/experiment.toml")),
     ("unbalanced", include_str!("../scenarios/unbalanced.toml")),
@@ -24,6 +26,10 @@ pub const BUILT_IN: [(&str, &str); 12] = [
     ("standstill", include_str!("../scenarios/standstill.toml")),
     ("spindle", include_str!("../scenarios/spindle.toml")),
     ("balance", include_str!("../scenarios/balance.toml")),
+    ("planar4", include_str!("../scenarios/planar4.toml")),
+    ("spindle4", include_str!("../scenarios/spindle4.toml")),
+    ("axial", include_str!("../scenarios/axial.toml")),
+    ("levitation", include_str!("../scenarios/levitation.toml")),
 ];
 
 /// Findings about a scenario, each on its own line.
@@ -99,8 +105,8 @@ pub struct Scenario {
     pub title: String,
     /// A paragraph.
     pub description: String,
-    /// The machine, one of [`MACHINES`].
-    pub machine: &'static str,
+    /// The machine.
+    pub machine: &'static Machine,
     /// Length of the run, in seconds.
     pub duration_s: f64,
     /// Communication step, in seconds.
@@ -118,12 +124,6 @@ pub struct Scenario {
     /// Changes made when it was opened, each as `name=value`.
     pub changes: Vec<String>,
 }
-
-/// The machines that a scenario can describe: name, and the models of plant, controller and estimator.
-pub const MACHINES: [(&str, [&str; 3]); 2] = [
-    ("bearing", ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"]),
-    ("spindle", ["MagneticSpindle", "SpindleController", "SpindleEstimator"]),
-];
 
 /// Which element's outputs are connected to which element's inputs: those of the same name, and of these pairs of names.
 const LOOP: [([&str; 2], &[[&str; 2]]); 4] = [

@@ -7,9 +7,10 @@ use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
 use serde::Deserialize;
 
-use super::{Connection, Element, MACHINES, Profile, Scenario, Setting, connected};
+use super::{Connection, Element, Profile, Scenario, Setting, connected};
 use crate::control::reference::HARMONICS;
 use crate::fmu::{self, estimator};
+use crate::machine::MACHINES;
 use crate::simulation::contour::Fit;
 use crate::simulation::simulate;
 
@@ -214,13 +215,16 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         findings.push(format!("step = {} is refused: expected at most the duration, {duration_s} s", document.step));
     }
 
-    let machine = if document.machine.is_empty() { MACHINES[0].0 } else { &document.machine };
-    let machine = MACHINES.into_iter().find(|(name, _)| *name == machine).unwrap_or_else(|| {
-        let names = MACHINES.map(|(name, _)| name).join(", ");
-        findings.push(format!("machine = \"{machine}\" is refused: expected one of {names}"));
-        MACHINES[0]
+    let named = |name: &str| MACHINES.iter().find(|machine| machine.name == name);
+    let machine = if document.machine.is_empty() { Some(&MACHINES[0]) } else { named(&document.machine) };
+    let machine = machine.unwrap_or_else(|| {
+        let names = MACHINES.iter().map(|machine| machine.name.to_owned()).collect::<Vec<_>>();
+        let (given, suggestion) = (&document.machine, suggestion(&document.machine, &names));
+        findings.push(format!("machine = \"{given}\" is refused: expected one of {}; {suggestion}", names.join(", ")));
+        &MACHINES[0]
     });
-    let [plant, controller, estimator] = machine.1.map(|name| fmu::find(name).expect("a model of this project"));
+    let [plant, controller, estimator] =
+        machine.models.map(|(name, _)| fmu::find(name).expect("a model of this project"));
     let element =
         |name: &str, model_type: Arc<ModelType>| Element { name: name.into(), model_type, settings: Vec::new() };
     let mut elements =
@@ -264,7 +268,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     Scenario {
         title: document.title,
         description: document.description,
-        machine: machine.0,
+        machine,
         duration_s,
         step_s,
         elements,
@@ -445,7 +449,7 @@ pub fn unknown(table: &str, key: &str, known: &[String]) -> String {
 }
 
 /// Suggests a name for an unknown one.
-fn suggestion(key: &str, known: &[String]) -> String {
+pub fn suggestion(key: &str, known: &[String]) -> String {
     let near = known
         .iter()
         .map(|name| (strsim::jaro_winkler(&name.to_lowercase(), &key.to_lowercase()), name))

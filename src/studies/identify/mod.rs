@@ -193,7 +193,7 @@ pub fn table(tracks: &[Track]) -> Table {
         let numbers = last.lambda_hat.iter().map(|l| format!("{:.4}", l * 1e6));
         let stds = last.lambda_std.iter().map(|l| format!("{:.4}", l * 1e6));
         let (u, phi) = if track.config.method == Method::PredictionError {
-            (format!("{:.2}", last.unbalance_kg_m * 1e6), format!("{:.4}", last.unbalance_phase_rad))
+            (format!("{:.2}", last.unbalance_kg_m[0] * 1e6), format!("{:.4}", last.unbalance_phase_rad[0]))
         } else {
             ("–".into(), "–".into())
         };
@@ -266,8 +266,8 @@ pub fn recording(samples: &Samples, tracks: &[Track]) -> Recording {
         add("residual", "", &|output| output.residual);
         add("pYHat", "N", &|output| output.load_n[0]);
         add("pZHat", "N", &|output| output.load_n[1]);
-        add("unbalance.magnitude", "kg.m", &|output| output.unbalance_kg_m);
-        add("unbalance.phase", "rad", &|output| output.unbalance_phase_rad);
+        add("unbalance.magnitude", "kg.m", &|output| output.unbalance_kg_m[0]);
+        add("unbalance.phase", "rad", &|output| output.unbalance_phase_rad[0]);
     }
     Recording { time_s, columns }
 }
@@ -281,8 +281,8 @@ pub fn json(samples: &Samples, tracks: &[Track]) -> Json {
             json!({
                 "lambdaHat": last.lambda_hat, "lambdaStd": last.lambda_std, "condition": last.condition,
                 "residual": last.residual, "pYHat": last.load_n[0], "pZHat": last.load_n[1],
-                "unbalance.magnitude": last.unbalance_kg_m, "unbalance.phase": last.unbalance_phase_rad,
-                "noise.position": last.position_noise_m, "noise.current": last.current_noise_a,
+                "unbalance.magnitude": last.unbalance_kg_m[0], "unbalance.phase": last.unbalance_phase_rad[0],
+                "noise.position": last.position_noise_m[0], "noise.current": last.current_noise_a[0],
                 "lambdaStdTotal": last.lambda_std_total, "ki": last.ki, "ks": last.ks,
             })
         });

@@ -1,56 +1,55 @@
 //! `MagneticSpindle`: a rigid rotor in two radial magnetic bearings and an axial one, with coils, two-plane unbalance, loads, backup
 //! bearings and sensors.
 
-use fmu_export::Info;
 use fmu_export::variable::Dependency::Fixed;
 use fmu_export::variable::{Row, Value};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::COORDINATES;
-use crate::bearing::spindle::MAGNETS;
-use crate::fmu::common::info;
 use crate::fmu::plants::{self, ModelledRotor, PlantModel};
 use crate::invalid;
-use crate::machine::SPINDLE;
-use crate::plant::spindle::{AtBearings, SpindleConfig, SpindleInput, SpindlePlant};
-use crate::plant::{Equations, Motion};
+use crate::machine::Machine;
+use crate::plant::spindle::{AtBearings, SpindleConfig, SpindleConfigOf, SpindleInput, SpindlePlant};
+use crate::plant::{Equations, Motion, PlantParameters};
 
-/// The plant.
-pub type MagneticSpindle = PlantModel<SpindleConfig, COORDINATES, MAGNETS>;
+/// The plant with three magnets in each radial bearing.
+pub type MagneticSpindle = PlantModel<SpindleConfig, COORDINATES, 8>;
 
-/// The values of all variables of the plant.
-type Values = plants::Values<SpindleConfig, COORDINATES, MAGNETS>;
+/// That with four.
+pub type MagneticSpindle4 = PlantModel<SpindleConfigOf<f64, 4, 10>, COORDINATES, 10>;
 
 /// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
 pub fn configuration(settings: &[(usize, Value)]) -> (SpindleConfig, SpindleInput) {
     plants::configuration(settings)
 }
 
-impl ModelledRotor<COORDINATES, MAGNETS> for SpindleConfig {
-    const INFO: Info = info(
-        "MagneticSpindle",
-        "Rigid rotor in two radial magnetic bearings and an axial one, with two-plane unbalance, loads and sensors",
-    );
+impl<const M: usize, const K: usize> ModelledRotor<COORDINATES, K> for SpindleConfigOf<f64, M, K>
+where
+    // True of every length that is used; serde does not know it of all.
+    Self: Serialize + DeserializeOwned,
+{
     type Details = AtBearings;
 
-    fn dependent(row: Row<Values>) -> Row<Values> {
-        dependent(row)
+    fn dependent(row: Row<plants::Values<Self, COORDINATES, K>>) -> Row<plants::Values<Self, COORDINATES, K>> {
+        dependent(row, Self::MACHINE)
     }
 
     fn start_mut(&mut self) -> (&mut [f64; COORDINATES], &mut [f64; COORDINATES], &mut f64) {
         (&mut self.position_m, &mut self.velocity_m_s, &mut self.theta_rad)
     }
 
-    fn retune(plant: &mut SpindlePlant, to: &Self) -> Result<(), Vec<invalid::Invalid>> {
+    fn retune(plant: &mut SpindlePlant<M, K>, to: &Self) -> Result<(), Vec<invalid::Invalid>> {
         plant.retune(to.lambda_nm2_a2, to.unbalance_kgm, to.unbalance_phase_rad)
     }
 
     fn details<U: Scalar>(
-        equations: &Equations<SpindleConfig<U>, COORDINATES, MAGNETS>,
-        motion: &Motion<U, COORDINATES, MAGNETS>,
+        equations: &Equations<SpindleConfigOf<U, M, K>, COORDINATES, K>,
+        motion: &Motion<U, COORDINATES, K>,
         omega_rad_s: U,
         contact: [bool; 3],
-        force_n: [U; MAGNETS],
+        force_n: [U; K],
         of: impl Fn(U) -> f64,
     ) -> AtBearings {
         equations.at_bearings(motion, omega_rad_s, contact, force_n).map(of)
@@ -63,12 +62,12 @@ const SIDEWAYS: [&str; 4] = [".Y", ".Z", "beta", "gamma"];
 /// Their rates.
 const RATES: [&str; 4] = ["vY", "vZ", "betaRate", "gammaRate"];
 
-fn dependent(row: Row<Values>) -> Row<Values> {
+fn dependent<D>(row: Row<D>, machine: &Machine) -> Row<D> {
     let name = row.variable.name.clone();
     let (bearing, own) = name.split_once('.').unwrap_or(("", &name));
     let drives = || {
         let of_bearing = move |name: &String| name.starts_with(bearing);
-        ["i", "psi"].into_iter().flat_map(|name| SPINDLE.of_magnets(name)).filter(of_bearing).collect::<Vec<_>>()
+        ["i", "psi"].into_iter().flat_map(|name| machine.of_magnets(name)).filter(of_bearing).collect::<Vec<_>>()
     };
     match (bearing, own) {
         (_, own) if own.starts_with("im[") => row.starts_from_parameters(),

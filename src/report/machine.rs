@@ -1,38 +1,50 @@
-//! The results of a run of a spindle: tables, and the report page.
+//! The results of a run of any machine: tables, and the report page.
 
 use maud::{Markup, html};
 use serde_json::json;
 
 use super::experiment::parameters;
-use super::figures::{Figure, Signals, lambda_plot};
+use super::figures::{Figure, INDEX, Signals, lambda_plot};
 use super::plot::{self, Line, Plot, PlotUnit, colour};
 use super::{Event, Report, after_colon, evaluation, page_with, percent};
 use crate::fmu::estimator::VERDICT;
+use crate::machine::{Bearing, Kind, Machine};
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
 use crate::simulation::synchronous::{self, INTERVAL_S};
 use crate::table::Table;
 use fmu_export::variable::Value;
 
-/// The bearings by their names in the interface.
-const BEARINGS: [&str; 3] = ["A", "B", "X"];
 /// Maximum number of frames of the animation.
 const FRAMES: usize = 6000;
 /// Length of the intervals before the update and at the end over which errors are taken, in seconds.
 const STRETCH_S: f64 = 0.04;
 
-/// Whether the machine of a scenario is a spindle.
-pub fn is_spindle(scenario: &Scenario) -> bool {
-    scenario.machine == "spindle"
-}
-
 fn real(scenario: &Scenario, name: &str) -> Option<f64> {
     scenario.value("plant", name).map(Value::as_f64)
 }
 
-/// λ of the magnets of a bearing, `A`, `B` or `X`, in N·m²/A².
-fn truth(scenario: &Scenario, bearing: &str) -> Vec<f64> {
-    (1..).map_while(|k| real(scenario, &format!("{bearing}.lambda[{k}]"))).collect()
+/// λ of the magnets of a bearing, in N·m²/A².
+fn truth(scenario: &Scenario, bearing: &Bearing) -> Vec<f64> {
+    (1..=bearing.magnets)
+        .map(|k| real(scenario, &format!("{}lambda[{k}]", bearing.prefix)).unwrap_or(f64::NAN))
+        .collect()
+}
+
+/// Whether magnet k, counted from 0, is used: of an axial bearing it may be the first or the second alone.
+fn is_used(scenario: &Scenario, k: usize) -> bool {
+    let used = scenario.value("controller", "magnets.used").map_or(1.0, Value::as_f64);
+    used == 1.0 || used == 2.0 + k as f64
+}
+
+/// `A ` for the prefix `A.`, nothing where there is but one.
+fn name_of(bearing: &Bearing) -> String {
+    bearing.prefix.strip_suffix('.').map(|name| format!("{name} ")).unwrap_or_default()
+}
+
+/// `Bearing A`, or `Bearing` where there is but one.
+fn title_of(bearing: &Bearing) -> String {
+    format!("Bearing {}", name_of(bearing)).trim_end().to_owned()
 }
 
 /// The last value of a column.
@@ -45,18 +57,18 @@ pub fn tables(scenario: &Scenario, run: &Run) -> Vec<Table> {
     let mut tables = vec![constants(scenario, run)];
     tables.extend(unbalance(scenario, run));
     tables.extend(balance(scenario, run));
-    tables.extend(tracking(run));
+    tables.extend(tracking(scenario, run));
     tables
 }
 
 fn constants(scenario: &Scenario, run: &Run) -> Table {
     let mut rows = Vec::new();
-    for bearing in BEARINGS {
-        for (k, truth) in truth(scenario, bearing).into_iter().enumerate() {
-            let of = |name: &str| last(run, &format!("estimator.{bearing}.{name}[{}]", k + 1));
+    for bearing in scenario.machine.bearings {
+        for (k, truth) in truth(scenario, bearing).into_iter().enumerate().filter(|(k, _)| is_used(scenario, *k)) {
+            let of = |name: &str| last(run, &format!("estimator.{}{name}[{}]", bearing.prefix, k + 1));
             let hat = of("lambdaHat");
             rows.push(vec![
-                format!("{bearing} λ{}", k + 1),
+                format!("{}λ{}", name_of(bearing), k + 1),
                 format!("{:.4}", truth * 1e6),
                 format!("{:.4}", hat * 1e6),
                 percent(hat / truth - 1.0),
@@ -78,9 +90,13 @@ fn constants(scenario: &Scenario, run: &Run) -> Table {
 }
 
 fn unbalance(scenario: &Scenario, run: &Run) -> Option<Table> {
+    if scenario.machine.planes == 0 {
+        return None;
+    }
     let mut rows = Vec::new();
-    for plane in [1, 2] {
-        let name = |what: &str| format!("unbalance[{plane}].{what}");
+    let machine = scenario.machine;
+    for plane in 0..machine.planes {
+        let name = |what: &str| machine.of_planes(what).swap_remove(plane);
         let of = |what: &str| {
             let found = run.recording.get(&format!("estimator.{}", name(what)))?;
             let before = |balance_s| run.recording.time_s.partition_point(|time_s| *time_s < balance_s - 1e-9);
@@ -89,7 +105,8 @@ fn unbalance(scenario: &Scenario, run: &Run) -> Option<Table> {
         };
         let ((size, size_hat), (phase, phase_hat)) = (of("magnitude")?, of("phase")?);
         rows.push(vec![
-            format!("plane {plane}, {} mm", 1e3 * real(scenario, &name("position"))?),
+            real(scenario, &name("position"))
+                .map_or_else(String::new, |at_m| format!("plane {}, {} mm", plane + 1, 1e3 * at_m)),
             format!("{:.2}", 1e6 * size),
             format!("{:.2}", 1e6 * size_hat),
             format!("{:.4}", phase),
@@ -97,7 +114,7 @@ fn unbalance(scenario: &Scenario, run: &Run) -> Option<Table> {
         ]);
     }
     Some(Table {
-        title: "Unbalance in two planes".into(),
+        title: (if machine.planes > 1 { "Unbalance in two planes" } else { "Unbalance" }).into(),
         note: match scenario.balance_s {
             Some(balance_s) => {
                 format!("Magnitude in g·mm, angle on the rotor in rad, before the correction masses at {balance_s} s.")
@@ -131,7 +148,7 @@ fn balance(scenario: &Scenario, run: &Run) -> Option<Table> {
     })
 }
 
-fn tracking(run: &Run) -> Option<Table> {
+fn tracking(scenario: &Scenario, run: &Run) -> Option<Table> {
     let time_s = &run.recording.time_s;
     let end_s = *time_s.last()?;
     let update_s =
@@ -140,14 +157,15 @@ fn tracking(run: &Run) -> Option<Table> {
     stretches.extend(update_s.map(|update_s| ("before the update", update_s - STRETCH_S, update_s)));
     stretches.push(("end of the run", end_s - STRETCH_S, end_s));
     let mut rows = Vec::new();
-    for (name, words) in [("A.eY", "A, y"), ("A.eZ", "A, z"), ("B.eY", "B, y"), ("B.eZ", "B, z"), ("X.e", "axial")] {
+    let machine = scenario.machine;
+    for (name, reading) in machine.of_readings("e").into_iter().zip(machine.readings) {
         let error = run.recording.get(&format!("controller.{name}"))?;
         let largest = |from_s: f64, to_s: f64| {
             let within = time_s.iter().zip(error).filter(|(time_s, _)| (from_s..=to_s).contains(*time_s));
             1e6 * within.map(|(_, error)| error.abs()).fold(0.0, f64::max)
         };
         let cells = stretches.iter().map(|(_, from_s, to_s)| format!("{:.3}", largest(*from_s, *to_s)));
-        rows.push([words.to_owned()].into_iter().chain(cells).collect());
+        rows.push([reading.axis.to_owned()].into_iter().chain(cells).collect());
     }
     Some(Table {
         title: "Largest tracking error as measured, µm".into(),
@@ -198,11 +216,11 @@ fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
         }
         @if scenario.balance_s.is_some() { h2 { "Force constants" } }
         div.cards {
-            @for bearing in BEARINGS {
-                @for (k, truth) in truth(scenario, bearing).into_iter().enumerate() {
-                    @let of = |name: &str| last(run, &format!("estimator.{bearing}.{name}[{}]", k + 1));
+            @for bearing in scenario.machine.bearings {
+                @for (k, truth) in truth(scenario, bearing).into_iter().enumerate().filter(|(k, _)| is_used(scenario, *k)) {
+                    @let of = |name: &str| last(run, &format!("estimator.{}{name}[{}]", bearing.prefix, k + 1));
                     div.card style={ "border-color:var(--magnet" (k + 1) ")" } {
-                        span.name { (bearing) " λ̂" sub { (k + 1) } }
+                        span.name { (name_of(bearing)) "λ̂" sub { (k + 1) } }
                         span.value { (format!("{:.4} ± {:.4}", 1e6 * of("lambdaHat"), 2e6 * of("lambdaStdTotal"))) }
                         span.truth { (format!("truth {:.4}, error ", 1e6 * truth)) (percent(of("lambdaHat") / truth - 1.0)) }
                     }
@@ -215,9 +233,10 @@ fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
                 div #shaft-animation .animation { (plot::data_element(&data)) }
             }
             div #lambda {
-                (lambda_plot(signals, "estimator", "A.", Some(&truth(scenario, "A")), 460.0).html())
+                @let bearing = &scenario.machine.bearings[0];
+                (lambda_plot(signals, "estimator", bearing.prefix, Some(&truth(scenario, bearing)), 460.0).html())
                 p.soft {
-                    "Bearing A: solid where the estimate is valid, with a band of two standard deviations; dotted and shaded where it is not; dashed: the \
+                    (title_of(bearing)) ": solid where the estimate is valid, with a band of two standard deviations; dotted and shaded where it is not; dashed: the \
                      true value. Click to go to an instant."
                 }
             }
@@ -249,30 +268,32 @@ fn animation(scenario: &Scenario, run: &Signals) -> Option<serde_json::Value> {
 }
 
 fn figures(scenario: &Scenario, run: &Signals) -> Vec<Figure> {
-    vec![
+    let mut figures = vec![
         estimates(scenario, run),
-        orbits(run),
-        tracking_errors(run),
-        loads(run),
-        unbalances(scenario, run),
-        currents(run),
-    ]
+        orbits(scenario.machine, run),
+        tracking_errors(scenario.machine, run),
+        loads(scenario.machine, run),
+    ];
+    figures.extend((scenario.machine.planes > 0).then(|| unbalances(scenario, run)));
+    figures.push(currents(scenario.machine, run));
+    figures
 }
 
 fn estimates(scenario: &Scenario, run: &Signals) -> Figure {
-    let plots = BEARINGS.map(|bearing| {
+    let plot = |bearing: &Bearing| {
         let truth = truth(scenario, bearing);
-        (format!("Bearing {bearing}"), lambda_plot(run, "estimator", &format!("{bearing}."), Some(&truth), 300.0))
-    });
+        (title_of(bearing), lambda_plot(run, "estimator", bearing.prefix, Some(&truth), 300.0))
+    };
     let caption = "Estimates over time. Solid where valid, with a band of two standard deviations; dotted and shaded where not; dashed: the truth.";
-    run.figure("estimates", "Estimates of the force constants", plots.into(), caption)
+    let plots = scenario.machine.bearings.iter().map(plot).collect();
+    run.figure("estimates", "Estimates of the force constants", plots, caption)
 }
 
-fn orbits(run: &Signals) -> Figure {
+fn orbits(machine: &Machine, run: &Signals) -> Figure {
     let mut plots = Vec::new();
-    for bearing in ["A", "B"] {
+    for bearing in machine.bearings.iter().filter(|bearing| bearing.kind == Kind::Radial) {
         let mut plot = Plot::new(("y", PlotUnit::MICROMETRE), ("z", PlotUnit::MICROMETRE)).equal().height(380.0);
-        let of = |element: &str, what: &str| run.get(&format!("{element}.{bearing}.{what}"));
+        let of = |element: &str, what: &str| run.get(&format!("{element}.{}{what}", bearing.prefix));
         for (stretch, colour) in run.stretches.iter().zip([colour::MAGNETS[1], colour::MAGNETS[0]]) {
             if let (Some(y), Some(z)) = (of("plant", "Y"), of("plant", "Z")) {
                 let line = Line::new(stretch.title(), colour);
@@ -285,100 +306,86 @@ fn orbits(run: &Signals) -> Figure {
             let line = Line::new("reference", colour::INK).dashed().width(1.0);
             plot.line(line, &y[last.from..last.to], &z[last.from..last.to]);
         }
-        plots.push((format!("Orbit in bearing {bearing}"), plot));
+        plots.push((format!("Orbit in bearing {}", name_of(bearing)).trim_end().to_owned(), plot));
     }
     let mut axial = run.plot("x", PlotUnit::MICROMETRE).height(260.0);
     if let Some(x) = run.get("plant.X") {
         run.line(&mut axial, Line::new("position", colour::MAGNETS[0]), x);
-    }
-    if let Some(reference) = run.get("controller.X.reference.X") {
-        run.line(&mut axial, Line::new("reference", colour::INK).dashed().width(1.0), reference);
-    }
-    plots.push(("Axial position".into(), axial));
-    let caption = "The orbits of the shaft in both bearings over two revolutions, and its axial position over time.";
-    run.figure("orbit", "Orbits and axial position", plots, caption)
-}
-
-/// A plot over time: title, quantity with its unit, columns with their names in the legend.
-type OverTime<'a> = (&'a str, (&'a str, PlotUnit), &'a [(&'a str, &'a str)]);
-
-fn over_time(run: &Signals, plots: &[OverTime]) -> Vec<(String, Plot)> {
-    let colours = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::OTHER];
-    let one = |(title, (quantity, unit), columns): &OverTime| {
-        let mut plot = run.plot(quantity, *unit).height(260.0);
-        for ((name, column), colour) in columns.iter().zip(colours.into_iter().cycle()) {
-            if let Some(values) = run.get(column) {
-                run.line(&mut plot, Line::new(name, colour), values);
-            }
+        if let Some(reference) = machine.of_references().last().and_then(|name| run.get(&format!("controller.{name}")))
+        {
+            run.line(&mut axial, Line::new("reference", colour::INK).dashed().width(1.0), reference);
         }
-        ((*title).to_owned(), plot)
+        plots.push(("Axial position".into(), axial));
+    }
+    let caption = "Orbits over two revolutions, axial position over time.";
+    run.figure("orbit", "Motion", plots, caption)
+}
+
+/// A plot over time of columns with their names in the legend.
+fn over_time(
+    run: &Signals,
+    title: &str,
+    (quantity, unit): (&str, PlotUnit),
+    columns: &[(String, String)],
+) -> (String, Plot) {
+    let mut plot = run.plot(quantity, unit).height(260.0);
+    for ((name, column), colour) in columns.iter().zip(colour::MAGNETS) {
+        if let Some(values) = run.get(column) {
+            run.line(&mut plot, Line::new(name, colour), values);
+        }
+    }
+    (title.to_owned(), plot)
+}
+
+fn tracking_errors(machine: &Machine, run: &Signals) -> Figure {
+    let errors = machine.of_readings("e").into_iter().zip(machine.readings);
+    let errors: Vec<_> = errors.map(|(name, reading)| (reading.axis, format!("controller.{name}"))).collect();
+    let plot = |bearing: &Bearing| {
+        let own = |column: &str| column.starts_with(&format!("controller.{}", bearing.prefix));
+        let own = errors.iter().filter(|(_, column)| own(column));
+        let columns: Vec<_> = own.map(|(axis, column)| (axis[..1].to_owned(), column.clone())).collect();
+        over_time(run, &title_of(bearing), ("error", PlotUnit::MICROMETRE), &columns)
     };
-    plots.iter().map(one).collect()
-}
-
-fn tracking_errors(run: &Signals) -> Figure {
-    let error = ("error", PlotUnit::MICROMETRE);
-    let plots = over_time(
-        run,
-        &[
-            ("Bearing A", error, &[("y", "controller.A.eY"), ("z", "controller.A.eZ")]),
-            ("Bearing B", error, &[("y", "controller.B.eY"), ("z", "controller.B.eZ")]),
-            ("Axial", error, &[("x", "controller.X.e")]),
-        ],
-    );
     let caption = "Measured position minus reference; the noise of the sensors is in it.";
-    run.figure("tracking", "Tracking errors", plots, caption)
+    run.figure("tracking", "Tracking errors", machine.bearings.iter().map(plot).collect(), caption)
 }
 
-fn loads(run: &Signals) -> Figure {
+fn loads(machine: &Machine, run: &Signals) -> Figure {
     const MOMENT: PlotUnit = PlotUnit { name: "N·m", factor: 1.0 };
-    let plots = over_time(
-        run,
-        &[
-            (
-                "Forces",
-                ("force", PlotUnit::NEWTON),
-                &[("x", "controller.pXHat"), ("y", "controller.pYHat"), ("z", "controller.pZHat")],
-            ),
-            ("Moments", ("moment", MOMENT), &[("about y", "controller.MYHat"), ("about z", "controller.MZHat")]),
-        ],
-    );
-    let caption = "Loads as the observers see them: three forces and two moments. Wrong force constants and unbalance are loads to them.";
+    let of = |angle: bool| -> Vec<_> {
+        let loads = machine.of_loads("p", "Hat").into_iter().enumerate();
+        let own = loads.filter(|(n, _)| machine.coordinates[*n].is_angle == angle);
+        own.map(|(n, name)| (machine.direction(n), format!("controller.{name}"))).collect()
+    };
+    let mut plots = vec![over_time(run, "Forces", ("force", PlotUnit::NEWTON), &of(false))];
+    if !of(true).is_empty() {
+        plots.push(over_time(run, "Moments", ("moment", MOMENT), &of(true)));
+    }
+    let caption = "Loads as the observers see them. Wrong force constants and unbalance are loads to them.";
     run.figure("loads", "Loads", plots, caption)
 }
 
 fn unbalances(scenario: &Scenario, run: &Signals) -> Figure {
     const GRAM_MILLIMETRE: PlotUnit = PlotUnit { name: "g·mm", factor: 1e6 };
-    let mut plots = over_time(
-        run,
-        &[(
-            "Magnitude",
-            ("unbalance", GRAM_MILLIMETRE),
-            &[("plane 1", "estimator.unbalance[1].magnitude"), ("plane 2", "estimator.unbalance[2].magnitude")],
-        )],
-    );
-    for plane in [1, 2] {
-        if let (Some(truth), Some((_, plot))) =
-            (real(scenario, &format!("unbalance[{plane}].magnitude")), plots.first_mut())
-        {
-            plot.level(truth, "");
-        }
+    let names = scenario.machine.of_planes("magnitude");
+    let columns: Vec<_> = names
+        .iter()
+        .enumerate()
+        .map(|(plane, name)| (format!("plane {}", plane + 1), format!("estimator.{name}")))
+        .collect();
+    let (title, mut plot) = over_time(run, "Magnitude", ("unbalance", GRAM_MILLIMETRE), &columns);
+    for truth in names.iter().filter_map(|name| real(scenario, name)) {
+        plot.level(truth, "");
     }
-    run.figure("unbalance", "Unbalance in two planes", plots, "Identified unbalance; dashed: the truth.")
+    run.figure("unbalance", "Unbalance", vec![(title, plot)], "Identified unbalance; dashed: the truth.")
 }
 
-fn currents(run: &Signals) -> Figure {
-    let names: Vec<[String; 3]> =
-        BEARINGS.iter().map(|bearing| [1, 2, 3].map(|k| format!("plant.{bearing}.im[{k}]"))).collect();
-    let columns: Vec<[(&str, &str); 3]> =
-        names.iter().map(|[one, two, three]| [("i₁", one.as_str()), ("i₂", two), ("i₃", three)]).collect();
-    let title = ["Bearing A", "Bearing B", "Axial bearing"];
-    let plots: Vec<_> =
-        title.iter().zip(&columns).map(|(title, columns)| (*title, ("i", PlotUnit::AMPERE), &columns[..])).collect();
-    run.figure(
-        "currents",
-        "Measured currents",
-        over_time(run, &plots),
-        "The magnets only pull: the sign of a current has no meaning.",
-    )
+fn currents(machine: &Machine, run: &Signals) -> Figure {
+    let plot = |bearing: &Bearing| {
+        let name = |k: usize| (format!("i{}", INDEX[k]), format!("plant.{}im[{}]", bearing.prefix, k + 1));
+        let columns: Vec<_> = (0..bearing.magnets).map(name).collect();
+        over_time(run, &title_of(bearing), ("i", PlotUnit::AMPERE), &columns)
+    };
+    let caption = "The magnets only pull: the sign of a current has no meaning.";
+    run.figure("currents", "Measured currents", machine.bearings.iter().map(plot).collect(), caption)
 }

@@ -1,20 +1,20 @@
-//! The planar rotor of the paper: two coordinates (y, z), three magnets.
+//! A rotor in one bearing: across its axis, as in the paper, with coordinates (y, z) and three or four magnets, or along it, with the
+//! coordinate x and a magnet on either side.
 
-use std::f64::consts::{FRAC_PI_3, PI};
+use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
 use super::equations::{Motion, PlantInput};
-use super::error::StepError;
 use super::rotor::{PlantParameters, Rotor};
 use super::sensor::SensorConfig;
 use super::{Plant, check_step};
 use crate::bearing::coil::{CoilConfig, Saturates};
-use crate::bearing::magnet::{Geometry, Magnets};
+use crate::bearing::magnet::{Geometry, MagnetsOf, alpha_rad};
 use crate::bearing::scalar::Scalar;
 use crate::bearing::touchdown::{Called, TouchdownConfig};
 use crate::invalid::{Checks, Invalid, Short};
-use crate::machine::{Machine, PLANAR};
+use crate::machine::Machine;
 use crate::variables::unit::{
     KILOGRAM, METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND, SECOND,
 };
@@ -22,30 +22,39 @@ use crate::variables::{KILOGRAM_METRE, LAMBDA, Variables};
 
 /// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, with t the absolute time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(T = f64)]
-pub struct Harmonic<T = f64> {
+#[variables(T = f64, context = Machine)]
+#[serde(bound(
+    serialize = "T: Serialize, [T; N]: Serialize",
+    deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>"
+))]
+pub struct Harmonic<T = f64, const N: usize = 2> {
     /// Amplitude of a harmonic perturbation force along {axis}
-    #[parameter(names = ["amplitudeY", "amplitudeZ"], tunable, unit = NEWTON)]
-    pub amplitude_n: [T; 2],
+    #[parameter(names = context.of_resultant("amplitude"), tunable, unit = NEWTON)]
+    pub amplitude_n: [T; N],
     /// Angular frequency of the harmonic perturbation force
     #[parameter(name = "omega", tunable, unit = RADIAN_PER_SECOND, min = 0.0, nominal = 100.0, display_unit = "Hz")]
     pub omega_rad_s: T,
     /// Phase at time 0 of the harmonic perturbation force along {axis}, which is a sine
-    #[parameter(names = ["phaseY", "phaseZ"], tunable, unit = RADIAN)]
-    pub phase_rad: [T; 2],
+    #[parameter(names = context.of_resultant("phase"), tunable, unit = RADIAN)]
+    pub phase_rad: [T; N],
 }
 
-impl Default for Harmonic {
+impl<const N: usize> Default for Harmonic<f64, N> {
     /// None, at 50 Hz.
     fn default() -> Self {
-        Self { amplitude_n: [0.0; 2], omega_rad_s: 2.0 * PI * 50.0, phase_rad: [0.0; 2] }
+        Self { amplitude_n: [0.0; N], omega_rad_s: 2.0 * PI * 50.0, phase_rad: [0.0; N] }
     }
 }
 
 /// The bearing and the initial conditions of the rotor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Machine)]
-pub struct PlantConfig<T = f64> {
+#[serde(bound(
+    serialize = "T: Serialize, [T; N]: Serialize, [T; K]: Serialize, [f64; N]: Serialize, [f64; K]: Serialize",
+    deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>, [T; K]: Deserialize<'de>, [f64; N]: Deserialize<'de>, \
+                   [f64; K]: Deserialize<'de>"
+))]
+pub struct RotorConfig<T, const N: usize, const K: usize> {
     /// Mass of the rotor
     #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
     pub m_kg: T,
@@ -53,62 +62,73 @@ pub struct PlantConfig<T = f64> {
     #[parameter(name = "s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
     pub gap_m: T,
     /// Angle of magnet {k}; its direction is (sin alpha, cos alpha) in the y-z plane
-    #[parameter(name = "alpha", unit = RADIAN)]
-    pub alpha_rad: [T; 3],
+    #[parameter(name = "alpha", count = context.angles(), unit = RADIAN)]
+    pub alpha_rad: [T; K],
     /// Initial position of the rotor along {axis}
-    #[parameter(names = ["Y0", "Z0"], unit = METRE, nominal = 1e-5)]
-    pub position_m: [T; 2],
+    #[parameter(names = context.at_start(|coordinate| coordinate.position), unit = METRE, nominal = 1e-5)]
+    pub position_m: [T; N],
     /// Initial velocity of the rotor along {axis}
-    #[parameter(names = ["vY0", "vZ0"], unit = METRE_PER_SECOND, nominal = 1e-2)]
-    pub velocity_m_s: [T; 2],
+    #[parameter(names = context.at_start(|coordinate| coordinate.rate), unit = METRE_PER_SECOND, nominal = 1e-2)]
+    pub velocity_m_s: [T; N],
     /// The coils.
     #[nested(prefix = "", context = Saturates(true))]
     pub coil: CoilConfig<T>,
     /// Acceleration of gravity along {axis}
-    #[parameter(names = ["gravity.Y", "gravity.Z"], unit = METRE_PER_SECOND2, nominal = 10.0)]
-    pub gravity_m_s2: [T; 2],
+    #[parameter(names = context.of_resultant("gravity."), unit = METRE_PER_SECOND2, nominal = 10.0)]
+    pub gravity_m_s2: [T; N],
     /// The backup bearing.
-    #[nested(prefix = "", context = Called { what: "backup bearing", from: "centre", is_ring: true })]
+    #[nested(prefix = "", context = backup_bearing(context))]
     pub touchdown: TouchdownConfig<T>,
     /// Initial rotor angle
     #[parameter(name = "theta0", unit = RADIAN)]
     pub theta_rad: T,
     /// The sensors.
     #[nested(prefix = "")]
-    pub sensor: SensorConfig,
+    pub sensor: SensorConfig<N, K>,
     /// Upper bound of the integration step
     #[parameter(name = "solver.maxStep", unit = SECOND, min = 0.0, nominal = 1e-5, display_unit = "µs")]
     pub max_step_s: f64,
     /// Force constant of magnet {k}
     #[parameter(name = "lambda", tunable, unit = LAMBDA, min = 0.0, nominal = 1e-6)]
-    pub lambda_nm2_a2: [T; 3],
+    pub lambda_nm2_a2: [T; K],
     /// Unbalance of the rotor, mass times eccentricity
-    #[parameter(name = "unbalance.magnitude", tunable, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4)]
+    #[parameter(name = "unbalance.magnitude", count = context.planes, tunable, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4)]
     pub unbalance_kgm: T,
     /// Angle of the unbalance from the mark on the rotor that theta refers to
-    #[parameter(name = "unbalance.phase", tunable, unit = RADIAN)]
+    #[parameter(name = "unbalance.phase", count = context.planes, tunable, unit = RADIAN)]
     pub unbalance_phase_rad: T,
     /// Harmonic perturbation.
-    #[nested(prefix = "perturbation.", context = ())]
-    pub harmonic: Harmonic<T>,
+    #[nested(prefix = "perturbation.")]
+    pub harmonic: Harmonic<T, N>,
 }
 
-impl Default for PlantConfig {
-    /// The paper's bearing, the rotor on the paper's ellipse.
+/// That of the planar rotor of the paper.
+pub type PlantConfig<T = f64> = RotorConfig<T, 2, 3>;
+
+/// What the backup bearing of a machine with one bearing is called.
+fn backup_bearing(machine: &Machine) -> Called {
+    match machine.is_planar() {
+        true => Called { what: "backup bearing", from: "centre", is_ring: true },
+        false => Called { what: "axial stop", from: "middle", is_ring: false },
+    }
+}
+
+impl<const N: usize, const K: usize> Default for RotorConfig<f64, N, K> {
+    /// The paper's bearing, or one of the same size; across its axis the rotor is on the paper's ellipse.
     fn default() -> Self {
         Self {
             m_kg: 6.7,
             gap_m: 5e-4,
-            alpha_rad: [PI, -FRAC_PI_3, FRAC_PI_3],
-            lambda_nm2_a2: [1.8e-6, 2.0e-6, 2.2e-6],
+            alpha_rad: alpha_rad(),
+            lambda_nm2_a2: std::array::from_fn(|k| [1.8e-6, 2.0e-6, 2.2e-6, 2.4e-6][k]),
             unbalance_kgm: 0.0,
             unbalance_phase_rad: 0.0,
             harmonic: Harmonic::default(),
-            gravity_m_s2: [0.0; 2],
+            gravity_m_s2: [0.0; N],
             coil: CoilConfig::default(),
             touchdown: TouchdownConfig::default(),
-            position_m: [30e-6, 0.0],
-            velocity_m_s: [0.0, 0.021991148575128554],
+            position_m: std::array::from_fn(|n| if N == 2 { [30e-6, 0.0][n] } else { 0.0 }),
+            velocity_m_s: std::array::from_fn(|n| if N == 2 { [0.0, 0.021991148575128554][n] } else { 0.0 }),
             theta_rad: 0.0,
             sensor: SensorConfig::default(),
             max_step_s: 5e-5,
@@ -116,14 +136,24 @@ impl Default for PlantConfig {
     }
 }
 
-impl<T: Scalar> Rotor<2, 3> for PlantConfig<T> {
+/// In the plane of the backup bearing: a motion along the axis has one component.
+#[inline]
+fn in_plane<T: Scalar, const N: usize>(x: [T; N]) -> [T; 2] {
+    std::array::from_fn(|n| if n < N { x[n] } else { T::constant(0.0) })
+}
+
+impl<T: Scalar, const N: usize, const K: usize> Rotor<N, K> for RotorConfig<T, N, K> {
     type Number = T;
-    type With<U: Scalar> = PlantConfig<U>;
+    type With<U: Scalar> = RotorConfig<U, N, K>;
     type Contact = bool;
 
-    fn with<U: Scalar, V: Scalar>(&self, other: &PlantConfig<U>, join: &impl Fn(T, U) -> V) -> PlantConfig<V> {
+    fn with<U: Scalar, V: Scalar>(
+        &self,
+        other: &RotorConfig<U, N, K>,
+        join: &impl Fn(T, U) -> V,
+    ) -> RotorConfig<V, N, K> {
         let harmonic = &other.harmonic;
-        joined!(self, other, join, PlantConfig {
+        joined!(self, other, join, RotorConfig {
             m_kg, gap_m, unbalance_kgm, unbalance_phase_rad, theta_rad;
             alpha_rad, lambda_nm2_a2, gravity_m_s2, position_m, velocity_m_s;
             harmonic: joined!(&self.harmonic, harmonic, join, Harmonic { omega_rad_s; amplitude_n, phase_rad; }),
@@ -134,17 +164,17 @@ impl<T: Scalar> Rotor<2, 3> for PlantConfig<T> {
         })
     }
 
-    fn geometry(&self) -> Geometry<T> {
+    fn geometry(&self) -> Geometry<T, N, K> {
         Geometry::new(self.gap_m, self.alpha_rad)
     }
 
     #[inline]
-    fn inertia(&self) -> [T; 2] {
-        [self.m_kg; 2]
+    fn inertia(&self) -> [T; N] {
+        [self.m_kg; N]
     }
 
     #[inline]
-    fn lambda_nm2_a2(&self) -> &[T; 3] {
+    fn lambda_nm2_a2(&self) -> &[T; K] {
         &self.lambda_nm2_a2
     }
 
@@ -153,14 +183,14 @@ impl<T: Scalar> Rotor<2, 3> for PlantConfig<T> {
         &self.coil
     }
 
-    fn readings_m(&self, position_m: [T; 2]) -> [T; 2] {
+    fn readings_m(&self, position_m: [T; N]) -> [T; N] {
         position_m
     }
 
-    fn perturbation(&self, input: &PlantInput<T>, time_s: T, theta_rad: T) -> [T; 2] {
+    fn perturbation(&self, input: &PlantInput<T, N, K>, time_s: T, theta_rad: T) -> [T; N] {
         let Harmonic { amplitude_n, omega_rad_s, phase_rad } = &self.harmonic;
         let mut p = input.perturbation_n;
-        for a in 0..2 {
+        for a in 0..N {
             // Skipped at amplitude 0, so that the common case needs no sine.
             if !amplitude_n[a].is_zero() {
                 p[a] = p[a] + amplitude_n[a] * (*omega_rad_s * time_s + phase_rad[a]).sine();
@@ -174,49 +204,52 @@ impl<T: Scalar> Rotor<2, 3> for PlantConfig<T> {
         if !self.unbalance_kgm.is_zero() {
             let force = self.unbalance_kgm * input.omega_rad_s * input.omega_rad_s;
             let (sin, cos) = (theta_rad + self.unbalance_phase_rad).sine_cosine();
-            p = [p[0] + force * cos, p[1] + force * sin];
+            p = std::array::from_fn(|a| p[a] + force * if a == 0 { cos } else { sin });
         }
         p
     }
 
     #[inline]
-    fn gyroscopic(&self, _: T, _: [T; 2]) -> Option<[T; 2]> {
+    fn gyroscopic(&self, _: T, _: [T; N]) -> Option<[T; N]> {
         None
     }
 
-    fn contact_n(&self, motion: &Motion<T>, omega_rad_s: T, contact: bool) -> [T; 2] {
-        match contact {
-            true => self.touchdown.force_n(motion.position_m, motion.velocity_m_s, omega_rad_s),
-            false => [T::constant(0.0); 2],
+    fn contact_n(&self, motion: &Motion<T, N, K>, omega_rad_s: T, contact: bool) -> [T; N] {
+        if !contact {
+            return [T::constant(0.0); N];
         }
+        let force_n = self.touchdown.force_n(in_plane(motion.position_m), in_plane(motion.velocity_m_s), omega_rad_s);
+        std::array::from_fn(|n| force_n[n])
     }
 }
 
-impl PlantParameters<2, 3> for PlantConfig {
-    const MACHINE: &'static Machine = &PLANAR;
+impl<const N: usize, const K: usize> PlantParameters<N, K> for RotorConfig<f64, N, K> {
+    const MACHINE: &'static Machine = Machine::of_one_bearing(N, K);
 
     fn check(&self, checks: &mut Checks) {
         checks.positive("m", self.m_kg, "kg");
-        let magnets = Magnets::checked(self.gap_m, self.alpha_rad, checks);
-        check_tunable(self.lambda_nm2_a2, self.unbalance_kgm, self.unbalance_phase_rad, &self.harmonic, checks);
-        for (name, value) in ["Y0", "Z0"].into_iter().zip(self.position_m) {
+        let magnets = MagnetsOf::<N, K>::checked(self.gap_m, self.alpha_rad, checks);
+        let machine = Self::MACHINE;
+        let Self { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, harmonic, .. } = self;
+        check_tunable(machine, *lambda_nm2_a2, *unbalance_kgm, *unbalance_phase_rad, harmonic, checks);
+        for (name, value) in machine.at_start(|coordinate| coordinate.position).into_iter().zip(self.position_m) {
             checks.finite(name, value, "m");
         }
-        for (name, value) in ["vY0", "vZ0"].into_iter().zip(self.velocity_m_s) {
+        for (name, value) in machine.at_start(|coordinate| coordinate.rate).into_iter().zip(self.velocity_m_s) {
             checks.finite(name, value, "m/s");
         }
         checks.finite("theta0", self.theta_rad, "rad");
         check_start(self, &magnets, checks);
-        for (name, value) in ["gravity.Y", "gravity.Z"].into_iter().zip(self.gravity_m_s2) {
+        for (name, value) in machine.of_resultant("gravity.").into_iter().zip(self.gravity_m_s2) {
             checks.finite(name, value, "m/s2");
         }
-        self.coil.check([self.gap_m; 3], self.lambda_nm2_a2, checks);
+        self.coil.check([self.gap_m; K], self.lambda_nm2_a2, checks);
         self.touchdown.check(checks);
-        self.sensor.check(Self::MACHINE, checks);
+        self.sensor.check(machine, checks);
         check_step("solver.maxStep", self.max_step_s, checks);
     }
 
-    fn start(&self) -> ([f64; 2], [f64; 2]) {
+    fn start(&self) -> ([f64; N], [f64; N]) {
         (self.position_m, self.velocity_m_s)
     }
 
@@ -224,7 +257,7 @@ impl PlantParameters<2, 3> for PlantConfig {
         self.theta_rad
     }
 
-    fn sensor(&self) -> &SensorConfig {
+    fn sensor(&self) -> &SensorConfig<N, K> {
         &self.sensor
     }
 
@@ -232,48 +265,45 @@ impl PlantParameters<2, 3> for PlantConfig {
         self.max_step_s
     }
 
-    fn touches(&self, position_m: &[f64; 2], velocity_m_s: &[f64; 2]) -> bool {
-        self.touchdown.touches(*position_m, *velocity_m_s)
+    fn touches(&self, position_m: &[f64; N], velocity_m_s: &[f64; N]) -> bool {
+        self.touchdown.touches(in_plane(*position_m), in_plane(*velocity_m_s))
     }
 
-    fn rate(&self, motion: &Motion, contact: bool, force_n: [f64; 3], gap_m: [f64; 3]) -> f64 {
+    fn rate(&self, motion: &Motion<f64, N, K>, contact: bool, force_n: [f64; K], gap_m: [f64; K]) -> f64 {
         let m = self.m_kg;
         let mut softness = 0.0;
         let mut least_m = f64::INFINITY;
-        for k in 0..3 {
+        for k in 0..K {
             softness += 2.0 * force_n[k] / gap_m[k];
             least_m = least_m.min(gap_m[k]);
         }
-        let [v_y, v_z] = motion.velocity_m_s;
+        let [v_y, v_z] = in_plane(motion.velocity_m_s);
         let rate = (softness / m).sqrt().max((v_y * v_y + v_z * v_z).sqrt() / least_m);
         if !contact {
             return rate;
         }
         let ring = &self.touchdown;
-        rate.max(ring.rate(m, ring.push_n(motion.position_m, motion.velocity_m_s)))
-    }
-
-    fn left_the_gap(&self, k: usize, time_s: f64, position_m: [f64; 2]) -> StepError {
-        StepError::Contact { magnet: k + 1, time_s, position_m }
+        rate.max(ring.rate(m, ring.push_n(in_plane(motion.position_m), [v_y, v_z])))
     }
 }
 
-impl Plant {
+impl<const N: usize, const K: usize> Plant<RotorConfig<f64, N, K>, N, K> {
     /// Changes the tunable parameters: λ in N·m²/A², unbalance in kg·m and rad, harmonic.
     ///
     /// # Errors
     /// As in [`Plant::new`]; nothing is changed then.
     pub fn retune(
         &mut self,
-        lambda_nm2_a2: [f64; 3],
+        lambda_nm2_a2: [f64; K],
         unbalance_kgm: f64,
         unbalance_phase_rad: f64,
-        harmonic: Harmonic,
+        harmonic: Harmonic<f64, N>,
     ) -> Result<(), Vec<Invalid>> {
         let mut checks = Checks::default();
-        check_tunable(lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, &harmonic, &mut checks);
+        let machine = RotorConfig::<f64, N, K>::MACHINE;
+        check_tunable(machine, lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, &harmonic, &mut checks);
         let config = &mut self.equations.config;
-        config.coil.check([config.gap_m; 3], lambda_nm2_a2, &mut checks);
+        config.coil.check([config.gap_m; K], lambda_nm2_a2, &mut checks);
         checks.finish()?;
         config.lambda_nm2_a2 = lambda_nm2_a2;
         config.unbalance_kgm = unbalance_kgm;
@@ -283,39 +313,48 @@ impl Plant {
     }
 }
 
-fn check_tunable(
-    lambda_nm2_a2: [f64; 3],
+fn check_tunable<const N: usize, const K: usize>(
+    machine: &Machine,
+    lambda_nm2_a2: [f64; K],
     unbalance_kgm: f64,
     unbalance_phase_rad: f64,
-    harmonic: &Harmonic,
+    harmonic: &Harmonic<f64, N>,
     checks: &mut Checks,
 ) {
-    for (name, lambda) in ["lambda[1]", "lambda[2]", "lambda[3]"].into_iter().zip(lambda_nm2_a2) {
+    for (name, lambda) in machine.of_magnets("lambda").into_iter().zip(lambda_nm2_a2) {
         checks.positive(name, lambda, "N.m2/A2");
     }
     checks.not_negative("unbalance.magnitude", unbalance_kgm, "kg.m");
     checks.finite("unbalance.phase", unbalance_phase_rad, "rad");
-    for (name, value) in ["perturbation.amplitudeY", "perturbation.amplitudeZ"].into_iter().zip(harmonic.amplitude_n) {
+    for (name, value) in machine.of_resultant("perturbation.amplitude").into_iter().zip(harmonic.amplitude_n) {
         checks.finite(name, value, "N");
     }
     checks.not_negative("perturbation.omega", harmonic.omega_rad_s, "rad/s");
-    for (name, value) in ["perturbation.phaseY", "perturbation.phaseZ"].into_iter().zip(harmonic.phase_rad) {
+    for (name, value) in machine.of_resultant("perturbation.phase").into_iter().zip(harmonic.phase_rad) {
         checks.finite(name, value, "rad");
     }
 }
 
 /// Refuses a rotor that starts at a magnet; the finding names the coordinate that brings it there.
-fn check_start(config: &PlantConfig, magnets: &Magnets, checks: &mut Checks) {
-    let [y, z] = config.position_m;
+fn check_start<const N: usize, const K: usize>(
+    config: &RotorConfig<f64, N, K>,
+    magnets: &MagnetsOf<N, K>,
+    checks: &mut Checks,
+) {
     let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
     if !(finite(&config.position_m) && finite(&config.alpha_rad) && config.gap_m.is_finite() && config.gap_m > 0.0) {
         return;
     }
-    for (k, (gap, e_k)) in magnets.gaps([y, z]).into_iter().zip(magnets.directions()).enumerate() {
+    for (k, (gap, e_k)) in magnets.gaps(config.position_m).into_iter().zip(magnets.directions()).enumerate() {
         if gap > 0.0 {
             continue;
         }
-        let (name, value) = if (y * e_k[0]) > (z * e_k[1]) { ("Y0", y) } else { ("Z0", z) };
+        let share = |n: usize| config.position_m[n] * e_k[n];
+        let worst = if N == 2 && share(0) <= share(1) { 1 } else { 0 };
+        let (name, value) = (
+            RotorConfig::<f64, N, K>::MACHINE.at_start(|coordinate| coordinate.position).swap_remove(worst),
+            config.position_m[worst],
+        );
         let number = k + 1;
         checks.require(
             false,
