@@ -10,11 +10,11 @@ use crate::estimation::{EstimatorConfig, Hold, Method, STD_LIMIT};
 use crate::table::Table;
 
 // False alarms of the limits below, over good recordings (docs/identify.md, seeds 95001 and 101001): of 600 of drawn bearings, 0.1 to 5 s, nine have too few
-// turns, and no other is refused. Of 1300 of the nominal bearing whose bench is off as told none is, of 1200 with its bench exactly as told neither.
+// turns, and no other is refused. Of 1300 of the nominal bearing whose bench is off by its tolerances none is, nor of 1200 with its bench exactly as stated.
 
 /// Samples from one on-line estimate that is looked at to the next.
 const ON_LINE: usize = 64;
-/// Turns that a recording must have at least, noise told or not (as on line).
+/// Turns that a recording must have at least, noise known or estimated (as on line).
 const TURNS: [f64; 2] = [1.3, 2.0];
 /// Below this speed, in rad/s, the rotor counts as being at rest.
 const REST_RAD_S: f64 = 1.0;
@@ -42,7 +42,7 @@ const TURNED_RAD: f64 = 0.1;
 /// What is asked of the recordings.
 #[derive(Clone, Debug)]
 pub struct Question {
-    /// The bearing as the on-line estimator is told it, hold and noise included; 0 for noise that is to be found.
+    /// The bearing as stated to the on-line estimator, hold and noise included; 0 for noise that is to be estimated.
     pub config: EstimatorConfig,
     /// What is known of the bench.
     pub bench: [Told; BENCH],
@@ -190,7 +190,7 @@ pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Fail
         if let Some(off) = drifts(samples, columns) {
             answer.valid = false;
             answer.verdict = format!(
-                "Not valid: the motion turns by {} % faster than the speed that was told: --speed, or a column of the angle.",
+                "Not valid: the motion turns by {} % faster than the stated speed: --speed, or a column of the angle.",
                 significant(100.0 * off, 2)
             );
         }
@@ -260,7 +260,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
                 .into(),
         );
     } else if refusal.is_some() {
-        // The first guess is of the data as they are told.
+        // The first guess is of the data as stated.
         let options = Options { lambda0_nm2_a2: None, ..options };
         let take = Take { columns: all[0].clone(), options, hold, config: config.clone() };
         findings.extend(diagnosis::proposals(&take));
@@ -284,9 +284,9 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
                 "Valid: the force constants are known within {} %{}.",
                 significant(100.0 * worst, 2),
                 if question.bench.iter().all(|told| told.knowledge == Knowledge::Exact) {
-                    " if the bench is exactly as told; mind the budget"
+                    " if the bench is exactly as stated; mind the budget"
                 } else {
-                    ", what was told of the bench included"
+                    ", the stated tolerances of the bench included"
                 }
             )
         }
@@ -434,7 +434,7 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
     let held: Vec<&str> = found.not_separated.iter().map(|j| PARAMETERS[*j].name).collect();
     if !held.is_empty() {
         words.push(format!(
-            "The data do not separate {} from the rest; held at the value told. (Mass and common current gain scale λ; run-out that turns \
+            "The data do not separate {} from the rest; held at the stated value. (Mass and common current gain scale λ; run-out that turns \
              with the shaft is like unbalance at one speed.)",
             held.join(", ")
         ));
@@ -489,7 +489,7 @@ fn shown(unit: &str) -> (f64, &'static str) {
 }
 
 impl Answer {
-    /// Relative standard deviations of λ with a typical bench where no tolerance was told.
+    /// Relative standard deviations of λ with a typical bench where no tolerance is stated.
     #[must_use]
     pub fn typical(&self) -> Option<[f64; 3]> {
         let found = self.found.as_ref()?;
@@ -500,7 +500,7 @@ impl Answer {
         }))
     }
 
-    /// The bearing as a scenario for `simulate`: what was told and what was found of it, as plant, controller and estimator. None if the answer is
+    /// The bearing as a scenario for `simulate`: the stated and the identified values, as plant, controller and estimator. None if the answer is
     /// not valid.
     #[must_use]
     pub fn scenario(&self, samples: &Samples) -> Option<String> {
@@ -615,7 +615,7 @@ impl Answer {
         Table {
             title: "Maximum likelihood over the whole recording".into(),
             note: "± is one standard deviation: of noise alone; in all, with the tolerances that were told; and with those of a typical \
-                   bench where none was told (s ±1 %, angles ±0.5°, offsets ±5 µm, gains ±0.5 %, mass ±1 %)."
+                   bench where none is stated (s ±1 %, angles ±0.5°, offsets ±5 µm, gains ±0.5 %, mass ±1 %)."
                 .into(),
             head: ["", "value", "± of noise", "± in all", "± typical bench", ""].map(String::from).into(),
             rows,
@@ -711,7 +711,7 @@ fn budget(found: &Identification) -> Table {
         });
     Table {
         title: "Budget: what each parameter of the bench contributes to ± of λ, in %".into(),
-        note: "The sensitivities say by how much λ is wrong if the parameter differs from what was told, and nobody knows.".into(),
+        note: "The sensitivities say by how much λ is wrong if the parameter differs from its stated value.".into(),
         head: ["", "tolerance", "", "λ1", "λ2", "λ3", "sens. 1", "2", "3", ""].map(String::from).into(),
         rows: rows.collect(),
     }

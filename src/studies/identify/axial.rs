@@ -3,7 +3,7 @@
 //! What real benches have and simulations do not is part of the model: a slow force that nobody explains, a factor κ between
 //! statics and dynamics, sensor noise that grows with the gap, currents measured with noise, rows that are repeated or missing,
 //! a start at rest on a table. The likelihood decides which of them a recording has (Schwarz 1978); [`Answer`] states it.
-//! [`Law`] alone knows the magnets: a description of any machine can take its place.
+//! `Law` alone knows the magnets: a description of any machine can take its place.
 
 mod answer;
 mod filter;

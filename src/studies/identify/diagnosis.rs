@@ -1,4 +1,4 @@
-//! What else the data may be, where they are not what was told: each alternative is tried on a stretch of the recording.
+//! What else the data may be, where they are not as stated: each alternative is tried on a stretch of the recording.
 
 use std::f64::consts::TAU;
 
@@ -11,7 +11,7 @@ use crate::estimation::EstimatorConfig;
 const ROWS: [usize; 2] = [2000, 20_000];
 /// Turns of the stretch.
 const TURNS: f64 = 5.0;
-/// Probability that something is proposed for data that are as told.
+/// Probability that something is proposed for data that are as stated.
 const CHANCE: f64 = 1e-3;
 /// Fitted parameters of an alternative: λ, unbalance, load, two levels of noise, the gap.
 const FITTED: f64 = 10.0;
@@ -21,9 +21,9 @@ pub(super) const VERY_STRONG: f64 = 5.0;
 /// more than very strong evidence.
 const AS_GOOD: f64 = 2.0 * VERY_STRONG;
 
-/// By how much the log-likelihood must be higher than with what was told, over this many rows.
+/// By how much the log-likelihood must be higher than with the stated one, over this many rows.
 ///
-/// The likelihood ratio of a fixed alternative has the expectation 1 if what was told is true, so that it exceeds 1/p with a probability of p at most
+/// The likelihood ratio of a fixed alternative has the expectation 1 if the statements are true, so that it exceeds 1/p with a probability of p at most
 /// (Markov). Parameters fitted to N values raise its logarithm by half of ln N each (Schwarz 1978).
 fn better(rows: usize) -> f64 {
     libm::log(ALTERNATIVES.len() as f64 / CHANCE) + 0.5 * FITTED * libm::log(2.0 * rows as f64)
@@ -220,7 +220,7 @@ pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
     of.map(|value| if value.is_finite() { value - best } else { value })
 }
 
-/// Proposals, the best first; empty if nothing fits better than what was told.
+/// Proposals, the best first; empty if nothing fits better than the stated values.
 pub(super) fn proposals(take: &Take) -> Vec<String> {
     let take = stretch(take);
     let told = fit(&take).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);

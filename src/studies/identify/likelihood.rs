@@ -81,7 +81,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// A bearing whose bench is exactly as told.
+    /// A bearing whose bench is exactly as stated.
     #[must_use]
     pub fn new(m_kg: f64, gap_m: f64, alpha_rad: [f64; 3]) -> Self {
         Self { m_kg, gap_m, alpha_rad, lambda0_nm2_a2: None, bench: [Told::default(); BENCH] }
@@ -119,7 +119,7 @@ pub enum Failed {
     Invalid {
         /// Name of the parameter.
         name: String,
-        /// What was told.
+        /// The stated value.
         value: f64,
         /// What is admissible.
         wanted: &'static str,
@@ -189,7 +189,7 @@ pub struct Conditions {
 /// What became of a bench parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BenchEstimate {
-    /// What was told.
+    /// The stated value.
     pub told: Told,
     /// Value and standard deviation; the told value and 0 for one that is known exactly.
     pub estimate: Estimate,
@@ -206,7 +206,7 @@ pub struct BudgetLine {
     pub sensitivity: [f64; 3],
     /// The standard deviation with which `contribution` is reckoned, in the parameter's unit: the tolerance told, or that of a typical bench.
     pub tolerance: f64,
-    /// Whether `tolerance` was told.
+    /// Whether `tolerance` is stated.
     pub told: bool,
     /// Relative standard deviation of λ_k by this parameter. For an estimated one: what the variance would lose if it were known exactly.
     pub contribution: [f64; 3],

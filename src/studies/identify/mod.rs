@@ -37,7 +37,7 @@ pub const HOLDS: [(&str, Hold); 3] =
 pub struct Track {
     /// Name of the method.
     pub name: &'static str,
-    /// What the estimator was told.
+    /// The configuration of the estimator.
     pub config: EstimatorConfig,
     /// What it said at every sample, or at every so many.
     pub outputs: Vec<EstimatorOutput>,
@@ -272,7 +272,7 @@ pub fn recording(samples: &Samples, tracks: &[Track]) -> Recording {
     Recording { time_s, columns }
 }
 
-/// The result as JSON: what was read, what was told, and the last valid estimate of every method in SI units.
+/// The result as JSON: the data, the stated values, and the last valid estimate of every method in SI units.
 #[must_use]
 pub fn json(samples: &Samples, tracks: &[Track]) -> Json {
     let method = |track: &Track| {

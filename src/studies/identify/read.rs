@@ -61,7 +61,7 @@ pub enum Rotation {
     Angle,
     /// The speed was recorded; the angle is its integral, from 0 at the first sample.
     Speed,
-    /// The speed was told; the angle is its integral.
+    /// The speed is stated; the angle is its integral.
     Told,
 }
 
@@ -214,7 +214,7 @@ impl Samples {
             (true, false, _) => (Rotation::Speed, None),
             (true, true, Some(speed)) => {
                 self.omega_rad_s = vec![speed; self.len()];
-                (Rotation::Told, Some(format!("The speed is taken to be {} rad/s, as told.", significant(speed, 6))))
+                (Rotation::Told, Some(format!("The speed is taken to be {} rad/s, as stated.", significant(speed, 6))))
             }
             (true, true, None) => (
                 Rotation::Unknown,
@@ -395,7 +395,7 @@ fn grid(
     let step_s = reading.rate_s.unwrap_or(pace.step_s);
     if !same(pace.step_s, step_s, CLOCKS) {
         return refuse(format!(
-            "the rate that was told has samples {} apart, the time stamps {}; they must agree within {} %",
+            "the stated rate has samples {} apart, the time stamps {}; they must agree within {} %",
             time(step_s),
             time(pace.step_s),
             100.0 * CLOCKS

@@ -265,12 +265,12 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Whether the bench is exactly as told.
+    /// Whether the bench is exactly as stated.
     fn exact(&self) -> bool {
         self.options.bench.iter().all(|told| told.knowledge == Knowledge::Exact)
     }
 
-    /// Finds what was to be expected of every row, if the bench is exactly as told: where its parameters are searched, what is found at one point does not
+    /// Finds what was to be expected of every row, if the bench is exactly as stated: where its parameters are searched, what is found at one point does not
     /// belong to the next.
     fn expect(&mut self) {
         if !self.exact() {
