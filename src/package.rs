@@ -24,9 +24,7 @@ pub fn machines(names: &[impl AsRef<str>]) -> Result<Vec<&'static Machine>, Stri
     let known = MACHINES.iter().map(|machine| machine.name.to_owned()).collect::<Vec<_>>();
     let find = |name: &str| {
         let found = MACHINES.iter().find(|machine| machine.name == name);
-        found.ok_or_else(|| {
-            format!("{name} is no machine: expected one of {}; {}", known.join(", "), suggestion(name, &known))
-        })
+        found.ok_or_else(|| format!("{name} is no machine; {}", suggestion(name, &known)))
     };
     names.iter().map(|name| find(name.as_ref())).collect()
 }

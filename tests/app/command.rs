@@ -173,12 +173,15 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
         &["simulate"],
         &["simulate", "paper", "--csv"],
         &["simulate", "paper", "--print", "--csv", "x.csv"],
-        &["package", "paper"],
+        &["package", "--nonsense"],
     ] {
         let (code, out, err) = run(&folder, arguments);
         assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}");
         says(&err, &["error: ", "--help"]);
     }
+    let (code, out, err) = run(&folder, &["package", "paper"]);
+    assert_eq!((code, out.as_str()), (2, ""));
+    says(&err, &["error: paper is no machine; known are planar, "]);
 }
 
 #[test]

@@ -221,7 +221,9 @@ fn the_answer_is_that_of_the_whole_recording() {
     let alone = ask(std::slice::from_ref(&samples), &[]);
     let wide = ask(std::slice::from_ref(&samples), &[("s", "2%"), ("alpha", "1deg")]);
     let twice = ask(&[samples.clone(), samples.clone()], &[]);
-    for (answer, note) in [(&alone, "mind the budget"), (&wide, "the stated tolerances of the bench"), (&twice, "budget")] {
+    for (answer, note) in
+        [(&alone, "mind the budget"), (&wide, "the stated tolerances of the bench"), (&twice, "budget")]
+    {
         assert!(answer.valid && answer.verdict.contains(note), "{} {:?}", answer.verdict, answer.findings);
         assert!(answer.findings.is_empty(), "{:?}", answer.findings);
         let found = answer.found.as_ref().expect("estimates");

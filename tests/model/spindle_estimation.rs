@@ -219,7 +219,7 @@ fn every_bad_parameter_is_named() {
     let names: Vec<_> =
         SpindleEstimator::new(bad).expect_err("a refusal").into_iter().map(|invalid| invalid.name).collect();
     let wanted =
-        ["Ts", "B.lambda0[2]", "X.lambda0[2]", "unbalance[2].position", "sensor.positionNoise", "tolerance.alpha"];
+        ["unbalance[2].position", "Ts", "B.lambda0[2]", "X.lambda0[2]", "sensor.positionNoise", "tolerance.alpha"];
     assert_eq!(names, wanted);
     let mut far = SpindleEstimatorConfig::default();
     far.unbalance_position_m[0] = PI;
