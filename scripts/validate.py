@@ -726,15 +726,15 @@ def odd_callers(archives, fmu):
 
 
 def refused_parameters(archives, fmu):
-    """Set parameters that cannot be and see them refused when the initialization ends, with words that help."""
+    """Set parameters that cannot be and see them refused, at the latest when the initialization ends, with words that help."""
     findings, cases = [], [(settings, names) for name, settings, names in REFUSED if name == fmu]
     for settings, names in cases:
         instance = Instance(archives.models[fmu], "refused")
         try:
             instance.fmu.setupExperiment()
-            instance.set(settings)
-            instance.fmu.enterInitializationMode()
             try:
+                instance.set(settings)
+                instance.fmu.enterInitializationMode()
                 instance.fmu.exitInitializationMode()
                 findings.append(f"{settings} was accepted")
             except FMICallException as error:
