@@ -50,7 +50,7 @@ pub enum Kind {
 /// A bearing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bearing {
-    /// What the names of all that belongs to it begin with.
+    /// Prefix of the names of all that belongs to it.
     pub prefix: &'static str,
     /// Its direction.
     pub kind: Kind,
@@ -222,7 +222,7 @@ impl Machine {
         ["", "X."][..self.parts()].iter().map(|prefix| format!("{prefix}{name}")).collect()
     }
 
-    /// What the positions and the currents of a part are called.
+    /// Names of the positions and the currents of a part.
     pub fn part(&self, index: usize) -> (&'static str, &'static str) {
         match (self.parts(), index) {
             (1, _) => (self.word("{read}"), "im"),
@@ -292,7 +292,7 @@ impl Machine {
         if self.coordinates[n].is_angle { angle } else { length }
     }
 
-    /// What stands for a word in braces.
+    /// Replacement of a word in braces.
     pub fn word(&self, word: &str) -> &'static str {
         self.words.iter().find(|(known, _)| *known == word).map_or("", |(_, text)| text)
     }

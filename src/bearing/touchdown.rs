@@ -23,7 +23,7 @@ use crate::variables::unit::{METRE, NEWTON_PER_METRE, NEWTON_SECOND_PER_METRE, O
 /// Velocity, in m/s, above which friction slides; below, it rises linearly, so that standstill needs no special case.
 pub const SLIDING_M_S: f64 = 0.01;
 
-/// What a backup bearing is called, and what its clearance is measured from.
+/// Name of a backup bearing, and the reference of its clearance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Called {
     /// The backup bearing.

@@ -23,7 +23,7 @@ use crate::variables::{LAMBDA, OMEGA_RAD_S, Variables};
 
 /// The reference of a machine with N coordinates, sampled at a fixed step.
 pub trait Path<const N: usize> {
-    /// What changes from sample to sample.
+    /// State between samples.
     type State: Clone + Debug + PartialEq + Serialize + DeserializeOwned;
 
     /// Before the first sample.

@@ -50,7 +50,7 @@ pub trait EstimatorParameters<const N: usize, const K: usize, const P: usize>: C
     /// Its method.
     type Method: Estimation<N, K, P> + Clone + Debug + PartialEq;
 
-    /// What all estimators have.
+    /// Parameters that all estimators have.
     fn common(&self) -> Common<'_, K>;
 
     /// Reports invalid parameters by their names in the interface.
@@ -108,7 +108,7 @@ impl<const N: usize, const K: usize> Judged<'_, N, K> {
 
 /// A method of estimation.
 pub trait Estimation<const N: usize, const K: usize, const P: usize> {
-    /// What it keeps from sample to sample.
+    /// State between samples.
     type State: Clone + Debug + PartialEq + Serialize + DeserializeOwned;
 
     /// A fresh state, with all the memory that stepping needs.

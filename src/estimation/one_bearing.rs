@@ -16,7 +16,7 @@ use crate::invalid::{Checks, Invalid};
 const HELD: f64 = 1.0e-3;
 
 impl<const N: usize, const K: usize> EstimatorConfigOf<N, K> {
-    /// What all estimators have.
+    /// Parameters that all estimators have.
     fn shared(&self) -> Common<'_, K> {
         Common {
             m_kg: self.m_kg,
@@ -129,7 +129,7 @@ pub enum Planar {
     Paper(Paper),
 }
 
-/// What they keep from sample to sample.
+/// State between samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum PlanarState {
     PredictionError(Box<PredictionErrorState<2, 3, 9, 11>>),

@@ -15,7 +15,7 @@ const QUANTISED_STEPS: f64 = 8.0;
 /// No measurement of a machine is as large as this, whatever its unit; squares of it do not overflow.
 const MEASUREMENT_LIMIT: f64 = 1.0e12;
 
-/// What a sample is good for.
+/// How a sample can be used.
 #[derive(Debug)]
 pub enum Taken<const N: usize> {
     /// All of it, but for sensors that are stuck, and a measured speed that is not that of the angle.

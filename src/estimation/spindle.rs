@@ -150,7 +150,7 @@ pub struct Parts<const K: usize, const U: usize, const T: usize> {
     axial: PredictionError<1, 2, 3, 5>,
 }
 
-/// What they keep from sample to sample.
+/// State between samples.
 type PartsState<const K: usize, const U: usize, const T: usize> =
     (Box<PredictionErrorState<4, K, U, T>>, Box<PredictionErrorState<1, 2, 3, 5>>);
 

@@ -1,4 +1,4 @@
-//! What the models of this project share.
+//! Properties that the models of this project share.
 
 use fmu_export::variable::{Causality, Row};
 use fmu_export::{Info, Invalid};
@@ -6,7 +6,7 @@ use fmu_export::{Info, Invalid};
 use crate::invalid;
 use crate::machine::Machine;
 
-/// What the three models share: version, licence, the paper's experiment of 0.4 s in steps of 0.1 ms.
+/// Shared by all models: version, licence, the paper's experiment of 0.4 s in steps of 0.1 ms.
 pub(super) const fn info((name, description): &(&'static str, &'static str)) -> Info {
     Info::new(name, description)
         .version(env!("CARGO_PKG_VERSION"))

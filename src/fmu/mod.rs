@@ -50,7 +50,7 @@ pub const RENAMED: [(&str, &str); 2] = [("leastSquares", "predictionError"), ("u
 /// The value of an item of an enumeration.
 ///
 /// # Errors
-/// What to write instead.
+/// The name to write instead.
 pub fn item(items: &Enumeration, name: &str) -> Result<i32, String> {
     items.find(name).map_err(|wanted| {
         let now = RENAMED.iter().find(|(former, now)| *former == name && items.value_of(now).is_some());

@@ -68,7 +68,7 @@ where
     }
 }
 
-/// What contact with the backup bearing depends on at the start, besides the motion.
+/// Dependencies of contact with the backup bearing at the start, besides the motion.
 const TOUCHING: [&str; 3] = ["touchdown.clearance", "touchdown.stiffness", "touchdown.damping"];
 
 fn dependent<D>(row: Row<D>, machine: &Machine) -> Row<D> {

@@ -105,7 +105,7 @@ pub struct RotorConfig<T, const N: usize, const K: usize> {
 /// That of the planar rotor of the paper.
 pub type PlantConfig<T = f64> = RotorConfig<T, 2, 3>;
 
-/// What the backup bearing of a machine with one bearing is called.
+/// Name of the backup bearing of a machine with one bearing.
 fn backup_bearing(machine: &Machine) -> Called {
     match machine.is_planar() {
         true => Called { what: "backup bearing", from: "centre", is_ring: true },

@@ -290,7 +290,7 @@ fn the_command() {
     }
     let page = std::fs::read_to_string(folder.join("report/index.html")).expect("a page");
     says(&page, &["<figure id=\"recorded\">", "<figure id=\"slow\">", "ki/κ"]);
-    // What was saved says the same: nothing but the noise of rounding is left to find.
+    // The saved answer agrees: nothing but the noise of rounding is left to find.
     let (code, out, err) = run(&["--scenario", "found.toml", "--json", "-"]);
     assert_eq!(code, Some(0), "{err}");
     let again: serde_json::Value = serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"));

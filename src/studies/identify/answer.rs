@@ -39,12 +39,12 @@ const OTHER: f64 = 0.05;
 /// An error of the angle, rad, that moves a synchronous force by a tenth of itself.
 const TURNED_RAD: f64 = 0.1;
 
-/// What is asked of the recordings.
+/// Question to the recordings.
 #[derive(Clone, Debug)]
 pub struct Question {
     /// The bearing as stated to the on-line estimator, hold and noise included; 0 for noise that is to be estimated.
     pub config: EstimatorConfig,
-    /// What is known of the bench.
+    /// Prior knowledge of the bench.
     pub bench: [Told; BENCH],
     /// First guess of λ, N·m²/A²; by default the on-line estimator makes one.
     pub lambda0_nm2_a2: Option<[f64; 3]>,
@@ -62,14 +62,14 @@ pub(super) struct Columns {
     pub missing: Vec<bool>,
 }
 
-/// What the recordings say.
+/// Answer of the recordings.
 #[derive(Clone, Debug)]
 pub struct Answer {
     /// Whether the estimates can be relied on.
     pub valid: bool,
     /// Why, or why not, in a sentence.
     pub verdict: String,
-    /// What was found besides, in sentences; where the answer is not valid, what would fit instead.
+    /// Further findings, in sentences; where the answer is not valid, what would fit instead.
     pub findings: Vec<String>,
     /// The estimates, unless there are none.
     pub found: Option<Identification>,
@@ -265,7 +265,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
         let take = Take { columns: all[0].clone(), options, hold, config: config.clone() };
         findings.extend(diagnosis::proposals(&take));
     }
-    // What did not converge is no estimate, and its residuals ask for nothing; parts of recordings that differ say nothing else.
+    // A search that did not converge has no estimate, and its residuals ask for nothing; parts of recordings that differ say nothing else.
     if let Some(differ) = differ {
         findings = Vec::new();
         refusal = Some(differ);
@@ -408,7 +408,7 @@ fn judge(found: &Identification, all: &[Columns]) -> Option<String> {
     None
 }
 
-/// What was found besides the estimates.
+/// Findings besides the estimates.
 fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
     let mut words = Vec::new();
     for part in &found.contradictions {
@@ -534,7 +534,7 @@ impl Answer {
         ))
     }
 
-    /// What was taken as known.
+    /// Parameters taken as known.
     #[must_use]
     pub fn told(&self) -> String {
         let config = &self.question.config;

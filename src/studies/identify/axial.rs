@@ -1,6 +1,6 @@
 //! Identification of one axis between one or two magnets from a recording of a real bench: the machine `axial`.
 //!
-//! What real benches have and simulations do not is part of the model: a slow force that nobody explains, a factor κ between
+//! Effects that real benches have and simulations do not are part of the model: a slow force that nobody explains, a factor κ between
 //! statics and dynamics, sensor noise that grows with the gap, currents measured with noise, rows that are repeated or missing,
 //! a start at rest on a table. The likelihood decides which of them a recording has (Schwarz 1978); [`Answer`] states it.
 //! `Law` alone knows the magnets: a description of any machine can take its place.
@@ -70,7 +70,7 @@ pub struct Axis {
     pub m_kg: f64,
     /// Magnets that are used, in rising order: 0 pulls along x, its gap is s − x; 1 pulls against x, its gap is s + x.
     pub used: Vec<usize>,
-    /// What is told of the unknowns, in SI units: noises and λ not as logarithms.
+    /// Stated values of the unknowns, in SI units: noises and λ not as logarithms.
     pub told: [Option<f64>; UNKNOWNS],
     /// Unknowns to be estimated although they are told or usually known.
     pub estimated: [bool; UNKNOWNS],
@@ -209,7 +209,7 @@ impl Law {
     }
 }
 
-/// What a recording was found to be.
+/// Result for a recording.
 #[derive(Clone, Debug)]
 struct Found {
     axis: Axis,
@@ -225,7 +225,7 @@ struct Found {
     current_a: Vec<Vec<f64>>,
 }
 
-/// What the unknowns are where the bench does not have the effect.
+/// Values of the unknowns where the bench does not have the effect.
 fn without(at: usize) -> f64 {
     match at {
         DYNAMICS => 1.0,

@@ -1,4 +1,4 @@
-//! What else the data may be, where they are not as stated: each alternative is tried on a stretch of the recording.
+//! Alternatives for data that are not as stated: each alternative is tried on a stretch of the recording.
 
 use std::f64::consts::TAU;
 
@@ -40,11 +40,11 @@ pub(super) struct Take {
 
 /// Something that people get wrong: its name, how to undo it, and what to propose.
 struct Alternative {
-    /// What is the matter with the data, in words.
+    /// The fault of the data, in words.
     name: &'static str,
     /// Undoes it.
     apply: fn(&mut Take),
-    /// What its user may do.
+    /// Advice to the user.
     proposal: &'static str,
 }
 

@@ -57,7 +57,7 @@ pub struct Recording<'a> {
     pub usable: &'a [bool],
     /// Samples that were not recorded and hold what their neighbours suggest; empty if there are none. The filter predicts across them.
     pub missing: &'a [bool],
-    /// What a current sample stands for.
+    /// Meaning of a sample of a current.
     pub hold: Hold,
     /// Standard deviation of the position noise, m, if known.
     pub position_noise_m: Option<f64>,
@@ -65,7 +65,7 @@ pub struct Recording<'a> {
     pub current_noise_a: Option<f64>,
 }
 
-/// What is known of the bearing.
+/// Prior knowledge of the bearing.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Mass of the rotor, kg.
@@ -76,7 +76,7 @@ pub struct Options {
     pub alpha_rad: [f64; 3],
     /// First guess of λ, N·m²/A²; by default one from the weight of the rotor.
     pub lambda0_nm2_a2: Option<[f64; 3]>,
-    /// What is told of the bench, by the order of [`PARAMETERS`].
+    /// Stated values of the bench, by the order of [`PARAMETERS`].
     pub bench: [Told; BENCH],
 }
 
@@ -121,7 +121,7 @@ pub enum Failed {
         name: String,
         /// The stated value.
         value: f64,
-        /// What is admissible.
+        /// Admissible values.
         wanted: &'static str,
     },
     /// Too few samples follow each other.
@@ -167,7 +167,7 @@ impl fmt::Display for Covariance {
     }
 }
 
-/// What differs between recordings.
+/// Differences between recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conditions {
     /// Constant load (y, z), N.
@@ -186,7 +186,7 @@ pub struct Conditions {
     pub ks_n_m: [Estimate; 3],
 }
 
-/// What became of a bench parameter.
+/// Estimate of a bench parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BenchEstimate {
     /// The stated value.
@@ -197,7 +197,7 @@ pub struct BenchEstimate {
     pub estimated: bool,
 }
 
-/// What one bench parameter does to λ.
+/// Effect of one bench parameter on λ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BudgetLine {
     /// Number of the parameter in [`PARAMETERS`].
@@ -212,7 +212,7 @@ pub struct BudgetLine {
     pub contribution: [f64; 3],
 }
 
-/// What the residuals ask for.
+/// A parameter that the residuals ask for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Suspect {
     /// The bench parameter that would explain them.
@@ -243,7 +243,7 @@ pub struct Contradiction {
     pub recording: usize,
     /// Its rows.
     pub rows: Range<usize>,
-    /// What it is.
+    /// Description.
     pub what: Change,
 }
 
@@ -286,7 +286,7 @@ pub struct Identification {
     pub bench: [BenchEstimate; BENCH],
     /// Bench parameters that the data do not separate from the rest, by number; they were held at their told values.
     pub not_separated: Vec<usize>,
-    /// What bench parameters do to λ.
+    /// Effects of bench parameters on λ.
     pub budget: Vec<BudgetLine>,
     /// Residuals by recording.
     pub residuals: Vec<Residuals>,
@@ -312,7 +312,7 @@ pub const SHORTEST: usize = 16;
 /// Identifies force constants, unbalance, loads, and what is not known of the bench from all recordings together.
 ///
 /// # Errors
-/// What keeps it from being identified, by name.
+/// Obstacles to identification, by name.
 pub fn identify(recordings: &[Recording<'_>], options: &Options) -> Result<Identification, Failed> {
     check(recordings, options)?;
     search::identify(recordings, options)

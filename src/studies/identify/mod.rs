@@ -28,7 +28,7 @@ use crate::table::Table;
 pub const METHODS: [(&str, Method); 3] =
     [("paperLiteral", Method::PaperLiteral), ("paper", Method::Paper), ("predictionError", Method::PredictionError)];
 
-/// What current samples may stand for, by the names of the interface.
+/// Meanings of samples of currents, by the names of the interface.
 pub const HOLDS: [(&str, Hold); 3] =
     [("heldBefore", Hold::HeldBefore), ("heldAfter", Hold::HeldAfter), ("linear", Hold::Linear)];
 
@@ -39,7 +39,7 @@ pub struct Track {
     pub name: &'static str,
     /// The configuration of the estimator.
     pub config: EstimatorConfig,
-    /// What it said at every sample, or at every so many.
+    /// Its outputs at every sample, or at every so many.
     pub outputs: Vec<EstimatorOutput>,
     /// Samples from one output to the next.
     pub every: usize,
@@ -66,7 +66,7 @@ pub fn one_revolution(samples: &Samples) -> f64 {
 /// Runs one method over a recording.
 ///
 /// # Errors
-/// What keeps the method from being run.
+/// An obstacle to running the method.
 pub fn track(samples: &Samples, config: &EstimatorConfig) -> Result<Track, Failed> {
     track_every(samples, config, 1)
 }
@@ -74,7 +74,7 @@ pub fn track(samples: &Samples, config: &EstimatorConfig) -> Result<Track, Faile
 /// The same with the output of every n-th sample alone: those of a long recording take more memory than the recording.
 ///
 /// # Errors
-/// What keeps the method from being run.
+/// An obstacle to running the method.
 pub fn track_every(samples: &Samples, config: &EstimatorConfig, every: usize) -> Result<Track, Failed> {
     let every = every.max(1);
     let mut config = config.clone();
@@ -132,7 +132,7 @@ impl Track {
         self.outputs.iter().rev().find(|output| output.valid)
     }
 
-    /// What the recording is good for, in a sentence or two.
+    /// Use of the recording, in a sentence or two.
     #[must_use]
     pub fn verdict(&self) -> String {
         let valid = self.outputs.iter().filter(|output| output.valid).count();
@@ -214,7 +214,7 @@ pub fn table(tracks: &[Track]) -> Table {
     }
 }
 
-/// What the on-line estimator said after each quarter of the recording.
+/// Outputs of the on-line estimator after each quarter of the recording.
 #[must_use]
 pub fn progress(samples: &Samples, track: &Track) -> Table {
     let count = track.outputs.len();

@@ -94,7 +94,7 @@ pub struct Samples {
     pub notes: Vec<String>,
 }
 
-/// What keeps a recording from being used, all findings.
+/// All findings that keep a recording from being used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("the recording cannot be used:\n  {}", .0.join("\n  "))]
 pub struct Unusable(pub Vec<String>);
@@ -247,7 +247,7 @@ impl Samples {
         self.apart = Some(currents);
     }
 
-    /// What looks like a misread unit, by magnitude and by comparison of the signals with each other; `gap_m` is the nominal
+    /// Signs of a misread unit, by magnitude and by comparison of the signals with each other; `gap_m` is the nominal
     /// air gap in m. A recording with findings must not be used.
     #[must_use]
     pub fn implausible(&self, gap_m: f64) -> Vec<Finding> {

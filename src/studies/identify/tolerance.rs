@@ -19,7 +19,7 @@ const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// A value in SI units from a number with or without one of the units of a quantity, which is named by its SI unit.
 ///
 /// # Errors
-/// What was wanted.
+/// The wanted form.
 pub fn quantity(name: &str, text: &str, si: &str) -> Result<f64, String> {
     // A random walk is given by what it reaches in a second.
     let of = si.trim_end_matches("/s0.5");
@@ -80,7 +80,7 @@ pub fn of_estimator(tolerance: &Tolerance, m_kg: f64, gap_m: f64) -> Vec<(usize,
 /// the values that are told.
 ///
 /// # Errors
-/// What was wanted.
+/// The wanted form.
 pub fn tolerance(name: &str, value: &str, m_kg: f64, gap_m: f64) -> Result<Vec<(usize, f64)>, String> {
     let parameters = named(name)?;
     let parameter = &PARAMETERS[parameters[0]];

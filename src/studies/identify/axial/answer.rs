@@ -45,7 +45,7 @@ pub struct Answer {
     pub valid: bool,
     /// Why, or why not.
     pub verdict: String,
-    /// What was found besides, in sentences.
+    /// Further findings, in sentences.
     pub findings: Vec<String>,
     /// Remarks on the recording.
     pub notes: Vec<String>,
@@ -229,7 +229,7 @@ impl Answer {
                     "The noise of the position grows with the gap to the power of {} ({worth}).",
                     significant(fit.point[EXPONENT], 2)
                 )),
-                // What is not significant is not mentioned.
+                // Effects that are not significant are not mentioned.
                 _ => {}
             }
         }
@@ -275,7 +275,7 @@ impl Answer {
         };
     }
 
-    /// What was taken as known.
+    /// Parameters taken as known.
     #[must_use]
     pub fn told(&self) -> String {
         let axis = &self.found.axis;
@@ -455,7 +455,7 @@ impl Answer {
     }
 }
 
-/// What recordings of one bench disagree about: χ² of ki, ks and κ about their weighted mean, with the floor of every bench.
+/// Disagreement of recordings of one bench: χ² of ki, ks and κ about their weighted mean, with the floor of every bench.
 /// Nothing if they agree.
 #[must_use]
 pub fn agreement(answers: &[&Answer]) -> Option<String> {

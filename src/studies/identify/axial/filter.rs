@@ -22,7 +22,7 @@ const UNKNOWN_A: f64 = 1.0;
 /// Where the position is known no better than this part of the gap, the law cannot be linearised: the filter waits for a reading, and starts anew.
 const LOST: f64 = 0.3;
 
-/// What the filter sees: readings at a uniform sample time, NaN where there is none.
+/// Input of the filter: readings at a uniform sample time, NaN where there is none.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Readings<'a> {
     /// Sample time, s.

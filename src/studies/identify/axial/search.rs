@@ -18,7 +18,7 @@ const LONGEST: f64 = 100.0;
 /// Logarithms of noises that the data say less of than this are at their lower limit.
 const FLAT: f64 = 1e-3;
 
-/// What a search found.
+/// Result of a search.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
     pub point: Point,

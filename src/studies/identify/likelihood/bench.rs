@@ -26,7 +26,7 @@ pub struct BenchParameter {
     pub typical: f64,
     /// Whether a typical bench has it at all: its contribution stands in the budget without being asked for.
     pub in_typical_bench: bool,
-    /// What it is, for tables.
+    /// Description, for tables.
     pub description: &'static str,
 }
 
@@ -108,7 +108,7 @@ pub enum Knowledge {
     Free,
 }
 
-/// What is told about one bench parameter.
+/// Stated value of one bench parameter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Told {
     /// The value, in the parameter's unit.

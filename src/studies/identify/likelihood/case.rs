@@ -7,7 +7,7 @@ use super::{Recording, SHORTEST};
 
 /// Rows of a piece.
 const PIECE: usize = 1 << 15;
-/// What the filter forgets in this time, in s, does not matter: the field's negative stiffness makes its slowest pole some 100 rad/s
+/// Memory of the filter in s, beyond which a sample does not matter: the field's negative stiffness makes its slowest pole some 100 rad/s
 /// (e⁻¹⁵).
 const MARGIN_S: f64 = 0.15;
 /// Blocks per recording: enough to find a change within a per cent of the recording.

@@ -90,7 +90,7 @@ pub(super) fn leave_smaller_side(masks: &mut [Vec<bool>], finished: &Finished, c
     Some(if before < after { 0..change.row } else { change.row..rows })
 }
 
-/// What the side that was left out says for itself.
+/// Estimate of the side that was left out.
 pub(super) fn describe(
     recordings: &[Recording<'_>],
     masks: &[Vec<bool>],

@@ -19,7 +19,7 @@ pub(super) type Theta = [f64; ALL];
 /// `[y, z, ẏ, ż]` in m and m/s.
 pub(super) type State = [f64; 4];
 
-/// What is told exactly of a bearing.
+/// Exactly stated parameters of a bearing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nominal {
     pub m_kg: f64,
@@ -279,7 +279,7 @@ impl Bearing {
         put(BASE + BACKWARD + 1, shaft.sin * per_mass, shaft.cos * per_mass);
     }
 
-    /// What the position sensors read at a point of the trajectory, and that before gains and rotation.
+    /// Readings of the position sensors at a point of the trajectory, and that before gains and rotation.
     #[inline(always)]
     pub fn reading(&self, at: &State, acceleration: [f64; 2], shaft: Shaft) -> ([f64; 2], [f64; 2]) {
         let (c, s) = (shaft.cos, shaft.sin);

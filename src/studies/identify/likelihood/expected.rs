@@ -43,7 +43,7 @@ fn terms([cos, sin]: [f64; 2]) -> Terms {
     terms
 }
 
-/// What the rows of a recording were to be expected to hold; empty where too few turns tell.
+/// Expected values of the rows of a recording; empty where too few turns tell.
 ///
 /// Fourier series over the shaft angle, one for each stretch of rows, fitted to the stretches before and after it. The rest is what the controller and the
 /// rotor make of noise: it is regressed on past whitened innovations over all other stretches. Innovations are white, so that neither is correlated with

@@ -123,7 +123,7 @@ impl Data<'_> {
 pub(super) struct Track {
     /// (y, z, ẏ, ż) at every row.
     pub state: Vec<State>,
-    /// What was to be expected, by row; empty as long as it is not known.
+    /// Expected values, by row; empty as long as it is not known.
     pub expected: Vec<Expected>,
 }
 
@@ -566,7 +566,7 @@ fn each_row(
     }
 }
 
-/// What the smoother keeps of a row.
+/// State of the smoother for a row.
 #[derive(Clone, Copy, Debug, Default)]
 struct Kept {
     stiffness: [f64; 3],

@@ -1,4 +1,4 @@
-//! What follows from a finished search: estimates with their deviations, budget, residuals, suspects.
+//! Results of a finished search: estimates with their deviations, budget, residuals, suspects.
 
 use nalgebra::DMatrix;
 
@@ -176,7 +176,7 @@ fn suspects(finished: &Finished) -> Vec<Suspect> {
         let all = finished.normal.j[(unknown, unknown)];
         let cross = part(&finished.normal.j, of, &[unknown]);
         let own = all - 2.0 * (&projected * cross)[(0, 0)] + (&projected * &g * projected.transpose())[(0, 0)];
-        // What the other unknowns imitate up to rounding cannot be suspected.
+        // A parameter that the other unknowns imitate up to rounding cannot be suspected.
         if own <= 1e-9 * all {
             continue;
         }

@@ -70,7 +70,7 @@ fn parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync + Send)
 /// Sums of the blocks of every piece, with the number of its recording.
 pub(super) type Blocks = Vec<(usize, Vec<Block>)>;
 
-/// What a pass sums over.
+/// Sums of a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Columns {
     /// Sensitivities to λ, unbalance and load.

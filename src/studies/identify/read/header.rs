@@ -9,9 +9,9 @@ pub(super) struct Signal {
     pub name: &'static str,
     /// Other names it goes by.
     others: &'static [&'static str],
-    /// What it measures.
+    /// The measured quantity.
     pub quantity: Quantity,
-    /// What a user would call it.
+    /// The user's name for it.
     meaning: &'static str,
 }
 

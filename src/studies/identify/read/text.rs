@@ -38,7 +38,7 @@ fn encoding(start: &[u8]) -> Option<&'static Encoding> {
     // ASCII in UTF-16 has a zero in every pair of bytes.
     let zeros = |parity: usize| start.iter().skip(parity).step_by(2).filter(|byte| **byte == 0).count();
     let many = start.len() / 5;
-    // What was read may end within a character.
+    // A block may end within a character.
     let broken = std::str::from_utf8(start).is_err_and(|error| error.error_len().is_some());
     [(zeros(1) > many, UTF_16LE), (zeros(0) > many, UTF_16BE), (broken, WINDOWS_1252)]
         .into_iter()

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-/// What a signal measures: its units by all their names, with what one of them is in SI. The first is the SI unit; the first
+/// The quantity of a signal: its units by all their names, with what one of them is in SI. The first is the SI unit; the first
 /// name of a group is the one that messages propose.
 pub(super) type Quantity = &'static [(&'static [&'static str], f64)];
 
@@ -66,7 +66,7 @@ pub(super) fn names(quantity: Quantity) -> String {
 /// A length of time with its unit, `100us` or `100 µs`; seconds where there is none.
 ///
 /// # Errors
-/// What was wanted.
+/// The wanted form.
 pub fn duration_s(text: &str) -> Result<f64, String> {
     let wanted = || format!("{text}: a time above 0 is wanted, as in 100us, 0.1ms or 1e-4 s");
     let (number, unit) = number_and_unit(text).ok_or_else(wanted)?;
@@ -79,7 +79,7 @@ pub fn duration_s(text: &str) -> Result<f64, String> {
 /// The sample time of a rate with its unit, `10kHz` or `9600 Hz`.
 ///
 /// # Errors
-/// What was wanted.
+/// The wanted form.
 pub fn rate_s(text: &str) -> Result<f64, String> {
     let wanted = || format!("{text}: a rate above 0 with its unit is wanted, as in 10kHz or 9600Hz");
     let (number, unit) = number_and_unit(text).ok_or_else(wanted)?;
@@ -103,7 +103,7 @@ pub(in crate::studies::identify) fn number_and_unit(text: &str) -> Option<(f64, 
 
 /// A time in the unit in which it has the fewest zeros.
 pub(in crate::studies::identify) fn time(seconds: f64) -> String {
-    // What is a hair less than a unit for rounding is shown in it.
+    // A number just below a unit by rounding is shown in it.
     let (factor, name) = match seconds.abs() * (1.0 + 1e-9) {
         size if size >= 1.0 || size == 0.0 => (1.0, "s"),
         size if size >= 1e-3 => (1e3, "ms"),

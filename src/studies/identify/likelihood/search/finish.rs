@@ -1,4 +1,4 @@
-//! What a search found: estimates freed of the bias that noise makes, and their covariance by information or by scores.
+//! Results of a search: estimates freed of the bias that noise makes, and their covariance by information or by scores.
 //!
 //! Noise of the currents stands in the regressors, noise of the positions comes back through the controller: both bias the scores of the likelihood. Where
 //! the columns are driven by what was to be expected ([`expected`](super::super::expected)) there is no such bias (two-stage least squares, instrumental
@@ -124,7 +124,7 @@ fn scores(
     Some(sum)
 }
 
-/// What is known of the bias of an estimate.
+/// Prior knowledge of the bias of an estimate.
 struct Bias {
     /// From the maximum of the likelihood.
     step: DVector<f64>,
