@@ -19,29 +19,13 @@ from pathlib import Path
 
 import fmpy
 import numpy as np
+from conformance import ALL
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 PROJECT = Path(__file__).resolve().parent.parent
 PROGRAM = PROJECT / "target" / "release" / f"magnetic-bearing{'.exe' if os.name == 'nt' else ''}"
-MODELS = (
-    "MagneticBearing",
-    "FlatnessController",
-    "AlgebraicEstimator",
-    "MagneticSpindle",
-    "SpindleController",
-    "SpindleEstimator",
-    "MagneticBearing4",
-    "FlatnessController4",
-    "AlgebraicEstimator4",
-    "MagneticSpindle4",
-    "SpindleController4",
-    "SpindleEstimator4",
-    "AxialBearing",
-    "AxialController",
-    "AxialEstimator",
-)
 # Examples of fmu-export, with the names of their FMUs.
 EXAMPLES = {
     "van_der_pol": "VanDerPol",
@@ -411,7 +395,7 @@ def main():
         for name, switches in [("scalars", []), ("arrays", ["--arrays"])]:
             (scratch / name).mkdir()
             folders.append(package(scratch / name, *switches))
-        for name in (*MODELS, *EXAMPLES.values()):
+        for name in (*ALL, *EXAMPLES.values()):
             two, three = folders[0] / f"{name}.fmu", folders[0] / f"{name}_fmi3.fmu"
             arrays = folders[1] / f"{name}_fmi3.fmu"
             findings += sound(three) + sound(arrays)

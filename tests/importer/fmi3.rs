@@ -16,23 +16,10 @@ use fmi_rs::model_description::DefaultExperiment;
 use fmi_rs::model_description::fmi2::{Causality, Variability, VariableType};
 use fmi_rs::model_description::fmi3::{self, Dimension};
 
-const MODELS: [&str; 15] = [
-    "MagneticBearing",
-    "FlatnessController",
-    "AlgebraicEstimator",
-    "MagneticSpindle",
-    "SpindleController",
-    "SpindleEstimator",
-    "MagneticBearing4",
-    "FlatnessController4",
-    "AlgebraicEstimator4",
-    "MagneticSpindle4",
-    "SpindleController4",
-    "SpindleEstimator4",
-    "AxialBearing",
-    "AxialController",
-    "AxialEstimator",
-];
+use project::{MODELS, folder, program, root, run};
+
+mod project;
+
 /// Examples of fmu-export, and their FMUs.
 const EXAMPLES: [(&str, &str); 5] = [
     ("van_der_pol", "VanDerPol"),
@@ -45,30 +32,12 @@ const STEPS: u32 = 200;
 /// Serializes validation: fmi-rs checks names with a scanner that keeps its buffers in global variables, so that two threads crash it.
 static VALIDATION: Mutex<()> = Mutex::new(());
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
-/// An empty folder for this test.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = fs::remove_dir_all(&folder);
-    fs::create_dir_all(&folder).expect("a folder");
-    folder
-}
-
-fn run(command: &mut Command) {
-    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
-    assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
-}
-
 /// All FMUs of the project and of the examples, packaged with or without arrays into a folder; the places of those of FMI 2.0 and
 /// FMI 3.0.
 fn packaged(arrays: bool) -> Vec<[PathBuf; 2]> {
     let folder = folder(if arrays { "arrays" } else { "scalars" });
     let switch: &[&str] = if arrays { &["--arrays"] } else { &[] };
-    let program = root().join("target/release").join(format!("magnetic-bearing{}", std::env::consts::EXE_SUFFIX));
-    run(Command::new(program).current_dir(&folder).args(["package", "--all", "--out", "target/fmu"]).args(switch));
+    run(program(&folder).args(["package", "--all", "--out", "target/fmu"]).args(switch));
     for (example, _) in EXAMPLES {
         let mut cargo = Command::new("cargo");
         cargo.current_dir(&folder).args(["run", "--release", "--locked", "--quiet", "--manifest-path"]);

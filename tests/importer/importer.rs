@@ -6,7 +6,6 @@
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::Arc;
 
 use fmi_rs::fmi2::builder::FMU2Builder;
@@ -14,45 +13,14 @@ use fmi_rs::fmi2::types::{fmi2Status, fmi2True};
 use fmi_rs::fmi2::{CS, FMU2};
 use fmi_rs::model_description::fmi2::{Causality, ScalarVariable, VariableType};
 
-const MODELS: [&str; 15] = [
-    "MagneticBearing",
-    "FlatnessController",
-    "AlgebraicEstimator",
-    "MagneticSpindle",
-    "SpindleController",
-    "SpindleEstimator",
-    "MagneticBearing4",
-    "FlatnessController4",
-    "AlgebraicEstimator4",
-    "MagneticSpindle4",
-    "SpindleController4",
-    "SpindleEstimator4",
-    "AxialBearing",
-    "AxialController",
-    "AxialEstimator",
-];
+use project::{MODELS, folder, program, root, run};
 
-/// An empty folder for this test.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = fs::remove_dir_all(&folder);
-    fs::create_dir_all(&folder).expect("a folder");
-    folder
-}
-
-/// Runs the program, which was built before, in a folder.
-fn run(folder: &Path, arguments: &[&str]) {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let program = root.join("target/release").join(format!("magnetic-bearing{}", std::env::consts::EXE_SUFFIX));
-    let output = Command::new(&program).current_dir(folder).args(arguments).output();
-    let output = output.unwrap_or_else(|error| panic!("{}: {error}: run `cargo build --release`", program.display()));
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-}
+mod project;
 
 /// The FMUs, packaged into a folder of that name.
 fn packaged(name: &str) -> HashMap<&'static str, FMU2Builder> {
     let folder = folder(name);
-    run(&folder, &["package", "--all", "--out", "."]);
+    run(program(&folder).args(["package", "--all", "--out", "."]));
     let builder = |model: &str| {
         let path = folder.join(format!("{model}.fmu"));
         FMU2Builder::new(&path).unwrap_or_else(|error| panic!("{model}: {error}"))
@@ -205,7 +173,7 @@ impl<'a> Loop<'a> {
 /// The SSP that the program packages, unpacked into a folder of that name.
 fn unpacked(name: &str) -> PathBuf {
     let folder = folder(name);
-    run(&folder, &["package", "--all", "--out", "."]);
+    run(program(&folder).args(["package", "--all", "--out", "."]));
     fmi_rs::zip::extract_zip_archive(folder.join("MagneticBearing.ssp"), folder.join("system")).expect("the system");
     folder.join("system")
 }
@@ -279,12 +247,11 @@ fn final_values_are_written_down_for_comparison() {
 
 /// Runs a scenario of the program for a time of our own, into `direct.csv`.
 fn direct(folder: &Path, name: &str, duration: &str) {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let text = fs::read_to_string(root.join(format!("src/simulation/scenarios/{name}.toml"))).expect("a scenario");
+    let text = fs::read_to_string(root().join(format!("src/simulation/scenarios/{name}.toml"))).expect("a scenario");
     let mut scenario: toml::Table = text.parse().expect("a TOML file");
     scenario.insert("duration".into(), duration.into());
     fs::write(folder.join("direct.toml"), scenario.to_string()).expect("a file");
-    run(folder, &["simulate", "direct.toml", "--csv", "direct.csv"]);
+    run(program(folder).args(["simulate", "direct.toml", "--csv", "direct.csv"]));
 }
 
 /// The name of a column without its unit.

@@ -1,0 +1,51 @@
+//! The program and the FMUs that it packages.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The FMUs of every machine.
+pub const MODELS: [&str; 15] = [
+    "MagneticBearing",
+    "FlatnessController",
+    "AlgebraicEstimator",
+    "MagneticSpindle",
+    "SpindleController",
+    "SpindleEstimator",
+    "MagneticBearing4",
+    "FlatnessController4",
+    "AlgebraicEstimator4",
+    "MagneticSpindle4",
+    "SpindleController4",
+    "SpindleEstimator4",
+    "AxialBearing",
+    "AxialController",
+    "AxialEstimator",
+];
+
+/// The folder of the project.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// An empty folder for this test.
+pub fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).expect("a folder");
+    folder
+}
+
+/// The program, which was built before, in a folder.
+pub fn program(folder: &Path) -> Command {
+    let path = root().join("target/release").join(format!("magnetic-bearing{}", std::env::consts::EXE_SUFFIX));
+    let mut command = Command::new(path);
+    command.current_dir(folder);
+    command
+}
+
+/// Runs a command, which has to succeed.
+pub fn run(command: &mut Command) {
+    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
+}
