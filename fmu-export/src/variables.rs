@@ -276,7 +276,10 @@ pub trait Scalar: Sized + 'static {
     type Unit;
     /// Its limits.
     type Limit: Into<f64>;
-    fn row<L: Lens<Target = Self>>(name: String, unit: &Self::Unit, start: &Self) -> Row<L::Data>;
+    /// What its place holds.
+    type Value: 'static;
+    fn access<L: Lens<Target = Self>>() -> Access<L::Data, Self::Value>;
+    fn row<D>(name: String, place: Access<D, Self::Value>, unit: &Self::Unit, start: &Self) -> Row<D>;
 }
 
 /// The limits of a type that has none.
@@ -292,9 +295,13 @@ impl From<NoLimit> for f64 {
 impl Scalar for f64 {
     type Unit = Unit;
     type Limit = f64;
+    type Value = f64;
 
-    fn row<L: Lens<Target = f64>>(name: String, unit: &Unit, start: &f64) -> Row<L::Data> {
-        let place = Access { get: |data, at| *L::get(data, at), set: |data, at, value| *L::get_mut(data, at) = value };
+    fn access<L: Lens<Target = f64>>() -> Access<L::Data, f64> {
+        Access { get: |data, at| *L::get(data, at), set: |data, at, value| *L::get_mut(data, at) = value }
+    }
+
+    fn row<D>(name: String, place: Access<D, f64>, unit: &Unit, start: &f64) -> Row<D> {
         Row::real(name, place, *unit, *start)
     }
 }
@@ -302,9 +309,13 @@ impl Scalar for f64 {
 impl Scalar for i32 {
     type Unit = ();
     type Limit = i32;
+    type Value = i32;
 
-    fn row<L: Lens<Target = i32>>(name: String, (): &(), start: &i32) -> Row<L::Data> {
-        let place = Access { get: |data, at| *L::get(data, at), set: |data, at, value| *L::get_mut(data, at) = value };
+    fn access<L: Lens<Target = i32>>() -> Access<L::Data, i32> {
+        Access { get: |data, at| *L::get(data, at), set: |data, at, value| *L::get_mut(data, at) = value }
+    }
+
+    fn row<D>(name: String, place: Access<D, i32>, (): &(), start: &i32) -> Row<D> {
         Row::integer(name, place, *start)
     }
 }
@@ -312,9 +323,13 @@ impl Scalar for i32 {
 impl Scalar for bool {
     type Unit = ();
     type Limit = NoLimit;
+    type Value = bool;
 
-    fn row<L: Lens<Target = bool>>(name: String, (): &(), start: &bool) -> Row<L::Data> {
-        let place = Access { get: |data, at| *L::get(data, at), set: |data, at, value| *L::get_mut(data, at) = value };
+    fn access<L: Lens<Target = bool>>() -> Access<L::Data, bool> {
+        Access { get: |data, at| *L::get(data, at), set: |data, at, value| *L::get_mut(data, at) = value }
+    }
+
+    fn row<D>(name: String, place: Access<D, bool>, (): &(), start: &bool) -> Row<D> {
         Row::boolean(name, place, *start)
     }
 }
@@ -322,10 +337,13 @@ impl Scalar for bool {
 impl Scalar for String {
     type Unit = ();
     type Limit = NoLimit;
+    type Value = String;
 
-    fn row<L: Lens<Target = String>>(name: String, (): &(), start: &String) -> Row<L::Data> {
-        let place =
-            Access { get: |data, at| L::get(data, at).clone(), set: |data, at, value| *L::get_mut(data, at) = value };
+    fn access<L: Lens<Target = String>>() -> Access<L::Data, String> {
+        Access { get: |data, at| L::get(data, at).clone(), set: |data, at, value| *L::get_mut(data, at) = value }
+    }
+
+    fn row<D>(name: String, place: Access<D, String>, (): &(), start: &String) -> Row<D> {
         Row::string(name, place, start.clone())
     }
 }
@@ -333,9 +351,10 @@ impl Scalar for String {
 impl<T: Choice> Scalar for T {
     type Unit = ();
     type Limit = NoLimit;
+    type Value = i32;
 
-    fn row<L: Lens<Target = T>>(name: String, (): &(), start: &T) -> Row<L::Data> {
-        let place = Access {
+    fn access<L: Lens<Target = T>>() -> Access<L::Data, i32> {
+        Access {
             get: |data, at| L::get(data, at).number(),
             // A number that is none of an item was refused before.
             set: |data, at, number| {
@@ -343,7 +362,10 @@ impl<T: Choice> Scalar for T {
                     *L::get_mut(data, at) = item;
                 }
             },
-        };
+        }
+    }
+
+    fn row<D>(name: String, place: Access<D, i32>, (): &(), start: &T) -> Row<D> {
         Row::choice(name, place, T::ENUMERATION, start.number()).with_items_only()
     }
 }
@@ -356,43 +378,21 @@ impl<T: Choice> Scalar for T {
 )]
 pub trait Field: Sized + 'static {
     type Scalar: Scalar;
-    /// Appends the places of all elements, with their indices and start values.
-    fn add<L: Lens<Target = Self>>(
-        at: Place<'_, L::Data>,
-        start: Option<&Self>,
-        rows: &mut Rows<'_, L::Data, Self::Scalar>,
-    );
-}
-
-/// Where the rows of a field are.
-#[doc(hidden)]
-pub struct Place<'p, D> {
-    defaults: &'p D,
-    /// Index among all places of the lens.
-    index: usize,
-    /// Indices of the element in its arrays, counted from 1.
-    indices: Vec<usize>,
-}
-
-/// Makes the rows of a field.
-#[doc(hidden)]
-pub struct Rows<'r, D, S: Scalar> {
-    unit: &'r dyn Fn(usize) -> S::Unit,
-    name: &'r mut dyn FnMut(&[usize]) -> Option<String>,
-    finish: &'r mut dyn FnMut(Row<D>) -> Row<D>,
-    rows: &'r mut Vec<Row<D>>,
-    made: usize,
+    /// Access to its elements, whose indices are counted through all dimensions.
+    fn access<L: Lens<Target = Self>>() -> Access<L::Data, <Self::Scalar as Scalar>::Value>;
+    /// Appends its elements, each with its indices, counted from 1, after those of the arrays around it.
+    fn elements<'f>(&'f self, indices: &[usize], elements: &mut Vec<(Vec<usize>, &'f Self::Scalar)>);
 }
 
 impl<T: Scalar> Field for T {
     type Scalar = T;
 
-    fn add<L: Lens<Target = T>>(at: Place<'_, L::Data>, start: Option<&T>, rows: &mut Rows<'_, L::Data, T>) {
-        let Some(name) = (rows.name)(&at.indices) else { return };
-        let start = start.unwrap_or_else(|| L::get(at.defaults, at.index));
-        let row = T::row::<L>(name, &(rows.unit)(rows.made), start).at_place(at.index, rows.made);
-        rows.rows.push((rows.finish)(row));
-        rows.made += 1;
+    fn access<L: Lens<Target = T>>() -> Access<L::Data, T::Value> {
+        <T as Scalar>::access::<L>()
+    }
+
+    fn elements<'f>(&'f self, indices: &[usize], elements: &mut Vec<(Vec<usize>, &'f T)>) {
+        elements.push((indices.to_vec(), self));
     }
 }
 
@@ -401,15 +401,13 @@ macro_rules! list_of_fields {
         impl<T: Field, const N: usize> Field for $list {
             type Scalar = T::Scalar;
 
-            fn add<L: Lens<Target = Self>>(
-                at: Place<'_, L::Data>,
-                start: Option<&Self>,
-                rows: &mut Rows<'_, L::Data, T::Scalar>,
-            ) {
-                for k in 0..N {
-                    let indices = at.indices.iter().copied().chain([k + 1]).collect();
-                    let place = Place { defaults: at.defaults, index: at.index * N + k, indices };
-                    T::add::<Elements<L>>(place, start.map(|start| &start[k]), rows);
+            fn access<L: Lens<Target = Self>>() -> Access<L::Data, <T::Scalar as Scalar>::Value> {
+                <T as Field>::access::<Elements<L>>()
+            }
+
+            fn elements<'f>(&'f self, indices: &[usize], elements: &mut Vec<(Vec<usize>, &'f T::Scalar)>) {
+                for (k, element) in self.iter().enumerate() {
+                    element.elements(&[indices, &[k + 1]].concat(), elements);
                 }
             }
         }
@@ -484,43 +482,41 @@ pub fn add<L: Lens<Target: Field>, C: ?Sized>(
     count: Option<usize>,
     finish: &mut dyn FnMut(Row<L::Data>) -> Row<L::Data>,
 ) {
-    let mut made = 0;
-    let mut name = |indices: &[usize]| {
-        if count.is_some_and(|count| made >= count) {
-            return None;
-        }
-        made += 1;
-        let prefix = &scope.prefix;
-        Some(match &names {
+    let mut elements = Vec::new();
+    start.as_ref().unwrap_or_else(|| L::get(scope.defaults, scope.outer)).elements(&[], &mut elements);
+    let place = <L::Target as Field>::access::<L>();
+    // What follows is compiled once for all fields of a type.
+    let Scope { prefix, outer, number, .. } = scope;
+    add_elements(rows, (prefix, *outer, *number), place, &names, unit, &elements, count, finish);
+}
+
+fn add_elements<D, S: Scalar>(
+    rows: &mut Vec<Row<D>>,
+    (prefix, outer, number): (&str, usize, Option<usize>),
+    place: Access<D, S::Value>,
+    names: &Names,
+    unit: &dyn Fn(usize) -> S::Unit,
+    elements: &[(Vec<usize>, &S)],
+    count: Option<usize>,
+    finish: &mut dyn FnMut(Row<D>) -> Row<D>,
+) {
+    let made = count.unwrap_or(elements.len());
+    assert!(made <= elements.len(), "count = {made} is refused for an array of {} elements", elements.len());
+    if let Names::Each(names) = names {
+        assert!(made == names.len(), "there are {} names for {made} elements: {}", names.len(), names.join(", "));
+    }
+    for (index, (indices, start)) in elements[..made].iter().enumerate() {
+        let name = match names {
             Names::Common(name) if indices.is_empty() => format!("{prefix}{name}"),
             Names::Common(name) => {
                 let indices: Vec<_> = indices.iter().map(usize::to_string).collect();
                 format!("{prefix}{name}[{}]", indices.join(","))
             }
-            Names::Each(names) => {
-                let known = names.get(made - 1).unwrap_or_else(|| {
-                    panic!("there are {} names for an array with more elements: {}", names.len(), names.join(", "))
-                });
-                format!("{prefix}{known}")
-            }
-        })
-    };
-    let mut finish = |row: Row<L::Data>| finish(row.within(prefix_of(scope), scope.number));
-    let first = scope.outer;
-    let place = Place { defaults: scope.defaults, index: first, indices: Vec::new() };
-    let mut rows = Rows { unit, name: &mut name, finish: &mut finish, rows, made: 0 };
-    <L::Target as Field>::add::<L>(place, start.as_ref(), &mut rows);
-    let made = rows.made;
-    if let Names::Each(names) = &names {
-        assert!(made == names.len(), "there are {} names for {made} elements: {}", names.len(), names.join(", "));
+            Names::Each(names) => format!("{prefix}{}", names[index]),
+        };
+        let row = S::row(name, place, &unit(index), start).at_place(outer * elements.len() + index, index);
+        rows.push(finish(row.within(prefix, number)));
     }
-    if let Some(count) = count {
-        assert!(made == count, "count = {count} is refused for an array of {made} elements");
-    }
-}
-
-fn prefix_of<'s, D, C: ?Sized>(scope: &'s Scope<'_, D, C>) -> &'s str {
-    &scope.prefix
 }
 
 /// A field that is a structure of variables, or an array of them.

@@ -9,6 +9,8 @@
 //! Xm = x
 //! ```
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::magnet::{Geometry, MagnetsOf, alpha_rad};
@@ -194,7 +196,7 @@ impl<const M: usize> SpindleGeometryOf<f64, M> {
     }
 
     /// Refuses a position that is not on the shaft.
-    pub(crate) fn check_position(&self, name: &'static str, at_m: f64, checks: &mut Checks) {
+    pub(crate) fn check_position(&self, name: impl Into<Cow<'static, str>>, at_m: f64, checks: &mut Checks) {
         let [begin_m, end_m] = self.extent_m;
         checks.require(
             // Where the shaft itself has been refused, any finite position is accepted.

@@ -72,7 +72,7 @@ pub struct Common<'a, const K: usize> {
     pub step_s: f64,
     /// First guess of λ, in N·m²/A².
     pub lambda0_nm2_a2: [f64; K],
-    /// What a sample of a current stands for.
+    /// Meaning of a sample of a current.
     pub hold: Hold,
     /// Whether to identify an unbalance.
     pub identify_unbalance: bool,

@@ -308,7 +308,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             if state.outliers > OUTLIERS_IN_A_ROW {
                 self.restart(state);
             }
-            return self.conclude(state);
+            return self.end_sample(state);
         }
         state.outliers = 0;
         if !((0.0..NIS_CAP).contains(&nis) && innovation.is_sound()) {
@@ -345,7 +345,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             self.solve(state);
         }
         let was_valid = state.estimate.verdict == Verdict::Valid;
-        let verdict = self.conclude(state);
+        let verdict = self.end_sample(state);
         match verdict {
             Verdict::Valid => {
                 (state.armed, state.changed) = (true, false);
@@ -433,7 +433,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     }
 
     /// Ends the quarter if it is over, and reports.
-    fn conclude(&self, state: &mut PredictionErrorState<N, K, U, T>) -> Verdict {
+    fn end_sample(&self, state: &mut PredictionErrorState<N, K, U, T>) -> Verdict {
         if state.passed * QUARTERS as f64 >= 1.0 {
             self.end_quarter(state);
         }

@@ -75,18 +75,18 @@ fn dependent<D>(row: Row<D>, machine: &Machine) -> Row<D> {
     let (name, k) = (row.variable.name.clone(), row.index());
     let axis = machine.resultant.get(k).copied().unwrap_or_default();
     let along = |names: &[&str]| names.iter().map(|name| format!("{name}{axis}")).collect::<Vec<_>>();
-    let [position, rate] = [machine.of_resultant(""), machine.of_resultant("v")];
-    let at_start = |names: &[String]| names.iter().map(|name| format!("{name}0")).collect::<Vec<_>>();
+    let at_start = machine.at_start(|coordinate| coordinate.position);
+    let rate_at_start = machine.at_start(|coordinate| coordinate.rate);
     // An axial bearing has neither angles of magnets nor an unbalance.
     let angle = machine.is_planar().then_some("alpha[{k}]");
     let turning: &[&str] =
         if machine.planes > 0 { &["unbalance.magnitude", "unbalance.phase", "omega", "theta0"] } else { &[] };
     let ring: &[&str] = if machine.is_planar() { &["omega"] } else { &[] };
     let pulling = |row: Row<_>| {
-        row.starts_from(["s"]).starts_from(at_start(&position)).starts_from(["drive", "coil.fluxSaturation"])
+        row.starts_from(["s"]).starts_from(at_start.clone()).starts_from(["drive", "coil.fluxSaturation"])
     };
     let touching =
-        |row: Row<_>| row.starts_from(at_start(&position)).starts_from(at_start(&rate)).starts_from(TOUCHING);
+        |row: Row<_>| row.starts_from(at_start.clone()).starts_from(rate_at_start.clone()).starts_from(TOUCHING);
     let kind = name.split('[').next().unwrap_or(&name).trim_end_matches(axis);
     match kind {
         _ if machine.measured().contains(&name.to_string()) => row
@@ -105,19 +105,20 @@ fn dependent<D>(row: Row<D>, machine: &Machine) -> Row<D> {
         "F" => {
             let of_magnets = ["lambda", "i", "coil.open"].into_iter().flat_map(|name| machine.of_magnets(name));
             let angles = machine.of_magnets("alpha").into_iter().filter(|_| machine.is_planar());
-            pulling(row.depends_on(["i", "psi"]).depends_on(position.clone())).starts_from(angles.chain(of_magnets))
+            pulling(row.depends_on(["i", "psi"]).depends_on(machine.of_resultant("")))
+                .starts_from(angles.chain(of_magnets))
         }
-        "gap" => row.starts_from(["s"]).starts_from(at_start(&position)).starts_from(angle),
+        "gap" => row.starts_from(["s"]).starts_from(at_start.clone()).starts_from(angle),
         "perturbation." => row
             .starts_from(["perturbation.omega"])
             .starts_from(turning.iter().copied())
             .starts_from(["m"])
             .starts_from(along(&["p", "perturbation.amplitude", "perturbation.phase", "gravity."])),
-        "touchdown.contact" => touching(row.depends_on(position.clone()).depends_on(rate.clone())),
+        "touchdown.contact" => touching(row.depends_on(machine.of_resultant("")).depends_on(machine.of_resultant("v"))),
         "touchdown.F" => touching(
             row.depends_on(ring.iter().copied())
-                .depends_on(position.clone())
-                .depends_on(rate.clone())
+                .depends_on(machine.of_resultant(""))
+                .depends_on(machine.of_resultant("v"))
                 .starts_from(ring.iter().copied())
                 .starts_from(["touchdown.friction", "touchdown.radius"].into_iter().filter(|_| machine.is_planar())),
         ),

@@ -94,14 +94,15 @@ pub struct SpindleConfigOf<T, const M: usize, const K: usize> {
     pub coil: CoilConfig<T>,
     /// Initial coordinates (x, y, z, β, γ), in m and rad.
     #[parameter(
-        names = STARTS.map(|(name, _)| name), unit = context.either(index, METRE, RADIAN),
+        names = context.at_start(|coordinate| coordinate.position), unit = context.either(index, METRE, RADIAN),
         nominal = context.either(index, 1e-5, 1e-4),
         description = format!("{} at the start", context.coordinates[index].position.1)
     )]
     pub position_m: [T; COORDINATES],
     /// Their initial rates, in m/s and rad/s.
     #[parameter(
-        names = STARTS.map(|(_, rate)| rate), unit = context.either(index, METRE_PER_SECOND, RADIAN_PER_SECOND),
+        names = context.at_start(|coordinate| coordinate.rate),
+        unit = context.either(index, METRE_PER_SECOND, RADIAN_PER_SECOND),
         nominal = context.either(index, 1e-2, 0.1),
         description = format!("{} at the start", context.coordinates[index].rate.1)
     )]
@@ -111,7 +112,7 @@ pub struct SpindleConfigOf<T, const M: usize, const K: usize> {
     pub theta_rad: T,
     /// Acceleration of gravity, (x, y, z), in m/s².
     #[parameter(
-        names = ["gravity.X", "gravity.Y", "gravity.Z"], unit = METRE_PER_SECOND2, nominal = 10.0,
+        names = context.of_resultant("gravity."), unit = METRE_PER_SECOND2, nominal = 10.0,
         description = format!("Acceleration of gravity along {}", ["x, the shaft", "y", "z"][index])
     )]
     pub gravity_m_s2: [T; 3],
@@ -295,27 +296,26 @@ impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for Spindle
 
     fn check(&self, checks: &mut Checks) {
         let spindle: SpindleOf<M, K> = self.geometry.checked(checks);
-        check_tunable(Self::MACHINE, self.lambda_nm2_a2, self.unbalance_kgm, self.unbalance_phase_rad, checks);
-        for (name, at_m) in
-            ["unbalance[1].position", "unbalance[2].position"].into_iter().zip(self.unbalance_position_m)
-        {
+        let machine = Self::MACHINE;
+        check_tunable(machine, self.lambda_nm2_a2, self.unbalance_kgm, self.unbalance_phase_rad, checks);
+        for (name, at_m) in machine.of_planes("position").into_iter().zip(self.unbalance_position_m) {
             self.geometry.check_position(name, at_m, checks);
         }
-        for (n, (name, rate)) in STARTS.into_iter().enumerate() {
-            let unit = if n < 3 { "m" } else { "rad" };
-            checks.finite(name, self.position_m[n], unit);
-            checks.finite(rate, self.velocity_m_s[n], if n < 3 { "m/s" } else { "rad/s" });
+        let names = machine.at_start(|coordinate| coordinate.position).into_iter();
+        for (n, (name, rate)) in names.zip(machine.at_start(|coordinate| coordinate.rate)).enumerate() {
+            checks.finite(name, self.position_m[n], machine.either(n, "m", "rad"));
+            checks.finite(rate, self.velocity_m_s[n], machine.either(n, "m/s", "rad/s"));
         }
         checks.finite("theta0", self.theta_rad, "rad");
         check_start(self, &spindle, checks);
-        for (name, value) in ["gravity.X", "gravity.Y", "gravity.Z"].into_iter().zip(self.gravity_m_s2) {
+        for (name, value) in machine.of_resultant("gravity.").into_iter().zip(self.gravity_m_s2) {
             checks.finite(name, value, "m/s2");
         }
         self.coil.check(spindle.geometry().gap_m, self.lambda_nm2_a2, checks);
         checks.of("A.", |checks| self.touchdown.a.check(checks));
         checks.of("B.", |checks| self.touchdown.b.check(checks));
         checks.of("X.", |checks| self.touchdown.x.check(checks));
-        self.sensor.check(Self::MACHINE, checks);
+        self.sensor.check(machine, checks);
         check_step("solver.maxStep", self.max_step_s, checks);
     }
 
@@ -378,10 +378,6 @@ impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for Spindle
         rate
     }
 }
-
-/// Coordinates and rates at the start, by their names in the interface.
-const STARTS: [(&str, &str); COORDINATES] =
-    [("X0", "vX0"), ("Y0", "vY0"), ("Z0", "vZ0"), ("beta0", "betaRate0"), ("gamma0", "gammaRate0")];
 
 /// Outputs of a spindle at a radial bearing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
@@ -518,9 +514,10 @@ fn check_tunable<const K: usize>(
     for (name, lambda) in machine.of_magnets("lambda").into_iter().zip(lambda_nm2_a2) {
         checks.positive(name, lambda, "N.m2/A2");
     }
-    for (j, (magnitude, phase)) in unbalance_kgm.into_iter().zip(unbalance_phase_rad).enumerate() {
-        checks.not_negative(format!("unbalance[{}].magnitude", j + 1), magnitude, "kg.m");
-        checks.finite(format!("unbalance[{}].phase", j + 1), phase, "rad");
+    let names = machine.of_planes("magnitude").into_iter().zip(machine.of_planes("phase"));
+    for ((magnitude, phase), (kgm, rad)) in names.zip(unbalance_kgm.into_iter().zip(unbalance_phase_rad)) {
+        checks.not_negative(magnitude, kgm, "kg.m");
+        checks.finite(phase, rad, "rad");
     }
 }
 
@@ -538,11 +535,12 @@ fn check_start<const M: usize, const K: usize>(
         }
         let share = |n: usize| config.position_m[n] * geometry.directions[k][n];
         let worst = (0..COORDINATES).fold(0, |worst, n| if share(n) > share(worst) { n } else { worst });
-        let magnet = SpindleConfigOf::<f64, M, K>::MACHINE.of_magnets("gap").swap_remove(k);
+        let machine = SpindleConfigOf::<f64, M, K>::MACHINE;
+        let magnet = machine.of_magnets("gap").swap_remove(k);
         checks.require(
             false,
-            STARTS[worst].0,
-            format_args!("{} {}", config.position_m[worst], if worst < 3 { "m" } else { "rad" }),
+            machine.at_start(|coordinate| coordinate.position).swap_remove(worst),
+            format_args!("{} {}", config.position_m[worst], machine.either(worst, "m", "rad")),
             format!("a start inside the gap ({magnet} would be {} m)", Short(gap)),
         );
         return;
