@@ -112,7 +112,7 @@ pub struct SpindleConfigOf<T, const M: usize, const K: usize> {
     pub theta_rad: T,
     /// Acceleration of gravity, (x, y, z), in m/s².
     #[parameter(
-        names = context.of_resultant("gravity."), unit = METRE_PER_SECOND2, nominal = 10.0,
+        names = GRAVITY, unit = METRE_PER_SECOND2, nominal = 10.0,
         description = format!("Acceleration of gravity along {}", ["x, the shaft", "y", "z"][index])
     )]
     pub gravity_m_s2: [T; 3],
@@ -308,7 +308,7 @@ impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for Spindle
         }
         checks.finite("theta0", self.theta_rad, "rad");
         check_start(self, &spindle, checks);
-        for (name, value) in machine.of_resultant("gravity.").into_iter().zip(self.gravity_m_s2) {
+        for (name, value) in GRAVITY.into_iter().zip(self.gravity_m_s2) {
             checks.finite(name, value, "m/s2");
         }
         self.coil.check(spindle.geometry().gap_m, self.lambda_nm2_a2, checks);
@@ -378,6 +378,9 @@ impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for Spindle
         rate
     }
 }
+
+/// Names of the acceleration of gravity along the shaft and across it.
+const GRAVITY: [&str; 3] = ["gravity.X", "gravity.Y", "gravity.Z"];
 
 /// Outputs of a spindle at a radial bearing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
