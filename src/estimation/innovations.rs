@@ -312,8 +312,6 @@ pub struct FilterState<const N: usize, const K: usize, const U: usize, const T: 
     by_current_noise: SVector<Covariance<N>, K>,
 }
 
-impl<const N: usize, const K: usize, const U: usize, const T: usize> FilterState<N, K, U, T> {}
-
 /// The field in the interval that ended with a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Field<const K: usize> {
