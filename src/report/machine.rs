@@ -229,15 +229,17 @@ fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
         }
         p.soft { "In 10⁻⁶ N·m²/A², at the end of the run; ± is two standard deviations as stated by the estimator." }
         div.first {
-            @if let Some(data) = animation(scenario, signals) {
-                div #shaft-animation .animation { (plot::data_element(&data)) }
+            @let animation = animation(scenario, signals);
+            @if let Some(data) = &animation {
+                div #shaft-animation .animation { (plot::data_element(data)) }
             }
             div #lambda {
                 @let bearing = &scenario.machine.bearings[0];
                 (lambda_plot(signals, "estimator", bearing.prefix, Some(&truth(scenario, bearing)), 460.0).html())
                 p.soft {
                     (title_of(bearing)) ": solid where the estimate is valid, with a band of two standard deviations; dotted and shaded where it is not; dashed: the \
-                     true value. Click to go to an instant."
+                     true value."
+                    @if animation.is_some() { " Click to go to an instant." }
                 }
             }
         }
