@@ -500,40 +500,6 @@ impl Answer {
         }))
     }
 
-    /// The bearing as a scenario for `simulate`: the stated and the identified values, as plant, controller and estimator. None if the answer is
-    /// not valid.
-    #[must_use]
-    pub fn scenario(&self, samples: &Samples) -> Option<String> {
-        let found = self.found.as_ref().filter(|_| self.valid)?;
-        let (config, first) = (&self.question.config, &found.conditions[0]);
-        let known: Vec<f64> = samples.omega_rad_s.iter().copied().filter(|omega| omega.is_finite()).collect();
-        let speed = known.iter().sum::<f64>() / known.len().max(1) as f64;
-        let list = |of: [f64; 3]| of.map(|value| format!("{value:e}")).join(", ");
-        let lambda = found.lambda.map(|lambda| lambda.value);
-        let of = |name: &str| likelihood::by_name(name).map_or(0.0, |at| found.bench[at].estimate.value);
-        let gap_m = config.gap_m * (1.0 + of("s")) + of("gap.iron");
-        let m_kg = config.m_kg * (1.0 + of("m"));
-        let alpha = std::array::from_fn(|k| config.alpha_rad[k] + of(&format!("alpha[{}]", k + 1)));
-        let bearing = format!("m = {m_kg:e}\ns = {gap_m:e}\nalpha = [{}]\n", list(alpha));
-        let [load_y, load_z] = first.load_n.map(|load| load.value);
-        let noise = format!(
-            "sensor.positionNoise = {:e}\nsensor.currentNoise = {:e}\n",
-            first.position_noise_m, first.current_noise_a
-        );
-        Some(format!(
-            "title = \"Identified from a recording\"\ndescription = \"{}\"\nduration = \"0.4 s\"\nstep = {:e}\n\n[plant]\n{bearing}\
-             lambda = [{}]\nunbalance.magnitude = {:e}\nunbalance.phase = {:e}\npY = {load_y:e}\npZ = {load_z:e}\nomega = {speed:e}\n{noise}\n\
-             [controller]\n{bearing}lambda0 = [{}]\n\n[estimator]\n{bearing}lambda0 = [{}]\n{noise}",
-            self.verdict,
-            samples.step_s,
-            list(lambda),
-            found.unbalance_magnitude.value,
-            found.unbalance_phase.value,
-            list(lambda),
-            list(lambda),
-        ))
-    }
-
     /// Parameters taken as known.
     #[must_use]
     pub fn told(&self) -> String {
