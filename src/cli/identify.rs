@@ -22,7 +22,7 @@ use crate::report::{frame, identification};
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate;
 use crate::studies::identify::likelihood::{BENCH, Knowledge, Told};
-use crate::studies::identify::{self, Answer, HOLDS, METHODS, Question, Reading, Samples, Track};
+use crate::studies::identify::{self, Answer, HOLDS, METHODS, Question, Reading, Rotation, Samples, Track};
 use crate::table::Table;
 
 /// Variables of the estimator that have options of their own.
@@ -311,6 +311,9 @@ impl Arguments {
     /// Chooses the meaning of a current sample; with `auto` the data decide, and a table shows how clearly.
     fn hold(&self, config: &mut EstimatorConfig, samples: &Samples) -> Result<Option<Table>> {
         if self.hold == "auto" {
+            if self.is_likelihood() && samples.rotation == Rotation::Unknown {
+                return Ok(None);
+            }
             let residuals = identify::residuals_of_holds(samples, config);
             config.hold = identify::most_likely_hold(&residuals);
             // Where no reading has a likelihood there is nothing to compare.
@@ -360,7 +363,9 @@ impl Results {
         match &self.answer {
             Some(answer) => {
                 tables.extend(answer.tables());
-                tables.push(identify::progress(&self.recordings[0], &self.tracks[0]));
+                if self.recordings[0].rotation != Rotation::Unknown {
+                    tables.push(identify::progress(&self.recordings[0], &self.tracks[0]));
+                }
             }
             None => tables.push(identify::table(&self.tracks)),
         }

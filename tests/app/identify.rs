@@ -554,6 +554,8 @@ fn a_speed_that_is_unknown_or_wrong_is_said() {
     };
     let answer = of(None);
     assert!(!answer.valid && answer.verdict.contains("neither angle nor speed"), "{}", answer.verdict);
+    // Nothing is estimated as if it were at rest.
+    assert!(answer.found.is_none() && answer.findings.join(" ").contains("is not known"), "{:?}", answer.findings);
     let answer = of(Some(100.0 * std::f64::consts::PI));
     assert!(answer.valid, "{} {:?}", answer.verdict, answer.findings);
     let answer = of(Some(100.4 * std::f64::consts::PI));

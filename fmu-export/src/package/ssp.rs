@@ -209,7 +209,7 @@ pub fn generation_tool(content: &[u8]) -> Option<String> {
     let mut reader = quick_xml::Reader::from_str(&text);
     loop {
         match reader.read_event().ok()? {
-            Event::Start(root) => {
+            Event::Start(root) | Event::Empty(root) => {
                 let attribute = root.try_get_attribute("generationTool").ok()??;
                 return Some(attribute.normalized_value(quick_xml::XmlVersion::Implicit1_0).ok()?.into_owned());
             }

@@ -183,6 +183,12 @@ pub(super) fn implausible(found: &Identification, columns: &Columns) -> Option<S
 /// # Errors
 /// Parameters that make no sense, by name; recordings that say nothing are an [`Answer`] that is not valid.
 pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Failed> {
+    if recordings.iter().any(|samples| samples.rotation == Rotation::Unknown) {
+        let verdict = "Not valid: neither angle nor speed was recorded: --speed RPM is wanted, 0 at rest.".into();
+        let finding = "The unbalance, which turns with the rotor, is not known then, and with it neither force constants, ki and ks nor the \
+                       load.";
+        return Ok(Answer { valid: false, verdict, findings: vec![finding.into()], found: None, question });
+    }
     let columns: Vec<Columns> = recordings.iter().map(|samples| columns(samples, question.config.hold)).collect();
     let lambda0_nm2_a2 = question.lambda0_nm2_a2.or_else(|| on_line(recordings, &question.config));
     let mut answer = answer_columns(&columns, Question { lambda0_nm2_a2, ..question });
@@ -194,12 +200,6 @@ pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Fail
                 significant(100.0 * off, 2)
             );
         }
-    }
-    if recordings.iter().any(|samples| samples.rotation == Rotation::Unknown) {
-        answer.valid = false;
-        answer.verdict = "Not valid: neither angle nor speed was recorded, so that unbalance and force constants cannot be told apart: \
-                          --speed RPM is wanted, 0 at rest."
-            .into();
     }
     Ok(answer)
 }
