@@ -45,6 +45,7 @@ NAMESPACES = {
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
     "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
+    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
 }
 
 # Messages of all instances by instance name. The native proxy that formats messages has one receiver per
@@ -301,8 +302,8 @@ class System:
         are its parameters, those of a callable its outputs at the start.
     connections : list
         Pairs of output and input, each `"element.variable"` or `(element, variable)`.
-    duration_s : float, optional
-        How long it is run if nothing else is said.
+    duration_s, step_s : float, optional
+        How long it is run, and the step, if nothing else is said.
     archive : pathlib.Path, optional
         An SSP with the FMUs that the elements name.
     """
@@ -311,6 +312,7 @@ class System:
     connections: list
     duration_s: float = 1.0
     archive: Path | None = None
+    step_s: float = STEP_S
 
     def __post_init__(self):
         def end(of):
@@ -340,16 +342,21 @@ def read_system(ssp, structure="SystemStructure.ssd"):
         for component in root.iterfind(".//ssd:Component", NAMESPACES):
             settings = {}
             for binding in component.iterfind(".//ssd:ParameterBinding", NAMESPACES):
-                parameters = etree.fromstring(archive.read(binding.get("source")))
-                for parameter in parameters.iterfind(".//ssv:Parameter", NAMESPACES):
-                    settings[parameter.get("name")] = parse_value(parameter[0])
+                settings |= read_parameters(archive.read(binding.get("source")))
             elements[component.get("name")] = (Path(component.get("source")).stem, settings)
     connections = [
         ((c.get("startElement"), c.get("startConnector")), (c.get("endElement"), c.get("endConnector")))
         for c in root.iterfind(".//ssd:Connection", NAMESPACES)
     ]
     experiment = root.find("ssd:DefaultExperiment", NAMESPACES)
-    return System(elements, connections, float(experiment.get("stopTime")), Path(ssp))
+    step_s = float(experiment.find(".//osp:FixedStepAlgorithm", NAMESPACES).get("baseStepSize"))
+    return System(elements, connections, float(experiment.get("stopTime")), Path(ssp), step_s)
+
+
+def read_parameters(text):
+    """Read the values of a parameter set by name."""
+    parameters = etree.fromstring(text).iterfind(".//ssv:Parameter", NAMESPACES)
+    return {parameter.get("name"): parse_value(parameter[0]) for parameter in parameters}
 
 
 def parse_value(element):
@@ -414,7 +421,7 @@ def run(
     instances=None,
     after_inputs=False,
     stop_s=None,
-    step_s=STEP_S,
+    step_s=None,
 ):
     """Run a loop: at every point all outputs are read, then all connected inputs set, then all instances stepped.
 
@@ -432,7 +439,7 @@ def run(
         Record the outputs when the new inputs are set, as ecos does, and not when they are read to be handed on. It
         makes a difference to outputs that follow an input at the same instant, the forces of the magnets.
     stop_s, step_s : float, optional
-        Length of the run, that of the system by default, and of a step.
+        Length of the run and of a step, those of the system by default.
 
     Returns
     -------
@@ -444,7 +451,7 @@ def run(
             models = open_models(system, Path(folder))
             return run(system, models, times_s, lengths_s, None, after_inputs, stop_s, step_s)
     if times_s is None:
-        times_s, lengths_s = even_times(stop_s or system.duration_s, step_s)
+        times_s, lengths_s = even_times(stop_s or system.duration_s, step_s or system.step_s)
     own = instances is None
     if own:
         instances = instantiate(system, models)

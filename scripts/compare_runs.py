@@ -1,6 +1,7 @@
 """Helpers of the checks: scenarios of the program, settings that some tools ignore, comparisons."""
 
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 
@@ -87,13 +88,13 @@ def without_choices(system, models):
     for name, (fmu, settings) in system.elements.items():
         choices = models[fmu].choices()
         elements[name] = (fmu, {key: value for key, value in settings.items() if key not in choices})
-    return System(elements, system.connections, system.duration_s)
+    return replace(system, elements=elements)
 
 
 def without_settings(system):
     """Leave all parameters at the start values of the FMUs."""
     elements = {name: (fmu, {}) for name, (fmu, _) in system.elements.items()}
-    return System(elements, system.connections, system.duration_s)
+    return replace(system, elements=elements)
 
 
 def same_bits(one, other):

@@ -1,8 +1,8 @@
 """Call every function of the packaged FMUs through fmpy, and compare final values of all tools.
 
-Usage: `conformance.py DIST`, with the folder of the packaged FMUs. Each FMU runs alone in fmpy, libcosim and ecos; the loops of
-all machines run in these, MagneticBearing.ssp in fmi-rs as well, and directly in the program. All of them must give the same
-final values, relative to the nominal of every variable. Needs the packages of scripts/requirements.txt, and cargo for the
+Usage: `conformance.py DIST`, with the folder of the packaged FMUs. Each FMU runs alone in fmpy, libcosim and ecos; the
+loops of all machines, and twins that `identify` writes of two recordings, run in these, MagneticBearing.ssp in fmi-rs as well, and
+directly in the program. All of them must give the same final values, relative to the nominal of every variable. Needs the packages of scripts/requirements.txt, and cargo for the
 program and for the importer in tests/importer.
 
 The FMU manipulation toolbox (fmutool) runs no FMU: it unpacks an archive and checks the model description against the schema
@@ -13,14 +13,16 @@ import csv
 import subprocess
 import sys
 import tempfile
-import tomllib
+import zipfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from closed_loop import FMUS, Instance, Model, even_times, read_system, run
+from closed_loop import FMUS, SYSTEM, Instance, Model, read_parameters, read_system, run
 from compare_runs import ELEMENTS, without_choices
 from fmpy import simulate_fmu, supported_platforms
 from fmpy.validation import validate_fmu
+from validate import ssp_findings
 
 STEP_S = 1e-4
 STEPS = 50
@@ -41,11 +43,19 @@ PLANTS = ("MagneticBearing", *(plant for plant, _, _ in OTHERS.values()))
 SYSTEMS = {"MagneticBearing.ssp": ("unbalanced", ELEMENTS)} | {
     f"{fmus[0]}.ssp": (scenario, dict(zip(ELEMENTS, fmus, strict=True))) for scenario, fmus in OTHERS.items()
 }
+# The twins of two recordings: FMUs and arguments of `identify`.
+DATA = "tests/data/levitation"
+TWINS = {
+    "planar-twin.ssp": (ELEMENTS, ["docs/recording.csv", "--tolerance", "sensor.offset=5um", "--tolerance", "s=1%"]),
+    "axial-twin.ssp": (
+        SYSTEMS["AxialBearing.ssp"][1],
+        [f"{DATA}/levitation-stairs-mpc.csv.gz", "--scenario", f"{DATA}/bench.toml"],
+    ),
+}
 ALL = (*FMUS, *(fmu for fmus in OTHERS.values() for fmu in fmus))
 PROJECT = Path(__file__).resolve().parent.parent
 PROGRAM = ["cargo", "run", "--release", "--locked", "--quiet", "--"]
 IMPORTER = PROJECT / "tests" / "importer" / "Cargo.toml"
-LOOP_S = 0.4
 # The loop in different tools against the direct run, in parts of the nominal. Instances of fmpy and fmi-rs are given the
 # program's own points in time. libcosim counts nanoseconds and ecos adds up, by up to 3e-14 s; at 314 rad/s a harmonic force then
 # differs by 1e-11 of its amplitude.
@@ -286,31 +296,61 @@ def command(*arguments):
     return done.stdout
 
 
-def loop_in_the_program(scenario, models, scratch):
+@dataclass
+class Loop:
+    """A closed loop: its SSP, the FMUs of its elements, its scenario, and the name of its parameter set."""
+
+    archive: Path
+    elements: dict
+    scenario: str
+    parameters: str
+
+
+def twin(name, scratch, findings):
+    """Identify from a recording, validate the twin as a scenario, SSV and SSP, and return its loop."""
+    elements, arguments = TWINS[name]
+    archive, alone, scenario = (scratch / Path(name).with_suffix(ending) for ending in (".ssp", ".ssv", ".toml"))
+    command(*PROGRAM, "identify", *arguments, "--ssp", str(archive), "--ssv", str(alone), "--save", str(scenario))
+    texts = {alone.name: alone.read_bytes()}
+    with zipfile.ZipFile(archive) as opened:
+        texts |= {member: opened.read(member) for member in opened.namelist() if member.endswith((".ssd", ".ssv"))}
+    wrong = [line for member, text in texts.items() for line in ssp_findings(member, text)]
+    findings.expect(not wrong, f"{name}: {wrong}")
+    # The set of the system names the parameters of the elements.
+    apart = {
+        f"{element}.{variable}": value
+        for element, (_, settings) in read_system(archive).elements.items()
+        for variable, value in settings.items()
+    }
+    findings.expect(read_parameters(texts[alone.name]) == apart, f"{alone.name} is another set than that of {name}")
+    return Loop(archive, elements, scenario.read_text(encoding="utf-8"), "identified")
+
+
+def loop_in_the_program(loop, models, scratch):
     """Final outputs of the direct run in Rust, without the enumerations that some tools cannot set."""
     choices = {choice for model in models.values() for choice in model.choices()}
-    text = command(*PROGRAM, "simulate", "--print", scenario)
-    kept = [line for line in text.splitlines() if line.partition("=")[0].strip() not in {*choices, "compare"}]
-    scenario = tomllib.loads("\n".join(kept))
-    if "compare" in scenario or scenario["duration"] != f"{LOOP_S} s":
-        raise RuntimeError(f"the scenario is not as expected here: {scenario}")
+    lines = loop.scenario.splitlines()
+    kept = [line for line in lines if line.partition("=")[0].strip().strip('"') not in {*choices, "compare"}]
     place = scratch / "without_choices.toml"
     place.write_text("\n".join(kept), encoding="utf-8")
     table = scratch / "direct.csv"
     command(*PROGRAM, "simulate", str(place), "--csv", str(table))
     with open(table, encoding="utf-8", newline="") as file:
         rows = list(csv.reader(file))
-    return {head.split(" [")[0]: float(cell) for head, cell in zip(rows[0], rows[-1]) if "." in head.split(" [")[0]}
+    final = {head.split(" [")[0]: float(cell) for head, cell in zip(rows[0], rows[-1])}
+    duration_s = read_system(loop.archive).duration_s
+    if abs(final["time"] - duration_s) > 1e-9 or any(name.partition(".")[0] not in (*loop.elements, "time") for name in final):
+        raise RuntimeError(f"the scenario of {loop.archive.name} is not as expected here: it ends at {final['time']} s")
+    return {name: value for name, value in final.items() if name != "time"}
 
 
-def loop_in_fmpy(archive, models, _scratch):
+def loop_in_fmpy(loop, models, _scratch):
     """Final outputs of the loop over instances of fmpy."""
-    system = without_choices(read_system(archive, "SystemStructure.ssd"), models)
-    rows = run(system, models, *even_times(LOOP_S))
+    rows = run(without_choices(read_system(loop.archive), models), models)
     return {name: float(values[-1]) for name, values in rows.items() if name != "time"}
 
 
-def loop_in_fmi_rs(_archive, _models, _scratch):
+def loop_in_fmi_rs(_loop, _models, _scratch):
     """Final outputs of the loop over instances of fmi-rs, as the importer in tests/importer writes them."""
     target = PROJECT / "target" / "importer"
     written = target / "tmp" / "final.csv"
@@ -325,11 +365,11 @@ def loop_in_fmi_rs(_archive, _models, _scratch):
 def loop_in_tool(tool):
     """Final outputs of the SSP in libcosim or ecos, in a separate process."""
 
-    def final(archive, _models, scratch):
+    def final(loop, _models, scratch):
         out = scratch / f"{tool}.npz"
-        named = [SYSTEMS[archive.name][0]] if tool == "ecos" else []
+        named = [loop.parameters] if tool == "ecos" else []
         script = str(PROJECT / "scripts" / "system_tools.py")
-        command(sys.executable, script, tool, str(archive), str(out), *named)
+        command(sys.executable, script, tool, str(loop.archive), str(out), *named)
         return {name: float(column[-1]) for name, column in np.load(out).items()}
 
     return final
@@ -345,7 +385,7 @@ def following_inputs(elements, models):
     }
 
 
-def loop_in_every_tool(archive, all_models, findings):
+def loop_in_every_tool(loop, all_models, findings):
     """Run a closed loop in every tool; print and check the largest deviation from the direct run."""
     runs = {
         "fmpy": loop_in_fmpy,
@@ -353,18 +393,18 @@ def loop_in_every_tool(archive, all_models, findings):
         "libcosim": loop_in_tool("libcosim"),
         "ecos": loop_in_tool("ecos"),
     }
-    scenario, elements = SYSTEMS[archive.name]
+    elements = loop.elements
     models = {fmu: all_models[fmu] for fmu in elements.values()}
-    if elements is not ELEMENTS:
+    if loop.archive.name != SYSTEM:
         # The importer in Rust runs that of the planar rotor.
         del runs["fmi-rs"]
     with tempfile.TemporaryDirectory() as scratch:
-        wanted = loop_in_the_program(scenario, models, Path(scratch))
-        print(f"Final values of {archive.name} after {LOOP_S} s, against the direct run, in parts of the nominal")
+        wanted = loop_in_the_program(loop, models, Path(scratch))
+        print(f"Final values of {loop.archive.name}, against the direct run, in parts of the nominal")
         print(f"  {'tool':10}{'outputs':>8}{'largest':>12}{'limit':>10}  at")
         for tool, final in runs.items():
             try:
-                got = final(archive, models, Path(scratch))
+                got = final(loop, models, Path(scratch))
             except Exception as error:  # A tool that fails is a finding like any other.
                 findings.expect(False, f"the loop in {tool}: {error}")
                 continue
@@ -422,8 +462,11 @@ def main():
             findings.expect(exported <= called, f"{name}: never called: {sorted(exported - called)}")
     with tempfile.TemporaryDirectory() as place:
         models = {name: Model.open(folder / f"{name}.fmu", Path(place) / name) for name in ALL}
-        for system in SYSTEMS:
-            loop_in_every_tool(folder / system, models, findings)
+        for system, (scenario, elements) in SYSTEMS.items():
+            text = command(*PROGRAM, "simulate", "--print", scenario)
+            loop_in_every_tool(Loop(folder / system, elements, text, scenario), models, findings)
+        for system in TWINS:
+            loop_in_every_tool(twin(system, Path(place), findings), models, findings)
     sound_archives(folder, findings)
     for line in findings.lines:
         print(f"FAILED {line}")

@@ -11,29 +11,38 @@ from pathlib import Path
 import numpy as np
 from lxml import etree
 
-STEP_S = 1e-4
-STEPS = 4000
-# libcosim counts time in nanoseconds.
-STEP_NS = 100_000
 SSD = "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
 
 
+def structure(path):
+    """Read the default structure of a packed or extracted SSP, or a structure alone."""
+    path = Path(path)
+    if path.suffix == ".ssd":
+        return etree.fromstring(path.read_bytes())
+    if path.is_dir():
+        return structure(path / "SystemStructure.ssd")
+    with zipfile.ZipFile(path) as archive:
+        return etree.fromstring(archive.read("SystemStructure.ssd"))
+
+
+def steps(path):
+    """Length in s and number of the communication steps of a system."""
+    experiment = structure(path).find(f"{SSD}DefaultExperiment")
+    step_s = float(experiment.find(".//{*}FixedStepAlgorithm").get("baseStepSize"))
+    return step_s, round(float(experiment.get("stopTime")) / step_s)
+
+
 def outputs(path):
-    """List the outputs of all elements of a packed or extracted SSP.
+    """List the outputs of all elements of a system.
 
     Returns
     -------
     list of tuple of str
         Element, variable and type.
     """
-    if Path(path).is_dir():
-        text = Path(path, "SystemStructure.ssd").read_bytes()
-    else:
-        with zipfile.ZipFile(path) as archive:
-            text = archive.read("SystemStructure.ssd")
     return [
         (component.get("name"), connector.get("name"), etree.QName(connector[0]).localname)
-        for component in etree.fromstring(text).iter(f"{SSD}Component")
+        for component in structure(path).iter(f"{SSD}Component")
         for connector in component.iter(f"{SSD}Connector")
         if connector.get("kind") == "output"
     ]
@@ -70,13 +79,15 @@ def run_libcosim(path, _parameter_set):
                 readers.append((names, read, info.index, [v.reference for v in chosen]))
     names = [name for group in readers for name in group[0]]
     rows = [[0.0] * len(names)]
-    for step in range(STEPS):
+    step_s, count = steps(path)
+    for step in range(count):
         if not execution.step():
             raise RuntimeError(f"step {step} failed")
         rows.append([float(value) for _, read, index, references in readers for value in read(index, references)])
     time_ns = execution.status().current_time
-    if time_ns != STEPS * STEP_NS:
-        raise RuntimeError(f"after {STEPS} steps it is {time_ns} ns and not {STEPS * STEP_NS} ns")
+    # libcosim counts time in nanoseconds.
+    if time_ns != count * round(1e9 * step_s):
+        raise RuntimeError(f"after {count} steps of {step_s} s it is {time_ns} ns")
     return dict(zip(names, np.array(rows).T))
 
 
@@ -92,7 +103,8 @@ def run_ecos(path, parameter_set):
     from ecospy.lib import EcosLib
 
     EcosLib.set_log_level("warn")
-    with EcosSimulation(STEP_S, ssp_path=path) as simulation:
+    step_s, count = steps(path)
+    with EcosSimulation(step_s, ssp_path=path) as simulation:
         if not simulation.init(parameter_set=parameter_set):
             raise RuntimeError(EcosLib.get_last_error())
         readers = []
@@ -103,7 +115,7 @@ def run_ecos(path, parameter_set):
             read = simulation.get_bool if kind == "Boolean" else simulation.get_real
             readers.append((f"{element}.{name}", f"{element}::{name}", read))
         rows = [[float(read(identifier)) for _, identifier, read in readers]]
-        for _ in range(STEPS):
+        for _ in range(count):
             simulation.step()
             rows.append([float(read(identifier)) for _, identifier, read in readers])
         simulation.terminate()

@@ -252,24 +252,28 @@ def fmutool_check(archives, fmu):
 
 def schema_of_fmi(archives, fmu):
     """Compare a model description with the schema of the standard."""
-    return schema_findings(
-        "schema/fmi2/fmi2ModelDescription.xsd", archives.models[fmu].archive, "modelDescription.xml"
-    ), ""
+    member = "modelDescription.xml"
+    with zipfile.ZipFile(archives.models[fmu].archive) as archive:
+        return schema_findings("schema/fmi2/fmi2ModelDescription.xsd", member, archive.read(member)), ""
 
 
 def schema_of_ssp(archives, member):
     """Compare a system structure or a parameter set with the schemas of the standard."""
-    kind = {".ssd": "Description", ".ssv": "ParameterValues"}[Path(member).suffix]
-    return schema_findings(f"ssp/schema/SystemStructure{kind}.xsd", archives.ssp, member), ""
+    with zipfile.ZipFile(archives.ssp) as archive:
+        return ssp_findings(member, archive.read(member)), ""
 
 
-def schema_findings(schema, archive, member):
-    """List what a schema that fmpy ships finds in a member of an archive."""
+def ssp_findings(name, text):
+    """List what the schemas of the standard find in a system structure or a parameter set."""
+    kind = {".ssd": "Description", ".ssv": "ParameterValues"}[Path(name).suffix]
+    return schema_findings(f"ssp/schema/SystemStructure{kind}.xsd", name, text)
+
+
+def schema_findings(schema, name, text):
+    """List what a schema that fmpy ships finds in a text."""
     checker = etree.XMLSchema(etree.parse(str(Path(fmpy.__file__).parent / schema)))
-    with zipfile.ZipFile(archive) as opened:
-        document = etree.fromstring(opened.read(member))
-    checker.validate(document)
-    return [f"{member}, line {error.line}: {error.message}" for error in checker.error_log]
+    checker.validate(etree.fromstring(text))
+    return [f"{name}, line {error.line}: {error.message}" for error in checker.error_log]
 
 
 def ssp_rules(archives, structure):

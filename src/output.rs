@@ -5,6 +5,8 @@ use std::io::{self, Read, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use fmu_export::package::ssp;
+
 /// Whether the standard output is reserved for a result, so that messages go to the standard error.
 static IS_TAKEN: AtomicBool = AtomicBool::new(false);
 /// Whether printing a line has failed.
@@ -73,7 +75,16 @@ pub enum Format {
     Xml,
     /// A text in Markdown.
     Markdown,
+    /// A scenario that this program has written.
+    Scenario,
+    /// A closed loop (SSP) that this program has generated.
+    System,
+    /// A parameter set (SSV) that this program has generated.
+    Parameters,
 }
+
+/// Beginning of a scenario that this program has written.
+pub const SCENARIO: &str = concat!("# Written by ", env!("CARGO_PKG_NAME"));
 
 impl Format {
     const fn signature(self) -> &'static str {
@@ -81,9 +92,10 @@ impl Format {
             Self::Table => "time [s]",
             Self::Json => "{",
             Self::Page => "<!DOCTYPE html>",
-            Self::Archive => "PK",
-            Self::Xml => "<?xml",
+            Self::Archive | Self::System => "PK",
+            Self::Xml | Self::Parameters => "<?xml",
             Self::Markdown => "# ",
+            Self::Scenario => SCENARIO,
         }
     }
 
@@ -95,6 +107,9 @@ impl Format {
             Self::Archive => "an archive",
             Self::Xml => "a description in XML",
             Self::Markdown => "a text in Markdown",
+            Self::Scenario => "a scenario that this program has written",
+            Self::System => "an SSP that this program has generated",
+            Self::Parameters => "an SSV that this program has generated",
         }
     }
 
@@ -109,7 +124,8 @@ impl Format {
         let signature = self.signature().as_bytes();
         let mut begin = Vec::new();
         File::open(path)?.take(signature.len() as u64).read_to_end(&mut begin)?;
-        if begin == signature {
+        let needs_tool = matches!(self, Self::System | Self::Parameters);
+        if begin == signature && (!needs_tool || is_generated(&fs::read(path)?)) {
             return Ok(());
         }
         let words = format!("it already exists and is not {}: remove it, or name another file", self.words());
@@ -137,4 +153,10 @@ impl Format {
         let written = file.write_all(content).and_then(|()| file.flush());
         if is_standard(path) { unless_closed(written) } else { written }
     }
+}
+
+/// Whether any version of this program generated a system structure or a parameter set.
+fn is_generated(content: &[u8]) -> bool {
+    let tool = ssp::generation_tool(content);
+    tool.is_some_and(|tool| tool.split(' ').next() == Some(env!("CARGO_PKG_NAME")))
 }

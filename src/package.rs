@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use fmu_export::Standard;
 use fmu_export::package::platforms::{Binaries, Platform};
 use fmu_export::package::ssp::{self, System};
 use fmu_export::package::{self, Extras, Member, PackageError, Written, documentation};
@@ -136,7 +137,8 @@ pub fn package_for(
     archives.extend(loops);
     for (name, _) in &archives {
         let path = folder.join(name);
-        Format::Archive.replaceable(&path).map_err(|source| PackageError::File { path, source })?;
+        let format = if name.ends_with(".ssp") { Format::System } else { Format::Archive };
+        format.replaceable(&path).map_err(|source| PackageError::File { path, source })?;
     }
     package::write(archives, binaries, folder)
 }
@@ -171,35 +173,61 @@ pub fn variables() -> String {
 /// libcosim and ecos ignore parameters of type Enumeration. So the default structure is one whose enumerations have their start
 /// values: it gives the same results in all tools. The paper's simulation needs `method = paper`.
 fn systems(machine: &Machine) -> Vec<[&'static str; 3]> {
-    let own = |scenario| ["SystemStructure.ssd", machine.models[0].0, scenario];
+    let own = |scenario| [ssp::DEFAULT, machine.models[0].0, scenario];
     match machine.name {
         "planar" => vec![own("unbalanced"), ["PaperSimulation.ssd", "PaperSimulation", "paper"]],
         _ => vec![own(machine.name)],
     }
 }
 
-/// The closed loop, without the estimators that run beside it for comparison.
+/// The closed loop of a machine, with the parameters of a scenario that comes with the program.
 fn system([file, name, scenario]: &[&'static str; 3]) -> System {
-    let parameters = (*scenario).to_owned();
+    let parameters = *scenario;
     let scenario = Scenario::open(Path::new(scenario)).expect("a scenario that comes with the program is sound");
-    let elements = scenario.elements[..3].iter().map(|element| ssp::Element {
+    system_of(&scenario, file, name, parameters)
+}
+
+/// The closed loop of a scenario, without the estimators that run beside it for comparison.
+fn system_of(scenario: &Scenario, file: &str, name: &str, parameters: &str) -> System {
+    let elements = scenario.in_loop().iter().map(|element| ssp::Element {
         name: element.name.clone(),
         model: element.model_type.clone(),
-        settings: element.settings.iter().map(|setting| (setting.index, setting.value.clone())).collect(),
+        settings: element.values(),
     });
     let elements: Vec<_> = elements.collect();
     let inside = |name: &String| elements.iter().any(|element| element.name == *name);
     let connections = scenario.connections().into_iter().filter(|connection| inside(&connection.to[0]));
+    let info = &scenario.plant().model_type.info;
     System {
-        file: (*file).into(),
-        name: (*name).into(),
+        file: file.into(),
+        name: name.into(),
         description: scenario.title.clone(),
-        tool: scenario.elements[0].model_type.info.tool.into(),
-        parameters,
+        tool: info.tool.into(),
+        parameters: parameters.into(),
         connections: connections.map(|connection| [connection.from, connection.to]).collect(),
         elements,
         step_s: scenario.step_s,
         stop_s: scenario.duration_s,
-        tolerance: scenario.elements[0].model_type.info.tolerance,
+        tolerance: info.tolerance,
     }
+}
+
+/// The closed loop of a scenario as one SSP: the FMUs for FMI 2.0, wired, with a parameter set of this name.
+///
+/// # Errors
+/// [`PackageError::Archive`], [`PackageError::Model`].
+pub fn system_archive(scenario: &Scenario, parameters: &str, binaries: &Binaries) -> Result<Vec<u8>, PackageError> {
+    let system = system_of(scenario, ssp::DEFAULT, scenario.machine.models[0].0, parameters);
+    let mut members = system.members();
+    for element in &system.elements {
+        let model = &element.model;
+        let fmu = package::fmu(model, Standard::Fmi2, binaries, &extras(model.info.name))?;
+        members.push(Member::new(format!("resources/{}.fmu", model.info.name), fmu));
+    }
+    package::archive(&system.name, &members)
+}
+
+/// The parameters of a scenario's closed loop as one parameter set (SSV) of this name.
+pub fn parameter_set(scenario: &Scenario, parameters: &str) -> String {
+    system_of(scenario, ssp::DEFAULT, scenario.machine.models[0].0, parameters).parameter_set()
 }

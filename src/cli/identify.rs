@@ -1,6 +1,7 @@
 //! `identify`: arguments, and the way from recordings to results.
 
 mod axial;
+mod twin;
 
 use std::fs;
 use std::io;
@@ -9,8 +10,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
+use self::twin::Files;
 use super::{
-    NotValid, Refused, Result, deviation, duration, named, pair, print, refused, say, write_page, write_table,
+    NotValid, Refused, Result, claim, deviation, duration, named, pair, print, refused, said_of, say, write_page,
+    write_table,
 };
 use crate::estimation::{EstimatorConfig, Method};
 use crate::fmu::{RENAMED, find};
@@ -19,7 +22,7 @@ use crate::report::{frame, identification};
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate;
 use crate::studies::identify::likelihood::{BENCH, Knowledge, Told};
-use crate::studies::identify::{self, Answer, HOLDS, METHODS, Question, Reading, Samples, Track};
+use crate::studies::identify::{self, Answer, HOLDS, METHODS, Question, Reading, Rotation, Samples, Track};
 use crate::table::Table;
 
 /// Variables of the estimator that have options of their own.
@@ -46,7 +49,7 @@ pub struct Arguments {
     /// The currents in a separate table, with times from the same clock, at any rate.
     #[arg(long, value_name = "FILE.csv")]
     currents: Option<PathBuf>,
-    /// Assigns a column: signal as in the interface = name in the header.
+    /// Assigns a column: signal as in the interface = name in the header. Also as a table [columns] in the scenario.
     #[arg(long, value_name = "SIGNAL=COLUMN", value_parser = pair)]
     column: Vec<(String, String)>,
     /// Assigns a unit: signal as in the interface = unit. Known are s, ms, µs, ns; m, mm, µm (um), nm, mil; A, mA; rad, deg
@@ -74,9 +77,15 @@ pub struct Arguments {
     /// fit of its own, one sample and 20 ms ahead.
     #[arg(long, value_name = "FILE")]
     check: Option<PathBuf>,
-    /// Writes the estimate as a scenario.
+    /// Writes the twin of the bench as a scenario for simulate and identify: plant, controller and estimator with the estimate.
     #[arg(long, value_name = "FILE.toml")]
     save: Option<PathBuf>,
+    /// Writes the parameters of the twin as a parameter set (SSV) for a system of these FMUs, with names such as plant.m.
+    #[arg(long, value_name = "FILE.ssv")]
+    ssv: Option<PathBuf>,
+    /// Writes the twin as a system of FMUs (SSP) with a parameter set "identified": plant, controller and estimator, wired.
+    #[arg(long, value_name = "FILE.ssp")]
+    ssp: Option<PathBuf>,
     /// Changes a parameter of the bearing, as for simulate (can be repeated): s=5.1e-4, m=4.2kg, alpha[1]=178deg.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
     changes: Vec<(String, String)>,
@@ -124,15 +133,17 @@ pub struct Arguments {
 
 /// Identifies the bearing, and prints and writes the results.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    arguments.claim_standard_output()?;
+    arguments.claim()?;
+    let files = Files::new(arguments)?;
     if let Some(bench) = axial::bench(arguments)? {
-        return axial::run(arguments, bench);
+        return axial::run(arguments, bench, &files);
     }
     let bearing = arguments.bearing()?;
     let mut config = bearing.closed_loop().map_err(simulate::Refused::from)?.estimator;
     let bench = arguments.bench(&bearing, &config)?;
     let methods = arguments.methods()?;
-    let recordings = arguments.read(config.gap_m)?;
+    let columns: Vec<_> = bearing.columns.iter().chain(&arguments.column).cloned().collect();
+    let recordings = arguments.read(&columns, config.gap_m)?;
     let samples = &recordings[0];
     arguments.complete(&mut config, samples);
     let holds = arguments.hold(&mut config, samples)?;
@@ -152,9 +163,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let results = Results { recordings, tracks, holds, answer };
     results.print(&arguments.recordings);
     results.write(arguments)?;
-    match results.answer {
-        Some(answer) if !answer.valid => Err(NotValid(answer.verdict).into()),
-        _ => Ok(()),
+    match &results.answer {
+        None => Ok(()),
+        Some(answer) if answer.valid => files.write(&columns, || answer.twin(&bearing, &results.recordings[0])),
+        Some(answer) => Err(NotValid(format!("{}{}", answer.verdict, files.not_written())).into()),
     }
 }
 
@@ -164,9 +176,17 @@ impl Arguments {
         self.method == "likelihood"
     }
 
-    /// Reserves the standard output if a result goes there, and refuses to overwrite a recording.
-    fn claim_standard_output(&self) -> Result<()> {
-        super::claim_standard_output(self.csv.as_deref(), self.json.as_deref())?;
+    /// Checks that the results can be written, and refuses to overwrite a recording.
+    fn claim(&self) -> Result<()> {
+        let page = self.report.as_ref().map(|folder| folder.join("index.html"));
+        claim(&[
+            ("--csv", self.csv.as_deref(), Format::Table),
+            ("--json", self.json.as_deref(), Format::Json),
+            ("--save", self.save.as_deref(), Format::Scenario),
+            ("--ssv", self.ssv.as_deref(), Format::Parameters),
+            ("--ssp", self.ssp.as_deref(), Format::System),
+            ("--report", page.as_deref(), Format::Page),
+        ])?;
         let same = |one: &Path, other: &Path| {
             one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
         };
@@ -234,7 +254,7 @@ impl Arguments {
     }
 
     /// Reads the recordings and refuses those that a bearing with this gap cannot have made.
-    fn read(&self, gap_m: f64) -> Result<Vec<Samples>> {
+    fn read(&self, columns: &[(String, String)], gap_m: f64) -> Result<Vec<Samples>> {
         if self.recordings.len() > 1 {
             if self.currents.is_some() {
                 return Err(Refused("--currents needs a single recording".into()).into());
@@ -244,7 +264,7 @@ impl Arguments {
             }
         }
         let reading = Reading {
-            columns: self.column.clone(),
+            columns: columns.to_vec(),
             units: self.unit.clone(),
             omega_rad_s: self.speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
             rate_s: self.rate.or(self.step),
@@ -291,6 +311,9 @@ impl Arguments {
     /// Chooses the meaning of a current sample; with `auto` the data decide, and a table shows how clearly.
     fn hold(&self, config: &mut EstimatorConfig, samples: &Samples) -> Result<Option<Table>> {
         if self.hold == "auto" {
+            if self.is_likelihood() && samples.rotation == Rotation::Unknown {
+                return Ok(None);
+            }
             let residuals = identify::residuals_of_holds(samples, config);
             config.hold = identify::most_likely_hold(&residuals);
             // Where no reading has a likelihood there is nothing to compare.
@@ -340,7 +363,9 @@ impl Results {
         match &self.answer {
             Some(answer) => {
                 tables.extend(answer.tables());
-                tables.push(identify::progress(&self.recordings[0], &self.tracks[0]));
+                if self.recordings[0].rotation != Rotation::Unknown {
+                    tables.push(identify::progress(&self.recordings[0], &self.tracks[0]));
+                }
             }
             None => tables.push(identify::table(&self.tracks)),
         }
@@ -364,10 +389,6 @@ impl Results {
         if let Some(path) = &arguments.json {
             let document = self.answer.as_ref().map_or_else(|| identify::json(samples, &self.tracks), Answer::json);
             Format::Json.write(path, format!("{document:#}\n").as_bytes()).map_err(named(path))?;
-        }
-        if let (Some(path), Some(answer)) = (&arguments.save, &self.answer) {
-            let scenario = answer.scenario(samples).ok_or_else(|| Refused(format!("--save: {}", answer.verdict)))?;
-            fs::write(path, scenario).map_err(named(path))?;
         }
         if let Some(folder) = &arguments.report {
             let recording = arguments.recordings[0].file_name().unwrap_or_default().to_string_lossy();

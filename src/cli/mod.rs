@@ -400,16 +400,32 @@ fn print_scenario(name: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Reserves the standard output if one of the results goes there, so that messages go to the standard error.
-fn claim_standard_output(csv: Option<&Path>, json: Option<&Path>) -> Result<()> {
-    match [csv, json].into_iter().flatten().filter(|path| output::is_standard(path)).count() {
-        0 => Ok(()),
-        1 => {
-            output::take_standard_output();
-            Ok(())
+/// A destination of a result: the option, its path if it is given, and the format.
+type Destination<'a> = (&'static str, Option<&'a Path>, Format);
+
+/// Checks before a long run that all destinations can be written, and reserves the standard output if a result goes there, so that
+/// messages go to the standard error.
+fn claim(destinations: &[Destination<'_>]) -> Result<()> {
+    let given = || destinations.iter().filter_map(|(option, path, format)| Some((*option, (*path)?, *format)));
+    let standard: Vec<_> =
+        given().filter(|(_, path, _)| output::is_standard(path)).map(|(option, ..)| option).collect();
+    match standard.as_slice() {
+        [] => {}
+        [_] => output::take_standard_output(),
+        several => {
+            let several = several.iter().map(|option| format!("{option} -")).collect::<Vec<_>>().join(" and ");
+            return Err(Refused(format!("{several}: only one of them can use the standard output")).into());
         }
-        _ => Err(Refused("--csv - and --json -: only one of them can use the standard output".into()).into()),
     }
+    for (option, path, format) in given().filter(|(_, path, _)| !output::is_standard(path)) {
+        // The folder of a report is created.
+        let folder = path.parent().filter(|folder| option != "--report" && !folder.as_os_str().is_empty());
+        if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+            return Err(format!("{option} {}: there is no folder {}", path.display(), folder.display()).into());
+        }
+        format.replaceable(path).map_err(named(path))?;
+    }
+    Ok(())
 }
 
 /// Destinations of the results.
@@ -421,14 +437,12 @@ struct Out<'a> {
 }
 
 fn simulate(name: &Path, changes: &[(String, String)], out: &Out<'_>) -> Result<()> {
-    claim_standard_output(out.csv, out.json)?;
     let page = out.report.map(|folder| folder.join("index.html"));
-    // Check that the files can be written before a long run.
-    for (path, format) in [(out.csv, Format::Table), (out.json, Format::Json), (page.as_deref(), Format::Page)] {
-        if let Some(path) = path {
-            format.replaceable(path).map_err(named(path))?;
-        }
-    }
+    claim(&[
+        ("--csv", out.csv, Format::Table),
+        ("--json", out.json, Format::Json),
+        ("--report", page.as_deref(), Format::Page),
+    ])?;
     let scenario = Scenario::open_with(name, changes)?;
     let run = simulate::run(&scenario)?;
     print_run(name, &scenario, &run);

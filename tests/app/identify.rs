@@ -554,6 +554,8 @@ fn a_speed_that_is_unknown_or_wrong_is_said() {
     };
     let answer = of(None);
     assert!(!answer.valid && answer.verdict.contains("neither angle nor speed"), "{}", answer.verdict);
+    // Nothing is estimated as if it were at rest.
+    assert!(answer.found.is_none() && answer.findings.join(" ").contains("is not known"), "{:?}", answer.findings);
     let answer = of(Some(100.0 * std::f64::consts::PI));
     assert!(answer.valid, "{} {:?}", answer.verdict, answer.findings);
     let answer = of(Some(100.4 * std::f64::consts::PI));
@@ -566,7 +568,8 @@ fn a_speed_that_is_unknown_or_wrong_is_said() {
 fn an_answer_becomes_a_scenario() {
     let samples = samples_of(&run(montecarlo::NOISE, 0.3).1);
     let answer = ask(std::slice::from_ref(&samples), &[]);
-    let text = answer.scenario(&samples).expect("a valid answer");
+    let base = Scenario::open(Path::new("unbalanced")).expect("a scenario that comes with the program");
+    let text = answer.twin(&base, &samples).expect("a valid answer").scenario.to_toml();
     let scenario = Scenario::parse("the answer", &text).unwrap_or_else(|why| panic!("{why}\n{text}"));
     let again = ask(&[samples_of(&simulate::run(&scenario).expect("a good scenario").recording)], &[]);
     assert!(again.valid, "{}", again.verdict);

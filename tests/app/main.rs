@@ -31,5 +31,6 @@ mod scenarios;
 mod spindle;
 mod survey;
 mod sweep;
+mod twin;
 mod uncertainty;
 mod whirl;

@@ -34,7 +34,8 @@ fn packaged(name: &str) -> Vec<Written> {
     package::package(&library, &all(), &folder(&format!("package/{name}"))).expect("the archives")
 }
 
-fn members(bytes: &[u8]) -> BTreeMap<String, Vec<u8>> {
+/// The members of an archive by name.
+pub fn members(bytes: &[u8]) -> BTreeMap<String, Vec<u8>> {
     let mut archive = ZipArchive::new(Cursor::new(bytes)).expect("a zip archive");
     let mut members = BTreeMap::new();
     for index in 0..archive.len() {

@@ -5,12 +5,19 @@
 //! ignore bindings at the system; all have the name of the parameter set, by which users of ecos select them. libcosim and ecos
 //! ignore parameters of type Enumeration.
 
+use std::io::{Cursor, Read};
 use std::sync::Arc;
+
+use quick_xml::events::Event;
+use zip::ZipArchive;
 
 use super::Member;
 use crate::ModelType;
 use crate::variable::{Causality, Type, Value, Variable};
 use crate::xml::{Page, element, real, units, write_base_unit};
+
+/// Name of the default system structure of an archive.
+pub const DEFAULT: &str = "SystemStructure.ssd";
 
 /// One FMU of a system.
 pub struct Element {
@@ -36,7 +43,7 @@ impl Element {
 
 /// A system structure: FMUs, connections, and a set of parameters.
 pub struct System {
-    /// Name of the file within the archive, `SystemStructure.ssd` for the first of an archive.
+    /// Name of the file within the archive, [`DEFAULT`] for the first of an archive.
     pub file: String,
     /// Name of the system, unique in the archive: OMSimulator requires distinct names.
     pub name: String,
@@ -64,7 +71,8 @@ impl System {
         let mut members = vec![Member::new(&self.file, self.structure())];
         // An empty parameter set is not allowed.
         for part in self.elements.iter().filter(|part| !part.parameters().is_empty()) {
-            members.push(Member::new(self.parameter_file(part), self.parameter_set(part)));
+            let parameters = self.parameter_set_of(std::slice::from_ref(part), |_, name| name.to_owned());
+            members.push(Member::new(self.parameter_file(part), parameters));
         }
         members
     }
@@ -154,17 +162,26 @@ impl System {
         });
     }
 
-    fn parameter_set(&self, part: &Element) -> String {
+    /// The parameters of all elements as one parameter set (SSV), to be bound to the system: names stand behind those of the
+    /// elements, as in `plant.m`.
+    pub fn parameter_set(&self) -> String {
+        self.parameter_set_of(&self.elements, |part, name| format!("{}.{name}", part.name))
+    }
+
+    /// The parameter set of these elements, with names as given.
+    fn parameter_set_of(&self, parts: &[Element], named: impl Fn(&Element, &str) -> String) -> String {
         let root = element("ssv:ParameterSet")
             .with("version", "1.0")
             .with("name", &self.parameters)
             .with("description", &self.description)
+            .with("generationTool", &self.tool)
             .with("xmlns:ssv", "http://ssp-standard.org/SSP1/SystemStructureParameterValues")
             .with("xmlns:ssc", "http://ssp-standard.org/SSP1/SystemStructureCommon");
         Page::document(root, |page| {
             page.nest(element("ssv:Parameters"), |page| {
-                for (variable, value) in part.parameters() {
-                    page.nest(element("ssv:Parameter").with("name", variable.name.as_ref()), |page| {
+                let parameters = |part| Element::parameters(part).into_iter().map(move |parameter| (part, parameter));
+                for (part, (variable, value)) in parts.iter().flat_map(parameters) {
+                    page.nest(element("ssv:Parameter").with("name", named(part, &variable.name)), |page| {
                         page.empty(match value {
                             Value::Real(value) => {
                                 element("ssv:Real").with("value", real(*value)).with("unit", variable.unit_name())
@@ -176,8 +193,29 @@ impl System {
                     });
                 }
             });
-            write_units(page, "ssv:Units", std::slice::from_ref(part));
+            write_units(page, "ssv:Units", parts);
         })
+    }
+}
+
+/// The tool that generated a system structure or a parameter set (SSP, SSD, SSV), by its attribute `generationTool`; none for
+/// any other content.
+pub fn generation_tool(content: &[u8]) -> Option<String> {
+    let mut text = String::new();
+    match ZipArchive::new(Cursor::new(content)) {
+        Ok(mut archive) => archive.by_name(DEFAULT).ok()?.read_to_string(&mut text).ok()?,
+        Err(_) => (&*content).read_to_string(&mut text).ok()?,
+    };
+    let mut reader = quick_xml::Reader::from_str(&text);
+    loop {
+        match reader.read_event().ok()? {
+            Event::Start(root) | Event::Empty(root) => {
+                let attribute = root.try_get_attribute("generationTool").ok()??;
+                return Some(attribute.normalized_value(quick_xml::XmlVersion::Implicit1_0).ok()?.into_owned());
+            }
+            Event::Eof => return None,
+            _ => {}
+        }
     }
 }
 

@@ -5,9 +5,11 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::{Arguments, NotValid, Refused, Result, named, open, print, refused, say, write_page};
+use super::{Arguments, Files, NotValid, Refused, Result, named, open, print, refused, say, write_page};
+use crate::machine::AXIAL;
 use crate::output::Format;
 use crate::report::{axial as page, frame};
+use crate::simulation::scenario::Scenario;
 use crate::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
 use crate::studies::identify::{Axial, Reading, quantity};
 
@@ -15,6 +17,8 @@ use crate::studies::identify::{Axial, Reading, quantity};
 pub(super) struct Bench {
     axis: Axis,
     columns: Vec<(String, String)>,
+    /// Scenario of the machine, for the twin.
+    scenario: Scenario,
 }
 
 /// Options that make sense for a rotor that turns, or for the estimator on line.
@@ -52,12 +56,15 @@ pub(super) fn bench(arguments: &Arguments) -> Result<Option<Bench>> {
         .filter(|(is_given, _)| *is_given)
         .map(|(_, option)| format!("the machine axial has no {option}"))
         .collect();
-    let mut bench = Bench { axis: Axis::new(f64::NAN, vec![0, 1]), columns: Vec::new() };
     // A scenario of another machine says nothing of this one.
-    if of_scenario == Some("axial") {
-        bench.read(&table, &mut wrong);
-    }
-    bench.columns.extend(arguments.column.iter().cloned());
+    let scenario = match of_scenario {
+        Some("axial") => Scenario::open_parameters(&arguments.scenario, &[])?,
+        _ => Scenario::plain(&AXIAL),
+    };
+    let columns = scenario.columns.iter().chain(&arguments.column).cloned().collect();
+    let identify = scenario.identify.clone();
+    let mut bench = Bench { axis: Axis::new(f64::NAN, vec![0, 1]), columns, scenario };
+    bench.read(&identify, &mut wrong);
     for (name, value) in &arguments.changes {
         bench.set(name, value, "--set ", &mut wrong);
     }
@@ -74,28 +81,16 @@ pub(super) fn bench(arguments: &Arguments) -> Result<Option<Bench>> {
 }
 
 impl Bench {
-    /// Reads `[estimator]`, `[columns]`, `estimate` and `at` of a scenario.
+    /// Reads the table `[identify]` of a scenario.
     fn read(&mut self, table: &toml::Table, wrong: &mut Vec<String>) {
         let text = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        for (key, value) in table {
-            match (key.as_str(), value) {
-                ("machine" | "title" | "description", _) => {}
-                ("estimator", toml::Value::Table(values)) => {
-                    for (name, value) in values {
-                        self.set(name, &text(value), "[estimator] ", wrong);
-                    }
-                }
-                ("columns", toml::Value::Table(columns)) => {
-                    self.columns.extend(columns.iter().map(|(signal, column)| (signal.clone(), text(column))));
-                }
+        for (name, value) in table {
+            match (name.as_str(), value) {
                 ("estimate", toml::Value::Array(names)) => {
-                    names.iter().for_each(|name| self.estimate(&text(name), "estimate ", wrong));
+                    names.iter().for_each(|name| self.estimate(&text(name), "[identify] estimate ", wrong));
                 }
                 ("at", value) => self.set_position("Xm", &text(value), wrong),
-                (other, _) => wrong.push(format!(
-                    "{other}: no key of a scenario of this machine; there are machine, title, description, [estimator], [columns], \
-                     estimate = […], at"
-                )),
+                (name, value) => self.set(name, &text(value), "[identify] ", wrong),
             }
         }
     }
@@ -165,7 +160,7 @@ fn no_parameter(name: &str) -> String {
 }
 
 /// Identifies the axis, and prints and writes the results.
-pub(super) fn run(arguments: &Arguments, bench: Bench) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, bench: Bench, files: &Files<'_>) -> Result<()> {
     let mut answers: Vec<Answer> = Vec::new();
     for path in &arguments.recordings {
         let recording = bench.recording(path, arguments)?;
@@ -215,19 +210,14 @@ pub(super) fn run(arguments: &Arguments, bench: Bench) -> Result<()> {
         }
         Format::Json.write(path, format!("{document:#}\n").as_bytes()).map_err(named(path))?;
     }
-    if let Some(path) = &arguments.save {
-        fs::write(path, answers[0].scenario(&bench.columns)).map_err(named(path))?;
-    }
     if let Some(folder) = &arguments.report {
         let name = arguments.recordings[0].file_name().unwrap_or_default().to_string_lossy();
         let title = format!("Identification from {name}");
         write_page(folder, &page::page(&title, &frame::command_line(), &answers))?;
     }
-    match answers.iter().find(|answer| !answer.valid) {
-        Some(answer) => Err(NotValid(answer.verdict.clone()).into()),
-        None => match differ {
-            Some(differ) => Err(NotValid(differ).into()),
-            None => Ok(()),
-        },
+    let verdict = answers.iter().find(|answer| !answer.valid).map(|answer| answer.verdict.clone());
+    match verdict.or(differ) {
+        Some(why) => Err(NotValid(why + files.not_written()).into()),
+        None => files.write(&bench.columns, || answers[0].twin(&bench.scenario)),
     }
 }

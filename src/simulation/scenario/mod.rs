@@ -1,7 +1,9 @@
 //! Scenarios: the models of a closed loop, their connections and start values. `read.rs` reads them from TOML.
 
 mod read;
+mod write;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -98,6 +100,14 @@ pub struct Element {
     pub settings: Vec<Setting>,
 }
 
+impl Element {
+    /// Index and value of the settings, in the order of the variables; the last of several for one variable holds.
+    pub fn values(&self) -> Vec<(usize, Value)> {
+        let last: BTreeMap<_, _> = self.settings.iter().map(|setting| (setting.index, &setting.value)).collect();
+        last.into_iter().map(|(index, value)| (index, value.clone())).collect()
+    }
+}
+
 /// A scenario, checked as far as possible without running it.
 #[derive(Clone)]
 pub struct Scenario {
@@ -121,6 +131,10 @@ pub struct Scenario {
     pub balance_s: Option<f64>,
     /// How well a test bench is known, for `identify`: names and values as for `--tolerance`.
     pub tolerance: Vec<(String, String)>,
+    /// Columns of recordings, for `identify`: signals and names in the header, as for `--column`.
+    pub columns: Vec<(String, String)>,
+    /// The bench for `identify`, machine `axial`.
+    pub identify: toml::Table,
     /// Changes made when it was opened, each as `name=value`.
     pub changes: Vec<String>,
 }
@@ -206,6 +220,12 @@ impl Scenario {
         Self::parse_requiring(&origin, &text, required, changes)
     }
 
+    /// A scenario of a machine in which all variables have their start values.
+    pub fn plain(machine: &Machine) -> Self {
+        let text = format!("machine = \"{}\"", machine.name);
+        Self::parse_requiring(machine.name, &text, &[], &[]).expect("a scenario without values is sound")
+    }
+
     /// Parses a scenario. `origin` names its source in messages.
     ///
     /// # Errors
@@ -281,6 +301,23 @@ impl Scenario {
         let value = value.map_err(|why| format!("{path} = {text} is refused: {why}"))?;
         self.elements[at].settings.push(Setting { index, value });
         Ok(())
+    }
+
+    /// Gives a variable a value at the start; nothing happens if there is no such element or variable.
+    pub fn set(&mut self, element: &str, variable: &str, value: Value) {
+        if let Some(element) = self.elements.iter_mut().find(|candidate| candidate.name == element) {
+            let index = read::position(&element.model_type, variable);
+            element.settings.extend(index.map(|index| Setting { index, value }));
+        }
+    }
+
+    /// Whether the scenario states a value for a variable.
+    pub fn is_stated(&self, element: &str, variable: &str) -> bool {
+        let states = |element: &Element| {
+            let index = read::position(&element.model_type, variable);
+            element.settings.iter().any(|setting| Some(setting.index) == index)
+        };
+        self.elements.iter().any(|candidate| candidate.name == element && states(candidate))
     }
 
     /// The start value of a variable.

@@ -10,7 +10,7 @@ use serde::Deserialize;
 use super::{Connection, Element, Profile, Scenario, Setting, connected};
 use crate::control::reference::HARMONICS;
 use crate::fmu::{self, estimator};
-use crate::machine::MACHINES;
+use crate::machine::{AXIAL, MACHINES};
 use crate::simulation::contour::Fit;
 use crate::simulation::simulate;
 
@@ -61,11 +61,13 @@ struct Document {
     controller: toml::Table,
     estimator: toml::Table,
     tolerance: toml::Table,
+    columns: toml::Table,
+    identify: toml::Table,
 }
 
 impl Document {
     /// The keys.
-    const KEYS: [&str; 14] = [
+    const KEYS: [&str; 16] = [
         "title",
         "description",
         "machine",
@@ -80,6 +82,8 @@ impl Document {
         "controller",
         "estimator",
         "tolerance",
+        "columns",
+        "identify",
     ];
 
     /// Takes the table apart key by key, so that one error does not hide others.
@@ -105,6 +109,8 @@ impl Document {
             controller: take(&mut table, "controller", "a table", findings),
             estimator: take(&mut table, "estimator", "a table", findings),
             tolerance: take(&mut table, "tolerance", "a table", findings),
+            columns: take(&mut table, "columns", "a table", findings),
+            identify: take(&mut table, "identify", "a table", findings),
         };
         let places = toml::de::DeTable::parse(text).ok();
         for key in table.keys() {
@@ -263,8 +269,9 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         .enumerate()
         .filter_map(|(index, text)| profile(index, text, &elements, &connected, findings));
     let profiles = profiles.collect();
-    let text = |value: toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-    let tolerance = flatten(&document.tolerance).into_iter().map(|(name, value)| (name, text(value.clone()))).collect();
+    if !document.identify.is_empty() && machine.name != AXIAL.name {
+        findings.push(format!("[identify] is refused: it describes the bench of the machine {} alone", AXIAL.name));
+    }
     Scenario {
         title: document.title,
         description: document.description,
@@ -275,7 +282,9 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         connected,
         profiles,
         balance_s,
-        tolerance,
+        tolerance: texts(&document.tolerance),
+        columns: texts(&document.columns),
+        identify: document.identify,
         changes: Vec::new(),
     }
 }
@@ -417,6 +426,12 @@ fn flatten(table: &toml::Table) -> Vec<(String, &toml::Value)> {
         }
     }
     leaves
+}
+
+/// Names and values of a table as texts.
+pub fn texts(table: &toml::Table) -> Vec<(String, String)> {
+    let text = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    flatten(table).into_iter().map(|(name, value)| (name, text(value))).collect()
 }
 
 /// The index of the variable of a name.

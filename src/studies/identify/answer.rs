@@ -183,6 +183,12 @@ pub(super) fn implausible(found: &Identification, columns: &Columns) -> Option<S
 /// # Errors
 /// Parameters that make no sense, by name; recordings that say nothing are an [`Answer`] that is not valid.
 pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Failed> {
+    if recordings.iter().any(|samples| samples.rotation == Rotation::Unknown) {
+        let verdict = "Not valid: neither angle nor speed was recorded: --speed RPM is wanted, 0 at rest.".into();
+        let finding = "The unbalance, which turns with the rotor, is not known then, and with it neither force constants, ki and ks nor the \
+                       load.";
+        return Ok(Answer { valid: false, verdict, findings: vec![finding.into()], found: None, question });
+    }
     let columns: Vec<Columns> = recordings.iter().map(|samples| columns(samples, question.config.hold)).collect();
     let lambda0_nm2_a2 = question.lambda0_nm2_a2.or_else(|| on_line(recordings, &question.config));
     let mut answer = answer_columns(&columns, Question { lambda0_nm2_a2, ..question });
@@ -194,12 +200,6 @@ pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Fail
                 significant(100.0 * off, 2)
             );
         }
-    }
-    if recordings.iter().any(|samples| samples.rotation == Rotation::Unknown) {
-        answer.valid = false;
-        answer.verdict = "Not valid: neither angle nor speed was recorded, so that unbalance and force constants cannot be told apart: \
-                          --speed RPM is wanted, 0 at rest."
-            .into();
     }
     Ok(answer)
 }
@@ -498,40 +498,6 @@ impl Answer {
             let untold = found.budget.iter().filter(|line| !line.told && PARAMETERS[line.parameter].in_typical_bench);
             untold.map(|line| line.contribution[k]).fold(own * own, |sum, part| sum + part * part).sqrt()
         }))
-    }
-
-    /// The bearing as a scenario for `simulate`: the stated and the identified values, as plant, controller and estimator. None if the answer is
-    /// not valid.
-    #[must_use]
-    pub fn scenario(&self, samples: &Samples) -> Option<String> {
-        let found = self.found.as_ref().filter(|_| self.valid)?;
-        let (config, first) = (&self.question.config, &found.conditions[0]);
-        let known: Vec<f64> = samples.omega_rad_s.iter().copied().filter(|omega| omega.is_finite()).collect();
-        let speed = known.iter().sum::<f64>() / known.len().max(1) as f64;
-        let list = |of: [f64; 3]| of.map(|value| format!("{value:e}")).join(", ");
-        let lambda = found.lambda.map(|lambda| lambda.value);
-        let of = |name: &str| likelihood::by_name(name).map_or(0.0, |at| found.bench[at].estimate.value);
-        let gap_m = config.gap_m * (1.0 + of("s")) + of("gap.iron");
-        let m_kg = config.m_kg * (1.0 + of("m"));
-        let alpha = std::array::from_fn(|k| config.alpha_rad[k] + of(&format!("alpha[{}]", k + 1)));
-        let bearing = format!("m = {m_kg:e}\ns = {gap_m:e}\nalpha = [{}]\n", list(alpha));
-        let [load_y, load_z] = first.load_n.map(|load| load.value);
-        let noise = format!(
-            "sensor.positionNoise = {:e}\nsensor.currentNoise = {:e}\n",
-            first.position_noise_m, first.current_noise_a
-        );
-        Some(format!(
-            "title = \"Identified from a recording\"\ndescription = \"{}\"\nduration = \"0.4 s\"\nstep = {:e}\n\n[plant]\n{bearing}\
-             lambda = [{}]\nunbalance.magnitude = {:e}\nunbalance.phase = {:e}\npY = {load_y:e}\npZ = {load_z:e}\nomega = {speed:e}\n{noise}\n\
-             [controller]\n{bearing}lambda0 = [{}]\n\n[estimator]\n{bearing}lambda0 = [{}]\n{noise}",
-            self.verdict,
-            samples.step_s,
-            list(lambda),
-            found.unbalance_magnitude.value,
-            found.unbalance_phase.value,
-            list(lambda),
-            list(lambda),
-        ))
     }
 
     /// Parameters taken as known.

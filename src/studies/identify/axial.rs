@@ -8,6 +8,7 @@
 mod answer;
 mod filter;
 mod search;
+mod twin;
 
 use std::ops::Range;
 

@@ -8,6 +8,7 @@ mod diagnosis;
 mod faults;
 mod read;
 mod tolerance;
+mod twin;
 
 use std::f64::consts::TAU;
 
@@ -15,6 +16,7 @@ use serde_json::{Value as Json, json};
 
 pub use self::answer::{Answer, Question, answer};
 pub use self::tolerance::{named, of_estimator, quantity, tolerance};
+pub use self::twin::{Stated, Twin};
 
 pub use self::read::{Axial, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use crate::estimation::{

@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 
 use crate::progress::Progress;
-use crate::simulation::scenario::{Scenario, Setting};
+use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Refused};
 use crate::table::Table;
 use cases::{Draw, TOLERANCES};
@@ -411,14 +411,4 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
 
 pub(crate) fn real(scenario: &Scenario, element: &str, variable: &str) -> f64 {
     scenario.value(element, variable).map_or(f64::NAN, Value::as_f64)
-}
-
-impl Scenario {
-    /// Gives a variable a value at the start; nothing happens if there is no such element or variable.
-    pub fn set(&mut self, element: &str, variable: &str, value: Value) {
-        if let Some(element) = self.elements.iter_mut().find(|candidate| candidate.name == element) {
-            let index = element.model_type.variables().iter().position(|candidate| candidate.name == variable);
-            element.settings.extend(index.map(|index| Setting { index, value }));
-        }
-    }
 }

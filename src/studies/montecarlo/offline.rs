@@ -10,7 +10,7 @@ use super::{NOISE, SEEDS, Study, drawn, nominal, real, study};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::studies::identify::likelihood::{BENCH, Knowledge, PARAMETERS, Told};
-use crate::studies::identify::{self, Question, Rotation, Samples, named};
+use crate::studies::identify::{self, Question, Rotation, Samples, Stated, named};
 use fmu_export::variable::Value;
 
 /// How a bench differs from its data sheet, and what maximum likelihood is told of it. Parameters by their numbers in [`PARAMETERS`], with
@@ -50,32 +50,20 @@ fn number(name: &str) -> usize {
 /// see [`misread`].
 fn differ(scenario: &mut Scenario, errors: &[f64; BENCH]) {
     let of = |name: &str| errors[number(name)];
-    let mut set = |name: &str, value: f64| scenario.set("plant", name, Value::Real(value));
     let base = nominal();
     let told = |name: &str| real(&base, "plant", name);
-    set("m", told("m") * (1.0 + of("m")));
-    set("s", told("s") * (1.0 + of("s")) + of("gap.iron"));
-    for k in 1..=3 {
-        let alpha = format!("alpha[{k}]");
-        set(&alpha, told(&alpha) + of(&alpha));
-        set(&format!("sensor.currentOffset[{k}]"), of(&format!("current.offset[{k}]")));
-        set(&format!("sensor.currentGainError[{k}]"), of(&format!("current.gain[{k}]")));
-    }
-    let (common, half) = (of("sensor.gain"), of("sensor.gainDifference"));
-    for (axis, own, gain) in [("Y", "y", common + half), ("Z", "z", common - half)] {
-        set(&format!("sensor.offset{axis}"), of(&format!("sensor.offset[{own}]")));
-        set(&format!("sensor.gainError{axis}"), gain);
+    let stated = Stated {
+        m_kg: told("m"),
+        gap_m: told("s"),
+        alpha_rad: [1, 2, 3].map(|k| told(&format!("alpha[{k}]"))),
+        theta0_rad: told("theta0"),
+        omega_rad_s: told("omega"),
+    };
+    for (name, value) in stated.with(of) {
+        scenario.set("plant", &name, Value::Real(value));
     }
     // Sensors do not know the future.
-    set("sensor.delay", of("delay").abs());
-    // B_c cos θ + B_s sin θ in y, −B_c sin θ + B_s cos θ in z, as sines of ωt.
-    let (c, s) = (of("force.backward.cos"), of("force.backward.sin"));
-    let start_rad = told("theta0");
-    set("perturbation.omega", told("omega"));
-    for (axis, cos, sin) in [("Y", c, s), ("Z", s, -c)] {
-        set(&format!("perturbation.amplitude{axis}"), cos.hypot(sin));
-        set(&format!("perturbation.phase{axis}"), libm::atan2(cos, sin) + start_rad);
-    }
+    scenario.set("plant", "sensor.delay", Value::Real(of("delay").abs()));
 }
 
 /// Whether a signal is needed to judge a run.

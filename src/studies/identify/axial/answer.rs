@@ -7,7 +7,7 @@ use super::filter::{Filter, POSITION, Row};
 use super::search::{Fit, Part};
 use super::{
     Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Found, GAP, LOAD, PARAMETERS, POSITION_NOISE, Point, SLOW,
-    UNKNOWNS, find, is_logarithm, mean,
+    UNKNOWNS, find, mean,
 };
 use crate::estimation::STD_LIMIT;
 use crate::studies::identify::answer::likely;
@@ -59,8 +59,8 @@ pub struct Answer {
     pub lambda: Vec<(usize, Estimate)>,
     /// See [`Answer::lambda`].
     pub gap: Estimate,
-    found: Found,
-    step_s: f64,
+    pub(super) found: Found,
+    pub(super) step_s: f64,
     start_s: f64,
 }
 
@@ -363,31 +363,6 @@ impl Answer {
             "rows": {"from": self.start_s + rows.start as f64 * self.step_s, "count": rows.len()},
             "logLikelihood": self.found.fit.log_likelihood,
         })
-    }
-
-    /// The estimate as a scenario that `identify` reads with `--scenario`; `columns` as they were assigned.
-    #[must_use]
-    pub fn scenario(&self, columns: &[(String, String)]) -> String {
-        let (axis, point) = (&self.found.axis, &self.found.fit.point);
-        let used = ["first", "second"];
-        let used = if let [k] = axis.used.as_slice() { used[*k] } else { "both" };
-        let mut text = format!(
-            "machine = \"axial\"\ntitle = \"{} ({})\"\nat = {}\n\n[estimator]\nm = {}\n\"magnets.used\" = \"{used}\"\n",
-            if self.valid { "Identified from a recording" } else { "NOT VALID" },
-            self.verdict.replace('"', "'"),
-            self.at_m,
-            axis.m_kg
-        );
-        let left_out = |at: &usize| *at < GAP && !axis.used.contains(at) || point[*at] == f64::NEG_INFINITY;
-        for at in (0..UNKNOWNS).filter(|at| !left_out(at)) {
-            let value = if is_logarithm(at) { libm::exp(point[at]) } else { point[at] };
-            text += &format!("\"{}\" = {value:e}\n", PARAMETERS[at].0);
-        }
-        if !columns.is_empty() {
-            text += "\n[columns]\n";
-            columns.iter().for_each(|(signal, column)| text += &format!("\"{signal}\" = \"{column}\"\n"));
-        }
-        text
     }
 
     /// Signals for figures.

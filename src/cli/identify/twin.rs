@@ -1,0 +1,77 @@
+//! The files of the twin: the scenario, its parameters (SSV), its closed loop (SSP).
+
+use std::path::Path;
+
+use fmu_export::package::platforms::Binaries;
+
+use super::{Arguments, Result, named, print, refused, said_of};
+use crate::output::Format;
+use crate::package;
+use crate::studies::identify::Twin;
+
+/// Name of the parameter set with the estimate.
+const IDENTIFIED: &str = "identified";
+
+/// Files of the twin that are wanted.
+pub(super) struct Files<'a> {
+    save: Option<&'a Path>,
+    ssv: Option<&'a Path>,
+    ssp: Option<(&'a Path, Binaries)>,
+}
+
+impl<'a> Files<'a> {
+    /// The wanted files. The library of the FMUs is read now, so that a missing one is reported before the work.
+    pub fn new(arguments: &'a Arguments) -> Result<Self> {
+        let ssp = arguments.ssp.as_deref();
+        let ssp = ssp.map(|path| package::binaries(&[]).map(|binaries| (path, binaries))).transpose()?;
+        let files = Self { save: arguments.save.as_deref(), ssv: arguments.ssv.as_deref(), ssp };
+        if !files.is_empty() && !arguments.is_likelihood() {
+            return Err(refused(format!("--save, --ssv and --ssp need --method likelihood, not {}", arguments.method)));
+        }
+        Ok(files)
+    }
+
+    /// What to add to the verdict of an answer that is not valid.
+    pub fn not_written(&self) -> &'static str {
+        if self.is_empty() { "" } else { " The twin was not written." }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.save.is_none() && self.ssv.is_none() && self.ssp.is_none()
+    }
+
+    /// Writes the files, if any.
+    pub fn write(
+        &self,
+        columns: &[(String, String)],
+        twin: impl FnOnce() -> std::result::Result<Twin, Vec<String>>,
+    ) -> Result<()> {
+        if self.is_empty() {
+            return Ok(());
+        }
+        let twin = twin().map_err(|why| refused(format!("the twin cannot be run:\n  {}", why.join("\n  "))))?;
+        let Twin { mut scenario, left_out } = twin;
+        scenario.columns = columns.to_vec();
+        if !left_out.is_empty() {
+            print::paragraph(&format!(
+                "Not part of the twin, whose plant has no such parameter: {}.",
+                left_out.join(", ")
+            ));
+        }
+        let write = |path: &Path, format: Format, content: &[u8]| {
+            format.write(path, content).map_err(named(path))?;
+            said_of(path);
+            Ok::<(), Box<dyn std::error::Error>>(())
+        };
+        if let Some(path) = self.save {
+            write(path, Format::Scenario, scenario.to_toml().as_bytes())?;
+        }
+        if let Some(path) = self.ssv {
+            write(path, Format::Parameters, package::parameter_set(&scenario, IDENTIFIED).as_bytes())?;
+        }
+        if let Some((path, binaries)) = &self.ssp {
+            write(path, Format::System, &package::system_archive(&scenario, IDENTIFIED, binaries)?)?;
+        }
+        Ok(())
+    }
+}

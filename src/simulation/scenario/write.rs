@@ -1,0 +1,61 @@
+//! Scenarios as text: what [`Scenario::parse`] reads back.
+
+use fmu_export::variable::{Type, Value, Variable};
+
+use super::{Element, Scenario};
+use crate::output::SCENARIO;
+
+impl Scenario {
+    /// The scenario as TOML, all values in the units of the interface. Profiles, balancing, tolerances and estimators beside the loop
+    /// are left out.
+    pub fn to_toml(&self) -> String {
+        let mut text = format!(
+            "{SCENARIO}\ntitle = {}\ndescription = {}\nmachine = {}\nduration = {:?}\nstep = {:?}\n",
+            quoted(&self.title),
+            quoted(&self.description),
+            quoted(self.machine.name),
+            self.duration_s,
+            self.step_s
+        );
+        for element in self.in_loop().iter().filter(|element| !element.settings.is_empty()) {
+            text += &format!("\n[{}]\n{}", element.name, settings(element));
+        }
+        if !self.columns.is_empty() {
+            let columns = self.columns.iter().map(|(signal, column)| format!("{} = {}\n", key(signal), quoted(column)));
+            text += &format!("\n[columns]\n{}", columns.collect::<String>());
+        }
+        if !self.identify.is_empty() {
+            text += &format!("\n[identify]\n{}", self.identify);
+        }
+        text
+    }
+}
+
+/// The settings of an element, a line each.
+fn settings(element: &Element) -> String {
+    let variables = element.model_type.variables();
+    let line = |(index, value): (usize, Value)| {
+        let variable = &variables[index];
+        format!("{} = {}\n", key(&variable.name), value_of(variable, &value))
+    };
+    element.values().into_iter().map(line).collect()
+}
+
+fn value_of(variable: &Variable, value: &Value) -> String {
+    match (&variable.data_type, value) {
+        (Type::Enumeration { items, .. }, Value::Integer(value)) => quoted(items.item(*value).unwrap_or_default()),
+        (_, Value::Integer(value)) => value.to_string(),
+        (_, Value::Boolean(value)) => value.to_string(),
+        (_, Value::String(value)) => quoted(value),
+        (_, value) => format!("{:?}", value.clone().as_f64()),
+    }
+}
+
+/// A name with dots is quoted: `F0` and `F0.modulation` could not stand side by side as a value and a table.
+fn key(name: &str) -> String {
+    if name.chars().all(|letter| letter.is_ascii_alphanumeric()) { name.into() } else { quoted(name) }
+}
+
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.into()).to_string()
+}

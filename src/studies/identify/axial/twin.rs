@@ -1,0 +1,83 @@
+//! The twin of an axis: `AxialBearing`, `AxialController`, `AxialEstimator` with the values that were identified.
+//!
+//! ```text
+//! m κ ẍ = p + λ₁ i₁²/(s − x)² − λ₂ i₂²/(s + x)²
+//! ```
+//!
+//! The factor κ between statics and dynamics is one of the mass. Where one magnet is used, x of the twin counts from the operating point, and s is the gap
+//! there: the FMUs have their rotor in the middle of the gap. What else a bench has, slow forces and noise that grows with the gap, the FMUs do not.
+
+use fmu_export::variable::Value;
+
+use super::answer::Answer;
+use super::{CURRENT_NOISE, DELAY, EXPONENT, GAP, LOAD, PARAMETERS, POSITION_NOISE, SLOW, UNKNOWNS, is_logarithm};
+use crate::simulation::scenario::Scenario;
+use crate::studies::identify::twin::{Twin, Values};
+
+/// Effects of a bench that the FMUs do not have.
+const WITHOUT: [usize; 3] = [EXPONENT, SLOW, DELAY];
+/// Names of the magnets in use, as `magnets.used` has them.
+const BOTH: &str = "both";
+const ONE: [&str; 2] = ["first", "second"];
+
+impl Answer {
+    /// The machine with the stated and the identified values. `base` is the scenario of the bench.
+    ///
+    /// # Errors
+    /// The answer is not valid, or all values that a model refuses.
+    pub fn twin(&self, base: &Scenario) -> Result<Twin, Vec<String>> {
+        if !self.valid {
+            return Err(vec![self.verdict.clone()]);
+        }
+        let (axis, point) = (&self.found.axis, &self.found.fit.point);
+        let law = axis.law(point);
+        let mut values = Values::default();
+        let step_s = values.put_sample_time(base, self.step_s);
+        let gap_m = if let [_] = axis.used.as_slice() { law.reference_m } else { point[GAP] };
+        for element in ["plant", "controller", "estimator"] {
+            values.put(element, "m", self.dynamics.value * axis.m_kg);
+            values.put(element, "s", gap_m);
+        }
+        values.put_unless_stated(base, "plant", "touchdown.clearance", 0.5 * gap_m);
+        for (k, lambda) in &self.lambda {
+            values.put("plant", &format!("lambda[{}]", k + 1), lambda.value);
+            values.put("controller", &format!("lambda0[{}]", k + 1), lambda.value);
+            values.put("estimator", &format!("lambda0[{}]", k + 1), lambda.value);
+        }
+        if let [k] = *axis.used.as_slice() {
+            // Tools that ignore enumerations take both magnets for used: without a smallest force the other one then has nothing to do.
+            for element in ["controller", "estimator"] {
+                values.put_value(element, "magnets.used", Value::Integer(k as i32 + 2));
+            }
+            values.put_value("plant", &format!("coil.open[{}]", 2 - k), Value::Boolean(true));
+            values.put_unless_stated(base, "controller", "F0", 0.0);
+        }
+        values.put("plant", "pX", point[LOAD]);
+        values.put_noise(libm::exp(point[POSITION_NOISE]), libm::exp(point[CURRENT_NOISE]));
+        // Only what was searched has a deviation of noise.
+        for (name, of, scale) in [("m", &self.dynamics, axis.m_kg), ("s", &self.gap, 1.0)] {
+            if of.noise_std > 0.0 {
+                values.put_tolerance(name, scale * of.total_std);
+            }
+        }
+        let mut twin = values.twin(base, step_s, &self.verdict)?;
+        twin.scenario.identify = self.bench();
+        let has = |at: &usize| point[*at] != 0.0 && point[*at] != f64::NEG_INFINITY;
+        twin.left_out = WITHOUT.into_iter().filter(has).map(|at| PARAMETERS[at].0).collect();
+        Ok(twin)
+    }
+
+    /// The bench as `identify` reads it, with the estimate as what is known.
+    fn bench(&self) -> toml::Table {
+        let (axis, point) = (&self.found.axis, &self.found.fit.point);
+        let used = if let [k] = *axis.used.as_slice() { ONE[k] } else { BOTH };
+        let value = |at: usize| if is_logarithm(at) { libm::exp(point[at]) } else { point[at] };
+        let is_there = |at: &usize| (*at >= GAP || axis.used.contains(at)) && point[*at] != f64::NEG_INFINITY;
+        let values = (0..UNKNOWNS).filter(is_there).map(|at| (PARAMETERS[at].0.to_owned(), value(at).into()));
+        let mut bench: toml::Table = values.collect();
+        bench.insert("m".into(), axis.m_kg.into());
+        bench.insert("magnets.used".into(), used.into());
+        bench.insert("at".into(), self.at_m.into());
+        bench
+    }
+}

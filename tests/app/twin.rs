@@ -1,0 +1,248 @@
+//! The twin of a bench: `identify --save`, `--ssv`, `--ssp`.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{Cursor, Write};
+use std::path::Path;
+
+use magnetic_bearing::simulation::scenario::Scenario;
+use roxmltree::Document;
+use serde_json::Value as Json;
+
+use crate::package::members;
+use crate::program::{folder, run};
+use crate::support::{below, says};
+
+/// Values of a parameter set by name.
+fn parameters(text: &str) -> BTreeMap<String, f64> {
+    let document = Document::parse(text).expect("XML");
+    let parameters = document.descendants().filter(|node| node.tag_name().name() == "Parameter");
+    let value = |text: &str| match text {
+        "true" => 1.0,
+        "false" => 0.0,
+        number => number.parse().expect("a number"),
+    };
+    parameters
+        .map(|node| {
+            let given = node.first_element_child().and_then(|of| of.attribute("value")).expect("a value");
+            (node.attribute("name").expect("a name").to_owned(), value(given))
+        })
+        .collect()
+}
+
+/// All three files have the same values, which are returned.
+fn same_in_all(folder: &Path) -> BTreeMap<String, f64> {
+    let alone = parameters(&fs::read_to_string(folder.join("twin.ssv")).expect("a parameter set"));
+    let archive = members(&fs::read(folder.join("twin.ssp")).expect("an archive"));
+    let mut inside = BTreeMap::new();
+    for element in ["plant", "controller", "estimator"] {
+        let set = archive.get(&format!("resources/identified-{element}.ssv")).expect("a parameter set");
+        let set = std::str::from_utf8(set).expect("UTF-8");
+        says(set, &["name=\"identified\"", "generationTool=\"magnetic-bearing "]);
+        inside.extend(parameters(set).into_iter().map(|(name, value)| (format!("{element}.{name}"), value)));
+    }
+    assert_eq!(alone, inside);
+    let scenario = Scenario::open(&folder.join("twin.toml")).unwrap_or_else(|why| panic!("{why}"));
+    let mut stated = 0;
+    for element in scenario.in_loop() {
+        for (index, value) in element.values() {
+            let name = format!("{}.{}", element.name, element.model_type.variables()[index].name);
+            stated += usize::from(alone.contains_key(&name));
+            // Enumerations with their start values are left out.
+            assert!(alone.get(&name).is_none_or(|alone| *alone == value.as_f64()), "{name}");
+        }
+    }
+    assert_eq!(stated, alone.len());
+    for model in scenario.machine.models {
+        assert!(archive.contains_key(&format!("resources/{}.fmu", model.0)), "{}", model.0);
+    }
+    alone
+}
+
+/// Fails if a value is another; JSON is read with an error in the last digits.
+fn same(name: &str, value: f64, wanted: f64) {
+    below(name, (value / wanted - 1.0).abs(), 1e-14);
+}
+
+const FILES: [&str; 6] = ["--save", "twin.toml", "--ssv", "twin.ssv", "--ssp", "twin.ssp"];
+
+/// Identifies with a twin; the result as JSON.
+fn identified(folder: &Path, arguments: &[&str]) -> Json {
+    let (code, out, errors) = run(folder, &[&["identify"], arguments, &FILES[..], &["--json", "-"]].concat());
+    assert_eq!(code, 0, "{errors}");
+    serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"))
+}
+
+/// A bench with a sensor that is off, at another speed and sample time.
+#[test]
+fn a_planar_bench_has_a_twin() {
+    let folder = folder("twin/planar");
+    let bench = "title = \"Bench\"\nduration = \"0.4 s\"\nstep = \"80 µs\"\n[all]\nsensor.Ts = 80e-6\nTs = 80e-6\n[plant]\n\
+                 sensor.positionNoise = 1e-7\nsensor.currentNoise = 0.01\nsensor.offsetY = 8e-6\nomega = 280.0\npY = 10.0\npZ = -20.0\n\
+                 unbalance.magnitude = 2e-4\n[controller]\nreference.omega = 280.0\n[columns]\nYm = \"Weg y\"\n[tolerance]\n\
+                 sensor.offset = \"5 µm\"\nalpha = \"0.2 deg\"\n";
+    fs::write(folder.join("bench.toml"), bench).expect("a file");
+    let (code, _, errors) = run(&folder, &["simulate", "bench.toml", "--csv", "run.csv"]);
+    assert_eq!(code, 0, "{errors}");
+    let table = fs::read_to_string(folder.join("run.csv")).expect("a table");
+    fs::write(folder.join("run.csv"), table.replace("plant.Ym", "Weg y").replace("controller.Ym", "none"))
+        .expect("a file");
+
+    let arguments = ["run.csv", "--scenario", "bench.toml"];
+    let found = identified(&folder, &arguments);
+    let values = same_in_all(&folder);
+    for k in 0..3 {
+        let lambda = found["lambdaHat"][k].as_f64().expect("a number");
+        for name in ["plant.lambda", "controller.lambda0", "estimator.lambda0"] {
+            same(name, values[&format!("{name}[{}]", k + 1)], lambda);
+        }
+    }
+    for (name, wanted) in [
+        ("plant.pY", &found["recordings"][0]["pY"]["value"]),
+        ("plant.unbalance.magnitude", &found["unbalance"]["magnitude"]),
+        ("plant.sensor.positionNoise", &found["noise"]["position"]),
+        ("estimator.sensor.currentNoise", &found["noise"]["current"]),
+        ("plant.sensor.offsetY", &found["bench"]["sensor.offset[y]"]["value"]),
+    ] {
+        same(name, values[name], wanted.as_f64().expect("a number"));
+    }
+    let alpha = found["told"]["alpha"][1].as_f64().expect("told")
+        + found["bench"]["alpha[2]"]["value"].as_f64().expect("estimated");
+    same("alpha[2]", values["controller.alpha[2]"], alpha);
+    // The estimator has no offset: it is as far off as the sensor, and as much as nobody knows.
+    let of = |name: &str, what: &str| found["bench"][name][what].as_f64().expect("estimated");
+    let offsets =
+        ["sensor.offset[y]", "sensor.offset[z]"].map(|name| of(name, "value").powi(2) + of(name, "stdTotal").powi(2));
+    below(
+        "tolerance",
+        (values["estimator.tolerance.positionOffset"] / (offsets.iter().sum::<f64>() / 2.0).sqrt() - 1.0).abs(),
+        1e-12,
+    );
+    let steps = ["plant.sensor.Ts", "controller.Ts", "estimator.Ts"].map(|name| values[name]);
+    assert_eq!(steps, [8e-5; 3]);
+    below("speed", (values["plant.omega"] - 280.0).abs(), 1e-3);
+
+    // The twin runs, and says what the bench said. It may be written again.
+    let (code, _, errors) = run(&folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
+    assert_eq!(code, 0, "{errors}");
+    let (code, out, errors) =
+        run(&folder, &["identify", "again.csv", "--scenario", "twin.toml", "--column", "Ym=plant.Ym", "--json", "-"]);
+    assert_eq!(code, 0, "{errors}");
+    let again: Json = serde_json::from_str(&out).expect("JSON");
+    for k in 0..3 {
+        let of = |answer: &Json, name: &str| answer[name][k].as_f64().expect("a number");
+        let off = (of(&again, "lambdaHat") - of(&found, "lambdaHat")).abs() / of(&again, "lambdaStdTotal");
+        below("deviations of the twin", off, 4.0);
+    }
+    identified(&folder, &arguments);
+}
+
+/// What is not ours is not overwritten, and nothing is read before that is said.
+#[test]
+fn foreign_files_are_not_overwritten() {
+    let folder = folder("twin/foreign");
+    let ours = "<?xml version=\"1.0\"?>\n<ssv:ParameterSet generationTool=\"magnetic-bearing 0.0.1\"/>\n";
+    let theirs = ours.replace("magnetic-bearing", "Another tool for magnetic-bearing");
+    let archive = |ssd: &str| {
+        let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        writer.start_file("SystemStructure.ssd", zip::write::SimpleFileOptions::default()).expect("a member");
+        writer.write_all(ssd.as_bytes()).expect("memory");
+        writer.finish().expect("an archive").into_inner()
+    };
+    fs::write(folder.join("ours.ssv"), ours).expect("a file");
+    fs::write(folder.join("theirs.ssv"), &theirs).expect("a file");
+    fs::write(folder.join("ours.ssp"), archive(ours)).expect("a file");
+    fs::write(folder.join("theirs.ssp"), archive(&theirs)).expect("a file");
+    fs::write(folder.join("broken.ssp"), "PK and no archive").expect("a file");
+    fs::write(folder.join("mine.toml"), "title = \"mine\"\n").expect("a file");
+    let before = |name: &str| fs::read(folder.join(name)).expect("a file");
+    for (option, name, words) in [
+        ("--ssv", "theirs.ssv", "not an SSV that this program has generated"),
+        ("--ssv", "theirs.ssp", "not an SSV that this program has generated"),
+        ("--ssp", "theirs.ssp", "not an SSP that this program has generated"),
+        ("--ssp", "broken.ssp", "not an SSP that this program has generated"),
+        ("--ssp", "ours.ssv", "not an SSP that this program has generated"),
+        ("--save", "mine.toml", "not a scenario that this program has written"),
+    ] {
+        let content = before(name);
+        let (code, _, errors) = run(&folder, &["identify", "there-is-none.csv", option, name]);
+        assert_eq!(code, 1, "{option} {name}: {errors}");
+        says(&errors, &[name, words]);
+        assert!(content == before(name), "{option} {name}");
+    }
+    for (option, path) in
+        [("--ssp", "nowhere/twin.ssp"), ("--ssv", "nowhere/twin.ssv"), ("--save", "nowhere/twin.toml")]
+    {
+        let (code, _, errors) = run(&folder, &["identify", "there-is-none.csv", option, path]);
+        assert_eq!(code, 1, "{errors}");
+        says(&errors, &[path, "there is no folder nowhere"]);
+    }
+    // Ours may be replaced: the next thing that is wrong is the recording.
+    for (option, name) in [("--ssv", "ours.ssv"), ("--ssp", "ours.ssp")] {
+        let (code, _, errors) = run(&folder, &["identify", "there-is-none.csv", option, name]);
+        assert_eq!(code, 2, "{errors}");
+        says(&errors, &["there-is-none.csv"]);
+    }
+    let (code, _, errors) = run(&folder, &["identify", "there-is-none.csv", "--ssp", "twin.ssp", "--method", "paper"]);
+    assert_eq!(code, 2, "{errors}");
+    says(&errors, &["--method likelihood"]);
+}
+
+/// An answer that is not valid has no twin.
+#[test]
+fn an_answer_that_is_not_valid_has_no_twin() {
+    let folder = folder("twin/not-valid");
+    let table = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/recording.csv")).expect("a table");
+    let short: Vec<&str> = table.lines().take(200).collect();
+    fs::write(folder.join("short.csv"), short.join("\n")).expect("a file");
+    let (code, _, errors) = run(&folder, &[&["identify", "short.csv"], &FILES[..]].concat());
+    assert_eq!(code, 3, "{errors}");
+    says(&errors, &["Not valid", "The twin was not written"]);
+    for file in ["twin.toml", "twin.ssv", "twin.ssp"] {
+        assert!(!folder.join(file).exists(), "{file}");
+    }
+}
+
+/// A ball below one magnet: κ is in the mass, x counts from the operating point, and the twin levitates.
+#[test]
+fn an_axis_has_a_twin() {
+    let folder = folder("twin/axial");
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/levitation");
+    let path = |name: &str| data.join(name).display().to_string();
+    let (recording, bench) = (path("levitation-stairs-mpc.csv.gz"), path("bench.toml"));
+    let found = identified(&folder, &[&recording, "--scenario", &bench]);
+    let values = same_in_all(&folder);
+    let of = |path: &[&str]| path.iter().fold(&found, |json, name| &json[*name]).as_f64().expect("a number");
+    for element in ["plant", "controller", "estimator"] {
+        below(
+            "m",
+            (values[&format!("{element}.m")] / (0.06054 * of(&["operatingPoint", "dynamics"])) - 1.0).abs(),
+            1e-12,
+        );
+        below("s", (values[&format!("{element}.s")] / (of(&["s", "value"]) + 0.01) - 1.0).abs(), 1e-12);
+    }
+    same("lambda[2]", values["plant.lambda[2]"], of(&["magnets", "lambda[2]", "value"]));
+    same("lambda0[2]", values["controller.lambda0[2]"], of(&["magnets", "lambda[2]", "value"]));
+    same("tolerance.s", values["estimator.tolerance.s"], of(&["s", "stdTotal"]));
+    assert_eq!((values["plant.pX"], values["plant.coil.open[1]"], values["controller.F0"]), (0.5939, 1.0, 0.0));
+    assert_eq!((values["controller.magnets.used"], values["estimator.magnets.used"]), (3.0, 3.0));
+    assert_eq!((values["controller.Ts"], values["controller.bandwidth.tracking"]), (1e-3, 100.0));
+
+    // ki at the middle of the twin is that of the operating point.
+    let (code, _, errors) = run(&folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
+    assert_eq!(code, 0, "{errors}");
+    let ki = 2.0 * (values["plant.lambda[2]"] * values["plant.pX"]).sqrt() / values["plant.s"];
+    below("ki", (ki / of(&["operatingPoint", "ki"]) - 1.0).abs(), 1e-9);
+    // The same file describes the bench to `identify`, columns included.
+    let other = path("levitation-stairs-lqi.csv.gz");
+    let (code, out, errors) = run(&folder, &["identify", &other, "--scenario", "twin.toml", "--json", "-"]);
+    assert_eq!(code, 0, "{errors}");
+    let again: Json = serde_json::from_str(&out).expect("JSON");
+    below(
+        "λ2 as saved",
+        (again["magnets"]["lambda[2]"]["value"].as_f64().expect("a number") / of(&["magnets", "lambda[2]", "value"])
+            - 1.0)
+            .abs(),
+        1e-9,
+    );
+}
