@@ -50,6 +50,7 @@ LAST = {
     "residual": "estimator.residual",
     "unbalance.magnitude [kg.m]": "estimator.unbalance.magnitude",
     "unbalance.phase [rad]": "estimator.unbalance.phase",
+    "pYHat [N]": "estimator.pYHat",
     "pZHat [N]": "estimator.pZHat",
     "tracking.Y [m]": None,
     "tracking.Z [m]": None,
