@@ -408,8 +408,10 @@ fn results(scenario: &Scenario) -> Vec<Figure> {
             unit => format!(" [{unit}]"),
         }
     };
-    let last = |name: String| {
-        Figure { source: format!("estimator.{name}"), name: format!("{name}{}", unit(2, &name)), of: Of::Last }
+    let last = |name: String| Figure {
+        source: format!("estimator.{name}"),
+        name: format!("{name}{}", unit(2, &name)),
+        of: Of::Last,
     };
     let error = |(name, truth): (String, String)| {
         let source = format!("estimator.{}", truth.replace("lambda", "lambdaHat"));
