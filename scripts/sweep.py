@@ -34,28 +34,6 @@ SSD = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
 # Interval at the end of a run over which tracking is evaluated, in s.
 STRETCH_S = 0.04
 
-# Result columns: name, and the output whose last value it is.
-LAST = {
-    "valid": "estimator.valid",
-    "lambdaHat[1] [N.m2/A2]": "estimator.lambdaHat[1]",
-    "lambdaHat[2] [N.m2/A2]": "estimator.lambdaHat[2]",
-    "lambdaHat[3] [N.m2/A2]": "estimator.lambdaHat[3]",
-    "lambdaStd[1] [N.m2/A2]": "estimator.lambdaStd[1]",
-    "lambdaStd[2] [N.m2/A2]": "estimator.lambdaStd[2]",
-    "lambdaStd[3] [N.m2/A2]": "estimator.lambdaStd[3]",
-    "error[1]": None,
-    "error[2]": None,
-    "error[3]": None,
-    "condition": "estimator.condition",
-    "residual": "estimator.residual",
-    "unbalance.magnitude [kg.m]": "estimator.unbalance.magnitude",
-    "unbalance.phase [rad]": "estimator.unbalance.phase",
-    "pZHat [N]": "estimator.pZHat",
-    "tracking.Y [m]": None,
-    "tracking.Z [m]": None,
-}
-TRACKING = {"tracking.Y [m]": "controller.eY", "tracking.Z [m]": "controller.eZ"}
-
 
 # A number and its unit, with or without a blank between them.
 NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|infinity)(?![a-zA-Z]))\s*(.*)", re.IGNORECASE)
@@ -102,6 +80,39 @@ def system(ssp):
         for wire in structure.iterfind(".//ssd:Connection", SSD)
     ]
     return elements, connections
+
+
+def results(elements):
+    """The result columns of the machine of these FMUs.
+
+    Returns
+    -------
+    dict
+        By name: what of the output is the result (`last`: its last value, `error`: λ̂/λ - 1, `tracking`: its largest magnitude at
+        the end), and the element and name of the output.
+    """
+
+    def of(element, pattern, rename=lambda name: name, kind="last"):
+        for variable in elements[element][1].modelVariables:
+            if variable.causality == "output" and re.fullmatch(pattern, variable.name):
+                unit = variable.unit or (variable.declaredType and getattr(variable.declaredType, "unit", None))
+                unit = "" if unit in (None, "", "1") or kind == "error" else f" [{unit}]"
+                yield f"{rename(variable.name)}{unit}", (kind, element, variable.name)
+
+    def tracking(name):
+        return re.sub("e([XYZ]?)$", lambda axis: f"tracking.{axis[1] or 'X'}", name)
+
+    return {
+        **dict(of("estimator", "valid")),
+        **dict(of("estimator", r"(\w\.)?lambdaHat\[.*")),
+        **dict(of("estimator", r"(\w\.)?lambdaStd\[.*")),
+        **dict(of("estimator", r"(\w\.)?lambdaHat\[.*", lambda name: name.replace("lambdaHat", "error"), "error")),
+        **dict(of("estimator", "condition|residual")),
+        **dict(of("estimator", r"unbalance.*\.magnitude")),
+        **dict(of("estimator", r"unbalance.*\.phase")),
+        **dict(of("estimator", "[pM][XYZ]Hat")),
+        **dict(of("controller", r"(\w\.)?e[XYZ]?", tracking, "tracking")),
+    }
 
 
 def convert(path, description, variable, value):
@@ -226,8 +237,8 @@ def settings(scenario, columns, cells, elements):
 
 def run_case(case, ssp, scenario_text, columns, cells):
     """Run one case; return its seed, status and results."""
-    figures = {name: "" for name in LAST}
     elements, connections = system(ssp)
+    figures = dict.fromkeys(results(elements), "")
     scenario = tomllib.loads(scenario_text)
     try:
         values = settings(scenario, columns, cells, elements)
@@ -259,15 +270,16 @@ def simulate(made, elements, connections, scenario, values):
         except Exception:
             refused += [f"[{name}] {finding}" for finding in Element.complaint().split("; ")]
     if refused:
-        return "; ".join(refused), {name: "" for name in LAST}
+        return "; ".join(refused), dict.fromkeys(results(elements), "")
 
     step_s, duration_s = seconds(scenario["step"]), seconds(scenario["duration"])
     steps = round(duration_s / step_s)
     points = round(STRETCH_S / step_s)
-    tracking = {name: [] for name in TRACKING}
+    columns = results(elements)
+    watched = {name: source for name, (kind, *source) in columns.items() if kind == "tracking"}
+    tracking = {name: [] for name in watched}
     # Outputs are read and inputs set with one call per instance and type.
     wires = group(made, connections)
-    watched = {name: (path.partition(".")[0], path.partition(".")[2]) for name, path in TRACKING.items()}
     status = "ok"
     for step in range(steps + 1):
         for name, (element, key) in watched.items():
@@ -285,20 +297,17 @@ def simulate(made, elements, connections, scenario, values):
         if faults:
             status = faults[-1]
             break
-    last = outputs(made)
-    figures = {name: shortest(last[path]) if path else "" for name, path in LAST.items()}
-    truth = {v.name: float(v.start) for v in elements["plant"][1].modelVariables if v.name.startswith("lambda[")}
-    for k in (1, 2, 3):
-        true = values["plant"].get(f"lambda[{k}]", truth[f"lambda[{k}]"])
-        figures[f"error[{k}]"] = shortest(last[f"estimator.lambdaHat[{k}]"] / true - 1.0)
+    figures = {}
+    plant = {variable.name: variable.start for variable in elements["plant"][1].modelVariables}
+    for name, (kind, element, output) in columns.items():
+        value = float(made[element].get(output))
+        if kind == "error":
+            truth = output.replace("lambdaHat", "lambda")
+            value = value / float(values["plant"].get(truth, plant[truth])) - 1.0
+        figures[name] = shortest(value)
     for name, errors in tracking.items():
         figures[name] = shortest(max(errors[-points:]))
     return status, figures
-
-
-def outputs(made):
-    """The outputs that the results need."""
-    return {path: made[path.partition(".")[0]].get(path.partition(".")[2]) for path in LAST.values() if path}
 
 
 def group(made, connections):
@@ -323,9 +332,9 @@ def group(made, connections):
 class Rows:
     """The file of rows, which a native or a Dask sweep can resume."""
 
-    def __init__(self, path, columns, cases, scenario_text):
-        self.path, self.columns, self.cases, self.scenario_text = path, columns, cases, scenario_text
-        self.header = ["case", "seed", "status", *LAST, "fingerprint", *columns]
+    def __init__(self, path, columns, cases, scenario_text, figures):
+        self.path, self.columns, self.cases, self.scenario_text, self.figures = path, columns, cases, scenario_text, figures
+        self.header = ["case", "seed", "status", *figures, "fingerprint", *columns]
 
     def fingerprint(self, case):
         digest = hashlib.sha256(self.scenario_text.encode())
@@ -362,7 +371,7 @@ class Rows:
 
     def row(self, case, seed, status, figures):
         status = status.replace("\n", " ")
-        return [case + 1, seed, status, *(figures[name] for name in LAST), self.fingerprint(case), *self.cases[case]]
+        return [case + 1, seed, status, *(figures[name] for name in self.figures), self.fingerprint(case), *self.cases[case]]
 
     def put_in_order(self):
         with open(self.path, newline="", encoding="utf-8") as file:
@@ -395,7 +404,7 @@ def sweep(client, design, out, scenario_text, ssp):
     from distributed import as_completed
 
     columns, cases = read_design(design)
-    rows = Rows(out, columns, cases, scenario_text)
+    rows = Rows(out, columns, cases, scenario_text, list(results(system(ssp)[0])))
     done = rows.resume()
     todo = [case for case in range(len(cases)) if case not in done]
     # The same FMUs for all; a key of their content keeps sweeps of different FMUs apart.
@@ -410,7 +419,7 @@ def sweep(client, design, out, scenario_text, ssp):
             if future.status == "error":
                 # A failure of the worker, not of the case: note it in the row and continue.
                 case = todo[futures.index(future)]
-                result = case, "", f"{type(future.exception()).__name__}: {future.exception()}", dict.fromkeys(LAST, "")
+                result = case, "", f"{type(future.exception()).__name__}: {future.exception()}", dict.fromkeys(rows.figures, "")
             fresh.append(rows.row(*result))
         rows.append(fresh)
         count += len(fresh)
@@ -424,7 +433,8 @@ def main():
     parser.add_argument("design", type=pathlib.Path, help="CSV; `sweep DESIGN.toml --expand` makes one of TOML")
     parser.add_argument("--out", type=pathlib.Path, required=True, help="file for the rows")
     parser.add_argument("--scenario", default="unbalanced", help="a file or a built-in scenario")
-    parser.add_argument("--ssp", type=pathlib.Path, default=HERE / "target" / "fmu" / "MagneticBearing.ssp")
+    ssp = HERE / "target" / "fmu" / "MagneticBearing.ssp"
+    parser.add_argument("--ssp", type=pathlib.Path, default=ssp, help="that of the scenario's machine")
     parser.add_argument("--scheduler", help="address of a Dask scheduler; by default a local cluster is started")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes of the local cluster")
     arguments = parser.parse_args()

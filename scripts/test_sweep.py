@@ -52,6 +52,17 @@ def test_rows_are_those_of_the_native_sweep_to_the_last_byte(tmp_path, client, s
     assert (tmp_path / "cluster.csv").read_text() == (tmp_path / "native.csv").read_text()
 
 
+def test_so_are_those_of_another_machine(tmp_path, client):
+    subprocess.run([PROGRAM, "package", "spindle4", "--out", tmp_path], check=True, capture_output=True)
+    text = (sweep.SCENARIOS / "spindle4.toml").read_text(encoding="utf-8").replace('duration = "0.4 s"', 'duration = "0.1 s"')
+    (tmp_path / "short.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "design.csv").write_text("plant.A.lambda[2],plant.MY [N.m]\n3e-6,0.1\n,-1\n")
+    native(tmp_path / "design.csv", "--scenario", tmp_path / "short.toml", "--out", tmp_path / "native.csv")
+    archive = (tmp_path / "MagneticSpindle4.ssp").read_bytes()
+    sweep.sweep(client, tmp_path / "design.csv", tmp_path / "cluster.csv", text, archive)
+    assert (tmp_path / "cluster.csv").read_text() == (tmp_path / "native.csv").read_text()
+
+
 def test_a_lost_worker_loses_no_row(tmp_path, client, ssp):
     design = tmp_path / "design.csv"
     # The first cases are enough to lose a worker in their midst.

@@ -25,6 +25,7 @@ use crate::simulation::simulate::{self, Run};
 use crate::simulation::summary;
 use crate::studies::design;
 use crate::studies::montecarlo::{self, hostile, hostile::Case};
+use crate::studies::sensitivity;
 use crate::studies::sweep::Sweep;
 use crate::studies::whirl::{self, Whirl};
 
@@ -134,6 +135,16 @@ enum Command {
         /// Time by which λ must be known, in s.
         #[arg(long, value_name = "SECONDS", default_value_t = 0.1, allow_hyphen_values = true)]
         at: f64,
+    },
+    /// Peak of the sensitivity function of each position sensor, with its zone of ISO 14839-3: with the first guess of λ and with the true
+    /// λ.
+    Sensitivity {
+        /// A file, - for the standard input, or a built-in scenario.
+        #[arg(value_name = "SCENARIO")]
+        scenario: PathBuf,
+        /// Changes a value of the scenario (can be repeated), as for `simulate`.
+        #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
+        changes: Vec<(String, String)>,
     },
     /// Natural frequencies and unbalance response of a spindle over the speed (Campbell diagram), on bearings that are springs and
     /// dampers.
@@ -259,7 +270,6 @@ pub fn main(commit: Option<&str>) -> ExitCode {
             match &scenario {
                 None => monte_carlo(runs, only.as_deref(), seed, &at),
                 Some(name) => Scenario::open(name).map_err(Into::into).and_then(|scenario| {
-                    scenario.closed_loop().map_err(simulate::Refused::from)?;
                     let (title, noise) = (scenario.title.clone(), [position_noise, current_noise]);
                     judge(montecarlo::study(&title, &scenario, noise, !estimate_noise, runs), seed, &at)
                 }),
@@ -271,6 +281,7 @@ pub fn main(commit: Option<&str>) -> ExitCode {
         Some(Command::Describe { out }) => describe(&out),
         Some(Command::Completions { shell }) => completions(shell),
         Some(Command::Identify(arguments)) => identify::run(&arguments),
+        Some(Command::Sensitivity { scenario, changes }) => judge_loop(&scenario, &changes),
         Some(Command::Whirl { scenario, stiffness, damping, to, report }) => {
             whirl(&scenario, [stiffness, damping], to, report.as_deref())
         }
@@ -488,10 +499,20 @@ fn pair(text: &str) -> std::result::Result<(String, String), String> {
 fn choose_excitation(name: &Path, conditions: &design::Conditions) -> Result<()> {
     let scenario = Scenario::open(name)?;
     let precisions = design::design(&scenario, conditions)?;
-    let table = design::table(conditions, &precisions);
+    let table = design::table(&scenario, conditions, &precisions);
     print::table(&table);
     say!();
-    print::paragraph(&design::advice(conditions, &precisions));
+    print::paragraph(&design::advice(&scenario, conditions, &precisions));
+    Ok(())
+}
+
+fn judge_loop(name: &Path, changes: &[(String, String)]) -> Result<()> {
+    let scenario = Scenario::open_with(name, changes)?;
+    let findings = simulate::refused(&scenario);
+    if !findings.is_empty() {
+        return Err(simulate::Refused(findings).into());
+    }
+    print::table(&sensitivity::table(&scenario));
     Ok(())
 }
 
@@ -554,12 +575,11 @@ fn count(text: &str) -> std::result::Result<usize, String> {
 
 /// Runs the studies whose titles contain the text.
 fn monte_carlo(runs: usize, only: Option<&str>, seed: u32, at: &[f64]) -> Result<()> {
-    let (studies, spindles) = (montecarlo::studies(runs), montecarlo::spindle::studies(runs));
+    let studies = montecarlo::studies(runs);
     let wanted = |title: &str| only.is_none_or(|text| title.contains(text));
     let courses = hostile::courses();
     let mut cases = hostile::cases(&courses);
     let mut titles: Vec<_> = studies.iter().map(|study| study.title.clone()).collect();
-    titles.extend(spindles.iter().map(|study| study.title.clone()));
     titles.extend(cases.iter().map(Case::title));
     if !titles.iter().any(|title| wanted(title)) {
         let text = only.unwrap_or_default();
@@ -569,13 +589,6 @@ fn monte_carlo(runs: usize, only: Option<&str>, seed: u32, at: &[f64]) -> Result
     }
     for study in studies.into_iter().filter(|study| wanted(&study.title)) {
         judge(study, seed, at)?;
-    }
-    for mut study in spindles.into_iter().filter(|study| wanted(&study.title)) {
-        if !at.is_empty() {
-            study.at(at);
-        }
-        print::table(&study.run(seed.into())?);
-        say!();
     }
     cases.retain(|case| wanted(&case.title()));
     if !cases.is_empty() {
@@ -588,7 +601,8 @@ fn monte_carlo(runs: usize, only: Option<&str>, seed: u32, at: &[f64]) -> Result
 /// Runs a study and prints its figures.
 fn judge(mut study: montecarlo::Study, seed: u32, at: &[f64]) -> Result<()> {
     study.first_seed = seed.into();
-    if !at.is_empty() {
+    // Correction masses have an instant of their own.
+    if !at.is_empty() && study.scenario.balance_s.is_none() {
         study.instants_s = at.to_vec();
     }
     print::table(&montecarlo::table(&study, &study.run()?));

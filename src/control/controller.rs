@@ -207,39 +207,6 @@ pub struct ControllerState<P = ReferenceState, const N: usize = 2, const K: usiz
     reference: P,
 }
 
-/// Number of components of a [`ControllerState`] that a small motion of the loop changes.
-#[cfg(feature = "app")]
-pub(crate) const UNKNOWNS: usize = 15;
-
-/// For the sensitivity function, which the library of an FMU does without.
-#[cfg(feature = "app")]
-impl ControllerState {
-    /// Increments of these components for difference quotients, each of the size of a small motion.
-    pub(crate) const INCREMENTS: [f64; UNKNOWNS] =
-        [1e-9, 1e-6, 1e-3, 1e-9, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-5, 1e-5, 1e-5];
-
-    /// `[x, v, d]` of y and of z, forces and voltages in effect, planned currents.
-    pub(crate) fn unknowns(&self) -> [f64; UNKNOWNS] {
-        let mut all = [0.0; UNKNOWNS];
-        let law = &self.law;
-        let parts = law.expected.iter().flatten().chain(&law.in_effect_n).chain(&law.voltage_v).chain(&law.planned_a);
-        for (place, value) in all.iter_mut().zip(parts) {
-            *place = *value;
-        }
-        all
-    }
-
-    /// Sets the components that [`unknowns`](Self::unknowns) returns.
-    pub(crate) fn set_unknowns(&mut self, all: [f64; UNKNOWNS]) {
-        let law = &mut self.law;
-        let parts = law.expected.iter_mut().flatten();
-        let parts = parts.chain(&mut law.in_effect_n).chain(&mut law.voltage_v).chain(&mut law.planned_a);
-        for (place, value) in parts.zip(all) {
-            *place = value;
-        }
-    }
-}
-
 /// The state of the controller with these parameters.
 pub type StateOf<C, const N: usize, const K: usize, const G: usize> =
     ControllerState<<<C as ControllerParameters<N, K, G>>::Path as Path<N>>::State, N, K, G>;

@@ -8,8 +8,9 @@ pub mod estimator;
 pub mod plant;
 pub mod spindle;
 
+pub(crate) mod plants;
+
 mod common;
-mod plants;
 
 use std::sync::Arc;
 

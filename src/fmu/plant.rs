@@ -1,7 +1,7 @@
 //! `MagneticBearing`, `MagneticBearing4`, `AxialBearing`: the rotor, its magnets and their coils, unbalance, perturbation forces, backup bearing and
 //! sensors.
 
-use fmu_export::variable::{Row, Value};
+use fmu_export::variable::Row;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +9,7 @@ use super::plants::{self, ModelledRotor, PlantModel};
 use crate::bearing::scalar::Scalar;
 use crate::invalid;
 use crate::machine::Machine;
-use crate::plant::{Equations, Motion, Plant, PlantConfig, PlantInput, PlantParameters, RotorConfig};
+use crate::plant::{Equations, Motion, Plant, PlantConfig, PlantParameters, RotorConfig};
 use crate::variables::Variables;
 
 /// The plant with three magnets.
@@ -23,11 +23,6 @@ pub type AxialBearing = PlantModel<RotorConfig<f64, 1, 2>, 1, 2>;
 
 /// The values of all variables of the plant.
 type Values<const N: usize, const K: usize> = plants::Values<RotorConfig<f64, N, K>, N, K>;
-
-/// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
-pub fn configuration(settings: &[(usize, Value)]) -> (PlantConfig, PlantInput) {
-    plants::configuration(settings)
-}
 
 /// Outputs that other plants have not.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]

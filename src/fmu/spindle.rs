@@ -2,7 +2,7 @@
 //! bearings and sensors.
 
 use fmu_export::variable::Dependency::Fixed;
-use fmu_export::variable::{Row, Value};
+use fmu_export::variable::Row;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -11,7 +11,7 @@ use crate::bearing::shaft::COORDINATES;
 use crate::fmu::plants::{self, ModelledRotor, PlantModel};
 use crate::invalid;
 use crate::machine::Machine;
-use crate::plant::spindle::{AtBearings, SpindleConfig, SpindleConfigOf, SpindleInput, SpindlePlant};
+use crate::plant::spindle::{AtBearings, SpindleConfig, SpindleConfigOf, SpindlePlant};
 use crate::plant::{Equations, Motion, PlantParameters};
 
 /// The plant with three magnets in each radial bearing.
@@ -19,11 +19,6 @@ pub type MagneticSpindle = PlantModel<SpindleConfig, COORDINATES, 8>;
 
 /// That with four.
 pub type MagneticSpindle4 = PlantModel<SpindleConfigOf<f64, 4, 10>, COORDINATES, 10>;
-
-/// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
-pub fn configuration(settings: &[(usize, Value)]) -> (SpindleConfig, SpindleInput) {
-    plants::configuration(settings)
-}
 
 impl<const M: usize, const K: usize> ModelledRotor<COORDINATES, K> for SpindleConfigOf<f64, M, K>
 where

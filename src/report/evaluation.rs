@@ -4,13 +4,13 @@
 use std::f64::consts::TAU;
 
 use crate::bearing::coil::Drive;
-use crate::report::SensitivityCurve;
-use crate::simulation::closed_loop::Loop;
+use crate::machine::Reading;
+use crate::report::SensitivityCurves;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
 use crate::simulation::synchronous::harmonic;
-use crate::studies::sensitivity::{NoSensitivity, SampledLoop, zone};
+use crate::studies::sensitivity::{Sensitivity, peak, zone};
 use crate::table::Table;
 
 /// Revolutions over which the figures are taken, and the same time in s where the rotor hardly turns.
@@ -18,12 +18,6 @@ const REVOLUTIONS: f64 = 2.0;
 const WITHOUT_TURNING_S: f64 = 0.05;
 /// Figures of two intervals are compared only if their speeds differ by no more than this fraction.
 const SAME_SPEED: f64 = 0.01;
-/// Amplitude of the sine injected to confirm the sensitivity function, in m.
-const INJECTED_M: f64 = 0.02e-6;
-/// Samples of an injection, and its number of periods.
-const SAMPLES: usize = 2000;
-const PERIODS: [usize; 7] = [2, 6, 20, 40, 80, 160, 400];
-
 /// An interval of the run, by sample index.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stretch {
@@ -95,7 +89,7 @@ pub fn stretches(recording: &Recording) -> Vec<Stretch> {
 }
 
 /// The table of figures; `None` if the recording is too short.
-pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurve]) -> Option<Table> {
+pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurves]) -> Option<Table> {
     let stretches = Some(stretches(&run.recording)).filter(|stretches| !stretches.is_empty())?;
     let plant = scenario.closed_loop().ok()?.plant;
     let clearance_m = plant.touchdown.clearance_m;
@@ -106,14 +100,14 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurve])
         let cells = stretches.iter().map(value);
         rows.push(std::iter::once(name).chain(cells).chain([unit.to_owned()]).collect());
     };
-    let peak = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
-    let radius = |s: &Stretch| peak(&mut (s.from..s.to).map(|k| y[k].hypot(z[k])));
+    let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
+    let radius = |s: &Stretch| largest(&mut (s.from..s.to).map(|k| y[k].hypot(z[k])));
     row("largest displacement from the centre".into(), "µm", &|s| format!("{:.2}", radius(s) * 1e6));
     row("largest displacement / clearance".into(), "%", &|s| format!("{:.1}", 100.0 * radius(s) / clearance_m));
     if let (Some(ry), Some(rz)) = (get("controller.reference.Y"), get("controller.reference.Z")) {
         let error = |k: usize| (y[k] - ry[k]).hypot(z[k] - rz[k]);
         row("largest tracking error, radial".into(), "µm", &|s| {
-            format!("{:.3}", 1e6 * peak(&mut (s.from..s.to).map(error)))
+            format!("{:.3}", 1e6 * largest(&mut (s.from..s.to).map(error)))
         });
         row("tracking error, radial, rms".into(), "µm", &|s| {
             let squares: f64 = (s.from..s.to).map(|k| error(k).powi(2)).sum();
@@ -131,7 +125,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurve])
             row(format!("current of magnet {k}, peak / rms"), "A", &|s| {
                 let squares: f64 = current[s.from..s.to].iter().map(|i| i * i).sum();
                 let rms = (squares / (s.to - s.from) as f64).sqrt();
-                format!("{:.3} / {rms:.3}", peak(&mut current[s.from..s.to].iter().map(|i| i.abs())))
+                format!("{:.3} / {rms:.3}", largest(&mut current[s.from..s.to].iter().map(|i| i.abs())))
             });
         }
     }
@@ -139,9 +133,9 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurve])
         let limit_v = plant.coil.limit_v;
         for k in 1..=3 {
             if let Some(voltage) = get(&format!("controller.u[{k}]")) {
-                let largest = |s: &Stretch| peak(&mut voltage[s.from..s.to].iter().map(|u| u.abs()));
+                let most = |s: &Stretch| largest(&mut voltage[s.from..s.to].iter().map(|u| u.abs()));
                 row(format!("voltage of amplifier {k}, peak / headroom"), "V / %", &|s| {
-                    format!("{:.1} / {:.0}", largest(s), 100.0 * (1.0 - largest(s) / limit_v))
+                    format!("{:.1} / {:.0}", most(s), 100.0 * (1.0 - most(s) / limit_v))
                 });
             }
         }
@@ -153,13 +147,11 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurve])
             });
         }
     }
-    for (axis, letter) in ["y", "z"].into_iter().enumerate() {
-        if sensitivities.len() == stretches.len() {
-            let each: Vec<String> = sensitivities.iter().map(|sensitivity| sensitivity.peak_in_words(axis)).collect();
-            let mut cells = vec![format!("peak of the sensitivity function of {letter}")];
-            cells.extend(each);
-            cells.push("".into());
-            rows.push(cells);
+    if sensitivities.len() == stretches.len() {
+        for mut row in peaks(scenario, sensitivities) {
+            row[0] = format!("peak of the sensitivity function of {}", row[0]);
+            row.push(String::new());
+            rows.push(row);
         }
     }
     let head = std::iter::once(String::new())
@@ -179,46 +171,44 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurve])
 }
 
 /// Sensitivity functions before and after the update, or the only one; with the reason where there is none.
-pub fn sensitivities(scenario: &Scenario, run: &Run) -> Vec<SensitivityCurve> {
-    let stretches = stretches(&run.recording);
-    // A run that could begin has configurations.
-    let Ok(Loop { plant, input, controller, .. }) = scenario.closed_loop() else { return Vec::new() };
+pub fn sensitivities(scenario: &Scenario, run: &Run) -> Vec<SensitivityCurves> {
     let one = |stretch: &Stretch| {
-        let mut lambda = [0.0; 3];
-        for (k, value) in lambda.iter_mut().enumerate() {
-            *value = *run.recording.get(&format!("controller.lambdaUsed[{}]", k + 1))?.get(stretch.to - 1)?;
-        }
-        let computed = || -> Result<_, NoSensitivity> {
-            let sampled = SampledLoop::new(&plant, &controller, lambda, input.perturbation_n)?;
-            let sweep = sampled.linearise()?.sweep(TAU, 200);
-            let mut injected = Vec::new();
-            for periods in PERIODS {
-                let (omega, in_y) = sampled.inject(0, INJECTED_M, periods, SAMPLES)?;
-                let (_, in_z) = sampled.inject(1, INJECTED_M, periods, SAMPLES)?;
-                injected.push([omega, in_y.norm(), in_z.norm()]);
+        let used = |name: &String| run.recording.get(&format!("controller.{name}"))?.get(stretch.to - 1).copied();
+        let lambda = scenario.machine.of_magnets("lambdaUsed").iter().map(used).collect::<Option<Vec<_>>>()?;
+        let name = stretch.name.to_owned();
+        let readings = scenario.machine.readings.iter().enumerate();
+        Some(match Sensitivity::new(scenario, &lambda) {
+            Ok(found) => {
+                let axes = readings.map(|(n, reading)| (reading.axis.to_owned(), found.curve(n))).collect();
+                SensitivityCurves { name, axes, missing: None }
             }
-            Ok((sweep, injected))
-        };
-        let (sweep, injected, missing) = match computed() {
-            Ok((sweep, injected)) => (sweep, injected, None),
-            Err(error) => (Vec::new(), Vec::new(), Some(error.to_string())),
-        };
-        Some(SensitivityCurve { name: stretch.name.into(), sweep, injected, missing })
+            Err(why) => SensitivityCurves { name, axes: Vec::new(), missing: Some(why.to_string()) },
+        })
     };
-    stretches.iter().filter_map(one).collect()
+    stretches(&run.recording).iter().filter_map(one).collect()
 }
 
-impl SensitivityCurve {
-    /// `[ω, |S|]` at the peak of an axis, 0 for y.
-    pub fn peak(&self, axis: usize) -> Option<[f64; 2]> {
-        let points = self.sweep.iter().map(|point| [point[0], point[1 + axis]]);
-        points.max_by(|one, other| one[1].total_cmp(&other[1]))
-    }
-
-    fn peak_in_words(&self, axis: usize) -> String {
-        match self.peak(axis) {
+/// The peaks: a row for each axis, with a column for each set of λ after its name.
+fn peaks(scenario: &Scenario, sensitivities: &[SensitivityCurves]) -> Vec<Vec<String>> {
+    let peak_in_words =
+        |curves: &SensitivityCurves, n: usize| match curves.axes.get(n).and_then(|(_, curve)| peak(curve)) {
             Some([omega, peak]) => format!("{peak:.2} at {:.0} Hz, zone {}", omega / TAU, zone(peak)),
             None => "none".into(),
-        }
-    }
+        };
+    let row = |(n, reading): (usize, &Reading)| {
+        let cells = sensitivities.iter().map(|curves| peak_in_words(curves, n));
+        [reading.axis.to_owned()].into_iter().chain(cells).collect()
+    };
+    scenario.machine.readings.iter().enumerate().map(row).collect()
+}
+
+/// The peaks as a table.
+pub fn table_of_peaks(scenario: &Scenario, sensitivities: &[SensitivityCurves]) -> Option<Table> {
+    let names = sensitivities.iter().map(|curves| curves.name.clone());
+    (!sensitivities.is_empty()).then(|| Table {
+        title: "Peak of the sensitivity function".into(),
+        note: "Zones of ISO 14839-3: A below 3, B below 4, C below 5.".into(),
+        head: [String::new()].into_iter().chain(names).collect(),
+        rows: peaks(scenario, sensitivities),
+    })
 }

@@ -496,23 +496,21 @@ fn clearance(run: &Signals) -> Option<Figure> {
     Some(run.figure("clearance", "Clearance", plots, caption))
 }
 
-/// The sensitivity functions of both axes, before and after the update.
-fn sensitivity(run: &Signals) -> Option<Figure> {
+/// The sensitivity functions of all axes, before and after the update.
+pub(super) fn sensitivity(run: &Signals) -> Option<Figure> {
     let hertz = PlotUnit { name: "Hz", factor: 1.0 / TAU };
     let all = &run.report.sensitivities;
     let mut plots = Vec::new();
-    for one in all.iter().filter(|one| !one.sweep.is_empty()) {
-        let column = |points: &[[f64; 3]], index: usize| points.iter().map(|point| point[index]).collect::<Vec<f64>>();
-        let peak = one.sweep.iter().flat_map(|point| [point[1], point[2]]).fold(0.0, f64::max);
+    for one in all.iter().filter(|one| !one.axes.is_empty()) {
+        let peak = one.axes.iter().flat_map(|(_, curve)| curve).map(|point| point[1]).fold(0.0, f64::max);
         let mut plot =
             Plot::new(("frequency", hertz), ("|S|", PlotUnit::ONE)).decades(0).range(1, [0.0, 5.5f64.max(1.1 * peak)]);
-        // Both axes are often alike: the narrow line remains visible on the broad one.
-        let lines =
-            [Line::new("y", colour::MAGNETS[0]).width(4.0), Line::new("z", colour::MAGNETS[1]).dashed().width(2.0)];
-        for (axis, line) in lines.into_iter().enumerate() {
-            plot.line(line, &column(&one.sweep, 0), &column(&one.sweep, 1 + axis));
-            let crosses = Line::new(["y injected", "z injected"][axis], colour::INK).crosses().unlisted();
-            plot.line(crosses, &column(&one.injected, 0), &column(&one.injected, 1 + axis));
+        // Axes are often alike: the narrow line remains visible on the broad one.
+        for (n, (axis, curve)) in one.axes.iter().enumerate() {
+            let line = Line::new(axis, colour::MAGNETS[n % colour::MAGNETS.len()]);
+            let line = if n % 2 == 0 { line.width(4.0) } else { line.dashed().width(2.0) };
+            let column = |index: usize| curve.iter().map(|point| point[index]).collect::<Vec<f64>>();
+            plot.line(line, &column(0), &column(1));
         }
         for (limit, zone) in ZONES {
             plot.level(limit, &format!("zone {zone}: below {limit} ({:.1} dB)", 20.0 * limit.log10()));
@@ -526,8 +524,8 @@ fn sensitivity(run: &Signals) -> Option<Figure> {
     }
     let missing: Vec<String> =
         all.iter().filter_map(|one| one.missing.as_ref()).map(|why| format!(" Not drawn: {why}.")).collect();
-    let caption = "Gain from an error of a position sensor to its reading, with the rotor at rest in the centre under \
-                   the static load: lines from the linearised loop, crosses from a sine injected in the time simulation. Zones of ISO 14839-3.";
+    let caption = "Gain from an error of one position sensor to its reading, with the rotor in the centre under the static load, from the \
+                   response in time. Zones of ISO 14839-3.";
     if plots.is_empty() && missing.is_empty() {
         return None;
     }

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 use serde_json::json;
 
 use super::experiment::parameters;
-use super::figures::{Figure, INDEX, Signals, lambda_plot};
+use super::figures::{Figure, INDEX, Signals, lambda_plot, sensitivity};
 use super::plot::{self, Line, Plot, PlotUnit, colour};
 use super::{Event, Report, after_colon, evaluation, page_with, percent};
 use crate::fmu::estimator::VERDICT;
@@ -29,12 +29,6 @@ fn truth(scenario: &Scenario, bearing: &Bearing) -> Vec<f64> {
     (1..=bearing.magnets)
         .map(|k| real(scenario, &format!("{}lambda[{k}]", bearing.prefix)).unwrap_or(f64::NAN))
         .collect()
-}
-
-/// Whether magnet k, counted from 0, is used: of an axial bearing it may be the first or the second alone.
-fn is_used(scenario: &Scenario, k: usize) -> bool {
-    let used = scenario.value("controller", "magnets.used").map_or(1.0, Value::as_f64);
-    used == 1.0 || used == 2.0 + k as f64
 }
 
 /// `A ` for the prefix `A.`, nothing where there is but one.
@@ -64,7 +58,7 @@ pub fn tables(scenario: &Scenario, run: &Run) -> Vec<Table> {
 fn constants(scenario: &Scenario, run: &Run) -> Table {
     let mut rows = Vec::new();
     for bearing in scenario.machine.bearings {
-        for (k, truth) in truth(scenario, bearing).into_iter().enumerate().filter(|(k, _)| is_used(scenario, *k)) {
+        for (k, truth) in truth(scenario, bearing).into_iter().enumerate().filter(|(k, _)| scenario.uses(*k)) {
             let of = |name: &str| last(run, &format!("estimator.{}{name}[{}]", bearing.prefix, k + 1));
             let hat = of("lambdaHat");
             rows.push(vec![
@@ -179,11 +173,15 @@ fn tracking(scenario: &Scenario, run: &Run) -> Option<Table> {
 pub fn page(command: &str, scenario: &Scenario, run: &Run) -> String {
     let update = evaluation::update_s(&run.recording).map(|at_s| Event { at_s, label: "update".into() });
     let balance = scenario.balance_s.map(|at_s| Event { at_s, label: "correction masses".into() });
+    let sensitivities = evaluation::sensitivities(scenario, run);
+    let mut tables = tables(scenario, run);
+    tables.extend(evaluation::table_of_peaks(scenario, &sensitivities));
     let report = Report {
         description: scenario.description.clone(),
         command: command.into(),
         message: run.error.clone(),
-        tables: tables(scenario, run),
+        tables,
+        sensitivities,
         parameters: parameters(scenario),
         events: update.into_iter().chain(balance).collect(),
         ..Report::new(&scenario.title, &run.recording)
@@ -217,7 +215,7 @@ fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
         @if scenario.balance_s.is_some() { h2 { "Force constants" } }
         div.cards {
             @for bearing in scenario.machine.bearings {
-                @for (k, truth) in truth(scenario, bearing).into_iter().enumerate().filter(|(k, _)| is_used(scenario, *k)) {
+                @for (k, truth) in truth(scenario, bearing).into_iter().enumerate().filter(|(k, _)| scenario.uses(*k)) {
                     @let of = |name: &str| last(run, &format!("estimator.{}{name}[{}]", bearing.prefix, k + 1));
                     div.card style={ "border-color:var(--magnet" (k + 1) ")" } {
                         span.name { (name_of(bearing)) "λ̂" sub { (k + 1) } }
@@ -278,6 +276,7 @@ fn figures(scenario: &Scenario, run: &Signals) -> Vec<Figure> {
     ];
     figures.extend((scenario.machine.planes > 0).then(|| unbalances(scenario, run)));
     figures.push(currents(scenario.machine, run));
+    figures.extend(sensitivity(run));
     figures
 }
 

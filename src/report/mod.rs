@@ -48,7 +48,7 @@ pub struct Report<'a> {
     /// The bearing, for the animation.
     pub bearing: Option<Bearing>,
     /// Sensitivity functions of the loop.
-    pub sensitivities: Vec<SensitivityCurve>,
+    pub sensitivities: Vec<SensitivityCurves>,
     /// Which section of the paper the run repeats, so that captions name the paper's figures.
     pub paper: Option<Paper>,
 }
@@ -142,16 +142,14 @@ impl From<&str> for ComparedEstimator {
     }
 }
 
-/// The sensitivity function of both axes for one λ of the controller.
+/// The sensitivity functions of a loop for one set of λ of the controller.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct SensitivityCurve {
-    /// When it holds: before or after the update, or at the end of the run.
+pub struct SensitivityCurves {
+    /// When they hold: before or after the update, or at the end of the run.
     pub name: String,
-    /// `[ω, |S_y|, |S_z|]` from the linearisation, ω in rad/s.
-    pub sweep: Vec<[f64; 3]>,
-    /// The same from injection in time.
-    pub injected: Vec<[f64; 3]>,
-    /// Why it is missing, if it is.
+    /// The axis of each sensor, and its `[ω, |S|]`, ω in rad/s.
+    pub axes: Vec<(String, Vec<[f64; 2]>)>,
+    /// Why they are missing, if they are.
     pub missing: Option<String>,
 }
 

@@ -5,9 +5,9 @@ use fmu_export::variable::Value;
 
 use crate::control::controller::ControllerConfig;
 use crate::estimation::EstimatorConfig;
-use crate::fmu::{controller, estimator, plant};
+use crate::fmu::{controller, estimator, plants};
 use crate::machine::PLANAR;
-use crate::plant::{PlantConfig, PlantInput};
+use crate::plant::PlantConfig;
 use crate::simulation::scenario::{Element, Scenario};
 
 /// The initial configurations of the models in the loop.
@@ -15,8 +15,6 @@ use crate::simulation::scenario::{Element, Scenario};
 pub struct Loop {
     /// The plant.
     pub plant: PlantConfig,
-    /// Its inputs: speed and load; the controller provides currents and voltages.
-    pub input: PlantInput,
     /// The controller.
     pub controller: ControllerConfig,
     /// The estimator that provides λ to the controller.
@@ -46,7 +44,7 @@ impl Scenario {
 
     /// Estimators that run beside the loop on the same data.
     pub fn observers(&self) -> &[Element] {
-        &self.elements[3..]
+        self.elements.get(3..).unwrap_or_default()
     }
 
     /// Removes the estimators beside the loop.
@@ -71,16 +69,16 @@ impl Scenario {
             let wanted = format!("{planar}: this is for the planar bearing with three magnets alone");
             return Err(vec![Invalid { name: "machine".into(), value: own.into(), wanted: wanted.into() }]);
         }
-        let (plant, input) = plant::configuration(&settings(self.plant()));
+        let (plant, _) = plants::configuration::<PlantConfig, 2, 3>(&settings(self.plant()));
         Ok(Loop {
             plant,
-            input,
             controller: controller::configuration(&settings(self.controller())),
             estimator: estimator::configuration(&settings(self.estimator())),
         })
     }
 }
 
-fn settings(element: &Element) -> Vec<(usize, Value)> {
+/// The values that an element is given, by index.
+pub(crate) fn settings(element: &Element) -> Vec<(usize, Value)> {
     element.settings.iter().map(|setting| (setting.index, setting.value.clone())).collect()
 }

@@ -14,7 +14,8 @@ use fmu_export::variable::Value;
 /// Instants to compare, in s.
 pub const INSTANTS_S: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 2.0];
 
-/// Modulation to compare: half of the smallest force at a frequency that is no harmonic of usual speeds.
+/// Modulation to compare: half of the smallest force, where there is one for all magnets at a frequency in Hz that is no harmonic of usual
+/// speeds. Where there are several, each keeps the frequency of the scenario.
 pub const MODULATION: (f64, f64) = (0.5, 110.0);
 
 /// Modulation is recommended if it improves the worst λ by this factor at the requested instant.
@@ -40,8 +41,8 @@ pub struct Precision {
     pub modulation: f64,
     /// Instants, in s.
     pub instants_s: Vec<f64>,
-    /// Relative standard deviations of the three λ at the instants.
-    pub std: Vec<[f64; 3]>,
+    /// Relative standard deviations of all λ at the instants; those of magnets that are not used are missing.
+    pub std: Vec<Vec<f64>>,
 }
 
 impl Precision {
@@ -74,8 +75,7 @@ pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision
     if let Some(step_s) = conditions.step_s {
         cases::sample_time(&mut scenario, step_s);
     }
-    let window_s = scenario.closed_loop()?.estimator.window_s;
-    montecarlo::at_speed(&mut scenario, conditions.rpm, window_s);
+    montecarlo::at_speed(&mut scenario, conditions.rpm);
     if conditions.rpm == 0.0 {
         cases::at_rest(&mut scenario);
     }
@@ -90,7 +90,11 @@ pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision
         if let Some(error) = run.error {
             return Err(Refused(vec![error]));
         }
-        let std = bound(&scenario, &run.recording, &instants_s).unwrap_or_default();
+        let mut std = bound(&scenario, &run.recording, &instants_s).unwrap_or_default();
+        for std in &mut std {
+            let mut magnets = (0..).map(|k| scenario.uses(k));
+            std.retain(|_| magnets.next() == Some(true));
+        }
         Ok(Precision { modulation, instants_s: instants_s.clone(), std })
     };
     Ok([precision(0.0)?, precision(MODULATION.0)?])
@@ -102,18 +106,28 @@ pub fn is_modulation_recommended([alone, modulated]: &[Precision; 2]) -> bool {
     alone.worst() > WORTH * modulated.worst()
 }
 
+/// The frequencies of the modulation: that of all magnets, or those of the scenario for several groups of magnets.
+fn frequencies(scenario: &Scenario) -> Vec<(String, f64)> {
+    let names = scenario.machine.of_groups("F0.modulationFrequency");
+    let is_one = names.len() == 1;
+    let frequency =
+        |name: String| (if is_one { MODULATION.1 } else { montecarlo::real(scenario, "controller", &name) }, name);
+    names.into_iter().map(frequency).map(|(frequency, name)| (name, frequency)).collect()
+}
+
 /// The recommendation in a sentence.
 #[must_use]
-pub fn advice(conditions: &Conditions, precisions: &[Precision; 2]) -> String {
+pub fn advice(scenario: &Scenario, conditions: &Conditions, precisions: &[Precision; 2]) -> String {
     let [alone, modulated] = precisions;
     let recommended = is_modulation_recommended(precisions);
     let best = if recommended { modulated } else { alone };
     let first = if recommended {
+        let frequencies: Vec<_> =
+            frequencies(scenario).iter().map(|(name, frequency)| format!("{name} = {frequency} Hz")).collect();
         format!(
-            "F0.modulation = {} at F0.modulationFrequency = {} Hz is recommended: after {} s the worst λ is known to {:.2} % instead \
-             of {:.2} %.",
+            "F0.modulation = {} at {} is recommended: after {} s the worst λ is known to {:.2} % instead of {:.2} %.",
             MODULATION.0,
-            MODULATION.1,
+            frequencies.join(", "),
             conditions.instant_s,
             100.0 * modulated.worst(),
             100.0 * alone.worst()
@@ -135,14 +149,28 @@ pub fn advice(conditions: &Conditions, precisions: &[Precision; 2]) -> String {
     )
 }
 
-/// The results as a table.
+/// The results as a table: a column for each λ, or, where there are several bearings, for the worst of each.
 #[must_use]
-pub fn table(conditions: &Conditions, precisions: &[Precision; 2]) -> Table {
+pub fn table(scenario: &Scenario, conditions: &Conditions, precisions: &[Precision; 2]) -> Table {
+    let mut columns = montecarlo::of_bearings(scenario);
+    let several = columns.len() > 1;
+    if let [(names, magnets)] = &columns[..] {
+        let names = names.split(' ').map(String::from);
+        columns = names.zip(magnets.iter().map(|k| vec![*k])).collect();
+    } else {
+        columns.iter_mut().for_each(|(names, _)| names.truncate(names.find(' ').unwrap_or(names.len())));
+    }
+    let head =
+        |modulated: &str| columns.iter().map(move |(names, _)| format!("{names}{modulated}")).collect::<Vec<_>>();
     let rows = (0..precisions[0].std.len()).map(|at| {
-        let std = |precision: &Precision| precision.std[at].map(|std| format!("{:.2}", 100.0 * std));
+        let std = |precision: &Precision| {
+            let worst = |magnets: &[usize]| magnets.iter().map(|k| precision.std[at][*k]).fold(0.0, f64::max);
+            columns.iter().map(|(_, magnets)| format!("{:.2}", 100.0 * worst(magnets))).collect::<Vec<_>>()
+        };
         let instant = format!("{} s", precisions[0].instants_s[at]);
         std::iter::once(instant).chain(precisions.iter().flat_map(std)).collect()
     });
+    let frequencies: Vec<_> = frequencies(scenario).iter().map(|(_, frequency)| frequency.to_string()).collect();
     Table {
         title: format!(
             "Standard deviation of λ in %, at {} rpm with noise of {} µm and {} mA",
@@ -151,11 +179,12 @@ pub fn table(conditions: &Conditions, precisions: &[Precision; 2]) -> Table {
             (conditions.noise[1] * 1e6).round() / 1e3,
         ),
         note: format!(
-            "Cramér–Rao bound with the reference trajectory alone and with F0 modulated by {:.0} % at {} Hz; the last row is the requested instant.",
+            "Cramér–Rao bound{} with the reference trajectory alone and with F0 modulated by {:.0} % at {} Hz; the last row is the requested instant.",
+            if several { " of the worst λ of each bearing" } else { "" },
             100.0 * MODULATION.0,
-            MODULATION.1
+            frequencies.join(", ")
         ),
-        head: ["after", "λ1", "λ2", "λ3", "λ1 modulated", "λ2 modulated", "λ3 modulated"].map(String::from).into(),
+        head: [vec!["after".to_owned()], head(""), head(" modulated")].concat(),
         rows: rows.collect(),
     }
 }

@@ -1,27 +1,24 @@
-//! The sensitivity function of the sampled loop, after ISO 14839-3: the gain from an error of a position sensor to its reading.
+//! The sensitivity function of the sampled loop of any machine, after ISO 14839-3: the gain from an error of a position sensor to its reading.
 //!
-//! With n added to the measured position, `S = y_m/n` of the closed loop, with the rotor at rest in the centre under a static
-//! load. It is computed in two independent ways: [`SampledLoop::linearise`] takes one sample of plant and controller as a map
-//! of their states, differentiates it, `z_{k+1} = A z_k + B n_k`, `y_k = C z_k + n_k`, and evaluates
+//! One sensor at a time errs, the rotor stays in the centre and turns under a static load. The loop runs in time, as in any simulation; in one
+//! sample the error is a small ±n, and half the difference of the two responses over n is the impulse response h of the linearised loop, without
+//! the curvature of the forces. With the readings `y`,
 //!
 //! ```text
-//! S(ω) = 1 + C (e^{jωT_s} − A)⁻¹ B
+//! h_k = (y_k(+n) − y_k(−n))/2n        S(ω) = Σ_k h_k e^{−jωkT_s}
 //! ```
 //!
-//! [`SampledLoop::inject`] runs plant and controller in time with a sine as n and compares amplitude and phase.
-//!
-//! This is analysis, not stepping: it allocates. Sensors have no errors and no delay.
+//! Sensors have no other errors and no delay, the rotor has no unbalance, and smallest forces are not modulated.
 
-use nalgebra::{Complex, DMatrix};
+use std::f64::consts::{PI, TAU};
 
-use crate::bearing::coil::Drive;
-use crate::control::controller::{
-    Controller, ControllerConfig, ControllerInput, ControllerState, UNKNOWNS, UpdateMode,
-};
-use crate::control::reference::Shape;
-use crate::invalid::Invalid;
-use crate::plant::sensor::SensorConfig;
-use crate::plant::{Harmonic, Plant, PlantConfig, PlantInput, PlantState};
+use nalgebra::Complex;
+
+use super::montecarlo::{cases, real};
+use crate::simulation::scenario::Scenario;
+use crate::simulation::simulate;
+use crate::table::Table;
+use fmu_export::variable::{Type, Value};
 
 /// Peaks of the sensitivity function that bound the zones A, B and C of ISO 14839-3; larger ones are in D.
 pub const ZONES: [(f64, char); 3] = [(3.0, 'A'), (4.0, 'B'), (5.0, 'C')];
@@ -31,246 +28,186 @@ pub fn zone(peak: f64) -> char {
     ZONES.iter().find(|(limit, _)| peak < *limit).map_or('D', |(_, zone)| *zone)
 }
 
-/// Time for the loop to settle, in s.
-const SETTLING_S: f64 = 0.5;
+/// Times for the loop to settle, and for a response to decay, in s: the second pair for slow loops.
+const TIMES_S: [[f64; 2]; 2] = [[0.5, 0.25], [2.0, 1.0]];
 
-/// Largest distance from the centre after settling, in m.
+/// The error of a sensor, in m: of the size of small motions of the loop.
+const ERROR_M: f64 = 1e-9;
+
+/// Part of the error that may be left of motion before it, and of its response in the end.
+const DECAYED: f64 = 1e-6;
+
+/// Largest distance of a sensor from the centre after settling, in m.
 const CENTRED_M: f64 = 1e-7;
 
-/// Number of plant states, `[Y, Z, Ẏ, Ż, ψ_1, ψ_2, ψ_3]`; the commands in effect follow.
-const PLANT: usize = 7;
-const COMMANDS: usize = 3;
-const STATES: usize = PLANT + COMMANDS + UNKNOWNS;
+/// Frequencies of a curve, from 1 Hz on.
+const FREQUENCIES: usize = 200;
 
-/// Why a sensitivity could not be computed.
+/// Why a sensitivity could not be computed: the loop does not stay at the operating point, or a parameter is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum NoSensitivity {
-    /// A configuration is refused.
-    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
-    Refused(Vec<Invalid>),
-    /// The loop does not stay at the operating point.
-    #[error("the loop does not settle: {0}")]
-    Unsettled(String),
-}
+#[error("{0}")]
+pub struct NoSensitivity(pub String);
 
-/// Plant and controller in their loop at an operating point.
+/// The responses of a loop at its operating point.
 #[derive(Clone, Debug)]
-pub struct SampledLoop {
-    plant: Plant,
-    controller: Controller,
-    load_n: [f64; 2],
-    settled: State,
+pub struct Sensitivity {
+    step_s: f64,
+    /// For each reading, its response to an error of its sensor in one sample.
+    responses: Vec<Vec<f64>>,
 }
 
-#[derive(Clone, Debug)]
-struct State {
-    plant: PlantState,
-    /// Currents or voltages held until the next sample.
-    command: [f64; COMMANDS],
-    controller: ControllerState,
-}
-
-impl SampledLoop {
-    /// The loop of a plant and a controller with the given λ, settled in the centre under a static load (y, z) in N.
+impl Sensitivity {
+    /// That of the loop of a scenario whose controller uses these λ, at the speed and under the load of its start.
     ///
     /// # Errors
     /// [`NoSensitivity`].
-    pub fn new(
-        plant: &PlantConfig,
-        controller: &ControllerConfig,
-        lambda_nm2_a2: [f64; 3],
-        load_n: [f64; 2],
-    ) -> Result<Self, NoSensitivity> {
-        let step_s = controller.law.step_s;
-        let plant = PlantConfig {
-            unbalance_kgm: 0.0,
-            harmonic: Harmonic::default(),
-            position_m: [0.0; 2],
-            velocity_m_s: [0.0; 2],
-            sensor: SensorConfig { step_s, ..SensorConfig::default() },
-            ..plant.clone()
-        };
-        let mut controller = controller.clone();
-        (controller.law.lambda0_nm2_a2, controller.law.update) = (lambda_nm2_a2, UpdateMode::Never);
-        controller.reference.shape = Shape::Ellipse;
-        // With modulation there is no operating point.
-        controller.law.modulation = 0.0;
-        (controller.reference.r_y_m, controller.reference.r_z_m) = (0.0, 0.0);
-        let plant = Plant::new(plant).map_err(NoSensitivity::Refused)?;
-        let controller = Controller::new(controller).map_err(NoSensitivity::Refused)?;
-        let settled = State { plant: plant.start(0.0), command: [0.0; COMMANDS], controller: controller.start(0.0) };
-        let mut this = Self { plant, controller, load_n, settled };
-        let mut state = this.settled.clone();
-        for _ in 0..this.samples(SETTLING_S) {
-            this.step(&mut state, [0.0; 2])?;
+    pub fn new(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Self, NoSensitivity> {
+        let scenario = at_operating_point(scenario, lambda_nm2_a2)?;
+        let [quick, slow] = TIMES_S;
+        let responses = responses(&scenario, quick).or_else(|_| responses(&scenario, slow))?;
+        Ok(Self { step_s: scenario.step_s, responses })
+    }
+
+    /// `S(ω)` of a reading, counted from 0; ω in rad/s, below half the sampling frequency.
+    pub fn at(&self, reading: usize, omega_rad_s: f64) -> Complex<f64> {
+        let turned = |(k, h): (usize, &f64)| Complex::from_polar(*h, -omega_rad_s * self.step_s * k as f64);
+        self.responses[reading].iter().enumerate().map(turned).sum()
+    }
+
+    /// `[ω, |S|]` of a reading from 1 Hz to just below half the sampling frequency, at frequencies with the same ratio.
+    pub fn curve(&self, reading: usize) -> Vec<[f64; 2]> {
+        let ratio = 0.99 * PI / self.step_s / TAU;
+        let at = |index: usize| TAU * libm::pow(ratio, index as f64 / (FREQUENCIES - 1) as f64);
+        (0..FREQUENCIES).map(at).map(|omega| [omega, self.at(reading, omega).norm()]).collect()
+    }
+}
+
+/// The point of a curve with the largest value.
+pub fn peak(curve: &[[f64; 2]]) -> Option<[f64; 2]> {
+    curve.iter().copied().max_by(|one, other| one[1].total_cmp(&other[1]))
+}
+
+/// Plant and controller alone, with the rotor in the centre and nothing that changes in time.
+fn at_operating_point(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Scenario, NoSensitivity> {
+    let (mut scenario, machine) = (scenario.clone(), scenario.machine);
+    scenario.elements.truncate(2);
+    scenario.connected.retain(|connection| [&connection.from, &connection.to].iter().all(|end| end[0] != "estimator"));
+    scenario.profiles.clear();
+    scenario.balance_s = None;
+    cases::centred(&mut scenario);
+    let step_s = real(&scenario, "controller", "Ts");
+    let plant = scenario.plant().model_type.clone();
+    let of_errors = |name: &str| name.contains("sensor.") || name.starts_with("perturbation.amplitude");
+    for variable in plant.variables().iter().filter(|variable| variable.is_settable()) {
+        if matches!(variable.data_type, Type::Real { .. }) && of_errors(&variable.name) {
+            scenario.set("plant", &variable.name, Value::Real(0.0));
         }
-        let [y, z] = state.plant.position_m;
-        if state.plant.contact || libm::hypot(y, z) > CENTRED_M {
-            return Err(NoSensitivity::Unsettled(format!("after {SETTLING_S} s the rotor is at Y = {y} m, Z = {z} m")));
-        }
-        this.settled = state;
-        Ok(this)
     }
-
-    fn samples(&self, duration_s: f64) -> usize {
-        (duration_s / self.step_s()).ceil() as usize
+    for magnitude in machine.of_planes("magnitude") {
+        scenario.set("plant", &magnitude, Value::Real(0.0));
     }
-
-    fn step_s(&self) -> f64 {
-        self.controller.config().law.step_s
+    scenario.set("plant", "sensor.Ts", Value::Real(step_s));
+    scenario.step_s = step_s;
+    for (name, lambda) in machine.of_magnets("lambda0").iter().zip(lambda_nm2_a2) {
+        scenario.set("controller", name, Value::Real(*lambda));
     }
+    scenario.set("controller", "F0.modulation", Value::Real(0.0));
+    scenario.assign("controller.update.mode", "never").map_err(NoSensitivity)?;
+    if scenario.value("controller", "reference.shape").is_some() {
+        scenario.assign("controller.reference.shape", "ellipse").map_err(NoSensitivity)?;
+    }
+    Ok(scenario)
+}
 
-    /// One sample with an error n of the position sensors, in m; returns their readings.
-    fn step(&self, state: &mut State, error_m: [f64; 2]) -> Result<[f64; 2], NoSensitivity> {
-        let unsettled = |error: &dyn std::fmt::Display| NoSensitivity::Unsettled(error.to_string());
-        let voltage = self.plant.config().coil.drive == Drive::Voltage;
-        let mut input = PlantInput { perturbation_n: self.load_n, ..PlantInput::default() };
-        if voltage {
-            input.voltage_v = state.command;
+/// The response of each reading to an error of its sensor, one after the other, with so much time to settle and for each to decay, in s.
+fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec<Vec<f64>>, NoSensitivity> {
+    let unsettled = |why: String| NoSensitivity(format!("the loop does not settle: {why}"));
+    let readings = scenario.machine.readings;
+    let inputs = readings.iter().map(|reading| ["controller".to_owned(), reading.name.to_owned()]);
+    let connections = scenario.connections();
+    let places: Vec<usize> =
+        inputs.filter_map(|input| connections.iter().position(|connection| connection.to == input)).collect();
+    let [settling, window] = [settling_s, decay_s].map(|time_s| (time_s / scenario.step_s).ceil() as usize);
+    let mut scenario = scenario.clone();
+    scenario.duration_s = (settling + 2 * places.len() * window) as f64 * scenario.step_s;
+    let mut rest_m: Vec<Vec<f64>> = vec![Vec::new(); places.len()];
+    let mut read_m: Vec<Vec<f64>> = vec![Vec::new(); 2 * places.len()];
+    let mut sample = 0;
+    let alter = |_: f64, carried: &mut [Value]| {
+        let turn = sample.max(settling) - settling;
+        let (pulse, late) = ((turn / window).min(2 * places.len() - 1), turn % window);
+        if sample < settling {
+            rest_m.iter_mut().zip(&places).for_each(|(rest_m, place)| rest_m.push(carried[*place].clone().as_f64()));
         } else {
-            input.current_a = state.command;
+            let place = places[pulse / 2];
+            let error_m = match (late, pulse % 2) {
+                (0, 0) => ERROR_M,
+                (0, _) => -ERROR_M,
+                _ => 0.0,
+            };
+            let reading_m = carried[place].clone().as_f64() + error_m;
+            read_m[pulse].push(reading_m);
+            carried[place] = Value::Real(reading_m);
         }
-        // The loop is time-invariant, and a constant time keeps rounding out of the differences.
-        let mut plant = state.plant.clone();
-        let now_s = plant.time_s;
-        let current_a = self.plant.outputs(&plant, &input, now_s).current_a;
-        let position_m = std::array::from_fn(|a| plant.position_m[a] + error_m[a]);
-        let reading = ControllerInput { position_m, current_a, ..ControllerInput::default() };
-        let output = self.controller.sample(&mut state.controller, &reading).map_err(|error| unsettled(&error))?;
-        self.plant.advance(&mut plant, &input, now_s, self.step_s()).map_err(|error| unsettled(&error))?;
-        state.plant = plant;
-        state.command = if voltage { output.voltage_v } else { output.current_a };
-        Ok(position_m)
+        sample += 1;
+    };
+    let run = simulate::run_altered(&scenario, |_| false, alter, |_| ());
+    let run = run.map_err(|refused| NoSensitivity(refused.0.join("; ")))?;
+    if let Some(error) = run.error {
+        return Err(unsettled(error));
     }
-
-    fn vector(state: &State) -> [f64; STATES] {
-        let mut z = [0.0; STATES];
-        let plant = &state.plant;
-        z[..2].copy_from_slice(&plant.position_m);
-        z[2..4].copy_from_slice(&plant.velocity_m_s);
-        z[4..PLANT].copy_from_slice(&plant.linkage_wb);
-        z[PLANT..PLANT + COMMANDS].copy_from_slice(&state.command);
-        z[PLANT + COMMANDS..].copy_from_slice(&state.controller.unknowns());
-        z
-    }
-
-    fn state(&self, z: &[f64; STATES]) -> State {
-        let mut state = self.settled.clone();
-        let plant = &mut state.plant;
-        plant.position_m.copy_from_slice(&z[..2]);
-        plant.velocity_m_s.copy_from_slice(&z[2..4]);
-        plant.linkage_wb.copy_from_slice(&z[4..PLANT]);
-        state.command.copy_from_slice(&z[PLANT..PLANT + COMMANDS]);
-        state.controller.set_unknowns(std::array::from_fn(|index| z[PLANT + COMMANDS + index]));
-        state
-    }
-
-    /// The loop linearised at the operating point, by central differences of one sample.
-    ///
-    /// # Errors
-    /// [`NoSensitivity::Unsettled`].
-    pub fn linearise(&self) -> Result<Linear, NoSensitivity> {
-        let voltage = self.plant.config().coil.drive == Drive::Voltage;
-        // Increments of the size of small motions of the loop: position, velocity, flux, current or voltage.
-        let [m, m_s, wb, command] = [1e-9, 1e-6, 1e-7, if voltage { 1e-3 } else { 1e-5 }];
-        let mut increments = [0.0; STATES];
-        increments[..2].fill(m);
-        increments[2..4].fill(m_s);
-        increments[4..PLANT].fill(wb);
-        increments[PLANT..PLANT + COMMANDS].fill(command);
-        increments[PLANT + COMMANDS..].copy_from_slice(&ControllerState::INCREMENTS);
-        let at = Self::vector(&self.settled);
-        let image = |z: &[f64; STATES], error_m: [f64; 2]| -> Result<[f64; STATES], NoSensitivity> {
-            let mut state = self.state(z);
-            self.step(&mut state, error_m)?;
-            Ok(Self::vector(&state))
-        };
-        let mut a = DMatrix::zeros(STATES, STATES);
-        // With current drive, fluxes and voltages are not states: they are constant and have no effect.
-        let idle = |index: usize| !voltage && ((4..PLANT).contains(&index) || index >= STATES - 2 * COMMANDS);
-        for (column, increment) in increments.into_iter().enumerate().filter(|(column, _)| !idle(*column)) {
-            let (mut above, mut below) = (at, at);
-            above[column] += increment;
-            below[column] -= increment;
-            let (above, below) = (image(&above, [0.0; 2])?, image(&below, [0.0; 2])?);
-            for row in (0..STATES).filter(|row| !idle(*row)) {
-                a[(row, column)] = (above[row] - below[row]) / (2.0 * increment);
-            }
+    for (rest_m, reading) in rest_m.iter().zip(readings) {
+        let (last_m, before_m) = (rest_m[settling - 1], rest_m[settling - 1 - settling / 10]);
+        let is_still = (last_m - before_m).abs() <= DECAYED * ERROR_M && last_m.abs() <= CENTRED_M;
+        if !is_still {
+            return Err(unsettled(format!("after {settling_s} s {} reads {last_m} m", reading.name)));
         }
-        let mut b = DMatrix::zeros(STATES, 2);
-        for column in 0..2 {
-            let error = |size: f64| std::array::from_fn(|axis| if axis == column { size } else { 0.0 });
-            let (above, below) = (image(&at, error(m))?, image(&at, error(-m))?);
-            for row in 0..STATES {
-                b[(row, column)] = (above[row] - below[row]) / (2.0 * m);
-            }
-        }
-        Ok(Linear { a, b, step_s: self.step_s() })
     }
-
-    /// `S` of one axis (0 for y, 1 for z) by injection of `periods` of a sine with the given amplitude in m over `samples`
-    /// samples, after as many for transients to decay. Returns the angular frequency in rad/s, and S.
-    ///
-    /// # Errors
-    /// [`NoSensitivity::Unsettled`].
-    pub fn inject(
-        &self,
-        axis: usize,
-        amplitude_m: f64,
-        periods: usize,
-        samples: usize,
-    ) -> Result<(f64, Complex<f64>), NoSensitivity> {
-        let mut state = self.settled.clone();
-        let mut sum = Complex::new(0.0, 0.0);
-        for sample in 0..2 * samples {
-            let turns = (sample * periods % samples) as f64 / samples as f64;
-            let phase = std::f64::consts::TAU * turns;
-            let mut error_m = [0.0; 2];
-            error_m[axis] = amplitude_m * libm::sin(phase);
-            let read = self.step(&mut state, error_m)?;
-            if sample >= samples {
-                sum += Complex::from_polar(read[axis], -phase);
-            }
+    let response = |(pair, reading): (&[Vec<f64>], &crate::machine::Reading)| {
+        let response: Vec<f64> = pair[0].iter().zip(&pair[1]).map(|(up, down)| (up - down) / (2.0 * ERROR_M)).collect();
+        let left = response[window - window / 10..].iter().fold(0.0, |left: f64, h| left.max(h.abs()));
+        if left > DECAYED {
+            let name = reading.name;
+            return Err(unsettled(format!("{decay_s} s after an error of {name} it reads {left:.1e} times as much")));
         }
-        // For a sin(ωt), this sum is −j a N/2.
-        let gain = sum * Complex::new(0.0, 2.0 / (samples as f64 * amplitude_m));
-        Ok((std::f64::consts::TAU * periods as f64 / (samples as f64 * self.step_s()), gain))
-    }
+        Ok(response)
+    };
+    read_m.chunks(2).zip(readings).map(response).collect()
 }
 
-/// A sampled loop as a linear map.
-#[derive(Clone, Debug)]
-pub struct Linear {
-    a: DMatrix<f64>,
-    b: DMatrix<f64>,
-    step_s: f64,
-}
-
-impl Linear {
-    /// A of `z_{k+1} = A z_k + B n_k`.
-    pub fn transition(&self) -> &DMatrix<f64> {
-        &self.a
+/// The peaks with the first guess of λ and with the true λ, a row for each sensor.
+pub fn table(scenario: &Scenario) -> Table {
+    let machine = scenario.machine;
+    let lambda = |element: &str, name: &str| {
+        machine.of_magnets(name).iter().map(|name| real(scenario, element, name)).collect::<Vec<_>>()
+    };
+    let found =
+        [lambda("controller", "lambda0"), lambda("plant", "lambda")].map(|lambda| Sensitivity::new(scenario, &lambda));
+    let rpm = real(scenario, "plant", "omega") * 60.0 / TAU;
+    let speed = if machine.planes > 0 { format!(" at {rpm:.0} rpm") } else { String::new() };
+    let mut note = format!(
+        "Gain from an error of one position sensor to its reading, with the rotor in the centre{speed} under its static load. Zones of \
+         ISO 14839-3: A below 3, B below 4, C below 5, else D."
+    );
+    for (found, which) in found.iter().zip(["the first guess of λ", "the true λ"]) {
+        if let Err(why) = found {
+            note += &format!(" With {which} there is none: {why}.");
+        }
     }
-
-    /// `S(ω)` as a matrix: columns by the axis of the error, rows by the axis of the reading; ω in rad/s, below half the
-    /// sampling frequency. `None` at a pole.
-    pub fn sensitivity(&self, omega_rad_s: f64) -> Option<[[Complex<f64>; 2]; 2]> {
-        let z = Complex::from_polar(1.0, omega_rad_s * self.step_s);
-        let system = DMatrix::from_fn(STATES, STATES, |row, column| {
-            let a = Complex::new(self.a[(row, column)], 0.0);
-            if row == column { z - a } else { -a }
+    let row = |(n, reading): (usize, &crate::machine::Reading)| {
+        let cells = found.iter().flat_map(|found| {
+            let peak = found.as_ref().ok().and_then(|found| peak(&found.curve(n)));
+            match peak {
+                Some([omega, peak]) => [format!("{peak:.2}"), format!("{:.0}", omega / TAU), zone(peak).to_string()],
+                None => ["–", "–", "–"].map(String::from),
+            }
         });
-        let x = system.lu().solve(&self.b.map(|value| Complex::new(value, 0.0)))?;
-        let one = |row, column| if row == column { Complex::new(1.0, 0.0) } else { Complex::new(0.0, 0.0) };
-        Some(std::array::from_fn(|row| std::array::from_fn(|column| one(row, column) + x[(row, column)])))
-    }
-
-    /// `[ω, |S_yy|, |S_zz|]` at `count` frequencies, logarithmically spaced from `from_rad_s` to just below half the sampling
-    /// frequency.
-    pub fn sweep(&self, from_rad_s: f64, count: usize) -> Vec<[f64; 3]> {
-        let ratio = 0.99 * std::f64::consts::PI / self.step_s / from_rad_s;
-        let at = |index: usize| from_rad_s * libm::pow(ratio, index as f64 / (count.max(2) - 1) as f64);
-        let one = |omega| self.sensitivity(omega).map(|s| [omega, s[0][0].norm(), s[1][1].norm()]);
-        (0..count).filter_map(|index| one(at(index))).collect()
+        [reading.name.to_owned()].into_iter().chain(cells).collect()
+    };
+    Table {
+        title: "Peak of the sensitivity function".into(),
+        note,
+        head: ["", "first guess", "Hz", "zone", "true λ", "Hz", "zone"].map(String::from).into(),
+        rows: machine.readings.iter().enumerate().map(row).collect(),
     }
 }

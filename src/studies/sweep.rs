@@ -24,7 +24,6 @@ use sha2::{Digest, Sha256};
 use crate::progress::Progress;
 use crate::simulation::scenario::{BUILT_IN, Scenario};
 use crate::simulation::simulate::{self, Run};
-use fmu_export::variable::Value;
 
 /// Length of the stretch at the end of a run over which tracking is judged, in seconds.
 const STRETCH_S: f64 = 0.04;
@@ -64,6 +63,8 @@ pub struct Sweep {
     scenario: Scenario,
     /// The text of the scenario.
     scenario_text: String,
+    /// What is told of each case.
+    results: Vec<Figure>,
     /// Headers of the columns, `element.variable` or `element.variable [unit]`.
     columns: Vec<String>,
     /// A cell per column; an empty one leaves the scenario's value.
@@ -130,13 +131,8 @@ impl Sweep {
             let (columns, cases) = table(&text).map_err(|finding| SweepError::new(path, finding))?;
             Self::new(scenario.map(PathBuf::from), columns, cases)?
         };
-        // The columns of the result are those of a planar bearing.
-        let wrong = design.scenario.closed_loop().err().unwrap_or_default();
-        let mut findings: Vec<String> = wrong.iter().map(ToString::to_string).collect();
-        for column in &design.columns {
-            let (variable, _) = split(column);
-            findings.extend(design.scenario.settable(variable).err());
-        }
+        let findings: Vec<String> =
+            design.columns.iter().filter_map(|column| design.scenario.settable(split(column).0).err()).collect();
         if findings.is_empty() { Ok(design) } else { Err(SweepError { findings, ..SweepError::new(path, "") }) }
     }
 
@@ -150,7 +146,8 @@ impl Sweep {
         let mut scenario = Scenario::parse(&name.display().to_string(), &scenario_text)
             .map_err(|error| SweepError { origin: error.origin, findings: error.findings })?;
         scenario.remove_observers();
-        Ok(Self { scenario, scenario_text, columns, cases })
+        let results = results(&scenario);
+        Ok(Self { scenario, scenario_text, results, columns, cases })
     }
 
     /// Number of cases.
@@ -180,7 +177,7 @@ impl Sweep {
 
     /// The header of the result.
     fn header(&self) -> Vec<String> {
-        let figures = RESULTS.iter().map(|(name, _)| (*name).to_owned());
+        let figures = self.results.iter().map(|result| result.name.clone());
         ["case", "seed", "status"]
             .map(String::from)
             .into_iter()
@@ -230,7 +227,7 @@ impl Sweep {
         let scenario = self.scenario(case);
         let seed = scenario.as_ref().ok().and_then(|scenario| scenario.value("plant", "sensor.seed"));
         let seed = seed.map_or(String::new(), |seed| seed.as_f64().to_string());
-        let wanted = |name: &str| RESULTS.iter().any(|(_, result)| result.source() == Some(name));
+        let wanted = |name: &str| self.results.iter().any(|result| result.source == name);
         let outcome = scenario.and_then(|scenario| {
             let run = catch_unwind(AssertUnwindSafe(|| simulate::run_for(&scenario, wanted, |_| ())));
             match run {
@@ -241,10 +238,10 @@ impl Sweep {
         });
         let (status, figures) = match outcome {
             Ok((scenario, run)) => {
-                let figures = RESULTS.iter().map(|(_, result)| result.of(&scenario, &run)).collect();
+                let figures = self.results.iter().map(|result| result.of(&scenario, &run)).collect();
                 (run.error.unwrap_or_else(|| "ok".into()), figures)
             }
-            Err(why) => (why, vec![String::new(); RESULTS.len()]),
+            Err(why) => (why, vec![String::new(); self.results.len()]),
         };
         [(case + 1).to_string(), seed, status.replace('\n', " ")]
             .into_iter()
@@ -381,57 +378,71 @@ fn is_failed(row: &[String]) -> bool {
 }
 
 /// A result of a run.
-enum Figure {
-    /// The last value of an output of the loop.
-    Last(&'static str),
-    /// `λ̂/λ − 1` of a magnet, counted from 0.
-    Error(usize),
-    /// The largest magnitude of an output at the end of the run.
-    Tracking(&'static str),
+#[derive(Clone)]
+struct Figure {
+    /// Header of its column.
+    name: String,
+    /// The output that it is taken from, as element and variable joined by a dot.
+    source: String,
+    of: Of,
 }
 
-/// The result columns, after case, seed and status.
-const RESULTS: [(&str, Figure); 17] = [
-    ("valid", Figure::Last("estimator.valid")),
-    ("lambdaHat[1] [N.m2/A2]", Figure::Last("estimator.lambdaHat[1]")),
-    ("lambdaHat[2] [N.m2/A2]", Figure::Last("estimator.lambdaHat[2]")),
-    ("lambdaHat[3] [N.m2/A2]", Figure::Last("estimator.lambdaHat[3]")),
-    ("lambdaStd[1] [N.m2/A2]", Figure::Last("estimator.lambdaStd[1]")),
-    ("lambdaStd[2] [N.m2/A2]", Figure::Last("estimator.lambdaStd[2]")),
-    ("lambdaStd[3] [N.m2/A2]", Figure::Last("estimator.lambdaStd[3]")),
-    ("error[1]", Figure::Error(0)),
-    ("error[2]", Figure::Error(1)),
-    ("error[3]", Figure::Error(2)),
-    ("condition", Figure::Last("estimator.condition")),
-    ("residual", Figure::Last("estimator.residual")),
-    ("unbalance.magnitude [kg.m]", Figure::Last("estimator.unbalance.magnitude")),
-    ("unbalance.phase [rad]", Figure::Last("estimator.unbalance.phase")),
-    ("pZHat [N]", Figure::Last("estimator.pZHat")),
-    ("tracking.Y [m]", Figure::Tracking("controller.eY")),
-    ("tracking.Z [m]", Figure::Tracking("controller.eZ")),
-];
+/// What is taken from an output.
+#[derive(Clone)]
+enum Of {
+    /// Its last value.
+    Last,
+    /// `λ̂/λ − 1`, with the name of λ.
+    Error(String),
+    /// Its largest magnitude at the end of the run.
+    Tracking,
+}
+
+/// The result columns of a machine, after case, seed and status.
+fn results(scenario: &Scenario) -> Vec<Figure> {
+    let machine = scenario.machine;
+    let unit = |at: usize, name: &str| {
+        let found = scenario.elements[at].model_type.variables().iter().find(|variable| variable.name == name);
+        match found.map_or("", |variable| variable.unit_name()) {
+            "" | "1" => String::new(),
+            unit => format!(" [{unit}]"),
+        }
+    };
+    let last = |name: String| Figure {
+        source: format!("estimator.{name}"),
+        name: format!("{name}{}", unit(2, &name)),
+        of: Of::Last,
+    };
+    let error = |(name, truth): (String, String)| {
+        let source = format!("estimator.{}", truth.replace("lambda", "lambdaHat"));
+        Figure { name, source, of: Of::Error(truth) }
+    };
+    let tracking = |(name, error): (String, String)| {
+        let name = format!("{}{}", name.replace("reference.", "tracking."), unit(1, &error));
+        Figure { name, source: format!("controller.{error}"), of: Of::Tracking }
+    };
+    let of_magnets = |name: &str| machine.of_magnets(name).into_iter();
+    let estimates = [machine.of_planes("magnitude"), machine.of_planes("phase"), machine.of_loads("p", "Hat")].concat();
+    [last("valid".into())]
+        .into_iter()
+        .chain(of_magnets("lambdaHat").chain(of_magnets("lambdaStd")).map(last))
+        .chain(of_magnets("error").zip(machine.of_magnets("lambda")).map(error))
+        .chain(["condition", "residual"].map(String::from).into_iter().chain(estimates).map(last))
+        .chain(machine.of_references().into_iter().zip(machine.of_readings("e")).map(tracking))
+        .collect()
+}
 
 impl Figure {
-    fn source(&self) -> Option<&'static str> {
-        match self {
-            Figure::Last(source) | Figure::Tracking(source) => Some(source),
-            Figure::Error(_) => None,
-        }
-    }
-
     /// The result as text, with as many digits as needed to read the same number again; empty if there is none.
     fn of(&self, scenario: &Scenario, run: &Run) -> String {
-        let column = |name: &str| run.recording.get(name).unwrap_or(&[]);
-        let value = match self {
-            Figure::Last(source) => column(source).last().copied(),
-            Figure::Error(k) => {
-                let hat = column(&format!("estimator.lambdaHat[{}]", k + 1)).last();
-                let truth = scenario.value("plant", &format!("lambda[{}]", k + 1)).map(Value::as_f64);
-                hat.zip(truth).map(|(hat, truth)| hat / truth - 1.0)
-            }
-            Figure::Tracking(source) => {
+        let column = run.recording.get(&self.source).unwrap_or(&[]);
+        let last = column.last().copied();
+        let value = match &self.of {
+            Of::Last => last,
+            Of::Error(truth) => last.zip(scenario.value("plant", truth)).map(|(hat, truth)| hat / truth.as_f64() - 1.0),
+            Of::Tracking => {
                 let points = (STRETCH_S / scenario.step_s).round() as usize;
-                column(source).iter().rev().take(points).map(|error| error.abs()).reduce(f64::max)
+                column.iter().rev().take(points).map(|error| error.abs()).reduce(f64::max)
             }
         };
         value.map_or(String::new(), |value| format!("{value:e}"))

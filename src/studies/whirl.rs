@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Complex, Matrix2, Matrix4, Schur, Vector2};
 
-use crate::bearing::shaft::COORDINATES;
+use crate::machine::{MACHINES, Machine};
 use crate::simulation::scenario::Scenario;
 use crate::table::Table;
 use fmu_export::variable::Value;
@@ -43,8 +43,15 @@ impl Whirl {
     /// # Errors
     /// A finding about the scenario, the stiffness or the damping.
     pub fn new(scenario: &Scenario, stiffness_n_m: f64, damping_ns_m: f64) -> Result<Self, String> {
-        if scenario.machine.coordinates.len() != COORDINATES {
-            return Err(format!("machine = {} is refused: expected spindle or spindle4", scenario.machine.name));
+        let tilts = |machine: &Machine| machine.coordinates.iter().any(|coordinate| coordinate.is_angle);
+        if !tilts(scenario.machine) {
+            let those: Vec<_> = MACHINES.iter().filter(|machine| tilts(machine)).map(|machine| machine.name).collect();
+            return Err(format!(
+                "machine = {} is refused: its rotor does not tilt; whirl needs a shaft in two radial bearings, with its moments of inertia, \
+                 as in {}",
+                scenario.machine.name,
+                those.join(", ")
+            ));
         }
         let positive = |name: &str, value: f64, unit: &str, least: bool| match value.is_finite()
             && (value > 0.0 || least && value == 0.0)

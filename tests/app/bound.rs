@@ -1,11 +1,10 @@
 //! The Cramér–Rao bound against the inverse of the Fisher information of the joint likelihood, written out as one large least-squares
-//! problem.
+//! problem: for a rotor in one bearing, and for a shaft that tilts.
 
 use std::f64::consts::TAU;
 
-use magnetic_bearing::bearing::magnet::Geometry;
-use magnetic_bearing::studies::montecarlo::bound::{Bearing, Bound, Interval};
-use nalgebra::{DMatrix, Matrix4};
+use magnetic_bearing::studies::montecarlo::bound::{Bound, Interval, Rotor};
+use nalgebra::{DMatrix, DVector};
 
 const SAMPLES: usize = 100;
 const STEP_S: f64 = 2e-4;
@@ -13,29 +12,62 @@ const SPEED_RAD_S: f64 = 100.0 * TAU;
 /// Speeds up by a fifth of the speed in a revolution, so that the terms with ω̇ matter.
 const ACCELERATION_RAD_S2: f64 = 0.2 * 100.0 * SPEED_RAD_S;
 
-fn bearing() -> Bearing {
-    Bearing {
+/// A rotor in the plane between three magnets.
+fn planar() -> Rotor {
+    Rotor {
         // With these an error grows about twentyfold over the samples through the negative stiffness: enough to matter, and little enough for
         // the large problem to be well conditioned.
-        m_kg: 9.0,
-        geometry: Geometry::new(6e-4, [0.1, 2.0, 4.4]),
-        lambda_nm2_a2: [1.5e-6, 2e-6, 2.6e-6],
+        inertia: DVector::from_element(2, 9.0),
+        gyroscopic: DMatrix::zeros(2, 2),
+        directions: DMatrix::from_columns(
+            &[0.1, 2.0, 4.4].map(|alpha: f64| DVector::from(vec![alpha.sin(), alpha.cos()])),
+        ),
+        gap_m: vec![6e-4; 3],
+        lambda_nm2_a2: vec![1.5e-6, 2e-6, 2.6e-6],
+        planes: vec![[DVector::from(vec![1.0, 0.0]), DVector::from(vec![0.0, 1.0])]],
+        readings: DMatrix::identity(2, 2),
         position_noise_m: 2e-7,
         current_noise_a: 2e-2,
     }
 }
 
-fn intervals() -> Vec<Interval> {
+/// A shaft that tilts: magnets 0.1 m before and behind the centre of gravity, sensors beside them, coordinates Y, Z, β, γ.
+fn tilting() -> Rotor {
+    // A force at ξ has the moments (−ξ F_z, ξ F_y).
+    let at = |position: f64, y: f64, z: f64| DVector::from(vec![y, z, -position * z, position * y]);
+    let magnets = [-0.1, 0.1].into_iter().flat_map(|position| [0.1, 2.0, 4.4].map(|alpha: f64| (position, alpha)));
+    let directions: Vec<_> = magnets.map(|(position, alpha)| at(position, alpha.sin(), alpha.cos())).collect();
+    let readings =
+        [-0.12, 0.09].map(|position| [at(position, 1.0, 0.0).transpose(), at(position, 0.0, 1.0).transpose()]);
+    let mut gyroscopic = DMatrix::zeros(4, 4);
+    (gyroscopic[(2, 3)], gyroscopic[(3, 2)]) = (-0.03, 0.03);
+    Rotor {
+        inertia: DVector::from(vec![18.0, 18.0, 0.2, 0.2]),
+        gyroscopic,
+        directions: DMatrix::from_columns(&directions),
+        gap_m: vec![6e-4; 6],
+        lambda_nm2_a2: vec![1.5e-6, 2e-6, 2.6e-6, 2.4e-6, 1.8e-6, 2.1e-6],
+        planes: vec![[at(0.05, 1.0, 0.0), at(0.05, 0.0, 1.0)]],
+        readings: DMatrix::from_rows(&readings.concat()),
+        position_noise_m: 2e-7,
+        current_noise_a: 2e-2,
+    }
+}
+
+fn intervals(rotor: &Rotor) -> Vec<Interval> {
     let middle = |n: usize| (n as f64 + 0.5) * STEP_S;
     (0..SAMPLES - 1)
         .map(|n| {
             let t = middle(n);
             let theta_rad = SPEED_RAD_S * t + 0.5 * ACCELERATION_RAD_S2 * t * t;
-            let current = |k: f64| 3.0 + 1.5 * (theta_rad + 2.0 * k).sin() + 0.5 * (3.0 * theta_rad + k).cos();
+            let current =
+                |k: usize| 3.0 + 1.5 * (theta_rad + 2.0 * k as f64).sin() + 0.5 * (3.0 * theta_rad + k as f64).cos();
+            let moved =
+                [6e-5 * theta_rad.cos(), 4e-5 * theta_rad.sin(), 1e-4 * theta_rad.sin(), 5e-5 * theta_rad.cos()];
             Interval {
                 length_s: STEP_S,
-                position_m: [6e-5 * theta_rad.cos(), 4e-5 * theta_rad.sin()],
-                current_a: [current(0.0), current(1.0), current(2.0)],
+                position_m: moved[..rotor.inertia.len()].to_vec(),
+                current_a: (0..rotor.lambda_nm2_a2.len()).map(current).collect(),
                 theta_rad,
                 omega_rad_s: SPEED_RAD_S + ACCELERATION_RAD_S2 * t,
                 acceleration_rad_s2: ACCELERATION_RAD_S2,
@@ -44,99 +76,103 @@ fn intervals() -> Vec<Interval> {
         .collect()
 }
 
-fn filtered(bearing: Bearing) -> [f64; 3] {
-    let mut bound = Bound::new(bearing);
+fn filtered(rotor: Rotor) -> Vec<f64> {
+    let intervals = intervals(&rotor);
+    let mut bound = Bound::new(rotor);
     bound.measure();
-    for interval in intervals() {
+    for interval in intervals {
         bound.predict(&interval);
         bound.measure();
     }
     bound.lambda()
 }
 
-/// Unknowns of the large problem: initial motion, λ, unbalance, load, and the noise of each current in each interval.
-const UNKNOWNS: usize = 4 + 7 + 3 * (SAMPLES - 1);
-
-/// The bound from the sensitivities of all positions to all unknowns.
-fn brute_force(bearing: &Bearing) -> [f64; 3] {
-    let m = bearing.m_kg;
+/// The bound from the sensitivities of all positions to all unknowns: initial motion, λ, unbalance, load, and the noise of each current in
+/// each interval.
+fn brute_force(rotor: &Rotor) -> Vec<f64> {
+    let (n, k) = (rotor.inertia.len(), rotor.lambda_nm2_a2.len());
+    let (motion, loads) = (2 * n, 2 * n + k + 2);
+    let noises = loads + n;
+    let unknowns = noises + k * (SAMPLES - 1);
     // Units that keep the information matrix well conditioned.
-    let unit = |n: usize| match n {
-        0 | 1 => 1e-7,
-        2 | 3 => 1e-3,
-        4..=6 => 1e-8,
-        7 | 8 => 1e-6,
-        9 | 10 => 1.0,
-        _ => bearing.current_noise_a,
+    let unit = |at: usize| match at {
+        _ if at < n => 1e-7,
+        _ if at < motion => 1e-3,
+        _ if at < motion + k => 1e-8,
+        _ if at < loads => 1e-6,
+        _ if at < noises => 1.0,
+        _ => rotor.current_noise_a,
     };
-    let mut information = DMatrix::<f64>::zeros(UNKNOWNS, UNKNOWNS);
-    for n in 11..UNKNOWNS {
-        information[(n, n)] = 1.0;
+    let mut information = DMatrix::<f64>::zeros(unknowns, unknowns);
+    for at in noises..unknowns {
+        information[(at, at)] = 1.0;
     }
     let mut observe = |sensitivity: &DMatrix<f64>| {
-        for axis in 0..2 {
-            let row = DMatrix::from_fn(1, UNKNOWNS, |_, n| sensitivity[(axis, n)] * unit(n) / bearing.position_noise_m);
-            information += row.transpose() * row;
+        let mut rows = &rotor.readings * sensitivity.rows(0, n) / rotor.position_noise_m;
+        for (at, mut column) in rows.column_iter_mut().enumerate() {
+            column *= unit(at);
         }
+        information.gemm_tr(1.0, &rows, &rows, 1.0);
     };
-    let mut sensitivity = DMatrix::<f64>::identity(4, UNKNOWNS);
+    let mut sensitivity = DMatrix::<f64>::identity(motion, unknowns);
     observe(&sensitivity);
-    for (index, interval) in intervals().iter().enumerate() {
-        let mut motion = Matrix4::<f64>::zeros();
-        motion[(0, 2)] = 1.0;
-        motion[(1, 3)] = 1.0;
-        let mut force = DMatrix::<f64>::zeros(4, UNKNOWNS);
-        for k in 0..3 {
-            let e = bearing.geometry.directions[k];
-            let gap = bearing.geometry.gap_m[0] - e[0] * interval.position_m[0] - e[1] * interval.position_m[1];
-            let (i, lambda) = (interval.current_a[k], bearing.lambda_nm2_a2[k]);
-            for a in 0..2 {
-                for b in 0..2 {
-                    motion[(2 + a, b)] += 2.0 * lambda * i * i / gap.powi(3) * e[a] * e[b] / m;
+    for (index, interval) in intervals(rotor).iter().enumerate() {
+        let mut moving = DMatrix::<f64>::zeros(motion, motion);
+        let mut force = DMatrix::<f64>::zeros(motion, unknowns);
+        for a in 0..n {
+            moving[(a, n + a)] = 1.0;
+            let m = rotor.inertia[a];
+            for b in 0..n {
+                moving[(n + a, n + b)] = interval.omega_rad_s * rotor.gyroscopic[(a, b)] / m;
+            }
+            for magnet in 0..k {
+                let d = |b: usize| rotor.directions[(b, magnet)];
+                let gap = rotor.gap_m[magnet] - (0..n).map(|b| d(b) * interval.position_m[b]).sum::<f64>();
+                let (i, lambda) = (interval.current_a[magnet], rotor.lambda_nm2_a2[magnet]);
+                for b in 0..n {
+                    moving[(n + a, b)] += 2.0 * lambda * i * i / gap.powi(3) * d(a) * d(b) / m;
                 }
-                force[(2 + a, 4 + k)] = i * i / (gap * gap) * e[a] / m;
-                force[(2 + a, 11 + 3 * index + k)] = 2.0 * lambda * i / (gap * gap) * e[a] / m;
+                force[(n + a, motion + magnet)] = i * i / (gap * gap) * d(a) / m;
+                force[(n + a, noises + k * index + magnet)] = 2.0 * lambda * i / (gap * gap) * d(a) / m;
             }
-        }
-        // U turns with the rotor: the force is that of the second derivative of −(cos θ, sin θ).
-        let turned = |quarter: f64| {
-            let (sin, cos) = (interval.theta_rad + quarter).sin_cos();
-            let (w, dw) = (interval.omega_rad_s, interval.acceleration_rad_s2);
-            [w * w * cos + dw * sin, w * w * sin - dw * cos]
-        };
-        for (n, quarter) in [(7, 0.0), (8, TAU / 4.0)] {
-            for a in 0..2 {
-                force[(2 + a, n)] = turned(quarter)[a] / m;
+            // U turns with the rotor: the force is that of the second derivative of −(cos θ, sin θ).
+            let [y, z] = &rotor.planes[0];
+            for (at, quarter) in [(loads - 2, 0.0), (loads - 1, TAU / 4.0)] {
+                let (sin, cos) = (interval.theta_rad + quarter).sin_cos();
+                let (w, dw) = (interval.omega_rad_s, interval.acceleration_rad_s2);
+                force[(n + a, at)] = ((w * w * cos + dw * sin) * y[a] + (w * w * sin - dw * cos) * z[a]) / m;
             }
+            force[(n + a, loads + a)] = 1.0 / m;
         }
-        force[(2, 9)] = 1.0 / m;
-        force[(3, 10)] = 1.0 / m;
         // ẋ = A x + B over the interval by its Taylor series.
-        let mut derivative = motion * &sensitivity + force;
+        let mut derivative = &moving * &sensitivity + force;
         let mut factor = 1.0;
         for order in 1..12 {
             factor *= STEP_S / f64::from(order);
             sensitivity += &derivative * factor;
-            derivative = motion * derivative;
+            derivative = &moving * derivative;
         }
         observe(&sensitivity);
     }
     let covariance = information.cholesky().expect("everything can be identified").inverse();
-    [0, 1, 2].map(|k| covariance[(4 + k, 4 + k)].sqrt() * unit(4 + k) / bearing.lambda_nm2_a2[k])
+    let of = |at: usize| covariance[(motion + at, motion + at)].sqrt() * unit(motion + at) / rotor.lambda_nm2_a2[at];
+    (0..k).map(of).collect()
 }
 
 #[test]
 fn the_filter_has_the_covariance_of_the_whole_likelihood() {
     /// The filter starts with a wide but finite prior, and its covariance is rounded in every step.
     const TOLERANCE: f64 = 2e-4;
-    for current_noise_a in [0.0, 5e-3, 5e-2] {
-        // A prior of zero width cannot be written as a least-squares problem.
-        let bearing = Bearing { current_noise_a: f64::max(current_noise_a, 1e-9), ..bearing() };
-        let (expected, found) = (brute_force(&bearing), filtered(bearing));
-        println!("{current_noise_a} A: {found:.6?}, likelihood {expected:.6?}");
-        for k in 0..3 {
-            let miss = (found[k] / expected[k] - 1.0).abs();
-            assert!(miss < TOLERANCE, "λ{}: {} for {}, tolerance {TOLERANCE}", k + 1, found[k], expected[k]);
+    for rotor in [planar(), tilting()] {
+        for current_noise_a in [0.0, 5e-3, 5e-2] {
+            // A prior of zero width cannot be written as a least-squares problem.
+            let rotor = Rotor { current_noise_a: f64::max(current_noise_a, 1e-9), ..rotor.clone() };
+            let (expected, found) = (brute_force(&rotor), filtered(rotor));
+            println!("{current_noise_a} A: {found:.6?}, likelihood {expected:.6?}");
+            for (k, (found, expected)) in found.iter().zip(&expected).enumerate() {
+                let miss = (found / expected - 1.0).abs();
+                assert!(miss < TOLERANCE, "λ{}: {found} for {expected}, tolerance {TOLERANCE}", k + 1);
+            }
         }
     }
 }
@@ -144,8 +180,8 @@ fn the_filter_has_the_covariance_of_the_whole_likelihood() {
 /// The bound is linear in the noise: twice the noise, twice the bound.
 #[test]
 fn the_bound_is_proportional_to_the_noise() {
-    let once = filtered(bearing());
-    let twice = filtered(Bearing { position_noise_m: 4e-7, current_noise_a: 4e-2, ..bearing() });
+    let once = filtered(planar());
+    let twice = filtered(Rotor { position_noise_m: 4e-7, current_noise_a: 4e-2, ..planar() });
     for k in 0..3 {
         assert!((twice[k] / once[k] - 2.0).abs() < 4e-3, "{twice:?} for {once:?}");
     }

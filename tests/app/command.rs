@@ -488,22 +488,29 @@ fn shells_complete_commands() {
     }
 }
 
-/// Each would otherwise leave columns empty, or say nothing of the reason.
 #[test]
-fn what_is_for_the_planar_bearing_alone_refuses_a_spindle_by_name() {
+fn the_sensitivity_of_a_loop_is_a_table() {
+    let folder = folder("command/sensitivity");
+    let (code, out, err) = run(&folder, &["sensitivity", "axial"]);
+    assert_eq!(code, 0, "{err}");
+    says(&out, &["Peak of the sensitivity function", "Zones of ISO 14839-3", "true λ"]);
+    assert!(out.lines().any(|line| line.trim().starts_with("Xm") && line.ends_with('A')), "{out}");
+    let (code, out, err) = run(&folder, &["sensitivity", "axial", "--set", "plant.m=-1"]);
+    assert_eq!((code, out.as_str()), (2, ""), "{err}");
+    says(&err, &["m = -1 kg is refused"]);
+}
+
+#[test]
+fn what_does_not_know_a_machine_refuses_it_by_name() {
     let folder = folder("command/planar");
     fs::write(folder.join("design.csv"), "plant.pZ\n10\n").expect("a file");
-    for arguments in [
-        &["sweep", "design.csv", "--scenario", "spindle", "--out", "rows.csv"][..],
-        &["montecarlo", "spindle", "--runs", "1"],
-        &["design", "--scenario", "spindle"],
-        &["identify", "design.csv", "--scenario", "spindle"],
-    ] {
-        let (code, _, err) = run(&folder, arguments);
-        assert_ne!(code, 0, "{arguments:?}");
-        says(&err, &["machine = spindle is refused: expected planar"]);
-    }
-    let (code, _, err) = run(&folder, &["whirl", "unbalanced"]);
+    let (code, _, err) = run(&folder, &["identify", "design.csv", "--scenario", "spindle"]);
     assert_ne!(code, 0);
-    says(&err, &["machine = planar is refused: expected spindle"]);
+    says(&err, &["machine = spindle is refused: expected planar"]);
+    for (scenario, machine) in [("unbalanced", "planar"), ("planar4", "planar4"), ("axial", "axial")] {
+        let (code, _, err) = run(&folder, &["whirl", scenario]);
+        assert_eq!(code, 2, "{err}");
+        let refused = format!("machine = {machine} is refused: its rotor does not tilt");
+        says(&err, &[&refused, "moments of inertia, as in spindle, spindle4"]);
+    }
 }

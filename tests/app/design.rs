@@ -23,14 +23,14 @@ fn predictions_agree_with_runs() {
     for rpm in [3000.0, 4500.0] {
         let [alone, modulated] = design(&open(), &conditions(rpm, 0.1)).expect("a good scenario");
         let mut study = montecarlo::study("", &open(), NOISE, true, RUNS);
-        montecarlo::at_speed(&mut study.scenario, rpm, 0.02);
+        montecarlo::at_speed(&mut study.scenario, rpm);
         study.instants_s = vec![0.1];
         for (precision, modulation) in [(alone, 0.0), (modulated, design::MODULATION.0)] {
             study.scenario.set("controller", "F0.modulation", Value::Real(modulation));
             study.scenario.set("controller", "F0.modulationFrequency", Value::Real(design::MODULATION.1));
             let figures = &study.run().expect("a good scenario").figures[0];
             let promised = precision.std.last().expect("the instant asked for");
-            for ((k, found), promised) in (1..).zip(figures.rms).zip(promised) {
+            for ((k, found), promised) in (1..).zip(&figures.rms).zip(promised) {
                 let ratio = found / promised;
                 let what = format!("{rpm} rpm, modulation {modulation}, lambda[{k}]");
                 println!("{what}: promised {promised:.4}, found {found:.4}");
@@ -45,12 +45,12 @@ fn modulation_is_recommended_where_the_path_is_weak() {
     let strong = conditions(3000.0, 0.1);
     let precisions = design(&open(), &strong).expect("a good scenario");
     assert!(!design::is_modulation_recommended(&precisions), "{precisions:?}");
-    assert!(design::advice(&strong, &precisions).contains("The reference trajectory excites enough"));
+    assert!(design::advice(&open(), &strong, &precisions).contains("The reference trajectory excites enough"));
     let rest = conditions(0.0, 0.2);
     let precisions = design(&open(), &rest).expect("a good scenario");
     assert!(design::is_modulation_recommended(&precisions), "{precisions:?}");
     assert!(precisions[1].worst() < 0.05 && precisions[0].worst() > 0.05, "{precisions:?}");
-    assert!(design::advice(&rest, &precisions).contains("F0.modulation = 0.5"));
+    assert!(design::advice(&open(), &rest, &precisions).contains("F0.modulation = 0.5"));
     // The precision of λ improves with time.
     for precision in &precisions {
         assert_eq!(precision.std.len(), precision.instants_s.len());
@@ -58,7 +58,7 @@ fn modulation_is_recommended_where_the_path_is_weak() {
             assert!((0..3).all(|k| pair[1][k] < pair[0][k]), "{precision:?}");
         }
     }
-    let table = design::table(&rest, &precisions);
+    let table = design::table(&open(), &rest, &precisions);
     assert_eq!(table.rows.len(), design::INSTANTS_S.len() + 1);
     assert!(table.rows.iter().all(|row| row.len() == table.head.len()), "{table:?}");
 }

@@ -12,6 +12,7 @@ mod bits;
 mod bound;
 mod closed_loop;
 mod command;
+mod commands;
 mod contour;
 mod design;
 mod exits;

@@ -148,10 +148,10 @@ fn a_run_is_judged_by_its_valid_samples() {
 fn figures_are_over_valid_samples() {
     let sample = |valid: bool, error: f64, std: f64, bound: f64| Sample {
         valid,
-        error: [error; 3],
-        std: [std; 3],
-        total: [2.0 * std; 3],
-        bound: [bound; 3],
+        error: vec![error; 3],
+        std: vec![std; 3],
+        total: vec![2.0 * std; 3],
+        bound: vec![bound; 3],
         unbalance: [error, 0.0],
         verdict: (!valid).then(|| "tooUncertain".into()),
     };

@@ -6,7 +6,7 @@ use base64::Engine;
 use magnetic_bearing::report::experiment;
 use magnetic_bearing::report::plot::{Line, Plot, PlotUnit};
 use magnetic_bearing::report::{
-    Answer, Bearing, ComparedEstimator, Event, Paper, Parameter, Report, SensitivityCurve, page,
+    Answer, Bearing, ComparedEstimator, Event, Paper, Parameter, Report, SensitivityCurves, page,
 };
 use magnetic_bearing::simulation::recording::{Column, Recording};
 use magnetic_bearing::simulation::scenario::Scenario;
@@ -433,8 +433,9 @@ fn tables_of_an_update_need_an_update() {
 #[test]
 fn the_sensitivity_plots_show_both_axes_and_the_zones() {
     let recording = recording(1000);
-    let sweep: Vec<[f64; 3]> = (1..50).map(|n| [f64::from(n) * 10.0, 1.0 + 0.01 * f64::from(n), 1.2]).collect();
-    let one = SensitivityCurve { name: "after".into(), sweep, injected: vec![[100.0, 1.1, 1.2]], missing: None };
+    let curve = |rise: f64| (1..50).map(|n| [f64::from(n) * 10.0, 1.0 + rise * f64::from(n)]).collect();
+    let axes = vec![("y".to_owned(), curve(0.01)), ("z".to_owned(), curve(0.0))];
+    let one = SensitivityCurves { name: "after".into(), axes, missing: None };
     let page = page(&Report { sensitivities: vec![one], ..report(&recording) });
     let figure = figure(&page, "sensitivity");
     assert!(traces(figure, "y").len() == 1 && traces(figure, "z").len() == 1);

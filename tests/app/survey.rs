@@ -265,7 +265,8 @@ fn drawn_bearings(told: bool, limits: &Limits, set: impl Fn(&mut Scenario) + Sen
     let of_instants = limits.over_bound.into_iter().zip(limits.valid);
     for (figures, (limit, least)) in outcome.figures.iter().zip(of_instants).skip(limits.from) {
         let at = figures.instant_s;
-        let [bound, stated, total] = [figures.over_bound, figures.normalised, figures.over_total].map(pooled);
+        let [bound, stated, total] =
+            [&figures.over_bound, &figures.normalised, &figures.over_total].map(|values| pooled(values));
         // NaN is not below the limit.
         if bound.is_nan() || bound > limit {
             misses.push(format!("{at} s: error/bound {bound:.2}, limit {limit}"));

@@ -1,5 +1,6 @@
 //! Scenarios: the models of a closed loop, their connections and start values. `read.rs` reads them from TOML.
 
+mod foreign;
 mod read;
 mod write;
 
@@ -263,6 +264,12 @@ impl Scenario {
         let variables = self.plant().model_type.variables().iter();
         let of_magnet = |name: &str| name.split_once("lambda[").map(|(bearing, k)| (bearing.into(), format!("[{k}")));
         variables.filter_map(|variable| of_magnet(&variable.name)).collect()
+    }
+
+    /// Whether magnet k, counted from 0, is used: of an axial bearing it may be the first or the second alone.
+    pub fn uses(&self, k: usize) -> bool {
+        let used = self.value("controller", "magnets.used").map_or(1.0, Value::as_f64);
+        used == 1.0 || used == 2.0 + k as f64
     }
 
     /// Finds the variable of a path such as `plant.lambda[1]`: the index of its element and its own.

@@ -7,7 +7,7 @@ use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
 use serde::Deserialize;
 
-use super::{Connection, Element, Profile, Scenario, Setting, connected};
+use super::{Connection, Element, Profile, Scenario, Setting, connected, foreign};
 use crate::control::reference::HARMONICS;
 use crate::fmu::{self, estimator};
 use crate::machine::{AXIAL, MACHINES};
@@ -35,6 +35,11 @@ pub fn scenario(
         .partition(|(name, _)| REQUIRED.contains(&name.as_str()));
     table.extend(of_run);
     let document = Document::new(table, text, required, &mut findings);
+    // What else might be found would be about the wrong machine.
+    if let Some(finding) = foreign::finding(&document.machine, &document.keys()) {
+        findings.push(finding);
+        return Err(findings);
+    }
     let mut scenario = read(document, folder, &of_elements, &mut findings);
     scenario.changes = changes.iter().map(|(name, value)| format!("{name}={value}")).collect();
     if findings.is_empty() {
@@ -120,6 +125,19 @@ impl Document {
             findings.push(format!("{key} in line {line}: there is no key of this name; {suggestion}"));
         }
         document
+    }
+}
+
+impl Document {
+    /// The variables that it sets.
+    fn keys(&self) -> Vec<foreign::Key> {
+        let tables = [
+            ("all", &self.all),
+            ("plant", &self.plant),
+            ("controller", &self.controller),
+            ("estimator", &self.estimator),
+        ];
+        tables.into_iter().flat_map(|(element, table)| foreign::keys(element, table)).collect()
     }
 }
 
@@ -415,7 +433,7 @@ fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<St
 }
 
 /// The leaves of a table with their keys joined by dots, so that `reference.rY` may be a dotted key in TOML.
-fn flatten(table: &toml::Table) -> Vec<(String, &toml::Value)> {
+pub fn flatten(table: &toml::Table) -> Vec<(String, &toml::Value)> {
     let mut leaves = Vec::new();
     for (key, value) in table {
         match value {

@@ -1,24 +1,28 @@
-//! The Cramér–Rao bound: the least standard deviation that an unbiased estimate of λ can have.
+//! The Cramér–Rao bound: the least standard deviation that an unbiased estimate of λ can have, for any machine.
 
-use crate::bearing::coil::Drive;
-use crate::bearing::magnet::Geometry;
+use nalgebra::{DMatrix, DVector};
+
+use super::real;
+use crate::fmu::plants::{self, ModelledRotor};
+use crate::plant::spindle::{SpindleConfig, SpindleConfigOf};
+use crate::plant::{PlantConfig, RotorConfig};
+use crate::simulation::closed_loop::settings;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
+use fmu_export::variable::Value;
 
-/// Unknown parameters: `λ_1, λ_2, λ_3, U_c, U_s, p_Y, p_Z`.
-const PARAMETERS: usize = 7;
-/// Position and velocity of both axes, `y, z, ẏ, ż`, before the parameters.
-const STATES: usize = 4 + PARAMETERS;
+/// Orders of the Taylor series over an interval; the negative stiffness changes little within a sample.
+const ORDERS: usize = 6;
 
-/// Data of one interval for the bound between two samples; axes in the order (y, z).
+/// Data of one interval for the bound between two samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interval {
     /// Length, in s.
     pub length_s: f64,
-    /// True position of the rotor in the middle, in m.
-    pub position_m: [f64; 2],
+    /// True coordinates of the rotor in the middle, in m; angles in rad.
+    pub position_m: Vec<f64>,
     /// True current through each magnet, in A; its mean where it varies.
-    pub current_a: [f64; 3],
+    pub current_a: Vec<f64>,
     /// Angle of the rotor in the middle, in rad.
     pub theta_rad: f64,
     /// Speed, in rad/s.
@@ -27,215 +31,254 @@ pub struct Interval {
     pub acceleration_rad_s2: f64,
 }
 
-/// Bearing and sensors as the bound needs them.
+/// Rotor, magnets and sensors as the bound needs them. Coordinates are in m, angles among them in rad.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Bearing {
-    /// Mass of the rotor, in kg.
-    pub m_kg: f64,
-    /// Nominal gap and directions of the magnets.
-    pub geometry: Geometry,
+pub struct Rotor {
+    /// The mass or moment of inertia of each coordinate, in kg or kg·m².
+    pub inertia: DVector<f64>,
+    /// Gyroscopic moments at a speed of 1 rad/s, by coordinate, for a unit of the rate of each coordinate.
+    pub gyroscopic: DMatrix<f64>,
+    /// `d_k`: the generalised force for a unit of the force of each magnet.
+    pub directions: DMatrix<f64>,
+    /// Gap of each magnet with the rotor in the centre, in m.
+    pub gap_m: Vec<f64>,
     /// True λ, in N·m²/A².
-    pub lambda_nm2_a2: [f64; 3],
+    pub lambda_nm2_a2: Vec<f64>,
+    /// The generalised force for a unit of force along y, and along z, of each plane of unbalance.
+    pub planes: Vec<[DVector<f64>; 2]>,
+    /// Readings for a unit of each coordinate.
+    pub readings: DMatrix<f64>,
     /// Standard deviation of the position noise, in m; above 0.
     pub position_noise_m: f64,
     /// Standard deviation of the current noise, in A.
     pub current_noise_a: f64,
 }
 
+impl Rotor {
+    /// That of a scenario.
+    #[must_use]
+    pub fn of(scenario: &Scenario) -> Self {
+        match scenario.machine.name {
+            "planar" => Self::with::<PlantConfig, 2, 3>(scenario),
+            "planar4" => Self::with::<RotorConfig<f64, 2, 4>, 2, 4>(scenario),
+            "axial" => Self::with::<RotorConfig<f64, 1, 2>, 1, 2>(scenario),
+            "spindle" => Self::with::<SpindleConfig, 5, 8>(scenario),
+            _ => Self::with::<SpindleConfigOf<f64, 4, 10>, 5, 10>(scenario),
+        }
+    }
+
+    fn with<R: ModelledRotor<N, K>, const N: usize, const K: usize>(scenario: &Scenario) -> Self {
+        let (config, _) = plants::configuration::<R, N, K>(&settings(scenario.plant()));
+        let geometry = config.geometry();
+        let unit = |n: usize| std::array::from_fn(|other| if other == n { 1.0 } else { 0.0 });
+        let columns = |column: &dyn Fn(usize) -> [f64; N]| DMatrix::from_fn(N, N, |row, n| column(n)[row]);
+        // The force of a unit of unbalance at 1 rad/s is one along y or along z.
+        let machine = scenario.machine;
+        let turning = |plane: Option<usize>, theta_rad: f64| {
+            let mut scenario = scenario.clone();
+            let names = machine.of_planes("magnitude").into_iter().zip(machine.of_planes("phase"));
+            for (n, (magnitude, phase)) in names.enumerate() {
+                scenario.set("plant", &magnitude, Value::Real(if plane == Some(n) { 1.0 } else { 0.0 }));
+                scenario.set("plant", &phase, Value::Real(0.0));
+            }
+            let (config, mut input) = plants::configuration::<R, N, K>(&settings(scenario.plant()));
+            input.omega_rad_s = 1.0;
+            DVector::from(config.perturbation(&input, 0.0, theta_rad).to_vec())
+        };
+        let none = turning(None, 0.0);
+        let of_plane = |plane| [0.0, 0.5 * std::f64::consts::PI].map(|theta| turning(Some(plane), theta) - &none);
+        Self {
+            inertia: DVector::from(config.inertia().to_vec()),
+            gyroscopic: columns(&|n| config.gyroscopic(1.0, unit(n)).unwrap_or([0.0; N])),
+            directions: DMatrix::from_fn(N, K, |n, k| geometry.directions[k][n]),
+            gap_m: geometry.gap_m.to_vec(),
+            lambda_nm2_a2: config.lambda_nm2_a2().to_vec(),
+            planes: (0..machine.planes).map(of_plane).collect(),
+            readings: columns(&|n| config.readings_m(unit(n))),
+            position_noise_m: config.sensor().position_noise_m,
+            current_noise_a: config.sensor().current_noise_a,
+        }
+    }
+
+    /// Number of coordinates.
+    fn coordinates(&self) -> usize {
+        self.inertia.len()
+    }
+
+    /// Number of parameters: `λ_k`, `U_c, U_s` of each plane, load on each coordinate.
+    fn parameters(&self) -> usize {
+        self.lambda_nm2_a2.len() + 2 * self.planes.len() + self.coordinates()
+    }
+
+    /// Accelerations for a unit of each coordinate, rate, parameter and current.
+    fn accelerations(&self, interval: &Interval) -> DMatrix<f64> {
+        let (n, k) = (self.coordinates(), self.lambda_nm2_a2.len());
+        let parameters = 2 * n;
+        let loads = parameters + k + 2 * self.planes.len();
+        let mut all = DMatrix::zeros(n, loads + n + k);
+        let position = DVector::from_column_slice(&interval.position_m);
+        for magnet in 0..k {
+            let direction = self.directions.column(magnet);
+            let gap = self.gap_m[magnet] - direction.dot(&position);
+            let (i, lambda) = (interval.current_a[magnet], self.lambda_nm2_a2[magnet]);
+            let stiffness = 2.0 * lambda * i * i / (gap * gap * gap);
+            all.view_mut((0, 0), (n, n)).ger(stiffness, &direction, &direction, 1.0);
+            all.column_mut(parameters + magnet).axpy(i * i / (gap * gap), &direction, 0.0);
+            all.column_mut(loads + n + magnet).axpy(2.0 * lambda * i / (gap * gap), &direction, 0.0);
+        }
+        all.view_mut((0, n), (n, n)).copy_from(&(&self.gyroscopic * interval.omega_rad_s));
+        let (sin, cos) = interval.theta_rad.sin_cos();
+        let (w2, dw) = (interval.omega_rad_s * interval.omega_rad_s, interval.acceleration_rad_s2);
+        let (along, across) = (w2 * cos + dw * sin, w2 * sin - dw * cos);
+        for (plane, [y, z]) in self.planes.iter().enumerate() {
+            let at = parameters + k + 2 * plane;
+            all.set_column(at, &(y * along + z * across));
+            all.set_column(at + 1, &(z * along - y * across));
+        }
+        all.view_mut((0, loads), (n, n)).fill_with_identity();
+        for (mut row, inertia) in all.row_iter_mut().zip(&self.inertia) {
+            row /= *inertia;
+        }
+        all
+    }
+}
+
 /// The covariance of a Kalman filter along the true trajectory that starts without knowledge.
 ///
-/// Position noise, current noise and angle are as in the plant: white, white, exact. Initial motion, constant load, λ and
-/// unbalance are unknown, the true currents are nuisance parameters. Linearised about the truth, with `e_k = (sin α_k, cos α_k)`,
+/// Position noise, current noise and angle are as in the plant: white, white, exact. Initial motion, constant loads, λ and
+/// unbalance are unknown, the true currents are nuisance parameters. Linearised about the truth, with `d_k` the generalised force for a unit of
+/// that of magnet k, and `y_j`, `z_j` those for a unit along y and z in plane j of unbalance,
 ///
 /// ```text
-/// m δẍ = Σ 2λ_k i_k²/gap_k³ e_k e_kᵀ δx + Σ i_k²/gap_k² e_k δλ_k + Σ 2λ_k i_k/gap_k² e_k n_k
-///        + (ω² cos θ + ω̇ sin θ, ω² sin θ − ω̇ cos θ) δU_c + (−ω² sin θ + ω̇ cos θ, ω² cos θ + ω̇ sin θ) δU_s + δp
+/// M δq̈ = Σ 2λ_k i_k²/gap_k³ d_k d_kᵀ δq − Ω G δq̇ + Σ i_k²/gap_k² d_k δλ_k + Σ 2λ_k i_k/gap_k² d_k n_k
+///        + Σ (c y_j + s z_j) δU_cj + (c z_j − s y_j) δU_sj + δp,    c = Ω² cos θ + Ω̇ sin θ,  s = Ω² sin θ − Ω̇ cos θ
 /// ```
 ///
 /// where the noise `n_k` of the current is constant over an interval. The filter's covariance is then the inverse of the
 /// Fisher information of the joint likelihood. Where a current runs straight between its samples, the noise of the
 /// two ends is correlated between neighbouring intervals; it is taken as white with the same density at low frequency.
 pub struct Bound {
-    bearing: Bearing,
-    /// Units that make the unknowns of similar size.
-    scale: [f64; STATES],
+    rotor: Rotor,
+    /// Units that make the unknowns of similar size: coordinates, rates, parameters, and currents as the last.
+    scale: DVector<f64>,
+    /// The readings for a unit of each unknown, in units of their noise.
+    readings: DMatrix<f64>,
     /// Covariance in these units.
-    p: [[f64; STATES]; STATES],
+    p: DMatrix<f64>,
 }
 
 impl Bound {
     /// Before the first sample. The prior standard deviations are so large that they carry no information: 1 m/s, 30 times
-    /// λ, an eccentricity of 10 gaps, 100 times the weight.
-    pub fn new(bearing: Bearing) -> Self {
-        let lambda = bearing.lambda_nm2_a2;
-        let (sigma, weight) = (bearing.position_noise_m, 9.81 * bearing.m_kg);
-        let eccentric = bearing.m_kg * bearing.geometry.gap_m[0];
-        let scale = [sigma, sigma, 1e-3, 1e-3, lambda[0], lambda[1], lambda[2], eccentric, eccentric, weight, weight];
-        let prior = [1e3, 1e3, 1e3, 1e3, 30.0, 30.0, 30.0, 10.0, 10.0, 100.0, 100.0];
-        let mut p = [[0.0; STATES]; STATES];
-        for n in 0..STATES {
-            p[n][n] = prior[n] * prior[n];
-        }
-        Self { bearing, scale, p }
+    /// λ, an eccentricity of 10 gaps, 100 times the weight; of angles and moments the same at the radius of gyration.
+    #[must_use]
+    pub fn new(rotor: Rotor) -> Self {
+        let (n, sigma, m_kg) = (rotor.coordinates(), rotor.position_noise_m, rotor.inertia[0]);
+        let (eccentric, weight) = (m_kg * rotor.gap_m[0], 9.81 * m_kg);
+        let radius = rotor.inertia.map(|inertia| (inertia / m_kg).sqrt());
+        let of_coordinates = |size: f64| radius.iter().map(move |radius| size / radius);
+        let of_planes = |size: f64| std::iter::repeat_n(size, 2 * rotor.planes.len());
+        let scale: Vec<f64> = of_coordinates(sigma)
+            .chain(of_coordinates(1e-3))
+            .chain(rotor.lambda_nm2_a2.iter().copied())
+            .chain(of_planes(eccentric))
+            .chain(radius.iter().map(|radius| weight * radius))
+            .chain(rotor.lambda_nm2_a2.iter().map(|_| rotor.current_noise_a))
+            .collect();
+        let of_lambda = std::iter::repeat_n(30.0, rotor.lambda_nm2_a2.len());
+        let prior: Vec<f64> = std::iter::repeat_n(1e3, 2 * n)
+            .chain(of_lambda)
+            .chain(of_planes(10.0))
+            .chain(std::iter::repeat_n(100.0, n))
+            .map(|std: f64| std * std)
+            .collect();
+        let readings = DMatrix::from_fn(n, n, |row, n| rotor.readings[(row, n)] * scale[n] / sigma);
+        Self { scale: scale.into(), readings, p: DMatrix::from_diagonal(&prior.into()), rotor }
     }
 
     /// Takes the positions of a sample into account.
     pub fn measure(&mut self) {
-        for axis in 0..2 {
-            // In the units of the position its noise is 1.
-            let column: [f64; STATES] = std::array::from_fn(|n| self.p[n][axis]);
-            let s = column[axis] + 1.0;
-            for n in 0..STATES {
-                for other in 0..STATES {
-                    self.p[n][other] -= column[n] * column[other] / s;
-                }
-            }
+        let n = self.rotor.coordinates();
+        for reading in self.readings.row_iter() {
+            let column = self.p.columns(0, n) * reading.transpose();
+            // In its units the noise of a reading is 1.
+            let s = (reading * column.rows(0, n))[0] + 1.0;
+            self.p.ger(-1.0 / s, &column, &column, 1.0);
         }
     }
 
     /// Goes over an interval.
     pub fn predict(&mut self, interval: &Interval) {
-        let Bearing { m_kg, geometry, lambda_nm2_a2, current_noise_a, .. } = &self.bearing;
-        let ts = interval.length_s;
-        let mut stiffness = [[0.0; 2]; 2];
-        let mut columns = [[0.0; PARAMETERS]; 2];
-        let mut noise = [[0.0; 3]; 2];
-        let gaps = geometry.gaps(interval.position_m);
-        for k in 0..3 {
-            let (e, gap) = (geometry.directions[k], gaps[k]);
-            let (i, lambda) = (interval.current_a[k], lambda_nm2_a2[k]);
-            for axis in 0..2 {
-                columns[axis][k] = e[axis] * i * i / (gap * gap) / m_kg;
-                noise[axis][k] = e[axis] * 2.0 * lambda * i / (gap * gap) / m_kg * current_noise_a;
-                for other in 0..2 {
-                    stiffness[axis][other] += e[axis] * e[other] * 2.0 * lambda * i * i / (gap * gap * gap) / m_kg;
-                }
-            }
-        }
-        let (sin, cos) = interval.theta_rad.sin_cos();
-        let (w2, dw) = (interval.omega_rad_s * interval.omega_rad_s, interval.acceleration_rad_s2);
-        let (along, across) = (w2 * cos + dw * sin, w2 * sin - dw * cos);
-        columns[0][3..].copy_from_slice(&[along / m_kg, -across / m_kg, 1.0 / m_kg, 0.0]);
-        columns[1][3..].copy_from_slice(&[across / m_kg, along / m_kg, 0.0, 1.0 / m_kg]);
-
-        // ẍ = K x + f with constant coefficients: [x, ẋ] becomes [C x + S ẋ + D f, K S x + C ẋ + S f] with C = cosh(√K T),
-        // S = sinh(√K T)/√K, D = (C − 1)/K, as series in K T².
-        let square: [[f64; 2]; 2] = std::array::from_fn(|a| {
-            std::array::from_fn(|b| stiffness[a][0] * stiffness[0][b] + stiffness[a][1] * stiffness[1][b])
+        let (n, of_motion) = (self.rotor.coordinates(), 2 * self.rotor.coordinates());
+        let accelerations = self.rotor.accelerations(interval);
+        let (states, all) = (of_motion + self.rotor.parameters(), accelerations.ncols());
+        // ẋ = F x + B p: the derivatives of [x, p] with respect to themselves at the begin, order by order.
+        let motion = DMatrix::from_fn(of_motion, of_motion, |row, column| match row.checked_sub(n) {
+            None => f64::from(u8::from(column == row + n)),
+            Some(row) => accelerations[(row, column)],
         });
-        let series = |first: f64, second: f64, third: f64| -> [[f64; 2]; 2] {
-            let unit = |a: usize, b: usize| if a == b { first } else { 0.0 };
-            let t2 = ts * ts;
-            std::array::from_fn(|a| {
-                std::array::from_fn(|b| unit(a, b) + stiffness[a][b] * t2 * second + square[a][b] * t2 * t2 * third)
-            })
-        };
-        let cosh = series(1.0, 1.0 / 2.0, 1.0 / 24.0);
-        let sinh = series(ts, ts / 6.0, ts / 120.0);
-        let twice = series(ts * ts / 2.0, ts * ts / 24.0, ts * ts / 720.0);
-        let applied =
-            |by: &[[f64; 2]; 2], axis: usize, force: [f64; 2]| by[axis][0] * force[0] + by[axis][1] * force[1];
-        // The parameters stay.
-        let mut transition = [[0.0; STATES]; 4];
-        let mut disturbance = [[0.0; 3]; 4];
-        for axis in 0..2 {
-            for other in 0..2 {
-                transition[axis][other] = cosh[axis][other];
-                transition[axis][2 + other] = sinh[axis][other];
-                transition[2 + axis][other] = applied(&sinh, axis, stiffness[other]);
-                transition[2 + axis][2 + other] = cosh[axis][other];
-            }
-            for n in 0..PARAMETERS {
-                let force = [columns[0][n], columns[1][n]];
-                transition[axis][4 + n] = applied(&twice, axis, force);
-                transition[2 + axis][4 + n] = applied(&sinh, axis, force);
-            }
-            for k in 0..3 {
-                let force = [noise[0][k], noise[1][k]];
-                disturbance[axis][k] = applied(&twice, axis, force) / self.scale[axis];
-                disturbance[2 + axis][k] = applied(&sinh, axis, force) / self.scale[2 + axis];
-            }
+        let mut transition = DMatrix::identity(of_motion, all);
+        let mut derivative = DMatrix::zeros(of_motion, all);
+        derivative.view_mut((0, n), (n, n)).fill_with_identity();
+        derivative.rows_mut(n, n).copy_from(&accelerations);
+        let mut factor = 1.0;
+        for order in 1..=ORDERS {
+            factor *= interval.length_s / order as f64;
+            transition += &derivative * factor;
+            derivative = &motion * derivative;
         }
-        for (row, values) in transition.iter_mut().enumerate() {
-            for (n, value) in values.iter_mut().enumerate() {
-                *value *= self.scale[n] / self.scale[row];
-            }
+        for (column, mut values) in transition.column_iter_mut().enumerate() {
+            values.iter_mut().zip(&self.scale).for_each(|(value, scale)| *value *= self.scale[column] / scale);
         }
-        // P = A P Aᵀ + G Gᵀ, where A changes the first four rows and columns alone.
-        let mut rows = [[0.0; STATES]; 4];
-        for (row, values) in rows.iter_mut().enumerate() {
-            for (n, a) in transition[row].iter().enumerate() {
-                for (value, p) in values.iter_mut().zip(&self.p[n]) {
-                    *value += a * p;
-                }
-            }
-        }
-        for row in 0..4 {
-            for n in 0..4 {
-                let motion: f64 = (0..STATES).map(|other| rows[row][other] * transition[n][other]).sum();
-                let disturbed: f64 = (0..3).map(|k| disturbance[row][k] * disturbance[n][k]).sum();
-                self.p[row][n] = motion + disturbed;
-            }
-            for (n, value) in rows[row].into_iter().enumerate().skip(4) {
-                self.p[row][n] = value;
-                self.p[n][row] = value;
-            }
-        }
-        for row in 0..4 {
-            for n in 0..row {
-                let mean = 0.5 * (self.p[row][n] + self.p[n][row]);
-                (self.p[row][n], self.p[n][row]) = (mean, mean);
-            }
-        }
+        // P = A P Aᵀ + G Gᵀ, where A changes the rows and columns of the motion alone.
+        let (a, g) = (transition.columns(0, states), transition.columns(states, all - states));
+        let rows = a * &self.p;
+        let moved = &rows * a.transpose() + g * g.transpose();
+        self.p.rows_mut(0, of_motion).copy_from(&rows);
+        self.p.columns_mut(0, of_motion).copy_from(&rows.transpose());
+        self.p.view_mut((0, 0), (of_motion, of_motion)).copy_from(&(0.5 * (&moved + moved.transpose())));
     }
 
     /// The bound for the standard deviation of each λ, relative to λ.
-    pub fn lambda(&self) -> [f64; 3] {
-        [4, 5, 6].map(|n| self.p[n][n].max(0.0).sqrt())
+    #[must_use]
+    pub fn lambda(&self) -> Vec<f64> {
+        let first = 2 * self.rotor.coordinates();
+        (first..first + self.rotor.lambda_nm2_a2.len()).map(|n| self.p[(n, n)].max(0.0).sqrt()).collect()
     }
 }
 
 /// The bound at instants in s, relative to λ, from a recording of the scenario with one row per sample; see [`Bound`].
 ///
-/// `None` without noise, or if the recording lacks true positions, forces, gaps, angle or speed of the plant.
-pub fn bound(scenario: &Scenario, recording: &Recording, instants_s: &[f64]) -> Option<Vec<[f64; 3]>> {
-    let plant = scenario.closed_loop().ok()?.plant;
-    let position_noise_m = plant.sensor.position_noise_m;
-    if position_noise_m.is_nan() || position_noise_m <= 0.0 {
+/// `None` without noise, or if the recording lacks true coordinates, forces, gaps, angle or speed of the plant.
+#[must_use]
+pub fn bound(scenario: &Scenario, recording: &Recording, instants_s: &[f64]) -> Option<Vec<Vec<f64>>> {
+    let rotor = Rotor::of(scenario);
+    if rotor.position_noise_m.is_nan() || rotor.position_noise_m <= 0.0 {
         return None;
     }
-    let truth = plant.lambda_nm2_a2;
-    let bearing = Bearing {
-        m_kg: plant.m_kg,
-        geometry: Geometry::new(plant.gap_m, plant.alpha_rad),
-        lambda_nm2_a2: truth,
-        position_noise_m,
-        current_noise_a: plant.sensor.current_noise_a,
-    };
     let signal = |name: &str| recording.get(&format!("plant.{name}"));
-    let of_magnets = |name: &str| {
-        let of = |k: usize| signal(&format!("{name}[{k}]"));
-        Some([of(1)?, of(2)?, of(3)?])
-    };
-    let (y, z, theta, omega) = (signal("Y")?, signal("Z")?, signal("theta")?, signal("omegam")?);
-    let (force, gap) = (of_magnets("F")?, of_magnets("gap")?);
+    let all = |names: Vec<String>| names.iter().map(|name| signal(name)).collect::<Option<Vec<_>>>();
+    let machine = scenario.machine;
+    let coordinates = all(machine.of_coordinates(|coordinate| coordinate.position))?;
+    let (theta, omega) = (signal("theta")?, signal("omegam")?);
+    let (force, gap) = (all(machine.of_magnets("F"))?, all(machine.of_magnets("gap"))?);
+    let truth = rotor.lambda_nm2_a2.clone();
     // The outputs of a row are read before the next inputs are set: the current is that at the end of the interval.
     let current = |k: usize, row: usize| gap[k][row] * (force[k][row] / truth[k]).max(0.0).sqrt();
-    let held = plant.coil.drive == Drive::Current;
+    // The first of the two drives.
+    let held = real(scenario, "plant", "drive") == 1.0;
     let rows = recording.time_s.len();
-    let mut bound = Bound::new(bearing);
+    let mut found = vec![vec![f64::NAN; truth.len()]; instants_s.len()];
+    let mut bound = Bound::new(rotor);
     bound.measure();
-    let mut found = vec![[f64::NAN; 3]; instants_s.len()];
     for row in 1..rows {
         let length_s = recording.time_s[row] - recording.time_s[row - 1];
         let next = (row + 1).min(rows - 1);
         bound.predict(&Interval {
             length_s,
-            position_m: [y, z].map(|x| 0.5 * (x[row] + x[row - 1])),
-            current_a: [0, 1, 2].map(|k| match held {
-                true => current(k, row),
-                false => 0.5 * (current(k, row) + current(k, row - 1)),
-            }),
+            position_m: coordinates.iter().map(|x| 0.5 * (x[row] + x[row - 1])).collect(),
+            current_a: (0..truth.len())
+                .map(|k| if held { current(k, row) } else { 0.5 * (current(k, row) + current(k, row - 1)) })
+                .collect(),
             theta_rad: 0.5 * (theta[row] + theta[row - 1]),
             omega_rad_s: omega[row],
             acceleration_rad_s2: (omega[next] - omega[row - 1]) / ((next + 1 - row) as f64 * length_s),

@@ -131,18 +131,25 @@ pub fn noise(scenario: &mut Scenario, noise: [f64; 2], told: bool) {
 
 /// The rotor at rest in the centre.
 pub fn at_rest(scenario: &mut Scenario) {
-    for (element, name) in [
-        ("plant", "Y0"),
-        ("plant", "Z0"),
-        ("plant", "vY0"),
-        ("plant", "vZ0"),
-        ("plant", "omega"),
-        ("controller", "reference.rY"),
-        ("controller", "reference.rZ"),
-        ("controller", "reference.lobeAmplitude"),
-        ("controller", "reference.omega"),
-    ] {
+    centred(scenario);
+    for (element, name) in [("plant", "omega"), ("controller", "reference.omega")] {
         scenario.set(element, name, Value::Real(0.0));
+    }
+}
+
+/// The rotor in the centre from the start on, at its speed.
+pub fn centred(scenario: &mut Scenario) {
+    let machine = scenario.machine;
+    let start = [machine.at_start(|coordinate| coordinate.position), machine.at_start(|coordinate| coordinate.rate)];
+    for name in start.concat() {
+        scenario.set("plant", &name, Value::Real(0.0));
+    }
+    let moving = ["rX", "rY", "rZ", "lobeAmplitude", "amplitude"].map(|what| format!("reference.{what}"));
+    let controller = scenario.controller().model_type.clone();
+    for variable in controller.variables() {
+        if moving.iter().any(|end| variable.name.ends_with(end.as_str())) {
+            scenario.set("controller", &variable.name, Value::Real(0.0));
+        }
     }
 }
 

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use super::{bound, real};
-use crate::simulation::closed_loop::Loop;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::{Profile, Scenario};
+use crate::simulation::synchronous::forces;
 use fmu_export::variable::{Type, Value};
 
 /// Beyond so many of its standard deviations no valid estimate may be wrong.
@@ -21,14 +21,14 @@ pub struct Sample {
     /// Whether the estimate was valid.
     pub valid: bool,
     /// Error of each λ.
-    pub error: [f64; 3],
+    pub error: Vec<f64>,
     /// Standard deviation stated, of noise alone.
-    pub std: [f64; 3],
+    pub std: Vec<f64>,
     /// Standard deviation stated with all tolerances; the former where there is no such output.
-    pub total: [f64; 3],
+    pub total: Vec<f64>,
     /// The bound; not finite without noise.
-    pub bound: [f64; 3],
-    /// Relative error of the magnitude of the unbalance, and error of its phase in rad; 0 without unbalance.
+    pub bound: Vec<f64>,
+    /// Relative error of the magnitude of the unbalance, and error of its phase in rad, root mean square over all planes; 0 without unbalance.
     pub unbalance: [f64; 2],
     /// Why the estimate was not valid, where there is such an output.
     pub verdict: Option<String>,
@@ -62,6 +62,8 @@ pub struct Trial {
     pub noticed_s: Option<f64>,
     /// When the rotor touched down, in s; nothing after it counts.
     pub touched_s: Option<f64>,
+    /// Part of the synchronous force of the magnets that correction masses leave, where there are some.
+    pub left: Option<f64>,
 }
 
 /// The true λ of a magnet over time.
@@ -98,35 +100,50 @@ impl<'a> Truth<'a> {
 
 /// Whether a signal is needed to judge a run.
 pub fn wanted(path: &str) -> bool {
-    ["plant.Y", "plant.Z", "plant.theta", "plant.omegam", "plant.touchdown.contact"].contains(&path)
-        || ["plant.F[", "plant.gap[", "estimator."].iter().any(|start| path.starts_with(start))
+    let Some(name) = path.strip_prefix("plant.") else { return path.starts_with("estimator.") };
+    ["X", "Y", "Z", "beta", "gamma", "theta", "omegam"].contains(&name)
+        || ["F[", "gap["].iter().any(|part| name.contains(part))
+        || ["FY", "FZ"].iter().any(|end| name.ends_with(end))
+        || is_contact(path)
+}
+
+/// Whether a signal says that the rotor touches a backup bearing.
+pub fn is_contact(path: &str) -> bool {
+    path.starts_with("plant.") && path.ends_with("contact")
+}
+
+/// The first row at which the rotor touches a backup bearing.
+pub fn touched(recording: &Recording) -> Option<usize> {
+    let contacts = recording.columns.iter().filter(|column| is_contact(&column.name));
+    contacts.filter_map(|column| column.values.iter().position(|contact| *contact == 1.0)).min()
 }
 
 /// Judges a run; without noise, and once a λ has changed, there is no bound.
 pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], seed: u64) -> Option<Trial> {
+    let machine = scenario.machine;
     let get = |name: &str| recording.get(&format!("estimator.{name}"));
+    let used: Vec<usize> = (0..machine.magnets()).filter(|k| scenario.uses(*k)).collect();
     let magnets = |name: &str| {
-        let of = |k: usize| get(&format!("{name}[{k}]"));
-        Some([of(1)?, of(2)?, of(3)?])
+        let names = machine.of_magnets(name);
+        used.iter().map(|k| get(&names[*k])).collect::<Option<Vec<_>>>()
     };
     let (hat, std, valid) = (magnets("lambdaHat")?, magnets("lambdaStd")?, get("valid")?);
-    let total = magnets("lambdaStdTotal").unwrap_or(std);
-    let Loop { plant, input, .. } = scenario.closed_loop().ok()?;
-    let truths: Vec<_> = scenario.magnets().iter().map(|magnet| Truth::new(scenario, magnet)).collect();
+    let total = magnets("lambdaStdTotal").unwrap_or_else(|| std.clone());
+    let magnets = scenario.magnets();
+    let truths: Vec<_> = used.iter().map(|k| Truth::new(scenario, &magnets[*k])).collect();
     let change_s = truths.iter().find_map(Truth::jump_s);
     let changing = change_s.is_some();
     // Two revolutions are granted to find a change.
-    let granted_s = 2.0 * TAU / input.omega_rad_s.abs().max(1.0);
-    let contact = recording.get("plant.touchdown.contact")?;
-    let touched = contact.iter().position(|contact| *contact == 1.0);
+    let granted_s = 2.0 * TAU / real(scenario, "plant", "omega").abs().max(1.0);
+    let touched = touched(recording);
     let rows = touched.unwrap_or(recording.time_s.len());
     let relative = |row: usize| {
-        let truth = [0, 1, 2].map(|k: usize| truths[k].at(recording.time_s[row]));
-        (
-            [0, 1, 2].map(|k| hat[k][row] / truth[k] - 1.0),
-            [0, 1, 2].map(|k| std[k][row] / truth[k]),
-            [0, 1, 2].map(|k| total[k][row] / truth[k]),
-        )
+        let truth: Vec<f64> = truths.iter().map(|truth| truth.at(recording.time_s[row])).collect();
+        let of = |columns: &[&[f64]]| -> Vec<f64> {
+            columns.iter().zip(&truth).map(|(column, truth)| column[row] / truth).collect()
+        };
+        let error: Vec<f64> = of(&hat).iter().map(|ratio| ratio - 1.0).collect();
+        (error, of(&std), of(&total))
     };
     let mut trial = Trial {
         seed,
@@ -135,6 +152,11 @@ pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], see
         lost: 0,
         noticed_s: None,
         touched_s: touched.map(|row| recording.time_s[row]),
+        left: scenario.balance_s.and_then(|balance_s| {
+            let [before, after] = [balance_s, *recording.time_s.last()?].map(|end_s| forces(recording, end_s));
+            let sum = |forces: [f64; 4]| forces.iter().map(|force| force * force).sum::<f64>();
+            Some((sum(after?) / sum(before?)).sqrt())
+        }),
     };
     for row in 0..rows {
         let time_s = recording.time_s[row];
@@ -146,7 +168,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], see
         let mut most = Worst { ratio: 0.0, time_s, ..Worst::default() };
         if valid[row] == 1.0 {
             let (error, _, total) = relative(row);
-            for k in 0..3 {
+            for k in 0..error.len() {
                 // Two numbers that are both 0 agree.
                 let ratio = if error[k] == 0.0 { 0.0 } else { (error[k] / total[k]).abs() };
                 if ratio > most.ratio || ratio.is_nan() {
@@ -170,24 +192,26 @@ pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], see
         }
     }
     let bounds = (!changing).then(|| bound::bound(scenario, recording, instants_s)).flatten();
-    let (magnitude, phase) = (plant.unbalance_kgm, plant.unbalance_phase_rad);
+    let planes: Vec<_> = machine.of_planes("magnitude").into_iter().zip(machine.of_planes("phase")).collect();
     for (at, instant_s) in instants_s.iter().enumerate() {
         let Some(row) = (0..rows).find(|row| recording.time_s[*row] >= instant_s - 0.5 * scenario.step_s) else {
             break;
         };
         let (error, std, total) = relative(row);
         let read = |name: &str| get(name).map_or(f64::NAN, |values| values[row]);
-        let turned = read("unbalance.phase") - phase;
+        let unbalances = planes.iter().map(|(magnitude, phase)| {
+            let (size, turned) = (real(scenario, "plant", magnitude), read(phase) - real(scenario, "plant", phase));
+            if size > 0.0 { [read(magnitude) / size - 1.0, turned - TAU * (turned / TAU).round()] } else { [0.0; 2] }
+        });
+        let unbalances: Vec<_> = unbalances.collect();
+        let of_magnets = |all: &[f64]| used.iter().map(|k| all[*k]).collect();
         trial.samples.push(Sample {
             valid: valid[row] == 1.0,
             error,
             std,
             total,
-            bound: bounds.as_ref().map_or([f64::NAN; 3], |bounds| bounds[at]),
-            unbalance: match magnitude > 0.0 {
-                true => [read("unbalance.magnitude") / magnitude - 1.0, turned - TAU * (turned / TAU).round()],
-                false => [0.0; 2],
-            },
+            bound: bounds.as_ref().map_or_else(|| vec![f64::NAN; used.len()], |bounds| of_magnets(&bounds[at])),
+            unbalance: [0, 1].map(|n| pooled(&unbalances.iter().map(|plane| plane[n]).collect::<Vec<_>>())),
             verdict: get("verdict").map(|values| verdict(scenario, values[row])),
         });
     }
@@ -222,19 +246,19 @@ pub struct Figures {
     /// Those of them whose estimate was valid.
     pub identified: usize,
     /// Root mean square of the errors.
-    pub rms: [f64; 3],
+    pub rms: Vec<f64>,
     /// Mean of the errors.
-    pub bias: [f64; 3],
+    pub bias: Vec<f64>,
     /// Root mean square of the standard deviations stated.
-    pub stated: [f64; 3],
+    pub stated: Vec<f64>,
     /// Root mean square of the bound of all runs, valid or not; not finite without noise.
-    pub bound: [f64; 3],
+    pub bound: Vec<f64>,
     /// Root mean square of error/bound.
-    pub over_bound: [f64; 3],
+    pub over_bound: Vec<f64>,
     /// Root mean square of error/standard deviation of noise alone.
-    pub normalised: [f64; 3],
+    pub normalised: Vec<f64>,
     /// Root mean square of error/standard deviation with all tolerances.
-    pub over_total: [f64; 3],
+    pub over_total: Vec<f64>,
     /// Greatest |error|/standard deviation with all tolerances.
     pub worst: f64,
     /// Root mean square of the error of the magnitude of the unbalance, relative, and of its phase, in rad.
@@ -243,9 +267,9 @@ pub struct Figures {
     pub verdicts: BTreeMap<String, usize>,
 }
 
-/// Root mean square of three root mean squares over equally many.
-pub fn pooled(values: [f64; 3]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / 3.0).sqrt()
+/// Root mean square; 0 of nothing.
+pub fn pooled(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
 impl Figures {
@@ -261,8 +285,9 @@ impl Figures {
                 valid.iter().map(|sample| value(sample)).sum::<f64>() / valid.len() as f64
             }
         };
-        let rms = |value: &dyn Fn(&Sample, usize) -> f64| -> [f64; 3] {
-            std::array::from_fn(|k| mean(&|sample| value(sample, k).powi(2)).sqrt())
+        let magnets = samples.first().map_or(0, |sample| sample.error.len());
+        let rms = |value: &dyn Fn(&Sample, usize) -> f64| -> Vec<f64> {
+            (0..magnets).map(|k| mean(&|sample| value(sample, k).powi(2)).sqrt()).collect()
         };
         let mut verdicts = BTreeMap::new();
         for verdict in samples.iter().filter(|sample| !sample.valid).filter_map(|sample| sample.verdict.clone()) {
@@ -275,18 +300,17 @@ impl Figures {
             identifiable: samples.iter().filter(|sample| identifiable(sample)).count(),
             identified: valid.iter().filter(|sample| identifiable(sample)).count(),
             rms: rms(&|sample, k| sample.error[k]),
-            bias: std::array::from_fn(|k| mean(&|sample| sample.error[k])),
+            bias: (0..magnets).map(|k| mean(&|sample| sample.error[k])).collect(),
             stated: rms(&|sample, k| sample.std[k]),
-            bound: std::array::from_fn(|k| {
-                let squares: f64 = samples.iter().map(|sample| sample.bound[k].powi(2)).sum();
-                (squares / samples.len() as f64).sqrt()
-            }),
+            bound: (0..magnets)
+                .map(|k| pooled(&samples.iter().map(|sample| sample.bound[k]).collect::<Vec<_>>()))
+                .collect(),
             over_bound: rms(&|sample, k| sample.error[k] / sample.bound[k]),
             normalised: rms(&|sample, k| sample.error[k] / sample.std[k]),
             over_total: rms(&|sample, k| sample.error[k] / sample.total[k]),
             worst: valid
                 .iter()
-                .flat_map(|sample| (0..3).map(|k| (sample.error[k] / sample.total[k]).abs()))
+                .flat_map(|sample| sample.error.iter().zip(&sample.total).map(|(error, total)| (error / total).abs()))
                 .fold(f64::NAN, f64::max),
             unbalance: [0, 1].map(|n| mean(&|sample| sample.unbalance[n].powi(2)).sqrt()),
             verdicts,

@@ -18,6 +18,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 
+use crate::machine::Bearing;
 use crate::progress::Progress;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Refused};
@@ -95,7 +96,7 @@ impl Study {
     /// Runs everything, on all processors.
     ///
     /// # Errors
-    /// Every parameter that a slave refuses.
+    /// Every parameter that a model refuses; why a run ended early.
     pub fn run(&self) -> Result<Outcome, Refused> {
         let trials = in_parallel(self.runs, |run| self.trial(self.first_seed + run as u64));
         let trials = trials.into_iter().collect::<Result<Vec<_>, _>>()?;
@@ -109,7 +110,10 @@ impl Study {
     /// The scenario of the run with that seed, drawn for the n-th time.
     pub fn case(&self, seed: u64, attempt: u64) -> Scenario {
         let mut scenario = (self.vary)(&self.scenario, seed, attempt);
-        scenario.duration_s = self.instants_s.iter().copied().fold(0.0, f64::max);
+        // What correction masses leave shows after the last instant.
+        if scenario.balance_s.is_none() {
+            scenario.duration_s = self.instants_s.iter().copied().fold(0.0, f64::max);
+        }
         scenario
     }
 
@@ -130,7 +134,7 @@ impl Study {
                 Some(bench) => offline::judge(&scenario, &run.recording, &self.instants_s, seed, bench),
             };
             let trial = trial.ok_or_else(missing)?;
-            let update_s = scenario.closed_loop()?.controller.law.update_time_s;
+            let update_s = real(&scenario, "controller", "update.time");
             attempt += 1;
             if trial.touched_s.is_none_or(|touched_s| touched_s > update_s) || attempt == ATTEMPTS {
                 return Ok(trial);
@@ -197,19 +201,17 @@ pub fn nominal() -> Scenario {
     Scenario::open(Path::new("unbalanced")).expect("a scenario that comes with the program")
 }
 
-/// The scenario at another speed, with the window given.
-pub fn at_speed(scenario: &mut Scenario, rpm: f64, window_s: f64) {
-    let omega = rpm * TAU / 60.0;
-    let radius = real(scenario, "controller", "reference.rZ");
-    for (element, variable, value) in [
-        ("plant", "omega", omega),
-        ("plant", "vZ0", radius * omega),
-        ("controller", "reference.omega", omega),
-        ("estimator", "Tf", window_s),
-        ("estimator", "epsilon", window_s),
-    ] {
-        scenario.set(element, variable, Value::Real(value));
+/// The scenario at another speed; a rotor that starts on its path keeps to it.
+pub fn at_speed(scenario: &mut Scenario, rpm: f64) {
+    let (omega, before) = (rpm * TAU / 60.0, real(scenario, "plant", "omega"));
+    for rate in scenario.machine.at_start(|coordinate| coordinate.rate) {
+        let value = real(scenario, "plant", &rate);
+        if value != 0.0 && before != 0.0 {
+            scenario.set("plant", &rate, Value::Real(value * omega / before));
+        }
     }
+    scenario.set("plant", "omega", Value::Real(omega));
+    scenario.set("controller", "reference.omega", Value::Real(omega));
 }
 
 /// Pairs of noise from the least to the most that an estimator must find by itself, in µm and mA.
@@ -328,7 +330,22 @@ pub fn studies(runs: usize) -> Vec<Study> {
         studies.push(long);
     }
     studies.extend(offline::studies(runs));
+    studies.extend(spindle::studies(runs));
     studies
+}
+
+/// The magnets of each bearing that are used: their names, and their places among all that are used.
+pub(crate) fn of_bearings(scenario: &Scenario) -> Vec<(String, Vec<usize>)> {
+    let machine = scenario.machine;
+    let used: Vec<usize> = (0..machine.magnets()).filter(|k| scenario.uses(*k)).collect();
+    let of = |(b, bearing): (usize, &Bearing)| {
+        let own = |at: &usize| machine.magnet(used[*at]).is_some_and(|(bearing, _)| bearing == b);
+        let places: Vec<usize> = (0..used.len()).filter(own).collect();
+        let numbers = places.iter().filter_map(|at| machine.magnet(used[*at])).map(|(_, number)| format!("λ{number}"));
+        let prefix = bearing.prefix.strip_suffix('.').map(|name| format!("{name} ")).unwrap_or_default();
+        (prefix + &numbers.collect::<Vec<_>>().join(" "), places)
+    };
+    machine.bearings.iter().enumerate().map(of).collect()
 }
 
 /// The figures as a table, a column for each instant.
@@ -342,27 +359,43 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     };
     // Errors without noise have fewer digits before them than three.
     let small = |value: f64| value != 0.0 && value.abs() < 1e-5;
-    let percent = |values: [f64; 3]| {
+    let percent = |values: &mut dyn Iterator<Item = f64>| {
         let one = |value: f64| if small(value) { format!("{:.0e}", 100.0 * value) } else { known(100.0 * value, 3) };
-        values.map(one).join(" ")
+        values.map(one).collect::<Vec<_>>().join(" ")
     };
     row("valid, runs", &|figures| format!("{}/{}", figures.valid, figures.runs));
     row(&format!("valid where the bound is below {} %", 100.0 * IDENTIFIABLE), &|figures| {
         format!("{}/{}", figures.identified, figures.identifiable)
     });
-    row("rms error/bound", &|figures| known(pooled(figures.over_bound), 2));
-    row("rms error/standard deviation (noise)", &|figures| known(pooled(figures.normalised), 2));
-    row("rms error/standard deviation (total)", &|figures| known(pooled(figures.over_total), 2));
+    row("rms error/bound", &|figures| known(pooled(&figures.over_bound), 2));
+    row("rms error/standard deviation (noise)", &|figures| known(pooled(&figures.normalised), 2));
+    row("rms error/standard deviation (total)", &|figures| known(pooled(&figures.over_total), 2));
     row("greatest error/standard deviation", &|figures| known(figures.worst, 1));
     if !study.mixed {
-        row("rms error of λ1 λ2 λ3, %", &|figures| percent(figures.rms));
-        row("bias, %", &|figures| percent(figures.bias));
-        row("standard deviation stated (noise), %", &|figures| percent(figures.stated));
-        row("Cramér–Rao bound, %", &|figures| percent(figures.bound));
-        row("rms error of U, %; of φ, rad", &|figures| {
-            let [magnitude, phase] = figures.unbalance;
-            format!("{} {}", known(100.0 * magnitude, 3), known(phase, 4))
-        });
+        let bearings = of_bearings(&study.scenario);
+        let mut rows_of = |what: &str, of: &dyn Fn(&Figures) -> &[f64]| {
+            for (names, magnets) in &bearings {
+                row(&format!("{what} of {names}, %"), &|figures| {
+                    percent(&mut magnets.iter().filter_map(|k| of(figures).get(*k)).copied())
+                });
+            }
+        };
+        rows_of("rms error", &|figures| &figures.rms);
+        rows_of("bias", &|figures| &figures.bias);
+        rows_of("standard deviation stated (noise)", &|figures| &figures.stated);
+        rows_of("Cramér–Rao bound", &|figures| &figures.bound);
+        if bearings.len() > 1 {
+            row("rms error of the worst magnet, %", &|figures| {
+                percent(&mut figures.rms.iter().copied().reduce(f64::max).into_iter())
+            });
+        }
+        // A rotor at rest shows no unbalance.
+        if study.scenario.machine.planes > 0 && real(&study.scenario, "plant", "omega") != 0.0 {
+            row("rms error of U, %; of φ, rad", &|figures| {
+                let [magnitude, phase] = figures.unbalance;
+                format!("{} {}", known(100.0 * magnitude, 3), known(phase, 4))
+            });
+        }
     }
     if outcome.figures.iter().any(|figures| !figures.verdicts.is_empty()) {
         row("why not valid", &|figures| {
@@ -387,6 +420,14 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     if study.offline.is_none() {
         let lost = outcome.trials.iter().map(|trial| trial.lost).sum::<usize>();
         note += &format!(" Valid estimates ceased to be valid {lost} times.");
+    }
+    let left: Vec<f64> = outcome.trials.iter().filter_map(|trial| trial.left).collect();
+    if !left.is_empty() {
+        note += &format!(
+            " Correction masses remove at least 95 % of the synchronous force of the magnets in {} runs; {:.1} % are left at worst.",
+            left.iter().filter(|left| **left <= 0.05).count(),
+            100.0 * left.iter().copied().fold(0.0, f64::max)
+        );
     }
     let touched = count(&|trial| trial.touched_s.is_some());
     if touched > 0 {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::bound;
 use super::cases::{self, Draw};
-use super::figures::{Sample, Trial, Worst};
+use super::figures::{Sample, Trial, Worst, touched};
 use super::{NOISE, SEEDS, Study, drawn, nominal, real, study};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
@@ -137,7 +137,7 @@ pub fn judge(
     let whole = misread(recording, scenario.step_s, &offline.errors(seed))?;
     let configured = scenario.closed_loop().ok()?;
     let truth = configured.plant.lambda_nm2_a2;
-    let touched = recording.get("plant.touchdown.contact")?.iter().position(|contact| *contact == 1.0);
+    let touched = touched(recording);
     let mut bench = [Told::default(); BENCH];
     for (at, std) in &offline.tolerances {
         bench[*at].knowledge = Knowledge::Tolerance(*std);
@@ -150,6 +150,7 @@ pub fn judge(
         lost: 0,
         noticed_s: None,
         touched_s: touched.map(|row| recording.time_s[row]),
+        left: None,
     };
     for (at, instant_s) in instants_s.iter().enumerate() {
         let rows = (instant_s / scenario.step_s).round() as usize + 1;
@@ -160,17 +161,18 @@ pub fn judge(
         let answer = identify::answer(&[beginning(&whole, rows)], question).ok()?;
         let mut sample = Sample {
             valid: answer.valid,
-            error: [f64::NAN; 3],
-            std: [f64::NAN; 3],
-            total: [f64::NAN; 3],
-            bound: bounds.as_ref().map_or([f64::NAN; 3], |bounds| bounds[at]),
+            error: vec![f64::NAN; 3],
+            std: vec![f64::NAN; 3],
+            total: vec![f64::NAN; 3],
+            bound: bounds.as_ref().map_or_else(|| vec![f64::NAN; 3], |bounds| bounds[at].clone()),
             unbalance: [f64::NAN; 2],
             verdict: (!answer.valid).then(|| summary(&answer.verdict)),
         };
         if let Some(found) = &answer.found {
-            sample.error = std::array::from_fn(|k| found.lambda[k].value / truth[k] - 1.0);
-            sample.std = std::array::from_fn(|k| found.lambda[k].noise_std / truth[k]);
-            sample.total = std::array::from_fn(|k| found.lambda[k].total_std / truth[k]);
+            let relative = |of: &dyn Fn(usize) -> f64| (0..3).map(|k| of(k) / truth[k]).collect();
+            sample.error = (0..3).map(|k| found.lambda[k].value / truth[k] - 1.0).collect();
+            sample.std = relative(&|k| found.lambda[k].noise_std);
+            sample.total = relative(&|k| found.lambda[k].total_std);
             let turned = found.unbalance_phase.value - configured.plant.unbalance_phase_rad;
             sample.unbalance = [
                 found.unbalance_magnitude.value / configured.plant.unbalance_kgm - 1.0,

@@ -8,7 +8,7 @@ pub mod altered;
 mod courses;
 
 use super::cases::Draw;
-use super::figures::{CONFIDENT, Truth, Worst};
+use super::figures::{CONFIDENT, Truth, Worst, is_contact, touched};
 use super::{NOISE, cases, in_parallel, real, study};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
@@ -166,11 +166,6 @@ impl Case<'_> {
     }
 }
 
-/// Whether a signal says that the rotor touches a backup bearing.
-fn is_contact(path: &str) -> bool {
-    path.starts_with("plant.") && path.ends_with("contact")
-}
-
 /// Judges a run by its valid samples, until the rotor touches down unless that is part of the course.
 pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) -> Option<Trial> {
     let mut magnets = Vec::new();
@@ -180,9 +175,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) 
     }
     let valid = recording.get("estimator.valid")?;
     let time_s = &recording.time_s;
-    let contacts = recording.columns.iter().filter(|column| is_contact(&column.name));
-    let touched = contacts.filter_map(|column| column.values.iter().position(|contact| *contact == 1.0)).min();
-    let touched = touched.filter(|_| !rubs);
+    let touched = touched(recording).filter(|_| !rubs);
     let rows = touched.unwrap_or(time_s.len());
     let omega = real(scenario, "plant", "omega").abs().max(1.0);
     let granted_s = GRANTED_REVOLUTIONS * std::f64::consts::TAU / omega;
