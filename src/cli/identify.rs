@@ -91,7 +91,8 @@ pub struct Arguments {
     /// the scenario). The parameter is then estimated as well.
     #[arg(long = "tolerance", value_name = "NAME=VALUE", value_parser = pair)]
     tolerances: Vec<(String, String)>,
-    /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated).
+    /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated); or force.slow, a force that wanders, whatever the
+    /// likelihood says.
     #[arg(long = "estimate", value_name = "NAME")]
     estimates: Vec<String>,
     /// Meaning of a current sample: heldBefore (measured), heldAfter (commanded), linear, or auto to find out from the data: heldBefore

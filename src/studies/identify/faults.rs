@@ -23,7 +23,8 @@ pub(super) type Column<'a> = (&'a str, &'a mut Vec<f64>);
 /// Sets faulty readings and repeated rows to NaN. Says what was left out, with the times of rows as `instant` writes them.
 pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> String) -> Vec<String> {
     // Repeated rows first: what is left out of one column hides that all repeat.
-    let mut notes: Vec<String> = leave_out_repetitions(columns).into_iter().collect();
+    let repetitions = leave_out_repetitions(columns);
+    let mut notes = Vec::new();
     for (name, values) in columns.iter_mut() {
         let mut found = Vec::new();
         for (value, rows) in clipped(values) {
@@ -69,6 +70,7 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
             notes.push(format!("{name}: {}; left out.", found.join(", ")));
         }
     }
+    notes.extend(repetitions);
     notes
 }
 
