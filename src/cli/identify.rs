@@ -38,6 +38,8 @@ const OPTIONS: [(&str, &str); 7] = [
 
 /// Plots and tables need no more points than this; the CSV file has all of them.
 const SHOWN: usize = 4000;
+/// Name of the slow force among the parameters to estimate.
+const SLOW_FORCE: &str = "force.slow";
 
 #[derive(Args)]
 pub struct Arguments {
@@ -98,7 +100,8 @@ pub struct Arguments {
     /// the scenario). The parameter is then estimated as well.
     #[arg(long = "tolerance", value_name = "NAME=VALUE", value_parser = pair)]
     tolerances: Vec<(String, String)>,
-    /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated).
+    /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated); or force.slow, a force that wanders, whatever the
+    /// likelihood says.
     #[arg(long = "estimate", value_name = "NAME")]
     estimates: Vec<String>,
     /// Meaning of a current sample: heldBefore (measured), heldAfter (commanded), linear, or auto to find out from the data: heldBefore
@@ -156,7 +159,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let answer = match arguments.is_likelihood() {
         true => {
             let lambda0_nm2_a2 = tracks[0].last_valid().map(|output| output.lambda_hat);
-            Some(identify::answer(&recordings, Question { config, bench, lambda0_nm2_a2 }).map_err(refused)?)
+            Some(
+                identify::answer(
+                    &recordings,
+                    Question { config, bench, lambda0_nm2_a2, slow_force: arguments.estimates_slow_force() },
+                )
+                .map_err(refused)?,
+            )
         }
         false => None,
     };
@@ -230,12 +239,17 @@ impl Arguments {
                 bench[at].knowledge = Knowledge::Tolerance(std);
             }
         }
-        for name in &self.estimates {
+        for name in self.estimates.iter().filter(|name| *name != SLOW_FORCE) {
             for at in identify::named(name).map_err(Refused)? {
                 bench[at].knowledge = Knowledge::Free;
             }
         }
         Ok(bench)
+    }
+
+    /// Whether a slow force is to be estimated, whatever the likelihood says.
+    fn estimates_slow_force(&self) -> bool {
+        self.estimates.iter().any(|name| name == SLOW_FORCE)
     }
 
     /// The methods to run on line: with maximum likelihood the default one, which shows drift.
@@ -387,7 +401,8 @@ impl Results {
             write_table(path, &identify::recording(samples, &self.tracks))?;
         }
         if let Some(path) = &arguments.json {
-            let document = self.answer.as_ref().map_or_else(|| identify::json(samples, &self.tracks), Answer::json);
+            let mut document = self.answer.as_ref().map_or_else(|| identify::json(samples, &self.tracks), Answer::json);
+            document["notes"] = self.recordings.iter().flat_map(|samples| samples.notes.clone()).collect();
             Format::Json.write(path, format!("{document:#}\n").as_bytes()).map_err(named(path))?;
         }
         if let Some(folder) = &arguments.report {

@@ -204,7 +204,7 @@ fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
             bench[at].knowledge = likelihood::Knowledge::Tolerance(std);
         }
     }
-    Question { config, bench, lambda0_nm2_a2: None }
+    Question { config, bench, lambda0_nm2_a2: None, slow_force: false }
 }
 
 fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {
@@ -528,6 +528,63 @@ fn faults_of_sensors_are_left_out_and_named() {
             let ratio = (lambda.value - truth) / lambda.total_std;
             assert!(ratio.abs() < 4.0, "{name}, {words}: {lambda:?}: {ratio:.1} standard deviations");
         }
+    }
+}
+
+/// The text of a recording with its cells changed: row, then the cells of the row before as they are now, and its own.
+fn spoilt(text: &str, change: impl Fn(usize, &[String], &mut [String])) -> String {
+    let mut former: Vec<String> = Vec::new();
+    let rows = text.lines().enumerate().map(|(row, line)| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if row > 1 {
+            change(row, &former, &mut cells);
+        }
+        former.clone_from(&cells);
+        cells.join(",")
+    });
+    rows.collect::<Vec<_>>().join("\n")
+}
+
+/// Rows that repeat the one before are left out, few or many at a time; nothing disturbs the rotor.
+#[test]
+fn repeated_rows_are_left_out() {
+    let text = csv(&run(montecarlo::NOISE, 0.4).1);
+    let names: Vec<&str> = text.lines().next().expect("a header").split(',').collect();
+    let read = |name: &str| ["plant.Ym", "plant.Zm", "plant.im"].iter().any(|of| name.starts_with(of));
+    let late = spoilt(&text, |row, former, cells| {
+        if row > 200 && row % 397 < 1 + row / 397 {
+            (0..cells.len()).filter(|at| read(names[*at])).for_each(|at| cells[at].clone_from(&former[at]));
+        }
+    });
+    let samples = Samples::read(&late, &Reading::default()).expect("a usable recording");
+    let notes = samples.notes.join(" ");
+    let answer = ask(&[samples], &[]);
+    assert!(notes.contains("repeat the one before"), "{notes}");
+    assert!(answer.valid && answer.findings.is_empty(), "{} {:?}", answer.verdict, answer.findings);
+}
+
+/// Steps of a position sensor above its noise are named; their errors repeat with the readings, so that more rows tell no more.
+#[test]
+fn quantised_positions_are_named() {
+    const STEP_M: f64 = 2e-6;
+    let text = csv(&run([5e-8, 1e-2], 0.4).1);
+    let names: Vec<&str> = text.lines().next().expect("a header").split(',').collect();
+    let coarse = spoilt(&text, |_, _, cells| {
+        for at in (0..cells.len()).filter(|at| names[*at].starts_with("plant.Ym") || names[*at].starts_with("plant.Zm"))
+        {
+            let value: f64 = cells[at].parse().expect("a number");
+            cells[at] = format!("{:e}", STEP_M * (value / STEP_M).round());
+        }
+    });
+    let samples = Samples::read(&coarse, &Reading::default()).expect("a usable recording");
+    let answer = ask(&[samples], &[]);
+    let said = answer.findings.join(" ");
+    assert!(said.contains("Ym is quantised in steps of 2 µm"), "{} {said}", answer.verdict);
+    let found = answer.found.expect("estimates");
+    assert!(found.conditions[0].different < found.conditions[0].rows / 2, "{:?}", found.conditions[0]);
+    for (lambda, truth) in found.lambda.iter().zip(TRUTH) {
+        let ratio = (lambda.value - truth) / lambda.total_std;
+        assert!(ratio.abs() < 4.0, "{lambda:?}: {ratio:.1} standard deviations");
     }
 }
 

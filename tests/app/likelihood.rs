@@ -169,6 +169,30 @@ fn an_impact_is_left_out() {
     }
 }
 
+/// A force that wanders is found by its likelihood, and its level; a recording without it shows none.
+#[test]
+fn a_slow_force_is_found_by_its_likelihood() {
+    const LEVEL: f64 = 0.1;
+    let by_chance = 0.5 * f64::ln(2.0 * 20_001.0);
+    let of = |level: f64, slow_force: bool| {
+        let bench = Bench { seconds: 2.0, slow_force: level, seed: 43, ..Bench::default() };
+        let recorded = bench.record();
+        let options = Options { slow_force, ..options(&bench) };
+        likelihood::identify(&[recording(&recorded, &bench, false)], &options).unwrap()
+    };
+    let [without, plain, found] = [of(0.0, false), of(LEVEL, false), of(LEVEL, true)];
+    let [gain, asked] = [without, plain].map(|of| of.gain_by_slow_force);
+    let level = found.conditions[0].slow_force_n;
+    println!("worth {gain:.1} without, {asked:.1} with it; {level:.3} N/√s");
+    assert!(gain < by_chance, "{gain} without a slow force");
+    assert!(asked > by_chance, "{asked} with a slow force");
+    assert!((0.7 * LEVEL..1.4 * LEVEL).contains(&level), "{level} N/√s, where {LEVEL} are right");
+    for (k, truth) in Bench::default().lambda.into_iter().enumerate() {
+        let error = (found.lambda[k].value - truth) / found.lambda[k].total_std;
+        assert!(error.abs() < 4.0, "λ{k}: {error} standard deviations");
+    }
+}
+
 #[test]
 fn the_result_does_not_depend_on_the_number_of_threads() {
     let bench = Bench { seconds: 6.0, ..Bench::default() };

@@ -60,6 +60,8 @@ pub struct Bench {
     pub change: [f64; 2],
     /// Impact: half sine of 0.5 ms, in N in z, at that time.
     pub impact: [f64; 2],
+    /// Level of a force that wanders in y and z, a random walk, in N after a second.
+    pub slow_force: f64,
 }
 
 impl Default for Bench {
@@ -105,6 +107,7 @@ impl Default for Bench {
             backward: [0.0; 2],
             change: [0.0; 2],
             impact: [0.0; 2],
+            slow_force: 0.0,
         }
     }
 }
@@ -173,6 +176,7 @@ impl Bench {
         let true_alpha: [f64; 3] = std::array::from_fn(|k| self.alpha[k] + self.alpha_error[k]);
         let e = true_alpha.map(|alpha| [alpha.sin(), alpha.cos()]);
         let mut noise: [Noise; 5] = Noise::channels(self.seed);
+        let (mut walks, mut slow): ([Noise; 2], _) = (Noise::channels(self.seed + 1000), [0.0; 2]);
         let gains = gains_of_three(self.observer, self.step);
         let tracking = tracking_gains(self.tracking, self.step);
         let (h, sub) = (self.step, self.step / SUBSTEPS as f64);
@@ -251,11 +255,14 @@ impl Bench {
             let gaps = magnets.gaps(predicted).map(|gap| gap.max(1e-5));
             let next = currents(magnets.allocate(force, &[f0]), gaps, lambda);
 
+            for a in 0..2 {
+                slow[a] = walks[a].measure(slow[a], self.slow_force * h.sqrt());
+            }
             for step in 0..SUBSTEPS {
                 let t_0 = t + step as f64 * sub;
                 let slope = |t: f64, x: &[f64; 4]| {
                     let force = self.force(t, x, current, &e);
-                    [x[2], x[3], force[0] / m, force[1] / m]
+                    [x[2], x[3], (force[0] + slow[0]) / m, (force[1] + slow[1]) / m]
                 };
                 let moved = |d: &[f64; 4], by: f64| -> [f64; 4] { std::array::from_fn(|i| x[i] + by * d[i]) };
                 let k_1 = slope(t_0, &x);

@@ -1,5 +1,6 @@
 //! The answer for whole recordings: maximum likelihood, what it is worth, and what is said where it is worth nothing.
 
+use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value as Json, json};
 
 use super::diagnosis::{self, Take};
@@ -34,6 +35,10 @@ const CURRENT_NOISE: f64 = 0.15;
 /// Force constants of one bearing differ by less.
 const RATIO: f64 = 10.0;
 
+/// Acceleration of gravity, m/s².
+const GRAVITY_M_S2: f64 = 9.81;
+/// A force that wanders by more within a second, in weights of the rotor, is no slow one: the law fits badly.
+const SLOW_FORCE: f64 = 0.015;
 /// A motion whose speed differs from that of the shaft by more, relative, is a path with a speed of its own.
 const OTHER: f64 = 0.05;
 /// An error of the angle, rad, that moves a synchronous force by a tenth of itself.
@@ -48,6 +53,8 @@ pub struct Question {
     pub bench: [Told; BENCH],
     /// First guess of λ, N·m²/A²; by default the on-line estimator makes one.
     pub lambda0_nm2_a2: Option<[f64; 3]>,
+    /// Whether a slow force is estimated in any case; otherwise the likelihood decides.
+    pub slow_force: bool,
 }
 
 /// Columns of a recording as the likelihood takes them.
@@ -223,15 +230,16 @@ fn on_line(recordings: &[Samples], config: &EstimatorConfig) -> Option<[f64; 3]>
 
 fn answer_columns(all: &[Columns], question: Question) -> Answer {
     let config = &question.config;
-    let options = Options {
+    let mut options = Options {
         bench: question.bench,
         lambda0_nm2_a2: question.lambda0_nm2_a2,
+        slow_force: question.slow_force,
         ..Options::new(config.m_kg, config.gap_m, config.alpha_rad)
     };
     let hold = config.hold;
     let recordings: Vec<likelihood::Recording<'_>> =
         all.iter().map(|columns| columns.recording(config, hold)).collect();
-    let identified = likelihood::identify(&recordings, &options);
+    let identified = with_slow_force(&recordings, &mut options);
     let mut findings = Vec::new();
     let (mut found, mut refusal) = match identified {
         Ok(found) => (Some(found), None),
@@ -271,6 +279,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
         refusal = Some(differ);
     } else if let Some(found) = found.as_ref().filter(|found| found.converged) {
         findings.extend(words_on(found, all));
+        findings.extend(words_on_slow_force(found));
     }
     if found.as_ref().is_some_and(|found| !found.converged) {
         found = None;
@@ -295,32 +304,76 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
     Answer { valid, verdict, findings, found, question }
 }
 
-/// Whether recordings of one bearing disagree by estimates of their own, and about what: χ² of each λ about the weighted mean.
+/// Identifies, once more with a slow force if the likelihood asks for it; that counts if the force is slow and worth a parameter (Schwarz 1978).
+fn with_slow_force(
+    recordings: &[likelihood::Recording<'_>],
+    options: &mut Options,
+) -> Result<Identification, likelihood::Failed> {
+    let plain = likelihood::identify(recordings, options)?;
+    let rows = |of: &Identification| of.conditions.iter().map(|conditions| conditions.rows).sum::<usize>();
+    let is_worth_it = |of: &Identification| of.gain_by_slow_force > 0.5 * libm::log(2.0 * rows(of) as f64);
+    if options.slow_force || !is_worth_it(&plain) {
+        return Ok(plain);
+    }
+    let slow = Options { slow_force: true, ..options.clone() };
+    let most = SLOW_FORCE * options.m_kg * GRAVITY_M_S2;
+    let is_slow = |of: &Identification| of.conditions.iter().all(|conditions| conditions.slow_force_n < most);
+    match likelihood::identify(recordings, &slow) {
+        Ok(found) if found.converged && is_slow(&found) && is_worth_it(&found) => {
+            *options = slow;
+            Ok(found)
+        }
+        _ => Ok(plain),
+    }
+}
+
+/// The slow force, and what it is worth.
+fn words_on_slow_force(found: &Identification) -> Option<String> {
+    let levels: Vec<f64> = found.conditions.iter().map(|conditions| conditions.slow_force_n).collect();
+    levels.iter().any(|level| *level > 0.0).then(|| {
+        let levels: Vec<String> = levels.iter().map(|level| significant(1e3 * level, 2)).collect();
+        let worth = significant(found.gain_by_slow_force, 3);
+        format!(
+            "A slow force that nothing explains wanders by {} mN/√s (worth {worth} in log-likelihood).",
+            levels.join(", ")
+        )
+    })
+}
+
+/// Whether recordings of one bearing disagree by estimates of their own, and about what: χ² of all λ about the weighted mean, with their covariances. The force
+/// constant that is named explains most of the difference between the recording that is furthest off and the others, if it alone differs.
 fn differ(recordings: &[likelihood::Recording<'_>], options: &Options) -> Option<String> {
     let own = |recording| likelihood::identify(std::slice::from_ref(recording), options).ok();
     let own: Vec<Identification> = recordings.iter().map(own).collect::<Option<_>>()?;
     if own.iter().any(|own| !own.converged) {
         return None;
     }
-    let mut worst: Option<(f64, String)> = None;
-    for k in 0..3 {
-        let weight = |of: &Identification| of.lambda[k].total_std.powi(-2);
-        let sum: f64 = own.iter().map(weight).sum();
-        let mean = own.iter().map(|of| weight(of) * of.lambda[k].value).sum::<f64>() / sum;
-        let chi = |of: &Identification| weight(of) * (of.lambda[k].value - mean).powi(2);
-        let total: f64 = own.iter().map(chi).sum();
-        let at = (0..own.len()).max_by(|a, b| chi(&own[*a]).total_cmp(&chi(&own[*b])))?;
-        if total > likely((own.len() - 1) as f64) && worst.as_ref().is_none_or(|(most, _)| total > *most) {
-            // Against the others alone: the mean has a part of the one that differs.
-            let others = sum - weight(&own[at]);
-            let of_others = (sum * mean - weight(&own[at]) * own[at].lambda[k].value) / others;
-            let std = (1.0 / others + 1.0 / weight(&own[at])).sqrt();
-            let [by, std] = [own[at].lambda[k].value - of_others, std].map(|of| significant(100.0 * of / of_others, 2));
-            worst =
-                Some((total, format!("the recordings differ: λ{} of recording {} by {by} % ± {std} %", k + 1, at + 1)));
-        }
+    let lambda = |of: &Identification| Vector3::from(of.lambda.map(|lambda| lambda.value));
+    let weights: Vec<Matrix3<f64>> =
+        own.iter().map(|of| Matrix3::from(of.lambda_covariance).try_inverse()).collect::<Option<_>>()?;
+    let all: Matrix3<f64> = weights.iter().sum();
+    let weighted = own.iter().zip(&weights).map(|(of, weight)| weight * lambda(of));
+    let sum: Vector3<f64> = weighted.sum();
+    let mean = all.try_inverse()? * sum;
+    let chi = |at: usize| {
+        let off = lambda(&own[at]) - mean;
+        off.dot(&(weights[at] * off))
+    };
+    let total: f64 = (0..own.len()).map(chi).sum();
+    if total <= likely(3.0 * (own.len() - 1) as f64) {
+        return None;
     }
-    worst.map(|(_, words)| words)
+    let at = (0..own.len()).max_by(|a, b| chi(*a).total_cmp(&chi(*b)))?;
+    // Against the others alone: the mean has a part of the one that differs.
+    let others = (all - weights[at]).try_inverse()?;
+    let of_others = others * (sum - weights[at] * lambda(&own[at]));
+    let weight = (others + weights[at].try_inverse()?).try_inverse()?;
+    let score = weight * (lambda(&own[at]) - of_others);
+    let gain = |k: usize| score[k] * score[k] / weight[(k, k)];
+    let k = (0..3).max_by(|a, b| gain(*a).total_cmp(&gain(*b)))?;
+    let [by, std] =
+        [score[k] / weight[(k, k)], weight[(k, k)].sqrt().recip()].map(|of| significant(100.0 * of / of_others[k], 2));
+    Some(format!("the recordings differ: λ{} of recording {} by {by} % ± {std} %", k + 1, at + 1))
 }
 
 /// χ² of so many degrees of freedom that chance exceeds with a probability of 10⁻⁴ (normal deviate 3.719; Wilson and Hilferty 1931).
@@ -468,6 +521,20 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
             listed.join(", ")
         ));
     }
+    for conditions in &found.conditions {
+        for (axis, step_m) in ["Ym", "Zm"].iter().zip(conditions.resolution_m) {
+            if step_m > conditions.position_noise_m {
+                let step = significant(1e6 * step_m, 3);
+                words.push(format!("{axis} is quantised in steps of {step} µm, above the noise."));
+            }
+        }
+        if conditions.different < conditions.rows {
+            words.push(format!(
+                "Errors of quantisation repeat with the readings: {} rows count as the {} that differ.",
+                conditions.rows, conditions.different
+            ));
+        }
+    }
     if found.covariance == likelihood::Covariance::Scores {
         words.push(
             "The scatter of the data is larger than noise explains; ± of noise is taken from it (scores).".into(),
@@ -500,11 +567,16 @@ impl Answer {
         }))
     }
 
+    /// Meaning of a sample of a current, by its name.
+    fn hold(&self) -> &'static str {
+        HOLDS.iter().find(|(_, hold)| *hold == self.question.config.hold).map_or("", |(name, _)| name)
+    }
+
     /// Parameters taken as known.
     #[must_use]
     pub fn told(&self) -> String {
         let config = &self.question.config;
-        let hold = HOLDS.iter().find(|(_, hold)| *hold == config.hold).map_or("", |(name, _)| name);
+        let hold = self.hold();
         let mut words = format!(
             "Taken as known: m = {} kg, s = {} mm, alpha = {} °, currents {hold}",
             significant(config.m_kg, 6),
@@ -577,6 +649,9 @@ impl Answer {
             };
             rows.push(noise("noise of positions", 1e6 * conditions.position_noise_m, "µm"));
             rows.push(noise("noise of currents", 1e3 * conditions.current_noise_a, "mA"));
+            if conditions.slow_force_n > 0.0 {
+                rows.push(noise("slow force", 1e3 * conditions.slow_force_n, "mN/√s"));
+            }
         }
         Table {
             title: "Maximum likelihood over the whole recording".into(),
@@ -627,12 +702,13 @@ impl Answer {
                 "magnitude": found.unbalance_magnitude.value, "magnitudeStd": found.unbalance_magnitude.noise_std,
                 "phase": found.unbalance_phase.value, "phaseStd": found.unbalance_phase.noise_std,
             },
-            "told": {"m": config.m_kg, "s": config.gap_m, "alpha": config.alpha_rad},
+            "told": {"m": config.m_kg, "s": config.gap_m, "alpha": config.alpha_rad, "hold": self.hold()},
             "noise": {"position": first.position_noise_m, "current": first.current_noise_a},
             "recordings": found.conditions.iter().map(|of| json!({
                 "pY": estimate(&of.load_n[0]), "pZ": estimate(&of.load_n[1]),
                 "ki": per(&of.ki_n_a, |of| of.value), "ks": per(&of.ks_n_m, |of| of.value),
-                "noise": {"position": of.position_noise_m, "current": of.current_noise_a}, "rows": of.rows,
+                "noise": {"position": of.position_noise_m, "current": of.current_noise_a},
+                "slowForce": of.slow_force_n, "rows": of.rows,
             })).collect::<Vec<_>>(),
             "bench": bench, "budget": budget,
             "notSeparated": found.not_separated.iter().map(|j| PARAMETERS[*j].name).collect::<Vec<_>>(),

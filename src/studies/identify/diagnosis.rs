@@ -13,8 +13,6 @@ const ROWS: [usize; 2] = [2000, 20_000];
 const TURNS: f64 = 5.0;
 /// Probability that something is proposed for data that are as stated.
 const CHANCE: f64 = 1e-3;
-/// Fitted parameters of an alternative: λ, unbalance, load, two levels of noise, the gap.
-const FITTED: f64 = 10.0;
 /// Very strong evidence, as a difference of log-likelihoods (Kass and Raftery 1995).
 pub(super) const VERY_STRONG: f64 = 5.0;
 /// Alternatives whose log-likelihood is lower than that of the best by less than this are proposed as well: the model errors that both share ask for
@@ -24,9 +22,9 @@ const AS_GOOD: f64 = 2.0 * VERY_STRONG;
 /// By how much the log-likelihood must be higher than with the stated one, over this many rows.
 ///
 /// The likelihood ratio of a fixed alternative has the expectation 1 if the statements are true, so that it exceeds 1/p with a probability of p at most
-/// (Markov). Parameters fitted to N values raise its logarithm by half of ln N each (Schwarz 1978).
+/// (Markov). A parameter fitted to N values raises its logarithm by half of ln N (Schwarz 1978): one alternative has one more.
 fn better(rows: usize) -> f64 {
-    libm::log(ALTERNATIVES.len() as f64 / CHANCE) + 0.5 * FITTED * libm::log(2.0 * rows as f64)
+    libm::log(ALTERNATIVES.len() as f64 / CHANCE) + 0.5 * libm::log(2.0 * rows as f64)
 }
 
 /// A recording and what is told of it.

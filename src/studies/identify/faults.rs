@@ -9,6 +9,11 @@ const CHANCE: f64 = 1e-6;
 const MOST: f64 = 0.01;
 /// Rows of a run at least: with two, readings agree by chance of their digits.
 const LEAST: usize = 4;
+/// Readings at the end of a range, relative to those at the value beside it, and how many more there are at least.
+const CLIPPED: usize = 4;
+const FEWEST_CLIPPED: usize = 10;
+/// Rows before and after a clipped reading that are left out with it.
+const BESIDE_CLIPPED: usize = 8;
 /// Faults of one column that are listed.
 const LISTED: usize = 3;
 
@@ -17,9 +22,24 @@ pub(super) type Column<'a> = (&'a str, &'a mut Vec<f64>);
 
 /// Sets faulty readings and repeated rows to NaN. Says what was left out, with the times of rows as `instant` writes them.
 pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> String) -> Vec<String> {
+    // Repeated rows first: what is left out of one column hides that all repeat.
+    let repetitions = leave_out_repetitions(columns);
     let mut notes = Vec::new();
     for (name, values) in columns.iter_mut() {
         let mut found = Vec::new();
+        for (value, rows) in clipped(values) {
+            found.push(format!(
+                "clipped at {} in {} rows, the first at {}",
+                significant(value, 4),
+                rows.len(),
+                instant(rows[0])
+            ));
+            // Beside them only readings with noise that points inwards are left, a biased choice.
+            for row in rows {
+                let end = (row + 1 + BESIDE_CLIPPED).min(values.len());
+                values[row.saturating_sub(BESIDE_CLIPPED)..end].fill(f64::NAN);
+            }
+        }
         let [low, high] = values
             .iter()
             .filter(|value| value.is_finite())
@@ -33,11 +53,7 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
             let first = rows.start + usize::from(how == "stuck");
             values[first..rows.end].fill(f64::NAN);
         }
-        let mut outliers = outliers(values);
-        if !name.ends_with('m') {
-            let [low, high] = middle(values);
-            outliers.retain(|row| values[*row] == 0.0 || !(2.0 * low - high..2.0 * high - low).contains(&values[*row]));
-        }
+        let outliers = outliers(values, if name.ends_with('m') { 0.0 } else { RARE });
         if let Some(first) = outliers.first() {
             let (count, first) = (outliers.len(), instant(*first));
             found.push(if count == 1 {
@@ -54,8 +70,30 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
             notes.push(format!("{name}: {}; left out.", found.join(", ")));
         }
     }
-    notes.extend(leave_out_repetitions(columns));
+    notes.extend(repetitions);
     notes
+}
+
+/// Readings at an end of the range of a sensor, far from 0, each with its rows: more than [`CLIPPED`] times as many as at the value beside it, but not most of all,
+/// as where nothing moves. At the peak of a quantised sine there are 1/(√2 − 1) times as many at most.
+fn clipped(values: &[f64]) -> Vec<(f64, Vec<usize>)> {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let count = |value: f64| sorted.partition_point(|of| *of <= value) - sorted.partition_point(|of| *of < value);
+    let is_end = |end: f64, beside: Option<&f64>| {
+        let is_most = 2 * count(end) > sorted.len();
+        !is_most && beside.is_some_and(|beside| count(end) > CLIPPED * count(*beside) + FEWEST_CLIPPED)
+    };
+    let rows = |end: f64| (0..values.len()).filter(|row| values[*row] == end).collect();
+    let (Some(low), Some(high)) = (sorted.first().copied(), sorted.last().copied()) else { return Vec::new() };
+    let mut found = Vec::new();
+    if low < 0.0 && is_end(low, sorted.iter().find(|value| **value > low)) {
+        found.push((low, rows(low)));
+    }
+    if high > 0.0 && is_end(high, sorted.iter().rfind(|value| **value < high)) {
+        found.push((high, rows(high)));
+    }
+    found
 }
 
 /// Rows in which all readings are those of the row before. Where most rows are, nothing moves and nothing is noisy.
@@ -96,40 +134,48 @@ fn stuck(values: &[f64]) -> Vec<std::ops::Range<usize>> {
     found
 }
 
-/// The middle 99 % of a column. Currents may jump for a sample, as masses may not: single ones are outliers if they are 0, or as far again beyond the others
-/// as these differ.
-fn middle(values: &[f64]) -> [f64; 2] {
-    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    sorted.sort_by(f64::total_cmp);
-    let at = |part: f64| sorted.get((part * sorted.len() as f64) as usize).copied().unwrap_or(f64::NAN);
-    [at(0.005), at(0.995)]
-}
-
 /// Rows over which the noise of a sensor is taken to be the same.
 const BLOCK: usize = 500;
 
+/// Currents may jump for a sample, as masses may not, and a controller makes them do so again and again: single ones are outliers if they are off by so many times as much
+/// as 99 % of the others.
+const RARE: f64 = 3.0;
+
 /// Single readings far from the cubic through their four neighbours, which agree with each other. Far is what normal noise exceeds
 /// with a probability of [`CHANCE`] in all rows, √(2 ln(N/CHANCE)) deviations; the deviation is 1.4826 times the median of the
-/// distances nearby (Huber, *Robust Statistics*, section 5.1).
-fn outliers(values: &[f64]) -> Vec<usize> {
+/// distances nearby (Huber, *Robust Statistics*, section 5.1). It is also `rare` times the distance that 99 % of all have.
+fn outliers(values: &[f64], rare: f64) -> Vec<usize> {
     let off = |row: usize| {
         let [a, b, c, d] = [values[row - 2], values[row - 1], values[row + 1], values[row + 2]];
         values[row] - (4.0 * (b + c) - (a + d)) / 6.0
     };
+    let quantile = |sizes: &mut Vec<f64>, part: f64| {
+        let at = (part * sizes.len() as f64) as usize;
+        *sizes.select_nth_unstable_by(at, f64::total_cmp).1
+    };
+    let sizes = |rows: std::ops::Range<usize>| -> Vec<f64> {
+        rows.map(|row| off(row).abs()).filter(|off| off.is_finite()).collect()
+    };
     let limit = 1.4826 * (2.0 * libm::log(values.len() as f64 / CHANCE)).sqrt();
-    let mut found = Vec::new();
     let end = values.len().saturating_sub(2);
+    let mut all = sizes(2..end.max(2));
+    if all.is_empty() {
+        return Vec::new();
+    }
+    let usual = quantile(&mut all, 0.99);
+    let mut found = Vec::new();
     for from in (2..end).step_by(BLOCK) {
         let block = from..(from + BLOCK).min(end);
-        let mut sizes: Vec<f64> = block.clone().map(|row| off(row).abs()).filter(|off| off.is_finite()).collect();
-        if sizes.is_empty() {
+        let mut near = sizes(block.clone());
+        if near.is_empty() {
             continue;
         }
-        let middle = sizes.len() / 2;
-        let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let median = quantile(&mut near, 0.5);
         let is_outlier = |row: &usize| {
             let size = off(*row).abs();
-            median > 0.0 && size > limit * median && 4.0 * (values[row + 1] - values[row - 1]).abs() < size
+            median > 0.0
+                && size > (limit * median).max(rare * usual)
+                && 4.0 * (values[row + 1] - values[row - 1]).abs() < size
         };
         found.extend(block.filter(is_outlier));
     }

@@ -31,6 +31,7 @@ mod equations;
 mod expected;
 mod filter;
 mod outcome;
+mod resolution;
 mod search;
 mod solve;
 
@@ -78,13 +79,15 @@ pub struct Options {
     pub lambda0_nm2_a2: Option<[f64; 3]>,
     /// Stated values of the bench, by the order of [`PARAMETERS`].
     pub bench: [Told; BENCH],
+    /// Whether a slow force that nothing explains is estimated, a random walk in y and z.
+    pub slow_force: bool,
 }
 
 impl Options {
     /// A bearing whose bench is exactly as stated.
     #[must_use]
     pub fn new(m_kg: f64, gap_m: f64, alpha_rad: [f64; 3]) -> Self {
-        Self { m_kg, gap_m, alpha_rad, lambda0_nm2_a2: None, bench: [Told::default(); BENCH] }
+        Self { m_kg, gap_m, alpha_rad, lambda0_nm2_a2: None, bench: [Told::default(); BENCH], slow_force: false }
     }
 }
 
@@ -176,8 +179,14 @@ pub struct Conditions {
     pub position_noise_m: f64,
     /// Standard deviation of the current noise, A.
     pub current_noise_a: f64,
+    /// Level of a slow force in y and z, a random walk, N after a second; 0 unless it is estimated.
+    pub slow_force_n: f64,
     /// Rows that were used.
     pub rows: usize,
+    /// As many of them as count: those that differ, where errors of quantisation repeat with the readings.
+    pub different: usize,
+    /// Step of each position sensor, m; 0 unless it is quantised.
+    pub resolution_m: [f64; 2],
     /// Mean of the normalised innovations squared per axis; 1 where the model holds.
     pub nis: f64,
     /// Mean of `2 λ_k i_k/gap_k²` over the recording, N/A.
@@ -274,6 +283,8 @@ pub enum Change {
 pub struct Identification {
     /// Force constants, N·m²/A².
     pub lambda: [Estimate; 3],
+    /// Covariance of the force constants, noise and tolerances together.
+    pub lambda_covariance: [[f64; 3]; 3],
     /// U cos φ and U sin φ, kg·m.
     pub unbalance: [Estimate; 2],
     /// |U|, kg·m.
@@ -302,6 +313,9 @@ pub struct Identification {
     pub iterations: usize,
     /// Whether the last step was smaller than 5 % of a standard deviation.
     pub converged: bool,
+    /// By how much a slow force raises the logarithm of the likelihood with everything else as it is; where it is not estimated, before a change of load or λ is
+    /// left out.
+    pub gain_by_slow_force: f64,
     /// Logarithm of the likelihood of the rows that were used, up to a constant that depends on their number alone.
     pub log_likelihood: f64,
 }

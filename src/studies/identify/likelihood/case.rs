@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::filter::{Data, Piece, Track};
-use super::{Recording, SHORTEST};
+use super::{Recording, SHORTEST, resolution};
 
 /// Rows of a piece.
 const PIECE: usize = 1 << 15;
@@ -31,7 +31,30 @@ pub(super) struct Case<'a> {
     pub pieces: Vec<Piece>,
     pub position_noise: f64,
     pub current_noise: f64,
+    /// Level of the slow force, N after a second; 0 unless it is estimated.
+    pub slow_force: f64,
+    /// Step of each position sensor, m; 0 unless it is quantised.
+    pub resolution_m: [f64; 2],
+    /// Rows that tell something new, if not all.
+    different: Option<usize>,
     pub track: Track,
+}
+
+impl Case<'_> {
+    /// Rows that are used.
+    pub fn rows(&self) -> usize {
+        self.pieces.iter().map(|piece| piece.counted.len()).sum()
+    }
+
+    /// Rows that tell something new.
+    pub fn different(&self) -> usize {
+        self.different.map_or(self.rows(), |different| different.min(self.rows()))
+    }
+
+    /// Rows of a block.
+    pub fn block(&self) -> usize {
+        self.pieces.first().map_or(0, |piece| piece.block)
+    }
 }
 
 /// Segments of usable rows.
@@ -151,6 +174,10 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Opti
         }
     }
     let noise = recording.position_noise_m.unwrap_or_else(|| position_noise(recording.position_m, &segments));
+    let is_read = |row: &usize| !recording.missing.get(*row).copied().unwrap_or(false);
+    let readings = segments.iter().flat_map(Clone::clone).filter(is_read).map(|row| recording.position_m[row]);
+    let resolution_m = [0, 1].map(|a| resolution::step(readings.clone().map(|reading| reading[a])));
+    let different = resolution::different(readings, resolution_m, noise);
     Some(Case {
         data,
         recording,
@@ -158,6 +185,9 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Opti
         segments,
         position_noise: noise.max(1e-10),
         current_noise: recording.current_noise_a.unwrap_or(CURRENT_NOISE_A).max(1e-7),
+        slow_force: 0.0,
+        resolution_m,
+        different,
         track,
     })
 }
@@ -216,4 +246,16 @@ pub(super) fn noise_step(case: &mut Case, sums: &[[f64; 3]; 3]) -> f64 {
     libm::log(case.position_noise / before_position)
         .abs()
         .max(libm::log(case.current_noise / before_current).abs() * weight)
+}
+
+/// Level of the slow force from the likelihood at three levels; the change of its logarithm, weighed by its information.
+pub(super) fn slow_force_step(case: &mut Case, sums: &[[f64; 3]; 3], least: f64) -> f64 {
+    let [low, mid, high] = [0, 1, 2].map(|i| -0.5 * (sums[i][0] + sums[i][1]));
+    let slope = (high - low) / (2.0 * NOISE_STEP);
+    let bend = (high - 2.0 * mid + low) / (NOISE_STEP * NOISE_STEP);
+    let most = 4.0 * NOISE_STEP;
+    let step = if bend < 0.0 { (-slope / bend).clamp(-most, most) } else { most.copysign(slope) };
+    let before = case.slow_force;
+    case.slow_force = (before * libm::exp(step)).max(least);
+    libm::log(case.slow_force / before).abs() * (-bend.min(0.0)).sqrt().min(1.0)
 }

@@ -76,7 +76,7 @@ pub(super) fn change(finished: &Finished) -> Option<Found> {
 pub(super) fn leave_smaller_side(masks: &mut [Vec<bool>], finished: &Finished, change: &Found) -> Option<Range<usize>> {
     let case = &finished.search.cases[change.recording];
     let mask = &mut masks[change.recording];
-    let block = case.pieces.first()?.block;
+    let block = case.block();
     let used = |rows: Range<usize>, mask: &[bool]| mask[rows].iter().filter(|used| **used).count();
     let rows = mask.len();
     let before = used(0..change.row, mask);

@@ -63,6 +63,8 @@ pub(super) struct Bearing {
     variance: f64,
     /// Standard deviation of the current noise, A.
     pub noise: f64,
+    /// Level of a slow force as an acceleration, a random walk, m/s² after a second.
+    pub slow: f64,
     rotation: [f64; 2],
 }
 
@@ -91,16 +93,17 @@ pub(super) struct Squares {
 }
 
 impl Bearing {
-    pub fn new(nominal: Nominal, theta: &Theta, h: f64, current_noise_a: f64) -> Self {
+    pub fn new(nominal: Nominal, theta: &Theta, h: f64, current_noise_a: f64, slow_force_n: f64) -> Self {
         let bench: &[f64] = &theta[BASE..];
         let alpha: [f64; 3] = std::array::from_fn(|k| nominal.alpha_rad[k] + bench[ALPHA + k]);
         let (c, s) = (libm::cos(bench[ROTATION]), libm::sin(bench[ROTATION]));
         let gain = [bench[GAIN] + bench[GAIN_DIFFERENCE], bench[GAIN] - bench[GAIN_DIFFERENCE]].map(|g| 1.0 + g);
+        let per_mass = 1.0 / (nominal.m_kg * (1.0 + bench[MASS]));
         Self {
             h,
             theta: *theta,
             nominal,
-            per_mass: 1.0 / (nominal.m_kg * (1.0 + bench[MASS])),
+            per_mass,
             gap: nominal.gap_m * (1.0 + bench[GAP]) + bench[IRON],
             e: alpha.map(|alpha| [libm::sin(alpha), libm::cos(alpha)]),
             across: alpha.map(|alpha| [libm::cos(alpha), -libm::sin(alpha)]),
@@ -108,6 +111,7 @@ impl Bearing {
             delay: bench[DELAY],
             variance: current_noise_a * current_noise_a,
             noise: current_noise_a,
+            slow: slow_force_n * per_mass,
             rotation: [c, s],
         }
     }

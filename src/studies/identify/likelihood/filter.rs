@@ -1,7 +1,8 @@
 //! Passes of the Kalman filter over a piece of a recording: sensitivities of the innovations, smoothed trajectory, likelihood of
 //! noise levels.
 //!
-//! The state is the deviation δ of (y, z, ẏ, ż) from the trajectory of the pass before. With the gains of the filter given, the
+//! The state is the deviation δ of (y, z, ẏ, ż) from the trajectory of the pass before; where a slow force is estimated, its acceleration (y, z) follows, a random
+//! walk that is 0 at the start of the recording. With the gains of the filter given, the
 //! innovation is linear in the parameters, and its derivative to each of them is the output of the same filter driven by the
 //! derivatives of force and reading (sensitivity equations).
 //!
@@ -62,6 +63,12 @@ impl Data<'_> {
     #[inline(always)]
     fn variance(&self, row: usize, variance: f64) -> f64 {
         if self.is_missing(row) { UNKNOWN * variance } else { variance }
+    }
+
+    /// Variance that the acceleration by a slow force gains in so many rows.
+    #[inline(always)]
+    fn slow(&self, bearing: &Bearing, rows: usize) -> f64 {
+        bearing.slow * bearing.slow * rows as f64 * self.h
     }
 
     #[inline(always)]
@@ -143,25 +150,29 @@ pub(super) struct Piece {
     pub blocks_from: usize,
 }
 
+/// Number of states without and with a slow force.
+const PLAIN: usize = 4;
+const SLOW: usize = 6;
+
 /// Kalman filter of the deviation.
 #[derive(Clone, Debug)]
-struct Kalman {
-    x: State,
-    p: [[f64; 4]; 4],
+struct Kalman<const N: usize> {
+    x: [f64; N],
+    p: [[f64; N]; N],
 }
 
 /// One innovation.
-#[derive(Clone, Copy, Debug, Default)]
-struct Innovation {
+#[derive(Clone, Copy, Debug)]
+struct Innovation<const N: usize> {
     e: [f64; 2],
     /// Cholesky factor of the covariance of e: 1/l_00, l_10, 1/l_11.
     factor: [f64; 3],
-    gain: [[f64; 2]; 4],
+    gain: [[f64; 2]; N],
     /// ln det of the covariance.
     log_det: f64,
 }
 
-impl Innovation {
+impl<const N: usize> Innovation<N> {
     #[inline(always)]
     fn whiten(&self, e: [f64; 2]) -> [f64; 2] {
         let first = e[0] * self.factor[0];
@@ -178,39 +189,53 @@ impl Innovation {
 
 /// `F x`: the stiffness acts over one interval, to the third order of its length.
 #[inline(always)]
-fn transition(h: f64, k: &[f64; 3], x: State) -> State {
-    let [y, z, v, w] = x;
+fn transition<const N: usize>(h: f64, k: &[f64; 3], x: [f64; N]) -> [f64; N] {
+    let [y, z, v, w] = [x[0], x[1], x[2], x[3]];
     let (h_2, h_3) = (0.5 * h * h, h * h * h / 6.0);
     let velocity = [h * y + h_2 * v, h * z + h_2 * w];
     let position = [h_2 * y + h_3 * v, h_2 * z + h_3 * w];
-    [
-        y + h * v + k[0] * position[0] + k[1] * position[1],
-        z + h * w + k[1] * position[0] + k[2] * position[1],
-        v + k[0] * velocity[0] + k[1] * velocity[1],
-        w + k[1] * velocity[0] + k[2] * velocity[1],
-    ]
+    let mut to = x;
+    to[0] = y + h * v + k[0] * position[0] + k[1] * position[1];
+    to[1] = z + h * w + k[1] * position[0] + k[2] * position[1];
+    to[2] = v + k[0] * velocity[0] + k[1] * velocity[1];
+    to[3] = w + k[1] * velocity[0] + k[2] * velocity[1];
+    for slow in PLAIN..N {
+        to[slow - 4] += h_2 * x[slow];
+        to[slow - 2] += h * x[slow];
+    }
+    to
 }
 
 /// `Fᵀ r`.
 #[inline(always)]
-fn transition_transposed(h: f64, k: &[f64; 3], r: State) -> State {
+fn transition_transposed<const N: usize>(h: f64, k: &[f64; 3], r: [f64; N]) -> [f64; N] {
     let (h_2, h_3) = (0.5 * h * h, h * h * h / 6.0);
     let kr = [k[0] * r[0] + k[1] * r[1], k[1] * r[0] + k[2] * r[1]];
     let kv = [k[0] * r[2] + k[1] * r[3], k[1] * r[2] + k[2] * r[3]];
-    [
-        r[0] + h_2 * kr[0] + h * kv[0],
-        r[1] + h_2 * kr[1] + h * kv[1],
-        r[2] + h * r[0] + h_3 * kr[0] + h_2 * kv[0],
-        r[3] + h * r[1] + h_3 * kr[1] + h_2 * kv[1],
-    ]
+    let mut to = r;
+    for a in 0..2 {
+        to[a] = r[a] + h_2 * kr[a] + h * kv[a];
+        to[2 + a] = r[2 + a] + h * r[a] + h_3 * kr[a] + h_2 * kv[a];
+    }
+    for slow in PLAIN..N {
+        to[slow] += h_2 * r[slow - 4] + h * r[slow - 2];
+    }
+    to
 }
 
-/// `F P Fᵀ + Σ scale_k² Γ_k Γ_kᵀ`.
+/// `F P Fᵀ + Σ scale_k² Γ_k Γ_kᵀ`; `slow` is the variance that the acceleration of a slow force gains in an interval.
 #[inline(always)]
-fn propagate(h: f64, k: &[f64; 3], noise: &[[f64; 2]; 3], scales: [f64; 3], p: &mut [[f64; 4]; 4]) {
+fn propagate<const N: usize>(
+    h: f64,
+    k: &[f64; 3],
+    noise: &[[f64; 2]; 3],
+    scales: [f64; 3],
+    slow: f64,
+    p: &mut [[f64; N]; N],
+) {
     // P is symmetric: its rows are its columns.
-    let half: [State; 4] = std::array::from_fn(|j| transition(h, k, p[j]));
-    let full: [State; 4] = std::array::from_fn(|i| transition(h, k, [half[0][i], half[1][i], half[2][i], half[3][i]]));
+    let half: [[f64; N]; N] = std::array::from_fn(|j| transition(h, k, p[j]));
+    let full: [[f64; N]; N] = std::array::from_fn(|i| transition(h, k, std::array::from_fn(|j| half[j][i])));
     let mut w = [0.0; 3];
     for (g, scale) in noise.iter().zip(scales) {
         let g = g.map(|g| g * scale);
@@ -233,38 +258,48 @@ fn propagate(h: f64, k: &[f64; 3], noise: &[[f64; 2]; 3], scales: [f64; 3], p: &
     p[3][2] = p[2][3];
     p[2][1] = p[1][2];
     p[3][0] = p[0][3];
+    for i in PLAIN..N {
+        for j in 0..=i {
+            p[i][j] = full[i][j] + if i == j { slow } else { 0.0 };
+            p[j][i] = p[i][j];
+        }
+    }
 }
 
-impl Kalman {
-    /// Nothing is known of the state but that the rotor is near the trajectory, within a gap and a metre per second.
-    fn diffuse() -> Self {
-        let mut p = [[0.0; 4]; 4];
+impl<const N: usize> Kalman<N> {
+    /// Nothing is known of the state but that the rotor is near the trajectory, within a gap and a metre per second. `slow` is the variance of the acceleration of a
+    /// slow force.
+    fn diffuse(slow: f64) -> Self {
+        let mut p = [[0.0; N]; N];
         for a in 0..2 {
             p[a][a] = 1e-6;
             p[2 + a][2 + a] = 1.0;
         }
-        Self { x: [0.0; 4], p }
+        for at in PLAIN..N {
+            p[at][at] = slow;
+        }
+        Self { x: [0.0; N], p }
     }
 
     #[inline(always)]
-    fn predict(&mut self, h: f64, interval: &Interval, scales: [f64; 3]) {
+    fn predict(&mut self, h: f64, interval: &Interval, scales: [f64; 3], slow: f64) {
         self.x = transition(h, &interval.stiffness, self.x);
         for (x, offset) in self.x.iter_mut().zip(interval.offset) {
             *x += offset;
         }
-        propagate(h, &interval.stiffness, &interval.noise, scales, &mut self.p);
+        propagate(h, &interval.stiffness, &interval.noise, scales, slow, &mut self.p);
     }
 
     /// `residual`: measured minus read at the trajectory.
     #[inline(always)]
-    fn update(&mut self, bearing: &Bearing, variance: f64, residual: [f64; 2]) -> Innovation {
+    fn update(&mut self, bearing: &Bearing, variance: f64, residual: [f64; 2]) -> Innovation<N> {
         let (m, d) = (&bearing.sensor, bearing.delay);
-        let at = |row: &State| {
+        let at = |row: &[f64; N]| {
             let t = [row[0] - d * row[2], row[1] - d * row[3]];
             [m[0][0] * t[0] + m[0][1] * t[1], m[1][0] * t[0] + m[1][1] * t[1]]
         };
-        let pht: [[f64; 2]; 4] = std::array::from_fn(|i| at(&self.p[i]));
-        let column = |a: usize| at(&[pht[0][a], pht[1][a], pht[2][a], pht[3][a]]);
+        let pht: [[f64; 2]; N] = std::array::from_fn(|i| at(&self.p[i]));
+        let column = |a: usize| at(&std::array::from_fn(|i| pht[i][a]));
         let (first, second) = (column(0), column(1));
         let (s_00, s_01, s_11) = (first[0] + variance, 0.5 * (first[1] + second[0]), second[1] + variance);
         let l_00 = s_00.sqrt();
@@ -275,7 +310,7 @@ impl Kalman {
         let gain = pht.map(|row| [(row[0] * s_11 - row[1] * s_01) / det, (row[1] * s_00 - row[0] * s_01) / det]);
         let predicted = at(&self.x);
         let e = [residual[0] - predicted[0], residual[1] - predicted[1]];
-        for i in 0..4 {
+        for i in 0..N {
             self.x[i] += gain[i][0] * e[0] + gain[i][1] * e[1];
             for j in 0..=i {
                 let p = self.p[i][j] - (gain[i][0] * pht[j][0] + gain[i][1] * pht[j][1]);
@@ -380,7 +415,7 @@ impl<const P: usize> Sums<P> {
 }
 
 #[inline(always)]
-fn columns_of<const P: usize>(
+fn columns_of<const P: usize, const N: usize>(
     data: &Data,
     bearing: &Bearing,
     track: &Track,
@@ -391,8 +426,8 @@ fn columns_of<const P: usize>(
     let h = data.h;
     let (h_2, d) = (0.5 * h * h, bearing.delay);
     let m = bearing.sensor;
-    let mut kalman = Kalman::diffuse();
-    let mut x = [[0.0; P]; 4];
+    let mut kalman = Kalman::<N>::diffuse(data.slow(bearing, piece.filtered.start));
+    let mut x = [[0.0; P]; N];
     let mut force = [[0.0; P]; 2];
     let mut sensor = [[0.0; P]; 2];
     let mut sums = Box::new(Sums::<P>::new());
@@ -426,15 +461,20 @@ fn columns_of<const P: usize>(
                 Some([a, b, c, y, z, v, w]) => ([y - 0.5 * h * v, z - 0.5 * h * w], [a, b, c]),
                 None => (predicted, measured),
             };
-            kalman.predict(h, &interval, [1.0; 3]);
+            kalman.predict(h, &interval, [1.0; 3], data.slow(bearing, 1));
             acceleration = interval.end;
             bearing.force_columns(at, regressors, measured, between, &mut force);
             let [k_0, k_1, k_2] = interval.stiffness;
             let h_3 = h * h * h / 6.0;
-            let [x_0, x_1, x_2, x_3] = &mut x;
+            let (plain, slow) = x.split_at_mut(PLAIN);
+            let [x_0, x_1, x_2, x_3] = plain else { unreachable!("there are at least as many states") };
             for l in 0..P {
                 let (y, z, v, w) = (x_0[l], x_1[l], x_2[l], x_3[l]);
-                let (f, g) = (force[0][l], force[1][l]);
+                let (mut f, mut g) = (force[0][l], force[1][l]);
+                if let [slow_0, slow_1] = slow {
+                    f += slow_0[l];
+                    g += slow_1[l];
+                }
                 let (a, b) = (h * y + h_2 * v, h * z + h_2 * w);
                 let (p, q) = (h_2 * y + h_3 * v, h_2 * z + h_3 * w);
                 x_0[l] = y + h * v + k_0 * p + k_1 * q + h_2 * f;
@@ -460,7 +500,8 @@ fn columns_of<const P: usize>(
         let w = innovation.whiten(innovation.e);
         let [f_0, l_10, f_1] = innovation.factor;
         let g = &innovation.gain;
-        let [x_0, x_1, x_2, x_3] = &mut x;
+        let (plain, slow) = x.split_at_mut(PLAIN);
+        let [x_0, x_1, x_2, x_3] = plain else { unreachable!("there are at least as many states") };
         if sums.filled + 2 > BATCH {
             sums.flush();
         }
@@ -475,6 +516,9 @@ fn columns_of<const P: usize>(
             x_1[l] -= g[1][0] * phi_0 + g[1][1] * phi_1;
             x_2[l] -= g[2][0] * phi_0 + g[2][1] * phi_1;
             x_3[l] -= g[3][0] * phi_0 + g[3][1] * phi_1;
+            for (x, g) in slow.iter_mut().zip(&g[PLAIN..]) {
+                x[l] -= g[0] * phi_0 + g[1] * phi_1;
+            }
             let first = phi_0 * f_0;
             w_0[l] = first;
             w_1[l] = (phi_1 - l_10 * first) * f_1;
@@ -529,19 +573,28 @@ fn close<const P: usize>(block: &mut Block, sums: &mut Sums<P>, log_det: &mut Lo
 /// Sums of the sensitivities of λ, unbalance and load, block by block.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn few_columns(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<Block> {
-    columns_of::<FEW>(data, bearing, track, variance, piece, false)
+    if bearing.slow > 0.0 {
+        return columns_of::<FEW, SLOW>(data, bearing, track, variance, piece, false);
+    }
+    columns_of::<FEW, PLAIN>(data, bearing, track, variance, piece, false)
 }
 
 /// Sums of the sensitivities of all parameters, block by block.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn all_columns(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<Block> {
-    columns_of::<MANY>(data, bearing, track, variance, piece, false)
+    if bearing.slow > 0.0 {
+        return columns_of::<MANY, SLOW>(data, bearing, track, variance, piece, false);
+    }
+    columns_of::<MANY, PLAIN>(data, bearing, track, variance, piece, false)
 }
 
 /// The same of their instruments: sensitivities as they were to be expected. The measured ones of λ follow after all others.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn instruments(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<Block> {
-    columns_of::<MANY>(data, bearing, track, variance, piece, true)
+    if bearing.slow > 0.0 {
+        return columns_of::<MANY, SLOW>(data, bearing, track, variance, piece, true);
+    }
+    columns_of::<MANY, PLAIN>(data, bearing, track, variance, piece, true)
 }
 
 const _: () = assert!(ALL + 3 <= MANY && BASE <= FEW);
@@ -567,34 +620,46 @@ fn each_row(
 }
 
 /// State of the smoother for a row.
-#[derive(Clone, Copy, Debug, Default)]
-struct Kept {
+#[derive(Clone, Copy, Debug)]
+struct Kept<const N: usize> {
     stiffness: [f64; 3],
-    x: State,
-    p: [[f64; 4]; 4],
-    innovation: Innovation,
+    x: [f64; N],
+    p: [[f64; N]; N],
+    innovation: Innovation<N>,
 }
 
 /// The smoothed trajectory of the counted rows (modified Bryson–Frazier recursion, Bierman 1973).
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<State> {
+    if bearing.slow > 0.0 {
+        return smooth_with::<SLOW>(data, bearing, track, variance, piece);
+    }
+    smooth_with::<PLAIN>(data, bearing, track, variance, piece)
+}
+
+#[inline(always)]
+fn smooth_with<const N: usize>(
+    data: &Data,
+    bearing: &Bearing,
+    track: &Track,
+    variance: f64,
+    piece: &Piece,
+) -> Vec<State> {
     let h = data.h;
-    let mut kalman = Kalman::diffuse();
     let start = piece.filtered.start;
+    let mut kalman = Kalman::<N>::diffuse(data.slow(bearing, start));
     let mut kept = Vec::with_capacity(piece.filtered.len());
     each_row(data, bearing, track, piece.filtered.clone(), |row, interval, residual| {
-        let mut keep = Kept::default();
         if let Some(interval) = interval {
-            kalman.predict(h, interval, [1.0; 3]);
-            keep.stiffness = interval.stiffness;
+            kalman.predict(h, interval, [1.0; 3], data.slow(bearing, 1));
         }
-        keep.x = kalman.x;
-        keep.p = kalman.p;
-        keep.innovation = kalman.update(bearing, data.variance(row, variance), residual);
-        kept.push(keep);
+        let (x, p) = (kalman.x, kalman.p);
+        let stiffness = interval.map_or([0.0; 3], |interval| interval.stiffness);
+        let innovation = kalman.update(bearing, data.variance(row, variance), residual);
+        kept.push(Kept { stiffness, x, p, innovation });
     });
     let (m, d) = (&bearing.sensor, bearing.delay);
-    let mut r: State = [0.0; 4];
+    let mut r = [0.0; N];
     let counted = piece.counted.len();
     let mut smoothed = vec![[0.0; 4]; counted];
     for row in piece.filtered.clone().rev() {
@@ -603,14 +668,17 @@ pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f6
         // r ← Hᵀ (S⁻¹ e − Kᵀ r) + r.
         let mut u = innovation.unwhiten(innovation.whiten(innovation.e));
         for (a, u) in u.iter_mut().enumerate() {
-            *u -= (0..4).map(|i| innovation.gain[i][a] * r[i]).sum::<f64>();
+            *u -= (0..N).map(|i| innovation.gain[i][a] * r[i]).sum::<f64>();
         }
         let back = [m[0][0] * u[0] + m[1][0] * u[1], m[0][1] * u[0] + m[1][1] * u[1]];
-        r = [r[0] + back[0], r[1] + back[1], r[2] - d * back[0], r[3] - d * back[1]];
+        for a in 0..2 {
+            r[a] += back[a];
+            r[2 + a] -= d * back[a];
+        }
         if row >= piece.counted.start && row < piece.counted.end {
             let at = row - piece.counted.start;
             for i in 0..4 {
-                let change: f64 = (0..4).map(|j| keep.p[i][j] * r[j]).sum();
+                let change: f64 = (0..N).map(|j| keep.p[i][j] * r[j]).sum();
                 smoothed[at][i] = track.state[row][i] + keep.x[i] + change;
             }
         }
@@ -628,11 +696,25 @@ pub(super) fn innovations(
     variance: f64,
     piece: &Piece,
 ) -> Vec<[[f64; 2]; 2]> {
-    let mut kalman = Kalman::diffuse();
+    if bearing.slow > 0.0 {
+        return innovations_with::<SLOW>(data, bearing, track, variance, piece);
+    }
+    innovations_with::<PLAIN>(data, bearing, track, variance, piece)
+}
+
+#[inline(always)]
+fn innovations_with<const N: usize>(
+    data: &Data,
+    bearing: &Bearing,
+    track: &Track,
+    variance: f64,
+    piece: &Piece,
+) -> Vec<[[f64; 2]; 2]> {
+    let mut kalman = Kalman::<N>::diffuse(data.slow(bearing, piece.filtered.start));
     let mut innovations = Vec::with_capacity(piece.counted.len());
     each_row(data, bearing, track, piece.filtered.start..piece.counted.end, |row, interval, residual| {
         if let Some(interval) = interval {
-            kalman.predict(data.h, interval, [1.0; 3]);
+            kalman.predict(data.h, interval, [1.0; 3], data.slow(bearing, 1));
         }
         let innovation = kalman.update(bearing, data.variance(row, variance), residual);
         if row >= piece.counted.start {
@@ -643,24 +725,40 @@ pub(super) fn innovations(
     innovations
 }
 
-/// `[ln det sum, NIS sum, rows]` with the noise of each current times each of three sets of factors, at the same position noise.
+/// `[ln det sum, NIS sum, rows]` with the noise of each current, and after them the level of the slow force, times each of three sets of factors, at the same
+/// position noise.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn likelihoods(
     data: &Data,
     bearing: &Bearing,
     track: &Track,
     variance: f64,
-    factors: [[f64; 3]; 3],
+    factors: [[f64; 4]; 3],
     piece: &Piece,
 ) -> [[f64; 3]; 3] {
-    let mut kalman = [Kalman::diffuse(), Kalman::diffuse(), Kalman::diffuse()];
+    if bearing.slow > 0.0 {
+        return likelihoods_with::<SLOW>(data, bearing, track, variance, factors, piece);
+    }
+    likelihoods_with::<PLAIN>(data, bearing, track, variance, factors, piece)
+}
+
+#[inline(always)]
+fn likelihoods_with<const N: usize>(
+    data: &Data,
+    bearing: &Bearing,
+    track: &Track,
+    variance: f64,
+    factors: [[f64; 4]; 3],
+    piece: &Piece,
+) -> [[f64; 3]; 3] {
+    let start = piece.filtered.start;
+    let mut kalman = factors.map(|[.., slow]| Kalman::<N>::diffuse(slow * slow * data.slow(bearing, start)));
     let mut logs = [LogProduct::new(); 3];
     let mut sums = [[0.0; 3]; 3];
-    let start = piece.filtered.start;
     each_row(data, bearing, track, start..piece.counted.end, |row, interval, residual| {
         if let Some(interval) = interval {
-            for (kalman, factor) in kalman.iter_mut().zip(factors) {
-                kalman.predict(data.h, interval, factor);
+            for (kalman, [a, b, c, slow]) in kalman.iter_mut().zip(factors) {
+                kalman.predict(data.h, interval, [a, b, c], slow * slow * data.slow(bearing, 1));
             }
         }
         for f in 0..3 {

@@ -14,7 +14,12 @@ use super::{
 /// χ² with one degree of freedom above which a bench parameter is a suspect: 8 · 10⁻⁶ by chance.
 const SUSPECT: f64 = 20.0;
 
-pub(super) fn report(finished: &Finished, mut held: Vec<usize>, contradictions: Vec<Contradiction>) -> Identification {
+pub(super) fn report(
+    finished: &Finished,
+    mut held: Vec<usize>,
+    contradictions: Vec<Contradiction>,
+    gain_by_slow_force: f64,
+) -> Identification {
     held.sort_unstable();
     held.dedup();
     let search = &finished.search;
@@ -28,6 +33,7 @@ pub(super) fn report(finished: &Finished, mut held: Vec<usize>, contradictions: 
     });
     Identification {
         lambda,
+        lambda_covariance: std::array::from_fn(|k| std::array::from_fn(|l| finished.total[(k, l)])),
         unbalance,
         unbalance_magnitude: magnitude,
         unbalance_phase: phase,
@@ -42,6 +48,7 @@ pub(super) fn report(finished: &Finished, mut held: Vec<usize>, contradictions: 
         covariance: finished.covariance,
         iterations: search.iterations,
         converged: search.converged,
+        gain_by_slow_force,
         log_likelihood: -0.5 * search.merit(&finished.blocks),
     }
 }
@@ -92,7 +99,10 @@ fn conditions(finished: &Finished, r: usize, lambda: &[Estimate; 3]) -> Conditio
         load_n: [LOAD, LOAD + 1].map(|j| finished.estimate(unknown(j, r))),
         position_noise_m: case.position_noise,
         current_noise_a: case.current_noise,
-        rows: case.pieces.iter().map(|piece| piece.counted.len()).sum(),
+        slow_force_n: case.slow_force,
+        rows: case.rows(),
+        different: case.different(),
+        resolution_m: case.resolution_m,
         nis: finished.nis(r),
         ki_n_a: std::array::from_fn(|k| scaled(2.0 * ki[k] / f64::from(rows.max(1)), &lambda[k])),
         ks_n_m: std::array::from_fn(|k| scaled(2.0 * ks[k] / f64::from(rows.max(1)), &lambda[k])),

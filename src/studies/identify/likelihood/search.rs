@@ -11,7 +11,7 @@ pub(super) use finish::Finished;
 use finish::finish;
 
 use super::bench::{BENCH, PARAMETERS};
-use super::case::{Case, NOISE_STEP, noise_step, prepare};
+use super::case::{Case, NOISE_STEP, noise_step, prepare, slow_force_step};
 use super::changes;
 use super::equations::{ALL, BASE, Bearing, LOAD, Nominal, State, Theta};
 use super::expected::expected;
@@ -89,7 +89,7 @@ pub(super) struct Search<'a> {
     pub x: Vec<f64>,
     /// Mean and standard deviation of the prior of each unknown; 0 for what is not estimated.
     pub prior: Vec<(f64, f64)>,
-    /// Power of the likelihood ([`BENCH_ROWS`]).
+    /// Power of the likelihood ([`BENCH_ROWS`], [`Case::different`]).
     weight: f64,
     pub iterations: usize,
     pub converged: bool,
@@ -105,7 +105,8 @@ impl<'a> Search<'a> {
     }
 
     pub fn bearing(&self, r: usize) -> Bearing {
-        Bearing::new(self.nominal(), &self.theta(r), self.cases[r].data.h, self.cases[r].current_noise)
+        let case = &self.cases[r];
+        Bearing::new(self.nominal(), &self.theta(r), case.data.h, case.current_noise, case.slow_force)
     }
 
     /// Numbers of the unknowns that are estimated.
@@ -292,7 +293,7 @@ impl<'a> Search<'a> {
     }
 
     /// Likelihoods of the recordings that `of` holds for, as [`filter::likelihoods`].
-    fn likelihoods(&self, factors: [[f64; 3]; 3], of: impl Fn(&Case) -> bool) -> Vec<[[f64; 3]; 3]> {
+    fn likelihoods(&self, factors: [[f64; 4]; 3], of: impl Fn(&Case) -> bool) -> Vec<[[f64; 3]; 3]> {
         let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
         let tasks: Vec<(usize, &Piece)> = self.tasks().into_iter().filter(|(r, _)| of(&self.cases[*r])).collect();
         let sums = parallel(&tasks, |(r, piece)| {
@@ -310,12 +311,43 @@ impl<'a> Search<'a> {
 
     /// One step of the noise levels that were not told; the largest change of a logarithm.
     fn noise(&mut self) -> f64 {
-        let factors = [libm::exp(-NOISE_STEP), 1.0, libm::exp(NOISE_STEP)].map(|factor| [factor; 3]);
+        let steps = [libm::exp(-NOISE_STEP), 1.0, libm::exp(NOISE_STEP)];
+        let factors = steps.map(|factor| [factor, factor, factor, 1.0]);
         let unknown =
             |case: &Case| case.recording.position_noise_m.is_none() || case.recording.current_noise_a.is_none();
         let totals = self.likelihoods(factors, unknown);
         let cases = self.cases.iter_mut().zip(&totals).filter(|(case, _)| unknown(case));
-        cases.map(|(case, sums)| noise_step(case, sums)).fold(0.0, f64::max)
+        let change = cases.map(|(case, sums)| noise_step(case, sums)).fold(0.0, f64::max);
+        if !self.options.slow_force {
+            return change;
+        }
+        let totals = self.likelihoods(steps.map(|factor| [1.0, 1.0, 1.0, factor]), |_| true);
+        let least = LEAST_SLOW_FORCE * self.weight_n();
+        let cases = self.cases.iter_mut().zip(&totals);
+        cases.map(|(case, sums)| slow_force_step(case, sums, least)).fold(change, f64::max)
+    }
+
+    /// Weight of the rotor, N.
+    fn weight_n(&self) -> f64 {
+        self.options.m_kg * GRAVITY_M_S2
+    }
+
+    /// By how much a slow force raises the log-likelihood, everything else as it is: one of the estimated level, or else the best of three.
+    fn gain_by_slow_force(&mut self) -> f64 {
+        let level = SLOW_FORCE * self.weight_n();
+        let slow = |factor: f64| [1.0, 1.0, 1.0, factor];
+        let sum = |totals: Vec<[[f64; 3]; 3]>| -> [f64; 3] {
+            std::array::from_fn(|of| totals.iter().map(|sums| -0.5 * (sums[of][0] + sums[of][1])).sum())
+        };
+        if self.options.slow_force {
+            let [without, with, _] = sum(self.likelihoods([ABSENT, 1.0, 1.0].map(slow), |_| true));
+            return with - without;
+        }
+        let [without, ..] = sum(self.likelihoods([1.0; 3].map(slow), |_| true));
+        self.cases.iter_mut().for_each(|case| case.slow_force = level);
+        let with = sum(self.likelihoods([0.1, 1.0, 10.0].map(slow), |_| true));
+        self.cases.iter_mut().for_each(|case| case.slow_force = 0.0);
+        with.into_iter().fold(f64::NEG_INFINITY, f64::max) - without
     }
 
     /// Noise levels until they hardly change, in three steps at most; the first change of a logarithm.
@@ -332,7 +364,7 @@ impl<'a> Search<'a> {
 
     /// Where the search has ended.
     fn found(&self) -> Point {
-        let noise = |case: &Case| [case.position_noise, case.current_noise];
+        let noise = |case: &Case| [case.position_noise, case.current_noise, case.slow_force];
         Point { x: self.x.clone(), noise: self.cases.iter().map(noise).collect() }
     }
 
@@ -340,7 +372,7 @@ impl<'a> Search<'a> {
     fn start_at(&mut self, point: Point) {
         self.x = point.x;
         for (case, noise) in self.cases.iter_mut().zip(point.noise) {
-            [case.position_noise, case.current_noise] = noise;
+            [case.position_noise, case.current_noise, case.slow_force] = noise;
         }
     }
 
@@ -403,10 +435,10 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Where a search ends: unknowns, and noise of positions and currents by recording.
+/// Where a search ends: unknowns, and noise of positions and currents and level of the slow force by recording.
 struct Point {
     x: Vec<f64>,
-    noise: Vec<[f64; 2]>,
+    noise: Vec<[f64; 3]>,
 }
 
 /// A step of Gauss and Newton.
@@ -427,7 +459,6 @@ fn first_guess(recordings: &[Recording<'_>], options: &Options) -> f64 {
         count += 1.0;
     }
     let mean: f64 = if sum > 0.0 { sum / count } else { 1.0 };
-    const GRAVITY_M_S2: f64 = 9.81;
     options.m_kg * GRAVITY_M_S2 * options.gap_m * options.gap_m / (3.0 * mean)
 }
 
@@ -446,11 +477,14 @@ fn start<'a>(
 ) -> Result<Search<'a>, Failed> {
     let cases: Option<Vec<Case>> =
         recordings.iter().zip(masks).map(|(recording, mask)| prepare(recording, mask)).collect();
-    let Some(cases) = cases else {
+    let Some(mut cases) = cases else {
         let short = |(recording, mask): (&'a Recording<'a>, &Vec<bool>)| prepare(recording, mask).is_none();
         let recording = recordings.iter().zip(masks).position(short).unwrap_or(0) + 1;
         return Err(Failed::TooShort { recording, wanted: SHORTEST });
     };
+    if options.slow_force {
+        cases.iter_mut().for_each(|case| case.slow_force = SLOW_FORCE * options.m_kg * GRAVITY_M_S2);
+    }
     let n = SHARED + 2 * recordings.len();
     let mut x = vec![0.0; n];
     let mut prior = vec![(0.0, 0.0); n];
@@ -470,16 +504,27 @@ fn start<'a>(
         };
         prior[LOAD + j] = (told.value, std);
     }
+    let rows = cases.iter().map(Case::rows).sum::<usize>() as f64;
+    let different = cases.iter().map(Case::different).sum::<usize>() as f64;
     let mut search = Search { cases, options, x, prior, weight: 1.0, iterations: 0, converged: false };
+    search.weight = different / rows;
     if !search.exact() {
-        let rows = masks.iter().flatten().filter(|used| **used).count();
-        search.weight = (BENCH_ROWS / rows as f64).min(1.0);
+        search.weight = (BENCH_ROWS / rows).min(search.weight);
     }
     Ok(search)
 }
 
+/// Acceleration of gravity, m/s².
+const GRAVITY_M_S2: f64 = 9.81;
+/// Level of a slow force from which the search starts, and the least one, in weights of the rotor after a second.
+const SLOW_FORCE: f64 = 1e-3;
+const LEAST_SLOW_FORCE: f64 = 1e-7;
+/// Part of a level that does not matter.
+const ABSENT: f64 = 1e-3;
 /// Least part of the rows that has to remain.
 const REMAINS: f64 = 0.5;
+/// Most rounds in which contradictions are left out.
+const ROUNDS: usize = 6;
 
 /// Numbers of the bench parameters that are free but not told by the data.
 fn not_separated(finished: &Finished) -> Vec<usize> {
@@ -569,21 +614,25 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();
     let mut finished = fit(recordings, &masks, options, &mut held)?;
+    let mut gain = None;
     // Each round leaves out what contradicts most.
-    for _ in 0..4 {
+    for _ in 0..ROUNDS {
         // Away from the solution everything contradicts everything.
         if !finished.search.converged {
             break;
         }
-        if let Some(change) = changes::change(&finished) {
+        let disturbed = changes::disturbed(&finished);
+        // A few rows that are disturbed look like a change of what is before or after them.
+        let is_short = |part: &Contradiction| part.rows.len() <= 2 * finished.search.cases[part.recording].block();
+        let brief = !disturbed.is_empty() && disturbed.iter().all(is_short);
+        if let Some(change) = changes::change(&finished).filter(|_| !brief) {
+            // A force that wanders looks like changes of the load, or of λ.
+            gain.get_or_insert_with(|| finished.search.gain_by_slow_force());
             let Some(other) = changes::leave_smaller_side(&mut masks, &finished, &change) else { break };
             contradictions.push(changes::describe(recordings, &masks, options, &change, other));
         } else {
-            let disturbed = changes::disturbed(&finished);
-            let rows =
-                |r: usize| finished.search.cases[r].pieces.iter().map(|piece| piece.counted.len()).sum::<usize>();
             let left: usize = disturbed.iter().map(|contradiction| contradiction.rows.len()).sum();
-            let all: usize = (0..recordings.len()).map(rows).sum();
+            let all: usize = finished.search.cases.iter().map(Case::rows).sum();
             if disturbed.is_empty() || left as f64 > (1.0 - REMAINS) * all as f64 {
                 break;
             }
@@ -594,5 +643,10 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
         }
         finished = fit(recordings, &masks, options, &mut held)?;
     }
-    Ok(outcome::report(&finished, held, contradictions))
+    let gain = match gain.filter(|_| !options.slow_force) {
+        Some(gain) => gain,
+        None if finished.search.converged => finished.search.gain_by_slow_force(),
+        None => 0.0,
+    };
+    Ok(outcome::report(&finished, held, contradictions, gain))
 }

@@ -200,7 +200,7 @@ impl Search<'_> {
         found: &DVector<f64>,
     ) -> Bias {
         let n = of.len();
-        let attenuation = self.attenuation();
+        let attenuation = self.attenuation().map(|attenuation| self.weight * attenuation);
         let moves = DMatrix::from_fn(n, 3, |i, k| inverse[(i, k)] * attenuation[k]);
         let unknown = || Bias { step: DVector::zeros(n), covariance: &moves * moves.transpose() * BIAS_VARIANCE };
         if !self.has_instruments() {

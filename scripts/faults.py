@@ -1,0 +1,317 @@
+#!/usr/bin/env python3
+"""Recordings with faults, made by a simulator that shares nothing with the product, and what `identify` says of them.
+
+    cargo build --release
+    scripts/faults.py --seed 501 --runs 20 [--only TEXT]
+
+Every seed draws a bearing, a controller and the noise of its sensors, and records one second at 10 kHz. Each fault is put into the recordings
+of all seeds. A verdict is right if the answer is valid where the fault can be mended, and not valid elsewhere; the cause is right if its words
+stand in the answer and, without a fault, if there are none. The exit code is 1 unless both are right in all runs but one of twenty, and no valid answer
+is off by more than four stated deviations.
+
+Requires: numpy.
+"""
+
+import argparse
+import json
+import math
+import re
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+PROGRAM = Path(__file__).resolve().parents[1] / "target" / "release" / "magnetic-bearing"
+STEP_S, SUBSTEPS = 1e-4, 4
+HEADER = "time [s],Ym [m],Zm [m],im[1] [A],im[2] [A],im[3] [A],theta [rad],omega [rad/s]"
+POSITIONS, CURRENTS = slice(1, 3), slice(3, 6)
+MOST = 4.0
+
+
+@dataclass
+class Recording:
+    """Columns as in HEADER, λ at the end and, if it changes, at the start; arguments for `identify`; the generator of the seed."""
+
+    rows: np.ndarray
+    commands: np.ndarray
+    lambdas: list
+    arguments: list
+    random: np.random.Generator
+
+
+def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1.0, 1.0, 1.0), slow_force=0.0, salt=0):
+    """A recording of each seed. All bearings are integrated together.
+
+    The rotor is held on an ellipse by a PID controller with the feed-forward of its path; forces become currents by the gap that is measured
+    and a guess of λ. A command of sample k is held from k + 1 to k + 2. λ2 changes by the part `step_of_lambda` in the middle; the amplifiers
+    saturate at this part of the largest current of the first turns.
+    """
+    draws = [np.random.default_rng([seed, 1]) for seed in seeds]
+    noise = [np.random.default_rng([seed, 2, salt]) for seed in seeds]
+    draw = lambda low, high, *shape: np.array([random.uniform(low, high, shape or None) for random in draws])
+    count, rows = len(seeds), round(duration_s / STEP_S) + 1
+    mass, gap, omega = draw(3, 12), draw(4e-4, 7e-4), 2 * np.pi * draw(40, 100)
+    alpha = draw(-np.pi, np.pi)[:, None] + 2 * np.pi / 3 * np.arange(3) + draw(-0.15, 0.15, 3)
+    constants = draw(1.5e-6, 2.5e-6, 3) * np.array(scale)
+    guess = draw(0.8, 1.25, 3) * constants
+    radius, phase = gap[:, None] * draw(0.06, 0.15, 2), draw(0, 2 * np.pi)
+    unbalance, angle = draw(0, 15) / omega**2, draw(0, 2 * np.pi)
+    load, least = mass[:, None] * draw(-5, 5, 2), draw(1, 3) * mass
+    sigma_x, sigma_i = 10 ** draw(-7.3, -6.3), 10 ** draw(-2.3, -1.7)
+    poles = draw(250, 500)
+    e = np.stack([np.sin(alpha), np.cos(alpha)], axis=1)  # seed, axis, magnet
+    inverse = np.linalg.pinv(e)
+    null = np.cross(e[:, 0], e[:, 1])
+    null *= np.sign(null.sum(axis=1, keepdims=True))
+
+    def path(time):
+        turned = omega * time + phase
+        shape = np.stack([np.cos(turned), np.sin(turned)], axis=1) * radius
+        return shape, -(omega[:, None] ** 2) * shape
+
+    def acceleration(time, position, current, lambdas, slow):
+        gaps = gap[:, None] - np.einsum("nak,na->nk", e, position)
+        force = np.einsum("nak,nk->na", e, lambdas * (current / gaps) ** 2) + load + slow
+        turned = omega * time + phase + angle
+        whirl = (unbalance * omega**2)[:, None] * np.stack([np.cos(turned), np.sin(turned)], axis=1)
+        return (force + whirl) / mass[:, None]
+
+    position, velocity = path(0.0)[0], (path(1e-7)[0] - path(-1e-7)[0]) / 2e-7
+    integral, filtered, slow = np.zeros((count, 2)), position.copy(), np.zeros((count, 2))
+    pending = held = before = np.sqrt(np.maximum(least, 1)[:, None] / guess) * gap[:, None]
+    limit = np.full((count, 3), np.inf)
+    data, commands, largest = np.zeros((count, rows, 8)), np.zeros((count, rows, 3)), np.zeros((count, 3))
+    white = np.stack([random.standard_normal((rows, 7)) for random in noise])
+    for row in range(rows):
+        time = row * STEP_S
+        read = position + sigma_x[:, None] * white[:, row, :2]
+        data[:, row, 0], data[:, row, POSITIONS] = time, read
+        data[:, row, CURRENTS] = before + sigma_i[:, None] * white[:, row, 2:5]
+        data[:, row, 6], data[:, row, 7] = (omega * time + phase) % (2 * np.pi), omega
+        # The controller: forces that move the rotor along its path, magnets that pull with `least` at least.
+        wanted, forward = path(time)
+        error = read - wanted
+        rate = (read - filtered) * 3000.0
+        filtered += 3000.0 * STEP_S * (read - filtered)
+        drift = rate - (path(time + 1e-7)[0] - path(time - 1e-7)[0]) / 2e-7
+        integral += error * STEP_S
+        p = poles[:, None]
+        force = mass[:, None] * (path(time + 1.5 * STEP_S)[1] - 3 * p**2 * error - 3 * p * drift - p**3 * integral)
+        pulls = np.einsum("nka,na->nk", inverse, force)
+        pulls += null * ((least[:, None] - pulls) / null).max(axis=1, keepdims=True)
+        ahead = path(time + 1.5 * STEP_S)[0] + error
+        command = (gap[:, None] - np.einsum("nak,na->nk", e, ahead)) * np.sqrt(pulls / guess)
+        held, pending = pending, command
+        commands[:, row] = held
+        held = np.minimum(held, limit)
+        if 0.2 < time < 0.3:
+            largest = np.maximum(largest, held)
+        elif time >= 0.3:
+            limit = limit_a * largest
+        slow = slow + slow_force * math.sqrt(STEP_S) * white[:, row, 5:]
+        factor = np.array([1.0, 1.0 + step_of_lambda * (time > duration_s / 2), 1.0])
+        h = STEP_S / SUBSTEPS
+        for part in range(SUBSTEPS):
+            at = time + part * h
+            f = lambda t, x: acceleration(t, x, held, factor * constants, slow)
+            k1, k2 = f(at, position), f(at + h / 2, position + h / 2 * velocity)
+            k3 = f(at + h / 2, position + h / 2 * velocity + h * h / 4 * k1)
+            k4 = f(at + h, position + h * velocity + h * h / 2 * k2)
+            position = position + h * velocity + h * h / 6 * (k1 + k2 + k3)
+            velocity = velocity + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        before = held
+    if not (np.abs(position) < gap[:, None]).all():
+        raise SystemExit("a rotor of the simulation touches its magnets")
+    recordings = []
+    for n, random in enumerate(noise):
+        known = {"m": mass[n], "s": gap[n]} | {f"alpha[{k + 1}]": alpha[n, k] for k in range(3)}
+        arguments = [part for name, value in known.items() for part in ("--set", f"{name}={value:.12g}")]
+        ends = [constants[n] * factor, constants[n]] if step_of_lambda else [constants[n]]
+        recordings.append(Recording(data[n], commands[n], ends, arguments, random))
+    return recordings
+
+
+def commanded(recording):
+    """The controller logs its commands when they take effect, beside what the sensors read then."""
+    rows = recording.rows.copy()
+    rows[:, CURRENTS] = recording.commands
+    return rows
+
+
+def stuck(recording):
+    """A channel of the recorder stands still for 20 to 200 ms, or to the end."""
+    rows, random = recording.rows.copy(), recording.random
+    column, start = random.integers(1, 6), random.integers(1000, 6000)
+    end = len(rows) if random.random() < 0.25 else start + random.integers(200, 2000)
+    rows[start:end, column] = rows[start, column]
+    return rows
+
+
+def clipped(recording):
+    """The range of a current sensor ends at 90 % of the largest current."""
+    rows, column = recording.rows.copy(), recording.random.integers(3, 6)
+    low, high = np.quantile(rows[:, column], [0.0, 0.999])
+    rows[:, column] = np.minimum(rows[:, column], low + 0.9 * (high - low))
+    return rows
+
+
+def outliers(recording):
+    """0.1 % of the readings are anywhere within three ranges of their column; a current, also 0."""
+    rows, random = recording.rows.copy(), recording.random
+    for column in range(1, 6):
+        low, high = rows[:, column].min(), rows[:, column].max()
+        for row in np.flatnonzero(random.random(len(rows)) < 1e-3):
+            rows[row, column] = random.uniform(2 * low - high, 2 * high - low) if column < 3 or random.random() < 0.5 else 0.0
+    return rows
+
+
+def lost(part):
+    return lambda recording: recording.rows[np.append(True, recording.random.random(len(recording.rows) - 1) >= part)]
+
+
+def quantised(recording):
+    """Converters of 12 bit over the gap and over 5 A."""
+    rows = recording.rows.copy()
+    for columns, grain in ((POSITIONS, 1e-3 / 4096), (CURRENTS, 5.0 / 4096)):
+        rows[:, columns] = np.round(rows[:, columns] / grain) * grain
+    return rows
+
+
+def coarse(recording):
+    """Converters of 10 bit over the gap and of 9 bit over 5 A."""
+    rows = recording.rows.copy()
+    for columns, grain in ((POSITIONS, 1e-3 / 1024), (CURRENTS, 5.0 / 512)):
+        rows[:, columns] = np.round(rows[:, columns] / grain) * grain
+    return rows
+
+
+def dropouts(recording):
+    """Twenty times the recorder writes the row before again, up to 5 ms long."""
+    rows, random = recording.rows.copy(), recording.random
+    for start in random.integers(100, len(rows) - 100, 20):
+        rows[start : start + random.integers(1, 50), 1:6] = rows[start - 1, 1:6]
+    return rows
+
+
+def plain(recording):
+    return recording.rows
+
+
+@dataclass
+class Fault:
+    """Name; how the recordings are made and spoilt; options; whether the answer is to be valid; words of the cause."""
+
+    name: str
+    spoil: object = plain
+    valid: bool = True
+    cause: str = ""
+    options: object = lambda recording: []
+    world: tuple = ()
+    columns: str = HEADER
+
+
+BLIND = HEADER.split(",theta")[0]
+rpm = lambda off: lambda recording: ["--speed", f"{recording.rows[0, 7] * 30 / np.pi * off:.9g}"]
+SENSORS = r"(Ym|Zm|im\[\d\]): "
+FAULTS = [
+    Fault("none"),
+    Fault("commanded currents", commanded, cause=r"heldAfter"),
+    Fault("commanded currents, --hold heldBefore", commanded, False, r"heldAfter", lambda _: ["--hold", "heldBefore"]),
+    Fault("stuck sensor", stuck, cause=SENSORS + "(stuck|clipped)"),
+    Fault("clipped currents", clipped, cause=SENSORS + "clipped"),
+    Fault("0.1 % of outliers", outliers, cause=SENSORS + ".*outlier"),
+    Fault("λ2 +5 % in the middle", cause="force constants are others", world=(("step_of_lambda", 0.05),)),
+    Fault("3 % of rows missing", lost(0.03), cause="gaps"),
+    Fault("10 % of rows missing", lost(0.10), cause="gaps"),
+    Fault("quantised: 0.24 µm, 1.2 mA", quantised, cause="|quantised in steps"),
+    Fault("quantised: 1 µm, 10 mA", coarse, cause="quantised in steps"),
+    Fault("saturated amplifiers", world=(("limit_a", 0.95),)),
+    Fault("slow force, 30 mN/√s", cause="slow force", world=(("slow_force", 0.03),)),
+    Fault("slow force, 200 mN/√s", cause="slow force", world=(("slow_force", 0.2),)),
+    Fault("dropouts", dropouts, cause="repeat the one before"),
+    Fault("speed off by 0.4 %", valid=False, cause="stated speed", options=rpm(1.004), columns=BLIND),
+    Fault("speed off by −0.4 %", valid=False, cause="stated speed", options=rpm(0.996), columns=BLIND),
+    Fault("no angle and speed", valid=False, cause="neither angle nor speed", columns=BLIND),
+    Fault("λ2 of another recording +5 %", valid=False, cause="recordings differ: λ2", world=(("scale", (1.0, 1.05, 1.0)),)),
+]
+
+
+def write(path, rows, header):
+    columns = len(header.split(","))
+    np.savetxt(path, rows[:, :columns], fmt=["%.6f"] + ["%.9g"] * (columns - 1), delimiter=",", header=header, comments="")
+
+
+def identify(paths, recording, options):
+    """The JSON document of `identify` and all that it says."""
+    command = [str(PROGRAM), "identify", *map(str, paths), *recording.arguments, *options, "--json", "-"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode not in (0, 3) and not done.stdout.startswith("{"):
+        raise SystemExit(f"{' '.join(command)}\n{done.stderr}")
+    return json.loads(done.stdout)
+
+
+def judge(fault, recording, other, folder, seed):
+    """Whether verdict and cause are right, largest error/± of a valid answer, and the document."""
+    paths = [folder / f"{seed}.csv"]
+    write(paths[0], fault.spoil(recording), fault.columns)
+    if other is not None:
+        paths.append(folder / f"{seed}-other.csv")
+        write(paths[1], other.rows, HEADER)
+    document = identify(paths, recording, fault.options(recording))
+    for path in paths:
+        path.unlink()
+    said = [document["verdict"], *document["findings"], *document.get("notes", [])]
+    said.append(document.get("told", {}).get("hold", ""))
+    cause = bool(re.search(fault.cause, " ".join(said))) if fault.cause else not document["findings"]
+    worst = 0.0
+    if document["valid"]:
+        found, std = np.array(document["lambdaHat"]), np.array(document["lambdaStdTotal"])
+        worst = min(np.abs((found - truth) / std).max() for truth in recording.lambdas)
+    return document["valid"] == fault.valid, cause, worst, document
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--seed", type=int, default=1, help="first seed")
+    parser.add_argument("--runs", type=int, default=20, help="seeds")
+    parser.add_argument("--only", default="", help="faults whose names contain this")
+    parser.add_argument("--verbose", action="store_true", help="print what is said where it is wrong")
+    arguments = parser.parse_args()
+    seeds = range(arguments.seed, arguments.seed + arguments.runs)
+    least = len(seeds) - len(seeds) // 20
+    sound, worlds = True, {}
+
+    def world(*changes):
+        if changes not in worlds:
+            worlds[changes] = simulate(seeds, **dict(changes))
+        return worlds[changes]
+
+    print(f"| fault, {len(seeds)} seeds from {arguments.seed} | right verdict | right cause | valid | worst error/± |")
+    print("|---|---|---|---|---|", flush=True)
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(2) as pool:
+        for fault in (fault for fault in FAULTS if arguments.only in fault.name):
+            differs = any(name == "scale" for name, _ in fault.world)
+            recordings = world(("salt", 7)) if differs else world(*fault.world)
+            others = world(*fault.world) if differs else [None] * len(seeds)
+            tasks = [
+                pool.submit(judge, fault, recording, other, Path(folder), seed)
+                for recording, other, seed in zip(recordings, others, seeds)
+            ]
+            results = [task.result() for task in tasks]
+            verdicts, causes, errors = ([result[n] for result in results] for n in range(3))
+            valid = sum(document["valid"] for *_, document in results)
+            print(f"| {fault.name} | {sum(verdicts)} | {sum(causes)} | {valid} | {max(errors):.1f} |", flush=True)
+            sound &= min(sum(verdicts), sum(causes)) >= least and max(errors) <= MOST
+            for seed, (verdict, cause, worst, document) in zip(seeds, results):
+                if arguments.verbose and not (verdict and cause and worst <= MOST):
+                    said = [document["verdict"], *document["findings"], *document.get("notes", [])]
+                    print(f"  {seed}: {worst:.1f} {' '.join(said)}", flush=True)
+    return 0 if sound else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
