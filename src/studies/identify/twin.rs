@@ -222,7 +222,8 @@ impl Answer {
         let twin = values.twin(base, step_s, &self.verdict)?;
         let estimated = || found.bench.iter().zip(&PARAMETERS).filter(|(of, _)| of.estimated).map(|(_, of)| of.name);
         let left_out = WITHOUT.into_iter().filter(|name| estimated().any(|estimated| estimated.starts_with(name)));
-        Ok(Twin { left_out: left_out.collect(), ..twin })
+        let slow_force = (first.slow_force_n > 0.0).then_some("force.slow");
+        Ok(Twin { left_out: left_out.chain(slow_force).collect(), ..twin })
     }
 }
 
