@@ -43,6 +43,7 @@ fn same_in_all(folder: &Path) -> BTreeMap<String, f64> {
     }
     assert_eq!(alone, inside);
     let scenario = Scenario::open(&folder.join("twin.toml")).unwrap_or_else(|why| panic!("{why}"));
+    says(&scenario.title, &["Identified from ", ".csv"]);
     let mut stated = 0;
     for element in scenario.in_loop() {
         for (index, value) in element.values() {

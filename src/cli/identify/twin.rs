@@ -17,6 +17,8 @@ pub(super) struct Files<'a> {
     save: Option<&'a Path>,
     ssv: Option<&'a Path>,
     ssp: Option<(&'a Path, Binaries)>,
+    /// Names of the recordings.
+    recordings: String,
 }
 
 impl<'a> Files<'a> {
@@ -24,7 +26,9 @@ impl<'a> Files<'a> {
     pub fn new(arguments: &'a Arguments) -> Result<Self> {
         let ssp = arguments.ssp.as_deref();
         let ssp = ssp.map(|path| package::binaries(&[]).map(|binaries| (path, binaries))).transpose()?;
-        let files = Self { save: arguments.save.as_deref(), ssv: arguments.ssv.as_deref(), ssp };
+        let names = arguments.recordings.iter().map(|path| path.file_name().unwrap_or_default().to_string_lossy());
+        let recordings = names.collect::<Vec<_>>().join(", ");
+        let files = Self { save: arguments.save.as_deref(), ssv: arguments.ssv.as_deref(), ssp, recordings };
         if !files.is_empty() && !arguments.is_likelihood() {
             return Err(refused(format!("--save, --ssv and --ssp need --method likelihood, not {}", arguments.method)));
         }
@@ -51,6 +55,7 @@ impl<'a> Files<'a> {
         }
         let twin = twin().map_err(|why| refused(format!("the twin cannot be run:\n  {}", why.join("\n  "))))?;
         let Twin { mut scenario, left_out } = twin;
+        scenario.title = format!("Identified from {}", self.recordings);
         scenario.columns = columns.to_vec();
         if !left_out.is_empty() {
             print::paragraph(&format!(
