@@ -152,9 +152,17 @@ fn names_of_another_machine_are_said_at_once() {
         assert_eq!(found.len(), 1, "{found:?}");
         says(&found[0], &[words]);
     }
-    // As many values as another machine has magnets.
-    let found = findings("title = \"t\"\nduration = 1\nstep = 1e-4\n[plant]\nlambda = [1e-6, 1e-6, 1e-6, 1e-6]\n");
-    assert_eq!(found, ["lambda: these are names of the machine planar4: add machine = \"planar4\""]);
+    let found = findings(
+        "title = \"t\"\nduration = 1\nstep = 1e-4\n[controller]\nallocation = \"biasCurrent\"\nbias.current = 2\n",
+    );
+    assert_eq!(
+        found,
+        ["allocation, bias.current: these are names of the machine planar4 or axial: add machine = \"planar4\""]
+    );
+    let found = findings("title = \"t\"\nduration = 1\nstep = 1e-4\n[plant]\n'lambda[4]' = 1e-6\n");
+    let wanted =
+        "lambda[4]: there is no variable of this name; it is one of the machine planar4: add machine = \"planar4\"";
+    assert_eq!(found, [wanted]);
     let found = findings(&format!("machine = \"axial\"\n{}", without("unbalanced")));
     assert_eq!(found.len(), 1, "{found:?}");
     says(

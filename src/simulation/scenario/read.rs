@@ -458,7 +458,7 @@ pub fn position(model_type: &ModelType, name: &str) -> Option<usize> {
 }
 
 /// Whether a model has a variable, or an array, of that name.
-fn knows(model_type: &ModelType, key: &str) -> bool {
+pub fn knows(model_type: &ModelType, key: &str) -> bool {
     position(model_type, key).is_some() || position(model_type, &element(key, 0)).is_some()
 }
 
