@@ -484,37 +484,43 @@ pub fn add<L: Lens<Target: Field>, C: ?Sized>(
 ) {
     let mut elements = Vec::new();
     start.as_ref().unwrap_or_else(|| L::get(scope.defaults, scope.outer)).elements(&[], &mut elements);
-    let place = <L::Target as Field>::access::<L>();
+    let (indices, starts): (Vec<_>, Vec<_>) = elements.into_iter().unzip();
     // What follows is compiled once for all fields of a type.
     let Scope { prefix, outer, number, .. } = scope;
-    add_elements(rows, (prefix, *outer, *number), place, &names, unit, &elements, count, finish);
+    let names = names_of(prefix, &names, &indices, count);
+    let place = <L::Target as Field>::access::<L>();
+    add_elements(rows, (prefix, *outer, *number), place, names, &starts, unit, finish);
+}
+
+/// Names of the elements with these indices, or of the first `count` of them.
+fn names_of(prefix: &str, names: &Names, indices: &[Vec<usize>], count: Option<usize>) -> Vec<String> {
+    let made = count.unwrap_or(indices.len());
+    assert!(made <= indices.len(), "count = {made} is refused for an array of {} elements", indices.len());
+    if let Names::Each(names) = names {
+        assert!(made == names.len(), "there are {} names for {made} elements: {}", names.len(), names.join(", "));
+    }
+    let name = |index: usize| match names {
+        Names::Common(name) if indices[index].is_empty() => format!("{prefix}{name}"),
+        Names::Common(name) => {
+            let indices: Vec<_> = indices[index].iter().map(usize::to_string).collect();
+            format!("{prefix}{name}[{}]", indices.join(","))
+        }
+        Names::Each(names) => format!("{prefix}{}", names[index]),
+    };
+    (0..made).map(name).collect()
 }
 
 fn add_elements<D, S: Scalar>(
     rows: &mut Vec<Row<D>>,
     (prefix, outer, number): (&str, usize, Option<usize>),
     place: Access<D, S::Value>,
-    names: &Names,
+    names: Vec<String>,
+    starts: &[&S],
     unit: &dyn Fn(usize) -> S::Unit,
-    elements: &[(Vec<usize>, &S)],
-    count: Option<usize>,
     finish: &mut dyn FnMut(Row<D>) -> Row<D>,
 ) {
-    let made = count.unwrap_or(elements.len());
-    assert!(made <= elements.len(), "count = {made} is refused for an array of {} elements", elements.len());
-    if let Names::Each(names) = names {
-        assert!(made == names.len(), "there are {} names for {made} elements: {}", names.len(), names.join(", "));
-    }
-    for (index, (indices, start)) in elements[..made].iter().enumerate() {
-        let name = match names {
-            Names::Common(name) if indices.is_empty() => format!("{prefix}{name}"),
-            Names::Common(name) => {
-                let indices: Vec<_> = indices.iter().map(usize::to_string).collect();
-                format!("{prefix}{name}[{}]", indices.join(","))
-            }
-            Names::Each(names) => format!("{prefix}{}", names[index]),
-        };
-        let row = S::row(name, place, &unit(index), start).at_place(outer * elements.len() + index, index);
+    for (index, (name, start)) in names.into_iter().zip(starts).enumerate() {
+        let row = S::row(name, place, &unit(index), start).at_place(outer * starts.len() + index, index);
         rows.push(finish(row.within(prefix, number)));
     }
 }
