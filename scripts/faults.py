@@ -20,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -230,7 +230,6 @@ FAULTS = [
     Fault("quantised: 0.24 µm, 1.2 mA", quantised, cause="|quantised in steps"),
     Fault("quantised: 1 µm, 10 mA", coarse, cause="quantised in steps"),
     Fault("saturated amplifiers", world=(("limit_a", 0.95),)),
-    Fault("slow force, 30 mN/√s", cause="slow force", world=(("slow_force", 0.03),)),
     Fault("slow force, 200 mN/√s", cause="slow force", world=(("slow_force", 0.2),)),
     Fault("dropouts", dropouts, cause="repeat the one before"),
     Fault("speed off by 0.4 %", valid=False, cause="stated speed", options=rpm(1.004), columns=BLIND),

@@ -321,7 +321,8 @@ fn with_slow_force(
     match likelihood::identify(recordings, &slow) {
         Ok(found) if found.converged && is_slow(&found) && is_worth_it(&found) => {
             *options = slow;
-            Ok(found)
+            // Each is reckoned with everything else as it is: the smaller one is certain.
+            Ok(Identification { gain_by_slow_force: found.gain_by_slow_force.min(plain.gain_by_slow_force), ..found })
         }
         _ => Ok(plain),
     }
@@ -334,7 +335,7 @@ fn words_on_slow_force(found: &Identification) -> Option<String> {
         let levels: Vec<String> = levels.iter().map(|level| significant(1e3 * level, 2)).collect();
         let worth = significant(found.gain_by_slow_force, 3);
         format!(
-            "A slow force that nothing explains wanders by {} mN/√s (worth {worth} in log-likelihood).",
+            "A slow force that nothing explains wanders by {} mN/√s (worth at least {worth} in log-likelihood).",
             levels.join(", ")
         )
     })
