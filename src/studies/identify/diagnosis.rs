@@ -11,6 +11,9 @@ use crate::estimation::EstimatorConfig;
 const ROWS: [usize; 2] = [2000, 20_000];
 /// Turns of the stretch.
 const TURNS: f64 = 5.0;
+/// The reading of the currents decides several per cent of λ: it is judged on so many times as many rows. On one stretch, a force that wanders made a
+/// current that is held look continuous (`scripts/faults.py --only "slow force" --seed 7001`).
+const HOLD_STRETCHES: usize = 4;
 /// Probability that something is proposed for data that are as stated.
 const CHANCE: f64 = 1e-3;
 /// Very strong evidence, as a difference of log-likelihoods (Kass and Raftery 1995).
@@ -184,13 +187,13 @@ fn fit(take: &Take) -> Option<(f64, f64, bool)> {
     found.contradictions.is_empty().then_some((found.log_likelihood, found.bench[1].estimate.value, sound))
 }
 
-/// A stretch in the middle of a recording.
-fn stretch(take: &Take) -> Take {
+/// A stretch in the middle of a recording, or as long as several.
+fn stretch(take: &Take, stretches: usize) -> Take {
     let all = &take.columns;
     let rows = all.position_m.len();
     let speed = all.omega_rad_s.iter().filter(|omega| omega.is_finite()).sum::<f64>().abs() / rows.max(1) as f64;
     let wanted = if speed > 0.0 { (TURNS * TAU / speed / all.step_s) as usize } else { 0 };
-    let count = wanted.clamp(ROWS[0], ROWS[1]).min(rows);
+    let count = (stretches * wanted.clamp(ROWS[0], ROWS[1])).min(rows);
     let from = (rows - count) / 2;
     let of = from..from + count;
     let mut take = Take { columns: all.part(of), ..take.clone() };
@@ -208,7 +211,7 @@ fn stretch(take: &Take) -> Take {
 /// suits it best, as far as a typical bench has one: without it a delay of a third of a sample looks like a current that is continuous.
 pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
     let of = takes.each_ref().map(|take| {
-        let mut take = stretch(take);
+        let mut take = stretch(take, HOLD_STRETCHES);
         if let Some(delay) = by_name("delay").filter(|delay| take.options.bench[*delay].knowledge == Knowledge::Exact) {
             take.options.bench[delay].knowledge = Knowledge::Tolerance(PARAMETERS[delay].typical);
         }
@@ -220,7 +223,7 @@ pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
 
 /// Proposals, the best first; empty if nothing fits better than the stated values.
 pub(super) fn proposals(take: &Take) -> Vec<String> {
-    let take = stretch(take);
+    let take = stretch(take, 1);
     let told = fit(&take).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
     let mut fits: Vec<(f64, String)> = Vec::new();
     for alternative in ALTERNATIVES {
