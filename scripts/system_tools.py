@@ -17,10 +17,10 @@ SSD = "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
 def structure(path):
     """Read the default structure of a packed or extracted SSP, or a structure alone."""
     path = Path(path)
-    if path.suffix == ".ssd":
-        return etree.fromstring(path.read_bytes())
     if path.is_dir():
         return structure(path / "SystemStructure.ssd")
+    if path.suffix == ".ssd":
+        return etree.fromstring(path.read_bytes())
     with zipfile.ZipFile(path) as archive:
         return etree.fromstring(archive.read("SystemStructure.ssd"))
 
