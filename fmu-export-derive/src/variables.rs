@@ -26,7 +26,7 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
     }
     let target = Target::new(input, &chosen);
     let mut seen: Vec<String> = Vec::new();
-    let (mut lenses, mut rows) = (Vec::new(), Vec::new());
+    let (mut lenses, mut members) = (Vec::new(), Vec::new());
     for (at, field) in data.fields.iter().enumerate() {
         let attributes = Attributes::of(field)?;
         if attributes.role == Role::Hidden {
@@ -42,13 +42,14 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
             seen.push(name.value());
         }
         lenses.push(lens_of(&target, &lens, &member, &field.ty));
-        let of_field = if attributes.role == Role::Nested {
-            nested(&target, &lens, &field.ty, &attributes, name.as_ref(), context.is_some())
+        members.push(if attributes.role == Role::Nested {
+            nested(&target, &lens, &member, &field.ty, &attributes, name.as_ref(), context.is_some())
         } else {
-            variable(&target, &lens, field, &attributes, name.as_ref())
-        };
-        rows.push(of_field);
+            variable(&target, &lens, &member, field, &attributes, name.as_ref())
+        });
     }
+    let fields = members.iter().map(|member| &member.fields);
+    let (rows, places) = (members.iter().map(|member| &member.rows), members.iter().map(|member| &member.places));
     let (ident, context) = (&input.ident, context.map_or_else(|| quote!(()), |context| quote!(#context)));
     let aliases = chosen.iter().map(|(parameter, argument)| quote!(#[allow(dead_code)] type #parameter = #argument;));
     let (_, types, _) = input.generics.split_for_impl();
@@ -62,14 +63,23 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
             impl #bounds ::fmu_export::Variables for #ident #types #conditions {
                 type Context = #context;
 
-                #[allow(unused_variables, reason = "`context` and `index` are for the attributes")]
-                fn rows_at<Place: ::fmu_export::variables::Lens<Target = Self>>(
-                    scope: &::fmu_export::variables::Scope<'_, Place::Data, Self::Context>,
-                ) -> ::std::vec::Vec<::fmu_export::variable::Row<Place::Data>> {
+                const FIELDS: usize = 0 #(+ #fields)*;
+
+                #[allow(unused, reason = "`context` and `index` are for the attributes, and nothing follows the last field")]
+                fn describe(
+                    &self,
+                    scope: &::fmu_export::variables::Scope<'_, Self::Context>,
+                    rows: &mut ::std::vec::Vec<::fmu_export::variable::Row<()>>,
+                ) {
                     let context = scope.context;
-                    let mut rows = ::std::vec::Vec::new();
+                    let mut field = 0;
                     #(#rows)*
-                    rows
+                }
+
+                fn places<Place: ::fmu_export::variables::Lens<Target = Self>>(
+                    places: &mut ::std::vec::Vec<::fmu_export::variable::Place<Place::Data>>,
+                ) {
+                    #(#places)*
                 }
             }
         };
@@ -145,25 +155,36 @@ fn lens_of(target: &Target<'_>, lens: &Ident, member: &Member, of_type: &Type) -
     }
 }
 
-/// Adds the rows of a field that is a structure, or an array of them.
+/// The code for a field.
+struct Code {
+    /// Number of fields that are variables in it.
+    fields: TokenStream,
+    /// Adds the rows.
+    rows: TokenStream,
+    /// Adds access to values.
+    places: TokenStream,
+}
+
+/// A field that is a structure, or an array of them.
 fn nested(
     target: &Target<'_>,
     lens: &Ident,
+    member: &Member,
     of_type: &Type,
     attributes: &Attributes,
     name: Option<&LitStr>,
     has_context: bool,
-) -> TokenStream {
+) -> Code {
     let (_, types, _) = target.generics.split_for_impl();
     let base = name.map_or_else(|| quote!(""), |name| quote!(#name));
     let prefixes = match (attributes.value("prefix"), attributes.value("prefixes"), name) {
         (Some(prefix), ..) => {
-            quote!(::core::option::Option::Some(::std::vec![::std::format!("{}{}", scope.prefix, #prefix)]))
+            quote!(::core::option::Option::Some(::std::vec![::std::format!("{}{}", scope.at.prefix, #prefix)]))
         }
         (_, Some(prefixes), _) => quote!(::core::option::Option::Some(
-            (#prefixes).into_iter().map(|prefix| ::std::format!("{}{}", scope.prefix, prefix)).collect()
+            (#prefixes).into_iter().map(|prefix| ::std::format!("{}{}", scope.at.prefix, prefix)).collect()
         )),
-        (_, _, None) => quote!(::core::option::Option::Some(::std::vec![scope.prefix.clone()])),
+        (_, _, None) => quote!(::core::option::Option::Some(::std::vec![scope.at.prefix.clone()])),
         _ => quote!(::core::option::Option::None),
     };
     let count = optional(attributes.value("count"));
@@ -173,31 +194,32 @@ fn nested(
         None => quote!(&()),
     };
     // The span is that of the type, so that errors of trait bounds point at the field.
-    let add = quote_spanned!(of_type.span()=> <#of_type as ::fmu_export::variables::Nested<_>>::add::<::fmu_export::variables::Then<Place, #lens #types>>);
-    quote! {
-        #add(
-            &mut rows,
-            &::fmu_export::variables::Scope {
-                prefix: ::std::format!("{}{}", scope.prefix, #base),
-                context: #context,
-                defaults: scope.defaults,
-                outer: scope.outer,
-                number: scope.number,
-            },
-            #prefixes,
-            #count,
-        );
+    let nested = quote_spanned!(of_type.span()=> <#of_type as ::fmu_export::variables::Nested<_>>);
+    Code {
+        fields: quote!(#nested::FIELDS),
+        rows: quote! {
+            #nested::describe(
+                &self.#member,
+                &::fmu_export::variables::Scope { at: scope.at.within(#base, field), context: #context },
+                #prefixes,
+                #count,
+                rows,
+            );
+            field += #nested::FIELDS;
+        },
+        places: quote!(#nested::places::<::fmu_export::variables::Then<Place, #lens #types>>(places);),
     }
 }
 
-/// Adds the rows of a field that is a variable, or an array of them.
+/// A field that is a variable, or an array of them.
 fn variable(
     target: &Target<'_>,
     lens: &Ident,
+    member: &Member,
     field: &Field,
     attributes: &Attributes,
     name: Option<&LitStr>,
-) -> TokenStream {
+) -> Code {
     let (_, types, _) = target.generics.split_for_impl();
     let of_type = &field.ty;
     let names = match (attributes.value("names"), attributes.value("name"), name) {
@@ -218,28 +240,34 @@ fn variable(
     let with = attributes.value("with").map(|with| {
         quote! {
             let with: &mut dyn ::core::ops::FnMut(
-                ::fmu_export::variable::Row<Place::Data>,
-            ) -> ::fmu_export::variable::Row<Place::Data> = &mut (#with);
+                ::fmu_export::variable::Row<()>,
+            ) -> ::fmu_export::variable::Row<()> = &mut (#with);
             let row = with(row);
         }
     });
-    let add = quote_spanned!(of_type.span()=> ::fmu_export::variables::add::<::fmu_export::variables::Then<Place, #lens #types>, Self::Context>);
-    quote! {
-        #checks
-        #add(
-            &mut rows,
-            scope,
-            ::fmu_export::variables::Names::#names,
-            &|index| #unit,
-            #start,
-            #count,
-            &mut |row| {
-                let index = row.index();
-                #finish
-                #with
-                row
-            },
-        );
+    let add = quote_spanned!(of_type.span()=> ::fmu_export::variables::add::<#of_type>);
+    let of_field = quote_spanned!(of_type.span()=> <#of_type as ::fmu_export::variables::Field>);
+    Code {
+        fields: quote!(1),
+        rows: quote! {
+            #checks
+            #add(
+                rows,
+                (&scope.at, field),
+                ::fmu_export::variables::Names::#names,
+                &|index| #unit,
+                (&self.#member, #start),
+                #count,
+                &mut |row| {
+                    let index = row.index();
+                    #finish
+                    #with
+                    row
+                },
+            );
+            field += 1;
+        },
+        places: quote!(places.push(#of_field::place::<::fmu_export::variables::Then<Place, #lens #types>>());),
     }
 }
 

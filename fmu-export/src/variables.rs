@@ -100,7 +100,7 @@ use std::marker::PhantomData;
 
 use crate::array::Array;
 use crate::unit::Unit;
-use crate::variable::{Access, Enumeration, Row};
+use crate::variable::{Access, Enumeration, Place, Row, Type};
 
 /// A structure whose fields are variables; see [`derive@crate::Variables`].
 #[diagnostic::on_unimplemented(
@@ -113,9 +113,17 @@ pub trait Variables: Sized + 'static {
     /// `#[variables(context = Type)]` says otherwise.
     type Context: ?Sized;
 
-    /// The rows of this structure where it stands within the values of a model; for the macro.
+    /// Number of fields that are variables or arrays of them, those of structures within included.
     #[doc(hidden)]
-    fn rows_at<L: Lens<Target = Self>>(scope: &Scope<'_, L::Data, Self::Context>) -> Vec<Row<L::Data>>;
+    const FIELDS: usize;
+
+    /// Appends the rows of this structure without access to values; for the macro.
+    #[doc(hidden)]
+    fn describe(&self, scope: &Scope<'_, Self::Context>, rows: &mut Vec<Row<()>>);
+
+    /// Appends access to each field where the structure stands within the values of a model; for the macro.
+    #[doc(hidden)]
+    fn places<L: Lens<Target = Self>>(places: &mut Vec<Place<L::Data>>);
 
     /// The rows of a model whose values are this structure.
     fn rows() -> Vec<Row<Self>>
@@ -130,8 +138,11 @@ pub trait Variables: Sized + 'static {
     where
         Self: Default,
     {
-        let scope = Scope { prefix: String::new(), context, defaults: &Self::default(), outer: 0, number: None };
-        Self::rows_at::<Whole<Self>>(&scope)
+        let (mut rows, mut places) = (Vec::new(), Vec::new());
+        let at = At { prefix: String::new(), outer: 0, number: None, field: 0 };
+        Self::default().describe(&Scope { at, context }, &mut rows);
+        Self::places::<Whole<Self>>(&mut places);
+        rows.into_iter().map(|row| row.placed(&places)).collect()
     }
 }
 
@@ -255,18 +266,32 @@ impl<A: Lens<Target: List>> Lens for Elements<A> {
     }
 }
 
-/// Context of the rows of a structure: prefix, index, description.
+/// Where a structure stands within the values of a model.
 #[doc(hidden)]
-pub struct Scope<'s, D, C: ?Sized> {
+#[derive(Clone)]
+pub struct At {
     /// Prefix of all names.
     pub prefix: String,
-    pub context: &'s C,
-    /// The values from which start values come that no attribute gives.
-    pub defaults: &'s D,
     /// Index of the structure among those at its place.
     pub outer: usize,
     /// Number of the structure in its array.
     pub number: Option<usize>,
+    /// Number of its first field among those of the model, counted from 0.
+    pub field: usize,
+}
+
+impl At {
+    /// The place of a structure within this one, or of an array of them.
+    pub fn within(&self, prefix: &str, fields_before: usize) -> Self {
+        Self { prefix: format!("{}{prefix}", self.prefix), field: self.field + fields_before, ..*self }
+    }
+}
+
+/// Its place, and what the attributes call `context`.
+#[doc(hidden)]
+pub struct Scope<'s, C: ?Sized> {
+    pub at: At,
+    pub context: &'s C,
 }
 
 /// A type of variables.
@@ -276,10 +301,8 @@ pub trait Scalar: Sized + 'static {
     type Unit;
     /// Its limits.
     type Limit: Into<f64>;
-    /// What its place holds.
-    type Value: 'static;
-    fn access<L: Lens<Target = Self>>() -> Access<L::Data, Self::Value>;
-    fn row<D>(name: String, place: Access<D, Self::Value>, unit: &Self::Unit, start: &Self) -> Row<D>;
+    fn place<L: Lens<Target = Self>>() -> Place<L::Data>;
+    fn row(name: String, unit: Self::Unit, start: &Self) -> Row<()>;
 }
 
 /// The limits of a type that has none.
@@ -292,69 +315,37 @@ impl From<NoLimit> for f64 {
     }
 }
 
-impl Scalar for f64 {
-    type Unit = Unit;
-    type Limit = f64;
-    type Value = f64;
+/// Implements a type whose field holds its values as they are.
+macro_rules! scalar {
+    ($scalar:ident, $unit:ty, $limit:ty, $kind:ident, |$given:ident, $start:ident| $of_type:expr) => {
+        impl Scalar for $scalar {
+            type Unit = $unit;
+            type Limit = $limit;
 
-    fn access<L: Lens<Target = f64>>() -> Access<L::Data, f64> {
-        Access { get: |data, at| *L::get(data, at), set: |data, at, value| *L::get_mut(data, at) = value }
-    }
+            fn place<L: Lens<Target = Self>>() -> Place<L::Data> {
+                Place::$kind(Access {
+                    get: |data, at| L::get(data, at).clone(),
+                    set: |data, at, value| *L::get_mut(data, at) = value,
+                })
+            }
 
-    fn row<D>(name: String, place: Access<D, f64>, unit: &Unit, start: &f64) -> Row<D> {
-        Row::real(name, place, *unit, *start)
-    }
+            fn row(name: String, $given: $unit, $start: &Self) -> Row<()> {
+                Row::new(name, $of_type, None)
+            }
+        }
+    };
 }
-
-impl Scalar for i32 {
-    type Unit = ();
-    type Limit = i32;
-    type Value = i32;
-
-    fn access<L: Lens<Target = i32>>() -> Access<L::Data, i32> {
-        Access { get: |data, at| *L::get(data, at), set: |data, at, value| *L::get_mut(data, at) = value }
-    }
-
-    fn row<D>(name: String, place: Access<D, i32>, (): &(), start: &i32) -> Row<D> {
-        Row::integer(name, place, *start)
-    }
-}
-
-impl Scalar for bool {
-    type Unit = ();
-    type Limit = NoLimit;
-    type Value = bool;
-
-    fn access<L: Lens<Target = bool>>() -> Access<L::Data, bool> {
-        Access { get: |data, at| *L::get(data, at), set: |data, at, value| *L::get_mut(data, at) = value }
-    }
-
-    fn row<D>(name: String, place: Access<D, bool>, (): &(), start: &bool) -> Row<D> {
-        Row::boolean(name, place, *start)
-    }
-}
-
-impl Scalar for String {
-    type Unit = ();
-    type Limit = NoLimit;
-    type Value = String;
-
-    fn access<L: Lens<Target = String>>() -> Access<L::Data, String> {
-        Access { get: |data, at| L::get(data, at).clone(), set: |data, at, value| *L::get_mut(data, at) = value }
-    }
-
-    fn row<D>(name: String, place: Access<D, String>, (): &(), start: &String) -> Row<D> {
-        Row::string(name, place, start.clone())
-    }
-}
+scalar!(f64, Unit, f64, Real, |unit, start| Type::real(*start, unit));
+scalar!(i32, (), i32, Integer, |_unit, start| Type::integer(*start));
+scalar!(bool, (), NoLimit, Boolean, |_unit, start| Type::Boolean { start: *start });
+scalar!(String, (), NoLimit, String, |_unit, start| Type::String { start: start.clone().into() });
 
 impl<T: Choice> Scalar for T {
     type Unit = ();
     type Limit = NoLimit;
-    type Value = i32;
 
-    fn access<L: Lens<Target = T>>() -> Access<L::Data, i32> {
-        Access {
+    fn place<L: Lens<Target = T>>() -> Place<L::Data> {
+        Place::Integer(Access {
             get: |data, at| L::get(data, at).number(),
             // A number that is none of an item was refused before.
             set: |data, at, number| {
@@ -362,11 +353,11 @@ impl<T: Choice> Scalar for T {
                     *L::get_mut(data, at) = item;
                 }
             },
-        }
+        })
     }
 
-    fn row<D>(name: String, place: Access<D, i32>, (): &(), start: &T) -> Row<D> {
-        Row::choice(name, place, T::ENUMERATION, start.number()).with_items_only()
+    fn row(name: String, (): (), start: &T) -> Row<()> {
+        Row::new(name, Type::Enumeration { start: start.number(), items: T::ENUMERATION }, None).with_items_only()
     }
 }
 
@@ -379,7 +370,7 @@ impl<T: Choice> Scalar for T {
 pub trait Field: Sized + 'static {
     type Scalar: Scalar;
     /// Access to its elements, whose indices are counted through all dimensions.
-    fn access<L: Lens<Target = Self>>() -> Access<L::Data, <Self::Scalar as Scalar>::Value>;
+    fn place<L: Lens<Target = Self>>() -> Place<L::Data>;
     /// Appends its elements, each with its indices, counted from 1, after those of the arrays around it.
     fn elements<'f>(&'f self, indices: &[usize], elements: &mut Vec<(Vec<usize>, &'f Self::Scalar)>);
 }
@@ -387,8 +378,8 @@ pub trait Field: Sized + 'static {
 impl<T: Scalar> Field for T {
     type Scalar = T;
 
-    fn access<L: Lens<Target = T>>() -> Access<L::Data, T::Value> {
-        <T as Scalar>::access::<L>()
+    fn place<L: Lens<Target = T>>() -> Place<L::Data> {
+        <T as Scalar>::place::<L>()
     }
 
     fn elements<'f>(&'f self, indices: &[usize], elements: &mut Vec<(Vec<usize>, &'f T)>) {
@@ -401,8 +392,8 @@ macro_rules! list_of_fields {
         impl<T: Field, const N: usize> Field for $list {
             type Scalar = T::Scalar;
 
-            fn access<L: Lens<Target = Self>>() -> Access<L::Data, <T::Scalar as Scalar>::Value> {
-                <T as Field>::access::<Elements<L>>()
+            fn place<L: Lens<Target = Self>>() -> Place<L::Data> {
+                <T as Field>::place::<Elements<L>>()
             }
 
             fn elements<'f>(&'f self, indices: &[usize], elements: &mut Vec<(Vec<usize>, &'f T::Scalar)>) {
@@ -468,28 +459,28 @@ pub enum Names {
     Each(Vec<String>),
 }
 
-/// Adds the rows of a field; for the macro.
+/// Adds the rows of a field, which is the one of that number in its structure; for the macro.
 ///
 /// # Panics
 /// If there are not as many names as elements.
 #[doc(hidden)]
-pub fn add<L: Lens<Target: Field>, C: ?Sized>(
-    rows: &mut Vec<Row<L::Data>>,
-    scope: &Scope<'_, L::Data, C>,
+pub fn add<F: Field>(
+    rows: &mut Vec<Row<()>>,
+    (at, field): (&At, usize),
     names: Names,
-    unit: &dyn Fn(usize) -> <<L::Target as Field>::Scalar as Scalar>::Unit,
-    start: Option<L::Target>,
+    unit: &dyn Fn(usize) -> <F::Scalar as Scalar>::Unit,
+    (default, start): (&F, Option<F>),
     count: Option<usize>,
-    finish: &mut dyn FnMut(Row<L::Data>) -> Row<L::Data>,
+    finish: &mut dyn FnMut(Row<()>) -> Row<()>,
 ) {
     let mut elements = Vec::new();
-    start.as_ref().unwrap_or_else(|| L::get(scope.defaults, scope.outer)).elements(&[], &mut elements);
+    start.as_ref().unwrap_or(default).elements(&[], &mut elements);
     let (indices, starts): (Vec<_>, Vec<_>) = elements.into_iter().unzip();
-    // What follows is compiled once for all fields of a type.
-    let Scope { prefix, outer, number, .. } = scope;
-    let names = names_of(prefix, &names, &indices, count);
-    let place = <L::Target as Field>::access::<L>();
-    add_elements(rows, (prefix, *outer, *number), place, names, &starts, unit, finish);
+    let names = names_of(&at.prefix, &names, &indices, count);
+    for (index, (name, start)) in names.into_iter().zip(&starts).enumerate() {
+        let row = F::Scalar::row(name, unit(index), start).at_place(at.outer * starts.len() + index, index);
+        rows.push(finish(row.within(&at.prefix, at.number, at.field + field)));
+    }
 }
 
 /// Names of the elements with these indices, or of the first `count` of them.
@@ -510,21 +501,6 @@ fn names_of(prefix: &str, names: &Names, indices: &[Vec<usize>], count: Option<u
     (0..made).map(name).collect()
 }
 
-fn add_elements<D, S: Scalar>(
-    rows: &mut Vec<Row<D>>,
-    (prefix, outer, number): (&str, usize, Option<usize>),
-    place: Access<D, S::Value>,
-    names: Vec<String>,
-    starts: &[&S],
-    unit: &dyn Fn(usize) -> S::Unit,
-    finish: &mut dyn FnMut(Row<D>) -> Row<D>,
-) {
-    for (index, (name, start)) in names.into_iter().zip(starts).enumerate() {
-        let row = S::row(name, place, &unit(index), start).at_place(outer * starts.len() + index, index);
-        rows.push(finish(row.within(prefix, number)));
-    }
-}
-
 /// A field that is a structure of variables, or an array of them.
 #[doc(hidden)]
 #[diagnostic::on_unimplemented(
@@ -534,12 +510,16 @@ fn add_elements<D, S: Scalar>(
 )]
 pub trait Nested<Kind>: Sized + 'static {
     type Context: ?Sized;
-    fn add<L: Lens<Target = Self>>(
-        rows: &mut Vec<Row<L::Data>>,
-        scope: &Scope<'_, L::Data, Self::Context>,
+    const FIELDS: usize;
+    /// Appends the rows of the structure or structures that stand there.
+    fn describe(
+        &self,
+        scope: &Scope<'_, Self::Context>,
         prefixes: Option<Vec<String>>,
         count: Option<usize>,
+        rows: &mut Vec<Row<()>>,
     );
+    fn places<L: Lens<Target = Self>>(places: &mut Vec<Place<L::Data>>);
 }
 
 /// [`Nested`] of one structure.
@@ -552,40 +532,52 @@ pub enum Many {}
 
 impl<V: Variables> Nested<One> for V {
     type Context = V::Context;
+    const FIELDS: usize = V::FIELDS;
 
-    fn add<L: Lens<Target = V>>(
-        rows: &mut Vec<Row<L::Data>>,
-        scope: &Scope<'_, L::Data, V::Context>,
+    fn describe(
+        &self,
+        Scope { at, context }: &Scope<'_, V::Context>,
         prefixes: Option<Vec<String>>,
         _: Option<usize>,
+        rows: &mut Vec<Row<()>>,
     ) {
         let prefix = match prefixes.as_deref() {
             Some([prefix]) => prefix.clone(),
-            _ => scope.prefix.clone() + ".",
+            _ => at.prefix.clone() + ".",
         };
-        rows.extend(V::rows_at::<L>(&Scope { prefix, ..*scope }));
+        V::describe(self, &Scope { at: At { prefix, ..*at }, context }, rows);
+    }
+
+    fn places<L: Lens<Target = V>>(places: &mut Vec<Place<L::Data>>) {
+        V::places::<L>(places);
     }
 }
 
 impl<A: List<Item: Variables>> Nested<Many> for A {
     type Context = <A::Item as Variables>::Context;
+    const FIELDS: usize = <A::Item as Variables>::FIELDS;
 
-    fn add<L: Lens<Target = A>>(
-        rows: &mut Vec<Row<L::Data>>,
-        scope: &Scope<'_, L::Data, Self::Context>,
+    fn describe(
+        &self,
+        Scope { at, context }: &Scope<'_, Self::Context>,
         prefixes: Option<Vec<String>>,
         count: Option<usize>,
+        rows: &mut Vec<Row<()>>,
     ) {
         let count = count.or(prefixes.as_ref().map(Vec::len)).unwrap_or(A::LENGTH);
-        assert!(count <= A::LENGTH, "{} has {} elements, fewer than {count}", scope.prefix, A::LENGTH);
+        assert!(count <= A::LENGTH, "{} has {} elements, fewer than {count}", at.prefix, A::LENGTH);
         for k in 0..count {
             let prefix = match &prefixes {
                 Some(prefixes) => prefixes[k].clone(),
-                None => format!("{}[{}].", scope.prefix, k + 1),
+                None => format!("{}[{}].", at.prefix, k + 1),
             };
-            let outer = scope.outer * A::LENGTH + k;
-            rows.extend(A::Item::rows_at::<Elements<L>>(&Scope { prefix, outer, number: Some(k + 1), ..*scope }));
+            let at = At { prefix, outer: at.outer * A::LENGTH + k, number: Some(k + 1), field: at.field };
+            Variables::describe(self.at(k), &Scope { at, context: *context }, rows);
         }
+    }
+
+    fn places<L: Lens<Target = A>>(places: &mut Vec<Place<L::Data>>) {
+        <A::Item as Variables>::places::<Elements<L>>(places);
     }
 }
 

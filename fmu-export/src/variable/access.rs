@@ -17,12 +17,21 @@ impl<D, T> Clone for Access<D, T> {
 impl<D, T> Copy for Access<D, T> {}
 
 /// Access to a value of any type.
-pub(super) enum Place<D> {
+#[doc(hidden)]
+pub enum Place<D> {
     Real(Access<D, f64>),
     Integer(Access<D, i32>),
     Boolean(Access<D, bool>),
     String(Access<D, String>),
 }
+
+impl<D> Clone for Place<D> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<D> Copy for Place<D> {}
 
 /// Makes an [`Access`](crate::variable::Access) from a type and the path of one of its fields; `[k]` at the end stands for the
 /// element of an array.

@@ -12,6 +12,8 @@ use crate::model::Invalid;
 use crate::unit::Unit;
 
 pub use access::Access;
+#[doc(hidden)]
+pub use access::Place;
 pub use enumeration::Enumeration;
 pub use row::{Row, element};
 pub use table::Table;
@@ -107,6 +109,18 @@ pub enum Type {
         /// Start value.
         start: Cow<'static, str>,
     },
+}
+
+impl Type {
+    /// A real number without limits.
+    pub(crate) fn real(start: f64, unit: Unit) -> Self {
+        Self::Real { start, unit, display: None, nominal: 1.0, min: None, max: None }
+    }
+
+    /// A whole number without limits.
+    pub(crate) fn integer(start: i32) -> Self {
+        Self::Integer { start, min: None, max: None }
+    }
 }
 
 /// A value of any type; enumerations are integers.

@@ -13,7 +13,10 @@ use crate::unit::{SECOND, Unit};
 pub struct Row<D> {
     /// The variable.
     pub variable: Variable,
-    pub(super) place: Place<D>,
+    /// Access to its value; none for the time, and none yet for the row of a field.
+    pub(super) place: Option<Place<D>>,
+    /// Number of its field among those of the values.
+    field: usize,
     /// Index of the element in its array.
     index: usize,
     /// Index of its place, which differs from that of the element within arrays of structures.
@@ -28,7 +31,7 @@ pub struct Row<D> {
 }
 
 impl<D> Row<D> {
-    fn new(name: impl Into<Cow<'static, str>>, data_type: Type, place: Place<D>, index: usize) -> Self {
+    pub(crate) fn new(name: impl Into<Cow<'static, str>>, data_type: Type, place: Option<Place<D>>) -> Self {
         Self {
             variable: Variable {
                 name: name.into(),
@@ -47,8 +50,9 @@ impl<D> Row<D> {
                 starts_from: None,
             },
             place,
-            index,
-            place_index: index,
+            field: 0,
+            index: 0,
+            place_index: 0,
             starts_from_parameters: false,
             prefix: String::new(),
             number: None,
@@ -58,18 +62,17 @@ impl<D> Row<D> {
 
     /// A real number.
     pub fn real(name: impl Into<Cow<'static, str>>, place: Access<D, f64>, unit: Unit, start: f64) -> Self {
-        let data_type = Type::Real { start, unit, display: None, nominal: 1.0, min: None, max: None };
-        Self::new(name, data_type, Place::Real(place), 0)
+        Self::new(name, Type::real(start, unit), Some(Place::Real(place)))
     }
 
     /// A whole number.
     pub fn integer(name: impl Into<Cow<'static, str>>, place: Access<D, i32>, start: i32) -> Self {
-        Self::new(name, Type::Integer { start, min: None, max: None }, Place::Integer(place), 0)
+        Self::new(name, Type::integer(start), Some(Place::Integer(place)))
     }
 
     /// A Boolean.
     pub fn boolean(name: impl Into<Cow<'static, str>>, place: Access<D, bool>, start: bool) -> Self {
-        Self::new(name, Type::Boolean { start }, Place::Boolean(place), 0)
+        Self::new(name, Type::Boolean { start }, Some(Place::Boolean(place)))
     }
 
     /// An item of an enumeration.
@@ -79,7 +82,7 @@ impl<D> Row<D> {
         items: &'static Enumeration,
         start: i32,
     ) -> Self {
-        Self::new(name, Type::Enumeration { start, items }, Place::Integer(place), 0)
+        Self::new(name, Type::Enumeration { start, items }, Some(Place::Integer(place)))
     }
 
     /// A string.
@@ -88,13 +91,12 @@ impl<D> Row<D> {
         place: Access<D, String>,
         start: impl Into<Cow<'static, str>>,
     ) -> Self {
-        Self::new(name, Type::String { start: start.into() }, Place::String(place), 0)
+        Self::new(name, Type::String { start: start.into() }, Some(Place::String(place)))
     }
 
     /// The time, as the independent variable of FMI. It needs no place, and there is at most one.
     pub fn time(name: impl Into<Cow<'static, str>>) -> Self {
-        let place = Access { get: |_: &D, _| f64::NAN, set: |_, _, _| () };
-        let mut row = Self::real(name, place, SECOND, 0.0).description("Time");
+        let mut row = Self::new(name, Type::real(0.0, SECOND), None).description("Time");
         row.variable.causality = Causality::Independent;
         row
     }
@@ -127,9 +129,10 @@ impl<D> Row<D> {
         Self { holds_items_only: true, ..self }
     }
 
-    /// Puts it into a structure whose names begin with `prefix`, the one of that number in its array.
-    pub(crate) fn within(self, prefix: &str, number: Option<usize>) -> Self {
-        Self { prefix: prefix.to_owned(), number, ..self }
+    /// Puts it into a structure whose names begin with `prefix`, the one of that number in its array; its field is the one of that
+    /// number among those of the values.
+    pub(crate) fn within(self, prefix: &str, number: Option<usize>, field: usize) -> Self {
+        Self { prefix: prefix.to_owned(), number, field, ..self }
     }
 
     /// A text with the number of the element for `{k}`, and that of the structure which contains it for `{n}`.
@@ -150,7 +153,7 @@ impl<D> Row<D> {
     /// The value of a Real variable in a structure.
     pub fn number(&self, data: &D) -> Option<f64> {
         match &self.place {
-            Place::Real(place) => Some((place.get)(data, self.place_index)),
+            Some(Place::Real(place)) => Some((place.get)(data, self.place_index)),
             _ => None,
         }
     }
@@ -332,6 +335,17 @@ impl<D> Row<D> {
         let names: Vec<_> = names.into_iter().map(|name| self.numbered(name.into())).collect();
         self.variable.starts_from.get_or_insert_default().extend(names);
         self
+    }
+}
+
+impl Row<()> {
+    /// The same with access to its value, where that to all fields is known.
+    pub(crate) fn placed<D>(self, places: &[Place<D>]) -> Row<D> {
+        let Self {
+            variable, field, index, place_index, starts_from_parameters, prefix, number, holds_items_only, ..
+        } = self;
+        let place = Some(places[field]);
+        Row { variable, place, field, index, place_index, starts_from_parameters, prefix, number, holds_items_only }
     }
 }
 

@@ -11,7 +11,7 @@ use super::{Causality, Dependency, Row, Type, Value, Variable};
 pub struct Table<D> {
     /// The variables.
     pub variables: Arc<[Variable]>,
-    places: Vec<(Place<D>, usize)>,
+    places: Vec<(Option<Place<D>>, usize)>,
     items_only: Vec<bool>,
 }
 
@@ -32,10 +32,10 @@ impl<D> Table<D> {
     pub(crate) fn takes(&self, index: usize, value: &Value) -> bool {
         matches!(
             (&self.places[index].0, value),
-            (Place::Real(_), Value::Real(_))
-                | (Place::Integer(_), Value::Integer(_))
-                | (Place::Boolean(_), Value::Boolean(_))
-                | (Place::String(_), Value::String(_))
+            (None | Some(Place::Real(_)), Value::Real(_))
+                | (Some(Place::Integer(_)), Value::Integer(_))
+                | (Some(Place::Boolean(_)), Value::Boolean(_))
+                | (Some(Place::String(_)), Value::String(_))
         )
     }
 
@@ -48,10 +48,12 @@ impl<D> Table<D> {
     pub(crate) fn get(&self, index: usize, values: &D) -> Value {
         let (place, element) = &self.places[index];
         match place {
-            Place::Real(place) => Value::Real((place.get)(values, *element)),
-            Place::Integer(place) => Value::Integer((place.get)(values, *element)),
-            Place::Boolean(place) => Value::Boolean((place.get)(values, *element)),
-            Place::String(place) => Value::String((place.get)(values, *element)),
+            Some(Place::Real(place)) => Value::Real((place.get)(values, *element)),
+            Some(Place::Integer(place)) => Value::Integer((place.get)(values, *element)),
+            Some(Place::Boolean(place)) => Value::Boolean((place.get)(values, *element)),
+            Some(Place::String(place)) => Value::String((place.get)(values, *element)),
+            // The time, which the instance knows.
+            None => Value::Real(f64::NAN),
         }
     }
 
@@ -60,10 +62,11 @@ impl<D> Table<D> {
     pub(crate) fn set(&self, index: usize, values: &mut D, value: Value) -> bool {
         let (place, element) = &self.places[index];
         match (place, value) {
-            (Place::Real(place), Value::Real(value)) => (place.set)(values, *element, value),
-            (Place::Integer(place), Value::Integer(value)) => (place.set)(values, *element, value),
-            (Place::Boolean(place), Value::Boolean(value)) => (place.set)(values, *element, value),
-            (Place::String(place), Value::String(value)) => (place.set)(values, *element, value),
+            (Some(Place::Real(place)), Value::Real(value)) => (place.set)(values, *element, value),
+            (Some(Place::Integer(place)), Value::Integer(value)) => (place.set)(values, *element, value),
+            (Some(Place::Boolean(place)), Value::Boolean(value)) => (place.set)(values, *element, value),
+            (Some(Place::String(place)), Value::String(value)) => (place.set)(values, *element, value),
+            (None, Value::Real(_)) => {}
             _ => return false,
         }
         true
