@@ -183,8 +183,7 @@ impl Noise {
 /// white noise, the sums of the squared binomial coefficients. Differences over a gap do not count.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Waiting<const N: usize, const K: usize> {
-    /// Serde knows arrays of up to 32.
-    ring: [[Sample<N, K>; 32]; START_SAMPLES / 32],
+    ring: Vec<Sample<N, K>>,
     first: usize,
     count: usize,
     /// Samples since the last gap; differences in the sums, and the sums of their squares.
@@ -196,30 +195,29 @@ pub struct Waiting<const N: usize, const K: usize> {
 impl<const N: usize, const K: usize> Waiting<N, K> {
     pub fn empty() -> Self {
         let sample = Sample::new([0.0; N], [0.0; K], Rotation::start(0.0, 0.0));
-        let ring = [[sample; 32]; START_SAMPLES / 32];
-        Self { ring, first: 0, count: 0, unbroken: 0, differences: 0, squares: [0.0; 2] }
+        Self { ring: vec![sample; START_SAMPLES], first: 0, count: 0, unbroken: 0, differences: 0, squares: [0.0; 2] }
     }
 
-    /// Whether all places are within the ring.
+    /// Whether the ring is whole, and all places are within it.
     pub fn has_shape(&self) -> bool {
-        self.first < START_SAMPLES && self.count <= START_SAMPLES
+        self.ring.len() == START_SAMPLES && self.first < START_SAMPLES && self.count <= START_SAMPLES
     }
 
     /// Puts a sample at the end; the oldest falls out if none is taken for it.
     pub fn put(&mut self, sample: Sample<N, K>) {
         let end = self.first + self.count;
-        self.ring.as_flattened_mut()[end % START_SAMPLES] = sample;
+        self.ring[end % START_SAMPLES] = sample;
         if self.count < START_SAMPLES {
             self.count += 1;
         } else {
             self.first = (self.first + 1) % START_SAMPLES;
             // Nothing is known of the sample before the one that is now the oldest.
-            self.ring.as_flattened_mut()[self.first].missing = u32::MAX;
+            self.ring[self.first].missing = u32::MAX;
         }
         self.unbroken = if sample.missing > 0 { 1 } else { self.unbroken + 1 };
         if self.differences < DIFFERENCES && self.unbroken >= 7 {
             let x: [SVector<f64, N>; 7] =
-                std::array::from_fn(|n| self.ring.as_flattened()[(end + START_SAMPLES - n) % START_SAMPLES].position_m);
+                std::array::from_fn(|n| self.ring[(end + START_SAMPLES - n) % START_SAMPLES].position_m);
             let fourth = x[1] + x[5] - (x[2] + x[4]) * 4.0 + x[3] * 6.0;
             let sixth = x[0] + x[6] - (x[1] + x[5]) * 6.0 + (x[2] + x[4]) * 15.0 - x[3] * 20.0;
             self.differences += 1;
@@ -233,7 +231,7 @@ impl<const N: usize, const K: usize> Waiting<N, K> {
         self.count = self.count.checked_sub(1)?;
         let at = self.first;
         self.first = (at + 1) % START_SAMPLES;
-        Some(self.ring.as_flattened()[at])
+        Some(self.ring[at])
     }
 
     /// Standard deviation of the positions, m, once there are enough samples.

@@ -388,7 +388,7 @@ const REVOLUTIONS: f64 = 8.0;
 /// The mean of `i_k²/gap_k²` over earlier revolutions, over the rotor angle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AngleTable<const K: usize> {
-    cells: [Cell<K>; CELLS],
+    cells: Vec<Cell<K>>,
     /// The cell in which the rotor is.
     present: usize,
 }
@@ -406,12 +406,12 @@ struct Cell<const K: usize> {
 impl<const K: usize> AngleTable<K> {
     pub fn empty() -> Self {
         let cell = Cell { mean: SVector::zeros(), weight: 0.0, seen: 0.0, sum: SVector::zeros() };
-        Self { cells: [cell; CELLS], present: 0 }
+        Self { cells: vec![cell; CELLS], present: 0 }
     }
 
-    /// Whether the place is one of the table.
+    /// Whether the table is whole, and the place one of it.
     pub fn has_shape(&self) -> bool {
-        self.present < CELLS
+        self.cells.len() == CELLS && self.present < CELLS
     }
 
     /// The mean at an angle, interpolated, if the rotor has passed there before; then takes in what is there now.
