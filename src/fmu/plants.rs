@@ -219,7 +219,7 @@ fn feedthrough<D>(row: Row<D>, machine: &Machine) -> Row<D> {
 }
 
 /// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
-pub(crate) fn configuration<R: ModelledRotor<N, K>, const N: usize, const K: usize>(
+pub fn configuration<R: ModelledRotor<N, K>, const N: usize, const K: usize>(
     settings: &[(usize, Value)],
 ) -> (R, PlantInput<f64, N, K>) {
     let values = Table::new(table::<R, N, K>()).values(settings);

@@ -3,8 +3,7 @@
 //! The program and the examples package them. Nothing of this project is linked in.
 
 use std::collections::HashMap;
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 use std::sync::Mutex;
 

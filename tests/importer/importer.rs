@@ -280,7 +280,7 @@ fn the_importer_is_told_why() {
 /// Long campaigns load and free FMUs many times; each instance here loads its binary again.
 #[test]
 fn binaries_can_be_loaded_and_freed_without_end() {
-    const TIMES: usize = 200;
+    const TIMES: usize = 50;
     for (model, builder) in packaged("campaign") {
         for _ in 0..TIMES {
             let instance = Instance::new(model, &builder);
