@@ -1,6 +1,7 @@
 //! The Campbell diagram of a shaft as a page.
 
 use maud::html;
+use nalgebra::ComplexField;
 
 use super::{frame, plot, table_of};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
@@ -37,7 +38,7 @@ pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> S
     let mut response = Plot::new(speed, ("amplitude", PlotUnit::MICROMETRE)).range(0, speeds).decades(1).height(320.0);
     let responses: Vec<_> = rpm.iter().skip(1).map(|rpm| whirl.response_m(omega(rpm))).collect();
     for (bearing, name) in ["A", "B"].into_iter().enumerate() {
-        let amplitude: Vec<f64> = responses.iter().map(|one| one[bearing].norm()).collect();
+        let amplitude: Vec<f64> = responses.iter().map(|one| one[bearing].modulus()).collect();
         response.line(Line::new(name, colour::MAGNETS[bearing]), &rpm[1..], &amplitude);
     }
 

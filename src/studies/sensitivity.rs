@@ -12,7 +12,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::Complex;
+use nalgebra::{Complex, ComplexField};
 
 use super::montecarlo::{cases, real};
 use crate::simulation::scenario::Scenario;
@@ -70,7 +70,10 @@ impl Sensitivity {
 
     /// `S(ω)` of a reading, counted from 0; ω in rad/s, below half the sampling frequency.
     pub fn at(&self, reading: usize, omega_rad_s: f64) -> Complex<f64> {
-        let turned = |(k, h): (usize, &f64)| Complex::from_polar(*h, -omega_rad_s * self.step_s * k as f64);
+        let turned = |(k, h): (usize, &f64)| {
+            let (sin, cos) = libm::sincos(-omega_rad_s * self.step_s * k as f64);
+            Complex::new(h * cos, h * sin)
+        };
         self.responses[reading].iter().enumerate().map(turned).sum()
     }
 
@@ -78,7 +81,7 @@ impl Sensitivity {
     pub fn curve(&self, reading: usize) -> Vec<[f64; 2]> {
         let ratio = 0.99 * PI / self.step_s / TAU;
         let at = |index: usize| TAU * libm::pow(ratio, index as f64 / (FREQUENCIES - 1) as f64);
-        (0..FREQUENCIES).map(at).map(|omega| [omega, self.at(reading, omega).norm()]).collect()
+        (0..FREQUENCIES).map(at).map(|omega| [omega, self.at(reading, omega).modulus()]).collect()
     }
 }
 

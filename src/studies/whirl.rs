@@ -11,7 +11,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::{Complex, Matrix2, Matrix4, Schur, Vector2};
+use nalgebra::{Complex, ComplexField, Matrix2, Matrix4, Schur, Vector2};
 
 use crate::machine::{MACHINES, Machine};
 use crate::simulation::scenario::Scenario;
@@ -116,7 +116,8 @@ impl Whirl {
         let square = omega_rad_s * omega_rad_s;
         let dynamic = stiffness - self.inertia() * C::from(square) + damping * C::new(0.0, omega_rad_s);
         let force = self.unbalances.iter().fold(Vector2::zeros(), |sum, [magnitude, phase, position]| {
-            sum + Vector2::new(1.0, *position).map(C::from) * C::from_polar(square * magnitude, *phase)
+            let (sin, cos) = libm::sincos(*phase);
+            sum + Vector2::new(1.0, *position).map(C::from) * (C::new(cos, sin) * C::from(square * magnitude))
         });
         let found = dynamic.lu().solve(&force).unwrap_or_else(|| Vector2::from_element(C::new(f64::INFINITY, 0.0)));
         (self.bearings() * found).into()
@@ -157,7 +158,7 @@ impl Whirl {
     /// The critical speeds in a sentence.
     pub fn critical_in_words(&self, greatest_rpm: f64) -> String {
         let of = |(mode, rpm): (usize, f64)| {
-            let [a, b] = self.response_m(rpm * PI / 30.0).map(|u| 1e6 * u.norm());
+            let [a, b] = self.response_m(rpm * PI / 30.0).map(|u| 1e6 * u.modulus());
             format!("{rpm:.0} rpm (mode {mode}, {a:.1} µm at A and {b:.1} µm at B)")
         };
         let found: Vec<_> = self.critical_rpm(greatest_rpm).into_iter().map(of).collect();
@@ -176,7 +177,8 @@ pub fn table(whirl: &Whirl, greatest_rpm: f64, steps: usize) -> Table {
         let rpm = greatest_rpm * step as f64 / steps as f64;
         let omega = rpm * PI / 30.0;
         let frequencies = modes_hz(whirl.frequencies_hz(omega)).concat().into_iter().map(|hertz| format!("{hertz:.4}"));
-        let response = whirl.response_m(omega).map(|u| [format!("{:.4}", 1e6 * u.norm()), format!("{:.4}", u.arg())]);
+        let response =
+            whirl.response_m(omega).map(|u| [format!("{:.4}", 1e6 * u.modulus()), format!("{:.4}", u.argument())]);
         [format!("{rpm:.0}")].into_iter().chain(frequencies).chain(response.concat()).collect()
     });
     Table {

@@ -2,6 +2,7 @@
 
 use crate::support::whirl::{DAMPING_NS_M, STIFFNESS_N_M, TABLE, UNBALANCES};
 use magnetic_bearing::studies::whirl::{Whirl, modes_hz};
+use nalgebra::ComplexField;
 use std::f64::consts::PI;
 
 fn shaft(damping_ns_m: f64) -> Whirl {
@@ -22,7 +23,7 @@ fn frequencies_and_response_are_those_of_another_program() {
             assert!((found / expected - 1.0).abs() < 1e-7, "{rpm} rpm: {found} Hz, expected {expected}");
         }
         let Some(response) = response else { continue };
-        let found = shaft(DAMPING_NS_M).response_m(rpm * PI / 30.0).map(|u| [1e6 * u.norm(), u.arg()]);
+        let found = shaft(DAMPING_NS_M).response_m(rpm * PI / 30.0).map(|u| [1e6 * u.modulus(), u.argument()]);
         for (found, expected) in found.concat().into_iter().zip(response.concat()) {
             assert!(
                 (found - expected).abs() < 1e-6 * expected.abs().max(1.0),
@@ -41,7 +42,7 @@ fn critical_speeds_are_where_a_mode_turns_with_the_rotor() {
     for (mode, rpm) in found {
         let forward = modes_hz(whirl.frequencies_hz(rpm * PI / 30.0))[mode - 1][1];
         assert!((60.0 * forward / rpm - 1.0).abs() < 1e-9, "mode {mode}: {rpm} rpm, {forward} Hz");
-        let amplitude = |rpm: f64| whirl.response_m(rpm * PI / 30.0)[0].norm();
+        let amplitude = |rpm: f64| whirl.response_m(rpm * PI / 30.0)[0].modulus();
         assert!(amplitude(rpm) > 1e3 * amplitude(1.1 * rpm), "mode {mode}");
     }
     assert!(whirl.critical_rpm(3000.0).is_empty());

@@ -13,7 +13,7 @@ use magnetic_bearing::plant::spindle::{
     SpindleConfig, SpindleInput, SpindleOutput, SpindlePlant, SpindleState, SpindleTouchdown,
 };
 use magnetic_bearing::plant::{Conditions, Motion, Plant, PlantConfig, PlantInput, SensorConfig, StepError};
-use nalgebra::{Complex, SMatrix, SVector};
+use nalgebra::{Complex, ComplexField, SMatrix, SVector};
 
 use crate::support::{Random, below};
 
@@ -106,8 +106,8 @@ fn whirl_and_unbalance_response_are_those_of_the_table() {
         let x = (Matrix4::identity() * (I * omega) - matrix).lu().solve(&unbalance).expect("a response");
         for (xi, [micrometres, angle]) in [-0.12, 0.15].into_iter().zip(response) {
             let at = (x[0] + x[1] * xi) * 1e6;
-            below(&format!("|u| at {xi} m, {rpm} rpm: {at}"), (at.norm() / micrometres - 1.0).abs(), TOLERANCE);
-            below(&format!("phase at {xi} m, {rpm} rpm: {at}"), (at.arg() - angle).abs(), TOLERANCE);
+            below(&format!("|u| at {xi} m, {rpm} rpm: {at}"), (at.modulus() / micrometres - 1.0).abs(), TOLERANCE);
+            below(&format!("phase at {xi} m, {rpm} rpm: {at}"), (at.argument() - angle).abs(), TOLERANCE);
         }
     }
 }
@@ -139,7 +139,7 @@ fn a_free_rotor_precesses() {
                 * (I * (shaft.polar_kgm2 / shaft.transverse_kgm2 * omega * state.time_s)).exp();
             let rate = Complex::new(state.velocity_m_s[4], -state.velocity_m_s[3]);
             // Sub-steps of 50 µs, a twentieth of a radian at the fastest.
-            below("precession", (rate - turned).norm() / turned.norm(), 1e-4);
+            below("precession", (rate - turned).modulus() / turned.modulus(), 1e-4);
             for a in 0..2 {
                 below("angular momentum", (momentum(&state)[a] - start[a]).abs() / start[1], 1e-12);
             }
