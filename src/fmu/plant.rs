@@ -7,9 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::plants::{self, ModelledRotor, PlantModel};
 use crate::bearing::scalar::Scalar;
-use crate::invalid;
 use crate::machine::Machine;
-use crate::plant::{Equations, Motion, Plant, PlantConfig, PlantParameters, RotorConfig};
+use crate::plant::{Equations, Motion, PlantConfig, PlantParameters, RotorConfig};
 use crate::variables::Variables;
 
 /// The plant with three magnets.
@@ -45,10 +44,6 @@ where
 
     fn start_mut(&mut self) -> (&mut [f64; N], &mut [f64; N], &mut f64) {
         (&mut self.position_m, &mut self.velocity_m_s, &mut self.theta_rad)
-    }
-
-    fn retune(plant: &mut Plant<Self, N, K>, to: &Self) -> Result<(), Vec<invalid::Invalid>> {
-        plant.retune(to.lambda_nm2_a2, to.unbalance_kgm, to.unbalance_phase_rad, to.harmonic.clone())
     }
 
     fn details<U: Scalar>(

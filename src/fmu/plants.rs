@@ -12,7 +12,6 @@ use serde::{Deserialize, Serialize};
 
 use super::common::{described, info, refused};
 use crate::bearing::scalar::Scalar;
-use crate::invalid;
 use crate::machine::Machine;
 use crate::plant::linearisation::{Point, Taylor};
 use crate::plant::sensor::Channels;
@@ -51,12 +50,6 @@ pub trait ModelledRotor<const N: usize, const K: usize>:
 
     /// The parameters that give coordinates and rates at the start, and the angle.
     fn start_mut(&mut self) -> (&mut [f64; N], &mut [f64; N], &mut f64);
-
-    /// Applies changed tunable parameters.
-    ///
-    /// # Errors
-    /// Every invalid parameter; nothing is changed then.
-    fn retune(plant: &mut Plant<Self, N, K>, to: &Self) -> Result<(), Vec<invalid::Invalid>>;
 
     /// The details where the magnets pull with these forces; `of` makes a number of the result, the value or a derivative.
     fn details<U: Scalar>(
@@ -310,7 +303,7 @@ where
         values: &Values<R, N, K>,
         _: &Resources,
     ) -> Result<(), Vec<Invalid>> {
-        R::retune(&mut self.0, &values.config).map_err(refused)?;
+        self.0.retune(&values.config).map_err(refused)?;
         state.open = values.open;
         Ok(())
     }

@@ -9,9 +9,8 @@ use serde::de::DeserializeOwned;
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::COORDINATES;
 use crate::fmu::plants::{self, ModelledRotor, PlantModel};
-use crate::invalid;
 use crate::machine::Machine;
-use crate::plant::spindle::{AtBearings, SpindleConfig, SpindleConfigOf, SpindlePlant};
+use crate::plant::spindle::{AtBearings, SpindleConfig, SpindleConfigOf};
 use crate::plant::{Equations, Motion, PlantParameters};
 
 /// The plant with three magnets in each radial bearing.
@@ -33,10 +32,6 @@ where
 
     fn start_mut(&mut self) -> (&mut [f64; COORDINATES], &mut [f64; COORDINATES], &mut f64) {
         (&mut self.position_m, &mut self.velocity_m_s, &mut self.theta_rad)
-    }
-
-    fn retune(plant: &mut SpindlePlant<M, K>, to: &Self) -> Result<(), Vec<invalid::Invalid>> {
-        plant.retune(to.lambda_nm2_a2, to.unbalance_kgm, to.unbalance_phase_rad)
     }
 
     fn details<U: Scalar>(

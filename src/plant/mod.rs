@@ -190,6 +190,19 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
         Ok(Self { equations: Equations::new(config) })
     }
 
+    /// Takes the tunable parameters of another configuration.
+    ///
+    /// # Errors
+    /// As in [`Plant::new`]; nothing is changed then.
+    pub fn retune(&mut self, to: &R) -> Result<(), Vec<Invalid>> {
+        let config = self.equations.config.retuned(to);
+        let mut checks = Checks::default();
+        config.check(&mut checks);
+        checks.finish()?;
+        self.equations.config = config;
+        Ok(())
+    }
+
     /// The configuration, including the last retuning.
     pub fn config(&self) -> &R {
         &self.equations.config

@@ -5,15 +5,15 @@ use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
+use super::check_step;
 use super::equations::{Motion, PlantInput};
-use super::rotor::{PlantParameters, Rotor};
+use super::rotor::{PlantParameters, Rotor, check_start, check_tunable};
 use super::sensor::SensorConfig;
-use super::{Plant, check_step};
 use crate::bearing::coil::{CoilConfig, Saturates};
 use crate::bearing::magnet::{Geometry, MagnetsOf, alpha_rad};
 use crate::bearing::scalar::Scalar;
 use crate::bearing::touchdown::{Called, TouchdownConfig};
-use crate::invalid::{Checks, Invalid, Short};
+use crate::invalid::Checks;
 use crate::machine::Machine;
 use crate::variables::unit::{
     KILOGRAM, METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND, SECOND,
@@ -228,18 +228,18 @@ impl<const N: usize, const K: usize> PlantParameters<N, K> for RotorConfig<f64, 
 
     fn check(&self, checks: &mut Checks) {
         checks.positive("m", self.m_kg, "kg");
-        let magnets = MagnetsOf::<N, K>::checked(self.gap_m, self.alpha_rad, checks);
+        MagnetsOf::<N, K>::checked(self.gap_m, self.alpha_rad, checks);
         let machine = Self::MACHINE;
-        let Self { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, harmonic, .. } = self;
-        check_tunable(machine, *lambda_nm2_a2, *unbalance_kgm, *unbalance_phase_rad, harmonic, checks);
-        for (name, value) in machine.at_start(|coordinate| coordinate.position).into_iter().zip(self.position_m) {
-            checks.finite(name, value, "m");
+        check_tunable(machine, &self.lambda_nm2_a2, &[self.unbalance_kgm], &[self.unbalance_phase_rad], checks);
+        let Harmonic { amplitude_n, omega_rad_s, phase_rad } = self.harmonic;
+        for (name, value) in machine.of_resultant("perturbation.amplitude").into_iter().zip(amplitude_n) {
+            checks.finite(name, value, "N");
         }
-        for (name, value) in machine.at_start(|coordinate| coordinate.rate).into_iter().zip(self.velocity_m_s) {
-            checks.finite(name, value, "m/s");
+        checks.not_negative("perturbation.omega", omega_rad_s, "rad/s");
+        for (name, value) in machine.of_resultant("perturbation.phase").into_iter().zip(phase_rad) {
+            checks.finite(name, value, "rad");
         }
-        checks.finite("theta0", self.theta_rad, "rad");
-        check_start(self, &magnets, checks);
+        check_start(self, checks);
         for (name, value) in machine.of_resultant("gravity.").into_iter().zip(self.gravity_m_s2) {
             checks.finite(name, value, "m/s2");
         }
@@ -247,6 +247,11 @@ impl<const N: usize, const K: usize> PlantParameters<N, K> for RotorConfig<f64, 
         self.touchdown.check(checks);
         self.sensor.check(machine, checks);
         check_step("solver.maxStep", self.max_step_s, checks);
+    }
+
+    fn retuned(&self, to: &Self) -> Self {
+        let Self { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, .. } = *to;
+        Self { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, harmonic: to.harmonic.clone(), ..self.clone() }
     }
 
     fn start(&self) -> ([f64; N], [f64; N]) {
@@ -284,84 +289,5 @@ impl<const N: usize, const K: usize> PlantParameters<N, K> for RotorConfig<f64, 
         }
         let ring = &self.touchdown;
         rate.max(ring.rate(m, ring.push_n(in_plane(motion.position_m), [v_y, v_z])))
-    }
-}
-
-impl<const N: usize, const K: usize> Plant<RotorConfig<f64, N, K>, N, K> {
-    /// Changes the tunable parameters: λ in N·m²/A², unbalance in kg·m and rad, harmonic.
-    ///
-    /// # Errors
-    /// As in [`Plant::new`]; nothing is changed then.
-    pub fn retune(
-        &mut self,
-        lambda_nm2_a2: [f64; K],
-        unbalance_kgm: f64,
-        unbalance_phase_rad: f64,
-        harmonic: Harmonic<f64, N>,
-    ) -> Result<(), Vec<Invalid>> {
-        let mut checks = Checks::default();
-        let machine = RotorConfig::<f64, N, K>::MACHINE;
-        check_tunable(machine, lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, &harmonic, &mut checks);
-        let config = &mut self.equations.config;
-        config.coil.check([config.gap_m; K], lambda_nm2_a2, &mut checks);
-        checks.finish()?;
-        config.lambda_nm2_a2 = lambda_nm2_a2;
-        config.unbalance_kgm = unbalance_kgm;
-        config.unbalance_phase_rad = unbalance_phase_rad;
-        config.harmonic = harmonic;
-        Ok(())
-    }
-}
-
-fn check_tunable<const N: usize, const K: usize>(
-    machine: &Machine,
-    lambda_nm2_a2: [f64; K],
-    unbalance_kgm: f64,
-    unbalance_phase_rad: f64,
-    harmonic: &Harmonic<f64, N>,
-    checks: &mut Checks,
-) {
-    for (name, lambda) in machine.of_magnets("lambda").into_iter().zip(lambda_nm2_a2) {
-        checks.positive(name, lambda, "N.m2/A2");
-    }
-    checks.not_negative("unbalance.magnitude", unbalance_kgm, "kg.m");
-    checks.finite("unbalance.phase", unbalance_phase_rad, "rad");
-    for (name, value) in machine.of_resultant("perturbation.amplitude").into_iter().zip(harmonic.amplitude_n) {
-        checks.finite(name, value, "N");
-    }
-    checks.not_negative("perturbation.omega", harmonic.omega_rad_s, "rad/s");
-    for (name, value) in machine.of_resultant("perturbation.phase").into_iter().zip(harmonic.phase_rad) {
-        checks.finite(name, value, "rad");
-    }
-}
-
-/// Refuses a rotor that starts at a magnet; the finding names the coordinate that brings it there.
-fn check_start<const N: usize, const K: usize>(
-    config: &RotorConfig<f64, N, K>,
-    magnets: &MagnetsOf<N, K>,
-    checks: &mut Checks,
-) {
-    let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
-    if !(finite(&config.position_m) && finite(&config.alpha_rad) && config.gap_m.is_finite() && config.gap_m > 0.0) {
-        return;
-    }
-    for (k, (gap, e_k)) in magnets.gaps(config.position_m).into_iter().zip(magnets.directions()).enumerate() {
-        if gap > 0.0 {
-            continue;
-        }
-        let share = |n: usize| config.position_m[n] * e_k[n];
-        let worst = if N == 2 && share(0) <= share(1) { 1 } else { 0 };
-        let (name, value) = (
-            RotorConfig::<f64, N, K>::MACHINE.at_start(|coordinate| coordinate.position).swap_remove(worst),
-            config.position_m[worst],
-        );
-        let number = k + 1;
-        checks.require(
-            false,
-            name,
-            format_args!("{value} m"),
-            format!("a start inside the gap (that of magnet {number} would be {} m)", Short(gap)),
-        );
-        return;
     }
 }

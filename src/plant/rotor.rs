@@ -10,7 +10,7 @@ use super::sensor::SensorConfig;
 use crate::bearing::coil::CoilConfig;
 use crate::bearing::magnet::Geometry;
 use crate::bearing::scalar::Scalar;
-use crate::invalid::Checks;
+use crate::invalid::{Checks, Short};
 use crate::machine::Machine;
 
 /// Parameters of a rotor with N coordinates and K magnets, as numbers of the type [`Number`](Rotor::Number).
@@ -74,6 +74,9 @@ pub trait PlantParameters<const N: usize, const K: usize>:
     /// Reports invalid parameters by their names in the interface.
     fn check(&self, checks: &mut Checks);
 
+    /// The same with the tunable parameters of others.
+    fn retuned(&self, to: &Self) -> Self;
+
     /// Coordinates and rates at the start.
     fn start(&self) -> ([f64; N], [f64; N]);
 
@@ -91,4 +94,53 @@ pub trait PlantParameters<const N: usize, const K: usize>:
 
     /// The fastest rate of motion and contact, in 1/s, where the magnets pull with these forces in N over these gaps in m.
     fn rate(&self, motion: &Motion<f64, N, K>, contact: Self::Contact, force_n: [f64; K], gap_m: [f64; K]) -> f64;
+}
+
+/// Reports a start that is not finite, and a rotor that starts at a magnet, by the coordinate that brings it nearest.
+pub(super) fn check_start<R: PlantParameters<N, K>, const N: usize, const K: usize>(rotor: &R, checks: &mut Checks) {
+    let (position_m, velocity_m_s) = rotor.start();
+    let names = R::MACHINE.at_start(|coordinate| coordinate.position);
+    for (n, name) in names.iter().enumerate() {
+        checks.finite(name.clone(), position_m[n], R::MACHINE.either(n, "m", "rad"));
+    }
+    for (n, name) in R::MACHINE.at_start(|coordinate| coordinate.rate).into_iter().enumerate() {
+        checks.finite(name, velocity_m_s[n], R::MACHINE.either(n, "m/s", "rad/s"));
+    }
+    checks.finite("theta0", rotor.start_angle_rad(), "rad");
+    let geometry = rotor.geometry();
+    for (k, gap) in geometry.gaps(position_m).into_iter().enumerate() {
+        // False for values that are not finite, which have been refused already.
+        if !(gap <= 0.0 && gap.is_finite() && geometry.gap_m[k] > 0.0) {
+            continue;
+        }
+        let share = |n: usize| position_m[n] * geometry.directions[k][n];
+        let worst = (0..N).fold(0, |worst, n| if share(n) > share(worst) { n } else { worst });
+        let magnet = R::MACHINE.of_magnets("gap").swap_remove(k);
+        checks.require(
+            false,
+            names[worst].clone(),
+            format_args!("{} {}", position_m[worst], R::MACHINE.either(worst, "m", "rad")),
+            format!("a start inside the gap ({magnet} would be {} m)", Short(gap)),
+        );
+        return;
+    }
+}
+
+/// Reports invalid λ in N·m²/A², and unbalance of each plane in kg·m and rad.
+pub(super) fn check_tunable(
+    machine: &Machine,
+    lambda_nm2_a2: &[f64],
+    unbalance_kgm: &[f64],
+    unbalance_phase_rad: &[f64],
+    checks: &mut Checks,
+) {
+    for (name, lambda) in machine.of_magnets("lambda").into_iter().zip(lambda_nm2_a2) {
+        checks.positive(name, *lambda, "N.m2/A2");
+    }
+    for (name, kgm) in machine.of_planes("magnitude").into_iter().zip(unbalance_kgm) {
+        checks.not_negative(name, *kgm, "kg.m");
+    }
+    for (name, rad) in machine.of_planes("phase").into_iter().zip(unbalance_phase_rad) {
+        checks.finite(name, *rad, "rad");
+    }
 }

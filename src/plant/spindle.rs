@@ -12,7 +12,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::equations::{Equations, Motion, PlantInput, PlantOutput};
-use super::rotor::{PlantParameters, Rotor};
+use super::rotor::{PlantParameters, Rotor, check_start, check_tunable};
 use super::sensor::SensorConfig;
 use super::{Plant, PlantState, check_step};
 use crate::bearing::coil::{CoilConfig, Saturates};
@@ -21,7 +21,7 @@ use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::{COORDINATES, Shaft, displacement, generalised};
 use crate::bearing::spindle::{MAGNETS, RadialBearing, SpindleGeometryOf, SpindleOf, bearing_of};
 use crate::bearing::touchdown::{Called, TouchdownConfig};
-use crate::invalid::{Checks, Invalid, Short};
+use crate::invalid::Checks;
 use crate::machine::Machine;
 use crate::variables::unit::{METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND, SECOND};
 use crate::variables::{KILOGRAM_METRE, LAMBDA, Variables};
@@ -297,17 +297,11 @@ impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for Spindle
     fn check(&self, checks: &mut Checks) {
         let spindle: SpindleOf<M, K> = self.geometry.checked(checks);
         let machine = Self::MACHINE;
-        check_tunable(machine, self.lambda_nm2_a2, self.unbalance_kgm, self.unbalance_phase_rad, checks);
+        check_tunable(machine, &self.lambda_nm2_a2, &self.unbalance_kgm, &self.unbalance_phase_rad, checks);
         for (name, at_m) in machine.of_planes("position").into_iter().zip(self.unbalance_position_m) {
             self.geometry.check_position(name, at_m, checks);
         }
-        let names = machine.at_start(|coordinate| coordinate.position).into_iter();
-        for (n, (name, rate)) in names.zip(machine.at_start(|coordinate| coordinate.rate)).enumerate() {
-            checks.finite(name, self.position_m[n], machine.either(n, "m", "rad"));
-            checks.finite(rate, self.velocity_m_s[n], machine.either(n, "m/s", "rad/s"));
-        }
-        checks.finite("theta0", self.theta_rad, "rad");
-        check_start(self, &spindle, checks);
+        check_start(self, checks);
         for (name, value) in GRAVITY.into_iter().zip(self.gravity_m_s2) {
             checks.finite(name, value, "m/s2");
         }
@@ -317,6 +311,11 @@ impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for Spindle
         checks.of("X.", |checks| self.touchdown.x.check(checks));
         self.sensor.check(machine, checks);
         check_step("solver.maxStep", self.max_step_s, checks);
+    }
+
+    fn retuned(&self, to: &Self) -> Self {
+        let Self { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, .. } = *to;
+        Self { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, ..self.clone() }
     }
 
     fn start(&self) -> ([f64; COORDINATES], [f64; COORDINATES]) {
@@ -479,73 +478,5 @@ impl<T: Scalar, const M: usize, const K: usize> Equations<SpindleConfigOf<T, M, 
             axial_touchdown_n,
             contact,
         }
-    }
-}
-
-impl<const M: usize, const K: usize> SpindlePlant<M, K> {
-    /// Changes the tunable parameters: λ in N·m²/A², unbalance of both planes in kg·m and rad.
-    ///
-    /// # Errors
-    /// As in [`Plant::new`]; nothing is changed then.
-    pub fn retune(
-        &mut self,
-        lambda_nm2_a2: [f64; K],
-        unbalance_kgm: [f64; PLANES],
-        unbalance_phase_rad: [f64; PLANES],
-    ) -> Result<(), Vec<Invalid>> {
-        let mut checks = Checks::default();
-        let machine = SpindleConfigOf::<f64, M, K>::MACHINE;
-        check_tunable(machine, lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, &mut checks);
-        let gap_m = self.equations.geometry().gap_m;
-        let config = &mut self.equations.config;
-        config.coil.check(gap_m, lambda_nm2_a2, &mut checks);
-        checks.finish()?;
-        config.lambda_nm2_a2 = lambda_nm2_a2;
-        config.unbalance_kgm = unbalance_kgm;
-        config.unbalance_phase_rad = unbalance_phase_rad;
-        Ok(())
-    }
-}
-
-fn check_tunable<const K: usize>(
-    machine: &Machine,
-    lambda_nm2_a2: [f64; K],
-    unbalance_kgm: [f64; PLANES],
-    unbalance_phase_rad: [f64; PLANES],
-    checks: &mut Checks,
-) {
-    for (name, lambda) in machine.of_magnets("lambda").into_iter().zip(lambda_nm2_a2) {
-        checks.positive(name, lambda, "N.m2/A2");
-    }
-    let names = machine.of_planes("magnitude").into_iter().zip(machine.of_planes("phase"));
-    for ((magnitude, phase), (kgm, rad)) in names.zip(unbalance_kgm.into_iter().zip(unbalance_phase_rad)) {
-        checks.not_negative(magnitude, kgm, "kg.m");
-        checks.finite(phase, rad, "rad");
-    }
-}
-
-/// Refuses a rotor that starts at a magnet; the finding names the coordinate that brings it nearest.
-fn check_start<const M: usize, const K: usize>(
-    config: &SpindleConfigOf<f64, M, K>,
-    spindle: &SpindleOf<M, K>,
-    checks: &mut Checks,
-) {
-    let geometry = spindle.geometry();
-    for (k, gap) in geometry.gaps(config.position_m).into_iter().enumerate() {
-        // False for values that are not finite, which have been refused already.
-        if !(gap <= 0.0 && gap.is_finite() && geometry.gap_m[k] > 0.0) {
-            continue;
-        }
-        let share = |n: usize| config.position_m[n] * geometry.directions[k][n];
-        let worst = (0..COORDINATES).fold(0, |worst, n| if share(n) > share(worst) { n } else { worst });
-        let machine = SpindleConfigOf::<f64, M, K>::MACHINE;
-        let magnet = machine.of_magnets("gap").swap_remove(k);
-        checks.require(
-            false,
-            machine.at_start(|coordinate| coordinate.position).swap_remove(worst),
-            format_args!("{} {}", config.position_m[worst], machine.either(worst, "m", "rad")),
-            format!("a start inside the gap ({magnet} would be {} m)", Short(gap)),
-        );
-        return;
     }
 }

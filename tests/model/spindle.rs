@@ -441,7 +441,9 @@ fn bad_parameters_are_refused_by_name() {
     }
     let mut plant = plant(SpindleConfig::default());
     let before = plant.clone();
-    let found = plant.retune([-1.0; 8], [0.0; 2], [f64::NAN, 0.0]).expect_err("a refusal");
+    let bad =
+        SpindleConfig { lambda_nm2_a2: [-1.0; 8], unbalance_phase_rad: [f64::NAN, 0.0], ..SpindleConfig::default() };
+    let found = plant.retune(&bad).expect_err("a refusal");
     assert_eq!(found.len(), 9, "{found:?}");
     assert_eq!(plant, before);
 }

@@ -1,6 +1,5 @@
 //! Sliding windows: samples kept so that a window is one contiguous slice, and the integrals of the paper's kernels.
 
-use multiversion::multiversion;
 use serde::{Deserialize, Serialize};
 
 use super::kernel::{ROWS_PER_AXIS, Weights};
@@ -77,9 +76,8 @@ impl Window {
 }
 
 /// `Σ a_j b_j`, in eight partial sums: the order is fixed, so every platform gives the same bits, and the compiler
-/// can use vector registers, the widest that the processor has.
+/// can use vector registers.
 #[must_use]
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let (blocks_a, blocks_b) = (a.chunks_exact(8), b.chunks_exact(8));

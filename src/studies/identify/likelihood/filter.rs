@@ -13,8 +13,6 @@
 
 use std::ops::Range;
 
-use multiversion::multiversion;
-
 use super::equations::{ALL, BASE, Bearing, Interval, Shaft, State};
 use super::expected::Expected;
 use crate::estimation::Hold;
@@ -571,7 +569,6 @@ fn close<const P: usize>(block: &mut Block, sums: &mut Sums<P>, log_det: &mut Lo
 }
 
 /// Sums of the sensitivities of λ, unbalance and load, block by block.
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn few_columns(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<Block> {
     if bearing.slow > 0.0 {
         return columns_of::<FEW, SLOW>(data, bearing, track, variance, piece, false);
@@ -580,7 +577,6 @@ pub(super) fn few_columns(data: &Data, bearing: &Bearing, track: &Track, varianc
 }
 
 /// Sums of the sensitivities of all parameters, block by block.
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn all_columns(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<Block> {
     if bearing.slow > 0.0 {
         return columns_of::<MANY, SLOW>(data, bearing, track, variance, piece, false);
@@ -589,7 +585,6 @@ pub(super) fn all_columns(data: &Data, bearing: &Bearing, track: &Track, varianc
 }
 
 /// The same of their instruments: sensitivities as they were to be expected. The measured ones of λ follow after all others.
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn instruments(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<Block> {
     if bearing.slow > 0.0 {
         return columns_of::<MANY, SLOW>(data, bearing, track, variance, piece, true);
@@ -629,7 +624,6 @@ struct Kept<const N: usize> {
 }
 
 /// The smoothed trajectory of the counted rows (modified Bryson–Frazier recursion, Bierman 1973).
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn smooth(data: &Data, bearing: &Bearing, track: &Track, variance: f64, piece: &Piece) -> Vec<State> {
     if bearing.slow > 0.0 {
         return smooth_with::<SLOW>(data, bearing, track, variance, piece);
@@ -688,7 +682,6 @@ fn smooth_with<const N: usize>(
 }
 
 /// The innovations of the counted rows: in m, and whitened.
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn innovations(
     data: &Data,
     bearing: &Bearing,
@@ -727,7 +720,6 @@ fn innovations_with<const N: usize>(
 
 /// `[ln det sum, NIS sum, rows]` with the noise of each current, and after them the level of the slow force, times each of three sets of factors, at the same
 /// position noise.
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn likelihoods(
     data: &Data,
     bearing: &Bearing,
