@@ -1,6 +1,7 @@
 //! `identify`: arguments, and the way from recordings to results.
 
 mod axial;
+mod machine;
 mod twin;
 
 use std::fs;
@@ -17,9 +18,9 @@ use super::{
     write_table,
 };
 use crate::estimation::Method;
+use crate::fmu::RENAMED;
 use crate::fmu::estimator::configuration;
-use crate::fmu::{RENAMED, find};
-use crate::machine::{self, AXIAL, MACHINES, Machine, PLANAR};
+use crate::machine::{MACHINES, PLANAR};
 use crate::output::{self, Format};
 use crate::report::{frame, identification};
 use crate::simulation::closed_loop::settings;
@@ -29,17 +30,6 @@ use crate::studies::identify::likelihood::{BENCH, Knowledge, Told};
 use crate::studies::identify::{self, Answer, HOLDS, METHODS, Question, Reading, Rotation, Samples, Track};
 use crate::table::Table;
 use crate::variables::Choice;
-
-/// Variables of the estimator that have options of their own.
-const OPTIONS: [(&str, &str); 7] = [
-    ("Ts", "the times of the recording, --rate or --step"),
-    ("Tf", "--window"),
-    ("epsilon", "--window"),
-    ("method", "--method"),
-    ("hold", "--hold"),
-    ("sensor.positionNoise", "--position-noise"),
-    ("sensor.currentNoise", "--current-noise"),
-];
 
 /// Plots and tables need no more points than this; the CSV file has all of them.
 const SHOWN: usize = 4000;
@@ -153,6 +143,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let bench = if *machine == PLANAR { Some(arguments.bench(&bearing)?) } else { None };
     if bench.is_none() {
         arguments.state_tolerances(&mut bearing)?;
+        let refused = simulate::refused(&bearing);
+        if !refused.is_empty() {
+            return Err(simulate::Refused(refused).into());
+        }
     }
     let methods = arguments.methods()?;
     let columns: Vec<_> = bearing.columns.iter().chain(&arguments.column).cloned().collect();
@@ -190,33 +184,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         return Err(NotValid(format!("{verdict}{}", files.not_written())).into());
     }
     files.write(&columns, || match &results.answer {
-        Some(answer) => answer.twin(&bearing, samples_of(&results)),
-        None => results.tracks[0].twin(&bearing, samples_of(&results)),
+        Some(answer) => answer.twin(&bearing, &results.recordings[0]),
+        None => results.tracks[0].twin(&bearing, &results.recordings[0]),
     })
 }
 
-fn samples_of(results: &Results) -> &Samples {
-    &results.recordings[0]
-}
-
 impl Arguments {
-    /// The machine, by the option or by the scenario.
-    fn machine(&self) -> &'static Machine {
-        let named = self.machine.as_deref().and_then(machine::find);
-        named.or_else(|| Scenario::machine_of(self.scenario.as_deref()?)).unwrap_or_default()
-    }
-
-    /// The method, by the option or that of the machine.
-    fn method(&self) -> &str {
-        let likelihood = [PLANAR, AXIAL].contains(self.machine());
-        self.method.as_deref().unwrap_or(if likelihood { "likelihood" } else { PREDICTION_ERROR })
-    }
-
-    /// Whether the whole recording is to be answered by maximum likelihood.
-    fn is_likelihood(&self) -> bool {
-        self.method() == "likelihood"
-    }
-
     /// Checks that the results can be written, and refuses to overwrite a recording.
     fn claim(&self) -> Result<()> {
         let page = self.report.as_ref().map(|folder| folder.join("index.html"));
@@ -237,53 +210,6 @@ impl Arguments {
             }
             _ => Ok(()),
         }
-    }
-
-    /// The scenario of the machine, with its changes.
-    fn bearing(&self, machine: &Machine) -> Result<Scenario> {
-        let wrong = [
-            (self.window.is_some(), "--window"),
-            (!self.estimates.is_empty(), "--estimate"),
-            (!matches!(self.method(), PREDICTION_ERROR), "--method but predictionError"),
-            (!self.hold_is_known(), "--hold but heldBefore, heldAfter, linear and auto"),
-        ];
-        let wrong: Vec<_> = wrong.iter().filter(|(is_given, _)| *is_given && *machine != PLANAR).collect();
-        if !wrong.is_empty() {
-            let wrong = wrong.iter().map(|(_, option)| format!("the machine {} has no {option}", machine.name));
-            return Err(Refused(wrong.collect::<Vec<_>>().join("\n  ")).into());
-        }
-        for (path, _) in &self.changes {
-            let name = path.strip_prefix("estimator.").unwrap_or(path);
-            let known = find(machine.models[2].0).is_some_and(|estimator| {
-                let begins =
-                    |whole: &str| whole.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('['));
-                estimator.variables().iter().any(|variable| begins(&variable.name))
-            });
-            if let Some((_, option)) = OPTIONS.iter().find(|(variable, _)| *variable == name) {
-                return Err(refused(format!("--set {path}: identify takes it from {option}")));
-            }
-            if !known {
-                return Err(refused(format!(
-                    "--set {path}: the estimator of the machine has no variable of this name"
-                )));
-            }
-        }
-        let built_in = if *machine == PLANAR { "unbalanced" } else { machine.name };
-        let path = self.scenario.as_deref().unwrap_or(Path::new(built_in));
-        let scenario = Scenario::open_parameters(path, &self.changes)?;
-        if scenario.machine != machine {
-            let (given, other) = (machine.name, scenario.machine.name);
-            return Err(refused(format!("--machine {given}: the scenario {} describes the machine {other}", path.display())));
-        }
-        Ok(scenario)
-    }
-
-    /// Takes over tolerances of the bench, from the scenario and then from the arguments, as those of the estimator.
-    fn state_tolerances(&self, bearing: &mut Scenario) -> Result<()> {
-        let stated: Vec<_> = bearing.tolerance.iter().chain(&self.tolerances).cloned().collect();
-        let state = |(name, value): (String, String)| bearing.assign(&format!("estimator.tolerance.{name}"), &value).err();
-        let wrong: Vec<String> = stated.into_iter().filter_map(state).collect();
-        if wrong.is_empty() { Ok(()) } else { Err(Refused(wrong.join("\n  ")).into()) }
     }
 
     /// Knowledge of the bench: from the scenario, then from the arguments.
@@ -352,6 +278,10 @@ impl Arguments {
                 Some(apart) => Samples::read_apart_from(open(path)?, open(apart)?, &reading),
             };
             let samples = samples.map_err(|unusable| self.refused(path, unusable.0))?;
+            if *samples.machine != PLANAR && samples.rotation == Rotation::Unknown {
+                let wanted = "neither angle nor speed was recorded: --speed RPM is wanted, 0 at rest";
+                return Err(self.refused(path, vec![wanted.into()]));
+            }
             match samples.implausible(&gap_m) {
                 findings if findings.is_empty() => Ok(samples),
                 findings => Err(self.refused(path, findings.iter().map(ToString::to_string).collect())),
@@ -389,15 +319,15 @@ impl Arguments {
         }
     }
 
-    /// Whether the meaning of a current sample is one of those there are.
-    fn hold_is_known(&self) -> bool {
-        self.hold == "auto" || HOLDS.iter().any(|(name, _)| *name == self.hold)
-    }
-
     /// Chooses the meaning of a current sample; with `auto` the data decide, and a table shows how clearly.
     fn hold(&self, estimator: &mut Element, samples: &Samples) -> Result<Option<Table>> {
+        if self.hold == "auto" && *samples.machine != PLANAR {
+            let (hold, table) = identify::best_hold(samples, estimator).map_err(refused)?;
+            estimator.set("hold", Value::Integer(hold.number()));
+            return Ok(Some(table));
+        }
         if self.hold == "auto" {
-            if *samples.machine != PLANAR || self.is_likelihood() && samples.rotation == Rotation::Unknown {
+            if self.is_likelihood() && samples.rotation == Rotation::Unknown {
                 return Ok(None);
             }
             let residuals = identify::residuals_of_holds(samples, &configuration(&settings(estimator)));
@@ -411,8 +341,7 @@ impl Arguments {
         }
         let names = HOLDS.map(|(name, _)| name).join(", ");
         let found = HOLDS.into_iter().find(|(name, _)| *name == self.hold);
-        let (_, hold) =
-            found.ok_or_else(|| refused(format!("--hold {}: expected one of {names}, auto", self.hold)))?;
+        let (_, hold) = found.ok_or_else(|| refused(format!("--hold {}: expected one of {names}, auto", self.hold)))?;
         estimator.set("hold", Value::Integer(hold.number()));
         Ok(None)
     }
@@ -448,6 +377,11 @@ impl Results {
             print::paragraph(&answer.verdict);
             answer.findings.iter().for_each(|finding| print::paragraph(finding));
         }
+        if self.tracks[0].is_answer() {
+            print::paragraph(&self.tracks[0].told());
+            print::paragraph(&self.tracks[0].verdict_at_end());
+            say!();
+        }
         let mut tables: Vec<_> = self.holds.iter().cloned().collect();
         match &self.answer {
             Some(answer) => {
@@ -462,7 +396,7 @@ impl Results {
             say!();
             print::table(&table);
         }
-        if self.answer.is_none() {
+        if self.answer.is_none() && !self.tracks[0].is_answer() {
             say!();
             for track in &self.tracks {
                 say!("{}: {}", track.name(), track.verdict());

@@ -58,12 +58,15 @@ pub fn page(
 
 /// Verdict, estimates, and the data and parameters behind them.
 fn first(answer: Option<&Answer>, recordings: &[Samples], tracks: &[Track]) -> Markup {
-    let verdict = answer.map(|answer| answer.verdict.clone()).or_else(|| tracks.last().map(Track::verdict));
-    let class = match answer {
-        Some(answer) if answer.valid => "verdict good",
-        Some(_) => "verdict bad",
+    let track = tracks.first().filter(|track| track.is_answer());
+    let of_answer = answer.map(|answer| (answer.valid, answer.verdict.clone()));
+    let judged = of_answer.or_else(|| track.map(|track| (track.is_valid_at_end(), track.verdict_at_end())));
+    let class = match judged {
+        Some((true, _)) => "verdict good",
+        Some((false, _)) => "verdict bad",
         None => "verdict",
     };
+    let verdict = judged.map(|(_, verdict)| verdict).or_else(|| tracks.last().map(Track::verdict));
     html! {
         @if let Some(verdict) = &verdict { p class=(class) { (verdict) } }
         @if let Some(answer) = answer {
@@ -79,6 +82,8 @@ fn first(answer: Option<&Answer>, recordings: &[Samples], tracks: &[Track]) -> M
             }
             p { (answer.told()) }
             ul { @for finding in &answer.findings { li { (finding) } } }
+        } @else if let Some(track) = track {
+            p { (track.told()) }
         }
         ul { @for samples in recordings { @for note in &samples.notes { li { (note) } } } }
     }
@@ -93,7 +98,7 @@ fn budget(found: &Identification) -> Figure {
         .map(|line| format!("{}{}", PARAMETERS[line.parameter].name, if line.told { " (stated)" } else { "" }))
         .collect();
     let mut plot = Plot::new(("part of the standard deviation of λ", PlotUnit::PERCENT), ("", PlotUnit::ONE));
-    for (k, name) in NAMES.into_iter().enumerate() {
+    for (k, name) in NAMES.into_iter().enumerate().take(3) {
         let parts: Vec<f64> = lines.iter().map(|line| line.contribution[k]).collect();
         plot.bars(name, colour::MAGNETS[k], &names, &parts, true);
     }
@@ -130,7 +135,7 @@ impl<'s> Drawn<'s> {
     /// λ over the recording: the answer with its parts, and the on-line estimate beside it.
     fn constants(&self, found: &Identification, track: Option<&Track>) -> Figure {
         let mut whole = self.over_time("λ", PlotUnit::LAMBDA).height(380.0);
-        for (k, name) in NAMES.into_iter().enumerate() {
+        for (k, name) in NAMES.into_iter().enumerate().take(3) {
             let (mut x, mut low, mut middle, mut high) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
             for (from, to, estimate) in self.parts(found, k) {
                 let (value, two) = (estimate.value, 2.0 * estimate.total_std.max(estimate.noise_std));
@@ -153,7 +158,7 @@ impl<'s> Drawn<'s> {
         let is_known = on_line.is_some();
         let mut plots = vec![("Maximum likelihood".to_owned(), whole)];
         if let Some(mut on_line) = on_line {
-            for (k, name) in NAMES.into_iter().enumerate() {
+            for (k, name) in NAMES.into_iter().enumerate().take(3) {
                 let line =
                     Line::new("maximum likelihood", colour::MAGNETS[k]).group(name).dashed().width(1.0).unlisted();
                 on_line.line(line, &[self.instant(0), self.instant(self.time_s.len())], &[found.lambda[k].value; 2]);

@@ -13,13 +13,6 @@ pub struct Column {
     pub values: Vec<f64>,
 }
 
-impl Column {
-    /// A signal of that name without values.
-    pub fn of(name: String) -> Self {
-        Self { name, unit: String::new(), values: Vec::new() }
-    }
-}
-
 /// Signals sampled at common instants.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {

@@ -31,7 +31,10 @@ impl<'a> Files<'a> {
         let recordings = names.collect::<Vec<_>>().join(", ");
         let files = Self { save: arguments.save.as_deref(), ssv: arguments.ssv.as_deref(), ssp, recordings };
         if !files.is_empty() && *arguments.machine() == PLANAR && !arguments.is_likelihood() {
-            return Err(refused(format!("--save, --ssv and --ssp need --method likelihood, not {}", arguments.method())));
+            return Err(refused(format!(
+                "--save, --ssv and --ssp need --method likelihood, not {}",
+                arguments.method()
+            )));
         }
         Ok(files)
     }

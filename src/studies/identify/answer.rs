@@ -224,9 +224,8 @@ fn drifts(samples: &Samples, columns: &Columns) -> Option<f64> {
 /// λ that the on-line estimator ends with, in N·m²/A², if any of its estimates is valid.
 fn on_line(recordings: &[Samples], config: &EstimatorConfig) -> Option<[f64; 3]> {
     let config = EstimatorConfig { method: Method::PredictionError, ..config.clone() };
-    let found = |samples: &Samples| {
-        track_every(samples, &estimator(&config), ON_LINE).ok()?.lambda_hat()?.try_into().ok()
-    };
+    let found =
+        |samples: &Samples| track_every(samples, &estimator(&config), ON_LINE).ok()?.lambda_hat()?.try_into().ok();
     recordings.iter().find_map(found)
 }
 

@@ -15,7 +15,7 @@ use std::f64::consts::TAU;
 
 pub use self::answer::{Answer, Question, answer};
 pub use self::tolerance::{named, of_estimator, quantity, tolerance};
-pub use self::track::{Track, estimator, json, recording, tables, track, track_every};
+pub use self::track::{Track, best_hold, estimator, json, recording, tables, track, track_every};
 pub use self::twin::{Stated, Twin};
 
 pub use self::read::{Axial, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};

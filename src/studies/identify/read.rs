@@ -288,8 +288,7 @@ impl Axial {
         let table = Table::read(recording, &Reading { machine: &AXIAL, ..reading.clone() }, wanted)?;
         let Signals { list, positions, currents, .. } = &table.signals;
         let mut notes = table.notes.clone();
-        let Grid { start_s, step_s, count, place } =
-            grid(&table, reading, &mut notes).map_err(Unusable)?;
+        let Grid { start_s, step_s, count, place } = grid(&table, reading, &mut notes).map_err(Unusable)?;
         notes.insert(0, format!("{count} samples of {}.", time(step_s)));
         let mut missing = Vec::new();
         let mut column = |at: usize| {

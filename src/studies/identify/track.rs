@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use fmu_export::Step;
 use fmu_export::log::Silent;
-use fmu_export::variable::Value;
+use fmu_export::variable::{Causality, Value};
 use serde_json::{Map, Value as Json, json};
 
 use super::read::{Samples, significant};
@@ -28,6 +28,11 @@ pub struct Track {
     /// Its outputs by their names, after every sample or after every so many.
     pub outputs: Recording,
 }
+
+const DRIFT: &str = "± of noise alone. Values that drift from line to line are a bearing that changes.";
+
+/// Another reading of the currents than the usual one is taken if it makes the largest deviation of λ smaller than this part of it.
+const CLEARLY: f64 = 0.8;
 
 /// The estimator of the planar rotor with this configuration.
 #[must_use]
@@ -69,20 +74,27 @@ pub fn track_every(samples: &Samples, estimator: &Element, every: usize) -> Resu
     let recorded = samples.position_m.iter().chain(&currents);
     let inputs = machine.measured().into_iter().chain(machine.of_magnets("im")).chain(rotation);
     let inputs: Vec<usize> = inputs.map(|name| index(&name)).collect();
+    let places: Vec<u32> = inputs.iter().map(|index| *index as u32).collect();
     // Methods that need a speed take that of their window where none is known.
     let usual_rad_s = estimator.value("Tf").map_or(0.0, |window_s| TAU / window_s.as_f64());
     let (names, every) = (kept(machine), every.max(1));
     let outputs: Vec<usize> = names.iter().map(index).collect();
-    let mut columns: Vec<Column> = names.into_iter().map(Column::of).collect();
+    let unit = |index: &usize| estimator.model_type.variables()[*index].unit_name().into();
+    let column = |(name, index)| Column { name, unit: unit(index), values: Vec::new() };
+    let mut columns: Vec<Column> = names.into_iter().zip(&outputs).map(column).collect();
     let mut time_s = Vec::new();
     let refused = |why: &dyn std::fmt::Display| Failed::Refused(vec![why.to_string()]);
     instance.set(index(&"enable".into()), Value::Boolean(true)).map_err(|why| refused(&why))?;
     for j in 0..samples.len() {
         let theta_rad = samples.theta_rad.get(j).copied().unwrap_or(0.0);
         let omega_rad_s = samples.omega_rad_s.get(j).copied().unwrap_or(usual_rad_s);
-        let values = recorded.clone().map(|column| column[j]).chain([theta_rad, omega_rad_s]);
-        for (index, value) in inputs.iter().zip(values) {
-            instance.set(*index, Value::Real(value)).map_err(|why| refused(&why))?;
+        // What fills short gaps is for the paper's methods, which bridge none.
+        let is_gap = *machine != PLANAR && samples.missing.get(j) == Some(&true);
+        let recorded = recorded.clone().map(|column| if is_gap { f64::NAN } else { column[j] });
+        let values: Vec<f64> = recorded.chain([theta_rad, omega_rad_s]).collect();
+        if !instance.set_reals(&places, &values) {
+            let of = |n: usize| (inputs[n], Value::Real(values[n]));
+            instance.set_all(inputs.len(), &of).map_err(|why| refused(&why))?;
         }
         let step = Step { time_s: j as f64 * samples.step_s, length_s: samples.step_s };
         instance.step(step, &mut Silent).map_err(|why| refused(&why))?;
@@ -93,11 +105,36 @@ pub fn track_every(samples: &Samples, estimator: &Element, every: usize) -> Resu
             }
         }
     }
-    let variables = estimator.model_type.variables();
-    for (column, index) in columns.iter_mut().zip(&outputs) {
-        column.unit = variables[*index].unit_name().into();
-    }
     Ok(Track { machine, estimator, outputs: Recording { time_s, columns } })
+}
+
+/// The meaning of the samples of currents that leaves the smallest standard deviation of λ at the end of the recording: that of measured
+/// currents, unless another one is clearly better. With a table of these.
+///
+/// # Errors
+/// As for [`track`].
+pub fn best_hold(samples: &Samples, estimator: &Element) -> Result<(Hold, Table), Failed> {
+    let deviation = |hold: Hold| {
+        let mut estimator = estimator.clone();
+        estimator.set("hold", Value::Integer(hold.number()));
+        let track = track_every(samples, &estimator, samples.len().max(2) - 1)?;
+        let end = track.last_valid().filter(|_| track.is_valid_at_end());
+        Ok(end.map_or(f64::INFINITY, |row| track.largest_deviation(row)))
+    };
+    let deviations = HOLDS.iter().map(|(_, hold)| deviation(*hold)).collect::<Result<Vec<f64>, _>>()?;
+    let best = (0..HOLDS.len()).min_by(|a, b| deviations[*a].total_cmp(&deviations[*b])).unwrap_or(0);
+    let chosen = if deviations[best] < CLEARLY * deviations[0] { best } else { 0 };
+    let row = |(at, deviation): (usize, &f64)| {
+        let cell = if deviation.is_finite() { format!("{:.2} %", 100.0 * deviation) } else { "not valid".into() };
+        vec![HOLDS[at].0.to_owned(), cell, if at == chosen { "chosen" } else { "" }.to_owned()]
+    };
+    let table = Table {
+        title: "What a current sample stands for".into(),
+        note: "Largest standard deviation of a force constant with each reading.".into(),
+        head: ["", "± in all", ""].map(String::from).into(),
+        rows: deviations.iter().enumerate().map(row).collect(),
+    };
+    Ok((HOLDS[chosen].1, table))
 }
 
 /// The outputs that are looked at.
@@ -125,6 +162,12 @@ fn hold(estimator: &Element) -> Hold {
 }
 
 impl Track {
+    /// Whether this is the answer: the planar rotor has others.
+    #[must_use]
+    pub fn is_answer(&self) -> bool {
+        *self.machine != PLANAR
+    }
+
     /// The method.
     #[must_use]
     pub fn method(&self) -> Method {
@@ -178,6 +221,32 @@ impl Track {
         self.last_valid().map(|row| self.at(&self.machine.of_magnets("lambdaHat"), row))
     }
 
+    /// The largest standard deviation of a force constant in a row, relative.
+    fn largest_deviation(&self, row: usize) -> f64 {
+        let of = |name: &str| self.at(&self.machine.of_magnets(name), row);
+        of("lambdaStdTotal").into_iter().zip(of("lambdaHat")).map(|(std, lambda)| std / lambda).fold(0.0, f64::max)
+    }
+
+    /// What the estimator takes as known.
+    #[must_use]
+    pub fn told(&self) -> String {
+        const OTHERS: [&str; 6] = ["Ts", "Tf", "epsilon", "filter.", "lambda0", "shaft."];
+        let variables = self.estimator.model_type.variables().iter();
+        let parameters = variables.filter(|of| of.causality == Causality::Parameter && !of.unit_name().is_empty());
+        let is_told =
+            |name: &str| !OTHERS.iter().any(|other| name.trim_start_matches(['A', 'B', 'X', '.']).starts_with(other));
+        let told = parameters.filter(|of| is_told(&of.name)).filter_map(|of| {
+            let value = self.estimator.value(&of.name).map_or(0.0, Value::as_f64);
+            // Tolerances and noise of 0 are none.
+            let is_none = value == 0.0 && (of.name.starts_with("tolerance.") || of.name.starts_with("sensor."));
+            let (factor, unit) = shown(of.unit_name());
+            (!is_none).then(|| format!("{} = {} {unit}", of.name, significant(factor * value, 4)))
+        });
+        let told: Vec<String> = told.collect();
+        let (hold, _) = HOLDS.iter().find(|(_, known)| *known == hold(&self.estimator)).unwrap_or(&HOLDS[0]);
+        format!("Taken as known: {}; currents {hold}.", told.join(", "))
+    }
+
     /// The verdict at the end, for a machine whose answer this is.
     #[must_use]
     pub fn verdict_at_end(&self) -> String {
@@ -210,9 +279,7 @@ impl Track {
         match self.last_valid() {
             None => format!("The recording does not identify the force constants.{why}"),
             Some(last) => {
-                let of = |name: &str| self.at(&self.machine.of_magnets(name), last);
-                let parts = of("lambdaStdTotal").into_iter().zip(of("lambdaHat")).map(|(std, lambda)| std / lambda);
-                let worst = parts.fold(0.0, f64::max);
+                let worst = self.largest_deviation(last);
                 let word =
                     if worst < 0.2 * STD_LIMIT { "The excitation is sufficient" } else { "The excitation is weak" };
                 format!(
@@ -231,7 +298,14 @@ impl Track {
         let [lambda, std, total, ki, ks] = ["lambdaHat", "lambdaStd", "lambdaStdTotal", "ki", "ks"].map(of);
         let micro = |value: f64| format!("{:.4}", value * 1e6);
         let row = |(k, name): (usize, String)| {
-            vec![name, micro(lambda[k]), micro(std[k]), micro(total[k]), format!("{:.3}", ki[k]), format!("{:.0}", ks[k])]
+            vec![
+                name,
+                micro(lambda[k]),
+                micro(std[k]),
+                micro(total[k]),
+                format!("{:.3}", ki[k]),
+                format!("{:.0}", ks[k]),
+            ]
         };
         let magnets = Table {
             title: "Force constants, 10⁻⁶ N·m²/A²".into(),
@@ -245,10 +319,7 @@ impl Track {
             let column = self.outputs.columns.iter().find(|column| column.name == name);
             let (factor, unit) = match column.map_or("", |column| column.unit.as_str()) {
                 "m" => (1e6, "µm"),
-                "A" => (1e3, "mA"),
-                "kg.m" => (1e6, "g·mm"),
-                "N.m" => (1.0, "N·m"),
-                unit => (1.0, unit),
+                unit => shown(unit),
             };
             let value = significant(factor * self.of(&name)[last], 4);
             vec![name, value, unit.to_owned()]
@@ -285,11 +356,13 @@ impl Track {
                 Some(cells)
             });
             let names = self.machine.of_magnets("λ")[magnets.clone()].to_vec();
-            let names = names.into_iter().map(|name| if self.machine.is_planar() { name.replace(['[', ']'], "") } else { name });
+            let names = names
+                .into_iter()
+                .map(|name| if self.machine.is_planar() { name.replace(['[', ']'], "") } else { name });
             let head = ["", "time, s"].map(String::from).into_iter().chain(names).chain(["valid".to_owned()]);
             Table {
                 title: "On-line estimator over time, 10⁻⁶ N·m²/A²".into(),
-                note: "± of noise alone. Values that drift from line to line are a bearing that changes.".into(),
+                note: if magnets.start > 0 { "" } else { DRIFT }.into(),
                 head: head.collect(),
                 rows: rows.collect(),
             }
@@ -314,11 +387,24 @@ impl Track {
     }
 }
 
+/// A unit as it is shown, with what one of the interface's is in it.
+fn shown(unit: &str) -> (f64, &str) {
+    match unit {
+        "m" => (1e3, "mm"),
+        "A" => (1e3, "mA"),
+        "rad" => (180.0 / std::f64::consts::PI, "°"),
+        "kg.m" => (1e6, "g·mm"),
+        "kg.m2" => (1.0, "kg·m²"),
+        "N.m" => (1.0, "N·m"),
+        unit => (1.0, unit),
+    }
+}
+
 /// Estimates in tables: of the methods of the planar rotor beside each other, of other machines in more detail.
 #[must_use]
 pub fn tables(tracks: &[Track]) -> Vec<Table> {
     match tracks {
-        [track] if *track.machine != PLANAR => [track.tables(), track.progress()].concat(),
+        [track] if track.is_answer() => [track.tables(), track.progress()].concat(),
         tracks => vec![table(tracks)],
     }
 }
@@ -379,13 +465,14 @@ pub fn recording(tracks: &[Track]) -> Recording {
 #[must_use]
 pub fn json(samples: &Samples, tracks: &[Track]) -> Json {
     if let [track] = tracks
-        && *track.machine != PLANAR
+        && track.is_answer()
     {
         let valid = track.is_valid_at_end();
         let mut document = if valid { track.json() } else { json!({}) };
         document["valid"] = valid.into();
         document["verdict"] = track.verdict_at_end().into();
         document["magnets"] = track.machine.of_magnets("lambda").into();
+        document["told"] = track.told().into();
         (document["samples"], document["Ts"]) = (samples.len().into(), samples.step_s.into());
         return document;
     }

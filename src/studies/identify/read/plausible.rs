@@ -166,8 +166,7 @@ fn currents(samples: &Samples) -> Vec<Finding> {
         Some(apart) => apart.iter().map(|current| current.iter().map(|(_, value)| *value).collect()).collect(),
         None => samples.current_a.clone(),
     };
-    let largest: Vec<f64> =
-        currents.iter().map(|current| range(current.iter().map(|value| value.abs()))[1]).collect();
+    let largest: Vec<f64> = currents.iter().map(|current| range(current.iter().map(|value| value.abs()))[1]).collect();
     let start = signals(samples).currents.start;
     let is_misread = |k: &usize| {
         let strongest = largest[*k];
