@@ -29,6 +29,7 @@ pub struct Track {
     pub outputs: Recording,
 }
 
+/// Note below the estimates over time.
 const DRIFT: &str = "± of noise alone. Values that drift from line to line are a bearing that changes.";
 
 /// Another reading of the currents than the usual one is taken if it makes the largest deviation of λ smaller than this part of it.
@@ -83,13 +84,14 @@ pub fn track_every(samples: &Samples, estimator: &Element, every: usize) -> Resu
     let column = |(name, index)| Column { name, unit: unit(index), values: Vec::new() };
     let mut columns: Vec<Column> = names.into_iter().zip(&outputs).map(column).collect();
     let mut time_s = Vec::new();
+    // What fills short gaps is for the paper's methods, which bridge none.
+    let has_gaps = *machine != PLANAR;
     let refused = |why: &dyn std::fmt::Display| Failed::Refused(vec![why.to_string()]);
     instance.set(index(&"enable".into()), Value::Boolean(true)).map_err(|why| refused(&why))?;
     for j in 0..samples.len() {
         let theta_rad = samples.theta_rad.get(j).copied().unwrap_or(0.0);
         let omega_rad_s = samples.omega_rad_s.get(j).copied().unwrap_or(usual_rad_s);
-        // What fills short gaps is for the paper's methods, which bridge none.
-        let is_gap = *machine != PLANAR && samples.missing.get(j) == Some(&true);
+        let is_gap = has_gaps && samples.missing.get(j) == Some(&true);
         let recorded = recorded.clone().map(|column| if is_gap { f64::NAN } else { column[j] });
         let values: Vec<f64> = recorded.chain([theta_rad, omega_rad_s]).collect();
         if !instance.set_reals(&places, &values) {
@@ -119,7 +121,7 @@ pub fn best_hold(samples: &Samples, estimator: &Element) -> Result<(Hold, Table)
         estimator.set("hold", Value::Integer(hold.number()));
         let track = track_every(samples, &estimator, samples.len().max(2) - 1)?;
         let end = track.last_valid().filter(|_| track.is_valid_at_end());
-        Ok(end.map_or(f64::INFINITY, |row| track.largest_deviation(row)))
+        Ok(end.map_or(f64::INFINITY, |row| track.largest_deviation("lambdaStd", row)))
     };
     let deviations = HOLDS.iter().map(|(_, hold)| deviation(*hold)).collect::<Result<Vec<f64>, _>>()?;
     let best = (0..HOLDS.len()).min_by(|a, b| deviations[*a].total_cmp(&deviations[*b])).unwrap_or(0);
@@ -131,7 +133,7 @@ pub fn best_hold(samples: &Samples, estimator: &Element) -> Result<(Hold, Table)
     let table = Table {
         title: "What a current sample stands for".into(),
         note: "Largest standard deviation of a force constant with each reading.".into(),
-        head: ["", "± in all", ""].map(String::from).into(),
+        head: ["", "± noise", ""].map(String::from).into(),
         rows: deviations.iter().enumerate().map(row).collect(),
     };
     Ok((HOLDS[chosen].1, table))
@@ -221,20 +223,19 @@ impl Track {
         self.last_valid().map(|row| self.at(&self.machine.of_magnets("lambdaHat"), row))
     }
 
-    /// The largest standard deviation of a force constant in a row, relative.
-    fn largest_deviation(&self, row: usize) -> f64 {
+    /// The largest standard deviation of a force constant in a row, relative: of noise, or in all.
+    fn largest_deviation(&self, std: &str, row: usize) -> f64 {
         let of = |name: &str| self.at(&self.machine.of_magnets(name), row);
-        of("lambdaStdTotal").into_iter().zip(of("lambdaHat")).map(|(std, lambda)| std / lambda).fold(0.0, f64::max)
+        of(std).into_iter().zip(of("lambdaHat")).map(|(std, lambda)| std / lambda).fold(0.0, f64::max)
     }
 
     /// What the estimator takes as known.
     #[must_use]
     pub fn told(&self) -> String {
-        const OTHERS: [&str; 6] = ["Ts", "Tf", "epsilon", "filter.", "lambda0", "shaft."];
+        const OTHERS: [&str; 3] = ["Ts", "lambda0", "shaft."];
         let variables = self.estimator.model_type.variables().iter();
         let parameters = variables.filter(|of| of.causality == Causality::Parameter && !of.unit_name().is_empty());
-        let is_told =
-            |name: &str| !OTHERS.iter().any(|other| name.trim_start_matches(['A', 'B', 'X', '.']).starts_with(other));
+        let is_told = |name: &str| !OTHERS.iter().any(|other| name.contains(other));
         let told = parameters.filter(|of| is_told(&of.name)).filter_map(|of| {
             let value = self.estimator.value(&of.name).map_or(0.0, Value::as_f64);
             // Tolerances and noise of 0 are none.
@@ -279,7 +280,7 @@ impl Track {
         match self.last_valid() {
             None => format!("The recording does not identify the force constants.{why}"),
             Some(last) => {
-                let worst = self.largest_deviation(last);
+                let worst = self.largest_deviation("lambdaStdTotal", last);
                 let word =
                     if worst < 0.2 * STD_LIMIT { "The excitation is sufficient" } else { "The excitation is weak" };
                 format!(
@@ -309,8 +310,11 @@ impl Track {
         };
         let magnets = Table {
             title: "Force constants, 10⁻⁶ N·m²/A²".into(),
-            note: "± of noise, and in all with the tolerances that are stated; ki and ks at the currents of the last revolution."
-                .into(),
+            note: format!(
+                "At {:.4} s{}. ± of noise, and in all with the tolerances that are stated; ki and ks at the currents of the last revolution.",
+                self.outputs.time_s[last],
+                if self.is_valid_at_end() { "" } else { ", the last valid estimate" },
+            ),
             head: ["", "λ", "± noise", "± in all", "ki, N/A", "ks, N/m"].map(String::from).into(),
             rows: self.machine.of_magnets("λ").into_iter().enumerate().map(row).collect(),
         };
