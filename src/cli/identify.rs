@@ -380,7 +380,6 @@ impl Results {
         if self.tracks[0].is_answer() {
             print::paragraph(&self.tracks[0].told());
             print::paragraph(&self.tracks[0].verdict_at_end());
-            say!();
         }
         let mut tables: Vec<_> = self.holds.iter().cloned().collect();
         match &self.answer {
