@@ -136,6 +136,13 @@ fn wrong_columns_and_options_are_named() {
         let mass = ["--set", "m=1"];
         refused(&[&["--machine", machine], &mass[..]].concat(), &["columns of the machine spindle: --machine spindle"]);
     }
+    // All columns of the planar rotor are there as well.
+    record(&folder, &PLANAR4, |text| text);
+    let (code, out, errors) = run(&folder, &["identify", "run.csv"]);
+    assert_eq!(code, 3, "{errors}");
+    says(&out, &["There are also columns of the machine planar4: --machine planar4?"]);
+
+    record(&folder, &SPINDLE, |text| text);
     let options = ["--window", "1", "--estimate", "s", "--method", "paper"];
     let words = ["spindle has no --window", "no --estimate", "no --method but"];
     refused(&[&spindle[..], &options].concat(), &words);
