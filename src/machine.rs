@@ -607,3 +607,15 @@ pub const SPINDLE4: Machine = Machine {
 
 /// All machines, in the order in which they are shown; a scenario that names none is of the first.
 pub const MACHINES: [Machine; 5] = [PLANAR, SPINDLE, PLANAR4, SPINDLE4, AXIAL];
+
+impl Default for &'static Machine {
+    /// The planar rotor of the paper.
+    fn default() -> Self {
+        &PLANAR
+    }
+}
+
+/// The machine of that name.
+pub fn find(name: &str) -> Option<&'static Machine> {
+    MACHINES.iter().find(|machine| machine.name == name)
+}

@@ -1,6 +1,7 @@
 //! `identify`: arguments, and the way from recordings to results.
 
 mod axial;
+mod machine;
 mod twin;
 
 use std::fs;
@@ -8,6 +9,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use fmu_export::variable::Value;
 use serde_json::json;
 
 use self::twin::Files;
@@ -15,29 +17,24 @@ use super::{
     NotValid, Refused, Result, claim, deviation, duration, named, pair, print, refused, said_of, say, write_page,
     write_table,
 };
-use crate::estimation::{EstimatorConfig, Method};
-use crate::fmu::{RENAMED, find};
+use crate::estimation::Method;
+use crate::fmu::RENAMED;
+use crate::fmu::estimator::configuration;
+use crate::machine::{MACHINES, PLANAR};
 use crate::output::{self, Format};
 use crate::report::{frame, identification};
-use crate::simulation::scenario::Scenario;
+use crate::simulation::closed_loop::settings;
+use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate;
 use crate::studies::identify::likelihood::{BENCH, Knowledge, Told};
 use crate::studies::identify::{self, Answer, HOLDS, METHODS, Question, Reading, Rotation, Samples, Track};
 use crate::table::Table;
-
-/// Variables of the estimator that have options of their own.
-const OPTIONS: [(&str, &str); 7] = [
-    ("Ts", "the times of the recording, --rate or --step"),
-    ("Tf", "--window"),
-    ("epsilon", "--window"),
-    ("method", "--method"),
-    ("hold", "--hold"),
-    ("sensor.positionNoise", "--position-noise"),
-    ("sensor.currentNoise", "--current-noise"),
-];
+use crate::variables::Choice;
 
 /// Plots and tables need no more points than this; the CSV file has all of them.
 const SHOWN: usize = 4000;
+/// The on-line method of every machine.
+const PREDICTION_ERROR: &str = "predictionError";
 /// Name of the slow force among the parameters to estimate.
 const SLOW_FORCE: &str = "force.slow";
 
@@ -64,13 +61,13 @@ pub struct Arguments {
     /// Sample time, as in 100us, instead of --rate; seconds if there is no unit.
     #[arg(long, value_name = "TIME", value_parser = identify::duration_s)]
     step: Option<f64>,
-    /// Scenario whose estimator has the parameters of the bearing: a file or a built-in scenario. A file needs no title, duration and
-    /// step.
-    #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
-    scenario: PathBuf,
-    /// The machine: planar (a rotor in a bearing with three magnets) or axial (one axis between one or two magnets). A scenario may
-    /// name it as well.
-    #[arg(long, value_name = "MACHINE", value_parser = ["planar", "axial"])]
+    /// Scenario whose estimator has the parameters of the machine: a file or a built-in scenario; by default unbalanced, and for other
+    /// machines than planar the built-in one with the name of the machine. A file needs no title, duration and step.
+    #[arg(long, value_name = "SCENARIO")]
+    scenario: Option<PathBuf>,
+    /// The machine: planar (a rotor in a bearing with three magnets), planar4 (with four), spindle or spindle4 (a shaft in two radial bearings
+    /// with three or four magnets, and an axial one), or axial (one axis between one or two magnets). A scenario may name it as well.
+    #[arg(long, value_name = "MACHINE", value_parser = MACHINES.map(|machine| machine.name))]
     machine: Option<String>,
     /// Machine axial: position at which the answer is linearised, as in Xm=10mm; the mean of the recording by default.
     #[arg(long, value_name = "Xm=VALUE", value_parser = pair)]
@@ -91,10 +88,10 @@ pub struct Arguments {
     /// Changes a parameter of the bearing, as for simulate (can be repeated): s=5.1e-4, m=4.2kg, alpha[1]=178deg.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
     changes: Vec<(String, String)>,
-    /// likelihood (maximum likelihood over the whole recording), an on-line method (paperLiteral, paper, predictionError),
-    /// or all.
-    #[arg(long, value_name = "METHOD", default_value = "likelihood")]
-    method: String,
+    /// likelihood (maximum likelihood over the whole recording; the default for planar and axial), an on-line method (paperLiteral, paper,
+    /// predictionError), or all. Machines planar4, spindle and spindle4: predictionError.
+    #[arg(long, value_name = "METHOD")]
+    method: Option<String>,
     /// Standard deviation of a parameter of the bench, with its unit: s=2%, s=10um, m=0.05kg, alpha=1deg,
     /// sensor.offset=5um, sensor.gain=0.5%, current.gain=0.5%, delay=20us (can be repeated; also as a table [tolerance] in
     /// the scenario). The parameter is then estimated as well.
@@ -141,50 +138,58 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if let Some(bench) = axial::bench(arguments)? {
         return axial::run(arguments, bench, &files);
     }
-    let bearing = arguments.bearing()?;
-    let mut config = bearing.closed_loop().map_err(simulate::Refused::from)?.estimator;
-    let bench = arguments.bench(&bearing, &config)?;
+    let machine = arguments.machine();
+    let mut bearing = arguments.bearing(machine)?;
+    let bench = if *machine == PLANAR { Some(arguments.bench(&bearing)?) } else { None };
+    if bench.is_none() {
+        arguments.state_tolerances(&mut bearing)?;
+        let refused = simulate::refused(&bearing);
+        if !refused.is_empty() {
+            return Err(simulate::Refused(refused).into());
+        }
+    }
     let methods = arguments.methods()?;
     let columns: Vec<_> = bearing.columns.iter().chain(&arguments.column).cloned().collect();
-    let recordings = arguments.read(&columns, config.gap_m)?;
+    let recordings = arguments.read(&columns, &bearing)?;
     let samples = &recordings[0];
-    arguments.complete(&mut config, samples);
-    let holds = arguments.hold(&mut config, samples)?;
+    let mut estimator = bearing.estimator().clone();
+    arguments.complete(&mut estimator, samples);
+    let holds = arguments.hold(&mut estimator, samples)?;
 
     let every = if arguments.is_likelihood() && arguments.csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
-    let tracks = methods
-        .into_iter()
-        .map(|method| identify::track_every(samples, &EstimatorConfig { method, ..config.clone() }, every));
+    let tracks = methods.into_iter().map(|method| {
+        estimator.set("method", Value::Integer(method.number()));
+        identify::track_every(samples, &estimator, every)
+    });
     let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
-    let answer = match arguments.is_likelihood() {
-        true => {
-            let lambda0_nm2_a2 = tracks[0].last_valid().map(|output| output.lambda_hat);
-            Some(
-                identify::answer(
-                    &recordings,
-                    Question { config, bench, lambda0_nm2_a2, slow_force: arguments.estimates_slow_force() },
-                )
-                .map_err(refused)?,
-            )
+    let answer = match bench.filter(|_| arguments.is_likelihood()) {
+        Some(bench) => {
+            let lambda0_nm2_a2 = tracks[0].lambda_hat().and_then(|lambda| lambda.try_into().ok());
+            let config = configuration(&settings(&estimator));
+            let question = Question { config, bench, lambda0_nm2_a2, slow_force: arguments.estimates_slow_force() };
+            Some(identify::answer(&recordings, question).map_err(refused)?)
         }
-        false => None,
+        None => None,
     };
     let results = Results { recordings, tracks, holds, answer };
     results.print(&arguments.recordings);
     results.write(arguments)?;
-    match &results.answer {
-        None => Ok(()),
-        Some(answer) if answer.valid => files.write(&columns, || answer.twin(&bearing, &results.recordings[0])),
-        Some(answer) => Err(NotValid(format!("{}{}", answer.verdict, files.not_written())).into()),
+    let (valid, verdict) = match &results.answer {
+        Some(answer) => (answer.valid, answer.verdict.clone()),
+        // The methods of the planar rotor are compared, not answers.
+        None if *machine == PLANAR => return Ok(()),
+        None => (results.tracks[0].is_valid_at_end(), results.tracks[0].verdict_at_end()),
+    };
+    if !valid {
+        return Err(NotValid(format!("{verdict}{}", files.not_written())).into());
     }
+    files.write(&columns, || match &results.answer {
+        Some(answer) => answer.twin(&bearing, &results.recordings[0]),
+        None => results.tracks[0].twin(&bearing, &results.recordings[0]),
+    })
 }
 
 impl Arguments {
-    /// Whether the whole recording is to be answered by maximum likelihood.
-    fn is_likelihood(&self) -> bool {
-        self.method == "likelihood"
-    }
-
     /// Checks that the results can be written, and refuses to overwrite a recording.
     fn claim(&self) -> Result<()> {
         let page = self.report.as_ref().map(|folder| folder.join("index.html"));
@@ -207,29 +212,9 @@ impl Arguments {
         }
     }
 
-    /// The scenario of the bearing, with its changes.
-    fn bearing(&self) -> Result<Scenario> {
-        for (path, _) in &self.changes {
-            let name = path.strip_prefix("estimator.").unwrap_or(path);
-            let known = find("AlgebraicEstimator").is_some_and(|estimator| {
-                let begins =
-                    |whole: &str| whole.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('['));
-                estimator.variables().iter().any(|variable| begins(&variable.name))
-            });
-            if let Some((_, option)) = OPTIONS.iter().find(|(variable, _)| *variable == name) {
-                return Err(refused(format!("--set {path}: identify takes it from {option}")));
-            }
-            if !known {
-                return Err(refused(format!(
-                    "--set {path}: the estimator of the bearing has no variable of this name"
-                )));
-            }
-        }
-        Scenario::open_parameters(&self.scenario, &self.changes).map_err(Into::into)
-    }
-
     /// Knowledge of the bench: from the scenario, then from the arguments.
-    fn bench(&self, bearing: &Scenario, config: &EstimatorConfig) -> Result<[Told; BENCH]> {
+    fn bench(&self, bearing: &Scenario) -> Result<[Told; BENCH]> {
+        let config = bearing.closed_loop().map_err(simulate::Refused::from)?.estimator;
         let mut bench = [Told::default(); BENCH];
         for (at, std) in identify::of_estimator(&config.tolerance, config.m_kg, config.gap_m) {
             bench[at].knowledge = Knowledge::Tolerance(std);
@@ -254,30 +239,33 @@ impl Arguments {
 
     /// The methods to run on line: with maximum likelihood the default one, which shows drift.
     fn methods(&self) -> Result<Vec<Method>> {
-        let wanted = if self.is_likelihood() { "predictionError" } else { self.method.as_str() };
+        let wanted = if self.is_likelihood() { PREDICTION_ERROR } else { self.method() };
         let methods = METHODS.into_iter().filter(|(name, _)| wanted == *name || wanted == "all");
         let methods: Vec<_> = methods.map(|(_, method)| method).collect();
         if !methods.is_empty() {
             return Ok(methods);
         }
         let names = METHODS.map(|(name, _)| name).join(", ");
-        Err(match RENAMED.iter().find(|(former, _)| *former == self.method) {
+        Err(match RENAMED.iter().find(|(former, _)| *former == self.method()) {
             Some((former, name)) => refused(format!("--method {former}: expected {name}, which replaces it")),
-            None => refused(format!("--method {}: expected one of likelihood, {names}, all", self.method)),
+            None => refused(format!("--method {}: expected one of likelihood, {names}, all", self.method())),
         })
     }
 
-    /// Reads the recordings and refuses those that a bearing with this gap cannot have made.
-    fn read(&self, columns: &[(String, String)], gap_m: f64) -> Result<Vec<Samples>> {
+    /// Reads the recordings and refuses those that the machine cannot have made.
+    fn read(&self, columns: &[(String, String)], bearing: &Scenario) -> Result<Vec<Samples>> {
+        let gap_m = |name: String| bearing.value("estimator", &name).map_or(f64::NAN, Value::as_f64);
+        let gap_m: Vec<f64> = bearing.machine.of_bearings("s").into_iter().map(gap_m).collect();
         if self.recordings.len() > 1 {
             if self.currents.is_some() {
                 return Err(Refused("--currents needs a single recording".into()).into());
             }
             if !self.is_likelihood() {
-                return Err(Refused(format!("--method {} needs a single recording", self.method)).into());
+                return Err(Refused(format!("--method {} needs a single recording", self.method())).into());
             }
         }
         let reading = Reading {
+            machine: bearing.machine,
             columns: columns.to_vec(),
             units: self.unit.clone(),
             omega_rad_s: self.speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
@@ -290,7 +278,11 @@ impl Arguments {
                 Some(apart) => Samples::read_apart_from(open(path)?, open(apart)?, &reading),
             };
             let samples = samples.map_err(|unusable| self.refused(path, unusable.0))?;
-            match samples.implausible(gap_m) {
+            if *samples.machine != PLANAR && samples.rotation == Rotation::Unknown {
+                let wanted = "neither angle nor speed was recorded: --speed RPM is wanted, 0 at rest";
+                return Err(self.refused(path, vec![wanted.into()]));
+            }
+            match samples.implausible(&gap_m) {
                 findings if findings.is_empty() => Ok(samples),
                 findings => Err(self.refused(path, findings.iter().map(ToString::to_string).collect())),
             }
@@ -310,35 +302,47 @@ impl Arguments {
         Refused(format!("{}: {}", path.display(), identify::Unusable(findings))).into()
     }
 
-    /// Completes the configuration by the sample time and the arguments.
-    fn complete(&self, config: &mut EstimatorConfig, samples: &Samples) {
-        config.step_s = samples.step_s;
-        config.window_s = match self.window {
+    /// Completes the parameters by the sample time and the arguments.
+    fn complete(&self, estimator: &mut Element, samples: &Samples) {
+        let window_s = match self.window {
             Some(window_s) => (window_s / samples.step_s).round() * samples.step_s,
             None => identify::one_revolution(samples),
         };
-        config.epsilon_s = config.window_s;
-        config.position_noise_m = self.position_noise.unwrap_or(0.0);
-        config.current_noise_a = self.current_noise.unwrap_or(0.0);
+        for (name, value) in [
+            ("Ts", samples.step_s),
+            ("Tf", window_s),
+            ("epsilon", window_s),
+            ("sensor.positionNoise", self.position_noise.unwrap_or(0.0)),
+            ("sensor.currentNoise", self.current_noise.unwrap_or(0.0)),
+        ] {
+            estimator.set(name, Value::Real(value));
+        }
     }
 
     /// Chooses the meaning of a current sample; with `auto` the data decide, and a table shows how clearly.
-    fn hold(&self, config: &mut EstimatorConfig, samples: &Samples) -> Result<Option<Table>> {
+    fn hold(&self, estimator: &mut Element, samples: &Samples) -> Result<Option<Table>> {
+        if self.hold == "auto" && *samples.machine != PLANAR {
+            let (hold, table) = identify::best_hold(samples, estimator).map_err(refused)?;
+            estimator.set("hold", Value::Integer(hold.number()));
+            return Ok(Some(table));
+        }
         if self.hold == "auto" {
             if self.is_likelihood() && samples.rotation == Rotation::Unknown {
                 return Ok(None);
             }
-            let residuals = identify::residuals_of_holds(samples, config);
-            config.hold = identify::most_likely_hold(&residuals);
+            let residuals = identify::residuals_of_holds(samples, &configuration(&settings(estimator)));
+            let hold = identify::most_likely_hold(&residuals);
+            estimator.set("hold", Value::Integer(hold.number()));
             // Where no reading has a likelihood there is nothing to compare.
             if residuals.iter().all(|residual| residual.is_infinite()) {
                 return Ok(None);
             }
-            return Ok(Some(identify::table_of_holds(&residuals, config.hold)));
+            return Ok(Some(identify::table_of_holds(&residuals, hold)));
         }
         let names = HOLDS.map(|(name, _)| name).join(", ");
         let found = HOLDS.into_iter().find(|(name, _)| *name == self.hold);
-        config.hold = found.ok_or_else(|| refused(format!("--hold {}: expected one of {names}, auto", self.hold)))?.1;
+        let (_, hold) = found.ok_or_else(|| refused(format!("--hold {}: expected one of {names}, auto", self.hold)))?;
+        estimator.set("hold", Value::Integer(hold.number()));
         Ok(None)
     }
 }
@@ -373,24 +377,28 @@ impl Results {
             print::paragraph(&answer.verdict);
             answer.findings.iter().for_each(|finding| print::paragraph(finding));
         }
+        if self.tracks[0].is_answer() {
+            print::paragraph(&self.tracks[0].told());
+            print::paragraph(&self.tracks[0].verdict_at_end());
+        }
         let mut tables: Vec<_> = self.holds.iter().cloned().collect();
         match &self.answer {
             Some(answer) => {
                 tables.extend(answer.tables());
                 if self.recordings[0].rotation != Rotation::Unknown {
-                    tables.push(identify::progress(&self.recordings[0], &self.tracks[0]));
+                    tables.extend(self.tracks[0].progress());
                 }
             }
-            None => tables.push(identify::table(&self.tracks)),
+            None => tables.extend(identify::tables(&self.tracks)),
         }
         for table in tables {
             say!();
             print::table(&table);
         }
-        if self.answer.is_none() {
+        if self.answer.is_none() && !self.tracks[0].is_answer() {
             say!();
             for track in &self.tracks {
-                say!("{}: {}", track.name, track.verdict());
+                say!("{}: {}", track.name(), track.verdict());
             }
         }
     }
@@ -398,7 +406,7 @@ impl Results {
     fn write(&self, arguments: &Arguments) -> Result<()> {
         let samples = &self.recordings[0];
         if let Some(path) = &arguments.csv {
-            write_table(path, &identify::recording(samples, &self.tracks))?;
+            write_table(path, &identify::recording(&self.tracks))?;
         }
         if let Some(path) = &arguments.json {
             let mut document = self.answer.as_ref().map_or_else(|| identify::json(samples, &self.tracks), Answer::json);

@@ -1,7 +1,7 @@
 //! `AlgebraicEstimator`, `SpindleEstimator` and those of the other machines: the force constants from positions and currents, on line.
 
 use fmu_export::log::{Digits, Log, Topic};
-use fmu_export::variable::{Enumeration, Row, Table, Value};
+use fmu_export::variable::{Causality, Enumeration, Row, Table, Value};
 use fmu_export::{Info, Invalid, Resources, SampledModel, StepError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -43,6 +43,14 @@ where
 /// The configuration of the estimator of the planar rotor with the given values by index, and start values elsewhere.
 pub fn configuration(settings: &[(usize, Value)]) -> EstimatorConfig {
     Table::new(AlgebraicEstimator::table()).values(settings).config
+}
+
+/// The inverse of [`configuration`]: the values of all parameters, by index.
+pub fn settings(config: &EstimatorConfig) -> Vec<(usize, Value)> {
+    let table = Table::new(AlgebraicEstimator::table());
+    let values = Values { config: config.clone(), ..Values::default() };
+    let parameters = table.variables.iter().enumerate().filter(|(_, of)| of.causality == Causality::Parameter);
+    parameters.map(|(index, _)| (index, table.get(index, &values))).collect()
 }
 
 /// Reports a verdict that has changed.

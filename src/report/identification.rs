@@ -3,19 +3,20 @@
 use maud::{Markup, html};
 
 use crate::estimation::{Method, Verdict};
+use crate::machine::Bearing;
 use crate::report::figures::{Figure, time_unit};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
 use crate::report::{Report, cards, page_with};
 use crate::simulation::recording::Recording;
 use crate::studies::identify::likelihood::{Change, Estimate, Identification, PARAMETERS};
-use crate::studies::identify::{Answer, Samples, Track, progress, recording, table};
+use crate::studies::identify::{Answer, Samples, Track, recording, tables};
 use crate::table::Table;
 
 /// Revolutions over which positions are drawn beside their predictions, and the same in s where the rotor hardly turns.
 const REVOLUTIONS: f64 = 2.0;
 const WITHOUT_TURNING_S: f64 = 0.05;
 /// Names of the magnets in legends.
-const NAMES: [&str; 3] = ["λ₁", "λ₂", "λ₃"];
+const NAMES: [&str; 4] = ["λ₁", "λ₂", "λ₃", "λ₄"];
 
 /// The report page of an identification made by that command. The figures of signals are of the first recording.
 #[must_use]
@@ -28,12 +29,12 @@ pub fn page(
     answer: Option<&Answer>,
 ) -> String {
     let samples = &recordings[0];
-    let estimates = recording(samples, tracks);
+    let estimates = recording(tracks);
     let run = Drawn::new(samples, recordings.len());
     let found = answer.and_then(|answer| answer.found.as_ref());
     let mut figures = Vec::new();
     if let Some(found) = found {
-        figures.push(run.constants(found, &estimates, tracks.first()));
+        figures.push(run.constants(found, tracks.first()));
         figures.push(run.positions(found));
         figures.push(run.residuals(found));
         figures.push(budget(found));
@@ -42,27 +43,30 @@ pub fn page(
     if answer.is_none() {
         figures.extend(run.on_line(&estimates, tracks));
     }
-    let mut tables: Vec<Table> = holds.into_iter().cloned().collect();
+    let mut shown: Vec<Table> = holds.into_iter().cloned().collect();
     match answer {
         Some(answer) => {
-            tables.extend(answer.tables());
-            tables.extend(tracks.first().map(|track| progress(samples, track)));
+            shown.extend(answer.tables());
+            shown.extend(tracks.first().into_iter().flat_map(Track::progress));
         }
-        None => tables.push(table(tracks)),
+        None => shown.extend(tables(tracks)),
     }
     let whole = Recording { time_s: run.time_s.clone(), columns: Vec::new() };
-    let report = Report { command: command.into(), tables, ..Report::new(title, &whole) };
+    let report = Report { command: command.into(), tables: shown, ..Report::new(title, &whole) };
     page_with(&report, &first(answer, recordings, tracks), &figures)
 }
 
 /// Verdict, estimates, and the data and parameters behind them.
 fn first(answer: Option<&Answer>, recordings: &[Samples], tracks: &[Track]) -> Markup {
-    let verdict = answer.map(|answer| answer.verdict.clone()).or_else(|| tracks.last().map(Track::verdict));
-    let class = match answer {
-        Some(answer) if answer.valid => "verdict good",
-        Some(_) => "verdict bad",
+    let track = tracks.first().filter(|track| track.is_answer());
+    let of_answer = answer.map(|answer| (answer.valid, answer.verdict.clone()));
+    let judged = of_answer.or_else(|| track.map(|track| (track.is_valid_at_end(), track.verdict_at_end())));
+    let class = match judged {
+        Some((true, _)) => "verdict good",
+        Some((false, _)) => "verdict bad",
         None => "verdict",
     };
+    let verdict = judged.map(|(_, verdict)| verdict).or_else(|| tracks.last().map(Track::verdict));
     html! {
         @if let Some(verdict) = &verdict { p class=(class) { (verdict) } }
         @if let Some(answer) = answer {
@@ -78,6 +82,8 @@ fn first(answer: Option<&Answer>, recordings: &[Samples], tracks: &[Track]) -> M
             }
             p { (answer.told()) }
             ul { @for finding in &answer.findings { li { (finding) } } }
+        } @else if let Some(track) = track {
+            p { (track.told()) }
         }
         ul { @for samples in recordings { @for note in &samples.notes { li { (note) } } } }
     }
@@ -92,7 +98,7 @@ fn budget(found: &Identification) -> Figure {
         .map(|line| format!("{}{}", PARAMETERS[line.parameter].name, if line.told { " (stated)" } else { "" }))
         .collect();
     let mut plot = Plot::new(("part of the standard deviation of λ", PlotUnit::PERCENT), ("", PlotUnit::ONE));
-    for (k, name) in NAMES.into_iter().enumerate() {
+    for (k, name) in NAMES.into_iter().enumerate().take(3) {
         let parts: Vec<f64> = lines.iter().map(|line| line.contribution[k]).collect();
         plot.bars(name, colour::MAGNETS[k], &names, &parts, true);
     }
@@ -127,9 +133,9 @@ impl<'s> Drawn<'s> {
     }
 
     /// λ over the recording: the answer with its parts, and the on-line estimate beside it.
-    fn constants(&self, found: &Identification, estimates: &Recording, track: Option<&Track>) -> Figure {
+    fn constants(&self, found: &Identification, track: Option<&Track>) -> Figure {
         let mut whole = self.over_time("λ", PlotUnit::LAMBDA).height(380.0);
-        for (k, name) in NAMES.into_iter().enumerate() {
+        for (k, name) in NAMES.into_iter().enumerate().take(3) {
             let (mut x, mut low, mut middle, mut high) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
             for (from, to, estimate) in self.parts(found, k) {
                 let (value, two) = (estimate.value, 2.0 * estimate.total_std.max(estimate.noise_std));
@@ -147,11 +153,12 @@ impl<'s> Drawn<'s> {
         for part in found.contradictions.iter().filter(|part| part.recording == 0) {
             whole.shade(self.instant(part.rows.start), self.instant(part.rows.end));
         }
-        let on_line = track.map(|track| self.bands(estimates, track)).filter(|plot| !plot.is_empty());
+        let on_line = track.and_then(|track| self.bands(track).pop()).map(|(_, plot)| plot);
+        let on_line = on_line.filter(|plot| !plot.is_empty());
         let is_known = on_line.is_some();
         let mut plots = vec![("Maximum likelihood".to_owned(), whole)];
         if let Some(mut on_line) = on_line {
-            for (k, name) in NAMES.into_iter().enumerate() {
+            for (k, name) in NAMES.into_iter().enumerate().take(3) {
                 let line =
                     Line::new("maximum likelihood", colour::MAGNETS[k]).group(name).dashed().width(1.0).unlisted();
                 on_line.line(line, &[self.instant(0), self.instant(self.time_s.len())], &[found.lambda[k].value; 2]);
@@ -239,40 +246,49 @@ impl<'s> Drawn<'s> {
     }
 
     fn currents(&self) -> Figure {
-        let mut plot = self.over_time("i", PlotUnit::AMPERE);
-        for k in 0..3 {
-            plot.line(Line::new(["i₁", "i₂", "i₃"][k], colour::MAGNETS[k]), &self.time_s, &self.samples.current_a[k]);
-        }
-        Figure::new("currents", "Currents", vec![(String::new(), plot)], format!("As recorded.{}", self.of))
+        let mut currents = self.samples.current_a.iter();
+        let of_bearing = |bearing: &Bearing| {
+            let mut plot = self.over_time("i", PlotUnit::AMPERE);
+            for (k, current) in currents.by_ref().take(bearing.magnets).enumerate() {
+                plot.line(Line::new(["i₁", "i₂", "i₃", "i₄"][k], colour::MAGNETS[k]), &self.time_s, current);
+            }
+            (bearing.prefix.trim_end_matches('.').to_owned(), plot)
+        };
+        let plots = self.samples.machine.bearings.iter().map(of_bearing).collect();
+        Figure::new("currents", "Currents", plots, format!("As recorded.{}", self.of))
     }
 
     /// Figures of the on-line methods.
     fn on_line(&self, estimates: &Recording, tracks: &[Track]) -> Vec<Figure> {
-        let constants = |track: &Track| (track.name.to_owned(), self.bands(estimates, track));
-        let verdicts: Vec<String> = tracks.iter().map(|track| format!("{}: {}", track.name, track.verdict())).collect();
+        let verdicts: Vec<String> =
+            tracks.iter().map(|track| format!("{}: {}", track.name(), track.verdict())).collect();
         let caption =
             format!("With a band of two standard deviations; gaps have no valid estimate. {}", verdicts.join(" "));
-        let constants = tracks.iter().map(constants).collect();
+        let constants = tracks.iter().flat_map(|track| self.bands(track)).collect();
         let mut figures = vec![Figure::new("constants", "Force constants over time", constants, caption)];
-        if let Some(track) = tracks.iter().find(|track| track.config.method == Method::PredictionError) {
-            let valid = |j: usize| track.outputs[j].valid;
+        if let Some(track) = tracks.iter().find(|track| track.method() == Method::PredictionError) {
+            let machine = track.machine;
+            let valid = |j: usize| track.is_valid(j);
             let mut unbalance = self.over_time("unbalance", PlotUnit { name: "g·mm", factor: 1e6 });
-            let of_unbalance = Line::new("unbalance", colour::MAGNETS[0]);
-            line(&mut unbalance, estimates, track, "unbalance.magnitude", of_unbalance, valid);
-            let mut load = self.over_time("static load", PlotUnit::NEWTON);
-            for (name, label, colour) in
-                [("pYHat", "along y", colour::MAGNETS[0]), ("pZHat", "along z", colour::MAGNETS[1])]
-            {
-                line(&mut load, estimates, track, name, Line::new(label, colour), valid);
+            for (name, colour) in machine.of_planes("magnitude").iter().zip(colour::MAGNETS) {
+                let label = name.trim_end_matches(".magnitude");
+                line(&mut unbalance, estimates, track, name, Line::new(label, colour), valid);
             }
-            let plots = vec![("Unbalance".into(), unbalance), ("Static load".into(), load)];
+            let mut load = self.over_time("static load", PlotUnit::NEWTON);
+            let mut moment = self.over_time("static moment", PlotUnit { name: "N·m", factor: 1.0 });
+            for (n, name) in machine.of_loads("p", "Hat").iter().enumerate() {
+                let own = Line::new(&machine.direction(n), colour::MAGNETS[n % 3]);
+                line(machine.either(n, &mut load, &mut moment), estimates, track, name, own, valid);
+            }
+            let mut plots = vec![("Unbalance".into(), unbalance), ("Static load".into(), load)];
+            plots.extend((!moment.is_empty()).then(|| ("Static moment".into(), moment)));
             let caption = "As identified together with the force constants.";
             figures.push(Figure::new("unbalance", "Unbalance and static load", plots, caption.into()));
         }
         let mut residual = self.over_time("residual", PlotUnit::ONE);
         let colours = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::OTHER];
         for (track, colour) in tracks.iter().zip(colours) {
-            line(&mut residual, estimates, track, "residual", Line::new(track.name, colour), |_| true);
+            line(&mut residual, estimates, track, "residual", Line::new(track.name(), colour), |_| true);
         }
         let caption = "For predictionError the normalised innovation squared, 1 if model and noise describe the data; for the paper's methods the \
                        part of the motion that is left over.";
@@ -280,28 +296,34 @@ impl<'s> Drawn<'s> {
         figures
     }
 
-    /// Valid λ̂ of an on-line method with their bands.
-    fn bands(&self, estimates: &Recording, track: &Track) -> Plot {
-        let mut plot = self.over_time("λ̂", PlotUnit::LAMBDA).height(380.0);
-        for k in 0..3 {
-            let edge = |stds: f64| -> Vec<f64> {
-                let valid = track.outputs.iter().map(|output| output.valid.then_some(output));
-                valid
-                    .map(|output| output.map_or(f64::NAN, |o| o.lambda_hat[k] + stds * o.lambda_std_total[k]))
-                    .collect()
-            };
-            plot.band(NAMES[k], colour::BANDS[k], &estimates.time_s, &edge(-2.0), &edge(2.0));
-            let line = Line::new(["λ̂₁", "λ̂₂", "λ̂₃"][k], colour::MAGNETS[k]).group(NAMES[k]).width(2.0);
-            plot.line(line, &estimates.time_s, &edge(0.0));
-        }
-        plot
+    /// Valid λ̂ of an on-line method with their bands, bearing by bearing.
+    fn bands(&self, track: &Track) -> Vec<(String, Plot)> {
+        let names = ["lambdaHat", "lambdaStdTotal"].map(|name| track.machine.of_magnets(name));
+        let mut magnets = names[0].iter().zip(&names[1]);
+        let of_bearing = |bearing: &Bearing| {
+            let mut plot = self.over_time("λ̂", PlotUnit::LAMBDA).height(380.0);
+            for (k, (lambda, std)) in magnets.by_ref().take(bearing.magnets).enumerate() {
+                let [valid, lambda, std] = [track.of("valid"), track.of(lambda), track.of(std)];
+                let edge = |stds: f64| -> Vec<f64> {
+                    let value = |j: usize| if valid[j] == 1.0 { lambda[j] + stds * std[j] } else { f64::NAN };
+                    (0..valid.len()).map(value).collect()
+                };
+                let time_s = &track.outputs.time_s;
+                plot.band(NAMES[k], colour::BANDS[k], time_s, &edge(-2.0), &edge(2.0));
+                let line = Line::new(["λ̂₁", "λ̂₂", "λ̂₃", "λ̂₄"][k], colour::MAGNETS[k]).group(NAMES[k]).width(2.0);
+                plot.line(line, time_s, &edge(0.0));
+            }
+            let title = if bearing.prefix.is_empty() { track.name() } else { bearing.prefix.trim_end_matches('.') };
+            (title.to_owned(), plot)
+        };
+        track.machine.bearings.iter().map(of_bearing).collect()
     }
 }
 
 /// Adds a signal of a track, with gaps where it is not shown.
 fn line(plot: &mut Plot, recording: &Recording, track: &Track, name: &str, line: Line, show: impl Fn(usize) -> bool) {
-    let values = recording.get(&format!("{}.{name}", track.name)).unwrap_or(&[]);
-    let filling = |j: usize| track.outputs.get(j).is_none_or(|output| output.verdict == Verdict::Collecting);
+    let values = recording.get(&format!("{}.{name}", track.name())).unwrap_or(&[]);
+    let filling = |j: usize| track.verdict_at(j) == Verdict::Collecting;
     let shown = |(j, value): (usize, &f64)| if show(j) && !filling(j) { *value } else { f64::NAN };
     plot.line(line, &recording.time_s, &values.iter().enumerate().map(shown).collect::<Vec<f64>>());
 }

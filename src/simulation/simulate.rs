@@ -242,7 +242,11 @@ fn read(instances: &mut [Running], (element, index): (usize, usize)) -> Value {
     instances[element].instance.get(index).expect("indices come from the model's table")
 }
 
-fn start(element: &Element) -> Result<Box<dyn Instance>, Vec<String>> {
+/// Starts an instance of an element.
+///
+/// # Errors
+/// Every value that the model refuses.
+pub(crate) fn start(element: &Element) -> Result<Box<dyn Instance>, Vec<String>> {
     let mut instance = element.model_type.instantiate();
     for setting in &element.settings {
         instance

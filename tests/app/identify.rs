@@ -8,7 +8,7 @@ use magnetic_bearing::report::identification;
 use magnetic_bearing::simulation::recording::Recording;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate;
-use magnetic_bearing::studies::identify::{self, Question, Reading, Samples, likelihood};
+use magnetic_bearing::studies::identify::{self, Question, Reading, Samples, Track, likelihood};
 use magnetic_bearing::studies::montecarlo;
 
 const TRUTH: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
@@ -37,14 +37,24 @@ fn config(samples: &Samples) -> EstimatorConfig {
     EstimatorConfig { step_s: samples.step_s, window_s, epsilon_s: window_s, ..EstimatorConfig::default() }
 }
 
+fn track(samples: &Samples, config: &EstimatorConfig) -> Track {
+    identify::track(samples, &identify::estimator(config)).expect("a good configuration")
+}
+
+/// λ̂ and its standard deviation after a sample.
+fn estimate(track: &Track, row: usize) -> [[f64; 3]; 2] {
+    ["lambdaHat", "lambdaStd"].map(|name| [1, 2, 3].map(|k| track.of(&format!("{name}[{k}]"))[row]))
+}
+
 /// Errors of the last valid estimate, relative; it must be within its standard deviations.
 fn errors(samples: &Samples, config: &EstimatorConfig) -> [f64; 3] {
-    let track = identify::track(samples, config).expect("a good configuration");
+    let track = track(samples, config);
     let last = track.last_valid().unwrap_or_else(|| panic!("{}", track.verdict()));
-    let errors = [0, 1, 2].map(|k| last.lambda_hat[k] / TRUTH[k] - 1.0);
-    println!("{errors:.5?} ± {:.5?}; {}", [0, 1, 2].map(|k| last.lambda_std[k] / TRUTH[k]), track.verdict());
+    let [hat, std] = estimate(&track, last);
+    let errors = [0, 1, 2].map(|k| hat[k] / TRUTH[k] - 1.0);
+    println!("{errors:.5?} ± {:.5?}; {}", [0, 1, 2].map(|k| std[k] / TRUTH[k]), track.verdict());
     for (k, truth) in TRUTH.into_iter().enumerate() {
-        let ratio = (last.lambda_hat[k] - truth).abs() / last.lambda_std[k];
+        let ratio = (hat[k] - truth).abs() / std[k];
         assert!(ratio < CONFIDENT, "lambda[{}]: {ratio:.1} standard deviations, limit {CONFIDENT}", k + 1);
     }
     errors
@@ -60,12 +70,12 @@ fn a_recording_says_what_the_loop_said() {
     let (_, recording) = run(montecarlo::NOISE, 0.15);
     let samples = Samples::read(&csv(&recording), &Reading::default()).expect("a good recording");
     assert_eq!(samples.len(), recording.time_s.len());
-    let track = identify::track(&samples, &config(&samples)).expect("a good configuration");
+    let track = track(&samples, &config(&samples));
     let in_loop = recording.get("estimator.lambdaHat[2]").expect("an estimator");
     // The loop's estimator sees a sample one communication step later.
-    for (offline, online) in track.outputs.iter().zip(&in_loop[1..]) {
-        let off = (offline.lambda_hat[1] / online - 1.0).abs();
-        assert!(off < 1e-9, "{} offline, {online} in the loop", offline.lambda_hat[1]);
+    for (offline, online) in track.of("lambdaHat[2]").iter().zip(&in_loop[1..]) {
+        let off = (offline / online - 1.0).abs();
+        assert!(off < 1e-9, "{offline} offline, {online} in the loop");
     }
 }
 
@@ -113,11 +123,12 @@ fn a_recording_with_all_imperfections() {
     assert!((samples.step_s - 1e-4).abs() < 1e-9, "{} s", samples.step_s);
     assert!(samples.notes.iter().any(|note| note.contains("gaps")), "{:?}", samples.notes);
     let config = EstimatorConfig { hold: Hold::HeldBefore, ..config(&samples) };
-    let track = identify::track(&samples, &config).expect("a good configuration");
+    let track = track(&samples, &config);
     println!("{}", track.verdict());
-    for output in track.outputs.iter().filter(|output| output.valid) {
+    for row in (0..samples.len()).filter(|row| track.is_valid(*row)) {
+        let [hat, std] = estimate(&track, row);
         for (k, truth) in TRUTH.into_iter().enumerate() {
-            let ratio = (output.lambda_hat[k] - truth).abs() / output.lambda_std[k];
+            let ratio = (hat[k] - truth).abs() / std[k];
             assert!(ratio < CONFIDENT, "lambda[{}]: {ratio:.1} standard deviations, limit {CONFIDENT}", k + 1);
         }
     }
@@ -149,7 +160,7 @@ fn missing_samples_and_other_rates() {
     let blind = spoilt(&|_, name| name.starts_with("plant.theta") || name.starts_with("plant.omegam"));
     let blind = blind.replace("plant.theta", "plant.unused").replace("plant.omegam", "plant.unusedToo");
     let samples = Samples::read(&blind, &Reading::default()).expect("a usable recording");
-    let track = identify::track(&samples, &config(&samples)).expect("a good configuration");
+    let track = track(&samples, &config(&samples));
     assert!(track.last_valid().is_none(), "unbalance without an angle: {}", track.verdict());
     let told = Reading { omega_rad_s: Some(100.0 * std::f64::consts::PI), ..Reading::default() };
     let samples = Samples::read(&blind, &told).expect("a usable recording");
@@ -187,11 +198,11 @@ fn what_cannot_be_used_is_said() {
 fn results_can_be_read_back() {
     let (_, recording) = run(montecarlo::NOISE, 0.1);
     let samples = Samples::read(&csv(&recording), &Reading::default()).expect("a good recording");
-    let tracks = vec![identify::track(&samples, &config(&samples)).expect("a good configuration")];
+    let tracks = vec![track(&samples, &config(&samples))];
     let json = identify::json(&samples, &tracks);
     let hat = json["methods"][0]["estimate"]["lambdaHat"][2].as_f64().expect("a number");
     assert!((hat / TRUTH[2] - 1.0).abs() < 0.02, "{json}");
-    assert_eq!(identify::recording(&samples, &tracks).columns.len(), 13);
+    assert_eq!(identify::recording(&tracks).columns.len(), 13);
     let page = identification::page("A <title>", "command", std::slice::from_ref(&samples), &tracks, None, None);
     assert!(page.contains("A &lt;title&gt;") && page.matches("application/json").count() == 5);
 }
@@ -655,11 +666,9 @@ fn currents_may_have_a_table_of_their_own() {
     let reading = Reading { columns, ..Reading::default() };
     let apart = Samples::read_apart(&whole, &currents, &reading).expect("usable recordings");
     assert!(apart.notes.iter().any(|note| note.contains("of their own")), "{:?}", apart.notes);
-    let [one, other] = [&together, &apart].map(|samples| {
-        let track = identify::track(samples, &config(samples)).expect("a good configuration");
-        track.last_valid().expect("an estimate").lambda_hat
-    });
-    for (one, other) in one.iter().zip(other) {
+    let [one, other] =
+        [&together, &apart].map(|samples| track(samples, &config(samples)).lambda_hat().expect("an estimate"));
+    for (one, other) in one.iter().zip(&other) {
         // The table begins and ends with an interval less, and has nine digits.
         assert!((one / other - 1.0).abs() < 1e-3, "{one} in one table, {other} in two");
     }

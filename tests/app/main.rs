@@ -21,6 +21,7 @@ mod identify;
 mod layers;
 mod likelihood;
 mod machines;
+mod machines_identified;
 mod montecarlo;
 mod package;
 mod platforms;

@@ -74,6 +74,48 @@ fn identified(folder: &Path, arguments: &[&str]) -> Json {
     serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"))
 }
 
+/// The machines whose answer is that of the on-line estimator.
+#[test]
+fn every_machine_has_a_twin() {
+    for (machine, mass, m_kg) in
+        [("planar4", "m=6.8", 6.8), ("spindle", "m=12kg", 12.0), ("spindle4", "estimator.m=12", 12.0)]
+    {
+        let folder = folder(&format!("twin/{machine}"));
+        let (code, _, errors) = run(&folder, &["simulate", machine, "--csv", "run.csv"]);
+        assert_eq!(code, 0, "{errors}");
+        let found = identified(&folder, &["run.csv", "--machine", machine, "--set", mass]);
+        let values = same_in_all(&folder);
+        for (k, name) in found["magnets"].as_array().expect("names").iter().enumerate() {
+            let (name, lambda) = (name.as_str().expect("a name"), found["lambdaHat"][k].as_f64().expect("a number"));
+            same(name, values[&format!("plant.{name}")], lambda);
+            for element in ["controller", "estimator"] {
+                same(name, values[&format!("{element}.{}", name.replace("lambda", "lambda0"))], lambda);
+            }
+        }
+        let plane = if machine == "planar4" { "unbalance" } else { "unbalance[2]" };
+        for (name, wanted) in [
+            ("plant.pY".to_owned(), &found["pYHat"]),
+            (format!("plant.{plane}.magnitude"), &found[format!("{plane}.magnitude")]),
+            (format!("plant.{plane}.phase"), &found[format!("{plane}.phase")]),
+            ("plant.sensor.positionNoise".to_owned(), &found["noise.position"]),
+        ] {
+            same(&name, values[&name], wanted.as_f64().expect("a number"));
+        }
+        assert_eq!(["plant.m", "controller.m", "estimator.m"].map(|name| values[name]), [m_kg; 3]);
+        // The twin runs, and says what its recording said.
+        let (code, _, errors) = run(&folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
+        assert_eq!(code, 0, "{errors}");
+        let (code, out, errors) = run(&folder, &["identify", "again.csv", "--scenario", "twin.toml", "--json", "-"]);
+        assert_eq!(code, 0, "{errors}");
+        let again: Json = serde_json::from_str(&out).expect("JSON");
+        for k in 0..found["magnets"].as_array().expect("names").len() {
+            let of = |document: &Json, name: &str| document[name][k].as_f64().expect("a number");
+            let off = of(&again, "lambdaHat") - of(&found, "lambdaHat");
+            below("λ again, deviations", off.abs() / of(&again, "lambdaStdTotal"), 5.0);
+        }
+    }
+}
+
 /// A bench with a sensor that is off, at another speed and sample time.
 #[test]
 fn a_planar_bench_has_a_twin() {

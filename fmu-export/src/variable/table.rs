@@ -44,8 +44,8 @@ impl<D> Table<D> {
         self.items_only[index]
     }
 
-    /// Reads a variable.
-    pub(crate) fn get(&self, index: usize, values: &D) -> Value {
+    /// The value of the variable with that index.
+    pub fn get(&self, index: usize, values: &D) -> Value {
         let (place, element) = &self.places[index];
         match place {
             Some(Place::Real(place)) => Value::Real((place.get)(values, *element)),

@@ -1,6 +1,5 @@
 //! `identify` for the machine `axial`: one axis between one or two magnets.
 
-use std::fs;
 use std::path::Path;
 
 use serde_json::json;
@@ -27,7 +26,7 @@ fn unused(arguments: &Arguments) -> [(bool, &'static str); 9] {
         (arguments.currents.is_some(), "--currents"),
         (arguments.speed.is_some(), "--speed"),
         (arguments.window.is_some(), "--window"),
-        (arguments.method != "likelihood", "--method"),
+        (!arguments.is_likelihood(), "--method"),
         (arguments.hold != "auto", "--hold"),
         (!arguments.tolerances.is_empty(), "--tolerance"),
         (arguments.csv.is_some(), "--csv"),
@@ -38,18 +37,12 @@ fn unused(arguments: &Arguments) -> [(bool, &'static str); 9] {
 
 /// The bench, if the machine is `axial`.
 pub(super) fn bench(arguments: &Arguments) -> Result<Option<Bench>> {
-    let text = fs::read_to_string(&arguments.scenario).unwrap_or_default();
-    let table: toml::Table = text.parse().unwrap_or_default();
-    let of_scenario = table.get("machine").and_then(toml::Value::as_str);
-    match arguments.machine.as_deref().or(of_scenario) {
-        Some("axial") => {}
-        _ => {
-            let axial = [(arguments.at.is_some(), "--at"), (arguments.check.is_some(), "--check")];
-            return match axial.iter().find(|(is_given, _)| *is_given) {
-                Some((_, option)) => Err(refused(format!("{option} needs --machine axial"))),
-                None => Ok(None),
-            };
-        }
+    if *arguments.machine() != AXIAL {
+        let axial = [(arguments.at.is_some(), "--at"), (arguments.check.is_some(), "--check")];
+        return match axial.iter().find(|(is_given, _)| *is_given) {
+            Some((_, option)) => Err(refused(format!("{option} needs --machine axial"))),
+            None => Ok(None),
+        };
     }
     let mut wrong: Vec<String> = unused(arguments)
         .iter()
@@ -57,8 +50,8 @@ pub(super) fn bench(arguments: &Arguments) -> Result<Option<Bench>> {
         .map(|(_, option)| format!("the machine axial has no {option}"))
         .collect();
     // A scenario of another machine says nothing of this one.
-    let scenario = match of_scenario {
-        Some("axial") => Scenario::open_parameters(&arguments.scenario, &[])?,
+    let scenario = match &arguments.scenario {
+        Some(path) if Scenario::machine_of(path) == Some(&AXIAL) => Scenario::open_parameters(path, &[])?,
         _ => Scenario::plain(&AXIAL),
     };
     let columns = scenario.columns.iter().chain(&arguments.column).cloned().collect();

@@ -5,6 +5,7 @@ use std::path::Path;
 use fmu_export::package::platforms::Binaries;
 
 use super::{Arguments, Result, named, print, refused, said_of};
+use crate::machine::PLANAR;
 use crate::output::Format;
 use crate::package;
 use crate::studies::identify::Twin;
@@ -29,8 +30,11 @@ impl<'a> Files<'a> {
         let names = arguments.recordings.iter().map(|path| path.file_name().unwrap_or_default().to_string_lossy());
         let recordings = names.collect::<Vec<_>>().join(", ");
         let files = Self { save: arguments.save.as_deref(), ssv: arguments.ssv.as_deref(), ssp, recordings };
-        if !files.is_empty() && !arguments.is_likelihood() {
-            return Err(refused(format!("--save, --ssv and --ssp need --method likelihood, not {}", arguments.method)));
+        if !files.is_empty() && *arguments.machine() == PLANAR && !arguments.is_likelihood() {
+            return Err(refused(format!(
+                "--save, --ssv and --ssp need --method likelihood, not {}",
+                arguments.method()
+            )));
         }
         Ok(files)
     }

@@ -13,7 +13,7 @@ use fmu_export::variable::{Causality, Type, Value};
 
 pub use self::read::suggestion;
 use self::read::{permitted, unknown};
-use crate::machine::Machine;
+use crate::machine::{self, Machine};
 
 /// The built-in scenarios, by name.
 pub const BUILT_IN: [(&str, &str); 16] = [
@@ -102,6 +102,23 @@ pub struct Element {
 }
 
 impl Element {
+    /// Index of the variable of that name.
+    pub fn index(&self, variable: &str) -> Option<usize> {
+        read::position(&self.model_type, variable)
+    }
+
+    /// The start value of a variable.
+    pub fn value(&self, variable: &str) -> Option<Value> {
+        let index = self.index(variable)?;
+        let set = self.settings.iter().rev().find(|setting| setting.index == index);
+        Some(set.map_or_else(|| self.model_type.variables()[index].start(), |setting| setting.value.clone()))
+    }
+
+    /// Gives a variable a value at the start; nothing happens if there is no such variable.
+    pub fn set(&mut self, variable: &str, value: Value) {
+        self.settings.extend(self.index(variable).map(|index| Setting { index, value }));
+    }
+
     /// Index and value of the settings, in the order of the variables; the last of several for one variable holds.
     pub fn values(&self) -> Vec<(usize, Value)> {
         let last: BTreeMap<_, _> = self.settings.iter().map(|setting| (setting.index, &setting.value)).collect();
@@ -221,6 +238,13 @@ impl Scenario {
         Self::parse_requiring(&origin, &text, required, changes)
     }
 
+    /// The machine that a scenario names, a built-in one or a file; none if it names none or cannot be read.
+    pub fn machine_of(name: &Path) -> Option<&'static Machine> {
+        let built_in = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in));
+        let text = built_in.map(|(_, text)| (*text).to_owned()).or_else(|| std::fs::read_to_string(name).ok())?;
+        machine::find(text.parse::<toml::Table>().ok()?.get("machine")?.as_str()?)
+    }
+
     /// A scenario of a machine in which all variables have their start values.
     pub fn plain(machine: &Machine) -> Self {
         let text = format!("machine = \"{}\"", machine.name);
@@ -313,15 +337,14 @@ impl Scenario {
     /// Gives a variable a value at the start; nothing happens if there is no such element or variable.
     pub fn set(&mut self, element: &str, variable: &str, value: Value) {
         if let Some(element) = self.elements.iter_mut().find(|candidate| candidate.name == element) {
-            let index = read::position(&element.model_type, variable);
-            element.settings.extend(index.map(|index| Setting { index, value }));
+            element.set(variable, value);
         }
     }
 
     /// Whether the scenario states a value for a variable.
     pub fn is_stated(&self, element: &str, variable: &str) -> bool {
         let states = |element: &Element| {
-            let index = read::position(&element.model_type, variable);
+            let index = element.index(variable);
             element.settings.iter().any(|setting| Some(setting.index) == index)
         };
         self.elements.iter().any(|candidate| candidate.name == element && states(candidate))
@@ -329,10 +352,6 @@ impl Scenario {
 
     /// The start value of a variable.
     pub fn value(&self, element: &str, variable: &str) -> Option<Value> {
-        let element = self.elements.iter().find(|candidate| candidate.name == element)?;
-        let variables = element.model_type.variables();
-        let index = variables.iter().position(|candidate| candidate.name == variable)?;
-        let set = element.settings.iter().rev().find(|setting| setting.index == index);
-        Some(set.map_or_else(|| variables[index].start(), |setting| setting.value.clone()))
+        self.elements.iter().find(|candidate| candidate.name == element)?.value(variable)
     }
 }

@@ -6,7 +6,7 @@ use serde_json::{Value as Json, json};
 use super::diagnosis::{self, Take};
 use super::likelihood::{self, BENCH, Change, Identification, Knowledge, Options, PARAMETERS, Told};
 use super::read::{Rotation, Samples, significant, time};
-use super::{Failed, HOLDS, track_every};
+use super::{Failed, HOLDS, estimator, track_every};
 use crate::estimation::{EstimatorConfig, Hold, Method, STD_LIMIT};
 use crate::table::Table;
 
@@ -224,7 +224,8 @@ fn drifts(samples: &Samples, columns: &Columns) -> Option<f64> {
 /// λ that the on-line estimator ends with, in N·m²/A², if any of its estimates is valid.
 fn on_line(recordings: &[Samples], config: &EstimatorConfig) -> Option<[f64; 3]> {
     let config = EstimatorConfig { method: Method::PredictionError, ..config.clone() };
-    let found = |samples: &Samples| Some(track_every(samples, &config, ON_LINE).ok()?.last_valid()?.lambda_hat);
+    let found =
+        |samples: &Samples| track_every(samples, &estimator(&config), ON_LINE).ok()?.lambda_hat()?.try_into().ok();
     recordings.iter().find_map(found)
 }
 

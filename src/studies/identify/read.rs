@@ -10,13 +10,13 @@ mod text;
 mod units;
 
 use std::io::Read;
-use std::ops::Range;
 
-use self::header::{AXIAL, CURRENTS, OMEGA, POSITIONS, SIGNALS, THETA, TIME_AT};
+use self::header::{Kind, Signals, TIME_AT};
 use self::signals::Known;
 use self::table::Table;
 use super::faults;
 use crate::estimation::Hold;
+use crate::machine::{AXIAL, Machine};
 
 pub use self::plausible::Finding;
 pub use self::units::{duration_s, rate_s};
@@ -37,6 +37,8 @@ const CLOCKS: f64 = 1e-3;
 /// How the columns are to be read.
 #[derive(Clone, Debug, Default)]
 pub struct Reading {
+    /// The machine; its signals are read.
+    pub machine: &'static Machine,
     /// Names of columns: signal as in the interface, name in the header.
     pub columns: Vec<(String, String)>,
     /// Units: signal as in the interface, unit. What stands in the header counts otherwise, then SI.
@@ -68,14 +70,16 @@ pub enum Rotation {
 /// Signals at a uniform pace, in SI units; NaN where nothing is known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Samples {
+    /// The machine.
+    pub machine: &'static Machine,
     /// Instant of the first sample, in seconds.
     pub start_s: f64,
     /// Sample time, in seconds.
     pub step_s: f64,
-    /// Position (Y, Z), in m.
-    pub position_m: [Vec<f64>; 2],
+    /// Positions in the order of the readings, in m.
+    pub position_m: Vec<Vec<f64>>,
     /// Currents as recorded, in A; NaN where there was none.
-    pub current_a: [Vec<f64>; 3],
+    pub current_a: Vec<Vec<f64>>,
     /// Rows in which a position or a current was not recorded, but filled from its neighbours; empty if there is none.
     pub missing: Vec<bool>,
     /// Angle of the rotor, unwrapped, in rad; empty if not known.
@@ -86,10 +90,10 @@ pub struct Samples {
     pub rotation: Rotation,
     /// By how much the recorded angle jumps back when it wraps, in rad as read; none if it does not.
     pub wrap_rad: Option<f64>,
-    /// The units that the recorded signals were taken to be in, by the order (time, Ym, Zm, im\[1\], im\[2\], im\[3\], theta, omega, Xm).
-    pub units: [Option<&'static str>; SIGNALS.len()],
+    /// The units that the recorded signals were taken to be in: time, positions, currents, angle, speed.
+    pub units: Vec<Option<&'static str>>,
     /// The currents at places of their own, in samples from the first, if they were recorded at another rate.
-    pub apart: Option<[Vec<(f64, f64)>; 3]>,
+    pub apart: Option<Vec<Vec<(f64, f64)>>>,
     /// Remarks, in sentences.
     pub notes: Vec<String>,
 }
@@ -103,7 +107,7 @@ impl Samples {
     /// Number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.position_m[0].len()
+        self.position_m.first().map_or(0, Vec::len)
     }
 
     /// Whether there are none.
@@ -114,9 +118,9 @@ impl Samples {
 
     /// The currents with a value at every sample where one can be had.
     #[must_use]
-    pub fn currents(&self, how: Hold) -> [Vec<f64>; 3] {
+    pub fn currents(&self, how: Hold) -> Vec<Vec<f64>> {
         match &self.apart {
-            Some(apart) => apart.each_ref().map(|current| signals::resampled(current, self.len(), how)),
+            Some(apart) => apart.iter().map(|current| signals::resampled(current, self.len(), how)).collect(),
             None => self.current_a.clone(),
         }
     }
@@ -130,7 +134,7 @@ impl Samples {
     /// # Errors
     /// Everything that keeps the recording from being used.
     pub fn read_from(recording: impl Read, reading: &Reading) -> Result<Self, Unusable> {
-        samples(&Table::read(recording, reading, |signal| signal != AXIAL)?, reading).map_err(Unusable)
+        samples(&Table::read(recording, reading, |_| true)?, reading).map_err(Unusable)
     }
 
     /// Reads a recording that is a text already.
@@ -155,7 +159,7 @@ impl Samples {
     /// # Errors
     /// As for [`Samples::read_from`], of both tables.
     pub fn read_apart_from(motion: impl Read, currents: impl Read, reading: &Reading) -> Result<Self, Unusable> {
-        let motion = Table::read(motion, reading, |signal| signal < AXIAL && !CURRENTS.contains(&signal));
+        let motion = Table::read(motion, reading, |kind| !matches!(kind, Kind::Current(_)));
         let (motion, currents) = match (motion, table_of_currents(currents, reading)) {
             (Ok(motion), Ok(currents)) => (motion, currents),
             (motion, currents) => {
@@ -176,7 +180,8 @@ impl Samples {
 
     /// Takes over the currents of a table whose clock began so much later.
     fn take_currents(&mut self, table: Table, later_s: f64) -> Result<(), String> {
-        let rows = table.known([TIME_AT].into_iter().chain(CURRENTS));
+        let of_currents = table.signals.currents.clone();
+        let rows = table.known([TIME_AT].into_iter().chain(of_currents.clone()));
         if rows.len() < LEAST {
             return Err(format!("{} samples of all of them, {LEAST} at least are wanted", rows.len()));
         }
@@ -193,9 +198,9 @@ impl Samples {
         }
         let place = |row: usize| (time_s(row) - self.start_s) / self.step_s;
         let current = |at: usize| rows.iter().map(|row| (place(*row), table.columns[at][*row])).collect();
-        let currents = [0, 1, 2].map(|k| current(CURRENTS.start + k));
+        let currents = of_currents.clone().map(current).collect();
         self.notes.extend(table.notes);
-        self.units[CURRENTS].copy_from_slice(&table.units[CURRENTS]);
+        self.units[of_currents.clone()].copy_from_slice(&table.units[of_currents]);
         self.take_apart(currents);
         Ok(())
     }
@@ -238,7 +243,7 @@ impl Samples {
     }
 
     /// Takes over currents at places of their own.
-    fn take_apart(&mut self, currents: [Known; 3]) {
+    fn take_apart(&mut self, currents: Vec<Known>) {
         self.notes.push(format!(
             "The currents have {} samples of their own, every {}.",
             currents[0].len(),
@@ -248,9 +253,9 @@ impl Samples {
     }
 
     /// Signs of a misread unit, by magnitude and by comparison of the signals with each other; `gap_m` is the nominal
-    /// air gap in m. A recording with findings must not be used.
+    /// air gap of each bearing in m. A recording with findings must not be used.
     #[must_use]
-    pub fn implausible(&self, gap_m: f64) -> Vec<Finding> {
+    pub fn implausible(&self, gap_m: &[f64]) -> Vec<Finding> {
         plausible::findings(self, gap_m)
     }
 }
@@ -276,31 +281,33 @@ impl Axial {
     /// # Errors
     /// Everything that keeps the recording from being used.
     pub fn read_from(recording: impl Read, reading: &Reading, used: &[usize]) -> Result<Self, Unusable> {
-        let is_current = |signal: usize| used.iter().any(|k| CURRENTS.start + k == signal);
-        let wanted = |signal: usize| matches!(signal, TIME_AT | AXIAL) || is_current(signal);
-        let table = Table::read(recording, reading, wanted)?;
+        let wanted = |kind: Kind| match kind {
+            Kind::Current(k) => used.contains(&k),
+            kind => matches!(kind, Kind::Time | Kind::Position),
+        };
+        let table = Table::read(recording, &Reading { machine: &AXIAL, ..reading.clone() }, wanted)?;
+        let Signals { list, positions, currents, .. } = &table.signals;
         let mut notes = table.notes.clone();
-        let Grid { start_s, step_s, count, place } =
-            grid(&table, reading, AXIAL..AXIAL + 1, &mut notes).map_err(Unusable)?;
+        let Grid { start_s, step_s, count, place } = grid(&table, reading, &mut notes).map_err(Unusable)?;
         notes.insert(0, format!("{count} samples of {}.", time(step_s)));
         let mut missing = Vec::new();
         let mut column = |at: usize| {
             let values = signals::at_samples(&signals::known(&place, &table.columns[at]), count);
             let empty = values.iter().filter(|value| value.is_nan()).count();
             if empty > 0 {
-                notes.push(format!("{empty} of {count} samples have no {}.", SIGNALS[at].name));
+                notes.push(format!("{empty} of {count} samples have no {}.", list[at].name));
             }
             if count - empty < LEAST {
                 missing.push(format!(
                     "{}: {} values at the samples of the position, {LEAST} at least are wanted",
-                    SIGNALS[at].name,
+                    list[at].name,
                     count - empty
                 ));
             }
             values
         };
-        let x_m = column(AXIAL);
-        let current_a = used.iter().map(|k| column(CURRENTS.start + k)).collect();
+        let x_m = column(positions.start);
+        let current_a = used.iter().map(|k| column(currents.start + k)).collect();
         if missing.is_empty() { Ok(Self { start_s, step_s, x_m, current_a, notes }) } else { Err(Unusable(missing)) }
     }
 }
@@ -310,12 +317,12 @@ fn table_of_currents(mut from: impl Read, reading: &Reading) -> Result<Table, Un
     let mut text = Vec::new();
     from.read_to_end(&mut text)
         .map_err(|error| Unusable(vec![format!("the table of the currents cannot be read: {error}")]))?;
-    let wanted = |signal: usize| signal == TIME_AT || CURRENTS.contains(&signal);
+    let wanted = |kind: Kind| matches!(kind, Kind::Time | Kind::Current(_));
     let mut reading = Reading { rate_s: None, ..reading.clone() };
     Table::read(text.as_slice(), &reading, wanted).or_else(|first| {
-        let is_current = |name: &str| SIGNALS[CURRENTS].iter().any(|signal| signal.name == name);
-        reading.columns.retain(|(signal, _)| is_current(signal));
-        reading.units.retain(|(signal, _)| is_current(signal));
+        let currents = reading.machine.of_magnets("im");
+        reading.columns.retain(|(signal, _)| currents.contains(signal));
+        reading.units.retain(|(signal, _)| currents.contains(signal));
         Table::read(text.as_slice(), &reading, wanted).map_err(|_| first)
     })
 }
@@ -329,15 +336,11 @@ struct Grid {
     place: Vec<f64>,
 }
 
-/// Where the rows of a table with these positions are.
-fn grid(
-    table: &Table,
-    reading: &Reading,
-    positions: Range<usize>,
-    notes: &mut Vec<String>,
-) -> Result<Grid, Vec<String>> {
+/// Where the rows of a table are.
+fn grid(table: &Table, reading: &Reading, notes: &mut Vec<String>) -> Result<Grid, Vec<String>> {
     let refuse = |why: String| Err(vec![why]);
-    let of = if positions.len() > 1 { "both positions" } else { "the position" };
+    let positions = table.signals.positions.clone();
+    let of = ["no position", "the position", "both positions", "all positions"][positions.len().min(3)];
     let few = |count: usize| format!("{count} samples of {of}, {LEAST} at least are wanted");
     let Some(_) = &table.stamps else {
         let count = table.lines.len();
@@ -412,14 +415,16 @@ fn grid(
 /// Brings the rows of a table to a uniform pace.
 fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
     let mut notes = table.notes.clone();
-    let Grid { start_s, step_s, count, place } = grid(table, reading, POSITIONS, &mut notes)?;
+    let Grid { start_s, step_s, count, place } = grid(table, reading, &mut notes)?;
+    let Signals { list, positions, currents: of_currents, theta, omega } = &table.signals;
     notes.insert(0, format!("{count} samples of {}.", time(step_s)));
     let known = |at: usize| signals::known(&place, &table.columns[at]);
-    let mut samples = Samples { start_s, step_s, units: table.units, ..Samples::default() };
-    let currents = [0, 1, 2].map(|k| known(CURRENTS.start + k));
-    let rows = table.known([POSITIONS.start]).len();
+    let units = table.units.clone();
+    let mut samples = Samples { machine: reading.machine, start_s, step_s, units, ..Samples::default() };
+    let currents: Vec<Known> = of_currents.clone().map(known).collect();
+    let rows = table.known([positions.start]).len();
     let is_apart = !currents.iter().all(|of| signals::is_at_samples(of) && 2 * of.len() > rows);
-    let at = if is_apart { POSITIONS } else { POSITIONS.start..CURRENTS.end };
+    let at = positions.start..if is_apart { positions.end } else { of_currents.end };
     let mut columns: Vec<Vec<f64>> = Vec::new();
     let mut at_samples = true;
     for known in at.clone().map(known) {
@@ -432,7 +437,7 @@ fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
         });
     }
     if at_samples {
-        let mut named: Vec<_> = at.clone().map(|at| SIGNALS[at].name).zip(&mut columns).collect();
+        let mut named: Vec<_> = at.clone().map(|at| list[at].name.as_str()).zip(&mut columns).collect();
         notes.extend(faults::leave_out(&mut named, |row| time(start_s + row as f64 * step_s)));
     }
     for values in &mut columns {
@@ -446,15 +451,15 @@ fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
     if gaps > 0 {
         notes.push(format!("{gaps} of {count} samples lack a position or a current: gaps."));
     }
-    let mut columns = columns.into_iter();
-    samples.position_m = [(); 2].map(|()| columns.next().unwrap_or_default());
-    samples.current_a = [(); 3].map(|()| columns.next().unwrap_or_default());
+    samples.current_a = columns.split_off(positions.len());
+    samples.current_a.resize(of_currents.len(), Vec::new());
+    samples.position_m = columns;
     samples.notes = notes;
-    if is_apart && table.units[CURRENTS.start].is_some() {
+    if is_apart && table.units[of_currents.start].is_some() {
         samples.take_apart(currents);
     }
-    let mut theta = known(THETA);
+    let mut theta = known(*theta);
     samples.wrap_rad = signals::unwrap(&mut theta);
-    samples.take_rotation(theta, known(OMEGA), reading.omega_rad_s);
+    samples.take_rotation(theta, known(*omega), reading.omega_rad_s);
     Ok(samples)
 }

@@ -8,6 +8,7 @@ use fmu_export::variable::Value;
 use super::answer::Answer;
 use super::likelihood::{Knowledge, PARAMETERS, by_name};
 use super::read::Samples;
+use super::track::Track;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate;
 
@@ -175,13 +176,12 @@ impl Answer {
         };
         // The estimator takes sensors for exact, so that their errors are part of what it does not know.
         let error = |name: &str| of(name).hypot(std(name));
-        let known: Vec<f64> = samples.omega_rad_s.iter().copied().filter(|omega| omega.is_finite()).collect();
         let stated = Stated {
             m_kg: config.m_kg,
             gap_m: config.gap_m,
             alpha_rad: config.alpha_rad,
             theta0_rad: start(base, "plant", "theta0"),
-            omega_rad_s: known.iter().sum::<f64>() / known.len().max(1) as f64,
+            omega_rad_s: mean(&samples.omega_rad_s),
         };
 
         let mut values = Values::default();
@@ -225,6 +225,48 @@ impl Answer {
         let slow_force = (first.slow_force_n > 0.0).then_some("force.slow");
         Ok(Twin { left_out: left_out.chain(slow_force).collect(), ..twin })
     }
+}
+
+impl Track {
+    /// The machine with the stated and the identified values. `base` is the scenario of the machine. What the estimator knows of the bench, the
+    /// plant has and the controller knows as well.
+    ///
+    /// # Errors
+    /// The estimate is not valid at the end, or all values that a model refuses.
+    pub fn twin(&self, base: &Scenario, samples: &Samples) -> Result<Twin, Vec<String>> {
+        let last = self.last_valid().filter(|_| self.is_valid_at_end()).ok_or_else(|| vec![self.verdict_at_end()])?;
+        let of = |name: &str| self.of(name)[last];
+        let mut values = Values::default();
+        let stated = self.estimator.model_type.variables().iter().map(|variable| variable.name.to_string());
+        for name in stated.filter(|name| base.is_stated("estimator", name)) {
+            for element in ["plant", "controller"] {
+                values.put_value(element, &name, base.value("estimator", &name).expect("a variable"));
+            }
+        }
+        let step_s = values.put_sample_time(base, samples.step_s);
+        let of_magnets = |name| self.machine.of_magnets(name).into_iter();
+        for ((hat, lambda), lambda0) in of_magnets("lambdaHat").zip(of_magnets("lambda")).zip(of_magnets("lambda0")) {
+            values.put("plant", &lambda, of(&hat));
+            values.put("controller", &lambda0, of(&hat));
+            values.put("estimator", &lambda0, of(&hat));
+        }
+        let loads = self.machine.of_coordinates(|coordinate| coordinate.load);
+        for (name, hat) in loads.iter().zip(self.machine.of_loads("p", "Hat")) {
+            values.put("plant", name, of(&hat));
+        }
+        for name in [self.machine.of_planes("magnitude"), self.machine.of_planes("phase")].concat() {
+            values.put("plant", &name, of(&name));
+        }
+        values.put("plant", "omega", mean(&samples.omega_rad_s));
+        values.put_noise(of("noise.position"), of("noise.current"));
+        values.twin(base, step_s, &self.verdict())
+    }
+}
+
+/// The mean of the values that are known.
+fn mean(values: &[f64]) -> f64 {
+    let known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    known.iter().sum::<f64>() / known.len().max(1) as f64
 }
 
 fn start(scenario: &Scenario, element: &str, variable: &str) -> f64 {

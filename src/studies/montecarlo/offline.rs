@@ -79,8 +79,8 @@ fn misread(recording: &Recording, step_s: f64, errors: &[f64; BENCH]) -> Option<
     let of = |name: &str| errors[number(name)];
     let mut samples = Samples {
         step_s,
-        position_m: [column("Ym")?, column("Zm")?],
-        current_a: [column("im[1]")?, column("im[2]")?, column("im[3]")?],
+        position_m: vec![column("Ym")?, column("Zm")?],
+        current_a: vec![column("im[1]")?, column("im[2]")?, column("im[3]")?],
         theta_rad: column("theta")?,
         omega_rad_s: column("omegam")?,
         rotation: Rotation::Both,
@@ -116,8 +116,8 @@ fn beginning(samples: &Samples, rows: usize) -> Samples {
     let cut = |column: &Vec<f64>| column[..rows.min(column.len())].to_vec();
     Samples {
         step_s: samples.step_s,
-        position_m: samples.position_m.each_ref().map(cut),
-        current_a: samples.current_a.each_ref().map(cut),
+        position_m: samples.position_m.iter().map(cut).collect(),
+        current_a: samples.current_a.iter().map(cut).collect(),
         theta_rad: cut(&samples.theta_rad),
         omega_rad_s: cut(&samples.omega_rad_s),
         rotation: samples.rotation,

@@ -1,48 +1,93 @@
 //! The header of a recording: which column is which signal, and in what unit.
 
-use super::Reading;
+use std::ops::Range;
+
 use super::units::{self, ANGLE, CURRENT, LENGTH, Quantity, SPEED, TIME};
+use crate::machine::{MACHINES, Machine, Reading};
+
+/// The time is the first signal of every machine.
+pub(super) const TIME_AT: usize = 0;
+
+/// Which signal it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Time,
+    Position,
+    /// Of a magnet, counted from 0.
+    Current(usize),
+    Theta,
+    Omega,
+}
 
 /// A signal that a recording may have.
+#[derive(Clone, Debug)]
 pub(super) struct Signal {
+    pub kind: Kind,
     /// Name as in the interface.
-    pub name: &'static str,
+    pub name: String,
     /// Other names it goes by.
-    others: &'static [&'static str],
-    /// The measured quantity.
+    others: Vec<String>,
     pub quantity: Quantity,
     /// The user's name for it.
-    meaning: &'static str,
+    meaning: String,
 }
 
-const fn signal(
-    name: &'static str,
-    others: &'static [&'static str],
-    quantity: Quantity,
-    meaning: &'static str,
-) -> Signal {
-    Signal { name, others, quantity, meaning }
+/// The signals of a machine: time, positions, currents, angle and speed. Positions and currents are needed, the time if no rate is given.
+#[derive(Clone, Debug)]
+pub(super) struct Signals {
+    pub list: Vec<Signal>,
+    pub positions: Range<usize>,
+    pub currents: Range<usize>,
+    pub theta: usize,
+    pub omega: usize,
 }
 
-/// All of them. Positions and currents of the machine are needed, the time if no rate is given.
-pub(super) const SIGNALS: [Signal; 9] = [
-    signal("time", &["t", "Time", "TIME", "zeit", "Zeit", "timestamp", "Timestamp"], TIME, "the time of the sample"),
-    signal("Ym", &["Y", "y"], LENGTH, "the position along y"),
-    signal("Zm", &["Z", "z"], LENGTH, "the position along z"),
-    signal("im[1]", &["im1", "i[1]", "i1"], CURRENT, "the current of magnet 1"),
-    signal("im[2]", &["im2", "i[2]", "i2"], CURRENT, "the current of magnet 2"),
-    signal("im[3]", &["im3", "i[3]", "i3"], CURRENT, "the current of magnet 3"),
-    signal("theta", &["theta_m"], ANGLE, "the angle of the rotor"),
-    signal("omega", &["omegam", "plant.omegam"], SPEED, "the speed of the rotor"),
-    signal("Xm", &["X", "x"], LENGTH, "the position along the axis"),
-];
-/// Where they stand.
-pub(super) const TIME_AT: usize = 0;
-pub(super) const POSITIONS: std::ops::Range<usize> = 1..3;
-pub(super) const CURRENTS: std::ops::Range<usize> = 3..6;
-pub(super) const THETA: usize = 6;
-pub(super) const OMEGA: usize = 7;
-pub(super) const AXIAL: usize = 8;
+impl Signals {
+    pub fn of(machine: &Machine) -> Self {
+        let signal = |kind, name: &str, others: &[&str], quantity, meaning: &str| {
+            let others = others.iter().map(|name| (*name).to_owned()).collect();
+            Signal { kind, name: name.into(), others, quantity, meaning: meaning.into() }
+        };
+        let time = ["t", "Time", "TIME", "zeit", "Zeit", "timestamp", "Timestamp"];
+        let mut list = vec![signal(Kind::Time, "time", &time, TIME, "the time of the sample")];
+        for Reading { name, place, .. } in machine.readings {
+            let plain = name.trim_end_matches('m');
+            let (bearing, axis) = plain.split_at(plain.len() - 1);
+            let small = bearing.to_owned() + &axis.to_lowercase();
+            list.push(signal(Kind::Position, name, &[plain, &small], LENGTH, &format!("the position {place}")));
+        }
+        let positions = 1..list.len();
+        for (k, name) in machine.of_magnets("im").iter().enumerate() {
+            let plain = |name: &str| name.replace(['[', ']'], "");
+            let ideal = name.replace("im[", "i[");
+            let meaning = machine.describe("the current of {magnet}", k);
+            list.push(signal(Kind::Current(k), name, &[&plain(name), &ideal, &plain(&ideal)], CURRENT, &meaning));
+        }
+        let currents = positions.end..list.len();
+        list.push(signal(Kind::Theta, "theta", &["theta_m"], ANGLE, "the angle of the rotor"));
+        list.push(signal(Kind::Omega, "omega", &["omegam", "plant.omegam"], SPEED, "the speed of the rotor"));
+        Self { positions, theta: currents.end, omega: currents.end + 1, currents, list }
+    }
+
+    /// How many signals a line names, to find the header among the lines before it.
+    pub fn recognised(&self, columns: &[Column], reading: &super::Reading) -> usize {
+        let is_named = |signal: &&Signal| candidates(columns, signal, given(&reading.columns, signal)).len() == 1;
+        self.list.iter().filter(is_named).count()
+    }
+
+    /// Whether a header has all positions and currents under their own names.
+    fn are_all_in(&self, columns: &[Column]) -> bool {
+        self.list[self.positions.start..self.currents.end]
+            .iter()
+            .all(|signal| candidates(columns, signal, None).len() == 1)
+    }
+}
+
+/// The machine with the most magnets whose positions and currents all stand in the header, if it is another than this one.
+pub(super) fn other_machine(columns: &[Column], machine: &Machine) -> Option<&'static Machine> {
+    let fits = |machine: &&Machine| Signals::of(machine).are_all_in(columns);
+    MACHINES.iter().filter(fits).max_by_key(|machine| machine.magnets()).filter(|most| *most != machine)
+}
 
 /// Where a signal stands in a row, and in what unit: its name and what one of it is in SI; none if nobody said.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,39 +155,36 @@ pub(super) fn take_units(columns: &mut [Column], cells: &[String], findings: &mu
     true
 }
 
-/// How many signals a line names, to find the header among the lines before it.
-pub(super) fn recognised(columns: &[Column], reading: &Reading) -> usize {
-    SIGNALS.iter().filter(|signal| candidates(columns, signal, given(&reading.columns, signal)).len() == 1).count()
-}
-
 /// The last option for a signal.
 fn given<'a>(options: &'a [(String, String)], signal: &Signal) -> Option<&'a String> {
-    options.iter().rev().find(|(name, _)| name == signal.name).map(|(_, value)| value)
+    options.iter().rev().find(|(name, _)| *name == signal.name).map(|(_, value)| value)
 }
 
-/// Finds the wanted signals, in the order of [`SIGNALS`]; all that is wrong goes to the findings.
+/// Finds the wanted signals, in the order of the list; all that is wrong goes to the findings.
 pub(super) fn places(
+    signals: &Signals,
     columns: &[Column],
-    reading: &Reading,
-    wanted: impl Fn(usize) -> bool,
+    reading: &super::Reading,
+    wanted: impl Fn(Kind) -> bool,
     findings: &mut Vec<String>,
-) -> [Option<Place>; SIGNALS.len()] {
+) -> Vec<Option<Place>> {
     let options = [("--column", &reading.columns), ("--unit", &reading.units)];
     for (option, name) in
         options.into_iter().flat_map(|(option, pairs)| pairs.iter().map(move |pair| (option, &pair.0)))
     {
-        let known = (0..SIGNALS.len()).filter(|at| *at != AXIAL || wanted(AXIAL)).map(|at| SIGNALS[at].name);
-        if !known.clone().any(|known| known == name) {
-            let names = known.collect::<Vec<_>>().join(", ");
+        if !signals.list.iter().any(|known| known.name == *name) {
+            let names = signals.list.iter().map(|known| known.name.as_str()).collect::<Vec<_>>().join(", ");
             findings.push(format!("{option} {name}: {name} is no signal of a recording; known are {names}"));
         }
     }
     let mut is_absent = false;
-    let mut places: [Option<Place>; SIGNALS.len()] = Default::default();
-    for (at, signal) in SIGNALS.iter().enumerate().filter(|(at, _)| wanted(*at)) {
-        let name = signal.name;
+    let before = findings.len();
+    let mut places: Vec<Option<Place>> = vec![None; signals.list.len()];
+    for (at, signal) in signals.list.iter().enumerate().filter(|(_, signal)| wanted(signal.kind)) {
+        let name = &signal.name;
+        let is_rotation = matches!(signal.kind, Kind::Theta | Kind::Omega);
         let column = given(&reading.columns, signal);
-        let needed = !matches!(at, THETA | OMEGA) && (at != TIME_AT || reading.rate_s.is_none());
+        let needed = !is_rotation && (at != TIME_AT || reading.rate_s.is_none());
         let found = candidates(columns, signal, column);
         let [found] = found.as_slice() else {
             let names: Vec<&str> = found.iter().map(|at| columns[*at].name.as_str()).collect();
@@ -156,7 +198,7 @@ pub(super) fn places(
                     }
                     findings.push(finding);
                 }
-                ([_, ..], _) if !matches!(at, THETA | OMEGA) || column.is_some() => findings.push(format!(
+                ([_, ..], _) if !is_rotation || column.is_some() => findings.push(format!(
                     "{name}: several columns go by this name: {}; one is wanted: --column {name}=…",
                     names.join(", ")
                 )),
@@ -168,7 +210,7 @@ pub(super) fn places(
         if let Some(other) = (0..at).find(|other| places[*other].is_some_and(|place| place.column == *found)) {
             findings.push(format!(
                 "{} and {name}: both are column {}; one of its own is wanted for each",
-                SIGNALS[other].name, columns[*found].name
+                signals.list[other].name, columns[*found].name
             ));
         }
         let stated = given(&reading.units, signal).or(columns[*found].unit.as_ref());
@@ -179,6 +221,8 @@ pub(super) fn places(
         }
         places[at] = Some(Place { column: *found, unit });
     }
+    let other = other_machine(columns, reading.machine).filter(|_| findings.len() > before);
+    findings.extend(other.map(|other| format!("these are columns of the machine {0}: --machine {0}", other.name)));
     if is_absent {
         let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
         findings.push(format!("the header has the columns {}", names.join(", ")));
@@ -193,11 +237,11 @@ fn candidates(columns: &[Column], signal: &Signal, given: Option<&String>) -> Ve
         if let Some(given) = given {
             return [given.as_str(), &column(given).name].iter().position(|given| *given == name);
         }
-        let element = name.strip_suffix(signal.name).and_then(|element| element.strip_suffix('.'));
+        let element = name.strip_suffix(&signal.name).and_then(|element| element.strip_suffix('.'));
         match element {
             _ if name == signal.name => Some(0),
             Some("plant") => Some(1),
-            _ if name.starts_with("plant.") && signal.others.contains(&name) => Some(2),
+            _ if name.starts_with("plant.") && signal.others.iter().any(|other| other == name) => Some(2),
             Some(_) => Some(3),
             None => signal.others.iter().position(|other| *other == name).map(|at| 4 + at),
         }

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 use std::fmt;
 
-use super::header::{CURRENTS, OMEGA, POSITIONS, SIGNALS, THETA, TIME_AT};
+use super::header::{Signals, TIME_AT};
 use super::signals::median;
 use super::units::{rounded_time, significant, time};
 use super::{Rotation, Samples};
@@ -29,7 +29,7 @@ const REST_RAD_S: f64 = 1.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// The signal, as in the interface.
-    pub signal: &'static str,
+    pub signal: String,
     /// The value, with its unit.
     pub value: String,
     /// The likely cause.
@@ -45,11 +45,13 @@ impl fmt::Display for Finding {
     }
 }
 
-/// All findings.
-pub(super) fn findings(samples: &Samples, gap_m: f64) -> Vec<Finding> {
+/// All findings, with the gap of each bearing in m.
+pub(super) fn findings(samples: &Samples, gap_m: &[f64]) -> Vec<Finding> {
     let mut findings: Vec<Finding> = pace(samples).into_iter().collect();
     let is_paced = findings.is_empty();
-    findings.extend(positions(samples, gap_m));
+    for (bearing, gap_m) in samples.machine.bearings.iter().zip(gap_m) {
+        findings.extend(positions(samples, bearing.prefix, *gap_m));
+    }
     findings.extend(currents(samples));
     let before = findings.len();
     findings.extend(wrapping(samples));
@@ -70,16 +72,21 @@ fn written(unit: &str) -> &str {
     }
 }
 
+/// The signals of the recording.
+fn signals(samples: &Samples) -> Signals {
+    Signals::of(samples.machine)
+}
+
 /// The units that a signal may have been recorded in instead of that in which it was read, and how its values would change.
 fn instead(at: usize, samples: &Samples) -> Vec<(&'static str, f64)> {
-    let quantity = SIGNALS[at].quantity;
+    let quantity = signals(samples).list[at].quantity;
     let taken = quantity.iter().find(|(names, _)| Some(names[0]) == samples.units[at]).unwrap_or(&quantity[0]);
     quantity.iter().filter(|unit| *unit != taken).map(|(names, factor)| (written(names[0]), factor / taken.1)).collect()
 }
 
 /// A finding with the units that would bring the value into a range: `fits` says of a factor whether it would.
 fn misread(at: usize, samples: &Samples, value: String, fits: impl Fn(f64) -> bool) -> Finding {
-    let signal = SIGNALS[at].name;
+    let signal = signals(samples).list.swap_remove(at).name;
     let units: Vec<&str> =
         instead(at, samples).into_iter().filter(|(_, scale)| fits(*scale)).map(|(name, _)| name).collect();
     let read = samples.units[at].map_or(String::new(), |taken| format!(" read as {}", written(taken)));
@@ -97,7 +104,7 @@ fn pace(samples: &Samples) -> Option<Finding> {
     let value = format!("a sample every {}, where {least} to {most} is usual", rounded_time(samples.step_s, 4));
     let finding = || match samples.units[TIME_AT] {
         Some(_) => misread(TIME_AT, samples, value, |scale| fits(scale * samples.step_s)),
-        None => Finding { signal: "time", value, suspicion: "the wrong rate?".into(), remedy: String::new() },
+        None => Finding { signal: "time".into(), value, suspicion: "the wrong rate?".into(), remedy: String::new() },
     };
     (!fits(samples.step_s)).then(finding)
 }
@@ -116,14 +123,18 @@ fn noise(values: &[f64]) -> f64 {
     (sum / count / 70.0).sqrt()
 }
 
-fn positions(samples: &Samples, gap_m: f64) -> Vec<Finding> {
+/// Findings about the positions at the bearing with that prefix.
+fn positions(samples: &Samples, bearing: &str, gap_m: f64) -> Vec<Finding> {
     let mut findings = Vec::new();
-    let ranges = samples.position_m.each_ref().map(|position| range(position.iter().copied()));
-    let swings = ranges.map(|[low, high]| high - low);
+    let start = signals(samples).positions.start;
+    let readings = samples.machine.readings;
+    let axes: Vec<usize> = (0..readings.len()).filter(|axis| readings[*axis].around.0 == bearing).collect();
+    let ranges: Vec<_> = samples.position_m.iter().map(|position| range(position.iter().copied())).collect();
+    let swings: Vec<f64> = ranges.iter().map(|[low, high]| high - low).collect();
     let is_silent = |axis: usize| noise(&samples.position_m[axis]) < SILENT_M;
-    let is_still = (0..2).all(|axis| swings[axis] < STILL_M && is_silent(axis));
-    for (axis, at) in POSITIONS.enumerate() {
-        let (swing, furthest) = (swings[axis], ranges[axis][0].abs().max(ranges[axis][1].abs()));
+    let is_still = axes.iter().all(|axis| swings[*axis] < STILL_M && is_silent(*axis));
+    for axis in axes.iter().copied() {
+        let (at, swing, furthest) = (start + axis, swings[axis], ranges[axis][0].abs().max(ranges[axis][1].abs()));
         let fits = |scale: f64| scale * furthest < gap_m && scale * swing > STILL_M;
         if furthest > gap_m {
             let [furthest, gap] = [furthest, gap_m].map(|length_m| significant(length_m * 1e3, 4));
@@ -135,10 +146,11 @@ fn positions(samples: &Samples, gap_m: f64) -> Vec<Finding> {
         }
     }
     // One axis in another unit than the other hides below the limits above.
-    let small = usize::from(swings[1] < swings[0]);
-    let (least, most) = (swings[small], swings[1 - small]);
+    let [one, other] = axes[..] else { return findings };
+    let (small, large) = if swings[other] < swings[one] { (other, one) } else { (one, other) };
+    let (least, most) = (swings[small], swings[large]);
     if findings.is_empty() && least > 0.0 && most / least > 300.0 {
-        let at = POSITIONS.start + small;
+        let at = start + small;
         let fits = |scale: f64| (0.03..30.0).contains(&(scale * least / most));
         if instead(at, samples).iter().any(|(_, scale)| fits(*scale)) && is_silent(small) {
             let [own, other] = [least, most].map(|swing| significant(swing * 1e6, 3));
@@ -150,11 +162,12 @@ fn positions(samples: &Samples, gap_m: f64) -> Vec<Finding> {
 }
 
 fn currents(samples: &Samples) -> Vec<Finding> {
-    let currents: [Vec<f64>; 3] = match &samples.apart {
-        Some(apart) => apart.each_ref().map(|current| current.iter().map(|(_, value)| *value).collect()),
+    let currents: Vec<Vec<f64>> = match &samples.apart {
+        Some(apart) => apart.iter().map(|current| current.iter().map(|(_, value)| *value).collect()).collect(),
         None => samples.current_a.clone(),
     };
-    let largest = currents.each_ref().map(|current| range(current.iter().map(|value| value.abs()))[1]);
+    let largest: Vec<f64> = currents.iter().map(|current| range(current.iter().map(|value| value.abs()))[1]).collect();
+    let start = signals(samples).currents.start;
     let is_misread = |k: &usize| {
         let strongest = largest[*k];
         // A magnet that is switched off is not misread.
@@ -164,9 +177,9 @@ fn currents(samples: &Samples) -> Vec<Finding> {
     };
     let finding = |k: usize| {
         let fits = |scale: f64| (CURRENT_A[0]..=CURRENT_A[1]).contains(&(scale * largest[k]));
-        misread(CURRENTS.start + k, samples, format!("up to {} A", significant(largest[k], 4)), fits)
+        misread(start + k, samples, format!("up to {} A", significant(largest[k], 4)), fits)
     };
-    (0..3).filter(is_misread).map(finding).collect()
+    (0..currents.len()).filter(is_misread).map(finding).collect()
 }
 
 /// A wrapped angle shows its unit by the size of a turn.
@@ -177,7 +190,7 @@ fn wrapping(samples: &Samples) -> Option<Finding> {
         turns > 0.5 && (turns - turns.round()).abs() < 0.1 && turns < 4.5
     };
     let value = format!("it wraps every {} rad, a turn is {} rad", significant(wrap, 5), significant(TAU, 5));
-    (!fits(1.0)).then(|| misread(THETA, samples, value, fits))
+    (!fits(1.0)).then(|| misread(signals(samples).theta, samples, value, fits))
 }
 
 /// The slope of the angle over the speed, by least squares; none at rest.
@@ -204,9 +217,9 @@ fn rpm(rad_s: f64) -> String {
 }
 
 /// Other units of a signal in words, the remedy, and how the speed or angle would change; `power` is −1 for signals that divide it.
-fn alternatives(samples: &Samples, signals: &[(usize, i32)]) -> Vec<(String, String, f64)> {
+fn alternatives(samples: &Samples, suspects: &[(usize, i32)]) -> Vec<(String, String, f64)> {
     let of = |(at, power): &(usize, i32)| {
-        let (signal, power) = (SIGNALS[*at].name, *power);
+        let (signal, power) = (signals(samples).list.swap_remove(*at).name, *power);
         let other = move |taken: &'static str, (name, scale): (&str, f64)| {
             let words = format!("{signal} in {name} read as {}", written(taken));
             (words, format!("--unit {signal}={name}"), scale.powi(power))
@@ -215,7 +228,7 @@ fn alternatives(samples: &Samples, signals: &[(usize, i32)]) -> Vec<(String, Str
             samples.units[*at].map(|taken| instead(*at, samples).into_iter().map(move |unit| other(taken, unit)));
         others.into_iter().flatten()
     };
-    signals.iter().flat_map(of).collect()
+    suspects.iter().flat_map(of).collect()
 }
 
 /// Angle and speed, both recorded, must agree.
@@ -225,7 +238,8 @@ fn angle_against_speed(samples: &Samples) -> Option<Finding> {
     if agrees(1.0) {
         return None;
     }
-    let suspects = alternatives(samples, &[(THETA, 1), (OMEGA, -1), (TIME_AT, -1)]);
+    let Signals { theta, omega, .. } = signals(samples);
+    let suspects = alternatives(samples, &[(theta, 1), (omega, -1), (TIME_AT, -1)]);
     let suspects: Vec<_> = suspects.into_iter().filter(|(_, _, scale)| agrees(*scale)).collect();
     let joined =
         |by: &str, text: fn(&(String, String, f64)) -> &str| suspects.iter().map(text).collect::<Vec<_>>().join(by);
@@ -238,14 +252,14 @@ fn angle_against_speed(samples: &Samples) -> Option<Finding> {
     } else {
         "no unit known here explains it".into()
     };
-    Some(Finding { signal: "theta", value, suspicion, remedy: joined(" or ", |suspect| &suspect.1) })
+    Some(Finding { signal: "theta".into(), value, suspicion, remedy: joined(" or ", |suspect| &suspect.1) })
 }
 
 /// Where the speed comes from: the signal whose unit decides it.
 fn source(samples: &Samples) -> Option<usize> {
     match samples.rotation {
-        Rotation::Angle | Rotation::Both => Some(THETA),
-        Rotation::Speed => Some(OMEGA),
+        Rotation::Angle | Rotation::Both => Some(signals(samples).theta),
+        Rotation::Speed => Some(signals(samples).omega),
         Rotation::Told | Rotation::Unknown => None,
     }
 }
@@ -261,7 +275,7 @@ fn speed(samples: &Samples) -> Option<Finding> {
     Some(match source(samples) {
         // A rotor that hardly turns is no better explanation.
         Some(at) => misread(at, samples, value, |scale| fits(scale * speed) && scale * speed > REST_RAD_S),
-        None => Finding { signal: "omega", value, suspicion: "--speed is in rpm".into(), remedy: String::new() },
+        None => Finding { signal: "omega".into(), value, suspicion: "--speed is in rpm".into(), remedy: String::new() },
     })
 }
 
@@ -304,15 +318,14 @@ fn motion_against_angle(samples: &Samples) -> Option<Finding> {
     if samples.theta_rad.is_empty() || synchronous(samples, 1.0).is_some_and(|part| part > NOTHING) {
         return None;
     }
-    let mut candidates = alternatives(
-        samples,
-        match samples.rotation {
-            Rotation::Angle | Rotation::Both => &[(THETA, 1)],
-            Rotation::Speed => &[(OMEGA, 1), (TIME_AT, 1)],
-            Rotation::Told => &[(TIME_AT, 1)],
-            Rotation::Unknown => &[],
-        },
-    );
+    let Signals { theta, omega, mut list, .. } = signals(samples);
+    let suspects = match samples.rotation {
+        Rotation::Angle | Rotation::Both => vec![(theta, 1)],
+        Rotation::Speed => vec![(omega, 1), (TIME_AT, 1)],
+        Rotation::Told => vec![(TIME_AT, 1)],
+        Rotation::Unknown => Vec::new(),
+    };
+    let mut candidates = alternatives(samples, &suspects);
     if samples.rotation == Rotation::Told {
         let given =
             |(unit, scale): (&str, f64)| (format!("--speed given in {unit}, which is in rpm"), String::new(), scale);
@@ -324,6 +337,6 @@ fn motion_against_angle(samples: &Samples) -> Option<Finding> {
     let speed = median(samples.omega_rad_s.iter().copied());
     let (own, other) = (rpm(speed), rpm(speed * scale));
     let value = format!("{own}, while {:.0} % of the motion turns at {other}", 100.0 * part.min(1.0));
-    let signal = SIGNALS[source(samples).unwrap_or(OMEGA)].name;
+    let signal = list.swap_remove(source(samples).unwrap_or(omega)).name;
     Some(Finding { signal, value, suspicion: format!("{suspicion}?"), remedy })
 }

@@ -3,9 +3,10 @@
 use std::fmt::Display;
 use std::io::{self, Read};
 
-use super::header::{self, Column, Place, SIGNALS, TIME_AT};
+use super::header::{self, Column, Kind, Place, Signals, TIME_AT};
 use super::stamps::Stamps;
 use super::{Reading, Unusable, text};
+use crate::machine::Machine;
 
 /// The header is sought among so many lines.
 const BEFORE_HEADER: usize = 200;
@@ -14,14 +15,14 @@ const BEFORE_HEADER: usize = 200;
 const SHOWN: usize = 5;
 
 /// The columns of a recording, in SI units.
-#[derive(Default)]
 pub(super) struct Table {
-    /// In the order of [`SIGNALS`]; empty where there is none.
-    pub columns: [Vec<f64>; SIGNALS.len()],
+    pub signals: Signals,
+    /// In the order of the signals; empty where there is none.
+    pub columns: Vec<Vec<f64>>,
     /// The line of the file in which each row stands.
     pub lines: Vec<u32>,
     /// In which unit each signal was taken to be.
-    pub units: [Option<&'static str>; SIGNALS.len()],
+    pub units: Vec<Option<&'static str>>,
     /// How the time stamps are written; none if there are none.
     pub stamps: Option<Stamps>,
     /// Findings, in sentences.
@@ -33,13 +34,14 @@ fn broken(error: &dyn Display) -> Unusable {
 }
 
 impl Table {
-    /// Reads the signals that are `wanted`, by their places in [`SIGNALS`].
+    /// Reads the signals that are `wanted`.
     ///
     /// # Errors
     /// All that is wrong with the header, or with the rows.
-    pub(super) fn read(from: impl Read, reading: &Reading, wanted: impl Fn(usize) -> bool) -> Result<Self, Unusable> {
+    pub(super) fn read(from: impl Read, reading: &Reading, wanted: impl Fn(Kind) -> bool) -> Result<Self, Unusable> {
+        let signals = Signals::of(reading.machine);
         let (head, mut text) = text::open(from).map_err(|error| broken(&error))?;
-        let header = find_header(&head, reading).ok_or_else(|| {
+        let header = find_header(&head, &signals, reading).ok_or_else(|| {
             Unusable(vec!["no header was found: a line with the names of the columns is wanted, separated by comma, semicolon or tab".into()])
         })?;
         io::copy(&mut text.by_ref().take(header.start as u64), &mut io::sink()).map_err(|error| broken(&error))?;
@@ -61,8 +63,20 @@ impl Table {
         if more && header::take_units(&mut columns, &owned(&record), &mut findings) {
             more = next(&mut record)?;
         }
-        let places = header::places(&columns, reading, wanted, &mut findings);
-        let mut table = Self::default();
+        let places = header::places(&signals, &columns, reading, wanted, &mut findings);
+        let count = signals.list.len();
+        let mut table = Self {
+            signals,
+            columns: vec![Vec::new(); count],
+            lines: Vec::new(),
+            units: vec![None; count],
+            stamps: None,
+            notes: Vec::new(),
+        };
+        let is_larger = |other: &&Machine| other.magnets() > reading.machine.magnets();
+        if let Some(other) = header::other_machine(&columns, reading.machine).filter(is_larger) {
+            table.notes.push(format!("There are also columns of the machine {0}: --machine {0}?", other.name));
+        }
         if let (Some(Place { column, unit }), true) = (places[TIME_AT], more) {
             match Stamps::of(record.get(column).unwrap_or_default(), header.separator, unit) {
                 Ok((stamps, note)) => {
@@ -78,10 +92,10 @@ impl Table {
         }
         for (at, place) in places.iter().enumerate().skip(TIME_AT + 1) {
             let Some(Place { unit, .. }) = place else { continue };
-            let si = SIGNALS[at].quantity[0].0[0];
+            let (name, si) = (&table.signals.list[at].name, table.signals.list[at].quantity[0].0[0]);
             table.units[at] = Some(unit.map_or(si, |unit| unit.0));
             if unit.is_none() {
-                table.notes.push(format!("{} has no unit; it is taken to be in {si}.", SIGNALS[at].name));
+                table.notes.push(format!("{name} has no unit; it is taken to be in {si}."));
             }
         }
         // Rows with cells missing at their end; the last one may not have been written to its end.
@@ -141,7 +155,7 @@ impl Table {
             if value.is_none() {
                 let cell = String::from_utf8_lossy(cell);
                 let wanted = if at == TIME_AT { "time" } else { "number" };
-                wrong.push(format!("line {line}, {}: {cell:?} is no {wanted}", SIGNALS[at].name));
+                wrong.push(format!("line {line}, {}: {cell:?} is no {wanted}", self.signals.list[at].name));
             }
             self.columns[at].push(value.unwrap_or(f64::NAN));
         }
@@ -183,14 +197,14 @@ struct Header {
 }
 
 /// The header: the line that names the most signals, since data loggers write remarks and settings before it.
-fn find_header(head: &str, reading: &Reading) -> Option<Header> {
+fn find_header(head: &str, signals: &Signals, reading: &Reading) -> Option<Header> {
     let mut best: Option<(usize, Header)> = None;
     let mut start = 0;
     for (number, line) in head.split_inclusive('\n').enumerate().take(BEFORE_HEADER) {
         let header = |separator| Header { start, line: number as u32 + 1, separator };
         if let Some(separator) = text::separator(line).filter(|_| !line.trim_start().starts_with(['#', '%'])) {
             let columns: Vec<Column> = line.split(separator).map(header::column).collect();
-            let recognised = header::recognised(&columns, reading);
+            let recognised = signals.recognised(&columns, reading);
             if best.as_ref().is_none_or(|(most, _)| recognised > *most) {
                 best = Some((recognised, header(separator)));
             }

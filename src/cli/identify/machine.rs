@@ -1,0 +1,88 @@
+//! The machine that `identify` is about: its scenario, with the changes that the arguments make.
+
+use std::path::Path;
+
+use super::{Arguments, PREDICTION_ERROR, Refused, Result, refused};
+use crate::fmu::find;
+use crate::machine::{self, AXIAL, Machine, PLANAR};
+use crate::simulation::scenario::Scenario;
+
+/// Variables of the estimator that have options of their own.
+const OPTIONS: [(&str, &str); 7] = [
+    ("Ts", "the times of the recording, --rate or --step"),
+    ("Tf", "--window"),
+    ("epsilon", "--window"),
+    ("method", "--method"),
+    ("hold", "--hold"),
+    ("sensor.positionNoise", "--position-noise"),
+    ("sensor.currentNoise", "--current-noise"),
+];
+
+impl Arguments {
+    /// The machine, by the option or by the scenario.
+    pub(super) fn machine(&self) -> &'static Machine {
+        let named = self.machine.as_deref().and_then(machine::find);
+        named.or_else(|| Scenario::machine_of(self.scenario.as_deref()?)).unwrap_or_default()
+    }
+
+    /// The method, by the option or that of the machine.
+    pub(super) fn method(&self) -> &str {
+        let likelihood = [PLANAR, AXIAL].contains(self.machine());
+        self.method.as_deref().unwrap_or(if likelihood { "likelihood" } else { PREDICTION_ERROR })
+    }
+
+    /// Whether the whole recording is to be answered by maximum likelihood.
+    pub(super) fn is_likelihood(&self) -> bool {
+        self.method() == "likelihood"
+    }
+
+    /// The scenario of the machine, with its changes.
+    pub(super) fn bearing(&self, machine: &Machine) -> Result<Scenario> {
+        let wrong = [
+            (self.window.is_some(), "--window"),
+            (!self.estimates.is_empty(), "--estimate"),
+            (!matches!(self.method(), PREDICTION_ERROR), "--method but predictionError"),
+        ];
+        let wrong: Vec<_> = wrong.iter().filter(|(is_given, _)| *is_given && *machine != PLANAR).collect();
+        if !wrong.is_empty() {
+            let wrong = wrong.iter().map(|(_, option)| format!("the machine {} has no {option}", machine.name));
+            return Err(Refused(wrong.collect::<Vec<_>>().join("\n  ")).into());
+        }
+        for (path, _) in &self.changes {
+            let name = path.strip_prefix("estimator.").unwrap_or(path);
+            let known = find(machine.models[2].0).is_some_and(|estimator| {
+                let begins =
+                    |whole: &str| whole.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('['));
+                estimator.variables().iter().any(|variable| begins(&variable.name))
+            });
+            if let Some((_, option)) = OPTIONS.iter().find(|(variable, _)| *variable == name) {
+                return Err(refused(format!("--set {path}: identify takes it from {option}")));
+            }
+            if !known {
+                return Err(refused(format!(
+                    "--set {path}: the estimator of the machine has no variable of this name"
+                )));
+            }
+        }
+        let built_in = if *machine == PLANAR { "unbalanced" } else { machine.name };
+        let path = self.scenario.as_deref().unwrap_or(Path::new(built_in));
+        let scenario = Scenario::open_parameters(path, &self.changes)?;
+        if scenario.machine != machine {
+            let (given, other) = (machine.name, scenario.machine.name);
+            return Err(refused(format!(
+                "--machine {given}: the scenario {} describes the machine {other}",
+                path.display()
+            )));
+        }
+        Ok(scenario)
+    }
+
+    /// Takes over tolerances of the bench, from the scenario and then from the arguments, as those of the estimator.
+    pub(super) fn state_tolerances(&self, bearing: &mut Scenario) -> Result<()> {
+        let stated: Vec<_> = bearing.tolerance.iter().chain(&self.tolerances).cloned().collect();
+        let state =
+            |(name, value): (String, String)| bearing.assign(&format!("estimator.tolerance.{name}"), &value).err();
+        let wrong: Vec<String> = stated.into_iter().filter_map(state).collect();
+        if wrong.is_empty() { Ok(()) } else { Err(Refused(wrong.join("\n  ")).into()) }
+    }
+}
