@@ -101,7 +101,7 @@ pub struct Arguments {
     #[arg(long = "tolerance", value_name = "NAME=VALUE", value_parser = pair)]
     tolerances: Vec<(String, String)>,
     /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated); or force.slow, a force that wanders, whatever the
-    /// likelihood says.
+    /// likelihood says (--set force.slow=0: never).
     #[arg(long = "estimate", value_name = "NAME")]
     estimates: Vec<String>,
     /// Meaning of a current sample: heldBefore (measured), heldAfter (commanded), linear, or auto to find out from the data: heldBefore
@@ -162,7 +162,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             Some(
                 identify::answer(
                     &recordings,
-                    Question { config, bench, lambda0_nm2_a2, slow_force: arguments.estimates_slow_force() },
+                    Question { config, bench, lambda0_nm2_a2, slow_force: arguments.slow_force() },
                 )
                 .map_err(refused)?,
             )
@@ -209,7 +209,14 @@ impl Arguments {
 
     /// The scenario of the bearing, with its changes.
     fn bearing(&self) -> Result<Scenario> {
-        for (path, _) in &self.changes {
+        let (slow, changes): (Vec<_>, Vec<_>) = self.changes.iter().cloned().partition(|(path, _)| path == SLOW_FORCE);
+        if let Some((_, value)) = slow.iter().find(|(_, value)| value != "0") {
+            return Err(refused(format!("--set {SLOW_FORCE}={value}: 0 is wanted, or --estimate {SLOW_FORCE}")));
+        }
+        if !slow.is_empty() && self.estimates.iter().any(|name| name == SLOW_FORCE) {
+            return Err(refused(format!("{SLOW_FORCE} is both set and estimated")));
+        }
+        for (path, _) in &changes {
             let name = path.strip_prefix("estimator.").unwrap_or(path);
             let known = find("AlgebraicEstimator").is_some_and(|estimator| {
                 let begins =
@@ -225,7 +232,7 @@ impl Arguments {
                 )));
             }
         }
-        Scenario::open_parameters(&self.scenario, &self.changes).map_err(Into::into)
+        Scenario::open_parameters(&self.scenario, &changes).map_err(Into::into)
     }
 
     /// Knowledge of the bench: from the scenario, then from the arguments.
@@ -247,9 +254,11 @@ impl Arguments {
         Ok(bench)
     }
 
-    /// Whether a slow force is to be estimated, whatever the likelihood says.
-    fn estimates_slow_force(&self) -> bool {
-        self.estimates.iter().any(|name| name == SLOW_FORCE)
+    /// Whether a slow force is to be estimated, whatever the likelihood says, if that is stated.
+    fn slow_force(&self) -> Option<bool> {
+        let is_off = self.changes.iter().any(|(name, _)| name == SLOW_FORCE);
+        let is_estimated = self.estimates.iter().any(|name| name == SLOW_FORCE);
+        (is_off || is_estimated).then_some(is_estimated)
     }
 
     /// The methods to run on line: with maximum likelihood the default one, which shows drift.

@@ -204,7 +204,7 @@ fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
             bench[at].knowledge = likelihood::Knowledge::Tolerance(std);
         }
     }
-    Question { config, bench, lambda0_nm2_a2: None, slow_force: false }
+    Question { config, bench, lambda0_nm2_a2: None, slow_force: None }
 }
 
 fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {

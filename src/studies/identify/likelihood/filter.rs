@@ -11,12 +11,14 @@
 
 #![allow(clippy::needless_range_loop, reason = "several matrices go by one index")]
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use multiversion::multiversion;
 
 use super::equations::{ALL, BASE, Bearing, Interval, Shaft, State};
 use super::expected::Expected;
+use super::{Missing, Origin};
 use crate::estimation::Hold;
 
 /// Columns of a pass without bench parameters, and of one with them: numbers of parameters, rounded up to whole registers.
@@ -36,7 +38,7 @@ pub(super) const LAGS: usize = 4;
 pub(super) struct Data<'a> {
     pub h: f64,
     pub position: &'a [[f64; 2]],
-    pub current: &'a [[f64; 3]],
+    pub current: Cow<'a, [[f64; 3]]>,
     pub omega: &'a [f64],
     pub hold: Hold,
     /// cos θ, sin θ at the samples, and in the middle of the interval that ends there.
@@ -44,19 +46,46 @@ pub(super) struct Data<'a> {
     pub middle: Vec<[f64; 2]>,
     /// Half the number of rows over which ω̇ is taken.
     pub reach: usize,
-    /// Rows that were not recorded, but filled from their neighbours; empty if there are none.
-    pub missing: &'a [bool],
-    /// Errors of currents that were filled, A.
+    /// What was not recorded; empty if that is nothing.
+    pub missing: &'a [Missing],
+    /// Errors of currents that were filled, and of those that are not known, A.
     pub filled_a: [f64; 3],
+    pub unknown_a: [f64; 3],
 }
 
 /// Factor of the measurement variance of a row that was not recorded: the filter predicts across it.
 const UNKNOWN: f64 = 1e10;
+/// Rows after a current that is not known in which the filter finds the velocity again.
+const FOUND_AGAIN: usize = 3;
 
 impl Data<'_> {
     #[inline(always)]
     fn is_missing(&self, row: usize) -> bool {
-        self.missing.get(row).copied().unwrap_or(false)
+        self.missing.get(row).is_some_and(|missing| missing.position)
+    }
+
+    /// Whether a current of a row is not known.
+    #[inline(always)]
+    pub fn is_unknown(&self, row: usize) -> bool {
+        self.missing.get(row).is_some_and(|missing| missing.current.contains(&Origin::Unknown))
+    }
+
+    /// Whether an innovation tells of the noise: not where the position was not recorded, nor where the force is not known.
+    #[inline(always)]
+    fn tells(&self, row: usize) -> bool {
+        self.missing.is_empty()
+            || !self.is_missing(row) && !(row.saturating_sub(FOUND_AGAIN)..=row).any(|row| self.is_unknown(row))
+    }
+
+    /// The origin of the currents of the interval that ends at a row.
+    #[inline(always)]
+    fn origin(&self, row: usize) -> [Origin; 3] {
+        let of = |row: usize| self.missing[row].current;
+        match self.hold {
+            Hold::HeldBefore => of(row),
+            Hold::HeldAfter => of(row - 1),
+            Hold::Linear => std::array::from_fn(|k| of(row)[k].max(of(row - 1)[k])),
+        }
     }
 
     /// Variance of the position reading in a row.
@@ -101,15 +130,15 @@ impl Data<'_> {
         let between = self.shaft_between(row, from, to);
         let states = [&track.state[row - 1], &track.state[row]];
         let mut interval = bearing.interval(states, &squares, track.regressors(row), [*from, between, *to]);
-        let is_filled = match self.hold {
-            Hold::HeldBefore => self.is_missing(row),
-            Hold::HeldAfter => self.is_missing(row - 1),
-            Hold::Linear => self.is_missing(row) || self.is_missing(row - 1),
-        };
-        if is_filled {
-            for (noise, filled_a) in interval.noise.iter_mut().zip(self.filled_a) {
-                let factor = (filled_a / bearing.noise).max(1.0);
-                *noise = noise.map(|noise| noise * factor);
+        if !self.missing.is_empty() {
+            for (k, origin) in self.origin(row).into_iter().enumerate() {
+                let error_a = match origin {
+                    Origin::Recorded => continue,
+                    Origin::Filled => self.filled_a[k],
+                    Origin::Unknown => self.unknown_a[k],
+                };
+                let factor = (error_a / bearing.noise).max(1.0);
+                interval.noise[k] = interval.noise[k].map(|noise| noise * factor);
             }
         }
         (interval, between)
@@ -538,7 +567,7 @@ fn columns_of<const P: usize, const N: usize>(
             }
             sums.filled += 2;
             block.rows.end = row + 1;
-            if !data.is_missing(row) {
+            if data.tells(row) {
                 block.count += 1.0;
                 block.nis += w[0] * w[0] + w[1] * w[1];
                 log_det.times(innovation.log_det);
@@ -763,7 +792,7 @@ fn likelihoods_with<const N: usize>(
         }
         for f in 0..3 {
             let innovation = kalman[f].update(bearing, data.variance(row, variance), residual);
-            if row >= piece.counted.start.max(start + 4) && !data.is_missing(row) {
+            if row >= piece.counted.start.max(start + 4) && data.tells(row) {
                 let w = innovation.whiten(innovation.e);
                 logs[f].times(innovation.log_det);
                 sums[f][1] += w[0] * w[0] + w[1] * w[1];

@@ -79,7 +79,8 @@ fn conditions(finished: &Finished, r: usize, lambda: &[Estimate; 3]) -> Conditio
     let bearing = search.bearing(r);
     let (mut ki, mut ks, mut rows) = ([0.0; 3], [0.0; 3], 0);
     for piece in &case.pieces {
-        for row in piece.counted.clone().skip(usize::from(piece.counted.start == piece.filtered.start)) {
+        let first = usize::from(piece.counted.start == piece.filtered.start);
+        for row in piece.counted.clone().skip(first).filter(|row| !case.data.is_unknown(*row)) {
             let gaps = bearing.gaps_at(&case.track.state[row]);
             let squares = case.data.square(&bearing, row);
             for k in 0..3 {
