@@ -557,10 +557,10 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
                 words.push(format!("{axis} is quantised in steps of {step} µm, above the noise."));
             }
         }
-        if conditions.different < conditions.rows {
+        if conditions.counting < conditions.rows {
             words.push(format!(
-                "Errors of quantisation repeat with the readings: {} rows count as the {} that differ.",
-                conditions.rows, conditions.different
+                "Errors of quantisation repeat with the readings: {} rows count as {}.",
+                conditions.rows, conditions.counting
             ));
         }
     }

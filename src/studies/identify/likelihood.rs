@@ -205,8 +205,8 @@ pub struct Conditions {
     pub slow_force_n: f64,
     /// Rows that were used.
     pub rows: usize,
-    /// As many of them as count: those that differ, where errors of quantisation repeat with the readings.
-    pub different: usize,
+    /// As how many of them they count: fewer where errors of quantisation repeat with the readings.
+    pub counting: usize,
     /// Step of each position sensor, m; 0 unless it is quantised.
     pub resolution_m: [f64; 2],
     /// Mean of the normalised innovations squared per axis; 1 where the model holds.

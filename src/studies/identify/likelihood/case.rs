@@ -37,8 +37,8 @@ pub(super) struct Case<'a> {
     pub slow_force: f64,
     /// Step of each position sensor, m; 0 unless it is quantised.
     pub resolution_m: [f64; 2],
-    /// Rows that tell something new, if not all.
-    different: Option<usize>,
+    /// As how many rows they count, if not all.
+    counting: Option<usize>,
     pub track: Track,
 }
 
@@ -48,9 +48,9 @@ impl Case<'_> {
         self.pieces.iter().map(|piece| piece.counted.len()).sum()
     }
 
-    /// Rows that tell something new.
-    pub fn different(&self) -> usize {
-        self.different.map_or(self.rows(), |different| different.min(self.rows()))
+    /// As how many rows they count.
+    pub fn counting(&self) -> usize {
+        self.counting.map_or(self.rows(), |counting| counting.min(self.rows()))
     }
 
     /// Rows of a block.
@@ -162,7 +162,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Opti
     let is_read = |row: &usize| !recording.missing.get(*row).is_some_and(|missing| missing.position);
     let readings = segments.iter().flat_map(Clone::clone).filter(is_read).map(|row| recording.position_m[row]);
     let resolution_m = [0, 1].map(|a| resolution::step(readings.clone().map(|reading| reading[a])));
-    let different = resolution::different(readings, resolution_m, noise);
+    let counting = resolution::counting(readings, resolution_m, noise);
     Some(Case {
         data,
         recording,
@@ -172,7 +172,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Opti
         current_noise: recording.current_noise_a.unwrap_or(CURRENT_NOISE_A).max(1e-7),
         slow_force: 0.0,
         resolution_m,
-        different,
+        counting,
         track,
     })
 }

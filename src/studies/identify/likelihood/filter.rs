@@ -56,7 +56,7 @@ pub(super) struct Data<'a> {
 /// Factor of the measurement variance of a row that was not recorded: the filter predicts across it.
 const UNKNOWN: f64 = 1e10;
 /// Rows after a current that is not known in which the filter finds the velocity again.
-const FOUND_AGAIN: usize = 3;
+const FOUND_AGAIN: usize = 4;
 
 impl Data<'_> {
     #[inline(always)]
@@ -77,15 +77,17 @@ impl Data<'_> {
             || !self.is_missing(row) && !(row.saturating_sub(FOUND_AGAIN)..=row).any(|row| self.is_unknown(row))
     }
 
-    /// The origin of the currents of the interval that ends at a row.
+    /// The origin of the currents of the interval that ends at a row. Where a current is not known on either side the interval is not, whatever a sample stands
+    /// for: the readings of the currents are then compared over the same intervals.
     #[inline(always)]
     fn origin(&self, row: usize) -> [Origin; 3] {
-        let of = |row: usize| self.missing[row].current;
-        match self.hold {
-            Hold::HeldBefore => of(row),
-            Hold::HeldAfter => of(row - 1),
-            Hold::Linear => std::array::from_fn(|k| of(row)[k].max(of(row - 1)[k])),
-        }
+        let [before, here] = [self.missing[row - 1].current, self.missing[row].current];
+        std::array::from_fn(|k| match (self.hold, before[k].max(here[k])) {
+            (_, Origin::Unknown) => Origin::Unknown,
+            (Hold::HeldBefore, _) => here[k],
+            (Hold::HeldAfter, _) => before[k],
+            (Hold::Linear, either) => either,
+        })
     }
 
     /// Variance of the position reading in a row.
@@ -142,6 +144,16 @@ impl Data<'_> {
             }
         }
         (interval, between)
+    }
+
+    /// Factors of the noise of the currents in the interval that ends at a row: errors of currents that were not recorded are what they are.
+    #[inline(always)]
+    fn scales(&self, row: usize, factors: [f64; 3]) -> [f64; 3] {
+        if self.missing.is_empty() {
+            return factors;
+        }
+        let origin = self.origin(row);
+        std::array::from_fn(|k| if origin[k] == Origin::Recorded { factors[k] } else { 1.0 })
     }
 
     /// Squared current that the interval ending at `row` is driven by, A².
@@ -787,7 +799,7 @@ fn likelihoods_with<const N: usize>(
     each_row(data, bearing, track, start..piece.counted.end, |row, interval, residual| {
         if let Some(interval) = interval {
             for (kalman, [a, b, c, slow]) in kalman.iter_mut().zip(factors) {
-                kalman.predict(data.h, interval, [a, b, c], slow * slow * data.slow(bearing, 1));
+                kalman.predict(data.h, interval, data.scales(row, [a, b, c]), slow * slow * data.slow(bearing, 1));
             }
         }
         for f in 0..3 {

@@ -102,7 +102,7 @@ fn conditions(finished: &Finished, r: usize, lambda: &[Estimate; 3]) -> Conditio
         current_noise_a: case.current_noise,
         slow_force_n: case.slow_force,
         rows: case.rows(),
-        different: case.different(),
+        counting: case.counting(),
         resolution_m: case.resolution_m,
         nis: finished.nis(r),
         ki_n_a: std::array::from_fn(|k| scaled(2.0 * ki[k] / f64::from(rows.max(1)), &lambda[k])),

@@ -90,7 +90,7 @@ pub(super) struct Search<'a> {
     pub x: Vec<f64>,
     /// Mean and standard deviation of the prior of each unknown; 0 for what is not estimated.
     pub prior: Vec<(f64, f64)>,
-    /// Power of the likelihood ([`BENCH_ROWS`], [`Case::different`]).
+    /// Power of the likelihood ([`BENCH_ROWS`], [`Case::counting`]).
     weight: f64,
     pub iterations: usize,
     pub converged: bool,
@@ -525,9 +525,9 @@ fn start<'a>(
         prior[LOAD + j] = (told.value, std);
     }
     let rows = cases.iter().map(Case::rows).sum::<usize>() as f64;
-    let different = cases.iter().map(Case::different).sum::<usize>() as f64;
+    let counting = cases.iter().map(Case::counting).sum::<usize>() as f64;
     let mut search = Search { cases, options, x, prior, weight: 1.0, iterations: 0, converged: false };
-    search.weight = different / rows;
+    search.weight = counting / rows;
     if !search.exact() {
         search.weight = (BENCH_ROWS / rows).min(search.weight);
     }
