@@ -98,7 +98,7 @@ pub struct Arguments {
     #[arg(long = "tolerance", value_name = "NAME=VALUE", value_parser = pair)]
     tolerances: Vec<(String, String)>,
     /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated); or force.slow, a force that wanders, whatever the
-    /// likelihood says.
+    /// likelihood says (--set force.slow=0: never).
     #[arg(long = "estimate", value_name = "NAME")]
     estimates: Vec<String>,
     /// Meaning of a current sample: heldBefore (measured), heldAfter (commanded), linear, or auto to find out from the data: heldBefore
@@ -166,7 +166,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Some(bench) => {
             let lambda0_nm2_a2 = tracks[0].lambda_hat().and_then(|lambda| lambda.try_into().ok());
             let config = configuration(&settings(&estimator));
-            let question = Question { config, bench, lambda0_nm2_a2, slow_force: arguments.estimates_slow_force() };
+            let question = Question { config, bench, lambda0_nm2_a2, slow_force: arguments.slow_force() };
             Some(identify::answer(&recordings, question).map_err(refused)?)
         }
         None => None,
@@ -232,9 +232,11 @@ impl Arguments {
         Ok(bench)
     }
 
-    /// Whether a slow force is to be estimated, whatever the likelihood says.
-    fn estimates_slow_force(&self) -> bool {
-        self.estimates.iter().any(|name| name == SLOW_FORCE)
+    /// Whether a slow force is to be estimated, whatever the likelihood says, if that is stated.
+    fn slow_force(&self) -> Option<bool> {
+        let is_off = self.changes.iter().any(|(name, _)| name == SLOW_FORCE);
+        let is_estimated = self.estimates.iter().any(|name| name == SLOW_FORCE);
+        (is_off || is_estimated).then_some(is_estimated)
     }
 
     /// The methods to run on line: with maximum likelihood the default one, which shows drift.

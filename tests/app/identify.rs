@@ -215,7 +215,7 @@ fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
             bench[at].knowledge = likelihood::Knowledge::Tolerance(std);
         }
     }
-    Question { config, bench, lambda0_nm2_a2: None, slow_force: false }
+    Question { config, bench, lambda0_nm2_a2: None, slow_force: None }
 }
 
 fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {
@@ -592,7 +592,7 @@ fn quantised_positions_are_named() {
     let said = answer.findings.join(" ");
     assert!(said.contains("Ym is quantised in steps of 2 µm"), "{} {said}", answer.verdict);
     let found = answer.found.expect("estimates");
-    assert!(found.conditions[0].different < found.conditions[0].rows / 2, "{:?}", found.conditions[0]);
+    assert!(found.conditions[0].counting < found.conditions[0].rows / 2, "{:?}", found.conditions[0]);
     for (lambda, truth) in found.lambda.iter().zip(TRUTH) {
         let ratio = (lambda.value - truth) / lambda.total_std;
         assert!(ratio.abs() < 4.0, "{lambda:?}: {ratio:.1} standard deviations");

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Arguments, PREDICTION_ERROR, Refused, Result, refused};
+use super::{Arguments, PREDICTION_ERROR, Refused, Result, SLOW_FORCE, refused};
 use crate::fmu::find;
 use crate::machine::{self, AXIAL, Machine, PLANAR};
 use crate::simulation::scenario::Scenario;
@@ -48,7 +48,19 @@ impl Arguments {
             let wrong = wrong.iter().map(|(_, option)| format!("the machine {} has no {option}", machine.name));
             return Err(Refused(wrong.collect::<Vec<_>>().join("\n  ")).into());
         }
-        for (path, _) in &self.changes {
+        let (slow, changes): (Vec<_>, Vec<_>) = self.changes.iter().cloned().partition(|(path, _)| path == SLOW_FORCE);
+        if let Some((_, value)) = slow.iter().find(|(_, value)| value != "0" || *machine != PLANAR) {
+            let wanted = if *machine == PLANAR {
+                "0 is wanted, or --estimate force.slow"
+            } else {
+                "only planar and axial have it"
+            };
+            return Err(refused(format!("--set {SLOW_FORCE}={value}: {wanted}")));
+        }
+        if !slow.is_empty() && self.estimates.iter().any(|name| name == SLOW_FORCE) {
+            return Err(refused(format!("{SLOW_FORCE} is both set and estimated")));
+        }
+        for (path, _) in &changes {
             let name = path.strip_prefix("estimator.").unwrap_or(path);
             let known = find(machine.models[2].0).is_some_and(|estimator| {
                 let begins =
@@ -66,7 +78,7 @@ impl Arguments {
         }
         let built_in = if *machine == PLANAR { "unbalanced" } else { machine.name };
         let path = self.scenario.as_deref().unwrap_or(Path::new(built_in));
-        let scenario = Scenario::open_parameters(path, &self.changes)?;
+        let scenario = Scenario::open_parameters(path, &changes)?;
         if scenario.machine != machine {
             let (given, other) = (machine.name, scenario.machine.name);
             return Err(refused(format!(

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value as Json, json};
 
 use super::diagnosis::{self, Take};
-use super::likelihood::{self, BENCH, Change, Identification, Knowledge, Options, PARAMETERS, Told};
+use super::likelihood::{self, BENCH, Change, Identification, Knowledge, Missing, Options, Origin, PARAMETERS, Told};
 use super::read::{Rotation, Samples, significant, time};
 use super::{Failed, HOLDS, estimator, track_every};
 use crate::estimation::{EstimatorConfig, Hold, Method, STD_LIMIT};
@@ -53,8 +53,8 @@ pub struct Question {
     pub bench: [Told; BENCH],
     /// First guess of λ, N·m²/A²; by default the on-line estimator makes one.
     pub lambda0_nm2_a2: Option<[f64; 3]>,
-    /// Whether a slow force is estimated in any case; otherwise the likelihood decides.
-    pub slow_force: bool,
+    /// Whether a slow force is estimated; if this is not stated, the likelihood decides.
+    pub slow_force: Option<bool>,
 }
 
 /// Columns of a recording as the likelihood takes them.
@@ -66,7 +66,7 @@ pub(super) struct Columns {
     pub theta_rad: Vec<f64>,
     pub omega_rad_s: Vec<f64>,
     pub usable: Vec<bool>,
-    pub missing: Vec<bool>,
+    pub missing: Vec<Missing>,
 }
 
 /// Answer of the recordings.
@@ -88,7 +88,8 @@ pub(super) fn columns(samples: &Samples, hold: Hold) -> Columns {
     let currents = samples.currents(hold);
     let count = samples.len();
     let position_m: Vec<[f64; 2]> = (0..count).map(|j| [samples.position_m[0][j], samples.position_m[1][j]]).collect();
-    let current_a: Vec<[f64; 3]> = (0..count).map(|j| [currents[0][j], currents[1][j], currents[2][j]]).collect();
+    let mut current_a: Vec<[f64; 3]> = (0..count).map(|j| [currents[0][j], currents[1][j], currents[2][j]]).collect();
+    let missing = missing(samples, &mut current_a);
     let rotation = |column: &[f64]| if column.is_empty() { vec![0.0; count] } else { column.to_vec() };
     let known = samples.rotation != Rotation::Unknown;
     let theta_rad = rotation(if known { &samples.theta_rad } else { &[] });
@@ -97,8 +98,32 @@ pub(super) fn columns(samples: &Samples, hold: Hold) -> Columns {
         position_m[j].iter().chain(&current_a[j]).chain([&theta_rad[j], &omega_rad_s[j]]).all(|value| value.is_finite())
     };
     let usable = (0..count).map(finite).collect();
-    let missing = samples.missing.clone();
     Columns { step_s: samples.step_s, position_m, current_a, theta_rad, omega_rad_s, usable, missing }
+}
+
+/// What was not recorded. A current that is missing for long, by itself, gets a straight line: the motion goes on without its force being known.
+fn missing(samples: &Samples, current_a: &mut [[f64; 3]]) -> Vec<Missing> {
+    let positions = samples.position_m.len();
+    let lacks = |row: usize, signal: usize| samples.missing[row] >> signal & 1 != 0;
+    let mut missing = vec![Missing::default(); samples.missing.len()];
+    for (row, missing) in missing.iter_mut().enumerate() {
+        missing.position = (0..positions).any(|signal| lacks(row, signal));
+        for k in (0..3).filter(|k| lacks(row, positions + k)) {
+            let is_filled = current_a[row][k].is_finite();
+            missing.current[k] = if is_filled { Origin::Filled } else { Origin::Unknown };
+        }
+    }
+    for k in 0..3 {
+        let known: Vec<usize> = (0..missing.len()).filter(|row| missing[*row].current[k] != Origin::Unknown).collect();
+        for ends in known.windows(2) {
+            let [from, to] = [ends[0], ends[1]];
+            let [first, last] = [current_a[from][k], current_a[to][k]];
+            for row in from + 1..to {
+                current_a[row][k] = first + (last - first) * (row - from) as f64 / (to - from) as f64;
+            }
+        }
+    }
+    missing
 }
 
 impl Columns {
@@ -234,13 +259,16 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
     let mut options = Options {
         bench: question.bench,
         lambda0_nm2_a2: question.lambda0_nm2_a2,
-        slow_force: question.slow_force,
+        slow_force: question.slow_force.unwrap_or(false),
         ..Options::new(config.m_kg, config.gap_m, config.alpha_rad)
     };
     let hold = config.hold;
     let recordings: Vec<likelihood::Recording<'_>> =
         all.iter().map(|columns| columns.recording(config, hold)).collect();
-    let identified = with_slow_force(&recordings, &mut options);
+    let identified = match question.slow_force {
+        Some(_) => likelihood::identify(&recordings, &options),
+        None => with_slow_force(&recordings, &mut options),
+    };
     let mut findings = Vec::new();
     let (mut found, mut refusal) = match identified {
         Ok(found) => (Some(found), None),
@@ -313,7 +341,7 @@ fn with_slow_force(
     let plain = likelihood::identify(recordings, options)?;
     let rows = |of: &Identification| of.conditions.iter().map(|conditions| conditions.rows).sum::<usize>();
     let is_worth_it = |of: &Identification| of.gain_by_slow_force > 0.5 * libm::log(2.0 * rows(of) as f64);
-    if options.slow_force || !is_worth_it(&plain) {
+    if !is_worth_it(&plain) {
         return Ok(plain);
     }
     let slow = Options { slow_force: true, ..options.clone() };
@@ -530,10 +558,10 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
                 words.push(format!("{axis} is quantised in steps of {step} µm, above the noise."));
             }
         }
-        if conditions.different < conditions.rows {
+        if conditions.counting < conditions.rows {
             words.push(format!(
-                "Errors of quantisation repeat with the readings: {} rows count as the {} that differ.",
-                conditions.rows, conditions.different
+                "Errors of quantisation repeat with the readings: {} rows count as {}.",
+                conditions.rows, conditions.counting
             ));
         }
     }

@@ -63,6 +63,9 @@ fn currents(take: &mut Take, order: [usize; 3]) {
     for current in &mut take.columns.current_a {
         *current = order.map(|k| current[k]);
     }
+    for missing in &mut take.columns.missing {
+        missing.current = order.map(|k| missing.current[k]);
+    }
 }
 
 fn later(take: &mut Take) {

@@ -30,6 +30,7 @@ mod changes;
 mod equations;
 mod expected;
 mod filter;
+mod missing;
 mod outcome;
 mod resolution;
 mod search;
@@ -56,14 +57,35 @@ pub struct Recording<'a> {
     pub omega_rad_s: &'a [f64],
     /// Which samples may be used; empty for all of them. What is not usable separates segments, each with a state of its own.
     pub usable: &'a [bool],
-    /// Samples that were not recorded and hold what their neighbours suggest; empty if there are none. The filter predicts across them.
-    pub missing: &'a [bool],
+    /// What was not recorded and holds what its neighbours suggest; empty if that is nothing. The filter predicts across it.
+    pub missing: &'a [Missing],
     /// Meaning of a sample of a current.
     pub hold: Hold,
     /// Standard deviation of the position noise, m, if known.
     pub position_noise_m: Option<f64>,
     /// Standard deviation of the current noise, A, if known.
     pub current_noise_a: Option<f64>,
+}
+
+/// Whether a current was recorded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Origin {
+    /// It was.
+    #[default]
+    Recorded,
+    /// It was not, and is filled from its neighbours.
+    Filled,
+    /// It was not for a long time: the force of the magnet is not known.
+    Unknown,
+}
+
+/// What was not recorded in a row.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Missing {
+    /// A position was not.
+    pub position: bool,
+    /// The currents.
+    pub current: [Origin; 3],
 }
 
 /// Prior knowledge of the bearing.
@@ -183,8 +205,8 @@ pub struct Conditions {
     pub slow_force_n: f64,
     /// Rows that were used.
     pub rows: usize,
-    /// As many of them as count: those that differ, where errors of quantisation repeat with the readings.
-    pub different: usize,
+    /// As how many of them they count: fewer where errors of quantisation repeat with the readings.
+    pub counting: usize,
     /// Step of each position sensor, m; 0 unless it is quantised.
     pub resolution_m: [f64; 2],
     /// Mean of the normalised innovations squared per axis; 1 where the model holds.

@@ -80,8 +80,9 @@ pub struct Samples {
     pub position_m: Vec<Vec<f64>>,
     /// Currents as recorded, in A; NaN where there was none.
     pub current_a: Vec<Vec<f64>>,
-    /// Rows in which a position or a current was not recorded, but filled from its neighbours; empty if there is none.
-    pub missing: Vec<bool>,
+    /// By row, which positions and currents were not recorded, one bit for each of them in this order; short gaps are filled from their neighbours. Empty if
+    /// nothing is missing.
+    pub missing: Vec<u32>,
     /// Angle of the rotor, unwrapped, in rad; empty if not known.
     pub theta_rad: Vec<f64>,
     /// Speed, in rad/s; empty if not known.
@@ -440,14 +441,15 @@ fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
         let mut named: Vec<_> = at.clone().map(|at| list[at].name.as_str()).zip(&mut columns).collect();
         notes.extend(faults::leave_out(&mut named, |row| time(start_s + row as f64 * step_s)));
     }
-    for values in &mut columns {
+    for (at, values) in columns.iter_mut().enumerate() {
         if values.iter().any(|value| value.is_nan()) {
-            samples.missing.resize(count, false);
-            samples.missing.iter_mut().zip(values.iter()).for_each(|(missing, value)| *missing |= value.is_nan());
+            samples.missing.resize(count, 0);
+            let rows = samples.missing.iter_mut().zip(values.iter());
+            rows.for_each(|(missing, value)| *missing |= u32::from(value.is_nan()) << at);
             signals::fill(values);
         }
     }
-    let gaps = samples.missing.iter().filter(|missing| **missing).count();
+    let gaps = samples.missing.iter().filter(|missing| **missing != 0).count();
     if gaps > 0 {
         notes.push(format!("{gaps} of {count} samples lack a position or a current: gaps."));
     }

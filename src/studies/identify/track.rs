@@ -91,7 +91,7 @@ pub fn track_every(samples: &Samples, estimator: &Element, every: usize) -> Resu
     for j in 0..samples.len() {
         let theta_rad = samples.theta_rad.get(j).copied().unwrap_or(0.0);
         let omega_rad_s = samples.omega_rad_s.get(j).copied().unwrap_or(usual_rad_s);
-        let is_gap = has_gaps && samples.missing.get(j) == Some(&true);
+        let is_gap = has_gaps && samples.missing.get(j).is_some_and(|missing| *missing != 0);
         let recorded = recorded.clone().map(|column| if is_gap { f64::NAN } else { column[j] });
         let values: Vec<f64> = recorded.chain([theta_rad, omega_rad_s]).collect();
         if !instance.set_reals(&places, &values) {

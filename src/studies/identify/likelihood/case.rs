@@ -1,8 +1,10 @@
 //! One recording, cut into pieces, and its noise levels.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use super::filter::{Data, Piece, Track};
+use super::missing::{Cubic, unknown_a};
 use super::{Recording, SHORTEST, resolution};
 
 /// Rows of a piece.
@@ -35,8 +37,8 @@ pub(super) struct Case<'a> {
     pub slow_force: f64,
     /// Step of each position sensor, m; 0 unless it is quantised.
     pub resolution_m: [f64; 2],
-    /// Rows that tell something new, if not all.
-    different: Option<usize>,
+    /// As how many rows they count, if not all.
+    counting: Option<usize>,
     pub track: Track,
 }
 
@@ -46,9 +48,9 @@ impl Case<'_> {
         self.pieces.iter().map(|piece| piece.counted.len()).sum()
     }
 
-    /// Rows that tell something new.
-    pub fn different(&self) -> usize {
-        self.different.map_or(self.rows(), |different| different.min(self.rows()))
+    /// As how many rows they count.
+    pub fn counting(&self) -> usize {
+        self.counting.map_or(self.rows(), |counting| counting.min(self.rows()))
     }
 
     /// Rows of a block.
@@ -117,24 +119,6 @@ fn position_noise(position: &[[f64; 2]], segments: &[Range<usize>]) -> f64 {
     of(binomials[0]).min(of(binomials[1])).max(1e-10)
 }
 
-/// rms errors of cubics through the neighbours of currents that were recorded, A: those of currents that are filled are about as large.
-fn filled(recording: &Recording<'_>) -> [f64; 3] {
-    let is_known = |row: usize| {
-        !recording.missing.get(row).copied().unwrap_or(false) && recording.usable.get(row).copied().unwrap_or(true)
-    };
-    let (mut sum, mut count) = ([0.0; 3], 0.0_f64);
-    if recording.missing.contains(&true) {
-        let windows = recording.current_a.windows(5).enumerate();
-        for (_, i) in windows.filter(|(row, _)| (*row..row + 5).all(is_known)) {
-            for k in 0..3 {
-                sum[k] += (i[2][k] - (4.0 * (i[1][k] + i[3][k]) - i[0][k] - i[4][k]) / 6.0).powi(2);
-            }
-            count += 1.0;
-        }
-    }
-    sum.map(|sum| (sum / count.max(1.0)).sqrt())
-}
-
 pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Option<Case<'a>> {
     let h = recording.step_s;
     let rows = recording.position_m.len();
@@ -153,14 +137,15 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Opti
     let data = Data {
         h,
         position: recording.position_m,
-        current: recording.current_a,
+        current: Cow::Borrowed(recording.current_a),
         omega,
         hold: recording.hold,
         at: theta.iter().map(|theta| turn(*theta)).collect(),
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
         reach: ((RATE_S / h).round() as usize).max(1),
         missing: recording.missing,
-        filled_a: filled(recording),
+        filled_a: Cubic::of(recording).rms_a(),
+        unknown_a: unknown_a(recording),
     };
     let mut track = Track { state: vec![[0.0; 4]; rows], expected: Vec::new() };
     for segment in &segments {
@@ -174,10 +159,10 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Opti
         }
     }
     let noise = recording.position_noise_m.unwrap_or_else(|| position_noise(recording.position_m, &segments));
-    let is_read = |row: &usize| !recording.missing.get(*row).copied().unwrap_or(false);
+    let is_read = |row: &usize| !recording.missing.get(*row).is_some_and(|missing| missing.position);
     let readings = segments.iter().flat_map(Clone::clone).filter(is_read).map(|row| recording.position_m[row]);
     let resolution_m = [0, 1].map(|a| resolution::step(readings.clone().map(|reading| reading[a])));
-    let different = resolution::different(readings, resolution_m, noise);
+    let counting = resolution::counting(readings, resolution_m, noise);
     Some(Case {
         data,
         recording,
@@ -187,7 +172,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Opti
         current_noise: recording.current_noise_a.unwrap_or(CURRENT_NOISE_A).max(1e-7),
         slow_force: 0.0,
         resolution_m,
-        different,
+        counting,
         track,
     })
 }

@@ -56,7 +56,8 @@ pub(super) fn expected(
     innovations: &[[f64; 2]],
 ) -> Vec<Expected> {
     let all = data.at.len();
-    let rows = || segments.iter().flat_map(|segment| segment.clone().skip(1).map(|row| (row, segment.start)));
+    let all_rows = || segments.iter().flat_map(|segment| segment.clone().skip(1).map(|row| (row, segment.start)));
+    let rows = || all_rows().filter(|(row, _)| !data.is_unknown(*row));
     let signals = |row: usize| -> [f64; SIGNALS] {
         let [y, z, v, w] = track.state[row];
         let [a, b, c] = bearing.regressors([y, z], data.square(bearing, row));
@@ -111,7 +112,7 @@ pub(super) fn expected(
         sums.zip(answer.as_flattened().as_flattened()).for_each(|(sum, own)| *sum += own);
     }
     let mut expected = vec![[0.0; SIGNALS]; all];
-    for (row, first) in rows() {
+    for (row, first) in all_rows() {
         let (number, answer) = &own[row / length];
         let per_row = 1.0 / (total.0 - number).max(1.0);
         let mut signals = repeating(row);

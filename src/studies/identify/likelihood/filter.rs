@@ -11,10 +11,12 @@
 
 #![allow(clippy::needless_range_loop, reason = "several matrices go by one index")]
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use super::equations::{ALL, BASE, Bearing, Interval, Shaft, State};
 use super::expected::Expected;
+use super::{Missing, Origin};
 use crate::estimation::Hold;
 
 /// Columns of a pass without bench parameters, and of one with them: numbers of parameters, rounded up to whole registers.
@@ -34,7 +36,7 @@ pub(super) const LAGS: usize = 4;
 pub(super) struct Data<'a> {
     pub h: f64,
     pub position: &'a [[f64; 2]],
-    pub current: &'a [[f64; 3]],
+    pub current: Cow<'a, [[f64; 3]]>,
     pub omega: &'a [f64],
     pub hold: Hold,
     /// cos θ, sin θ at the samples, and in the middle of the interval that ends there.
@@ -42,19 +44,48 @@ pub(super) struct Data<'a> {
     pub middle: Vec<[f64; 2]>,
     /// Half the number of rows over which ω̇ is taken.
     pub reach: usize,
-    /// Rows that were not recorded, but filled from their neighbours; empty if there are none.
-    pub missing: &'a [bool],
-    /// Errors of currents that were filled, A.
+    /// What was not recorded; empty if that is nothing.
+    pub missing: &'a [Missing],
+    /// Errors of currents that were filled, and of those that are not known, A.
     pub filled_a: [f64; 3],
+    pub unknown_a: [f64; 3],
 }
 
 /// Factor of the measurement variance of a row that was not recorded: the filter predicts across it.
 const UNKNOWN: f64 = 1e10;
+/// Rows after a current that is not known in which the filter finds the velocity again.
+const FOUND_AGAIN: usize = 4;
 
 impl Data<'_> {
     #[inline(always)]
     fn is_missing(&self, row: usize) -> bool {
-        self.missing.get(row).copied().unwrap_or(false)
+        self.missing.get(row).is_some_and(|missing| missing.position)
+    }
+
+    /// Whether a current of a row is not known.
+    #[inline(always)]
+    pub fn is_unknown(&self, row: usize) -> bool {
+        self.missing.get(row).is_some_and(|missing| missing.current.contains(&Origin::Unknown))
+    }
+
+    /// Whether an innovation tells of the noise: not where the position was not recorded, nor where the force is not known.
+    #[inline(always)]
+    fn tells(&self, row: usize) -> bool {
+        self.missing.is_empty()
+            || !self.is_missing(row) && !(row.saturating_sub(FOUND_AGAIN)..=row).any(|row| self.is_unknown(row))
+    }
+
+    /// The origin of the currents of the interval that ends at a row. Where a current is not known on either side the interval is not, whatever a sample stands
+    /// for: the readings of the currents are then compared over the same intervals.
+    #[inline(always)]
+    fn origin(&self, row: usize) -> [Origin; 3] {
+        let [before, here] = [self.missing[row - 1].current, self.missing[row].current];
+        std::array::from_fn(|k| match (self.hold, before[k].max(here[k])) {
+            (_, Origin::Unknown) => Origin::Unknown,
+            (Hold::HeldBefore, _) => here[k],
+            (Hold::HeldAfter, _) => before[k],
+            (Hold::Linear, either) => either,
+        })
     }
 
     /// Variance of the position reading in a row.
@@ -99,18 +130,28 @@ impl Data<'_> {
         let between = self.shaft_between(row, from, to);
         let states = [&track.state[row - 1], &track.state[row]];
         let mut interval = bearing.interval(states, &squares, track.regressors(row), [*from, between, *to]);
-        let is_filled = match self.hold {
-            Hold::HeldBefore => self.is_missing(row),
-            Hold::HeldAfter => self.is_missing(row - 1),
-            Hold::Linear => self.is_missing(row) || self.is_missing(row - 1),
-        };
-        if is_filled {
-            for (noise, filled_a) in interval.noise.iter_mut().zip(self.filled_a) {
-                let factor = (filled_a / bearing.noise).max(1.0);
-                *noise = noise.map(|noise| noise * factor);
+        if !self.missing.is_empty() {
+            for (k, origin) in self.origin(row).into_iter().enumerate() {
+                let error_a = match origin {
+                    Origin::Recorded => continue,
+                    Origin::Filled => self.filled_a[k],
+                    Origin::Unknown => self.unknown_a[k],
+                };
+                let factor = (error_a / bearing.noise).max(1.0);
+                interval.noise[k] = interval.noise[k].map(|noise| noise * factor);
             }
         }
         (interval, between)
+    }
+
+    /// Factors of the noise of the currents in the interval that ends at a row: errors of currents that were not recorded are what they are.
+    #[inline(always)]
+    fn scales(&self, row: usize, factors: [f64; 3]) -> [f64; 3] {
+        if self.missing.is_empty() {
+            return factors;
+        }
+        let origin = self.origin(row);
+        std::array::from_fn(|k| if origin[k] == Origin::Recorded { factors[k] } else { 1.0 })
     }
 
     /// Squared current that the interval ending at `row` is driven by, A².
@@ -536,7 +577,7 @@ fn columns_of<const P: usize, const N: usize>(
             }
             sums.filled += 2;
             block.rows.end = row + 1;
-            if !data.is_missing(row) {
+            if data.tells(row) {
                 block.count += 1.0;
                 block.nis += w[0] * w[0] + w[1] * w[1];
                 log_det.times(innovation.log_det);
@@ -750,12 +791,12 @@ fn likelihoods_with<const N: usize>(
     each_row(data, bearing, track, start..piece.counted.end, |row, interval, residual| {
         if let Some(interval) = interval {
             for (kalman, [a, b, c, slow]) in kalman.iter_mut().zip(factors) {
-                kalman.predict(data.h, interval, [a, b, c], slow * slow * data.slow(bearing, 1));
+                kalman.predict(data.h, interval, data.scales(row, [a, b, c]), slow * slow * data.slow(bearing, 1));
             }
         }
         for f in 0..3 {
             let innovation = kalman[f].update(bearing, data.variance(row, variance), residual);
-            if row >= piece.counted.start.max(start + 4) && !data.is_missing(row) {
+            if row >= piece.counted.start.max(start + 4) && data.tells(row) {
                 let w = innovation.whiten(innovation.e);
                 logs[f].times(innovation.log_det);
                 sums[f][1] += w[0] * w[0] + w[1] * w[1];

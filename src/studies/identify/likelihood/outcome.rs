@@ -79,7 +79,8 @@ fn conditions(finished: &Finished, r: usize, lambda: &[Estimate; 3]) -> Conditio
     let bearing = search.bearing(r);
     let (mut ki, mut ks, mut rows) = ([0.0; 3], [0.0; 3], 0);
     for piece in &case.pieces {
-        for row in piece.counted.clone().skip(usize::from(piece.counted.start == piece.filtered.start)) {
+        let first = usize::from(piece.counted.start == piece.filtered.start);
+        for row in piece.counted.clone().skip(first).filter(|row| !case.data.is_unknown(*row)) {
             let gaps = bearing.gaps_at(&case.track.state[row]);
             let squares = case.data.square(&bearing, row);
             for k in 0..3 {
@@ -101,7 +102,7 @@ fn conditions(finished: &Finished, r: usize, lambda: &[Estimate; 3]) -> Conditio
         current_noise_a: case.current_noise,
         slow_force_n: case.slow_force,
         rows: case.rows(),
-        different: case.different(),
+        counting: case.counting(),
         resolution_m: case.resolution_m,
         nis: finished.nis(r),
         ki_n_a: std::array::from_fn(|k| scaled(2.0 * ki[k] / f64::from(rows.max(1)), &lambda[k])),

@@ -16,6 +16,7 @@ use super::changes;
 use super::equations::{ALL, BASE, Bearing, LOAD, Nominal, State, Theta};
 use super::expected::expected;
 use super::filter::{self, Block, Piece};
+use super::missing;
 use super::outcome;
 use super::solve::{Normal, SHARED, inverse, part, unknown};
 use super::{Contradiction, Failed, Identification, Knowledge, Options, Recording, SHORTEST};
@@ -89,7 +90,7 @@ pub(super) struct Search<'a> {
     pub x: Vec<f64>,
     /// Mean and standard deviation of the prior of each unknown; 0 for what is not estimated.
     pub prior: Vec<(f64, f64)>,
-    /// Power of the likelihood ([`BENCH_ROWS`], [`Case::different`]).
+    /// Power of the likelihood ([`BENCH_ROWS`], [`Case::counting`]).
     weight: f64,
     pub iterations: usize,
     pub converged: bool,
@@ -277,18 +278,36 @@ impl<'a> Search<'a> {
         if !self.exact() {
             return;
         }
+        let innovations = self.innovations();
+        let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
+        for ((case, bearing), innovations) in self.cases.iter_mut().zip(&bearings).zip(&innovations) {
+            case.track.expected = expected(&case.data, bearing, &case.track, &case.segments, innovations);
+        }
+    }
+
+    /// The whitened innovations of every recording by row; 0 where there are none.
+    fn innovations(&self) -> Vec<Vec<[f64; 2]>> {
         let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
         let pieces = parallel(&self.tasks(), |(r, piece)| {
             let case = &self.cases[*r];
             let variance = case.position_noise * case.position_noise;
             (*r, piece.counted.clone(), filter::innovations(&case.data, &bearings[*r], &case.track, variance, piece))
         });
-        for (r, (case, bearing)) in self.cases.iter_mut().zip(&bearings).enumerate() {
-            let mut innovations = vec![[0.0; 2]; case.data.at.len()];
-            for (_, rows, of) in pieces.iter().filter(|(of, ..)| *of == r) {
-                innovations[rows.clone()].iter_mut().zip(of).for_each(|(to, [_, whitened])| *to = *whitened);
-            }
-            case.track.expected = expected(&case.data, bearing, &case.track, &case.segments, &innovations);
+        let mut all: Vec<_> = self.cases.iter().map(|case| vec![[0.0; 2]; case.data.at.len()]).collect();
+        for (r, rows, of) in pieces {
+            all[r][rows].iter_mut().zip(of).for_each(|(to, [_, whitened])| *to = whitened);
+        }
+        all
+    }
+
+    /// Fills the currents that are missing by what is known of the innovations ([`missing`]).
+    fn refill(&mut self) {
+        if self.cases.iter().all(|case| case.data.missing.is_empty()) {
+            return;
+        }
+        let innovations = self.innovations();
+        for (case, innovations) in self.cases.iter_mut().zip(&innovations) {
+            missing::refill(&mut case.data, case.recording, &case.segments, innovations);
         }
     }
 
@@ -385,6 +404,7 @@ impl<'a> Search<'a> {
         let first = self.iterate(0, ROUGH);
         self.prior = told;
         first?;
+        self.refill();
         self.expect();
         self.iterate(UNSMOOTHED, CONVERGED)
     }
@@ -505,9 +525,9 @@ fn start<'a>(
         prior[LOAD + j] = (told.value, std);
     }
     let rows = cases.iter().map(Case::rows).sum::<usize>() as f64;
-    let different = cases.iter().map(Case::different).sum::<usize>() as f64;
+    let counting = cases.iter().map(Case::counting).sum::<usize>() as f64;
     let mut search = Search { cases, options, x, prior, weight: 1.0, iterations: 0, converged: false };
-    search.weight = different / rows;
+    search.weight = counting / rows;
     if !search.exact() {
         search.weight = (BENCH_ROWS / rows).min(search.weight);
     }
@@ -591,6 +611,7 @@ pub(super) fn fit<'a>(
             hold(&mut search, held);
             search.start_at(near);
             search.smooth();
+            search.refill();
             search.expect();
             search.iterate(UNSMOOTHED, CONVERGED)?;
             search
