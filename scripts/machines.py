@@ -2,16 +2,17 @@
 """How well `identify` knows planar4, spindle and spindle4: recordings that `simulate` writes, with λ (±20 %) and noise drawn.
 
     cargo build --release
-    scripts/machines.py --seed 9001 --runs 20 [--machine spindle]
+    scripts/machines.py --seed 9101 --runs 20 [--machine spindle] [--commanded]
 
 Positions have 0.05 to 0.5 µm of noise, currents 5 to 20 mA. Prints error/± (rms over all magnets of all valid answers) in all and of noise, the
-worst, and how often the currents were read as another than measured ones.
+worst, and how often the currents were read as measured ones; `--commanded` records the commands of the controller instead.
 """
 
 import argparse
 import json
 import math
 import random
+import re
 import subprocess
 from pathlib import Path
 
@@ -28,7 +29,7 @@ def magnets(machine: str) -> list[str]:
     return [f"{bearing}.lambda[{k}]" for bearing in "AB" for k in radial] + ["X.lambda[1]", "X.lambda[2]"]
 
 
-def record(machine: str, seed: int) -> tuple[dict[str, float], list[str]]:
+def record(machine: str, seed: int, commanded: bool) -> tuple[dict[str, float], list[str]]:
     """The force constants that were drawn, and the rows of the recording with their header."""
     draw = random.Random(seed)
     truth = {name: 2e-6 * draw.uniform(0.8, 1.2) for name in magnets(machine)}
@@ -36,13 +37,15 @@ def record(machine: str, seed: int) -> tuple[dict[str, float], list[str]]:
     values["sensor.currentNoise"] = draw.uniform(0.005, 0.02)
     changes = [f"--set=plant.{name}={value}" for name, value in (values | truth).items()]
     command = [PROGRAM, "simulate", machine, f"--set=duration={TIMES_S[-1]}", *changes, "--csv", "-"]
-    rows = []
+    currents = re.compile(r"controller\.((?:[ABX]\.)?)i\[" if commanded else r"plant\.((?:[ABX]\.)?)im\[")
+    others = re.compile(r"time|plant\..*[XYZ]m \[m\]|plant\.theta|plant\.omegam")
+    rows, kept = [], []
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as run:
         for line in run.stdout:
             cells = line.rstrip("\n").split(",")
             if not rows:
-                measured = ("m [m]", "] [A]", "theta [rad]", "omegam [rad/s]")
-                kept = [at for at, name in enumerate(cells) if name.startswith(("time", "plant")) and name.endswith(("[s]", *measured))]
+                kept = [at for at, name in enumerate(cells) if currents.match(name) or others.match(name)]
+                cells = [currents.sub(r"\1im[", name) for name in cells]
             rows.append(",".join(cells[at] for at in kept))
     return truth, rows
 
@@ -53,25 +56,26 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--machine", nargs="*", default=["planar4", "spindle", "spindle4"])
+    parser.add_argument("--commanded", action="store_true")
     arguments = parser.parse_args()
-    print("| machine | recording | valid | error/± in all | error/± of noise | worst/± in all | rms error [%] | other readings |")
+    print("| machine | recording | valid | error/± in all | error/± of noise | worst/± in all | rms error [%] | read as measured |")
     print("|---|---|---|---|---|---|---|---|")
     for machine in arguments.machine:
-        recordings = [record(machine, arguments.seed + run) for run in range(arguments.runs)]
+        recordings = [record(machine, arguments.seed + run, arguments.commanded) for run in range(arguments.runs)]
         for time_s in TIMES_S:
-            valid, other, errors = 0, 0, []
+            valid, measured, errors = 0, 0, []
             for truth, rows in recordings:
                 command = [PROGRAM, "identify", "-", "--machine", machine, "--json", "-"]
                 text = "\n".join(rows[: round(time_s * RATE_HZ) + 2]) + "\n"
                 answer = json.loads(subprocess.run(command, input=text, capture_output=True, text=True).stdout)
-                other += "currents heldBefore" not in answer["told"]
+                measured += "currents heldBefore" in answer["told"]
                 if answer["valid"]:
                     valid += 1
                     stated = zip(truth.values(), answer["lambdaHat"], answer["lambdaStdTotal"], answer["lambdaStd"])
                     errors += [((hat - true) / total, (hat - true) / noise, hat / true - 1) for true, hat, total, noise in stated]
             total, noise, relative = (math.sqrt(sum(e[n] ** 2 for e in errors) / max(len(errors), 1)) for n in range(3))
             worst = max((abs(e[0]) for e in errors), default=math.nan)
-            print(f"| {machine} | {time_s:g} s | {valid} | {total:.2f} | {noise:.2f} | {worst:.1f} | {100 * relative:.2f} | {other} |", flush=True)
+            print(f"| {machine} | {time_s:g} s | {valid} | {total:.2f} | {noise:.2f} | {worst:.1f} | {100 * relative:.2f} | {measured} |", flush=True)
 
 
 if __name__ == "__main__":
