@@ -169,6 +169,32 @@ fn an_impact_is_left_out() {
     }
 }
 
+/// A current that is not known for a while tells nothing: what stands in its place does not matter, and λ keeps its standard deviation.
+#[test]
+fn a_current_that_is_not_known_is_not_used() {
+    let bench = Bench { seconds: 1.0, seed: 44, ..Bench::default() };
+    let is_lost = |row: usize| row % 200 > 20 && row % 200 < 50;
+    let of = |instead_a: f64| {
+        let mut recorded = bench.record();
+        let mut missing = vec![Missing::default(); recorded.current.len()];
+        for row in (0..missing.len()).filter(|row| is_lost(*row)) {
+            recorded.current[row][1] = instead_a;
+            missing[row].current[1] = Origin::Unknown;
+        }
+        let recording = Recording { missing: &missing, ..recording(&recorded, &bench, true) };
+        likelihood::identify(&[recording], &options(&bench)).unwrap()
+    };
+    let [found, other] = [2.0, 3.0].map(of);
+    for k in 0..3 {
+        let std = found.lambda[k].total_std;
+        let error = (found.lambda[k].value - bench.lambda[k]) / std;
+        let moved = (found.lambda[k].value - other.lambda[k].value) / std;
+        println!("λ{k}: {error} standard deviations; moved by {moved}");
+        assert!(error.abs() < 4.0, "λ{k}: {error} standard deviations");
+        assert!(moved.abs() < 0.5, "λ{k} moved by {moved} standard deviations");
+    }
+}
+
 /// A force that wanders is found by its likelihood, and its level; a recording without it shows none.
 #[test]
 fn a_slow_force_is_found_by_its_likelihood() {

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::answer::{Columns, implausible};
-use super::likelihood::{self, Hold, Knowledge, Options, PARAMETERS, by_name};
+use super::likelihood::{self, Hold, Knowledge, Options, Origin, PARAMETERS, by_name};
 use super::read::significant;
 use crate::estimation::EstimatorConfig;
 
@@ -215,6 +215,9 @@ fn stretch(take: &Take, stretches: usize) -> Take {
 pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
     let of = takes.each_ref().map(|take| {
         let mut take = stretch(take, HOLD_STRETCHES);
+        // A force that is not known goes with every reading.
+        let rows = take.columns.usable.iter_mut().zip(&take.columns.missing);
+        rows.for_each(|(usable, missing)| *usable &= !missing.current.contains(&Origin::Unknown));
         if let Some(delay) = by_name("delay").filter(|delay| take.options.bench[*delay].knowledge == Knowledge::Exact) {
             take.options.bench[delay].knowledge = Knowledge::Tolerance(PARAMETERS[delay].typical);
         }

@@ -562,6 +562,8 @@ fn columns_of<const P: usize, const N: usize>(
             w_0[l] = first;
             w_1[l] = (phi_1 - l_10 * first) * f_1;
         }
+        // Where the force is not known, innovations are not white.
+        let white = if counts && data.tells(row) { w } else { [0.0; 2] };
         if counts {
             if block_of(row) != block_of(block.rows.start) {
                 // The batch holds the row that begins the next block.
@@ -585,18 +587,18 @@ fn columns_of<const P: usize, const N: usize>(
             let (c, s) = (to.cos, to.sin);
             let mut turn = [c, s];
             for harmonic in &mut block.harmonics {
-                for (axis, w) in harmonic.iter_mut().zip(w) {
+                for (axis, w) in harmonic.iter_mut().zip(white) {
                     axis[0] += w * turn[0];
                     axis[1] += w * turn[1];
                 }
                 turn = [turn[0] * c - turn[1] * s, turn[1] * c + turn[0] * s];
             }
             for (sum, former) in block.lags.iter_mut().zip(&former) {
-                *sum += w[0] * former[0] + w[1] * former[1];
+                *sum += white[0] * former[0] + white[1] * former[1];
             }
         }
         former.copy_within(..LAGS - 1, 1);
-        former[0] = if counts { w } else { [0.0; 2] };
+        former[0] = white;
     }
     close(&mut block, &mut sums, &mut log_det);
     blocks.push(block);
