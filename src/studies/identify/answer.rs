@@ -113,16 +113,16 @@ fn missing(samples: &Samples, current_a: &mut [[f64; 3]]) -> Vec<Missing> {
             missing.current[k] = if is_filled { Origin::Filled } else { Origin::Unknown };
         }
     }
-    for k in 0..3 {
+    let bridge = |k: usize| {
         let known: Vec<usize> = (0..missing.len()).filter(|row| missing[*row].current[k] != Origin::Unknown).collect();
-        for ends in known.windows(2) {
-            let [from, to] = [ends[0], ends[1]];
-            let [first, last] = [current_a[from][k], current_a[to][k]];
-            for row in from + 1..to {
-                current_a[row][k] = first + (last - first) * (row - from) as f64 / (to - from) as f64;
+        for (from, to) in known.iter().zip(&known[1.min(known.len())..]) {
+            let [first, last] = [from, to].map(|row| current_a[*row][k]);
+            for (at, current_a) in current_a[*from..*to].iter_mut().enumerate().skip(1) {
+                current_a[k] = first + (last - first) * at as f64 / (to - from) as f64;
             }
         }
-    }
+    };
+    (0..3).for_each(bridge);
     missing
 }
 
