@@ -212,6 +212,7 @@ fn feedthrough<D>(row: Row<D>, machine: &Machine) -> Row<D> {
 }
 
 /// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
+#[cfg(feature = "app")]
 pub fn configuration<R: ModelledRotor<N, K>, const N: usize, const K: usize>(
     settings: &[(usize, Value)],
 ) -> (R, PlantInput<f64, N, K>) {
