@@ -5,7 +5,9 @@ use std::fmt::Debug;
 use fmu_export::input::{HIGHEST_ORDER, InputTrajectory};
 use fmu_export::log::Log;
 use fmu_export::variable::Dependency::{Constant, Fixed};
-use fmu_export::variable::{Causality, Row, Table, Value, Variability};
+use fmu_export::variable::{Causality, Row, Variability};
+#[cfg(feature = "app")]
+use fmu_export::variable::{Table, Value};
 use fmu_export::{Capabilities, Info, Invalid, Model, Resources, Step, StepError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
