@@ -9,7 +9,7 @@ use fmu_export::package::{self, Extras, Member, PackageError, Written, documenta
 use maud::PreEscaped;
 
 use crate::fmu::{FMUS, catalogue, find};
-use crate::machine::{MACHINES, Machine, PLANAR, SPINDLE};
+use crate::machine::{self, MACHINES, Machine, PLANAR, SPINDLE};
 use crate::output::Format;
 use crate::report::frame;
 use crate::simulation::scenario::{Scenario, suggestion};
@@ -23,10 +23,8 @@ pub const USUAL: [&str; 2] = [PLANAR.name, SPINDLE.name];
 /// A name that none has, with the nearest one.
 pub fn machines(names: &[impl AsRef<str>]) -> Result<Vec<&'static Machine>, String> {
     let known = MACHINES.iter().map(|machine| machine.name.to_owned()).collect::<Vec<_>>();
-    let find = |name: &str| {
-        let found = MACHINES.iter().find(|machine| machine.name == name);
-        found.ok_or_else(|| format!("{name} is no machine; {}", suggestion(name, &known)))
-    };
+    let find =
+        |name: &str| machine::find(name).ok_or_else(|| format!("{name} is no machine; {}", suggestion(name, &known)));
     names.iter().map(|name| find(name.as_ref())).collect()
 }
 

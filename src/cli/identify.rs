@@ -17,13 +17,12 @@ use super::{
     NotValid, Refused, Result, claim, deviation, duration, named, pair, print, refused, said_of, say, write_page,
     write_table,
 };
-use crate::estimation::Method;
+use crate::estimation::{Hold, Method};
 use crate::fmu::RENAMED;
 use crate::fmu::estimator::configuration;
 use crate::machine::{MACHINES, PLANAR};
 use crate::output::{self, Format};
 use crate::report::{frame, identification};
-use crate::simulation::closed_loop::settings;
 use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate;
 use crate::studies::identify::likelihood::{BENCH, Knowledge, Told};
@@ -33,6 +32,8 @@ use crate::variables::Choice;
 
 /// Plots and tables need no more points than this; the CSV file has all of them.
 const SHOWN: usize = 4000;
+/// The method for a whole recording.
+const LIKELIHOOD: &str = "likelihood";
 /// The on-line method of every machine.
 const PREDICTION_ERROR: &str = "predictionError";
 /// Name of the slow force among the parameters to estimate.
@@ -134,11 +135,12 @@ pub struct Arguments {
 /// Identifies the bearing, and prints and writes the results.
 pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.claim()?;
-    let files = Files::new(arguments)?;
-    if let Some(bench) = axial::bench(arguments)? {
+    let machine = arguments.machine();
+    let files = Files::new(arguments, machine)?;
+    if let Some(bench) = axial::bench(arguments, machine)? {
         return axial::run(arguments, bench, &files);
     }
-    let machine = arguments.machine();
+    let method = arguments.method(machine);
     let mut bearing = arguments.bearing(machine)?;
     let bench = if *machine == PLANAR { Some(arguments.bench(&bearing)?) } else { None };
     if bench.is_none() {
@@ -148,24 +150,25 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             return Err(simulate::Refused(refused).into());
         }
     }
-    let methods = arguments.methods()?;
+    let methods = methods(method)?;
     let columns: Vec<_> = bearing.columns.iter().chain(&arguments.column).cloned().collect();
-    let recordings = arguments.read(&columns, &bearing)?;
+    let recordings = arguments.read(&columns, &bearing, method)?;
     let samples = &recordings[0];
     let mut estimator = bearing.estimator().clone();
     arguments.complete(&mut estimator, samples);
-    let holds = arguments.hold(&mut estimator, samples)?;
+    let (hold, holds) = arguments.hold(&estimator, samples, method)?;
+    estimator.set("hold", Value::Integer(hold.number()));
 
-    let every = if arguments.is_likelihood() && arguments.csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
+    let every = if method == LIKELIHOOD && arguments.csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
     let tracks = methods.into_iter().map(|method| {
         estimator.set("method", Value::Integer(method.number()));
         identify::track_every(samples, &estimator, every)
     });
     let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
-    let answer = match bench.filter(|_| arguments.is_likelihood()) {
+    let answer = match bench.filter(|_| method == LIKELIHOOD) {
         Some(bench) => {
             let lambda0_nm2_a2 = tracks[0].lambda_hat().and_then(|lambda| lambda.try_into().ok());
-            let config = configuration(&settings(&estimator));
+            let config = configuration(&estimator.values());
             let question = Question { config, bench, lambda0_nm2_a2, slow_force: arguments.slow_force() };
             Some(identify::answer(&recordings, question).map_err(refused)?)
         }
@@ -239,31 +242,16 @@ impl Arguments {
         (is_off || is_estimated).then_some(is_estimated)
     }
 
-    /// The methods to run on line: with maximum likelihood the default one, which shows drift.
-    fn methods(&self) -> Result<Vec<Method>> {
-        let wanted = if self.is_likelihood() { PREDICTION_ERROR } else { self.method() };
-        let methods = METHODS.into_iter().filter(|(name, _)| wanted == *name || wanted == "all");
-        let methods: Vec<_> = methods.map(|(_, method)| method).collect();
-        if !methods.is_empty() {
-            return Ok(methods);
-        }
-        let names = METHODS.map(|(name, _)| name).join(", ");
-        Err(match RENAMED.iter().find(|(former, _)| *former == self.method()) {
-            Some((former, name)) => refused(format!("--method {former}: expected {name}, which replaces it")),
-            None => refused(format!("--method {}: expected one of likelihood, {names}, all", self.method())),
-        })
-    }
-
     /// Reads the recordings and refuses those that the machine cannot have made.
-    fn read(&self, columns: &[(String, String)], bearing: &Scenario) -> Result<Vec<Samples>> {
+    fn read(&self, columns: &[(String, String)], bearing: &Scenario, method: &str) -> Result<Vec<Samples>> {
         let gap_m = |name: String| bearing.value("estimator", &name).map_or(f64::NAN, Value::as_f64);
         let gap_m: Vec<f64> = bearing.machine.of_bearings("s").into_iter().map(gap_m).collect();
         if self.recordings.len() > 1 {
             if self.currents.is_some() {
                 return Err(Refused("--currents needs a single recording".into()).into());
             }
-            if !self.is_likelihood() {
-                return Err(Refused(format!("--method {} needs a single recording", self.method())).into());
+            if method != LIKELIHOOD {
+                return Err(Refused(format!("--method {method} needs a single recording")).into());
             }
         }
         let reading = Reading {
@@ -321,32 +309,43 @@ impl Arguments {
         }
     }
 
-    /// Chooses the meaning of a current sample; with `auto` the data decide, and a table shows how clearly.
-    fn hold(&self, estimator: &mut Element, samples: &Samples) -> Result<Option<Table>> {
-        if self.hold == "auto" && *samples.machine != PLANAR {
+    /// The meaning of a current sample; with `auto` the data decide, and a table shows how clearly.
+    fn hold(&self, estimator: &Element, samples: &Samples, method: &str) -> Result<(Hold, Option<Table>)> {
+        if self.hold != "auto" {
+            let names = HOLDS.map(|(name, _)| name).join(", ");
+            let found = HOLDS.into_iter().find(|(name, _)| *name == self.hold);
+            let hold = found.ok_or_else(|| refused(format!("--hold {}: expected one of {names}, auto", self.hold)))?;
+            return Ok((hold.1, None));
+        }
+        if *samples.machine != PLANAR {
             let (hold, table) = identify::best_hold(samples, estimator).map_err(refused)?;
-            estimator.set("hold", Value::Integer(hold.number()));
-            return Ok(Some(table));
+            return Ok((hold, Some(table)));
         }
-        if self.hold == "auto" {
-            if self.is_likelihood() && samples.rotation == Rotation::Unknown {
-                return Ok(None);
-            }
-            let residuals = identify::residuals_of_holds(samples, &configuration(&settings(estimator)));
-            let hold = identify::most_likely_hold(&residuals);
-            estimator.set("hold", Value::Integer(hold.number()));
-            // Where no reading has a likelihood there is nothing to compare.
-            if residuals.iter().all(|residual| residual.is_infinite()) {
-                return Ok(None);
-            }
-            return Ok(Some(identify::table_of_holds(&residuals, hold)));
+        let config = configuration(&estimator.values());
+        if method == LIKELIHOOD && samples.rotation == Rotation::Unknown {
+            return Ok((config.hold, None));
         }
-        let names = HOLDS.map(|(name, _)| name).join(", ");
-        let found = HOLDS.into_iter().find(|(name, _)| *name == self.hold);
-        let (_, hold) = found.ok_or_else(|| refused(format!("--hold {}: expected one of {names}, auto", self.hold)))?;
-        estimator.set("hold", Value::Integer(hold.number()));
-        Ok(None)
+        let residuals = identify::residuals_of_holds(samples, &config);
+        let hold = identify::most_likely_hold(&residuals);
+        // Where no reading has a likelihood there is nothing to compare.
+        let is_compared = residuals.iter().any(|residual| residual.is_finite());
+        Ok((hold, is_compared.then(|| identify::table_of_holds(&residuals, hold))))
     }
+}
+
+/// The methods to run on line: with maximum likelihood the default one, which shows drift.
+fn methods(method: &str) -> Result<Vec<Method>> {
+    let wanted = if method == LIKELIHOOD { PREDICTION_ERROR } else { method };
+    let methods = METHODS.into_iter().filter(|(name, _)| wanted == *name || wanted == "all");
+    let methods: Vec<_> = methods.map(|(_, method)| method).collect();
+    if !methods.is_empty() {
+        return Ok(methods);
+    }
+    let names = METHODS.map(|(name, _)| name).join(", ");
+    Err(match RENAMED.iter().find(|(former, _)| *former == method) {
+        Some((former, name)) => refused(format!("--method {former}: expected {name}, which replaces it")),
+        None => refused(format!("--method {method}: expected one of {LIKELIHOOD}, {names}, all")),
+    })
 }
 
 /// Opens a recording.

@@ -6,9 +6,8 @@
 pub mod controller;
 pub mod estimator;
 pub mod plant;
+pub mod plants;
 pub mod spindle;
-
-pub(crate) mod plants;
 
 mod common;
 

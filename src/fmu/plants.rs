@@ -5,9 +5,7 @@ use std::fmt::Debug;
 use fmu_export::input::{HIGHEST_ORDER, InputTrajectory};
 use fmu_export::log::Log;
 use fmu_export::variable::Dependency::{Constant, Fixed};
-use fmu_export::variable::{Causality, Row, Variability};
-#[cfg(feature = "app")]
-use fmu_export::variable::{Table, Value};
+use fmu_export::variable::{Causality, Row, Table, Value, Variability};
 use fmu_export::{Capabilities, Info, Invalid, Model, Resources, Step, StepError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -214,7 +212,6 @@ fn feedthrough<D>(row: Row<D>, machine: &Machine) -> Row<D> {
 }
 
 /// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
-#[cfg(feature = "app")]
 pub fn configuration<R: ModelledRotor<N, K>, const N: usize, const K: usize>(
     settings: &[(usize, Value)],
 ) -> (R, PlantInput<f64, N, K>) {

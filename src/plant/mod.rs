@@ -197,7 +197,8 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
     pub fn retune(&mut self, to: &R) -> Result<(), Vec<Invalid>> {
         let config = self.equations.config.retuned(to);
         let mut checks = Checks::default();
-        config.check(&mut checks);
+        config.check_tunable(&mut checks);
+        config.coil().check(config.geometry().gap_m, *config.lambda_nm2_a2(), &mut checks);
         checks.finish()?;
         self.equations.config = config;
         Ok(())

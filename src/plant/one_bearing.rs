@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::check_step;
 use super::equations::{Motion, PlantInput};
-use super::rotor::{PlantParameters, Rotor, check_start, check_tunable};
+use super::rotor::{PlantParameters, Rotor, check_lambda_and_unbalance, check_start};
 use super::sensor::SensorConfig;
 use crate::bearing::coil::{CoilConfig, Saturates};
 use crate::bearing::magnet::{Geometry, MagnetsOf, alpha_rad};
@@ -230,15 +230,7 @@ impl<const N: usize, const K: usize> PlantParameters<N, K> for RotorConfig<f64, 
         checks.positive("m", self.m_kg, "kg");
         MagnetsOf::<N, K>::checked(self.gap_m, self.alpha_rad, checks);
         let machine = Self::MACHINE;
-        check_tunable(machine, &self.lambda_nm2_a2, &[self.unbalance_kgm], &[self.unbalance_phase_rad], checks);
-        let Harmonic { amplitude_n, omega_rad_s, phase_rad } = self.harmonic;
-        for (name, value) in machine.of_resultant("perturbation.amplitude").into_iter().zip(amplitude_n) {
-            checks.finite(name, value, "N");
-        }
-        checks.not_negative("perturbation.omega", omega_rad_s, "rad/s");
-        for (name, value) in machine.of_resultant("perturbation.phase").into_iter().zip(phase_rad) {
-            checks.finite(name, value, "rad");
-        }
+        self.check_tunable(checks);
         check_start(self, checks);
         for (name, value) in machine.of_resultant("gravity.").into_iter().zip(self.gravity_m_s2) {
             checks.finite(name, value, "m/s2");
@@ -247,6 +239,20 @@ impl<const N: usize, const K: usize> PlantParameters<N, K> for RotorConfig<f64, 
         self.touchdown.check(checks);
         self.sensor.check(machine, checks);
         check_step("solver.maxStep", self.max_step_s, checks);
+    }
+
+    fn check_tunable(&self, checks: &mut Checks) {
+        let machine = Self::MACHINE;
+        let (unbalance_kgm, phase_rad) = ([self.unbalance_kgm], [self.unbalance_phase_rad]);
+        check_lambda_and_unbalance(machine, &self.lambda_nm2_a2, &unbalance_kgm, &phase_rad, checks);
+        let Harmonic { amplitude_n, omega_rad_s, phase_rad } = self.harmonic;
+        for (name, value) in machine.of_resultant("perturbation.amplitude").into_iter().zip(amplitude_n) {
+            checks.finite(name, value, "N");
+        }
+        checks.not_negative("perturbation.omega", omega_rad_s, "rad/s");
+        for (name, value) in machine.of_resultant("perturbation.phase").into_iter().zip(phase_rad) {
+            checks.finite(name, value, "rad");
+        }
     }
 
     fn retuned(&self, to: &Self) -> Self {

@@ -74,6 +74,9 @@ pub trait PlantParameters<const N: usize, const K: usize>:
     /// Reports invalid parameters by their names in the interface.
     fn check(&self, checks: &mut Checks);
 
+    /// Reports invalid tunable parameters.
+    fn check_tunable(&self, checks: &mut Checks);
+
     /// The same with the tunable parameters of others.
     fn retuned(&self, to: &Self) -> Self;
 
@@ -127,7 +130,7 @@ pub(super) fn check_start<R: PlantParameters<N, K>, const N: usize, const K: usi
 }
 
 /// Reports invalid λ in N·m²/A², and unbalance of each plane in kg·m and rad.
-pub(super) fn check_tunable(
+pub(super) fn check_lambda_and_unbalance(
     machine: &Machine,
     lambda_nm2_a2: &[f64],
     unbalance_kgm: &[f64],

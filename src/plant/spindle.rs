@@ -12,7 +12,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::equations::{Equations, Motion, PlantInput, PlantOutput};
-use super::rotor::{PlantParameters, Rotor, check_start, check_tunable};
+use super::rotor::{PlantParameters, Rotor, check_lambda_and_unbalance, check_start};
 use super::sensor::SensorConfig;
 use super::{Plant, PlantState, check_step};
 use crate::bearing::coil::{CoilConfig, Saturates};
@@ -297,7 +297,7 @@ impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for Spindle
     fn check(&self, checks: &mut Checks) {
         let spindle: SpindleOf<M, K> = self.geometry.checked(checks);
         let machine = Self::MACHINE;
-        check_tunable(machine, &self.lambda_nm2_a2, &self.unbalance_kgm, &self.unbalance_phase_rad, checks);
+        self.check_tunable(checks);
         for (name, at_m) in machine.of_planes("position").into_iter().zip(self.unbalance_position_m) {
             self.geometry.check_position(name, at_m, checks);
         }
@@ -311,6 +311,11 @@ impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for Spindle
         checks.of("X.", |checks| self.touchdown.x.check(checks));
         self.sensor.check(machine, checks);
         check_step("solver.maxStep", self.max_step_s, checks);
+    }
+
+    fn check_tunable(&self, checks: &mut Checks) {
+        let Self { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, .. } = self;
+        check_lambda_and_unbalance(Self::MACHINE, lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, checks);
     }
 
     fn retuned(&self, to: &Self) -> Self {

@@ -9,7 +9,7 @@ use crate::report::plot::{Line, Plot, PlotUnit, colour};
 use crate::report::{Report, cards, page_with};
 use crate::simulation::recording::Recording;
 use crate::studies::identify::likelihood::{Change, Estimate, Identification, PARAMETERS};
-use crate::studies::identify::{Answer, Samples, Track, recording, tables};
+use crate::studies::identify::{Answer, Samples, Track, tables};
 use crate::table::Table;
 
 /// Revolutions over which positions are drawn beside their predictions, and the same in s where the rotor hardly turns.
@@ -29,7 +29,6 @@ pub fn page(
     answer: Option<&Answer>,
 ) -> String {
     let samples = &recordings[0];
-    let estimates = recording(tracks);
     let run = Drawn::new(samples, recordings.len());
     let found = answer.and_then(|answer| answer.found.as_ref());
     let mut figures = Vec::new();
@@ -41,7 +40,7 @@ pub fn page(
     }
     figures.push(run.currents());
     if answer.is_none() {
-        figures.extend(run.on_line(&estimates, tracks));
+        figures.extend(run.on_line(tracks));
     }
     let mut shown: Vec<Table> = holds.into_iter().cloned().collect();
     match answer {
@@ -259,7 +258,7 @@ impl<'s> Drawn<'s> {
     }
 
     /// Figures of the on-line methods.
-    fn on_line(&self, estimates: &Recording, tracks: &[Track]) -> Vec<Figure> {
+    fn on_line(&self, tracks: &[Track]) -> Vec<Figure> {
         let verdicts: Vec<String> =
             tracks.iter().map(|track| format!("{}: {}", track.name(), track.verdict())).collect();
         let caption =
@@ -268,17 +267,18 @@ impl<'s> Drawn<'s> {
         let mut figures = vec![Figure::new("constants", "Force constants over time", constants, caption)];
         if let Some(track) = tracks.iter().find(|track| track.method() == Method::PredictionError) {
             let machine = track.machine;
-            let valid = |j: usize| track.is_valid(j);
+            let is_valid = track.of("valid");
+            let valid = |j: usize| is_valid[j] == 1.0;
             let mut unbalance = self.over_time("unbalance", PlotUnit { name: "g·mm", factor: 1e6 });
             for (name, colour) in machine.of_planes("magnitude").iter().zip(colour::MAGNETS) {
                 let label = name.trim_end_matches(".magnitude");
-                line(&mut unbalance, estimates, track, name, Line::new(label, colour), valid);
+                line(&mut unbalance, track, name, Line::new(label, colour), valid);
             }
             let mut load = self.over_time("static load", PlotUnit::NEWTON);
             let mut moment = self.over_time("static moment", PlotUnit { name: "N·m", factor: 1.0 });
             for (n, name) in machine.of_loads("p", "Hat").iter().enumerate() {
                 let own = Line::new(&machine.direction(n), colour::MAGNETS[n % 3]);
-                line(machine.either(n, &mut load, &mut moment), estimates, track, name, own, valid);
+                line(machine.either(n, &mut load, &mut moment), track, name, own, valid);
             }
             let mut plots = vec![("Unbalance".into(), unbalance), ("Static load".into(), load)];
             plots.extend((!moment.is_empty()).then(|| ("Static moment".into(), moment)));
@@ -288,7 +288,7 @@ impl<'s> Drawn<'s> {
         let mut residual = self.over_time("residual", PlotUnit::ONE);
         let colours = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::OTHER];
         for (track, colour) in tracks.iter().zip(colours) {
-            line(&mut residual, estimates, track, "residual", Line::new(track.name(), colour), |_| true);
+            line(&mut residual, track, "residual", Line::new(track.name(), colour), |_| true);
         }
         let caption = "For predictionError the normalised innovation squared, 1 if model and noise describe the data; for the paper's methods the \
                        part of the motion that is left over.";
@@ -321,9 +321,9 @@ impl<'s> Drawn<'s> {
 }
 
 /// Adds a signal of a track, with gaps where it is not shown.
-fn line(plot: &mut Plot, recording: &Recording, track: &Track, name: &str, line: Line, show: impl Fn(usize) -> bool) {
-    let values = recording.get(&format!("{}.{name}", track.name())).unwrap_or(&[]);
-    let filling = |j: usize| track.verdict_at(j) == Verdict::Collecting;
+fn line(plot: &mut Plot, track: &Track, name: &str, line: Line, show: impl Fn(usize) -> bool) {
+    let verdicts = track.verdicts();
+    let filling = |j: usize| verdicts[j] == Verdict::Collecting;
     let shown = |(j, value): (usize, &f64)| if show(j) && !filling(j) { *value } else { f64::NAN };
-    plot.line(line, &recording.time_s, &values.iter().enumerate().map(shown).collect::<Vec<f64>>());
+    plot.line(line, &track.outputs.time_s, &track.of(name).iter().enumerate().map(shown).collect::<Vec<f64>>());
 }

@@ -1,7 +1,6 @@
 //! The closed loop of a scenario by type: plant, controller, estimator, and the configurations of their models.
 
 use fmu_export::Invalid;
-use fmu_export::variable::Value;
 
 use crate::control::controller::ControllerConfig;
 use crate::estimation::EstimatorConfig;
@@ -69,16 +68,11 @@ impl Scenario {
             let wanted = format!("{planar}: this is for the planar bearing with three magnets alone");
             return Err(vec![Invalid { name: "machine".into(), value: own.into(), wanted: wanted.into() }]);
         }
-        let (plant, _) = plants::configuration::<PlantConfig, 2, 3>(&settings(self.plant()));
+        let (plant, _) = plants::configuration::<PlantConfig, 2, 3>(&self.plant().values());
         Ok(Loop {
             plant,
-            controller: controller::configuration(&settings(self.controller())),
-            estimator: estimator::configuration(&settings(self.estimator())),
+            controller: controller::configuration(&self.controller().values()),
+            estimator: estimator::configuration(&self.estimator().values()),
         })
     }
-}
-
-/// The values that an element is given, by index.
-pub(crate) fn settings(element: &Element) -> Vec<(usize, Value)> {
-    element.settings.iter().map(|setting| (setting.index, setting.value.clone())).collect()
 }

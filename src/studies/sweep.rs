@@ -63,7 +63,7 @@ pub struct Sweep {
     scenario: Scenario,
     /// The text of the scenario.
     scenario_text: String,
-    /// What is told of each case.
+    /// Indicators of each case.
     results: Vec<Figure>,
     /// Headers of the columns, `element.variable` or `element.variable [unit]`.
     columns: Vec<String>,
@@ -387,7 +387,7 @@ struct Figure {
     of: Of,
 }
 
-/// What is taken from an output.
+/// Number that is taken from an output.
 #[derive(Clone)]
 enum Of {
     /// Its last value.

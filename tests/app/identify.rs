@@ -125,7 +125,7 @@ fn a_recording_with_all_imperfections() {
     let config = EstimatorConfig { hold: Hold::HeldBefore, ..config(&samples) };
     let track = track(&samples, &config);
     println!("{}", track.verdict());
-    for row in (0..samples.len()).filter(|row| track.is_valid(*row)) {
+    for row in (0..samples.len()).filter(|row| track.of("valid")[*row] == 1.0) {
         let [hat, std] = estimate(&track, row);
         for (k, truth) in TRUTH.into_iter().enumerate() {
             let ratio = (hat[k] - truth).abs() / std[k];

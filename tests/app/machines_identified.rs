@@ -161,7 +161,7 @@ fn wrong_columns_and_options_are_named() {
     assert_eq!(document["valid"], true, "{}", document["verdict"]);
 }
 
-/// What is not known is not answered: the exit code, the words, and no twin.
+/// A recording that does not tell gets no answer: the exit code, the words, and no twin.
 #[test]
 fn too_short_a_recording_is_not_valid() {
     let folder = folder("machines-identified/short");

@@ -180,7 +180,7 @@ fn a_planar_bench_has_a_twin() {
     identified(&folder, &arguments);
 }
 
-/// What is not ours is not overwritten, and nothing is read before that is said.
+/// Files of others are not overwritten, and nothing is read before that is said.
 #[test]
 fn foreign_files_are_not_overwritten() {
     let folder = folder("twin/foreign");

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::{Arguments, Files, NotValid, Refused, Result, named, open, print, refused, say, write_page};
-use crate::machine::AXIAL;
+use super::{Arguments, Files, LIKELIHOOD, NotValid, Refused, Result, named, open, print, refused, say, write_page};
+use crate::machine::{AXIAL, Machine};
 use crate::output::Format;
 use crate::report::{axial as page, frame};
 use crate::simulation::scenario::Scenario;
@@ -26,7 +26,7 @@ fn unused(arguments: &Arguments) -> [(bool, &'static str); 9] {
         (arguments.currents.is_some(), "--currents"),
         (arguments.speed.is_some(), "--speed"),
         (arguments.window.is_some(), "--window"),
-        (!arguments.is_likelihood(), "--method"),
+        (arguments.method(&AXIAL) != LIKELIHOOD, "--method"),
         (arguments.hold != "auto", "--hold"),
         (!arguments.tolerances.is_empty(), "--tolerance"),
         (arguments.csv.is_some(), "--csv"),
@@ -36,8 +36,8 @@ fn unused(arguments: &Arguments) -> [(bool, &'static str); 9] {
 }
 
 /// The bench, if the machine is `axial`.
-pub(super) fn bench(arguments: &Arguments) -> Result<Option<Bench>> {
-    if *arguments.machine() != AXIAL {
+pub(super) fn bench(arguments: &Arguments, machine: &Machine) -> Result<Option<Bench>> {
+    if *machine != AXIAL {
         let axial = [(arguments.at.is_some(), "--at"), (arguments.check.is_some(), "--check")];
         return match axial.iter().find(|(is_given, _)| *is_given) {
             Some((_, option)) => Err(refused(format!("{option} needs --machine axial"))),

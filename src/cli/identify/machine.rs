@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Arguments, PREDICTION_ERROR, Refused, Result, SLOW_FORCE, refused};
+use super::{Arguments, LIKELIHOOD, PREDICTION_ERROR, Refused, Result, SLOW_FORCE, refused};
 use crate::fmu::find;
 use crate::machine::{self, AXIAL, Machine, PLANAR};
 use crate::simulation::scenario::Scenario;
@@ -26,14 +26,9 @@ impl Arguments {
     }
 
     /// The method, by the option or that of the machine.
-    pub(super) fn method(&self) -> &str {
-        let likelihood = [PLANAR, AXIAL].contains(self.machine());
-        self.method.as_deref().unwrap_or(if likelihood { "likelihood" } else { PREDICTION_ERROR })
-    }
-
-    /// Whether the whole recording is to be answered by maximum likelihood.
-    pub(super) fn is_likelihood(&self) -> bool {
-        self.method() == "likelihood"
+    pub(super) fn method(&self, machine: &Machine) -> &str {
+        let usual = if [PLANAR, AXIAL].contains(machine) { LIKELIHOOD } else { PREDICTION_ERROR };
+        self.method.as_deref().unwrap_or(usual)
     }
 
     /// The scenario of the machine, with its changes.
@@ -41,7 +36,7 @@ impl Arguments {
         let wrong = [
             (self.window.is_some(), "--window"),
             (!self.estimates.is_empty(), "--estimate"),
-            (!matches!(self.method(), PREDICTION_ERROR), "--method but predictionError"),
+            (!matches!(self.method(machine), PREDICTION_ERROR), "--method but predictionError"),
         ];
         let wrong: Vec<_> = wrong.iter().filter(|(is_given, _)| *is_given && *machine != PLANAR).collect();
         if !wrong.is_empty() {

@@ -6,7 +6,7 @@ use fmu_export::ModelType;
 
 use super::read::{flatten, knows};
 use crate::fmu;
-use crate::machine::{MACHINES, Machine};
+use crate::machine::{self, MACHINES, Machine};
 
 /// As many names are listed.
 const LISTED: usize = 3;
@@ -32,7 +32,7 @@ fn missing<'k>(machine: &Machine, keys: &'k [Key]) -> Vec<&'k Key> {
 
 /// A finding if another machine has more of the names than that of the scenario, whose name is empty if it names none.
 pub fn finding(given: &str, keys: &[Key]) -> Option<String> {
-    let own = if given.is_empty() { Some(&MACHINES[0]) } else { MACHINES.iter().find(|machine| machine.name == given) };
+    let own = if given.is_empty() { Some(&MACHINES[0]) } else { machine::find(given) };
     let here = missing(own?, keys);
     if here.is_empty() {
         return None;

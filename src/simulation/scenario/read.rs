@@ -10,7 +10,7 @@ use serde::Deserialize;
 use super::{Connection, Element, Profile, Scenario, Setting, connected, foreign};
 use crate::control::reference::HARMONICS;
 use crate::fmu::{self, estimator};
-use crate::machine::{AXIAL, MACHINES};
+use crate::machine::{self, AXIAL, MACHINES};
 use crate::simulation::contour::Fit;
 use crate::simulation::simulate;
 
@@ -35,7 +35,7 @@ pub fn scenario(
         .partition(|(name, _)| REQUIRED.contains(&name.as_str()));
     table.extend(of_run);
     let document = Document::new(table, text, required, &mut findings);
-    // What else might be found would be about the wrong machine.
+    // Other findings would be about the wrong machine.
     if let Some(finding) = foreign::finding(&document.machine, &document.keys()) {
         findings.push(finding);
         return Err(findings);
@@ -239,8 +239,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         findings.push(format!("step = {} is refused: expected at most the duration, {duration_s} s", document.step));
     }
 
-    let named = |name: &str| MACHINES.iter().find(|machine| machine.name == name);
-    let machine = if document.machine.is_empty() { Some(&MACHINES[0]) } else { named(&document.machine) };
+    let machine = if document.machine.is_empty() { Some(&MACHINES[0]) } else { machine::find(&document.machine) };
     let machine = machine.unwrap_or_else(|| {
         let names = MACHINES.iter().map(|machine| machine.name.to_owned()).collect::<Vec<_>>();
         let (given, suggestion) = (&document.machine, suggestion(&document.machine, &names));

@@ -1,14 +1,17 @@
 //! The answer for whole recordings: maximum likelihood, what it is worth, and what is said where it is worth nothing.
 
-use nalgebra::{Matrix3, Vector3};
-use serde_json::{Value as Json, json};
+mod columns;
+mod shown;
 
+use nalgebra::{Matrix3, Vector3};
+
+pub(super) use self::columns::{Columns, columns};
+use self::shown::shown;
 use super::diagnosis::{self, Take};
-use super::likelihood::{self, BENCH, Change, Identification, Knowledge, Missing, Options, Origin, PARAMETERS, Told};
+use super::likelihood::{self, BENCH, Change, Identification, Knowledge, Options, PARAMETERS, Told};
 use super::read::{Rotation, Samples, significant, time};
-use super::{Failed, HOLDS, estimator, track_every};
-use crate::estimation::{EstimatorConfig, Hold, Method, STD_LIMIT};
-use crate::table::Table;
+use super::{Failed, estimator, track_every};
+use crate::estimation::{EstimatorConfig, Method, STD_LIMIT};
 
 // False alarms of the limits below, over good recordings (docs/identify.md, seeds 95001 and 101001): of 600 of drawn bearings, 0.1 to 5 s, nine have too few
 // turns, and no other is refused. Of 1300 of the nominal bearing whose bench is off by its tolerances none is, nor of 1200 with its bench exactly as stated.
@@ -17,8 +20,6 @@ use crate::table::Table;
 const ON_LINE: usize = 64;
 /// Turns that a recording must have at least, noise known or estimated (as on line).
 const TURNS: [f64; 2] = [1.3, 2.0];
-/// Below this speed, in rad/s, the rotor counts as being at rest.
-const REST_RAD_S: f64 = 1.0;
 /// A bench parameter that the residuals ask for makes the answer invalid if it would move a λ by more than this many stated
 /// deviations.
 const SUSPECTED: f64 = 3.0;
@@ -57,18 +58,6 @@ pub struct Question {
     pub slow_force: Option<bool>,
 }
 
-/// Columns of a recording as the likelihood takes them.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Columns {
-    pub step_s: f64,
-    pub position_m: Vec<[f64; 2]>,
-    pub current_a: Vec<[f64; 3]>,
-    pub theta_rad: Vec<f64>,
-    pub omega_rad_s: Vec<f64>,
-    pub usable: Vec<bool>,
-    pub missing: Vec<Missing>,
-}
-
 /// Answer of the recordings.
 #[derive(Clone, Debug)]
 pub struct Answer {
@@ -82,101 +71,6 @@ pub struct Answer {
     pub found: Option<Identification>,
     /// The question.
     pub question: Question,
-}
-
-pub(super) fn columns(samples: &Samples, hold: Hold) -> Columns {
-    let currents = samples.currents(hold);
-    let count = samples.len();
-    let position_m: Vec<[f64; 2]> = (0..count).map(|j| [samples.position_m[0][j], samples.position_m[1][j]]).collect();
-    let mut current_a: Vec<[f64; 3]> = (0..count).map(|j| [currents[0][j], currents[1][j], currents[2][j]]).collect();
-    let missing = missing(samples, &mut current_a);
-    let rotation = |column: &[f64]| if column.is_empty() { vec![0.0; count] } else { column.to_vec() };
-    let known = samples.rotation != Rotation::Unknown;
-    let theta_rad = rotation(if known { &samples.theta_rad } else { &[] });
-    let omega_rad_s = rotation(if known { &samples.omega_rad_s } else { &[] });
-    let finite = |j: usize| {
-        position_m[j].iter().chain(&current_a[j]).chain([&theta_rad[j], &omega_rad_s[j]]).all(|value| value.is_finite())
-    };
-    let usable = (0..count).map(finite).collect();
-    Columns { step_s: samples.step_s, position_m, current_a, theta_rad, omega_rad_s, usable, missing }
-}
-
-/// What was not recorded. A current that is missing for long, by itself, gets a straight line: the motion goes on without its force being known.
-fn missing(samples: &Samples, current_a: &mut [[f64; 3]]) -> Vec<Missing> {
-    let positions = samples.position_m.len();
-    let lacks = |row: usize, signal: usize| samples.missing[row] >> signal & 1 != 0;
-    let mut missing = vec![Missing::default(); samples.missing.len()];
-    for (row, missing) in missing.iter_mut().enumerate() {
-        missing.position = (0..positions).any(|signal| lacks(row, signal));
-        for k in (0..3).filter(|k| lacks(row, positions + k)) {
-            let is_filled = current_a[row][k].is_finite();
-            missing.current[k] = if is_filled { Origin::Filled } else { Origin::Unknown };
-        }
-    }
-    let bridge = |k: usize| {
-        let known: Vec<usize> = (0..missing.len()).filter(|row| missing[*row].current[k] != Origin::Unknown).collect();
-        for (from, to) in known.iter().zip(&known[1.min(known.len())..]) {
-            let [first, last] = [from, to].map(|row| current_a[*row][k]);
-            for (at, current_a) in current_a[*from..*to].iter_mut().enumerate().skip(1) {
-                current_a[k] = first + (last - first) * at as f64 / (to - from) as f64;
-            }
-        }
-    };
-    (0..3).for_each(bridge);
-    missing
-}
-
-impl Columns {
-    pub fn recording(&self, config: &EstimatorConfig, hold: Hold) -> likelihood::Recording<'_> {
-        likelihood::Recording {
-            step_s: self.step_s,
-            position_m: &self.position_m,
-            current_a: &self.current_a,
-            theta_rad: &self.theta_rad,
-            omega_rad_s: &self.omega_rad_s,
-            usable: &self.usable,
-            missing: &self.missing,
-            hold,
-            position_noise_m: (config.position_noise_m > 0.0).then_some(config.position_noise_m),
-            current_noise_a: (config.current_noise_a > 0.0).then_some(config.current_noise_a),
-        }
-    }
-
-    pub fn part(&self, of: std::ops::Range<usize>) -> Self {
-        Self {
-            step_s: self.step_s,
-            position_m: self.position_m[of.clone()].to_vec(),
-            current_a: self.current_a[of.clone()].to_vec(),
-            theta_rad: self.theta_rad[of.clone()].to_vec(),
-            omega_rad_s: self.omega_rad_s[of.clone()].to_vec(),
-            usable: self.usable[of.clone()].to_vec(),
-            missing: self.missing.get(of).unwrap_or_default().to_vec(),
-        }
-    }
-
-    fn used(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.usable.len()).filter(|j| self.usable[*j])
-    }
-
-    fn turns(&self) -> f64 {
-        self.used().map(|j| self.omega_rad_s[j].abs()).sum::<f64>() * self.step_s / std::f64::consts::TAU
-    }
-
-    fn at_rest(&self) -> bool {
-        self.turns() * std::f64::consts::TAU < REST_RAD_S * self.step_s * self.usable.len() as f64
-    }
-
-    /// rms of the currents, and of the positions about their mean.
-    pub fn sizes(&self) -> [f64; 2] {
-        let count = self.used().count().max(1) as f64;
-        let currents = self.used().flat_map(|j| self.current_a[j]).map(|i| i * i).sum::<f64>() / (3.0 * count);
-        let mut motion = 0.0;
-        for a in 0..2 {
-            let mean = self.used().map(|j| self.position_m[j][a]).sum::<f64>() / count;
-            motion += self.used().map(|j| (self.position_m[j][a] - mean).powi(2)).sum::<f64>() / count;
-        }
-        [currents.sqrt(), motion.sqrt()]
-    }
 }
 
 /// Whether estimates describe a magnetic bearing at all: `None`, or why not.
@@ -290,7 +184,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
             "the recording is too short: {} turns of the rotor, {least} at least are wanted",
             significant(turns, 2)
         ));
-    } else if refusal.is_some() && rest && (weak || all.iter().all(still)) {
+    } else if refusal.is_some() && rest && (weak || all.iter().all(Columns::still)) {
         refusal = Some(
             "the rotor is at rest and nothing excites it, or not enough. Move it along a path, or modulate the \
              smallest force (F0.modulation)"
@@ -410,18 +304,6 @@ fn differ(recordings: &[likelihood::Recording<'_>], options: &Options) -> Option
 pub(super) fn likely(freedom: f64) -> f64 {
     let spread = 2.0 / (9.0 * freedom);
     freedom * (1.0 - spread + 3.719 * spread.sqrt()).powi(3)
-}
-
-/// Neither the rotor nor its currents vary beyond a few per cent.
-fn still(columns: &Columns) -> bool {
-    let count = columns.used().count().max(1) as f64;
-    let [_, motion_rms] = columns.sizes();
-    let varies = (0..3).any(|k| {
-        let mean = columns.used().map(|j| columns.current_a[j][k]).sum::<f64>() / count;
-        let square = columns.used().map(|j| (columns.current_a[j][k] - mean).powi(2)).sum::<f64>() / count;
-        square.sqrt() > 0.1 * mean.abs()
-    });
-    motion_rms < 5e-6 && !varies
 }
 
 /// Why the estimates are not valid.
@@ -571,220 +453,4 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
         );
     }
     words
-}
-
-/// Factor and name of the unit in which a parameter is shown.
-fn shown(unit: &str) -> (f64, &'static str) {
-    match unit {
-        "1" => (0.01, "%"),
-        "m" => (1e-6, "µm"),
-        "rad" => (std::f64::consts::PI / 180.0, "°"),
-        "s" => (1e-6, "µs"),
-        "A" => (1e-3, "mA"),
-        _ => (1.0, "N"),
-    }
-}
-
-impl Answer {
-    /// Relative standard deviations of λ with a typical bench where no tolerance is stated.
-    #[must_use]
-    pub fn typical(&self) -> Option<[f64; 3]> {
-        let found = self.found.as_ref()?;
-        Some(std::array::from_fn(|k| {
-            let own = found.lambda[k].total_std / found.lambda[k].value;
-            let untold = found.budget.iter().filter(|line| !line.told && PARAMETERS[line.parameter].in_typical_bench);
-            untold.map(|line| line.contribution[k]).fold(own * own, |sum, part| sum + part * part).sqrt()
-        }))
-    }
-
-    /// Meaning of a sample of a current, by its name.
-    fn hold(&self) -> &'static str {
-        HOLDS.iter().find(|(_, hold)| *hold == self.question.config.hold).map_or("", |(name, _)| name)
-    }
-
-    /// Parameters taken as known.
-    #[must_use]
-    pub fn told(&self) -> String {
-        let config = &self.question.config;
-        let hold = self.hold();
-        let mut words = format!(
-            "Taken as known: m = {} kg, s = {} mm, alpha = {} °, currents {hold}",
-            significant(config.m_kg, 6),
-            significant(1e3 * config.gap_m, 6),
-            config.alpha_rad.map(|alpha| significant(alpha.to_degrees(), 5)).join(", ")
-        );
-        for (told, parameter) in self.question.bench.iter().zip(&PARAMETERS) {
-            let (factor, unit) = shown(parameter.unit);
-            match told.knowledge {
-                Knowledge::Exact => {}
-                Knowledge::Tolerance(std) => {
-                    words += &format!(", {} ± {} {unit}", parameter.name, significant(std / factor, 3));
-                }
-                Knowledge::Free => words += &format!(", {} free", parameter.name),
-            }
-        }
-        words + "."
-    }
-
-    /// Estimates, bench and budget as tables.
-    #[must_use]
-    pub fn tables(&self) -> Vec<Table> {
-        let Some(found) = &self.found else { return Vec::new() };
-        vec![self.estimates(found), bench(found), budget(found)]
-            .into_iter()
-            .filter(|table| !table.rows.is_empty())
-            .collect()
-    }
-
-    fn estimates(&self, found: &Identification) -> Table {
-        let typical = self.typical().unwrap_or_default();
-        let row = |name: String, of: &likelihood::Estimate, factor: f64, unit: &str, typical: Option<f64>| {
-            vec![
-                name,
-                significant(of.value / factor, 5),
-                significant(of.noise_std / factor, 2),
-                significant(of.total_std / factor, 2),
-                typical.map_or(String::new(), |std| significant(std / factor, 2)),
-                unit.to_owned(),
-            ]
-        };
-        let mut rows: Vec<Vec<String>> = (0..3)
-            .map(|k| {
-                let lambda = &found.lambda[k];
-                row(format!("λ{}", k + 1), lambda, 1e-6, "10⁻⁶ N·m²/A²", Some(typical[k] * lambda.value))
-            })
-            .collect();
-        rows.push(row("U".into(), &found.unbalance_magnitude, 1e-6, "g·mm", None));
-        rows.push(row("φ".into(), &found.unbalance_phase, 1.0, "rad", None));
-        for (r, conditions) in found.conditions.iter().enumerate() {
-            let of = if found.conditions.len() > 1 { format!(", {}", r + 1) } else { String::new() };
-            for k in 0..3 {
-                rows.push(row(format!("ki{}{of}", k + 1), &conditions.ki_n_a[k], 1.0, "N/A", None));
-            }
-            for k in 0..3 {
-                rows.push(row(format!("ks{}{of}", k + 1), &conditions.ks_n_m[k], 1e3, "N/mm", None));
-            }
-            for (a, name) in ["pY", "pZ"].iter().enumerate() {
-                rows.push(row(format!("{name}{of}"), &conditions.load_n[a], 1.0, "N", None));
-            }
-            let noise = |name: &str, value: f64, unit: &str| {
-                vec![
-                    format!("{name}{of}"),
-                    significant(value, 3),
-                    String::new(),
-                    String::new(),
-                    String::new(),
-                    unit.into(),
-                ]
-            };
-            rows.push(noise("noise of positions", 1e6 * conditions.position_noise_m, "µm"));
-            rows.push(noise("noise of currents", 1e3 * conditions.current_noise_a, "mA"));
-            if conditions.slow_force_n > 0.0 {
-                rows.push(noise("slow force", 1e3 * conditions.slow_force_n, "mN/√s"));
-            }
-        }
-        Table {
-            title: "Maximum likelihood over the whole recording".into(),
-            note: "± is one standard deviation: of noise alone; in all, with the tolerances that were told; and with those of a typical \
-                   bench where none is stated (s ±1 %, angles ±0.5°, offsets ±5 µm, gains ±0.5 %, mass ±1 %)."
-                .into(),
-            head: ["", "value", "± of noise", "± in all", "± typical bench", ""].map(String::from).into(),
-            rows,
-        }
-    }
-
-    /// The answer as one JSON document, SI units; without estimates where they are not valid.
-    #[must_use]
-    pub fn json(&self) -> Json {
-        let Some(found) = self.found.as_ref().filter(|_| self.valid) else {
-            return json!({"valid": false, "verdict": self.verdict, "findings": self.findings});
-        };
-        let per = |of: &[likelihood::Estimate; 3], part: fn(&likelihood::Estimate) -> f64| of.each_ref().map(part);
-        let estimate =
-            |of: &likelihood::Estimate| json!({"value": of.value, "std": of.noise_std, "stdTotal": of.total_std});
-        let typical = self.typical().unwrap_or_default();
-        let bench: serde_json::Map<String, Json> = found
-            .bench
-            .iter()
-            .zip(&PARAMETERS)
-            .filter(|(of, _)| of.estimated)
-            .map(|(of, parameter)| (parameter.name.to_owned(), estimate(&of.estimate)))
-            .collect();
-        let budget: Vec<Json> = found
-            .budget
-            .iter()
-            .map(|line| {
-                json!({
-                    "parameter": PARAMETERS[line.parameter].name, "unit": PARAMETERS[line.parameter].unit,
-                    "tolerance": line.tolerance, "told": line.told, "sensitivity": line.sensitivity,
-                    "contribution": line.contribution,
-                })
-            })
-            .collect();
-        let first = &found.conditions[0];
-        let config = &self.question.config;
-        json!({
-            "valid": self.valid, "verdict": self.verdict, "findings": self.findings,
-            "lambdaHat": per(&found.lambda, |of| of.value), "lambdaStd": per(&found.lambda, |of| of.noise_std),
-            "lambdaStdTotal": per(&found.lambda, |of| of.total_std),
-            "lambdaStdTypical": std::array::from_fn::<f64, 3, _>(|k| typical[k] * found.lambda[k].value),
-            "unbalance": {
-                "magnitude": found.unbalance_magnitude.value, "magnitudeStd": found.unbalance_magnitude.noise_std,
-                "phase": found.unbalance_phase.value, "phaseStd": found.unbalance_phase.noise_std,
-            },
-            "told": {"m": config.m_kg, "s": config.gap_m, "alpha": config.alpha_rad, "hold": self.hold()},
-            "noise": {"position": first.position_noise_m, "current": first.current_noise_a},
-            "recordings": found.conditions.iter().map(|of| json!({
-                "pY": estimate(&of.load_n[0]), "pZ": estimate(&of.load_n[1]),
-                "ki": per(&of.ki_n_a, |of| of.value), "ks": per(&of.ks_n_m, |of| of.value),
-                "noise": {"position": of.position_noise_m, "current": of.current_noise_a},
-                "slowForce": of.slow_force_n, "rows": of.rows,
-            })).collect::<Vec<_>>(),
-            "bench": bench, "budget": budget,
-            "notSeparated": found.not_separated.iter().map(|j| PARAMETERS[*j].name).collect::<Vec<_>>(),
-            "iterations": found.iterations,
-        })
-    }
-}
-
-fn bench(found: &Identification) -> Table {
-    let rows = found.bench.iter().zip(&PARAMETERS).filter(|(of, _)| of.estimated).map(|(of, parameter)| {
-        let (factor, unit) = shown(parameter.unit);
-        vec![
-            parameter.name.to_owned(),
-            significant(of.estimate.value / factor, 4),
-            significant(of.estimate.total_std / factor, 2),
-            unit.into(),
-            parameter.description.into(),
-        ]
-    });
-    Table {
-        title: "The bench, estimated with the rest".into(),
-        note: String::new(),
-        head: ["", "value", "± in all", "", ""].map(String::from).into(),
-        rows: rows.collect(),
-    }
-}
-
-fn budget(found: &Identification) -> Table {
-    let rows =
-        found.budget.iter().filter(|line| line.told || PARAMETERS[line.parameter].in_typical_bench).map(|line| {
-            let parameter = &PARAMETERS[line.parameter];
-            let (factor, unit) = shown(parameter.unit);
-            let mut row = vec![
-                parameter.name.to_owned(),
-                format!("{} {unit}", significant(line.tolerance / factor, 2)),
-                if line.told { "told" } else { "typical" }.into(),
-            ];
-            row.extend(line.contribution.map(|part| format!("{:.2}", 100.0 * part)));
-            row.extend(line.sensitivity.map(|part| format!("{:+.2}", 100.0 * part * factor)));
-            row.push(format!("% per {unit}"));
-            row
-        });
-    Table {
-        title: "Budget: what each parameter of the bench contributes to ± of λ, in %".into(),
-        note: "The sensitivities say by how much λ is wrong if the parameter differs from its stated value.".into(),
-        head: ["", "tolerance", "", "λ1", "λ2", "λ3", "sens. 1", "2", "3", ""].map(String::from).into(),
-        rows: rows.collect(),
-    }
 }

@@ -27,6 +27,7 @@
 mod bench;
 mod case;
 mod changes;
+mod data;
 mod equations;
 mod expected;
 mod filter;
@@ -57,7 +58,7 @@ pub struct Recording<'a> {
     pub omega_rad_s: &'a [f64],
     /// Which samples may be used; empty for all of them. What is not usable separates segments, each with a state of its own.
     pub usable: &'a [bool],
-    /// What was not recorded and holds what its neighbours suggest; empty if that is nothing. The filter predicts across it.
+    /// Samples that were not recorded and are filled from their neighbours; empty if there are none. The filter predicts across them.
     pub missing: &'a [Missing],
     /// Meaning of a sample of a current.
     pub hold: Hold,
@@ -79,7 +80,7 @@ pub enum Origin {
     Unknown,
 }
 
-/// What was not recorded in a row.
+/// Signals that were not recorded in a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Missing {
     /// A position was not.

@@ -84,7 +84,7 @@ pub fn track_every(samples: &Samples, estimator: &Element, every: usize) -> Resu
     let column = |(name, index)| Column { name, unit: unit(index), values: Vec::new() };
     let mut columns: Vec<Column> = names.into_iter().zip(&outputs).map(column).collect();
     let mut time_s = Vec::new();
-    // What fills short gaps is for the paper's methods, which bridge none.
+    // Short gaps are filled for the paper's methods, which bridge none.
     let has_gaps = *machine != PLANAR;
     let refused = |why: &dyn std::fmt::Display| Failed::Refused(vec![why.to_string()]);
     instance.set(index(&"enable".into()), Value::Boolean(true)).map_err(|why| refused(&why))?;
@@ -193,16 +193,10 @@ impl Track {
         names.iter().map(|name| self.of(name)[row]).collect()
     }
 
-    /// Whether the estimate of a row is valid.
+    /// The verdict on the estimate of each row.
     #[must_use]
-    pub fn is_valid(&self, row: usize) -> bool {
-        self.of("valid")[row] == 1.0
-    }
-
-    /// The verdict on the estimate of a row.
-    #[must_use]
-    pub fn verdict_at(&self, row: usize) -> Verdict {
-        Verdict::of_number(self.of("verdict")[row] as i32).unwrap_or_default()
+    pub fn verdicts(&self) -> Vec<Verdict> {
+        self.of("verdict").iter().map(|number| Verdict::of_number(*number as i32).unwrap_or_default()).collect()
     }
 
     /// Row of the last valid estimate.
@@ -229,7 +223,7 @@ impl Track {
         of(std).into_iter().zip(of("lambdaHat")).map(|(std, lambda)| std / lambda).fold(0.0, f64::max)
     }
 
-    /// What the estimator takes as known.
+    /// Parameters that the estimator takes as known.
     #[must_use]
     pub fn told(&self) -> String {
         const OTHERS: [&str; 3] = ["Ts", "lambda0", "shaft."];
@@ -251,10 +245,9 @@ impl Track {
     /// The verdict at the end, for a machine whose answer this is.
     #[must_use]
     pub fn verdict_at_end(&self) -> String {
-        match self.outputs.time_s.len().checked_sub(1) {
-            Some(last) if !self.is_valid(last) => {
-                let verdict = self.verdict_at(last).to_string().replacen("not valid", "Not valid", 1);
-                format!("{verdict}. {}", self.verdict())
+        match self.verdicts().last() {
+            Some(last) if !self.is_valid_at_end() => {
+                format!("{}. {}", last.to_string().replacen("not valid", "Not valid", 1), self.verdict())
             }
             _ => self.verdict(),
         }
@@ -263,11 +256,11 @@ impl Track {
     /// Use of the recording, in a sentence or two.
     #[must_use]
     pub fn verdict(&self) -> String {
-        let rows = 0..self.outputs.time_s.len();
-        let valid = rows.clone().filter(|row| self.is_valid(*row)).count();
-        let share = 100.0 * valid as f64 / rows.len().max(1) as f64;
+        let valid = self.of("valid");
+        let share = 100.0 * valid.iter().sum::<f64>() / valid.len().max(1) as f64;
         let mut reasons: Vec<(Verdict, usize)> = Vec::new();
-        for verdict in rows.filter(|row| !self.is_valid(*row)).map(|row| self.verdict_at(row)) {
+        let verdicts = self.verdicts().into_iter().zip(valid);
+        for verdict in verdicts.filter(|(_, valid)| **valid != 1.0).map(|(verdict, _)| verdict) {
             match reasons.iter_mut().find(|(reason, _)| *reason == verdict) {
                 Some((_, count)) => *count += 1,
                 None => reasons.push((verdict, 1)),
@@ -341,6 +334,7 @@ impl Track {
     #[must_use]
     pub fn progress(&self) -> Vec<Table> {
         let mut first = 0;
+        let (valid, verdicts) = (self.of("valid"), self.verdicts());
         let of_bearing = |bearing: &crate::machine::Bearing| {
             let magnets = first..first + bearing.magnets;
             first = magnets.end;
@@ -349,13 +343,13 @@ impl Track {
             let rows = [(1, "1/4"), (2, "1/2"), (3, "3/4"), (4, "end")].into_iter().filter_map(|(quarter, name)| {
                 let row = (quarter * self.outputs.time_s.len() / 4).checked_sub(1)?;
                 let mut cells = vec![name.to_owned(), format!("{:.4}", self.outputs.time_s[row])];
-                if self.is_valid(row) {
+                if valid[row] == 1.0 {
                     let both = self.at(&lambda, row).into_iter().zip(self.at(&std, row));
                     cells.extend(both.map(|(lambda, std)| format!("{:.4} ± {:.4}", 1e6 * lambda, 1e6 * std)));
                     cells.push("yes".into());
                 } else {
                     cells.extend(std::iter::repeat_n("–".to_owned(), bearing.magnets));
-                    cells.push(self.verdict_at(row).to_string());
+                    cells.push(verdicts[row].to_string());
                 }
                 Some(cells)
             });

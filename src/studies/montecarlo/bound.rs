@@ -6,7 +6,6 @@ use super::real;
 use crate::fmu::plants::{self, ModelledRotor};
 use crate::plant::spindle::{SpindleConfig, SpindleConfigOf};
 use crate::plant::{PlantConfig, RotorConfig};
-use crate::simulation::closed_loop::settings;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use fmu_export::variable::Value;
@@ -68,7 +67,7 @@ impl Rotor {
     }
 
     fn with<R: ModelledRotor<N, K>, const N: usize, const K: usize>(scenario: &Scenario) -> Self {
-        let (config, _) = plants::configuration::<R, N, K>(&settings(scenario.plant()));
+        let (config, _) = plants::configuration::<R, N, K>(&scenario.plant().values());
         let geometry = config.geometry();
         let unit = |n: usize| std::array::from_fn(|other| if other == n { 1.0 } else { 0.0 });
         let columns = |column: &dyn Fn(usize) -> [f64; N]| DMatrix::from_fn(N, N, |row, n| column(n)[row]);
@@ -81,7 +80,7 @@ impl Rotor {
                 scenario.set("plant", &magnitude, Value::Real(if plane == Some(n) { 1.0 } else { 0.0 }));
                 scenario.set("plant", &phase, Value::Real(0.0));
             }
-            let (config, mut input) = plants::configuration::<R, N, K>(&settings(scenario.plant()));
+            let (config, mut input) = plants::configuration::<R, N, K>(&scenario.plant().values());
             input.omega_rad_s = 1.0;
             DVector::from(config.perturbation(&input, 0.0, theta_rad).to_vec())
         };

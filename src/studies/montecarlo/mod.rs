@@ -110,7 +110,7 @@ impl Study {
     /// The scenario of the run with that seed, drawn for the n-th time.
     pub fn case(&self, seed: u64, attempt: u64) -> Scenario {
         let mut scenario = (self.vary)(&self.scenario, seed, attempt);
-        // What correction masses leave shows after the last instant.
+        // The unbalance that correction masses leave shows after the last instant.
         if scenario.balance_s.is_none() {
             scenario.duration_s = self.instants_s.iter().copied().fold(0.0, f64::max);
         }

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use super::filter::{Data, Piece, Track};
+use super::data::{Data, Piece, Track};
 use super::missing::{Cubic, unknown_a};
 use super::{Recording, SHORTEST, resolution};
 
@@ -142,7 +142,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Opti
         hold: recording.hold,
         at: theta.iter().map(|theta| turn(*theta)).collect(),
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
-        reach: ((RATE_S / h).round() as usize).max(1),
+        half_width: ((RATE_S / h).round() as usize).max(1),
         missing: recording.missing,
         filled_a: Cubic::of(recording).rms_a(),
         unknown_a: unknown_a(recording),

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, SMatrix};
 
+use super::data::{Data, Track};
 use super::equations::Bearing;
-use super::filter::{Data, Track};
 
 /// `i_k²/gap_k²` in A²/m² over the interval that ends at a row, then (y, z, ẏ, ż) at the row; in single precision, for there are many rows.
 pub(super) type Expected = [f32; SIGNALS];
@@ -60,7 +60,7 @@ pub(super) fn expected(
     let rows = || all_rows().filter(|(row, _)| !data.is_unknown(*row));
     let signals = |row: usize| -> [f64; SIGNALS] {
         let [y, z, v, w] = track.state[row];
-        let [a, b, c] = bearing.regressors([y, z], data.square(bearing, row));
+        let [a, b, c] = bearing.regressors([y, z], data.squares(bearing, row).middle);
         [a, b, c, y, z, v, w]
     };
     let angle: f64 = rows().map(|(row, _)| (data.omega[row] * data.h).abs()).sum();

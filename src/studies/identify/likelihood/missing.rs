@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use nalgebra::{SMatrix, SVector};
 
-use super::filter::Data;
+use super::data::Data;
 use super::{Missing, Origin, Recording};
 
 /// Innovations that are looked back at; with 16, the result is the same.

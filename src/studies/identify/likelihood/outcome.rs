@@ -82,7 +82,7 @@ fn conditions(finished: &Finished, r: usize, lambda: &[Estimate; 3]) -> Conditio
         let first = usize::from(piece.counted.start == piece.filtered.start);
         for row in piece.counted.clone().skip(first).filter(|row| !case.data.is_unknown(*row)) {
             let gaps = bearing.gaps_at(&case.track.state[row]);
-            let squares = case.data.square(&bearing, row);
+            let squares = case.data.squares(&bearing, row).middle;
             for k in 0..3 {
                 let square = squares[k].max(0.0);
                 ki[k] += square.sqrt() / (gaps[k] * gaps[k]);

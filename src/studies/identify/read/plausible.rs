@@ -130,30 +130,30 @@ fn positions(samples: &Samples, bearing: &str, gap_m: f64) -> Vec<Finding> {
     let readings = samples.machine.readings;
     let axes: Vec<usize> = (0..readings.len()).filter(|axis| readings[*axis].around.0 == bearing).collect();
     let ranges: Vec<_> = samples.position_m.iter().map(|position| range(position.iter().copied())).collect();
-    let swings: Vec<f64> = ranges.iter().map(|[low, high]| high - low).collect();
+    let spans: Vec<f64> = ranges.iter().map(|[low, high]| high - low).collect();
     let is_silent = |axis: usize| noise(&samples.position_m[axis]) < SILENT_M;
-    let is_still = axes.iter().all(|axis| swings[*axis] < STILL_M && is_silent(*axis));
+    let is_still = axes.iter().all(|axis| spans[*axis] < STILL_M && is_silent(*axis));
     for axis in axes.iter().copied() {
-        let (at, swing, furthest) = (start + axis, swings[axis], ranges[axis][0].abs().max(ranges[axis][1].abs()));
-        let fits = |scale: f64| scale * furthest < gap_m && scale * swing > STILL_M;
+        let (at, span, furthest) = (start + axis, spans[axis], ranges[axis][0].abs().max(ranges[axis][1].abs()));
+        let fits = |scale: f64| scale * furthest < gap_m && scale * span > STILL_M;
         if furthest > gap_m {
             let [furthest, gap] = [furthest, gap_m].map(|length_m| significant(length_m * 1e3, 4));
             let value = format!("up to {furthest} mm from the centre, beyond the gap of {gap} mm");
             findings.push(misread(at, samples, value, fits));
-        } else if is_still && swing > 0.0 {
-            let value = format!("it moves by {} nm only, and without noise", significant(swing * 1e9, 3));
+        } else if is_still && span > 0.0 {
+            let value = format!("it moves by {} nm only, and without noise", significant(span * 1e9, 3));
             findings.push(misread(at, samples, value, fits));
         }
     }
     // One axis in another unit than the other hides below the limits above.
     let [one, other] = axes[..] else { return findings };
-    let (small, large) = if swings[other] < swings[one] { (other, one) } else { (one, other) };
-    let (least, most) = (swings[small], swings[large]);
+    let (small, large) = if spans[other] < spans[one] { (other, one) } else { (one, other) };
+    let (least, most) = (spans[small], spans[large]);
     if findings.is_empty() && least > 0.0 && most / least > 300.0 {
         let at = start + small;
         let fits = |scale: f64| (0.03..30.0).contains(&(scale * least / most));
         if instead(at, samples).iter().any(|(_, scale)| fits(*scale)) && is_silent(small) {
-            let [own, other] = [least, most].map(|swing| significant(swing * 1e6, 3));
+            let [own, other] = [least, most].map(|span| significant(span * 1e6, 3));
             let value = format!("it moves by {own} µm, the other axis by {other} µm");
             findings.push(misread(at, samples, value, fits));
         }

@@ -46,14 +46,14 @@ pub(super) fn distance(known: &Known) -> f64 {
     median(known.windows(2).map(|pair| pair[1].0 - pair[0].0))
 }
 
-/// How far from a sample its neighbours may be before there is a gap.
-fn reach(known: &Known) -> f64 {
+/// The longest distance to a neighbour, in samples, that is no gap.
+fn longest(known: &Known) -> f64 {
     (FILLED as f64 + 1.0) * distance(known).max(1.0)
 }
 
 /// Straight lines between the known neighbours of the samples, NaN in gaps unless these are bridged.
 pub(super) fn straight(known: &Known, count: usize, bridges: bool) -> Vec<f64> {
-    let reach = if bridges { f64::INFINITY } else { reach(known) };
+    let longest = if bridges { f64::INFINITY } else { longest(known) };
     let at = |sample: usize| {
         let after = known.partition_point(|(place, _)| *place < sample as f64 - ROUNDING);
         let (next, value) = *known.get(after)?;
@@ -61,7 +61,7 @@ pub(super) fn straight(known: &Known, count: usize, bridges: bool) -> Vec<f64> {
             return Some(value);
         }
         let (former, begin) = known[after.checked_sub(1)?];
-        let near = next - sample as f64 <= reach && sample as f64 - former <= reach;
+        let near = next - sample as f64 <= longest && sample as f64 - former <= longest;
         near.then(|| begin + (value - begin) * (sample as f64 - former) / (next - former))
     };
     (0..count).map(|sample| at(sample).unwrap_or(f64::NAN)).collect()
@@ -76,7 +76,7 @@ pub(super) fn resampled(known: &Known, count: usize, how: Hold) -> Vec<f64> {
     if how == Hold::Linear {
         return straight(known, count, false);
     }
-    let reach = reach(known);
+    let longest = longest(known);
     let mean_square = |sample: usize| {
         let start = if how == Hold::HeldBefore { sample as f64 - 1.0 } else { sample as f64 };
         let (mut at, mut sum) = (start, 0.0);
@@ -84,7 +84,7 @@ pub(super) fn resampled(known: &Known, count: usize, how: Hold) -> Vec<f64> {
             // The first value after the instant; it stands for the time before it, or the one before it for that after.
             let next = known.partition_point(|(place, _)| *place <= at + ROUNDING);
             let row = if how == Hold::HeldBefore { next } else { next.wrapping_sub(1) };
-            let Some((_, value)) = known.get(row).filter(|(place, _)| (place - at).abs() <= reach) else {
+            let Some((_, value)) = known.get(row).filter(|(place, _)| (place - at).abs() <= longest) else {
                 return f64::NAN;
             };
             let until = known.get(next).map_or(start + 1.0, |(place, _)| place.min(start + 1.0));
