@@ -12,7 +12,7 @@ use super::config::Verdict;
 use super::innovations::{Field, FilterState, Innovation, Running, Sample, Square, WhiteningFilter, turned};
 use super::models::{Models, Weighed};
 use super::noise::{Noise, OUTLIER, Waiting};
-use super::sums::{AngleTable, PredictionErrorSolution, Prior, Solution, Sums};
+use super::sums::{AngleTable, Prior, Solution, Sums};
 use super::validation::Validation;
 
 /// Blocks of samples in a revolution.
@@ -414,17 +414,17 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         variances: [f64; 2],
     ) -> Option<[Solution<U, T>; 2]> {
         let widest = sums.solve(&self.prior, variances)?;
-        let model = state.models.select(&self.prior, &widest, self.forces(), variances[0])?;
+        let wide = widest.combine(sums, &self.prior, variances[0]);
+        let model = state.models.select(&self.prior, &widest, &wide, self.forces(), variances[0])?;
+        let wide = Solution { model, ..wide };
         let prior = state.models.prior(&self.prior, self.forces());
-        let combined = |found: &PredictionErrorSolution<U, T>, prior| found.combine(sums, prior, variances[0], model);
         if prior == self.prior {
             (state.inverse, state.condition) = (Some(widest.inverse), widest.condition);
-            let solution = combined(&widest, &prior);
-            return Some([solution.clone(), solution]);
+            return Some([wide.clone(), wide]);
         }
         let found = sums.solve(&prior, variances)?;
         (state.inverse, state.condition) = (Some(found.inverse), found.condition);
-        Some([combined(&widest, &self.prior), combined(&found, &prior)])
+        Some([wide, Solution { model, ..found.combine(sums, &prior, variances[0]) }])
     }
 
     /// The backward forces among the unknowns.
@@ -457,7 +457,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if state.is_settled() || state.changed {
             state.validation.discount(state.models.discount_of(time_s));
             let present = state.validation.present(state.per_revolution());
-            match state.models.weigh::<N>(&block, time_s, &self.prior, variances[0], present) {
+            match state.models.weigh::<N>(&block, time_s, &self.prior, variances[0], present, state.quarters) {
                 Weighed::Same => (),
                 Weighed::Renewed => state.validation.forget(state.revolutions()),
                 Weighed::Changed => {

@@ -217,10 +217,12 @@ pub struct Solution<const U: usize, const T: usize> {
     pub unknowns: SVector<f64, U>,
     /// Variance of the unknowns by noise.
     pub variance: SVector<f64, U>,
+    /// Standard deviation of the bias that is left in the direction of the attenuation; part of that variance.
+    pub bias: SVector<f64, U>,
     /// Variance by the models that may be true instead.
     pub model: SVector<f64, U>,
     /// Change of the unknowns by one standard deviation of each tolerance.
-    sensitivity: SMatrix<f64, U, T>,
+    pub sensitivity: SMatrix<f64, U, T>,
 }
 
 impl<const U: usize, const T: usize> Solution<U, T> {
@@ -272,7 +274,6 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
         sums: &Sums<K, U, T>,
         prior: &Prior<U>,
         position_variance: f64,
-        model: SVector<f64, U>,
     ) -> Solution<U, T> {
         let a = &self.attenuation;
         let l = self.information * a;
@@ -291,7 +292,8 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
         Solution {
             unknowns: self.unknowns + a * size,
             variance: SVector::from_fn(|j, _| position_variance * self.inverse[(j, j)] + variance * a[j] * a[j]),
-            model,
+            bias: a * variance.sqrt(),
+            model: SVector::zeros(),
             sensitivity: by_tolerance,
         }
     }
