@@ -328,3 +328,19 @@ fn blows_are_forgotten() {
     assert!(wrong <= back_s.len() / 100, "{wrong} of {} valid and wrong", back_s.len());
     assert!(median < 0.075 && most < 0.125, "valid again after {median:.3} s, nine in ten after {most:.3} s");
 }
+
+/// A bearing that does not change is known the better the longer it runs: no false change, no backward force that is only the bias of noisy currents.
+#[test]
+fn a_long_run_keeps_its_estimate() {
+    for (seed, end_s) in [(1, 24.0), (90_003, 12.0), (90_004, 12.0)] {
+        let (mut scenario, _) = row("unbalanced", &[], 3, NOISE, false);
+        scenario.set("plant", "sensor.seed", Value::Integer(seed));
+        let truth = truth(&scenario);
+        let said = Bench::new(&scenario).until(end_s, |_| ());
+        let refused = said.iter().filter(|said| said.time_s > 0.2 && !said.valid).count();
+        assert_eq!(refused, 0, "seed {seed}: samples that are not valid");
+        let last = said.last().expect("a run");
+        let error = largest_error(last, &truth);
+        assert!(error < 1e-3, "seed {seed}: {:.3} % after {end_s} s", 100.0 * error);
+    }
+}
