@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::bench::Bench;
 use fmu_export::variable::Value;
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
 use magnetic_bearing::report::identification;
@@ -697,4 +698,31 @@ fn currents_may_have_a_table_of_their_own() {
     }
     let refused = Samples::read_apart(&whole, "time,im[1]\n0,1\n", &Reading::default()).expect_err("two are missing");
     assert!(refused.to_string().contains("im[2]"), "{refused}");
+}
+
+/// A slow force is taken if the likelihood asks for it, unless it is stated that there is none (`--set force.slow=0`).
+#[test]
+fn a_slow_force_may_be_ruled_out() {
+    let bench = Bench { seconds: 2.0, slow_force: 0.1, seed: 51, ..Bench::default() };
+    let recorded = bench.record();
+    let mut text = "time [s],Ym [m],Zm [m],im[1] [A],im[2] [A],im[3] [A],theta [rad],omega [rad/s]\n".to_owned();
+    for (row, (position, current)) in recorded.position.iter().zip(&recorded.current).enumerate() {
+        let numbers = position.iter().chain(current).chain([&recorded.theta[row], &recorded.omega[row]]);
+        let cells: Vec<String> = numbers.map(|number| format!("{number:e}")).collect();
+        text += &format!("{},{}\n", row as f64 * bench.step, cells.join(","));
+    }
+    let samples = Samples::read(&text, &Reading::default()).expect("a good recording");
+    let level = |slow_force: Option<bool>| {
+        let mut question = question(&samples, &[]);
+        let config = &mut question.config;
+        (config.m_kg, config.gap_m, config.alpha_rad) = (bench.m, bench.s, bench.alpha);
+        let answer = identify::answer(std::slice::from_ref(&samples), Question { slow_force, ..question });
+        let answer = answer.expect("a good question");
+        let is_told = answer.findings.iter().any(|finding| finding.contains("A slow force"));
+        let level = answer.found.expect("estimates").conditions[0].slow_force_n;
+        assert_eq!(is_told, level > 0.0, "{:?}", answer.findings);
+        level
+    };
+    assert!(level(None) > 0.0 && level(Some(true)) > 0.0);
+    assert_eq!(level(Some(false)), 0.0);
 }

@@ -143,6 +143,10 @@ fn wrong_columns_and_options_are_named() {
     says(&out, &["There are also columns of the machine planar4: --machine planar4?"]);
 
     record(&folder, &SPINDLE, |text| text);
+    let slow = ["--set", "force.slow=0"];
+    refused(&[&spindle[..], &slow].concat(), &["--set force.slow=0: only planar and axial have it"]);
+    refused(&["--set", "force.slow=1"], &["--set force.slow=1: 0 is wanted, or --estimate force.slow"]);
+    refused(&[&slow[..], &["--estimate", "force.slow"]].concat(), &["force.slow is both set and estimated"]);
     let options = ["--window", "1", "--estimate", "s", "--method", "paper"];
     let words = ["spindle has no --window", "no --estimate", "no --method but"];
     refused(&[&spindle[..], &options].concat(), &words);
