@@ -180,14 +180,15 @@ impl Noise {
 /// The first samples, from which the noise of the positions is taken; they wait here until it is known. So a state has a ring of them.
 ///
 /// The noise is the smaller of what fourth and sixth differences tell. They take the motion away, and keep 70 and 924 times the variance of
-/// white noise, the sums of the squared binomial coefficients. Differences over a gap do not count.
+/// white noise, the sums of the squared binomial coefficients. Only samples at equal distances count, also if every other one is missing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Waiting<const N: usize, const K: usize> {
     ring: Vec<Sample<N, K>>,
     first: usize,
     count: usize,
-    /// Samples since the last gap; differences in the sums, and the sums of their squares.
-    unbroken: usize,
+    /// Missing samples before the last one, and samples at this distance from each other; differences in the sums, and the sums of their squares.
+    missing: u32,
+    equidistant: usize,
     differences: usize,
     squares: [f64; 2],
 }
@@ -195,7 +196,15 @@ pub struct Waiting<const N: usize, const K: usize> {
 impl<const N: usize, const K: usize> Waiting<N, K> {
     pub fn empty() -> Self {
         let sample = Sample::new([0.0; N], [0.0; K], Rotation::start(0.0, 0.0));
-        Self { ring: vec![sample; START_SAMPLES], first: 0, count: 0, unbroken: 0, differences: 0, squares: [0.0; 2] }
+        Self {
+            ring: vec![sample; START_SAMPLES],
+            first: 0,
+            count: 0,
+            missing: 0,
+            equidistant: 0,
+            differences: 0,
+            squares: [0.0; 2],
+        }
     }
 
     /// Whether the ring is whole, and all places are within it.
@@ -214,8 +223,9 @@ impl<const N: usize, const K: usize> Waiting<N, K> {
             // Nothing is known of the sample before the one that is now the oldest.
             self.ring[self.first].missing = u32::MAX;
         }
-        self.unbroken = if sample.missing > 0 { 1 } else { self.unbroken + 1 };
-        if self.differences < DIFFERENCES && self.unbroken >= 7 {
+        self.equidistant = if sample.missing == self.missing { self.equidistant + 1 } else { 2 };
+        self.missing = sample.missing;
+        if self.differences < DIFFERENCES && self.equidistant >= 7 {
             let x: [SVector<f64, N>; 7] =
                 std::array::from_fn(|n| self.ring[(end + START_SAMPLES - n) % START_SAMPLES].position_m);
             let fourth = x[1] + x[5] - (x[2] + x[4]) * 4.0 + x[3] * 6.0;

@@ -455,7 +455,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         }
         let prior = state.models.prior(&self.prior, self.forces());
         if state.is_settled() || state.changed {
-            state.validation.discount(state.models.discount_of(time_s));
+            state.validation.discount(state.models.discount_of(time_s), time_s);
             let present = state.validation.present(state.per_revolution());
             match state.models.weigh::<N>(&block, time_s, &self.prior, variances[0], present, state.quarters) {
                 Weighed::Same => (),

@@ -3,7 +3,7 @@
 //! Every test is of a quantity whose distribution is known when model and noise are right. Limits are set so that a right model fails about once
 //! in a million tests; tolerances widen them by what they can explain.
 
-use libm::sqrt;
+use libm::{exp, sqrt};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +25,9 @@ fn chi_square(degrees: usize, deviations: f64) -> f64 {
 
 /// The part of the innovations' power at a harmonic that is taken to remain, whatever the estimate has absorbed: gains change while it settles.
 const LEAST_LEFT: f64 = 1.0e-3;
+
+/// Memory of their sums, s: what is too small to show within this time does not matter, and data of minutes show any approximation.
+const HARMONICS_MEMORY_S: f64 = 10.0;
 
 /// Revolutions that the sums must hold before the innovations are tested for harmonics.
 const HARMONICS_AFTER: f64 = 0.75;
@@ -140,8 +143,9 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         }
     }
 
-    /// Counts the sums so far with this weight.
-    pub fn discount(&mut self, weight: f64) {
+    /// Counts the sums so far with this weight, and forgets for a time in s.
+    pub fn discount(&mut self, weight: f64, time_s: f64) {
+        let weight = weight * exp(-time_s / HARMONICS_MEMORY_S);
         for harmonic in &mut self.harmonics {
             harmonic.squares = harmonic.squares.map(|x| x * weight * weight);
             for part in 0..2 {

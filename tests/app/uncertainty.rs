@@ -344,3 +344,16 @@ fn a_long_run_keeps_its_estimate() {
         assert!(error < 1e-3, "seed {seed}: {:.3} % after {end_s} s", 100.0 * error);
     }
 }
+
+/// An estimator that runs twice as fast as the sensors sees every other sample repeated. It says that this does not fit, and states nothing wrong.
+#[test]
+fn every_other_sample_may_be_missing() {
+    let (mut scenario, _) = row("unbalanced", &[], 3, NOISE, false);
+    scenario.step_s = 5e-5;
+    scenario.set("estimator", "Ts", Value::Real(5e-5));
+    let mut bench = Bench::new(&scenario);
+    let (worst, _) = confidence(&bench.until(0.6, |_| ()), &truth(&scenario));
+    assert!(worst < CONFIDENT, "{worst:.1} standard deviations");
+    let collecting = 2.0;
+    assert_ne!(bench.get("estimator", "verdict"), collecting, "still collecting after 0.6 s");
+}
