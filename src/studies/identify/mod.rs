@@ -30,6 +30,11 @@ pub const METHODS: [(&str, Method); 3] =
 pub const HOLDS: [(&str, Hold); 3] =
     [("heldBefore", Hold::HeldBefore), ("heldAfter", Hold::HeldAfter), ("linear", Hold::Linear)];
 
+/// The name of a meaning of samples of currents.
+fn name_of(hold: Hold) -> &'static str {
+    HOLDS.iter().find(|(_, known)| *known == hold).map_or("", |(name, _)| name)
+}
+
 /// Why no identification was made.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum Failed {
@@ -70,14 +75,20 @@ pub fn most_likely_hold(residuals: &[f64; 3]) -> Hold {
 /// The residuals of the three readings of a current as a table.
 #[must_use]
 pub fn table_of_holds(residuals: &[f64; 3], chosen: Hold) -> Table {
-    let rows = HOLDS.iter().zip(residuals).map(|((name, hold), residual)| {
+    let note = "How much less likely the same data are with each reading (differences of log-likelihoods).";
+    holds_beside(note, "less likely by", residuals.map(|residual| format!("{residual:.1}")), chosen)
+}
+
+/// A table with a number for each reading of a current, in the order of [`HOLDS`].
+fn holds_beside(note: &str, column: &str, numbers: [String; 3], chosen: Hold) -> Table {
+    let rows = HOLDS.iter().zip(numbers).map(|((name, hold), number)| {
         let mark = if *hold == chosen { "chosen" } else { "" };
-        vec![(*name).to_owned(), format!("{residual:.1}"), mark.to_owned()]
+        vec![(*name).to_owned(), number, mark.to_owned()]
     });
     Table {
         title: "What a current sample stands for".into(),
-        note: "How much less likely the same data are with each reading (differences of log-likelihoods).".into(),
-        head: ["", "less likely by", ""].map(String::from).into(),
+        note: note.into(),
+        head: ["", column, ""].map(String::from).into(),
         rows: rows.collect(),
     }
 }

@@ -19,6 +19,7 @@ use crate::estimation::Hold;
 use crate::machine::{AXIAL, Machine};
 
 pub use self::plausible::Finding;
+pub(super) use self::plausible::REST_RAD_S;
 pub use self::units::{duration_s, rate_s};
 pub(super) use self::units::{number_and_unit, significant, time};
 

@@ -8,7 +8,7 @@ use fmu_export::variable::{Causality, Value};
 use serde_json::{Map, Value as Json, json};
 
 use super::read::{Samples, significant};
-use super::{Failed, HOLDS, METHODS};
+use super::{Failed, HOLDS, METHODS, holds_beside, name_of};
 use crate::estimation::{EstimatorConfig, Hold, Method, STD_LIMIT, Verdict};
 use crate::fmu;
 use crate::machine::{Machine, PLANAR};
@@ -83,7 +83,7 @@ pub fn track_every(samples: &Samples, estimator: &Element, every: usize) -> Resu
     let unit = |index: &usize| estimator.model_type.variables()[*index].unit_name().into();
     let column = |(name, index)| Column { name, unit: unit(index), values: Vec::new() };
     let mut columns: Vec<Column> = names.into_iter().zip(&outputs).map(column).collect();
-    let mut time_s = Vec::new();
+    let (mut time_s, mut values) = (Vec::new(), Vec::with_capacity(inputs.len()));
     // Short gaps are filled for the paper's methods, which bridge none.
     let has_gaps = *machine != PLANAR;
     let refused = |why: &dyn std::fmt::Display| Failed::Refused(vec![why.to_string()]);
@@ -92,8 +92,9 @@ pub fn track_every(samples: &Samples, estimator: &Element, every: usize) -> Resu
         let theta_rad = samples.theta_rad.get(j).copied().unwrap_or(0.0);
         let omega_rad_s = samples.omega_rad_s.get(j).copied().unwrap_or(usual_rad_s);
         let is_gap = has_gaps && samples.missing.get(j).is_some_and(|missing| *missing != 0);
-        let recorded = recorded.clone().map(|column| if is_gap { f64::NAN } else { column[j] });
-        let values: Vec<f64> = recorded.chain([theta_rad, omega_rad_s]).collect();
+        values.clear();
+        values.extend(recorded.clone().map(|column| if is_gap { f64::NAN } else { column[j] }));
+        values.extend([theta_rad, omega_rad_s]);
         if !instance.set_reals(&places, &values) {
             let of = |n: usize| (inputs[n], Value::Real(values[n]));
             instance.set_all(inputs.len(), &of).map_err(|why| refused(&why))?;
@@ -123,20 +124,15 @@ pub fn best_hold(samples: &Samples, estimator: &Element) -> Result<(Hold, Table)
         let end = track.last_valid().filter(|_| track.is_valid_at_end());
         Ok(end.map_or(f64::INFINITY, |row| track.largest_deviation("lambdaStd", row)))
     };
-    let deviations = HOLDS.iter().map(|(_, hold)| deviation(*hold)).collect::<Result<Vec<f64>, _>>()?;
+    let mut deviations = [f64::INFINITY; HOLDS.len()];
+    for (std, (_, hold)) in deviations.iter_mut().zip(HOLDS) {
+        *std = deviation(hold)?;
+    }
     let best = (0..HOLDS.len()).min_by(|a, b| deviations[*a].total_cmp(&deviations[*b])).unwrap_or(0);
-    let chosen = if deviations[best] < CLEARLY * deviations[0] { best } else { 0 };
-    let row = |(at, deviation): (usize, &f64)| {
-        let cell = if deviation.is_finite() { format!("{:.2} %", 100.0 * deviation) } else { "not valid".into() };
-        vec![HOLDS[at].0.to_owned(), cell, if at == chosen { "chosen" } else { "" }.to_owned()]
-    };
-    let table = Table {
-        title: "What a current sample stands for".into(),
-        note: "Largest standard deviation of a force constant with each reading.".into(),
-        head: ["", "± noise", ""].map(String::from).into(),
-        rows: deviations.iter().enumerate().map(row).collect(),
-    };
-    Ok((HOLDS[chosen].1, table))
+    let (_, chosen) = HOLDS[if deviations[best] < CLEARLY * deviations[0] { best } else { 0 }];
+    let number = |std: f64| if std.is_finite() { format!("{:.2} %", 100.0 * std) } else { "not valid".into() };
+    let note = "Largest standard deviation of a force constant with each reading.";
+    Ok((chosen, holds_beside(note, "± noise", deviations.map(number), chosen)))
 }
 
 /// The outputs that are looked at.
@@ -238,8 +234,7 @@ impl Track {
             (!is_none).then(|| format!("{} = {} {unit}", of.name, significant(factor * value, 4)))
         });
         let told: Vec<String> = told.collect();
-        let (hold, _) = HOLDS.iter().find(|(_, known)| *known == hold(&self.estimator)).unwrap_or(&HOLDS[0]);
-        format!("Taken as known: {}; currents {hold}.", told.join(", "))
+        format!("Taken as known: {}; currents {}.", told.join(", "), name_of(hold(&self.estimator)))
     }
 
     /// The verdict at the end, for a machine whose answer this is.
@@ -475,7 +470,7 @@ pub fn json(samples: &Samples, tracks: &[Track]) -> Json {
         return document;
     }
     let method = |track: &Track| {
-        let hold = HOLDS.iter().find(|(_, known)| *known == hold(&track.estimator)).map_or("", |(name, _)| name);
+        let hold = name_of(hold(&track.estimator));
         json!({
             "method": track.name(), "hold": hold, "Tf": track.estimator.value("Tf").map(Value::as_f64),
             "estimate": track.json(), "validAtEnd": track.is_valid_at_end(), "verdict": track.verdict(),

@@ -2,10 +2,7 @@
 
 use crate::estimation::{EstimatorConfig, Hold};
 use crate::studies::identify::likelihood::{self, Missing, Origin};
-use crate::studies::identify::read::{Rotation, Samples};
-
-/// Below this speed, in rad/s, the rotor counts as being at rest.
-const REST_RAD_S: f64 = 1.0;
+use crate::studies::identify::read::{REST_RAD_S, Rotation, Samples};
 
 /// Columns of a recording.
 #[derive(Clone, Debug, Default)]

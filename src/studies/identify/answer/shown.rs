@@ -3,8 +3,8 @@
 use serde_json::{Value as Json, json};
 
 use super::Answer;
-use crate::studies::identify::HOLDS;
 use crate::studies::identify::likelihood::{self, Identification, Knowledge, PARAMETERS};
+use crate::studies::identify::name_of;
 use crate::studies::identify::read::significant;
 use crate::table::Table;
 
@@ -32,16 +32,11 @@ impl Answer {
         }))
     }
 
-    /// Meaning of a sample of a current, by its name.
-    fn hold(&self) -> &'static str {
-        HOLDS.iter().find(|(_, hold)| *hold == self.question.config.hold).map_or("", |(name, _)| name)
-    }
-
     /// Parameters taken as known.
     #[must_use]
     pub fn told(&self) -> String {
         let config = &self.question.config;
-        let hold = self.hold();
+        let hold = name_of(config.hold);
         let mut words = format!(
             "Taken as known: m = {} kg, s = {} mm, alpha = {} °, currents {hold}",
             significant(config.m_kg, 6),
@@ -167,7 +162,7 @@ impl Answer {
                 "magnitude": found.unbalance_magnitude.value, "magnitudeStd": found.unbalance_magnitude.noise_std,
                 "phase": found.unbalance_phase.value, "phaseStd": found.unbalance_phase.noise_std,
             },
-            "told": {"m": config.m_kg, "s": config.gap_m, "alpha": config.alpha_rad, "hold": self.hold()},
+            "told": {"m": config.m_kg, "s": config.gap_m, "alpha": config.alpha_rad, "hold": name_of(config.hold)},
             "noise": {"position": first.position_noise_m, "current": first.current_noise_a},
             "recordings": found.conditions.iter().map(|of| json!({
                 "pY": estimate(&of.load_n[0]), "pZ": estimate(&of.load_n[1]),

@@ -23,7 +23,7 @@ const SILENT_M: f64 = 5e-9;
 /// The slope of the angle and the speed may differ by so much.
 const AGREE: f64 = 0.05;
 /// Below this speed, in rad/s, the rotor counts as being at rest.
-const REST_RAD_S: f64 = 1.0;
+pub const REST_RAD_S: f64 = 1.0;
 
 /// A signal that looks as if its unit were misread.
 #[derive(Clone, Debug, PartialEq)]
