@@ -55,6 +55,8 @@ const WINDOW_S: f64 = 0.1;
 const QUIET: usize = 10;
 const LOUD: f64 = 2.5;
 const SETTLING_S: f64 = 1.5;
+/// A slow force above this part of the weight is that of a table.
+const CARRIED: f64 = 0.25;
 /// Iterations of the search over the second half that only serves to find the start.
 const ROUGH: usize = 8;
 /// Standard deviation of the slow force at the beginning, relative to the load: 10 mN of 594 mN on the bench in tests/data,
@@ -419,12 +421,19 @@ fn most_likely(axis: &Axis, part: &Part<'_>, guesses: impl Iterator<Item = Point
 fn begin(axis: &Axis, readings: Readings<'_>, point: &Point) -> Option<usize> {
     let count = readings.x_m.len();
     let window = ((WINDOW_S / readings.step_s).round() as usize).max(1);
-    let nis = answer::position_nis(axis, &Part { readings, rows: 0..count }, point);
-    let loud: Vec<f64> = nis.chunks_exact(window).map(|of| mean(of.iter().copied())).collect();
+    let (mut nis, mut slow_n) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    answer::follow(axis, &Part { readings, rows: 0..count }, point, |filter, [error, variance]| {
+        nis.push(error * error / variance);
+        slow_n.push(filter.slow_n()[0]);
+    });
+    let means = |of: &[f64]| of.chunks_exact(window).map(|of| mean(of.iter().copied())).collect::<Vec<_>>();
+    let (loud, slow_n) = (means(&nis), means(&slow_n));
     let mut later: Vec<f64> = loud[loud.len() / 2..].iter().copied().filter(|nis| nis.is_finite()).collect();
     later.sort_by(f64::total_cmp);
     let median = *later.get(later.len() / 2)?;
-    let quiet: Vec<bool> = loud.iter().map(|nis| nis.is_nan() || *nis < LOUD * median).collect();
+    let carried_n = CARRIED * axis.weight_n();
+    let is_quiet = |(nis, slow_n): (&f64, &f64)| nis.is_nan() || (*nis < LOUD * median && slow_n.abs() < carried_n);
+    let quiet: Vec<bool> = loud.iter().zip(&slow_n).map(is_quiet).collect();
     let from = quiet.windows(QUIET.min(quiet.len().max(1))).position(|of| of.iter().all(|quiet| *quiet))?;
     if from == 0 {
         return Some(0);

@@ -135,8 +135,8 @@ impl Samples {
     ///
     /// # Errors
     /// Everything that keeps the recording from being used.
-    pub fn read_from(recording: impl Read, reading: &Reading) -> Result<Self, Unusable> {
-        samples(&Table::read(recording, reading, |_| true)?, reading).map_err(Unusable)
+    pub fn read_from(mut recording: impl Read, reading: &Reading) -> Result<Self, Unusable> {
+        samples(&Table::read(&mut recording, reading, &|_| true)?, reading).map_err(Unusable)
     }
 
     /// Reads a recording that is a text already.
@@ -160,9 +160,13 @@ impl Samples {
     ///
     /// # Errors
     /// As for [`Samples::read_from`], of both tables.
-    pub fn read_apart_from(motion: impl Read, currents: impl Read, reading: &Reading) -> Result<Self, Unusable> {
-        let motion = Table::read(motion, reading, |kind| !matches!(kind, Kind::Current(_)));
-        let (motion, currents) = match (motion, table_of_currents(currents, reading)) {
+    pub fn read_apart_from(
+        mut motion: impl Read,
+        mut currents: impl Read,
+        reading: &Reading,
+    ) -> Result<Self, Unusable> {
+        let motion = Table::read(&mut motion, reading, &|kind| !matches!(kind, Kind::Current(_)));
+        let (motion, currents) = match (motion, table_of_currents(&mut currents, reading)) {
             (Ok(motion), Ok(currents)) => (motion, currents),
             (motion, currents) => {
                 let of = |unusable: Option<Unusable>, table: &'static str| {
@@ -282,12 +286,12 @@ impl Axial {
     ///
     /// # Errors
     /// Everything that keeps the recording from being used.
-    pub fn read_from(recording: impl Read, reading: &Reading, used: &[usize]) -> Result<Self, Unusable> {
+    pub fn read_from(mut recording: impl Read, reading: &Reading, used: &[usize]) -> Result<Self, Unusable> {
         let wanted = |kind: Kind| match kind {
             Kind::Current(k) => used.contains(&k),
             kind => matches!(kind, Kind::Time | Kind::Position),
         };
-        let table = Table::read(recording, &Reading { machine: &AXIAL, ..reading.clone() }, wanted)?;
+        let table = Table::read(&mut recording, &Reading { machine: &AXIAL, ..reading.clone() }, &wanted)?;
         let Signals { list, positions, currents, .. } = &table.signals;
         let mut notes = table.notes.clone();
         let Grid { start_s, step_s, count, place } = grid(&table, reading, &mut notes).map_err(Unusable)?;
@@ -315,17 +319,17 @@ impl Axial {
 }
 
 /// Reads a table of currents. It need not have the same name for the time as that of the positions, nor the same unit.
-fn table_of_currents(mut from: impl Read, reading: &Reading) -> Result<Table, Unusable> {
+fn table_of_currents(from: &mut dyn Read, reading: &Reading) -> Result<Table, Unusable> {
     let mut text = Vec::new();
     from.read_to_end(&mut text)
         .map_err(|error| Unusable(vec![format!("the table of the currents cannot be read: {error}")]))?;
     let wanted = |kind: Kind| matches!(kind, Kind::Time | Kind::Current(_));
     let mut reading = Reading { rate_s: None, ..reading.clone() };
-    Table::read(text.as_slice(), &reading, wanted).or_else(|first| {
+    Table::read(&mut text.as_slice(), &reading, &wanted).or_else(|first| {
         let currents = reading.machine.of_magnets("im");
         reading.columns.retain(|(signal, _)| currents.contains(signal));
         reading.units.retain(|(signal, _)| currents.contains(signal));
-        Table::read(text.as_slice(), &reading, wanted).map_err(|_| first)
+        Table::read(&mut text.as_slice(), &reading, &wanted).map_err(|_| first)
     })
 }
 

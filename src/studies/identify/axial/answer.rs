@@ -93,7 +93,7 @@ pub struct Check {
 }
 
 /// Filters a part and calls `each` with the filter after every row, and the innovation of its position with its variance.
-fn follow(axis: &Axis, part: &Part<'_>, point: &Point, mut each: impl FnMut(&Filter, [f64; 2])) {
+pub(super) fn follow(axis: &Axis, part: &Part<'_>, point: &Point, mut each: impl FnMut(&Filter, [f64; 2])) {
     let Some(mut filter) = Filter::new(axis, axis.law(point), &part.readings, &part.rows) else { return };
     let mut out: Vec<Row> = Vec::new();
     for row in part.rows.clone() {
@@ -101,13 +101,6 @@ fn follow(axis: &Axis, part: &Part<'_>, point: &Point, mut each: impl FnMut(&Fil
         filter.advance(axis, &part.readings, row..row + 1, &mut out);
         each(&filter, out[0][POSITION]);
     }
-}
-
-/// Normalised innovations squared of the positions; NaN where there was none.
-pub(super) fn position_nis(axis: &Axis, part: &Part<'_>, point: &Point) -> Vec<f64> {
-    let mut nis = Vec::with_capacity(part.rows.len());
-    follow(axis, part, point, |_, [error, variance]| nis.push(error * error / variance));
-    nis
 }
 
 /// rms of the errors of predictions over so many rows, m.

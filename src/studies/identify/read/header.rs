@@ -165,7 +165,7 @@ pub(super) fn places(
     signals: &Signals,
     columns: &[Column],
     reading: &super::Reading,
-    wanted: impl Fn(Kind) -> bool,
+    wanted: &dyn Fn(Kind) -> bool,
     findings: &mut Vec<String>,
 ) -> Vec<Option<Place>> {
     let options = [("--column", &reading.columns), ("--unit", &reading.units)];

@@ -38,7 +38,11 @@ impl Table {
     ///
     /// # Errors
     /// All that is wrong with the header, or with the rows.
-    pub(super) fn read(from: impl Read, reading: &Reading, wanted: impl Fn(Kind) -> bool) -> Result<Self, Unusable> {
+    pub(super) fn read(
+        from: &mut dyn Read,
+        reading: &Reading,
+        wanted: &dyn Fn(Kind) -> bool,
+    ) -> Result<Self, Unusable> {
         let signals = Signals::of(reading.machine);
         let (head, mut text) = text::open(from).map_err(|error| broken(&error))?;
         let header = find_header(&head, &signals, reading).ok_or_else(|| {

@@ -11,9 +11,9 @@ const HEAD: usize = 64 * 1024;
 
 /// The beginning of a recording and the whole of it, as UTF-8: from UTF-8, UTF-16 or Windows-1252 (of which Latin-1 is a part), with or without
 /// byte-order mark, plain or compressed by gzip.
-pub(super) fn open<'a>(from: impl Read + 'a) -> io::Result<(String, impl Read + 'a)> {
+pub(super) fn open(from: &mut dyn Read) -> io::Result<(String, impl Read)> {
     let (start, from) = peek(from)?;
-    let plain: Box<dyn Read + 'a> =
+    let plain: Box<dyn Read> =
         if start.starts_with(&[0x1f, 0x8b]) { Box::new(MultiGzDecoder::new(from)) } else { Box::new(from) };
     let (start, plain) = peek(plain)?;
     let mut decoder = DecodeReaderBytesBuilder::new();
