@@ -201,9 +201,9 @@ impl Answer {
         let mut findings = Vec::new();
         let mut refusal = None;
         let [_, ki, ks, ..] = &self.operating;
-        for (at, gain, kept) in &self.found.effects {
+        for (at, gain, is_significant) in &self.found.effects {
             let worth = format!("worth {} in log-likelihood", significant(*gain, 3));
-            match (*at, *kept) {
+            match (*at, *is_significant) {
                 (DYNAMICS, true) => {
                     let weaker = 1.0 - 1.0 / self.dynamics.value;
                     let side = if weaker > 0.0 { "weaker" } else { "stronger" };
@@ -335,7 +335,10 @@ impl Answer {
             .found
             .effects
             .iter()
-            .map(|(at, gain, kept)| (PARAMETERS[*at].0.into(), json!({"logLikelihood": gain, "taken": kept})))
+            .map(|(at, gain, is_significant)| {
+                let taken = *is_significant || *at == DYNAMICS;
+                (PARAMETERS[*at].0.into(), json!({"logLikelihood": gain, "taken": taken}))
+            })
             .collect();
         let (point, rows) = (&self.found.fit.point, &self.found.rows);
         json!({

@@ -12,7 +12,7 @@ use super::{Axis, Point, UNKNOWNS, is_logarithm, is_noise};
 const ROWS: usize = 4096;
 /// Most iterations, and the gain of the log-likelihood at which they end.
 const MOST: usize = 100;
-const CONVERGED: f64 = 1e-3;
+const CONVERGED: f64 = 1e-2;
 /// Longest step in steps of the differences ([`Axis::step`]): a tenth of λ, a factor of 7 of a noise.
 const LONGEST: f64 = 100.0;
 /// Logarithms of noises that the data say less of than this are at their lower limit.
