@@ -19,7 +19,7 @@ use super::faults;
 use super::read::{Axial, time};
 
 /// Unknowns of the search, by number; noises and force constants by their logarithms.
-pub const UNKNOWNS: usize = 11;
+pub const UNKNOWNS: usize = 12;
 /// Values of the unknowns.
 pub type Point = [f64; UNKNOWNS];
 
@@ -32,6 +32,7 @@ const CURRENT_NOISE: usize = 7;
 const WALK: usize = 8;
 const SLOW: usize = 9;
 const DELAY: usize = 10;
+const SLOPE: usize = 11;
 
 /// Names of the unknowns, their units and meanings, for `--set` and `--estimate`.
 pub const PARAMETERS: [(&str, &str, &str); UNKNOWNS] = [
@@ -46,9 +47,10 @@ pub const PARAMETERS: [(&str, &str, &str); UNKNOWNS] = [
     ("current.walk", "A/s0.5", "random walk of the currents"),
     ("force.slow", "N/s0.5", "random walk of a force that nothing explains"),
     ("delay", "s", "positions later than currents"),
+    ("current.slope", "A/s1.5", "random walk of the slopes of the currents"),
 ];
 
-/// Windows by which the start is found, s; of so many in a row no more than in the second half may leave the law, with normalised innovations above so many
+/// Windows by which the start is found, s; of so many in a row no more than in the second half may have normalised innovations above so many
 /// medians. What the start leaves in slow forces is over after the settling time. All four by the five recordings in
 /// tests/data, where the ball leaves its table within 3 s.
 const WINDOW_S: f64 = 0.1;
@@ -59,6 +61,8 @@ const SETTLING_S: f64 = 1.5;
 const CARRIED: f64 = 0.25;
 /// Iterations of the search over the second half that only serves to find the start.
 const ROUGH: usize = 8;
+/// First guess of the walk of the slope of a current, relative to that of the current, 1/s: usual coils have time constants of some 10 ms.
+const SLOPE_START_1_S: f64 = 30.0;
 /// Standard deviation of the slow force at the beginning, relative to the load: 10 mN of 594 mN on the bench in tests/data,
 /// whose five recordings then agree within their deviations.
 const SLOW_START: f64 = 0.017;
@@ -83,7 +87,7 @@ pub struct Axis {
 
 /// Whether an unknown is the level of a noise.
 pub(crate) fn is_noise(at: usize) -> bool {
-    matches!(at, POSITION_NOISE | CURRENT_NOISE | WALK | SLOW)
+    matches!(at, POSITION_NOISE | CURRENT_NOISE | WALK | SLOW | SLOPE)
 }
 
 /// Whether the search moves the logarithm of an unknown.
@@ -126,7 +130,13 @@ impl Axis {
 
     /// The nearest point that makes sense: noises above rounding, κ between a fifth and five.
     pub(crate) fn bounded(&self, mut point: Point) -> Point {
-        let least = [(POSITION_NOISE, 1e-10), (CURRENT_NOISE, 1e-7), (WALK, 1e-5), (SLOW, 1e-6 * self.weight_n())];
+        let least = [
+            (POSITION_NOISE, 1e-10),
+            (CURRENT_NOISE, 1e-7),
+            (WALK, 1e-5),
+            (SLOW, 1e-6 * self.weight_n()),
+            (SLOPE, 1e-3),
+        ];
         for (at, least) in least {
             // No slow force stays none.
             if point[at] > f64::NEG_INFINITY {
@@ -150,6 +160,7 @@ impl Axis {
             reference_m: 1.0,
             current_noise_a: libm::exp(point[CURRENT_NOISE]),
             walk_a: libm::exp(point[WALK]),
+            slope_a_s: libm::exp(point[SLOPE]),
             slow_n: libm::exp(point[SLOW]),
             delay_s: point[DELAY],
         };
@@ -174,6 +185,7 @@ pub(crate) struct Law {
     pub(crate) reference_m: f64,
     pub(crate) current_noise_a: f64,
     pub(crate) walk_a: f64,
+    pub(crate) slope_a_s: f64,
     pub(crate) slow_n: f64,
     pub(crate) delay_s: f64,
 }
@@ -233,7 +245,7 @@ struct Found {
 fn without(at: usize) -> f64 {
     match at {
         DYNAMICS => 1.0,
-        SLOW => f64::NEG_INFINITY,
+        SLOW | SLOPE => f64::NEG_INFINITY,
         _ => 0.0,
     }
 }
@@ -273,7 +285,7 @@ fn find(axis: &Axis, recording: &Axial) -> Result<Found, String> {
     let mut best = fit(&axis, &part, &rough.point, &free, usize::MAX).ok_or(failed)?;
     let mut effects = Vec::new();
     let mut free = free;
-    for at in [EXPONENT, DYNAMICS, SLOW].into_iter().filter(|at| free.contains(at)).collect::<Vec<_>>() {
+    for at in [SLOPE, EXPONENT, DYNAMICS, SLOW].into_iter().filter(|at| free.contains(at)).collect::<Vec<_>>() {
         let fewer: Vec<usize> = free.iter().copied().filter(|other| *other != at).collect();
         let mut point = best.point;
         point[at] = without(at);
@@ -331,7 +343,7 @@ fn noise(values: &[f64]) -> f64 {
 }
 
 /// Standard deviation of white noise on a random walk about a slope that changes slowly: its differences have the autocovariances −σ² at lag 1 and 0 at lag 2, both
-/// raised by what the slope does. At least the part of the noise by fourth differences that counts nowhere.
+/// raised by what the slope does. It is at least a twentieth of the noise by fourth differences, which is too little to matter.
 fn noise_of_walk(values: &[f64]) -> f64 {
     let lag = |lag: usize| mean(values.windows(lag + 2).map(|v| (v[1] - v[0]) * (v[lag + 1] - v[lag])));
     let least = 0.05 * noise(values);
@@ -350,6 +362,7 @@ fn first_guess(axis: &Axis, part: &Part<'_>) -> Result<Point, String> {
         readings.current_a.iter().map(|current| noise_of_walk(&current[rows.clone()])).fold(1e-6, f64::max);
     point[CURRENT_NOISE] = libm::log(current_noise_a);
     point[WALK] = libm::log(current_noise_a / (2.0 * readings.step_s.sqrt()));
+    point[SLOPE] = point[WALK] + libm::log(SLOPE_START_1_S);
     for (at, told) in axis.told.iter().enumerate() {
         if let Some(told) = told {
             point[at] = if is_logarithm(at) { libm::log(*told) } else { *told };

@@ -19,6 +19,8 @@ use super::{Axis, Law};
 /// Standard deviation of what is not known at the start: the position, and the way of a sample time, relative to the gap; a current, A.
 const UNKNOWN: f64 = 0.1;
 const UNKNOWN_A: f64 = 1.0;
+/// The same of the slope of a current, A/s.
+const UNKNOWN_A_S: f64 = 10.0;
 /// Where the position is known no better than this part of the gap, the law cannot be linearised: the filter waits for a reading, and starts anew.
 const LOST: f64 = 0.3;
 
@@ -37,8 +39,10 @@ pub(super) struct Readings<'a> {
     pub current_a: &'a [Vec<f64>],
 }
 
-/// Numbers of the state x, v, d and two currents; a magnet that is not used has the current 0 without variance.
-const N: usize = 5;
+/// Numbers of the state x, v, d, two currents and their slopes; a magnet that is not used has the current 0 without variance.
+const N: usize = 7;
+/// The first of the slopes.
+const SLOPES: usize = 5;
 /// Number of the position among the channels, which are the currents and the position.
 pub(super) const POSITION: usize = 2;
 
@@ -68,6 +72,7 @@ impl Filter {
         for (k, current) in readings.current_a.iter().enumerate() {
             filter.x[3 + k] = current[row];
             filter.p[3 + k][3 + k] = UNKNOWN_A * UNKNOWN_A;
+            filter.p[SLOPES + k][SLOPES + k] = if law.slope_a_s > 0.0 { UNKNOWN_A_S * UNKNOWN_A_S } else { 0.0 };
         }
         filter.forget_motion(readings.step_s);
         let start_n = if law.slow_n > 0.0 { axis.slow_start_n() } else { 0.0 };
@@ -106,7 +111,7 @@ impl Filter {
         }
     }
 
-    /// One sample time: midpoint rule, the current of its beginning.
+    /// One sample time: midpoint rule.
     fn predict(&mut self, axis: &Axis, h: f64) {
         let law = self.law;
         let walk = law.walk_a * law.walk_a * h;
@@ -118,10 +123,12 @@ impl Filter {
             (0..axis.used.len()).for_each(|k| self.walk(k, walk));
             return;
         }
-        let currents = [self.x[3], self.x[4]];
-        let begin = law.linearised(axis, self.x[0], currents).0 + self.x[2] / axis.m_kg;
+        let slopes = [self.x[SLOPES], self.x[SLOPES + 1]];
+        let begin = law.linearised(axis, self.x[0], [self.x[3], self.x[4]]).0 + self.x[2] / axis.m_kg;
+        (0..2).for_each(|k| self.x[3 + k] += 0.5 * h * slopes[k]);
         let middle_m = self.x[0] + 0.5 * h * self.x[1] + 0.125 * h * h * begin;
-        let (middle, stiffness, gain) = law.linearised(axis, middle_m, currents);
+        let (middle, stiffness, gain) = law.linearised(axis, middle_m, [self.x[3], self.x[4]]);
+        (0..2).for_each(|k| self.x[3 + k] += 0.5 * h * slopes[k]);
         let middle = middle + self.x[2] / axis.m_kg;
         self.x[0] += h * self.x[1] + h * h / 6.0 * (begin + 2.0 * middle);
         self.x[1] += h * middle;
@@ -136,6 +143,8 @@ impl Filter {
         for k in 0..2 {
             f[0][3 + k] = 0.5 * h * h * gain[k];
             f[1][3 + k] = h * gain[k];
+            f[0][SLOPES + k] = h * h * h / 6.0 * gain[k];
+            f[1][SLOPES + k] = 0.5 * h * h * gain[k];
         }
         let left: [[f64; N]; 2] =
             std::array::from_fn(|r| std::array::from_fn(|c| (0..N).map(|i| f[r][i] * self.p[i][c]).sum()));
@@ -152,6 +161,15 @@ impl Filter {
             (a[0], a[1], b[0], b[1]) = (corner[0][0], corner[0][1], corner[0][1], corner[1][1]);
             (a, b)
         };
+        for k in 0..axis.used.len() {
+            for c in 0..N {
+                self.p[3 + k][c] += h * self.p[SLOPES + k][c];
+            }
+            for r in 0..N {
+                self.p[r][3 + k] += h * self.p[r][SLOPES + k];
+            }
+            self.p[SLOPES + k][SLOPES + k] += law.slope_a_s * law.slope_a_s * h;
+        }
         // A current that walks straight from one sample to the next moves the rotor by h²/6 and h/2 of its gain.
         self.by_current = gain.map(|gain| [gain * h * h / 6.0, gain * 0.5 * h]);
         (0..axis.used.len()).for_each(|k| self.walk(k, walk));
@@ -211,12 +229,11 @@ impl Filter {
     pub(super) fn ahead(&self, axis: &Axis, readings: &Readings<'_>, rows: usize) -> f64 {
         let mut open = self.clone();
         for row in self.row + 1..=self.row + rows {
-            open.predict(axis, readings.step_s);
             for (k, current) in readings.current_a.iter().enumerate() {
-                if current[row].is_finite() {
-                    open.x[3 + k] = current[row];
-                }
+                let change_a = current[row] - open.x[3 + k];
+                open.x[SLOPES + k] = if change_a.is_finite() { change_a / readings.step_s } else { 0.0 };
             }
+            open.predict(axis, readings.step_s);
         }
         open.x[0]
     }
