@@ -18,7 +18,6 @@ use super::{
     write_table,
 };
 use crate::estimation::{Hold, Method};
-use crate::fmu::RENAMED;
 use crate::fmu::estimator::configuration;
 use crate::machine::{MACHINES, PLANAR};
 use crate::output::{self, Format};
@@ -342,10 +341,7 @@ fn methods(method: &str) -> Result<Vec<Method>> {
         return Ok(methods);
     }
     let names = METHODS.map(|(name, _)| name).join(", ");
-    Err(match RENAMED.iter().find(|(former, _)| *former == method) {
-        Some((former, name)) => refused(format!("--method {former}: expected {name}, which replaces it")),
-        None => refused(format!("--method {method}: expected one of {LIKELIHOOD}, {names}, all")),
-    })
+    Err(refused(format!("--method {method}: expected one of {LIKELIHOOD}, {names}, all")))
 }
 
 /// Opens a recording.

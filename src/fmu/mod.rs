@@ -14,7 +14,6 @@ mod common;
 use std::sync::Arc;
 
 use fmu_export::ModelType;
-use fmu_export::variable::Enumeration;
 
 fmu_export::export_fmus!(
     plant::MagneticBearing,
@@ -42,18 +41,4 @@ pub fn catalogue() -> Arc<[Arc<ModelType>]> {
 /// The model of a name, for instance `MagneticBearing`.
 pub fn find(name: &str) -> Option<Arc<ModelType>> {
     FMUS.find(name)
-}
-
-/// Former names of items of enumerations, and their replacements.
-pub const RENAMED: [(&str, &str); 2] = [("leastSquares", "predictionError"), ("unbalance", "predictionError")];
-
-/// The value of an item of an enumeration.
-///
-/// # Errors
-/// The name to write instead.
-pub fn item(items: &Enumeration, name: &str) -> Result<i32, String> {
-    items.find(name).map_err(|wanted| {
-        let now = RENAMED.iter().find(|(former, now)| *former == name && items.value_of(now).is_some());
-        now.map_or(wanted, |(_, now)| format!("expected {now}, which replaces it"))
-    })
 }

@@ -1,6 +1,7 @@
 //! The machine `axial`: recordings of a real bench (tests/data/levitation), and a simulator of a levitated mass that is not the
 //! product's.
 
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -73,24 +74,44 @@ fn recordings_of_a_real_bench() {
     }
 }
 
-/// A mass that one or two magnets hold: Runge–Kutta with twenty steps per sample, a controller on noisy readings, amplifiers with a lag of
-/// 3 ms.
+/// A mass that one or two magnets hold: Runge–Kutta with twenty steps per sample, a controller on noisy readings, amplifiers with a lag.
 struct Levitation {
     lambda: [f64; 2],
     gap_m: f64,
     load_n: f64,
     dynamics: f64,
     bias_a: f64,
+    /// Lag of the amplifiers, s.
+    lag_s: f64,
+    /// The path, m, over the time, s.
+    path_m: fn(f64) -> f64,
     seed: u64,
+}
+
+/// A smooth path of ±2 mm.
+fn smooth(time_s: f64) -> f64 {
+    1.2e-3 * (0.7 * TAU * time_s).sin() + 0.8e-3 * (1.9 * TAU * time_s).sin()
+}
+
+/// A square wave of ±1.5 mm.
+fn square(time_s: f64) -> f64 {
+    1.5e-3 * (1.1 * TAU * time_s).sin().signum()
 }
 
 const MASS_KG: f64 = 0.1;
 const STEP_S: f64 = 1e-3;
 
-const ONE: Levitation =
-    Levitation { lambda: [0.0, 1e-4], gap_m: 0.012, load_n: 0.981, dynamics: 1.0, bias_a: 0.0, seed: 1 };
-const TWO: Levitation =
-    Levitation { lambda: [1e-4, 1.2e-4], gap_m: 0.012, load_n: 0.0, dynamics: 1.0, bias_a: 1.0, seed: 2 };
+const ONE: Levitation = Levitation {
+    lambda: [0.0, 1e-4],
+    gap_m: 0.012,
+    load_n: 0.981,
+    dynamics: 1.0,
+    bias_a: 0.0,
+    lag_s: 3e-3,
+    path_m: smooth,
+    seed: 1,
+};
+const TWO: Levitation = Levitation { lambda: [1e-4, 1.2e-4], load_n: 0.0, bias_a: 1.0, seed: 2, ..ONE };
 
 impl Levitation {
     fn acceleration(&self, [x, _]: [f64; 2], i: [f64; 2]) -> f64 {
@@ -112,9 +133,7 @@ impl Levitation {
         for row in 0..rows {
             let reading = [state[0] + normal(10e-6), (i[0] + normal(5e-3)).max(0.0), i[1] + normal(5e-3)];
             out.push([row as f64 * STEP_S, reading[0], reading[1], reading[2]]);
-            // A smooth path of ±2 mm.
-            let turn = std::f64::consts::TAU * STEP_S * row as f64;
-            let off = reading[0] - 1.2e-3 * (0.7 * turn).sin() - 0.8e-3 * (1.9 * turn).sin();
+            let off = reading[0] - (self.path_m)(STEP_S * row as f64);
             let pull = 500.0 * off + 8.0 * state[1];
             wanted = match self.bias_a {
                 0.0 => [0.0, (hold(reading[0]) + 0.6 * pull / hold(0.0)).clamp(0.0, 5.0)],
@@ -123,7 +142,7 @@ impl Levitation {
             for _ in 0..20 {
                 let h = STEP_S / 20.0;
                 for k in 0..2 {
-                    i[k] += h / 3e-3 * (wanted[k] - i[k]);
+                    i[k] += h / self.lag_s * (wanted[k] - i[k]);
                 }
                 let slope = |s: [f64; 2]| [s[1], self.acceleration(s, i)];
                 let shifted = |d: [f64; 2], by: f64| [state[0] + by * d[0], state[1] + by * d[1]];
@@ -199,6 +218,18 @@ fn dynamics_that_are_weaker_are_found() {
     let off = (answer.dynamics.value - 1.2) / answer.dynamics.total_std;
     assert!(off.abs() < 4.0, "κ = {:?}", answer.dynamics);
     says(&answer.findings.join(" "), &["weaker than the law"]);
+}
+
+/// References that jump make currents that jump: none of it is taken for a slow force.
+#[test]
+fn a_path_that_jumps_is_no_slow_force() {
+    for seed in 11..15 {
+        let of = Levitation { lag_s: 8e-3, path_m: square, dynamics: 1.1, seed, ..ONE };
+        let answer = of.answer(&of.record(10_000));
+        of.assert_right(&answer, "a square wave");
+        let off = (answer.dynamics.value - 1.1) / answer.dynamics.total_std;
+        assert!(off.abs() < 4.0, "κ = {:?}", answer.dynamics);
+    }
 }
 
 /// Missing rows and faults of the sensors are left out and named.

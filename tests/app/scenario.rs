@@ -154,14 +154,7 @@ fn what_cannot_be_understood_is_refused_by_name() {
             "[estimator]\nmethod = \"best\"",
             &["method = \"best\"", "one of", "paperLiteral (1)", "predictionError (3)"],
         ),
-        // Removed methods, with their replacement.
-        (
-            "",
-            "[estimator]\nmethod = \"leastSquares\"",
-            &["method = \"leastSquares\"", "predictionError, which replaces it"],
-        ),
-        ("", "[estimator]\nmethod = \"unbalance\"", &["method = \"unbalance\"", "predictionError, which replaces it"]),
-        ("compare = [\"unbalance\"]", "", &["compare = \"unbalance\"", "predictionError, which replaces it"]),
+        ("compare = [\"best\"]", "", &["compare = \"best\"", "predictionError (3)"]),
         ("", "[controller]\nupdate.mode = \"Never\"", &["update.mode", "never (1), atTime (2), whenValid (3)"]),
         // Lists.
         ("", "[plant]\nlambda = [1e-6, 2e-6]", &["lambda = [0.000001, 0.000002]", "a list of 3"]),

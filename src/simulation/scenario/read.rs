@@ -414,7 +414,7 @@ fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<St
         return;
     };
     for method in methods {
-        let value = match fmu::item(estimator::METHOD, method) {
+        let value = match estimator::METHOD.find(method) {
             Ok(value) => value,
             Err(wanted) => {
                 findings.push(format!("compare = \"{method}\" is refused: {wanted}"));
@@ -562,7 +562,7 @@ pub fn convert(data_type: &Type, value: &toml::Value) -> Result<Value, String> {
         (Type::Integer { .. }, _) => Err("expected a whole number".into()),
         (Type::Boolean { .. }, toml::Value::Boolean(value)) => Ok(Value::Boolean(*value)),
         (Type::Boolean { .. }, _) => Err("expected true or false".into()),
-        (Type::Enumeration { items, .. }, toml::Value::String(item)) => fmu::item(items, item).map(Value::Integer),
+        (Type::Enumeration { items, .. }, toml::Value::String(item)) => items.find(item).map(Value::Integer),
         (Type::String { .. }, toml::Value::String(text)) => Ok(Value::String(text.clone())),
         (Type::String { .. }, _) => Err("expected a text".into()),
         (Type::Enumeration { items, .. }, _) => Err(format!("expected the name of one of {}", items.listed())),

@@ -24,10 +24,6 @@ const UNKNOWN_A_S: f64 = 10.0;
 /// Where the position is known no better than this part of the gap, the law cannot be linearised: the filter waits for a reading, and starts anew.
 const LOST: f64 = 0.3;
 
-/// An innovation of a current beyond so many standard deviations is a jump of the current: its walk is taken to have been as long as that. References that
-/// jump make such currents, and a filter that comes behind takes what they do for slow forces.
-const JUMP: f64 = 3.0;
-
 /// Input of the filter: readings at a uniform sample time, NaN where there is none.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Readings<'a> {
@@ -56,8 +52,6 @@ pub(super) struct Filter {
     x: [f64; N],
     p: [[f64; N]; N],
     row: usize,
-    /// Position and speed that a current changes by if it changes by 1 A in the interval that ends here.
-    by_current: [[f64; 2]; 2],
 }
 
 impl Filter {
@@ -67,7 +61,7 @@ impl Filter {
             readings.x_m[*row].is_finite() && readings.current_a.iter().all(|current| current[*row].is_finite())
         };
         let row = rows.clone().find(known)?;
-        let mut filter = Self { law, x: [0.0; N], p: [[0.0; N]; N], row, by_current: [[0.0; 2]; 2] };
+        let mut filter = Self { law, x: [0.0; N], p: [[0.0; N]; N], row };
         filter.x[0] = readings.x_m[row];
         for (k, current) in readings.current_a.iter().enumerate() {
             filter.x[3 + k] = current[row];
@@ -119,8 +113,7 @@ impl Filter {
         if self.is_lost() {
             self.forget_motion(h);
             self.p[0][0] = law.reference_m * law.reference_m;
-            self.by_current = [[0.0; 2]; 2];
-            (0..axis.used.len()).for_each(|k| self.walk(k, walk));
+            (0..axis.used.len()).for_each(|k| self.p[3 + k][3 + k] += walk);
             return;
         }
         let slopes = [self.x[SLOPES], self.x[SLOPES + 1]];
@@ -169,23 +162,17 @@ impl Filter {
                 self.p[r][3 + k] += h * self.p[r][SLOPES + k];
             }
             self.p[SLOPES + k][SLOPES + k] += law.slope_a_s * law.slope_a_s * h;
-        }
-        // A current that walks straight from one sample to the next moves the rotor by h²/6 and h/2 of its gain.
-        self.by_current = gain.map(|gain| [gain * h * h / 6.0, gain * 0.5 * h]);
-        (0..axis.used.len()).for_each(|k| self.walk(k, walk));
-    }
-
-    /// Adds this variance of a current, A², that it gained in the interval that ends here.
-    fn walk(&mut self, k: usize, variance: f64) {
-        let by = self.by_current[k];
-        for r in 0..2 {
-            for c in 0..2 {
-                self.p[r][c] += variance * by[r] * by[c];
+            // A current that walks straight from one sample to the next moves the rotor by h²/6 and h/2 of its gain.
+            let w = [gain[k] * h * h / 6.0, gain[k] * 0.5 * h];
+            for r in 0..2 {
+                for c in 0..2 {
+                    self.p[r][c] += walk * w[r] * w[c];
+                }
+                self.p[r][3 + k] += walk * w[r];
+                self.p[3 + k][r] += walk * w[r];
             }
-            self.p[r][3 + k] += variance * by[r];
-            self.p[3 + k][r] += variance * by[r];
+            self.p[3 + k][3 + k] += walk;
         }
-        self.p[3 + k][3 + k] += variance;
     }
 
     fn correct(&mut self, readings: &Readings<'_>, row: usize) -> Row {
@@ -200,11 +187,6 @@ impl Filter {
                 self.forget_motion(readings.step_s);
             }
             let (at, delay_s) = if is_position { (0, self.law.delay_s) } else { (3 + k, 0.0) };
-            if !is_position {
-                let noise_a2 = self.law.current_noise_a * self.law.current_noise_a;
-                let jump_a2 = ((reading - self.x[at]) / JUMP).powi(2) - self.p[at][at] - noise_a2;
-                self.walk(k, jump_a2.max(0.0));
-            }
             let gain: [f64; N] = std::array::from_fn(|i| self.p[i][at] - delay_s * self.p[i][1]);
             let noise = if is_position { self.law.position_noise(reading) } else { self.law.current_noise_a };
             let variance = gain[at] - delay_s * gain[1] + noise * noise;
