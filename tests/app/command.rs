@@ -263,12 +263,9 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
         let (code, out, err) = run(&folder, arguments);
         assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}: {err}");
     }
-    // Removed methods are refused with their replacement.
-    for method in ["leastSquares", "unbalance"] {
-        let (code, _, err) = run(&folder, &["identify", "bench.csv", "--method", method]);
-        assert_ne!(code, 0);
-        says(&err, &["--method", method, "predictionError"]);
-    }
+    let (code, _, err) = run(&folder, &["identify", "bench.csv", "--method", "best"]);
+    assert_eq!(code, 2);
+    says(&err, &["--method best", "predictionError"]);
 }
 
 #[test]
