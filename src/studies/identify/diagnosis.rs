@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::answer::{Columns, implausible};
-use super::likelihood::{self, Hold, Knowledge, Options, Origin, PARAMETERS, by_name};
+use super::likelihood::{self, Change, Hold, Identification, Knowledge, Options, Origin, PARAMETERS, by_name};
 use super::read::significant;
 use crate::estimation::EstimatorConfig;
 
@@ -182,10 +182,14 @@ fn free(take: &mut Take, name: &str) {
     }
 }
 
+fn identified(take: &Take) -> Option<Identification> {
+    let recording = take.columns.recording(&take.config, take.hold);
+    likelihood::identify(&[recording], &take.options).ok()
+}
+
 /// Log-likelihood of a take, what the gap would be, and whether it fits a bearing at all.
 fn fit(take: &Take) -> Option<(f64, f64, bool)> {
-    let recording = take.columns.recording(&take.config, take.hold);
-    let found = likelihood::identify(&[recording], &take.options).ok()?;
+    let found = identified(take)?;
     let sound = found.converged && found.contradictions.is_empty() && implausible(&found, &take.columns).is_none();
     found.contradictions.is_empty().then_some((found.log_likelihood, found.bench[1].estimate.value, sound))
 }
@@ -213,7 +217,7 @@ fn stretch(take: &Take, stretches: usize) -> Take {
 /// Minus the log-likelihood of a stretch with each reading of the currents, less that of the best; infinite where nothing was found. Each has the delay that
 /// suits it best, as far as a typical bench has one: without it a delay of a third of a sample looks like a current that is continuous.
 pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
-    let of = takes.each_ref().map(|take| {
+    let mut takes = takes.each_ref().map(|take| {
         let mut take = stretch(take, HOLD_STRETCHES);
         // A force that is not known goes with every reading.
         let rows = take.columns.usable.iter_mut().zip(&take.columns.missing);
@@ -221,7 +225,20 @@ pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
         if let Some(delay) = by_name("delay").filter(|delay| take.options.bench[*delay].knowledge == Knowledge::Exact) {
             take.options.bench[delay].knowledge = Knowledge::Tolerance(PARAMETERS[delay].typical);
         }
-        fit(&take).map_or(f64::INFINITY, |(likelihood, ..)| -likelihood)
+        take
+    });
+    let mut found = takes.each_ref().map(identified);
+    // What disturbs the rotor with one of them is left out of all: an outlier would decide.
+    let contradictions = found.iter().flatten().flat_map(|of| &of.contradictions);
+    let disturbed = contradictions.filter(|of| matches!(of.what, Change::Disturbed { .. }));
+    let rows: Vec<_> = disturbed.map(|of| of.rows.clone()).collect();
+    if !rows.is_empty() {
+        takes.iter_mut().for_each(|take| rows.iter().for_each(|rows| take.columns.usable[rows.clone()].fill(false)));
+        found = takes.each_ref().map(identified);
+    }
+    let of = found.map(|of| match of {
+        Some(of) if of.contradictions.is_empty() => -of.log_likelihood,
+        _ => f64::INFINITY,
     });
     let best = of.iter().copied().fold(f64::INFINITY, f64::min);
     of.map(|value| if value.is_finite() { value - best } else { value })

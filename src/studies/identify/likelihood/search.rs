@@ -176,9 +176,11 @@ impl<'a> Search<'a> {
     fn newton(&self, normal: &Normal) -> Result<Step, Failed> {
         let of = self.estimated();
         let (a, b) = self.equations(normal, &of);
-        let covariance = inverse(&a)
-            .filter(|_| b.iter().all(|b| b.is_finite()))
-            .ok_or_else(|| Failed::Diverged("the normal equations are not positive definite".into()))?;
+        let covariance = inverse(&a).filter(|_| b.iter().all(|b| b.is_finite())).ok_or_else(|| {
+            Failed::Diverged(
+                "the data do not tell apart all that is to be estimated: state tolerances, or leave less free".into(),
+            )
+        })?;
         let solved = &covariance * &b;
         let mut step = Step { step: vec![0.0; self.x.len()], largest: 0.0, gain: b.dot(&solved) };
         for (i, at) in of.iter().enumerate() {

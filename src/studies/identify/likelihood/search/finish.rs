@@ -54,7 +54,7 @@ impl Finished<'_> {
 }
 
 fn inverse(a: &DMatrix<f64>) -> Result<DMatrix<f64>, Failed> {
-    solve::inverse(a).ok_or_else(|| Failed::Diverged("the information matrix is not positive definite".into()))
+    solve::inverse(a).ok_or_else(|| Failed::Diverged("the data do not tell apart all that is to be estimated".into()))
 }
 
 /// Takes the sums of a search over all columns.
