@@ -53,7 +53,8 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
             let first = rows.start + usize::from(how == "stuck");
             values[first..rows.end].fill(f64::NAN);
         }
-        let outliers = outliers(values, if name.ends_with('m') { 0.0 } else { RARE });
+        let is_position = name.ends_with('m');
+        let outliers = outliers(values, if is_position { 0.0 } else { RARE });
         if let Some(first) = outliers.first() {
             let (count, first) = (outliers.len(), instant(*first));
             found.push(if count == 1 {
@@ -61,7 +62,8 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
             } else {
                 format!("{count} outliers, the first at {first}")
             });
-            outliers.iter().for_each(|row| values[*row] = f64::NAN);
+            let beside = if is_position { 0 } else { BESIDE_OUTLIER };
+            outliers.iter().for_each(|row| values[row - beside..=row + beside].fill(f64::NAN));
         }
         if !found.is_empty() {
             let more = found.len().saturating_sub(LISTED);
@@ -140,6 +142,8 @@ const BLOCK: usize = 500;
 /// Currents may jump for a sample, as masses may not, and a controller makes them do so again and again: single ones are outliers if they are off by so many times as much
 /// as 99 % of the others.
 const RARE: f64 = 3.0;
+/// Rows before and after an outlier of a current that are left out with it: a gap of so many is not filled from its neighbours, for the current may have jumped in earnest.
+const BESIDE_OUTLIER: usize = 2;
 
 /// Single readings far from the cubic through their four neighbours, which agree with each other. Far is what normal noise exceeds
 /// with a probability of [`CHANCE`] in all rows, √(2 ln(N/CHANCE)) deviations; the deviation is 1.4826 times the median of the
