@@ -25,7 +25,7 @@ use crate::report::{frame, identification};
 use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate;
 use crate::studies::identify::likelihood::{BENCH, Knowledge, Told};
-use crate::studies::identify::{self, Answer, HOLDS, METHODS, Question, Reading, Rotation, Samples, Track};
+use crate::studies::identify::{self, Answer, HOLDS, Holds, METHODS, Question, Reading, Rotation, Samples, Track};
 use crate::table::Table;
 use crate::variables::Choice;
 
@@ -35,6 +35,8 @@ const SHOWN: usize = 4000;
 const LIKELIHOOD: &str = "likelihood";
 /// The on-line method of every machine.
 const PREDICTION_ERROR: &str = "predictionError";
+/// The reading of the currents that the data decide.
+const AUTO: &str = "auto";
 /// Name of the slow force among the parameters to estimate.
 const SLOW_FORCE: &str = "force.slow";
 
@@ -103,7 +105,7 @@ pub struct Arguments {
     estimates: Vec<String>,
     /// Meaning of a current sample: heldBefore (measured), heldAfter (commanded), linear, or auto to find out from the data: heldBefore
     /// unless another one is more likely.
-    #[arg(long, value_name = "HOLD", default_value = "auto")]
+    #[arg(long, value_name = "HOLD", default_value = AUTO)]
     hold: String,
     /// Length of the window, in s; one revolution by default.
     #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
@@ -155,7 +157,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let samples = &recordings[0];
     let mut estimator = bearing.estimator().clone();
     arguments.complete(&mut estimator, samples);
-    let (hold, holds) = arguments.hold(&estimator, samples, method)?;
+    let holds = arguments.holds(&estimator, samples, method, bench.as_ref());
+    let (hold, table) = arguments.hold(&estimator, samples, holds)?;
     estimator.set("hold", Value::Integer(hold.number()));
 
     let every = if method == LIKELIHOOD && arguments.csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
@@ -168,12 +171,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Some(bench) => {
             let lambda0_nm2_a2 = tracks[0].lambda_hat().and_then(|lambda| lambda.try_into().ok());
             let config = configuration(&estimator.values());
-            let question = Question { config, bench, lambda0_nm2_a2, slow_force: arguments.slow_force() };
+            let question = Question { config, bench, lambda0_nm2_a2, holds, slow_force: arguments.slow_force() };
             Some(identify::answer(&recordings, question).map_err(refused)?)
         }
         None => None,
     };
-    let results = Results { recordings, tracks, holds, answer };
+    let results = Results { recordings, tracks, holds: table, answer };
     results.print(&arguments.recordings);
     results.write(arguments)?;
     let (valid, verdict) = match &results.answer {
@@ -308,27 +311,26 @@ impl Arguments {
         }
     }
 
-    /// The meaning of a current sample; with `auto` the data decide, and a table shows how clearly.
-    fn hold(&self, estimator: &Element, samples: &Samples, method: &str) -> Result<(Hold, Option<Table>)> {
-        if self.hold != "auto" {
+    /// The readings of the currents, where they are compared by likelihood.
+    fn holds(&self, estimator: &Element, samples: &Samples, method: &str, bench: Option<&[Told; BENCH]>) -> Option<Holds> {
+        let is_wanted = self.hold == AUTO || method == LIKELIHOOD;
+        let is_useful = method != LIKELIHOOD || samples.rotation != Rotation::Unknown;
+        bench.filter(|_| is_wanted && is_useful).map(|bench| Holds::of(samples, &configuration(&estimator.values()), bench))
+    }
+
+    /// The meaning of a current sample; with `auto` the data decide. A table shows how clearly.
+    fn hold(&self, estimator: &Element, samples: &Samples, holds: Option<Holds>) -> Result<(Hold, Option<Table>)> {
+        let hold = if self.hold != AUTO {
             let names = HOLDS.map(|(name, _)| name).join(", ");
             let found = HOLDS.into_iter().find(|(name, _)| *name == self.hold);
-            let hold = found.ok_or_else(|| refused(format!("--hold {}: expected one of {names}, auto", self.hold)))?;
-            return Ok((hold.1, None));
-        }
-        if *samples.machine != PLANAR {
+            found.ok_or_else(|| refused(format!("--hold {}: expected one of {names}, {AUTO}", self.hold)))?.1
+        } else if *samples.machine != PLANAR {
             let (hold, table) = identify::best_hold(samples, estimator).map_err(refused)?;
             return Ok((hold, Some(table)));
-        }
-        let config = configuration(&estimator.values());
-        if method == LIKELIHOOD && samples.rotation == Rotation::Unknown {
-            return Ok((config.hold, None));
-        }
-        let residuals = identify::residuals_of_holds(samples, &config);
-        let hold = identify::most_likely_hold(&residuals);
-        // Where no reading has a likelihood there is nothing to compare.
-        let is_compared = residuals.iter().any(|residual| residual.is_finite());
-        Ok((hold, is_compared.then(|| identify::table_of_holds(&residuals, hold))))
+        } else {
+            holds.map_or(configuration(&estimator.values()).hold, |holds| holds.most_likely())
+        };
+        Ok((hold, holds.and_then(|holds| holds.table(hold))))
     }
 }
 

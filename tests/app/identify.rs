@@ -9,7 +9,7 @@ use magnetic_bearing::report::identification;
 use magnetic_bearing::simulation::recording::Recording;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate;
-use magnetic_bearing::studies::identify::{self, Question, Reading, Samples, Track, likelihood};
+use magnetic_bearing::studies::identify::{self, Holds, Question, Reading, Samples, Track, likelihood};
 use magnetic_bearing::studies::montecarlo;
 
 const TRUTH: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
@@ -85,13 +85,18 @@ fn the_hold_is_found() {
     let (_, recording) = run(montecarlo::NOISE, 0.1);
     let text = csv(&recording);
     let measured = Samples::read(&text, &Reading::default()).expect("a good recording");
-    let residuals = identify::residuals_of_holds(&measured, &config(&measured));
+    let bench = [likelihood::Told::default(); likelihood::BENCH];
+    let Holds(residuals) = Holds::of(&measured, &config(&measured), &bench);
     println!("{residuals:?}");
     assert!(residuals[0] < residuals[1] && residuals[0] < residuals[2], "held before: {residuals:?}");
     let columns = [1, 2, 3].map(|k| (format!("im[{k}]"), format!("controller.i[{k}]"))).to_vec();
     let issued = Samples::read(&text, &Reading { columns, ..Reading::default() }).expect("a good recording");
-    let residuals = identify::residuals_of_holds(&issued, &config(&issued));
+    let holds @ Holds(residuals) = Holds::of(&issued, &config(&issued), &bench);
     assert!(residuals[1] < residuals[0] && residuals[1] < residuals[2], "held after: {residuals:?}");
+    // Commands that are stated to be measured are no answer, whatever else fits.
+    let stated = Question { holds: Some(holds), ..question(&issued, &[]) };
+    let answer = identify::answer(std::slice::from_ref(&issued), stated).expect("parameters that make sense");
+    assert!(!answer.valid && answer.verdict.contains("--hold heldAfter"), "{}", answer.verdict);
     // Commands have no noise: the error is a good deal smaller.
     let errors = errors(&issued, &EstimatorConfig { hold: Hold::HeldAfter, ..config(&issued) });
     assert!(largest(errors) < 4e-3, "{errors:?}, limit 0.4 %");
@@ -216,7 +221,7 @@ fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
             bench[at].knowledge = likelihood::Knowledge::Tolerance(std);
         }
     }
-    Question { config, bench, lambda0_nm2_a2: None, slow_force: None }
+    Question { config, bench, lambda0_nm2_a2: None, holds: None, slow_force: None }
 }
 
 fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {

@@ -27,7 +27,7 @@ fn unused(arguments: &Arguments) -> [(bool, &'static str); 9] {
         (arguments.speed.is_some(), "--speed"),
         (arguments.window.is_some(), "--window"),
         (arguments.method(&AXIAL) != LIKELIHOOD, "--method"),
-        (arguments.hold != "auto", "--hold"),
+        (arguments.hold != super::AUTO, "--hold"),
         (!arguments.tolerances.is_empty(), "--tolerance"),
         (arguments.csv.is_some(), "--csv"),
         (arguments.position_noise.is_some(), "--position-noise; --set noise.position=…"),

@@ -10,7 +10,7 @@ use self::shown::shown;
 use super::diagnosis::{self, Take};
 use super::likelihood::{self, BENCH, Change, Identification, Knowledge, Options, PARAMETERS, Told};
 use super::read::{Rotation, Samples, significant, time};
-use super::{Failed, estimator, track_every};
+use super::{Failed, Holds, estimator, track_every};
 use crate::estimation::{EstimatorConfig, Method, STD_LIMIT};
 
 // False alarms of the limits below, over good recordings (docs/identify.md, seeds 95001 and 101001): of 600 of drawn bearings, 0.1 to 5 s, nine have too few
@@ -54,6 +54,8 @@ pub struct Question {
     pub bench: [Told; BENCH],
     /// First guess of λ, N·m²/A²; by default the on-line estimator makes one.
     pub lambda0_nm2_a2: Option<[f64; 3]>,
+    /// The readings of the currents, if they were compared.
+    pub holds: Option<Holds>,
     /// Whether a slow force is estimated; if this is not stated, the likelihood decides.
     pub slow_force: Option<bool>,
 }
@@ -172,7 +174,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
     let turns: f64 = all.iter().map(Columns::turns).sum();
     let rest = all.iter().all(Columns::at_rest);
     if let Some(found) = &found {
-        refusal = judge(found, all);
+        refusal = question.holds.and_then(|holds| holds.against(hold)).or_else(|| judge(found, all));
     }
     let weak = found.as_ref().is_some_and(|found| {
         found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value)
@@ -228,14 +230,14 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
 }
 
 /// Identifies, once more with a slow force if the likelihood asks for it; that counts if the force is slow and worth a parameter (Schwarz 1978).
-fn with_slow_force(
+pub(super) fn with_slow_force(
     recordings: &[likelihood::Recording<'_>],
     options: &mut Options,
 ) -> Result<Identification, likelihood::Failed> {
     let plain = likelihood::identify(recordings, options)?;
     let rows = |of: &Identification| of.conditions.iter().map(|conditions| conditions.rows).sum::<usize>();
     let is_worth_it = |of: &Identification| of.gain_by_slow_force > 0.5 * libm::log(2.0 * rows(of) as f64);
-    if !is_worth_it(&plain) {
+    if options.slow_force || !is_worth_it(&plain) {
         return Ok(plain);
     }
     let slow = Options { slow_force: true, ..options.clone() };

@@ -14,7 +14,7 @@ use std::ops::Range;
 
 pub use self::answer::{Answer, Check, Estimate, agreement, answer, check};
 use self::filter::Readings;
-use self::search::{Fit, Part, fit, log_likelihood};
+use self::search::{Fit, Part, fit, follow, log_likelihood};
 use super::faults;
 use super::read::{Axial, time};
 
@@ -57,7 +57,7 @@ const WINDOW_S: f64 = 0.1;
 const QUIET: usize = 10;
 const LOUD: f64 = 2.5;
 const SETTLING_S: f64 = 1.5;
-/// A slow force above this part of the weight is that of a table.
+/// A slow force above this part of the weight is that of a table: those of the five wander by less than a tenth in their 15 s.
 const CARRIED: f64 = 0.25;
 /// Iterations of the search over the second half that only serves to find the start.
 const ROUGH: usize = 8;
@@ -225,14 +225,25 @@ impl Law {
     }
 }
 
+/// An effect of real benches.
+#[derive(Clone, Debug)]
+struct Effect {
+    /// Number of its unknown.
+    at: usize,
+    /// Log-likelihood that it is worth, and whether that is significant.
+    gain: f64,
+    is_significant: bool,
+    /// Whether it is part of the model.
+    is_taken: bool,
+}
+
 /// Result for a recording.
 #[derive(Clone, Debug)]
 struct Found {
     axis: Axis,
     fit: Fit,
     rows: Range<usize>,
-    /// Effects of real benches with the log-likelihood that each is worth, and whether that is significant.
-    effects: Vec<(usize, f64, bool)>,
+    effects: Vec<Effect>,
     /// The delay that fits best with its gain in log-likelihood and the fit.
     delayed: Option<Fit>,
     notes: Vec<String>,
@@ -293,9 +304,10 @@ fn find(axis: &Axis, recording: &Axial) -> Result<Found, String> {
         let gain = simpler.as_ref().map_or(f64::INFINITY, |simpler| best.log_likelihood - simpler.log_likelihood);
         // Schwarz 1978: half of ln N per parameter.
         let is_significant = axis.estimated[at] || gain > 0.5 * libm::log(best.readings as f64);
-        effects.push((at, gain, is_significant));
         // A recording that tells little of κ does not say that it is 1: it stays, with its deviation.
-        if let (false, Some(simpler)) = (is_significant || at == DYNAMICS, simpler) {
+        let is_taken = is_significant || at == DYNAMICS;
+        effects.push(Effect { at, gain, is_significant, is_taken });
+        if let (false, Some(simpler)) = (is_taken, simpler) {
             (best, free) = (simpler, fewer);
         }
     }
@@ -447,7 +459,7 @@ fn begin(axis: &Axis, readings: Readings<'_>, point: &Point) -> Option<usize> {
     let count = readings.x_m.len();
     let window = ((WINDOW_S / readings.step_s).round() as usize).max(1);
     let (mut nis, mut slow_n) = (Vec::with_capacity(count), Vec::with_capacity(count));
-    answer::follow(axis, &Part { readings, rows: 0..count }, point, |filter, [error, variance]| {
+    follow(axis, &Part { readings, rows: 0..count }, point, |filter, [error, variance]| {
         nis.push(error * error / variance);
         slow_n.push(filter.slow_n()[0]);
     });

@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use super::answer::{Columns, implausible};
-use super::likelihood::{self, Change, Hold, Identification, Knowledge, Options, Origin, PARAMETERS, by_name};
+use super::answer::{Columns, implausible, with_slow_force};
+use super::likelihood::{Change, DELAY, Hold, Identification, Knowledge, Options, Origin, PARAMETERS, by_name};
 use super::read::significant;
 use crate::estimation::EstimatorConfig;
 
@@ -20,7 +20,7 @@ const CHANCE: f64 = 1e-3;
 pub(super) const VERY_STRONG: f64 = 5.0;
 /// Alternatives whose log-likelihood is lower than that of the best by less than this are proposed as well: the model errors that both share ask for
 /// more than very strong evidence.
-const AS_GOOD: f64 = 2.0 * VERY_STRONG;
+pub(super) const AS_GOOD: f64 = 2.0 * VERY_STRONG;
 
 /// By how much the log-likelihood must be higher than with the stated one, over this many rows.
 ///
@@ -184,7 +184,7 @@ fn free(take: &mut Take, name: &str) {
 
 fn identified(take: &Take) -> Option<Identification> {
     let recording = take.columns.recording(&take.config, take.hold);
-    likelihood::identify(&[recording], &take.options).ok()
+    with_slow_force(&[recording], &mut take.options.clone()).ok()
 }
 
 /// Log-likelihood of a take, what the gap would be, and whether it fits a bearing at all.
@@ -214,13 +214,12 @@ fn stretch(take: &Take, stretches: usize) -> Take {
     take
 }
 
-/// A take whose positions may come late, as far as a typical bench has it.
-fn with_delay(take: &Take) -> Take {
+/// A take whose positions may come late, as far as those of a typical bench; none if the delay is free already.
+fn with_delay(take: &Take) -> Option<Take> {
     let mut take = take.clone();
-    if let Some(delay) = by_name("delay").filter(|delay| take.options.bench[*delay].knowledge == Knowledge::Exact) {
-        take.options.bench[delay].knowledge = Knowledge::Tolerance(PARAMETERS[delay].typical);
-    }
-    take
+    let delay = &mut take.options.bench[DELAY].knowledge;
+    (*delay == Knowledge::Exact).then(|| *delay = Knowledge::Tolerance(PARAMETERS[DELAY].typical))?;
+    Some(take)
 }
 
 /// Minus the log-likelihood of a stretch with each reading of the currents, less that of the best; infinite where nothing was found. Each has the delay that
@@ -234,9 +233,9 @@ pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
         rows.for_each(|(usable, missing)| *usable &= !missing.current.contains(&Origin::Unknown));
         take
     });
-    let search = |take: &Take| [identified(take), identified(&with_delay(take))];
+    let search = |take: &Take| [identified(take), with_delay(take).as_ref().and_then(identified)];
     let mut found = takes.each_ref().map(search);
-    // What disturbs the rotor with one of them is left out of all: an outlier would decide.
+    // Rows that are disturbed with one reading are left out of all: an outlier would decide.
     let contradictions = found.iter().flatten().flatten().flat_map(|of| &of.contradictions);
     let disturbed = contradictions.filter(|of| matches!(of.what, Change::Disturbed { .. }));
     let rows: Vec<_> = disturbed.map(|of| of.rows.clone()).collect();

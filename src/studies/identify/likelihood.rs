@@ -40,6 +40,7 @@ mod solve;
 use std::fmt;
 use std::ops::Range;
 
+pub(super) use self::bench::DELAY;
 pub use self::bench::{BENCH, BenchParameter, Knowledge, PARAMETERS, Told, by_name};
 pub use crate::estimation::Hold;
 

@@ -19,6 +19,8 @@ pub use self::track::{Track, best_hold, estimator, json, recording, tables, trac
 pub use self::twin::{Stated, Twin};
 
 pub use self::read::{Axial, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
+use self::likelihood::{BENCH, DELAY, Told};
+use self::read::significant;
 use crate::estimation::{EstimatorConfig, Hold, Method};
 use crate::table::Table;
 
@@ -53,30 +55,51 @@ pub fn one_revolution(samples: &Samples) -> f64 {
     (window_s.min(0.2) / samples.step_s).round().max(8.0) * samples.step_s
 }
 
-/// How much less likely a stretch of the recording is with each of the three readings of a current sample, in the order of [`HOLDS`]:
-/// differences of log-likelihoods, 0 for the best.
-#[must_use]
-pub fn residuals_of_holds(samples: &Samples, config: &EstimatorConfig) -> [f64; 3] {
-    diagnosis::holds(&HOLDS.map(|(_, hold)| diagnosis::Take {
-        columns: answer::columns(samples, hold),
-        options: likelihood::Options::new(config.m_kg, config.gap_m, config.alpha_rad),
-        hold,
-        config: config.clone(),
-    }))
-}
+/// How much less likely a stretch of a recording is with each reading of a current sample, in the order of [`HOLDS`]: differences of
+/// log-likelihoods, 0 for the best, infinite where nothing fits.
+#[derive(Clone, Copy, Debug)]
+pub struct Holds(pub [f64; 3]);
 
-/// The reading of the currents by [`residuals_of_holds`]: that of measured currents, unless another one is clearly more likely.
-#[must_use]
-pub fn most_likely_hold(residuals: &[f64; 3]) -> Hold {
-    let best = (0..HOLDS.len()).min_by(|a, b| residuals[*a].total_cmp(&residuals[*b])).unwrap_or(0);
-    HOLDS[if residuals[0] < diagnosis::VERY_STRONG { 0 } else { best }].1
-}
+impl Holds {
+    /// Tries the readings on a bearing, the delay of whose positions is as well known as in `bench`.
+    #[must_use]
+    pub fn of(samples: &Samples, config: &EstimatorConfig, bench: &[Told; BENCH]) -> Self {
+        let mut options = likelihood::Options::new(config.m_kg, config.gap_m, config.alpha_rad);
+        options.bench[DELAY] = bench[DELAY];
+        Self(diagnosis::holds(&HOLDS.map(|(_, hold)| diagnosis::Take {
+            columns: answer::columns(samples, hold),
+            options: options.clone(),
+            hold,
+            config: config.clone(),
+        })))
+    }
 
-/// The residuals of the three readings of a current as a table.
-#[must_use]
-pub fn table_of_holds(residuals: &[f64; 3], chosen: Hold) -> Table {
-    let note = "How much less likely the same data are with each reading (differences of log-likelihoods).";
-    holds_beside(note, "less likely by", residuals.map(|residual| format!("{residual:.1}")), chosen)
+    fn best(&self) -> usize {
+        (0..HOLDS.len()).min_by(|a, b| self.0[*a].total_cmp(&self.0[*b])).unwrap_or(0)
+    }
+
+    /// That of measured currents, unless another one is clearly more likely.
+    #[must_use]
+    pub fn most_likely(&self) -> Hold {
+        HOLDS[if self.0[0] < diagnosis::VERY_STRONG { 0 } else { self.best() }].1
+    }
+
+    /// What speaks against a stated reading, if another one is certainly more likely.
+    fn against(&self, stated: Hold) -> Option<String> {
+        let ((name, _), less) = HOLDS.iter().zip(self.0).find(|((_, hold), _)| *hold == stated)?;
+        let best = HOLDS[self.best()].0;
+        let by = if less.is_finite() { format!(" by {} in log-likelihood", significant(less, 3)) } else { String::new() };
+        let is_worse = less > diagnosis::AS_GOOD && self.0.iter().any(|other| other.is_finite());
+        is_worse.then(|| format!("currents that are read as {name} are less likely than as {best}{by}: --hold {best}, or auto"))
+    }
+
+    /// They as a table; none if nothing fits.
+    #[must_use]
+    pub fn table(&self, chosen: Hold) -> Option<Table> {
+        let note = "How much less likely the same data are with each reading (differences of log-likelihoods).";
+        let is_compared = self.0.iter().any(|residual| residual.is_finite());
+        is_compared.then(|| holds_beside(note, "less likely by", self.0.map(|less| format!("{less:.1}")), chosen))
+    }
 }
 
 /// A table with a number for each reading of a current, in the order of [`HOLDS`].

@@ -3,8 +3,7 @@
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde_json::{Value as Json, json};
 
-use super::filter::{Filter, POSITION, Row};
-use super::search::{Fit, Part};
+use super::search::{Fit, Part, follow};
 use super::{
     Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Found, GAP, LOAD, PARAMETERS, POSITION_NOISE, Point, SLOW,
     UNKNOWNS, find, mean,
@@ -90,17 +89,6 @@ pub struct Check {
     pub verdict: String,
     /// Horizons in s, rms prediction errors in m with the estimate of the first and with a fit of its own.
     pub errors: Vec<[f64; 3]>,
-}
-
-/// Filters a part and calls `each` with the filter after every row, and the innovation of its position with its variance.
-pub(super) fn follow(axis: &Axis, part: &Part<'_>, point: &Point, mut each: impl FnMut(&Filter, [f64; 2])) {
-    let Some(mut filter) = Filter::new(axis, axis.law(point), &part.readings, &part.rows) else { return };
-    let mut out: Vec<Row> = Vec::new();
-    for row in part.rows.clone() {
-        out.clear();
-        filter.advance(axis, &part.readings, row..row + 1, &mut out);
-        each(&filter, out[0][POSITION]);
-    }
 }
 
 /// rms of the errors of predictions over so many rows, m.
@@ -201,10 +189,11 @@ impl Answer {
         let mut findings = Vec::new();
         let mut refusal = None;
         let [_, ki, ks, ..] = &self.operating;
-        for (at, gain, is_significant) in &self.found.effects {
-            let worth = format!("worth {} in log-likelihood", significant(*gain, 3));
-            match (*at, *is_significant) {
-                (DYNAMICS, true) => {
+        // Effects that are not significant are not mentioned.
+        for effect in self.found.effects.iter().filter(|effect| effect.is_significant) {
+            let worth = format!("worth {} in log-likelihood", significant(effect.gain, 3));
+            match effect.at {
+                DYNAMICS => {
                     let weaker = 1.0 - 1.0 / self.dynamics.value;
                     let side = if weaker > 0.0 { "weaker" } else { "stronger" };
                     let factor = significant(self.dynamics.value, 4);
@@ -214,15 +203,14 @@ impl Answer {
                         significant(self.dynamics.noise_std, 2)
                     ));
                 }
-                (SLOW, true) => findings.push(format!(
+                SLOW => findings.push(format!(
                     "A slow force that nothing explains wanders by {} mN/√s ({worth}).",
                     significant(1e3 * libm::exp(fit.point[SLOW]), 2)
                 )),
-                (EXPONENT, true) => findings.push(format!(
+                EXPONENT => findings.push(format!(
                     "The noise of the position grows with the gap to the power of {} ({worth}).",
                     significant(fit.point[EXPONENT], 2)
                 )),
-                // Effects that are not significant are not mentioned.
                 _ => {}
             }
         }
@@ -335,10 +323,7 @@ impl Answer {
             .found
             .effects
             .iter()
-            .map(|(at, gain, is_significant)| {
-                let taken = *is_significant || *at == DYNAMICS;
-                (PARAMETERS[*at].0.into(), json!({"logLikelihood": gain, "taken": taken}))
-            })
+            .map(|of| (PARAMETERS[of.at].0.into(), json!({"logLikelihood": of.gain, "taken": of.is_taken})))
             .collect();
         let (point, rows) = (&self.found.fit.point, &self.found.rows);
         json!({

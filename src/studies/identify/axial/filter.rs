@@ -116,15 +116,15 @@ impl Filter {
             (0..axis.used.len()).for_each(|k| self.p[3 + k][3 + k] += walk);
             return;
         }
-        let slopes = [self.x[SLOPES], self.x[SLOPES + 1]];
-        let begin = law.linearised(axis, self.x[0], [self.x[3], self.x[4]]).0 + self.x[2] / axis.m_kg;
-        (0..2).for_each(|k| self.x[3 + k] += 0.5 * h * slopes[k]);
+        let [begin_a, middle_a, end_a] =
+            [0.0, 0.5 * h, h].map(|time_s| [0, 1].map(|k| self.x[3 + k] + time_s * self.x[SLOPES + k]));
+        let begin = law.linearised(axis, self.x[0], begin_a).0 + self.x[2] / axis.m_kg;
         let middle_m = self.x[0] + 0.5 * h * self.x[1] + 0.125 * h * h * begin;
-        let (middle, stiffness, gain) = law.linearised(axis, middle_m, [self.x[3], self.x[4]]);
-        (0..2).for_each(|k| self.x[3 + k] += 0.5 * h * slopes[k]);
+        let (middle, stiffness, gain) = law.linearised(axis, middle_m, middle_a);
         let middle = middle + self.x[2] / axis.m_kg;
         self.x[0] += h * self.x[1] + h * h / 6.0 * (begin + 2.0 * middle);
         self.x[1] += h * middle;
+        self.x[3..SLOPES].copy_from_slice(&end_a);
         // F has two rows that are not those of the unit matrix.
         let mut f = [[0.0; N]; 2];
         f[0][0] = 1.0 + 0.5 * h * h * stiffness;

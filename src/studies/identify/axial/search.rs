@@ -45,6 +45,17 @@ struct Sums {
     score: DVector<f64>,
 }
 
+/// Filters a part and calls `each` with the filter after every row, and the innovation of its position with its variance.
+pub(super) fn follow(axis: &Axis, part: &Part<'_>, point: &Point, mut each: impl FnMut(&Filter, [f64; 2])) {
+    let Some(mut filter) = Filter::new(axis, axis.law(point), &part.readings, &part.rows) else { return };
+    let mut out: Vec<Row> = Vec::new();
+    for row in part.rows.clone() {
+        out.clear();
+        filter.advance(axis, &part.readings, row..row + 1, &mut out);
+        each(&filter, out[0][POSITION]);
+    }
+}
+
 pub(super) fn log_likelihood(axis: &Axis, part: &Part<'_>, point: &Point) -> f64 {
     pass(axis, part, point, &[]).map_or(f64::NEG_INFINITY, |sums| sums.log_likelihood)
 }

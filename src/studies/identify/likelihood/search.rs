@@ -64,6 +64,9 @@ const STRETCH: usize = 1 << 14;
 /// Pieces that are smoothed together at least.
 const SMOOTHED: usize = 8;
 
+/// Why a matrix of information has no inverse.
+const NOT_APART: &str = "the data do not tell apart all that is to be estimated: state tolerances, or leave less free";
+
 /// Works on all items on the pool of the program; results in the order of the items.
 fn parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
     items.par_iter().with_max_len(1).map(work).collect()
@@ -176,11 +179,8 @@ impl<'a> Search<'a> {
     fn newton(&self, normal: &Normal) -> Result<Step, Failed> {
         let of = self.estimated();
         let (a, b) = self.equations(normal, &of);
-        let covariance = inverse(&a).filter(|_| b.iter().all(|b| b.is_finite())).ok_or_else(|| {
-            Failed::Diverged(
-                "the data do not tell apart all that is to be estimated: state tolerances, or leave less free".into(),
-            )
-        })?;
+        let is_finite = b.iter().all(|b| b.is_finite());
+        let covariance = inverse(&a).filter(|_| is_finite).ok_or_else(|| Failed::Diverged(NOT_APART.into()))?;
         let solved = &covariance * &b;
         let mut step = Step { step: vec![0.0; self.x.len()], largest: 0.0, gain: b.dot(&solved) };
         for (i, at) in of.iter().enumerate() {

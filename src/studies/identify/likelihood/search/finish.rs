@@ -11,7 +11,7 @@ use super::super::equations::ALL;
 use super::super::filter::Block;
 use super::super::solve::{self, Normal, part};
 use super::super::{Covariance, Estimate, Failed};
-use super::{Blocks, CONVERGED, Columns, Search};
+use super::{Blocks, CONVERGED, Columns, NOT_APART, Search};
 
 /// Variance of the size of the bias of scores ([`Search::bias`]): 0 where the loop is fast, 1 without feedback; as on line.
 const BIAS_VARIANCE: f64 = 0.25;
@@ -54,7 +54,7 @@ impl Finished<'_> {
 }
 
 fn inverse(a: &DMatrix<f64>) -> Result<DMatrix<f64>, Failed> {
-    solve::inverse(a).ok_or_else(|| Failed::Diverged("the data do not tell apart all that is to be estimated".into()))
+    solve::inverse(a).ok_or_else(|| Failed::Diverged(NOT_APART.into()))
 }
 
 /// Takes the sums of a search over all columns.
