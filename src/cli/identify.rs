@@ -312,10 +312,18 @@ impl Arguments {
     }
 
     /// The readings of the currents, where they are compared by likelihood.
-    fn holds(&self, estimator: &Element, samples: &Samples, method: &str, bench: Option<&[Told; BENCH]>) -> Option<Holds> {
+    fn holds(
+        &self,
+        estimator: &Element,
+        samples: &Samples,
+        method: &str,
+        bench: Option<&[Told; BENCH]>,
+    ) -> Option<Holds> {
         let is_wanted = self.hold == AUTO || method == LIKELIHOOD;
         let is_useful = method != LIKELIHOOD || samples.rotation != Rotation::Unknown;
-        bench.filter(|_| is_wanted && is_useful).map(|bench| Holds::of(samples, &configuration(&estimator.values()), bench))
+        bench
+            .filter(|_| is_wanted && is_useful)
+            .map(|bench| Holds::of(samples, &configuration(&estimator.values()), bench))
     }
 
     /// The meaning of a current sample; with `auto` the data decide. A table shows how clearly.

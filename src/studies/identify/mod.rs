@@ -18,9 +18,9 @@ pub use self::tolerance::{named, of_estimator, quantity, tolerance};
 pub use self::track::{Track, best_hold, estimator, json, recording, tables, track, track_every};
 pub use self::twin::{Stated, Twin};
 
-pub use self::read::{Axial, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use self::likelihood::{BENCH, DELAY, Told};
 use self::read::significant;
+pub use self::read::{Axial, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use crate::estimation::{EstimatorConfig, Hold, Method};
 use crate::table::Table;
 
@@ -88,9 +88,12 @@ impl Holds {
     fn against(&self, stated: Hold) -> Option<String> {
         let ((name, _), less) = HOLDS.iter().zip(self.0).find(|((_, hold), _)| *hold == stated)?;
         let best = HOLDS[self.best()].0;
-        let by = if less.is_finite() { format!(" by {} in log-likelihood", significant(less, 3)) } else { String::new() };
+        let by =
+            if less.is_finite() { format!(" by {} in log-likelihood", significant(less, 3)) } else { String::new() };
         let is_worse = less > diagnosis::AS_GOOD && self.0.iter().any(|other| other.is_finite());
-        is_worse.then(|| format!("currents that are read as {name} are less likely than as {best}{by}: --hold {best}, or auto"))
+        is_worse.then(|| {
+            format!("currents that are read as {name} are less likely than as {best}{by}: --hold {best}, or auto")
+        })
     }
 
     /// They as a table; none if nothing fits.

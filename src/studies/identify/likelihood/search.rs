@@ -24,9 +24,6 @@ use super::{Contradiction, Failed, Identification, Knowledge, Options, Recording
 
 /// Passes about the measured trajectory before the smoother takes over: without load and unbalance it would follow a wrong model.
 const UNSMOOTHED: usize = 2;
-/// Iterations from which steps are halved: λ and the noise of the currents, each found for the other, may go round in circles (seed 95046 of drawn bearings,
-/// 0.2 µm and 8 mA, noise not told).
-const DAMPED: usize = 8;
 /// Most iterations.
 const MOST: usize = 30;
 /// Converged: largest step in standard deviations.
@@ -36,8 +33,6 @@ const ROUGH: f64 = 1.0;
 /// A step is too long if after it the likelihood is lower and the score larger, both by this in χ². One of them alone says little: the scores are
 /// freed of their bias, so that the search does not end at the maximum of the likelihood.
 const WORSE: f64 = 2.0;
-/// Relative steps up to which numbers that multiply are moved in their logarithms.
-const STRAIGHT: f64 = 0.3;
 /// First guesses of λ where none is told or it leads nowhere, relative to that from the weight of the rotor. Currents that hold more than the weight make it too small; from a fifteenth, at
 /// 6657 rpm, λ1 fell to 0 and stayed there (seed 62024 of drawn bearings).
 const GUESSES: [f64; 2] = [1.0, 8.0];
@@ -201,39 +196,6 @@ impl<'a> Search<'a> {
         };
         let moving = (0..step.len()).filter(|at| step[*at] != 0.0);
         moving.map(|at| most(at) / step[at].abs()).fold(1.0, f64::min)
-    }
-
-    /// The point that a part of a step leads to.
-    ///
-    /// Scales multiply: λ, mass, gains, gap, and with them forces and unbalance trade against each other along curves on which
-    /// the likelihood hardly changes, and which are straight lines in the logarithms.
-    fn moved(&self, x: &[f64], step: &[f64], part: f64) -> Vec<f64> {
-        let mut to: Vec<f64> = x.iter().zip(step).map(|(x, step)| x + part * step).collect();
-        let scaled = |x: f64, step: f64| x * libm::exp(part * step / x);
-        for (at, to) in to.iter_mut().enumerate() {
-            let small = |x: f64| (step[at] / x).abs() < STRAIGHT;
-            match at {
-                0..3 if small(x[at]) => *to = scaled(x[at], step[at]),
-                LOAD..SHARED if PARAMETERS[at - LOAD].unit == "1" && small(1.0 + x[at]) => {
-                    *to = scaled(1.0 + x[at], step[at]) - 1.0;
-                }
-                _ => {}
-            }
-        }
-        // Unbalance and loads are complex numbers.
-        let pairs = std::iter::once(3).chain((SHARED..x.len()).step_by(2));
-        for at in pairs {
-            let (a, b, da, db) = (x[at], x[at + 1], part * step[at], part * step[at + 1]);
-            let square = a * a + b * b;
-            let (along, across) = ((a * da + b * db) / square, (a * db - b * da) / square);
-            if along * along + across * across < STRAIGHT * STRAIGHT {
-                let size = libm::exp(along);
-                let (sin, cos) = libm::sincos(across);
-                to[at] = size * (a * cos - b * sin);
-                to[at + 1] = size * (a * sin + b * cos);
-            }
-        }
-        to
     }
 
     /// Twice the negative logarithm of likelihood and priors, up to a constant.
@@ -430,15 +392,15 @@ impl<'a> Search<'a> {
                 && (merit.is_nan() || (merit > before + WORSE && next.gain > step.gain + WORSE))
             {
                 let part = 0.5 * part;
-                self.x = self.moved(&x, &step.step, part);
+                self.x = moved(&x, &step.step, part);
                 from = Some((before, x, step, part));
                 self.smooth();
                 self.settle_noise();
                 continue;
             }
-            let part = self.within(&next.step).min(if all || iteration < DAMPED { 1.0 } else { 0.5 });
+            let part = self.within(&next.step);
             let x = self.x.clone();
-            self.x = self.moved(&x, &next.step, part);
+            self.x = moved(&x, &next.step, part);
             let mut largest = next.largest;
             from = Some((merit, x, next, part));
             if !self.x.iter().all(|x| x.is_finite()) {
@@ -472,6 +434,12 @@ struct Step {
     largest: f64,
     /// By how much it promises to lower twice the negative logarithm of the likelihood.
     gain: f64,
+}
+
+/// The point that a part of a step leads to. Forces are linear in λ, unbalance and load, and the data tell their balance far better than each of them: a step
+/// along any other line would leave it.
+fn moved(x: &[f64], step: &[f64], part: f64) -> Vec<f64> {
+    x.iter().zip(step).map(|(x, step)| x + part * step).collect()
 }
 
 /// λ that would carry the weight of the rotor with the currents of the recording.
