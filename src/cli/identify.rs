@@ -169,9 +169,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
     let answer = match bench.filter(|_| method == LIKELIHOOD) {
         Some(bench) => {
-            let lambda0_nm2_a2 = tracks[0].lambda_hat().and_then(|lambda| lambda.try_into().ok());
             let config = configuration(&estimator.values());
-            let question = Question { config, bench, lambda0_nm2_a2, holds, slow_force: arguments.slow_force() };
+            let question = Question { config, bench, holds, slow_force: arguments.slow_force() };
             Some(identify::answer(&recordings, question).map_err(refused)?)
         }
         None => None,

@@ -221,7 +221,7 @@ fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
             bench[at].knowledge = likelihood::Knowledge::Tolerance(std);
         }
     }
-    Question { config, bench, lambda0_nm2_a2: None, holds: None, slow_force: None }
+    Question { config, bench, holds: None, slow_force: None }
 }
 
 fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {

@@ -10,14 +10,12 @@ use self::shown::shown;
 use super::diagnosis::{self, Take};
 use super::likelihood::{self, BENCH, Change, Identification, Knowledge, Options, PARAMETERS, Told};
 use super::read::{Rotation, Samples, significant, time};
-use super::{Failed, Holds, estimator, track_every};
-use crate::estimation::{EstimatorConfig, Method, STD_LIMIT};
+use super::{Failed, Holds};
+use crate::estimation::{EstimatorConfig, STD_LIMIT};
 
 // False alarms of the limits below, over good recordings (docs/identify.md, seeds 95001 and 101001): of 600 of drawn bearings, 0.1 to 5 s, nine have too few
 // turns, and no other is refused. Of 1300 of the nominal bearing whose bench is off by its tolerances none is, nor of 1200 with its bench exactly as stated.
 
-/// Samples from one on-line estimate that is looked at to the next.
-const ON_LINE: usize = 64;
 /// Turns that a recording must have at least, noise known or estimated (as on line).
 const TURNS: [f64; 2] = [1.3, 2.0];
 /// A bench parameter that the residuals ask for makes the answer invalid if it would move a λ by more than this many stated
@@ -52,8 +50,6 @@ pub struct Question {
     pub config: EstimatorConfig,
     /// Prior knowledge of the bench.
     pub bench: [Told; BENCH],
-    /// First guess of λ, N·m²/A²; by default the on-line estimator makes one.
-    pub lambda0_nm2_a2: Option<[f64; 3]>,
     /// The readings of the currents, if they were compared.
     pub holds: Option<Holds>,
     /// Whether a slow force is estimated; if this is not stated, the likelihood decides.
@@ -118,8 +114,7 @@ pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Fail
         return Ok(Answer { valid: false, verdict, findings: vec![finding.into()], found: None, question });
     }
     let columns: Vec<Columns> = recordings.iter().map(|samples| columns(samples, question.config.hold)).collect();
-    let lambda0_nm2_a2 = question.lambda0_nm2_a2.or_else(|| on_line(recordings, &question.config));
-    let mut answer = answer_columns(&columns, Question { lambda0_nm2_a2, ..question });
+    let mut answer = answer_columns(&columns, question);
     for (samples, columns) in recordings.iter().zip(&columns) {
         if let Some(off) = drifts(samples, columns) {
             answer.valid = false;
@@ -142,19 +137,10 @@ fn drifts(samples: &Samples, columns: &Columns) -> Option<f64> {
     (off.abs() > 5.0 * std && off.abs() < OTHER && angle_rad.abs() > TURNED_RAD).then_some(off)
 }
 
-/// λ that the on-line estimator ends with, in N·m²/A², if any of its estimates is valid.
-fn on_line(recordings: &[Samples], config: &EstimatorConfig) -> Option<[f64; 3]> {
-    let config = EstimatorConfig { method: Method::PredictionError, ..config.clone() };
-    let found =
-        |samples: &Samples| track_every(samples, &estimator(&config), ON_LINE).ok()?.lambda_hat()?.try_into().ok();
-    recordings.iter().find_map(found)
-}
-
 fn answer_columns(all: &[Columns], question: Question) -> Answer {
     let config = &question.config;
     let mut options = Options {
         bench: question.bench,
-        lambda0_nm2_a2: question.lambda0_nm2_a2,
         slow_force: question.slow_force.unwrap_or(false),
         ..Options::new(config.m_kg, config.gap_m, config.alpha_rad)
     };
@@ -177,7 +163,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
         refusal = question.holds.and_then(|holds| holds.against(hold)).or_else(|| judge(found, all));
     }
     let weak = found.as_ref().is_some_and(|found| {
-        found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value)
+        found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value.abs())
     });
     let least = TURNS[usize::from(!told)];
     let differ = found.as_ref().filter(|_| recordings.len() > 1).and_then(|_| differ(&recordings, &options));
@@ -193,8 +179,6 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
                 .into(),
         );
     } else if refusal.is_some() {
-        // The first guess is of the data as stated.
-        let options = Options { lambda0_nm2_a2: None, ..options };
         let take = Take { columns: all[0].clone(), options, hold, config: config.clone() };
         findings.extend(diagnosis::proposals(&take));
     }
@@ -316,10 +300,7 @@ fn judge(found: &Identification, all: &[Columns]) -> Option<String> {
             found.iterations
         ));
     }
-    if let Some(why) = all.iter().find_map(|columns| implausible(found, columns)) {
-        return Some(why);
-    }
-    let relative = |k: usize| found.lambda[k].total_std / found.lambda[k].value;
+    let relative = |k: usize| found.lambda[k].total_std / found.lambda[k].value.abs();
     let worst = (0..3).max_by(|a, b| relative(*a).total_cmp(&relative(*b))).unwrap_or(0);
     if relative(worst).is_nan() || relative(worst) >= STD_LIMIT {
         return Some(format!(
@@ -329,6 +310,9 @@ fn judge(found: &Identification, all: &[Columns]) -> Option<String> {
             significant(100.0 * relative(worst), 2),
             100.0 * STD_LIMIT
         ));
+    }
+    if let Some(why) = all.iter().find_map(|columns| implausible(found, columns)) {
+        return Some(why);
     }
     let silent = found.conditions.iter().all(|conditions| conditions.position_noise_m < SILENT_M);
     for suspect in found.suspects.iter().filter(|_| !silent) {

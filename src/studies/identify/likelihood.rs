@@ -99,8 +99,6 @@ pub struct Options {
     pub gap_m: f64,
     /// Angles of the magnets, rad; magnet k pulls along `(sin α_k, cos α_k)` in (y, z).
     pub alpha_rad: [f64; 3],
-    /// First guess of λ, N·m²/A²; by default one from the weight of the rotor.
-    pub lambda0_nm2_a2: Option<[f64; 3]>,
     /// Stated values of the bench, by the order of [`PARAMETERS`].
     pub bench: [Told; BENCH],
     /// Whether a slow force that nothing explains is estimated, a random walk in y and z.
@@ -111,7 +109,7 @@ impl Options {
     /// A bearing whose bench is exactly as stated.
     #[must_use]
     pub fn new(m_kg: f64, gap_m: f64, alpha_rad: [f64; 3]) -> Self {
-        Self { m_kg, gap_m, alpha_rad, lambda0_nm2_a2: None, bench: [Told::default(); BENCH], slow_force: false }
+        Self { m_kg, gap_m, alpha_rad, bench: [Told::default(); BENCH], slow_force: false }
     }
 }
 
@@ -367,9 +365,6 @@ fn check(recordings: &[Recording<'_>], options: &Options) -> Result<(), Failed> 
         if !alpha.is_finite() {
             return Err(invalid(&format!("alpha[{}]", k + 1), alpha, "a finite angle in rad"));
         }
-    }
-    for (k, lambda) in options.lambda0_nm2_a2.into_iter().flatten().enumerate() {
-        positive(&format!("lambda0[{}]", k + 1), lambda)?;
     }
     for (told, parameter) in options.bench.iter().zip(&PARAMETERS) {
         let relative = parameter.unit == "1";

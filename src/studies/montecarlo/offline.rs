@@ -157,13 +157,7 @@ pub fn judge(
         if touched.is_some_and(|touched| touched < rows) {
             break;
         }
-        let question = Question {
-            config: configured.estimator.clone(),
-            bench,
-            lambda0_nm2_a2: None,
-            holds: None,
-            slow_force: None,
-        };
+        let question = Question { config: configured.estimator.clone(), bench, holds: None, slow_force: None };
         let answer = identify::answer(&[beginning(&whole, rows)], question).ok()?;
         let mut sample = Sample {
             valid: answer.valid,

@@ -33,9 +33,6 @@ const ROUGH: f64 = 1.0;
 /// A step is too long if after it the likelihood is lower and the score larger, both by this in χ². One of them alone says little: the scores are
 /// freed of their bias, so that the search does not end at the maximum of the likelihood.
 const WORSE: f64 = 2.0;
-/// First guesses of λ where none is told or it leads nowhere, relative to that from the weight of the rotor. Currents that hold more than the weight make it too small; from a fifteenth, at
-/// 6657 rpm, λ1 fell to 0 and stayed there (seed 62024 of drawn bearings).
-const GUESSES: [f64; 2] = [1.0, 8.0];
 /// Longest step of a bench parameter, in typical tolerances.
 const LONGEST: f64 = 3.0;
 /// Changes of the logarithm of a noise level below this need no second look.
@@ -189,9 +186,6 @@ impl<'a> Search<'a> {
     fn within(&self, step: &[f64]) -> f64 {
         let most = |at: usize| match at {
             LOAD..SHARED => LONGEST * PARAMETERS[at - LOAD].typical,
-            // λ is a positive number.
-            0..3 if step[at] < 0.0 => 0.7 * self.x[at],
-            0..3 => 2.0 * self.x[at],
             _ => f64::INFINITY,
         };
         let moving = (0..step.len()).filter(|at| step[*at] != 0.0);
@@ -453,18 +447,12 @@ fn first_guess(recordings: &[Recording<'_>], options: &Options) -> f64 {
     options.m_kg * GRAVITY_M_S2 * options.gap_m * options.gap_m / (3.0 * mean)
 }
 
-/// First guesses of λ, the best first.
-fn guesses(recordings: &[Recording<'_>], options: &Options) -> Vec<[f64; 3]> {
-    let weight = first_guess(recordings, options);
-    options.lambda0_nm2_a2.into_iter().chain(GUESSES.map(|factor| [factor * weight; 3])).collect()
-}
-
-/// A search that starts from given λ, with its priors.
+/// A search before its first step, with its priors.
 fn start<'a>(
     recordings: &'a [Recording<'a>],
     masks: &[Vec<bool>],
     options: &'a Options,
-    lambda: [f64; 3],
+    held: &[usize],
 ) -> Result<Search<'a>, Failed> {
     let cases: Option<Vec<Case>> =
         recordings.iter().zip(masks).map(|(recording, mask)| prepare(recording, mask)).collect();
@@ -479,10 +467,9 @@ fn start<'a>(
     let n = SHARED + 2 * recordings.len();
     let mut x = vec![0.0; n];
     let mut prior = vec![(0.0, 0.0); n];
-    for k in 0..3 {
-        x[k] = lambda[k];
-        prior[k] = (lambda[k], FREE * lambda[k]);
-    }
+    let lambda = first_guess(recordings, options);
+    x[..3].fill(lambda);
+    prior[..3].fill((lambda, FREE * lambda));
     // A mass centre outside the gap, or a load of a hundred times the weight, does not occur.
     prior[3..LOAD].fill((0.0, 100.0 * options.m_kg * options.gap_m));
     prior[SHARED..n].fill((0.0, 1e3 * options.m_kg));
@@ -495,6 +482,7 @@ fn start<'a>(
         };
         prior[LOAD + j] = (told.value, std);
     }
+    held.iter().for_each(|j| prior[LOAD + j].1 = 0.0);
     let rows = cases.iter().map(Case::rows).sum::<usize>() as f64;
     let counting = cases.iter().map(Case::counting).sum::<usize>() as f64;
     let mut search = Search { cases, options, x, prior, weight: 1.0, iterations: 0, converged: false };
@@ -541,30 +529,6 @@ fn widest(finished: &Finished, of: &[usize]) -> Option<usize> {
     of.iter().copied().reduce(|widest, j| if width(j) > 0.99 * width(widest) { j } else { widest })
 }
 
-fn hold(search: &mut Search, held: &[usize]) {
-    held.iter().for_each(|j| search.prior[LOAD + j].1 = 0.0);
-}
-
-/// Searches from the first guess, and where that does not converge from the next one.
-fn search_from_guesses<'a>(
-    recordings: &'a [Recording<'a>],
-    masks: &[Vec<bool>],
-    options: &'a Options,
-    held: &[usize],
-) -> Result<Search<'a>, Failed> {
-    let mut failed = None;
-    for lambda in guesses(recordings, options) {
-        let mut search = start(recordings, masks, options, lambda)?;
-        hold(&mut search, held);
-        let outcome = search.run();
-        if outcome.is_ok() && search.converged {
-            return Ok(search);
-        }
-        failed.get_or_insert(outcome.map(|()| search));
-    }
-    failed.unwrap_or(Err(Failed::Nothing))
-}
-
 pub(super) fn fit<'a>(
     recordings: &'a [Recording<'a>],
     masks: &[Vec<bool>],
@@ -573,22 +537,21 @@ pub(super) fn fit<'a>(
 ) -> Result<Finished<'a>, Failed> {
     // The first search ends before the other begins: each has its own trajectory of all rows.
     let near = stretches(masks).and_then(|masks| {
-        let first = search_from_guesses(recordings, &masks, options, held).ok()?;
+        let mut first = start(recordings, &masks, options, held).ok()?;
+        first.run().ok()?;
         first.converged.then(|| first.found())
     });
-    let mut search = match near {
+    let mut search = start(recordings, masks, options, held)?;
+    match near {
         Some(near) => {
-            let mut search = start(recordings, masks, options, [near.x[0], near.x[1], near.x[2]])?;
-            hold(&mut search, held);
             search.start_at(near);
             search.smooth();
             search.refill();
             search.expect();
             search.iterate(UNSMOOTHED, CONVERGED)?;
-            search
         }
-        None => search_from_guesses(recordings, masks, options, held)?,
-    };
+        None => search.run()?,
+    }
     loop {
         let finished = finish(search)?;
         let wide = not_separated(&finished);
