@@ -30,11 +30,6 @@ const MOST: usize = 30;
 const CONVERGED: f64 = 0.05;
 /// The same before bench parameters are estimated with the rest.
 const ROUGH: f64 = 1.0;
-/// A step is too long if after it the likelihood is lower and the score larger, both by this in χ². One of them alone says little: the scores are
-/// freed of their bias, so that the search does not end at the maximum of the likelihood.
-const WORSE: f64 = 2.0;
-/// Longest step of a bench parameter, in typical tolerances.
-const LONGEST: f64 = 3.0;
 /// Changes of the logarithm of a noise level below this need no second look.
 const NOISE_SETTLED: f64 = 0.002;
 /// A parameter without a tolerance has one that cannot matter, in typical tolerances.
@@ -167,29 +162,19 @@ impl<'a> Search<'a> {
         (a, b)
     }
 
-    /// The step of Gauss and Newton from the present point.
-    fn newton(&self, normal: &Normal) -> Result<Step, Failed> {
+    /// The step of Gauss and Newton from the present point by unknown, 0 for what is not estimated, and its largest component in standard deviations.
+    fn newton(&self, normal: &Normal) -> Result<(Vec<f64>, f64), Failed> {
         let of = self.estimated();
         let (a, b) = self.equations(normal, &of);
         let is_finite = b.iter().all(|b| b.is_finite());
         let covariance = inverse(&a).filter(|_| is_finite).ok_or_else(|| Failed::Diverged(NOT_APART.into()))?;
         let solved = &covariance * &b;
-        let mut step = Step { step: vec![0.0; self.x.len()], largest: 0.0, gain: b.dot(&solved) };
+        let (mut step, mut largest) = (vec![0.0; self.x.len()], 0.0_f64);
         for (i, at) in of.iter().enumerate() {
-            step.step[*at] = solved[i];
-            step.largest = step.largest.max((solved[i] / covariance[(i, i)].sqrt()).abs());
+            step[*at] = solved[i];
+            largest = largest.max((solved[i] / covariance[(i, i)].sqrt()).abs());
         }
-        Ok(step)
-    }
-
-    /// Part of a step that the linearisation can follow: it is shortened as a whole, for its components belong together.
-    fn within(&self, step: &[f64]) -> f64 {
-        let most = |at: usize| match at {
-            LOAD..SHARED => LONGEST * PARAMETERS[at - LOAD].typical,
-            _ => f64::INFINITY,
-        };
-        let moving = (0..step.len()).filter(|at| step[*at] != 0.0);
-        moving.map(|at| most(at) / step[at].abs()).fold(1.0, f64::min)
+        Ok((step, largest))
     }
 
     /// Twice the negative logarithm of likelihood and priors, up to a constant.
@@ -370,33 +355,17 @@ impl<'a> Search<'a> {
 
     /// Iterates until the largest step is smaller than `enough` standard deviations; the first `begun` iterations are done.
     ///
-    /// A step with bench parameters that is too long ([`WORSE`]) is halved.
+    /// Forces are linear in λ, unbalance and load, and the data tell their balance far better than each of them: whole, straight steps keep it. On a way along the
+    /// curve on which λ multiplies, the noise of the currents took up what was off balance, and 7 of 9 searches of one bench did not converge in 30
+    /// iterations (`scripts/faults.py`, seed 7807); now they take 4 to 9.
     fn iterate(&mut self, begun: usize, enough: f64) -> Result<(), Failed> {
         let all = self.estimated().iter().any(|at| (LOAD..SHARED).contains(at));
         self.converged = false;
-        let mut from: Option<(f64, Vec<f64>, Step, f64)> = None;
         for iteration in begun..MOST {
             self.iterations = iteration + 1;
             let blocks = self.pass(if all { Columns::All } else { Columns::Few });
-            let normal = self.normal(&blocks);
-            let merit = self.merit(&blocks);
-            let next = self.newton(&normal)?;
-            if all
-                && let Some((before, x, step, part)) = from.take()
-                && (merit.is_nan() || (merit > before + WORSE && next.gain > step.gain + WORSE))
-            {
-                let part = 0.5 * part;
-                self.x = moved(&x, &step.step, part);
-                from = Some((before, x, step, part));
-                self.smooth();
-                self.settle_noise();
-                continue;
-            }
-            let part = self.within(&next.step);
-            let x = self.x.clone();
-            self.x = moved(&x, &next.step, part);
-            let mut largest = next.largest;
-            from = Some((merit, x, next, part));
+            let (step, mut largest) = self.newton(&self.normal(&blocks))?;
+            self.x.iter_mut().zip(step).for_each(|(x, step)| *x += step);
             if !self.x.iter().all(|x| x.is_finite()) {
                 return Err(Failed::Diverged("an estimate is not finite".into()));
             }
@@ -418,22 +387,6 @@ impl<'a> Search<'a> {
 struct Point {
     x: Vec<f64>,
     noise: Vec<[f64; 3]>,
-}
-
-/// A step of Gauss and Newton.
-struct Step {
-    /// By unknown; 0 for what is not estimated.
-    step: Vec<f64>,
-    /// The largest component in standard deviations.
-    largest: f64,
-    /// By how much it promises to lower twice the negative logarithm of the likelihood.
-    gain: f64,
-}
-
-/// The point that a part of a step leads to. Forces are linear in λ, unbalance and load, and the data tell their balance far better than each of them: a step
-/// along any other line would leave it.
-fn moved(x: &[f64], step: &[f64], part: f64) -> Vec<f64> {
-    x.iter().zip(step).map(|(x, step)| x + part * step).collect()
 }
 
 /// λ that would carry the weight of the rotor with the currents of the recording.
