@@ -214,39 +214,31 @@ fn stretch(take: &Take, stretches: usize) -> Take {
     take
 }
 
-/// A take whose positions may come late, as far as those of a typical bench; none if the delay is free already.
-fn with_delay(take: &Take) -> Option<Take> {
-    let mut take = take.clone();
-    let delay = &mut take.options.bench[DELAY].knowledge;
-    (*delay == Knowledge::Exact).then(|| *delay = Knowledge::Tolerance(PARAMETERS[DELAY].typical))?;
-    Some(take)
-}
-
 /// Minus the log-likelihood of a stretch with each reading of the currents, less that of the best; infinite where nothing was found. Each has the delay that
-/// suits it best: without it a delay of a third of a sample looks like a current that is continuous. Each is tried without a delay as well: with 0.4 µm of noise the search for a delay
-/// may end elsewhere, and the true reading seemed less likely than another by 65 (`scripts/faults.py`, clipped currents, seed 7508 of 7501).
+/// suits it best, as far as those of a typical bench: without it a delay of a third of a sample looks like a current that is continuous.
 pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
     let mut takes = takes.each_ref().map(|take| {
         let mut take = stretch(take, HOLD_STRETCHES);
+        let delay = &mut take.options.bench[DELAY].knowledge;
+        if *delay == Knowledge::Exact {
+            *delay = Knowledge::Tolerance(PARAMETERS[DELAY].typical);
+        }
         // A force that is not known goes with every reading.
         let rows = take.columns.usable.iter_mut().zip(&take.columns.missing);
         rows.for_each(|(usable, missing)| *usable &= !missing.current.contains(&Origin::Unknown));
         take
     });
-    let search = |take: &Take| [identified(take), with_delay(take).as_ref().and_then(identified)];
-    let mut found = takes.each_ref().map(search);
+    let mut found = takes.each_ref().map(identified);
     // Rows that are disturbed with one reading are left out of all: an outlier would decide.
-    let contradictions = found.iter().flatten().flatten().flat_map(|of| &of.contradictions);
+    let contradictions = found.iter().flatten().flat_map(|of| &of.contradictions);
     let disturbed = contradictions.filter(|of| matches!(of.what, Change::Disturbed { .. }));
     let rows: Vec<_> = disturbed.map(|of| of.rows.clone()).collect();
     if !rows.is_empty() {
         takes.iter_mut().for_each(|take| rows.iter().for_each(|rows| take.columns.usable[rows.clone()].fill(false)));
-        found = takes.each_ref().map(search);
+        found = takes.each_ref().map(identified);
     }
-    let of = found.map(|of| {
-        let sound = of.into_iter().flatten().filter(|of| of.contradictions.is_empty());
-        sound.map(|of| -of.log_likelihood).fold(f64::INFINITY, f64::min)
-    });
+    let of =
+        found.map(|of| of.filter(|of| of.contradictions.is_empty()).map_or(f64::INFINITY, |of| -of.log_likelihood));
     let best = of.iter().copied().fold(f64::INFINITY, f64::min);
     of.map(|value| if value.is_finite() { value - best } else { value })
 }
