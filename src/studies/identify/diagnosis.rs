@@ -20,7 +20,7 @@ const CHANCE: f64 = 1e-3;
 pub(super) const VERY_STRONG: f64 = 5.0;
 /// Alternatives whose log-likelihood is lower than that of the best by less than this are proposed as well: the model errors that both share ask for
 /// more than very strong evidence.
-pub(super) const AS_GOOD: f64 = 2.0 * VERY_STRONG;
+const AS_GOOD: f64 = 2.0 * VERY_STRONG;
 
 /// By how much the log-likelihood must be higher than with the stated one, over this many rows.
 ///

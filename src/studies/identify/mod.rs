@@ -84,13 +84,13 @@ impl Holds {
         HOLDS[if self.0[0] < diagnosis::VERY_STRONG { 0 } else { self.best() }].1
     }
 
-    /// What speaks against a stated reading, if another one is certainly more likely.
+    /// What speaks against a stated reading, if another one is clearly more likely.
     fn against(&self, stated: Hold) -> Option<String> {
         let ((name, _), less) = HOLDS.iter().zip(self.0).find(|((_, hold), _)| *hold == stated)?;
         let best = HOLDS[self.best()].0;
         let by =
             if less.is_finite() { format!(" by {} in log-likelihood", significant(less, 3)) } else { String::new() };
-        let is_worse = less > diagnosis::AS_GOOD && self.0.iter().any(|other| other.is_finite());
+        let is_worse = less > diagnosis::VERY_STRONG && self.0.iter().any(|other| other.is_finite());
         is_worse.then(|| {
             format!("currents that are read as {name} are less likely than as {best}{by}: --hold {best}, or auto")
         })

@@ -19,8 +19,8 @@ use super::equations::{ALL, BASE, Bearing, Interval, State};
 /// Columns of a pass without bench parameters, and of one with them: numbers of parameters, rounded up to whole registers.
 pub(super) const FEW: usize = 8;
 pub(super) const MANY: usize = 40;
-/// Columns in a register.
-const LANES: usize = 8;
+/// Columns in a register of the processor.
+const REGISTER: usize = 8;
 /// Rows of whitened sensitivities that are summed at once.
 const BATCH: usize = 16;
 /// Harmonics of the shaft angle that are tested.
@@ -267,16 +267,16 @@ impl<const P: usize> Sums<P> {
         }
         self.filled = 0;
         for i in 0..P {
-            for c in 0..=i / LANES {
-                let mut sum = [0.0; LANES];
+            for c in 0..=i / REGISTER {
+                let mut sum = [0.0; REGISTER];
                 for row in self.batch.iter() {
                     let factor = row[i];
-                    for l in 0..LANES {
-                        sum[l] += factor * row[c * LANES + l];
+                    for at in 0..REGISTER {
+                        sum[at] += factor * row[c * REGISTER + at];
                     }
                 }
-                for l in 0..LANES {
-                    self.j[i][c * LANES + l] += sum[l];
+                for at in 0..REGISTER {
+                    self.j[i][c * REGISTER + at] += sum[at];
                 }
             }
         }
