@@ -232,6 +232,22 @@ fn samples_of(recording: &Recording) -> Samples {
     Samples::read(&csv(recording), &Reading::default()).expect("a good recording")
 }
 
+/// A level of noise that is not stated is found beside one that is.
+#[test]
+fn one_level_of_noise_may_be_stated() {
+    let samples = samples_of(&run([2e-6, 1e-2], 0.4).1);
+    for stated in [[2e-6, 0.0], [0.0, 1e-2]] {
+        let [position_noise_m, current_noise_a] = stated;
+        let question = question(&samples, &[]);
+        let config = EstimatorConfig { position_noise_m, current_noise_a, ..question.config.clone() };
+        let answer = identify::answer(std::slice::from_ref(&samples), Question { config, ..question });
+        let answer = answer.expect("a good question");
+        assert!(answer.valid, "{stated:?}: {}", answer.verdict);
+        let ratio = answer.found.expect("estimates").conditions[0].position_noise_m / 2e-6;
+        assert!((ratio - 1.0).abs() < 0.1, "{stated:?}: {ratio} times the noise");
+    }
+}
+
 #[test]
 fn the_answer_is_that_of_the_whole_recording() {
     let samples = samples_of(&run(montecarlo::NOISE, 0.4).1);

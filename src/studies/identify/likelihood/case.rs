@@ -221,7 +221,7 @@ pub(super) fn noise_step(case: &mut Case, sums: &[[f64; 3]; 3]) -> f64 {
         case.current_noise *= libm::exp(ratio);
     } else if !told_position {
         // The level of the positions alone: what the common scale says, again and again.
-        case.position_noise *= libm::exp(logs(1).clamp(-1.0, 1.0));
+        case.position_noise *= libm::exp(0.5 * logs(1).clamp(-1.0, 1.0));
     }
     case.position_noise = case.position_noise.max(1e-10);
     // Beyond it the square of a current would be all noise.
