@@ -235,8 +235,8 @@ fn samples_of(recording: &Recording) -> Samples {
 /// A level of noise that is not stated is found beside one that is.
 #[test]
 fn one_level_of_noise_may_be_stated() {
-    let samples = samples_of(&run([2e-6, 1e-2], 0.4).1);
-    for stated in [[2e-6, 0.0], [0.0, 1e-2]] {
+    let samples = samples_of(&run([2e-6, 3e-2], 0.8).1);
+    for stated in [[2e-6, 0.0], [0.0, 3e-2]] {
         let [position_noise_m, current_noise_a] = stated;
         let question = question(&samples, &[]);
         let config = EstimatorConfig { position_noise_m, current_noise_a, ..question.config.clone() };
