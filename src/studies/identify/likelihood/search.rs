@@ -355,9 +355,9 @@ impl<'a> Search<'a> {
 
     /// Iterates until the largest step is smaller than `enough` standard deviations; the first `begun` iterations are done.
     ///
-    /// Forces are linear in λ, unbalance and load, and the data tell their balance far better than each of them: whole, straight steps keep it. On a way along the
-    /// curve on which λ multiplies, the noise of the currents took up what was off balance, and 7 of 9 searches of one bench did not converge in 30
-    /// iterations (`scripts/faults.py`, seed 7807); now they take 4 to 9.
+    /// Forces are linear in λ, unbalance and load, and the data tell their balance far better than each of them: whole, straight steps keep it. On curves, along which λ
+    /// is multiplied, noise of the currents took up what was off balance, and 16 of 18 searches did not converge in 30 iterations (`scripts/faults.py`, seed 7807:
+    /// stuck sensor, coarse quantisation, slow force); these take 4 to 9.
     fn iterate(&mut self, begun: usize, enough: f64) -> Result<(), Failed> {
         let all = self.estimated().iter().any(|at| (LOAD..SHARED).contains(at));
         self.converged = false;
