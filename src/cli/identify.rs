@@ -157,8 +157,22 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let samples = &recordings[0];
     let mut estimator = bearing.estimator().clone();
     arguments.complete(&mut estimator, samples);
-    let holds = arguments.holds(&estimator, samples, method, bench.as_ref());
-    let (hold, table) = arguments.hold(&estimator, samples, holds)?;
+    let stated = arguments.stated_hold()?;
+    // A stated reading is compared with the others as well, where an answer depends on it.
+    let is_compared = if method == LIKELIHOOD { samples.rotation != Rotation::Unknown } else { stated.is_none() };
+    let holds =
+        bench.filter(|_| is_compared).map(|bench| Holds::of(samples, &configuration(&estimator.values()), &bench));
+    let (hold, table) = match (stated, holds) {
+        (None, None) if bench.is_none() => {
+            let (hold, table) = identify::best_hold(samples, &estimator).map_err(refused)?;
+            (hold, Some(table))
+        }
+        (stated, holds) => {
+            let likely = || holds.map_or(configuration(&estimator.values()).hold, |holds| holds.most_likely());
+            let hold = stated.unwrap_or_else(likely);
+            (hold, holds.and_then(|holds| holds.table(hold)))
+        }
+    };
     estimator.set("hold", Value::Integer(hold.number()));
 
     let every = if method == LIKELIHOOD && arguments.csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
@@ -310,34 +324,16 @@ impl Arguments {
         }
     }
 
-    /// The readings of the currents, where they are compared by likelihood.
-    fn holds(
-        &self,
-        estimator: &Element,
-        samples: &Samples,
-        method: &str,
-        bench: Option<&[Told; BENCH]>,
-    ) -> Option<Holds> {
-        let is_wanted = self.hold == AUTO || method == LIKELIHOOD;
-        let is_useful = method != LIKELIHOOD || samples.rotation != Rotation::Unknown;
-        bench
-            .filter(|_| is_wanted && is_useful)
-            .map(|bench| Holds::of(samples, &configuration(&estimator.values()), bench))
-    }
-
-    /// The meaning of a current sample; with `auto` the data decide. A table shows how clearly.
-    fn hold(&self, estimator: &Element, samples: &Samples, holds: Option<Holds>) -> Result<(Hold, Option<Table>)> {
-        let hold = if self.hold != AUTO {
-            let names = HOLDS.map(|(name, _)| name).join(", ");
-            let found = HOLDS.into_iter().find(|(name, _)| *name == self.hold);
-            found.ok_or_else(|| refused(format!("--hold {}: expected one of {names}, {AUTO}", self.hold)))?.1
-        } else if *samples.machine != PLANAR {
-            let (hold, table) = identify::best_hold(samples, estimator).map_err(refused)?;
-            return Ok((hold, Some(table)));
-        } else {
-            holds.map_or(configuration(&estimator.values()).hold, |holds| holds.most_likely())
-        };
-        Ok((hold, holds.and_then(|holds| holds.table(hold))))
+    /// The meaning of a current sample; none if the data decide.
+    fn stated_hold(&self) -> Result<Option<Hold>> {
+        let names = || HOLDS.map(|(name, _)| name).join(", ");
+        let stated = HOLDS.into_iter().find(|(name, _)| *name == self.hold).map(|(_, hold)| hold);
+        match stated {
+            None if self.hold != AUTO => {
+                Err(refused(format!("--hold {}: expected one of {}, {AUTO}", self.hold, names())))
+            }
+            _ => Ok(stated),
+        }
     }
 }
 

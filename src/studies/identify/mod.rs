@@ -74,34 +74,35 @@ impl Holds {
         })))
     }
 
-    fn best(&self) -> usize {
-        (0..HOLDS.len()).min_by(|a, b| self.0[*a].total_cmp(&self.0[*b])).unwrap_or(0)
+    /// The most likely one; none if nothing fits.
+    fn best(&self) -> Option<usize> {
+        let best = (0..HOLDS.len()).min_by(|a, b| self.0[*a].total_cmp(&self.0[*b]));
+        best.filter(|best| self.0[*best].is_finite())
     }
 
     /// That of measured currents, unless another one is clearly more likely.
     #[must_use]
     pub fn most_likely(&self) -> Hold {
-        HOLDS[if self.0[0] < diagnosis::VERY_STRONG { 0 } else { self.best() }].1
+        HOLDS[self.best().filter(|_| self.0[0] >= diagnosis::VERY_STRONG).unwrap_or(0)].1
     }
 
-    /// What speaks against a stated reading, if another one is clearly more likely.
+    /// The objection to a stated reading, if another one is clearly more likely.
     fn against(&self, stated: Hold) -> Option<String> {
         let ((name, _), less) = HOLDS.iter().zip(self.0).find(|((_, hold), _)| *hold == stated)?;
-        let best = HOLDS[self.best()].0;
+        let best = HOLDS[self.best()?].0;
         let by =
             if less.is_finite() { format!(" by {} in log-likelihood", significant(less, 3)) } else { String::new() };
-        let is_worse = less > diagnosis::VERY_STRONG && self.0.iter().any(|other| other.is_finite());
-        is_worse.then(|| {
+        (less > diagnosis::VERY_STRONG).then(|| {
             format!("currents that are read as {name} are less likely than as {best}{by}: --hold {best}, or auto")
         })
     }
 
-    /// They as a table; none if nothing fits.
+    /// The comparison as a table; none if nothing fits.
     #[must_use]
     pub fn table(&self, chosen: Hold) -> Option<Table> {
+        self.best()?;
         let note = "How much less likely the same data are with each reading (differences of log-likelihoods).";
-        let is_compared = self.0.iter().any(|residual| residual.is_finite());
-        is_compared.then(|| holds_beside(note, "less likely by", self.0.map(|less| format!("{less:.1}")), chosen))
+        Some(holds_beside(note, "less likely by", self.0.map(|less| format!("{less:.1}")), chosen))
     }
 }
 

@@ -207,12 +207,6 @@ impl Track {
         self.of("valid").last() == Some(&1.0)
     }
 
-    /// The last valid λ̂ in N·m²/A².
-    #[must_use]
-    pub fn lambda_hat(&self) -> Option<Vec<f64>> {
-        self.last_valid().map(|row| self.at(&self.machine.of_magnets("lambdaHat"), row))
-    }
-
     /// The largest standard deviation of a force constant in a row, relative: of noise, or in all.
     fn largest_deviation(&self, std: &str, row: usize) -> f64 {
         let of = |name: &str| self.at(&self.machine.of_magnets(name), row);
