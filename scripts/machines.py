@@ -2,10 +2,11 @@
 """How well `identify` knows planar4, spindle and spindle4: recordings that `simulate` writes, with λ (±20 %) and noise drawn.
 
     cargo build --release
-    scripts/machines.py --seed 9101 --runs 20 [--machine spindle] [--commanded]
+    scripts/machines.py --seed 9101 --runs 20 [--machine spindle] [--commanded | --bench]
 
 Positions have 0.05 to 0.5 µm of noise, currents 5 to 20 mA. Prints error/± (rms over all magnets of all valid answers) in all and of noise, the
-worst, and how often the currents were read as measured ones; `--commanded` records the commands of the controller instead.
+worst, and how often the currents were read as measured ones; `--commanded` records the commands of the controller instead. With `--bench` mass, inertia,
+gaps, angles, positions along the shaft, gains and offsets are off by the tolerances of a typical bench, which `identify` is told.
 """
 
 import argparse
@@ -20,6 +21,17 @@ PROGRAM = Path(__file__).resolve().parents[1] / "target" / "release" / "magnetic
 TIMES_S = (0.1, 1.0, 5.0)
 RATE_HZ = 10_000
 
+# Standard deviations of a typical bench, and what belongs to a shaft.
+RELATIVE = {"m": 0.01, "s": 0.01, "Jt": 0.01, "Jp": 0.01}
+ABSOLUTE = {"alpha": math.radians(0.5), "position": 5e-4, "sensorPosition": 5e-4, "unbalance.position": 5e-4}
+SHAFT = ("Jt", "Jp", "position", "sensorPosition", "unbalance", "X.sensor.gain")
+# Gains of two sensors that are independent of each other: their mean, and half their difference.
+SENSORS = {"sensor.offset": "5um", "sensor.gain": 0.005 / math.sqrt(2), "sensor.gainDifference": 0.005 / math.sqrt(2)}
+CURRENTS = {"current.gain": 0.005, "current.offset": "5mA"}
+TOLERANCES = {"m": 0.01, "s": 0.01, "alpha": "0.5deg", **SENSORS, **CURRENTS}
+TOLERANCES |= {"Jt": 0.01, "Jp": 0.01, "position": "0.5mm", "sensorPosition": "0.5mm", "unbalance": "0.5mm"}
+TOLERANCES |= {"X.sensor.gain": 0.005}
+
 
 def magnets(machine: str) -> list[str]:
     """Names of the force constants."""
@@ -29,13 +41,42 @@ def magnets(machine: str) -> list[str]:
     return [f"{bearing}.lambda[{k}]" for bearing in "AB" for k in radial] + ["X.lambda[1]", "X.lambda[2]"]
 
 
-def record(machine: str, seed: int, commanded: bool) -> tuple[dict[str, float], list[str]]:
-    """The force constants that were drawn, and the rows of the recording with their header."""
+def start_values(machine: str) -> dict[str, float]:
+    """Start values of the machine's estimator by name."""
+    model = {"planar4": "AlgebraicEstimator4", "spindle": "SpindleEstimator", "spindle4": "SpindleEstimator4"}[machine]
+    text = (Path(__file__).resolve().parents[1] / "modelDescription" / f"{model}.xml").read_text()
+    found = re.findall(r'<ScalarVariable[^>]*name="([^"]+)".*?(?:start="([^"]+)"|</ScalarVariable>)', text, re.DOTALL)
+    return {name: float(start) for name, start in found if re.fullmatch(r"[-+.\deE]+", start)}
+
+
+def bench(machine: str, draw: random.Random) -> tuple[dict[str, float], list[str]]:
+    """Errors of the sensors of the plant, and what `identify` is told: values that are off, and the tolerances of all."""
+    errors, told = {}, []
+    for name, value in start_values(machine).items():
+        plain = re.sub(r"^[ABX]\.|\[\d\]", "", name)
+        if plain in RELATIVE:
+            told.append(f"--set={name}={value * (1 + draw.gauss(0, RELATIVE[plain]))}")
+        elif plain in ABSOLUTE:
+            told.append(f"--set={name}={value + draw.gauss(0, ABSOLUTE[plain])}")
+    for bearing in [""] if machine == "planar4" else ["A.", "B.", "X."]:
+        for axis in [""] if bearing == "X." else "YZ":
+            errors[f"{bearing}sensor.offset{axis}"] = draw.gauss(0, 5e-6)
+            errors[f"{bearing}sensor.gainError{axis}"] = draw.gauss(0, 0.005)
+    for name in magnets(machine):
+        for kind, std in (("Offset", 0.005), ("GainError", 0.005)):
+            errors[name.replace("lambda", f"sensor.current{kind}")] = draw.gauss(0, std)
+    told += [f"--tolerance={name}={std}" for name, std in TOLERANCES.items() if machine != "planar4" or name not in SHAFT]
+    return errors, told
+
+
+def record(machine: str, seed: int, commanded: bool, off: bool) -> tuple[dict[str, float], list[str], list[str]]:
+    """The force constants that were drawn, the rows of the recording with their header, and arguments for `identify`."""
     draw = random.Random(seed)
     truth = {name: 2e-6 * draw.uniform(0.8, 1.2) for name in magnets(machine)}
     values = {"sensor.seed": seed, "sensor.positionNoise": 10 ** draw.uniform(-7.3, -6.3)}
     values["sensor.currentNoise"] = draw.uniform(0.005, 0.02)
-    changes = [f"--set=plant.{name}={value}" for name, value in (values | truth).items()]
+    errors, told = bench(machine, draw) if off else ({}, [])
+    changes = [f"--set=plant.{name}={value}" for name, value in (values | truth | errors).items()]
     command = [PROGRAM, "simulate", machine, f"--set=duration={TIMES_S[-1]}", *changes, "--csv", "-"]
     currents = re.compile(r"controller\.((?:[ABX]\.)?)i\[" if commanded else r"plant\.((?:[ABX]\.)?)im\[")
     others = re.compile(r"time|plant\..*[XYZ]m \[m\]|plant\.theta|plant\.omegam")
@@ -47,7 +88,7 @@ def record(machine: str, seed: int, commanded: bool) -> tuple[dict[str, float], 
                 kept = [at for at, name in enumerate(cells) if currents.match(name) or others.match(name)]
                 cells = [currents.sub(r"\1im[", name) for name in cells]
             rows.append(",".join(cells[at] for at in kept))
-    return truth, rows
+    return truth, rows, told
 
 
 def main() -> None:
@@ -57,20 +98,22 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--machine", nargs="*", default=["planar4", "spindle", "spindle4"])
     parser.add_argument("--commanded", action="store_true")
+    parser.add_argument("--bench", action="store_true")
     arguments = parser.parse_args()
     print("| machine | recording | valid | error/± in all | error/± of noise | worst/± in all | rms error [%] | read as measured |")
     print("|---|---|---|---|---|---|---|---|")
     for machine in arguments.machine:
-        recordings = [record(machine, arguments.seed + run, arguments.commanded) for run in range(arguments.runs)]
+        seeds = range(arguments.seed, arguments.seed + arguments.runs)
+        recordings = [record(machine, seed, arguments.commanded, arguments.bench) for seed in seeds]
         for time_s in TIMES_S:
             valid, measured, errors = 0, 0, []
-            for truth, rows in recordings:
-                command = [PROGRAM, "identify", "-", "--machine", machine, "--json", "-"]
+            for truth, rows, told in recordings:
+                command = [PROGRAM, "identify", "-", "--machine", machine, *told, "--json", "-"]
                 text = "\n".join(rows[: round(time_s * RATE_HZ) + 2]) + "\n"
                 answer = json.loads(subprocess.run(command, input=text, capture_output=True, text=True).stdout)
-                measured += "currents heldBefore" in answer["told"]
                 if answer["valid"]:
                     valid += 1
+                    measured += answer["told"]["hold"] == "heldBefore"
                     stated = zip(truth.values(), answer["lambdaHat"], answer["lambdaStdTotal"], answer["lambdaStd"])
                     errors += [((hat - true) / total, (hat - true) / noise, hat / true - 1) for true, hat, total, noise in stated]
             total, noise, relative = (math.sqrt(sum(e[n] ** 2 for e in errors) / max(len(errors), 1)) for n in range(3))

@@ -3,6 +3,8 @@
 //! Names of variables, connections, scenario keys and FMUs follow from a description. The sizes of the arrays in the equations are
 //! const generics, which a description does not know: where these meet, see `Machine::of_one_bearing` and `Machine::of_shaft`.
 
+use std::ops::Range;
+
 /// Name and description.
 type Called = (&'static str, &'static str);
 
@@ -65,6 +67,11 @@ impl Bearing {
 
     const fn axial(prefix: &'static str) -> Self {
         Self { prefix, kind: Kind::Axial, magnets: 2 }
+    }
+
+    /// Its name; empty if there is no other.
+    pub fn name(&self) -> &'static str {
+        self.prefix.trim_end_matches('.')
     }
 
     /// The number of directions in which it holds the rotor.
@@ -133,6 +140,15 @@ impl Machine {
         self.bearings.iter().enumerate().flat_map(numbered).nth(k)
     }
 
+    /// The bearings with their magnets, by their places among all.
+    pub fn magnets_of_bearings(&self) -> Vec<(&'static Bearing, Range<usize>)> {
+        let ends = self.bearings.iter().scan(0, |end, bearing| {
+            *end += bearing.magnets;
+            Some((bearing, *end - bearing.magnets..*end))
+        });
+        ends.collect()
+    }
+
     /// Number of magnets.
     pub fn magnets(&self) -> usize {
         self.bearings.iter().map(|bearing| bearing.magnets).sum()
@@ -173,6 +189,11 @@ impl Machine {
             (1..=bearing.magnets).map(move |number| format!("{}{name}[{number}]", bearing.prefix))
         };
         self.bearings.iter().flat_map(of).collect()
+    }
+
+    /// Symbols of a quantity of each magnet: `λ1`, or `A.λ1`.
+    pub fn symbols(&self, symbol: &str) -> Vec<String> {
+        self.of_magnets(symbol).into_iter().map(|name| name.replace(['[', ']'], "")).collect()
     }
 
     /// Names of a variable of each bearing: `F0`, or `A.F0`.

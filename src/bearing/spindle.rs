@@ -132,6 +132,23 @@ impl<T: Scalar, const M: usize> SpindleGeometryOf<T, M> {
         }
     }
 
+    /// The same with another number of magnets in the radial bearings, those that both have at their angles.
+    pub fn with_magnets<const W: usize>(&self) -> SpindleGeometryOf<T, W> {
+        let bearing = |of: &RadialBearing<T, M>| RadialBearing {
+            position_m: of.position_m,
+            sensor_position_m: of.sensor_position_m,
+            gap_m: of.gap_m,
+            alpha_rad: std::array::from_fn(|k| of.alpha_rad.get(k).copied().unwrap_or(T::constant(0.0))),
+        };
+        SpindleGeometryOf {
+            shaft: self.shaft,
+            extent_m: self.extent_m,
+            a: bearing(&self.a),
+            b: bearing(&self.b),
+            axial_gap_m: self.axial_gap_m,
+        }
+    }
+
     /// The radial bearings A and B.
     pub fn radial(&self) -> [&RadialBearing<T, M>; 2] {
         [&self.a, &self.b]

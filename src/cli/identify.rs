@@ -18,14 +18,15 @@ use super::{
     write_table,
 };
 use crate::estimation::{Hold, Method};
-use crate::fmu::estimator::configuration;
-use crate::machine::{MACHINES, PLANAR};
+use crate::machine::MACHINES;
 use crate::output::{self, Format};
 use crate::report::{frame, identification};
 use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate;
-use crate::studies::identify::likelihood::{BENCH, Knowledge, Told};
-use crate::studies::identify::{self, Answer, HOLDS, Holds, METHODS, Question, Reading, Rotation, Samples, Track};
+use crate::studies::identify::likelihood::{Knowledge, Told};
+use crate::studies::identify::{
+    self, Answer, HOLDS, Holds, METHODS, Question, Reading, Rotation, Samples, Stated, Track,
+};
 use crate::table::Table;
 use crate::variables::Choice;
 
@@ -90,8 +91,8 @@ pub struct Arguments {
     /// Changes a parameter of the bearing, as for simulate (can be repeated): s=5.1e-4, m=4.2kg, alpha[1]=178deg.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
     changes: Vec<(String, String)>,
-    /// likelihood (maximum likelihood over the whole recording; the default for planar and axial), an on-line method (paperLiteral, paper,
-    /// predictionError), or all. Machines planar4, spindle and spindle4: predictionError.
+    /// likelihood (maximum likelihood over the whole recording; the default), or an on-line method to compare with: predictionError, of the machine planar
+    /// paperLiteral and paper as well, or all.
     #[arg(long, value_name = "METHOD")]
     method: Option<String>,
     /// Standard deviation of a parameter of the bench, with its unit: s=2%, s=10um, m=0.05kg, alpha=1deg,
@@ -137,20 +138,13 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.claim()?;
     let machine = arguments.machine();
-    let files = Files::new(arguments, machine)?;
+    let files = Files::new(arguments)?;
     if let Some(bench) = axial::bench(arguments, machine)? {
         return axial::run(arguments, bench, &files);
     }
-    let method = arguments.method(machine);
-    let mut bearing = arguments.bearing(machine)?;
-    let bench = if *machine == PLANAR { Some(arguments.bench(&bearing)?) } else { None };
-    if bench.is_none() {
-        arguments.state_tolerances(&mut bearing)?;
-        let refused = simulate::refused(&bearing);
-        if !refused.is_empty() {
-            return Err(simulate::Refused(refused).into());
-        }
-    }
+    let method = arguments.method();
+    let bearing = arguments.bearing(machine)?;
+    let bench = arguments.bench(&bearing)?;
     let methods = methods(method)?;
     let columns: Vec<_> = bearing.columns.iter().chain(&arguments.column).cloned().collect();
     let recordings = arguments.read(&columns, &bearing, method)?;
@@ -160,19 +154,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let stated = arguments.stated_hold()?;
     // A stated reading is compared with the others as well, where an answer depends on it.
     let is_compared = if method == LIKELIHOOD { samples.rotation != Rotation::Unknown } else { stated.is_none() };
-    let holds =
-        bench.filter(|_| is_compared).map(|bench| Holds::of(samples, &configuration(&estimator.values()), &bench));
-    let (hold, table) = match (stated, holds) {
-        (None, None) if bench.is_none() => {
-            let (hold, table) = identify::best_hold(samples, &estimator).map_err(refused)?;
-            (hold, Some(table))
-        }
-        (stated, holds) => {
-            let likely = || holds.map_or(configuration(&estimator.values()).hold, |holds| holds.most_likely());
-            let hold = stated.unwrap_or_else(likely);
-            (hold, holds.and_then(|holds| holds.table(hold)))
-        }
-    };
+    let of_estimator = Stated::of(machine, &estimator);
+    let holds = is_compared.then(|| Holds::of(samples, &of_estimator, &bench));
+    let likely = || holds.map_or(of_estimator.hold, |holds| holds.most_likely());
+    let hold = stated.unwrap_or_else(likely);
+    let table = holds.and_then(|holds| holds.table(hold));
     estimator.set("hold", Value::Integer(hold.number()));
 
     let every = if method == LIKELIHOOD && arguments.csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
@@ -181,30 +167,19 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         identify::track_every(samples, &estimator, every)
     });
     let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
-    let answer = match bench.filter(|_| method == LIKELIHOOD) {
-        Some(bench) => {
-            let config = configuration(&estimator.values());
-            let question = Question { config, bench, holds, slow_force: arguments.slow_force() };
-            Some(identify::answer(&recordings, question).map_err(refused)?)
-        }
-        None => None,
-    };
+    let stated = Stated::of(machine, &estimator);
+    let question = Question { stated, bench, holds, slow_force: arguments.slow_force() };
+    let is_asked = method == LIKELIHOOD;
+    let answer = is_asked.then(|| identify::answer(&recordings, question)).transpose().map_err(refused)?;
     let results = Results { recordings, tracks, holds: table, answer };
     results.print(&arguments.recordings);
     results.write(arguments)?;
-    let (valid, verdict) = match &results.answer {
-        Some(answer) => (answer.valid, answer.verdict.clone()),
-        // The methods of the planar rotor are compared, not answers.
-        None if *machine == PLANAR => return Ok(()),
-        None => (results.tracks[0].is_valid_at_end(), results.tracks[0].verdict_at_end()),
-    };
-    if !valid {
-        return Err(NotValid(format!("{verdict}{}", files.not_written())).into());
+    // On-line methods are compared, not answers.
+    let Some(answer) = &results.answer else { return Ok(()) };
+    if !answer.valid {
+        return Err(NotValid(format!("{}{}", answer.verdict, files.not_written())).into());
     }
-    files.write(&columns, || match &results.answer {
-        Some(answer) => answer.twin(&bearing, &results.recordings[0]),
-        None => results.tracks[0].twin(&bearing, &results.recordings[0]),
-    })
+    files.write(&columns, || answer.twin(&bearing, &results.recordings[0]))
 }
 
 impl Arguments {
@@ -231,19 +206,24 @@ impl Arguments {
     }
 
     /// Knowledge of the bench: from the scenario, then from the arguments.
-    fn bench(&self, bearing: &Scenario) -> Result<[Told; BENCH]> {
-        let config = bearing.closed_loop().map_err(simulate::Refused::from)?.estimator;
-        let mut bench = [Told::default(); BENCH];
-        for (at, std) in identify::of_estimator(&config.tolerance, config.m_kg, config.gap_m) {
+    fn bench(&self, bearing: &Scenario) -> Result<Vec<Told>> {
+        let refused = simulate::refused(bearing);
+        if !refused.is_empty() {
+            return Err(simulate::Refused(refused).into());
+        }
+        let stated = Stated::of(bearing.machine, bearing.estimator());
+        let parameters = stated.parameters();
+        let mut bench = vec![Told::default(); parameters.len()];
+        for (at, std) in identify::of_estimator(&stated, bearing.estimator()) {
             bench[at].knowledge = Knowledge::Tolerance(std);
         }
         for (name, value) in bearing.tolerance.iter().chain(&self.tolerances) {
-            for (at, std) in identify::tolerance(name, value, config.m_kg, config.gap_m).map_err(Refused)? {
+            for (at, std) in identify::tolerance(name, value, &stated).map_err(Refused)? {
                 bench[at].knowledge = Knowledge::Tolerance(std);
             }
         }
         for name in self.estimates.iter().filter(|name| *name != SLOW_FORCE) {
-            for at in identify::named(name).map_err(Refused)? {
+            for at in identify::named(&parameters, name).map_err(Refused)? {
                 bench[at].knowledge = Knowledge::Free;
             }
         }
@@ -283,10 +263,6 @@ impl Arguments {
                 Some(apart) => Samples::read_apart_from(open(path)?, open(apart)?, &reading),
             };
             let samples = samples.map_err(|unusable| self.refused(path, unusable.0))?;
-            if *samples.machine != PLANAR && samples.rotation == Rotation::Unknown {
-                let wanted = "neither angle nor speed was recorded: --speed RPM is wanted, 0 at rest";
-                return Err(self.refused(path, vec![wanted.into()]));
-            }
             match samples.implausible(&gap_m) {
                 findings if findings.is_empty() => Ok(samples),
                 findings => Err(self.refused(path, findings.iter().map(ToString::to_string).collect())),
@@ -379,10 +355,6 @@ impl Results {
             print::paragraph(&answer.verdict);
             answer.findings.iter().for_each(|finding| print::paragraph(finding));
         }
-        if self.tracks[0].is_answer() {
-            print::paragraph(&self.tracks[0].told());
-            print::paragraph(&self.tracks[0].verdict_at_end());
-        }
         let mut tables: Vec<_> = self.holds.iter().cloned().collect();
         match &self.answer {
             Some(answer) => {
@@ -391,13 +363,13 @@ impl Results {
                     tables.extend(self.tracks[0].progress());
                 }
             }
-            None => tables.extend(identify::tables(&self.tracks)),
+            None => tables.push(identify::table(&self.tracks)),
         }
         for table in tables {
             say!();
             print::table(&table);
         }
-        if self.answer.is_none() && !self.tracks[0].is_answer() {
+        if self.answer.is_none() {
             say!();
             for track in &self.tracks {
                 say!("{}: {}", track.name(), track.verdict());

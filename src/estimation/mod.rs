@@ -30,7 +30,9 @@ pub use self::config::{
     MAX_INTERVALS, MIN_INTERVALS, Method, Tolerance, Verdict,
 };
 use self::config::{check_common, stiffness_std};
-use self::innovations::{Machine, Sample, WhiteningFilter};
+pub use self::innovations::Machine;
+use self::innovations::{Sample, WhiteningFilter};
+pub use self::noise::START_CURRENT_NOISE_A;
 pub use self::prediction_error::STD_LIMIT;
 use self::prediction_error::{PredictionError, PredictionErrorState};
 pub use self::readings::STUCK_SAMPLES;

@@ -17,7 +17,7 @@ const DIFFERENCES: usize = START_SAMPLES - 6;
 
 /// Standard deviation of the noise of a current that the search starts from, A: the geometric mean of 5 and 50 mA, usual for current sensors. From
 /// below, where currents say little of their noise, the search is slow, and the deviation stated meanwhile too small.
-const START_CURRENT_NOISE_A: f64 = 1.5e-2;
+pub const START_CURRENT_NOISE_A: f64 = 1.5e-2;
 
 /// Least and greatest standard deviation of a position, m: what is below is rounding, what is above hides a clearance.
 const POSITION_NOISE_M: [f64; 2] = [1.0e-9, 3.0e-5];

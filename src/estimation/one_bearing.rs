@@ -15,6 +15,20 @@ use crate::invalid::{Checks, Invalid};
 /// A force constant that is held at its first guess has this standard deviation, relative.
 const HELD: f64 = 1.0e-3;
 
+impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
+    /// A rotor of this mass in kg in a bearing with this gap in m and magnets at these angles in rad.
+    pub fn of_bearing(m_kg: f64, gap_m: f64, alpha_rad: [f64; K]) -> Self {
+        let geometry = Geometry::<f64, N, K>::new(gap_m, alpha_rad);
+        let axes = std::array::from_fn::<[f64; N], N, _>(|a| std::array::from_fn(|n| f64::from(u8::from(a == n))));
+        // Magnets, in the plane unbalance and backward force, load.
+        let turning = if N == 2 { 2 } else { 0 };
+        let others = (0..=turning).flat_map(|_| axes);
+        let forces = geometry.directions.into_iter().chain(others).collect::<Vec<[f64; N]>>();
+        let accelerations = SMatrix::from_fn(|force, n| forces[force][n] / m_kg);
+        Self { geometry, accelerations, backward: K + turning, gyroscopic: None }
+    }
+}
+
 impl<const N: usize, const K: usize> EstimatorConfigOf<N, K> {
     /// Parameters that all estimators have.
     fn shared(&self) -> Common<'_, K> {
@@ -34,14 +48,7 @@ impl<const N: usize, const K: usize> EstimatorConfigOf<N, K> {
     fn estimator<const U: usize, const T: usize, const R: usize>(&self) -> PredictionError<N, K, U, T> {
         let machine = |change: [f64; R]| {
             let alpha_rad = std::array::from_fn(|k| self.alpha_rad[k] + change.get(1 + k).copied().unwrap_or_default());
-            let geometry = Geometry::<f64, N, K>::new(self.gap_m + change[0], alpha_rad);
-            let axes = std::array::from_fn::<[f64; N], N, _>(|a| std::array::from_fn(|n| f64::from(u8::from(a == n))));
-            // Magnets, in the plane unbalance and backward force, load.
-            let turning = if N == 2 { 2 } else { 0 };
-            let others = (0..=turning).flat_map(|_| axes);
-            let forces = geometry.directions.into_iter().chain(others).collect::<Vec<[f64; N]>>();
-            let accelerations = SMatrix::from_fn(|force, n| forces[force][n] / self.m_kg);
-            Machine { geometry, accelerations, backward: K + turning, gyroscopic: None }
+            Machine::of_bearing(self.m_kg, self.gap_m + change[0], alpha_rad)
         };
         let std = std::array::from_fn(|r| if r == 0 { self.tolerance.gap_m } else { self.tolerance.alpha_rad });
         let mut method = prediction_error(machine, std, self.lambda0_nm2_a2, &self.shared());

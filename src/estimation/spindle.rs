@@ -263,7 +263,7 @@ impl<const M: usize, const A: usize> SpindleEstimatorConfigOf<M, A> {
         &self,
     ) -> Result<Parts<K, U, T>, Vec<Invalid>> {
         const { assert!(R == BESIDE_ANGLES + K, "an angle for each magnet") };
-        if radial_machine::<M, A, K, U>(&self.geometry, self.unbalance_position_m).is_none() {
+        if Machine::<4, K, U>::of_shaft::<M, A>(&self.geometry, self.unbalance_position_m).is_none() {
             return Err(vec![Invalid {
                 name: "B.sensorPosition".into(),
                 value: format!("{} m", self.geometry.b.sensor_position_m),
@@ -292,15 +292,12 @@ impl<const M: usize, const A: usize> SpindleEstimatorConfigOf<M, A> {
                 planes_m[at] += beside[6 + at];
             }
             // The check above and that of the tolerances hold for what is a tolerance away.
-            radial_machine::<M, A, K, U>(&geometry, planes_m)
+            Machine::of_shaft::<M, A>(&geometry, planes_m)
                 .unwrap_or_else(|| unreachable!("sensors at different places"))
         };
         // The axial motion knows no unbalance.
-        let axial = |[gap_m]: [f64; 1]| Machine {
-            geometry: Geometry::new(self.geometry.axial_gap_m + gap_m, [0.0; 2]),
-            accelerations: SMatrix::from([[1.0, -1.0, 1.0]]) / self.geometry.shaft.m_kg,
-            backward: 2,
-            gyroscopic: None,
+        let axial = |[gap_m]: [f64; 1]| {
+            Machine::of_bearing(self.geometry.shaft.m_kg, self.geometry.axial_gap_m + gap_m, [0.0; 2])
         };
         let (common, lambda0) = (self.shared(), self.lambda0_nm2_a2);
         Ok(Parts {
@@ -310,40 +307,42 @@ impl<const M: usize, const A: usize> SpindleEstimatorConfigOf<M, A> {
     }
 }
 
-/// The radial machine of a spindle with planes of unbalance; `None` if the readings do not tell a tilt.
-fn radial_machine<const M: usize, const A: usize, const K: usize, const U: usize>(
-    spindle: &SpindleGeometryOf<f64, M>,
-    planes_m: [f64; PLANES],
-) -> Option<Machine<4, K, U>> {
-    let across = |[_, y, z, beta, gamma]: [f64; COORDINATES]| SVector::from([y, z, beta, gamma]);
-    let [a_y, a_z, b_y, b_z, _] = spindle.sensors().map(across);
-    let h = Square::<4>::from_columns(&[a_y, a_z, b_y, b_z]).transpose();
-    let back = h.try_inverse()?;
-    let inertia = across(spindle.shaft.inertia());
-    let acceleration = |force: SVector<f64, 4>| -> SVector<f64, 4> { h * force.component_div(&inertia) };
-    let geometry = spindle.geometry::<A>();
-    let directions: [SVector<f64, 4>; K] = std::array::from_fn(|k| across(geometry.directions[k]));
-    let axes_at = |at_m: f64| [[1.0, 0.0], [0.0, 1.0]].map(|axis| across(generalised(at_m, axis)));
-    let bearings_m = spindle.radial().map(|bearing| bearing.position_m);
-    let turning = planes_m.into_iter().chain(bearings_m).flat_map(axes_at);
-    let loads = Square::<4>::identity();
-    let forces = directions.into_iter().chain(turning).chain(loads.column_iter().map(|x| x.into_owned()));
-    let mut accelerations = SMatrix::<f64, U, 4>::zeros();
-    for (j, force) in forces.enumerate() {
-        accelerations.set_row(j, &acceleration(force).transpose());
+impl<const K: usize, const U: usize> Machine<4, K, U> {
+    /// The radial machine of a spindle with planes of unbalance; `None` if the readings do not tell a tilt.
+    pub fn of_shaft<const M: usize, const A: usize>(
+        spindle: &SpindleGeometryOf<f64, M>,
+        planes_m: [f64; PLANES],
+    ) -> Option<Self> {
+        let across = |[_, y, z, beta, gamma]: [f64; COORDINATES]| SVector::from([y, z, beta, gamma]);
+        let [a_y, a_z, b_y, b_z, _] = spindle.sensors().map(across);
+        let h = Square::<4>::from_columns(&[a_y, a_z, b_y, b_z]).transpose();
+        let back = h.try_inverse()?;
+        let inertia = across(spindle.shaft.inertia());
+        let acceleration = |force: SVector<f64, 4>| -> SVector<f64, 4> { h * force.component_div(&inertia) };
+        let geometry = spindle.geometry::<A>();
+        let directions: [SVector<f64, 4>; K] = std::array::from_fn(|k| across(geometry.directions[k]));
+        let axes_at = |at_m: f64| [[1.0, 0.0], [0.0, 1.0]].map(|axis| across(generalised(at_m, axis)));
+        let bearings_m = spindle.radial().map(|bearing| bearing.position_m);
+        let turning = planes_m.into_iter().chain(bearings_m).flat_map(axes_at);
+        let loads = Square::<4>::identity();
+        let forces = directions.into_iter().chain(turning).chain(loads.column_iter().map(|x| x.into_owned()));
+        let mut accelerations = SMatrix::<f64, U, 4>::zeros();
+        for (j, force) in forces.enumerate() {
+            accelerations.set_row(j, &acceleration(force).transpose());
+        }
+        let columns: [SVector<f64, 4>; 4] = std::array::from_fn(|c| {
+            let rates = back.column(c);
+            let rates = [0.0, rates[0], rates[1], rates[2], rates[3]];
+            acceleration(across(spindle.shaft.gyroscopic(1.0, rates)))
+        });
+        Some(Machine {
+            geometry: Geometry {
+                gap_m: std::array::from_fn(|k| geometry.gap_m[k]),
+                directions: directions.map(|d| back.tr_mul(&d).into()),
+            },
+            accelerations,
+            backward: K + 2 * PLANES,
+            gyroscopic: Some(Square::from_columns(&columns)),
+        })
     }
-    let columns: [SVector<f64, 4>; 4] = std::array::from_fn(|c| {
-        let rates = back.column(c);
-        let rates = [0.0, rates[0], rates[1], rates[2], rates[3]];
-        acceleration(across(spindle.shaft.gyroscopic(1.0, rates)))
-    });
-    Some(Machine {
-        geometry: Geometry {
-            gap_m: std::array::from_fn(|k| geometry.gap_m[k]),
-            directions: directions.map(|d| back.tr_mul(&d).into()),
-        },
-        accelerations,
-        backward: K + 2 * PLANES,
-        gyroscopic: Some(Square::from_columns(&columns)),
-    })
 }

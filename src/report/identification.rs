@@ -1,15 +1,17 @@
 //! The report page of an identification: the maximum likelihood answer first, the on-line estimate beside it.
 
+use std::ops::Range;
+
 use maud::{Markup, html};
 
 use crate::estimation::{Method, Verdict};
-use crate::machine::Bearing;
+use crate::machine::{Bearing, Machine, Reading};
 use crate::report::figures::{Figure, time_unit};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
 use crate::report::{Report, cards, page_with};
 use crate::simulation::recording::Recording;
-use crate::studies::identify::likelihood::{Change, Estimate, Identification, PARAMETERS};
-use crate::studies::identify::{Answer, Samples, Track, tables};
+use crate::studies::identify::likelihood::{BudgetLine, Change, Estimate, Identification};
+use crate::studies::identify::{Answer, Samples, Track, table};
 use crate::table::Table;
 
 /// Revolutions over which positions are drawn beside their predictions, and the same in s where the rotor hardly turns.
@@ -17,6 +19,8 @@ const REVOLUTIONS: f64 = 2.0;
 const WITHOUT_TURNING_S: f64 = 0.05;
 /// Names of the magnets in legends.
 const NAMES: [&str; 4] = ["λ₁", "λ₂", "λ₃", "λ₄"];
+/// Colours of the readings of positions.
+const AXES: [&str; 5] = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::MAGNETS[3], colour::INK];
 
 /// The report page of an identification made by that command. The figures of signals are of the first recording.
 #[must_use]
@@ -36,7 +40,7 @@ pub fn page(
         figures.push(run.constants(found, tracks.first()));
         figures.push(run.positions(found));
         figures.push(run.residuals(found));
-        figures.push(budget(found));
+        figures.push(budget(found, samples.machine));
     }
     figures.push(run.currents());
     if answer.is_none() {
@@ -48,7 +52,7 @@ pub fn page(
             shown.extend(answer.tables());
             shown.extend(tracks.first().into_iter().flat_map(Track::progress));
         }
-        None => shown.extend(tables(tracks)),
+        None => shown.push(table(tracks)),
     }
     let whole = Recording { time_s: run.time_s.clone(), columns: Vec::new() };
     let report = Report { command: command.into(), tables: shown, ..Report::new(title, &whole) };
@@ -57,54 +61,54 @@ pub fn page(
 
 /// Verdict, estimates, and the data and parameters behind them.
 fn first(answer: Option<&Answer>, recordings: &[Samples], tracks: &[Track]) -> Markup {
-    let track = tracks.first().filter(|track| track.is_answer());
-    let of_answer = answer.map(|answer| (answer.valid, answer.verdict.clone()));
-    let judged = of_answer.or_else(|| track.map(|track| (track.is_valid_at_end(), track.verdict_at_end())));
-    let class = match judged {
-        Some((true, _)) => "verdict good",
-        Some((false, _)) => "verdict bad",
+    let class = match answer {
+        Some(answer) if answer.valid => "verdict good",
+        Some(_) => "verdict bad",
         None => "verdict",
     };
-    let verdict = judged.map(|(_, verdict)| verdict).or_else(|| tracks.last().map(Track::verdict));
+    let verdict = answer.map(|answer| answer.verdict.clone()).or_else(|| tracks.last().map(Track::verdict));
     html! {
         @if let Some(verdict) = &verdict { p class=(class) { (verdict) } }
         @if let Some(answer) = answer {
             @if let Some(found) = &answer.found {
-                (cards([0, 1, 2].map(|k| found.lambda[k].value), [0, 1, 2].map(|k| found.lambda[k].total_std), None))
+                (cards(recordings[0].machine, &found.lambda.iter().map(|of| [of.value, of.total_std]).collect::<Vec<_>>(), None))
                 p.soft {
                     "Maximum likelihood over the whole recording, in 10⁻⁶ N·m²/A²; ± is two standard deviations, stated tolerances included."
                     @if let Some(typical) = answer.typical() {
                         " With a typical bench where no tolerance is stated: ± "
-                        (typical.map(|std| format!("{:.1}", 200.0 * std)).join(", ")) " %."
+                        (typical.iter().map(|std| format!("{:.1}", 200.0 * std)).collect::<Vec<_>>().join(", ")) " %."
                     }
                 }
             }
             p { (answer.told()) }
             ul { @for finding in &answer.findings { li { (finding) } } }
-        } @else if let Some(track) = track {
-            p { (track.told()) }
         }
         ul { @for samples in recordings { @for note in &samples.notes { li { (note) } } } }
     }
 }
 
-/// Bars for the contribution of each parameter of the bench.
-fn budget(found: &Identification) -> Figure {
-    let lines: Vec<_> =
-        found.budget.iter().filter(|line| line.told || PARAMETERS[line.parameter].in_typical_bench).collect();
-    let names: Vec<String> = lines
-        .iter()
-        .map(|line| format!("{}{}", PARAMETERS[line.parameter].name, if line.told { " (stated)" } else { "" }))
-        .collect();
-    let mut plot = Plot::new(("part of the standard deviation of λ", PlotUnit::PERCENT), ("", PlotUnit::ONE));
-    for (k, name) in NAMES.into_iter().enumerate().take(3) {
-        let parts: Vec<f64> = lines.iter().map(|line| line.contribution[k]).collect();
-        plot.bars(name, colour::MAGNETS[k], &names, &parts, true);
-    }
-    let plot = plot.height(90.0 + 38.0 * names.len() as f64);
+/// Bars for the contribution of each parameter of the bench, bearing by bearing.
+fn budget(found: &Identification, machine: &Machine) -> Figure {
+    let parameter = |line: &BudgetLine| &found.bench[line.parameter].parameter;
+    let of_bearing = |(bearing, magnets): (&Bearing, Range<usize>)| {
+        let is_shown = |line: &&BudgetLine| {
+            let is_usual = line.told || parameter(line).in_typical_bench;
+            is_usual && (line.contributes(&magnets) || bearing.prefix.is_empty())
+        };
+        let lines: Vec<_> = found.budget.iter().filter(is_shown).collect();
+        let stated = |line: &BudgetLine| if line.told { " (stated)" } else { "" };
+        let names: Vec<String> = lines.iter().map(|line| format!("{}{}", parameter(line).name, stated(line))).collect();
+        let mut plot = Plot::new(("part of the standard deviation of λ", PlotUnit::PERCENT), ("", PlotUnit::ONE));
+        for (number, k) in magnets.clone().enumerate() {
+            let parts: Vec<f64> = lines.iter().map(|line| line.contribution[k]).collect();
+            plot.bars(NAMES[number], colour::MAGNETS[number], &names, &parts, true);
+        }
+        (bearing.name().to_owned(), plot.height(90.0 + 38.0 * names.len() as f64))
+    };
     let caption = "What each parameter of the bench contributes to the standard deviation of λ: with its tolerance if one is stated, \
                    otherwise with that of a typical bench, which is not in the ± above.";
-    Figure::new("budget", "Budget", vec![(String::new(), plot)], caption.into())
+    let plots = machine.magnets_of_bearings().into_iter().map(of_bearing).collect();
+    Figure::new("budget", "Budget", plots, caption.into())
 }
 
 /// The first recording as it is drawn.
@@ -133,36 +137,44 @@ impl<'s> Drawn<'s> {
 
     /// λ over the recording: the answer with its parts, and the on-line estimate beside it.
     fn constants(&self, found: &Identification, track: Option<&Track>) -> Figure {
-        let mut whole = self.over_time("λ", PlotUnit::LAMBDA).height(380.0);
-        for (k, name) in NAMES.into_iter().enumerate().take(3) {
-            let (mut x, mut low, mut middle, mut high) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-            for (from, to, estimate) in self.parts(found, k) {
-                let (value, two) = (estimate.value, 2.0 * estimate.total_std.max(estimate.noise_std));
-                // A gap at the end of each part.
-                for (at, shown) in [(from, 1.0), (to, 1.0), (to, f64::NAN)] {
-                    x.push(at);
-                    low.push(shown * (value - two));
-                    middle.push(shown * value);
-                    high.push(shown * (value + two));
+        let mut on_line = track.map(|track| self.bands(track)).unwrap_or_default();
+        on_line.retain(|(_, plot)| !plot.is_empty());
+        let is_known = !on_line.is_empty();
+        let mut plots = Vec::new();
+        for (bearing, magnets) in self.samples.machine.magnets_of_bearings() {
+            let bearing = bearing.name();
+            let mut whole = self.over_time("λ", PlotUnit::LAMBDA).height(380.0);
+            for (number, k) in magnets.clone().enumerate() {
+                let (mut x, mut low, mut middle, mut high) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+                for (from, to, estimate) in self.parts(found, k) {
+                    let (value, two) = (estimate.value, 2.0 * estimate.total_std.max(estimate.noise_std));
+                    // A gap at the end of each part.
+                    for (at, shown) in [(from, 1.0), (to, 1.0), (to, f64::NAN)] {
+                        x.push(at);
+                        low.push(shown * (value - two));
+                        middle.push(shown * value);
+                        high.push(shown * (value + two));
+                    }
                 }
+                let name = NAMES[number];
+                whole.band(name, colour::BANDS[number], &x, &low, &high);
+                whole.line(Line::new(name, colour::MAGNETS[number]).group(name).width(2.0), &x, &middle);
             }
-            whole.band(name, colour::BANDS[k], &x, &low, &high);
-            whole.line(Line::new(name, colour::MAGNETS[k]).group(name).width(2.0), &x, &middle);
-        }
-        for part in found.contradictions.iter().filter(|part| part.recording == 0) {
-            whole.shade(self.instant(part.rows.start), self.instant(part.rows.end));
-        }
-        let on_line = track.and_then(|track| self.bands(track).pop()).map(|(_, plot)| plot);
-        let on_line = on_line.filter(|plot| !plot.is_empty());
-        let is_known = on_line.is_some();
-        let mut plots = vec![("Maximum likelihood".to_owned(), whole)];
-        if let Some(mut on_line) = on_line {
-            for (k, name) in NAMES.into_iter().enumerate().take(3) {
-                let line =
-                    Line::new("maximum likelihood", colour::MAGNETS[k]).group(name).dashed().width(1.0).unlisted();
-                on_line.line(line, &[self.instant(0), self.instant(self.time_s.len())], &[found.lambda[k].value; 2]);
+            for part in found.contradictions.iter().filter(|part| part.recording == 0) {
+                whole.shade(self.instant(part.rows.start), self.instant(part.rows.end));
             }
-            plots.push(("On-line estimator".into(), on_line));
+            let of = |what: &str| if bearing.is_empty() { what.to_owned() } else { format!("{bearing}: {what}") };
+            plots.push((of("Maximum likelihood"), whole));
+            let mut own = on_line.iter_mut().filter(|(of, _)| bearing.is_empty() || of == bearing);
+            if let Some((_, on_line)) = own.next() {
+                for (number, k) in magnets.enumerate() {
+                    let line = Line::new("maximum likelihood", colour::MAGNETS[number]);
+                    let line = line.group(NAMES[number]).dashed().width(1.0).unlisted();
+                    let all = [self.instant(0), self.instant(self.time_s.len())];
+                    on_line.line(line, &all, &[found.lambda[k].value; 2]);
+                }
+                plots.push((of("On-line estimator"), on_line.clone()));
+            }
         }
         let mut caption = String::from(
             "The answer from all samples, with a band of two standard deviations; parts in which λ or the load is another are shaded. ",
@@ -182,7 +194,10 @@ impl<'s> Drawn<'s> {
             .iter()
             .filter(|part| part.recording == 0)
             .filter_map(|part| match &part.what {
-                Change::Lambda { lambda, .. } => Some((part.rows.clone(), lambda[k])),
+                Change::Lambda { lambda, .. } => {
+                    let first = if part.part == 0 { 0 } else { found.lambda.len() - lambda.len() };
+                    Some((part.rows.clone(), *lambda.get(k.checked_sub(first)?)?))
+                }
                 _ => None,
             })
             .collect();
@@ -206,17 +221,17 @@ impl<'s> Drawn<'s> {
     /// Measured positions beside predicted ones over the last revolutions.
     fn positions(&self, found: &Identification) -> Figure {
         let errors = &found.prediction_errors_m[0];
-        let end = errors.iter().rposition(|error| error[0].is_finite()).map_or(0, |last| last + 1);
+        let end = errors[0].iter().rposition(|error| error.is_finite()).map_or(0, |last| last + 1);
         let speed = self.samples.omega_rad_s.get(end.saturating_sub(1)).copied().unwrap_or(0.0).abs();
         let turns_s = REVOLUTIONS * std::f64::consts::TAU / speed;
         let length_s = if turns_s.is_finite() && turns_s < 1.0 { turns_s } else { WITHOUT_TURNING_S };
         let rows = end.saturating_sub((length_s / self.samples.step_s) as usize)..end;
-        let plots = ["y", "z"].iter().enumerate().map(|(axis, name)| {
+        let plots = self.samples.machine.readings.iter().enumerate().map(|(axis, Reading { axis: name, .. })| {
             let mut plot = Plot::new(("time", self.unit), (name, PlotUnit::MICROMETRE));
             let time_s = &self.time_s[rows.clone()];
             let measured = &self.samples.position_m[axis][rows.clone()];
             let predicted: Vec<f64> =
-                measured.iter().zip(&errors[rows.clone()]).map(|(measured, error)| measured - error[axis]).collect();
+                measured.iter().zip(&errors[axis][rows.clone()]).map(|(measured, error)| measured - error).collect();
             plot.line(Line::new("measured", colour::MAGNETS[0]).width(3.0), time_s, measured);
             plot.line(Line::new("predicted", colour::INK).dashed().width(1.2), time_s, &predicted);
             ((*name).to_owned(), plot)
@@ -231,11 +246,9 @@ impl<'s> Drawn<'s> {
         let mut over_time = self.over_time("residual", PlotUnit::MICROMETRE);
         let mut harmonics = Plot::new(("", PlotUnit::ONE), ("amplitude / noise", PlotUnit::ONE));
         let names: Vec<String> = (1..=4).map(|harmonic| format!("{harmonic}×")).collect();
-        for (axis, name) in ["y", "z"].into_iter().enumerate() {
-            let of_axis: Vec<f64> = errors.iter().map(|error| error[axis]).collect();
-            over_time.line(Line::new(name, colour::MAGNETS[axis]).width(1.0), &self.time_s, &of_axis);
-            let amplitudes: Vec<f64> = found.residuals[0].amplitudes.iter().map(|of| of[axis]).collect();
-            harmonics.bars(name, colour::MAGNETS[axis], &names, &amplitudes, false);
+        for (axis, Reading { axis: name, .. }) in self.samples.machine.readings.iter().enumerate() {
+            over_time.line(Line::new(name, AXES[axis]).width(1.0), &self.time_s, &errors[axis]);
+            harmonics.bars(name, AXES[axis], &names, &found.residuals[0].amplitudes[axis], false);
         }
         let caption = "Measured minus predicted positions: noise if the model describes the motion. Bars: the amplitudes of their components at \
                        multiples of the rotor's speed, relative to the noise of one sample; those well above zero are run-out or forces that the \
@@ -251,7 +264,7 @@ impl<'s> Drawn<'s> {
             for (k, current) in currents.by_ref().take(bearing.magnets).enumerate() {
                 plot.line(Line::new(["i₁", "i₂", "i₃", "i₄"][k], colour::MAGNETS[k]), &self.time_s, current);
             }
-            (bearing.prefix.trim_end_matches('.').to_owned(), plot)
+            (bearing.name().to_owned(), plot)
         };
         let plots = self.samples.machine.bearings.iter().map(of_bearing).collect();
         Figure::new("currents", "Currents", plots, format!("As recorded.{}", self.of))
@@ -313,7 +326,7 @@ impl<'s> Drawn<'s> {
                 let line = Line::new(["λ̂₁", "λ̂₂", "λ̂₃", "λ̂₄"][k], colour::MAGNETS[k]).group(NAMES[k]).width(2.0);
                 plot.line(line, time_s, &edge(0.0));
             }
-            let title = if bearing.prefix.is_empty() { track.name() } else { bearing.prefix.trim_end_matches('.') };
+            let title = if bearing.prefix.is_empty() { track.name() } else { bearing.name() };
             (title.to_owned(), plot)
         };
         track.machine.bearings.iter().map(of_bearing).collect()

@@ -2,6 +2,7 @@
 
 use maud::{Markup, html};
 
+use crate::machine::{Machine, PLANAR};
 use crate::simulation::recording::Recording;
 use crate::table::Table;
 
@@ -266,7 +267,7 @@ fn answer_of(answer: &Answer, truth: Option<[f64; 3]>) -> Markup {
         p class=(if answer.valid { "verdict good" } else { "verdict bad" }) {
             strong { (if answer.valid { "Valid" } else { "Not valid" }) } " " (answer.verdict)
         }
-        (cards(answer.lambda, answer.std, truth))
+        (cards(&PLANAR, &[0, 1, 2].map(|k| [answer.lambda[k], answer.std[k]]), truth))
         p.soft {
             "In 10⁻⁶ N·m²/A², at the end of the run, by the method " code { (answer.method) } "; ± is two standard deviations as stated by the \
              estimator. It becomes valid when its tests pass and one standard deviation is below " (format!("{:.0}", 100.0 * answer.limit))
@@ -275,20 +276,21 @@ fn answer_of(answer: &Answer, truth: Option<[f64; 3]>) -> Markup {
     }
 }
 
-/// Three λ̂ with twice their standard deviations, in 10⁻⁶ N·m²/A², beside the true values if known.
-pub(super) fn cards(lambda: [f64; 3], std: [f64; 3], truth: Option<[f64; 3]>) -> Markup {
+/// λ̂ of all magnets with twice their standard deviations, in 10⁻⁶ N·m²/A², beside the true values if known.
+pub(super) fn cards(machine: &Machine, estimates: &[[f64; 2]], truth: Option<[f64; 3]>) -> Markup {
     // Two significant digits of the deviation, and as many decimals of the estimate.
     let places = |std: f64| (2.0 - (2e6 * std).log10().floor() - 1.0).clamp(3.0, 7.0) as usize;
     let number = |value: f64, std: f64| format!("{:.*}", places(std), value * 1e6);
     html! {
         div.cards {
-            @for k in 0..3 {
-                div.card style={ "border-color:var(--magnet" (k + 1) ")" } {
-                    span.name { "λ̂" sub { (k + 1) } }
-                    span.value { (number(lambda[k], std[k])) " ± " (number(2.0 * std[k], std[k])) }
+            @for (k, &[lambda, std]) in estimates.iter().enumerate() {
+                @let (bearing, magnet) = machine.magnet(k).unwrap_or_default();
+                div.card style={ "border-color:var(" (plot::colour::MAGNETS[(magnet - 1) % 4]) ")" } {
+                    span.name { (machine.bearings[bearing].prefix) "λ̂" sub { (magnet) } }
+                    span.value { (number(lambda, std)) " ± " (number(2.0 * std, std)) }
                     @if let Some(truth) = truth {
                         span.truth {
-                            "truth " (number(truth[k], std[k])) ", error " (percent(lambda[k] / truth[k] - 1.0))
+                            "truth " (number(truth[k], std)) ", error " (percent(lambda / truth[k] - 1.0))
                         }
                     }
                 }

@@ -5,11 +5,13 @@ use std::path::Path;
 use crate::bench::Bench;
 use fmu_export::variable::Value;
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
+use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::report::identification;
 use magnetic_bearing::simulation::recording::Recording;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate;
-use magnetic_bearing::studies::identify::{self, Holds, Question, Reading, Samples, Track, likelihood};
+use magnetic_bearing::studies::identify::likelihood::Body;
+use magnetic_bearing::studies::identify::{self, Holds, Question, Reading, Samples, Stated, Track, likelihood};
 use magnetic_bearing::studies::montecarlo;
 
 const TRUTH: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
@@ -36,6 +38,10 @@ fn csv(recording: &Recording) -> String {
 fn config(samples: &Samples) -> EstimatorConfig {
     let window_s = identify::one_revolution(samples);
     EstimatorConfig { step_s: samples.step_s, window_s, epsilon_s: window_s, ..EstimatorConfig::default() }
+}
+
+fn stated(config: &EstimatorConfig) -> Stated {
+    Stated::of(&PLANAR, &identify::estimator(config))
 }
 
 fn track(samples: &Samples, config: &EstimatorConfig) -> Track {
@@ -85,13 +91,14 @@ fn the_hold_is_found() {
     let (_, recording) = run(montecarlo::NOISE, 0.1);
     let text = csv(&recording);
     let measured = Samples::read(&text, &Reading::default()).expect("a good recording");
-    let bench = [likelihood::Told::default(); likelihood::BENCH];
-    let Holds(residuals) = Holds::of(&measured, &config(&measured), &bench);
+    let stated = stated(&config(&measured));
+    let bench = vec![likelihood::Told::default(); stated.parameters().len()];
+    let Holds(residuals) = Holds::of(&measured, &stated, &bench);
     println!("{residuals:?}");
     assert!(residuals[0] < residuals[1] && residuals[0] < residuals[2], "held before: {residuals:?}");
     let columns = [1, 2, 3].map(|k| (format!("im[{k}]"), format!("controller.i[{k}]"))).to_vec();
     let issued = Samples::read(&text, &Reading { columns, ..Reading::default() }).expect("a good recording");
-    let holds @ Holds(residuals) = Holds::of(&issued, &config(&issued), &bench);
+    let holds @ Holds(residuals) = Holds::of(&issued, &stated, &bench);
     assert!(residuals[1] < residuals[0] && residuals[1] < residuals[2], "held after: {residuals:?}");
     // Commands that are stated to be measured are no answer, whatever else fits.
     let stated = Question { holds: Some(holds), ..question(&issued, &[]) };
@@ -214,14 +221,14 @@ fn results_can_be_read_back() {
 }
 
 fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
-    let config = config(samples);
-    let mut bench = [likelihood::Told::default(); likelihood::BENCH];
+    let stated = stated(&config(samples));
+    let mut bench = vec![likelihood::Told::default(); stated.parameters().len()];
     for (name, value) in tolerances {
-        for (at, std) in identify::tolerance(name, value, config.m_kg, config.gap_m).expect("a good tolerance") {
+        for (at, std) in identify::tolerance(name, value, &stated).expect("a good tolerance") {
             bench[at].knowledge = likelihood::Knowledge::Tolerance(std);
         }
     }
-    Question { config, bench, holds: None, slow_force: None }
+    Question { stated, bench, holds: None, slow_force: None }
 }
 
 fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {
@@ -237,13 +244,12 @@ fn samples_of(recording: &Recording) -> Samples {
 fn one_level_of_noise_may_be_stated() {
     let samples = samples_of(&run([2e-6, 3e-2], 0.8).1);
     for stated in [[2e-6, 0.0], [0.0, 3e-2]] {
-        let [position_noise_m, current_noise_a] = stated;
-        let question = question(&samples, &[]);
-        let config = EstimatorConfig { position_noise_m, current_noise_a, ..question.config.clone() };
-        let answer = identify::answer(std::slice::from_ref(&samples), Question { config, ..question });
+        let mut question = question(&samples, &[]);
+        question.stated.noise = stated;
+        let answer = identify::answer(std::slice::from_ref(&samples), question);
         let answer = answer.expect("a good question");
         assert!(answer.valid, "{stated:?}: {}", answer.verdict);
-        let ratio = answer.found.expect("estimates").conditions[0].position_noise_m / 2e-6;
+        let ratio = answer.found.expect("estimates").conditions[0].parts[0].position_noise_m / 2e-6;
         assert!((ratio - 1.0).abs() < 0.1, "{stated:?}: {ratio} times the noise");
     }
 }
@@ -270,7 +276,7 @@ fn the_answer_is_that_of_the_whole_recording() {
         }
         // Prediction errors are noise: of the sample, and of what the samples before leave unknown.
         let errors = &found.prediction_errors_m[0];
-        let square = errors.iter().flatten().map(|error| error * error).sum::<f64>() / (2.0 * errors.len() as f64);
+        let square = errors.iter().flatten().map(|error| error * error).sum::<f64>() / (2.0 * errors[0].len() as f64);
         assert!((1.0..2.0).contains(&(square.sqrt() / montecarlo::NOISE[0])), "{} m rms", square.sqrt());
         assert!(answer.told().contains("m = 6.7 kg, s = 0.5 mm"), "{}", answer.told());
     }
@@ -287,7 +293,7 @@ fn the_answer_is_that_of_the_whole_recording() {
 
 #[test]
 fn tolerances_have_units() {
-    let of = |name: &str, value: &str| identify::tolerance(name, value, 6.7, 5e-4);
+    let of = |name: &str, value: &str| identify::tolerance(name, value, &stated(&EstimatorConfig::default()));
     for (name, value, count, std) in [
         ("s", "2%", 1, 0.02),
         ("s", "10 µm", 1, 0.02),
@@ -333,8 +339,14 @@ const WRONG: &[Wrong] = &[
     ),
     // Each row has the command that is issued at it.
     (|samples, _| samples.current_a.iter_mut().for_each(|i| i.rotate_left(1)), "--hold heldAfter"),
-    (|_, question| question.config.hold = Hold::HeldAfter, "--hold heldBefore"),
-    (|_, question| question.config.gap_m = 6e-4, "--estimate s"),
+    (|_, question| question.stated.hold = Hold::HeldAfter, "--hold heldBefore"),
+    (
+        |_, question| {
+            question.stated.bodies =
+                vec![Body::Disc { m_kg: 6.7, gap_m: 6e-4, alpha_rad: EstimatorConfig::default().alpha_rad.to_vec() }]
+        },
+        "--estimate s",
+    ),
 ];
 
 #[test]
@@ -456,8 +468,7 @@ fn a_recording_of_another_machine_is_not_valid() {
         let mut scenario = montecarlo::cases::drawn(&base, seed, false);
         scenario.duration_s = 0.1;
         let samples = samples_of(&simulate::run(&scenario).expect("a good scenario").recording);
-        let mut question = question(&told, &[]);
-        question.config.step_s = samples.step_s;
+        let question = question(&told, &[]);
         let answer = identify::answer(&[samples], question).expect("a good question");
         println!("seed {seed}: {} {:?}", answer.verdict, answer.findings);
         assert!(!answer.valid && answer.verdict.starts_with("Not valid: "), "seed {seed}: {}", answer.verdict);
@@ -468,10 +479,11 @@ fn a_recording_of_another_machine_is_not_valid() {
 #[test]
 fn tolerances_of_the_estimator_are_those_of_the_bench() {
     use magnetic_bearing::estimation::Tolerance;
-    let told = Tolerance { gap_m: 1e-5, position_gain: 0.01, alpha_rad: 0.02, ..Tolerance::default() };
-    let found = identify::of_estimator(&told, 6.7, 5e-4);
+    let tolerance = Tolerance { gap_m: 1e-5, position_gain: 0.01, alpha_rad: 0.02, ..Tolerance::default() };
+    let config = EstimatorConfig { tolerance, ..EstimatorConfig::default() };
+    let found = identify::of_estimator(&stated(&config), &identify::estimator(&config));
     let of = |name: &str| {
-        let at = likelihood::by_name(name).expect("a parameter");
+        let at = likelihood::by_name(&stated(&config).parameters(), name).expect("a parameter");
         found.iter().find(|(of, _)| *of == at).map(|(_, std)| *std)
     };
     assert_eq!(found.len(), 6, "{found:?}");
@@ -614,7 +626,8 @@ fn quantised_positions_are_named() {
     let said = answer.findings.join(" ");
     assert!(said.contains("Ym is quantised in steps of 2 µm"), "{} {said}", answer.verdict);
     let found = answer.found.expect("estimates");
-    assert!(found.conditions[0].counting < found.conditions[0].rows / 2, "{:?}", found.conditions[0]);
+    let part = &found.conditions[0].parts[0];
+    assert!(part.counting < part.rows / 2, "{part:?}");
     for (lambda, truth) in found.lambda.iter().zip(TRUTH) {
         let ratio = (lambda.value - truth) / lambda.total_std;
         assert!(ratio.abs() < 4.0, "{lambda:?}: {ratio:.1} standard deviations");
@@ -663,7 +676,7 @@ fn an_answer_becomes_a_scenario() {
     let scenario = Scenario::parse("the answer", &text).unwrap_or_else(|why| panic!("{why}\n{text}"));
     let again = ask(&[samples_of(&simulate::run(&scenario).expect("a good scenario").recording)], &[]);
     assert!(again.valid, "{}", again.verdict);
-    let [before, after] = [&answer, &again].map(|answer| answer.found.as_ref().expect("estimates").lambda);
+    let [before, after] = [&answer, &again].map(|answer| answer.found.as_ref().expect("estimates").lambda.clone());
     for (before, after) in before.iter().zip(after) {
         let ratio = (after.value - before.value) / after.total_std;
         assert!(ratio.abs() < 4.0, "{before:?} became {after:?}");
@@ -737,12 +750,12 @@ fn a_slow_force_may_be_ruled_out() {
     let samples = Samples::read(&text, &Reading::default()).expect("a good recording");
     let level = |slow_force: Option<bool>| {
         let mut question = question(&samples, &[]);
-        let config = &mut question.config;
-        (config.m_kg, config.gap_m, config.alpha_rad) = (bench.m, bench.s, bench.alpha);
+        let stated = &mut question.stated;
+        stated.bodies = vec![Body::Disc { m_kg: bench.m, gap_m: bench.s, alpha_rad: bench.alpha.to_vec() }];
         let answer = identify::answer(std::slice::from_ref(&samples), Question { slow_force, ..question });
         let answer = answer.expect("a good question");
         let is_told = answer.findings.iter().any(|finding| finding.contains("A slow force"));
-        let level = answer.found.expect("estimates").conditions[0].slow_force_n;
+        let level = answer.found.expect("estimates").conditions[0].parts[0].slow_force_n;
         assert_eq!(is_told, level > 0.0, "{:?}", answer.findings);
         level
     };

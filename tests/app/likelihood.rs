@@ -7,11 +7,27 @@ use magnetic_bearing::studies::identify::likelihood::{self, *};
 use magnetic_bearing::studies::montecarlo::figures::Trial;
 use magnetic_bearing::studies::montecarlo::{in_parallel, offline};
 
-fn recording<'a>(recorded: &'a Recorded, bench: &Bench, told: bool) -> Recording<'a> {
+/// A recording by columns.
+struct Columns<'a> {
+    recorded: &'a Recorded,
+    position_m: Vec<Vec<f64>>,
+    current_a: Vec<Vec<f64>>,
+}
+
+fn columns(recorded: &Recorded) -> Columns<'_> {
+    Columns { recorded, position_m: by_column(&recorded.position), current_a: by_column(&recorded.current) }
+}
+
+fn by_column<const N: usize>(rows: &[[f64; N]]) -> Vec<Vec<f64>> {
+    (0..N).map(|n| rows.iter().map(|row| row[n]).collect()).collect()
+}
+
+fn recording<'a>(columns: &'a Columns<'_>, bench: &Bench, told: bool) -> Recording<'a> {
+    let recorded = columns.recorded;
     Recording {
         step_s: bench.step,
-        position_m: &recorded.position,
-        current_a: &recorded.current,
+        position_m: &columns.position_m,
+        current_a: &columns.current_a,
         theta_rad: &recorded.theta,
         omega_rad_s: &recorded.omega,
         usable: &[],
@@ -23,25 +39,34 @@ fn recording<'a>(recorded: &'a Recorded, bench: &Bench, told: bool) -> Recording
 }
 
 fn options(bench: &Bench) -> Options {
-    Options::new(bench.m, bench.s, bench.alpha)
+    Options::new(bench.m, bench.s, &bench.alpha)
+}
+
+fn told<'a>(options: &'a mut Options, name: &str) -> &'a mut Told {
+    let mut named = options.bench().filter(|(parameter, _)| parameter.name == name);
+    named.next().map(|(_, told)| told).unwrap_or_else(|| panic!("no parameter {name}"))
+}
+
+/// The parameters of a bench with three magnets.
+fn all() -> Vec<BenchParameter> {
+    options(&Bench::default()).parts[0].parameters.clone()
 }
 
 fn tell(options: &mut Options, tolerances: &[(&str, f64)]) {
     for (name, std) in tolerances {
-        let at = by_name(name).unwrap_or_else(|| panic!("no parameter {name}"));
-        options.bench[at].knowledge = Knowledge::Tolerance(*std);
+        told(options, name).knowledge = Knowledge::Tolerance(*std);
     }
 }
 
 /// A bench of which everything is off by its typical tolerance, drawn.
-fn drawn(seed: u64, base: Bench) -> (Bench, [f64; BENCH]) {
-    let mut noise: [magnetic_bearing::plant::noise::Noise; BENCH] =
-        magnetic_bearing::plant::noise::Noise::channels(seed);
-    let d: [f64; BENCH] = std::array::from_fn(|j| {
-        let value = PARAMETERS[j].typical * noise[j].standard_normal();
+fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
+    let noise: [magnetic_bearing::plant::noise::Noise; 28] = magnetic_bearing::plant::noise::Noise::channels(seed);
+    let drawn = all().into_iter().zip(noise).map(|(parameter, mut noise)| {
+        let value = parameter.typical * noise.standard_normal();
         // Sensors do not know the future.
-        if PARAMETERS[j].name == "delay" { value.abs() } else { value }
+        if parameter.name == "delay" { value.abs() } else { value }
     });
+    let d: Vec<f64> = drawn.collect();
     let bench = Bench {
         seed,
         m_error: d[0],
@@ -64,7 +89,7 @@ fn drawn(seed: u64, base: Bench) -> (Bench, [f64; BENCH]) {
 
 fn all_typical(bench: &Bench) -> Options {
     let mut options = options(bench);
-    for (told, parameter) in options.bench.iter_mut().zip(&PARAMETERS) {
+    for (parameter, told) in options.bench() {
         told.knowledge = Knowledge::Tolerance(parameter.typical);
     }
     options
@@ -76,13 +101,14 @@ fn a_drawn_bench_is_found() {
     for (seed, seconds) in [(60_101, 0.5), (60_102, 0.5), (60_103, 7.0)] {
         let (bench, truth) = drawn(seed, Bench { seconds, ..Bench::default() });
         let recorded = bench.record();
-        let found = likelihood::identify(&[recording(&recorded, &bench, false)], &all_typical(&bench)).unwrap();
+        let found =
+            likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &all_typical(&bench)).unwrap();
         assert!(found.converged, "seed {seed}: {} iterations", found.iterations);
         for k in 0..3 {
             let error = (found.lambda[k].value - bench.lambda[k]) / found.lambda[k].total_std;
             assert!(error.abs() < 4.0, "seed {seed}, λ{k}: {error} standard deviations");
         }
-        for (j, parameter) in PARAMETERS.iter().enumerate() {
+        for (j, parameter) in all().iter().enumerate() {
             let error = (found.bench[j].estimate.value - truth[j]) / found.bench[j].estimate.total_std;
             assert!(error.abs() < 5.0, "seed {seed}, {}: {error} standard deviations", parameter.name);
         }
@@ -102,12 +128,13 @@ fn two_speeds_tell_run_out_better_than_one() {
     };
     let fast = Bench { omega: std::f64::consts::TAU * 60.0, load: [10.0, -20.0], seed: 47, ..slow.clone() };
     let recorded = [slow.record(), fast.record()];
+    let recorded = recorded.each_ref().map(columns);
     let mut options = options(&slow);
     tell(&mut options, &[("runout1.forward.cos", 5e-6), ("runout1.forward.sin", 5e-6)]);
     let both = [recording(&recorded[0], &slow, false), recording(&recorded[1], &fast, false)];
     let together = likelihood::identify(&both, &options).unwrap();
     let alone = likelihood::identify(&both[..1], &options).unwrap();
-    let runout = by_name("runout1.forward.cos").unwrap();
+    let runout = by_name(&all(), "runout1.forward.cos").unwrap();
     let of = |found: &Identification| found.bench[runout].estimate;
     assert!(together.converged && (of(&together).value - 2e-6).abs() < 4.0 * of(&together).total_std);
     assert!(of(&together).total_std < 0.5 * of(&alone).total_std, "{:?} {:?}", of(&together), of(&alone));
@@ -123,10 +150,10 @@ fn all_bench_parameters_at_once() {
     let bench = Bench { seconds: 3.0, seed: 45, ..Bench::default() };
     let recorded = bench.record();
     let mut options = options(&bench);
-    for (told, parameter) in options.bench.iter_mut().zip(&PARAMETERS) {
+    for (parameter, told) in options.bench() {
         told.knowledge = Knowledge::Tolerance(parameter.typical);
     }
-    let found = likelihood::identify(&[recording(&recorded, &bench, false)], &options).unwrap();
+    let found = likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options).unwrap();
     assert!(found.converged, "{} iterations", found.iterations);
     for k in 0..3 {
         let error = (found.lambda[k].value - bench.lambda[k]) / found.lambda[k].total_std;
@@ -138,7 +165,7 @@ fn all_bench_parameters_at_once() {
 fn a_change_of_lambda_is_found_and_both_parts_are_told() {
     let bench = Bench { seconds: 1.0, update_s: 0.0, change: [0.6, 0.05], seed: 41, ..Bench::default() };
     let recorded = bench.record();
-    let found = likelihood::identify(&[recording(&recorded, &bench, false)], &options(&bench)).unwrap();
+    let found = likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options(&bench)).unwrap();
     let [Contradiction { rows, what: Change::Lambda { lambda, .. }, .. }] = &found.contradictions[..] else {
         panic!("{:?}", found.contradictions)
     };
@@ -154,7 +181,7 @@ fn a_change_of_lambda_is_found_and_both_parts_are_told() {
 fn an_impact_is_left_out() {
     let bench = Bench { seconds: 0.6, impact: [0.4, 60.0], seed: 42, ..Bench::default() };
     let recorded = bench.record();
-    let found = likelihood::identify(&[recording(&recorded, &bench, false)], &options(&bench)).unwrap();
+    let found = likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options(&bench)).unwrap();
     assert!(
         found
             .contradictions
@@ -181,7 +208,8 @@ fn a_current_that_is_not_known_is_not_used() {
             recorded.current[row][1] = instead_a;
             missing[row].current[1] = Origin::Unknown;
         }
-        let recording = Recording { missing: &missing, ..recording(&recorded, &bench, true) };
+        let columns = columns(&recorded);
+        let recording = Recording { missing: &missing, ..recording(&columns, &bench, true) };
         likelihood::identify(&[recording], &options(&bench)).unwrap()
     };
     let [found, other] = [2.0, 3.0].map(of);
@@ -204,11 +232,11 @@ fn a_slow_force_is_found_by_its_likelihood() {
         let bench = Bench { seconds: 2.0, slow_force: level, seed: 43, ..Bench::default() };
         let recorded = bench.record();
         let options = Options { slow_force, ..options(&bench) };
-        likelihood::identify(&[recording(&recorded, &bench, false)], &options).unwrap()
+        likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options).unwrap()
     };
     let [without, plain, found] = [of(0.0, false), of(LEVEL, false), of(LEVEL, true)];
     let [gain, asked] = [without, plain].map(|of| of.gain_by_slow_force);
-    let level = found.conditions[0].slow_force_n;
+    let level = found.conditions[0].parts[0].slow_force_n;
     println!("worth {gain:.1} without, {asked:.1} with it; {level:.3} N/√s");
     assert!(gain < by_chance, "{gain} without a slow force");
     assert!(asked > by_chance, "{asked} with a slow force");
@@ -225,7 +253,9 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
     let recorded = bench.record();
     let of = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| likelihood::identify(&[recording(&recorded, &bench, false)], &options(&bench)).unwrap())
+        pool.install(|| {
+            likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options(&bench)).unwrap()
+        })
     };
     assert_eq!(of(1), of(4));
 }
@@ -234,8 +264,9 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
 fn unmodelled_run_out_is_the_first_suspect() {
     let bench = Bench { seconds: 0.5, runout2: [1e-6, 0.0, 0.0, 0.0], seed: 43, ..Bench::default() };
     let recorded = bench.record();
-    let found = likelihood::identify(&[recording(&recorded, &bench, false)], &options(&bench)).unwrap();
-    let named: Vec<&str> = found.suspects.iter().map(|suspect| PARAMETERS[suspect.parameter].name).collect();
+    let found = likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options(&bench)).unwrap();
+    let named: Vec<&str> =
+        found.suspects.iter().map(|suspect| &*found.bench[suspect.parameter].parameter.name).collect();
     assert!(named.first().is_some_and(|name| name.starts_with("runout2")), "{named:?}");
 }
 
@@ -245,13 +276,14 @@ fn mass_and_current_gain_are_not_separated_from_lambda() {
     let recorded = bench.record();
     let mut options = options(&bench);
     for name in ["m", "current.gain[2]", "sensor.offset[y]"] {
-        options.bench[by_name(name).unwrap()].knowledge = Knowledge::Free;
+        told(&mut options, name).knowledge = Knowledge::Free;
     }
-    let found = likelihood::identify(&[recording(&recorded, &bench, false)], &options).unwrap();
-    let mut held: Vec<&str> = found.not_separated.iter().map(|j| PARAMETERS[*j].name).collect();
+    let found = likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options).unwrap();
+    let mut held: Vec<&str> = found.not_separated.iter().map(|j| &*found.bench[*j].parameter.name).collect();
     held.sort_unstable();
     assert_eq!(held, ["current.gain[2]", "m"]);
-    assert!(found.bench[by_name("sensor.offset[y]").unwrap()].estimate.total_std < 5e-6);
+    let offset = by_name(&all(), "sensor.offset[y]").unwrap();
+    assert!(found.bench[offset].estimate.total_std < 5e-6);
 }
 
 /// Runs of one drawn bearing (`montecarlo --only "identify: drawn bearings, noise known"` and its seed) with other noise, the position noise scaled.

@@ -26,7 +26,7 @@ fn unused(arguments: &Arguments) -> [(bool, &'static str); 9] {
         (arguments.currents.is_some(), "--currents"),
         (arguments.speed.is_some(), "--speed"),
         (arguments.window.is_some(), "--window"),
-        (arguments.method(&AXIAL) != LIKELIHOOD, "--method"),
+        (arguments.method() != LIKELIHOOD, "--method"),
         (arguments.hold != super::AUTO, "--hold"),
         (!arguments.tolerances.is_empty(), "--tolerance"),
         (arguments.csv.is_some(), "--csv"),

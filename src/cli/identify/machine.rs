@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::{Arguments, LIKELIHOOD, PREDICTION_ERROR, Refused, Result, SLOW_FORCE, refused};
 use crate::fmu::find;
-use crate::machine::{self, AXIAL, Machine, PLANAR};
+use crate::machine::{self, Machine, PLANAR};
 use crate::simulation::scenario::Scenario;
 
 /// Variables of the estimator that have options of their own.
@@ -25,18 +25,16 @@ impl Arguments {
         named.or_else(|| Scenario::machine_of(self.scenario.as_deref()?)).unwrap_or_default()
     }
 
-    /// The method, by the option or that of the machine.
-    pub(super) fn method(&self, machine: &Machine) -> &str {
-        let usual = if [PLANAR, AXIAL].contains(machine) { LIKELIHOOD } else { PREDICTION_ERROR };
-        self.method.as_deref().unwrap_or(usual)
+    /// The method.
+    pub(super) fn method(&self) -> &str {
+        self.method.as_deref().unwrap_or(LIKELIHOOD)
     }
 
     /// The scenario of the machine, with its changes.
     pub(super) fn bearing(&self, machine: &Machine) -> Result<Scenario> {
         let wrong = [
             (self.window.is_some(), "--window"),
-            (!self.estimates.is_empty(), "--estimate"),
-            (!matches!(self.method(machine), PREDICTION_ERROR), "--method but predictionError"),
+            (![LIKELIHOOD, PREDICTION_ERROR].contains(&self.method()), "--method but likelihood and predictionError"),
         ];
         let wrong: Vec<_> = wrong.iter().filter(|(is_given, _)| *is_given && *machine != PLANAR).collect();
         if !wrong.is_empty() {
@@ -44,13 +42,8 @@ impl Arguments {
             return Err(Refused(wrong.collect::<Vec<_>>().join("\n  ")).into());
         }
         let (slow, changes): (Vec<_>, Vec<_>) = self.changes.iter().cloned().partition(|(path, _)| path == SLOW_FORCE);
-        if let Some((_, value)) = slow.iter().find(|(_, value)| value != "0" || *machine != PLANAR) {
-            let wanted = if *machine == PLANAR {
-                "0 is wanted, or --estimate force.slow"
-            } else {
-                "only planar and axial have it"
-            };
-            return Err(refused(format!("--set {SLOW_FORCE}={value}: {wanted}")));
+        if let Some((_, value)) = slow.iter().find(|(_, value)| value != "0") {
+            return Err(refused(format!("--set {SLOW_FORCE}={value}: 0 is wanted, or --estimate force.slow")));
         }
         if !slow.is_empty() && self.estimates.iter().any(|name| name == SLOW_FORCE) {
             return Err(refused(format!("{SLOW_FORCE} is both set and estimated")));
@@ -82,14 +75,5 @@ impl Arguments {
             )));
         }
         Ok(scenario)
-    }
-
-    /// Takes over tolerances of the bench, from the scenario and then from the arguments, as those of the estimator.
-    pub(super) fn state_tolerances(&self, bearing: &mut Scenario) -> Result<()> {
-        let stated: Vec<_> = bearing.tolerance.iter().chain(&self.tolerances).cloned().collect();
-        let state =
-            |(name, value): (String, String)| bearing.assign(&format!("estimator.tolerance.{name}"), &value).err();
-        let wrong: Vec<String> = stated.into_iter().filter_map(state).collect();
-        if wrong.is_empty() { Ok(()) } else { Err(Refused(wrong.join("\n  ")).into()) }
     }
 }

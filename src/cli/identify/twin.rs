@@ -5,7 +5,6 @@ use std::path::Path;
 use fmu_export::package::platforms::Binaries;
 
 use super::{Arguments, LIKELIHOOD, Result, named, print, refused, said_of};
-use crate::machine::{Machine, PLANAR};
 use crate::output::Format;
 use crate::package;
 use crate::studies::identify::Twin;
@@ -24,14 +23,14 @@ pub(super) struct Files<'a> {
 
 impl<'a> Files<'a> {
     /// The wanted files. The library of the FMUs is read now, so that a missing one is reported before the work.
-    pub fn new(arguments: &'a Arguments, machine: &Machine) -> Result<Self> {
+    pub fn new(arguments: &'a Arguments) -> Result<Self> {
         let ssp = arguments.ssp.as_deref();
         let ssp = ssp.map(|path| package::binaries(&[]).map(|binaries| (path, binaries))).transpose()?;
         let names = arguments.recordings.iter().map(|path| path.file_name().unwrap_or_default().to_string_lossy());
         let recordings = names.collect::<Vec<_>>().join(", ");
-        let method = arguments.method(machine);
+        let method = arguments.method();
         let files = Self { save: arguments.save.as_deref(), ssv: arguments.ssv.as_deref(), ssp, recordings };
-        if !files.is_empty() && *machine == PLANAR && method != LIKELIHOOD {
+        if !files.is_empty() && method != LIKELIHOOD {
             return Err(refused(format!("--save, --ssv and --ssp need --method {LIKELIHOOD}, not {method}")));
         }
         Ok(files)

@@ -3,15 +3,15 @@
 mod columns;
 mod shown;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector};
 
 pub(super) use self::columns::{Columns, columns};
 use self::shown::shown;
 use super::diagnosis::{self, Take};
-use super::likelihood::{self, BENCH, Change, Identification, Knowledge, Options, PARAMETERS, Told};
+use super::likelihood::{self, Change, DELAY, Identification, Knowledge, Options, Told};
 use super::read::{Rotation, Samples, significant, time};
-use super::{Failed, Holds};
-use crate::estimation::{EstimatorConfig, STD_LIMIT};
+use super::{Failed, Holds, Stated};
+use crate::estimation::STD_LIMIT;
 
 // False alarms of the limits below, over good recordings (docs/identify.md, seeds 95001 and 101001): of 600 of drawn bearings, 0.1 to 5 s, nine have too few
 // turns, and no other is refused. Of 1300 of the nominal bearing whose bench is off by its tolerances none is, nor of 1200 with its bench exactly as stated.
@@ -29,6 +29,8 @@ const SILENT_M: f64 = 1e-9;
 const HARMONIC: f64 = 0.3;
 /// χ² with two degrees of freedom of a harmonic: e⁻¹⁵ by chance.
 const HARMONIC_CHI: f64 = 30.0;
+/// Harmonics that are looked at.
+const HARMONICS: usize = 4;
 /// Noise of the currents, relative to their rms, that no sensor has.
 const CURRENT_NOISE: f64 = 0.15;
 /// Force constants of one bearing differ by less.
@@ -46,10 +48,10 @@ const TURNED_RAD: f64 = 0.1;
 /// Question to the recordings.
 #[derive(Clone, Debug)]
 pub struct Question {
-    /// The bearing as stated to the on-line estimator, hold and noise included; 0 for noise that is to be estimated.
-    pub config: EstimatorConfig,
+    /// The bearing and its sensors.
+    pub stated: Stated,
     /// Prior knowledge of the bench.
-    pub bench: [Told; BENCH],
+    pub bench: Vec<Told>,
     /// The readings of the currents, if they were compared.
     pub holds: Option<Holds>,
     /// Whether a slow force is estimated; if this is not stated, the likelihood decides.
@@ -72,17 +74,21 @@ pub struct Answer {
 }
 
 /// Whether estimates describe a magnetic bearing at all: `None`, or why not.
-pub(super) fn implausible(found: &Identification, columns: &Columns) -> Option<String> {
-    let [current_rms, motion_rms] = columns.sizes();
-    let lambda = found.lambda.map(|lambda| lambda.value);
-    let (least, greatest) = (lambda[0].min(lambda[1]).min(lambda[2]), lambda[0].max(lambda[1]).max(lambda[2]));
-    if greatest > RATIO * least {
-        return Some(format!(
-            "the force constants would differ by a factor of {}, as those of one bearing do not",
-            significant(greatest / least, 2)
-        ));
+pub(super) fn implausible(found: &Identification, columns: &Columns, stated: &Stated) -> Option<String> {
+    let mut lambda = found.lambda.iter().map(|lambda| lambda.value);
+    for bearing in stated.machine.bearings {
+        let own: Vec<f64> = lambda.by_ref().take(bearing.magnets).collect();
+        let [least, greatest] = [f64::min, f64::max].map(|of| own.iter().copied().fold(own[0], of));
+        if greatest > RATIO * least {
+            return Some(format!(
+                "the force constants would differ by a factor of {}, as those of one bearing do not",
+                significant(greatest / least, 2)
+            ));
+        }
     }
-    for conditions in &found.conditions {
+    let parts = stated.options(&[]).parts;
+    for (conditions, part) in found.conditions.iter().flat_map(|conditions| conditions.parts.iter().zip(&parts)) {
+        let [current_rms, motion_rms] = columns.sizes(part);
         if conditions.current_noise_a > CURRENT_NOISE * current_rms {
             return Some(format!(
                 "the forces would be off by as much as noise of {} A on the currents makes, {} % of their rms: they do not belong \
@@ -113,7 +119,7 @@ pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Fail
                        load.";
         return Ok(Answer { valid: false, verdict, findings: vec![finding.into()], found: None, question });
     }
-    let columns: Vec<Columns> = recordings.iter().map(|samples| columns(samples, question.config.hold)).collect();
+    let columns: Vec<Columns> = recordings.iter().map(|samples| columns(samples, question.stated.hold)).collect();
     let mut answer = answer_columns(&columns, question);
     for (samples, columns) in recordings.iter().zip(&columns) {
         if let Some(off) = drifts(samples, columns) {
@@ -138,15 +144,12 @@ fn drifts(samples: &Samples, columns: &Columns) -> Option<f64> {
 }
 
 fn answer_columns(all: &[Columns], question: Question) -> Answer {
-    let config = &question.config;
-    let mut options = Options {
-        bench: question.bench,
-        slow_force: question.slow_force.unwrap_or(false),
-        ..Options::new(config.m_kg, config.gap_m, config.alpha_rad)
-    };
-    let hold = config.hold;
+    let stated = &question.stated;
+    let slow_force = question.slow_force.unwrap_or(false);
+    let mut options = Options { slow_force, ..stated.options(&question.bench) };
+    let hold = stated.hold;
     let recordings: Vec<likelihood::Recording<'_>> =
-        all.iter().map(|columns| columns.recording(config, hold)).collect();
+        all.iter().map(|columns| columns.recording(stated, hold)).collect();
     let identified = match question.slow_force {
         Some(_) => likelihood::identify(&recordings, &options),
         None => with_slow_force(&recordings, &mut options),
@@ -156,30 +159,33 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
         Ok(found) => (Some(found), None),
         Err(failed) => (None, Some(failed.to_string())),
     };
-    let told = config.position_noise_m > 0.0 && config.current_noise_a > 0.0;
+    let told = stated.noise.iter().all(|noise| *noise > 0.0);
     let turns: f64 = all.iter().map(Columns::turns).sum();
     let rest = all.iter().all(Columns::at_rest);
     if let Some(found) = &found {
-        refusal = question.holds.and_then(|holds| holds.against(hold)).or_else(|| judge(found, all));
+        refusal = question.holds.and_then(|holds| holds.against(hold)).or_else(|| judge(found, all, stated));
     }
     let weak = found.as_ref().is_some_and(|found| {
         found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value.abs())
     });
     let least = TURNS[usize::from(!told)];
-    let differ = found.as_ref().filter(|_| recordings.len() > 1).and_then(|_| differ(&recordings, &options));
+    let differ = found
+        .as_ref()
+        .filter(|_| recordings.len() > 1)
+        .and_then(|_| differ(&recordings, &options, &stated.machine.symbols("λ")));
     if !rest && turns < least {
         refusal = Some(format!(
             "the recording is too short: {} turns of the rotor, {least} at least are wanted",
             significant(turns, 2)
         ));
-    } else if refusal.is_some() && rest && (weak || all.iter().all(Columns::still)) {
+    } else if refusal.is_some() && rest && (weak || all.iter().all(|columns| columns.still(stated))) {
         refusal = Some(
             "the rotor is at rest and nothing excites it, or not enough. Move it along a path, or modulate the \
              smallest force (F0.modulation)"
                 .into(),
         );
     } else if refusal.is_some() {
-        let take = Take { columns: all[0].clone(), options, hold, config: config.clone() };
+        let take = Take { columns: all[0].clone(), options, hold, stated: stated.clone(), bearing: 0 };
         findings.extend(diagnosis::proposals(&take));
     }
     // A search that did not converge has no estimate, and its residuals ask for nothing; parts of recordings that differ say nothing else.
@@ -187,7 +193,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
         findings = Vec::new();
         refusal = Some(differ);
     } else if let Some(found) = found.as_ref().filter(|found| found.converged) {
-        findings.extend(words_on(found, all));
+        findings.extend(words_on(found, all, &question.stated));
         findings.extend(words_on_slow_force(found));
     }
     if found.as_ref().is_some_and(|found| !found.converged) {
@@ -197,7 +203,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
     let verdict = match (&refusal, &found) {
         (Some(why), _) => format!("Not valid: {why}."),
         (None, Some(found)) => {
-            let worst = (0..3).map(|k| found.lambda[k].total_std / found.lambda[k].value).fold(0.0, f64::max);
+            let worst = found.lambda.iter().map(|lambda| lambda.total_std / lambda.value).fold(0.0, f64::max);
             format!(
                 "Valid: the force constants are known within {} %{}.",
                 significant(100.0 * worst, 2),
@@ -219,14 +225,16 @@ pub(super) fn with_slow_force(
     options: &mut Options,
 ) -> Result<Identification, likelihood::Failed> {
     let plain = likelihood::identify(recordings, options)?;
-    let rows = |of: &Identification| of.conditions.iter().map(|conditions| conditions.rows).sum::<usize>();
+    let parts =
+        |of: &Identification| of.conditions.iter().flat_map(|conditions| conditions.parts.clone()).collect::<Vec<_>>();
+    let rows = |of: &Identification| parts(of).iter().map(|part| part.rows).sum::<usize>();
     let is_worth_it = |of: &Identification| of.gain_by_slow_force > 0.5 * libm::log(2.0 * rows(of) as f64);
     if options.slow_force || !is_worth_it(&plain) {
         return Ok(plain);
     }
     let slow = Options { slow_force: true, ..options.clone() };
-    let most = SLOW_FORCE * options.m_kg * GRAVITY_M_S2;
-    let is_slow = |of: &Identification| of.conditions.iter().all(|conditions| conditions.slow_force_n < most);
+    let most = SLOW_FORCE * options.parts[0].body.m_kg() * GRAVITY_M_S2;
+    let is_slow = |of: &Identification| parts(of).iter().all(|part| part.slow_force_n < most);
     match likelihood::identify(recordings, &slow) {
         Ok(found) if found.converged && is_slow(&found) && is_worth_it(&found) => {
             *options = slow;
@@ -239,7 +247,8 @@ pub(super) fn with_slow_force(
 
 /// The slow force, and what it is worth.
 fn words_on_slow_force(found: &Identification) -> Option<String> {
-    let levels: Vec<f64> = found.conditions.iter().map(|conditions| conditions.slow_force_n).collect();
+    let parts = found.conditions.iter().flat_map(|conditions| &conditions.parts);
+    let levels: Vec<f64> = parts.map(|part| part.slow_force_n).collect();
     levels.iter().any(|level| *level > 0.0).then(|| {
         let levels: Vec<String> = levels.iter().map(|level| significant(1e3 * level, 2)).collect();
         let worth = significant(found.gain_by_slow_force, 3);
@@ -252,38 +261,39 @@ fn words_on_slow_force(found: &Identification) -> Option<String> {
 
 /// Whether recordings of one bearing disagree by estimates of their own, and about what: χ² of all λ about the weighted mean, with their covariances. The force
 /// constant that is named explains most of the difference between the recording that is furthest off and the others, if it alone differs.
-fn differ(recordings: &[likelihood::Recording<'_>], options: &Options) -> Option<String> {
+fn differ(recordings: &[likelihood::Recording<'_>], options: &Options, names: &[String]) -> Option<String> {
     let own = |recording| likelihood::identify(std::slice::from_ref(recording), options).ok();
     let own: Vec<Identification> = recordings.iter().map(own).collect::<Option<_>>()?;
     if own.iter().any(|own| !own.converged) {
         return None;
     }
-    let lambda = |of: &Identification| Vector3::from(of.lambda.map(|lambda| lambda.value));
-    let weights: Vec<Matrix3<f64>> =
-        own.iter().map(|of| Matrix3::from(of.lambda_covariance).try_inverse()).collect::<Option<_>>()?;
-    let all: Matrix3<f64> = weights.iter().sum();
+    let magnets = own[0].lambda.len();
+    let lambda = |of: &Identification| DVector::from_fn(magnets, |k, _| of.lambda[k].value);
+    let weights: Vec<DMatrix<f64>> =
+        own.iter().map(|of| of.lambda_covariance.clone().try_inverse()).collect::<Option<_>>()?;
+    let all: DMatrix<f64> = weights.iter().sum();
     let weighted = own.iter().zip(&weights).map(|(of, weight)| weight * lambda(of));
-    let sum: Vector3<f64> = weighted.sum();
-    let mean = all.try_inverse()? * sum;
+    let sum: DVector<f64> = weighted.sum();
+    let mean = all.clone().try_inverse()? * &sum;
     let chi = |at: usize| {
-        let off = lambda(&own[at]) - mean;
-        off.dot(&(weights[at] * off))
+        let off = lambda(&own[at]) - &mean;
+        off.dot(&(&weights[at] * &off))
     };
     let total: f64 = (0..own.len()).map(chi).sum();
-    if total <= likely(3.0 * (own.len() - 1) as f64) {
+    if total <= likely((magnets * (own.len() - 1)) as f64) {
         return None;
     }
     let at = (0..own.len()).max_by(|a, b| chi(*a).total_cmp(&chi(*b)))?;
     // Against the others alone: the mean has a part of the one that differs.
-    let others = (all - weights[at]).try_inverse()?;
-    let of_others = others * (sum - weights[at] * lambda(&own[at]));
-    let weight = (others + weights[at].try_inverse()?).try_inverse()?;
-    let score = weight * (lambda(&own[at]) - of_others);
+    let others = (all - &weights[at]).try_inverse()?;
+    let of_others = &others * (sum - &weights[at] * lambda(&own[at]));
+    let weight = (others + weights[at].clone().try_inverse()?).try_inverse()?;
+    let score = &weight * (lambda(&own[at]) - &of_others);
     let gain = |k: usize| score[k] * score[k] / weight[(k, k)];
-    let k = (0..3).max_by(|a, b| gain(*a).total_cmp(&gain(*b)))?;
+    let k = (0..magnets).max_by(|a, b| gain(*a).total_cmp(&gain(*b)))?;
     let [by, std] =
         [score[k] / weight[(k, k)], weight[(k, k)].sqrt().recip()].map(|of| significant(100.0 * of / of_others[k], 2));
-    Some(format!("the recordings differ: λ{} of recording {} by {by} % ± {std} %", k + 1, at + 1))
+    Some(format!("the recordings differ: {} of recording {} by {by} % ± {std} %", names[k], at + 1))
 }
 
 /// χ² of so many degrees of freedom that chance exceeds with a probability of 10⁻⁴ (normal deviate 3.719; Wilson and Hilferty 1931).
@@ -293,7 +303,8 @@ pub(super) fn likely(freedom: f64) -> f64 {
 }
 
 /// Why the estimates are not valid.
-fn judge(found: &Identification, all: &[Columns]) -> Option<String> {
+fn judge(found: &Identification, all: &[Columns], stated: &Stated) -> Option<String> {
+    let names = stated.machine.symbols("λ");
     if !found.converged {
         return Some(format!(
             "the search did not converge in {} iterations: the model does not describe these data, or too much was left free",
@@ -301,71 +312,78 @@ fn judge(found: &Identification, all: &[Columns]) -> Option<String> {
         ));
     }
     let relative = |k: usize| found.lambda[k].total_std / found.lambda[k].value.abs();
-    let worst = (0..3).max_by(|a, b| relative(*a).total_cmp(&relative(*b))).unwrap_or(0);
+    let worst = (0..found.lambda.len()).max_by(|a, b| relative(*a).total_cmp(&relative(*b))).unwrap_or(0);
     if relative(worst).is_nan() || relative(worst) >= STD_LIMIT {
         return Some(format!(
-            "λ{} is known to {} % only, the limit is {} %: a longer recording, a larger path, or better knowledge of the bench is \
+            "{} is known to {} % only, the limit is {} %: a longer recording, a larger path, or better knowledge of the bench is \
              wanted",
-            worst + 1,
+            names[worst],
             significant(100.0 * relative(worst), 2),
             100.0 * STD_LIMIT
         ));
     }
-    if let Some(why) = all.iter().find_map(|columns| implausible(found, columns)) {
+    if let Some(why) = all.iter().find_map(|columns| implausible(found, columns, stated)) {
         return Some(why);
     }
-    let silent = found.conditions.iter().all(|conditions| conditions.position_noise_m < SILENT_M);
+    let silent = is_silent(found);
     for suspect in found.suspects.iter().filter(|_| !silent) {
         let line = &found.budget[suspect.parameter];
         let moved = suspect.value - found.bench[suspect.parameter].told.value;
-        for k in 0..3 {
-            let shift = line.sensitivity[k] * moved;
-            if shift.abs() * found.lambda[k].value > SUSPECTED * found.lambda[k].total_std {
+        for (name, (lambda, sensitivity)) in names.iter().zip(found.lambda.iter().zip(&line.sensitivity)) {
+            let shift = sensitivity * moved;
+            if shift.abs() * lambda.value > SUSPECTED * lambda.total_std {
                 return Some(format!(
-                    "the residuals ask for {} ({}), and with it λ{} would differ by {} %",
-                    PARAMETERS[suspect.parameter].name,
-                    PARAMETERS[suspect.parameter].description,
-                    k + 1,
+                    "the residuals ask for {} ({}), and with it {} would differ by {} %",
+                    found.bench[suspect.parameter].parameter.name,
+                    found.bench[suspect.parameter].parameter.description,
+                    name,
                     significant(100.0 * shift.abs(), 2)
                 ));
             }
         }
     }
-    let noisy = |of: &(&likelihood::Residuals, &likelihood::Conditions)| of.1.position_noise_m >= SILENT_M;
-    for (residuals, _) in found.residuals.iter().zip(&found.conditions).filter(noisy) {
-        for (n, harmonic) in residuals.harmonics.iter().enumerate() {
-            for (axis, chi) in harmonic.iter().enumerate() {
-                if *chi > HARMONIC_CHI && residuals.amplitudes[n][axis] > HARMONIC {
+    for residuals in found.residuals.iter().filter(|_| !silent) {
+        for n in 0..HARMONICS {
+            for (axis, of_axis) in residuals.harmonics.iter().enumerate() {
+                if of_axis[n] > HARMONIC_CHI && residuals.amplitudes[axis][n] > HARMONIC {
                     return Some(format!(
                         "harmonic {} of the rotor stands in the residuals of {}, {} times the noise: something turns with the shaft \
                          that the model does not know",
                         n + 1,
-                        ["y", "z"][axis],
-                        significant(residuals.amplitudes[n][axis], 2)
+                        stated.machine.readings[axis].axis,
+                        significant(residuals.amplitudes[axis][n], 2)
                     ));
                 }
             }
         }
     }
-    for (residuals, conditions) in found.residuals.iter().zip(&found.conditions).filter(noisy) {
-        let chance = 6.0 / (2.0 * conditions.rows as f64).sqrt();
-        if residuals.lags[0].abs() > COLOURED.max(chance) {
-            return Some(format!(
-                "the residuals of neighbouring samples belong together (correlation {}): the model misses some of the motion",
-                significant(residuals.lags[0], 2)
-            ));
+    for (residuals, conditions) in found.residuals.iter().zip(&found.conditions) {
+        for ((lags, part), body) in residuals.lags.iter().zip(&conditions.parts).zip(&stated.bodies) {
+            let chance = 6.0 / ((body.coordinates() * part.rows) as f64).sqrt();
+            if part.position_noise_m >= SILENT_M && lags[0].abs() > COLOURED.max(chance) {
+                return Some(format!(
+                    "the residuals of neighbouring samples belong together (correlation {}): the model misses some of the motion",
+                    significant(lags[0], 2)
+                ));
+            }
         }
     }
     None
 }
 
+/// Whether the noise of the positions is below that of any sensor.
+fn is_silent(found: &Identification) -> bool {
+    found.conditions.iter().flat_map(|conditions| &conditions.parts).all(|part| part.position_noise_m < SILENT_M)
+}
+
 /// Findings besides the estimates.
-fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
+fn words_on(found: &Identification, all: &[Columns], stated: &Stated) -> Vec<String> {
     let mut words = Vec::new();
     for part in &found.contradictions {
         let step_s = all[part.recording].step_s;
         let at = |row: usize| time(row as f64 * step_s);
-        let rows = format!("{} to {} of recording {}", at(part.rows.start), at(part.rows.end), part.recording + 1);
+        let of = ["", ", along the axis,"][part.part];
+        let rows = format!("{} to {} of recording {}{of}", at(part.rows.start), at(part.rows.end), part.recording + 1);
         words.push(match &part.what {
             Change::Disturbed { ratio } => {
                 format!(
@@ -375,14 +393,18 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
             }
             Change::Lambda { lambda, .. } => format!(
                 "From {rows} the force constants are others, {} · 10⁻⁶ N·m²/A²; left out.",
-                lambda.map(|l| format!("{:.4} ± {:.4}", 1e6 * l.value, 1e6 * l.noise_std)).join(", ")
+                lambda
+                    .iter()
+                    .map(|l| format!("{:.4} ± {:.4}", 1e6 * l.value, 1e6 * l.noise_std))
+                    .collect::<Vec<_>>()
+                    .join(", ")
             ),
             Change::Load { chi_square } => {
                 format!("From {rows} the load is another (χ² {}); left out.", significant(*chi_square, 3))
             }
         });
     }
-    let held: Vec<&str> = found.not_separated.iter().map(|j| PARAMETERS[*j].name).collect();
+    let held: Vec<&str> = found.not_separated.iter().map(|j| found.bench[*j].parameter.name.as_str()).collect();
     if !held.is_empty() {
         words.push(format!(
             "The data do not separate {} from the rest; held at the stated value. (Mass and common current gain scale λ; run-out that turns \
@@ -390,12 +412,12 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
             held.join(", ")
         ));
     }
-    let silent = found.conditions.iter().all(|conditions| conditions.position_noise_m < SILENT_M);
+    let silent = is_silent(found);
     for suspect in found.suspects.iter().filter(|_| !silent).take(3) {
-        let parameter = &PARAMETERS[suspect.parameter];
-        let (factor, unit) = shown(parameter.unit);
+        let parameter = &found.bench[suspect.parameter].parameter;
+        let (factor, unit) = shown(parameter);
         let mut more = format!("--estimate {}", parameter.name);
-        if parameter.name == "delay" {
+        if parameter.name.ends_with(DELAY) {
             let lag = suspect.value / all[0].step_s;
             more = format!("{} samples; --hold auto, or {more}", significant(lag, 2));
         }
@@ -410,9 +432,11 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
     if let Some(residuals) =
         found.residuals.iter().find(|r| !silent && r.harmonics.iter().flatten().any(|chi| *chi > HARMONIC_CHI))
     {
-        let listed: Vec<String> = (0..8)
-            .filter(|at| residuals.harmonics[at / 2][at % 2] > HARMONIC_CHI)
-            .map(|at| format!("{}× in {}", at / 2 + 1, ["y", "z"][at % 2]))
+        let readings = &stated.machine.readings;
+        let each = (0..HARMONICS).flat_map(|n| (0..readings.len()).map(move |axis| (n, axis)));
+        let listed: Vec<String> = each
+            .filter(|(n, axis)| residuals.harmonics[*axis][*n] > HARMONIC_CHI)
+            .map(|(n, axis)| format!("{}× in {}", n + 1, readings[axis].axis))
             .collect();
         words.push(format!(
             "Harmonics of the shaft in the residuals: {}: run-out, or another force?",
@@ -420,16 +444,18 @@ fn words_on(found: &Identification, all: &[Columns]) -> Vec<String> {
         ));
     }
     for conditions in &found.conditions {
-        for (axis, step_m) in ["Ym", "Zm"].iter().zip(conditions.resolution_m) {
-            if step_m > conditions.position_noise_m {
+        let of_parts = conditions.parts.iter().zip(&stated.bodies);
+        let noise = of_parts.flat_map(|(part, body)| std::iter::repeat_n(part.position_noise_m, body.coordinates()));
+        for ((reading, &step_m), noise) in stated.machine.readings.iter().zip(&conditions.resolution_m).zip(noise) {
+            if step_m > noise {
                 let step = significant(1e6 * step_m, 3);
-                words.push(format!("{axis} is quantised in steps of {step} µm, above the noise."));
+                words.push(format!("{} is quantised in steps of {step} µm, above the noise.", reading.name));
             }
         }
-        if conditions.counting < conditions.rows {
+        for part in conditions.parts.iter().filter(|part| part.counting < part.rows) {
             words.push(format!(
                 "Errors of quantisation repeat with the readings: {} rows count as {}.",
-                conditions.rows, conditions.counting
+                part.rows, part.counting
             ));
         }
     }

@@ -1,11 +1,13 @@
 //! Alternatives for data that are not as stated: each alternative is tried on a stretch of the recording.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
+use super::Stated;
 use super::answer::{Columns, implausible, with_slow_force};
-use super::likelihood::{Change, DELAY, Hold, Identification, Knowledge, Options, Origin, PARAMETERS, by_name};
+use super::likelihood::{Change, DELAY, Hold, Identification, Knowledge, Options, Origin};
 use super::read::significant;
-use crate::estimation::EstimatorConfig;
+use crate::machine::Kind;
 
 /// Rows of the stretch at least, and at most where the rotor turns slowly.
 const ROWS: [usize; 2] = [2000, 20_000];
@@ -36,7 +38,16 @@ pub(super) struct Take {
     pub columns: Columns,
     pub options: Options,
     pub hold: Hold,
-    pub config: EstimatorConfig,
+    pub stated: Stated,
+    /// The radial bearing that an alternative is about.
+    pub bearing: usize,
+}
+
+impl Take {
+    /// The magnets of the bearing.
+    fn magnets(&self) -> Range<usize> {
+        self.stated.machine.magnets_of_bearings()[self.bearing].1.clone()
+    }
 }
 
 /// Something that people get wrong: its name, how to undo it, and what to propose.
@@ -47,30 +58,46 @@ struct Alternative {
     apply: fn(&mut Take),
     /// Advice to the user.
     proposal: &'static str,
+    /// The fewest magnets of a bearing that can show it; 0 for what is not about a bearing.
+    magnets: usize,
 }
 
+/// An alternative for the whole recording.
 const fn row(name: &'static str, apply: fn(&mut Take), proposal: &'static str) -> Alternative {
-    Alternative { name, apply, proposal }
+    Alternative { name, apply, proposal, magnets: 0 }
 }
 
+/// One for a radial bearing, and one for those with four magnets.
+const fn bearing(name: &'static str, apply: fn(&mut Take), proposal: &'static str) -> Alternative {
+    Alternative { magnets: 3, ..row(name, apply, proposal) }
+}
+
+const fn of_four(name: &'static str, apply: fn(&mut Take)) -> Alternative {
+    Alternative { magnets: 4, ..row(name, apply, ORDER) }
+}
+
+/// Changes the positions that the sensors of the bearing read.
 fn positions(take: &mut Take, change: impl Fn([f64; 2]) -> [f64; 2]) {
-    for position in &mut take.columns.position_m {
-        *position = change(*position);
+    let [y, z, ..] = &mut take.columns.position_m[2 * take.bearing..] else { return };
+    for (y, z) in y.iter_mut().zip(z) {
+        [*y, *z] = change([*y, *z]);
     }
 }
 
-fn currents(take: &mut Take, order: [usize; 3]) {
-    for current in &mut take.columns.current_a {
-        *current = order.map(|k| current[k]);
-    }
+/// Reorders the currents of the bearing.
+fn currents(take: &mut Take, reorder: impl FnOnce(&mut [usize])) {
+    let mut order: Vec<usize> = (0..take.columns.current_a.len()).collect();
+    reorder(&mut order[take.magnets()]);
+    take.columns.current_a = order.iter().map(|k| take.columns.current_a[*k].clone()).collect();
     for missing in &mut take.columns.missing {
-        missing.current = order.map(|k| missing.current[k]);
+        let before = missing.current;
+        order.iter().zip(&mut missing.current).for_each(|(k, to)| *to = before[*k]);
     }
 }
 
 fn later(take: &mut Take) {
     let columns = &mut take.columns;
-    columns.current_a.rotate_right(1);
+    columns.current_a.iter_mut().for_each(|current| current.rotate_right(1));
     columns.usable[0] = false;
 }
 
@@ -79,18 +106,30 @@ const MIRROR: &str = "reverse the sign of the sensor";
 const ORDER: &str = "exchange the currents (--column), or the angles alpha";
 
 const ALTERNATIVES: &[Alternative] = &[
-    row("y and z are exchanged", |take| positions(take, |[y, z]| [z, y]), SWAP),
-    row("y is mirrored", |take| positions(take, |[y, z]| [-y, z]), MIRROR),
-    row("z is mirrored", |take| positions(take, |[y, z]| [y, -z]), MIRROR),
-    row("y and z are mirrored", |take| positions(take, |[y, z]| [-y, -z]), "reverse the signs of both sensors"),
-    row("the sensors are turned by 90°", |take| positions(take, |[y, z]| [z, -y]), "exchange Ym and Zm and mirror y"),
-    row("the sensors are turned by −90°", |take| positions(take, |[y, z]| [-z, y]), "exchange Ym and Zm and mirror z"),
-    row("y and z are exchanged and mirrored", |take| positions(take, |[y, z]| [-z, -y]), SWAP),
-    row("magnets 1 and 2 are exchanged", |take| currents(take, [1, 0, 2]), ORDER),
-    row("magnets 1 and 3 are exchanged", |take| currents(take, [2, 1, 0]), ORDER),
-    row("magnets 2 and 3 are exchanged", |take| currents(take, [0, 2, 1]), ORDER),
-    row("the magnets count from the second", |take| currents(take, [1, 2, 0]), ORDER),
-    row("the magnets count from the third", |take| currents(take, [2, 0, 1]), ORDER),
+    bearing("y and z are exchanged", |take| positions(take, |[y, z]| [z, y]), SWAP),
+    bearing("y is mirrored", |take| positions(take, |[y, z]| [-y, z]), MIRROR),
+    bearing("z is mirrored", |take| positions(take, |[y, z]| [y, -z]), MIRROR),
+    bearing("y and z are mirrored", |take| positions(take, |[y, z]| [-y, -z]), "reverse the signs of both sensors"),
+    bearing(
+        "the sensors are turned by 90°",
+        |take| positions(take, |[y, z]| [z, -y]),
+        "exchange Ym and Zm and mirror y",
+    ),
+    bearing(
+        "the sensors are turned by −90°",
+        |take| positions(take, |[y, z]| [-z, y]),
+        "exchange Ym and Zm and mirror z",
+    ),
+    bearing("y and z are exchanged and mirrored", |take| positions(take, |[y, z]| [-z, -y]), SWAP),
+    bearing("magnets 1 and 2 are exchanged", |take| currents(take, |order| order.swap(0, 1)), ORDER),
+    bearing("magnets 1 and 3 are exchanged", |take| currents(take, |order| order.swap(0, 2)), ORDER),
+    bearing("magnets 2 and 3 are exchanged", |take| currents(take, |order| order.swap(1, 2)), ORDER),
+    of_four("magnets 1 and 4 are exchanged", |take| currents(take, |order| order.swap(0, 3))),
+    of_four("magnets 2 and 4 are exchanged", |take| currents(take, |order| order.swap(1, 3))),
+    of_four("magnets 3 and 4 are exchanged", |take| currents(take, |order| order.swap(2, 3))),
+    bearing("the magnets count from the second", |take| currents(take, |order| order.rotate_left(1)), ORDER),
+    bearing("the magnets count from the third", |take| currents(take, |order| order.rotate_left(2)), ORDER),
+    of_four("the magnets count from the fourth", |take| currents(take, |order| order.rotate_left(3))),
     row(
         "the currents are those before the sample (measured)",
         |take| take.hold = Hold::HeldBefore,
@@ -100,7 +139,7 @@ const ALTERNATIVES: &[Alternative] = &[
     row("the currents are continuous", |take| take.hold = Hold::Linear, "--hold linear"),
     row(
         "the currents come a sample late, or the positions early",
-        |take| take.columns.current_a.rotate_left(1),
+        |take| take.columns.current_a.iter_mut().for_each(|current| current.rotate_left(1)),
         "shift the currents by one row",
     ),
     row(
@@ -147,13 +186,13 @@ const SPEED: &str = "--speed, or a column of the angle";
 pub(super) fn drift(columns: &Columns) -> Option<[f64; 3]> {
     let (first, last) = (*columns.theta_rad.first()?, *columns.theta_rad.last()?);
     let rows: Vec<usize> = (0..columns.usable.len()).filter(|row| columns.usable[*row]).collect();
-    let mean = [0, 1].map(|a| rows.iter().map(|row| columns.position_m[*row][a]).sum::<f64>() / rows.len() as f64);
+    let mean = [0, 1].map(|a| rows.iter().map(|row| columns.position_m[a][*row]).sum::<f64>() / rows.len() as f64);
     let mut turns: Vec<[f64; 2]> = Vec::new();
     for row in rows {
         let turn = ((columns.theta_rad[row] - first).abs() / TAU) as usize;
         turns.resize(turns.len().max(turn + 1), [0.0; 2]);
         let (sin, cos) = libm::sincos(columns.theta_rad[row]);
-        let [y, z] = [0, 1].map(|a| columns.position_m[row][a] - mean[a]);
+        let [y, z] = [0, 1].map(|a| columns.position_m[a][row] - mean[a]);
         turns[turn][0] += y * cos + z * sin;
         turns[turn][1] += z * cos - y * sin;
     }
@@ -177,27 +216,29 @@ fn respeed(take: &mut Take, off: f64) {
 }
 
 fn free(take: &mut Take, name: &str) {
-    if let Some(at) = by_name(name) {
-        take.options.bench[at].knowledge = Knowledge::Free;
-    }
+    let meant = take.options.bench().filter(|(of, _)| of.name == name || of.name.ends_with(&format!(".{name}")));
+    meant.for_each(|(_, told)| told.knowledge = Knowledge::Free);
 }
 
 fn identified(take: &Take) -> Option<Identification> {
-    let recording = take.columns.recording(&take.config, take.hold);
+    let recording = take.columns.recording(&take.stated, take.hold);
     with_slow_force(&[recording], &mut take.options.clone()).ok()
 }
 
 /// Log-likelihood of a take, what the gap would be, and whether it fits a bearing at all.
-fn fit(take: &Take) -> Option<(f64, f64, bool)> {
+fn fit(take: &Take) -> Option<(f64, Option<f64>, bool)> {
     let found = identified(take)?;
-    let sound = found.converged && found.contradictions.is_empty() && implausible(&found, &take.columns).is_none();
-    found.contradictions.is_empty().then_some((found.log_likelihood, found.bench[1].estimate.value, sound))
+    let sound = found.converged
+        && found.contradictions.is_empty()
+        && implausible(&found, &take.columns, &take.stated).is_none();
+    let gap = found.bench.iter().find(|of| of.parameter.name == "s").map(|of| of.estimate.value);
+    found.contradictions.is_empty().then_some((found.log_likelihood, gap, sound))
 }
 
 /// A stretch in the middle of a recording, or as long as several.
 fn stretch(take: &Take, stretches: usize) -> Take {
     let all = &take.columns;
-    let rows = all.position_m.len();
+    let rows = all.usable.len();
     let speed = all.omega_rad_s.iter().filter(|omega| omega.is_finite()).sum::<f64>().abs() / rows.max(1) as f64;
     let wanted = if speed > 0.0 { (TURNS * TAU / speed / all.step_s) as usize } else { 0 };
     let count = (stretches * wanted.clamp(ROWS[0], ROWS[1])).min(rows);
@@ -219,9 +260,10 @@ fn stretch(take: &Take, stretches: usize) -> Take {
 pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
     let mut takes = takes.each_ref().map(|take| {
         let mut take = stretch(take, HOLD_STRETCHES);
-        let delay = &mut take.options.bench[DELAY].knowledge;
-        if *delay == Knowledge::Exact {
-            *delay = Knowledge::Tolerance(PARAMETERS[DELAY].typical);
+        for (parameter, told) in take.options.bench().filter(|(parameter, _)| parameter.name.ends_with(DELAY)) {
+            if told.knowledge == Knowledge::Exact {
+                told.knowledge = Knowledge::Tolerance(parameter.typical);
+            }
         }
         // A force that is not known goes with every reading.
         let rows = take.columns.usable.iter_mut().zip(&take.columns.missing);
@@ -248,15 +290,23 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
     let take = stretch(take, 1);
     let told = fit(&take).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
     let mut fits: Vec<(f64, String)> = Vec::new();
-    for alternative in ALTERNATIVES {
-        let mut other = take.clone();
+    let bearings: Vec<_> = take.stated.machine.bearings.iter().filter(|of| of.kind == Kind::Radial).collect();
+    let each = |alternative: &'static Alternative| {
+        let of_bearings = bearings.iter().enumerate().filter(|(_, of)| of.magnets >= alternative.magnets);
+        let count = if alternative.magnets == 0 { 1 } else { bearings.len() };
+        of_bearings.take(count).map(move |(at, of)| (alternative, at, of.name())).collect::<Vec<_>>()
+    };
+    for (alternative, at, bearing) in ALTERNATIVES.iter().flat_map(each) {
+        let mut other = Take { bearing: at, ..take.clone() };
         (alternative.apply)(&mut other);
         if let Some((likelihood, gap, true)) = fit(&other)
-            && likelihood > told + better(take.columns.position_m.len())
+            && likelihood > told + better(take.columns.usable.len())
         {
-            let mut words = format!("{}: {}", alternative.name, alternative.proposal);
-            if alternative.proposal == "--estimate s" {
-                words += &format!("; about {} mm", significant(1e3 * take.config.gap_m * (1.0 + gap), 3));
+            let of =
+                if alternative.magnets == 0 || bearing.is_empty() { String::new() } else { format!(" at {bearing}") };
+            let mut words = format!("{}{of}: {}", alternative.name, alternative.proposal);
+            if let ("--estimate s", Some(gap)) = (alternative.proposal, gap) {
+                words += &format!("; about {} mm", significant(1e3 * take.stated.bodies[0].gap_m() * (1.0 + gap), 3));
             }
             if let (SPEED, Some([off, ..])) = (alternative.proposal, drift(&take.columns)) {
                 words += &format!("; by about {} %", significant(100.0 * off, 2));

@@ -2,8 +2,10 @@
 //!
 //! # Method
 //!
-//! Positions and currents are measured with white noise. Gauss–Newton on the innovations of a Kalman filter for (y, z, ẏ, ż), the negative
-//! stiffness of the field included, with the noise of the currents as process noise. Every iteration linearises anew about the smoothed trajectory.
+//! Positions and currents are measured with white noise. Gauss–Newton on the innovations of a Kalman filter for the coordinates that the sensors read and their
+//! rates, negative stiffness and gyroscope included, with the noise of the currents as process noise. Every iteration linearises anew about the smoothed
+//! trajectory. What moves is a [`Body`]: a shaft moves across itself and along itself, each a [`Part`] with a likelihood of its own. Forces, directions and accelerations
+//! are those of the on-line estimator ([`Machine`](crate::estimation::Machine)); derivatives to what the bench changes of them are differences of two such descriptions.
 //! Four things keep the score `Σ φᵀ S⁻¹ e` free of bias:
 //!
 //! - The square of a noisy current is too large by σ² on average, which is subtracted.
@@ -18,30 +20,34 @@
 //!   innovations explain them. Innovations are white, so that these are not correlated with those that follow. What they do not tell is added to the covariance.
 //!   The stiffness of the filter is that of the same currents.
 //!
-//! A bench parameter ([`PARAMETERS`]) is one more column. Known with a tolerance it has a Gaussian prior; known exactly it is not estimated,
+//! A bench parameter ([`parameters`]) is one more column. Known with a tolerance it has a Gaussian prior; known exactly it is not estimated,
 //! but its column says what an error of it would do to λ (the budget) and whether the residuals ask for it (the suspects).
 //!
 //! Deterministic to the bit, whatever the number of threads: recordings are cut into pieces of fixed length, whose sums are added in
 //! order.
 
 mod bench;
+mod body;
 mod case;
 mod changes;
 mod data;
-mod equations;
 mod expected;
 mod filter;
 mod missing;
 mod outcome;
 mod resolution;
+mod rotor;
 mod search;
 mod solve;
 
 use std::fmt;
 use std::ops::Range;
 
+use nalgebra::DMatrix;
+
 pub(super) use self::bench::DELAY;
-pub use self::bench::{BENCH, BenchParameter, Knowledge, PARAMETERS, Told, by_name};
+pub use self::bench::{BenchParameter, Knowledge, Told, by_name, parameters};
+pub use self::body::Body;
 pub use crate::estimation::Hold;
 
 /// One recording, sampled at equal distances.
@@ -49,10 +55,10 @@ pub use crate::estimation::Hold;
 pub struct Recording<'a> {
     /// Time between two samples, s.
     pub step_s: f64,
-    /// Positions (Y, Z), m.
-    pub position_m: &'a [[f64; 2]],
-    /// Currents, A.
-    pub current_a: &'a [[f64; 3]],
+    /// Positions by coordinate, m.
+    pub position_m: &'a [Vec<f64>],
+    /// Currents by magnet, A.
+    pub current_a: &'a [Vec<f64>],
     /// Angle of the shaft, rad; may be wrapped.
     pub theta_rad: &'a [f64],
     /// Speed of the shaft, rad/s.
@@ -69,6 +75,13 @@ pub struct Recording<'a> {
     pub current_noise_a: Option<f64>,
 }
 
+impl Recording<'_> {
+    /// Number of its rows.
+    fn rows(&self) -> usize {
+        self.theta_rad.len()
+    }
+}
+
 /// Whether a current was recorded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Origin {
@@ -81,46 +94,77 @@ pub enum Origin {
     Unknown,
 }
 
+/// Magnets of a machine at most.
+pub const MAGNETS: usize = 10;
+
 /// Signals that were not recorded in a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Missing {
     /// A position was not.
     pub position: bool,
     /// The currents.
-    pub current: [Origin; 3],
+    pub current: [Origin; MAGNETS],
 }
 
-/// Prior knowledge of the bearing.
+/// A part of the motion that is identified by itself.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// What moves.
+    pub body: Body,
+    /// Place of its first position in a recording.
+    pub positions: usize,
+    /// Place of its first magnet.
+    pub magnets: usize,
+    /// The parameters of its bench.
+    pub parameters: Vec<BenchParameter>,
+    /// Their stated values, in the same order.
+    pub bench: Vec<Told>,
+}
+
+impl Part {
+    /// A part whose bench is exactly as stated.
+    #[must_use]
+    pub fn new(body: Body, positions: usize, magnets: usize) -> Self {
+        let parameters = parameters(&body);
+        let bench = vec![Told::default(); parameters.len()];
+        Self { body, positions, magnets, parameters, bench }
+    }
+}
+
+/// Prior knowledge of a machine.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Mass of the rotor, kg.
-    pub m_kg: f64,
-    /// Nominal gap, m.
-    pub gap_m: f64,
-    /// Angles of the magnets, rad; magnet k pulls along `(sin α_k, cos α_k)` in (y, z).
-    pub alpha_rad: [f64; 3],
-    /// Stated values of the bench, by the order of [`PARAMETERS`].
-    pub bench: [Told; BENCH],
-    /// Whether a slow force that nothing explains is estimated, a random walk in y and z.
+    /// The parts of its motion.
+    pub parts: Vec<Part>,
+    /// Whether a slow force that nothing explains is estimated, a random walk along every coordinate.
     pub slow_force: bool,
 }
 
 impl Options {
-    /// A bearing whose bench is exactly as stated.
+    /// A rotor in one radial bearing whose bench is exactly as stated.
     #[must_use]
-    pub fn new(m_kg: f64, gap_m: f64, alpha_rad: [f64; 3]) -> Self {
-        Self { m_kg, gap_m, alpha_rad, bench: [Told::default(); BENCH], slow_force: false }
+    pub fn new(m_kg: f64, gap_m: f64, alpha_rad: &[f64]) -> Self {
+        let body = Body::Disc { m_kg, gap_m, alpha_rad: alpha_rad.to_vec() };
+        Self { parts: vec![Part::new(body, 0, 0)], slow_force: false }
+    }
+
+    /// The parameters of the bench with their stated values.
+    pub fn bench(&mut self) -> impl Iterator<Item = (&BenchParameter, &mut Told)> {
+        self.parts.iter_mut().flat_map(|part| part.parameters.iter().zip(&mut part.bench))
     }
 }
 
 /// Why nothing was identified.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Failed {
+    /// There is no machine with so many magnets.
+    #[error("{0} magnets: 3 or 4 to a bearing are wanted")]
+    Magnets(usize),
     /// There is no recording.
     #[error("there is no recording to identify from")]
     Nothing,
     /// Columns of a recording differ in length.
-    #[error("recording {recording}: {column} has {got} samples, the positions have {wanted}")]
+    #[error("recording {recording}: {column} has {got} samples, the angle has {wanted}")]
     Lengths {
         /// Number of the recording, from 1.
         recording: usize,
@@ -128,7 +172,7 @@ pub enum Failed {
         column: &'static str,
         /// Its samples.
         got: usize,
-        /// Samples of the positions.
+        /// Samples of the angle.
         wanted: usize,
     },
     /// A usable sample is not a finite number.
@@ -195,31 +239,40 @@ impl fmt::Display for Covariance {
 /// Differences between recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conditions {
-    /// Constant load (y, z), N.
-    pub load_n: [Estimate; 2],
+    /// Constant load by coordinate, N.
+    pub load_n: Vec<Estimate>,
+    /// What belongs to a part of the motion.
+    pub parts: Vec<OfPart>,
+    /// Step of each position sensor, m; 0 unless it is quantised.
+    pub resolution_m: Vec<f64>,
+    /// Mean of `2 λ_k i_k/gap_k²` over the recording, N/A.
+    pub ki_n_a: Vec<Estimate>,
+    /// Mean of `2 λ_k i_k²/gap_k³` over the recording, N/m.
+    pub ks_n_m: Vec<Estimate>,
+}
+
+/// A recording as a part of the motion shows it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OfPart {
     /// Standard deviation of the position noise, m.
     pub position_noise_m: f64,
     /// Standard deviation of the current noise, A.
     pub current_noise_a: f64,
-    /// Level of a slow force in y and z, a random walk, N after a second; 0 unless it is estimated.
+    /// Level of a slow force along each coordinate, a random walk, N after a second; 0 unless it is estimated.
     pub slow_force_n: f64,
     /// Rows that were used.
     pub rows: usize,
     /// As how many of them they count: fewer where errors of quantisation repeat with the readings.
     pub counting: usize,
-    /// Step of each position sensor, m; 0 unless it is quantised.
-    pub resolution_m: [f64; 2],
     /// Mean of the normalised innovations squared per axis; 1 where the model holds.
     pub nis: f64,
-    /// Mean of `2 λ_k i_k/gap_k²` over the recording, N/A.
-    pub ki_n_a: [Estimate; 3],
-    /// Mean of `2 λ_k i_k²/gap_k³` over the recording, N/m.
-    pub ks_n_m: [Estimate; 3],
 }
 
 /// Estimate of a bench parameter.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct BenchEstimate {
+    /// The parameter.
+    pub parameter: BenchParameter,
     /// The stated value.
     pub told: Told,
     /// Value and standard deviation; the told value and 0 for one that is known exactly.
@@ -229,24 +282,35 @@ pub struct BenchEstimate {
 }
 
 /// Effect of one bench parameter on λ.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct BudgetLine {
-    /// Number of the parameter in [`PARAMETERS`].
+    /// Number of the parameter in [`Identification::bench`].
     pub parameter: usize,
     /// Error of λ̂_k relative to λ_k, per unit by which the parameter differs from its told value and nobody knows.
-    pub sensitivity: [f64; 3],
+    pub sensitivity: Vec<f64>,
     /// The standard deviation with which `contribution` is reckoned, in the parameter's unit: the tolerance told, or that of a typical bench.
     pub tolerance: f64,
     /// Whether `tolerance` is stated.
     pub told: bool,
     /// Relative standard deviation of λ_k by this parameter. For an estimated one: what the variance would lose if it were known exactly.
-    pub contribution: [f64; 3],
+    pub contribution: Vec<f64>,
+}
+
+/// The least contribution to ± of λ that shows.
+const SHOWN: f64 = 5e-5;
+
+impl BudgetLine {
+    /// Whether it contributes to one of these magnets.
+    #[must_use]
+    pub fn contributes(&self, magnets: &Range<usize>) -> bool {
+        self.contribution[magnets.clone()].iter().any(|part| *part >= SHOWN)
+    }
 }
 
 /// A parameter that the residuals ask for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Suspect {
-    /// The bench parameter that would explain them.
+    /// Number of the bench parameter that would explain them, in [`Identification::bench`].
     pub parameter: usize,
     /// Its value after one step from the told one, in its unit.
     pub value: f64,
@@ -259,12 +323,12 @@ pub struct Suspect {
 /// Residuals of one recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Residuals {
-    /// χ² with two degrees of freedom of the whitened innovations at harmonics 1–4 of the shaft angle; per harmonic y, z.
-    pub harmonics: [[f64; 2]; 4],
+    /// χ² with two degrees of freedom of the whitened innovations at harmonics 1–4 of the shaft angle, by coordinate.
+    pub harmonics: Vec<[f64; 4]>,
     /// Amplitude of the same relative to the noise of one innovation.
-    pub amplitudes: [[f64; 2]; 4],
-    /// Autocorrelation of the whitened innovations at lags 1–4, mean of both axes; by chance 1/√(2 rows).
-    pub lags: [f64; 4],
+    pub amplitudes: Vec<[f64; 4]>,
+    /// Autocorrelation of the whitened innovations at lags 1–4 by part of the motion, mean of all axes; by chance 1/√(axes · rows).
+    pub lags: Vec<[f64; 4]>,
 }
 
 /// A part of a recording that contradicts the rest.
@@ -272,6 +336,8 @@ pub struct Residuals {
 pub struct Contradiction {
     /// Number of the recording, from 0.
     pub recording: usize,
+    /// Number of the part of the motion, from 0.
+    pub part: usize,
     /// Its rows.
     pub rows: Range<usize>,
     /// Description.
@@ -289,8 +355,8 @@ pub enum Change {
     /// λ has other values in this part: estimates from it alone.
     Lambda {
         /// Values, N·m²/A².
-        lambda: [Estimate; 3],
-        /// χ² of the change (3 degrees of freedom).
+        lambda: Vec<Estimate>,
+        /// χ² of the change, with a degree of freedom for each.
         chi_square: f64,
     },
     /// The load has other values in this part.
@@ -300,31 +366,38 @@ pub enum Change {
     },
 }
 
+/// Unbalance in a plane of the rotor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unbalance {
+    /// U cos φ and U sin φ, kg·m.
+    pub parts: [Estimate; 2],
+    /// |U|, kg·m.
+    pub magnitude: Estimate,
+    /// Angle of U, rad.
+    pub phase: Estimate,
+}
+
 /// The answer for all recordings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
     /// Force constants, N·m²/A².
-    pub lambda: [Estimate; 3],
+    pub lambda: Vec<Estimate>,
     /// Covariance of the force constants, noise and tolerances together.
-    pub lambda_covariance: [[f64; 3]; 3],
-    /// U cos φ and U sin φ, kg·m.
-    pub unbalance: [Estimate; 2],
-    /// |U|, kg·m.
-    pub unbalance_magnitude: Estimate,
-    /// Angle of U, rad.
-    pub unbalance_phase: Estimate,
+    pub lambda_covariance: DMatrix<f64>,
+    /// By plane.
+    pub unbalance: Vec<Unbalance>,
     /// By recording.
     pub conditions: Vec<Conditions>,
     /// By bench parameter.
-    pub bench: [BenchEstimate; BENCH],
+    pub bench: Vec<BenchEstimate>,
     /// Bench parameters that the data do not separate from the rest, by number; they were held at their told values.
     pub not_separated: Vec<usize>,
     /// Effects of bench parameters on λ.
     pub budget: Vec<BudgetLine>,
     /// Residuals by recording.
     pub residuals: Vec<Residuals>,
-    /// Position minus its prediction from the samples before, by recording and row, in m; NaN where a row was not used.
-    pub prediction_errors_m: Vec<Vec<[f64; 2]>>,
+    /// Position minus its prediction from the samples before, by recording, coordinate and row, in m; NaN where a row was not used.
+    pub prediction_errors_m: Vec<Vec<Vec<f64>>>,
     /// Bench parameters that the residuals ask for, the strongest first.
     pub suspects: Vec<Suspect>,
     /// Parts that contradict the rest.
@@ -351,7 +424,69 @@ pub const SHORTEST: usize = 16;
 /// Obstacles to identification, by name.
 pub fn identify(recordings: &[Recording<'_>], options: &Options) -> Result<Identification, Failed> {
     check(recordings, options)?;
-    search::identify(recordings, options)
+    let mut parts = options.parts.iter();
+    let first = parts.next().ok_or(Failed::Nothing)?.identify(recordings, options.slow_force)?;
+    parts.try_fold(first, |all, part| Ok(all.beside(part.identify(recordings, options.slow_force)?)))
+}
+
+impl Identification {
+    /// This and another part of the motion, which is independent of it.
+    fn beside(mut self, other: Self) -> Self {
+        let (parameters, parts) = (self.bench.len(), self.conditions[0].parts.len());
+        let [before, after] = [&self, &other].map(|of| of.lambda.len());
+        let covariance = DMatrix::from_fn(before + after, before + after, |i, l| match (i < before, l < before) {
+            (true, true) => self.lambda_covariance[(i, l)],
+            (false, false) => other.lambda_covariance[(i - before, l - before)],
+            _ => 0.0,
+        });
+        let all = |own: &[f64], from: usize| {
+            let mut all = vec![0.0; before + after];
+            all[from..from + own.len()].copy_from_slice(own);
+            all
+        };
+        let lines = |lines: Vec<BudgetLine>, more: usize, from: usize| {
+            lines.into_iter().map(move |line| BudgetLine {
+                parameter: line.parameter + more,
+                sensitivity: all(&line.sensitivity, from),
+                contribution: all(&line.contribution, from),
+                ..line
+            })
+        };
+        self.budget = lines(self.budget, 0, 0).chain(lines(other.budget, parameters, before)).collect();
+        self.lambda_covariance = covariance;
+        self.lambda.extend(other.lambda);
+        self.unbalance.extend(other.unbalance);
+        for (own, of) in self.conditions.iter_mut().zip(other.conditions) {
+            own.load_n.extend(of.load_n);
+            own.parts.extend(of.parts);
+            own.resolution_m.extend(of.resolution_m);
+            own.ki_n_a.extend(of.ki_n_a);
+            own.ks_n_m.extend(of.ks_n_m);
+        }
+        self.bench.extend(other.bench);
+        self.not_separated.extend(other.not_separated.into_iter().map(|at| at + parameters));
+        for (own, of) in self.residuals.iter_mut().zip(other.residuals) {
+            own.harmonics.extend(of.harmonics);
+            own.amplitudes.extend(of.amplitudes);
+            own.lags.extend(of.lags);
+        }
+        for (own, of) in self.prediction_errors_m.iter_mut().zip(other.prediction_errors_m) {
+            own.extend(of);
+        }
+        let suspects = other.suspects.into_iter();
+        self.suspects.extend(suspects.map(|of| Suspect { parameter: of.parameter + parameters, ..of }));
+        self.suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
+        let contradictions = other.contradictions.into_iter();
+        self.contradictions.extend(contradictions.map(|of| Contradiction { part: of.part + parts, ..of }));
+        if other.covariance == Covariance::Scores {
+            self.covariance = Covariance::Scores;
+        }
+        self.iterations = self.iterations.max(other.iterations);
+        self.converged &= other.converged;
+        self.gain_by_slow_force += other.gain_by_slow_force;
+        self.log_likelihood += other.log_likelihood;
+        self
+    }
 }
 
 fn check(recordings: &[Recording<'_>], options: &Options) -> Result<(), Failed> {
@@ -359,17 +494,16 @@ fn check(recordings: &[Recording<'_>], options: &Options) -> Result<(), Failed> 
     let positive = |name: &str, value: f64| {
         if value.is_finite() && value > 0.0 { Ok(()) } else { Err(invalid(name, value, "a finite number above 0")) }
     };
-    positive("m", options.m_kg)?;
-    positive("s", options.gap_m)?;
-    for (k, alpha) in options.alpha_rad.into_iter().enumerate() {
-        if !alpha.is_finite() {
-            return Err(invalid(&format!("alpha[{}]", k + 1), alpha, "a finite angle in rad"));
+    for [above_zero, others] in options.parts.iter().map(|part| part.body.numbers()) {
+        above_zero.iter().try_for_each(|(name, value)| positive(name, *value))?;
+        if let Some((name, value)) = others.iter().find(|(_, value)| !value.is_finite()) {
+            return Err(invalid(name, *value, "a finite number"));
         }
     }
-    for (told, parameter) in options.bench.iter().zip(&PARAMETERS) {
+    for (told, parameter) in options.parts.iter().flat_map(|part| part.bench.iter().zip(&part.parameters)) {
         let relative = parameter.unit == "1";
         if !told.value.is_finite() || (relative && told.value.abs() >= 1.0) {
-            return Err(invalid(parameter.name, told.value, "a finite number, a relative error between -1 and 1"));
+            return Err(invalid(&parameter.name, told.value, "a finite number, a relative error between -1 and 1"));
         }
         if let Knowledge::Tolerance(std) = told.knowledge {
             positive(&format!("tolerance of {}", parameter.name), std)?;
@@ -379,20 +513,23 @@ fn check(recordings: &[Recording<'_>], options: &Options) -> Result<(), Failed> 
         return Err(Failed::Nothing);
     }
     for (at, recording) in recordings.iter().enumerate() {
-        check_recording(at + 1, recording)?;
+        check_recording(at + 1, recording, options)?;
     }
     Ok(())
 }
 
-fn check_recording(number: usize, recording: &Recording<'_>) -> Result<(), Failed> {
-    let wanted = recording.position_m.len();
-    for (column, got) in [
-        ("current", recording.current_a.len()),
-        ("theta", recording.theta_rad.len()),
+fn check_recording(number: usize, recording: &Recording<'_>, options: &Options) -> Result<(), Failed> {
+    let wanted = recording.rows();
+    let magnets: usize = options.parts.iter().map(|part| part.body.magnets()).sum();
+    let coordinates: usize = options.parts.iter().map(|part| part.body.coordinates()).sum();
+    let positions = (0..coordinates).map(|n| ("position", recording.position_m.get(n).map_or(0, Vec::len)));
+    let currents = (0..magnets).map(|k| ("current", recording.current_a.get(k).map_or(0, Vec::len)));
+    let others = [
         ("omega", recording.omega_rad_s.len()),
         ("usable", if recording.usable.is_empty() { wanted } else { recording.usable.len() }),
         ("missing", if recording.missing.is_empty() { wanted } else { recording.missing.len() }),
-    ] {
+    ];
+    for (column, got) in positions.chain(currents).chain(others) {
         if got != wanted {
             return Err(Failed::Lengths { recording: number, column, got, wanted });
         }
@@ -410,8 +547,8 @@ fn check_recording(number: usize, recording: &Recording<'_>) -> Result<(), Faile
         }
     }
     for row in 0..wanted {
-        let values = recording.position_m[row].into_iter().chain(recording.current_a[row]);
-        let mut values = values.chain([recording.theta_rad[row], recording.omega_rad_s[row]]);
+        let columns = recording.position_m.iter().chain(recording.current_a).map(|column| column[row]);
+        let mut values = columns.chain([recording.theta_rad[row], recording.omega_rad_s[row]]);
         if recording.usable.get(row).copied().unwrap_or(true) && !values.all(f64::is_finite) {
             return Err(Failed::NotFinite { recording: number, row });
         }

@@ -1,4 +1,4 @@
-//! Identification from a recording of a test bench, with the estimator that runs on line.
+//! Identification from recordings of a test bench: maximum likelihood over all rows, and the on-line estimators beside it.
 
 pub mod axial;
 pub mod likelihood;
@@ -13,16 +13,24 @@ mod twin;
 
 use std::f64::consts::TAU;
 
+use fmu_export::variable::Value;
+use serde_json::{Value as Json, json};
+
 pub use self::answer::{Answer, Question, answer};
 pub use self::tolerance::{named, of_estimator, quantity, tolerance};
-pub use self::track::{Track, best_hold, estimator, json, recording, tables, track, track_every};
-pub use self::twin::{Stated, Twin};
+pub use self::track::{Track, estimator, json, recording, table, track, track_every};
+pub use self::twin::Twin;
 
-use self::likelihood::{BENCH, DELAY, Told};
+use self::likelihood::{BenchParameter, Body, DELAY, Options, Part, Told, parameters};
 use self::read::significant;
 pub use self::read::{Axial, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
-use crate::estimation::{EstimatorConfig, Hold, Method};
+use crate::bearing::shaft::Shaft;
+use crate::bearing::spindle::{RadialBearing, SpindleGeometryOf};
+use crate::estimation::{Hold, Method};
+use crate::machine::Machine;
+use crate::simulation::scenario::Element;
 use crate::table::Table;
+use crate::variables::Choice;
 
 /// The methods by the names of the interface.
 pub const METHODS: [(&str, Method); 3] =
@@ -35,6 +43,136 @@ pub const HOLDS: [(&str, Hold); 3] =
 /// The name of a meaning of samples of currents.
 fn name_of(hold: Hold) -> &'static str {
     HOLDS.iter().find(|(_, known)| *known == hold).map_or("", |(name, _)| name)
+}
+
+/// A machine and its sensors, as they are stated.
+#[derive(Clone, Debug)]
+pub struct Stated {
+    /// The machine.
+    pub machine: &'static Machine,
+    /// What moves, part by part.
+    pub bodies: Vec<Body>,
+    /// Meaning of a sample of a current.
+    pub hold: Hold,
+    /// Standard deviations of the noise of positions, m, and currents, A; 0 to estimate them.
+    pub noise: [f64; 2],
+}
+
+impl Stated {
+    /// By the values of its estimator.
+    #[must_use]
+    pub fn of(machine: &'static Machine, estimator: &Element) -> Self {
+        let value = |name: &str| estimator.value(name).map(Value::as_f64);
+        let real = |name: &str| value(name).unwrap_or(f64::NAN);
+        let alpha_rad =
+            |prefix: &str| -> Vec<f64> { (1..).map_while(|k| value(&format!("{prefix}alpha[{k}]"))).collect() };
+        let bearing = |prefix: &str| {
+            let of = |name: &str| real(&format!("{prefix}{name}"));
+            let angles = alpha_rad(prefix);
+            RadialBearing {
+                position_m: of("position"),
+                sensor_position_m: of("sensorPosition"),
+                gap_m: of("s"),
+                alpha_rad: std::array::from_fn(|k| angles.get(k).copied().unwrap_or(0.0)),
+            }
+        };
+        let m_kg = real("m");
+        let bodies = if machine.is_planar() {
+            vec![Body::Disc { m_kg, gap_m: real("s"), alpha_rad: alpha_rad("") }]
+        } else {
+            let shaft = Shaft { m_kg, transverse_kgm2: real("Jt"), polar_kgm2: real("Jp") };
+            let extent_m = ["shaft.begin", "shaft.end"].map(real);
+            let (a, b, axial_gap_m) = (bearing("A."), bearing("B."), real("X.s"));
+            let geometry = Box::new(SpindleGeometryOf { shaft, extent_m, a, b, axial_gap_m });
+            let planes_m = [1, 2].map(|plane| real(&format!("unbalance[{plane}].position")));
+            let magnets = machine.bearings[0].magnets;
+            vec![Body::Shaft { geometry, magnets, planes_m }, Body::Axis { m_kg, gap_m: axial_gap_m }]
+        };
+        let hold = value("hold").and_then(|number| Hold::of_number(number as i32)).unwrap_or_default();
+        let noise = ["sensor.positionNoise", "sensor.currentNoise"].map(|name| value(name).unwrap_or(0.0));
+        Self { machine, bodies, hold, noise }
+    }
+
+    /// The parameters of its bench.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<BenchParameter> {
+        self.bodies.iter().flat_map(parameters).collect()
+    }
+
+    fn options(&self, bench: &[Told]) -> Options {
+        let (mut positions, mut magnets) = (0, 0);
+        let part = |body: &Body| {
+            let part = Part::new(body.clone(), positions, magnets);
+            positions += body.coordinates();
+            magnets += body.magnets();
+            part
+        };
+        let mut options = Options { parts: self.bodies.iter().map(part).collect(), slow_force: false };
+        options.bench().zip(bench).for_each(|((_, to), told)| *to = *told);
+        options
+    }
+
+    /// Mass, gaps and angles in words.
+    fn told(&self) -> Vec<String> {
+        let degrees = |alpha_rad: &[f64]| {
+            alpha_rad.iter().map(|alpha| significant(alpha.to_degrees(), 5)).collect::<Vec<_>>().join(", ")
+        };
+        let bearing = |prefix: &str, gap_m: f64, alpha_rad: &[f64]| {
+            let gap_mm = significant(1e3 * gap_m, 6);
+            [format!("{prefix}s = {gap_mm} mm"), format!("{prefix}alpha = {} °", degrees(alpha_rad))]
+        };
+        let mut words = vec![format!("m = {} kg", significant(self.bodies[0].m_kg(), 6))];
+        for body in &self.bodies {
+            match body {
+                Body::Disc { gap_m, alpha_rad, .. } => words.extend(bearing("", *gap_m, alpha_rad)),
+                Body::Shaft { geometry, magnets, .. } => {
+                    let shaft = geometry.shaft;
+                    for (name, value) in [("Jt", shaft.transverse_kgm2), ("Jp", shaft.polar_kgm2)] {
+                        words.push(format!("{name} = {} kg·m²", significant(value, 6)));
+                    }
+                    for (prefix, of) in ["A.", "B."].into_iter().zip(geometry.radial()) {
+                        words.extend(bearing(prefix, of.gap_m, &of.alpha_rad[..*magnets]));
+                    }
+                }
+                Body::Axis { gap_m, .. } => words.push(format!("X.s = {} mm", significant(1e3 * gap_m, 6))),
+            }
+        }
+        words
+    }
+
+    /// The same as JSON, in SI units.
+    fn json(&self) -> Json {
+        let mut told = json!({"hold": name_of(self.hold)});
+        let numbers = self.bodies.iter().flat_map(Body::numbers).flatten();
+        let mut alpha_rad: Vec<(String, Vec<f64>)> = Vec::new();
+        for (name, value) in numbers {
+            match name.split_once('[').filter(|(group, _)| group.ends_with("alpha")) {
+                Some((group, _)) => match alpha_rad.iter_mut().find(|(known, _)| known == group) {
+                    Some((_, all)) => all.push(value),
+                    None => alpha_rad.push((group.into(), vec![value])),
+                },
+                None => told[name.as_str()] = value.into(),
+            }
+        }
+        alpha_rad.into_iter().for_each(|(name, all)| told[name.as_str()] = all.into());
+        told
+    }
+
+    /// The stated value of what a relative parameter of the bench belongs to: of `X.m` the mass.
+    fn value(&self, name: &str) -> f64 {
+        let of = |name: &str| {
+            let numbers = self.bodies.iter().flat_map(Body::numbers).flatten();
+            numbers.filter(|(of, _)| of == name).map(|(_, value)| value).next()
+        };
+        of(name).or_else(|| of(name.trim_start_matches("X."))).unwrap_or(f64::NAN)
+    }
+
+    /// Names of the loads in the order of the parts: across the shaft, then along it.
+    fn loads(&self) -> Vec<String> {
+        let mut names = self.machine.of_coordinates(|coordinate| coordinate.load);
+        names.rotate_left(self.bodies.len() - 1);
+        names
+    }
 }
 
 /// Why no identification was made.
@@ -63,14 +201,16 @@ pub struct Holds(pub [f64; 3]);
 impl Holds {
     /// Tries the readings on a bearing, the delay of whose positions is as well known as in `bench`.
     #[must_use]
-    pub fn of(samples: &Samples, config: &EstimatorConfig, bench: &[Told; BENCH]) -> Self {
-        let mut options = likelihood::Options::new(config.m_kg, config.gap_m, config.alpha_rad);
-        options.bench[DELAY] = bench[DELAY];
+    pub fn of(samples: &Samples, stated: &Stated, bench: &[Told]) -> Self {
+        let mut options = stated.options(&[]);
+        let told = options.bench().zip(bench);
+        told.filter(|((of, _), _)| of.name.ends_with(DELAY)).for_each(|((_, to), told)| *to = *told);
         Self(diagnosis::holds(&HOLDS.map(|(_, hold)| diagnosis::Take {
             columns: answer::columns(samples, hold),
             options: options.clone(),
             hold,
-            config: config.clone(),
+            stated: stated.clone(),
+            bearing: 0,
         })))
     }
 
@@ -101,21 +241,15 @@ impl Holds {
     #[must_use]
     pub fn table(&self, chosen: Hold) -> Option<Table> {
         self.best()?;
-        let note = "How much less likely the same data are with each reading (differences of log-likelihoods).";
-        Some(holds_beside(note, "less likely by", self.0.map(|less| format!("{less:.1}")), chosen))
-    }
-}
-
-/// A table with a number for each reading of a current, in the order of [`HOLDS`].
-fn holds_beside(note: &str, column: &str, numbers: [String; 3], chosen: Hold) -> Table {
-    let rows = HOLDS.iter().zip(numbers).map(|((name, hold), number)| {
-        let mark = if *hold == chosen { "chosen" } else { "" };
-        vec![(*name).to_owned(), number, mark.to_owned()]
-    });
-    Table {
-        title: "What a current sample stands for".into(),
-        note: note.into(),
-        head: ["", column, ""].map(String::from).into(),
-        rows: rows.collect(),
+        let rows = HOLDS.iter().zip(self.0).map(|((name, hold), less)| {
+            let mark = if *hold == chosen { "chosen" } else { "" };
+            vec![(*name).to_owned(), format!("{less:.1}"), mark.to_owned()]
+        });
+        Some(Table {
+            title: "What a current sample stands for".into(),
+            note: "How much less likely the same data are with each reading (differences of log-likelihoods).".into(),
+            head: ["", "less likely by", ""].map(String::from).into(),
+            rows: rows.collect(),
+        })
     }
 }

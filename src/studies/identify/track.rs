@@ -1,17 +1,18 @@
 //! The on-line estimator of a machine over a recording, run as an importer runs its FMU.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use fmu_export::Step;
 use fmu_export::log::Silent;
-use fmu_export::variable::{Causality, Value};
+use fmu_export::variable::Value;
 use serde_json::{Map, Value as Json, json};
 
 use super::read::{Samples, significant};
-use super::{Failed, HOLDS, METHODS, holds_beside, name_of};
+use super::{Failed, METHODS, name_of};
 use crate::estimation::{EstimatorConfig, Hold, Method, STD_LIMIT, Verdict};
 use crate::fmu;
-use crate::machine::{Machine, PLANAR};
+use crate::machine::{Bearing, Machine, PLANAR};
 use crate::simulation::recording::{Column, Recording};
 use crate::simulation::scenario::{Element, Setting};
 use crate::simulation::simulate;
@@ -31,9 +32,6 @@ pub struct Track {
 
 /// Note below the estimates over time.
 const DRIFT: &str = "± of noise alone. Values that drift from line to line are a bearing that changes.";
-
-/// Another reading of the currents than the usual one is taken if it makes the largest deviation of λ smaller than this part of it.
-const CLEARLY: f64 = 0.8;
 
 /// The estimator of the planar rotor with this configuration.
 #[must_use]
@@ -111,30 +109,6 @@ pub fn track_every(samples: &Samples, estimator: &Element, every: usize) -> Resu
     Ok(Track { machine, estimator, outputs: Recording { time_s, columns } })
 }
 
-/// The meaning of the samples of currents that leaves the smallest standard deviation of λ at the end of the recording: that of measured
-/// currents, unless another one is clearly better. With a table of these.
-///
-/// # Errors
-/// As for [`track`].
-pub fn best_hold(samples: &Samples, estimator: &Element) -> Result<(Hold, Table), Failed> {
-    let deviation = |hold: Hold| {
-        let mut estimator = estimator.clone();
-        estimator.set("hold", Value::Integer(hold.number()));
-        let track = track_every(samples, &estimator, samples.len().max(2) - 1)?;
-        let end = track.last_valid().filter(|_| track.is_valid_at_end());
-        Ok(end.map_or(f64::INFINITY, |row| track.largest_deviation("lambdaStd", row)))
-    };
-    let mut deviations = [f64::INFINITY; HOLDS.len()];
-    for (std, (_, hold)) in deviations.iter_mut().zip(HOLDS) {
-        *std = deviation(hold)?;
-    }
-    let best = (0..HOLDS.len()).min_by(|a, b| deviations[*a].total_cmp(&deviations[*b])).unwrap_or(0);
-    let (_, chosen) = HOLDS[if deviations[best] < CLEARLY * deviations[0] { best } else { 0 }];
-    let number = |std: f64| if std.is_finite() { format!("{:.2} %", 100.0 * std) } else { "not valid".into() };
-    let note = "Largest standard deviation of a force constant with each reading.";
-    Ok((chosen, holds_beside(note, "± noise", deviations.map(number), chosen)))
-}
-
 /// The outputs that are looked at.
 fn kept(machine: &Machine) -> Vec<String> {
     let of_magnets = ["lambdaHat", "lambdaStd", "lambdaStdTotal", "ki", "ks"].map(|name| machine.of_magnets(name));
@@ -160,12 +134,6 @@ fn hold(estimator: &Element) -> Hold {
 }
 
 impl Track {
-    /// Whether this is the answer: the planar rotor has others.
-    #[must_use]
-    pub fn is_answer(&self) -> bool {
-        *self.machine != PLANAR
-    }
-
     /// The method.
     #[must_use]
     pub fn method(&self) -> Method {
@@ -213,35 +181,6 @@ impl Track {
         of(std).into_iter().zip(of("lambdaHat")).map(|(std, lambda)| std / lambda).fold(0.0, f64::max)
     }
 
-    /// Parameters that the estimator takes as known.
-    #[must_use]
-    pub fn told(&self) -> String {
-        const OTHERS: [&str; 3] = ["Ts", "lambda0", "shaft."];
-        let variables = self.estimator.model_type.variables().iter();
-        let parameters = variables.filter(|of| of.causality == Causality::Parameter && !of.unit_name().is_empty());
-        let is_told = |name: &str| !OTHERS.iter().any(|other| name.contains(other));
-        let told = parameters.filter(|of| is_told(&of.name)).filter_map(|of| {
-            let value = self.estimator.value(&of.name).map_or(0.0, Value::as_f64);
-            // Tolerances and noise of 0 are none.
-            let is_none = value == 0.0 && (of.name.starts_with("tolerance.") || of.name.starts_with("sensor."));
-            let (factor, unit) = shown(of.unit_name());
-            (!is_none).then(|| format!("{} = {} {unit}", of.name, significant(factor * value, 4)))
-        });
-        let told: Vec<String> = told.collect();
-        format!("Taken as known: {}; currents {}.", told.join(", "), name_of(hold(&self.estimator)))
-    }
-
-    /// The verdict at the end, for a machine whose answer this is.
-    #[must_use]
-    pub fn verdict_at_end(&self) -> String {
-        match self.verdicts().last() {
-            Some(last) if !self.is_valid_at_end() => {
-                format!("{}. {}", last.to_string().replacen("not valid", "Not valid", 1), self.verdict())
-            }
-            _ => self.verdict(),
-        }
-    }
-
     /// Use of the recording, in a sentence or two.
     #[must_use]
     pub fn verdict(&self) -> String {
@@ -274,59 +213,11 @@ impl Track {
         }
     }
 
-    /// Estimates of the magnets, and of what else was estimated: the last valid ones.
-    fn tables(&self) -> Vec<Table> {
-        let Some(last) = self.last_valid() else { return Vec::new() };
-        let of = |name: &str| self.at(&self.machine.of_magnets(name), last);
-        let [lambda, std, total, ki, ks] = ["lambdaHat", "lambdaStd", "lambdaStdTotal", "ki", "ks"].map(of);
-        let micro = |value: f64| format!("{:.4}", value * 1e6);
-        let row = |(k, name): (usize, String)| {
-            vec![
-                name,
-                micro(lambda[k]),
-                micro(std[k]),
-                micro(total[k]),
-                format!("{:.3}", ki[k]),
-                format!("{:.0}", ks[k]),
-            ]
-        };
-        let magnets = Table {
-            title: "Force constants, 10⁻⁶ N·m²/A²".into(),
-            note: format!(
-                "At {:.4} s{}. ± of noise, and in all with the tolerances that are stated; ki and ks at the currents of the last revolution.",
-                self.outputs.time_s[last],
-                if self.is_valid_at_end() { "" } else { ", the last valid estimate" },
-            ),
-            head: ["", "λ", "± noise", "± in all", "ki, N/A", "ks, N/m"].map(String::from).into(),
-            rows: self.machine.of_magnets("λ").into_iter().enumerate().map(row).collect(),
-        };
-        let parts = ["noise.position", "noise.current"].map(|name| self.machine.of_parts(name)).concat();
-        let row = |name: String| {
-            let column = self.outputs.columns.iter().find(|column| column.name == name);
-            let (factor, unit) = match column.map_or("", |column| column.unit.as_str()) {
-                "m" => (1e6, "µm"),
-                unit => shown(unit),
-            };
-            let value = significant(factor * self.of(&name)[last], 4);
-            vec![name, value, unit.to_owned()]
-        };
-        let others = Table {
-            title: "Load, unbalance and noise".into(),
-            note: "Estimated with the force constants.".into(),
-            head: ["", "value", "unit"].map(String::from).into(),
-            rows: motion(self.machine).into_iter().chain(parts).map(row).collect(),
-        };
-        vec![magnets, others]
-    }
-
     /// Estimates after each quarter of the recording, a table per bearing.
     #[must_use]
     pub fn progress(&self) -> Vec<Table> {
-        let mut first = 0;
         let (valid, verdicts) = (self.of("valid"), self.verdicts());
-        let of_bearing = |bearing: &crate::machine::Bearing| {
-            let magnets = first..first + bearing.magnets;
-            first = magnets.end;
+        let of_bearing = |(_, magnets): (&Bearing, Range<usize>)| {
             let [lambda, std] =
                 ["lambdaHat", "lambdaStd"].map(|name| self.machine.of_magnets(name)[magnets.clone()].to_vec());
             let rows = [(1, "1/4"), (2, "1/2"), (3, "3/4"), (4, "end")].into_iter().filter_map(|(quarter, name)| {
@@ -337,15 +228,12 @@ impl Track {
                     cells.extend(both.map(|(lambda, std)| format!("{:.4} ± {:.4}", 1e6 * lambda, 1e6 * std)));
                     cells.push("yes".into());
                 } else {
-                    cells.extend(std::iter::repeat_n("–".to_owned(), bearing.magnets));
+                    cells.extend(std::iter::repeat_n("–".to_owned(), magnets.len()));
                     cells.push(verdicts[row].to_string());
                 }
                 Some(cells)
             });
-            let names = self.machine.of_magnets("λ")[magnets.clone()].to_vec();
-            let names = names
-                .into_iter()
-                .map(|name| if self.machine.is_planar() { name.replace(['[', ']'], "") } else { name });
+            let names = self.machine.symbols("λ")[magnets.clone()].to_vec();
             let head = ["", "time, s"].map(String::from).into_iter().chain(names).chain(["valid".to_owned()]);
             Table {
                 title: "On-line estimator over time, 10⁻⁶ N·m²/A²".into(),
@@ -354,7 +242,7 @@ impl Track {
                 rows: rows.collect(),
             }
         };
-        self.machine.bearings.iter().map(of_bearing).collect()
+        self.machine.magnets_of_bearings().into_iter().map(of_bearing).collect()
     }
 
     /// The last valid estimate in SI units.
@@ -374,54 +262,46 @@ impl Track {
     }
 }
 
-/// A unit as it is shown, with what one of the interface's is in it.
-fn shown(unit: &str) -> (f64, &str) {
-    match unit {
-        "m" => (1e3, "mm"),
-        "A" => (1e3, "mA"),
-        "rad" => (180.0 / std::f64::consts::PI, "°"),
-        "kg.m" => (1e6, "g·mm"),
-        "kg.m2" => (1.0, "kg·m²"),
-        "N.m" => (1.0, "N·m"),
-        unit => (1.0, unit),
-    }
-}
-
-/// Estimates in tables: of the methods of the planar rotor beside each other, of other machines in more detail.
+/// Estimates in numbers, one column per method.
 #[must_use]
-pub fn tables(tracks: &[Track]) -> Vec<Table> {
-    match tracks {
-        [track] if track.is_answer() => [track.tables(), track.progress()].concat(),
-        tracks => vec![table(tracks)],
-    }
-}
-
-/// Estimates of the planar rotor in numbers, one row per method.
-fn table(tracks: &[Track]) -> Table {
-    let head = "|λ1|λ2|λ3|± 1|± 2|± 3|U, g·mm|φ, rad|pY, N|pZ, N|residual|condition|valid";
-    let head: Vec<String> = head.split('|').map(String::from).collect();
-    let row = |track: &Track| {
-        let mut row = vec![track.name().to_owned()];
-        let Some(last) = track.last_valid() else {
-            row.extend(std::iter::repeat_n("–".to_owned(), head.len() - 2));
-            row.push("never".into());
-            return row;
-        };
-        let of = |name: &str| track.of(name)[last];
-        let magnets = ["lambdaHat", "lambdaStd"].map(|name| track.at(&track.machine.of_magnets(name), last)).concat();
-        row.extend(magnets.into_iter().map(|value| format!("{:.4}", value * 1e6)));
-        if track.method() == Method::PredictionError {
-            row.push(format!("{:.2}", of("unbalance.magnitude") * 1e6));
-            row.push(format!("{:.4}", of("unbalance.phase")));
-        } else {
-            row.extend(["–", "–"].map(String::from));
-        }
-        row.extend([format!("{:.2}", of("pYHat")), format!("{:.2}", of("pZHat"))]);
-        row.extend([format!("{:.4}", of("residual")), format!("{:.1}", of("condition"))]);
-        row.push(if track.is_valid_at_end() { "yes" } else { "not at the end" }.into());
-        row
+pub fn table(tracks: &[Track]) -> Table {
+    let head = std::iter::once(String::new()).chain(tracks.iter().map(|track| track.name().to_owned())).collect();
+    let row = |name: String, of: &dyn Fn(&Track, usize) -> Option<String>| -> Vec<String> {
+        let cell = |track: &Track| track.last_valid().and_then(|last| of(track, last)).unwrap_or_else(|| "–".into());
+        std::iter::once(name).chain(tracks.iter().map(cell)).collect()
     };
-    let rows = tracks.iter().map(row).collect();
+    let Some(machine) = tracks.first().map(|track| track.machine) else { return Table::default() };
+    let mut rows = Vec::new();
+    let of_magnets = |name| machine.of_magnets(name).into_iter();
+    let symbols = machine.symbols("λ").into_iter();
+    for ((symbol, lambda), std) in symbols.zip(of_magnets("lambdaHat")).zip(of_magnets("lambdaStd")) {
+        rows.push(row(symbol, &|track, last| {
+            let [lambda, std] = [&lambda, &std].map(|name| 1e6 * track.of(name)[last]);
+            Some(format!("{lambda:.4} ± {std:.4}"))
+        }));
+    }
+    for (part, factor, unit) in [("magnitude", 1e6, "g·mm"), ("phase", 1.0, "rad")] {
+        for name in machine.of_planes(part) {
+            rows.push(row(format!("{name}, {unit}"), &|track, last| {
+                let is_known = track.method() == Method::PredictionError;
+                is_known.then(|| significant(factor * track.of(&name)[last], 5))
+            }));
+        }
+    }
+    for (n, name) in machine.of_loads("p", "Hat").into_iter().enumerate() {
+        let unit = machine.either(n, "N", "N·m");
+        let title = format!("{}, {unit}", name.trim_end_matches("Hat"));
+        rows.push(row(title, &|track, last| Some(significant(track.of(&name)[last], 5))));
+    }
+    for name in ["residual", "condition"] {
+        rows.push(row(name.into(), &|track, last| Some(significant(track.of(name)[last], 4))));
+    }
+    let valid = |track: &Track| match (track.last_valid(), track.is_valid_at_end()) {
+        (None, _) => "never",
+        (_, true) => "yes",
+        (_, false) => "not at the end",
+    };
+    rows.push(std::iter::once("valid").chain(tracks.iter().map(valid)).map(String::from).collect());
     Table {
         title: "Force constants, 10⁻⁶ N·m²/A², with their standard deviations".into(),
         note: "The last valid estimates.".into(),
@@ -447,22 +327,9 @@ pub fn recording(tracks: &[Track]) -> Recording {
     recording
 }
 
-/// The result as JSON: the data, the stated values, and the last valid estimate of every method in SI units; of other machines than the planar
-/// one the estimate itself, if it is valid at the end.
+/// The result as JSON: the data, the stated values, and the last valid estimate of every method in SI units.
 #[must_use]
 pub fn json(samples: &Samples, tracks: &[Track]) -> Json {
-    if let [track] = tracks
-        && track.is_answer()
-    {
-        let valid = track.is_valid_at_end();
-        let mut document = if valid { track.json() } else { json!({}) };
-        document["valid"] = valid.into();
-        document["verdict"] = track.verdict_at_end().into();
-        document["magnets"] = track.machine.of_magnets("lambda").into();
-        document["told"] = track.told().into();
-        (document["samples"], document["Ts"]) = (samples.len().into(), samples.step_s.into());
-        return document;
-    }
     let method = |track: &Track| {
         let hold = name_of(hold(&track.estimator));
         json!({

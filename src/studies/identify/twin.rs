@@ -5,10 +5,11 @@
 
 use fmu_export::variable::Value;
 
+use super::Stated;
 use super::answer::Answer;
-use super::likelihood::{Knowledge, PARAMETERS, by_name};
+use super::likelihood::{Body, Knowledge};
 use super::read::Samples;
-use super::track::Track;
+use super::tolerance::plain;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate;
 
@@ -26,52 +27,85 @@ pub struct Twin {
     pub left_out: Vec<&'static str>,
 }
 
-/// The planar rotor as stated, without errors of the bench.
-#[derive(Clone, Copy, Debug)]
-pub struct Stated {
-    /// Mass, kg.
-    pub m_kg: f64,
-    /// Nominal gap, m.
-    pub gap_m: f64,
-    /// Angles of the magnets, rad.
-    pub alpha_rad: [f64; 3],
-    /// Angle at the start, rad.
-    pub theta0_rad: f64,
-    /// Speed, rad/s.
-    pub omega_rad_s: f64,
-}
-
 impl Stated {
-    /// Parameters of the plant, by name, of a bench with these errors, by their names in [`PARAMETERS`]. The plant has no rotation and no run-out of the
-    /// sensors, and no delay of the positions alone.
-    pub fn with(&self, of: impl Fn(&str) -> f64) -> Vec<(String, f64)> {
-        let mut values = vec![
-            ("m".to_owned(), self.m_kg * (1.0 + of("m"))),
-            ("s".to_owned(), self.gap_m * (1.0 + of("s")) + of("gap.iron")),
-        ];
-        for k in 1..=3 {
-            let alpha = format!("alpha[{k}]");
-            let alpha_rad = self.alpha_rad[k - 1] + of(&alpha);
-            values.push((alpha, alpha_rad));
-            values.push((format!("sensor.currentOffset[{k}]"), of(&format!("current.offset[{k}]"))));
-            values.push((format!("sensor.currentGainError[{k}]"), of(&format!("current.gain[{k}]"))));
-        }
-        let (common, half) = (of("sensor.gain"), of("sensor.gainDifference"));
-        for (axis, own, gain) in [("Y", "y", common + half), ("Z", "z", common - half)] {
-            values.push((format!("sensor.offset{axis}"), of(&format!("sensor.offset[{own}]"))));
-            values.push((format!("sensor.gainError{axis}"), gain));
-        }
-        // B_c cos θ + B_s sin θ in y, −B_c sin θ + B_s cos θ in z, as sines of ωt.
-        let (c, s) = (of("force.backward.cos"), of("force.backward.sin"));
-        for (axis, cos, sin) in [("Y", c, s), ("Z", s, -c)] {
-            values.push((format!("perturbation.amplitude{axis}"), cos.hypot(sin)));
-            if cos != 0.0 || sin != 0.0 {
-                values.push((format!("perturbation.phase{axis}"), libm::atan2(cos, sin) + self.theta0_rad));
-                values.push(("perturbation.omega".to_owned(), self.omega_rad_s));
+    /// Parameters of the plant, by name, of a bench with these errors, by their names. It turns from the angle θ₀ in rad with the speed ω in rad/s. The plant has no
+    /// rotation and no run-out of the sensors, no delay of the positions alone, and a shaft no backward forces.
+    pub fn with(&self, [theta0_rad, omega_rad_s]: [f64; 2], of: impl Fn(&str) -> f64) -> Vec<(String, f64)> {
+        let heavier = 1.0 + of("m");
+        let mut values = vec![("m".to_owned(), self.bodies[0].m_kg() * heavier)];
+        for body in &self.bodies {
+            match body {
+                Body::Disc { gap_m, alpha_rad, .. } => {
+                    values.extend(bearing("", *gap_m, alpha_rad, &of));
+                    values.extend(sensors("", &of));
+                    // B_c cos θ + B_s sin θ in y, −B_c sin θ + B_s cos θ in z, as sines of ωt.
+                    let (c, s) = (of("force.backward.cos"), of("force.backward.sin"));
+                    for (axis, cos, sin) in [("Y", c, s), ("Z", s, -c)] {
+                        values.push((format!("perturbation.amplitude{axis}"), cos.hypot(sin)));
+                        if cos != 0.0 || sin != 0.0 {
+                            values.push((format!("perturbation.phase{axis}"), libm::atan2(cos, sin) + theta0_rad));
+                            values.push(("perturbation.omega".to_owned(), omega_rad_s));
+                        }
+                    }
+                }
+                Body::Shaft { geometry, magnets, planes_m } => {
+                    let shaft = geometry.shaft;
+                    for (name, value) in [("Jt", shaft.transverse_kgm2), ("Jp", shaft.polar_kgm2)] {
+                        values.push((name.into(), value * heavier * (1.0 + of(name))));
+                    }
+                    for (prefix, stated) in ["A.", "B."].into_iter().zip(geometry.radial()) {
+                        values.extend(bearing(prefix, stated.gap_m, &stated.alpha_rad[..*magnets], &of));
+                        values.extend(sensors(prefix, &of));
+                        for (name, at_m) in
+                            [("position", stated.position_m), ("sensorPosition", stated.sensor_position_m)]
+                        {
+                            let name = format!("{prefix}{name}");
+                            let error_m = of(&name);
+                            values.push((name, at_m + error_m));
+                        }
+                    }
+                    for (plane, at_m) in (1..).zip(planes_m) {
+                        let name = format!("unbalance[{plane}].position");
+                        let error_m = of(&name);
+                        values.push((name, at_m + error_m));
+                    }
+                }
+                Body::Axis { gap_m, .. } => {
+                    values.extend(
+                        bearing("X.", *gap_m, &[0.0; 2], &of).into_iter().filter(|(name, _)| !name.contains("alpha")),
+                    );
+                    values.push(("X.sensor.offset".into(), of("X.sensor.offset")));
+                    values.push(("X.sensor.gainError".into(), of("X.sensor.gain")));
+                }
             }
         }
         values
     }
+}
+
+/// Gap and angles of a bearing, and errors of its current sensors.
+fn bearing(prefix: &str, gap_m: f64, alpha_rad: &[f64], of: impl Fn(&str) -> f64) -> Vec<(String, f64)> {
+    let error = |name: &str| of(&format!("{prefix}{name}"));
+    let mut values = vec![(format!("{prefix}s"), gap_m * (1.0 + error("s")) + error("gap.iron"))];
+    for (k, alpha_rad) in (1..).zip(alpha_rad) {
+        values.push((format!("{prefix}alpha[{k}]"), alpha_rad + error(&format!("alpha[{k}]"))));
+        values.push((format!("{prefix}sensor.currentOffset[{k}]"), error(&format!("current.offset[{k}]"))));
+        values.push((format!("{prefix}sensor.currentGainError[{k}]"), error(&format!("current.gain[{k}]"))));
+    }
+    values
+}
+
+/// Errors of the position sensors of a radial bearing.
+fn sensors(prefix: &str, of: impl Fn(&str) -> f64) -> Vec<(String, f64)> {
+    let error = |name: &str| of(&format!("{prefix}sensor.{name}"));
+    let (common, half) = (error("gain"), error("gainDifference"));
+    let of_axis = |(axis, own, gain): (&str, &str, f64)| {
+        [
+            (format!("{prefix}sensor.offset{axis}"), error(&format!("offset[{own}]"))),
+            (format!("{prefix}sensor.gainError{axis}"), gain),
+        ]
+    };
+    [("Y", "y", common + half), ("Z", "z", common - half)].into_iter().flat_map(of_axis).collect()
 }
 
 /// Values by element and variable, gathered before they are set.
@@ -162,8 +196,8 @@ impl Answer {
     /// The answer is not valid, or all values that a model refuses.
     pub fn twin(&self, base: &Scenario, samples: &Samples) -> Result<Twin, Vec<String>> {
         let found = self.found.as_ref().filter(|_| self.valid).ok_or_else(|| vec![self.verdict.clone()])?;
-        let (config, first) = (&self.question.config, &found.conditions[0]);
-        let bench = |name: &str| by_name(name).map(|at| &found.bench[at]);
+        let (stated, first) = (&self.question.stated, &found.conditions[0]);
+        let bench = |name: &str| found.bench.iter().find(|of| of.parameter.name == name);
         let of = |name: &str| bench(name).map_or(0.0, |bench| bench.estimate.value);
         let std = |name: &str| match bench(name) {
             Some(bench) if bench.estimated => bench.estimate.total_std,
@@ -176,90 +210,72 @@ impl Answer {
         };
         // The estimator takes sensors for exact, so that their errors are part of what it does not know.
         let error = |name: &str| of(name).hypot(std(name));
-        let stated = Stated {
-            m_kg: config.m_kg,
-            gap_m: config.gap_m,
-            alpha_rad: config.alpha_rad,
-            theta0_rad: start(base, "plant", "theta0"),
-            omega_rad_s: mean(&samples.omega_rad_s),
-        };
+        let omega_rad_s = mean(&samples.omega_rad_s);
+        let machine = base.machine;
 
         let mut values = Values::default();
         let step_s = values.put_sample_time(base, samples.step_s);
-        for (name, value) in stated.with(of) {
+        for (name, value) in stated.with([start(base, "plant", "theta0"), omega_rad_s], of) {
             if value != 0.0 || base.is_stated("plant", &name) {
                 values.put("plant", &name, value);
             }
             // Sensors and forces are the plant's alone.
-            if matches!(name.split('[').next(), Some("m" | "s" | "alpha")) {
+            if !name.contains("sensor.") && !name.starts_with("perturbation") {
                 values.put("controller", &name, value);
                 values.put("estimator", &name, value);
             }
-            if name == "s" {
-                values.put_unless_stated(base, "plant", "touchdown.clearance", 0.5 * value);
+            if let Some(prefix) = name.strip_suffix('s').filter(|prefix| prefix.is_empty() || prefix.ends_with('.')) {
+                values.put_unless_stated(base, "plant", &format!("{prefix}touchdown.clearance"), 0.5 * value);
             }
         }
-        for (k, lambda) in found.lambda.iter().enumerate() {
-            values.put("plant", &format!("lambda[{}]", k + 1), lambda.value);
-            values.put("controller", &format!("lambda0[{}]", k + 1), lambda.value);
-            values.put("estimator", &format!("lambda0[{}]", k + 1), lambda.value);
+        let of_magnets = |name| machine.of_magnets(name).into_iter();
+        for ((lambda, lambda0), found) in of_magnets("lambda").zip(of_magnets("lambda0")).zip(&found.lambda) {
+            values.put("plant", &lambda, found.value);
+            values.put("controller", &lambda0, found.value);
+            values.put("estimator", &lambda0, found.value);
         }
-        values.put("plant", "unbalance.magnitude", found.unbalance_magnitude.value);
-        values.put("plant", "unbalance.phase", found.unbalance_phase.value);
-        values.put("plant", "pY", first.load_n[0].value);
-        values.put("plant", "pZ", first.load_n[1].value);
-        values.put("plant", "omega", stated.omega_rad_s);
-        values.put_noise(first.position_noise_m, first.current_noise_a);
-        let magnets = |name: &str| [1, 2, 3].map(|k| format!("{name}[{k}]"));
-        values.put_tolerance("m", config.m_kg * std("m"));
-        values.put_tolerance("s", (config.gap_m * std("s")).hypot(std("gap.iron")));
-        values.put_tolerance("alpha", rms(magnets("alpha").map(|name| std(&name))));
-        values.put_tolerance("positionGain", error("sensor.gain").hypot(error("sensor.gainDifference")));
-        values.put_tolerance("positionOffset", rms(["sensor.offset[y]", "sensor.offset[z]"].map(error)));
-        values.put_tolerance("currentGain", rms(magnets("current.gain").map(|name| error(&name))));
-        values.put_tolerance("currentOffset", rms(magnets("current.offset").map(|name| error(&name))));
+        let of_planes = |name| machine.of_planes(name).into_iter();
+        for ((magnitude, phase), found) in of_planes("magnitude").zip(of_planes("phase")).zip(&found.unbalance) {
+            values.put("plant", &magnitude, found.magnitude.value);
+            values.put("plant", &phase, found.phase.value);
+        }
+        for (name, load) in stated.loads().iter().zip(&first.load_n) {
+            values.put("plant", name, load.value);
+        }
+        values.put("plant", "omega", omega_rad_s);
+        values.put_noise(first.parts[0].position_noise_m, first.parts[0].current_noise_a);
+        // One tolerance of the estimator is that of all bearings and magnets.
+        let rms = |begin: &str, of: &dyn Fn(&str) -> f64| {
+            let names = found.bench.iter().map(|of| of.parameter.name.as_str());
+            let own: Vec<f64> = names.filter(|name| plain(name).starts_with(begin)).map(of).collect();
+            (own.iter().map(|value| value * value).sum::<f64>() / own.len().max(1) as f64).sqrt()
+        };
+        let gap = |name: &str| (stated.value(name) * std(name)).hypot(std(&name.replace('s', "gap.iron")));
+        let gain = |name: &str| error(name).hypot(error(&format!("{name}Difference")));
+        values.put_tolerance("m", stated.value("m") * std("m"));
+        let gaps: Vec<f64> = machine.of_bearings("s").iter().map(|name| gap(name).powi(2)).collect();
+        values.put_tolerance("s", (gaps.iter().sum::<f64>() / gaps.len() as f64).sqrt());
+        values.put_tolerance("alpha", rms("alpha", &std));
+        let gains: Vec<f64> = machine.of_bearings("sensor.gain").iter().map(|name| gain(name).powi(2)).collect();
+        values.put_tolerance("positionGain", (gains.iter().sum::<f64>() / gains.len() as f64).sqrt());
+        values.put_tolerance("positionOffset", rms("sensor.offset", &error));
+        values.put_tolerance("currentGain", rms("current.gain", &error));
+        values.put_tolerance("currentOffset", rms("current.offset", &error));
+        if stated.bodies.len() > 1 {
+            values.put_tolerance("Jt", stated.value("Jt") * std("Jt"));
+            values.put_tolerance("Jp", stated.value("Jp") * std("Jp"));
+            values.put_tolerance("position", rms("position", &std));
+            values.put_tolerance("sensorPosition", rms("sensorPosition", &std));
+            values.put_tolerance("unbalancePosition", rms("unbalance", &std));
+        }
 
         let twin = values.twin(base, step_s, &self.verdict)?;
-        let estimated = || found.bench.iter().zip(&PARAMETERS).filter(|(of, _)| of.estimated).map(|(_, of)| of.name);
-        let left_out = WITHOUT.into_iter().filter(|name| estimated().any(|estimated| estimated.starts_with(name)));
-        let slow_force = (first.slow_force_n > 0.0).then_some("force.slow");
+        let estimated = || found.bench.iter().filter(|of| of.estimated).map(|of| plain(&of.parameter.name));
+        let backward = (stated.bodies.len() > 1).then_some("force.backward");
+        let without = WITHOUT.into_iter().chain(backward);
+        let left_out = without.filter(|name| estimated().any(|estimated| estimated.starts_with(name)));
+        let slow_force = first.parts.iter().any(|part| part.slow_force_n > 0.0).then_some("force.slow");
         Ok(Twin { left_out: left_out.chain(slow_force).collect(), ..twin })
-    }
-}
-
-impl Track {
-    /// The machine with the stated and the identified values. `base` is the scenario of the machine. What the estimator knows of the bench, the
-    /// plant has and the controller knows as well.
-    ///
-    /// # Errors
-    /// The estimate is not valid at the end, or all values that a model refuses.
-    pub fn twin(&self, base: &Scenario, samples: &Samples) -> Result<Twin, Vec<String>> {
-        let last = self.last_valid().filter(|_| self.is_valid_at_end()).ok_or_else(|| vec![self.verdict_at_end()])?;
-        let of = |name: &str| self.of(name)[last];
-        let mut values = Values::default();
-        let stated = self.estimator.model_type.variables().iter().map(|variable| variable.name.to_string());
-        for name in stated.filter(|name| base.is_stated("estimator", name)) {
-            for element in ["plant", "controller"] {
-                values.put_value(element, &name, base.value("estimator", &name).expect("a variable"));
-            }
-        }
-        let step_s = values.put_sample_time(base, samples.step_s);
-        let of_magnets = |name| self.machine.of_magnets(name).into_iter();
-        for ((hat, lambda), lambda0) in of_magnets("lambdaHat").zip(of_magnets("lambda")).zip(of_magnets("lambda0")) {
-            values.put("plant", &lambda, of(&hat));
-            values.put("controller", &lambda0, of(&hat));
-            values.put("estimator", &lambda0, of(&hat));
-        }
-        let loads = self.machine.of_coordinates(|coordinate| coordinate.load);
-        for (name, hat) in loads.iter().zip(self.machine.of_loads("p", "Hat")) {
-            values.put("plant", name, of(&hat));
-        }
-        for name in [self.machine.of_planes("magnitude"), self.machine.of_planes("phase")].concat() {
-            values.put("plant", &name, of(&name));
-        }
-        values.put("plant", "omega", mean(&samples.omega_rad_s));
-        values.put_noise(of("noise.position"), of("noise.current"));
-        values.twin(base, step_s, &self.verdict())
     }
 }
 
@@ -271,8 +287,4 @@ fn mean(values: &[f64]) -> f64 {
 
 fn start(scenario: &Scenario, element: &str, variable: &str) -> f64 {
     scenario.value(element, variable).map_or(f64::NAN, Value::as_f64)
-}
-
-fn rms<const N: usize>(values: [f64; N]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / N as f64).sqrt()
 }

@@ -1,26 +1,27 @@
 //! Studies of maximum likelihood over whole recordings: drawn bearings, and benches that differ from their data sheets.
 
 use std::f64::consts::TAU;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use super::bound;
 use super::cases::{self, Draw};
 use super::figures::{Sample, Trial, Worst, touched};
 use super::{NOISE, SEEDS, Study, drawn, nominal, real, study};
+use crate::machine::PLANAR;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
-use crate::studies::identify::likelihood::{BENCH, Knowledge, PARAMETERS, Told};
-use crate::studies::identify::{self, Question, Rotation, Samples, Stated, named};
+use crate::studies::identify::likelihood::{self, BenchParameter, Knowledge, Told};
+use crate::studies::identify::{self, Question, Rotation, Samples, Stated};
 use fmu_export::variable::Value;
 
-/// How a bench differs from its data sheet, and what maximum likelihood is told of it. Parameters by their numbers in [`PARAMETERS`], with
+/// How a bench differs from its data sheet, and what maximum likelihood is told of it. Parameters by their numbers, with
 /// their units.
 #[derive(Clone, Debug, Default)]
 pub struct Offline {
     /// Tolerances told. Unless `fixed` says otherwise, every run draws the errors from them.
     pub tolerances: Vec<(usize, f64)>,
     /// Errors of all runs.
-    pub fixed: Option<[f64; BENCH]>,
+    pub fixed: Option<Vec<f64>>,
 }
 
 /// Keeps the errors of a bench apart from the bearing and the noise that are drawn with the same seed.
@@ -28,12 +29,12 @@ const OTHER_SEED: u64 = 0xbe5c_0000_0000;
 
 impl Offline {
     /// The errors of the run with this seed.
-    fn errors(&self, seed: u64) -> [f64; BENCH] {
-        if let Some(errors) = self.fixed {
-            return errors;
+    fn errors(&self, seed: u64) -> Vec<f64> {
+        if let Some(errors) = &self.fixed {
+            return errors.clone();
         }
         let mut draw = Draw::new(seed ^ OTHER_SEED);
-        let mut errors = [0.0; BENCH];
+        let mut errors = vec![0.0; parameters().len()];
         for (at, std) in &self.tolerances {
             errors[*at] = std * draw.normal();
         }
@@ -41,25 +42,25 @@ impl Offline {
     }
 }
 
-/// The number of a bench parameter.
-fn number(name: &str) -> usize {
-    identify::likelihood::by_name(name).unwrap_or_default()
+/// The parameters of the bench of the paper's bearing.
+fn parameters() -> &'static [BenchParameter] {
+    static PARAMETERS: LazyLock<Vec<BenchParameter>> =
+        LazyLock::new(|| Stated::of(&PLANAR, nominal().estimator()).parameters());
+    &PARAMETERS
+}
+
+/// The value of a bench parameter.
+fn value(errors: &[f64], name: &str) -> f64 {
+    likelihood::by_name(parameters(), name).map_or(0.0, |at| errors[at])
 }
 
 /// Makes plant and sensors differ from what controller and estimator are told. Rotation and run-out of the sensors are missing in the plant:
 /// see [`misread`].
-fn differ(scenario: &mut Scenario, errors: &[f64; BENCH]) {
-    let of = |name: &str| errors[number(name)];
+fn differ(scenario: &mut Scenario, errors: &[f64]) {
+    let of = |name: &str| value(errors, name);
     let base = nominal();
-    let told = |name: &str| real(&base, "plant", name);
-    let stated = Stated {
-        m_kg: told("m"),
-        gap_m: told("s"),
-        alpha_rad: [1, 2, 3].map(|k| told(&format!("alpha[{k}]"))),
-        theta0_rad: told("theta0"),
-        omega_rad_s: told("omega"),
-    };
-    for (name, value) in stated.with(of) {
+    let turning = ["theta0", "omega"].map(|name| real(&base, "plant", name));
+    for (name, value) in Stated::of(&PLANAR, base.estimator()).with(turning, of) {
         scenario.set("plant", &name, Value::Real(value));
     }
     // Sensors do not know the future.
@@ -74,9 +75,9 @@ pub fn wanted(path: &str) -> bool {
 }
 
 /// The recording as a bench would have taken it, rotation and run-out of its sensors included.
-fn misread(recording: &Recording, step_s: f64, errors: &[f64; BENCH]) -> Option<Samples> {
+fn misread(recording: &Recording, step_s: f64, errors: &[f64]) -> Option<Samples> {
     let column = |name: &str| recording.get(&format!("plant.{name}")).map(<[f64]>::to_vec);
-    let of = |name: &str| errors[number(name)];
+    let of = |name: &str| value(errors, name);
     let mut samples = Samples {
         step_s,
         position_m: vec![column("Ym")?, column("Zm")?],
@@ -87,8 +88,9 @@ fn misread(recording: &Recording, step_s: f64, errors: &[f64; BENCH]) -> Option<
         ..Samples::default()
     };
     // The delay is that of positions alone.
+    let delay_s = of("delay").abs();
     for (theta, omega) in samples.theta_rad.iter_mut().zip(&samples.omega_rad_s) {
-        *theta += omega * of("delay").abs();
+        *theta += omega * delay_s;
     }
     let (common, half) = (of("sensor.gain"), of("sensor.gainDifference"));
     let gain = [1.0 + common + half, 1.0 + common - half];
@@ -138,7 +140,8 @@ pub fn judge(
     let configured = scenario.closed_loop().ok()?;
     let truth = configured.plant.lambda_nm2_a2;
     let touched = touched(recording);
-    let mut bench = [Told::default(); BENCH];
+    let stated = Stated::of(&PLANAR, scenario.estimator());
+    let mut bench = vec![Told::default(); parameters().len()];
     for (at, std) in &offline.tolerances {
         bench[*at].knowledge = Knowledge::Tolerance(*std);
     }
@@ -157,7 +160,7 @@ pub fn judge(
         if touched.is_some_and(|touched| touched < rows) {
             break;
         }
-        let question = Question { config: configured.estimator.clone(), bench, holds: None, slow_force: None };
+        let question = Question { stated: stated.clone(), bench: bench.clone(), holds: None, slow_force: None };
         let answer = identify::answer(&[beginning(&whole, rows)], question).ok()?;
         let mut sample = Sample {
             valid: answer.valid,
@@ -173,9 +176,9 @@ pub fn judge(
             sample.error = (0..3).map(|k| found.lambda[k].value / truth[k] - 1.0).collect();
             sample.std = relative(&|k| found.lambda[k].noise_std);
             sample.total = relative(&|k| found.lambda[k].total_std);
-            let turned = found.unbalance_phase.value - configured.plant.unbalance_phase_rad;
+            let turned = found.unbalance[0].phase.value - configured.plant.unbalance_phase_rad;
             sample.unbalance = [
-                found.unbalance_magnitude.value / configured.plant.unbalance_kgm - 1.0,
+                found.unbalance[0].magnitude.value / configured.plant.unbalance_kgm - 1.0,
                 turned - TAU * (turned / TAU).round(),
             ];
         }
@@ -277,18 +280,23 @@ pub fn studies(runs: usize) -> Vec<Study> {
         studies.push(slow);
     }
     let expanded = |told: &[(&str, f64)]| -> Vec<(usize, f64)> {
-        told.iter().flat_map(|(name, std)| named(name).unwrap_or_default().into_iter().map(|at| (at, *std))).collect()
+        let meant = |name| identify::named(parameters(), name).unwrap_or_default();
+        told.iter().flat_map(|(name, std)| meant(name).into_iter().map(|at| (at, *std))).collect()
     };
     for told in ERRORS {
         let names: Vec<&str> = told.iter().map(|(name, _)| *name).collect();
         let offline = Offline { tolerances: expanded(told), fixed: None };
         studies.push(bench(&format!("bench error {}", names.join(" and ")), offline, NOISE, &[1.0], runs));
     }
-    let mut errors = [0.0; BENCH];
-    MIXED.iter().for_each(|(name, error, _)| errors[number(name)] = *error);
-    let tolerances = MIXED.iter().map(|(name, _, std)| (number(name), *std)).collect();
+    let mixed = |of: fn(&(&str, f64, f64)) -> f64| -> Vec<f64> {
+        let value =
+            |parameter: &BenchParameter| MIXED.iter().find(|(name, ..)| *name == parameter.name).map_or(0.0, of);
+        parameters().iter().map(value).collect()
+    };
+    let errors = mixed(|(_, error, _)| *error);
+    let tolerances = mixed(|(.., std)| *std).into_iter().enumerate().filter(|(_, std)| *std > 0.0).collect();
     studies.push(bench("mixed bench", Offline { tolerances, fixed: Some(errors) }, NOISE, &[1.0], runs));
-    let tolerances: Vec<_> = PARAMETERS.iter().map(|parameter| parameter.typical).enumerate().collect();
+    let tolerances: Vec<_> = parameters().iter().map(|parameter| parameter.typical).enumerate().collect();
     let offline = Offline { tolerances, fixed: None };
     for (says, noise) in [("0.1 µm", NOISE), ("1 µm", [10.0 * NOISE[0], NOISE[1]])] {
         studies.push(bench(&format!("all bench errors at once, {says}"), offline.clone(), noise, &[0.5, 2.0], runs));

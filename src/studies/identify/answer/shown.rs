@@ -1,17 +1,26 @@
 //! The answer in words, tables and JSON.
 
+use std::ops::Range;
+
 use serde_json::{Value as Json, json};
 
 use super::Answer;
-use crate::studies::identify::likelihood::{self, Identification, Knowledge, PARAMETERS};
+use crate::machine::Bearing;
+use crate::studies::identify::likelihood::{self, BenchParameter, BudgetLine, Identification, Knowledge};
 use crate::studies::identify::name_of;
 use crate::studies::identify::read::significant;
 use crate::table::Table;
 
+/// Note below the first budget.
+const SENSITIVITIES: &str =
+    "The sensitivities say by how much λ is wrong if the parameter differs from its stated value.";
+
 /// Factor and name of the unit in which a parameter is shown.
-pub fn shown(unit: &str) -> (f64, &'static str) {
-    match unit {
+pub fn shown(parameter: &BenchParameter) -> (f64, &'static str) {
+    match parameter.unit {
         "1" => (0.01, "%"),
+        // Positions along a shaft are no errors of sensors.
+        "m" if parameter.typical > 1e-4 => (1e-3, "mm"),
         "m" => (1e-6, "µm"),
         "rad" => (std::f64::consts::PI / 180.0, "°"),
         "s" => (1e-6, "µs"),
@@ -23,28 +32,25 @@ pub fn shown(unit: &str) -> (f64, &'static str) {
 impl Answer {
     /// Relative standard deviations of λ with a typical bench where no tolerance is stated.
     #[must_use]
-    pub fn typical(&self) -> Option<[f64; 3]> {
+    pub fn typical(&self) -> Option<Vec<f64>> {
         let found = self.found.as_ref()?;
-        Some(std::array::from_fn(|k| {
-            let own = found.lambda[k].total_std / found.lambda[k].value;
-            let untold = found.budget.iter().filter(|line| !line.told && PARAMETERS[line.parameter].in_typical_bench);
-            untold.map(|line| line.contribution[k]).fold(own * own, |sum, part| sum + part * part).sqrt()
-        }))
+        let is_hidden = |line: &&BudgetLine| !line.told && found.bench[line.parameter].parameter.in_typical_bench;
+        let of_magnet = |(k, lambda): (usize, &likelihood::Estimate)| {
+            let own = lambda.total_std / lambda.value;
+            let untold = found.budget.iter().filter(is_hidden).map(|line| line.contribution[k]);
+            untold.fold(own * own, |sum, part| sum + part * part).sqrt()
+        };
+        Some(found.lambda.iter().enumerate().map(of_magnet).collect())
     }
 
     /// Parameters taken as known.
     #[must_use]
     pub fn told(&self) -> String {
-        let config = &self.question.config;
-        let hold = name_of(config.hold);
-        let mut words = format!(
-            "Taken as known: m = {} kg, s = {} mm, alpha = {} °, currents {hold}",
-            significant(config.m_kg, 6),
-            significant(1e3 * config.gap_m, 6),
-            config.alpha_rad.map(|alpha| significant(alpha.to_degrees(), 5)).join(", ")
-        );
-        for (told, parameter) in self.question.bench.iter().zip(&PARAMETERS) {
-            let (factor, unit) = shown(parameter.unit);
+        let stated = &self.question.stated;
+        let hold = name_of(stated.hold);
+        let mut words = format!("Taken as known: {}, currents {hold}", stated.told().join(", "));
+        for (told, parameter) in self.question.bench.iter().zip(stated.parameters()) {
+            let (factor, unit) = shown(&parameter);
             match told.knowledge {
                 Knowledge::Exact => {}
                 Knowledge::Tolerance(std) => {
@@ -60,10 +66,10 @@ impl Answer {
     #[must_use]
     pub fn tables(&self) -> Vec<Table> {
         let Some(found) = &self.found else { return Vec::new() };
-        vec![self.estimates(found), bench(found), budget(found)]
-            .into_iter()
-            .filter(|table| !table.rows.is_empty())
-            .collect()
+        let of_bearings = self.question.stated.machine.magnets_of_bearings();
+        let budgets = of_bearings.into_iter().map(|(bearing, magnets)| budget(found, bearing, magnets));
+        let all = [self.estimates(found), bench(found)].into_iter().chain(budgets);
+        all.filter(|table| !table.rows.is_empty()).collect()
     }
 
     fn estimates(&self, found: &Identification) -> Table {
@@ -78,24 +84,30 @@ impl Answer {
                 unit.to_owned(),
             ]
         };
-        let mut rows: Vec<Vec<String>> = (0..3)
+        let stated = &self.question.stated;
+        let names = stated.machine.symbols("λ");
+        let mut rows: Vec<Vec<String>> = (0..found.lambda.len())
             .map(|k| {
                 let lambda = &found.lambda[k];
-                row(format!("λ{}", k + 1), lambda, 1e-6, "10⁻⁶ N·m²/A²", Some(typical[k] * lambda.value))
+                row(names[k].clone(), lambda, 1e-6, "10⁻⁶ N·m²/A²", Some(typical[k] * lambda.value))
             })
             .collect();
-        rows.push(row("U".into(), &found.unbalance_magnitude, 1e-6, "g·mm", None));
-        rows.push(row("φ".into(), &found.unbalance_phase, 1.0, "rad", None));
+        for (plane, unbalance) in (1..).zip(&found.unbalance) {
+            let number = if found.unbalance.len() > 1 { plane.to_string() } else { String::new() };
+            rows.push(row(format!("U{number}"), &unbalance.magnitude, 1e-6, "g·mm", None));
+            rows.push(row(format!("φ{number}"), &unbalance.phase, 1.0, "rad", None));
+        }
         for (r, conditions) in found.conditions.iter().enumerate() {
             let of = if found.conditions.len() > 1 { format!(", {}", r + 1) } else { String::new() };
-            for k in 0..3 {
-                rows.push(row(format!("ki{}{of}", k + 1), &conditions.ki_n_a[k], 1.0, "N/A", None));
+            for (name, ki) in stated.machine.symbols("ki").iter().zip(&conditions.ki_n_a) {
+                rows.push(row(format!("{name}{of}"), ki, 1.0, "N/A", None));
             }
-            for k in 0..3 {
-                rows.push(row(format!("ks{}{of}", k + 1), &conditions.ks_n_m[k], 1e3, "N/mm", None));
+            for (name, ks) in stated.machine.symbols("ks").iter().zip(&conditions.ks_n_m) {
+                rows.push(row(format!("{name}{of}"), ks, 1e3, "N/mm", None));
             }
-            for (a, name) in ["pY", "pZ"].iter().enumerate() {
-                rows.push(row(format!("{name}{of}"), &conditions.load_n[a], 1.0, "N", None));
+            for (name, load) in stated.loads().iter().zip(&conditions.load_n) {
+                let unit = if name.starts_with('M') { "N·m" } else { "N" };
+                rows.push(row(format!("{name}{of}"), load, 1.0, unit, None));
             }
             let noise = |name: &str, value: f64, unit: &str| {
                 vec![
@@ -107,10 +119,12 @@ impl Answer {
                     unit.into(),
                 ]
             };
-            rows.push(noise("noise of positions", 1e6 * conditions.position_noise_m, "µm"));
-            rows.push(noise("noise of currents", 1e3 * conditions.current_noise_a, "mA"));
-            if conditions.slow_force_n > 0.0 {
-                rows.push(noise("slow force", 1e3 * conditions.slow_force_n, "mN/√s"));
+            for (prefix, part) in stated.machine.of_parts("").iter().zip(&conditions.parts) {
+                rows.push(noise(&format!("{prefix}noise of positions"), 1e6 * part.position_noise_m, "µm"));
+                rows.push(noise(&format!("{prefix}noise of currents"), 1e3 * part.current_noise_a, "mA"));
+                if part.slow_force_n > 0.0 {
+                    rows.push(noise(&format!("{prefix}slow force"), 1e3 * part.slow_force_n, "mN/√s"));
+                }
             }
         }
         Table {
@@ -129,63 +143,85 @@ impl Answer {
         let Some(found) = self.found.as_ref().filter(|_| self.valid) else {
             return json!({"valid": false, "verdict": self.verdict, "findings": self.findings});
         };
-        let per = |of: &[likelihood::Estimate; 3], part: fn(&likelihood::Estimate) -> f64| of.each_ref().map(part);
+        let per = |of: &[likelihood::Estimate], part: fn(&likelihood::Estimate) -> f64| -> Vec<f64> {
+            of.iter().map(part).collect()
+        };
         let estimate =
             |of: &likelihood::Estimate| json!({"value": of.value, "std": of.noise_std, "stdTotal": of.total_std});
         let typical = self.typical().unwrap_or_default();
         let bench: serde_json::Map<String, Json> = found
             .bench
             .iter()
-            .zip(&PARAMETERS)
-            .filter(|(of, _)| of.estimated)
-            .map(|(of, parameter)| (parameter.name.to_owned(), estimate(&of.estimate)))
+            .filter(|of| of.estimated)
+            .map(|of| (of.parameter.name.clone(), estimate(&of.estimate)))
             .collect();
         let budget: Vec<Json> = found
             .budget
             .iter()
             .map(|line| {
+                let parameter = &found.bench[line.parameter].parameter;
                 json!({
-                    "parameter": PARAMETERS[line.parameter].name, "unit": PARAMETERS[line.parameter].unit,
+                    "parameter": parameter.name, "unit": parameter.unit,
                     "tolerance": line.tolerance, "told": line.told, "sensitivity": line.sensitivity,
                     "contribution": line.contribution,
                 })
             })
             .collect();
-        let first = &found.conditions[0];
-        let config = &self.question.config;
+        let stated = &self.question.stated;
+        let unbalance = |of: &likelihood::Unbalance| {
+            json!({
+                "magnitude": of.magnitude.value, "magnitudeStd": of.magnitude.noise_std,
+                "magnitudeStdTotal": of.magnitude.total_std,
+                "phase": of.phase.value, "phaseStd": of.phase.noise_std, "phaseStdTotal": of.phase.total_std,
+            })
+        };
+        // What there is one of stands by itself.
+        let one_or_all = |all: Vec<Json>| match <[Json; 1]>::try_from(all) {
+            Ok([one]) => one,
+            Err(all) => all.into(),
+        };
+        let noise = |of: &likelihood::Conditions| {
+            let noise =
+                of.parts.iter().map(|of| json!({"position": of.position_noise_m, "current": of.current_noise_a}));
+            one_or_all(noise.collect())
+        };
+        let recording = |of: &likelihood::Conditions| {
+            let mut recording = json!({
+                "ki": per(&of.ki_n_a, |of| of.value), "ks": per(&of.ks_n_m, |of| of.value), "noise": noise(of),
+                "slowForce": one_or_all(of.parts.iter().map(|part| part.slow_force_n.into()).collect()),
+                "rows": one_or_all(of.parts.iter().map(|part| part.rows.into()).collect()),
+            });
+            for (name, load) in stated.loads().iter().zip(&of.load_n) {
+                recording[name.as_str()] = estimate(load);
+            }
+            recording
+        };
         json!({
             "valid": self.valid, "verdict": self.verdict, "findings": self.findings,
             "lambdaHat": per(&found.lambda, |of| of.value), "lambdaStd": per(&found.lambda, |of| of.noise_std),
             "lambdaStdTotal": per(&found.lambda, |of| of.total_std),
-            "lambdaStdTypical": std::array::from_fn::<f64, 3, _>(|k| typical[k] * found.lambda[k].value),
-            "unbalance": {
-                "magnitude": found.unbalance_magnitude.value, "magnitudeStd": found.unbalance_magnitude.noise_std,
-                "phase": found.unbalance_phase.value, "phaseStd": found.unbalance_phase.noise_std,
-            },
-            "told": {"m": config.m_kg, "s": config.gap_m, "alpha": config.alpha_rad, "hold": name_of(config.hold)},
-            "noise": {"position": first.position_noise_m, "current": first.current_noise_a},
-            "recordings": found.conditions.iter().map(|of| json!({
-                "pY": estimate(&of.load_n[0]), "pZ": estimate(&of.load_n[1]),
-                "ki": per(&of.ki_n_a, |of| of.value), "ks": per(&of.ks_n_m, |of| of.value),
-                "noise": {"position": of.position_noise_m, "current": of.current_noise_a},
-                "slowForce": of.slow_force_n, "rows": of.rows,
-            })).collect::<Vec<_>>(),
+            "lambdaStdTypical": typical.iter().zip(&found.lambda).map(|(part, of)| part * of.value).collect::<Vec<_>>(),
+            "magnets": stated.machine.of_magnets("lambda"),
+            "unbalance": one_or_all(found.unbalance.iter().map(unbalance).collect()),
+            "told": stated.json(), "noise": noise(&found.conditions[0]),
+            "recordings": found.conditions.iter().map(recording).collect::<Vec<_>>(),
             "bench": bench, "budget": budget,
-            "notSeparated": found.not_separated.iter().map(|j| PARAMETERS[*j].name).collect::<Vec<_>>(),
+            "notSeparated": found.not_separated.iter().map(|j| &found.bench[*j].parameter.name).collect::<Vec<_>>(),
             "iterations": found.iterations,
         })
     }
 }
 
 fn bench(found: &Identification) -> Table {
-    let rows = found.bench.iter().zip(&PARAMETERS).filter(|(of, _)| of.estimated).map(|(of, parameter)| {
-        let (factor, unit) = shown(parameter.unit);
+    let rows = found.bench.iter().filter(|of| of.estimated).map(|of| {
+        let parameter = &of.parameter;
+        let (factor, unit) = shown(parameter);
         vec![
-            parameter.name.to_owned(),
+            parameter.name.clone(),
             significant(of.estimate.value / factor, 4),
             significant(of.estimate.total_std / factor, 2),
             unit.into(),
-            parameter.description.into(),
+            parameter.description.clone(),
         ]
     });
     Table {
@@ -196,25 +232,33 @@ fn bench(found: &Identification) -> Table {
     }
 }
 
-fn budget(found: &Identification) -> Table {
-    let rows =
-        found.budget.iter().filter(|line| line.told || PARAMETERS[line.parameter].in_typical_bench).map(|line| {
-            let parameter = &PARAMETERS[line.parameter];
-            let (factor, unit) = shown(parameter.unit);
-            let mut row = vec![
-                parameter.name.to_owned(),
-                format!("{} {unit}", significant(line.tolerance / factor, 2)),
-                if line.told { "told" } else { "typical" }.into(),
-            ];
-            row.extend(line.contribution.map(|part| format!("{:.2}", 100.0 * part)));
-            row.extend(line.sensitivity.map(|part| format!("{:+.2}", 100.0 * part * factor)));
-            row.push(format!("% per {unit}"));
-            row
-        });
+/// Contributions to the magnets of a bearing; of several bearings, those that count.
+fn budget(found: &Identification, bearing: &Bearing, magnets: Range<usize>) -> Table {
+    let is_shown = |line: &&BudgetLine| {
+        let is_usual = line.told || found.bench[line.parameter].parameter.in_typical_bench;
+        is_usual && (line.contributes(&magnets) || bearing.prefix.is_empty())
+    };
+    let row = |line: &BudgetLine| {
+        let parameter = &found.bench[line.parameter].parameter;
+        let (factor, unit) = shown(parameter);
+        let mut row = vec![
+            parameter.name.clone(),
+            format!("{} {unit}", significant(line.tolerance / factor, 2)),
+            if line.told { "told" } else { "typical" }.into(),
+        ];
+        row.extend(line.contribution[magnets.clone()].iter().map(|part| format!("{:.2}", 100.0 * part)));
+        row.extend(line.sensitivity[magnets.clone()].iter().map(|part| format!("{:+.2}", 100.0 * part * factor)));
+        row.push(format!("% per {unit}"));
+        row
+    };
+    let numbers = || 1..=magnets.len();
+    let lambda = numbers().map(|k| format!("{}λ{k}", bearing.prefix));
+    let sensitivities = numbers().map(|k| if k == 1 { "sens. 1".to_owned() } else { k.to_string() });
+    let columns = lambda.chain(sensitivities).chain([String::new()]);
     Table {
         title: "Budget: what each parameter of the bench contributes to ± of λ, in %".into(),
-        note: "The sensitivities say by how much λ is wrong if the parameter differs from its stated value.".into(),
-        head: ["", "tolerance", "", "λ1", "λ2", "λ3", "sens. 1", "2", "3", ""].map(String::from).into(),
-        rows: rows.collect(),
+        note: if magnets.start > 0 { "" } else { SENSITIVITIES }.into(),
+        head: ["", "tolerance", ""].map(String::from).into_iter().chain(columns).collect(),
+        rows: found.budget.iter().filter(is_shown).map(row).collect(),
     }
 }

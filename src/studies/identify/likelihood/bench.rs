@@ -9,16 +9,16 @@
 //! ```
 //!
 //! with `R(φ) = [cos φ, −sin φ; sin φ, cos φ]`, g_c = `sensor.gain` and g_d = `sensor.gainDifference`. Positive `delay`: positions
-//! are read late relative to the currents.
+//! are read late relative to the currents. On a shaft each bearing has its own, with its prefix; `Jt` and `Jp` are relative to what the mass makes of them, and the
+//! axial motion has parameters of its own.
 
-/// Number of bench parameters.
-pub const BENCH: usize = 28;
+use super::body::Body;
 
 /// One bench parameter.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct BenchParameter {
     /// Name, as for `--tolerance` and `--estimate`.
-    pub name: &'static str,
+    pub name: String,
     /// SI unit; `1` for a relative error.
     pub unit: &'static str,
     /// Standard deviation of a typical bench, in `unit`: the scale of the parameter, and its contribution to the budget where no
@@ -27,73 +27,182 @@ pub struct BenchParameter {
     /// Whether a typical bench has it at all: its contribution stands in the budget without being asked for.
     pub in_typical_bench: bool,
     /// Description, for tables.
-    pub description: &'static str,
-}
-
-const fn row(
-    name: &'static str,
-    unit: &'static str,
-    typical: f64,
-    in_typical_bench: bool,
-    description: &'static str,
-) -> BenchParameter {
-    BenchParameter { name, unit, typical, in_typical_bench, description }
+    pub description: String,
 }
 
 /// 0.5° in rad.
 const HALF_DEGREE: f64 = 0.008_726_646_259_971_648;
 
-/// All bench parameters; the index is the parameter's number.
-pub const PARAMETERS: [BenchParameter; BENCH] = [
-    row("m", "1", 0.01, true, "mass of the rotor, relative"),
-    row("s", "1", 0.01, true, "nominal gap, relative"),
-    row("alpha[1]", "rad", HALF_DEGREE, true, "angle of magnet 1"),
-    row("alpha[2]", "rad", HALF_DEGREE, true, "angle of magnet 2"),
-    row("alpha[3]", "rad", HALF_DEGREE, true, "angle of magnet 3"),
-    row("sensor.offset[y]", "m", 5e-6, true, "offset of the position sensor y"),
-    row("sensor.offset[z]", "m", 5e-6, true, "offset of the position sensor z"),
-    row("sensor.gain", "1", 0.005, true, "common gain of the position sensors"),
-    row("sensor.gainDifference", "1", 0.005, true, "half the difference of the gains of the sensors y and z"),
-    row("sensor.rotation", "rad", HALF_DEGREE, false, "rotation of the sensors about the shaft"),
-    row("delay", "s", 2e-5, false, "positions later than currents"),
-    row("runout1.forward.cos", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
-    row("runout1.forward.sin", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
-    row("runout1.backward.cos", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
-    row("runout1.backward.sin", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
-    row("runout2.y.cos", "m", 1e-6, false, "run-out in y, twice per turn"),
-    row("runout2.y.sin", "m", 1e-6, false, "run-out in y, twice per turn"),
-    row("runout2.z.cos", "m", 1e-6, false, "run-out in z, twice per turn"),
-    row("runout2.z.sin", "m", 1e-6, false, "run-out in z, twice per turn"),
-    row("current.offset[1]", "A", 0.005, false, "offset of the current sensor 1"),
-    row("current.offset[2]", "A", 0.005, false, "offset of the current sensor 2"),
-    row("current.offset[3]", "A", 0.005, false, "offset of the current sensor 3"),
-    row("current.gain[1]", "1", 0.005, true, "gain of the current sensor 1"),
-    row("current.gain[2]", "1", 0.005, true, "gain of the current sensor 2"),
-    row("current.gain[3]", "1", 0.005, true, "gain of the current sensor 3"),
-    row("gap.iron", "m", 5e-6, false, "length of the iron path as a gap"),
-    row("force.backward.cos", "N", 1.0, false, "synchronous force against the rotation"),
-    row("force.backward.sin", "N", 1.0, false, "synchronous force against the rotation"),
+/// What there is one parameter for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Each {
+    /// All of the machine.
+    Machine,
+    /// The shaft, if it tilts.
+    Shaft,
+    /// Each bearing.
+    Bearing,
+    /// Each bearing that holds the rotor across its axis.
+    Radial,
+    /// Each of several bearings on a shaft.
+    OnShaft,
+    /// Each plane of unbalance on a shaft; `{}` stands for its number.
+    Plane,
+    /// Each magnet; `{}` stands for its number.
+    Magnet,
+    /// Each magnet of a radial bearing.
+    RadialMagnet,
+    /// An axial bearing.
+    Axial,
+}
+
+type Row = (Each, &'static str, &'static str, f64, bool, &'static str);
+
+/// All parameters; the order is that of their numbers.
+const PARAMETERS: [Row; 29] = [
+    (Each::Machine, "m", "1", 0.01, true, "mass of the rotor, relative"),
+    (Each::Bearing, "s", "1", 0.01, true, "nominal gap, relative"),
+    (Each::RadialMagnet, "alpha[{}]", "rad", HALF_DEGREE, true, "angle of magnet {}"),
+    (Each::Radial, "sensor.offset[y]", "m", 5e-6, true, "offset of the position sensor y"),
+    (Each::Radial, "sensor.offset[z]", "m", 5e-6, true, "offset of the position sensor z"),
+    (Each::Axial, "sensor.offset", "m", 5e-6, true, "offset of the position sensor"),
+    (Each::Radial, "sensor.gain", "1", 0.005, true, "common gain of the position sensors"),
+    (
+        Each::Radial,
+        "sensor.gainDifference",
+        "1",
+        0.005,
+        true,
+        "half the difference of the gains of the sensors y and z",
+    ),
+    (Each::Axial, "sensor.gain", "1", 0.005, true, "gain of the position sensor"),
+    (Each::Radial, "sensor.rotation", "rad", HALF_DEGREE, false, "rotation of the sensors about the shaft"),
+    (Each::Machine, DELAY, "s", 2e-5, false, "positions later than currents"),
+    (Each::Radial, "runout1.forward.cos", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
+    (Each::Radial, "runout1.forward.sin", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
+    (Each::Radial, "runout1.backward.cos", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
+    (Each::Radial, "runout1.backward.sin", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
+    (Each::Radial, "runout2.y.cos", "m", 1e-6, false, "run-out in y, twice per turn"),
+    (Each::Radial, "runout2.y.sin", "m", 1e-6, false, "run-out in y, twice per turn"),
+    (Each::Radial, "runout2.z.cos", "m", 1e-6, false, "run-out in z, twice per turn"),
+    (Each::Radial, "runout2.z.sin", "m", 1e-6, false, "run-out in z, twice per turn"),
+    (Each::Magnet, "current.offset[{}]", "A", 0.005, false, "offset of the current sensor {}"),
+    (Each::Magnet, "current.gain[{}]", "1", 0.005, true, "gain of the current sensor {}"),
+    (Each::Bearing, "gap.iron", "m", 5e-6, false, "length of the iron path as a gap"),
+    (Each::Radial, "force.backward.cos", "N", 1.0, false, "synchronous force against the rotation"),
+    (Each::Radial, "force.backward.sin", "N", 1.0, false, "synchronous force against the rotation"),
+    (Each::Shaft, "Jt", "1", 0.01, true, "transverse moment of inertia, relative to that of the mass"),
+    (Each::Shaft, "Jp", "1", 0.01, true, "polar moment of inertia, relative to that of the mass"),
+    (Each::OnShaft, "position", "m", 5e-4, true, "position of the magnets along the shaft"),
+    (Each::OnShaft, "sensorPosition", "m", 5e-4, true, "position of the sensors along the shaft"),
+    (Each::Plane, "unbalance[{}].position", "m", 5e-4, false, "position of plane {} of the unbalance"),
 ];
 
-pub(super) const MASS: usize = 0;
-pub(super) const GAP: usize = 1;
-pub(super) const ALPHA: usize = 2;
-pub(super) const OFFSET: usize = 5;
-pub(super) const GAIN: usize = 7;
-pub(super) const GAIN_DIFFERENCE: usize = 8;
-pub(super) const ROTATION: usize = 9;
-pub(in crate::studies::identify) const DELAY: usize = 10;
-pub(super) const RUNOUT_1: usize = 11;
-pub(super) const RUNOUT_2: usize = 15;
-pub(super) const CURRENT_OFFSET: usize = 19;
-pub(super) const CURRENT_GAIN: usize = 22;
-pub(super) const IRON: usize = 25;
-pub(super) const BACKWARD: usize = 26;
+/// Name of the delay of the positions.
+pub(in crate::studies::identify) const DELAY: &str = "delay";
+
+/// The parameters of the bench of what moves; the index is the parameter's number. Those of a bearing have its prefix.
+#[must_use]
+pub fn parameters(body: &Body) -> Vec<BenchParameter> {
+    let (is_radial, is_shaft) = (!matches!(body, Body::Axis { .. }), matches!(body, Body::Shaft { .. }));
+    let prefixes = body.prefixes();
+    let magnets = body.magnets() / prefixes.len();
+    let of = |(each, name, unit, typical, in_typical_bench, description): Row| {
+        let bearings = |is_there: bool| if is_there { prefixes.to_vec() } else { Vec::new() };
+        let (prefixes, count) = match each {
+            // The axial motion is told of its own mass and delay.
+            Each::Machine => (vec![if is_radial { "" } else { prefixes[0] }], 1),
+            Each::Shaft => (if is_shaft { vec![""] } else { Vec::new() }, 1),
+            Each::Plane => (if is_shaft { vec![""] } else { Vec::new() }, 2),
+            Each::Bearing => (bearings(true), 1),
+            Each::Radial => (bearings(is_radial), 1),
+            Each::Axial => (bearings(!is_radial), 1),
+            Each::OnShaft => (bearings(is_shaft), 1),
+            Each::Magnet => (bearings(true), magnets),
+            Each::RadialMagnet => (bearings(is_radial), magnets),
+        };
+        let of_prefix = move |prefix: &'static str| {
+            (1..=count).map(move |number| {
+                let numbered = |text: &str| text.replace("{}", &number.to_string());
+                BenchParameter {
+                    name: format!("{prefix}{}", numbered(name)),
+                    unit,
+                    typical,
+                    in_typical_bench,
+                    description: numbered(description),
+                }
+            })
+        };
+        prefixes.into_iter().flat_map(of_prefix)
+    };
+    PARAMETERS.into_iter().flat_map(of).collect()
+}
 
 /// The number of the parameter of this name.
 #[must_use]
-pub fn by_name(name: &str) -> Option<usize> {
-    PARAMETERS.iter().position(|parameter| parameter.name == name)
+pub fn by_name(parameters: &[BenchParameter], name: &str) -> Option<usize> {
+    parameters.iter().position(|parameter| parameter.name == name)
+}
+
+/// Where the parameters stand that the equations read; those of the bearing itself are read where it is described.
+#[derive(Clone, Debug)]
+pub(super) struct Places {
+    /// By pair of position sensors.
+    pub pairs: Vec<Sensors>,
+    /// Offset and gain of the sensor of an axis.
+    pub single: Option<[usize; 2]>,
+    pub delay: usize,
+    /// Of the first magnet; those of the others follow.
+    pub current_offset: usize,
+    pub current_gain: usize,
+    /// cos and sin of the first bearing; those of the others follow.
+    pub backward: [usize; 2],
+}
+
+/// The same of a pair of position sensors.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sensors {
+    /// y, z.
+    pub offset: [usize; 2],
+    pub gain: usize,
+    pub gain_difference: usize,
+    pub rotation: usize,
+    /// Once per turn: forward and backward, cos and sin each; twice per turn: the same of y and z.
+    pub runout: [usize; 8],
+}
+
+/// The number of a parameter that the table has.
+pub(super) fn place(parameters: &[BenchParameter], prefix: &str, name: &str) -> usize {
+    let name = format!("{prefix}{name}");
+    by_name(parameters, &name).unwrap_or_else(|| unreachable!("{name} is in the table"))
+}
+
+impl Places {
+    pub fn of(body: &Body, parameters: &[BenchParameter]) -> Self {
+        let (prefixes, is_axis) = (body.prefixes(), matches!(body, Body::Axis { .. }));
+        let first = |name: &str| place(parameters, prefixes[0], name);
+        let pair = |prefix: &&str| {
+            let at = |name: &str| place(parameters, prefix, name);
+            let axes = ["forward.cos", "forward.sin", "backward.cos", "backward.sin"].map(|of| format!("runout1.{of}"));
+            let twice = ["y.cos", "y.sin", "z.cos", "z.sin"].map(|of| format!("runout2.{of}"));
+            let runout = [axes, twice];
+            Sensors {
+                offset: ["sensor.offset[y]", "sensor.offset[z]"].map(at),
+                gain: at("sensor.gain"),
+                gain_difference: at("sensor.gainDifference"),
+                rotation: at("sensor.rotation"),
+                runout: std::array::from_fn(|part| at(&runout[part / 4][part % 4])),
+            }
+        };
+        Self {
+            pairs: prefixes.iter().filter(|_| !is_axis).map(pair).collect(),
+            single: is_axis.then(|| ["sensor.offset", "sensor.gain"].map(first)),
+            delay: place(parameters, if is_axis { prefixes[0] } else { "" }, DELAY),
+            current_offset: first("current.offset[1]"),
+            current_gain: first("current.gain[1]"),
+            backward: if is_axis { [0; 2] } else { ["force.backward.cos", "force.backward.sin"].map(first) },
+        }
+    }
 }
 
 /// How well a bench parameter is known.

@@ -5,7 +5,8 @@ use std::ops::Range;
 
 use super::data::{Data, Piece, Track};
 use super::missing::{Cubic, unknown_a};
-use super::{Recording, SHORTEST, resolution};
+use super::{Part, Recording, SHORTEST, resolution};
+use crate::estimation::START_CURRENT_NOISE_A;
 
 /// Rows of a piece.
 const PIECE: usize = 1 << 15;
@@ -20,29 +21,32 @@ pub(super) const SHORTEST_BLOCK: usize = 32;
 const RATE_S: f64 = 1.5e-3;
 /// Step of the logarithm of the current noise for the parabola through its likelihood.
 pub(super) const NOISE_STEP: f64 = 0.25;
-/// First guess of the current noise, A, and how far it holds, as a standard deviation of the logarithm: it decides only where
-/// positions are too noisy to tell.
-const CURRENT_NOISE_A: f64 = 0.01;
-const CURRENT_NOISE_LOG_STD: f64 = 3.0;
+/// How far the first guess of the current noise holds, as a standard deviation of the logarithm: half of ln(50/5), as it is the middle of 5 and 50 mA. It decides
+/// only where positions are too noisy to tell.
+const CURRENT_NOISE_LOG_STD: f64 = 0.5 * std::f64::consts::LN_10;
 
 /// One recording with its rows cut into pieces.
-pub(super) struct Case<'a> {
-    pub data: Data<'a>,
+pub(super) struct Case<'a, const N: usize, const K: usize> {
+    pub data: Data<'a, N, K>,
     pub recording: &'a Recording<'a>,
+    /// Its currents as they were read, A.
+    pub current: [&'a [f64]; K],
     pub segments: Vec<Range<usize>>,
     pub pieces: Vec<Piece>,
     pub position_noise: f64,
     pub current_noise: f64,
+    /// Variance of the logarithm of the current noise; 0 if it is told.
+    pub noise_variance: f64,
     /// Level of the slow force, N after a second; 0 unless it is estimated.
     pub slow_force: f64,
     /// Step of each position sensor, m; 0 unless it is quantised.
-    pub resolution_m: [f64; 2],
+    pub resolution_m: [f64; N],
     /// As how many rows they count, if not all.
     counting: Option<usize>,
-    pub track: Track,
+    pub track: Track<N, K>,
 }
 
-impl Case<'_> {
+impl<const N: usize, const K: usize> Case<'_, N, K> {
     /// Rows that are used.
     pub fn rows(&self) -> usize {
         self.pieces.iter().map(|piece| piece.counted.len()).sum()
@@ -100,18 +104,16 @@ fn pieces(segments: &[Range<usize>], h: f64) -> Vec<Piece> {
 }
 
 /// rms of fourth and sixth differences, over √70 and √924, the smaller one: white noise without the motion.
-fn position_noise(position: &[[f64; 2]], segments: &[Range<usize>]) -> f64 {
+fn position_noise<const N: usize>(position: &[&[f64]; N], segments: &[Range<usize>]) -> f64 {
     let binomials: [(&[f64], f64); 2] =
         [(&[1.0, -4.0, 6.0, -4.0, 1.0], 70.0), (&[1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0], 924.0)];
     let of = |(weights, gain): (&[f64], f64)| {
         let (mut sum, mut count) = (0.0, 0.0);
         for segment in segments {
-            for window in position[segment.clone()].windows(weights.len()) {
-                for a in 0..2 {
-                    let d: f64 = window.iter().zip(weights).map(|(p, w)| p[a] * w).sum();
-                    sum += d * d;
-                    count += 1.0;
-                }
+            for window in position.iter().flat_map(|position| position[segment.clone()].windows(weights.len())) {
+                let d: f64 = window.iter().zip(weights).map(|(p, w)| p * w).sum();
+                sum += d * d;
+                count += 1.0;
             }
         }
         (sum / (count * gain)).sqrt()
@@ -119,9 +121,14 @@ fn position_noise(position: &[[f64; 2]], segments: &[Range<usize>]) -> f64 {
     of(binomials[0]).min(of(binomials[1])).max(1e-10)
 }
 
-pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Option<Case<'a>> {
-    let h = recording.step_s;
-    let rows = recording.position_m.len();
+pub(super) fn prepare<'a, const N: usize, const K: usize>(
+    recording: &'a Recording<'a>,
+    part: &Part,
+    usable: &[bool],
+) -> Option<Case<'a, N, K>> {
+    let (h, rows) = (recording.step_s, recording.rows());
+    let position: [&[f64]; N] = std::array::from_fn(|n| &recording.position_m[part.positions + n][..]);
+    let current: [&[f64]; K] = std::array::from_fn(|k| &recording.current_a[part.magnets + k][..]);
     let segments = segments(
         (0..rows)
             .map(|row| recording.usable.get(row).copied().unwrap_or(true) && usable.get(row).copied().unwrap_or(true)),
@@ -136,40 +143,40 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Opti
     let (theta, omega) = (recording.theta_rad, recording.omega_rad_s);
     let data = Data {
         h,
-        position: recording.position_m,
-        current: Cow::Borrowed(recording.current_a),
+        position,
+        current: current.map(Cow::Borrowed),
+        first: part.magnets,
         omega,
         hold: recording.hold,
         at: theta.iter().map(|theta| turn(*theta)).collect(),
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
         half_width: ((RATE_S / h).round() as usize).max(1),
         missing: recording.missing,
-        filled_a: Cubic::of(recording).rms_a(),
-        unknown_a: unknown_a(recording),
+        filled_a: Cubic::of(recording, current).rms_a(),
+        unknown_a: unknown_a(current),
     };
-    let mut track = Track { state: vec![[0.0; 4]; rows], expected: Vec::new() };
+    let mut track = Track { state: vec![[[0.0; N]; 2]; rows], expected: Vec::new() };
     for segment in &segments {
         for row in segment.clone() {
             let (before, after) = (row.max(segment.start + 1) - 1, (row + 1).min(segment.end - 1));
-            let velocity = |a: usize| {
-                (recording.position_m[after][a] - recording.position_m[before][a]) / ((after - before) as f64 * h)
-            };
-            let [y, z] = recording.position_m[row];
-            track.state[row] = [y, z, velocity(0), velocity(1)];
+            let rate = |of: &[f64]| (of[after] - of[before]) / ((after - before) as f64 * h);
+            track.state[row] = [position.map(|of| of[row]), position.map(rate)];
         }
     }
-    let noise = recording.position_noise_m.unwrap_or_else(|| position_noise(recording.position_m, &segments));
+    let noise = recording.position_noise_m.unwrap_or_else(|| position_noise(&position, &segments));
     let is_read = |row: &usize| !recording.missing.get(*row).is_some_and(|missing| missing.position);
-    let readings = segments.iter().flat_map(Clone::clone).filter(is_read).map(|row| recording.position_m[row]);
-    let resolution_m = [0, 1].map(|a| resolution::step(readings.clone().map(|reading| reading[a])));
+    let readings = segments.iter().flat_map(Clone::clone).filter(is_read).map(|row| position.map(|of| of[row]));
+    let resolution_m = std::array::from_fn(|a| resolution::step(readings.clone().map(|reading| reading[a])));
     let counting = resolution::counting(readings, resolution_m, noise);
     Some(Case {
         data,
         recording,
+        current,
         pieces: pieces(&segments, h),
         segments,
         position_noise: noise.max(1e-10),
-        current_noise: recording.current_noise_a.unwrap_or(CURRENT_NOISE_A).max(1e-7),
+        current_noise: recording.current_noise_a.unwrap_or(START_CURRENT_NOISE_A).max(1e-7),
+        noise_variance: 0.0,
         slow_force: 0.0,
         resolution_m,
         counting,
@@ -178,10 +185,10 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, usable: &[bool]) -> Opti
 }
 
 /// Noise levels of one recording from the likelihood at three levels of the current noise; the largest change of a logarithm.
-pub(super) fn noise_step(case: &mut Case, sums: &[[f64; 3]; 3]) -> f64 {
+pub(super) fn noise_step<const N: usize, const K: usize>(case: &mut Case<'_, N, K>, sums: &[[f64; 3]; 3]) -> f64 {
     let (told_position, told_current) =
         (case.recording.position_noise_m.is_some(), case.recording.current_noise_a.is_some());
-    let count = 2.0 * sums[1][2];
+    let count = N as f64 * sums[1][2];
     if count < 8.0 {
         return 0.0;
     }
@@ -191,7 +198,7 @@ pub(super) fn noise_step(case: &mut Case, sums: &[[f64; 3]; 3]) -> f64 {
     let scale_is_free = !told_position && !told_current;
     let value = |i: usize| {
         let fit = if scale_is_free { count * logs(i) } else { sums[i][1] };
-        let level = libm::log(case.current_noise / CURRENT_NOISE_A)
+        let level = libm::log(case.current_noise / START_CURRENT_NOISE_A)
             + at(i as f64 - 1.0)
             + if scale_is_free { 0.5 * logs(i) } else { 0.0 };
         let far = level / CURRENT_NOISE_LOG_STD;
@@ -200,10 +207,14 @@ pub(super) fn noise_step(case: &mut Case, sums: &[[f64; 3]; 3]) -> f64 {
     let [low, mid, high] = [0, 1, 2].map(value);
     let slope = (high - low) / (2.0 * NOISE_STEP);
     let bend = (high - 2.0 * mid + low) / (NOISE_STEP * NOISE_STEP);
+    if !told_current {
+        let prior = CURRENT_NOISE_LOG_STD * CURRENT_NOISE_LOG_STD;
+        case.noise_variance = if bend < 0.0 { (-1.0 / bend).min(prior) } else { prior };
+    }
     let most = 4.0 * NOISE_STEP;
     let ratio = if bend < 0.0 { (-slope / bend).clamp(-most, most) } else { most.copysign(slope) };
     let rms = {
-        let currents = case.recording.current_a.iter().flatten().filter(|i| i.is_finite());
+        let currents = case.current.into_iter().flatten().filter(|i| i.is_finite());
         let (sum, n) = currents.fold((0.0, 0.0), |(sum, n), i| (sum + i * i, n + 1.0));
         (sum / n).sqrt()
     };
@@ -234,7 +245,11 @@ pub(super) fn noise_step(case: &mut Case, sums: &[[f64; 3]; 3]) -> f64 {
 }
 
 /// Level of the slow force from the likelihood at three levels; the change of its logarithm, weighed by its information.
-pub(super) fn slow_force_step(case: &mut Case, sums: &[[f64; 3]; 3], least: f64) -> f64 {
+pub(super) fn slow_force_step<const N: usize, const K: usize>(
+    case: &mut Case<'_, N, K>,
+    sums: &[[f64; 3]; 3],
+    least: f64,
+) -> f64 {
     let [low, mid, high] = [0, 1, 2].map(|i| -0.5 * (sums[i][0] + sums[i][1]));
     let slope = (high - low) / (2.0 * NOISE_STEP);
     let bend = (high - 2.0 * mid + low) / (NOISE_STEP * NOISE_STEP);

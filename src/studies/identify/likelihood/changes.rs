@@ -5,11 +5,12 @@ use std::ops::Range;
 use nalgebra::DVector;
 
 use super::case::SHORTEST_BLOCK;
-use super::equations::{ALL, LOAD};
 use super::filter::Block;
+use super::filter::Passes;
+use super::rotor::{Kind, Rotor};
 use super::search::{Finished, fit};
-use super::solve::{Normal, inverse, part, unknown};
-use super::{Change, Contradiction, Estimate, Options, Recording, SHORTEST};
+use super::solve::{Normal, inverse, part};
+use super::{Change, Contradiction, Estimate, Recording, SHORTEST};
 
 /// χ² of a change of three force constants between two blocks above which it counts. At one place chance makes 30 with a probability of
 /// 1.4 · 10⁻⁶ (three degrees of freedom); there are [`BLOCKS`] places, which are not independent of each other.
@@ -34,7 +35,10 @@ pub(super) struct Found {
 ///
 /// For a change after block n the score of the blocks up to it, `g`, has the covariance `J_n − J_n J⁻¹ J_n`, all other unknowns estimated;
 /// what the step that remains would take of it, `J_n J⁻¹ b`, is no change.
-pub(super) fn change(finished: &Finished) -> Option<Found> {
+pub(super) fn change<const N: usize, const K: usize>(finished: &Finished<'_, N, K>) -> Option<Found>
+where
+    Rotor<N, K>: Passes<N, K>,
+{
     let search = &finished.search;
     let of = &finished.estimated;
     let (a, b) = search.equations(&finished.normal, of);
@@ -43,24 +47,26 @@ pub(super) fn change(finished: &Finished) -> Option<Found> {
     let mut found: Option<Found> = None;
     for r in 0..search.cases.len() {
         let dispersion = finished.nis(r).max(1.0);
-        let mut until = Normal::new(search.cases.len());
+        let layout = search.kind.layout;
+        let mut until = Normal::new(layout, search.cases.len());
+        let loads: Vec<usize> = (layout.load..layout.base).map(|j| layout.unknown(j, r)).collect();
         let blocks: Vec<&Block> =
             finished.blocks.iter().filter(|(of, _)| *of == r).flat_map(|(_, blocks)| blocks).collect();
         let end = blocks.last().map_or(0, |block| block.rows.end);
         for block in blocks.iter().take(blocks.len().saturating_sub(1)) {
-            until.add(block, r, ALL);
+            until.add(block, r);
             // A few rows at the end say nothing, and the covariance of what is before them is rounding.
             if end - block.rows.end < SHORTEST_BLOCK {
                 continue;
             }
-            for (lambda, unknowns) in [(true, vec![0, 1, 2]), (false, vec![unknown(LOAD, r), unknown(LOAD + 1, r)])] {
-                let c = part(&until.j, &unknowns, of);
+            for (lambda, unknowns) in [(true, &(0..K).collect()), (false, &loads)] {
+                let c = part(&until.j, unknowns, of);
                 let g = DVector::from_fn(unknowns.len(), |i, _| until.b[unknowns[i]]) - &c * &step;
-                let covariance = part(&until.j, &unknowns, &unknowns) - &c * &inverse_all * c.transpose();
+                let covariance = part(&until.j, unknowns, unknowns) - &c * &inverse_all * c.transpose();
                 let Some(gain) = inverse(&covariance) else { continue };
                 let step = &gain * &g;
                 let chi_square = step.dot(&g) / dispersion;
-                let relative = (0..3).map(|k| (step.get(k).copied().unwrap_or(0.0) / search.x[k]).abs());
+                let relative = (0..K).map(|k| (step.get(k).copied().unwrap_or(0.0) / search.x[k]).abs());
                 let large = !lambda || relative.fold(0.0, f64::max) > LEAST_CHANGE;
                 let best = found.as_ref().map_or(CHANGE, |found| found.chi_square);
                 if chi_square > best && large {
@@ -73,7 +79,11 @@ pub(super) fn change(finished: &Finished) -> Option<Found> {
 }
 
 /// Leaves out the smaller side of a change; returns its rows, unless nothing would remain.
-pub(super) fn leave_smaller_side(masks: &mut [Vec<bool>], finished: &Finished, change: &Found) -> Option<Range<usize>> {
+pub(super) fn leave_smaller_side<const N: usize, const K: usize>(
+    masks: &mut [Vec<bool>],
+    finished: &Finished<'_, N, K>,
+    change: &Found,
+) -> Option<Range<usize>> {
     let case = &finished.search.cases[change.recording];
     let mask = &mut masks[change.recording];
     let block = case.block();
@@ -91,46 +101,49 @@ pub(super) fn leave_smaller_side(masks: &mut [Vec<bool>], finished: &Finished, c
 }
 
 /// Estimate of the side that was left out.
-pub(super) fn describe(
+pub(super) fn describe<const N: usize, const K: usize>(
     recordings: &[Recording<'_>],
     masks: &[Vec<bool>],
-    options: &Options,
+    kind: &Kind<'_, N, K>,
     change: &Found,
     rows: Range<usize>,
-) -> Contradiction {
+) -> Contradiction
+where
+    Rotor<N, K>: Passes<N, K>,
+{
     let recording = change.recording;
     let what = if change.lambda {
         let mut mask = vec![false; masks[recording].len()];
         mask[rows.clone()].fill(true);
         let alone = &recordings[recording..=recording];
-        let fitted = fit(alone, &[mask], options, &mut Vec::new());
+        let fitted = fit(alone, &[mask], kind, &mut Vec::new());
         let lambda = fitted
-            .map_or([Estimate { value: f64::NAN, noise_std: f64::NAN, total_std: f64::NAN }; 3], |fitted| {
-                [0, 1, 2].map(|k| fitted.estimate(k))
+            .map_or(vec![Estimate { value: f64::NAN, noise_std: f64::NAN, total_std: f64::NAN }; K], |fitted| {
+                (0..K).map(|k| fitted.estimate(k)).collect()
             });
         Change::Lambda { lambda, chi_square: change.chi_square }
     } else {
         Change::Load { chi_square: change.chi_square }
     };
-    Contradiction { recording, rows, what }
+    Contradiction { recording, part: 0, rows, what }
 }
 
 /// Blocks whose innovations are too large.
-pub(super) fn disturbed(finished: &Finished) -> Vec<Contradiction> {
+pub(super) fn disturbed<const N: usize, const K: usize>(finished: &Finished<'_, N, K>) -> Vec<Contradiction> {
     let mut found: Vec<Contradiction> = Vec::new();
     for recording in 0..finished.search.cases.len() {
         let blocks: Vec<&Block> =
             finished.blocks.iter().filter(|(of, _)| *of == recording).flat_map(|(_, blocks)| blocks).collect();
-        let mean = |block: &Block| block.nis / (2.0 * block.count);
+        let mean = |block: &Block| block.nis / (N as f64 * block.count);
         let mut sorted: Vec<f64> = blocks.iter().map(|block| mean(block)).collect();
         sorted.sort_by(f64::total_cmp);
         let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
         for block in blocks {
             let ratio = mean(block) / median;
-            // The variance of χ² with 2n degrees of freedom is 4n.
-            if ratio > DISTURBED && ratio > 1.0 + DISTURBED_STD / block.count.sqrt() {
+            // The variance of χ² with Nn degrees of freedom is 2Nn.
+            if ratio > DISTURBED && ratio > 1.0 + DISTURBED_STD / (0.5 * N as f64 * block.count).sqrt() {
                 match found.last_mut() {
-                    Some(Contradiction { recording: r, rows, what: Change::Disturbed { ratio: before } })
+                    Some(Contradiction { recording: r, rows, what: Change::Disturbed { ratio: before }, .. })
                         if *r == recording && rows.end == block.rows.start =>
                     {
                         rows.end = block.rows.end;
@@ -138,6 +151,7 @@ pub(super) fn disturbed(finished: &Finished) -> Vec<Contradiction> {
                     }
                     _ => found.push(Contradiction {
                         recording,
+                        part: 0,
                         rows: block.rows.clone(),
                         what: Change::Disturbed { ratio },
                     }),

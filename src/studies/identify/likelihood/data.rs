@@ -3,17 +3,16 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use super::equations::{Bearing, Interval, Shaft, Squares, State};
 use super::expected::Expected;
+use super::rotor::{Interval, Rotor, Shaft, Squares, State};
 use super::{Missing, Origin};
 use crate::estimation::Hold;
 
 /// A recording as the passes need it.
-#[derive(Debug)]
-pub(super) struct Data<'a> {
+pub(super) struct Data<'a, const N: usize, const K: usize> {
     pub h: f64,
-    pub position: &'a [[f64; 2]],
-    pub current: Cow<'a, [[f64; 3]]>,
+    pub position: [&'a [f64]; N],
+    pub current: [Cow<'a, [f64]>; K],
     pub omega: &'a [f64],
     pub hold: Hold,
     /// cos θ, sin θ at the samples, and in the middle of the interval that ends there.
@@ -24,8 +23,10 @@ pub(super) struct Data<'a> {
     /// Samples that were not recorded; empty if there are none.
     pub missing: &'a [Missing],
     /// Errors of currents that were filled, and of those that are not known, A.
-    pub filled_a: [f64; 3],
-    pub unknown_a: [f64; 3],
+    /// The first of its magnets among those of the recording.
+    pub first: usize,
+    pub filled_a: [f64; K],
+    pub unknown_a: [f64; K],
 }
 
 /// Factor of the measurement variance of a row that was not recorded: the filter predicts across it.
@@ -33,7 +34,7 @@ const UNKNOWN: f64 = 1e10;
 /// Rows after a current that is not known in which the filter finds the velocity again.
 const FOUND_AGAIN: usize = 4;
 
-impl Data<'_> {
+impl<const N: usize, const K: usize> Data<'_, N, K> {
     #[inline(always)]
     pub fn is_missing(&self, row: usize) -> bool {
         self.missing.get(row).is_some_and(|missing| missing.position)
@@ -42,7 +43,7 @@ impl Data<'_> {
     /// Whether a current of a row is not known.
     #[inline(always)]
     pub fn is_unknown(&self, row: usize) -> bool {
-        self.missing.get(row).is_some_and(|missing| missing.current.contains(&Origin::Unknown))
+        self.missing.get(row).is_some_and(|missing| missing.current[self.first..][..K].contains(&Origin::Unknown))
     }
 
     /// Whether an innovation tells of the noise: not where the position was not recorded, nor where the force is not known.
@@ -55,8 +56,8 @@ impl Data<'_> {
     /// The origin of the currents of the interval that ends at a row. Where a current is not known on either side the interval is not, whatever a sample stands
     /// for: the readings of the currents are then compared over the same intervals.
     #[inline(always)]
-    fn origin(&self, row: usize) -> [Origin; 3] {
-        let [before, here] = [self.missing[row - 1].current, self.missing[row].current];
+    fn origin(&self, row: usize) -> [Origin; K] {
+        let [before, here] = [row - 1, row].map(|row| &self.missing[row].current[self.first..][..K]);
         std::array::from_fn(|k| match (self.hold, before[k].max(here[k])) {
             (_, Origin::Unknown) => Origin::Unknown,
             (Hold::HeldBefore, _) => here[k],
@@ -73,8 +74,8 @@ impl Data<'_> {
 
     /// Variance that the acceleration by a slow force gains in so many rows.
     #[inline(always)]
-    pub fn slow(&self, bearing: &Bearing, rows: usize) -> f64 {
-        bearing.slow * bearing.slow * rows as f64 * self.h
+    pub fn slow(&self, rotor: &Rotor<N, K>, rows: usize) -> f64 {
+        rotor.slow * rotor.slow * rows as f64 * self.h
     }
 
     #[inline(always)]
@@ -87,29 +88,36 @@ impl Data<'_> {
     pub fn shaft(&self, row: usize) -> Shaft {
         let [cos, sin] = self.at[row];
         let omega = self.omega[row];
-        Shaft { cos, sin, square: omega * omega, rate: self.rate(row) }
+        Shaft { cos, sin, speed: omega, square: omega * omega, rate: self.rate(row) }
     }
 
     #[inline(always)]
     fn shaft_between(&self, row: usize, from: &Shaft, to: &Shaft) -> Shaft {
         let [cos, sin] = self.middle[row];
-        Shaft { cos, sin, square: 0.5 * (from.square + to.square), rate: 0.5 * (from.rate + to.rate) }
+        let mean = |a: f64, b: f64| 0.5 * (a + b);
+        Shaft {
+            cos,
+            sin,
+            speed: mean(from.speed, to.speed),
+            square: mean(from.square, to.square),
+            rate: mean(from.rate, to.rate),
+        }
     }
 
     /// The interval that ends at `row`, and the shaft in its middle.
     #[inline(always)]
     pub fn interval(
         &self,
-        bearing: &Bearing,
-        track: &Track,
+        rotor: &Rotor<N, K>,
+        track: &Track<N, K>,
         row: usize,
         from: &Shaft,
         to: &Shaft,
-    ) -> (Interval, Shaft) {
+    ) -> (Interval<N, K>, Shaft) {
         let between = self.shaft_between(row, from, to);
         let states = [&track.state[row - 1], &track.state[row]];
         let mut interval =
-            bearing.interval(states, &self.squares(bearing, row), track.regressors(row), [*from, between, *to]);
+            rotor.interval(states, &self.squares(rotor, row), track.regressors(row), [*from, between, *to]);
         if !self.missing.is_empty() {
             for (k, origin) in self.origin(row).into_iter().enumerate() {
                 let error_a = match origin {
@@ -117,7 +125,7 @@ impl Data<'_> {
                     Origin::Filled => self.filled_a[k],
                     Origin::Unknown => self.unknown_a[k],
                 };
-                let factor = (error_a / bearing.noise).max(1.0);
+                let factor = (error_a / rotor.noise).max(1.0);
                 interval.noise[k] = interval.noise[k].map(|noise| noise * factor);
             }
         }
@@ -126,7 +134,7 @@ impl Data<'_> {
 
     /// Factors of the noise of the currents in the interval that ends at a row: errors of currents that were not recorded are what they are.
     #[inline(always)]
-    pub fn scales(&self, row: usize, factors: [f64; 3]) -> [f64; 3] {
+    pub fn scales(&self, row: usize, factors: [f64; K]) -> [f64; K] {
         if self.missing.is_empty() {
             return factors;
         }
@@ -136,27 +144,34 @@ impl Data<'_> {
 
     /// Squared currents that the interval ending at `row` is driven by, A².
     #[inline(always)]
-    pub fn squares(&self, bearing: &Bearing, row: usize) -> Squares {
+    pub fn squares(&self, rotor: &Rotor<N, K>, row: usize) -> Squares<K> {
+        let read = |row: usize| std::array::from_fn(|k| self.current[k][row]);
         match self.hold {
-            Hold::HeldBefore => bearing.squares(self.current[row], None),
-            Hold::HeldAfter => bearing.squares(self.current[row - 1], None),
-            Hold::Linear => bearing.squares(self.current[row], Some(self.current[row - 1])),
+            Hold::HeldBefore => rotor.squares(read(row), None),
+            Hold::HeldAfter => rotor.squares(read(row - 1), None),
+            Hold::Linear => rotor.squares(read(row), Some(read(row - 1))),
         }
+    }
+
+    /// Readings of the positions in a row, m.
+    #[inline(always)]
+    pub fn read(&self, row: usize) -> [f64; N] {
+        self.position.map(|position| position[row])
     }
 }
 
 /// The trajectory about which a pass is linearised.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Track {
-    /// (y, z, ẏ, ż) at every row.
-    pub state: Vec<State>,
-    /// Expected values, by row; empty as long as it is not known.
-    pub expected: Vec<Expected>,
+pub(super) struct Track<const N: usize, const K: usize> {
+    /// At every row.
+    pub state: Vec<State<N>>,
+    /// Expected values, by row; empty as long as they are not known.
+    pub expected: Vec<Expected<N, K>>,
 }
 
-impl Track {
-    fn regressors(&self, row: usize) -> Option<[f64; 3]> {
-        self.expected.get(row).map(|of| [of[0], of[1], of[2]].map(f64::from))
+impl<const N: usize, const K: usize> Track<N, K> {
+    fn regressors(&self, row: usize) -> Option<[f64; K]> {
+        self.expected.get(row).map(|of| of.pulls.map(f64::from))
     }
 }
 

@@ -2,15 +2,45 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, SMatrix};
+use nalgebra::DMatrix;
 
 use super::data::{Data, Track};
-use super::equations::Bearing;
+use super::rotor::{Rotor, State, regressors};
 
-/// `i_k²/gap_k²` in A²/m² over the interval that ends at a row, then (y, z, ẏ, ż) at the row; in single precision, for there are many rows.
-pub(super) type Expected = [f32; SIGNALS];
+/// Signals of a row as they are to be expected; in single precision, for there are many rows.
+pub(super) type Expected<const N: usize, const K: usize> = Signals<N, K, f32>;
 
-const SIGNALS: usize = 7;
+/// `i_k²/gap_k²` in A²/m² over the interval that ends at a row, then coordinates and rates at the row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Signals<const N: usize, const K: usize, T = f64> {
+    pub pulls: [T; K],
+    pub state: [[T; N]; 2],
+}
+
+impl<const N: usize, const K: usize> Expected<N, K> {
+    pub fn state(&self) -> State<N> {
+        self.state.map(|of| of.map(f64::from))
+    }
+}
+
+impl<const N: usize, const K: usize> Signals<N, K> {
+    /// Their number.
+    const COUNT: usize = K + 2 * N;
+
+    fn of_each(mut of: impl FnMut(usize) -> f64) -> Self {
+        let pulls = std::array::from_fn(&mut of);
+        Self { pulls, state: std::array::from_fn(|d| std::array::from_fn(|n| of(K + N * d + n))) }
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &f64> {
+        self.pulls.iter().chain(self.state.as_flattened())
+    }
+
+    fn iter_mut(&mut self) -> impl Iterator<Item = &mut f64> {
+        self.pulls.iter_mut().chain(self.state.as_flattened_mut())
+    }
+}
+
 /// Harmonics of the shaft angle.
 const HARMONICS: usize = 12;
 /// Mean, cosines, sines.
@@ -29,9 +59,8 @@ const RIDGE: f64 = 1e-6;
 const PAST: usize = 8;
 
 type Terms = [f64; TERMS];
-type Series = SMatrix<f64, TERMS, SIGNALS>;
 /// Answer of the signals to past innovations, by lag and axis.
-type Answer = [[[f64; SIGNALS]; 2]; PAST];
+type Answer<const N: usize, const K: usize> = [[Signals<N, K>; N]; PAST];
 
 fn terms([cos, sin]: [f64; 2]) -> Terms {
     let mut terms = [1.0; TERMS];
@@ -48,20 +77,20 @@ fn terms([cos, sin]: [f64; 2]) -> Terms {
 /// Fourier series over the shaft angle, one for each stretch of rows, fitted to the stretches before and after it. The rest is what the controller and the
 /// rotor make of noise: it is regressed on past whitened innovations over all other stretches. Innovations are white, so that neither is correlated with
 /// those that follow.
-pub(super) fn expected(
-    data: &Data,
-    bearing: &Bearing,
-    track: &Track,
+pub(super) fn expected<const N: usize, const K: usize>(
+    data: &Data<N, K>,
+    rotor: &Rotor<N, K>,
+    track: &Track<N, K>,
     segments: &[Range<usize>],
-    innovations: &[[f64; 2]],
-) -> Vec<Expected> {
+    innovations: &[[f64; N]],
+) -> Vec<Expected<N, K>> {
+    let count_of = Signals::<N, K>::COUNT;
     let all = data.at.len();
     let all_rows = || segments.iter().flat_map(|segment| segment.clone().skip(1).map(|row| (row, segment.start)));
     let rows = || all_rows().filter(|(row, _)| !data.is_unknown(*row));
-    let signals = |row: usize| -> [f64; SIGNALS] {
-        let [y, z, v, w] = track.state[row];
-        let [a, b, c] = bearing.regressors([y, z], data.squares(bearing, row).middle);
-        [a, b, c, y, z, v, w]
+    let signals = |row: usize| -> Signals<N, K> {
+        let state = track.state[row];
+        Signals { pulls: regressors(rotor.gaps(&state[0]), data.squares(rotor, row).middle), state }
     };
     let angle: f64 = rows().map(|(row, _)| (data.omega[row] * data.h).abs()).sum();
     let turns = angle / std::f64::consts::TAU;
@@ -73,7 +102,7 @@ pub(super) fn expected(
     let length = ((TURNS * per_turn) as usize).min(all / STRETCHES).max(1);
     let count = all.div_ceil(length);
 
-    let mut sums = vec![(DMatrix::<f64>::zeros(TERMS, TERMS), DMatrix::<f64>::zeros(TERMS, SIGNALS)); count];
+    let mut sums = vec![(DMatrix::<f64>::zeros(TERMS, TERMS), DMatrix::<f64>::zeros(TERMS, count_of)); count];
     for (row, _) in rows() {
         let (gram, right) = &mut sums[row / length];
         let (terms, signals) = (terms(data.middle[row]), signals(row));
@@ -86,55 +115,62 @@ pub(super) fn expected(
             }
         }
     }
-    let series: Vec<Series> = (0..count).map(|at| beside(&sums, at)).collect();
+    let series: Vec<DMatrix<f64>> = (0..count).map(|at| beside(&sums, at)).collect();
     let repeating = |row: usize| {
         let (terms, series) = (terms(data.middle[row]), &series[row / length]);
-        std::array::from_fn::<f64, SIGNALS, _>(|k| (0..TERMS).map(|i| terms[i] * series[(i, k)]).sum())
+        Signals::<N, K>::of_each(|k| (0..TERMS).map(|i| terms[i] * series[(i, k)]).sum())
     };
 
     // Innovations are white and of variance 1: correlations are coefficients.
     let past = |row: usize, first: usize| (first..row).rev().take(PAST).map(|before| innovations[before]);
-    let mut own: Vec<(f64, Answer)> = vec![(0.0, [[[0.0; SIGNALS]; 2]; PAST]); count];
+    let nothing = || (0.0, [[Signals::of_each(|_| 0.0); N]; PAST]);
+    let mut own: Vec<(f64, Answer<N, K>)> = (0..count).map(|_| nothing()).collect();
     for (row, first) in rows() {
         let (signals, repeating) = (signals(row), repeating(row));
         let (number, answer) = &mut own[row / length];
         *number += 1.0;
         for (of, w) in answer.iter_mut().zip(past(row, first)) {
             for (of, w) in of.iter_mut().zip(w) {
-                (0..SIGNALS).for_each(|k| of[k] += w * (signals[k] - repeating[k]));
+                let rest = signals.iter().zip(repeating.iter()).map(|(signal, repeating)| signal - repeating);
+                of.iter_mut().zip(rest).for_each(|(of, rest)| *of += w * rest);
             }
         }
     }
-    let mut total: (f64, Answer) = (0.0, [[[0.0; SIGNALS]; 2]; PAST]);
+    let mut total: (f64, Answer<N, K>) = nothing();
     for (number, answer) in &own {
         total.0 += number;
-        let sums = total.1.as_flattened_mut().as_flattened_mut().iter_mut();
-        sums.zip(answer.as_flattened().as_flattened()).for_each(|(sum, own)| *sum += own);
+        for (sums, own) in total.1.as_flattened_mut().iter_mut().zip(answer.as_flattened()) {
+            sums.iter_mut().zip(own.iter()).for_each(|(sum, own)| *sum += own);
+        }
     }
-    let mut expected = vec![[0.0; SIGNALS]; all];
+    let mut expected = vec![Expected { pulls: [0.0; K], state: [[0.0; N]; 2] }; all];
     for (row, first) in all_rows() {
         let (number, answer) = &own[row / length];
         let per_row = 1.0 / (total.0 - number).max(1.0);
         let mut signals = repeating(row);
         for ((own, all), w) in answer.iter().zip(&total.1).zip(past(row, first)) {
-            for a in 0..2 {
-                (0..SIGNALS).for_each(|k| signals[k] += w[a] * per_row * (all[a][k] - own[a][k]));
+            for a in 0..N {
+                let others = all[a].iter().zip(own[a].iter()).map(|(all, own)| all - own);
+                signals.iter_mut().zip(others).for_each(|(signal, others)| *signal += w[a] * per_row * others);
             }
         }
-        expected[row] = signals.map(|signal| signal as f32);
+        let single = |of: f64| of as f32;
+        expected[row] = Expected { pulls: signals.pulls.map(single), state: signals.state.map(|of| of.map(single)) };
     }
     expected
 }
 
 /// The series that fits the stretches before and after one.
-fn beside(sums: &[(DMatrix<f64>, DMatrix<f64>)], at: usize) -> Series {
-    let (mut gram, mut right) = (DMatrix::zeros(TERMS, TERMS), DMatrix::zeros(TERMS, SIGNALS));
+fn beside(sums: &[(DMatrix<f64>, DMatrix<f64>)], at: usize) -> DMatrix<f64> {
+    let (mut gram, mut right) = (DMatrix::zeros(TERMS, TERMS), DMatrix::zeros(TERMS, sums[at].1.ncols()));
     for (more, of) in [at.checked_sub(1), Some(at + 1)].into_iter().flatten().filter_map(|at| sums.get(at)) {
         gram += more;
         right += of;
     }
     let ridge = RIDGE * gram[(0, 0)];
     (0..TERMS).for_each(|i| gram[(i, i)] += ridge);
-    let solved = gram.cholesky().map(|cholesky| cholesky.solve(&right));
-    solved.map_or(Series::zeros(), |solved| Series::from_fn(|i, k| solved[(i, k)]))
+    match gram.cholesky() {
+        Some(cholesky) => cholesky.solve(&right),
+        None => right * 0.0,
+    }
 }

@@ -39,7 +39,11 @@ pub(super) fn step(values: impl Iterator<Item = f64>) -> f64 {
 /// Noise of variance σ² before a converter with step q leaves the mean error `Σ_n (−1)ⁿ q/(π n) exp(−2 π² n² σ²/q²) sin(2 π n x/q)` at x (Widrow and Kollár 2008,
 /// *Quantization Noise*), of variance ρ of all noise. It is as if the part ρ of the variance were averaged over the readings that differ, and the rest over all.
 /// On `scripts/faults.py` (1 µm, 80 seeds from 9001, true parameters) the rms error of λ is 0.9 of its deviations; with all readings it is 2.2, with those that differ alone 0.6.
-pub(super) fn counting(readings: impl Iterator<Item = [f64; 2]>, steps: [f64; 2], noise: f64) -> Option<usize> {
+pub(super) fn counting<const N: usize>(
+    readings: impl Iterator<Item = [f64; N]>,
+    steps: [f64; N],
+    noise: f64,
+) -> Option<usize> {
     if !steps.iter().any(|step| noise < COARSE * step) {
         return None;
     }

@@ -10,17 +10,16 @@ use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIter
 pub(super) use finish::Finished;
 use finish::finish;
 
-use super::bench::{BENCH, PARAMETERS};
 use super::case::{Case, NOISE_STEP, noise_step, prepare, slow_force_step};
 use super::changes;
 use super::data::Piece;
-use super::equations::{ALL, BASE, Bearing, LOAD, Nominal, State, Theta};
 use super::expected::expected;
-use super::filter::{self, Block};
+use super::filter::{Block, Columns, Levels, On, Passes};
 use super::missing;
 use super::outcome;
-use super::solve::{Normal, SHARED, inverse, part, unknown};
-use super::{Contradiction, Failed, Identification, Knowledge, Options, Recording, SHORTEST};
+use super::rotor::{Kind, Rotor, State};
+use super::solve::{Normal, inverse, part};
+use super::{Body, Contradiction, Failed, Identification, Knowledge, Recording, SHORTEST};
 
 /// Passes about the measured trajectory before the smoother takes over: without load and unbalance it would follow a wrong model.
 const UNSMOOTHED: usize = 2;
@@ -64,22 +63,14 @@ fn parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync + Send)
 /// Sums of the blocks of every piece, with the number of its recording.
 pub(super) type Blocks = Vec<(usize, Vec<Block>)>;
 
-/// Sums of a pass.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Columns {
-    /// Sensitivities to λ, unbalance and load.
-    Few,
-    /// To all parameters.
-    All,
-    /// Their instruments.
-    Instruments,
-}
+/// Rows with their smoothed trajectory.
+type Smoothed<const N: usize> = (Range<usize>, Vec<State<N>>);
 
 /// All that is searched.
-pub(super) struct Search<'a> {
-    pub cases: Vec<Case<'a>>,
-    pub options: &'a Options,
-    /// Unknowns as in [`unknown`].
+pub(super) struct Search<'a, const N: usize, const K: usize> {
+    pub cases: Vec<Case<'a, N, K>>,
+    pub kind: &'a Kind<'a, N, K>,
+    /// Unknowns as in [`Layout::unknown`](super::rotor::Layout::unknown).
     pub x: Vec<f64>,
     /// Mean and standard deviation of the prior of each unknown; 0 for what is not estimated.
     pub prior: Vec<(f64, f64)>,
@@ -89,18 +80,20 @@ pub(super) struct Search<'a> {
     pub converged: bool,
 }
 
-impl<'a> Search<'a> {
-    fn nominal(&self) -> Nominal {
-        Nominal { m_kg: self.options.m_kg, gap_m: self.options.gap_m, alpha_rad: self.options.alpha_rad }
+impl<const N: usize, const K: usize> Search<'_, N, K>
+where
+    Rotor<N, K>: Passes<N, K>,
+{
+    /// The rotor in recording `r`.
+    pub fn rotor(&self, r: usize) -> Rotor<N, K> {
+        let (case, layout) = (&self.cases[r], self.kind.layout);
+        let theta = (0..layout.all).map(|j| self.x[layout.unknown(j, r)]).collect();
+        Rotor::new(self.kind, theta, case.data.h, case.current_noise, case.slow_force / self.kind.part.body.m_kg())
     }
 
-    fn theta(&self, r: usize) -> Theta {
-        std::array::from_fn(|j| self.x[unknown(j, r)])
-    }
-
-    pub fn bearing(&self, r: usize) -> Bearing {
-        let case = &self.cases[r];
-        Bearing::new(self.nominal(), &self.theta(r), case.data.h, case.current_noise, case.slow_force)
+    /// Unknowns that are parameters of the bench.
+    fn bench(&self) -> Range<usize> {
+        self.kind.layout.load..self.kind.layout.shared()
     }
 
     /// Numbers of the unknowns that are estimated.
@@ -108,22 +101,28 @@ impl<'a> Search<'a> {
         (0..self.x.len()).filter(|at| self.prior[*at].1 > 0.0).collect()
     }
 
-    fn tasks(&self) -> Vec<(usize, &Piece)> {
-        self.cases.iter().enumerate().flat_map(|(r, case)| case.pieces.iter().map(move |piece| (r, piece))).collect()
+    fn tasks(&self) -> Vec<(usize, Piece)> {
+        let of =
+            |(r, case): (usize, &Case<'_, N, K>)| case.pieces.iter().map(move |piece| (r, piece.clone())).collect();
+        self.cases.iter().enumerate().flat_map(|of_case| -> Vec<_> { of(of_case) }).collect()
+    }
+
+    /// A pass of the filter over pieces of recordings; results in their order.
+    fn passes<R: Send>(
+        &self,
+        tasks: &[(usize, Piece)],
+        pass: impl Fn(On<'_, N, K>) -> R + Sync + Send,
+    ) -> Vec<(usize, R)> {
+        let rotors: Vec<Rotor<N, K>> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
+        parallel(tasks, |(r, piece)| {
+            let case = &self.cases[*r];
+            let variance = case.position_noise * case.position_noise;
+            (*r, pass((&case.data, &rotors[*r], &case.track, variance, piece)))
+        })
     }
 
     fn pass(&self, columns: Columns) -> Blocks {
-        let pass = match columns {
-            Columns::Few => filter::few_columns,
-            Columns::All => filter::all_columns,
-            Columns::Instruments => filter::instruments,
-        };
-        let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
-        let mut blocks = parallel(&self.tasks(), |(r, piece)| {
-            let case = &self.cases[*r];
-            let variance = case.position_noise * case.position_noise;
-            (*r, pass(&case.data, &bearings[*r], &case.track, variance, piece))
-        });
+        let mut blocks = self.passes(&self.tasks(), |on| Rotor::columns(on, columns));
         for block in blocks.iter_mut().flat_map(|(_, blocks)| blocks) {
             block.j.iter_mut().chain(&mut block.b).for_each(|sum| *sum *= self.weight);
         }
@@ -131,12 +130,8 @@ impl<'a> Search<'a> {
     }
 
     fn normal(&self, blocks: &[(usize, Vec<Block>)]) -> Normal {
-        let mut normal = Normal::new(self.cases.len());
-        for (r, blocks) in blocks {
-            for block in blocks {
-                normal.add(block, *r, if block.columns > BASE + 1 { ALL + 3 } else { BASE });
-            }
-        }
+        let mut normal = Normal::new(self.kind.layout, self.cases.len());
+        blocks.iter().for_each(|(r, blocks)| blocks.iter().for_each(|block| normal.add(block, *r)));
         normal
     }
 
@@ -181,8 +176,8 @@ impl<'a> Search<'a> {
 
     /// Part of a step that the linearisation can follow: with bench parameters it is shortened as a whole, for its components belong together.
     fn within(&self, step: &[f64]) -> f64 {
-        let moving = (LOAD..SHARED).filter(|at| step[*at] != 0.0);
-        moving.map(|at| LONGEST * PARAMETERS[at - LOAD].typical / step[at].abs()).fold(1.0, f64::min)
+        let moving = self.bench().zip(&self.kind.part.parameters).filter(|(at, _)| step[*at] != 0.0);
+        moving.map(|(at, parameter)| LONGEST * parameter.typical / step[at].abs()).fold(1.0, f64::min)
     }
 
     /// Twice the negative logarithm of likelihood and priors, up to a constant.
@@ -197,31 +192,24 @@ impl<'a> Search<'a> {
 
     /// Smooths the trajectories, a group of pieces at a time: those of all at once would take as much memory as the trajectories themselves.
     fn smooth(&mut self) {
-        let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
-        let tasks: Vec<(usize, Piece)> = self.tasks().into_iter().map(|(r, piece)| (r, piece.clone())).collect();
         let mut before = Vec::new();
-        for group in tasks.chunks(SMOOTHED.max(2 * rayon::current_num_threads())) {
-            let smoothed = parallel(group, |(r, piece)| {
-                let case = &self.cases[*r];
-                let variance = case.position_noise * case.position_noise;
-                let track = filter::smooth(&case.data, &bearings[*r], &case.track, variance, piece);
-                (*r, piece.counted.clone(), track)
-            });
+        for group in self.tasks().chunks(SMOOTHED.max(2 * rayon::current_num_threads())) {
+            let smoothed = self.passes(group, |on| (on.4.counted.clone(), Rotor::smooth(on)));
             // A piece is linearised about the former trajectory of its neighbours: a group is taken over after the next one.
             self.take_over(std::mem::replace(&mut before, smoothed));
         }
         self.take_over(before);
     }
 
-    fn take_over(&mut self, smoothed: Vec<(usize, Range<usize>, Vec<State>)>) {
-        for (r, rows, track) in smoothed {
+    fn take_over(&mut self, smoothed: Vec<(usize, Smoothed<N>)>) {
+        for (r, (rows, track)) in smoothed {
             self.cases[r].track.state[rows].copy_from_slice(&track);
         }
     }
 
     /// Whether the bench is exactly as stated.
     fn exact(&self) -> bool {
-        self.options.bench.iter().all(|told| told.knowledge == Knowledge::Exact)
+        self.kind.part.bench.iter().all(|told| told.knowledge == Knowledge::Exact)
     }
 
     /// Finds what was to be expected of every row, if the bench is exactly as stated: where its parameters are searched, what is found at one point does not
@@ -231,22 +219,17 @@ impl<'a> Search<'a> {
             return;
         }
         let innovations = self.innovations();
-        let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
-        for ((case, bearing), innovations) in self.cases.iter_mut().zip(&bearings).zip(&innovations) {
-            case.track.expected = expected(&case.data, bearing, &case.track, &case.segments, innovations);
+        let rotors: Vec<Rotor<N, K>> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
+        for ((case, rotor), innovations) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
+            case.track.expected = expected(&case.data, rotor, &case.track, &case.segments, innovations);
         }
     }
 
     /// The whitened innovations of every recording by row; 0 where there are none.
-    fn innovations(&self) -> Vec<Vec<[f64; 2]>> {
-        let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
-        let pieces = parallel(&self.tasks(), |(r, piece)| {
-            let case = &self.cases[*r];
-            let variance = case.position_noise * case.position_noise;
-            (*r, piece.counted.clone(), filter::innovations(&case.data, &bearings[*r], &case.track, variance, piece))
-        });
-        let mut all: Vec<_> = self.cases.iter().map(|case| vec![[0.0; 2]; case.data.at.len()]).collect();
-        for (r, rows, of) in pieces {
+    fn innovations(&self) -> Vec<Vec<[f64; N]>> {
+        let pieces = self.passes(&self.tasks(), |on| (on.4.counted.clone(), Rotor::innovations(on)));
+        let mut all: Vec<_> = self.cases.iter().map(|case| vec![[0.0; N]; case.data.at.len()]).collect();
+        for (r, (rows, of)) in pieces {
             all[r][rows].iter_mut().zip(of).for_each(|(to, [_, whitened])| *to = whitened);
         }
         all
@@ -259,19 +242,25 @@ impl<'a> Search<'a> {
         }
         let innovations = self.innovations();
         for (case, innovations) in self.cases.iter_mut().zip(&innovations) {
-            missing::refill(&mut case.data, case.recording, &case.segments, innovations);
+            missing::refill(&mut case.data, case.recording, case.current, &case.segments, innovations);
         }
     }
 
-    /// Likelihoods of the recordings that `of` holds for, as [`filter::likelihoods`].
-    fn likelihoods(&self, factors: [[f64; 4]; 3], of: impl Fn(&Case) -> bool) -> Vec<[[f64; 3]; 3]> {
-        let bearings: Vec<Bearing> = (0..self.cases.len()).map(|r| self.bearing(r)).collect();
-        let tasks: Vec<(usize, &Piece)> = self.tasks().into_iter().filter(|(r, _)| of(&self.cases[*r])).collect();
-        let sums = parallel(&tasks, |(r, piece)| {
-            let case = &self.cases[*r];
-            let variance = case.position_noise * case.position_noise;
-            (*r, filter::likelihoods(&case.data, &bearings[*r], &case.track, variance, factors, piece))
-        });
+    /// Position minus its prediction from the samples before, by recording, coordinate and row, in m; NaN where a row was not used.
+    pub fn prediction_errors(&self) -> Vec<Vec<Vec<f64>>> {
+        let mut errors: Vec<_> = self.cases.iter().map(|case| vec![vec![f64::NAN; case.data.at.len()]; N]).collect();
+        for (r, (rows, of)) in self.passes(&self.tasks(), |on| (on.4.counted.clone(), Rotor::innovations(on))) {
+            for (n, errors) in errors[r].iter_mut().enumerate() {
+                errors[rows.clone()].iter_mut().zip(&of).for_each(|(error, [metres, _])| *error = metres[n]);
+            }
+        }
+        errors
+    }
+
+    /// Likelihoods of the recordings that `of` holds for, as [`Passes::likelihoods`].
+    fn likelihoods(&self, levels: [Levels<K>; 3], of: impl Fn(&Case<'_, N, K>) -> bool) -> Vec<[[f64; 3]; 3]> {
+        let tasks: Vec<(usize, Piece)> = self.tasks().into_iter().filter(|(r, _)| of(&self.cases[*r])).collect();
+        let sums = self.passes(&tasks, |on| Rotor::likelihoods(on, &levels));
         let mut totals = vec![[[0.0; 3]; 3]; self.cases.len()];
         for (r, sums) in sums {
             let total = totals[r].as_flattened_mut().iter_mut();
@@ -283,16 +272,16 @@ impl<'a> Search<'a> {
     /// One step of the noise levels that were not told; the largest change of a logarithm.
     fn noise(&mut self) -> f64 {
         let steps = [libm::exp(-NOISE_STEP), 1.0, libm::exp(NOISE_STEP)];
-        let factors = steps.map(|factor| [factor, factor, factor, 1.0]);
-        let unknown =
-            |case: &Case| case.recording.position_noise_m.is_none() || case.recording.current_noise_a.is_none();
-        let totals = self.likelihoods(factors, unknown);
+        let unknown = |case: &Case<'_, N, K>| {
+            case.recording.position_noise_m.is_none() || case.recording.current_noise_a.is_none()
+        };
+        let totals = self.likelihoods(steps.map(|factor| ([factor; K], 1.0)), unknown);
         let cases = self.cases.iter_mut().zip(&totals).filter(|(case, _)| unknown(case));
         let change = cases.map(|(case, sums)| noise_step(case, sums)).fold(0.0, f64::max);
-        if !self.options.slow_force {
+        if !self.kind.slow_force {
             return change;
         }
-        let totals = self.likelihoods(steps.map(|factor| [1.0, 1.0, 1.0, factor]), |_| true);
+        let totals = self.likelihoods(steps.map(|factor| ([1.0; K], factor)), |_| true);
         let least = LEAST_SLOW_FORCE * self.weight_n();
         let cases = self.cases.iter_mut().zip(&totals);
         cases.map(|(case, sums)| slow_force_step(case, sums, least)).fold(change, f64::max)
@@ -300,17 +289,17 @@ impl<'a> Search<'a> {
 
     /// Weight of the rotor, N.
     fn weight_n(&self) -> f64 {
-        self.options.m_kg * GRAVITY_M_S2
+        self.kind.part.body.m_kg() * GRAVITY_M_S2
     }
 
     /// By how much a slow force raises the log-likelihood, everything else as it is: one of the estimated level, or else the best of three.
     fn gain_by_slow_force(&mut self) -> f64 {
         let level = SLOW_FORCE * self.weight_n();
-        let slow = |factor: f64| [1.0, 1.0, 1.0, factor];
+        let slow = |factor: f64| ([1.0; K], factor);
         let sum = |totals: Vec<[[f64; 3]; 3]>| -> [f64; 3] {
             std::array::from_fn(|of| totals.iter().map(|sums| -0.5 * (sums[of][0] + sums[of][1])).sum())
         };
-        if self.options.slow_force {
+        if self.kind.slow_force {
             let [without, with, _] = sum(self.likelihoods([ABSENT, 1.0, 1.0].map(slow), |_| true));
             return with - without;
         }
@@ -335,7 +324,7 @@ impl<'a> Search<'a> {
 
     /// Where the search has ended.
     fn found(&self) -> Point {
-        let noise = |case: &Case| [case.position_noise, case.current_noise, case.slow_force];
+        let noise = |case: &Case<'_, N, K>| [case.position_noise, case.current_noise, case.slow_force];
         Point { x: self.x.clone(), noise: self.cases.iter().map(noise).collect() }
     }
 
@@ -350,7 +339,8 @@ impl<'a> Search<'a> {
     /// λ, unbalance and load first, then all: far from the solution, bench parameters would take up what λ has to explain.
     fn run(&mut self) -> Result<(), Failed> {
         let told = self.prior.clone();
-        for prior in &mut self.prior[LOAD..SHARED] {
+        let bench = self.bench();
+        for prior in &mut self.prior[bench] {
             prior.1 = 0.0;
         }
         let first = self.iterate(0, ROUGH);
@@ -367,7 +357,7 @@ impl<'a> Search<'a> {
     /// is multiplied, noise of the currents took up what was off balance, and 16 of 18 searches did not converge in 30 iterations (`scripts/faults.py`, seed 7807:
     /// stuck sensor, coarse quantisation, slow force); these take 4 to 9.
     fn iterate(&mut self, begun: usize, enough: f64) -> Result<(), Failed> {
-        let all = self.estimated().iter().any(|at| (LOAD..SHARED).contains(at));
+        let all = self.estimated().iter().any(|at| self.bench().contains(at));
         self.converged = false;
         for iteration in begun..MOST {
             self.iterations = iteration + 1;
@@ -399,55 +389,61 @@ struct Point {
 }
 
 /// λ that would carry the weight of the rotor with the currents of the recording.
-fn first_guess(recordings: &[Recording<'_>], options: &Options) -> f64 {
+fn first_guess<const N: usize, const K: usize>(cases: &[Case<'_, N, K>], body: &Body) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
-    for i in recordings.iter().flat_map(|recording| recording.current_a).flatten().filter(|i| i.is_finite()) {
+    for i in cases.iter().flat_map(|case| case.current).flatten().filter(|i| i.is_finite()) {
         sum += i * i;
         count += 1.0;
     }
     let mean: f64 = if sum > 0.0 { sum / count } else { 1.0 };
-    options.m_kg * GRAVITY_M_S2 * options.gap_m * options.gap_m / (3.0 * mean)
+    body.m_kg() * GRAVITY_M_S2 * body.gap_m() * body.gap_m() / (K as f64 * mean)
 }
 
 /// A search before its first step, with its priors.
-fn start<'a>(
+fn start<'a, const N: usize, const K: usize>(
     recordings: &'a [Recording<'a>],
     masks: &[Vec<bool>],
-    options: &'a Options,
+    kind: &'a Kind<'a, N, K>,
     held: &[usize],
-) -> Result<Search<'a>, Failed> {
-    let cases: Option<Vec<Case>> =
-        recordings.iter().zip(masks).map(|(recording, mask)| prepare(recording, mask)).collect();
+) -> Result<Search<'a, N, K>, Failed>
+where
+    Rotor<N, K>: Passes<N, K>,
+{
+    let cases: Option<Vec<Case<'_, N, K>>> =
+        recordings.iter().zip(masks).map(|(recording, mask)| prepare(recording, kind.part, mask)).collect();
     let Some(mut cases) = cases else {
-        let short = |(recording, mask): (&'a Recording<'a>, &Vec<bool>)| prepare(recording, mask).is_none();
+        let short =
+            |(recording, mask): (&'a Recording<'a>, &Vec<bool>)| prepare::<N, K>(recording, kind.part, mask).is_none();
         let recording = recordings.iter().zip(masks).position(short).unwrap_or(0) + 1;
         return Err(Failed::TooShort { recording, wanted: SHORTEST });
     };
-    if options.slow_force {
-        cases.iter_mut().for_each(|case| case.slow_force = SLOW_FORCE * options.m_kg * GRAVITY_M_S2);
+    let (part, body) = (kind.part, &kind.part.body);
+    if kind.slow_force {
+        cases.iter_mut().for_each(|case| case.slow_force = SLOW_FORCE * body.m_kg() * GRAVITY_M_S2);
     }
-    let n = SHARED + 2 * recordings.len();
+    let layout = kind.layout;
+    let n = layout.unknowns(recordings.len());
     let mut x = vec![0.0; n];
     let mut prior = vec![(0.0, 0.0); n];
-    let lambda = first_guess(recordings, options);
-    x[..3].fill(lambda);
-    prior[..3].fill((lambda, FREE * lambda));
+    let lambda = first_guess(&cases, body);
+    x[..K].fill(lambda);
+    prior[..K].fill((lambda, FREE * lambda));
     // A mass centre outside the gap, or a load of a hundred times the weight, does not occur.
-    prior[3..LOAD].fill((0.0, 100.0 * options.m_kg * options.gap_m));
-    prior[SHARED..n].fill((0.0, 1e3 * options.m_kg));
-    for (j, told) in options.bench.iter().enumerate() {
-        x[LOAD + j] = told.value;
+    prior[K..layout.load].fill((0.0, 100.0 * body.m_kg() * body.gap_m()));
+    prior[layout.shared()..n].fill((0.0, 1e3 * body.m_kg()));
+    for ((at, told), parameter) in (layout.load..).zip(&part.bench).zip(&part.parameters) {
+        x[at] = told.value;
         let std = match told.knowledge {
             Knowledge::Exact => 0.0,
             Knowledge::Tolerance(std) => std,
-            Knowledge::Free => FREE * PARAMETERS[j].typical,
+            Knowledge::Free => FREE * parameter.typical,
         };
-        prior[LOAD + j] = (told.value, std);
+        prior[at] = (told.value, std);
     }
-    held.iter().for_each(|j| prior[LOAD + j].1 = 0.0);
+    held.iter().for_each(|j| prior[layout.load + j].1 = 0.0);
     let rows = cases.iter().map(Case::rows).sum::<usize>() as f64;
     let counting = cases.iter().map(Case::counting).sum::<usize>() as f64;
-    let mut search = Search { cases, options, x, prior, weight: 1.0, iterations: 0, converged: false };
+    let mut search = Search { cases, kind, x, prior, weight: 1.0, iterations: 0, converged: false };
     search.weight = counting / rows;
     if !search.exact() {
         search.weight = (BENCH_ROWS / rows).min(search.weight);
@@ -468,13 +464,13 @@ const REMAINS: f64 = 0.5;
 const ROUNDS: usize = 6;
 
 /// Numbers of the bench parameters that are free but not told by the data.
-fn not_separated(finished: &Finished) -> Vec<usize> {
+fn not_separated<const N: usize, const K: usize>(finished: &Finished<'_, N, K>) -> Vec<usize> {
+    let (part, first) = (finished.search.kind.part, finished.search.kind.layout.load);
     let too_wide = |j: &usize| {
-        let unknown = LOAD + j;
-        let free = finished.search.options.bench[*j].knowledge == Knowledge::Free;
-        free && finished.estimate(unknown).total_std > NOT_SEPARATED * PARAMETERS[*j].typical
+        let free = part.bench[*j].knowledge == Knowledge::Free;
+        free && finished.estimate(first + j).total_std > NOT_SEPARATED * part.parameters[*j].typical
     };
-    (0..BENCH).filter(too_wide).collect()
+    (0..part.bench.len()).filter(too_wide).collect()
 }
 
 /// Some of the rows in stretches, evenly distributed; `None` where there are few.
@@ -486,24 +482,28 @@ fn stretches(masks: &[Vec<bool>]) -> Option<Vec<Vec<bool>>> {
 }
 
 /// The widest of them: the others may be told once it is held.
-fn widest(finished: &Finished, of: &[usize]) -> Option<usize> {
-    let width = |j: usize| finished.estimate(LOAD + j).total_std / PARAMETERS[j].typical;
+fn widest<const N: usize, const K: usize>(finished: &Finished<'_, N, K>, of: &[usize]) -> Option<usize> {
+    let (parameters, first) = (&finished.search.kind.part.parameters, finished.search.kind.layout.load);
+    let width = |j: usize| finished.estimate(first + j).total_std / parameters[j].typical;
     of.iter().copied().reduce(|widest, j| if width(j) > 0.99 * width(widest) { j } else { widest })
 }
 
-pub(super) fn fit<'a>(
+pub(super) fn fit<'a, const N: usize, const K: usize>(
     recordings: &'a [Recording<'a>],
     masks: &[Vec<bool>],
-    options: &'a Options,
+    kind: &'a Kind<'a, N, K>,
     held: &mut Vec<usize>,
-) -> Result<Finished<'a>, Failed> {
+) -> Result<Finished<'a, N, K>, Failed>
+where
+    Rotor<N, K>: Passes<N, K>,
+{
     // The first search ends before the other begins: each has its own trajectory of all rows.
     let near = stretches(masks).and_then(|masks| {
-        let mut first = start(recordings, &masks, options, held).ok()?;
+        let mut first = start(recordings, &masks, kind, held).ok()?;
         first.run().ok()?;
         first.converged.then(|| first.found())
     });
-    let mut search = start(recordings, masks, options, held)?;
+    let mut search = start(recordings, masks, kind, held)?;
     match near {
         Some(near) => {
             search.start_at(near);
@@ -520,17 +520,23 @@ pub(super) fn fit<'a>(
         let Some(widest) = widest(&finished, &wide) else { return Ok(finished) };
         held.push(widest);
         search = finished.search;
-        search.prior[LOAD + widest].1 = 0.0;
-        search.x[LOAD + widest] = options.bench[widest].value;
+        search.prior[kind.layout.load + widest].1 = 0.0;
+        search.x[kind.layout.load + widest] = kind.part.bench[widest].value;
         search.run()?;
     }
 }
 
-pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Result<Identification, Failed> {
-    let mut masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.position_m.len()]).collect();
+pub(super) fn identify<const N: usize, const K: usize>(
+    recordings: &[Recording<'_>],
+    kind: &Kind<'_, N, K>,
+) -> Result<Identification, Failed>
+where
+    Rotor<N, K>: Passes<N, K>,
+{
+    let mut masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.rows()]).collect();
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();
-    let mut finished = fit(recordings, &masks, options, &mut held)?;
+    let mut finished = fit(recordings, &masks, kind, &mut held)?;
     let mut gain = None;
     // Each round leaves out what contradicts most.
     for _ in 0..ROUNDS {
@@ -546,7 +552,7 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
             // A force that wanders looks like changes of the load, or of λ.
             gain.get_or_insert_with(|| finished.search.gain_by_slow_force());
             let Some(other) = changes::leave_smaller_side(&mut masks, &finished, &change) else { break };
-            contradictions.push(changes::describe(recordings, &masks, options, &change, other));
+            contradictions.push(changes::describe(recordings, &masks, kind, &change, other));
         } else {
             let left: usize = disturbed.iter().map(|contradiction| contradiction.rows.len()).sum();
             let all: usize = finished.search.cases.iter().map(Case::rows).sum();
@@ -558,9 +564,9 @@ pub(super) fn identify(recordings: &[Recording<'_>], options: &Options) -> Resul
                 contradictions.push(contradiction);
             }
         }
-        finished = fit(recordings, &masks, options, &mut held)?;
+        finished = fit(recordings, &masks, kind, &mut held)?;
     }
-    let gain = match gain.filter(|_| !options.slow_force) {
+    let gain = match gain.filter(|_| !kind.slow_force) {
         Some(gain) => gain,
         None if finished.search.converged => finished.search.gain_by_slow_force(),
         None => 0.0,

@@ -2,40 +2,30 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::bench::BENCH;
-use super::equations::{ALL, BASE, LOAD};
 use super::filter::Block;
-
-/// λ, U, then the bench.
-pub(super) const SHARED: usize = LOAD + BENCH;
-
-/// Number of the unknown that parameter `j` of recording `r` is: λ, U, bench, then two loads for each recording.
-pub(super) fn unknown(j: usize, r: usize) -> usize {
-    match j {
-        0..LOAD => j,
-        LOAD..BASE => SHARED + 2 * r + (j - LOAD),
-        _ => j - BASE + LOAD,
-    }
-}
+use super::rotor::Layout;
 
 /// Sums of the normal equations over blocks: unknowns, then the instruments of λ.
 #[derive(Clone, Debug)]
 pub(super) struct Normal {
+    layout: Layout,
     pub j: DMatrix<f64>,
     pub b: DVector<f64>,
 }
 
 impl Normal {
-    pub fn new(recordings: usize) -> Self {
-        let n = SHARED + 2 * recordings + 3;
-        Self { j: DMatrix::zeros(n, n), b: DVector::zeros(n) }
+    pub fn new(layout: Layout, recordings: usize) -> Self {
+        let n = layout.unknowns(recordings) + layout.magnets;
+        Self { layout, j: DMatrix::zeros(n, n), b: DVector::zeros(n) }
     }
 
-    /// Adds a block of recording `r`.
-    pub fn add(&mut self, block: &Block, r: usize, parameters: usize) {
-        let first_instrument = self.b.len() - 3;
-        let place = |j: usize| if j < ALL { unknown(j, r) } else { first_instrument + j - ALL };
-        for i in 0..parameters {
+    /// Adds what a block of recording `r` has.
+    pub fn add(&mut self, block: &Block, r: usize) {
+        let layout = self.layout;
+        let first_instrument = self.b.len() - layout.magnets;
+        let place = |j: usize| if j < layout.all { layout.unknown(j, r) } else { first_instrument + j - layout.all };
+        let with_bench = layout.all + layout.magnets;
+        for i in 0..if block.columns < with_bench { layout.base } else { with_bench } {
             let row = place(i);
             self.b[row] += block.b[i];
             for l in 0..=i {

@@ -7,11 +7,11 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::super::case::{Case, NOISE_STEP};
-use super::super::equations::ALL;
-use super::super::filter::Block;
+use super::super::filter::{Block, Columns, Passes};
+use super::super::rotor::Rotor;
 use super::super::solve::{self, Normal, part};
 use super::super::{Covariance, Estimate, Failed};
-use super::{Blocks, CONVERGED, Columns, NOT_APART, Search};
+use super::{Blocks, CONVERGED, NOT_APART, Search};
 
 /// Variance of the size of the bias of scores ([`Search::bias`]): 0 where the loop is fast, 1 without feedback; as on line.
 const BIAS_VARIANCE: f64 = 0.25;
@@ -24,8 +24,8 @@ const SCORES: usize = 32;
 const SCORES_RATIO: f64 = 2.0;
 
 /// A finished search, its sums taken over all columns.
-pub struct Finished<'a> {
-    pub search: Search<'a>,
+pub struct Finished<'a, const N: usize, const K: usize> {
+    pub search: Search<'a, N, K>,
     pub blocks: Blocks,
     pub normal: Normal,
     pub estimated: Vec<usize>,
@@ -37,7 +37,7 @@ pub struct Finished<'a> {
     pub covariance: Covariance,
 }
 
-impl Finished<'_> {
+impl<const N: usize, const K: usize> Finished<'_, N, K> {
     pub fn at(&self, unknown: usize) -> Option<usize> {
         self.estimated.iter().position(|at| *at == unknown)
     }
@@ -49,7 +49,7 @@ impl Finished<'_> {
 
     pub fn nis(&self, r: usize) -> f64 {
         let blocks = || self.blocks.iter().filter(move |(of, _)| *of == r).flat_map(|(_, blocks)| blocks);
-        blocks().map(|block| block.nis).sum::<f64>() / (2.0 * blocks().map(|block| block.count).sum::<f64>())
+        blocks().map(|block| block.nis).sum::<f64>() / (N as f64 * blocks().map(|block| block.count).sum::<f64>())
     }
 }
 
@@ -58,7 +58,14 @@ fn inverse(a: &DMatrix<f64>) -> Result<DMatrix<f64>, Failed> {
 }
 
 /// Takes the sums of a search over all columns.
-pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
+pub fn finish<const N: usize, const K: usize>(mut search: Search<'_, N, K>) -> Result<Finished<'_, N, K>, Failed>
+where
+    Rotor<N, K>: Passes<N, K>,
+{
+    if search.converged {
+        // λ has the variance that its mean over the levels of noise is, and the mean square of a level σ known to s in its logarithm is σ² exp(2 s²).
+        search.cases.iter_mut().for_each(|case| case.current_noise *= libm::exp(case.noise_variance));
+    }
     let estimated = search.estimated();
     let bias = if search.converged && search.exact() { Some(search.free_of_bias()?) } else { None };
     let (blocks, normal, columns) = search.sums(&estimated);
@@ -74,13 +81,14 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
     let information = part(&normal.j, &columns, &columns);
     let mut noise = &response * &information * &response;
     let mut covariance = Covariance::Information;
-    let told = |case: &Case| case.recording.position_noise_m.is_some() && case.recording.current_noise_a.is_some();
+    let told =
+        |case: &Case<'_, N, K>| case.recording.position_noise_m.is_some() && case.recording.current_noise_a.is_some();
     if !search.cases.iter().all(told)
-        && let Some(scores) = scores(&blocks, &columns, &step, search.cases.len())
+        && let Some(scores) = scores(&blocks, &columns, &step, &Normal::new(search.kind.layout, search.cases.len()))
     {
         // Scores of `weight` times the information have `weight²` times the variance.
         let by_scores = &response * (scores / search.weight) * &response;
-        let larger = (0..3).any(|k| by_scores[(k, k)] > SCORES_RATIO * noise[(k, k)]);
+        let larger = (0..K).any(|k| by_scores[(k, k)] > SCORES_RATIO * noise[(k, k)]);
         if larger {
             noise = by_scores;
             covariance = Covariance::Scores;
@@ -94,12 +102,7 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
 }
 
 /// Covariance of the sum of the scores, with the covariance between neighbouring blocks (Newey and West 1987, one lag).
-fn scores(
-    blocks: &[(usize, Vec<Block>)],
-    of: &[usize],
-    step: &DVector<f64>,
-    recordings: usize,
-) -> Option<DMatrix<f64>> {
+fn scores(blocks: &[(usize, Vec<Block>)], of: &[usize], step: &DVector<f64>, none: &Normal) -> Option<DMatrix<f64>> {
     let count: usize = blocks.iter().map(|(_, blocks)| blocks.len()).sum();
     if count < SCORES {
         return None;
@@ -108,8 +111,8 @@ fn scores(
     let mut former: Option<(usize, DVector<f64>)> = None;
     for (r, blocks) in blocks {
         for block in blocks {
-            let mut alone = Normal::new(recordings);
-            alone.add(block, *r, ALL + 3);
+            let mut alone = none.clone();
+            alone.add(block, *r);
             let score = DVector::from_fn(of.len(), |i, _| alone.b[of[i]]) - part(&alone.j, of, of) * step;
             sum += &score * score.transpose();
             if let Some((of, former)) = &former
@@ -132,7 +135,10 @@ struct Bias {
     covariance: DMatrix<f64>,
 }
 
-impl Search<'_> {
+impl<const N: usize, const K: usize> Search<'_, N, K>
+where
+    Rotor<N, K>: Passes<N, K>,
+{
     /// Whether all recordings tell what was to be expected of them.
     fn has_instruments(&self) -> bool {
         self.cases.iter().all(|case| !case.track.expected.is_empty())
@@ -144,21 +150,24 @@ impl Search<'_> {
         let blocks = self.pass(if instruments { Columns::Instruments } else { Columns::All });
         let normal = self.normal(&blocks);
         // Beside their instruments, the sensitivities to λ stand at the end.
-        let first = normal.b.len() - 3;
-        let columns = estimated.iter().map(|at| if instruments && *at < 3 { first + at } else { *at }).collect();
+        let first = normal.b.len() - K;
+        let columns = estimated.iter().map(|at| if instruments && *at < K { first + at } else { *at }).collect();
         (blocks, normal, columns)
     }
 
     /// By how much noise of the currents lowers the scores of λ: `λ_k Σ γᵀ S⁻¹ γ` with γ the sensitivity to λ_k that this noise drives.
     ///
     /// S contains the same noise as process noise, so that this is half the derivative of Σ ln det S to the logarithm of its level, over λ_k.
-    fn attenuation(&self) -> [f64; 3] {
-        let sets = [-NOISE_STEP, NOISE_STEP].map(|step| {
-            let raised = |k: usize| std::array::from_fn(|l| if k == l { libm::exp(step) } else { 1.0 });
-            self.likelihoods([0, 1, 2].map(raised), |_| true)
-        });
-        let log_det = |set: &[[[f64; 3]; 3]], k: usize| set.iter().map(|sums| sums[k][0]).sum::<f64>();
-        std::array::from_fn(|k| (log_det(&sets[1], k) - log_det(&sets[0], k)) / (4.0 * NOISE_STEP * self.x[k]))
+    fn attenuation(&self) -> [f64; K] {
+        // Three sets go through the filter together.
+        let log_dets = |step: f64| -> Vec<f64> {
+            let raised = |k: usize| (std::array::from_fn(|l| if k == l { libm::exp(step) } else { 1.0 }), 1.0);
+            let sets = (0..K).step_by(3).map(|first| self.likelihoods([0, 1, 2].map(|k| raised(first + k)), |_| true));
+            let sums = |set: Vec<[[f64; 3]; 3]>| [0, 1, 2].map(|k| set.iter().map(|sums| sums[k][0]).sum::<f64>());
+            sets.flat_map(sums).collect()
+        };
+        let (less, more) = (log_dets(-NOISE_STEP), log_dets(NOISE_STEP));
+        std::array::from_fn(|k| (more[k] - less[k]) / (4.0 * NOISE_STEP * self.x[k]))
     }
 
     /// Moves from the maximum of the likelihood to the estimate that instruments free of its bias; returns the covariance that this adds.
@@ -201,7 +210,7 @@ impl Search<'_> {
     ) -> Bias {
         let n = of.len();
         let attenuation = self.attenuation().map(|attenuation| self.weight * attenuation);
-        let moves = DMatrix::from_fn(n, 3, |i, k| inverse[(i, k)] * attenuation[k]);
+        let moves = DMatrix::from_fn(n, K, |i, k| inverse[(i, k)] * attenuation[k]);
         let unknown = || Bias { step: DVector::zeros(n), covariance: &moves * moves.transpose() * BIAS_VARIANCE };
         if !self.has_instruments() {
             return unknown();
@@ -211,12 +220,12 @@ impl Search<'_> {
         let Some(h) = solve::general_inverse(&h) else { return unknown() };
         let difference = &h * right - found;
         let covariance = &h * g * h.transpose() - inverse;
-        let b = moves.rows(0, 3);
-        let scatter = b * b.transpose() * BIAS_VARIANCE + covariance.view((0, 0), (3, 3));
+        let b = moves.rows(0, K);
+        let scatter = b * b.transpose() * BIAS_VARIANCE + covariance.view((0, 0), (K, K));
         let Some(weights) = solve::inverse(&scatter) else { return unknown() };
         let gain = b.transpose() * weights * BIAS_VARIANCE;
-        let size = &gain * difference.rows(0, 3);
-        let rest = (DMatrix::identity(3, 3) - gain * b) * BIAS_VARIANCE;
+        let size = &gain * difference.rows(0, K);
+        let rest = (DMatrix::identity(K, K) - gain * b) * BIAS_VARIANCE;
         if !size.iter().chain(&rest).all(|x: &f64| x.is_finite()) {
             return unknown();
         }

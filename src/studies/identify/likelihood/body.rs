@@ -1,0 +1,222 @@
+//! What moves: a rotor in one radial bearing, a shaft across itself, an axis along itself.
+
+use super::Failed;
+use super::bench::{BenchParameter, Places, place};
+use super::filter::Passes;
+use super::rotor::{Description, Kind, Layout, Rotor};
+use super::search;
+use super::{Identification, Part, Recording};
+use crate::bearing::spindle::SpindleGeometryOf;
+use crate::estimation::Machine;
+use crate::plant::spindle::PLANES;
+
+/// Step of central differences, in typical tolerances: what they leave out is below 10⁻⁸ of a derivative.
+const STEP: f64 = 1e-3;
+
+/// A body with its magnets, as stated.
+#[derive(Clone, Debug)]
+pub enum Body {
+    /// A rotor in one radial bearing.
+    Disc {
+        /// Mass, kg.
+        m_kg: f64,
+        /// Nominal gap, m.
+        gap_m: f64,
+        /// Angles of the magnets, rad; magnet k pulls along `(sin α_k, cos α_k)` in (y, z).
+        alpha_rad: Vec<f64>,
+    },
+    /// A shaft in two radial bearings, with two planes of unbalance.
+    Shaft {
+        /// Shaft and bearings; of the angles, as many count as there are magnets.
+        geometry: Box<SpindleGeometryOf<f64, 4>>,
+        /// Magnets of each radial bearing.
+        magnets: usize,
+        /// Planes of unbalance, m from the centre of gravity.
+        planes_m: [f64; PLANES],
+    },
+    /// A rotor that moves along its axis between two magnets.
+    Axis {
+        /// Mass, kg.
+        m_kg: f64,
+        /// Nominal gap, m.
+        gap_m: f64,
+    },
+}
+
+impl Body {
+    /// Prefixes of the names of its bearings.
+    pub(super) fn prefixes(&self) -> &'static [&'static str] {
+        match self {
+            Self::Disc { .. } => &[""],
+            Self::Shaft { .. } => &["A.", "B."],
+            Self::Axis { .. } => &["X."],
+        }
+    }
+
+    /// Number of magnets.
+    #[must_use]
+    pub fn magnets(&self) -> usize {
+        match self {
+            Self::Disc { alpha_rad, .. } => alpha_rad.len(),
+            Self::Shaft { magnets, .. } => 2 * magnets,
+            Self::Axis { .. } => 2,
+        }
+    }
+
+    /// Number of coordinates, which the position sensors read.
+    #[must_use]
+    pub fn coordinates(&self) -> usize {
+        match self {
+            Self::Disc { .. } => 2,
+            Self::Shaft { .. } => 4,
+            Self::Axis { .. } => 1,
+        }
+    }
+
+    /// Mass, kg.
+    #[must_use]
+    pub fn m_kg(&self) -> f64 {
+        match self {
+            Self::Disc { m_kg, .. } | Self::Axis { m_kg, .. } => *m_kg,
+            Self::Shaft { geometry, .. } => geometry.shaft.m_kg,
+        }
+    }
+
+    /// Nominal gap of the magnets, the first radial one's of a shaft, m.
+    #[must_use]
+    pub fn gap_m(&self) -> f64 {
+        match self {
+            Self::Disc { gap_m, .. } | Self::Axis { gap_m, .. } => *gap_m,
+            Self::Shaft { geometry, .. } => geometry.a.gap_m,
+        }
+    }
+
+    /// Stated numbers that have to be above 0, and others.
+    pub(in crate::studies::identify) fn numbers(&self) -> [Vec<(String, f64)>; 2] {
+        let mut positive = vec![("m".to_owned(), self.m_kg())];
+        let mut others = Vec::new();
+        let mut angles = |prefix: &str, alpha_rad: &[f64]| {
+            others.extend((1..).zip(alpha_rad).map(|(k, alpha)| (format!("{prefix}alpha[{k}]"), *alpha)));
+        };
+        match self {
+            Self::Disc { gap_m, alpha_rad, .. } => {
+                positive.push(("s".into(), *gap_m));
+                angles("", alpha_rad);
+            }
+            Self::Shaft { geometry, magnets, planes_m } => {
+                positive.extend([("A.s".into(), geometry.a.gap_m), ("B.s".into(), geometry.b.gap_m)]);
+                positive.push(("Jt".into(), geometry.shaft.transverse_kgm2));
+                angles("A.", &geometry.a.alpha_rad[..*magnets]);
+                angles("B.", &geometry.b.alpha_rad[..*magnets]);
+                others.push(("Jp".into(), geometry.shaft.polar_kgm2));
+                others.extend((1..).zip(planes_m).map(|(n, at_m)| (format!("unbalance[{n}].position"), *at_m)));
+            }
+            Self::Axis { gap_m, .. } => positive.push(("X.s".into(), *gap_m)),
+        }
+        [positive, others]
+    }
+}
+
+impl Part {
+    fn place(&self, prefix: &str, name: &str) -> usize {
+        place(&self.parameters, prefix, name)
+    }
+
+    /// Identifies this part of the motion.
+    pub(super) fn identify(&self, recordings: &[Recording<'_>], slow_force: bool) -> Result<Identification, Failed> {
+        let on = (recordings, slow_force);
+        match &self.body {
+            Body::Disc { alpha_rad, .. } if alpha_rad.len() == 3 => self.disc::<3, 9>(on),
+            Body::Disc { alpha_rad, .. } if alpha_rad.len() == 4 => self.disc::<4, 10>(on),
+            Body::Shaft { magnets: 3, .. } => self.shaft::<3, 8, 6, 18>(on),
+            Body::Shaft { magnets: 4, .. } => self.shaft::<4, 10, 8, 20>(on),
+            Body::Axis { m_kg, gap_m } => {
+                let [mass, gap, iron] = ["m", "s", "gap.iron"].map(|name| self.place("X.", name));
+                let describe = |bench: &[f64]| {
+                    let gap_m = gap_m * (1.0 + bench[gap]) + bench[iron];
+                    Description::of(&Machine::<1, 2, 3>::of_bearing(m_kg * (1.0 + bench[mass]), gap_m, [0.0; 2]))
+                };
+                self.search(on, 0, &[mass, gap, iron], &describe)
+            }
+            Body::Disc { .. } | Body::Shaft { .. } => Err(Failed::Magnets(self.body.magnets())),
+        }
+    }
+
+    /// K magnets, and U unknowns on line.
+    fn disc<const K: usize, const U: usize>(&self, on: (&[Recording<'_>], bool)) -> Result<Identification, Failed>
+    where
+        Rotor<2, K>: Passes<2, K>,
+    {
+        let Body::Disc { m_kg, gap_m, alpha_rad } = &self.body else { unreachable!("a rotor in one bearing") };
+        let [mass, gap, iron, alpha] = ["m", "s", "gap.iron", "alpha[1]"].map(|name| self.place("", name));
+        let describe = |bench: &[f64]| {
+            let alpha_rad = std::array::from_fn(|k| alpha_rad[k] + bench[alpha + k]);
+            let gap_m = gap_m * (1.0 + bench[gap]) + bench[iron];
+            Description::of(&Machine::<2, K, U>::of_bearing(m_kg * (1.0 + bench[mass]), gap_m, alpha_rad))
+        };
+        let varied: Vec<usize> = [mass, gap, iron].into_iter().chain(alpha..alpha + K).collect();
+        self.search(on, 1, &varied, &describe)
+    }
+
+    /// M magnets in each of two radial bearings, A with those of the axial one, K without, and U unknowns on line.
+    fn shaft<const M: usize, const A: usize, const K: usize, const U: usize>(
+        &self,
+        on: (&[Recording<'_>], bool),
+    ) -> Result<Identification, Failed>
+    where
+        Rotor<4, K>: Passes<4, K>,
+    {
+        let Body::Shaft { geometry, planes_m, .. } = &self.body else { unreachable!("a shaft") };
+        let stated = geometry.with_magnets::<M>();
+        let [mass, transverse, polar, plane] =
+            ["m", "Jt", "Jp", "unbalance[1].position"].map(|name| self.place("", name));
+        let of_bearings = ["A.", "B."].map(|prefix| {
+            ["s", "gap.iron", "alpha[1]", "position", "sensorPosition"].map(|name| self.place(prefix, name))
+        });
+        let describe = |bench: &[f64]| {
+            let (mut geometry, heavier) = (stated, 1.0 + bench[mass]);
+            geometry.shaft.m_kg *= heavier;
+            geometry.shaft.transverse_kgm2 *= heavier * (1.0 + bench[transverse]);
+            geometry.shaft.polar_kgm2 *= heavier * (1.0 + bench[polar]);
+            for ([gap, iron, alpha, position, sensors], bearing) in
+                of_bearings.into_iter().zip([&mut geometry.a, &mut geometry.b])
+            {
+                bearing.gap_m = bearing.gap_m * (1.0 + bench[gap]) + bench[iron];
+                (0..M).for_each(|k| bearing.alpha_rad[k] += bench[alpha + k]);
+                bearing.position_m += bench[position];
+                bearing.sensor_position_m += bench[sensors];
+            }
+            let planes_m = std::array::from_fn(|n| planes_m[n] + bench[plane + n]);
+            let machine = Machine::<4, K, U>::of_shaft::<M, A>(&geometry, planes_m);
+            Description::of(&machine.unwrap_or_else(|| unreachable!("sensors at different places")))
+        };
+        let varied = of_bearings.into_iter().flat_map(|[gap, iron, alpha, position, sensors]| {
+            [gap, iron, position, sensors].into_iter().chain(alpha..alpha + M)
+        });
+        let varied: Vec<usize> = varied.chain([mass, transverse, polar, plane, plane + 1]).collect();
+        self.search(on, PLANES, &varied, &describe)
+    }
+
+    fn search<const N: usize, const K: usize>(
+        &self,
+        (recordings, slow_force): (&[Recording<'_>], bool),
+        planes: usize,
+        varied: &[usize],
+        describe: &(dyn Fn(&[f64]) -> Description<N, K> + Sync),
+    ) -> Result<Identification, Failed>
+    where
+        Rotor<N, K>: Passes<N, K>,
+    {
+        let parameters: &[BenchParameter] = &self.parameters;
+        let load = K + 2 * planes;
+        let kind = Kind {
+            part: self,
+            slow_force,
+            describe,
+            varied: varied.iter().map(|at| (*at, STEP * parameters[*at].typical)).collect(),
+            places: Places::of(&self.body, parameters),
+            layout: Layout { magnets: K, load, base: load + N, all: load + N + parameters.len() },
+        };
+        search::identify(recordings, &kind)
+    }
+}

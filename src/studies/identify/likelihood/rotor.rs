@@ -1,0 +1,535 @@
+//! Equations of motion over one sample interval, linearised about a trajectory, and of the sensors, with their derivatives to all
+//! parameters.
+//!
+//! The rotor and its magnets are those of the on-line estimator ([`Machine`]): N coordinates that the sensors read, K magnets, accelerations by
+//! unit forces. What a parameter of the bearing changes is the difference of two such descriptions.
+
+#![allow(clippy::needless_range_loop, reason = "several arrays go by one index")]
+
+use super::Part;
+use super::bench::{Places, Sensors};
+use crate::estimation::Machine;
+
+/// Planes of unbalance, and bearings with a backward force, at most.
+const PLANES: usize = 2;
+
+/// Parameters of one recording, in SI units, by [`Layout`].
+pub(super) type Theta = Vec<f64>;
+
+/// Coordinates in m and their rates in m/s.
+pub(super) type State<const N: usize> = [[f64; N]; 2];
+
+/// Places of the parameters of one recording: λ, U cos φ and U sin φ of each plane, loads, then the bench.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Layout {
+    /// Number of magnets, and place of the first unbalance.
+    pub magnets: usize,
+    /// Place of the first load. Among the unknowns of all recordings the bench begins here.
+    pub load: usize,
+    /// Place of the first parameter of the bench.
+    pub base: usize,
+    /// Number of parameters.
+    pub all: usize,
+}
+
+impl Layout {
+    fn loads(&self) -> usize {
+        self.base - self.load
+    }
+
+    /// Number of unknowns that all recordings share: λ, U, then the bench.
+    pub fn shared(&self) -> usize {
+        self.all - self.loads()
+    }
+
+    /// Number of unknowns of so many recordings.
+    pub fn unknowns(&self, recordings: usize) -> usize {
+        self.shared() + self.loads() * recordings
+    }
+
+    /// Number of the unknown that parameter `j` of recording `r` is: λ, U, bench, then the loads of each recording.
+    pub fn unknown(&self, j: usize, r: usize) -> usize {
+        if j < self.load {
+            j
+        } else if j < self.base {
+            self.shared() + self.loads() * r + (j - self.load)
+        } else {
+            j - self.loads()
+        }
+    }
+}
+
+/// What forces and motions do to a rotor: gaps in m, directions and accelerations per N, as in [`Machine`].
+#[derive(Clone, Debug)]
+pub(super) struct Description<const N: usize, const K: usize> {
+    gap_m: [f64; K],
+    directions: [[f64; N]; K],
+    magnets: [[f64; N]; K],
+    /// By forces along y and z in each plane of unbalance, and of each backward force.
+    turning: [[[f64; N]; 2]; PLANES],
+    backward: [[[f64; N]; 2]; PLANES],
+    loads: [[f64; N]; N],
+    gyroscopic: [[f64; N]; N],
+    planes: usize,
+}
+
+impl<const N: usize, const K: usize> Description<N, K> {
+    pub fn of<const U: usize>(machine: &Machine<N, K, U>) -> Self {
+        let row = |j: usize| std::array::from_fn(|n| machine.accelerations[(j, n)]);
+        let planes = (machine.backward - K) / 2;
+        let pairs = |from: usize, count: usize| {
+            std::array::from_fn(|p| if p < count { [row(from + 2 * p), row(from + 2 * p + 1)] } else { [[0.0; N]; 2] })
+        };
+        let gyroscopic = machine
+            .gyroscopic
+            .map_or([[0.0; N]; N], |gyroscopic| std::array::from_fn(|a| std::array::from_fn(|b| gyroscopic[(a, b)])));
+        Self {
+            gap_m: machine.geometry.gap_m,
+            directions: machine.geometry.directions,
+            magnets: std::array::from_fn(row),
+            turning: pairs(K, planes),
+            backward: pairs(machine.backward, (U - N - machine.backward) / 2),
+            loads: std::array::from_fn(|n| row(U - N + n)),
+            gyroscopic,
+            planes,
+        }
+    }
+}
+
+impl<const N: usize, const K: usize> Description<N, K> {
+    /// `(more − less)/(2 step)`.
+    fn derivative(more: &Self, less: &Self, step: f64) -> Self {
+        let each = |a: f64, b: f64| (a - b) / (2.0 * step);
+        let row = |a: &[f64; N], b: &[f64; N]| std::array::from_fn(|n| each(a[n], b[n]));
+        let pairs = |a: &[[[f64; N]; 2]; PLANES], b: &[[[f64; N]; 2]; PLANES]| {
+            std::array::from_fn(|p| std::array::from_fn(|axis| row(&a[p][axis], &b[p][axis])))
+        };
+        Self {
+            gap_m: std::array::from_fn(|k| each(more.gap_m[k], less.gap_m[k])),
+            directions: std::array::from_fn(|k| row(&more.directions[k], &less.directions[k])),
+            magnets: std::array::from_fn(|k| row(&more.magnets[k], &less.magnets[k])),
+            turning: pairs(&more.turning, &less.turning),
+            backward: pairs(&more.backward, &less.backward),
+            loads: std::array::from_fn(|n| row(&more.loads[n], &less.loads[n])),
+            gyroscopic: std::array::from_fn(|n| row(&more.gyroscopic[n], &less.gyroscopic[n])),
+            planes: more.planes,
+        }
+    }
+}
+
+/// Describes a rotor with given values of its bench.
+pub(super) type Describe<'a, const N: usize, const K: usize> = &'a (dyn Fn(&[f64]) -> Description<N, K> + Sync);
+
+/// A kind of rotor: what the parameters of its bench do.
+#[derive(Clone)]
+pub(super) struct Kind<'a, const N: usize, const K: usize> {
+    pub part: &'a Part,
+    /// Whether a slow force is estimated.
+    pub slow_force: bool,
+    pub describe: Describe<'a, N, K>,
+    /// Parameters of the bench that change the description, with the steps of central differences.
+    pub varied: Vec<(usize, f64)>,
+    pub places: Places,
+    pub layout: Layout,
+}
+
+/// One sample instant of the shaft.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shaft {
+    pub cos: f64,
+    pub sin: f64,
+    /// ω, in 1/s.
+    pub speed: f64,
+    /// ω², in 1/s².
+    pub square: f64,
+    /// ω̇, in 1/s².
+    pub rate: f64,
+}
+
+impl Shaft {
+    /// Factors of U cos φ and U sin φ in the force of the unbalance, (y, z).
+    fn unbalance(&self) -> [[f64; 2]; 2] {
+        let (c, s, w, b) = (self.cos, self.sin, self.square, self.rate);
+        [[w * c + b * s, w * s - b * c], [-w * s + b * c, w * c + b * s]]
+    }
+}
+
+/// A pair of position sensors.
+#[derive(Clone, Debug)]
+struct Pair {
+    places: Sensors,
+    common: f64,
+    different: f64,
+    /// cos and sin of the rotation.
+    rotation: [f64; 2],
+    offset: [f64; 2],
+    once: [f64; 4],
+    twice: [f64; 4],
+}
+
+/// A rotor with given parameters.
+#[derive(Clone, Debug)]
+pub(super) struct Rotor<const N: usize, const K: usize> {
+    pub h: f64,
+    theta: Theta,
+    layout: Layout,
+    places: Places,
+    machine: Description<N, K>,
+    /// What the parameters of the bench change of it, by number.
+    varied: Vec<(usize, Description<N, K>)>,
+    pairs: Vec<Pair>,
+    /// Offset of the sensor of an axis, m.
+    single: f64,
+    /// Sensor gains and rotation, row by row.
+    pub sensor: [[f64; N]; N],
+    pub delay: f64,
+    /// Offset and `1 + gain` of the readings of the currents.
+    current: [[f64; 2]; K],
+    /// Standard deviation of the current noise, A.
+    pub noise: f64,
+    /// Level of a slow force as an acceleration, a random walk, m/s² after a second.
+    pub slow: f64,
+}
+
+/// One sample interval: `δ_k = F δ_{k−1} + offset + Σ_j Γ_j w_j` with stiffness and gyroscope in F, w of variance 1.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Interval<const N: usize, const K: usize> {
+    /// `∂a/∂q` in the middle, in 1/s².
+    pub stiffness: [[f64; N]; N],
+    /// `∂a/∂q̇`, in 1/s; 0 unless the rotor tilts.
+    pub gyroscopic: [[f64; N]; N],
+    /// Prediction from the trajectory at the start, minus the trajectory at the end.
+    pub offset: State<N>,
+    /// Acceleration by one standard deviation of the noise of each current.
+    pub noise: [[f64; N]; K],
+    /// Acceleration at the end.
+    pub end: [f64; N],
+    /// Point in the middle, m, and squared currents there, A².
+    pub middle: State<N>,
+    pub squares: [f64; K],
+}
+
+/// Squared currents at start, middle, and end of an interval.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Squares<const K: usize> {
+    pub start: [f64; K],
+    pub middle: [f64; K],
+    pub end: [f64; K],
+}
+
+/// Forces (y, z) of unbalances by plane, and of backward forces by bearing.
+type Turning = [[[f64; 2]; PLANES]; 2];
+
+/// `sum += factor · of`.
+#[inline(always)]
+fn add<const N: usize>(sum: &mut [f64; N], factor: f64, of: &[f64; N]) {
+    sum.iter_mut().zip(of).for_each(|(sum, of)| *sum += factor * of);
+}
+
+#[inline(always)]
+fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+impl<const N: usize, const K: usize> Rotor<N, K> {
+    /// `slow`: level of a slow force as an acceleration, m/s².
+    pub fn new(kind: &Kind<'_, N, K>, theta: Theta, h: f64, current_noise_a: f64, slow: f64) -> Self {
+        let (layout, places) = (kind.layout, kind.places.clone());
+        let bench = &theta[layout.base..];
+        let varied = kind.varied.iter().map(|(at, step)| {
+            let [more, less] = [*step, -*step].map(|change| {
+                let mut bench = bench.to_vec();
+                bench[*at] += change;
+                (kind.describe)(&bench)
+            });
+            (*at, Description::derivative(&more, &less, *step))
+        });
+        let mut sensor = [[0.0; N]; N];
+        (0..N).for_each(|n| sensor[n][n] = 1.0);
+        let single = places.single.map_or(0.0, |[offset, gain]| {
+            sensor[0][0] += bench[gain];
+            bench[offset]
+        });
+        let mut pairs = Vec::new();
+        for (p, places) in places.pairs.iter().enumerate() {
+            let (sin, cos) = libm::sincos(bench[places.rotation]);
+            let (common, different) = (bench[places.gain], bench[places.gain_difference]);
+            let gain = [1.0 + common + different, 1.0 + common - different];
+            for (row, turned) in [[cos, -sin], [sin, cos]].into_iter().enumerate() {
+                (0..2).for_each(|column| sensor[2 * p + row][2 * p + column] = gain[row] * turned[column]);
+            }
+            pairs.push(Pair {
+                places: *places,
+                common,
+                different,
+                rotation: [cos, sin],
+                offset: places.offset.map(|at| bench[at]),
+                once: std::array::from_fn(|part| bench[places.runout[part]]),
+                twice: std::array::from_fn(|part| bench[places.runout[4 + part]]),
+            });
+        }
+        Self {
+            h,
+            machine: (kind.describe)(bench),
+            varied: varied.collect(),
+            pairs,
+            single,
+            sensor,
+            delay: bench[places.delay],
+            current: std::array::from_fn(|k| [bench[places.current_offset + k], 1.0 + bench[places.current_gain + k]]),
+            noise: current_noise_a,
+            slow,
+            layout,
+            places,
+            theta,
+        }
+    }
+
+    /// Squared currents, A², free of the σ² that noise adds on average. `before` is the reading a sample earlier of a current that
+    /// is continuous.
+    #[inline(always)]
+    pub fn squares(&self, read: [f64; K], before: Option<[f64; K]>) -> Squares<K> {
+        let current = |k: usize, read: f64| (read - self.current[k][0]) / self.current[k][1];
+        let variance: [f64; K] = std::array::from_fn(|k| {
+            let gain = self.current[k][1];
+            self.noise * self.noise / (gain * gain)
+        });
+        let end: [f64; K] = std::array::from_fn(|k| current(k, read[k]));
+        let start: [f64; K] = match before {
+            None => end,
+            Some(before) => std::array::from_fn(|k| current(k, before[k])),
+        };
+        // The noise of a mean of two has half the variance.
+        let part = if before.is_some() { 0.5 } else { 1.0 };
+        let square = |i: f64, variance: f64| i * i - variance;
+        Squares {
+            start: std::array::from_fn(|k| square(start[k], variance[k])),
+            middle: std::array::from_fn(|k| square(0.5 * (start[k] + end[k]), part * variance[k])),
+            end: std::array::from_fn(|k| square(end[k], variance[k])),
+        }
+    }
+
+    /// Gaps at a point, the iron path included, m.
+    #[inline(always)]
+    pub fn gaps(&self, at: &[f64; N]) -> [f64; K] {
+        std::array::from_fn(|k| self.machine.gap_m[k] - dot(&self.machine.directions[k], at))
+    }
+
+    #[inline(always)]
+    fn turning(&self, shaft: &Shaft) -> Turning {
+        let [by_cos, by_sin] = shaft.unbalance();
+        let mut turning = [[[0.0; 2]; PLANES]; 2];
+        for p in 0..self.machine.planes {
+            let at = self.layout.magnets + 2 * p;
+            let (u_c, u_s) = (self.theta[at], self.theta[at + 1]);
+            turning[0][p] = [0, 1].map(|a| u_c * by_cos[a] + u_s * by_sin[a]);
+            let [b_c, b_s] = self.places.backward.map(|first| self.theta[self.layout.base + first + p]);
+            turning[1][p] = [b_c * shaft.cos + b_s * shaft.sin, b_s * shaft.cos - b_c * shaft.sin];
+        }
+        turning
+    }
+
+    /// Acceleration that a description makes of all forces but those of the magnets, and of the speeds.
+    #[inline(always)]
+    fn external(&self, of: &Description<N, K>, turning: &Turning, shaft: &Shaft, rate: &[f64; N]) -> [f64; N] {
+        let mut sum = [0.0; N];
+        for n in 0..N {
+            add(&mut sum, self.theta[self.layout.load + n], &of.loads[n]);
+        }
+        for p in 0..self.machine.planes {
+            for axis in 0..2 {
+                add(&mut sum, turning[0][p][axis], &of.turning[p][axis]);
+                add(&mut sum, turning[1][p][axis], &of.backward[p][axis]);
+            }
+        }
+        if N > 2 {
+            for n in 0..N {
+                sum[n] += shaft.speed * dot(&of.gyroscopic[n], rate);
+            }
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn acceleration(&self, gaps: [f64; K], squares: [f64; K], shaft: &Shaft, rate: &[f64; N]) -> [f64; N] {
+        let mut sum = self.external(&self.machine, &self.turning(shaft), shaft, rate);
+        for k in 0..K {
+            add(&mut sum, self.theta[k] * squares[k] / (gaps[k] * gaps[k]), &self.machine.magnets[k]);
+        }
+        sum
+    }
+
+    /// The interval between two points of the trajectory. The stiffness is that of the expected `i_k²/gap_k²`, once they are known: in that of the measured
+    /// ones, noise of the currents would meet itself in the innovations, and bias the scores of all that hardly moves the rotor (an offset by 20 standard
+    /// deviations after 5 s, with 12 nm and 41 mA).
+    #[inline(always)]
+    pub fn interval(
+        &self,
+        [from, to]: [&State<N>; 2],
+        squares: &Squares<K>,
+        expected: Option<[f64; K]>,
+        [at_start, at_middle, at_end]: [Shaft; 3],
+    ) -> Interval<N, K> {
+        let h = self.h;
+        // The cubic through both points and both velocities.
+        let middle: State<N> = [
+            std::array::from_fn(|a| 0.5 * (from[0][a] + to[0][a]) + h / 8.0 * (from[1][a] - to[1][a])),
+            std::array::from_fn(|a| 1.5 / h * (to[0][a] - from[0][a]) - 0.25 * (from[1][a] + to[1][a])),
+        ];
+        let gaps = self.gaps(&middle[0]);
+        let a_0 = self.acceleration(self.gaps(&from[0]), squares.start, &at_start, &from[1]);
+        let a_m = self.acceleration(gaps, squares.middle, &at_middle, &middle[1]);
+        let a_1 = self.acceleration(self.gaps(&to[0]), squares.end, &at_end, &to[1]);
+        let offset = [
+            std::array::from_fn(|a| from[0][a] + h * from[1][a] + h * h / 6.0 * (a_0[a] + 2.0 * a_m[a]) - to[0][a]),
+            std::array::from_fn(|a| from[1][a] + h / 6.0 * (a_0[a] + 4.0 * a_m[a] + a_1[a]) - to[1][a]),
+        ];
+        let gyroscopic = std::array::from_fn(|a| self.machine.gyroscopic[a].map(|by_rate| at_middle.speed * by_rate));
+        let (mut stiffness, mut noise) = ([[0.0; N]; N], [[0.0; N]; K]);
+        let expected = expected.unwrap_or_else(|| regressors(gaps, squares.middle));
+        for k in 0..K {
+            let own = self.noise / self.current[k][1];
+            // Var (i + n)² = 4 i² σ² + 2 σ⁴.
+            let square_std = (4.0 * squares.middle[k].max(0.0) + 2.0 * own * own).sqrt() * own;
+            let by_noise = self.theta[k] / (gaps[k] * gaps[k]) * square_std;
+            noise[k] = self.machine.magnets[k].map(|acceleration| acceleration * by_noise);
+            let stiff = 2.0 * self.theta[k] * expected[k] / gaps[k];
+            for a in 0..N {
+                add(&mut stiffness[a], stiff * self.machine.magnets[k][a], &self.machine.directions[k]);
+            }
+        }
+        Interval { stiffness, gyroscopic, offset, noise, end: a_1, middle, squares: squares.middle }
+    }
+
+    /// `∂a/∂θ` for given `i_k²/gap_k²` at a point, by parameter, and after all parameters once more those of λ, for the measured ones.
+    ///
+    /// The point is where the filter predicts the rotor, not on the smoothed trajectory: that one knows the innovations to come, and with the
+    /// negative stiffness their product has an expectation (the derivative of ln det S, for a rotor held by feedback).
+    #[inline(always)]
+    pub fn force_columns<const P: usize>(
+        &self,
+        [at, rate]: &State<N>,
+        regressors: [f64; K],
+        measured: [f64; K],
+        shaft: &Shaft,
+        d: &mut [[f64; P]; N],
+    ) {
+        let (layout, places, machine) = (&self.layout, &self.places, &self.machine);
+        let all = P >= layout.all + K;
+        let mut put = |j: usize, column: [f64; N]| (0..N).for_each(|n| d[n][j] = column[n]);
+        let gaps = self.gaps(at);
+        let (mut pulls, mut by_gap) = ([0.0; K], [0.0; K]);
+        for k in 0..K {
+            let acceleration = &machine.magnets[k];
+            put(k, acceleration.map(|acceleration| acceleration * regressors[k]));
+            pulls[k] = self.theta[k] * regressors[k];
+            by_gap[k] = -2.0 * pulls[k] / gaps[k];
+            if all {
+                put(layout.all + k, acceleration.map(|acceleration| acceleration * measured[k]));
+                let gain = self.current[k][1];
+                let by_offset = -2.0 * self.theta[k] * regressors[k].max(0.0).sqrt() / gaps[k] / gain;
+                put(layout.base + places.current_offset + k, acceleration.map(|a| a * by_offset));
+                put(layout.base + places.current_gain + k, acceleration.map(|a| -2.0 * pulls[k] / gain * a));
+            }
+        }
+        let [by_cos, by_sin] = shaft.unbalance();
+        let turned = |[y, z]: &[[f64; N]; 2], by: [f64; 2]| std::array::from_fn(|n| y[n] * by[0] + z[n] * by[1]);
+        for p in 0..machine.planes {
+            put(layout.magnets + 2 * p, turned(&machine.turning[p], by_cos));
+            put(layout.magnets + 2 * p + 1, turned(&machine.turning[p], by_sin));
+            if all {
+                let [cos, sin] = places.backward.map(|first| layout.base + first + p);
+                put(cos, turned(&machine.backward[p], [shaft.cos, -shaft.sin]));
+                put(sin, turned(&machine.backward[p], [shaft.sin, shaft.cos]));
+            }
+        }
+        (0..N).for_each(|n| put(layout.load + n, machine.loads[n]));
+        if !all {
+            return;
+        }
+        let turning = self.turning(shaft);
+        for (j, varied) in &self.varied {
+            let mut column = self.external(varied, &turning, shaft, rate);
+            for k in 0..K {
+                add(&mut column, pulls[k], &varied.magnets[k]);
+                let wider = varied.gap_m[k] - dot(&varied.directions[k], at);
+                add(&mut column, by_gap[k] * wider, &machine.magnets[k]);
+            }
+            put(layout.base + j, column);
+        }
+    }
+
+    /// Where the sensors look, with their run-out, before gains and rotation.
+    #[inline(always)]
+    fn seen(&self, [at, rate]: &State<N>, acceleration: &[f64; N], shaft: &Shaft) -> [f64; N] {
+        let (c, s) = (shaft.cos, shaft.sin);
+        let (c_2, s_2) = (c * c - s * s, 2.0 * c * s);
+        let mut seen: [f64; N] =
+            std::array::from_fn(|a| at[a] - self.delay * (rate[a] - 0.5 * self.delay * acceleration[a]));
+        for (seen, pair) in seen.chunks_exact_mut(2).zip(&self.pairs) {
+            let (r, q) = (&pair.once, &pair.twice);
+            seen[0] += (r[0] + r[2]) * c + (r[3] - r[1]) * s + q[0] * c_2 + q[1] * s_2;
+            seen[1] += (r[0] - r[2]) * s + (r[1] + r[3]) * c + q[2] * c_2 + q[3] * s_2;
+        }
+        seen
+    }
+
+    /// Readings of the position sensors at a point of the trajectory, m.
+    #[inline(always)]
+    pub fn reading(&self, at: &State<N>, acceleration: &[f64; N], shaft: &Shaft) -> [f64; N] {
+        let seen = self.seen(at, acceleration, shaft);
+        let mut read: [f64; N] = std::array::from_fn(|a| dot(&self.sensor[a], &seen) + self.single);
+        for (read, pair) in read.chunks_exact_mut(2).zip(&self.pairs) {
+            read.iter_mut().zip(pair.offset).for_each(|(read, offset)| *read += offset);
+        }
+        read
+    }
+
+    /// `∂reading/∂θ` at a fixed trajectory, for all but the parameters of the force, whose columns stay as they are.
+    #[inline(always)]
+    pub fn sensor_columns<const P: usize>(
+        &self,
+        at: &State<N>,
+        acceleration: &[f64; N],
+        shaft: &Shaft,
+        d: &mut [[f64; P]; N],
+    ) {
+        let (c, s) = (shaft.cos, shaft.sin);
+        let (c_2, s_2) = (c * c - s * s, 2.0 * c * s);
+        let base = self.layout.base;
+        let seen = self.seen(at, acceleration, shaft);
+        let late: [f64; N] = std::array::from_fn(|a| self.delay * acceleration[a] - at[1][a]);
+        (0..N).for_each(|n| d[n][base + self.places.delay] = dot(&self.sensor[n], &late));
+        if let Some([offset, gain]) = self.places.single {
+            d[0][base + offset] = 1.0;
+            d[0][base + gain] = seen[0];
+        }
+        for (p, pair) in self.pairs.iter().enumerate() {
+            let (first, places) = (2 * p, &pair.places);
+            let mut put = |j: usize, y: f64, z: f64| {
+                d[first][base + j] = y;
+                d[first + 1][base + j] = z;
+            };
+            put(places.offset[0], 1.0, 0.0);
+            put(places.offset[1], 0.0, 1.0);
+            let [r_c, r_s] = pair.rotation;
+            let [y, z] = [seen[first], seen[first + 1]];
+            let turned = [r_c * y - r_s * z, r_s * y + r_c * z];
+            put(places.gain, turned[0], turned[1]);
+            put(places.gain_difference, turned[0], -turned[1]);
+            let (common, different) = (1.0 + pair.common, pair.different);
+            put(places.rotation, -(common + different) * turned[1], (common - different) * turned[0]);
+            let m = [0, 1].map(|row| [self.sensor[first + row][first], self.sensor[first + row][first + 1]]);
+            let runouts = [[c, s], [-s, c], [c, -s], [s, c], [c_2, 0.0], [s_2, 0.0], [0.0, c_2], [0.0, s_2]];
+            for (part, [y, z]) in runouts.into_iter().enumerate() {
+                put(places.runout[part], m[0][0] * y + m[0][1] * z, m[1][0] * y + m[1][1] * z);
+            }
+        }
+    }
+}
+
+/// `i_k²/gap_k²`, A²/m².
+#[inline(always)]
+pub(super) fn regressors<const K: usize>(gaps: [f64; K], squares: [f64; K]) -> [f64; K] {
+    std::array::from_fn(|k| squares[k] / (gaps[k] * gaps[k]))
+}
