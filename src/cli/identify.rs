@@ -151,13 +151,12 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let samples = &recordings[0];
     let mut estimator = bearing.estimator().clone();
     arguments.complete(&mut estimator, samples);
-    let stated = arguments.stated_hold()?;
+    let wanted = arguments.stated_hold()?;
     // A stated reading is compared with the others as well, where an answer depends on it.
-    let is_compared = if method == LIKELIHOOD { samples.rotation != Rotation::Unknown } else { stated.is_none() };
-    let of_estimator = Stated::of(machine, &estimator);
-    let holds = is_compared.then(|| Holds::of(samples, &of_estimator, &bench));
-    let likely = || holds.map_or(of_estimator.hold, |holds| holds.most_likely());
-    let hold = stated.unwrap_or_else(likely);
+    let is_compared = if method == LIKELIHOOD { samples.rotation != Rotation::Unknown } else { wanted.is_none() };
+    let stated = Stated::of(machine, &estimator);
+    let holds = is_compared.then(|| Holds::of(samples, &stated, &bench));
+    let hold = wanted.unwrap_or_else(|| holds.map_or(stated.hold, |holds| holds.most_likely()));
     let table = holds.and_then(|holds| holds.table(hold));
     estimator.set("hold", Value::Integer(hold.number()));
 
@@ -167,7 +166,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         identify::track_every(samples, &estimator, every)
     });
     let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
-    let stated = Stated::of(machine, &estimator);
+    let stated = Stated { hold, ..stated };
     let question = Question { stated, bench, holds, slow_force: arguments.slow_force() };
     let is_asked = method == LIKELIHOOD;
     let answer = is_asked.then(|| identify::answer(&recordings, question)).transpose().map_err(refused)?;

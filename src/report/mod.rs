@@ -280,17 +280,19 @@ fn answer_of(answer: &Answer, truth: Option<[f64; 3]>) -> Markup {
 pub(super) fn cards(machine: &Machine, estimates: &[[f64; 2]], truth: Option<[f64; 3]>) -> Markup {
     // Two significant digits of the deviation, and as many decimals of the estimate.
     let places = |std: f64| (2.0 - (2e6 * std).log10().floor() - 1.0).clamp(3.0, 7.0) as usize;
-    let number = |value: f64, std: f64| format!("{:.*}", places(std), value * 1e6);
+    let number_of = |value: f64, std: f64| format!("{:.*}", places(std), value * 1e6);
     html! {
         div.cards {
-            @for (k, &[lambda, std]) in estimates.iter().enumerate() {
-                @let (bearing, magnet) = machine.magnet(k).unwrap_or_default();
-                div.card style={ "border-color:var(" (plot::colour::MAGNETS[(magnet - 1) % 4]) ")" } {
-                    span.name { (machine.bearings[bearing].prefix) "λ̂" sub { (magnet) } }
-                    span.value { (number(lambda, std)) " ± " (number(2.0 * std, std)) }
-                    @if let Some(truth) = truth {
-                        span.truth {
-                            "truth " (number(truth[k], std)) ", error " (percent(lambda / truth[k] - 1.0))
+            @for (bearing, magnets) in machine.magnets_of_bearings() {
+                @for (number, k) in magnets.enumerate() {
+                    @let [lambda, std] = estimates[k];
+                    div.card style={ "border-color:var(" (plot::colour::MAGNETS[number]) ")" } {
+                        span.name { (bearing.prefix) "λ̂" sub { (number + 1) } }
+                        span.value { (number_of(lambda, std)) " ± " (number_of(2.0 * std, std)) }
+                        @if let Some(truth) = truth {
+                            span.truth {
+                                "truth " (number_of(truth[k], std)) ", error " (percent(lambda / truth[k] - 1.0))
+                            }
                         }
                     }
                 }

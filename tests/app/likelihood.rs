@@ -39,7 +39,8 @@ fn recording<'a>(columns: &'a Columns<'_>, bench: &Bench, told: bool) -> Recordi
 }
 
 fn options(bench: &Bench) -> Options {
-    Options::new(bench.m, bench.s, &bench.alpha)
+    let body = Body::Disc { m_kg: bench.m, gap_m: bench.s, alpha_rad: bench.alpha.to_vec() };
+    Options { parts: vec![Part::new(body, 0, 0)], slow_force: false }
 }
 
 fn told<'a>(options: &'a mut Options, name: &str) -> &'a mut Told {

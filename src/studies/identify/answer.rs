@@ -8,10 +8,12 @@ use nalgebra::{DMatrix, DVector};
 pub(super) use self::columns::{Columns, columns};
 use self::shown::shown;
 use super::diagnosis::{self, Take};
-use super::likelihood::{self, Change, DELAY, Identification, Knowledge, Options, Told};
+use super::likelihood::{self, Change, DELAY, HARMONICS, Identification, Knowledge, Options, Part, Told};
 use super::read::{Rotation, Samples, significant, time};
+use super::tolerance::plain;
 use super::{Failed, Holds, Stated};
 use crate::estimation::STD_LIMIT;
+use crate::machine::Machine;
 
 // False alarms of the limits below, over good recordings (docs/identify.md, seeds 95001 and 101001): of 600 of drawn bearings, 0.1 to 5 s, nine have too few
 // turns, and no other is refused. Of 1300 of the nominal bearing whose bench is off by its tolerances none is, nor of 1200 with its bench exactly as stated.
@@ -29,8 +31,6 @@ const SILENT_M: f64 = 1e-9;
 const HARMONIC: f64 = 0.3;
 /// χ² with two degrees of freedom of a harmonic: e⁻¹⁵ by chance.
 const HARMONIC_CHI: f64 = 30.0;
-/// Harmonics that are looked at.
-const HARMONICS: usize = 4;
 /// Noise of the currents, relative to their rms, that no sensor has.
 const CURRENT_NOISE: f64 = 0.15;
 /// Force constants of one bearing differ by less.
@@ -74,11 +74,15 @@ pub struct Answer {
 }
 
 /// Whether estimates describe a magnetic bearing at all: `None`, or why not.
-pub(super) fn implausible(found: &Identification, columns: &Columns, stated: &Stated) -> Option<String> {
-    let mut lambda = found.lambda.iter().map(|lambda| lambda.value);
-    for bearing in stated.machine.bearings {
-        let own: Vec<f64> = lambda.by_ref().take(bearing.magnets).collect();
-        let [least, greatest] = [f64::min, f64::max].map(|of| own.iter().copied().fold(own[0], of));
+pub(super) fn implausible(
+    found: &Identification,
+    columns: &Columns,
+    machine: &Machine,
+    parts: &[Part],
+) -> Option<String> {
+    for (_, magnets) in machine.magnets_of_bearings() {
+        let own = || found.lambda[magnets.clone()].iter().map(|lambda| lambda.value);
+        let (least, greatest) = (own().fold(f64::INFINITY, f64::min), own().fold(f64::NEG_INFINITY, f64::max));
         if greatest > RATIO * least {
             return Some(format!(
                 "the force constants would differ by a factor of {}, as those of one bearing do not",
@@ -86,8 +90,7 @@ pub(super) fn implausible(found: &Identification, columns: &Columns, stated: &St
             ));
         }
     }
-    let parts = stated.options(&[]).parts;
-    for (conditions, part) in found.conditions.iter().flat_map(|conditions| conditions.parts.iter().zip(&parts)) {
+    for (conditions, part) in found.conditions.iter().flat_map(|conditions| conditions.parts.iter().zip(parts)) {
         let [current_rms, motion_rms] = columns.sizes(part);
         if conditions.current_noise_a > CURRENT_NOISE * current_rms {
             return Some(format!(
@@ -163,7 +166,8 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
     let turns: f64 = all.iter().map(Columns::turns).sum();
     let rest = all.iter().all(Columns::at_rest);
     if let Some(found) = &found {
-        refusal = question.holds.and_then(|holds| holds.against(hold)).or_else(|| judge(found, all, stated));
+        refusal =
+            question.holds.and_then(|holds| holds.against(hold)).or_else(|| judge(found, all, stated, &options.parts));
     }
     let weak = found.as_ref().is_some_and(|found| {
         found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value.abs())
@@ -178,7 +182,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
             "the recording is too short: {} turns of the rotor, {least} at least are wanted",
             significant(turns, 2)
         ));
-    } else if refusal.is_some() && rest && (weak || all.iter().all(|columns| columns.still(stated))) {
+    } else if refusal.is_some() && rest && (weak || all.iter().all(|columns| columns.still(&options.parts))) {
         refusal = Some(
             "the rotor is at rest and nothing excites it, or not enough. Move it along a path, or modulate the \
              smallest force (F0.modulation)"
@@ -225,16 +229,14 @@ pub(super) fn with_slow_force(
     options: &mut Options,
 ) -> Result<Identification, likelihood::Failed> {
     let plain = likelihood::identify(recordings, options)?;
-    let parts =
-        |of: &Identification| of.conditions.iter().flat_map(|conditions| conditions.parts.clone()).collect::<Vec<_>>();
-    let rows = |of: &Identification| parts(of).iter().map(|part| part.rows).sum::<usize>();
+    let rows = |of: &Identification| of.parts().map(|part| part.rows).sum::<usize>();
     let is_worth_it = |of: &Identification| of.gain_by_slow_force > 0.5 * libm::log(2.0 * rows(of) as f64);
     if options.slow_force || !is_worth_it(&plain) {
         return Ok(plain);
     }
     let slow = Options { slow_force: true, ..options.clone() };
     let most = SLOW_FORCE * options.parts[0].body.m_kg() * GRAVITY_M_S2;
-    let is_slow = |of: &Identification| parts(of).iter().all(|part| part.slow_force_n < most);
+    let is_slow = |of: &Identification| of.parts().all(|part| part.slow_force_n < most);
     match likelihood::identify(recordings, &slow) {
         Ok(found) if found.converged && is_slow(&found) && is_worth_it(&found) => {
             *options = slow;
@@ -247,8 +249,7 @@ pub(super) fn with_slow_force(
 
 /// The slow force, and what it is worth.
 fn words_on_slow_force(found: &Identification) -> Option<String> {
-    let parts = found.conditions.iter().flat_map(|conditions| &conditions.parts);
-    let levels: Vec<f64> = parts.map(|part| part.slow_force_n).collect();
+    let levels: Vec<f64> = found.parts().map(|part| part.slow_force_n).collect();
     levels.iter().any(|level| *level > 0.0).then(|| {
         let levels: Vec<String> = levels.iter().map(|level| significant(1e3 * level, 2)).collect();
         let worth = significant(found.gain_by_slow_force, 3);
@@ -303,7 +304,7 @@ pub(super) fn likely(freedom: f64) -> f64 {
 }
 
 /// Why the estimates are not valid.
-fn judge(found: &Identification, all: &[Columns], stated: &Stated) -> Option<String> {
+fn judge(found: &Identification, all: &[Columns], stated: &Stated, parts: &[Part]) -> Option<String> {
     let names = stated.machine.symbols("λ");
     if !found.converged {
         return Some(format!(
@@ -322,7 +323,7 @@ fn judge(found: &Identification, all: &[Columns], stated: &Stated) -> Option<Str
             100.0 * STD_LIMIT
         ));
     }
-    if let Some(why) = all.iter().find_map(|columns| implausible(found, columns, stated)) {
+    if let Some(why) = all.iter().find_map(|columns| implausible(found, columns, stated.machine, parts)) {
         return Some(why);
     }
     let silent = is_silent(found);
@@ -373,7 +374,7 @@ fn judge(found: &Identification, all: &[Columns], stated: &Stated) -> Option<Str
 
 /// Whether the noise of the positions is below that of any sensor.
 fn is_silent(found: &Identification) -> bool {
-    found.conditions.iter().flat_map(|conditions| &conditions.parts).all(|part| part.position_noise_m < SILENT_M)
+    found.parts().all(|part| part.position_noise_m < SILENT_M)
 }
 
 /// Findings besides the estimates.
@@ -417,7 +418,7 @@ fn words_on(found: &Identification, all: &[Columns], stated: &Stated) -> Vec<Str
         let parameter = &found.bench[suspect.parameter].parameter;
         let (factor, unit) = shown(parameter);
         let mut more = format!("--estimate {}", parameter.name);
-        if parameter.name.ends_with(DELAY) {
+        if plain(&parameter.name) == DELAY {
             let lag = suspect.value / all[0].step_s;
             more = format!("{} samples; --hold auto, or {more}", significant(lag, 2));
         }

@@ -7,6 +7,7 @@ use super::Stated;
 use super::answer::{Columns, implausible, with_slow_force};
 use super::likelihood::{Change, DELAY, Hold, Identification, Knowledge, Options, Origin};
 use super::read::significant;
+use super::tolerance::plain;
 use crate::machine::Kind;
 
 /// Rows of the stretch at least, and at most where the rotor turns slowly.
@@ -24,12 +25,12 @@ pub(super) const VERY_STRONG: f64 = 5.0;
 /// more than very strong evidence.
 const AS_GOOD: f64 = 2.0 * VERY_STRONG;
 
-/// By how much the log-likelihood must be higher than with the stated one, over this many rows.
+/// By how much the log-likelihood must be higher than with the stated one, over so many alternatives and rows.
 ///
 /// The likelihood ratio of a fixed alternative has the expectation 1 if the statements are true, so that it exceeds 1/p with a probability of p at most
 /// (Markov). A parameter fitted to N values raises its logarithm by half of ln N (Schwarz 1978): one alternative has one more.
-fn better(rows: usize) -> f64 {
-    libm::log(ALTERNATIVES.len() as f64 / CHANCE) + 0.5 * libm::log(2.0 * rows as f64)
+fn better(alternatives: usize, rows: usize) -> f64 {
+    libm::log(alternatives as f64 / CHANCE) + 0.5 * libm::log(2.0 * rows as f64)
 }
 
 /// A recording and what is told of it.
@@ -216,7 +217,7 @@ fn respeed(take: &mut Take, off: f64) {
 }
 
 fn free(take: &mut Take, name: &str) {
-    let meant = take.options.bench().filter(|(of, _)| of.name == name || of.name.ends_with(&format!(".{name}")));
+    let meant = take.options.bench().filter(|(of, _)| plain(&of.name) == name);
     meant.for_each(|(_, told)| told.knowledge = Knowledge::Free);
 }
 
@@ -230,7 +231,7 @@ fn fit(take: &Take) -> Option<(f64, Option<f64>, bool)> {
     let found = identified(take)?;
     let sound = found.converged
         && found.contradictions.is_empty()
-        && implausible(&found, &take.columns, &take.stated).is_none();
+        && implausible(&found, &take.columns, take.stated.machine, &take.options.parts).is_none();
     let gap = found.bench.iter().find(|of| of.parameter.name == "s").map(|of| of.estimate.value);
     found.contradictions.is_empty().then_some((found.log_likelihood, gap, sound))
 }
@@ -260,7 +261,7 @@ fn stretch(take: &Take, stretches: usize) -> Take {
 pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
     let mut takes = takes.each_ref().map(|take| {
         let mut take = stretch(take, HOLD_STRETCHES);
-        for (parameter, told) in take.options.bench().filter(|(parameter, _)| parameter.name.ends_with(DELAY)) {
+        for (parameter, told) in take.options.bench().filter(|(parameter, _)| plain(&parameter.name) == DELAY) {
             if told.knowledge == Knowledge::Exact {
                 told.knowledge = Knowledge::Tolerance(parameter.typical);
             }
@@ -296,11 +297,13 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
         let count = if alternative.magnets == 0 { 1 } else { bearings.len() };
         of_bearings.take(count).map(move |(at, of)| (alternative, at, of.name())).collect::<Vec<_>>()
     };
-    for (alternative, at, bearing) in ALTERNATIVES.iter().flat_map(each) {
+    let alternatives: Vec<_> = ALTERNATIVES.iter().flat_map(each).collect();
+    let least = told + better(alternatives.len(), take.columns.usable.len());
+    for (alternative, at, bearing) in alternatives {
         let mut other = Take { bearing: at, ..take.clone() };
         (alternative.apply)(&mut other);
         if let Some((likelihood, gap, true)) = fit(&other)
-            && likelihood > told + better(take.columns.usable.len())
+            && likelihood > least
         {
             let of =
                 if alternative.magnets == 0 || bearing.is_empty() { String::new() } else { format!(" at {bearing}") };

@@ -33,6 +33,7 @@ mod changes;
 mod data;
 mod expected;
 mod filter;
+mod kalman;
 mod missing;
 mod outcome;
 mod resolution;
@@ -48,6 +49,7 @@ use nalgebra::DMatrix;
 pub(super) use self::bench::DELAY;
 pub use self::bench::{BenchParameter, Knowledge, Told, by_name, parameters};
 pub use self::body::Body;
+pub use self::filter::HARMONICS;
 pub use crate::estimation::Hold;
 
 /// One recording, sampled at equal distances.
@@ -109,7 +111,7 @@ pub struct Missing {
 /// A part of the motion that is identified by itself.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// What moves.
+    /// The body that moves.
     pub body: Body,
     /// Place of its first position in a recording.
     pub positions: usize,
@@ -141,13 +143,6 @@ pub struct Options {
 }
 
 impl Options {
-    /// A rotor in one radial bearing whose bench is exactly as stated.
-    #[must_use]
-    pub fn new(m_kg: f64, gap_m: f64, alpha_rad: &[f64]) -> Self {
-        let body = Body::Disc { m_kg, gap_m, alpha_rad: alpha_rad.to_vec() };
-        Self { parts: vec![Part::new(body, 0, 0)], slow_force: false }
-    }
-
     /// The parameters of the bench with their stated values.
     pub fn bench(&mut self) -> impl Iterator<Item = (&BenchParameter, &mut Told)> {
         self.parts.iter_mut().flat_map(|part| part.parameters.iter().zip(&mut part.bench))
@@ -241,7 +236,7 @@ impl fmt::Display for Covariance {
 pub struct Conditions {
     /// Constant load by coordinate, N.
     pub load_n: Vec<Estimate>,
-    /// What belongs to a part of the motion.
+    /// By part of the motion.
     pub parts: Vec<OfPart>,
     /// Step of each position sensor, m; 0 unless it is quantised.
     pub resolution_m: Vec<f64>,
@@ -324,9 +319,9 @@ pub struct Suspect {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Residuals {
     /// χ² with two degrees of freedom of the whitened innovations at harmonics 1–4 of the shaft angle, by coordinate.
-    pub harmonics: Vec<[f64; 4]>,
+    pub harmonics: Vec<[f64; HARMONICS]>,
     /// Amplitude of the same relative to the noise of one innovation.
-    pub amplitudes: Vec<[f64; 4]>,
+    pub amplitudes: Vec<[f64; HARMONICS]>,
     /// Autocorrelation of the whitened innovations at lags 1–4 by part of the motion, mean of all axes; by chance 1/√(axes · rows).
     pub lags: Vec<[f64; 4]>,
 }
@@ -430,6 +425,11 @@ pub fn identify(recordings: &[Recording<'_>], options: &Options) -> Result<Ident
 }
 
 impl Identification {
+    /// All recordings as all parts of the motion show them.
+    pub(super) fn parts(&self) -> impl Iterator<Item = &OfPart> {
+        self.conditions.iter().flat_map(|conditions| &conditions.parts)
+    }
+
     /// This and another part of the motion, which is independent of it.
     fn beside(mut self, other: Self) -> Self {
         let (parameters, parts) = (self.bench.len(), self.conditions[0].parts.len());

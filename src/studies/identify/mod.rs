@@ -24,13 +24,14 @@ pub use self::twin::Twin;
 use self::likelihood::{BenchParameter, Body, DELAY, Options, Part, Told, parameters};
 use self::read::significant;
 pub use self::read::{Axial, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
+use self::tolerance::plain;
+use self::track::hold;
 use crate::bearing::shaft::Shaft;
 use crate::bearing::spindle::{RadialBearing, SpindleGeometryOf};
 use crate::estimation::{Hold, Method};
 use crate::machine::Machine;
 use crate::simulation::scenario::Element;
 use crate::table::Table;
-use crate::variables::Choice;
 
 /// The methods by the names of the interface.
 pub const METHODS: [(&str, Method); 3] =
@@ -50,7 +51,7 @@ fn name_of(hold: Hold) -> &'static str {
 pub struct Stated {
     /// The machine.
     pub machine: &'static Machine,
-    /// What moves, part by part.
+    /// The bodies that move, part by part.
     pub bodies: Vec<Body>,
     /// Meaning of a sample of a current.
     pub hold: Hold,
@@ -88,9 +89,8 @@ impl Stated {
             let magnets = machine.bearings[0].magnets;
             vec![Body::Shaft { geometry, magnets, planes_m }, Body::Axis { m_kg, gap_m: axial_gap_m }]
         };
-        let hold = value("hold").and_then(|number| Hold::of_number(number as i32)).unwrap_or_default();
         let noise = ["sensor.positionNoise", "sensor.currentNoise"].map(|name| value(name).unwrap_or(0.0));
-        Self { machine, bodies, hold, noise }
+        Self { machine, bodies, hold: hold(estimator), noise }
     }
 
     /// The parameters of its bench.
@@ -130,7 +130,7 @@ impl Stated {
                     for (name, value) in [("Jt", shaft.transverse_kgm2), ("Jp", shaft.polar_kgm2)] {
                         words.push(format!("{name} = {} kg·m²", significant(value, 6)));
                     }
-                    for (prefix, of) in ["A.", "B."].into_iter().zip(geometry.radial()) {
+                    for (prefix, of) in body.prefixes().iter().zip(geometry.radial()) {
                         words.extend(bearing(prefix, of.gap_m, &of.alpha_rad[..*magnets]));
                     }
                 }
@@ -204,7 +204,7 @@ impl Holds {
     pub fn of(samples: &Samples, stated: &Stated, bench: &[Told]) -> Self {
         let mut options = stated.options(&[]);
         let told = options.bench().zip(bench);
-        told.filter(|((of, _), _)| of.name.ends_with(DELAY)).for_each(|((_, to), told)| *to = *told);
+        told.filter(|((of, _), _)| plain(&of.name) == DELAY).for_each(|((_, to), told)| *to = *told);
         Self(diagnosis::holds(&HOLDS.map(|(_, hold)| diagnosis::Take {
             columns: answer::columns(samples, hold),
             options: options.clone(),

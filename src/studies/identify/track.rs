@@ -128,7 +128,7 @@ fn method(estimator: &Element) -> Method {
 }
 
 /// The meaning of a sample of a current.
-fn hold(estimator: &Element) -> Hold {
+pub(super) fn hold(estimator: &Element) -> Hold {
     let number = estimator.value("hold").map(|hold| hold.as_f64() as i32);
     number.and_then(Hold::of_number).unwrap_or_default()
 }

@@ -36,7 +36,7 @@ impl Stated {
         for body in &self.bodies {
             match body {
                 Body::Disc { gap_m, alpha_rad, .. } => {
-                    values.extend(bearing("", *gap_m, alpha_rad, &of));
+                    values.extend(bearing("", *gap_m, alpha_rad, alpha_rad.len(), &of));
                     values.extend(sensors("", &of));
                     // B_c cos θ + B_s sin θ in y, −B_c sin θ + B_s cos θ in z, as sines of ωt.
                     let (c, s) = (of("force.backward.cos"), of("force.backward.sin"));
@@ -53,8 +53,8 @@ impl Stated {
                     for (name, value) in [("Jt", shaft.transverse_kgm2), ("Jp", shaft.polar_kgm2)] {
                         values.push((name.into(), value * heavier * (1.0 + of(name))));
                     }
-                    for (prefix, stated) in ["A.", "B."].into_iter().zip(geometry.radial()) {
-                        values.extend(bearing(prefix, stated.gap_m, &stated.alpha_rad[..*magnets], &of));
+                    for (prefix, stated) in body.prefixes().iter().zip(geometry.radial()) {
+                        values.extend(bearing(prefix, stated.gap_m, &stated.alpha_rad[..*magnets], *magnets, &of));
                         values.extend(sensors(prefix, &of));
                         for (name, at_m) in
                             [("position", stated.position_m), ("sensorPosition", stated.sensor_position_m)]
@@ -71,9 +71,7 @@ impl Stated {
                     }
                 }
                 Body::Axis { gap_m, .. } => {
-                    values.extend(
-                        bearing("X.", *gap_m, &[0.0; 2], &of).into_iter().filter(|(name, _)| !name.contains("alpha")),
-                    );
+                    values.extend(bearing("X.", *gap_m, &[], body.magnets(), &of));
                     values.push(("X.sensor.offset".into(), of("X.sensor.offset")));
                     values.push(("X.sensor.gainError".into(), of("X.sensor.gain")));
                 }
@@ -83,12 +81,20 @@ impl Stated {
     }
 }
 
-/// Gap and angles of a bearing, and errors of its current sensors.
-fn bearing(prefix: &str, gap_m: f64, alpha_rad: &[f64], of: impl Fn(&str) -> f64) -> Vec<(String, f64)> {
+/// Gap and angles of a bearing, and errors of the current sensors of its magnets.
+fn bearing(
+    prefix: &str,
+    gap_m: f64,
+    alpha_rad: &[f64],
+    magnets: usize,
+    of: impl Fn(&str) -> f64,
+) -> Vec<(String, f64)> {
     let error = |name: &str| of(&format!("{prefix}{name}"));
     let mut values = vec![(format!("{prefix}s"), gap_m * (1.0 + error("s")) + error("gap.iron"))];
     for (k, alpha_rad) in (1..).zip(alpha_rad) {
         values.push((format!("{prefix}alpha[{k}]"), alpha_rad + error(&format!("alpha[{k}]"))));
+    }
+    for k in 1..=magnets {
         values.push((format!("{prefix}sensor.currentOffset[{k}]"), error(&format!("current.offset[{k}]"))));
         values.push((format!("{prefix}sensor.currentGainError[{k}]"), error(&format!("current.gain[{k}]"))));
     }
@@ -245,28 +251,32 @@ impl Answer {
         values.put("plant", "omega", omega_rad_s);
         values.put_noise(first.parts[0].position_noise_m, first.parts[0].current_noise_a);
         // One tolerance of the estimator is that of all bearings and magnets.
-        let rms = |begin: &str, of: &dyn Fn(&str) -> f64| {
+        let of_all = |begin: &str, of: &dyn Fn(&str) -> f64| {
             let names = found.bench.iter().map(|of| of.parameter.name.as_str());
-            let own: Vec<f64> = names.filter(|name| plain(name).starts_with(begin)).map(of).collect();
-            (own.iter().map(|value| value * value).sum::<f64>() / own.len().max(1) as f64).sqrt()
+            rms(names.filter(|name| plain(name).starts_with(begin)).map(of))
         };
-        let gap = |name: &str| (stated.value(name) * std(name)).hypot(std(&name.replace('s', "gap.iron")));
-        let gain = |name: &str| error(name).hypot(error(&format!("{name}Difference")));
+        let of_bearings = |of: &dyn Fn(&str) -> f64| rms(machine.bearings.iter().map(|bearing| of(bearing.prefix)));
         values.put_tolerance("m", stated.value("m") * std("m"));
-        let gaps: Vec<f64> = machine.of_bearings("s").iter().map(|name| gap(name).powi(2)).collect();
-        values.put_tolerance("s", (gaps.iter().sum::<f64>() / gaps.len() as f64).sqrt());
-        values.put_tolerance("alpha", rms("alpha", &std));
-        let gains: Vec<f64> = machine.of_bearings("sensor.gain").iter().map(|name| gain(name).powi(2)).collect();
-        values.put_tolerance("positionGain", (gains.iter().sum::<f64>() / gains.len() as f64).sqrt());
-        values.put_tolerance("positionOffset", rms("sensor.offset", &error));
-        values.put_tolerance("currentGain", rms("current.gain", &error));
-        values.put_tolerance("currentOffset", rms("current.offset", &error));
+        let gap = |prefix: &str| {
+            let [gap, iron] = ["s", "gap.iron"].map(|name| format!("{prefix}{name}"));
+            (stated.value(&gap) * std(&gap)).hypot(std(&iron))
+        };
+        values.put_tolerance("s", of_bearings(&gap));
+        values.put_tolerance("alpha", of_all("alpha", &std));
+        let gain = |prefix: &str| {
+            let [common, half] = ["sensor.gain", "sensor.gainDifference"].map(|name| error(&format!("{prefix}{name}")));
+            common.hypot(half)
+        };
+        values.put_tolerance("positionGain", of_bearings(&gain));
+        values.put_tolerance("positionOffset", of_all("sensor.offset", &error));
+        values.put_tolerance("currentGain", of_all("current.gain", &error));
+        values.put_tolerance("currentOffset", of_all("current.offset", &error));
         if stated.bodies.len() > 1 {
             values.put_tolerance("Jt", stated.value("Jt") * std("Jt"));
             values.put_tolerance("Jp", stated.value("Jp") * std("Jp"));
-            values.put_tolerance("position", rms("position", &std));
-            values.put_tolerance("sensorPosition", rms("sensorPosition", &std));
-            values.put_tolerance("unbalancePosition", rms("unbalance", &std));
+            values.put_tolerance("position", of_all("position", &std));
+            values.put_tolerance("sensorPosition", of_all("sensorPosition", &std));
+            values.put_tolerance("unbalancePosition", of_all("unbalance", &std));
         }
 
         let twin = values.twin(base, step_s, &self.verdict)?;
@@ -277,6 +287,12 @@ impl Answer {
         let slow_force = first.parts.iter().any(|part| part.slow_force_n > 0.0).then_some("force.slow");
         Ok(Twin { left_out: left_out.chain(slow_force).collect(), ..twin })
     }
+}
+
+/// The root of the mean square.
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0_f64), |(sum, count), value| (sum + value * value, count + 1.0));
+    (sum / count.max(1.0)).sqrt()
 }
 
 /// The mean of the values that are known.

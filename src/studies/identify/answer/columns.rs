@@ -114,9 +114,9 @@ impl Columns {
     }
 
     /// Whether neither the rotor nor its currents vary beyond a few per cent.
-    pub fn still(&self, stated: &Stated) -> bool {
+    pub fn still(&self, parts: &[Part]) -> bool {
         let count = self.used().count().max(1) as f64;
-        let motion_rms = stated.options(&[]).parts.iter().map(|part| self.sizes(part)[1]).fold(0.0, f64::max);
+        let motion_rms = parts.iter().map(|part| self.sizes(part)[1]).fold(0.0, f64::max);
         let varies = self.current_a.iter().any(|current_a| {
             let mean = self.used().map(|j| current_a[j]).sum::<f64>() / count;
             let square = self.used().map(|j| (current_a[j] - mean).powi(2)).sum::<f64>() / count;

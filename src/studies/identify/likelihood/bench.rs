@@ -33,7 +33,7 @@ pub struct BenchParameter {
 /// 0.5° in rad.
 const HALF_DEGREE: f64 = 0.008_726_646_259_971_648;
 
-/// What there is one parameter for.
+/// For which things there is a parameter each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Each {
     /// All of the machine.

@@ -1,4 +1,4 @@
-//! What moves: a rotor in one radial bearing, a shaft across itself, an axis along itself.
+//! The bodies that move: a rotor in one radial bearing, a shaft across itself, an axis along itself.
 
 use super::Failed;
 use super::bench::{BenchParameter, Places, place};
@@ -12,6 +12,9 @@ use crate::plant::spindle::PLANES;
 
 /// Step of central differences, in typical tolerances: what they leave out is below 10⁻⁸ of a derivative.
 const STEP: f64 = 1e-3;
+
+/// Prefixes of the radial bearings of a shaft.
+const SHAFT: [&str; 2] = ["A.", "B."];
 
 /// A body with its magnets, as stated.
 #[derive(Clone, Debug)]
@@ -45,10 +48,10 @@ pub enum Body {
 
 impl Body {
     /// Prefixes of the names of its bearings.
-    pub(super) fn prefixes(&self) -> &'static [&'static str] {
+    pub(in crate::studies::identify) fn prefixes(&self) -> &'static [&'static str] {
         match self {
             Self::Disc { .. } => &[""],
-            Self::Shaft { .. } => &["A.", "B."],
+            Self::Shaft { .. } => &SHAFT,
             Self::Axis { .. } => &["X."],
         }
     }
@@ -126,36 +129,45 @@ impl Part {
     pub(super) fn identify(&self, recordings: &[Recording<'_>], slow_force: bool) -> Result<Identification, Failed> {
         let on = (recordings, slow_force);
         match &self.body {
-            Body::Disc { alpha_rad, .. } if alpha_rad.len() == 3 => self.disc::<3, 9>(on),
-            Body::Disc { alpha_rad, .. } if alpha_rad.len() == 4 => self.disc::<4, 10>(on),
+            Body::Disc { m_kg, gap_m, alpha_rad } => match *alpha_rad.as_slice() {
+                [a, b, c] => self.one_bearing::<2, 3, 9>(on, *m_kg, *gap_m, [a, b, c]),
+                [a, b, c, d] => self.one_bearing::<2, 4, 10>(on, *m_kg, *gap_m, [a, b, c, d]),
+                _ => Err(Failed::Magnets(alpha_rad.len())),
+            },
+            Body::Axis { m_kg, gap_m } => self.one_bearing::<1, 2, 3>(on, *m_kg, *gap_m, [0.0; 2]),
             Body::Shaft { magnets: 3, .. } => self.shaft::<3, 8, 6, 18>(on),
             Body::Shaft { magnets: 4, .. } => self.shaft::<4, 10, 8, 20>(on),
-            Body::Axis { m_kg, gap_m } => {
-                let [mass, gap, iron] = ["m", "s", "gap.iron"].map(|name| self.place("X.", name));
-                let describe = |bench: &[f64]| {
-                    let gap_m = gap_m * (1.0 + bench[gap]) + bench[iron];
-                    Description::of(&Machine::<1, 2, 3>::of_bearing(m_kg * (1.0 + bench[mass]), gap_m, [0.0; 2]))
-                };
-                self.search(on, 0, &[mass, gap, iron], &describe)
-            }
-            Body::Disc { .. } | Body::Shaft { .. } => Err(Failed::Magnets(self.body.magnets())),
+            Body::Shaft { magnets, .. } => Err(Failed::Magnets(*magnets)),
         }
     }
 
-    /// K magnets, and U unknowns on line.
-    fn disc<const K: usize, const U: usize>(&self, on: (&[Recording<'_>], bool)) -> Result<Identification, Failed>
+    /// N coordinates, K magnets, and U unknowns on line. Along an axis there are no angles and no unbalance.
+    fn one_bearing<const N: usize, const K: usize, const U: usize>(
+        &self,
+        on: (&[Recording<'_>], bool),
+        m_kg: f64,
+        gap_m: f64,
+        alpha_rad: [f64; K],
+    ) -> Result<Identification, Failed>
     where
-        Rotor<2, K>: Passes<2, K>,
+        Rotor<N, K>: Passes<N, K>,
     {
-        let Body::Disc { m_kg, gap_m, alpha_rad } = &self.body else { unreachable!("a rotor in one bearing") };
-        let [mass, gap, iron, alpha] = ["m", "s", "gap.iron", "alpha[1]"].map(|name| self.place("", name));
-        let describe = |bench: &[f64]| {
-            let alpha_rad = std::array::from_fn(|k| alpha_rad[k] + bench[alpha + k]);
-            let gap_m = gap_m * (1.0 + bench[gap]) + bench[iron];
-            Description::of(&Machine::<2, K, U>::of_bearing(m_kg * (1.0 + bench[mass]), gap_m, alpha_rad))
+        let [prefix] = *self.body.prefixes() else { unreachable!("one bearing") };
+        let [mass, gap, iron] = ["m", "s", "gap.iron"].map(|name| self.place(prefix, name));
+        let angles = if N == 1 {
+            0..0
+        } else {
+            let first = self.place(prefix, "alpha[1]");
+            first..first + K
         };
-        let varied: Vec<usize> = [mass, gap, iron].into_iter().chain(alpha..alpha + K).collect();
-        self.search(on, 1, &varied, &describe)
+        let describe = |bench: &[f64]| {
+            let mut alpha_rad = alpha_rad;
+            alpha_rad.iter_mut().zip(&bench[angles.clone()]).for_each(|(alpha_rad, error)| *alpha_rad += error);
+            let gap_m = gap_m * (1.0 + bench[gap]) + bench[iron];
+            Description::of(&Machine::<N, K, U>::of_bearing(m_kg * (1.0 + bench[mass]), gap_m, alpha_rad))
+        };
+        let varied: Vec<usize> = [mass, gap, iron].into_iter().chain(angles.clone()).collect();
+        self.search(on, N - 1, &varied, &describe)
     }
 
     /// M magnets in each of two radial bearings, A with those of the axial one, K without, and U unknowns on line.
@@ -170,7 +182,7 @@ impl Part {
         let stated = geometry.with_magnets::<M>();
         let [mass, transverse, polar, plane] =
             ["m", "Jt", "Jp", "unbalance[1].position"].map(|name| self.place("", name));
-        let of_bearings = ["A.", "B."].map(|prefix| {
+        let of_bearings = SHAFT.map(|prefix| {
             ["s", "gap.iron", "alpha[1]", "position", "sensorPosition"].map(|name| self.place(prefix, name))
         });
         let describe = |bench: &[f64]| {

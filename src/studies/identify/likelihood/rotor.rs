@@ -59,7 +59,7 @@ impl Layout {
     }
 }
 
-/// What forces and motions do to a rotor: gaps in m, directions and accelerations per N, as in [`Machine`].
+/// The response of a rotor to forces and motions: gaps in m, directions and accelerations per N, as in [`Machine`].
 #[derive(Clone, Debug)]
 pub(super) struct Description<const N: usize, const K: usize> {
     gap_m: [f64; K],
@@ -162,7 +162,6 @@ struct Pair {
     different: f64,
     /// cos and sin of the rotation.
     rotation: [f64; 2],
-    offset: [f64; 2],
     once: [f64; 4],
     twice: [f64; 4],
 }
@@ -175,11 +174,11 @@ pub(super) struct Rotor<const N: usize, const K: usize> {
     layout: Layout,
     places: Places,
     machine: Description<N, K>,
-    /// What the parameters of the bench change of it, by number.
+    /// Its derivatives to parameters of the bench, by number.
     varied: Vec<(usize, Description<N, K>)>,
     pairs: Vec<Pair>,
-    /// Offset of the sensor of an axis, m.
-    single: f64,
+    /// Sensor offsets, m.
+    offset: [f64; N],
     /// Sensor gains and rotation, row by row.
     pub sensor: [[f64; N]; N],
     pub delay: f64,
@@ -246,16 +245,18 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
         });
         let mut sensor = [[0.0; N]; N];
         (0..N).for_each(|n| sensor[n][n] = 1.0);
-        let single = places.single.map_or(0.0, |[offset, gain]| {
-            sensor[0][0] += bench[gain];
-            bench[offset]
-        });
+        let mut offset = [0.0; N];
+        if let Some([of_offset, of_gain]) = places.single {
+            sensor[0][0] += bench[of_gain];
+            offset[0] = bench[of_offset];
+        }
         let mut pairs = Vec::new();
         for (p, places) in places.pairs.iter().enumerate() {
             let (sin, cos) = libm::sincos(bench[places.rotation]);
             let (common, different) = (bench[places.gain], bench[places.gain_difference]);
             let gain = [1.0 + common + different, 1.0 + common - different];
             for (row, turned) in [[cos, -sin], [sin, cos]].into_iter().enumerate() {
+                offset[2 * p + row] = bench[places.offset[row]];
                 (0..2).for_each(|column| sensor[2 * p + row][2 * p + column] = gain[row] * turned[column]);
             }
             pairs.push(Pair {
@@ -263,7 +264,6 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
                 common,
                 different,
                 rotation: [cos, sin],
-                offset: places.offset.map(|at| bench[at]),
                 once: std::array::from_fn(|part| bench[places.runout[part]]),
                 twice: std::array::from_fn(|part| bench[places.runout[4 + part]]),
             });
@@ -273,7 +273,7 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
             machine: (kind.describe)(bench),
             varied: varied.collect(),
             pairs,
-            single,
+            offset,
             sensor,
             delay: bench[places.delay],
             current: std::array::from_fn(|k| [bench[places.current_offset + k], 1.0 + bench[places.current_gain + k]]),
@@ -478,11 +478,7 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
     #[inline(always)]
     pub fn reading(&self, at: &State<N>, acceleration: &[f64; N], shaft: &Shaft) -> [f64; N] {
         let seen = self.seen(at, acceleration, shaft);
-        let mut read: [f64; N] = std::array::from_fn(|a| dot(&self.sensor[a], &seen) + self.single);
-        for (read, pair) in read.chunks_exact_mut(2).zip(&self.pairs) {
-            read.iter_mut().zip(pair.offset).for_each(|(read, offset)| *read += offset);
-        }
-        read
+        std::array::from_fn(|a| dot(&self.sensor[a], &seen) + self.offset[a])
     }
 
     /// `∂reading/∂θ` at a fixed trajectory, for all but the parameters of the force, whose columns stay as they are.
