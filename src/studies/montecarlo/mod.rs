@@ -16,12 +16,11 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
-
 use crate::machine::Bearing;
 use crate::progress::Progress;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Refused};
+use crate::studies::parallel::in_order;
 use crate::table::Table;
 use cases::{Draw, TOLERANCES};
 use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, pooled};
@@ -80,16 +79,15 @@ const ATTEMPTS: u64 = 20;
 /// Seeds of the noise for each drawn bearing.
 pub const SEEDS: u64 = 2;
 
-/// Does the work of every index on the pool of the program; the results in order.
-pub fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+/// Makes so many runs, with a bar; their results in order.
+fn runs<T: Send + Sync>(count: usize, run: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let progress = Progress::new("runs", count as u64);
     let done = AtomicU64::new(0);
-    let counted = |index| {
-        let result = work(index);
+    in_order(count, &|index| {
+        let result = run(index);
         progress.tell(done.fetch_add(1, Ordering::Relaxed) + 1);
         result
-    };
-    (0..count).into_par_iter().with_max_len(1).map(counted).collect()
+    })
 }
 
 impl Study {
@@ -98,7 +96,7 @@ impl Study {
     /// # Errors
     /// Every parameter that a model refuses; why a run ended early.
     pub fn run(&self) -> Result<Outcome, Refused> {
-        let trials = in_parallel(self.runs, |run| self.trial(self.first_seed + run as u64));
+        let trials = runs(self.runs, |run| self.trial(self.first_seed + run as u64));
         let trials = trials.into_iter().collect::<Result<Vec<_>, _>>()?;
         let figures = self.instants_s.iter().enumerate().map(|(at, instant_s)| {
             let samples: Vec<_> = trials.iter().filter_map(|trial| trial.samples.get(at)).collect();

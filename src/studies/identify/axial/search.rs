@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
-use rayon::iter::{IntoParallelRefMutIterator, ParallelIterator};
 
 use super::filter::{Filter, POSITION, Readings, Row};
 use super::{Axis, Point, UNKNOWNS, is_logarithm, is_noise};
+use crate::studies::parallel::in_order;
 
 /// Rows that all filters pass before their innovations are summed: what is kept of them does not grow with the recording.
 const ROWS: usize = 4096;
@@ -136,8 +136,7 @@ fn pass(axis: &Axis, part: &Part<'_>, point: &Point, free: &[usize]) -> Option<S
         }
     }
     let filters = points.iter().map(|point| Filter::new(axis, axis.law(point), readings, rows));
-    let mut filters: Vec<(Filter, Vec<Row>)> =
-        filters.map(|filter| Some((filter?, Vec::with_capacity(ROWS)))).collect::<Option<_>>()?;
+    let mut filters: Vec<Filter> = filters.collect::<Option<_>>()?;
     let n = free.len();
     let mut sums =
         Sums { log_likelihood: 0.0, readings: 0, information: DMatrix::zeros(n, n), score: DVector::zeros(n) };
@@ -146,29 +145,29 @@ fn pass(axis: &Axis, part: &Part<'_>, point: &Point, free: &[usize]) -> Option<S
     let mut from = rows.start;
     while from < rows.end {
         let to = (from + ROWS).min(rows.end);
-        filters.par_iter_mut().for_each(|(filter, out)| {
-            out.clear();
-            filter.advance(axis, readings, from..to, out);
+        let passed = in_order(filters.len(), &|at| {
+            let (mut filter, mut out) = (filters[at].clone(), Vec::with_capacity(ROWS));
+            filter.advance(axis, readings, from..to, &mut out);
+            (filter, out)
         });
-        for j in 0..to - from {
-            for k in 0..=POSITION {
-                let [error, variance] = filters[0].1[j][k];
-                if variance == 0.0 {
-                    continue;
-                }
-                sums.readings += 1;
-                sums.log_likelihood -= 0.5 * (error * error / variance + libm::log(variance));
-                for i in 0..n {
-                    let [[e, s], [f, t]] = [filters[1 + 2 * i].1[j][k], filters[2 + 2 * i].1[j][k]];
-                    of_error[i] = (e - f) / widths[i];
-                    of_variance[i] = (s - t) / variance / widths[i];
-                }
-                for i in 0..n {
-                    let (along, spread) = (of_error[i] / variance, 0.5 * of_variance[i]);
-                    sums.score[i] += -error * along + (error * error / variance - 1.0) * spread;
-                    for l in 0..=i {
-                        sums.information[(i, l)] += along * of_error[l] + spread * of_variance[l];
-                    }
+        let innovations: Vec<Vec<Row>>;
+        (filters, innovations) = passed.into_iter().unzip();
+        for (at, [error, variance]) in innovations[0].as_flattened().iter().enumerate() {
+            if *variance == 0.0 {
+                continue;
+            }
+            sums.readings += 1;
+            sums.log_likelihood -= 0.5 * (error * error / variance + libm::log(*variance));
+            for i in 0..n {
+                let [[e, s], [f, t]] = [1, 2].map(|side| innovations[side + 2 * i].as_flattened()[at]);
+                of_error[i] = (e - f) / widths[i];
+                of_variance[i] = (s - t) / variance / widths[i];
+            }
+            for i in 0..n {
+                let (along, spread) = (of_error[i] / variance, 0.5 * of_variance[i]);
+                sums.score[i] += -error * along + (error * error / variance - 1.0) * spread;
+                for l in 0..=i {
+                    sums.information[(i, l)] += along * of_error[l] + spread * of_variance[l];
                 }
             }
         }

@@ -5,7 +5,6 @@ mod finish;
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
-use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 pub(super) use finish::Finished;
 use finish::finish;
@@ -20,6 +19,7 @@ use super::outcome;
 use super::rotor::{Kind, Rotor, State};
 use super::solve::{Normal, inverse, part};
 use super::{Body, Contradiction, Failed, Identification, Knowledge, Recording, SHORTEST};
+use crate::studies::parallel::in_order;
 
 /// Passes about the measured trajectory before the smoother takes over: without load and unbalance it would follow a wrong model.
 const UNSMOOTHED: usize = 2;
@@ -54,11 +54,6 @@ const SMOOTHED: usize = 8;
 
 /// Why a matrix of information has no inverse.
 const NOT_APART: &str = "the data do not tell apart all that is to be estimated: state tolerances, or leave less free";
-
-/// Works on all items on the pool of the program; results in the order of the items.
-fn parallel<T: Sync, R: Send>(items: &[T], work: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
-    items.par_iter().with_max_len(1).map(work).collect()
-}
 
 /// Sums of the blocks of every piece, with the number of its recording.
 pub(super) type Blocks = Vec<(usize, Vec<Block>)>;
@@ -108,13 +103,14 @@ where
     }
 
     /// A pass of the filter over pieces of recordings; results in their order.
-    fn passes<R: Send>(
+    fn passes<R: Send + Sync>(
         &self,
         tasks: &[(usize, Piece)],
-        pass: impl Fn(On<'_, N, K>) -> R + Sync + Send,
+        pass: &(dyn Fn(On<'_, N, K>) -> R + Sync),
     ) -> Vec<(usize, R)> {
         let rotors: Vec<Rotor<N, K>> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
-        parallel(tasks, |(r, piece)| {
+        in_order(tasks.len(), &|task| {
+            let (r, piece) = &tasks[task];
             let case = &self.cases[*r];
             let variance = case.position_noise * case.position_noise;
             (*r, pass((&case.data, &rotors[*r], &case.track, variance, piece)))
@@ -122,7 +118,7 @@ where
     }
 
     fn pass(&self, columns: Columns) -> Blocks {
-        let mut blocks = self.passes(&self.tasks(), |on| Rotor::columns(on, columns));
+        let mut blocks = self.passes(&self.tasks(), &|on| Rotor::columns(on, columns));
         for block in blocks.iter_mut().flat_map(|(_, blocks)| blocks) {
             block.j.iter_mut().chain(&mut block.b).for_each(|sum| *sum *= self.weight);
         }
@@ -194,7 +190,7 @@ where
     fn smooth(&mut self) {
         let mut before = Vec::new();
         for group in self.tasks().chunks(SMOOTHED.max(2 * rayon::current_num_threads())) {
-            let smoothed = self.passes(group, |on| (on.4.counted.clone(), Rotor::smooth(on)));
+            let smoothed = self.passes(group, &|on| (on.4.counted.clone(), Rotor::smooth(on)));
             // A piece is linearised about the former trajectory of its neighbours: a group is taken over after the next one.
             self.take_over(std::mem::replace(&mut before, smoothed));
         }
@@ -227,7 +223,7 @@ where
 
     /// The whitened innovations of every recording by row; 0 where there are none.
     fn innovations(&self) -> Vec<Vec<[f64; N]>> {
-        let pieces = self.passes(&self.tasks(), |on| (on.4.counted.clone(), Rotor::innovations(on)));
+        let pieces = self.passes(&self.tasks(), &|on| (on.4.counted.clone(), Rotor::innovations(on)));
         let mut all: Vec<_> = self.cases.iter().map(|case| vec![[0.0; N]; case.data.at.len()]).collect();
         for (r, (rows, of)) in pieces {
             all[r][rows].iter_mut().zip(of).for_each(|(to, [_, whitened])| *to = whitened);
@@ -249,7 +245,7 @@ where
     /// Position minus its prediction from the samples before, by recording, coordinate and row, in m; NaN where a row was not used.
     pub fn prediction_errors(&self) -> Vec<Vec<Vec<f64>>> {
         let mut errors: Vec<_> = self.cases.iter().map(|case| vec![vec![f64::NAN; case.data.at.len()]; N]).collect();
-        for (r, (rows, of)) in self.passes(&self.tasks(), |on| (on.4.counted.clone(), Rotor::innovations(on))) {
+        for (r, (rows, of)) in self.passes(&self.tasks(), &|on| (on.4.counted.clone(), Rotor::innovations(on))) {
             for (n, errors) in errors[r].iter_mut().enumerate() {
                 errors[rows.clone()].iter_mut().zip(&of).for_each(|(error, [metres, _])| *error = metres[n]);
             }
@@ -260,7 +256,7 @@ where
     /// Likelihoods of the recordings that `of` holds for, as [`Passes::likelihoods`].
     fn likelihoods(&self, levels: [Levels<K>; 3], of: impl Fn(&Case<'_, N, K>) -> bool) -> Vec<[[f64; 3]; 3]> {
         let tasks: Vec<(usize, Piece)> = self.tasks().into_iter().filter(|(r, _)| of(&self.cases[*r])).collect();
-        let sums = self.passes(&tasks, |on| Rotor::likelihoods(on, &levels));
+        let sums = self.passes(&tasks, &|on| Rotor::likelihoods(on, &levels));
         let mut totals = vec![[[0.0; 3]; 3]; self.cases.len()];
         for (r, sums) in sums {
             let total = totals[r].as_flattened_mut().iter_mut();

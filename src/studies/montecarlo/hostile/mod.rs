@@ -9,7 +9,7 @@ mod courses;
 
 use super::cases::Draw;
 use super::figures::{CONFIDENT, Truth, Worst, is_contact, touched};
-use super::{NOISE, cases, in_parallel, real, study};
+use super::{NOISE, cases, real, study};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Refused};
@@ -223,7 +223,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) 
 /// # Errors
 /// Every parameter that a model refuses; why a run ended early.
 pub fn run(cases: &[Case], runs: usize, first_seed: u64) -> Result<Vec<Vec<Trial>>, Refused> {
-    let all = in_parallel(cases.len() * runs, |index| cases[index / runs].trial(first_seed + (index % runs) as u64));
+    let all = super::runs(cases.len() * runs, |index| cases[index / runs].trial(first_seed + (index % runs) as u64));
     let mut all = all.into_iter();
     cases.iter().map(|_| all.by_ref().take(runs).collect()).collect()
 }
