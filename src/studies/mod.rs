@@ -10,7 +10,7 @@
 pub mod design;
 pub mod identify;
 pub mod montecarlo;
-mod parallel;
+pub mod parallel;
 pub mod sensitivity;
 pub mod sweep;
 pub mod whirl;

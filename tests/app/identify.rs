@@ -13,6 +13,7 @@ use magnetic_bearing::simulation::simulate;
 use magnetic_bearing::studies::identify::likelihood::Body;
 use magnetic_bearing::studies::identify::{self, Holds, Question, Reading, Samples, Stated, Track, likelihood};
 use magnetic_bearing::studies::montecarlo;
+use magnetic_bearing::studies::parallel::in_order;
 
 const TRUTH: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
 
@@ -372,7 +373,7 @@ fn no_two_mistakes_end_valid() {
     let good = samples_of(&run(montecarlo::NOISE, 0.05).1);
     let pairs: Vec<[usize; 2]> =
         (0..WRONG.len()).flat_map(|one| (one + 1..WRONG.len()).map(move |other| [one, other])).collect();
-    let wrong = montecarlo::in_parallel(pairs.len(), |at| {
+    let wrong = in_order(pairs.len(), &|at| {
         let mut samples = good.clone();
         let mut question = question(&good, &[]);
         pairs[at].iter().for_each(|mistake| WRONG[*mistake].0(&mut samples, &mut question));

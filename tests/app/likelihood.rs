@@ -5,7 +5,8 @@ use fmu_export::variable::Value;
 use magnetic_bearing::simulation::simulate;
 use magnetic_bearing::studies::identify::likelihood::{self, *};
 use magnetic_bearing::studies::montecarlo::figures::Trial;
-use magnetic_bearing::studies::montecarlo::{in_parallel, offline};
+use magnetic_bearing::studies::montecarlo::offline;
+use magnetic_bearing::studies::parallel::in_order;
 
 /// A recording by columns.
 struct Columns<'a> {
@@ -291,7 +292,7 @@ fn mass_and_current_gain_are_not_separated_from_lambda() {
 fn runs_of(bearing: u64, position_noise: f64, runs: usize) -> Vec<Trial> {
     let studies = offline::studies(1);
     let study = studies.iter().find(|study| study.title == "identify: drawn bearings, noise known").unwrap();
-    in_parallel(runs, |run| {
+    in_order(runs, &|run| {
         let mut scenario = study.case(bearing, 0);
         let noise = position_noise * scenario.closed_loop().unwrap().plant.sensor.position_noise_m;
         scenario.set("plant", "sensor.seed", Value::Integer(800_000 + run as i32));
@@ -321,7 +322,16 @@ fn a_bearing_that_noise_excites_is_found_without_bias() {
         ];
         assert!(mean.abs() < 1.5, "λ{k}: off by {mean} bounds on average");
         assert!(square.sqrt() < 1.7, "λ{k}: error {} of its deviations", square.sqrt());
-        assert!(stated < 1.4, "λ{k}: states {stated} bounds");
+        assert!(stated < 1.7, "λ{k}: states {stated} bounds");
+    }
+}
+
+/// At 1000 rpm with 0.23 µm and 29 mA the gains of the filter follow λ so closely that little of what seems known is: ± without that part of the
+/// sensitivity was 1.3 %, the error up to 9.
+#[test]
+fn a_slow_bearing_is_not_known_too_well() {
+    for trial in runs_of(131_025, 1.0, 4) {
+        assert!(trial.worst.ratio < 4.0, "{:?}", trial.worst);
     }
 }
 

@@ -16,6 +16,7 @@ use magnetic_bearing::simulation::simulate;
 use magnetic_bearing::studies::montecarlo::cases::Draw;
 use magnetic_bearing::studies::montecarlo::figures::{CONFIDENT, pooled};
 use magnetic_bearing::studies::montecarlo::{self, SEEDS, Vary, cases};
+use magnetic_bearing::studies::parallel::in_order;
 
 /// The methods by the names of the interface, with their numbers.
 fn methods() -> Vec<(&'static str, i32)> {
@@ -106,7 +107,7 @@ fn survey(
     cases: u64,
     make: impl Fn(u64) -> (String, Scenario) + Send + Sync,
 ) -> BTreeMap<(String, &'static str), Vec<(u64, Said)>> {
-    let runs = montecarlo::in_parallel(cases as usize, |case| {
+    let runs = in_order(cases as usize, &|case| {
         let (group, scenario) = make(case as u64);
         (group, run(&scenario))
     });

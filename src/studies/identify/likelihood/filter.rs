@@ -4,7 +4,8 @@
 //! The state is the deviation δ of coordinates and rates from the trajectory of the pass before; where a slow force is estimated, its acceleration follows, a random
 //! walk that is 0 at the start of the recording. With the gains of the filter given, the
 //! innovation is linear in the parameters, and its derivative to each of them is the output of the same filter driven by the
-//! derivatives of force and reading (sensitivity equations).
+//! derivatives of force and reading (sensitivity equations). The gains follow the force noise `λ_k σ_i`: where a search ends, their derivatives are part of it (Ljung
+//! 1999, section 10.3).
 //!
 //! A piece is filtered with a margin of rows before it, and smoothed with one behind it, so that pieces are independent of each
 //! other: what lies further away is forgotten. Their number does not depend on that of the processors.
@@ -23,6 +24,8 @@ use super::rotor::{Interval, Rotor, State, regressors};
 const REGISTER: usize = 8;
 /// Rows of whitened sensitivities that are summed at once.
 const BATCH: usize = 16;
+/// Step of the logarithm of the noise of a current, for the derivatives of the innovations.
+const LEVEL_STEP: f64 = 1e-3;
 /// Harmonics of the shaft angle that are tested.
 pub const HARMONICS: usize = 4;
 /// Lags that are tested.
@@ -145,6 +148,10 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
     let (h_2, d) = (0.5 * h * h, rotor.delay);
     let m = rotor.sensor;
     let mut kalman = Kalman::<S>::diffuse::<N>(data.slow(rotor, piece.filtered.start));
+    // With the noise of one current each raised: what that does to the innovations is what the parameters do through the gains. Without it a bearing that turns slowly
+    // passed for known almost four times as well as it was.
+    let gains = matches!(columns, Columns::Total | Columns::Instruments);
+    let mut raised: [Kalman<S>; K] = std::array::from_fn(|_| kalman.clone());
     let mut x = [[0.0; P]; S];
     let mut force = [[0.0; P]; N];
     let mut sensor = [[0.0; P]; N];
@@ -186,6 +193,10 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
             };
             let transition = Transition::of(h, &interval.stiffness, &interval.gyroscopic);
             kalman.predict(&transition, &interval, [1.0; K], data.slow(rotor, 1));
+            for k in 0..if gains { K } else { 0 } {
+                let scales = std::array::from_fn(|l| if l == k { 1.0 + LEVEL_STEP } else { 1.0 });
+                raised[k].predict(&transition, &interval, data.scales(row, scales), data.slow(rotor, 1));
+            }
             acceleration = interval.end;
             rotor.force_columns(&at, pulls, measured, &between, &mut force);
             let [a, b, c, g] = &transition.blocks;
@@ -247,6 +258,19 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
             let white = innovation.whiten(phi);
             for a in 0..N {
                 whitened[a][l] = white[a];
+            }
+        }
+        if gains {
+            let by_level: [[f64; N]; K] = std::array::from_fn(|k| {
+                let other = raised[k].update(rotor, data.variance(row, variance), residual);
+                innovation.whiten(std::array::from_fn(|a| (other.e[a] - innovation.e[a]) / LEVEL_STEP))
+            });
+            for (j, k, level) in &rotor.levels {
+                // The measured sensitivities to λ stand behind all others.
+                let column = if *j < K && columns == Columns::Instruments { rotor.layout.all + j } else { *j };
+                for a in 0..N {
+                    whitened[a][column] -= level * by_level[*k][a];
+                }
             }
         }
         // Where the force is not known, innovations are not white.
@@ -455,7 +479,9 @@ pub(super) enum Columns {
     Few,
     /// To all parameters.
     All,
-    /// Their instruments.
+    /// The same with what the parameters do through the gains of the filter.
+    Total,
+    /// The instruments of all parameters, then the total sensitivities to λ.
     Instruments,
 }
 

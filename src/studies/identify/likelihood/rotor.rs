@@ -171,7 +171,7 @@ struct Pair {
 pub(super) struct Rotor<const N: usize, const K: usize> {
     pub h: f64,
     theta: Theta,
-    layout: Layout,
+    pub layout: Layout,
     places: Places,
     machine: Description<N, K>,
     /// Its derivatives to parameters of the bench, by number.
@@ -188,6 +188,8 @@ pub(super) struct Rotor<const N: usize, const K: usize> {
     pub noise: f64,
     /// Level of a slow force as an acceleration, a random walk, m/s² after a second.
     pub slow: f64,
+    /// What the parameters do to the logarithm of the force noise `λ_k σ_i` of the magnets: parameter, magnet, derivative.
+    pub levels: Vec<(usize, usize, f64)>,
 }
 
 /// One sample interval: `δ_k = F δ_{k−1} + offset + Σ_j Γ_j w_j` with stiffness and gyroscope in F, w of variance 1.
@@ -243,6 +245,20 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
             });
             (*at, Description::derivative(&more, &less, *step))
         });
+        let varied: Vec<(usize, Description<N, K>)> = varied.collect();
+        let machine = (kind.describe)(bench);
+        let gain = |k: usize| 1.0 + bench[places.current_gain + k];
+        let mut levels = Vec::new();
+        for k in 0..K {
+            levels.push((k, k, 1.0 / theta[k]));
+            levels.push((layout.base + places.current_gain + k, k, -2.0 / gain(k)));
+            let pull = &machine.magnets[k];
+            levels.extend(varied.iter().map(|(at, varied)| {
+                let stronger = dot(&varied.magnets[k], pull) / dot(pull, pull);
+                (layout.base + at, k, stronger - 2.0 * varied.gap_m[k] / machine.gap_m[k])
+            }));
+        }
+        levels.retain(|(.., level)| *level != 0.0);
         let mut sensor = [[0.0; N]; N];
         (0..N).for_each(|n| sensor[n][n] = 1.0);
         let mut offset = [0.0; N];
@@ -270,15 +286,16 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
         }
         Self {
             h,
-            machine: (kind.describe)(bench),
-            varied: varied.collect(),
+            machine,
+            varied,
             pairs,
             offset,
             sensor,
             delay: bench[places.delay],
-            current: std::array::from_fn(|k| [bench[places.current_offset + k], 1.0 + bench[places.current_gain + k]]),
+            current: std::array::from_fn(|k| [bench[places.current_offset + k], gain(k)]),
             noise: current_noise_a,
             slow,
+            levels,
             layout,
             places,
             theta,

@@ -147,7 +147,9 @@ where
     /// Sums over all columns, with instruments if there are any, and the columns of the sensitivities to what is estimated.
     fn sums(&self, estimated: &[usize]) -> (Blocks, Normal, Vec<usize>) {
         let instruments = self.has_instruments();
-        let blocks = self.pass(if instruments { Columns::Instruments } else { Columns::All });
+        // Where the bench is searched, whether the search has converged is judged by the sensitivities that led it.
+        let total = if self.exact() { Columns::Total } else { Columns::All };
+        let blocks = self.pass(if instruments { Columns::Instruments } else { total });
         let normal = self.normal(&blocks);
         // Beside their instruments, the sensitivities to λ stand at the end.
         let first = normal.b.len() - K;
