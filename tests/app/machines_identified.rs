@@ -163,13 +163,13 @@ fn what_is_off_on_the_bench_of_a_shaft_is_found() {
         let [value, std] = ["value", "stdTotal"].map(|of| document["bench"][name][of].as_f64().expect("a number"));
         below(&format!("{name}, deviations"), (value - truth).abs() / std, MOST_STD);
     }
-    // What the motion tells best is known better than it was stated.
+    // These the motion tells: they are known better than they were stated.
     for (name, stated) in [("A.sensor.offset[y]", 5e-6), ("X.sensor.offset", 5e-6), ("Jt", 0.01)] {
         below(name, document["bench"][name]["stdTotal"].as_f64().expect("a number"), stated);
     }
 }
 
-/// What people get wrong is looked for at each bearing of a shaft.
+/// Magnets that are exchanged are looked for at each bearing of a shaft.
 #[test]
 fn exchanged_magnets_of_a_shaft_are_named() {
     let folder = folder("machines-identified/exchanged");

@@ -20,6 +20,9 @@
 //!   innovations explain them. Innovations are white, so that these are not correlated with those that follow. What they do not tell is added to the covariance.
 //!   The stiffness of the filter is that of the same currents.
 //!
+//! The gains of the filter follow the force noise, λ times the noise of the currents. Where the search ends and the bench is known exactly, the columns are total
+//! sensitivities: they contain what a parameter does through the gains.
+//!
 //! A bench parameter ([`parameters`]) is one more column. Known with a tolerance it has a Gaussian prior; known exactly it is not estimated,
 //! but its column says what an error of it would do to λ (the budget) and whether the residuals ask for it (the suspects).
 //!
@@ -49,7 +52,7 @@ use nalgebra::DMatrix;
 pub(super) use self::bench::DELAY;
 pub use self::bench::{BenchParameter, Knowledge, Told, by_name, parameters};
 pub use self::body::Body;
-pub use self::filter::HARMONICS;
+pub use self::filter::{HARMONICS, LAGS};
 pub use crate::estimation::Hold;
 
 /// One recording, sampled at equal distances.
@@ -318,12 +321,12 @@ pub struct Suspect {
 /// Residuals of one recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Residuals {
-    /// χ² with two degrees of freedom of the whitened innovations at harmonics 1–4 of the shaft angle, by coordinate.
+    /// χ² with two degrees of freedom of the whitened innovations at harmonics of the shaft angle from the first, by coordinate.
     pub harmonics: Vec<[f64; HARMONICS]>,
     /// Amplitude of the same relative to the noise of one innovation.
     pub amplitudes: Vec<[f64; HARMONICS]>,
-    /// Autocorrelation of the whitened innovations at lags 1–4 by part of the motion, mean of all axes; by chance 1/√(axes · rows).
-    pub lags: Vec<[f64; 4]>,
+    /// Autocorrelation of the whitened innovations at lags from 1 by part of the motion, mean of all axes; by chance 1/√(axes · rows).
+    pub lags: Vec<[f64; LAGS]>,
 }
 
 /// A part of a recording that contradicts the rest.

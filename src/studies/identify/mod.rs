@@ -186,11 +186,16 @@ pub enum Failed {
 /// The window of one revolution that fits the recording, in seconds; the paper's where the speed is not known.
 #[must_use]
 pub fn one_revolution(samples: &Samples) -> f64 {
-    let known: Vec<f64> = samples.omega_rad_s.iter().copied().filter(|omega| omega.is_finite()).collect();
-    let mean = known.iter().sum::<f64>().abs() / known.len().max(1) as f64;
-    let window_s = if mean > 0.0 { TAU / mean } else { 0.02 };
+    let speed_rad_s = mean(&samples.omega_rad_s).abs();
+    let window_s = if speed_rad_s > 0.0 { TAU / speed_rad_s } else { 0.02 };
     // Two periods of the slowest that the window can see, eight samples at least.
     (window_s.min(0.2) / samples.step_s).round().max(8.0) * samples.step_s
+}
+
+/// The mean of the values that are known; 0 if none is.
+fn mean(values: &[f64]) -> f64 {
+    let known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    known.iter().sum::<f64>() / known.len().max(1) as f64
 }
 
 /// How much less likely a stretch of a recording is with each reading of a current sample, in the order of [`HOLDS`]: differences of

@@ -5,11 +5,11 @@
 
 use fmu_export::variable::Value;
 
-use super::Stated;
 use super::answer::Answer;
 use super::likelihood::{Body, Knowledge};
 use super::read::Samples;
 use super::tolerance::plain;
+use super::{Stated, mean};
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate;
 
@@ -293,12 +293,6 @@ impl Answer {
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0.0_f64), |(sum, count), value| (sum + value * value, count + 1.0));
     (sum / count.max(1.0)).sqrt()
-}
-
-/// The mean of the values that are known.
-fn mean(values: &[f64]) -> f64 {
-    let known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    known.iter().sum::<f64>() / known.len().max(1) as f64
 }
 
 fn start(scenario: &Scenario, element: &str, variable: &str) -> f64 {

@@ -175,7 +175,7 @@ impl Answer {
                 "phase": of.phase.value, "phaseStd": of.phase.noise_std, "phaseStdTotal": of.phase.total_std,
             })
         };
-        // What there is one of stands by itself.
+        // A list of one is shown as its element.
         let one_or_all = |all: Vec<Json>| match <[Json; 1]>::try_from(all) {
             Ok([one]) => one,
             Err(all) => all.into(),

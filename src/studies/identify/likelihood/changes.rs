@@ -5,8 +5,7 @@ use std::ops::Range;
 use nalgebra::DVector;
 
 use super::case::SHORTEST_BLOCK;
-use super::filter::Block;
-use super::filter::Passes;
+use super::filter::{Block, Passes};
 use super::rotor::{Kind, Rotor};
 use super::search::{Finished, fit};
 use super::solve::{Normal, inverse, part};
@@ -50,8 +49,7 @@ where
         let layout = search.kind.layout;
         let mut until = Normal::new(layout, search.cases.len());
         let loads: Vec<usize> = (layout.load..layout.base).map(|j| layout.unknown(j, r)).collect();
-        let blocks: Vec<&Block> =
-            finished.blocks.iter().filter(|(of, _)| *of == r).flat_map(|(_, blocks)| blocks).collect();
+        let blocks: Vec<&Block> = finished.blocks(r).collect();
         let end = blocks.last().map_or(0, |block| block.rows.end);
         for block in blocks.iter().take(blocks.len().saturating_sub(1)) {
             until.add(block, r);
@@ -132,8 +130,7 @@ where
 pub(super) fn disturbed<const N: usize, const K: usize>(finished: &Finished<'_, N, K>) -> Vec<Contradiction> {
     let mut found: Vec<Contradiction> = Vec::new();
     for recording in 0..finished.search.cases.len() {
-        let blocks: Vec<&Block> =
-            finished.blocks.iter().filter(|(of, _)| *of == recording).flat_map(|(_, blocks)| blocks).collect();
+        let blocks: Vec<&Block> = finished.blocks(recording).collect();
         let mean = |block: &Block| block.nis / (N as f64 * block.count);
         let mut sorted: Vec<f64> = blocks.iter().map(|block| mean(block)).collect();
         sorted.sort_by(f64::total_cmp);

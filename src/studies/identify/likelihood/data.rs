@@ -22,9 +22,9 @@ pub(super) struct Data<'a, const N: usize, const K: usize> {
     pub half_width: usize,
     /// Samples that were not recorded; empty if there are none.
     pub missing: &'a [Missing],
-    /// Errors of currents that were filled, and of those that are not known, A.
     /// The first of its magnets among those of the recording.
     pub first: usize,
+    /// Errors of currents that were filled, and of those that are not known, A.
     pub filled_a: [f64; K],
     pub unknown_a: [f64; K],
 }

@@ -29,7 +29,7 @@ const LEVEL_STEP: f64 = 1e-3;
 /// Harmonics of the shaft angle that are tested.
 pub const HARMONICS: usize = 4;
 /// Lags that are tested.
-pub(super) const LAGS: usize = 4;
+pub const LAGS: usize = 4;
 
 /// Product of many determinants of N rows as a logarithm, without one of each.
 #[derive(Clone, Copy, Debug)]
@@ -148,8 +148,8 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
     let (h_2, d) = (0.5 * h * h, rotor.delay);
     let m = rotor.sensor;
     let mut kalman = Kalman::<S>::diffuse::<N>(data.slow(rotor, piece.filtered.start));
-    // With the noise of one current each raised: what that does to the innovations is what the parameters do through the gains. Without it a bearing that turns slowly
-    // passed for known almost four times as well as it was.
+    // Filters with the noise of one current raised give the derivatives of the innovations to its level, and so the part of the sensitivities that comes through
+    // the gains. Without that part λ of a slow bearing seemed known almost four times as well as it was.
     let gains = matches!(columns, Columns::Total | Columns::Instruments);
     let mut raised: [Kalman<S>; K] = std::array::from_fn(|_| kalman.clone());
     let mut x = [[0.0; P]; S];

@@ -157,12 +157,14 @@ where
 }
 
 fn residuals<const N: usize, const K: usize>(finished: &Finished<'_, N, K>, r: usize) -> Residuals {
-    let blocks = || finished.blocks.iter().filter(move |(of, _)| *of == r).flat_map(|(_, blocks)| blocks);
+    let blocks = || finished.blocks(r);
     let rows: f64 = blocks().map(|block| block.count).sum();
     let nis: f64 = blocks().map(|block| block.nis).sum::<f64>();
-    let mut residuals =
-        Residuals { harmonics: vec![[0.0; HARMONICS]; N], amplitudes: vec![[0.0; HARMONICS]; N], lags: vec![[0.0; 4]] };
-    const { assert!(LAGS == 4) };
+    let mut residuals = Residuals {
+        harmonics: vec![[0.0; HARMONICS]; N],
+        amplitudes: vec![[0.0; HARMONICS]; N],
+        lags: vec![[0.0; LAGS]],
+    };
     for axis in 0..N {
         for harmonic in 0..HARMONICS {
             let sum = |part: usize| blocks().map(|block| block.harmonics[axis][harmonic][part]).sum::<f64>();

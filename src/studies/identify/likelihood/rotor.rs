@@ -188,7 +188,7 @@ pub(super) struct Rotor<const N: usize, const K: usize> {
     pub noise: f64,
     /// Level of a slow force as an acceleration, a random walk, m/s² after a second.
     pub slow: f64,
-    /// What the parameters do to the logarithm of the force noise `λ_k σ_i` of the magnets: parameter, magnet, derivative.
+    /// Derivatives of the logarithm of the force noise `λ_k σ_i` of a magnet to the parameters: parameter, magnet, derivative.
     pub levels: Vec<(usize, usize, f64)>,
 }
 

@@ -47,9 +47,14 @@ impl<const N: usize, const K: usize> Finished<'_, N, K> {
         Estimate { value: self.search.x[unknown], noise_std: std(&self.noise), total_std: std(&self.total) }
     }
 
+    /// The blocks of recording `r`.
+    pub fn blocks(&self, r: usize) -> impl Iterator<Item = &Block> {
+        self.blocks.iter().filter(move |(of, _)| *of == r).flat_map(|(_, blocks)| blocks)
+    }
+
     pub fn nis(&self, r: usize) -> f64 {
-        let blocks = || self.blocks.iter().filter(move |(of, _)| *of == r).flat_map(|(_, blocks)| blocks);
-        blocks().map(|block| block.nis).sum::<f64>() / (N as f64 * blocks().map(|block| block.count).sum::<f64>())
+        let count: f64 = self.blocks(r).map(|block| block.count).sum();
+        self.blocks(r).map(|block| block.nis).sum::<f64>() / (N as f64 * count)
     }
 }
 
