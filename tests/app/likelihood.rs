@@ -2,6 +2,7 @@
 
 use crate::bench::{Bench, Recorded};
 use fmu_export::variable::Value;
+use magnetic_bearing::plant::noise::Noise;
 use magnetic_bearing::simulation::simulate;
 use magnetic_bearing::studies::identify::likelihood::{self, *};
 use magnetic_bearing::studies::montecarlo::figures::Trial;
@@ -222,6 +223,34 @@ fn a_current_that_is_not_known_is_not_used() {
         println!("λ{k}: {error} standard deviations; moved by {moved}");
         assert!(error.abs() < 4.0, "λ{k}: {error} standard deviations");
         assert!(moved.abs() < 0.5, "λ{k} moved by {moved} standard deviations");
+    }
+}
+
+/// Of rows that are missing, the currents that follow tell what the filter cannot know: they answer the noise of the positions. λ is not taken from that.
+#[test]
+fn missing_rows_of_a_noisy_bench_do_not_deceive() {
+    for (seed, gap) in [(48, 10), (49, 10), (50, 30)] {
+        let noise = Bench { position_noise: 0.5e-6, current_noise: 15e-3, ..Bench::default() };
+        let bench = Bench { seconds: 1.0, seed, ..noise };
+        let recorded = bench.record();
+        let [mut lost] = Noise::channels(seed);
+        let rows = |_| lost.standard_normal().abs() < 1.25 / f64::from(gap);
+        let missing: Vec<Missing> = (0..recorded.current.len())
+            .map(rows)
+            .map(|lost| Missing {
+                position: lost,
+                current: [if lost { Origin::Filled } else { Origin::Recorded }; MAGNETS],
+            })
+            .collect();
+        let columns = columns(&recorded);
+        let recording = Recording { missing: &missing, ..recording(&columns, &bench, false) };
+        let found = likelihood::identify(&[recording], &options(&bench)).unwrap();
+        let share = missing.iter().filter(|of| of.position).count() as f64 / missing.len() as f64;
+        let error = |k: usize| (found.lambda[k].value - bench.lambda[k]) / found.lambda[k].total_std;
+        let relative = found.lambda[0].total_std / found.lambda[0].value;
+        println!("seed {seed}, {share}: {:?} deviations of {relative}", [0, 1, 2].map(error));
+        (0..3).for_each(|k| assert!(error(k).abs() < 4.0, "seed {seed}, λ{k}: {} standard deviations", error(k)));
+        assert_eq!(found.suspects, [], "seed {seed}");
     }
 }
 

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::data::{Data, Piece, Track};
 use super::missing::{Cubic, unknown_a};
-use super::{Part, Recording, SHORTEST, resolution};
+use super::{Missing, Part, Recording, SHORTEST, resolution};
 use crate::estimation::START_CURRENT_NOISE_A;
 
 /// Rows of a piece.
@@ -55,6 +55,13 @@ impl<const N: usize, const K: usize> Case<'_, N, K> {
     /// As how many rows they count.
     pub fn counting(&self) -> usize {
         self.counting.map_or(self.rows(), |counting| counting.min(self.rows()))
+    }
+
+    /// Gaps: rows that lack a reading before one that lacks none.
+    pub fn gaps(&self) -> usize {
+        let missing = |piece: &Piece| self.data.missing.get(piece.counted.clone()).unwrap_or_default().windows(2);
+        let ends = self.pieces.iter().flat_map(missing);
+        ends.filter(|rows| rows[0] != Missing::default() && rows[1] == Missing::default()).count()
     }
 
     /// Rows of a block.
@@ -152,6 +159,7 @@ pub(super) fn prepare<'a, const N: usize, const K: usize>(
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
         half_width: ((RATE_S / h).round() as usize).max(1),
         missing: recording.missing,
+        distrusts_filled: false,
         filled_a: Cubic::of(recording, current).rms_a(),
         unknown_a: unknown_a(current),
     };

@@ -24,6 +24,8 @@ pub(super) struct Data<'a, const N: usize, const K: usize> {
     pub missing: &'a [Missing],
     /// The first of its magnets among those of the recording.
     pub first: usize,
+    /// Whether currents that were filled count as not known.
+    pub distrusts_filled: bool,
     /// Errors of currents that were filled, and of those that are not known, A.
     pub filled_a: [f64; K],
     pub unknown_a: [f64; K],
@@ -43,7 +45,9 @@ impl<const N: usize, const K: usize> Data<'_, N, K> {
     /// Whether a current of a row is not known.
     #[inline(always)]
     pub fn is_unknown(&self, row: usize) -> bool {
-        self.missing.get(row).is_some_and(|missing| missing.current[self.first..][..K].contains(&Origin::Unknown))
+        self.missing.get(row).is_some_and(|missing| {
+            missing.current[self.first..][..K].iter().any(|of| self.trusted(*of) == Origin::Unknown)
+        })
     }
 
     /// Whether an innovation tells of the noise: not where the position was not recorded, nor where the force is not known.
@@ -53,12 +57,17 @@ impl<const N: usize, const K: usize> Data<'_, N, K> {
             || !self.is_missing(row) && !(row.saturating_sub(FOUND_AGAIN)..=row).any(|row| self.is_unknown(row))
     }
 
+    #[inline(always)]
+    fn trusted(&self, origin: Origin) -> Origin {
+        if origin == Origin::Filled && self.distrusts_filled { Origin::Unknown } else { origin }
+    }
+
     /// The origin of the currents of the interval that ends at a row. Where a current is not known on either side the interval is not, whatever a sample stands
     /// for: the readings of the currents are then compared over the same intervals.
     #[inline(always)]
     fn origin(&self, row: usize) -> [Origin; K] {
         let [before, here] = [row - 1, row].map(|row| &self.missing[row].current[self.first..][..K]);
-        std::array::from_fn(|k| match (self.hold, before[k].max(here[k])) {
+        std::array::from_fn(|k| match (self.hold, self.trusted(before[k].max(here[k]))) {
             (_, Origin::Unknown) => Origin::Unknown,
             (Hold::HeldBefore, _) => here[k],
             (Hold::HeldAfter, _) => before[k],

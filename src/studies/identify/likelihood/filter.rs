@@ -266,8 +266,12 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
                 innovation.whiten(std::array::from_fn(|a| (other.e[a] - innovation.e[a]) / LEVEL_STEP))
             });
             for (j, k, level) in &rotor.levels {
-                // The measured sensitivities to λ stand behind all others.
-                let column = if *j < K && columns == Columns::Instruments { rotor.layout.all + j } else { *j };
+                let column = match columns {
+                    // Instruments know nothing of the innovations. The measured sensitivities to λ stand behind them.
+                    Columns::Instruments if *j < K => rotor.layout.all + j,
+                    Columns::Instruments => continue,
+                    _ => *j,
+                };
                 for a in 0..N {
                     whitened[a][column] -= level * by_level[*k][a];
                 }

@@ -233,7 +233,7 @@ where
 
     /// Fills the currents that are missing by what is known of the innovations ([`missing`]).
     fn refill(&mut self) {
-        if self.cases.iter().all(|case| case.data.missing.is_empty()) {
+        if self.cases.iter().all(|case| case.data.missing.is_empty() || case.data.distrusts_filled) {
             return;
         }
         let innovations = self.innovations();
@@ -444,6 +444,9 @@ where
     if !search.exact() {
         search.weight = (BENCH_ROWS / rows).min(search.weight);
     }
+    // Instruments follow no error of a current that was filled from those that follow.
+    let exact = search.exact();
+    search.cases.iter_mut().for_each(|case| case.data.distrusts_filled = exact);
     Ok(search)
 }
 
