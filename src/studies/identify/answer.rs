@@ -188,7 +188,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
              smallest force (F0.modulation)"
                 .into(),
         );
-    } else if refusal.is_some() {
+    } else if refusal.is_some() && !(weak && found.as_ref().is_some_and(|found| found.deceived_by_gaps)) {
         let take = Take { columns: all[0].clone(), options, hold, stated: stated.clone(), bearing: 0 };
         findings.extend(diagnosis::proposals(&take));
     }

@@ -406,6 +406,8 @@ pub struct Identification {
     pub iterations: usize,
     /// Whether the last step was smaller than 5 % of a standard deviation.
     pub converged: bool,
+    /// Whether instruments found λ because the likelihood says little of it where readings are missing; nor does it judge other readings of the recording then.
+    pub deceived_by_gaps: bool,
     /// By how much a slow force raises the logarithm of the likelihood with everything else as it is; where it is not estimated, before a change of load or λ is
     /// left out.
     pub gain_by_slow_force: f64,
@@ -486,6 +488,7 @@ impl Identification {
         }
         self.iterations = self.iterations.max(other.iterations);
         self.converged &= other.converged;
+        self.deceived_by_gaps |= other.deceived_by_gaps;
         self.gain_by_slow_force += other.gain_by_slow_force;
         self.log_likelihood += other.log_likelihood;
         self

@@ -50,6 +50,7 @@ where
         covariance: finished.covariance,
         iterations: search.iterations,
         converged: search.converged,
+        deceived_by_gaps: search.deceived_by_gaps(),
         gain_by_slow_force,
         log_likelihood: -0.5 * search.merit(&finished.blocks),
     }

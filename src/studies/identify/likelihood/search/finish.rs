@@ -73,7 +73,7 @@ where
     Rotor<N, K>: Passes<N, K>,
 {
     let exact = search.converged && search.exact();
-    if exact && search.gap_variance() > BIAS_VARIANCE {
+    if search.deceived_by_gaps() {
         search.alternate()?;
     }
     if search.converged {
@@ -199,6 +199,11 @@ where
     fn gap_variance(&self) -> f64 {
         let [gaps, rows] = [Case::gaps, Case::rows].map(|of| self.cases.iter().map(of).sum::<usize>() as f64);
         (GAPS * gaps / rows).powi(2)
+    }
+
+    /// Whether the maximum of the likelihood says little of λ because readings are missing.
+    pub fn deceived_by_gaps(&self) -> bool {
+        self.converged && self.exact() && self.gap_variance() > BIAS_VARIANCE
     }
 
     /// Estimate by instruments and noise in turn: where readings are missing, the noise that belongs to the maximum of the likelihood is not that of the bench.
