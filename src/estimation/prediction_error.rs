@@ -59,10 +59,10 @@ const FIRST_GUESS_PART: f64 = 0.1;
 pub const STD_LIMIT: f64 = 0.05;
 const STD_LIMIT_VALID: f64 = 0.10;
 
-/// Least and greatest time for which an estimate has to pass all tests before it is valid again, s: four times as long at each refusal, so that `valid` changes
-/// at most five times a second; and the time in which that is forgotten.
-const PAUSE_S: [f64; 2] = [0.13, 0.6];
-const PAUSE_FADES_S: f64 = 0.5;
+/// Time for which an estimate that a test refused has to pass all of them before it is valid again, s; and the time within which it becomes valid twice at
+/// most, s, so that `valid` changes at most five times a second.
+const PAUSE_S: f64 = 0.1;
+const TWICE_S: f64 = 1.0;
 
 /// A normalised innovation squared beyond this comes from samples that no bearing makes.
 const NIS_CAP: f64 = 1.0e12;
@@ -143,9 +143,9 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     unexplained_until: u64,
     /// Whether λ has changed since the estimate was last valid.
     changed: bool,
-    /// For how long an estimate that a test refused has to pass before it is valid again, s, and from which sample on it may be.
-    pause_s: f64,
+    /// The samples from which on the estimate may be valid again: the pause after a refusal, and [`TWICE_S`] after each of the last two times that it became valid.
     valid_from: u64,
+    twice_from: [u64; 2],
     /// Mean square of the currents, A².
     mean_square_a2: f64,
     /// Samples since the start.
@@ -213,8 +213,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             outliers: 0,
             unexplained_until: 0,
             changed: false,
-            pause_s: PAUSE_S[0],
             valid_from: 0,
+            twice_from: [0; 2],
             mean_square_a2: 0.0,
             samples: 0,
             solution: None,
@@ -344,18 +344,9 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if state.samples.is_multiple_of(SOLVE_EVERY) && !state.is_settled() {
             self.solve(state);
         }
-        let was_valid = state.estimate.verdict == Verdict::Valid;
         let verdict = self.end_sample(state);
-        match verdict {
-            Verdict::Valid => {
-                (state.armed, state.changed) = (true, false);
-                state.pause_s = (state.pause_s * (1.0 - self.filter.step_s / PAUSE_FADES_S)).max(PAUSE_S[0]);
-            }
-            _ if was_valid => {
-                state.valid_from = state.samples + (state.pause_s / self.filter.step_s) as u64;
-                state.pause_s = (4.0 * state.pause_s).min(PAUSE_S[1]);
-            }
-            _ => (),
+        if verdict == Verdict::Valid {
+            (state.armed, state.changed) = (true, false);
         }
         verdict
     }
@@ -507,6 +498,12 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         let lambda = solution.lambda::<K>();
         let [variance, total] = solution.variances(state.validation.nis, self.scale_variance);
         let verdict = self.verdict(state, noise, &lambda, &total);
+        let after = |time_s: f64| state.samples + (time_s / self.filter.step_s) as u64;
+        match (state.estimate.verdict == Verdict::Valid, verdict == Verdict::Valid) {
+            (false, true) => state.twice_from = [state.twice_from[1], after(TWICE_S)],
+            (true, false) => state.valid_from = after(PAUSE_S),
+            _ => (),
+        }
         let estimate = &mut state.estimate;
         if verdict == Verdict::Valid {
             estimate.unknowns = solution.unknowns;
@@ -545,7 +542,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         } else {
             match state.validation.verdict(state.per_revolution(), was_valid) {
                 Verdict::Valid if (0..K).any(|k| sqrt(total[k]) >= limit * lambda[k]) => Verdict::Uncertain,
-                Verdict::Valid if state.samples < state.valid_from => state.estimate.verdict,
+                Verdict::Valid if state.samples < state.valid_from.max(state.twice_from[0]) => state.estimate.verdict,
                 verdict => verdict,
             }
         }
