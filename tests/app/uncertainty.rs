@@ -329,6 +329,27 @@ fn blows_are_forgotten() {
     assert!(median < 0.075 && most < 0.125, "valid again after {median:.3} s, nine in ten after {most:.3} s");
 }
 
+/// Whatever hits the rotor, and however often, `valid` changes at most five times within any second.
+#[test]
+fn valid_is_calm() {
+    for every_s in [0.15, 0.2, 0.3] {
+        let (_, mut bench) = row("unbalanced", &[], 3, NOISE, true);
+        let (mut said, mut changes) = (Vec::new(), Vec::new());
+        for blow in 1..=(3.0 / every_s) as u32 {
+            said.extend(bench.until(f64::from(blow) * every_s, |_| ()));
+            bench.set("plant", "pY", 40.0);
+            said.extend(bench.until(f64::from(blow) * every_s + 0.01, |_| ()));
+            bench.set("plant", "pY", 10.0);
+        }
+        for pair in said.windows(2).filter(|pair| pair[0].valid != pair[1].valid) {
+            changes.push(pair[1].time_s);
+        }
+        let within = |from_s: f64| changes.iter().filter(|at_s| (from_s..from_s + 1.0).contains(*at_s)).count();
+        let most = changes.iter().map(|from_s| within(*from_s)).max().unwrap_or(0);
+        assert!((4..=5).contains(&most), "a blow every {every_s} s: {most} changes within a second, {changes:?}");
+    }
+}
+
 /// A bearing that does not change is known the better the longer it runs: no false change, no backward force that is only the bias of noisy currents.
 #[test]
 fn a_long_run_keeps_its_estimate() {
