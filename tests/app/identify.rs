@@ -1,5 +1,7 @@
 //! Answers from recordings with the imperfections of test benches, and what is said of those that give none.
 
+mod faults;
+
 use std::path::Path;
 
 use crate::bench::Bench;
@@ -322,72 +324,6 @@ fn tolerances_have_units() {
     }
 }
 
-/// Common mistakes: a change of a good recording, and the expected proposal.
-type Wrong = (fn(&mut Samples, &mut Question), &'static str);
-
-const WRONG: &[Wrong] = &[
-    (|samples, _| samples.position_m.swap(0, 1), "y and z are exchanged: exchange Ym and Zm"),
-    (|samples, _| samples.position_m[0].iter_mut().for_each(|y| *y = -*y), "y is mirrored"),
-    (|samples, _| samples.position_m[1].iter_mut().for_each(|z| *z = -*z), "z is mirrored"),
-    (|samples, _| samples.current_a.rotate_left(1), "the magnets count from the third"),
-    (|samples, _| samples.current_a.swap(0, 1), "magnets 1 and 2 are exchanged"),
-    (
-        |samples, _| {
-            samples.theta_rad.iter_mut().for_each(|theta| *theta = -*theta);
-            samples.omega_rad_s.iter_mut().for_each(|omega| *omega = -*omega);
-        },
-        "the angle counts against the rotation",
-    ),
-    // Each row has the command that is issued at it.
-    (|samples, _| samples.current_a.iter_mut().for_each(|i| i.rotate_left(1)), "--hold heldAfter"),
-    (|_, question| question.stated.hold = Hold::HeldAfter, "--hold heldBefore"),
-    (
-        |_, question| {
-            question.stated.bodies =
-                vec![Body::Disc { m_kg: 6.7, gap_m: 6e-4, alpha_rad: EstimatorConfig::default().alpha_rad.to_vec() }]
-        },
-        "--estimate s",
-    ),
-];
-
-#[test]
-fn what_is_wrong_is_told_in_words() {
-    let good = samples_of(&run(montecarlo::NOISE, 0.3).1);
-    for (spoil, proposal) in WRONG {
-        let mut samples = good.clone();
-        let mut question = question(&good, &[]);
-        spoil(&mut samples, &mut question);
-        let answer = identify::answer(&[samples], question).expect("a good question");
-        let first = answer.findings.first().cloned().unwrap_or_default();
-        println!("{}\n  {first}", answer.verdict);
-        assert!(!answer.valid && first.contains(proposal), "{proposal}: {} {:?}", answer.verdict, answer.findings);
-        let json = answer.json();
-        assert!(json["valid"] == false && json["lambdaHat"].is_null() && json["findings"].is_array(), "{json}");
-    }
-}
-
-/// Two mistakes at once may undo each other (axes exchanged and the angle reversed is a bearing seen from behind, with its magnets turned), but
-/// then λ is right. Otherwise no pair of them is valid.
-#[test]
-fn no_two_mistakes_end_valid() {
-    let good = samples_of(&run(montecarlo::NOISE, 0.05).1);
-    let pairs: Vec<[usize; 2]> =
-        (0..WRONG.len()).flat_map(|one| (one + 1..WRONG.len()).map(move |other| [one, other])).collect();
-    let wrong = in_order(pairs.len(), &|at| {
-        let mut samples = good.clone();
-        let mut question = question(&good, &[]);
-        pairs[at].iter().for_each(|mistake| WRONG[*mistake].0(&mut samples, &mut question));
-        let answer = identify::answer(&[samples], question).expect("a good question");
-        let off = |found: &likelihood::Identification| {
-            (0..3).map(|k| ((found.lambda[k].value - TRUTH[k]) / found.lambda[k].total_std).abs()).fold(0.0, f64::max)
-        };
-        let right = answer.found.as_ref().is_some_and(|found| off(found) < CONFIDENT);
-        (answer.valid && !right).then(|| format!("{:?}: {}", pairs[at].map(|mistake| WRONG[mistake].1), answer.verdict))
-    });
-    let wrong: Vec<String> = wrong.into_iter().flatten().collect();
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-}
-
 /// The exit code is 3 and the verdict in words; standard output is one JSON document.
 #[test]
 fn the_command_refuses_in_json_and_by_its_exit_code() {
@@ -460,22 +396,6 @@ fn a_scenario_tells_tolerances() {
     std::fs::remove_dir_all(&folder).expect("the folder");
 }
 
-/// Rotor, magnets and gap of another machine: nothing is valid, and the verdict says why.
-#[test]
-fn a_recording_of_another_machine_is_not_valid() {
-    let (base, told) = run(montecarlo::NOISE, 0.1);
-    let told = samples_of(&told);
-    for seed in [62_901, 62_902] {
-        let mut scenario = montecarlo::cases::drawn(&base, seed, false);
-        scenario.duration_s = 0.1;
-        let samples = samples_of(&simulate::run(&scenario).expect("a good scenario").recording);
-        let question = question(&told, &[]);
-        let answer = identify::answer(&[samples], question).expect("a good question");
-        println!("seed {seed}: {} {:?}", answer.verdict, answer.findings);
-        assert!(!answer.valid && answer.verdict.starts_with("Not valid: "), "seed {seed}: {}", answer.verdict);
-    }
-}
-
 /// Tolerances of the on-line estimator hold here as well.
 #[test]
 fn tolerances_of_the_estimator_are_those_of_the_bench() {
@@ -492,179 +412,6 @@ fn tolerances_of_the_estimator_are_those_of_the_bench() {
     // Each of two independent gains has the variance of mean and half difference together.
     let [mean, half] = ["sensor.gain", "sensor.gainDifference"].map(|name| of(name).expect("a tolerance"));
     assert!((mean.hypot(half) - 0.01).abs() < 1e-12);
-}
-
-#[test]
-fn what_says_nothing_is_not_valid() {
-    let short = samples_of(&run(montecarlo::NOISE, 0.02).1);
-    let answer = ask(&[short], &[]);
-    assert!(!answer.valid && answer.verdict.contains("too short"), "{}", answer.verdict);
-    let (mut scenario, _) = run(montecarlo::NOISE, 0.01);
-    montecarlo::cases::at_rest(&mut scenario);
-    montecarlo::cases::unbalance(&mut scenario, 0.0, 0.0);
-    scenario.duration_s = 0.5;
-    let of = |scenario: &Scenario| samples_of(&simulate::run(scenario).expect("a good scenario").recording);
-    let answer = ask(&[of(&scenario)], &[]);
-    println!("{} {:?}", answer.verdict, answer.found.map(|found| found.lambda));
-    assert!(!answer.valid && answer.verdict.contains("at rest and nothing excites it"), "{}", answer.verdict);
-    montecarlo::cases::modulation(&mut scenario, 0.5, 110.0);
-    let answer = ask(&[of(&scenario)], &[]);
-    assert!(answer.valid, "{} {:?}", answer.verdict, answer.findings);
-}
-
-/// Rows that are missing at random, alone and in bursts, and single cells: the answer has the stated standard deviation.
-#[test]
-fn what_is_missing_is_a_gap() {
-    let (_, recording) = run(montecarlo::NOISE, 0.4);
-    let text = csv(&recording);
-    type Missing = fn(usize, &[f64], &[f64]) -> bool;
-    let cases: [(&str, Missing); 4] = [
-        ("3 % at random", |row, single, _| single[row] < 0.03),
-        ("20 % at random", |row, single, _| single[row] < 0.2),
-        ("half, in bursts", |row, _, bursts| bursts[row / 40] < 0.5),
-        ("four of every 24", |row, _, _| row % 24 < 4),
-    ];
-    for (name, is_missing) in cases {
-        let mut random = crate::support::Random::new(7);
-        let mut draw = || (0..recording.time_s.len()).map(|_| random.between(0.0, 1.0)).collect::<Vec<f64>>();
-        let (single, bursts) = (draw(), draw());
-        let (header, rows) = text.split_once('\n').expect("a header");
-        let rows = rows.lines().enumerate().filter(|(row, _)| !is_missing(*row, &single, &bursts));
-        let lossy: String = rows.map(|(_, line)| format!("{line}\n")).collect();
-        let samples = Samples::read(&format!("{header}\n{lossy}"), &Reading::default()).expect("a usable recording");
-        let answer = ask(&[samples], &[]);
-        println!("{name}: {} {:?}", answer.verdict, answer.findings);
-        assert!(answer.valid, "{name}: {} {:?}", answer.verdict, answer.findings);
-        for (lambda, truth) in answer.found.expect("estimates").lambda.iter().zip(TRUTH) {
-            let ratio = (lambda.value - truth) / lambda.total_std;
-            println!("  {lambda:?}: {ratio:.1} standard deviations");
-            assert!(ratio.abs() < 4.0, "{name}: {lambda:?}: {ratio:.1} standard deviations");
-        }
-    }
-}
-
-/// Faults of sensors are left out and named, whatever the model: λ stays right.
-#[test]
-fn faults_of_sensors_are_left_out_and_named() {
-    let text = csv(&run(montecarlo::NOISE, 0.4).1);
-    let header: Vec<&str> = text.lines().next().expect("a header").split(',').collect();
-    let column = |name: &str| header.iter().position(|cell| cell.starts_with(name)).expect("a column");
-    type Fault = fn(usize, f64) -> f64;
-    let cases: [(&str, &str, Fault); 4] = [
-        ("plant.Ym", "outliers", |row, value| if row % 997 == 500 { value + 50e-6 } else { value }),
-        ("plant.im[2]", "outliers", |row, value| if row % 499 == 100 { 0.0 } else { value }),
-        ("plant.Zm", "stuck at", |row, value| if (1500..1700).contains(&row) { 1e-5 } else { value }),
-        ("plant.im[1]", "clipped at", |_, value| value.min(2.2)),
-    ];
-    for (name, words, fault) in cases {
-        let at = column(name);
-        let rows = text.lines().skip(1).enumerate().map(|(row, line)| {
-            let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
-            cells[at] = fault(row, cells[at].parse().expect("a number")).to_string();
-            cells.join(",")
-        });
-        let spoilt = std::iter::once(header.join(",")).chain(rows).collect::<Vec<_>>().join("\n");
-        let samples = Samples::read(&spoilt, &Reading::default()).expect("a usable recording");
-        let notes = samples.notes.join(" ");
-        let answer = ask(&[samples], &[]);
-        println!("{name}, {words}: {} {:?} {notes}", answer.verdict, answer.findings);
-        assert!(notes.contains(words), "{name}: {notes}");
-        assert!(answer.valid, "{name}, {words}: {} {:?}", answer.verdict, answer.findings);
-        for (lambda, truth) in answer.found.expect("estimates").lambda.iter().zip(TRUTH) {
-            let ratio = (lambda.value - truth) / lambda.total_std;
-            assert!(ratio.abs() < 4.0, "{name}, {words}: {lambda:?}: {ratio:.1} standard deviations");
-        }
-    }
-}
-
-/// The text of a recording with its cells changed: row, then the cells of the row before as they are now, and its own.
-fn spoilt(text: &str, change: impl Fn(usize, &[String], &mut [String])) -> String {
-    let mut former: Vec<String> = Vec::new();
-    let rows = text.lines().enumerate().map(|(row, line)| {
-        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
-        if row > 1 {
-            change(row, &former, &mut cells);
-        }
-        former.clone_from(&cells);
-        cells.join(",")
-    });
-    rows.collect::<Vec<_>>().join("\n")
-}
-
-/// Rows that repeat the one before are left out, few or many at a time; nothing disturbs the rotor.
-#[test]
-fn repeated_rows_are_left_out() {
-    let text = csv(&run(montecarlo::NOISE, 0.4).1);
-    let names: Vec<&str> = text.lines().next().expect("a header").split(',').collect();
-    let read = |name: &str| ["plant.Ym", "plant.Zm", "plant.im"].iter().any(|of| name.starts_with(of));
-    let late = spoilt(&text, |row, former, cells| {
-        if row > 200 && row % 397 < 1 + row / 397 {
-            (0..cells.len()).filter(|at| read(names[*at])).for_each(|at| cells[at].clone_from(&former[at]));
-        }
-    });
-    let samples = Samples::read(&late, &Reading::default()).expect("a usable recording");
-    let notes = samples.notes.join(" ");
-    let answer = ask(&[samples], &[]);
-    assert!(notes.contains("repeat the one before"), "{notes}");
-    assert!(answer.valid && answer.findings.is_empty(), "{} {:?}", answer.verdict, answer.findings);
-}
-
-/// Steps of a position sensor above its noise are named; their errors repeat with the readings, so that more rows tell no more.
-#[test]
-fn quantised_positions_are_named() {
-    const STEP_M: f64 = 2e-6;
-    let text = csv(&run([5e-8, 1e-2], 0.4).1);
-    let names: Vec<&str> = text.lines().next().expect("a header").split(',').collect();
-    let coarse = spoilt(&text, |_, _, cells| {
-        for at in (0..cells.len()).filter(|at| names[*at].starts_with("plant.Ym") || names[*at].starts_with("plant.Zm"))
-        {
-            let value: f64 = cells[at].parse().expect("a number");
-            cells[at] = format!("{:e}", STEP_M * (value / STEP_M).round());
-        }
-    });
-    let samples = Samples::read(&coarse, &Reading::default()).expect("a usable recording");
-    let answer = ask(&[samples], &[]);
-    let said = answer.findings.join(" ");
-    assert!(said.contains("Ym is quantised in steps of 2 µm"), "{} {said}", answer.verdict);
-    let found = answer.found.expect("estimates");
-    let part = &found.conditions[0].parts[0];
-    assert!(part.counting < part.rows / 2, "{part:?}");
-    for (lambda, truth) in found.lambda.iter().zip(TRUTH) {
-        let ratio = (lambda.value - truth) / lambda.total_std;
-        assert!(ratio.abs() < 4.0, "{lambda:?}: {ratio:.1} standard deviations");
-    }
-}
-
-/// Several recordings of bearings whose λ differ are not one bearing: the answer names what differs.
-#[test]
-fn recordings_that_differ_are_told_apart() {
-    let (mut other, recording) = run(montecarlo::NOISE, 0.3);
-    let first = samples_of(&recording);
-    other.set("plant", "lambda[2]", Value::Real(1.05 * TRUTH[1]));
-    other.set("plant", "sensor.seed", Value::Integer(12));
-    let second = samples_of(&simulate::run(&other).expect("a good scenario").recording);
-    let answer = ask(&[first, second], &[]);
-    assert!(!answer.valid && answer.verdict.contains("the recordings differ: λ2"), "{}", answer.verdict);
-}
-
-/// Without angle and speed the rotor is not taken to be at rest; a speed that is off by 0.4 % is found.
-#[test]
-fn a_speed_that_is_unknown_or_wrong_is_said() {
-    let text = csv(&run(montecarlo::NOISE, 0.4).1);
-    let blind = text.replace("plant.theta", "plant.unused").replace("plant.omegam", "plant.unusedToo");
-    let of = |omega_rad_s: Option<f64>| {
-        let samples = Samples::read(&blind, &Reading { omega_rad_s, ..Reading::default() }).expect("usable");
-        ask(&[samples], &[])
-    };
-    let answer = of(None);
-    assert!(!answer.valid && answer.verdict.contains("neither angle nor speed"), "{}", answer.verdict);
-    // Nothing is estimated as if it were at rest.
-    assert!(answer.found.is_none() && answer.findings.join(" ").contains("is not known"), "{:?}", answer.findings);
-    let answer = of(Some(100.0 * std::f64::consts::PI));
-    assert!(answer.valid, "{} {:?}", answer.verdict, answer.findings);
-    let answer = of(Some(100.4 * std::f64::consts::PI));
-    println!("{} {:?}", answer.verdict, answer.findings);
-    assert!(!answer.valid && answer.verdict.contains("turns by -0.4"), "{} {:?}", answer.verdict, answer.findings);
 }
 
 /// The scenario that an answer saves is the bearing: its simulation says the same.

@@ -1,0 +1,129 @@
+//! Errors that end the initialization or a run.
+
+use super::*;
+
+/// Fails if only the first finding is reported, and if the run can begin nevertheless.
+#[test]
+fn refused_parameters_end_the_initialization_with_all_their_names() {
+    let bad: [(&str, &[(&str, f64)]); 3] = [
+        (PLANT, &[("m", 0.0), ("s", -1.0), ("lambda[2]", -1e-6), ("sensor.Ts", 0.0)]),
+        (CONTROLLER, &[("m", -1.0), ("Ts", 0.0), ("bandwidth.observer", -1.0)]),
+        ("AlgebraicEstimator", &[("m", -1.0), ("tolerance.s", -1e-6)]),
+    ];
+    for (model, values) in bad {
+        let fmu = Fmu::new(model);
+        for (name, value) in values {
+            fmu.set(name, *value).ok(&fmu);
+        }
+        fmu.enter_initialization().ok(&fmu);
+        let said = fmu.exit_initialization().error(&fmu);
+        says(&said, &["fmi2ExitInitializationMode", "expected"]);
+        for (name, _) in values {
+            says(&said, &[&format!("{name} = ")]);
+        }
+        assert_eq!(state_of(&fmu), 'e', "{model}");
+        fmu.reset().ok(&fmu);
+        fmu.start(0.0, None);
+        fmu.step(0.0, TS).ok(&fmu);
+    }
+}
+
+/// Drives the rotor into a magnet; returns the time of the failed step, and the message.
+fn crash(fmu: &Fmu) -> (f64, String) {
+    fmu.set("pZ", -1e5).ok(fmu);
+    for step in 0..100 {
+        let time_s = f64::from(step) * TS;
+        let status = fmu.step(time_s, TS);
+        if status != fmi2Status::fmi2OK {
+            return (time_s, status.error(fmu));
+        }
+    }
+    panic!("the rotor stays in the gap");
+}
+
+/// Fails if the run continues after the error, and if a reset leaves any state.
+#[test]
+fn an_error_in_a_step_ends_the_run_and_a_reset_begins_another() {
+    let fmu = Fmu::started(PLANT, &[]);
+    let (time_s, said) = crash(&fmu);
+    says(&said, &["fmi2DoStep", "leaves the gap", "magnet 1"]);
+    assert_eq!(state_of(&fmu), 'e');
+    let (mut status, mut last_s) = (fmi2Status::fmi2OK, -1.0);
+    let c = fmu.component();
+    // SAFETY: the instance is live; the values outlive the calls.
+    unsafe {
+        call!(fmi2GetStatus: fmi2GetStatusTYPE(c, fmi2StatusKind::fmi2DoStepStatus, &raw mut status)).ok(&fmu);
+        call!(fmi2GetRealStatus: fmi2GetRealStatusTYPE(c, fmi2StatusKind::fmi2LastSuccessfulTime, &raw mut last_s))
+            .ok(&fmu);
+    }
+    assert_eq!((status, last_s), (fmi2Status::fmi2Error, time_s));
+    // Computed values can still be read, and are numbers.
+    assert!(fmu.all_bits().into_iter().all(|bits| f64::from_bits(bits).is_finite()));
+    fmu.step(time_s, TS).error(&fmu);
+
+    fmu.reset().ok(&fmu);
+    fmu.start(0.0, None);
+    let fresh = Fmu::started(PLANT, &[]);
+    for step in 0..20 {
+        for fmu in [&fmu, &fresh] {
+            fmu.set("i[2]", 0.3).ok(fmu);
+            fmu.step(f64::from(step) * TS, TS).ok(fmu);
+        }
+    }
+    assert_eq!(fmu.all_bits(), fresh.all_bits());
+}
+
+/// Fails if fmi2Terminate is refused after an error.
+#[test]
+fn after_an_error_the_end_is_safe() {
+    let terminated = Fmu::started(PLANT, &[]);
+    crash(&terminated);
+    terminated.terminate().ok(&terminated);
+    terminated.terminate().error(&terminated);
+    drop(terminated);
+    let freed = Fmu::started(PLANT, &[]);
+    crash(&freed);
+    drop(freed);
+    // Freed in every other state.
+    for (state, _) in STATES {
+        drop(in_state(SUBJECT, state));
+    }
+}
+
+/// Fails if the checks of parameters let through what is not finite.
+#[test]
+fn parameters_that_are_no_numbers_are_refused_by_name() {
+    for model in MODELS {
+        for variable in Fmu::new(model).variables().to_vec() {
+            if variable.causality != Causality::Parameter || !matches!(variable.data_type, Type::Real { .. }) {
+                continue;
+            }
+            for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                let fmu = Fmu::new(model);
+                fmu.set(&variable.name, value).ok(&fmu);
+                fmu.setup(0.0, None).ok(&fmu);
+                fmu.enter_initialization().ok(&fmu);
+                let said = fmu.exit_initialization().error(&fmu);
+                says(&said, &["fmi2ExitInitializationMode", &variable.name, &value.to_string()]);
+            }
+        }
+    }
+}
+
+/// A missing sensor is no error for the estimator; plant and controller cannot continue without their inputs.
+/// Fails if plant and controller compute with what is not finite.
+#[test]
+fn inputs_that_are_no_numbers_end_the_step_or_the_validity() {
+    for (model, name) in [(PLANT, "i[2]"), (PLANT, "omega"), ("FlatnessController", "Zm")] {
+        let fmu = Fmu::started(model, &[]);
+        fmu.set(name, f64::NAN).ok(&fmu);
+        says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep", name, "NaN"]);
+    }
+    let fmu = Fmu::started("AlgebraicEstimator", &[]);
+    for name in ["Ym", "im[3]", "theta"] {
+        fmu.set(name, f64::NAN).ok(&fmu);
+    }
+    fmu.step(0.0, TS).ok(&fmu);
+    assert_eq!(fmu.get("valid"), 0.0, "a missing sample gives no valid estimate");
+    assert_eq!(fmu.get("lambdaHat[1]"), 4e-6);
+}

@@ -1,0 +1,201 @@
+//! Messages: their categories, and a logger that calls back.
+
+use super::*;
+
+/// Calls of `fmi2SetDebugLogging`: on or off, and the categories.
+type Switches = &'static [(bool, &'static [&'static str])];
+
+/// Messages of a controller that uses new force constants from its first sample on.
+fn heard(logging: bool, switches: Switches) -> Vec<Message> {
+    let fmu = Request { logging, ..Request::of(CONTROLLER) }.instantiate(CONTROLLER).expect("an instance");
+    for (on, categories) in switches {
+        fmu.set_logging(*on, categories).ok(&fmu);
+    }
+    fmu.set("update.time", 0.0).ok(&fmu);
+    fmu.start(0.0, None);
+    for k in 1..=3 {
+        fmu.set(&format!("lambdaHat[{k}]"), 2e-6).ok(&fmu);
+    }
+    fmu.set("lambdaValid", 1.0).ok(&fmu);
+    fmu.step(0.0, TS).ok(&fmu);
+    fmu.take_messages()
+}
+
+/// Fails if all messages pass, and if one category brings the others with it.
+#[test]
+fn messages_come_in_the_categories_that_are_wanted() {
+    let messages = heard(true, &[]);
+    let [message] = &messages[..] else { panic!("expected one event: {messages:?}") };
+    assert_eq!((message.status, message.category.as_str()), (fmi2Status::fmi2OK, "logEvents"));
+    says(&message.text, &["force constants", "2e-6"]);
+    assert_eq!(message.instance, "instance");
+
+    let cases: [(bool, Switches, bool); 9] = [
+        (false, &[], false),
+        (false, &[(true, &[])], true),
+        (false, &[(true, &["logEvents"])], true),
+        (false, &[(true, &["logAll"])], true),
+        (false, &[(true, &["logStatusWarning"])], false),
+        (true, &[(false, &[])], false),
+        (true, &[(false, &["logEvents"])], false),
+        (true, &[(false, &["logStatusWarning"])], true),
+        (false, &[(true, &["logEvents", "logStatusWarning"]), (false, &["logEvents"])], false),
+    ];
+    for (logging, switches, event) in cases {
+        let messages = heard(logging, switches);
+        assert_eq!(messages.len(), usize::from(event), "{logging}, {switches:?}: {messages:?}");
+    }
+}
+
+/// Categories of the messages of an estimator without currents, and of a wrong call.
+fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> {
+    const ESTIMATOR: &str = "AlgebraicEstimator";
+    let fmu = Request { logging, ..Request::of(ESTIMATOR) }.instantiate(ESTIMATOR).expect("an instance");
+    for (on, categories) in switches {
+        fmu.set_logging(*on, categories).ok(&fmu);
+    }
+    fmu.set("method", 2.0).ok(&fmu);
+    fmu.set("Tf", 2e-3).ok(&fmu);
+    fmu.set("epsilon", 2e-3).ok(&fmu);
+    fmu.start(0.0, None);
+    for step in 0..100 {
+        // A sample that is missing begins another window, which is an event. Without currents the matrix of the equations is
+        // 0 once the window is full.
+        let position = 1e-6 * f64::from(step % 3);
+        for name in ["Ym", "Zm"] {
+            fmu.set(name, if step == 50 { f64::NAN } else { position }).ok(&fmu);
+        }
+        fmu.step(f64::from(step) * TS, TS).ok(&fmu);
+    }
+    assert_eq!(fmu.step(0.0, -1.0), fmi2Status::fmi2Error);
+    let messages = fmu.take_messages();
+    for message in messages.iter().filter(|message| message.category == "logSingularLinearSystems") {
+        says(&message.text, &["does not tell the unknowns apart"]);
+    }
+    let mut categories: Vec<_> = messages.into_iter().map(|message| message.category).collect();
+    categories.sort();
+    categories.dedup();
+    categories
+}
+
+/// The categories that the model description declares.
+fn declared_categories() -> Vec<String> {
+    let model = magnetic_bearing::fmu::find(PLANT).expect("a model of this project");
+    let document = roxmltree::Document::parse(model.xml()).expect("well-formed XML");
+    let categories = document.descendants().filter(|node| node.has_tag_name("Category"));
+    categories.map(|node| node.attribute("name").expect("a name").to_owned()).collect()
+}
+
+/// Every category of the model description, switched on with nothing else and off with all others on. Nothing is ever said
+/// in `logStatusWarning` and `logStatusFatal`, so that theirs is a matter of what else is heard.
+/// Fails if two categories share a bit, if a category that is switched on brings others with it, if errors cannot be switched off by
+/// name, and if a singular matrix is an event like any other.
+#[test]
+fn every_category_is_switched_alone() {
+    let said = ["logEvents", "logSingularLinearSystems", "logStatusError"];
+    assert_eq!(categories_heard(true, &[]), said);
+    let declared = declared_categories();
+    assert_eq!(declared.len(), 6);
+    for category in declared.iter().map(String::as_str) {
+        let all = category == "logAll";
+        // Errors are reported unless they are switched off by name.
+        let on = categories_heard(false, &[(false, &["logStatusError"]), (true, &[category])]);
+        let wanted: Vec<_> = said.into_iter().filter(|said| all || *said == category).collect();
+        assert_eq!(on, wanted, "{category} alone");
+        let off = categories_heard(true, &[(false, &[category])]);
+        let wanted: Vec<_> =
+            if all { vec!["logStatusError"] } else { said.into_iter().filter(|said| *said != category).collect() };
+        assert_eq!(off, wanted, "all but {category}");
+        // Off and on again is on.
+        let again = categories_heard(true, &[(false, &[category]), (true, &[category])]);
+        assert_eq!(again, said, "{category} off and on");
+    }
+}
+
+/// Fails if a list with an unknown category switches the known ones, and if the message does not name the unknown one.
+#[test]
+fn a_list_with_an_unknown_category_switches_nothing() {
+    let fmu = Request::of(PLANT).instantiate(PLANT).expect("an instance");
+    fmu.set_logging(false, &[]).ok(&fmu);
+    // Errors are reported even while logging is off: otherwise nobody could tell why a simulation ended.
+    says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
+    let unknown = ["logNonsense", "logevents", "logEvents ", ""];
+    for name in unknown {
+        let said = fmu.set_logging(false, &["logStatusError", name]).error(&fmu);
+        says(&said, &["fmi2SetDebugLogging: ", &format!("{name} is not a category")]);
+    }
+    says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
+}
+
+/// Data of a logger that calls back into its instance.
+struct Caller {
+    component: std::cell::Cell<fmi2Component>,
+    answers: std::cell::RefCell<Vec<fmi2Status>>,
+    frees: bool,
+}
+
+/// A logger that uses its instance: it reads, steps, resets, also in another thread, and frees it.
+unsafe extern "C" fn call_back(
+    environment: fmi2ComponentEnvironment,
+    _: fmi2String,
+    _: fmi2Status,
+    _: fmi2String,
+    _: fmi2String,
+    _: fmi2String,
+) {
+    // SAFETY: the environment is the address of the caller, which outlives the instance.
+    let caller = unsafe { &*environment.cast::<Caller>() };
+    let (c, mut value) = (caller.component.get(), 0.0);
+    // SAFETY: the instance is live; the arrays have one element.
+    unsafe {
+        let answers = [
+            call!(fmi2GetReal: fmi2GetRealTYPE(c, [0].as_ptr(), 1, &raw mut value)),
+            call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True)),
+            call!(fmi2Reset: fmi2ResetTYPE(c)),
+            call!(fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(c, fmi2False, 0, null())),
+        ];
+        caller.answers.borrow_mut().extend(answers);
+        let address = c.expose_provenance();
+        let another = move || {
+            let c = std::ptr::with_exposed_provenance_mut(address);
+            call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True))
+        };
+        caller.answers.borrow_mut().push(thread::spawn(another).join().expect("no panic"));
+        if caller.frees {
+            call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(c));
+        }
+    }
+}
+
+/// Loggers of importers call back, for instance to read the time, and so do other threads meanwhile. Fails if the entry guard lets a
+/// second call in: then this process ends in endless recursion, or the instance is freed in the middle of its call.
+#[test]
+fn a_logger_that_calls_back_is_turned_away() {
+    for frees in [false, true] {
+        let caller =
+            Box::new(Caller { component: null_mut::<std::ffi::c_void>().into(), answers: Vec::new().into(), frees });
+        let callbacks = fmi2CallbackFunctions {
+            logger: crate::support::ffi::variadic(call_back),
+            allocateMemory: None,
+            freeMemory: None,
+            stepFinished: None,
+            componentEnvironment: (&raw const *caller).cast_mut().cast(),
+        };
+        let (name, guid) = (text("speaker"), text(&guid(PLANT)));
+        let kind = fmi2Type::fmi2CoSimulation;
+        // SAFETY: callbacks, texts and environment outlive the instance, which is freed once.
+        unsafe {
+            let c = call!(fmi2Instantiate: fmi2InstantiateTYPE(name.as_ptr(), kind, guid.as_ptr(), null(), &raw const callbacks, 0, 0));
+            caller.component.set(c);
+            let error = fmi2Status::fmi2Error;
+            for _ in 0..2 {
+                assert_eq!(call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True)), error);
+                assert_eq!(caller.answers.take(), [error; 5]);
+            }
+            // The call has ended, and the instance is as it was.
+            assert_eq!(call!(fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE(c)), fmi2Status::fmi2OK);
+            assert_eq!(call!(fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE(c)), fmi2Status::fmi2OK);
+            call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(c));
+        }
+    }
+}

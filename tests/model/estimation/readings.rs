@@ -1,0 +1,260 @@
+//! Samples that are missing, stuck, wild, wrapped, or of a rotor that does not turn.
+
+use super::*;
+
+/// A gap keeps what was learnt; the verdict names the reason meanwhile.
+#[test]
+fn gaps_keep_what_was_learnt() {
+    type Spoil = fn(&mut EstimatorInput);
+    let spoilt: [(Spoil, Verdict); 9] = [
+        (|input| input.position_m[1] = f64::NAN, Verdict::BadSample),
+        (|input| input.position_m[0] = f64::NEG_INFINITY, Verdict::BadSample),
+        (|input| input.current_a[2] = f64::INFINITY, Verdict::BadSample),
+        (|input| input.current_a[0] = 1e200, Verdict::BadSample),
+        (|input| input.position_m[1] = -6e-4, Verdict::BadSample),
+        (|input| input.theta_rad = f64::NAN, Verdict::BadSample),
+        (|input| input.omega_rad_s = f64::NEG_INFINITY, Verdict::BadSample),
+        (|input| input.enable = false, Verdict::Disabled),
+        (|input| input.contact = true, Verdict::Contact),
+    ];
+    let rotor = noisy(5, 3001);
+    let good = rotor.inputs(Hold::HeldBefore);
+    for noise in [NOISE, (0.0, 0.0)] {
+        let estimator = estimator(told(config(&rotor), noise));
+        let undisturbed = run(&estimator, &good).0.pop().expect("samples");
+        for (spoil, verdict) in spoilt {
+            // Single samples that are missing are bridged; the estimate goes on.
+            let lasting = |j: usize| {
+                [Verdict::Disabled, Verdict::Contact].contains(&verdict) || j >= 1000 + STUCK_SAMPLES as usize
+            };
+            for gap in [1000..1001, 1000..1230] {
+                let mut inputs = good.clone();
+                inputs[gap.clone()].iter_mut().for_each(spoil);
+                let (outputs, _) = run(&estimator, &inputs);
+                let before = &outputs[999];
+                assert!(before.valid);
+                for (j, output) in gap.clone().zip(&outputs[gap.clone()]) {
+                    assert_eq!(output.verdict, if lasting(j) { verdict } else { Verdict::Valid }, "{verdict:?} at {j}");
+                    assert_eq!(output.lambda_hat, before.lambda_hat, "the last valid estimate stays");
+                }
+                let back = outputs[gap.end..].iter().position(|output| output.valid);
+                assert!(back.is_some_and(|samples| samples <= 5), "{verdict:?} {gap:?}: valid after {back:?} samples");
+                assert_never_wrong(&format!("{verdict:?} {gap:?}"), &rotor, &outputs);
+                let last = outputs.last().expect("samples");
+                for k in 0..3 {
+                    // The gap costs the information of its samples.
+                    let more = last.lambda_std[k] / undisturbed.lambda_std[k];
+                    assert!((0.95..1.15).contains(&more), "{verdict:?} {gap:?}: {more} times the standard deviation");
+                }
+            }
+        }
+    }
+}
+
+/// Samples of the start may be missing as well: the noise is then found later.
+#[test]
+fn a_gap_while_the_noise_is_sought() {
+    let rotor = noisy(6, 2001);
+    let mut inputs = rotor.inputs(Hold::HeldBefore);
+    for j in [0, 30, 61, 90] {
+        inputs[j].position_m[0] = f64::NAN;
+    }
+    let outputs = run(&estimator(config(&rotor)), &inputs).0;
+    assert!(outputs.last().expect("samples").valid);
+    assert_never_wrong("gaps at the start", &rotor, &outputs);
+}
+
+#[test]
+fn a_stuck_sensor_is_named() {
+    let rotor = noisy(7, 5001);
+    let mut inputs = rotor.inputs(Hold::HeldBefore);
+    let stuck = inputs[1000].position_m[1];
+    inputs[1000..1400].iter_mut().for_each(|input| input.position_m[1] = stuck);
+    let outputs = run(&estimator(config(&rotor)), &inputs).0;
+    let named = outputs[1000..].iter().position(|output| output.verdict == Verdict::Stuck);
+    assert_eq!(named, Some(STUCK_SAMPLES as usize), "samples until it is named");
+    assert!(outputs[1000 + STUCK_SAMPLES as usize..1400].iter().all(|output| output.verdict == Verdict::Stuck));
+    for j in (990..outputs.len()).step_by(100) {
+        println!("{j} {:?} {:.3e}", outputs[j].verdict, outputs[j].residual);
+    }
+    assert!(outputs[3400..].iter().all(|output| output.valid), "it comes back by itself within 0.2 s");
+    assert_never_wrong("stuck", &rotor, &outputs);
+}
+
+#[test]
+fn the_angle_may_be_wrapped() {
+    let rotor = noisy(8, 2001);
+    let plain = rotor.inputs(Hold::HeldBefore);
+    let estimator = estimator(config(&rotor));
+    let one = run(&estimator, &plain).0.pop().expect("samples");
+    type Wrap = fn(f64) -> f64;
+    let wraps: [Wrap; 3] = [
+        |theta| theta.rem_euclid(2.0 * PI),
+        |theta| (theta + PI).rem_euclid(2.0 * PI) - PI,
+        |theta| theta - 2000.0 * PI,
+    ];
+    for wrap in wraps {
+        let wrapped: Vec<_> =
+            plain.iter().map(|input| EstimatorInput { theta_rad: wrap(input.theta_rad), ..input.clone() }).collect();
+        let other = run(&estimator, &wrapped).0.pop().expect("samples");
+        assert_eq!(one.verdict, other.verdict);
+        for k in 0..3 {
+            // Rounding of the angle may end a quarter of a revolution a sample later.
+            let off = (one.lambda_hat[k] - other.lambda_hat[k]).abs() / one.lambda_std[k];
+            // A sample at the edge of a cell of the instruments may fall on either side.
+            assert!(off < 0.1, "lambda[{}] is off by {off} standard deviations", k + 1);
+        }
+        assert!((one.unbalance_phase_rad[0] - other.unbalance_phase_rad[0]).abs() < 1e-3);
+    }
+}
+
+#[test]
+fn the_rotor_may_turn_backward() {
+    let rotor = Rotor { omega_rad_s: -100.0 * PI, samples: 2001, ..unbalanced() };
+    let outputs = rotor.identify(config(&rotor));
+    assert_right("backward", &rotor, &outputs, 2.0 * EXACT_PERCENT);
+    let last = outputs.last().expect("samples");
+    assert!((last.unbalance_kg_m[0] / rotor.unbalance.0 - 1.0).abs() < 1e-4, "{}", last.unbalance_kg_m[0]);
+    assert!((last.unbalance_phase_rad[0] - rotor.unbalance.1).abs() < 1e-4, "{}", last.unbalance_phase_rad[0]);
+    let rotor = Rotor { noise: NOISE, ..rotor };
+    assert!(assert_never_wrong("backward with noise", &rotor, &rotor.identify(config(&rotor))) > 1000);
+}
+
+#[test]
+fn a_balanced_rotor_needs_no_unbalance() {
+    let rotor = Rotor { noise: NOISE, seed: 9, samples: 2001, ..Rotor::default() };
+    let with = rotor.identify(config(&rotor));
+    let balanced = EstimatorConfig { identify_unbalance: false, ..config(&rotor) };
+    let without = rotor.identify(balanced.clone());
+    assert!(assert_never_wrong("balanced", &rotor, &without) > 1000);
+    let [with, without] = [with, without].map(|mut outputs| outputs.pop().expect("samples"));
+    assert_eq!((without.unbalance_kg_m[0], without.unbalance_phase_rad[0]), (0.0, 0.0));
+    assert!(without.lambda_std[1] < 0.6 * with.lambda_std[1], "an unknown less: {without:?}\n{with:?}");
+
+    // No angle is connected: it stays at 0, while the rotor turns.
+    let mut inputs = rotor.inputs(Hold::HeldBefore);
+    inputs.iter_mut().for_each(|input| input.theta_rad = 0.0);
+    let outputs = run(&estimator(balanced), &inputs).0;
+    assert!(outputs.last().expect("samples").valid, "{:?}", outputs.last());
+    assert_never_wrong("balanced, no angle", &rotor, &outputs);
+
+    // An unbalance that is told not to be there is seen, or the estimate is not valid.
+    let rotor = noisy(9, 5001);
+    let outputs = rotor.identify(EstimatorConfig { identify_unbalance: false, ..config(&rotor) });
+    println!("{:?}", outputs.last().expect("samples"));
+    assert!(!outputs.last().expect("samples").valid, "an unbalance of 20 N that is denied");
+}
+
+/// Without an angle the unbalance cannot be told: what comes out is right, or not valid.
+#[test]
+fn no_angle_is_connected() {
+    let rotor = noisy(10, 5001);
+    let mut inputs = rotor.inputs(Hold::HeldBefore);
+    inputs.iter_mut().for_each(|input| input.theta_rad = 0.0);
+    for noise in [(0.0, 0.0), NOISE] {
+        let outputs = run(&estimator(told(config(&rotor), noise)), &inputs).0;
+        println!("{:?}", outputs.last().expect("samples"));
+        assert_never_wrong(&format!("no angle, told {noise:?}"), &rotor, &outputs);
+    }
+}
+
+#[test]
+fn a_rotor_at_rest_is_right_or_not_valid() {
+    for noise in [(0.0, 0.0), NOISE, (1e-6, 1e-2)] {
+        for told_noise in [(0.0, 0.0), NOISE] {
+            let rest = Rotor { radius_m: [0.0; 2], omega_rad_s: 0.0, noise, samples: 5001, ..unbalanced() };
+            let outputs = rest.identify(told(config(&rest), told_noise));
+            let last = outputs.last().expect("samples");
+            println!("{noise:?} told {told_noise:?}: {:?}, condition {:.1e}", last.verdict, last.condition);
+            // Noise that the controller feeds back excites a little.
+            if noise == (0.0, 0.0) {
+                assert!(outputs.iter().all(|output| !output.valid), "noise {noise:?}, told {told_noise:?}");
+                assert_eq!(last.lambda_hat, [4e-6; 3]);
+            }
+            if told_noise == noise || told_noise == (0.0, 0.0) {
+                assert_never_wrong(&format!("at rest, {noise:?} told {told_noise:?}"), &rest, &outputs);
+            }
+        }
+    }
+}
+
+/// Amplifiers that are switched off or at their limit tell little, and nothing wrong.
+#[test]
+fn currents_that_are_zero_or_limited() {
+    let estimator = estimator(EstimatorConfig::default());
+    for current_a in [[0.0; 3], [2.0; 3], [0.0, 2.0, 0.0]] {
+        let mut state = estimator.start();
+        for j in 0..3000 {
+            let theta_rad = 0.03 * f64::from(j);
+            let input = EstimatorInput {
+                position_m: [1e-5, -2e-5],
+                current_a,
+                theta_rad,
+                omega_rad_s: 300.0,
+                enable: true,
+                ..EstimatorInput::default()
+            };
+            let output = estimator.sample(&mut state, &input);
+            assert!(!output.valid, "{current_a:?}: {output:?}");
+            assert_eq!(output.lambda_hat, [4e-6; 3]);
+        }
+        println!("{current_a:?}: {:?}, condition {:.1e}", state.output().verdict, state.output().condition);
+    }
+    // One magnet without current: its λ stays unknown.
+    let rotor = noisy(11, 2001);
+    let mut inputs = rotor.inputs(Hold::HeldBefore);
+    inputs.iter_mut().for_each(|input| input.current_a[1] = 0.0);
+    let outputs = run(&Estimator::new(config(&rotor)).expect("good"), &inputs).0;
+    assert!(outputs.iter().all(|output| !output.valid), "{:?}", outputs.last());
+    // Currents at their limit in a quarter of the samples are what flows all the same.
+    let limited = Rotor { limit_a: 4.0, ..noisy(12, 5001) };
+    let outputs = limited.identify(config(&limited));
+    assert!(assert_never_wrong("limited", &limited, &outputs) > 0, "{:?}", outputs.last());
+}
+
+/// The samples before the noise is found are not lost: what they tell is in the estimate later on.
+#[test]
+fn the_first_samples_are_not_lost() {
+    let rotor = noisy(35, 1001);
+    let outputs = |noise| rotor.identify(told(config(&rotor), noise)).pop().expect("samples");
+    let (told, found) = (outputs(NOISE), outputs((0.0, 0.0)));
+    for k in 0..3 {
+        // The noise that is found is still 15 % too large.
+        let ratio = found.lambda_std[k] / told.lambda_std[k];
+        println!("lambda[{}]: {ratio:.3} times the standard deviation with the noise told", k + 1);
+        assert!((0.9..1.25).contains(&ratio), "lambda[{}]: {ratio}", k + 1);
+    }
+}
+
+#[test]
+fn outputs_are_finite_on_wild_inputs() {
+    let mut wild = Wild::new(7);
+    let tolerance = Tolerance { gap_m: 1e-6, alpha_rad: 0.01, current_offset_a: 0.01, ..Tolerance::default() };
+    for (hold, tolerance, told_noise) in [
+        (Hold::HeldBefore, Tolerance::default(), (0.0, 0.0)),
+        (Hold::HeldAfter, Tolerance::default(), NOISE),
+        (Hold::Linear, tolerance.clone(), (0.0, 0.0)),
+        (Hold::HeldBefore, tolerance, NOISE),
+        (Hold::Linear, Tolerance::default(), (1e-300, 1e-300)),
+        (Hold::Linear, Tolerance::default(), (1e10, 1e10)),
+    ] {
+        let config = EstimatorConfig { hold, tolerance, ..told(EstimatorConfig::default(), told_noise) };
+        let estimator = estimator(config);
+        let mut state = estimator.start();
+        for j in 0..20_000 {
+            let input = wild.input(j, 5001);
+            let o = estimator.sample(&mut state, &input);
+            let numbers = [o.condition, o.residual, o.determinant, o.unbalance_kg_m[0], o.unbalance_phase_rad[0]];
+            let noises = [o.position_noise_m[0], o.current_noise_a[0]];
+            let all = o.lambda_hat.iter().chain(&o.lambda_raw).chain(&o.lambda_std).chain(&o.lambda_std_total);
+            let all = all.chain(&o.ki).chain(&o.ks).chain(&o.load_n).chain(&numbers).chain(&noises);
+            assert!(all.clone().all(|x| x.is_finite()), "{hold:?} {told_noise:?}, sample {j}: {o:?}");
+            assert!(o.lambda_std.iter().chain(&o.lambda_std_total).all(|std| *std >= 0.0), "{o:?}");
+            assert!(!o.valid || o.lambda_hat.iter().all(|l| *l > 0.0), "{o:?}");
+            assert_eq!(o.valid, o.verdict == Verdict::Valid);
+            // The square of 1e-300 is 0, and the variance of a velocity in its units infinite.
+            let checked = j % 101 == 0 && told_noise.0 != 1e-300;
+            assert!(!checked || estimator.accepts(&state), "{hold:?} {told_noise:?}, sample {j}");
+        }
+    }
+}
