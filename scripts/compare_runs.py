@@ -1,16 +1,31 @@
 """Helpers of the checks: scenarios of the program, settings that some tools ignore, comparisons."""
 
+import subprocess
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from closed_loop import System
 
+PROJECT = Path(__file__).resolve().parent.parent
+PROGRAM = ["cargo", "run", "--release", "--locked", "--quiet", "--"]
+
 # System structures within the SSP and the scenarios that their parameters come from.
 VARIANTS = {"SystemStructure.ssd": "unbalanced", "PaperSimulation.ssd": "paper"}
 # Elements of the loop, in the order of the scenario files, and the FMU that each is an instance of.
 ELEMENTS = {"plant": "MagneticBearing", "controller": "FlatnessController", "estimator": "AlgebraicEstimator"}
+
+
+def program(*arguments):
+    """Run the program of this project and return its output."""
+    done = subprocess.run(
+        [*PROGRAM, *map(str, arguments)], cwd=PROJECT, capture_output=True, encoding="utf-8", stdin=subprocess.DEVNULL
+    )
+    if done.returncode:
+        raise RuntimeError(done.stderr.strip() or f"the program ended with {done.returncode}")
+    return done.stdout
 
 
 def read_scenario(text, models, connections):
@@ -145,3 +160,20 @@ def largest_difference(one, other, nominals, first_row=0):
     # NaN counts as the largest difference.
     worst = max(apart, key=lambda name: (apart[name] != apart[name], apart[name]))
     return apart[worst], worst
+
+
+def nominals(archives, elements):
+    """Nominal values of the outputs of a system, or of one FMU.
+
+    Parameters
+    ----------
+    archives : Archives
+        The archives under test.
+    elements : dict
+        Prefix of the names, such as `plant.`, and FMU.
+    """
+    found = {}
+    for prefix, fmu in elements.items():
+        model = archives.models[fmu]
+        found |= {prefix + name: float(model.variables[name].nominal or 1.0) for name in model.outputs()}
+    return found

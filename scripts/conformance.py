@@ -18,11 +18,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from archive_files import ssp_findings
 from closed_loop import FMUS, SYSTEM, Instance, Model, read_parameters, read_system, run
-from compare_runs import ELEMENTS, without_choices
+from compare_runs import ELEMENTS, PROGRAM, PROJECT, without_choices
 from fmpy import simulate_fmu, supported_platforms
 from fmpy.validation import validate_fmu
-from validate import ssp_findings
 
 STEP_S = 1e-4
 STEPS = 50
@@ -53,8 +53,6 @@ TWINS = {
     ),
 }
 ALL = (*FMUS, *(fmu for fmus in OTHERS.values() for fmu in fmus))
-PROJECT = Path(__file__).resolve().parent.parent
-PROGRAM = ["cargo", "run", "--release", "--locked", "--quiet", "--"]
 IMPORTER = PROJECT / "tests" / "importer" / "Cargo.toml"
 # The loop in different tools against the direct run, in parts of the nominal. Instances of fmpy and fmi-rs are given the
 # program's own points in time. libcosim counts nanoseconds and ecos adds up, by up to 3e-14 s; at 314 rad/s a harmonic force then
