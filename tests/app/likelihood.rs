@@ -301,6 +301,28 @@ fn unmodelled_run_out_is_the_first_suspect() {
     assert!(named.first().is_some_and(|name| name.starts_with("runout2")), "{named:?}");
 }
 
+/// A tolerance of the mass scales λ and the unbalance, and nothing else.
+#[test]
+fn a_tolerance_of_the_mass_widens_in_proportion() {
+    const MASS: f64 = 0.01;
+    let bench = Bench { seconds: 0.5, seed: 49, ..Bench::default() };
+    let recorded = bench.record();
+    let identified = |tolerances: &[(&str, f64)]| {
+        let mut options = options(&bench);
+        tell(&mut options, tolerances);
+        likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options).unwrap()
+    };
+    let (exact, within) = (identified(&[]), identified(&[("m", MASS)]));
+    let estimates = |of: &Identification| of.lambda.iter().chain(&of.unbalance[0].parts).copied().collect::<Vec<_>>();
+    for (exact, within) in estimates(&exact).into_iter().zip(estimates(&within)) {
+        assert_eq!(exact.value, within.value);
+        let wanted = exact.total_std.hypot(MASS * exact.value);
+        assert!((within.total_std / wanted - 1.0).abs() < 1e-12, "{exact:?} {within:?}");
+    }
+    let mass = by_name(&all(), "m").expect("a parameter");
+    assert_eq!((within.bench[mass].estimate.value, within.bench[mass].estimate.total_std), (0.0, MASS));
+}
+
 #[test]
 fn mass_and_current_gain_are_not_separated_from_lambda() {
     let bench = Bench { seconds: 0.5, seed: 44, ..Bench::default() };

@@ -151,6 +151,7 @@ pub(super) struct Places {
     pub pairs: Vec<Sensors>,
     /// Offset and gain of the sensor of an axis.
     pub single: Option<[usize; 2]>,
+    pub mass: usize,
     pub delay: usize,
     /// Of the first magnet; those of the others follow.
     pub current_offset: usize,
@@ -181,6 +182,7 @@ impl Places {
     pub fn of(body: &Body, parameters: &[BenchParameter]) -> Self {
         let (prefixes, is_axis) = (body.prefixes(), matches!(body, Body::Axis { .. }));
         let first = |name: &str| place(parameters, prefixes[0], name);
+        let of_all = |name: &str| place(parameters, if is_axis { prefixes[0] } else { "" }, name);
         let pair = |prefix: &&str| {
             let at = |name: &str| place(parameters, prefix, name);
             let axes = ["forward.cos", "forward.sin", "backward.cos", "backward.sin"].map(|of| format!("runout1.{of}"));
@@ -197,7 +199,8 @@ impl Places {
         Self {
             pairs: prefixes.iter().filter(|_| !is_axis).map(pair).collect(),
             single: is_axis.then(|| ["sensor.offset", "sensor.gain"].map(first)),
-            delay: place(parameters, if is_axis { prefixes[0] } else { "" }, DELAY),
+            mass: of_all("m"),
+            delay: of_all(DELAY),
             current_offset: first("current.offset[1]"),
             current_gain: first("current.gain[1]"),
             backward: if is_axis { [0; 2] } else { ["force.backward.cos", "force.backward.sin"].map(first) },
@@ -211,7 +214,7 @@ pub enum Knowledge {
     /// It has exactly the told value.
     #[default]
     Exact,
-    /// It has the told value with this standard deviation, above 0, in the parameter's unit; it is estimated with the rest.
+    /// It has the told value with this standard deviation, above 0, in the parameter's unit; it is estimated with the rest. The mass alone is not: no data tell it.
     Tolerance(f64),
     /// Nothing is known; the told value is where the search starts.
     Free,

@@ -203,9 +203,21 @@ where
         }
     }
 
-    /// Whether the bench is exactly as stated.
+    /// Whether the bench is exactly as stated, but for the mass, which is not searched.
     fn exact(&self) -> bool {
-        self.kind.part.bench.iter().all(|told| told.knowledge == Knowledge::Exact)
+        self.kind.part.bench.iter().enumerate().all(|(j, told)| match told.knowledge {
+            Knowledge::Exact => true,
+            Knowledge::Tolerance(_) => j == self.kind.places.mass,
+            Knowledge::Free => false,
+        })
+    }
+
+    /// Tolerance of the mass, relative, if it is not searched with the rest: it scales λ, unbalance and loads, and no data tell it.
+    pub fn mass_tolerance(&self) -> Option<f64> {
+        match self.kind.part.bench[self.kind.places.mass].knowledge {
+            Knowledge::Tolerance(std) if self.exact() => Some(std),
+            _ => None,
+        }
     }
 
     /// Finds what was to be expected of every row, if the bench is exactly as stated: where its parameters are searched, what is found at one point does not
@@ -446,6 +458,9 @@ where
     }
     // Instruments follow no error of a current that was filled from those that follow.
     let exact = search.exact();
+    if exact {
+        search.prior[layout.load + kind.places.mass].1 = 0.0;
+    }
     search.cases.iter_mut().for_each(|case| case.data.distrusts_filled = exact);
     Ok(search)
 }

@@ -111,7 +111,11 @@ where
     if let Some(bias) = bias {
         noise += bias;
     }
-    let total = &noise + &response * weights * &response;
+    let mut total = &noise + &response * weights * &response;
+    if let Some(std) = search.mass_tolerance() {
+        let scaled = DVector::from_fn(estimated.len(), |i, _| std * search.x[estimated[i]]);
+        total += &scaled * scaled.transpose();
+    }
     Ok(Finished { search, blocks, normal, estimated, columns, noise, total, covariance })
 }
 
