@@ -282,11 +282,6 @@ impl<C: ControllerParameters<N, K, G>, const N: usize, const K: usize, const G: 
         self.law.arrangement().at_magnets(reference.map(|point| point.position_m))
     }
 
-    /// When the next sample is due, in s: start + count · T_s.
-    pub fn due_s(&self, state: &StateOf<C, N, K, G>) -> f64 {
-        self.law.due_s(&state.law)
-    }
-
     /// Processes the sample that is due.
     ///
     /// # Errors

@@ -40,12 +40,7 @@ where
     output: EstimatorOutputOf<N, K, P>,
 }
 
-/// The configuration of the estimator of the planar rotor with the given values by index, and start values elsewhere.
-pub fn configuration(settings: &[(usize, Value)]) -> EstimatorConfig {
-    Table::new(AlgebraicEstimator::table()).values(settings).config
-}
-
-/// The inverse of [`configuration`]: the values of all parameters, by index.
+/// The values of all parameters of the estimator of the planar rotor, by index.
 pub fn settings(config: &EstimatorConfig) -> Vec<(usize, Value)> {
     let table = Table::new(AlgebraicEstimator::table());
     let values = Values { config: config.clone(), ..Values::default() };

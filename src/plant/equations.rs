@@ -227,11 +227,6 @@ impl<T: Scalar, R: Rotor<N, K, Number = T>, const N: usize, const K: usize> Equa
         Self { config, geometry }
     }
 
-    /// The parameters.
-    pub fn config(&self) -> &R {
-        &self.config
-    }
-
     /// Gaps and directions of the magnets.
     pub fn geometry(&self) -> &Geometry<T, N, K> {
         &self.geometry

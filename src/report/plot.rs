@@ -71,7 +71,6 @@ pub struct Line {
     colour: &'static str,
     dash: &'static str,
     width: f64,
-    mode: &'static str,
     group: Option<String>,
     legend: bool,
 }
@@ -79,7 +78,7 @@ pub struct Line {
 impl Line {
     /// A solid line with a legend entry.
     pub fn new(name: &str, colour: &'static str) -> Line {
-        Line { name: name.into(), colour, dash: "solid", width: 1.6, mode: "lines", group: None, legend: true }
+        Line { name: name.into(), colour, dash: "solid", width: 1.6, group: None, legend: true }
     }
 
     /// Dashed, for a reference.
@@ -95,11 +94,6 @@ impl Line {
     /// With this width in pixels.
     pub fn width(self, width: f64) -> Line {
         Line { width, ..self }
-    }
-
-    /// Crosses at the points instead of a line.
-    pub fn crosses(self) -> Line {
-        Line { mode: "markers", ..self }
     }
 
     /// Switched together with the other lines of that group.
@@ -189,9 +183,8 @@ impl Plot {
         let unit = self.units[1].name;
         let space = if unit.is_empty() { "" } else { " " };
         let mut trace = json!({
-            "type": "scatter", "mode": line.mode, "name": line.name, "showlegend": line.legend,
+            "type": "scatter", "mode": "lines", "name": line.name, "showlegend": line.legend,
             "line": {"color": line.colour, "dash": line.dash, "width": line.width},
-            "marker": {"color": line.colour, "symbol": "cross-thin", "size": 8, "line": {"color": line.colour, "width": 1.5}},
             "hovertemplate": format!("{} %{{y:.5~g}}{space}{unit}<extra></extra>", line.name),
         });
         if let Some(group) = line.group {

@@ -3,8 +3,7 @@
 use fmu_export::Invalid;
 
 use crate::control::controller::ControllerConfig;
-use crate::estimation::EstimatorConfig;
-use crate::fmu::{controller, estimator, plants};
+use crate::fmu::{controller, plants};
 use crate::machine::PLANAR;
 use crate::plant::PlantConfig;
 use crate::simulation::scenario::{Element, Scenario};
@@ -16,8 +15,6 @@ pub struct Loop {
     pub plant: PlantConfig,
     /// The controller.
     pub controller: ControllerConfig,
-    /// The estimator that provides λ to the controller.
-    pub estimator: EstimatorConfig,
 }
 
 impl Scenario {
@@ -69,10 +66,6 @@ impl Scenario {
             return Err(vec![Invalid { name: "machine".into(), value: own.into(), wanted: wanted.into() }]);
         }
         let (plant, _) = plants::configuration::<PlantConfig, 2, 3>(&self.plant().values());
-        Ok(Loop {
-            plant,
-            controller: controller::configuration(&self.controller().values()),
-            estimator: estimator::configuration(&self.estimator().values()),
-        })
+        Ok(Loop { plant, controller: controller::configuration(&self.controller().values()) })
     }
 }

@@ -447,7 +447,7 @@ fn currents_may_have_a_table_of_their_own() {
     }
     let columns = [1, 2, 3].map(|k| (format!("im[{k}]"), format!("Coil {}", ["A", "B", "C"][k - 1]))).to_vec();
     let reading = Reading { columns, ..Reading::default() };
-    let apart = Samples::read_apart(&whole, &currents, &reading).expect("usable recordings");
+    let apart = Samples::read_apart_from(whole.as_bytes(), currents.as_bytes(), &reading).expect("usable recordings");
     assert!(apart.notes.iter().any(|note| note.contains("of their own")), "{:?}", apart.notes);
     let [one, other] = [&together, &apart].map(|samples| {
         let track = track(samples, &config(samples));
@@ -465,7 +465,8 @@ fn currents_may_have_a_table_of_their_own() {
         let cells = [0, 1, 2].map(|k| format!("{:.9}", sine(time_s, k)));
         currents += &format!("{time_s:.9},{}\n", cells.join(","));
     }
-    let apart = Samples::read_apart(&whole, &currents, &Reading::default()).expect("usable recordings");
+    let apart = Samples::read_apart_from(whole.as_bytes(), currents.as_bytes(), &Reading::default())
+        .expect("usable recordings");
     for (k, values) in apart.currents(Hold::Linear).iter().enumerate() {
         let mut missing = 0;
         for (j, value) in values.iter().enumerate() {
@@ -480,7 +481,8 @@ fn currents_may_have_a_table_of_their_own() {
         // The hole of 7.1 ms, and the end after 142.9 ms.
         assert!((100..160).contains(&missing), "{missing} samples without a current");
     }
-    let refused = Samples::read_apart(&whole, "time,im[1]\n0,1\n", &Reading::default()).expect_err("two are missing");
+    let refused = Samples::read_apart_from(whole.as_bytes(), "time,im[1]\n0,1\n".as_bytes(), &Reading::default())
+        .expect_err("two are missing");
     assert!(refused.to_string().contains("im[2]"), "{refused}");
 }
 

@@ -163,11 +163,6 @@ impl SpindlePath {
         Self { waves, config, step_s }
     }
 
-    /// The configuration it was made from.
-    pub fn config(&self) -> &SpindlePathConfig {
-        &self.config
-    }
-
     fn waves_at(&self, omega_rad_s: f64, sin: f64, cos: f64) -> [RefPoint; COORDINATES] {
         let [c, s] = self.waves;
         std::array::from_fn(|a| {

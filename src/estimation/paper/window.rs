@@ -41,12 +41,6 @@ impl Window {
         self.filled = 0;
     }
 
-    /// Number of samples since the last [`Window::clear`], at most the length of the window.
-    #[must_use]
-    pub fn filled(&self) -> usize {
-        self.filled
-    }
-
     /// Whether all nodes hold samples.
     #[must_use]
     pub fn is_full(&self) -> bool {

@@ -147,14 +147,6 @@ impl Samples {
         Self::read_from(text.as_bytes(), reading)
     }
 
-    /// Both tables of [`Samples::read_apart_from`] as texts.
-    ///
-    /// # Errors
-    /// As for [`Samples::read_apart_from`].
-    pub fn read_apart(motion: &str, currents: &str, reading: &Reading) -> Result<Self, Unusable> {
-        Self::read_apart_from(motion.as_bytes(), currents.as_bytes(), reading)
-    }
-
     /// Reads a recording whose currents stand in a table of their own, at any rate, by the same clock. What a current sample
     /// stands for decides how they are brought to the pace of the positions ([`Samples::currents`]).
     ///
