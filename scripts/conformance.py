@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from archive_files import ssp_findings
 from closed_loop import FMUS, SYSTEM, Instance, Model, read_parameters, read_system, run
-from compare_runs import ELEMENTS, PROGRAM, PROJECT, without_choices
+from compare_runs import ELEMENTS, PROJECT, program, without_choices
 from fmpy import simulate_fmu, supported_platforms
 from fmpy.validation import validate_fmu
 
@@ -308,7 +308,7 @@ def twin(name, scratch, findings):
     """Identify from a recording, validate the twin as a scenario, SSV and SSP, and return its loop."""
     elements, arguments = TWINS[name]
     archive, alone, scenario = (scratch / Path(name).with_suffix(ending) for ending in (".ssp", ".ssv", ".toml"))
-    command(*PROGRAM, "identify", *arguments, "--ssp", str(archive), "--ssv", str(alone), "--save", str(scenario))
+    program("identify", *arguments, "--ssp", archive, "--ssv", alone, "--save", scenario)
     texts = {alone.name: alone.read_bytes()}
     with zipfile.ZipFile(archive) as opened:
         texts |= {member: opened.read(member) for member in opened.namelist() if member.endswith((".ssd", ".ssv"))}
@@ -332,7 +332,7 @@ def loop_in_the_program(loop, models, scratch):
     place = scratch / "without_choices.toml"
     place.write_text("\n".join(kept), encoding="utf-8")
     table = scratch / "direct.csv"
-    command(*PROGRAM, "simulate", str(place), "--csv", str(table))
+    program("simulate", place, "--csv", table)
     with open(table, encoding="utf-8", newline="") as file:
         rows = list(csv.reader(file))
     final = {head.split(" [")[0]: float(cell) for head, cell in zip(rows[0], rows[-1])}
@@ -461,7 +461,7 @@ def main():
     with tempfile.TemporaryDirectory() as place:
         models = {name: Model.open(folder / f"{name}.fmu", Path(place) / name) for name in ALL}
         for system, (scenario, elements) in SYSTEMS.items():
-            text = command(*PROGRAM, "simulate", "--print", scenario)
+            text = program("simulate", "--print", scenario)
             loop_in_every_tool(Loop(folder / system, elements, text, scenario), models, findings)
         for system in TWINS:
             loop_in_every_tool(twin(system, Path(place), findings), models, findings)

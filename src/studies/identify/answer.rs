@@ -172,6 +172,8 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
     let weak = found.as_ref().is_some_and(|found| {
         found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value.abs())
     });
+    // The likelihood would propose other readings by chance.
+    let deceived = found.as_ref().is_some_and(|found| found.deceived_by_gaps);
     let least = TURNS[usize::from(!told)];
     let differ = found
         .as_ref()
@@ -188,7 +190,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
              smallest force (F0.modulation)"
                 .into(),
         );
-    } else if refusal.is_some() && !(weak && found.as_ref().is_some_and(|found| found.deceived_by_gaps)) {
+    } else if refusal.is_some() && !(weak && deceived) {
         let take = Take { columns: all[0].clone(), options, hold, stated: stated.clone(), bearing: 0 };
         findings.extend(diagnosis::proposals(&take));
     }

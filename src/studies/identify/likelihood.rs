@@ -275,7 +275,7 @@ pub struct BenchEstimate {
     pub told: Told,
     /// Value and standard deviation; the told value and 0 for one that is known exactly.
     pub estimate: Estimate,
-    /// Whether it was estimated; not if it is known, or could not be separated.
+    /// Whether it was estimated, or has a tolerance that no data tell more of; not if it is known, or could not be separated.
     pub estimated: bool,
 }
 

@@ -57,7 +57,7 @@ impl<const N: usize, const K: usize> Case<'_, N, K> {
         self.counting.map_or(self.rows(), |counting| counting.min(self.rows()))
     }
 
-    /// Gaps: rows that lack a reading before one that lacks none.
+    /// Number of gaps: rows that lack a reading before one that lacks none.
     pub fn gaps(&self) -> usize {
         let missing = |piece: &Piece| self.data.missing.get(piece.counted.clone()).unwrap_or_default().windows(2);
         let ends = self.pieces.iter().flat_map(missing);

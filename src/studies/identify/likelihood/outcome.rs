@@ -29,15 +29,12 @@ where
     let load = search.kind.layout.load;
     let lambda: Vec<Estimate> = (0..K).map(|k| finished.estimate(k)).collect();
     let told = search.kind.part.parameters.iter().zip(&search.kind.part.bench).zip(load..);
-    let mass = search.mass_tolerance().map(|std| (load + search.kind.places.mass, std));
-    let bench = told.map(|((parameter, told), at)| BenchEstimate {
-        parameter: parameter.clone(),
-        told: *told,
-        estimate: match mass {
-            Some((of, total_std)) if of == at => Estimate { total_std, ..finished.estimate(at) },
-            _ => finished.estimate(at),
-        },
-        estimated: finished.at(at).is_some() || mass.is_some_and(|(of, _)| of == at),
+    let bench = told.map(|((parameter, told), at)| {
+        let (mut estimate, mut estimated) = (finished.estimate(at), finished.at(at).is_some());
+        if let Some(std) = search.mass_tolerance().filter(|_| at == load + search.kind.places.mass) {
+            (estimate.total_std, estimated) = (std, true);
+        }
+        BenchEstimate { parameter: parameter.clone(), told: *told, estimate, estimated }
     });
     Identification {
         lambda_covariance: finished.total.view((0, 0), (K, K)).into_owned(),

@@ -453,15 +453,13 @@ where
     let counting = cases.iter().map(Case::counting).sum::<usize>() as f64;
     let mut search = Search { cases, kind, x, prior, weight: 1.0, iterations: 0, converged: false };
     search.weight = counting / rows;
-    if !search.exact() {
+    if search.exact() {
+        search.prior[layout.load + kind.places.mass].1 = 0.0;
+        // Instruments follow no error of a current that was filled from those that follow.
+        search.cases.iter_mut().for_each(|case| case.data.distrusts_filled = true);
+    } else {
         search.weight = (BENCH_ROWS / rows).min(search.weight);
     }
-    // Instruments follow no error of a current that was filled from those that follow.
-    let exact = search.exact();
-    if exact {
-        search.prior[layout.load + kind.places.mass].1 = 0.0;
-    }
-    search.cases.iter_mut().for_each(|case| case.data.distrusts_filled = exact);
     Ok(search)
 }
 

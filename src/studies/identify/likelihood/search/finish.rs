@@ -72,7 +72,6 @@ pub fn finish<const N: usize, const K: usize>(mut search: Search<'_, N, K>) -> R
 where
     Rotor<N, K>: Passes<N, K>,
 {
-    let exact = search.converged && search.exact();
     if search.deceived_by_gaps() {
         search.alternate()?;
     }
@@ -81,7 +80,7 @@ where
         search.cases.iter_mut().for_each(|case| case.current_noise *= libm::exp(case.noise_variance));
     }
     let estimated = search.estimated();
-    let bias = if exact { Some(search.free_of_bias()?) } else { None };
+    let bias = if search.converged && search.exact() { Some(search.free_of_bias()?) } else { None };
     let (blocks, normal, columns) = search.sums(&estimated);
     let (a, b) = search.equations_by(&normal, &estimated, &columns, &columns);
     let response = inverse(&a)?;
@@ -151,11 +150,6 @@ struct Bias {
     step: DVector<f64>,
     /// Of what remains unknown.
     covariance: DMatrix<f64>,
-}
-
-/// Covariance by a bias whose sizes have this variance.
-fn scatter(moves: &DMatrix<f64>, variance: f64) -> DMatrix<f64> {
-    moves * moves.transpose() * variance
 }
 
 impl<const N: usize, const K: usize> Search<'_, N, K>
@@ -246,12 +240,6 @@ where
         Ok(added)
     }
 
-    /// How far a bias of size 1 of the score of each λ moves the maximum of the likelihood: `J⁻¹ A`.
-    fn moves(&self, inverse: &DMatrix<f64>) -> DMatrix<f64> {
-        let attenuation = self.attenuation().map(|attenuation| self.weight * attenuation);
-        DMatrix::from_fn(inverse.nrows(), K, |i, k| inverse[(i, k)] * attenuation[k])
-    }
-
     /// The bias of the estimate that noise makes, at a point from which `found` leads to the maximum of the likelihood ϑ.
     ///
     /// Noise of the currents in the regressors lowers the score of λ_k by A_k, what the controller makes of the noise of the positions raises it, by about
@@ -266,8 +254,11 @@ where
         inverse: &DMatrix<f64>,
         found: &DVector<f64>,
     ) -> Bias {
-        let (moves, variance) = (self.moves(inverse), BIAS_VARIANCE + self.gap_variance());
-        let unknown = || Bias { step: DVector::zeros(of.len()), covariance: scatter(&moves, variance) };
+        let n = of.len();
+        let attenuation = self.attenuation().map(|attenuation| self.weight * attenuation);
+        let moves = DMatrix::from_fn(n, K, |i, k| inverse[(i, k)] * attenuation[k]);
+        let variance = BIAS_VARIANCE + self.gap_variance();
+        let unknown = || Bias { step: DVector::zeros(n), covariance: &moves * moves.transpose() * variance };
         if !self.has_instruments() {
             return unknown();
         }
