@@ -4,10 +4,10 @@
 //! 1998, section 1.3), whose memory follows from the noise of the angle: nothing is smoothed where the angle is exact. The noise is found from
 //! third differences, in which a constant acceleration does not show. The measured speed starts the filter, and is compared with it.
 
+use std::f64::consts::TAU;
+
 use libm::{cbrt, exp, sincos, sqrt};
 use serde::{Deserialize, Serialize};
-
-use super::innovations::turned;
 
 /// Time constant for white noise of 1 rad on the angle, s. It grows with the cube root of the noise, as in the Kalman filter of a motion whose
 /// jerk is white. Noise of 3° leaves 0.4 % in ω at 10 kHz.
@@ -129,4 +129,11 @@ impl Rotation {
         let (sin, cos) = sincos(self.theta_rad);
         [cos, sin]
     }
+}
+
+/// By how much an angle has grown, rad in [−π, π], the angles wrapped or not.
+#[inline(always)]
+pub fn turned(from_rad: f64, to_rad: f64) -> f64 {
+    let by = to_rad - from_rad;
+    by - TAU * (by / TAU).round()
 }

@@ -19,17 +19,15 @@
 //! (Ljung, *System Identification*, 2nd ed., section 7.2: a linear regression). So does the response ζ_k to an instrument in place of u_k, and the
 //! sensitivity ψ_n to each tolerance. Covariances and sums are in units of σ_z²: they depend on the ratio of the noises alone.
 //!
-//! Sizes: N coordinates, K magnets, U unknowns, T tolerances. Signals lie along the columns of a matrix, one column per coordinate, so that
-//! each loop runs over contiguous numbers, and its order is the same on every processor.
-
-use std::f64::consts::TAU;
+//! Sizes: N coordinates, K magnets, U unknowns, T tolerances.
 
 use libm::{sincos, sqrt};
 use nalgebra::{RowSVector, SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::Hold;
-use super::angle::Rotation;
+use super::angle::{Rotation, turned};
+use super::motion::{Covariance, Motions, Square, Transition, add_product, product};
 use crate::bearing::magnet::Geometry;
 
 /// Standard deviation of a velocity at the start, m/s: rotors of magnetic bearings orbit within their clearance at less.
@@ -40,43 +38,6 @@ const LEAST_GAP: f64 = 0.1;
 
 /// No part of an innovation of a bearing is as large as this, whatever its unit.
 const SIGNAL_CAP: f64 = 1.0e60;
-
-/// A square matrix.
-pub type Square<const N: usize> = SMatrix<f64, N, N>;
-
-/// `sum += a bᵀ`.
-#[inline(always)]
-pub fn add_product<const R: usize, const C: usize, const M: usize>(
-    sum: &mut SMatrix<f64, R, C>,
-    a: &SMatrix<f64, R, M>,
-    b: &SMatrix<f64, C, M>,
-) {
-    for (c, column) in sum.data.0.iter_mut().enumerate() {
-        for m in 0..M {
-            let factor = b.data.0[m][c];
-            for (sum, a) in column.iter_mut().zip(&a.data.0[m]) {
-                *sum += a * factor;
-            }
-        }
-    }
-}
-
-/// `a bᵀ`.
-#[inline(always)]
-pub fn product<const R: usize, const C: usize, const M: usize>(
-    a: &SMatrix<f64, R, M>,
-    b: &SMatrix<f64, C, M>,
-) -> SMatrix<f64, R, C> {
-    let mut sum = SMatrix::zeros();
-    add_product(&mut sum, a, b);
-    sum
-}
-
-/// `(a + aᵀ)/2`.
-#[inline(always)]
-fn symmetric<const N: usize>(a: Square<N>) -> Square<N> {
-    (a + a.transpose()) * 0.5
-}
 
 /// The rotor and its magnets, in the coordinates that the position sensors read.
 #[derive(Clone, Debug, PartialEq)]
@@ -181,116 +142,6 @@ impl<const U: usize> Running<U> {
     /// `λ_k² σ_i²/σ_z²`.
     fn current_noise(&self, k: usize) -> f64 {
         self.unknowns[k] * self.unknowns[k] * self.current_variance / self.position_variance
-    }
-}
-
-/// Coordinates and rates that several signals have driven, a row for each.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Motions<const R: usize, const N: usize> {
-    position: SMatrix<f64, R, N>,
-    rate: SMatrix<f64, R, N>,
-}
-
-impl<const R: usize, const N: usize> Motions<R, N> {
-    fn zeros() -> Self {
-        Self { position: SMatrix::zeros(), rate: SMatrix::zeros() }
-    }
-
-    /// Adds what a transition makes of other motions.
-    #[inline(always)]
-    fn add(&mut self, by: &Transition<N>, of: &Self) {
-        add_product(&mut self.position, &of.position, &by.position);
-        add_product(&mut self.position, &of.rate, &by.position_by_rate);
-        add_product(&mut self.rate, &of.position, &by.rate_by_position);
-        add_product(&mut self.rate, &of.rate, &by.rate);
-    }
-
-    #[inline(always)]
-    fn predict(&mut self, by: &Transition<N>) {
-        let before = std::mem::replace(self, Self::zeros());
-        self.add(by, &before);
-    }
-
-    /// Subtracts the gain times whitened signals.
-    #[inline(always)]
-    fn correct(&mut self, gain: &[Square<N>; 2], signals: &SMatrix<f64, R, N>) {
-        add_product(&mut self.position, signals, &-gain[0]);
-        add_product(&mut self.rate, signals, &-gain[1]);
-    }
-}
-
-/// The blocks of a transition matrix of (q, q̇).
-struct Transition<const N: usize> {
-    position: Square<N>,
-    position_by_rate: Square<N>,
-    rate_by_position: Square<N>,
-    rate: Square<N>,
-}
-
-/// The blocks of a covariance of (q, q̇).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Covariance<const N: usize> {
-    position: Square<N>,
-    mixed: Square<N>,
-    rate: Square<N>,
-}
-
-impl<const N: usize> Covariance<N> {
-    /// `A P Aᵀ`.
-    #[inline(always)]
-    fn predict(&mut self, a: &Transition<N>) {
-        // P A ᵀ, its rows as P has them.
-        let mut left = [Motions::<N, N>::zeros(), Motions::zeros()];
-        left[0].add(a, &Motions { position: self.position, rate: self.mixed });
-        left[1].add(a, &Motions { position: self.mixed.transpose(), rate: self.rate });
-        let transposed = |x: &Square<N>| x.transpose();
-        let of = |position: fn(&Motions<N, N>) -> &Square<N>| Motions {
-            position: transposed(position(&left[0])),
-            rate: transposed(position(&left[1])),
-        };
-        let (positions, rates) = (of(|motions| &motions.position), of(|motions| &motions.rate));
-        let mut above = Motions::zeros();
-        above.add(a, &positions);
-        let mut below = product(&rates.position, &a.rate_by_position);
-        add_product(&mut below, &rates.rate, &a.rate);
-        (self.position, self.mixed, self.rate) = (above.position, above.rate, below);
-    }
-
-    /// `A P Aᵀ` with A taken apart: a free motion, then what stiffness and gyroscope, times h, make of coordinates and rates. That is right to the
-    /// order h, costs a third, and keeps P semidefinite.
-    #[inline(always)]
-    fn drift_and_kick(&mut self, h: f64, stiffness: &Square<N>, gyroscopic: Option<&Square<N>>) {
-        let moved = self.rate * h;
-        let mixed = self.mixed * h;
-        self.position += mixed + mixed.transpose() + moved * h;
-        self.mixed += moved;
-        // Covariances of coordinates and rates with the change of the rates, and its own.
-        let mut with_position = product(&self.position, stiffness);
-        let mut with_rate = product(&self.mixed.transpose(), stiffness);
-        if let Some(gyroscopic) = gyroscopic {
-            add_product(&mut with_position, &self.mixed, gyroscopic);
-            add_product(&mut with_rate, &self.rate, gyroscopic);
-        }
-        self.mixed += with_position;
-        self.rate += with_rate + with_rate.transpose() + product(stiffness, &with_position.transpose());
-        if let Some(gyroscopic) = gyroscopic {
-            add_product(&mut self.rate, gyroscopic, &with_rate.transpose());
-        }
-    }
-
-    /// `(I − G H) P (I − G H)ᵀ` for the gain G of the positions H; the first columns of `(I − G H) P`.
-    #[inline(always)]
-    fn correct(&mut self, gain: &[Square<N>; 2]) -> [Square<N>; 2] {
-        let kept = Square::identity() - gain[0];
-        let above = product(&kept, &self.position);
-        let mixed = product(&kept, &self.mixed.transpose());
-        let below = self.mixed.transpose() - product(&gain[1], &self.position);
-        let rate = self.rate - product(&gain[1], &self.mixed.transpose());
-        // Rounding must not make them asymmetric: the error would grow.
-        self.position = symmetric(product(&above, &kept));
-        self.mixed = mixed - product(&above, &gain[1]);
-        self.rate = symmetric(rate - product(&below, &gain[1]));
-        [above, below]
     }
 }
 
@@ -757,11 +608,4 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             }
         }
     }
-}
-
-/// By how much an angle has grown, rad in [−π, π], the angles wrapped or not.
-#[inline(always)]
-pub fn turned(from_rad: f64, to_rad: f64) -> f64 {
-    let by = to_rad - from_rad;
-    by - TAU * (by / TAU).round()
 }

@@ -1,14 +1,15 @@
 //! On-line identification of the magnet constants λ.
 //!
-//! In reading order: `config` holds parameters, inputs and outputs; `angle` filters the rotation, `innovations` is the whitening filter, `sums` the
-//! normal equations and their solutions, `models` weighs models of what changes, `noise` is the search for the noise, `validation` tests the
-//! result, and `prediction_error` is the estimator made of them; `paper` holds the paper's two methods; `one_bearing` and [`spindle`] make machines of parameters. Here are the checks of a sample, gaps
-//! in the data, and the choice of the method.
+//! In reading order: `config` holds parameters, inputs and outputs; `angle` filters the rotation, `motion` carries what signals do to the rotor,
+//! `innovations` is the whitening filter, `sums` the normal equations and their solutions, `models` weighs models of what changes, `noise` is the
+//! search for the noise, `validation` tests the result, and `prediction_error` is the estimator made of them; `paper` holds the paper's two methods;
+//! `one_bearing` and [`spindle`] make machines of parameters. Here are the checks of a sample, gaps in the data, and the choice of the method.
 
 mod angle;
 mod config;
 mod innovations;
 mod models;
+mod motion;
 mod noise;
 mod one_bearing;
 pub mod paper;

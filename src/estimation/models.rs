@@ -11,7 +11,7 @@ use libm::{exp, log, sqrt};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-use super::innovations::Square;
+use super::motion::Square;
 use super::sums::{PredictionErrorSolution, Prior, Solution, Sums};
 
 /// Models, and their memories τ in s: from that of a bearing that does not change down to less than a block at 3000 rpm.

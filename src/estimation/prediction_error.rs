@@ -8,9 +8,11 @@ use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
 use super::CONDITION_CAP;
+use super::angle::turned;
 use super::config::Verdict;
-use super::innovations::{Field, FilterState, Innovation, Running, Sample, Square, WhiteningFilter, turned};
+use super::innovations::{Field, FilterState, Innovation, Running, Sample, WhiteningFilter};
 use super::models::{Models, Weighed};
+use super::motion::Square;
 use super::noise::{Noise, OUTLIER, Waiting};
 use super::sums::{AngleTable, Prior, Solution, Sums};
 use super::validation::Validation;

@@ -8,7 +8,7 @@
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-use super::innovations::Square;
+use super::motion::Square;
 use super::{
     Common, Estimation, Estimator, EstimatorInputOf, EstimatorOutputOf, EstimatorParameters, Hold, Judged, Machine,
     Names, PredictionError, PredictionErrorState, Sample, StateOf, Tolerance, Verdict, check_common, prediction_error,

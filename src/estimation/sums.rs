@@ -16,7 +16,8 @@ use libm::log;
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-use super::innovations::{Field, Innovation, Square, add_product};
+use super::innovations::{Field, Innovation};
+use super::motion::{Square, add_product};
 
 /// Variance of the size of the bias, in units of the attenuation: −1 without feedback, near 0 with usual controllers, which answer to noise of
 /// the positions. With a variance of 1 error/std was 0.2 to 0.8 where the attenuation decides (100 drawn bearings, seeds 51001 and 55001).

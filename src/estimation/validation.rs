@@ -8,7 +8,8 @@ use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::config::Verdict;
-use super::innovations::{Innovation, Square};
+use super::innovations::Innovation;
+use super::motion::Square;
 use super::noise::OUTLIER;
 use super::sums::PredictionErrorSolution;
 
