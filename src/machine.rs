@@ -1,7 +1,7 @@
 //! The machines of this project, each described once: its bearings, coordinates and sensors, and how they are called.
 //!
-//! Names of variables, connections, scenario keys and FMUs follow from a description. The sizes of the arrays in the equations are
-//! const generics, which a description does not know: where these meet, see `Machine::of_one_bearing` and `Machine::of_shaft`.
+//! Names of variables, connections, scenario keys and FMUs follow from a description. The equations know the sizes of their arrays alone, as
+//! const generics: `Machine::of` finds the description of sizes.
 
 use std::ops::Range;
 
@@ -111,26 +111,50 @@ pub struct Machine {
     /// The axes along which the forces of all magnets and of the backup bearing are shown.
     pub resultant: &'static [&'static str],
     /// Words in braces for these texts.
-    words: &'static [(&'static str, &'static str)],
+    words: &'static [Called],
 }
 
 impl Machine {
-    /// The machine with one bearing, n coordinates and k magnets.
+    /// The machine with n coordinates and m magnets in its first bearing.
+    const fn find(n: usize, m: usize) -> Option<&'static Self> {
+        const ALL: &[Machine] = &MACHINES;
+        let mut at = 0;
+        while at < ALL.len() {
+            if ALL[at].coordinates.len() == n && ALL[at].bearings[0].magnets == m {
+                return Some(&ALL[at]);
+            }
+            at += 1;
+        }
+        None
+    }
+
+    /// That with one bearing.
     pub(crate) const fn of_one_bearing(n: usize, k: usize) -> &'static Self {
-        match (n, k) {
-            (2, 3) => &PLANAR,
-            (2, 4) => &PLANAR4,
-            (1, 2) => &AXIAL,
-            _ => panic!("no machine of this project"),
+        Self::find(n, k).expect("a machine of this project")
+    }
+
+    /// That with a shaft that tilts. One that is none of [`MACHINES`] has no name.
+    pub(crate) const fn of_shaft<const N: usize, const M: usize>() -> &'static Self {
+        match Self::find(N, M) {
+            Some(known) => known,
+            None => const { &Self::shaft::<N, M>("", [("", ""); 3]) },
         }
     }
 
-    /// The spindle with that many magnets in each radial bearing.
-    pub(crate) const fn of_shaft(radial: usize) -> &'static Self {
-        match radial {
-            3 => &SPINDLE,
-            4 => &SPINDLE4,
-            _ => panic!("no machine of this project"),
+    /// A shaft that tilts, in two radial bearings with M magnets each, and with N = 5 coordinates in an axial one.
+    const fn shaft<const N: usize, const M: usize>(name: &'static str, models: [Called; 3]) -> Self {
+        const { assert!(N == 4 || N == 5, "a shaft that tilts") };
+        Self {
+            name,
+            models,
+            bearings: const { &[Bearing::radial("A.", M), Bearing::radial("B.", M), Bearing::axial("X.")] }
+                .split_at(N - 2)
+                .0,
+            planes: 2,
+            coordinates: OF_SHAFT.split_at(5 - N).1,
+            readings: READINGS_OF_SHAFT.split_at(N).0,
+            resultant: &[],
+            words: WORDS_OF_SHAFT,
         }
     }
 
@@ -221,6 +245,11 @@ impl Machine {
         self.bearings.iter().filter(|bearing| bearing.kind == Kind::Radial).count()
     }
 
+    /// Number of axial bearings.
+    pub(crate) fn axial(&self) -> usize {
+        self.bearings.len() - self.radial()
+    }
+
     /// Names of a variable of each radial bearing.
     pub fn of_radial(&self, name: &str) -> Vec<String> {
         let radial = self.bearings.iter().filter(|bearing| bearing.kind == Kind::Radial);
@@ -235,7 +264,7 @@ impl Machine {
 
     /// Number of independent parts of the motion: radial bearings and an axial one make two.
     pub fn parts(&self) -> usize {
-        1 + usize::from(self.radial() > 0 && self.radial() < self.bearings.len())
+        1 + usize::from(self.radial() > 0 && self.axial() > 0)
     }
 
     /// Names of a variable of each part.
@@ -276,6 +305,12 @@ impl Machine {
     /// Names of what belongs to each coordinate.
     pub fn of_coordinates(&self, part: impl Fn(&Coordinate) -> Called) -> Vec<String> {
         self.coordinates.iter().map(|coordinate| part(coordinate).0.to_owned()).collect()
+    }
+
+    /// Names of what belongs to each coordinate that is a length: `gravity.` gives `gravity.Y`.
+    pub(crate) fn of_lengths(&self, name: &str) -> Vec<String> {
+        let lengths = self.coordinates.iter().filter(|coordinate| !coordinate.is_angle);
+        lengths.map(|coordinate| format!("{name}{}", coordinate.position.0)).collect()
     }
 
     /// Names of what belongs to each coordinate at the start: `Y0`.
@@ -443,7 +478,7 @@ const IN_PLANE: [Coordinate; 2] = [in_one_bearing!("Y" "y"), in_one_bearing!("Z"
 /// The coordinate of a rotor that moves along its axis alone.
 const ALONG_AXIS: [Coordinate; 1] = [in_one_bearing!("X" "x")];
 
-/// The coordinates of a shaft that tilts.
+/// The coordinates of a shaft that tilts; the first one is left out if something else holds it along its axis.
 const OF_SHAFT: [Coordinate; 5] = [
     of_centre!("X" "along the shaft" ""),
     of_centre!("Y" "along y" " at the centre of gravity"),
@@ -539,10 +574,57 @@ pub const AXIAL: Machine = Machine {
     ],
 };
 
+/// Readings of a shaft: the axial one is the last.
+const READINGS_OF_SHAFT: &[Reading] = &[
+    Reading {
+        name: "A.Ym",
+        around: ("A.", "Y"),
+        place: "along y at the sensors of bearing A",
+        axis: "y at bearing A",
+        sensor: "A.Ym",
+    },
+    Reading {
+        name: "A.Zm",
+        around: ("A.", "Z"),
+        place: "along z at the sensors of bearing A",
+        axis: "z at bearing A",
+        sensor: "A.Zm",
+    },
+    Reading {
+        name: "B.Ym",
+        around: ("B.", "Y"),
+        place: "along y at the sensors of bearing B",
+        axis: "y at bearing B",
+        sensor: "B.Ym",
+    },
+    Reading {
+        name: "B.Zm",
+        around: ("B.", "Z"),
+        place: "along z at the sensors of bearing B",
+        axis: "z at bearing B",
+        sensor: "B.Zm",
+    },
+    Reading { name: "Xm", around: ("X.", ""), place: "along the shaft", axis: "x", sensor: "Xm" },
+];
+
+/// Words for a shaft.
+const WORDS_OF_SHAFT: &[Called] = &[
+    ("{positions}", "the measured positions"),
+    ("{read}", "the positions"),
+    ("{positions and im}", "the measured positions and im"),
+    ("{smallest force}", "smallest forces"),
+    ("{turning}", ", from y towards z"),
+    ("{speed of the reference}", "Speed of the rotor: of the reference trajectory and of the gyroscopic moments"),
+    ("{predicted gap}", "a predicted gap"),
+    ("{of all} ", "of all magnets "),
+    ("{first axis}", "y"),
+    ("{its flux}", "it"),
+];
+
 /// The spindle: a rigid shaft in two radial bearings with three magnets each, and an axial one.
-pub const SPINDLE: Machine = Machine {
-    name: "spindle",
-    models: [
+pub const SPINDLE: Machine = Machine::shaft::<5, 3>(
+    "spindle",
+    [
         (
             "MagneticSpindle",
             "Rigid rotor in two radial magnetic bearings and an axial one, with two-plane unbalance, loads and sensors",
@@ -556,59 +638,12 @@ pub const SPINDLE: Machine = Machine {
             "On-line estimator of the force constants and the two-plane unbalance of a spindle in magnetic bearings",
         ),
     ],
-    bearings: &[Bearing::radial("A.", 3), Bearing::radial("B.", 3), Bearing::axial("X.")],
-    planes: 2,
-    coordinates: &OF_SHAFT,
-    readings: &[
-        Reading {
-            name: "A.Ym",
-            around: ("A.", "Y"),
-            place: "along y at the sensors of bearing A",
-            axis: "y at bearing A",
-            sensor: "A.Ym",
-        },
-        Reading {
-            name: "A.Zm",
-            around: ("A.", "Z"),
-            place: "along z at the sensors of bearing A",
-            axis: "z at bearing A",
-            sensor: "A.Zm",
-        },
-        Reading {
-            name: "B.Ym",
-            around: ("B.", "Y"),
-            place: "along y at the sensors of bearing B",
-            axis: "y at bearing B",
-            sensor: "B.Ym",
-        },
-        Reading {
-            name: "B.Zm",
-            around: ("B.", "Z"),
-            place: "along z at the sensors of bearing B",
-            axis: "z at bearing B",
-            sensor: "B.Zm",
-        },
-        Reading { name: "Xm", around: ("X.", ""), place: "along the shaft", axis: "x", sensor: "Xm" },
-    ],
-    resultant: &[],
-    words: &[
-        ("{positions}", "the measured positions"),
-        ("{read}", "the positions"),
-        ("{positions and im}", "the measured positions and im"),
-        ("{smallest force}", "smallest forces"),
-        ("{turning}", ", from y towards z"),
-        ("{speed of the reference}", "Speed of the rotor: of the reference trajectory and of the gyroscopic moments"),
-        ("{predicted gap}", "a predicted gap"),
-        ("{of all} ", "of all magnets "),
-        ("{first axis}", "y"),
-        ("{its flux}", "it"),
-    ],
-};
+);
 
 /// The spindle with two opposed pairs of magnets in each radial bearing.
-pub const SPINDLE4: Machine = Machine {
-    name: "spindle4",
-    models: [
+pub const SPINDLE4: Machine = Machine::shaft::<5, 4>(
+    "spindle4",
+    [
         (
             "MagneticSpindle4",
             "Rigid rotor in two radial magnetic bearings with four magnets each and an axial one, with two-plane unbalance, loads and sensors",
@@ -622,9 +657,7 @@ pub const SPINDLE4: Machine = Machine {
             "On-line estimator of the force constants and the two-plane unbalance of a spindle with four magnets in each radial bearing",
         ),
     ],
-    bearings: &[Bearing::radial("A.", 4), Bearing::radial("B.", 4), Bearing::axial("X.")],
-    ..SPINDLE
-};
+);
 
 /// All machines, in the order in which they are shown; a scenario that names none is of the first.
 pub const MACHINES: [Machine; 5] = [PLANAR, SPINDLE, PLANAR4, SPINDLE4, AXIAL];

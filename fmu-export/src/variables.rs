@@ -538,9 +538,12 @@ impl<V: Variables> Nested<One> for V {
         &self,
         Scope { at, context }: &Scope<'_, V::Context>,
         prefixes: Option<Vec<String>>,
-        _: Option<usize>,
+        count: Option<usize>,
         rows: &mut Vec<Row<()>>,
     ) {
+        if count == Some(0) {
+            return;
+        }
         let prefix = match prefixes.as_deref() {
             Some([prefix]) => prefix.clone(),
             _ => at.prefix.clone() + ".",

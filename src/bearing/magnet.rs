@@ -100,7 +100,7 @@ pub fn currents<const K: usize>(force_n: [f64; K], gap_m: [f64; K], lambda_nm2_a
 
 /// Geometry of K magnets around a rotor with N coordinates q: nominal gaps and directions.
 ///
-/// The planar rotor has `q = (y, z)` and three magnets; a [`Shaft`](crate::bearing::shaft::Shaft) has five coordinates.
+/// The planar rotor has `q = (y, z)` and three magnets; a [`Shaft`](crate::bearing::shaft::Shaft) has four coordinates or five.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Gap of each magnet with the rotor in the centre, in m; the paper's `s`.

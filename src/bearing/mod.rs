@@ -4,8 +4,8 @@
 //!
 //! - [`scalar`]: the number type of the equations: `f64` for values, Taylor series for derivatives;
 //! - [`magnet`]: gaps, forces, currents, and force allocation;
-//! - [`shaft`]: a rigid shaft with five coordinates;
-//! - [`spindle`]: such a shaft in two radial bearings and an axial one;
+//! - [`shaft`]: a rigid shaft that tilts;
+//! - [`spindle`]: such a shaft in two radial bearings, with or without an axial one;
 //! - [`coil`]: flux, current, force and energy of a coil;
 //! - [`touchdown`]: the backup bearing.
 

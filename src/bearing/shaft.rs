@@ -1,7 +1,7 @@
-//! A rigid shaft with five coordinates, in two radial bearings and an axial one.
+//! A rigid shaft in two radial bearings, with or without an axial one.
 //!
 //! ```text
-//! q = (x, y, z, β, γ)                      centre of gravity, in m; rotations about y and z, in rad
+//! q = (x, y, z, β, γ) or (y, z, β, γ)      centre of gravity, in m; rotations about y and z, in rad
 //! y(ξ) = y + ξ γ     z(ξ) = z − ξ β        a point of the axis, ξ along the shaft from the centre of gravity
 //! M_β = −ξ F_z       M_γ = ξ F_y           moments of a force there
 //! m ẍ = F_x     m ÿ = F_y     m z̈ = F_z
@@ -18,8 +18,8 @@ use crate::bearing::scalar::Scalar;
 use crate::variables::Variables;
 use crate::variables::unit::{KILOGRAM, KILOGRAM_METRE2};
 
-/// Number of coordinates of a shaft.
-pub const COORDINATES: usize = 5;
+/// Number of coordinates across the shaft, (y, z, β, γ). With an axial bearing x comes before them, and N is 5.
+pub const ACROSS: usize = 4;
 
 /// Inertia of a shaft.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
@@ -39,35 +39,52 @@ pub struct Shaft<T = f64> {
 impl<T: Scalar> Shaft<T> {
     /// `(m, m, m, J_t, J_t)`, in kg and kg·m².
     #[inline]
-    pub fn inertia(&self) -> [T; COORDINATES] {
-        [self.m_kg, self.m_kg, self.m_kg, self.transverse_kgm2, self.transverse_kgm2]
+    pub fn inertia<const N: usize>(&self) -> [T; N] {
+        joined(self.m_kg, [self.m_kg, self.m_kg, self.transverse_kgm2, self.transverse_kgm2])
     }
 
     /// The gyroscopic moments `−Ω G q̇`, in N·m, at the speed Ω in rad/s and the rates q̇ in m/s and rad/s.
     #[inline]
-    pub fn gyroscopic(&self, omega_rad_s: T, rates: [T; COORDINATES]) -> [T; COORDINATES] {
+    pub fn gyroscopic<const N: usize>(&self, omega_rad_s: T, rates: [T; N]) -> [T; N] {
         let [zero, spin] = [T::constant(0.0), self.polar_kgm2 * omega_rad_s];
-        [zero, zero, zero, -(spin * rates[4]), spin * rates[3]]
+        let [_, _, beta, gamma] = across(rates);
+        joined(zero, [zero, zero, -(spin * gamma), spin * beta])
     }
+}
+
+/// Those of the coordinates (or of what belongs to each) that are across the shaft.
+#[inline]
+pub fn across<T: Copy, const N: usize>(q: [T; N]) -> [T; ACROSS] {
+    const { assert!(N == ACROSS || N == ACROSS + 1, "a shaft that tilts") };
+    std::array::from_fn(|a| q[N - ACROSS + a])
+}
+
+/// All coordinates (or what belongs to each): those across the shaft, and x if it is one of them.
+#[inline]
+fn joined<T: Copy, const N: usize>(x: T, across: [T; ACROSS]) -> [T; N] {
+    const { assert!(N == ACROSS || N == ACROSS + 1, "a shaft that tilts") };
+    std::array::from_fn(|a| if a + ACROSS < N { x } else { across[a + ACROSS - N] })
 }
 
 /// Displacement (y, z) of the axis at ξ in m, for coordinates or for their rates.
 #[inline]
-pub fn displacement<T: Scalar>(at_m: T, [_, y, z, beta, gamma]: [T; COORDINATES]) -> [T; 2] {
+pub fn displacement<T: Scalar, const N: usize>(at_m: T, q: [T; N]) -> [T; 2] {
+    let [y, z, beta, gamma] = across(q);
     [y + at_m * gamma, z - at_m * beta]
 }
 
 /// The coordinates, or their rates, of a shaft with the axial position x whose axis is displaced by (y, z) at two places ξ in m.
 #[inline]
-pub fn through(x: f64, at_m: [f64; 2], [[y_1, z_1], [y_2, z_2]]: [[f64; 2]; 2]) -> [f64; COORDINATES] {
+pub fn through<const N: usize>(x: f64, at_m: [f64; 2], [[y_1, z_1], [y_2, z_2]]: [[f64; 2]; 2]) -> [f64; N] {
     let length_m = at_m[1] - at_m[0];
     let [gamma, minus_beta] = [(y_2 - y_1) / length_m, (z_2 - z_1) / length_m];
-    [x, y_1 - at_m[0] * gamma, z_1 - at_m[0] * minus_beta, -minus_beta, gamma]
+    joined(x, [y_1 - at_m[0] * gamma, z_1 - at_m[0] * minus_beta, -minus_beta, gamma])
 }
 
 /// The forces (F_y, F_z) at two places ξ in m with a generalised force, in N, apart from its axial part.
 #[inline]
-pub fn shared(at_m: [f64; 2], [_, y, z, beta, gamma]: [f64; COORDINATES]) -> [[f64; 2]; 2] {
+pub fn shared<const N: usize>(at_m: [f64; 2], force: [f64; N]) -> [[f64; 2]; 2] {
+    let [y, z, beta, gamma] = across(force);
     let length_m = at_m[1] - at_m[0];
     let [y_2, z_2] = [(gamma - at_m[0] * y) / length_m, (-beta - at_m[0] * z) / length_m];
     [[y - y_2, z - z_2], [y_2, z_2]]
@@ -75,17 +92,17 @@ pub fn shared(at_m: [f64; 2], [_, y, z, beta, gamma]: [f64; COORDINATES]) -> [[f
 
 /// The generalised force of a force (F_y, F_z) at ξ, in N and N·m.
 #[inline]
-pub fn generalised<T: Scalar>(at_m: T, [y, z]: [T; 2]) -> [T; COORDINATES] {
-    [T::constant(0.0), y, z, -(at_m * z), at_m * y]
+pub fn generalised<T: Scalar, const N: usize>(at_m: T, [y, z]: [T; 2]) -> [T; N] {
+    joined(T::constant(0.0), [y, z, -(at_m * z), at_m * y])
 }
 
 /// Direction d of a radial magnet at ξ in m and at the angle α in rad, as in [`Geometry`](crate::bearing::magnet::Geometry).
-pub fn radial<T: Scalar>(at_m: T, alpha_rad: T) -> [T; COORDINATES] {
+pub fn radial<T: Scalar, const N: usize>(at_m: T, alpha_rad: T) -> [T; N] {
     let (sin, cos) = alpha_rad.sine_cosine();
     generalised(at_m, [sin, cos])
 }
 
 /// Directions of the two axial magnets, towards +x and towards −x.
-pub fn axial<T: Scalar>() -> [[T; COORDINATES]; 2] {
-    [1.0, -1.0].map(|x| std::array::from_fn(|a| T::constant(if a == 0 { x } else { 0.0 })))
+pub fn axial<T: Scalar, const N: usize>() -> [[T; N]; 2] {
+    [1.0, -1.0].map(|x| joined(T::constant(x), [T::constant(0.0); ACROSS]))
 }

@@ -1,12 +1,13 @@
-//! A spindle: a rigid shaft in two radial bearings A and B with M magnets each, three or four, and an axial bearing X with two.
+//! A spindle: a rigid shaft in two radial bearings A and B with M magnets each, three or four. With N = 5 coordinates it has an axial bearing
+//! X with two magnets as well; with N = 4 something else holds it along its axis.
 //!
-//! Coordinates and signs are those of [`shaft`]. MagnetsOf are counted A 1 to M, B 1 to M, X 1 to 2; X 1 pulls
+//! Coordinates and signs are those of [`shaft`]. Magnets are counted A 1 to M, B 1 to M, X 1 to 2; X 1 pulls
 //! towards +x. Positions along the shaft are in m from the centre of gravity. The sensors read `h · q`, in the order A.Ym,
 //! A.Zm, B.Ym, B.Zm, Xm:
 //!
 //! ```text
 //! A.Ym = y + ξ γ     A.Zm = z − ξ β        ξ of the sensors of A, not of its magnets; B likewise
-//! Xm = x
+//! Xm = x                                   if there is an axial bearing
 //! ```
 
 use std::borrow::Cow;
@@ -15,16 +16,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::bearing::magnet::{Geometry, MagnetsOf, alpha_rad};
 use crate::bearing::scalar::Scalar;
-use crate::bearing::shaft::{self, COORDINATES, Shaft};
+use crate::bearing::shaft::{self, ACROSS, Shaft};
 use crate::invalid::{Checks, Invalid};
+use crate::machine::Machine;
 use crate::variables::Variables;
 use crate::variables::unit::{METRE, RADIAN};
-
-/// Number of magnets with three in A, three in B, two in X.
-pub const MAGNETS: usize = 8;
-
-/// Number of readings of position: A.Ym, A.Zm, B.Ym, B.Zm, Xm.
-pub const READINGS: usize = 5;
 
 /// The bearing of magnet k with M magnets in each radial bearing, and the magnet's place there; all counted from 0.
 pub const fn bearing_of<const M: usize>(k: usize) -> (usize, usize) {
@@ -68,14 +64,14 @@ impl<const M: usize> Default for RadialBearing<f64, M> {
 
 /// Shaft and bearings of a spindle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(T = f64)]
+#[variables(T = f64, context = Machine)]
 #[serde(bound(
     serialize = "T: Serialize, [T; M]: Serialize",
     deserialize = "T: Deserialize<'de>, [T; M]: Deserialize<'de>"
 ))]
 pub struct SpindleGeometryOf<T, const M: usize> {
     /// Inertia.
-    #[nested(prefix = "")]
+    #[nested(prefix = "", context = ())]
     pub shaft: Shaft<T>,
     /// Begin and end of the shaft, in m from the centre of gravity. Nothing can be mounted beyond; the motion does not depend on
     /// them.
@@ -85,13 +81,15 @@ pub struct SpindleGeometryOf<T, const M: usize> {
     )]
     pub extent_m: [T; 2],
     /// Bearing A.
-    #[nested(prefix = "A.")]
+    #[nested(prefix = "A.", context = ())]
     pub a: RadialBearing<T, M>,
     /// Bearing B.
-    #[nested(prefix = "B.")]
+    #[nested(prefix = "B.", context = ())]
     pub b: RadialBearing<T, M>,
     /// Nominal air gap of the axial magnets
-    #[parameter(name = "X.s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
+    ///
+    /// Not used without an axial bearing.
+    #[parameter(name = "X.s", count = context.axial(), unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
     pub axial_gap_m: T,
 }
 
@@ -119,8 +117,8 @@ impl<const M: usize> Default for SpindleGeometryOf<f64, M> {
 
 impl<T: Scalar, const M: usize> SpindleGeometryOf<T, M> {
     /// Gaps and directions of the magnets.
-    pub fn geometry<const K: usize>(&self) -> Geometry<T, COORDINATES, K> {
-        const { assert!(K == 2 * M + 2, "two radial bearings and an axial one") };
+    pub fn geometry<const N: usize, const K: usize>(&self) -> Geometry<T, N, K> {
+        const { assert!(K == 2 * (M + N - ACROSS), "two radial bearings, and an axial one if N = 5") };
         let axial = shaft::axial();
         Geometry {
             gap_m: std::array::from_fn(|k| [self.a.gap_m, self.b.gap_m, self.axial_gap_m][bearing_of::<M>(k).0]),
@@ -155,27 +153,31 @@ impl<T: Scalar, const M: usize> SpindleGeometryOf<T, M> {
     }
 
     /// The readings `H q`, in m, at the coordinates q in m and rad.
-    pub fn readings(&self, q: [T; COORDINATES]) -> [T; READINGS] {
-        let [[a_y, a_z], [b_y, b_z]] = self.radial().map(|bearing| shaft::displacement(bearing.sensor_position_m, q));
-        [a_y, a_z, b_y, b_z, q[0]]
+    pub fn readings<const N: usize>(&self, q: [T; N]) -> [T; N] {
+        in_bearings(self.radial().map(|bearing| shaft::displacement(bearing.sensor_position_m, q)), q[0])
     }
 
     /// The matrix H of the readings `H q`, one row per reading.
-    pub fn sensors(&self) -> [[T; COORDINATES]; READINGS] {
+    pub fn sensors<const N: usize>(&self) -> [[T; N]; N] {
         // A displacement towards (1, 0) or (0, 1) at ξ, as of a magnet that would pull there.
         let [one, zero] = [1.0, 0.0].map(T::constant);
-        let towards = |bearing: &RadialBearing<T, M>, axis: [T; 2]| shaft::generalised(bearing.sensor_position_m, axis);
-        let [along, _] = shaft::axial();
-        let [y, z] = [[one, zero], [zero, one]];
-        [towards(&self.a, y), towards(&self.a, z), towards(&self.b, y), towards(&self.b, z), along]
+        let axes = [[one, zero], [zero, one]];
+        let radial = self.radial().map(|of| axes.map(|axis| shaft::generalised(of.sensor_position_m, axis)));
+        in_bearings(radial, shaft::axial()[0])
     }
+}
+
+/// What belongs to (y, z) in A, (y, z) in B, and to x if it is one of N coordinates.
+#[inline]
+pub(crate) fn in_bearings<V: Copy, const N: usize>([[a_y, a_z], [b_y, b_z]]: [[V; 2]; 2], x: V) -> [V; N] {
+    std::array::from_fn(|n| [a_y, a_z, b_y, b_z, x][n])
 }
 
 impl<const M: usize> SpindleGeometryOf<f64, M> {
     /// Reports in `checks`, by the names of the interface: masses and moments of inertia that no body has, an empty shaft,
     /// positions beyond it, bearings or sensors at the same place, and of each bearing what [`Magnets::new`] refuses. Use the
     /// spindle only if nothing was reported.
-    pub(crate) fn checked<const K: usize>(&self, checks: &mut Checks) -> SpindleOf<M, K> {
+    pub(crate) fn checked<const N: usize, const K: usize>(&self, checks: &mut Checks) -> SpindleOf<N, M, K> {
         let Shaft { m_kg, transverse_kgm2, polar_kgm2 } = self.shaft;
         checks.positive("m", m_kg, "kg");
         checks.positive("Jt", transverse_kgm2, "kg.m2");
@@ -208,8 +210,9 @@ impl<const M: usize> SpindleGeometryOf<f64, M> {
         let (a, b) = (&self.a, &self.b);
         check_apart("position", "bearings", [a.position_m, b.position_m], checks);
         check_apart("sensorPosition", "sensors", [a.sensor_position_m, b.sensor_position_m], checks);
-        let axial = checks.of("X.", |checks| MagnetsOf::checked(self.axial_gap_m, [0.0; 2], checks));
-        SpindleOf { config: *self, geometry: self.geometry(), sensors: self.sensors(), bearings, axial }
+        let axial = || checks.of("X.", |checks| MagnetsOf::checked(self.axial_gap_m, [0.0; 2], checks));
+        let axial = (N > ACROSS).then(axial);
+        SpindleOf { config: *self, geometry: self.geometry(), bearings, axial }
     }
 
     /// Refuses a position that is not on the shaft.
@@ -236,18 +239,17 @@ fn check_apart(name: &str, what: &str, [a_m, b_m]: [f64; 2], checks: &mut Checks
 
 /// A spindle with validated geometry.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SpindleOf<const M: usize, const K: usize> {
+pub struct SpindleOf<const N: usize, const M: usize, const K: usize> {
     config: SpindleGeometryOf<f64, M>,
-    geometry: Geometry<f64, COORDINATES, K>,
-    sensors: [[f64; COORDINATES]; READINGS],
+    geometry: Geometry<f64, N, K>,
     bearings: [MagnetsOf<2, M>; 2],
-    axial: MagnetsOf<1, 2>,
+    axial: Option<MagnetsOf<1, 2>>,
 }
 
-/// That with three magnets in each radial bearing.
-pub type Spindle = SpindleOf<3, MAGNETS>;
+/// That with three magnets in each radial bearing, and an axial one.
+pub type Spindle = SpindleOf<5, 3, 8>;
 
-impl<const M: usize, const K: usize> SpindleOf<M, K> {
+impl<const N: usize, const M: usize, const K: usize> SpindleOf<N, M, K> {
     /// A spindle.
     ///
     /// # Errors
@@ -265,13 +267,8 @@ impl<const M: usize, const K: usize> SpindleOf<M, K> {
     }
 
     /// Gaps and directions of all magnets.
-    pub fn geometry(&self) -> &Geometry<f64, COORDINATES, K> {
+    pub fn geometry(&self) -> &Geometry<f64, N, K> {
         &self.geometry
-    }
-
-    /// The matrix H of the readings, one row each in the order A.Ym, A.Zm, B.Ym, B.Zm, Xm.
-    pub fn sensors(&self) -> &[[f64; COORDINATES]; READINGS] {
-        &self.sensors
     }
 
     /// The magnets of A and of B, each in its own plane: for the allocation of forces.
@@ -279,24 +276,20 @@ impl<const M: usize, const K: usize> SpindleOf<M, K> {
         &self.bearings
     }
 
-    /// The axial magnets: for the allocation of forces.
-    pub fn axial(&self) -> &MagnetsOf<1, 2> {
-        &self.axial
+    /// The axial magnets, if there are any: for the allocation of forces.
+    pub fn axial(&self) -> Option<&MagnetsOf<1, 2>> {
+        self.axial.as_ref()
     }
 
     /// `(m, m, m, J_t, J_t)`, in kg and kg·m².
-    pub fn inertia(&self) -> [f64; COORDINATES] {
+    pub fn inertia(&self) -> [f64; N] {
         self.config.shaft.inertia()
     }
 
-    /// The readings `H q`, in m, at the coordinates q in m and rad.
-    pub fn readings(&self, q: [f64; COORDINATES]) -> [f64; READINGS] {
-        self.config.readings(q)
-    }
-
     /// The coordinates `H⁻¹ r`, in m and rad, for readings r in m.
-    pub fn coordinates(&self, [a_y, a_z, b_y, b_z, x]: [f64; READINGS]) -> [f64; COORDINATES] {
-        let at_m = [self.config.a.sensor_position_m, self.config.b.sensor_position_m];
-        shaft::through(x, at_m, [[a_y, a_z], [b_y, b_z]])
+    pub fn coordinates(&self, reading_m: [f64; N]) -> [f64; N] {
+        let at_m = self.config.radial().map(|bearing| bearing.sensor_position_m);
+        let radial_m = [0, 1].map(|b| [reading_m[2 * b], reading_m[2 * b + 1]]);
+        shaft::through(reading_m[N - 1], at_m, radial_m)
     }
 }

@@ -358,8 +358,8 @@ impl fmt::Display for Verdict {
 
 /// The estimates after a sample. All numbers are finite at all times.
 ///
-/// A machine whose axial motion is independent of the radial one has two parts with an estimate each, P = 2: the radial one, with two planes
-/// of unbalance and two backward forces, and the axial one. All others have one.
+/// A shaft that tilts has two planes of unbalance and two backward forces, P = 2. With an axial bearing its motion has two parts with an estimate
+/// each: the radial one, and the axial one, which is independent of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Names)]
 #[serde(bound(
@@ -403,13 +403,13 @@ pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
     pub ks_std: [f64; K],
     /// Of each part: standard deviation of the noise of its positions, in m, given or estimated; 0 before it is estimated.
     #[output(
-        names = context.of_parts("noise.position"), discrete, unit = METRE, min = 0.0, nominal = 1e-7,
+        names = context.of_parts("noise.position"), count = context.parts(), discrete, unit = METRE, min = 0.0, nominal = 1e-7,
         description = format!("Standard deviation of the noise of {}, given or estimated", context.part(index).0)
     )]
     pub position_noise_m: [f64; P],
     /// Of each part: standard deviation of the noise of its currents, in A, given or estimated; 0 before it is estimated.
     #[output(
-        names = context.of_parts("noise.current"), discrete, unit = AMPERE, min = 0.0, nominal = 1e-2,
+        names = context.of_parts("noise.current"), count = context.parts(), discrete, unit = AMPERE, min = 0.0, nominal = 1e-2,
         description = format!("Standard deviation of the noise of {}, given or estimated", context.part(index).1)
     )]
     pub current_noise_a: [f64; P],
@@ -526,53 +526,55 @@ pub(super) fn check_common<const K: usize>(
     }
 }
 
-/// Checks every parameter, under its name in the interface.
-pub(super) fn check<const N: usize, const K: usize>(config: &EstimatorConfigOf<N, K>, checks: &mut Checks) {
-    let machine = Names::of_one_bearing(N, K);
-    let paper = config.method != Method::PredictionError;
-    for (name, value, unit) in [
-        ("m", config.m_kg, "kg"),
-        ("s", config.gap_m, "m"),
-        ("Tf", config.window_s, "s"),
-        ("epsilon", config.epsilon_s, "s"),
-        ("filter.omega", config.filter_omega_rad_s, "rad/s"),
-        ("filter.zeta", config.filter_zeta, "1"),
-    ] {
-        checks.positive(name, value, unit);
-    }
-    for (k, alpha) in config.alpha_rad.iter().enumerate().filter(|_| N == 2) {
-        checks.finite(format!("alpha[{}]", k + 1), *alpha, "rad");
-        for (l, other) in config.alpha_rad.iter().enumerate().take(k) {
-            // Opposed magnets pull in turn: their currents tell them apart.
-            let line = if K == 3 { sin(alpha - other).abs() } else { 2.0 * sin(0.5 * (alpha - other)).abs() };
-            let apart = !(alpha - other).is_finite() || line >= SMALLEST_SINE;
-            let wanted = format!("an angle off the line of magnet {}, whose force could not be told apart,", l + 1);
-            checks.require(apart, format!("alpha[{}]", k + 1), format_args!("{alpha} rad"), wanted);
-        }
-    }
-    let noise = [config.position_noise_m, config.current_noise_a];
-    check_common(machine, config.step_s, config.lambda0_nm2_a2, noise, &config.tolerance, checks);
-    for (name, value, unit) in config.tolerance.listed(machine) {
-        let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
-        let unused = value.is_nan() || value <= 0.0 || name == "tolerance.backwardForce";
-        checks.require(!paper || unused, name, format_args!("{value} {unit}"), wanted);
-    }
-    let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance,";
-    checks.require(!paper || config.identify_unbalance, "identify.unbalance", config.identify_unbalance, wanted);
-    let positive = |x: f64| x.is_finite() && x > 0.0;
-    // Tf is ignored by methods that have no window.
-    if paper && positive(config.step_s) && positive(config.window_s) {
-        let (n, slack, value) =
-            (config.window_s / config.step_s, WHOLE_NUMBER_TOLERANCE, format!("{} s", config.window_s));
-        for (holds, wanted) in [
-            (n >= MIN_INTERVALS * (1.0 - slack), "at least 8 Ts"),
-            (n <= MAX_INTERVALS * (1.0 + slack), "at most 100000 Ts"),
-            ((n - n.round()).abs() <= slack * n, "a whole number of Ts"),
+impl<const N: usize, const K: usize> EstimatorConfigOf<N, K> {
+    /// Checks every parameter, under its name in the interface.
+    pub(super) fn checked(&self, checks: &mut Checks) {
+        let machine = Self::NAMES;
+        let paper = self.method != Method::PredictionError;
+        for (name, value, unit) in [
+            ("m", self.m_kg, "kg"),
+            ("s", self.gap_m, "m"),
+            ("Tf", self.window_s, "s"),
+            ("epsilon", self.epsilon_s, "s"),
+            ("filter.omega", self.filter_omega_rad_s, "rad/s"),
+            ("filter.zeta", self.filter_zeta, "1"),
         ] {
-            checks.require(holds, "Tf", &value, wanted);
+            checks.positive(name, value, unit);
         }
-        let enough = !positive(config.epsilon_s) || config.epsilon_s >= config.window_s * (1.0 - slack);
-        let wanted = "at least Tf, for there is no estimate before the first window is full,";
-        checks.require(enough, "epsilon", format_args!("{} s", config.epsilon_s), wanted);
+        for (k, alpha) in self.alpha_rad.iter().enumerate().filter(|_| N == 2) {
+            checks.finite(format!("alpha[{}]", k + 1), *alpha, "rad");
+            for (l, other) in self.alpha_rad.iter().enumerate().take(k) {
+                // Opposed magnets pull in turn: their currents tell them apart.
+                let line = if K == 3 { sin(alpha - other).abs() } else { 2.0 * sin(0.5 * (alpha - other)).abs() };
+                let apart = !(alpha - other).is_finite() || line >= SMALLEST_SINE;
+                let wanted = format!("an angle off the line of magnet {}, whose force could not be told apart,", l + 1);
+                checks.require(apart, format!("alpha[{}]", k + 1), format_args!("{alpha} rad"), wanted);
+            }
+        }
+        let noise = [self.position_noise_m, self.current_noise_a];
+        check_common(machine, self.step_s, self.lambda0_nm2_a2, noise, &self.tolerance, checks);
+        for (name, value, unit) in self.tolerance.listed(machine) {
+            let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
+            let unused = value.is_nan() || value <= 0.0 || name == "tolerance.backwardForce";
+            checks.require(!paper || unused, name, format_args!("{value} {unit}"), wanted);
+        }
+        let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance,";
+        checks.require(!paper || self.identify_unbalance, "identify.unbalance", self.identify_unbalance, wanted);
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        // Tf is ignored by methods that have no window.
+        if paper && positive(self.step_s) && positive(self.window_s) {
+            let (n, slack, value) =
+                (self.window_s / self.step_s, WHOLE_NUMBER_TOLERANCE, format!("{} s", self.window_s));
+            for (holds, wanted) in [
+                (n >= MIN_INTERVALS * (1.0 - slack), "at least 8 Ts"),
+                (n <= MAX_INTERVALS * (1.0 + slack), "at most 100000 Ts"),
+                ((n - n.round()).abs() <= slack * n, "a whole number of Ts"),
+            ] {
+                checks.require(holds, "Tf", &value, wanted);
+            }
+            let enough = !positive(self.epsilon_s) || self.epsilon_s >= self.window_s * (1.0 - slack);
+            let wanted = "at least Tf, for there is no estimate before the first window is full,";
+            checks.require(enough, "epsilon", format_args!("{} s", self.epsilon_s), wanted);
+        }
     }
 }

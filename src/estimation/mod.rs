@@ -3,7 +3,7 @@
 //! In reading order: `config` holds parameters, inputs and outputs; `angle` filters the rotation, `motion` carries what signals do to the rotor,
 //! `innovations` is the whitening filter, `sums` the normal equations and their solutions, `models` weighs models of what changes, `noise` is the
 //! search for the noise, `validation` tests the result, and `prediction_error` is the estimator made of them; `paper` holds the paper's two methods;
-//! `one_bearing` and [`spindle`] make machines of parameters. Here are the checks of a sample, gaps in the data, and the choice of the method.
+//! `one_bearing` and [`spindle`] make machines of parameters, `parts` puts the parts of a motion together. Here are the checks of a sample, gaps in the data, and the choice of the method.
 
 mod angle;
 mod config;
@@ -13,6 +13,7 @@ mod motion;
 mod noise;
 mod one_bearing;
 pub mod paper;
+mod parts;
 mod prediction_error;
 mod readings;
 pub mod spindle;

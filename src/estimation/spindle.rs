@@ -1,7 +1,7 @@
-//! The estimator of a spindle: two radial bearings, an axial one, two planes of unbalance.
+//! The estimator of a spindle: two radial bearings, with or without an axial one, and two planes of unbalance.
 //!
-//! A radial magnet does not pull along the shaft, and an axial one not across it: the axial motion and the radial one with its tilts are two
-//! machines, each with its own filter and sums. The coordinates of each are what its position sensors read, `r = H q`: in them the sensors
+//! A radial magnet does not pull along the shaft, and an axial one not across it: the axial motion, if there is one, and the radial one with its
+//! tilts are two machines, each with its own filter and sums. The coordinates of each are what its position sensors read, `r = H q`: in them the sensors
 //! are independent and all numbers are lengths. With the acceleration `H M⁻¹ f` by a generalised force f, and directions `H⁻ᵀ d`, the
 //! equations are those of the planar rotor.
 
@@ -9,29 +9,30 @@ use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::motion::Square;
+use super::parts::Parts;
 use super::{
-    Common, Estimation, Estimator, EstimatorInputOf, EstimatorOutputOf, EstimatorParameters, Hold, Judged, Machine,
-    Names, PredictionError, PredictionErrorState, Sample, StateOf, Tolerance, Verdict, check_common, prediction_error,
+    Common, Estimator, EstimatorInputOf, EstimatorOutputOf, Hold, Machine, Names, StateOf, Tolerance, check_common,
+    prediction_error,
 };
 use crate::bearing::magnet::Geometry;
-use crate::bearing::shaft::{COORDINATES, generalised};
-use crate::bearing::spindle::{MAGNETS, READINGS, SHORTEST_DISTANCE_M, SpindleGeometryOf, SpindleOf};
+use crate::bearing::shaft::{ACROSS, generalised};
+use crate::bearing::spindle::{SHORTEST_DISTANCE_M, SpindleGeometryOf, SpindleOf};
 use crate::invalid::{Checks, Invalid};
 use crate::plant::spindle::PLANES;
 use crate::variables::unit::{AMPERE, KILOGRAM_METRE2, METRE, SECOND};
 use crate::variables::{LAMBDA, Variables, numbers};
 
-/// The estimator of a spindle with three magnets in each radial bearing.
-pub type SpindleEstimator = Estimator<SpindleEstimatorConfig, READINGS, MAGNETS, 2>;
+/// The estimator of a spindle with three magnets in each radial bearing, and an axial one.
+pub type SpindleEstimator = Estimator<SpindleEstimatorConfig, 5, 8, 2>;
 
 /// Its state.
-pub type SpindleEstimatorState = StateOf<SpindleEstimatorConfig, READINGS, MAGNETS, 2>;
+pub type SpindleEstimatorState = StateOf<SpindleEstimatorConfig, 5, 8, 2>;
 
 /// Its inputs.
-pub type SpindleEstimatorInput = EstimatorInputOf<READINGS, MAGNETS>;
+pub type SpindleEstimatorInput = EstimatorInputOf<5, 8>;
 
 /// Its outputs.
-pub type SpindleEstimatorOutput = EstimatorOutputOf<READINGS, MAGNETS, 2>;
+pub type SpindleEstimatorOutput = EstimatorOutputOf<5, 8, 2>;
 
 /// Parameters of the radial machine with a tolerance, besides the angles: gap, J_t, J_p, positions of magnets, of sensors, of unbalance.
 const BESIDE_ANGLES: usize = 9;
@@ -63,9 +64,9 @@ pub struct ShaftTolerance {
     serialize = "[f64; M]: Serialize, [f64; K]: Serialize",
     deserialize = "[f64; M]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
 ))]
-pub struct SpindleEstimatorConfigOf<const M: usize, const K: usize> {
+pub struct SpindleEstimatorConfigOf<const N: usize, const M: usize, const K: usize> {
     /// Shaft and bearings.
-    #[nested(prefix = "", context = ())]
+    #[nested(prefix = "")]
     pub geometry: SpindleGeometryOf<f64, M>,
     /// Sample time; samples are taken at the start time plus whole multiples of it
     #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
@@ -96,10 +97,10 @@ pub struct SpindleEstimatorConfigOf<const M: usize, const K: usize> {
     pub shaft_tolerance: ShaftTolerance,
 }
 
-/// Those with three magnets in each radial bearing.
-pub type SpindleEstimatorConfig = SpindleEstimatorConfigOf<3, MAGNETS>;
+/// Those with three magnets in each radial bearing, and an axial one.
+pub type SpindleEstimatorConfig = SpindleEstimatorConfigOf<5, 3, 8>;
 
-impl<const M: usize, const K: usize> Default for SpindleEstimatorConfigOf<M, K> {
+impl<const N: usize, const M: usize, const K: usize> Default for SpindleEstimatorConfigOf<N, M, K> {
     fn default() -> Self {
         Self {
             geometry: SpindleGeometryOf::default(),
@@ -113,87 +114,6 @@ impl<const M: usize, const K: usize> Default for SpindleEstimatorConfigOf<M, K> 
             tolerance: Tolerance::default(),
             shaft_tolerance: ShaftTolerance::default(),
         }
-    }
-}
-
-/// Implements the parameters for the sizes of a spindle: magnets of a radial bearing and of all, of both radial bearings, unknowns of the
-/// radial part, its columns of tolerances, and its uncertain parameters.
-macro_rules! of_sizes {
-    ($m:literal, $k:literal, $radial:literal, $unknowns:literal, $columns:literal, $parameters:literal) => {
-        impl EstimatorParameters<READINGS, $k, 2> for SpindleEstimatorConfigOf<$m, $k> {
-            const MACHINE: &'static Names = Names::of_shaft($m);
-
-            type Method = Parts<$radial, $unknowns, $columns>;
-
-            fn common(&self) -> Common<'_, $k> {
-                self.shared()
-            }
-
-            fn check(&self, checks: &mut Checks) {
-                self.checked(Self::MACHINE, checks);
-            }
-
-            fn method(&self) -> Result<Self::Method, Vec<Invalid>> {
-                self.parts::<$radial, $unknowns, $columns, $parameters>()
-            }
-        }
-    };
-}
-
-of_sizes!(3, 8, 6, 18, 29, 15);
-of_sizes!(4, 10, 8, 20, 33, 17);
-
-/// The radial motion with K magnets, and the axial one.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Parts<const K: usize, const U: usize, const T: usize> {
-    radial: PredictionError<4, K, U, T>,
-    axial: PredictionError<1, 2, 3, 5>,
-}
-
-/// State between samples.
-type PartsState<const K: usize, const U: usize, const T: usize> =
-    (Box<PredictionErrorState<4, K, U, T>>, Box<PredictionErrorState<1, 2, 3, 5>>);
-
-impl<const N: usize, const A: usize, const K: usize, const U: usize, const T: usize> Estimation<N, A, 2>
-    for Parts<K, U, T>
-where
-    PredictionErrorState<4, K, U, T>: Serialize + for<'de> Deserialize<'de>,
-{
-    type State = PartsState<K, U, T>;
-
-    fn start(&self) -> Self::State {
-        (Box::new(self.radial.start()), Box::new(self.axial.start()))
-    }
-
-    fn has_shape(&self, (radial, axial): &Self::State) -> bool {
-        radial.has_shape() && axial.has_shape()
-    }
-
-    fn is_in_gap(&self, position_m: [f64; N]) -> bool {
-        self.radial.is_in_gap(std::array::from_fn(|n| position_m[n])) && self.axial.is_in_gap([position_m[4]])
-    }
-
-    fn advance(
-        &self,
-        (radial, axial): &mut Self::State,
-        sample: &Judged<'_, N, A>,
-        output: &mut EstimatorOutputOf<N, A, 2>,
-    ) -> [Verdict; 2] {
-        let EstimatorInputOf { position_m, current_a, .. } = sample.input;
-        let refused = [sample.refused(0..4, radial.estimate.verdict), sample.refused(4..5, axial.estimate.verdict)];
-        let verdicts = [
-            self.radial.take(radial, refused[0], || {
-                let (position_m, current_a) =
-                    (std::array::from_fn(|n| position_m[n]), std::array::from_fn(|k| current_a[k]));
-                Sample::new(position_m, current_a, sample.rotation)
-            }),
-            self.axial.take(axial, refused[1], || {
-                Sample::new([position_m[4]], [current_a[K], current_a[K + 1]], sample.rotation)
-            }),
-        ];
-        output.write(0, 0, 1..N, &self.radial, radial, verdicts[0]);
-        output.write(1, K, 0..1, &self.axial, axial, verdicts[1]);
-        verdicts
     }
 }
 
@@ -224,8 +144,12 @@ impl ShaftTolerance {
     }
 }
 
-impl<const M: usize, const A: usize> SpindleEstimatorConfigOf<M, A> {
-    fn shared(&self) -> Common<'_, A> {
+impl<const N: usize, const M: usize, const A: usize> SpindleEstimatorConfigOf<N, M, A> {
+    /// How its parts are called.
+    pub(super) const NAMES: &'static Names = Names::of_shaft::<N, M>();
+
+    /// Parameters that all estimators have.
+    pub(super) fn shared(&self) -> Common<'_, A> {
         Common {
             m_kg: self.geometry.shaft.m_kg,
             step_s: self.step_s,
@@ -239,8 +163,8 @@ impl<const M: usize, const A: usize> SpindleEstimatorConfigOf<M, A> {
 
     /// Reports what [`Spindle::new`] refuses; a sample time or a first guess that is not positive; noise or a tolerance that is negative;
     /// planes of unbalance that are not on the shaft, or at the same place.
-    fn checked(&self, machine: &Names, checks: &mut Checks) {
-        let _: SpindleOf<M, A> = self.geometry.checked(checks);
+    pub(super) fn checked(&self, checks: &mut Checks) {
+        let _: SpindleOf<N, M, A> = self.geometry.checked(checks);
         let noise = [self.position_noise_m, self.current_noise_a];
         let [first_m, second_m] = self.unbalance_position_m;
         self.geometry.check_position("unbalance[1].position", first_m, checks);
@@ -251,7 +175,7 @@ impl<const M: usize, const A: usize> SpindleEstimatorConfigOf<M, A> {
             format_args!("{second_m} m"),
             format!("a position at least {SHORTEST_DISTANCE_M} m from unbalance[1].position = {first_m} m"),
         );
-        check_common(machine, self.step_s, self.lambda0_nm2_a2, noise, &self.tolerance, checks);
+        check_common(Self::NAMES, self.step_s, self.lambda0_nm2_a2, noise, &self.tolerance, checks);
         self.shaft_tolerance.check(&self.geometry, checks);
     }
 
@@ -259,11 +183,11 @@ impl<const M: usize, const A: usize> SpindleEstimatorConfigOf<M, A> {
     ///
     /// # Errors
     /// If the readings do not tell a tilt.
-    fn parts<const K: usize, const U: usize, const T: usize, const R: usize>(
+    pub(super) fn parts<const K: usize, const U: usize, const T: usize, const R: usize>(
         &self,
-    ) -> Result<Parts<K, U, T>, Vec<Invalid>> {
+    ) -> Result<Parts<4, K, U, T>, Vec<Invalid>> {
         const { assert!(R == BESIDE_ANGLES + K, "an angle for each magnet") };
-        if Machine::<4, K, U>::of_shaft::<M, A>(&self.geometry, self.unbalance_position_m).is_none() {
+        if Machine::<4, K, U>::of_shaft(&self.geometry, self.unbalance_position_m).is_none() {
             return Err(vec![Invalid {
                 name: "B.sensorPosition".into(),
                 value: format!("{} m", self.geometry.b.sensor_position_m),
@@ -292,8 +216,7 @@ impl<const M: usize, const A: usize> SpindleEstimatorConfigOf<M, A> {
                 planes_m[at] += beside[6 + at];
             }
             // The check above and that of the tolerances hold for what is a tolerance away.
-            Machine::of_shaft::<M, A>(&geometry, planes_m)
-                .unwrap_or_else(|| unreachable!("sensors at different places"))
+            Machine::of_shaft(&geometry, planes_m).unwrap_or_else(|| unreachable!("sensors at different places"))
         };
         // The axial motion knows no unbalance.
         let axial = |[gap_m]: [f64; 1]| {
@@ -301,27 +224,22 @@ impl<const M: usize, const A: usize> SpindleEstimatorConfigOf<M, A> {
         };
         let (common, lambda0) = (self.shared(), self.lambda0_nm2_a2);
         Ok(Parts {
-            radial: prediction_error(radial, std, std::array::from_fn(|k| lambda0[k]), &common),
-            axial: prediction_error(axial, [t.gap_m], [lambda0[K], lambda0[K + 1]], &common),
+            first: prediction_error(radial, std, std::array::from_fn(|k| lambda0[k]), &common),
+            axial: (N > ACROSS).then(|| prediction_error(axial, [t.gap_m], [lambda0[K], lambda0[K + 1]], &common)),
         })
     }
 }
 
 impl<const K: usize, const U: usize> Machine<4, K, U> {
     /// The radial machine of a spindle with planes of unbalance; `None` if the readings do not tell a tilt.
-    pub fn of_shaft<const M: usize, const A: usize>(
-        spindle: &SpindleGeometryOf<f64, M>,
-        planes_m: [f64; PLANES],
-    ) -> Option<Self> {
-        let across = |[_, y, z, beta, gamma]: [f64; COORDINATES]| SVector::from([y, z, beta, gamma]);
-        let [a_y, a_z, b_y, b_z, _] = spindle.sensors().map(across);
-        let h = Square::<4>::from_columns(&[a_y, a_z, b_y, b_z]).transpose();
+    pub fn of_shaft<const M: usize>(spindle: &SpindleGeometryOf<f64, M>, planes_m: [f64; PLANES]) -> Option<Self> {
+        let h = Square::<4>::from_columns(&spindle.sensors().map(SVector::from)).transpose();
         let back = h.try_inverse()?;
-        let inertia = across(spindle.shaft.inertia());
+        let inertia = SVector::from(spindle.shaft.inertia());
         let acceleration = |force: SVector<f64, 4>| -> SVector<f64, 4> { h * force.component_div(&inertia) };
-        let geometry = spindle.geometry::<A>();
-        let directions: [SVector<f64, 4>; K] = std::array::from_fn(|k| across(geometry.directions[k]));
-        let axes_at = |at_m: f64| [[1.0, 0.0], [0.0, 1.0]].map(|axis| across(generalised(at_m, axis)));
+        let geometry = spindle.geometry::<4, K>();
+        let directions = geometry.directions.map(SVector::from);
+        let axes_at = |at_m: f64| [[1.0, 0.0], [0.0, 1.0]].map(|axis| SVector::from(generalised(at_m, axis)));
         let bearings_m = spindle.radial().map(|bearing| bearing.position_m);
         let turning = planes_m.into_iter().chain(bearings_m).flat_map(axes_at);
         let loads = Square::<4>::identity();
@@ -331,15 +249,11 @@ impl<const K: usize, const U: usize> Machine<4, K, U> {
             accelerations.set_row(j, &acceleration(force).transpose());
         }
         let columns: [SVector<f64, 4>; 4] = std::array::from_fn(|c| {
-            let rates = back.column(c);
-            let rates = [0.0, rates[0], rates[1], rates[2], rates[3]];
-            acceleration(across(spindle.shaft.gyroscopic(1.0, rates)))
+            let rates: SVector<f64, 4> = back.column(c).into_owned();
+            acceleration(spindle.shaft.gyroscopic(1.0, rates.into()).into())
         });
         Some(Machine {
-            geometry: Geometry {
-                gap_m: std::array::from_fn(|k| geometry.gap_m[k]),
-                directions: directions.map(|d| back.tr_mul(&d).into()),
-            },
+            geometry: Geometry { gap_m: geometry.gap_m, directions: directions.map(|d| back.tr_mul(&d).into()) },
             accelerations,
             backward: K + 2 * PLANES,
             gyroscopic: Some(Square::from_columns(&columns)),

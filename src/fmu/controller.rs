@@ -15,7 +15,7 @@ use crate::control::controller::{
     Controller, ControllerConfig, ControllerConfigOf, ControllerInputOf, ControllerOutputOf, ControllerParameters,
     StateOf, UpdateMode,
 };
-use crate::control::spindle::{SpindleControllerConfig, SpindleControllerConfigOf};
+use crate::control::spindle::SpindleControllerConfigOf;
 use crate::control::tracking::Arrangement;
 use crate::machine::Machine;
 use crate::variables::Variables;
@@ -51,7 +51,7 @@ where
 
 /// The configuration of a controller of the planar rotor with the given values by index, and start values elsewhere.
 pub fn configuration(settings: &[(usize, Value)]) -> ControllerConfig {
-    config(&Table::new(FlatnessController::table()).values(settings))
+    config(&Table::new(OneBearing::<2, 3, 1>::table()).values(settings))
 }
 
 /// Logs that force constants have been replaced.
@@ -81,20 +81,13 @@ pub struct ControllerModel<C: ControllerParameters<N, K, G>, const N: usize, con
     Controller<C, N, K, G>,
 );
 
-/// The controller of the planar rotor.
-pub type FlatnessController = ControllerModel<ControllerConfig, 2, 3, 1>;
+/// That of a rotor in one bearing, with N coordinates and K magnets in G groups.
+pub type OneBearing<const N: usize, const K: usize, const G: usize> =
+    ControllerModel<ControllerConfigOf<N, K, G>, N, K, G>;
 
-/// That with four magnets.
-pub type FlatnessController4 = ControllerModel<ControllerConfigOf<2, 4, 2>, 2, 4, 2>;
-
-/// That along the axis.
-pub type AxialController = ControllerModel<ControllerConfigOf<1, 2, 1>, 1, 2, 1>;
-
-/// The controller of the spindle.
-pub type SpindleController = ControllerModel<SpindleControllerConfig, 5, 8, 3>;
-
-/// That with four magnets in each radial bearing.
-pub type SpindleController4 = ControllerModel<SpindleControllerConfigOf<4, 10, 5>, 5, 10, 5>;
+/// That of a spindle, with M magnets in each radial bearing.
+pub type Spindle<const N: usize, const M: usize, const K: usize, const G: usize> =
+    ControllerModel<SpindleControllerConfigOf<N, M, K, G>, N, K, G>;
 
 impl<C, const N: usize, const K: usize, const G: usize> SampledModel for ControllerModel<C, N, K, G>
 where

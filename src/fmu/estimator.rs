@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::common::{info, refused, sampled};
-use crate::estimation::spindle::{SpindleEstimatorConfig, SpindleEstimatorConfigOf};
+use crate::estimation::spindle::SpindleEstimatorConfigOf;
 use crate::estimation::{
     Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, EstimatorParameters, Method,
     StateOf, Verdict,
@@ -42,7 +42,7 @@ where
 
 /// The values of all parameters of the estimator of the planar rotor, by index.
 pub fn settings(config: &EstimatorConfig) -> Vec<(usize, Value)> {
-    let table = Table::new(AlgebraicEstimator::table());
+    let table = Table::new(OneBearing::<2, 3>::table());
     let values = Values { config: config.clone(), ..Values::default() };
     let parameters = table.variables.iter().enumerate().filter(|(_, of)| of.causality == Causality::Parameter);
     parameters.map(|(index, _)| (index, table.get(index, &values))).collect()
@@ -62,20 +62,12 @@ pub struct EstimatorModel<C: EstimatorParameters<N, K, P>, const N: usize, const
     Estimator<C, N, K, P>,
 );
 
-/// The estimator of the planar rotor.
-pub type AlgebraicEstimator = EstimatorModel<EstimatorConfig, 2, 3, 1>;
+/// That of a rotor in one bearing, with N coordinates and K magnets.
+pub type OneBearing<const N: usize, const K: usize> = EstimatorModel<EstimatorConfigOf<N, K>, N, K, 1>;
 
-/// That with four magnets.
-pub type AlgebraicEstimator4 = EstimatorModel<EstimatorConfigOf<2, 4>, 2, 4, 1>;
-
-/// That along the axis.
-pub type AxialEstimator = EstimatorModel<EstimatorConfigOf<1, 2>, 1, 2, 1>;
-
-/// The estimator of the spindle.
-pub type SpindleEstimator = EstimatorModel<SpindleEstimatorConfig, 5, 8, 2>;
-
-/// That with four magnets in each radial bearing.
-pub type SpindleEstimator4 = EstimatorModel<SpindleEstimatorConfigOf<4, 10>, 5, 10, 2>;
+/// That of a spindle, with M magnets in each radial bearing.
+pub type Spindle<const N: usize, const M: usize, const K: usize> =
+    EstimatorModel<SpindleEstimatorConfigOf<N, M, K>, N, K, 2>;
 
 impl<C, const N: usize, const K: usize, const P: usize> SampledModel for EstimatorModel<C, N, K, P>
 where

@@ -16,21 +16,21 @@ use std::sync::Arc;
 use fmu_export::ModelType;
 
 fmu_export::export_fmus!(
-    plant::MagneticBearing,
-    controller::FlatnessController,
-    estimator::AlgebraicEstimator,
-    spindle::MagneticSpindle,
-    controller::SpindleController,
-    estimator::SpindleEstimator,
-    plant::MagneticBearing4,
-    controller::FlatnessController4,
-    estimator::AlgebraicEstimator4,
-    spindle::MagneticSpindle4,
-    controller::SpindleController4,
-    estimator::SpindleEstimator4,
-    plant::AxialBearing,
-    controller::AxialController,
-    estimator::AxialEstimator,
+    plant::Plant<2, 3>,
+    controller::OneBearing<2, 3, 1>,
+    estimator::OneBearing<2, 3>,
+    spindle::Plant<5, 3, 8>,
+    controller::Spindle<5, 3, 8, 3>,
+    estimator::Spindle<5, 3, 8>,
+    plant::Plant<2, 4>,
+    controller::OneBearing<2, 4, 2>,
+    estimator::OneBearing<2, 4>,
+    spindle::Plant<5, 4, 10>,
+    controller::Spindle<5, 4, 10, 5>,
+    estimator::Spindle<5, 4, 10>,
+    plant::Plant<1, 2>,
+    controller::OneBearing<1, 2, 1>,
+    estimator::OneBearing<1, 2>,
 );
 
 /// All models of this project, in the order in which they are shown.

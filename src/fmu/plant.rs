@@ -8,23 +8,18 @@ use serde::{Deserialize, Serialize};
 use super::plants::{self, ModelledRotor, PlantModel};
 use crate::bearing::scalar::Scalar;
 use crate::machine::Machine;
-use crate::plant::{Equations, Motion, PlantConfig, PlantParameters, RotorConfig};
+use crate::plant::{Equations, Motion, PlantParameters, RotorConfig};
 use crate::variables::Variables;
 
-/// The plant with three magnets.
-pub type MagneticBearing = PlantModel<PlantConfig, 2, 3>;
-
-/// That with four.
-pub type MagneticBearing4 = PlantModel<RotorConfig<f64, 2, 4>, 2, 4>;
-
-/// That along the axis.
-pub type AxialBearing = PlantModel<RotorConfig<f64, 1, 2>, 1, 2>;
+/// The plant with N coordinates and K magnets.
+pub type Plant<const N: usize, const K: usize> = PlantModel<RotorConfig<f64, N, K>, N, K>;
 
 /// The values of all variables of the plant.
 type Values<const N: usize, const K: usize> = plants::Values<RotorConfig<f64, N, K>, N, K>;
 
 /// Outputs that other plants have not.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
 pub struct Touchdown {
     /// Whether the rotor touches the backup bearing
     #[output(name = "touchdown.contact")]
@@ -40,10 +35,6 @@ where
 
     fn dependent(row: Row<Values<N, K>>) -> Row<Values<N, K>> {
         dependent(row, Self::MACHINE)
-    }
-
-    fn start_mut(&mut self) -> (&mut [f64; N], &mut [f64; N], &mut f64) {
-        (&mut self.position_m, &mut self.velocity_m_s, &mut self.theta_rad)
     }
 
     fn details<U: Scalar>(

@@ -38,7 +38,7 @@ pub trait ModelledRotor<const N: usize, const K: usize>:
         + Debug
         + Default
         + PartialEq
-        + Variables<Context = ()>
+        + Variables<Context = Machine>
         + Serialize
         + DeserializeOwned
         + Send
@@ -47,9 +47,6 @@ pub trait ModelledRotor<const N: usize, const K: usize>:
 
     /// Adds to a row what it depends on, beyond what holds for all plants.
     fn dependent(row: Row<Values<Self, N, K>>) -> Row<Values<Self, N, K>>;
-
-    /// The parameters that give coordinates and rates at the start, and the angle.
-    fn start_mut(&mut self) -> (&mut [f64; N], &mut [f64; N], &mut f64);
 
     /// The details where the magnets pull with these forces; `of` makes a number of the result, the value or a derivative.
     fn details<U: Scalar>(
@@ -88,7 +85,7 @@ pub struct Values<R: ModelledRotor<N, K>, const N: usize, const K: usize> {
         }
     )]
     position_m: [f64; N],
-    #[nested(prefix = "", context = ())]
+    #[nested(prefix = "")]
     details: R::Details,
     /// Position {place} as read by the sensor at the last sample
     #[output(names = context.measured(), discrete, unit = METRE, nominal = 1e-5)]
@@ -341,14 +338,14 @@ where
         started: bool,
     ) -> Values<R, N, K> {
         let point = Point::of(&self.0, state, &values.input, time_s);
-        let mut towards = direction.config.clone();
+        let towards = direction.config.clone();
         let mut derivatives = Values::<R, N, K>::default();
         // Before the run the states are given by the parameters.
-        let (start_m, start_m_s, start_rad) = towards.start_mut();
+        let (start_m, start_m_s) = towards.start();
         let from = |state: f64, start: f64| if started { state } else { state + start };
         derivatives.position_m = std::array::from_fn(|n| from(direction.position_m[n], start_m[n]));
         derivatives.velocity_m_s = std::array::from_fn(|n| from(direction.velocity_m_s[n], start_m_s[n]));
-        derivatives.theta_rad = from(direction.theta_rad, *start_rad);
+        derivatives.theta_rad = from(direction.theta_rad, towards.start_angle_rad());
         derivatives.omega_rad_s = direction.input.omega_rad_s;
         let line = point.along(&Point {
             motion: Motion {

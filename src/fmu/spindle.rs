@@ -1,5 +1,5 @@
-//! `MagneticSpindle`: a rigid rotor in two radial magnetic bearings and an axial one, with coils, two-plane unbalance, loads, backup
-//! bearings and sensors.
+//! `MagneticSpindle`, `MagneticSpindle4`: a rigid rotor in two radial magnetic bearings, with or without an axial one, with coils, two-plane
+//! unbalance, loads, backup bearings and sensors.
 
 use fmu_export::variable::Dependency::Fixed;
 use fmu_export::variable::Row;
@@ -7,38 +7,30 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::bearing::scalar::Scalar;
-use crate::bearing::shaft::COORDINATES;
 use crate::fmu::plants::{self, ModelledRotor, PlantModel};
 use crate::machine::Machine;
-use crate::plant::spindle::{AtBearings, SpindleConfig, SpindleConfigOf};
+use crate::plant::spindle::{AtBearings, Contact, SpindleConfigOf};
 use crate::plant::{Equations, Motion, PlantParameters};
 
-/// The plant with three magnets in each radial bearing.
-pub type MagneticSpindle = PlantModel<SpindleConfig, COORDINATES, 8>;
+/// The plant with N coordinates, M magnets in each radial bearing, and K magnets.
+pub type Plant<const N: usize, const M: usize, const K: usize> = PlantModel<SpindleConfigOf<f64, N, M, K>, N, K>;
 
-/// That with four.
-pub type MagneticSpindle4 = PlantModel<SpindleConfigOf<f64, 4, 10>, COORDINATES, 10>;
-
-impl<const M: usize, const K: usize> ModelledRotor<COORDINATES, K> for SpindleConfigOf<f64, M, K>
+impl<const N: usize, const M: usize, const K: usize> ModelledRotor<N, K> for SpindleConfigOf<f64, N, M, K>
 where
     // True of every length that is used; serde does not know it of all.
     Self: Serialize + DeserializeOwned,
 {
     type Details = AtBearings;
 
-    fn dependent(row: Row<plants::Values<Self, COORDINATES, K>>) -> Row<plants::Values<Self, COORDINATES, K>> {
+    fn dependent(row: Row<plants::Values<Self, N, K>>) -> Row<plants::Values<Self, N, K>> {
         dependent(row, Self::MACHINE)
     }
 
-    fn start_mut(&mut self) -> (&mut [f64; COORDINATES], &mut [f64; COORDINATES], &mut f64) {
-        (&mut self.position_m, &mut self.velocity_m_s, &mut self.theta_rad)
-    }
-
     fn details<U: Scalar>(
-        equations: &Equations<SpindleConfigOf<U, M, K>, COORDINATES, K>,
-        motion: &Motion<U, COORDINATES, K>,
+        equations: &Equations<SpindleConfigOf<U, N, M, K>, N, K>,
+        motion: &Motion<U, N, K>,
         omega_rad_s: U,
-        contact: [bool; 3],
+        contact: Contact,
         force_n: [U; K],
         of: impl Fn(U) -> f64,
     ) -> AtBearings {

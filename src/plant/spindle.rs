@@ -1,5 +1,5 @@
-//! The spindle: a rigid shaft with five coordinates (x, y, z, β, γ), M magnets in each of two radial bearings and two axial ones, a backup ring at each radial bearing and an axial
-//! stop.
+//! The spindle: a rigid shaft with M magnets and a backup ring at each of two radial bearings, and N coordinates: (x, y, z, β, γ) with two axial
+//! magnets and an axial stop, or (y, z, β, γ).
 //!
 //! ```text
 //! M q̈ + Ω G q̇ = Σ_k F_k d_k + p + c
@@ -18,8 +18,8 @@ use super::{Plant, PlantState, check_step};
 use crate::bearing::coil::{CoilConfig, Saturates};
 use crate::bearing::magnet::Geometry;
 use crate::bearing::scalar::Scalar;
-use crate::bearing::shaft::{COORDINATES, Shaft, displacement, generalised};
-use crate::bearing::spindle::{MAGNETS, RadialBearing, SpindleGeometryOf, SpindleOf, bearing_of};
+use crate::bearing::shaft::{ACROSS, Shaft, across, displacement, generalised};
+use crate::bearing::spindle::{RadialBearing, SpindleGeometryOf, SpindleOf, bearing_of};
 use crate::bearing::touchdown::{Called, TouchdownConfig};
 use crate::invalid::Checks;
 use crate::machine::Machine;
@@ -29,24 +29,24 @@ use crate::variables::{KILOGRAM_METRE, LAMBDA, Variables};
 /// Number of planes with an unbalance.
 pub const PLANES: usize = 2;
 
-/// A plant with a spindle.
-pub type SpindlePlant<const M: usize = 3, const K: usize = MAGNETS> = Plant<SpindleConfigOf<f64, M, K>, COORDINATES, K>;
+/// A plant with a spindle in two radial bearings with three magnets each, and an axial one.
+pub type SpindlePlant = Plant<SpindleConfig, 5, 8>;
 
-/// Its state. Positions are (x, y, z, β, γ), samples A.Ym, A.Zm, B.Ym, B.Zm, Xm; contacts are those at A, B and the axial stop.
-pub type SpindleState = PlantState<COORDINATES, MAGNETS, [bool; 3]>;
+/// Its state. Positions are (x, y, z, β, γ), samples A.Ym, A.Zm, B.Ym, B.Zm, Xm.
+pub type SpindleState = PlantState<5, 8, Contact>;
 
-/// Inputs of a spindle; the perturbation is (p_x, p_y, p_z, M_β, M_γ), in N and N·m.
-pub type SpindleInput<T = f64, const K: usize = MAGNETS> = PlantInput<T, COORDINATES, K>;
+/// Its inputs; the perturbation is (p_x, p_y, p_z, M_β, M_γ), in N and N·m.
+pub type SpindleInput<T = f64> = PlantInput<T, 5, 8>;
 
-/// Outputs of a spindle.
-pub type SpindleOutput<T = f64> = PlantOutput<T, COORDINATES, MAGNETS>;
+/// Its outputs.
+pub type SpindleOutput<T = f64> = PlantOutput<T, 5, 8>;
 
-/// States of the equations of motion of a spindle.
-type SpindleMotion<T = f64, const K: usize = MAGNETS> = Motion<T, COORDINATES, K>;
+/// Whether the shaft touches the backup bearings at A and at B, and the axial stop; without one, never.
+pub type Contact = [bool; 3];
 
 /// The backup bearings of a spindle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(T = f64)]
+#[variables(T = f64, context = Machine)]
 pub struct SpindleTouchdown<T = f64> {
     /// Ring around the shaft at the magnets of A.
     #[nested(prefix = "A.", context = Called { what: "backup bearing at A", from: "centre", is_ring: true })]
@@ -54,8 +54,8 @@ pub struct SpindleTouchdown<T = f64> {
     /// Ring around the shaft at the magnets of B.
     #[nested(prefix = "B.", context = Called { what: "backup bearing at B", from: "centre", is_ring: true })]
     pub b: TouchdownConfig<T>,
-    /// Axial stops on both sides; without friction, its coefficient and radius are not used.
-    #[nested(prefix = "X.", context = Called { what: "axial stop", from: "middle", is_ring: false })]
+    /// Axial stops on both sides; without friction, its coefficient and radius are not used. None of it without an axial bearing.
+    #[nested(prefix = "X.", count = context.axial(), context = Called { what: "axial stop", from: "middle", is_ring: false })]
     pub x: TouchdownConfig<T>,
 }
 
@@ -82,23 +82,24 @@ impl<T: Scalar> SpindleTouchdown<T> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Machine)]
 #[serde(bound(
-    serialize = "T: Serialize, [T; M]: Serialize, [T; K]: Serialize, [f64; K]: Serialize",
-    deserialize = "T: Deserialize<'de>, [T; M]: Deserialize<'de>, [T; K]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+    serialize = "T: Serialize, [T; N]: Serialize, [T; M]: Serialize, [T; K]: Serialize, [f64; N]: Serialize, [f64; K]: Serialize",
+    deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>, [T; M]: Deserialize<'de>, [T; K]: Deserialize<'de>, \
+                   [f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
 ))]
-pub struct SpindleConfigOf<T, const M: usize, const K: usize> {
+pub struct SpindleConfigOf<T, const N: usize, const M: usize, const K: usize> {
     /// Shaft and bearings.
-    #[nested(prefix = "", context = ())]
+    #[nested(prefix = "")]
     pub geometry: SpindleGeometryOf<T, M>,
     /// The coils.
     #[nested(prefix = "", context = Saturates(true))]
     pub coil: CoilConfig<T>,
-    /// Initial coordinates (x, y, z, β, γ), in m and rad.
+    /// Initial coordinates, in m and rad.
     #[parameter(
         names = context.at_start(|coordinate| coordinate.position), unit = context.either(index, METRE, RADIAN),
         nominal = context.either(index, 1e-5, 1e-4),
         description = format!("{} at the start", context.coordinates[index].position.1)
     )]
-    pub position_m: [T; COORDINATES],
+    pub position_m: [T; N],
     /// Their initial rates, in m/s and rad/s.
     #[parameter(
         names = context.at_start(|coordinate| coordinate.rate),
@@ -106,22 +107,22 @@ pub struct SpindleConfigOf<T, const M: usize, const K: usize> {
         nominal = context.either(index, 1e-2, 0.1),
         description = format!("{} at the start", context.coordinates[index].rate.1)
     )]
-    pub velocity_m_s: [T; COORDINATES],
+    pub velocity_m_s: [T; N],
     /// Initial rotor angle
     #[parameter(name = "theta0", unit = RADIAN)]
     pub theta_rad: T,
-    /// Acceleration of gravity, (x, y, z), in m/s².
+    /// Acceleration of gravity along those coordinates that are lengths, in m/s².
     #[parameter(
-        names = GRAVITY, unit = METRE_PER_SECOND2, nominal = 10.0,
-        description = format!("Acceleration of gravity along {}", ["x, the shaft", "y", "z"][index])
+        names = context.of_lengths("gravity."), count = context.of_lengths("").len(), unit = METRE_PER_SECOND2, nominal = 10.0,
+        description = format!("Acceleration of gravity {}", context.direction(index).replace('x', "x, the shaft"))
     )]
     pub gravity_m_s2: [T; 3],
     /// The backup bearings.
-    #[nested(prefix = "", context = ())]
+    #[nested(prefix = "")]
     pub touchdown: SpindleTouchdown<T>,
     /// The sensors.
     #[nested(prefix = "")]
-    pub sensor: SensorConfig<COORDINATES, K>,
+    pub sensor: SensorConfig<N, K>,
     /// Upper bound of the integration step
     #[parameter(name = "solver.maxStep", unit = SECOND, min = 0.0, nominal = 1e-5, display_unit = "µs")]
     pub max_step_s: f64,
@@ -139,10 +140,10 @@ pub struct SpindleConfigOf<T, const M: usize, const K: usize> {
     pub unbalance_position_m: [T; PLANES],
 }
 
-/// That with three magnets in each radial bearing.
-pub type SpindleConfig<T = f64> = SpindleConfigOf<T, 3, MAGNETS>;
+/// That with three magnets in each radial bearing, and an axial one.
+pub type SpindleConfig<T = f64> = SpindleConfigOf<T, 5, 3, 8>;
 
-impl<const M: usize, const K: usize> Default for SpindleConfigOf<f64, M, K> {
+impl<const N: usize, const M: usize, const K: usize> Default for SpindleConfigOf<f64, N, M, K> {
     /// The spindle of the examples at rest in the centre, balanced.
     fn default() -> Self {
         Self {
@@ -160,8 +161,8 @@ impl<const M: usize, const K: usize> Default for SpindleConfigOf<f64, M, K> {
             gravity_m_s2: [0.0; 3],
             coil: CoilConfig::default(),
             touchdown: SpindleTouchdown::default(),
-            position_m: [0.0; COORDINATES],
-            velocity_m_s: [0.0; COORDINATES],
+            position_m: [0.0; N],
+            velocity_m_s: [0.0; N],
             theta_rad: 0.0,
             sensor: SensorConfig::default(),
             max_step_s: 5e-5,
@@ -169,14 +170,14 @@ impl<const M: usize, const K: usize> Default for SpindleConfigOf<f64, M, K> {
     }
 }
 
-impl<T: Scalar, const M: usize, const K: usize> SpindleConfigOf<T, M, K> {
+impl<T: Scalar, const N: usize, const M: usize, const K: usize> SpindleConfigOf<T, N, M, K> {
     /// Displacement (y, z) of the shaft at the magnets of A and of B, for coordinates or for their rates.
-    fn at_magnets(&self, q: [T; COORDINATES]) -> [[T; 2]; 2] {
+    fn at_magnets(&self, q: [T; N]) -> [[T; 2]; 2] {
         self.geometry.radial().map(|bearing| displacement(bearing.position_m, q))
     }
 
     /// Forces of the backup bearings that are touched: (y, z) at A and at B, and x, in N.
-    fn touchdown_n(&self, motion: &SpindleMotion<T, K>, omega_rad_s: T, contact: [bool; 3]) -> ([[T; 2]; 2], T) {
+    fn touchdown_n(&self, motion: &Motion<T, N, K>, omega_rad_s: T, contact: Contact) -> ([[T; 2]; 2], T) {
         let zero = T::constant(0.0);
         let [at, speed] = [motion.position_m, motion.velocity_m_s].map(|q| self.at_magnets(q));
         let rings = self.touchdown.rings();
@@ -194,16 +195,16 @@ impl<T: Scalar, const M: usize, const K: usize> SpindleConfigOf<T, M, K> {
     }
 }
 
-impl<T: Scalar, const M: usize, const K: usize> Rotor<COORDINATES, K> for SpindleConfigOf<T, M, K> {
+impl<T: Scalar, const N: usize, const M: usize, const K: usize> Rotor<N, K> for SpindleConfigOf<T, N, M, K> {
     type Number = T;
-    type With<U: Scalar> = SpindleConfigOf<U, M, K>;
-    type Contact = [bool; 3];
+    type With<U: Scalar> = SpindleConfigOf<U, N, M, K>;
+    type Contact = Contact;
 
     fn with<U: Scalar, V: Scalar>(
         &self,
-        other: &SpindleConfigOf<U, M, K>,
+        other: &SpindleConfigOf<U, N, M, K>,
         join: &impl Fn(T, U) -> V,
-    ) -> SpindleConfigOf<V, M, K> {
+    ) -> SpindleConfigOf<V, N, M, K> {
         let (own, off) = (&self.geometry, &other.geometry);
         let bearing = |own: &RadialBearing<T, M>, off: &RadialBearing<U, M>| joined!(own, off, join, RadialBearing { position_m, sensor_position_m, gap_m; alpha_rad; });
         let geometry = joined!(own, off, join, SpindleGeometryOf {
@@ -230,12 +231,12 @@ impl<T: Scalar, const M: usize, const K: usize> Rotor<COORDINATES, K> for Spindl
         })
     }
 
-    fn geometry(&self) -> Geometry<T, COORDINATES, K> {
+    fn geometry(&self) -> Geometry<T, N, K> {
         self.geometry.geometry()
     }
 
     #[inline]
-    fn inertia(&self) -> [T; COORDINATES] {
+    fn inertia(&self) -> [T; N] {
         self.geometry.shaft.inertia()
     }
 
@@ -249,13 +250,13 @@ impl<T: Scalar, const M: usize, const K: usize> Rotor<COORDINATES, K> for Spindl
         &self.coil
     }
 
-    fn readings_m(&self, position_m: [T; COORDINATES]) -> [T; COORDINATES] {
+    fn readings_m(&self, position_m: [T; N]) -> [T; N] {
         self.geometry.readings(position_m)
     }
 
-    fn perturbation(&self, input: &SpindleInput<T, K>, _: T, theta_rad: T) -> [T; COORDINATES] {
+    fn perturbation(&self, input: &PlantInput<T, N, K>, _: T, theta_rad: T) -> [T; N] {
         let mut p = input.perturbation_n;
-        for (p_a, gravity) in p.iter_mut().zip(self.gravity_m_s2) {
+        for (p_a, gravity) in p.iter_mut().zip(self.gravity_m_s2).take(N - 2) {
             *p_a = *p_a + self.geometry.shaft.m_kg * gravity;
         }
         for j in 0..PLANES {
@@ -265,50 +266,54 @@ impl<T: Scalar, const M: usize, const K: usize> Rotor<COORDINATES, K> for Spindl
             }
             let force = self.unbalance_kgm[j] * input.omega_rad_s * input.omega_rad_s;
             let (sin, cos) = (theta_rad + self.unbalance_phase_rad[j]).sine_cosine();
-            let turning = generalised(self.unbalance_position_m[j], [force * cos, force * sin]);
+            let turning: [T; N] = generalised(self.unbalance_position_m[j], [force * cos, force * sin]);
             p = std::array::from_fn(|a| p[a] + turning[a]);
         }
         p
     }
 
     #[inline]
-    fn gyroscopic(&self, omega_rad_s: T, rates: [T; COORDINATES]) -> Option<[T; COORDINATES]> {
+    fn gyroscopic(&self, omega_rad_s: T, rates: [T; N]) -> Option<[T; N]> {
         Some(self.geometry.shaft.gyroscopic(omega_rad_s, rates))
     }
 
-    fn contact_n(&self, motion: &SpindleMotion<T, K>, omega_rad_s: T, contact: [bool; 3]) -> [T; COORDINATES] {
-        let mut sum = [T::constant(0.0); COORDINATES];
+    fn contact_n(&self, motion: &Motion<T, N, K>, omega_rad_s: T, contact: Contact) -> [T; N] {
+        let mut sum = [T::constant(0.0); N];
         if contact == [false; 3] {
             return sum;
         }
         let (radial, axial) = self.touchdown_n(motion, omega_rad_s, contact);
-        sum[0] = axial;
+        if N > ACROSS {
+            sum[0] = axial;
+        }
         for (bearing, force) in self.geometry.radial().into_iter().zip(radial) {
-            let part = generalised(bearing.position_m, force);
+            let part: [T; N] = generalised(bearing.position_m, force);
             sum = std::array::from_fn(|a| sum[a] + part[a]);
         }
         sum
     }
 }
 
-impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for SpindleConfigOf<f64, M, K> {
-    const MACHINE: &'static Machine = Machine::of_shaft(M);
+impl<const N: usize, const M: usize, const K: usize> PlantParameters<N, K> for SpindleConfigOf<f64, N, M, K> {
+    const MACHINE: &'static Machine = Machine::of_shaft::<N, M>();
 
     fn check(&self, checks: &mut Checks) {
-        let spindle: SpindleOf<M, K> = self.geometry.checked(checks);
+        let spindle: SpindleOf<N, M, K> = self.geometry.checked(checks);
         let machine = Self::MACHINE;
         self.check_tunable(checks);
         for (name, at_m) in machine.of_planes("position").into_iter().zip(self.unbalance_position_m) {
             self.geometry.check_position(name, at_m, checks);
         }
         check_start(self, checks);
-        for (name, value) in GRAVITY.into_iter().zip(self.gravity_m_s2) {
+        for (name, value) in machine.of_lengths("gravity.").into_iter().zip(self.gravity_m_s2) {
             checks.finite(name, value, "m/s2");
         }
         self.coil.check(spindle.geometry().gap_m, self.lambda_nm2_a2, checks);
         checks.of("A.", |checks| self.touchdown.a.check(checks));
         checks.of("B.", |checks| self.touchdown.b.check(checks));
-        checks.of("X.", |checks| self.touchdown.x.check(checks));
+        if N > ACROSS {
+            checks.of("X.", |checks| self.touchdown.x.check(checks));
+        }
         self.sensor.check(machine, checks);
         check_step("solver.maxStep", self.max_step_s, checks);
     }
@@ -323,7 +328,7 @@ impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for Spindle
         Self { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, ..self.clone() }
     }
 
-    fn start(&self) -> ([f64; COORDINATES], [f64; COORDINATES]) {
+    fn start(&self) -> ([f64; N], [f64; N]) {
         (self.position_m, self.velocity_m_s)
     }
 
@@ -331,7 +336,7 @@ impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for Spindle
         self.theta_rad
     }
 
-    fn sensor(&self) -> &SensorConfig<COORDINATES, K> {
+    fn sensor(&self) -> &SensorConfig<N, K> {
         &self.sensor
     }
 
@@ -339,17 +344,17 @@ impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for Spindle
         self.max_step_s
     }
 
-    fn touches(&self, position_m: &[f64; COORDINATES], velocity_m_s: &[f64; COORDINATES]) -> [bool; 3] {
+    fn touches(&self, position_m: &[f64; N], velocity_m_s: &[f64; N]) -> Contact {
         let [at, speed] = [position_m, velocity_m_s].map(|q| self.at_magnets(*q));
         let [a, b] = self.touchdown.rings();
         [
             a.touches(at[0], speed[0]),
             b.touches(at[1], speed[1]),
-            self.touchdown.x.touches([position_m[0], 0.0], [velocity_m_s[0], 0.0]),
+            N > ACROSS && self.touchdown.x.touches([position_m[0], 0.0], [velocity_m_s[0], 0.0]),
         ]
     }
 
-    fn rate(&self, motion: &SpindleMotion<f64, K>, contact: [bool; 3], force_n: [f64; K], gap_m: [f64; K]) -> f64 {
+    fn rate(&self, motion: &Motion<f64, N, K>, contact: Contact, force_n: [f64; K], gap_m: [f64; K]) -> f64 {
         let Shaft { m_kg, transverse_kgm2, .. } = self.geometry.shaft;
         let radial = self.geometry.radial();
         // 1/m at the centre of gravity, more beside it: how much a force at ξ moves the shaft there.
@@ -383,9 +388,6 @@ impl<const M: usize, const K: usize> PlantParameters<COORDINATES, K> for Spindle
     }
 }
 
-/// Names of the acceleration of gravity along the shaft and across it.
-const GRAVITY: [&str; 3] = ["gravity.X", "gravity.Y", "gravity.Z"];
-
 /// Outputs of a spindle at a radial bearing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64)]
@@ -412,28 +414,28 @@ pub struct AtRadialBearing<T = f64> {
 
 /// Outputs of a spindle at its bearings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(T = f64)]
+#[variables(T = f64, context = Machine)]
 pub struct AtBearings<T = f64> {
     /// At A.
-    #[nested(prefix = "A.")]
+    #[nested(prefix = "A.", context = ())]
     pub a: AtRadialBearing<T>,
     /// At B.
-    #[nested(prefix = "B.")]
+    #[nested(prefix = "B.", context = ())]
     pub b: AtRadialBearing<T>,
     /// Force of the axial magnets along the shaft
-    #[output(name = "X.FX", unit = NEWTON, nominal = 10.0)]
+    #[output(name = "X.FX", count = context.axial(), unit = NEWTON, nominal = 10.0)]
     pub axial_n: T,
     /// Force of the axial stop on the rotor along the shaft
-    #[output(name = "X.touchdown.FX", unit = NEWTON, nominal = 1000.0)]
+    #[output(name = "X.touchdown.FX", count = context.axial(), unit = NEWTON, nominal = 1000.0)]
     pub axial_touchdown_n: T,
     /// Whether the rotor touches the backup bearings at A and B, and the axial stop.
     #[output(
-        names = ["A.contact", "B.contact", "X.contact"],
+        names = context.of_bearings("contact"), count = context.bearings.len(),
         description = format!(
             "Whether the rotor touches the {}", ["backup bearing at A", "backup bearing at B", "axial stop"][index]
         )
     )]
-    pub contact: [bool; 3],
+    pub contact: Contact,
 }
 
 impl<T: Copy> AtBearings<T> {
@@ -457,13 +459,13 @@ impl<T: Copy> AtBearings<T> {
     }
 }
 
-impl<T: Scalar, const M: usize, const K: usize> Equations<SpindleConfigOf<T, M, K>, COORDINATES, K> {
+impl<T: Scalar, const N: usize, const M: usize, const K: usize> Equations<SpindleConfigOf<T, N, M, K>, N, K> {
     /// The outputs at the bearings for these forces of the magnets in N.
     pub fn at_bearings(
         &self,
-        motion: &SpindleMotion<T, K>,
+        motion: &Motion<T, N, K>,
         omega_rad_s: T,
-        contact: [bool; 3],
+        contact: Contact,
         force_n: [T; K],
     ) -> AtBearings<T> {
         let (touchdown_n, axial_touchdown_n) = self.config.touchdown_n(motion, omega_rad_s, contact);
@@ -471,15 +473,16 @@ impl<T: Scalar, const M: usize, const K: usize> Equations<SpindleConfigOf<T, M, 
         let directions = &self.geometry().directions;
         let radial = |b: usize| {
             // The direction of a radial magnet in the plane is (y, z) of its d.
-            let along =
-                |a: usize| (M * b..M * (b + 1)).fold(T::constant(0.0), |sum, k| sum + force_n[k] * directions[k][a]);
+            let along = |a: usize| {
+                (M * b..M * (b + 1)).fold(T::constant(0.0), |sum, k| sum + force_n[k] * across(directions[k])[a])
+            };
             let ([y_m, z_m], [touchdown_y_n, touchdown_z_n]) = (displacement_m[b], touchdown_n[b]);
-            AtRadialBearing { y_m, z_m, y_n: along(1), z_n: along(2), touchdown_y_n, touchdown_z_n }
+            AtRadialBearing { y_m, z_m, y_n: along(0), z_n: along(1), touchdown_y_n, touchdown_z_n }
         };
         AtBearings {
             a: radial(0),
             b: radial(1),
-            axial_n: force_n[2 * M] - force_n[2 * M + 1],
+            axial_n: if N > ACROSS { force_n[K - 2] - force_n[K - 1] } else { T::constant(0.0) },
             axial_touchdown_n,
             contact,
         }

@@ -10,6 +10,7 @@ mod support;
 mod coil;
 mod controller;
 mod estimation;
+mod four_axes;
 mod four_magnets;
 mod kernel;
 mod linearisation;

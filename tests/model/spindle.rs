@@ -274,9 +274,9 @@ fn gaps_readings_and_moments_are_those_of_the_points_of_the_axis() {
     below("axial gaps, m", (gaps[6] - (6e-4 - x)).abs() + (gaps[7] - (6e-4 + x)).abs(), 1e-18);
     let spindle = Spindle::new(config.geometry).expect("a spindle");
     let q = [x, y, z, beta, gamma];
-    let readings = spindle.readings(q);
+    let readings = spindle.config().readings(q);
     let wanted = [y - 0.10 * gamma, z + 0.10 * beta, y + 0.13 * gamma, z - 0.13 * beta, x];
-    let by_matrix = spindle.sensors().map(|row| (0..5).map(|n| row[n] * q[n]).sum::<f64>());
+    let by_matrix = spindle.config().sensors::<5>().map(|row| (0..5).map(|n| row[n] * q[n]).sum::<f64>());
     for n in 0..5 {
         below("reading, m", (readings[n] - wanted[n]).abs(), 1e-19);
         below("H q, m", (by_matrix[n] - wanted[n]).abs(), 1e-19);

@@ -168,7 +168,7 @@ impl Loop {
         for [magnitude, phase, at_m] in self.unbalance {
             let angle = w * t_s + phase;
             let force = magnitude * w * w;
-            let part = generalised(at_m, [force * angle.cos(), force * angle.sin()]);
+            let part: [f64; 5] = generalised(at_m, [force * angle.cos(), force * angle.sin()]);
             for (total, part) in total.iter_mut().zip(part) {
                 *total += part;
             }
@@ -199,6 +199,7 @@ impl Loop {
             let input = SpindleControllerInput {
                 reference_m: [0.0; 5],
                 position_m: spindle
+                    .config()
                     .readings(x.q)
                     .map(|reading| reading + self.position_noise_m * noise.standard_normal()),
                 current_a: flowing_a.map(|i| i + self.current_noise_a * noise.standard_normal()),
@@ -401,10 +402,10 @@ fn no_magnet_of_a_bearing_pulls_with_less_than_its_smallest_force() {
 #[test]
 fn two_places_determine_the_radial_coordinates() {
     let (at_m, q) = ([-0.12, 0.15], [1e-5, 2e-5, -3e-5, 4e-4, -5e-4]);
-    let back = through(q[0], at_m, at_m.map(|at_m| displacement(at_m, q)));
+    let back: [f64; 5] = through(q[0], at_m, at_m.map(|at_m| displacement(at_m, q)));
     let force = [0.0, 3.0, -7.0, 0.4, 0.9];
     let parts = at_m.into_iter().zip(shared(at_m, force)).map(|(at_m, part)| generalised(at_m, part));
-    let sum = parts.fold([0.0; 5], |sum: [f64; 5], part| std::array::from_fn(|a| sum[a] + part[a]));
+    let sum = parts.fold([0.0; 5], |sum: [f64; 5], part: [f64; 5]| std::array::from_fn(|a| sum[a] + part[a]));
     for a in 0..5 {
         below("coordinate", (back[a] - q[a]).abs(), 1e-18);
         below("force", (sum[a] - force[a]).abs(), 1e-14);

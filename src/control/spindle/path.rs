@@ -1,4 +1,4 @@
-//! The reference of a spindle: an ellipse in each radial bearing, run through at the speed of the rotor, and an axial sine.
+//! The reference of a spindle: an ellipse in each radial bearing, run through at the speed of the rotor, and in an axial one a sine.
 //!
 //! ```text
 //! Y* = r_Y cos(θ + φ)     Z* = r_Z sin(θ + φ)          at the magnets of A and of B, each with its own r_Y, r_Z, φ
@@ -7,18 +7,20 @@
 //!
 //! Equal phases give cylindrical motion, opposite ones conical motion. The coordinates are linear in the displacements in the
 //! bearings, so that the radial ones are `c cos θ + s sin θ` with constant c and s. The start is that of the planar
-//! [`reference`](crate::control::reference): the same growth and lift, for all five coordinates.
+//! [`reference`](crate::control::reference): the same growth and lift, for all coordinates.
 
 use std::f64::consts::TAU;
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::magnets_at_m;
-use crate::bearing::shaft::{self, COORDINATES};
+use crate::bearing::shaft::{self, ACROSS};
 use crate::bearing::spindle::SpindleOf;
 use crate::control::controller::Path;
 use crate::control::reference::{RefPoint, Transition, Turning, check_ellipse_reach};
 use crate::invalid::{Checks, Invalid};
+use crate::machine::Machine;
 use crate::variables::Variables;
 use crate::variables::unit::{HERTZ, METRE, RADIAN};
 
@@ -45,22 +47,23 @@ impl Default for BearingPath {
 
 /// The reference of a spindle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
 #[serde(default)]
 pub struct SpindlePathConfig {
     /// Path in bearing A.
-    #[nested(prefix = "A.")]
+    #[nested(prefix = "A.", context = ())]
     pub a: BearingPath,
     /// Path in bearing B.
-    #[nested(prefix = "B.")]
+    #[nested(prefix = "B.", context = ())]
     pub b: BearingPath,
     /// Amplitude of the axial reference, a sine
-    #[parameter(name = "X.reference.amplitude", unit = METRE, min = 0.0, nominal = 1e-5)]
+    #[parameter(name = "X.reference.amplitude", count = context.axial(), unit = METRE, min = 0.0, nominal = 1e-5)]
     pub axial_amplitude_m: f64,
     /// Frequency of the axial reference
-    #[parameter(name = "X.reference.frequency", unit = HERTZ, min = 0.0, nominal = 100.0)]
+    #[parameter(name = "X.reference.frequency", count = context.axial(), unit = HERTZ, min = 0.0, nominal = 100.0)]
     pub axial_hz: f64,
     /// Begin of the motion.
-    #[nested(prefix = "reference.")]
+    #[nested(prefix = "reference.", context = ())]
     pub transition: Transition,
     /// Speed of the rotor, in rad/s; negative values run backwards.
     #[hidden]
@@ -83,22 +86,23 @@ impl Default for SpindlePathConfig {
 
 /// State of a [`SpindlePath`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SpindlePathState {
+#[serde(bound(serialize = "[f64; N]: Serialize", deserialize = "[f64; N]: Deserialize<'de>"))]
+pub struct SpindlePathState<const N: usize = 5> {
     turning: Turning,
     /// Coordinates at the first sample, in m and rad.
-    first: [f64; COORDINATES],
+    first: [f64; N],
 }
 
 /// A validated reference, sampled at a fixed step.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SpindlePath {
+pub struct SpindlePath<const N: usize = 5> {
     config: SpindlePathConfig,
     step_s: f64,
     /// c and s of the coordinates `c cos θ + s sin θ`, in m and rad.
-    waves: [[f64; COORDINATES]; 2],
+    waves: [[f64; N]; 2],
 }
 
-impl SpindlePath {
+impl<const N: usize> SpindlePath<N> {
     /// A reference sampled every `step_s` (finite, above 0), for a spindle.
     ///
     /// # Errors
@@ -108,7 +112,7 @@ impl SpindlePath {
     pub fn new<const M: usize, const K: usize>(
         config: SpindlePathConfig,
         step_s: f64,
-        spindle: &SpindleOf<M, K>,
+        spindle: &SpindleOf<N, M, K>,
     ) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         let path = Self::checked(config, step_s, spindle, &mut checks);
@@ -120,7 +124,7 @@ impl SpindlePath {
     pub(crate) fn checked<const M: usize, const K: usize>(
         config: SpindlePathConfig,
         step_s: f64,
-        spindle: &SpindleOf<M, K>,
+        spindle: &SpindleOf<N, M, K>,
         checks: &mut Checks,
     ) -> Self {
         let paths = [&config.a, &config.b];
@@ -132,22 +136,24 @@ impl SpindlePath {
                 check_ellipse_reach([path.r_y_m, path.r_z_m], 0.0, magnets, checks);
             });
         }
-        let (amplitude_m, gap_m) = (config.axial_amplitude_m, spindle.config().axial_gap_m);
-        checks.not_negative("X.reference.amplitude", amplitude_m, "m");
-        checks.require(
-            // Values that were refused already are skipped.
-            amplitude_m < gap_m || !(amplitude_m.is_finite() && gap_m > 0.0),
-            "X.reference.amplitude",
-            format_args!("{amplitude_m} m"),
-            format!("an axial motion that does not touch a magnet (the gap is {gap_m} m)"),
-        );
-        let highest_hz = if step_s.is_finite() && step_s > 0.0 { 0.5 / step_s } else { f64::INFINITY };
-        checks.require(
-            config.axial_hz.is_finite() && (0.0..=highest_hz).contains(&config.axial_hz),
-            "X.reference.frequency",
-            format_args!("{} Hz", config.axial_hz),
-            format!("a finite number, 0 or above, at most half the sample rate ({highest_hz} Hz)"),
-        );
+        if let Some(magnets) = spindle.axial() {
+            let (amplitude_m, gap_m) = (config.axial_amplitude_m, magnets.gap_m());
+            checks.not_negative("X.reference.amplitude", amplitude_m, "m");
+            checks.require(
+                // Values that were refused already are skipped.
+                amplitude_m < gap_m || !(amplitude_m.is_finite() && gap_m > 0.0),
+                "X.reference.amplitude",
+                format_args!("{amplitude_m} m"),
+                format!("an axial motion that does not touch a magnet (the gap is {gap_m} m)"),
+            );
+            let highest_hz = if step_s.is_finite() && step_s > 0.0 { 0.5 / step_s } else { f64::INFINITY };
+            checks.require(
+                config.axial_hz.is_finite() && (0.0..=highest_hz).contains(&config.axial_hz),
+                "X.reference.frequency",
+                format_args!("{} Hz", config.axial_hz),
+                format!("a finite number, 0 or above, at most half the sample rate ({highest_hz} Hz)"),
+            );
+        }
         config.transition.check(checks);
         checks.finite("reference.omega", config.omega_rad_s, "rad/s");
         // r_Y cos(θ + φ) and r_Z sin(θ + φ), expanded.
@@ -163,7 +169,7 @@ impl SpindlePath {
         Self { waves, config, step_s }
     }
 
-    fn waves_at(&self, omega_rad_s: f64, sin: f64, cos: f64) -> [RefPoint; COORDINATES] {
+    fn waves_at(&self, omega_rad_s: f64, sin: f64, cos: f64) -> [RefPoint; N] {
         let [c, s] = self.waves;
         std::array::from_fn(|a| {
             let position_m = c[a] * cos + s[a] * sin;
@@ -187,36 +193,35 @@ impl SpindlePath {
     }
 }
 
-impl Path<COORDINATES> for SpindlePath {
-    type State = SpindlePathState;
+impl<const N: usize> Path<N> for SpindlePath<N>
+where
+    SpindlePathState<N>: Serialize + DeserializeOwned,
+{
+    type State = SpindlePathState<N>;
 
-    fn start(&self) -> SpindlePathState {
-        SpindlePathState { turning: Turning::start(self.config.omega_rad_s), first: [0.0; COORDINATES] }
+    fn start(&self) -> SpindlePathState<N> {
+        SpindlePathState { turning: Turning::start(self.config.omega_rad_s), first: [0.0; N] }
     }
 
-    fn accepts(&self, state: &SpindlePathState) -> bool {
+    fn accepts(&self, state: &SpindlePathState<N>) -> bool {
         state.turning.is_consistent() && state.first.iter().all(|value| value.is_finite())
     }
 
     /// A lift begins at the coordinates of the first sample.
-    fn sample(
-        &self,
-        state: &mut SpindlePathState,
-        omega_rad_s: f64,
-        coordinates: [f64; COORDINATES],
-        _: [f64; COORDINATES],
-    ) {
+    fn sample(&self, state: &mut SpindlePathState<N>, omega_rad_s: f64, coordinates: [f64; N], _: [f64; N]) {
         if state.turning.samples() == 0 {
             state.first = coordinates;
         }
         state.turning.sample(omega_rad_s, self.step_s);
     }
 
-    fn ahead(&self, state: &SpindlePathState, ahead_s: f64) -> [RefPoint; COORDINATES] {
+    fn ahead(&self, state: &SpindlePathState<N>, ahead_s: f64) -> [RefPoint; N] {
         let t_s = state.turning.since_first_s(ahead_s, self.step_s);
         let (sin, cos) = libm::sincos(state.turning.ahead_rad(ahead_s));
         let mut curve = self.waves_at(state.turning.omega_rad_s(), sin, cos);
-        curve[0] = self.axial(t_s);
+        if N > ACROSS {
+            curve[0] = self.axial(t_s);
+        }
         self.config.transition.apply(curve, state.first, t_s)
     }
 }

@@ -87,7 +87,8 @@ impl Stated {
             let geometry = Box::new(SpindleGeometryOf { shaft, extent_m, a, b, axial_gap_m });
             let planes_m = [1, 2].map(|plane| real(&format!("unbalance[{plane}].position")));
             let magnets = machine.bearings[0].magnets;
-            vec![Body::Shaft { geometry, magnets, planes_m }, Body::Axis { m_kg, gap_m: axial_gap_m }]
+            let axis = (machine.parts() > 1).then_some(Body::Axis { m_kg, gap_m: axial_gap_m });
+            [Body::Shaft { geometry, magnets, planes_m }].into_iter().chain(axis).collect()
         };
         let noise = ["sensor.positionNoise", "sensor.currentNoise"].map(|name| value(name).unwrap_or(0.0));
         Self { machine, bodies, hold: hold(estimator), noise }

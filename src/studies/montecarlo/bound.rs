@@ -62,7 +62,7 @@ impl Rotor {
             "planar4" => Self::with::<RotorConfig<f64, 2, 4>, 2, 4>(scenario),
             "axial" => Self::with::<RotorConfig<f64, 1, 2>, 1, 2>(scenario),
             "spindle" => Self::with::<SpindleConfig, 5, 8>(scenario),
-            _ => Self::with::<SpindleConfigOf<f64, 4, 10>, 5, 10>(scenario),
+            _ => Self::with::<SpindleConfigOf<f64, 5, 4, 10>, 5, 10>(scenario),
         }
     }
 

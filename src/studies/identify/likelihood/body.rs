@@ -135,8 +135,8 @@ impl Part {
                 _ => Err(Failed::Magnets(alpha_rad.len())),
             },
             Body::Axis { m_kg, gap_m } => self.one_bearing::<1, 2, 3>(on, *m_kg, *gap_m, [0.0; 2]),
-            Body::Shaft { magnets: 3, .. } => self.shaft::<3, 8, 6, 18>(on),
-            Body::Shaft { magnets: 4, .. } => self.shaft::<4, 10, 8, 20>(on),
+            Body::Shaft { magnets: 3, .. } => self.shaft::<3, 6, 18>(on),
+            Body::Shaft { magnets: 4, .. } => self.shaft::<4, 8, 20>(on),
             Body::Shaft { magnets, .. } => Err(Failed::Magnets(*magnets)),
         }
     }
@@ -170,8 +170,8 @@ impl Part {
         self.search(on, N - 1, &varied, &describe)
     }
 
-    /// M magnets in each of two radial bearings, A with those of the axial one, K without, and U unknowns on line.
-    fn shaft<const M: usize, const A: usize, const K: usize, const U: usize>(
+    /// M magnets in each of two radial bearings, K in both, and U unknowns on line.
+    fn shaft<const M: usize, const K: usize, const U: usize>(
         &self,
         on: (&[Recording<'_>], bool),
     ) -> Result<Identification, Failed>
@@ -199,7 +199,7 @@ impl Part {
                 bearing.sensor_position_m += bench[sensors];
             }
             let planes_m = std::array::from_fn(|n| planes_m[n] + bench[plane + n]);
-            let machine = Machine::<4, K, U>::of_shaft::<M, A>(&geometry, planes_m);
+            let machine = Machine::<4, K, U>::of_shaft(&geometry, planes_m);
             Description::of(&machine.unwrap_or_else(|| unreachable!("sensors at different places")))
         };
         let varied = of_bearings.into_iter().flat_map(|[gap, iron, alpha, position, sensors]| {

@@ -1,0 +1,125 @@
+//! A machine's motion in independent parts, each with its own filter and sums, and the sizes of all machines.
+//!
+//! A radial magnet does not pull along the shaft, and an axial one not across it: of a shaft in bearings of both kinds the axial motion is a part of
+//! its own. All other machines have one part.
+
+use serde::{Deserialize, Serialize};
+
+use super::one_bearing::Planar;
+use super::paper::Paper;
+use super::spindle::SpindleEstimatorConfigOf;
+use super::{
+    Common, Estimation, EstimatorConfigOf, EstimatorOutputOf, EstimatorParameters, Judged, Method, Names,
+    PredictionError, PredictionErrorState, Sample, Verdict,
+};
+use crate::invalid::{Checks, Invalid};
+
+/// Implements the parameters for the sizes of a machine: coordinates, magnets, places for results by part, plane or radial bearing.
+macro_rules! of_sizes {
+    ($config:ty, $n:literal, $k:literal, $p:literal, $method:ty, |$own:ident| $make:expr) => {
+        impl EstimatorParameters<$n, $k, $p> for $config {
+            const MACHINE: &'static Names = Self::NAMES;
+
+            type Method = $method;
+
+            fn common(&self) -> Common<'_, $k> {
+                self.shared()
+            }
+
+            fn check(&self, checks: &mut Checks) {
+                self.checked(checks);
+            }
+
+            fn method(&self) -> Result<$method, Vec<Invalid>> {
+                let $own = self;
+                $make
+            }
+        }
+    };
+}
+
+// Of a method: coordinates, magnets, unknowns and columns of tolerances of its first part; then its uncertain parameters.
+of_sizes!(EstimatorConfigOf<2, 3>, 2, 3, 1, Planar, |config| Ok(match config.method {
+    Method::PredictionError => Planar::PredictionError(config.parts::<9, 11, 4>()),
+    Method::Paper | Method::PaperLiteral => Planar::Paper(Paper::new(config)),
+}));
+of_sizes!(EstimatorConfigOf<2, 4>, 2, 4, 1, Parts<2, 4, 10, 13>, |config| Ok(config.parts::<10, 13, 5>()));
+of_sizes!(EstimatorConfigOf<1, 2>, 1, 2, 1, Parts<1, 2, 3, 5>, |config| Ok(config.parts::<3, 5, 1>()));
+of_sizes!(SpindleEstimatorConfigOf<5, 3, 8>, 5, 8, 2, Parts<4, 6, 18, 29>, |config| config.parts::<6, 18, 29, 15>());
+of_sizes!(SpindleEstimatorConfigOf<5, 4, 10>, 5, 10, 2, Parts<4, 8, 20, 33>, |config| config.parts::<8, 20, 33, 17>());
+of_sizes!(SpindleEstimatorConfigOf<4, 3, 6>, 4, 6, 2, Parts<4, 6, 18, 29>, |config| config.parts::<6, 18, 29, 15>());
+
+/// The motion with R coordinates and K magnets, and the axial one if that is a part of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parts<const R: usize, const K: usize, const U: usize, const T: usize> {
+    pub first: PredictionError<R, K, U, T>,
+    pub axial: Option<PredictionError<1, 2, 3, 5>>,
+}
+
+/// State between samples.
+pub type PartsState<const R: usize, const K: usize, const U: usize, const T: usize> =
+    (Box<PredictionErrorState<R, K, U, T>>, Option<Box<PredictionErrorState<1, 2, 3, 5>>>);
+
+impl<const N: usize, const A: usize, const P: usize, const R: usize, const K: usize, const U: usize, const T: usize>
+    Estimation<N, A, P> for Parts<R, K, U, T>
+where
+    PredictionErrorState<R, K, U, T>: Serialize + for<'de> Deserialize<'de>,
+{
+    type State = PartsState<R, K, U, T>;
+
+    fn start(&self) -> Self::State {
+        (Box::new(self.first.start()), self.axial.as_ref().map(|axial| Box::new(axial.start())))
+    }
+
+    fn has_shape(&self, (first, axial): &Self::State) -> bool {
+        let both = axial.is_some() == self.axial.is_some();
+        both && first.has_shape() && axial.as_ref().is_none_or(|axial| axial.has_shape())
+    }
+
+    fn is_in_gap(&self, position_m: [f64; N]) -> bool {
+        is_in_gap(&self.first, std::array::from_fn(|n| position_m[n]))
+            && self.axial.as_ref().is_none_or(|axial| is_in_gap(axial, [position_m[N - 1]]))
+    }
+
+    fn advance(
+        &self,
+        (first, axial): &mut Self::State,
+        sample: &Judged<'_, N, A>,
+        output: &mut EstimatorOutputOf<N, A, P>,
+    ) -> [Verdict; P] {
+        // The axial magnets and reading are the last ones, the axial coordinate is the first.
+        let mut verdicts = [sample.advance(&self.first, first, output, 0, [0, 0, N - R]); P];
+        if let (Some(method), Some(axial)) = (&self.axial, axial) {
+            verdicts[1] = sample.advance(method, axial, output, 1, [R, K, 0]);
+        }
+        verdicts
+    }
+}
+
+fn is_in_gap<const R: usize, const K: usize, const U: usize, const T: usize>(
+    method: &PredictionError<R, K, U, T>,
+    position_m: [f64; R],
+) -> bool {
+    method.filter.machine.geometry.gaps(position_m).iter().all(|gap_m| *gap_m > 0.0)
+}
+
+impl<const N: usize, const A: usize> Judged<'_, N, A> {
+    /// The verdict on a part whose readings, magnets and loads begin with these, and its estimate in the output.
+    fn advance<const R: usize, const K: usize, const U: usize, const T: usize, const P: usize>(
+        &self,
+        method: &PredictionError<R, K, U, T>,
+        state: &mut PredictionErrorState<R, K, U, T>,
+        output: &mut EstimatorOutputOf<N, A, P>,
+        part: usize,
+        [reading, magnet, load]: [usize; 3],
+    ) -> Verdict {
+        let refused = self.refused(reading..reading + R, state.estimate.verdict);
+        let verdict = method.take(state, refused, || {
+            let position_m = std::array::from_fn(|n| self.input.position_m[reading + n]);
+            let current_a = std::array::from_fn(|k| self.input.current_a[magnet + k]);
+            Sample::new(position_m, current_a, self.rotation)
+        });
+        output.write(part, magnet, load..load + R, method, state, verdict);
+        verdict
+    }
+}
