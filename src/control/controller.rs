@@ -10,47 +10,22 @@ pub use crate::control::tracking::{
 
 use std::fmt::Debug;
 
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::coil::Drive;
-use crate::control::reference::{RefPoint, ReferenceState};
+use crate::control::reference::{Curve, Path, PathState, RefPoint};
 use crate::control::tracking::{Arrangement, Command, Measured, Tracking, TrackingConfig, TrackingState};
 use crate::invalid::{Checks, Invalid};
 use crate::machine::Machine;
 use crate::variables::unit::{AMPERE, METRE, NEWTON, NEWTON_METRE, RADIAN_PER_SECOND, VOLT};
 use crate::variables::{LAMBDA, OMEGA_RAD_S, Variables};
 
-/// The reference of a machine with N coordinates, sampled at a fixed step.
-pub trait Path<const N: usize> {
-    /// State between samples.
-    type State: Clone + Debug + PartialEq + Serialize + DeserializeOwned;
-
-    /// Before the first sample.
-    fn start(&self) -> Self::State;
-
-    /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
-    fn accepts(&self, state: &Self::State) -> bool;
-
-    /// Moves on to the next sample at the measured coordinates: `omega_rad_s` holds from this sample on, `external_m` is an external
-    /// reference.
-    fn sample(&self, state: &mut Self::State, omega_rad_s: f64, coordinates: [f64; N], external_m: [f64; N]);
-
-    /// The reference of the coordinates `ahead_s` after the last sample, in s.
-    fn ahead(&self, state: &Self::State, ahead_s: f64) -> [RefPoint; N];
-
-    /// Whether the reference is external.
-    fn is_external(&self) -> bool {
-        false
-    }
-}
-
 /// Configuration of the controller of a machine with N coordinates and K magnets in G groups.
 pub trait ControllerParameters<const N: usize, const K: usize, const G: usize>: Clone + Debug + PartialEq {
     /// How its magnets are arranged.
     type Rotor: Arrangement<N, K, G> + Clone + Debug + PartialEq;
-    /// Its reference.
-    type Path: Path<N> + Clone + Debug + PartialEq;
+    /// The curve of its reference.
+    type Curve: Curve<N> + Clone + Debug + PartialEq;
 
     /// The control law.
     fn law(&self) -> &TrackingConfig<K, G>;
@@ -60,7 +35,7 @@ pub trait ControllerParameters<const N: usize, const K: usize, const G: usize>: 
     fn omega_mut(&mut self) -> &mut f64;
 
     /// Arrangement, control law and reference. Reports errors in `checks`; use the returned values only if there are none.
-    fn checked(&self, checks: &mut Checks) -> (Tracking<Self::Rotor, N, K, G>, Self::Path);
+    fn checked(&self, checks: &mut Checks) -> (Tracking<Self::Rotor, N, K, G>, Path<Self::Curve, N>);
 }
 
 /// Inputs of the controller at a sample.
@@ -199,17 +174,13 @@ impl<const N: usize, const K: usize> Default for ControllerOutputOf<N, K> {
 /// State of a [`Controller`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound(
-    serialize = "P: Serialize, TrackingState<N, K, G>: Serialize",
-    deserialize = "P: Deserialize<'de>, TrackingState<N, K, G>: Deserialize<'de>"
+    serialize = "PathState<N>: Serialize, TrackingState<N, K, G>: Serialize",
+    deserialize = "PathState<N>: Deserialize<'de>, TrackingState<N, K, G>: Deserialize<'de>"
 ))]
-pub struct ControllerState<P = ReferenceState, const N: usize = 2, const K: usize = 3, const G: usize = 1> {
+pub struct ControllerState<const N: usize = 2, const K: usize = 3, const G: usize = 1> {
     law: TrackingState<N, K, G>,
-    reference: P,
+    reference: PathState<N>,
 }
-
-/// The state of the controller with these parameters.
-pub type StateOf<C, const N: usize, const K: usize, const G: usize> =
-    ControllerState<<<C as ControllerParameters<N, K, G>>::Path as Path<N>>::State, N, K, G>;
 
 /// A validated controller.
 #[derive(Clone, Debug, PartialEq)]
@@ -221,7 +192,7 @@ pub struct Controller<
 > {
     config: C,
     law: Tracking<C::Rotor, N, K, G>,
-    reference: C::Path,
+    reference: Path<C::Curve, N>,
 }
 
 impl<C: ControllerParameters<N, K, G>, const N: usize, const K: usize, const G: usize> Controller<C, N, K, G> {
@@ -258,12 +229,12 @@ impl<C: ControllerParameters<N, K, G>, const N: usize, const K: usize, const G: 
     }
 
     /// The state before the first sample, which is due at `start_s`, in s.
-    pub fn start(&self, start_s: f64) -> StateOf<C, N, K, G> {
+    pub fn start(&self, start_s: f64) -> ControllerState<N, K, G> {
         ControllerState { law: self.law.start(start_s), reference: self.reference.start() }
     }
 
     /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
-    pub fn accepts(&self, state: &StateOf<C, N, K, G>) -> bool {
+    pub fn accepts(&self, state: &ControllerState<N, K, G>) -> bool {
         self.reference.accepts(&state.reference) && self.law.accepts(&state.law)
     }
 
@@ -289,7 +260,7 @@ impl<C: ControllerParameters<N, K, G>, const N: usize, const K: usize, const G: 
     /// last valid ones. An unusable estimate of λ is no error: it is not used.
     pub fn sample(
         &self,
-        state: &mut StateOf<C, N, K, G>,
+        state: &mut ControllerState<N, K, G>,
         input: &ControllerInputOf<N, K>,
     ) -> Result<ControllerOutputOf<N, K>, ControllerError> {
         self.check_input(input)?;

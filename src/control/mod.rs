@@ -7,8 +7,7 @@
 //! - [`tracking`]: the control law, for current and for voltage drive, and the excitation: for any number of coordinates and
 //!   magnets;
 //! - [`controller`]: the controller of any machine;
-//! - [`one_bearing`] and [`spindle`]: how magnets are arranged in one bearing, and in the three of a shaft with five coordinates, with its
-//!   reference.
+//! - [`one_bearing`] and [`spindle`]: how magnets are arranged in one bearing, and in those of a shaft that tilts, with its reference.
 
 pub mod controller;
 pub mod observer;

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::magnet::{Geometry, MagnetsOf, alpha_rad};
-use crate::control::controller::{ControllerParameters, Path};
-use crate::control::reference::{RefPoint, Reference, ReferenceConfig, ReferenceState, Shape};
+use crate::control::controller::ControllerParameters;
+use crate::control::reference::{Reference, ReferenceConfig};
 use crate::control::tracking::{Allocation, Arrangement, Tracking, TrackingConfig};
 use crate::invalid::Checks;
 use crate::machine::Machine;
@@ -64,7 +64,7 @@ impl<const N: usize, const K: usize, const G: usize> Default for ControllerConfi
 
 impl<const N: usize, const K: usize, const G: usize> ControllerParameters<N, K, G> for ControllerConfigOf<N, K, G> {
     type Rotor = OneBearing<N, K>;
-    type Path = Reference;
+    type Curve = ReferenceConfig;
 
     fn law(&self) -> &TrackingConfig<K, G> {
         &self.law
@@ -78,7 +78,7 @@ impl<const N: usize, const K: usize, const G: usize> ControllerParameters<N, K, 
         &mut self.reference.omega_rad_s
     }
 
-    fn checked(&self, checks: &mut Checks) -> (Tracking<OneBearing<N, K>, N, K, G>, Reference) {
+    fn checked(&self, checks: &mut Checks) -> (Tracking<OneBearing<N, K>, N, K, G>, Reference<N>) {
         checks.positive("m", self.m_kg, "kg");
         let magnets = MagnetsOf::checked(self.gap_m, self.alpha_rad, checks);
         let rotor = OneBearing { m_kg: self.m_kg, magnets: magnets.clone(), used: self.used };
@@ -124,32 +124,5 @@ impl<const N: usize, const K: usize, const G: usize> Arrangement<N, K, G> for On
 
     fn is_paired(&self) -> bool {
         self.magnets.is_paired()
-    }
-}
-
-/// A rotor that is held along one axis follows the first axis of the curve.
-impl<const N: usize> Path<N> for Reference {
-    type State = ReferenceState;
-
-    fn start(&self) -> ReferenceState {
-        self.start()
-    }
-
-    fn accepts(&self, state: &ReferenceState) -> bool {
-        self.accepts(state)
-    }
-
-    fn sample(&self, state: &mut ReferenceState, omega_rad_s: f64, coordinates: [f64; N], external_m: [f64; N]) {
-        let in_plane = |x: [f64; N]| std::array::from_fn(|n| x.get(n).copied().unwrap_or_default());
-        self.sample(state, omega_rad_s, in_plane(coordinates), in_plane(external_m));
-    }
-
-    fn ahead(&self, state: &ReferenceState, ahead_s: f64) -> [RefPoint; N] {
-        let curve = self.ahead(state, ahead_s);
-        std::array::from_fn(|n| curve[n])
-    }
-
-    fn is_external(&self) -> bool {
-        self.config().shape == Shape::External
     }
 }

@@ -290,32 +290,118 @@ impl Turning {
     }
 }
 
-/// State of a [`Reference`].
+/// The curve that a reference with N coordinates follows.
+pub trait Curve<const N: usize> {
+    /// Begin of the motion.
+    fn transition(&self) -> Transition;
+
+    /// Angular velocity before the first sample, in rad/s.
+    fn omega_rad_s(&self) -> f64;
+
+    /// The point at the angle θ in rad, at a constant angular velocity in rad/s, and at a time after the first sample in s.
+    fn at(&self, theta_rad: f64, omega_rad_s: f64, t_s: f64) -> [RefPoint; N];
+}
+
+/// State of a [`Path`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ReferenceState {
+#[serde(bound(
+    serialize = "[f64; N]: Serialize, [Signal; N]: Serialize",
+    deserialize = "[f64; N]: Deserialize<'de>, [Signal; N]: Deserialize<'de>"
+))]
+pub struct PathState<const N: usize> {
     /// θ.
     turning: Turning,
-    /// First measured position, (y, z), in m.
-    first_m: [f64; 2],
-    /// Estimate of the external reference of each axis at the last sample.
-    signal: [Signal; 2],
+    /// Coordinates at the first sample, in m or rad.
+    first: [f64; N],
+    /// Estimate of the external reference of each coordinate at the last sample.
+    signal: [Signal; N],
 }
 
-/// A validated reference, sampled at a fixed step.
+/// A validated reference, sampled at a fixed step: a curve and its begin, or an external one.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Reference {
-    config: ReferenceConfig,
+pub struct Path<C, const N: usize> {
+    curve: C,
     step_s: f64,
-    observer: SignalObserver,
+    /// What differentiates an external reference.
+    observer: Option<SignalObserver>,
 }
 
-impl Reference {
+impl<C: Curve<N>, const N: usize> Path<C, N> {
+    /// That along a curve.
+    pub(super) fn along(curve: C, step_s: f64) -> Self {
+        Self { curve, step_s, observer: None }
+    }
+
+    /// The curve.
+    pub fn curve(&self) -> &C {
+        &self.curve
+    }
+
+    /// Whether the reference is external.
+    pub fn is_external(&self) -> bool {
+        self.observer.is_some()
+    }
+
+    /// Before the first sample: θ = 0, an external reference at rest.
+    pub fn start(&self) -> PathState<N> {
+        let turning = Turning::start(self.curve.omega_rad_s());
+        PathState { turning, first: [0.0; N], signal: [Signal::default(); N] }
+    }
+
+    /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
+    pub fn accepts(&self, state: &PathState<N>) -> bool {
+        let numbers = state.first.iter().chain(state.signal.iter().flat_map(|signal| &signal.0));
+        state.turning.is_consistent() && numbers.copied().all(f64::is_finite)
+    }
+
+    /// Moves on to the next sample, at the measured coordinates; a lift begins at the first. `omega_rad_s` holds from this sample on, `external`
+    /// is an external reference at it.
+    ///
+    /// An external reference starts at rest at its first sample.
+    pub fn sample(&self, state: &mut PathState<N>, omega_rad_s: f64, coordinates: [f64; N], external: [f64; N]) {
+        let first = state.turning.samples() == 0;
+        if first {
+            state.first = coordinates;
+        }
+        state.turning.sample(omega_rad_s, self.step_s);
+        if let Some(observer) = &self.observer {
+            for (signal, value) in state.signal.iter_mut().zip(external) {
+                *signal = if first { Signal([value, 0.0, 0.0, 0.0]) } else { observer.update(*signal, value) };
+            }
+        }
+    }
+
+    /// The reference `ahead_s` after the last sample, in s.
+    ///
+    /// An external reference is extrapolated with the derivatives that its observer estimates.
+    pub fn ahead(&self, state: &PathState<N>, ahead_s: f64) -> [RefPoint; N] {
+        if self.is_external() {
+            return state.signal.map(|signal| {
+                let [position_m, velocity_m_s, acceleration_m_s2, _] = signal.ahead(ahead_s).0;
+                RefPoint { position_m, velocity_m_s, acceleration_m_s2 }
+            });
+        }
+        let t_s = state.turning.since_first_s(ahead_s, self.step_s);
+        let curve = self.curve.at(state.turning.ahead_rad(ahead_s), state.turning.omega_rad_s(), t_s);
+        self.curve.transition().apply(curve, state.first, t_s)
+    }
+
+    /// θ at the last sample, in rad.
+    pub fn theta_rad(&self, state: &PathState<N>) -> f64 {
+        state.turning.ahead_rad(0.0)
+    }
+}
+
+/// The reference of a rotor in one bearing.
+pub type Reference<const N: usize = 2> = Path<ReferenceConfig, N>;
+
+impl<const N: usize> Reference<N> {
     /// A reference sampled every `step_s` (finite, above 0), for a rotor between `magnets`.
     ///
     /// `reference.rY`, `reference.rZ` if they are below 0, `reference.lobes` above [`MOST_LOBES`], `bandwidth.reference` unless
     /// above 0; all of these and `reference.lobeAmplitude`, `reference.omega` if they are not finite; `reference.rY` and others
     /// if the reference trajectory touches a magnet.
-    pub fn new<const N: usize, const K: usize>(
+    pub fn new<const K: usize>(
         config: ReferenceConfig,
         step_s: f64,
         magnets: &MagnetsOf<N, K>,
@@ -327,7 +413,7 @@ impl Reference {
     }
 
     /// Reports errors in `checks`; use the returned value only if there are none.
-    pub(crate) fn checked<const N: usize, const K: usize>(
+    pub(crate) fn checked<const K: usize>(
         config: ReferenceConfig,
         step_s: f64,
         magnets: &MagnetsOf<N, K>,
@@ -347,93 +433,36 @@ impl Reference {
         checks.finite("reference.omega", config.omega_rad_s, "rad/s");
         checks.positive("bandwidth.reference", config.bandwidth_rad_s, "rad/s");
         check_reach(&config, magnets, checks);
-        let observer = SignalObserver::new(config.bandwidth_rad_s, step_s);
-        Self { config, step_s, observer }
+        let external = config.shape == Shape::External;
+        let observer = external.then(|| SignalObserver::new(config.bandwidth_rad_s, step_s));
+        Self { curve: config, step_s, observer }
     }
+}
 
-    /// The configuration it was made from.
-    pub fn config(&self) -> &ReferenceConfig {
-        &self.config
-    }
-
-    /// Before the first sample: θ = 0, an external reference at rest.
-    pub fn start(&self) -> ReferenceState {
-        ReferenceState {
-            turning: Turning::start(self.config.omega_rad_s),
-            first_m: [0.0; 2],
-            signal: [Signal::default(); 2],
-        }
-    }
-
-    /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
-    pub fn accepts(&self, state: &ReferenceState) -> bool {
-        let numbers = state.first_m.iter().chain(state.signal.iter().flat_map(|signal| &signal.0));
-        state.turning.is_consistent() && numbers.copied().all(f64::is_finite)
-    }
-
-    /// Moves on to the next sample, at the measured position (y, z) in m; a lift begins at the first. `omega_rad_s` holds from this sample on,
-    /// `external_m` is (Yref, Zref) at it, in m, used by
-    /// [`Shape::External`] only.
-    ///
-    /// An external reference starts at rest at its first sample.
-    pub fn sample(&self, state: &mut ReferenceState, omega_rad_s: f64, position_m: [f64; 2], external_m: [f64; 2]) {
-        let first = state.turning.samples() == 0;
-        if first {
-            state.first_m = position_m;
-        }
-        state.turning.sample(omega_rad_s, self.step_s);
-        if self.config.shape == Shape::External {
-            for (signal, value_m) in state.signal.iter_mut().zip(external_m) {
-                *signal = if first { Signal([value_m, 0.0, 0.0, 0.0]) } else { self.observer.update(*signal, value_m) };
-            }
-        }
-    }
-
-    /// The reference trajectory, (y, z), `ahead_s` after the last sample, in s.
-    ///
-    /// An external reference is extrapolated with the derivatives that its observer estimates.
-    pub fn ahead(&self, state: &ReferenceState, ahead_s: f64) -> [RefPoint; 2] {
-        match self.config.shape {
-            Shape::Ellipse | Shape::Lobes | Shape::Fourier => {
-                let curve = self.point(state.turning.ahead_rad(ahead_s), state.turning.omega_rad_s());
-                let t_s = state.turning.since_first_s(ahead_s, self.step_s);
-                self.config.transition.apply(curve, state.first_m, t_s)
-            }
-            Shape::External => state.signal.map(|signal| {
-                let [position_m, velocity_m_s, acceleration_m_s2, _] = signal.ahead(ahead_s).0;
-                RefPoint { position_m, velocity_m_s, acceleration_m_s2 }
-            }),
-        }
-    }
-
-    /// θ at the last sample, in rad.
-    pub fn theta_rad(&self, state: &ReferenceState) -> f64 {
-        state.turning.ahead_rad(0.0)
-    }
-
+impl ReferenceConfig {
     /// The curve, (y, z), at the angle `theta_rad` and the constant angular velocity `omega_rad_s`.
     ///
     /// `Y* = (r_Y + a cos nθ) cos θ`, `Z* = (r_Z + a cos nθ) sin θ`, with exact derivatives; an ellipse has a = 0. An external
     /// reference has no such points: it returns those of the ellipse. For a Fourier series see [`Contour::at`].
     pub fn point(&self, theta_rad: f64, omega_rad_s: f64) -> [RefPoint; 2] {
-        if self.config.shape == Shape::Fourier {
-            return self.config.contour.at(theta_rad).map(|[x, x_1, x_2]| RefPoint {
+        if self.shape == Shape::Fourier {
+            return self.contour.at(theta_rad).map(|[x, x_1, x_2]| RefPoint {
                 position_m: x,
                 velocity_m_s: omega_rad_s * x_1,
                 acceleration_m_s2: omega_rad_s * omega_rad_s * x_2,
             });
         }
         let (sin, cos) = libm::sincos(theta_rad);
-        let (a, n) = match self.config.shape {
-            Shape::Lobes => (self.config.lobe_amplitude_m, f64::from(self.config.lobes)),
+        let (a, n) = match self.shape {
+            Shape::Lobes => (self.lobe_amplitude_m, f64::from(self.lobes)),
             Shape::Ellipse | Shape::External | Shape::Fourier => (0.0, 0.0),
         };
         // sin(±0) = ±0.
         let (sin_n, cos_n) = if n == 0.0 { (n * theta_rad, 1.0) } else { libm::sincos(n * theta_rad) };
         // The radius r + a cos nθ, its first and second derivative with respect to θ.
         let [r_1, r_2] = [-a * n * sin_n, -a * n * n * cos_n];
-        let r_y = self.config.r_y_m + a * cos_n;
-        let r_z = self.config.r_z_m + a * cos_n;
+        let r_y = self.r_y_m + a * cos_n;
+        let r_z = self.r_z_m + a * cos_n;
         let omega_2 = omega_rad_s * omega_rad_s;
         [
             RefPoint {
@@ -447,6 +476,22 @@ impl Reference {
                 acceleration_m_s2: omega_2 * (r_2 * sin + 2.0 * r_1 * cos - r_z * sin),
             },
         ]
+    }
+}
+
+/// A rotor that is held along one axis follows the first axis of the curve.
+impl<const N: usize> Curve<N> for ReferenceConfig {
+    fn transition(&self) -> Transition {
+        self.transition
+    }
+
+    fn omega_rad_s(&self) -> f64 {
+        self.omega_rad_s
+    }
+
+    fn at(&self, theta_rad: f64, omega_rad_s: f64, _: f64) -> [RefPoint; N] {
+        let curve = self.point(theta_rad, omega_rad_s);
+        std::array::from_fn(|n| curve[n])
     }
 }
 

@@ -6,15 +6,16 @@
 
 mod path;
 
-pub use path::{BearingPath, SpindlePath, SpindlePathConfig, SpindlePathState};
+pub use path::{BearingPath, Ellipses, SpindlePath, SpindlePathConfig};
 
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::magnet::{Geometry, MagnetsOf};
 use crate::bearing::shaft::{self, ACROSS};
 use crate::bearing::spindle::{SpindleGeometryOf, SpindleOf, bearing_of, in_bearings};
-use crate::control::controller::{Controller, ControllerInputOf, ControllerOutputOf, ControllerParameters, StateOf};
+use crate::control::controller::{
+    Controller, ControllerInputOf, ControllerOutputOf, ControllerParameters, ControllerState,
+};
 use crate::control::tracking::{Arrangement, Tracking, TrackingConfig};
 use crate::invalid::Checks;
 use crate::machine::Machine;
@@ -24,7 +25,7 @@ use crate::variables::Variables;
 pub type SpindleController = Controller<SpindleControllerConfig, 5, 8, 3>;
 
 /// Its state.
-pub type SpindleControllerState = StateOf<SpindleControllerConfig, 5, 8, 3>;
+pub type SpindleControllerState = ControllerState<5, 8, 3>;
 
 /// Its inputs.
 pub type SpindleControllerInput = ControllerInputOf<5, 8>;
@@ -79,12 +80,9 @@ impl<const N: usize, const M: usize, const K: usize, const G: usize> Default for
 
 impl<const N: usize, const M: usize, const K: usize, const G: usize> ControllerParameters<N, K, G>
     for SpindleControllerConfigOf<N, M, K, G>
-where
-    // True of every length that is used; serde does not know it of all.
-    SpindlePathState<N>: Serialize + DeserializeOwned,
 {
     type Rotor = SpindleOf<N, M, K>;
-    type Path = SpindlePath<N>;
+    type Curve = Ellipses<N>;
 
     fn law(&self) -> &TrackingConfig<K, G> {
         &self.law

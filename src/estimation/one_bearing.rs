@@ -66,7 +66,6 @@ impl<const N: usize, const K: usize> EstimatorConfigOf<N, K> {
 
 /// The methods for the machine of the paper.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "there is one of them")]
 pub enum Planar {
     PredictionError(Parts<2, 3, 9, 11>),
     Paper(Paper),

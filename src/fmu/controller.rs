@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::common::{info, refused, sampled};
 use crate::control::controller::{
     Controller, ControllerConfig, ControllerConfigOf, ControllerInputOf, ControllerOutputOf, ControllerParameters,
-    StateOf, UpdateMode,
+    ControllerState, UpdateMode,
 };
 use crate::control::spindle::SpindleControllerConfigOf;
 use crate::control::tracking::Arrangement;
@@ -91,7 +91,7 @@ pub type Spindle<const N: usize, const M: usize, const K: usize, const G: usize>
 
 impl<C, const N: usize, const K: usize, const G: usize> SampledModel for ControllerModel<C, N, K, G>
 where
-    C: ControllerParameters<N, K, G, Rotor: Send + Sync, Path: Send + Sync>
+    C: ControllerParameters<N, K, G, Rotor: Send + Sync, Curve: Send + Sync>
         + Variables<Context = Machine>
         + Default
         + Send
@@ -99,11 +99,11 @@ where
         + 'static,
     // True of every length that is used; serde does not know it of all.
     Values<C, N, K>: Serialize + DeserializeOwned,
-    StateOf<C, N, K, G>: Serialize + DeserializeOwned + Send + Sync + 'static,
+    ControllerState<N, K, G>: Serialize + DeserializeOwned + Send + Sync + 'static,
 {
     const INFO: Info = info(&C::Rotor::MACHINE.models[1]);
     type Values = Values<C, N, K>;
-    type State = StateOf<C, N, K, G>;
+    type State = ControllerState<N, K, G>;
 
     fn table() -> Vec<Row<Self::Values>> {
         sampled(Values::rows_in(C::Rotor::MACHINE), C::Rotor::MACHINE)

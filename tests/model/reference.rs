@@ -39,12 +39,12 @@ fn difference(h: f64, f: impl Fn(f64) -> f64) -> f64 {
 
 #[test]
 fn the_path_is_the_one_described() {
-    let [y, z] = reference(lobes()).point(0.3, OMEGA_RAD_S);
+    let [y, z] = reference(lobes()).curve().point(0.3, OMEGA_RAD_S);
     let r = 8e-6 * (5.0f64 * 0.3).cos();
     below("Y* in m", (y.position_m - (30e-6 + r) * 0.3f64.cos()).abs(), 1e-18);
     below("Z* in m", (z.position_m - (70e-6 + r) * 0.3f64.sin()).abs(), 1e-18);
     // An ellipse ignores the lobes.
-    let [y, z] = reference(ReferenceConfig { shape: Shape::Ellipse, ..lobes() }).point(0.3, OMEGA_RAD_S);
+    let [y, z] = reference(ReferenceConfig { shape: Shape::Ellipse, ..lobes() }).curve().point(0.3, OMEGA_RAD_S);
     below("Y* in m", (y.position_m - 30e-6 * 0.3f64.cos()).abs(), 1e-18);
     below("Z* in m", (z.position_m - 70e-6 * 0.3f64.sin()).abs(), 1e-18);
 }
@@ -56,7 +56,7 @@ fn derivatives_agree_with_differences() {
         for i in 0..100 {
             let theta = 0.0631 * f64::from(i);
             for a in 0..2 {
-                let at = |t: f64| reference.point(theta + OMEGA_RAD_S * t, OMEGA_RAD_S)[a];
+                let at = |t: f64| reference.curve().point(theta + OMEGA_RAD_S * t, OMEGA_RAD_S)[a];
                 // The scale of a derivative is that of the lobes' own.
                 let scale = 1e-4 * 5.0 * OMEGA_RAD_S;
                 let v = difference(2e-5, |t| at(t).position_m);
@@ -90,7 +90,7 @@ fn the_angle_does_not_drift_and_follows_a_change_of_speed() {
     let after = reference.theta_rad(&state);
     below("θ after the change", (after - at_change - 2.0 * OMEGA_RAD_S * STEP_S).abs(), ANGLE_RAD);
     let [ahead, _] = reference.ahead(&state, STEP_S);
-    let [point, _] = reference.point(after + 2.0 * OMEGA_RAD_S * STEP_S, 2.0 * OMEGA_RAD_S);
+    let [point, _] = reference.curve().point(after + 2.0 * OMEGA_RAD_S * STEP_S, 2.0 * OMEGA_RAD_S);
     assert_eq!(ahead, point);
 }
 
@@ -249,7 +249,7 @@ fn a_fourier_series_is_the_lobes_it_is_the_series_of() {
     let [lobes, series] = [lobes, series].map(|config| Reference::new(config, 1e-4, &magnets).expect("reference"));
     for k in 0..50 {
         let theta = 0.13 * f64::from(k);
-        for (one, other) in lobes.point(theta, 314.0).into_iter().zip(series.point(theta, 314.0)) {
+        for (one, other) in lobes.curve().point(theta, 314.0).into_iter().zip(series.curve().point(theta, 314.0)) {
             // Roundings of sums of a few terms, relative to r, r ω, 10 r ω².
             assert!((one.position_m - other.position_m).abs() < 1e-18);
             assert!((one.velocity_m_s - other.velocity_m_s).abs() < 1e-15);

@@ -8,7 +8,6 @@ use magnetic_bearing::bearing::coil::Drive;
 use magnetic_bearing::bearing::magnet::forces;
 use magnetic_bearing::bearing::shaft::{displacement, generalised, shared, through};
 use magnetic_bearing::bearing::spindle::{RadialBearing, Spindle, SpindleGeometry};
-use magnetic_bearing::control::controller::Path;
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
 use magnetic_bearing::control::reference::ReferenceConfig;
 use magnetic_bearing::control::reference::Transition;

@@ -11,14 +11,12 @@
 
 use std::f64::consts::TAU;
 
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::magnets_at_m;
 use crate::bearing::shaft::{self, ACROSS};
 use crate::bearing::spindle::SpindleOf;
-use crate::control::controller::Path;
-use crate::control::reference::{RefPoint, Transition, Turning, check_ellipse_reach};
+use crate::control::reference::{Curve, Path, RefPoint, Transition, check_ellipse_reach};
 use crate::invalid::{Checks, Invalid};
 use crate::machine::Machine;
 use crate::variables::Variables;
@@ -84,23 +82,16 @@ impl Default for SpindlePathConfig {
     }
 }
 
-/// State of a [`SpindlePath`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(bound(serialize = "[f64; N]: Serialize", deserialize = "[f64; N]: Deserialize<'de>"))]
-pub struct SpindlePathState<const N: usize = 5> {
-    turning: Turning,
-    /// Coordinates at the first sample, in m and rad.
-    first: [f64; N],
-}
-
-/// A validated reference, sampled at a fixed step.
+/// Ellipses in the radial bearings, and the axial sine.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SpindlePath<const N: usize = 5> {
+pub struct Ellipses<const N: usize> {
     config: SpindlePathConfig,
-    step_s: f64,
     /// c and s of the coordinates `c cos θ + s sin θ`, in m and rad.
     waves: [[f64; N]; 2],
 }
+
+/// The reference of a spindle.
+pub type SpindlePath<const N: usize = 5> = Path<Ellipses<N>, N>;
 
 impl<const N: usize> SpindlePath<N> {
     /// A reference sampled every `step_s` (finite, above 0), for a spindle.
@@ -166,21 +157,11 @@ impl<const N: usize> SpindlePath<N> {
             wave(|path, sin, cos| [path.r_y_m * cos, path.r_z_m * sin]),
             wave(|path, sin, cos| [-path.r_y_m * sin, path.r_z_m * cos]),
         ];
-        Self { waves, config, step_s }
+        Self::along(Ellipses { waves, config }, step_s)
     }
+}
 
-    fn waves_at(&self, omega_rad_s: f64, sin: f64, cos: f64) -> [RefPoint; N] {
-        let [c, s] = self.waves;
-        std::array::from_fn(|a| {
-            let position_m = c[a] * cos + s[a] * sin;
-            RefPoint {
-                position_m,
-                velocity_m_s: omega_rad_s * (s[a] * cos - c[a] * sin),
-                acceleration_m_s2: -omega_rad_s * omega_rad_s * position_m,
-            }
-        })
-    }
-
+impl<const N: usize> Ellipses<N> {
     fn axial(&self, t_s: f64) -> RefPoint {
         let SpindlePathConfig { axial_amplitude_m: a, axial_hz: f, .. } = self.config;
         if a == 0.0 {
@@ -193,35 +174,29 @@ impl<const N: usize> SpindlePath<N> {
     }
 }
 
-impl<const N: usize> Path<N> for SpindlePath<N>
-where
-    SpindlePathState<N>: Serialize + DeserializeOwned,
-{
-    type State = SpindlePathState<N>;
-
-    fn start(&self) -> SpindlePathState<N> {
-        SpindlePathState { turning: Turning::start(self.config.omega_rad_s), first: [0.0; N] }
+impl<const N: usize> Curve<N> for Ellipses<N> {
+    fn transition(&self) -> Transition {
+        self.config.transition
     }
 
-    fn accepts(&self, state: &SpindlePathState<N>) -> bool {
-        state.turning.is_consistent() && state.first.iter().all(|value| value.is_finite())
+    fn omega_rad_s(&self) -> f64 {
+        self.config.omega_rad_s
     }
 
-    /// A lift begins at the coordinates of the first sample.
-    fn sample(&self, state: &mut SpindlePathState<N>, omega_rad_s: f64, coordinates: [f64; N], _: [f64; N]) {
-        if state.turning.samples() == 0 {
-            state.first = coordinates;
-        }
-        state.turning.sample(omega_rad_s, self.step_s);
-    }
-
-    fn ahead(&self, state: &SpindlePathState<N>, ahead_s: f64) -> [RefPoint; N] {
-        let t_s = state.turning.since_first_s(ahead_s, self.step_s);
-        let (sin, cos) = libm::sincos(state.turning.ahead_rad(ahead_s));
-        let mut curve = self.waves_at(state.turning.omega_rad_s(), sin, cos);
+    fn at(&self, theta_rad: f64, omega_rad_s: f64, t_s: f64) -> [RefPoint; N] {
+        let [c, s] = self.waves;
+        let (sin, cos) = libm::sincos(theta_rad);
+        let mut curve = std::array::from_fn(|a| {
+            let position_m = c[a] * cos + s[a] * sin;
+            RefPoint {
+                position_m,
+                velocity_m_s: omega_rad_s * (s[a] * cos - c[a] * sin),
+                acceleration_m_s2: -omega_rad_s * omega_rad_s * position_m,
+            }
+        });
         if N > ACROSS {
             curve[0] = self.axial(t_s);
         }
-        self.config.transition.apply(curve, state.first, t_s)
+        curve
     }
 }
