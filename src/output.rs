@@ -87,29 +87,18 @@ pub enum Format {
 pub const SCENARIO: &str = concat!("# Written by ", env!("CARGO_PKG_NAME"));
 
 impl Format {
-    const fn signature(self) -> &'static str {
+    /// How such a file begins, and what it is in messages.
+    const fn signature(self) -> (&'static str, &'static str) {
         match self {
-            Self::Table => "time [s]",
-            Self::Json => "{",
-            Self::Page => "<!DOCTYPE html>",
-            Self::Archive | Self::System => "PK",
-            Self::Xml | Self::Parameters => "<?xml",
-            Self::Markdown => "# ",
-            Self::Scenario => SCENARIO,
-        }
-    }
-
-    const fn words(self) -> &'static str {
-        match self {
-            Self::Table => "a table of this program",
-            Self::Json => "a document in JSON",
-            Self::Page => "a page in HTML",
-            Self::Archive => "an archive",
-            Self::Xml => "a description in XML",
-            Self::Markdown => "a text in Markdown",
-            Self::Scenario => "a scenario that this program has written",
-            Self::System => "an SSP that this program has generated",
-            Self::Parameters => "an SSV that this program has generated",
+            Self::Table => ("time [s]", "a table of this program"),
+            Self::Json => ("{", "a document in JSON"),
+            Self::Page => ("<!DOCTYPE html>", "a page in HTML"),
+            Self::Archive => ("PK", "an archive"),
+            Self::Xml => ("<?xml", "a description in XML"),
+            Self::Markdown => ("# ", "a text in Markdown"),
+            Self::Scenario => (SCENARIO, "a scenario that this program has written"),
+            Self::System => ("PK", "an SSP that this program has generated"),
+            Self::Parameters => ("<?xml", "an SSV that this program has generated"),
         }
     }
 
@@ -121,14 +110,14 @@ impl Format {
         if !fs::metadata(path).is_ok_and(|metadata| metadata.is_file() && metadata.len() > 0) {
             return Ok(());
         }
-        let signature = self.signature().as_bytes();
+        let (signature, words) = self.signature();
         let mut begin = Vec::new();
         File::open(path)?.take(signature.len() as u64).read_to_end(&mut begin)?;
         let needs_tool = matches!(self, Self::System | Self::Parameters);
-        if begin == signature && (!needs_tool || is_generated(&fs::read(path)?)) {
+        if begin == signature.as_bytes() && (!needs_tool || is_generated(&fs::read(path)?)) {
             return Ok(());
         }
-        let words = format!("it already exists and is not {}: remove it, or name another file", self.words());
+        let words = format!("it already exists and is not {words}: remove it, or name another file");
         Err(io::Error::new(io::ErrorKind::AlreadyExists, words))
     }
 

@@ -20,7 +20,7 @@ use crate::package;
 use crate::report::frame;
 use crate::report::{campbell, experiment};
 use crate::simulation::recording::Recording;
-use crate::simulation::scenario::{BUILT_IN, Scenario, ScenarioError};
+use crate::simulation::scenario::{self, Scenario, ScenarioError};
 use crate::simulation::simulate::{self, Run};
 use crate::simulation::summary;
 use crate::studies::design;
@@ -83,29 +83,7 @@ enum Command {
     /// every element with a variable of that name; `reference.rY = "30 µm"` and `reference.rY = 30e-6` mean the same. `simulate
     /// --print paper` prints one to start from. A `[[profile]]` varies inputs and tunable parameters over time; `contour =
     /// "hole.csv"` makes a closed curve of points the reference trajectory.
-    Simulate {
-        /// A file, - for the standard input, or a built-in scenario: paper, experiment, unbalanced, turned, run-up, lift-off,
-        /// coil-loss, circle, hole, standstill, spindle, balance, planar4, spindle4, axial, levitation.
-        #[arg(value_name = "SCENARIO")]
-        scenario: PathBuf,
-        /// Changes a value of the scenario (can be repeated): `m=7` for every element that has the variable, `plant.m=7` for
-        /// one, `reference.rY=30 µm`, `lambda=[1e-6, 2e-6, 3e-6]`, `duration=1 s`, `step=50 µs`.
-        #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
-        changes: Vec<(String, String)>,
-        /// Writes all outputs at every communication point as CSV, with names and units in the header; - is the standard
-        /// output, and messages then go to the standard error.
-        #[arg(long, value_name = "FILE")]
-        csv: Option<PathBuf>,
-        /// Writes the results as JSON; - as for --csv.
-        #[arg(long, value_name = "FILE")]
-        json: Option<PathBuf>,
-        /// Writes a report page, index.html, into this folder.
-        #[arg(long, value_name = "DIR")]
-        report: Option<PathBuf>,
-        /// Prints the text of a built-in scenario instead of running it.
-        #[arg(long, conflicts_with_all = ["csv", "json", "report", "changes"])]
-        print: bool,
-    },
+    Simulate(Simulation),
     /// Identifies the bearing from a recording of a test bench, a text table with one row per sample.
     ///
     /// Columns are named as in the interface (time, Ym, Zm, im[1], im[2], im[3], theta, omega), optionally prefixed by an
@@ -233,6 +211,31 @@ enum Command {
     },
 }
 
+#[derive(clap::Args, Default)]
+struct Simulation {
+    /// A file, - for the standard input, or a built-in scenario: paper, experiment, unbalanced, turned, run-up, lift-off,
+    /// coil-loss, circle, hole, standstill, spindle, balance, planar4, spindle4, axial, levitation.
+    #[arg(value_name = "SCENARIO")]
+    scenario: PathBuf,
+    /// Changes a value of the scenario (can be repeated): `m=7` for every element that has the variable, `plant.m=7` for
+    /// one, `reference.rY=30 µm`, `lambda=[1e-6, 2e-6, 3e-6]`, `duration=1 s`, `step=50 µs`.
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
+    changes: Vec<(String, String)>,
+    /// Writes all outputs at every communication point as CSV, with names and units in the header; - is the standard
+    /// output, and messages then go to the standard error.
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Writes the results as JSON; - as for --csv.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Writes a report page, index.html, into this folder.
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    /// Prints the text of a built-in scenario instead of running it.
+    #[arg(long, conflicts_with_all = ["csv", "json", "report", "changes"])]
+    print: bool,
+}
+
 /// Prints a line to the standard output.
 macro_rules! say {
     () => { $crate::output::tell(format_args!("")) };
@@ -261,11 +264,8 @@ pub fn main(commit: Option<&str>) -> ExitCode {
             };
             chosen.map_err(refused).and_then(|machines| package(&binaries, &machines, arrays, &out))
         }
-        Some(Command::Simulate { scenario, print: true, .. }) => print_scenario(&scenario),
-        Some(Command::Simulate { scenario, changes, csv, json, report, print: false }) => {
-            let out = Out { csv: csv.as_deref(), json: json.as_deref(), report: report.as_deref() };
-            simulate(&scenario, &changes, &out)
-        }
+        Some(Command::Simulate(arguments)) if arguments.print => print_scenario(&arguments.scenario),
+        Some(Command::Simulate(arguments)) => simulate(&arguments),
         Some(Command::Montecarlo { scenario, runs, seed, only, position_noise, current_noise, estimate_noise, at }) => {
             match &scenario {
                 None => monte_carlo(runs, only.as_deref(), seed, &at),
@@ -278,7 +278,7 @@ pub fn main(commit: Option<&str>) -> ExitCode {
         Some(Command::Sweep { design, out, scenario, jobs, expand: _ }) => {
             sweep(&design, scenario.as_deref(), out.as_deref(), jobs)
         }
-        Some(Command::Describe { out }) => describe(&out),
+        Some(Command::Describe { out }) => package::write_descriptions(&out).map_err(Into::into),
         Some(Command::Completions { shell }) => completions(shell),
         Some(Command::Identify(arguments)) => identify::run(&arguments),
         Some(Command::Sensitivity { scenario, changes }) => judge_loop(&scenario, &changes),
@@ -330,7 +330,7 @@ fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
 fn everything() -> Result<()> {
     package(&[], &package::machines(&package::USUAL).map_err(refused)?, false, Path::new(FMU_FOLDER))?;
     say!();
-    simulate(Path::new("paper"), &[], &Out { report: Some(Path::new(REPORT_FOLDER)), ..Out::default() })
+    simulate(&Simulation { scenario: "paper".into(), report: Some(REPORT_FOLDER.into()), ..Simulation::default() })
 }
 
 /// Reads the argument `PLATFORM=FILE`.
@@ -350,10 +350,6 @@ fn package(
         say!("{} ({} kB) for {platforms}", written.path.display(), written.bytes.div_ceil(1000));
     }
     Ok(())
-}
-
-fn describe(folder: &Path) -> Result<()> {
-    package::write_descriptions(folder).map_err(Into::into)
 }
 
 fn completions(shell: Shell) -> Result<()> {
@@ -379,7 +375,8 @@ fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Optio
         }
     } else {
         say_how_to_resume(out)?;
-        design.run(out)?
+        // What is wrong with that file is not an argument that cannot be used.
+        design.run(out).map_err(|error| error.to_string())?
     };
     let there = if outcome.before > 0 { format!(", {} of them from before", outcome.before) } else { String::new() };
     say!("{}: {} rows{there}", out.display(), design.len());
@@ -403,11 +400,8 @@ fn say_how_to_resume(out: &Path) -> Result<()> {
 }
 
 fn print_scenario(name: &Path) -> Result<()> {
-    let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)) else {
-        let names: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
-        return Err(refused(format!("{}: --print needs one of {}", name.display(), names.join(", "))));
-    };
-    say!("{}", text.trim_end());
+    let wanted = || refused(format!("{}: --print needs one of {}", name.display(), scenario::built_in_names()));
+    say!("{}", scenario::built_in(name).ok_or_else(wanted)?.trim_end());
     Ok(())
 }
 
@@ -439,35 +433,28 @@ fn claim(destinations: &[Destination<'_>]) -> Result<()> {
     Ok(())
 }
 
-/// Destinations of the results.
-#[derive(Default)]
-struct Out<'a> {
-    csv: Option<&'a Path>,
-    json: Option<&'a Path>,
-    report: Option<&'a Path>,
-}
-
-fn simulate(name: &Path, changes: &[(String, String)], out: &Out<'_>) -> Result<()> {
-    let page = out.report.map(|folder| folder.join("index.html"));
+fn simulate(arguments: &Simulation) -> Result<()> {
+    let Simulation { scenario: name, changes, csv, json, report, .. } = arguments;
+    let page = report.as_ref().map(|folder| folder.join("index.html"));
     claim(&[
-        ("--csv", out.csv, Format::Table),
-        ("--json", out.json, Format::Json),
+        ("--csv", csv.as_deref(), Format::Table),
+        ("--json", json.as_deref(), Format::Json),
         ("--report", page.as_deref(), Format::Page),
     ])?;
     let scenario = Scenario::open_with(name, changes)?;
     let run = simulate::run(&scenario)?;
     print_run(name, &scenario, &run);
     // Results are written even if the run ended early.
-    if let Some(path) = out.csv {
+    if let Some(path) = csv {
         write_table(path, &run.recording)?;
         said_of(path);
     }
-    if let Some(path) = out.json {
+    if let Some(path) = json {
         let document = format!("{:#}\n", summary::json(&scenario, &run));
         Format::Json.write(path, document.as_bytes()).map_err(named(path))?;
         said_of(path);
     }
-    if let Some(folder) = out.report {
+    if let Some(folder) = report {
         write_page(folder, &experiment::page(name, &frame::command_line(), &scenario, &run))?;
     }
     match run.error {
@@ -541,28 +528,22 @@ fn write_page(folder: &Path, page: &str) -> Result<()> {
     Ok(())
 }
 
-/// A standard deviation.
+/// A finite number that fits, or else what was expected.
+fn number(text: &str, wanted: &str, fits: fn(&f64) -> bool) -> std::result::Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| value.is_finite()).filter(fits);
+    value.ok_or_else(|| format!("expected {wanted}"))
+}
+
 fn deviation(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
-        _ => Err("expected a standard deviation, 0 or above".into()),
-    }
+    number(text, "a standard deviation, 0 or above", |value| *value >= 0.0)
 }
 
-/// A time in seconds.
 fn duration(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err("expected a time in s above 0".into()),
-    }
+    number(text, "a time in s above 0", |value| *value > 0.0)
 }
 
-/// A speed in rpm.
 fn speed(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err("expected a speed in rpm above 0".into()),
-    }
+    number(text, "a speed in rpm above 0", |value| *value > 0.0)
 }
 
 /// A number of runs.

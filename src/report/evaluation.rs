@@ -39,6 +39,19 @@ impl Stretch {
             _ => "End of the run",
         }
     }
+
+    /// The part of a signal within it.
+    pub(super) fn of<'v>(&self, values: &'v [f64]) -> &'v [f64] {
+        &values[self.from..self.to]
+    }
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |largest, value| f64::max(largest, value.abs()))
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
 }
 
 /// The sample at which the controller first used an estimate, if any.
@@ -100,32 +113,29 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurves]
         let cells = stretches.iter().map(value);
         rows.push(std::iter::once(name).chain(cells).chain([unit.to_owned()]).collect());
     };
-    let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
-    let radius = |s: &Stretch| largest(&mut (s.from..s.to).map(|k| y[k].hypot(z[k])));
-    row("largest displacement from the centre".into(), "µm", &|s| format!("{:.2}", radius(s) * 1e6));
-    row("largest displacement / clearance".into(), "%", &|s| format!("{:.1}", 100.0 * radius(s) / clearance_m));
+    let lengths = |y: &[f64], z: &[f64]| y.iter().zip(z).map(|(y, z)| y.hypot(*z)).collect::<Vec<_>>();
+    let rms = |values: &[f64]| mean(&values.iter().map(|value| value * value).collect::<Vec<_>>()).sqrt();
+    let radius = lengths(y, z);
+    row("largest displacement from the centre".into(), "µm", &|s| format!("{:.2}", largest(s.of(&radius)) * 1e6));
+    row("largest displacement / clearance".into(), "%", &|s| {
+        format!("{:.1}", 100.0 * largest(s.of(&radius)) / clearance_m)
+    });
     if let (Some(ry), Some(rz)) = (get("controller.reference.Y"), get("controller.reference.Z")) {
-        let error = |k: usize| (y[k] - ry[k]).hypot(z[k] - rz[k]);
-        row("largest tracking error, radial".into(), "µm", &|s| {
-            format!("{:.3}", 1e6 * largest(&mut (s.from..s.to).map(error)))
-        });
-        row("tracking error, radial, rms".into(), "µm", &|s| {
-            let squares: f64 = (s.from..s.to).map(|k| error(k).powi(2)).sum();
-            format!("{:.3}", 1e6 * (squares / (s.to - s.from) as f64).sqrt())
-        });
+        let misses = |is: &[f64], ought: &[f64]| is.iter().zip(ought).map(|(is, ought)| is - ought).collect::<Vec<_>>();
+        let error = lengths(&misses(y, ry), &misses(z, rz));
+        row("largest tracking error, radial".into(), "µm", &|s| format!("{:.3}", 1e6 * largest(s.of(&error))));
+        row("tracking error, radial, rms".into(), "µm", &|s| format!("{:.3}", 1e6 * rms(s.of(&error))));
     }
     for (axis, signal) in [("y", y), ("z", z)] {
         row(format!("1× / 2× / 3× components of {axis}"), "µm", &|s| {
-            let part = |n| 1e6 * harmonic(&signal[s.from..s.to], &theta[s.from..s.to], n);
+            let part = |n| 1e6 * harmonic(s.of(signal), s.of(theta), n);
             format!("{:.2} / {:.3} / {:.3}", part(1.0), part(2.0), part(3.0))
         });
     }
     for k in 1..=3 {
         if let Some(current) = get(&format!("plant.im[{k}]")) {
             row(format!("current of magnet {k}, peak / rms"), "A", &|s| {
-                let squares: f64 = current[s.from..s.to].iter().map(|i| i * i).sum();
-                let rms = (squares / (s.to - s.from) as f64).sqrt();
-                format!("{:.3} / {rms:.3}", largest(&mut current[s.from..s.to].iter().map(|i| i.abs())))
+                format!("{:.3} / {:.3}", largest(s.of(current)), rms(s.of(current)))
             });
         }
     }
@@ -133,18 +143,16 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurves]
         let limit_v = plant.coil.limit_v;
         for k in 1..=3 {
             if let Some(voltage) = get(&format!("controller.u[{k}]")) {
-                let most = |s: &Stretch| largest(&mut voltage[s.from..s.to].iter().map(|u| u.abs()));
                 row(format!("voltage of amplifier {k}, peak / headroom"), "V / %", &|s| {
-                    format!("{:.1} / {:.0}", most(s), 100.0 * (1.0 - most(s) / limit_v))
+                    let most = largest(s.of(voltage));
+                    format!("{most:.1} / {:.0}", 100.0 * (1.0 - most / limit_v))
                 });
             }
         }
     }
     for k in 1..=3 {
         if let Some(force) = get(&format!("plant.F[{k}]")) {
-            row(format!("static load of magnet {k}"), "N", &|s| {
-                format!("{:.1}", force[s.from..s.to].iter().sum::<f64>() / (s.to - s.from) as f64)
-            });
+            row(format!("static load of magnet {k}"), "N", &|s| format!("{:.1}", mean(s.of(force))));
         }
     }
     if sensitivities.len() == stretches.len() {

@@ -67,12 +67,8 @@ fn estimates(scenario: &Scenario, run: &Run, paper: bool) -> Table {
         let cells = values(lambda).into_iter().chain(errors(lambda));
         std::iter::once(name).chain(cells).chain([valid.to_owned()]).collect::<Vec<_>>()
     };
-    rows.push(
-        std::iter::once("truth".to_owned())
-            .chain(values(truth))
-            .chain(std::iter::repeat_n(String::new(), 4))
-            .collect::<Vec<_>>(),
-    );
+    let truth_row = ["truth".to_owned()].into_iter().chain(values(truth));
+    rows.push(truth_row.chain(std::iter::repeat_n(String::new(), 4)).collect::<Vec<_>>());
     if paper {
         rows.push(row("paper, figure 2".into(), PAPER_LAMBDA, ""));
     }
@@ -119,17 +115,13 @@ fn literal_note(scenario: &Scenario, run: &Run, truth: &[f64; 3]) -> String {
     if !scenario.observers().iter().any(|element| element.name == "paperLiteral") {
         return String::new();
     }
-    let mut worst: (f64, f64) = (0.0, 0.0);
-    for (k, truth) in truth.iter().enumerate() {
+    let of_magnet = |(k, truth): (usize, &f64)| {
         let column = run.recording.get(&format!("paperLiteral.lambdaHat[{}]", k + 1)).unwrap_or(&[]);
         let late = run.recording.time_s.iter().zip(column).filter(|(time_s, _)| **time_s >= INSTANTS_S[0]);
-        for (time_s, value) in late {
-            let error = (value / truth - 1.0).abs();
-            if error > worst.0 {
-                worst = (error, *time_s);
-            }
-        }
-    }
+        late.map(|(time_s, value)| ((value / truth - 1.0).abs(), *time_s)).collect::<Vec<_>>()
+    };
+    let errors = truth.iter().enumerate().flat_map(of_magnet);
+    let worst = errors.fold((0.0, 0.0), |worst, error| if error.0 > worst.0 { error } else { worst });
     format!(
         "Equation (20) to the letter (paperLiteral) divides by a signed determinant that passes through zero: its greatest \
          error after {} s is {:.0} %, at {:.4} s.",
@@ -142,11 +134,12 @@ fn literal_note(scenario: &Scenario, run: &Run, truth: &[f64; 3]) -> String {
 /// Three signals at an instant; `None` if the run ended before.
 fn at(run: &Run, instant_s: f64, name: impl Fn(usize) -> String) -> Option<[f64; 3]> {
     let row = run.recording.time_s.iter().position(|time_s| *time_s >= instant_s - 1e-9)?;
-    let mut values = [0.0; 3];
-    for (k, value) in values.iter_mut().enumerate() {
-        *value = *run.recording.get(&name(k + 1))?.get(row)?;
-    }
-    Some(values)
+    three(|k| run.recording.get(&name(k))?.get(row).copied())
+}
+
+/// A value of each of the three magnets, if all have one.
+fn three(value: impl Fn(usize) -> Option<f64>) -> Option<[f64; 3]> {
+    Some([value(1)?, value(2)?, value(3)?])
 }
 
 fn percent(value: f64) -> String {
@@ -174,32 +167,22 @@ fn tracking(run: &Run, paper: bool) -> Option<Table> {
     let after = (last_s - STRETCH_S, last_s);
     let mut rows = Vec::new();
     for axis in ["Y", "Z"] {
-        let position = run.recording.get(&format!("plant.{axis}"))?;
-        let reference = run.recording.get(&format!("controller.reference.{axis}"))?;
-        let estimate = run.recording.get(&format!("controller.p{axis}Hat"))?;
-        let perturbation = run.recording.get(&format!("plant.perturbation.{axis}"))?;
+        let get = |name: String| run.recording.get(&name);
+        let (position, reference) = (get(format!("plant.{axis}"))?, get(format!("controller.reference.{axis}"))?);
         let error: Vec<f64> = position.iter().zip(reference).map(|(is, ought)| is - ought).collect();
+        let largest = |range| over(run, &error, range).map(|(low, high)| 1e6 * high.max(-low));
         let letter = axis.to_lowercase();
-        let largest = |range| over(run, &error, range).map(|(low, high)| high.max(-low));
-        let peak_to_peak = |signal: &[f64], range| over(run, signal, range).map(|(low, high)| high - low);
-        rows.push(row(
-            format!("largest tracking error, {letter}"),
-            [largest(before)? * 1e6, largest(after)? * 1e6],
-            "µm",
-            "slightly smaller after",
-        ));
-        rows.push(row(
-            format!("estimated perturbation, peak to peak, {letter}"),
-            [peak_to_peak(estimate, before)?, peak_to_peak(estimate, after)?],
-            "N",
-            PAPER_RATIO,
-        ));
-        rows.push(row(
-            format!("true perturbation, peak to peak, {letter}"),
-            [peak_to_peak(perturbation, before)?, peak_to_peak(perturbation, after)?],
-            "N",
-            "",
-        ));
+        let name = format!("largest tracking error, {letter}");
+        rows.push(row(name, [largest(before)?, largest(after)?], "µm", "slightly smaller after"));
+        for (name, column, paper) in [
+            ("estimated", format!("controller.p{axis}Hat"), PAPER_RATIO),
+            ("true", format!("plant.perturbation.{axis}"), ""),
+        ] {
+            let signal = get(column)?;
+            let peak_to_peak = |range| over(run, signal, range).map(|(low, high)| high - low);
+            let name = format!("{name} perturbation, peak to peak, {letter}");
+            rows.push(row(name, [peak_to_peak(before)?, peak_to_peak(after)?], "N", paper));
+        }
     }
     let mut head = ["", "before", "after", "unit", "before : after", "paper"].map(String::from).to_vec();
     if !paper {
@@ -244,13 +227,7 @@ fn answers(scenario: &Scenario, run: &Run) -> [Option<Answer>; 2] {
 /// The final answer of an estimator.
 fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Answer> {
     let column = |name: &str| run.recording.get(&format!("{element}.{name}"));
-    let last = |name: &str| {
-        let mut values = [0.0; 3];
-        for (k, value) in values.iter_mut().enumerate() {
-            *value = *column(&format!("{name}[{}]", k + 1))?.last()?;
-        }
-        Some(values)
-    };
+    let last = |name: &str| three(|k| column(&format!("{name}[{k}]"))?.last().copied());
     let verdicts = column("verdict")?;
     let verdict = *verdicts.last()?;
     let valid = *column("valid")?.last()? == 1.0;

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use maud::{Markup, html};
-use serde_json::json;
+use serde_json::{Value as Json, json};
 
 use super::{ComparedEstimator, Paper, Report};
 use crate::report::evaluation::{self, Stretch};
@@ -88,7 +88,7 @@ pub(super) struct Signals<'r> {
 
 impl<'r> Signals<'r> {
     pub(super) fn new(report: &'r Report<'r>) -> Signals<'r> {
-        let stretches = evaluation::stretches(report.recording);
+        let stretches = evaluation::stretches(&report.recording);
         Signals { report, time_s: &report.recording.time_s, stretches }
     }
 
@@ -127,6 +127,24 @@ impl<'r> Signals<'r> {
 
     pub(super) fn line(&self, plot: &mut Plot, line: Line, values: &[f64]) {
         plot.line(line, self.time_s, values);
+    }
+
+    /// Adds the line of a column if there is one.
+    pub(super) fn column(&self, plot: &mut Plot, line: Line, name: &str) {
+        if let Some(values) = self.get(name) {
+            self.line(plot, line, values);
+        }
+    }
+
+    /// Values at the equidistant instants of an animation.
+    pub(super) fn frames(&self, values: &[f64], factor: f64) -> Json {
+        let every = self.time_s.len().div_ceil(FRAMES).max(1);
+        plot::packed(&values.iter().step_by(every).map(|value| value * factor).collect::<Vec<_>>())
+    }
+
+    /// As [`Self::frames`], of a column.
+    pub(super) fn frames_of(&self, name: &str, factor: f64) -> Option<Json> {
+        self.get(name).map(|values| self.frames(values, factor))
     }
 
     /// A figure, or a sentence in its place if a plot is empty.
@@ -229,22 +247,18 @@ pub(super) fn first(report: &Report) -> Markup {
 }
 
 /// Data of the animation: positions, forces, angle and λ̂ at equidistant instants.
-fn animation(run: &Signals, element: &str) -> Option<serde_json::Value> {
+fn animation(run: &Signals, element: &str) -> Option<Json> {
     let bearing = run.report.bearing?;
-    let (y, z, theta) = (run.get("plant.Y")?, run.get("plant.Z")?, run.get("plant.theta")?);
-    let force = run.get3(|k| format!("plant.F[{k}]"))?;
-    let every = run.time_s.len().div_ceil(FRAMES).max(1);
-    let frames = |values: &[f64], factor: f64| {
-        let values: Vec<f64> = values.iter().step_by(every).map(|value| value * factor).collect();
-        plot::packed(&values)
+    let of = |name: &str, factor: f64| run.frames_of(name, factor);
+    let three = |pattern: &str, factor: f64| {
+        let columns = run.get3(|k| format!("{pattern}[{k}]"))?;
+        Some(columns.map(|values| run.frames(values, factor)))
     };
-    let optional = |name: &str, factor: f64| run.get(name).map(|values| frames(values, factor));
-    let lambda = run.get3(|k| format!("{element}.lambdaHat[{k}]"));
     Some(json!({
-        "t": frames(run.time_s, 1.0), "y": frames(y, 1e6), "z": frames(z, 1e6), "theta": frames(theta, 1.0),
-        "refY": optional("controller.reference.Y", 1e6), "refZ": optional("controller.reference.Z", 1e6),
-        "force": force.map(|force| frames(force, 1.0)), "lambda": lambda.map(|lambda| lambda.map(|lambda| frames(lambda, 1e6))),
-        "valid": optional(&format!("{element}.valid"), 1.0), "contact": optional("plant.touchdown.contact", 1.0),
+        "t": run.frames(run.time_s, 1.0), "y": of("plant.Y", 1e6)?, "z": of("plant.Z", 1e6)?, "theta": of("plant.theta", 1.0)?,
+        "refY": of("controller.reference.Y", 1e6), "refZ": of("controller.reference.Z", 1e6),
+        "force": three("plant.F", 1.0)?, "lambda": three(&format!("{element}.lambdaHat"), 1e6),
+        "valid": of(&format!("{element}.valid"), 1.0), "contact": of("plant.touchdown.contact", 1.0),
         "truth": run.report.truth.map(|truth| truth.map(|lambda| lambda * 1e6)),
         "alpha": bearing.alpha_rad, "gap": bearing.gap_m * 1e6, "clearance": bearing.clearance_m * 1e6,
         "timeFactor": run.time_unit().factor,
@@ -351,8 +365,7 @@ fn errors(run: &Signals) -> Option<Figure> {
 
 fn condition(run: &Signals) -> Option<Figure> {
     let mut plot = run.plot("condition number", PlotUnit::ONE).decades(1).height(240.0);
-    let colours = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::OTHER];
-    for (method, colour) in run.report.methods.iter().zip(colours.into_iter().cycle()) {
+    for (method, colour) in run.report.methods.iter().zip(colour::MAGNETS.into_iter().cycle()) {
         if let Some(values) = run.get(&format!("{}.condition", method.element)) {
             run.line(&mut plot, Line::new(&method.label, colour), &where_shown(values, |at| values[at] > 0.0));
         }
@@ -375,14 +388,11 @@ fn error(run: &Signals, axis: &str) -> Option<Vec<f64>> {
 fn tracking(run: &Signals) -> Figure {
     let mut plots = Vec::new();
     let axes = [("Y", "y"), ("Z", "z")];
+    let truth = |name: &str| Line::new(name, colour::INK).dashed().width(1.0);
     for (axis, letter) in axes {
         let mut plot = run.plot(letter, PlotUnit::MICROMETRE);
-        if let Some(position) = run.get(&format!("plant.{axis}")) {
-            run.line(&mut plot, Line::new("position", colour::MAGNETS[0]), position);
-        }
-        if let Some(reference) = run.get(&format!("controller.reference.{axis}")) {
-            run.line(&mut plot, Line::new("reference", colour::INK).dashed().width(1.0), reference);
-        }
+        run.column(&mut plot, Line::new("position", colour::MAGNETS[0]), &format!("plant.{axis}"));
+        run.column(&mut plot, truth("reference"), &format!("controller.reference.{axis}"));
         plots.push((format!("Position along {letter}"), plot));
     }
     for (axis, letter) in axes {
@@ -394,12 +404,8 @@ fn tracking(run: &Signals) -> Figure {
     }
     for (axis, letter) in axes {
         let mut plot = run.plot("force", PlotUnit::NEWTON).height(260.0);
-        if let Some(estimate) = run.get(&format!("controller.p{axis}Hat")) {
-            run.line(&mut plot, Line::new("observed", colour::MAGNETS[2]), estimate);
-        }
-        if let Some(truth) = run.get(&format!("plant.perturbation.{axis}")) {
-            run.line(&mut plot, Line::new("true", colour::INK).dashed().width(1.0), truth);
-        }
+        run.column(&mut plot, Line::new("observed", colour::MAGNETS[2]), &format!("controller.p{axis}Hat"));
+        run.column(&mut plot, truth("true"), &format!("plant.perturbation.{axis}"));
         plots.push((format!("Perturbation along {letter}"), plot));
     }
     let caption = "Both axes: position and reference, the error, and the estimated perturbation beside the true \
@@ -437,23 +443,21 @@ fn orbit(run: &Signals) -> Figure {
         Plot::new((&axis("y"), PlotUnit::MICROMETRE), (&axis("z"), PlotUnit::MICROMETRE)).equal().height(460.0)
     };
     let (mut path, mut errors) = (axes(""), axes("error"));
-    let (y, z) = (run.get("plant.Y"), run.get("plant.Z"));
+    let pair = |y: &str, z: &str| run.get(y).zip(run.get(z));
     let error = error(run, "Y").zip(error(run, "Z"));
     let colours =
         if run.stretches.len() > 1 { vec![colour::MAGNETS[1], colour::MAGNETS[0]] } else { vec![colour::MAGNETS[0]] };
     for (stretch, colour) in run.stretches.iter().zip(colours) {
-        let part = |values: &'_ [f64]| values[stretch.from..stretch.to].to_vec();
-        if let (Some(y), Some(z)) = (y, z) {
-            path.line(Line::new(stretch.title(), colour), &part(y), &part(z));
+        if let Some((y, z)) = pair("plant.Y", "plant.Z") {
+            path.line(Line::new(stretch.title(), colour), stretch.of(y), stretch.of(z));
         }
         if let Some((y, z)) = &error {
-            errors.line(Line::new(stretch.title(), colour), &part(y), &part(z));
+            errors.line(Line::new(stretch.title(), colour), stretch.of(y), stretch.of(z));
         }
     }
-    let reference = run.get("controller.reference.Y").zip(run.get("controller.reference.Z"));
+    let reference = pair("controller.reference.Y", "controller.reference.Z");
     if let (Some((y, z)), Some(last)) = (reference, run.stretches.last()) {
-        let line = Line::new("reference", colour::INK).dashed().width(1.0);
-        path.line(line, &y[last.from..last.to], &z[last.from..last.to]);
+        path.line(Line::new("reference", colour::INK).dashed().width(1.0), last.of(y), last.of(z));
     }
     if run.report.paper.is_some() {
         for (radius, name) in ASKED_M {

@@ -299,8 +299,7 @@ impl<'s> Drawn<'s> {
             figures.push(Figure::new("unbalance", "Unbalance and static load", plots, caption.into()));
         }
         let mut residual = self.over_time("residual", PlotUnit::ONE);
-        let colours = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::OTHER];
-        for (track, colour) in tracks.iter().zip(colours) {
+        for (track, colour) in tracks.iter().zip(colour::MAGNETS) {
             line(&mut residual, track, "residual", Line::new(track.name(), colour), |_| true);
         }
         let caption = "For predictionError the normalised innovation squared, 1 if model and noise describe the data; for the paper's methods the \

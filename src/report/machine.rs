@@ -15,8 +15,6 @@ use crate::simulation::synchronous::{self, INTERVAL_S};
 use crate::table::Table;
 use fmu_export::variable::Value;
 
-/// Maximum number of frames of the animation.
-const FRAMES: usize = 6000;
 /// Length of the intervals before the update and at the end over which errors are taken, in seconds.
 const STRETCH_S: f64 = 0.04;
 
@@ -246,14 +244,10 @@ fn answer(scenario: &Scenario, run: &Run, signals: &Signals) -> Markup {
 
 /// Data of the animation at equidistant instants.
 fn animation(scenario: &Scenario, run: &Signals) -> Option<serde_json::Value> {
-    let every = run.time_s.len().div_ceil(FRAMES).max(1);
-    let frames = |values: &[f64], factor: f64| {
-        plot::packed(&values.iter().step_by(every).map(|value| value * factor).collect::<Vec<_>>())
-    };
-    let column = |name: &str, factor: f64| run.get(name).map(|values| frames(values, factor));
+    let column = |name: &str, factor: f64| run.frames_of(name, factor);
     let bearings = [real(scenario, "A.position")?, real(scenario, "B.position")?];
     Some(json!({
-        "t": frames(run.time_s, 1.0), "theta": column("plant.theta", 1.0)?, "x": column("plant.X", 1e6)?,
+        "t": run.frames(run.time_s, 1.0), "theta": column("plant.theta", 1.0)?, "x": column("plant.X", 1e6)?,
         "orbits": [
             [column("plant.A.Y", 1e6)?, column("plant.A.Z", 1e6)?],
             [column("plant.B.Y", 1e6)?, column("plant.B.Z", 1e6)?],
@@ -297,24 +291,22 @@ fn orbits(machine: &Machine, run: &Signals) -> Figure {
         let of = |element: &str, what: &str| run.get(&format!("{element}.{}{what}", bearing.prefix));
         for (stretch, colour) in run.stretches.iter().zip([colour::MAGNETS[1], colour::MAGNETS[0]]) {
             if let (Some(y), Some(z)) = (of("plant", "Y"), of("plant", "Z")) {
-                let line = Line::new(stretch.title(), colour);
-                plot.line(line, &y[stretch.from..stretch.to], &z[stretch.from..stretch.to]);
+                plot.line(Line::new(stretch.title(), colour), stretch.of(y), stretch.of(z));
             }
         }
         if let (Some(y), Some(z), Some(last)) =
             (of("controller", "reference.Y"), of("controller", "reference.Z"), run.stretches.last())
         {
-            let line = Line::new("reference", colour::INK).dashed().width(1.0);
-            plot.line(line, &y[last.from..last.to], &z[last.from..last.to]);
+            plot.line(Line::new("reference", colour::INK).dashed().width(1.0), last.of(y), last.of(z));
         }
         plots.push((format!("Orbit in bearing {}", name_of(bearing)).trim_end().to_owned(), plot));
     }
     let mut axial = run.plot("x", PlotUnit::MICROMETRE).height(260.0);
     if let Some(x) = run.get("plant.X") {
         run.line(&mut axial, Line::new("position", colour::MAGNETS[0]), x);
-        if let Some(reference) = machine.of_references().last().and_then(|name| run.get(&format!("controller.{name}")))
-        {
-            run.line(&mut axial, Line::new("reference", colour::INK).dashed().width(1.0), reference);
+        if let Some(name) = machine.of_references().last() {
+            let line = Line::new("reference", colour::INK).dashed().width(1.0);
+            run.column(&mut axial, line, &format!("controller.{name}"));
         }
         plots.push(("Axial position".into(), axial));
     }
@@ -331,9 +323,7 @@ fn over_time(
 ) -> (String, Plot) {
     let mut plot = run.plot(quantity, unit).height(260.0);
     for ((name, column), colour) in columns.iter().zip(colour::MAGNETS) {
-        if let Some(values) = run.get(column) {
-            run.line(&mut plot, Line::new(name, colour), values);
-        }
+        run.column(&mut plot, Line::new(name, colour), column);
     }
     (title.to_owned(), plot)
 }

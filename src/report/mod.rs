@@ -1,5 +1,7 @@
 //! A run as one self-contained HTML page: answer, animation, plots, tables, parameters.
 
+use std::borrow::Cow;
+
 use maud::{Markup, html};
 
 use crate::machine::{Machine, PLANAR};
@@ -20,7 +22,7 @@ mod figures;
 use figures::Figure;
 
 /// Content of the page. Start from [`Report::new`] and fill in the rest.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Report<'a> {
     /// Heading.
     pub title: String,
@@ -35,7 +37,7 @@ pub struct Report<'a> {
     /// That of the estimator which the controller uses, if it is another.
     pub used: Option<Answer>,
     /// The signals, with columns named `element.variable`.
-    pub recording: &'a Recording,
+    pub recording: Cow<'a, Recording>,
     /// Tables of results.
     pub tables: Vec<Table>,
     /// All parameters of the run.
@@ -57,23 +59,7 @@ pub struct Report<'a> {
 impl<'a> Report<'a> {
     /// A report on `recording` with nothing but a title.
     pub fn new(title: &str, recording: &'a Recording) -> Report<'a> {
-        Report {
-            title: title.into(),
-            description: String::new(),
-            command: String::new(),
-            message: None,
-            answer: None,
-            used: None,
-            recording,
-            tables: Vec::new(),
-            parameters: Vec::new(),
-            events: Vec::new(),
-            truth: None,
-            methods: Vec::new(),
-            bearing: None,
-            sensitivities: Vec::new(),
-            paper: None,
-        }
+        Report { title: title.into(), recording: Cow::Borrowed(recording), ..Report::default() }
     }
 }
 
@@ -199,7 +185,7 @@ fn page_with(report: &Report, answer: &Markup, figures: &[Figure]) -> String {
                 @for paragraph in report.description.split("\n\n").filter(|text| !text.trim().is_empty()) {
                     p { (prose(paragraph.trim())) }
                 }
-                p.soft { (run_of(report.recording)) }
+                p.soft { (run_of(&report.recording)) }
                 @if !report.command.is_empty() {
                     p.soft { "This page is made by" }
                     pre { code { (report.command) } }

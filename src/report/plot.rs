@@ -21,11 +21,9 @@ const EDGE: usize = 300;
 /// Colours by their names in the style of the page.
 pub mod colour {
     /// The magnets of a bearing, four at most, distinct to colour-blind eyes as well.
-    pub const MAGNETS: [&str; 4] = ["--magnet1", "--magnet2", "--magnet3", OTHER];
+    pub const MAGNETS: [&str; 4] = ["--magnet1", "--magnet2", "--magnet3", "--magnet4"];
     /// The bands of their standard deviations.
     pub const BANDS: [&str; 4] = ["--band1", "--band2", "--band3", "--band4"];
-    /// A fourth colour.
-    pub const OTHER: &str = "--magnet4";
     /// The colour of text.
     pub const INK: &str = "--ink";
     /// Softer than text.

@@ -22,7 +22,7 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
 use crate::progress::Progress;
-use crate::simulation::scenario::{BUILT_IN, Scenario};
+use crate::simulation::scenario::{Scenario, ScenarioError, built_in, leaves, text};
 use crate::simulation::simulate::{self, Run};
 
 /// Length of the stretch at the end of a run over which tracking is judged, in seconds.
@@ -31,20 +31,9 @@ const STRETCH_S: f64 = 0.04;
 /// The scenario to vary when none is named.
 const DEFAULT_SCENARIO: &str = "unbalanced";
 
-/// Why a sweep cannot begin or resume.
-#[derive(Debug, thiserror::Error)]
-#[error("{origin}:\n  {}", .findings.join("\n  "))]
-pub struct SweepError {
-    /// The file concerned.
-    pub origin: String,
-    /// The findings.
-    pub findings: Vec<String>,
-}
-
-impl SweepError {
-    fn new(origin: &Path, finding: impl ToString) -> Self {
-        Self { origin: origin.display().to_string(), findings: vec![finding.to_string()] }
-    }
+/// Why a sweep cannot begin or resume: a finding about a file.
+fn refusal(origin: &Path, finding: impl ToString) -> ScenarioError {
+    ScenarioError { origin: origin.display().to_string(), findings: vec![finding.to_string()] }
 }
 
 /// The outcome of a sweep.
@@ -119,32 +108,30 @@ impl Sweep {
     ///
     /// # Errors
     /// Everything that is wrong with the design as a whole. Errors of a single case are found when it is run.
-    pub fn open(path: &Path, scenario: Option<&Path>) -> Result<Self, SweepError> {
+    pub fn open(path: &Path, scenario: Option<&Path>) -> Result<Self, ScenarioError> {
         let read = if path == Path::new("-") { io::read_to_string(io::stdin()) } else { fs::read_to_string(path) };
-        let text = read.map_err(|error| SweepError::new(path, error))?;
+        let text = read.map_err(|error| refusal(path, error))?;
         let design = if path.extension().is_some_and(|ending| ending == "toml") {
-            let document: Document = toml::from_str(&text).map_err(|error| SweepError::new(path, error))?;
+            let document: Document = toml::from_str(&text).map_err(|error| refusal(path, error))?;
             let named = document.scenario.as_deref().map(|name| beside(path, name));
-            let (columns, cases) = draw(&document).map_err(|finding| SweepError::new(path, finding))?;
+            let (columns, cases) = draw(&document).map_err(|finding| refusal(path, finding))?;
             Self::new(scenario.map(PathBuf::from).or(named), columns, cases)?
         } else {
-            let (columns, cases) = table(&text).map_err(|finding| SweepError::new(path, finding))?;
+            let (columns, cases) = table(&text).map_err(|finding| refusal(path, finding))?;
             Self::new(scenario.map(PathBuf::from), columns, cases)?
         };
         let findings: Vec<String> =
             design.columns.iter().filter_map(|column| design.scenario.settable(split(column).0).err()).collect();
-        if findings.is_empty() { Ok(design) } else { Err(SweepError { findings, ..SweepError::new(path, "") }) }
+        if findings.is_empty() { Ok(design) } else { Err(ScenarioError { findings, ..refusal(path, "") }) }
     }
 
-    fn new(scenario: Option<PathBuf>, columns: Vec<String>, cases: Vec<Vec<String>>) -> Result<Self, SweepError> {
+    fn new(scenario: Option<PathBuf>, columns: Vec<String>, cases: Vec<Vec<String>>) -> Result<Self, ScenarioError> {
         let name = scenario.unwrap_or_else(|| DEFAULT_SCENARIO.into());
-        let built_in = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in));
-        let scenario_text = match built_in {
-            Some((_, text)) => (*text).to_owned(),
-            None => fs::read_to_string(&name).map_err(|error| SweepError::new(&name, error))?,
+        let scenario_text = match built_in(&name) {
+            Some(text) => text.to_owned(),
+            None => fs::read_to_string(&name).map_err(|error| refusal(&name, error))?,
         };
-        let mut scenario = Scenario::parse(&name.display().to_string(), &scenario_text)
-            .map_err(|error| SweepError { origin: error.origin, findings: error.findings })?;
+        let mut scenario = Scenario::parse(&name.display().to_string(), &scenario_text)?;
         scenario.remove_observers();
         let results = results(&scenario);
         Ok(Self { scenario, scenario_text, results, columns, cases })
@@ -178,13 +165,8 @@ impl Sweep {
     /// The header of the result.
     fn header(&self) -> Vec<String> {
         let figures = self.results.iter().map(|result| result.name.clone());
-        ["case", "seed", "status"]
-            .map(String::from)
-            .into_iter()
-            .chain(figures)
-            .chain(["fingerprint".into()])
-            .chain(self.columns.iter().cloned())
-            .collect()
+        let begin = ["case", "seed", "status"].map(String::from).into_iter();
+        begin.chain(figures).chain(["fingerprint".into()]).chain(self.columns.iter().cloned()).collect()
     }
 
     /// Identifies a case and its design.
@@ -255,15 +237,15 @@ impl Sweep {
     ///
     /// # Errors
     /// If the file cannot be read or written, is not a regular file, belongs to another design, or is in use by another sweep.
-    pub fn run(&self, path: &Path) -> Result<Outcome, SweepError> {
-        let fail = |error: io::Error| SweepError::new(path, error);
+    pub fn run(&self, path: &Path) -> Result<Outcome, ScenarioError> {
+        let fail = |error: io::Error| refusal(path, error);
         // A device has no rows to resume from, and some have no end.
         if fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
-            return Err(SweepError::new(path, "it is not a regular file; name one, or - for the standard output"));
+            return Err(refusal(path, "it is not a regular file; name one, or - for the standard output"));
         }
         let mut file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(fail)?;
         if file.try_lock().is_err() {
-            return Err(SweepError::new(path, "another sweep is using it"));
+            return Err(refusal(path, "another sweep is using it"));
         }
         let done = self.resume(path, &mut file)?;
         let todo: Vec<usize> = (0..self.len()).filter(|case| !done.contains(case)).collect();
@@ -317,10 +299,10 @@ impl Sweep {
     }
 
     /// Reads the rows of an earlier run; writes the header if the file is empty. Returns the cases that are done.
-    fn resume(&self, path: &Path, file: &mut File) -> Result<HashSet<usize>, SweepError> {
-        let fail = |error: io::Error| SweepError::new(path, error);
+    fn resume(&self, path: &Path, file: &mut File) -> Result<HashSet<usize>, ScenarioError> {
+        let fail = |error: io::Error| refusal(path, error);
         let text = fs::read(path).map_err(fail)?;
-        let foreign = |finding: String| SweepError::new(path, format!("{finding}; name another file with --out"));
+        let foreign = |finding: String| refusal(path, format!("{finding}; name another file with --out"));
         let header = lines(&[self.header()]).map_err(fail)?;
         if !text.starts_with(&header) && !header.starts_with(&text) {
             return Err(foreign("it has other columns, or no rows of a sweep at all".into()));
@@ -338,7 +320,7 @@ impl Sweep {
         let at = self.header().iter().position(|name| name == "fingerprint").unwrap_or_default();
         let mut done = HashSet::new();
         for row in reader.records() {
-            let row = row.map_err(|error| SweepError::new(path, error))?;
+            let row = row.map_err(|error| refusal(path, error))?;
             let number: usize = row[0].parse().unwrap_or(0);
             let case = number.wrapping_sub(1);
             if case >= self.len() || row[at] != *self.fingerprint(case) {
@@ -451,10 +433,8 @@ impl Figure {
 
 /// A file beside another, unless it is a built-in scenario.
 fn beside(path: &Path, name: &str) -> PathBuf {
-    if BUILT_IN.iter().any(|(built_in, _)| *built_in == name) {
-        return name.into();
-    }
-    path.parent().unwrap_or(Path::new("")).join(name)
+    let is_built_in = built_in(Path::new(name)).is_some();
+    if is_built_in { name.into() } else { path.parent().unwrap_or(Path::new("")).join(name) }
 }
 
 /// `plant.m [g]` as the path and the unit.
@@ -479,7 +459,7 @@ fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> 
     let mut random = Pcg64::seed_from_u64(document.seed);
     let mut columns = Vec::new();
     let mut cases = vec![Vec::new(); document.cases];
-    for (path, range) in leaves("", &document.ranges) {
+    for (path, range) in leaves(&document.ranges, &|inner| inner.contains_key("from")) {
         let range: Range = range
             .clone()
             .try_into()
@@ -508,9 +488,9 @@ fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> 
                 }
                 Range::OneOf(items) => {
                     let item = items.get(((share * items.len() as f64) as usize).min(items.len().saturating_sub(1)));
-                    shown(item.ok_or_else(|| format!("{path}: the list is empty"))?)
+                    text(item.ok_or_else(|| format!("{path}: the list is empty"))?)
                 }
-                Range::Always(value) => shown(value),
+                Range::Always(value) => text(value),
             });
         }
         columns.push(unit.map_or(path.clone(), |unit| format!("{path} [{unit}]")));
@@ -523,24 +503,6 @@ fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> 
         }
     }
     Ok((columns, cases))
-}
-
-/// A value of TOML without the quotes of a text.
-fn shown(value: &toml::Value) -> String {
-    value.as_str().map_or_else(|| value.to_string(), String::from)
-}
-
-/// The ranges of a table with their keys joined by dots.
-fn leaves<'t>(prefix: &str, table: &'t toml::Table) -> Vec<(String, &'t toml::Value)> {
-    let mut found = Vec::new();
-    for (key, value) in table {
-        let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
-        match value {
-            toml::Value::Table(inner) if !inner.contains_key("from") => found.extend(leaves(&path, inner)),
-            value => found.push((path, value)),
-        }
-    }
-    found
 }
 
 /// Rows as lines of CSV.

@@ -7,8 +7,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use magnetic_bearing::simulation::scenario::Scenario;
-use magnetic_bearing::simulation::simulate::run;
+use crate::program::of;
 
 /// Samples in the file: the first ones, around the first estimates and around the update, and the last.
 const SAMPLES: [usize; 9] = [0, 1, 2, 200, 208, 1000, 2000, 2001, 4000];
@@ -16,8 +15,7 @@ const SAMPLES: [usize; 9] = [0, 1, 2, 200, 208, 1000, 2000, 2001, 4000];
 /// Fails if, for instance, the sub-step of the plant or the order of a sum changes.
 #[test]
 fn the_papers_simulation_gives_the_bits_that_it_gave() {
-    let scenario = Scenario::open(Path::new("paper")).expect("a sound scenario");
-    let recording = run(&scenario).expect("a run").recording;
+    let recording = of("paper", &[]).1.recording;
     let mut text = String::from("signal");
     for k in SAMPLES {
         let _ = write!(text, ",{} s", recording.time_s[k]);

@@ -1,29 +1,16 @@
 //! The closed loop: two independent implementations agree to the last bit, and reproduce the numbers of the method.
 
-use std::path::Path;
-
+use crate::program::{column, lambda_errors, of, ran, row};
 use crate::support::below;
 use fmu_export::variable::Value;
 use magnetic_bearing::bearing::magnet::Used;
-use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput, UpdateMode};
-use magnetic_bearing::control::reference::{ReferenceConfig, Shape};
+use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
+use magnetic_bearing::control::reference::ReferenceConfig;
 use magnetic_bearing::control::tracking::TrackingConfig;
-use magnetic_bearing::estimation::{
-    Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Hold, Method, Tolerance,
-};
+use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method};
 use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
 use magnetic_bearing::simulation::scenario::Scenario;
-use magnetic_bearing::simulation::simulate::{self, Run};
-
-fn scenario(name: &str) -> Scenario {
-    Scenario::open(Path::new(name)).expect("a scenario that comes with the program")
-}
-
-fn run(scenario: &Scenario) -> Run {
-    let run = simulate::run(scenario).expect("sound parameters");
-    assert_eq!(run.error, None);
-    run
-}
+use magnetic_bearing::simulation::simulate::Run;
 
 /// Values of a scenario by name.
 struct Values<'a> {
@@ -46,16 +33,12 @@ impl Values<'_> {
         options[value as usize - 1]
     }
 
-    fn integer(&self, name: &str) -> i32 {
-        let Value::Integer(value) = self.value(name) else { panic!("{name} is Integer") };
-        value
-    }
-
     fn three(&self, name: &str) -> [f64; 3] {
         std::array::from_fn(|k| self.real(&format!("{name}[{}]", k + 1)))
     }
 }
 
+/// What the scenarios set; all else is as the models have it by default.
 fn plant_config(values: &Values) -> PlantConfig {
     PlantConfig {
         m_kg: values.real("m"),
@@ -71,15 +54,12 @@ fn plant_config(values: &Values) -> PlantConfig {
         },
         position_m: ["Y0", "Z0"].map(|name| values.real(name)),
         velocity_m_s: ["vY0", "vZ0"].map(|name| values.real(name)),
-        theta_rad: values.real("theta0"),
         sensor: SensorConfig {
             position_noise_m: values.real("sensor.positionNoise"),
             current_noise_a: values.real("sensor.currentNoise"),
-            step_s: values.real("sensor.Ts"),
-            seed: values.integer("sensor.seed"),
+            seed: values.value("sensor.seed").as_f64() as i32,
             ..SensorConfig::default()
         },
-        max_step_s: values.real("solver.maxStep"),
         ..PlantConfig::default()
     }
 }
@@ -87,29 +67,14 @@ fn plant_config(values: &Values) -> PlantConfig {
 fn controller_config(values: &Values) -> ControllerConfig {
     ControllerConfig {
         used: Used::Both,
-        law: TrackingConfig {
-            step_s: values.real("Ts"),
-            lambda0_nm2_a2: values.three("lambda0"),
-            f0_n: [values.real("F0")],
-            modulation: values.real("F0.modulation"),
-            modulation_hz: [values.real("F0.modulationFrequency")],
-            tracking_rad_s: values.real("bandwidth.tracking"),
-            observer_rad_s: values.real("bandwidth.observer"),
-            update: values.choice("update.mode", &[UpdateMode::Never, UpdateMode::AtTime, UpdateMode::WhenValid]),
-            update_time_s: values.real("update.time"),
-            ..TrackingConfig::default()
-        },
+        law: TrackingConfig { modulation: values.real("F0.modulation"), ..TrackingConfig::default() },
         m_kg: values.real("m"),
         gap_m: values.real("s"),
         alpha_rad: values.three("alpha"),
         reference: ReferenceConfig {
-            shape: values.choice("reference.shape", &[Shape::Ellipse, Shape::Lobes, Shape::External]),
             r_y_m: values.real("reference.rY"),
             r_z_m: values.real("reference.rZ"),
-            lobes: values.integer("reference.lobes"),
-            lobe_amplitude_m: values.real("reference.lobeAmplitude"),
             omega_rad_s: values.real("reference.omega"),
-            bandwidth_rad_s: values.real("bandwidth.reference"),
             ..ReferenceConfig::default()
         },
     }
@@ -121,74 +86,48 @@ fn estimator_config(values: &Values) -> EstimatorConfig {
         m_kg: values.real("m"),
         gap_m: values.real("s"),
         alpha_rad: values.three("alpha"),
-        step_s: values.real("Ts"),
         window_s: values.real("Tf"),
         epsilon_s: values.real("epsilon"),
-        lambda0_nm2_a2: values.three("lambda0"),
         method: values.choice("method", &[Method::PaperLiteral, Method::Paper, Method::PredictionError]),
-        hold: values.choice("hold", &[Hold::HeldBefore, Hold::HeldAfter, Hold::Linear]),
-        filter_omega_rad_s: values.real("filter.omega"),
-        filter_zeta: values.real("filter.zeta"),
-        position_noise_m: values.real("sensor.positionNoise"),
-        current_noise_a: values.real("sensor.currentNoise"),
-        identify_unbalance: values.value("identify.unbalance") == Value::Boolean(true),
-        tolerance: Tolerance {
-            m_kg: values.real("tolerance.m"),
-            gap_m: values.real("tolerance.s"),
-            alpha_rad: values.real("tolerance.alpha"),
-            position_gain: values.real("tolerance.positionGain"),
-            position_offset_m: values.real("tolerance.positionOffset"),
-            current_gain: values.real("tolerance.currentGain"),
-            current_offset_a: values.real("tolerance.currentOffset"),
-            backward_force_n: values.real("tolerance.backwardForce"),
-        },
+        ..EstimatorConfig::default()
     }
 }
 
-/// Compares signals of one row with the recording, bit for bit.
-fn same(run: &Run, row: usize, element: &str, signals: &[(&str, f64)]) {
-    for (name, value) in signals {
-        let name = format!("{element}.{name}");
-        let recorded = run.recording.get(&name).unwrap_or_else(|| panic!("there is no {name}"))[row];
-        assert!(
-            recorded.to_bits() == value.to_bits(),
-            "{name} at {} s: instances {recorded:e}, models {value:e}",
-            run.recording.time_s[row]
-        );
+/// Compares signals of one row with the recording, bit for bit; `?` stands for Y and Z, other names of several values get an index.
+fn same(run: &Run, row: usize, element: &str, signals: &[(&str, &[f64])]) {
+    for (name, values) in signals {
+        for (k, value) in values.iter().enumerate() {
+            let index = if values.len() > 1 && !name.contains('?') { format!("[{}]", k + 1) } else { String::new() };
+            let name = format!("{element}.{}{index}", name.replace('?', ["Y", "Z", ""][k]));
+            let recorded = column(run, &name)[row];
+            let at_s = run.recording.time_s[row];
+            let is_same = recorded.to_bits() == value.to_bits();
+            assert!(is_same, "{name} at {at_s} s: instances {recorded:e}, models {value:e}");
+        }
     }
 }
 
 fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
     let output = state.output();
-    let [y, z] = output.load_n;
     same(
         run,
         row,
         element,
         &[
-            ("lambdaHat[1]", output.lambda_hat[0]),
-            ("lambdaHat[2]", output.lambda_hat[1]),
-            ("lambdaHat[3]", output.lambda_hat[2]),
-            ("lambdaRaw[1]", output.lambda_raw[0]),
-            ("lambdaRaw[2]", output.lambda_raw[1]),
-            ("lambdaRaw[3]", output.lambda_raw[2]),
-            ("lambdaStd[1]", output.lambda_std[0]),
-            ("lambdaStd[2]", output.lambda_std[1]),
-            ("lambdaStd[3]", output.lambda_std[2]),
-            ("lambdaStdTotal[1]", output.lambda_std_total[0]),
-            ("lambdaStdTotal[2]", output.lambda_std_total[1]),
-            ("lambdaStdTotal[3]", output.lambda_std_total[2]),
-            ("ki[2]", output.ki[1]),
-            ("ks[3]", output.ks[2]),
-            ("noise.position", output.position_noise_m[0]),
-            ("noise.current", output.current_noise_a[0]),
-            ("valid", f64::from(u8::from(output.valid))),
-            ("condition", output.condition),
-            ("residual", output.residual),
-            ("pYHat", y),
-            ("pZHat", z),
-            ("unbalance.magnitude", output.unbalance_kg_m[0]),
-            ("unbalance.phase", output.unbalance_phase_rad[0]),
+            ("lambdaHat", &output.lambda_hat),
+            ("lambdaRaw", &output.lambda_raw),
+            ("lambdaStd", &output.lambda_std),
+            ("lambdaStdTotal", &output.lambda_std_total),
+            ("ki", &output.ki),
+            ("ks", &output.ks),
+            ("noise.position", &output.position_noise_m[..1]),
+            ("noise.current", &output.current_noise_a[..1]),
+            ("valid", &[f64::from(u8::from(output.valid))]),
+            ("condition", &[output.condition]),
+            ("residual", &[output.residual]),
+            ("p?Hat", &output.load_n),
+            ("unbalance.magnitude", &output.unbalance_kg_m[..1]),
+            ("unbalance.phase", &output.unbalance_phase_rad[..1]),
         ],
     );
 }
@@ -197,8 +136,7 @@ fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
 #[test]
 fn models_and_slaves_agree_bit_for_bit() {
     for name in ["paper", "unbalanced", "turned", "standstill"] {
-        let scenario = scenario(name);
-        let run = run(&scenario);
+        let (scenario, run) = of(name, &[]);
         let of = |element| Values { scenario: &scenario, element };
         let plant = Plant::new(plant_config(&of("plant"))).expect("a plant");
         let controller = Controller::new(controller_config(&of("controller"))).expect("a controller");
@@ -227,20 +165,14 @@ fn models_and_slaves_agree_bit_for_bit() {
                 step,
                 "plant",
                 &[
-                    ("Y", rotor.position_m[0]),
-                    ("Z", rotor.position_m[1]),
-                    ("Ym", rotor.measured.position_m[0]),
-                    ("Zm", rotor.measured.position_m[1]),
-                    ("im[1]", rotor.measured.current_a[0]),
-                    ("im[2]", rotor.measured.current_a[1]),
-                    ("im[3]", rotor.measured.current_a[2]),
-                    ("theta", rotor.measured.theta_rad),
-                    ("F[1]", at.force_n[0]),
-                    ("FY", at.resultant_n[0]),
-                    ("FZ", at.resultant_n[1]),
-                    ("gap[3]", at.gap_m[2]),
-                    ("perturbation.Y", at.perturbation_n[0]),
-                    ("perturbation.Z", at.perturbation_n[1]),
+                    ("?", &rotor.position_m),
+                    ("?m", &rotor.measured.position_m),
+                    ("im", &rotor.measured.current_a),
+                    ("theta", &[rotor.measured.theta_rad]),
+                    ("F", &at.force_n),
+                    ("F?", &at.resultant_n),
+                    ("gap", &at.gap_m),
+                    ("perturbation.?", &at.perturbation_n),
                 ],
             );
             same(
@@ -248,16 +180,11 @@ fn models_and_slaves_agree_bit_for_bit() {
                 step,
                 "controller",
                 &[
-                    ("i[1]", command.current_a[0]),
-                    ("i[2]", command.current_a[1]),
-                    ("i[3]", command.current_a[2]),
-                    ("eY", command.tracking_error_m[0]),
-                    ("eZ", command.tracking_error_m[1]),
-                    ("pYHat", command.perturbation_n[0]),
-                    ("pZHat", command.perturbation_n[1]),
-                    ("lambdaUsed[1]", command.lambda_used_nm2_a2[0]),
-                    ("FYdes", command.force_n[0]),
-                    ("FZdes", command.force_n[1]),
+                    ("i", &command.current_a),
+                    ("e?", &command.tracking_error_m),
+                    ("p?Hat", &command.perturbation_n),
+                    ("lambdaUsed", &command.lambda_used_nm2_a2),
+                    ("F?des", &command.force_n),
                 ],
             );
             for ((name, _), estimate) in estimators.iter().zip(&estimates) {
@@ -292,12 +219,7 @@ fn models_and_slaves_agree_bit_for_bit() {
 
 /// λ̂ of an estimator at an instant, as errors in per cent of the truth.
 fn errors_percent(scenario: &Scenario, run: &Run, element: &str, instant_s: f64) -> [f64; 3] {
-    let row = run.recording.time_s.iter().position(|time_s| *time_s >= instant_s - 1e-9).expect("the run got there");
-    let truth = Values { scenario, element: "plant" }.three("lambda");
-    std::array::from_fn(|k| {
-        let column = run.recording.get(&format!("{element}.lambdaHat[{}]", k + 1)).expect("an estimate");
-        100.0 * (column[row] / truth[k] - 1.0)
-    })
+    lambda_errors(scenario, run, element, instant_s).map(|error| 100.0 * error)
 }
 
 #[track_caller]
@@ -327,7 +249,7 @@ const PAPER_PERCENT: f64 = 0.3;
 #[test]
 fn without_perturbation_the_force_constants_come_out() {
     let scenario = Scenario::parse("calm", CALM).expect("a sound scenario");
-    let run = run(&scenario);
+    let run = ran(&scenario);
     all_within("predictionError", errors_percent(&scenario, &run, "predictionError", 0.1), PREDICTION_ERROR_PERCENT);
     all_within("paper", errors_percent(&scenario, &run, "paper", 0.1), PAPER_PERCENT);
 }
@@ -337,7 +259,7 @@ fn without_perturbation_the_force_constants_come_out() {
 fn the_wrong_hold_is_far_off() {
     let wrong = CALM.replace("method = \"predictionError\"", "method = \"predictionError\"\nhold = \"heldAfter\"");
     let scenario = Scenario::parse("calm", &wrong).expect("a sound scenario");
-    let run = run(&scenario);
+    let run = ran(&scenario);
     let errors = errors_percent(&scenario, &run, "paper", 0.1);
     let worst = errors.into_iter().fold(0.0, |worst: f64, error| worst.max(error.abs()));
     assert!(worst > 10.0, "the worst error is {worst} % only: {errors:?}");
@@ -355,8 +277,7 @@ const TRACKING_POINTS: f64 = 0.7;
 /// error.
 #[test]
 fn the_paper_s_method_is_off_by_the_part_of_the_perturbation_in_the_motion() {
-    let scenario = scenario("paper");
-    let run = run(&scenario);
+    let (scenario, run) = of("paper", &[]);
     let plant = Values { scenario: &scenario, element: "plant" };
     let controller = Values { scenario: &scenario, element: "controller" };
     let omega = controller.real("reference.omega");
@@ -375,15 +296,10 @@ fn the_paper_s_method_is_off_by_the_part_of_the_perturbation_in_the_motion() {
 
 #[test]
 fn equation_20_to_the_letter_diverges() {
-    let scenario = scenario("paper");
-    let run = run(&scenario);
-    let truth = Values { scenario: &scenario, element: "plant" }.three("lambda");
-    let mut worst = 0.0_f64;
-    for (k, truth) in truth.iter().enumerate() {
-        let column = run.recording.get(&format!("paperLiteral.lambdaHat[{}]", k + 1)).expect("an estimate");
-        let late = run.recording.time_s.iter().zip(column).filter(|(time_s, _)| **time_s > 0.1);
-        worst = late.fold(worst, |worst, (_, value)| worst.max((value / truth - 1.0).abs()));
-    }
+    let (scenario, run) = of("paper", &[]);
+    let late = row(&run, 0.1) + 1..run.recording.time_s.len();
+    let errors = late.flat_map(|at| lambda_errors(&scenario, &run, "paperLiteral", run.recording.time_s[at]));
+    let worst = errors.map(f64::abs).fold(0.0, f64::max);
     assert!(worst > 1.0, "after 0.1 s it stays within {} % of the truth", 100.0 * worst);
 }
 
@@ -402,18 +318,17 @@ const PEAK_TO_PEAK_RATIO: f64 = 3.0;
 
 #[test]
 fn after_the_update_the_loop_is_quieter() {
-    let scenario = scenario("paper");
-    let run = run(&scenario);
+    let (_, run) = of("paper", &[]);
     // Two revolutions before the update at 0.2 s, and the last two of the run.
     let (before, after) = ((0.16, 0.2), (0.36, 0.4));
     for axis in ["Y", "Z"] {
-        let estimate = run.recording.get(&format!("controller.p{axis}Hat")).expect("a signal");
+        let estimate = column(&run, &format!("controller.p{axis}Hat"));
         let peak_to_peak = |(from_s, to_s)| over(&run, estimate, from_s, to_s).0;
         let ratio = peak_to_peak(before) / peak_to_peak(after);
         assert!(ratio > PEAK_TO_PEAK_RATIO, "the peak-to-peak value on {axis} falls only by a factor of {ratio}");
 
-        let position = run.recording.get(&format!("plant.{axis}")).expect("a signal");
-        let reference = run.recording.get(&format!("controller.reference.{axis}")).expect("a signal");
+        let position = column(&run, &format!("plant.{axis}"));
+        let reference = column(&run, &format!("controller.reference.{axis}"));
         let error: Vec<f64> = position.iter().zip(reference).map(|(is, ought)| is - ought).collect();
         let largest = |(from_s, to_s)| over(&run, &error, from_s, to_s).1;
         below(&format!("largest error on {axis} after the update, in m"), largest(after), largest(before));
@@ -425,8 +340,7 @@ const OTHER_BEARING_PERCENT: f64 = 0.005;
 
 #[test]
 fn another_bearing_works_without_touching_code() {
-    let scenario = scenario("turned");
-    let run = run(&scenario);
+    let (scenario, run) = of("turned", &[]);
     for instant_s in [0.1, 0.2, 0.4] {
         let errors = errors_percent(&scenario, &run, "predictionError", instant_s);
         all_within(&format!("predictionError at {instant_s} s"), errors, OTHER_BEARING_PERCENT);
@@ -438,17 +352,15 @@ const UNBALANCE_PERCENT: f64 = 0.005;
 
 #[test]
 fn an_unbalance_is_identified_together_with_the_force_constants() {
-    let scenario = scenario("unbalanced");
-    let run = run(&scenario);
+    let (scenario, run) = of("unbalanced", &[]);
     all_within("predictionError", errors_percent(&scenario, &run, "predictionError", 0.1), UNBALANCE_PERCENT);
     // The paper's method attributes the unbalance to the magnets.
     let errors = errors_percent(&scenario, &run, "paper", 0.1);
     assert!(errors.iter().any(|error| error.abs() > 20.0), "the paper's method: {errors:?} %");
 
     let truth = Values { scenario: &scenario, element: "plant" };
-    let row = run.recording.time_s.iter().position(|time_s| *time_s >= 0.1).expect("the run got there");
-    let magnitude = run.recording.get("predictionError.unbalance.magnitude").expect("a signal")[row];
-    let phase = run.recording.get("predictionError.unbalance.phase").expect("a signal")[row];
+    let [magnitude, phase] =
+        ["magnitude", "phase"].map(|part| column(&run, &format!("predictionError.unbalance.{part}"))[row(&run, 0.1)]);
     let error = 100.0 * (magnitude / truth.real("unbalance.magnitude") - 1.0);
     below("error of the unbalance, in per cent", error.abs(), UNBALANCE_PERCENT);
     /// Radian; the same part of the unbalance, across instead of along.

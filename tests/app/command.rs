@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::time::Instant;
 
-use crate::program::{folder, program, run, said};
+use crate::program::{ends, folder, program, refuses, run, said};
 use crate::support::{MODELS, says};
 
 /// Seconds. The main job should take five on two cores; beyond this limit a slow machine is no explanation.
@@ -20,11 +20,8 @@ fn the_main_job_packages_runs_and_reports() {
     assert_eq!(code, 0, "{err}");
     assert!(lasted_s < MAIN_JOB_S, "{lasted_s} s, the limit is {MAIN_JOB_S} s");
 
-    let archives = MODELS[..6]
-        .iter()
-        .map(|model| format!("{model}.fmu"))
-        .chain(["MagneticBearing.ssp".into(), "MagneticSpindle.ssp".into()]);
-    for archive in archives {
+    let systems = ["MagneticBearing.ssp".into(), "MagneticSpindle.ssp".into()];
+    for archive in MODELS[..6].iter().map(|model| format!("{model}.fmu")).chain(systems) {
         let path = format!("target/fmu/{archive}");
         says(&out, &[&path]);
         let bytes = fs::read(folder.join(&path)).expect("an archive");
@@ -42,12 +39,10 @@ fn the_main_job_packages_runs_and_reports() {
 #[test]
 fn a_scenario_is_printed_changed_and_run() {
     let folder = folder("command/simulate");
-    let (code, text, _) = run(&folder, &["simulate", "--print", "unbalanced"]);
-    assert_eq!(code, 0);
+    let (text, _) = ends(0, &folder, &["simulate", "--print", "unbalanced"]);
     let file = folder.join("mine.toml");
     fs::write(&file, text.replace("duration = \"0.4 s\"", "duration = \"30 ms\"")).expect("a file");
-    let (code, out, err) = run(&folder, &["simulate", "mine.toml", "--csv", "out.csv", "--report", "page"]);
-    assert_eq!(code, 0, "{err}");
+    let (out, _) = ends(0, &folder, &["simulate", "mine.toml", "--csv", "out.csv", "--report", "page"]);
     says(&out, &["out.csv", "page/index.html"]);
 
     let csv = fs::read_to_string(folder.join("out.csv")).expect("the table");
@@ -75,23 +70,19 @@ fn a_scenario_that_cannot_be_read_is_refused() {
         "title = \"Bad\"\nduration = -1\nstep = 1e-4\n[plant]\nlamda = 1\nY0 = \"1 inch\"\n",
     )
     .expect("a file");
-    let (code, out, err) = run(&folder, &["simulate", "bad.toml", "--csv", "out.csv"]);
-    assert_eq!((code, out.as_str()), (2, ""));
-    says(&err, &["error: bad.toml:", "duration = -1", "lamda", "did you mean lambda?", "Y0", "1 inch"]);
+    refuses(
+        &folder,
+        &["simulate", "bad.toml", "--csv", "out.csv"],
+        &["error: bad.toml:", "duration = -1", "lamda", "did you mean lambda?", "Y0", "1 inch"],
+    );
     assert!(!folder.join("out.csv").exists(), "nothing was computed");
 
-    let (code, _, err) = run(&folder, &["simulate", "none.toml"]);
-    assert_eq!(code, 2);
-    says(&err, &["none.toml", "cannot be read", "paper,", "unbalanced", "turned"]);
+    refuses(&folder, &["simulate", "none.toml"], &["none.toml", "cannot be read", "paper,", "unbalanced", "turned"]);
 
     fs::write(folder.join("zero.toml"), "title = \"Zero\"\nduration = 1\nstep = 1e-4\n[all]\nm = 0\n").expect("a file");
-    let (code, _, err) = run(&folder, &["simulate", "zero.toml"]);
-    assert_eq!(code, 2);
-    says(&err, &["[plant] m = 0 kg", "[controller] m", "[estimator] m"]);
+    refuses(&folder, &["simulate", "zero.toml"], &["[plant] m = 0 kg", "[controller] m", "[estimator] m"]);
 
-    let (code, _, err) = run(&folder, &["simulate", "--print", "nothing"]);
-    assert_eq!(code, 2);
-    says(&err, &["nothing", "paper,", "unbalanced", "turned"]);
+    refuses(&folder, &["simulate", "--print", "nothing"], &["nothing", "paper,", "unbalanced", "turned"]);
 }
 
 #[test]
@@ -103,11 +94,15 @@ fn a_run_that_ends_early_keeps_what_it_has() {
         "title = \"A load\"\nduration = \"0.2 s\"\nstep = \"100 µs\"\n[plant]\npZ = \"-20000 N\"\n",
     )
     .expect("a file");
-    let (code, _, err) = run(&folder, &["simulate", "push.toml", "--csv", "out.csv", "--report", "page"]);
-    assert_eq!(code, 1);
-    says(&err, &["the run ended early", "plant", "leaves the gap", "magnet"]);
-    let rows = fs::read_to_string(folder.join("out.csv")).expect("the table").lines().count();
+    says(
+        &ends(1, &folder, &["simulate", "push.toml", "--csv", "out.csv", "--report", "page"]).1,
+        &["the run ended early", "plant", "leaves the gap", "magnet", "t ="],
+    );
+    let table = fs::read_to_string(folder.join("out.csv")).expect("the table");
+    let rows = table.lines().count();
     assert!(rows > 2 && rows < 2000, "{rows} lines");
+    let mut cells = table.lines().skip(1).flat_map(|line| line.split(','));
+    assert!(cells.all(|cell| cell.parse().is_ok_and(f64::is_finite)), "{table}");
     let page = fs::read_to_string(folder.join("page/index.html")).expect("the report");
     says(&page, &["leaves the gap", "</html>"]);
 }
@@ -120,20 +115,15 @@ fn what_cannot_be_written_is_named() {
     for arguments in
         [["simulate", "short.toml", "--csv", "taken/out.csv"], ["simulate", "short.toml", "--report", "taken/page"]]
     {
-        let (code, _, err) = run(&folder, &arguments);
-        assert_eq!(code, 1, "{arguments:?}");
-        says(&err, &["error: ", arguments[3]]);
+        says(&ends(1, &folder, &arguments).1, &["error: ", arguments[3]]);
     }
-    let (code, _, err) = run(&folder, &["package", "--out", "taken"]);
-    assert_eq!(code, 1);
-    says(&err, &["error: ", "taken"]);
+    says(&ends(1, &folder, &["package", "--out", "taken"]).1, &["error: ", "taken"]);
 }
 
 #[test]
 fn descriptions_go_where_they_are_wanted() {
     let folder = folder("command/describe");
-    let (code, _, err) = run(&folder, &["describe", "--out", "."]);
-    assert_eq!(code, 0, "{err}");
+    ends(0, &folder, &["describe", "--out", "."]);
     for model in MODELS {
         let text = fs::read_to_string(folder.join(format!("{model}.xml"))).expect("a model description");
         says(&text, &["fmiVersion=\"2.0\"", &format!("modelName=\"{model}\"")]);
@@ -143,14 +133,11 @@ fn descriptions_go_where_they_are_wanted() {
 #[test]
 fn help_says_what_there_is() {
     let folder = folder("command/help");
-    let (code, out, _) = run(&folder, &["--help"]);
-    assert_eq!(code, 0);
+    let (out, _) = ends(0, &folder, &["--help"]);
     says(&out, &["Without a command", "package", "simulate", "describe", "--version", "target/report/index.html"]);
-    let (code, out, _) = run(&folder, &["simulate", "--help"]);
-    assert_eq!(code, 0);
+    let (out, _) = ends(0, &folder, &["simulate", "--help"]);
     says(&out, &["[plant]", "[all]", "--csv", "--report", "--print", "paper"]);
-    let (code, out, _) = run(&folder, &["--version"]);
-    assert_eq!(code, 0);
+    let (out, _) = ends(0, &folder, &["--version"]);
     let version =
         out.trim().strip_prefix(concat!("magnetic-bearing ", env!("CARGO_PKG_VERSION"))).expect("the version");
     // Sources without a repository have no commit.
@@ -175,13 +162,9 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
         &["simulate", "paper", "--print", "--csv", "x.csv"],
         &["package", "--nonsense"],
     ] {
-        let (code, out, err) = run(&folder, arguments);
-        assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}");
-        says(&err, &["error: ", "--help"]);
+        refuses(&folder, arguments, &["error: ", "--help"]);
     }
-    let (code, out, err) = run(&folder, &["package", "paper"]);
-    assert_eq!((code, out.as_str()), (2, ""));
-    says(&err, &["error: paper is no machine; known are planar, "]);
+    refuses(&folder, &["package", "paper"], &["error: paper is no machine; known are planar, "]);
 }
 
 #[test]
@@ -192,10 +175,7 @@ fn montecarlo_refuses_what_it_cannot_run() {
         (["--runs", "0"], ["--runs", "'0'", "expected a whole number above 0"]),
         (["--runs", "many"], ["--runs", "'many'", "expected a whole number above 0"]),
     ] {
-        let (code, out, err) = run(&folder, &[["montecarlo"].as_slice(), &arguments].concat());
-        assert_eq!(code, 2, "{err}");
-        assert_eq!(out, "");
-        says(&err, &wanted);
+        refuses(&folder, &[["montecarlo"].as_slice(), &arguments].concat(), &wanted);
     }
 }
 
@@ -203,8 +183,7 @@ fn montecarlo_refuses_what_it_cannot_run() {
 fn bench(folder: &Path) -> String {
     let (_, text, _) = run(folder, &["simulate", "--print", "unbalanced"]);
     fs::write(folder.join("bench.toml"), text.replace("duration = \"0.4 s\"", "duration = \"0.1 s\"")).expect("a file");
-    let (code, _, err) = run(folder, &["simulate", "bench.toml", "--csv", "bench.csv"]);
-    assert_eq!(code, 0, "{err}");
+    ends(0, folder, &["simulate", "bench.toml", "--csv", "bench.csv"]);
     fs::read_to_string(folder.join("bench.csv")).expect("the table")
 }
 
@@ -251,43 +230,25 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
         }
     }
     // A missing file is a different error.
-    let (code, _, err) = run(&folder, &["identify", "none.csv"]);
-    assert_eq!(code, 2);
-    says(&err, &["none.csv"]);
+    refuses(&folder, &["identify", "none.csv"], &["none.csv"]);
     for arguments in [
         &["identify", "bench.csv", "--rate", "10"][..],
         &["identify", "bench.csv", "--step", "1 kg"],
         &["identify", "bench.csv", "--rate", "10kHz", "--step", "100us"],
         &["identify", "bench.csv", "--rate", "9kHz"],
     ] {
-        let (code, out, err) = run(&folder, arguments);
-        assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}: {err}");
+        refuses(&folder, arguments, &[]);
     }
-    let (code, _, err) = run(&folder, &["identify", "bench.csv", "--method", "best"]);
-    assert_eq!(code, 2);
-    says(&err, &["--method best", "predictionError"]);
+    refuses(&folder, &["identify", "bench.csv", "--method", "best"], &["--method best", "predictionError"]);
 }
 
 #[test]
 fn json_on_the_standard_output_is_one_document_and_nothing_else() {
     let folder = folder("command/json");
     bench(&folder);
-    let arguments = [
-        "identify",
-        "bench.csv",
-        "--rate",
-        "10kHz",
-        "--hold",
-        "auto",
-        "--json",
-        "-",
-        "--csv",
-        "out.csv",
-        "--report",
-        "page",
-    ];
-    let (code, out, err) = run(&folder, &arguments);
-    assert_eq!(code, 0, "{err}");
+    let arguments = "identify bench.csv --rate 10kHz --hold auto --json - --csv out.csv --report page";
+    let arguments: Vec<_> = arguments.split(' ').collect();
+    let (out, err) = ends(0, &folder, &arguments);
     let document: serde_json::Value = serde_json::from_str(&out).unwrap_or_else(|error| panic!("{error}: {out}"));
     assert!(document.is_object(), "{out}");
     says(&err, &["1001 samples of 100 µs", "page/index.html"]);
@@ -323,23 +284,18 @@ fn a_full_standard_output_is_an_error() {
     for arguments in
         [["simulate", "short.toml", "--csv", "/dev/full"], ["simulate", "short.toml", "--json", "/dev/full"]]
     {
-        let (code, _, err) = run(&folder, &arguments);
-        assert_eq!(code, 1);
-        says(&err, &["error: /dev/full: No space left"]);
+        says(&ends(1, &folder, &arguments).1, &["error: /dev/full: No space left"]);
     }
     // Reading it would not end, either.
     fs::write(folder.join("design.csv"), "plant.m\n6.7\n").expect("a file");
-    let (code, _, err) = run(&folder, &["sweep", "design.csv", "--out", "/dev/full"]);
-    assert_eq!(code, 1);
-    says(&err, &["/dev/full", "not a regular file"]);
+    says(&ends(1, &folder, &["sweep", "design.csv", "--out", "/dev/full"]).1, &["/dev/full", "not a regular file"]);
 }
 
 #[test]
 fn a_hyphen_is_the_standard_input_or_output() {
     let folder = folder("command/hyphen");
     fs::write(folder.join("short.toml"), SHORT).expect("a file");
-    let (code, _, err) = run(&folder, &["simulate", "short.toml", "--csv", "out.csv", "--json", "out.json"]);
-    assert_eq!(code, 0, "{err}");
+    ends(0, &folder, &["simulate", "short.toml", "--csv", "out.csv", "--json", "out.json"]);
     let table = fs::read_to_string(folder.join("out.csv")).expect("a table");
     let document = fs::read_to_string(folder.join("out.json")).expect("a document");
     for (arguments, wanted) in [(["simulate", "-", "--csv", "-"], table), (["simulate", "-", "--json", "-"], document)]
@@ -349,15 +305,12 @@ fn a_hyphen_is_the_standard_input_or_output() {
         assert!(out == wanted, "{arguments:?}: the result and nothing else: {out}");
         says(&err, &["Short", "Estimated force constants"]);
     }
-    let (code, _, err) = run(&folder, &["simulate", "short.toml", "--csv", "-", "--json", "-"]);
-    assert_eq!(code, 2);
-    says(&err, &["--csv - and --json -"]);
+    refuses(&folder, &["simulate", "short.toml", "--csv", "-", "--json", "-"], &["--csv - and --json -"]);
     assert!(!folder.join("-").exists());
 
     fs::write(folder.join("design.csv"), "plant.m\n6.7\n6.8\n").expect("a file");
     let sweep = ["sweep", "design.csv", "--scenario", "short.toml", "--out"];
-    let (code, _, err) = run(&folder, &[&sweep[..], &["rows.csv"]].concat());
-    assert_eq!(code, 0, "{err}");
+    ends(0, &folder, &[&sweep[..], &["rows.csv"]].concat());
     let arguments = ["sweep", "-", "--scenario", "short.toml", "--out", "-"];
     let (code, out, err) = said(&run_with_input(&folder, &arguments, "plant.m\n6.7\n6.8\n"));
     assert_eq!((code, out), (0, fs::read_to_string(folder.join("rows.csv")).expect("rows")), "{err}");
@@ -374,29 +327,25 @@ fn values_are_changed_without_a_scenario_of_ones_own() {
         let arguments: Vec<_> = ["simulate", "short.toml", "--json", "-"].into_iter().chain(changes).collect();
         run(&folder, &arguments)
     };
-    let (code, out, err) =
-        set(&["m=7", "lambda=[1e-6, 2e-6, 3e-6]", "reference.rY=20 µm", "duration=3 ms", "plant.pZ=-20"]);
-    assert_eq!(code, 0, "{err}");
-    let document: serde_json::Value = serde_json::from_str(&out).expect("a document");
-    assert_eq!(document["duration"], 3e-3);
-    assert_eq!(document["end"], 3e-3);
-    assert_eq!(document["lambda"], serde_json::json!([1e-6, 2e-6, 3e-6]));
-    assert_eq!(document["complete"], true);
-    assert_eq!(document["changes"][0], "m=7");
+    let document = |(code, out, err): (i32, String, String)| {
+        assert_eq!(code, 0, "{err}");
+        serde_json::from_str::<serde_json::Value>(&out).expect("a document")
+    };
+    let lambda = "lambda=[1e-6, 2e-6, 3e-6]";
+    let found = document(set(&["m=7", lambda, "reference.rY=20 µm", "duration=3 ms", "plant.pZ=-20"]));
+    assert!(found["duration"] == 3e-3 && found["end"] == 3e-3 && found["complete"] == true, "{found}");
+    assert_eq!(found["lambda"], serde_json::json!([1e-6, 2e-6, 3e-6]));
+    assert_eq!(found["changes"][0], "m=7");
     // The same as a scenario with these values.
     let text = "title = \"Short\"\nduration = 3e-3\nstep = 1e-4\n[all]\nm = 7\n[plant]\nlambda = [1e-6, 2e-6, 3e-6]\npZ = -20\n\
                 [controller]\nreference.rY = 2e-5\n";
-    let (code, same, err) = said(&run_with_input(&folder, &["simulate", "-", "--json", "-"], text));
-    assert_eq!(code, 0, "{err}");
-    let same: serde_json::Value = serde_json::from_str(&same).expect("a document");
-    assert_eq!(document["outputs"], same["outputs"]);
+    let same = document(said(&run_with_input(&folder, &["simulate", "-", "--json", "-"], text)));
+    assert_eq!(found["outputs"], same["outputs"]);
 
     let (code, out, err) = set(&["mass=7", "plant.m=heavy", "plant.lamda=1", "duration=0"]);
     assert_eq!((code, out.as_str()), (2, ""));
     says(&err, &["mass: there is no variable", "m = \"heavy\"", "did you mean lambda?", "duration = 0"]);
-    let (code, _, err) = set(&["m"]);
-    assert_eq!(code, 2);
-    says(&err, &["NAME=VALUE"]);
+    refuses(&folder, &["simulate", "short.toml", "--set", "m"], &["NAME=VALUE"]);
 }
 
 #[test]
@@ -416,9 +365,7 @@ fn files_of_another_kind_are_not_overwritten() {
         let path = folder.join(file);
         let before = if file == "short.toml" { SHORT } else { "notes" };
         fs::write(&path, before).expect("a file");
-        let (code, _, err) = run(&folder, arguments);
-        assert_eq!(code, 1, "{arguments:?}: {err}");
-        says(&err, &[file, "it already exists"]);
+        says(&ends(1, &folder, arguments).1, &[file, "it already exists"]);
         assert_eq!(fs::read_to_string(&path).expect("the file"), before, "{arguments:?}");
         if file != "short.toml" {
             fs::remove_file(&path).expect("a file");
@@ -428,14 +375,11 @@ fn files_of_another_kind_are_not_overwritten() {
     // The program overwrites its own files.
     for _ in 0..2 {
         let arguments = ["simulate", "short.toml", "--csv", "a.csv", "--json", "a.json", "--report", "page"];
-        let (code, _, err) = run(&folder, &arguments);
-        assert_eq!(code, 0, "{err}");
+        ends(0, &folder, &arguments);
     }
     // The recording has the same format as the table of estimates.
     bench(&folder);
-    let (code, _, err) = run(&folder, &["identify", "bench.csv", "--csv", "./bench.csv"]);
-    assert_eq!(code, 2);
-    says(&err, &["this is the recording"]);
+    refuses(&folder, &["identify", "bench.csv", "--csv", "./bench.csv"], &["this is the recording"]);
 }
 
 #[test]
@@ -446,9 +390,7 @@ fn failed_cases_are_counted() {
     // Also when all rows were there before.
     for out in ["rows.csv", "rows.csv", "-"] {
         let arguments = ["sweep", "design.csv", "--scenario", "short.toml", "--out", out];
-        let (code, _, err) = run(&folder, &arguments);
-        assert_eq!(code, 1);
-        says(&err, &["2 of 3 cases failed"]);
+        says(&ends(1, &folder, &arguments).1, &["2 of 3 cases failed"]);
     }
 }
 
@@ -465,12 +407,9 @@ fn negative_numbers_are_values_and_refused_as_such() {
         ["design", "--scenario=paper", "--position-noise", "-1"],
         ["design", "--scenario=paper", "--sample-time", "-1"],
     ] {
-        let (code, out, err) = run(&folder, &arguments);
-        assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}");
-        says(&err, &[&format!("invalid value '{}' for '{}", arguments[3], arguments[2]), "expected"]);
+        refuses(&folder, &arguments, &[&format!("invalid value '{}' for '{}", arguments[3], arguments[2]), "expected"]);
     }
-    let (code, out, err) = run(&folder, &["design", "--speed", "0", "--at", "0.01"]);
-    assert_eq!(code, 0, "{err}");
+    let (out, _) = ends(0, &folder, &["design", "--speed", "0", "--at", "0.01"]);
     assert!(!out.contains("inf") && !out.contains("NaN"), "{out}");
     says(&out, &["at 0 rpm"]);
 }
@@ -479,8 +418,7 @@ fn negative_numbers_are_values_and_refused_as_such() {
 fn shells_complete_commands() {
     let folder = folder("command/shells");
     for shell in ["bash", "zsh", "fish", "powershell"] {
-        let (code, out, err) = run(&folder, &["completions", shell]);
-        assert_eq!(code, 0, "{err}");
+        let (out, _) = ends(0, &folder, &["completions", shell]);
         says(&out, &["magnetic-bearing", "simulate", "montecarlo"]);
     }
 }
@@ -488,21 +426,17 @@ fn shells_complete_commands() {
 #[test]
 fn the_sensitivity_of_a_loop_is_a_table() {
     let folder = folder("command/sensitivity");
-    let (code, out, err) = run(&folder, &["sensitivity", "axial"]);
-    assert_eq!(code, 0, "{err}");
+    let (out, _) = ends(0, &folder, &["sensitivity", "axial"]);
     says(&out, &["Peak of the sensitivity function", "Zones of ISO 14839-3", "true λ"]);
     assert!(out.lines().any(|line| line.trim().starts_with("Xm") && line.ends_with('A')), "{out}");
-    let (code, out, err) = run(&folder, &["sensitivity", "axial", "--set", "plant.m=-1"]);
-    assert_eq!((code, out.as_str()), (2, ""), "{err}");
-    says(&err, &["m = -1 kg is refused"]);
+    refuses(&folder, &["sensitivity", "axial", "--set", "plant.m=-1"], &["m = -1 kg is refused"]);
 }
 
 #[test]
 fn what_does_not_know_a_machine_refuses_it_by_name() {
     let folder = folder("command/planar");
     for (scenario, machine) in [("unbalanced", "planar"), ("planar4", "planar4"), ("axial", "axial")] {
-        let (code, _, err) = run(&folder, &["whirl", scenario]);
-        assert_eq!(code, 2, "{err}");
+        let (_, err) = ends(2, &folder, &["whirl", scenario]);
         let refused = format!("machine = {machine} is refused: its rotor does not tilt");
         says(&err, &[&refused, "moments of inertia, as in spindle, spindle4"]);
     }

@@ -1,8 +1,9 @@
 //! Commands on all machines.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use crate::program::{fresh, open};
 use crate::support::says;
 use magnetic_bearing::machine::{MACHINES, Machine};
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
@@ -11,22 +12,9 @@ use magnetic_bearing::studies::montecarlo::figures::pooled;
 use magnetic_bearing::studies::montecarlo::{self, NOISE};
 use magnetic_bearing::studies::sweep::Sweep;
 
-/// A short scenario of a machine, with these changes.
-fn open(machine: &Machine, changes: &[(&str, &str)]) -> Scenario {
-    let changes: Vec<_> = changes.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
-    Scenario::open_with(Path::new(built_in(machine)), &changes).unwrap_or_else(|error| panic!("{error}"))
-}
-
-/// A built-in scenario of a machine.
+/// The scenario that is run of a machine.
 fn built_in(machine: &Machine) -> &'static str {
     if machine.name == "planar" { "unbalanced" } else { machine.name }
-}
-
-/// A file for this test.
-fn fresh(name: &str) -> PathBuf {
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = fs::remove_file(&path);
-    path
 }
 
 #[test]
@@ -54,7 +42,8 @@ fn a_sweep_of_every_machine_tells_of_all_its_magnets() {
             for (k, error) in machine.of_magnets("error").iter().enumerate() {
                 let of = |what: &str| number(row, &format!("{} [N.m2/A2]", machine.of_magnets(what)[k]));
                 let truth = of("lambdaHat") / (1.0 + number(row, error));
-                let told = open(machine, &[]).value("plant", &machine.of_magnets("lambda")[k]).expect("λ").as_f64();
+                let told =
+                    open(built_in(machine), &[]).value("plant", &machine.of_magnets("lambda")[k]).expect("λ").as_f64();
                 let wanted = if k == 1 && row == 0 { 3e-6 } else { told };
                 assert!((truth / wanted - 1.0).abs() < 1e-9, "{name}, magnet {k}: {truth}");
                 let deviations = (of("lambdaHat") - truth) / of("lambdaStd");
@@ -90,7 +79,7 @@ fn a_sweep_names_the_nearest_variable_of_the_machine() {
 fn many_seeds_of_every_machine_agree_with_what_is_stated() {
     for machine in &MACHINES {
         let name = machine.name;
-        let study = montecarlo::study(name, &open(machine, &[]), NOISE, true, 6);
+        let study = montecarlo::study(name, &open(built_in(machine), &[]), NOISE, true, 6);
         let study = montecarlo::Study { instants_s: vec![0.1, 0.2], ..study };
         let outcome = study.run().expect("a good scenario");
         let figures = &outcome.figures[1];
@@ -120,7 +109,7 @@ fn the_excitation_of_every_machine_can_be_designed() {
     for machine in &MACHINES {
         let name = machine.name;
         for rpm in [0.0, 3000.0] {
-            let scenario = open(machine, &[]);
+            let scenario = open(built_in(machine), &[]);
             let conditions = Conditions { rpm, step_s: Some(2e-4), noise: NOISE, instant_s: 0.3 };
             let precisions = design(&scenario, &conditions).unwrap_or_else(|error| panic!("{name}: {error}"));
             println!("{name}, {rpm} rpm: {:.5} alone, {:.5} modulated", precisions[0].worst(), precisions[1].worst());

@@ -1,7 +1,6 @@
 //! The standard deviations that `design` predicts are those of the runs.
 
-use std::path::Path;
-
+use crate::program::open;
 use fmu_export::variable::Value;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::studies::design::{self, Conditions, design};
@@ -11,8 +10,8 @@ fn conditions(rpm: f64, instant_s: f64) -> Conditions {
     Conditions { rpm, step_s: None, noise: NOISE, instant_s }
 }
 
-fn open() -> Scenario {
-    Scenario::open(Path::new("unbalanced")).expect("a scenario that comes with the program")
+fn unbalanced() -> Scenario {
+    open("unbalanced", &[])
 }
 
 #[test]
@@ -21,8 +20,8 @@ fn predictions_agree_with_runs() {
     /// Ratio of the rms error to the prediction; the scatter of forty runs is about 11 %.
     const KEPT: std::ops::RangeInclusive<f64> = 0.65..=1.4;
     for rpm in [3000.0, 4500.0] {
-        let [alone, modulated] = design(&open(), &conditions(rpm, 0.1)).expect("a good scenario");
-        let mut study = montecarlo::study("", &open(), NOISE, true, RUNS);
+        let [alone, modulated] = design(&unbalanced(), &conditions(rpm, 0.1)).expect("a good scenario");
+        let mut study = montecarlo::study("", &unbalanced(), NOISE, true, RUNS);
         montecarlo::at_speed(&mut study.scenario, rpm);
         study.instants_s = vec![0.1];
         for (precision, modulation) in [(alone, 0.0), (modulated, design::MODULATION.0)] {
@@ -43,14 +42,14 @@ fn predictions_agree_with_runs() {
 #[test]
 fn modulation_is_recommended_where_the_path_is_weak() {
     let strong = conditions(3000.0, 0.1);
-    let precisions = design(&open(), &strong).expect("a good scenario");
+    let precisions = design(&unbalanced(), &strong).expect("a good scenario");
     assert!(!design::is_modulation_recommended(&precisions), "{precisions:?}");
-    assert!(design::advice(&open(), &strong, &precisions).contains("The reference trajectory excites enough"));
+    assert!(design::advice(&unbalanced(), &strong, &precisions).contains("The reference trajectory excites enough"));
     let rest = conditions(0.0, 0.2);
-    let precisions = design(&open(), &rest).expect("a good scenario");
+    let precisions = design(&unbalanced(), &rest).expect("a good scenario");
     assert!(design::is_modulation_recommended(&precisions), "{precisions:?}");
     assert!(precisions[1].worst() < 0.05 && precisions[0].worst() > 0.05, "{precisions:?}");
-    assert!(design::advice(&open(), &rest, &precisions).contains("F0.modulation = 0.5"));
+    assert!(design::advice(&unbalanced(), &rest, &precisions).contains("F0.modulation = 0.5"));
     // The precision of λ improves with time.
     for precision in &precisions {
         assert_eq!(precision.std.len(), precision.instants_s.len());
@@ -58,7 +57,7 @@ fn modulation_is_recommended_where_the_path_is_weak() {
             assert!((0..3).all(|k| pair[1][k] < pair[0][k]), "{precision:?}");
         }
     }
-    let table = design::table(&open(), &rest, &precisions);
+    let table = design::table(&unbalanced(), &rest, &precisions);
     assert_eq!(table.rows.len(), design::INSTANTS_S.len() + 1);
     assert!(table.rows.iter().all(|row| row.len() == table.head.len()), "{table:?}");
 }
@@ -68,7 +67,7 @@ fn bad_questions_are_refused_by_name() {
     let refused = |change: fn(&mut Conditions), name: &str| {
         let mut conditions = conditions(3000.0, 0.1);
         change(&mut conditions);
-        let said = design(&open(), &conditions).expect_err(name).to_string();
+        let said = design(&unbalanced(), &conditions).expect_err(name).to_string();
         assert!(said.contains(name) && said.contains("expected"), "{said}");
     };
     refused(|conditions| conditions.rpm = -1.0, "speed");

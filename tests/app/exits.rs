@@ -4,7 +4,7 @@ use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
-use crate::program::{folder, program, run, said};
+use crate::program::{ends, folder, program, refuses, said};
 use crate::support::says;
 
 /// A pipe that nobody reads.
@@ -51,41 +51,30 @@ fn a_closed_standard_output_ends_the_work_quietly() {
 #[test]
 fn exit_codes_tell_arguments_from_answers() {
     let folder = folder("exits/codes");
-    let (code, _, errors) = run(&folder, &["simulate", "unbalanced", "--set", "duration=0.1s", "--csv", "good.csv"]);
-    assert_eq!(code, 0, "{errors}");
+    ends(0, &folder, &["simulate", "unbalanced", "--set", "duration=0.1s", "--csv", "good.csv"]);
     for arguments in [
         &["simulate", "unbalanced", "--set", "m=-1"][..],
         &["simulate", "unbalanced", "--set", "mass=1"],
         &["identify", "good.csv", "--method", "none"],
         &["identify", "good.csv", "--hold", "none"],
         &["design", "--at", "-1"],
-        &["whirl", "--stiffness", "-5"],
         &["sweep", "none.csv", "--out", "rows.csv"],
     ] {
-        let (code, _, errors) = run(&folder, arguments);
-        assert_eq!(code, 2, "{arguments:?}: {errors}");
+        ends(2, &folder, arguments);
     }
     // Less than a revolution and a third.
     let short = fs::read_to_string(folder.join("good.csv")).expect("a table");
     let short: Vec<&str> = short.lines().take(200).collect();
     fs::write(folder.join("short.csv"), short.join("\n")).expect("a file");
-    let (code, _, errors) = run(&folder, &["identify", "short.csv"]);
-    assert_eq!(code, 3, "{errors}");
-    says(&errors, &["Not valid", "too short"]);
-    let (_, help, _) = run(&folder, &["--help"]);
-    says(&help, &["Exit codes:", "3  an identification"]);
+    says(&ends(3, &folder, &["identify", "short.csv"]).1, &["Not valid", "too short"]);
+    says(&ends(0, &folder, &["--help"]).0, &["Exit codes:", "3  an identification"]);
 }
 
 #[test]
 fn a_bearing_is_given_to_identify_as_to_simulate() {
     let folder = folder("exits/set");
-    let (code, _, errors) = run(&folder, &["simulate", "unbalanced", "--set", "duration=0.1s", "--csv", "run.csv"]);
-    assert_eq!(code, 0, "{errors}");
-    let identified = |arguments: &[&str]| {
-        let (code, out, errors) = run(&folder, &[&["identify", "run.csv"], arguments].concat());
-        assert_eq!(code, 0, "{arguments:?}: {errors}");
-        out
-    };
+    ends(0, &folder, &["simulate", "unbalanced", "--set", "duration=0.1s", "--csv", "run.csv"]);
+    let identified = |arguments: &[&str]| ends(0, &folder, &[&["identify", "run.csv"], arguments].concat()).0;
     let out = identified(&["--set", "s=5.1e-4", "--set", "m=6.8kg", "--set", "alpha[1]=179.5deg"]);
     says(&out, &["m = 6.8 kg, s = 0.51 mm, alpha = 179.5,"]);
     // A file with the parameters alone.
@@ -94,30 +83,25 @@ fn a_bearing_is_given_to_identify_as_to_simulate() {
     for (change, option) in
         [("hold=linear", "--hold"), ("sensor.positionNoise=1e-6", "--position-noise"), ("lambda=1", "no variable")]
     {
-        let (code, _, errors) = run(&folder, &["identify", "run.csv", "--set", change]);
-        assert_eq!(code, 2, "{change}");
-        says(&errors, &[change.split('=').next().unwrap_or_default(), option]);
+        let name = change.split('=').next().unwrap_or_default();
+        refuses(&folder, &["identify", "run.csv", "--set", change], &[name, option]);
     }
 }
 
 #[test]
 fn a_run_that_does_not_fit_into_memory_is_refused() {
-    let (code, _, errors) = run(&folder("exits/memory"), &["simulate", "unbalanced", "--set", "duration=1e9"]);
-    assert_eq!(code, 2);
-    says(&errors, &["duration = 1e9 s", "1e13 samples", "GB of memory", "the limit is 8 GB"]);
+    let words = ["duration = 1e9 s", "1e13 samples", "GB of memory", "the limit is 8 GB"];
+    refuses(&folder("exits/memory"), &["simulate", "unbalanced", "--set", "duration=1e9"], &words);
 }
 
 #[test]
 fn messages_have_units_and_few_digits() {
     let folder = folder("exits/messages");
-    let (_, _, errors) = run(&folder, &["whirl", "--to", "-5"]);
-    says(&errors, &["a speed in rpm"]);
-    let (_, _, errors) = run(&folder, &["whirl", "--stiffness", "-5"]);
-    says(&errors, &["-5 N/m"]);
+    refuses(&folder, &["whirl", "--to", "-5"], &["a speed in rpm"]);
+    refuses(&folder, &["whirl", "--stiffness", "-5"], &["-5 N/m"]);
     // A load that no current can hold.
-    let (code, _, errors) =
-        run(&folder, &["simulate", "unbalanced", "--set", "plant.pZ=-20000", "--set", "duration=0.1"]);
-    assert_eq!(code, 1);
+    let (_, errors) =
+        ends(1, &folder, &["simulate", "unbalanced", "--set", "plant.pZ=-20000", "--set", "duration=0.1"]);
     let digits = |word: &str| {
         word.trim_start_matches(['-', '0', '.']).chars().take_while(|c| *c != 'e').filter(char::is_ascii_digit).count()
     };

@@ -111,7 +111,7 @@ fn a_deviation_that_is_too_small_is_seen() {
             values[6000] = 1.0;
         }
     });
-    assert!(!touched.is_beyond() && touched.ended_s.is_some_and(|at_s| (at_s - 0.6).abs() < 1e-9), "{touched:?}");
+    assert!(!touched.is_beyond() && touched.touched_s.is_some_and(|at_s| (at_s - 0.6).abs() < 1e-9), "{touched:?}");
 }
 
 #[test]
@@ -169,7 +169,7 @@ fn readings_change_as_they_should() {
     let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / SAMPLES as f64;
 
     // Noise of the currents: its standard deviation, and the correlation of a low-pass of 100 Hz over 1 ms.
-    let noise: Vec<f64> = readings(&altered::coloured_currents(NOISE[1], 100.0), SAMPLES)
+    let noise: Vec<f64> = readings(&altered::coloured(NOISE[1], 100.0, |readings| &mut readings.current_a), SAMPLES)
         .iter()
         .enumerate()
         .map(|(n, readings)| readings.current_a[1] - n as f64)

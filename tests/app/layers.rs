@@ -26,113 +26,86 @@ const ELEMENTARY: &[&str] = &[
 const PRINTING: &[&str] = &["println!", "eprintln!", "print!", "eprint!", "dbg!"];
 const SYSTEM: &[&str] = &["std::fs", "std::env", "std::net", "std::process", "std::thread", "std::time", "File::"];
 
+const fn rule(
+    folder: &'static str,
+    words: &'static [&'static str],
+    except: &'static [&'static str],
+    reason: &'static str,
+) -> Rule {
+    Rule { folder, words, except, reason }
+}
+
 const RULES: &[Rule] = &[
-    Rule {
-        folder: "src/bearing",
-        words: &["crate::plant", "crate::control", "crate::estimation"],
-        except: &[],
-        reason: "the bearing comes before what is built on it",
-    },
-    Rule {
-        folder: "src/plant",
-        words: &["crate::control", "crate::estimation"],
-        except: &[],
-        reason: "the plant knows neither controller nor estimator",
-    },
-    Rule {
-        folder: "src/variables.rs",
-        words: &["crate::", "Row", "Table", "Model", "Instance", "fmi"],
-        except: &[],
-        reason: "equations take the description of their variables from here, and nothing of FMI besides",
-    },
-    Rule { folder: "src/fmu", words: PROGRAM, except: &[], reason: "the FMUs know nothing of the program" },
-    Rule {
-        folder: "src/fmu",
-        words: &["fmu_export::package"],
-        except: &[],
-        reason: "the library of the FMUs needs no packager",
-    },
-    Rule {
-        folder: "src/simulation",
-        words: &["crate::studies", "crate::report", "crate::cli"],
-        except: &[],
-        reason: "a simulation knows neither studies nor reports",
-    },
-    Rule {
-        folder: "src/studies",
-        words: &["crate::report", "crate::cli"],
-        except: &[],
-        reason: "studies know nothing of reports",
-    },
-    Rule { folder: "src/report", words: &["crate::cli"], except: &[], reason: "reports know nothing of commands" },
-    Rule {
-        folder: "fmu-export",
-        words: &["magnetic_bearing"],
-        except: &["fmu-export/tests"],
-        reason: "the crate exports any model and knows nothing of this one",
-    },
-    Rule { folder: "src/fmu", words: PRINTING, except: &[], reason: "models write messages to their log" },
-    Rule {
-        folder: "fmu-export/src",
-        words: PRINTING,
-        // The packager says what it has written.
-        except: &["fmu-export/src/package"],
-        reason: "FMUs send messages to the importer's logger",
-    },
-    Rule { folder: "src/fmu", words: SYSTEM, except: &[], reason: "models depend on their values alone" },
-    Rule {
-        folder: "fmu-export/src",
-        words: SYSTEM,
-        // The packager runs in a program, not in an FMU. Resources are files that the importer names.
-        except: &["fmu-export/src/package", "fmu-export/src/resources.rs"],
-        reason: "FMUs touch nothing but what the importer hands them",
-    },
-    Rule { folder: "src", words: &["unsafe"], except: &[], reason: UNSAFE },
-    Rule {
-        folder: "fmu-export/src",
-        words: &["unsafe"],
-        // The last two hold the hook that is called at unloading, and the functions that a library exports.
-        except: &[
-            "fmu-export/src/interface",
-            "fmu-export/src/fmi2",
-            "fmu-export/src/fmi3",
-            "fmu-export/src/fmus.rs",
-            "fmu-export/src/export.rs",
-        ],
-        reason: UNSAFE,
-    },
-    Rule {
-        folder: "src",
-        words: &["#[test]"],
-        except: &[],
-        reason: "Cargo.toml switches tests within src off: they would not run",
-    },
-    Rule {
-        folder: "fmu-export/src",
-        words: &["#[test]"],
-        except: &[],
-        reason: "tests belong in tests/, for the crate as well",
-    },
+    rule(
+        "src/bearing",
+        &["crate::plant", "crate::control", "crate::estimation"],
+        &[],
+        "the bearing comes before what is built on it",
+    ),
+    rule(
+        "src/plant",
+        &["crate::control", "crate::estimation"],
+        &[],
+        "the plant knows neither controller nor estimator",
+    ),
+    rule(
+        "src/variables.rs",
+        &["crate::", "Row", "Table", "Model", "Instance", "fmi"],
+        &[],
+        "equations take the description of their variables from here, and nothing of FMI besides",
+    ),
+    rule("src/fmu", PROGRAM, &[], "the FMUs know nothing of the program"),
+    rule("src/fmu", &["fmu_export::package"], &[], "the library of the FMUs needs no packager"),
+    rule(
+        "src/simulation",
+        &["crate::studies", "crate::report", "crate::cli"],
+        &[],
+        "a simulation knows neither studies nor reports",
+    ),
+    rule("src/studies", &["crate::report", "crate::cli"], &[], "studies know nothing of reports"),
+    rule("src/report", &["crate::cli"], &[], "reports know nothing of commands"),
+    rule(
+        "fmu-export",
+        &["magnetic_bearing"],
+        &["fmu-export/tests"],
+        "the crate exports any model and knows nothing of this one",
+    ),
+    rule("src/fmu", PRINTING, &[], "models write messages to their log"),
+    // The packager says what it has written.
+    rule("fmu-export/src", PRINTING, &["fmu-export/src/package"], "FMUs send messages to the importer's logger"),
+    rule("src/fmu", SYSTEM, &[], "models depend on their values alone"),
+    // The packager runs in a program, not in an FMU. Resources are files that the importer names.
+    rule(
+        "fmu-export/src",
+        SYSTEM,
+        &["fmu-export/src/package", "fmu-export/src/resources.rs"],
+        "FMUs touch nothing but what the importer hands them",
+    ),
+    rule("src", &["unsafe"], &[], UNSAFE),
+    rule("fmu-export/src", &["unsafe"], UNSAFE_FILES, UNSAFE),
+    rule("src", &["#[test]"], &[], "Cargo.toml switches tests within src off: they would not run"),
+    rule("fmu-export/src", &["#[test]"], &[], "tests belong in tests/, for the crate as well"),
 ];
 
 /// The layers of the program.
 const PROGRAM: &[&str] =
     &["crate::simulation", "crate::studies", "crate::report", "crate::cli", "crate::package", "crate::output"];
 
-/// Names that only the equations must not use.
-const ABOVE_EQUATIONS: &[&str] = &[
-    "crate::fmu",
-    "fmu_export",
-    "crate::simulation",
-    "crate::studies",
-    "crate::report",
-    "crate::cli",
-    "crate::package",
-];
+/// Names besides that only the equations must not use.
+const FMUS: &[&str] = &["crate::fmu", "fmu_export"];
 
 /// The folders of the equations.
 const EQUATIONS: [&str; 6] =
     ["src/bearing", "src/plant", "src/control", "src/estimation", "src/invalid.rs", "src/machine.rs"];
+
+/// The last two hold the hook that is called at unloading, and the functions that a library exports.
+const UNSAFE_FILES: &[&str] = &[
+    "fmu-export/src/interface",
+    "fmu-export/src/fmi2",
+    "fmu-export/src/fmi3",
+    "fmu-export/src/fmus.rs",
+    "fmu-export/src/export.rs",
+];
 
 const UNSAFE: &str = "unsafe code belongs in the C interface: interface, fmi2 and fmi3 of fmu-export/src";
 
@@ -183,20 +156,26 @@ fn holds(line: &str, word: &str) -> bool {
     })
 }
 
+/// The lines of code in a folder: their place, and they without comments and strings.
+fn lines(folder: &str) -> Vec<(PathBuf, usize, String)> {
+    let files = files(&project().join(folder));
+    assert!(!files.is_empty(), "{folder} is there");
+    let of = |file: &PathBuf| {
+        let text = fs::read_to_string(file).expect("a source file");
+        code(&text).map(|(number, line)| (file.clone(), number, line)).collect::<Vec<_>>()
+    };
+    files.iter().flat_map(of).collect()
+}
+
 fn breaches(rule: &Rule) -> Vec<String> {
     let mut found = Vec::new();
-    let files = files(&project().join(rule.folder));
-    assert!(!files.is_empty(), "{} is there", rule.folder);
-    for file in files {
+    for (file, number, line) in lines(rule.folder) {
         if rule.except.iter().any(|path| file.starts_with(project().join(path))) {
             continue;
         }
-        let text = fs::read_to_string(&file).expect("a source file");
-        for (number, line) in code(&text) {
-            for word in rule.words.iter().filter(|word| holds(&line, word)) {
-                let path = file.strip_prefix(project()).expect("a file of the project").display();
-                found.push(format!("{path}:{number}: `{word}`: {}", rule.reason));
-            }
+        for word in rule.words.iter().filter(|word| holds(&line, word)) {
+            let path = file.strip_prefix(project()).expect("a file of the project").display();
+            found.push(format!("{path}:{number}: `{word}`: {}", rule.reason));
         }
     }
     found
@@ -206,14 +185,10 @@ fn breaches(rule: &Rule) -> Vec<String> {
 fn every_layer_keeps_to_its_rules() {
     let equations = EQUATIONS.iter().flat_map(|folder| {
         [
-            Rule {
-                folder,
-                words: ABOVE_EQUATIONS,
-                except: &[],
-                reason: "the equations know nothing of FMUs or the program",
-            },
-            Rule { folder, words: PRINTING, except: &[], reason: "equations do not print" },
-            Rule { folder, words: SYSTEM, except: &[], reason: "equations depend on their arguments alone" },
+            rule(folder, PROGRAM, &[], "the equations know nothing of the program"),
+            rule(folder, FMUS, &[], "the equations know nothing of FMUs"),
+            rule(folder, PRINTING, &[], "equations do not print"),
+            rule(folder, SYSTEM, &[], "equations depend on their arguments alone"),
         ]
     });
     let found: Vec<String> = equations.collect::<Vec<_>>().iter().chain(RULES).flat_map(breaches).collect();
@@ -223,27 +198,19 @@ fn every_layer_keeps_to_its_rules() {
 #[test]
 fn a_path_up_and_over_is_found_as_well() {
     // `super::super::x` would reach another layer without naming the crate.
-    for layer in EQUATIONS.into_iter().chain(["src/fmu", "fmu-export/src"]) {
-        for file in files(&project().join(layer)) {
-            let text = fs::read_to_string(&file).expect("a source file");
-            for (number, line) in code(&text) {
-                assert!(!line.contains("super::super"), "{}:{number}: name the crate instead", file.display());
-            }
-        }
+    let layers = EQUATIONS.into_iter().chain(["src/fmu", "fmu-export/src"]);
+    for (file, number, line) in layers.flat_map(lines) {
+        assert!(!line.contains("super::super"), "{}:{number}: name the crate instead", file.display());
     }
 }
 
 /// Elementary functions come from the crate libm, so that every platform gives the same bits.
 #[test]
 fn equations_take_elementary_functions_from_libm() {
-    for file in EQUATIONS.iter().flat_map(|folder| files(&project().join(folder))) {
-        let text = fs::read_to_string(&file).expect("a source file");
-        for (number, line) in code(&text) {
-            for name in ELEMENTARY {
-                let method = line.contains(&format!(".{name}("));
-                let function = line.contains(&format!("f64::{name}"));
-                assert!(!(method || function), "{}:{number}: use libm for {name}", file.display());
-            }
+    for (file, number, line) in EQUATIONS.into_iter().flat_map(lines) {
+        for name in ELEMENTARY {
+            let is_used = line.contains(&format!(".{name}(")) || line.contains(&format!("f64::{name}"));
+            assert!(!is_used, "{}:{number}: use libm for {name}", file.display());
         }
     }
 }

@@ -30,7 +30,6 @@ mod recordings;
 mod report;
 mod scenario;
 mod scenarios;
-mod spindle;
 mod survey;
 mod sweep;
 mod twin;

@@ -82,8 +82,8 @@ fn the_bound_of_the_nominal_bearing_is_that_of_another_program() {
 #[test]
 fn errors_within_tolerances_are_drawn() {
     const DRAWS: u64 = 2000;
-    for tolerance in TOLERANCES {
-        let (name, size) = tolerance;
+    for tolerance in &TOLERANCES {
+        let name = tolerance.name;
         let of = |scenario: &Scenario| match name {
             "m" | "s" => real(scenario, "estimator", name) / real(scenario, "plant", name) - 1.0,
             "alpha" => real(scenario, "estimator", "alpha[2]") - real(scenario, "plant", "alpha[2]"),
@@ -96,11 +96,11 @@ fn errors_within_tolerances_are_drawn() {
         let squares: f64 = (0..DRAWS)
             .map(|seed| {
                 let mut scenario = base.clone();
-                cases::tolerance(&mut scenario, tolerance, &mut Draw::new(seed));
+                tolerance.draw(&mut scenario, &mut Draw::new(seed));
                 of(&scenario).powi(2)
             })
             .sum();
-        let ratio = (squares / DRAWS as f64).sqrt() / size;
+        let ratio = (squares / DRAWS as f64).sqrt() / tolerance.std;
         // Three standard errors of the rms of so many draws.
         assert!((ratio - 1.0).abs() < 3.0 / (2.0 * DRAWS as f64).sqrt(), "{name}: rms {ratio} of the tolerance");
     }
@@ -127,7 +127,7 @@ fn a_run_is_judged_by_its_valid_samples() {
     let scenario = montecarlo::study("", &nominal(), NOISE, true, 1).scenario;
     let truth = [1.8e-6, 2.0e-6, 2.2e-6];
     let rows = [(false, 9.0, 0.1), (true, 0.03, 0.01), (true, -0.06, 0.01), (false, 5.0, 0.0), (true, 0.02, 0.04)];
-    let trial = judge(&scenario, &made_up(&rows, truth), &[1e-4, 3e-4, 4e-4], 7).expect("all signals are there");
+    let trial = judge(&scenario, &made_up(&rows, truth), &[1e-4, 3e-4, 4e-4], 7, None).expect("all signals are there");
     assert!((trial.worst.ratio - 6.0).abs() < 1e-9 && (trial.worst.time_s - 2e-4).abs() < 1e-12, "{:?}", trial.worst);
     assert_eq!((trial.lost, trial.noticed_s, trial.touched_s), (1, None, None));
     let valid: Vec<bool> = trial.samples.iter().map(|sample| sample.valid).collect();
@@ -135,9 +135,9 @@ fn a_run_is_judged_by_its_valid_samples() {
 
     // The first λ rises by 5 % after row 2: what was right before is wrong until the estimate follows or is not valid.
     let mut scenario = scenario;
-    cases::step_of_lambda(&mut scenario, 1, 0.05, 2e-4);
+    cases::step_of_lambda(&mut scenario, 0, 0.05, 2e-4);
     let rows = [(true, 0.0, 0.01), (true, 0.0, 0.01), (true, 0.0, 0.01), (true, 0.0, 0.01), (true, 0.0, 0.02)];
-    let trial = judge(&scenario, &made_up(&rows, truth), &[2e-4, 4e-4], 7).expect("all signals are there");
+    let trial = judge(&scenario, &made_up(&rows, truth), &[2e-4, 4e-4], 7, None).expect("all signals are there");
     assert!(trial.noticed_s.is_some_and(|noticed_s| (noticed_s - 2e-4).abs() < 1e-12), "{:?}", trial.noticed_s);
     assert_eq!(trial.samples[0].error[0], 0.0);
     assert!((trial.samples[1].error[0] - (1.0 / 1.05 - 1.0)).abs() < 1e-12);

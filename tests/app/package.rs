@@ -5,16 +5,17 @@ use std::fs;
 use std::io::{Cursor, Read};
 use std::path::Path;
 use std::process::Command;
+use std::sync::{Arc, LazyLock};
 
 use crate::program::folder;
 use crate::support::{MODELS, says};
-use fmu_export::Standard;
 use fmu_export::package::{Written, platform};
 use fmu_export::variable::Type;
+use fmu_export::{ModelType, Standard};
 use magnetic_bearing::fmu::catalogue;
 use magnetic_bearing::machine::{MACHINES, Machine};
 use magnetic_bearing::package;
-use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::simulation::scenario::{Element, Scenario, Setting};
 use roxmltree::{Document, Node};
 use zip::{CompressionMethod, ZipArchive};
 
@@ -28,10 +29,25 @@ fn systems() -> impl Iterator<Item = String> {
     MACHINES.iter().map(|machine| format!("{}.ssp", machine.models[0].0))
 }
 
-/// Packages all machines into a folder of that name.
-fn packaged(name: &str) -> Vec<Written> {
+/// Packages all machines into a folder of that name: names and contents of the archives.
+fn packaged(name: &str) -> Vec<(String, Vec<u8>)> {
     let library = package::built_library().expect("the library is built with the tests");
-    package::package(&library, &all(), &folder(&format!("package/{name}"))).expect("the archives")
+    let written = package::package(&library, &all(), &folder(&format!("package/{name}"))).expect("the archives");
+    let read = |written: Written| {
+        let bytes = fs::read(&written.path).expect("an archive");
+        assert_eq!(bytes.len(), written.bytes);
+        let name = written.path.file_name().and_then(|name| name.to_str()).expect("a name");
+        (name.to_owned(), bytes)
+    };
+    written.into_iter().map(read).collect()
+}
+
+/// The archives of all machines; those of FMI 2.0 come first, in the order of the catalogue.
+static ARCHIVES: LazyLock<Vec<(String, Vec<u8>)>> = LazyLock::new(|| packaged("once"));
+
+/// The models, and their archives for FMI 2.0.
+fn fmus() -> Vec<(Arc<ModelType>, &'static [u8])> {
+    catalogue().iter().cloned().zip(ARCHIVES.iter().map(|(_, bytes)| bytes.as_slice())).collect()
 }
 
 /// The members of an archive by name.
@@ -49,29 +65,28 @@ pub fn members(bytes: &[u8]) -> BTreeMap<String, Vec<u8>> {
     members
 }
 
-fn file_name(path: &Path) -> &str {
-    path.file_name().and_then(|name| name.to_str()).expect("a name")
+/// The members of the archive of that name.
+fn archive(name: &str) -> BTreeMap<String, Vec<u8>> {
+    members(bytes_of(name))
 }
 
-/// The members of the archive of that name.
-fn archive(name: &str, folder: &str) -> BTreeMap<String, Vec<u8>> {
-    let written = packaged(folder);
-    let found = written.iter().find(|written| file_name(&written.path) == name).expect("the archive");
-    members(&fs::read(&found.path).expect("the archive"))
+fn bytes_of(name: &str) -> &'static [u8] {
+    ARCHIVES.iter().find(|(known, _)| known == name).map(|(_, bytes)| bytes.as_slice()).expect("the archive")
+}
+
+/// The text of a member.
+fn text(members: &BTreeMap<String, Vec<u8>>, name: &str) -> String {
+    String::from_utf8(members[name].clone()).unwrap_or_else(|_| panic!("{name} is UTF-8"))
 }
 
 /// Fails if a member holds the time.
 #[test]
 fn two_packagings_give_the_same_bytes() {
-    let (first, second) = (packaged("first"), packaged("second"));
-    let names: Vec<_> = first.iter().map(|written| file_name(&written.path)).collect();
+    let names: Vec<_> = ARCHIVES.iter().map(|(name, _)| name.clone()).collect();
     let of = |ending: &'static str| MODELS.iter().map(move |model| format!("{model}{ending}"));
-    let wanted: Vec<_> = of(".fmu").chain(of("_fmi3.fmu")).chain(systems()).collect();
-    assert_eq!(names, wanted);
-    for (one, other) in first.iter().zip(&second) {
-        let bytes = fs::read(&one.path).expect("an archive");
-        assert_eq!(bytes.len(), one.bytes);
-        assert!(bytes == fs::read(&other.path).expect("an archive"), "{} differs", one.path.display());
+    assert_eq!(names, of(".fmu").chain(of("_fmi3.fmu")).chain(systems()).collect::<Vec<_>>());
+    for ((name, one), (_, other)) in ARCHIVES.iter().zip(packaged("again")) {
+        assert!(*one == other, "{name} differs");
     }
 }
 
@@ -79,9 +94,8 @@ fn two_packagings_give_the_same_bytes() {
 /// Fails if a member holds the folder of the project.
 #[test]
 fn archives_hold_no_traces_of_their_making() {
-    for written in packaged("traces") {
-        let bytes = fs::read(&written.path).expect("an archive");
-        let mut archive = ZipArchive::new(Cursor::new(&bytes)).expect("a zip archive");
+    for (_, bytes) in ARCHIVES.iter() {
+        let mut archive = ZipArchive::new(Cursor::new(bytes)).expect("a zip archive");
         for index in 0..archive.len() {
             let member = archive.by_index(index).expect("a member");
             let name = member.name().expect("a name in UTF-8").into_owned();
@@ -93,11 +107,10 @@ fn archives_hold_no_traces_of_their_making() {
             assert_eq!(member.compression(), wanted, "{name}");
         }
         let home = env!("CARGO_MANIFEST_DIR");
-        for (name, content) in members(&bytes) {
-            if [".xml", ".html", ".ssd", ".ssv", ".txt"].iter().any(|ending| name.ends_with(ending)) {
-                let text = String::from_utf8(content).unwrap_or_else(|_| panic!("{name} is UTF-8"));
-                assert!(!text.contains(home), "{name} names {home}");
-            }
+        let members = members(bytes);
+        let texts = [".xml", ".html", ".ssd", ".ssv", ".txt"];
+        for name in members.keys().filter(|name| texts.iter().any(|ending| name.ends_with(ending))) {
+            assert!(!text(&members, name).contains(home), "{name} names {home}");
         }
     }
 }
@@ -111,14 +124,12 @@ fn an_fmu_holds_what_it_should_and_nothing_else() {
     let library =
         fmu_export::package::binaries_of(&package::built_library().expect("the library")).expect("the library");
     let library = library.places(Standard::Fmi2)[0].content.to_vec();
-    for (kind, written) in catalogue().iter().zip(packaged("members")) {
+    for (kind, bytes) in fmus() {
         let name = kind.info.name;
-        assert_eq!(file_name(&written.path), format!("{name}.fmu"));
-        let bytes = fs::read(&written.path).expect("an archive");
         // Streaming readers find it first.
-        let mut archive = ZipArchive::new(Cursor::new(&bytes)).expect("a zip archive");
+        let mut archive = ZipArchive::new(Cursor::new(bytes)).expect("a zip archive");
         assert_eq!(archive.by_index(0).expect("a member").name().expect("a name"), "modelDescription.xml");
-        let members = members(&bytes);
+        let members = members(bytes);
         let binary = format!("binaries/{platform}/{name}.{ending}");
         let wanted: HashSet<&str> = [
             "modelDescription.xml",
@@ -135,10 +146,7 @@ fn an_fmu_holds_what_it_should_and_nothing_else() {
 
         let reviewed = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("modelDescription/{name}.xml"));
         let reviewed = fs::read(reviewed).expect("the model description under review");
-        assert!(
-            members["modelDescription.xml"] == reviewed,
-            "{name}: `cargo run -- describe` renews the one under review"
-        );
+        assert!(members["modelDescription.xml"] == reviewed, "{name}: `cargo run -- describe` renews it");
         let identifier = format!("modelIdentifier=\"{name}\"");
         says(&String::from_utf8_lossy(&reviewed), &[&identifier]);
     }
@@ -148,8 +156,8 @@ fn an_fmu_holds_what_it_should_and_nothing_else() {
 #[test]
 fn pictures_are_square_and_large_enough() {
     const SIDE: u32 = 256;
-    for (kind, written) in catalogue().iter().zip(packaged("pictures")) {
-        let members = members(&fs::read(&written.path).expect("an archive"));
+    for (kind, bytes) in fmus() {
+        let members = members(bytes);
         let picture = &members["model.png"];
         // Signature, then length and name of the first chunk, then width and height (PNG, section 11.2.2).
         assert_eq!(picture[..8], *b"\x89PNG\r\n\x1a\n", "{}", kind.info.name);
@@ -163,9 +171,8 @@ fn pictures_are_square_and_large_enough() {
 /// Fails if the names of the sensors are left out.
 #[test]
 fn documentation_names_every_variable_and_loads_nothing() {
-    for (kind, written) in catalogue().iter().zip(packaged("documentation")) {
-        let members = members(&fs::read(&written.path).expect("an archive"));
-        let page = String::from_utf8(members["documentation/index.html"].clone()).expect("UTF-8");
+    for (kind, bytes) in fmus() {
+        let page = text(&members(bytes), "documentation/index.html");
         says(&page, &["<!DOCTYPE html>", kind.info.name]);
         for variable in kind.variables() {
             let array = variable.name.split('[').next().expect("a name");
@@ -180,12 +187,11 @@ fn documentation_names_every_variable_and_loads_nothing() {
 /// Fails if they are not.
 #[test]
 fn the_licences_are_there() {
-    let members = archive("MagneticBearing.fmu", "licences");
-    let text =
-        |name: &str| String::from_utf8(members[&format!("documentation/licenses/{name}")].clone()).expect("UTF-8");
-    says(&text("LICENSE-MIT.txt"), &["Permission is hereby granted"]);
-    says(&text("LICENSE-APACHE.txt"), &["Apache License", "Version 2.0"]);
-    says(&text("THIRD-PARTY.txt"), &["nalgebra", "libm", "serde"]);
+    let members = archive("MagneticBearing.fmu");
+    let license = |name: &str| text(&members, &format!("documentation/licenses/{name}"));
+    says(&license("LICENSE-MIT.txt"), &["Permission is hereby granted"]);
+    says(&license("LICENSE-APACHE.txt"), &["Apache License", "Version 2.0"]);
+    says(&license("THIRD-PARTY.txt"), &["nalgebra", "libm", "serde"]);
 }
 
 /// The names and namespaces that all tools accept.
@@ -203,62 +209,47 @@ fn named<'a>(root: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = Nod
 /// Fails if an FMU in the system has a byte more.
 #[test]
 fn the_systems_hold_the_fmus_as_they_are() {
-    let written = packaged("system");
-    let of = |system: &str, others: &[&str], fmus: &[&str]| {
-        let at = written.iter().position(|written| file_name(&written.path) == system).expect("a system");
-        let system = members(&fs::read(&written[at].path).expect("the system"));
+    for (system, others, fmus) in [
+        (
+            "MagneticBearing.ssp",
+            "PaperSimulation.ssd SystemStructure.ssd resources/paper-controller.ssv resources/paper-estimator.ssv \
+             resources/paper-plant.ssv resources/unbalanced-plant.ssv",
+            &MODELS[..3],
+        ),
+        (
+            "MagneticSpindle.ssp",
+            "SystemStructure.ssd resources/spindle-controller.ssv resources/spindle-estimator.ssv resources/spindle-plant.ssv",
+            &MODELS[3..6],
+        ),
+        (
+            "AxialBearing.ssp",
+            "SystemStructure.ssd resources/axial-controller.ssv resources/axial-plant.ssv",
+            &MODELS[12..],
+        ),
+    ] {
+        let system = archive(system);
         let inside = fmus.iter().map(|fmu| format!("resources/{fmu}.fmu"));
-        let mut wanted: Vec<_> = others.iter().map(|other| (*other).to_owned()).chain(inside).collect();
+        let mut wanted: Vec<_> = others.split(' ').map(String::from).chain(inside).collect();
         wanted.sort();
         assert_eq!(system.keys().cloned().collect::<Vec<_>>(), wanted);
-        for fmu in fmus {
-            let name = format!("{fmu}.fmu");
-            let alone = written.iter().find(|written| file_name(&written.path) == name).expect("an FMU");
-            assert!(system[&format!("resources/{name}")] == fs::read(&alone.path).expect("an FMU"), "{name}");
+        for fmu in fmus.iter().map(|fmu| format!("{fmu}.fmu")) {
+            assert!(system[&format!("resources/{fmu}")] == bytes_of(&fmu), "{fmu}");
         }
-    };
-    of(
-        "MagneticBearing.ssp",
-        &[
-            "PaperSimulation.ssd",
-            "SystemStructure.ssd",
-            "resources/paper-controller.ssv",
-            "resources/paper-estimator.ssv",
-            "resources/paper-plant.ssv",
-            "resources/unbalanced-plant.ssv",
-        ],
-        &MODELS[..3],
-    );
-    of(
-        "MagneticSpindle.ssp",
-        &[
-            "SystemStructure.ssd",
-            "resources/spindle-controller.ssv",
-            "resources/spindle-estimator.ssv",
-            "resources/spindle-plant.ssv",
-        ],
-        &MODELS[3..6],
-    );
-    of(
-        "AxialBearing.ssp",
-        &["SystemStructure.ssd", "resources/axial-controller.ssv", "resources/axial-plant.ssv"],
-        &MODELS[12..],
-    );
+    }
 }
 
 /// libcosim and ecos ignore enumerations. Fails if the default structure takes its parameters from the paper's scenario.
 #[test]
 fn the_default_system_is_the_same_without_its_enumerations() {
-    for system in systems().map(|name| archive(&name, "enumerations")) {
-        let text = String::from_utf8(system["SystemStructure.ssd"].clone()).expect("UTF-8");
-        let document = Document::parse(&text).expect("XML");
+    for system in systems().map(|name| archive(&name)) {
+        let structure = text(&system, "SystemStructure.ssd");
+        let document = Document::parse(&structure).expect("XML");
         for component in named(document.root_element(), "Component") {
             let model = component.attribute("source").and_then(|source| Path::new(source).file_stem()?.to_str());
             let kind = magnetic_bearing::fmu::find(model.expect("a file")).expect("a model");
             for binding in named(component, "ParameterBinding") {
-                let text = &system[binding.attribute("source").expect("a source")];
-                let text = String::from_utf8(text.clone()).expect("UTF-8");
-                let parameters = Document::parse(&text).expect("XML");
+                let set = text(&system, binding.attribute("source").expect("a source"));
+                let parameters = Document::parse(&set).expect("XML");
                 for parameter in named(parameters.root_element(), "Parameter") {
                     let name = parameter.attribute("name").expect("a name");
                     let variables = kind.variables();
@@ -270,35 +261,41 @@ fn the_default_system_is_the_same_without_its_enumerations() {
     }
 }
 
+/// How many settings of an element a parameter set has: an enumeration at its start value may be left out.
+fn said(part: &Element) -> usize {
+    let variables = part.model_type.variables();
+    let is_said = |setting: &&Setting| {
+        let variable = &variables[setting.index];
+        !matches!(variable.data_type, Type::Enumeration { .. }) || variable.start() != setting.value
+    };
+    part.settings.iter().filter(is_said).count()
+}
+
+/// All elements have one of these namespaces.
+fn are_of(root: Node<'_, '_>, file: &str, prefixes: &[&str]) {
+    for node in root.descendants().filter(Node::is_element) {
+        let prefix = node.tag_name().namespace().and_then(|space| node.lookup_prefix(space));
+        assert!(prefix.is_some_and(|prefix| prefixes.contains(&prefix)), "{file}: {:?}: {prefix:?}", node.tag_name());
+    }
+}
+
 /// Fails if a connection ends at `i[9]`.
 #[test]
 fn systems_connect_what_exists_and_name_what_is_there() {
-    let [bearing, spindle, planar4, spindle4, axial] =
-        MACHINES.map(|machine| archive(&format!("{}.ssp", machine.models[0].0), "structure"));
+    let paper = ("MagneticBearing.ssp".to_owned(), "PaperSimulation.ssd", "paper");
+    let sets = MACHINES.iter().map(|machine| if machine.name == "planar" { "unbalanced" } else { machine.name });
     let mut names = HashSet::new();
-    for (system, file, set) in [
-        (&bearing, "SystemStructure.ssd", "unbalanced"),
-        (&bearing, "PaperSimulation.ssd", "paper"),
-        (&spindle, "SystemStructure.ssd", "spindle"),
-        (&planar4, "SystemStructure.ssd", "planar4"),
-        (&spindle4, "SystemStructure.ssd", "spindle4"),
-        (&axial, "SystemStructure.ssd", "axial"),
-    ] {
-        let text = String::from_utf8(system[file].clone()).expect("UTF-8");
+    for (system, file, set) in systems().zip(sets).map(|(name, set)| (name, "SystemStructure.ssd", set)).chain([paper])
+    {
+        let system = archive(&system);
+        let text = text(&system, file);
         let document = Document::parse(&text).unwrap_or_else(|error| panic!("{file}: {error}"));
         let root = document.root_element();
         for (prefix, space) in SPACES {
             assert_eq!(root.lookup_namespace_uri(Some(prefix)), Some(space), "{file}");
         }
         says(&text, &["<ssd:SystemStructureDescription ", "version=\"1.0\""]);
-        for node in root.descendants().filter(Node::is_element) {
-            let prefix = node.tag_name().namespace().and_then(|space| node.lookup_prefix(space));
-            assert!(
-                matches!(prefix, Some("ssd" | "ssc" | "osp" | "oms")),
-                "{file}: {:?} has the prefix {prefix:?}",
-                node.tag_name()
-            );
-        }
+        are_of(root, file, &["ssd", "ssc", "osp", "oms"]);
         // OMSimulator opens all structures of an archive, finds its step at the end of the system, and wants names that differ.
         assert!(names.insert(root.attribute("name").expect("a name").to_owned()), "{file}: its name is another's");
         let last = named(root, "System").next().and_then(|node| node.last_element_child()).expect("a last element");
@@ -318,13 +315,8 @@ fn systems_connect_what_exists_and_name_what_is_there() {
             let bound: Vec<_> =
                 named(component, "ParameterBinding").filter_map(|node| node.attribute("source")).collect();
             let part = scenario.elements.iter().find(|part| part.name == element).expect("an element");
-            // An enumeration at its start value may be left out.
-            let variables = part.model_type.variables();
-            let is_said = part.settings.iter().any(|setting| {
-                let variable = &variables[setting.index];
-                !matches!(variable.data_type, Type::Enumeration { .. }) || variable.start() != setting.value
-            });
-            let wanted: Vec<_> = is_said.then(|| format!("resources/{set}-{element}.ssv")).into_iter().collect();
+            let wanted: Vec<_> =
+                (said(part) > 0).then(|| format!("resources/{set}-{element}.ssv")).into_iter().collect();
             assert_eq!(bound, wanted, "{file}: {element}");
         }
 
@@ -389,32 +381,21 @@ fn systems_connect_what_exists_and_name_what_is_there() {
 /// Fails if a value of a parameter set is another.
 #[test]
 fn parameter_sets_give_what_the_scenarios_say() {
-    let system = archive("MagneticBearing.ssp", "parameters");
+    let system = archive("MagneticBearing.ssp");
     for name in ["paper", "unbalanced"] {
         let scenario = Scenario::open(Path::new(name)).expect("a scenario of the program");
         for part in &scenario.elements[..3] {
-            // An enumeration at its start value may be left out.
-            let variables = part.model_type.variables();
-            let said = part.settings.iter().filter(|setting| {
-                let variable = &variables[setting.index];
-                !matches!(variable.data_type, Type::Enumeration { .. }) || variable.start() != setting.value
-            });
-            let said = said.count();
+            let said = said(part);
             let file = format!("resources/{name}-{}.ssv", part.name);
             assert_eq!(system.contains_key(&file), said > 0, "{file}");
-            let Some(text) = system.get(&file) else { continue };
-            let text = String::from_utf8(text.clone()).expect("UTF-8");
+            if said == 0 {
+                continue;
+            }
+            let text = text(&system, &file);
             let document = Document::parse(&text).unwrap_or_else(|error| panic!("{file}: {error}"));
             let root = document.root_element();
             says(&text, &["<ssv:ParameterSet ", "version=\"1.0\""]);
-            for node in root.descendants().filter(Node::is_element) {
-                let prefix = node.tag_name().namespace().and_then(|space| node.lookup_prefix(space));
-                assert!(
-                    matches!(prefix, Some("ssv" | "ssc")),
-                    "{file}: {:?} has the prefix {prefix:?}",
-                    node.tag_name()
-                );
-            }
+            are_of(root, &file, &["ssv", "ssc"]);
             let units: HashSet<_> = named(root, "Unit").filter_map(|unit| unit.attribute("name")).collect();
             let mut seen = HashSet::new();
             for parameter in named(root, "Parameter") {

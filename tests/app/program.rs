@@ -1,8 +1,12 @@
-//! The built program, and the folders in which tests run it.
+//! The built program and the folders in which tests run it, its scenarios and their runs.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+
+use crate::support::says;
+use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::simulation::simulate::{self, Run};
 
 /// An empty folder for a test; tests run at the same time, so that each has its own name.
 pub fn folder(name: &str) -> PathBuf {
@@ -10,6 +14,13 @@ pub fn folder(name: &str) -> PathBuf {
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).expect("a folder");
     folder
+}
+
+/// A file for a test, which does not exist yet.
+pub fn fresh(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_file(&path);
+    path
 }
 
 /// The program with arguments, in a folder.
@@ -28,4 +39,69 @@ pub fn run(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
 pub fn said(output: &Output) -> (i32, String, String) {
     let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).expect("UTF-8");
     (output.status.code().expect("an exit code"), text(&output.stdout), text(&output.stderr))
+}
+
+/// Runs the program, which has to end with this code; standard output and standard error.
+#[track_caller]
+pub fn ends(code: i32, folder: &Path, arguments: &[&str]) -> (String, String) {
+    let (found, out, err) = run(folder, arguments);
+    assert_eq!(found, code, "{arguments:?}: {err}");
+    (out, err)
+}
+
+/// Runs the program, which has to refuse the arguments with these words and nothing else on the standard output.
+#[track_caller]
+pub fn refuses(folder: &Path, arguments: &[&str], words: &[&str]) {
+    let (out, err) = ends(2, folder, arguments);
+    assert_eq!(out, "", "{arguments:?}");
+    says(&err, words);
+}
+
+/// A scenario that comes with the program, with these changes.
+pub fn open(name: &str, changes: &[(&str, &str)]) -> Scenario {
+    let changes: Vec<_> = changes.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+    Scenario::open_with(Path::new(name), &changes).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The run of a scenario to its end.
+pub fn ran(scenario: &Scenario) -> Run {
+    let run = simulate::run(scenario).expect("sound parameters");
+    assert_eq!(run.error, None, "{}", scenario.title);
+    run
+}
+
+/// A scenario that comes with the program, with these changes, and its run to the end.
+pub fn of(name: &str, changes: &[(&str, &str)]) -> (Scenario, Run) {
+    let scenario = open(name, changes);
+    let run = ran(&scenario);
+    (scenario, run)
+}
+
+/// A signal of a run.
+pub fn column<'r>(run: &'r Run, name: &str) -> &'r [f64] {
+    run.recording.get(name).unwrap_or_else(|| panic!("there is no {name}"))
+}
+
+/// The row of an instant in s.
+pub fn row(run: &Run, at_s: f64) -> usize {
+    run.recording.time_s.iter().position(|time_s| *time_s >= at_s - 1e-9).expect("the run got there")
+}
+
+/// Relative errors of λ̂ of an element at an instant in s, of a rotor between three magnets.
+pub fn lambda_errors(scenario: &Scenario, run: &Run, element: &str, at_s: f64) -> [f64; 3] {
+    [1, 2, 3].map(|k| {
+        let truth = scenario.value("plant", &format!("lambda[{k}]")).expect("a parameter").as_f64();
+        column(run, &format!("{element}.lambdaHat[{k}]"))[row(run, at_s)] / truth - 1.0
+    })
+}
+
+/// Largest radial tracking error in a bearing over an interval, in m.
+pub fn error_m(run: &Run, bearing: &str, from_s: f64, to_s: f64) -> f64 {
+    let miss = |axis: &str| {
+        let ought = column(run, &format!("controller.{bearing}reference.{axis}"));
+        column(run, &format!("plant.{bearing}{axis}")).iter().zip(ought).map(|(is, ought)| is - ought)
+    };
+    let misses = miss("Y").zip(miss("Z")).zip(&run.recording.time_s);
+    let within = misses.filter(|(_, time_s)| (from_s..=to_s).contains(*time_s));
+    within.map(|((y, z), _)| y.hypot(z)).fold(0.0, f64::max)
 }

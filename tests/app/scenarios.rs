@@ -2,38 +2,17 @@
 
 use std::path::Path;
 
+use crate::program::{column, error_m, lambda_errors, of, open, ran, row};
+use crate::support::below;
 use fmu_export::variable::Value;
 use magnetic_bearing::report::experiment;
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
-use magnetic_bearing::simulation::simulate::{Run, run};
-
-fn of(name: &str) -> (Scenario, Run) {
-    let scenario = Scenario::open(Path::new(name)).expect("a sound scenario");
-    let run = run(&scenario).expect("a run");
-    assert_eq!(run.error, None, "{name}");
-    (scenario, run)
-}
+use magnetic_bearing::simulation::simulate::Run;
 
 /// The built-in scenarios of a planar bearing.
 fn of_bearings() -> impl Iterator<Item = &'static str> {
     let names = BUILT_IN.into_iter().map(|(name, _)| name);
-    names.filter(|name| Scenario::open(Path::new(name)).expect("a sound scenario").machine.name == "planar")
-}
-
-fn column<'r>(run: &'r Run, name: &str) -> &'r [f64] {
-    run.recording.get(name).unwrap_or_else(|| panic!("no column {name}"))
-}
-
-/// Largest radial tracking error over an interval, in m.
-fn error_m(run: &Run, from_s: f64, to_s: f64) -> f64 {
-    let error = |k: usize| {
-        let miss = |axis: &str| {
-            column(run, &format!("plant.{axis}"))[k] - column(run, &format!("controller.reference.{axis}"))[k]
-        };
-        miss("Y").hypot(miss("Z"))
-    };
-    let within = run.recording.time_s.iter().enumerate().filter(|(_, time)| (from_s..=to_s).contains(*time));
-    within.map(|(k, _)| error(k)).fold(0.0, f64::max)
+    names.filter(|name| open(name, &[]).machine.name == "planar")
 }
 
 fn largest(run: &Run, name: &str, from_s: f64, to_s: f64) -> f64 {
@@ -41,24 +20,10 @@ fn largest(run: &Run, name: &str, from_s: f64, to_s: f64) -> f64 {
     pairs.filter(|(time, _)| (from_s..=to_s).contains(*time)).map(|(_, value)| value.abs()).fold(0.0, f64::max)
 }
 
-/// Relative errors of λ̂ at an instant.
-fn lambda_errors(scenario: &Scenario, run: &Run, at_s: f64) -> [f64; 3] {
-    let row = run.recording.time_s.iter().position(|time| *time >= at_s - 1e-9).expect("reached");
-    std::array::from_fn(|k| {
-        let truth = scenario.value("plant", &format!("lambda[{}]", k + 1)).expect("a parameter").as_f64();
-        column(run, &format!("estimator.lambdaHat[{}]", k + 1))[row] / truth - 1.0
-    })
-}
-
-fn below(what: &str, value: f64, limit: f64) {
-    println!("{what}: {value:.4e} (limit {limit:e})");
-    assert!(value <= limit, "{what}: {value:e} is above the limit {limit:e}");
-}
-
 #[test]
 fn every_scenario_runs_to_its_end_and_has_its_page() {
     for name in of_bearings() {
-        let (scenario, run) = of(name);
+        let (scenario, run) = of(name, &[]);
         let page = experiment::page(Path::new(name), "", &scenario, &run);
         for what in
             [scenario.title.as_str(), "Figures of the bearing", "largest displacement / clearance", "The clearance"]
@@ -75,12 +40,12 @@ fn every_scenario_runs_to_its_end_and_has_its_page() {
 /// Ten seeds of the sensor noise, none of them selected.
 #[test]
 fn the_experiment_finds_the_constants_through_amplifiers_and_noise() {
-    let (mut scenario, _) = of("experiment");
+    let (mut scenario, _) = of("experiment", &[]);
     scenario.elements.truncate(3);
     for seed in 1..=10 {
         scenario.set("plant", "sensor.seed", Value::Integer(seed));
-        let run = run(&scenario).expect("a run");
-        for (k, error) in lambda_errors(&scenario, &run, 0.19).into_iter().enumerate() {
+        let run = ran(&scenario);
+        for (k, error) in lambda_errors(&scenario, &run, "estimator", 0.19).into_iter().enumerate() {
             below(&format!("seed {seed}: relative error of λ{} at 0.19 s", k + 1), error.abs(), 0.01);
         }
         for axis in ["Y", "Z"] {
@@ -103,7 +68,7 @@ fn the_experiment_finds_the_constants_through_amplifiers_and_noise() {
 /// currents gives the state of the coils again, so that nothing winds up.
 #[test]
 fn amplifiers_at_their_limit_leave_nothing_behind() {
-    let (mut scenario, free) = of("experiment");
+    let (mut scenario, free) = of("experiment", &[]);
     scenario.elements.truncate(3);
     // A load step needs more than the amplifiers can give.
     let text = "title = \"x\"\nduration = \"1 s\"\nstep = \"100 µs\"\n[[profile]]\nof = [\"plant.pZ\"]\n\
@@ -112,11 +77,10 @@ fn amplifiers_at_their_limit_leave_nothing_behind() {
     for element in ["plant", "controller"] {
         scenario.set(element, "coil.uMax", Value::Real(60.0));
     }
-    let run = run(&scenario).expect("a run");
-    assert_eq!(run.error, None);
+    let run = ran(&scenario);
     assert_eq!(largest(&run, "controller.limited", 0.25, 0.27), 1.0, "the limit is reached");
-    assert!(error_m(&run, 0.25, 0.27) > 5.0 * error_m(&free, 0.25, 0.27), "and has an effect");
-    below("error 40 ms later, m", error_m(&run, 0.31, 0.4), 1.2e-6);
+    assert!(error_m(&run, "", 0.25, 0.27) > 5.0 * error_m(&free, "", 0.25, 0.27), "and has an effect");
+    below("error 40 ms later, m", error_m(&run, "", 0.31, 0.4), 1.2e-6);
 }
 
 /// How often each voltage goes from one limit to the other between two samples, at most in 10 ms.
@@ -127,15 +91,7 @@ fn chatter(scenario: &Scenario, run: &Run) -> [usize; 3] {
     let samples = (10e-3 / scenario.step_s).round() as usize;
     std::array::from_fn(|k| {
         let voltage = column(run, &format!("controller.u[{}]", k + 1));
-        let side = |u: f64| {
-            if u >= limit_v {
-                1
-            } else if u <= -limit_v {
-                -1
-            } else {
-                0
-            }
-        };
+        let side = |u: f64| i32::from(u >= limit_v) - i32::from(u <= -limit_v);
         let turns: Vec<_> = voltage.windows(2).map(|two| usize::from(side(two[0]) * side(two[1]) < 0)).collect();
         turns.windows(samples).map(|within| within.iter().sum()).max().unwrap_or(0)
     })
@@ -146,14 +102,14 @@ fn chatter(scenario: &Scenario, run: &Run) -> [usize; 3] {
 #[test]
 fn no_amplifier_chatters() {
     for name in of_bearings() {
-        let (scenario, run) = of(name);
+        let (scenario, run) = of(name, &[]);
         for (k, turns) in chatter(&scenario, &run).into_iter().enumerate() {
             // One occurs at the update or when a lift ends.
             assert!(turns <= 1, "{name}: u[{}] goes from limit to limit {turns} times in 10 ms", k + 1);
         }
     }
     // With constants that are known, coils follow: 30 ms after the update no magnet pulls with less than four fifths of F0.
-    let (_, run) = of("run-up");
+    let (_, run) = of("run-up", &[]);
     let update = column(&run, "estimator.valid").iter().position(|valid| *valid == 1.0).expect("a valid estimate");
     for k in 1..=3 {
         let force = &column(&run, &format!("plant.F[{k}]"))[update + 300..];
@@ -165,15 +121,14 @@ fn no_amplifier_chatters() {
 /// Both drives. The load acts before the first current, and is compensated within 20 ms.
 #[test]
 fn at_standstill_the_modulation_moves_the_currents_and_not_the_rotor() {
-    let (scenario, _) = of("standstill");
+    let (scenario, _) = of("standstill", &[]);
     for drive in [1, 2] {
         let mut scenario = scenario.clone();
         for element in ["plant", "controller"] {
             scenario.set(element, "drive", Value::Integer(drive));
         }
-        let run = run(&scenario).expect("a run");
-        assert_eq!(run.error, None);
-        let radius = |from, to| error_m(&run, from, to);
+        let run = ran(&scenario);
+        let radius = |from, to| error_m(&run, "", from, to);
         below(&format!("drive {drive}: radius while the load is compensated, m"), radius(0.0, 0.02), 10e-6);
         below(&format!("drive {drive}: radius, m"), radius(0.02, 0.6), 1e-6);
         for k in 1..=3 {
@@ -190,8 +145,8 @@ fn at_standstill_the_modulation_moves_the_currents_and_not_the_rotor() {
 fn circle_and_hole_are_cut_within_half_a_micrometre() {
     // The circle has no update, and steady state after 50 ms; the estimate of the hole becomes valid at about 0.39 s.
     for (name, from_s) in [("circle", 0.05), ("hole", 0.45)] {
-        let (_, run) = of(name);
-        below(&format!("{name}: radial error, m"), error_m(&run, from_s, 0.6), 0.5e-6);
+        let (_, run) = of(name, &[]);
+        below(&format!("{name}: radial error, m"), error_m(&run, "", from_s, 0.6), 0.5e-6);
     }
 }
 
@@ -199,7 +154,7 @@ fn circle_and_hole_are_cut_within_half_a_micrometre() {
 /// then right. Fails with a method that knows of no unbalance: it is sure of constants 23 % too small.
 #[test]
 fn on_a_circle_beside_an_unbalance_a_valid_estimate_is_right() {
-    let (scenario, run) = of("circle");
+    let (scenario, run) = of("circle", &[]);
     let valid = column(&run, "estimator.valid");
     for k in 1..=3 {
         let truth = scenario.value("plant", &format!("lambda[{k}]")).expect("a parameter").as_f64();
@@ -214,16 +169,16 @@ fn on_a_circle_beside_an_unbalance_a_valid_estimate_is_right() {
 
 #[test]
 fn lift_off_takes_the_rotor_from_the_ring_to_its_reference() {
-    let (_, run) = of("lift-off");
+    let (_, run) = of("lift-off", &[]);
     assert_eq!(column(&run, "plant.touchdown.contact")[0], 1.0, "it begins on the ring");
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.01, 1.0), 0.0, "the ring is left within 10 ms, for good");
-    below("deviation from the reference while lifted, m", error_m(&run, 0.01, 0.06), 5e-6);
-    below("tracking error after the update, m", error_m(&run, 0.25, 0.4), 0.5e-6);
+    below("deviation from the reference while lifted, m", error_m(&run, "", 0.01, 0.06), 5e-6);
+    below("tracking error after the update, m", error_m(&run, "", 0.25, 0.4), 0.5e-6);
 }
 
 #[test]
 fn a_lost_coil_lets_the_rotor_fall_onto_the_ring_and_a_found_one_lifts_it() {
-    let (_, run) = of("coil-loss");
+    let (_, run) = of("coil-loss", &[]);
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.0, 0.2), 0.0);
     below("current of the open coil, A: noise alone", largest(&run, "plant.im[3]", 0.2005, 0.2995), 0.03);
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.2, 0.3), 1.0, "it falls");
@@ -231,24 +186,24 @@ fn a_lost_coil_lets_the_rotor_fall_onto_the_ring_and_a_found_one_lifts_it() {
         column(&run, "plant.Y").iter().zip(column(&run, "plant.Z")).map(|(y, z)| y.hypot(*z)).fold(0.0, f64::max);
     below("largest distance from the centre, m", radius, 3.5e-4);
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.32, 0.5), 0.0, "it is lifted again");
-    below("tracking error at the end, m", error_m(&run, 0.45, 0.5), 0.5e-6);
+    below("tracking error at the end, m", error_m(&run, "", 0.45, 0.5), 0.5e-6);
 }
 
 #[test]
 fn the_run_up_drives_plant_and_path_together() {
-    let (scenario, run) = of("run-up");
+    let (scenario, run) = of("run-up", &[]);
     let omega = column(&run, "plant.omegam");
     let rpm = |omega: f64| omega * 30.0 / std::f64::consts::PI;
     below("speed at the start, rpm", (rpm(omega[1]) - 1500.0).abs(), 1e-6);
     below("speed at the end, rpm", (rpm(omega[omega.len() - 1]) - 6000.0).abs(), 1e-6);
-    let half = run.recording.time_s.iter().position(|time| *time >= 0.5 - 1e-9).expect("reached");
+    let half = row(&run, 0.5);
     // The speed of the step before, one step of 5.6 rpm.
     below("speed half way, rpm", (rpm(omega[half]) - 3750.0).abs(), 6.0);
     // With noise of 0.1 µm the window of the estimator is shortest where the speed is low.
-    for error in lambda_errors(&scenario, &run, 0.9) {
+    for error in lambda_errors(&scenario, &run, "estimator", 0.9) {
         below("relative error of λ̂ at 0.9 s", error.abs(), 0.02);
     }
-    below("radial error at 3000 rpm and below, m", error_m(&run, 0.1, 0.35), 1.5e-6);
+    below("radial error at 3000 rpm and below, m", error_m(&run, "", 0.1, 0.35), 1.5e-6);
 }
 
 #[test]

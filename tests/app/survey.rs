@@ -240,10 +240,9 @@ fn drawn_bearings(told: bool, limits: &Limits, set: impl Fn(&mut Scenario) + Sen
     let mut study = montecarlo::drawn(&title, told, asked("SURVEY", 100) as usize);
     study.first_seed = SEEDS * asked("SURVEY_SEED", FRESH);
     let vary = study.vary.clone();
-    let changed: Vary = Arc::new(move |scenario: &Scenario, seed, attempt| {
-        let mut scenario = vary(scenario, seed, attempt);
-        set(&mut scenario);
-        scenario
+    let changed: Vary = Arc::new(move |scenario: &mut Scenario, seed, attempt| {
+        vary(scenario, seed, attempt);
+        set(scenario);
     });
     study.vary = changed;
     let outcome = study.run().expect("good scenarios");

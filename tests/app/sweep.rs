@@ -3,17 +3,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::program::fresh;
 use magnetic_bearing::studies::sweep::{Outcome, Sweep};
 
 fn design(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/designs").join(name)
-}
-
-/// A file for this test.
-fn fresh(name: &str) -> PathBuf {
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = fs::remove_file(&path);
-    path
 }
 
 fn cell<'r>(rows: &'r [csv::StringRecord], header: &csv::StringRecord, row: usize, column: &str) -> &'r str {

@@ -9,11 +9,6 @@ use core::mem::{align_of, offset_of, size_of};
 use fmu_export::fmi2::bindings::*;
 use sha2::{Digest, Sha256};
 
-const HEADER: &[u8] = include_bytes!("../../fmu-export/src/fmi2/fmi2.h");
-const BINDINGS: &str = include_str!("../../fmu-export/src/fmi2/bindings.rs");
-
-const DIGEST_LABEL: &str = "// SHA-256 of the header: ";
-
 /// Checks while compiling that each alias has the signature given, and collects the names.
 macro_rules! signatures {
     ($($alias:ident = fn($($argument:ty),*) $(-> $result:ty)?;)*) => {
@@ -21,6 +16,25 @@ macro_rules! signatures {
         const ALIASES: &[&str] = &[$(stringify!($alias)),*];
     };
 }
+pub(crate) use signatures;
+
+/// Fails if a header was changed without running `scripts/bindings`, if a function has no type, and if one is declared beside our own definition.
+pub fn are_made_from(header: &[u8], bindings: &str, aliases: &[&str], functions: usize) {
+    let recorded = bindings.lines().find_map(|line| line.strip_prefix("// SHA-256 of the header: "));
+    let digest: String = Sha256::digest(header).iter().map(|byte| format!("{byte:02x}")).collect();
+    assert_eq!(recorded, Some(&*digest), "the header was changed without running scripts/bindings");
+    let types = bindings.lines().filter_map(|line| line.strip_prefix("pub type ")?.split_whitespace().next());
+    let mut found: Vec<&str> = types.filter(|name| name.ends_with("TYPE")).collect();
+    let mut expected = aliases.to_vec();
+    found.sort_unstable();
+    expected.sort_unstable();
+    assert_eq!(found, expected);
+    assert_eq!(found.len(), functions);
+    assert!(!bindings.contains("extern \"C\" {"), "the library defines these functions itself");
+}
+
+const HEADER: &[u8] = include_bytes!("../../fmu-export/src/fmi2/fmi2.h");
+const BINDINGS: &str = include_str!("../../fmu-export/src/fmi2/bindings.rs");
 
 signatures! {
     fmi2GetTypesPlatformTYPE = fn() -> *const c_char;
@@ -69,28 +83,7 @@ const _: fmi2StepFinished = None::<unsafe extern "C" fn(*mut c_void, fmi2Status)
 
 #[test]
 fn the_bindings_were_made_from_this_header() {
-    let recorded = BINDINGS.lines().find_map(|line| line.strip_prefix(DIGEST_LABEL)).expect("no digest in bindings.rs");
-    let digest: String = Sha256::digest(HEADER).iter().map(|byte| format!("{byte:02x}")).collect();
-    assert_eq!(recorded, digest, "fmi2.h was changed without running scripts/bindings");
-}
-
-#[test]
-fn every_function_of_co_simulation_has_its_type_and_no_other_has() {
-    let mut found: Vec<&str> = BINDINGS
-        .lines()
-        .filter_map(|line| line.strip_prefix("pub type ")?.split_whitespace().next())
-        .filter(|name| name.ends_with("TYPE"))
-        .collect();
-    let mut expected = ALIASES.to_vec();
-    found.sort_unstable();
-    expected.sort_unstable();
-    assert_eq!(found, expected);
-    assert_eq!(found.len(), 34);
-}
-
-#[test]
-fn no_function_is_declared_beside_our_own_definition() {
-    assert!(!BINDINGS.contains("extern \"C\" {"), "the library defines these functions itself");
+    are_made_from(HEADER, BINDINGS, ALIASES, 34);
 }
 
 #[test]

@@ -35,46 +35,42 @@ const SPINDLE_RUNNING: [(&str, f64); 14] = [
     ("unbalance[2].phase", -1.9),
     ("beta0", 1e-4),
 ];
-const UNKNOWNS: [&str; 16] = [
-    "F[1]",
-    "F[2]",
-    "F[3]",
-    "FY",
-    "FZ",
-    "gap[1]",
-    "gap[2]",
-    "gap[3]",
-    "perturbation.Y",
-    "perturbation.Z",
-    "aY",
-    "aZ",
-    "Y",
-    "rotor.omega",
-    "coil.uInduced[1]",
-    "coil.uInduced[3]",
-];
+const UNKNOWNS: &str = "F[1] F[2] F[3] FY FZ gap[1] gap[2] gap[3] perturbation.Y perturbation.Z aY aZ Y rotor.omega \
+                        coil.uInduced[1] coil.uInduced[3]";
+const SPINDLE_UNKNOWNS: &str = "A.F[2] A.FY B.FZ X.FX B.gap[1] A.Y B.Z B.Ym Xm betaAcceleration aZ perturbation.MZ";
+
+/// The names in a list with blanks between them.
+fn words(names: &'static str) -> Vec<&'static str> {
+    names.split_whitespace().collect()
+}
 
 fn references(fmu: &Fmu, names: &[&str]) -> Vec<fmi2ValueReference> {
     names.iter().map(|name| fmu.reference(name)).collect()
 }
 
-/// The derivative of all unknowns with respect to one known.
-fn column(fmu: &Fmu, known: &str) -> Vec<f64> {
-    let found = fmu.directional_derivative(&references(fmu, &UNKNOWNS), &[fmu.reference(known)], &[1.0]);
+/// The derivative of unknowns with respect to one known.
+fn column(fmu: &Fmu, unknowns: &[&str], known: &str) -> Vec<f64> {
+    let found = fmu.directional_derivative(&references(fmu, unknowns), &[fmu.reference(known)], &[1.0]);
     found.unwrap_or_else(|_| panic!("{known}: {:?}", fmu.take_messages()))
 }
 
-fn read(fmu: &Fmu) -> Vec<f64> {
-    UNKNOWNS.iter().map(|name| fmu.get(name)).collect()
-}
-
-/// `(f(x + h) − f(x − h)) / 2h` against the exact derivative, in parts of the largest of a kind: h² and rounding.
+/// Derivatives against `(f(x + h) − f(x − h)) / 2h`, which setting the knowns shows, in parts of the largest of a kind: h² and rounding.
 #[track_caller]
-fn agree(what: &str, exact: &[f64], low: &[f64], high: &[f64], h: f64) {
-    for (at, name) in UNKNOWNS.iter().enumerate() {
-        let quotient = (high[at] - low[at]) / (2.0 * h);
-        let scale = (low[at].abs().max(high[at].abs()) / h * 1e-9).max(1e-4 * quotient.abs()).max(1e-9);
-        assert!((exact[at] - quotient).abs() <= scale, "d {name}/d {what}: {:e} against {quotient:e}", exact[at]);
+fn agree(fmu: &Fmu, unknowns: &[&str], knowns: &[&str], h: impl Fn(f64) -> f64) {
+    for known in knowns {
+        let exact = column(fmu, unknowns, known);
+        let value = fmu.get(known);
+        let h = h(value);
+        let [low, high] = [value - h, value + h].map(|value| {
+            fmu.set(known, value).ok(fmu);
+            unknowns.iter().map(|name| fmu.get(name)).collect::<Vec<_>>()
+        });
+        fmu.set(known, value).ok(fmu);
+        for (at, name) in unknowns.iter().enumerate() {
+            let quotient = (high[at] - low[at]) / (2.0 * h);
+            let scale = (low[at].abs().max(high[at].abs()) / h * 1e-9).max(1e-4 * quotient.abs()).max(1e-9);
+            assert!((exact[at] - quotient).abs() <= scale, "d {name}/d {known}: {:e} against {quotient:e}", exact[at]);
+        }
     }
 }
 
@@ -92,41 +88,31 @@ fn derivatives_by_inputs_are_those_that_setting_them_shows() {
         for step in 0..20 {
             fmu.step(f64::from(step) * 1e-4, 1e-4).ok(&fmu);
         }
-        for known in ["i[1]", "i[2]", "i[3]", "u[1]", "u[3]", "pY", "pZ", "omega"] {
-            let exact = column(&fmu, known);
-            let value = fmu.get(known);
-            let h = 1e-4 * value.abs().max(1.0);
-            let [low, high] = [value - h, value + h].map(|value| {
-                fmu.set(known, value).ok(&fmu);
-                read(&fmu)
-            });
-            fmu.set(known, value).ok(&fmu);
-            agree(known, &exact, &low, &high, h);
-        }
+        let knowns = ["i[1]", "i[2]", "i[3]", "u[1]", "u[3]", "pY", "pZ", "omega"];
+        agree(&fmu, &words(UNKNOWNS), &knowns, |value| 1e-4 * value.abs().max(1.0));
     }
 }
 
-/// In initialization all Real parameters are known. Fails if `Y0` does not move the position on which the forces depend.
+/// In initialization all Real parameters are known; of a spindle first samples and forces at the bearings follow them too.
+/// Fails if `Y0` does not move the position on which the forces depend, and if the displacement at a bearing does not follow the tilt.
 #[test]
 fn derivatives_by_parameters_are_those_that_setting_them_shows() {
+    const PLANAR_KNOWNS: &str = "m s Y0 Z0 theta0 coil.R alpha[2] lambda[3] unbalance.phase gravity.Z";
+    const SPINDLE_KNOWNS: &str = "Y0 beta0 gamma0 vX0 betaRate0 gammaRate0 X0 theta0 Jt Jp A.position B.position \
+        B.sensorPosition B.sensor.offsetY B.sensor.gainErrorY sensor.positionNoise unbalance[2].position A.alpha[2] \
+        A.lambda[2] X.s A.i[2] B.u[2] MY pZ omega";
     for drive in drives() {
-        let fmu = Fmu::new(PLANT);
-        for (name, value) in RUNNING.iter().chain(&[("drive", drive), ("coil.fluxSaturation", 0.01)]) {
-            fmu.set(name, *value).ok(&fmu);
-        }
-        fmu.enter_initialization().ok(&fmu);
-        let smooth =
-            ["m", "s", "Y0", "Z0", "theta0", "coil.R", "alpha[2]", "lambda[3]", "unbalance.phase", "gravity.Z"];
-        for known in smooth {
-            let exact = column(&fmu, known);
-            let value = fmu.get(known);
-            let h = 1e-5 * if value == 0.0 { 1e-4 } else { value.abs() };
-            let [low, high] = [value - h, value + h].map(|value| {
-                fmu.set(known, value).ok(&fmu);
-                read(&fmu)
-            });
-            fmu.set(known, value).ok(&fmu);
-            agree(known, &exact, &low, &high, h);
+        for (model, settings, more, unknowns, knowns) in [
+            (PLANT, &RUNNING[..], ("coil.fluxSaturation", 0.01), UNKNOWNS, PLANAR_KNOWNS),
+            (SPINDLE, &SPINDLE_RUNNING, ("sensor.positionNoise", 1e-7), SPINDLE_UNKNOWNS, SPINDLE_KNOWNS),
+        ] {
+            let fmu = Fmu::new(model);
+            for (name, value) in settings.iter().chain(&[("drive", drive), more]) {
+                fmu.set(name, *value).ok(&fmu);
+            }
+            fmu.enter_initialization().ok(&fmu);
+            let h = |value: f64| 1e-5 * if value == 0.0 { 1e-4 } else { value.abs() };
+            agree(&fmu, &words(unknowns), &words(knowns), h);
         }
     }
 }
@@ -184,12 +170,13 @@ fn dependencies_name_variables() {
 fn directional_derivatives_are_linear_and_refuse_what_is_not_known() {
     let fmu = Fmu::started(PLANT, &RUNNING);
     let knowns = references(&fmu, &["i[1]", "Y", "omega"]);
-    let unknowns = references(&fmu, &UNKNOWNS);
+    let names = words(UNKNOWNS);
+    let unknowns = references(&fmu, &names);
     let all = fmu.directional_derivative(&unknowns, &knowns, &[0.5, 1e-5, -2.0]).expect("a derivative");
-    let single = ["i[1]", "Y", "omega"].map(|known| column(&fmu, known));
+    let single = ["i[1]", "Y", "omega"].map(|known| column(&fmu, &names, known));
     for at in 0..all.len() {
         let sum = 0.5 * single[0][at] + 1e-5 * single[1][at] - 2.0 * single[2][at];
-        assert!((all[at] - sum).abs() <= 1e-12 * sum.abs().max(1e-9), "{}", UNKNOWNS[at]);
+        assert!((all[at] - sum).abs() <= 1e-12 * sum.abs().max(1e-9), "{}", names[at]);
     }
     let twice = references(&fmu, &["i[1]", "i[1]"]);
     let halves = fmu.directional_derivative(&unknowns, &twice, &[0.25, 0.75]).expect("a derivative");
@@ -378,79 +365,5 @@ fn output_derivatives_are_those_of_the_motion() {
         assert_eq!(fmu.output_derivatives(&references(&fmu, &["Ym", "theta"]), &[1, 2]), Ok(vec![0.0; 2]));
         let text = fmu.output_derivatives(&outputs[..1], &[3]).expect_err("an error").error(&fmu);
         assert!(text.contains("Y: a derivative of order 3 is refused: expected an order from 1 to 2"), "{text}");
-    }
-}
-
-/// Of a spindle: by inputs and states as setting them shows, first samples and forces at the bearings included.
-/// Fails if the displacement at a bearing does not follow the tilt.
-#[test]
-fn derivatives_of_a_spindle_are_those_that_setting_shows() {
-    let unknowns = [
-        "A.F[2]",
-        "A.FY",
-        "B.FZ",
-        "X.FX",
-        "B.gap[1]",
-        "A.Y",
-        "B.Z",
-        "B.Ym",
-        "Xm",
-        "betaAcceleration",
-        "aZ",
-        "perturbation.MZ",
-    ];
-    for drive in drives() {
-        let fmu = Fmu::new(SPINDLE);
-        for (name, value) in SPINDLE_RUNNING.iter().chain(&[("drive", drive), ("sensor.positionNoise", 1e-7)]) {
-            fmu.set(name, *value).ok(&fmu);
-        }
-        fmu.enter_initialization().ok(&fmu);
-        let knowns = [
-            "Y0",
-            "beta0",
-            "gamma0",
-            "vX0",
-            "betaRate0",
-            "gammaRate0",
-            "X0",
-            "theta0",
-            "Jt",
-            "Jp",
-            "A.position",
-            "B.position",
-            "B.sensorPosition",
-            "B.sensor.offsetY",
-            "B.sensor.gainErrorY",
-            "sensor.positionNoise",
-            "unbalance[2].position",
-            "A.alpha[2]",
-            "A.lambda[2]",
-            "X.s",
-            "A.i[2]",
-            "B.u[2]",
-            "MY",
-            "pZ",
-            "omega",
-        ];
-        for known in knowns {
-            let exact = fmu.directional_derivative(&references(&fmu, &unknowns), &[fmu.reference(known)], &[1.0]);
-            let exact = exact.unwrap_or_else(|_| panic!("{known}: {:?}", fmu.take_messages()));
-            let value = fmu.get(known);
-            let h = 1e-5 * if value == 0.0 { 1e-4 } else { value.abs() };
-            let [low, high] = [value - h, value + h].map(|value| {
-                fmu.set(known, value).ok(&fmu);
-                unknowns.map(|name| fmu.get(name))
-            });
-            fmu.set(known, value).ok(&fmu);
-            for (at, name) in unknowns.iter().enumerate() {
-                let quotient = (high[at] - low[at]) / (2.0 * h);
-                let scale = (low[at].abs().max(high[at].abs()) / h * 1e-9).max(1e-4 * quotient.abs()).max(1e-9);
-                assert!(
-                    (exact[at] - quotient).abs() <= scale,
-                    "d {name}/d {known}: {:e} against {quotient:e}",
-                    exact[at]
-                );
-            }
-        }
     }
 }

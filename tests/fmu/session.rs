@@ -59,16 +59,8 @@ fn session(model: &str) {
 }
 
 #[test]
-fn a_session_with_the_bearing() {
-    session("MagneticBearing");
-}
-
-#[test]
-fn a_session_with_the_controller() {
-    session("FlatnessController");
-}
-
-#[test]
-fn a_session_with_the_estimator() {
-    session("AlgebraicEstimator");
+fn sessions_end_well() {
+    for model in ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"] {
+        session(model);
+    }
 }

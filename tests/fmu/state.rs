@@ -6,51 +6,28 @@ use std::ptr::null_mut;
 use crate::support::ffi::{Expect, Fmu};
 use crate::support::{MODELS, is_plant};
 use fmu_export::fmi2::bindings::{fmi2FMUstate, fmi2Status};
+use fmu_export::variable::Type;
 use sha2::{Digest, Sha256};
 
 /// Values that make every part of a state move: noise, delay, both drives' coils, unbalance, a short window.
 fn lively(model: &str) -> Vec<(&'static str, f64)> {
-    match model {
-        "AxialBearing" => vec![
-            ("sensor.positionNoise", 1e-7),
-            ("sensor.currentNoise", 1e-2),
-            ("sensor.delay", 1.5e-4),
-            ("drive", 2.0),
-            ("u[1]", 3.0),
-            ("u[2]", 2.0),
-        ],
-        "MagneticBearing" | "MagneticBearing4" => vec![
-            ("sensor.positionNoise", 1e-7),
-            ("sensor.currentNoise", 1e-2),
-            ("sensor.delay", 1.5e-4),
-            ("drive", 2.0),
-            ("unbalance.magnitude", 1e-4),
-            ("u[1]", 3.0),
-            ("u[2]", 2.0),
-        ],
-        "MagneticSpindle" | "MagneticSpindle4" => vec![
-            ("sensor.positionNoise", 1e-7),
-            ("sensor.currentNoise", 1e-2),
-            ("sensor.delay", 1.5e-4),
-            ("drive", 2.0),
-            ("unbalance[1].magnitude", 1e-4),
-            ("unbalance[2].magnitude", 5e-5),
-            ("A.u[1]", 3.0),
-            ("B.u[2]", 2.0),
-            ("X.u[1]", 1.0),
-        ],
-        "SpindleEstimator" | "SpindleEstimator4" => vec![("A.im[1]", 1.0), ("B.im[2]", 2.0), ("X.im[1]", 1.0)],
-        "FlatnessController" | "FlatnessController4" | "AxialController" => {
-            vec![("update.mode", 3.0), ("lambdaValid", 1.0)]
+    let of_sensors =
+        [("sensor.positionNoise", 1e-7), ("sensor.currentNoise", 1e-2), ("sensor.delay", 1.5e-4), ("drive", 2.0)];
+    let planes = [("unbalance[1].magnitude", 1e-4), ("unbalance[2].magnitude", 5e-5)];
+    let update = [("update.mode", 3.0), ("lambdaValid", 1.0)];
+    match model.trim_end_matches('4') {
+        "AxialBearing" => [&of_sensors[..], &[("u[1]", 3.0), ("u[2]", 2.0)]].concat(),
+        "MagneticBearing" => [&of_sensors[..], &[("unbalance.magnitude", 1e-4), ("u[1]", 3.0), ("u[2]", 2.0)]].concat(),
+        "MagneticSpindle" => [&of_sensors[..], &planes, &[("A.u[1]", 3.0), ("B.u[2]", 2.0), ("X.u[1]", 1.0)]].concat(),
+        "SpindleEstimator" => vec![("A.im[1]", 1.0), ("B.im[2]", 2.0), ("X.im[1]", 1.0)],
+        "FlatnessController" | "AxialController" => update.to_vec(),
+        "SpindleController" => {
+            let moving = [("F0.modulation", 0.5), ("X.reference.amplitude", 2e-5), ("reference.rampTime", 0.01)];
+            [&update[..], &moving].concat()
         }
-        "SpindleController" | "SpindleController4" => vec![
-            ("update.mode", 3.0),
-            ("lambdaValid", 1.0),
-            ("F0.modulation", 0.5),
-            ("X.reference.amplitude", 2e-5),
-            ("reference.rampTime", 0.01),
-        ],
-        "AlgebraicEstimator" => vec![("Tf", 2e-3), ("epsilon", 2e-3), ("im[1]", 1.0), ("im[2]", 2.0)],
+        _ if model == "AlgebraicEstimator" => {
+            vec![("Tf", 2e-3), ("epsilon", 2e-3), ("im[1]", 1.0), ("im[2]", 2.0)]
+        }
         _ => vec![("im[1]", 1.0), ("im[2]", 2.0)],
     }
 }
@@ -108,6 +85,7 @@ fn bytes(fmu: &Fmu) -> Vec<u8> {
     bytes
 }
 
+/// Importers restore although they have declared, as the harness does with every step, that they would not.
 /// Fails if only the values are restored and not the run: with different noise, or a different window.
 #[test]
 fn a_run_replays_bit_for_bit_from_any_snapshot_in_any_order() {
@@ -209,19 +187,6 @@ fn a_snapshot_from_before_an_error_recovers() {
     freed(&fmu, failed);
 }
 
-/// Importers restore although they have declared that they would not. Fails if the flag drops snapshots.
-#[test]
-fn no_snapshot_is_dropped_on_a_flag() {
-    // The harness passes noSetFMUStatePriorToCurrentPoint = true with every step.
-    let fmu = running("MagneticBearing", 3);
-    let state = saved(&fmu);
-    let wanted = fmu.all_bits();
-    (3..9).for_each(|step| advance(&fmu, "MagneticBearing", step));
-    fmu.set_state(state).ok(&fmu);
-    assert_eq!(fmu.all_bits(), wanted);
-    freed(&fmu, state);
-}
-
 /// Fails if an existing snapshot is left as it was, or replaced by a new one that nobody frees.
 #[test]
 fn taking_a_snapshot_into_an_existing_one_uses_it_again() {
@@ -253,27 +218,6 @@ fn null_and_foreign_snapshots_are_refused() {
     plant.take_messages();
     controller.set_state(state).ok(&controller);
     freed(&plant, state);
-}
-
-/// Fails if anything that a run needs is not serialized: then a run from the bytes differs.
-#[test]
-fn bytes_restore_the_run_and_give_the_same_bytes() {
-    for model in MODELS {
-        let fmu = running(model, 33);
-        let written = bytes(&fmu);
-        assert_eq!(written, bytes(&fmu), "{model}: the same snapshot, the same bytes");
-        let other = Fmu::new(model);
-        let mut state = null_mut();
-        other.deserialize(&written, &mut state).ok(&other);
-        other.set_state(state).ok(&other);
-        assert_eq!(bytes(&other), written, "{model}");
-        for step in 33..60 {
-            advance(&fmu, model, step);
-            advance(&other, model, step);
-            assert_eq!(fmu.all_bits(), other.all_bits(), "{model}, step {step}");
-        }
-        freed(&other, state);
-    }
 }
 
 /// Derivatives of inputs that were given for the next step are part of the snapshot as well, and so are those at the end of the
@@ -313,6 +257,7 @@ fn another_process() {
         let mut state = null_mut();
         fmu.deserialize(written, &mut state).ok(&fmu);
         fmu.set_state(state).ok(&fmu);
+        assert_eq!(bytes(&fmu), written, "{model}");
         (33..60).for_each(|step| advance(&fmu, model, step));
         println!("{:?}", fmu.all_bits());
         freed(&fmu, state);
@@ -332,7 +277,7 @@ fn split(all: &[u8]) -> Vec<&[u8]> {
         .collect()
 }
 
-/// Fails if the bytes hold anything of the process, such as an address.
+/// Fails if anything that a run needs is not serialized, and if the bytes hold anything of the process, such as an address.
 #[test]
 fn bytes_restore_the_run_in_another_process() {
     let mut all = Vec::new();
@@ -340,6 +285,7 @@ fn bytes_restore_the_run_in_another_process() {
     for model in MODELS {
         let fmu = running(model, 33);
         let written = bytes(&fmu);
+        assert_eq!(written, bytes(&fmu), "{model}: the same snapshot, the same bytes");
         all.extend(written.len().to_le_bytes());
         all.extend(written);
         (33..60).for_each(|step| advance(&fmu, model, step));
@@ -439,7 +385,7 @@ fn a_hostile_content_in_a_sound_frame_does_no_harm() {
             }
         };
         // The beginning holds the times and the parameters, the end the run: every byte of those, some of what is between.
-        let every = 1 + content.len() / 2000;
+        let every = 1 + content.len() / 500;
         for at in (0..content.len()).filter(|at| at % every == 0 || *at < 600 || *at + 600 > content.len()) {
             for value in [0, 1, 0x7f, 0x80, 0xff] {
                 let mut changed = content.to_vec();
@@ -484,11 +430,24 @@ fn a_state_that_does_not_belong_to_the_run_is_refused() {
     }
 }
 
-/// Fails if a reset forgets anything: the flag that outputs are stale, the derivatives of inputs, the stop time.
+/// Fails if a reset forgets anything: a value, the flag that outputs are stale, the derivatives of inputs, the stop time.
 #[test]
 fn a_reset_instance_is_a_fresh_one_to_the_last_byte() {
     for model in MODELS {
         let fresh = bytes(&Fmu::new(model));
+        let fmu = Fmu::new(model);
+        for variable in fmu.variables().to_vec().iter().filter(|variable| variable.is_settable()) {
+            let value = match &variable.data_type {
+                Type::Real { start, .. } => start + 1.0,
+                Type::Boolean { start } => f64::from(u8::from(!start)),
+                _ if variable.start().as_f64() == 1.0 => 2.0,
+                _ => 1.0,
+            };
+            fmu.set(&variable.name, value).ok(&fmu);
+        }
+        assert_ne!(bytes(&fmu), fresh, "{model}");
+        fmu.reset().ok(&fmu);
+        assert_eq!(bytes(&fmu), fresh, "{model}, with other values");
         let fmu = running(model, 30);
         fmu.reset().ok(&fmu);
         assert_eq!(bytes(&fmu), fresh, "{model}");

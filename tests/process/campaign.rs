@@ -136,23 +136,17 @@ fn a_thousand_instances_in_turn_are_each_like_one_alone() {
     // Each with a disturbance of its own.
     let make = |at: usize| {
         let model = MODELS[at % MODELS.len()];
-        let value = 1e-6 * at as f64;
-        let noise = [("sensor.seed", at as f64), ("sensor.positionNoise", 1e-7)];
-        match model {
-            "MagneticBearing" => Fmu::started(model, &[&[("Y0", 1e-3 * value)], &noise[..]].concat()),
-            "MagneticSpindle" | "MagneticSpindle4" | "MagneticBearing4" | "AxialBearing" => Fmu::started(model, &noise),
-            "FlatnessController" | "FlatnessController4" => Fmu::started(model, &[("Ym", 1e-2 * value)]),
-            "AxialController" => Fmu::started(model, &[("Xm", 1e-2 * value)]),
-            "SpindleController" | "SpindleController4" => {
-                Fmu::started(model, &[("A.Ym", 1e-2 * value), ("B.Zm", -1e-2 * value)])
-            }
-            "SpindleEstimator" | "SpindleEstimator4" => {
-                Fmu::started(model, &[("B.Zm", 1e-2 * value), ("A.im[1]", value)])
-            }
-            "AlgebraicEstimator4" => Fmu::started(model, &[("Zm", 1e-2 * value), ("im[1]", value)]),
-            "AxialEstimator" => Fmu::started(model, &[("Xm", 1e-2 * value), ("im[1]", value)]),
-            _ => Fmu::started(model, &[("Zm", 1e-2 * value), ("im[1]", value), ("Tf", 2e-3), ("epsilon", 2e-3)]),
-        }
+        let value = 1e-8 * at as f64;
+        let values: &[(&str, f64)] = match model.trim_end_matches('4') {
+            "FlatnessController" => &[("Ym", value)],
+            "AxialController" => &[("Xm", value)],
+            "SpindleController" => &[("A.Ym", value), ("B.Zm", -value)],
+            "SpindleEstimator" => &[("B.Zm", value), ("A.im[1]", 100.0 * value)],
+            "AxialEstimator" => &[("Xm", value), ("im[1]", 100.0 * value)],
+            "AlgebraicEstimator" => &[("Zm", value), ("im[1]", 100.0 * value)],
+            _ => &[("sensor.seed", at as f64), ("sensor.positionNoise", 1e-7)],
+        };
+        Fmu::started(model, values)
     };
     const INSTANCES: usize = 1000;
     let instances: Vec<_> = (0..INSTANCES).map(make).collect();
@@ -233,6 +227,9 @@ fn the_library_exports_every_function_of_the_headers() {
         }
         let version = loaded.get::<fmi2GetVersionTYPE>(b"fmi2GetVersion\0").expect("a symbol").expect("a function");
         assert_eq!(CStr::from_ptr(version()), c"2.0");
+        let platform =
+            loaded.get::<fmi2GetTypesPlatformTYPE>(b"fmi2GetTypesPlatform\0").expect("a symbol").expect("a function");
+        assert_eq!(CStr::from_ptr(platform()), c"default");
         let version = loaded.get::<fmi3GetVersionTYPE>(b"fmi3GetVersion\0").expect("a symbol").expect("a function");
         assert_eq!(CStr::from_ptr(version()), c"3.0");
     }

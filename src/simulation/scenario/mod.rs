@@ -11,7 +11,7 @@ use std::sync::Arc;
 use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value};
 
-pub use self::read::suggestion;
+pub use self::read::{leaves, suggestion, text};
 use self::read::{permitted, unknown};
 use crate::machine::{self, Machine};
 
@@ -35,7 +35,17 @@ pub const BUILT_IN: [(&str, &str); 16] = [
     ("levitation", include_str!("../scenarios/levitation.toml")),
 ];
 
-/// Findings about a scenario, each on its own line.
+/// The text of a built-in scenario.
+pub fn built_in(name: &Path) -> Option<&'static str> {
+    BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)).map(|(_, text)| *text)
+}
+
+/// The names of the built-in scenarios, for messages.
+pub fn built_in_names() -> String {
+    BUILT_IN.map(|(name, _)| name).join(", ")
+}
+
+/// Findings about a scenario, or about a design of many, each on its own line.
 #[derive(Debug, thiserror::Error)]
 #[error("{origin}:\n  {}", .findings.join("\n  "))]
 pub struct ScenarioError {
@@ -222,7 +232,7 @@ impl Scenario {
 
     fn open_requiring(name: &Path, required: &[&str], changes: &[(String, String)]) -> Result<Self, ScenarioError> {
         let origin = name.display().to_string();
-        if let Some((_, text)) = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)) {
+        if let Some(text) = built_in(name) {
             return Self::parse_requiring(&origin, text, required, changes);
         }
         let read = if name == Path::new("-") {
@@ -231,8 +241,7 @@ impl Scenario {
             std::fs::read_to_string(name)
         };
         let text = read.map_err(|error| {
-            let names: Vec<_> = BUILT_IN.iter().map(|(name, _)| *name).collect();
-            let finding = format!("cannot be read ({error}): expected a file, or one of {}", names.join(", "));
+            let finding = format!("cannot be read ({error}): expected a file, or one of {}", built_in_names());
             ScenarioError { origin: origin.clone(), findings: vec![finding] }
         })?;
         Self::parse_requiring(&origin, &text, required, changes)
@@ -240,8 +249,7 @@ impl Scenario {
 
     /// The machine that a scenario names, a built-in one or a file; none if it names none or cannot be read.
     pub fn machine_of(name: &Path) -> Option<&'static Machine> {
-        let built_in = BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in));
-        let text = built_in.map(|(_, text)| (*text).to_owned()).or_else(|| std::fs::read_to_string(name).ok())?;
+        let text = built_in(name).map(str::to_owned).or_else(|| std::fs::read_to_string(name).ok())?;
         machine::find(text.parse::<toml::Table>().ok()?.get("machine")?.as_str()?)
     }
 

@@ -50,85 +50,59 @@ pub fn scenario(
     Err(findings)
 }
 
-/// The text of a scenario as TOML has it.
-struct Document {
-    title: String,
-    description: String,
-    machine: String,
-    duration: toml::Value,
-    step: toml::Value,
-    compare: Vec<String>,
-    contour: Option<String>,
-    balance: Option<toml::Value>,
-    profile: Vec<ProfileText>,
-    all: toml::Table,
-    plant: toml::Table,
-    controller: toml::Table,
-    estimator: toml::Table,
-    tolerance: toml::Table,
-    columns: toml::Table,
-    identify: toml::Table,
+/// The text of a scenario as TOML has it, taken apart key by key, so that one error does not hide others.
+macro_rules! document {
+    ($($key:ident: $kind:ty, $wanted:literal;)*) => {
+        struct Document {
+            $($key: $kind,)*
+        }
+
+        impl Document {
+            const KEYS: &[&str] = &[$(stringify!($key)),*];
+
+            fn of(table: &mut toml::Table, findings: &mut Vec<String>) -> Self {
+                Self { $($key: take(table, stringify!($key), $wanted, findings),)* }
+            }
+        }
+    };
+}
+
+document! {
+    title: String, "a text";
+    description: String, "a text";
+    machine: String, "a text";
+    duration: Option<toml::Value>, "a time";
+    step: Option<toml::Value>, "a time";
+    compare: Vec<String>, "a list of methods";
+    contour: Option<String>, "the name of a file";
+    balance: Option<toml::Value>, "a time";
+    profile: Vec<ProfileText>, "of = [names], time = [instants], value = [values]";
+    all: toml::Table, "a table";
+    plant: toml::Table, "a table";
+    controller: toml::Table, "a table";
+    estimator: toml::Table, "a table";
+    tolerance: toml::Table, "a table";
+    columns: toml::Table, "a table";
+    identify: toml::Table, "a table";
 }
 
 impl Document {
-    /// The keys.
-    const KEYS: [&str; 16] = [
-        "title",
-        "description",
-        "machine",
-        "duration",
-        "step",
-        "compare",
-        "contour",
-        "balance",
-        "profile",
-        "all",
-        "plant",
-        "controller",
-        "estimator",
-        "tolerance",
-        "columns",
-        "identify",
-    ];
-
-    /// Takes the table apart key by key, so that one error does not hide others.
     fn new(mut table: toml::Table, text: &str, required: &[&str], findings: &mut Vec<String>) -> Self {
         for key in required.iter().filter(|key| !table.contains_key(**key)) {
             findings.push(format!("{key} is missing"));
         }
-        // A missing time has been reported or is not used; a valid one in its place raises no second finding.
-        let mut time = |key: &str| table.remove(key).unwrap_or(toml::Value::Float(1.0));
-        let (duration, step) = (time("duration"), time("step"));
-        let document = Self {
-            title: take(&mut table, "title", "a text", findings),
-            description: take(&mut table, "description", "a text", findings),
-            machine: take(&mut table, "machine", "a text", findings),
-            duration,
-            step,
-            compare: take(&mut table, "compare", "a list of methods", findings),
-            contour: take(&mut table, "contour", "the name of a file", findings),
-            balance: table.remove("balance"),
-            profile: take(&mut table, "profile", "of = [names], time = [instants], value = [values]", findings),
-            all: take(&mut table, "all", "a table", findings),
-            plant: take(&mut table, "plant", "a table", findings),
-            controller: take(&mut table, "controller", "a table", findings),
-            estimator: take(&mut table, "estimator", "a table", findings),
-            tolerance: take(&mut table, "tolerance", "a table", findings),
-            columns: take(&mut table, "columns", "a table", findings),
-            identify: take(&mut table, "identify", "a table", findings),
-        };
+        let document = Self::of(&mut table, findings);
         let places = toml::de::DeTable::parse(text).ok();
+        let known: Vec<_> = Self::KEYS.iter().map(|key| (*key).to_owned()).collect();
         for key in table.keys() {
             let place = places.as_ref().and_then(|places| places.get_ref().get_key_value(key.as_str()));
             let line = place.map_or(0, |(key, _)| text[..key.span().start].matches('\n').count() + 1);
-            let suggestion = suggestion(key, &Self::KEYS.map(String::from));
+            let suggestion = suggestion(key, &known);
             findings.push(format!("{key} in line {line}: there is no key of this name; {suggestion}"));
         }
         document
     }
-}
 
-impl Document {
     /// The variables that it sets.
     fn keys(&self) -> Vec<foreign::Key> {
         let tables = [
@@ -165,6 +139,10 @@ struct ProfileText {
     #[serde(default)]
     hold: bool,
 }
+
+/// The type of a time.
+const SECOND: Type =
+    Type::Real { start: 0.0, unit: fmu_export::unit::SECOND, display: None, nominal: 1.0, min: None, max: None };
 
 /// The contours used by built-in scenarios.
 const BUILT_IN_CONTOURS: [(&str, &str); 1] = [("hole.csv", include_str!("../scenarios/hole.csv"))];
@@ -218,25 +196,21 @@ fn change(
 
 fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], findings: &mut Vec<String>) -> Scenario {
     let mut time = |key: &str, value: &toml::Value| {
-        let unit = fmu_export::unit::SECOND;
-        let data_type = Type::Real { start: 0.0, unit, display: None, nominal: 1.0, min: None, max: None };
-        match convert(&data_type, value) {
-            Ok(Value::Real(value)) if value.is_finite() && value > 0.0 => value,
-            Ok(_) => {
-                findings.push(format!("{key} = {value} is refused: expected a finite time above 0"));
-                1.0
-            }
-            Err(why) => {
-                findings.push(format!("{key} = {value} is refused: {why}"));
-                1.0
-            }
-        }
+        let time_s = convert(&SECOND, value).map(Value::as_f64).and_then(|time_s| {
+            let is_possible = time_s.is_finite() && time_s > 0.0;
+            is_possible.then_some(time_s).ok_or_else(|| "expected a finite time above 0".into())
+        });
+        time_s.unwrap_or_else(|why| {
+            findings.push(format!("{key} = {value} is refused: {why}"));
+            1.0
+        })
     };
-    let duration_s = time("duration", &document.duration);
-    let step_s = time("step", &document.step);
+    // A missing time has been reported or is not used; a valid one in its place raises no second finding.
+    let [duration, step] = [document.duration, document.step].map(|time| time.unwrap_or(toml::Value::Float(1.0)));
+    let (duration_s, step_s) = (time("duration", &duration), time("step", &step));
     let balance_s = document.balance.as_ref().map(|value| time("balance", value));
     if findings.is_empty() && step_s > duration_s {
-        findings.push(format!("step = {} is refused: expected at most the duration, {duration_s} s", document.step));
+        findings.push(format!("step = {step} is refused: expected at most the duration, {duration_s} s"));
     }
 
     let machine = if document.machine.is_empty() { Some(&MACHINES[0]) } else { machine::find(&document.machine) };
@@ -326,13 +300,10 @@ fn contour(file: &str, folder: &Path, controller: &ModelType) -> Result<Vec<Sett
         ("reference.centreY".to_owned(), contour.centre_m[0]),
         ("reference.centreZ".to_owned(), contour.centre_m[1]),
     ];
-    for (name, coefficients) in [
-        ("reference.cosY", contour.cos_y_m),
-        ("reference.sinY", contour.sin_y_m),
-        ("reference.cosZ", contour.cos_z_m),
-        ("reference.sinZ", contour.sin_z_m),
-    ] {
-        values.extend(coefficients.into_iter().enumerate().map(|(n, value)| (element(name, n), value)));
+    let series = [contour.cos_y_m, contour.sin_y_m, contour.cos_z_m, contour.sin_z_m];
+    for (name, coefficients) in ["cosY", "sinY", "cosZ", "sinZ"].into_iter().zip(series) {
+        let name = format!("reference.{name}");
+        values.extend(coefficients.into_iter().enumerate().map(|(n, value)| (element(&name, n), value)));
     }
     values
         .into_iter()
@@ -382,8 +353,6 @@ fn profile(
     };
     let data_type = &elements[at].model_type.variables()[variable].data_type;
     let real = matches!(data_type, Type::Real { .. });
-    let second =
-        Type::Real { start: 0.0, unit: fmu_export::unit::SECOND, display: None, nominal: 1.0, min: None, max: None };
     let mut all = |data_type: &Type, values: &[toml::Value]| -> Vec<Value> {
         let one = |value| match convert(data_type, value) {
             Ok(value) => Some(value),
@@ -394,7 +363,7 @@ fn profile(
         };
         values.iter().filter_map(one).collect()
     };
-    let time_s: Vec<f64> = all(&second, &text.time).into_iter().map(Value::as_f64).collect();
+    let time_s: Vec<f64> = all(&SECOND, &text.time).into_iter().map(Value::as_f64).collect();
     let values = all(data_type, &text.value);
     let rises = time_s.windows(2).all(|pair| pair[0] < pair[1]) && time_s.iter().all(|time| time.is_finite());
     if text.time.is_empty() || text.time.len() != text.value.len() || !rises {
@@ -433,21 +402,31 @@ fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<St
 
 /// The leaves of a table with their keys joined by dots, so that `reference.rY` may be a dotted key in TOML.
 pub fn flatten(table: &toml::Table) -> Vec<(String, &toml::Value)> {
-    let mut leaves = Vec::new();
+    leaves(table, &|_| false)
+}
+
+/// As [`flatten`], where some tables are leaves.
+pub fn leaves<'t>(table: &'t toml::Table, is_leaf: &dyn Fn(&toml::Table) -> bool) -> Vec<(String, &'t toml::Value)> {
+    let mut found = Vec::new();
     for (key, value) in table {
         match value {
-            toml::Value::Table(inner) => {
-                leaves.extend(flatten(inner).into_iter().map(|(rest, value)| (format!("{key}.{rest}"), value)));
+            toml::Value::Table(inner) if !is_leaf(inner) => {
+                let inner = leaves(inner, is_leaf).into_iter();
+                found.extend(inner.map(|(rest, value)| (format!("{key}.{rest}"), value)));
             }
-            value => leaves.push((key.clone(), value)),
+            value => found.push((key.clone(), value)),
         }
     }
-    leaves
+    found
+}
+
+/// A value without the quotes of a text.
+pub fn text(value: &toml::Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
 /// Names and values of a table as texts.
 pub fn texts(table: &toml::Table) -> Vec<(String, String)> {
-    let text = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     flatten(table).into_iter().map(|(name, value)| (name, text(value))).collect()
 }
 

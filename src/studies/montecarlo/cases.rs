@@ -49,6 +49,9 @@ impl Draw {
     }
 }
 
+/// Speed in rad/s of one in rpm.
+pub const RPM: f64 = TAU / 60.0;
+
 /// Part of the drawn bearings that turn at 1000 rpm instead of 40 to 120 Hz.
 const SLOW: f64 = 0.1;
 /// Part of them whose path has lobes.
@@ -180,15 +183,15 @@ pub fn path(scenario: &mut Scenario, radius: [f64; 2], (lobes, amplitude): (i32,
     scenario.set("controller", "reference.shape", Value::Integer(if amplitude > 0.0 { 2 } else { 1 }));
 }
 
+/// The rotor on the paper's path at another speed.
+pub fn turn(scenario: &mut Scenario, rpm: f64) {
+    path(scenario, [30e-6, 70e-6], (3, 0.0), rpm * RPM);
+}
+
 /// Sets the unbalance, in kg·m and rad.
 pub fn unbalance(scenario: &mut Scenario, magnitude: f64, phase: f64) {
     scenario.set("plant", "unbalance.magnitude", Value::Real(magnitude));
     scenario.set("plant", "unbalance.phase", Value::Real(phase));
-}
-
-/// Sets the poles of the tracking error, in rad/s.
-pub fn tracking(scenario: &mut Scenario, poles: f64) {
-    scenario.set("controller", "bandwidth.tracking", Value::Real(poles));
 }
 
 /// Voltage drive: the currents are continuous, and the estimator knows it.
@@ -204,11 +207,12 @@ pub fn modulation(scenario: &mut Scenario, part: f64, frequency_hz: f64) {
     scenario.set("controller", "F0.modulationFrequency", Value::Real(frequency_hz));
 }
 
-/// Speed over time, in rad/s: instants in s and values, straight between. The rotor keeps its path.
+/// Speed over time: instants in s and values in rpm, straight between. The rotor keeps its path.
 ///
 /// The plant has the unbalance force of a constant speed, `U ω²`; the force `U (ω̇ sin(θ + φ), −ω̇ cos(θ + φ))` that a
 /// changing one adds comes in with the load.
-pub fn speed(scenario: &mut Scenario, time_s: &[f64], omega: &[f64]) {
+pub fn speed(scenario: &mut Scenario, time_s: &[f64], rpm: &[f64]) {
+    let omega: Vec<f64> = rpm.iter().map(|rpm| rpm * RPM).collect();
     let target = |scenario: &Scenario, path: &str| scenario.settable(path).expect("a variable of the loop");
     let course = Profile {
         targets: ["plant.omega", "controller.reference.omega"].map(|path| target(scenario, path)).to_vec(),
@@ -242,59 +246,62 @@ pub fn speed(scenario: &mut Scenario, time_s: &[f64], omega: &[f64]) {
     path(scenario, radius, (3, 0.0), first);
 }
 
-/// λ of a magnet, 1 to 3, changes by a part at an instant in s.
-pub fn step_of_lambda(scenario: &mut Scenario, magnet: usize, part: f64, at_s: f64) {
-    let path = format!("lambda[{magnet}]");
+/// λ of one of three magnets, which follows from the seed, changes by a part at an instant in s.
+pub fn step_of_lambda(scenario: &mut Scenario, seed: u64, part: f64, at_s: f64) {
+    let path = format!("lambda[{}]", 1 + seed % 3);
     let value = real(scenario, "plant", &path) * (1.0 + part);
     let target = scenario.settable(&format!("plant.{path}")).expect("a variable of the plant");
     let profile = Profile { targets: vec![target], time_s: vec![at_s], values: vec![Value::Real(value)], hold: true };
     scenario.profiles.push(profile);
 }
 
-/// Parameters that the estimator takes as known: the name of its tolerance and the standard deviations that are studied, in the unit of
-/// the variable; those of mass and gap are parts of their value.
-pub const TOLERANCES: [(&str, f64); 7] = [
-    ("m", 0.01),
-    ("s", 0.01),
-    ("alpha", PI / 180.0),
-    ("positionGain", 0.01),
-    ("positionOffset", 1e-5),
-    ("currentGain", 0.01),
-    ("currentOffset", 0.01),
-];
-
-/// Draws the error of one of the [`TOLERANCES`] and states it to the estimator. Mass, gap and angles are wrong in the estimator
-/// alone; gains and offsets are those of the sensors, one drawn for each.
-pub fn tolerance(scenario: &mut Scenario, (name, part): (&str, f64), draw: &mut Draw) {
-    let mut deviation = part;
-    let mut wrong = |scenario: &mut Scenario, element: &str, variable: &str, std: f64| {
-        let value = real(scenario, element, variable) + std * draw.normal();
-        scenario.set(element, variable, Value::Real(value));
-    };
-    match name {
-        "m" | "s" => {
-            deviation *= real(scenario, "plant", name);
-            wrong(scenario, "estimator", name, deviation);
-        }
-        "alpha" => (1..=3).for_each(|k| wrong(scenario, "estimator", &format!("alpha[{k}]"), deviation)),
-        "positionGain" => ["Y", "Z"]
-            .into_iter()
-            .for_each(|axis| wrong(scenario, "plant", &format!("sensor.gainError{axis}"), deviation)),
-        "positionOffset" => {
-            ["Y", "Z"]
-                .into_iter()
-                .for_each(|axis| wrong(scenario, "plant", &format!("sensor.offset{axis}"), deviation));
-        }
-        "currentGain" => {
-            (1..=3).for_each(|k| wrong(scenario, "plant", &format!("sensor.currentGainError[{k}]"), deviation));
-        }
-        "currentOffset" => {
-            (1..=3).for_each(|k| wrong(scenario, "plant", &format!("sensor.currentOffset[{k}]"), deviation));
-        }
-        _ => debug_assert!(false, "one of TOLERANCES"),
-    }
-    scenario.set("estimator", &format!("tolerance.{name}"), Value::Real(deviation));
+/// A parameter that the estimator takes as known.
+pub struct Tolerance {
+    /// Name of its tolerance.
+    pub name: &'static str,
+    /// The standard deviation that is studied, in the unit of the variable; that of mass and gap is a part of their value.
+    pub std: f64,
+    /// Where it is wrong: in the estimator, or in the sensors of the plant, each with an error of its own.
+    element: &'static str,
+    variables: &'static [&'static str],
 }
+
+impl Tolerance {
+    const fn of(element: &'static str, name: &'static str, std: f64, variables: &'static [&'static str]) -> Self {
+        Self { name, std, element, variables }
+    }
+
+    /// Draws the error and states the tolerance to the estimator.
+    pub fn draw(&self, scenario: &mut Scenario, draw: &mut Draw) {
+        let std = self.std * if ["m", "s"].contains(&self.name) { real(scenario, "plant", self.name) } else { 1.0 };
+        for variable in self.variables {
+            let value = real(scenario, self.element, variable) + std * draw.normal();
+            scenario.set(self.element, variable, Value::Real(value));
+        }
+        scenario.set("estimator", &format!("tolerance.{}", self.name), Value::Real(std));
+    }
+}
+
+/// The tolerances that are studied.
+pub static TOLERANCES: [Tolerance; 7] = [
+    Tolerance::of("estimator", "m", 0.01, &["m"]),
+    Tolerance::of("estimator", "s", 0.01, &["s"]),
+    Tolerance::of("estimator", "alpha", PI / 180.0, &["alpha[1]", "alpha[2]", "alpha[3]"]),
+    Tolerance::of("plant", "positionGain", 0.01, &["sensor.gainErrorY", "sensor.gainErrorZ"]),
+    Tolerance::of("plant", "positionOffset", 1e-5, &["sensor.offsetY", "sensor.offsetZ"]),
+    Tolerance::of(
+        "plant",
+        "currentGain",
+        0.01,
+        &["sensor.currentGainError[1]", "sensor.currentGainError[2]", "sensor.currentGainError[3]"],
+    ),
+    Tolerance::of(
+        "plant",
+        "currentOffset",
+        0.01,
+        &["sensor.currentOffset[1]", "sensor.currentOffset[2]", "sensor.currentOffset[3]"],
+    ),
+];
 
 /// Things wrong with a bench, one at a time: what is wrong, the element and the variables that make it so, and the change; the latter is
 /// relative where it is in per cent. Those of the estimator are what it is told.
@@ -319,16 +326,16 @@ pub fn fault(scenario: &mut Scenario, (_, element, variables, change): (&str, &s
         scenario.set(element, variable, Value::Real(value));
     }
     if variables.is_empty() {
-        backward(scenario, change);
+        backward(scenario, change, 0.0, 1.0);
     }
 }
 
-/// Adds a force in N that turns with the rotor, but backward.
-fn backward(scenario: &mut Scenario, force_n: f64) {
+/// Adds a force in N that turns with the rotor, but backward, from an angle in rad on and for a length of time in s.
+pub fn backward(scenario: &mut Scenario, force_n: f64, phase: f64, length_s: f64) {
     let omega = real(scenario, "plant", "omega");
-    push(scenario, &["pY", "pZ"], 1.0, |time_s| {
-        let angle = omega * time_s;
-        [force_n * libm::cos(angle), -force_n * libm::sin(angle)]
+    push(scenario, &["pY", "pZ"], length_s, |time_s| {
+        let (sin, cos) = libm::sincos(omega * time_s + phase);
+        [force_n * cos, -force_n * sin]
     });
 }
 

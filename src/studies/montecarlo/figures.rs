@@ -12,6 +12,12 @@ use fmu_export::variable::{Type, Value};
 /// Beyond so many of its standard deviations no valid estimate may be wrong.
 pub const CONFIDENT: f64 = 5.0;
 
+/// From then on, in s, the share of the time is counted in which the estimate is valid.
+pub const VALID_FROM_S: f64 = 0.3;
+
+/// A jump of λ may be noticed within so many revolutions.
+const GRANTED_REVOLUTIONS: f64 = 2.0;
+
 /// Cases whose bound is below this for every λ are to have a valid estimate.
 pub const IDENTIFIABLE: f64 = 0.04;
 
@@ -48,7 +54,7 @@ pub struct Worst {
 }
 
 /// Results of one run.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trial {
     /// The seed that the run can be repeated with.
     pub seed: u64,
@@ -58,43 +64,128 @@ pub struct Trial {
     pub worst: Worst,
     /// How often an estimate that was valid ceased to be.
     pub lost: usize,
+    /// Part of the time from [`VALID_FROM_S`] on in which the estimate was valid.
+    pub valid: f64,
+    /// The most changes of `valid` within one second.
+    pub changes: usize,
     /// From the change of λ to the first sample that is not valid or valid for the new λ within 4 standard deviations, in s.
     pub noticed_s: Option<f64>,
-    /// When the rotor touched down, in s; nothing after it counts.
+    /// When the rotor touched down or left the gap, in s; nothing after it counts.
     pub touched_s: Option<f64>,
     /// Part of the synchronous force of the magnets that correction masses leave, where there are some.
     pub left: Option<f64>,
 }
 
+impl Trial {
+    /// Whether a valid estimate was wrong by more than [`CONFIDENT`] standard deviations.
+    pub fn is_beyond(&self) -> bool {
+        self.worst.ratio > CONFIDENT
+    }
+}
+
+/// The worst valid sample of all runs, and the seed of its run.
+pub fn worst(trials: &[Trial]) -> (u64, Worst) {
+    let worst = trials.iter().max_by(|one, other| one.worst.ratio.total_cmp(&other.worst.ratio));
+    worst.map_or((0, Worst::default()), |trial| (trial.seed, trial.worst))
+}
+
 /// The true λ of a magnet over time.
-pub struct Truth<'a> {
+struct Truth<'a> {
     start: f64,
     course: Option<&'a Profile>,
     step_s: f64,
 }
 
 impl<'a> Truth<'a> {
-    /// That of a magnet as [`Scenario::magnets`] gives it.
-    pub fn new(scenario: &'a Scenario, (bearing, k): &(String, String)) -> Self {
-        let name = format!("{bearing}lambda{k}");
+    /// That of a magnet, by the name of its λ in the plant.
+    fn new(scenario: &'a Scenario, name: &str) -> Self {
         let path = format!("plant.{name}");
         let of_magnet = |profile: &&Profile| profile.targets.iter().any(|target| scenario.path(*target) == path);
         Self {
-            start: real(scenario, "plant", &name),
+            start: real(scenario, "plant", name),
             course: scenario.profiles.iter().find(of_magnet),
             step_s: scenario.step_s,
         }
     }
 
     /// λ in the interval that ends at an instant, in N·m²/A².
-    pub fn at(&self, time_s: f64) -> f64 {
+    fn at(&self, time_s: f64) -> f64 {
         let now = self.course.and_then(|course| course.at(time_s - 0.5 * self.step_s));
         now.map_or(self.start, |value| value.as_f64())
     }
 
     /// When λ jumps, in s, if it does.
-    pub fn jump_s(&self) -> Option<f64> {
+    fn jump_s(&self) -> Option<f64> {
         self.course.filter(|course| course.hold)?.time_s.first().copied()
+    }
+}
+
+/// An estimate of λ beside the truth, relative to it.
+#[derive(Clone, Copy, Debug)]
+struct Estimate {
+    /// Error.
+    error: f64,
+    /// Standard deviation stated, of noise alone.
+    std: f64,
+    /// With all tolerances; the former where there is no such output.
+    total: f64,
+    /// |error|/standard deviation, tolerances included.
+    ratio: f64,
+}
+
+/// The estimates of a run.
+struct Estimates<'a> {
+    time_s: &'a [f64],
+    /// Whether they are valid.
+    valid: &'a [f64],
+    /// Of each magnet in use: true λ, λ̂ and its standard deviations.
+    magnets: Vec<(Truth<'a>, [&'a [f64]; 3])>,
+    /// How long a jump of λ may remain unnoticed, in s.
+    granted_s: f64,
+}
+
+impl<'a> Estimates<'a> {
+    /// Those in a recording; `None` if it lacks outputs of the estimator.
+    fn new(scenario: &'a Scenario, recording: &'a Recording) -> Option<Self> {
+        let get = |name: &str| recording.get(&format!("estimator.{name}"));
+        let names =
+            ["lambda", "lambdaHat", "lambdaStd", "lambdaStdTotal"].map(|name| scenario.machine.of_magnets(name));
+        let magnet = |k: usize| {
+            let [truth, hat, std, total] = names.each_ref().map(|names| names[k].as_str());
+            let (std, total) = (get(std), get(total));
+            Some((Truth::new(scenario, truth), [get(hat)?, std.or(total)?, total.or(std)?]))
+        };
+        let used = (0..scenario.machine.magnets()).filter(|k| scenario.uses(*k));
+        Some(Self {
+            time_s: &recording.time_s,
+            valid: get("valid")?,
+            magnets: used.map(magnet).collect::<Option<_>>()?,
+            granted_s: GRANTED_REVOLUTIONS * TAU / real(scenario, "plant", "omega").abs().max(1.0),
+        })
+    }
+
+    /// When a λ jumps, in s, if one does.
+    fn jump_s(&self) -> Option<f64> {
+        self.magnets.iter().find_map(|(truth, _)| truth.jump_s())
+    }
+
+    /// Those at a row, magnet by magnet.
+    fn at(&self, row: usize) -> impl Iterator<Item = Estimate> {
+        self.magnets.iter().map(move |(truth, columns)| {
+            let truth = truth.at(self.time_s[row]);
+            let [hat, std, total] = columns.map(|column| column[row] / truth);
+            let error = hat - 1.0;
+            // Two numbers that are both 0 agree.
+            let ratio = if error == 0.0 { 0.0 } else { (error / total).abs() };
+            Estimate { error, std, total, ratio: if ratio.is_nan() { f64::INFINITY } else { ratio } }
+        })
+    }
+
+    /// That at a row which is off by most of its standard deviations.
+    fn worst(&self, row: usize) -> Worst {
+        self.at(row).fold(Worst::default(), |worst, Estimate { error, total: std, ratio, .. }| {
+            if ratio > worst.ratio { Worst { ratio, time_s: self.time_s[row], error, std } } else { worst }
+        })
     }
 }
 
@@ -118,86 +209,56 @@ pub fn touched(recording: &Recording) -> Option<usize> {
     contacts.filter_map(|column| column.values.iter().position(|contact| *contact == 1.0)).min()
 }
 
-/// Judges a run; without noise, and once a λ has changed, there is no bound.
-pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], seed: u64) -> Option<Trial> {
+/// Judges a run until the row at which the rotor touches down, if it does; without noise, and once a λ has changed, there is no bound.
+pub fn judge(
+    scenario: &Scenario,
+    recording: &Recording,
+    instants_s: &[f64],
+    seed: u64,
+    touched: Option<usize>,
+) -> Option<Trial> {
     let machine = scenario.machine;
     let get = |name: &str| recording.get(&format!("estimator.{name}"));
     let used: Vec<usize> = (0..machine.magnets()).filter(|k| scenario.uses(*k)).collect();
-    let magnets = |name: &str| {
-        let names = machine.of_magnets(name);
-        used.iter().map(|k| get(&names[*k])).collect::<Option<Vec<_>>>()
-    };
-    let (hat, std, valid) = (magnets("lambdaHat")?, magnets("lambdaStd")?, get("valid")?);
-    let total = magnets("lambdaStdTotal").unwrap_or_else(|| std.clone());
-    let magnets = scenario.magnets();
-    let truths: Vec<_> = used.iter().map(|k| Truth::new(scenario, &magnets[*k])).collect();
-    let change_s = truths.iter().find_map(Truth::jump_s);
-    let changing = change_s.is_some();
-    // Two revolutions are granted to find a change.
-    let granted_s = 2.0 * TAU / real(scenario, "plant", "omega").abs().max(1.0);
-    let touched = touched(recording);
-    let rows = touched.unwrap_or(recording.time_s.len());
-    let relative = |row: usize| {
-        let truth: Vec<f64> = truths.iter().map(|truth| truth.at(recording.time_s[row])).collect();
-        let of = |columns: &[&[f64]]| -> Vec<f64> {
-            columns.iter().zip(&truth).map(|(column, truth)| column[row] / truth).collect()
-        };
-        let error: Vec<f64> = of(&hat).iter().map(|ratio| ratio - 1.0).collect();
-        (error, of(&std), of(&total))
-    };
+    let estimates = Estimates::new(scenario, recording)?;
+    let (valid, jump_s) = (estimates.valid, estimates.jump_s());
+    let time_s = &recording.time_s;
+    let rows = touched.unwrap_or(time_s.len());
+    let counted = || (0..rows).filter(|row| time_s[*row] >= VALID_FROM_S);
+    let good = counted().filter(|row| valid[*row] == 1.0).count();
+    let changes: Vec<f64> = (1..rows).filter(|row| valid[*row] != valid[row - 1]).map(|row| time_s[row]).collect();
+    let within_a_second = |(n, begin_s): (usize, &f64)| changes.partition_point(|at_s| *at_s < begin_s + 1.0) - n;
     let mut trial = Trial {
         seed,
-        samples: Vec::new(),
-        worst: Worst::default(),
-        lost: 0,
-        noticed_s: None,
-        touched_s: touched.map(|row| recording.time_s[row]),
+        valid: good as f64 / counted().count() as f64,
+        changes: changes.iter().enumerate().map(within_a_second).max().unwrap_or(0),
+        touched_s: touched.map(|row| time_s[row]),
         left: scenario.balance_s.and_then(|balance_s| {
             let [before, after] = [balance_s, *recording.time_s.last()?].map(|end_s| forces(recording, end_s));
             let sum = |forces: [f64; 4]| forces.iter().map(|force| force * force).sum::<f64>();
             Some((sum(after?) / sum(before?)).sqrt())
         }),
+        ..Trial::default()
     };
     for row in 0..rows {
-        let time_s = recording.time_s[row];
-        let after =
-            change_s.filter(|change_s| time_s > change_s + 0.5 * scenario.step_s).map(|change_s| time_s - change_s);
-        if row > 0 && valid[row - 1] == 1.0 && valid[row] != 1.0 {
-            trial.lost += 1;
+        let after_s =
+            jump_s.map(|jump_s| recording.time_s[row] - jump_s).filter(|after_s| *after_s > 0.5 * scenario.step_s);
+        trial.lost += usize::from(row > 0 && valid[row - 1] == 1.0 && valid[row] != 1.0);
+        let worst = if valid[row] == 1.0 { estimates.worst(row) } else { Worst::default() };
+        if worst.ratio < 4.0 {
+            trial.noticed_s = trial.noticed_s.or(after_s);
         }
-        let mut most = Worst { ratio: 0.0, time_s, ..Worst::default() };
-        if valid[row] == 1.0 {
-            let (error, _, total) = relative(row);
-            for k in 0..error.len() {
-                // Two numbers that are both 0 agree.
-                let ratio = if error[k] == 0.0 { 0.0 } else { (error[k] / total[k]).abs() };
-                if ratio > most.ratio || ratio.is_nan() {
-                    most = Worst {
-                        ratio: if ratio.is_nan() { f64::INFINITY } else { ratio },
-                        time_s,
-                        error: error[k],
-                        std: total[k],
-                    };
-                }
-            }
-        }
-        if let Some(after_s) = after
-            && trial.noticed_s.is_none()
-            && most.ratio < 4.0
-        {
-            trial.noticed_s = Some(after_s);
-        }
-        if most.ratio > trial.worst.ratio && after.is_none_or(|after_s| after_s > granted_s) {
-            trial.worst = most;
+        if worst.ratio > trial.worst.ratio && after_s.is_none_or(|after_s| after_s > estimates.granted_s) {
+            trial.worst = worst;
         }
     }
-    let bounds = (!changing).then(|| bound::bound(scenario, recording, instants_s)).flatten();
+    let bounds = jump_s.is_none().then(|| bound::bound(scenario, recording, instants_s)).flatten();
     let planes: Vec<_> = machine.of_planes("magnitude").into_iter().zip(machine.of_planes("phase")).collect();
     for (at, instant_s) in instants_s.iter().enumerate() {
         let Some(row) = (0..rows).find(|row| recording.time_s[*row] >= instant_s - 0.5 * scenario.step_s) else {
             break;
         };
-        let (error, std, total) = relative(row);
+        let of = |number: fn(&Estimate) -> f64| estimates.at(row).map(|estimate| number(&estimate)).collect();
         let read = |name: &str| get(name).map_or(f64::NAN, |values| values[row]);
         let unbalances = planes.iter().map(|(magnitude, phase)| {
             let (size, turned) = (real(scenario, "plant", magnitude), read(phase) - real(scenario, "plant", phase));
@@ -207,9 +268,9 @@ pub fn judge(scenario: &Scenario, recording: &Recording, instants_s: &[f64], see
         let of_magnets = |all: &[f64]| used.iter().map(|k| all[*k]).collect();
         trial.samples.push(Sample {
             valid: valid[row] == 1.0,
-            error,
-            std,
-            total,
+            error: of(|estimate| estimate.error),
+            std: of(|estimate| estimate.std),
+            total: of(|estimate| estimate.total),
             bound: bounds.as_ref().map_or_else(|| vec![f64::NAN; used.len()], |bounds| of_magnets(&bounds[at])),
             unbalance: [0, 1].map(|n| pooled(&unbalances.iter().map(|plane| plane[n]).collect::<Vec<_>>())),
             verdict: get("verdict").map(|values| verdict(scenario, values[row])),

@@ -23,12 +23,15 @@ use crate::simulation::simulate::{self, Refused};
 use crate::studies::parallel::in_order;
 use crate::table::Table;
 use cases::{Draw, TOLERANCES};
-use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, pooled};
+use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, pooled, touched};
 use fmu_export::variable::Value;
 use offline::Offline;
 
-/// Makes the scenario of a run from the study's, the seed of the run, and how often the rotor touched down with the former.
-pub type Vary = Arc<dyn Fn(&Scenario, u64, u64) -> Scenario + Send + Sync>;
+/// Changes the study's scenario for a run, from the seed of the run and how often the rotor touched down with the former.
+pub type Vary = Arc<dyn Fn(&mut Scenario, u64, u64) + Send + Sync>;
+
+/// Whether the estimator knows the noise, in both ways, and the words for it in titles.
+const NOISE_KNOWN: [(bool, &str); 2] = [(true, "noise known"), (false, "noise estimated")];
 
 /// Runs that are judged together.
 #[derive(Clone)]
@@ -43,7 +46,7 @@ pub struct Study {
     pub runs: usize,
     /// The seed of the first run; the others follow one by one.
     pub first_seed: u64,
-    /// The quantity that differs from run to run.
+    /// What differs from run to run besides the seed of the sensors.
     pub vary: Vary,
     /// Whether the runs differ in more than noise, so that errors in per cent mean little.
     pub mixed: bool,
@@ -63,13 +66,12 @@ pub struct Outcome {
 impl Outcome {
     /// The worst valid sample of all runs, and the seed of its run.
     pub fn worst(&self) -> (u64, Worst) {
-        let worst = self.trials.iter().max_by(|one, other| one.worst.ratio.total_cmp(&other.worst.ratio));
-        worst.map_or((0, Worst::default()), |trial| (trial.seed, trial.worst))
+        figures::worst(&self.trials)
     }
 
     /// Runs with a valid sample beyond [`CONFIDENT`] of its standard deviations.
     pub fn beyond(&self) -> usize {
-        self.trials.iter().filter(|trial| trial.worst.ratio > CONFIDENT).count()
+        self.trials.iter().filter(|trial| trial.is_beyond()).count()
     }
 }
 
@@ -91,6 +93,22 @@ fn runs<T: Send + Sync>(count: usize, run: impl Fn(usize) -> T + Sync) -> Vec<T>
 }
 
 impl Study {
+    /// With the estimates looked at then, in s.
+    fn at(self, instants_s: &[f64]) -> Self {
+        Self { instants_s: instants_s.to_vec(), ..self }
+    }
+
+    /// With a change of the scenario of all runs.
+    fn with(mut self, change: impl FnOnce(&mut Scenario)) -> Self {
+        change(&mut self.scenario);
+        self
+    }
+
+    /// With runs that differ in this.
+    fn varied(self, vary: impl Fn(&mut Scenario, u64, u64) + Send + Sync + 'static) -> Self {
+        Self { vary: Arc::new(vary), ..self }
+    }
+
     /// Runs everything, on all processors.
     ///
     /// # Errors
@@ -107,7 +125,9 @@ impl Study {
 
     /// The scenario of the run with that seed, drawn for the n-th time.
     pub fn case(&self, seed: u64, attempt: u64) -> Scenario {
-        let mut scenario = (self.vary)(&self.scenario, seed, attempt);
+        let mut scenario = self.scenario.clone();
+        (self.vary)(&mut scenario, seed, attempt);
+        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
         // The unbalance that correction masses leave shows after the last instant.
         if scenario.balance_s.is_none() {
             scenario.duration_s = self.instants_s.iter().copied().fold(0.0, f64::max);
@@ -128,7 +148,7 @@ impl Study {
             }
             let missing = || Refused(vec!["the plant or the estimator lacks an output that a study needs".into()]);
             let trial = match &self.offline {
-                None => judge(&scenario, &run.recording, &self.instants_s, seed),
+                None => judge(&scenario, &run.recording, &self.instants_s, seed, touched(&run.recording)),
                 Some(bench) => offline::judge(&scenario, &run.recording, &self.instants_s, seed, bench),
             };
             let trial = trial.ok_or_else(missing)?;
@@ -144,6 +164,9 @@ impl Study {
 /// Sensor noise of the studies: position in m, current in A.
 pub const NOISE: [f64; 2] = [1e-7, 1e-2];
 
+/// The same with ten times the noise of the position.
+const TENFOLD: [f64; 2] = [10.0 * NOISE[0], NOISE[1]];
+
 /// When the estimates are looked at, in s.
 pub const INSTANTS_S: [f64; 5] = [0.035, 0.1, 0.2, 0.4, 1.0];
 
@@ -158,18 +181,13 @@ pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: us
         scenario.set("estimator", "method", method);
     }
     cases::noise(&mut scenario, noise, told);
-    let vary: Vary = Arc::new(|scenario: &Scenario, seed, _| {
-        let mut scenario = scenario.clone();
-        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
-        scenario
-    });
     Study {
         title: title.into(),
         scenario,
         instants_s: vec![0.035, 0.1],
         runs,
         first_seed: 1,
-        vary,
+        vary: Arc::new(|_, _, _| ()),
         mixed: false,
         offline: None,
     }
@@ -178,16 +196,12 @@ pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: us
 /// A study of drawn bearings, [`SEEDS`] runs of each; see [`cases::drawn`].
 #[must_use]
 pub fn drawn(title: &str, told: bool, bearings: usize) -> Study {
-    let mut study = study(title, &nominal(), NOISE, told, bearings * SEEDS as usize);
-    study.vary = Arc::new(move |scenario: &Scenario, seed, attempt| {
-        // Seeds of the n-th drawing are far from those of the others.
-        let mut scenario = cases::drawn(scenario, seed / SEEDS + (attempt << 32), told);
-        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
-        scenario
-    });
-    study.instants_s = INSTANTS_S.to_vec();
-    study.mixed = true;
-    study
+    let study = study(title, &nominal(), NOISE, told, bearings * SEEDS as usize).at(&INSTANTS_S);
+    // Seeds of the n-th drawing are far from those of the others.
+    let vary = move |scenario: &mut Scenario, seed: u64, attempt: u64| {
+        *scenario = cases::drawn(scenario, seed / SEEDS + (attempt << 32), told);
+    };
+    Study { mixed: true, ..study.varied(vary) }
 }
 
 /// The paper's bearing with an unbalance of 20 N and a load of (10, −20) N.
@@ -196,7 +210,11 @@ pub fn drawn(title: &str, told: bool, bearings: usize) -> Study {
 /// Never: the scenario comes with the program.
 #[must_use]
 pub fn nominal() -> Scenario {
-    Scenario::open(Path::new("unbalanced")).expect("a scenario that comes with the program")
+    built_in("unbalanced")
+}
+
+fn built_in(name: &str) -> Scenario {
+    Scenario::open(Path::new(name)).expect("a scenario that comes with the program")
 }
 
 /// The scenario at another speed; a rotor that starts on its path keeps to it.
@@ -240,92 +258,55 @@ const LONG: (f64, usize) = (50.0, 20);
 #[must_use]
 pub fn studies(runs: usize) -> Vec<Study> {
     let nominal = nominal();
-    let tenfold = [10.0 * NOISE[0], NOISE[1]];
+    let of = |title: &str, noise: [f64; 2], told: bool| study(title, &nominal, noise, told, runs);
     let mut studies = Vec::new();
-    for (told, says) in [(true, "noise known"), (false, "noise estimated")] {
+    for (told, says) in NOISE_KNOWN {
         studies.push(drawn(&format!("Drawn bearings, {says}"), told, runs));
         let mut add = |title: &str, instants_s: &[f64], noise: [f64; 2], set: &dyn Fn(&mut Scenario)| {
-            let mut study = study(&format!("{title}, {says}"), &nominal, noise, told, runs);
-            study.instants_s = instants_s.to_vec();
-            set(&mut study.scenario);
-            studies.push(study);
+            studies.push(of(&format!("{title}, {says}"), noise, told).at(instants_s).with(set));
         };
         add("Unbalance 20 N, load (10, −20) N, 0.1 µm and 10 mA", &INSTANTS_S, NOISE, &|_| ());
         add("The same with voltage drive", &INSTANTS_S, NOISE, &cases::voltage_drive);
         for poles in [500.0, 1000.0, 2000.0] {
             let title = format!("1 µm and 10 mA, tracking poles at {poles} rad/s");
-            add(&title, &INSTANTS_S, tenfold, &|scenario| cases::tracking(scenario, poles));
+            add(&title, &INSTANTS_S, TENFOLD, &|scenario| {
+                scenario.set("controller", "bandwidth.tracking", Value::Real(poles));
+            });
         }
-        let slow = 1000.0 * TAU / 60.0;
-        add("1000 rpm on the paper's path", &[0.2, 0.4, 0.8, 1.6], NOISE, &|scenario| {
-            cases::path(scenario, [30e-6, 70e-6], (3, 0.0), slow);
-        });
+        add("1000 rpm on the paper's path", &[0.2, 0.4, 0.8, 1.6], NOISE, &|scenario| cases::turn(scenario, 1000.0));
         add("Run-up from 500 to 6000 rpm in 1 s and back", &[0.1, 0.2, 0.4, 1.0, 2.0], NOISE, &|scenario| {
-            cases::speed(scenario, &[0.0, 1.0, 2.0], &[500.0, 6000.0, 500.0].map(|rpm| rpm * TAU / 60.0));
+            cases::speed(scenario, &[0.0, 1.0, 2.0], &[500.0, 6000.0, 500.0]);
         });
     }
-    let mut without = study("Without noise", &nominal, [0.0; 2], false, 1);
-    without.instants_s = INSTANTS_S.to_vec();
-    studies.push(without);
+    studies.push(study("Without noise", &nominal, [0.0; 2], false, 1).at(&INSTANTS_S));
 
-    let mut pairs = study(
-        "14 pairs of noise from 20 nm and 1 mA to 5 µm and 0.1 A, estimated",
-        &nominal,
-        NOISE,
-        false,
-        runs.max(14),
-    );
-    pairs.instants_s = INSTANTS_S.to_vec();
-    pairs.mixed = true;
-    pairs.vary = Arc::new(|scenario: &Scenario, seed, _| {
-        let mut scenario = scenario.clone();
+    let title = "14 pairs of noise from 20 nm and 1 mA to 5 µm and 0.1 A, estimated";
+    let pairs = study(title, &nominal, NOISE, false, runs.max(14)).at(&INSTANTS_S).varied(|scenario, seed, _| {
         let [position, current] = PAIRS[seed as usize % PAIRS.len()];
-        cases::noise(&mut scenario, [position * 1e-6, current * 1e-3], false);
-        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
-        scenario
+        cases::noise(scenario, [position * 1e-6, current * 1e-3], false);
     });
-    studies.push(pairs);
+    studies.push(Study { mixed: true, ..pairs });
 
     let each = TOLERANCES.iter().map(std::slice::from_ref);
-    for tolerances in each.chain([TOLERANCES.as_slice()]).map(<[_]>::to_vec) {
-        let name = if let [(name, _)] = tolerances[..] { name } else { "all at once" };
-        let mut study = study(&format!("Tolerance {name}, noise known"), &nominal, NOISE, true, runs);
-        study.instants_s = vec![0.1, 0.4];
-        study.vary = Arc::new(move |scenario: &Scenario, seed, _| {
-            let mut scenario = scenario.clone();
+    for tolerances in each.chain([TOLERANCES.as_slice()]) {
+        let name = if let [one] = tolerances { one.name } else { "all at once" };
+        let study = of(&format!("Tolerance {name}, noise known"), NOISE, true).at(&[0.1, 0.4]);
+        studies.push(study.varied(move |scenario, seed, _| {
             let mut draw = Draw::new(seed);
-            for tolerance in &tolerances {
-                cases::tolerance(&mut scenario, *tolerance, &mut draw);
-            }
-            scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
-            scenario
-        });
-        studies.push(study);
+            tolerances.iter().for_each(|tolerance| tolerance.draw(scenario, &mut draw));
+        }));
     }
-
     for fault in cases::FAULTS {
-        let mut study = study(&format!("One thing wrong: {}", fault.0), &nominal, NOISE, false, runs);
-        study.instants_s = INSTANTS_S[1..].to_vec();
-        cases::fault(&mut study.scenario, fault);
-        studies.push(study);
+        let study = of(&format!("One thing wrong: {}", fault.0), NOISE, false).at(&INSTANTS_S[1..]);
+        studies.push(study.with(|scenario| cases::fault(scenario, fault)));
     }
-
-    for (told, says) in [(true, "noise known"), (false, "noise estimated")] {
+    for (told, says) in NOISE_KNOWN {
         let title = format!("Step of λ by {} % at {} s, {says}", 100.0 * STEP.1, STEP.0);
-        let mut step = study(&title, &nominal, NOISE, told, runs);
-        step.instants_s = vec![0.59, 0.64, 0.7, 1.0];
-        step.vary = Arc::new(|scenario: &Scenario, seed, _| {
-            let mut scenario = scenario.clone();
-            cases::step_of_lambda(&mut scenario, 1 + seed as usize % 3, STEP.1, STEP.0);
-            scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
-            scenario
-        });
-        studies.push(step);
+        let step = of(&title, NOISE, told).at(&[0.59, 0.64, 0.7, 1.0]);
+        studies.push(step.varied(|scenario, seed, _| cases::step_of_lambda(scenario, seed, STEP.1, STEP.0)));
         let (length_s, count) = LONG;
         let title = format!("False restarts: {count} runs of {length_s} s, {says}");
-        let mut long = study(&title, &nominal, NOISE, told, count.min(runs));
-        long.instants_s = vec![1.0, 10.0, length_s];
-        studies.push(long);
+        studies.push(study(&title, &nominal, NOISE, told, count.min(runs)).at(&[1.0, 10.0, length_s]));
     }
     studies.extend(offline::studies(runs));
     studies.extend(spindle::studies(runs));

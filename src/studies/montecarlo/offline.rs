@@ -1,12 +1,12 @@
 //! Studies of maximum likelihood over whole recordings: drawn bearings, and benches that differ from their data sheets.
 
 use std::f64::consts::TAU;
-use std::sync::{Arc, LazyLock};
+use std::sync::LazyLock;
 
 use super::bound;
 use super::cases::{self, Draw};
 use super::figures::{Sample, Trial, Worst, touched};
-use super::{NOISE, SEEDS, Study, drawn, nominal, real, study};
+use super::{NOISE, NOISE_KNOWN, SEEDS, Study, TENFOLD, drawn, nominal, real, study};
 use crate::machine::PLANAR;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
@@ -146,15 +146,7 @@ pub fn judge(
         bench[*at].knowledge = Knowledge::Tolerance(*std);
     }
     let bounds = offline.tolerances.is_empty().then(|| bound::bound(scenario, recording, instants_s)).flatten();
-    let mut trial = Trial {
-        seed,
-        samples: Vec::new(),
-        worst: Worst::default(),
-        lost: 0,
-        noticed_s: None,
-        touched_s: touched.map(|row| recording.time_s[row]),
-        left: None,
-    };
+    let mut trial = Trial { seed, touched_s: touched.map(|row| recording.time_s[row]), ..Trial::default() };
     for (at, instant_s) in instants_s.iter().enumerate() {
         let rows = (instant_s / scenario.step_s).round() as usize + 1;
         if touched.is_some_and(|touched| touched < rows) {
@@ -203,6 +195,9 @@ fn summary(verdict: &str) -> String {
 /// When the controller takes over an estimate: in the middle of recordings of 0.1, 1 and 5 s, or never, in s.
 const UPDATES_S: [f64; 4] = [0.05, 0.5, 2.5, 1e3];
 
+/// Noise of the sensors, and that of the position in words.
+const NOISES: [(&str, [f64; 2]); 2] = [("0.1 µm", NOISE), ("1 µm", TENFOLD)];
+
 /// Lengths of the recordings, in s.
 const LENGTHS_S: [f64; 3] = [0.1, 1.0, 5.0];
 
@@ -238,46 +233,30 @@ const MIXED: [(&str, f64, f64); 8] = [
 
 /// A study of the nominal bearing, noise estimated, on a bench.
 fn bench(title: &str, offline: Offline, noise: [f64; 2], instants_s: &[f64], runs: usize) -> Study {
-    let mut study = study(&format!("identify: {title}"), &nominal(), noise, false, runs);
-    study.instants_s = instants_s.to_vec();
-    study.offline = Some(offline.clone());
-    study.vary = Arc::new(move |scenario: &Scenario, seed, _| {
-        let mut scenario = scenario.clone();
-        differ(&mut scenario, &offline.errors(seed));
-        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
-        scenario
-    });
-    study
+    let study = study(&format!("identify: {title}"), &nominal(), noise, false, runs).at(instants_s);
+    let errors = offline.clone();
+    let study = study.varied(move |scenario, seed, _| differ(scenario, &errors.errors(seed)));
+    Study { offline: Some(offline), ..study }
 }
 
 /// The studies of maximum likelihood, each with so many runs (of drawn bearings: with so many bearings).
 pub fn studies(runs: usize) -> Vec<Study> {
     let mut studies = Vec::new();
-    for (told, says) in [(true, "noise known"), (false, "noise estimated")] {
-        let mut bearings = drawn(&format!("identify: drawn bearings, {says}"), told, runs);
-        let vary = bearings.vary;
-        bearings.vary = Arc::new(move |scenario: &Scenario, seed, attempt| {
-            let mut scenario = vary(scenario, seed, attempt);
+    for (told, says) in NOISE_KNOWN {
+        let mut add = |study: Study| studies.push(Study { offline: Some(Offline::default()), ..study });
+        let bearings = drawn(&format!("identify: drawn bearings, {says}"), told, runs).at(&LENGTHS_S);
+        let vary = bearings.vary.clone();
+        add(bearings.varied(move |scenario, seed, attempt| {
+            vary(scenario, seed, attempt);
             let update_s = UPDATES_S[(seed / SEEDS) as usize % UPDATES_S.len()];
             scenario.set("controller", "update.time", Value::Real(update_s));
-            scenario
-        });
-        bearings.instants_s = LENGTHS_S.to_vec();
-        bearings.offline = Some(Offline::default());
-        studies.push(bearings);
-        for (title, noise) in [("0.1 µm", NOISE), ("1 µm", [10.0 * NOISE[0], NOISE[1]])] {
+        }));
+        for (title, noise) in NOISES {
             let title = format!("identify: nominal bearing, {title} and 10 mA, {says}");
-            let mut one = study(&title, &nominal(), noise, told, runs);
-            one.instants_s = LENGTHS_S.to_vec();
-            one.offline = Some(Offline::default());
-            studies.push(one);
+            add(study(&title, &nominal(), noise, told, runs).at(&LENGTHS_S));
         }
-        let title = format!("identify: 1000 rpm on the paper's path, {says}");
-        let mut slow = study(&title, &nominal(), NOISE, told, runs);
-        cases::path(&mut slow.scenario, [30e-6, 70e-6], (3, 0.0), 1000.0 * TAU / 60.0);
-        slow.instants_s = vec![0.5, 1.0, 2.0];
-        slow.offline = Some(Offline::default());
-        studies.push(slow);
+        let slow = study(&format!("identify: 1000 rpm on the paper's path, {says}"), &nominal(), NOISE, told, runs);
+        add(slow.at(&[0.5, 1.0, 2.0]).with(|scenario| cases::turn(scenario, 1000.0)));
     }
     let expanded = |told: &[(&str, f64)]| -> Vec<(usize, f64)> {
         let meant = |name| identify::named(parameters(), name).unwrap_or_default();
@@ -298,7 +277,7 @@ pub fn studies(runs: usize) -> Vec<Study> {
     studies.push(bench("mixed bench", Offline { tolerances, fixed: Some(errors) }, NOISE, &[1.0], runs));
     let tolerances: Vec<_> = parameters().iter().map(|parameter| parameter.typical).enumerate().collect();
     let offline = Offline { tolerances, fixed: None };
-    for (says, noise) in [("0.1 µm", NOISE), ("1 µm", [10.0 * NOISE[0], NOISE[1]])] {
+    for (says, noise) in NOISES {
         studies.push(bench(&format!("all bench errors at once, {says}"), offline.clone(), noise, &[0.5, 2.0], runs));
     }
     studies

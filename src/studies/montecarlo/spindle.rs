@@ -1,11 +1,9 @@
 //! A spindle over many seeds: first guesses that are wrong, any unbalance, and what correction masses leave.
 
 use std::f64::consts::PI;
-use std::path::Path;
-use std::sync::Arc;
 
 use super::cases::{self, Draw};
-use super::{NOISE, Study, Vary, at_speed, real, study};
+use super::{NOISE, NOISE_KNOWN, Study, at_speed, built_in, real, study};
 use crate::simulation::scenario::Scenario;
 use fmu_export::variable::Value;
 
@@ -15,14 +13,11 @@ use fmu_export::variable::Value;
 /// Never: the scenarios come with the program.
 #[must_use]
 pub fn studies(runs: usize) -> Vec<Study> {
-    let built_in = |name: &str| Scenario::open(Path::new(name)).expect("a scenario that comes with the program");
     let mut studies = Vec::new();
-    for (told, says) in [(true, "noise known"), (false, "noise estimated")] {
+    for (told, says) in NOISE_KNOWN {
         let mut add = |title: &str, set: &dyn Fn(&mut Scenario)| {
-            let mut study = study(&format!("spindle: {title}, {says}"), &built_in("spindle"), NOISE, told, runs);
-            set(&mut study.scenario);
-            study.instants_s = vec![0.1, 0.2, 0.4];
-            studies.push(Study { vary: vary(), ..study });
+            let study = study(&format!("spindle: {title}, {says}"), &built_in("spindle"), NOISE, told, runs);
+            studies.push(study.at(&[0.1, 0.2, 0.4]).with(set).varied(vary));
         };
         add("3000 rpm", &|_| ());
         add("3000 rpm, voltage drive", &cases::voltage_drive);
@@ -37,30 +32,26 @@ pub fn studies(runs: usize) -> Vec<Study> {
         });
     }
     let scenario = built_in("balance");
-    let instants_s = vec![scenario.balance_s.unwrap_or(scenario.duration_s)];
-    let masses = study("spindle: correction masses", &scenario, NOISE, true, runs);
-    studies.push(Study { scenario, instants_s, vary: vary(), ..masses });
+    let masses = study("spindle: correction masses", &scenario, NOISE, true, runs).varied(vary);
+    let masses = masses.at(&[scenario.balance_s.unwrap_or(scenario.duration_s)]);
+    studies.push(Study { scenario, ..masses });
     studies
 }
 
 /// The run of a seed: noise, unbalances from 30 to 100 g·mm at any angle, first guesses wrong by factors of 1.5 to 2.
-fn vary() -> Vary {
-    Arc::new(|scenario, seed, _| {
-        let (mut scenario, mut draw) = (scenario.clone(), Draw::new(seed));
-        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
-        for (bearing, k) in scenario.magnets() {
-            let factor = draw.between(1.5, 2.0);
-            let factor = if draw.chance(0.5) { factor } else { 1.0 / factor };
-            let guess = real(&scenario, "plant", &format!("{bearing}lambda{k}")) * factor;
-            for element in ["controller", "estimator"] {
-                scenario.set(element, &format!("{bearing}lambda0{k}"), Value::Real(guess));
-            }
+fn vary(scenario: &mut Scenario, seed: u64, _: u64) {
+    let mut draw = Draw::new(seed);
+    for (bearing, k) in scenario.magnets() {
+        let factor = draw.between(1.5, 2.0);
+        let factor = if draw.chance(0.5) { factor } else { 1.0 / factor };
+        let guess = real(scenario, "plant", &format!("{bearing}lambda{k}")) * factor;
+        for element in ["controller", "estimator"] {
+            scenario.set(element, &format!("{bearing}lambda0{k}"), Value::Real(guess));
         }
-        for plane in [1, 2] {
-            for (name, value) in [("magnitude", draw.between(3e-5, 1e-4)), ("phase", draw.between(-PI, PI))] {
-                scenario.set("plant", &format!("unbalance[{plane}].{name}"), Value::Real(value));
-            }
+    }
+    for plane in [1, 2] {
+        for (name, value) in [("magnitude", draw.between(3e-5, 1e-4)), ("phase", draw.between(-PI, PI))] {
+            scenario.set("plant", &format!("unbalance[{plane}].{name}"), Value::Real(value));
         }
-        scenario
-    })
+    }
 }

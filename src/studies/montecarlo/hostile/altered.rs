@@ -182,19 +182,11 @@ impl Coloured {
     }
 }
 
-/// Coloured noise of the currents, with this standard deviation in A.
-pub fn coloured_currents(std_a: f64, cut_off_hz: f64) -> Alter {
+/// Coloured noise of these readings, with this standard deviation in their unit.
+pub fn coloured(std: f64, cut_off_hz: f64, of: fn(&mut Readings) -> &mut Vec<f64>) -> Alter {
     Box::new(move |scenario, seed| {
-        let mut noise = Coloured::new(std_a, cut_off_hz, scenario.step_s, seed);
-        in_the_sensor(move |readings| noise.add_to(&mut readings.current_a))
-    })
-}
-
-/// Coloured noise of the positions, with this standard deviation in m.
-pub fn coloured_positions(std_m: f64, cut_off_hz: f64) -> Alter {
-    Box::new(move |scenario, seed| {
-        let mut noise = Coloured::new(std_m, cut_off_hz, scenario.step_s, seed);
-        in_the_sensor(move |readings| noise.add_to(&mut readings.position_m))
+        let mut noise = Coloured::new(std, cut_off_hz, scenario.step_s, seed);
+        in_the_sensor(move |readings| noise.add_to(of(readings)))
     })
 }
 

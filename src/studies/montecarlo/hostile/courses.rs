@@ -3,15 +3,10 @@
 use std::f64::consts::{PI, TAU};
 
 use super::altered::{self, Alter, Missing};
+use super::cases::RPM;
 use super::{Asked, Course, Draw, NOISE, cases, real};
 use crate::simulation::scenario::{Profile, Scenario};
 use fmu_export::variable::Value;
-
-/// Speed in rad/s of one in rpm.
-const RPM: f64 = TAU / 60.0;
-
-/// The paper's path, in m.
-const PATH: [f64; 2] = [30e-6, 70e-6];
 
 impl Course {
     fn new(name: &str, asked: Asked, set: impl Fn(&mut Scenario, u64) + Send + Sync + 'static) -> Self {
@@ -67,12 +62,10 @@ fn excitation() -> Vec<Course> {
             noise: [1e-7, 5e-3],
             ..Course::new("scenario run-up, with voltage drive", Asked::Valid, |_, _| ())
         },
-        late("300 rpm", |scenario| turn(scenario, 300.0)),
-        late("600 rpm", |scenario| turn(scenario, 600.0)),
+        late("300 rpm", |scenario| cases::turn(scenario, 300.0)),
+        late("600 rpm", |scenario| cases::turn(scenario, 600.0)),
         late("at rest", cases::at_rest),
-        late("0 to 3000 rpm", |scenario| {
-            cases::speed(scenario, &[0.0, 0.3, 1.0], &[0.0, 0.0, 3000.0].map(|rpm| rpm * RPM));
-        }),
+        late("0 to 3000 rpm", |scenario| cases::speed(scenario, &[0.0, 0.3, 1.0], &[0.0, 0.0, 3000.0])),
     ];
     for factor in [0.1, 0.2, 5.0, 10.0] {
         courses.push(Course::new(
@@ -87,8 +80,8 @@ fn excitation() -> Vec<Course> {
             guess(scenario, factor);
         }));
     }
-    courses.push(Course::new("1500 rpm", Asked::Valid, |scenario, _| turn(scenario, 1500.0)));
-    courses.push(Course::new("1000 rpm", Asked::NotWrong, |scenario, _| turn(scenario, 1000.0)).lasting(1.5));
+    courses.push(Course::new("1500 rpm", Asked::Valid, |scenario, _| cases::turn(scenario, 1500.0)));
+    courses.push(Course::new("1000 rpm", Asked::NotWrong, |scenario, _| cases::turn(scenario, 1000.0)).lasting(1.5));
     for (per_turn, step_s) in [(20, 5e-4), (10, 1e-3)] {
         let set = move |scenario: &mut Scenario, _| {
             cases::sample_time(scenario, step_s);
@@ -112,11 +105,11 @@ fn changes() -> Vec<Course> {
     };
     vec![
         Course::new("500 to 6000 rpm and back", Asked::Valid, |scenario, _| {
-            cases::speed(scenario, &[0.0, 1.0, 2.0], &[500.0, 6000.0, 500.0].map(|rpm| rpm * RPM));
+            cases::speed(scenario, &[0.0, 1.0, 2.0], &[500.0, 6000.0, 500.0]);
         })
         .lasting(2.0),
         Course::new("3000 to −3000 rpm", Asked::NotWrong, |scenario, _| {
-            cases::speed(scenario, &[0.0, 0.3, 1.2, 1.6], &[3000.0, 3000.0, -3000.0, -3000.0].map(|rpm| rpm * RPM));
+            cases::speed(scenario, &[0.0, 0.3, 1.2, 1.6], &[3000.0, 3000.0, -3000.0, -3000.0]);
         })
         .lasting(1.6),
         ramp(1.0),
@@ -124,7 +117,7 @@ fn changes() -> Vec<Course> {
         Course::new("λ drifts 2 %/s", Asked::Valid, |scenario, _| drift(scenario, [0.0, 2.0], 0.04)).lasting(2.0),
         Course::new("λ + 3 % within 0.3 s", Asked::Valid, |scenario, _| drift(scenario, [0.5, 0.8], 0.03)).lasting(1.5),
         Course::new("λ steps by 5 %", Asked::NotWrong, |scenario, seed| {
-            cases::step_of_lambda(scenario, 1 + seed as usize % 3, 0.05, 0.6);
+            cases::step_of_lambda(scenario, seed, 0.05, 0.6);
         })
         .lasting(1.5),
         Course::new("unbalance grows 10 %/s", Asked::NotWrong, |scenario, _| {
@@ -149,11 +142,7 @@ fn forces() -> Vec<Course> {
         .into_iter()
         .map(|force_n| {
             Course::new(&format!("{force_n} N backward"), Asked::Valid, move |scenario, seed| {
-                let (omega, phase) = (real(scenario, "plant", "omega"), Draw::new(seed).between(-PI, PI));
-                cases::push(scenario, &["pY", "pZ"], scenario.duration_s, |time_s| {
-                    let (sin, cos) = libm::sincos(omega * time_s + phase);
-                    [force_n * cos, -force_n * sin]
-                });
+                cases::backward(scenario, force_n, Draw::new(seed).between(-PI, PI), scenario.duration_s);
             })
         })
         .collect();
@@ -217,11 +206,11 @@ fn readings() -> Vec<Course> {
         Course::new("currents coloured at 100 Hz", Asked::NotWrong, |scenario, _| {
             put(scenario, "plant.sensor.currentNoise", 0.0);
         })
-        .with(altered::coloured_currents(NOISE[1], 100.0)),
+        .with(altered::coloured(NOISE[1], 100.0, |readings| &mut readings.current_a)),
         Course::new("positions coloured at 1000 Hz", Asked::NotWrong, |scenario, _| {
             put(scenario, "plant.sensor.positionNoise", 0.0);
         })
-        .with(altered::coloured_positions(NOISE[0], 1000.0)),
+        .with(altered::coloured(NOISE[0], 1000.0, |readings| &mut readings.position_m)),
         told("current noise stated as a third", "estimator.sensor.currentNoise", 1.0 / 3.0),
         told("position noise stated 30 % too low", "estimator.sensor.positionNoise", 0.7),
         Course::new("currents one sample late for 50 ms", Asked::NotWrong, |_, _| ())
@@ -257,10 +246,10 @@ fn spindle() -> Vec<Course> {
             put(scenario, "plant.omega", 0.0);
             put(scenario, "controller.reference.omega", 0.0);
             put(scenario, "controller.F0.modulation", 0.0);
-            for radius in
+            for path in
                 ["A.reference.rY", "A.reference.rZ", "B.reference.rY", "B.reference.rZ", "X.reference.amplitude"]
             {
-                scenario.set("controller", radius, Value::Real(0.0));
+                put(scenario, &format!("controller.{path}"), 0.0);
             }
             put(scenario, "controller.update.time", 0.5);
         })
@@ -281,24 +270,15 @@ fn spindle() -> Vec<Course> {
     ]
 }
 
-/// Element and variable of a path such as `plant.pY`.
-fn split(path: &'static str) -> (&'static str, &'static str) {
-    path.split_once('.').expect("a path")
-}
-
-fn put(scenario: &mut Scenario, path: &'static str, value: f64) {
-    let (element, variable) = split(path);
+/// Sets a variable by its path, such as `plant.pY`.
+fn put(scenario: &mut Scenario, path: &str, value: f64) {
+    let (element, variable) = path.split_once('.').expect("a path");
     scenario.set(element, variable, Value::Real(value));
 }
 
-fn scale(scenario: &mut Scenario, path: &'static str, factor: f64) {
-    let (element, variable) = split(path);
+fn scale(scenario: &mut Scenario, path: &str, factor: f64) {
+    let (element, variable) = path.split_once('.').expect("a path");
     put(scenario, path, real(scenario, element, variable) * factor);
-}
-
-/// The rotor on the paper's path at another speed.
-fn turn(scenario: &mut Scenario, rpm: f64) {
-    cases::path(scenario, PATH, (3, 0.0), rpm * RPM);
 }
 
 /// First guesses that are the true λ times a factor, for the controller by two at most, or it would not hold the rotor; the smallest force

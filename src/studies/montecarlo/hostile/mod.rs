@@ -8,8 +8,8 @@ pub mod altered;
 mod courses;
 
 use super::cases::Draw;
-use super::figures::{CONFIDENT, Truth, Worst, is_contact, touched};
-use super::{NOISE, cases, real, study};
+use super::figures::{self, CONFIDENT, is_contact, touched};
+use super::{ATTEMPTS, NOISE, built_in, cases, real, study};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Refused};
@@ -17,16 +17,8 @@ use crate::table::Table;
 use altered::{Alter, Wires};
 use fmu_export::variable::Value;
 
+pub use super::figures::{Trial, VALID_FROM_S};
 pub use courses::courses;
-
-/// From then on, in s, the share of the time is counted in which the estimate is valid.
-pub const VALID_FROM_S: f64 = 0.3;
-
-/// A jump of λ may be noticed within so many revolutions.
-const GRANTED_REVOLUTIONS: f64 = 2.0;
-
-/// How often a bearing drawn at random that touches down is drawn again.
-const ATTEMPTS: u64 = 20;
 
 /// Requirements on a course.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,30 +67,6 @@ pub struct Case<'a> {
     pub told: bool,
 }
 
-/// Results of a run.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Trial {
-    /// The seed that the run can be repeated with.
-    pub seed: u64,
-    /// The valid sample that was off by most of its standard deviations, tolerances included.
-    pub worst: Worst,
-    /// Part of the time from [`VALID_FROM_S`] on in which the estimate was valid.
-    pub valid: f64,
-    /// The most changes of `valid` within one second.
-    pub changes: usize,
-    /// Standard deviations of all λ at the end, relative, and errors in these, if they are valid.
-    pub at_end: Option<Vec<[f64; 2]>>,
-    /// When the rotor touched down or left the gap, in s; nothing after it counts.
-    pub ended_s: Option<f64>,
-}
-
-impl Trial {
-    /// Whether a valid estimate was wrong by more than [`CONFIDENT`] standard deviations.
-    pub fn is_beyond(&self) -> bool {
-        self.worst.ratio > CONFIDENT
-    }
-}
-
 impl Course {
     /// Whether a run says what must not be said.
     pub fn is_wrong(&self, trial: &Trial) -> bool {
@@ -127,8 +95,7 @@ impl Case<'_> {
     /// The scenario of the run with that seed, drawn for the n-th time.
     pub fn scenario(&self, seed: u64, attempt: u64) -> Scenario {
         let course = self.course;
-        let base = Scenario::open(std::path::Path::new(course.base)).expect("a scenario that comes with the program");
-        let mut scenario = study("", &base, course.noise, self.told, 1).scenario;
+        let mut scenario = study("", &built_in(course.base), course.noise, self.told, 1).scenario;
         scenario.duration_s = course.length_s;
         // Seeds of the n-th drawing are far from those of the others.
         (course.set)(&mut scenario, seed + (attempt << 32));
@@ -155,10 +122,10 @@ impl Case<'_> {
             let missing = || Refused(vec!["plant or estimator lacks an output that a study needs".into()]);
             let mut trial = judge(&scenario, &run.recording, seed, self.course.rubs).ok_or_else(missing)?;
             if run.error.is_some() {
-                trial.ended_s = trial.ended_s.or(run.recording.time_s.last().copied());
+                trial.touched_s = trial.touched_s.or(run.recording.time_s.last().copied());
             }
             attempt += 1;
-            let early = trial.ended_s.is_some_and(|ended_s| ended_s < VALID_FROM_S);
+            let early = trial.touched_s.is_some_and(|ended_s| ended_s < VALID_FROM_S);
             if !(self.course.drawn && early && attempt < ATTEMPTS) {
                 return Ok(trial);
             }
@@ -166,56 +133,12 @@ impl Case<'_> {
     }
 }
 
-/// Judges a run by its valid samples, until the rotor touches down unless that is part of the course.
+/// Judges a run by its valid samples, until the rotor touches down unless that is part of the course, and at the end.
 pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) -> Option<Trial> {
-    let mut magnets = Vec::new();
-    for magnet in scenario.magnets() {
-        let of = |name: &str| recording.get(&format!("estimator.{}{name}{}", magnet.0, magnet.1));
-        magnets.push((Truth::new(scenario, &magnet), of("lambdaHat")?, of("lambdaStdTotal")?));
-    }
-    let valid = recording.get("estimator.valid")?;
-    let time_s = &recording.time_s;
     let touched = touched(recording).filter(|_| !rubs);
-    let rows = touched.unwrap_or(time_s.len());
-    let omega = real(scenario, "plant", "omega").abs().max(1.0);
-    let granted_s = GRANTED_REVOLUTIONS * std::f64::consts::TAU / omega;
-    let granted = |time_s: f64| {
-        let jumps = magnets.iter().filter_map(|(truth, ..)| truth.jump_s());
-        jumps.into_iter().any(|jump_s| (jump_s..jump_s + granted_s).contains(&time_s))
-    };
-    // Error and standard deviation, relative, and their ratio.
-    let errors = |row: usize| {
-        magnets.iter().map(move |(truth, hat, std)| {
-            let truth = truth.at(time_s[row]);
-            let (error, std) = (hat[row] / truth - 1.0, std[row] / truth);
-            // Two numbers that are both 0 agree.
-            let ratio = if error == 0.0 { 0.0 } else { error / std };
-            (error, std, if ratio.is_nan() { f64::INFINITY } else { ratio })
-        })
-    };
-    let mut worst = Worst::default();
-    for row in (0..rows).filter(|row| valid[*row] == 1.0 && !granted(time_s[*row])) {
-        for (error, std, ratio) in errors(row) {
-            if ratio.abs() > worst.ratio {
-                worst = Worst { ratio: ratio.abs(), time_s: time_s[row], error, std };
-            }
-        }
-    }
-    let counted = (0..rows).filter(|row| time_s[*row] >= VALID_FROM_S);
-    let (all, good) = counted.fold((0, 0), |(all, good), row| (all + 1, good + usize::from(valid[row] == 1.0)));
-    let changes: Vec<f64> = (1..rows).filter(|row| valid[*row] != valid[row - 1]).map(|row| time_s[row]).collect();
-    let within_a_second = |(n, begin_s): (usize, &f64)| changes.partition_point(|at_s| *at_s < begin_s + 1.0) - n;
-    Some(Trial {
-        seed,
-        worst,
-        valid: if all > 0 { good as f64 / all as f64 } else { f64::NAN },
-        changes: changes.iter().enumerate().map(within_a_second).max().unwrap_or(0),
-        at_end: rows
-            .checked_sub(1)
-            .filter(|last| valid[*last] == 1.0)
-            .map(|last| errors(last).map(|(_, std, ratio)| [std, ratio]).collect()),
-        ended_s: touched.map(|row| time_s[row]),
-    })
+    let last = touched.unwrap_or(recording.time_s.len()).checked_sub(1);
+    let instants_s: Vec<f64> = last.map(|last| recording.time_s[last]).into_iter().collect();
+    figures::judge(scenario, recording, &instants_s, seed, touched)
 }
 
 /// Runs every case with as many seeds, on all processors; the trials of each, in the order of the seeds.
@@ -241,10 +164,14 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
     let head =
         ["", "wrong", "worst", "error, %", "stated, %", "seed", "valid, %", "changes", "± at the end, %", "error/±"];
     let row = |(case, trials): (&Case, &Vec<Trial>)| {
-        let worst = trials.iter().max_by(|one, other| one.worst.ratio.total_cmp(&other.worst.ratio));
-        let (seed, worst) = worst.map_or((0, Worst::default()), |trial| (trial.seed, trial.worst));
+        let (seed, worst) = figures::worst(trials);
         let valid: Vec<f64> = trials.iter().map(|trial| trial.valid).filter(|valid| !valid.is_nan()).collect();
-        let at_end: Vec<_> = trials.iter().filter_map(|trial| trial.at_end.as_ref()).flatten().collect();
+        let samples = trials.iter().filter_map(|trial| trial.samples.last()).filter(|sample| sample.valid);
+        // Standard deviations and errors in these.
+        let at_end: Vec<_> = samples
+            .flat_map(|sample| sample.total.iter().zip(&sample.error))
+            .map(|(std, error)| [*std, if *error == 0.0 { 0.0 } else { error / std }])
+            .collect();
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let rms = |which: usize| mean(&at_end.iter().map(|end| end[which] * end[which]).collect::<Vec<_>>()).sqrt();
         let number = |value: f64, digits: usize| {
@@ -257,7 +184,7 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
             Asked::NotValid => " **",
             Asked::Nothing => " ***",
         };
-        let ended = trials.iter().filter(|trial| trial.ended_s.is_some()).count();
+        let ended = trials.iter().filter(|trial| trial.touched_s.is_some()).count();
         let ended = if ended > 0 { format!(" ({ended} ended by contact)") } else { String::new() };
         vec![
             format!("{}, {}{mark}{ended}", case.course.name, noise(case.told)),
