@@ -1,7 +1,7 @@
 //! The bodies that move: a rotor in one radial bearing, a shaft across itself, an axis along itself.
 
 use super::Failed;
-use super::bench::{Places, place};
+use super::bench::{DYNAMICS, Places, place};
 use super::filter::passes;
 use super::rotor::{Describe, Description, Kind, Layout};
 use super::search;
@@ -54,6 +54,11 @@ impl Body {
             Self::Shaft { .. } => &SHAFT,
             Self::Axis { .. } => &["X."],
         }
+    }
+
+    /// Prefix of what it has one of: the axial motion is told of its own mass and delay.
+    pub(in crate::studies::identify) fn prefix(&self) -> &'static str {
+        if let Self::Axis { .. } = self { self.prefixes()[0] } else { "" }
     }
 
     /// Number of magnets.
@@ -134,6 +139,11 @@ impl Part {
         place(&self.parameters, prefix, name)
     }
 
+    /// The number of κ, if it is asked for.
+    fn dynamics(&self) -> Option<usize> {
+        self.beside.dynamics.then(|| self.place(self.body.prefix(), DYNAMICS))
+    }
+
     /// Identifies this part of the motion.
     pub(super) fn identify(&self, recordings: &[Recording<'_>], slow_force: bool) -> Result<Identification, Failed> {
         let magnets = self.body.magnets();
@@ -157,7 +167,13 @@ impl Part {
             describe,
             varied: varied.iter().map(|at| (*at, STEP * parameters[*at].typical)).collect(),
             places: Places::of(&self.body, parameters),
-            layout: Layout { magnets, load, base: load + coordinates, all: load + coordinates + parameters.len() },
+            layout: Layout {
+                magnets,
+                load,
+                base: load + coordinates,
+                all: load + coordinates + parameters.len(),
+                dynamics: self.dynamics().map(|at| load + coordinates + at),
+            },
             passes,
         };
         search::identify(recordings, &kind)
@@ -172,18 +188,20 @@ impl Part {
     ) -> (Describe<'_>, Vec<usize>) {
         let [prefix] = *self.body.prefixes() else { unreachable!("one bearing") };
         let [mass, gap, iron] = ["m", "s", "gap.iron"].map(|name| self.place(prefix, name));
+        let dynamics = self.dynamics();
         let angles = if N == 1 {
             0..0
         } else {
             let first = self.place(prefix, "alpha[1]");
             first..first + K
         };
-        let varied = [mass, gap, iron].into_iter().chain(angles.clone()).collect();
+        let varied = [mass, gap, iron].into_iter().chain(dynamics).chain(angles.clone()).collect();
         let describe = move |bench: &[f64]| {
             let mut alpha_rad = alpha_rad;
             alpha_rad.iter_mut().zip(&bench[angles.clone()]).for_each(|(alpha_rad, error)| *alpha_rad += error);
             let gap_m = gap_m * (1.0 + bench[gap]) + bench[iron];
-            Description::of(&Machine::<N, K, U>::of_bearing(m_kg * (1.0 + bench[mass]), gap_m, alpha_rad))
+            let m_kg = m_kg * (1.0 + bench[mass]) * dynamics.map_or(1.0, |at| 1.0 + bench[at]);
+            Description::of(&Machine::<N, K, U>::of_bearing(m_kg, gap_m, alpha_rad))
         };
         (Box::new(describe), varied)
     }
@@ -203,9 +221,11 @@ impl Part {
         let varied = of_bearings.into_iter().flat_map(|[gap, iron, alpha, position, sensors]| {
             [gap, iron, position, sensors].into_iter().chain(alpha..alpha + M)
         });
-        let varied = varied.chain([mass, transverse, polar, plane, plane + 1]).collect();
+        let dynamics = self.dynamics();
+        let varied = varied.chain([mass, transverse, polar, plane, plane + 1]).chain(dynamics).collect();
         let describe = move |bench: &[f64]| {
-            let (mut geometry, heavier) = (stated, 1.0 + bench[mass]);
+            let (mut geometry, kappa) = (stated, dynamics.map_or(1.0, |at| 1.0 + bench[at]));
+            let heavier = (1.0 + bench[mass]) * kappa;
             geometry.shaft.m_kg *= heavier;
             geometry.shaft.transverse_kgm2 *= heavier * (1.0 + bench[transverse]);
             geometry.shaft.polar_kgm2 *= heavier * (1.0 + bench[polar]);

@@ -39,6 +39,9 @@ pub(super) struct Case<'a> {
     pub noise_variance: f64,
     /// Level of the slow force, N after a second; 0 unless it is estimated.
     pub slow_force: f64,
+    /// Power of the gap with which the noise of the positions grows, with its standard deviation; 0 unless it is estimated.
+    pub exponent: f64,
+    pub exponent_std: f64,
     /// Step of each position sensor, m; 0 unless it is quantised.
     pub resolution_m: Vec<f64>,
     /// As how many rows they count, if not all.
@@ -190,10 +193,20 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, part: &Part, usable: &[b
         current_noise: recording.current_noise_a.unwrap_or(START_CURRENT_NOISE_A).max(1e-7),
         noise_variance: 0.0,
         slow_force: 0.0,
+        exponent: 0.0,
+        exponent_std: 0.0,
         resolution_m,
         counting,
         track,
     })
+}
+
+/// Where a parabola through three values a step apart is highest, from the middle one, and its second derivative.
+fn peak([low, mid, high]: [f64; 3]) -> (f64, f64) {
+    let slope = (high - low) / (2.0 * NOISE_STEP);
+    let bend = (high - 2.0 * mid + low) / (NOISE_STEP * NOISE_STEP);
+    let most = 4.0 * NOISE_STEP;
+    (if bend < 0.0 { (-slope / bend).clamp(-most, most) } else { most.copysign(slope) }, bend)
 }
 
 /// Noise levels of one recording from the likelihood at three levels of the current noise; the largest change of a logarithm.
@@ -216,15 +229,11 @@ pub(super) fn noise_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
         let far = level / CURRENT_NOISE_LOG_STD;
         -0.5 * (sums[i][0] + fit + far * far)
     };
-    let [low, mid, high] = [0, 1, 2].map(value);
-    let slope = (high - low) / (2.0 * NOISE_STEP);
-    let bend = (high - 2.0 * mid + low) / (NOISE_STEP * NOISE_STEP);
+    let (ratio, bend) = peak([0, 1, 2].map(value));
     if !told_current {
         let prior = CURRENT_NOISE_LOG_STD * CURRENT_NOISE_LOG_STD;
         case.noise_variance = if bend < 0.0 { (-1.0 / bend).min(prior) } else { prior };
     }
-    let most = 4.0 * NOISE_STEP;
-    let ratio = if bend < 0.0 { (-slope / bend).clamp(-most, most) } else { most.copysign(slope) };
     let rms = {
         let currents = case.current.iter().copied().flatten().filter(|i| i.is_finite());
         let (sum, n) = currents.fold((0.0, 0.0), |(sum, n), i| (sum + i * i, n + 1.0));
@@ -258,12 +267,23 @@ pub(super) fn noise_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
 
 /// Level of the slow force from the likelihood at three levels; the change of its logarithm, weighed by its information.
 pub(super) fn slow_force_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3], least: f64) -> f64 {
-    let [low, mid, high] = [0, 1, 2].map(|i| -0.5 * (sums[i][0] + sums[i][1]));
-    let slope = (high - low) / (2.0 * NOISE_STEP);
-    let bend = (high - 2.0 * mid + low) / (NOISE_STEP * NOISE_STEP);
-    let most = 4.0 * NOISE_STEP;
-    let step = if bend < 0.0 { (-slope / bend).clamp(-most, most) } else { most.copysign(slope) };
+    let (step, bend) = peak([0, 1, 2].map(|i| -0.5 * (sums[i][0] + sums[i][1])));
     let before = case.slow_force;
     case.slow_force = (before * libm::exp(step)).max(least);
     libm::log(case.slow_force / before).abs() * (-bend.min(0.0)).sqrt().min(1.0)
+}
+
+/// How far the noise of the positions may depend on the gap, as a standard deviation of its power.
+const EXPONENT_STD: f64 = 3.0;
+
+/// Power of the gap in the noise of the positions from the likelihood at three of them; its change in standard deviations.
+pub(super) fn exponent_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
+    let value = |i: usize| {
+        let far = (case.exponent + (i as f64 - 1.0) * NOISE_STEP) / EXPONENT_STD;
+        -0.5 * (sums[i][0] + sums[i][1] + far * far)
+    };
+    let (step, bend) = peak([0, 1, 2].map(value));
+    case.exponent += step;
+    case.exponent_std = if bend < 0.0 { (-1.0 / bend).sqrt() } else { EXPONENT_STD };
+    (step / case.exponent_std).abs()
 }

@@ -45,7 +45,8 @@ pub(super) fn change(finished: &Finished<'_>) -> Option<Found> {
         let dispersion = finished.nis(r).max(1.0);
         let layout = search.kind.layout;
         let mut until = Normal::new(layout, search.cases.len());
-        let loads: Vec<usize> = (layout.load..layout.base).map(|j| layout.unknown(j, r)).collect();
+        let loads = (layout.load..layout.base).map(|j| layout.unknown(j, r));
+        let loads: Vec<usize> = loads.filter(|at| finished.at(*at).is_some()).collect();
         let blocks: Vec<&Block> = finished.blocks(r).collect();
         let end = blocks.last().map_or(0, |block| block.rows.end);
         for block in blocks.iter().take(blocks.len().saturating_sub(1)) {
@@ -55,6 +56,9 @@ pub(super) fn change(finished: &Finished<'_>) -> Option<Found> {
                 continue;
             }
             for (lambda, unknowns) in [(true, &(0..layout.magnets).collect()), (false, &loads)] {
+                if unknowns.is_empty() {
+                    continue;
+                }
                 let c = part(&until.j, unknowns, of);
                 let g = DVector::from_fn(unknowns.len(), |i, _| until.b[unknowns[i]]) - &c * &step;
                 let covariance = part(&until.j, unknowns, unknowns) - &c * &inverse_all * c.transpose();

@@ -34,6 +34,8 @@ pub(super) struct Data<'a> {
 
 /// Factor of the measurement variance of a row that was not recorded: the filter predicts across it.
 const UNKNOWN: f64 = 1e10;
+/// Least gap that noise is reckoned with, relative to the nominal one.
+const LEAST_GAP: f64 = 0.05;
 /// Rows after a current that is not known in which the filter finds the velocity again.
 const FOUND_AGAIN: usize = 4;
 
@@ -165,10 +167,16 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
         Some((std::array::from_fn(|k| f64::from(of[k])), state))
     }
 
-    /// Variance of the position reading in a row.
+    /// Variances of the position readings in a row, where noise grows with the gap to this power.
     #[inline(always)]
-    pub fn variance(&self, row: usize) -> f64 {
-        if self.on.data.is_missing(row) { UNKNOWN * self.on.variance } else { self.on.variance }
+    pub fn variance(&self, row: usize, exponent: f64) -> [f64; N] {
+        let On { data, rotor, variance, .. } = self.on;
+        let variance = if data.is_missing(row) { UNKNOWN * variance } else { variance };
+        if exponent == 0.0 {
+            return [variance; N];
+        }
+        let grown = |at: f64| libm::pow((1.0 + at / rotor.nominal_m).max(LEAST_GAP), 2.0 * exponent);
+        self.state[row][0].map(|at| variance * grown(at))
     }
 
     /// Variance that the acceleration by a slow force gains in so many rows.

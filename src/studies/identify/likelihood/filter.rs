@@ -133,8 +133,8 @@ impl<const P: usize> Sums<P> {
     }
 }
 
-/// Sums of the sensitivities of the first P parameters, block by block; with instruments, sensitivities as they were to be expected. The measured ones of λ follow
-/// after all others.
+/// Sums of the sensitivities of the first P parameters, block by block; with instruments, sensitivities as they were to be expected. The measured ones
+/// ([`Layout::measured`](super::rotor::Layout::measured)) follow after all others.
 #[inline(always)]
 fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
     of: &Pass<N, K>,
@@ -186,9 +186,9 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
                 None => (ahead, measured),
             };
             let transition = Transition::of(h, &interval.stiffness, &interval.gyroscopic);
-            kalman.predict(&transition, &interval, &SAME, of.slow(1));
+            kalman.predict(&transition, &interval, &SAME.currents, of.slow(1));
             for k in 0..if gains { K } else { 0 } {
-                let mut scales = SAME;
+                let mut scales = SAME.currents;
                 scales[k] += LEVEL_STEP;
                 raised[k].predict(&transition, &interval, &of.scales(row, scales), of.slow(1));
             }
@@ -229,7 +229,7 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
         }
         let measured = of.read(row);
         let residual = std::array::from_fn(|a| measured[a] - read[a]);
-        let innovation = kalman.update(rotor, of.variance(row), residual);
+        let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
         let counts = row >= piece.counted.start;
         let w = innovation.whiten(innovation.e);
         if sums.filled + N > BATCH {
@@ -257,16 +257,16 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
         }
         if gains {
             let by_level: [[f64; N]; K] = std::array::from_fn(|k| {
-                let other = raised[k].update(rotor, of.variance(row), residual);
+                let other = raised[k].update(rotor, of.variance(row, rotor.exponent), residual);
                 innovation.whiten(std::array::from_fn(|a| (other.e[a] - innovation.e[a]) / LEVEL_STEP))
             });
             for (j, k, level) in &rotor.levels {
                 let column = match columns {
-                    // Instruments know nothing of the innovations. The measured sensitivities to λ stand behind them.
-                    Columns::Instruments if *j < K => rotor.layout.all + j,
-                    Columns::Instruments => continue,
-                    _ => *j,
+                    // Instruments know nothing of the innovations. The measured sensitivities stand behind them.
+                    Columns::Instruments => rotor.layout.measured(*j),
+                    _ => Some(*j),
                 };
+                let Some(column) = column else { continue };
                 for a in 0..N {
                     whitened[a][column] -= level * by_level[*k][a];
                 }
@@ -367,11 +367,11 @@ fn smooth<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) -> Ve
     each_row(of, piece.filtered.clone(), |row, interval, residual| {
         let (mut stiffness, mut gyroscopic) = ([[0.0; N]; N], [[0.0; N]; N]);
         if let Some((interval, transition)) = interval {
-            kalman.predict(transition, interval, &SAME, of.slow(1));
+            kalman.predict(transition, interval, &SAME.currents, of.slow(1));
             (stiffness, gyroscopic) = (interval.stiffness, interval.gyroscopic);
         }
         let (x, p) = (kalman.x, kalman.p);
-        let innovation = kalman.update(rotor, of.variance(row), residual);
+        let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
         kept.push(Kept { stiffness, gyroscopic, x, p, innovation });
     });
     let (m, d) = (&rotor.sensor, rotor.delay);
@@ -410,9 +410,9 @@ fn innovations<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) 
     let mut innovations = [0; 2].map(|_| Vec::with_capacity(N * piece.counted.len()));
     each_row(of, piece.filtered.start..piece.counted.end, |row, interval, residual| {
         if let Some((interval, transition)) = interval {
-            kalman.predict(transition, interval, &SAME, of.slow(1));
+            kalman.predict(transition, interval, &SAME.currents, of.slow(1));
         }
-        let innovation = kalman.update(rotor, of.variance(row), residual);
+        let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
         if row >= piece.counted.start {
             let error = if data.is_missing(row) { [f64::NAN; N] } else { innovation.e };
             innovations[0].extend(error);
@@ -422,28 +422,38 @@ fn innovations<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) 
     innovations
 }
 
-/// Factors of the noise of each current, and of the level of the slow force.
-pub(super) type Levels = (ByMagnet, f64);
+/// Levels of noise relative to those of a recording.
+#[derive(Clone, Copy)]
+pub(super) struct Levels {
+    /// Factors of the noise of each current.
+    pub currents: ByMagnet,
+    /// Factor of the level of the slow force.
+    pub slow: f64,
+    /// What the power of the gap in the noise of the positions is more.
+    pub exponent: f64,
+}
 
-/// The noise of the currents as it is.
-pub(super) const SAME: ByMagnet = [1.0; 8];
+/// As they are.
+pub(super) const SAME: Levels = Levels { currents: [1.0; 8], slow: 1.0, exponent: 0.0 };
 
 /// `[ln det sum, NIS sum, rows]` with noise times each of three sets of factors, at the same position noise.
 #[inline(always)]
 fn likelihoods<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, levels: &[Levels; 3]) -> [[f64; 3]; 3] {
     let On { data, rotor, piece, .. } = of.on;
     let start = piece.filtered.start;
-    let mut kalman = levels.map(|(_, slow)| Kalman::<S>::diffuse::<N>(slow * slow * of.slow(start)));
+    let slow = |levels: &Levels, rows: usize| levels.slow * levels.slow * of.slow(rows);
+    let mut kalman = levels.map(|levels| Kalman::<S>::diffuse::<N>(slow(&levels, start)));
     let mut logs = [LogProduct::<N>::new(); 3];
     let mut sums = [[0.0; 3]; 3];
     each_row(of, start..piece.counted.end, |row, interval, residual| {
         if let Some((interval, transition)) = interval {
-            for (kalman, (factors, slow)) in kalman.iter_mut().zip(levels) {
-                kalman.predict(transition, interval, &of.scales(row, *factors), slow * slow * of.slow(1));
+            for (kalman, levels) in kalman.iter_mut().zip(levels) {
+                kalman.predict(transition, interval, &of.scales(row, levels.currents), slow(levels, 1));
             }
         }
         for f in 0..3 {
-            let innovation = kalman[f].update(rotor, of.variance(row), residual);
+            let variance = of.variance(row, rotor.exponent + levels[f].exponent);
+            let innovation = kalman[f].update(rotor, variance, residual);
             if row >= piece.counted.start.max(start + 4) && data.tells(row) {
                 let w = innovation.whiten(innovation.e);
                 logs[f].times(innovation.det);
@@ -467,7 +477,7 @@ pub(super) enum Columns {
     All,
     /// The same with what the parameters do through the gains of the filter.
     Total,
-    /// The instruments of all parameters, then the total sensitivities to λ.
+    /// The instruments of all parameters, then the measured sensitivities, total ones.
     Instruments,
 }
 
@@ -526,7 +536,7 @@ impl<const N: usize, const K: usize, const PLAIN: usize, const SLOW: usize, cons
 /// The filters of all parts of machines, by coordinates and magnets.
 pub(super) fn passes(coordinates: usize, magnets: usize) -> Option<&'static dyn Passes> {
     Some(match (coordinates, magnets) {
-        (1, 2) => &Of::<1, 2, 3, 3, 16, 16>,
+        (1, 2) => &Of::<1, 2, 3, 3, 8, 24>,
         (2, 3) => &Of::<2, 3, 4, 6, 8, 40>,
         (2, 4) => &Of::<2, 4, 4, 6, 48, 48>,
         (4, 6) => &Of::<4, 6, 8, 12, 88, 88>,

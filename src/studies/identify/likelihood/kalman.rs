@@ -228,7 +228,12 @@ impl<const S: usize> Kalman<S> {
 
     /// `residual`: measured minus read at the trajectory.
     #[inline(always)]
-    pub fn update<const N: usize>(&mut self, rotor: &Rotor, variance: f64, residual: [f64; N]) -> Innovation<N, S> {
+    pub fn update<const N: usize>(
+        &mut self,
+        rotor: &Rotor,
+        variance: [f64; N],
+        residual: [f64; N],
+    ) -> Innovation<N, S> {
         let (m, d) = (&rotor.sensor, rotor.delay);
         let at = |row: &[f64; S]| -> [f64; N] {
             let mut read = [0.0; N];
@@ -255,7 +260,7 @@ impl<const S: usize> Kalman<S> {
             for b in 0..N {
                 covariance[a][b] = 0.5 * (columns[a][b] + columns[b][a]);
             }
-            covariance[a][a] += variance;
+            covariance[a][a] += variance[a];
         }
         let (factor, det) = cholesky(&covariance);
         let mut gain = [[0.0; N]; S];

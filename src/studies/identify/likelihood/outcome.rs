@@ -96,10 +96,9 @@ fn conditions(finished: &Finished<'_>, r: usize, lambda: &[Estimate]) -> Conditi
             rows += 1;
         }
     }
-    let scaled = |factor: f64, of: &Estimate| Estimate {
-        value: factor * of.value,
-        noise_std: factor * of.noise_std,
-        total_std: factor * of.total_std,
+    let of = |sums: &ByMagnet| -> Vec<Estimate> {
+        let means = sums.iter().map(|sum| 2.0 * sum / f64::from(rows.max(1)));
+        lambda.iter().zip(means).map(|(lambda, mean)| lambda.scaled(mean)).collect()
     };
     Conditions {
         load_n: (layout.load..layout.base).map(|j| finished.estimate(layout.unknown(j, r))).collect(),
@@ -107,13 +106,18 @@ fn conditions(finished: &Finished<'_>, r: usize, lambda: &[Estimate]) -> Conditi
             position_noise_m: case.position_noise,
             current_noise_a: case.current_noise,
             slow_force_n: case.slow_force,
+            noise_exponent: search.kind.part.beside.exponent.then_some(Estimate {
+                value: case.exponent,
+                noise_std: case.exponent_std,
+                total_std: case.exponent_std,
+            }),
             rows: case.rows(),
             counting: case.counting(),
             nis: finished.nis(r),
         }],
         resolution_m: case.resolution_m.clone(),
-        ki_n_a: (0..layout.magnets).map(|k| scaled(2.0 * ki[k] / f64::from(rows.max(1)), &lambda[k])).collect(),
-        ks_n_m: (0..layout.magnets).map(|k| scaled(2.0 * ks[k] / f64::from(rows.max(1)), &lambda[k])).collect(),
+        ki_n_a: of(&ki),
+        ks_n_m: of(&ks),
     }
 }
 

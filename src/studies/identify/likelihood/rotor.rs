@@ -9,6 +9,7 @@
 
 use super::Part;
 use super::bench::{Places, Sensors};
+use super::case::Case;
 use super::filter::Passes;
 use crate::estimation::Machine;
 
@@ -36,6 +37,8 @@ pub(super) struct Layout {
     pub base: usize,
     /// Number of parameters.
     pub all: usize,
+    /// Place of κ, if it is asked for.
+    pub dynamics: Option<usize>,
 }
 
 impl Layout {
@@ -52,6 +55,20 @@ impl Layout {
     /// Number of unknowns of so many recordings.
     pub fn unknowns(&self, recordings: usize) -> usize {
         self.shared() + self.loads() * recordings
+    }
+
+    /// Place of the measured sensitivity to a parameter behind those of all parameters: λ and κ have one, for the noise of the currents biases their scores.
+    pub fn measured(&self, j: usize) -> Option<usize> {
+        if j < self.magnets {
+            Some(self.all + j)
+        } else {
+            self.dynamics.filter(|dynamics| *dynamics == j).map(|_| self.all + self.magnets)
+        }
+    }
+
+    /// Number of columns with the measured ones.
+    pub fn columns(&self) -> usize {
+        self.all + self.magnets + usize::from(self.dynamics.is_some())
     }
 
     /// Number of the unknown that parameter `j` of recording `r` is: λ, U, bench, then the loads of each recording.
@@ -199,6 +216,9 @@ pub(super) struct Rotor {
     pub noise: f64,
     /// Level of a slow force as an acceleration, a random walk, m/s² after a second.
     pub slow: f64,
+    /// Power of the gap with which the noise of the positions grows, and the nominal gap, m.
+    pub exponent: f64,
+    pub nominal_m: f64,
     /// Derivatives of the logarithm of the force noise `λ_k σ_i` of a magnet to the parameters: parameter, magnet, derivative.
     pub levels: Vec<(usize, usize, f64)>,
 }
@@ -250,8 +270,8 @@ fn scaled<const N: usize>(of: &ByAxis, factor: f64) -> [f64; N] {
 }
 
 impl Rotor {
-    /// `slow`: level of a slow force as an acceleration, m/s².
-    pub fn new(kind: &Kind<'_>, theta: Theta, h: f64, current_noise_a: f64, slow: f64) -> Self {
+    /// With the noise and the slow force of a recording.
+    pub fn new(kind: &Kind<'_>, theta: Theta, case: &Case<'_>) -> Self {
         let (layout, places) = (kind.layout, kind.places.clone());
         let bench = &theta[layout.base..];
         let varied = kind.varied.iter().map(|(at, step)| {
@@ -303,7 +323,7 @@ impl Rotor {
             });
         }
         Self {
-            h,
+            h: case.data.h,
             machine,
             varied,
             pairs,
@@ -311,8 +331,10 @@ impl Rotor {
             sensor,
             delay: bench[places.delay],
             current,
-            noise: current_noise_a,
-            slow,
+            noise: case.current_noise,
+            slow: case.slow_force / kind.part.body.m_kg(),
+            exponent: case.exponent,
+            nominal_m: kind.part.body.gap_m(),
             levels,
             layout,
             places,
@@ -448,7 +470,7 @@ impl Rotor {
         Interval { stiffness, gyroscopic, offset, noise, end: a_1, middle, squares: squares.middle }
     }
 
-    /// `∂a/∂θ` for given `i_k²/gap_k²` at a point, by parameter, and after all parameters once more those of λ, for the measured ones.
+    /// `∂a/∂θ` for given `i_k²/gap_k²` at a point, by parameter, and after all parameters once more those of λ and κ, for the measured ones.
     ///
     /// The point is where the filter predicts the rotor, not on the smoothed trajectory: that one knows the innovations to come, and with the
     /// negative stiffness their product has an expectation (the derivative of ln det S, for a rotor held by feedback).
@@ -462,7 +484,7 @@ impl Rotor {
         d: &mut [[f64; P]; N],
     ) {
         let (layout, places, machine) = (&self.layout, &self.places, &self.machine);
-        let all = P >= layout.all + K;
+        let all = P >= layout.columns();
         let mut put = |j: usize, column: [f64; N]| (0..N).for_each(|n| d[n][j] = column[n]);
         let gaps: [f64; K] = self.gaps(at);
         let (mut pulls, mut by_gap) = ([0.0; K], [0.0; K]);
@@ -497,6 +519,11 @@ impl Rotor {
         let turning = self.turning(shaft);
         for (j, varied) in &self.varied {
             let mut column: [f64; N] = self.external(varied, &turning, shaft, rate);
+            if let Some(place) = layout.measured(layout.base + j) {
+                let mut column = column;
+                (0..K).for_each(|k| add(&mut column, self.theta[k] * measured[k], &varied.magnets[k]));
+                put(place, column);
+            }
             for k in 0..K {
                 add(&mut column, pulls[k], &varied.magnets[k]);
                 let wider = varied.gap_m[k] - dot(&varied.directions[k], at);

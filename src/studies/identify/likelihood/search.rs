@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 pub(super) use finish::Finished;
 use finish::finish;
 
-use super::case::{Case, NOISE_STEP, noise_step, prepare, slow_force_step};
+use super::case::{Case, NOISE_STEP, exponent_step, noise_step, prepare, slow_force_step};
 use super::changes;
 use super::data::{On, Piece};
 use super::expected::expected;
@@ -19,6 +19,7 @@ use super::outcome;
 use super::rotor::{Kind, Rotor};
 use super::solve::{Normal, inverse, part};
 use super::{Body, Contradiction, Failed, Identification, Knowledge, Recording, SHORTEST};
+use crate::studies::identify::GRAVITY_M_S2;
 use crate::studies::parallel::in_order;
 
 /// Passes about the measured trajectory before the smoother takes over: without load and unbalance it would follow a wrong model.
@@ -80,7 +81,7 @@ impl Search<'_> {
     pub fn rotor(&self, r: usize) -> Rotor {
         let (case, layout) = (&self.cases[r], self.kind.layout);
         let theta = (0..layout.all).map(|j| self.x[layout.unknown(j, r)]).collect();
-        Rotor::new(self.kind, theta, case.data.h, case.current_noise, case.slow_force / self.kind.part.body.m_kg())
+        Rotor::new(self.kind, theta, case)
     }
 
     fn coordinates(&self) -> usize {
@@ -200,11 +201,13 @@ impl Search<'_> {
         }
     }
 
-    /// Whether the bench is exactly as stated, but for the mass, which is not searched.
+    /// Whether the bench is exactly as stated, but for the mass, which is not searched unless a load is known, and for κ, which is like another λ.
     fn exact(&self) -> bool {
+        let layout = self.kind.layout;
         self.kind.part.bench.iter().enumerate().all(|(j, told)| match told.knowledge {
             Knowledge::Exact => true,
-            Knowledge::Tolerance(_) => j == self.kind.places.mass,
+            _ if layout.dynamics == Some(layout.base + j) => true,
+            Knowledge::Tolerance(_) => j == self.kind.places.mass && !self.kind.part.beside.is_loaded(),
             Knowledge::Free => false,
         })
     }
@@ -287,13 +290,19 @@ impl Search<'_> {
         let steps = [libm::exp(-NOISE_STEP), 1.0, libm::exp(NOISE_STEP)];
         let unknown =
             |case: &Case<'_>| case.recording.position_noise_m.is_none() || case.recording.current_noise_a.is_none();
-        let totals = self.likelihoods(steps.map(|factor| ([factor; 8], 1.0)), unknown);
+        let totals = self.likelihoods(steps.map(|factor| Levels { currents: [factor; 8], ..SAME }), unknown);
         let cases = self.cases.iter_mut().zip(&totals).filter(|(case, _)| unknown(case));
-        let change = cases.map(|(case, sums)| noise_step(case, sums)).fold(0.0, f64::max);
+        let mut change = cases.map(|(case, sums)| noise_step(case, sums)).fold(0.0, f64::max);
+        if self.kind.part.beside.exponent {
+            let powers = [-NOISE_STEP, 0.0, NOISE_STEP];
+            let totals = self.likelihoods(powers.map(|exponent| Levels { exponent, ..SAME }), |_| true);
+            let cases = self.cases.iter_mut().zip(&totals);
+            change = cases.map(|(case, sums)| exponent_step(case, sums)).fold(change, f64::max);
+        }
         if !self.kind.slow_force {
             return change;
         }
-        let totals = self.likelihoods(steps.map(|factor| (SAME, factor)), |_| true);
+        let totals = self.likelihoods(steps.map(|slow| Levels { slow, ..SAME }), |_| true);
         let least = LEAST_SLOW_FORCE * self.weight_n();
         let cases = self.cases.iter_mut().zip(&totals);
         cases.map(|(case, sums)| slow_force_step(case, sums, least)).fold(change, f64::max)
@@ -307,7 +316,7 @@ impl Search<'_> {
     /// By how much a slow force raises the log-likelihood, everything else as it is: one of the estimated level, or else the best of three.
     fn gain_by_slow_force(&mut self) -> f64 {
         let level = SLOW_FORCE * self.weight_n();
-        let slow = |factor: f64| (SAME, factor);
+        let slow = |slow: f64| Levels { slow, ..SAME };
         let sum = |totals: Vec<[[f64; 3]; 3]>| -> [f64; 3] {
             std::array::from_fn(|of| totals.iter().map(|sums| -0.5 * (sums[of][0] + sums[of][1])).sum())
         };
@@ -336,7 +345,7 @@ impl Search<'_> {
 
     /// Where the search has ended.
     fn found(&self) -> Point {
-        let noise = |case: &Case<'_>| [case.position_noise, case.current_noise, case.slow_force];
+        let noise = |case: &Case<'_>| [case.position_noise, case.current_noise, case.slow_force, case.exponent];
         Point { x: self.x.clone(), noise: self.cases.iter().map(noise).collect() }
     }
 
@@ -344,7 +353,7 @@ impl Search<'_> {
     fn start_at(&mut self, point: Point) {
         self.x = point.x;
         for (case, noise) in self.cases.iter_mut().zip(point.noise) {
-            [case.position_noise, case.current_noise, case.slow_force] = noise;
+            [case.position_noise, case.current_noise, case.slow_force, case.exponent] = noise;
         }
     }
 
@@ -358,6 +367,9 @@ impl Search<'_> {
         let first = self.iterate(0, ROUGH);
         self.prior = told;
         first?;
+        if self.kind.layout.dynamics.is_some() {
+            self.iterate(UNSMOOTHED, ROUGH)?;
+        }
         self.refill();
         self.expect();
         self.iterate(UNSMOOTHED, CONVERGED)
@@ -394,10 +406,10 @@ impl Search<'_> {
     }
 }
 
-/// Where a search ends: unknowns, and noise of positions and currents and level of the slow force by recording.
+/// Where a search ends: unknowns, and by recording noise of positions and currents, level of the slow force, power of the gap.
 struct Point {
     x: Vec<f64>,
-    noise: Vec<[f64; 3]>,
+    noise: Vec<[f64; 4]>,
 }
 
 /// λ that would carry the weight of the rotor with the currents of the recording.
@@ -439,6 +451,12 @@ fn start<'a>(
     // A mass centre outside the gap, or a load of a hundred times the weight, does not occur.
     prior[layout.magnets..layout.load].fill((0.0, 100.0 * body.m_kg() * body.gap_m()));
     prior[layout.shared()..n].fill((0.0, 1e3 * body.m_kg()));
+    for (at, load_n) in part.beside.load_n.iter().enumerate() {
+        let of_recordings = (0..recordings.len()).map(|r| layout.unknown(layout.load + at, r));
+        of_recordings.filter_map(|at| Some((at, (*load_n)?))).for_each(|(at, load_n)| {
+            (x[at], prior[at]) = (load_n, (load_n, 0.0));
+        });
+    }
     for ((at, told), parameter) in (layout.load..).zip(&part.bench).zip(&part.parameters) {
         x[at] = told.value;
         let std = match told.knowledge {
@@ -463,8 +481,6 @@ fn start<'a>(
     Ok(search)
 }
 
-/// Acceleration of gravity, m/s².
-const GRAVITY_M_S2: f64 = 9.81;
 /// Level of a slow force from which the search starts, and the least one, in weights of the rotor after a second.
 const SLOW_FORCE: f64 = 1e-3;
 const LEAST_SLOW_FORCE: f64 = 1e-7;

@@ -160,11 +160,20 @@ impl Search<'_> {
         let total = if self.exact() { Columns::Total } else { Columns::All };
         let blocks = self.pass(if instruments { Columns::Instruments } else { total });
         let normal = self.normal(&blocks);
-        // Beside their instruments, the sensitivities to λ stand at the end.
-        let magnets = self.kind.layout.magnets;
-        let first = normal.b.len() - magnets;
-        let columns = estimated.iter().map(|at| if instruments && *at < magnets { first + at } else { *at }).collect();
+        // Beside their instruments, the measured sensitivities stand at the end.
+        let columns = estimated.iter().map(|at| match self.measured(*at) {
+            Some(measured) if instruments => measured,
+            _ => *at,
+        });
+        let columns = columns.collect();
         (blocks, normal, columns)
+    }
+
+    /// Place of the measured sensitivity to an unknown in the sums.
+    fn measured(&self, unknown: usize) -> Option<usize> {
+        let layout = self.kind.layout;
+        let j = if unknown < layout.load { unknown } else { unknown + layout.loads() };
+        Some(layout.unknowns(self.cases.len()) + layout.measured(j)? - layout.all)
     }
 
     /// By how much noise of the currents lowers the scores of λ: `λ_k Σ γᵀ S⁻¹ γ` with γ the sensitivity to λ_k that this noise drives.
@@ -176,8 +185,8 @@ impl Search<'_> {
         let log_dets = |step: f64| -> Vec<f64> {
             let raised = |k: usize| {
                 let mut levels = SAME;
-                levels.iter_mut().skip(k).take(1).for_each(|level| *level = libm::exp(step));
-                (levels, 1.0)
+                levels.currents.iter_mut().skip(k).take(1).for_each(|level| *level = libm::exp(step));
+                levels
             };
             let sets =
                 (0..magnets).step_by(3).map(|first| self.likelihoods([0, 1, 2].map(|k| raised(first + k)), |_| true));
@@ -242,8 +251,9 @@ impl Search<'_> {
     /// The bias of the estimate that noise makes, at a point from which `found` leads to the maximum of the likelihood ϑ.
     ///
     /// Noise of the currents in the regressors lowers the score of λ_k by A_k, what the controller makes of the noise of the positions raises it, by about
-    /// as much where its loop is fast. The sum, −s_k A_k with s_k of variance V ([`BIAS_VARIANCE`], [`Search::gap_variance`]), moves ϑ by −J⁻¹ A s. The estimate by instruments ϑ_IV is
-    /// free of it and has the covariance P = H⁻¹ G H⁻ᵀ: for λ alone, with B = (J⁻¹ A)_λ, `ŝ = V Bᵀ (V B Bᵀ + P_λ − (J⁻¹)_λ)⁻¹ (ϑ_IV − ϑ)_λ`. The on-line
+    /// as much where its loop is fast. The sum, −s_k A_k with s_k of variance V ([`BIAS_VARIANCE`], [`Search::gap_variance`]), moves ϑ by −J⁻¹ A s; κ, which divides all
+    /// forces, has −1/κ Σ λ_k A_k s_k in its score. The estimate by instruments ϑ_IV is free of it and has the covariance P = H⁻¹ G H⁻ᵀ: for λ and κ alone, with
+    /// B = (J⁻¹ A)_λ, `ŝ = V Bᵀ (V B Bᵀ + P_λ − (J⁻¹)_λ)⁻¹ (ϑ_IV − ϑ)_λ`. The on-line
     /// estimator does the same with one s for all.
     fn bias(
         &self,
@@ -254,7 +264,13 @@ impl Search<'_> {
         found: &DVector<f64>,
     ) -> Bias {
         let (n, magnets, attenuation) = (of.len(), self.kind.layout.magnets, self.attenuation());
-        let moves = DMatrix::from_fn(n, magnets, |i, k| inverse[(i, k)] * (self.weight * attenuation[k]));
+        let rows: Vec<usize> = (0..n).filter(|i| self.measured(of[*i]).is_some()).collect();
+        let mut follows = DMatrix::zeros(n, magnets);
+        for (i, k) in rows.iter().flat_map(|i| (0..magnets).map(move |k| (*i, k))) {
+            let own = if of[i] < magnets { f64::from(of[i] == k) } else { -self.x[k] / (1.0 + self.x[of[i]]) };
+            follows[(i, k)] = own * (self.weight * attenuation[k]);
+        }
+        let moves = inverse * follows;
         let variance = BIAS_VARIANCE + self.gap_variance();
         let unknown = || Bias { step: DVector::zeros(n), covariance: &moves * moves.transpose() * variance };
         if !self.has_instruments() {
@@ -265,11 +281,11 @@ impl Search<'_> {
         let Some(h) = solve::general_inverse(&h) else { return unknown() };
         let difference = &h * right - found;
         let covariance = &h * g * h.transpose() - inverse;
-        let b = moves.rows(0, magnets);
-        let scatter = b * b.transpose() * variance + covariance.view((0, 0), (magnets, magnets));
+        let b = &moves.select_rows(&rows);
+        let scatter = b * b.transpose() * variance + part(&covariance, &rows, &rows);
         let Some(weights) = solve::inverse(&scatter) else { return unknown() };
         let gain = b.transpose() * weights * variance;
-        let size = &gain * difference.rows(0, magnets);
+        let size = &gain * difference.select_rows(&rows);
         let rest = (DMatrix::identity(magnets, magnets) - gain * b) * variance;
         if !size.iter().chain(&rest).all(|x: &f64| x.is_finite()) {
             return unknown();
