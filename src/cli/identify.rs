@@ -23,7 +23,7 @@ use crate::output::{self, Format};
 use crate::report::{frame, identification};
 use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate;
-use crate::studies::identify::likelihood::{Knowledge, Told};
+use crate::studies::identify::likelihood::{Beside, Knowledge, Told};
 use crate::studies::identify::{
     self, Answer, HOLDS, Holds, METHODS, Question, Reading, Rotation, Samples, Stated, Track,
 };
@@ -88,7 +88,8 @@ pub struct Arguments {
     /// Writes the twin as a system of FMUs (SSP) with a parameter set "identified": plant, controller and estimator, wired.
     #[arg(long, value_name = "FILE.ssp")]
     ssp: Option<PathBuf>,
-    /// Changes a parameter of the bearing, as for simulate (can be repeated): s=5.1e-4, m=4.2kg, alpha[1]=178deg.
+    /// Changes a parameter of the bearing, as for simulate (can be repeated): s=5.1e-4, m=4.2kg, alpha[1]=178deg; or states a load that is known, as in
+    /// pY=-65.7N.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
     changes: Vec<(String, String)>,
     /// likelihood (maximum likelihood over the whole recording; the default), or an on-line method to compare with: predictionError, of the machine planar
@@ -101,7 +102,8 @@ pub struct Arguments {
     #[arg(long = "tolerance", value_name = "NAME=VALUE", value_parser = pair)]
     tolerances: Vec<(String, String)>,
     /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated); or force.slow, a force that wanders, whatever the
-    /// likelihood says (--set force.slow=0: never).
+    /// likelihood says (--set force.slow=0: never); or dynamics, the factor between statics and dynamics, with a load that is known (--set pY=…); or
+    /// noise.exponent, the power of the gap with which the noise of the positions grows.
     #[arg(long = "estimate", value_name = "NAME")]
     estimates: Vec<String>,
     /// Meaning of a current sample: heldBefore (measured), heldAfter (commanded), linear, or auto to find out from the data: heldBefore
@@ -144,7 +146,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let method = arguments.method();
     let bearing = arguments.bearing(machine)?;
-    let bench = arguments.bench(&bearing)?;
+    let (beside, bench) = arguments.bench(&bearing)?;
     let methods = methods(method)?;
     let columns: Vec<_> = bearing.columns.iter().chain(&arguments.column).cloned().collect();
     let recordings = arguments.read(&columns, &bearing, method)?;
@@ -154,7 +156,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let wanted = arguments.stated_hold()?;
     // A stated reading is compared with the others as well, where an answer depends on it.
     let is_compared = if method == LIKELIHOOD { samples.rotation != Rotation::Unknown } else { wanted.is_none() };
-    let stated = Stated::of(machine, &estimator);
+    let stated = Stated { beside, ..Stated::of(machine, &estimator) };
     let holds = is_compared.then(|| Holds::of(samples, &stated, &bench));
     let hold = wanted.unwrap_or_else(|| holds.map_or(stated.hold, |holds| holds.most_likely()));
     let table = holds.and_then(|holds| holds.table(hold));
@@ -204,29 +206,38 @@ impl Arguments {
         }
     }
 
-    /// Knowledge of the bench: from the scenario, then from the arguments.
-    fn bench(&self, bearing: &Scenario) -> Result<Vec<Told>> {
+    /// Knowledge of the bench, and what else is known or asked: from the scenario, then from the arguments.
+    fn bench(&self, bearing: &Scenario) -> Result<(Vec<Beside>, Vec<Told>)> {
         let refused = simulate::refused(bearing);
         if !refused.is_empty() {
             return Err(simulate::Refused(refused).into());
         }
-        let stated = Stated::of(bearing.machine, bearing.estimator());
+        let mut stated = Stated::of(bearing.machine, bearing.estimator());
+        for (name, value) in self.loads(bearing.machine).0 {
+            stated.set_load(&name, identify::quantity(&name, &value, "N").map_err(Refused)?);
+        }
+        let mut estimates = self.estimates.iter().filter(|name| *name != SLOW_FORCE).collect::<Vec<_>>();
+        let tolerances = || bearing.tolerance.iter().chain(&self.tolerances);
+        for name in tolerances().map(|(name, _)| name).chain(estimates.iter().copied()) {
+            stated.ask(name).map_err(Refused)?;
+        }
+        estimates.retain(|name| !name.ends_with(identify::NOISE_EXPONENT));
         let parameters = stated.parameters();
         let mut bench = vec![Told::default(); parameters.len()];
         for (at, std) in identify::of_estimator(&stated, bearing.estimator()) {
             bench[at].knowledge = Knowledge::Tolerance(std);
         }
-        for (name, value) in bearing.tolerance.iter().chain(&self.tolerances) {
+        for (name, value) in tolerances() {
             for (at, std) in identify::tolerance(name, value, &stated).map_err(Refused)? {
                 bench[at].knowledge = Knowledge::Tolerance(std);
             }
         }
-        for name in self.estimates.iter().filter(|name| *name != SLOW_FORCE) {
+        for name in estimates {
             for at in identify::named(&parameters, name).map_err(Refused)? {
                 bench[at].knowledge = Knowledge::Free;
             }
         }
-        Ok(bench)
+        Ok((stated.beside, bench))
     }
 
     /// Whether a slow force is to be estimated, whatever the likelihood says, if that is stated.

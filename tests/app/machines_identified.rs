@@ -267,3 +267,50 @@ fn too_short_a_recording_is_not_valid() {
     assert_eq!((&document["valid"], &document["lambdaHat"]), (&Json::Bool(false), &Json::Null));
     assert!(!folder.join("twin.toml").exists());
 }
+
+/// Rotors that are heavier than stated under loads that are known: κ in words, JSON, budget and twin. Without a load that is known it is refused.
+#[test]
+fn a_known_load_tells_the_dynamics() {
+    let kappa = 1.08;
+    for machine in [PLANAR4, SPINDLE] {
+        let folder = folder(&format!("machines-identified/dynamics-{}", machine.name));
+        let stated = Scenario::open(Path::new(machine.name)).expect("a scenario that comes with the program");
+        let of = |name: &str| stated.value("plant", name).map(Value::as_f64);
+        let inertia = ["m", "Jt", "Jp"].into_iter().filter_map(|name| Some((name, kappa * of(name)?)));
+        let scenario = record_with(&folder, machine, &inertia.collect::<Vec<_>>(), |text| text);
+        let loads: Vec<String> =
+            ["pY", "pZ"].map(|name| format!("{name}={}", of(name).expect("a load"))).into_iter().collect();
+        let asked = ["--machine", machine.name, "--estimate", "dynamics"];
+        let (code, _, error) = run(&folder, &[&["identify", "run.csv"], &asked[..]].concat());
+        assert_eq!(code, 2, "{error}");
+        says(&error, &["dynamics: ", "known load", "--set pY=… or --set pZ=…"]);
+
+        let known = ["--set", &loads[0], "--set", &loads[1], "--estimate", "noise.exponent", "--save", "twin.toml"];
+        let document = identified(&folder, &[&asked[..], &known].concat());
+        let number = |of: &Json| of.as_f64().unwrap_or_else(|| panic!("{of}"));
+        let found = &document["bench"]["dynamics"];
+        let [value, std] = ["value", "stdTotal"].map(|of| number(&found[of]));
+        below("κ, deviations", (1.0 + value - kappa).abs() / std, MOST_STD);
+        below("κ ±", std, 0.01);
+        says(
+            &document["findings"].to_string(),
+            &["% weaker than the law (κ = 1.0", "use ki/κ and ks/κ", "to the power of"],
+        );
+        assert!(
+            document["budget"].as_array().is_some_and(|lines| lines.iter().any(|of| of["parameter"] == "dynamics"))
+        );
+        assert_eq!(number(&document["told"]["pY"]), number(&document["recordings"][0]["pY"]["value"]));
+        let magnets = machine.of_magnets("lambda").into_iter().enumerate().filter(|(_, name)| !name.starts_with("X."));
+        for (k, name) in magnets {
+            let [hat, std] = ["lambdaHat", "lambdaStdTotal"].map(|of| number(&document[of][k]));
+            let truth = scenario.value("plant", &name).expect("a force constant").as_f64();
+            below(&format!("{} {name}, deviations", machine.name), (hat - truth).abs() / std, MOST_STD);
+        }
+        let noise = if machine.is_planar() { &document["noise"] } else { &document["noise"][0] };
+        let [power, std] = ["value", "stdTotal"].map(|of| number(&noise["exponent"][of]));
+        below("power of the gap, deviations", power.abs() / std, MOST_STD);
+        let twin = Scenario::open(&folder.join("twin.toml")).unwrap_or_else(|why| panic!("{why}"));
+        let twin = twin.value("plant", "m").expect("a mass").as_f64();
+        below("mass of the twin", (twin / (of("m").expect("a mass") * (1.0 + value)) - 1.0).abs(), 1e-9);
+    }
+}

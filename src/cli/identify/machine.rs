@@ -6,6 +6,7 @@ use super::{Arguments, LIKELIHOOD, PREDICTION_ERROR, Refused, Result, SLOW_FORCE
 use crate::fmu::find;
 use crate::machine::{self, Machine, PLANAR};
 use crate::simulation::scenario::Scenario;
+use crate::studies::identify::quantity;
 
 /// Variables of the estimator that have options of their own.
 const OPTIONS: [(&str, &str); 7] = [
@@ -17,6 +18,9 @@ const OPTIONS: [(&str, &str); 7] = [
     ("sensor.positionNoise", "--position-noise"),
     ("sensor.currentNoise", "--current-noise"),
 ];
+
+/// Names with their values.
+type Changes = Vec<(String, String)>;
 
 impl Arguments {
     /// The machine, by the option or by the scenario.
@@ -30,6 +34,12 @@ impl Arguments {
         self.method.as_deref().unwrap_or(LIKELIHOOD)
     }
 
+    /// What `--set` says of loads, which are known then, and the rest of it.
+    pub(super) fn loads(&self, machine: &Machine) -> (Changes, Changes) {
+        let loads = machine.of_coordinates(|coordinate| coordinate.load);
+        self.changes.iter().cloned().partition(|(name, _)| loads.contains(name))
+    }
+
     /// The scenario of the machine, with its changes.
     pub(super) fn bearing(&self, machine: &Machine) -> Result<Scenario> {
         let wrong = [
@@ -41,7 +51,11 @@ impl Arguments {
             let wrong = wrong.iter().map(|(_, option)| format!("the machine {} has no {option}", machine.name));
             return Err(Refused(wrong.collect::<Vec<_>>().join("\n  ")).into());
         }
-        let (slow, changes): (Vec<_>, Vec<_>) = self.changes.iter().cloned().partition(|(path, _)| path == SLOW_FORCE);
+        let (loads, changes) = self.loads(machine);
+        for (name, value) in loads {
+            quantity(&name, &value, "N").map_err(|why| refused(format!("--set {why}")))?;
+        }
+        let (slow, changes): (Vec<_>, Vec<_>) = changes.into_iter().partition(|(path, _)| path == SLOW_FORCE);
         if let Some((_, value)) = slow.iter().find(|(_, value)| value != "0") {
             return Err(refused(format!("--set {SLOW_FORCE}={value}: 0 is wanted, or --estimate force.slow")));
         }

@@ -3,15 +3,18 @@
 mod columns;
 mod shown;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 pub(super) use self::columns::{Columns, columns};
 use self::shown::shown;
+use super::agreement::disagreement;
 use super::diagnosis::{self, Take};
-use super::likelihood::{self, Change, DELAY, HARMONICS, Identification, Knowledge, Options, Part, Told};
+use super::likelihood::{
+    self, Change, DELAY, DYNAMICS, Estimate, HARMONICS, Identification, Knowledge, Options, Part, Told,
+};
 use super::read::{Rotation, Samples, significant, time};
 use super::tolerance::plain;
-use super::{Failed, Holds, Stated};
+use super::{Failed, GRAVITY_M_S2, Holds, Stated};
 use crate::estimation::STD_LIMIT;
 use crate::machine::Machine;
 
@@ -36,8 +39,6 @@ const CURRENT_NOISE: f64 = 0.15;
 /// Force constants of one bearing differ by less.
 const RATIO: f64 = 10.0;
 
-/// Acceleration of gravity, m/s².
-const GRAVITY_M_S2: f64 = 9.81;
 /// A force that wanders by more within a second, in weights of the rotor, is no slow one: the law fits badly.
 const SLOW_FORCE: f64 = 0.015;
 /// A motion whose speed differs from that of the shaft by more, relative, is a path with a speed of its own.
@@ -201,6 +202,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
     } else if let Some(found) = found.as_ref().filter(|found| found.converged) {
         findings.extend(words_on(found, all, &question.stated));
         findings.extend(words_on_slow_force(found));
+        findings.extend(words_on_effects(found));
     }
     if found.as_ref().is_some_and(|found| !found.converged) {
         found = None;
@@ -262,47 +264,45 @@ fn words_on_slow_force(found: &Identification) -> Option<String> {
     })
 }
 
-/// Whether recordings of one bearing disagree by estimates of their own, and about what: χ² of all λ about the weighted mean, with their covariances. The force
-/// constant that is named explains most of the difference between the recording that is furthest off and the others, if it alone differs.
+/// κ and the power of the gap in the noise, where they were estimated.
+fn words_on_effects(found: &Identification) -> Vec<String> {
+    let of = |name: &str| if name.starts_with("X.") { " along the axis" } else { "" };
+    let dynamics = found.bench.iter().filter(|bench| bench.estimated && plain(&bench.parameter.name) == DYNAMICS);
+    let dynamics = dynamics.map(|bench| {
+        let Estimate { value, total_std, .. } = bench.estimate;
+        words_on_dynamics(of(&bench.parameter.name), 1.0 + value, total_std, "")
+    });
+    let exponents = found.parts().filter_map(|part| part.noise_exponent);
+    let exponents = exponents.map(|Estimate { value, total_std, .. }| {
+        let [value, std] = [value, total_std].map(|of| significant(of, 2));
+        format!("The noise of the positions grows with the gap to the power of {value} ± {std}.")
+    });
+    dynamics.chain(exponents).collect()
+}
+
+/// The factor κ between statics and dynamics, and what it is worth.
+pub(super) fn words_on_dynamics(of: &str, kappa: f64, std: f64, worth: &str) -> String {
+    let weaker = 1.0 - 1.0 / kappa;
+    let side = if weaker > 0.0 { "weaker" } else { "stronger" };
+    format!(
+        "The dynamics{of} are {} % {side} than the law (κ = {} ± {}{worth}): use ki/κ and ks/κ for a controller.",
+        significant(100.0 * weaker.abs(), 2),
+        significant(kappa, 4),
+        significant(std, 2)
+    )
+}
+
+/// Whether recordings of one bearing disagree by estimates of their own, and about what.
 fn differ(recordings: &[likelihood::Recording<'_>], options: &Options, names: &[String]) -> Option<String> {
     let own = |recording| likelihood::identify(std::slice::from_ref(recording), options).ok();
     let own: Vec<Identification> = recordings.iter().map(own).collect::<Option<_>>()?;
     if own.iter().any(|own| !own.converged) {
         return None;
     }
-    let magnets = own[0].lambda.len();
-    let lambda = |of: &Identification| DVector::from_fn(magnets, |k, _| of.lambda[k].value);
-    let weights: Vec<DMatrix<f64>> =
-        own.iter().map(|of| of.lambda_covariance.clone().try_inverse()).collect::<Option<_>>()?;
-    let all: DMatrix<f64> = weights.iter().sum();
-    let weighted = own.iter().zip(&weights).map(|(of, weight)| weight * lambda(of));
-    let sum: DVector<f64> = weighted.sum();
-    let mean = all.clone().try_inverse()? * &sum;
-    let chi = |at: usize| {
-        let off = lambda(&own[at]) - &mean;
-        off.dot(&(&weights[at] * &off))
+    let of = |own: Identification| {
+        (DVector::from_iterator(own.lambda.len(), own.lambda.iter().map(|of| of.value)), own.lambda_covariance)
     };
-    let total: f64 = (0..own.len()).map(chi).sum();
-    if total <= likely((magnets * (own.len() - 1)) as f64) {
-        return None;
-    }
-    let at = (0..own.len()).max_by(|a, b| chi(*a).total_cmp(&chi(*b)))?;
-    // Against the others alone: the mean has a part of the one that differs.
-    let others = (all - &weights[at]).try_inverse()?;
-    let of_others = &others * (sum - &weights[at] * lambda(&own[at]));
-    let weight = (others + weights[at].clone().try_inverse()?).try_inverse()?;
-    let score = &weight * (lambda(&own[at]) - &of_others);
-    let gain = |k: usize| score[k] * score[k] / weight[(k, k)];
-    let k = (0..magnets).max_by(|a, b| gain(*a).total_cmp(&gain(*b)))?;
-    let [by, std] =
-        [score[k] / weight[(k, k)], weight[(k, k)].sqrt().recip()].map(|of| significant(100.0 * of / of_others[k], 2));
-    Some(format!("the recordings differ: {} of recording {} by {by} % ± {std} %", names[k], at + 1))
-}
-
-/// χ² of so many degrees of freedom that chance exceeds with a probability of 10⁻⁴ (normal deviate 3.719; Wilson and Hilferty 1931).
-pub(super) fn likely(freedom: f64) -> f64 {
-    let spread = 2.0 / (9.0 * freedom);
-    freedom * (1.0 - spread + 3.719 * spread.sqrt()).powi(3)
+    disagreement(&own.into_iter().map(of).collect::<Vec<_>>(), names)
 }
 
 /// Why the estimates are not valid.

@@ -12,11 +12,12 @@ mod twin;
 
 use std::ops::Range;
 
-pub use self::answer::{Answer, Check, Estimate, agreement, answer, check};
+pub use self::answer::{Answer, Check, agreement, answer, check};
 use self::filter::Readings;
 use self::search::{Fit, Part, fit, follow, log_likelihood};
 use super::faults;
-use super::read::{Axial, time};
+use super::read::{Axial, noise, time};
+use super::{GRAVITY_M_S2, mean};
 
 /// Unknowns of the search, by number; noises and force constants by their logarithms.
 pub const UNKNOWNS: usize = 12;
@@ -108,7 +109,7 @@ impl Axis {
 
     /// Load by which forces are measured, N: weight in the field of the earth where none is told.
     fn weight_n(&self) -> f64 {
-        self.told[LOAD].map(f64::abs).filter(|load_n| *load_n > 0.0).unwrap_or(9.81 * self.m_kg)
+        self.told[LOAD].map(f64::abs).filter(|load_n| *load_n > 0.0).unwrap_or(GRAVITY_M_S2 * self.m_kg)
     }
 
     pub(crate) fn slow_start_n(&self) -> f64 {
@@ -341,17 +342,6 @@ fn free(axis: &Axis) -> Vec<usize> {
         at => !axis.is_known(at),
     };
     (0..UNKNOWNS).filter(is_free).collect()
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.filter(|value| value.is_finite()).fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
-    sum / count
-}
-
-/// Standard deviation of white noise from fourth differences, whose squares sum to 70.
-fn noise(values: &[f64]) -> f64 {
-    let fourth = |v: &[f64]| v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4];
-    (mean(values.windows(5).map(|v| fourth(v).powi(2))) / 70.0).sqrt()
 }
 
 /// Standard deviation of white noise on a random walk about a slope that changes slowly: its differences have the autocovariances −σ² at lag 1 and 0 at lag 2, both

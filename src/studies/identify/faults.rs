@@ -1,7 +1,7 @@
 //! Faults of sensors, found in the columns before any model is asked: readings that are stuck, stuck at the end of a range (clipped), or
 //! single outliers, and rows that a late logger repeats. They are left out.
 
-use super::read::significant;
+use super::read::{range, significant};
 
 /// Probability by which good readings of a whole column are taken for a fault.
 const CHANCE: f64 = 1e-6;
@@ -40,10 +40,7 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
                 values[row.saturating_sub(BESIDE_CLIPPED)..end].fill(f64::NAN);
             }
         }
-        let [low, high] = values
-            .iter()
-            .filter(|value| value.is_finite())
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(*value), high.max(*value)]);
+        let [low, high] = range(values.iter().copied());
         for rows in stuck(values) {
             let value = values[rows.start];
             let how = if value == low || value == high { "clipped" } else { "stuck" };

@@ -49,8 +49,8 @@ use std::ops::Range;
 
 use nalgebra::DMatrix;
 
-pub(super) use self::bench::DELAY;
 pub use self::bench::{BenchParameter, Knowledge, Told, by_name, parameters};
+pub(super) use self::bench::{DELAY, DYNAMICS};
 pub use self::body::Body;
 pub use self::filter::{HARMONICS, LAGS};
 pub use crate::estimation::Hold;
@@ -111,6 +111,25 @@ pub struct Missing {
     pub current: [Origin; MAGNETS],
 }
 
+/// What is known or asked of a part of the motion besides its bench.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Beside {
+    /// Loads that are known, N or N·m, by coordinate; empty if none is.
+    pub load_n: Vec<Option<f64>>,
+    /// Whether κ, the factor between statics and dynamics, is a parameter of the bench. It needs a load that is known.
+    pub dynamics: bool,
+    /// Whether the power of the gap with which the noise of the positions grows is estimated.
+    pub exponent: bool,
+}
+
+impl Beside {
+    /// Whether a load is known that tells forces from accelerations.
+    #[must_use]
+    pub fn is_loaded(&self) -> bool {
+        self.load_n.iter().flatten().any(|load_n| *load_n != 0.0)
+    }
+}
+
 /// A part of the motion that is identified by itself.
 #[derive(Clone, Debug)]
 pub struct Part {
@@ -120,6 +139,8 @@ pub struct Part {
     pub positions: usize,
     /// Place of its first magnet.
     pub magnets: usize,
+    /// What else is known or asked.
+    pub beside: Beside,
     /// The parameters of its bench.
     pub parameters: Vec<BenchParameter>,
     /// Their stated values, in the same order.
@@ -129,10 +150,10 @@ pub struct Part {
 impl Part {
     /// A part whose bench is exactly as stated.
     #[must_use]
-    pub fn new(body: Body, positions: usize, magnets: usize) -> Self {
-        let parameters = parameters(&body);
+    pub fn new(body: Body, positions: usize, magnets: usize, beside: Beside) -> Self {
+        let parameters = parameters(&body, beside.dynamics);
         let bench = vec![Told::default(); parameters.len()];
-        Self { body, positions, magnets, parameters, bench }
+        Self { body, positions, magnets, beside, parameters, bench }
     }
 }
 
@@ -215,6 +236,14 @@ pub struct Estimate {
     pub total_std: f64,
 }
 
+impl Estimate {
+    /// Of a value that is proportional to this one.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self { value: factor * self.value, noise_std: factor * self.noise_std, total_std: factor * self.total_std }
+    }
+}
+
 /// Where the covariance comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Covariance {
@@ -258,6 +287,8 @@ pub struct OfPart {
     pub current_noise_a: f64,
     /// Level of a slow force along each coordinate, a random walk, N after a second; 0 unless it is estimated.
     pub slow_force_n: f64,
+    /// Power of the gap with which the noise of the positions grows, if it is estimated; the level is that at the nominal gap.
+    pub noise_exponent: Option<Estimate>,
     /// Rows that were used.
     pub rows: usize,
     /// As how many of them they count: fewer where errors of quantisation repeat with the readings.

@@ -3,6 +3,7 @@
 pub mod axial;
 pub mod likelihood;
 
+mod agreement;
 mod answer;
 mod diagnosis;
 mod faults;
@@ -21,7 +22,7 @@ pub use self::tolerance::{named, of_estimator, quantity, tolerance};
 pub use self::track::{Track, estimator, json, recording, table, track, track_every};
 pub use self::twin::Twin;
 
-use self::likelihood::{BenchParameter, Body, DELAY, Options, Part, Told, parameters};
+use self::likelihood::{BenchParameter, Beside, Body, DELAY, DYNAMICS, Options, Part, Told, parameters};
 use self::read::significant;
 pub use self::read::{Axial, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use self::tolerance::plain;
@@ -41,6 +42,9 @@ pub const METHODS: [(&str, Method); 3] =
 pub const HOLDS: [(&str, Hold); 3] =
     [("heldBefore", Hold::HeldBefore), ("heldAfter", Hold::HeldAfter), ("linear", Hold::Linear)];
 
+/// Name of the power of the gap with which the noise of the positions grows.
+pub const NOISE_EXPONENT: &str = "noise.exponent";
+
 /// The name of a meaning of samples of currents.
 fn name_of(hold: Hold) -> &'static str {
     HOLDS.iter().find(|(_, known)| *known == hold).map_or("", |(name, _)| name)
@@ -53,6 +57,8 @@ pub struct Stated {
     pub machine: &'static Machine,
     /// The bodies that move, part by part.
     pub bodies: Vec<Body>,
+    /// What else is known or asked of each.
+    pub beside: Vec<Beside>,
     /// Meaning of a sample of a current.
     pub hold: Hold,
     /// Standard deviations of the noise of positions, m, and currents, A; 0 to estimate them.
@@ -91,24 +97,26 @@ impl Stated {
             [Body::Shaft { geometry, magnets, planes_m }].into_iter().chain(axis).collect()
         };
         let noise = ["sensor.positionNoise", "sensor.currentNoise"].map(|name| value(name).unwrap_or(0.0));
-        Self { machine, bodies, hold: hold(estimator), noise }
+        let beside = vec![Beside::default(); bodies.len()];
+        Self { machine, bodies, beside, hold: hold(estimator), noise }
     }
 
     /// The parameters of its bench.
     #[must_use]
     pub fn parameters(&self) -> Vec<BenchParameter> {
-        self.bodies.iter().flat_map(parameters).collect()
+        self.bodies.iter().zip(&self.beside).flat_map(|(body, beside)| parameters(body, beside.dynamics)).collect()
     }
 
     fn options(&self, bench: &[Told]) -> Options {
         let (mut positions, mut magnets) = (0, 0);
-        let part = |body: &Body| {
-            let part = Part::new(body.clone(), positions, magnets);
+        let part = |(body, beside): (&Body, &Beside)| {
+            let part = Part::new(body.clone(), positions, magnets, beside.clone());
             positions += body.coordinates();
             magnets += body.magnets();
             part
         };
-        let mut options = Options { parts: self.bodies.iter().map(part).collect(), slow_force: false };
+        let mut options =
+            Options { parts: self.bodies.iter().zip(&self.beside).map(part).collect(), slow_force: false };
         options.bench().zip(bench).for_each(|((_, to), told)| *to = *told);
         options
     }
@@ -138,6 +146,10 @@ impl Stated {
                 Body::Axis { gap_m, .. } => words.push(format!("X.s = {} mm", significant(1e3 * gap_m, 6))),
             }
         }
+        let unit = |name: &str| if name.starts_with('M') { "N·m" } else { "N" };
+        words.extend(
+            self.known_loads().map(|(name, load)| format!("{name} = {} {}", significant(load, 6), unit(&name))),
+        );
         words
     }
 
@@ -156,6 +168,7 @@ impl Stated {
             }
         }
         alpha_rad.into_iter().for_each(|(name, all)| told[name.as_str()] = all.into());
+        self.known_loads().for_each(|(name, load)| told[name.as_str()] = load.into());
         told
     }
 
@@ -174,6 +187,56 @@ impl Stated {
         names.rotate_left(self.bodies.len() - 1);
         names
     }
+
+    /// Loads that are known, with their names.
+    fn known_loads(&self) -> impl Iterator<Item = (String, f64)> {
+        let values = self
+            .bodies
+            .iter()
+            .zip(&self.beside)
+            .flat_map(|(body, beside)| (0..body.coordinates()).map(|n| beside.load_n.get(n).copied().flatten()));
+        self.loads().into_iter().zip(values).filter_map(|(name, load_n)| Some((name, load_n?)))
+    }
+
+    /// Takes a load for known, in N or N·m; whether there is one of this name.
+    pub fn set_load(&mut self, name: &str, load_n: f64) -> bool {
+        let Some(at) = self.loads().iter().position(|load| load == name) else { return false };
+        let first = self.bodies[0].coordinates();
+        let (part, at) = if at < first { (0, at) } else { (1, at - first) };
+        let loads = &mut self.beside[part].load_n;
+        loads.resize(self.bodies[part].coordinates(), None);
+        loads[at] = Some(load_n);
+        true
+    }
+
+    /// Asks for an effect of real benches, if this is the name of one: κ, or the power of the gap in the noise. Of a shaft, the name without prefix means all parts
+    /// that can tell it.
+    ///
+    /// # Errors
+    /// What is wanted for it.
+    pub fn ask(&mut self, name: &str) -> Result<(), String> {
+        let is_dynamics = plain(name) == DYNAMICS;
+        if !is_dynamics && plain(name) != NOISE_EXPONENT {
+            return Ok(());
+        }
+        let (loads, mut asked, mut wanted) = (self.loads(), false, Vec::new());
+        let mut loads = loads.iter();
+        for (body, beside) in self.bodies.iter().zip(&mut self.beside) {
+            let own: Vec<_> = loads.by_ref().take(body.coordinates()).collect();
+            if name != plain(name) && name != format!("{}{}", body.prefix(), plain(name)) {
+                continue;
+            }
+            let is_told = !is_dynamics || beside.is_loaded();
+            *(if is_dynamics { &mut beside.dynamics } else { &mut beside.exponent }) |= is_told;
+            asked |= is_told;
+            wanted.extend(own.into_iter().filter(|load| load.starts_with('p')).map(|load| format!("--set {load}=…")));
+        }
+        if asked {
+            return Ok(());
+        }
+        let wanted = wanted.join(" or ");
+        Err(format!("{name}: nothing tells it from the force constants without a known load that is not 0: {wanted}"))
+    }
 }
 
 /// Why no identification was made.
@@ -187,17 +250,21 @@ pub enum Failed {
 /// The window of one revolution that fits the recording, in seconds; the paper's where the speed is not known.
 #[must_use]
 pub fn one_revolution(samples: &Samples) -> f64 {
-    let speed_rad_s = mean(&samples.omega_rad_s).abs();
+    let speed_rad_s = mean(samples.omega_rad_s.iter().copied()).abs();
     let window_s = if speed_rad_s > 0.0 { TAU / speed_rad_s } else { 0.02 };
     // Two periods of the slowest that the window can see, eight samples at least.
     (window_s.min(0.2) / samples.step_s).round().max(8.0) * samples.step_s
 }
 
-/// The mean of the values that are known; 0 if none is.
-fn mean(values: &[f64]) -> f64 {
-    let known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    known.iter().sum::<f64>() / known.len().max(1) as f64
+/// The mean of the values that are known.
+fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
+    let known = values.into_iter().filter(|value| value.is_finite());
+    let (sum, count) = known.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    sum / count
 }
+
+/// Acceleration of gravity, m/s².
+const GRAVITY_M_S2: f64 = 9.81;
 
 /// How much less likely a stretch of a recording is with each reading of a current sample, in the order of [`HOLDS`]: differences of
 /// log-likelihoods, 0 for the best, infinite where nothing fits.
@@ -205,12 +272,13 @@ fn mean(values: &[f64]) -> f64 {
 pub struct Holds(pub [f64; 3]);
 
 impl Holds {
-    /// Tries the readings on a bearing, the delay of whose positions is as well known as in `bench`.
+    /// Tries the readings on a bearing, the delay of whose positions and the dynamics are as well known as in `bench`.
     #[must_use]
     pub fn of(samples: &Samples, stated: &Stated, bench: &[Told]) -> Self {
         let mut options = stated.options(&[]);
         let told = options.bench().zip(bench);
-        told.filter(|((of, _), _)| plain(&of.name) == DELAY).for_each(|((_, to), told)| *to = *told);
+        told.filter(|((of, _), _)| [DELAY, DYNAMICS].contains(&plain(&of.name)))
+            .for_each(|((_, to), told)| *to = *told);
         Self(diagnosis::holds(&HOLDS.map(|(_, hold)| diagnosis::Take {
             columns: answer::columns(samples, hold),
             options: options.clone(),

@@ -20,6 +20,7 @@ use crate::machine::{AXIAL, Machine};
 
 pub use self::plausible::Finding;
 pub(super) use self::plausible::REST_RAD_S;
+pub(super) use self::signals::{noise, range};
 pub use self::units::{duration_s, rate_s};
 pub(super) use self::units::{number_and_unit, significant, time};
 

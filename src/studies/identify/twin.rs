@@ -6,7 +6,7 @@
 use fmu_export::variable::Value;
 
 use super::answer::Answer;
-use super::likelihood::{Body, Knowledge};
+use super::likelihood::{Body, DYNAMICS, Knowledge};
 use super::read::Samples;
 use super::tolerance::plain;
 use super::{Stated, mean};
@@ -31,7 +31,8 @@ impl Stated {
     /// Parameters of the plant, by name, of a bench with these errors, by their names. It turns from the angle θ₀ in rad with the speed ω in rad/s. The plant has no
     /// rotation and no run-out of the sensors, no delay of the positions alone, and a shaft no backward forces.
     pub fn with(&self, [theta0_rad, omega_rad_s]: [f64; 2], of: impl Fn(&str) -> f64) -> Vec<(String, f64)> {
-        let heavier = 1.0 + of("m");
+        // κ is one of the mass.
+        let heavier = (1.0 + of("m")) * (1.0 + of(DYNAMICS));
         let mut values = vec![("m".to_owned(), self.bodies[0].m_kg() * heavier)];
         for body in &self.bodies {
             match body {
@@ -216,7 +217,7 @@ impl Answer {
         };
         // The estimator takes sensors for exact, so that their errors are part of what it does not know.
         let error = |name: &str| of(name).hypot(std(name));
-        let omega_rad_s = mean(&samples.omega_rad_s);
+        let omega_rad_s = mean(samples.omega_rad_s.iter().copied());
         let machine = base.machine;
 
         let mut values = Values::default();
@@ -256,7 +257,7 @@ impl Answer {
             rms(names.filter(|name| plain(name).starts_with(begin)).map(of))
         };
         let of_bearings = |of: &dyn Fn(&str) -> f64| rms(machine.bearings.iter().map(|bearing| of(bearing.prefix)));
-        values.put_tolerance("m", stated.value("m") * std("m"));
+        values.put_tolerance("m", stated.value("m") * std("m").hypot(std(DYNAMICS)));
         let gap = |prefix: &str| {
             let [gap, iron] = ["s", "gap.iron"].map(|name| format!("{prefix}{name}"));
             (stated.value(&gap) * std(&gap)).hypot(std(&iron))
@@ -284,8 +285,10 @@ impl Answer {
         let backward = (stated.bodies.len() > 1).then_some("force.backward");
         let without = WITHOUT.into_iter().chain(backward);
         let left_out = without.filter(|name| estimated().any(|estimated| estimated.starts_with(name)));
+        let along = bench("X.dynamics").map(|_| "X.dynamics");
         let slow_force = first.parts.iter().any(|part| part.slow_force_n > 0.0).then_some("force.slow");
-        Ok(Twin { left_out: left_out.chain(slow_force).collect(), ..twin })
+        let exponent = first.parts.iter().any(|part| part.noise_exponent.is_some()).then_some("noise.exponent");
+        Ok(Twin { left_out: left_out.chain(along).chain(slow_force).chain(exponent).collect(), ..twin })
     }
 }
 

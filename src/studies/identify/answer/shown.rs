@@ -122,6 +122,9 @@ impl Answer {
             for (prefix, part) in stated.machine.of_parts("").iter().zip(&conditions.parts) {
                 rows.push(noise(&format!("{prefix}noise of positions"), 1e6 * part.position_noise_m, "µm"));
                 rows.push(noise(&format!("{prefix}noise of currents"), 1e3 * part.current_noise_a, "mA"));
+                if let Some(power) = &part.noise_exponent {
+                    rows.push(row(format!("{prefix}power of the gap{of}"), power, 1.0, "", None));
+                }
                 if part.slow_force_n > 0.0 {
                     rows.push(noise(&format!("{prefix}slow force"), 1e3 * part.slow_force_n, "mN/√s"));
                 }
@@ -181,8 +184,13 @@ impl Answer {
             Err(all) => all.into(),
         };
         let noise = |of: &likelihood::Conditions| {
-            let noise =
-                of.parts.iter().map(|of| json!({"position": of.position_noise_m, "current": of.current_noise_a}));
+            let noise = of.parts.iter().map(|of| {
+                let mut noise = json!({"position": of.position_noise_m, "current": of.current_noise_a});
+                if let Some(power) = &of.noise_exponent {
+                    noise["exponent"] = estimate(power);
+                }
+                noise
+            });
             one_or_all(noise.collect())
         };
         let recording = |of: &likelihood::Conditions| {

@@ -1,6 +1,6 @@
 //! The answer for an axis: force constants, the operating point with its deviations, what the bench was found to have.
 
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector};
 use serde_json::{Value as Json, json};
 
 use super::search::{Fit, Part, follow};
@@ -9,7 +9,9 @@ use super::{
     UNKNOWNS, find, mean,
 };
 use crate::estimation::STD_LIMIT;
-use crate::studies::identify::answer::likely;
+use crate::studies::identify::agreement::disagreement;
+use crate::studies::identify::answer::words_on_dynamics;
+use crate::studies::identify::likelihood::Estimate;
 use crate::studies::identify::read::{Axial, significant, time};
 use crate::table::Table;
 
@@ -22,17 +24,6 @@ const BADLY: f64 = FLOOR;
 const MOVED: f64 = 3.0;
 /// Horizon of predictions, s.
 const AHEAD_S: f64 = 0.020;
-
-/// A value with its standard deviations, of noise and in all.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Estimate {
-    /// The value, in SI units.
-    pub value: f64,
-    /// Standard deviation by noise and slow force.
-    pub noise_std: f64,
-    /// The same with what every bench hides.
-    pub total_std: f64,
-}
 
 /// Current, ki, ks, ki/κ and ks/κ at the operating point.
 pub type Point5 = [Estimate; 5];
@@ -100,7 +91,7 @@ fn prediction_rms(axis: &Axis, part: &Part<'_>, point: &Point, ahead: usize) -> 
         }
         row += 1;
     });
-    mean(squares.into_iter()).sqrt()
+    mean(squares).sqrt()
 }
 
 /// Current (A), ki (N/A), ks (N/m) at the operating point, and ki/κ, ks/κ: in equilibrium where one magnet carries a load,
@@ -194,14 +185,8 @@ impl Answer {
             let worth = format!("worth {} in log-likelihood", significant(effect.gain, 3));
             match effect.at {
                 DYNAMICS => {
-                    let weaker = 1.0 - 1.0 / self.dynamics.value;
-                    let side = if weaker > 0.0 { "weaker" } else { "stronger" };
-                    let factor = significant(self.dynamics.value, 4);
-                    findings.push(format!(
-                        "The dynamics are {} % {side} than the law (κ = {factor} ± {}, {worth}): use ki/κ and ks/κ for a controller.",
-                        percent(weaker.abs()),
-                        significant(self.dynamics.noise_std, 2)
-                    ));
+                    let Estimate { value, noise_std, .. } = self.dynamics;
+                    findings.push(words_on_dynamics("", value, noise_std, &format!(", {worth}")));
                 }
                 SLOW => findings.push(format!(
                     "A slow force that nothing explains wanders by {} mN/√s ({worth}).",
@@ -368,13 +353,6 @@ impl Answer {
         traces
     }
 
-    fn statics(&self) -> (Vector3<f64>, Matrix3<f64>) {
-        let [_, ki, ks, ..] = &self.operating;
-        let values = Vector3::new(ki.value, ks.value, self.dynamics.value);
-        let std = Vector3::new(ki.total_std, ks.total_std, self.dynamics.total_std);
-        (values, Matrix3::from_diagonal(&std.component_mul(&std)))
-    }
-
     /// Judges another recording, whose own answer stands beside it, with this estimate.
     #[must_use]
     pub fn check(&self, own: &Self) -> Check {
@@ -411,35 +389,17 @@ impl Answer {
     }
 }
 
-/// Disagreement of recordings of one bench: χ² of ki, ks and κ about their weighted mean, with the floor of every bench.
-/// Nothing if they agree.
+/// Disagreement of recordings of one bench about ki, ks and κ, with the floor of every bench. Nothing if they agree.
 #[must_use]
 pub fn agreement(answers: &[&Answer]) -> Option<String> {
-    let statics: Vec<_> = answers.iter().map(|answer| answer.statics()).collect();
-    let weights: Vec<Matrix3<f64>> = statics.iter().map(|(_, of)| of.try_inverse().unwrap_or_default()).collect();
-    let sum: Matrix3<f64> = weights.iter().sum();
-    let mean = sum.try_inverse()? * statics.iter().zip(&weights).map(|((x, _), w)| w * x).sum::<Vector3<f64>>();
-    let far = |(x, _): &(Vector3<f64>, Matrix3<f64>), w: &Matrix3<f64>| (x - mean).dot(&(w * (x - mean)));
-    let chi: Vec<f64> = statics.iter().zip(&weights).map(|(of, w)| far(of, w)).collect();
-    let freedom = 3.0 * (answers.len() - 1) as f64;
-    let total: f64 = chi.iter().sum();
-    if total <= likely(freedom) {
-        return None;
-    }
-    let worst = (0..chi.len()).max_by(|a, b| chi[*a].total_cmp(&chi[*b]))?;
-    let names = ["ki", "ks", "κ"];
-    let deviation = |i: usize| (statics[worst].0[i] - mean[i]) / statics[worst].1[(i, i)].sqrt();
-    let most = (0..3).max_by(|a, b| deviation(*a).abs().total_cmp(&deviation(*b).abs()))?;
-    let relative = (statics[worst].0[most] - mean[most]) / mean[most];
-    Some(format!(
-        "The recordings differ (χ² {} of {} degrees of freedom): {} of recording {} by {} % ± {} %.",
-        significant(total, 3),
-        freedom,
-        names[most],
-        worst + 1,
-        percent(relative),
-        percent(statics[worst].1[(most, most)].sqrt() / mean[most])
-    ))
+    let own = answers.iter().map(|answer| {
+        let [_, ki, ks, ..] = answer.operating;
+        let all = [ki, ks, answer.dynamics];
+        let variances = DVector::from_iterator(3, all.iter().map(|of| of.total_std * of.total_std));
+        (DVector::from_iterator(3, all.iter().map(|of| of.value)), DMatrix::from_diagonal(&variances))
+    });
+    let differ = disagreement(&own.collect::<Vec<_>>(), &["ki", "ks", "κ"].map(String::from))?;
+    Some(format!("T{}.", &differ[1..]))
 }
 
 /// Judges a recording with the answer of another.

@@ -3,7 +3,7 @@
 //! Every parameter is the deviation of the bench from its data sheet, 0 where there is none:
 //!
 //! ```text
-//! m_true = m (1 + m)      s_true = s (1 + s) + gap.iron      α_true = alpha + alpha[k]
+//! m_true = m (1 + m)      s_true = s (1 + s) + gap.iron      α_true = alpha + alpha[k]      m_true κ q̈ = forces, κ = 1 + dynamics
 //! i_true = (i_read − current.offset[k])/(1 + current.gain[k])
 //! (Y, Z)_read = diag(1 + g_c + g_d, 1 + g_c − g_d) R(rotation) ((Y, Z)(t − delay) + run-out(θ)) + offset
 //! ```
@@ -38,6 +38,8 @@ const HALF_DEGREE: f64 = 0.008_726_646_259_971_648;
 enum Each {
     /// All of the machine.
     Machine,
+    /// The same, where κ is asked for.
+    Dynamics,
     /// The shaft, if it tilts.
     Shaft,
     /// Each bearing.
@@ -59,7 +61,7 @@ enum Each {
 type Row = (Each, &'static str, &'static str, f64, bool, &'static str);
 
 /// All parameters; the order is that of their numbers.
-const PARAMETERS: [Row; 29] = [
+const PARAMETERS: [Row; 30] = [
     (Each::Machine, "m", "1", 0.01, true, "mass of the rotor, relative"),
     (Each::Bearing, "s", "1", 0.01, true, "nominal gap, relative"),
     (Each::RadialMagnet, "alpha[{}]", "rad", HALF_DEGREE, true, "angle of magnet {}"),
@@ -96,14 +98,25 @@ const PARAMETERS: [Row; 29] = [
     (Each::OnShaft, "position", "m", 5e-4, true, "position of the magnets along the shaft"),
     (Each::OnShaft, "sensorPosition", "m", 5e-4, true, "position of the sensors along the shaft"),
     (Each::Plane, "unbalance[{}].position", "m", 5e-4, false, "position of plane {} of the unbalance"),
+    (
+        Each::Dynamics,
+        DYNAMICS,
+        "1",
+        0.05,
+        false,
+        "κ − 1, by how much more force accelerations take than the statics say",
+    ),
 ];
 
 /// Name of the delay of the positions.
 pub(in crate::studies::identify) const DELAY: &str = "delay";
 
-/// The parameters of the bench of what moves; the index is the parameter's number. Those of a bearing have its prefix.
+/// Name of the factor between statics and dynamics.
+pub(in crate::studies::identify) const DYNAMICS: &str = "dynamics";
+
+/// The parameters of the bench of what moves, κ among them if it is asked for; the index is the parameter's number. Those of a bearing have its prefix.
 #[must_use]
-pub fn parameters(body: &Body) -> Vec<BenchParameter> {
+pub fn parameters(body: &Body, dynamics: bool) -> Vec<BenchParameter> {
     let (is_radial, is_shaft) = (!matches!(body, Body::Axis { .. }), matches!(body, Body::Shaft { .. }));
     let prefixes = body.prefixes();
     let magnets = body.magnets() / prefixes.len();
@@ -111,7 +124,8 @@ pub fn parameters(body: &Body) -> Vec<BenchParameter> {
         let bearings = |is_there: bool| if is_there { prefixes.to_vec() } else { Vec::new() };
         let (prefixes, count) = match each {
             // The axial motion is told of its own mass and delay.
-            Each::Machine => (vec![if is_radial { "" } else { prefixes[0] }], 1),
+            Each::Machine => (vec![body.prefix()], 1),
+            Each::Dynamics => (if dynamics { vec![body.prefix()] } else { Vec::new() }, 1),
             Each::Shaft => (if is_shaft { vec![""] } else { Vec::new() }, 1),
             Each::Plane => (if is_shaft { vec![""] } else { Vec::new() }, 2),
             Each::Bearing => (bearings(true), 1),
@@ -182,7 +196,7 @@ impl Places {
     pub fn of(body: &Body, parameters: &[BenchParameter]) -> Self {
         let (prefixes, is_axis) = (body.prefixes(), matches!(body, Body::Axis { .. }));
         let first = |name: &str| place(parameters, prefixes[0], name);
-        let of_all = |name: &str| place(parameters, if is_axis { prefixes[0] } else { "" }, name);
+        let of_all = |name: &str| place(parameters, body.prefix(), name);
         let pair = |prefix: &&str| {
             let at = |name: &str| place(parameters, prefix, name);
             let axes = ["forward.cos", "forward.sin", "backward.cos", "backward.sin"].map(|of| format!("runout1.{of}"));

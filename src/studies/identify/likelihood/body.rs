@@ -1,9 +1,9 @@
 //! The bodies that move: a rotor in one radial bearing, a shaft across itself, an axis along itself.
 
 use super::Failed;
-use super::bench::{BenchParameter, Places, place};
-use super::filter::Passes;
-use super::rotor::{Description, Kind, Layout, Rotor};
+use super::bench::{DYNAMICS, Places, place};
+use super::filter::passes;
+use super::rotor::{Describe, Description, Kind, Layout};
 use super::search;
 use super::{Identification, Part, Recording};
 use crate::bearing::spindle::SpindleGeometryOf;
@@ -56,6 +56,11 @@ impl Body {
         }
     }
 
+    /// Prefix of what it has one of: the axial motion is told of its own mass and delay.
+    pub(in crate::studies::identify) fn prefix(&self) -> &'static str {
+        if let Self::Axis { .. } = self { self.prefixes()[0] } else { "" }
+    }
+
     /// Number of magnets.
     #[must_use]
     pub fn magnets(&self) -> usize {
@@ -73,6 +78,15 @@ impl Body {
             Self::Disc { .. } => 2,
             Self::Shaft { .. } => 4,
             Self::Axis { .. } => 1,
+        }
+    }
+
+    /// Number of planes of unbalance.
+    fn planes(&self) -> usize {
+        match self {
+            Self::Disc { .. } => 1,
+            Self::Shaft { .. } => PLANES,
+            Self::Axis { .. } => 0,
         }
     }
 
@@ -125,68 +139,93 @@ impl Part {
         place(&self.parameters, prefix, name)
     }
 
-    /// Identifies this part of the motion.
-    pub(super) fn identify(&self, recordings: &[Recording<'_>], slow_force: bool) -> Result<Identification, Failed> {
-        let on = (recordings, slow_force);
-        match &self.body {
-            Body::Disc { m_kg, gap_m, alpha_rad } => match *alpha_rad.as_slice() {
-                [a, b, c] => self.one_bearing::<2, 3, 9>(on, *m_kg, *gap_m, [a, b, c]),
-                [a, b, c, d] => self.one_bearing::<2, 4, 10>(on, *m_kg, *gap_m, [a, b, c, d]),
-                _ => Err(Failed::Magnets(alpha_rad.len())),
-            },
-            Body::Axis { m_kg, gap_m } => self.one_bearing::<1, 2, 3>(on, *m_kg, *gap_m, [0.0; 2]),
-            Body::Shaft { magnets: 3, .. } => self.shaft::<3, 6, 18>(on),
-            Body::Shaft { magnets: 4, .. } => self.shaft::<4, 8, 20>(on),
-            Body::Shaft { magnets, .. } => Err(Failed::Magnets(*magnets)),
-        }
+    /// The number of κ, if it is asked for.
+    fn dynamics(&self) -> Option<usize> {
+        self.beside.dynamics.then(|| self.place(self.body.prefix(), DYNAMICS))
     }
 
-    /// N coordinates, K magnets, and U unknowns on line. Along an axis there are no angles and no unbalance.
+    /// Identifies this part of the motion.
+    pub(super) fn identify(&self, recordings: &[Recording<'_>], slow_force: bool) -> Result<Identification, Failed> {
+        let magnets = self.body.magnets();
+        let of_bearing = magnets / self.body.prefixes().len();
+        let passes = passes(self.body.coordinates(), magnets).ok_or(Failed::Magnets(of_bearing))?;
+        let (describe, varied) = match &self.body {
+            Body::Disc { m_kg, gap_m, alpha_rad } => match *alpha_rad.as_slice() {
+                [a, b, c] => self.one_bearing::<2, 3, 9>(*m_kg, *gap_m, [a, b, c]),
+                [a, b, c, d] => self.one_bearing::<2, 4, 10>(*m_kg, *gap_m, [a, b, c, d]),
+                _ => return Err(Failed::Magnets(of_bearing)),
+            },
+            Body::Axis { m_kg, gap_m } => self.one_bearing::<1, 2, 3>(*m_kg, *gap_m, [0.0; 2]),
+            Body::Shaft { magnets: 3, geometry, planes_m } => self.shaft::<3, 6, 18>(geometry, planes_m),
+            Body::Shaft { geometry, planes_m, .. } => self.shaft::<4, 8, 20>(geometry, planes_m),
+        };
+        let (parameters, coordinates) = (&self.parameters, self.body.coordinates());
+        let load = magnets + 2 * self.body.planes();
+        let kind = Kind {
+            part: self,
+            slow_force,
+            describe,
+            varied: varied.iter().map(|at| (*at, STEP * parameters[*at].typical)).collect(),
+            places: Places::of(&self.body, parameters),
+            layout: Layout {
+                magnets,
+                load,
+                base: load + coordinates,
+                all: load + coordinates + parameters.len(),
+                dynamics: self.dynamics().map(|at| load + coordinates + at),
+            },
+            passes,
+        };
+        search::identify(recordings, &kind)
+    }
+
+    /// N coordinates, K magnets, and U unknowns on line: the description, and the parameters that change it. Along an axis there are no angles.
     fn one_bearing<const N: usize, const K: usize, const U: usize>(
         &self,
-        on: (&[Recording<'_>], bool),
         m_kg: f64,
         gap_m: f64,
         alpha_rad: [f64; K],
-    ) -> Result<Identification, Failed>
-    where
-        Rotor<N, K>: Passes<N, K>,
-    {
+    ) -> (Describe<'_>, Vec<usize>) {
         let [prefix] = *self.body.prefixes() else { unreachable!("one bearing") };
         let [mass, gap, iron] = ["m", "s", "gap.iron"].map(|name| self.place(prefix, name));
+        let dynamics = self.dynamics();
         let angles = if N == 1 {
             0..0
         } else {
             let first = self.place(prefix, "alpha[1]");
             first..first + K
         };
-        let describe = |bench: &[f64]| {
+        let varied = [mass, gap, iron].into_iter().chain(dynamics).chain(angles.clone()).collect();
+        let describe = move |bench: &[f64]| {
             let mut alpha_rad = alpha_rad;
             alpha_rad.iter_mut().zip(&bench[angles.clone()]).for_each(|(alpha_rad, error)| *alpha_rad += error);
             let gap_m = gap_m * (1.0 + bench[gap]) + bench[iron];
-            Description::of(&Machine::<N, K, U>::of_bearing(m_kg * (1.0 + bench[mass]), gap_m, alpha_rad))
+            let m_kg = m_kg * (1.0 + bench[mass]) * dynamics.map_or(1.0, |at| 1.0 + bench[at]);
+            Description::of(&Machine::<N, K, U>::of_bearing(m_kg, gap_m, alpha_rad))
         };
-        let varied: Vec<usize> = [mass, gap, iron].into_iter().chain(angles.clone()).collect();
-        self.search(on, N - 1, &varied, &describe)
+        (Box::new(describe), varied)
     }
 
     /// M magnets in each of two radial bearings, K in both, and U unknowns on line.
     fn shaft<const M: usize, const K: usize, const U: usize>(
         &self,
-        on: (&[Recording<'_>], bool),
-    ) -> Result<Identification, Failed>
-    where
-        Rotor<4, K>: Passes<4, K>,
-    {
-        let Body::Shaft { geometry, planes_m, .. } = &self.body else { unreachable!("a shaft") };
-        let stated = geometry.with_magnets::<M>();
+        geometry: &SpindleGeometryOf<f64, 4>,
+        planes_m: &[f64; PLANES],
+    ) -> (Describe<'_>, Vec<usize>) {
+        let (stated, planes_m) = (geometry.with_magnets::<M>(), *planes_m);
         let [mass, transverse, polar, plane] =
             ["m", "Jt", "Jp", "unbalance[1].position"].map(|name| self.place("", name));
         let of_bearings = SHAFT.map(|prefix| {
             ["s", "gap.iron", "alpha[1]", "position", "sensorPosition"].map(|name| self.place(prefix, name))
         });
-        let describe = |bench: &[f64]| {
-            let (mut geometry, heavier) = (stated, 1.0 + bench[mass]);
+        let varied = of_bearings.into_iter().flat_map(|[gap, iron, alpha, position, sensors]| {
+            [gap, iron, position, sensors].into_iter().chain(alpha..alpha + M)
+        });
+        let dynamics = self.dynamics();
+        let varied = varied.chain([mass, transverse, polar, plane, plane + 1]).chain(dynamics).collect();
+        let describe = move |bench: &[f64]| {
+            let (mut geometry, kappa) = (stated, dynamics.map_or(1.0, |at| 1.0 + bench[at]));
+            let heavier = (1.0 + bench[mass]) * kappa;
             geometry.shaft.m_kg *= heavier;
             geometry.shaft.transverse_kgm2 *= heavier * (1.0 + bench[transverse]);
             geometry.shaft.polar_kgm2 *= heavier * (1.0 + bench[polar]);
@@ -202,33 +241,6 @@ impl Part {
             let machine = Machine::<4, K, U>::of_shaft(&geometry, planes_m);
             Description::of(&machine.unwrap_or_else(|| unreachable!("sensors at different places")))
         };
-        let varied = of_bearings.into_iter().flat_map(|[gap, iron, alpha, position, sensors]| {
-            [gap, iron, position, sensors].into_iter().chain(alpha..alpha + M)
-        });
-        let varied: Vec<usize> = varied.chain([mass, transverse, polar, plane, plane + 1]).collect();
-        self.search(on, PLANES, &varied, &describe)
-    }
-
-    fn search<const N: usize, const K: usize>(
-        &self,
-        (recordings, slow_force): (&[Recording<'_>], bool),
-        planes: usize,
-        varied: &[usize],
-        describe: &(dyn Fn(&[f64]) -> Description<N, K> + Sync),
-    ) -> Result<Identification, Failed>
-    where
-        Rotor<N, K>: Passes<N, K>,
-    {
-        let parameters: &[BenchParameter] = &self.parameters;
-        let load = K + 2 * planes;
-        let kind = Kind {
-            part: self,
-            slow_force,
-            describe,
-            varied: varied.iter().map(|at| (*at, STEP * parameters[*at].typical)).collect(),
-            places: Places::of(&self.body, parameters),
-            layout: Layout { magnets: K, load, base: load + N, all: load + N + parameters.len() },
-        };
-        search::identify(recordings, &kind)
+        (Box::new(describe), varied)
     }
 }

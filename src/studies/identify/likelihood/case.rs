@@ -26,11 +26,11 @@ pub(super) const NOISE_STEP: f64 = 0.25;
 const CURRENT_NOISE_LOG_STD: f64 = 0.5 * std::f64::consts::LN_10;
 
 /// One recording with its rows cut into pieces.
-pub(super) struct Case<'a, const N: usize, const K: usize> {
-    pub data: Data<'a, N, K>,
+pub(super) struct Case<'a> {
+    pub data: Data<'a>,
     pub recording: &'a Recording<'a>,
     /// Its currents as they were read, A.
-    pub current: [&'a [f64]; K],
+    pub current: Vec<&'a [f64]>,
     pub segments: Vec<Range<usize>>,
     pub pieces: Vec<Piece>,
     pub position_noise: f64,
@@ -39,14 +39,17 @@ pub(super) struct Case<'a, const N: usize, const K: usize> {
     pub noise_variance: f64,
     /// Level of the slow force, N after a second; 0 unless it is estimated.
     pub slow_force: f64,
+    /// Power of the gap with which the noise of the positions grows, with its standard deviation; 0 unless it is estimated.
+    pub exponent: f64,
+    pub exponent_std: f64,
     /// Step of each position sensor, m; 0 unless it is quantised.
-    pub resolution_m: [f64; N],
+    pub resolution_m: Vec<f64>,
     /// As how many rows they count, if not all.
     counting: Option<usize>,
-    pub track: Track<N, K>,
+    pub track: Track,
 }
 
-impl<const N: usize, const K: usize> Case<'_, N, K> {
+impl Case<'_> {
     /// Rows that are used.
     pub fn rows(&self) -> usize {
         self.pieces.iter().map(|piece| piece.counted.len()).sum()
@@ -111,7 +114,7 @@ fn pieces(segments: &[Range<usize>], h: f64) -> Vec<Piece> {
 }
 
 /// rms of fourth and sixth differences, over √70 and √924, the smaller one: white noise without the motion.
-fn position_noise<const N: usize>(position: &[&[f64]; N], segments: &[Range<usize>]) -> f64 {
+fn position_noise(position: &[&[f64]], segments: &[Range<usize>]) -> f64 {
     let binomials: [(&[f64], f64); 2] =
         [(&[1.0, -4.0, 6.0, -4.0, 1.0], 70.0), (&[1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0], 924.0)];
     let of = |(weights, gain): (&[f64], f64)| {
@@ -128,14 +131,13 @@ fn position_noise<const N: usize>(position: &[&[f64]; N], segments: &[Range<usiz
     of(binomials[0]).min(of(binomials[1])).max(1e-10)
 }
 
-pub(super) fn prepare<'a, const N: usize, const K: usize>(
-    recording: &'a Recording<'a>,
-    part: &Part,
-    usable: &[bool],
-) -> Option<Case<'a, N, K>> {
+pub(super) fn prepare<'a>(recording: &'a Recording<'a>, part: &Part, usable: &[bool]) -> Option<Case<'a>> {
     let (h, rows) = (recording.step_s, recording.rows());
-    let position: [&[f64]; N] = std::array::from_fn(|n| &recording.position_m[part.positions + n][..]);
-    let current: [&[f64]; K] = std::array::from_fn(|k| &recording.current_a[part.magnets + k][..]);
+    let columns = |of: &'a [Vec<f64>], first: usize, count: usize| -> Vec<&'a [f64]> {
+        of[first..first + count].iter().map(Vec::as_slice).collect()
+    };
+    let position = columns(recording.position_m, part.positions, part.body.coordinates());
+    let current = columns(recording.current_a, part.magnets, part.body.magnets());
     let segments = segments(
         (0..rows)
             .map(|row| recording.usable.get(row).copied().unwrap_or(true) && usable.get(row).copied().unwrap_or(true)),
@@ -150,8 +152,8 @@ pub(super) fn prepare<'a, const N: usize, const K: usize>(
     let (theta, omega) = (recording.theta_rad, recording.omega_rad_s);
     let data = Data {
         h,
-        position,
-        current: current.map(Cow::Borrowed),
+        position: position.clone(),
+        current: current.iter().copied().map(Cow::Borrowed).collect(),
         first: part.magnets,
         omega,
         hold: recording.hold,
@@ -160,22 +162,27 @@ pub(super) fn prepare<'a, const N: usize, const K: usize>(
         half_width: ((RATE_S / h).round() as usize).max(1),
         missing: recording.missing,
         distrusts_filled: false,
-        filled_a: Cubic::of(recording, current).rms_a(),
-        unknown_a: unknown_a(current),
+        filled_a: Cubic::of(recording, &current).rms_a(),
+        unknown_a: unknown_a(&current),
     };
-    let mut track = Track { state: vec![[[0.0; N]; 2]; rows], expected: Vec::new() };
+    let n = position.len();
+    let mut track = Track { state: vec![0.0; 2 * n * rows], expected: Vec::new() };
     for segment in &segments {
         for row in segment.clone() {
             let (before, after) = (row.max(segment.start + 1) - 1, (row + 1).min(segment.end - 1));
             let rate = |of: &[f64]| (of[after] - of[before]) / ((after - before) as f64 * h);
-            track.state[row] = [position.map(|of| of[row]), position.map(rate)];
+            for (at, of) in position.iter().enumerate() {
+                track.state[2 * n * row + at] = of[row];
+                track.state[2 * n * row + n + at] = rate(of);
+            }
         }
     }
     let noise = recording.position_noise_m.unwrap_or_else(|| position_noise(&position, &segments));
     let is_read = |row: &usize| !recording.missing.get(*row).is_some_and(|missing| missing.position);
-    let readings = segments.iter().flat_map(Clone::clone).filter(is_read).map(|row| position.map(|of| of[row]));
-    let resolution_m = std::array::from_fn(|a| resolution::step(readings.clone().map(|reading| reading[a])));
-    let counting = resolution::counting(readings, resolution_m, noise);
+    let read: Vec<usize> = segments.iter().flat_map(Clone::clone).filter(is_read).collect();
+    let steps = position.iter().map(|of| resolution::step(read.iter().map(|row| of[*row])));
+    let resolution_m: Vec<f64> = steps.collect();
+    let counting = resolution::counting(&position, &read, &resolution_m, noise);
     Some(Case {
         data,
         recording,
@@ -186,17 +193,27 @@ pub(super) fn prepare<'a, const N: usize, const K: usize>(
         current_noise: recording.current_noise_a.unwrap_or(START_CURRENT_NOISE_A).max(1e-7),
         noise_variance: 0.0,
         slow_force: 0.0,
+        exponent: 0.0,
+        exponent_std: 0.0,
         resolution_m,
         counting,
         track,
     })
 }
 
+/// Where a parabola through three values a step apart is highest, from the middle one, and its second derivative.
+fn peak([low, mid, high]: [f64; 3]) -> (f64, f64) {
+    let slope = (high - low) / (2.0 * NOISE_STEP);
+    let bend = (high - 2.0 * mid + low) / (NOISE_STEP * NOISE_STEP);
+    let most = 4.0 * NOISE_STEP;
+    (if bend < 0.0 { (-slope / bend).clamp(-most, most) } else { most.copysign(slope) }, bend)
+}
+
 /// Noise levels of one recording from the likelihood at three levels of the current noise; the largest change of a logarithm.
-pub(super) fn noise_step<const N: usize, const K: usize>(case: &mut Case<'_, N, K>, sums: &[[f64; 3]; 3]) -> f64 {
+pub(super) fn noise_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
     let (told_position, told_current) =
         (case.recording.position_noise_m.is_some(), case.recording.current_noise_a.is_some());
-    let count = N as f64 * sums[1][2];
+    let count = case.data.position.len() as f64 * sums[1][2];
     if count < 8.0 {
         return 0.0;
     }
@@ -212,17 +229,13 @@ pub(super) fn noise_step<const N: usize, const K: usize>(case: &mut Case<'_, N, 
         let far = level / CURRENT_NOISE_LOG_STD;
         -0.5 * (sums[i][0] + fit + far * far)
     };
-    let [low, mid, high] = [0, 1, 2].map(value);
-    let slope = (high - low) / (2.0 * NOISE_STEP);
-    let bend = (high - 2.0 * mid + low) / (NOISE_STEP * NOISE_STEP);
+    let (ratio, bend) = peak([0, 1, 2].map(value));
     if !told_current {
         let prior = CURRENT_NOISE_LOG_STD * CURRENT_NOISE_LOG_STD;
         case.noise_variance = if bend < 0.0 { (-1.0 / bend).min(prior) } else { prior };
     }
-    let most = 4.0 * NOISE_STEP;
-    let ratio = if bend < 0.0 { (-slope / bend).clamp(-most, most) } else { most.copysign(slope) };
     let rms = {
-        let currents = case.current.into_iter().flatten().filter(|i| i.is_finite());
+        let currents = case.current.iter().copied().flatten().filter(|i| i.is_finite());
         let (sum, n) = currents.fold((0.0, 0.0), |(sum, n), i| (sum + i * i, n + 1.0));
         (sum / n).sqrt()
     };
@@ -253,17 +266,24 @@ pub(super) fn noise_step<const N: usize, const K: usize>(case: &mut Case<'_, N, 
 }
 
 /// Level of the slow force from the likelihood at three levels; the change of its logarithm, weighed by its information.
-pub(super) fn slow_force_step<const N: usize, const K: usize>(
-    case: &mut Case<'_, N, K>,
-    sums: &[[f64; 3]; 3],
-    least: f64,
-) -> f64 {
-    let [low, mid, high] = [0, 1, 2].map(|i| -0.5 * (sums[i][0] + sums[i][1]));
-    let slope = (high - low) / (2.0 * NOISE_STEP);
-    let bend = (high - 2.0 * mid + low) / (NOISE_STEP * NOISE_STEP);
-    let most = 4.0 * NOISE_STEP;
-    let step = if bend < 0.0 { (-slope / bend).clamp(-most, most) } else { most.copysign(slope) };
+pub(super) fn slow_force_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3], least: f64) -> f64 {
+    let (step, bend) = peak([0, 1, 2].map(|i| -0.5 * (sums[i][0] + sums[i][1])));
     let before = case.slow_force;
     case.slow_force = (before * libm::exp(step)).max(least);
     libm::log(case.slow_force / before).abs() * (-bend.min(0.0)).sqrt().min(1.0)
+}
+
+/// How far the noise of the positions may depend on the gap, as a standard deviation of its power.
+const EXPONENT_STD: f64 = 3.0;
+
+/// Power of the gap in the noise of the positions from the likelihood at three of them; its change in standard deviations.
+pub(super) fn exponent_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
+    let value = |i: usize| {
+        let far = (case.exponent + (i as f64 - 1.0) * NOISE_STEP) / EXPONENT_STD;
+        -0.5 * (sums[i][0] + sums[i][1] + far * far)
+    };
+    let (step, bend) = peak([0, 1, 2].map(value));
+    case.exponent += step;
+    case.exponent_std = if bend < 0.0 { (-1.0 / bend).sqrt() } else { EXPONENT_STD };
+    (step / case.exponent_std).abs()
 }

@@ -5,8 +5,8 @@ use std::ops::Range;
 use nalgebra::DVector;
 
 use super::case::SHORTEST_BLOCK;
-use super::filter::{Block, Passes};
-use super::rotor::{Kind, Rotor};
+use super::filter::Block;
+use super::rotor::Kind;
 use super::search::{Finished, fit};
 use super::solve::{Normal, inverse, part};
 use super::{Change, Contradiction, Estimate, Recording, SHORTEST};
@@ -34,10 +34,7 @@ pub(super) struct Found {
 ///
 /// For a change after block n the score of the blocks up to it, `g`, has the covariance `J_n − J_n J⁻¹ J_n`, all other unknowns estimated;
 /// what the step that remains would take of it, `J_n J⁻¹ b`, is no change.
-pub(super) fn change<const N: usize, const K: usize>(finished: &Finished<'_, N, K>) -> Option<Found>
-where
-    Rotor<N, K>: Passes<N, K>,
-{
+pub(super) fn change(finished: &Finished<'_>) -> Option<Found> {
     let search = &finished.search;
     let of = &finished.estimated;
     let (a, b) = search.equations(&finished.normal, of);
@@ -48,7 +45,8 @@ where
         let dispersion = finished.nis(r).max(1.0);
         let layout = search.kind.layout;
         let mut until = Normal::new(layout, search.cases.len());
-        let loads: Vec<usize> = (layout.load..layout.base).map(|j| layout.unknown(j, r)).collect();
+        let loads = (layout.load..layout.base).map(|j| layout.unknown(j, r));
+        let loads: Vec<usize> = loads.filter(|at| finished.at(*at).is_some()).collect();
         let blocks: Vec<&Block> = finished.blocks(r).collect();
         let end = blocks.last().map_or(0, |block| block.rows.end);
         for block in blocks.iter().take(blocks.len().saturating_sub(1)) {
@@ -57,14 +55,17 @@ where
             if end - block.rows.end < SHORTEST_BLOCK {
                 continue;
             }
-            for (lambda, unknowns) in [(true, &(0..K).collect()), (false, &loads)] {
+            for (lambda, unknowns) in [(true, &(0..layout.magnets).collect()), (false, &loads)] {
+                if unknowns.is_empty() {
+                    continue;
+                }
                 let c = part(&until.j, unknowns, of);
                 let g = DVector::from_fn(unknowns.len(), |i, _| until.b[unknowns[i]]) - &c * &step;
                 let covariance = part(&until.j, unknowns, unknowns) - &c * &inverse_all * c.transpose();
                 let Some(gain) = inverse(&covariance) else { continue };
                 let step = &gain * &g;
                 let chi_square = step.dot(&g) / dispersion;
-                let relative = (0..K).map(|k| (step.get(k).copied().unwrap_or(0.0) / search.x[k]).abs());
+                let relative = (0..layout.magnets).map(|k| (step.get(k).copied().unwrap_or(0.0) / search.x[k]).abs());
                 let large = !lambda || relative.fold(0.0, f64::max) > LEAST_CHANGE;
                 let best = found.as_ref().map_or(CHANGE, |found| found.chi_square);
                 if chi_square > best && large {
@@ -77,9 +78,9 @@ where
 }
 
 /// Leaves out the smaller side of a change; returns its rows, unless nothing would remain.
-pub(super) fn leave_smaller_side<const N: usize, const K: usize>(
+pub(super) fn leave_smaller_side(
     masks: &mut [Vec<bool>],
-    finished: &Finished<'_, N, K>,
+    finished: &Finished<'_>,
     change: &Found,
 ) -> Option<Range<usize>> {
     let case = &finished.search.cases[change.recording];
@@ -99,26 +100,23 @@ pub(super) fn leave_smaller_side<const N: usize, const K: usize>(
 }
 
 /// Estimate of the side that was left out.
-pub(super) fn describe<const N: usize, const K: usize>(
+pub(super) fn describe(
     recordings: &[Recording<'_>],
     masks: &[Vec<bool>],
-    kind: &Kind<'_, N, K>,
+    kind: &Kind<'_>,
     change: &Found,
     rows: Range<usize>,
-) -> Contradiction
-where
-    Rotor<N, K>: Passes<N, K>,
-{
+) -> Contradiction {
     let recording = change.recording;
     let what = if change.lambda {
         let mut mask = vec![false; masks[recording].len()];
         mask[rows.clone()].fill(true);
         let alone = &recordings[recording..=recording];
         let fitted = fit(alone, &[mask], kind, &mut Vec::new());
-        let lambda = fitted
-            .map_or(vec![Estimate { value: f64::NAN, noise_std: f64::NAN, total_std: f64::NAN }; K], |fitted| {
-                (0..K).map(|k| fitted.estimate(k)).collect()
-            });
+        let lambda = fitted.map_or(
+            vec![Estimate { value: f64::NAN, noise_std: f64::NAN, total_std: f64::NAN }; kind.layout.magnets],
+            |fitted| (0..kind.layout.magnets).map(|k| fitted.estimate(k)).collect(),
+        );
         Change::Lambda { lambda, chi_square: change.chi_square }
     } else {
         Change::Load { chi_square: change.chi_square }
@@ -127,18 +125,19 @@ where
 }
 
 /// Blocks whose innovations are too large.
-pub(super) fn disturbed<const N: usize, const K: usize>(finished: &Finished<'_, N, K>) -> Vec<Contradiction> {
+pub(super) fn disturbed(finished: &Finished<'_>) -> Vec<Contradiction> {
     let mut found: Vec<Contradiction> = Vec::new();
+    let coordinates = finished.search.kind.layout.loads() as f64;
     for recording in 0..finished.search.cases.len() {
         let blocks: Vec<&Block> = finished.blocks(recording).collect();
-        let mean = |block: &Block| block.nis / (N as f64 * block.count);
+        let mean = |block: &Block| block.nis / (coordinates * block.count);
         let mut sorted: Vec<f64> = blocks.iter().map(|block| mean(block)).collect();
         sorted.sort_by(f64::total_cmp);
         let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
         for block in blocks {
             let ratio = mean(block) / median;
             // The variance of χ² with Nn degrees of freedom is 2Nn.
-            if ratio > DISTURBED && ratio > 1.0 + DISTURBED_STD / (0.5 * N as f64 * block.count).sqrt() {
+            if ratio > DISTURBED && ratio > 1.0 + DISTURBED_STD / (0.5 * coordinates * block.count).sqrt() {
                 match found.last_mut() {
                     Some(Contradiction { recording: r, rows, what: Change::Disturbed { ratio: before }, .. })
                         if *r == recording && rows.end == block.rows.start =>

@@ -3,16 +3,17 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use super::expected::Expected;
-use super::rotor::{Interval, Rotor, Shaft, Squares, State};
+use super::rotor::{ByMagnet, Interval, Rotor, Shaft, Squares, State};
 use super::{Missing, Origin};
 use crate::estimation::Hold;
 
 /// A recording as the passes need it.
-pub(super) struct Data<'a, const N: usize, const K: usize> {
+pub(super) struct Data<'a> {
     pub h: f64,
-    pub position: [&'a [f64]; N],
-    pub current: [Cow<'a, [f64]>; K],
+    /// By coordinate.
+    pub position: Vec<&'a [f64]>,
+    /// By magnet.
+    pub current: Vec<Cow<'a, [f64]>>,
     pub omega: &'a [f64],
     pub hold: Hold,
     /// cos θ, sin θ at the samples, and in the middle of the interval that ends there.
@@ -27,27 +28,32 @@ pub(super) struct Data<'a, const N: usize, const K: usize> {
     /// Whether currents that were filled count as not known.
     pub distrusts_filled: bool,
     /// Errors of currents that were filled, and of those that are not known, A.
-    pub filled_a: [f64; K],
-    pub unknown_a: [f64; K],
+    pub filled_a: Vec<f64>,
+    pub unknown_a: Vec<f64>,
 }
 
 /// Factor of the measurement variance of a row that was not recorded: the filter predicts across it.
 const UNKNOWN: f64 = 1e10;
+/// Least gap that noise is reckoned with, relative to the nominal one.
+const LEAST_GAP: f64 = 0.05;
 /// Rows after a current that is not known in which the filter finds the velocity again.
 const FOUND_AGAIN: usize = 4;
 
-impl<const N: usize, const K: usize> Data<'_, N, K> {
+impl Data<'_> {
     #[inline(always)]
     pub fn is_missing(&self, row: usize) -> bool {
         self.missing.get(row).is_some_and(|missing| missing.position)
     }
 
+    /// Where the currents of a row come from; there are rows that were not recorded.
+    fn origins(&self, row: usize) -> &[Origin] {
+        &self.missing[row].current[self.first..][..self.current.len()]
+    }
+
     /// Whether a current of a row is not known.
     #[inline(always)]
     pub fn is_unknown(&self, row: usize) -> bool {
-        self.missing.get(row).is_some_and(|missing| {
-            missing.current[self.first..][..K].iter().any(|of| self.trusted(*of) == Origin::Unknown)
-        })
+        !self.missing.is_empty() && self.origins(row).iter().any(|of| self.trusted(*of) == Origin::Unknown)
     }
 
     /// Whether an innovation tells of the noise: not where the position was not recorded, nor where the force is not known.
@@ -62,29 +68,16 @@ impl<const N: usize, const K: usize> Data<'_, N, K> {
         if origin == Origin::Filled && self.distrusts_filled { Origin::Unknown } else { origin }
     }
 
-    /// The origin of the currents of the interval that ends at a row. Where a current is not known on either side the interval is not, whatever a sample stands
+    /// The origin of the current `k` of the interval that ends at a row. Where a current is not known on either side the interval is not, whatever a sample stands
     /// for: the readings of the currents are then compared over the same intervals.
-    #[inline(always)]
-    fn origin(&self, row: usize) -> [Origin; K] {
-        let [before, here] = [row - 1, row].map(|row| &self.missing[row].current[self.first..][..K]);
-        std::array::from_fn(|k| match (self.hold, self.trusted(before[k].max(here[k]))) {
+    fn origin(&self, row: usize, k: usize) -> Origin {
+        let [before, here] = [row - 1, row].map(|row| self.origins(row)[k]);
+        match (self.hold, self.trusted(before.max(here))) {
             (_, Origin::Unknown) => Origin::Unknown,
-            (Hold::HeldBefore, _) => here[k],
-            (Hold::HeldAfter, _) => before[k],
+            (Hold::HeldBefore, _) => here,
+            (Hold::HeldAfter, _) => before,
             (Hold::Linear, either) => either,
-        })
-    }
-
-    /// Variance of the position reading in a row.
-    #[inline(always)]
-    pub fn variance(&self, row: usize, variance: f64) -> f64 {
-        if self.is_missing(row) { UNKNOWN * variance } else { variance }
-    }
-
-    /// Variance that the acceleration by a slow force gains in so many rows.
-    #[inline(always)]
-    pub fn slow(&self, rotor: &Rotor<N, K>, rows: usize) -> f64 {
-        rotor.slow * rotor.slow * rows as f64 * self.h
+        }
     }
 
     #[inline(always)]
@@ -112,27 +105,101 @@ impl<const N: usize, const K: usize> Data<'_, N, K> {
             rate: mean(from.rate, to.rate),
         }
     }
+}
+
+/// The trajectory about which a pass is linearised.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Track {
+    /// Coordinates and rates, row by row.
+    pub state: Vec<f64>,
+    /// What was to be expected of every row, in single precision, for there are many: `i_k²/gap_k²` in A²/m² over the interval that ends there, then coordinates
+    /// and rates. Empty as long as it is not known.
+    pub expected: Vec<f32>,
+}
+
+/// A piece of a recording: the rows that count, within those that are filtered. The first row of `filtered` starts a filter.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Piece {
+    pub filtered: Range<usize>,
+    pub counted: Range<usize>,
+    /// Rows of a block; blocks are counted from `blocks_from`.
+    pub block: usize,
+    pub blocks_from: usize,
+}
+
+/// What a pass of the filter is about.
+#[derive(Clone, Copy)]
+pub(super) struct On<'a> {
+    pub data: &'a Data<'a>,
+    pub rotor: &'a Rotor,
+    pub track: &'a Track,
+    /// Variance of the positions, m².
+    pub variance: f64,
+    pub piece: &'a Piece,
+}
+
+/// The same with the sizes of a machine: N coordinates, K magnets.
+#[derive(Clone, Copy)]
+pub(super) struct Pass<'a, const N: usize, const K: usize> {
+    pub on: On<'a>,
+    position: [&'a [f64]; N],
+    current: [&'a [f64]; K],
+    /// The trajectory.
+    pub state: &'a [State<N>],
+}
+
+impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
+    pub fn of(on: On<'a>) -> Self {
+        Self {
+            on,
+            position: std::array::from_fn(|n| on.data.position[n]),
+            current: std::array::from_fn(|k| &on.data.current[k][..]),
+            state: on.track.state.as_chunks().0.as_chunks().0,
+        }
+    }
+
+    /// Pulls and state as they were to be expected, if they are known.
+    #[inline(always)]
+    pub fn expected(&self, row: usize) -> Option<([f64; K], State<N>)> {
+        let size = K + 2 * N;
+        let of = self.on.track.expected.get(size * row..size * (row + 1))?;
+        let state = std::array::from_fn(|d| std::array::from_fn(|n| f64::from(of[K + N * d + n])));
+        Some((std::array::from_fn(|k| f64::from(of[k])), state))
+    }
+
+    /// Variances of the position readings in a row, where noise grows with the gap to this power.
+    #[inline(always)]
+    pub fn variance(&self, row: usize, exponent: f64) -> [f64; N] {
+        let On { data, rotor, variance, .. } = self.on;
+        let variance = if data.is_missing(row) { UNKNOWN * variance } else { variance };
+        if exponent == 0.0 {
+            return [variance; N];
+        }
+        let grown = |at: f64| libm::pow((1.0 + at / rotor.nominal_m).max(LEAST_GAP), 2.0 * exponent);
+        self.state[row][0].map(|at| variance * grown(at))
+    }
+
+    /// Variance that the acceleration by a slow force gains in so many rows.
+    #[inline(always)]
+    pub fn slow(&self, rows: usize) -> f64 {
+        let On { data, rotor, .. } = self.on;
+        rotor.slow * rotor.slow * rows as f64 * data.h
+    }
 
     /// The interval that ends at `row`, and the shaft in its middle.
     #[inline(always)]
-    pub fn interval(
-        &self,
-        rotor: &Rotor<N, K>,
-        track: &Track<N, K>,
-        row: usize,
-        from: &Shaft,
-        to: &Shaft,
-    ) -> (Interval<N, K>, Shaft) {
-        let between = self.shaft_between(row, from, to);
-        let states = [&track.state[row - 1], &track.state[row]];
-        let mut interval =
-            rotor.interval(states, &self.squares(rotor, row), track.regressors(row), [*from, between, *to]);
-        if !self.missing.is_empty() {
-            for (k, origin) in self.origin(row).into_iter().enumerate() {
-                let error_a = match origin {
+    pub fn interval(&self, row: usize, from: &Shaft, to: &Shaft) -> (Interval<N, K>, Shaft) {
+        let On { data, rotor, .. } = self.on;
+        let between = data.shaft_between(row, from, to);
+        let states = [&self.state[row - 1], &self.state[row]];
+        let expected = self.expected(row).map(|(pulls, _)| pulls);
+        let mut interval = rotor.interval(states, &self.squares(row), expected, [*from, between, *to]);
+        if !data.missing.is_empty() {
+            for k in 0..K {
+                let error_a = match data.origin(row, k) {
                     Origin::Recorded => continue,
-                    Origin::Filled => self.filled_a[k],
-                    Origin::Unknown => self.unknown_a[k],
+                    Origin::Filled => data.filled_a[k],
+                    Origin::Unknown => data.unknown_a[k],
                 };
                 let factor = (error_a / rotor.noise).max(1.0);
                 interval.noise[k] = interval.noise[k].map(|noise| noise * factor);
@@ -143,19 +210,19 @@ impl<const N: usize, const K: usize> Data<'_, N, K> {
 
     /// Factors of the noise of the currents in the interval that ends at a row: errors of currents that were not recorded are what they are.
     #[inline(always)]
-    pub fn scales(&self, row: usize, factors: [f64; K]) -> [f64; K] {
-        if self.missing.is_empty() {
-            return factors;
+    pub fn scales(&self, row: usize, mut factors: ByMagnet) -> ByMagnet {
+        let data = self.on.data;
+        if !data.missing.is_empty() {
+            (0..K).filter(|k| data.origin(row, *k) != Origin::Recorded).for_each(|k| factors[k] = 1.0);
         }
-        let origin = self.origin(row);
-        std::array::from_fn(|k| if origin[k] == Origin::Recorded { factors[k] } else { 1.0 })
+        factors
     }
 
     /// Squared currents that the interval ending at `row` is driven by, A².
     #[inline(always)]
-    pub fn squares(&self, rotor: &Rotor<N, K>, row: usize) -> Squares<K> {
-        let read = |row: usize| std::array::from_fn(|k| self.current[k][row]);
-        match self.hold {
+    pub fn squares(&self, row: usize) -> Squares<K> {
+        let (rotor, read) = (self.on.rotor, |row: usize| self.current.map(|current| current[row]));
+        match self.on.data.hold {
             Hold::HeldBefore => rotor.squares(read(row), None),
             Hold::HeldAfter => rotor.squares(read(row - 1), None),
             Hold::Linear => rotor.squares(read(row), Some(read(row - 1))),
@@ -167,29 +234,4 @@ impl<const N: usize, const K: usize> Data<'_, N, K> {
     pub fn read(&self, row: usize) -> [f64; N] {
         self.position.map(|position| position[row])
     }
-}
-
-/// The trajectory about which a pass is linearised.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Track<const N: usize, const K: usize> {
-    /// At every row.
-    pub state: Vec<State<N>>,
-    /// Expected values, by row; empty as long as they are not known.
-    pub expected: Vec<Expected<N, K>>,
-}
-
-impl<const N: usize, const K: usize> Track<N, K> {
-    fn regressors(&self, row: usize) -> Option<[f64; K]> {
-        self.expected.get(row).map(|of| of.pulls.map(f64::from))
-    }
-}
-
-/// A piece of a recording: the rows that count, within those that are filtered. The first row of `filtered` starts a filter.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Piece {
-    pub filtered: Range<usize>,
-    pub counted: Range<usize>,
-    /// Rows of a block; blocks are counted from `blocks_from`.
-    pub block: usize,
-    pub blocks_from: usize,
 }

@@ -4,42 +4,8 @@ use std::ops::Range;
 
 use nalgebra::DMatrix;
 
-use super::data::{Data, Track};
-use super::rotor::{Rotor, State, regressors};
-
-/// Signals of a row as they are to be expected; in single precision, for there are many rows.
-pub(super) type Expected<const N: usize, const K: usize> = Signals<N, K, f32>;
-
-/// `i_k²/gap_k²` in A²/m² over the interval that ends at a row, then coordinates and rates at the row.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Signals<const N: usize, const K: usize, T = f64> {
-    pub pulls: [T; K],
-    pub state: [[T; N]; 2],
-}
-
-impl<const N: usize, const K: usize> Expected<N, K> {
-    pub fn state(&self) -> State<N> {
-        self.state.map(|of| of.map(f64::from))
-    }
-}
-
-impl<const N: usize, const K: usize> Signals<N, K> {
-    /// Their number.
-    const COUNT: usize = K + 2 * N;
-
-    fn of_each(mut of: impl FnMut(usize) -> f64) -> Self {
-        let pulls = std::array::from_fn(&mut of);
-        Self { pulls, state: std::array::from_fn(|d| std::array::from_fn(|n| of(K + N * d + n))) }
-    }
-
-    fn iter(&self) -> impl Iterator<Item = &f64> {
-        self.pulls.iter().chain(self.state.as_flattened())
-    }
-
-    fn iter_mut(&mut self) -> impl Iterator<Item = &mut f64> {
-        self.pulls.iter_mut().chain(self.state.as_flattened_mut())
-    }
-}
+use super::data::On;
+use super::filter::Passes;
 
 /// Harmonics of the shaft angle.
 const HARMONICS: usize = 12;
@@ -59,9 +25,6 @@ const RIDGE: f64 = 1e-6;
 const PAST: usize = 8;
 
 type Terms = [f64; TERMS];
-/// Answer of the signals to past innovations, by lag and axis.
-type Answer<const N: usize, const K: usize> = [[Signals<N, K>; N]; PAST];
-
 fn terms([cos, sin]: [f64; 2]) -> Terms {
     let mut terms = [1.0; TERMS];
     let (mut c, mut s) = (1.0, 0.0);
@@ -72,25 +35,22 @@ fn terms([cos, sin]: [f64; 2]) -> Terms {
     terms
 }
 
-/// Expected values of the rows of a recording; empty where too few turns tell.
+/// Expected values of the rows of a recording, as in [`Track`](super::data::Track); empty where too few turns tell.
 ///
 /// Fourier series over the shaft angle, one for each stretch of rows, fitted to the stretches before and after it. The rest is what the controller and the
 /// rotor make of noise: it is regressed on past whitened innovations over all other stretches. Innovations are white, so that neither is correlated with
 /// those that follow.
-pub(super) fn expected<const N: usize, const K: usize>(
-    data: &Data<N, K>,
-    rotor: &Rotor<N, K>,
-    track: &Track<N, K>,
-    segments: &[Range<usize>],
-    innovations: &[[f64; N]],
-) -> Vec<Expected<N, K>> {
-    let count_of = Signals::<N, K>::COUNT;
+pub(super) fn expected(passes: &dyn Passes, on: On<'_>, segments: &[Range<usize>], innovations: &[f64]) -> Vec<f32> {
+    let data = on.data;
+    let (n, magnets) = (data.position.len(), data.current.len());
+    let count_of = magnets + 2 * n;
     let all = data.at.len();
     let all_rows = || segments.iter().flat_map(|segment| segment.clone().skip(1).map(|row| (row, segment.start)));
     let rows = || all_rows().filter(|(row, _)| !data.is_unknown(*row));
-    let signals = |row: usize| -> Signals<N, K> {
-        let state = track.state[row];
-        Signals { pulls: regressors(rotor.gaps(&state[0]), data.squares(rotor, row).middle), state }
+    let signals = |row: usize, to: &mut [f64]| {
+        let [gaps, squares] = passes.driven(on, row);
+        (0..magnets).for_each(|k| to[k] = squares[k] / (gaps[k] * gaps[k]));
+        to[magnets..].copy_from_slice(&on.track.state[2 * n * row..2 * n * (row + 1)]);
     };
     let angle: f64 = rows().map(|(row, _)| (data.omega[row] * data.h).abs()).sum();
     let turns = angle / std::f64::consts::TAU;
@@ -103,59 +63,63 @@ pub(super) fn expected<const N: usize, const K: usize>(
     let count = all.div_ceil(length);
 
     let mut sums = vec![(DMatrix::<f64>::zeros(TERMS, TERMS), DMatrix::<f64>::zeros(TERMS, count_of)); count];
+    let mut own = vec![0.0; count_of];
     for (row, _) in rows() {
         let (gram, right) = &mut sums[row / length];
-        let (terms, signals) = (terms(data.middle[row]), signals(row));
+        let terms = terms(data.middle[row]);
+        signals(row, &mut own);
         for i in 0..TERMS {
             for l in 0..=i {
                 gram[(i, l)] += terms[i] * terms[l];
             }
-            for (k, signal) in signals.iter().enumerate() {
+            for (k, signal) in own.iter().enumerate() {
                 right[(i, k)] += terms[i] * signal;
             }
         }
     }
     let series: Vec<DMatrix<f64>> = (0..count).map(|at| beside(&sums, at)).collect();
-    let repeating = |row: usize| {
+    let repeating = |row: usize, to: &mut [f64]| {
         let (terms, series) = (terms(data.middle[row]), &series[row / length]);
-        Signals::<N, K>::of_each(|k| (0..TERMS).map(|i| terms[i] * series[(i, k)]).sum())
+        for (k, to) in to.iter_mut().enumerate() {
+            *to = (0..TERMS).map(|i| terms[i] * series[(i, k)]).sum();
+        }
     };
 
-    // Innovations are white and of variance 1: correlations are coefficients.
-    let past = |row: usize, first: usize| (first..row).rev().take(PAST).map(|before| innovations[before]);
-    let nothing = || (0.0, [[Signals::of_each(|_| 0.0); N]; PAST]);
-    let mut own: Vec<(f64, Answer<N, K>)> = (0..count).map(|_| nothing()).collect();
+    // Innovations are white and of variance 1: correlations are coefficients. The answer of the signals to those of the past, the next one and its first axis first.
+    let past = |row: usize, first: usize| {
+        let before = (first..row).rev().take(PAST);
+        before.flat_map(|before| innovations[n * before..n * (before + 1)].iter().copied())
+    };
+    let nothing = || (0.0, vec![0.0; PAST * n * count_of]);
+    let mut answers: Vec<(f64, Vec<f64>)> = (0..count).map(|_| nothing()).collect();
+    let mut rest = vec![0.0; count_of];
     for (row, first) in rows() {
-        let (signals, repeating) = (signals(row), repeating(row));
-        let (number, answer) = &mut own[row / length];
+        signals(row, &mut own);
+        repeating(row, &mut rest);
+        rest.iter_mut().zip(&own).for_each(|(rest, own)| *rest = own - *rest);
+        let (number, answer) = &mut answers[row / length];
         *number += 1.0;
-        for (of, w) in answer.iter_mut().zip(past(row, first)) {
-            for (of, w) in of.iter_mut().zip(w) {
-                let rest = signals.iter().zip(repeating.iter()).map(|(signal, repeating)| signal - repeating);
-                of.iter_mut().zip(rest).for_each(|(of, rest)| *of += w * rest);
-            }
+        for (of, w) in answer.chunks_exact_mut(count_of).zip(past(row, first)) {
+            of.iter_mut().zip(&rest).for_each(|(of, rest)| *of += w * rest);
         }
     }
-    let mut total: (f64, Answer<N, K>) = nothing();
-    for (number, answer) in &own {
+    let mut total = nothing();
+    for (number, answer) in &answers {
         total.0 += number;
-        for (sums, own) in total.1.as_flattened_mut().iter_mut().zip(answer.as_flattened()) {
-            sums.iter_mut().zip(own.iter()).for_each(|(sum, own)| *sum += own);
-        }
+        total.1.iter_mut().zip(answer).for_each(|(sum, of)| *sum += of);
     }
-    let mut expected = vec![Expected { pulls: [0.0; K], state: [[0.0; N]; 2] }; all];
+    let mut expected = vec![0.0; count_of * all];
     for (row, first) in all_rows() {
-        let (number, answer) = &own[row / length];
+        let (number, answer) = &answers[row / length];
         let per_row = 1.0 / (total.0 - number).max(1.0);
-        let mut signals = repeating(row);
-        for ((own, all), w) in answer.iter().zip(&total.1).zip(past(row, first)) {
-            for a in 0..N {
-                let others = all[a].iter().zip(own[a].iter()).map(|(all, own)| all - own);
-                signals.iter_mut().zip(others).for_each(|(signal, others)| *signal += w[a] * per_row * others);
-            }
+        repeating(row, &mut own);
+        let each = answer.chunks_exact(count_of).zip(total.1.chunks_exact(count_of));
+        for ((of, all), w) in each.zip(past(row, first)) {
+            let others = all.iter().zip(of).map(|(all, of)| all - of);
+            own.iter_mut().zip(others).for_each(|(signal, others)| *signal += w * per_row * others);
         }
-        let single = |of: f64| of as f32;
-        expected[row] = Expected { pulls: signals.pulls.map(single), state: signals.state.map(|of| of.map(single)) };
+        let to = &mut expected[count_of * row..count_of * (row + 1)];
+        to.iter_mut().zip(&own).for_each(|(to, of)| *to = *of as f32);
     }
     expected
 }

@@ -16,9 +16,9 @@
 
 use std::ops::Range;
 
-use super::data::{Data, Piece, Track};
+use super::data::{On, Pass};
 use super::kalman::{Innovation, Kalman, Transition};
-use super::rotor::{Interval, Rotor, State, regressors};
+use super::rotor::{ByMagnet, Interval, State, regressors};
 
 /// Columns in a register of the processor.
 const REGISTER: usize = 8;
@@ -133,21 +133,18 @@ impl<const P: usize> Sums<P> {
     }
 }
 
-/// Sums of the sensitivities of the first P parameters, block by block; with instruments, sensitivities as they were to be expected. The measured ones of λ follow
-/// after all others.
+/// Sums of the sensitivities of the first P parameters, block by block; with instruments, sensitivities as they were to be expected. The measured ones
+/// ([`Layout::measured`](super::rotor::Layout::measured)) follow after all others.
 #[inline(always)]
 fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
-    data: &Data<N, K>,
-    rotor: &Rotor<N, K>,
-    track: &Track<N, K>,
-    variance: f64,
-    piece: &Piece,
+    of: &Pass<N, K>,
     columns: Columns,
 ) -> Vec<Block> {
+    let On { data, rotor, piece, .. } = of.on;
     let h = data.h;
     let (h_2, d) = (0.5 * h * h, rotor.delay);
     let m = rotor.sensor;
-    let mut kalman = Kalman::<S>::diffuse::<N>(data.slow(rotor, piece.filtered.start));
+    let mut kalman = Kalman::<S>::diffuse::<N>(of.slow(piece.filtered.start));
     // Filters with the noise of one current raised give the derivatives of the innovations to its level, and so the part of the sensitivities that comes through
     // the gains. Without that part λ of a slow bearing seemed known almost four times as well as it was.
     let gains = matches!(columns, Columns::Total | Columns::Instruments);
@@ -157,7 +154,7 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
     let mut sensor = [[0.0; P]; N];
     let mut sums = Box::new(Sums::<P>::new());
     let mut blocks = Vec::new();
-    let expected = |row: usize| track.expected.get(row).filter(|_| columns == Columns::Instruments);
+    let expected = |row: usize| of.expected(row).filter(|_| columns == Columns::Instruments);
     let block_of = |row: usize| (row - piece.blocks_from) / piece.block;
     let empty = |row: usize| Block {
         rows: row..row,
@@ -178,24 +175,22 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
         let to = data.shaft(row);
         let mut acceleration = [0.0; N];
         if row > piece.filtered.start {
-            let (interval, between) = data.interval(rotor, track, row, &from, &to);
+            let (interval, between) = of.interval(row, &from, &to);
             let ahead: State<N> = [
                 std::array::from_fn(|a| interval.middle[0][a] + kalman.x[a] + 0.5 * h * kalman.x[N + a]),
                 std::array::from_fn(|a| interval.middle[1][a] + kalman.x[N + a]),
             ];
             let measured = regressors(rotor.gaps(&ahead[0]), interval.squares);
             let (at, pulls) = match expected(row) {
-                Some(of) => {
-                    let [q, v] = of.state();
-                    ([std::array::from_fn(|a| q[a] - 0.5 * h * v[a]), v], of.pulls.map(f64::from))
-                }
+                Some((pulls, [q, v])) => ([std::array::from_fn(|a| q[a] - 0.5 * h * v[a]), v], pulls),
                 None => (ahead, measured),
             };
             let transition = Transition::of(h, &interval.stiffness, &interval.gyroscopic);
-            kalman.predict(&transition, &interval, [1.0; K], data.slow(rotor, 1));
+            kalman.predict(&transition, &interval, &SAME.currents, of.slow(1));
             for k in 0..if gains { K } else { 0 } {
-                let scales = std::array::from_fn(|l| if l == k { 1.0 + LEVEL_STEP } else { 1.0 });
-                raised[k].predict(&transition, &interval, data.scales(row, scales), data.slow(rotor, 1));
+                let mut scales = SAME.currents;
+                scales[k] += LEVEL_STEP;
+                raised[k].predict(&transition, &interval, &of.scales(row, scales), of.slow(1));
             }
             acceleration = interval.end;
             rotor.force_columns(&at, pulls, measured, &between, &mut force);
@@ -223,18 +218,18 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
             }
         }
         from = to;
-        let read = rotor.reading(&track.state[row], &acceleration, &to);
+        let read = rotor.reading(&of.state[row], &acceleration, &to);
         if columns != Columns::Few {
             // Where the filter predicts the rotor, as the force.
             let at: State<N> = match expected(row) {
-                Some(of) => of.state(),
-                None => std::array::from_fn(|d| std::array::from_fn(|a| track.state[row][d][a] + kalman.x[N * d + a])),
+                Some((_, state)) => state,
+                None => std::array::from_fn(|d| std::array::from_fn(|a| of.state[row][d][a] + kalman.x[N * d + a])),
             };
             rotor.sensor_columns(&at, &acceleration, &to, &mut sensor);
         }
-        let measured = data.read(row);
+        let measured = of.read(row);
         let residual = std::array::from_fn(|a| measured[a] - read[a]);
-        let innovation = kalman.update(rotor, data.variance(row, variance), residual);
+        let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
         let counts = row >= piece.counted.start;
         let w = innovation.whiten(innovation.e);
         if sums.filled + N > BATCH {
@@ -262,16 +257,16 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
         }
         if gains {
             let by_level: [[f64; N]; K] = std::array::from_fn(|k| {
-                let other = raised[k].update(rotor, data.variance(row, variance), residual);
+                let other = raised[k].update(rotor, of.variance(row, rotor.exponent), residual);
                 innovation.whiten(std::array::from_fn(|a| (other.e[a] - innovation.e[a]) / LEVEL_STEP))
             });
             for (j, k, level) in &rotor.levels {
                 let column = match columns {
-                    // Instruments know nothing of the innovations. The measured sensitivities to λ stand behind them.
-                    Columns::Instruments if *j < K => rotor.layout.all + j,
-                    Columns::Instruments => continue,
-                    _ => *j,
+                    // Instruments know nothing of the innovations. The measured sensitivities stand behind them.
+                    Columns::Instruments => rotor.layout.measured(*j),
+                    _ => Some(*j),
                 };
+                let Some(column) = column else { continue };
                 for a in 0..N {
                     whitened[a][column] -= level * by_level[*k][a];
                 }
@@ -331,23 +326,22 @@ fn close<const P: usize, const N: usize>(block: &mut Block, sums: &mut Sums<P>, 
 /// trajectory.
 #[inline(always)]
 fn each_row<const N: usize, const K: usize>(
-    data: &Data<N, K>,
-    rotor: &Rotor<N, K>,
-    track: &Track<N, K>,
+    of: &Pass<N, K>,
     rows: Range<usize>,
     mut each: impl FnMut(usize, Option<(&Interval<N, K>, &Transition<N>)>, [f64; N]),
 ) {
+    let On { data, rotor, .. } = of.on;
     let mut from = data.shaft(rows.start);
     for row in rows.clone() {
         let to = data.shaft(row);
         let interval = (row > rows.start).then(|| {
-            let interval = data.interval(rotor, track, row, &from, &to).0;
+            let interval = of.interval(row, &from, &to).0;
             let transition = Transition::of(data.h, &interval.stiffness, &interval.gyroscopic);
             (interval, transition)
         });
         from = to;
         let acceleration = interval.as_ref().map_or([0.0; N], |(interval, _)| interval.end);
-        let (read, measured) = (rotor.reading(&track.state[row], &acceleration, &to), data.read(row));
+        let (read, measured) = (rotor.reading(&of.state[row], &acceleration, &to), of.read(row));
         let residual = std::array::from_fn(|a| measured[a] - read[a]);
         each(row, interval.as_ref().map(|(interval, transition)| (interval, transition)), residual);
     }
@@ -365,29 +359,24 @@ struct Kept<const N: usize, const S: usize> {
 
 /// The smoothed trajectory of the counted rows (modified Bryson–Frazier recursion, Bierman 1973).
 #[inline(always)]
-fn smooth<const N: usize, const K: usize, const S: usize>(
-    data: &Data<N, K>,
-    rotor: &Rotor<N, K>,
-    track: &Track<N, K>,
-    variance: f64,
-    piece: &Piece,
-) -> Vec<State<N>> {
+fn smooth<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) -> Vec<f64> {
+    let On { data, rotor, piece, .. } = of.on;
     let start = piece.filtered.start;
-    let mut kalman = Kalman::<S>::diffuse::<N>(data.slow(rotor, start));
+    let mut kalman = Kalman::<S>::diffuse::<N>(of.slow(start));
     let mut kept = Vec::with_capacity(piece.filtered.len());
-    each_row(data, rotor, track, piece.filtered.clone(), |row, interval, residual| {
+    each_row(of, piece.filtered.clone(), |row, interval, residual| {
         let (mut stiffness, mut gyroscopic) = ([[0.0; N]; N], [[0.0; N]; N]);
         if let Some((interval, transition)) = interval {
-            kalman.predict(transition, interval, [1.0; K], data.slow(rotor, 1));
+            kalman.predict(transition, interval, &SAME.currents, of.slow(1));
             (stiffness, gyroscopic) = (interval.stiffness, interval.gyroscopic);
         }
         let (x, p) = (kalman.x, kalman.p);
-        let innovation = kalman.update(rotor, data.variance(row, variance), residual);
+        let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
         kept.push(Kept { stiffness, gyroscopic, x, p, innovation });
     });
     let (m, d) = (&rotor.sensor, rotor.delay);
     let mut r = [0.0; S];
-    let mut smoothed = vec![[[0.0; N]; 2]; piece.counted.len()];
+    let mut smoothed = vec![0.0; 2 * N * piece.counted.len()];
     for row in piece.filtered.clone().rev() {
         let keep = &kept[row - start];
         let innovation = &keep.innovation;
@@ -402,8 +391,8 @@ fn smooth<const N: usize, const K: usize, const S: usize>(
             r[N + a] -= d * back;
         }
         if row >= piece.counted.start && row < piece.counted.end {
-            let to = smoothed[row - piece.counted.start].as_flattened_mut();
-            for (i, before) in track.state[row].as_flattened().iter().enumerate() {
+            let to = &mut smoothed[2 * N * (row - piece.counted.start)..][..2 * N];
+            for (i, before) in of.state[row].as_flattened().iter().enumerate() {
                 let change: f64 = (0..S).map(|j| keep.p[i][j] * r[j]).sum();
                 to[i] = before + keep.x[i] + change;
             }
@@ -413,55 +402,58 @@ fn smooth<const N: usize, const K: usize, const S: usize>(
     smoothed
 }
 
-/// The innovations of the counted rows: in m, and whitened.
+/// The innovations of the counted rows, row by row: in m, and whitened.
 #[inline(always)]
-fn innovations<const N: usize, const K: usize, const S: usize>(
-    data: &Data<N, K>,
-    rotor: &Rotor<N, K>,
-    track: &Track<N, K>,
-    variance: f64,
-    piece: &Piece,
-) -> Vec<[[f64; N]; 2]> {
-    let mut kalman = Kalman::<S>::diffuse::<N>(data.slow(rotor, piece.filtered.start));
-    let mut innovations = Vec::with_capacity(piece.counted.len());
-    each_row(data, rotor, track, piece.filtered.start..piece.counted.end, |row, interval, residual| {
+fn innovations<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) -> [Vec<f64>; 2] {
+    let On { data, rotor, piece, .. } = of.on;
+    let mut kalman = Kalman::<S>::diffuse::<N>(of.slow(piece.filtered.start));
+    let mut innovations = [0; 2].map(|_| Vec::with_capacity(N * piece.counted.len()));
+    each_row(of, piece.filtered.start..piece.counted.end, |row, interval, residual| {
         if let Some((interval, transition)) = interval {
-            kalman.predict(transition, interval, [1.0; K], data.slow(rotor, 1));
+            kalman.predict(transition, interval, &SAME.currents, of.slow(1));
         }
-        let innovation = kalman.update(rotor, data.variance(row, variance), residual);
+        let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
         if row >= piece.counted.start {
             let error = if data.is_missing(row) { [f64::NAN; N] } else { innovation.e };
-            innovations.push([error, innovation.whiten(innovation.e)]);
+            innovations[0].extend(error);
+            innovations[1].extend(innovation.whiten(innovation.e));
         }
     });
     innovations
 }
 
-/// Factors of the noise of each current, and of the level of the slow force.
-pub(super) type Levels<const K: usize> = ([f64; K], f64);
+/// Levels of noise relative to those of a recording.
+#[derive(Clone, Copy)]
+pub(super) struct Levels {
+    /// Factors of the noise of each current.
+    pub currents: ByMagnet,
+    /// Factor of the level of the slow force.
+    pub slow: f64,
+    /// What the power of the gap in the noise of the positions is more.
+    pub exponent: f64,
+}
+
+/// As they are.
+pub(super) const SAME: Levels = Levels { currents: [1.0; 8], slow: 1.0, exponent: 0.0 };
 
 /// `[ln det sum, NIS sum, rows]` with noise times each of three sets of factors, at the same position noise.
 #[inline(always)]
-fn likelihoods<const N: usize, const K: usize, const S: usize>(
-    data: &Data<N, K>,
-    rotor: &Rotor<N, K>,
-    track: &Track<N, K>,
-    variance: f64,
-    levels: &[Levels<K>; 3],
-    piece: &Piece,
-) -> [[f64; 3]; 3] {
+fn likelihoods<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, levels: &[Levels; 3]) -> [[f64; 3]; 3] {
+    let On { data, rotor, piece, .. } = of.on;
     let start = piece.filtered.start;
-    let mut kalman = levels.map(|(_, slow)| Kalman::<S>::diffuse::<N>(slow * slow * data.slow(rotor, start)));
+    let slow = |levels: &Levels, rows: usize| levels.slow * levels.slow * of.slow(rows);
+    let mut kalman = levels.map(|levels| Kalman::<S>::diffuse::<N>(slow(&levels, start)));
     let mut logs = [LogProduct::<N>::new(); 3];
     let mut sums = [[0.0; 3]; 3];
-    each_row(data, rotor, track, start..piece.counted.end, |row, interval, residual| {
+    each_row(of, start..piece.counted.end, |row, interval, residual| {
         if let Some((interval, transition)) = interval {
-            for (kalman, (factors, slow)) in kalman.iter_mut().zip(levels) {
-                kalman.predict(transition, interval, data.scales(row, *factors), slow * slow * data.slow(rotor, 1));
+            for (kalman, levels) in kalman.iter_mut().zip(levels) {
+                kalman.predict(transition, interval, &of.scales(row, levels.currents), slow(levels, 1));
             }
         }
         for f in 0..3 {
-            let innovation = kalman[f].update(rotor, data.variance(row, variance), residual);
+            let variance = of.variance(row, rotor.exponent + levels[f].exponent);
+            let innovation = kalman[f].update(rotor, variance, residual);
             if row >= piece.counted.start.max(start + 4) && data.tells(row) {
                 let w = innovation.whiten(innovation.e);
                 logs[f].times(innovation.det);
@@ -485,60 +477,70 @@ pub(super) enum Columns {
     All,
     /// The same with what the parameters do through the gains of the filter.
     Total,
-    /// The instruments of all parameters, then the total sensitivities to λ.
+    /// The instruments of all parameters, then the measured sensitivities, total ones.
     Instruments,
 }
 
-/// Data of a pass: recording, rotor, trajectory, variance of the positions, piece.
-pub(super) type On<'a, const N: usize, const K: usize> =
-    (&'a Data<'a, N, K>, &'a Rotor<N, K>, &'a Track<N, K>, f64, &'a Piece);
-
-/// The passes of the filter with the sizes of a machine.
-pub(super) trait Passes<const N: usize, const K: usize>: Sized {
-    fn columns(on: On<'_, N, K>, columns: Columns) -> Vec<Block>;
-    fn smooth(on: On<'_, N, K>) -> Vec<State<N>>;
-    fn innovations(on: On<'_, N, K>) -> Vec<[[f64; N]; 2]>;
-    fn likelihoods(on: On<'_, N, K>, levels: &[Levels<K>; 3]) -> [[f64; 3]; 3];
+/// The passes of the filter. What is fixed at compile time, for it is done at every sample, begins here: coordinates, magnets, states and columns.
+pub(super) trait Passes: Sync {
+    fn columns(&self, on: On<'_>, columns: Columns) -> Vec<Block>;
+    /// Coordinates and rates, row by row.
+    fn smooth(&self, on: On<'_>) -> Vec<f64>;
+    fn innovations(&self, on: On<'_>) -> [Vec<f64>; 2];
+    fn likelihoods(&self, on: On<'_>, levels: &[Levels; 3]) -> [[f64; 3]; 3];
+    /// Gaps in m and squared currents in A² of a row.
+    fn driven(&self, on: On<'_>, row: usize) -> [ByMagnet; 2];
 }
 
-/// Implements the passes for coordinates and magnets, with states and columns by whether a slow force is estimated, and the bench: the numbers of parameters
-/// rounded up to whole registers. Where sizes are the same, one filter serves: each takes a second to compile.
-macro_rules! passes {
-    ($n:literal, $k:literal, [$plain:literal, $slow:literal], [$few:literal, $many:literal]) => {
-        impl Passes<$n, $k> for Rotor<$n, $k> {
-            fn columns((data, rotor, track, variance, piece): On<'_, $n, $k>, columns: Columns) -> Vec<Block> {
-                let of = match (rotor.slow > 0.0, columns) {
-                    (false, Columns::Few) => columns_of::<$n, $k, $plain, $few>,
-                    (false, _) => columns_of::<$n, $k, $plain, $many>,
-                    (true, Columns::Few) => columns_of::<$n, $k, $slow, $few>,
-                    (true, _) => columns_of::<$n, $k, $slow, $many>,
-                };
-                of(data, rotor, track, variance, piece, columns)
-            }
+/// N coordinates and K magnets. States are PLAIN, or SLOW with a slow force; columns FEW, or MANY with the bench: the numbers of parameters rounded up to whole
+/// registers. Where sizes are the same, one filter serves: each takes a second to compile.
+struct Of<const N: usize, const K: usize, const PLAIN: usize, const SLOW: usize, const FEW: usize, const MANY: usize>;
 
-            fn smooth((data, rotor, track, variance, piece): On<'_, $n, $k>) -> Vec<State<$n>> {
-                let of = if rotor.slow > 0.0 { smooth::<$n, $k, $slow> } else { smooth::<$n, $k, $plain> };
-                of(data, rotor, track, variance, piece)
-            }
+impl<const N: usize, const K: usize, const PLAIN: usize, const SLOW: usize, const FEW: usize, const MANY: usize> Passes
+    for Of<N, K, PLAIN, SLOW, FEW, MANY>
+{
+    fn columns(&self, on: On<'_>, columns: Columns) -> Vec<Block> {
+        let of = match (on.rotor.slow > 0.0, columns) {
+            (false, Columns::Few) => columns_of::<N, K, PLAIN, FEW>,
+            (false, _) => columns_of::<N, K, PLAIN, MANY>,
+            (true, Columns::Few) => columns_of::<N, K, SLOW, FEW>,
+            (true, _) => columns_of::<N, K, SLOW, MANY>,
+        };
+        of(&Pass::of(on), columns)
+    }
 
-            fn innovations((data, rotor, track, variance, piece): On<'_, $n, $k>) -> Vec<[[f64; $n]; 2]> {
-                let of = if rotor.slow > 0.0 { innovations::<$n, $k, $slow> } else { innovations::<$n, $k, $plain> };
-                of(data, rotor, track, variance, piece)
-            }
+    fn smooth(&self, on: On<'_>) -> Vec<f64> {
+        let of = if on.rotor.slow > 0.0 { smooth::<N, K, SLOW> } else { smooth::<N, K, PLAIN> };
+        of(&Pass::of(on))
+    }
 
-            fn likelihoods(
-                (data, rotor, track, variance, piece): On<'_, $n, $k>,
-                levels: &[Levels<$k>; 3],
-            ) -> [[f64; 3]; 3] {
-                let of = if rotor.slow > 0.0 { likelihoods::<$n, $k, $slow> } else { likelihoods::<$n, $k, $plain> };
-                of(data, rotor, track, variance, levels, piece)
-            }
-        }
-    };
+    fn innovations(&self, on: On<'_>) -> [Vec<f64>; 2] {
+        let of = if on.rotor.slow > 0.0 { innovations::<N, K, SLOW> } else { innovations::<N, K, PLAIN> };
+        of(&Pass::of(on))
+    }
+
+    fn likelihoods(&self, on: On<'_>, levels: &[Levels; 3]) -> [[f64; 3]; 3] {
+        let of = if on.rotor.slow > 0.0 { likelihoods::<N, K, SLOW> } else { likelihoods::<N, K, PLAIN> };
+        of(&Pass::of(on), levels)
+    }
+
+    fn driven(&self, on: On<'_>, row: usize) -> [ByMagnet; 2] {
+        let of = Pass::<N, K>::of(on);
+        let (mut gaps, mut squares) = (ByMagnet::default(), ByMagnet::default());
+        gaps[..K].copy_from_slice(&on.rotor.gaps::<N, K>(&of.state[row][0]));
+        squares[..K].copy_from_slice(&of.squares(row).middle);
+        [gaps, squares]
+    }
 }
 
-passes!(2, 3, [4, 6], [8, 40]);
-passes!(2, 4, [4, 6], [48, 48]);
-passes!(4, 6, [8, 12], [88, 88]);
-passes!(4, 8, [8, 12], [96, 96]);
-passes!(1, 2, [3, 3], [16, 16]);
+/// The filters of all parts of machines, by coordinates and magnets.
+pub(super) fn passes(coordinates: usize, magnets: usize) -> Option<&'static dyn Passes> {
+    Some(match (coordinates, magnets) {
+        (1, 2) => &Of::<1, 2, 3, 3, 8, 24>,
+        (2, 3) => &Of::<2, 3, 4, 6, 8, 40>,
+        (2, 4) => &Of::<2, 4, 4, 6, 48, 48>,
+        (4, 6) => &Of::<4, 6, 8, 12, 88, 88>,
+        (4, 8) => &Of::<4, 8, 8, 12, 96, 96>,
+        _ => return None,
+    })
+}

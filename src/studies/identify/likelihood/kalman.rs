@@ -4,7 +4,7 @@
 
 #![allow(clippy::needless_range_loop, reason = "several matrices go by one index")]
 
-use super::rotor::{Interval, Rotor};
+use super::rotor::{ByMagnet, Interval, Rotor};
 
 /// Kalman filter of the deviation.
 #[derive(Clone, Debug)]
@@ -150,7 +150,7 @@ impl<const N: usize> Transition<N> {
     fn propagate<const S: usize, const K: usize>(
         &self,
         noise: &[[f64; N]; K],
-        scales: [f64; K],
+        scales: &ByMagnet,
         slow: f64,
         p: &mut [[f64; S]; S],
     ) {
@@ -216,7 +216,7 @@ impl<const S: usize> Kalman<S> {
         &mut self,
         transition: &Transition<N>,
         interval: &Interval<N, K>,
-        scales: [f64; K],
+        scales: &ByMagnet,
         slow: f64,
     ) {
         self.x = transition.apply(&self.x);
@@ -228,10 +228,10 @@ impl<const S: usize> Kalman<S> {
 
     /// `residual`: measured minus read at the trajectory.
     #[inline(always)]
-    pub fn update<const N: usize, const K: usize>(
+    pub fn update<const N: usize>(
         &mut self,
-        rotor: &Rotor<N, K>,
-        variance: f64,
+        rotor: &Rotor,
+        variance: [f64; N],
         residual: [f64; N],
     ) -> Innovation<N, S> {
         let (m, d) = (&rotor.sensor, rotor.delay);
@@ -260,7 +260,7 @@ impl<const S: usize> Kalman<S> {
             for b in 0..N {
                 covariance[a][b] = 0.5 * (columns[a][b] + columns[b][a]);
             }
-            covariance[a][a] += variance;
+            covariance[a][a] += variance[a];
         }
         let (factor, det) = cholesky(&covariance);
         let mut gain = [[0.0; N]; S];

@@ -21,13 +21,13 @@ const FEWEST: usize = 10;
 const NOTHING: f64 = 10.0;
 
 /// Errors of the cubic through the two neighbours on both sides, at currents that were recorded as they were.
-pub(super) struct Cubic<'a, const K: usize> {
-    current_a: [&'a [f64]; K],
+pub(super) struct Cubic<'a> {
+    current_a: &'a [&'a [f64]],
     rows: Vec<usize>,
 }
 
-impl<'a, const K: usize> Cubic<'a, K> {
-    pub fn of(recording: &Recording<'_>, current_a: [&'a [f64]; K]) -> Self {
+impl<'a> Cubic<'a> {
+    pub fn of(recording: &Recording<'_>, current_a: &'a [&'a [f64]]) -> Self {
         let is_known = |row: usize| {
             recording.missing[row] == Missing::default() && recording.usable.get(row).copied().unwrap_or(true)
         };
@@ -37,68 +37,70 @@ impl<'a, const K: usize> Cubic<'a, K> {
         Self { current_a, rows: rows.filter(all_known).collect() }
     }
 
-    fn error_a(&self, row: usize) -> [f64; K] {
-        std::array::from_fn(|k| {
+    fn error_a(&self, row: usize) -> DVector<f64> {
+        DVector::from_fn(self.current_a.len(), |k, _| {
             let i = &self.current_a[k][row - 2..row + 3];
             i[2] - (4.0 * (i[1] + i[3]) - i[0] - i[4]) / 6.0
         })
     }
 
     /// rms error, A.
-    pub fn rms_a(&self) -> [f64; K] {
-        let mut sum = [0.0; K];
+    pub fn rms_a(&self) -> Vec<f64> {
+        let mut sum = vec![0.0; self.current_a.len()];
         for row in &self.rows {
             self.error_a(*row).iter().zip(&mut sum).for_each(|(error, sum)| *sum += error * error);
         }
-        sum.map(|sum| (sum / self.rows.len().max(1) as f64).sqrt())
+        sum.into_iter().map(|sum: f64| (sum / self.rows.len().max(1) as f64).sqrt()).collect()
     }
 }
 
 /// Error of a current that is not known, A.
-pub(super) fn unknown_a<const K: usize>(current_a: [&[f64]; K]) -> [f64; K] {
-    current_a.map(|current_a| {
+pub(super) fn unknown_a(current_a: &[&[f64]]) -> Vec<f64> {
+    let of = |current_a: &&[f64]| {
         let known = || current_a.iter().filter(|i| i.is_finite());
         NOTHING * (known().map(|i| i * i).sum::<f64>() / known().count().max(1) as f64).sqrt()
-    })
+    };
+    current_a.iter().map(of).collect()
 }
 
 /// Adds to currents that were filled what past innovations, whitened, say of the error of the cubic.
-pub(super) fn refill<const N: usize, const K: usize>(
-    data: &mut Data<'_, N, K>,
+pub(super) fn refill(
+    data: &mut Data<'_>,
     recording: &Recording<'_>,
-    current_a: [&[f64]; K],
+    current_a: &[&[f64]],
     segments: &[Range<usize>],
-    innovations: &[[f64; N]],
+    innovations: &[f64],
 ) {
-    let (cubic, terms) = (Cubic::of(recording, current_a), N * PAST);
+    let (n, k) = (data.position.len(), current_a.len());
+    let (cubic, terms) = (Cubic::of(recording, current_a), n * PAST);
     if cubic.rows.len() < FEWEST * terms {
         return;
     }
-    let mut has_past = vec![false; innovations.len()];
+    let mut has_past = vec![false; recording.rows()];
     segments.iter().for_each(|segment| {
         let from = (segment.start + PAST).min(segment.end);
         has_past[from..segment.end].fill(true);
     });
-    let past = |row: usize| DVector::from_fn(terms, |at, _| innovations[row - 1 - at / N][at % N]);
+    let past = |row: usize| DVector::from_fn(terms, |at, _| innovations[n * (row - 1 - at / n) + at % n]);
     let rows = || cubic.rows.iter().filter(|row| has_past[**row]);
-    let (mut gram, mut right) = (DMatrix::zeros(terms, terms), DMatrix::zeros(terms, K));
+    let (mut gram, mut right) = (DMatrix::zeros(terms, terms), DMatrix::zeros(terms, k));
     for row in rows() {
-        let (past, error_a) = (past(*row), DVector::from_column_slice(&cubic.error_a(*row)));
+        let (past, error_a) = (past(*row), cubic.error_a(*row));
         gram.ger(1.0, &past, &past, 1.0);
         right.ger(1.0, &past, &error_a, 1.0);
     }
     let Some(cholesky) = gram.cholesky() else { return };
     let answer = cholesky.solve(&right).transpose();
-    let mut sum = [0.0; K];
+    let mut sum = vec![0.0; k];
     for row in rows() {
-        let rest = DVector::from_column_slice(&cubic.error_a(*row)) - &answer * past(*row);
+        let rest = cubic.error_a(*row) - &answer * past(*row);
         rest.iter().zip(&mut sum).for_each(|(rest, sum)| *sum += rest * rest);
     }
     let freedom = rows().count() - terms;
-    data.filled_a = sum.map(|sum| (sum / freedom as f64).sqrt());
+    data.filled_a = sum.into_iter().map(|sum: f64| (sum / freedom as f64).sqrt()).collect();
     for (row, missing) in recording.missing.iter().enumerate().filter(|(row, _)| has_past[*row]) {
         let more = &answer * past(row);
-        for k in (0..K).filter(|k| missing.current[data.first + k] == Origin::Filled) {
+        for k in (0..k).filter(|k| missing.current[data.first + k] == Origin::Filled) {
             data.current[k].to_mut()[row] = current_a[k][row] + more[k];
         }
     }

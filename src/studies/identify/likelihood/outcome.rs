@@ -2,8 +2,9 @@
 
 use nalgebra::DMatrix;
 
-use super::filter::{HARMONICS, LAGS, Passes};
-use super::rotor::Rotor;
+use super::data::On;
+use super::filter::{HARMONICS, LAGS};
+use super::rotor::ByMagnet;
 use super::search::Finished;
 use super::solve::{self, inverse, part};
 use super::{
@@ -14,20 +15,17 @@ use super::{
 /// χ² with one degree of freedom above which a bench parameter is a suspect: 8 · 10⁻⁶ by chance.
 const SUSPECT: f64 = 20.0;
 
-pub(super) fn report<const N: usize, const K: usize>(
-    finished: &Finished<'_, N, K>,
+pub(super) fn report(
+    finished: &Finished<'_>,
     mut held: Vec<usize>,
     contradictions: Vec<Contradiction>,
     gain_by_slow_force: f64,
-) -> Identification
-where
-    Rotor<N, K>: Passes<N, K>,
-{
+) -> Identification {
     held.sort_unstable();
     held.dedup();
     let search = &finished.search;
-    let load = search.kind.layout.load;
-    let lambda: Vec<Estimate> = (0..K).map(|k| finished.estimate(k)).collect();
+    let (magnets, load) = (search.kind.layout.magnets, search.kind.layout.load);
+    let lambda: Vec<Estimate> = (0..magnets).map(|k| finished.estimate(k)).collect();
     let told = search.kind.part.parameters.iter().zip(&search.kind.part.bench).zip(load..);
     let bench = told.map(|((parameter, told), at)| {
         let (mut estimate, mut estimated) = (finished.estimate(at), finished.at(at).is_some());
@@ -37,8 +35,8 @@ where
         BenchEstimate { parameter: parameter.clone(), told: *told, estimate, estimated }
     });
     Identification {
-        lambda_covariance: finished.total.view((0, 0), (K, K)).into_owned(),
-        unbalance: (K..load).step_by(2).map(|at| unbalance(finished, at)).collect(),
+        lambda_covariance: finished.total.view((0, 0), (magnets, magnets)).into_owned(),
+        unbalance: (magnets..load).step_by(2).map(|at| unbalance(finished, at)).collect(),
         conditions: (0..search.cases.len()).map(|r| conditions(finished, r, &lambda)).collect(),
         lambda,
         bench: bench.collect(),
@@ -58,7 +56,7 @@ where
 }
 
 /// The unbalance whose parts are the unknowns `at` and the next one.
-fn unbalance<const N: usize, const K: usize>(finished: &Finished<'_, N, K>, at: usize) -> Unbalance {
+fn unbalance(finished: &Finished<'_>, at: usize) -> Unbalance {
     let parts = [at, at + 1].map(|at| finished.estimate(at));
     let [c, s] = parts.map(|of| of.value);
     let size = c.hypot(s);
@@ -80,24 +78,17 @@ fn unbalance<const N: usize, const K: usize>(finished: &Finished<'_, N, K>, at: 
     Unbalance { parts, magnitude: of(size, along, 1.0), phase: of(libm::atan2(s, c), across, size) }
 }
 
-fn conditions<const N: usize, const K: usize>(
-    finished: &Finished<'_, N, K>,
-    r: usize,
-    lambda: &[Estimate],
-) -> Conditions
-where
-    Rotor<N, K>: Passes<N, K>,
-{
+fn conditions(finished: &Finished<'_>, r: usize, lambda: &[Estimate]) -> Conditions {
     let search = &finished.search;
     let case = &search.cases[r];
     let (rotor, layout) = (search.rotor(r), search.kind.layout);
-    let (mut ki, mut ks, mut rows) = ([0.0; K], [0.0; K], 0);
+    let ([mut ki, mut ks], mut rows) = ([ByMagnet::<f64>::default(); 2], 0);
     for piece in &case.pieces {
         let first = usize::from(piece.counted.start == piece.filtered.start);
         for row in piece.counted.clone().skip(first).filter(|row| !case.data.is_unknown(*row)) {
-            let gaps = rotor.gaps(&case.track.state[row][0]);
-            let squares = case.data.squares(&rotor, row).middle;
-            for k in 0..K {
+            let on = On { data: &case.data, rotor: &rotor, track: &case.track, variance: 0.0, piece };
+            let [gaps, squares] = search.kind.passes.driven(on, row);
+            for k in 0..layout.magnets {
                 let square = squares[k].max(0.0);
                 ki[k] += square.sqrt() / (gaps[k] * gaps[k]);
                 ks[k] += square / (gaps[k] * gaps[k] * gaps[k]);
@@ -105,10 +96,9 @@ where
             rows += 1;
         }
     }
-    let scaled = |factor: f64, of: &Estimate| Estimate {
-        value: factor * of.value,
-        noise_std: factor * of.noise_std,
-        total_std: factor * of.total_std,
+    let of = |sums: &ByMagnet| -> Vec<Estimate> {
+        let means = sums.iter().map(|sum| 2.0 * sum / f64::from(rows.max(1)));
+        lambda.iter().zip(means).map(|(lambda, mean)| lambda.scaled(mean)).collect()
     };
     Conditions {
         load_n: (layout.load..layout.base).map(|j| finished.estimate(layout.unknown(j, r))).collect(),
@@ -116,21 +106,24 @@ where
             position_noise_m: case.position_noise,
             current_noise_a: case.current_noise,
             slow_force_n: case.slow_force,
+            noise_exponent: search.kind.part.beside.exponent.then_some(Estimate {
+                value: case.exponent,
+                noise_std: case.exponent_std,
+                total_std: case.exponent_std,
+            }),
             rows: case.rows(),
             counting: case.counting(),
             nis: finished.nis(r),
         }],
-        resolution_m: case.resolution_m.to_vec(),
-        ki_n_a: (0..K).map(|k| scaled(2.0 * ki[k] / f64::from(rows.max(1)), &lambda[k])).collect(),
-        ks_n_m: (0..K).map(|k| scaled(2.0 * ks[k] / f64::from(rows.max(1)), &lambda[k])).collect(),
+        resolution_m: case.resolution_m.clone(),
+        ki_n_a: of(&ki),
+        ks_n_m: of(&ks),
     }
 }
 
-fn budget<const N: usize, const K: usize>(finished: &Finished<'_, N, K>) -> Vec<BudgetLine>
-where
-    Rotor<N, K>: Passes<N, K>,
-{
+fn budget(finished: &Finished<'_>) -> Vec<BudgetLine> {
     let search = &finished.search;
+    let magnets = search.kind.layout.magnets;
     let relative = |k: usize, value: f64| value / search.x[k];
     let line = |j: usize| {
         let unknown = search.kind.layout.load + j;
@@ -144,13 +137,13 @@ where
         let (a, _) = search.equations(&finished.normal, &others);
         let response = inverse(&a).map(|inverse| inverse * part(&finished.normal.j, &others, &[unknown]));
         let sensitivity = |k: usize| response.as_ref().map_or(f64::NAN, |response| relative(k, response[(k, 0)]));
-        let sensitivity: Vec<f64> = (0..K).map(sensitivity).collect();
+        let sensitivity: Vec<f64> = (0..magnets).map(sensitivity).collect();
         let contribution = match finished.at(unknown) {
             None => sensitivity.iter().map(|s| s.abs() * tolerance).collect(),
             Some(i) => {
                 // Cov(λ, p)²/Var p is what λ's variance loses when p is known.
                 let own = finished.total[(i, i)];
-                (0..K).map(|k| relative(k, (finished.total[(k, i)].powi(2) / own).sqrt())).collect()
+                (0..magnets).map(|k| relative(k, (finished.total[(k, i)].powi(2) / own).sqrt())).collect()
             }
         };
         BudgetLine { parameter: j, sensitivity, tolerance, told: told != Knowledge::Exact, contribution }
@@ -158,16 +151,17 @@ where
     (0..search.kind.part.bench.len()).map(line).collect()
 }
 
-fn residuals<const N: usize, const K: usize>(finished: &Finished<'_, N, K>, r: usize) -> Residuals {
+fn residuals(finished: &Finished<'_>, r: usize) -> Residuals {
     let blocks = || finished.blocks(r);
     let rows: f64 = blocks().map(|block| block.count).sum();
     let nis: f64 = blocks().map(|block| block.nis).sum::<f64>();
+    let coordinates = finished.search.kind.layout.loads();
     let mut residuals = Residuals {
-        harmonics: vec![[0.0; HARMONICS]; N],
-        amplitudes: vec![[0.0; HARMONICS]; N],
+        harmonics: vec![[0.0; HARMONICS]; coordinates],
+        amplitudes: vec![[0.0; HARMONICS]; coordinates],
         lags: vec![[0.0; LAGS]],
     };
-    for axis in 0..N {
+    for axis in 0..coordinates {
         for harmonic in 0..HARMONICS {
             let sum = |part: usize| blocks().map(|block| block.harmonics[axis][harmonic][part]).sum::<f64>();
             let power = sum(0) * sum(0) + sum(1) * sum(1);
@@ -182,17 +176,16 @@ fn residuals<const N: usize, const K: usize>(finished: &Finished<'_, N, K>, r: u
 }
 
 /// Lagrange multiplier tests of the bench parameters that are not estimated.
-fn suspects<const N: usize, const K: usize>(finished: &Finished<'_, N, K>) -> Vec<Suspect>
-where
-    Rotor<N, K>: Passes<N, K>,
-{
+fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
     let search = &finished.search;
     let (of, columns) = (&finished.estimated, &finished.columns);
     let (h, b) = search.equations_by(&finished.normal, of, of, columns);
     let (g, _) = search.equations(&finished.normal, of);
     let Some(inverse) = solve::general_inverse(&h) else { return Vec::new() };
-    let rows: f64 = finished.blocks.iter().flat_map(|(_, blocks)| blocks).map(|block| N as f64 * block.count).sum();
-    let nis = finished.blocks.iter().flat_map(|(_, blocks)| blocks).map(|block| block.nis).sum::<f64>() / rows;
+    let coordinates = search.kind.layout.loads() as f64;
+    let blocks = || finished.blocks.iter().flat_map(|(_, blocks)| blocks);
+    let rows: f64 = blocks().map(|block| coordinates * block.count).sum();
+    let nis = blocks().map(|block| block.nis).sum::<f64>() / rows;
     let mut suspects = Vec::new();
     let load = search.kind.layout.load;
     for j in (0..search.kind.part.bench.len()).filter(|j| finished.at(load + j).is_none()) {

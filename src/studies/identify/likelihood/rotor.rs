@@ -2,12 +2,15 @@
 //! parameters.
 //!
 //! The rotor and its magnets are those of the on-line estimator ([`Machine`]): N coordinates that the sensors read, K magnets, accelerations by
-//! unit forces. What a parameter of the bearing changes is the difference of two such descriptions.
+//! unit forces. What a parameter of the bearing changes is the difference of two such descriptions. Descriptions have room for the largest machine; what is done at
+//! every sample knows N and K.
 
 #![allow(clippy::needless_range_loop, reason = "several arrays go by one index")]
 
 use super::Part;
 use super::bench::{Places, Sensors};
+use super::case::Case;
+use super::filter::Passes;
 use crate::estimation::Machine;
 
 /// Planes of unbalance, and bearings with a backward force, at most.
@@ -15,6 +18,10 @@ const PLANES: usize = 2;
 
 /// Parameters of one recording, in SI units, by [`Layout`].
 pub(super) type Theta = Vec<f64>;
+
+/// A value for each coordinate, and for each magnet, with room for the most of them.
+pub(super) type ByAxis<T = f64> = [T; 4];
+pub(super) type ByMagnet<T = f64> = [T; 8];
 
 /// Coordinates in m and their rates in m/s.
 pub(super) type State<const N: usize> = [[f64; N]; 2];
@@ -30,10 +37,13 @@ pub(super) struct Layout {
     pub base: usize,
     /// Number of parameters.
     pub all: usize,
+    /// Place of κ, if it is asked for.
+    pub dynamics: Option<usize>,
 }
 
 impl Layout {
-    fn loads(&self) -> usize {
+    /// Number of loads, one for each coordinate.
+    pub fn loads(&self) -> usize {
         self.base - self.load
     }
 
@@ -45,6 +55,20 @@ impl Layout {
     /// Number of unknowns of so many recordings.
     pub fn unknowns(&self, recordings: usize) -> usize {
         self.shared() + self.loads() * recordings
+    }
+
+    /// Place of the measured sensitivity to a parameter behind those of all parameters: λ and κ have one, for the noise of the currents biases their scores.
+    pub fn measured(&self, j: usize) -> Option<usize> {
+        if j < self.magnets {
+            Some(self.all + j)
+        } else {
+            self.dynamics.filter(|dynamics| *dynamics == j).map(|_| self.all + self.magnets)
+        }
+    }
+
+    /// Number of columns with the measured ones.
+    pub fn columns(&self) -> usize {
+        self.all + self.magnets + usize::from(self.dynamics.is_some())
     }
 
     /// Number of the unknown that parameter `j` of recording `r` is: λ, U, bench, then the loads of each recording.
@@ -60,78 +84,82 @@ impl Layout {
 }
 
 /// The response of a rotor to forces and motions: gaps in m, directions and accelerations per N, as in [`Machine`].
-#[derive(Clone, Debug)]
-pub(super) struct Description<const N: usize, const K: usize> {
-    gap_m: [f64; K],
-    directions: [[f64; N]; K],
-    magnets: [[f64; N]; K],
+#[derive(Clone, Debug, Default)]
+pub(super) struct Description {
+    gap_m: ByMagnet,
+    directions: ByMagnet<ByAxis>,
+    magnets: ByMagnet<ByAxis>,
     /// By forces along y and z in each plane of unbalance, and of each backward force.
-    turning: [[[f64; N]; 2]; PLANES],
-    backward: [[[f64; N]; 2]; PLANES],
-    loads: [[f64; N]; N],
-    gyroscopic: [[f64; N]; N],
+    turning: [[ByAxis; 2]; PLANES],
+    backward: [[ByAxis; 2]; PLANES],
+    loads: ByAxis<ByAxis>,
+    gyroscopic: ByAxis<ByAxis>,
     planes: usize,
 }
 
-impl<const N: usize, const K: usize> Description<N, K> {
-    pub fn of<const U: usize>(machine: &Machine<N, K, U>) -> Self {
-        let row = |j: usize| std::array::from_fn(|n| machine.accelerations[(j, n)]);
-        let planes = (machine.backward - K) / 2;
-        let pairs = |from: usize, count: usize| {
-            std::array::from_fn(|p| if p < count { [row(from + 2 * p), row(from + 2 * p + 1)] } else { [[0.0; N]; 2] })
+impl Description {
+    pub fn of<const N: usize, const K: usize, const U: usize>(machine: &Machine<N, K, U>) -> Self {
+        let row = |j: usize| {
+            let mut row = ByAxis::default();
+            (0..N).for_each(|n| row[n] = machine.accelerations[(j, n)]);
+            row
         };
-        let gyroscopic = machine
-            .gyroscopic
-            .map_or([[0.0; N]; N], |gyroscopic| std::array::from_fn(|a| std::array::from_fn(|b| gyroscopic[(a, b)])));
-        Self {
-            gap_m: machine.geometry.gap_m,
-            directions: machine.geometry.directions,
-            magnets: std::array::from_fn(row),
-            turning: pairs(K, planes),
-            backward: pairs(machine.backward, (U - N - machine.backward) / 2),
-            loads: std::array::from_fn(|n| row(U - N + n)),
-            gyroscopic,
-            planes,
+        let planes = (machine.backward - K) / 2;
+        let mut of = Self { planes, ..Self::default() };
+        for k in 0..K {
+            of.gap_m[k] = machine.geometry.gap_m[k];
+            of.directions[k][..N].copy_from_slice(&machine.geometry.directions[k]);
+            of.magnets[k] = row(k);
         }
+        for p in 0..planes {
+            of.turning[p] = [0, 1].map(|axis| row(K + 2 * p + axis));
+        }
+        for p in 0..(U - N - machine.backward) / 2 {
+            of.backward[p] = [0, 1].map(|axis| row(machine.backward + 2 * p + axis));
+        }
+        for n in 0..N {
+            of.loads[n] = row(U - N + n);
+            if let Some(gyroscopic) = &machine.gyroscopic {
+                (0..N).for_each(|l| of.gyroscopic[n][l] = gyroscopic[(n, l)]);
+            }
+        }
+        of
     }
-}
 
-impl<const N: usize, const K: usize> Description<N, K> {
     /// `(more − less)/(2 step)`.
     fn derivative(more: &Self, less: &Self, step: f64) -> Self {
-        let each = |a: f64, b: f64| (a - b) / (2.0 * step);
-        let row = |a: &[f64; N], b: &[f64; N]| std::array::from_fn(|n| each(a[n], b[n]));
-        let pairs = |a: &[[[f64; N]; 2]; PLANES], b: &[[[f64; N]; 2]; PLANES]| {
-            std::array::from_fn(|p| std::array::from_fn(|axis| row(&a[p][axis], &b[p][axis])))
+        let mut of = more.clone();
+        let each = |of: &mut [f64], less: &[f64]| {
+            of.iter_mut().zip(less).for_each(|(of, less)| *of = (*of - less) / (2.0 * step));
         };
-        Self {
-            gap_m: std::array::from_fn(|k| each(more.gap_m[k], less.gap_m[k])),
-            directions: std::array::from_fn(|k| row(&more.directions[k], &less.directions[k])),
-            magnets: std::array::from_fn(|k| row(&more.magnets[k], &less.magnets[k])),
-            turning: pairs(&more.turning, &less.turning),
-            backward: pairs(&more.backward, &less.backward),
-            loads: std::array::from_fn(|n| row(&more.loads[n], &less.loads[n])),
-            gyroscopic: std::array::from_fn(|n| row(&more.gyroscopic[n], &less.gyroscopic[n])),
-            planes: more.planes,
-        }
+        each(&mut of.gap_m, &less.gap_m);
+        each(of.directions.as_flattened_mut(), less.directions.as_flattened());
+        each(of.magnets.as_flattened_mut(), less.magnets.as_flattened());
+        each(of.turning.as_flattened_mut().as_flattened_mut(), less.turning.as_flattened().as_flattened());
+        each(of.backward.as_flattened_mut().as_flattened_mut(), less.backward.as_flattened().as_flattened());
+        each(of.loads.as_flattened_mut(), less.loads.as_flattened());
+        each(of.gyroscopic.as_flattened_mut(), less.gyroscopic.as_flattened());
+        of
     }
 }
 
-/// Describes a rotor with given values of its bench.
-pub(super) type Describe<'a, const N: usize, const K: usize> = &'a (dyn Fn(&[f64]) -> Description<N, K> + Sync);
-
 /// A kind of rotor: what the parameters of its bench do.
-#[derive(Clone)]
-pub(super) struct Kind<'a, const N: usize, const K: usize> {
+pub(super) struct Kind<'a> {
     pub part: &'a Part,
     /// Whether a slow force is estimated.
     pub slow_force: bool,
-    pub describe: Describe<'a, N, K>,
+    /// Describes it with given values of its bench.
+    pub describe: Describe<'a>,
     /// Parameters of the bench that change the description, with the steps of central differences.
     pub varied: Vec<(usize, f64)>,
     pub places: Places,
     pub layout: Layout,
+    /// The filter of its sizes.
+    pub passes: &'static dyn Passes,
 }
+
+/// Describes a rotor with given values of its bench.
+pub(super) type Describe<'a> = Box<dyn Fn(&[f64]) -> Description + Sync + 'a>;
 
 /// One sample instant of the shaft.
 #[derive(Clone, Copy, Debug)]
@@ -168,26 +196,29 @@ struct Pair {
 
 /// A rotor with given parameters.
 #[derive(Clone, Debug)]
-pub(super) struct Rotor<const N: usize, const K: usize> {
+pub(super) struct Rotor {
     pub h: f64,
     theta: Theta,
     pub layout: Layout,
     places: Places,
-    machine: Description<N, K>,
+    machine: Description,
     /// Its derivatives to parameters of the bench, by number.
-    varied: Vec<(usize, Description<N, K>)>,
+    varied: Vec<(usize, Description)>,
     pairs: Vec<Pair>,
     /// Sensor offsets, m.
-    offset: [f64; N],
+    offset: ByAxis,
     /// Sensor gains and rotation, row by row.
-    pub sensor: [[f64; N]; N],
+    pub sensor: ByAxis<ByAxis>,
     pub delay: f64,
     /// Offset and `1 + gain` of the readings of the currents.
-    current: [[f64; 2]; K],
+    current: ByMagnet<[f64; 2]>,
     /// Standard deviation of the current noise, A.
     pub noise: f64,
     /// Level of a slow force as an acceleration, a random walk, m/s² after a second.
     pub slow: f64,
+    /// Power of the gap with which the noise of the positions grows, and the nominal gap, m.
+    pub exponent: f64,
+    pub nominal_m: f64,
     /// Derivatives of the logarithm of the force noise `λ_k σ_i` of a magnet to the parameters: parameter, magnet, derivative.
     pub levels: Vec<(usize, usize, f64)>,
 }
@@ -221,20 +252,26 @@ pub(super) struct Squares<const K: usize> {
 /// Forces (y, z) of unbalances by plane, and of backward forces by bearing.
 type Turning = [[[f64; 2]; PLANES]; 2];
 
-/// `sum += factor · of`.
+/// `sum += factor · of`, as far as both go.
 #[inline(always)]
-fn add<const N: usize>(sum: &mut [f64; N], factor: f64, of: &[f64; N]) {
+fn add(sum: &mut [f64], factor: f64, of: &[f64]) {
     sum.iter_mut().zip(of).for_each(|(sum, of)| *sum += factor * of);
 }
 
 #[inline(always)]
-fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-impl<const N: usize, const K: usize> Rotor<N, K> {
-    /// `slow`: level of a slow force as an acceleration, m/s².
-    pub fn new(kind: &Kind<'_, N, K>, theta: Theta, h: f64, current_noise_a: f64, slow: f64) -> Self {
+/// `factor · of` of the first N.
+#[inline(always)]
+fn scaled<const N: usize>(of: &ByAxis, factor: f64) -> [f64; N] {
+    std::array::from_fn(|n| of[n] * factor)
+}
+
+impl Rotor {
+    /// With the noise and the slow force of a recording.
+    pub fn new(kind: &Kind<'_>, theta: Theta, case: &Case<'_>) -> Self {
         let (layout, places) = (kind.layout, kind.places.clone());
         let bench = &theta[layout.base..];
         let varied = kind.varied.iter().map(|(at, step)| {
@@ -245,11 +282,13 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
             });
             (*at, Description::derivative(&more, &less, *step))
         });
-        let varied: Vec<(usize, Description<N, K>)> = varied.collect();
+        let varied: Vec<(usize, Description)> = varied.collect();
         let machine = (kind.describe)(bench);
         let gain = |k: usize| 1.0 + bench[places.current_gain + k];
+        let mut current = ByMagnet::default();
         let mut levels = Vec::new();
-        for k in 0..K {
+        for k in 0..layout.magnets {
+            current[k] = [bench[places.current_offset + k], gain(k)];
             levels.push((k, k, 1.0 / theta[k]));
             levels.push((layout.base + places.current_gain + k, k, -2.0 / gain(k)));
             let pull = &machine.magnets[k];
@@ -259,9 +298,8 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
             }));
         }
         levels.retain(|(.., level)| *level != 0.0);
-        let mut sensor = [[0.0; N]; N];
-        (0..N).for_each(|n| sensor[n][n] = 1.0);
-        let mut offset = [0.0; N];
+        let (mut sensor, mut offset) = (ByAxis::<ByAxis>::default(), ByAxis::default());
+        (0..layout.loads()).for_each(|n| sensor[n][n] = 1.0);
         if let Some([of_offset, of_gain]) = places.single {
             sensor[0][0] += bench[of_gain];
             offset[0] = bench[of_offset];
@@ -285,16 +323,18 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
             });
         }
         Self {
-            h,
+            h: case.data.h,
             machine,
             varied,
             pairs,
             offset,
             sensor,
             delay: bench[places.delay],
-            current: std::array::from_fn(|k| [bench[places.current_offset + k], gain(k)]),
-            noise: current_noise_a,
-            slow,
+            current,
+            noise: case.current_noise,
+            slow: case.slow_force / kind.part.body.m_kg(),
+            exponent: case.exponent,
+            nominal_m: kind.part.body.gap_m(),
             levels,
             layout,
             places,
@@ -305,7 +345,7 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
     /// Squared currents, A², free of the σ² that noise adds on average. `before` is the reading a sample earlier of a current that
     /// is continuous.
     #[inline(always)]
-    pub fn squares(&self, read: [f64; K], before: Option<[f64; K]>) -> Squares<K> {
+    pub fn squares<const K: usize>(&self, read: [f64; K], before: Option<[f64; K]>) -> Squares<K> {
         let current = |k: usize, read: f64| (read - self.current[k][0]) / self.current[k][1];
         let variance: [f64; K] = std::array::from_fn(|k| {
             let gain = self.current[k][1];
@@ -328,7 +368,7 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
 
     /// Gaps at a point, the iron path included, m.
     #[inline(always)]
-    pub fn gaps(&self, at: &[f64; N]) -> [f64; K] {
+    pub fn gaps<const N: usize, const K: usize>(&self, at: &[f64; N]) -> [f64; K] {
         std::array::from_fn(|k| self.machine.gap_m[k] - dot(&self.machine.directions[k], at))
     }
 
@@ -348,7 +388,13 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
 
     /// Acceleration that a description makes of all forces but those of the magnets, and of the speeds.
     #[inline(always)]
-    fn external(&self, of: &Description<N, K>, turning: &Turning, shaft: &Shaft, rate: &[f64; N]) -> [f64; N] {
+    fn external<const N: usize>(
+        &self,
+        of: &Description,
+        turning: &Turning,
+        shaft: &Shaft,
+        rate: &[f64; N],
+    ) -> [f64; N] {
         let mut sum = [0.0; N];
         for n in 0..N {
             add(&mut sum, self.theta[self.layout.load + n], &of.loads[n]);
@@ -368,7 +414,13 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
     }
 
     #[inline(always)]
-    fn acceleration(&self, gaps: [f64; K], squares: [f64; K], shaft: &Shaft, rate: &[f64; N]) -> [f64; N] {
+    fn acceleration<const N: usize, const K: usize>(
+        &self,
+        gaps: [f64; K],
+        squares: [f64; K],
+        shaft: &Shaft,
+        rate: &[f64; N],
+    ) -> [f64; N] {
         let mut sum = self.external(&self.machine, &self.turning(shaft), shaft, rate);
         for k in 0..K {
             add(&mut sum, self.theta[k] * squares[k] / (gaps[k] * gaps[k]), &self.machine.magnets[k]);
@@ -380,7 +432,7 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
     /// ones, noise of the currents would meet itself in the innovations, and bias the scores of all that hardly moves the rotor (an offset by 20 standard
     /// deviations after 5 s, with 12 nm and 41 mA).
     #[inline(always)]
-    pub fn interval(
+    pub fn interval<const N: usize, const K: usize>(
         &self,
         [from, to]: [&State<N>; 2],
         squares: &Squares<K>,
@@ -401,7 +453,7 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
             std::array::from_fn(|a| from[0][a] + h * from[1][a] + h * h / 6.0 * (a_0[a] + 2.0 * a_m[a]) - to[0][a]),
             std::array::from_fn(|a| from[1][a] + h / 6.0 * (a_0[a] + 4.0 * a_m[a] + a_1[a]) - to[1][a]),
         ];
-        let gyroscopic = std::array::from_fn(|a| self.machine.gyroscopic[a].map(|by_rate| at_middle.speed * by_rate));
+        let gyroscopic = std::array::from_fn(|a| scaled(&self.machine.gyroscopic[a], at_middle.speed));
         let (mut stiffness, mut noise) = ([[0.0; N]; N], [[0.0; N]; K]);
         let expected = expected.unwrap_or_else(|| regressors(gaps, squares.middle));
         for k in 0..K {
@@ -409,7 +461,7 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
             // Var (i + n)² = 4 i² σ² + 2 σ⁴.
             let square_std = (4.0 * squares.middle[k].max(0.0) + 2.0 * own * own).sqrt() * own;
             let by_noise = self.theta[k] / (gaps[k] * gaps[k]) * square_std;
-            noise[k] = self.machine.magnets[k].map(|acceleration| acceleration * by_noise);
+            noise[k] = scaled(&self.machine.magnets[k], by_noise);
             let stiff = 2.0 * self.theta[k] * expected[k] / gaps[k];
             for a in 0..N {
                 add(&mut stiffness[a], stiff * self.machine.magnets[k][a], &self.machine.directions[k]);
@@ -418,12 +470,12 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
         Interval { stiffness, gyroscopic, offset, noise, end: a_1, middle, squares: squares.middle }
     }
 
-    /// `∂a/∂θ` for given `i_k²/gap_k²` at a point, by parameter, and after all parameters once more those of λ, for the measured ones.
+    /// `∂a/∂θ` for given `i_k²/gap_k²` at a point, by parameter, and after all parameters once more those of λ and κ, for the measured ones.
     ///
     /// The point is where the filter predicts the rotor, not on the smoothed trajectory: that one knows the innovations to come, and with the
     /// negative stiffness their product has an expectation (the derivative of ln det S, for a rotor held by feedback).
     #[inline(always)]
-    pub fn force_columns<const P: usize>(
+    pub fn force_columns<const N: usize, const K: usize, const P: usize>(
         &self,
         [at, rate]: &State<N>,
         regressors: [f64; K],
@@ -432,25 +484,25 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
         d: &mut [[f64; P]; N],
     ) {
         let (layout, places, machine) = (&self.layout, &self.places, &self.machine);
-        let all = P >= layout.all + K;
+        let all = P >= layout.columns();
         let mut put = |j: usize, column: [f64; N]| (0..N).for_each(|n| d[n][j] = column[n]);
-        let gaps = self.gaps(at);
+        let gaps: [f64; K] = self.gaps(at);
         let (mut pulls, mut by_gap) = ([0.0; K], [0.0; K]);
         for k in 0..K {
             let acceleration = &machine.magnets[k];
-            put(k, acceleration.map(|acceleration| acceleration * regressors[k]));
+            put(k, scaled(acceleration, regressors[k]));
             pulls[k] = self.theta[k] * regressors[k];
             by_gap[k] = -2.0 * pulls[k] / gaps[k];
             if all {
-                put(layout.all + k, acceleration.map(|acceleration| acceleration * measured[k]));
+                put(layout.all + k, scaled(acceleration, measured[k]));
                 let gain = self.current[k][1];
                 let by_offset = -2.0 * self.theta[k] * regressors[k].max(0.0).sqrt() / gaps[k] / gain;
-                put(layout.base + places.current_offset + k, acceleration.map(|a| a * by_offset));
-                put(layout.base + places.current_gain + k, acceleration.map(|a| -2.0 * pulls[k] / gain * a));
+                put(layout.base + places.current_offset + k, scaled(acceleration, by_offset));
+                put(layout.base + places.current_gain + k, scaled(acceleration, -2.0 * pulls[k] / gain));
             }
         }
         let [by_cos, by_sin] = shaft.unbalance();
-        let turned = |[y, z]: &[[f64; N]; 2], by: [f64; 2]| std::array::from_fn(|n| y[n] * by[0] + z[n] * by[1]);
+        let turned = |[y, z]: &[ByAxis; 2], by: [f64; 2]| std::array::from_fn(|n| y[n] * by[0] + z[n] * by[1]);
         for p in 0..machine.planes {
             put(layout.magnets + 2 * p, turned(&machine.turning[p], by_cos));
             put(layout.magnets + 2 * p + 1, turned(&machine.turning[p], by_sin));
@@ -460,13 +512,18 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
                 put(sin, turned(&machine.backward[p], [shaft.sin, shaft.cos]));
             }
         }
-        (0..N).for_each(|n| put(layout.load + n, machine.loads[n]));
+        (0..N).for_each(|n| put(layout.load + n, scaled(&machine.loads[n], 1.0)));
         if !all {
             return;
         }
         let turning = self.turning(shaft);
         for (j, varied) in &self.varied {
-            let mut column = self.external(varied, &turning, shaft, rate);
+            let mut column: [f64; N] = self.external(varied, &turning, shaft, rate);
+            if let Some(place) = layout.measured(layout.base + j) {
+                let mut column = column;
+                (0..K).for_each(|k| add(&mut column, self.theta[k] * measured[k], &varied.magnets[k]));
+                put(place, column);
+            }
             for k in 0..K {
                 add(&mut column, pulls[k], &varied.magnets[k]);
                 let wider = varied.gap_m[k] - dot(&varied.directions[k], at);
@@ -478,7 +535,7 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
 
     /// Where the sensors look, with their run-out, before gains and rotation.
     #[inline(always)]
-    fn seen(&self, [at, rate]: &State<N>, acceleration: &[f64; N], shaft: &Shaft) -> [f64; N] {
+    fn seen<const N: usize>(&self, [at, rate]: &State<N>, acceleration: &[f64; N], shaft: &Shaft) -> [f64; N] {
         let (c, s) = (shaft.cos, shaft.sin);
         let (c_2, s_2) = (c * c - s * s, 2.0 * c * s);
         let mut seen: [f64; N] =
@@ -493,14 +550,14 @@ impl<const N: usize, const K: usize> Rotor<N, K> {
 
     /// Readings of the position sensors at a point of the trajectory, m.
     #[inline(always)]
-    pub fn reading(&self, at: &State<N>, acceleration: &[f64; N], shaft: &Shaft) -> [f64; N] {
+    pub fn reading<const N: usize>(&self, at: &State<N>, acceleration: &[f64; N], shaft: &Shaft) -> [f64; N] {
         let seen = self.seen(at, acceleration, shaft);
         std::array::from_fn(|a| dot(&self.sensor[a], &seen) + self.offset[a])
     }
 
     /// `∂reading/∂θ` at a fixed trajectory, for all but the parameters of the force, whose columns stay as they are.
     #[inline(always)]
-    pub fn sensor_columns<const P: usize>(
+    pub fn sensor_columns<const N: usize, const P: usize>(
         &self,
         at: &State<N>,
         acceleration: &[f64; N],

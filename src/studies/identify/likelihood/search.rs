@@ -9,16 +9,17 @@ use nalgebra::{DMatrix, DVector};
 pub(super) use finish::Finished;
 use finish::finish;
 
-use super::case::{Case, NOISE_STEP, noise_step, prepare, slow_force_step};
+use super::case::{Case, NOISE_STEP, exponent_step, noise_step, prepare, slow_force_step};
 use super::changes;
-use super::data::Piece;
+use super::data::{On, Piece};
 use super::expected::expected;
-use super::filter::{Block, Columns, Levels, On, Passes};
+use super::filter::{Block, Columns, Levels, SAME};
 use super::missing;
 use super::outcome;
-use super::rotor::{Kind, Rotor, State};
+use super::rotor::{Kind, Rotor};
 use super::solve::{Normal, inverse, part};
 use super::{Body, Contradiction, Failed, Identification, Knowledge, Recording, SHORTEST};
+use crate::studies::identify::GRAVITY_M_S2;
 use crate::studies::parallel::in_order;
 
 /// Passes about the measured trajectory before the smoother takes over: without load and unbalance it would follow a wrong model.
@@ -59,12 +60,12 @@ const NOT_APART: &str = "the data do not tell apart all that is to be estimated:
 pub(super) type Blocks = Vec<(usize, Vec<Block>)>;
 
 /// Rows with their smoothed trajectory.
-type Smoothed<const N: usize> = (Range<usize>, Vec<State<N>>);
+type Smoothed = (Range<usize>, Vec<f64>);
 
 /// All that is searched.
-pub(super) struct Search<'a, const N: usize, const K: usize> {
-    pub cases: Vec<Case<'a, N, K>>,
-    pub kind: &'a Kind<'a, N, K>,
+pub(super) struct Search<'a> {
+    pub cases: Vec<Case<'a>>,
+    pub kind: &'a Kind<'a>,
     /// Unknowns as in [`Layout::unknown`](super::rotor::Layout::unknown).
     pub x: Vec<f64>,
     /// Mean and standard deviation of the prior of each unknown; 0 for what is not estimated.
@@ -75,15 +76,16 @@ pub(super) struct Search<'a, const N: usize, const K: usize> {
     pub converged: bool,
 }
 
-impl<const N: usize, const K: usize> Search<'_, N, K>
-where
-    Rotor<N, K>: Passes<N, K>,
-{
+impl Search<'_> {
     /// The rotor in recording `r`.
-    pub fn rotor(&self, r: usize) -> Rotor<N, K> {
+    pub fn rotor(&self, r: usize) -> Rotor {
         let (case, layout) = (&self.cases[r], self.kind.layout);
         let theta = (0..layout.all).map(|j| self.x[layout.unknown(j, r)]).collect();
-        Rotor::new(self.kind, theta, case.data.h, case.current_noise, case.slow_force / self.kind.part.body.m_kg())
+        Rotor::new(self.kind, theta, case)
+    }
+
+    fn coordinates(&self) -> usize {
+        self.kind.layout.loads()
     }
 
     /// Unknowns that are parameters of the bench.
@@ -97,28 +99,23 @@ where
     }
 
     fn tasks(&self) -> Vec<(usize, Piece)> {
-        let of =
-            |(r, case): (usize, &Case<'_, N, K>)| case.pieces.iter().map(move |piece| (r, piece.clone())).collect();
+        let of = |(r, case): (usize, &Case<'_>)| case.pieces.iter().map(move |piece| (r, piece.clone())).collect();
         self.cases.iter().enumerate().flat_map(|of_case| -> Vec<_> { of(of_case) }).collect()
     }
 
     /// A pass of the filter over pieces of recordings; results in their order.
-    fn passes<R: Send + Sync>(
-        &self,
-        tasks: &[(usize, Piece)],
-        pass: &(dyn Fn(On<'_, N, K>) -> R + Sync),
-    ) -> Vec<(usize, R)> {
-        let rotors: Vec<Rotor<N, K>> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
+    fn passes<R: Send + Sync>(&self, tasks: &[(usize, Piece)], pass: &(dyn Fn(On<'_>) -> R + Sync)) -> Vec<(usize, R)> {
+        let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
         in_order(tasks.len(), &|task| {
             let (r, piece) = &tasks[task];
             let case = &self.cases[*r];
             let variance = case.position_noise * case.position_noise;
-            (*r, pass((&case.data, &rotors[*r], &case.track, variance, piece)))
+            (*r, pass(On { data: &case.data, rotor: &rotors[*r], track: &case.track, variance, piece }))
         })
     }
 
     fn pass(&self, columns: Columns) -> Blocks {
-        let mut blocks = self.passes(&self.tasks(), &|on| Rotor::columns(on, columns));
+        let mut blocks = self.passes(&self.tasks(), &|on| self.kind.passes.columns(on, columns));
         for block in blocks.iter_mut().flat_map(|(_, blocks)| blocks) {
             block.j.iter_mut().chain(&mut block.b).for_each(|sum| *sum *= self.weight);
         }
@@ -190,24 +187,27 @@ where
     fn smooth(&mut self) {
         let mut before = Vec::new();
         for group in self.tasks().chunks(SMOOTHED.max(2 * rayon::current_num_threads())) {
-            let smoothed = self.passes(group, &|on| (on.4.counted.clone(), Rotor::smooth(on)));
+            let smoothed = self.passes(group, &|on| (on.piece.counted.clone(), self.kind.passes.smooth(on)));
             // A piece is linearised about the former trajectory of its neighbours: a group is taken over after the next one.
             self.take_over(std::mem::replace(&mut before, smoothed));
         }
         self.take_over(before);
     }
 
-    fn take_over(&mut self, smoothed: Vec<(usize, Smoothed<N>)>) {
+    fn take_over(&mut self, smoothed: Vec<(usize, Smoothed)>) {
         for (r, (rows, track)) in smoothed {
-            self.cases[r].track.state[rows].copy_from_slice(&track);
+            let n = 2 * self.coordinates();
+            self.cases[r].track.state[n * rows.start..n * rows.end].copy_from_slice(&track);
         }
     }
 
-    /// Whether the bench is exactly as stated, but for the mass, which is not searched.
+    /// Whether the bench is exactly as stated, but for the mass, which is not searched unless a load is known, and for κ, which is like another λ.
     fn exact(&self) -> bool {
+        let layout = self.kind.layout;
         self.kind.part.bench.iter().enumerate().all(|(j, told)| match told.knowledge {
             Knowledge::Exact => true,
-            Knowledge::Tolerance(_) => j == self.kind.places.mass,
+            _ if layout.dynamics == Some(layout.base + j) => true,
+            Knowledge::Tolerance(_) => j == self.kind.places.mass && !self.kind.part.beside.is_loaded(),
             Knowledge::Free => false,
         })
     }
@@ -227,18 +227,21 @@ where
             return;
         }
         let innovations = self.innovations();
-        let rotors: Vec<Rotor<N, K>> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
+        let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
         for ((case, rotor), innovations) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
-            case.track.expected = expected(&case.data, rotor, &case.track, &case.segments, innovations);
+            let variance = case.position_noise * case.position_noise;
+            let on = On { data: &case.data, rotor, track: &case.track, variance, piece: &case.pieces[0] };
+            case.track.expected = expected(self.kind.passes, on, &case.segments, innovations);
         }
     }
 
-    /// The whitened innovations of every recording by row; 0 where there are none.
-    fn innovations(&self) -> Vec<Vec<[f64; N]>> {
-        let pieces = self.passes(&self.tasks(), &|on| (on.4.counted.clone(), Rotor::innovations(on)));
-        let mut all: Vec<_> = self.cases.iter().map(|case| vec![[0.0; N]; case.data.at.len()]).collect();
-        for (r, (rows, of)) in pieces {
-            all[r][rows].iter_mut().zip(of).for_each(|(to, [_, whitened])| *to = whitened);
+    /// The whitened innovations of every recording, row by row; 0 where there are none.
+    fn innovations(&self) -> Vec<Vec<f64>> {
+        let pieces = self.passes(&self.tasks(), &|on| (on.piece.counted.clone(), self.kind.passes.innovations(on)));
+        let n = self.coordinates();
+        let mut all: Vec<_> = self.cases.iter().map(|case| vec![0.0; n * case.data.at.len()]).collect();
+        for (r, (rows, [_, whitened])) in pieces {
+            all[r][n * rows.start..n * rows.end].copy_from_slice(&whitened);
         }
         all
     }
@@ -250,25 +253,30 @@ where
         }
         let innovations = self.innovations();
         for (case, innovations) in self.cases.iter_mut().zip(&innovations) {
-            missing::refill(&mut case.data, case.recording, case.current, &case.segments, innovations);
+            missing::refill(&mut case.data, case.recording, &case.current, &case.segments, innovations);
         }
     }
 
     /// Position minus its prediction from the samples before, by recording, coordinate and row, in m; NaN where a row was not used.
     pub fn prediction_errors(&self) -> Vec<Vec<Vec<f64>>> {
-        let mut errors: Vec<_> = self.cases.iter().map(|case| vec![vec![f64::NAN; case.data.at.len()]; N]).collect();
-        for (r, (rows, of)) in self.passes(&self.tasks(), &|on| (on.4.counted.clone(), Rotor::innovations(on))) {
+        let count = self.coordinates();
+        let mut errors: Vec<_> =
+            self.cases.iter().map(|case| vec![vec![f64::NAN; case.data.at.len()]; count]).collect();
+        for (r, (rows, [metres, _])) in
+            self.passes(&self.tasks(), &|on| (on.piece.counted.clone(), self.kind.passes.innovations(on)))
+        {
             for (n, errors) in errors[r].iter_mut().enumerate() {
-                errors[rows.clone()].iter_mut().zip(&of).for_each(|(error, [metres, _])| *error = metres[n]);
+                let own = metres[n..].iter().step_by(count);
+                errors[rows.clone()].iter_mut().zip(own).for_each(|(error, metres)| *error = *metres);
             }
         }
         errors
     }
 
-    /// Likelihoods of the recordings that `of` holds for, as [`Passes::likelihoods`].
-    fn likelihoods(&self, levels: [Levels<K>; 3], of: impl Fn(&Case<'_, N, K>) -> bool) -> Vec<[[f64; 3]; 3]> {
+    /// Likelihoods of the recordings that `of` holds for, as [`Passes::likelihoods`](super::filter::Passes::likelihoods).
+    fn likelihoods(&self, levels: [Levels; 3], of: impl Fn(&Case<'_>) -> bool) -> Vec<[[f64; 3]; 3]> {
         let tasks: Vec<(usize, Piece)> = self.tasks().into_iter().filter(|(r, _)| of(&self.cases[*r])).collect();
-        let sums = self.passes(&tasks, &|on| Rotor::likelihoods(on, &levels));
+        let sums = self.passes(&tasks, &|on| self.kind.passes.likelihoods(on, &levels));
         let mut totals = vec![[[0.0; 3]; 3]; self.cases.len()];
         for (r, sums) in sums {
             let total = totals[r].as_flattened_mut().iter_mut();
@@ -280,16 +288,21 @@ where
     /// One step of the noise levels that were not told; the largest change of a logarithm.
     fn noise(&mut self) -> f64 {
         let steps = [libm::exp(-NOISE_STEP), 1.0, libm::exp(NOISE_STEP)];
-        let unknown = |case: &Case<'_, N, K>| {
-            case.recording.position_noise_m.is_none() || case.recording.current_noise_a.is_none()
-        };
-        let totals = self.likelihoods(steps.map(|factor| ([factor; K], 1.0)), unknown);
+        let unknown =
+            |case: &Case<'_>| case.recording.position_noise_m.is_none() || case.recording.current_noise_a.is_none();
+        let totals = self.likelihoods(steps.map(|factor| Levels { currents: [factor; 8], ..SAME }), unknown);
         let cases = self.cases.iter_mut().zip(&totals).filter(|(case, _)| unknown(case));
-        let change = cases.map(|(case, sums)| noise_step(case, sums)).fold(0.0, f64::max);
+        let mut change = cases.map(|(case, sums)| noise_step(case, sums)).fold(0.0, f64::max);
+        if self.kind.part.beside.exponent {
+            let powers = [-NOISE_STEP, 0.0, NOISE_STEP];
+            let totals = self.likelihoods(powers.map(|exponent| Levels { exponent, ..SAME }), |_| true);
+            let cases = self.cases.iter_mut().zip(&totals);
+            change = cases.map(|(case, sums)| exponent_step(case, sums)).fold(change, f64::max);
+        }
         if !self.kind.slow_force {
             return change;
         }
-        let totals = self.likelihoods(steps.map(|factor| ([1.0; K], factor)), |_| true);
+        let totals = self.likelihoods(steps.map(|slow| Levels { slow, ..SAME }), |_| true);
         let least = LEAST_SLOW_FORCE * self.weight_n();
         let cases = self.cases.iter_mut().zip(&totals);
         cases.map(|(case, sums)| slow_force_step(case, sums, least)).fold(change, f64::max)
@@ -303,7 +316,7 @@ where
     /// By how much a slow force raises the log-likelihood, everything else as it is: one of the estimated level, or else the best of three.
     fn gain_by_slow_force(&mut self) -> f64 {
         let level = SLOW_FORCE * self.weight_n();
-        let slow = |factor: f64| ([1.0; K], factor);
+        let slow = |slow: f64| Levels { slow, ..SAME };
         let sum = |totals: Vec<[[f64; 3]; 3]>| -> [f64; 3] {
             std::array::from_fn(|of| totals.iter().map(|sums| -0.5 * (sums[of][0] + sums[of][1])).sum())
         };
@@ -332,7 +345,7 @@ where
 
     /// Where the search has ended.
     fn found(&self) -> Point {
-        let noise = |case: &Case<'_, N, K>| [case.position_noise, case.current_noise, case.slow_force];
+        let noise = |case: &Case<'_>| [case.position_noise, case.current_noise, case.slow_force, case.exponent];
         Point { x: self.x.clone(), noise: self.cases.iter().map(noise).collect() }
     }
 
@@ -340,7 +353,7 @@ where
     fn start_at(&mut self, point: Point) {
         self.x = point.x;
         for (case, noise) in self.cases.iter_mut().zip(point.noise) {
-            [case.position_noise, case.current_noise, case.slow_force] = noise;
+            [case.position_noise, case.current_noise, case.slow_force, case.exponent] = noise;
         }
     }
 
@@ -354,6 +367,9 @@ where
         let first = self.iterate(0, ROUGH);
         self.prior = told;
         first?;
+        if self.kind.layout.dynamics.is_some() {
+            self.iterate(UNSMOOTHED, ROUGH)?;
+        }
         self.refill();
         self.expect();
         self.iterate(UNSMOOTHED, CONVERGED)
@@ -390,38 +406,34 @@ where
     }
 }
 
-/// Where a search ends: unknowns, and noise of positions and currents and level of the slow force by recording.
+/// Where a search ends: unknowns, and by recording noise of positions and currents, level of the slow force, power of the gap.
 struct Point {
     x: Vec<f64>,
-    noise: Vec<[f64; 3]>,
+    noise: Vec<[f64; 4]>,
 }
 
 /// λ that would carry the weight of the rotor with the currents of the recording.
-fn first_guess<const N: usize, const K: usize>(cases: &[Case<'_, N, K>], body: &Body) -> f64 {
+fn first_guess(cases: &[Case<'_>], body: &Body) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
-    for i in cases.iter().flat_map(|case| case.current).flatten().filter(|i| i.is_finite()) {
+    for i in cases.iter().flat_map(|case| &case.current).copied().flatten().filter(|i| i.is_finite()) {
         sum += i * i;
         count += 1.0;
     }
     let mean: f64 = if sum > 0.0 { sum / count } else { 1.0 };
-    body.m_kg() * GRAVITY_M_S2 * body.gap_m() * body.gap_m() / (K as f64 * mean)
+    body.m_kg() * GRAVITY_M_S2 * body.gap_m() * body.gap_m() / (body.magnets() as f64 * mean)
 }
 
 /// A search before its first step, with its priors.
-fn start<'a, const N: usize, const K: usize>(
+fn start<'a>(
     recordings: &'a [Recording<'a>],
     masks: &[Vec<bool>],
-    kind: &'a Kind<'a, N, K>,
+    kind: &'a Kind<'a>,
     held: &[usize],
-) -> Result<Search<'a, N, K>, Failed>
-where
-    Rotor<N, K>: Passes<N, K>,
-{
-    let cases: Option<Vec<Case<'_, N, K>>> =
+) -> Result<Search<'a>, Failed> {
+    let cases: Option<Vec<Case<'_>>> =
         recordings.iter().zip(masks).map(|(recording, mask)| prepare(recording, kind.part, mask)).collect();
     let Some(mut cases) = cases else {
-        let short =
-            |(recording, mask): (&'a Recording<'a>, &Vec<bool>)| prepare::<N, K>(recording, kind.part, mask).is_none();
+        let short = |(recording, mask): (&'a Recording<'a>, &Vec<bool>)| prepare(recording, kind.part, mask).is_none();
         let recording = recordings.iter().zip(masks).position(short).unwrap_or(0) + 1;
         return Err(Failed::TooShort { recording, wanted: SHORTEST });
     };
@@ -434,11 +446,17 @@ where
     let mut x = vec![0.0; n];
     let mut prior = vec![(0.0, 0.0); n];
     let lambda = first_guess(&cases, body);
-    x[..K].fill(lambda);
-    prior[..K].fill((lambda, FREE * lambda));
+    x[..layout.magnets].fill(lambda);
+    prior[..layout.magnets].fill((lambda, FREE * lambda));
     // A mass centre outside the gap, or a load of a hundred times the weight, does not occur.
-    prior[K..layout.load].fill((0.0, 100.0 * body.m_kg() * body.gap_m()));
+    prior[layout.magnets..layout.load].fill((0.0, 100.0 * body.m_kg() * body.gap_m()));
     prior[layout.shared()..n].fill((0.0, 1e3 * body.m_kg()));
+    for (at, load_n) in part.beside.load_n.iter().enumerate() {
+        let of_recordings = (0..recordings.len()).map(|r| layout.unknown(layout.load + at, r));
+        of_recordings.filter_map(|at| Some((at, (*load_n)?))).for_each(|(at, load_n)| {
+            (x[at], prior[at]) = (load_n, (load_n, 0.0));
+        });
+    }
     for ((at, told), parameter) in (layout.load..).zip(&part.bench).zip(&part.parameters) {
         x[at] = told.value;
         let std = match told.knowledge {
@@ -463,8 +481,6 @@ where
     Ok(search)
 }
 
-/// Acceleration of gravity, m/s².
-const GRAVITY_M_S2: f64 = 9.81;
 /// Level of a slow force from which the search starts, and the least one, in weights of the rotor after a second.
 const SLOW_FORCE: f64 = 1e-3;
 const LEAST_SLOW_FORCE: f64 = 1e-7;
@@ -476,7 +492,7 @@ const REMAINS: f64 = 0.5;
 const ROUNDS: usize = 6;
 
 /// Numbers of the bench parameters that are free but not told by the data.
-fn not_separated<const N: usize, const K: usize>(finished: &Finished<'_, N, K>) -> Vec<usize> {
+fn not_separated(finished: &Finished<'_>) -> Vec<usize> {
     let (part, first) = (finished.search.kind.part, finished.search.kind.layout.load);
     let too_wide = |j: &usize| {
         let free = part.bench[*j].knowledge == Knowledge::Free;
@@ -494,21 +510,18 @@ fn stretches(masks: &[Vec<bool>]) -> Option<Vec<Vec<bool>>> {
 }
 
 /// The widest of them: the others may be told once it is held.
-fn widest<const N: usize, const K: usize>(finished: &Finished<'_, N, K>, of: &[usize]) -> Option<usize> {
+fn widest(finished: &Finished<'_>, of: &[usize]) -> Option<usize> {
     let (parameters, first) = (&finished.search.kind.part.parameters, finished.search.kind.layout.load);
     let width = |j: usize| finished.estimate(first + j).total_std / parameters[j].typical;
     of.iter().copied().reduce(|widest, j| if width(j) > 0.99 * width(widest) { j } else { widest })
 }
 
-pub(super) fn fit<'a, const N: usize, const K: usize>(
+pub(super) fn fit<'a>(
     recordings: &'a [Recording<'a>],
     masks: &[Vec<bool>],
-    kind: &'a Kind<'a, N, K>,
+    kind: &'a Kind<'a>,
     held: &mut Vec<usize>,
-) -> Result<Finished<'a, N, K>, Failed>
-where
-    Rotor<N, K>: Passes<N, K>,
-{
+) -> Result<Finished<'a>, Failed> {
     // The first search ends before the other begins: each has its own trajectory of all rows.
     let near = stretches(masks).and_then(|masks| {
         let mut first = start(recordings, &masks, kind, held).ok()?;
@@ -538,13 +551,7 @@ where
     }
 }
 
-pub(super) fn identify<const N: usize, const K: usize>(
-    recordings: &[Recording<'_>],
-    kind: &Kind<'_, N, K>,
-) -> Result<Identification, Failed>
-where
-    Rotor<N, K>: Passes<N, K>,
-{
+pub(super) fn identify(recordings: &[Recording<'_>], kind: &Kind<'_>) -> Result<Identification, Failed> {
     let mut masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.rows()]).collect();
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();

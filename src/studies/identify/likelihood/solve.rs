@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::filter::Block;
 use super::rotor::Layout;
 
-/// Sums of the normal equations over blocks: unknowns, then the instruments of λ.
+/// Sums of the normal equations over blocks: unknowns, then the measured sensitivities.
 #[derive(Clone, Debug)]
 pub(super) struct Normal {
     layout: Layout,
@@ -15,16 +15,16 @@ pub(super) struct Normal {
 
 impl Normal {
     pub fn new(layout: Layout, recordings: usize) -> Self {
-        let n = layout.unknowns(recordings) + layout.magnets;
+        let n = layout.unknowns(recordings) + layout.columns() - layout.all;
         Self { layout, j: DMatrix::zeros(n, n), b: DVector::zeros(n) }
     }
 
     /// Adds what a block of recording `r` has.
     pub fn add(&mut self, block: &Block, r: usize) {
         let layout = self.layout;
-        let first_instrument = self.b.len() - layout.magnets;
-        let place = |j: usize| if j < layout.all { layout.unknown(j, r) } else { first_instrument + j - layout.all };
-        let with_bench = layout.all + layout.magnets;
+        let with_bench = layout.columns();
+        let end = self.b.len();
+        let place = |j: usize| if j < layout.all { layout.unknown(j, r) } else { end + j - with_bench };
         for i in 0..if block.columns < with_bench { layout.base } else { with_bench } {
             let row = place(i);
             self.b[row] += block.b[i];

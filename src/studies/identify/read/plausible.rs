@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 use std::fmt;
 
 use super::header::{Signals, TIME_AT};
-use super::signals::median;
+use super::signals::{median, noise, range};
 use super::units::{rounded_time, significant, time};
 use super::{Rotation, Samples};
 
@@ -107,20 +107,6 @@ fn pace(samples: &Samples) -> Option<Finding> {
         None => Finding { signal: "time".into(), value, suspicion: "the wrong rate?".into(), remedy: String::new() },
     };
     (!fits(samples.step_s)).then(finding)
-}
-
-/// Lowest and highest of the known values.
-fn range(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
-    let known = values.into_iter().filter(|value| value.is_finite());
-    known.map(|value| [value, value]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default()
-}
-
-/// Standard deviation of the noise from fourth differences, whose squares sum to 70.
-fn noise(values: &[f64]) -> f64 {
-    let differences =
-        values.windows(5).map(|v| v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4]).filter(|d| d.is_finite());
-    let (sum, count) = differences.fold((0.0, 0.0), |(sum, count), d| (sum + d * d, count + 1.0));
-    (sum / count / 70.0).sqrt()
 }
 
 /// Findings about the positions at the bearing with that prefix.

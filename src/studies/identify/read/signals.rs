@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use super::FILLED;
 use crate::estimation::Hold;
+use crate::studies::identify::mean;
 
 /// A gap is filled by the cubic through neighbours that are no further apart than this, in samples.
 const SPAN: usize = 2 * FILLED + 1;
@@ -16,6 +17,18 @@ pub(super) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     }
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Lowest and highest of the known values; 0 if there are none.
+pub(in crate::studies::identify) fn range(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
+    let known = values.into_iter().filter(|value| value.is_finite());
+    known.map(|value| [value, value]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default()
+}
+
+/// Standard deviation of white noise from fourth differences, whose squares sum to 70.
+pub(in crate::studies::identify) fn noise(values: &[f64]) -> f64 {
+    let fourth = |v: &[f64]| v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4];
+    (mean(values.windows(5).map(|v| fourth(v).powi(2))) / 70.0).sqrt()
 }
 
 /// Known values by their places, in samples from the first one; the places rise.
@@ -121,9 +134,7 @@ pub(super) fn fill(values: &mut [f64]) {
 pub(super) fn unwrap(angle: &mut Known) -> Option<f64> {
     /// The pace is followed over about so many samples.
     const FOLLOWED: f64 = 20.0;
-    let range = angle
-        .iter()
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], (_, value)| [low.min(*value), high.max(*value)]);
+    let range = range(angle.iter().map(|(_, value)| *value));
     let (jumps, steps): (Vec<f64>, Vec<f64>) =
         angle.windows(2).map(|pair| pair[1].1 - pair[0].1).partition(|step| step.abs() > 0.5 * (range[1] - range[0]));
     if jumps.is_empty() {

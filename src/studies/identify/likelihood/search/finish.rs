@@ -7,8 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::super::case::{Case, NOISE_STEP};
-use super::super::filter::{Block, Columns, Passes};
-use super::super::rotor::Rotor;
+use super::super::filter::{Block, Columns, SAME};
 use super::super::solve::{self, Normal, part};
 use super::super::{Covariance, Estimate, Failed};
 use super::{Blocks, CONVERGED, NOISE_SETTLED, NOT_APART, Search};
@@ -29,8 +28,8 @@ const SCORES: usize = 32;
 const SCORES_RATIO: f64 = 2.0;
 
 /// A finished search, its sums taken over all columns.
-pub struct Finished<'a, const N: usize, const K: usize> {
-    pub search: Search<'a, N, K>,
+pub struct Finished<'a> {
+    pub search: Search<'a>,
     pub blocks: Blocks,
     pub normal: Normal,
     pub estimated: Vec<usize>,
@@ -42,7 +41,7 @@ pub struct Finished<'a, const N: usize, const K: usize> {
     pub covariance: Covariance,
 }
 
-impl<const N: usize, const K: usize> Finished<'_, N, K> {
+impl Finished<'_> {
     pub fn at(&self, unknown: usize) -> Option<usize> {
         self.estimated.iter().position(|at| *at == unknown)
     }
@@ -59,7 +58,7 @@ impl<const N: usize, const K: usize> Finished<'_, N, K> {
 
     pub fn nis(&self, r: usize) -> f64 {
         let count: f64 = self.blocks(r).map(|block| block.count).sum();
-        self.blocks(r).map(|block| block.nis).sum::<f64>() / (N as f64 * count)
+        self.blocks(r).map(|block| block.nis).sum::<f64>() / (self.search.coordinates() as f64 * count)
     }
 }
 
@@ -68,10 +67,7 @@ fn inverse(a: &DMatrix<f64>) -> Result<DMatrix<f64>, Failed> {
 }
 
 /// Takes the sums of a search over all columns.
-pub fn finish<const N: usize, const K: usize>(mut search: Search<'_, N, K>) -> Result<Finished<'_, N, K>, Failed>
-where
-    Rotor<N, K>: Passes<N, K>,
-{
+pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
     if search.deceived_by_gaps() {
         search.alternate()?;
     }
@@ -94,14 +90,13 @@ where
     let information = part(&normal.j, &columns, &columns);
     let mut noise = &response * &information * &response;
     let mut covariance = Covariance::Information;
-    let told =
-        |case: &Case<'_, N, K>| case.recording.position_noise_m.is_some() && case.recording.current_noise_a.is_some();
+    let told = |case: &Case<'_>| case.recording.position_noise_m.is_some() && case.recording.current_noise_a.is_some();
     if !search.cases.iter().all(told)
         && let Some(scores) = scores(&blocks, &columns, &step, &Normal::new(search.kind.layout, search.cases.len()))
     {
         // Scores of `weight` times the information have `weight²` times the variance.
         let by_scores = &response * (scores / search.weight) * &response;
-        let larger = (0..K).any(|k| by_scores[(k, k)] > SCORES_RATIO * noise[(k, k)]);
+        let larger = (0..search.kind.layout.magnets).any(|k| by_scores[(k, k)] > SCORES_RATIO * noise[(k, k)]);
         if larger {
             noise = by_scores;
             covariance = Covariance::Scores;
@@ -152,10 +147,7 @@ struct Bias {
     covariance: DMatrix<f64>,
 }
 
-impl<const N: usize, const K: usize> Search<'_, N, K>
-where
-    Rotor<N, K>: Passes<N, K>,
-{
+impl Search<'_> {
     /// Whether all recordings tell what was to be expected of them.
     fn has_instruments(&self) -> bool {
         self.cases.iter().all(|case| !case.track.expected.is_empty())
@@ -168,25 +160,41 @@ where
         let total = if self.exact() { Columns::Total } else { Columns::All };
         let blocks = self.pass(if instruments { Columns::Instruments } else { total });
         let normal = self.normal(&blocks);
-        // Beside their instruments, the sensitivities to λ stand at the end.
-        let first = normal.b.len() - K;
-        let columns = estimated.iter().map(|at| if instruments && *at < K { first + at } else { *at }).collect();
+        // Beside their instruments, the measured sensitivities stand at the end.
+        let columns = estimated.iter().map(|at| match self.measured(*at) {
+            Some(measured) if instruments => measured,
+            _ => *at,
+        });
+        let columns = columns.collect();
         (blocks, normal, columns)
+    }
+
+    /// Place of the measured sensitivity to an unknown in the sums.
+    fn measured(&self, unknown: usize) -> Option<usize> {
+        let layout = self.kind.layout;
+        let j = if unknown < layout.load { unknown } else { unknown + layout.loads() };
+        Some(layout.unknowns(self.cases.len()) + layout.measured(j)? - layout.all)
     }
 
     /// By how much noise of the currents lowers the scores of λ: `λ_k Σ γᵀ S⁻¹ γ` with γ the sensitivity to λ_k that this noise drives.
     ///
     /// S contains the same noise as process noise, so that this is half the derivative of Σ ln det S to the logarithm of its level, over λ_k.
-    fn attenuation(&self) -> [f64; K] {
+    fn attenuation(&self) -> Vec<f64> {
+        let magnets = self.kind.layout.magnets;
         // Three sets go through the filter together.
         let log_dets = |step: f64| -> Vec<f64> {
-            let raised = |k: usize| (std::array::from_fn(|l| if k == l { libm::exp(step) } else { 1.0 }), 1.0);
-            let sets = (0..K).step_by(3).map(|first| self.likelihoods([0, 1, 2].map(|k| raised(first + k)), |_| true));
+            let raised = |k: usize| {
+                let mut levels = SAME;
+                levels.currents.iter_mut().skip(k).take(1).for_each(|level| *level = libm::exp(step));
+                levels
+            };
+            let sets =
+                (0..magnets).step_by(3).map(|first| self.likelihoods([0, 1, 2].map(|k| raised(first + k)), |_| true));
             let sums = |set: Vec<[[f64; 3]; 3]>| [0, 1, 2].map(|k| set.iter().map(|sums| sums[k][0]).sum::<f64>());
             sets.flat_map(sums).collect()
         };
         let (less, more) = (log_dets(-NOISE_STEP), log_dets(NOISE_STEP));
-        std::array::from_fn(|k| (more[k] - less[k]) / (4.0 * NOISE_STEP * self.x[k]))
+        (0..magnets).map(|k| (more[k] - less[k]) / (4.0 * NOISE_STEP * self.x[k])).collect()
     }
 
     /// Variance that missing readings add to that of the size of the bias.
@@ -243,8 +251,9 @@ where
     /// The bias of the estimate that noise makes, at a point from which `found` leads to the maximum of the likelihood ϑ.
     ///
     /// Noise of the currents in the regressors lowers the score of λ_k by A_k, what the controller makes of the noise of the positions raises it, by about
-    /// as much where its loop is fast. The sum, −s_k A_k with s_k of variance V ([`BIAS_VARIANCE`], [`Search::gap_variance`]), moves ϑ by −J⁻¹ A s. The estimate by instruments ϑ_IV is
-    /// free of it and has the covariance P = H⁻¹ G H⁻ᵀ: for λ alone, with B = (J⁻¹ A)_λ, `ŝ = V Bᵀ (V B Bᵀ + P_λ − (J⁻¹)_λ)⁻¹ (ϑ_IV − ϑ)_λ`. The on-line
+    /// as much where its loop is fast. The sum, −s_k A_k with s_k of variance V ([`BIAS_VARIANCE`], [`Search::gap_variance`]), moves ϑ by −J⁻¹ A s; κ, which divides all
+    /// forces, has −1/κ Σ λ_k A_k s_k in its score. The estimate by instruments ϑ_IV is free of it and has the covariance P = H⁻¹ G H⁻ᵀ: for λ and κ alone, with
+    /// B = (J⁻¹ A)_λ, `ŝ = V Bᵀ (V B Bᵀ + P_λ − (J⁻¹)_λ)⁻¹ (ϑ_IV − ϑ)_λ`. The on-line
     /// estimator does the same with one s for all.
     fn bias(
         &self,
@@ -254,9 +263,14 @@ where
         inverse: &DMatrix<f64>,
         found: &DVector<f64>,
     ) -> Bias {
-        let n = of.len();
-        let attenuation = self.attenuation().map(|attenuation| self.weight * attenuation);
-        let moves = DMatrix::from_fn(n, K, |i, k| inverse[(i, k)] * attenuation[k]);
+        let (n, magnets, attenuation) = (of.len(), self.kind.layout.magnets, self.attenuation());
+        let rows: Vec<usize> = (0..n).filter(|i| self.measured(of[*i]).is_some()).collect();
+        let mut follows = DMatrix::zeros(n, magnets);
+        for (i, k) in rows.iter().flat_map(|i| (0..magnets).map(move |k| (*i, k))) {
+            let own = if of[i] < magnets { f64::from(of[i] == k) } else { -self.x[k] / (1.0 + self.x[of[i]]) };
+            follows[(i, k)] = own * (self.weight * attenuation[k]);
+        }
+        let moves = inverse * follows;
         let variance = BIAS_VARIANCE + self.gap_variance();
         let unknown = || Bias { step: DVector::zeros(n), covariance: &moves * moves.transpose() * variance };
         if !self.has_instruments() {
@@ -267,12 +281,12 @@ where
         let Some(h) = solve::general_inverse(&h) else { return unknown() };
         let difference = &h * right - found;
         let covariance = &h * g * h.transpose() - inverse;
-        let b = moves.rows(0, K);
-        let scatter = b * b.transpose() * variance + covariance.view((0, 0), (K, K));
+        let b = &moves.select_rows(&rows);
+        let scatter = b * b.transpose() * variance + part(&covariance, &rows, &rows);
         let Some(weights) = solve::inverse(&scatter) else { return unknown() };
         let gain = b.transpose() * weights * variance;
-        let size = &gain * difference.rows(0, K);
-        let rest = (DMatrix::identity(K, K) - gain * b) * variance;
+        let size = &gain * difference.select_rows(&rows);
+        let rest = (DMatrix::identity(magnets, magnets) - gain * b) * variance;
         if !size.iter().chain(&rest).all(|x: &f64| x.is_finite()) {
             return unknown();
         }
