@@ -16,14 +16,8 @@ const TIME_S: f64 = 0.024;
 /// For so long the measured speed is averaged at the start, s.
 const START_S: f64 = 9.0e-3;
 
-/// An angle further off than this is a new one, not noise, rad.
-const LOST_RAD: f64 = 1.0;
-
 /// Time constant of the means of speeds and noise, s: long beside the differences of a coarse encoder.
 const MEAN_TIME_S: f64 = 0.1;
-
-/// The difference of the means beyond which the measured speed is not that of the angle: a part of the smaller one, and rad/s.
-const MISMATCH: [f64; 2] = [0.1, 3.0];
 
 /// The rotation of the rotor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -75,7 +69,8 @@ impl Rotation {
     pub fn advance(&mut self, step_s: f64, theta_rad: f64, omega_rad_s: f64) {
         self.predict(step_s);
         let error = turned(self.theta_rad, theta_rad);
-        if error.abs() > LOST_RAD {
+        if error.abs() > 1.0 {
+            // So far off it is a new angle, not noise.
             let Self { mean_rad_s, noise_rad2, .. } = *self;
             *self = Self { mean_rad_s, noise_rad2, ..Self::start(theta_rad, omega_rad_s) };
             return;
@@ -112,10 +107,11 @@ impl Rotation {
         self.variance = self.noise_rad2 * ((33.0 / 16.0 * left).min(1.0) + relative * relative * of_speed);
     }
 
-    /// Whether the measured speed is not that of the angle: in other units, with the other sign, missing.
+    /// Whether the measured speed is not that of the angle: in other units, with the other sign, missing. A tenth is more than the
+    /// error of an encoder, and 3 rad/s three counts of one of 64 within the time of the means.
     pub fn contradicts(&self) -> bool {
-        let ([speed, turning], [part, least_rad_s]) = (self.mean_rad_s, MISMATCH);
-        (speed - turning).abs() > part * speed.abs().min(turning.abs()) + least_rad_s
+        let [speed, turning] = self.mean_rad_s;
+        (speed - turning).abs() > 0.1 * speed.abs().min(turning.abs()) + 3.0
     }
 
     /// The rotation between this one and another, at a part of the time.

@@ -30,15 +30,6 @@ use super::angle::{Rotation, turned};
 use super::motion::{Covariance, Motions, Square, Transition, add_product, product};
 use crate::bearing::magnet::Geometry;
 
-/// Standard deviation of a velocity at the start, m/s: rotors of magnetic bearings orbit within their clearance at less.
-const START_VELOCITY_M_S: f64 = 1.0;
-
-/// The least gap reckoned with, in parts of s: predictions at the start may be anywhere.
-const LEAST_GAP: f64 = 0.1;
-
-/// No part of an innovation of a bearing is as large as this, whatever its unit.
-const SIGNAL_CAP: f64 = 1.0e60;
-
 /// The rotor and its magnets, in the coordinates that the position sensors read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Machine<const N: usize, const K: usize, const U: usize> {
@@ -163,11 +154,12 @@ pub struct FilterState<const N: usize, const K: usize, const U: usize, const T: 
     by_current_noise: SVector<Covariance<N>, K>,
 }
 
-/// The field in the interval that ended with a sample.
+/// The field in the middle of the interval that ended with a sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Field<const K: usize> {
-    /// `i_k²/gap_k²` in the middle, less the noise expected in it, A²/m².
-    pub square: SVector<f64, K>,
+pub struct Field<const N: usize, const K: usize> {
+    position: SVector<f64, N>,
+    /// `1/gap_k`.
+    reciprocal: SVector<f64, K>,
     /// `i_k/gap_k²`, A/m².
     pub per_current: SVector<f64, K>,
     /// `i_k²/gap_k³`, A²/m³.
@@ -187,27 +179,15 @@ struct Regressors<const K: usize> {
 impl<const K: usize> Regressors<K> {
     /// The sum with weights for start, middle and end.
     #[inline(always)]
-    fn mean(by: [f64; 3], at: &[Self; 3]) -> Self {
-        let mean = |of: [f64; 3]| of[0] * by[0] + of[1] * by[1] + of[2] * by[2];
+    fn mean(by: [f64; 3], [a, b, c]: &[Self; 3]) -> Self {
+        let mean = |a: f64, b: f64, c: f64| a * by[0] + b * by[1] + c * by[2];
         Self {
-            square: SVector::from_fn(|k, _| mean([0, 1, 2].map(|n| at[n].square[k]))),
-            forward: [0, 1].map(|part| mean([0, 1, 2].map(|n| at[n].forward[part]))),
-            backward: [0, 1].map(|part| mean([0, 1, 2].map(|n| at[n].backward[part]))),
-            load: mean([0, 1, 2].map(|n| at[n].load)),
+            square: a.square * by[0] + b.square * by[1] + c.square * by[2],
+            forward: [0, 1].map(|part| mean(a.forward[part], b.forward[part], c.forward[part])),
+            backward: [0, 1].map(|part| mean(a.backward[part], b.backward[part], c.backward[part])),
+            load: mean(a.load, b.load, c.load),
         }
     }
-}
-
-/// The middle of an interval, at which tolerances are linearised.
-struct Middle<'a, const N: usize, const K: usize, const U: usize> {
-    /// The factors of the rows of the accelerations.
-    forces: SVector<f64, U>,
-    field: &'a Field<K>,
-    position: SVector<f64, N>,
-    /// `1/gap_k`.
-    reciprocal: [f64; K],
-    velocity: SVector<f64, N>,
-    omega: f64,
 }
 
 /// One innovation and what it is made of, whitened: multiplied by L⁻¹, with the covariance `S = L Lᵀ` of the innovation in units of σ_z².
@@ -236,12 +216,11 @@ pub struct Innovation<const N: usize, const K: usize, const U: usize, const T: u
 }
 
 impl<const N: usize, const K: usize, const U: usize, const T: usize> Innovation<N, K, U, T> {
-    /// Whether S is definite, and sums of the squares of all parts stay finite.
+    /// Whether S is definite, and products of all parts stay finite over any number of samples.
     pub fn is_sound(&self) -> bool {
-        let small = |square: f64| square < SIGNAL_CAP * SIGNAL_CAP;
-        small(self.motion.norm_squared() + self.unknowns.norm_squared() + self.instruments.norm_squared())
-            && small(self.tolerances.map_or(0.0, |tolerances| tolerances.norm_squared()))
-            && small(self.whitening.norm_squared())
+        let tolerances = self.tolerances.map_or(0.0, |tolerances| tolerances.norm_squared());
+        let signals = self.motion.norm_squared() + self.unknowns.norm_squared() + self.instruments.norm_squared();
+        [signals, tolerances, self.whitening.norm_squared()].iter().all(|square| *square < 1.0e120)
     }
 
     /// Normalised innovation squared `eᵀ S⁻¹ e/σ_z²`.
@@ -267,14 +246,14 @@ fn whitening<const N: usize>(s: &Square<N>) -> Square<N> {
 }
 
 impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFilter<N, K, U, T> {
-    const SIZES: () = assert!(U >= N + K && (U - N - K).is_multiple_of(2) && T >= 2 * N + K);
     /// The first of the loads among the unknowns.
     pub const LOADS: usize = U - N;
 
     /// The state at a first sample, whose position is known to σ_z and whose velocity is not.
     pub fn start(&self, sample: Sample<N, K>, position_variance: f64) -> FilterState<N, K, U, T> {
-        const { Self::SIZES };
-        let velocity = START_VELOCITY_M_S * START_VELOCITY_M_S / position_variance;
+        const { assert!(U >= N + K && (U - N - K).is_multiple_of(2) && T >= 2 * N + K) };
+        // 1 m/s: rotors of magnetic bearings orbit within their clearance at less.
+        let velocity = 1.0 / position_variance;
         let zero = Covariance { position: Square::zeros(), mixed: Square::zeros(), rate: Square::zeros() };
         let position = Square::identity();
         FilterState {
@@ -307,21 +286,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
     #[inline(always)]
     fn responses(&self, accelerations: &SMatrix<f64, U, N>, at: &Regressors<K>) -> SMatrix<f64, U, N> {
         let mut responses = *accelerations;
-        let ([c, s], [bc, bs]) = (at.forward, at.backward);
-        for a in &mut responses.data.0 {
-            for (a, square) in a.iter_mut().zip(&at.square) {
-                *a *= square;
-            }
-            for j in (K..self.machine.backward).step_by(2) {
-                (a[j], a[j + 1]) = (c * a[j] + s * a[j + 1], c * a[j + 1] - s * a[j]);
-            }
-            for j in (self.machine.backward..Self::LOADS).step_by(2) {
-                (a[j], a[j + 1]) = (bc * a[j] - bs * a[j + 1], bs * a[j] + bc * a[j + 1]);
-            }
-            for a in &mut a[Self::LOADS..] {
-                *a *= at.load;
-            }
-        }
+        let back = [at.forward, at.backward].map(|[c, s]| [c, -s]);
+        responses.data.0.iter_mut().for_each(|of| self.multiply(of, at, back));
         responses
     }
 
@@ -329,28 +295,32 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
     #[inline(always)]
     fn forces(&self, unknowns: &SVector<f64, U>, at: &Regressors<K>) -> SVector<f64, U> {
         let mut forces = *unknowns;
-        let ([c, s], [bc, bs]) = (at.forward, at.backward);
-        for k in 0..K {
-            forces[k] *= at.square[k];
-        }
-        for j in (K..self.machine.backward).step_by(2) {
-            (forces[j], forces[j + 1]) = (c * forces[j] - s * forces[j + 1], s * forces[j] + c * forces[j + 1]);
-        }
-        for j in (self.machine.backward..Self::LOADS).step_by(2) {
-            (forces[j], forces[j + 1]) = (bc * forces[j] + bs * forces[j + 1], bc * forces[j + 1] - bs * forces[j]);
-        }
+        self.multiply(&mut forces.data.0[0], at, [at.forward, at.backward]);
         forces
     }
 
-    /// Predicts to the next sample; `instrument` makes the instruments of the magnets out of the field.
+    /// Multiplies by the factors of the unknowns, and turns those that turn by cosine and sine of the forward ones, against those of the backward ones.
+    #[inline(always)]
+    fn multiply(&self, of: &mut [f64; U], at: &Regressors<K>, [[c, s], [bc, bs]]: [[f64; 2]; 2]) {
+        of.iter_mut().zip(&at.square).for_each(|(x, square)| *x *= square);
+        for j in (K..self.machine.backward).step_by(2) {
+            (of[j], of[j + 1]) = (c * of[j] - s * of[j + 1], c * of[j + 1] + s * of[j]);
+        }
+        for j in (self.machine.backward..Self::LOADS).step_by(2) {
+            (of[j], of[j + 1]) = (bc * of[j] + bs * of[j + 1], bc * of[j + 1] - bs * of[j]);
+        }
+        of[Self::LOADS..].iter_mut().for_each(|x| *x *= at.load);
+    }
+
+    /// Predicts to the next sample; `instrument` makes the instruments of the magnets out of their `u_k`.
     #[inline(always)]
     pub fn predict(
         &self,
         state: &mut FilterState<N, K, U, T>,
         running: &Running<U>,
         sample: &Sample<N, K>,
-        instrument: impl FnOnce(&Field<K>) -> SVector<f64, K>,
-    ) -> Field<K> {
+        instrument: impl FnOnce(&SVector<f64, K>) -> SVector<f64, K>,
+    ) -> Field<N, K> {
         let geometry = &self.machine.geometry;
         let h = self.step_s;
         let (h2, h3) = (0.5 * h * h, h * h * h / 6.0);
@@ -378,14 +348,14 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let (currents, parts) = self.currents(&last, sample);
         let zero = SVector::<f64, K>::zeros();
         let mut regressors = turns.map(|[forward, backward]| Regressors { square: zero, forward, backward, load: 1.0 });
-        let mut field = Field { square: zero, per_current: zero, gradient: zero };
-        let (mut position, mut reciprocal) = (last.position_m, [0.0; K]);
+        let (mut position, mut reciprocal) = (last.position_m, zero);
         let mut acceleration = SVector::<f64, N>::zeros();
         for at in 0..3 {
             let t = 0.5 * h * at as f64;
             let moved = last.position_m + (velocity + acceleration * (0.5 * t)) * t;
             let gaps = geometry.gaps(moved.into());
-            let inverse: [f64; K] = std::array::from_fn(|k| 1.0 / gaps[k].max(LEAST_GAP * geometry.gap_m[k]));
+            // Predictions at the start may be anywhere.
+            let inverse = SVector::<f64, K>::from_fn(|k, _| 1.0 / gaps[k].max(0.1 * geometry.gap_m[k]));
             regressors[at].square = SVector::from_fn(|k, _| {
                 (currents[at][k] * currents[at][k] - parts[at] * running.current_variance) * inverse[k] * inverse[k]
             });
@@ -393,12 +363,12 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
                 acceleration = accelerations.tr_mul(&self.forces(&running.unknowns, &regressors[0]));
             }
             if at == 1 {
-                field.square = regressors[1].square;
-                field.per_current = SVector::from_fn(|k, _| currents[1][k] * inverse[k] * inverse[k]);
-                field.gradient = SVector::from_fn(|k, _| field.square[k] * inverse[k]);
                 (position, reciprocal) = (moved, inverse);
             }
         }
+        let square = regressors[1].square;
+        let per_current = currents[1].component_mul(&reciprocal).component_mul(&reciprocal);
+        let field = Field { position, reciprocal, per_current, gradient: square.component_mul(&reciprocal) };
 
         // Motion with the negative stiffness, and what that adds to a free one.
         let pulls: [SVector<f64, N>; K] = std::array::from_fn(|k| accelerations.row(k).transpose());
@@ -428,7 +398,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         state.unknowns.predict(&a);
         state.instruments.predict(&a);
         state.by_noise_ratio.predict(&a);
-        state.motion.add(&stiff, &Motions { position: last.position_m.transpose(), rate: velocity.transpose() });
+        let start = Motions { position: last.position_m.transpose(), rate: velocity.transpose() };
+        state.motion.add(&stiff, &start);
         // Simpson's rule.
         for (to, by) in [
             (&mut state.unknowns.position, [h2 / 3.0, 2.0 * h2 / 3.0, 0.0]),
@@ -437,18 +408,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             *to += self.responses(&accelerations, &Regressors::mean(by, &regressors));
         }
         // Constant over the interval.
-        let instruments = instrument(&field);
-        for n in 0..N {
-            for k in 0..K {
-                let acceleration = accelerations[(k, n)] * instruments[k];
-                state.instruments.position[(k, n)] += acceleration * h2;
-                state.instruments.rate[(k, n)] += acceleration * h;
-            }
-        }
+        let instruments = instrument(&square);
+        let by_instruments = SMatrix::<f64, K, N>::from_fn(|k, n| accelerations[(k, n)] * instruments[k]);
+        state.instruments.position += by_instruments * h2;
+        state.instruments.rate += by_instruments * h;
         if let Some(tolerances) = &self.tolerances {
             let forces = self.forces(&running.unknowns, &regressors[1]);
-            let middle = Middle { forces, field: &field, position, reciprocal, velocity, omega };
-            let (by_force, moved) = self.by_tolerance(tolerances, running, &middle, &last.position_m);
+            let (by_force, moved) = self.by_tolerance(tolerances, running, &field, &forces, &start, omega);
             state.tolerances.predict(&a);
             state.tolerances.add(&stiff, &moved);
             state.tolerances.position -= by_force * h2;
@@ -489,30 +455,32 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         })
     }
 
-    /// For one standard deviation of each tolerance: change of the modelled acceleration, m/s², and of the state about which the model is
-    /// linear.
+    /// For one standard deviation of each tolerance: change of the modelled acceleration by these forces, m/s², and of the state about which the model
+    /// is linear.
     #[inline(always)]
     fn by_tolerance(
         &self,
         &Tolerances { ref variations, gain, offset_m, current_a }: &Tolerances<N, K, U>,
         running: &Running<U>,
-        middle: &Middle<N, K, U>,
-        start: &SVector<f64, N>,
+        field: &Field<N, K>,
+        of: &SVector<f64, U>,
+        start: &Motions<1, N>,
+        omega: f64,
     ) -> (SMatrix<f64, T, N>, Motions<T, N>) {
         let (mut forces, mut moved) = (SMatrix::<f64, T, N>::zeros(), Motions::zeros());
         let [gains, offsets, currents] = [T - 2 * N - K, T - N - K, T - K];
         // Force per gap.
-        let stiffness: [f64; K] = std::array::from_fn(|k| 2.0 * middle.forces[k] * middle.reciprocal[k]);
+        let stiffness: [f64; K] = std::array::from_fn(|k| 2.0 * of[k] * field.reciprocal[k]);
         let pulls: [SVector<f64, N>; K] = std::array::from_fn(|k| self.machine.accelerations.row(k).transpose());
         for (v, variation) in variations.iter().enumerate() {
-            let mut change = variation.accelerations.tr_mul(&middle.forces);
+            let mut change = variation.accelerations.tr_mul(of);
             for k in 0..K {
                 let nearer =
-                    SVector::from(variation.geometry.directions[k]).dot(&middle.position) - variation.geometry.gap_m[k];
+                    SVector::from(variation.geometry.directions[k]).dot(&field.position) - variation.geometry.gap_m[k];
                 change += pulls[k] * (stiffness[k] * nearer);
             }
             if let Some(gyroscopic) = &variation.gyroscopic {
-                change += gyroscopic * middle.velocity * middle.omega;
+                change += gyroscopic * start.rate.transpose() * omega;
             }
             forces.set_row(v, &change.transpose());
         }
@@ -521,16 +489,16 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             for n in 0..N {
                 let along = pulls[k][n] * stiffness[k];
                 for a in 0..N {
-                    forces[(gains + a, n)] -= along * (gain * direction[a] * middle.position[a]);
+                    forces[(gains + a, n)] -= along * (gain * direction[a] * field.position[a]);
                     forces[(offsets + a, n)] -= along * (offset_m * direction[a]);
                 }
                 forces[(currents + k, n)] -=
-                    pulls[k][n] * (2.0 * current_a * running.unknowns[k] * middle.field.per_current[k]);
+                    pulls[k][n] * (2.0 * current_a * running.unknowns[k] * field.per_current[k]);
             }
         }
         for a in 0..N {
             (moved.position[(gains + a, a)], moved.rate[(gains + a, a)]) =
-                (-gain * start[a], -gain * middle.velocity[a]);
+                (-gain * start.position[a], -gain * start.rate[a]);
             moved.position[(offsets + a, a)] = -offset_m;
         }
         (forces, moved)
@@ -545,10 +513,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let unknowns = product(&state.unknowns.position, &whitening);
         let inverse = whitening.tr_mul(&whitening);
         let by_current_noise = SVector::from_fn(|k, _| inverse.dot(&state.by_current_noise[k].position));
-        let mut by_log_ratio = Square::zeros();
-        for k in 0..K {
-            by_log_ratio += state.by_current_noise[k].position * running.current_noise(k);
-        }
+        let by_log_ratio: Square<N> =
+            (0..K).map(|k| state.by_current_noise[k].position * running.current_noise(k)).sum();
         let by_log_ratio = product(&product(&whitening, &by_log_ratio), &whitening);
         let tolerances = self.tolerances.as_ref().map(|&Tolerances { gain, offset_m, .. }| {
             let mut tolerances = state.tolerances.position;

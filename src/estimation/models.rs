@@ -14,43 +14,28 @@ use serde::{Deserialize, Serialize};
 use super::motion::Square;
 use super::sums::{PredictionErrorSolution, Prior, Solution, Sums};
 
-/// Models, and their memories τ in s: from that of a bearing that does not change down to less than a block at 3000 rpm.
-const MODELS: usize = 5;
-const MEMORY_S: [f64; MODELS] = [f64::INFINITY, 0.3, 0.1, 0.03, 0.003];
+/// Memories τ of the models in s: from that of a bearing that does not change down to less than a block at 3000 rpm.
+const MEMORY_S: [f64; 5] = [f64::INFINITY, 0.3, 0.1, 0.03, 0.003];
 
-/// Blocks for which evidence counts.
-const EVIDENCE_BLOCKS: f64 = 64.0;
-
-/// Logarithms of odds: of a model whose memory ends against the one whose memory does not, before there are data; by which a shorter memory replaces what a
-/// longer one knows; by which another model is taken; the least that is remembered.
+/// Logarithm of the odds of a model whose memory ends against the one whose memory does not, before there are data. With −4, 4 of 80 spindles whose λ
+/// drift were beyond 5 deviations, with −3.5 2, with −3 2 but λ needed longer after a step (seeds 730001 to 730040).
 const PRIOR: f64 = -3.5;
+
+/// Logarithm of the odds by which a shorter memory replaces what a longer one knows: a wrong model is that far ahead with a probability below e⁻¹²
+/// (Markov's inequality).
 const REPLACED: f64 = 12.0;
-const TAKEN: f64 = 1.0;
-const LEAST: f64 = -20.0;
 
 /// A model whose variance of unit weight exceeds that of the present innovations by so many standard deviations (F-test) holds samples that no λ
 /// explains, and is replaced. Without this 20 of 160 runs were valid and beyond 5 deviations after a blow on the rotor, with 5 deviations 4,
 /// with 4 none (test `blows_are_forgotten`).
 const UNEXPLAINED: f64 = 4.0;
 
-/// Level of that test over all blocks so far (Bonferroni): with 4 deviations at any time a bearing that does not change began anew every 200 s.
-const UNEXPLAINED_LEVEL: f64 = 0.03;
-
-/// The present innovations count for at least so much in it: noise that is found comes down slowly after a disturbance.
-const LEAST_NIS: f64 = 0.5;
-
-/// The same models of the backward force: none, or Gaussian with these parts of its tolerance.
+/// The models of the backward force: none, or Gaussian with these parts of its tolerance, from a tenth of a newton to some newtons.
 const FORCE_PARTS: [f64; 4] = [0.0, 0.05, 0.3, 1.0];
 
 /// Probability of a force above which it is identified, and below which no longer. With 0.99 instead of 0.9999 two of 400 drawn bearings without a
 /// force were given one, and λ an error of 7 to 11 bounds (seeds 740001 to 740200); courses with a force are the same.
 const FORCE_LIMITS: [f64; 2] = [0.9999, 0.50];
-
-/// Solutions in a row that tell of a force before it is believed: a transient that no model explains looks like one for a quarter (`coil-loss`).
-const FORCE_SOLUTIONS: u32 = 4;
-
-/// The greatest logarithm of odds that is retained when samples are forgotten: a force may begin.
-const RETAINED: f64 = 4.0;
 
 /// The exponent of the weights in the spread of the models of the force: what is stated holds for models that are less likely as well. With 1 instead of it 4
 /// of 120 runs with 0.1 and 0.3 N were off by 5 to 12 deviations (`montecarlo --only backward --seed 97301`), with 0.5 none.
@@ -58,9 +43,6 @@ const TEMPER: f64 = 0.5;
 
 /// The most unknowns of backward forces.
 const FORCES: usize = 4;
-
-/// The least information of data on a force, relative to that of its prior.
-const LEAST_INFORMATION: f64 = 1.0e-6;
 
 /// A part of the prior that holds an unknown at its mean, relative to what a unit of it could be.
 const HELD: f64 = 1.0e12;
@@ -80,9 +62,9 @@ pub enum Weighed {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Models<const K: usize, const U: usize, const T: usize> {
     /// On the heap one by one: the threads of importers have small stacks.
-    sums: [Box<Sums<K, U, T>>; MODELS],
+    sums: [Box<Sums<K, U, T>>; MEMORY_S.len()],
     /// Logarithms of the evidence, relative to that of the first.
-    evidence: [f64; MODELS],
+    evidence: [f64; MEMORY_S.len()],
     used: usize,
     /// Variance by the other models.
     spread: SVector<f64, U>,
@@ -101,7 +83,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         let sums = std::array::from_fn(|_| Box::new(Sums::zeros()));
         Self {
             sums,
-            evidence: [0.0; MODELS],
+            evidence: [0.0; MEMORY_S.len()],
             used: 0,
             spread: SVector::zeros(),
             force: 0,
@@ -113,13 +95,13 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
 
     /// Whether the models that are used are in the lists.
     pub fn has_shape(&self) -> bool {
-        self.used < MODELS && self.force < FORCE_PARTS.len()
+        self.used < MEMORY_S.len() && self.force < FORCE_PARTS.len()
     }
 
     /// Forgets the sums; without allocation, as all that a step does.
     pub fn restart(&mut self) {
         self.sums.iter_mut().for_each(|sums| **sums = Sums::zeros());
-        (self.evidence, self.used, self.spread) = ([0.0; MODELS], 0, SVector::zeros());
+        (self.evidence, self.used, self.spread) = ([0.0; MEMORY_S.len()], 0, SVector::zeros());
     }
 
     /// The sums of the model that is used.
@@ -155,21 +137,25 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     ) -> Weighed {
         let former = self.used;
         let lost = 1.0 - self.discount_of(time_s);
-        let limit = UNEXPLAINED.max(sqrt(2.0 * log(blocks as f64 / UNEXPLAINED_LEVEL)));
-        let mut unexplained = [false; MODELS];
+        // A level of 0.03 over all blocks so far (Bonferroni), without which 4 of 8 runs of 100 s began anew (`unbalanced`, seeds 90001 to 90004).
+        let limit = UNEXPLAINED.max(sqrt(2.0 * log(blocks as f64 / 0.03)));
+        let mut unexplained = [false; MEMORY_S.len()];
         for (m, sums) in self.sums.iter_mut().enumerate() {
             sums.discount(exp(-time_s / MEMORY_S[m]));
             let before = sums.evidence(prior, position_variance);
             sums.merge(block);
-            let Some(after) = sums.evidence(prior, position_variance) else { continue };
-            let gain = before.map_or(0.0, |before| after.log - before.log);
-            self.evidence[m] = (self.evidence[m] + gain) * (1.0 - 1.0 / EVIDENCE_BLOCKS);
-            let [unit_variance, own] = after.unit_variance::<N, U>();
-            unexplained[m] = unit_variance > nis.max(LEAST_NIS) * (1.0 + limit * sqrt(2.0 / own + 2.0 / degrees));
+            let Some([after, residuals]) = sums.evidence(prior, position_variance) else { continue };
+            let gain = before.map_or(0.0, |[before, _]| after - before);
+            // Evidence counts for 64 blocks, 16 revolutions.
+            self.evidence[m] = (self.evidence[m] + gain) * (1.0 - 1.0 / 64.0);
+            let own = sums.degrees::<N>();
+            // Noise that is found comes down slowly after a disturbance.
+            unexplained[m] = residuals / own > nis.max(0.5) * (1.0 + limit * sqrt(2.0 / own + 2.0 / degrees));
         }
-        let changed = unexplained[0] || self.evidence[MODELS - 1] - self.evidence[0] > REPLACED;
+        let last = MEMORY_S.len() - 1;
+        let changed = unexplained[0] || self.evidence[last] - self.evidence[0] > REPLACED;
         let mut renewed = false;
-        for m in (0..MODELS - 1).rev() {
+        for m in (0..last).rev() {
             if unexplained[m] || self.evidence[m + 1] - self.evidence[m] > REPLACED {
                 renewed = true;
                 let (to, from) = self.sums.split_at_mut(m + 1);
@@ -178,10 +164,12 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             }
         }
         let most = self.evidence.into_iter().fold(f64::NEG_INFINITY, f64::max);
-        self.evidence = self.evidence.map(|evidence| (evidence - most).max(LEAST));
+        // A model that comes back into question is to do so within the blocks for which evidence counts.
+        self.evidence = self.evidence.map(|evidence| (evidence - most).max(-20.0));
         let odds = self.odds();
-        let likeliest = (0..MODELS).fold(0, |best, m| if odds[m] > odds[best] { m } else { best });
-        if odds[likeliest] > odds[self.used] + TAKEN {
+        let likeliest = (0..=last).fold(0, |best, m| if odds[m] > odds[best] { m } else { best });
+        // By less, two models would take turns.
+        if odds[likeliest] > odds[self.used] + 1.0 {
             self.used = likeliest;
         }
         let weighed = match changed {
@@ -191,13 +179,14 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         };
         let lost = if renewed { 1.0 } else { lost };
         for (retained, odds) in self.retained.iter_mut().zip(self.force_odds) {
-            *retained = (*retained + lost * odds).clamp(-RETAINED, RETAINED);
+            // Within bounds, for a force may begin.
+            *retained = (*retained + lost * odds).clamp(-4.0, 4.0);
         }
         weighed
     }
 
     /// Logarithms of the odds of the models.
-    fn odds(&self) -> [f64; MODELS] {
+    fn odds(&self) -> [f64; MEMORY_S.len()] {
         std::array::from_fn(|m| self.evidence[m] + if m > 0 { PRIOR } else { 0.0 })
     }
 
@@ -257,7 +246,8 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         let mut data = posterior - Square::identity() * precision;
         let mut right = posterior * of(&combined.unknowns);
         let biased = posterior * of(&combined.bias);
-        let by_bias = (data + Square::identity() * (LEAST_INFORMATION * precision)).try_inverse()? * biased;
+        // Data that say nothing of a force leave a millionth of its prior.
+        let by_bias = (data + Square::identity() * (1.0e-6 * precision)).try_inverse()? * biased;
         let lost = biased / (1.0 + biased.dot(&by_bias));
         right -= lost * by_bias.dot(&right);
         data -= lost * biased.transpose();
@@ -280,7 +270,8 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         let likely = probability > FORCE_LIMITS[usize::from(self.force > 0)];
         self.solutions = if likely { self.solutions.saturating_add(1) } else { 0 };
         self.force = match likely {
-            true if self.solutions >= FORCE_SOLUTIONS => likeliest,
+            // A transient that no model explains looks like a force for a quarter (`coil-loss`).
+            true if self.solutions >= 4 => likeliest,
             true => self.force,
             false => 0,
         };
@@ -302,11 +293,11 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     }
 }
 
-/// The prior of λ, ten times as wide as the first guess, and of the unknowns of backward forces with a standard deviation s in N; 0 means there are none.
+/// The prior of λ, ten times as wide as the first guess, for a force constant may be ten times as large, and of the unknowns of backward forces with a standard deviation s in N; 0 means there are none.
 pub fn prior<const K: usize, const U: usize>(lambda0: [f64; K], forces: Range<usize>, std_n: f64) -> Prior<U> {
     let mut prior = Prior { precision: SVector::zeros(), mean: SVector::zeros() };
     for (k, lambda0) in lambda0.into_iter().enumerate() {
-        prior.precision[k] = 1.0 / (PRIOR_WIDTH * lambda0 * (PRIOR_WIDTH * lambda0));
+        prior.precision[k] = 1.0 / (10.0 * lambda0 * (10.0 * lambda0));
         prior.mean[k] = lambda0;
     }
     for j in forces {
@@ -314,6 +305,3 @@ pub fn prior<const K: usize, const U: usize>(lambda0: [f64; K], forces: Range<us
     }
     prior
 }
-
-/// Standard deviation of the prior of λ, in first guesses: a force constant may be ten times as large.
-const PRIOR_WIDTH: f64 = 10.0;

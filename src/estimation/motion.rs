@@ -98,21 +98,17 @@ impl<const N: usize> Covariance<N> {
     /// `A P Aᵀ`.
     #[inline(always)]
     pub fn predict(&mut self, a: &Transition<N>) {
-        // P A ᵀ, its rows as P has them.
-        let mut left = [Motions::<N, N>::zeros(), Motions::zeros()];
-        left[0].add(a, &Motions { position: self.position, rate: self.mixed });
-        left[1].add(a, &Motions { position: self.mixed.transpose(), rate: self.rate });
-        let transposed = |x: &Square<N>| x.transpose();
-        let of = |position: fn(&Motions<N, N>) -> &Square<N>| Motions {
-            position: transposed(position(&left[0])),
-            rate: transposed(position(&left[1])),
+        let predicted = |position: Square<N>, rate: Square<N>| {
+            let mut motions = Motions { position, rate };
+            motions.predict(a);
+            motions
         };
-        let (positions, rates) = (of(|motions| &motions.position), of(|motions| &motions.rate));
-        let mut above = Motions::zeros();
-        above.add(a, &positions);
-        let mut below = product(&rates.position, &a.rate_by_position);
-        add_product(&mut below, &rates.rate, &a.rate);
-        (self.position, self.mixed, self.rate) = (above.position, above.rate, below);
+        // The rows of P Aᵀ, then the columns.
+        let above = predicted(self.position, self.mixed);
+        let below = predicted(self.mixed.transpose(), self.rate);
+        let positions = predicted(above.position.transpose(), below.position.transpose());
+        let rates = predicted(above.rate.transpose(), below.rate.transpose());
+        (self.position, self.mixed, self.rate) = (positions.position, positions.rate, rates.rate);
     }
 
     /// `A P Aᵀ` with A taken apart: a free motion, then what stiffness and gyroscope, times h, make of coordinates and rates. That is right to the

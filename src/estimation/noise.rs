@@ -13,7 +13,6 @@ use super::innovations::{Innovation, Sample};
 
 /// Samples whose differences the start is taken from: their standard deviation is then known to about a tenth.
 const START_SAMPLES: usize = 64;
-const DIFFERENCES: usize = START_SAMPLES - 6;
 
 /// Standard deviation of the noise of a current that the search starts from, A: the geometric mean of 5 and 50 mA, usual for current sensors. From
 /// below, where currents say little of their noise, the search is slow, and the deviation stated meanwhile too small.
@@ -22,44 +21,18 @@ pub const START_CURRENT_NOISE_A: f64 = 1.5e-2;
 /// Least and greatest standard deviation of a position, m: what is below is rounding, what is above hides a clearance.
 const POSITION_NOISE_M: [f64; 2] = [1.0e-9, 3.0e-5];
 
-/// Bounds of a variance that is known: it may be beyond what a search finds.
-const ANY: [f64; 2] = [f64::MIN_POSITIVE, f64::MAX];
-
 /// The greatest standard deviations that the search finds without being far off, m and A: one and a half times those of the study of fourteen
 /// pairs of noise (`montecarlo --only "14 pairs"`).
 const GREATEST_FOUND: [f64; 2] = [7.5e-6, 0.15];
 
-/// The greatest standard deviation of a current that is tried, A. More explains all of the motion by noise, so that λ is never found and the
-/// search never returns: orbits of two circles with 1 µm then end at 0.7 A.
-const CURRENT_NOISE_A: f64 = 0.2;
-
-/// Least and greatest `σ_i/σ_z`, A/m. At the ends one of the two noises is without effect on the innovations.
-const NOISE_RATIO: [f64; 2] = [1.0e2, 1.0e8];
-
-/// The greatest part of the mean square of the currents that may be noise: the motion itself, while λ is unknown, is not to be taken for it.
-const CURRENT_NOISE_PART: f64 = 0.15;
-
-/// The most by which a logarithm changes with one sample.
-const STEP: f64 = 0.1;
-
-/// Information at the start: a standard deviation of three in ln ρ and ln σ_z², which are found within a factor of twenty.
-const START_INFORMATION: f64 = 0.1;
-
-/// Prior information on ln σ² of a noise that is estimated: the first samples decide nothing. That on ln ρ grows with ρ² and is below 1 at first: with 2
-/// instead of 1 a search that began a factor of three too low took 0.1 s (drawn bearings, seed 56183).
+/// Prior information on ln σ² of a noise that is known: to 2 %, as after 1200 samples of one reading; and of one that is estimated: the first samples
+/// decide nothing. That of samples on ln ρ grows with ρ² and is below 1 at first: with 2 instead of 1 a search that began a factor of three too low
+/// took 0.1 s (drawn bearings, seed 56183).
+const KNOWN: f64 = 600.0;
 const ESTIMATED: f64 = 1.0;
 
-/// The same of a noise that is known: to 2 %, as after 1200 samples of one reading.
-const KNOWN: f64 = 600.0;
-
-/// Noise that is found this many standard deviations of the prior away was not known (conflict of prior and data).
-const CONFLICT: f64 = 5.0;
-
-/// The information forgets the samples taken with a worse estimate: so much of the number of samples counts, and at least so many.
-const MEMORY_PART: f64 = 0.7;
-const LEAST_MEMORY: f64 = 100.0;
-
-/// Innovations whose normalised square is beyond this count with a weight that brings them back to it.
+/// Innovations whose normalised square is beyond this count with a weight that brings them back to it: χ² with two degrees of freedom, no noise in 10¹³
+/// samples.
 pub const OUTLIER: f64 = 60.0;
 
 /// A change of ln ρ that makes the weights of earlier samples wrong by a factor of two, and what they then count; with 0.3 the stated deviation of the
@@ -92,7 +65,8 @@ impl Noise {
         let position = if known[0] { known_m } else { first_m.clamp(POSITION_NOISE_M[0], POSITION_NOISE_M[1]) };
         let current = if known[1] { known_a } else { START_CURRENT_NOISE_A };
         let logs = Vector2::new(2.0 * log(current / position), 2.0 * log(position));
-        let information = Matrix2::identity() * START_INFORMATION;
+        // A standard deviation of three in ln ρ and ln σ_z², which are found within a factor of twenty.
+        let information = Matrix2::identity() * 0.1;
         let variances = [position * position, current * current];
         let start = [logs.y, logs.sum()];
         Self { known, start, weighed_with: logs.x, logs, variances, information, samples: 0.0 }
@@ -131,42 +105,41 @@ impl Noise {
             return 1.0;
         }
         self.samples += 1.0;
-        self.information *= 1.0 - 1.0 / (MEMORY_PART * self.samples).max(LEAST_MEMORY);
+        // Earlier samples, taken with a worse estimate, are forgotten.
+        self.information *= 1.0 - 1.0 / (0.7 * self.samples).max(100.0);
         self.information += Matrix2::new(by_ratio, mixed, mixed, 0.5 * N as f64);
         // ln σ_i² = ln ρ + ln σ_z².
         let [position, current] = self.known.map(|known| if known { KNOWN } else { ESTIMATED });
         let prior = Matrix2::new(current, current, current, current + position);
         let information = self.information + prior;
         let mut step = information.try_inverse().map_or(Vector2::zeros(), |inverse| inverse * score);
+        // Noise that is known may be beyond what a search finds.
+        let any = [f64::MIN_POSITIVE, f64::MAX];
+        let [least, most] = if self.known[0] { any } else { POSITION_NOISE_M.map(|std_m| std_m * std_m) };
         // A variance of the positions that is at its bound stays there.
-        let [least, most] = self.position_bounds();
         if (self.variances[0] <= least && step.y < 0.0) || (self.variances[0] >= most && step.y > 0.0) {
             step = Vector2::new(score.x / information[(0, 0)], 0.0);
         }
-        self.step(step.map(|x| x.clamp(-STEP, STEP)), mean_square_a2)
-    }
-
-    /// Bounds of σ_z², m².
-    fn position_bounds(&self) -> [f64; 2] {
-        if self.known[0] { ANY } else { POSITION_NOISE_M.map(|std_m| std_m * std_m) }
-    }
-
-    /// Moves within the bounds.
-    fn step(&mut self, by: Vector2<f64>, mean_square_a2: f64) -> f64 {
-        // The logarithm of a variance within bounds, and the variance.
-        let bounded = |x: f64, [least, most]: [f64; 2]| match exp(x) {
-            value if value < least => (log(least), least),
-            value if value > most => (log(most), most),
-            value => (x, value),
+        // The logarithm of a variance within bounds, and the variance, after a step of at most a tenth.
+        let bounded = |x: f64, step: f64, [least, most]: [f64; 2]| {
+            let x = x + step.clamp(-0.1, 0.1);
+            match exp(x) {
+                value if value < least => (log(least), least),
+                value if value > most => (log(most), most),
+                value => (x, value),
+            }
         };
-        (self.logs.y, self.variances[0]) = bounded(self.logs.y + by.y, self.position_bounds());
-        let [least, greatest] = NOISE_RATIO.map(|ratio| ratio * ratio);
-        let most = (CURRENT_NOISE_PART * mean_square_a2).min(CURRENT_NOISE_A * CURRENT_NOISE_A) / self.variances[0];
-        let ratio = if self.known[1] { ANY } else { [least, most.clamp(least, greatest)] };
-        (self.logs.x, self.variances[1]) = bounded(self.logs.x + by.x, ratio);
+        (self.logs.y, self.variances[0]) = bounded(self.logs.y, step.y, [least, most]);
+        // More than 0.2 A explains all of the motion by noise, so that λ is never found and the search never returns: orbits of two circles with 1 µm
+        // then end at 0.7 A. Nor is the motion itself to be taken for noise while λ is unknown: at most 0.15 of the mean square of the currents is.
+        let most = (0.15 * mean_square_a2).min(0.2 * 0.2) / self.variances[0];
+        // Beyond a σ_i/σ_z of 10² and 10⁸ A/m one of the two noises is without effect on the innovations.
+        let ratio = if self.known[1] { any } else { [1.0e4, most.clamp(1.0e4, 1.0e16)] };
+        (self.logs.x, self.variances[1]) = bounded(self.logs.x, step.x, ratio);
         self.variances[1] *= self.variances[0];
+        // Noise that is found five standard deviations of the prior away was not known (conflict of prior and data).
         let apart = [self.logs.y - self.start[0], self.logs.sum() - self.start[1]];
-        if self.known.iter().zip(apart).any(|(known, apart)| *known && apart * apart * KNOWN > CONFLICT * CONFLICT) {
+        if self.known.iter().zip(apart).any(|(known, apart)| *known && apart * apart * KNOWN > 25.0) {
             self.known = [false; 2];
         }
         if (self.logs.x - self.weighed_with).abs() <= RATIO_CHANGE {
@@ -225,7 +198,7 @@ impl<const N: usize, const K: usize> Waiting<N, K> {
         }
         self.equidistant = if sample.missing == self.missing { self.equidistant + 1 } else { 2 };
         self.missing = sample.missing;
-        if self.differences < DIFFERENCES && self.equidistant >= 7 {
+        if self.differences < START_SAMPLES - 6 && self.equidistant >= 7 {
             let x: [SVector<f64, N>; 7] =
                 std::array::from_fn(|n| self.ring[(end + START_SAMPLES - n) % START_SAMPLES].position_m);
             let fourth = x[1] + x[5] - (x[2] + x[4]) * 4.0 + x[3] * 6.0;
@@ -246,7 +219,7 @@ impl<const N: usize, const K: usize> Waiting<N, K> {
 
     /// Standard deviation of the positions, m, once there are enough samples.
     pub fn position_noise_m(&self) -> Option<f64> {
-        let enough = self.differences >= DIFFERENCES;
-        enough.then(|| sqrt(self.squares[0].min(self.squares[1]) / (N * DIFFERENCES) as f64))
+        let enough = self.differences >= START_SAMPLES - 6;
+        enough.then(|| sqrt(self.squares[0].min(self.squares[1]) / (N * self.differences) as f64))
     }
 }

@@ -9,12 +9,6 @@ use super::angle::Rotation;
 /// measurement that is lost.
 pub const STUCK_SAMPLES: u32 = 25;
 
-/// Steps of a reading that are this many times its smallest one are not those of a still rotor behind a quantised sensor.
-const QUANTISED_STEPS: f64 = 8.0;
-
-/// No measurement of a machine is as large as this, whatever its unit; squares of it do not overflow.
-const MEASUREMENT_LIMIT: f64 = 1.0e12;
-
 /// How a sample can be used.
 #[derive(Debug)]
 pub enum Taken<const N: usize> {
@@ -72,7 +66,8 @@ impl<const N: usize, const K: usize> Readings<N, K> {
         step_s: f64,
         in_gap: bool,
     ) -> Taken<N> {
-        let usable = |x: f64| x.is_finite() && x.abs() < MEASUREMENT_LIMIT;
+        // No measurement of a machine is as large, whatever its unit; squares of it do not overflow.
+        let usable = |x: f64| x.abs() < 1.0e12;
         let turning = usable(theta_rad) && usable(omega_rad_s);
         match &mut self.rotation {
             Some(rotation) if turning => rotation.advance(step_s, theta_rad, omega_rad_s),
@@ -103,7 +98,8 @@ impl<const N: usize, const K: usize> Readings<N, K> {
         }
         self.missing = 0;
         let moving = self.same.min() == 0;
-        let stuck = |n: usize| self.same[n] >= STUCK_SAMPLES && self.mean_m[n] > QUANTISED_STEPS * self.smallest_m[n];
+        // Steps of less than eight times the smallest one are those of a still rotor behind a quantised sensor.
+        let stuck = |n: usize| self.same[n] >= STUCK_SAMPLES && self.mean_m[n] > 8.0 * self.smallest_m[n];
         let contradiction = self.rotation().contradicts();
         Taken::Usable { stuck: std::array::from_fn(|n| moving && stuck(n)), contradiction }
     }

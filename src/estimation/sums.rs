@@ -12,19 +12,17 @@
 
 use std::f64::consts::TAU;
 
-use libm::log;
+use libm::{log, sqrt};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-use super::innovations::{Field, Innovation};
+use super::innovations::Innovation;
 use super::motion::{Square, add_product};
 
 /// Variance of the size of the bias, in units of the attenuation: −1 without feedback, near 0 with usual controllers, which answer to noise of
-/// the positions. With a variance of 1 error/std was 0.2 to 0.8 where the attenuation decides (100 drawn bearings, seeds 51001 and 55001).
+/// the positions. With a variance of 1 error/std was 0.2 to 0.8 where the attenuation decides (100 drawn bearings, seeds 51001 and 55001); 1/16 would
+/// state four deviations where there is no feedback.
 const ATTENUATION_VARIANCE: f64 = 0.25;
-
-/// Noise of the angle, which no controller answers to, attenuates in full: so that this is one standard deviation of the size.
-const ANGLE_ATTENUATION: f64 = 2.0;
 
 /// Sums of R signals times e_0, times φ of U unknowns, and times ψ of T tolerances.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -84,24 +82,6 @@ pub struct Sums<const K: usize, const U: usize, const T: usize> {
     regressor_noise: SVector<f64, U>,
 }
 
-/// Evidence of samples for a model.
-#[derive(Clone, Copy, Debug)]
-pub struct Evidence {
-    /// `½ (bᵀ J⁻¹ b/σ_z² − ln det J)`, prior included: the logarithm of the evidence, but for what all models have in common.
-    pub log: f64,
-    /// Residual sum of squares of the best estimate, `Σ eᵀ S⁻¹ e/σ_z²`, and the weights of the samples.
-    left: f64,
-    weight: f64,
-}
-
-impl Evidence {
-    /// Variance of unit weight, for N coordinates and U unknowns, and its degrees of freedom.
-    pub fn unit_variance<const N: usize, const U: usize>(&self) -> [f64; 2] {
-        let degrees = (N as f64 * self.weight - U as f64).max(1.0);
-        [self.left / degrees, degrees]
-    }
-}
-
 impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
     /// No samples.
     pub fn zeros() -> Self {
@@ -128,11 +108,12 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         self.weight += 1.0;
         self.square += innovation.motion.norm_squared();
         self.predicted.add(&innovation.unknowns, innovation);
-        for (j, noise) in self.regressor_noise.iter_mut().enumerate() {
+        // Noise of the angle, which no controller answers to, attenuates in full: by one standard deviation of the size.
+        let by_angle = angle_variance / sqrt(ATTENUATION_VARIANCE);
+        for (j, noise) in self.regressor_noise.iter_mut().enumerate().take(U - N) {
             *noise += match j {
                 j if j < K => innovation.by_current_noise[j],
-                j if j < U - N => ANGLE_ATTENUATION * angle_variance * innovation.unknowns.row(j).norm_squared(),
-                _ => 0.0,
+                _ => by_angle * innovation.unknowns.row(j).norm_squared(),
             };
         }
         if instrumented {
@@ -170,8 +151,14 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         (information, self.predicted.right + prior.precision.component_mul(&prior.mean) * position)
     }
 
-    /// Evidence of the samples for a model with this prior.
-    pub fn evidence(&self, prior: &Prior<U>, position: f64) -> Option<Evidence> {
+    /// Degrees of freedom of the residuals of N coordinates.
+    pub fn degrees<const N: usize>(&self) -> f64 {
+        (N as f64 * self.weight - U as f64).max(1.0)
+    }
+
+    /// `½ (bᵀ J⁻¹ b/σ_z² − ln det J)`, prior included: the logarithm of the evidence of the samples, but for what all models have in common; and the residual
+    /// sum of squares of the best estimate, `Σ eᵀ S⁻¹ e/σ_z²`.
+    pub fn evidence(&self, prior: &Prior<U>, position: f64) -> Option<[f64; 2]> {
         let (information, right) = self.with(prior, position);
         let (scale, scaled) = scaled(&information);
         let cholesky = scaled.cholesky()?;
@@ -181,11 +168,7 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         let explained = half.norm_squared() / position;
         let prior = prior.precision.dot(&prior.mean.component_mul(&prior.mean));
         let log = 0.5 * explained - log_determinant;
-        log.is_finite().then_some(Evidence {
-            log,
-            left: self.square / position + prior - explained,
-            weight: self.weight,
-        })
+        log.is_finite().then_some([log, self.square / position + prior - explained])
     }
 
     /// The prediction-error estimate with a prior, for noises of these variances.
@@ -224,6 +207,8 @@ pub struct Solution<const U: usize, const T: usize> {
     pub model: SVector<f64, U>,
     /// Change of the unknowns by one standard deviation of each tolerance.
     pub sensitivity: SMatrix<f64, U, T>,
+    /// J⁻¹.
+    pub inverse: Square<U>,
 }
 
 impl<const U: usize, const T: usize> Solution<U, T> {
@@ -296,6 +281,7 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
             bias: a * variance.sqrt(),
             model: SVector::zeros(),
             sensitivity: by_tolerance,
+            inverse: self.inverse,
         }
     }
 
@@ -385,9 +371,6 @@ fn solve_transposed<const U: usize>(a: &Square<U>, mut b: SVector<f64, U>) -> Op
 /// Cells of the table of instruments around a revolution; what its harmonics above the eighth do is lost to the instruments.
 const CELLS: usize = 32;
 
-/// Revolutions after which a cell forgets: speed and λ may change.
-const REVOLUTIONS: f64 = 8.0;
-
 /// The mean of `i_k²/gap_k²` over earlier revolutions, over the rotor angle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AngleTable<const K: usize> {
@@ -399,7 +382,7 @@ pub struct AngleTable<const K: usize> {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Cell<const K: usize> {
     mean: SVector<f64, K>,
-    /// Revolutions in the mean, at most [`REVOLUTIONS`].
+    /// Revolutions in the mean, at most 8: speed and λ may change.
     weight: f64,
     /// Samples seen in this revolution, and their sum.
     seen: f64,
@@ -419,7 +402,7 @@ impl<const K: usize> AngleTable<K> {
 
     /// The mean at an angle, interpolated, if the rotor has passed there before; then takes in what is there now.
     #[inline(always)]
-    pub fn exchange(&mut self, angle_rad: f64, field: &Field<K>) -> Option<SVector<f64, K>> {
+    pub fn exchange(&mut self, angle_rad: f64, square: &SVector<f64, K>) -> Option<SVector<f64, K>> {
         let turns = angle_rad / TAU;
         let place = (turns - turns.floor()) * CELLS as f64;
         let cell = (place as usize) % CELLS;
@@ -434,7 +417,7 @@ impl<const K: usize> AngleTable<K> {
         let mean = here.mean.lerp(&beside.mean, part.abs());
         let known = here.weight > 0.0 && beside.weight > 0.0;
         self.cells[cell].seen += 1.0;
-        self.cells[cell].sum += field.square;
+        self.cells[cell].sum += square;
         known.then_some(mean)
     }
 }
@@ -443,7 +426,7 @@ impl<const K: usize> Cell<K> {
     /// Takes what was seen into the mean.
     fn close(&mut self) {
         if self.seen > 0.0 {
-            self.weight = (self.weight + 1.0).min(REVOLUTIONS);
+            self.weight = (self.weight + 1.0).min(8.0);
             self.mean += (self.sum / self.seen - self.mean) / self.weight;
         }
         (self.seen, self.sum) = (0.0, SVector::zeros());

@@ -13,9 +13,8 @@ use super::motion::Square;
 use super::noise::OUTLIER;
 use super::sums::PredictionErrorSolution;
 
-/// Harmonics of the rotor angle that are tested, and the limit of χ² of each; 35 with four degrees of freedom: probability 4.6·10⁻⁷.
+/// Harmonics of the rotor angle that are tested.
 const HARMONICS: usize = 4;
-const HARMONIC_LIMIT: f64 = 4.735;
 
 /// The value of χ² that is so many standard deviations of a normal distribution out (E. B. Wilson, M. M. Hilferty, 1931).
 fn chi_square(degrees: usize, deviations: f64) -> f64 {
@@ -24,37 +23,17 @@ fn chi_square(degrees: usize, deviations: f64) -> f64 {
     n * root * root * root
 }
 
-/// The part of the innovations' power at a harmonic that is taken to remain, whatever the estimate has absorbed: gains change while it settles.
-const LEAST_LEFT: f64 = 1.0e-3;
-
-/// Memory of their sums, s: what is too small to show within this time does not matter, and data of minutes show any approximation.
-const HARMONICS_MEMORY_S: f64 = 10.0;
-
-/// Revolutions that the sums must hold before the innovations are tested for harmonics.
-const HARMONICS_AFTER: f64 = 0.75;
-
-/// Limit of the correlation of successive innovations, in standard deviations: probability 5.7·10⁻⁷.
+/// Limit of the correlation of successive innovations in standard deviations, probability 5.7·10⁻⁷; innovations beyond it count as such.
 const WHITENESS_LIMIT: f64 = 5.0;
 
-/// Innovations beyond this many standard deviations count as such in the test of whiteness.
-const WHITENESS_CLIP: f64 = 5.0;
-
-/// Revolutions over which correlation and mean square of the innovations are taken.
+/// Revolutions over which correlation and mean square of the innovations are taken: long beside the samples of one, short beside the memories of models.
 const MEAN_REVOLUTIONS: f64 = 3.0;
-
-/// Limit of the normalised innovation squared per degree of freedom: innovations 1.6 times as strong as they should be.
-const NIS_LIMIT: f64 = 2.5;
-
-/// An estimate that is not valid becomes so below this part of each limit (hysteresis).
-const EASE: f64 = 0.7;
 
 /// Sums and means of the tests.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Validation<const N: usize, const U: usize, const T: usize> {
-    /// Revolutions at the start.
-    since: f64,
-    /// Revolutions when the sums of the harmonics began, and the sums.
-    harmonics_since: f64,
+    /// Quarters that have ended since the start, and since the sums of the harmonics began.
+    quarters: [usize; 2],
     harmonics: [Harmonic<N, U, T>; HARMONICS],
     /// The greatest χ² of a harmonic.
     greatest: f64,
@@ -107,7 +86,8 @@ impl<const N: usize, const U: usize, const T: usize> Harmonic<N, U, T> {
     fn chi_square(&self, found: &PredictionErrorSolution<U, T>, moved: bool, position_variance: f64) -> f64 {
         let sign = if moved { 1.0 } else { -1.0 };
         let [cc, cs, ss] = self.squares;
-        let floor = LEAST_LEFT * (cc + ss);
+        // Whatever the estimate has absorbed of a harmonic, a part is taken to remain: gains change while it settles.
+        let floor = 1.0e-3 * (cc + ss);
         let sums = [0, 1].map(|part| self.motion[part].transpose() - self.unknowns[part].tr_mul(&found.unknowns));
         // ψ, and what the estimate makes of it.
         let by = [0, 1].map(|part| self.tolerances[part] + found.sensitivity.tr_mul(&self.unknowns[part]));
@@ -129,11 +109,9 @@ impl<const N: usize, const U: usize, const T: usize> Harmonic<N, U, T> {
 }
 
 impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
-    /// Begins anew at a revolution.
-    pub fn start(revolution: f64) -> Self {
+    pub fn start() -> Self {
         Self {
-            since: revolution,
-            harmonics_since: revolution,
+            quarters: [0; 2],
             harmonics: [Harmonic::zeros(); HARMONICS],
             greatest: 0.0,
             averaged: 0.0,
@@ -144,9 +122,10 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         }
     }
 
-    /// Counts the sums so far with this weight, and forgets for a time in s.
+    /// Counts the sums so far with this weight, and forgets for a time in s: what is too small to show within 10 s does not matter, and data of minutes
+    /// show any approximation (one of three runs of 150 s with known noise ended unexplained).
     pub fn discount(&mut self, weight: f64, time_s: f64) {
-        let weight = weight * exp(-time_s / HARMONICS_MEMORY_S);
+        let weight = weight * exp(-time_s / 10.0);
         for harmonic in &mut self.harmonics {
             harmonic.squares = harmonic.squares.map(|x| x * weight * weight);
             for part in 0..2 {
@@ -158,14 +137,18 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     }
 
     /// Forgets the sums.
-    pub fn forget(&mut self, revolution: f64) {
-        (self.harmonics_since, self.harmonics) = (revolution, [Harmonic::zeros(); HARMONICS]);
-        self.greatest = 0.0;
+    pub fn forget(&mut self) {
+        (self.quarters[1], self.harmonics, self.greatest) = (0, [Harmonic::zeros(); HARMONICS], 0.0);
     }
 
-    /// Revolutions since the last start.
-    pub fn revolutions(&self, revolution: f64) -> f64 {
-        revolution - self.since
+    /// Counts a quarter of a revolution.
+    pub fn end_quarter(&mut self) {
+        self.quarters = self.quarters.map(|quarters| quarters + 1);
+    }
+
+    /// Quarters since the last start.
+    pub fn quarters(&self) -> usize {
+        self.quarters[0]
     }
 
     /// Takes in the signals of an innovation at the rotor angle (cos θ, sin θ).
@@ -182,7 +165,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     #[inline(always)]
     pub fn add_settled(&mut self, error: &SVector<f64, N>, position_variance: f64, per_revolution: f64) {
         let white = error / sqrt(position_variance);
-        let clipped = white.map(|e| e.clamp(-WHITENESS_CLIP, WHITENESS_CLIP));
+        let clipped = white.map(|e| e.clamp(-WHITENESS_LIMIT, WHITENESS_LIMIT));
         self.averaged += 1.0;
         let memory = MEAN_REVOLUTIONS * per_revolution;
         let part = 1.0 / self.averaged.min(memory);
@@ -198,24 +181,21 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     }
 
     /// Judges the harmonics of what an estimate leaves unexplained; whether the unknowns may have moved while the sums were gathered.
-    pub fn judge_harmonics(
-        &mut self,
-        revolution: f64,
-        found: &PredictionErrorSolution<U, T>,
-        moved: bool,
-        position_variance: f64,
-    ) {
-        let enough = revolution - self.harmonics_since > HARMONICS_AFTER;
+    pub fn judge_harmonics(&mut self, found: &PredictionErrorSolution<U, T>, moved: bool, position_variance: f64) {
+        // Less of a revolution holds no harmonic.
+        let enough = self.quarters[1] > 3;
         let found = self.harmonics.iter().map(|harmonic| harmonic.chi_square(found, moved, position_variance));
         self.greatest = if enough { found.fold(0.0, f64::max) } else { 0.0 };
     }
 
     /// The verdict on an estimate that was valid or not.
     pub fn verdict(&self, per_revolution: f64, was_valid: bool) -> Verdict {
-        let ease = if was_valid { 1.0 } else { EASE };
+        // Hysteresis: an estimate becomes valid below this part of each limit.
+        let ease = if was_valid { 1.0 } else { 0.7 };
         let samples = N as f64 * self.averaged.min(2.0 * MEAN_REVOLUTIONS * per_revolution);
         let correlation = self.product / self.square.max(1.0) * sqrt(samples);
-        if self.greatest >= chi_square(2 * N, HARMONIC_LIMIT * ease) || self.nis > NIS_LIMIT * ease {
+        // χ² of 35 with four degrees of freedom, probability 4.6·10⁻⁷; innovations 1.6 times as strong as they should be.
+        if self.greatest >= chi_square(2 * N, 4.735 * ease) || self.nis > 2.5 * ease {
             Verdict::Unexplained
         } else if correlation.abs() >= WHITENESS_LIMIT * ease {
             Verdict::Coloured
