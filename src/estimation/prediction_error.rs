@@ -155,6 +155,8 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     /// The samples from which on the estimate may be valid again: the pause after a refusal, and [`TWICE_S`] after each of the last two times that it became valid.
     valid_from: u64,
     twice_from: [u64; 2],
+    /// Samples for which the tests have to pass before the estimate is valid: as many as those at which they did not.
+    refused: u64,
     /// Mean square of the currents, A².
     mean_square_a2: f64,
     /// Samples since the start.
@@ -224,6 +226,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             changed: false,
             valid_from: 0,
             twice_from: [0; 2],
+            refused: 0,
             mean_square_a2: 0.0,
             samples: 0,
             solution: None,
@@ -513,8 +516,16 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         };
         let lambda = solution.lambda::<K>();
         let [variance, total] = solution.variances(state.validation.nis, self.scale_variance);
-        let verdict = self.verdict(state, noise, &lambda, &total);
-        let after = |time_s: f64| state.samples + (time_s / self.filter.step_s) as u64;
+        let tested = state.validation.verdict(state.per_revolution(), state.estimate.verdict == Verdict::Valid);
+        let verdict = self.verdict(state, noise, tested, &lambda, &total);
+        let samples = |time_s: f64| (time_s / self.filter.step_s) as u64;
+        if state.is_settled() {
+            state.refused = match tested {
+                Verdict::Valid => state.refused.saturating_sub(1),
+                _ => (state.refused + 1).min(samples(TWICE_S)),
+            };
+        }
+        let after = |time_s: f64| state.samples + samples(time_s);
         match (state.estimate.verdict == Verdict::Valid, verdict == Verdict::Valid) {
             (false, true) => state.twice_from = [state.twice_from[1], after(TWICE_S)],
             (true, false) => state.valid_from = after(PAUSE_S),
@@ -536,6 +547,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         &self,
         state: &PredictionErrorState<N, K, U, T>,
         noise: &Noise,
+        tested: Verdict,
         lambda: &SVector<f64, K>,
         total: &SVector<f64, K>,
     ) -> Verdict {
@@ -558,9 +570,11 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         } else if !noise.is_within_range() {
             Verdict::Noisy
         } else {
-            match state.validation.verdict(state.per_revolution(), was_valid) {
+            match tested {
                 Verdict::Valid if (0..K).any(|k| sqrt(total[k]) >= limit * lambda[k]) => Verdict::Uncertain,
-                Verdict::Valid if state.samples < state.valid_from.max(state.twice_from[0]) => state.estimate.verdict,
+                Verdict::Valid if state.refused > 0 || state.samples < state.valid_from.max(state.twice_from[0]) => {
+                    state.estimate.verdict
+                }
                 verdict => verdict,
             }
         }
