@@ -216,7 +216,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         prior
     }
 
-    /// Chooses the model of the backward force; the variance by all other models.
+    /// Chooses the model of the backward force; the variance by all other models. Where the noise is not plausible, no force is identified.
     ///
     /// The solution with the widest prior R of the force gives the information of the data on it, Λ and Λz: with the posterior precision P⁻¹ and mean F,
     /// `Λ = P⁻¹ − R` and `Λz = P⁻¹ F`. A bias of λ by noise of the currents, of unit variance along b, is one of the force as well: with `u = P⁻¹ b` it
@@ -229,6 +229,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         combined: &Solution<U, T>,
         forces: Range<usize>,
         variance: f64,
+        is_plausible: bool,
     ) -> Option<SVector<f64, U>> {
         if forces.is_empty() || widest.precision[forces.start] >= HELD {
             return Some(self.spread);
@@ -267,7 +268,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         let all: f64 = models.iter().map(|model| exp(model.0 - most)).sum();
         let probability = 1.0 - exp(models[0].0 - most) / all;
         let likeliest = (1..models.len()).max_by(|a, b| models[*a].0.total_cmp(&models[*b].0)).unwrap_or(1);
-        let likely = probability > FORCE_LIMITS[usize::from(self.force > 0)];
+        let likely = is_plausible && probability > FORCE_LIMITS[usize::from(self.force > 0)];
         self.solutions = if likely { self.solutions.saturating_add(1) } else { 0 };
         self.force = match likely {
             // A transient that no model explains looks like a force for a quarter (`coil-loss`).

@@ -14,7 +14,10 @@ use super::innovations::{Innovation, Sample};
 /// Samples whose differences the start is taken from: their standard deviation is then known to about a tenth.
 const START_SAMPLES: usize = 64;
 
-/// Standard deviation of the noise of a current that the search starts from, A: the geometric mean of 5 and 50 mA, usual for current sensors. From
+/// The greatest standard deviation of the noise of a current that is usual for current sensors, A; the least is a tenth of it.
+pub const USUAL_CURRENT_NOISE_A: f64 = 5.0e-2;
+
+/// Standard deviation of the noise of a current that the search starts from, A: the geometric mean of what is usual. From
 /// below, where currents say little of their noise, the search is slow, and the deviation stated meanwhile too small.
 pub const START_CURRENT_NOISE_A: f64 = 1.5e-2;
 
