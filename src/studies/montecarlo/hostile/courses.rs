@@ -138,6 +138,17 @@ fn changes() -> Vec<Course> {
 
 /// Forces that turn backward, beat, or rub.
 fn forces() -> Vec<Course> {
+    let oscillating = |name: &str, [least_n, most_n]: [f64; 2], [least_hz, most_hz]: [f64; 2]| {
+        Course::new(name, Asked::NotWrong, move |scenario, seed| {
+            let mut draw = Draw::new(seed);
+            let amplitude_n = draw.scale(least_n, most_n);
+            put(scenario, "plant.perturbation.omega", TAU * draw.between(least_hz, most_hz));
+            for (axis, part) in [("Y", 1.0), ("Z", 0.7)] {
+                put(scenario, &format!("plant.perturbation.amplitude{axis}"), amplitude_n * part);
+                put(scenario, &format!("plant.perturbation.phase{axis}"), draw.between(-PI, PI));
+            }
+        })
+    };
     let mut courses: Vec<_> = [0.1, 0.3, 1.0, 2.0]
         .into_iter()
         .map(|force_n| {
@@ -154,11 +165,9 @@ fn forces() -> Vec<Course> {
             ..Course::new("the paper's simulation, without noise", Asked::Valid, |_, _| ())
         },
         Course { base: "paper", ..Course::new("the paper's simulation, with noise", Asked::Valid, |_, _| ()) },
-        Course::new("0.3 N at 47 Hz", Asked::NotWrong, |scenario, seed| {
-            put(scenario, "plant.perturbation.amplitudeY", 0.3);
-            put(scenario, "plant.perturbation.omega", 47.0 * TAU);
-            put(scenario, "plant.perturbation.phaseY", Draw::new(seed).between(-PI, PI));
-        }),
+        oscillating("0.3 N at 47 Hz", [0.3, 0.3], [47.0, 47.0]),
+        oscillating("0.5 to 8 N at 95 to 130 Hz", [0.5, 8.0], [95.0, 130.0]),
+        oscillating("0.5 to 8 N at 180 to 260 Hz", [0.5, 8.0], [180.0, 260.0]),
         Course {
             rubs: true,
             ..Course::new("light rubbing", Asked::NotWrong, |scenario, seed| {
