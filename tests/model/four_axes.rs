@@ -67,11 +67,11 @@ fn all_six_force_constants_are_found_in_closed_loop() {
     }
     let found = estimate.output();
     assert!(found.valid, "{found:?}");
-    for k in 0..6 {
-        below("error of λ in standard deviations", (found.lambda_hat[k] - lambda[k]).abs() / found.lambda_std[k], 4.0);
-        below("standard deviation of λ, relative", found.lambda_std[k] / lambda[k], 0.01);
+    for ((lambda, hat), std) in lambda.into_iter().zip(found.lambda_hat).zip(found.lambda_std) {
+        below("error of λ in standard deviations", (hat - lambda).abs() / std, 4.0);
+        below("standard deviation of λ, relative", std / lambda, 0.01);
     }
-    for plane in 0..2 {
-        below("unbalance, kg·m", (found.unbalance_kg_m[plane] - unbalance_kgm[plane]).abs(), 2e-6);
+    for (found_kgm, kgm) in found.unbalance_kg_m.into_iter().zip(unbalance_kgm) {
+        below("unbalance, kg·m", (found_kgm - kgm).abs(), 2e-6);
     }
 }
