@@ -3,7 +3,7 @@
 use maud::html;
 use nalgebra::ComplexField;
 
-use super::{frame, plot, table_of};
+use super::{framed, table_of};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
 use crate::studies::whirl::{Whirl, modes_hz};
 use crate::table::Table;
@@ -42,29 +42,23 @@ pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> S
         response.line(Line::new(name, colour::MAGNETS[bearing]), &rpm[1..], &amplitude);
     }
 
-    let title = "Campbell diagram";
-    let body = html! {
-        header { h1 { (title) } (plot::notice()) }
-        main {
-            section #answer { p.verdict { (whirl.critical_in_words(greatest_rpm)) } }
-            section { p.soft { "This page is made by" } pre { code { (command) } } }
-            figure #campbell {
-                (frequencies.html())
-                figcaption {
-                    "Natural frequencies of the rigid shaft over its speed. Gyroscopic moments raise those that whirl with the rotor and lower \
-                     those that whirl against it. Unbalance excites forward whirl where its line meets that of the speed."
-                }
+    let main = html! {
+        section #answer { p.verdict { (whirl.critical_in_words(greatest_rpm)) } }
+        section { p.soft { "This page is made by" } pre { code { (command) } } }
+        figure #campbell {
+            (frequencies.html())
+            figcaption {
+                "Natural frequencies of the rigid shaft over its speed. Gyroscopic moments raise those that whirl with the rotor and lower \
+                 those that whirl against it. Unbalance excites forward whirl where its line meets that of the speed."
             }
-            @if !response.is_empty() {
-                figure #response {
-                    (response.html())
-                    figcaption { "Orbit of the shaft in the bearings under its unbalance." }
-                }
-            }
-            section #results { (table_of(table)) }
         }
-        footer.soft { "Plots: plotly.js (MIT). Drag to zoom, double-click for all, click a name in a legend to switch its line." }
-        (plot::scripts())
+        @if !response.is_empty() {
+            figure #response {
+                (response.html())
+                figcaption { "Orbit of the shaft in the bearings under its unbalance." }
+            }
+        }
+        section #results { (table_of(table)) }
     };
-    frame::page(title, &body)
+    framed("Campbell diagram", None, &main)
 }

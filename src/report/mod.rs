@@ -171,46 +171,52 @@ pub fn page(report: &Report) -> String {
 
 /// The page with another answer and other figures.
 fn page_with(report: &Report, answer: &Markup, figures: &[Figure]) -> String {
+    let main = html! {
+        section #answer { (answer) }
+        section {
+            @for paragraph in report.description.split("\n\n").filter(|text| !text.trim().is_empty()) {
+                p { (prose(paragraph.trim())) }
+            }
+            p.soft { (run_of(&report.recording)) }
+            @if !report.command.is_empty() {
+                p.soft { "This page is made by" }
+                pre { code { (report.command) } }
+            }
+        }
+        nav {
+            ul {
+                @for figure in figures { li { a href={ "#" (figure.id) } { (figure.title) } } }
+                @if !report.tables.is_empty() { li { a href="#results" { "Results in numbers" } } }
+                @if !report.parameters.is_empty() { li { a href="#parameters" { "Parameters" } } }
+            }
+        }
+        (figures::views(report))
+        @for (index, figure) in figures.iter().enumerate() { (figure.html(index + 1)) }
+        @if !report.tables.is_empty() {
+            section #results {
+                @for table in &report.tables { (table_of(table)) }
+            }
+        }
+        @if !report.parameters.is_empty() { (parameters_of(&report.parameters)) }
+    };
+    framed(&report.title, report.message.as_deref(), &main)
+}
+
+/// A page with plots: its title, why the run ended early, and the rest.
+fn framed(title: &str, message: Option<&str>, main: &Markup) -> String {
     let body = html! {
         header {
-            h1 { (report.title) }
-            @if let Some(message) = &report.message {
+            h1 { (title) }
+            @if let Some(message) = message {
                 p.message role="alert" { strong { "The run ended early. " } (message) }
             }
             (plot::notice())
         }
-        main {
-            section #answer { (answer) }
-            section {
-                @for paragraph in report.description.split("\n\n").filter(|text| !text.trim().is_empty()) {
-                    p { (prose(paragraph.trim())) }
-                }
-                p.soft { (run_of(&report.recording)) }
-                @if !report.command.is_empty() {
-                    p.soft { "This page is made by" }
-                    pre { code { (report.command) } }
-                }
-            }
-            nav {
-                ul {
-                    @for figure in figures { li { a href={ "#" (figure.id) } { (figure.title) } } }
-                    @if !report.tables.is_empty() { li { a href="#results" { "Results in numbers" } } }
-                    @if !report.parameters.is_empty() { li { a href="#parameters" { "Parameters" } } }
-                }
-            }
-            (figures::views(report))
-            @for (index, figure) in figures.iter().enumerate() { (figure.html(index + 1)) }
-            @if !report.tables.is_empty() {
-                section #results {
-                    @for table in &report.tables { (table_of(table)) }
-                }
-            }
-            @if !report.parameters.is_empty() { (parameters_of(&report.parameters)) }
-        }
+        main { (main) }
         footer.soft { "Plots: plotly.js (MIT). Drag to zoom, double-click for all, click a name in a legend to switch its line." }
         (plot::scripts())
     };
-    frame::page(&report.title, &body)
+    frame::page(title, &body)
 }
 
 /// The words of a verdict after a colon.

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use magnetic_bearing::studies::montecarlo::bound::{Bound, Interval, Rotor};
 use nalgebra::{DMatrix, DVector};
 
-const SAMPLES: usize = 100;
+const SAMPLES: usize = 80;
 const STEP_S: f64 = 2e-4;
 const SPEED_RAD_S: f64 = 100.0 * TAU;
 /// Speeds up by a fifth of the speed in a revolution, so that the terms with ω̇ matter.
