@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 /// jerk is white. Noise of 3° leaves 0.4 % in ω at 10 kHz.
 const TIME_S: f64 = 0.024;
 
-/// For so long the measured speed is averaged at the start, s.
+/// For so long the measured speed is averaged at the start, s: the time constant for noise of 3°.
 const START_S: f64 = 9.0e-3;
 
 /// Time constant of the means of speeds and noise, s: long beside the differences of a coarse encoder.

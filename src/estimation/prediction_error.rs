@@ -16,7 +16,7 @@ use super::noise::{Noise, OUTLIER, USUAL_CURRENT_NOISE_A, Waiting};
 use super::sums::{AngleTable, Prior, Solution, Sums};
 use super::validation::Validation;
 
-/// Blocks of samples in a revolution.
+/// Blocks of samples in a revolution: a change is seen within half of one.
 const QUARTERS: usize = 4;
 
 /// Duration that counts as a revolution of a rotor at rest, s: λ may change all the same. That of 2250 rpm.
@@ -339,10 +339,21 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if sums.samples < LEAST_SAMPLES {
             return;
         }
-        let Some([widest, solution]) = self.solutions(state, &sums, variances) else {
+        // The solutions with the widest prior of the backward forces, and with that of the model that is used.
+        let solutions = sums.solve(&self.prior, variances).and_then(|found| {
+            let widest = found.combine(&sums, &self.prior, variances[0]);
+            let is_plausible = self.excess(variances[1]) <= FORCE_EXCESS;
+            let model = state.models.select(&self.prior, &found, &widest, self.forces(), variances[0], is_plausible)?;
+            let prior = state.models.prior(&self.prior, self.forces());
+            let found = if prior == self.prior { found } else { sums.solve(&prior, variances)? };
+            let solution = Solution { model, ..found.combine(&sums, &prior, variances[0]) };
+            Some((widest, solution, found.condition))
+        });
+        let Some((widest, solution, condition)) = solutions else {
             state.estimate.condition = CONDITION_CAP;
             return;
         };
+        state.estimate.condition = condition;
         let std = solution.relative_std::<K>();
         if !std.is_finite() {
             return;
@@ -365,23 +376,6 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             state.running = if wide { widest.unknowns } else { solution.unknowns };
         }
         state.solution = Some(solution);
-    }
-
-    /// The solutions with the widest prior of the backward forces, and with that of the model that is used.
-    fn solutions(
-        &self,
-        state: &mut PredictionErrorState<N, K, U, T>,
-        sums: &Sums<K, U, T>,
-        variances: [f64; 2],
-    ) -> Option<[Solution<U, T>; 2]> {
-        let widest = sums.solve(&self.prior, variances)?;
-        let wide = widest.combine(sums, &self.prior, variances[0]);
-        let is_plausible = self.excess(variances[1]) <= FORCE_EXCESS;
-        let model = state.models.select(&self.prior, &widest, &wide, self.forces(), variances[0], is_plausible)?;
-        let prior = state.models.prior(&self.prior, self.forces());
-        let found = if prior == self.prior { widest } else { sums.solve(&prior, variances)? };
-        state.estimate.condition = found.condition;
-        Some([wide, Solution { model, ..found.combine(sums, &prior, variances[0]) }])
     }
 
     /// How far the noise of the currents is above what is stated, or else above what is usual: a ratio of standard deviations.

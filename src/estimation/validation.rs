@@ -26,7 +26,8 @@ fn chi_square(degrees: usize, deviations: f64) -> f64 {
 /// Limit of the correlation of successive innovations in standard deviations, probability 5.7·10⁻⁷; innovations beyond it count as such.
 const WHITENESS_LIMIT: f64 = 5.0;
 
-/// Revolutions over which correlation and mean square of the innovations are taken: long beside the samples of one, short beside the memories of models.
+/// Revolutions over which correlation and mean square of the innovations are taken: over 600 samples at 3000 rpm and
+/// 10 kHz the mean square is known to 4 %.
 const MEAN_REVOLUTIONS: f64 = 3.0;
 
 /// Sums and means of the tests.
