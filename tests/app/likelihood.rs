@@ -402,30 +402,6 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// A rotor that is heavier than stated, under a load that is known, has dynamics weaker than its statics: κ is the factor of the mass, and ± of κ and λ is honest.
-#[test]
-fn a_known_load_tells_the_dynamics() {
-    let errors = in_order(16, &|run| {
-        let (seed, kappa) = (84_301 + run as u64, 0.9 + 0.02 * run as f64);
-        let bench = Bench { seed, seconds: 0.5, m_error: kappa - 1.0, load: [10.0, -65.0], ..Bench::default() };
-        let recorded = bench.record();
-        let body = Body::Disc { m_kg: bench.m, gap_m: bench.s, alpha_rad: bench.alpha.to_vec() };
-        let beside = Beside { load_n: bench.load.map(Some).to_vec(), dynamics: true, exponent: false };
-        let mut options = Options { parts: vec![Part::new(body, 0, 0, beside)], slow_force: false };
-        told(&mut options, "dynamics").knowledge = Knowledge::Free;
-        let found = likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options).unwrap();
-        assert!(found.converged && found.not_separated.is_empty(), "seed {seed}");
-        assert_eq!(found.conditions[0].load_n.iter().map(|load| load.value).collect::<Vec<_>>(), bench.load);
-        let estimate = found.bench.last().expect("parameters").estimate;
-        assert!(estimate.total_std < 0.02, "seed {seed}: {estimate:?}");
-        let lambda = (0..3).map(|k| (found.lambda[k].value - bench.lambda[k]) / found.lambda[k].total_std);
-        ((estimate.value - bench.m_error) / estimate.total_std, lambda.collect::<Vec<_>>())
-    });
-    let (kappa, lambda): (Vec<f64>, Vec<Vec<f64>>) = errors.into_iter().unzip();
-    println!("κ {} {kappa:.2?}, λ {}", rms(&kappa), rms(&lambda.concat()));
-    assert!((0.7..1.3).contains(&rms(&kappa)) && (0.7..1.3).contains(&rms(&lambda.concat())));
-}
-
 /// Noise that grows with the gap: its power is found with an honest ±, and its level is that at the nominal gap.
 #[test]
 fn noise_may_grow_with_the_gap() {

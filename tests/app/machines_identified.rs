@@ -277,7 +277,7 @@ fn a_known_load_tells_the_dynamics() {
         let stated = Scenario::open(Path::new(machine.name)).expect("a scenario that comes with the program");
         let of = |name: &str| stated.value("plant", name).map(Value::as_f64);
         let inertia = ["m", "Jt", "Jp"].into_iter().filter_map(|name| Some((name, kappa * of(name)?)));
-        let scenario = record_with(&folder, machine, &inertia.collect::<Vec<_>>(), |text| text);
+        let scenario = record_with(&folder, &machine, &inertia.collect::<Vec<_>>(), |text| text);
         let loads: Vec<String> =
             ["pY", "pZ"].map(|name| format!("{name}={}", of(name).expect("a load"))).into_iter().collect();
         let asked = ["--machine", machine.name, "--estimate", "dynamics"];
@@ -313,4 +313,30 @@ fn a_known_load_tells_the_dynamics() {
         let twin = twin.value("plant", "m").expect("a mass").as_f64();
         below("mass of the twin", (twin / (of("m").expect("a mass") * (1.0 + value)) - 1.0).abs(), 1e-9);
     }
+}
+
+/// ± of κ is honest: recordings of rotors that are 0.92 to 1.14 times as heavy as stated, whose loads are known.
+#[test]
+fn the_deviation_of_the_dynamics_is_honest() {
+    let folder = folder("machines-identified/honest");
+    let mut square = 0.0;
+    for run in 0..12 {
+        let kappa = 0.92 + 0.02 * f64::from(run);
+        let mut scenario = Scenario::open(Path::new(PLANAR4.name)).expect("a scenario that comes with the program");
+        let of = |name: &str| scenario.value("plant", name).expect("a value").as_f64();
+        let (m_kg, loads) = (kappa * of("m"), ["pY", "pZ"].map(|name| format!("{name}={}", of(name))));
+        scenario.set("plant", "m", Value::Real(m_kg));
+        scenario.set("plant", "sensor.seed", Value::Integer(86_001 + run));
+        let run = simulate::run(&scenario).expect("a good scenario");
+        let mut bytes = Vec::new();
+        run.recording.write_csv(&mut bytes).expect("a vector takes everything");
+        fs::write(folder.join("run.csv"), bytes).expect("a file");
+        let asked = ["--machine", "planar4", "--estimate", "dynamics", "--hold", "heldBefore"];
+        let document = identified(&folder, &[&asked[..], &["--set", &loads[0], "--set", &loads[1]]].concat());
+        let found = &document["bench"]["dynamics"];
+        let [value, std] = ["value", "stdTotal"].map(|of| found[of].as_f64().expect("a number"));
+        below("κ ±", std, 0.003);
+        square += ((1.0 + value - kappa) / std).powi(2) / 12.0;
+    }
+    assert!((0.7..1.3).contains(&square.sqrt()), "error/± {}", square.sqrt());
 }
