@@ -516,9 +516,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         } else {
             match tested {
                 Verdict::Valid if (0..K).any(|k| sqrt(total[k]) >= limit * lambda[k]) => Verdict::Uncertain,
-                Verdict::Valid if state.probation > 0 || state.samples < state.twice_from[0] => {
-                    state.estimate.verdict
-                }
+                Verdict::Valid if state.probation > 0 || state.samples < state.twice_from[0] => state.estimate.verdict,
                 verdict => verdict,
             }
         }
