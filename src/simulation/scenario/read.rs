@@ -405,7 +405,7 @@ pub fn flatten(table: &toml::Table) -> Vec<(String, &toml::Value)> {
     leaves(table, &|_| false)
 }
 
-/// As [`flatten`], where some tables are leaves.
+/// As `flatten`, where some tables are leaves.
 pub fn leaves<'t>(table: &'t toml::Table, is_leaf: &dyn Fn(&toml::Table) -> bool) -> Vec<(String, &'t toml::Value)> {
     let mut found = Vec::new();
     for (key, value) in table {
