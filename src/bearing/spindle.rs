@@ -167,7 +167,7 @@ impl<T: Scalar, const M: usize> SpindleGeometryOf<T, M> {
     }
 }
 
-/// What belongs to (y, z) in A, (y, z) in B, and to x if it is one of N coordinates.
+/// Values of (y, z) in A, (y, z) in B, and of x if it is one of N coordinates.
 #[inline]
 pub(crate) fn in_bearings<V: Copy, const N: usize>([[a_y, a_z], [b_y, b_z]]: [[V; 2]; 2], x: V) -> [V; N] {
     std::array::from_fn(|n| [a_y, a_z, b_y, b_z, x][n])

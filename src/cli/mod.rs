@@ -375,7 +375,7 @@ fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Optio
         }
     } else {
         say_how_to_resume(out)?;
-        // What is wrong with that file is not an argument that cannot be used.
+        // A fault of that file is no fault of an argument.
         design.run(out).map_err(|error| error.to_string())?
     };
     let there = if outcome.before > 0 { format!(", {} of them from before", outcome.before) } else { String::new() };

@@ -322,7 +322,7 @@ pub struct PathState<const N: usize> {
 pub struct Path<C, const N: usize> {
     curve: C,
     step_s: f64,
-    /// What differentiates an external reference.
+    /// The differentiator of an external reference.
     observer: Option<SignalObserver>,
 }
 

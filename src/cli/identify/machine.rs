@@ -34,7 +34,7 @@ impl Arguments {
         self.method.as_deref().unwrap_or(LIKELIHOOD)
     }
 
-    /// What `--set` says of loads, which are known then, and the rest of it.
+    /// Loads that `--set` states, which are known then, and the rest of its settings.
     pub(super) fn loads(&self, machine: &Machine) -> (Changes, Changes) {
         let loads = machine.of_coordinates(|coordinate| coordinate.load);
         self.changes.iter().cloned().partition(|(name, _)| loads.contains(name))

@@ -7,7 +7,7 @@ use super::read::significant;
 /// Values with their covariance.
 pub(super) type Own = (DVector<f64>, DMatrix<f64>);
 
-/// What disagrees: of the recording that is furthest from the mean, the value that explains most of its difference from the others, if it alone differs. Nothing if
+/// The disagreement: of the recording that is furthest from the mean, the value that explains most of its difference from the others, if it alone differs. Nothing if
 /// chance explains all.
 pub(super) fn disagreement(own: &[Own], names: &[String]) -> Option<String> {
     let count = own[0].0.len();
