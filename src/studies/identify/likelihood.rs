@@ -111,7 +111,7 @@ pub struct Missing {
     pub current: [Origin; MAGNETS],
 }
 
-/// What is known or asked of a part of the motion besides its bench.
+/// Settings of a part of the motion besides its bench.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Beside {
     /// Loads that are known, N or N·m, by coordinate; empty if none is.
@@ -139,7 +139,7 @@ pub struct Part {
     pub positions: usize,
     /// Place of its first magnet.
     pub magnets: usize,
-    /// What else is known or asked.
+    /// Further settings.
     pub beside: Beside,
     /// The parameters of its bench.
     pub parameters: Vec<BenchParameter>,

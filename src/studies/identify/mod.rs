@@ -57,7 +57,7 @@ pub struct Stated {
     pub machine: &'static Machine,
     /// The bodies that move, part by part.
     pub bodies: Vec<Body>,
-    /// What else is known or asked of each.
+    /// Further settings of each.
     pub beside: Vec<Beside>,
     /// Meaning of a sample of a current.
     pub hold: Hold,
@@ -213,7 +213,7 @@ impl Stated {
     /// that can tell it.
     ///
     /// # Errors
-    /// What is wanted for it.
+    /// A text that says what the effect needs.
     pub fn ask(&mut self, name: &str) -> Result<(), String> {
         let is_dynamics = plain(name) == DYNAMICS;
         if !is_dynamics && plain(name) != NOISE_EXPONENT {

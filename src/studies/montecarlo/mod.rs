@@ -46,7 +46,7 @@ pub struct Study {
     pub runs: usize,
     /// The seed of the first run; the others follow one by one.
     pub first_seed: u64,
-    /// What differs from run to run besides the seed of the sensors.
+    /// Changes from run to run, besides the seed of the sensors.
     pub vary: Vary,
     /// Whether the runs differ in more than noise, so that errors in per cent mean little.
     pub mixed: bool,

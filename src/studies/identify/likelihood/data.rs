@@ -112,7 +112,7 @@ impl Data<'_> {
 pub(super) struct Track {
     /// Coordinates and rates, row by row.
     pub state: Vec<f64>,
-    /// What was to be expected of every row, in single precision, for there are many: `i_k²/gap_k²` in A²/m² over the interval that ends there, then coordinates
+    /// Expected values of every row, in single precision, for there are many: `i_k²/gap_k²` in A²/m² over the interval that ends there, then coordinates
     /// and rates. Empty as long as it is not known.
     pub expected: Vec<f32>,
 }
@@ -127,7 +127,7 @@ pub(super) struct Piece {
     pub blocks_from: usize,
 }
 
-/// What a pass of the filter is about.
+/// The subject of a pass of the filter.
 #[derive(Clone, Copy)]
 pub(super) struct On<'a> {
     pub data: &'a Data<'a>,

@@ -429,7 +429,7 @@ pub(super) struct Levels {
     pub currents: ByMagnet,
     /// Factor of the level of the slow force.
     pub slow: f64,
-    /// What the power of the gap in the noise of the positions is more.
+    /// Change of the exponent of the gap in the position noise.
     pub exponent: f64,
 }
 
