@@ -74,8 +74,56 @@ impl Bearing {
         self.prefix.trim_end_matches('.')
     }
 
+    /// Whether it is the only one of its machine.
+    pub(crate) const fn is_alone(&self) -> bool {
+        self.prefix.is_empty()
+    }
+
+    /// Whether it holds the rotor across the shaft.
+    pub(crate) const fn is_radial(&self) -> bool {
+        matches!(self.kind, Kind::Radial)
+    }
+
+    /// The first for a radial bearing, the second for an axial one, and nothing where there is no other.
+    pub(crate) fn told(&self, radial: &'static str, axial: &'static str) -> &'static str {
+        match self.kind {
+            _ if self.is_alone() => "",
+            Kind::Radial => radial,
+            Kind::Axial => axial,
+        }
+    }
+
+    /// What its backup bearing is called.
+    pub(crate) fn backup(&self) -> String {
+        match self.kind {
+            Kind::Axial => "axial stop".into(),
+            Kind::Radial if self.is_alone() => "backup bearing".into(),
+            Kind::Radial => format!("backup bearing at {}", self.name()),
+        }
+    }
+
+    /// 1 for what every radial bearing has, 0 for others.
+    pub(crate) fn if_radial(&self) -> usize {
+        usize::from(self.is_radial())
+    }
+
+    /// 1 for what belongs to a place along the shaft, 0 for others.
+    pub(crate) fn if_placed(&self) -> usize {
+        usize::from(self.is_radial() && !self.is_alone())
+    }
+
+    /// 1 for what only an axial bearing beside others has.
+    pub(crate) fn if_beside(&self) -> usize {
+        usize::from(!self.is_radial() && !self.is_alone())
+    }
+
+    /// The first axis of its magnets.
+    pub(crate) fn first_axis(&self) -> &'static str {
+        if self.is_radial() { "y" } else { "x" }
+    }
+
     /// The number of directions in which it holds the rotor.
-    fn directions(&self) -> usize {
+    const fn directions(&self) -> usize {
         match self.kind {
             Kind::Radial => 2,
             Kind::Axial => 1,
@@ -83,12 +131,12 @@ impl Bearing {
     }
 
     /// Whether its magnets come in pairs that may face each other.
-    fn is_paired(&self) -> bool {
+    const fn is_paired(&self) -> bool {
         self.magnets == 2 * self.directions()
     }
 
     /// The number of groups of magnets that have a smallest force of their own: the pairs, or all magnets together.
-    pub fn groups(&self) -> usize {
+    pub const fn groups(&self) -> usize {
         if self.is_paired() { self.directions() } else { 1 }
     }
 }
@@ -115,41 +163,31 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// The machine with n coordinates and m magnets in its first bearing.
-    const fn find(n: usize, m: usize) -> Option<&'static Self> {
+    /// The machine with N coordinates and K magnets. A shaft that is none of [`MACHINES`] has no name.
+    pub(crate) const fn of<const N: usize, const K: usize>() -> &'static Self {
         const ALL: &[Machine] = &MACHINES;
         let mut at = 0;
         while at < ALL.len() {
-            if ALL[at].coordinates.len() == n && ALL[at].bearings[0].magnets == m {
-                return Some(&ALL[at]);
+            if ALL[at].coordinates.len() == N && ALL[at].magnets() == K {
+                return &ALL[at];
             }
             at += 1;
         }
-        None
+        const { &if N < 4 { PLANAR } else { Self::shaft::<N, K>("", [("", ""); 3]) } }
     }
 
-    /// That with one bearing.
-    pub(crate) const fn of_one_bearing(n: usize, k: usize) -> &'static Self {
-        Self::find(n, k).expect("a machine of this project")
-    }
-
-    /// That with a shaft that tilts. One that is none of [`MACHINES`] has no name.
-    pub(crate) const fn of_shaft<const N: usize, const M: usize>() -> &'static Self {
-        match Self::find(N, M) {
-            Some(known) => known,
-            None => const { &Self::shaft::<N, M>("", [("", ""); 3]) },
-        }
-    }
-
-    /// A shaft that tilts, in two radial bearings with M magnets each, and with N = 5 coordinates in an axial one.
-    const fn shaft<const N: usize, const M: usize>(name: &'static str, models: [Called; 3]) -> Self {
+    /// A shaft that tilts, in two radial bearings, and with N = 5 coordinates in an axial one, with K magnets in all.
+    const fn shaft<const N: usize, const K: usize>(name: &'static str, models: [Called; 3]) -> Self {
         const { assert!(N == 4 || N == 5, "a shaft that tilts") };
         Self {
             name,
             models,
-            bearings: const { &[Bearing::radial("A.", M), Bearing::radial("B.", M), Bearing::axial("X.")] }
-                .split_at(N - 2)
-                .0,
+            bearings: const {
+                let radial = K / 2 + 4 - N;
+                &[Bearing::radial("A.", radial), Bearing::radial("B.", radial), Bearing::axial("X.")]
+            }
+            .split_at(N - 2)
+            .0,
             planes: 2,
             coordinates: OF_SHAFT.split_at(5 - N).1,
             readings: READINGS_OF_SHAFT.split_at(N).0,
@@ -174,8 +212,28 @@ impl Machine {
     }
 
     /// Number of magnets.
-    pub fn magnets(&self) -> usize {
-        self.bearings.iter().map(|bearing| bearing.magnets).sum()
+    pub const fn magnets(&self) -> usize {
+        self.first_magnet(self.bearings.len())
+    }
+
+    /// Number of magnets before those of a bearing.
+    pub(crate) const fn first_magnet(&self, bearing: usize) -> usize {
+        let (mut before, mut b) = (0, 0);
+        while b < bearing {
+            before += self.bearings[b].magnets;
+            b += 1;
+        }
+        before
+    }
+
+    /// Number of groups before those of a bearing.
+    pub(crate) const fn first_group(&self, bearing: usize) -> usize {
+        let (mut before, mut b) = (0, 0);
+        while b < bearing {
+            before += self.bearings[b].groups();
+            b += 1;
+        }
+        before
     }
 
     /// Bearing, and number in it, of each group of magnets that has a smallest force of its own, both counted from 0.
@@ -187,8 +245,7 @@ impl Machine {
     /// The group of magnet k, by its place in [`groups`](Self::groups).
     pub(crate) fn group(&self, k: usize) -> usize {
         let Some((bearing, number)) = self.magnet(k) else { return 0 };
-        let before: usize = self.bearings[..bearing].iter().map(Bearing::groups).sum();
-        before + (number - 1) % self.bearings[bearing].groups()
+        self.first_group(bearing) + (number - 1) % self.bearings[bearing].groups()
     }
 
     /// Whether all magnets come in pairs that may face each other.
@@ -196,9 +253,24 @@ impl Machine {
         self.bearings.iter().all(Bearing::is_paired)
     }
 
+    /// Whether the shaft tilts in several bearings; if not, one bearing holds a rotor that does not.
+    pub(crate) const fn tilts(&self) -> bool {
+        self.bearings.len() > 1
+    }
+
+    /// The number of what only a shaft that tilts has.
+    pub(crate) fn if_tilting(&self, number: usize) -> usize {
+        if self.tilts() { number } else { 0 }
+    }
+
+    /// The number of what only a rotor in one bearing has.
+    pub(crate) fn if_single(&self, number: usize) -> usize {
+        if self.tilts() { 0 } else { number }
+    }
+
     /// Whether the machine is a single bearing and holds the rotor across its axis.
     pub fn is_planar(&self) -> bool {
-        matches!(self.bearings, [bearing] if bearing.kind == Kind::Radial)
+        matches!(self.bearings, [bearing] if bearing.is_radial())
     }
 
     /// The coordinates that a bearing moves.
@@ -242,7 +314,7 @@ impl Machine {
 
     /// Number of radial bearings.
     pub fn radial(&self) -> usize {
-        self.bearings.iter().filter(|bearing| bearing.kind == Kind::Radial).count()
+        self.bearings.iter().filter(|bearing| bearing.is_radial()).count()
     }
 
     /// Number of axial bearings.
@@ -252,7 +324,7 @@ impl Machine {
 
     /// Names of a variable of each radial bearing.
     pub fn of_radial(&self, name: &str) -> Vec<String> {
-        let radial = self.bearings.iter().filter(|bearing| bearing.kind == Kind::Radial);
+        let radial = self.bearings.iter().filter(|bearing| bearing.is_radial());
         radial.map(|bearing| format!("{}{name}", bearing.prefix)).collect()
     }
 
@@ -316,6 +388,21 @@ impl Machine {
     /// Names of what belongs to each coordinate at the start: `Y0`.
     pub fn at_start(&self, part: impl Fn(&Coordinate) -> Called) -> Vec<String> {
         self.of_coordinates(part).into_iter().map(|name| name + "0").collect()
+    }
+
+    /// Description of a quantity at the start.
+    pub(crate) fn initially(&self, what: &str) -> String {
+        if self.tilts() {
+            format!("{what} at the start")
+        } else {
+            format!("Initial {}", what.replacen('P', "p", 1).replacen('V', "v", 1))
+        }
+    }
+
+    /// [`direction`](Self::direction), with the shaft where there is one.
+    pub(crate) fn direction_of_gravity(&self, n: usize) -> String {
+        let direction = self.direction(n);
+        if self.tilts() { direction.replace('x', "x, the shaft") } else { direction }
     }
 
     /// The number of angles of magnets if all are in one bearing: an axial one has none.
@@ -622,7 +709,7 @@ const WORDS_OF_SHAFT: &[Called] = &[
 ];
 
 /// The spindle: a rigid shaft in two radial bearings with three magnets each, and an axial one.
-pub const SPINDLE: Machine = Machine::shaft::<5, 3>(
+pub const SPINDLE: Machine = Machine::shaft::<5, 8>(
     "spindle",
     [
         (
@@ -641,7 +728,7 @@ pub const SPINDLE: Machine = Machine::shaft::<5, 3>(
 );
 
 /// The spindle with two opposed pairs of magnets in each radial bearing.
-pub const SPINDLE4: Machine = Machine::shaft::<5, 4>(
+pub const SPINDLE4: Machine = Machine::shaft::<5, 10>(
     "spindle4",
     [
         (

@@ -200,7 +200,8 @@ fn nested(
         rows: quote! {
             #nested::describe(
                 &self.#member,
-                &::fmu_export::variables::Scope { at: scope.at.within(#base, field), context: #context },
+                &scope.at.within(#base, field),
+                &|index: usize, describe: &mut dyn ::core::ops::FnMut(&_)| describe(#context),
                 #prefixes,
                 #count,
                 rows,

@@ -511,10 +511,11 @@ fn names_of(prefix: &str, names: &Names, indices: &[Vec<usize>], count: Option<u
 pub trait Nested<Kind>: Sized + 'static {
     type Context: ?Sized;
     const FIELDS: usize;
-    /// Appends the rows of the structure or structures that stand there.
+    /// Appends the rows of the structure or structures that stand there; `context` passes that of each.
     fn describe(
         &self,
-        scope: &Scope<'_, Self::Context>,
+        at: &At,
+        context: &dyn Fn(usize, &mut dyn FnMut(&Self::Context)),
         prefixes: Option<Vec<String>>,
         count: Option<usize>,
         rows: &mut Vec<Row<()>>,
@@ -536,7 +537,8 @@ impl<V: Variables> Nested<One> for V {
 
     fn describe(
         &self,
-        Scope { at, context }: &Scope<'_, V::Context>,
+        at: &At,
+        context: &dyn Fn(usize, &mut dyn FnMut(&V::Context)),
         prefixes: Option<Vec<String>>,
         count: Option<usize>,
         rows: &mut Vec<Row<()>>,
@@ -548,7 +550,8 @@ impl<V: Variables> Nested<One> for V {
             Some([prefix]) => prefix.clone(),
             _ => at.prefix.clone() + ".",
         };
-        V::describe(self, &Scope { at: At { prefix, ..*at }, context }, rows);
+        let at = At { prefix, ..*at };
+        context(0, &mut |context| V::describe(self, &Scope { at: at.clone(), context }, rows));
     }
 
     fn places<L: Lens<Target = V>>(places: &mut Vec<Place<L::Data>>) {
@@ -562,7 +565,8 @@ impl<A: List<Item: Variables>> Nested<Many> for A {
 
     fn describe(
         &self,
-        Scope { at, context }: &Scope<'_, Self::Context>,
+        at: &At,
+        context: &dyn Fn(usize, &mut dyn FnMut(&Self::Context)),
         prefixes: Option<Vec<String>>,
         count: Option<usize>,
         rows: &mut Vec<Row<()>>,
@@ -575,7 +579,7 @@ impl<A: List<Item: Variables>> Nested<Many> for A {
                 None => format!("{}[{}].", at.prefix, k + 1),
             };
             let at = At { prefix, outer: at.outer * A::LENGTH + k, number: Some(k + 1), field: at.field };
-            Variables::describe(self.at(k), &Scope { at, context: *context }, rows);
+            context(k, &mut |context| Variables::describe(self.at(k), &Scope { at: at.clone(), context }, rows));
         }
     }
 

@@ -41,6 +41,9 @@ pub const SMALLEST_SINE: f64 = 1e-2;
 /// Two magnets face each other if their directions add up to less than this: angles may be given with six digits.
 const OPPOSED: f64 = 1e-5;
 
+/// The largest number of magnets in a bearing.
+pub const MOST_MAGNETS: usize = 4;
+
 /// Which magnets of an axial bearing are used
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]
 #[choice(name = "UsedMagnets")]
@@ -67,9 +70,14 @@ impl Used {
 
 /// The angles, in rad, of three magnets as in the paper, or of four in opposed pairs, 1 and 3, 2 and 4; along an axis there are none.
 pub fn alpha_rad<const K: usize>() -> [f64; K] {
+    angles_rad(K)
+}
+
+/// Those of so many magnets, and 0 for further ones.
+pub(crate) fn angles_rad<const K: usize>(magnets: usize) -> [f64; K] {
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_4, PI};
-    std::array::from_fn(|k| match K {
-        3 => [PI, -FRAC_PI_3, FRAC_PI_3][k],
+    std::array::from_fn(|k| match magnets {
+        3 => [PI, -FRAC_PI_3, FRAC_PI_3].get(k).copied().unwrap_or_default(),
         4 => FRAC_PI_4 + k as f64 * FRAC_PI_2,
         _ => 0.0,
     })
@@ -148,117 +156,31 @@ fn dot<T: Scalar, const N: usize>(a: [T; N], b: [T; N]) -> T {
     (1..N).fold(a[0] * b[0], |sum, n| sum + a[n] * b[n])
 }
 
-impl<const N: usize, const K: usize> Geometry<f64, N, K> {
-    /// Reports in `checks`: `s` unless it is finite and above 0; `alpha[k]` if it is not finite or if, of three, magnet k is parallel to
-    /// an earlier one (see [`SMALLEST_SINE`]). Use the geometry only if nothing was reported.
-    fn checked(gap_m: f64, alpha_rad: [f64; K], checks: &mut Checks) -> Self {
-        checks.positive("s", gap_m, "m");
-        for (k, alpha) in alpha_rad.into_iter().enumerate().filter(|_| N == 2) {
-            checks.finite(alpha_name(k), alpha, "rad");
-        }
-        let geometry = Self::new(gap_m, alpha_rad);
-        for (first, second) in geometry.parallel().filter(|_| K == 3) {
-            checks.require(
-                false,
-                alpha_name(second),
-                format_args!("{} rad", alpha_rad[second]),
-                format!("a direction that is not parallel to that of {}", alpha_name(first)),
-            );
-        }
-        geometry
-    }
-
-    /// Pairs of parallel magnets in a plane, the later one second.
-    fn parallel(&self) -> impl Iterator<Item = (usize, usize)> {
-        let pairs = (0..if N == 2 { K } else { 0 }).flat_map(|second| (0..second).map(move |first| (first, second)));
-        pairs.filter(|(first, second)| cross(self.directions[*first], self.directions[*second]).abs() < SMALLEST_SINE)
-    }
-
-    /// `n` with `Σ n_k e_k = 0`: of three magnets `sin(α_2 − α_3) : sin(α_3 − α_1) : sin(α_1 − α_2)`, of more the sum of those of all three
-    /// that stand all round the rotor. A magnet that belongs to no such three has 0.
-    ///
-    /// Computed from the rounded directions, so that n is their null vector to the last bits.
-    fn null_vector(&self) -> [f64; K] {
-        if N == 1 {
-            return [1.0; K];
-        }
-        let mut null = [0.0; K];
-        for c in 0..K {
-            for b in 0..c {
-                for a in 0..b {
-                    let [e_a, e_b, e_c] = [a, b, c].map(|k| self.directions[k]);
-                    let sines = [cross(e_b, e_c), cross(e_c, e_a), cross(e_a, e_b)];
-                    if sines.iter().all(|sine| *sine >= 0.0) || sines.iter().all(|sine| *sine <= 0.0) {
-                        for (k, sine) in [a, b, c].into_iter().zip(sines) {
-                            null[k] += sine.abs();
-                        }
-                    }
-                }
-            }
-        }
-        null
-    }
-
-    /// `Eᵀ(EEᵀ)⁻¹`, one row per magnet.
-    fn inverse(&self) -> [[f64; N]; K] {
-        if N == 1 {
-            return self.directions.map(|e_k| e_k.map(|e| e / K as f64));
-        }
-        // E Eᵀ = [[a, b], [b, c]].
-        let [mut a, mut b, mut c] = [0.0; 3];
-        for e_k in self.directions {
-            a += e_k[0] * e_k[0];
-            b += e_k[0] * e_k[1];
-            c += e_k[1] * e_k[1];
-        }
-        let det = a * c - b * b;
-        self.directions.map(|e_k| {
-            std::array::from_fn(
-                |n| if n == 0 { (c * e_k[0] - b * e_k[1]) / det } else { (a * e_k[1] - b * e_k[0]) / det },
-            )
-        })
-    }
-
-    /// If magnets k and k + N face each other, the rows that split a force into parts along `e_1` to `e_N`.
-    fn pairs(&self) -> Option<[[f64; N]; N]> {
-        let e = self.directions;
-        let opposed = |k: usize| (0..N).all(|n| (e[k][n] + e[k + N][n]).abs() < OPPOSED);
-        if K != 2 * N || !(0..N).all(opposed) {
-            return None;
-        }
-        if N == 1 {
-            return Some([[1.0; N]; N]);
-        }
-        let sine = cross(e[0], e[1]);
-        let rows = [[e[1][1], -e[1][0]], [-e[0][1], e[0][0]]];
-        (sine.abs() >= SMALLEST_SINE).then(|| std::array::from_fn(|p| std::array::from_fn(|n| rows[p][n] / sine)))
-    }
-}
-
-/// The magnets of a bearing: geometry and force allocation. Across the shaft (N = 2) they are three or more, along it (N = 1) two.
+/// The magnets of one bearing: force allocation. Those of a radial one pull in the plane (y, z), the two of an axial one along the first
+/// of these axes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct MagnetsOf<const N: usize, const K: usize> {
-    geometry: Geometry<f64, N, K>,
-    /// Angle of each magnet as in P(3), in rad.
-    alpha_rad: [f64; K],
+pub struct Magnets {
+    /// Nominal gap `s`, in m.
+    gap_m: f64,
+    /// Number of magnets; of what is listed for each, as many count.
+    number: usize,
+    /// `e_k = (sin α_k, cos α_k)`: the direction in which each magnet pulls the rotor.
+    directions: [[f64; 2]; MOST_MAGNETS],
     /// `n` with `Σ n_k e_k = 0`, all components above 0, mean 1: forces without resultant.
-    null: [f64; K],
+    null: [f64; MOST_MAGNETS],
     /// `Eᵀ(EEᵀ)⁻¹`, one row per magnet: the smallest forces with a given resultant.
-    inverse: [[f64; N]; K],
-    /// If magnets k and k + N face each other, for each such pair the row that gives the force along its line.
-    pairs: Option<[[f64; N]; N]>,
+    inverse: [[f64; 2]; MOST_MAGNETS],
+    /// If magnets k and k + half their number face each other, for each such pair the row that gives the force along its line.
+    pairs: Option<[[f64; 2]; 2]>,
 }
 
-/// Those across the shaft.
-pub type Magnets<const K: usize = 3> = MagnetsOf<2, K>;
-
-impl<const N: usize, const K: usize> MagnetsOf<N, K> {
-    /// MagnetsOf at the angles `alpha_rad` in rad, nominal gap `gap_m` in m.
+impl Magnets {
+    /// Magnets at the angles `alpha_rad` in rad, of which the two of an axial bearing have none, with the nominal gap `gap_m` in m.
     ///
     /// # Errors
     /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite, if of three magnet k is parallel to an earlier one (see
     /// [`SMALLEST_SINE`]), or if magnet k cannot balance others, as when all are within one half-plane: magnets only pull.
-    pub fn new(gap_m: f64, alpha_rad: [f64; K]) -> Result<Self, Vec<Invalid>> {
+    pub fn new(gap_m: f64, alpha_rad: &[f64]) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         let magnets = Self::checked(gap_m, alpha_rad, &mut checks);
         checks.finish()?;
@@ -266,53 +188,55 @@ impl<const N: usize, const K: usize> MagnetsOf<N, K> {
     }
 
     /// Reports errors in `checks`; use the returned value only if there are none.
-    pub(crate) fn checked(gap_m: f64, alpha_rad: [f64; K], checks: &mut Checks) -> Self {
-        const { assert!(N == 1 && K == 2 || N == 2 && K >= 3, "fewer magnets cannot hold a rotor") };
-        let geometry = Geometry::checked(gap_m, alpha_rad, checks);
-        let null = geometry.null_vector();
-        let finite = alpha_rad.iter().all(|alpha| alpha.is_finite());
-        if N == 2 && finite && (K > 3 || geometry.parallel().next().is_none()) {
-            check_all_round(alpha_rad, &geometry.directions, null, checks);
+    pub(crate) fn checked(gap_m: f64, alpha_rad: &[f64], checks: &mut Checks) -> Self {
+        checks.positive("s", gap_m, "m");
+        let mut directions = [[0.0; 2]; MOST_MAGNETS];
+        if alpha_rad.is_empty() {
+            directions[..2].copy_from_slice(&[[1.0, 0.0], [-1.0, 0.0]]);
+            let rows = Some([[1.0, 0.0], [0.0; 2]]);
+            return Self { gap_m, number: 2, directions, null: [1.0; MOST_MAGNETS], inverse: directions, pairs: rows };
         }
-        let mean = (1..K).fold(null[0], |sum, k| sum + null[k]) / K as f64;
-        let null = null.map(|n_k| n_k / mean);
-        let (inverse, pairs) = (geometry.inverse(), geometry.pairs());
-        Self { geometry, alpha_rad, null, inverse, pairs }
-    }
-
-    /// Gap and directions.
-    pub fn geometry(&self) -> &Geometry<f64, N, K> {
-        &self.geometry
+        for ((k, alpha), e_k) in alpha_rad.iter().enumerate().zip(&mut directions) {
+            checks.finite(alpha_name(k), *alpha, "rad");
+            let (sin, cos) = alpha.sine_cosine();
+            *e_k = [sin, cos];
+        }
+        let number = alpha_rad.len();
+        let e = &directions[..number];
+        let parallel = (0..number).flat_map(|second| (0..second).map(move |first| (first, second)));
+        let mut parallel = parallel
+            .filter(|(first, second)| number == 3 && cross(e[*first], e[*second]).abs() < SMALLEST_SINE)
+            .peekable();
+        let null = null_vector(e);
+        if alpha_rad.iter().all(|alpha| alpha.is_finite()) && parallel.peek().is_none() {
+            check_all_round(alpha_rad, e, &null, checks);
+        }
+        for (first, second) in parallel {
+            checks.require(
+                false,
+                alpha_name(second),
+                format_args!("{} rad", alpha_rad[second]),
+                format!("a direction that is not parallel to that of {}", alpha_name(first)),
+            );
+        }
+        let mean = null[1..number].iter().fold(null[0], |sum, n_k| sum + n_k) / number as f64;
+        let (null, inverse, pairs) = (null.map(|n_k| n_k / mean), inverse(e), pairs(e));
+        Self { gap_m, number, directions, null, inverse, pairs }
     }
 
     /// Nominal gap `s`, in m.
     pub fn gap_m(&self) -> f64 {
-        self.geometry.gap_m[0]
+        self.gap_m
     }
 
-    /// Angles `α_k` as in P(3), in rad.
-    pub fn alpha_rad(&self) -> [f64; K] {
-        self.alpha_rad
-    }
-
-    /// `e_k = (sin α_k, cos α_k)`, without unit: the direction, (y, z), in which each magnet pulls the rotor.
-    pub fn directions(&self) -> [[f64; N]; K] {
-        self.geometry.directions
+    /// `e_k`, without unit: the direction, (y, z), in which each magnet pulls the rotor.
+    pub fn directions(&self) -> &[[f64; 2]] {
+        &self.directions[..self.number]
     }
 
     /// `n` with `Σ n_k e_k = 0`, without unit: all components above 0, their mean 1.
-    pub fn null_vector(&self) -> [f64; K] {
-        self.null
-    }
-
-    /// Gaps in m, P(4); see [`Geometry::gaps`].
-    pub fn gaps(&self, position_m: [f64; N]) -> [f64; K] {
-        self.geometry.gaps(position_m)
-    }
-
-    /// Resultant in N, P(3); see [`Geometry::resultant`].
-    pub fn resultant(&self, force_n: [f64; K]) -> [f64; N] {
-        self.geometry.resultant(force_n)
+    pub fn null_vector(&self) -> &[f64] {
+        &self.null[..self.number]
     }
 
     /// Whether the magnets face each other in pairs.
@@ -320,33 +244,43 @@ impl<const N: usize, const K: usize> MagnetsOf<N, K> {
         self.pairs.is_some()
     }
 
-    /// The forces, in N, with the resultant `force_n` in N, (F_y, F_z) in the plane, and the smallest force `f0_n` in N of every opposed
-    /// pair, or of all magnets where they are not paired: the least of those given.
+    /// Writes the forces, in N, with the resultant `force_n` in N, (F_y, F_z) in the plane, and the smallest force `f0_n` in N of every
+    /// opposed pair, or of all magnets where they are not paired: the least of those given.
     ///
     /// For any admissible angles: `F = Eᵀ(EEᵀ)⁻¹ (F_y, F_z) + c n` with `c = max_k (F_0 − F_k)/n_k`. With the paper's angles
     /// this is P(5) with its signs corrected (see the module). No force falls below `f0_n`, not even by rounding.
-    pub fn allocate(&self, force_n: [f64; N], f0_n: &[f64]) -> [f64; K] {
-        if let Some(along_n) = self.along_pairs(force_n) {
-            return std::array::from_fn(|k| {
-                let f = if k < N { along_n[k] } else { -along_n[k - N] };
-                f0_n[k % N] + f.max(0.0)
-            });
+    #[inline]
+    pub fn allocate(&self, force_n: [f64; 2], f0_n: &[f64], forces_n: &mut [f64]) {
+        if let Some(rows) = self.pairs {
+            let (towards, away) = forces_n.split_at_mut(forces_n.len() / 2);
+            for (((towards, away), row), f0) in towards.iter_mut().zip(away).zip(rows).zip(f0_n) {
+                let f = dot(row, force_n);
+                (*towards, *away) = (f0 + f.max(0.0), f0 + (-f).max(0.0));
+            }
+            return;
         }
         let f0_n = f0_n.iter().copied().fold(f64::INFINITY, f64::min);
-        let particular = self.inverse.map(|row| dot(row, force_n));
-        let needed = particular.iter().zip(self.null).map(|(f_k, n_k)| (f0_n - f_k) / n_k);
-        let c = needed.fold(f64::NEG_INFINITY, f64::max);
-        std::array::from_fn(|k| (particular[k] + c * self.null[k]).max(f0_n))
+        let mut c = f64::NEG_INFINITY;
+        for ((f_k, row), n_k) in forces_n.iter_mut().zip(self.inverse).zip(self.null) {
+            *f_k = dot(row, force_n);
+            c = c.max((f0_n - *f_k) / n_k);
+        }
+        for (f_k, n_k) in forces_n.iter_mut().zip(self.null) {
+            *f_k = (*f_k + c * n_k).max(f0_n);
+        }
     }
 
-    /// The forces of opposed pairs, in N, with the resultant `force_n` in N, where the two currents of each pair have the mean `bias_a`, in
-    /// A, as long as both are above 0. `per_square` is `λ_k/gap_k²`, in N/A². See the module; 0 where the magnets are not paired.
-    pub fn allocate_with_bias(&self, force_n: [f64; N], bias_a: &[f64], per_square: [f64; K]) -> [f64; K] {
-        let mut forces_n = [0.0; K];
-        for (p, f) in self.along_pairs(force_n).into_iter().flatten().enumerate() {
-            let [a, b, i_0] = [per_square[p], per_square[p + N], bias_a[p]];
+    /// Writes the forces of opposed pairs, in N, with the resultant `force_n` in N, where the two currents of each pair have the mean
+    /// `bias_a`, in A, as long as both are above 0. `per_square` is `λ_k/gap_k²`, in N/A². See the module; 0 where the magnets are not
+    /// paired.
+    pub fn allocate_with_bias(&self, force_n: [f64; 2], bias_a: &[f64], per_square: &[f64], forces_n: &mut [f64]) {
+        let Some(rows) = self.pairs else { return forces_n.fill(0.0) };
+        let half = forces_n.len() / 2;
+        for p in 0..half {
+            let [a, b, i_0] = [per_square[p], per_square[p + half], bias_a[p]];
+            let f = dot(rows[p], force_n);
             let both_n = 4.0 * i_0 * i_0;
-            [forces_n[p], forces_n[p + N]] = if f >= a * both_n {
+            [forces_n[p], forces_n[p + half]] = if f >= a * both_n {
                 [f, 0.0]
             } else if f <= -b * both_n {
                 [0.0, -f]
@@ -358,34 +292,73 @@ impl<const N: usize, const K: usize> MagnetsOf<N, K> {
                 [a * (i_0 + i_c) * (i_0 + i_c), b * (i_0 - i_c) * (i_0 - i_c)]
             };
         }
-        forces_n
-    }
-
-    /// The parts of a force along the first magnet of each opposed pair, in N.
-    fn along_pairs(&self, force_n: [f64; N]) -> Option<[f64; N]> {
-        self.pairs.map(|rows| rows.map(|row| dot(row, force_n)))
     }
 }
 
 /// The sine of the angle between two directions `(sin α, cos α)`: `sin(α_a − α_b)`.
-fn cross<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
+fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
+/// `n` with `Σ n_k e_k = 0`: of three magnets `sin(α_2 − α_3) : sin(α_3 − α_1) : sin(α_1 − α_2)`, of more the sum of those of all three
+/// that stand all round the rotor. A magnet that belongs to no such three has 0.
+///
+/// Computed from the rounded directions, so that n is their null vector to the last bits.
+fn null_vector(directions: &[[f64; 2]]) -> [f64; MOST_MAGNETS] {
+    let mut null = [0.0; MOST_MAGNETS];
+    for c in 0..directions.len() {
+        for b in 0..c {
+            for a in 0..b {
+                let [e_a, e_b, e_c] = [a, b, c].map(|k| directions[k]);
+                let sines = [cross(e_b, e_c), cross(e_c, e_a), cross(e_a, e_b)];
+                if sines.iter().all(|sine| *sine >= 0.0) || sines.iter().all(|sine| *sine <= 0.0) {
+                    for (k, sine) in [a, b, c].into_iter().zip(sines) {
+                        null[k] += sine.abs();
+                    }
+                }
+            }
+        }
+    }
+    null
+}
+
+/// `Eᵀ(EEᵀ)⁻¹`, one row per magnet.
+fn inverse(directions: &[[f64; 2]]) -> [[f64; 2]; MOST_MAGNETS] {
+    // E Eᵀ = [[a, b], [b, c]].
+    let [mut a, mut b, mut c] = [0.0; 3];
+    for [y, z] in directions {
+        a += y * y;
+        b += y * z;
+        c += z * z;
+    }
+    let det = a * c - b * b;
+    let row = |[y, z]: [f64; 2]| [(c * y - b * z) / det, (a * z - b * y) / det];
+    std::array::from_fn(|k| directions.get(k).copied().map(row).unwrap_or_default())
+}
+
+/// Of four magnets, if k and k + 2 face each other, the rows that split a force into parts along `e_1` and `e_2`.
+fn pairs(e: &[[f64; 2]]) -> Option<[[f64; 2]; 2]> {
+    let opposed = |k: usize| (0..2).all(|n| (e[k][n] + e[k + 2][n]).abs() < OPPOSED);
+    if e.len() != 4 || !(0..2).all(opposed) {
+        return None;
+    }
+    let sine = cross(e[0], e[1]);
+    let rows = [[e[1][1], -e[1][0]], [-e[0][1], e[0][0]]];
+    (sine.abs() >= SMALLEST_SINE).then(|| rows.map(|row| row.map(|part| part / sine)))
+}
+
 /// Refuses magnets that cannot balance others, such as all within a half-plane.
-fn check_all_round<const N: usize, const K: usize>(
-    alpha_rad: [f64; K],
-    directions: &[[f64; N]; K],
-    null: [f64; K],
-    checks: &mut Checks,
-) {
+fn check_all_round(alpha_rad: &[f64], directions: &[[f64; 2]], null: &[f64], checks: &mut Checks) {
     // Within a half-plane the one in the middle is named: it lies between the others.
-    let between = |k: usize| {
-        let sides = directions.map(|e| cross(directions[k], e));
-        sides.iter().any(|side| *side > 0.0) && sides.iter().any(|side| *side < 0.0)
+    let between = |k: &usize| {
+        let sides = || directions.iter().map(|e| cross(directions[*k], *e));
+        sides().any(|side| side > 0.0) && sides().any(|side| side < 0.0)
     };
-    let middle = (0..K).find(|k| between(*k)).unwrap_or(0);
-    let idle = if null == [0.0; K] { Some(middle) } else { (0..K).find(|k| null[*k] <= 0.0) };
+    let all = 0..directions.len();
+    let idle = match all.clone().all(|k| null[k] == 0.0) {
+        true => Some(all.clone().find(between).unwrap_or(0)),
+        false => all.clone().find(|k| null[*k] <= 0.0),
+    };
     if let Some(k) = idle {
         checks.require(
             false,

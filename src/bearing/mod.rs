@@ -4,14 +4,14 @@
 //!
 //! - [`scalar`]: the number type of the equations: `f64` for values, Taylor series for derivatives;
 //! - [`magnet`]: gaps, forces, currents, and force allocation;
-//! - [`shaft`]: a rigid shaft that tilts;
-//! - [`spindle`]: such a shaft in two radial bearings, with or without an axial one;
+//! - [`shaft`]: coordinates of a rigid rotor;
+//! - [`rotor`]: a rotor in its bearings;
 //! - [`coil`]: flux, current, force and energy of a coil;
 //! - [`touchdown`]: the backup bearing.
 
 pub mod coil;
 pub mod magnet;
+pub mod rotor;
 pub mod scalar;
 pub mod shaft;
-pub mod spindle;
 pub mod touchdown;

@@ -1,7 +1,7 @@
-//! A rigid shaft in two radial bearings, with or without an axial one.
+//! Coordinates of a rigid rotor: of a shaft in two radial bearings, with or without an axial one, and of a rotor that does not tilt.
 //!
 //! ```text
-//! q = (x, y, z, β, γ) or (y, z, β, γ)      centre of gravity, in m; rotations about y and z, in rad
+//! q = (x, y, z, β, γ), (y, z, β, γ), (y, z) or x    centre of gravity, in m; rotations about y and z, in rad
 //! y(ξ) = y + ξ γ     z(ξ) = z − ξ β        a point of the axis, ξ along the shaft from the centre of gravity
 //! M_β = −ξ F_z       M_γ = ξ F_y           moments of a force there
 //! m ẍ = F_x     m ÿ = F_y     m z̈ = F_z
@@ -15,60 +15,72 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::scalar::Scalar;
+use crate::machine::Machine;
 use crate::variables::Variables;
 use crate::variables::unit::{KILOGRAM, KILOGRAM_METRE2};
 
 /// Number of coordinates across the shaft, (y, z, β, γ). With an axial bearing x comes before them, and N is 5.
 pub const ACROSS: usize = 4;
 
-/// Inertia of a shaft.
+/// Inertia of a rotor; only one that tilts has moments of inertia.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(T = f64)]
+#[variables(T = f64, context = Machine)]
 pub struct Shaft<T = f64> {
     /// Mass of the rotor
     #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
     pub m_kg: T,
     /// Moment of inertia of the rotor about an axis across the shaft through the centre of gravity
-    #[parameter(name = "Jt", unit = KILOGRAM_METRE2, min = 0.0, nominal = 0.1)]
+    #[parameter(name = "Jt", count = context.if_tilting(1), unit = KILOGRAM_METRE2, min = 0.0, nominal = 0.1)]
     pub transverse_kgm2: T,
     /// Moment of inertia of the rotor about its axis, at most 2 Jt
-    #[parameter(name = "Jp", unit = KILOGRAM_METRE2, min = 0.0, nominal = 0.1)]
+    #[parameter(name = "Jp", count = context.if_tilting(1), unit = KILOGRAM_METRE2, min = 0.0, nominal = 0.1)]
     pub polar_kgm2: T,
 }
 
 impl<T: Scalar> Shaft<T> {
-    /// `(m, m, m, J_t, J_t)`, in kg and kg·m².
+    /// The mass or moment of inertia of each coordinate, in kg or kg·m².
     #[inline]
     pub fn inertia<const N: usize>(&self) -> [T; N] {
         joined(self.m_kg, [self.m_kg, self.m_kg, self.transverse_kgm2, self.transverse_kgm2])
     }
 
-    /// The gyroscopic moments `−Ω G q̇`, in N·m, at the speed Ω in rad/s and the rates q̇ in m/s and rad/s.
+    /// The gyroscopic moments `−Ω G q̇`, in N·m, at the speed Ω in rad/s and the rates q̇ in m/s and rad/s; `None` without tilt.
     #[inline]
-    pub fn gyroscopic<const N: usize>(&self, omega_rad_s: T, rates: [T; N]) -> [T; N] {
+    pub fn gyroscopic<const N: usize>(&self, omega_rad_s: T, rates: [T; N]) -> Option<[T; N]> {
+        if N < ACROSS {
+            return None;
+        }
         let [zero, spin] = [T::constant(0.0), self.polar_kgm2 * omega_rad_s];
         let [_, _, beta, gamma] = across(rates);
-        joined(zero, [zero, zero, -(spin * gamma), spin * beta])
+        Some(joined(zero, [zero, zero, -(spin * gamma), spin * beta]))
     }
 }
 
-/// Those of the coordinates (or of what belongs to each) that are across the shaft.
+/// Whether x, the first coordinate then, is one of N.
+pub const fn has_x<const N: usize>() -> bool {
+    const { assert!(N == 1 || N == 2 || N == ACROSS || N == ACROSS + 1, "x, (y, z), (y, z, β, γ) or (x, y, z, β, γ)") };
+    N == 1 || N == ACROSS + 1
+}
+
+/// Those of the coordinates (or of what belongs to each) of a shaft that tilts which are across it.
 #[inline]
 pub fn across<T: Copy, const N: usize>(q: [T; N]) -> [T; ACROSS] {
-    const { assert!(N == ACROSS || N == ACROSS + 1, "a shaft that tilts") };
     std::array::from_fn(|a| q[N - ACROSS + a])
 }
 
-/// All coordinates (or what belongs to each): those across the shaft, and x if it is one of them.
+/// All coordinates (or what belongs to each), of x and of those across the shaft.
 #[inline]
 fn joined<T: Copy, const N: usize>(x: T, across: [T; ACROSS]) -> [T; N] {
-    const { assert!(N == ACROSS || N == ACROSS + 1, "a shaft that tilts") };
-    std::array::from_fn(|a| if a + ACROSS < N { x } else { across[a + ACROSS - N] })
+    let first = usize::from(has_x::<N>());
+    std::array::from_fn(|a| if a < first { x } else { across[a - first] })
 }
 
-/// Displacement (y, z) of the axis at ξ in m, for coordinates or for their rates.
+/// Displacement (y, z) of the axis at ξ in m, for coordinates or for their rates; of a rotor that moves along it alone (x, 0).
 #[inline]
 pub fn displacement<T: Scalar, const N: usize>(at_m: T, q: [T; N]) -> [T; 2] {
+    if N < ACROSS {
+        return std::array::from_fn(|n| if n < N { q[n] } else { T::constant(0.0) });
+    }
     let [y, z, beta, gamma] = across(q);
     [y + at_m * gamma, z - at_m * beta]
 }
@@ -96,13 +108,9 @@ pub fn generalised<T: Scalar, const N: usize>(at_m: T, [y, z]: [T; 2]) -> [T; N]
     joined(T::constant(0.0), [y, z, -(at_m * z), at_m * y])
 }
 
-/// Direction d of a radial magnet at ξ in m and at the angle α in rad, as in [`Geometry`](crate::bearing::magnet::Geometry).
-pub fn radial<T: Scalar, const N: usize>(at_m: T, alpha_rad: T) -> [T; N] {
-    let (sin, cos) = alpha_rad.sine_cosine();
-    generalised(at_m, [sin, cos])
-}
-
-/// Directions of the two axial magnets, towards +x and towards −x.
-pub fn axial<T: Scalar, const N: usize>() -> [[T; N]; 2] {
-    [1.0, -1.0].map(|x| joined(T::constant(x), [T::constant(0.0); ACROSS]))
+/// The generalised force of a force along the axis, in N.
+#[inline]
+pub fn along<T: Scalar, const N: usize>(x: T) -> [T; N] {
+    let zero = T::constant(0.0);
+    if has_x::<N>() { joined(x, [zero; ACROSS]) } else { [zero; N] }
 }

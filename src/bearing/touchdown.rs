@@ -17,56 +17,49 @@ use serde::{Deserialize, Serialize};
 
 use crate::bearing::scalar::Scalar;
 use crate::invalid::Checks;
+use crate::machine::Bearing;
 use crate::variables::Variables;
 use crate::variables::unit::{METRE, NEWTON_PER_METRE, NEWTON_SECOND_PER_METRE, ONE};
 
 /// Velocity, in m/s, above which friction slides; below, it rises linearly, so that standstill needs no special case.
 pub const SLIDING_M_S: f64 = 0.01;
 
-/// Name of a backup bearing, and the reference of its clearance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Called {
-    /// The backup bearing.
-    pub what: &'static str,
-    /// The position of the rotor at rest.
-    pub from: &'static str,
-    /// Whether the rotor turns in it, so that friction acts.
-    pub is_ring: bool,
-}
-
 /// The ring.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(T = f64, context = Called)]
+#[variables(T = f64, context = Bearing)]
 pub struct TouchdownConfig<T = f64> {
     /// Distance from the centre at which the rotor touches, in m. If it exceeds the nominal gap, the rotor may reach a magnet
     /// first, which ends the run.
     #[parameter(
         name = "touchdown.clearance", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm",
-        description = format!("Distance from the {} at which the rotor touches the {}", context.from, context.what)
+        description = format!(
+            "Distance from the {} at which the rotor touches the {}",
+            if context.is_radial() { "centre" } else { "middle" }, context.backup()
+        )
     )]
     pub clearance_m: T,
     /// Stiffness k, in N/m.
     #[parameter(
         name = "touchdown.stiffness", unit = NEWTON_PER_METRE, min = 0.0, nominal = 1e7,
-        description = format!("Stiffness of the {}", context.what)
+        description = format!("Stiffness of the {}", context.backup())
     )]
     pub stiffness_n_m: T,
     /// Damping d, in N·s/m.
     #[parameter(
         name = "touchdown.damping", unit = NEWTON_SECOND_PER_METRE, min = 0.0, nominal = 1e3,
-        description = format!("Damping of the {}", context.what)
+        description = format!("Damping of the {}", context.backup())
     )]
     pub damping_ns_m: T,
     /// Coefficient of friction μ.
     #[parameter(
-        name = "touchdown.friction", count = usize::from(context.is_ring), unit = ONE, min = 0.0, nominal = 0.1,
-        description = format!("Coefficient of friction of the {}", context.what)
+        name = "touchdown.friction", count = context.if_radial(), unit = ONE, min = 0.0, nominal = 0.1,
+        description = format!("Coefficient of friction of the {}", context.backup())
     )]
     pub friction: T,
     /// Radius of the rotor where it touches, in m.
     #[parameter(
-        name = "touchdown.radius", count = usize::from(context.is_ring), unit = METRE, min = 0.0, nominal = 1e-2,
-        display_unit = "mm", description = format!("Radius of the rotor at the {}, used by friction", context.what)
+        name = "touchdown.radius", count = context.if_radial(), unit = METRE, min = 0.0, nominal = 1e-2,
+        display_unit = "mm", description = format!("Radius of the rotor at the {}, used by friction", context.backup())
     )]
     pub radius_m: T,
 }

@@ -6,12 +6,9 @@
 //! - [`observer`]: position, velocity and perturbation from sampled positions;
 //! - [`tracking`]: the control law, for current and for voltage drive, and the excitation: for any number of coordinates and
 //!   magnets;
-//! - [`controller`]: the controller of any machine;
-//! - [`one_bearing`] and [`spindle`]: how magnets are arranged in one bearing, and in those of a shaft that tilts, with its reference.
+//! - [`controller`]: the controller of any machine.
 
 pub mod controller;
 pub mod observer;
-pub mod one_bearing;
 pub mod reference;
-pub mod spindle;
 pub mod tracking;

@@ -11,16 +11,30 @@
 //!
 //! with `X_0` the first measured position and t the time since then. A lift of 0 omits the first term, a ramp of 0 is a step;
 //! with start, ramp and lift of 0, `X*` is the curve itself.
+//!
+//! # Several bearings
+//!
+//! A shaft that tilts follows an ellipse in each radial bearing, run through at the speed of the rotor, and in an axial one a sine:
+//!
+//! ```text
+//! Y* = r_Y cos(θ + φ)     Z* = r_Z sin(θ + φ)          at the magnets of A and of B, each with its own r_Y, r_Z, φ
+//! X* = a sin(2π f t)                                   t from the first sample on
+//! ```
+//!
+//! Equal phases give cylindrical motion, opposite ones conical motion. The coordinates are linear in the displacements in the
+//! bearings, so that the radial ones are `c cos θ + s sin θ` with constant c and s.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::magnet::MagnetsOf;
+use crate::bearing::magnet::Magnets;
+use crate::bearing::rotor::Rotor;
+use crate::bearing::shaft::has_x;
 use crate::control::observer::{Signal, SignalObserver};
 use crate::invalid::{Checks, Invalid, Short};
-use crate::machine::Machine;
-use crate::variables::unit::{METRE, RADIAN_PER_SECOND, SECOND};
+use crate::machine::{Bearing, Machine};
+use crate::variables::unit::{HERTZ, METRE, RADIAN, RADIAN_PER_SECOND, SECOND};
 use crate::variables::{Choice, Variables};
 
 /// The most lobes of a curve; no sample time in use resolves more.
@@ -91,20 +105,68 @@ pub enum Shape {
     Fourier,
 }
 
-/// The reference trajectory.
+/// Ellipse in a radial bearing, or semi-axis of a motion along one axis; sine in an axial bearing among others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Bearing)]
+#[serde(default)]
+pub struct PathConfig {
+    /// Semi-axis along y, or along x in an axial bearing that is alone, in m.
+    #[parameter(
+        name = format!("reference.r{}", context.first_axis().to_uppercase()), count = context.if_radial().max(usize::from(context.is_alone())),
+        unit = METRE, min = 0.0, nominal = 1e-5,
+        description = format!(
+            "Semi-axis of the reference trajectory along {}{}", context.first_axis(), context.told(" at the magnets of bearing {prefix}", "")
+        )
+    )]
+    pub r_y_m: f64,
+    /// Semi-axis along z, in m.
+    #[parameter(
+        name = "reference.rZ", count = context.if_radial(), unit = METRE, min = 0.0, nominal = 1e-5,
+        description = format!("Semi-axis of the reference trajectory along z{}", context.told(" at the magnets of bearing {prefix}", ""))
+    )]
+    pub r_z_m: f64,
+    /// Phase of the reference trajectory in bearing {prefix}
+    #[parameter(name = "reference.phase", count = context.if_placed(), unit = RADIAN)]
+    pub phase_rad: f64,
+    /// Amplitude of the axial reference, a sine
+    #[parameter(name = "reference.amplitude", count = context.if_beside(), unit = METRE, min = 0.0, nominal = 1e-5)]
+    pub amplitude_m: f64,
+    /// Frequency of the axial reference
+    #[parameter(name = "reference.frequency", count = context.if_beside(), unit = HERTZ, min = 0.0, nominal = 100.0)]
+    pub frequency_hz: f64,
+}
+
+impl PathConfig {
+    /// Position at the start and a quarter of a revolution later, (y, z) in m: the path is `c cos θ + s sin θ`.
+    fn waves(&self) -> [[f64; 2]; 2] {
+        let (sin, cos) = libm::sincos(self.phase_rad);
+        [[self.r_y_m * cos, self.r_z_m * sin], [-self.r_y_m * sin, self.r_z_m * cos]]
+    }
+
+    /// The sine at a time in s.
+    fn axial(&self, t_s: f64) -> RefPoint {
+        let (a, f) = (self.amplitude_m, self.frequency_hz);
+        if a == 0.0 {
+            return RefPoint::default();
+        }
+        let rate = TAU * f;
+        let revolutions = f * t_s;
+        let (sin, cos) = libm::sincos(TAU * (revolutions - libm::floor(revolutions)));
+        RefPoint { position_m: a * sin, velocity_m_s: a * rate * cos, acceleration_m_s2: -a * rate * rate * sin }
+    }
+}
+
+/// The reference trajectory of a rotor in B bearings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
-#[serde(default)]
-pub struct ReferenceConfig {
+#[serde(bound(serialize = "[PathConfig; B]: Serialize", deserialize = "[PathConfig; B]: Deserialize<'de>"))]
+pub struct ReferenceConfig<const B: usize = 1> {
     /// Shape of the reference trajectory
-    #[parameter(name = "reference.shape")]
+    #[parameter(name = "reference.shape", count = context.if_single(1))]
     pub shape: Shape,
-    /// Semi-axis of the reference trajectory along {first axis}
-    #[parameter(name = format!("reference.r{}", context.resultant[0]), unit = METRE, min = 0.0, nominal = 1e-5)]
-    pub r_y_m: f64,
-    /// Semi-axis of the reference trajectory along z
-    #[parameter(name = "reference.rZ", count = usize::from(context.is_planar()), unit = METRE, min = 0.0, nominal = 1e-5)]
-    pub r_z_m: f64,
+    /// Path in each bearing.
+    #[nested(prefixes = context.of_bearings(""), context = context.bearings[index])]
+    pub paths: [PathConfig; B],
     /// Number of lobes with shape = lobes
     #[parameter(name = "reference.lobes", count = usize::from(context.is_planar()), min = 0, max = MOST_LOBES)]
     pub lobes: i32,
@@ -114,7 +176,7 @@ pub struct ReferenceConfig {
     #[parameter(name = "reference.lobeAmplitude", count = usize::from(context.is_planar()), unit = METRE, nominal = 1e-5)]
     pub lobe_amplitude_m: f64,
     /// The curve of [`Shape::Fourier`].
-    #[nested(prefix = "reference.")]
+    #[nested(prefix = "reference.", count = context.if_single(1))]
     pub contour: Contour,
     /// Begin of the motion.
     #[nested(prefix = "reference.", context = ())]
@@ -124,20 +186,26 @@ pub struct ReferenceConfig {
     /// It tracks any reference that is not a cubic with a lag. For the paper's ellipse as external reference the tracking error
     /// is 1.9 µm at 3000 rpm and 0.03 µm at 1000 rpm with 2000 rad/s, and 0.45 µm at 3000 rpm with 4000 rad/s (tracking poles
     /// at 1000 rad/s, 10 kHz). Noise in the reference calls for a lower bandwidth.
-    #[parameter(name = "bandwidth.reference", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz")]
+    #[parameter(
+        name = "bandwidth.reference", count = context.if_single(1), unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0,
+        display_unit = "Hz"
+    )]
     pub bandwidth_rad_s: f64,
     /// Angular velocity on the curve, in rad/s; negative values run backwards.
     #[hidden]
     pub omega_rad_s: f64,
 }
 
-impl Default for ReferenceConfig {
-    /// The paper's ellipse at 3000 rpm.
-    fn default() -> Self {
+impl<const B: usize> ReferenceConfig<B> {
+    /// The paper's ellipse at 3000 rpm in every radial bearing, in phase, without axial motion.
+    pub fn of(machine: &Machine) -> Self {
+        let path = |b: usize| match machine.bearings[b].is_radial() {
+            true => PathConfig { r_y_m: 30e-6, r_z_m: 70e-6, ..PathConfig::default() },
+            false => PathConfig { frequency_hz: 60.0, ..PathConfig::default() },
+        };
         Self {
             shape: Shape::Ellipse,
-            r_y_m: 30e-6,
-            r_z_m: 70e-6,
+            paths: std::array::from_fn(path),
             lobes: 3,
             lobe_amplitude_m: 0.0,
             contour: Contour::default(),
@@ -290,25 +358,13 @@ impl Turning {
     }
 }
 
-/// The curve that a reference with N coordinates follows.
-pub trait Curve<const N: usize> {
-    /// Begin of the motion.
-    fn transition(&self) -> Transition;
-
-    /// Angular velocity before the first sample, in rad/s.
-    fn omega_rad_s(&self) -> f64;
-
-    /// The point at the angle θ in rad, at a constant angular velocity in rad/s, and at a time after the first sample in s.
-    fn at(&self, theta_rad: f64, omega_rad_s: f64, t_s: f64) -> [RefPoint; N];
-}
-
-/// State of a [`Path`].
+/// State of a [`Reference`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound(
     serialize = "[f64; N]: Serialize, [Signal; N]: Serialize",
     deserialize = "[f64; N]: Deserialize<'de>, [Signal; N]: Deserialize<'de>"
 ))]
-pub struct PathState<const N: usize> {
+pub struct ReferenceState<const N: usize> {
     /// θ.
     turning: Turning,
     /// Coordinates at the first sample, in m or rad.
@@ -319,22 +375,78 @@ pub struct PathState<const N: usize> {
 
 /// A validated reference, sampled at a fixed step: a curve and its begin, or an external one.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Path<C, const N: usize> {
-    curve: C,
+pub struct Reference<const N: usize = 2, const B: usize = 1> {
+    config: ReferenceConfig<B>,
     step_s: f64,
+    /// c and s of the coordinates `c cos θ + s sin θ` of a shaft that tilts, in m and rad.
+    waves: [[f64; N]; 2],
     /// The differentiator of an external reference.
     observer: Option<SignalObserver>,
 }
 
-impl<C: Curve<N>, const N: usize> Path<C, N> {
-    /// That along a curve.
-    pub(super) fn along(curve: C, step_s: f64) -> Self {
-        Self { curve, step_s, observer: None }
+impl<const N: usize, const B: usize> Reference<N, B> {
+    /// A reference sampled every `step_s` (finite, above 0).
+    ///
+    /// # Errors
+    /// `reference.rY`, `reference.rZ` if they are below 0, of each bearing; `reference.lobes` above [`MOST_LOBES`]; of an axial bearing
+    /// among others `X.reference.amplitude` below 0 or beyond the gap, `X.reference.frequency` below 0 or beyond half the sample rate;
+    /// the times below 0; `bandwidth.reference` unless above 0; all of these, phases, `reference.lobeAmplitude` and `reference.omega` if
+    /// they are not finite; `reference.rY` and others if the reference trajectory touches a magnet.
+    pub fn new<const K: usize>(
+        config: ReferenceConfig<B>,
+        step_s: f64,
+        rotor: &Rotor<N, K, B>,
+    ) -> Result<Self, Vec<Invalid>> {
+        let mut checks = Checks::default();
+        let reference = Self::checked(config, step_s, rotor, &mut checks);
+        checks.finish()?;
+        Ok(reference)
     }
 
-    /// The curve.
-    pub fn curve(&self) -> &C {
-        &self.curve
+    /// Reports errors in `checks`; use the returned value only if there are none.
+    pub(crate) fn checked<const K: usize>(
+        config: ReferenceConfig<B>,
+        step_s: f64,
+        rotor: &Rotor<N, K, B>,
+        checks: &mut Checks,
+    ) -> Self {
+        let machine = Rotor::<N, K, B>::MACHINE;
+        for ((bearing, path), magnets) in machine.bearings.iter().zip(&config.paths).zip(rotor.bearings()) {
+            checks.of(bearing.prefix, |checks| match bearing.if_beside() {
+                0 => {
+                    checks.not_negative(along_first("reference.r", bearing), path.r_y_m, "m");
+                    checks.not_negative("reference.rZ", path.r_z_m, "m");
+                    checks.finite("reference.phase", path.phase_rad, "rad");
+                    if machine.tilts() {
+                        check_ellipse_reach(path, 0.0, bearing, magnets, checks);
+                    }
+                }
+                _ => check_sine(path, step_s, magnets, checks),
+            });
+        }
+        checks.require(
+            (0..=MOST_LOBES).contains(&config.lobes),
+            "reference.lobes",
+            config.lobes,
+            format!("a number from 0 to {MOST_LOBES}"),
+        );
+        checks.finite("reference.lobeAmplitude", config.lobe_amplitude_m, "m");
+        config.transition.check(checks);
+        let (first, first_magnets) = (&machine.bearings[0], &rotor.bearings()[0]);
+        check_contour(&config.contour, first, checks);
+        checks.finite("reference.omega", config.omega_rad_s, "rad/s");
+        checks.positive("bandwidth.reference", config.bandwidth_rad_s, "rad/s");
+        if !machine.tilts() {
+            check_reach(&config, first, first_magnets, checks);
+        }
+        let external = config.shape == Shape::External;
+        let observer = external.then(|| SignalObserver::new(config.bandwidth_rad_s, step_s));
+        let wave = |part: usize| {
+            // Those at the magnets of A and of B, without axial motion.
+            let at = |n: usize| if machine.tilts() && n < 4 { config.paths[n / 2].waves()[part][n % 2] } else { 0.0 };
+            rotor.through(std::array::from_fn(at), |bearing| bearing.position_m)
+        };
+        Self { waves: [0, 1].map(wave), config, step_s, observer }
     }
 
     /// Whether the reference is external.
@@ -343,13 +455,13 @@ impl<C: Curve<N>, const N: usize> Path<C, N> {
     }
 
     /// Before the first sample: θ = 0, an external reference at rest.
-    pub fn start(&self) -> PathState<N> {
-        let turning = Turning::start(self.curve.omega_rad_s());
-        PathState { turning, first: [0.0; N], signal: [Signal::default(); N] }
+    pub fn start(&self) -> ReferenceState<N> {
+        let turning = Turning::start(self.config.omega_rad_s);
+        ReferenceState { turning, first: [0.0; N], signal: [Signal::default(); N] }
     }
 
     /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
-    pub fn accepts(&self, state: &PathState<N>) -> bool {
+    pub fn accepts(&self, state: &ReferenceState<N>) -> bool {
         let numbers = state.first.iter().chain(state.signal.iter().flat_map(|signal| &signal.0));
         state.turning.is_consistent() && numbers.copied().all(f64::is_finite)
     }
@@ -358,7 +470,7 @@ impl<C: Curve<N>, const N: usize> Path<C, N> {
     /// is an external reference at it.
     ///
     /// An external reference starts at rest at its first sample.
-    pub fn sample(&self, state: &mut PathState<N>, omega_rad_s: f64, coordinates: [f64; N], external: [f64; N]) {
+    pub fn sample(&self, state: &mut ReferenceState<N>, omega_rad_s: f64, coordinates: [f64; N], external: [f64; N]) {
         let first = state.turning.samples() == 0;
         if first {
             state.first = coordinates;
@@ -374,7 +486,7 @@ impl<C: Curve<N>, const N: usize> Path<C, N> {
     /// The reference `ahead_s` after the last sample, in s.
     ///
     /// An external reference is extrapolated with the derivatives that its observer estimates.
-    pub fn ahead(&self, state: &PathState<N>, ahead_s: f64) -> [RefPoint; N] {
+    pub fn ahead(&self, state: &ReferenceState<N>, ahead_s: f64) -> [RefPoint; N] {
         if self.is_external() {
             return state.signal.map(|signal| {
                 let [position_m, velocity_m_s, acceleration_m_s2, _] = signal.ahead(ahead_s).0;
@@ -382,65 +494,41 @@ impl<C: Curve<N>, const N: usize> Path<C, N> {
             });
         }
         let t_s = state.turning.since_first_s(ahead_s, self.step_s);
-        let curve = self.curve.at(state.turning.ahead_rad(ahead_s), state.turning.omega_rad_s(), t_s);
-        self.curve.transition().apply(curve, state.first, t_s)
+        let curve = self.at(state.turning.ahead_rad(ahead_s), state.turning.omega_rad_s(), t_s);
+        self.config.transition.apply(curve, state.first, t_s)
+    }
+
+    /// The point at the angle θ in rad, at a constant angular velocity in rad/s, and at a time after the first sample in s. A rotor that
+    /// moves along its axis alone follows the first axis of the curve.
+    fn at(&self, theta_rad: f64, omega_rad_s: f64, t_s: f64) -> [RefPoint; N] {
+        if B == 1 {
+            let curve = self.config.point(theta_rad, omega_rad_s);
+            return std::array::from_fn(|n| curve[n]);
+        }
+        let [c, s] = self.waves;
+        let (sin, cos) = libm::sincos(theta_rad);
+        let mut curve = std::array::from_fn(|a| {
+            let position_m = c[a] * cos + s[a] * sin;
+            RefPoint {
+                position_m,
+                velocity_m_s: omega_rad_s * (s[a] * cos - c[a] * sin),
+                acceleration_m_s2: -omega_rad_s * omega_rad_s * position_m,
+            }
+        });
+        if has_x::<N>() {
+            curve[0] = self.config.paths[B - 1].axial(t_s);
+        }
+        curve
     }
 
     /// θ at the last sample, in rad.
-    pub fn theta_rad(&self, state: &PathState<N>) -> f64 {
+    pub fn theta_rad(&self, state: &ReferenceState<N>) -> f64 {
         state.turning.ahead_rad(0.0)
     }
 }
 
-/// The reference of a rotor in one bearing.
-pub type Reference<const N: usize = 2> = Path<ReferenceConfig, N>;
-
-impl<const N: usize> Reference<N> {
-    /// A reference sampled every `step_s` (finite, above 0), for a rotor between `magnets`.
-    ///
-    /// `reference.rY`, `reference.rZ` if they are below 0, `reference.lobes` above [`MOST_LOBES`], `bandwidth.reference` unless
-    /// above 0; all of these and `reference.lobeAmplitude`, `reference.omega` if they are not finite; `reference.rY` and others
-    /// if the reference trajectory touches a magnet.
-    pub fn new<const K: usize>(
-        config: ReferenceConfig,
-        step_s: f64,
-        magnets: &MagnetsOf<N, K>,
-    ) -> Result<Self, Vec<Invalid>> {
-        let mut checks = Checks::default();
-        let reference = Self::checked(config, step_s, magnets, &mut checks);
-        checks.finish()?;
-        Ok(reference)
-    }
-
-    /// Reports errors in `checks`; use the returned value only if there are none.
-    pub(crate) fn checked<const K: usize>(
-        config: ReferenceConfig,
-        step_s: f64,
-        magnets: &MagnetsOf<N, K>,
-        checks: &mut Checks,
-    ) -> Self {
-        checks.not_negative(along_first::<N>("reference.r"), config.r_y_m, "m");
-        checks.not_negative("reference.rZ", config.r_z_m, "m");
-        checks.require(
-            (0..=MOST_LOBES).contains(&config.lobes),
-            "reference.lobes",
-            config.lobes,
-            format!("a number from 0 to {MOST_LOBES}"),
-        );
-        checks.finite("reference.lobeAmplitude", config.lobe_amplitude_m, "m");
-        config.transition.check(checks);
-        check_contour::<N>(&config.contour, checks);
-        checks.finite("reference.omega", config.omega_rad_s, "rad/s");
-        checks.positive("bandwidth.reference", config.bandwidth_rad_s, "rad/s");
-        check_reach(&config, magnets, checks);
-        let external = config.shape == Shape::External;
-        let observer = external.then(|| SignalObserver::new(config.bandwidth_rad_s, step_s));
-        Self { curve: config, step_s, observer }
-    }
-}
-
-impl ReferenceConfig {
-    /// The curve, (y, z), at the angle `theta_rad` and the constant angular velocity `omega_rad_s`.
+impl<const B: usize> ReferenceConfig<B> {
+    /// The curve of a rotor in one bearing, (y, z), at the angle `theta_rad` and the constant angular velocity `omega_rad_s`.
     ///
     /// `Y* = (r_Y + a cos nθ) cos θ`, `Z* = (r_Z + a cos nθ) sin θ`, with exact derivatives; an ellipse has a = 0. An external
     /// reference has no such points: it returns those of the ellipse. For a Fourier series see [`Contour::at`].
@@ -461,8 +549,8 @@ impl ReferenceConfig {
         let (sin_n, cos_n) = if n == 0.0 { (n * theta_rad, 1.0) } else { libm::sincos(n * theta_rad) };
         // The radius r + a cos nθ, its first and second derivative with respect to θ.
         let [r_1, r_2] = [-a * n * sin_n, -a * n * n * cos_n];
-        let r_y = self.r_y_m + a * cos_n;
-        let r_z = self.r_z_m + a * cos_n;
+        let PathConfig { r_y_m, r_z_m, .. } = self.paths[0];
+        let [r_y, r_z] = [r_y_m + a * cos_n, r_z_m + a * cos_n];
         let omega_2 = omega_rad_s * omega_rad_s;
         [
             RefPoint {
@@ -479,60 +567,36 @@ impl ReferenceConfig {
     }
 }
 
-/// A rotor that is held along one axis follows the first axis of the curve.
-impl<const N: usize> Curve<N> for ReferenceConfig {
-    fn transition(&self) -> Transition {
-        self.transition
-    }
-
-    fn omega_rad_s(&self) -> f64 {
-        self.omega_rad_s
-    }
-
-    fn at(&self, theta_rad: f64, omega_rad_s: f64, _: f64) -> [RefPoint; N] {
-        let curve = self.point(theta_rad, omega_rad_s);
-        std::array::from_fn(|n| curve[n])
-    }
-}
-
-/// Refuses a curve that may touch a magnet.
-fn check_reach<const N: usize, const K: usize>(
-    config: &ReferenceConfig,
-    magnets: &MagnetsOf<N, K>,
-    checks: &mut Checks,
-) {
+/// Refuses a curve in one bearing that may touch a magnet.
+fn check_reach<const B: usize>(config: &ReferenceConfig<B>, bearing: &Bearing, magnets: &Magnets, checks: &mut Checks) {
     let lobes_m = match config.shape {
         Shape::External => return,
-        Shape::Fourier => return check_contour_reach(&config.contour, magnets, checks),
+        Shape::Fourier => return check_contour_reach(&config.contour, bearing, magnets, checks),
         Shape::Ellipse => 0.0,
         Shape::Lobes => config.lobe_amplitude_m,
     };
-    check_ellipse_reach([config.r_y_m, config.r_z_m], lobes_m, magnets, checks);
+    check_ellipse_reach(&config.paths[0], lobes_m, bearing, magnets, checks);
 }
 
 /// Refuses an ellipse with lobes that may touch a magnet.
 ///
 /// Towards the direction e the ellipse extends to `√((r_Y e_y)² + (r_Z e_z)²)`, the lobes at most `|a|` further.
-pub(super) fn check_ellipse_reach<const N: usize, const K: usize>(
-    [r_y, r_z]: [f64; 2],
-    lobes_m: f64,
-    magnets: &MagnetsOf<N, K>,
-    checks: &mut Checks,
-) {
+fn check_ellipse_reach(path: &PathConfig, lobes_m: f64, bearing: &Bearing, magnets: &Magnets, checks: &mut Checks) {
+    let PathConfig { r_y_m: r_y, r_z_m: r_z, .. } = *path;
     let a = lobes_m.abs();
     let s = magnets.gap_m();
     // Do not report again the consequences of a refused value.
     if ![r_y, r_z, a, s].iter().all(|value| value.is_finite() && *value >= 0.0) || s == 0.0 {
         return;
     }
-    for (k, e_k) in magnets.directions().into_iter().enumerate() {
-        let [y, z] = [r_y * e_k[0], if N == 2 { r_z * e_k[1] } else { 0.0 }];
+    for (k, e_k) in magnets.directions().iter().enumerate() {
+        let [y, z] = [r_y * e_k[0], r_z * e_k[1]];
         let reach = (y * y + z * z).sqrt() + a;
         if reach >= s {
             let (name, value) = if a >= y.abs() && a >= z.abs() {
                 ("reference.lobeAmplitude".to_owned(), lobes_m)
             } else if y.abs() >= z.abs() {
-                (along_first::<N>("reference.r"), r_y)
+                (along_first("reference.r", bearing), r_y)
             } else {
                 ("reference.rZ".to_owned(), r_z)
             };
@@ -552,27 +616,47 @@ pub(super) fn check_ellipse_reach<const N: usize, const K: usize>(
     }
 }
 
+/// Refuses a sine that no magnet or no sample time allows.
+fn check_sine(path: &PathConfig, step_s: f64, magnets: &Magnets, checks: &mut Checks) {
+    let (amplitude_m, gap_m) = (path.amplitude_m, magnets.gap_m());
+    checks.not_negative("reference.amplitude", amplitude_m, "m");
+    checks.require(
+        // Values that were refused already are skipped.
+        amplitude_m < gap_m || !(amplitude_m.is_finite() && gap_m > 0.0),
+        "reference.amplitude",
+        format_args!("{amplitude_m} m"),
+        format!("an axial motion that does not touch a magnet (the gap is {gap_m} m)"),
+    );
+    let highest_hz = if step_s.is_finite() && step_s > 0.0 { 0.5 / step_s } else { f64::INFINITY };
+    checks.require(
+        path.frequency_hz.is_finite() && (0.0..=highest_hz).contains(&path.frequency_hz),
+        "reference.frequency",
+        format_args!("{} Hz", path.frequency_hz),
+        format!("a finite number, 0 or above, at most half the sample rate ({highest_hz} Hz)"),
+    );
+}
+
 /// The name of what belongs to the first axis: y, or x along the axis.
-fn along_first<const N: usize>(name: &str) -> String {
-    format!("{name}{}", if N == 1 { "X" } else { "Y" })
+fn along_first(name: &str, bearing: &Bearing) -> String {
+    format!("{name}{}", bearing.first_axis().to_uppercase())
 }
 
 /// The arrays of a contour with their names in the interface.
-fn coefficients<const N: usize>(contour: &Contour) -> [(String, &[f64; HARMONICS]); 4] {
+fn coefficients<'c>(contour: &'c Contour, bearing: &Bearing) -> [(String, &'c [f64; HARMONICS]); 4] {
     [
-        (along_first::<N>("reference.cos"), &contour.cos_y_m),
-        (along_first::<N>("reference.sin"), &contour.sin_y_m),
+        (along_first("reference.cos", bearing), &contour.cos_y_m),
+        (along_first("reference.sin", bearing), &contour.sin_y_m),
         ("reference.cosZ".to_owned(), &contour.cos_z_m),
         ("reference.sinZ".to_owned(), &contour.sin_z_m),
     ]
 }
 
-fn check_contour<const N: usize>(contour: &Contour, checks: &mut Checks) {
-    let centres = [along_first::<N>("reference.centre"), "reference.centreZ".to_owned()];
+fn check_contour(contour: &Contour, bearing: &Bearing, checks: &mut Checks) {
+    let centres = [along_first("reference.centre", bearing), "reference.centreZ".to_owned()];
     for (name, value) in centres.into_iter().zip(contour.centre_m) {
         checks.finite(name, value, "m");
     }
-    for (name, values) in coefficients::<N>(contour) {
+    for (name, values) in coefficients(contour, bearing) {
         for (index, value) in values.iter().enumerate() {
             checks.finite(format!("{name}[{}]", index + 1), *value, "m");
         }
@@ -581,25 +665,21 @@ fn check_contour<const N: usize>(contour: &Contour, checks: &mut Checks) {
 
 /// Refuses a contour that touches a magnet at one of these angles, 45 per shortest wave; the finding names the largest
 /// coefficient.
-fn check_contour_reach<const N: usize, const K: usize>(
-    contour: &Contour,
-    magnets: &MagnetsOf<N, K>,
-    checks: &mut Checks,
-) {
+fn check_contour_reach(contour: &Contour, bearing: &Bearing, magnets: &Magnets, checks: &mut Checks) {
     const ANGLES: usize = 45 * HARMONICS;
     let mut least = (f64::INFINITY, 0);
     for index in 0..ANGLES {
         let theta_rad = 2.0 * PI * index as f64 / ANGLES as f64;
-        let point = contour.at(theta_rad);
-        let position_m = std::array::from_fn(|n| point[n][0]);
-        for (k, gap) in magnets.gaps(position_m).into_iter().enumerate() {
+        let [[y, ..], [z, ..]] = contour.at(theta_rad);
+        for (k, e_k) in magnets.directions().iter().enumerate() {
+            let gap = magnets.gap_m() - (y * e_k[0] + z * e_k[1]);
             if gap < least.0 {
                 least = (gap, k + 1);
             }
         }
     }
-    let mut largest = (along_first::<N>("reference.centre"), contour.centre_m[0]);
-    for (name, values) in coefficients::<N>(contour) {
+    let mut largest = (along_first("reference.centre", bearing), contour.centre_m[0]);
+    for (name, values) in coefficients(contour, bearing) {
         for (index, value) in values.iter().enumerate() {
             if value.abs() > largest.1.abs() {
                 largest = (format!("{name}[{}]", index + 1), *value);

@@ -6,7 +6,7 @@
 //! Q = M (q̈* − k_1 (q̇ − q̇*) − k_0 (q − q*)) − p̂ + Ω G q̇
 //! ```
 //!
-//! M is diagonal. An [`Arrangement`] shares the force among the magnets, and gives the gyroscopic moments `−Ω G q̇`.
+//! M is diagonal. A [`Rotor`] shares the force among the magnets, and gives the gyroscopic moments `−Ω G q̇`.
 //! The last term compensates them, so that every coordinate behaves as if it were alone, at any speed.
 //!
 //! # Timing
@@ -43,7 +43,8 @@ pub use voltage::ramp_gains;
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::coil::{CoilConfig, Drive, Saturates};
-use crate::bearing::magnet::{self, Geometry};
+use crate::bearing::magnet::{self, Magnets, Used};
+use crate::bearing::rotor::Rotor;
 use crate::control::observer::{Estimate, PerturbationObserver, pole};
 use crate::control::reference::RefPoint;
 use crate::control::tracking::excitation::Excitation;
@@ -92,43 +93,6 @@ pub enum Allocation {
     ///
     /// As long as both are above 0; beyond that one magnet pulls alone.
     BiasCurrent,
-}
-
-/// A rotor with N coordinates between K magnets in G groups, as the control law needs it; see [`Machine::groups`].
-pub trait Arrangement<const N: usize, const K: usize, const G: usize> {
-    /// The machine.
-    const MACHINE: &'static Machine;
-
-    /// Gaps and directions of the magnets.
-    fn geometry(&self) -> &Geometry<f64, N, K>;
-
-    /// The diagonal of M, in kg or kg·m².
-    fn inertia(&self) -> [f64; N];
-
-    /// The forces of the magnets, in N, with the generalised force Q, in N or N·m; the smallest of each group is given, in N.
-    fn allocate(&self, force: [f64; N], smallest_n: [f64; G]) -> [f64; K];
-
-    /// Those with a bias current in A for each group, for `λ_k/gap_k²` in N/A².
-    fn allocate_with_bias(&self, force: [f64; N], bias_a: [f64; G], per_square: [f64; K]) -> [f64; K];
-
-    /// Whether the magnets of all bearings face each other in pairs.
-    fn is_paired(&self) -> bool;
-
-    /// The coordinates for readings of position in m.
-    fn coordinates(&self, reading_m: [f64; N]) -> [f64; N] {
-        reading_m
-    }
-
-    /// The displacements at the magnets, in m, in the order of the readings, for coordinates.
-    fn at_magnets(&self, coordinates: [f64; N]) -> [f64; N] {
-        coordinates
-    }
-
-    /// The gyroscopic moments `−Ω G q̇`, in N or N·m, at the speed Ω in rad/s and the rates q̇ in m/s or rad/s.
-    fn gyroscopic(&self, omega_rad_s: f64, rates: [f64; N]) -> [f64; N] {
-        let _ = (omega_rad_s, rates);
-        [0.0; N]
-    }
 }
 
 /// Configuration of the control law.
@@ -301,11 +265,13 @@ impl ControllerError {
     }
 }
 
-/// The validated control law of an [`Arrangement`].
+/// The validated control law of a [`Rotor`].
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tracking<A, const N: usize, const K: usize, const G: usize> {
+pub struct Tracking<const N: usize, const K: usize, const B: usize, const G: usize> {
     config: TrackingConfig<K, G>,
-    arrangement: A,
+    rotor: Rotor<N, K, B>,
+    /// Which magnets of an axial bearing are used.
+    used: Used,
     inertia: [f64; N],
     /// The group of each magnet.
     group: [usize; K],
@@ -333,12 +299,17 @@ pub fn tracking_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 2] {
     [q * q / (step_s * step_s), q * (3.0 + rho) / (2.0 * step_s)]
 }
 
-impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tracking<A, N, K, G> {
+impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N, K, B, G> {
     /// Reports errors in `checks`; use the returned value only if there are none.
-    pub(super) fn checked(config: TrackingConfig<K, G>, arrangement: A, checks: &mut Checks) -> Self {
-        let gap_m = arrangement.geometry().gap_m;
+    pub(super) fn checked(
+        config: TrackingConfig<K, G>,
+        rotor: Rotor<N, K, B>,
+        used: Used,
+        checks: &mut Checks,
+    ) -> Self {
+        let gap_m = rotor.geometry().gap_m;
         check_step("Ts", config.step_s, checks);
-        let (machine, groups) = (A::MACHINE, A::MACHINE.groups());
+        let (machine, groups) = (Rotor::<N, K, B>::MACHINE, Rotor::<N, K, B>::MACHINE.groups());
         for (name, lambda) in machine.of_magnets("lambda0").into_iter().zip(config.lambda0_nm2_a2) {
             checks.positive(name, lambda, "N.m2/A2");
         }
@@ -349,7 +320,13 @@ impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tr
             checks.not_negative(name, bias_a, "A");
         }
         checks.require(
-            config.allocation == Allocation::SmallestForce || arrangement.is_paired(),
+            used == Used::Both || config.allocation == Allocation::SmallestForce,
+            "allocation",
+            "biasCurrent",
+            "smallestForce, for a magnet that is not used has no bias current",
+        );
+        checks.require(
+            config.allocation == Allocation::SmallestForce || rotor.bearings().iter().all(Magnets::is_paired),
             "allocation",
             "biasCurrent",
             "smallestForce, for the magnets do not face each other in pairs",
@@ -361,11 +338,12 @@ impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tr
         config.coil.check(gap_m, config.lambda0_nm2_a2, checks);
         checks.finite("update.time", config.update_time_s, "s");
         Self {
-            inertia: arrangement.inertia(),
+            inertia: rotor.config().shaft.inertia(),
             group: std::array::from_fn(|k| machine.group(k)),
             f0_n: std::array::from_fn(|g| config.f0_n[groups[g].0]),
             bias_a: std::array::from_fn(|g| config.bias_a[groups[g].0]),
-            arrangement,
+            rotor,
+            used,
             floor_m: gap_m.map(|gap_m| SMALLEST_GAP * gap_m),
             observer: PerturbationObserver::new(config.observer_rad_s, config.step_s),
             gains: tracking_gains(config.tracking_rad_s, config.step_s),
@@ -382,8 +360,14 @@ impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tr
     }
 
     /// The rotor between its magnets.
-    pub fn arrangement(&self) -> &A {
-        &self.arrangement
+    pub fn rotor(&self) -> &Rotor<N, K, B> {
+        &self.rotor
+    }
+
+    /// The gyroscopic moments `−Ω G q̇`, in N or N·m, at the speed Ω in rad/s and the rates q̇ in m/s or rad/s.
+    #[inline]
+    pub(super) fn gyroscopic(&self, omega_rad_s: f64, rates: [f64; N]) -> [f64; N] {
+        self.rotor.config().shaft.gyroscopic(omega_rad_s, rates).unwrap_or([0.0; N])
     }
 
     /// The state before the first sample, which is due at `start_s`, in s.
@@ -438,7 +422,7 @@ impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tr
             }
         });
         let voltage = self.config.coil.drive == Drive::Voltage;
-        let gap_m = self.limited(self.arrangement.geometry().gaps(estimate.map(|[x, ..]| x)));
+        let gap_m = self.limited(self.rotor.geometry().gaps(estimate.map(|[x, ..]| x)));
         if voltage {
             state.in_effect_n = magnet::forces(state.lambda_nm2_a2, measured.current_a, gap_m);
         }
@@ -479,10 +463,16 @@ impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tr
     #[inline]
     fn share(&self, force: [f64; N], level: [f64; G], lambda_nm2_a2: [f64; K], gap_m: [f64; K]) -> [f64; K] {
         match self.config.allocation {
-            Allocation::SmallestForce => self.arrangement.allocate(force, level),
+            Allocation::SmallestForce => match self.used.only() {
+                None => self.rotor.allocate(force, level),
+                Some(only) => {
+                    let towards_n = force[0] * self.rotor.geometry().directions[only][0];
+                    std::array::from_fn(|k| if k == only { towards_n.max(level[0]) } else { 0.0 })
+                }
+            },
             Allocation::BiasCurrent => {
                 let per_square = std::array::from_fn(|k| lambda_nm2_a2[k] / (gap_m[k] * gap_m[k]));
-                self.arrangement.allocate_with_bias(force, level, per_square)
+                self.rotor.allocate_with_bias(force, level, per_square)
             }
         }
     }
@@ -499,8 +489,8 @@ impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tr
     ) -> Command<N, K> {
         let m = self.inertia;
         let step_s = self.config.step_s;
-        let geometry = self.arrangement.geometry();
-        let gyroscopic = |rates| self.arrangement.gyroscopic(measured.omega_rad_s, rates);
+        let geometry = self.rotor.geometry();
+        let gyroscopic = |rates| self.gyroscopic(measured.omega_rad_s, rates);
         let in_effect = geometry.resultant(state.in_effect_n);
         // Rates at the middle of the interval; their change by the gyroscopic moments is of second order.
         let rate = |[_, v, d]: Estimate, acceleration: f64| v + 0.5 * step_s * (acceleration + d);
@@ -561,7 +551,7 @@ impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tr
             // No current flows yet, or nothing changes.
             return;
         }
-        let geometry = self.arrangement.geometry();
+        let geometry = self.rotor.geometry();
         let old = geometry.resultant(state.asked_n);
         // Currents and gaps are unchanged, so P(4) scales with the ratio of the λ.
         for k in 0..K {

@@ -30,7 +30,7 @@ impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
 
 impl<const N: usize, const K: usize> EstimatorConfigOf<N, K> {
     /// How its parts are called.
-    pub(super) const NAMES: &'static Names = Names::of_one_bearing(N, K);
+    pub(super) const NAMES: &'static Names = Names::of::<N, K>();
 
     /// Parameters that all estimators have.
     pub(super) fn shared(&self) -> Common<'_, K> {

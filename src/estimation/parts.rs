@@ -46,8 +46,8 @@ of_sizes!(EstimatorConfigOf<2, 3>, 2, 3, 1, Planar, |config| Ok(match config.met
 of_sizes!(EstimatorConfigOf<2, 4>, 2, 4, 1, Parts<2, 4, 10, 13>, |config| Ok(config.parts::<10, 13, 5>()));
 of_sizes!(EstimatorConfigOf<1, 2>, 1, 2, 1, Parts<1, 2, 3, 5>, |config| Ok(config.parts::<3, 5, 1>()));
 of_sizes!(SpindleEstimatorConfigOf<5, 3, 8>, 5, 8, 2, Parts<4, 6, 18, 29>, |config| config.parts::<6, 18, 29, 15>());
-of_sizes!(SpindleEstimatorConfigOf<5, 4, 10>, 5, 10, 2, Parts<4, 8, 20, 33>, |config| config.parts::<8, 20, 33, 17>());
-of_sizes!(SpindleEstimatorConfigOf<4, 3, 6>, 4, 6, 2, Parts<4, 6, 18, 29>, |config| config.parts::<6, 18, 29, 15>());
+of_sizes!(SpindleEstimatorConfigOf<5, 3, 10>, 5, 10, 2, Parts<4, 8, 20, 33>, |config| config.parts::<8, 20, 33, 17>());
+of_sizes!(SpindleEstimatorConfigOf<4, 2, 6>, 4, 6, 2, Parts<4, 6, 18, 29>, |config| config.parts::<6, 18, 29, 15>());
 
 /// The motion with R coordinates and K magnets, and the axial one if that is a part of its own.
 #[derive(Clone, Debug, PartialEq)]

@@ -15,10 +15,10 @@ use super::{
     prediction_error,
 };
 use crate::bearing::magnet::Geometry;
+use crate::bearing::rotor::{Rotor, RotorConfig, SHORTEST_DISTANCE_M};
 use crate::bearing::shaft::{ACROSS, generalised};
-use crate::bearing::spindle::{SHORTEST_DISTANCE_M, SpindleGeometryOf, SpindleOf};
 use crate::invalid::{Checks, Invalid};
-use crate::plant::spindle::PLANES;
+use crate::plant::PLANES;
 use crate::variables::unit::{AMPERE, KILOGRAM_METRE2, METRE, SECOND};
 use crate::variables::{LAMBDA, Variables, numbers};
 
@@ -61,13 +61,13 @@ pub struct ShaftTolerance {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Names)]
 #[serde(bound(
-    serialize = "[f64; M]: Serialize, [f64; K]: Serialize",
-    deserialize = "[f64; M]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+    serialize = "RotorConfig<f64, B>: Serialize, [f64; K]: Serialize",
+    deserialize = "RotorConfig<f64, B>: Deserialize<'de>, [f64; K]: Deserialize<'de>"
 ))]
-pub struct SpindleEstimatorConfigOf<const N: usize, const M: usize, const K: usize> {
+pub struct SpindleEstimatorConfigOf<const N: usize, const B: usize, const K: usize> {
     /// Shaft and bearings.
     #[nested(prefix = "")]
-    pub geometry: SpindleGeometryOf<f64, M>,
+    pub geometry: RotorConfig<f64, B>,
     /// Sample time; samples are taken at the start time plus whole multiples of it
     #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
     pub step_s: f64,
@@ -100,10 +100,10 @@ pub struct SpindleEstimatorConfigOf<const N: usize, const M: usize, const K: usi
 /// Those with three magnets in each radial bearing, and an axial one.
 pub type SpindleEstimatorConfig = SpindleEstimatorConfigOf<5, 3, 8>;
 
-impl<const N: usize, const M: usize, const K: usize> Default for SpindleEstimatorConfigOf<N, M, K> {
+impl<const N: usize, const B: usize, const K: usize> Default for SpindleEstimatorConfigOf<N, B, K> {
     fn default() -> Self {
         Self {
-            geometry: SpindleGeometryOf::default(),
+            geometry: RotorConfig::of(Names::of::<N, K>()),
             step_s: 1.0e-4,
             lambda0_nm2_a2: [4.0e-6; K],
             hold: Hold::default(),
@@ -123,7 +123,7 @@ impl ShaftTolerance {
         numbers("tolerance.", self, &())
     }
 
-    fn check<const M: usize>(&self, geometry: &SpindleGeometryOf<f64, M>, checks: &mut Checks) {
+    fn check<const B: usize>(&self, geometry: &RotorConfig<f64, B>, checks: &mut Checks) {
         let [begin_m, end_m] = geometry.extent_m;
         for (name, value, unit) in self.listed() {
             checks.not_negative(name.clone(), value, unit);
@@ -136,7 +136,7 @@ impl ShaftTolerance {
         let wanted = format!("less than Jt = {inertia} kg.m2,");
         checks.require(light, "tolerance.Jt", format_args!("{} kg.m2", self.transverse_kgm2), wanted);
         // The tilt is told by the distance of the sensors.
-        let apart_m = (geometry.a.sensor_position_m - geometry.b.sensor_position_m).abs();
+        let apart_m = (geometry.bearings[0].sensor_position_m - geometry.bearings[1].sensor_position_m).abs();
         let small =
             self.sensor_position_m.is_nan() || self.sensor_position_m < apart_m || apart_m < SHORTEST_DISTANCE_M;
         let wanted = format!("less than the distance of the sensors, {apart_m} m,");
@@ -144,9 +144,9 @@ impl ShaftTolerance {
     }
 }
 
-impl<const N: usize, const M: usize, const A: usize> SpindleEstimatorConfigOf<N, M, A> {
+impl<const N: usize, const B: usize, const A: usize> SpindleEstimatorConfigOf<N, B, A> {
     /// How its parts are called.
-    pub(super) const NAMES: &'static Names = Names::of_shaft::<N, M>();
+    pub(super) const NAMES: &'static Names = Names::of::<N, A>();
 
     /// Parameters that all estimators have.
     pub(super) fn shared(&self) -> Common<'_, A> {
@@ -164,7 +164,7 @@ impl<const N: usize, const M: usize, const A: usize> SpindleEstimatorConfigOf<N,
     /// Reports what [`Spindle::new`] refuses; a sample time or a first guess that is not positive; noise or a tolerance that is negative;
     /// planes of unbalance that are not on the shaft, or at the same place.
     pub(super) fn checked(&self, checks: &mut Checks) {
-        let _: SpindleOf<N, M, A> = self.geometry.checked(checks);
+        Rotor::<N, A, B>::checked(self.geometry, checks);
         let noise = [self.position_noise_m, self.current_noise_a];
         let [first_m, second_m] = self.unbalance_position_m;
         self.geometry.check_position("unbalance[1].position", first_m, checks);
@@ -190,7 +190,7 @@ impl<const N: usize, const M: usize, const A: usize> SpindleEstimatorConfigOf<N,
         if Machine::<4, K, U>::of_shaft(&self.geometry, self.unbalance_position_m).is_none() {
             return Err(vec![Invalid {
                 name: "B.sensorPosition".into(),
-                value: format!("{} m", self.geometry.b.sensor_position_m),
+                value: format!("{} m", self.geometry.bearings[1].sensor_position_m),
                 wanted: "a position of the sensors that tells a tilt".into(),
             }]);
         }
@@ -208,9 +208,13 @@ impl<const N: usize, const M: usize, const A: usize> SpindleEstimatorConfigOf<N,
             let beside = &change[1 + K..];
             geometry.shaft.transverse_kgm2 += beside[0];
             geometry.shaft.polar_kgm2 += beside[1];
-            for (at, bearing) in [&mut geometry.a, &mut geometry.b].into_iter().enumerate() {
+            for (at, bearing) in geometry.bearings[..2].iter_mut().enumerate() {
                 bearing.gap_m += change[0];
-                bearing.alpha_rad.iter_mut().zip(&change[1 + M * at..]).for_each(|(alpha, by)| *alpha += by);
+                bearing
+                    .alpha_rad
+                    .iter_mut()
+                    .zip(&change[1 + K / 2 * at..1 + K / 2 * (at + 1)])
+                    .for_each(|(alpha, by)| *alpha += by);
                 bearing.position_m += beside[2 + at];
                 bearing.sensor_position_m += beside[4 + at];
                 planes_m[at] += beside[6 + at];
@@ -220,7 +224,7 @@ impl<const N: usize, const M: usize, const A: usize> SpindleEstimatorConfigOf<N,
         };
         // The axial motion knows no unbalance.
         let axial = |[gap_m]: [f64; 1]| {
-            Machine::of_bearing(self.geometry.shaft.m_kg, self.geometry.axial_gap_m + gap_m, [0.0; 2])
+            Machine::of_bearing(self.geometry.shaft.m_kg, self.geometry.bearings[B - 1].gap_m + gap_m, [0.0; 2])
         };
         let (common, lambda0) = (self.shared(), self.lambda0_nm2_a2);
         Ok(Parts {
@@ -232,15 +236,16 @@ impl<const N: usize, const M: usize, const A: usize> SpindleEstimatorConfigOf<N,
 
 impl<const K: usize, const U: usize> Machine<4, K, U> {
     /// The radial machine of a spindle with planes of unbalance; `None` if the readings do not tell a tilt.
-    pub fn of_shaft<const M: usize>(spindle: &SpindleGeometryOf<f64, M>, planes_m: [f64; PLANES]) -> Option<Self> {
-        let h = Square::<4>::from_columns(&spindle.sensors().map(SVector::from)).transpose();
+    pub fn of_shaft<const B: usize>(spindle: &RotorConfig<f64, B>, planes_m: [f64; PLANES]) -> Option<Self> {
+        let unit = |n: usize| std::array::from_fn(|other| if other == n { 1.0 } else { 0.0 });
+        let h = Square::<4>::from_columns(&[0, 1, 2, 3].map(|n| SVector::from(spindle.readings(unit(n)))));
         let back = h.try_inverse()?;
         let inertia = SVector::from(spindle.shaft.inertia());
         let acceleration = |force: SVector<f64, 4>| -> SVector<f64, 4> { h * force.component_div(&inertia) };
         let geometry = spindle.geometry::<4, K>();
         let directions = geometry.directions.map(SVector::from);
         let axes_at = |at_m: f64| [[1.0, 0.0], [0.0, 1.0]].map(|axis| SVector::from(generalised(at_m, axis)));
-        let bearings_m = spindle.radial().map(|bearing| bearing.position_m);
+        let bearings_m = [0, 1].map(|b| spindle.bearings[b].position_m);
         let turning = planes_m.into_iter().chain(bearings_m).flat_map(axes_at);
         let loads = Square::<4>::identity();
         let forces = directions.into_iter().chain(turning).chain(loads.column_iter().map(|x| x.into_owned()));
@@ -250,7 +255,7 @@ impl<const K: usize, const U: usize> Machine<4, K, U> {
         }
         let columns: [SVector<f64, 4>; 4] = std::array::from_fn(|c| {
             let rates: SVector<f64, 4> = back.column(c).into_owned();
-            acceleration(spindle.shaft.gyroscopic(1.0, rates.into()).into())
+            acceleration(spindle.shaft.gyroscopic(1.0, rates.into()).unwrap_or_default().into())
         });
         Some(Machine {
             geometry: Geometry { gap_m: geometry.gap_m, directions: directions.map(|d| back.tr_mul(&d).into()) },

@@ -11,12 +11,10 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::common::{info, refused, sampled};
+use crate::bearing::rotor::Rotor;
 use crate::control::controller::{
-    Controller, ControllerConfig, ControllerConfigOf, ControllerInputOf, ControllerOutputOf, ControllerParameters,
-    ControllerState, UpdateMode,
+    Controller, ControllerConfig, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
 };
-use crate::control::spindle::SpindleControllerConfigOf;
-use crate::control::tracking::Arrangement;
 use crate::machine::Machine;
 use crate::variables::Variables;
 
@@ -24,34 +22,31 @@ use crate::variables::Variables;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
 #[serde(bound(
-    serialize = "C: Serialize, ControllerInputOf<N, K>: Serialize, ControllerOutputOf<N, K>: Serialize",
-    deserialize = "C: Deserialize<'de>, ControllerInputOf<N, K>: Deserialize<'de>, ControllerOutputOf<N, K>: Deserialize<'de>"
+    serialize = "ControllerConfig<N, K, B, G>: Serialize, ControllerInput<N, K>: Serialize, ControllerOutput<N, K>: Serialize",
+    deserialize = "ControllerConfig<N, K, B, G>: Deserialize<'de>, ControllerInput<N, K>: Deserialize<'de>, \
+                   ControllerOutput<N, K>: Deserialize<'de>"
 ))]
-pub struct Values<C, const N: usize, const K: usize>
-where
-    C: Variables<Context = Machine> + Default + Clone + 'static,
-{
+pub struct Values<const N: usize, const K: usize, const B: usize, const G: usize> {
     #[nested(prefix = "")]
-    config: C,
+    config: ControllerConfig<N, K, B, G>,
     #[nested(prefix = "")]
-    input: ControllerInputOf<N, K>,
+    input: ControllerInput<N, K>,
     #[nested(prefix = "")]
-    output: ControllerOutputOf<N, K>,
+    output: ControllerOutput<N, K>,
 }
 
 /// The configuration with the speed, which may change during a run.
-fn config<C, const N: usize, const K: usize, const G: usize>(values: &Values<C, N, K>) -> C
-where
-    C: ControllerParameters<N, K, G> + Variables<Context = Machine> + Default + 'static,
-{
+fn config<const N: usize, const K: usize, const B: usize, const G: usize>(
+    values: &Values<N, K, B, G>,
+) -> ControllerConfig<N, K, B, G> {
     let mut config = values.config.clone();
-    *config.omega_mut() = values.input.omega_rad_s;
+    config.reference.omega_rad_s = values.input.omega_rad_s;
     config
 }
 
 /// The configuration of a controller of the planar rotor with the given values by index, and start values elsewhere.
 pub fn configuration(settings: &[(usize, Value)]) -> ControllerConfig {
-    config(&Table::new(OneBearing::<2, 3, 1>::table()).values(settings))
+    config(&Table::new(ControllerModel::<2, 3, 1, 1>::table()).values(settings))
 }
 
 /// Logs that force constants have been replaced.
@@ -75,38 +70,22 @@ impl fmt::Display for List<'_> {
     }
 }
 
-/// The model of a controller.
+/// The model of a controller of a machine with N coordinates, K magnets in G groups, and B bearings.
 #[derive(Clone)]
-pub struct ControllerModel<C: ControllerParameters<N, K, G>, const N: usize, const K: usize, const G: usize>(
-    Controller<C, N, K, G>,
-);
+pub struct ControllerModel<const N: usize, const K: usize, const B: usize, const G: usize>(Controller<N, K, B, G>);
 
-/// That of a rotor in one bearing, with N coordinates and K magnets in G groups.
-pub type OneBearing<const N: usize, const K: usize, const G: usize> =
-    ControllerModel<ControllerConfigOf<N, K, G>, N, K, G>;
-
-/// That of a spindle, with M magnets in each radial bearing.
-pub type Spindle<const N: usize, const M: usize, const K: usize, const G: usize> =
-    ControllerModel<SpindleControllerConfigOf<N, M, K, G>, N, K, G>;
-
-impl<C, const N: usize, const K: usize, const G: usize> SampledModel for ControllerModel<C, N, K, G>
+impl<const N: usize, const K: usize, const B: usize, const G: usize> SampledModel for ControllerModel<N, K, B, G>
 where
-    C: ControllerParameters<N, K, G, Rotor: Send + Sync, Curve: Send + Sync>
-        + Variables<Context = Machine>
-        + Default
-        + Send
-        + Sync
-        + 'static,
     // True of every length that is used; serde does not know it of all.
-    Values<C, N, K>: Serialize + DeserializeOwned,
+    Values<N, K, B, G>: Serialize + DeserializeOwned,
     ControllerState<N, K, G>: Serialize + DeserializeOwned + Send + Sync + 'static,
 {
-    const INFO: Info = info(&C::Rotor::MACHINE.models[1]);
-    type Values = Values<C, N, K>;
+    const INFO: Info = info(&Rotor::<N, K, B>::MACHINE.models[1]);
+    type Values = Values<N, K, B, G>;
     type State = ControllerState<N, K, G>;
 
     fn table() -> Vec<Row<Self::Values>> {
-        sampled(Values::rows_in(C::Rotor::MACHINE), C::Rotor::MACHINE)
+        sampled(Values::rows_in(Rotor::<N, K, B>::MACHINE), Rotor::<N, K, B>::MACHINE)
     }
 
     fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
@@ -114,7 +93,7 @@ where
     }
 
     fn period_s(&self) -> f64 {
-        self.0.config().law().step_s
+        self.0.config().law.step_s
     }
 
     fn start(&self, values: &mut Self::Values, start_s: f64) -> Self::State {
@@ -132,14 +111,14 @@ where
         let used = values.output.lambda_used_nm2_a2;
         values.output = self.0.sample(state, &values.input).map_err(StepError::of)?;
         let now = values.output.lambda_used_nm2_a2;
-        if used != now && self.0.config().law().update == UpdateMode::AtTime && log.wants(Topic::Event) {
+        if used != now && self.0.config().law.update == UpdateMode::AtTime && log.wants(Topic::Event) {
             log_update(log, instant_s, &used, &now);
         }
         Ok(())
     }
 
     fn retune(&mut self, _: &mut Self::State, values: &Self::Values, _: &Resources) -> Result<(), Vec<Invalid>> {
-        let law = values.config.law();
+        let law = &values.config.law;
         self.0.retune(law.modulation, law.modulation_hz).map_err(refused)
     }
 

@@ -66,8 +66,8 @@ pub struct EstimatorModel<C: EstimatorParameters<N, K, P>, const N: usize, const
 pub type OneBearing<const N: usize, const K: usize> = EstimatorModel<EstimatorConfigOf<N, K>, N, K, 1>;
 
 /// That of a spindle, with M magnets in each radial bearing.
-pub type Spindle<const N: usize, const M: usize, const K: usize> =
-    EstimatorModel<SpindleEstimatorConfigOf<N, M, K>, N, K, 2>;
+pub type Spindle<const N: usize, const B: usize, const K: usize> =
+    EstimatorModel<SpindleEstimatorConfigOf<N, B, K>, N, K, 2>;
 
 impl<C, const N: usize, const K: usize, const P: usize> SampledModel for EstimatorModel<C, N, K, P>
 where

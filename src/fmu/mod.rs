@@ -1,35 +1,34 @@
 //! The models of this project as FMUs: a table of variables each, and the library that serves them.
 //!
-//! [`controller`] and [`estimator`] each read from top to bottom: values, table, run, for any machine. `plants.rs` does so for the plants;
-//! what they depend on is in [`plant`] for one bearing and in [`spindle`].
+//! [`plant`], [`controller`] and [`estimator`] each read from top to bottom: values, table, run, for any machine. What the outputs of a plant
+//! depend on is in `dependencies.rs`.
 
 pub mod controller;
 pub mod estimator;
 pub mod plant;
-pub mod plants;
-pub mod spindle;
 
 mod common;
+mod dependencies;
 
 use std::sync::Arc;
 
 use fmu_export::ModelType;
 
 fmu_export::export_fmus!(
-    plant::Plant<2, 3>,
-    controller::OneBearing<2, 3, 1>,
+    plant::PlantModel<2, 3, 1>,
+    controller::ControllerModel<2, 3, 1, 1>,
     estimator::OneBearing<2, 3>,
-    spindle::Plant<5, 3, 8>,
-    controller::Spindle<5, 3, 8, 3>,
+    plant::PlantModel<5, 8, 3>,
+    controller::ControllerModel<5, 8, 3, 3>,
     estimator::Spindle<5, 3, 8>,
-    plant::Plant<2, 4>,
-    controller::OneBearing<2, 4, 2>,
+    plant::PlantModel<2, 4, 1>,
+    controller::ControllerModel<2, 4, 1, 2>,
     estimator::OneBearing<2, 4>,
-    spindle::Plant<5, 4, 10>,
-    controller::Spindle<5, 4, 10, 5>,
-    estimator::Spindle<5, 4, 10>,
-    plant::Plant<1, 2>,
-    controller::OneBearing<1, 2, 1>,
+    plant::PlantModel<5, 10, 3>,
+    controller::ControllerModel<5, 10, 3, 5>,
+    estimator::Spindle<5, 3, 10>,
+    plant::PlantModel<1, 2, 1>,
+    controller::ControllerModel<1, 2, 1, 1>,
     estimator::OneBearing<1, 2>,
 );
 

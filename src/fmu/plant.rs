@@ -1,108 +1,374 @@
-//! `MagneticBearing`, `MagneticBearing4`, `AxialBearing`: the rotor, its magnets and their coils, unbalance, perturbation forces, backup bearing and
-//! sensors.
+//! `MagneticBearing`, `MagneticSpindle` and the plants of the other machines: a rigid rotor, its magnets and their coils, unbalance, loads,
+//! backup bearings and sensors.
 
-use fmu_export::variable::Row;
+use fmu_export::input::{HIGHEST_ORDER, InputTrajectory};
+use fmu_export::log::Log;
+use fmu_export::variable::Dependency::Constant;
+use fmu_export::variable::{Causality, Row, Table, Value, Variability};
+use fmu_export::{Capabilities, Info, Invalid, Model, Resources, Step, StepError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::plants::{self, ModelledRotor, PlantModel};
-use crate::bearing::scalar::Scalar;
-use crate::machine::Machine;
-use crate::plant::{Equations, Motion, PlantParameters, RotorConfig};
+use super::common::{described, info, refused};
+use super::dependencies::{dependent, feedthrough};
+use crate::bearing::rotor::Rotor;
+use crate::machine::{Coordinate, Machine};
+use crate::plant::linearisation::{Point, Taylor};
+use crate::plant::sensor::Channels;
+use crate::plant::{
+    self, AtBearing, Conditions, Equations, INSTANT_TOLERANCE, Motion, Plant, PlantConfig, PlantInput, PlantOutput,
+    PlantState,
+};
 use crate::variables::Variables;
+use crate::variables::unit::{AMPERE, METRE, METRE_PER_SECOND, RADIAN, RADIAN_PER_SECOND};
 
-/// The plant with N coordinates and K magnets.
-pub type Plant<const N: usize, const K: usize> = PlantModel<RotorConfig<f64, N, K>, N, K>;
-
-/// The values of all variables of the plant.
-type Values<const N: usize, const K: usize> = plants::Values<RotorConfig<f64, N, K>, N, K>;
-
-/// Outputs that other plants have not.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+/// The values of all variables of a plant.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
-pub struct Touchdown {
-    /// Whether the rotor touches the backup bearing
-    #[output(name = "touchdown.contact")]
-    contact: bool,
+#[serde(bound(
+    serialize = "PlantConfig<f64, N, K, B>: Serialize, PlantInput<f64, N, K>: Serialize, PlantOutput<f64, N, K>: Serialize, \
+                 [AtBearing; B]: Serialize, [bool; B]: Serialize, [bool; K]: Serialize, [f64; N]: Serialize, [f64; K]: Serialize",
+    deserialize = "PlantConfig<f64, N, K, B>: Deserialize<'de>, PlantInput<f64, N, K>: Deserialize<'de>, \
+                   PlantOutput<f64, N, K>: Deserialize<'de>, [AtBearing; B]: Deserialize<'de>, [bool; B]: Deserialize<'de>, \
+                   [bool; K]: Deserialize<'de>, [f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+))]
+pub struct Values<const N: usize, const K: usize, const B: usize> {
+    #[nested(prefix = "")]
+    config: PlantConfig<f64, N, K, B>,
+    /// Whether the circuit of {magnet} is open, so that it carries no current
+    #[parameter(names = context.of_magnets("coil.open"), tunable)]
+    open: [bool; K],
+    #[nested(prefix = "")]
+    input: PlantInput<f64, N, K>,
+    #[output(
+        names = context.of_coordinates(|coordinate| coordinate.position),
+        description = context.coordinates[index].position.1,
+        unit = context.either(index, METRE, RADIAN), nominal = context.either(index, 1e-5, 1e-4), state,
+        with = |row| {
+            let name = row.variable.name.clone();
+            row.starts_from([format!("{name}0")]).depends(Constant, [name])
+        }
+    )]
+    position_m: [f64; N],
+    #[nested(
+        prefixes = context.of_bearings("").into_iter().take(context.if_tilting(B)), count = context.if_tilting(B),
+        context = context.bearings[index]
+    )]
+    at_bearings: [AtBearing; B],
+    #[output(
+        names = context.of_bearings(if context.tilts() { "contact" } else { "touchdown.contact" }),
+        description = format!(
+            "Whether the rotor touches the {}", if context.tilts() { context.bearings[index].backup() } else { "backup bearing".into() }
+        )
+    )]
+    contact: [bool; B],
+    /// Position {place} as read by the sensor at the last sample
+    #[output(names = context.measured(), discrete, unit = METRE, nominal = 1e-5)]
+    measured_position_m: [f64; N],
+    /// Current through {magnet} as read by the sensor at the last sample; with drive = current the one held until then
+    #[output(names = context.of_magnets("im"), discrete, unit = AMPERE)]
+    measured_current_a: [f64; K],
+    /// Unwrapped rotor angle at the last sample
+    #[output(name = "theta", discrete, unit = RADIAN, starts_from = ["theta0"])]
+    measured_theta_rad: f64,
+    /// Speed of the rotor at the last sample, held over the interval that ends there
+    #[output(name = "omegam", discrete, unit = RADIAN_PER_SECOND, nominal = 100.0, starts_from = ["omega"])]
+    measured_omega_rad_s: f64,
+    #[nested(prefix = "")]
+    output: PlantOutput<f64, N, K>,
+    #[local(
+        names = context.of_coordinates(|coordinate| coordinate.rate),
+        description = context.coordinates[index].rate.1,
+        unit = context.either(index, METRE_PER_SECOND, RADIAN_PER_SECOND), nominal = context.either(index, 1e-2, 0.1), state,
+        derivative_of = context.coordinates[index].position.0,
+        with = |row| {
+            let name = row.variable.name.clone();
+            row.starts_from([format!("{name}0")]).depends(Constant, [name])
+        }
+    )]
+    velocity_m_s: [f64; N],
+    /// Unwrapped rotor angle
+    #[local(name = "rotor.theta", unit = RADIAN, state, starts_from = ["theta0"])]
+    theta_rad: f64,
+    /// Derivative of the rotor angle, equal to the input omega
+    #[local(
+        name = "rotor.omega", unit = RADIAN_PER_SECOND, nominal = 100.0, derivative_of = "rotor.theta", starts_from = ["omega"],
+        with = |row| row.depends(Constant, ["omega"])
+    )]
+    omega_rad_s: f64,
 }
 
-impl<const N: usize, const K: usize> ModelledRotor<N, K> for RotorConfig<f64, N, K>
+impl<const N: usize, const K: usize, const B: usize> Default for Values<N, K, B> {
+    fn default() -> Self {
+        Self {
+            config: PlantConfig::default(),
+            open: [false; K],
+            input: PlantInput::default(),
+            position_m: [0.0; N],
+            at_bearings: [AtBearing::default(); B],
+            contact: [false; B],
+            measured_position_m: [0.0; N],
+            measured_current_a: [0.0; K],
+            measured_theta_rad: 0.0,
+            measured_omega_rad_s: 0.0,
+            output: PlantOutput::default(),
+            velocity_m_s: [0.0; N],
+            theta_rad: 0.0,
+            omega_rad_s: 0.0,
+        }
+    }
+}
+
+/// The table of a plant.
+fn table<const N: usize, const K: usize, const B: usize>() -> Vec<Row<Values<N, K, B>>> {
+    let machine = Rotor::<N, K, B>::MACHINE;
+    // A sampled output is held until the next sample.
+    let held = |row: Row<_>| match row.variable.variability {
+        Variability::Discrete if row.variable.causality == Causality::Output => row.depends_on_nothing(),
+        _ => row,
+    };
+    let mut rows = Values::rows_in(machine);
+    // Where the order of the interface is not that of the fields.
+    if !machine.tilts() {
+        let at_start = [|of: &Coordinate| of.position, |of: &Coordinate| of.rate].map(|part| machine.at_start(part));
+        at_start.iter().flatten().for_each(|name| before(&mut rows, name, "drive"));
+        before(&mut rows, "theta0", "sensor.positionNoise");
+        before(&mut rows, "touchdown.contact", "touchdown.FY");
+    }
+    for coordinate in machine.coordinates {
+        before(&mut rows, coordinate.rate.0, machine.coordinates[0].acceleration.0);
+    }
+    let rows = rows.into_iter().map(|row| held(dependent(feedthrough(row, machine), machine)));
+    described(rows, machine)
+}
+
+/// Moves a row, if it is there, to the place before another.
+fn before<D>(rows: &mut Vec<Row<D>>, name: &str, other: &str) {
+    let find = |rows: &[Row<D>], name: &str| rows.iter().position(|row| row.variable.name == name);
+    let Some(from) = find(rows, name) else { return };
+    let row = rows.remove(from);
+    let to = find(rows, other).unwrap_or(from);
+    rows.insert(to, row);
+}
+
+/// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
+pub fn configuration<const N: usize, const K: usize, const B: usize>(
+    settings: &[(usize, Value)],
+) -> (PlantConfig<f64, N, K, B>, PlantInput<f64, N, K>) {
+    let values = Table::new(table::<N, K, B>()).values(settings);
+    (values.config, values.input)
+}
+
+/// The model of a plant.
+#[derive(Clone)]
+pub struct PlantModel<const N: usize, const K: usize, const B: usize>(Plant<N, K, B>);
+
+impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
+    fn fill(&self, state: &PlantState<N, K, B>, values: &mut Values<N, K, B>, time_s: f64) {
+        values.position_m = state.position_m;
+        values.velocity_m_s = state.velocity_m_s;
+        values.measured_position_m = state.measured.position_m;
+        values.measured_current_a = state.measured.current_a;
+        values.measured_theta_rad = state.measured.theta_rad;
+        values.theta_rad = state.theta_rad;
+        values.omega_rad_s = values.input.omega_rad_s;
+        values.output = self.0.outputs(state, &values.input, time_s);
+        let (motion, omega_rad_s) = (state.motion(), values.input.omega_rad_s);
+        values.contact = state.contact;
+        if Rotor::<N, K, B>::MACHINE.tilts() {
+            values.at_bearings =
+                self.0.equations().at_bearings(&motion, omega_rad_s, state.contact, values.output.force_n);
+        }
+    }
+
+    /// The inputs over a step in the form of the equations.
+    fn trajectory(values: &Values<N, K, B>, inputs: &InputTrajectory<Values<N, K, B>>) -> plant::InputTrajectory<N, K> {
+        let slopes = (!inputs.is_held()).then(|| {
+            std::array::from_fn(|lower| {
+                let mut slopes = Values::default();
+                inputs.apply_derivatives(&mut slopes, lower + 1);
+                slopes.input
+            })
+        });
+        plant::InputTrajectory { input: values.input.clone(), slopes, since_s: inputs.start_s() }
+    }
+}
+
+impl<const N: usize, const K: usize, const B: usize> Model for PlantModel<N, K, B>
 where
     // True of every length that is used; serde does not know it of all.
-    Self: Serialize + DeserializeOwned,
+    Values<N, K, B>: Serialize + DeserializeOwned,
+    PlantState<N, K, B>: Serialize + DeserializeOwned,
 {
-    type Details = Touchdown;
+    const INFO: Info = info(&Rotor::<N, K, B>::MACHINE.models[0]);
+    type Values = Values<N, K, B>;
+    type State = PlantState<N, K, B>;
 
-    fn dependent(row: Row<Values<N, K>>) -> Row<Values<N, K>> {
-        dependent(row, Self::MACHINE)
+    const CAPABILITIES: Capabilities =
+        Capabilities::NONE.directional_derivatives().output_derivatives(2).interpolates_inputs();
+
+    fn table() -> Vec<Row<Values<N, K, B>>> {
+        table()
     }
 
-    fn details<U: Scalar>(
-        _: &Equations<RotorConfig<U, N, K>, N, K>,
-        _: &Motion<U, N, K>,
-        _: U,
-        contact: bool,
-        _: [U; K],
-        _: impl Fn(U) -> f64,
-    ) -> Touchdown {
-        Touchdown { contact }
+    fn new(values: &Values<N, K, B>, _: &Resources) -> Result<Self, Vec<Invalid>> {
+        Plant::new(values.config.clone()).map(Self).map_err(refused)
+    }
+
+    fn start(&self, values: &mut Values<N, K, B>, start_s: f64) -> PlantState<N, K, B> {
+        let mut state = self.0.start(start_s);
+        state.open = values.open;
+        values.measured_omega_rad_s = values.input.omega_rad_s;
+        self.fill(&state, values, start_s);
+        state
+    }
+
+    fn accepts(&self, state: &PlantState<N, K, B>, _: &Values<N, K, B>, time_s: Option<f64>) -> Result<(), String> {
+        if time_s.is_some_and(|time_s| !self.0.accepts(state, time_s)) {
+            return Err("the state does not belong to this time or to these parameters".into());
+        }
+        Ok(())
+    }
+
+    fn base_step_s(&self) -> f64 {
+        self.0.base_step_s()
+    }
+
+    fn retune(
+        &mut self,
+        state: &mut PlantState<N, K, B>,
+        values: &Values<N, K, B>,
+        _: &Resources,
+    ) -> Result<(), Vec<Invalid>> {
+        self.0.retune(&values.config).map_err(refused)?;
+        state.open = values.open;
+        Ok(())
+    }
+
+    fn step(
+        &self,
+        state: &mut PlantState<N, K, B>,
+        values: &mut Values<N, K, B>,
+        step: Step,
+        inputs: &InputTrajectory<Values<N, K, B>>,
+        _: &mut dyn Log,
+    ) -> Result<(), StepError> {
+        let samples = state.samples;
+        let trajectory = Self::trajectory(values, inputs);
+        let (time_s, length_s) = self.where_it_stands(state, step);
+        let outcome = self.0.advance_along(state, &trajectory, time_s, length_s);
+        if state.samples != samples {
+            values.measured_omega_rad_s = trajectory.at(self.0.sampled_s(state)).omega_rad_s;
+        }
+        inputs.apply(values, if outcome.is_ok() { step.end_s() } else { state.time_s });
+        self.fill(state, values, step.end_s());
+        outcome.map_err(StepError::of)
+    }
+
+    fn refresh(&self, state: &PlantState<N, K, B>, values: &mut Values<N, K, B>, time_s: f64) {
+        self.fill(state, values, time_s);
+    }
+
+    fn differentiate(
+        &self,
+        state: &PlantState<N, K, B>,
+        values: &Values<N, K, B>,
+        direction: &Values<N, K, B>,
+        time_s: f64,
+        started: bool,
+    ) -> Values<N, K, B> {
+        let point = Point::of(&self.0, state, &values.input, time_s);
+        let towards = direction.config.clone();
+        let mut derivatives = Values::<N, K, B>::default();
+        // Before the run the states are given by the parameters.
+        let (start_m, start_m_s) = (towards.position_m, towards.velocity_m_s);
+        let from = |state: f64, start: f64| if started { state } else { state + start };
+        derivatives.position_m = std::array::from_fn(|n| from(direction.position_m[n], start_m[n]));
+        derivatives.velocity_m_s = std::array::from_fn(|n| from(direction.velocity_m_s[n], start_m_s[n]));
+        derivatives.theta_rad = from(direction.theta_rad, towards.theta_rad);
+        derivatives.omega_rad_s = direction.input.omega_rad_s;
+        let line = point.along(&Point {
+            motion: Motion {
+                position_m: derivatives.position_m,
+                velocity_m_s: derivatives.velocity_m_s,
+                linkage_wb: direction.output.linkage_wb,
+            },
+            input: direction.input.clone(),
+            conditions: Conditions { theta_rad: derivatives.theta_rad, ..Conditions::default() },
+            config: towards,
+        });
+        (derivatives.output, derivatives.at_bearings) = Self::derivatives_of(&line, 1);
+        derivatives.output.linkage_wb = direction.output.linkage_wb;
+        self.differentiate_first_sample(&line, direction, &mut derivatives);
+        derivatives.measured_theta_rad = derivatives.theta_rad;
+        derivatives.measured_omega_rad_s = direction.input.omega_rad_s;
+        derivatives
+    }
+
+    fn output_derivatives(
+        &self,
+        state: &PlantState<N, K, B>,
+        values: &Values<N, K, B>,
+        slopes: &[Values<N, K, B>; HIGHEST_ORDER],
+        time_s: f64,
+        order: usize,
+    ) -> Values<N, K, B> {
+        let point = Point::of(&self.0, state, &values.input, time_s);
+        let slopes = slopes.each_ref().map(|slopes| slopes.input.clone());
+        let line = point.in_time::<3>(&slopes);
+        let (output, at_bearings) = Self::derivatives_of(&line, order);
+        let position_m = line.motion.position_m.map(|series| series.derivative(order));
+        Values { position_m, output, at_bearings, ..Values::default() }
     }
 }
 
-/// Dependencies of contact with the backup bearing at the start, besides the motion.
-const TOUCHING: [&str; 3] = ["touchdown.clearance", "touchdown.stiffness", "touchdown.damping"];
+impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
+    /// The derivatives of one order of all outputs.
+    fn derivatives_of<const ORDERS: usize>(
+        line: &Point<Taylor<ORDERS>, N, K, B>,
+        order: usize,
+    ) -> (PlantOutput<f64, N, K>, [AtBearing; B]) {
+        let of = |series: Taylor<ORDERS>| series.derivative(order);
+        let equations = Equations::new(line.config.clone());
+        let (Conditions { contact, .. }, omega_rad_s) = (line.conditions, line.input.omega_rad_s);
+        let output = equations.outputs(&line.motion, &line.input, line.conditions);
+        let at_bearings = equations.at_bearings(&line.motion, omega_rad_s, contact, output.force_n);
+        (output.map(of), at_bearings.map(|at| at.map(of)))
+    }
 
-fn dependent<D>(row: Row<D>, machine: &Machine) -> Row<D> {
-    let (name, k) = (row.variable.name.clone(), row.index());
-    let axis = machine.resultant.get(k).copied().unwrap_or_default();
-    let along = |names: &[&str]| names.iter().map(|name| format!("{name}{axis}")).collect::<Vec<_>>();
-    let at_start = machine.at_start(|coordinate| coordinate.position);
-    let rate_at_start = machine.at_start(|coordinate| coordinate.rate);
-    // An axial bearing has neither angles of magnets nor an unbalance.
-    let angle = machine.is_planar().then_some("alpha[{k}]");
-    let turning: &[&str] =
-        if machine.planes > 0 { &["unbalance.magnitude", "unbalance.phase", "omega", "theta0"] } else { &[] };
-    let ring: &[&str] = if machine.is_planar() { &["omega"] } else { &[] };
-    let pulling = |row: Row<_>| {
-        row.starts_from(["s"]).starts_from(at_start.clone()).starts_from(["drive", "coil.fluxSaturation"])
-    };
-    let touching =
-        |row: Row<_>| row.starts_from(at_start.clone()).starts_from(rate_at_start.clone()).starts_from(TOUCHING);
-    let kind = name.split('[').next().unwrap_or(&name).trim_end_matches(axis);
-    match kind {
-        _ if machine.measured().contains(&name.to_string()) => row
-            .starts_from([format!("{axis}0")])
-            .starts_from(along(&["sensor.offset", "sensor.gainError"]))
-            .starts_from(["sensor.positionNoise", "sensor.positionResolution", "sensor.seed"]),
-        "im" => row.starts_from([
-            "sensor.currentNoise",
-            "sensor.currentResolution",
-            "sensor.seed",
-            "sensor.currentOffset[{k}]",
-        ]),
-        "F" if name.contains('[') => {
-            pulling(row).starts_from(["lambda[{k}]"]).starts_from(angle).starts_from(["i[{k}]", "coil.open[{k}]"])
+    /// The derivatives of the first sample: `(1 + gain error) x + offset + σ n` with the first draw n. A rounded reading is
+    /// constant almost everywhere.
+    fn differentiate_first_sample(
+        &self,
+        line: &Point<Taylor<2>, N, K, B>,
+        direction: &Values<N, K, B>,
+        derivatives: &mut Values<N, K, B>,
+    ) {
+        let (sensor, towards) = (&self.0.config().sensor, &direction.config.sensor);
+        let Channels { position, current } = Channels::<N, K>::new(sensor.seed);
+        let position_draws = position.map(|mut noise| noise.standard_normal());
+        let current_draws = current.map(|mut noise| noise.standard_normal());
+        let readings_m = line.config.rotor.readings(line.motion.position_m);
+        derivatives.measured_position_m = std::array::from_fn(|n| {
+            let Taylor([reading_m, slope_m]) = readings_m[n];
+            let rotor_m = (1.0 + sensor.position_gain_error[n]) * slope_m + towards.position_gain_error[n] * reading_m;
+            let own_m = towards.position_offset_m[n] + towards.position_noise_m * position_draws[n];
+            if sensor.position_resolution_m == 0.0 { rotor_m + own_m } else { 0.0 }
+        });
+        // No current is held before the start.
+        derivatives.measured_current_a = std::array::from_fn(|k| {
+            let own_a = towards.current_offset_a[k] + towards.current_noise_a * current_draws[k];
+            if sensor.current_resolution_a == 0.0 { own_a } else { 0.0 }
+        });
+    }
+
+    /// Begin and length of a step, aligned with the plant's own time: importers recompute the begin, and where the plant's
+    /// tolerance is tighter than theirs, the step begins where the last one ended.
+    fn where_it_stands(&self, state: &PlantState<N, K, B>, step: Step) -> (f64, f64) {
+        let beside_s = (step.time_s - state.time_s).abs();
+        if beside_s <= 0.5 * INSTANT_TOLERANCE * self.0.config().sensor.step_s {
+            return (step.time_s, step.length_s);
         }
-        "F" => {
-            let of_magnets = ["lambda", "i", "coil.open"].into_iter().flat_map(|name| machine.of_magnets(name));
-            let angles = machine.of_magnets("alpha").into_iter().filter(|_| machine.is_planar());
-            pulling(row.depends_on(["i", "psi"]).depends_on(machine.of_resultant("")))
-                .starts_from(angles.chain(of_magnets))
-        }
-        "gap" => row.starts_from(["s"]).starts_from(at_start.clone()).starts_from(angle),
-        "perturbation." => row
-            .starts_from(["perturbation.omega"])
-            .starts_from(turning.iter().copied())
-            .starts_from(["m"])
-            .starts_from(along(&["p", "perturbation.amplitude", "perturbation.phase", "gravity."])),
-        "touchdown.contact" => touching(row.depends_on(machine.of_resultant("")).depends_on(machine.of_resultant("v"))),
-        "touchdown.F" => touching(
-            row.depends_on(ring.iter().copied())
-                .depends_on(machine.of_resultant(""))
-                .depends_on(machine.of_resultant("v"))
-                .starts_from(ring.iter().copied())
-                .starts_from(["touchdown.friction", "touchdown.radius"].into_iter().filter(|_| machine.is_planar())),
-        ),
-        _ => row,
+        (state.time_s, (step.end_s() - state.time_s).max(0.0))
     }
 }

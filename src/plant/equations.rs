@@ -2,9 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::config::PlantConfig;
 use super::integration::Vector;
-use super::one_bearing::PlantConfig;
-use super::rotor::Rotor;
 use crate::bearing::coil::{Coil, CoilPoint, Drive};
 use crate::bearing::magnet::{Geometry, forces};
 use crate::bearing::scalar::Scalar;
@@ -97,22 +96,22 @@ impl<T: Copy, const N: usize, const K: usize> PlantInput<T, N, K> {
 
 /// Parameters of the equations of motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Conditions<T = f64, const K: usize = 3, C = bool> {
+pub struct Conditions<T = f64, const K: usize = 3, const B: usize = 1> {
     /// Absolute time, in s.
     pub time_s: T,
     /// Angle of the rotor, in rad.
     pub theta_rad: T,
-    /// Whether rotor and backup bearing are in contact; of a spindle, for each of the backup bearings.
-    pub contact: C,
+    /// Whether the rotor touches the backup bearing at each bearing.
+    pub contact: [bool; B],
     /// Coils whose circuit is open.
     pub open: [bool; K],
 }
 
-impl<T: Scalar, const K: usize, C: Default> Default for Conditions<T, K, C> {
+impl<T: Scalar, const K: usize, const B: usize> Default for Conditions<T, K, B> {
     /// At time 0 and angle 0, without contact, all circuits closed.
     fn default() -> Self {
         let zero = T::constant(0.0);
-        Self { time_s: zero, theta_rad: zero, contact: C::default(), open: [false; K] }
+        Self { time_s: zero, theta_rad: zero, contact: [false; B], open: [false; K] }
     }
 }
 
@@ -214,16 +213,16 @@ impl<T, const N: usize, const K: usize> PlantOutput<T, N, K> {
 
 /// The plant's equations for one set of parameters.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Equations<R: Rotor<N, K> = PlantConfig, const N: usize = 2, const K: usize = 3> {
+pub struct Equations<T = f64, const N: usize = 2, const K: usize = 3, const B: usize = 1> {
     /// The parameters.
-    pub(super) config: R,
-    geometry: Geometry<R::Number, N, K>,
+    pub(super) config: PlantConfig<T, N, K, B>,
+    geometry: Geometry<T, N, K>,
 }
 
-impl<T: Scalar, R: Rotor<N, K, Number = T>, const N: usize, const K: usize> Equations<R, N, K> {
+impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, K, B> {
     /// The equations for validated parameters, see [`Plant::new`](super::Plant::new).
-    pub fn new(config: R) -> Self {
-        let geometry = config.geometry();
+    pub fn new(config: PlantConfig<T, N, K, B>) -> Self {
+        let geometry = config.rotor.geometry();
         Self { config, geometry }
     }
 
@@ -241,13 +240,13 @@ impl<T: Scalar, R: Rotor<N, K, Number = T>, const N: usize, const K: usize> Equa
     /// The coil of magnet k, counted from 0.
     #[inline]
     pub fn coil(&self, k: usize) -> Coil<T> {
-        self.config.coil().of(self.config.lambda_nm2_a2()[k], self.geometry.gap_m[k])
+        self.config.coil.of(self.config.lambda_nm2_a2[k], self.geometry.gap_m[k])
     }
 
     /// Whether the forces follow from P(4) with the currents of the input.
     #[inline]
     pub(super) fn is_plain(&self) -> bool {
-        self.config.coil().drive == Drive::Current && self.config.coil().saturation_wb.value() == 0.0
+        self.config.coil.drive == Drive::Current && self.config.coil.saturation_wb.value() == 0.0
     }
 
     /// The coils at the given gaps, in m, from `linkage_wb` with voltage drive, from the currents of the input otherwise.
@@ -261,7 +260,7 @@ impl<T: Scalar, R: Rotor<N, K, Number = T>, const N: usize, const K: usize> Equa
         if self.is_plain() {
             // P(4) literally, in the order of operations with the fewest roundings.
             let current_a = flowing(open, input.current_a);
-            let force_n = forces(*self.config.lambda_nm2_a2(), current_a, gap_m);
+            let force_n = forces(self.config.lambda_nm2_a2, current_a, gap_m);
             return std::array::from_fn(|k| {
                 let inductance_h = self.coil(k).inductance_h(gap_m[k]);
                 CoilPoint {
@@ -273,7 +272,7 @@ impl<T: Scalar, R: Rotor<N, K, Number = T>, const N: usize, const K: usize> Equa
                 }
             });
         }
-        std::array::from_fn(|k| match self.config.coil().drive {
+        std::array::from_fn(|k| match self.config.coil.drive {
             _ if open[k] => CoilPoint::idle(),
             Drive::Current => self.coil(k).at_current(input.current_a[k], gap_m[k]),
             Drive::Voltage => self.coil(k).at_linkage(linkage_wb[k], gap_m[k]),
@@ -289,14 +288,14 @@ impl<T: Scalar, R: Rotor<N, K, Number = T>, const N: usize, const K: usize> Equa
         gap_m: [T; K],
     ) -> [T; K] {
         if self.is_plain() {
-            return forces(*self.config.lambda_nm2_a2(), flowing(open, input.current_a), gap_m);
+            return forces(self.config.lambda_nm2_a2, flowing(open, input.current_a), gap_m);
         }
         self.coils(open, linkage_wb, input, gap_m).map(|coil| coil.force_n)
     }
 
     /// `dψ_k/dt = u_k − R i_k` in V, u_k limited by the amplifier; 0 with current drive or if the circuit is open.
     fn induced_v(&self, open: [bool; K], coils: &[CoilPoint<T>; K], input: &PlantInput<T, N, K>) -> [T; K] {
-        let coil = self.config.coil();
+        let coil = &self.config.coil;
         std::array::from_fn(|k| {
             if coil.drive == Drive::Current || open[k] {
                 return T::constant(0.0);
@@ -315,8 +314,8 @@ impl<T: Scalar, R: Rotor<N, K, Number = T>, const N: usize, const K: usize> Equa
         perturbation_n: [T; N],
         contact_n: [T; N],
     ) -> [T; N] {
-        let inertia = self.config.inertia();
-        let gyroscopic = self.config.gyroscopic(input.omega_rad_s, x.velocity_m_s);
+        let inertia: [T; N] = self.config.rotor.shaft.inertia();
+        let gyroscopic = self.config.rotor.shaft.gyroscopic(input.omega_rad_s, x.velocity_m_s);
         std::array::from_fn(|a| {
             let force_n = resultant_n[a] + perturbation_n[a];
             let force_n = gyroscopic.map_or(force_n, |moment| force_n + moment[a]);
@@ -333,7 +332,7 @@ impl<T: Scalar, R: Rotor<N, K, Number = T>, const N: usize, const K: usize> Equa
         &self,
         x: &Motion<T, N, K>,
         input: &PlantInput<T, N, K>,
-        conditions: Conditions<T, K, R::Contact>,
+        conditions: Conditions<T, K, B>,
     ) -> Motion<T, N, K> {
         let perturbation_n = self.config.perturbation(input, conditions.time_s, conditions.theta_rad);
         self.derivative_under(x, input, conditions, perturbation_n)
@@ -344,7 +343,7 @@ impl<T: Scalar, R: Rotor<N, K, Number = T>, const N: usize, const K: usize> Equa
         &self,
         x: &Motion<T, N, K>,
         input: &PlantInput<T, N, K>,
-        conditions: Conditions<T, K, R::Contact>,
+        conditions: Conditions<T, K, B>,
         perturbation_n: [T; N],
     ) -> Motion<T, N, K> {
         let gap_m = self.gaps(x.position_m);
@@ -372,7 +371,7 @@ impl<T: Scalar, R: Rotor<N, K, Number = T>, const N: usize, const K: usize> Equa
         &self,
         x: &Motion<T, N, K>,
         input: &PlantInput<T, N, K>,
-        conditions: Conditions<T, K, R::Contact>,
+        conditions: Conditions<T, K, B>,
     ) -> PlantOutput<T, N, K> {
         let gap_m = self.gaps(x.position_m);
         let coils = self.coils(conditions.open, x.linkage_wb, input, gap_m);

@@ -11,9 +11,7 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::bearing::scalar::Scalar;
-use crate::plant::{
-    Conditions, Equations, Motion, Plant, PlantConfig, PlantInput, PlantOutput, PlantParameters, PlantState, Rotor,
-};
+use crate::plant::{Conditions, Equations, Motion, Plant, PlantConfig, PlantInput, PlantOutput, PlantState};
 
 /// The coefficients c of `Σ_j c_j τ^j`, j < N.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,25 +125,20 @@ impl<const N: usize> Mul<f64> for Taylor<N> {
 
 /// Everything that the outputs of the plant depend on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Point<R: Rotor<N, K> = PlantConfig, const N: usize = 2, const K: usize = 3> {
+pub struct Point<T = f64, const N: usize = 2, const K: usize = 3, const B: usize = 1> {
     /// Parameters.
-    pub config: R,
+    pub config: PlantConfig<T, N, K, B>,
     /// States of the equations of motion.
-    pub motion: Motion<R::Number, N, K>,
+    pub motion: Motion<T, N, K>,
     /// Inputs.
-    pub input: PlantInput<R::Number, N, K>,
+    pub input: PlantInput<T, N, K>,
     /// Time, angle of the rotor, and discrete conditions.
-    pub conditions: Conditions<R::Number, K, R::Contact>,
+    pub conditions: Conditions<T, K, B>,
 }
 
-impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Point<R, N, K> {
+impl<const N: usize, const K: usize, const B: usize> Point<f64, N, K, B> {
     /// The point of a plant at the time `t_s`, in s.
-    pub fn of(
-        plant: &Plant<R, N, K>,
-        state: &PlantState<N, K, R::Contact>,
-        input: &PlantInput<f64, N, K>,
-        t_s: f64,
-    ) -> Self {
+    pub fn of(plant: &Plant<N, K, B>, state: &PlantState<N, K, B>, input: &PlantInput<f64, N, K>, t_s: f64) -> Self {
         Self {
             config: plant.config().clone(),
             motion: state.motion(),
@@ -155,16 +148,13 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Point<R, N, K> {
     }
 
     /// The line from here in a direction, given in the units of the point: its outputs are values and derivatives along it.
-    pub fn along(&self, direction: &Self) -> Point<R::With<Taylor<2>>, N, K> {
+    pub fn along(&self, direction: &Self) -> Point<Taylor<2>, N, K, B> {
         self.with(direction, |value, slope| Taylor([value, slope]))
     }
 
     /// The motion from here on, as Taylor series in time. `slopes[j]` are the derivatives of order j + 1 of the inputs; missing
     /// ones are 0.
-    pub fn in_time<const ORDERS: usize>(
-        &self,
-        slopes: &[PlantInput<f64, N, K>],
-    ) -> Point<R::With<Taylor<ORDERS>>, N, K> {
+    pub fn in_time<const ORDERS: usize>(&self, slopes: &[PlantInput<f64, N, K>]) -> Point<Taylor<ORDERS>, N, K, B> {
         let mut line = self.with(self, |value, _: f64| Taylor::<ORDERS>::constant(value));
         let equations = Equations::new(line.config.clone());
         let Point { motion, input, conditions, .. } = &mut line;
@@ -193,13 +183,9 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Point<R, N, K> {
     }
 }
 
-impl<R: Rotor<N, K>, const N: usize, const K: usize> Point<R, N, K> {
+impl<T: Scalar, const N: usize, const K: usize, const B: usize> Point<T, N, K, B> {
     /// Combines this point with another, number by number; discrete values are taken from this one.
-    pub fn with<U: Scalar, V: Scalar>(
-        &self,
-        other: &Point<R::With<U>, N, K>,
-        join: impl Fn(R::Number, U) -> V,
-    ) -> Point<R::With<V>, N, K> {
+    pub fn with<U: Scalar, V: Scalar>(&self, other: &Point<U, N, K, B>, join: impl Fn(T, U) -> V) -> Point<V, N, K, B> {
         let (own, off) = (&self.conditions, &other.conditions);
         Point {
             config: self.config.with(&other.config, &join),
@@ -215,7 +201,7 @@ impl<R: Rotor<N, K>, const N: usize, const K: usize> Point<R, N, K> {
     }
 
     /// The outputs there.
-    pub fn outputs(&self) -> PlantOutput<R::Number, N, K> {
+    pub fn outputs(&self) -> PlantOutput<T, N, K> {
         Equations::new(self.config.clone()).outputs(&self.motion, &self.input, self.conditions)
     }
 }

@@ -36,30 +36,15 @@
 //! reads 0 A. With voltage drive the currents are continuous, and a sample is their value at the instant (`linear`). Steps may
 //! have any length; see [`Plant::advance`].
 
-/// A structure made of two others: scalars and arrays combined number by number, then all other fields as given.
-macro_rules! joined {
-    ($own:expr, $other:expr, $join:expr, $type:ident {
-        $($scalar:ident),*; $($list:ident),*; $($rest:ident: $value:expr),*
-    }) => {{
-        let (own, other, join) = ($own, $other, $join);
-        $type {
-            $($scalar: join(own.$scalar, other.$scalar),)*
-            $($list: std::array::from_fn(|k| join(own.$list[k], other.$list[k])),)*
-            $($rest: $value,)*
-        }
-    }};
-}
-
 pub mod integration;
 pub mod linearisation;
 pub mod noise;
 pub mod sensor;
-pub mod spindle;
 
+mod config;
 mod equations;
 mod error;
-mod one_bearing;
-mod rotor;
+mod forces;
 mod substeps;
 mod trajectory;
 
@@ -71,10 +56,10 @@ use crate::invalid::Invalid;
 pub use crate::plant::sensor::SensorConfig;
 use crate::plant::sensor::{Channels, DelayLine, Sample};
 
+pub use config::{Harmonic, PLANES, PlantConfig};
 pub use equations::{Conditions, Equations, Motion, PlantInput, PlantOutput};
 pub use error::StepError;
-pub use one_bearing::{Harmonic, PlantConfig, RotorConfig};
-pub use rotor::{PlantParameters, Rotor};
+pub use forces::AtBearing;
 pub use substeps::{MOST_PARTS, SAFETY};
 pub use trajectory::{HIGHEST_ORDER, InputTrajectory};
 
@@ -110,12 +95,12 @@ pub struct Measured<const N: usize = 2, const K: usize = 3> {
 /// State of a [`Plant`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound(
-    serialize = "C: Serialize, [f64; N]: Serialize, [f64; K]: Serialize, [bool; K]: Serialize, \
+    serialize = "[f64; N]: Serialize, [f64; K]: Serialize, [bool; K]: Serialize, [bool; B]: Serialize, \
                  Channels<N, K>: Serialize",
-    deserialize = "C: Deserialize<'de>, [f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>, \
-                   [bool; K]: Deserialize<'de>, Channels<N, K>: Deserialize<'de>"
+    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>, [bool; K]: Deserialize<'de>, \
+                   [bool; B]: Deserialize<'de>, Channels<N, K>: Deserialize<'de>"
 ))]
-pub struct PlantState<const N: usize = 2, const K: usize = 3, C = bool> {
+pub struct PlantState<const N: usize = 2, const K: usize = 3, const B: usize = 1> {
     /// Time of the state, in s.
     pub time_s: f64,
     /// Coordinates, in m, angles among them in rad: (Y, Z) of the planar rotor.
@@ -124,8 +109,8 @@ pub struct PlantState<const N: usize = 2, const K: usize = 3, C = bool> {
     pub velocity_m_s: [f64; N],
     /// Flux linkages of the coils, in Wb; 0 with current drive, where they follow from the currents.
     pub linkage_wb: [f64; K],
-    /// Whether rotor and backup bearing are in contact; of a spindle, for each of the backup bearings.
-    pub contact: C,
+    /// Whether the rotor touches the backup bearing at each bearing.
+    pub contact: [bool; B],
     /// Coils whose circuit is open, so that they carry no current; may change between steps.
     pub open: [bool; K],
     /// Angle of the rotor, unwrapped, in rad.
@@ -158,7 +143,7 @@ impl UniformRotation {
     }
 }
 
-impl<const N: usize, const K: usize, C: Copy> PlantState<N, K, C> {
+impl<const N: usize, const K: usize, const B: usize> PlantState<N, K, B> {
     /// The states of the equations of motion.
     pub fn motion(&self) -> Motion<f64, N, K> {
         let Self { position_m, velocity_m_s, linkage_wb, .. } = *self;
@@ -166,24 +151,24 @@ impl<const N: usize, const K: usize, C: Copy> PlantState<N, K, C> {
     }
 
     /// The conditions of the equations at the time `t_s` in s.
-    pub fn conditions(&self, t_s: f64) -> Conditions<f64, K, C> {
+    pub fn conditions(&self, t_s: f64) -> Conditions<f64, K, B> {
         Conditions { time_s: t_s, theta_rad: self.theta_rad, contact: self.contact, open: self.open }
     }
 }
 
-/// A plant with validated parameters: the planar rotor, or a spindle.
+/// The plant of a machine, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plant<R: Rotor<N, K> = PlantConfig, const N: usize = 2, const K: usize = 3> {
-    equations: Equations<R, N, K>,
+pub struct Plant<const N: usize = 2, const K: usize = 3, const B: usize = 1> {
+    equations: Equations<f64, N, K, B>,
 }
 
-impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
+impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// A plant of the given configuration.
     ///
     /// # Errors
     /// Every parameter that is not finite or outside its range, by its name in the interface; gaps and angles as in
     /// [`Magnets::new`](crate::bearing::magnet::Magnets::new); the coordinate of a rotor that would start outside the gap.
-    pub fn new(config: R) -> Result<Self, Vec<Invalid>> {
+    pub fn new(config: PlantConfig<f64, N, K, B>) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         config.check(&mut checks);
         checks.finish()?;
@@ -194,33 +179,32 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
     ///
     /// # Errors
     /// As in [`Plant::new`]; nothing is changed then.
-    pub fn retune(&mut self, to: &R) -> Result<(), Vec<Invalid>> {
+    pub fn retune(&mut self, to: &PlantConfig<f64, N, K, B>) -> Result<(), Vec<Invalid>> {
         let config = self.equations.config.retuned(to);
         let mut checks = Checks::default();
         config.check_tunable(&mut checks);
-        config.coil().check(config.geometry().gap_m, *config.lambda_nm2_a2(), &mut checks);
+        config.coil.check(self.equations.geometry().gap_m, config.lambda_nm2_a2, &mut checks);
         checks.finish()?;
         self.equations.config = config;
         Ok(())
     }
 
     /// The configuration, including the last retuning.
-    pub fn config(&self) -> &R {
+    pub fn config(&self) -> &PlantConfig<f64, N, K, B> {
         &self.equations.config
     }
 
     /// The equations of motion.
-    pub fn equations(&self) -> &Equations<R, N, K> {
+    pub fn equations(&self) -> &Equations<f64, N, K, B> {
         &self.equations
     }
 
     /// The initial state, at the time `start_s`, with sample 0 taken. With voltage drive no current flows yet.
-    pub fn start(&self, start_s: f64) -> PlantState<N, K, R::Contact> {
+    pub fn start(&self, start_s: f64) -> PlantState<N, K, B> {
         let config = self.config();
-        let sensor = config.sensor();
-        let (position_m, velocity_m_s) = config.start();
-        let theta_rad = config.start_angle_rad();
-        let sample = Sample { position_m: config.readings_m(position_m), current_a: [0.0; K] };
+        let PlantConfig { sensor, position_m, velocity_m_s, theta_rad, .. } = config;
+        let (position_m, velocity_m_s, theta_rad) = (*position_m, *velocity_m_s, *theta_rad);
+        let sample = Sample { position_m: config.rotor.readings(position_m), current_a: [0.0; K] };
         let mut state = PlantState {
             time_s: start_s,
             position_m,
@@ -246,7 +230,7 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
     /// As there.
     pub fn advance(
         &self,
-        state: &mut PlantState<N, K, R::Contact>,
+        state: &mut PlantState<N, K, B>,
         input: &PlantInput<f64, N, K>,
         t_s: f64,
         h_s: f64,
@@ -267,13 +251,13 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
     /// [`StepError::Time`] for a step that is negative, not finite, or does not begin where the last one ended.
     pub fn advance_along(
         &self,
-        state: &mut PlantState<N, K, R::Contact>,
+        state: &mut PlantState<N, K, B>,
         inputs: &InputTrajectory<N, K>,
         t_s: f64,
         h_s: f64,
     ) -> Result<(), StepError> {
-        inputs.check::<R>()?;
-        let step_s = self.config().sensor().step_s;
+        inputs.check()?;
+        let step_s = self.config().sensor.step_s;
         let tolerance = INSTANT_TOLERANCE * step_s;
         let end_s = t_s + h_s;
         let follows = (t_s - state.time_s).abs() <= tolerance;
@@ -283,7 +267,7 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
         if h_s == 0.0 {
             return Ok(());
         }
-        let delay_s = self.config().sensor().delay_s;
+        let delay_s = self.config().sensor.delay_s;
         let mut now_s = t_s;
         let mut budget = MOST_PARTS;
         loop {
@@ -320,8 +304,8 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
 
     /// Whether a state, for instance one read from a file, belongs to this plant at `t_s`, in s: its numbers are finite, the
     /// rotor is inside the gap, all samples before `t_s` are taken and none after it.
-    pub fn accepts(&self, state: &PlantState<N, K, R::Contact>, t_s: f64) -> bool {
-        let step_s = self.config().sensor().step_s;
+    pub fn accepts(&self, state: &PlantState<N, K, B>, t_s: f64) -> bool {
+        let step_s = self.config().sensor.step_s;
         let UniformRotation { base_rad, since_s, omega_rad_s } = state.rotation;
         let numbers = [state.time_s, state.start_s, state.theta_rad, base_rad, since_s, omega_rad_s, t_s];
         let mut numbers = numbers.iter().chain(&state.position_m).chain(&state.velocity_m_s).chain(&state.linkage_wb);
@@ -330,29 +314,29 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
         let beside_s = step_s + 1e-6 * t_s.abs().max(1.0);
         let instant_s = |count: u64| state.start_s + count as f64 * step_s;
         let taken = instant_s(state.samples) >= t_s - beside_s && instant_s(state.samples.max(1) - 1) <= t_s + beside_s;
-        let delay = (self.config().sensor().delay_s / step_s) as u64 + 2;
+        let delay = (self.config().sensor.delay_s / step_s) as u64 + 2;
         let on_their_way = state.samples.saturating_sub(2)..=state.samples.saturating_add(delay);
         numbers.all(|value| value.is_finite())
             && inside
             && taken
-            && (self.config().sensor().delay_s == 0.0 || on_their_way.contains(&state.delayed.taken))
+            && (self.config().sensor.delay_s == 0.0 || on_their_way.contains(&state.delayed.taken))
             && (state.time_s - t_s).abs() <= beside_s
     }
 
     /// The instant of the last sample, in s.
-    pub fn sampled_s(&self, state: &PlantState<N, K, R::Contact>) -> f64 {
-        state.start_s + (state.samples.max(1) - 1) as f64 * self.config().sensor().step_s
+    pub fn sampled_s(&self, state: &PlantState<N, K, B>) -> f64 {
+        state.start_s + (state.samples.max(1) - 1) as f64 * self.config().sensor.step_s
     }
 
     /// The shorter of sensor step and integration step, in s: the base step of the plant.
     pub fn base_step_s(&self) -> f64 {
-        self.config().sensor().step_s.min(self.config().max_step_s())
+        self.config().sensor.step_s.min(self.config().max_step_s)
     }
 
     /// The outputs at the time `t_s` of the state, in s.
     pub fn outputs(
         &self,
-        state: &PlantState<N, K, R::Contact>,
+        state: &PlantState<N, K, B>,
         input: &PlantInput<f64, N, K>,
         t_s: f64,
     ) -> PlantOutput<f64, N, K> {
@@ -360,20 +344,20 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
     }
 
     /// Position and currents that ideal sensors sample at the end of a step with that input.
-    fn sample(&self, state: &PlantState<N, K, R::Contact>, input: &PlantInput<f64, N, K>) -> Sample<N, K> {
-        let current_a = match self.config().coil().drive {
+    fn sample(&self, state: &PlantState<N, K, B>, input: &PlantInput<f64, N, K>) -> Sample<N, K> {
+        let current_a = match self.config().coil.drive {
             Drive::Current => equations::flowing(state.open, input.current_a),
             Drive::Voltage => {
                 let gap_m = self.equations.gaps(state.position_m);
                 self.equations.coils(state.open, state.linkage_wb, input, gap_m).map(|coil| coil.current_a)
             }
         };
-        Sample { position_m: self.config().readings_m(state.position_m), current_a }
+        Sample { position_m: self.config().rotor.readings(state.position_m), current_a }
     }
 
     /// Delivers a sample, with the sensor errors added.
-    fn deliver(&self, state: &mut PlantState<N, K, R::Contact>, sample: Sample<N, K>) {
-        let Sample { position_m, current_a } = self.config().sensor().read(&sample, &mut state.noise);
+    fn deliver(&self, state: &mut PlantState<N, K, B>, sample: Sample<N, K>) {
+        let Sample { position_m, current_a } = self.config().sensor.read(&sample, &mut state.noise);
         state.measured = Measured { position_m, current_a, theta_rad: state.theta_rad };
         state.samples += 1;
     }

@@ -3,10 +3,11 @@
 use std::cell::Cell;
 
 use super::{
-    Conditions, InputTrajectory, Motion, Plant, PlantInput, PlantParameters, PlantState, ROUNDING_TOLERANCE,
-    SHORTEST_STEP_S, StepError, UniformRotation,
+    Conditions, InputTrajectory, Motion, Plant, PlantInput, PlantState, ROUNDING_TOLERANCE, SHORTEST_STEP_S, StepError,
+    UniformRotation,
 };
 use crate::bearing::coil::Drive;
+use crate::bearing::rotor::Rotor;
 use crate::plant::integration::{rk4, substeps};
 
 /// Upper bound of a sub-step, as a fraction of the reciprocal of the fastest rate of the model.
@@ -26,11 +27,11 @@ const HALVINGS: usize = 40;
 /// Time, angle and force of a perturbation.
 type Perturbation<const N: usize> = (f64, f64, [f64; N]);
 
-impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
+impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// Integrates over a segment, `length_s` from `from_s`, without a sample inside; the state ends at its end.
     pub(super) fn integrate(
         &self,
-        state: &mut PlantState<N, K, R::Contact>,
+        state: &mut PlantState<N, K, B>,
         inputs: &InputTrajectory<N, K>,
         (from_s, length_s, end_s): (f64, f64, f64),
         budget: &mut usize,
@@ -45,7 +46,7 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
         let theta_rad = |rotation: &UniformRotation, t: f64| {
             if evenly { rotation.theta_rad(t) } else { rotation.base_rad + (inputs.turned_rad(t) - turned_rad) }
         };
-        let n = substeps(length_s, self.config().max_step_s());
+        let n = substeps(length_s, self.config().max_step_s);
         let h = length_s / n as f64;
         for k in 0..K {
             if state.open[k] {
@@ -73,7 +74,7 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
     /// Integrates over one sub-step of `h_s` from `t_s`, divided where the model is faster and where contact begins or ends.
     fn sub_step(
         &self,
-        state: &mut PlantState<N, K, R::Contact>,
+        state: &mut PlantState<N, K, B>,
         inputs: &InputTrajectory<N, K>,
         (t_s, h_s): (f64, f64),
         theta_rad: &impl Fn(&UniformRotation, f64) -> f64,
@@ -109,7 +110,7 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
                     latest.set(Some((t, theta_rad, perturbation_n)));
                     self.equations.derivative_under(x, &inputs.input, conditions, perturbation_n)
                 };
-                match self.config().coil().drive {
+                match self.config().coil.drive {
                     Drive::Voltage => rk4(x, now_s, h_s, slope),
                     Drive::Current => {
                         // The fluxes are no states then.
@@ -144,10 +145,13 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
                 let gap_m = self.equations.gaps(state.position_m);
                 let nearest = (0..K).fold(0, |k, other| if gap_m[other] < gap_m[k] { other } else { k });
                 state.time_s = now_s;
-                let position =
-                    R::MACHINE.coordinates.iter().map(|coordinate| coordinate.position.0).zip(state.position_m);
+                let position = Rotor::<N, K, B>::MACHINE
+                    .coordinates
+                    .iter()
+                    .map(|coordinate| coordinate.position.0)
+                    .zip(state.position_m);
                 return Err(StepError::Contact {
-                    magnet: R::MACHINE.describe("{magnet}", nearest),
+                    magnet: Rotor::<N, K, B>::MACHINE.describe("{magnet}", nearest),
                     time_s: now_s,
                     position: position.collect(),
                 });
@@ -163,7 +167,7 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
     }
 
     /// [`SAFETY`] over the fastest rate of the model in this state, in s.
-    fn longest_step_s(&self, state: &PlantState<N, K, R::Contact>, input: &PlantInput<f64, N, K>) -> f64 {
+    fn longest_step_s(&self, state: &PlantState<N, K, B>, input: &PlantInput<f64, N, K>) -> f64 {
         let gap_m = self.equations.gaps(state.position_m);
         let mut rate: f64 = 0.0;
         let force_n = if self.equations.is_plain() {
@@ -171,7 +175,7 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
         } else {
             let coils = self.equations.coils(state.open, state.linkage_wb, input, gap_m);
             for coil in &coils {
-                rate = rate.max(self.config().coil().resistance_ohm * coil.current_by_linkage);
+                rate = rate.max(self.config().coil.resistance_ohm * coil.current_by_linkage);
             }
             coils.map(|coil| coil.force_n)
         };
@@ -181,8 +185,8 @@ impl<R: PlantParameters<N, K>, const N: usize, const K: usize> Plant<R, N, K> {
 
     /// Begin and length of a segment, with rounding removed: a begin at a sample instant becomes that instant, a length of one
     /// sensor step becomes that step.
-    fn without_rounding(&self, state: &PlantState<N, K, R::Contact>, from_s: f64, length_s: f64) -> (f64, f64) {
-        let step_s = self.config().sensor().step_s;
+    fn without_rounding(&self, state: &PlantState<N, K, B>, from_s: f64, length_s: f64) -> (f64, f64) {
+        let step_s = self.config().sensor.step_s;
         let rounding = ROUNDING_TOLERANCE * step_s;
         // Sample 0 is taken at the start, so there is a last one.
         let last_s = state.start_s + (state.samples.max(1) - 1) as f64 * step_s;

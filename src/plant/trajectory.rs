@@ -2,7 +2,7 @@
 
 use super::PlantInput;
 use super::error::StepError;
-use super::rotor::PlantParameters;
+use crate::machine::Machine;
 
 /// The highest order of an input derivative in an [`InputTrajectory`].
 pub const HIGHEST_ORDER: usize = 4;
@@ -61,24 +61,22 @@ impl<const N: usize, const K: usize> InputTrajectory<N, K> {
         angle_rad
     }
 
-    /// Whether all inputs are finite; names are those of the rotor.
-    pub(super) fn check<R: PlantParameters<N, K>>(&self) -> Result<(), StepError> {
-        self.slopes.iter().flatten().try_for_each(check_input::<R, N, K>)?;
-        check_input::<R, N, K>(&self.input)
+    /// Whether all inputs are finite.
+    pub(super) fn check(&self) -> Result<(), StepError> {
+        self.slopes.iter().flatten().try_for_each(check_input::<N, K>)?;
+        check_input::<N, K>(&self.input)
     }
 }
 
-fn check_input<R: PlantParameters<N, K>, const N: usize, const K: usize>(
-    input: &PlantInput<f64, N, K>,
-) -> Result<(), StepError> {
+fn check_input<const N: usize, const K: usize>(input: &PlantInput<f64, N, K>) -> Result<(), StepError> {
     let refused = |name: String, value: f64| Err(StepError::Input { name, value });
     for (name, values) in [("i", &input.current_a), ("u", &input.voltage_v)] {
         if let Some(k) = values.iter().position(|value| !value.is_finite()) {
-            return refused(R::MACHINE.of_magnets(name).swap_remove(k), values[k]);
+            return refused(Machine::of::<N, K>().of_magnets(name).swap_remove(k), values[k]);
         }
     }
     if let Some(n) = input.perturbation_n.iter().position(|value| !value.is_finite()) {
-        return refused(R::MACHINE.coordinates[n].load.0.into(), input.perturbation_n[n]);
+        return refused(Machine::of::<N, K>().coordinates[n].load.0.into(), input.perturbation_n[n]);
     }
     match input.omega_rad_s {
         omega_rad_s if omega_rad_s.is_finite() => Ok(()),

@@ -105,7 +105,7 @@ pub fn stretches(recording: &Recording) -> Vec<Stretch> {
 pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurves]) -> Option<Table> {
     let stretches = Some(stretches(&run.recording)).filter(|stretches| !stretches.is_empty())?;
     let plant = scenario.closed_loop().ok()?.plant;
-    let clearance_m = plant.touchdown.clearance_m;
+    let clearance_m = plant.touchdown[0].clearance_m;
     let get = |name: &str| run.recording.get(name);
     let [y, z, theta] = [get("plant.Y")?, get("plant.Z")?, get("plant.theta")?];
     let mut rows: Vec<Vec<String>> = Vec::new();

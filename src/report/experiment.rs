@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::{after_colon, evaluation, machine};
+use crate::bearing::rotor::BearingConfig;
 use crate::estimation::{STD_LIMIT, paper};
 use crate::fmu::estimator::{METHOD, VERDICT};
 use crate::machine::PLANAR;
@@ -102,7 +103,7 @@ fn coherence_note(scenario: &Scenario) -> String {
     if force_n == 0.0 || (omega / path_omega - 1.0).abs() > 1e-9 {
         return String::new();
     }
-    let inertia_n = plant.m_kg * omega * omega * controller.reference.r_z_m;
+    let inertia_n = plant.rotor.shaft.m_kg * omega * omega * controller.reference.paths[0].r_z_m;
     format!(
         "The perturbation along z is in phase with the reference trajectory: {force_n} N beside m ω² r_Z = \
          {inertia_n:.1} N look like magnets weaker by {:.2} %. No filter removes that; the paper's method attributes it to λ. ",
@@ -315,7 +316,8 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
         _ => None,
     };
     let plant = closed_loop(scenario).plant;
-    let bearing = Bearing { alpha_rad: plant.alpha_rad, gap_m: plant.gap_m, clearance_m: plant.touchdown.clearance_m };
+    let BearingConfig { alpha_rad: [a, b, c, _], gap_m, .. } = plant.rotor.bearings[0];
+    let bearing = Bearing { alpha_rad: [a, b, c], gap_m, clearance_m: plant.touchdown[0].clearance_m };
     let [answer, used] = answers(scenario, run);
     let report = Report {
         description: scenario.description.clone(),

@@ -3,7 +3,7 @@
 use fmu_export::Invalid;
 
 use crate::control::controller::ControllerConfig;
-use crate::fmu::{controller, plants};
+use crate::fmu::{controller, plant};
 use crate::machine::PLANAR;
 use crate::plant::PlantConfig;
 use crate::simulation::scenario::{Element, Scenario};
@@ -65,7 +65,7 @@ impl Scenario {
             let wanted = format!("{planar}: this is for the planar bearing with three magnets alone");
             return Err(vec![Invalid { name: "machine".into(), value: own.into(), wanted: wanted.into() }]);
         }
-        let (plant, _) = plants::configuration::<PlantConfig, 2, 3>(&self.plant().values());
+        let (plant, _) = plant::configuration::<2, 3, 1>(&self.plant().values());
         Ok(Loop { plant, controller: controller::configuration(&self.controller().values()) })
     }
 }

@@ -16,8 +16,9 @@ use std::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Arrangement, Tracking, TrackingConfig, TrackingState};
+use super::{Tracking, TrackingConfig, TrackingState};
 use crate::bearing::coil::Drive;
+use crate::bearing::rotor::Rotor;
 use crate::invalid::{Checks, Invalid, Short};
 use crate::machine::Machine;
 
@@ -71,7 +72,7 @@ fn wrapped(revolutions: f64) -> f64 {
     revolutions - libm::floor(revolutions)
 }
 
-impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tracking<A, N, K, G> {
+impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N, K, B, G> {
     /// Changes the modulation of the smallest force: `modulation` as a fraction of `F_0`, its frequencies in Hz.
     ///
     /// The phases are continuous.
@@ -82,7 +83,7 @@ impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tr
     pub(in crate::control) fn retune(&mut self, modulation: f64, modulation_hz: [f64; G]) -> Result<(), Vec<Invalid>> {
         let mut checks = Checks::default();
         let config = TrackingConfig { modulation, modulation_hz, ..self.config.clone() };
-        check(&config, A::MACHINE, &mut checks);
+        check(&config, Rotor::<N, K, B>::MACHINE, &mut checks);
         checks.finish()?;
         self.config = config;
         Ok(())

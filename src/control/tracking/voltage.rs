@@ -19,7 +19,7 @@
 //! No integrator can wind up when the amplifiers saturate: the integral action of the loop is the perturbation observer, which
 //! uses the forces of the currents that flow, not the commanded ones.
 
-use super::{Arrangement, Command, Course, Measured, Tracking, TrackingState};
+use super::{Command, Course, Measured, Tracking, TrackingState};
 use crate::bearing::coil::CoilConfig;
 use crate::bearing::magnet;
 use crate::control::observer::{Estimate, pole};
@@ -33,7 +33,7 @@ pub fn ramp_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 3] {
     [q * q / (step_s * step_s), 2.0 * q / step_s, q - q * q / 6.0]
 }
 
-impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tracking<A, N, K, G> {
+impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N, K, B, G> {
     /// Voltages to hold over the sample time that begins at the next sample; the currents and gaps are those of this sample.
     #[inline]
     pub(super) fn voltages(
@@ -48,8 +48,8 @@ impl<A: Arrangement<N, K, G>, const N: usize, const K: usize, const G: usize> Tr
         let m = self.inertia;
         let step_s = self.config.step_s;
         let CoilConfig { resistance_ohm, limit_v, .. } = self.config.coil;
-        let geometry = self.arrangement.geometry();
-        let gyroscopic = |rates| self.arrangement.gyroscopic(measured.omega_rad_s, rates);
+        let geometry = self.rotor.geometry();
+        let gyroscopic = |rates| self.gyroscopic(measured.omega_rad_s, rates);
         let current_a = measured.current_a;
         let lambda = state.lambda_nm2_a2;
         let inductance = |k: usize, gap_m: f64| self.config.coil.of(lambda[k], geometry.gap_m[k]).inductance_h(gap_m);

@@ -27,8 +27,8 @@ use self::read::significant;
 pub use self::read::{Axial, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use self::tolerance::plain;
 use self::track::hold;
+use crate::bearing::rotor::{BearingConfig, RotorConfig};
 use crate::bearing::shaft::Shaft;
-use crate::bearing::spindle::{RadialBearing, SpindleGeometryOf};
 use crate::estimation::{Hold, Method};
 use crate::machine::Machine;
 use crate::simulation::scenario::Element;
@@ -76,7 +76,7 @@ impl Stated {
         let bearing = |prefix: &str| {
             let of = |name: &str| real(&format!("{prefix}{name}"));
             let angles = alpha_rad(prefix);
-            RadialBearing {
+            BearingConfig {
                 position_m: of("position"),
                 sensor_position_m: of("sensorPosition"),
                 gap_m: of("s"),
@@ -89,11 +89,11 @@ impl Stated {
         } else {
             let shaft = Shaft { m_kg, transverse_kgm2: real("Jt"), polar_kgm2: real("Jp") };
             let extent_m = ["shaft.begin", "shaft.end"].map(real);
-            let (a, b, axial_gap_m) = (bearing("A."), bearing("B."), real("X.s"));
-            let geometry = Box::new(SpindleGeometryOf { shaft, extent_m, a, b, axial_gap_m });
+            let bearings = ["A.", "B.", "X."].map(bearing);
+            let geometry = Box::new(RotorConfig { shaft, extent_m, bearings });
             let planes_m = [1, 2].map(|plane| real(&format!("unbalance[{plane}].position")));
             let magnets = machine.bearings[0].magnets;
-            let axis = (machine.parts() > 1).then_some(Body::Axis { m_kg, gap_m: axial_gap_m });
+            let axis = (machine.parts() > 1).then_some(Body::Axis { m_kg, gap_m: bearings[2].gap_m });
             [Body::Shaft { geometry, magnets, planes_m }].into_iter().chain(axis).collect()
         };
         let noise = ["sensor.positionNoise", "sensor.currentNoise"].map(|name| value(name).unwrap_or(0.0));
@@ -139,7 +139,7 @@ impl Stated {
                     for (name, value) in [("Jt", shaft.transverse_kgm2), ("Jp", shaft.polar_kgm2)] {
                         words.push(format!("{name} = {} kg·m²", significant(value, 6)));
                     }
-                    for (prefix, of) in body.prefixes().iter().zip(geometry.radial()) {
+                    for (prefix, of) in body.prefixes().iter().zip(&geometry.bearings) {
                         words.extend(bearing(prefix, of.gap_m, &of.alpha_rad[..*magnets]));
                     }
                 }

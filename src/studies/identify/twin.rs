@@ -54,7 +54,7 @@ impl Stated {
                     for (name, value) in [("Jt", shaft.transverse_kgm2), ("Jp", shaft.polar_kgm2)] {
                         values.push((name.into(), value * heavier * (1.0 + of(name))));
                     }
-                    for (prefix, stated) in body.prefixes().iter().zip(geometry.radial()) {
+                    for (prefix, stated) in body.prefixes().iter().zip(&geometry.bearings) {
                         values.extend(bearing(prefix, stated.gap_m, &stated.alpha_rad[..*magnets], *magnets, &of));
                         values.extend(sensors(prefix, &of));
                         for (name, at_m) in

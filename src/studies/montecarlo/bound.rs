@@ -3,9 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::real;
-use crate::fmu::plants::{self, ModelledRotor};
-use crate::plant::spindle::{SpindleConfig, SpindleConfigOf};
-use crate::plant::{PlantConfig, RotorConfig};
+use crate::fmu::plant;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use fmu_export::variable::Value;
@@ -58,17 +56,17 @@ impl Rotor {
     #[must_use]
     pub fn of(scenario: &Scenario) -> Self {
         match scenario.machine.name {
-            "planar" => Self::with::<PlantConfig, 2, 3>(scenario),
-            "planar4" => Self::with::<RotorConfig<f64, 2, 4>, 2, 4>(scenario),
-            "axial" => Self::with::<RotorConfig<f64, 1, 2>, 1, 2>(scenario),
-            "spindle" => Self::with::<SpindleConfig, 5, 8>(scenario),
-            _ => Self::with::<SpindleConfigOf<f64, 5, 4, 10>, 5, 10>(scenario),
+            "planar" => Self::with::<2, 3, 1>(scenario),
+            "planar4" => Self::with::<2, 4, 1>(scenario),
+            "axial" => Self::with::<1, 2, 1>(scenario),
+            "spindle" => Self::with::<5, 8, 3>(scenario),
+            _ => Self::with::<5, 10, 3>(scenario),
         }
     }
 
-    fn with<R: ModelledRotor<N, K>, const N: usize, const K: usize>(scenario: &Scenario) -> Self {
-        let (config, _) = plants::configuration::<R, N, K>(&scenario.plant().values());
-        let geometry = config.geometry();
+    fn with<const N: usize, const K: usize, const B: usize>(scenario: &Scenario) -> Self {
+        let (config, _) = plant::configuration::<N, K, B>(&scenario.plant().values());
+        let geometry = config.rotor.geometry::<N, K>();
         let unit = |n: usize| std::array::from_fn(|other| if other == n { 1.0 } else { 0.0 });
         let columns = |column: &dyn Fn(usize) -> [f64; N]| DMatrix::from_fn(N, N, |row, n| column(n)[row]);
         // The force of a unit of unbalance at 1 rad/s is one along y or along z.
@@ -80,22 +78,22 @@ impl Rotor {
                 scenario.set("plant", &magnitude, Value::Real(if plane == Some(n) { 1.0 } else { 0.0 }));
                 scenario.set("plant", &phase, Value::Real(0.0));
             }
-            let (config, mut input) = plants::configuration::<R, N, K>(&scenario.plant().values());
+            let (config, mut input) = plant::configuration::<N, K, B>(&scenario.plant().values());
             input.omega_rad_s = 1.0;
             DVector::from(config.perturbation(&input, 0.0, theta_rad).to_vec())
         };
         let none = turning(None, 0.0);
         let of_plane = |plane| [0.0, 0.5 * std::f64::consts::PI].map(|theta| turning(Some(plane), theta) - &none);
         Self {
-            inertia: DVector::from(config.inertia().to_vec()),
-            gyroscopic: columns(&|n| config.gyroscopic(1.0, unit(n)).unwrap_or([0.0; N])),
+            inertia: DVector::from(config.rotor.shaft.inertia::<N>().to_vec()),
+            gyroscopic: columns(&|n| config.rotor.shaft.gyroscopic(1.0, unit(n)).unwrap_or([0.0; N])),
             directions: DMatrix::from_fn(N, K, |n, k| geometry.directions[k][n]),
             gap_m: geometry.gap_m.to_vec(),
-            lambda_nm2_a2: config.lambda_nm2_a2().to_vec(),
+            lambda_nm2_a2: config.lambda_nm2_a2.to_vec(),
             planes: (0..machine.planes).map(of_plane).collect(),
-            readings: columns(&|n| config.readings_m(unit(n))),
-            position_noise_m: config.sensor().position_noise_m,
-            current_noise_a: config.sensor().current_noise_a,
+            readings: columns(&|n| config.rotor.readings(unit(n))),
+            position_noise_m: config.sensor.position_noise_m,
+            current_noise_a: config.sensor.current_noise_a,
         }
     }
 

@@ -168,9 +168,9 @@ pub fn judge(
             sample.error = (0..3).map(|k| found.lambda[k].value / truth[k] - 1.0).collect();
             sample.std = relative(&|k| found.lambda[k].noise_std);
             sample.total = relative(&|k| found.lambda[k].total_std);
-            let turned = found.unbalance[0].phase.value - configured.plant.unbalance_phase_rad;
+            let turned = found.unbalance[0].phase.value - configured.plant.unbalance_phase_rad[0];
             sample.unbalance = [
-                found.unbalance[0].magnitude.value / configured.plant.unbalance_kgm - 1.0,
+                found.unbalance[0].magnitude.value / configured.plant.unbalance_kgm[0] - 1.0,
                 turned - TAU * (turned / TAU).round(),
             ];
         }

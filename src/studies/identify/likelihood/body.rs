@@ -6,9 +6,9 @@ use super::filter::passes;
 use super::rotor::{Describe, Description, Kind, Layout};
 use super::search;
 use super::{Identification, Part, Recording};
-use crate::bearing::spindle::SpindleGeometryOf;
+use crate::bearing::rotor::RotorConfig;
 use crate::estimation::Machine;
-use crate::plant::spindle::PLANES;
+use crate::plant::PLANES;
 
 /// Step of central differences, in typical tolerances: what they leave out is below 10⁻⁸ of a derivative.
 const STEP: f64 = 1e-3;
@@ -31,7 +31,7 @@ pub enum Body {
     /// A shaft in two radial bearings, with two planes of unbalance.
     Shaft {
         /// Shaft and bearings; of the angles, as many count as there are magnets.
-        geometry: Box<SpindleGeometryOf<f64, 4>>,
+        geometry: Box<RotorConfig<f64, 3>>,
         /// Magnets of each radial bearing.
         magnets: usize,
         /// Planes of unbalance, m from the centre of gravity.
@@ -104,7 +104,7 @@ impl Body {
     pub fn gap_m(&self) -> f64 {
         match self {
             Self::Disc { gap_m, .. } | Self::Axis { gap_m, .. } => *gap_m,
-            Self::Shaft { geometry, .. } => geometry.a.gap_m,
+            Self::Shaft { geometry, .. } => geometry.bearings[0].gap_m,
         }
     }
 
@@ -121,10 +121,11 @@ impl Body {
                 angles("", alpha_rad);
             }
             Self::Shaft { geometry, magnets, planes_m } => {
-                positive.extend([("A.s".into(), geometry.a.gap_m), ("B.s".into(), geometry.b.gap_m)]);
+                positive
+                    .extend([("A.s".into(), geometry.bearings[0].gap_m), ("B.s".into(), geometry.bearings[1].gap_m)]);
                 positive.push(("Jt".into(), geometry.shaft.transverse_kgm2));
-                angles("A.", &geometry.a.alpha_rad[..*magnets]);
-                angles("B.", &geometry.b.alpha_rad[..*magnets]);
+                angles("A.", &geometry.bearings[0].alpha_rad[..*magnets]);
+                angles("B.", &geometry.bearings[1].alpha_rad[..*magnets]);
                 others.push(("Jp".into(), geometry.shaft.polar_kgm2));
                 others.extend((1..).zip(planes_m).map(|(n, at_m)| (format!("unbalance[{n}].position"), *at_m)));
             }
@@ -209,10 +210,10 @@ impl Part {
     /// M magnets in each of two radial bearings, K in both, and U unknowns on line.
     fn shaft<const M: usize, const K: usize, const U: usize>(
         &self,
-        geometry: &SpindleGeometryOf<f64, 4>,
+        geometry: &RotorConfig<f64, 3>,
         planes_m: &[f64; PLANES],
     ) -> (Describe<'_>, Vec<usize>) {
-        let (stated, planes_m) = (geometry.with_magnets::<M>(), *planes_m);
+        let (stated, planes_m) = (*geometry, *planes_m);
         let [mass, transverse, polar, plane] =
             ["m", "Jt", "Jp", "unbalance[1].position"].map(|name| self.place("", name));
         let of_bearings = SHAFT.map(|prefix| {
@@ -229,8 +230,7 @@ impl Part {
             geometry.shaft.m_kg *= heavier;
             geometry.shaft.transverse_kgm2 *= heavier * (1.0 + bench[transverse]);
             geometry.shaft.polar_kgm2 *= heavier * (1.0 + bench[polar]);
-            for ([gap, iron, alpha, position, sensors], bearing) in
-                of_bearings.into_iter().zip([&mut geometry.a, &mut geometry.b])
+            for ([gap, iron, alpha, position, sensors], bearing) in of_bearings.into_iter().zip(&mut geometry.bearings)
             {
                 bearing.gap_m = bearing.gap_m * (1.0 + bench[gap]) + bench[iron];
                 (0..M).for_each(|k| bearing.alpha_rad[k] += bench[alpha + k]);

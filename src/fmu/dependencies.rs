@@ -1,0 +1,142 @@
+//! What the outputs of a plant depend on: directly on inputs and states, and at the start on parameters.
+
+use fmu_export::variable::Dependency::{Constant, Fixed};
+use fmu_export::variable::Row;
+
+use crate::machine::Machine;
+
+/// Inputs and states with direct feedthrough to the outputs that all plants have.
+pub(super) fn feedthrough<D>(row: Row<D>, machine: &Machine) -> Row<D> {
+    let (name, index) = (row.variable.name.clone(), row.index());
+    let is_of_magnet = |what: &str| machine.of_magnets(what).get(index).is_some_and(|known| *known == name);
+    let of_magnet = |what: &str| machine.of_magnets(what)[index].clone();
+    let bearing = machine.magnet(index).map_or(0, |(bearing, _)| bearing);
+    let moving = || machine.moves(bearing).into_iter().map(|n| machine.coordinates[n].position.0);
+    if is_of_magnet("F") {
+        return row.depends_on(["i", "psi"].map(of_magnet)).depends_on(moving());
+    }
+    if is_of_magnet("gap") {
+        return row.depends(Fixed, moving());
+    }
+    if is_of_magnet("coil.uInduced") {
+        return row.depends_on(["u", "psi"].map(of_magnet)).depends_on(moving());
+    }
+    let Some(coordinate) = machine.coordinates.get(index) else { return row };
+    // The magnets that move the coordinate, and what else they move. A force along the shaft does not turn with it.
+    let moved = (0..machine.bearings.len()).map(|b| machine.moves(b)).find(|moved| moved.contains(&index));
+    let moved = moved.unwrap_or_default();
+    let turning: &[&str] = if moved.len() > 1 { &["omega", "rotor.theta"] } else { &[] };
+    if name == coordinate.perturbation.0 {
+        return row.depends(Constant, [coordinate.load.0]).depends_on(turning.iter().copied());
+    }
+    if name == coordinate.acceleration.0 {
+        let magnets = (0..machine.magnets())
+            .filter(|k| machine.magnet(*k).is_some_and(|(bearing, _)| machine.moves(bearing) == moved));
+        let drives = magnets.flat_map(|k| ["i", "psi"].map(|what| machine.of_magnets(what).swap_remove(k)));
+        let motion = moved.iter().map(|n| &machine.coordinates[*n]);
+        return row
+            .depends_on(drives)
+            .depends(Fixed, [coordinate.load.0])
+            .depends_on(turning.iter().copied())
+            .depends_on(motion.flat_map(|coordinate| [coordinate.position.0, coordinate.rate.0]));
+    }
+    row
+}
+
+/// Adds to a row what it depends on beyond that.
+pub(super) fn dependent<D>(row: Row<D>, machine: &Machine) -> Row<D> {
+    if machine.tilts() { of_shaft(row, machine) } else { of_one_bearing(row, machine) }
+}
+
+/// Dependencies of contact with the backup bearing at the start, besides the motion.
+const TOUCHING: [&str; 3] = ["touchdown.clearance", "touchdown.stiffness", "touchdown.damping"];
+
+/// Dependencies of the outputs of a rotor in one bearing, at the start too.
+fn of_one_bearing<D>(row: Row<D>, machine: &Machine) -> Row<D> {
+    let (name, k) = (row.variable.name.clone(), row.index());
+    let axis = machine.resultant.get(k).copied().unwrap_or_default();
+    let along = |names: &[&str]| names.iter().map(|name| format!("{name}{axis}")).collect::<Vec<_>>();
+    let at_start = machine.at_start(|coordinate| coordinate.position);
+    let rate_at_start = machine.at_start(|coordinate| coordinate.rate);
+    // An axial bearing has neither angles of magnets nor an unbalance.
+    let angle = machine.is_planar().then_some("alpha[{k}]");
+    let turning: &[&str] =
+        if machine.planes > 0 { &["unbalance.magnitude", "unbalance.phase", "omega", "theta0"] } else { &[] };
+    let ring: &[&str] = if machine.is_planar() { &["omega"] } else { &[] };
+    let pulling = |row: Row<_>| {
+        row.starts_from(["s"]).starts_from(at_start.clone()).starts_from(["drive", "coil.fluxSaturation"])
+    };
+    let touching =
+        |row: Row<_>| row.starts_from(at_start.clone()).starts_from(rate_at_start.clone()).starts_from(TOUCHING);
+    let kind = name.split('[').next().unwrap_or(&name).trim_end_matches(axis);
+    match kind {
+        _ if machine.measured().contains(&name.to_string()) => row
+            .starts_from([format!("{axis}0")])
+            .starts_from(along(&["sensor.offset", "sensor.gainError"]))
+            .starts_from(["sensor.positionNoise", "sensor.positionResolution", "sensor.seed"]),
+        "im" => row.starts_from([
+            "sensor.currentNoise",
+            "sensor.currentResolution",
+            "sensor.seed",
+            "sensor.currentOffset[{k}]",
+        ]),
+        "F" if name.contains('[') => {
+            pulling(row).starts_from(["lambda[{k}]"]).starts_from(angle).starts_from(["i[{k}]", "coil.open[{k}]"])
+        }
+        "F" => {
+            let of_magnets = ["lambda", "i", "coil.open"].into_iter().flat_map(|name| machine.of_magnets(name));
+            let angles = machine.of_magnets("alpha").into_iter().filter(|_| machine.is_planar());
+            pulling(row.depends_on(["i", "psi"]).depends_on(machine.of_resultant("")))
+                .starts_from(angles.chain(of_magnets))
+        }
+        "gap" => row.starts_from(["s"]).starts_from(at_start.clone()).starts_from(angle),
+        "perturbation." => row
+            .starts_from(["perturbation.omega"])
+            .starts_from(turning.iter().copied())
+            .starts_from(["m"])
+            .starts_from(along(&["p", "perturbation.amplitude", "perturbation.phase", "gravity."])),
+        "touchdown.contact" => touching(row.depends_on(machine.of_resultant("")).depends_on(machine.of_resultant("v"))),
+        "touchdown.F" => touching(
+            row.depends_on(ring.iter().copied())
+                .depends_on(machine.of_resultant(""))
+                .depends_on(machine.of_resultant("v"))
+                .starts_from(ring.iter().copied())
+                .starts_from(["touchdown.friction", "touchdown.radius"].into_iter().filter(|_| machine.is_planar())),
+        ),
+        _ => row,
+    }
+}
+
+/// Coordinates that move the shaft sideways; Y is not A.Y.
+const SIDEWAYS: [&str; 4] = [".Y", ".Z", "beta", "gamma"];
+
+/// Their rates.
+const RATES: [&str; 4] = ["vY", "vZ", "betaRate", "gammaRate"];
+
+/// Dependencies of the outputs of a shaft at its bearings.
+fn of_shaft<D>(row: Row<D>, machine: &Machine) -> Row<D> {
+    let name = row.variable.name.clone();
+    let (bearing, own) = name.split_once('.').unwrap_or(("", &name));
+    let drives = || {
+        let of_bearing = move |name: &String| name.starts_with(bearing);
+        ["i", "psi"].into_iter().flat_map(|name| machine.of_magnets(name)).filter(of_bearing).collect::<Vec<_>>()
+    };
+    match (bearing, own) {
+        (_, own) if own.starts_with("im[") => row.starts_from_parameters(),
+        (_, "Ym" | "Zm" | "Xm") => row.starts_from_parameters(),
+        (_, own) if own.starts_with("psi[") => {
+            let current = name.replace("psi", "i");
+            row.starts_from_parameters().starts_from([current])
+        }
+        ("A" | "B", "Y") => row.depends(Fixed, [".Y", "gamma"]),
+        ("A" | "B", "Z") => row.depends(Fixed, [".Z", "beta"]),
+        ("A" | "B", "FY" | "FZ") => row.depends_on(drives()).depends_on(SIDEWAYS),
+        ("A" | "B", "touchdown.FY" | "touchdown.FZ") => {
+            row.depends_on(["omega"]).depends_on(SIDEWAYS).depends_on(RATES)
+        }
+        ("A" | "B", "contact") => row.depends_on(SIDEWAYS).depends_on(RATES),
+        ("X", "FX") => row.depends_on(drives()).depends_on(["X"]),
+        ("X", "touchdown.FX" | "contact") => row.depends_on(["X", "vX"]),
+        _ => row,
+    }
+}

@@ -1,0 +1,276 @@
+//! Parameters of the plant of any machine.
+
+use std::f64::consts::PI;
+
+use serde::{Deserialize, Serialize};
+
+use super::check_step;
+use super::sensor::SensorConfig;
+use crate::bearing::coil::{CoilConfig, Saturates};
+use crate::bearing::rotor::{BearingConfig, Rotor, RotorConfig};
+use crate::bearing::scalar::Scalar;
+use crate::bearing::shaft::Shaft;
+use crate::bearing::touchdown::TouchdownConfig;
+use crate::invalid::{Checks, Short};
+use crate::machine::Machine;
+use crate::variables::unit::{METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND, SECOND};
+use crate::variables::{KILOGRAM_METRE, LAMBDA, Variables};
+
+/// The largest number of planes with an unbalance.
+pub const PLANES: usize = 2;
+
+/// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, with t the absolute time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64, context = Machine)]
+#[serde(bound(
+    serialize = "T: Serialize, [T; N]: Serialize",
+    deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>"
+))]
+pub struct Harmonic<T = f64, const N: usize = 2> {
+    /// Amplitude of a harmonic perturbation force along {axis}
+    #[parameter(names = context.of_resultant("amplitude"), tunable, unit = NEWTON)]
+    pub amplitude_n: [T; N],
+    /// Angular frequency of the harmonic perturbation force
+    #[parameter(name = "omega", tunable, unit = RADIAN_PER_SECOND, min = 0.0, nominal = 100.0, display_unit = "Hz")]
+    pub omega_rad_s: T,
+    /// Phase at time 0 of the harmonic perturbation force along {axis}, which is a sine
+    #[parameter(names = context.of_resultant("phase"), tunable, unit = RADIAN)]
+    pub phase_rad: [T; N],
+}
+
+impl<const N: usize> Default for Harmonic<f64, N> {
+    /// None, at 50 Hz.
+    fn default() -> Self {
+        Self { amplitude_n: [0.0; N], omega_rad_s: 2.0 * PI * 50.0, phase_rad: [0.0; N] }
+    }
+}
+
+/// A rotor with N coordinates between the K magnets of its B bearings, its sensors, start and integration. Coordinates are in m, angles
+/// among them in rad; generalised forces are in N, moments among them in N·m.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(T = f64, context = Machine)]
+#[serde(bound(
+    serialize = "T: Serialize, [T; N]: Serialize, [T; K]: Serialize, RotorConfig<T, B>: Serialize, [TouchdownConfig<T>; B]: Serialize, \
+                 SensorConfig<N, K>: Serialize",
+    deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>, [T; K]: Deserialize<'de>, RotorConfig<T, B>: Deserialize<'de>, \
+                   [TouchdownConfig<T>; B]: Deserialize<'de>, SensorConfig<N, K>: Deserialize<'de>"
+))]
+pub struct PlantConfig<T = f64, const N: usize = 2, const K: usize = 3, const B: usize = 1> {
+    /// Rotor and bearings.
+    #[nested(prefix = "")]
+    pub rotor: RotorConfig<T, B>,
+    /// The coils.
+    #[nested(prefix = "", context = Saturates(true))]
+    pub coil: CoilConfig<T>,
+    /// Initial coordinates, in m and rad.
+    #[parameter(
+        names = context.at_start(|coordinate| coordinate.position), unit = context.either(index, METRE, RADIAN),
+        nominal = context.either(index, 1e-5, 1e-4), description = context.initially(context.coordinates[index].position.1)
+    )]
+    pub position_m: [T; N],
+    /// Their initial rates, in m/s and rad/s.
+    #[parameter(
+        names = context.at_start(|coordinate| coordinate.rate),
+        unit = context.either(index, METRE_PER_SECOND, RADIAN_PER_SECOND), nominal = context.either(index, 1e-2, 0.1),
+        description = context.initially(context.coordinates[index].rate.1)
+    )]
+    pub velocity_m_s: [T; N],
+    /// Initial rotor angle
+    #[parameter(name = "theta0", unit = RADIAN)]
+    pub theta_rad: T,
+    /// Acceleration of gravity along those coordinates that are lengths, in m/s².
+    #[parameter(
+        names = context.of_lengths("gravity."), count = context.of_lengths("").len(), unit = METRE_PER_SECOND2, nominal = 10.0,
+        description = format!("Acceleration of gravity {}", context.direction_of_gravity(index))
+    )]
+    pub gravity_m_s2: [T; N],
+    /// The backup bearings.
+    #[nested(prefixes = context.of_bearings(""), context = context.bearings[index])]
+    pub touchdown: [TouchdownConfig<T>; B],
+    /// The sensors.
+    #[nested(prefix = "")]
+    pub sensor: SensorConfig<N, K>,
+    /// Upper bound of the integration step
+    #[parameter(name = "solver.maxStep", unit = SECOND, min = 0.0, nominal = 1e-5, display_unit = "µs")]
+    pub max_step_s: f64,
+    /// Force constant of {magnet}
+    #[parameter(names = context.of_magnets("lambda"), tunable, unit = LAMBDA, min = 0.0, nominal = 1e-6)]
+    pub lambda_nm2_a2: [T; K],
+    /// Unbalance of the rotor{in plane}, mass times eccentricity
+    #[parameter(
+        names = context.of_planes("magnitude"), count = context.planes, tunable, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4
+    )]
+    pub unbalance_kgm: [T; PLANES],
+    /// Angle of the unbalance{in plane} from the mark on the rotor that theta refers to
+    #[parameter(names = context.of_planes("phase"), count = context.planes, tunable, unit = RADIAN)]
+    pub unbalance_phase_rad: [T; PLANES],
+    /// Position of plane {k} along the shaft, from the centre of gravity
+    #[parameter(
+        names = context.of_planes("position").into_iter().take(context.if_tilting(PLANES)), count = context.if_tilting(PLANES),
+        unit = METRE, nominal = 0.1
+    )]
+    pub unbalance_position_m: [T; PLANES],
+    /// Harmonic perturbation of a rotor in one bearing.
+    #[nested(prefix = "perturbation.", count = context.if_single(1))]
+    pub harmonic: Harmonic<T, N>,
+}
+
+impl<const N: usize, const K: usize, const B: usize> Default for PlantConfig<f64, N, K, B> {
+    /// The paper's bearing or one of the same size, or the balanced spindle of the examples; across a single bearing the rotor is on the
+    /// paper's ellipse, elsewhere at rest in the centre.
+    fn default() -> Self {
+        let machine = Rotor::<N, K, B>::MACHINE;
+        let tilts = machine.tilts();
+        let rotor = RotorConfig::of(machine);
+        let lambda_of = |k: usize| match machine.magnet(k) {
+            Some((1, number)) => [2.4e-6, 2.1e-6, 1.9e-6, 2.0e-6][number - 1],
+            Some((2, number)) => [3.0e-6, 2.6e-6][number - 1],
+            _ => [1.8e-6, 2.0e-6, 2.2e-6, if tilts { 2.3e-6 } else { 2.4e-6 }][k],
+        };
+        let on_ellipse =
+            |first: f64, second: f64| std::array::from_fn(|n| if N == 2 { [first, second][n] } else { 0.0 });
+        Self {
+            lambda_nm2_a2: std::array::from_fn(lambda_of),
+            unbalance_kgm: [0.0; PLANES],
+            unbalance_phase_rad: [0.0; PLANES],
+            unbalance_position_m: if tilts { [-0.08, 0.10] } else { [0.0; PLANES] },
+            harmonic: Harmonic::default(),
+            gravity_m_s2: [0.0; N],
+            coil: CoilConfig::default(),
+            touchdown: rotor
+                .bearings
+                .map(|of| TouchdownConfig { clearance_m: 0.5 * of.gap_m, ..TouchdownConfig::default() }),
+            rotor,
+            position_m: on_ellipse(30e-6, 0.0),
+            velocity_m_s: on_ellipse(0.0, 0.021991148575128554),
+            theta_rad: 0.0,
+            sensor: SensorConfig::default(),
+            max_step_s: 5e-5,
+        }
+    }
+}
+
+/// A structure made of two others: scalars and arrays combined number by number, then all other fields as given.
+macro_rules! joined {
+    ($own:expr, $other:expr, $join:expr, $type:ident {
+        $($scalar:ident),*; $($list:ident),*; $($rest:ident: $value:expr),*
+    }) => {{
+        let (own, other, join) = ($own, $other, $join);
+        $type {
+            $($scalar: join(own.$scalar, other.$scalar),)*
+            $($list: std::array::from_fn(|k| join(own.$list[k], other.$list[k])),)*
+            $($rest: $value,)*
+        }
+    }};
+}
+
+impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfig<T, N, K, B> {
+    /// Combines these parameters with others, number by number; fields that are no numbers are taken from these.
+    pub fn with<U: Scalar, V: Scalar>(
+        &self,
+        other: &PlantConfig<U, N, K, B>,
+        join: &impl Fn(T, U) -> V,
+    ) -> PlantConfig<V, N, K, B> {
+        let (own, off) = (&self.rotor, &other.rotor);
+        let rotor = joined!(own, off, join, RotorConfig {
+            ; extent_m;
+            shaft: joined!(&own.shaft, &off.shaft, join, Shaft { m_kg, transverse_kgm2, polar_kgm2;; }),
+            bearings: std::array::from_fn(|b| joined!(&own.bearings[b], &off.bearings[b], join, BearingConfig {
+                position_m, sensor_position_m, gap_m; alpha_rad;
+            }))
+        });
+        let (harmonic, others) = (&self.harmonic, &other.harmonic);
+        joined!(self, other, join, PlantConfig {
+            theta_rad;
+            lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, unbalance_position_m, gravity_m_s2, position_m, velocity_m_s;
+            rotor: rotor,
+            harmonic: joined!(harmonic, others, join, Harmonic { omega_rad_s; amplitude_n, phase_rad; }),
+            coil: self.coil.with(&other.coil, join),
+            touchdown: std::array::from_fn(|b| self.touchdown[b].with(&other.touchdown[b], join)),
+            sensor: self.sensor.clone(),
+            max_step_s: self.max_step_s
+        })
+    }
+}
+
+impl<const N: usize, const K: usize, const B: usize> PlantConfig<f64, N, K, B> {
+    /// Reports invalid parameters by their names in the interface.
+    pub(super) fn check(&self, checks: &mut Checks) {
+        let rotor = Rotor::<N, K, B>::checked(self.rotor, checks);
+        let machine = Rotor::<N, K, B>::MACHINE;
+        self.check_tunable(checks);
+        if machine.tilts() {
+            for (name, at_m) in machine.of_planes("position").into_iter().zip(self.unbalance_position_m) {
+                self.rotor.check_position(name, at_m, checks);
+            }
+        }
+        self.check_start(&rotor, checks);
+        for (name, value) in machine.of_lengths("gravity.").into_iter().zip(self.gravity_m_s2) {
+            checks.finite(name, value, "m/s2");
+        }
+        self.coil.check(rotor.geometry().gap_m, self.lambda_nm2_a2, checks);
+        for (bearing, touchdown) in machine.bearings.iter().zip(&self.touchdown) {
+            checks.of(bearing.prefix, |checks| touchdown.check(checks));
+        }
+        self.sensor.check(machine, checks);
+        check_step("solver.maxStep", self.max_step_s, checks);
+    }
+
+    /// Reports invalid tunable parameters.
+    pub(super) fn check_tunable(&self, checks: &mut Checks) {
+        let machine = Rotor::<N, K, B>::MACHINE;
+        for (name, lambda) in machine.of_magnets("lambda").into_iter().zip(self.lambda_nm2_a2) {
+            checks.positive(name, lambda, "N.m2/A2");
+        }
+        for (name, kgm) in machine.of_planes("magnitude").into_iter().zip(self.unbalance_kgm) {
+            checks.not_negative(name, kgm, "kg.m");
+        }
+        for (name, rad) in machine.of_planes("phase").into_iter().zip(self.unbalance_phase_rad) {
+            checks.finite(name, rad, "rad");
+        }
+        let Harmonic { amplitude_n, omega_rad_s, phase_rad } = self.harmonic;
+        for (name, value) in machine.of_resultant("perturbation.amplitude").into_iter().zip(amplitude_n) {
+            checks.finite(name, value, "N");
+        }
+        checks.not_negative("perturbation.omega", omega_rad_s, "rad/s");
+        for (name, value) in machine.of_resultant("perturbation.phase").into_iter().zip(phase_rad) {
+            checks.finite(name, value, "rad");
+        }
+    }
+
+    /// Reports a start that is not finite, and a rotor that starts at a magnet, by the coordinate that brings it nearest.
+    fn check_start(&self, rotor: &Rotor<N, K, B>, checks: &mut Checks) {
+        let (machine, position_m) = (Rotor::<N, K, B>::MACHINE, self.position_m);
+        let names = machine.at_start(|coordinate| coordinate.position);
+        for (n, name) in names.iter().enumerate() {
+            checks.finite(name.clone(), position_m[n], machine.either(n, "m", "rad"));
+        }
+        for (n, name) in machine.at_start(|coordinate| coordinate.rate).into_iter().enumerate() {
+            checks.finite(name, self.velocity_m_s[n], machine.either(n, "m/s", "rad/s"));
+        }
+        checks.finite("theta0", self.theta_rad, "rad");
+        let geometry = rotor.geometry();
+        for (k, gap) in geometry.gaps(position_m).into_iter().enumerate() {
+            // False for values that are not finite, which have been refused already.
+            if !(gap <= 0.0 && gap.is_finite() && geometry.gap_m[k] > 0.0) {
+                continue;
+            }
+            let share = |n: usize| position_m[n] * geometry.directions[k][n];
+            let worst = (0..N).fold(0, |worst, n| if share(n) > share(worst) { n } else { worst });
+            let magnet = machine.of_magnets("gap").swap_remove(k);
+            checks.require(
+                false,
+                names[worst].clone(),
+                format_args!("{} {}", position_m[worst], machine.either(worst, "m", "rad")),
+                format!("a start inside the gap ({magnet} would be {} m)", Short(gap)),
+            );
+            return;
+        }
+    }
+
+    /// The same with the tunable parameters of others.
+    pub(super) fn retuned(&self, to: &Self) -> Self {
+        let Self { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, .. } = *to;
+        Self { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, harmonic: to.harmonic.clone(), ..self.clone() }
+    }
+}
