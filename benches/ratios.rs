@@ -16,14 +16,12 @@ use fmu_export::fmi3::bindings::*;
 use fmu_export::{ModelType, Standard};
 use interleave::{candidate, shown, table};
 use libloading::{Library, Symbol};
-use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
-use magnetic_bearing::control::spindle::{SpindleController, SpindleControllerConfig, SpindleControllerInput};
+use magnetic_bearing::control::controller::{Controller, ControllerConfigOf, ControllerInput};
 use magnetic_bearing::estimation::paper::window::{Sample, WindowSums};
 use magnetic_bearing::estimation::spindle::{SpindleEstimator, SpindleEstimatorConfig, SpindleEstimatorInput};
 use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method, Tolerance};
 use magnetic_bearing::package;
-use magnetic_bearing::plant::spindle::SpindleConfig;
-use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput, PlantParameters};
+use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput};
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate;
 
@@ -43,9 +41,9 @@ fn main() {
 }
 
 /// Steps of a plant with constant currents, in A, and its outputs.
-fn plant_steps<'a, R: PlantParameters<N, K> + 'a, const N: usize, const K: usize>(
+fn plant_steps<'a, const N: usize, const K: usize, const B: usize>(
     name: &str,
-    config: R,
+    config: PlantConfigOf<f64, N, K, B>,
     current_a: [f64; K],
 ) -> interleave::Candidate<'a> {
     let plant = Plant::new(config).expect("valid parameters");
@@ -187,9 +185,9 @@ fn steps(record: &[EstimatorInput]) {
         });
         candidates.push(beside(peer, c));
     }
-    candidates.push(plant_steps("plant, current drive", PlantConfig::default(), [2.0; 3]));
-    candidates.push(plant_steps("spindle, current drive", SpindleConfig::default(), [2.0; 8]));
-    let controller = Controller::new(ControllerConfig::default()).expect("valid parameters");
+    candidates.push(plant_steps("plant, current drive", PlantConfigOf::<f64, 2, 3, 1>::default(), [2.0; 3]));
+    candidates.push(plant_steps("spindle, current drive", PlantConfigOf::<f64, 5, 8, 3>::default(), [2.0; 8]));
+    let controller = Controller::new(ControllerConfigOf::<2, 3, 1, 1>::default()).expect("valid parameters");
     let mut state = controller.start(0.0);
     let mut input = ControllerInput { position_m: [30e-6, 0.0], omega_rad_s: 314.0, ..ControllerInput::default() };
     candidates.push(candidate("controller", 1000, move |times| {
@@ -198,9 +196,9 @@ fn steps(record: &[EstimatorInput]) {
             let _ = black_box(controller.sample(&mut state, &input));
         }
     }));
-    let controller = SpindleController::new(SpindleControllerConfig::default()).expect("valid parameters");
+    let controller = Controller::new(ControllerConfigOf::<5, 8, 3, 3>::default()).expect("valid parameters");
     let mut state = controller.start(0.0);
-    let mut input = SpindleControllerInput { omega_rad_s: 314.0, ..SpindleControllerInput::default() };
+    let mut input = ControllerInput { omega_rad_s: 314.0, ..ControllerInput::default() };
     candidates.push(candidate("controller of the spindle", 1000, move |times| {
         for step in 0..times {
             input.position_m[1] = f64::from(step % 7) * 1e-6;

@@ -42,7 +42,7 @@ pub const SMALLEST_SINE: f64 = 1e-2;
 const OPPOSED: f64 = 1e-5;
 
 /// The largest number of magnets in a bearing.
-pub const MOST_MAGNETS: usize = 4;
+pub const MOST_MAGNETS: usize = 6;
 
 /// Which magnets of an axial bearing are used
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]

@@ -30,7 +30,7 @@ use crate::variables::{LAMBDA, OMEGA_RAD_S, Variables};
         deserialize = "RotorConfig<f64, B>: Deserialize<'de>, TrackingConfig<K, G>: Deserialize<'de>, ReferenceConfig<B>: Deserialize<'de>"
     )
 )]
-pub struct ControllerConfig<const N: usize = 2, const K: usize = 3, const B: usize = 1, const G: usize = 1> {
+pub struct ControllerConfigOf<const N: usize, const K: usize, const B: usize, const G: usize> {
     /// Rotor and bearings as the controller knows them. With `J_p` = 0 it compensates no gyroscopic moments.
     #[nested(prefix = "")]
     pub rotor: RotorConfig<f64, B>,
@@ -45,7 +45,10 @@ pub struct ControllerConfig<const N: usize = 2, const K: usize = 3, const B: usi
     pub reference: ReferenceConfig<B>,
 }
 
-impl<const N: usize, const K: usize, const B: usize, const G: usize> Default for ControllerConfig<N, K, B, G> {
+/// That for the planar rotor of the paper.
+pub type ControllerConfig = ControllerConfigOf<2, 3, 1, 1>;
+
+impl<const N: usize, const K: usize, const B: usize, const G: usize> Default for ControllerConfigOf<N, K, B, G> {
     /// The paper's bearing, or one of the same size, and its first guess; along the axis the rotor rests in the middle.
     ///
     /// Or the spindle of the examples, a smallest force of 15 N, and modulation frequencies that are apart in all bearings.
@@ -206,7 +209,7 @@ pub struct ControllerState<const N: usize = 2, const K: usize = 3, const G: usiz
 /// A validated controller.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Controller<const N: usize = 2, const K: usize = 3, const B: usize = 1, const G: usize = 1> {
-    config: ControllerConfig<N, K, B, G>,
+    config: ControllerConfigOf<N, K, B, G>,
     law: Tracking<N, K, B, G>,
     reference: Reference<N, B>,
 }
@@ -217,7 +220,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     /// # Errors
     /// Every parameter that is not finite or outside its range, by its name in the interface; the geometry as in
     /// [`Rotor::new`], the reference as in [`Reference::new`], the modulation as in [`Controller::retune`].
-    pub fn new(config: ControllerConfig<N, K, B, G>) -> Result<Self, Vec<Invalid>> {
+    pub fn new(config: ControllerConfigOf<N, K, B, G>) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         let rotor = Rotor::checked(config.rotor, &mut checks);
         let reference = Reference::checked(config.reference.clone(), config.law.step_s, &rotor, &mut checks);
@@ -227,7 +230,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     }
 
     /// The configuration, including the last retuning.
-    pub fn config(&self) -> &ControllerConfig<N, K, B, G> {
+    pub fn config(&self) -> &ControllerConfigOf<N, K, B, G> {
         &self.config
     }
 

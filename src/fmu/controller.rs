@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::common::{info, refused, sampled};
 use crate::bearing::rotor::Rotor;
 use crate::control::controller::{
-    Controller, ControllerConfig, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
+    Controller, ControllerConfig, ControllerConfigOf, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
 };
 use crate::machine::Machine;
 use crate::variables::Variables;
@@ -22,13 +22,13 @@ use crate::variables::Variables;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
 #[serde(bound(
-    serialize = "ControllerConfig<N, K, B, G>: Serialize, ControllerInput<N, K>: Serialize, ControllerOutput<N, K>: Serialize",
-    deserialize = "ControllerConfig<N, K, B, G>: Deserialize<'de>, ControllerInput<N, K>: Deserialize<'de>, \
+    serialize = "ControllerConfigOf<N, K, B, G>: Serialize, ControllerInput<N, K>: Serialize, ControllerOutput<N, K>: Serialize",
+    deserialize = "ControllerConfigOf<N, K, B, G>: Deserialize<'de>, ControllerInput<N, K>: Deserialize<'de>, \
                    ControllerOutput<N, K>: Deserialize<'de>"
 ))]
 pub struct Values<const N: usize, const K: usize, const B: usize, const G: usize> {
     #[nested(prefix = "")]
-    config: ControllerConfig<N, K, B, G>,
+    config: ControllerConfigOf<N, K, B, G>,
     #[nested(prefix = "")]
     input: ControllerInput<N, K>,
     #[nested(prefix = "")]
@@ -38,7 +38,7 @@ pub struct Values<const N: usize, const K: usize, const B: usize, const G: usize
 /// The configuration with the speed, which may change during a run.
 fn config<const N: usize, const K: usize, const B: usize, const G: usize>(
     values: &Values<N, K, B, G>,
-) -> ControllerConfig<N, K, B, G> {
+) -> ControllerConfigOf<N, K, B, G> {
     let mut config = values.config.clone();
     config.reference.omega_rad_s = values.input.omega_rad_s;
     config

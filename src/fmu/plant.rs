@@ -16,7 +16,7 @@ use crate::machine::{Coordinate, Machine};
 use crate::plant::linearisation::{Point, Taylor};
 use crate::plant::sensor::Channels;
 use crate::plant::{
-    self, AtBearing, Conditions, Equations, INSTANT_TOLERANCE, Motion, Plant, PlantConfig, PlantInput, PlantOutput,
+    self, AtBearing, Conditions, Equations, INSTANT_TOLERANCE, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput,
     PlantState,
 };
 use crate::variables::Variables;
@@ -26,15 +26,15 @@ use crate::variables::unit::{AMPERE, METRE, METRE_PER_SECOND, RADIAN, RADIAN_PER
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
 #[serde(bound(
-    serialize = "PlantConfig<f64, N, K, B>: Serialize, PlantInput<f64, N, K>: Serialize, PlantOutput<f64, N, K>: Serialize, \
+    serialize = "PlantConfigOf<f64, N, K, B>: Serialize, PlantInput<f64, N, K>: Serialize, PlantOutput<f64, N, K>: Serialize, \
                  [AtBearing; B]: Serialize, [bool; B]: Serialize, [bool; K]: Serialize, [f64; N]: Serialize, [f64; K]: Serialize",
-    deserialize = "PlantConfig<f64, N, K, B>: Deserialize<'de>, PlantInput<f64, N, K>: Deserialize<'de>, \
+    deserialize = "PlantConfigOf<f64, N, K, B>: Deserialize<'de>, PlantInput<f64, N, K>: Deserialize<'de>, \
                    PlantOutput<f64, N, K>: Deserialize<'de>, [AtBearing; B]: Deserialize<'de>, [bool; B]: Deserialize<'de>, \
                    [bool; K]: Deserialize<'de>, [f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
 ))]
 pub struct Values<const N: usize, const K: usize, const B: usize> {
     #[nested(prefix = "")]
-    config: PlantConfig<f64, N, K, B>,
+    config: PlantConfigOf<f64, N, K, B>,
     /// Whether the circuit of {magnet} is open, so that it carries no current
     #[parameter(names = context.of_magnets("coil.open"), tunable)]
     open: [bool; K],
@@ -101,7 +101,7 @@ pub struct Values<const N: usize, const K: usize, const B: usize> {
 impl<const N: usize, const K: usize, const B: usize> Default for Values<N, K, B> {
     fn default() -> Self {
         Self {
-            config: PlantConfig::default(),
+            config: PlantConfigOf::default(),
             open: [false; K],
             input: PlantInput::default(),
             position_m: [0.0; N],
@@ -154,7 +154,7 @@ fn before<D>(rows: &mut Vec<Row<D>>, name: &str, other: &str) {
 /// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
 pub fn configuration<const N: usize, const K: usize, const B: usize>(
     settings: &[(usize, Value)],
-) -> (PlantConfig<f64, N, K, B>, PlantInput<f64, N, K>) {
+) -> (PlantConfigOf<f64, N, K, B>, PlantInput<f64, N, K>) {
     let values = Table::new(table::<N, K, B>()).values(settings);
     (values.config, values.input)
 }

@@ -55,7 +55,7 @@ impl<const N: usize> Default for Harmonic<f64, N> {
     deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>, [T; K]: Deserialize<'de>, RotorConfig<T, B>: Deserialize<'de>, \
                    [TouchdownConfig<T>; B]: Deserialize<'de>, SensorConfig<N, K>: Deserialize<'de>"
 ))]
-pub struct PlantConfig<T = f64, const N: usize = 2, const K: usize = 3, const B: usize = 1> {
+pub struct PlantConfigOf<T, const N: usize, const K: usize, const B: usize> {
     /// Rotor and bearings.
     #[nested(prefix = "")]
     pub rotor: RotorConfig<T, B>,
@@ -115,7 +115,10 @@ pub struct PlantConfig<T = f64, const N: usize = 2, const K: usize = 3, const B:
     pub harmonic: Harmonic<T, N>,
 }
 
-impl<const N: usize, const K: usize, const B: usize> Default for PlantConfig<f64, N, K, B> {
+/// Those of the planar rotor of the paper.
+pub type PlantConfig<T = f64> = PlantConfigOf<T, 2, 3, 1>;
+
+impl<const N: usize, const K: usize, const B: usize> Default for PlantConfigOf<f64, N, K, B> {
     /// The paper's bearing or one of the same size, or the balanced spindle of the examples; across a single bearing the rotor is on the
     /// paper's ellipse, elsewhere at rest in the centre.
     fn default() -> Self {
@@ -164,13 +167,13 @@ macro_rules! joined {
     }};
 }
 
-impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfig<T, N, K, B> {
+impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T, N, K, B> {
     /// Combines these parameters with others, number by number; fields that are no numbers are taken from these.
     pub fn with<U: Scalar, V: Scalar>(
         &self,
-        other: &PlantConfig<U, N, K, B>,
+        other: &PlantConfigOf<U, N, K, B>,
         join: &impl Fn(T, U) -> V,
-    ) -> PlantConfig<V, N, K, B> {
+    ) -> PlantConfigOf<V, N, K, B> {
         let (own, off) = (&self.rotor, &other.rotor);
         let rotor = joined!(own, off, join, RotorConfig {
             ; extent_m;
@@ -180,7 +183,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfig<T, N
             }))
         });
         let (harmonic, others) = (&self.harmonic, &other.harmonic);
-        joined!(self, other, join, PlantConfig {
+        joined!(self, other, join, PlantConfigOf {
             theta_rad;
             lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, unbalance_position_m, gravity_m_s2, position_m, velocity_m_s;
             rotor: rotor,
@@ -193,7 +196,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfig<T, N
     }
 }
 
-impl<const N: usize, const K: usize, const B: usize> PlantConfig<f64, N, K, B> {
+impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B> {
     /// Reports invalid parameters by their names in the interface.
     pub(super) fn check(&self, checks: &mut Checks) {
         let rotor = Rotor::<N, K, B>::checked(self.rotor, checks);

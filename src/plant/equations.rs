@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::config::PlantConfig;
+use super::config::PlantConfigOf;
 use super::integration::Vector;
 use crate::bearing::coil::{Coil, CoilPoint, Drive};
 use crate::bearing::magnet::{Geometry, forces};
@@ -215,13 +215,13 @@ impl<T, const N: usize, const K: usize> PlantOutput<T, N, K> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Equations<T = f64, const N: usize = 2, const K: usize = 3, const B: usize = 1> {
     /// The parameters.
-    pub(super) config: PlantConfig<T, N, K, B>,
+    pub(super) config: PlantConfigOf<T, N, K, B>,
     geometry: Geometry<T, N, K>,
 }
 
 impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, K, B> {
     /// The equations for validated parameters, see [`Plant::new`](super::Plant::new).
-    pub fn new(config: PlantConfig<T, N, K, B>) -> Self {
+    pub fn new(config: PlantConfigOf<T, N, K, B>) -> Self {
         let geometry = config.rotor.geometry();
         Self { config, geometry }
     }

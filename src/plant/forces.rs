@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::config::PlantConfig;
+use super::config::PlantConfigOf;
 use super::equations::{Equations, Motion, PlantInput};
 use crate::bearing::rotor::Rotor;
 use crate::bearing::scalar::Scalar;
@@ -11,7 +11,7 @@ use crate::machine::{Bearing, Machine};
 use crate::variables::Variables;
 use crate::variables::unit::{METRE, NEWTON};
 
-impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfig<T, N, K, B> {
+impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T, N, K, B> {
     const MACHINE: &'static Machine = Rotor::<N, K, B>::MACHINE;
 
     /// All forces except those of magnets and backup bearings, at a time in s and an angle in rad.
@@ -78,7 +78,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfig<T, N
     }
 }
 
-impl<const N: usize, const K: usize, const B: usize> PlantConfig<f64, N, K, B> {
+impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B> {
     /// Which backup bearings the rotor touches.
     #[inline]
     pub(super) fn touches(&self, position_m: &[f64; N], velocity_m_s: &[f64; N]) -> [bool; B] {

@@ -11,7 +11,7 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::bearing::scalar::Scalar;
-use crate::plant::{Conditions, Equations, Motion, Plant, PlantConfig, PlantInput, PlantOutput, PlantState};
+use crate::plant::{Conditions, Equations, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState};
 
 /// The coefficients c of `Σ_j c_j τ^j`, j < N.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,7 +127,7 @@ impl<const N: usize> Mul<f64> for Taylor<N> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point<T = f64, const N: usize = 2, const K: usize = 3, const B: usize = 1> {
     /// Parameters.
-    pub config: PlantConfig<T, N, K, B>,
+    pub config: PlantConfigOf<T, N, K, B>,
     /// States of the equations of motion.
     pub motion: Motion<T, N, K>,
     /// Inputs.

@@ -56,7 +56,7 @@ use crate::invalid::Invalid;
 pub use crate::plant::sensor::SensorConfig;
 use crate::plant::sensor::{Channels, DelayLine, Sample};
 
-pub use config::{Harmonic, PLANES, PlantConfig};
+pub use config::{Harmonic, PLANES, PlantConfig, PlantConfigOf};
 pub use equations::{Conditions, Equations, Motion, PlantInput, PlantOutput};
 pub use error::StepError;
 pub use forces::AtBearing;
@@ -168,7 +168,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// # Errors
     /// Every parameter that is not finite or outside its range, by its name in the interface; gaps and angles as in
     /// [`Magnets::new`](crate::bearing::magnet::Magnets::new); the coordinate of a rotor that would start outside the gap.
-    pub fn new(config: PlantConfig<f64, N, K, B>) -> Result<Self, Vec<Invalid>> {
+    pub fn new(config: PlantConfigOf<f64, N, K, B>) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
         config.check(&mut checks);
         checks.finish()?;
@@ -179,7 +179,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     ///
     /// # Errors
     /// As in [`Plant::new`]; nothing is changed then.
-    pub fn retune(&mut self, to: &PlantConfig<f64, N, K, B>) -> Result<(), Vec<Invalid>> {
+    pub fn retune(&mut self, to: &PlantConfigOf<f64, N, K, B>) -> Result<(), Vec<Invalid>> {
         let config = self.equations.config.retuned(to);
         let mut checks = Checks::default();
         config.check_tunable(&mut checks);
@@ -190,7 +190,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     }
 
     /// The configuration, including the last retuning.
-    pub fn config(&self) -> &PlantConfig<f64, N, K, B> {
+    pub fn config(&self) -> &PlantConfigOf<f64, N, K, B> {
         &self.equations.config
     }
 
@@ -202,7 +202,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// The initial state, at the time `start_s`, with sample 0 taken. With voltage drive no current flows yet.
     pub fn start(&self, start_s: f64) -> PlantState<N, K, B> {
         let config = self.config();
-        let PlantConfig { sensor, position_m, velocity_m_s, theta_rad, .. } = config;
+        let PlantConfigOf { sensor, position_m, velocity_m_s, theta_rad, .. } = config;
         let (position_m, velocity_m_s, theta_rad) = (*position_m, *velocity_m_s, *theta_rad);
         let sample = Sample { position_m: config.rotor.readings(position_m), current_a: [0.0; K] };
         let mut state = PlantState {

@@ -316,7 +316,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
         _ => None,
     };
     let plant = closed_loop(scenario).plant;
-    let BearingConfig { alpha_rad: [a, b, c, _], gap_m, .. } = plant.rotor.bearings[0];
+    let BearingConfig { alpha_rad: [a, b, c, ..], gap_m, .. } = plant.rotor.bearings[0];
     let bearing = Bearing { alpha_rad: [a, b, c], gap_m, clearance_m: plant.touchdown[0].clearance_m };
     let [answer, used] = answers(scenario, run);
     let report = Report {

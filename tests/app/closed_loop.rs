@@ -4,10 +4,12 @@ use crate::program::{column, lambda_errors, of, ran, row};
 use crate::support::below;
 use fmu_export::variable::Value;
 use magnetic_bearing::bearing::magnet::Used;
+use magnetic_bearing::bearing::rotor::RotorConfig;
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
-use magnetic_bearing::control::reference::ReferenceConfig;
+use magnetic_bearing::control::reference::{PathConfig, ReferenceConfig};
 use magnetic_bearing::control::tracking::TrackingConfig;
 use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method};
+use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate::Run;
@@ -38,15 +40,20 @@ impl Values<'_> {
     }
 }
 
+fn rotor(values: &Values) -> RotorConfig {
+    let mut rotor = RotorConfig::of(&PLANAR);
+    (rotor.shaft.m_kg, rotor.bearings[0].gap_m) = (values.real("m"), values.real("s"));
+    rotor.bearings[0].alpha_rad[..3].copy_from_slice(&values.three("alpha"));
+    rotor
+}
+
 /// What the scenarios set; all else is as the models have it by default.
 fn plant_config(values: &Values) -> PlantConfig {
     PlantConfig {
-        m_kg: values.real("m"),
-        gap_m: values.real("s"),
-        alpha_rad: values.three("alpha"),
+        rotor: rotor(values),
         lambda_nm2_a2: values.three("lambda"),
-        unbalance_kgm: values.real("unbalance.magnitude"),
-        unbalance_phase_rad: values.real("unbalance.phase"),
+        unbalance_kgm: [values.real("unbalance.magnitude"), 0.0],
+        unbalance_phase_rad: [values.real("unbalance.phase"), 0.0],
         harmonic: Harmonic {
             amplitude_n: ["Y", "Z"].map(|axis| values.real(&format!("perturbation.amplitude{axis}"))),
             omega_rad_s: values.real("perturbation.omega"),
@@ -68,14 +75,15 @@ fn controller_config(values: &Values) -> ControllerConfig {
     ControllerConfig {
         used: Used::Both,
         law: TrackingConfig { modulation: values.real("F0.modulation"), ..TrackingConfig::default() },
-        m_kg: values.real("m"),
-        gap_m: values.real("s"),
-        alpha_rad: values.three("alpha"),
+        rotor: rotor(values),
         reference: ReferenceConfig {
-            r_y_m: values.real("reference.rY"),
-            r_z_m: values.real("reference.rZ"),
+            paths: [PathConfig {
+                r_y_m: values.real("reference.rY"),
+                r_z_m: values.real("reference.rZ"),
+                ..PathConfig::default()
+            }],
             omega_rad_s: values.real("reference.omega"),
-            ..ReferenceConfig::default()
+            ..ReferenceConfig::of(&PLANAR)
         },
     }
 }

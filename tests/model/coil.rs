@@ -1,15 +1,20 @@
 //! The coil: one energy for current and force, saturation, and the plant driven by voltage.
 
+use crate::support::below;
 use magnetic_bearing::bearing::coil::{CoilConfig, Drive};
+use magnetic_bearing::bearing::rotor::RotorConfig;
 use magnetic_bearing::bearing::scalar::Scalar;
+use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::plant::linearisation::{Point, Taylor};
 use magnetic_bearing::plant::{Conditions, Motion, Plant, PlantConfig, PlantInput, PlantState};
 
 const STEP_S: f64 = 1e-4;
 const GAP_M: f64 = 5e-4;
 
-fn below(what: &str, value: f64, limit: f64) {
-    assert!(value <= limit, "{what}: {value:e} is above the limit {limit:e}");
+fn of_mass(m_kg: f64) -> RotorConfig {
+    let mut rotor = RotorConfig::of(&PLANAR);
+    rotor.shaft.m_kg = m_kg;
+    rotor
 }
 
 fn voltage(coil: CoilConfig) -> CoilConfig {
@@ -107,7 +112,7 @@ fn the_energy_of_coils_and_rotor_balances() {
         let config = PlantConfig {
             coil: voltage(coil.clone()),
             // A rotor heavy enough to be still clear of the backup bearing after 0.1 s without a controller.
-            m_kg: 670.0,
+            rotor: of_mass(670.0),
             velocity_m_s: [1e-3, -1e-3],
             position_m: [0.0; 2],
             ..PlantConfig::default()
@@ -121,7 +126,8 @@ fn the_energy_of_coils_and_rotor_balances() {
             let work: f64 = (0..2).map(|a| out.resultant_n[a] * state.velocity_m_s[a]).sum();
             ([power, loss, work], out.energy_j.iter().sum::<f64>())
         };
-        let kinetic = |state: &PlantState| 0.5 * config.m_kg * state.velocity_m_s.iter().map(|v| v * v).sum::<f64>();
+        let kinetic =
+            |state: &PlantState| 0.5 * config.rotor.shaft.m_kg * state.velocity_m_s.iter().map(|v| v * v).sum::<f64>();
         let kinetic_at_start = kinetic(&state);
         let mut sums = [0.0; 3];
         let mut transferred = 0.0;
@@ -176,7 +182,7 @@ fn stiff_coils_and_small_gaps_keep_to_a_reference_solution() {
         let run = |max_step_s: f64| {
             let mut config =
                 PlantConfig { coil: voltage(coil.clone()), position_m, max_step_s, ..PlantConfig::default() };
-            config.touchdown.clearance_m = 1.0;
+            config.touchdown[0].clearance_m = 1.0;
             config.velocity_m_s = [0.0; 2];
             let plant = Plant::new(config).expect("plant");
             let mut state = plant.start(0.0);
@@ -208,7 +214,7 @@ fn a_step_of_voltage_follows_the_closed_form_up_to_the_limit() {
     /// Relative error of the current.
     const CURRENT: f64 = 1e-9;
     let config = PlantConfig {
-        m_kg: 1e12,
+        rotor: of_mass(1e12),
         coil: voltage(CoilConfig { leakage_h: 1e-3, ..CoilConfig::default() }),
         position_m: [0.0; 2],
         velocity_m_s: [0.0; 2],

@@ -3,13 +3,11 @@
 use crate::support::below;
 use fmu_export::variable::Row;
 use fmu_export::{Model, SampledModel};
-use magnetic_bearing::control::controller::{Controller, ControllerInputOf};
-use magnetic_bearing::control::spindle::SpindleControllerConfigOf;
+use magnetic_bearing::control::controller::{Controller, ControllerConfigOf, ControllerInput};
 use magnetic_bearing::estimation::spindle::SpindleEstimatorConfigOf;
 use magnetic_bearing::estimation::{Estimator, EstimatorInputOf};
-use magnetic_bearing::fmu::{controller, estimator, spindle};
-use magnetic_bearing::plant::spindle::{SpindleConfig, SpindleConfigOf};
-use magnetic_bearing::plant::{Plant, PlantInput};
+use magnetic_bearing::fmu::{controller, estimator, plant};
+use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput};
 
 const STEP_S: f64 = 1e-4;
 
@@ -21,9 +19,12 @@ fn names<D>(rows: Vec<Row<D>>) -> Vec<String> {
 #[test]
 fn variables_are_those_with_an_axial_bearing_but_for_the_axial_ones() {
     let of_all = [
-        (names(spindle::Plant::<5, 3, 8>::table()), names(spindle::Plant::<4, 3, 6>::table())),
-        (names(controller::Spindle::<5, 3, 8, 3>::table()), names(controller::Spindle::<4, 3, 6, 2>::table())),
-        (names(estimator::Spindle::<5, 3, 8>::table()), names(estimator::Spindle::<4, 3, 6>::table())),
+        (names(plant::PlantModel::<5, 8, 3>::table()), names(plant::PlantModel::<4, 6, 2>::table())),
+        (
+            names(controller::ControllerModel::<5, 8, 3, 3>::table()),
+            names(controller::ControllerModel::<4, 6, 2, 2>::table()),
+        ),
+        (names(estimator::Spindle::<5, 3, 8>::table()), names(estimator::Spindle::<4, 2, 6>::table())),
     ];
     for (mut five, four) in of_all {
         five.retain(|name| !name.contains('X'));
@@ -35,24 +36,24 @@ fn variables_are_those_with_an_axial_bearing_but_for_the_axial_ones() {
 /// across itself as this one, to the bit.
 #[test]
 fn all_six_force_constants_are_found_in_closed_loop() {
-    let (mut config, mut beside) = (SpindleConfigOf::<f64, 4, 3, 6>::default(), SpindleConfig::default());
+    let (mut config, mut beside) = (PlantConfigOf::<f64, 4, 6, 2>::default(), PlantConfigOf::<f64, 5, 8, 3>::default());
     (config.sensor.position_noise_m, config.sensor.current_noise_a) = (1e-7, 1e-2);
     (config.unbalance_kgm, config.unbalance_phase_rad) = ([8e-5, 5e-5], [0.7, -1.9]);
     (beside.unbalance_kgm, beside.unbalance_phase_rad) = (config.unbalance_kgm, config.unbalance_phase_rad);
-    (config.gravity_m_s2, beside.gravity_m_s2) = ([0.3, -0.5, 9.81], [0.0, 0.3, -0.5]);
+    (config.gravity_m_s2, beside.gravity_m_s2) = ([0.3, -0.5, 0.0, 0.0], [0.0, 0.3, -0.5, 0.0, 0.0]);
     let (lambda, unbalance_kgm) = (config.lambda_nm2_a2, config.unbalance_kgm);
-    let mut control = SpindleControllerConfigOf::<4, 3, 6, 2>::default();
-    (control.law.modulation, control.path.b.phase_rad, control.path.transition.ramp_s) = (0.5, 1.2, 0.04);
+    let mut control = ControllerConfigOf::<4, 6, 2, 2>::default();
+    (control.law.modulation, control.reference.paths[1].phase_rad) = (0.5, 1.2);
+    control.reference.transition.ramp_s = 0.04;
     let (plant, beside) = (Plant::new(config).expect("a plant"), Plant::new(beside).expect("a plant"));
     let controller = Controller::new(control).expect("a controller");
-    let estimator = Estimator::new(SpindleEstimatorConfigOf::<4, 3, 6>::default()).expect("an estimator");
+    let estimator = Estimator::new(SpindleEstimatorConfigOf::<4, 2, 6>::default()).expect("an estimator");
     let (mut rotor, mut other, mut held) = (plant.start(0.0), beside.start(0.0), controller.start(0.0));
     let (mut estimate, omega_rad_s) = (estimator.start(), 314.0);
     let mut input = PlantInput { perturbation_n: [15.0, -20.0, 0.6, -0.9], omega_rad_s, ..Default::default() };
     let mut copy = PlantInput { perturbation_n: [0.0, 15.0, -20.0, 0.6, -0.9], omega_rad_s, ..Default::default() };
     for sample in 0..4000 {
-        let mut measured =
-            ControllerInputOf { position_m: rotor.measured.position_m, omega_rad_s, ..Default::default() };
+        let mut measured = ControllerInput { position_m: rotor.measured.position_m, omega_rad_s, ..Default::default() };
         (measured.lambda_hat_nm2_a2, measured.lambda_valid) = (estimate.output().lambda_hat, estimate.output().valid);
         let command = controller.sample(&mut held, &measured).expect("a command");
         let (position_m, current_a) = (rotor.measured.position_m, rotor.measured.current_a);

@@ -1,50 +1,35 @@
 //! Four magnets in opposed pairs: how a force is shared, and the textbook's linear law.
 
 use crate::support::{Random, below};
-use magnetic_bearing::bearing::magnet::{MagnetsOf, alpha_rad, currents, forces};
+use magnetic_bearing::bearing::magnet::{Geometry, Magnets, alpha_rad, currents, forces};
 use magnetic_bearing::control::controller::{Allocation, Controller, ControllerConfigOf};
 use magnetic_bearing::plant::linearisation::{Point, Taylor};
-use magnetic_bearing::plant::{Plant, PlantInput, RotorConfig};
+use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput};
 
 const GAP_M: f64 = 5e-4;
 /// Rounding of forces of some 100 N, in N.
 const ROUNDING_N: f64 = 1e-11;
 
-fn magnets() -> MagnetsOf<2, 4> {
-    MagnetsOf::new(GAP_M, alpha_rad()).expect("magnets in opposed pairs")
-}
-
-/// Fails if the pairs are 1 and 2, 3 and 4.
-#[test]
-fn the_smaller_force_of_each_pair_is_the_one_asked_for() {
-    let (magnets, mut random) = (magnets(), Random::new(5));
-    for _ in 0..1000 {
-        let wanted: [f64; 2] = std::array::from_fn(|_| random.between(-100.0, 100.0));
-        let smallest: [f64; 2] = std::array::from_fn(|_| random.between(0.0, 30.0));
-        let given = magnets.allocate(wanted, &smallest);
-        for (pair, smallest) in smallest.into_iter().enumerate() {
-            below("smaller force of a pair, N", (given[pair].min(given[pair + 2]) - smallest).abs(), ROUNDING_N);
-        }
-        for (wanted, found) in wanted.into_iter().zip(magnets.resultant(given)) {
-            below("resultant, N", (wanted - found).abs(), ROUNDING_N);
-        }
-    }
+fn magnets() -> (Magnets, Geometry<f64, 2, 4>) {
+    let alpha_rad = alpha_rad::<4>();
+    (Magnets::new(GAP_M, &alpha_rad).expect("magnets in opposed pairs"), Geometry::new(GAP_M, alpha_rad))
 }
 
 /// Fails if the bias is that of one magnet of a pair, or if unequal gaps or force constants are not compensated.
 #[test]
 fn currents_about_a_bias_give_the_force_at_any_place() {
-    let (magnets, mut random) = (magnets(), Random::new(7));
+    let ((magnets, geometry), mut random) = (magnets(), Random::new(7));
     let mut alone = 0;
     for _ in 0..1000 {
         let lambda: [f64; 4] = std::array::from_fn(|_| random.between(1e-6, 4e-6));
-        let gap_m = magnets.gaps(std::array::from_fn(|_| random.between(-2e-4, 2e-4)));
+        let gap_m = geometry.gaps(std::array::from_fn(|_| random.between(-2e-4, 2e-4)));
         let wanted: [f64; 2] = std::array::from_fn(|_| random.between(-200.0, 200.0));
         let bias_a: [f64; 2] = std::array::from_fn(|_| random.between(0.5, 3.0));
-        let per_square = std::array::from_fn(|k| lambda[k] / (gap_m[k] * gap_m[k]));
-        let given_n = magnets.allocate_with_bias(wanted, &bias_a, per_square);
+        let per_square: [f64; 4] = std::array::from_fn(|k| lambda[k] / (gap_m[k] * gap_m[k]));
+        let mut given_n = [0.0; 4];
+        magnets.allocate_with_bias(wanted, &bias_a, &per_square, &mut given_n);
         let current_a = currents(given_n, gap_m, lambda);
-        for (wanted, found) in wanted.into_iter().zip(magnets.resultant(forces(lambda, current_a, gap_m))) {
+        for (wanted, found) in wanted.into_iter().zip(geometry.resultant(forces(lambda, current_a, gap_m))) {
             below("resultant, N", (wanted - found).abs(), ROUNDING_N);
         }
         for (pair, bias_a) in bias_a.into_iter().enumerate() {
@@ -68,9 +53,10 @@ fn currents_about_a_bias_give_the_force_at_any_place() {
 fn in_the_centre_it_is_the_linear_law_of_the_field() {
     let (lambda, bias_a): (f64, f64) = (2e-6, 2.0);
     let k_i = 4.0 * lambda * bias_a / (GAP_M * GAP_M);
-    let axial = MagnetsOf::<1, 2>::new(GAP_M, [0.0; 2]).expect("magnets");
+    let axial = Magnets::new(GAP_M, &[]).expect("magnets");
     for force_n in [-60.0, -1e-3, 0.0, 5.0, 100.0] {
-        let given = axial.allocate_with_bias([force_n], &[bias_a], [lambda / (GAP_M * GAP_M); 2]);
+        let mut given = [0.0; 2];
+        axial.allocate_with_bias([force_n, 0.0], &[bias_a], &[lambda / (GAP_M * GAP_M); 2], &mut given);
         let [one, other] = currents(given, [GAP_M; 2], [lambda; 2]);
         below("i_c, A", (0.5 * (one - other) - force_n / k_i).abs(), 1e-12);
     }
@@ -80,14 +66,14 @@ fn in_the_centre_it_is_the_linear_law_of_the_field() {
 #[test]
 fn stiffness_and_gain_of_a_pair_are_those_of_the_textbook() {
     let (lambda, bias_a) = (2.2e-6, 1.5);
-    let mut config = RotorConfig::<f64, 1, 2> { lambda_nm2_a2: [lambda; 2], ..RotorConfig::default() };
+    let mut config = PlantConfigOf::<f64, 1, 2, 1> { lambda_nm2_a2: [lambda; 2], ..PlantConfigOf::default() };
     config.position_m = [0.0];
-    let m_kg = config.m_kg;
+    let m_kg = config.rotor.shaft.m_kg;
     let plant = Plant::new(config).expect("a plant");
     let state = plant.start(0.0);
     let input = PlantInput { current_a: [bias_a; 2], ..PlantInput::default() };
     let point = Point::of(&plant, &state, &input, 0.0);
-    let slope = |direction: &dyn Fn(&mut Point<RotorConfig<f64, 1, 2>, 1, 2>)| {
+    let slope = |direction: &dyn Fn(&mut Point<f64, 1, 2, 1>)| {
         let mut towards = point.with(&point, |_, _: f64| 0.0);
         direction(&mut towards);
         let Taylor([_, slope]) = point.along(&towards).outputs().acceleration_m_s2[0];
@@ -101,8 +87,8 @@ fn stiffness_and_gain_of_a_pair_are_those_of_the_textbook() {
 
 #[test]
 fn a_bias_needs_magnets_that_face_each_other() {
-    let mut config = ControllerConfigOf::<2, 4, 2>::default();
-    config.alpha_rad[0] += 0.02;
+    let mut config = ControllerConfigOf::<2, 4, 1, 2>::default();
+    config.rotor.bearings[0].alpha_rad[0] += 0.02;
     Controller::new(config.clone()).expect("a smallest force needs no pairs");
     config.law.allocation = Allocation::BiasCurrent;
     let found = Controller::new(config).expect_err("a refusal");

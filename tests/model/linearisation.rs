@@ -4,9 +4,8 @@ use std::f64::consts::PI;
 
 use magnetic_bearing::bearing::coil::{CoilConfig, Drive};
 use magnetic_bearing::bearing::scalar::Scalar;
-use magnetic_bearing::bearing::touchdown::TouchdownConfig;
 use magnetic_bearing::plant::linearisation::{Point, Taylor};
-use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantInput, PlantOutput, PlantState};
+use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState};
 
 /// A small generator, so that the points are the same everywhere: numbers in [-1, 1).
 struct Numbers(u64);
@@ -21,37 +20,42 @@ impl Numbers {
 /// Error of a difference quotient of fourth order, in parts of the largest value of its kind.
 const QUOTIENT: f64 = 1e-7;
 
-fn config(drive: Drive, saturation_wb: f64, leakage_h: f64) -> PlantConfig {
-    PlantConfig {
-        unbalance_kgm: 1e-4,
-        unbalance_phase_rad: 0.4,
-        harmonic: Harmonic { amplitude_n: [2.0, 1.0], phase_rad: [0.1, 0.2], ..Harmonic::default() },
-        gravity_m_s2: [1.0, -9.81],
-        coil: CoilConfig { drive, saturation_wb, leakage_h, limit_v: 20.0, ..CoilConfig::default() },
-        touchdown: TouchdownConfig { friction: 0.2, ..TouchdownConfig::default() },
-        ..PlantConfig::default()
-    }
-}
-
-fn all_configs() -> Vec<PlantConfig> {
+/// Everything on, with every drive and kind of coil.
+fn all_configs<const N: usize, const K: usize, const B: usize>() -> Vec<PlantConfigOf<f64, N, K, B>> {
     let mut configs = Vec::new();
     for drive in [Drive::Current, Drive::Voltage] {
         for (saturation_wb, leakage_h) in [(0.0, 0.0), (0.0, 1e-3), (8e-3, 0.0), (8e-3, 2e-3)] {
-            configs.push(config(drive, saturation_wb, leakage_h));
+            let coil = CoilConfig { drive, saturation_wb, leakage_h, limit_v: 20.0, ..CoilConfig::default() };
+            let mut config = PlantConfigOf { coil, ..PlantConfigOf::default() };
+            (config.unbalance_kgm, config.unbalance_phase_rad) = ([8e-5, 5e-5], [0.4, -1.9]);
+            (config.harmonic.amplitude_n, config.harmonic.phase_rad) = ([2.0; N], [0.1; N]);
+            config.gravity_m_s2 = std::array::from_fn(|n| [1.0, -9.81, 2.0, 0.0, 0.0][n]);
+            config.touchdown.iter_mut().for_each(|ring| ring.friction = 0.2);
+            configs.push(config);
         }
     }
     configs
 }
 
-/// A state and an input; in contact with the backup bearing if asked for.
-fn somewhere(plant: &Plant, numbers: &mut Numbers, contact: bool) -> (PlantState, PlantInput) {
+/// A state and an input; in contact with the first backup bearing if asked for.
+fn somewhere<const N: usize, const K: usize, const B: usize>(
+    plant: &Plant<N, K, B>,
+    numbers: &mut Numbers,
+    contact: bool,
+) -> (PlantState<N, K, B>, PlantInput<f64, N, K>) {
     let mut state = plant.start(0.0);
-    let (radius, angle) = (if contact { 2.6e-4 } else { 1e-4 * (1.0 + numbers.next()) }, PI * numbers.next());
-    state.position_m = [radius * angle.cos(), radius * angle.sin()];
-    state.velocity_m_s = [0.02 * numbers.next(), 0.02 * numbers.next()];
+    let size = |n: usize, length: f64, angle: f64| if n < 3 { length } else { angle };
+    let angle = PI * numbers.next();
+    let radius = if contact { 2.6e-4 } else { 1e-4 * (1.0 + numbers.next()) };
+    state.position_m = std::array::from_fn(|n| size(n, 5e-5, 2e-5) * numbers.next());
+    if N > 1 {
+        let first = usize::from(N == 5);
+        (state.position_m[first], state.position_m[first + 1]) = (radius * angle.cos(), radius * angle.sin());
+    }
+    state.velocity_m_s = std::array::from_fn(|n| size(n, 0.02, 0.1) * numbers.next());
     state.theta_rad = 3.0 * numbers.next();
     state.linkage_wb = std::array::from_fn(|_| 1e-2 * numbers.next());
-    state.contact = contact;
+    state.contact[0] = contact;
     let input = PlantInput {
         current_a: std::array::from_fn(|_| 2.0 * numbers.next()),
         voltage_v: std::array::from_fn(|_| 30.0 * numbers.next()),
@@ -65,7 +69,7 @@ fn somewhere(plant: &Plant, numbers: &mut Numbers, contact: bool) -> (PlantState
 /// derivatives are taken by, a part of each number, they are about the same for derivatives.
 const FLOOR: [f64; 10] = [1e-5, 0.1, 1e-3, 1e-2, 0.1, 0.1, 0.1, 0.1, 1.0, 0.1];
 
-fn values(output: PlantOutput) -> Vec<Vec<f64>> {
+fn values<const N: usize, const K: usize>(output: PlantOutput<f64, N, K>) -> Vec<Vec<f64>> {
     vec![
         output.gap_m.to_vec(),
         output.current_a.to_vec(),
@@ -81,7 +85,10 @@ fn values(output: PlantOutput) -> Vec<Vec<f64>> {
 }
 
 /// The coefficients of one order.
-fn of_order<const N: usize>(output: &PlantOutput<Taylor<N>>, order: usize) -> Vec<Vec<f64>> {
+fn of_order<const O: usize, const N: usize, const K: usize>(
+    output: &PlantOutput<Taylor<O>, N, K>,
+    order: usize,
+) -> Vec<Vec<f64>> {
     values(output.clone().map(|series| series.0[order]))
 }
 
@@ -99,99 +106,116 @@ fn agree(what: &str, got: &[Vec<f64>], wanted: &[Vec<f64>], tolerance: f64, floo
 /// Fails if the arithmetic of series differs in an operation or a branch from that of numbers.
 #[test]
 fn the_values_are_those_of_the_plant() {
-    let mut numbers = Numbers(1);
-    for config in all_configs() {
-        let plant = Plant::new(config).expect("a plant");
-        for round in 0..40 {
-            let (mut state, input) = somewhere(&plant, &mut numbers, round % 4 == 0);
-            state.open[1] = round % 8 == 1;
-            let point = Point::of(&plant, &state, &input, 0.3);
-            let got = point.with(&point, |value, _: f64| Taylor::<1>::constant(value)).outputs();
-            let wanted = plant.outputs(&state, &input, 0.3);
-            assert_eq!(of_order(&got, 0), values(wanted));
+    fn holds<const N: usize, const K: usize, const B: usize>() {
+        let mut numbers = Numbers(1);
+        for config in all_configs::<N, K, B>() {
+            let plant = Plant::new(config).expect("a plant");
+            for round in 0..40 {
+                let (mut state, input) = somewhere(&plant, &mut numbers, round % 4 == 0);
+                state.open[1] = round % 8 == 1;
+                let point = Point::of(&plant, &state, &input, 0.3);
+                let got = point.with(&point, |value, _: f64| Taylor::<1>::constant(value)).outputs();
+                let wanted = plant.outputs(&state, &input, 0.3);
+                assert_eq!(of_order(&got, 0), values(wanted));
+            }
         }
     }
+    holds::<2, 3, 1>();
+    holds::<1, 2, 1>();
+    holds::<5, 8, 3>();
 }
 
 /// Fails if a derivative is left out anywhere, for instance that of the sine of `alpha`.
 #[test]
 fn directional_derivatives_are_limits_of_difference_quotients() {
-    let mut numbers = Numbers(2);
-    for config in all_configs() {
-        let plant = Plant::new(config).expect("a plant");
-        for round in 0..40 {
-            let (state, input) = somewhere(&plant, &mut numbers, round % 4 == 0);
-            let point = Point::of(&plant, &state, &input, 0.3);
-            // Each number in units of its own size, the velocity of the rotor's surface in those of the friction.
-            let direction = point.with(&point, |value: f64, _: f64| 0.3 * value);
-            let weights: Vec<f64> = (0..60).map(|_| numbers.next()).collect();
-            let at = std::cell::Cell::new(0);
-            let direction = direction.with(&direction, |value: f64, _: f64| {
-                at.set((at.get() + 1) % weights.len());
-                value * weights[at.get()]
-            });
-            let got = of_order(&point.along(&direction).outputs(), 1);
-            let shifted = |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs());
-            let h = 2e-4;
-            let sides = [-2.0, -1.0, 1.0, 2.0].map(|side| shifted(side * h));
-            let quotient: Vec<Vec<f64>> = (0..got.len())
-                .map(|row| {
-                    (0..got[row].len())
-                        .map(|column| {
-                            let [a, b, c, d] = sides.each_ref().map(|side| side[row][column]);
-                            (a - 8.0 * b + 8.0 * c - d) / (12.0 * h)
-                        })
-                        .collect()
-                })
-                .collect();
-            // Friction bends within millimetres per second: the quotient is coarser there.
-            let tolerance = if state.contact { 1e-3 } else { QUOTIENT };
-            agree("directional", &got, &quotient, tolerance, &FLOOR);
+    fn holds<const N: usize, const K: usize, const B: usize>() {
+        let mut numbers = Numbers(2);
+        for config in all_configs::<N, K, B>() {
+            let plant = Plant::new(config).expect("a plant");
+            for round in 0..40 {
+                let (state, input) = somewhere(&plant, &mut numbers, round % 4 == 0);
+                let point = Point::of(&plant, &state, &input, 0.3);
+                // Each number in units of its own size, the velocity of the rotor's surface in those of the friction.
+                let direction = point.with(&point, |value: f64, _: f64| 0.3 * value);
+                let weights: Vec<f64> = (0..60).map(|_| numbers.next()).collect();
+                let at = std::cell::Cell::new(0);
+                let direction = direction.with(&direction, |value: f64, _: f64| {
+                    at.set((at.get() + 1) % weights.len());
+                    value * weights[at.get()]
+                });
+                let got = of_order(&point.along(&direction).outputs(), 1);
+                let shifted = |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs());
+                let h = 2e-4;
+                let sides = [-2.0, -1.0, 1.0, 2.0].map(|side| shifted(side * h));
+                let quotient: Vec<Vec<f64>> = (0..got.len())
+                    .map(|row| {
+                        (0..got[row].len())
+                            .map(|column| {
+                                let [a, b, c, d] = sides.each_ref().map(|side| side[row][column]);
+                                (a - 8.0 * b + 8.0 * c - d) / (12.0 * h)
+                            })
+                            .collect()
+                    })
+                    .collect();
+                // Friction bends within millimetres per second: the quotient is coarser there.
+                let tolerance = if state.contact[0] { 1e-3 } else { QUOTIENT };
+                agree("directional", &got, &quotient, tolerance, &FLOOR);
+            }
         }
     }
+    holds::<2, 3, 1>();
+    holds::<1, 2, 1>();
+    holds::<5, 8, 3>();
 }
 
 /// Fails if a derivative with respect to time forgets a state or an input that moves.
 #[test]
 fn derivatives_in_time_are_those_of_the_motion() {
-    let mut numbers = Numbers(3);
-    for config in all_configs() {
-        let plant = Plant::new(config).expect("a plant");
-        for _ in 0..20 {
-            let (mut state, input) = somewhere(&plant, &mut numbers, false);
-            state.linkage_wb = state.linkage_wb.map(|psi| 0.3 * psi);
-            let slopes = [1.0, 100.0].map(|size| PlantInput {
-                current_a: std::array::from_fn(|_| size * numbers.next()),
-                voltage_v: std::array::from_fn(|_| size * numbers.next()),
-                perturbation_n: std::array::from_fn(|_| size * numbers.next()),
-                omega_rad_s: size * numbers.next(),
-            });
-            let point = Point::of(&plant, &state, &input, 0.3);
-            let short = point.in_time::<3>(&slopes);
-            // The Taylor polynomial of the motion must satisfy the equations of motion: positions and outputs at τ, from
-            // five coefficients, against the sum of the first three.
-            let long = point.in_time::<7>(&slopes);
-            let (rate, exact) = (short.outputs(), long.outputs());
-            for a in 0..2 {
-                assert_eq!(short.motion.velocity_m_s[a].0[0], state.velocity_m_s[a]);
-                let [short, long] = [short.motion.position_m[a].0[2], long.motion.position_m[a].0[2]];
-                // Newton's iterations for the flux end a rounding apart.
-                assert!((short - long).abs() <= 1e-14 * long.abs(), "{short:e} against {long:e}");
+    fn holds<const N: usize, const K: usize, const B: usize>() {
+        let mut numbers = Numbers(3);
+        for config in all_configs::<N, K, B>() {
+            let plant = Plant::new(config).expect("a plant");
+            for _ in 0..20 {
+                let (mut state, input) = somewhere(&plant, &mut numbers, false);
+                state.linkage_wb = state.linkage_wb.map(|psi| 0.3 * psi);
+                let slopes = [1.0, 100.0].map(|size| PlantInput {
+                    current_a: std::array::from_fn(|_| size * numbers.next()),
+                    voltage_v: std::array::from_fn(|_| size * numbers.next()),
+                    perturbation_n: std::array::from_fn(|_| size * numbers.next()),
+                    omega_rad_s: size * numbers.next(),
+                });
+                let point = Point::of(&plant, &state, &input, 0.3);
+                let short = point.in_time::<3>(&slopes);
+                // The Taylor polynomial of the motion must satisfy the equations of motion: positions and outputs at τ, from
+                // five coefficients, against the sum of the first three.
+                let long = point.in_time::<7>(&slopes);
+                let (rate, exact) = (short.outputs(), long.outputs());
+                let pull_n = exact.force_n.iter().fold(0.0, |most: f64, force| most.max(force.0[0]));
+                for (a, inertia) in plant.config().rotor.shaft.inertia::<N>().into_iter().enumerate() {
+                    assert_eq!(short.motion.velocity_m_s[a].0[0], state.velocity_m_s[a]);
+                    let [short, long] = [short.motion.position_m[a].0[2], long.motion.position_m[a].0[2]];
+                    // Newton's iterations for the flux end a rounding apart; opposed magnets nearly cancel.
+                    let size = if N == 2 { long.abs() } else { pull_n / inertia };
+                    assert!((short - long).abs() <= 1e-14 * size, "{short:e} against {long:e}");
+                }
+                let tau = 1e-6;
+                let moved =
+                    long.with(&long, |series, _: Taylor<7>| series.0.iter().rev().fold(0.0, |sum, c| sum * tau + c));
+                let there = values(moved.outputs());
+                let sum = |order: usize| of_order(&exact, order);
+                let series: Vec<Vec<f64>> = (0..there.len())
+                    .map(|row| {
+                        (0..there[row].len())
+                            .map(|column| (0..7).rev().fold(0.0, |value, order| value * tau + sum(order)[row][column]))
+                            .collect()
+                    })
+                    .collect();
+                agree("series", &series, &there, 1e-11, &FLOOR);
+                agree("orders", &of_order(&rate, 2), &of_order(&exact, 2), 1e-12, &FLOOR);
             }
-            let tau = 1e-6;
-            let moved =
-                long.with(&long, |series, _: Taylor<7>| series.0.iter().rev().fold(0.0, |sum, c| sum * tau + c));
-            let there = values(moved.outputs());
-            let sum = |order: usize| of_order(&exact, order);
-            let series: Vec<Vec<f64>> = (0..there.len())
-                .map(|row| {
-                    (0..there[row].len())
-                        .map(|column| (0..7).rev().fold(0.0, |value, order| value * tau + sum(order)[row][column]))
-                        .collect()
-                })
-                .collect();
-            agree("series", &series, &there, 1e-11, &FLOOR);
-            agree("orders", &of_order(&rate, 2), &of_order(&exact, 2), 1e-12, &FLOOR);
         }
     }
+    holds::<2, 3, 1>();
+    holds::<1, 2, 1>();
+    holds::<5, 8, 3>();
 }

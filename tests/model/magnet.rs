@@ -2,7 +2,9 @@
 
 use std::f64::consts::PI;
 
-use magnetic_bearing::bearing::magnet::{Magnets, SMALLEST_SINE, currents, forces};
+use crate::support::below;
+use magnetic_bearing::bearing::magnet::{Geometry, Magnets, SMALLEST_SINE, currents, forces};
+use magnetic_bearing::invalid::Invalid;
 use magnetic_bearing::plant::noise::Noise;
 
 const GAP_M: f64 = 5e-4;
@@ -14,12 +16,27 @@ const ROUNDING: f64 = 1e-13;
 /// Number of random forces and geometries tried.
 const TRIALS: usize = 2000;
 
-fn paper() -> Magnets {
-    Magnets::new(GAP_M, ALPHA_RAD).expect("the paper's geometry")
+/// Magnets in a plane: their forces, and their geometry.
+struct Bearing<const K: usize>(Magnets, Geometry<f64, 2, K>);
+
+impl<const K: usize> Bearing<K> {
+    fn new(gap_m: f64, alpha_rad: [f64; K]) -> Result<Self, Vec<Invalid>> {
+        Magnets::new(gap_m, &alpha_rad).map(|magnets| Self(magnets, Geometry::new(gap_m, alpha_rad)))
+    }
+
+    fn allocate(&self, force_n: [f64; 2], f0_n: &[f64]) -> [f64; K] {
+        let mut forces_n = [0.0; K];
+        self.0.allocate(force_n, f0_n, &mut forces_n);
+        forces_n
+    }
+
+    fn null_vector(&self) -> [f64; K] {
+        std::array::from_fn(|k| self.0.null_vector()[k])
+    }
 }
 
-fn below(what: &str, value: f64, limit: f64) {
-    assert!(value <= limit, "{what}: {value:e} is above the limit {limit:e}");
+fn paper() -> Bearing<3> {
+    Bearing::new(GAP_M, ALPHA_RAD).expect("the paper's geometry")
 }
 
 fn distance<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
@@ -38,14 +55,14 @@ fn closed_form([f_y, f_z]: [f64; 2], f0: f64, printed: bool) -> [f64; 3] {
 #[test]
 fn the_null_vector_is_that_of_the_sines() {
     let [a_1, a_2, a_3] = [3.0, -1.2, 0.9];
-    let magnets = Magnets::new(GAP_M, [a_1, a_2, a_3]).expect("geometry");
+    let magnets = Bearing::new(GAP_M, [a_1, a_2, a_3]).expect("geometry");
     let n = magnets.null_vector();
     let sines = [(a_2 - a_3).sin(), (a_3 - a_1).sin(), (a_1 - a_2).sin()];
     for k in 0..3 {
         assert!(n[k] > 0.0, "n = {n:?}");
         below("n against the sines", (n[k] / n[0] - sines[k] / sines[0]).abs(), ROUNDING);
     }
-    below("resultant of n", distance(magnets.resultant(n), [0.0; 2]), ROUNDING);
+    below("resultant of n", distance(magnets.1.resultant(n), [0.0; 2]), ROUNDING);
     below("n of the paper's angles", distance(paper().null_vector(), [1.0; 3]), ROUNDING);
 }
 
@@ -53,13 +70,13 @@ fn the_null_vector_is_that_of_the_sines() {
 fn gaps_and_forces_are_those_of_the_paper() {
     let magnets = paper();
     // Magnet 1 is below, magnets 2 and 3 are above to the left and to the right.
-    let gaps = magnets.gaps([1e-4, 2e-4]);
+    let gaps = magnets.1.gaps([1e-4, 2e-4]);
     let expected = [GAP_M + 2e-4, GAP_M + 1e-4 * (PI / 3.0).sin() - 1e-4, GAP_M - 1e-4 * (PI / 3.0).sin() - 1e-4];
     below("gaps in m", distance(gaps, expected), ROUNDING * GAP_M);
     // 2e-6 N·m²/A² · (2 A)² / (0.5 mm)² = 32 N.
     let pull = forces([2e-6; 3], [2.0, -2.0, 0.0], [GAP_M; 3]);
     below("forces in N", distance(pull, [32.0, 32.0, 0.0]), 32.0 * ROUNDING);
-    let [f_y, f_z] = magnets.resultant([7.0, 3.0, 5.0]);
+    let [f_y, f_z] = magnets.1.resultant([7.0, 3.0, 5.0]);
     below("F_y in N", (f_y - 3f64.sqrt() / 2.0 * (5.0 - 3.0)).abs(), 7.0 * ROUNDING);
     below("F_z in N", (f_z - (-7.0 + (3.0 + 5.0) / 2.0)).abs(), 7.0 * ROUNDING);
 }
@@ -82,13 +99,13 @@ fn the_allocation_agrees_with_the_corrected_closed_form() {
 fn the_printed_formulas_pull_the_wrong_way() {
     let magnets = paper();
     // To the side: the rotor is pulled the other way.
-    let [f_y, _] = magnets.resultant(closed_form([30.0, 100.0], 20.0, true));
+    let [f_y, _] = magnets.1.resultant(closed_form([30.0, 100.0], 20.0, true));
     below("F_y of the printed formulas for 30 N", (f_y + 30.0).abs(), 1e3 * ROUNDING);
     // Down: the lower magnet would have to push.
     let printed = closed_form([0.0, -50.0], 20.0, true);
     assert!(printed[0] < 0.0, "F_1 of the printed formulas is {} N", printed[0]);
     // The forces used instead give the commanded resultant.
-    let [f_y, f_z] = magnets.resultant(magnets.allocate([30.0, -50.0], &[20.0]));
+    let [f_y, f_z] = magnets.1.resultant(magnets.allocate([30.0, -50.0], &[20.0]));
     below("F in N", distance([f_y, f_z], [30.0, -50.0]), 1e3 * ROUNDING);
 }
 
@@ -98,12 +115,12 @@ fn the_allocation_is_exact_for_any_admissible_angles() {
     let mut admissible = 0;
     for _ in 0..TRIALS {
         let alpha_rad = [0; 3].map(|_| 4.0 * random.standard_normal());
-        let Ok(magnets) = Magnets::new(GAP_M, alpha_rad) else { continue };
+        let Ok(magnets) = Bearing::new(GAP_M, alpha_rad) else { continue };
         admissible += 1;
         let wanted = [100.0 * random.standard_normal(), 100.0 * random.standard_normal()];
         let forces = magnets.allocate(wanted, &[20.0]);
         let largest = forces.iter().copied().fold(0.0, f64::max);
-        let error = distance(magnets.resultant(forces), wanted);
+        let error = distance(magnets.1.resultant(forces), wanted);
         // Near the limit of parallel magnets the inverse loses a square of the sine.
         below(&format!("resultant at {alpha_rad:?} rad"), error, ROUNDING * largest / SMALLEST_SINE);
         let smallest = forces.iter().copied().fold(f64::INFINITY, f64::min);
@@ -118,7 +135,7 @@ fn the_allocation_is_exact_for_any_admissible_angles() {
 fn currents_give_the_forces_asked_for() {
     let magnets = paper();
     let lambda = [1.8e-6, 2.0e-6, 2.2e-6];
-    let gaps = magnets.gaps([30e-6, -70e-6]);
+    let gaps = magnets.1.gaps([30e-6, -70e-6]);
     let wanted = magnets.allocate([30.0, -50.0], &[20.0]);
     let given = forces(lambda, currents(wanted, gaps, lambda), gaps);
     below("forces in N", distance(given, wanted), 1e3 * ROUNDING);
@@ -140,7 +157,7 @@ fn impossible_geometry_is_refused_by_name() {
         (GAP_M, [-1.0, 0.4, 1.0], &["alpha[2]"]),
     ];
     for (gap_m, alpha_rad, names) in cases {
-        let found = Magnets::new(gap_m, alpha_rad).expect_err(&format!("{gap_m} m, {alpha_rad:?} rad"));
+        let found = Magnets::new(gap_m, &alpha_rad).expect_err(&format!("{gap_m} m, {alpha_rad:?} rad"));
         let found: Vec<_> = found.iter().map(|finding| finding.name.as_ref()).collect();
         assert_eq!(found, names, "{gap_m} m, {alpha_rad:?} rad");
     }
@@ -150,14 +167,14 @@ fn impossible_geometry_is_refused_by_name() {
 #[test]
 fn more_magnets_share_a_force_and_none_falls_below_the_smallest() {
     fn holds<const K: usize>(alpha_rad: [f64; K]) {
-        let magnets = Magnets::new(5e-4, alpha_rad).unwrap_or_else(|error| panic!("{alpha_rad:?}: {error:?}"));
-        let balanced = magnets.resultant(magnets.null_vector());
+        let magnets = Bearing::new(5e-4, alpha_rad).unwrap_or_else(|error| panic!("{alpha_rad:?}: {error:?}"));
+        let balanced = magnets.1.resultant(magnets.null_vector());
         assert!(balanced.iter().all(|force| force.abs() < 1e-12), "{alpha_rad:?}: {balanced:?}");
         for wanted in [[0.0, 0.0], [30.0, 0.0], [-12.0, 45.0], [3.0, -60.0]] {
             let forces = magnets.allocate(wanted, &[20.0; 2]);
             let least = forces.iter().copied().fold(f64::INFINITY, f64::min);
             assert!((least - 20.0).abs() < 1e-12, "{alpha_rad:?}: the smallest of {forces:?}");
-            for (found, wanted) in magnets.resultant(forces).into_iter().zip(wanted) {
+            for (found, wanted) in magnets.1.resultant(forces).into_iter().zip(wanted) {
                 assert!((found - wanted).abs() < 1e-10, "{alpha_rad:?}: {found} N, wanted {wanted} N");
             }
         }
@@ -166,7 +183,7 @@ fn more_magnets_share_a_force_and_none_falls_below_the_smallest() {
     holds([0.0, quarter, 2.0 * quarter, 3.0 * quarter]);
     holds([0.1, 1.7, 2.5, 4.0, 5.6]);
     holds([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
-    let refused = Magnets::new(5e-4, [0.0, 0.5, 1.0, 1.5]).expect_err("all on one side");
+    let refused = Magnets::new(5e-4, &[0.0, 0.5, 1.0, 1.5]).expect_err("all on one side");
     assert!(refused[0].to_string().contains("alpha[2]"), "{refused:?}");
     // The first three hold the rotor; the fourth has its counterpart among them.
     holds([0.0, 2.0, 4.0, 4.1]);

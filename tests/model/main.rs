@@ -21,6 +21,5 @@ mod reference;
 mod sensitivity;
 mod sensor;
 mod spindle;
-mod spindle_controller;
 mod spindle_estimation;
 mod touchdown;

@@ -1,11 +1,13 @@
 //! The reference trajectory: derivatives, angle over time, and external references.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
-use magnetic_bearing::bearing::magnet::Magnets;
+use crate::support::below;
+use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
+use magnetic_bearing::bearing::shaft::displacement;
 use magnetic_bearing::control::observer::{PerturbationObserver, Signal, SignalObserver, gains_of_three};
-use magnetic_bearing::control::reference::Transition;
-use magnetic_bearing::control::reference::{Contour, Reference, ReferenceConfig, Shape};
+use magnetic_bearing::control::reference::{Contour, PathConfig, Reference, ReferenceConfig, Shape, Transition};
+use magnetic_bearing::machine::{PLANAR, SPINDLE};
 
 const STEP_S: f64 = 1e-4;
 const OMEGA_RAD_S: f64 = TAU * 50.0;
@@ -16,20 +18,30 @@ const DIFFERENCE: f64 = 1e-8;
 /// Distance between two poles as the coefficients of their polynomial show it: a few roundings.
 const COEFFICIENT: f64 = 1e-12;
 
-fn below(what: &str, value: f64, limit: f64) {
-    assert!(value <= limit, "{what}: {value:e} is above the limit {limit:e}");
-}
-
-fn magnets() -> Magnets {
-    Magnets::new(5e-4, [PI, -PI / 3.0, PI / 3.0]).expect("geometry")
+fn rotor() -> Rotor {
+    Rotor::new(RotorConfig::of(&PLANAR)).expect("geometry")
 }
 
 fn reference(config: ReferenceConfig) -> Reference {
-    Reference::new(config, STEP_S, &magnets()).expect("reference")
+    Reference::new(config, STEP_S, &rotor()).expect("reference")
+}
+
+fn default() -> ReferenceConfig {
+    ReferenceConfig::of(&PLANAR)
+}
+
+fn ellipse(r_y_m: f64, r_z_m: f64) -> ReferenceConfig {
+    ReferenceConfig { paths: [PathConfig { r_y_m, r_z_m, ..PathConfig::default() }], ..default() }
 }
 
 fn lobes() -> ReferenceConfig {
-    ReferenceConfig { shape: Shape::Lobes, lobes: 5, lobe_amplitude_m: 8e-6, ..ReferenceConfig::default() }
+    ReferenceConfig { shape: Shape::Lobes, lobes: 5, lobe_amplitude_m: 8e-6, ..default() }
+}
+
+/// Names of what is refused.
+fn refused(config: ReferenceConfig) -> Vec<String> {
+    let found = Reference::new(config.clone(), STEP_S, &rotor()).expect_err(&format!("{config:?}"));
+    found.into_iter().map(|finding| finding.name.into_owned()).collect()
 }
 
 /// Sixth-order central difference of `f` at 0.
@@ -39,24 +51,23 @@ fn difference(h: f64, f: impl Fn(f64) -> f64) -> f64 {
 
 #[test]
 fn the_path_is_the_one_described() {
-    let [y, z] = reference(lobes()).curve().point(0.3, OMEGA_RAD_S);
+    let [y, z] = lobes().point(0.3, OMEGA_RAD_S);
     let r = 8e-6 * (5.0f64 * 0.3).cos();
     below("Y* in m", (y.position_m - (30e-6 + r) * 0.3f64.cos()).abs(), 1e-18);
     below("Z* in m", (z.position_m - (70e-6 + r) * 0.3f64.sin()).abs(), 1e-18);
     // An ellipse ignores the lobes.
-    let [y, z] = reference(ReferenceConfig { shape: Shape::Ellipse, ..lobes() }).curve().point(0.3, OMEGA_RAD_S);
+    let [y, z] = ReferenceConfig { shape: Shape::Ellipse, ..lobes() }.point(0.3, OMEGA_RAD_S);
     below("Y* in m", (y.position_m - 30e-6 * 0.3f64.cos()).abs(), 1e-18);
     below("Z* in m", (z.position_m - 70e-6 * 0.3f64.sin()).abs(), 1e-18);
 }
 
 #[test]
 fn derivatives_agree_with_differences() {
-    for config in [ReferenceConfig::default(), lobes()] {
-        let reference = reference(config);
+    for config in [default(), lobes()] {
         for i in 0..100 {
             let theta = 0.0631 * f64::from(i);
             for a in 0..2 {
-                let at = |t: f64| reference.curve().point(theta + OMEGA_RAD_S * t, OMEGA_RAD_S)[a];
+                let at = |t: f64| config.point(theta + OMEGA_RAD_S * t, OMEGA_RAD_S)[a];
                 // The scale of a derivative is that of the lobes' own.
                 let scale = 1e-4 * 5.0 * OMEGA_RAD_S;
                 let v = difference(2e-5, |t| at(t).position_m);
@@ -73,7 +84,7 @@ fn derivatives_agree_with_differences() {
 fn the_angle_does_not_drift_and_follows_a_change_of_speed() {
     /// Error of θ = ωt after a million samples: roundings of a number of 3·10⁴ rad.
     const ANGLE_RAD: f64 = 2e-11;
-    let reference = reference(ReferenceConfig::default());
+    let reference = reference(default());
     let mut state = reference.start();
     let last = 1_000_000u32;
     for _ in 0..=last {
@@ -90,7 +101,7 @@ fn the_angle_does_not_drift_and_follows_a_change_of_speed() {
     let after = reference.theta_rad(&state);
     below("θ after the change", (after - at_change - 2.0 * OMEGA_RAD_S * STEP_S).abs(), ANGLE_RAD);
     let [ahead, _] = reference.ahead(&state, STEP_S);
-    let [point, _] = reference.curve().point(after + 2.0 * OMEGA_RAD_S * STEP_S, 2.0 * OMEGA_RAD_S);
+    let [point, _] = default().point(after + 2.0 * OMEGA_RAD_S * STEP_S, 2.0 * OMEGA_RAD_S);
     assert_eq!(ahead, point);
 }
 
@@ -98,7 +109,7 @@ fn the_angle_does_not_drift_and_follows_a_change_of_speed() {
 fn a_cubic_from_outside_is_followed_without_lag() {
     /// Rounding of derivatives found by differencing positions of 50 µm every 0.1 ms, in m, m/s and m/s².
     const LIMITS: [f64; 3] = [1e-16, 1e-13, 1e-9];
-    let reference = reference(ReferenceConfig { shape: Shape::External, ..ReferenceConfig::default() });
+    let reference = reference(ReferenceConfig { shape: Shape::External, ..default() });
     let cubic = |t: f64| {
         let r = 50e-6 + t * (-2e-3 + t * (0.05 + 0.7 * t));
         [r, -2e-3 + t * (0.1 + 2.1 * t), 0.1 + 4.2 * t]
@@ -123,7 +134,7 @@ fn a_cubic_from_outside_is_followed_without_lag() {
 
 #[test]
 fn a_reference_from_outside_starts_at_its_first_sample_at_rest() {
-    let reference = reference(ReferenceConfig { shape: Shape::External, ..ReferenceConfig::default() });
+    let reference = reference(ReferenceConfig { shape: Shape::External, ..default() });
     let mut state = reference.start();
     reference.sample(&mut state, OMEGA_RAD_S, [0.0; 2], [20e-6, -10e-6]);
     let [y, z] = reference.ahead(&state, 2.0 * STEP_S);
@@ -212,44 +223,38 @@ fn an_observer_finds_a_constant_perturbation() {
 
 #[test]
 fn bad_references_are_refused_by_name() {
-    let default = ReferenceConfig::default;
     let cases: [(ReferenceConfig, &[&str]); 8] = [
-        (ReferenceConfig { r_y_m: -1e-6, ..default() }, &["reference.rY"]),
+        (ellipse(-1e-6, 70e-6), &["reference.rY"]),
         (
-            ReferenceConfig { r_z_m: f64::NAN, omega_rad_s: f64::INFINITY, ..default() },
+            ReferenceConfig { omega_rad_s: f64::INFINITY, ..ellipse(30e-6, f64::NAN) },
             &["reference.rZ", "reference.omega"],
         ),
         (ReferenceConfig { lobe_amplitude_m: f64::NAN, ..default() }, &["reference.lobeAmplitude"]),
         (ReferenceConfig { lobes: 1_000_000, ..default() }, &["reference.lobes"]),
         (ReferenceConfig { bandwidth_rad_s: 0.0, ..default() }, &["bandwidth.reference"]),
-        (ReferenceConfig { r_y_m: 6e-4, ..default() }, &["reference.rY"]),
-        (ReferenceConfig { r_z_m: 5e-4, ..default() }, &["reference.rZ"]),
+        (ellipse(6e-4, 70e-6), &["reference.rY"]),
+        (ellipse(30e-6, 5e-4), &["reference.rZ"]),
         (ReferenceConfig { lobe_amplitude_m: -4.5e-4, ..lobes() }, &["reference.lobeAmplitude"]),
     ];
     for (config, names) in cases {
-        let found = Reference::new(config.clone(), STEP_S, &magnets()).expect_err(&format!("{config:?}"));
-        let found: Vec<_> = found.iter().map(|finding| finding.name.as_ref()).collect();
-        assert_eq!(found, names, "{config:?}");
+        assert_eq!(refused(config), names);
     }
 }
 
 /// A trajectory with lobes as a Fourier series: `cos 3θ cos θ = (cos 2θ + cos 4θ)/2`, `cos 3θ sin θ = (sin 4θ − sin 2θ)/2`.
 #[test]
 fn a_fourier_series_is_the_lobes_it_is_the_series_of() {
-    let magnets = Magnets::new(5e-4, ReferenceMagnets::ALPHA).expect("magnets");
     let (r, a) = (50e-6, 20e-6);
     let mut contour = Contour::default();
     contour.cos_y_m[0] = r;
     contour.sin_z_m[0] = r;
     (contour.cos_y_m[1], contour.cos_y_m[3]) = (0.5 * a, 0.5 * a);
     (contour.sin_z_m[1], contour.sin_z_m[3]) = (-0.5 * a, 0.5 * a);
-    let lobes =
-        ReferenceConfig { shape: Shape::Lobes, r_y_m: r, r_z_m: r, lobe_amplitude_m: a, ..ReferenceConfig::default() };
-    let series = ReferenceConfig { shape: Shape::Fourier, contour, ..ReferenceConfig::default() };
-    let [lobes, series] = [lobes, series].map(|config| Reference::new(config, 1e-4, &magnets).expect("reference"));
+    let lobes = ReferenceConfig { shape: Shape::Lobes, lobe_amplitude_m: a, ..ellipse(r, r) };
+    let series = ReferenceConfig { shape: Shape::Fourier, contour, ..default() };
     for k in 0..50 {
         let theta = 0.13 * f64::from(k);
-        for (one, other) in lobes.curve().point(theta, 314.0).into_iter().zip(series.curve().point(theta, 314.0)) {
+        for (one, other) in lobes.point(theta, 314.0).into_iter().zip(series.point(theta, 314.0)) {
             // Roundings of sums of a few terms, relative to r, r ω, 10 r ω².
             assert!((one.position_m - other.position_m).abs() < 1e-18);
             assert!((one.velocity_m_s - other.velocity_m_s).abs() < 1e-15);
@@ -261,13 +266,8 @@ fn a_fourier_series_is_the_lobes_it_is_the_series_of() {
 /// A lift and a ramp: begin and end, and derivatives that are those of the positions.
 #[test]
 fn a_smooth_start_is_smooth() {
-    let magnets = Magnets::new(5e-4, ReferenceMagnets::ALPHA).expect("magnets");
-    let config = ReferenceConfig {
-        transition: Transition { lift_s: 0.02, start_s: 0.01, ramp_s: 0.03 },
-        ..ReferenceConfig::default()
-    };
-    let reference = Reference::new(config, 1e-4, &magnets).expect("reference");
-    let plain = Reference::new(ReferenceConfig::default(), 1e-4, &magnets).expect("reference");
+    let config = ReferenceConfig { transition: Transition { lift_s: 0.02, start_s: 0.01, ramp_s: 0.03 }, ..default() };
+    let (reference, plain) = (reference(config), reference(default()));
     let (mut state, mut other) = (reference.start(), plain.start());
     for k in 0..600 {
         reference.sample(&mut state, 314.0, [1e-5, -2.5e-4], [0.0; 2]);
@@ -294,31 +294,74 @@ fn a_smooth_start_is_smooth() {
     }
 }
 
-struct ReferenceMagnets;
-
-impl ReferenceMagnets {
-    const ALPHA: [f64; 3] = [std::f64::consts::PI, -std::f64::consts::FRAC_PI_3, std::f64::consts::FRAC_PI_3];
-}
-
 #[test]
 fn bad_starts_and_contours_are_refused_by_name() {
-    let magnets = Magnets::new(5e-4, ReferenceMagnets::ALPHA).expect("magnets");
-    let names = |config: ReferenceConfig| -> Vec<String> {
-        let found = Reference::new(config, 1e-4, &magnets).expect_err("a refusal");
-        found.into_iter().map(|finding| finding.name.into_owned()).collect()
-    };
-    let bad = ReferenceConfig {
-        transition: Transition { start_s: -1.0, ramp_s: f64::NAN, lift_s: -1.0 },
-        ..ReferenceConfig::default()
-    };
-    assert_eq!(names(bad), ["reference.startTime", "reference.rampTime", "reference.liftTime"]);
+    let bad = ReferenceConfig { transition: Transition { start_s: -1.0, ramp_s: f64::NAN, lift_s: -1.0 }, ..default() };
+    assert_eq!(refused(bad), ["reference.startTime", "reference.rampTime", "reference.liftTime"]);
     let mut contour = Contour::default();
     contour.sin_z_m[2] = 6e-4;
-    assert_eq!(
-        names(ReferenceConfig { shape: Shape::Fourier, contour, ..ReferenceConfig::default() }),
-        ["reference.sinZ[3]"]
-    );
+    assert_eq!(refused(ReferenceConfig { shape: Shape::Fourier, contour, ..default() }), ["reference.sinZ[3]"]);
     let mut contour = Contour::default();
     contour.cos_y_m[7] = f64::NAN;
-    assert_eq!(names(ReferenceConfig { contour, ..ReferenceConfig::default() }), ["reference.cosY[8]"]);
+    assert_eq!(refused(ReferenceConfig { contour, ..default() }), ["reference.cosY[8]"]);
+}
+
+/// The reference of a spindle.
+fn of_spindle(change: impl Fn(&mut ReferenceConfig<3>)) -> Reference<5, 3> {
+    let mut config = ReferenceConfig::of(&SPINDLE);
+    change(&mut config);
+    Reference::new(config, STEP_S, &Rotor::<5, 8, 3>::new(RotorConfig::of(&SPINDLE)).expect("a spindle"))
+        .expect("reference")
+}
+
+/// Velocity and acceleration are the derivatives of the position, also while the reference grows.
+#[test]
+fn the_reference_of_a_spindle_is_consistent_with_its_derivatives() {
+    for ramp_s in [0.0, 0.05] {
+        let reference = of_spindle(|config| {
+            config.transition = Transition { ramp_s, lift_s: ramp_s, ..Transition::default() };
+            config.paths[1] = PathConfig { r_y_m: 60e-6, r_z_m: 25e-6, phase_rad: 1.2, ..PathConfig::default() };
+            config.paths[2].amplitude_m = 20e-6;
+        });
+        let mut state = reference.start();
+        for _ in 0..200 {
+            reference.sample(&mut state, OMEGA_RAD_S, [1e-4, -1e-4, 5e-5, 1e-4, -2e-4], [0.0; 5]);
+        }
+        let h = 1e-5;
+        let [before, here, after] = [-h, 0.0, h].map(|ahead_s| reference.ahead(&state, 3e-5 + ahead_s));
+        for a in 0..5 {
+            let velocity = (after[a].position_m - before[a].position_m) / (2.0 * h);
+            let acceleration = (after[a].velocity_m_s - before[a].velocity_m_s) / (2.0 * h);
+            below("velocity", (velocity - here[a].velocity_m_s).abs(), 1e-6);
+            below("acceleration", (acceleration - here[a].acceleration_m_s2).abs(), 1e-3);
+        }
+    }
+}
+
+/// From rest on the backup bearings, without jumps, to the ellipses at the magnets and the axial sine.
+#[test]
+fn a_lift_of_a_spindle_begins_where_the_rotor_is() {
+    let reference = of_spindle(|config| {
+        config.transition = Transition { ramp_s: 0.05, lift_s: 0.05, start_s: 0.05 };
+        (config.paths[1].phase_rad, config.paths[2].amplitude_m) = (1.2, 20e-6);
+    });
+    let mut state = reference.start();
+    let first = [1e-4, -1e-4, 5e-5, 1e-4, -2e-4];
+    reference.sample(&mut state, OMEGA_RAD_S, first, [0.0; 5]);
+    for (point, first) in reference.ahead(&state, 0.0).into_iter().zip(first) {
+        below("first position", (point.position_m - first).abs(), 1e-20);
+        below("first velocity", point.velocity_m_s.abs() + point.acceleration_m_s2.abs(), 1e-20);
+    }
+    for _ in 1..2000 {
+        reference.sample(&mut state, OMEGA_RAD_S, [0.0; 5], [0.0; 5]);
+    }
+    let t_s = 0.1999;
+    let end = reference.ahead(&state, 0.0).map(|point| point.position_m);
+    for (at_m, phase) in [(-0.12, 0.0), (0.15, 1.2)] {
+        let angle: f64 = OMEGA_RAD_S * t_s + phase;
+        let [y, z] = displacement(at_m, end);
+        below("y", (y - 30e-6 * angle.cos()).abs(), 1e-15);
+        below("z", (z - 70e-6 * angle.sin()).abs(), 1e-15);
+    }
+    below("x", (end[0] - 20e-6 * (TAU * 60.0 * t_s).sin()).abs(), 1e-15);
 }

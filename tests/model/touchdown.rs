@@ -1,13 +1,10 @@
 //! The backup bearing: no force without contact, then a push, never a pull, and the rotor stays inside.
 
+use crate::support::below;
 use magnetic_bearing::bearing::touchdown::TouchdownConfig;
 use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput, PlantState, SensorConfig};
 
 const CLEARANCE_M: f64 = 2.5e-4;
-
-fn below(what: &str, value: f64, limit: f64) {
-    assert!(value <= limit, "{what}: {value:e} is above the limit {limit:e}");
-}
 
 /// A rotor without currents that falls under gravity along z.
 fn falling(touchdown: TouchdownConfig) -> PlantConfig {
@@ -15,7 +12,7 @@ fn falling(touchdown: TouchdownConfig) -> PlantConfig {
         gravity_m_s2: [0.0, -9.81],
         position_m: [0.0; 2],
         velocity_m_s: [0.0; 2],
-        touchdown,
+        touchdown: [touchdown],
         sensor: SensorConfig { step_s: 1.0, ..SensorConfig::default() },
         ..PlantConfig::default()
     }
@@ -40,7 +37,7 @@ fn a_bounce_without_damping_follows_the_closed_form() {
     const POSITION_M: f64 = 1e-10;
     let ring = TouchdownConfig { damping_ns_m: 0.0, ..TouchdownConfig::default() };
     let config = falling(ring.clone());
-    let (g, omega) = (9.81, (ring.stiffness_n_m / config.m_kg).sqrt());
+    let (g, omega) = (9.81, (ring.stiffness_n_m / config.rotor.shaft.m_kg).sqrt());
     let fall_s = (2.0 * CLEARANCE_M / g).sqrt();
     let v = g * fall_s;
     // On the spring: δ = g/ω² (1 − cos) + v/ω sin, back at 0 with −v.
@@ -65,7 +62,7 @@ fn a_bounce_without_damping_follows_the_closed_form() {
     for (k, state) in run(&config, duration_s, steps).iter().enumerate() {
         let t = duration_s * (k + 1) as f64 / steps as f64;
         largest = largest.max((state.position_m[1] - ought(t)).abs());
-        touched += usize::from(state.contact);
+        touched += usize::from(state.contact[0]);
     }
     assert!(touched > 3, "touched at {touched} instants only: the test shows nothing");
     below("position, m", largest, POSITION_M);
@@ -76,13 +73,13 @@ fn the_rotor_comes_to_rest_where_its_weight_presses_it() {
     let config = falling(TouchdownConfig::default());
     let states = run(&config, 2.0, 2000);
     let last = &states[states.len() - 1];
-    let depth = config.m_kg * 9.81 / config.touchdown.stiffness_n_m;
+    let depth = config.rotor.shaft.m_kg * 9.81 / config.touchdown[0].stiffness_n_m;
     below("depth, m", (last.position_m[1] + CLEARANCE_M + depth).abs(), 1e-9);
-    assert!(last.contact);
+    assert!(last.contact[0]);
     // Energy is only lost: no bounce goes higher than the one before.
     let tops: Vec<f64> = states
         .windows(3)
-        .filter(|w| !w[1].contact && w[1].position_m[1] >= w[0].position_m[1].max(w[2].position_m[1]))
+        .filter(|w| !w[1].contact[0] && w[1].position_m[1] >= w[0].position_m[1].max(w[2].position_m[1]))
         .map(|w| w[1].position_m[1])
         .collect();
     assert!(tops.len() > 2, "{tops:?}");
@@ -98,7 +95,7 @@ fn until_it_is_touched_the_ring_changes_no_bit() {
     // 7 ms of free fall: 240 µm.
     let [with, without] = [hard, none].map(|ring| run(&falling(ring), 0.007, 70));
     for (a, b) in with.iter().zip(&without) {
-        assert_eq!((a.position_m, a.velocity_m_s, a.contact), (b.position_m, b.velocity_m_s, false));
+        assert_eq!((a.position_m, a.velocity_m_s, a.contact), (b.position_m, b.velocity_m_s, [false]));
     }
     assert!(with[69].position_m[1] < -0.9 * CLEARANCE_M, "{:?}", with[69].position_m);
 }
@@ -144,7 +141,7 @@ fn a_rotor_thrown_at_the_ring_stays_inside_whatever_the_ring() {
         let mut largest: f64 = 0.0;
         for k in 0..1000 {
             plant.advance(&mut state, &input, f64::from(k) * 1e-4, 1e-4).expect("advance");
-            touched |= state.contact;
+            touched |= state.contact[0];
             largest = largest.max(state.position_m[0].hypot(state.position_m[1]));
         }
         assert!(touched, "{ring:?}");

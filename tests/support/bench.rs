@@ -4,7 +4,7 @@
 
 use std::f64::consts::{FRAC_PI_3, PI, TAU};
 
-use magnetic_bearing::bearing::magnet::{Magnets, currents};
+use magnetic_bearing::bearing::magnet::{Geometry, Magnets, currents};
 use magnetic_bearing::control::controller::tracking_gains;
 use magnetic_bearing::control::observer::gains_of_three;
 use magnetic_bearing::plant::noise::Noise;
@@ -172,7 +172,13 @@ impl Bench {
     #[must_use]
     pub fn record(&self) -> Recorded {
         let rows = (self.seconds / self.step).round() as usize + 1;
-        let magnets = Magnets::new(self.s, self.alpha).expect("magnets");
+        let (magnets, geometry) =
+            (Magnets::new(self.s, &self.alpha).expect("magnets"), Geometry::<f64, 2, 3>::new(self.s, self.alpha));
+        let allocate = |force: [f64; 2], f0: f64| {
+            let mut forces = [0.0; 3];
+            magnets.allocate(force, &[f0], &mut forces);
+            forces
+        };
         let true_alpha: [f64; 3] = std::array::from_fn(|k| self.alpha[k] + self.alpha_error[k]);
         let e = true_alpha.map(|alpha| [alpha.sin(), alpha.cos()]);
         let mut noise: [Noise; 5] = Noise::channels(self.seed);
@@ -186,9 +192,9 @@ impl Bench {
         let mut observed = [[start[0][0], start[0][1], 0.0], [start[1][0], start[1][1], 0.0]];
         let ahead = self.reference(0.5 * h);
         let mut wanted = [self.m * ahead[0][2], self.m * ahead[1][2]];
-        let gaps = magnets.gaps([x[0], x[1]]);
+        let gaps = geometry.gaps([x[0], x[1]]);
         let mut lambda = self.lambda0;
-        let mut current = currents(magnets.allocate(wanted, &[self.f0]), gaps, lambda);
+        let mut current = currents(allocate(wanted, self.f0), gaps, lambda);
         let mut held = current;
         let mut history = vec![[x[0], x[1]]];
         let mut out = Recorded { levitated: true, ..Recorded::default() };
@@ -252,8 +258,8 @@ impl Bench {
                 predicted[a] = observed[a][0] + 0.5 * h * observed[a][1];
             }
             let f0 = self.f0 * (1.0 + self.modulation[0] * (TAU * self.modulation[1] * (t + 1.5 * h)).sin());
-            let gaps = magnets.gaps(predicted).map(|gap| gap.max(1e-5));
-            let next = currents(magnets.allocate(force, &[f0]), gaps, lambda);
+            let gaps = geometry.gaps(predicted).map(|gap| gap.max(1e-5));
+            let next = currents(allocate(force, f0), gaps, lambda);
 
             for a in 0..2 {
                 slow[a] = walks[a].measure(slow[a], self.slow_force * h.sqrt());
@@ -274,7 +280,7 @@ impl Bench {
                 }
                 history.push([x[0], x[1]]);
             }
-            if magnets.gaps([x[0], x[1]]).into_iter().any(|gap| gap.is_nan() || gap < 0.05 * self.s) {
+            if geometry.gaps([x[0], x[1]]).into_iter().any(|gap| gap.is_nan() || gap < 0.05 * self.s) {
                 out.levitated = false;
                 break;
             }

@@ -54,6 +54,15 @@ pub fn below(what: &str, value: f64, limit: f64) {
     assert!(value <= limit, "{what}: {value:e} is above the limit {limit:e}");
 }
 
+/// Asserts a value within limits.
+#[track_caller]
+pub fn between(what: &str, value: f64, low: f64, high: f64) {
+    assert!((low..=high).contains(&value), "{what}: {value:e} is outside {low:e} to {high:e}");
+}
+
+/// Parameters of the spindle with three magnets in each radial bearing.
+pub type SpindleConfig = magnetic_bearing::plant::PlantConfigOf<f64, 5, 8, 3>;
+
 /// Asserts that an error message contains all of these words.
 #[track_caller]
 pub fn says(message: &str, words: &[&str]) {

@@ -2,42 +2,60 @@
 
 use super::*;
 
-/// Smallest force of the magnets, in N, by the currents asked for, of a rotor in the centre.
-fn smallest_n(current_a: [f64; 3], lambda: [f64; 3]) -> f64 {
-    let force = |k: usize| lambda[k] * (current_a[k] / 5e-4) * (current_a[k] / 5e-4);
-    force(0).min(force(1)).min(force(2))
+/// Smallest force of the magnets of each bearing, in N, by the currents asked for, of a rotor in the centre.
+fn smallest_n<const N: usize, const K: usize, const B: usize>(
+    rotor: &RotorConfig<f64, B>,
+    current_a: [f64; K],
+    lambda: [f64; K],
+) -> [f64; B] {
+    let mut smallest_n = [f64::INFINITY; B];
+    for ((least, bearing), (_, magnets)) in
+        smallest_n.iter_mut().zip(&rotor.bearings).zip(Rotor::<N, K, B>::MACHINE.magnets_of_bearings())
+    {
+        let force = |k: usize| lambda[k] * (current_a[k] / bearing.gap_m) * (current_a[k] / bearing.gap_m);
+        *least = magnets.map(force).fold(f64::INFINITY, f64::min);
+    }
+    smallest_n
 }
 
-/// Fails if the phase is that of the sample instead of that of the force, or if the current loop lags.
+/// Each bearing has its own frequency, and the rotor rests. Fails if the phase is that of the sample instead of that of the force, or if the
+/// current loop lags.
 #[test]
 fn a_modulated_smallest_force_moves_nothing() {
-    /// Radius, in m: held currents move nothing; along a polygon of forces, the force between two samples is no polygon.
+    /// Motion, in m: held currents move nothing; along a polygon of forces, the force between two samples is no polygon.
     const RADIUS_M: f64 = 1e-9;
     /// Resultant against that without modulation, in N, of forces of 100 N.
     const RESULTANT_N: f64 = 3e-3;
-    /// Part of the smallest force.
-    const SMALLEST: f64 = 1e-6;
-    for (name, case, ahead) in [("current", Loop::at_rest(), 1.5), ("voltage", Loop::at_rest().with_voltage(), 2.0)] {
-        let lambda = case.plant.lambda_nm2_a2;
-        let mut without = case.clone();
-        without.controller.law.modulation = 0.0;
-        let (with, without) = (case.run(), without.run());
-        // The load is there before the first current flows; the observer takes it up within 20 ms.
-        let radius = largest(&with, 0.05, 0.4, |r| r.error_m[0].hypot(r.error_m[1]));
-        below(&format!("{name}: radius, m"), radius, RADIUS_M);
-        for k in 500..with.len() - 2 {
-            for axis in 0..2 {
-                let force = |records: &[Record]| records[k].output.force_n[axis];
-                below(&format!("{name}: resultant, N"), (force(&with) - force(&without)).abs(), RESULTANT_N);
-            }
-            let asked_a = with[k].output.current_a;
-            let wanted_n = 20.0 * (1.0 + 0.5 * (TAU * 110.0 * (k as f64 + ahead) * 1e-4).sin());
-            below(&format!("{name}: smallest force"), (smallest_n(asked_a, lambda) / wanted_n - 1.0).abs(), SMALLEST);
-            for (asked, flowing) in asked_a.into_iter().zip(with[k + 2].measured_a) {
-                below(&format!("{name}: current that flows against that asked for, A"), (flowing - asked).abs(), 1e-5);
+    fn holds<const N: usize, const K: usize, const B: usize, const G: usize>(case: &Loop<N, K, B, G>, part: f64) {
+        for ((name, case), ahead) in case.drives().into_iter().zip([1.5, 2.0]) {
+            let TrackingConfig { f0_n, modulation_hz, .. } = case.controller.law;
+            let mut without = case.clone();
+            without.controller.law.modulation = 0.0;
+            let (with, without) = (case.run(), without.run());
+            // The load is there before the first current flows; the observer takes it up within 20 ms.
+            tracked(name, &with, 0.05, 0.4, RADIUS_M);
+            for k in 500..with.len() - 2 {
+                for axis in 0..N {
+                    let force = |records: &[Record<N, K>]| records[k].output.force_n[axis];
+                    below(&format!("{name}: resultant, N"), (force(&with) - force(&without)).abs(), RESULTANT_N);
+                }
+                let asked_a = with[k].output.current_a;
+                let smallest = smallest_n::<N, K, B>(&case.plant.rotor, asked_a, case.plant.lambda_nm2_a2);
+                for b in 0..B {
+                    let sine = (TAU * modulation_hz[b] * (k as f64 + ahead) * 1e-4).sin();
+                    let wanted_n = f0_n[b] * (1.0 + 0.5 * sine);
+                    below(&format!("{name}: smallest force of {b}"), (smallest[b] / wanted_n - 1.0).abs(), part);
+                }
+                for (asked, flowing) in asked_a.into_iter().zip(with[k + 2].measured_a) {
+                    below(&format!("{name}: flowing current against that asked for, A"), (flowing - asked).abs(), 1e-5);
+                }
             }
         }
     }
+    holds(&Loop::at_rest(), 1e-6);
+    let mut spindle = Loop { load_n: [8.0, 15.0, -20.0, 0.6, -0.9], ..Loop::ideal(0.0) };
+    spindle.controller.reference.paths = [PathConfig::default(); 3];
+    holds(&spindle, 1e-4);
 }
 
 /// Guesses wrong by two, noise, and an update at 0.2 s: the rotor stays within 1 µm, up to a tenth.
@@ -65,7 +83,7 @@ fn a_modulated_smallest_force_hardly_moves_a_rotor_whose_constants_are_not_known
 /// modulation before a sample.
 fn modulation(config: ControllerConfig, samples: u64, tune: impl Fn(&mut Controller, u64)) -> Vec<f64> {
     let mut config = ControllerConfig { law: TrackingConfig { modulation: 0.5, ..config.law }, ..config };
-    (config.reference.r_y_m, config.reference.r_z_m) = (0.0, 0.0);
+    config.reference.paths = [PathConfig::default()];
     let lambda = config.law.lambda0_nm2_a2;
     let mut controller = Controller::new(config).expect("controller");
     let mut state = controller.start(0.0);
@@ -74,7 +92,8 @@ fn modulation(config: ControllerConfig, samples: u64, tune: impl Fn(&mut Control
     for k in 0..samples {
         tune(&mut controller, k);
         let output = controller.sample(&mut state, &input).expect("sample");
-        parts.push(smallest_n(output.current_a, lambda) / 20.0 - 1.0);
+        let [smallest] = smallest_n::<2, 3, 1>(&RotorConfig::of(&PLANAR), output.current_a, lambda);
+        parts.push(smallest / 20.0 - 1.0);
     }
     parts
 }
