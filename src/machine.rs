@@ -36,8 +36,17 @@ pub struct Reading {
     pub place: &'static str,
     /// The axis that it is for, and the bearing if there are several.
     pub axis: &'static str,
-    /// Its sensor.
-    pub sensor: &'static str,
+}
+
+impl Reading {
+    const fn new(
+        name: &'static str,
+        around: (&'static str, &'static str),
+        place: &'static str,
+        axis: &'static str,
+    ) -> Self {
+        Self { name, around, place, axis }
+    }
 }
 
 /// In which direction a bearing holds the rotor.
@@ -158,8 +167,6 @@ pub struct Machine {
     pub readings: &'static [Reading],
     /// The axes along which the forces of all magnets and of the backup bearing are shown.
     pub resultant: &'static [&'static str],
-    /// Words in braces for these texts.
-    words: &'static [Called],
 }
 
 impl Machine {
@@ -192,7 +199,6 @@ impl Machine {
             coordinates: OF_SHAFT.split_at(5 - N).1,
             readings: READINGS_OF_SHAFT.split_at(N).0,
             resultant: &[],
-            words: WORDS_OF_SHAFT,
         }
     }
 
@@ -204,36 +210,33 @@ impl Machine {
 
     /// The bearings with their magnets, by their places among all.
     pub fn magnets_of_bearings(&self) -> Vec<(&'static Bearing, Range<usize>)> {
-        let ends = self.bearings.iter().scan(0, |end, bearing| {
-            *end += bearing.magnets;
-            Some((bearing, *end - bearing.magnets..*end))
-        });
-        ends.collect()
+        self.bearings.iter().enumerate().map(|(b, bearing)| (bearing, self.magnets_of(b))).collect()
     }
 
     /// Number of magnets.
     pub const fn magnets(&self) -> usize {
-        self.first_magnet(self.bearings.len())
+        self.before(self.bearings.len())[0]
     }
 
-    /// Number of magnets before those of a bearing.
-    pub(crate) const fn first_magnet(&self, bearing: usize) -> usize {
-        let (mut before, mut b) = (0, 0);
+    /// Number of magnets, and of groups, before those of a bearing.
+    const fn before(&self, bearing: usize) -> [usize; 2] {
+        let (mut before, mut b) = ([0; 2], 0);
         while b < bearing {
-            before += self.bearings[b].magnets;
+            before[0] += self.bearings[b].magnets;
+            before[1] += self.bearings[b].groups();
             b += 1;
         }
         before
     }
 
-    /// Number of groups before those of a bearing.
-    pub(crate) const fn first_group(&self, bearing: usize) -> usize {
-        let (mut before, mut b) = (0, 0);
-        while b < bearing {
-            before += self.bearings[b].groups();
-            b += 1;
-        }
-        before
+    /// The magnets of a bearing, by their places among all.
+    pub(crate) const fn magnets_of(&self, bearing: usize) -> Range<usize> {
+        self.before(bearing)[0]..self.before(bearing + 1)[0]
+    }
+
+    /// The groups of a bearing, by their places among all.
+    pub(crate) const fn groups_of(&self, bearing: usize) -> Range<usize> {
+        self.before(bearing)[1]..self.before(bearing + 1)[1]
     }
 
     /// Bearing, and number in it, of each group of magnets that has a smallest force of its own, both counted from 0.
@@ -245,7 +248,7 @@ impl Machine {
     /// The group of magnet k, by its place in [`groups`](Self::groups).
     pub(crate) fn group(&self, k: usize) -> usize {
         let Some((bearing, number)) = self.magnet(k) else { return 0 };
-        self.first_group(bearing) + (number - 1) % self.bearings[bearing].groups()
+        self.before(bearing)[1] + (number - 1) % self.bearings[bearing].groups()
     }
 
     /// Whether all magnets come in pairs that may face each other.
@@ -345,11 +348,11 @@ impl Machine {
     }
 
     /// Names of the positions and the currents of a part.
-    pub fn part(&self, index: usize) -> (&'static str, &'static str) {
+    pub fn part(&self, index: usize) -> (String, &'static str) {
         match (self.parts(), index) {
-            (1, _) => (self.word("{read}"), "im"),
-            (_, 0) => ("the radial positions", "im of A and B"),
-            _ => ("Xm", "im of X"),
+            (1, _) => (self.read(), "im"),
+            (_, 0) => ("the radial positions".into(), "im of A and B"),
+            _ => ("Xm".into(), "im of X"),
         }
     }
 
@@ -435,9 +438,9 @@ impl Machine {
         if self.coordinates[n].is_angle { angle } else { length }
     }
 
-    /// Replacement of a word in braces.
-    pub fn word(&self, word: &str) -> &'static str {
-        self.words.iter().find(|(known, _)| *known == word).map_or("", |(_, text)| text)
+    /// The names of the positions that are read.
+    fn read(&self) -> String {
+        if self.tilts() { "the positions".into() } else { self.measured().join(" and ") }
     }
 
     /// A description with words for what stands in braces, of the element with that index.
@@ -447,9 +450,12 @@ impl Machine {
             return text;
         }
         let mut replace = |word: &str, by: &str| text = text.replace(word, by);
-        for (word, by) in self.words {
-            replace(word, by);
+        for (word, by) in WORDS {
+            replace(word, by[usize::from(self.tilts())]);
         }
+        replace("{read} and im", &(self.measured().join(", ") + " and im"));
+        replace("{read}", &self.read());
+        replace("{first axis}", self.bearings[0].first_axis());
         let several = self.parts() > 1;
         replace("{, the greater}", if several { ", the greater of the radial and of the axial one" } else { "" });
         replace("{at this bearing}", if several { " at this bearing" } else { "" });
@@ -494,7 +500,9 @@ impl Machine {
         }
         if let Some(reading) = self.readings.get(index) {
             replace("{place}", reading.place);
-            replace("{sensor}", reading.sensor);
+            let own = if self.is_planar() { format!(" {}", reading.place) } else { String::new() };
+            let alone = format!("the position sensor{own}");
+            replace("{sensor}", if self.tilts() { reading.name } else { &alone });
         }
         text
     }
@@ -525,36 +533,19 @@ macro_rules! in_one_bearing {
     };
 }
 
-/// A coordinate of the centre of gravity of a shaft: its name, its direction, and where a load acts.
-macro_rules! of_centre {
-    ($name:literal $along:literal $at:literal) => {
+/// A coordinate of a shaft: its name and description, those of its rate and acceleration, the load on it, and whether it is a tilt.
+macro_rules! of_shaft {
+    ($name:literal $about:literal, $rate:literal $acceleration:literal, $load:literal $acts:literal, $all:literal, $is_angle:literal) => {
         Coordinate {
-            position: ($name, concat!("Position of the centre of gravity ", $along)),
-            rate: (concat!("v", $name), concat!("Derivative of ", $name)),
-            acceleration: (concat!("a", $name), concat!("Derivative of v", $name)),
-            load: (concat!("p", $name), concat!("Load on the rotor ", $along, $at)),
+            position: ($name, $about),
+            rate: ($rate, concat!("Derivative of ", $name)),
+            acceleration: ($acceleration, concat!("Derivative of ", $rate)),
+            load: ($load, $acts),
             perturbation: (
-                concat!("perturbation.", $name),
-                concat!("All forces on the rotor ", $along, " except those of magnets and backup bearings"),
+                concat!("perturbation.", $load),
+                concat!($all, " except those of magnets and backup bearings"),
             ),
-            is_angle: false,
-        }
-    };
-}
-
-/// A tilt of a shaft: its name, its axis, and the moment about it.
-macro_rules! tilt {
-    ($name:literal $about:literal $moment:literal) => {
-        Coordinate {
-            position: ($name, concat!("Tilt of the rotor ", $about)),
-            rate: (concat!($name, "Rate"), concat!("Derivative of ", $name)),
-            acceleration: (concat!($name, "Acceleration"), concat!("Derivative of ", $name, "Rate")),
-            load: ($moment, concat!("Load moment on the rotor ", $about)),
-            perturbation: (
-                concat!("perturbation.", $moment),
-                concat!("All moments on the rotor ", $about, " except those of magnets and backup bearings"),
-            ),
-            is_angle: true,
+            is_angle: $is_angle,
         }
     };
 }
@@ -567,11 +558,16 @@ const ALONG_AXIS: [Coordinate; 1] = [in_one_bearing!("X" "x")];
 
 /// The coordinates of a shaft that tilts; the first one is left out if something else holds it along its axis.
 const OF_SHAFT: [Coordinate; 5] = [
-    of_centre!("X" "along the shaft" ""),
-    of_centre!("Y" "along y" " at the centre of gravity"),
-    of_centre!("Z" "along z" " at the centre of gravity"),
-    tilt!("beta" "about y" "MY"),
-    tilt!("gamma" "about z" "MZ"),
+    of_shaft!("X" "Position of the centre of gravity along the shaft", "vX" "aX", "pX" "Load on the rotor along the shaft",
+        "All forces on the rotor along the shaft", false),
+    of_shaft!("Y" "Position of the centre of gravity along y", "vY" "aY", "pY" "Load on the rotor along y at the centre of gravity",
+        "All forces on the rotor along y", false),
+    of_shaft!("Z" "Position of the centre of gravity along z", "vZ" "aZ", "pZ" "Load on the rotor along z at the centre of gravity",
+        "All forces on the rotor along z", false),
+    of_shaft!("beta" "Tilt of the rotor about y", "betaRate" "betaAcceleration", "MY" "Load moment on the rotor about y",
+        "All moments on the rotor about y", true),
+    of_shaft!("gamma" "Tilt of the rotor about z", "gammaRate" "gammaAcceleration", "MZ" "Load moment on the rotor about z",
+        "All moments on the rotor about z", true),
 ];
 
 /// The planar rotor of the paper.
@@ -591,23 +587,8 @@ pub const PLANAR: Machine = Machine {
     bearings: &[Bearing::radial("", 3)],
     planes: 1,
     coordinates: &IN_PLANE,
-    readings: &[
-        Reading { name: "Ym", around: ("", "Y"), place: "along y", axis: "y", sensor: "the position sensor along y" },
-        Reading { name: "Zm", around: ("", "Z"), place: "along z", axis: "z", sensor: "the position sensor along z" },
-    ],
+    readings: &[Reading::new("Ym", ("", "Y"), "along y", "y"), Reading::new("Zm", ("", "Z"), "along z", "z")],
     resultant: &["Y", "Z"],
-    words: &[
-        ("{positions}", "Ym and Zm"),
-        ("{read}", "Ym and Zm"),
-        ("{positions and im}", "Ym, Zm and im"),
-        ("{smallest force}", "smallest force"),
-        ("{turning}", ""),
-        ("{speed of the reference}", "Angular velocity on the reference trajectory"),
-        ("{predicted gap}", "the predicted gap"),
-        ("{of all} ", ""),
-        ("{first axis}", "y"),
-        ("{its flux}", "psi"),
-    ],
 };
 
 /// A radial bearing with two opposed pairs of magnets.
@@ -645,67 +626,35 @@ pub const AXIAL: Machine = Machine {
     bearings: &[Bearing::axial("")],
     planes: 0,
     coordinates: &ALONG_AXIS,
-    readings: &[Reading { name: "Xm", around: ("", "X"), place: "along x", axis: "x", sensor: "the position sensor" }],
+    readings: &[Reading::new("Xm", ("", "X"), "along x", "x")],
     resultant: &[X],
-    words: &[
-        ("{positions}", "Xm"),
-        ("{read}", "Xm"),
-        ("{positions and im}", "Xm and im"),
-        ("{smallest force}", "smallest force"),
-        ("{turning}", ""),
-        ("{speed of the reference}", "Angular velocity on the reference trajectory"),
-        ("{predicted gap}", "the predicted gap"),
-        ("{of all} ", ""),
-        ("{first axis}", "x"),
-        ("{its flux}", "psi"),
-    ],
 };
 
 /// Readings of a shaft: the axial one is the last.
 const READINGS_OF_SHAFT: &[Reading] = &[
-    Reading {
-        name: "A.Ym",
-        around: ("A.", "Y"),
-        place: "along y at the sensors of bearing A",
-        axis: "y at bearing A",
-        sensor: "A.Ym",
-    },
-    Reading {
-        name: "A.Zm",
-        around: ("A.", "Z"),
-        place: "along z at the sensors of bearing A",
-        axis: "z at bearing A",
-        sensor: "A.Zm",
-    },
-    Reading {
-        name: "B.Ym",
-        around: ("B.", "Y"),
-        place: "along y at the sensors of bearing B",
-        axis: "y at bearing B",
-        sensor: "B.Ym",
-    },
-    Reading {
-        name: "B.Zm",
-        around: ("B.", "Z"),
-        place: "along z at the sensors of bearing B",
-        axis: "z at bearing B",
-        sensor: "B.Zm",
-    },
-    Reading { name: "Xm", around: ("X.", ""), place: "along the shaft", axis: "x", sensor: "Xm" },
+    Reading::new("A.Ym", ("A.", "Y"), "along y at the sensors of bearing A", "y at bearing A"),
+    Reading::new("A.Zm", ("A.", "Z"), "along z at the sensors of bearing A", "z at bearing A"),
+    Reading::new("B.Ym", ("B.", "Y"), "along y at the sensors of bearing B", "y at bearing B"),
+    Reading::new("B.Zm", ("B.", "Z"), "along z at the sensors of bearing B", "z at bearing B"),
+    Reading::new("Xm", ("X.", ""), "along the shaft", "x"),
 ];
 
-/// Words for a shaft.
-const WORDS_OF_SHAFT: &[Called] = &[
-    ("{positions}", "the measured positions"),
-    ("{read}", "the positions"),
-    ("{positions and im}", "the measured positions and im"),
-    ("{smallest force}", "smallest forces"),
-    ("{turning}", ", from y towards z"),
-    ("{speed of the reference}", "Speed of the rotor: of the reference trajectory and of the gyroscopic moments"),
-    ("{predicted gap}", "a predicted gap"),
-    ("{of all} ", "of all magnets "),
-    ("{first axis}", "y"),
-    ("{its flux}", "it"),
+/// Words in braces for what they stand for, on a single bearing and on a shaft.
+const WORDS: &[(&str, [&str; 2])] = &[
+    ("{smallest force}", ["smallest force", "smallest forces"]),
+    ("{turning}", ["", ", from y towards z"]),
+    (
+        "{speed of the reference}",
+        [
+            "Angular velocity on the reference trajectory",
+            "Speed of the rotor: of the reference trajectory and of the gyroscopic moments",
+        ],
+    ),
+    ("{predicted gap}", ["the predicted gap", "a predicted gap"]),
+    ("{of all} ", ["", "of all magnets "]),
+    ("{its flux}", ["psi", "it"]),
+    ("{positions and im}", ["{read} and im", "the measured positions and im"]),
+    ("{positions}", ["{read}", "the measured positions"]),
 ];
 
 /// The spindle: a rigid shaft in two radial bearings with three magnets each, and an axial one.

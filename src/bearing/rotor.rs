@@ -287,8 +287,7 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
     pub fn allocate<const G: usize>(&self, force: [f64; N], smallest_n: [f64; G]) -> [f64; K] {
         let mut forces_n = [0.0; K];
         for (b, at_n) in self.shared(force).into_iter().enumerate() {
-            let magnets = Self::MACHINE.first_magnet(b)..Self::MACHINE.first_magnet(b + 1);
-            let groups = Self::MACHINE.first_group(b)..Self::MACHINE.first_group(b + 1);
+            let (magnets, groups) = (Self::MACHINE.magnets_of(b), Self::MACHINE.groups_of(b));
             self.bearings[b].allocate(at_n, &smallest_n[groups], &mut forces_n[magnets]);
         }
         forces_n
@@ -303,9 +302,9 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
     ) -> [f64; K] {
         let mut forces_n = [0.0; K];
         for (b, at_n) in self.shared(force).into_iter().enumerate() {
-            let magnets = Self::MACHINE.first_magnet(b)..Self::MACHINE.first_magnet(b + 1);
-            let bias_a = &bias_a[Self::MACHINE.first_group(b)..];
-            self.bearings[b].allocate_with_bias(at_n, bias_a, &per_square[magnets.clone()], &mut forces_n[magnets]);
+            let (magnets, groups) = (Self::MACHINE.magnets_of(b), Self::MACHINE.groups_of(b));
+            let per_square = &per_square[magnets.clone()];
+            self.bearings[b].allocate_with_bias(at_n, &bias_a[groups], per_square, &mut forces_n[magnets]);
         }
         forces_n
     }

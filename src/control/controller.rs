@@ -13,8 +13,9 @@ use crate::bearing::coil::Drive;
 pub use crate::bearing::magnet::Used;
 use crate::bearing::rotor::{Rotor, RotorConfig};
 use crate::bearing::shaft::has_x;
+use crate::control::observer::{PerturbationObserver, pole};
 use crate::control::reference::{RefPoint, Reference, ReferenceConfig, ReferenceState};
-use crate::control::tracking::{Command, Measured, Tracking, TrackingConfig, TrackingState};
+use crate::control::tracking::{TrackingConfig, TrackingState, excitation};
 use crate::invalid::{Checks, Invalid};
 use crate::machine::Machine;
 use crate::variables::unit::{AMPERE, METRE, NEWTON, NEWTON_METRE, RADIAN_PER_SECOND, VOLT};
@@ -79,7 +80,7 @@ pub struct ControllerInput<const N: usize = 2, const K: usize = 3> {
     /// Angular velocity on the reference, in rad/s; of a shaft that tilts also that of the gyroscopic moments.
     #[parameter(
         name = "reference.omega", tunable, unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0,
-        description = context.word("{speed of the reference}")
+        description = "{speed of the reference}"
     )]
     pub omega_rad_s: f64,
     /// Readings of position, in m.
@@ -209,9 +210,26 @@ pub struct ControllerState<const N: usize = 2, const K: usize = 3, const G: usiz
 /// A validated controller.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Controller<const N: usize = 2, const K: usize = 3, const B: usize = 1, const G: usize = 1> {
-    config: ControllerConfigOf<N, K, B, G>,
-    law: Tracking<N, K, B, G>,
+    pub(super) config: ControllerConfigOf<N, K, B, G>,
+    pub(super) rotor: Rotor<N, K, B>,
     reference: Reference<N, B>,
+    pub(super) inertia: [f64; N],
+    /// The group of each magnet.
+    pub(super) group: [usize; K],
+    /// Smallest force of each group, in N, and its bias current, in A.
+    pub(super) f0_n: [f64; G],
+    pub(super) bias_a: [f64; G],
+    /// Lower limits of the predicted gaps, in m.
+    pub(super) floor_m: [f64; K],
+    pub(super) observer: PerturbationObserver,
+    /// `[k_0, k_1]` in 1/s² and 1/s.
+    pub(super) gains: [f64; 2],
+    /// `[k_0, k_1, k_2]` in 1/s², 1/s and 1, with voltage drive.
+    pub(super) ramp_gains: [f64; 3],
+    /// `ρ_i`.
+    pub(super) decay: f64,
+    /// Fraction of the way to `F_0` that the smallest force covers per sample.
+    pub(super) relax: f64,
 }
 
 impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<N, K, B, G> {
@@ -221,12 +239,27 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     /// Every parameter that is not finite or outside its range, by its name in the interface; the geometry as in
     /// [`Rotor::new`], the reference as in [`Reference::new`], the modulation as in [`Controller::retune`].
     pub fn new(config: ControllerConfigOf<N, K, B, G>) -> Result<Self, Vec<Invalid>> {
-        let mut checks = Checks::default();
+        let (law, mut checks) = (&config.law, Checks::default());
         let rotor = Rotor::checked(config.rotor, &mut checks);
-        let reference = Reference::checked(config.reference.clone(), config.law.step_s, &rotor, &mut checks);
-        let law = Tracking::checked(config.law.clone(), rotor, config.used, &mut checks);
+        law.check(&rotor, config.used, &mut checks);
+        let reference = Reference::checked(config.reference.clone(), law.step_s, &rotor, &mut checks);
         checks.finish()?;
-        Ok(Self { config, law, reference })
+        let groups = Rotor::<N, K, B>::MACHINE.groups();
+        Ok(Self {
+            inertia: config.rotor.shaft.inertia(),
+            group: std::array::from_fn(|k| Rotor::<N, K, B>::MACHINE.group(k)),
+            f0_n: std::array::from_fn(|g| law.f0_n[groups[g].0]),
+            bias_a: std::array::from_fn(|g| law.bias_a[groups[g].0]),
+            floor_m: rotor.geometry().gap_m.map(|gap_m| SMALLEST_GAP * gap_m),
+            observer: PerturbationObserver::new(law.observer_rad_s, law.step_s),
+            gains: tracking_gains(law.tracking_rad_s, law.step_s),
+            ramp_gains: ramp_gains(law.tracking_rad_s, law.step_s),
+            decay: pole(law.current_rad_s, law.step_s).0,
+            relax: -libm::expm1(-law.step_s / PRELOAD_S),
+            rotor,
+            reference,
+            config,
+        })
     }
 
     /// The configuration, including the last retuning.
@@ -242,19 +275,22 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     /// `F0.modulation` outside 0 to 1; `F0.modulationFrequency` unless it is above 0 and at most half the sample rate. The
     /// former values then remain.
     pub fn retune(&mut self, modulation: f64, modulation_hz: [f64; G]) -> Result<(), Vec<Invalid>> {
-        self.law.retune(modulation, modulation_hz)?;
-        self.config.law = self.law.config().clone();
+        let mut checks = Checks::default();
+        let law = TrackingConfig { modulation, modulation_hz, ..self.config.law.clone() };
+        excitation::check(&law, Rotor::<N, K, B>::MACHINE, &mut checks);
+        checks.finish()?;
+        self.config.law = law;
         Ok(())
     }
 
     /// The state before the first sample, which is due at `start_s`, in s.
     pub fn start(&self, start_s: f64) -> ControllerState<N, K, G> {
-        ControllerState { law: self.law.start(start_s), reference: self.reference.start() }
+        ControllerState { law: self.law_at_start(start_s), reference: self.reference.start() }
     }
 
     /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
     pub fn accepts(&self, state: &ControllerState<N, K, G>) -> bool {
-        self.reference.accepts(&state.reference) && self.law.accepts(&state.law)
+        self.reference.accepts(&state.reference) && Self::accepts_law(&state.law)
     }
 
     /// The outputs before the first sample: no current, the first guess of λ, and the begin of the reference.
@@ -269,7 +305,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     }
 
     fn at_magnets(&self, reference: [RefPoint; N]) -> [f64; N] {
-        self.law.rotor().config().at_magnets(reference.map(|point| point.position_m))
+        self.rotor.config().at_magnets(reference.map(|point| point.position_m))
     }
 
     /// Processes the sample that is due.
@@ -284,7 +320,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     ) -> Result<ControllerOutput<N, K>, ControllerError> {
         self.check_input(input)?;
         let mut next = state.clone();
-        let rotor = self.law.rotor();
+        let rotor = &self.rotor;
         let coordinates = rotor.coordinates(input.position_m);
         self.reference.sample(&mut next.reference, input.omega_rad_s, coordinates, input.reference_m);
         let step_s = self.config.law.step_s;
@@ -298,27 +334,14 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         if !tracking_error_m.iter().all(|error| error.is_finite()) {
             return Err(ControllerError::Overflow { sample: state.law.samples });
         }
-        let measured = Measured {
-            coordinates,
-            current_a: input.current_a,
-            lambda_hat_nm2_a2: input.lambda_hat_nm2_a2,
-            lambda_valid: input.lambda_valid,
-            omega_rad_s: input.omega_rad_s,
-        };
-        let Command { current_a, voltage_v, force, perturbation, saturated, limited } =
-            self.law.sample(&mut next.law, &measured, &course)?;
+        let command = self.command(&mut next.law, coordinates, input, &course)?;
         *state = next;
         Ok(ControllerOutput {
-            current_a,
-            voltage_v,
             tracking_error_m,
-            perturbation_n: perturbation,
             lambda_used_nm2_a2: state.law.lambda_nm2_a2,
-            force_n: force,
             reference_m: rotor.config().at_magnets(here),
             reference_ahead_m: self.at_magnets(course[1]),
-            saturated,
-            limited,
+            ..command
         })
     }
 

@@ -35,19 +35,20 @@
 //!
 //! Voltage drive is in `voltage.rs`, the modulation of the smallest force in `excitation.rs`.
 
-mod excitation;
+pub(super) mod excitation;
 mod voltage;
 
 pub use voltage::ramp_gains;
 
 use serde::{Deserialize, Serialize};
 
+use self::excitation::Excitation;
 use crate::bearing::coil::{CoilConfig, Drive, Saturates};
 use crate::bearing::magnet::{self, Magnets, Used};
 use crate::bearing::rotor::Rotor;
-use crate::control::observer::{Estimate, PerturbationObserver, pole};
+use crate::control::controller::{Controller, ControllerInput, ControllerOutput};
+use crate::control::observer::{Estimate, pole};
 use crate::control::reference::RefPoint;
-use crate::control::tracking::excitation::Excitation;
 use crate::invalid::Checks;
 use crate::machine::Machine;
 use crate::plant::check_step;
@@ -170,21 +171,6 @@ impl<const K: usize, const G: usize> Default for TrackingConfig<K, G> {
     }
 }
 
-/// Measurements and estimates at a sample.
-#[derive(Clone, Copy, Debug)]
-pub struct Measured<const N: usize, const K: usize> {
-    /// Coordinates, in m or rad.
-    pub coordinates: [f64; N],
-    /// Currents, in A; used with voltage drive only.
-    pub current_a: [f64; K],
-    /// Estimate of λ, in N·m²/A².
-    pub lambda_hat_nm2_a2: [f64; K],
-    /// Whether that estimate is valid.
-    pub lambda_valid: bool,
-    /// Speed Ω, in rad/s; used by the gyroscopic moments only.
-    pub omega_rad_s: f64,
-}
-
 /// The reference of each coordinate at a sample, at the next one, and at the one after that.
 pub type Course<const N: usize> = [[RefPoint; N]; 3];
 
@@ -219,23 +205,6 @@ pub struct TrackingState<const N: usize, const K: usize, const G: usize> {
     excitation: [Excitation; G],
 }
 
-/// Result of a sample.
-#[derive(Clone, Copy, Debug)]
-pub struct Command<const N: usize, const K: usize> {
-    /// Currents to hold from the next sample on, in A; with voltage drive those at the end of that sample.
-    pub current_a: [f64; K],
-    /// Voltages to hold from the next sample on, in V, with voltage drive.
-    pub voltage_v: [f64; K],
-    /// Commanded generalised force, in N or N·m.
-    pub force: [f64; N],
-    /// Estimated perturbation p̂, in N or N·m.
-    pub perturbation: [f64; N],
-    /// Whether a predicted gap was below [`SMALLEST_GAP`].
-    pub saturated: bool,
-    /// Whether a voltage command is at the limit of the amplifiers.
-    pub limited: bool,
-}
-
 /// Why a sample was refused. The state is unchanged, and there are no new currents.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ControllerError {
@@ -265,32 +234,6 @@ impl ControllerError {
     }
 }
 
-/// The validated control law of a [`Rotor`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct Tracking<const N: usize, const K: usize, const B: usize, const G: usize> {
-    config: TrackingConfig<K, G>,
-    rotor: Rotor<N, K, B>,
-    /// Which magnets of an axial bearing are used.
-    used: Used,
-    inertia: [f64; N],
-    /// The group of each magnet.
-    group: [usize; K],
-    /// Smallest force of each group, in N, and its bias current, in A.
-    f0_n: [f64; G],
-    bias_a: [f64; G],
-    /// Lower limits of the predicted gaps, in m.
-    floor_m: [f64; K],
-    observer: PerturbationObserver,
-    /// `[k_0, k_1]` in 1/s² and 1/s.
-    gains: [f64; 2],
-    /// `[k_0, k_1, k_2]` in 1/s², 1/s and 1, with voltage drive.
-    ramp_gains: [f64; 3],
-    /// `ρ_i`.
-    decay: f64,
-    /// Fraction of the way to `F_0` that the smallest force covers per sample.
-    relax: f64,
-}
-
 /// `[k_0, k_1]`, in 1/s² and 1/s, that put both poles of the sampled double integrator at `ρ = exp(−ω T_s)`.
 ///
 /// `k_0 = (1 − ρ)²/T_s²`, `k_1 = (1 − ρ)(3 + ρ)/(2 T_s)`.
@@ -299,79 +242,53 @@ pub fn tracking_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 2] {
     [q * q / (step_s * step_s), q * (3.0 + rho) / (2.0 * step_s)]
 }
 
-impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N, K, B, G> {
-    /// Reports errors in `checks`; use the returned value only if there are none.
-    pub(super) fn checked(
-        config: TrackingConfig<K, G>,
-        rotor: Rotor<N, K, B>,
+impl<const K: usize, const G: usize> TrackingConfig<K, G> {
+    /// Reports invalid parameters by their names in the interface.
+    pub(super) fn check<const N: usize, const B: usize>(
+        &self,
+        rotor: &Rotor<N, K, B>,
         used: Used,
         checks: &mut Checks,
-    ) -> Self {
-        let gap_m = rotor.geometry().gap_m;
-        check_step("Ts", config.step_s, checks);
-        let (machine, groups) = (Rotor::<N, K, B>::MACHINE, Rotor::<N, K, B>::MACHINE.groups());
-        for (name, lambda) in machine.of_magnets("lambda0").into_iter().zip(config.lambda0_nm2_a2) {
+    ) {
+        let machine = Rotor::<N, K, B>::MACHINE;
+        check_step("Ts", self.step_s, checks);
+        for (name, lambda) in machine.of_magnets("lambda0").into_iter().zip(self.lambda0_nm2_a2) {
             checks.positive(name, lambda, "N.m2/A2");
         }
-        for (name, f0_n) in machine.of_bearings("F0").into_iter().zip(config.f0_n) {
+        for (name, f0_n) in machine.of_bearings("F0").into_iter().zip(self.f0_n) {
             checks.not_negative(name, f0_n, "N");
         }
-        for (name, bias_a) in machine.of_biases().into_iter().zip(config.bias_a) {
+        for (name, bias_a) in machine.of_biases().into_iter().zip(self.bias_a) {
             checks.not_negative(name, bias_a, "A");
         }
-        checks.require(
-            used == Used::Both || config.allocation == Allocation::SmallestForce,
-            "allocation",
-            "biasCurrent",
-            "smallestForce, for a magnet that is not used has no bias current",
-        );
-        checks.require(
-            config.allocation == Allocation::SmallestForce || rotor.bearings().iter().all(Magnets::is_paired),
-            "allocation",
-            "biasCurrent",
-            "smallestForce, for the magnets do not face each other in pairs",
-        );
-        excitation::check(&config, machine, checks);
-        checks.positive("bandwidth.tracking", config.tracking_rad_s, "rad/s");
-        checks.positive("bandwidth.observer", config.observer_rad_s, "rad/s");
-        checks.positive("bandwidth.current", config.current_rad_s, "rad/s");
-        config.coil.check(gap_m, config.lambda0_nm2_a2, checks);
-        checks.finite("update.time", config.update_time_s, "s");
-        Self {
-            inertia: rotor.config().shaft.inertia(),
-            group: std::array::from_fn(|k| machine.group(k)),
-            f0_n: std::array::from_fn(|g| config.f0_n[groups[g].0]),
-            bias_a: std::array::from_fn(|g| config.bias_a[groups[g].0]),
-            rotor,
-            used,
-            floor_m: gap_m.map(|gap_m| SMALLEST_GAP * gap_m),
-            observer: PerturbationObserver::new(config.observer_rad_s, config.step_s),
-            gains: tracking_gains(config.tracking_rad_s, config.step_s),
-            ramp_gains: ramp_gains(config.tracking_rad_s, config.step_s),
-            decay: pole(config.current_rad_s, config.step_s).0,
-            relax: -libm::expm1(-config.step_s / PRELOAD_S),
-            config,
+        let smallest = self.allocation == Allocation::SmallestForce;
+        for (holds, wanted) in [
+            (smallest || used == Used::Both, "smallestForce, for a magnet that is not used has no bias current"),
+            (
+                smallest || rotor.bearings().iter().all(Magnets::is_paired),
+                "smallestForce, for the magnets do not face each other in pairs",
+            ),
+        ] {
+            checks.require(holds, "allocation", "biasCurrent", wanted);
         }
+        excitation::check(self, machine, checks);
+        checks.positive("bandwidth.tracking", self.tracking_rad_s, "rad/s");
+        checks.positive("bandwidth.observer", self.observer_rad_s, "rad/s");
+        checks.positive("bandwidth.current", self.current_rad_s, "rad/s");
+        self.coil.check(rotor.geometry().gap_m, self.lambda0_nm2_a2, checks);
+        checks.finite("update.time", self.update_time_s, "s");
     }
+}
 
-    /// The configuration, including the last retuning.
-    pub fn config(&self) -> &TrackingConfig<K, G> {
-        &self.config
-    }
-
-    /// The rotor between its magnets.
-    pub fn rotor(&self) -> &Rotor<N, K, B> {
-        &self.rotor
-    }
-
+impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<N, K, B, G> {
     /// The gyroscopic moments `−Ω G q̇`, in N or N·m, at the speed Ω in rad/s and the rates q̇ in m/s or rad/s.
     #[inline]
-    pub(super) fn gyroscopic(&self, omega_rad_s: f64, rates: [f64; N]) -> [f64; N] {
+    fn gyroscopic(&self, omega_rad_s: f64, rates: [f64; N]) -> [f64; N] {
         self.rotor.config().shaft.gyroscopic(omega_rad_s, rates).unwrap_or([0.0; N])
     }
 
-    /// The state before the first sample, which is due at `start_s`, in s.
-    pub fn start(&self, start_s: f64) -> TrackingState<N, K, G> {
+    /// The state of the law before the first sample, which is due at `start_s`, in s.
+    pub(super) fn law_at_start(&self, start_s: f64) -> TrackingState<N, K, G> {
         TrackingState {
             samples: 0,
             start_s,
@@ -380,15 +297,15 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N,
             asked_n: [0.0; K],
             voltage_v: [0.0; K],
             planned_a: [0.0; K],
-            lambda_nm2_a2: self.config.lambda0_nm2_a2,
+            lambda_nm2_a2: self.config.law.lambda0_nm2_a2,
             updated: false,
             preload_n: self.f0_n,
             excitation: self.excitation_at_start(),
         }
     }
 
-    /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
-    pub fn accepts(&self, state: &TrackingState<N, K, G>) -> bool {
+    /// Whether a state of the law, for instance one read from a file, is consistent: finite numbers, counts in order.
+    pub(super) fn accepts_law(state: &TrackingState<N, K, G>) -> bool {
         let lists = state.expected.iter().flatten().chain(&state.in_effect_n).chain(&state.lambda_nm2_a2);
         let lists = lists.chain(&state.asked_n).chain(&state.voltage_v).chain(&state.planned_a);
         let numbers = lists.chain(&state.preload_n).chain([&state.start_s]);
@@ -398,30 +315,31 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N,
     }
 
     /// When the next sample is due, in s: start + count · T_s.
-    pub fn due_s(&self, state: &TrackingState<N, K, G>) -> f64 {
-        state.start_s + state.samples as f64 * self.config.step_s
+    fn due_s(&self, state: &TrackingState<N, K, G>) -> f64 {
+        state.start_s + state.samples as f64 * self.config.law.step_s
     }
 
-    /// Processes the sample that is due; the numbers that are used must be finite.
+    /// The command for the sample that is due, at these coordinates; the numbers that are used must be finite.
     ///
     /// # Errors
     /// [`ControllerError::Overflow`]; the state is then of no use.
     #[inline]
-    pub(super) fn sample(
+    pub(super) fn command(
         &self,
         state: &mut TrackingState<N, K, G>,
-        measured: &Measured<N, K>,
+        coordinates: [f64; N],
+        measured: &ControllerInput<N, K>,
         course: &Course<N>,
-    ) -> Result<Command<N, K>, ControllerError> {
+    ) -> Result<ControllerOutput<N, K>, ControllerError> {
         let [here, ..] = course;
         let mut estimate: [Estimate; N] = std::array::from_fn(|a| {
             if state.samples == 0 {
-                [measured.coordinates[a], here[a].velocity_m_s, 0.0]
+                [coordinates[a], here[a].velocity_m_s, 0.0]
             } else {
-                self.observer.update(state.expected[a], measured.coordinates[a])
+                self.observer.update(state.expected[a], coordinates[a])
             }
         });
-        let voltage = self.config.coil.drive == Drive::Voltage;
+        let voltage = self.config.law.coil.drive == Drive::Voltage;
         let gap_m = self.limited(self.rotor.geometry().gaps(estimate.map(|[x, ..]| x)));
         if voltage {
             state.in_effect_n = magnet::forces(state.lambda_nm2_a2, measured.current_a, gap_m);
@@ -430,7 +348,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N,
         let level = std::array::from_fn(|g| {
             state.preload_n[g] += self.relax * (self.f0_n[g] - state.preload_n[g]);
             let factor = self.modulate(state, g);
-            match self.config.allocation {
+            match self.config.law.allocation {
                 Allocation::SmallestForce => state.preload_n[g] * factor,
                 // The force of a magnet goes with the square of its current.
                 Allocation::BiasCurrent => self.bias_a[g] * factor.sqrt(),
@@ -441,10 +359,10 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N,
             true => self.voltages(state, &estimate, measured, gap_m, level, course),
             false => self.currents(state, &estimate, measured, level, course),
         };
-        command.perturbation = std::array::from_fn(|a| self.inertia[a] * estimate[a][2]);
+        command.perturbation_n = std::array::from_fn(|a| self.inertia[a] * estimate[a][2]);
         let estimates = state.expected.iter().flatten().chain(&state.in_effect_n).chain(&command.current_a);
         let coils = command.voltage_v.iter().chain(&state.planned_a);
-        let outputs = command.force.iter().chain(&command.perturbation);
+        let outputs = command.force_n.iter().chain(&command.perturbation_n);
         if !estimates.chain(coils).chain(outputs).all(|value| value.is_finite()) {
             return Err(ControllerError::Overflow { sample: state.samples });
         }
@@ -462,8 +380,8 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N,
     /// in N, or its bias current in A.
     #[inline]
     fn share(&self, force: [f64; N], level: [f64; G], lambda_nm2_a2: [f64; K], gap_m: [f64; K]) -> [f64; K] {
-        match self.config.allocation {
-            Allocation::SmallestForce => match self.used.only() {
+        match self.config.law.allocation {
+            Allocation::SmallestForce => match self.config.used.only() {
                 None => self.rotor.allocate(force, level),
                 Some(only) => {
                     let towards_n = force[0] * self.rotor.geometry().directions[only][0];
@@ -483,12 +401,12 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N,
         &self,
         state: &mut TrackingState<N, K, G>,
         estimate: &[Estimate; N],
-        measured: &Measured<N, K>,
+        measured: &ControllerInput<N, K>,
         level: [f64; G],
         [_, begin, end]: &Course<N>,
-    ) -> Command<N, K> {
+    ) -> ControllerOutput<N, K> {
         let m = self.inertia;
-        let step_s = self.config.step_s;
+        let step_s = self.config.law.step_s;
         let geometry = self.rotor.geometry();
         let gyroscopic = |rates| self.gyroscopic(measured.omega_rad_s, rates);
         let in_effect = geometry.resultant(state.in_effect_n);
@@ -518,14 +436,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N,
         let current_a = magnet::currents(wanted_n, gap_m, state.lambda_nm2_a2);
         state.in_effect_n = wanted_n;
         state.asked_n = wanted_n;
-        Command {
-            current_a,
-            voltage_v: [0.0; K],
-            force,
-            perturbation: [0.0; N],
-            saturated: gap_m != predicted_m,
-            limited: false,
-        }
+        ControllerOutput { current_a, force_n: force, saturated: gap_m != predicted_m, ..ControllerOutput::default() }
     }
 
     /// Uses the estimated λ when it is due, and adds the difference in force to the perturbation estimate.
@@ -533,12 +444,12 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N,
         &self,
         state: &mut TrackingState<N, K, G>,
         estimate: &mut [Estimate; N],
-        measured: &Measured<N, K>,
+        measured: &ControllerInput<N, K>,
     ) {
         let hat = measured.lambda_hat_nm2_a2;
         let usable = measured.lambda_valid && hat.iter().all(|lambda| lambda.is_finite() && *lambda > 0.0);
         let before = state.lambda_nm2_a2;
-        let after = match self.config.update {
+        let after = match self.config.law.update {
             UpdateMode::AtTime if usable && !state.updated && self.update_is_due(state) => {
                 state.updated = true;
                 hat
@@ -573,6 +484,6 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N,
     }
 
     fn update_is_due(&self, state: &TrackingState<N, K, G>) -> bool {
-        self.due_s(state) >= self.config.update_time_s - INSTANT_TOLERANCE * self.config.step_s
+        self.due_s(state) >= self.config.law.update_time_s - INSTANT_TOLERANCE * self.config.law.step_s
     }
 }

@@ -110,7 +110,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
                 false => 1.0 / m_kg,
             };
             let mut least_m = f64::INFINITY;
-            for k in Self::MACHINE.first_magnet(b)..Self::MACHINE.first_magnet(b + 1) {
+            for k in Self::MACHINE.magnets_of(b) {
                 field += 2.0 * force_n[k] / gap_m[k] * mobility;
                 least_m = least_m.min(gap_m[k]);
             }
@@ -187,9 +187,8 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
             let first = if machine.bearings[b].is_radial() { usize::from(shaft::has_x::<N>()) } else { 0 };
             // The direction of a radial magnet in the plane is (y, z) of its d.
             let along = |a: usize| {
-                let magnets = machine.first_magnet(b)..machine.first_magnet(b + 1);
                 let direction = |k: usize| self.geometry().directions[k][(first + a).min(N - 1)];
-                magnets.fold(T::constant(0.0), |sum, k| sum + force_n[k] * direction(k))
+                machine.magnets_of(b).fold(T::constant(0.0), |sum, k| sum + force_n[k] * direction(k))
             };
             let [y_m, z_m] = self.config.at_magnets(b, motion.position_m);
             let [touchdown_y_n, touchdown_z_n] = self.config.touchdown_n(b, motion, omega_rad_s, contact);

@@ -1,9 +1,8 @@
 //! The plant: a rotor between its magnets, with coils, backup bearings and sensors.
 //!
-//! This file holds state and sampling. The equations are in `equations.rs`, written once for N coordinates and K magnets; what differs
-//! between rotors is the trait [`Rotor`], written by a rotor in one bearing in `one_bearing.rs` and by the [`spindle`]. Integration is in
-//! `substeps.rs` and [`integration`], inputs that change over a step in `trajectory.rs`, sensors in [`sensor`] and [`noise`],
-//! derivatives in [`linearisation`]. Type parameters default to the planar rotor.
+//! This file holds state and sampling. Parameters are in `config.rs`, the equations in `equations.rs` and `forces.rs`, written once for N
+//! coordinates, K magnets and B bearings. Integration is in `substeps.rs` and [`integration`], inputs that change over a step in
+//! `trajectory.rs`, sensors in [`sensor`] and [`noise`], derivatives in [`linearisation`]. Sizes default to those of the planar rotor.
 //!
 //! ```text
 //! M q̈ + Ω G q̇ = Σ F_k d_k + p + c
@@ -18,9 +17,12 @@
 //! m Z̈ = Σ F_k cos α_k + p_z + c_z    P(7), P(3)
 //! ```
 //!
+//! Coordinates, signs and G of a shaft that tilts are those of [`shaft`](crate::bearing::shaft). A change of speed adds nothing to the tilt:
+//! the torque that drives the rotor acts along its own axis, and its share across the axis at rest is just `J_p Ω̇ (γ, −β)`.
+//!
 //! `p` are all forces on the rotor except those of magnets and backup bearing: per axis a, with `t` the absolute time, `p_a +
-//! amplitude_a sin(ω_p t + phase_a) + m g_a`, and the unbalance `U ω² (cos(θ + φ), sin(θ + φ))` of the axes (y, z). `c` is the
-//! force of the backup bearing, touchdown.rs.
+//! amplitude_a sin(ω_p t + phase_a) + m g_a`, and the unbalance `U ω² (cos(θ + φ), sin(θ + φ))` of the axes (y, z), of a
+//! shaft in two planes at ξ. `c` is the force of the backup bearings, touchdown.rs.
 //!
 //! # Integration
 //!

@@ -98,36 +98,6 @@ fn the_tiniest_steps_change_nothing_that_is_sampled() {
     }
 }
 
-/// The plant samples on its own clock: Ym, Zm, im and theta belong to the sample instants, whatever the communication steps.
-/// Fails if a sample is read at the end of the step in which it lies.
-#[test]
-fn samples_of_the_plant_do_not_depend_on_how_time_is_cut() {
-    let run = |mut cut: Box<dyn FnMut() -> f64>| {
-        let fmu = Fmu::started(PLANT, &[("i[1]", 1.2), ("i[2]", 1.3), ("i[3]", 1.1), ("sensor.seed", 5.0)]);
-        let (end, mut time) = (53.5 * TS, 0.0);
-        while time < end {
-            let length = (cut() * TS).min(end - time);
-            fmu.step(time, length).ok(&fmu);
-            time = if length == end - time { end } else { time + length };
-        }
-        ["Ym", "Zm", "im[1]", "theta", "omegam"].map(|name| fmu.get(name))
-    };
-    let wanted = run(Box::new(|| 1.0));
-    let mut random = Random::new(3);
-    let cuts: [Box<dyn FnMut() -> f64>; 4] =
-        [Box::new(|| 60.0), Box::new(|| 0.3), Box::new(|| 2.7), Box::new(move || random.between(0.05, 4.0))];
-    for cut in cuts {
-        let got = run(cut);
-        // 1 nm: a hundredth of the noise of a good sensor; the integration of other sub-steps leaves less, and an instant
-        // within a thousandth of a sample time before the end of a step counts as that end.
-        for (at, (tolerance, name)) in
-            [(1e-9, "Ym"), (1e-9, "Zm"), (0.0, "im"), (5e-5, "theta"), (0.0, "omegam")].iter().enumerate()
-        {
-            assert!((got[at] - wanted[at]).abs() <= *tolerance, "{name}: {:e} {:e}", got[at], wanted[at]);
-        }
-    }
-}
-
 /// Fails if the end of a step is compared with stopTime exactly, or not at all.
 #[test]
 fn stop_time_has_a_tolerance_and_an_end() {

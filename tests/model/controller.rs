@@ -7,18 +7,16 @@ use std::f64::consts::{PI, TAU};
 
 use crate::support::{Random, below, between};
 use magnetic_bearing::bearing::coil::Drive;
-use magnetic_bearing::bearing::rotor::{BearingConfig, Rotor, RotorConfig};
+use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
 use magnetic_bearing::bearing::shaft::{displacement, generalised, shared, through};
 use magnetic_bearing::control::controller::{
-    Controller, ControllerConfig, ControllerConfigOf, ControllerError, ControllerInput, ControllerOutput,
-    ControllerState, UpdateMode, ramp_gains, tracking_gains,
+    Controller, ControllerConfig, ControllerConfigOf, ControllerError, ControllerInput, ControllerOutput, UpdateMode,
+    ramp_gains, tracking_gains,
 };
 use magnetic_bearing::control::reference::{PathConfig, Reference, ReferenceConfig, Shape};
 use magnetic_bearing::control::tracking::TrackingConfig;
 use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantConfigOf, PlantInput, SensorConfig};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 
 /// Relative error of gains and poles: a few roundings.
 const ROUNDING: f64 = 1e-12;
@@ -514,75 +512,6 @@ fn two_places_determine_the_radial_coordinates() {
     }
 }
 
-/// A symmetric shaft that does not tilt is two planar rotors of half the mass.
-#[test]
-fn without_tilt_each_radial_bearing_is_a_planar_one() {
-    for drive in [Drive::Current, Drive::Voltage] {
-        let mut config = SpindleController::default();
-        for (bearing, at_m) in config.rotor.bearings.iter_mut().zip([-0.1, 0.1]) {
-            *bearing = BearingConfig { position_m: at_m, sensor_position_m: at_m, ..*bearing };
-        }
-        config.law.coil.drive = drive;
-        config.law.modulation = 0.5;
-        config.law.modulation_hz = [110.0; 3];
-        config.law.update_time_s = 0.01;
-        config.law.tracking_rad_s = 1000.0;
-        let mut planar = ControllerConfig {
-            law: TrackingConfig {
-                f0_n: [15.0],
-                modulation: 0.5,
-                coil: config.law.coil.clone(),
-                update_time_s: 0.01,
-                ..TrackingConfig::default()
-            },
-            ..ControllerConfig::default()
-        };
-        planar.rotor.shaft.m_kg = 0.5 * config.rotor.shaft.m_kg;
-        let planar = Controller::new(planar).expect("a controller");
-        let spindle = Controller::new(config).expect("a controller");
-        let (mut s, mut p) = (spindle.start(0.0), planar.start(0.0));
-        let mut random = Random::new(7);
-        for k in 0..300 {
-            let angle = TAU * 50.0 * f64::from(k) * 1e-4;
-            let [y, z] = [30e-6 * angle.cos() + random.between(-1e-7, 1e-7), 70e-6 * angle.sin()];
-            let [a, b, c]: [f64; 3] = std::array::from_fn(|_| random.between(1.0, 3.0));
-            let (omega_rad_s, lambda_valid) = (TAU * 50.0, true);
-            let lambda = [1.8e-6, 2.0e-6, 2.2e-6];
-            let one = planar.sample(
-                &mut p,
-                &ControllerInput {
-                    position_m: [y, z],
-                    current_a: [a, b, c],
-                    lambda_hat_nm2_a2: lambda,
-                    lambda_valid,
-                    omega_rad_s,
-                    ..ControllerInput::default()
-                },
-            );
-            let all = spindle.sample(
-                &mut s,
-                &ControllerInput {
-                    reference_m: [0.0; 5],
-                    position_m: [y, z, y, z, 0.0],
-                    current_a: [a, b, c, a, b, c, 1.0, 1.0],
-                    lambda_hat_nm2_a2: [1.8e-6, 2.0e-6, 2.2e-6, 1.8e-6, 2.0e-6, 2.2e-6, 2e-6, 2e-6],
-                    lambda_valid,
-                    omega_rad_s,
-                },
-            );
-            let (one, all) = (one.expect("a sample"), all.expect("a sample"));
-            for j in 0..6 {
-                below("current, A", (all.current_a[j] - one.current_a[j % 3]).abs(), 1e-9);
-                below("voltage, V", (all.voltage_v[j] - one.voltage_v[j % 3]).abs(), 1e-6);
-            }
-            for a in 0..2 {
-                below("perturbation, N", (0.5 * all.perturbation_n[a + 1] - one.perturbation_n[a]).abs(), 1e-8);
-                below("tracking error, m", (all.tracking_error_m[a] - one.tracking_error_m[a]).abs(), 1e-18);
-            }
-        }
-    }
-}
-
 /// A refusal that names an input, and changes nothing.
 #[test]
 fn what_is_not_finite_is_refused_and_changes_nothing() {
@@ -661,36 +590,6 @@ fn a_rotor_beyond_the_magnets_saturates_and_says_so() {
     let output = controller.sample(&mut state, &input).expect("sample");
     assert!(output.saturated);
     assert!(output.current_a.iter().all(|i| i.is_finite() && *i > 0.0), "{:?}", output.current_a);
-}
-
-#[test]
-fn the_state_survives_being_written_and_read() {
-    fn holds<const N: usize, const K: usize, const B: usize, const G: usize>(still: &ControllerInput<N, K>)
-    where
-        ControllerState<N, K, G>: Serialize + DeserializeOwned,
-        ControllerConfigOf<N, K, B, G>: Serialize + DeserializeOwned,
-    {
-        let mut config = ControllerConfigOf::<N, K, B, G>::default();
-        config.law.modulation = 0.5;
-        let text = toml::to_string(&config).expect("written");
-        assert_eq!(toml::from_str::<ControllerConfigOf<N, K, B, G>>(&text).expect("read"), config);
-        let mut hz = config.law.modulation_hz;
-        let mut controller = Controller::new(config).expect("controller");
-        let mut state = controller.start(0.5);
-        for k in 0..5 {
-            // Another frequency, so that a phase has a base.
-            hz[0] = if k < 3 { 110.0 } else { 70.0 };
-            controller.retune(0.5, hz).expect("a sound frequency");
-            controller.sample(&mut state, still).expect("sample");
-        }
-        assert!(controller.accepts(&state));
-        let mut read: ControllerState<N, K, G> =
-            toml::from_str(&toml::to_string(&state).expect("written")).expect("read");
-        assert_eq!(read, state);
-        assert_eq!(controller.sample(&mut read, still), controller.sample(&mut state, still));
-    }
-    holds::<2, 3, 1, 1>(&still());
-    holds::<5, 8, 3, 3>(&still_spindle());
 }
 
 /// Names of what is refused when the default is changed like this.

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::support::{SpindleConfig, below, between};
-use magnetic_bearing::bearing::touchdown::TouchdownConfig;
+use magnetic_bearing::bearing::rotor::Rotor;
 use magnetic_bearing::plant::integration::{rk4, substeps};
 use magnetic_bearing::plant::noise::Noise;
 use magnetic_bearing::plant::{
@@ -356,86 +356,94 @@ fn noise_off_is_exact_and_one_channel_leaves_the_others_alone() {
     assert_ne!(positions, with(1e-7, 0.0, 2));
 }
 
-#[test]
-fn the_state_survives_being_written_and_read() {
-    let sensor = SensorConfig { position_noise_m: 1e-7, seed: -1, ..SensorConfig::default() };
-    let config = PlantConfig { sensor, ..all_on() };
-    let plant = plant(config.clone());
-    let mut state = plant.start(0.0);
-    plant.advance(&mut state, &held(), 0.0, 3.5 * STEP_S).expect("advance");
-    let mut read: PlantState = toml::from_str(&toml::to_string(&state).expect("written")).expect("read");
-    assert_eq!(read, state);
-    for state in [&mut read, &mut state] {
-        plant.advance(state, &held(), state.time_s, 10.0 * STEP_S).expect("advance");
-    }
-    assert_eq!(read, state);
-    let text = toml::to_string(&config).expect("written");
-    assert_eq!(toml::from_str::<PlantConfig>(&text).expect("read"), config);
-}
-
+/// Fails if the nearest magnet is that of another bearing.
 #[test]
 fn a_rotor_that_leaves_the_gap_is_an_error_and_the_state_stays_finite() {
-    // With no backup bearing to catch it.
-    let touchdown = [TouchdownConfig { clearance_m: 1.0, ..TouchdownConfig::default() }];
-    let plant =
-        plant(PlantConfig { velocity_m_s: [0.0; 2], position_m: [0.0; 2], touchdown, ..PlantConfig::default() });
-    // Pulled by magnet 1 alone, then by 2, then by 3; pushed into magnet 1.
-    let pull = |k: usize| {
-        let current_a = std::array::from_fn(|j| if j == k { 4.0 } else { 0.0 });
-        PlantInput { current_a, ..PlantInput::default() }
-    };
-    let push = PlantInput { perturbation_n: [0.0, -1e12], ..PlantInput::default() };
-    for (wanted, input) in [(1, pull(0)), (2, pull(1)), (3, pull(2)), (1, push)] {
-        let mut state = plant.start(0.0);
-        // A push this hard leaves the gap within the first sub-step, from the centre.
-        match plant.advance(&mut state, &input, 0.0, 1.0) {
-            Err(StepError::Contact { magnet, time_s, position }) => {
-                assert_eq!(magnet, format!("magnet {wanted}"));
-                assert_eq!(time_s, state.time_s);
-                assert_eq!(position, [("Y", state.position_m[0]), ("Z", state.position_m[1])]);
-                between("time of contact, s", time_s, 0.0, 0.02);
+    fn holds<const N: usize, const K: usize, const B: usize>(push: [f64; N], wanted: &[&str]) {
+        let mut config =
+            PlantConfigOf::<f64, N, K, B> { position_m: [0.0; N], velocity_m_s: [0.0; N], ..Default::default() };
+        // With no backup bearing to catch it.
+        config.touchdown.iter_mut().for_each(|ring| ring.clearance_m = 1.0);
+        let plant = Plant::new(config).expect("plant");
+        let names: Vec<_> =
+            Rotor::<N, K, B>::MACHINE.coordinates.iter().map(|coordinate| coordinate.position.0).collect();
+        // Pulled by each magnet alone; pushed into the first so hard that the rotor leaves the gap within the first sub-step.
+        let pull = |k: usize| {
+            let current_a = std::array::from_fn(|j| if j == k { 5.0 } else { 0.0 });
+            PlantInput { current_a, ..PlantInput::default() }
+        };
+        let push = PlantInput { perturbation_n: push, ..PlantInput::default() };
+        for (wanted, input) in wanted.iter().zip((0..K).map(pull)).chain([(&wanted[0], push)]) {
+            let mut state = plant.start(0.0);
+            match plant.advance(&mut state, &input, 0.0, 1.0) {
+                Err(StepError::Contact { magnet, time_s, position }) => {
+                    assert_eq!(magnet, *wanted);
+                    assert_eq!(time_s, state.time_s);
+                    assert_eq!(position, names.iter().copied().zip(state.position_m).collect::<Vec<_>>());
+                    between("time of contact, s", time_s, 0.0, 0.02);
+                }
+                other => panic!("{wanted}: {other:?}"),
             }
-            other => panic!("magnet {wanted}: {other:?}"),
+            assert!(state.position_m.iter().chain(&state.velocity_m_s).all(|value| value.is_finite()));
+            let gaps = plant.outputs(&state, &input, state.time_s).gap_m;
+            assert!(gaps.iter().all(|gap| *gap > 0.0), "{gaps:?}");
+            // It can continue with other currents, until the rotor reaches the magnet.
+            let t_s = state.time_s;
+            plant.advance(&mut state, &PlantInput::default(), t_s, 1e-12).expect("advance");
         }
-        assert!(state.position_m.iter().chain(&state.velocity_m_s).all(|value| value.is_finite()));
-        let gaps = plant.outputs(&state, &input, state.time_s).gap_m;
-        assert!(gaps.iter().all(|gap| *gap > 0.0), "{gaps:?}");
-        // It can continue with other currents, until the rotor reaches the magnet.
-        let calm = PlantInput::default();
-        let t_s = state.time_s;
-        plant.advance(&mut state, &calm, t_s, 1e-12).expect("advance");
     }
+    holds::<2, 3, 1>([0.0, -1e12], &["magnet 1", "magnet 2", "magnet 3"]);
+    holds::<1, 2, 1>([1e12], &["magnet 1", "magnet 2"]);
+    let all = [
+        "1 of bearing A",
+        "2 of bearing A",
+        "3 of bearing A",
+        "1 of bearing B",
+        "2 of bearing B",
+        "3 of bearing B",
+        "1 of bearing X",
+        "2 of bearing X",
+    ];
+    let all = all.map(|magnet| format!("magnet {magnet}"));
+    holds::<5, 8, 3>([0.0, 0.0, -1e12, -1.2e11, 0.0], &all.each_ref().map(String::as_str));
+}
+
+/// Refused inputs by name, and nothing is changed by them.
+fn refuses<const N: usize, const K: usize, const B: usize>(cases: &[(&str, fn(&mut PlantInput<f64, N, K>, f64))]) {
+    let plant = Plant::<N, K, B>::new(PlantConfigOf::default()).expect("plant");
+    let mut state = plant.start(0.0);
+    plant.advance(&mut state, &PlantInput::default(), 0.0, STEP_S).expect("advance");
+    let before = state.clone();
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        for (wanted, change) in cases {
+            let mut input = PlantInput::default();
+            change(&mut input, bad);
+            match plant.advance(&mut state, &input, STEP_S, STEP_S) {
+                Err(StepError::Input { name, .. }) => assert_eq!(name, *wanted),
+                other => panic!("{wanted} = {bad}: {other:?}"),
+            }
+        }
+        for (t_s, h_s) in [(bad, STEP_S), (STEP_S, bad), (STEP_S, -STEP_S), (2.0 * STEP_S, STEP_S), (0.0, STEP_S)] {
+            let result = plant.advance(&mut state, &PlantInput::default(), t_s, h_s);
+            assert!(matches!(result, Err(StepError::Time { .. })), "{result:?}");
+        }
+    }
+    assert_eq!(state, before);
 }
 
 #[test]
 fn inputs_and_times_that_are_none_are_refused_and_change_nothing() {
-    let plant = plant(PlantConfig::default());
-    let mut state = plant.start(0.0);
-    plant.advance(&mut state, &held(), 0.0, STEP_S).expect("advance");
-    let before = state.clone();
-    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        let cases = [
-            ("i[2]", PlantInput { current_a: [0.0, bad, 0.0], ..held() }),
-            ("pY", PlantInput { perturbation_n: [bad, 0.0], ..held() }),
-            ("pZ", PlantInput { perturbation_n: [0.0, bad], ..held() }),
-            ("omega", PlantInput { omega_rad_s: bad, ..held() }),
-        ];
-        for (wanted, input) in cases {
-            match plant.advance(&mut state, &input, STEP_S, STEP_S) {
-                Err(StepError::Input { name, .. }) => assert_eq!(name, wanted),
-                other => panic!("{wanted} = {bad}: {other:?}"),
-            }
-        }
-        for (t_s, h_s) in [(bad, STEP_S), (STEP_S, bad)] {
-            let result = plant.advance(&mut state, &held(), t_s, h_s);
-            assert!(matches!(result, Err(StepError::Time { .. })), "{result:?}");
-        }
-    }
-    for (t_s, h_s) in [(STEP_S, -STEP_S), (2.0 * STEP_S, STEP_S), (0.0, STEP_S)] {
-        let result = plant.advance(&mut state, &held(), t_s, h_s);
-        assert!(matches!(result, Err(StepError::Time { .. })), "{result:?}");
-    }
-    assert_eq!(state, before);
+    refuses::<2, 3, 1>(&[
+        ("i[2]", |input, bad| input.current_a[1] = bad),
+        ("pY", |input, bad| input.perturbation_n[0] = bad),
+        ("pZ", |input, bad| input.perturbation_n[1] = bad),
+        ("omega", |input, bad| input.omega_rad_s = bad),
+    ]);
+    refuses::<5, 8, 3>(&[
+        ("B.i[2]", |input, bad| input.current_a[4] = bad),
+        ("X.u[1]", |input, bad| input.voltage_v[6] = bad),
+        ("MY", |input, bad| input.perturbation_n[3] = bad),
+    ]);
 }
 
 #[test]
@@ -552,36 +560,4 @@ fn bad_parameters_are_refused_by_name_all_at_once() {
     ];
     planar.iter().for_each(|(name, change)| assert_eq!(refused(change), [*name]));
     spindle.iter().for_each(|(name, change)| assert_eq!(refused(change), [*name]));
-}
-
-/// Fails if the nearest magnet is that of another bearing.
-#[test]
-fn a_spindle_names_bearings_and_refuses_inputs_of_each() {
-    let none = TouchdownConfig { clearance_m: 1.0, ..TouchdownConfig::default() };
-    let touchdown = [none.clone(), none.clone(), none];
-    let plant = Plant::new(SpindleConfig { touchdown, ..SpindleConfig::default() }).expect("plant");
-    let start = plant.start(0.0);
-    for (k, wanted) in [(1, "magnet 2 of bearing A"), (3, "magnet 1 of bearing B"), (7, "magnet 2 of bearing X")] {
-        let (mut state, mut input) = (start.clone(), PlantInput::default());
-        input.current_a[k] = 5.0;
-        match plant.advance(&mut state, &input, 0.0, 1.0) {
-            Err(StepError::Contact { magnet, position, .. }) => {
-                assert_eq!(magnet, wanted);
-                assert_eq!(position.iter().map(|(_, value)| *value).collect::<Vec<_>>(), state.position_m);
-            }
-            other => panic!("{wanted}: {other:?}"),
-        }
-    }
-    for (name, change) in [
-        ("B.i[2]", (|input| input.current_a[4] = f64::NAN) as fn(&mut PlantInput<f64, 5, 8>)),
-        ("X.u[1]", |input| input.voltage_v[6] = f64::INFINITY),
-        ("MY", |input| input.perturbation_n[3] = f64::NAN),
-    ] {
-        let (mut state, mut input) = (start.clone(), PlantInput::default());
-        change(&mut input);
-        match plant.advance(&mut state, &input, 0.0, STEP_S) {
-            Err(StepError::Input { name: found, .. }) => assert_eq!(found, name),
-            other => panic!("{name}: {other:?}"),
-        }
-    }
 }

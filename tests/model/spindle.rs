@@ -1,14 +1,12 @@
-//! The spindle: whirl, unbalance response and precession in closed form, energy, and the planar rotor as its limit.
+//! The spindle: whirl, unbalance response and precession in closed form, geometry, sensors and backup bearings.
 
 use crate::support::whirl::{DAMPING_NS_M, STIFFNESS_N_M, TABLE};
 use std::f64::consts::PI;
 
-use magnetic_bearing::bearing::coil::{CoilConfig, Drive};
-use magnetic_bearing::bearing::rotor::{BearingConfig, Rotor, RotorConfig};
+use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
 use magnetic_bearing::bearing::shaft::Shaft;
-use magnetic_bearing::bearing::touchdown::TouchdownConfig;
-use magnetic_bearing::machine::{PLANAR, SPINDLE};
-use magnetic_bearing::plant::{Conditions, Motion, Plant, PlantConfig, PlantInput, PlantState, SensorConfig};
+use magnetic_bearing::machine::SPINDLE;
+use magnetic_bearing::plant::{Conditions, Motion, Plant, PlantInput, PlantState, SensorConfig};
 use nalgebra::{Complex, ComplexField, SMatrix, SVector};
 
 use crate::support::{SpindleConfig, below};
@@ -147,83 +145,6 @@ fn a_free_rotor_precesses() {
         for (position, rate) in state.position_m.into_iter().zip(rates).take(3) {
             below("the centre of gravity moves uniformly", (position - rate * state.time_s).abs(), 1e-15);
         }
-    }
-}
-
-/// Two equal bearings in phase carry half a rotor each, with and without contact.
-#[test]
-fn the_planar_rotor_is_the_limit_of_equal_bearings_in_phase() {
-    /// Sums of other order, and the growth of what they differ by in an unstable field over some milliseconds.
-    const ROUNDING_M: f64 = 1e-14;
-    for (drive, falls) in [(Drive::Current, false), (Drive::Voltage, false), (Drive::Current, true)] {
-        let mut one = RotorConfig::<f64, 1>::of(&PLANAR);
-        one.bearings[0].alpha_rad = [PI + 0.1, -PI / 3.0, PI / 3.0 - 0.05, 0.0, 0.0, 0.0];
-        let coil = CoilConfig { drive, leakage_h: 1e-3, ..CoilConfig::default() };
-        let touchdown = TouchdownConfig { clearance_m: 1.2e-4, friction: 0.1, ..TouchdownConfig::default() };
-        let planar = Plant::new(PlantConfig {
-            rotor: one,
-            coil: coil.clone(),
-            touchdown: [touchdown.clone()],
-            unbalance_kgm: [1e-4, 0.0],
-            unbalance_phase_rad: [0.4, 0.0],
-            velocity_m_s: [1e-3, 2e-3],
-            gravity_m_s2: [0.5, if falls { -9.81 } else { -0.2 }],
-            ..PlantConfig::default()
-        })
-        .expect("a plant");
-        let bearing = |position_m| BearingConfig { position_m, sensor_position_m: position_m, ..one.bearings[0] };
-        let [.., x] = RotorConfig::<f64, 3>::of(&SPINDLE).bearings;
-        let lambda = planar.config().lambda_nm2_a2;
-        let spindle = plant(SpindleConfig {
-            rotor: RotorConfig {
-                shaft: Shaft { m_kg: 2.0 * 6.7, transverse_kgm2: 0.1, polar_kgm2: 0.05 },
-                bearings: [bearing(-0.1), bearing(0.1), x],
-                ..RotorConfig::of(&SPINDLE)
-            },
-            lambda_nm2_a2: std::array::from_fn(|k| if k < 6 { lambda[k % 3] } else { 1e-6 }),
-            unbalance_kgm: [1e-4; 2],
-            unbalance_phase_rad: [0.4; 2],
-            unbalance_position_m: [-0.15, 0.15],
-            gravity_m_s2: [0.0, 0.5, if falls { -9.81 } else { -0.2 }, 0.0, 0.0],
-            coil,
-            touchdown: [touchdown.clone(), touchdown, TouchdownConfig::default()],
-            position_m: [0.0, 30e-6, 0.0, 0.0, 0.0],
-            velocity_m_s: [0.0, 1e-3, 2e-3, 0.0, 0.0],
-            ..SpindleConfig::default()
-        });
-        let mut one = planar.start(0.0);
-        let mut two = spindle.start(0.0);
-        let (mut touched, mut worst) = (false, 0.0_f64);
-        // Without control the rotor stays clear of the ring for some milliseconds.
-        for k in 0..if falls { 200 } else { 40 } {
-            let t = f64::from(k) * STEP_S;
-            let i: [f64; 3] =
-                std::array::from_fn(|n| if falls { 0.0 } else { 1.2 + 0.2 * (40.0 * t + n as f64).sin() });
-            let u = i.map(|i| 1.1 * i);
-            let load = [0.6, -0.4];
-            let input = PlantInput { current_a: i, voltage_v: u, perturbation_n: load, omega_rad_s: 314.0 };
-            let both = |of: [f64; 3]| std::array::from_fn(|k| if k < 6 { of[k % 3] } else { 0.0 });
-            let inputs = SpindleInput {
-                current_a: both(i),
-                voltage_v: both(u),
-                perturbation_n: [0.0, 2.0 * load[0], 2.0 * load[1], 0.0, 0.0],
-                omega_rad_s: 314.0,
-            };
-            planar.advance(&mut one, &input, t, STEP_S).expect("a step");
-            spindle.advance(&mut two, &inputs, t, STEP_S).expect("a step");
-            touched |= one.contact[0];
-            assert_eq!(two.contact, [one.contact[0], one.contact[0], false]);
-            for a in 0..2 {
-                worst = worst.max((two.position_m[1 + a] - one.position_m[a]).abs());
-            }
-            worst = worst.max(two.position_m[3].abs().max(two.position_m[4].abs()));
-            assert_eq!(two.position_m[0], 0.0);
-            for (current, wanted) in two.measured.current_a[..3].iter().zip(one.measured.current_a) {
-                below("current, A", (current - wanted).abs(), 1e-10);
-            }
-        }
-        assert_eq!(touched, falls, "contact");
-        below(&format!("{drive:?}, falling: {falls}; difference, m and rad"), worst, ROUNDING_M);
     }
 }
 

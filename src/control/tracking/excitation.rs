@@ -16,10 +16,10 @@ use std::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Tracking, TrackingConfig, TrackingState};
+use super::{TrackingConfig, TrackingState};
 use crate::bearing::coil::Drive;
-use crate::bearing::rotor::Rotor;
-use crate::invalid::{Checks, Invalid, Short};
+use crate::control::controller::Controller;
+use crate::invalid::{Checks, Short};
 use crate::machine::Machine;
 
 /// Modulation of the smallest force, or of the bias, of one group of magnets.
@@ -49,7 +49,7 @@ impl Excitation {
 }
 
 /// Checks a modulation; a sample time that is itself refused restricts no frequency.
-pub(super) fn check<const K: usize, const G: usize>(
+pub(in crate::control) fn check<const K: usize, const G: usize>(
     config: &TrackingConfig<K, G>,
     machine: &Machine,
     checks: &mut Checks,
@@ -72,27 +72,11 @@ fn wrapped(revolutions: f64) -> f64 {
     revolutions - libm::floor(revolutions)
 }
 
-impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N, K, B, G> {
-    /// Changes the modulation of the smallest force: `modulation` as a fraction of `F_0`, its frequencies in Hz.
-    ///
-    /// The phases are continuous.
-    ///
-    /// # Errors
-    /// `F0.modulation` outside 0 to 1; a frequency unless it is above 0 and at most half the sample rate. The former values
-    /// then remain.
-    pub(in crate::control) fn retune(&mut self, modulation: f64, modulation_hz: [f64; G]) -> Result<(), Vec<Invalid>> {
-        let mut checks = Checks::default();
-        let config = TrackingConfig { modulation, modulation_hz, ..self.config.clone() };
-        check(&config, Rotor::<N, K, B>::MACHINE, &mut checks);
-        checks.finish()?;
-        self.config = config;
-        Ok(())
-    }
-
+impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<N, K, B, G> {
     /// `1 + a sin 2πφ` in group g for the force commanded at this sample.
     pub(super) fn modulate(&self, state: &mut TrackingState<N, K, G>, g: usize) -> f64 {
-        let TrackingConfig { modulation, step_s, .. } = self.config;
-        let frequency_hz = self.config.modulation_hz[g];
+        let TrackingConfig { modulation, step_s, .. } = self.config.law;
+        let frequency_hz = self.config.law.modulation_hz[g];
         let samples = state.samples;
         let excitation = &mut state.excitation[g];
         // Count × step, so that φ does not drift.
@@ -114,7 +98,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N,
 
     /// The modulation before the first sample.
     pub(super) fn excitation_at_start(&self) -> [Excitation; G] {
-        self.config.modulation_hz.map(|frequency_hz| Excitation {
+        self.config.law.modulation_hz.map(|frequency_hz| Excitation {
             factor: 1.0,
             base_rev: self.first_phase_rev(frequency_hz),
             base_sample: 0,
@@ -130,10 +114,10 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N,
     /// Time from a sample to the instant for which its force is computed, in s: the middle of held currents, the end of
     /// voltages.
     fn ahead_s(&self) -> f64 {
-        let samples = match self.config.coil.drive {
+        let samples = match self.config.law.coil.drive {
             Drive::Current => 1.5,
             Drive::Voltage => 2.0,
         };
-        samples * self.config.step_s
+        samples * self.config.law.step_s
     }
 }

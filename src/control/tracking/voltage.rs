@@ -19,9 +19,10 @@
 //! No integrator can wind up when the amplifiers saturate: the integral action of the loop is the perturbation observer, which
 //! uses the forces of the currents that flow, not the commanded ones.
 
-use super::{Command, Course, Measured, Tracking, TrackingState};
+use super::{Course, TrackingState};
 use crate::bearing::coil::CoilConfig;
 use crate::bearing::magnet;
+use crate::control::controller::{Controller, ControllerInput, ControllerOutput};
 use crate::control::observer::{Estimate, pole};
 
 /// `[k_0, k_1, k_2]`, in 1/s², 1/s and 1, that put the poles of the double integrator with an input that is linear between
@@ -33,26 +34,27 @@ pub fn ramp_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 3] {
     [q * q / (step_s * step_s), 2.0 * q / step_s, q - q * q / 6.0]
 }
 
-impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N, K, B, G> {
+impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<N, K, B, G> {
     /// Voltages to hold over the sample time that begins at the next sample; the currents and gaps are those of this sample.
     #[inline]
     pub(super) fn voltages(
         &self,
         state: &mut TrackingState<N, K, G>,
         estimate: &[Estimate; N],
-        measured: &Measured<N, K>,
+        measured: &ControllerInput<N, K>,
         gap_m: [f64; K],
         level: [f64; G],
         [_, begin, end]: &Course<N>,
-    ) -> Command<N, K> {
+    ) -> ControllerOutput<N, K> {
         let m = self.inertia;
-        let step_s = self.config.step_s;
-        let CoilConfig { resistance_ohm, limit_v, .. } = self.config.coil;
+        let step_s = self.config.law.step_s;
+        let CoilConfig { resistance_ohm, limit_v, .. } = self.config.law.coil;
         let geometry = self.rotor.geometry();
         let gyroscopic = |rates| self.gyroscopic(measured.omega_rad_s, rates);
         let current_a = measured.current_a;
         let lambda = state.lambda_nm2_a2;
-        let inductance = |k: usize, gap_m: f64| self.config.coil.of(lambda[k], geometry.gap_m[k]).inductance_h(gap_m);
+        let inductance =
+            |k: usize, gap_m: f64| self.config.law.coil.of(lambda[k], geometry.gap_m[k]).inductance_h(gap_m);
         let to_acceleration =
             |force: [f64; N], moment: [f64; N]| -> [f64; N] { std::array::from_fn(|a| (force[a] + moment[a]) / m[a]) };
 
@@ -105,13 +107,13 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Tracking<N,
         state.voltage_v = voltage_v;
         state.planned_a = reference_a;
         state.asked_n = wanted_n;
-        Command {
+        ControllerOutput {
             current_a: reference_a,
             voltage_v,
-            force,
-            perturbation: [0.0; N],
+            force_n: force,
             saturated: last_gap_m != predicted_m,
             limited: voltage_v != wanted_v,
+            ..ControllerOutput::default()
         }
     }
 }
