@@ -3,22 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
-/// A parameter value that is refused.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Invalid {
-    /// Name of the parameter as in the interface, for instance `coil.R` or `alpha[2]`.
-    pub name: Cow<'static, str>,
-    /// The refused value as text, with its unit if it has one.
-    pub value: String,
-    /// The expected value, with the reason where it is not obvious.
-    pub wanted: Cow<'static, str>,
-}
-
-impl fmt::Display for Invalid {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} = {} is refused: expected {}", self.name, self.value, self.wanted)
-    }
-}
+pub use crate::variables::Invalid;
 
 /// A computed number in a message, with five significant digits at most.
 pub struct Short(pub f64);

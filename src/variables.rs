@@ -4,9 +4,12 @@
 //! items; both are explained in the documentation of fmu-export. Neither says anything about FMI, so that the equations can use
 //! them; tables of variables are made of them in `fmu`.
 
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
 pub use fmu_export::unit;
 pub use fmu_export::unit::{Display, Unit};
-pub use fmu_export::{Choice, Variables, is_finite};
+pub use fmu_export::{Choice, Invalid, Variables, is_finite};
 
 /// Force constant λ of a magnet.
 pub const LAMBDA: Unit =
@@ -25,3 +28,8 @@ pub fn numbers<V: Variables + Default>(prefix: &str, of: &V, context: &V::Contex
         rows.iter().filter_map(|row| Some((format!("{prefix}{}", row.variable.name), row.number(of)?, row.unit()?)));
     number.map(|(name, value, unit)| (name, value, if unit == unit::ONE { "" } else { unit.name })).collect()
 }
+
+/// What can be written and read. An array of any length is, but serde does not know it of all: `#[serde(bound = "[f64; N]: Saved")]`.
+pub trait Saved: Serialize + DeserializeOwned {}
+
+impl<T: Serialize + DeserializeOwned> Saved for T {}

@@ -15,7 +15,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::scalar::Scalar;
+use crate::bearing::scalar::{Scalar, joined};
 use crate::invalid::{Checks, Short};
 use crate::variables::unit::{HENRY, OHM, VOLT, WEBER};
 use crate::variables::{Choice, Variables};
@@ -109,13 +109,7 @@ impl CoilConfig {
 impl<T: Scalar> CoilConfig<T> {
     /// Combines these parameters with others, number by number.
     pub fn with<U: Scalar, V>(&self, other: &CoilConfig<U>, join: impl Fn(T, U) -> V) -> CoilConfig<V> {
-        CoilConfig {
-            drive: self.drive,
-            resistance_ohm: join(self.resistance_ohm, other.resistance_ohm),
-            leakage_h: join(self.leakage_h, other.leakage_h),
-            limit_v: join(self.limit_v, other.limit_v),
-            saturation_wb: join(self.saturation_wb, other.saturation_wb),
-        }
+        joined!(self, other, join, CoilConfig { resistance_ohm, leakage_h, limit_v, saturation_wb;; drive: self.drive })
     }
 
     /// The coil of one magnet with its λ in N·m²/A² and the nominal gap in m.

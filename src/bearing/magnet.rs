@@ -251,21 +251,21 @@ impl Magnets {
     /// this is P(5) with its signs corrected (see the module). No force falls below `f0_n`, not even by rounding.
     #[inline]
     pub fn allocate(&self, force_n: [f64; 2], f0_n: &[f64], forces_n: &mut [f64]) {
-        if let Some(rows) = self.pairs {
+        if let Some(rows) = &self.pairs {
             let (towards, away) = forces_n.split_at_mut(forces_n.len() / 2);
             for (((towards, away), row), f0) in towards.iter_mut().zip(away).zip(rows).zip(f0_n) {
-                let f = dot(row, force_n);
+                let f = dot(*row, force_n);
                 (*towards, *away) = (f0 + f.max(0.0), f0 + (-f).max(0.0));
             }
             return;
         }
         let f0_n = f0_n.iter().copied().fold(f64::INFINITY, f64::min);
         let mut c = f64::NEG_INFINITY;
-        for ((f_k, row), n_k) in forces_n.iter_mut().zip(self.inverse).zip(self.null) {
-            *f_k = dot(row, force_n);
+        for ((f_k, row), n_k) in forces_n.iter_mut().zip(&self.inverse).zip(&self.null) {
+            *f_k = dot(*row, force_n);
             c = c.max((f0_n - *f_k) / n_k);
         }
-        for (f_k, n_k) in forces_n.iter_mut().zip(self.null) {
+        for (f_k, n_k) in forces_n.iter_mut().zip(&self.null) {
             *f_k = (*f_k + c * n_k).max(f0_n);
         }
     }

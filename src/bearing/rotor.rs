@@ -19,8 +19,8 @@ use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::{self, Shaft};
 use crate::invalid::{Checks, Invalid};
 use crate::machine::{Bearing, Machine};
-use crate::variables::Variables;
 use crate::variables::unit::{METRE, RADIAN};
+use crate::variables::{Saved, Variables};
 
 /// The least distance along the shaft between two bearings, and between their sensors, in m.
 ///
@@ -57,10 +57,7 @@ pub struct BearingConfig<T = f64> {
 /// Rotor and bearings of a machine.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Machine)]
-#[serde(bound(
-    serialize = "T: Serialize, [BearingConfig<T>; B]: Serialize",
-    deserialize = "T: Deserialize<'de>, [BearingConfig<T>; B]: Deserialize<'de>"
-))]
+#[serde(bound = "T: Saved, [BearingConfig<T>; B]: Saved")]
 pub struct RotorConfig<T = f64, const B: usize = 1> {
     /// Inertia.
     #[nested(prefix = "")]

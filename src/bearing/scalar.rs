@@ -75,3 +75,19 @@ impl Scalar for f64 {
         libm::hypot(self, other)
     }
 }
+
+/// A structure made of two others: scalars and arrays combined number by number, then all other fields as given.
+macro_rules! joined {
+    ($own:expr, $other:expr, $join:expr, $type:ident {
+        $($scalar:ident),*; $($list:ident),*; $($rest:ident: $value:expr),*
+    }) => {{
+        let (own, other, join) = ($own, $other, $join);
+        $type {
+            $($scalar: join(own.$scalar, other.$scalar),)*
+            $($list: std::array::from_fn(|k| join(own.$list[k], other.$list[k])),)*
+            $($rest: $value,)*
+        }
+    }};
+}
+
+pub(crate) use joined;

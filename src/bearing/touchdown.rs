@@ -15,7 +15,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::scalar::Scalar;
+use crate::bearing::scalar::{Scalar, joined};
 use crate::invalid::Checks;
 use crate::machine::Bearing;
 use crate::variables::Variables;
@@ -100,13 +100,7 @@ impl TouchdownConfig {
 impl<T: Scalar> TouchdownConfig<T> {
     /// Combines these parameters with others, number by number.
     pub fn with<U: Scalar, V>(&self, other: &TouchdownConfig<U>, join: impl Fn(T, U) -> V) -> TouchdownConfig<V> {
-        TouchdownConfig {
-            clearance_m: join(self.clearance_m, other.clearance_m),
-            stiffness_n_m: join(self.stiffness_n_m, other.stiffness_n_m),
-            damping_ns_m: join(self.damping_ns_m, other.damping_ns_m),
-            friction: join(self.friction, other.friction),
-            radius_m: join(self.radius_m, other.radius_m),
-        }
+        joined!(self, other, join, TouchdownConfig { clearance_m, stiffness_n_m, damping_ns_m, friction, radius_m;; })
     }
 
     /// The normal force N, in N; meaningless unless [`touches`](TouchdownConfig::touches).

@@ -19,18 +19,12 @@ use crate::control::tracking::{TrackingConfig, TrackingState, excitation};
 use crate::invalid::{Checks, Invalid};
 use crate::machine::Machine;
 use crate::variables::unit::{AMPERE, METRE, NEWTON, NEWTON_METRE, RADIAN_PER_SECOND, VOLT};
-use crate::variables::{LAMBDA, OMEGA_RAD_S, Variables};
+use crate::variables::{LAMBDA, OMEGA_RAD_S, Saved, Variables};
 
 /// Configuration of the controller of a machine with N coordinates, K magnets in G groups, and B bearings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
-#[serde(
-    default,
-    bound(
-        serialize = "RotorConfig<f64, B>: Serialize, TrackingConfig<K, G>: Serialize, ReferenceConfig<B>: Serialize",
-        deserialize = "RotorConfig<f64, B>: Deserialize<'de>, TrackingConfig<K, G>: Deserialize<'de>, ReferenceConfig<B>: Deserialize<'de>"
-    )
-)]
+#[serde(default, bound = "RotorConfig<f64, B>: Saved, TrackingConfig<K, G>: Saved, ReferenceConfig<B>: Saved")]
 pub struct ControllerConfigOf<const N: usize, const K: usize, const B: usize, const G: usize> {
     /// Rotor and bearings as the controller knows them. With `J_p` = 0 it compensates no gyroscopic moments.
     #[nested(prefix = "")]
@@ -72,10 +66,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Default for
 /// Inputs of the controller at a sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
-#[serde(bound(
-    serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
-    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
-))]
+#[serde(bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct ControllerInput<const N: usize = 2, const K: usize = 3> {
     /// Angular velocity on the reference, in rad/s; of a shaft that tilts also that of the gyroscopic moments.
     #[parameter(
@@ -123,10 +114,7 @@ impl<const N: usize, const K: usize> Default for ControllerInput<N, K> {
 /// Outputs of the controller at a sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
-#[serde(bound(
-    serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
-    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
-))]
+#[serde(bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct ControllerOutput<const N: usize = 2, const K: usize = 3> {
     /// Current reference of {magnet}; with drive = voltage for the end of the sample
     #[output(names = context.of_magnets("i"), discrete, unit = AMPERE)]
@@ -198,10 +186,7 @@ impl<const N: usize, const K: usize> Default for ControllerOutput<N, K> {
 
 /// State of a [`Controller`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(bound(
-    serialize = "ReferenceState<N>: Serialize, TrackingState<N, K, G>: Serialize",
-    deserialize = "ReferenceState<N>: Deserialize<'de>, TrackingState<N, K, G>: Deserialize<'de>"
-))]
+#[serde(bound = "ReferenceState<N>: Saved, TrackingState<N, K, G>: Saved")]
 pub struct ControllerState<const N: usize = 2, const K: usize = 3, const G: usize = 1> {
     law: TrackingState<N, K, G>,
     reference: ReferenceState<N>,

@@ -35,7 +35,7 @@ use crate::control::observer::{Signal, SignalObserver};
 use crate::invalid::{Checks, Invalid, Short};
 use crate::machine::{Bearing, Machine};
 use crate::variables::unit::{HERTZ, METRE, RADIAN, RADIAN_PER_SECOND, SECOND};
-use crate::variables::{Choice, Variables};
+use crate::variables::{Choice, Saved, Variables};
 
 /// The most lobes of a curve; no sample time in use resolves more.
 pub const MOST_LOBES: i32 = 1000;
@@ -159,7 +159,7 @@ impl PathConfig {
 /// The reference trajectory of a rotor in B bearings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
-#[serde(bound(serialize = "[PathConfig; B]: Serialize", deserialize = "[PathConfig; B]: Deserialize<'de>"))]
+#[serde(bound = "[PathConfig; B]: Saved")]
 pub struct ReferenceConfig<const B: usize = 1> {
     /// Shape of the reference trajectory
     #[parameter(name = "reference.shape", count = context.if_single(1))]
@@ -360,10 +360,7 @@ impl Turning {
 
 /// State of a [`Reference`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(bound(
-    serialize = "[f64; N]: Serialize, [Signal; N]: Serialize",
-    deserialize = "[f64; N]: Deserialize<'de>, [Signal; N]: Deserialize<'de>"
-))]
+#[serde(bound = "[f64; N]: Saved, [Signal; N]: Saved")]
 pub struct ReferenceState<const N: usize> {
     /// θ.
     turning: Turning,
@@ -417,8 +414,11 @@ impl<const N: usize, const B: usize> Reference<N, B> {
                     checks.not_negative(along_first("reference.r", bearing), path.r_y_m, "m");
                     checks.not_negative("reference.rZ", path.r_z_m, "m");
                     checks.finite("reference.phase", path.phase_rad, "rad");
-                    if machine.tilts() {
-                        check_ellipse_reach(path, 0.0, bearing, magnets, checks);
+                    match config.shape {
+                        Shape::External => (),
+                        Shape::Fourier => check_contour_reach(&config.contour, bearing, magnets, checks),
+                        Shape::Ellipse => check_ellipse_reach(path, 0.0, bearing, magnets, checks),
+                        Shape::Lobes => check_ellipse_reach(path, config.lobe_amplitude_m, bearing, magnets, checks),
                     }
                 }
                 _ => check_sine(path, step_s, magnets, checks),
@@ -432,13 +432,9 @@ impl<const N: usize, const B: usize> Reference<N, B> {
         );
         checks.finite("reference.lobeAmplitude", config.lobe_amplitude_m, "m");
         config.transition.check(checks);
-        let (first, first_magnets) = (&machine.bearings[0], &rotor.bearings()[0]);
-        check_contour(&config.contour, first, checks);
+        check_contour(&config.contour, &machine.bearings[0], checks);
         checks.finite("reference.omega", config.omega_rad_s, "rad/s");
         checks.positive("bandwidth.reference", config.bandwidth_rad_s, "rad/s");
-        if !machine.tilts() {
-            check_reach(&config, first, first_magnets, checks);
-        }
         let external = config.shape == Shape::External;
         let observer = external.then(|| SignalObserver::new(config.bandwidth_rad_s, step_s));
         let wave = |part: usize| {
@@ -565,17 +561,6 @@ impl<const B: usize> ReferenceConfig<B> {
             },
         ]
     }
-}
-
-/// Refuses a curve in one bearing that may touch a magnet.
-fn check_reach<const B: usize>(config: &ReferenceConfig<B>, bearing: &Bearing, magnets: &Magnets, checks: &mut Checks) {
-    let lobes_m = match config.shape {
-        Shape::External => return,
-        Shape::Fourier => return check_contour_reach(&config.contour, bearing, magnets, checks),
-        Shape::Ellipse => 0.0,
-        Shape::Lobes => config.lobe_amplitude_m,
-    };
-    check_ellipse_reach(&config.paths[0], lobes_m, bearing, magnets, checks);
 }
 
 /// Refuses an ellipse with lobes that may touch a magnet.

@@ -53,7 +53,7 @@ use crate::invalid::Checks;
 use crate::machine::Machine;
 use crate::plant::check_step;
 use crate::variables::unit::{AMPERE, HERTZ, NEWTON, ONE, RADIAN_PER_SECOND, SECOND};
-use crate::variables::{Choice, LAMBDA, Variables};
+use crate::variables::{Choice, LAMBDA, Saved, Variables};
 
 /// Time constant, in s, with which the smallest force returns to `F_0` after a change of λ.
 pub const PRELOAD_S: f64 = 0.01;
@@ -99,10 +99,7 @@ pub enum Allocation {
 /// Configuration of the control law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
-#[serde(bound(
-    serialize = "[f64; K]: Serialize, [f64; G]: Serialize",
-    deserialize = "[f64; K]: Deserialize<'de>, [f64; G]: Deserialize<'de>"
-))]
+#[serde(bound = "[f64; K]: Saved, [f64; G]: Saved")]
 pub struct TrackingConfig<const K: usize, const G: usize> {
     /// Sample time; samples are taken at the start time plus whole multiples of it
     #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
@@ -176,10 +173,7 @@ pub type Course<const N: usize> = [[RefPoint; N]; 3];
 
 /// State of a [`Tracking`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(bound(
-    serialize = "[Estimate; N]: Serialize, [f64; K]: Serialize, [f64; G]: Serialize, [Excitation; G]: Serialize",
-    deserialize = "[Estimate; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>, [f64; G]: Deserialize<'de>, [Excitation; G]: Deserialize<'de>"
-))]
+#[serde(bound = "[Estimate; N]: Saved, [f64; K]: Saved, [f64; G]: Saved, [Excitation; G]: Saved")]
 pub struct TrackingState<const N: usize, const K: usize, const G: usize> {
     /// Number of samples taken.
     pub samples: u64,

@@ -1,9 +1,8 @@
 //! Properties that the models of this project share.
 
+use fmu_export::Info;
 use fmu_export::variable::{Causality, Row};
-use fmu_export::{Info, Invalid};
 
-use crate::invalid;
 use crate::machine::Machine;
 
 /// Shared by all models: version, licence, the paper's experiment of 0.4 s in steps of 0.1 ms.
@@ -33,10 +32,4 @@ pub(super) fn sampled<D>(rows: Vec<Row<D>>, machine: &Machine) -> Vec<Row<D>> {
     let is_output = |row: &Row<D>| row.variable.causality == Causality::Output;
     let rows = rows.into_iter().map(|row| if is_output(&row) { row.starts_from_parameters() } else { row });
     described(rows, machine)
-}
-
-/// The findings of the equations in the type of the interface.
-pub(super) fn refused(findings: Vec<invalid::Invalid>) -> Vec<Invalid> {
-    let findings = findings.into_iter();
-    findings.map(|invalid::Invalid { name, value, wanted }| Invalid { name, value, wanted }).collect()
 }

@@ -1,31 +1,24 @@
 //! `FlatnessController`, `SpindleController` and those of the other machines: reference, tracking law, perturbation observers, force
 //! allocation and current loop.
 
-use std::fmt;
-
 use fmu_export::log::{Digits, Log, Topic};
 use fmu_export::variable::Row;
 use fmu_export::variable::{Table, Value};
 use fmu_export::{Info, Invalid, Resources, SampledModel, StepError};
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::common::{info, refused, sampled};
+use super::common::{info, sampled};
 use crate::bearing::rotor::Rotor;
 use crate::control::controller::{
     Controller, ControllerConfig, ControllerConfigOf, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
 };
 use crate::machine::Machine;
-use crate::variables::Variables;
+use crate::variables::{Saved, Variables};
 
 /// The values of all variables of a controller.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
-#[serde(bound(
-    serialize = "ControllerConfigOf<N, K, B, G>: Serialize, ControllerInput<N, K>: Serialize, ControllerOutput<N, K>: Serialize",
-    deserialize = "ControllerConfigOf<N, K, B, G>: Deserialize<'de>, ControllerInput<N, K>: Deserialize<'de>, \
-                   ControllerOutput<N, K>: Deserialize<'de>"
-))]
+#[serde(bound = "ControllerConfigOf<N, K, B, G>: Saved, ControllerInput<N, K>: Saved, ControllerOutput<N, K>: Saved")]
 pub struct Values<const N: usize, const K: usize, const B: usize, const G: usize> {
     #[nested(prefix = "")]
     config: ControllerConfigOf<N, K, B, G>,
@@ -51,23 +44,12 @@ pub fn configuration(settings: &[(usize, Value)]) -> ControllerConfig {
 
 /// Logs that force constants have been replaced.
 fn log_update<const K: usize>(log: &mut dyn Log, instant_s: f64, used: &[f64; K], now: &[f64; K]) {
-    let (at_s, used, now) = (Digits::<9>(instant_s), List(used), List(now));
+    let list = |values: &[f64; K]| values.map(|value| Digits::<6>(value).to_string()).join(", ");
+    let (at_s, used, now) = (Digits::<9>(instant_s), list(used), list(now));
     log.message(
         Topic::Event,
-        format_args!("at {at_s} s the force constants {used} N.m2/A2 are replaced by {now} N.m2/A2"),
+        format_args!("at {at_s} s the force constants ({used}) N.m2/A2 are replaced by ({now}) N.m2/A2"),
     );
-}
-
-/// Numbers with six digits, for messages.
-struct List<'a>(&'a [f64]);
-
-impl fmt::Display for List<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (k, value) in self.0.iter().enumerate() {
-            write!(f, "{}{}", if k == 0 { "(" } else { ", " }, Digits::<6>(*value))?;
-        }
-        write!(f, ")")
-    }
 }
 
 /// The model of a controller of a machine with N coordinates, K magnets in G groups, and B bearings.
@@ -77,8 +59,8 @@ pub struct ControllerModel<const N: usize, const K: usize, const B: usize, const
 impl<const N: usize, const K: usize, const B: usize, const G: usize> SampledModel for ControllerModel<N, K, B, G>
 where
     // True of every length that is used; serde does not know it of all.
-    Values<N, K, B, G>: Serialize + DeserializeOwned,
-    ControllerState<N, K, G>: Serialize + DeserializeOwned + Send + Sync + 'static,
+    Values<N, K, B, G>: Saved,
+    ControllerState<N, K, G>: Saved + Send + Sync + 'static,
 {
     const INFO: Info = info(&Rotor::<N, K, B>::MACHINE.models[1]);
     type Values = Values<N, K, B, G>;
@@ -89,7 +71,7 @@ where
     }
 
     fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
-        Controller::new(config(values)).map(Self).map_err(refused)
+        Controller::new(config(values)).map(Self)
     }
 
     fn period_s(&self) -> f64 {
@@ -119,7 +101,7 @@ where
 
     fn retune(&mut self, _: &mut Self::State, values: &Self::Values, _: &Resources) -> Result<(), Vec<Invalid>> {
         let law = &values.config.law;
-        self.0.retune(law.modulation, law.modulation_hz).map_err(refused)
+        self.0.retune(law.modulation, law.modulation_hz)
     }
 
     fn accepts(&self, state: &Self::State) -> Result<(), String> {

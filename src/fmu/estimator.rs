@@ -6,7 +6,7 @@ use fmu_export::{Info, Invalid, Resources, SampledModel, StepError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::common::{info, refused, sampled};
+use super::common::{info, sampled};
 use crate::estimation::spindle::SpindleEstimatorConfigOf;
 use crate::estimation::{
     Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, EstimatorParameters, Method,
@@ -90,7 +90,7 @@ where
     }
 
     fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
-        Estimator::new(values.config.clone()).map(Self).map_err(refused)
+        Estimator::new(values.config.clone()).map(Self)
     }
 
     fn period_s(&self) -> f64 {

@@ -6,10 +6,9 @@ use fmu_export::log::Log;
 use fmu_export::variable::Dependency::Constant;
 use fmu_export::variable::{Causality, Row, Table, Value, Variability};
 use fmu_export::{Capabilities, Info, Invalid, Model, Resources, Step, StepError};
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::common::{described, info, refused};
+use super::common::{described, info};
 use super::dependencies::{dependent, feedthrough};
 use crate::bearing::rotor::Rotor;
 use crate::machine::{Coordinate, Machine};
@@ -19,19 +18,15 @@ use crate::plant::{
     self, AtBearing, Conditions, Equations, INSTANT_TOLERANCE, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput,
     PlantState,
 };
-use crate::variables::Variables;
 use crate::variables::unit::{AMPERE, METRE, METRE_PER_SECOND, RADIAN, RADIAN_PER_SECOND};
+use crate::variables::{Saved, Variables};
 
 /// The values of all variables of a plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
-#[serde(bound(
-    serialize = "PlantConfigOf<f64, N, K, B>: Serialize, PlantInput<f64, N, K>: Serialize, PlantOutput<f64, N, K>: Serialize, \
-                 [AtBearing; B]: Serialize, [bool; B]: Serialize, [bool; K]: Serialize, [f64; N]: Serialize, [f64; K]: Serialize",
-    deserialize = "PlantConfigOf<f64, N, K, B>: Deserialize<'de>, PlantInput<f64, N, K>: Deserialize<'de>, \
-                   PlantOutput<f64, N, K>: Deserialize<'de>, [AtBearing; B]: Deserialize<'de>, [bool; B]: Deserialize<'de>, \
-                   [bool; K]: Deserialize<'de>, [f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
-))]
+#[serde(
+    bound = "PlantConfigOf<f64, N, K, B>: Saved, PlantInput<f64, N, K>: Saved, PlantOutput<f64, N, K>: Saved, [AtBearing; B]: Saved, [bool; B]: Saved, [bool; K]: Saved, [f64; N]: Saved, [f64; K]: Saved"
+)]
 pub struct Values<const N: usize, const K: usize, const B: usize> {
     #[nested(prefix = "")]
     config: PlantConfigOf<f64, N, K, B>,
@@ -44,10 +39,7 @@ pub struct Values<const N: usize, const K: usize, const B: usize> {
         names = context.of_coordinates(|coordinate| coordinate.position),
         description = context.coordinates[index].position.1,
         unit = context.either(index, METRE, RADIAN), nominal = context.either(index, 1e-5, 1e-4), state,
-        with = |row| {
-            let name = row.variable.name.clone();
-            row.starts_from([format!("{name}0")]).depends(Constant, [name])
-        }
+        with = a_state
     )]
     position_m: [f64; N],
     #[nested(
@@ -81,10 +73,7 @@ pub struct Values<const N: usize, const K: usize, const B: usize> {
         description = context.coordinates[index].rate.1,
         unit = context.either(index, METRE_PER_SECOND, RADIAN_PER_SECOND), nominal = context.either(index, 1e-2, 0.1), state,
         derivative_of = context.coordinates[index].position.0,
-        with = |row| {
-            let name = row.variable.name.clone();
-            row.starts_from([format!("{name}0")]).depends(Constant, [name])
-        }
+        with = a_state
     )]
     velocity_m_s: [f64; N],
     /// Unwrapped rotor angle
@@ -117,6 +106,12 @@ impl<const N: usize, const K: usize, const B: usize> Default for Values<N, K, B>
             omega_rad_s: 0.0,
         }
     }
+}
+
+/// A state, with its start among the parameters.
+fn a_state(row: Row<()>) -> Row<()> {
+    let name = row.variable.name.clone();
+    row.starts_from([format!("{name}0")]).depends(Constant, [name])
 }
 
 /// The table of a plant.
@@ -197,8 +192,8 @@ impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
 impl<const N: usize, const K: usize, const B: usize> Model for PlantModel<N, K, B>
 where
     // True of every length that is used; serde does not know it of all.
-    Values<N, K, B>: Serialize + DeserializeOwned,
-    PlantState<N, K, B>: Serialize + DeserializeOwned,
+    Values<N, K, B>: Saved,
+    PlantState<N, K, B>: Saved,
 {
     const INFO: Info = info(&Rotor::<N, K, B>::MACHINE.models[0]);
     type Values = Values<N, K, B>;
@@ -212,7 +207,7 @@ where
     }
 
     fn new(values: &Values<N, K, B>, _: &Resources) -> Result<Self, Vec<Invalid>> {
-        Plant::new(values.config.clone()).map(Self).map_err(refused)
+        Plant::new(values.config.clone()).map(Self)
     }
 
     fn start(&self, values: &mut Values<N, K, B>, start_s: f64) -> PlantState<N, K, B> {
@@ -240,7 +235,7 @@ where
         values: &Values<N, K, B>,
         _: &Resources,
     ) -> Result<(), Vec<Invalid>> {
-        self.0.retune(&values.config).map_err(refused)?;
+        self.0.retune(&values.config)?;
         state.open = values.open;
         Ok(())
     }

@@ -8,13 +8,13 @@ use super::check_step;
 use super::sensor::SensorConfig;
 use crate::bearing::coil::{CoilConfig, Saturates};
 use crate::bearing::rotor::{BearingConfig, Rotor, RotorConfig};
-use crate::bearing::scalar::Scalar;
+use crate::bearing::scalar::{Scalar, joined};
 use crate::bearing::shaft::Shaft;
 use crate::bearing::touchdown::TouchdownConfig;
 use crate::invalid::{Checks, Short};
 use crate::machine::Machine;
 use crate::variables::unit::{METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND, SECOND};
-use crate::variables::{KILOGRAM_METRE, LAMBDA, Variables};
+use crate::variables::{KILOGRAM_METRE, LAMBDA, Saved, Variables};
 
 /// The largest number of planes with an unbalance.
 pub const PLANES: usize = 2;
@@ -22,10 +22,7 @@ pub const PLANES: usize = 2;
 /// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, with t the absolute time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Machine)]
-#[serde(bound(
-    serialize = "T: Serialize, [T; N]: Serialize",
-    deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>"
-))]
+#[serde(bound = "T: Saved, [T; N]: Saved")]
 pub struct Harmonic<T = f64, const N: usize = 2> {
     /// Amplitude of a harmonic perturbation force along {axis}
     #[parameter(names = context.of_resultant("amplitude"), tunable, unit = NEWTON)]
@@ -49,12 +46,9 @@ impl<const N: usize> Default for Harmonic<f64, N> {
 /// among them in rad; generalised forces are in N, moments among them in N·m.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Machine)]
-#[serde(bound(
-    serialize = "T: Serialize, [T; N]: Serialize, [T; K]: Serialize, RotorConfig<T, B>: Serialize, [TouchdownConfig<T>; B]: Serialize, \
-                 SensorConfig<N, K>: Serialize",
-    deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>, [T; K]: Deserialize<'de>, RotorConfig<T, B>: Deserialize<'de>, \
-                   [TouchdownConfig<T>; B]: Deserialize<'de>, SensorConfig<N, K>: Deserialize<'de>"
-))]
+#[serde(
+    bound = "T: Saved, [T; N]: Saved, [T; K]: Saved, RotorConfig<T, B>: Saved, [TouchdownConfig<T>; B]: Saved, SensorConfig<N, K>: Saved"
+)]
 pub struct PlantConfigOf<T, const N: usize, const K: usize, const B: usize> {
     /// Rotor and bearings.
     #[nested(prefix = "")]
@@ -151,20 +145,6 @@ impl<const N: usize, const K: usize, const B: usize> Default for PlantConfigOf<f
             max_step_s: 5e-5,
         }
     }
-}
-
-/// A structure made of two others: scalars and arrays combined number by number, then all other fields as given.
-macro_rules! joined {
-    ($own:expr, $other:expr, $join:expr, $type:ident {
-        $($scalar:ident),*; $($list:ident),*; $($rest:ident: $value:expr),*
-    }) => {{
-        let (own, other, join) = ($own, $other, $join);
-        $type {
-            $($scalar: join(own.$scalar, other.$scalar),)*
-            $($list: std::array::from_fn(|k| join(own.$list[k], other.$list[k])),)*
-            $($rest: $value,)*
-        }
-    }};
 }
 
 impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T, N, K, B> {

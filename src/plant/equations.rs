@@ -6,12 +6,12 @@ use super::config::PlantConfigOf;
 use super::integration::Vector;
 use crate::bearing::coil::{Coil, CoilPoint, Drive};
 use crate::bearing::magnet::{Geometry, forces};
-use crate::bearing::scalar::Scalar;
+use crate::bearing::scalar::{Scalar, joined};
 use crate::machine::Machine;
 use crate::variables::unit::{
     AMPERE, METRE, METRE_PER_SECOND2, NEWTON, NEWTON_METRE, RADIAN_PER_SECOND, RADIAN_PER_SECOND2, VOLT, WEBER,
 };
-use crate::variables::{OMEGA_RAD_S, Variables};
+use crate::variables::{OMEGA_RAD_S, Saved, Variables};
 
 /// The states of the equations of motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,11 +27,7 @@ pub struct Motion<T = f64, const N: usize = 2, const K: usize = 3> {
 impl<T: Copy, const N: usize, const K: usize> Motion<T, N, K> {
     /// Applies `f` to the states of this motion and of another.
     pub fn with<U: Copy, V>(&self, other: &Motion<U, N, K>, f: impl Fn(T, U) -> V) -> Motion<V, N, K> {
-        Motion {
-            position_m: std::array::from_fn(|n| f(self.position_m[n], other.position_m[n])),
-            velocity_m_s: std::array::from_fn(|n| f(self.velocity_m_s[n], other.velocity_m_s[n])),
-            linkage_wb: std::array::from_fn(|k| f(self.linkage_wb[k], other.linkage_wb[k])),
-        }
+        joined!(self, other, f, Motion {; position_m, velocity_m_s, linkage_wb; })
     }
 }
 
@@ -49,10 +45,7 @@ impl<const N: usize, const K: usize> Vector for Motion<f64, N, K> {
 /// Inputs of the plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Machine)]
-#[serde(bound(
-    serialize = "T: Serialize, [T; N]: Serialize, [T; K]: Serialize",
-    deserialize = "T: Deserialize<'de>, [T; N]: Deserialize<'de>, [T; K]: Deserialize<'de>"
-))]
+#[serde(bound = "T: Saved, [T; N]: Saved, [T; K]: Saved")]
 pub struct PlantInput<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Current through {magnet}, held over the step, with drive = current
     ///
@@ -85,12 +78,7 @@ impl<T: Scalar, const N: usize, const K: usize> Default for PlantInput<T, N, K> 
 impl<T: Copy, const N: usize, const K: usize> PlantInput<T, N, K> {
     /// Applies `f` to the inputs and to others.
     pub fn with<U: Copy, V>(&self, other: &PlantInput<U, N, K>, f: impl Fn(T, U) -> V) -> PlantInput<V, N, K> {
-        PlantInput {
-            current_a: std::array::from_fn(|k| f(self.current_a[k], other.current_a[k])),
-            voltage_v: std::array::from_fn(|k| f(self.voltage_v[k], other.voltage_v[k])),
-            perturbation_n: std::array::from_fn(|n| f(self.perturbation_n[n], other.perturbation_n[n])),
-            omega_rad_s: f(self.omega_rad_s, other.omega_rad_s),
-        }
+        joined!(self, other, f, PlantInput { omega_rad_s; current_a, voltage_v, perturbation_n; })
     }
 }
 
@@ -118,10 +106,7 @@ impl<T: Scalar, const K: usize, const B: usize> Default for Conditions<T, K, B> 
 /// The outputs of the plant at an instant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Machine)]
-#[serde(bound(
-    serialize = "[T; N]: Serialize, [T; K]: Serialize",
-    deserialize = "[T; N]: Deserialize<'de>, [T; K]: Deserialize<'de>"
-))]
+#[serde(bound = "[T; N]: Saved, [T; K]: Saved")]
 pub struct PlantOutput<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Force of {magnet} on the rotor
     #[output(names = context.of_magnets("F"), unit = NEWTON, nominal = 10.0)]

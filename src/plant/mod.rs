@@ -57,6 +57,7 @@ use crate::invalid::Checks;
 use crate::invalid::Invalid;
 pub use crate::plant::sensor::SensorConfig;
 use crate::plant::sensor::{Channels, DelayLine, Sample};
+use crate::variables::Saved;
 
 pub use config::{Harmonic, PLANES, PlantConfig, PlantConfigOf};
 pub use equations::{Conditions, Equations, Motion, PlantInput, PlantOutput};
@@ -81,10 +82,7 @@ pub const SHORTEST_STEP_S: f64 = 1e-9;
 
 /// The last reading of the sensors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(bound(
-    serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
-    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
-))]
+#[serde(bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct Measured<const N: usize = 2, const K: usize = 3> {
     /// Positions, in m: (Y, Z) of the planar rotor.
     pub position_m: [f64; N],
@@ -96,12 +94,7 @@ pub struct Measured<const N: usize = 2, const K: usize = 3> {
 
 /// State of a [`Plant`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(bound(
-    serialize = "[f64; N]: Serialize, [f64; K]: Serialize, [bool; K]: Serialize, [bool; B]: Serialize, \
-                 Channels<N, K>: Serialize",
-    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>, [bool; K]: Deserialize<'de>, \
-                   [bool; B]: Deserialize<'de>, Channels<N, K>: Deserialize<'de>"
-))]
+#[serde(bound = "[f64; N]: Saved, [f64; K]: Saved, [bool; K]: Saved, [bool; B]: Saved, Channels<N, K>: Saved")]
 pub struct PlantState<const N: usize = 2, const K: usize = 3, const B: usize = 1> {
     /// Time of the state, in s.
     pub time_s: f64,

@@ -12,8 +12,8 @@ use crate::invalid::Checks;
 use crate::machine::Machine;
 use crate::plant::check_step;
 use crate::plant::noise::Noise;
-use crate::variables::Variables;
 use crate::variables::unit::{AMPERE, METRE, ONE, SECOND};
+use crate::variables::{Saved, Variables};
 
 /// The longest delay, in samples.
 pub const LONGEST_DELAY: usize = 16;
@@ -21,13 +21,7 @@ pub const LONGEST_DELAY: usize = 16;
 /// The sensors of position and current.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
-#[serde(
-    default,
-    bound(
-        serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
-        deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
-    )
-)]
+#[serde(default, bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct SensorConfig<const N: usize = 2, const K: usize = 3> {
     /// Standard deviation of the noise on {positions}
     #[parameter(name = "sensor.positionNoise", unit = METRE, min = 0.0, nominal = 1e-7)]
@@ -130,10 +124,7 @@ impl<const N: usize, const K: usize> SensorConfig<N, K> {
 
 /// The generators of the noise of all sensors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(bound(
-    serialize = "[Noise; N]: Serialize, [Noise; K]: Serialize",
-    deserialize = "[Noise; N]: Deserialize<'de>, [Noise; K]: Deserialize<'de>"
-))]
+#[serde(bound = "[Noise; N]: Saved, [Noise; K]: Saved")]
 pub struct Channels<const N: usize = 2, const K: usize = 3> {
     /// Those of the positions.
     pub position: [Noise; N],
@@ -160,10 +151,7 @@ fn rounded(value: f64, resolution: f64) -> f64 {
 
 /// Position and currents, true or as read.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(bound(
-    serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
-    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
-))]
+#[serde(bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct Sample<const N: usize = 2, const K: usize = 3> {
     /// Positions, in m: (Y, Z) of the planar rotor.
     pub position_m: [f64; N],
@@ -173,10 +161,7 @@ pub struct Sample<const N: usize = 2, const K: usize = 3> {
 
 /// Samples taken but not yet delivered (sensor delay).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(bound(
-    serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
-    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
-))]
+#[serde(bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct DelayLine<const N: usize = 2, const K: usize = 3> {
     /// Number of samples taken; sample k is taken at `start + k · T_s − delay` and delivered at `start + k · T_s`.
     pub taken: u64,

@@ -498,20 +498,6 @@ fn no_magnet_pulls_with_less_than_the_smallest_force_of_its_group() {
     holds::<5, 10, 3, 5>();
 }
 
-/// Forces and displacements at two places are what shares and determines a generalised force and the coordinates.
-#[test]
-fn two_places_determine_the_radial_coordinates() {
-    let (at_m, q) = ([-0.12, 0.15], [1e-5, 2e-5, -3e-5, 4e-4, -5e-4]);
-    let back: [f64; 5] = through(q[0], at_m, at_m.map(|at_m| displacement(at_m, q)));
-    let force = [0.0, 3.0, -7.0, 0.4, 0.9];
-    let parts = at_m.into_iter().zip(shared(at_m, force)).map(|(at_m, part)| generalised(at_m, part));
-    let sum = parts.fold([0.0; 5], |sum: [f64; 5], part: [f64; 5]| std::array::from_fn(|a| sum[a] + part[a]));
-    for a in 0..5 {
-        below("coordinate", (back[a] - q[a]).abs(), 1e-18);
-        below("force", (sum[a] - force[a]).abs(), 1e-14);
-    }
-}
-
 /// A refusal that names an input, and changes nothing.
 #[test]
 fn what_is_not_finite_is_refused_and_changes_nothing() {
@@ -590,82 +576,6 @@ fn a_rotor_beyond_the_magnets_saturates_and_says_so() {
     let output = controller.sample(&mut state, &input).expect("sample");
     assert!(output.saturated);
     assert!(output.current_a.iter().all(|i| i.is_finite() && *i > 0.0), "{:?}", output.current_a);
-}
-
-/// Names of what is refused when the default is changed like this.
-fn refused<const N: usize, const K: usize, const B: usize, const G: usize>(
-    change: impl Fn(&mut ControllerConfigOf<N, K, B, G>),
-) -> Vec<String> {
-    let mut config = ControllerConfigOf::default();
-    change(&mut config);
-    let found = Controller::new(config).expect_err("a refusal");
-    found.into_iter().map(|finding| finding.name.into_owned()).collect()
-}
-
-#[test]
-fn bad_parameters_are_refused_by_name_all_at_once() {
-    for bad in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
-        let mut found = refused(|c: &mut ControllerConfig| {
-            (c.law.step_s, c.law.tracking_rad_s, c.law.observer_rad_s) = (bad, bad, bad);
-            c.law.lambda0_nm2_a2 = [4e-6, bad, bad];
-            (c.rotor.shaft.m_kg, c.rotor.bearings[0].gap_m) = (bad, bad);
-        });
-        found.sort();
-        let wanted = ["Ts", "bandwidth.observer", "bandwidth.tracking", "lambda0[2]", "lambda0[3]", "m", "s"];
-        assert_eq!(found, wanted, "{bad}");
-    }
-    type Change<C> = fn(&mut C, f64);
-    let planar: &[(&str, &[f64], Change<ControllerConfig>)] = &[
-        ("F0", &[f64::NAN, f64::INFINITY, -1.0], |c, bad| c.law.f0_n = [bad]),
-        ("F0.modulation", &[f64::NAN, f64::INFINITY, -0.1, 1.1], |c, bad| c.law.modulation = bad),
-        ("F0.modulationFrequency", &[f64::NAN, f64::INFINITY, 0.0, -110.0, 5000.1], |c, bad| {
-            c.law.modulation_hz = [bad]
-        }),
-        ("update.time", &[f64::NAN], |c, bad| c.law.update_time_s = bad),
-        ("alpha[3]", &[0.5], |c, bad| c.rotor.bearings[0].alpha_rad[1..3].fill(bad)),
-        ("reference.rY", &[-1.0], |c, bad| c.reference.paths[0].r_y_m = bad),
-    ];
-    let always = &[f64::NAN, f64::INFINITY, -1.0];
-    let spindle: &[(&str, &[f64], Change<SpindleController>)] = &[
-        ("B.F0", always, |c, bad| c.law.f0_n[1] = bad),
-        ("X.lambda0[2]", always, |c, bad| c.law.lambda0_nm2_a2[7] = bad),
-        ("F0.modulation", always, |c, bad| c.law.modulation = bad),
-        ("X.F0.modulationFrequency", always, |c, bad| c.law.modulation_hz[2] = bad),
-        ("A.F0.modulationFrequency", &[5000.1], |c, bad| c.law.modulation_hz[0] = bad),
-        ("Ts", always, |c, bad| c.law.step_s = bad),
-        ("bandwidth.tracking", always, |c, bad| c.law.tracking_rad_s = bad),
-        ("A.reference.rY", always, |c, bad| c.reference.paths[0].r_y_m = bad),
-        ("B.reference.rZ", &[6e-4], |c, bad| c.reference.paths[1].r_z_m = bad),
-        ("B.reference.phase", &[f64::NAN], |c, bad| c.reference.paths[1].phase_rad = bad),
-        ("X.reference.amplitude", &[f64::NAN, f64::INFINITY, -1.0, 6e-4], |c, bad| {
-            c.reference.paths[2].amplitude_m = bad
-        }),
-        ("X.reference.frequency", &[f64::NAN, f64::INFINITY, -1.0, 5000.1], |c, bad| {
-            c.reference.paths[2].frequency_hz = bad
-        }),
-        ("reference.liftTime", always, |c, bad| c.reference.transition.lift_s = bad),
-        ("m", always, |c, bad| c.rotor.shaft.m_kg = bad),
-        ("X.s", always, |c, bad| c.rotor.bearings[2].gap_m = bad),
-        ("Jp", &[0.33], |c, bad| c.rotor.shaft.polar_kgm2 = bad),
-        ("B.alpha[3]", &[0.5], |c, bad| c.rotor.bearings[1].alpha_rad[1..3].fill(bad)),
-        ("B.position", &[-0.12], |c, bad| c.rotor.bearings[1].position_m = bad),
-    ];
-    for (name, values, change) in planar {
-        values.iter().for_each(|bad| assert_eq!(refused(|c| change(c, *bad)), [*name], "{bad}"));
-    }
-    for (name, values, change) in spindle {
-        values.iter().for_each(|bad| assert_eq!(refused(|c| change(c, *bad)), [*name], "{bad}"));
-    }
-    for (f0_n, modulation_hz) in [(20.0, 1e-3), (20.0, 5000.0), (0.0, 110.0)] {
-        let mut config = ControllerConfig::default();
-        (config.law.f0_n, config.law.modulation, config.law.modulation_hz) = ([f0_n], 1.0, [modulation_hz]);
-        assert!(Controller::new(config).is_ok(), "F0 = {f0_n} N at {modulation_hz} Hz is admitted");
-    }
-    // A refused retuning changes nothing.
-    let mut controller = Controller::new(SpindleController::default()).expect("a controller");
-    let found = controller.retune(0.5, [110.0, 130.0, 0.0]).expect_err("a refusal");
-    assert!(found.len() == 1 && found[0].name == "X.F0.modulationFrequency", "{found:?}");
-    assert_eq!(controller.config(), &SpindleController::default());
 }
 
 /// Both poles of the tracking at ρ, and one at 0, of the double integrator whose input is a polygon.

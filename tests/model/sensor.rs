@@ -82,34 +82,3 @@ fn a_delay_shows_what_was_there_before() {
     assert!((state.measured.position_m[1] - fine[5].0[1]).abs() < 1e-15);
     assert!((state.measured.position_m[1] - fine[8].0[1]).abs() > 1e-8, "the delay is seen");
 }
-
-#[test]
-fn bad_parameters_are_refused_by_name() {
-    let names = |sensor: SensorConfig| -> Vec<String> {
-        let found = Plant::new(PlantConfig { sensor, ..PlantConfig::default() }).expect_err("a refusal");
-        found.into_iter().map(|finding| finding.name.into_owned()).collect()
-    };
-    for bad in [f64::NAN, f64::INFINITY] {
-        let sensor = SensorConfig {
-            position_resolution_m: bad,
-            current_resolution_a: -1.0,
-            position_offset_m: [0.0, bad],
-            current_offset_a: [bad, 0.0, 0.0],
-            position_gain_error: [-1.0, 0.0],
-            current_gain_error: [0.0, 0.0, bad],
-            delay_s: bad,
-            ..SensorConfig::default()
-        };
-        let wanted = [
-            "sensor.positionResolution",
-            "sensor.currentResolution",
-            "sensor.offsetZ",
-            "sensor.currentOffset[1]",
-            "sensor.gainErrorY",
-            "sensor.currentGainError[3]",
-            "sensor.delay",
-        ];
-        assert_eq!(names(sensor), wanted, "{bad}");
-    }
-    assert_eq!(names(SensorConfig { delay_s: 1.7e-3, ..SensorConfig::default() }), ["sensor.delay"]);
-}

@@ -167,15 +167,3 @@ fn a_backward_whirl_comes_to_an_end() {
         assert!(largest < 4.6e-4, "{friction}: {largest} m");
     }
 }
-
-#[test]
-fn bad_parameters_are_refused_by_name() {
-    for bad in [f64::NAN, -1.0, f64::INFINITY] {
-        let ring =
-            TouchdownConfig { clearance_m: bad, stiffness_n_m: bad, damping_ns_m: bad, friction: bad, radius_m: bad };
-        let found = Plant::new(falling(ring)).expect_err("a refusal");
-        let names: Vec<_> = found.iter().map(|finding| finding.name.as_ref()).collect();
-        let parts = ["clearance", "stiffness", "damping", "friction", "radius"];
-        assert_eq!(names, parts.map(|part| format!("touchdown.{part}")), "{bad}");
-    }
-}
