@@ -535,14 +535,14 @@ macro_rules! in_one_bearing {
 
 /// A coordinate of a shaft: its name and description, those of its rate and acceleration, the load on it, and whether it is a tilt.
 macro_rules! of_shaft {
-    ($name:literal $about:literal, $rate:literal $acceleration:literal, $load:literal $acts:literal, $all:literal, $is_angle:literal) => {
+    ($name:literal $about:literal, $rate:literal $acceleration:literal, $load:literal $acts:literal, $force:literal $all:literal, $is_angle:literal) => {
         Coordinate {
             position: ($name, $about),
             rate: ($rate, concat!("Derivative of ", $name)),
             acceleration: ($acceleration, concat!("Derivative of ", $rate)),
             load: ($load, $acts),
             perturbation: (
-                concat!("perturbation.", $load),
+                concat!("perturbation.", $force),
                 concat!($all, " except those of magnets and backup bearings"),
             ),
             is_angle: $is_angle,
@@ -559,15 +559,15 @@ const ALONG_AXIS: [Coordinate; 1] = [in_one_bearing!("X" "x")];
 /// The coordinates of a shaft that tilts; the first one is left out if something else holds it along its axis.
 const OF_SHAFT: [Coordinate; 5] = [
     of_shaft!("X" "Position of the centre of gravity along the shaft", "vX" "aX", "pX" "Load on the rotor along the shaft",
-        "All forces on the rotor along the shaft", false),
+        "X" "All forces on the rotor along the shaft", false),
     of_shaft!("Y" "Position of the centre of gravity along y", "vY" "aY", "pY" "Load on the rotor along y at the centre of gravity",
-        "All forces on the rotor along y", false),
+        "Y" "All forces on the rotor along y", false),
     of_shaft!("Z" "Position of the centre of gravity along z", "vZ" "aZ", "pZ" "Load on the rotor along z at the centre of gravity",
-        "All forces on the rotor along z", false),
+        "Z" "All forces on the rotor along z", false),
     of_shaft!("beta" "Tilt of the rotor about y", "betaRate" "betaAcceleration", "MY" "Load moment on the rotor about y",
-        "All moments on the rotor about y", true),
+        "MY" "All moments on the rotor about y", true),
     of_shaft!("gamma" "Tilt of the rotor about z", "gammaRate" "gammaAcceleration", "MZ" "Load moment on the rotor about z",
-        "All moments on the rotor about z", true),
+        "MZ" "All moments on the rotor about z", true),
 ];
 
 /// The planar rotor of the paper.

@@ -501,6 +501,10 @@ fn names_of(prefix: &str, names: &Names, indices: &[Vec<usize>], count: Option<u
     (0..made).map(name).collect()
 }
 
+/// Passes the context of each structure of an array by its index.
+#[doc(hidden)]
+pub type EachContext<'c, C> = dyn Fn(usize, &mut dyn FnMut(&C)) + 'c;
+
 /// A field that is a structure of variables, or an array of them.
 #[doc(hidden)]
 #[diagnostic::on_unimplemented(
@@ -515,7 +519,7 @@ pub trait Nested<Kind>: Sized + 'static {
     fn describe(
         &self,
         at: &At,
-        context: &dyn Fn(usize, &mut dyn FnMut(&Self::Context)),
+        context: &EachContext<'_, Self::Context>,
         prefixes: Option<Vec<String>>,
         count: Option<usize>,
         rows: &mut Vec<Row<()>>,
@@ -538,7 +542,7 @@ impl<V: Variables> Nested<One> for V {
     fn describe(
         &self,
         at: &At,
-        context: &dyn Fn(usize, &mut dyn FnMut(&V::Context)),
+        context: &EachContext<'_, V::Context>,
         prefixes: Option<Vec<String>>,
         count: Option<usize>,
         rows: &mut Vec<Row<()>>,
@@ -566,7 +570,7 @@ impl<A: List<Item: Variables>> Nested<Many> for A {
     fn describe(
         &self,
         at: &At,
-        context: &dyn Fn(usize, &mut dyn FnMut(&Self::Context)),
+        context: &EachContext<'_, Self::Context>,
         prefixes: Option<Vec<String>>,
         count: Option<usize>,
         rows: &mut Vec<Row<()>>,

@@ -178,21 +178,12 @@ impl<T: Scalar, const N: usize, const K: usize> Default for PlantOutput<T, N, K>
     }
 }
 
-impl<T, const N: usize, const K: usize> PlantOutput<T, N, K> {
+impl<T: Copy, const N: usize, const K: usize> PlantOutput<T, N, K> {
     /// Applies `f` to every number.
-    pub fn map<U>(self, f: impl Fn(T) -> U) -> PlantOutput<U, N, K> {
-        PlantOutput {
-            gap_m: self.gap_m.map(&f),
-            current_a: self.current_a.map(&f),
-            linkage_wb: self.linkage_wb.map(&f),
-            energy_j: self.energy_j.map(&f),
-            force_n: self.force_n.map(&f),
-            resultant_n: self.resultant_n.map(&f),
-            perturbation_n: self.perturbation_n.map(&f),
-            induced_v: self.induced_v.map(&f),
-            contact_n: self.contact_n.map(&f),
-            acceleration_m_s2: self.acceleration_m_s2.map(&f),
-        }
+    pub fn map<U>(&self, f: impl Fn(T) -> U) -> PlantOutput<U, N, K> {
+        joined!(self, self, |value, _| f(value), PlantOutput {
+            ; gap_m, current_a, linkage_wb, energy_j, force_n, resultant_n, perturbation_n, induced_v, contact_n, acceleration_m_s2;
+        })
     }
 }
 

@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::config::PlantConfigOf;
+use super::config::{Harmonic, PlantConfigOf};
 use super::equations::{Equations, Motion, PlantInput};
 use crate::bearing::rotor::Rotor;
-use crate::bearing::scalar::Scalar;
+use crate::bearing::scalar::{Scalar, joined};
 use crate::bearing::shaft::{self, Shaft};
 use crate::machine::{Bearing, Machine};
 use crate::variables::Variables;
@@ -18,11 +18,11 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
     pub fn perturbation(&self, input: &PlantInput<T, N, K>, time_s: T, theta_rad: T) -> [T; N] {
         let mut p = input.perturbation_n;
         if !Self::MACHINE.tilts() {
-            for a in 0..N {
+            let Harmonic { amplitude_n, omega_rad_s, phase_rad } = &self.harmonic;
+            for ((p_a, amplitude), phase) in p.iter_mut().zip(amplitude_n).zip(phase_rad) {
                 // Skipped at amplitude 0, so that the common case needs no sine.
-                if !self.harmonic.amplitude_n[a].is_zero() {
-                    let angle = self.harmonic.omega_rad_s * time_s + self.harmonic.phase_rad[a];
-                    p[a] = p[a] + self.harmonic.amplitude_n[a] * angle.sine();
+                if !amplitude.is_zero() {
+                    *p_a = *p_a + *amplitude * (*omega_rad_s * time_s + *phase).sine();
                 }
             }
         }
@@ -102,7 +102,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
         // The trace of M⁻¹ K, which is above its largest eigenvalue.
         let mut field: f64 = 0.0;
         let mut rate: f64 = 0.0;
-        for b in 0..B {
+        for (b, touched) in contact.into_iter().enumerate() {
             // 1/m at the centre of gravity, more beside it: how much a force at ξ moves the shaft there.
             let at_m = self.rotor.bearings[b].position_m;
             let mobility = match Self::MACHINE.tilts() && Self::MACHINE.bearings[b].is_radial() {
@@ -116,7 +116,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
             }
             let moving = self.at_magnets(b, motion.velocity_m_s);
             rate = rate.max((moving[0] * moving[0] + moving[1] * moving[1]).sqrt() / least_m);
-            if contact[b] {
+            if touched {
                 let push_n = self.touchdown[b].push_n(self.at_magnets(b, motion.position_m), moving);
                 rate = rate.max(self.touchdown[b].rate(1.0 / mobility, push_n));
             }
@@ -162,14 +162,7 @@ pub struct AtBearing<T = f64> {
 impl<T: Copy> AtBearing<T> {
     /// Applies `f` to every number.
     pub fn map<U>(self, f: impl Fn(T) -> U) -> AtBearing<U> {
-        AtBearing {
-            y_m: f(self.y_m),
-            z_m: f(self.z_m),
-            y_n: f(self.y_n),
-            z_n: f(self.z_n),
-            touchdown_y_n: f(self.touchdown_y_n),
-            touchdown_z_n: f(self.touchdown_z_n),
-        }
+        joined!(self, self, |value, _| f(value), AtBearing { y_m, z_m, y_n, z_n, touchdown_y_n, touchdown_z_n;; })
     }
 }
 

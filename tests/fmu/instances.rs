@@ -2,7 +2,6 @@
 
 use crate::support::named::Named;
 use crate::support::{MODELS, Random, below, is_plant, says};
-use fmu_export::clock::Clock;
 use fmu_export::instance::AccessError;
 use fmu_export::variable::{Causality, Type, Value, Variability};
 use magnetic_bearing::fmu::catalogue;

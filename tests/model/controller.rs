@@ -5,10 +5,9 @@ mod update;
 
 use std::f64::consts::{PI, TAU};
 
-use crate::support::{Random, below, between};
+use crate::support::{Random, Spoil, below, between};
 use magnetic_bearing::bearing::coil::Drive;
 use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
-use magnetic_bearing::bearing::shaft::{displacement, generalised, shared, through};
 use magnetic_bearing::control::controller::{
     Controller, ControllerConfig, ControllerConfigOf, ControllerError, ControllerInput, ControllerOutput, UpdateMode,
     ramp_gains, tracking_gains,
@@ -504,7 +503,7 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
     fn holds<const N: usize, const K: usize, const B: usize, const G: usize>(
         drive: Drive,
         still: &ControllerInput<N, K>,
-        cases: &[(&str, &dyn Fn(&mut ControllerInput<N, K>, f64))],
+        cases: &[(&str, Spoil<ControllerInput<N, K>>)],
     ) {
         let mut config = ControllerConfigOf::<N, K, B, G>::default();
         config.law.coil.drive = drive;
@@ -535,20 +534,20 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
         controller.sample(&mut state, &unused).expect("sample");
         assert_eq!(state.clone(), state, "no NaN got into the state");
     }
-    let planar: [(&str, &dyn Fn(&mut ControllerInput, f64)); 3] = [
-        ("Ym", &|input, bad| input.position_m[0] = bad),
-        ("Zm", &|input, bad| input.position_m[1] = bad),
-        ("reference.omega", &|input, bad| input.omega_rad_s = bad),
+    let planar: [(&str, Spoil<ControllerInput>); 3] = [
+        ("Ym", |input, bad| input.position_m[0] = bad),
+        ("Zm", |input, bad| input.position_m[1] = bad),
+        ("reference.omega", |input, bad| input.omega_rad_s = bad),
     ];
     holds::<2, 3, 1, 1>(Drive::Current, &still(), &planar);
-    let spindle: [(&str, &dyn Fn(&mut ControllerInput<5, 8>, f64)); 7] = [
-        ("A.Ym", &|input, bad| input.position_m[0] = bad),
-        ("A.Zm", &|input, bad| input.position_m[1] = bad),
-        ("B.Ym", &|input, bad| input.position_m[2] = bad),
-        ("B.Zm", &|input, bad| input.position_m[3] = bad),
-        ("Xm", &|input, bad| input.position_m[4] = bad),
-        ("B.im[2]", &|input, bad| input.current_a[4] = bad),
-        ("reference.omega", &|input, bad| input.omega_rad_s = bad),
+    let spindle: [(&str, Spoil<ControllerInput<5, 8>>); 7] = [
+        ("A.Ym", |input, bad| input.position_m[0] = bad),
+        ("A.Zm", |input, bad| input.position_m[1] = bad),
+        ("B.Ym", |input, bad| input.position_m[2] = bad),
+        ("B.Zm", |input, bad| input.position_m[3] = bad),
+        ("Xm", |input, bad| input.position_m[4] = bad),
+        ("B.im[2]", |input, bad| input.current_a[4] = bad),
+        ("reference.omega", |input, bad| input.omega_rad_s = bad),
     ];
     holds::<5, 8, 3, 3>(Drive::Voltage, &still_spindle(), &spindle);
 

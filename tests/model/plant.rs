@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::support::{SpindleConfig, below, between};
+use crate::support::{SpindleConfig, Spoil, below, between};
 use magnetic_bearing::bearing::rotor::Rotor;
 use magnetic_bearing::plant::integration::{rk4, substeps};
 use magnetic_bearing::plant::noise::Noise;
@@ -411,7 +411,7 @@ fn a_rotor_that_leaves_the_gap_is_an_error_and_the_state_stays_finite() {
 }
 
 /// Refused inputs by name, and nothing is changed by them.
-fn refuses<const N: usize, const K: usize, const B: usize>(cases: &[(&str, fn(&mut PlantInput<f64, N, K>, f64))]) {
+fn refuses<const N: usize, const K: usize, const B: usize>(cases: &[(&str, Spoil<PlantInput<f64, N, K>>)]) {
     let plant = Plant::<N, K, B>::new(PlantConfigOf::default()).expect("plant");
     let mut state = plant.start(0.0);
     plant.advance(&mut state, &PlantInput::default(), 0.0, STEP_S).expect("advance");

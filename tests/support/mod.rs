@@ -60,6 +60,9 @@ pub fn between(what: &str, value: f64, low: f64, high: f64) {
     assert!((low..=high).contains(&value), "{what}: {value:e} is outside {low:e} to {high:e}");
 }
 
+/// Puts a bad value into an input.
+pub type Spoil<I> = fn(&mut I, f64);
+
 /// Parameters of the spindle with three magnets in each radial bearing.
 pub type SpindleConfig = magnetic_bearing::plant::PlantConfigOf<f64, 5, 8, 3>;
 
