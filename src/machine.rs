@@ -372,6 +372,12 @@ impl Machine {
         names.map(|name| if name.ends_with('.') { name + X } else { name }).collect()
     }
 
+    /// Names of the positions of the rotor along the axes of the readings.
+    pub fn positions(&self) -> Vec<String> {
+        let names = self.of_readings("").into_iter();
+        names.map(|name| if name.ends_with('.') { X.into() } else { name }).collect()
+    }
+
     /// Names of the readings.
     pub fn measured(&self) -> Vec<String> {
         self.readings.iter().map(|reading| reading.name.to_owned()).collect()

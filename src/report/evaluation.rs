@@ -2,9 +2,9 @@
 //! voltages, loads, sensitivity.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
-use crate::bearing::coil::Drive;
-use crate::machine::Reading;
+use crate::machine::{Bearing, Kind, Machine, Reading};
 use crate::report::SensitivityCurves;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
@@ -46,12 +46,49 @@ impl Stretch {
     }
 }
 
-fn largest(values: &[f64]) -> f64 {
+/// The largest magnitude.
+pub(super) fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |largest, value| f64::max(largest, value.abs()))
+}
+
+/// The largest value minus the smallest one.
+pub(super) fn peak_to_peak(values: &[f64]) -> f64 {
+    let ends =
+        values.iter().map(|value| (*value, *value)).reduce(|(low, high), (value, _)| (low.min(value), high.max(value)));
+    ends.map_or(0.0, |(low, high)| high - low)
 }
 
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Distances of a point with these coordinates from the centre.
+pub(super) fn lengths(coordinates: &[&[f64]]) -> Vec<f64> {
+    let samples = coordinates.iter().map(|values| values.len()).min().unwrap_or(0);
+    (0..samples).map(|at| coordinates.iter().map(|values| values[at] * values[at]).sum::<f64>().sqrt()).collect()
+}
+
+/// Position minus reference for each reading; if there is no reference, the controller's error, a sample late and with sensor noise.
+pub(super) fn errors(machine: &Machine, recording: &Recording) -> Vec<Option<Vec<f64>>> {
+    let get = |element: &str, name: &str| recording.get(&format!("{element}.{name}"));
+    let names = machine.positions().into_iter().zip(machine.of_references()).zip(machine.of_readings("e"));
+    let of_reading = |((position, reference), error): ((String, String), String)| match get("plant", &position)
+        .zip(get("controller", &reference))
+    {
+        Some((position, reference)) => Some(position.iter().zip(reference).map(|(is, ought)| is - ought).collect()),
+        None => get("controller", &error).map(<[f64]>::to_vec),
+    };
+    names.map(of_reading).collect()
+}
+
+/// The bearings with their readings, by their places among all.
+pub(super) fn readings_of_bearings(machine: &Machine) -> Vec<(&'static Bearing, Range<usize>)> {
+    let ends = machine.bearings.iter().scan(0, |end, bearing| {
+        let begin = *end;
+        *end += if bearing.kind == Kind::Radial { 2 } else { 1 };
+        Some((bearing, begin..*end))
+    });
+    ends.collect()
 }
 
 /// The sample at which the controller first used an estimate, if any.
@@ -101,58 +138,71 @@ pub fn stretches(recording: &Recording) -> Vec<Stretch> {
     }
 }
 
+/// What [`stretches`] are, in words.
+pub(super) fn interval(recording: &Recording, stretches: &[Stretch]) -> String {
+    let turns = recording.get("plant.theta").zip(stretches.last());
+    match turns.is_some_and(|(theta, last)| (theta[last.to - 1] - theta[last.from]).abs() > TAU) {
+        true => format!("{REVOLUTIONS} revolutions"),
+        false => format!("{:.0} ms", 1e3 * WITHOUT_TURNING_S),
+    }
+}
+
 /// The table of figures; `None` if the recording is too short.
 pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurves]) -> Option<Table> {
     let stretches = Some(stretches(&run.recording)).filter(|stretches| !stretches.is_empty())?;
-    let plant = scenario.closed_loop().ok()?.plant;
-    let clearance_m = plant.touchdown[0].clearance_m;
-    let get = |name: &str| run.recording.get(name);
-    let [y, z, theta] = [get("plant.Y")?, get("plant.Z")?, get("plant.theta")?];
+    let machine = scenario.machine;
+    let get = |name: String| run.recording.get(&name);
+    let theta = get("plant.theta".into())?;
+    let (errors, positions) = (errors(machine, &run.recording), machine.positions());
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut row = |name: String, unit: &str, value: &dyn Fn(&Stretch) -> String| {
         let cells = stretches.iter().map(value);
         rows.push(std::iter::once(name).chain(cells).chain([unit.to_owned()]).collect());
     };
-    let lengths = |y: &[f64], z: &[f64]| y.iter().zip(z).map(|(y, z)| y.hypot(*z)).collect::<Vec<_>>();
     let rms = |values: &[f64]| mean(&values.iter().map(|value| value * value).collect::<Vec<_>>()).sqrt();
-    let radius = lengths(y, z);
-    row("largest displacement from the centre".into(), "µm", &|s| format!("{:.2}", largest(s.of(&radius)) * 1e6));
-    row("largest displacement / clearance".into(), "%", &|s| {
-        format!("{:.1}", 100.0 * largest(s.of(&radius)) / clearance_m)
-    });
-    if let (Some(ry), Some(rz)) = (get("controller.reference.Y"), get("controller.reference.Z")) {
-        let misses = |is: &[f64], ought: &[f64]| is.iter().zip(ought).map(|(is, ought)| is - ought).collect::<Vec<_>>();
-        let error = lengths(&misses(y, ry), &misses(z, rz));
-        row("largest tracking error, radial".into(), "µm", &|s| format!("{:.3}", 1e6 * largest(s.of(&error))));
-        row("tracking error, radial, rms".into(), "µm", &|s| format!("{:.3}", 1e6 * rms(s.of(&error))));
-    }
-    for (axis, signal) in [("y", y), ("z", z)] {
-        row(format!("1× / 2× / 3× components of {axis}"), "µm", &|s| {
-            let part = |n| 1e6 * harmonic(s.of(signal), s.of(theta), n);
-            format!("{:.2} / {:.3} / {:.3}", part(1.0), part(2.0), part(3.0))
+    let limit_v = scenario.real("coil.uMax");
+    for (bearing, readings) in readings_of_bearings(machine) {
+        let Bearing { prefix, magnets, .. } = bearing;
+        let at = if prefix.is_empty() { String::new() } else { format!(", bearing {}", bearing.name()) };
+        let columns: Vec<&[f64]> =
+            positions[readings.clone()].iter().map(|name| get(format!("plant.{name}"))).collect::<Option<_>>()?;
+        let radius = lengths(&columns);
+        row(format!("largest displacement from the centre{at}"), "µm", &|s| {
+            format!("{:.2}", largest(s.of(&radius)) * 1e6)
         });
-    }
-    for k in 1..=3 {
-        if let Some(current) = get(&format!("plant.im[{k}]")) {
-            row(format!("current of magnet {k}, peak / rms"), "A", &|s| {
-                format!("{:.3} / {:.3}", largest(s.of(current)), rms(s.of(current)))
+        if let Some(clearance_m) = clearance_m(scenario, bearing) {
+            row(format!("largest displacement / clearance of {:.0} µm{at}", 1e6 * clearance_m), "%", &|s| {
+                format!("{:.1}", 100.0 * largest(s.of(&radius)) / clearance_m)
             });
         }
-    }
-    if plant.coil.drive == Drive::Voltage {
-        let limit_v = plant.coil.limit_v;
-        for k in 1..=3 {
-            if let Some(voltage) = get(&format!("controller.u[{k}]")) {
-                row(format!("voltage of amplifier {k}, peak / headroom"), "V / %", &|s| {
+        let of_bearing: Option<Vec<&[f64]>> = errors[readings.clone()].iter().map(Option::as_deref).collect();
+        if let Some(error) = of_bearing.map(|errors| lengths(&errors)) {
+            row(format!("largest tracking error{at}"), "µm", &|s| format!("{:.3}", 1e6 * largest(s.of(&error))));
+            row(format!("tracking error{at}, rms"), "µm", &|s| format!("{:.3}", 1e6 * rms(s.of(&error))));
+        }
+        for (reading, signal) in machine.readings[readings].iter().zip(columns) {
+            row(format!("1× / 2× / 3× components of {}", reading.axis), "µm", &|s| {
+                let part = |n| 1e6 * harmonic(s.of(signal), s.of(theta), n);
+                format!("{:.2} / {:.3} / {:.3}", part(1.0), part(2.0), part(3.0))
+            });
+        }
+        for k in 1..=*magnets {
+            if let Some(current) = get(format!("plant.{prefix}im[{k}]")) {
+                row(format!("current of magnet {k}{at}, peak / rms"), "A", &|s| {
+                    format!("{:.3} / {:.3}", largest(s.of(current)), rms(s.of(current)))
+                });
+            }
+            // A controller of currents commands no voltage.
+            let voltage = get(format!("controller.{prefix}u[{k}]")).filter(|voltage| largest(voltage) > 0.0);
+            if let (Some(voltage), Some(limit_v)) = (voltage, limit_v) {
+                row(format!("voltage of amplifier {k}{at}, peak / headroom"), "V / %", &|s| {
                     let most = largest(s.of(voltage));
                     format!("{most:.1} / {:.0}", 100.0 * (1.0 - most / limit_v))
                 });
             }
-        }
-    }
-    for k in 1..=3 {
-        if let Some(force) = get(&format!("plant.F[{k}]")) {
-            row(format!("static load of magnet {k}"), "N", &|s| format!("{:.1}", mean(s.of(force))));
+            if let Some(force) = get(format!("plant.{prefix}F[{k}]")) {
+                row(format!("static load of magnet {k}{at}"), "N", &|s| format!("{:.1}", mean(s.of(force))));
+            }
         }
     }
     if sensitivities.len() == stretches.len() {
@@ -162,20 +212,22 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurves]
             rows.push(row);
         }
     }
-    let head = std::iter::once(String::new())
-        .chain(stretches.iter().map(|stretch| stretch.name.to_owned()))
-        .chain(["unit".to_owned()])
-        .collect();
+    let names = stretches.iter().map(|stretch| stretch.name);
     Some(Table {
         title: "Figures of the bearing".into(),
         note: format!(
-            "Over the last {REVOLUTIONS} revolutions; where there was an update, and the speed is the same, also over those before it. The \
-             clearance of the backup bearing is {:.0} µm. Zones of ISO 14839-3: A below 3, B below 4, C below 5.",
-            clearance_m * 1e6
+            "Over the last {}; where there was an update, and the speed is the same, also over those before it. Zones of ISO 14839-3: A below \
+             3, B below 4, C below 5.",
+            interval(&run.recording, &stretches)
         ),
-        head,
+        head: [""].into_iter().chain(names).chain(["unit"]).map(String::from).collect(),
         rows,
     })
+}
+
+/// Clearance of the backup bearing at a bearing, in m.
+pub(super) fn clearance_m(scenario: &Scenario, bearing: &Bearing) -> Option<f64> {
+    scenario.real(&format!("{}touchdown.clearance", bearing.prefix))
 }
 
 /// Sensitivity functions before and after the update, or the only one; with the reason where there is none.
@@ -208,15 +260,4 @@ fn peaks(scenario: &Scenario, sensitivities: &[SensitivityCurves]) -> Vec<Vec<St
         [reading.axis.to_owned()].into_iter().chain(cells).collect()
     };
     scenario.machine.readings.iter().enumerate().map(row).collect()
-}
-
-/// The peaks as a table.
-pub fn table_of_peaks(scenario: &Scenario, sensitivities: &[SensitivityCurves]) -> Option<Table> {
-    let names = sensitivities.iter().map(|curves| curves.name.clone());
-    (!sensitivities.is_empty()).then(|| Table {
-        title: "Peak of the sensitivity function".into(),
-        note: "Zones of ISO 14839-3: A below 3, B below 4, C below 5.".into(),
-        head: [String::new()].into_iter().chain(names).collect(),
-        rows: peaks(scenario, sensitivities),
-    })
 }

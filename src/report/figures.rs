@@ -5,8 +5,9 @@ use std::f64::consts::TAU;
 use maud::{Markup, html};
 use serde_json::{Value as Json, json};
 
-use super::{ComparedEstimator, Paper, Report};
-use crate::report::evaluation::{self, Stretch};
+use super::{ComparedEstimator, Paper, Report, Scene, title_of};
+use crate::machine::{Bearing, Kind};
+use crate::report::evaluation::{self, Stretch, lengths, readings_of_bearings};
 use crate::report::plot::{self, Line, Plot, PlotUnit, colour};
 use crate::studies::sensitivity::ZONES;
 
@@ -17,7 +18,7 @@ const ASKED_M: [(f64, &str); 2] = [(1e-6, "1 µm, for circles"), (3e-6, "3 µm, 
 /// Runs up to this length, in s, have their time axis in milliseconds.
 const SHORT_S: f64 = 2.0;
 /// Subscripts of the magnets.
-pub(super) const INDEX: [&str; 4] = ["₁", "₂", "₃", "₄"];
+const INDEX: [&str; 4] = ["₁", "₂", "₃", "₄"];
 
 /// A figure: plots and their caption.
 pub(super) struct Figure {
@@ -79,35 +80,63 @@ fn in_paper(paper: Option<Paper>, id: &str) -> Option<&'static str> {
 }
 
 /// The recording and its intervals.
-pub(super) struct Signals<'r> {
-    pub(super) report: &'r Report<'r>,
-    pub(super) time_s: &'r [f64],
+struct Signals<'r> {
+    report: &'r Report<'r>,
+    time_s: &'r [f64],
     /// Before and after the update, or the end of the run only.
-    pub(super) stretches: Vec<Stretch>,
+    stretches: Vec<Stretch>,
 }
 
 impl<'r> Signals<'r> {
-    pub(super) fn new(report: &'r Report<'r>) -> Signals<'r> {
+    fn new(report: &'r Report<'r>) -> Signals<'r> {
         let stretches = evaluation::stretches(&report.recording);
         Signals { report, time_s: &report.recording.time_s, stretches }
     }
 
     /// A column with a value at every instant.
-    pub(super) fn get(&self, name: &str) -> Option<&'r [f64]> {
+    fn get(&self, name: &str) -> Option<&'r [f64]> {
         self.report.recording.get(name).filter(|values| values.len() == self.time_s.len() && !values.is_empty())
     }
 
-    /// Three columns that are only useful together.
-    fn get3(&self, pattern: impl Fn(usize) -> String) -> Option<[&'r [f64]; 3]> {
-        Some([self.get(&pattern(1))?, self.get(&pattern(2))?, self.get(&pattern(3))?])
+    /// Columns of `element` that are only useful together.
+    fn all<N: AsRef<str>>(&self, element: &str, names: &[N]) -> Option<Vec<&'r [f64]>> {
+        names.iter().map(|name| self.get(&format!("{element}.{}", name.as_ref()))).collect()
     }
 
-    pub(super) fn time_unit(&self) -> PlotUnit {
+    /// Columns of the magnets of a bearing.
+    fn of_magnets(&self, element: &str, bearing: &Bearing, name: &str) -> Option<Vec<&'r [f64]>> {
+        let names: Vec<_> = (1..=bearing.magnets).map(|k| format!("{}{name}[{k}]", bearing.prefix)).collect();
+        self.all(element, &names)
+    }
+
+    /// A title, with the bearing if there are several.
+    fn titled(&self, title: &str, bearing: &Bearing) -> String {
+        if bearing.prefix.is_empty() { title.to_owned() } else { format!("{title}, bearing {}", bearing.name()) }
+    }
+
+    /// A plot of each method and bearing, with the name of what distinguishes it.
+    fn of_methods(&self, plot: impl Fn(&str, usize) -> Plot) -> Vec<(String, Plot)> {
+        let bearings = self.report.machine.bearings;
+        let of_method = |method: &'r ComparedEstimator| {
+            let plot = &plot;
+            bearings.iter().enumerate().map(move |(b, bearing)| {
+                let title = match (self.report.methods.len(), bearings.len()) {
+                    (1, 1) => String::new(),
+                    (1, _) => title_of(bearing),
+                    _ => self.titled(&method.label, bearing),
+                };
+                (title, plot(&method.element, b))
+            })
+        };
+        self.report.methods.iter().flat_map(of_method).collect()
+    }
+
+    fn time_unit(&self) -> PlotUnit {
         time_unit(self.time_s.last().copied().unwrap_or(0.0))
     }
 
     /// A plot over time with the events of the run.
-    pub(super) fn plot(&self, quantity: &str, unit: PlotUnit) -> Plot {
+    fn plot(&self, quantity: &str, unit: PlotUnit) -> Plot {
         let mut plot = Plot::over_time(self.time_unit(), (quantity, unit));
         if let [first, .., last] = self.time_s {
             plot = plot.range(0, [*first, *last]);
@@ -125,30 +154,30 @@ impl<'r> Signals<'r> {
         plot
     }
 
-    pub(super) fn line(&self, plot: &mut Plot, line: Line, values: &[f64]) {
+    fn line(&self, plot: &mut Plot, line: Line, values: &[f64]) {
         plot.line(line, self.time_s, values);
     }
 
     /// Adds the line of a column if there is one.
-    pub(super) fn column(&self, plot: &mut Plot, line: Line, name: &str) {
+    fn column(&self, plot: &mut Plot, line: Line, name: &str) {
         if let Some(values) = self.get(name) {
             self.line(plot, line, values);
         }
     }
 
     /// Values at the equidistant instants of an animation.
-    pub(super) fn frames(&self, values: &[f64], factor: f64) -> Json {
+    fn frames(&self, values: &[f64], factor: f64) -> Json {
         let every = self.time_s.len().div_ceil(FRAMES).max(1);
         plot::packed(&values.iter().step_by(every).map(|value| value * factor).collect::<Vec<_>>())
     }
 
     /// As [`Self::frames`], of a column.
-    pub(super) fn frames_of(&self, name: &str, factor: f64) -> Option<Json> {
+    fn frames_of(&self, name: &str, factor: f64) -> Option<Json> {
         self.get(name).map(|values| self.frames(values, factor))
     }
 
     /// A figure, or a sentence in its place if a plot is empty.
-    pub(super) fn figure(&self, id: &'static str, title: &str, plots: Vec<(String, Plot)>, caption: &str) -> Figure {
+    fn figure(&self, id: &'static str, title: &str, plots: Vec<(String, Plot)>, caption: &str) -> Figure {
         let mut figure = Figure::new(id, title, plots, caption.into());
         if figure.plots.is_empty() {
             figure.caption = "Not drawn: the recording has no usable signals for it.".into();
@@ -167,17 +196,13 @@ fn where_shown(values: &[f64], show: impl Fn(usize) -> bool) -> Vec<f64> {
     values.iter().enumerate().map(|(at, value)| if show(at) { *value } else { f64::NAN }).collect()
 }
 
-/// λ̂ of an element with its band of two standard deviations; dotted where it is not valid. Of a spindle the name of a bearing, `A.`,
-/// stands before that of the quantity.
-pub(super) fn lambda_plot(run: &Signals, element: &str, bearing: &str, truth: Option<&[f64]>, height_px: f64) -> Plot {
+/// λ̂ of an element at the bearing of that index, with its band of two standard deviations; dotted where it is not valid.
+fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> Plot {
     let mut plot = run.plot("λ̂", PlotUnit::LAMBDA).height(height_px);
-    let of_magnets = |name: &str| -> Vec<&[f64]> {
-        (1..=colour::MAGNETS.len()).map_while(|k| run.get(&format!("{element}.{bearing}{name}[{k}]"))).collect()
-    };
-    let lambda = of_magnets("lambdaHat");
-    if lambda.is_empty() {
-        return plot;
-    }
+    let (bearing, magnets) = run.report.machine.magnets_of_bearings().swap_remove(bearing);
+    let truth = run.report.truth.as_ref().and_then(|truth| truth.get(magnets));
+    let of_magnets = |name: &str| run.of_magnets(element, bearing, name);
+    let Some(lambda) = of_magnets("lambdaHat") else { return plot };
     // From zero past the true values and the first guesses: anything beyond has diverged, or has a very large standard
     // deviation.
     let firsts = lambda.iter().map(|values| &values[0]);
@@ -192,8 +217,7 @@ pub(super) fn lambda_plot(run: &Signals, element: &str, bearing: &str, truth: Op
             plot.shade(run.time_s[from], run.time_s[*to]);
         }
     }
-    let total = of_magnets("lambdaStdTotal");
-    let std = if total.is_empty() { of_magnets("lambdaStd") } else { total };
+    let std = of_magnets("lambdaStdTotal").or_else(|| of_magnets("lambdaStd")).unwrap_or_default();
     for k in 0..lambda.len() {
         let group = format!("λ{}", k + 1);
         if let Some(std) = std.get(k) {
@@ -221,22 +245,24 @@ pub(super) fn lambda_plot(run: &Signals, element: &str, bearing: &str, truth: Op
     plot
 }
 
-/// The animation beside λ̂ of the loop's estimator.
+/// The animation beside λ̂ of the best estimator, of the first bearing.
 pub(super) fn first(report: &Report) -> Markup {
     let run = Signals::new(report);
-    let element = report.answer.as_ref().map_or("estimator", |answer| answer.element.as_str());
-    let plot = lambda_plot(&run, element, "", report.truth.as_ref().map(|truth| &truth[..]), 460.0);
+    let element = report.answers.first().map_or("estimator", |answer| answer.element.as_str());
+    let plot = lambda_plot(&run, element, 0, 460.0);
     let animation = animation(&run, element);
+    let bearings = report.machine.bearings;
     html! {
         div.first {
-            @if let Some(data) = &animation {
-                div #orbit-animation .animation { (plot::data_element(data)) }
+            @if let Some((id, data)) = &animation {
+                div id=(id) class="animation" { (plot::data_element(data)) }
             }
             @if !plot.is_empty() {
                 div #lambda {
                     (plot.html())
                     p.soft {
-                        "Solid where the estimate is valid, with a band of two standard deviations; dotted and shaded where it is not"
+                        @if bearings.len() > 1 { (title_of(&bearings[0])) ": solid" } @else { "Solid" }
+                        " where the estimate is valid, with a band of two standard deviations; dotted and shaded where it is not"
                         @if report.truth.is_some() { "; dashed: the true value" } "."
                         @if animation.is_some() { " Click to go to an instant." }
                     }
@@ -246,24 +272,39 @@ pub(super) fn first(report: &Report) -> Markup {
     }
 }
 
-/// Data of the animation: positions, forces, angle and λ̂ at equidistant instants.
-fn animation(run: &Signals, element: &str) -> Option<Json> {
-    let bearing = run.report.bearing?;
+/// The animation and its data at equidistant instants.
+fn animation(run: &Signals, element: &str) -> Option<(&'static str, Json)> {
     let of = |name: &str, factor: f64| run.frames_of(name, factor);
-    let three = |pattern: &str, factor: f64| {
-        let columns = run.get3(|k| format!("{pattern}[{k}]"))?;
-        Some(columns.map(|values| run.frames(values, factor)))
+    let micro = |name: &str| run.frames_of(name, 1e6);
+    let frames = |columns: Vec<&[f64]>, factor: f64| -> Vec<Json> {
+        columns.into_iter().map(|values| run.frames(values, factor)).collect()
     };
-    Some(json!({
-        "t": run.frames(run.time_s, 1.0), "y": of("plant.Y", 1e6)?, "z": of("plant.Z", 1e6)?, "theta": of("plant.theta", 1.0)?,
-        "refY": of("controller.reference.Y", 1e6), "refZ": of("controller.reference.Z", 1e6),
-        "force": three("plant.F", 1.0)?, "lambda": three(&format!("{element}.lambdaHat"), 1e6),
-        "valid": of(&format!("{element}.valid"), 1.0), "contact": of("plant.touchdown.contact", 1.0),
-        "truth": run.report.truth.map(|truth| truth.map(|lambda| lambda * 1e6)),
-        "alpha": bearing.alpha_rad, "gap": bearing.gap_m * 1e6, "clearance": bearing.clearance_m * 1e6,
-        "timeFactor": run.time_unit().factor,
+    let mut data = json!({
+        "t": run.frames(run.time_s, 1.0), "theta": of("plant.theta", 1.0)?, "valid": of(&format!("{element}.valid"), 1.0),
+        "clearance": run.report.clearance_m.first()? * 1e6, "timeFactor": run.time_unit().factor,
         "events": run.report.events.iter().map(|event| json!([event.at_s, event.label])).collect::<Vec<_>>(),
-    }))
+    });
+    let (id, own) = match run.report.scene.as_ref()? {
+        Scene::Bearing { alpha_rad, gap_m } => {
+            let bearing = &run.report.machine.bearings[0];
+            let own = json!({
+                "y": micro("plant.Y")?, "z": micro("plant.Z")?, "refY": micro("controller.reference.Y"),
+                "refZ": micro("controller.reference.Z"), "force": frames(run.of_magnets("plant", bearing, "F")?, 1.0),
+                "lambda": run.of_magnets(element, bearing, "lambdaHat").map(|columns| frames(columns, 1e6)),
+                "contact": of("plant.touchdown.contact", 1.0), "alpha": alpha_rad, "gap": gap_m * 1e6,
+            });
+            ("orbit-animation", own)
+        }
+        Scene::Shaft { bearings_m, sensors_m, ends_m } => {
+            let own = json!({
+                "x": micro("plant.X")?, "bearings": bearings_m, "sensors": sensors_m, "extent": ends_m,
+                "orbits": [[micro("plant.A.Y")?, micro("plant.A.Z")?], [micro("plant.B.Y")?, micro("plant.B.Z")?]],
+            });
+            ("shaft-animation", own)
+        }
+    };
+    data.as_object_mut()?.extend(own.as_object()?.clone());
+    Some((id, data))
 }
 
 /// Buttons for interesting intervals; all plots over time follow.
@@ -299,17 +340,15 @@ pub(super) fn all(report: &Report) -> Vec<Figure> {
     figures.extend(condition(&run));
     figures.push(tracking(&run));
     figures.push(currents(&run));
-    figures.push(orbit(&run));
+    figures.extend(orbit(&run));
     figures.extend(clearance(&run));
+    figures.extend(unbalance(&run));
     figures.extend(sensitivity(&run));
     figures
 }
 
 fn estimates(run: &Signals) -> Option<Figure> {
-    let methods = &run.report.methods;
-    let truth = run.report.truth.as_ref().map(|truth| &truth[..]);
-    let plot = |method: &ComparedEstimator| lambda_plot(run, &method.element, "", truth, 300.0);
-    let plots = methods.iter().map(|method| (method.label.clone(), plot(method))).collect();
+    let plots = run.of_methods(|element, bearing| lambda_plot(run, element, bearing, 300.0));
     let mut caption = String::from(
         "Estimates over time, all methods use the same samples. Solid where valid, with a band of two standard \
          deviations; dotted and shaded where not; dashed: the truth.",
@@ -321,46 +360,45 @@ fn estimates(run: &Signals) -> Option<Figure> {
         }
         None => {}
     }
-    (!methods.is_empty()).then(|| run.figure("methods", "Estimates of the force constants", plots, &caption))
+    (!plots.is_empty()).then(|| run.figure("methods", "Estimates of the force constants", plots, &caption))
 }
 
 fn errors(run: &Signals) -> Option<Figure> {
-    let truth = run.report.truth?;
-    let lambda = |element: &str| run.get3(|k| format!("{element}.lambdaHat[{k}]"));
+    let truth = run.report.truth.as_ref()?;
+    let machine = run.report.machine;
+    let relative = |values: &[f64], truth: f64| values.iter().map(|value| (value / truth - 1.0).abs()).collect();
+    let lambda = |element: &str, bearing: usize| -> Vec<Vec<f64>> {
+        let (bearing, magnets) = machine.magnets_of_bearings().swap_remove(bearing);
+        let columns = run.of_magnets(element, bearing, "lambdaHat").unwrap_or_default();
+        columns.into_iter().zip(&truth[magnets]).map(|(values, truth)| relative(values, *truth)).collect()
+    };
     // Down to typical errors: an error that changes its sign is small for an instant.
-    let estimates = run.report.methods.iter().filter_map(|method| lambda(&method.element));
-    let mut all: Vec<f64> = estimates
-        .flat_map(|lambda| (0..3).flat_map(move |k| lambda[k].iter().map(move |value| (value / truth[k] - 1.0).abs())))
-        .filter(|error| *error > 0.0)
-        .collect();
+    let bearings = 0..machine.bearings.len();
+    let pairs = run.report.methods.iter().flat_map(|method| bearings.clone().map(move |b| (&method.element, b)));
+    let mut all: Vec<f64> =
+        pairs.flat_map(|(element, b)| lambda(element, b)).flatten().filter(|error| *error > 0.0).collect();
     all.sort_by(f64::total_cmp);
     let least = all.get(all.len() / 50).map_or(1e-4, |error| 10f64.powf(error.log10().floor()).clamp(1e-7, 1e-3));
-    let one = |element: &str| {
+    let positive = |values: &[f64]| values.iter().map(|value| if *value > 0.0 { *value } else { f64::NAN }).collect();
+    let plots = run.of_methods(|element, b| {
         let mut plot = run.plot("|λ̂ − λ|/λ", PlotUnit::PERCENT).decades(1).range(1, [least, 2.0]).height(280.0);
-        let lambda = lambda(element);
-        let std = run
-            .get3(|k| format!("{element}.lambdaStdTotal[{k}]"))
-            .or(run.get3(|k| format!("{element}.lambdaStd[{k}]")));
-        for k in 0..3 {
-            let group = format!("λ{}", k + 1);
-            let positive = |value: f64| if value > 0.0 { value } else { f64::NAN };
-            if let Some(lambda) = lambda {
-                let error: Vec<f64> = lambda[k].iter().map(|value| positive((value / truth[k] - 1.0).abs())).collect();
-                let line = Line::new(&format!("error {}", k + 1), colour::MAGNETS[k]).group(&group);
-                run.line(&mut plot, line, &error);
-            }
-            if let Some(std) = std {
-                let stated: Vec<f64> = std[k].iter().map(|std| positive(2.0 * std / truth[k])).collect();
-                let line = Line::new(&format!("2 std {}", k + 1), colour::MAGNETS[k]).group(&group).dashed().width(1.0);
-                run.line(&mut plot, line.unlisted(), &stated);
-            }
+        let (bearing, magnets) = machine.magnets_of_bearings().swap_remove(b);
+        for (k, error) in lambda(element, b).iter().enumerate() {
+            let error: Vec<f64> = positive(error);
+            let line = Line::new(&format!("error {}", k + 1), colour::MAGNETS[k]).group(&format!("λ{}", k + 1));
+            run.line(&mut plot, line, &error);
+        }
+        let std = ["lambdaStdTotal", "lambdaStd"].iter().find_map(|name| run.of_magnets(element, bearing, name));
+        for (k, (std, truth)) in std.into_iter().flatten().zip(&truth[magnets]).enumerate() {
+            let stated: Vec<f64> = std.iter().map(|std| 2.0 * std / truth).collect();
+            let line = Line::new(&format!("2 std {}", k + 1), colour::MAGNETS[k]).group(&format!("λ{}", k + 1));
+            run.line(&mut plot, line.dashed().width(1.0).unlisted(), &positive(&stated));
         }
         plot
-    };
-    let plots = run.report.methods.iter().map(|method| (method.label.clone(), one(&method.element))).collect();
+    });
     let caption = "Errors in decades (solid) beside two stated standard deviations (dashed). An error of the bench that no \
                    tolerance states is in no standard deviation.";
-    (!run.report.methods.is_empty()).then(|| run.figure("errors", "Errors of the estimates", plots, caption))
+    (!plots.is_empty()).then(|| run.figure("errors", "Errors of the estimates", plots, caption))
 }
 
 fn condition(run: &Signals) -> Option<Figure> {
@@ -375,96 +413,98 @@ fn condition(run: &Signals) -> Option<Figure> {
     (!plot.is_empty()).then(|| run.figure("condition", title, vec![(String::new(), plot)], caption))
 }
 
-/// Position minus reference; if there is no reference, the controller's error, a sample late and with sensor noise.
-fn error(run: &Signals, axis: &str) -> Option<Vec<f64>> {
-    match (run.get(&format!("plant.{axis}")), run.get(&format!("controller.reference.{axis}"))) {
-        (Some(position), Some(reference)) => {
-            Some(position.iter().zip(reference).map(|(is, ought)| is - ought).collect())
-        }
-        _ => run.get(&format!("controller.e{axis}")).map(<[f64]>::to_vec),
-    }
-}
-
 fn tracking(run: &Signals) -> Figure {
-    let mut plots = Vec::new();
-    let axes = [("Y", "y"), ("Z", "z")];
+    const MOMENT: PlotUnit = PlotUnit { name: "N·m", factor: 1.0 };
+    let machine = run.report.machine;
     let truth = |name: &str| Line::new(name, colour::INK).dashed().width(1.0);
-    for (axis, letter) in axes {
-        let mut plot = run.plot(letter, PlotUnit::MICROMETRE);
-        run.column(&mut plot, Line::new("position", colour::MAGNETS[0]), &format!("plant.{axis}"));
-        run.column(&mut plot, truth("reference"), &format!("controller.reference.{axis}"));
-        plots.push((format!("Position along {letter}"), plot));
+    let mut plots = Vec::new();
+    let names = machine.positions().into_iter().zip(machine.of_references());
+    for (reading, (position, reference)) in machine.readings.iter().zip(names) {
+        let mut plot = run.plot(&reading.axis[..1], PlotUnit::MICROMETRE);
+        run.column(&mut plot, Line::new("position", colour::MAGNETS[0]), &format!("plant.{position}"));
+        run.column(&mut plot, truth("reference"), &format!("controller.{reference}"));
+        plots.push((format!("Position along {}", reading.axis), plot));
     }
-    for (axis, letter) in axes {
-        let mut plot = run.plot(&format!("error of {letter}"), PlotUnit::MICROMETRE).height(230.0);
-        if let Some(error) = error(run, axis) {
-            run.line(&mut plot, Line::new("error", colour::MAGNETS[1]), &error);
+    let errors = evaluation::errors(machine, &run.report.recording);
+    for (bearing, readings) in readings_of_bearings(machine) {
+        let mut plot = run.plot("error", PlotUnit::MICROMETRE).height(230.0);
+        let of_bearing = machine.readings[readings.clone()].iter().zip(&errors[readings]);
+        for ((reading, error), colour) in of_bearing.zip(colour::MAGNETS) {
+            if let Some(error) = error {
+                run.line(&mut plot, Line::new(&reading.axis[..1], colour), error);
+            }
         }
-        plots.push((format!("Tracking error of {letter}"), plot));
+        plots.push((run.titled("Tracking error", bearing), plot));
     }
-    for (axis, letter) in axes {
-        let mut plot = run.plot("force", PlotUnit::NEWTON).height(260.0);
-        run.column(&mut plot, Line::new("observed", colour::MAGNETS[2]), &format!("controller.p{axis}Hat"));
-        run.column(&mut plot, truth("true"), &format!("plant.perturbation.{axis}"));
-        plots.push((format!("Perturbation along {letter}"), plot));
+    for (n, (coordinate, observed)) in machine.coordinates.iter().zip(machine.of_loads("p", "Hat")).enumerate() {
+        let (quantity, unit) = machine.either(n, ("force", PlotUnit::NEWTON), ("moment", MOMENT));
+        let mut plot = run.plot(quantity, unit).height(260.0);
+        run.column(&mut plot, Line::new("observed", colour::MAGNETS[2]), &format!("controller.{observed}"));
+        run.column(&mut plot, truth("true"), &format!("plant.{}", coordinate.perturbation.0));
+        plots.push((format!("Perturbation {}", machine.direction(n)), plot));
     }
-    let caption = "Both axes: position and reference, the error, and the estimated perturbation beside the true \
-                   one. A wrong λ is a perturbation to the observer.";
+    let caption = "Positions and references, the errors, and the estimated perturbations beside the true ones. A wrong λ \
+                   is a perturbation to the observer.";
     run.figure("tracking", "Tracking", plots, caption)
 }
 
 fn currents(run: &Signals) -> Figure {
-    let measured = run.get3(|k| format!("plant.im[{k}]"));
     let mut plots = Vec::new();
-    let mut add = |name: &str, quantity: &str, unit: PlotUnit, columns: Option<[&[f64]; 3]>| {
+    let mut add = |name: String, quantity: &str, unit: PlotUnit, columns: Option<Vec<&[f64]>>| {
         let mut plot = run.plot(quantity, unit);
-        for (k, column) in columns.iter().flatten().enumerate() {
+        for (k, column) in columns.into_iter().flatten().enumerate() {
             run.line(&mut plot, Line::new(&format!("{quantity}{}", INDEX[k]), colour::MAGNETS[k]), column);
         }
-        plots.push((name.to_owned(), plot));
+        plots.push((name, plot));
     };
-    let name = if measured.is_some() { "Measured currents" } else { "Commanded currents" };
-    add(name, "i", PlotUnit::AMPERE, measured.or_else(|| run.get3(|k| format!("controller.i[{k}]"))));
-    add("Forces", "F", PlotUnit::NEWTON, run.get3(|k| format!("plant.F[{k}]")));
-    let voltages = run.get3(|k| format!("controller.u[{k}]"));
-    add(
-        "Voltages",
-        "u",
-        PlotUnit::VOLT,
-        voltages.filter(|voltages| voltages.iter().any(|u| u.iter().any(|u| *u != 0.0))),
-    );
+    for bearing in run.report.machine.bearings {
+        let measured = run.of_magnets("plant", bearing, "im");
+        let name = if measured.is_some() { "Measured currents" } else { "Commanded currents" };
+        let currents = measured.or_else(|| run.of_magnets("controller", bearing, "i"));
+        add(run.titled(name, bearing), "i", PlotUnit::AMPERE, currents);
+        add(run.titled("Forces", bearing), "F", PlotUnit::NEWTON, run.of_magnets("plant", bearing, "F"));
+        let voltages = run.of_magnets("controller", bearing, "u");
+        let voltages = voltages.filter(|voltages| voltages.iter().any(|u| u.iter().any(|u| *u != 0.0)));
+        add(run.titled("Voltages", bearing), "u", PlotUnit::VOLT, voltages);
+    }
     let caption = "The magnets only pull: the sign of a current has no meaning.";
-    run.figure("currents", "Currents of the three magnets", plots, caption)
+    run.figure("currents", "Currents of the magnets", plots, caption)
 }
 
-fn orbit(run: &Signals) -> Figure {
+fn orbit(run: &Signals) -> Option<Figure> {
     let axes = |what: &str| {
         let axis = |letter: &str| if what.is_empty() { letter.to_owned() } else { format!("{what} of {letter}") };
         Plot::new((&axis("y"), PlotUnit::MICROMETRE), (&axis("z"), PlotUnit::MICROMETRE)).equal().height(460.0)
     };
-    let (mut path, mut errors) = (axes(""), axes("error"));
-    let pair = |y: &str, z: &str| run.get(y).zip(run.get(z));
-    let error = error(run, "Y").zip(error(run, "Z"));
-    let colours =
-        if run.stretches.len() > 1 { vec![colour::MAGNETS[1], colour::MAGNETS[0]] } else { vec![colour::MAGNETS[0]] };
-    for (stretch, colour) in run.stretches.iter().zip(colours) {
-        if let Some((y, z)) = pair("plant.Y", "plant.Z") {
-            path.line(Line::new(stretch.title(), colour), stretch.of(y), stretch.of(z));
+    let machine = run.report.machine;
+    let (positions, references) = (machine.positions(), machine.of_references());
+    let all_errors = evaluation::errors(machine, &run.report.recording);
+    let colours = if run.stretches.len() > 1 { &colour::MAGNETS[..2] } else { &colour::MAGNETS[1..2] };
+    let mut plots = Vec::new();
+    for (bearing, at) in readings_of_bearings(machine).into_iter().filter(|(of, _)| of.kind == Kind::Radial) {
+        let (mut path, mut errors) = (axes(""), axes("error"));
+        let position = run.all("plant", &positions[at.clone()]);
+        let error: Option<Vec<&[f64]>> = all_errors[at.clone()].iter().map(Option::as_deref).collect();
+        for (stretch, colour) in run.stretches.iter().zip(colours.iter().rev()) {
+            for (plot, signals) in [(&mut path, &position), (&mut errors, &error)] {
+                if let Some([y, z]) = signals.as_deref() {
+                    plot.line(Line::new(stretch.title(), colour), stretch.of(y), stretch.of(z));
+                }
+            }
         }
-        if let Some((y, z)) = &error {
-            errors.line(Line::new(stretch.title(), colour), stretch.of(y), stretch.of(z));
+        let reference = run.all("controller", &references[at]);
+        if let (Some([y, z]), Some(last)) = (reference.as_deref(), run.stretches.last()) {
+            path.line(Line::new("reference", colour::INK).dashed().width(1.0), last.of(y), last.of(z));
         }
-    }
-    let reference = pair("controller.reference.Y", "controller.reference.Z");
-    if let (Some((y, z)), Some(last)) = (reference, run.stretches.last()) {
-        path.line(Line::new("reference", colour::INK).dashed().width(1.0), last.of(y), last.of(z));
-    }
-    if run.report.paper.is_some() {
-        for (radius, name) in ASKED_M {
-            let circle =
-                |of: fn(f64) -> f64| (0..=120).map(|i| radius * of(TAU * f64::from(i) / 120.0)).collect::<Vec<_>>();
-            errors.line(Line::new(name, colour::SOFT).dashed().width(1.0), &circle(f64::cos), &circle(f64::sin));
+        if run.report.paper.is_some() {
+            for (radius, name) in ASKED_M {
+                let circle =
+                    |of: fn(f64) -> f64| (0..=120).map(|i| radius * of(TAU * f64::from(i) / 120.0)).collect::<Vec<_>>();
+                errors.line(Line::new(name, colour::SOFT).dashed().width(1.0), &circle(f64::cos), &circle(f64::sin));
+            }
         }
+        plots.push((run.titled("Orbit", bearing), path));
+        plots.push((run.titled("Error", bearing), errors));
     }
     let mut caption = String::from(
         "The orbit in the plane of the bearing and its distance from the reference trajectory, over two revolutions.",
@@ -473,35 +513,57 @@ fn orbit(run: &Signals) -> Figure {
         caption += " The paper states about 5 µm for its experiment on a non-circular path, and that up to 1000 rpm the \
                     industry asks for less than 1 µm on circular paths and 3 µm on others.";
     }
-    run.figure("orbit", "Orbit of the rotor", vec![("Orbit".into(), path), ("Error".into(), errors)], &caption)
+    (!plots.is_empty()).then(|| run.figure("orbit", "Orbit of the rotor", plots, &caption))
 }
 
-/// Distance of the rotor from the centre, with the clearance of the backup bearing.
+/// Distance of the rotor from the centre of each bearing, with the clearance of the backup bearing.
 fn clearance(run: &Signals) -> Option<Figure> {
-    let clearance_m = run.report.bearing?.clearance_m;
-    let length = |y: &[f64], z: &[f64]| y.iter().zip(z).map(|(y, z)| y.hypot(*z)).collect::<Vec<f64>>();
-    let (y, z) = (run.get("plant.Y")?, run.get("plant.Z")?);
-    let mut distance = run.plot("distance from the centre", PlotUnit::MICROMETRE).height(260.0);
-    let radius = length(y, z);
-    let most = radius.iter().copied().filter(|radius| radius.is_finite()).fold(clearance_m, f64::max);
-    distance = distance.range(1, [0.0, 1.1 * most]);
-    run.line(&mut distance, Line::new("rotor", colour::MAGNETS[0]).unlisted(), &radius);
-    distance.level(clearance_m, "clearance");
-    let mut plots = vec![("Distance from the centre".into(), distance)];
-    let contact = run.get("plant.touchdown.contact").unwrap_or(&[]);
-    let touched = contact.iter().any(|contact| *contact > 0.5);
-    if let (true, Some(y), Some(z)) = (touched, run.get("plant.touchdown.FY"), run.get("plant.touchdown.FZ")) {
-        let mut push = run.plot("force", PlotUnit::NEWTON).height(260.0);
-        run.line(&mut push, Line::new("backup bearing", colour::MAGNETS[1]).unlisted(), &length(y, z));
-        plots.push(("Force of the backup bearing".into(), push));
+    let machine = run.report.machine;
+    let positions = machine.positions();
+    let (mut plots, mut touched) = (Vec::new(), false);
+    for ((bearing, at), clearance_m) in readings_of_bearings(machine).into_iter().zip(&run.report.clearance_m) {
+        let radius = lengths(&run.all("plant", &positions[at.clone()])?);
+        let most = radius.iter().copied().filter(|radius| radius.is_finite()).fold(*clearance_m, f64::max);
+        let mut distance = run.plot("distance from the centre", PlotUnit::MICROMETRE).height(260.0);
+        distance = distance.range(1, [0.0, 1.1 * most]);
+        run.line(&mut distance, Line::new("rotor", colour::MAGNETS[0]).unlisted(), &radius);
+        distance.level(*clearance_m, "clearance");
+        plots.push((run.titled("Distance from the centre", bearing), distance));
+        let axes = if bearing.kind == Kind::Radial { &["Y", "Z"][..] } else { &["X"] };
+        let names: Vec<_> = axes.iter().map(|axis| format!("{}touchdown.F{axis}", bearing.prefix)).collect();
+        let push_n = run.all("plant", &names).map(|forces| lengths(&forces)).unwrap_or_default();
+        if push_n.iter().any(|force| *force > 0.0) {
+            touched = true;
+            let mut push = run.plot("force", PlotUnit::NEWTON).height(260.0);
+            run.line(&mut push, Line::new("backup bearing", colour::MAGNETS[1]).unlisted(), &push_n);
+            plots.push((run.titled("Force of the backup bearing", bearing), push));
+        }
     }
     let caption =
         if touched { "The rotor touches the backup bearing." } else { "The backup bearing is never touched." };
-    Some(run.figure("clearance", "Clearance", plots, caption))
+    (!plots.is_empty()).then(|| run.figure("clearance", "Clearance", plots, caption))
+}
+
+/// The identified unbalance beside the true one.
+fn unbalance(run: &Signals) -> Option<Figure> {
+    const GRAM_MILLIMETRE: PlotUnit = PlotUnit { name: "g·mm", factor: 1e6 };
+    let element = run.report.answers.first().map_or("estimator", |answer| answer.element.as_str());
+    let mut plot = run.plot("unbalance", GRAM_MILLIMETRE).height(260.0);
+    for (plane, name) in run.report.machine.of_planes("magnitude").iter().enumerate() {
+        run.column(
+            &mut plot,
+            Line::new(&format!("plane {}", plane + 1), colour::MAGNETS[plane]),
+            &format!("{element}.{name}"),
+        );
+    }
+    run.report.unbalance_kgm.iter().for_each(|truth| plot.level(*truth, ""));
+    let plots = vec![("Magnitude".to_owned(), plot)];
+    let shown = !plots[0].1.is_empty();
+    shown.then(|| run.figure("unbalance", "Unbalance", plots, "Identified unbalance; dashed: the truth."))
 }
 
 /// The sensitivity functions of all axes, before and after the update.
-pub(super) fn sensitivity(run: &Signals) -> Option<Figure> {
+fn sensitivity(run: &Signals) -> Option<Figure> {
     let hertz = PlotUnit { name: "Hz", factor: 1.0 / TAU };
     let all = &run.report.sensitivities;
     let mut plots = Vec::new();

@@ -71,7 +71,7 @@ fn first(answer: Option<&Answer>, recordings: &[Samples], tracks: &[Track]) -> M
         @if let Some(verdict) = &verdict { p class=(class) { (verdict) } }
         @if let Some(answer) = answer {
             @if let Some(found) = &answer.found {
-                (cards(recordings[0].machine, &found.lambda.iter().map(|of| [of.value, of.total_std]).collect::<Vec<_>>(), None))
+                (cards(recordings[0].machine, &found.lambda.iter().map(|of| Some([of.value, of.total_std])).collect::<Vec<_>>(), None))
                 p.soft {
                     "Maximum likelihood over the whole recording, in 10⁻⁶ N·m²/A²; ± is two standard deviations, stated tolerances included."
                     @if let Some(typical) = answer.typical() {

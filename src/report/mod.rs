@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use maud::{Markup, html};
 
-use crate::machine::{Machine, PLANAR};
+use crate::machine::{Bearing, Machine};
 use crate::simulation::recording::Recording;
 use crate::table::Table;
 
@@ -14,10 +14,10 @@ pub mod evaluation;
 pub mod experiment;
 pub mod frame;
 pub mod identification;
-pub mod machine;
 pub mod plot;
 
 mod figures;
+mod tables;
 
 use figures::Figure;
 
@@ -32,10 +32,10 @@ pub struct Report<'a> {
     pub command: String,
     /// Why the run ended early, if it did.
     pub message: Option<String>,
-    /// The best answer.
-    pub answer: Option<Answer>,
-    /// That of the estimator which the controller uses, if it is another.
-    pub used: Option<Answer>,
+    /// The best answer, and after it that of the estimator which the controller uses, if it is another.
+    pub answers: Vec<Answer>,
+    /// Forces before and after correction masses, for the first screen.
+    pub balance: Option<Table>,
     /// The signals, with columns named `element.variable`.
     pub recording: Cow<'a, Recording>,
     /// Tables of results.
@@ -44,12 +44,18 @@ pub struct Report<'a> {
     pub parameters: Vec<Parameter>,
     /// Events of the run, to mark in the plots.
     pub events: Vec<Event>,
-    /// The true λ of the three magnets, in N·m²/A², if known.
-    pub truth: Option<[f64; 3]>,
+    /// The machine, by which columns are found.
+    pub machine: &'static Machine,
+    /// The true λ of all magnets, in N·m²/A², if known.
+    pub truth: Option<Vec<f64>>,
+    /// The true unbalance of each plane, in kg·m, if known.
+    pub unbalance_kgm: Vec<f64>,
     /// The estimators to compare.
     pub methods: Vec<ComparedEstimator>,
-    /// The bearing, for the animation.
-    pub bearing: Option<Bearing>,
+    /// Clearance of the backup bearing at each bearing, in m, if known.
+    pub clearance_m: Vec<f64>,
+    /// What the animation shows.
+    pub scene: Option<Scene>,
     /// Sensitivity functions of the loop.
     pub sensitivities: Vec<SensitivityCurves>,
     /// Which section of the paper the run repeats, so that captions name the paper's figures.
@@ -83,10 +89,8 @@ pub struct Answer {
     pub valid: bool,
     /// The verdict in words, and since when it holds.
     pub verdict: String,
-    /// λ̂ of the three magnets, in N·m²/A².
-    pub lambda: [f64; 3],
-    /// Standard deviations, tolerances included.
-    pub std: [f64; 3],
+    /// λ̂ of each magnet that is used and its standard deviation with tolerances, in N·m²/A².
+    pub lambda: Vec<Option<[f64; 2]>>,
     /// The relative standard deviation below which an estimate of this method becomes valid.
     pub limit: f64,
     /// The expected value if it differs from the true one, with the reason; may be empty.
@@ -102,18 +106,28 @@ pub struct Event {
     pub label: String,
 }
 
-/// Data of the bearing for the animation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bearing {
-    /// Angles of the magnets, in rad.
-    pub alpha_rad: [f64; 3],
-    /// Nominal air gap, in m.
-    pub gap_m: f64,
-    /// Clearance of the backup bearing, in m.
-    pub clearance_m: f64,
+/// What an animation shows beside the motion.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Scene {
+    /// The rotor in the plane of its bearing.
+    Bearing {
+        /// Angles of the magnets, in rad.
+        alpha_rad: Vec<f64>,
+        /// Nominal air gap, in m.
+        gap_m: f64,
+    },
+    /// A shaft in two radial bearings and an axial one; positions along it in m.
+    Shaft {
+        /// The radial bearings.
+        bearings_m: [f64; 2],
+        /// Their sensors.
+        sensors_m: [f64; 2],
+        /// Its ends.
+        ends_m: [f64; 2],
+    },
 }
 
-/// An estimator whose λ̂ is in the columns `element.lambdaHat[1..3]`.
+/// An estimator whose λ̂ is in the columns `element.lambdaHat[1]`, ….
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ComparedEstimator {
     /// Name of the element, for instance `paperLiteral`.
@@ -159,12 +173,12 @@ pub struct Parameter {
 /// replaced by a sentence.
 pub fn page(report: &Report) -> String {
     let answer = html! {
-        @if let Some(answer) = &report.answer { (answer_of(answer, report.truth)) }
-        (figures::first(report))
-        @if let Some(used) = &report.used {
-            h2 { "Beside it: the estimate that the controller uses" }
-            (answer_of(used, report.truth))
+        @for (place, answer) in report.answers.iter().enumerate() {
+            @if place == 1 { h2 { "Beside it: the estimate that the controller uses" } }
+            (answer_of(answer, report))
+            @if place == 0 { (figures::first(report)) }
         }
+        @if report.answers.is_empty() { (figures::first(report)) }
     };
     page_with(report, &answer, &figures::all(report))
 }
@@ -254,22 +268,38 @@ pub(super) fn instant(at_s: f64) -> String {
 }
 
 /// λ̂ ± beside the true value, and whether it is valid.
-fn answer_of(answer: &Answer, truth: Option<[f64; 3]>) -> Markup {
+fn answer_of(answer: &Answer, report: &Report) -> Markup {
     html! {
         p class=(if answer.valid { "verdict good" } else { "verdict bad" }) {
             strong { (if answer.valid { "Valid" } else { "Not valid" }) } " " (answer.verdict)
         }
-        (cards(&PLANAR, &[0, 1, 2].map(|k| [answer.lambda[k], answer.std[k]]), truth))
+        @if let Some(table) = &report.balance {
+            h2 { (table.title) }
+            div.cards {
+                @for row in &table.rows {
+                    div.card {
+                        span.name { (row[0]) }
+                        span.value { (row[1]) " → " (row[2]) }
+                        span.truth { (row[3]) " removed" }
+                    }
+                }
+            }
+            p.soft { (table.note) }
+            h2 { "Force constants" }
+        }
+        (cards(report.machine, &answer.lambda, report.truth.as_deref()))
         p.soft {
-            "In 10⁻⁶ N·m²/A², at the end of the run, by the method " code { (answer.method) } "; ± is two standard deviations as stated by the \
+            "In 10⁻⁶ N·m²/A², at the end of the run"
+            @if !answer.method.is_empty() { ", by the method " code { (answer.method) } }
+            "; ± is two standard deviations as stated by the \
              estimator. It becomes valid when its tests pass and one standard deviation is below " (format!("{:.0}", 100.0 * answer.limit))
             " % of each λ. " (answer.expectation)
         }
     }
 }
 
-/// λ̂ of all magnets with twice their standard deviations, in 10⁻⁶ N·m²/A², beside the true values if known.
-pub(super) fn cards(machine: &Machine, estimates: &[[f64; 2]], truth: Option<[f64; 3]>) -> Markup {
+/// λ̂ of the magnets in use with twice their standard deviations, in 10⁻⁶ N·m²/A², beside the true values if known.
+pub(super) fn cards(machine: &Machine, estimates: &[Option<[f64; 2]>], truth: Option<&[f64]>) -> Markup {
     // Two significant digits of the deviation, and as many decimals of the estimate.
     let places = |std: f64| (2.0 - (2e6 * std).log10().floor() - 1.0).clamp(3.0, 7.0) as usize;
     let number_of = |value: f64, std: f64| format!("{:.*}", places(std), value * 1e6);
@@ -277,13 +307,14 @@ pub(super) fn cards(machine: &Machine, estimates: &[[f64; 2]], truth: Option<[f6
         div.cards {
             @for (bearing, magnets) in machine.magnets_of_bearings() {
                 @for (number, k) in magnets.enumerate() {
-                    @let [lambda, std] = estimates[k];
-                    div.card style={ "border-color:var(" (plot::colour::MAGNETS[number]) ")" } {
-                        span.name { (bearing.prefix) "λ̂" sub { (number + 1) } }
-                        span.value { (number_of(lambda, std)) " ± " (number_of(2.0 * std, std)) }
-                        @if let Some(truth) = truth {
-                            span.truth {
-                                "truth " (number_of(truth[k], std)) ", error " (percent(lambda / truth[k] - 1.0))
+                    @if let Some([lambda, std]) = estimates[k] {
+                        div.card style={ "border-color:var(" (plot::colour::MAGNETS[number]) ")" } {
+                            span.name { (bearing.prefix) "λ̂" sub { (number + 1) } }
+                            span.value { (number_of(lambda, std)) " ± " (number_of(2.0 * std, std)) }
+                            @if let Some(truth) = truth {
+                                span.truth {
+                                    "truth " (number_of(truth[k], std)) ", error " (percent(lambda / truth[k] - 1.0))
+                                }
                             }
                         }
                     }
@@ -291,6 +322,11 @@ pub(super) fn cards(machine: &Machine, estimates: &[[f64; 2]], truth: Option<[f6
             }
         }
     }
+}
+
+/// `Bearing A`, or `Bearing` where there is but one.
+fn title_of(bearing: &Bearing) -> String {
+    format!("Bearing {}", bearing.name()).trim_end().to_owned()
 }
 
 /// A ratio in per cent with its sign.

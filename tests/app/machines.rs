@@ -74,10 +74,10 @@ fn correction_masses_remove_the_synchronous_force() {
 
 #[test]
 fn the_page_shows_the_machine() {
-    for (name, words) in [("spindle", "Orbit in bearing B"), ("balance", "Synchronous force of the magnets")] {
+    for (name, words) in [("spindle", "Orbit, bearing B"), ("balance", "Synchronous force of the magnets")] {
         let (scenario, run) = of(name, &[]);
         let page = experiment::page(Path::new(name), "", &scenario, &run);
-        says(&page, &[&scenario.title, "shaft-animation", "Axial position", "Unbalance in two planes", words]);
+        says(&page, &[&scenario.title, "shaft-animation", "Position along x", "Unbalance in two planes", words]);
         assert!(page.contains("-120 mm") && !page.contains("-120000 µm"), "positions along the shaft");
         // The forces before and after the correction masses are on the first screen, before the animation.
         let forces =

@@ -6,7 +6,7 @@ use base64::Engine;
 use magnetic_bearing::report::experiment;
 use magnetic_bearing::report::plot::{Line, Plot, PlotUnit};
 use magnetic_bearing::report::{
-    Answer, Bearing, ComparedEstimator, Event, Paper, Parameter, Report, SensitivityCurves, page,
+    Answer, ComparedEstimator, Event, Paper, Parameter, Report, Scene, SensitivityCurves, page,
 };
 use magnetic_bearing::simulation::recording::{Column, Recording};
 use magnetic_bearing::simulation::scenario::Scenario;
@@ -84,17 +84,15 @@ fn report(recording: &Recording) -> Report<'_> {
     Report {
         description: "The simulation of the paper.\n\nA rotor on three magnets, λ < 4·10⁻⁶ & unknown.".into(),
         command: "cargo run --release -- simulate 'my file.toml' --report out".into(),
-        used: None,
-        answer: Some(Answer {
+        answers: vec![Answer {
             element: "estimator".into(),
             method: "predictionError".into(),
             valid: false,
             verdict: "since 0.3 s: the innovations are not white.".into(),
-            lambda: LAMBDA.map(|lambda| 1.01 * lambda),
-            std: [2e-9; 3],
+            lambda: LAMBDA.map(|lambda| Some([1.01 * lambda, 2e-9])).into(),
             limit: 0.05,
             expectation: "One per cent too much is to be expected.".into(),
-        }),
+        }],
         tables: vec![Table {
             title: "The paper and this run".into(),
             note: "Numbers of the paper are read from its text.".into(),
@@ -113,14 +111,15 @@ fn report(recording: &Recording) -> Report<'_> {
             })
             .collect(),
         events: vec![Event { at_s: UPDATE_S, label: "update".into() }],
-        truth: Some(LAMBDA),
+        truth: Some(LAMBDA.into()),
         methods: vec![
             method("paperLiteral", "P(20) literally"),
             method("paper", "Paper: P(20), signs aligned"),
             method("other", "Another method"),
             method("estimator", "Prediction errors"),
         ],
-        bearing: Some(Bearing { alpha_rad: [PI, -PI / 3.0, PI / 3.0], gap_m: 5e-4, clearance_m: 2.5e-4 }),
+        clearance_m: vec![2.5e-4],
+        scene: Some(Scene::Bearing { alpha_rad: vec![PI, -PI / 3.0, PI / 3.0], gap_m: 5e-4 }),
         paper: Some(Paper::Simulation),
         ..Report::new("Delpoux and Floquet, redrawn", recording)
     }
@@ -254,7 +253,7 @@ fn the_page_holds_everything_and_loads_nothing() {
         ("methods", "the paper’s Fig. 2)", 4),
         ("errors", "", 4),
         ("condition", "", 1),
-        ("tracking", "the paper’s Fig. 3;", 6),
+        ("tracking", "the paper’s Fig. 3;", 5),
         ("currents", "as Fig. 5 of the paper’s experiment)", 2),
         ("orbit", "as Figs. 11 and 12", 2),
         ("clearance", "", 1),

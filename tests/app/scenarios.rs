@@ -25,9 +25,7 @@ fn every_scenario_runs_to_its_end_and_has_its_page() {
     for name in of_bearings() {
         let (scenario, run) = of(name, &[]);
         let page = experiment::page(Path::new(name), "", &scenario, &run);
-        for what in
-            [scenario.title.as_str(), "Figures of the bearing", "largest displacement / clearance", "The clearance"]
-        {
+        for what in [scenario.title.as_str(), "Figures of the bearing", "largest displacement / clearance of"] {
             assert!(page.contains(what), "{name}: the page does not say {what:?}");
         }
         assert!(page.contains("Sensitivity function of each axis"), "{name}: no sensitivity");

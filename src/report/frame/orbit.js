@@ -33,17 +33,17 @@
     return d;
   };
   const bar = data.clearance > 150 ? 100 : data.clearance > 15 ? 10 : 1;
-  root.innerHTML = `<svg viewBox="${-VIEW} ${-VIEW + 40} ${2 * VIEW} ${2 * VIEW - 44}" role="img" aria-label="The rotor in its clearance between three magnets">
+  root.innerHTML = `<svg viewBox="${-VIEW} ${-VIEW + 40} ${2 * VIEW} ${2 * VIEW - 44}" role="img" aria-label="The rotor in its clearance between its magnets">
     <defs><radialGradient id="steel" cx=".38" cy=".34" r=".8"><stop offset="0"/><stop offset="1"/></radialGradient></defs>
-    ${[0, 1, 2].map(magnet).join("")}
+    ${data.alpha.map((_, k) => magnet(k)).join("")}
     <circle class="ring" r="${RING}"/>
     <circle class="body" r="${ROTOR}"/><g id="rotor"><path class="mark" d="M0 0H${ROTOR}"/><circle class="dot" cx="${ROTOR - 11}" r="5"/></g>
     <path class="reference"/><path class="trail"/><circle class="centre" r="3.2"/>
-    ${[0, 1, 2].map(arrow).join("")}${[0, 1, 2].map(label).join("")}
+    ${data.alpha.map((_, k) => arrow(k)).join("")}${data.alpha.map((_, k) => label(k)).join("")}
     <g class="axes"><path d="M${-VIEW + 22} ${VIEW - 32}h44m-6 -4l6 4l-6 4M${-VIEW + 22} ${VIEW - 32}v-44m-4 6l4 -6l4 6"/><text x="${-VIEW + 74}" y="${VIEW - 27}">y</text><text x="${-VIEW + 17}" y="${VIEW - 84}">z</text>
     <path d="M${VIEW - 30 - bar * scale} ${VIEW - 32}h${bar * scale}m0 -5v10m${-bar * scale} -10v10"/><text x="${VIEW - 30 - bar * scale / 2}" y="${VIEW - 42}" text-anchor="middle">${bar} µm</text></g>
     <text class="event" y="${-VIEW + 62}" x="${-VIEW + 14}"></text></svg>
-    <p class="readout"><span id="now"></span>${lambda ? [0, 1, 2].map(k => `<span style="color:var(--magnet${k + 1})" id="hat${k}"></span>`).join("") : ""}</p>`;
+    <p class="readout"><span id="now"></span>${lambda ? data.alpha.map((_, k) => `<span style="color:var(--magnet${k + 1})" id="hat${k}"></span>`).join("") : ""}</p>`;
   const get = id => document.getElementById(id);
   const find = selector => root.querySelector(selector);
   const rotor = get("rotor");
@@ -68,7 +68,7 @@
     trail.setAttribute("d", path(y, z, turn(i), i));
     if (refY && refZ) find(".reference").setAttribute("d", path(refY, refZ, turn(i), i));
     ring.classList.toggle("hit", Boolean(contact && contact[i] > 0.5));
-    for (let k = 0; k < 3; k++) {
+    for (let k = 0; k < data.alpha.length; k++) {
       const pull = Math.max(0, value(force[k])), long = Math.min(pull / most, 1.3) * ARROW;
       const shaft = get(`arrow${k}`);
       shaft.setAttribute("transform", `translate(${cy} ${cz}) rotate(${data.alpha[k] * degrees}) translate(0 ${-ROTOR})`);
@@ -76,7 +76,7 @@
       shaft.lastChild.setAttribute("transform", `translate(0 ${-long}) scale(${Math.min(1, long / 13)})`);
       get(`coil${k}`).style.fillOpacity = 0.18 + 0.82 * Math.min(1, Math.sqrt(pull / most));
       get(`pull${k}`).textContent = `${text(pull)} N`;
-      if (lambda) get(`hat${k}`).textContent = `λ̂${"₁₂₃"[k]} ${lambda[k][i].toFixed(3)}`;
+      if (lambda) get(`hat${k}`).textContent = `λ̂${"₁₂₃₄"[k]} ${lambda[k][i].toFixed(3)}`;
     }
     const now = at * t[last] / last;
     get("now").textContent = `t ${(now * data.timeFactor).toFixed(data.timeFactor > 1 ? 1 : 3)} ${data.timeFactor > 1 ? "ms" : "s"}` +

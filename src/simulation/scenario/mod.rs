@@ -362,4 +362,15 @@ impl Scenario {
     pub fn value(&self, element: &str, variable: &str) -> Option<Value> {
         self.elements.iter().find(|candidate| candidate.name == element)?.value(variable)
     }
+
+    /// A number of the plant.
+    pub fn real(&self, variable: &str) -> Option<f64> {
+        self.value("plant", variable).map(Value::as_f64)
+    }
+
+    /// The true λ of all magnets, in N·m²/A².
+    pub fn truth(&self) -> Vec<f64> {
+        let names = self.machine.of_magnets("lambda");
+        names.iter().map(|name| self.real(name).unwrap_or(f64::NAN)).collect()
+    }
 }

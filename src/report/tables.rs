@@ -1,0 +1,225 @@
+//! The results of a run as tables.
+
+use super::evaluation;
+use super::experiment::{PAPER_LAMBDA, coherence_note, methods};
+use super::percent;
+use crate::simulation::scenario::Scenario;
+use crate::simulation::simulate::Run;
+use crate::simulation::synchronous::{self, INTERVAL_S};
+use crate::table::Table;
+
+/// Reduction of the perturbation estimates that the paper reports.
+const PAPER_RATIO: &str = "at least 3";
+/// Instants at which estimates of several methods are compared.
+const INSTANTS_S: [f64; 2] = [0.1, 0.2];
+
+/// All tables; `paper` if the scenario is the paper's, so that its numbers can be compared with ours.
+pub fn all(scenario: &Scenario, run: &Run, paper: bool) -> Vec<Table> {
+    let compared = scenario.observers().len() > 1;
+    let mut tables = vec![if compared { comparison(scenario, run, paper) } else { constants(scenario, run) }];
+    tables.extend(unbalance(scenario, run));
+    tables.extend(balance(scenario, run));
+    tables.extend(tracking(scenario, run, paper));
+    tables
+}
+
+/// λ̂ of every method at the instants, beside the true values and the paper's.
+fn comparison(scenario: &Scenario, run: &Run, paper: bool) -> Table {
+    let truth = scenario.truth();
+    let of_magnets = |symbol: &str| scenario.machine.symbols(symbol);
+    let values = |lambda: &[f64]| lambda.iter().map(|value| format!("{:.4}", value * 1e6)).collect::<Vec<_>>();
+    let row = |name: String, lambda: &[f64], valid: &str| {
+        let errors = lambda.iter().zip(&truth).map(|(lambda, truth)| short_percent(100.0 * (lambda / truth - 1.0)));
+        [vec![name], values(lambda), errors.collect(), vec![valid.to_owned()]].concat()
+    };
+    let mut rows = vec![[vec!["truth".to_owned()], values(&truth), vec![String::new(); truth.len() + 1]].concat()];
+    if paper {
+        rows.push(row("paper, figure 2".into(), &PAPER_LAMBDA, ""));
+    }
+    let end_s = run.recording.time_s.last().copied().filter(|end_s| !paper && *end_s > INSTANTS_S[1]);
+    for instant_s in INSTANTS_S.into_iter().chain(end_s) {
+        let Some(at) = run.recording.time_s.iter().position(|time_s| *time_s >= instant_s - 1e-9) else { continue };
+        for method in methods(scenario) {
+            let value = |name: &str| run.recording.get(&format!("{}.{name}", method.element))?.get(at).copied();
+            let names = scenario.machine.of_magnets("lambdaHat");
+            let lambda: Option<Vec<f64>> = names.iter().map(|name| value(name)).collect();
+            if let (Some(lambda), Some(valid)) = (lambda, value("valid")) {
+                let valid = if valid == 1.0 { "yes" } else { "no" };
+                rows.push(row(format!("{} at {instant_s} s", method.label), &lambda, valid));
+            }
+        }
+    }
+    let head = [vec![String::new()], of_magnets("λ"), of_magnets("error "), vec!["valid".to_owned()]];
+    Table {
+        title: "Estimated force constants, 10⁻⁶ N·m²/A², and their errors".into(),
+        note: [coherence_note(scenario), literal_note(scenario, run, &truth)].concat(),
+        head: head.concat(),
+        rows,
+    }
+}
+
+/// How large the estimates of the literal P(20) become, if it was run.
+fn literal_note(scenario: &Scenario, run: &Run, truth: &[f64]) -> String {
+    if !scenario.observers().iter().any(|element| element.name == "paperLiteral") {
+        return String::new();
+    }
+    let of_magnet = |(k, truth): (usize, &f64)| {
+        let column = run.recording.get(&format!("paperLiteral.lambdaHat[{}]", k + 1)).unwrap_or(&[]);
+        let late = run.recording.time_s.iter().zip(column).filter(|(time_s, _)| **time_s >= INSTANTS_S[0]);
+        late.map(|(time_s, value)| ((value / truth - 1.0).abs(), *time_s)).collect::<Vec<_>>()
+    };
+    let errors = truth.iter().enumerate().flat_map(of_magnet);
+    let worst = errors.fold((0.0, 0.0), |worst, error| if error.0 > worst.0 { error } else { worst });
+    format!(
+        "Equation (20) to the letter (paperLiteral) divides by a signed determinant that passes through zero: its greatest \
+         error after {} s is {:.0} %, at {:.4} s.",
+        INSTANTS_S[0],
+        100.0 * worst.0,
+        worst.1
+    )
+}
+
+fn short_percent(value: f64) -> String {
+    match value.abs() {
+        size if size < 0.005 => "0.00 %".into(),
+        size if size < 1000.0 => format!("{value:+.2} %"),
+        _ => format!("{value:+.1e} %"),
+    }
+}
+
+/// The final estimates with ± and what follows from them.
+fn constants(scenario: &Scenario, run: &Run) -> Table {
+    let machine = scenario.machine;
+    let symbols = machine.symbols("λ");
+    let names = ["lambdaHat", "lambdaStdTotal", "ki", "ks"].map(|name| machine.of_magnets(name));
+    let row = |(k, truth): (usize, f64)| {
+        let of = |quantity: usize| last(run, &format!("estimator.{}", names[quantity][k]));
+        let hat = of(0);
+        vec![
+            symbols[k].clone(),
+            format!("{:.4}", truth * 1e6),
+            format!("{:.4}", hat * 1e6),
+            percent(hat / truth - 1.0),
+            format!("{:.2} %", 200.0 * of(1) / hat),
+            format!("{:.1}", of(2)),
+            format!("{:.0}", of(3)),
+        ]
+    };
+    let valid = if last(run, "estimator.valid") == 1.0 { "Valid" } else { "Not valid" };
+    Table {
+        title: "Estimated force constants, 10⁻⁶ N·m²/A²".into(),
+        note: format!(
+            "{valid} at the end of the run. ± is two standard deviations; ki in N/A and ks in N/m at the operating point."
+        ),
+        head: ["", "truth", "estimate", "error", "±", "ki", "ks"].map(String::from).into(),
+        rows: scenario.truth().into_iter().enumerate().filter(|(k, _)| scenario.uses(*k)).map(row).collect(),
+    }
+}
+
+/// The last value of a column.
+fn last(run: &Run, name: &str) -> f64 {
+    run.recording.get(name).and_then(|values| values.last().copied()).unwrap_or(f64::NAN)
+}
+
+fn unbalance(scenario: &Scenario, run: &Run) -> Option<Table> {
+    let machine = scenario.machine;
+    let row = |plane: usize| {
+        let name = |what: &str| machine.of_planes(what).swap_remove(plane);
+        let of = |what: &str| {
+            let found = run.recording.get(&format!("estimator.{}", name(what)))?;
+            let before = |balance_s| run.recording.time_s.partition_point(|time_s| *time_s < balance_s - 1e-9);
+            let at = scenario.balance_s.map_or(found.len(), before);
+            Some((scenario.real(&name(what))?, *found.get(at.checked_sub(1)?)?))
+        };
+        let ((size, size_hat), (phase, phase_hat)) = (of("magnitude")?, of("phase")?);
+        let position = scenario.real(&name("position"));
+        (size > 0.0).then_some(vec![
+            position.map_or_else(String::new, |at_m| format!("plane {}, {} mm", plane + 1, 1e3 * at_m)),
+            format!("{:.2}", 1e6 * size),
+            format!("{:.2}", 1e6 * size_hat),
+            format!("{phase:.4}"),
+            format!("{phase_hat:.4}"),
+        ])
+    };
+    let rows: Vec<_> = (0..machine.planes).map_while(row).collect();
+    let before = scenario.balance_s.map(|balance_s| format!(", before the correction masses at {balance_s} s"));
+    (!rows.is_empty()).then(|| Table {
+        title: (if machine.planes > 1 { "Unbalance in two planes" } else { "Unbalance" }).into(),
+        note: format!("Magnitude in g·mm, angle on the rotor in rad{}.", before.unwrap_or_default()),
+        head: ["", "truth", "estimate", "angle", "estimate"].map(String::from).into(),
+        rows,
+    })
+}
+
+/// Forces before and after correction masses.
+pub fn balance(scenario: &Scenario, run: &Run) -> Option<Table> {
+    let before = synchronous::forces(&run.recording, scenario.balance_s?)?;
+    let after = synchronous::forces(&run.recording, *run.recording.time_s.last()?)?;
+    let rows = ["A, y", "A, z", "B, y", "B, z"].into_iter().zip(before.into_iter().zip(after));
+    let row = |(name, (before, after)): (&str, (f64, f64))| {
+        let removed = format!("{:.1} %", 100.0 * (1.0 - after / before));
+        vec![name.into(), format!("{before:.3}"), format!("{after:.3}"), removed]
+    };
+    Some(Table {
+        title: "Synchronous force of the magnets, N".into(),
+        note: format!(
+            "Amplitude at the frequency of the rotor, over {INTERVAL_S} s before the correction masses and at the end."
+        ),
+        head: ["", "before", "after", "removed"].map(String::from).into(),
+        rows: rows.map(row).collect(),
+    })
+}
+
+/// Tracking errors and peak-to-peak values of the perturbation estimates, before and after the update or at the end of the run.
+fn tracking(scenario: &Scenario, run: &Run, paper: bool) -> Option<Table> {
+    let machine = scenario.machine;
+    let stretches = evaluation::stretches(&run.recording);
+    let is_update = stretches.len() > 1;
+    let mut rows = Vec::new();
+    let mut row = |name: String, factor: f64, unit: &str, paper: &str, signal: &[f64], size: fn(&[f64]) -> f64| {
+        let values: Vec<f64> = stretches.iter().map(|stretch| factor * size(stretch.of(signal))).collect();
+        let mut cells = vec![name];
+        cells.extend(values.iter().map(|value| format!("{value:.3}")));
+        cells.push(unit.into());
+        if let [before, after] = values[..] {
+            cells.push(if after > 0.0 { format!("{:.1}", before / after) } else { String::new() });
+            cells.push(paper.into());
+        }
+        rows.push(cells);
+    };
+    for (reading, error) in machine.readings.iter().zip(evaluation::errors(machine, &run.recording)) {
+        let name = format!("largest tracking error, {}", reading.axis);
+        row(name, 1e6, "µm", "slightly smaller after", &error?, evaluation::largest);
+    }
+    let observed = machine.of_loads("p", "Hat").into_iter().map(|name| format!("controller.{name}"));
+    let truth = machine.coordinates.iter().map(|coordinate| format!("plant.{}", coordinate.perturbation.0));
+    for (n, (observed, truth)) in observed.zip(truth).enumerate() {
+        for (name, column, paper) in [("estimated", observed, PAPER_RATIO), ("true", truth, "")] {
+            let name =
+                format!("{name} perturbation, peak to peak, {}", machine.direction(n).trim_start_matches("along "));
+            row(name, 1.0, machine.either(n, "N", "N·m"), paper, run.recording.get(&column)?, evaluation::peak_to_peak);
+        }
+    }
+    let names = stretches.iter().map(|stretch| stretch.name);
+    let mut head: Vec<_> = [""].into_iter().chain(names).chain(["unit"]).map(String::from).collect();
+    if is_update {
+        head.extend(["before : after", "paper"].map(String::from));
+    }
+    if is_update && !paper {
+        // The paper's numbers belong to its own scenario only.
+        head.pop();
+        rows.iter_mut().for_each(|row| drop(row.pop()));
+    }
+    let update_s = evaluation::update_s(&run.recording).unwrap_or_default();
+    let interval = evaluation::interval(&run.recording, &stretches);
+    let (title, note) = match is_update {
+        true => (
+            "Tracking before and after the update",
+            format!(
+                "Over the last {interval} before the update at {update_s} s, and over those at the end of the run."
+            ),
+        ),
+        false => ("Tracking at the end of the run", format!("Over the last {interval}.")),
+    };
+    (!stretches.is_empty()).then(|| Table { title: title.into(), note, head, rows })
+}
