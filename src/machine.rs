@@ -368,6 +368,7 @@ impl Machine {
         replace("{at this bearing}", if several { " at this bearing" } else { "" });
         let paper = "; with the paper's methods: fraction of the motion left unexplained";
         replace("{unexplained}", if self.of_paper() == 1 { paper } else { "" });
+        replace("{in planes}", if self.planes > 1 { " in two planes" } else { "" });
         replace("{in plane}", &if self.planes > 1 { format!(" in plane {}", index + 1) } else { String::new() });
         let (valid, why) = match several {
             true => (

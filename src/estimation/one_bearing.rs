@@ -1,18 +1,45 @@
 //! The estimator of a rotor in one bearing, whose coordinates are its positions.
 
+use libm::sin;
 use nalgebra::SMatrix;
 use serde::{Deserialize, Serialize};
 
+use super::config::{MAX_INTERVALS, MIN_INTERVALS, WHOLE_NUMBER_TOLERANCE};
 use super::paper::{Paper, PaperState};
 use super::parts::{Parts, PartsState};
-use super::{
-    Common, Estimation, EstimatorConfigOf, EstimatorOutputOf, Judged, Machine, Method, Names, Taken, Verdict,
-    prediction_error,
-};
-use crate::bearing::magnet::Geometry;
+use super::{Estimation, EstimatorConfigOf, EstimatorOutputOf, Judged, Machine, Method, Names, Taken, Verdict};
+use crate::bearing::magnet::{Geometry, SMALLEST_SINE, Used, alpha_rad};
+use crate::invalid::Checks;
+use crate::variables::Variables;
+use crate::variables::unit::{KILOGRAM, METRE, RADIAN};
 
 /// A force constant that is held at its first guess has this standard deviation, relative.
 const HELD: f64 = 1.0e-3;
+
+/// A rotor in one bearing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Names)]
+#[serde(bound(serialize = "[f64; K]: Serialize", deserialize = "[f64; K]: Deserialize<'de>"))]
+pub struct OneBearingGeometry<const K: usize> {
+    /// Mass of the rotor
+    #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
+    pub m_kg: f64,
+    /// Nominal air gap
+    #[parameter(name = "s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
+    pub gap_m: f64,
+    /// Angle of magnet {k}; its direction is (sin alpha, cos alpha) in the y-z plane
+    #[parameter(name = "alpha", count = context.angles(), unit = RADIAN)]
+    pub alpha_rad: [f64; K],
+    /// Which magnets are used
+    #[parameter(name = "magnets.used", count = usize::from(!context.is_planar()))]
+    pub used: Used,
+}
+
+impl<const K: usize> Default for OneBearingGeometry<K> {
+    fn default() -> Self {
+        Self { m_kg: 6.7, gap_m: 5.0e-4, alpha_rad: alpha_rad(), used: Used::Both }
+    }
+}
 
 impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
     /// A rotor of this mass in kg in a bearing with this gap in m and magnets at these angles in rad.
@@ -28,33 +55,66 @@ impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
     }
 }
 
-impl<const N: usize, const K: usize> EstimatorConfigOf<N, K> {
-    /// How its parts are called.
-    pub(super) const NAMES: &'static Names = Names::of_one_bearing(N, K);
-
-    /// Parameters that all estimators have.
-    pub(super) fn shared(&self) -> Common<'_, K> {
-        Common {
-            m_kg: self.m_kg,
-            step_s: self.step_s,
-            lambda0_nm2_a2: self.lambda0_nm2_a2,
-            hold: self.hold,
-            // The paper's methods have no use for the angle, and along the axis there is no unbalance.
-            identify_unbalance: self.identify_unbalance && N == 2 && self.method == Method::PredictionError,
-            noise: [self.position_noise_m, self.current_noise_a],
-            tolerance: &self.tolerance,
+impl<const K: usize> EstimatorConfigOf<OneBearingGeometry<K>, K> {
+    /// Checks what this machine alone has, under its name in the interface.
+    pub(super) fn check_own<const N: usize>(&self, machine: &Names, checks: &mut Checks) {
+        let OneBearingGeometry { m_kg, gap_m, alpha_rad, .. } = self.geometry;
+        let paper = self.method != Method::PredictionError;
+        for (name, value, unit) in [
+            ("m", m_kg, "kg"),
+            ("s", gap_m, "m"),
+            ("Tf", self.window_s, "s"),
+            ("epsilon", self.epsilon_s, "s"),
+            ("filter.omega", self.filter_omega_rad_s, "rad/s"),
+            ("filter.zeta", self.filter_zeta, "1"),
+        ] {
+            checks.positive(name, value, unit);
+        }
+        for (k, alpha) in alpha_rad.iter().enumerate().filter(|_| N == 2) {
+            checks.finite(format!("alpha[{}]", k + 1), *alpha, "rad");
+            for (l, other) in alpha_rad.iter().enumerate().take(k) {
+                // Opposed magnets pull in turn: their currents tell them apart.
+                let line = if K == 3 { sin(alpha - other).abs() } else { 2.0 * sin(0.5 * (alpha - other)).abs() };
+                let apart = !(alpha - other).is_finite() || line >= SMALLEST_SINE;
+                let wanted = format!("an angle off the line of magnet {}, whose force could not be told apart,", l + 1);
+                checks.require(apart, format!("alpha[{}]", k + 1), format_args!("{alpha} rad"), wanted);
+            }
+        }
+        for (name, value, unit) in self.tolerance.listed(machine) {
+            let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
+            let unused = value.is_nan() || value <= 0.0 || name == "tolerance.backwardForce";
+            checks.require(!paper || unused, name, format_args!("{value} {unit}"), wanted);
+        }
+        let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance,";
+        checks.require(!paper || self.identify_unbalance, "identify.unbalance", self.identify_unbalance, wanted);
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        // Tf is ignored by methods that have no window.
+        if paper && positive(self.step_s) && positive(self.window_s) {
+            let (n, slack, value) =
+                (self.window_s / self.step_s, WHOLE_NUMBER_TOLERANCE, format!("{} s", self.window_s));
+            for (holds, wanted) in [
+                (n >= MIN_INTERVALS * (1.0 - slack), "at least 8 Ts"),
+                (n <= MAX_INTERVALS * (1.0 + slack), "at most 100000 Ts"),
+                ((n - n.round()).abs() <= slack * n, "a whole number of Ts"),
+            ] {
+                checks.require(holds, "Tf", &value, wanted);
+            }
+            let enough = !positive(self.epsilon_s) || self.epsilon_s >= self.window_s * (1.0 - slack);
+            let wanted = "at least Tf, for there is no estimate before the first window is full,";
+            checks.require(enough, "epsilon", format_args!("{} s", self.epsilon_s), wanted);
         }
     }
 
-    /// The method with `std.len()` uncertain parameters: the gap, and in the plane the angles.
-    pub(super) fn parts<const U: usize, const T: usize, const R: usize>(&self) -> Parts<N, K, U, T> {
+    /// The method with R uncertain parameters: the gap, and in the plane the angles.
+    pub(super) fn parts<const N: usize, const U: usize, const T: usize, const R: usize>(&self) -> Parts<N, K, U, T> {
+        let OneBearingGeometry { m_kg, gap_m, alpha_rad, used } = &self.geometry;
         let machine = |change: [f64; R]| {
-            let alpha_rad = std::array::from_fn(|k| self.alpha_rad[k] + change.get(1 + k).copied().unwrap_or_default());
-            Machine::of_bearing(self.m_kg, self.gap_m + change[0], alpha_rad)
+            let alpha_rad = std::array::from_fn(|k| alpha_rad[k] + change.get(1 + k).copied().unwrap_or_default());
+            Machine::of_bearing(*m_kg, gap_m + change[0], alpha_rad)
         };
         let std = std::array::from_fn(|r| if r == 0 { self.tolerance.gap_m } else { self.tolerance.alpha_rad });
-        let mut first = prediction_error(machine, std, self.lambda0_nm2_a2, &self.shared());
-        if let Some(only) = self.used.only() {
+        let mut first = self.prediction_error(*m_kg, machine, std, self.lambda0_nm2_a2);
+        if let Some(only) = used.only() {
             for k in (0..K).filter(|k| *k != only) {
                 let std = HELD * self.lambda0_nm2_a2[k];
                 first.prior.precision[k] = 1.0 / (std * std);

@@ -7,7 +7,9 @@ use magnetic_bearing::bearing::magnet::Used;
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
 use magnetic_bearing::control::reference::ReferenceConfig;
 use magnetic_bearing::control::tracking::TrackingConfig;
-use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method};
+use magnetic_bearing::estimation::{
+    Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method, OneBearingGeometry,
+};
 use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate::Run;
@@ -82,10 +84,12 @@ fn controller_config(values: &Values) -> ControllerConfig {
 
 fn estimator_config(values: &Values) -> EstimatorConfig {
     EstimatorConfig {
-        used: Used::Both,
-        m_kg: values.real("m"),
-        gap_m: values.real("s"),
-        alpha_rad: values.three("alpha"),
+        geometry: OneBearingGeometry {
+            used: Used::Both,
+            m_kg: values.real("m"),
+            gap_m: values.real("s"),
+            alpha_rad: values.three("alpha"),
+        },
         window_s: values.real("Tf"),
         epsilon_s: values.real("epsilon"),
         method: values.choice("method", &[Method::PaperLiteral, Method::Paper, Method::PredictionError]),

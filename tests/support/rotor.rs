@@ -3,7 +3,7 @@
 
 use crate::support::Random;
 use magnetic_bearing::estimation::{
-    Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, Tolerance,
+    Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, OneBearingGeometry, Tolerance,
 };
 use std::f64::consts::PI;
 
@@ -238,9 +238,12 @@ impl Rotor {
         let backward_force_n = if self.backward_n == 0.0 { 0.0 } else { Tolerance::default().backward_force_n };
         EstimatorConfig {
             tolerance: Tolerance { backward_force_n, ..Tolerance::default() },
-            m_kg: self.m_kg,
-            gap_m: self.gap_m,
-            alpha_rad: self.alpha_rad,
+            geometry: OneBearingGeometry {
+                m_kg: self.m_kg,
+                gap_m: self.gap_m,
+                alpha_rad: self.alpha_rad,
+                ..OneBearingGeometry::default()
+            },
             step_s: self.step_s,
             method,
             hold,
