@@ -100,17 +100,15 @@ pub struct Tolerance {
 impl Default for Tolerance {
     /// All is known exactly but a backward force.
     fn default() -> Self {
-        let [m_kg, gap_m, alpha_rad, position_gain, position_offset_m, current_gain, current_offset_a] = [0.0; 7];
-        let backward_force_n = 2.0;
         Self {
-            m_kg,
-            gap_m,
-            alpha_rad,
-            position_gain,
-            position_offset_m,
-            current_gain,
-            current_offset_a,
-            backward_force_n,
+            m_kg: 0.0,
+            gap_m: 0.0,
+            alpha_rad: 0.0,
+            position_gain: 0.0,
+            position_offset_m: 0.0,
+            current_gain: 0.0,
+            current_offset_a: 0.0,
+            backward_force_n: 2.0,
         }
     }
 }
@@ -338,32 +336,13 @@ pub enum Verdict {
     Speed,
 }
 
-impl Verdict {
-    /// All verdicts with their texts, in the order of their numbers in the interface, which count from 1.
-    pub const ALL: [(Verdict, &str); 16] = [
-        (Verdict::Valid, "valid"),
-        (Verdict::Collecting, "not valid: too few samples so far"),
-        (Verdict::Disabled, "not valid: enable is false"),
-        (Verdict::BadSample, "not valid: a sample is not finite, or outside the gap"),
-        (Verdict::Contact, "not valid: the rotor is in contact"),
-        (Verdict::Stuck, "not valid: a position sensor reads the same all the time"),
-        (Verdict::Changed, "not valid: the latest revolution contradicts those before; estimation begins anew"),
-        (Verdict::Singular, "not valid: the excitation does not tell the unknowns apart"),
-        (Verdict::NotPositive, "not valid: a force constant came out zero or negative"),
-        (Verdict::Unexplained, "not valid: the model does not explain the motion"),
-        (Verdict::Coloured, "not valid: the innovations are not white"),
-        (Verdict::Noisy, "not valid: there is more noise than can be found from the data: tell it"),
-        (Verdict::Unsteady, "not valid: the estimate has contradicted itself several times"),
-        (Verdict::Uncertain, "not valid: the standard deviation is too large"),
-        (Verdict::ForeignState, "not valid: the state was made by another estimator"),
-        (Verdict::Speed, "not valid: omega is not the speed of theta in rad/s"),
-    ];
-}
-
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let text = Self::ALL.into_iter().find(|(verdict, _)| verdict == self).map_or("", |(_, text)| text);
-        f.write_str(text)
+        if *self == Verdict::Valid {
+            return f.write_str("valid");
+        }
+        let (_, why) = Self::ENUMERATION.items[self.number() as usize - 1];
+        write!(f, "not valid: {}{}", char::from(why.as_bytes()[0].to_ascii_lowercase()), &why[1..])
     }
 }
 

@@ -58,14 +58,9 @@ pub struct ShaftTolerance {
 pub type SpindleEstimatorConfig = EstimatorConfigOf<SpindleGeometry, 8>;
 
 impl ShaftTolerance {
-    /// Names in the interface, values and units.
-    fn listed(&self) -> Vec<(String, f64, &'static str)> {
-        numbers("tolerance.", self, &())
-    }
-
     fn check<const M: usize>(&self, geometry: &SpindleGeometryOf<f64, M>, checks: &mut Checks) {
         let [begin_m, end_m] = geometry.extent_m;
-        for (name, value, unit) in self.listed() {
+        for (name, value, unit) in numbers("tolerance.", self, &()) {
             checks.not_negative(name.clone(), value, unit);
             let on_shaft = unit != "m" || value.is_nan() || value < end_m - begin_m || begin_m >= end_m;
             let wanted = format!("less than the length of the shaft, {} m,", end_m - begin_m);

@@ -3,9 +3,9 @@
 use crate::support::below;
 use fmu_export::variable::Row;
 use fmu_export::{Model, SampledModel};
+use magnetic_bearing::bearing::spindle::SpindleGeometryOf;
 use magnetic_bearing::control::controller::{Controller, ControllerInputOf};
 use magnetic_bearing::control::spindle::SpindleControllerConfigOf;
-use magnetic_bearing::bearing::spindle::SpindleGeometryOf;
 use magnetic_bearing::estimation::{Estimator, EstimatorConfigOf, EstimatorInputOf};
 use magnetic_bearing::fmu::{controller, estimator, spindle};
 use magnetic_bearing::plant::spindle::{SpindleConfig, SpindleConfigOf};
