@@ -183,6 +183,16 @@ impl Machine {
         const { &if N < 4 { PLANAR } else { Self::shaft::<N, K>("", [("", ""); 3]) } }
     }
 
+    /// That with B bearings and K magnets.
+    pub(crate) const fn with<const B: usize, const K: usize>() -> &'static Self {
+        match (B, K) {
+            (1, 2) => Self::of::<1, K>(),
+            (1, _) => Self::of::<2, K>(),
+            (2, _) => Self::of::<4, K>(),
+            _ => Self::of::<5, K>(),
+        }
+    }
+
     /// A shaft that tilts, in two radial bearings, and with N = 5 coordinates in an axial one, with K magnets in all.
     const fn shaft<const N: usize, const K: usize>(name: &'static str, models: [Called; 3]) -> Self {
         const { assert!(N == 4 || N == 5, "a shaft that tilts") };
@@ -467,6 +477,7 @@ impl Machine {
         replace("{at this bearing}", if several { " at this bearing" } else { "" });
         let paper = "; with the paper's methods: fraction of the motion left unexplained";
         replace("{unexplained}", if self.of_paper() == 1 { paper } else { "" });
+        replace("{in planes}", if self.planes > 1 { " in two planes" } else { "" });
         replace("{in plane}", &if self.planes > 1 { format!(" in plane {}", index + 1) } else { String::new() });
         let (valid, why) = match several {
             true => (

@@ -2,13 +2,17 @@
 
 use std::fmt;
 
-use libm::sin;
 use serde::{Deserialize, Serialize};
 
-use super::innovations::{Machine, Tolerances};
-use crate::bearing::magnet::{SMALLEST_SINE, Used, alpha_rad};
+use super::innovations::{Machine, Tolerances, WhiteningFilter};
+use super::models::prior;
+use super::prediction_error::PredictionError;
+use super::spindle::ShaftTolerance;
+use crate::bearing::magnet::Used;
+use crate::bearing::rotor::RotorConfig;
 use crate::invalid::Checks;
 use crate::machine::Machine as Names;
+use crate::plant::PLANES;
 use crate::variables::unit::{
     AMPERE, KILOGRAM, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND,
     SECOND,
@@ -97,17 +101,15 @@ pub struct Tolerance {
 impl Default for Tolerance {
     /// All is known exactly but a backward force.
     fn default() -> Self {
-        let [m_kg, gap_m, alpha_rad, position_gain, position_offset_m, current_gain, current_offset_a] = [0.0; 7];
-        let backward_force_n = 2.0;
         Self {
-            m_kg,
-            gap_m,
-            alpha_rad,
-            position_gain,
-            position_offset_m,
-            current_gain,
-            current_offset_a,
-            backward_force_n,
+            m_kg: 0.0,
+            gap_m: 0.0,
+            alpha_rad: 0.0,
+            position_gain: 0.0,
+            position_offset_m: 0.0,
+            current_gain: 0.0,
+            current_offset_a: 0.0,
+            backward_force_n: 2.0,
         }
     }
 }
@@ -141,28 +143,28 @@ impl Tolerance {
     }
 }
 
-/// Parameters of the estimator, before they are checked.
+/// Parameters of the estimator of a machine with K magnets, before they are checked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Names)]
-#[serde(bound(serialize = "[f64; K]: Serialize", deserialize = "[f64; K]: Deserialize<'de>"))]
-pub struct EstimatorConfigOf<const N: usize, const K: usize> {
-    /// Mass of the rotor
-    #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
-    pub m_kg: f64,
-    /// Nominal air gap
-    #[parameter(name = "s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
-    pub gap_m: f64,
-    /// Angle of magnet {k}; its direction is (sin alpha, cos alpha) in the y-z plane
-    #[parameter(name = "alpha", count = context.angles(), unit = RADIAN)]
-    pub alpha_rad: [f64; K],
+#[serde(bound(
+    serialize = "G: Serialize, [f64; K]: Serialize",
+    deserialize = "G: Deserialize<'de>, [f64; K]: Deserialize<'de>"
+))]
+pub struct EstimatorConfigOf<G, const K: usize>
+where
+    G: Variables<Context = Names> + Clone + 'static,
+{
+    /// Rotor and bearings.
+    #[nested(prefix = "")]
+    pub geometry: G,
     /// Which magnets are used
-    #[parameter(name = "magnets.used", count = usize::from(!context.is_planar()))]
+    #[parameter(name = "magnets.used", count = usize::from(!context.tilts() && !context.is_planar()))]
     pub used: Used,
     /// Sample time; samples are taken at the start time plus whole multiples of it
     #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
     pub step_s: f64,
-    /// First guess of the force constant of magnet {k}
-    #[parameter(name = "lambda0", unit = LAMBDA, min = 0.0, nominal = 1e-6)]
+    /// First guess of the force constant of {magnet}
+    #[parameter(names = context.of_magnets("lambda0"), unit = LAMBDA, min = 0.0, nominal = 1e-6)]
     pub lambda0_nm2_a2: [f64; K],
     /// How the force constants are computed
     #[parameter(count = context.of_paper())]
@@ -170,20 +172,29 @@ pub struct EstimatorConfigOf<const N: usize, const K: usize> {
     /// What a sample of a current stands for
     #[parameter]
     pub hold: Hold,
-    /// Whether to identify an unbalance as well
+    /// Whether to identify an unbalance{in planes} as well
     ///
     /// [`Method::PredictionError`] alone.
-    #[parameter(name = "identify.unbalance", count = context.planes)]
+    #[parameter(name = "identify.unbalance", count = context.planes.min(1))]
     pub identify_unbalance: bool,
+    /// Position of plane {k} of the unbalance along the shaft, from the centre of gravity
+    ///
+    /// Used if the shaft tilts.
+    #[parameter(names = context.of_planes("position"), count = context.planes / PLANES * PLANES, unit = METRE, nominal = 0.1)]
+    pub unbalance_position_m: [f64; PLANES],
     /// Standard deviation of the noise of {read}; 0 to estimate it from the data
     #[parameter(name = "sensor.positionNoise", unit = METRE, min = 0.0, nominal = 1e-7)]
     pub position_noise_m: f64,
     /// Standard deviation of the noise of im; 0 to estimate it from the data
     #[parameter(name = "sensor.currentNoise", unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_noise_a: f64,
-    /// How well the rest is known; [`Method::PredictionError`] alone.
+    /// How well the rest is known; [`Method::PredictionError`] alone. That of the mass is one of all inertia, that of the gap one of all gaps, each in
+    /// proportion.
     #[nested]
     pub tolerance: Tolerance,
+    /// The same of a shaft that tilts.
+    #[nested(prefix = "tolerance.", count = context.planes / PLANES, context = ())]
+    pub shaft_tolerance: ShaftTolerance,
     /// Length of the window of the paper's methods, a whole multiple of Ts; one revolution is a good choice
     #[parameter(name = "Tf", count = context.of_paper(), unit = SECOND, min = 0.0, nominal = 1e-2)]
     pub window_s: f64,
@@ -205,23 +216,23 @@ pub struct EstimatorConfigOf<const N: usize, const K: usize> {
 }
 
 /// Those for the planar rotor of the paper.
-pub type EstimatorConfig = EstimatorConfigOf<2, 3>;
+pub type EstimatorConfig = EstimatorConfigOf<RotorConfig, 3>;
 
-impl<const N: usize, const K: usize> Default for EstimatorConfigOf<N, K> {
+impl<const B: usize, const K: usize> Default for EstimatorConfigOf<RotorConfig<f64, B>, K> {
     fn default() -> Self {
         Self {
-            m_kg: 6.7,
-            gap_m: 5.0e-4,
-            alpha_rad: alpha_rad(),
+            geometry: RotorConfig::of(Names::with::<B, K>()),
             used: Used::Both,
             step_s: 1.0e-4,
             lambda0_nm2_a2: [4.0e-6; K],
             method: Method::default(),
             hold: Hold::default(),
             identify_unbalance: true,
+            unbalance_position_m: [-0.08, 0.10],
             position_noise_m: 0.0,
             current_noise_a: 0.0,
             tolerance: Tolerance::default(),
+            shaft_tolerance: ShaftTolerance::default(),
             window_s: 0.02,
             epsilon_s: 0.02,
             filter_omega_rad_s: 15.0,
@@ -327,32 +338,13 @@ pub enum Verdict {
     Speed,
 }
 
-impl Verdict {
-    /// All verdicts with their texts, in the order of their numbers in the interface, which count from 1.
-    pub const ALL: [(Verdict, &str); 16] = [
-        (Verdict::Valid, "valid"),
-        (Verdict::Collecting, "not valid: too few samples so far"),
-        (Verdict::Disabled, "not valid: enable is false"),
-        (Verdict::BadSample, "not valid: a sample is not finite, or outside the gap"),
-        (Verdict::Contact, "not valid: the rotor is in contact"),
-        (Verdict::Stuck, "not valid: a position sensor reads the same all the time"),
-        (Verdict::Changed, "not valid: the latest revolution contradicts those before; estimation begins anew"),
-        (Verdict::Singular, "not valid: the excitation does not tell the unknowns apart"),
-        (Verdict::NotPositive, "not valid: a force constant came out zero or negative"),
-        (Verdict::Unexplained, "not valid: the model does not explain the motion"),
-        (Verdict::Coloured, "not valid: the innovations are not white"),
-        (Verdict::Noisy, "not valid: there is more noise than can be found from the data: tell it"),
-        (Verdict::Unsteady, "not valid: the estimate has contradicted itself several times"),
-        (Verdict::Uncertain, "not valid: the standard deviation is too large"),
-        (Verdict::ForeignState, "not valid: the state was made by another estimator"),
-        (Verdict::Speed, "not valid: omega is not the speed of theta in rad/s"),
-    ];
-}
-
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let text = Self::ALL.into_iter().find(|(verdict, _)| verdict == self).map_or("", |(_, text)| text);
-        f.write_str(text)
+        if *self == Verdict::Valid {
+            return f.write_str("valid");
+        }
+        let (_, why) = Self::ENUMERATION.items[self.number() as usize - 1];
+        write!(f, "not valid: {}{}", char::from(why.as_bytes()[0].to_ascii_lowercase()), &why[1..])
     }
 }
 
@@ -506,75 +498,47 @@ pub(super) fn stiffness_std<const K: usize>(stiffness: [f64; K], lambda_std: [f6
     std::array::from_fn(of)
 }
 
-/// Checks what the estimators of all machines have, under its name in the interface.
-pub(super) fn check_common<const K: usize>(
-    machine: &Names,
-    step_s: f64,
-    lambda0_nm2_a2: [f64; K],
-    noise: [f64; 2],
-    tolerance: &Tolerance,
-    checks: &mut Checks,
-) {
-    checks.positive("Ts", step_s, "s");
-    for (name, lambda0) in machine.of_magnets("lambda0").into_iter().zip(lambda0_nm2_a2) {
-        checks.positive(name, lambda0, "N.m2/A2");
-    }
-    checks.not_negative("sensor.positionNoise", noise[0], "m");
-    checks.not_negative("sensor.currentNoise", noise[1], "A");
-    for (name, value, unit) in tolerance.listed(machine) {
-        checks.not_negative(name, value, unit);
-    }
-}
-
-impl<const N: usize, const K: usize> EstimatorConfigOf<N, K> {
-    /// Checks every parameter, under its name in the interface.
-    pub(super) fn checked(&self, checks: &mut Checks) {
-        let machine = Self::NAMES;
-        let paper = self.method != Method::PredictionError;
-        for (name, value, unit) in [
-            ("m", self.m_kg, "kg"),
-            ("s", self.gap_m, "m"),
-            ("Tf", self.window_s, "s"),
-            ("epsilon", self.epsilon_s, "s"),
-            ("filter.omega", self.filter_omega_rad_s, "rad/s"),
-            ("filter.zeta", self.filter_zeta, "1"),
-        ] {
-            checks.positive(name, value, unit);
+impl<G, const K: usize> EstimatorConfigOf<G, K>
+where
+    G: Variables<Context = Names> + Clone + 'static,
+{
+    /// Checks what all machines have, under its name in the interface.
+    pub(super) fn check(&self, machine: &Names, checks: &mut Checks) {
+        checks.positive("Ts", self.step_s, "s");
+        for (name, lambda0) in machine.of_magnets("lambda0").into_iter().zip(self.lambda0_nm2_a2) {
+            checks.positive(name, lambda0, "N.m2/A2");
         }
-        for (k, alpha) in self.alpha_rad.iter().enumerate().filter(|_| N == 2) {
-            checks.finite(format!("alpha[{}]", k + 1), *alpha, "rad");
-            for (l, other) in self.alpha_rad.iter().enumerate().take(k) {
-                // Opposed magnets pull in turn: their currents tell them apart.
-                let line = if K == 3 { sin(alpha - other).abs() } else { 2.0 * sin(0.5 * (alpha - other)).abs() };
-                let apart = !(alpha - other).is_finite() || line >= SMALLEST_SINE;
-                let wanted = format!("an angle off the line of magnet {}, whose force could not be told apart,", l + 1);
-                checks.require(apart, format!("alpha[{}]", k + 1), format_args!("{alpha} rad"), wanted);
-            }
-        }
-        let noise = [self.position_noise_m, self.current_noise_a];
-        check_common(machine, self.step_s, self.lambda0_nm2_a2, noise, &self.tolerance, checks);
+        checks.not_negative("sensor.positionNoise", self.position_noise_m, "m");
+        checks.not_negative("sensor.currentNoise", self.current_noise_a, "A");
         for (name, value, unit) in self.tolerance.listed(machine) {
-            let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
-            let unused = value.is_nan() || value <= 0.0 || name == "tolerance.backwardForce";
-            checks.require(!paper || unused, name, format_args!("{value} {unit}"), wanted);
+            checks.not_negative(name, value, unit);
         }
-        let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance,";
-        checks.require(!paper || self.identify_unbalance, "identify.unbalance", self.identify_unbalance, wanted);
-        let positive = |x: f64| x.is_finite() && x > 0.0;
-        // Tf is ignored by methods that have no window.
-        if paper && positive(self.step_s) && positive(self.window_s) {
-            let (n, slack, value) =
-                (self.window_s / self.step_s, WHOLE_NUMBER_TOLERANCE, format!("{} s", self.window_s));
-            for (holds, wanted) in [
-                (n >= MIN_INTERVALS * (1.0 - slack), "at least 8 Ts"),
-                (n <= MAX_INTERVALS * (1.0 + slack), "at most 100000 Ts"),
-                ((n - n.round()).abs() <= slack * n, "a whole number of Ts"),
-            ] {
-                checks.require(holds, "Tf", &value, wanted);
-            }
-            let enough = !positive(self.epsilon_s) || self.epsilon_s >= self.window_s * (1.0 - slack);
-            let wanted = "at least Tf, for there is no estimate before the first window is full,";
-            checks.require(enough, "epsilon", format_args!("{} s", self.epsilon_s), wanted);
+    }
+
+    /// The method for a rotor of this mass in kg, and for a machine of which parameters have these standard deviations.
+    pub(super) fn prediction_error<const N: usize, const M: usize, const U: usize, const T: usize, const R: usize>(
+        &self,
+        m_kg: f64,
+        machine: impl Fn([f64; R]) -> Machine<N, M, U>,
+        std: [f64; R],
+        lambda0: [f64; M],
+    ) -> PredictionError<N, M, U, T> {
+        let t = &self.tolerance;
+        let central = machine([0.0; R]);
+        let forces = central.backward..U - N;
+        PredictionError {
+            filter: WhiteningFilter {
+                machine: central,
+                step_s: self.step_s,
+                hold: self.hold,
+                identify_unbalance: self.identify_unbalance,
+                identify_backward: t.backward_force_n > 0.0,
+                tolerances: t.columns(std, machine),
+            },
+            lambda0,
+            prior: prior(lambda0, forces, t.backward_force_n),
+            known_noise: [self.position_noise_m, self.current_noise_a],
+            scale_variance: t.scale_variance(m_kg),
         }
     }
 }

@@ -27,63 +27,44 @@ use libm::{atan2, sqrt};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use self::config::stiffness_std;
 pub use self::config::{
     EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorInputOf, EstimatorOutput, EstimatorOutputOf, Hold,
     MAX_INTERVALS, MIN_INTERVALS, Method, Tolerance, Verdict,
 };
-use self::config::{check_common, stiffness_std};
 pub use self::innovations::Machine;
-use self::innovations::{Sample, WhiteningFilter};
+use self::innovations::Sample;
 pub use self::noise::START_CURRENT_NOISE_A;
 pub use self::prediction_error::STD_LIMIT;
 use self::prediction_error::{PredictionError, PredictionErrorState};
 pub use self::readings::STUCK_SAMPLES;
 use self::readings::{Readings, Taken};
+use crate::bearing::rotor::RotorConfig;
 use crate::invalid::{Checks, Invalid};
 use crate::machine::Machine as Names;
-use crate::variables::is_finite;
+use crate::variables::{Variables, is_finite};
 
 /// Where condition numbers end: a singular system shows this value.
 pub const CONDITION_CAP: f64 = 1.0e12;
 
-/// Parameters of the estimator of a machine with N coordinates, K magnets and P parts.
-pub trait EstimatorParameters<const N: usize, const K: usize, const P: usize>: Clone + Debug + PartialEq {
+/// Rotor and bearings of a machine with N coordinates, K magnets and P parts, and the equations that follow.
+pub trait Body<const N: usize, const K: usize, const P: usize>:
+    Variables<Context = Names> + Clone + Debug + PartialEq + 'static
+{
     /// How its parts are called.
     const MACHINE: &'static Names;
 
     /// Its method.
     type Method: Estimation<N, K, P> + Clone + Debug + PartialEq;
 
-    /// Parameters that all estimators have.
-    fn common(&self) -> Common<'_, K>;
-
-    /// Reports invalid parameters by their names in the interface.
-    fn check(&self, checks: &mut Checks);
+    /// Reports invalid parameters that this machine alone has by their names in the interface.
+    fn check(config: &EstimatorConfigOf<Self, K>, checks: &mut Checks);
 
     /// The method, for parameters that were checked.
     ///
     /// # Errors
     /// Parameters that leave the motion open.
-    fn method(&self) -> Result<Self::Method, Vec<Invalid>>;
-}
-
-/// Parameters that the estimators of all machines have.
-#[derive(Clone, Copy, Debug)]
-pub struct Common<'a, const K: usize> {
-    /// Mass of the rotor, in kg.
-    pub m_kg: f64,
-    /// Sample time, in s.
-    pub step_s: f64,
-    /// First guess of λ, in N·m²/A².
-    pub lambda0_nm2_a2: [f64; K],
-    /// Meaning of a sample of a current.
-    pub hold: Hold,
-    /// Whether to identify an unbalance.
-    pub identify_unbalance: bool,
-    /// Standard deviations of the noise of positions, in m, and currents, in A; 0 to estimate them.
-    pub noise: [f64; 2],
-    /// How well the rest is known.
-    pub tolerance: &'a Tolerance,
+    fn method(config: &EstimatorConfigOf<Self, K>) -> Result<Self::Method, Vec<Invalid>>;
 }
 
 /// A sample for a method, with the verdict on each part if it cannot be used.
@@ -154,23 +135,18 @@ impl<S, const N: usize, const K: usize, const P: usize> EstimatorState<S, N, K, 
     }
 }
 
-/// The state of the estimator with these parameters.
-pub type StateOf<C, const N: usize, const K: usize, const P: usize> =
-    EstimatorState<<<C as EstimatorParameters<N, K, P>>::Method as Estimation<N, K, P>>::State, N, K, P>;
+/// The state of the estimator of a machine.
+pub type StateOf<G, const N: usize, const K: usize, const P: usize> =
+    EstimatorState<<<G as Body<N, K, P>>::Method as Estimation<N, K, P>>::State, N, K, P>;
 
 /// The estimator: a checked configuration.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Estimator<
-    C: EstimatorParameters<N, K, P> = EstimatorConfig,
-    const N: usize = 2,
-    const K: usize = 3,
-    const P: usize = 1,
-> {
-    config: C,
-    method: C::Method,
+pub struct Estimator<G: Body<N, K, P> = RotorConfig, const N: usize = 2, const K: usize = 3, const P: usize = 1> {
+    config: EstimatorConfigOf<G, K>,
+    method: G::Method,
 }
 
-impl<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator<C, N, K, P> {
+impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator<G, N, K, P> {
     /// Checks the parameters and prepares the method.
     ///
     /// # Errors
@@ -178,24 +154,25 @@ impl<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: u
     /// cannot hold the rotor, or magnets and sensors that cannot be told apart; a tolerance, or no unbalance, with one of the paper's
     /// methods; with these also `Tf` less than 8 or more than 10⁵ sample times or not a whole number of them, and `epsilon` shorter than
     /// `Tf`.
-    pub fn new(config: C) -> Result<Self, Vec<Invalid>> {
+    pub fn new(config: EstimatorConfigOf<G, K>) -> Result<Self, Vec<Invalid>> {
         let mut checks = Checks::default();
-        config.check(&mut checks);
+        G::check(&config, &mut checks);
+        config.check(G::MACHINE, &mut checks);
         checks.finish()?;
-        let method = config.method()?;
+        let method = G::method(&config)?;
         Ok(Self { config, method })
     }
 
     /// The configuration.
     #[must_use]
-    pub fn config(&self) -> &C {
+    pub fn config(&self) -> &EstimatorConfigOf<G, K> {
         &self.config
     }
 
     /// A fresh state, with all the memory that stepping needs.
     #[must_use]
-    pub fn start(&self) -> StateOf<C, N, K, P> {
-        let Common { lambda0_nm2_a2: lambda0, noise, .. } = self.config.common();
+    pub fn start(&self) -> StateOf<G, N, K, P> {
+        let EstimatorConfigOf { lambda0_nm2_a2: lambda0, position_noise_m, current_noise_a, .. } = self.config;
         let output = EstimatorOutputOf {
             lambda_hat: lambda0,
             lambda_raw: lambda0,
@@ -205,8 +182,8 @@ impl<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: u
             residual: 1.0,
             verdict: Verdict::Collecting,
             axial_verdict: Verdict::Collecting,
-            position_noise_m: [noise[0]; P],
-            current_noise_a: [noise[1]; P],
+            position_noise_m: [position_noise_m; P],
+            current_noise_a: [current_noise_a; P],
             ..EstimatorOutputOf::default()
         };
         EstimatorState { reset_was_high: false, readings: Readings::start(), method: self.method.start(), output }
@@ -214,9 +191,9 @@ impl<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: u
 
     /// Whether a state, for instance one read from a file, has the shape this estimator needs and finite numbers alone.
     #[must_use]
-    pub fn accepts(&self, state: &StateOf<C, N, K, P>) -> bool
+    pub fn accepts(&self, state: &StateOf<G, N, K, P>) -> bool
     where
-        StateOf<C, N, K, P>: Serialize,
+        StateOf<G, N, K, P>: Serialize,
     {
         is_finite(state) && self.method.has_shape(&state.method)
     }
@@ -227,14 +204,16 @@ impl<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: u
     /// motion is unknown, but what the samples before said of λ stays. A rising edge of `reset` forgets everything, λ̂ included.
     pub fn sample(
         &self,
-        state: &mut StateOf<C, N, K, P>,
+        state: &mut StateOf<G, N, K, P>,
         input: &EstimatorInputOf<N, K>,
     ) -> EstimatorOutputOf<N, K, P> {
         if input.reset && !state.reset_was_high {
             *state = self.start();
         }
         state.reset_was_high = input.reset;
-        let Common { step_s, identify_unbalance, .. } = self.config.common();
+        let EstimatorConfigOf { step_s, method, identify_unbalance, .. } = self.config;
+        // The paper's methods have no use for the angle, and along the axis there is no unbalance.
+        let identify_unbalance = identify_unbalance && G::MACHINE.planes > 0 && method == Method::PredictionError;
         let (readings, rotation) = (&mut state.readings, [input.theta_rad, input.omega_rad_s]);
         let in_gap = self.method.is_in_gap(input.position_m);
         let taken = readings.take(input.position_m, input.current_a, rotation, step_s, in_gap);
@@ -292,32 +271,6 @@ impl<const N: usize, const K: usize, const P: usize> EstimatorOutputOf<N, K, P> 
             [self.backward_force_n[bearing], self.backward_force_phase_rad[bearing]] =
                 polar(unknowns[at], -unknowns[at + 1]);
         }
-    }
-}
-
-/// The method for a machine of which parameters have these standard deviations.
-fn prediction_error<const N: usize, const K: usize, const U: usize, const T: usize, const R: usize, const A: usize>(
-    machine: impl Fn([f64; R]) -> Machine<N, K, U>,
-    std: [f64; R],
-    lambda0: [f64; K],
-    common: &Common<'_, A>,
-) -> PredictionError<N, K, U, T> {
-    let t = common.tolerance;
-    let central = machine([0.0; R]);
-    let forces = central.backward..U - N;
-    PredictionError {
-        filter: WhiteningFilter {
-            machine: central,
-            step_s: common.step_s,
-            hold: common.hold,
-            identify_unbalance: common.identify_unbalance,
-            identify_backward: t.backward_force_n > 0.0,
-            tolerances: t.columns(std, machine),
-        },
-        lambda0,
-        prior: models::prior(lambda0, forces, t.backward_force_n),
-        known_noise: common.noise,
-        scale_variance: t.scale_variance(common.m_kg),
     }
 }
 

@@ -1,15 +1,16 @@
 //! The estimator of a rotor in one bearing, whose coordinates are its positions.
 
+use libm::sin;
 use nalgebra::SMatrix;
 use serde::{Deserialize, Serialize};
 
+use super::config::{MAX_INTERVALS, MIN_INTERVALS, WHOLE_NUMBER_TOLERANCE};
 use super::paper::{Paper, PaperState};
 use super::parts::{Parts, PartsState};
-use super::{
-    Common, Estimation, EstimatorConfigOf, EstimatorOutputOf, Judged, Machine, Method, Names, Taken, Verdict,
-    prediction_error,
-};
-use crate::bearing::magnet::Geometry;
+use super::{Estimation, EstimatorConfigOf, EstimatorOutputOf, Judged, Machine, Method, Names, Taken, Verdict};
+use crate::bearing::magnet::{Geometry, SMALLEST_SINE};
+use crate::bearing::rotor::{BearingConfig, RotorConfig};
+use crate::invalid::Checks;
 
 /// A force constant that is held at its first guess has this standard deviation, relative.
 const HELD: f64 = 1.0e-3;
@@ -28,32 +29,66 @@ impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
     }
 }
 
-impl<const N: usize, const K: usize> EstimatorConfigOf<N, K> {
-    /// How its parts are called.
-    pub(super) const NAMES: &'static Names = Names::of::<N, K>();
-
-    /// Parameters that all estimators have.
-    pub(super) fn shared(&self) -> Common<'_, K> {
-        Common {
-            m_kg: self.m_kg,
-            step_s: self.step_s,
-            lambda0_nm2_a2: self.lambda0_nm2_a2,
-            hold: self.hold,
-            // The paper's methods have no use for the angle, and along the axis there is no unbalance.
-            identify_unbalance: self.identify_unbalance && N == 2 && self.method == Method::PredictionError,
-            noise: [self.position_noise_m, self.current_noise_a],
-            tolerance: &self.tolerance,
+impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
+    /// Checks what this machine alone has, under its name in the interface.
+    pub(super) fn check_bearing<const N: usize>(&self, machine: &Names, checks: &mut Checks) {
+        let (m_kg, BearingConfig { gap_m, alpha_rad, .. }) = (self.geometry.shaft.m_kg, self.geometry.bearings[0]);
+        let alpha_rad = &alpha_rad[..K];
+        let paper = self.method != Method::PredictionError;
+        for (name, value, unit) in [
+            ("m", m_kg, "kg"),
+            ("s", gap_m, "m"),
+            ("Tf", self.window_s, "s"),
+            ("epsilon", self.epsilon_s, "s"),
+            ("filter.omega", self.filter_omega_rad_s, "rad/s"),
+            ("filter.zeta", self.filter_zeta, "1"),
+        ] {
+            checks.positive(name, value, unit);
+        }
+        for (k, alpha) in alpha_rad.iter().enumerate().filter(|_| N == 2) {
+            checks.finite(format!("alpha[{}]", k + 1), *alpha, "rad");
+            for (l, other) in alpha_rad.iter().enumerate().take(k) {
+                // Opposed magnets pull in turn: their currents tell them apart.
+                let line = if K == 3 { sin(alpha - other).abs() } else { 2.0 * sin(0.5 * (alpha - other)).abs() };
+                let apart = !(alpha - other).is_finite() || line >= SMALLEST_SINE;
+                let wanted = format!("an angle off the line of magnet {}, whose force could not be told apart,", l + 1);
+                checks.require(apart, format!("alpha[{}]", k + 1), format_args!("{alpha} rad"), wanted);
+            }
+        }
+        for (name, value, unit) in self.tolerance.listed(machine) {
+            let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
+            let unused = value.is_nan() || value <= 0.0 || name == "tolerance.backwardForce";
+            checks.require(!paper || unused, name, format_args!("{value} {unit}"), wanted);
+        }
+        let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance,";
+        checks.require(!paper || self.identify_unbalance, "identify.unbalance", self.identify_unbalance, wanted);
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        // Tf is ignored by methods that have no window.
+        if paper && positive(self.step_s) && positive(self.window_s) {
+            let (n, slack, value) =
+                (self.window_s / self.step_s, WHOLE_NUMBER_TOLERANCE, format!("{} s", self.window_s));
+            for (holds, wanted) in [
+                (n >= MIN_INTERVALS * (1.0 - slack), "at least 8 Ts"),
+                (n <= MAX_INTERVALS * (1.0 + slack), "at most 100000 Ts"),
+                ((n - n.round()).abs() <= slack * n, "a whole number of Ts"),
+            ] {
+                checks.require(holds, "Tf", &value, wanted);
+            }
+            let enough = !positive(self.epsilon_s) || self.epsilon_s >= self.window_s * (1.0 - slack);
+            let wanted = "at least Tf, for there is no estimate before the first window is full,";
+            checks.require(enough, "epsilon", format_args!("{} s", self.epsilon_s), wanted);
         }
     }
 
-    /// The method with `std.len()` uncertain parameters: the gap, and in the plane the angles.
-    pub(super) fn parts<const U: usize, const T: usize, const R: usize>(&self) -> Parts<N, K, U, T> {
+    /// The method with R uncertain parameters: the gap, and in the plane the angles.
+    pub(super) fn parts<const N: usize, const U: usize, const T: usize, const R: usize>(&self) -> Parts<N, K, U, T> {
+        let (m_kg, BearingConfig { gap_m, alpha_rad, .. }) = (self.geometry.shaft.m_kg, self.geometry.bearings[0]);
         let machine = |change: [f64; R]| {
-            let alpha_rad = std::array::from_fn(|k| self.alpha_rad[k] + change.get(1 + k).copied().unwrap_or_default());
-            Machine::of_bearing(self.m_kg, self.gap_m + change[0], alpha_rad)
+            let alpha_rad = std::array::from_fn(|k| alpha_rad[k] + change.get(1 + k).copied().unwrap_or_default());
+            Machine::of_bearing(m_kg, gap_m + change[0], alpha_rad)
         };
         let std = std::array::from_fn(|r| if r == 0 { self.tolerance.gap_m } else { self.tolerance.alpha_rad });
-        let mut first = prediction_error(machine, std, self.lambda0_nm2_a2, &self.shared());
+        let mut first = self.prediction_error(m_kg, machine, std, self.lambda0_nm2_a2);
         if let Some(only) = self.used.only() {
             for k in (0..K).filter(|k| *k != only) {
                 let std = HELD * self.lambda0_nm2_a2[k];

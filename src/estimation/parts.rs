@@ -7,47 +7,42 @@ use serde::{Deserialize, Serialize};
 
 use super::one_bearing::Planar;
 use super::paper::Paper;
-use super::spindle::SpindleEstimatorConfigOf;
 use super::{
-    Common, Estimation, EstimatorConfigOf, EstimatorOutputOf, EstimatorParameters, Judged, Method, Names,
-    PredictionError, PredictionErrorState, Sample, Verdict,
+    Body, Estimation, EstimatorConfigOf, EstimatorOutputOf, Judged, Method, Names, PredictionError,
+    PredictionErrorState, Sample, Verdict,
 };
+use crate::bearing::rotor::RotorConfig;
 use crate::invalid::{Checks, Invalid};
 
-/// Implements the parameters for the sizes of a machine: coordinates, magnets, places for results by part, plane or radial bearing.
+/// Implements the equations for the sizes of a machine: coordinates, magnets, places for results by part, plane or radial bearing.
 macro_rules! of_sizes {
-    ($config:ty, $n:literal, $k:literal, $p:literal, $method:ty, |$own:ident| $make:expr) => {
-        impl EstimatorParameters<$n, $k, $p> for $config {
-            const MACHINE: &'static Names = Self::NAMES;
+    ($n:literal, $k:literal, $b:literal, $p:literal, $check:ident, $method:ty, |$config:ident| $make:expr) => {
+        impl Body<$n, $k, $p> for RotorConfig<f64, $b> {
+            const MACHINE: &'static Names = Names::of::<$n, $k>();
 
             type Method = $method;
 
-            fn common(&self) -> Common<'_, $k> {
-                self.shared()
+            fn check(config: &EstimatorConfigOf<Self, $k>, checks: &mut Checks) {
+                config.$check::<$n>(Names::of::<$n, $k>(), checks);
             }
 
-            fn check(&self, checks: &mut Checks) {
-                self.checked(checks);
-            }
-
-            fn method(&self) -> Result<$method, Vec<Invalid>> {
-                let $own = self;
+            fn method($config: &EstimatorConfigOf<Self, $k>) -> Result<$method, Vec<Invalid>> {
                 $make
             }
         }
     };
 }
 
-// Of a method: coordinates, magnets, unknowns and columns of tolerances of its first part; then its uncertain parameters.
-of_sizes!(EstimatorConfigOf<2, 3>, 2, 3, 1, Planar, |config| Ok(match config.method {
-    Method::PredictionError => Planar::PredictionError(config.parts::<9, 11, 4>()),
+// Coordinates, magnets, bearings, places for results; of the first part magnets, unknowns and columns of tolerances; its uncertain parameters.
+of_sizes!(2, 3, 1, 1, check_bearing, Planar, |config| Ok(match config.method {
+    Method::PredictionError => Planar::PredictionError(config.parts::<2, 9, 11, 4>()),
     Method::Paper | Method::PaperLiteral => Planar::Paper(Paper::new(config)),
 }));
-of_sizes!(EstimatorConfigOf<2, 4>, 2, 4, 1, Parts<2, 4, 10, 13>, |config| Ok(config.parts::<10, 13, 5>()));
-of_sizes!(EstimatorConfigOf<1, 2>, 1, 2, 1, Parts<1, 2, 3, 5>, |config| Ok(config.parts::<3, 5, 1>()));
-of_sizes!(SpindleEstimatorConfigOf<5, 3, 8>, 5, 8, 2, Parts<4, 6, 18, 29>, |config| config.parts::<6, 18, 29, 15>());
-of_sizes!(SpindleEstimatorConfigOf<5, 3, 10>, 5, 10, 2, Parts<4, 8, 20, 33>, |config| config.parts::<8, 20, 33, 17>());
-of_sizes!(SpindleEstimatorConfigOf<4, 2, 6>, 4, 6, 2, Parts<4, 6, 18, 29>, |config| config.parts::<6, 18, 29, 15>());
+of_sizes!(2, 4, 1, 1, check_bearing, Parts<2, 4, 10, 13>, |config| Ok(config.parts::<2, 10, 13, 5>()));
+of_sizes!(1, 2, 1, 1, check_bearing, Parts<1, 2, 3, 5>, |config| Ok(config.parts::<1, 3, 5, 1>()));
+of_sizes!(5, 8, 3, 2, check_shaft, Parts<4, 6, 18, 29>, |config| config.parts_of_shaft::<5, 6, 18, 29, 15>());
+of_sizes!(5, 10, 3, 2, check_shaft, Parts<4, 8, 20, 33>, |config| config.parts_of_shaft::<5, 8, 20, 33, 17>());
+of_sizes!(4, 6, 2, 2, check_shaft, Parts<4, 6, 18, 29>, |config| config.parts_of_shaft::<4, 6, 18, 29, 15>());
 
 /// The motion with R coordinates and K magnets, and the axial one if that is a part of its own.
 #[derive(Clone, Debug, PartialEq)]

@@ -10,23 +10,20 @@ use serde::{Deserialize, Serialize};
 
 use super::motion::Square;
 use super::parts::Parts;
-use super::{
-    Common, Estimator, EstimatorInputOf, EstimatorOutputOf, Hold, Machine, Names, StateOf, Tolerance, check_common,
-    prediction_error,
-};
+use super::{Estimator, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, Machine, Names, StateOf};
 use crate::bearing::magnet::Geometry;
 use crate::bearing::rotor::{Rotor, RotorConfig, SHORTEST_DISTANCE_M};
 use crate::bearing::shaft::{ACROSS, generalised};
 use crate::invalid::{Checks, Invalid};
 use crate::plant::PLANES;
-use crate::variables::unit::{AMPERE, KILOGRAM_METRE2, METRE, SECOND};
-use crate::variables::{LAMBDA, Variables, numbers};
+use crate::variables::unit::{KILOGRAM_METRE2, METRE};
+use crate::variables::{Variables, numbers};
 
 /// The estimator of a spindle with three magnets in each radial bearing, and an axial one.
-pub type SpindleEstimator = Estimator<SpindleEstimatorConfig, 5, 8, 2>;
+pub type SpindleEstimator = Estimator<RotorConfig<f64, 3>, 5, 8, 2>;
 
 /// Its state.
-pub type SpindleEstimatorState = StateOf<SpindleEstimatorConfig, 5, 8, 2>;
+pub type SpindleEstimatorState = StateOf<RotorConfig<f64, 3>, 5, 8, 2>;
 
 /// Its inputs.
 pub type SpindleEstimatorInput = EstimatorInputOf<5, 8>;
@@ -57,75 +54,13 @@ pub struct ShaftTolerance {
     pub unbalance_position_m: f64,
 }
 
-/// Parameters of the estimator, before they are checked.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Names)]
-#[serde(bound(
-    serialize = "RotorConfig<f64, B>: Serialize, [f64; K]: Serialize",
-    deserialize = "RotorConfig<f64, B>: Deserialize<'de>, [f64; K]: Deserialize<'de>"
-))]
-pub struct SpindleEstimatorConfigOf<const N: usize, const B: usize, const K: usize> {
-    /// Shaft and bearings.
-    #[nested(prefix = "")]
-    pub geometry: RotorConfig<f64, B>,
-    /// Sample time; samples are taken at the start time plus whole multiples of it
-    #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
-    pub step_s: f64,
-    /// First guess of the force constant of {magnet}
-    #[parameter(names = context.of_magnets("lambda0"), unit = LAMBDA, min = 0.0, nominal = 1e-6)]
-    pub lambda0_nm2_a2: [f64; K],
-    /// What a sample of a current stands for
-    #[parameter]
-    pub hold: Hold,
-    /// Whether to identify an unbalance in two planes as well
-    #[parameter(name = "identify.unbalance")]
-    pub identify_unbalance: bool,
-    /// Position of plane {k} of the unbalance along the shaft, from the centre of gravity
-    #[parameter(names = context.of_planes("position"), unit = METRE, nominal = 0.1)]
-    pub unbalance_position_m: [f64; PLANES],
-    /// Standard deviation of the noise of {read}; 0 to estimate it from the data
-    #[parameter(name = "sensor.positionNoise", unit = METRE, min = 0.0, nominal = 1e-7)]
-    pub position_noise_m: f64,
-    /// Standard deviation of the noise of im; 0 to estimate it from the data
-    #[parameter(name = "sensor.currentNoise", unit = AMPERE, min = 0.0, nominal = 1e-2)]
-    pub current_noise_a: f64,
-    /// How well the rest is known: that of the mass is one of all inertia, that of the gap one of all gaps, each in proportion.
-    #[nested]
-    pub tolerance: Tolerance,
-    /// The same of the shaft.
-    #[nested(prefix = "tolerance.", context = ())]
-    pub shaft_tolerance: ShaftTolerance,
-}
-
-/// Those with three magnets in each radial bearing, and an axial one.
-pub type SpindleEstimatorConfig = SpindleEstimatorConfigOf<5, 3, 8>;
-
-impl<const N: usize, const B: usize, const K: usize> Default for SpindleEstimatorConfigOf<N, B, K> {
-    fn default() -> Self {
-        Self {
-            geometry: RotorConfig::of(Names::of::<N, K>()),
-            step_s: 1.0e-4,
-            lambda0_nm2_a2: [4.0e-6; K],
-            hold: Hold::default(),
-            identify_unbalance: true,
-            unbalance_position_m: [-0.08, 0.10],
-            position_noise_m: 0.0,
-            current_noise_a: 0.0,
-            tolerance: Tolerance::default(),
-            shaft_tolerance: ShaftTolerance::default(),
-        }
-    }
-}
+/// Its parameters.
+pub type SpindleEstimatorConfig = EstimatorConfigOf<RotorConfig<f64, 3>, 8>;
 
 impl ShaftTolerance {
-    /// Names in the interface, values and units.
-    fn listed(&self) -> Vec<(String, f64, &'static str)> {
-        numbers("tolerance.", self, &())
-    }
-
     fn check<const B: usize>(&self, geometry: &RotorConfig<f64, B>, checks: &mut Checks) {
         let [begin_m, end_m] = geometry.extent_m;
-        for (name, value, unit) in self.listed() {
+        for (name, value, unit) in numbers("tolerance.", self, &()) {
             checks.not_negative(name.clone(), value, unit);
             let on_shaft = unit != "m" || value.is_nan() || value < end_m - begin_m || begin_m >= end_m;
             let wanted = format!("less than the length of the shaft, {} m,", end_m - begin_m);
@@ -144,28 +79,10 @@ impl ShaftTolerance {
     }
 }
 
-impl<const N: usize, const B: usize, const A: usize> SpindleEstimatorConfigOf<N, B, A> {
-    /// How its parts are called.
-    pub(super) const NAMES: &'static Names = Names::of::<N, A>();
-
-    /// Parameters that all estimators have.
-    pub(super) fn shared(&self) -> Common<'_, A> {
-        Common {
-            m_kg: self.geometry.shaft.m_kg,
-            step_s: self.step_s,
-            lambda0_nm2_a2: self.lambda0_nm2_a2,
-            hold: self.hold,
-            identify_unbalance: self.identify_unbalance,
-            noise: [self.position_noise_m, self.current_noise_a],
-            tolerance: &self.tolerance,
-        }
-    }
-
-    /// Reports what [`Spindle::new`] refuses; a sample time or a first guess that is not positive; noise or a tolerance that is negative;
-    /// planes of unbalance that are not on the shaft, or at the same place.
-    pub(super) fn checked(&self, checks: &mut Checks) {
+impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
+    /// Reports what [`Rotor::new`] refuses; planes of unbalance that are not on the shaft, or at the same place; a tolerance beyond it.
+    pub(super) fn check_shaft<const N: usize>(&self, _: &Names, checks: &mut Checks) {
         Rotor::<N, A, B>::checked(self.geometry, checks);
-        let noise = [self.position_noise_m, self.current_noise_a];
         let [first_m, second_m] = self.unbalance_position_m;
         self.geometry.check_position("unbalance[1].position", first_m, checks);
         self.geometry.check_position("unbalance[2].position", second_m, checks);
@@ -175,7 +92,6 @@ impl<const N: usize, const B: usize, const A: usize> SpindleEstimatorConfigOf<N,
             format_args!("{second_m} m"),
             format!("a position at least {SHORTEST_DISTANCE_M} m from unbalance[1].position = {first_m} m"),
         );
-        check_common(Self::NAMES, self.step_s, self.lambda0_nm2_a2, noise, &self.tolerance, checks);
         self.shaft_tolerance.check(&self.geometry, checks);
     }
 
@@ -183,7 +99,7 @@ impl<const N: usize, const B: usize, const A: usize> SpindleEstimatorConfigOf<N,
     ///
     /// # Errors
     /// If the readings do not tell a tilt.
-    pub(super) fn parts<const K: usize, const U: usize, const T: usize, const R: usize>(
+    pub(super) fn parts_of_shaft<const N: usize, const K: usize, const U: usize, const T: usize, const R: usize>(
         &self,
     ) -> Result<Parts<4, K, U, T>, Vec<Invalid>> {
         const { assert!(R == BESIDE_ANGLES + K, "an angle for each magnet") };
@@ -226,10 +142,11 @@ impl<const N: usize, const B: usize, const A: usize> SpindleEstimatorConfigOf<N,
         let axial = |[gap_m]: [f64; 1]| {
             Machine::of_bearing(self.geometry.shaft.m_kg, self.geometry.bearings[B - 1].gap_m + gap_m, [0.0; 2])
         };
-        let (common, lambda0) = (self.shared(), self.lambda0_nm2_a2);
+        let (m_kg, lambda0) = (self.geometry.shaft.m_kg, self.lambda0_nm2_a2);
+        let axial = || self.prediction_error(m_kg, axial, [t.gap_m], [lambda0[K], lambda0[K + 1]]);
         Ok(Parts {
-            first: prediction_error(radial, std, std::array::from_fn(|k| lambda0[k]), &common),
-            axial: (N > ACROSS).then(|| prediction_error(axial, [t.gap_m], [lambda0[K], lambda0[K + 1]], &common)),
+            first: self.prediction_error(m_kg, radial, std, std::array::from_fn(|k| lambda0[k])),
+            axial: (N > ACROSS).then(axial),
         })
     }
 }

@@ -7,10 +7,9 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::common::{info, sampled};
-use crate::estimation::spindle::SpindleEstimatorConfigOf;
+use crate::bearing::rotor::RotorConfig;
 use crate::estimation::{
-    Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, EstimatorParameters, Method,
-    StateOf, Verdict,
+    Body, Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, Method, StateOf, Verdict,
 };
 use crate::machine::Machine;
 use crate::variables::{Choice, Variables};
@@ -22,22 +21,32 @@ pub const METHOD: &Enumeration = Method::ENUMERATION;
 pub const VERDICT: &Enumeration = Verdict::ENUMERATION;
 
 /// The values of all variables of an estimator.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
 #[serde(bound(
-    serialize = "C: Serialize, EstimatorInputOf<N, K>: Serialize, EstimatorOutputOf<N, K, P>: Serialize",
-    deserialize = "C: Deserialize<'de>, EstimatorInputOf<N, K>: Deserialize<'de>, EstimatorOutputOf<N, K, P>: Deserialize<'de>"
+    serialize = "EstimatorConfigOf<G, K>: Serialize, EstimatorInputOf<N, K>: Serialize, EstimatorOutputOf<N, K, P>: Serialize",
+    deserialize = "EstimatorConfigOf<G, K>: Deserialize<'de>, EstimatorInputOf<N, K>: Deserialize<'de>, EstimatorOutputOf<N, K, P>: Deserialize<'de>"
 ))]
-pub struct Values<C, const N: usize, const K: usize, const P: usize>
+pub struct Values<G, const N: usize, const K: usize, const P: usize>
 where
-    C: Variables<Context = Machine> + Default + Clone + 'static,
+    G: Variables<Context = Machine> + Clone + 'static,
 {
     #[nested(prefix = "")]
-    config: C,
+    config: EstimatorConfigOf<G, K>,
     #[nested(prefix = "")]
     input: EstimatorInputOf<N, K>,
     #[nested(prefix = "")]
     output: EstimatorOutputOf<N, K, P>,
+}
+
+impl<G, const N: usize, const K: usize, const P: usize> Default for Values<G, N, K, P>
+where
+    G: Variables<Context = Machine> + Clone + 'static,
+    EstimatorConfigOf<G, K>: Default,
+{
+    fn default() -> Self {
+        Self { config: Default::default(), input: Default::default(), output: Default::default() }
+    }
 }
 
 /// The values of all parameters of the estimator of the planar rotor, by index.
@@ -58,35 +67,27 @@ fn log_verdict(log: &mut dyn Log, instant_s: f64, former: Verdict, verdict: Verd
 
 /// The model of an estimator.
 #[derive(Clone)]
-pub struct EstimatorModel<C: EstimatorParameters<N, K, P>, const N: usize, const K: usize, const P: usize>(
-    Estimator<C, N, K, P>,
-);
+pub struct EstimatorModel<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize>(Estimator<G, N, K, P>);
 
 /// That of a rotor in one bearing, with N coordinates and K magnets.
-pub type OneBearing<const N: usize, const K: usize> = EstimatorModel<EstimatorConfigOf<N, K>, N, K, 1>;
+pub type OneBearing<const N: usize, const K: usize> = EstimatorModel<RotorConfig, N, K, 1>;
 
-/// That of a spindle, with M magnets in each radial bearing.
-pub type Spindle<const N: usize, const B: usize, const K: usize> =
-    EstimatorModel<SpindleEstimatorConfigOf<N, B, K>, N, K, 2>;
+/// That of a shaft in B bearings.
+pub type Spindle<const N: usize, const B: usize, const K: usize> = EstimatorModel<RotorConfig<f64, B>, N, K, 2>;
 
-impl<C, const N: usize, const K: usize, const P: usize> SampledModel for EstimatorModel<C, N, K, P>
+impl<G, const N: usize, const K: usize, const P: usize> SampledModel for EstimatorModel<G, N, K, P>
 where
-    C: EstimatorParameters<N, K, P, Method: Send + Sync>
-        + Variables<Context = Machine>
-        + Default
-        + Send
-        + Sync
-        + 'static,
+    G: Body<N, K, P, Method: Send + Sync> + Send + Sync,
     // True of every length that is used; serde does not know it of all.
-    Values<C, N, K, P>: Serialize + DeserializeOwned,
-    StateOf<C, N, K, P>: Serialize + DeserializeOwned + Send + Sync + 'static,
+    Values<G, N, K, P>: Serialize + DeserializeOwned + Default,
+    StateOf<G, N, K, P>: Serialize + DeserializeOwned + Send + Sync + 'static,
 {
-    const INFO: Info = info(&C::MACHINE.models[2]);
-    type Values = Values<C, N, K, P>;
-    type State = StateOf<C, N, K, P>;
+    const INFO: Info = info(&G::MACHINE.models[2]);
+    type Values = Values<G, N, K, P>;
+    type State = StateOf<G, N, K, P>;
 
     fn table() -> Vec<Row<Self::Values>> {
-        sampled(Values::rows_in(C::MACHINE), C::MACHINE)
+        sampled(Values::rows_in(G::MACHINE), G::MACHINE)
     }
 
     fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
@@ -94,7 +95,7 @@ where
     }
 
     fn period_s(&self) -> f64 {
-        self.0.config().common().step_s
+        self.0.config().step_s
     }
 
     fn start(&self, values: &mut Self::Values, _: f64) -> Self::State {

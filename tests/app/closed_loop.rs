@@ -90,10 +90,7 @@ fn controller_config(values: &Values) -> ControllerConfig {
 
 fn estimator_config(values: &Values) -> EstimatorConfig {
     EstimatorConfig {
-        used: Used::Both,
-        m_kg: values.real("m"),
-        gap_m: values.real("s"),
-        alpha_rad: values.three("alpha"),
+        geometry: rotor(values),
         window_s: values.real("Tf"),
         epsilon_s: values.real("epsilon"),
         method: values.choice("method", &[Method::PaperLiteral, Method::Paper, Method::PredictionError]),

@@ -3,9 +3,9 @@
 use crate::support::below;
 use fmu_export::variable::Row;
 use fmu_export::{Model, SampledModel};
+use magnetic_bearing::bearing::rotor::RotorConfig;
 use magnetic_bearing::control::controller::{Controller, ControllerConfigOf, ControllerInput};
-use magnetic_bearing::estimation::spindle::SpindleEstimatorConfigOf;
-use magnetic_bearing::estimation::{Estimator, EstimatorInputOf};
+use magnetic_bearing::estimation::{Estimator, EstimatorConfigOf, EstimatorInputOf};
 use magnetic_bearing::fmu::{controller, estimator, plant};
 use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput};
 
@@ -47,7 +47,8 @@ fn all_six_force_constants_are_found_in_closed_loop() {
     control.reference.transition.ramp_s = 0.04;
     let (plant, beside) = (Plant::new(config).expect("a plant"), Plant::new(beside).expect("a plant"));
     let controller = Controller::new(control).expect("a controller");
-    let estimator = Estimator::new(SpindleEstimatorConfigOf::<4, 2, 6>::default()).expect("an estimator");
+    let estimator =
+        Estimator::<_, 4, 6, 2>::new(EstimatorConfigOf::<RotorConfig<f64, 2>, 6>::default()).expect("an estimator");
     let (mut rotor, mut other, mut held) = (plant.start(0.0), beside.start(0.0), controller.start(0.0));
     let (mut estimate, omega_rad_s) = (estimator.start(), 314.0);
     let mut input = PlantInput { perturbation_n: [15.0, -20.0, 0.6, -0.9], omega_rad_s, ..Default::default() };

@@ -205,8 +205,8 @@ fn every_bad_parameter_is_named() {
     };
     type Case = (&'static str, fn(&mut EstimatorConfig, f64));
     let cases: [Case; 10] = [
-        ("m", |c, x| c.m_kg = x),
-        ("s", |c, x| c.gap_m = x),
+        ("m", |c, x| c.geometry.shaft.m_kg = x),
+        ("s", |c, x| c.geometry.bearings[0].gap_m = x),
         ("Ts", |c, x| c.step_s = x),
         ("Tf", |c, x| c.window_s = x),
         ("epsilon", |c, x| c.epsilon_s = x),
@@ -225,7 +225,7 @@ fn every_bad_parameter_is_named() {
         }
         set(&mut all_bad, f64::NAN);
     }
-    all_bad.alpha_rad[1] = f64::NAN;
+    all_bad.geometry.bearings[0].alpha_rad[1] = f64::NAN;
     assert_eq!(names(all_bad).len(), 11, "all findings at once");
 
     let refused = |change: fn(&mut EstimatorConfig), name: &str| {
@@ -233,9 +233,9 @@ fn every_bad_parameter_is_named() {
         change(&mut config);
         assert_eq!(names(config), [name]);
     };
-    refused(|c| c.alpha_rad[2] = f64::NAN, "alpha[3]");
-    refused(|c| c.alpha_rad[1] = 2.0 * PI, "alpha[2]");
-    refused(|c| c.alpha_rad[2] = c.alpha_rad[1], "alpha[3]");
+    refused(|c| c.geometry.bearings[0].alpha_rad[2] = f64::NAN, "alpha[3]");
+    refused(|c| c.geometry.bearings[0].alpha_rad[1] = 2.0 * PI, "alpha[2]");
+    refused(|c| c.geometry.bearings[0].alpha_rad[2] = c.geometry.bearings[0].alpha_rad[1], "alpha[3]");
     refused(|c| c.window_s = 7e-4, "Tf");
     refused(|c| c.window_s = 0.01005, "Tf");
     refused(|c| (c.window_s, c.epsilon_s) = (20.0, 20.0), "Tf");

@@ -236,11 +236,12 @@ impl Rotor {
     /// has none says so.
     pub fn config(&self, method: Method, hold: Hold) -> EstimatorConfig {
         let backward_force_n = if self.backward_n == 0.0 { 0.0 } else { Tolerance::default().backward_force_n };
+        let mut geometry = EstimatorConfig::default().geometry;
+        (geometry.shaft.m_kg, geometry.bearings[0].gap_m) = (self.m_kg, self.gap_m);
+        geometry.bearings[0].alpha_rad[..3].copy_from_slice(&self.alpha_rad);
         EstimatorConfig {
             tolerance: Tolerance { backward_force_n, ..Tolerance::default() },
-            m_kg: self.m_kg,
-            gap_m: self.gap_m,
-            alpha_rad: self.alpha_rad,
+            geometry,
             step_s: self.step_s,
             method,
             hold,

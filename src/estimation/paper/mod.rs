@@ -144,12 +144,12 @@ impl Paper {
         let rows: [Weights; ROWS_PER_AXIS] = std::array::from_fn(|row| Weights::paper(row, intervals));
         let row_scale = std::array::from_fn(|row| 1.0 / rows[row].noise_gain());
         let window2 = config.window_s * config.window_s;
-        let column_scale = config.lambda0_nm2_a2.map(|lambda0| window2 * lambda0 / config.m_kg);
+        let column_scale = config.lambda0_nm2_a2.map(|lambda0| window2 * lambda0 / config.geometry.shaft.m_kg);
         let gain: f64 = rows.iter().zip(&row_scale).map(|(row, scale): (&Weights, &f64)| row.l1_gain() * scale).sum();
         Self {
             intervals,
             samples_until_epsilon: ((epsilon_steps * (1.0 - WHOLE_NUMBER_TOLERANCE)).ceil() as u64).saturating_add(1),
-            direction: config.alpha_rad.map(|alpha| sincos(alpha).into()),
+            direction: [0, 1, 2].map(|k| sincos(config.geometry.bearings[0].alpha_rad[k]).into()),
             sums: WindowSums::new(intervals, config.hold == Hold::Linear),
             row_scale,
             level: column_scale.map(|scale| gain * scale),
@@ -187,7 +187,7 @@ impl Paper {
 
     /// The gaps of the magnets at a position, m.
     pub fn gaps(&self, [y, z]: [f64; 2]) -> [f64; MAGNETS] {
-        self.direction.map(|[sin, cos]| self.config.gap_m - sin * y - cos * z)
+        self.direction.map(|[sin, cos]| self.config.geometry.bearings[0].gap_m - sin * y - cos * z)
     }
 
     /// Takes in a sample, which is finite and within the gap; what to say of the estimate.
@@ -269,7 +269,8 @@ impl Paper {
         let rows = self.row_pair(integrals);
         std::array::from_fn(|axis| {
             let modelled: f64 = rows[axis].iter().zip(unknowns.iter()).map(|(d, x)| d * x).sum();
-            self.config.m_kg * (integrals.position[axis] - modelled) / (self.config.window_s * self.config.window_s)
+            self.config.geometry.shaft.m_kg * (integrals.position[axis] - modelled)
+                / (self.config.window_s * self.config.window_s)
         })
     }
 
