@@ -18,16 +18,14 @@ use super::{
     write_table,
 };
 use crate::estimation::{Hold, Method};
-use crate::machine::MACHINES;
+use crate::machine::{MACHINES, Machine};
 use crate::output::{self, Format};
-use crate::report::{frame, identification};
+use crate::report::frame;
+use crate::report::identification::{self, Results};
 use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate;
 use crate::studies::identify::likelihood::{Beside, Knowledge, Told};
-use crate::studies::identify::{
-    self, Answer, HOLDS, Holds, METHODS, Question, Reading, Rotation, Samples, Stated, Track,
-};
-use crate::table::Table;
+use crate::studies::identify::{self, Answer, HOLDS, Holds, METHODS, Question, Reading, Rotation, Samples, Stated};
 use crate::variables::Choice;
 
 /// Plots and tables need no more points than this; the CSV file has all of them.
@@ -36,6 +34,8 @@ const SHOWN: usize = 4000;
 const LIKELIHOOD: &str = "likelihood";
 /// The on-line method of every machine.
 const PREDICTION_ERROR: &str = "predictionError";
+/// Names with their values.
+type Pairs = Vec<(String, String)>;
 /// The reading of the currents that the data decide.
 const AUTO: &str = "auto";
 /// Name of the slow force among the parameters to estimate.
@@ -141,49 +141,66 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.claim()?;
     let machine = arguments.machine();
     let files = Files::new(arguments)?;
-    if let Some(bench) = axial::bench(arguments, machine)? {
-        return axial::run(arguments, bench, &files);
+    let (results, columns, scenario) = match axial::bench(arguments, machine)? {
+        Some(bench) => (bench.identify(arguments)?, bench.columns, bench.scenario),
+        None => arguments.identify(machine)?,
+    };
+    print_results(&results, &arguments.recordings);
+    arguments.write(&results)?;
+    if let Some(why) = &results.not_valid {
+        return Err(NotValid(format!("{why}{}", files.not_written())).into());
     }
-    let method = arguments.method();
-    let bearing = arguments.bearing(machine)?;
-    let (beside, bench) = arguments.bench(&bearing)?;
-    let methods = methods(method)?;
-    let columns: Vec<_> = bearing.columns.iter().chain(&arguments.column).cloned().collect();
-    let recordings = arguments.read(&columns, &bearing, method)?;
-    let samples = &recordings[0];
-    let mut estimator = bearing.estimator().clone();
-    arguments.complete(&mut estimator, samples);
-    let wanted = arguments.stated_hold()?;
-    // A stated reading is compared with the others as well, where an answer depends on it.
-    let is_compared = if method == LIKELIHOOD { samples.rotation != Rotation::Unknown } else { wanted.is_none() };
-    let stated = Stated { beside, ..Stated::of(machine, &estimator) };
-    let holds = is_compared.then(|| Holds::of(samples, &stated, &bench));
-    let hold = wanted.unwrap_or_else(|| holds.map_or(stated.hold, |holds| holds.most_likely()));
-    let table = holds.and_then(|holds| holds.table(hold));
-    estimator.set("hold", Value::Integer(hold.number()));
-
-    let every = if method == LIKELIHOOD && arguments.csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
-    let tracks = methods.into_iter().map(|method| {
-        estimator.set("method", Value::Integer(method.number()));
-        identify::track_every(samples, &estimator, every)
-    });
-    let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
-    let stated = Stated { hold, ..stated };
-    let question = Question { stated, bench, holds, slow_force: arguments.slow_force() };
-    let is_asked = method == LIKELIHOOD;
-    let answer = is_asked.then(|| identify::answer(&recordings, question)).transpose().map_err(refused)?;
-    let results = Results { recordings, tracks, holds: table, answer };
-    results.print(&arguments.recordings);
-    results.write(arguments)?;
-    // On-line methods are compared, not answers.
-    let Some(answer) = &results.answer else { return Ok(()) };
-    if !answer.valid {
-        return Err(NotValid(format!("{}{}", answer.verdict, files.not_written())).into());
-    }
-    files.write(&columns, || answer.twin(&bearing, &results.recordings[0]))
+    files.write(&columns, || results.twin(&scenario))
 }
 
 impl Arguments {
+    /// Identifies a bearing with the estimator on line, by likelihood from all recordings together. Returns the columns and the scenario as well.
+    fn identify(&self, machine: &'static Machine) -> Result<(Results, Pairs, Scenario)> {
+        let method = self.method();
+        let bearing = self.bearing(machine)?;
+        let (beside, bench) = self.bench(&bearing)?;
+        let methods = methods(method)?;
+        let columns: Vec<_> = bearing.columns.iter().chain(&self.column).cloned().collect();
+        if self.recordings.len() > 1 {
+            if self.currents.is_some() {
+                return Err(Refused("--currents needs a single recording".into()).into());
+            }
+            if method != LIKELIHOOD {
+                return Err(Refused(format!("--method {method} needs a single recording")).into());
+            }
+        }
+        let recordings = self.read(&columns, bearing.machine, None, Some(&bearing))?;
+        let samples = &recordings[0];
+        let mut estimator = bearing.estimator().clone();
+        self.complete(&mut estimator, samples);
+        let wanted = self.stated_hold()?;
+        // A stated reading is compared with the others as well, where an answer depends on it.
+        let is_compared = if method == LIKELIHOOD { samples.rotation != Rotation::Unknown } else { wanted.is_none() };
+        let stated = Stated { beside, ..Stated::of(machine, &estimator) };
+        let holds = is_compared.then(|| Holds::of(samples, &stated, &bench));
+        let hold = wanted.unwrap_or_else(|| holds.map_or(stated.hold, |holds| holds.most_likely()));
+        estimator.set("hold", Value::Integer(hold.number()));
+
+        let every = if method == LIKELIHOOD && self.csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
+        let tracks = methods.into_iter().map(|method| {
+            estimator.set("method", Value::Integer(method.number()));
+            identify::track(samples, &estimator, every)
+        });
+        let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
+        let question = Question { stated: Stated { hold, ..stated }, bench, holds, slow_force: self.slow_force() };
+        let answer = (method == LIKELIHOOD).then(|| identify::answer(&recordings, question));
+        let mut said = answer.as_ref().map_or_else(|| identify::said(samples, &tracks), Answer::said);
+        if answer.is_some() && samples.rotation != Rotation::Unknown {
+            said.tables.extend(tracks[0].progress());
+        }
+        let table = holds.and_then(|holds| holds.table(hold));
+        said.tables.splice(..0, table);
+        let not_valid = (said.valid == Some(false)).then(|| said.verdict.clone());
+        let (document, said) = (said.json.clone(), vec![said]);
+        let results = Results { recordings, tracks, said, answer, document, not_valid, ..Results::default() };
+        Ok((results, columns, bearing))
+    }
+
     /// Checks that the results can be written, and refuses to overwrite a recording.
     fn claim(&self) -> Result<()> {
         let page = self.report.as_ref().map(|folder| folder.join("index.html"));
@@ -247,38 +264,48 @@ impl Arguments {
         (is_off || is_estimated).then_some(is_estimated)
     }
 
-    /// Reads the recordings and refuses those that the machine cannot have made.
-    fn read(&self, columns: &[(String, String)], bearing: &Scenario, method: &str) -> Result<Vec<Samples>> {
-        let gap_m = |name: String| bearing.value("estimator", &name).map_or(f64::NAN, Value::as_f64);
-        let gap_m: Vec<f64> = bearing.machine.of_bearings("s").into_iter().map(gap_m).collect();
-        if self.recordings.len() > 1 {
-            if self.currents.is_some() {
-                return Err(Refused("--currents needs a single recording".into()).into());
+    /// Reads the recordings and refuses those that the bearing, if it is known, cannot have made.
+    fn read(
+        &self,
+        columns: &Pairs,
+        machine: &'static Machine,
+        magnets: Option<&Vec<usize>>,
+        bearing: Option<&Scenario>,
+    ) -> Result<Vec<Samples>> {
+        let one = |path: &PathBuf| {
+            let samples = self.read_one(path, columns, machine, magnets)?;
+            let gap_m = |name: String| bearing?.value("estimator", &name).map(Value::as_f64);
+            let gap_m: Option<Vec<f64>> = machine.of_bearings("s").into_iter().map(gap_m).collect();
+            match gap_m.map(|gap_m| samples.implausible(&gap_m)).unwrap_or_default() {
+                findings if findings.is_empty() => Ok(samples),
+                findings => Err(self.refused(path, findings)),
             }
-            if method != LIKELIHOOD {
-                return Err(Refused(format!("--method {method} needs a single recording")).into());
-            }
-        }
+        };
+        self.recordings.iter().map(one).collect()
+    }
+
+    /// Reads a recording of a machine, with the currents of these magnets if not of all.
+    fn read_one(
+        &self,
+        path: &Path,
+        columns: &Pairs,
+        machine: &'static Machine,
+        magnets: Option<&Vec<usize>>,
+    ) -> Result<Samples> {
         let reading = Reading {
-            machine: bearing.machine,
-            columns: columns.to_vec(),
+            machine,
+            magnets: magnets.cloned(),
+            columns: columns.clone(),
             units: self.unit.clone(),
             omega_rad_s: self.speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
             rate_s: self.rate.or(self.step),
             resample_s: self.resample,
         };
-        let one = |path: &PathBuf| {
-            let samples = match &self.currents {
-                None => Samples::read_from(open(path)?, &reading),
-                Some(apart) => Samples::read_apart_from(open(path)?, open(apart)?, &reading),
-            };
-            let samples = samples.map_err(|unusable| self.refused(path, unusable.0))?;
-            match samples.implausible(&gap_m) {
-                findings if findings.is_empty() => Ok(samples),
-                findings => Err(self.refused(path, findings.iter().map(ToString::to_string).collect())),
-            }
+        let samples = match &self.currents {
+            None => Samples::read_from(open(path)?, &reading),
+            Some(apart) => Samples::read_apart_from(open(path)?, open(apart)?, &reading),
         };
-        self.recordings.iter().map(one).collect()
+        samples.map_err(|unusable| self.refused(path, unusable.0))
     }
 
     /// The error for a recording that cannot be used; also as a JSON document if that goes to the standard output.
@@ -291,6 +318,24 @@ impl Arguments {
             }
         }
         Refused(format!("{}: {}", path.display(), identify::Unusable(findings))).into()
+    }
+
+    /// Writes the wanted files.
+    fn write(&self, results: &Results) -> Result<()> {
+        if let Some(path) = &self.csv {
+            write_table(path, &identify::recording(&results.tracks))?;
+        }
+        if let Some(path) = &self.json {
+            let mut document = results.document.clone();
+            document["notes"] = results.recordings.iter().flat_map(|samples| samples.notes.clone()).collect();
+            Format::Json.write(path, format!("{document:#}\n").as_bytes()).map_err(named(path))?;
+        }
+        if let Some(folder) = &self.report {
+            let recording = self.recordings[0].file_name().unwrap_or_default().to_string_lossy();
+            let title = format!("Identification from {recording}");
+            write_page(folder, &identification::page(&title, &frame::command_line(), results))?;
+        }
+        Ok(())
     }
 
     /// Completes the parameters by the sample time and the arguments.
@@ -344,67 +389,30 @@ fn open(path: &Path) -> Result<Box<dyn io::Read>> {
     Ok(Box::new(file))
 }
 
-/// Results.
-struct Results {
-    recordings: Vec<Samples>,
-    tracks: Vec<Track>,
-    holds: Option<Table>,
-    answer: Option<Answer>,
-}
-
-impl Results {
-    fn print(&self, paths: &[PathBuf]) {
-        for (path, samples) in paths.iter().zip(&self.recordings) {
-            say!("{}", path.display());
-            for note in &samples.notes {
-                say!("  {note}");
-            }
-        }
-        if let Some(answer) = &self.answer {
-            print::paragraph(&answer.told());
-            print::paragraph(&answer.verdict);
-            answer.findings.iter().for_each(|finding| print::paragraph(finding));
-        }
-        let mut tables: Vec<_> = self.holds.iter().cloned().collect();
-        match &self.answer {
-            Some(answer) => {
-                tables.extend(answer.tables());
-                if self.recordings[0].rotation != Rotation::Unknown {
-                    tables.extend(self.tracks[0].progress());
-                }
-            }
-            None => tables.push(identify::table(&self.tracks)),
-        }
-        for table in tables {
-            say!();
-            print::table(&table);
-        }
-        if self.answer.is_none() {
-            say!();
-            for track in &self.tracks {
-                say!("{}: {}", track.name(), track.verdict());
-            }
+/// Prints what is said of the recordings.
+fn print_results(results: &Results, paths: &[PathBuf]) {
+    let is_each = results.said.len() > 1;
+    for (path, samples) in paths.iter().zip(&results.recordings) {
+        say!("{}", path.display());
+        for note in &samples.notes {
+            say!("  {note}");
         }
     }
-
-    fn write(&self, arguments: &Arguments) -> Result<()> {
-        let samples = &self.recordings[0];
-        if let Some(path) = &arguments.csv {
-            write_table(path, &identify::recording(&self.tracks))?;
+    for (said, path) in results.said.iter().zip(paths) {
+        if is_each {
+            say!();
+            say!("{}", path.display());
         }
-        if let Some(path) = &arguments.json {
-            let mut document = self.answer.as_ref().map_or_else(|| identify::json(samples, &self.tracks), Answer::json);
-            document["notes"] = self.recordings.iter().flat_map(|samples| samples.notes.clone()).collect();
-            Format::Json.write(path, format!("{document:#}\n").as_bytes()).map_err(named(path))?;
+        for words in [&said.told, &said.verdict].into_iter().chain(&said.findings).filter(|words| !words.is_empty()) {
+            print::paragraph(words);
         }
-        if let Some(folder) = &arguments.report {
-            let recording = arguments.recordings[0].file_name().unwrap_or_default().to_string_lossy();
-            let title = format!("Identification from {recording}");
-            let (holds, answer) = (self.holds.as_ref(), self.answer.as_ref());
-            let page =
-                identification::page(&title, &frame::command_line(), &self.recordings, &self.tracks, holds, answer);
-            write_page(folder, &page)?;
+        for table in &said.tables {
+            say!();
+            print::table(table);
         }
-        Ok(())
+    }
+    for words in &results.summary {
+        say!();
+        print::paragraph(words);
     }
 }

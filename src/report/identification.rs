@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use maud::{Markup, html};
+use serde_json::Value as Json;
 
 use crate::estimation::{Method, Verdict};
 use crate::machine::{Bearing, Machine, Reading};
@@ -10,9 +11,9 @@ use crate::report::figures::{Figure, time_unit};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
 use crate::report::{Report, cards, page_with};
 use crate::simulation::recording::Recording;
-use crate::studies::identify::likelihood::{BudgetLine, Change, Estimate, Identification};
-use crate::studies::identify::{Answer, Samples, Track, table};
-use crate::table::Table;
+use crate::simulation::scenario::Scenario;
+use crate::studies::identify::likelihood::{BenchParameter, BudgetLine, Change, Estimate, Identification};
+use crate::studies::identify::{Answer, Said, Samples, Track, Twin, axial};
 
 /// Revolutions over which positions are drawn beside their predictions, and the same in s where the rotor hardly turns.
 const REVOLUTIONS: f64 = 2.0;
@@ -22,55 +23,78 @@ const NAMES: [&str; 4] = ["λ₁", "λ₂", "λ₃", "λ₄"];
 /// Colours of the readings of positions.
 const AXES: [&str; 5] = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS[2], colour::MAGNETS[3], colour::INK];
 
+/// Results of an identification.
+#[derive(Default)]
+pub struct Results {
+    /// The recordings.
+    pub recordings: Vec<Samples>,
+    /// Estimators on line.
+    pub tracks: Vec<Track>,
+    /// The answer from all recordings together.
+    pub answer: Option<Answer>,
+    /// The answers of an axis, from each recording.
+    pub axes: Vec<axial::Answer>,
+    /// What is said of all recordings, or of each.
+    pub said: Vec<Said>,
+    /// What is said of several together.
+    pub summary: Vec<String>,
+    /// The same as JSON.
+    pub document: Json,
+    /// Why an answer is not valid.
+    pub not_valid: Option<String>,
+}
+
+impl Results {
+    /// The twin of the bench.
+    ///
+    /// # Errors
+    /// There is no valid answer, or all values that a model refuses.
+    pub fn twin(&self, base: &Scenario) -> std::result::Result<Twin, Vec<String>> {
+        match (&self.answer, self.axes.first()) {
+            (Some(answer), _) => answer.twin(base, &self.recordings[0]),
+            (None, Some(axis)) => axis.twin(base),
+            (None, None) => Err(self.not_valid.iter().cloned().collect()),
+        }
+    }
+}
+
 /// The report page of an identification made by that command. The figures of signals are of the first recording.
 #[must_use]
-pub fn page(
-    title: &str,
-    command: &str,
-    recordings: &[Samples],
-    tracks: &[Track],
-    holds: Option<&Table>,
-    answer: Option<&Answer>,
-) -> String {
+pub fn page(title: &str, command: &str, results: &Results) -> String {
+    let Results { recordings, tracks, answer, .. } = results;
     let samples = &recordings[0];
     let run = Drawn::new(samples, recordings.len());
-    let found = answer.and_then(|answer| answer.found.as_ref());
     let mut figures = Vec::new();
-    if let Some(found) = found {
+    if let Some(found) = answer.as_ref().and_then(|answer| answer.found.as_ref()) {
         figures.push(run.constants(found, tracks.first()));
         figures.push(run.positions(found));
         figures.push(run.residuals(found));
         figures.push(budget(found, samples.machine));
     }
-    figures.push(run.currents());
-    if answer.is_none() {
+    match results.axes.first() {
+        Some(axis) => figures.extend(run.axis(axis)),
+        None => figures.push(run.currents()),
+    }
+    if results.said.iter().all(|said| said.valid.is_none()) {
         figures.extend(run.on_line(tracks));
     }
-    let mut shown: Vec<Table> = holds.into_iter().cloned().collect();
-    match answer {
-        Some(answer) => {
-            shown.extend(answer.tables());
-            shown.extend(tracks.first().into_iter().flat_map(Track::progress));
-        }
-        None => shown.push(table(tracks)),
-    }
+    let tables = results.said.iter().flat_map(|said| said.tables.clone()).collect();
     let whole = Recording { time_s: run.time_s.clone(), columns: Vec::new() };
-    let report = Report { command: command.into(), tables: shown, ..Report::new(title, &whole) };
-    page_with(&report, &first(answer, recordings, tracks), &figures)
+    let report = Report { command: command.into(), tables, ..Report::new(title, &whole) };
+    page_with(&report, &first(results), &figures)
 }
 
 /// Verdict, estimates, and the data and parameters behind them.
-fn first(answer: Option<&Answer>, recordings: &[Samples], tracks: &[Track]) -> Markup {
-    let class = match answer {
-        Some(answer) if answer.valid => "verdict good",
-        Some(_) => "verdict bad",
+fn first(Results { recordings, answer, said, .. }: &Results) -> Markup {
+    let class = |said: &Said| match said.valid {
+        Some(true) => "verdict good",
+        Some(false) => "verdict bad",
         None => "verdict",
     };
-    let verdict = answer.map(|answer| answer.verdict.clone()).or_else(|| tracks.last().map(Track::verdict));
     html! {
-        @if let Some(verdict) = &verdict { p class=(class) { (verdict) } }
-        @if let Some(answer) = answer {
-            @if let Some(found) = &answer.found {
+        @for said in said {
+            p class=(class(said)) { (said.verdict) }
+            @if let Some((answer, found)) = answer.as_ref().and_then(|answer| Some((answer, answer.found.as_ref()?))) {
                 (cards(recordings[0].machine, &found.lambda.iter().map(|of| Some([of.value, of.total_std])).collect::<Vec<_>>(), None))
                 p.soft {
                     "Maximum likelihood over the whole recording, in 10⁻⁶ N·m²/A²; ± is two standard deviations, stated tolerances included."
@@ -80,8 +104,8 @@ fn first(answer: Option<&Answer>, recordings: &[Samples], tracks: &[Track]) -> M
                     }
                 }
             }
-            p { (answer.told()) }
-            ul { @for finding in &answer.findings { li { (finding) } } }
+            p { (said.told) }
+            ul { @for finding in &said.findings { li { (finding) } } }
         }
         ul { @for samples in recordings { @for note in &samples.notes { li { (note) } } } }
     }
@@ -89,18 +113,14 @@ fn first(answer: Option<&Answer>, recordings: &[Samples], tracks: &[Track]) -> M
 
 /// Bars for the contribution of each parameter of the bench, bearing by bearing.
 fn budget(found: &Identification, machine: &Machine) -> Figure {
-    let parameter = |line: &BudgetLine| &found.bench[line.parameter].parameter;
     let of_bearing = |(bearing, magnets): (&Bearing, Range<usize>)| {
-        let is_shown = |line: &&BudgetLine| {
-            let is_usual = line.told || parameter(line).in_typical_bench;
-            is_usual && (line.contributes(&magnets) || bearing.prefix.is_empty())
-        };
-        let lines: Vec<_> = found.budget.iter().filter(is_shown).collect();
+        let lines: Vec<_> = found.budget_of(bearing, &magnets).collect();
         let stated = |line: &BudgetLine| if line.told { " (stated)" } else { "" };
-        let names: Vec<String> = lines.iter().map(|line| format!("{}{}", parameter(line).name, stated(line))).collect();
+        let name = |(line, parameter): &(&BudgetLine, &BenchParameter)| format!("{}{}", parameter.name, stated(line));
+        let names: Vec<String> = lines.iter().map(name).collect();
         let mut plot = Plot::new(("part of the standard deviation of λ", PlotUnit::PERCENT), ("", PlotUnit::ONE));
         for (number, k) in magnets.clone().enumerate() {
-            let parts: Vec<f64> = lines.iter().map(|line| line.contribution[k]).collect();
+            let parts: Vec<f64> = lines.iter().map(|(line, _)| line.contribution[k]).collect();
             plot.bars(NAMES[number], colour::MAGNETS[number], &names, &parts, true);
         }
         (bearing.name().to_owned(), plot.height(90.0 + 38.0 * names.len() as f64))
@@ -268,6 +288,38 @@ impl<'s> Drawn<'s> {
         };
         let plots = self.samples.machine.bearings.iter().map(of_bearing).collect();
         Figure::new("currents", "Currents", plots, format!("As recorded.{}", self.of))
+    }
+
+    /// Recording of an axis, and what the law leaves of it.
+    fn axis(&self, answer: &axial::Answer) -> [Figure; 2] {
+        let traces = answer.traces();
+        let shaded = |mut plot: Plot| {
+            if traces.from > 0 {
+                plot.shade(self.instant(0), self.instant(traces.from));
+            }
+            plot
+        };
+        let mut position = self.over_time("x", PlotUnit { name: "mm", factor: 1e3 });
+        position.line(Line::new("measured", colour::MAGNETS[0]).width(1.0), &self.time_s, &self.samples.position_m[0]);
+        let mut current = self.over_time("i", PlotUnit::AMPERE);
+        for (k, values) in self.samples.current_a.iter().enumerate().filter(|(_, values)| !values.is_empty()) {
+            current.line(Line::new(["i₁", "i₂"][k], colour::MAGNETS[k]).width(1.0), &self.time_s, values);
+        }
+        let mut slow = self.over_time("slow force", PlotUnit { name: "mN", factor: 1e3 });
+        let side = |sign: f64| traces.slow_n.iter().map(|[force, std]| force + 2.0 * sign * std).collect::<Vec<_>>();
+        slow.band("slow force", colour::BANDS[0], &self.time_s, &side(-1.0), &side(1.0));
+        slow.line(Line::new("slow force", colour::MAGNETS[0]).group("slow force"), &self.time_s, &side(0.0));
+        let mut errors = self.over_time("prediction error", PlotUnit::MICROMETRE);
+        errors.line(Line::new("one sample ahead", colour::MAGNETS[1]).width(1.0), &self.time_s, &traces.error_m);
+        let recorded = [("Position", position), ("Currents", current)];
+        let left = [("Slow force", slow), ("Prediction errors", errors)];
+        let [recorded, left] = [recorded, left].map(|of| of.map(|(name, plot)| (name.to_owned(), shaded(plot))).into());
+        let caption = format!("What is shaded was left out.{}", self.of);
+        let of_force = "The force that the law does not explain, with a band of two standard deviations, and the errors of predictions.";
+        [
+            Figure::new("recorded", "Recording", recorded, caption),
+            Figure::new("slow", "What the law leaves", left, of_force.to_owned() + self.of),
+        ]
     }
 
     /// Figures of the on-line methods.

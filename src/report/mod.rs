@@ -8,7 +8,6 @@ use crate::machine::{Bearing, Machine};
 use crate::simulation::recording::Recording;
 use crate::table::Table;
 
-pub mod axial;
 pub mod campbell;
 pub mod evaluation;
 pub mod experiment;

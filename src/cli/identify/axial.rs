@@ -4,20 +4,19 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::{Arguments, Files, LIKELIHOOD, NotValid, Refused, Result, named, open, print, refused, say, write_page};
+use super::{Arguments, LIKELIHOOD, Refused, Result, refused};
 use crate::machine::{AXIAL, Machine};
-use crate::output::Format;
-use crate::report::{axial as page, frame};
+use crate::report::identification::Results;
 use crate::simulation::scenario::Scenario;
 use crate::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
-use crate::studies::identify::{Axial, Reading, quantity};
+use crate::studies::identify::{Said, Samples, quantity};
 
 /// A bench as the scenario and the arguments describe it.
 pub(super) struct Bench {
     axis: Axis,
-    columns: Vec<(String, String)>,
+    pub columns: Vec<(String, String)>,
     /// Scenario of the machine, for the twin.
-    scenario: Scenario,
+    pub scenario: Scenario,
 }
 
 /// Options that make sense for a rotor that turns, or for the estimator on line.
@@ -130,17 +129,6 @@ impl Bench {
             Err(why) => wrong.push(format!("--at {why}")),
         }
     }
-
-    fn recording(&self, path: &Path, arguments: &Arguments) -> Result<Axial> {
-        let reading = Reading {
-            columns: self.columns.clone(),
-            units: arguments.unit.clone(),
-            rate_s: arguments.rate.or(arguments.step),
-            resample_s: arguments.resample,
-            ..Reading::default()
-        };
-        Axial::read_from(open(path)?, &reading, &self.axis.used).map_err(|unusable| arguments.refused(path, unusable.0))
-    }
 }
 
 fn parameter(name: &str) -> Option<usize> {
@@ -152,65 +140,40 @@ fn no_parameter(name: &str) -> String {
     format!("{name} is no parameter of this machine; there are m, magnets.used, {}", names.join(", "))
 }
 
-/// Identifies the axis, and prints and writes the results.
-pub(super) fn run(arguments: &Arguments, bench: Bench, files: &Files<'_>) -> Result<()> {
-    let mut answers: Vec<Answer> = Vec::new();
-    for path in &arguments.recordings {
-        let recording = bench.recording(path, arguments)?;
-        // All are linearised where the first one is.
-        let at_m = bench.axis.at_m.or(answers.first().map(|first| first.at_m));
-        let axis = Axis { at_m, ..bench.axis.clone() };
-        let answer = axial::answer(&axis, &recording).map_err(|why| arguments.refused(path, vec![why]))?;
-        say!("{}", path.display());
-        answer.notes.iter().for_each(|note| print::paragraph(note));
-        print::paragraph(&answer.told());
-        print::paragraph(&answer.verdict);
-        answer.findings.iter().for_each(|finding| print::paragraph(finding));
-        say!();
-        print::table(&answer.table());
-        answers.push(answer);
-    }
-    let all: Vec<&Answer> = answers.iter().collect();
-    let differ = axial::agreement(&all).filter(|_| all.len() > 1);
-    if all.len() > 1 {
-        say!();
-        print::paragraph(differ.as_deref().unwrap_or("The recordings agree."));
-    }
-    let check = match &arguments.check {
-        Some(path) => {
-            let check = axial::check(&answers[0], &bench.axis, &bench.recording(path, arguments)?)
-                .map_err(|why| arguments.refused(path, vec![why]))?;
-            say!();
-            print::paragraph(&format!("{}: {}", path.display(), check.verdict));
-            Some(check)
+impl Bench {
+    /// Identifies the axis from each recording.
+    pub(super) fn identify(&self, arguments: &Arguments) -> Result<Results> {
+        let recordings = arguments.read(&self.columns, &AXIAL, Some(&self.axis.used), None)?;
+        let mut axes: Vec<Answer> = Vec::new();
+        for (path, samples) in arguments.recordings.iter().zip(&recordings) {
+            axes.push(self.answer(arguments, path, samples, axes.first())?);
         }
-        None => None,
-    };
-    let valid = answers.iter().all(|answer| answer.valid) && differ.is_none();
-    if let Some(path) = &arguments.json {
-        let mut document = match answers.as_slice() {
-            [answer] => answer.json(),
-            answers => {
-                let documents: Vec<_> = answers.iter().map(Answer::json).collect();
+        let differ = axial::agreement(&axes);
+        let said: Vec<Said> = axes.iter().map(Answer::said).collect();
+        let mut summary = Vec::new();
+        let mut document = match said.as_slice() {
+            [said] => said.json.clone(),
+            all => {
+                summary.push(differ.clone().unwrap_or_else(|| "The recordings agree.".into()));
+                let valid = all.iter().all(|said| said.valid != Some(false)) && differ.is_none();
+                let documents: Vec<_> = all.iter().map(|said| &said.json).collect();
                 json!({"valid": valid, "differ": differ, "recordings": documents})
             }
         };
-        if let Some(check) = &check {
-            let horizon =
-                |[ahead_s, foreign_m, own_m]: &[f64; 3]| json!({"ahead": ahead_s, "rms": foreign_m, "rmsOwn": own_m});
-            let errors: Vec<_> = check.errors.iter().map(horizon).collect();
-            document["check"] = json!({"agrees": check.agrees, "verdict": check.verdict, "predictions": errors});
+        if let Some(path) = &arguments.check {
+            let samples = arguments.read_one(path, &self.columns, &AXIAL, Some(&self.axis.used))?;
+            let check = axes[0].check(&self.answer(arguments, path, &samples, axes.first())?);
+            summary.push(format!("{}: {}", path.display(), check.verdict));
+            document["check"] = check.json();
         }
-        Format::Json.write(path, format!("{document:#}\n").as_bytes()).map_err(named(path))?;
+        let why = said.iter().find(|said| said.valid == Some(false)).map(|said| said.verdict.clone());
+        let not_valid = why.or(differ);
+        Ok(Results { recordings, axes, said, summary, document, not_valid, ..Results::default() })
     }
-    if let Some(folder) = &arguments.report {
-        let name = arguments.recordings[0].file_name().unwrap_or_default().to_string_lossy();
-        let title = format!("Identification from {name}");
-        write_page(folder, &page::page(&title, &frame::command_line(), &answers))?;
-    }
-    let verdict = answers.iter().find(|answer| !answer.valid).map(|answer| answer.verdict.clone());
-    match verdict.or(differ) {
-        Some(why) => Err(NotValid(why + files.not_written()).into()),
-        None => files.write(&bench.columns, || answers[0].twin(&bench.scenario)),
+
+    /// All are linearised where the first one is.
+    fn answer(&self, arguments: &Arguments, path: &Path, samples: &Samples, first: Option<&Answer>) -> Result<Answer> {
+        let axis = Axis { at_m: self.axis.at_m.or(first.map(|first| first.at_m)), ..self.axis.clone() };
+        axial::answer(&axis, samples).map_err(|why| arguments.refused(path, vec![why]))
     }
 }

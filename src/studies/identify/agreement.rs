@@ -10,7 +10,8 @@ pub(super) type Own = (DVector<f64>, DMatrix<f64>);
 /// The disagreement: of the recording that is furthest from the mean, the value that explains most of its difference from the others, if it alone differs. Nothing if
 /// chance explains all.
 pub(super) fn disagreement(own: &[Own], names: &[String]) -> Option<String> {
-    let count = own[0].0.len();
+    let [first, _, ..] = own else { return None };
+    let count = first.0.len();
     let inverse = |of: &DMatrix<f64>| of.clone().try_inverse();
     let weights: Vec<DMatrix<f64>> = own.iter().map(|(_, covariance)| inverse(covariance)).collect::<Option<_>>()?;
     let all: DMatrix<f64> = weights.iter().sum();

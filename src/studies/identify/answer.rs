@@ -14,7 +14,7 @@ use super::likelihood::{
 };
 use super::read::{Rotation, Samples, significant, time};
 use super::tolerance::plain;
-use super::{Failed, GRAVITY_M_S2, Holds, Stated};
+use super::{GRAVITY_M_S2, Holds, Stated};
 use crate::estimation::STD_LIMIT;
 use crate::machine::Machine;
 
@@ -113,18 +113,21 @@ pub(super) fn implausible(
 }
 
 /// Identifies from all recordings together.
-///
-/// # Errors
-/// Parameters that make no sense, by name; recordings that say nothing are an [`Answer`] that is not valid.
-pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Failed> {
+#[must_use]
+pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     if recordings.iter().any(|samples| samples.rotation == Rotation::Unknown) {
         let verdict = "Not valid: neither angle nor speed was recorded: --speed RPM is wanted, 0 at rest.".into();
         let finding = "The unbalance, which turns with the rotor, is not known then, and with it neither force constants, ki and ks nor the \
                        load.";
-        return Ok(Answer { valid: false, verdict, findings: vec![finding.into()], found: None, question });
+        return Answer { valid: false, verdict, findings: vec![finding.into()], found: None, question };
     }
     let columns: Vec<Columns> = recordings.iter().map(|samples| columns(samples, question.stated.hold)).collect();
-    let mut answer = answer_columns(&columns, question);
+    let bench = question.bench.iter().zip(question.stated.parameters());
+    let mut searched = bench.filter(|(told, _)| told.knowledge != Knowledge::Exact);
+    let is_searched = searched.any(|(_, of)| !["m", DYNAMICS].contains(&plain(&of.name)));
+    let thinned: Option<Vec<Columns>> =
+        recordings.iter().map(|samples| Some(self::columns(&samples.thinned()?, question.stated.hold))).collect();
+    let mut answer = answer_columns(&columns, thinned.filter(|_| is_searched), question);
     for (samples, columns) in recordings.iter().zip(&columns) {
         if let Some(off) = drifts(samples, columns) {
             answer.valid = false;
@@ -134,7 +137,7 @@ pub fn answer(recordings: &[Samples], question: Question) -> Result<Answer, Fail
             );
         }
     }
-    Ok(answer)
+    answer
 }
 
 /// By which part of itself the motion is faster than a speed that is not that of a recorded angle, if by less than [`OTHER`] and certainly, and if
@@ -147,7 +150,7 @@ fn drifts(samples: &Samples, columns: &Columns) -> Option<f64> {
     (off.abs() > 5.0 * std && off.abs() < OTHER && angle_rad.abs() > TURNED_RAD).then_some(off)
 }
 
-fn answer_columns(all: &[Columns], question: Question) -> Answer {
+fn answer_columns(all: &[Columns], thinned: Option<Vec<Columns>>, question: Question) -> Answer {
     let stated = &question.stated;
     let slow_force = question.slow_force.unwrap_or(false);
     let mut options = Options { slow_force, ..stated.options(&question.bench) };
@@ -163,6 +166,11 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
         Ok(found) => (Some(found), None),
         Err(failed) => (None, Some(failed.to_string())),
     };
+    if let (Some(found), Some(thinned)) = (found.as_mut().filter(|found| found.converged), &thinned) {
+        let thinned: Vec<_> = thinned.iter().map(|columns| columns.recording(stated, hold)).collect();
+        let other = likelihood::identify(&thinned, &options).ok().filter(|other| other.converged);
+        other.into_iter().for_each(|other| found.widen(&other));
+    }
     let told = stated.noise.iter().all(|noise| *noise > 0.0);
     let turns: f64 = all.iter().map(Columns::turns).sum();
     let rest = all.iter().all(Columns::at_rest);
@@ -176,10 +184,7 @@ fn answer_columns(all: &[Columns], question: Question) -> Answer {
     // The likelihood would propose other readings by chance.
     let deceived = found.as_ref().is_some_and(|found| found.deceived_by_gaps);
     let least = TURNS[usize::from(!told)];
-    let differ = found
-        .as_ref()
-        .filter(|_| recordings.len() > 1)
-        .and_then(|_| differ(&recordings, &options, &stated.machine.symbols("λ")));
+    let differ = found.as_ref().and_then(|_| differ(&recordings, &options, &stated.machine.symbols("λ")));
     if !rest && turns < least {
         refusal = Some(format!(
             "the recording is too short: {} turns of the rotor, {least} at least are wanted",
@@ -462,7 +467,7 @@ fn words_on(found: &Identification, all: &[Columns], stated: &Stated) -> Vec<Str
             ));
         }
     }
-    if found.covariance == likelihood::Covariance::Scores {
+    if found.by_scores {
         words.push(
             "The scatter of the data is larger than noise explains; ± of noise is taken from it (scores).".into(),
         );

@@ -12,12 +12,11 @@ mod twin;
 
 use std::ops::Range;
 
-pub use self::answer::{Answer, Check, agreement, answer, check};
+pub use self::answer::{Answer, Check, agreement, answer};
 use self::filter::Readings;
 use self::search::{Fit, Part, fit, follow, log_likelihood};
-use super::faults;
-use super::read::{Axial, noise, time};
-use super::{GRAVITY_M_S2, mean};
+use super::read::{Samples, noise};
+use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood, mean};
 
 /// Unknowns of the search, by number; noises and force constants by their logarithms.
 pub const UNKNOWNS: usize = 12;
@@ -35,20 +34,21 @@ const SLOW: usize = 9;
 const DELAY: usize = 10;
 const SLOPE: usize = 11;
 
-/// Names of the unknowns, their units and meanings, for `--set` and `--estimate`.
-pub const PARAMETERS: [(&str, &str, &str); UNKNOWNS] = [
-    ("lambda[1]", "N.m2/A2", "force constant of the magnet that pulls along x"),
-    ("lambda[2]", "N.m2/A2", "force constant of the magnet that pulls against x"),
-    ("s", "m", "air gap at x = 0"),
-    ("pX", "N", "load along x"),
-    ("dynamics", "1", "factor between the forces of the statics and those that accelerate"),
-    ("noise.position", "m", "noise of the position at the operating point"),
-    ("noise.exponent", "1", "power of the gap with which the noise of the position grows"),
-    ("noise.current", "A", "noise of the currents"),
-    ("current.walk", "A/s0.5", "random walk of the currents"),
-    ("force.slow", "N/s0.5", "random walk of a force that nothing explains"),
-    ("delay", "s", "positions later than currents"),
-    ("current.slope", "A/s1.5", "random walk of the slopes of the currents"),
+/// Names of the unknowns with their units, for `--set` and `--estimate`: λ of the magnet that pulls along x and of the other one, gap at x = 0, load along x, κ between
+/// the forces of the statics and those that accelerate, noises, random walks, positions later than currents.
+pub const PARAMETERS: [(&str, &str); UNKNOWNS] = [
+    ("lambda[1]", "N.m2/A2"),
+    ("lambda[2]", "N.m2/A2"),
+    ("s", "m"),
+    ("pX", "N"),
+    (likelihood::DYNAMICS, "1"),
+    ("noise.position", "m"),
+    (NOISE_EXPONENT, "1"),
+    ("noise.current", "A"),
+    ("current.walk", "A/s0.5"),
+    ("force.slow", "N/s0.5"),
+    (likelihood::DELAY, "s"),
+    ("current.slope", "A/s1.5"),
 ];
 
 /// Windows by which the start is found, s; of so many in a row no more than in the second half may have normalised innovations above so many
@@ -247,8 +247,7 @@ struct Found {
     effects: Vec<Effect>,
     /// The delay that fits best with its gain in log-likelihood and the fit.
     delayed: Option<Fit>,
-    notes: Vec<String>,
-    /// Readings with faults and repetitions left out.
+    /// Readings, NaN where there is none.
     x_m: Vec<f64>,
     current_a: Vec<Vec<f64>>,
 }
@@ -266,14 +265,11 @@ fn without(at: usize) -> f64 {
 ///
 /// # Errors
 /// Why nothing can be identified, in a sentence.
-fn find(axis: &Axis, recording: &Axial) -> Result<Found, String> {
+fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let mut axis = axis.clone();
-    let (mut x_m, mut current_a, mut notes) = (recording.x_m.clone(), recording.current_a.clone(), Vec::new());
-    let instant = |row: usize| time(recording.start_s + row as f64 * recording.step_s);
-    let mut columns: Vec<faults::Column<'_>> = vec![("Xm", &mut x_m)];
-    let names = axis.used.iter().map(|k| ["im[1]", "im[2]"][*k]);
-    columns.extend(names.zip(current_a.iter_mut()));
-    notes.extend(faults::leave_out(&mut columns, instant));
+    let mut columns = recording.unfilled().into_iter();
+    let x_m = columns.next().unwrap_or_default();
+    let current_a: Vec<Vec<f64>> = columns.filter(|column| !column.is_empty()).collect();
     let readings = Readings { step_s: recording.step_s, x_m: &x_m, current_a: &current_a };
     let count = x_m.len();
     let half = Part { readings, rows: count / 2..count };
@@ -287,12 +283,6 @@ fn find(axis: &Axis, recording: &Axial) -> Result<Found, String> {
     let begin = begin(&axis, readings, &rough.point).ok_or(
         "no second of the recording follows the law as its second half does: it is too short, or the bench changes",
     )?;
-    if begin > 0 {
-        notes.push(format!(
-            "Readings before {} do not follow the law (a start at rest?) and were left out.",
-            instant(begin)
-        ));
-    }
     let part = Part { readings, rows: begin..count };
     let mut best = fit(&axis, &part, &rough.point, &free, usize::MAX).ok_or(failed)?;
     let mut effects = Vec::new();
@@ -319,7 +309,7 @@ fn find(axis: &Axis, recording: &Axial) -> Result<Found, String> {
         fit(&axis, &part, &best.point, &more, usize::MAX)
             .filter(|delayed| delayed.log_likelihood - best.log_likelihood > 0.5 * libm::log(best.readings as f64))
     };
-    Ok(Found { axis, fit: best, rows: begin..count, effects, delayed, notes, x_m, current_a })
+    Ok(Found { axis, fit: best, rows: begin..count, effects, delayed, x_m, current_a })
 }
 
 impl Found {

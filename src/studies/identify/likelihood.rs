@@ -44,16 +44,17 @@ mod rotor;
 mod search;
 mod solve;
 
-use std::fmt;
 use std::ops::Range;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
+use serde_json::{Value as Json, json};
 
 pub use self::bench::{BenchParameter, Knowledge, Told, by_name, parameters};
 pub(super) use self::bench::{DELAY, DYNAMICS};
 pub use self::body::Body;
 pub use self::filter::{HARMONICS, LAGS};
 pub use crate::estimation::Hold;
+use crate::machine::Bearing;
 
 /// One recording, sampled at equal distances.
 #[derive(Clone, Copy, Debug)]
@@ -176,42 +177,6 @@ impl Options {
 /// Why nothing was identified.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Failed {
-    /// There is no machine with so many magnets.
-    #[error("{0} magnets: 3 or 4 to a bearing are wanted")]
-    Magnets(usize),
-    /// There is no recording.
-    #[error("there is no recording to identify from")]
-    Nothing,
-    /// Columns of a recording differ in length.
-    #[error("recording {recording}: {column} has {got} samples, the angle has {wanted}")]
-    Lengths {
-        /// Number of the recording, from 1.
-        recording: usize,
-        /// Which column.
-        column: &'static str,
-        /// Its samples.
-        got: usize,
-        /// Samples of the angle.
-        wanted: usize,
-    },
-    /// A usable sample is not a finite number.
-    #[error("recording {recording}: sample {row} is not finite; mark it as not usable")]
-    NotFinite {
-        /// Number of the recording, from 1.
-        recording: usize,
-        /// Row, from 0.
-        row: usize,
-    },
-    /// A parameter is out of its range.
-    #[error("{name} is {value}; wanted: {wanted}")]
-    Invalid {
-        /// Name of the parameter.
-        name: String,
-        /// The stated value.
-        value: f64,
-        /// Admissible values.
-        wanted: &'static str,
-    },
     /// Too few samples follow each other.
     #[error("recording {recording} has no {wanted} usable samples in a row")]
     TooShort {
@@ -237,29 +202,15 @@ pub struct Estimate {
 }
 
 impl Estimate {
+    /// The value with its deviations.
+    pub(super) fn json(&self) -> Json {
+        json!({"value": self.value, "std": self.noise_std, "stdTotal": self.total_std})
+    }
+
     /// Of a value that is proportional to this one.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         Self { value: factor * self.value, noise_std: factor * self.noise_std, total_std: factor * self.total_std }
-    }
-}
-
-/// Where the covariance comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Covariance {
-    /// The information matrix of the likelihood.
-    Information,
-    /// Scores of blocks of the recording, which vary more than the model says (heteroscedasticity- and
-    /// autocorrelation-consistent, Newey and West 1987).
-    Scores,
-}
-
-impl fmt::Display for Covariance {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Information => "information matrix",
-            Self::Scores => "scores",
-        })
     }
 }
 
@@ -293,8 +244,6 @@ pub struct OfPart {
     pub rows: usize,
     /// As how many of them they count: fewer where errors of quantisation repeat with the readings.
     pub counting: usize,
-    /// Mean of the normalised innovations squared per axis; 1 where the model holds.
-    pub nis: f64,
 }
 
 /// Estimate of a bench parameter.
@@ -330,8 +279,7 @@ const SHOWN: f64 = 5e-5;
 
 impl BudgetLine {
     /// Whether it contributes to one of these magnets.
-    #[must_use]
-    pub fn contributes(&self, magnets: &Range<usize>) -> bool {
+    fn contributes(&self, magnets: &Range<usize>) -> bool {
         self.contribution[magnets.clone()].iter().any(|part| *part >= SHOWN)
     }
 }
@@ -431,8 +379,9 @@ pub struct Identification {
     pub suspects: Vec<Suspect>,
     /// Parts that contradict the rest.
     pub contradictions: Vec<Contradiction>,
-    /// Where the covariance comes from.
-    pub covariance: Covariance,
+    /// Whether the covariance is that of the scores of blocks of the recording, which vary more than the model says (heteroscedasticity- and
+    /// autocorrelation-consistent, Newey and West 1987), and not that of the information matrix.
+    pub by_scores: bool,
     /// Iterations of the last search.
     pub iterations: usize,
     /// Whether the last step was smaller than 5 % of a standard deviation.
@@ -449,21 +398,51 @@ pub struct Identification {
 /// Shortest segment, in rows: its first ones determine no more than where it starts.
 pub const SHORTEST: usize = 16;
 
-/// Identifies force constants, unbalance, loads, and what is not known of the bench from all recordings together.
+/// Identifies force constants, unbalance, loads, and what is not known of the bench from all recordings together. Columns of a recording are equally long, and finite
+/// where they are usable.
 ///
 /// # Errors
 /// Obstacles to identification, by name.
 pub fn identify(recordings: &[Recording<'_>], options: &Options) -> Result<Identification, Failed> {
-    check(recordings, options)?;
     let mut parts = options.parts.iter();
-    let first = parts.next().ok_or(Failed::Nothing)?.identify(recordings, options.slow_force)?;
+    let first = parts.next().expect("something moves").identify(recordings, options.slow_force)?;
     parts.try_fold(first, |all, part| Ok(all.beside(part.identify(recordings, options.slow_force)?)))
 }
 
 impl Identification {
+    /// Lines of the budget to show for the magnets of a bearing, with their parameters: of several bearings, those that count.
+    pub fn budget_of<'s>(
+        &'s self,
+        bearing: &Bearing,
+        magnets: &Range<usize>,
+    ) -> impl Iterator<Item = (&'s BudgetLine, &'s BenchParameter)> {
+        let lines = self.budget.iter().map(|line| (line, &self.bench[line.parameter].parameter));
+        lines.filter(|(line, parameter)| {
+            let is_usual = line.told || parameter.in_typical_bench;
+            is_usual && (bearing.prefix.is_empty() || line.contributes(magnets))
+        })
+    }
+
     /// All recordings as all parts of the motion show them.
     pub(super) fn parts(&self) -> impl Iterator<Item = &OfPart> {
         self.conditions.iter().flat_map(|conditions| &conditions.parts)
+    }
+
+    /// Adds to the deviations of λ by how much more gaps move it. A controller answers the noise of a reading that was not recorded, so that its currents explain the
+    /// errors of the filter; the bias grows with the number of gaps, and further ones tell its size (simulation and extrapolation, Cook and Stefanski 1994).
+    /// Where the bench is exactly as stated, instruments are free of it.
+    pub(super) fn widen(&mut self, thinned: &Self) {
+        let moved = DVector::from_fn(self.lambda.len(), |k, _| thinned.lambda[k].value - self.lambda[k].value);
+        self.lambda_covariance += &moved * moved.transpose();
+        for (k, moved) in moved.iter().enumerate() {
+            let relative = moved / self.lambda[k].value;
+            let of_recordings = self.conditions.iter_mut().flat_map(|of| [&mut of.ki_n_a[k], &mut of.ks_n_m[k]]);
+            for estimate in of_recordings.chain([&mut self.lambda[k]]) {
+                let std = relative * estimate.value;
+                estimate.noise_std = estimate.noise_std.hypot(std);
+                estimate.total_std = estimate.total_std.hypot(std);
+            }
+        }
     }
 
     /// This and another part of the motion, which is independent of it.
@@ -514,9 +493,7 @@ impl Identification {
         self.suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
         let contradictions = other.contradictions.into_iter();
         self.contradictions.extend(contradictions.map(|of| Contradiction { part: of.part + parts, ..of }));
-        if other.covariance == Covariance::Scores {
-            self.covariance = Covariance::Scores;
-        }
+        self.by_scores |= other.by_scores;
         self.iterations = self.iterations.max(other.iterations);
         self.converged &= other.converged;
         self.deceived_by_gaps |= other.deceived_by_gaps;
@@ -524,71 +501,4 @@ impl Identification {
         self.log_likelihood += other.log_likelihood;
         self
     }
-}
-
-fn check(recordings: &[Recording<'_>], options: &Options) -> Result<(), Failed> {
-    let invalid = |name: &str, value: f64, wanted| Failed::Invalid { name: name.to_owned(), value, wanted };
-    let positive = |name: &str, value: f64| {
-        if value.is_finite() && value > 0.0 { Ok(()) } else { Err(invalid(name, value, "a finite number above 0")) }
-    };
-    for [above_zero, others] in options.parts.iter().map(|part| part.body.numbers()) {
-        above_zero.iter().try_for_each(|(name, value)| positive(name, *value))?;
-        if let Some((name, value)) = others.iter().find(|(_, value)| !value.is_finite()) {
-            return Err(invalid(name, *value, "a finite number"));
-        }
-    }
-    for (told, parameter) in options.parts.iter().flat_map(|part| part.bench.iter().zip(&part.parameters)) {
-        let relative = parameter.unit == "1";
-        if !told.value.is_finite() || (relative && told.value.abs() >= 1.0) {
-            return Err(invalid(&parameter.name, told.value, "a finite number, a relative error between -1 and 1"));
-        }
-        if let Knowledge::Tolerance(std) = told.knowledge {
-            positive(&format!("tolerance of {}", parameter.name), std)?;
-        }
-    }
-    if recordings.is_empty() {
-        return Err(Failed::Nothing);
-    }
-    for (at, recording) in recordings.iter().enumerate() {
-        check_recording(at + 1, recording, options)?;
-    }
-    Ok(())
-}
-
-fn check_recording(number: usize, recording: &Recording<'_>, options: &Options) -> Result<(), Failed> {
-    let wanted = recording.rows();
-    let magnets: usize = options.parts.iter().map(|part| part.body.magnets()).sum();
-    let coordinates: usize = options.parts.iter().map(|part| part.body.coordinates()).sum();
-    let positions = (0..coordinates).map(|n| ("position", recording.position_m.get(n).map_or(0, Vec::len)));
-    let currents = (0..magnets).map(|k| ("current", recording.current_a.get(k).map_or(0, Vec::len)));
-    let others = [
-        ("omega", recording.omega_rad_s.len()),
-        ("usable", if recording.usable.is_empty() { wanted } else { recording.usable.len() }),
-        ("missing", if recording.missing.is_empty() { wanted } else { recording.missing.len() }),
-    ];
-    for (column, got) in positions.chain(currents).chain(others) {
-        if got != wanted {
-            return Err(Failed::Lengths { recording: number, column, got, wanted });
-        }
-    }
-    let invalid = |name: &str, value: f64, wanted| {
-        Err(Failed::Invalid { name: format!("{name} of recording {number}"), value, wanted })
-    };
-    if !(recording.step_s.is_finite() && recording.step_s > 0.0) {
-        return invalid("step", recording.step_s, "a finite time above 0, in s");
-    }
-    for (name, noise) in [("position noise", recording.position_noise_m), ("current noise", recording.current_noise_a)]
-    {
-        if let Some(noise) = noise.filter(|noise| !(noise.is_finite() && *noise >= 0.0)) {
-            return invalid(name, noise, "a finite standard deviation, 0 or above");
-        }
-    }
-    for row in 0..wanted {
-        let columns = recording.position_m.iter().chain(recording.current_a).map(|column| column[row]);
-        let mut values = columns.chain([recording.theta_rad[row], recording.omega_rad_s[row]]);
-        if recording.usable.get(row).copied().unwrap_or(true) && !values.all(f64::is_finite) {
-            return Err(Failed::NotFinite { recording: number, row });
-        }
-    }
-    Ok(())
 }

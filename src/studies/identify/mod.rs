@@ -19,12 +19,12 @@ use serde_json::{Value as Json, json};
 
 pub use self::answer::{Answer, Question, answer};
 pub use self::tolerance::{named, of_estimator, quantity, tolerance};
-pub use self::track::{Track, estimator, json, recording, table, track, track_every};
+pub use self::track::{Track, estimator, recording, said, track};
 pub use self::twin::Twin;
 
 use self::likelihood::{BenchParameter, Beside, Body, DELAY, DYNAMICS, Options, Part, Told, parameters};
 use self::read::significant;
-pub use self::read::{Axial, Finding, Reading, Rotation, Samples, Unusable, duration_s, rate_s};
+pub use self::read::{Reading, Rotation, Samples, Unusable, duration_s, rate_s};
 use self::tolerance::plain;
 use self::track::hold;
 use crate::bearing::rotor::{BearingConfig, RotorConfig};
@@ -156,7 +156,7 @@ impl Stated {
     /// The same as JSON, in SI units.
     fn json(&self) -> Json {
         let mut told = json!({"hold": name_of(self.hold)});
-        let numbers = self.bodies.iter().flat_map(Body::numbers).flatten();
+        let numbers = self.bodies.iter().flat_map(Body::numbers);
         let mut alpha_rad: Vec<(String, Vec<f64>)> = Vec::new();
         for (name, value) in numbers {
             match name.split_once('[').filter(|(group, _)| group.ends_with("alpha")) {
@@ -175,7 +175,7 @@ impl Stated {
     /// The stated value of what a relative parameter of the bench belongs to: of `X.m` the mass.
     fn value(&self, name: &str) -> f64 {
         let of = |name: &str| {
-            let numbers = self.bodies.iter().flat_map(Body::numbers).flatten();
+            let numbers = self.bodies.iter().flat_map(Body::numbers);
             numbers.filter(|(of, _)| of == name).map(|(_, value)| value).next()
         };
         of(name).or_else(|| of(name.trim_start_matches("X."))).unwrap_or(f64::NAN)
@@ -237,6 +237,23 @@ impl Stated {
         let wanted = wanted.join(" or ");
         Err(format!("{name}: nothing tells it from the force constants without a known load that is not 0: {wanted}"))
     }
+}
+
+/// What is said of a recording, or of several together.
+#[derive(Clone, Debug)]
+pub struct Said {
+    /// Whether the estimates can be relied on; none of on-line methods, which are compared.
+    pub valid: Option<bool>,
+    /// Why, or why not.
+    pub verdict: String,
+    /// Further findings, in sentences.
+    pub findings: Vec<String>,
+    /// Parameters taken as known.
+    pub told: String,
+    /// Estimates.
+    pub tables: Vec<Table>,
+    /// All of it as JSON, in SI units.
+    pub json: Json,
 }
 
 /// Why no identification was made.

@@ -16,9 +16,8 @@ use self::signals::Known;
 use self::table::Table;
 use super::faults;
 use crate::estimation::Hold;
-use crate::machine::{AXIAL, Machine};
+use crate::machine::Machine;
 
-pub use self::plausible::Finding;
 pub(super) use self::plausible::REST_RAD_S;
 pub(super) use self::signals::{noise, range};
 pub use self::units::{duration_s, rate_s};
@@ -26,6 +25,10 @@ pub(super) use self::units::{number_and_unit, significant, time};
 
 /// The identification predicts across gaps of at most so many samples; longer ones begin a new segment.
 pub const FILLED: usize = 3;
+
+/// Rows by which gaps that are added follow those that there are: their effects are over by then, and the conditions are the same.
+const LATER: usize = 16;
+const MOST_ADDED: f64 = 0.03;
 
 /// So many samples of both positions a recording must have.
 const LEAST: usize = 20;
@@ -41,6 +44,8 @@ const CLOCKS: f64 = 1e-3;
 pub struct Reading {
     /// The machine; its signals are read.
     pub machine: &'static Machine,
+    /// The magnets that are used, counted from 0, if not all are.
+    pub magnets: Option<Vec<usize>>,
     /// Names of columns: signal as in the interface, name in the header.
     pub columns: Vec<(String, String)>,
     /// Units: signal as in the interface, unit. What stands in the header counts otherwise, then SI.
@@ -51,6 +56,17 @@ pub struct Reading {
     pub rate_s: Option<f64>,
     /// Sample time in seconds to which everything is interpolated, for recordings without a uniform pace.
     pub resample_s: Option<f64>,
+}
+
+impl Reading {
+    /// Whether the machine has this signal: only a rotor with unbalance is told its rotation.
+    fn wants(&self, kind: Kind) -> bool {
+        match kind {
+            Kind::Current(k) => self.magnets.as_ref().is_none_or(|used| used.contains(&k)),
+            Kind::Theta | Kind::Omega => self.machine.planes > 0,
+            Kind::Time | Kind::Position => true,
+        }
+    }
 }
 
 /// Where angle and speed of the rotor come from.
@@ -80,7 +96,7 @@ pub struct Samples {
     pub step_s: f64,
     /// Positions in the order of the readings, in m.
     pub position_m: Vec<Vec<f64>>,
-    /// Currents as recorded, in A; NaN where there was none.
+    /// Currents by magnet as recorded, in A; NaN where there was none, and empty for a magnet that is not used.
     pub current_a: Vec<Vec<f64>>,
     /// By row, which positions and currents were not recorded, one bit for each of them in this order; short gaps are filled from their neighbours. Empty if
     /// nothing is missing.
@@ -128,6 +144,29 @@ impl Samples {
         }
     }
 
+    /// Positions, then currents, NaN also where a gap was filled.
+    pub(super) fn unfilled(&self) -> Vec<Vec<f64>> {
+        let mut columns = [self.position_m.clone(), self.currents(Hold::Linear)].concat();
+        for (at, column) in columns.iter_mut().enumerate() {
+            let missing = self.missing.iter().zip(column).filter(|(missing, _)| **missing >> at & 1 != 0);
+            missing.for_each(|(_, value)| *value = f64::NAN);
+        }
+        columns
+    }
+
+    /// The same with as many gaps again, but in [`MOST_ADDED`] of the rows at most, [`LATER`] rows behind those that there are; none if nothing is missing.
+    pub(super) fn thinned(&self) -> Option<Self> {
+        let mut thinned = (self.apart.is_none() && !self.missing.is_empty()).then(|| self.clone())?;
+        let gaps: Vec<usize> = (0..self.len().saturating_sub(LATER)).filter(|row| self.missing[*row] != 0).collect();
+        let every = (gaps.len() as f64 / (MOST_ADDED * self.len() as f64)).ceil().max(1.0) as usize;
+        gaps.iter().step_by(every).for_each(|row| thinned.missing[row + LATER] |= self.missing[*row]);
+        let mut columns = thinned.unfilled();
+        columns.iter_mut().for_each(|column| signals::fill(column));
+        thinned.current_a = columns.split_off(self.position_m.len());
+        thinned.position_m = columns;
+        Some(thinned)
+    }
+
     /// Reads a recording, row by row.
     ///
     /// The text may be UTF-8, UTF-16 or Windows-1252, also compressed by gzip. Columns are separated by comma, semicolon or tab, whichever the header
@@ -137,7 +176,7 @@ impl Samples {
     /// # Errors
     /// Everything that keeps the recording from being used.
     pub fn read_from(mut recording: impl Read, reading: &Reading) -> Result<Self, Unusable> {
-        samples(&Table::read(&mut recording, reading, &|_| true)?, reading).map_err(Unusable)
+        samples(&Table::read(&mut recording, reading, &|kind| reading.wants(kind))?, reading).map_err(Unusable)
     }
 
     /// Reads a recording that is a text already.
@@ -158,7 +197,8 @@ impl Samples {
         mut currents: impl Read,
         reading: &Reading,
     ) -> Result<Self, Unusable> {
-        let motion = Table::read(&mut motion, reading, &|kind| !matches!(kind, Kind::Current(_)));
+        let is_motion = |kind| reading.wants(kind) && !matches!(kind, Kind::Current(_));
+        let motion = Table::read(&mut motion, reading, &is_motion);
         let (motion, currents) = match (motion, table_of_currents(&mut currents, reading)) {
             (Ok(motion), Ok(currents)) => (motion, currents),
             (motion, currents) => {
@@ -209,6 +249,9 @@ impl Samples {
         let line =
             |known: &Known| if known.is_empty() { Vec::new() } else { signals::straight(known, self.len(), true) };
         (self.theta_rad, self.omega_rad_s) = (line(&theta), line(&omega));
+        if self.machine.planes == 0 {
+            return;
+        }
         let (rotation, note) = match (theta.is_empty(), omega.is_empty(), given_rad_s) {
             (false, false, _) => (Rotation::Both, None),
             (false, true, _) => {
@@ -254,60 +297,8 @@ impl Samples {
     /// Signs of a misread unit, by magnitude and by comparison of the signals with each other; `gap_m` is the nominal
     /// air gap of each bearing in m. A recording with findings must not be used.
     #[must_use]
-    pub fn implausible(&self, gap_m: &[f64]) -> Vec<Finding> {
+    pub fn implausible(&self, gap_m: &[f64]) -> Vec<String> {
         plausible::findings(self, gap_m)
-    }
-}
-
-/// A recording of one axis at a uniform sample time, in SI units; NaN where there is no value.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Axial {
-    /// Instant of the first sample, s.
-    pub start_s: f64,
-    /// Sample time, s.
-    pub step_s: f64,
-    /// Position, m.
-    pub x_m: Vec<f64>,
-    /// Currents of the magnets that are used, A.
-    pub current_a: Vec<Vec<f64>>,
-    /// Remarks, in sentences.
-    pub notes: Vec<String>,
-}
-
-impl Axial {
-    /// Reads a recording of one axis, as [`Samples::read_from`] does, with the currents of these magnets (0, 1).
-    ///
-    /// # Errors
-    /// Everything that keeps the recording from being used.
-    pub fn read_from(mut recording: impl Read, reading: &Reading, used: &[usize]) -> Result<Self, Unusable> {
-        let wanted = |kind: Kind| match kind {
-            Kind::Current(k) => used.contains(&k),
-            kind => matches!(kind, Kind::Time | Kind::Position),
-        };
-        let table = Table::read(&mut recording, &Reading { machine: &AXIAL, ..reading.clone() }, &wanted)?;
-        let Signals { list, positions, currents, .. } = &table.signals;
-        let mut notes = table.notes.clone();
-        let Grid { start_s, step_s, count, place } = grid(&table, reading, &mut notes).map_err(Unusable)?;
-        notes.insert(0, format!("{count} samples of {}.", time(step_s)));
-        let mut missing = Vec::new();
-        let mut column = |at: usize| {
-            let values = signals::at_samples(&signals::known(&place, &table.columns[at]), count);
-            let empty = values.iter().filter(|value| value.is_nan()).count();
-            if empty > 0 {
-                notes.push(format!("{empty} of {count} samples have no {}.", list[at].name));
-            }
-            if count - empty < LEAST {
-                missing.push(format!(
-                    "{}: {} values at the samples of the position, {LEAST} at least are wanted",
-                    list[at].name,
-                    count - empty
-                ));
-            }
-            values
-        };
-        let x_m = column(positions.start);
-        let current_a = used.iter().map(|k| column(currents.start + k)).collect();
-        if missing.is_empty() { Ok(Self { start_s, step_s, x_m, current_a, notes }) } else { Err(Unusable(missing)) }
     }
 }
 
@@ -422,11 +413,18 @@ fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
     let mut samples = Samples { machine: reading.machine, start_s, step_s, units, ..Samples::default() };
     let currents: Vec<Known> = of_currents.clone().map(known).collect();
     let rows = table.known([positions.start]).len();
-    let is_apart = !currents.iter().all(|of| signals::is_at_samples(of) && 2 * of.len() > rows);
+    let is_read = |at: &usize| table.units[*at].is_some();
+    let mut read = of_currents.clone().filter(is_read).map(|at| &currents[at - of_currents.start]).peekable();
+    let is_apart = read.peek().is_none() || !read.all(|of| signals::is_at_samples(of) && 2 * of.len() > rows);
     let at = positions.start..if is_apart { positions.end } else { of_currents.end };
     let mut columns: Vec<Vec<f64>> = Vec::new();
     let mut at_samples = true;
-    for known in at.clone().map(known) {
+    for at in at.clone() {
+        if !is_read(&at) {
+            columns.push(Vec::new());
+            continue;
+        }
+        let known = known(at);
         let is_plain = signals::is_at_samples(&known);
         at_samples &= is_plain;
         columns.push(if is_plain {
@@ -436,7 +434,8 @@ fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
         });
     }
     if at_samples {
-        let mut named: Vec<_> = at.clone().map(|at| list[at].name.as_str()).zip(&mut columns).collect();
+        let named = at.clone().map(|at| list[at].name.as_str()).zip(&mut columns);
+        let mut named: Vec<_> = named.filter(|(_, values)| !values.is_empty()).collect();
         notes.extend(faults::leave_out(&mut named, |row| time(start_s + row as f64 * step_s)));
     }
     for (at, values) in columns.iter_mut().enumerate() {
@@ -455,7 +454,7 @@ fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
     samples.current_a.resize(of_currents.len(), Vec::new());
     samples.position_m = columns;
     samples.notes = notes;
-    if is_apart && table.units[of_currents.start].is_some() {
+    if is_apart && of_currents.clone().any(|at| is_read(&at)) {
         samples.take_apart(currents);
     }
     let mut theta = known(*theta);

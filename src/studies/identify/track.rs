@@ -9,7 +9,7 @@ use fmu_export::variable::Value;
 use serde_json::{Map, Value as Json, json};
 
 use super::read::{Samples, significant};
-use super::{Failed, METHODS, name_of};
+use super::{Failed, METHODS, Said, name_of};
 use crate::estimation::{EstimatorConfig, Hold, Method, STD_LIMIT, Verdict};
 use crate::fmu;
 use crate::machine::{Bearing, Machine, PLANAR};
@@ -41,19 +41,11 @@ pub fn estimator(config: &EstimatorConfig) -> Element {
     Element { name: "estimator".into(), model_type, settings: settings.collect() }
 }
 
-/// Runs an estimator over a recording.
+/// Runs an estimator over a recording and keeps the outputs of every n-th sample: all those of a long recording take more memory than itself.
 ///
 /// # Errors
 /// Parameters that the estimator refuses.
-pub fn track(samples: &Samples, estimator: &Element) -> Result<Track, Failed> {
-    track_every(samples, estimator, 1)
-}
-
-/// The same with the output of every n-th sample alone: those of a long recording take more memory than the recording.
-///
-/// # Errors
-/// Parameters that the estimator refuses.
-pub fn track_every(samples: &Samples, estimator: &Element, every: usize) -> Result<Track, Failed> {
+pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Track, Failed> {
     let (machine, mut estimator) = (samples.machine, estimator.clone());
     estimator.set("Ts", Value::Real(samples.step_s));
     // Without the angle of the rotor there is no telling where an unbalance points. The paper's methods have no use for it, nor for tolerances.
@@ -263,8 +255,7 @@ impl Track {
 }
 
 /// Estimates in numbers, one column per method.
-#[must_use]
-pub fn table(tracks: &[Track]) -> Table {
+fn table(tracks: &[Track]) -> Table {
     let head = std::iter::once(String::new()).chain(tracks.iter().map(|track| track.name().to_owned())).collect();
     let row = |name: String, of: &dyn Fn(&Track, usize) -> Option<String>| -> Vec<String> {
         let cell = |track: &Track| track.last_valid().and_then(|last| of(track, last)).unwrap_or_else(|| "–".into());
@@ -327,9 +318,9 @@ pub fn recording(tracks: &[Track]) -> Recording {
     recording
 }
 
-/// The result as JSON: the data, the stated values, and the last valid estimate of every method in SI units.
+/// What the methods say of a recording, with the last valid estimate of each as JSON.
 #[must_use]
-pub fn json(samples: &Samples, tracks: &[Track]) -> Json {
+pub fn said(samples: &Samples, tracks: &[Track]) -> Said {
     let method = |track: &Track| {
         let hold = name_of(hold(&track.estimator));
         json!({
@@ -337,8 +328,15 @@ pub fn json(samples: &Samples, tracks: &[Track]) -> Json {
             "estimate": track.json(), "validAtEnd": track.is_valid_at_end(), "verdict": track.verdict(),
         })
     };
-    json!({
-        "samples": samples.len(), "start": samples.start_s, "Ts": samples.step_s, "notes": samples.notes,
-        "methods": tracks.iter().map(method).collect::<Vec<_>>(),
-    })
+    Said {
+        valid: None,
+        verdict: String::new(),
+        findings: tracks.iter().map(|track| format!("{}: {}", track.name(), track.verdict())).collect(),
+        told: String::new(),
+        tables: vec![table(tracks)],
+        json: json!({
+            "samples": samples.len(), "start": samples.start_s, "Ts": samples.step_s, "notes": samples.notes,
+            "methods": tracks.iter().map(method).collect::<Vec<_>>(),
+        }),
+    }
 }

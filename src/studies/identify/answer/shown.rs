@@ -7,8 +7,8 @@ use serde_json::{Value as Json, json};
 use super::Answer;
 use crate::machine::Bearing;
 use crate::studies::identify::likelihood::{self, BenchParameter, BudgetLine, Identification, Knowledge};
-use crate::studies::identify::name_of;
 use crate::studies::identify::read::significant;
+use crate::studies::identify::{Said, name_of};
 use crate::table::Table;
 
 /// Note below the first budget.
@@ -43,9 +43,21 @@ impl Answer {
         Some(found.lambda.iter().enumerate().map(of_magnet).collect())
     }
 
-    /// Parameters taken as known.
+    /// What is said of the recordings.
     #[must_use]
-    pub fn told(&self) -> String {
+    pub fn said(&self) -> Said {
+        Said {
+            valid: Some(self.valid),
+            verdict: self.verdict.clone(),
+            findings: self.findings.clone(),
+            told: self.told(),
+            tables: self.tables(),
+            json: self.json(),
+        }
+    }
+
+    /// Parameters taken as known.
+    fn told(&self) -> String {
         let stated = &self.question.stated;
         let hold = name_of(stated.hold);
         let mut words = format!("Taken as known: {}, currents {hold}", stated.told().join(", "));
@@ -63,8 +75,7 @@ impl Answer {
     }
 
     /// Estimates, bench and budget as tables.
-    #[must_use]
-    pub fn tables(&self) -> Vec<Table> {
+    fn tables(&self) -> Vec<Table> {
         let Some(found) = &self.found else { return Vec::new() };
         let of_bearings = self.question.stated.machine.magnets_of_bearings();
         let budgets = of_bearings.into_iter().map(|(bearing, magnets)| budget(found, bearing, magnets));
@@ -141,22 +152,19 @@ impl Answer {
     }
 
     /// The answer as one JSON document, SI units; without estimates where they are not valid.
-    #[must_use]
-    pub fn json(&self) -> Json {
+    fn json(&self) -> Json {
         let Some(found) = self.found.as_ref().filter(|_| self.valid) else {
             return json!({"valid": false, "verdict": self.verdict, "findings": self.findings});
         };
         let per = |of: &[likelihood::Estimate], part: fn(&likelihood::Estimate) -> f64| -> Vec<f64> {
             of.iter().map(part).collect()
         };
-        let estimate =
-            |of: &likelihood::Estimate| json!({"value": of.value, "std": of.noise_std, "stdTotal": of.total_std});
         let typical = self.typical().unwrap_or_default();
         let bench: serde_json::Map<String, Json> = found
             .bench
             .iter()
             .filter(|of| of.estimated)
-            .map(|of| (of.parameter.name.clone(), estimate(&of.estimate)))
+            .map(|of| (of.parameter.name.clone(), of.estimate.json()))
             .collect();
         let budget: Vec<Json> = found
             .budget
@@ -187,7 +195,7 @@ impl Answer {
             let noise = of.parts.iter().map(|of| {
                 let mut noise = json!({"position": of.position_noise_m, "current": of.current_noise_a});
                 if let Some(power) = &of.noise_exponent {
-                    noise["exponent"] = estimate(power);
+                    noise["exponent"] = power.json();
                 }
                 noise
             });
@@ -200,7 +208,7 @@ impl Answer {
                 "rows": one_or_all(of.parts.iter().map(|part| part.rows.into()).collect()),
             });
             for (name, load) in stated.loads().iter().zip(&of.load_n) {
-                recording[name.as_str()] = estimate(load);
+                recording[name.as_str()] = load.json();
             }
             recording
         };
@@ -240,14 +248,9 @@ fn bench(found: &Identification) -> Table {
     }
 }
 
-/// Contributions to the magnets of a bearing; of several bearings, those that count.
+/// Contributions to the magnets of a bearing.
 fn budget(found: &Identification, bearing: &Bearing, magnets: Range<usize>) -> Table {
-    let is_shown = |line: &&BudgetLine| {
-        let is_usual = line.told || found.bench[line.parameter].parameter.in_typical_bench;
-        is_usual && (line.contributes(&magnets) || bearing.prefix.is_empty())
-    };
-    let row = |line: &BudgetLine| {
-        let parameter = &found.bench[line.parameter].parameter;
+    let row = |(line, parameter): (&BudgetLine, &BenchParameter)| {
         let (factor, unit) = shown(parameter);
         let mut row = vec![
             parameter.name.clone(),
@@ -267,6 +270,6 @@ fn budget(found: &Identification, bearing: &Bearing, magnets: Range<usize>) -> T
         title: "Budget: what each parameter of the bench contributes to ± of λ, in %".into(),
         note: if magnets.start > 0 { "" } else { SENSITIVITIES }.into(),
         head: ["", "tolerance", ""].map(String::from).into_iter().chain(columns).collect(),
-        rows: found.budget.iter().filter(is_shown).map(row).collect(),
+        rows: found.budget_of(bearing, &magnets).map(row).collect(),
     }
 }

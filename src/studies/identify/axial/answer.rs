@@ -9,10 +9,11 @@ use super::{
     UNKNOWNS, find, mean,
 };
 use crate::estimation::STD_LIMIT;
+use crate::studies::identify::Said;
 use crate::studies::identify::agreement::disagreement;
 use crate::studies::identify::answer::words_on_dynamics;
 use crate::studies::identify::likelihood::Estimate;
-use crate::studies::identify::read::{Axial, significant, time};
+use crate::studies::identify::read::{Samples, significant, time};
 use crate::table::Table;
 
 /// Relative standard deviation that any bench hides from one recording, and that is therefore part of every ±: with it the
@@ -37,8 +38,6 @@ pub struct Answer {
     pub verdict: String,
     /// Further findings, in sentences.
     pub findings: Vec<String>,
-    /// Remarks on the recording.
-    pub notes: Vec<String>,
     /// Position of the operating point, m.
     pub at_m: f64,
     /// Operating point: current in A, ki in N/A, ks in N/m, dynamic ki and ks.
@@ -54,21 +53,15 @@ pub struct Answer {
     start_s: f64,
 }
 
-/// Signals of a recording with what the filter makes of them, by row.
+/// What the filter makes of a recording, by row; NaN where it was not used.
 #[derive(Clone, Debug)]
 pub struct Traces {
-    /// Instants, s.
-    pub time_s: Vec<f64>,
-    /// Positions, m; NaN where they were left out.
-    pub x_m: Vec<f64>,
-    /// Currents, A.
-    pub current_a: Vec<Vec<f64>>,
     /// Slow force and its standard deviation, N.
     pub slow_n: Vec<[f64; 2]>,
     /// Errors of predictions of the position by one sample, m.
     pub error_m: Vec<f64>,
-    /// Where what was used begins, s.
-    pub from_s: f64,
+    /// The first row that was used.
+    pub from: usize,
 }
 
 /// One recording judged with the estimate of another.
@@ -80,6 +73,17 @@ pub struct Check {
     pub verdict: String,
     /// Horizons in s, rms prediction errors in m with the estimate of the first and with a fit of its own.
     pub errors: Vec<[f64; 3]>,
+}
+
+impl Check {
+    /// The same as JSON.
+    #[must_use]
+    pub fn json(&self) -> Json {
+        let horizon =
+            |[ahead_s, foreign_m, own_m]: &[f64; 3]| json!({"ahead": ahead_s, "rms": foreign_m, "rmsOwn": own_m});
+        let errors: Vec<_> = self.errors.iter().map(horizon).collect();
+        json!({"agrees": self.agrees, "verdict": self.verdict, "predictions": errors})
+    }
 }
 
 /// rms of the errors of predictions over so many rows, m.
@@ -113,7 +117,7 @@ fn operating(axis: &Axis, point: &Point, mean_a: &[f64]) -> [f64; 5] {
 ///
 /// # Errors
 /// Why nothing can be identified.
-pub fn answer(axis: &Axis, recording: &Axial) -> Result<Answer, String> {
+pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
     let found = find(axis, recording)?;
     let fit = &found.fit;
     let (axis, point) = (&found.axis, &fit.point);
@@ -138,7 +142,6 @@ pub fn answer(axis: &Axis, recording: &Axial) -> Result<Answer, String> {
         valid: true,
         verdict: String::new(),
         findings: Vec::new(),
-        notes: recording.notes.iter().chain(&found.notes).cloned().collect(),
         at_m: axis.at_m.unwrap_or(0.0),
         operating,
         dynamics,
@@ -177,7 +180,10 @@ fn percent(part: f64) -> String {
 impl Answer {
     fn judge(&mut self, mean_a: &[f64]) {
         let (axis, fit) = (&self.found.axis, &self.found.fit);
-        let mut findings = Vec::new();
+        let from_s = self.start_s + self.found.rows.start as f64 * self.step_s;
+        let left_out =
+            format!("Readings before {} do not follow the law (a start at rest?) and were left out.", time(from_s));
+        let mut findings: Vec<String> = (self.found.rows.start > 0).then_some(left_out).into_iter().collect();
         let mut refusal = None;
         let [_, ki, ks, ..] = &self.operating;
         // Effects that are not significant are not mentioned.
@@ -241,13 +247,25 @@ impl Answer {
         };
     }
 
-    /// Parameters taken as known.
+    /// What is said of the recording.
     #[must_use]
-    pub fn told(&self) -> String {
+    pub fn said(&self) -> Said {
+        Said {
+            valid: Some(self.valid),
+            verdict: self.verdict.clone(),
+            findings: self.findings.clone(),
+            told: self.told(),
+            tables: vec![self.table()],
+            json: self.json(),
+        }
+    }
+
+    /// Parameters taken as known.
+    fn told(&self) -> String {
         let axis = &self.found.axis;
         let known = (0..UNKNOWNS).filter(|at| axis.is_known(*at));
         let known = known.map(|at| {
-            let (name, unit, _) = PARAMETERS[at];
+            let (name, unit) = PARAMETERS[at];
             format!(", {name} = {} {unit}", significant(axis.told[at].unwrap_or(0.0), 5))
         });
         let used: Vec<_> = axis.used.iter().map(|k| (k + 1).to_string()).collect();
@@ -256,8 +274,7 @@ impl Answer {
     }
 
     /// Estimates as a table.
-    #[must_use]
-    pub fn table(&self) -> Table {
+    fn table(&self) -> Table {
         let row = |name: &str, of: &Estimate, factor: f64, unit: &str| {
             vec![
                 name.to_owned(),
@@ -298,12 +315,10 @@ impl Answer {
     }
 
     /// The answer as JSON, in SI units.
-    #[must_use]
-    pub fn json(&self) -> Json {
+    fn json(&self) -> Json {
         let [current, ki, ks, ki_dynamic, ks_dynamic] = &self.operating;
-        let of = |of: &Estimate| json!({"value": of.value, "std": of.noise_std, "stdTotal": of.total_std});
         let magnets: serde_json::Map<String, Json> =
-            self.lambda.iter().map(|(k, lambda)| (format!("lambda[{}]", k + 1), of(lambda))).collect();
+            self.lambda.iter().map(|(k, lambda)| (format!("lambda[{}]", k + 1), lambda.json())).collect();
         let effects: serde_json::Map<String, Json> = self
             .found
             .effects
@@ -312,7 +327,7 @@ impl Answer {
             .collect();
         let (point, rows) = (&self.found.fit.point, &self.found.rows);
         json!({
-            "valid": self.valid, "verdict": self.verdict, "findings": self.findings, "notes": self.notes,
+            "valid": self.valid, "verdict": self.verdict, "findings": self.findings,
             "operatingPoint": {
                 "x": self.at_m, "current": current.value,
                 "ki": ki.value, "kiStd": ki.noise_std, "kiStdTotal": ki.total_std,
@@ -322,7 +337,7 @@ impl Answer {
                 "kiDynamic": ki_dynamic.value, "kiDynamicStdTotal": ki_dynamic.total_std,
                 "ksDynamic": ks_dynamic.value, "ksDynamicStdTotal": ks_dynamic.total_std,
             },
-            "magnets": magnets, "s": of(&self.gap), "pX": point[LOAD],
+            "magnets": magnets, "s": self.gap.json(), "pX": point[LOAD],
             "force.slow": libm::exp(point[SLOW]), "noise.exponent": point[EXPONENT], "delay": point[DELAY],
             "noise": {"position": libm::exp(point[POSITION_NOISE]), "current": libm::exp(point[CURRENT_NOISE])},
             "effects": effects,
@@ -334,19 +349,9 @@ impl Answer {
     /// Signals for figures.
     #[must_use]
     pub fn traces(&self) -> Traces {
-        let found = &self.found;
-        let part = found.part(self.step_s);
-        let (count, from) = (found.x_m.len(), found.rows.start);
-        let instant = |row: usize| self.start_s + row as f64 * self.step_s;
-        let mut traces = Traces {
-            time_s: (0..count).map(instant).collect(),
-            x_m: found.x_m.clone(),
-            current_a: found.current_a.clone(),
-            slow_n: vec![[f64::NAN; 2]; from],
-            error_m: vec![f64::NAN; from],
-            from_s: instant(from),
-        };
-        follow(&found.axis, &part, &found.fit.point, |filter, [error, variance]| {
+        let (found, from) = (&self.found, self.found.rows.start);
+        let mut traces = Traces { slow_n: vec![[f64::NAN; 2]; from], error_m: vec![f64::NAN; from], from };
+        follow(&found.axis, &found.part(self.step_s), &found.fit.point, |filter, [error, variance]| {
             traces.slow_n.push(filter.slow_n());
             traces.error_m.push(if variance > 0.0 { error } else { f64::NAN });
         });
@@ -371,7 +376,7 @@ impl Answer {
                 [*ahead as f64 * own.step_s, foreign, fitted]
             })
             .collect();
-        let differ = agreement(&[self, own]);
+        let differ = agreement([self, own]);
         let words: Vec<String> = errors
             .iter()
             .map(|[ahead_s, foreign, fitted]| {
@@ -391,8 +396,8 @@ impl Answer {
 
 /// Disagreement of recordings of one bench about ki, ks and κ, with the floor of every bench. Nothing if they agree.
 #[must_use]
-pub fn agreement(answers: &[&Answer]) -> Option<String> {
-    let own = answers.iter().map(|answer| {
+pub fn agreement<'a>(answers: impl IntoIterator<Item = &'a Answer>) -> Option<String> {
+    let own = answers.into_iter().map(|answer| {
         let [_, ki, ks, ..] = answer.operating;
         let all = [ki, ks, answer.dynamics];
         let variances = DVector::from_iterator(3, all.iter().map(|of| of.total_std * of.total_std));
@@ -400,13 +405,4 @@ pub fn agreement(answers: &[&Answer]) -> Option<String> {
     });
     let differ = disagreement(&own.collect::<Vec<_>>(), &["ki", "ks", "κ"].map(String::from))?;
     Some(format!("T{}.", &differ[1..]))
-}
-
-/// Judges a recording with the answer of another.
-///
-/// # Errors
-/// Why the second cannot be identified.
-pub fn check(first: &Answer, axis: &Axis, recording: &Axial) -> Result<Check, String> {
-    let axis = Axis { at_m: Some(first.at_m), ..axis.clone() };
-    Ok(first.check(&answer(&axis, recording)?))
 }

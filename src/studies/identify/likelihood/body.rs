@@ -108,30 +108,26 @@ impl Body {
         }
     }
 
-    /// Stated numbers that have to be above 0, and others.
-    pub(in crate::studies::identify) fn numbers(&self) -> [Vec<(String, f64)>; 2] {
-        let mut positive = vec![("m".to_owned(), self.m_kg())];
-        let mut others = Vec::new();
-        let mut angles = |prefix: &str, alpha_rad: &[f64]| {
-            others.extend((1..).zip(alpha_rad).map(|(k, alpha)| (format!("{prefix}alpha[{k}]"), *alpha)));
+    /// Stated numbers.
+    pub(in crate::studies::identify) fn numbers(&self) -> Vec<(String, f64)> {
+        let mut numbers = vec![("m".to_owned(), self.m_kg())];
+        let mut bearing = |prefix: &str, gap_m: f64, alpha_rad: &[f64]| {
+            numbers.push((format!("{prefix}s"), gap_m));
+            numbers.extend((1..).zip(alpha_rad).map(|(k, alpha)| (format!("{prefix}alpha[{k}]"), *alpha)));
         };
         match self {
-            Self::Disc { gap_m, alpha_rad, .. } => {
-                positive.push(("s".into(), *gap_m));
-                angles("", alpha_rad);
-            }
+            Self::Disc { gap_m, alpha_rad, .. } => bearing("", *gap_m, alpha_rad),
             Self::Shaft { geometry, magnets, planes_m } => {
-                positive
-                    .extend([("A.s".into(), geometry.bearings[0].gap_m), ("B.s".into(), geometry.bearings[1].gap_m)]);
-                positive.push(("Jt".into(), geometry.shaft.transverse_kgm2));
-                angles("A.", &geometry.bearings[0].alpha_rad[..*magnets]);
-                angles("B.", &geometry.bearings[1].alpha_rad[..*magnets]);
-                others.push(("Jp".into(), geometry.shaft.polar_kgm2));
-                others.extend((1..).zip(planes_m).map(|(n, at_m)| (format!("unbalance[{n}].position"), *at_m)));
+                for (prefix, of) in SHAFT.iter().zip(&geometry.bearings) {
+                    bearing(prefix, of.gap_m, &of.alpha_rad[..*magnets]);
+                }
+                numbers.push(("Jt".into(), geometry.shaft.transverse_kgm2));
+                numbers.push(("Jp".into(), geometry.shaft.polar_kgm2));
+                numbers.extend((1..).zip(planes_m).map(|(n, at_m)| (format!("unbalance[{n}].position"), *at_m)));
             }
-            Self::Axis { gap_m, .. } => positive.push(("X.s".into(), *gap_m)),
+            Self::Axis { gap_m, .. } => bearing("X.", *gap_m, &[]),
         }
-        [positive, others]
+        numbers
     }
 }
 
@@ -148,13 +144,12 @@ impl Part {
     /// Identifies this part of the motion.
     pub(super) fn identify(&self, recordings: &[Recording<'_>], slow_force: bool) -> Result<Identification, Failed> {
         let magnets = self.body.magnets();
-        let of_bearing = magnets / self.body.prefixes().len();
-        let passes = passes(self.body.coordinates(), magnets).ok_or(Failed::Magnets(of_bearing))?;
+        let passes = passes(self.body.coordinates(), magnets);
         let (describe, varied) = match &self.body {
             Body::Disc { m_kg, gap_m, alpha_rad } => match *alpha_rad.as_slice() {
                 [a, b, c] => self.one_bearing::<2, 3, 9>(*m_kg, *gap_m, [a, b, c]),
                 [a, b, c, d] => self.one_bearing::<2, 4, 10>(*m_kg, *gap_m, [a, b, c, d]),
-                _ => return Err(Failed::Magnets(of_bearing)),
+                _ => unreachable!("3 or 4 magnets to a bearing"),
             },
             Body::Axis { m_kg, gap_m } => self.one_bearing::<1, 2, 3>(*m_kg, *gap_m, [0.0; 2]),
             Body::Shaft { magnets: 3, geometry, planes_m } => self.shaft::<3, 6, 18>(geometry, planes_m),

@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use super::super::case::{Case, NOISE_STEP};
 use super::super::filter::{Block, Columns, SAME};
 use super::super::solve::{self, Normal, part};
-use super::super::{Covariance, Estimate, Failed};
+use super::super::{Estimate, Failed};
 use super::{Blocks, CONVERGED, NOISE_SETTLED, NOT_APART, Search};
 
 /// Variance of the size of the bias of scores ([`Search::bias`]): 0 where the loop is fast, 1 without feedback; as on line.
@@ -38,7 +38,8 @@ pub struct Finished<'a> {
     /// Covariance by noise alone, and with priors, of what is estimated.
     pub noise: DMatrix<f64>,
     pub total: DMatrix<f64>,
-    pub covariance: Covariance,
+    /// Whether that by noise is that of the scores.
+    pub by_scores: bool,
 }
 
 impl Finished<'_> {
@@ -89,17 +90,16 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
     });
     let information = part(&normal.j, &columns, &columns);
     let mut noise = &response * &information * &response;
-    let mut covariance = Covariance::Information;
+    let mut by_scores = false;
     let told = |case: &Case<'_>| case.recording.position_noise_m.is_some() && case.recording.current_noise_a.is_some();
     if !search.cases.iter().all(told)
         && let Some(scores) = scores(&blocks, &columns, &step, &Normal::new(search.kind.layout, search.cases.len()))
     {
         // Scores of `weight` times the information have `weight²` times the variance.
-        let by_scores = &response * (scores / search.weight) * &response;
-        let larger = (0..search.kind.layout.magnets).any(|k| by_scores[(k, k)] > SCORES_RATIO * noise[(k, k)]);
-        if larger {
-            noise = by_scores;
-            covariance = Covariance::Scores;
+        let scattered = &response * (scores / search.weight) * &response;
+        by_scores = (0..search.kind.layout.magnets).any(|k| scattered[(k, k)] > SCORES_RATIO * noise[(k, k)]);
+        if by_scores {
+            noise = scattered;
         }
     }
     if let Some(bias) = bias {
@@ -110,7 +110,7 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
         let scaled = DVector::from_fn(estimated.len(), |i, _| std * search.x[estimated[i]]);
         total += &scaled * scaled.transpose();
     }
-    Ok(Finished { search, blocks, normal, estimated, columns, noise, total, covariance })
+    Ok(Finished { search, blocks, normal, estimated, columns, noise, total, by_scores })
 }
 
 /// Covariance of the sum of the scores, with the covariance between neighbouring blocks (Newey and West 1987, one lag).
