@@ -249,7 +249,7 @@ impl Magnets {
     ///
     /// For any admissible angles: `F = Eᵀ(EEᵀ)⁻¹ (F_y, F_z) + c n` with `c = max_k (F_0 − F_k)/n_k`. With the paper's angles
     /// this is P(5) with its signs corrected (see the module). No force falls below `f0_n`, not even by rounding.
-    #[inline]
+    #[inline(always)]
     pub fn allocate(&self, force_n: [f64; 2], f0_n: &[f64], forces_n: &mut [f64]) {
         if let Some(rows) = &self.pairs {
             let (towards, away) = forces_n.split_at_mut(forces_n.len() / 2);

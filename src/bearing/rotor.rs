@@ -280,7 +280,7 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
     }
 
     /// The forces of the magnets, in N, with the generalised force Q, in N or N·m; the smallest of each group is given, in N.
-    #[inline]
+    #[inline(always)]
     pub fn allocate<const G: usize>(&self, force: [f64; N], smallest_n: [f64; G]) -> [f64; K] {
         let mut forces_n = [0.0; K];
         for (b, at_n) in self.shared(force).into_iter().enumerate() {

@@ -319,15 +319,13 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         if !tracking_error_m.iter().all(|error| error.is_finite()) {
             return Err(ControllerError::Overflow { sample: state.law.samples });
         }
-        let command = self.command(&mut next.law, coordinates, input, &course)?;
+        let mut output = self.command(&mut next.law, coordinates, input, &course)?;
         *state = next;
-        Ok(ControllerOutput {
-            tracking_error_m,
-            lambda_used_nm2_a2: state.law.lambda_nm2_a2,
-            reference_m: rotor.config().at_magnets(here),
-            reference_ahead_m: self.at_magnets(course[1]),
-            ..command
-        })
+        output.tracking_error_m = tracking_error_m;
+        output.lambda_used_nm2_a2 = state.law.lambda_nm2_a2;
+        output.reference_m = rotor.config().at_magnets(here);
+        output.reference_ahead_m = self.at_magnets(course[1]);
+        Ok(output)
     }
 
     fn check_input(&self, input: &ControllerInput<N, K>) -> Result<(), ControllerError> {
