@@ -180,7 +180,10 @@ where
     /// Position of plane {k} of the unbalance along the shaft, from the centre of gravity
     ///
     /// Used if the shaft tilts.
-    #[parameter(names = context.of_planes("position"), count = context.planes / PLANES * PLANES, unit = METRE, nominal = 0.1)]
+    #[parameter(
+        names = context.of_planes("position").into_iter().take(context.if_tilting(PLANES)), count = context.if_tilting(PLANES),
+        unit = METRE, nominal = 0.1
+    )]
     pub unbalance_position_m: [f64; PLANES],
     /// Standard deviation of the noise of {read}; 0 to estimate it from the data
     #[parameter(name = "sensor.positionNoise", unit = METRE, min = 0.0, nominal = 1e-7)]
@@ -193,7 +196,7 @@ where
     #[nested]
     pub tolerance: Tolerance,
     /// The same of a shaft that tilts.
-    #[nested(prefix = "tolerance.", count = context.planes / PLANES, context = ())]
+    #[nested(prefix = "tolerance.", count = context.if_tilting(1), context = ())]
     pub shaft_tolerance: ShaftTolerance,
     /// Length of the window of the paper's methods, a whole multiple of Ts; one revolution is a good choice
     #[parameter(name = "Tf", count = context.of_paper(), unit = SECOND, min = 0.0, nominal = 1e-2)]
