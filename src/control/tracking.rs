@@ -171,7 +171,7 @@ impl<const K: usize, const G: usize> Default for TrackingConfig<K, G> {
 /// The reference of each coordinate at a sample, at the next one, and at the one after that.
 pub type Course<const N: usize> = [[RefPoint; N]; 3];
 
-/// State of a [`Tracking`].
+/// State of the tracking law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "[Estimate; N]: Saved, [f64; K]: Saved, [f64; G]: Saved, [Excitation; G]: Saved")]
 pub struct TrackingState<const N: usize, const K: usize, const G: usize> {

@@ -71,7 +71,7 @@ fn a_reading_that_repeats_is_a_gap() {
     for channel in 0..5 {
         let mut inputs = rotor.inputs(Hold::HeldBefore);
         // One sample in twenty, without a pattern.
-        for j in (1..inputs.len()).filter(|j| (j * j * 2_654_435_761 >> 8) % 20 == 0) {
+        for j in (1..inputs.len()).filter(|j| ((j * j * 2_654_435_761) >> 8).is_multiple_of(20)) {
             let last = inputs[j - 1].clone();
             match channel {
                 0 | 1 => inputs[j].position_m[channel] = last.position_m[channel],
