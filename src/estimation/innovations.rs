@@ -16,7 +16,8 @@
 //! ```
 //!
 //! where e_0 and the φ_j come from the same filter run on the measured positions and on what each unknown does to the acceleration
-//! (Ljung, *System Identification*, 2nd ed., section 7.2: a linear regression). So does the sensitivity ψ_n to each tolerance. Covariances and sums are in units of σ_z²: they depend on the ratio of the noises alone.
+//! (Ljung, *System Identification*, 2nd ed., section 7.2: a linear regression). So does the response ζ_k to an instrument in place of u_k, and the
+//! sensitivity ψ_n to each tolerance. Covariances and sums are in units of σ_z²: they depend on the ratio of the noises alone.
 //!
 //! Sizes: N coordinates, K magnets, U unknowns, T tolerances.
 
@@ -144,6 +145,7 @@ pub struct FilterState<const N: usize, const K: usize, const U: usize, const T: 
     /// Effect of each signal on (q, q̇), with the sign with which it enters the innovation: that of e_0 is the negative state.
     motion: Motions<1, N>,
     unknowns: Motions<U, N>,
+    instruments: Motions<K, N>,
     tolerances: Motions<T, N>,
     /// Derivative of the state to the logarithm of `σ_i²/σ_z²`.
     by_noise_ratio: Motions<1, N>,
@@ -195,6 +197,8 @@ pub struct Innovation<const N: usize, const K: usize, const U: usize, const T: u
     pub motion: RowSVector<f64, N>,
     /// φ, m per unit of the unknown.
     pub unknowns: SMatrix<f64, U, N>,
+    /// ζ.
+    pub instruments: SMatrix<f64, K, N>,
     /// ψ, m per standard deviation of the tolerance, if any is stated.
     pub tolerances: Option<SMatrix<f64, T, N>>,
     /// Innovation with the present estimate, m.
@@ -215,7 +219,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> Innovation<
     /// Whether S is definite, and products of all parts stay finite over any number of samples.
     pub fn is_sound(&self) -> bool {
         let tolerances = self.tolerances.map_or(0.0, |tolerances| tolerances.norm_squared());
-        let signals = self.motion.norm_squared() + self.unknowns.norm_squared();
+        let signals = self.motion.norm_squared() + self.unknowns.norm_squared() + self.instruments.norm_squared();
         [signals, tolerances, self.whitening.norm_squared()].iter().all(|square| *square < 1.0e120)
     }
 
@@ -257,6 +261,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             difference_m: None,
             motion: Motions { position: -sample.position_m.transpose(), rate: SMatrix::zeros() },
             unknowns: Motions::zeros(),
+            instruments: Motions::zeros(),
             tolerances: Motions::zeros(),
             by_noise_ratio: Motions::zeros(),
             covariance: Covariance { position, mixed: Square::zeros(), rate: position * velocity },
@@ -307,13 +312,14 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         of[Self::LOADS..].iter_mut().for_each(|x| *x *= at.load);
     }
 
-    /// Predicts to the next sample.
+    /// Predicts to the next sample; `instrument` makes the instruments of the magnets out of their `u_k`.
     #[inline(always)]
     pub fn predict(
         &self,
         state: &mut FilterState<N, K, U, T>,
         running: &Running<U>,
         sample: &Sample<N, K>,
+        instrument: impl FnOnce(&SVector<f64, K>) -> SVector<f64, K>,
     ) -> Field<N, K> {
         let geometry = &self.machine.geometry;
         let h = self.step_s;
@@ -390,6 +396,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         }
         state.motion.predict(&a);
         state.unknowns.predict(&a);
+        state.instruments.predict(&a);
         state.by_noise_ratio.predict(&a);
         let start = Motions { position: last.position_m.transpose(), rate: velocity.transpose() };
         state.motion.add(&stiff, &start);
@@ -400,6 +407,11 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         ] {
             *to += self.responses(&accelerations, &Regressors::mean(by, &regressors));
         }
+        // Constant over the interval.
+        let instruments = instrument(&square);
+        let by_instruments = SMatrix::<f64, K, N>::from_fn(|k, n| accelerations[(k, n)] * instruments[k]);
+        state.instruments.position += by_instruments * h2;
+        state.instruments.rate += by_instruments * h;
         if let Some(tolerances) = &self.tolerances {
             let forces = self.forces(&running.unknowns, &regressors[1]);
             let (by_force, moved) = self.by_tolerance(tolerances, running, &field, &forces, &start, omega);
@@ -519,6 +531,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             error_m,
             motion,
             unknowns,
+            instruments: product(&state.instruments.position, &whitening),
             tolerances,
             by_noise_ratio: whitening * state.by_noise_ratio.position.transpose(),
             by_log_ratio,
@@ -542,6 +555,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let gain = whitened.map(|gain| gain * whitening);
         state.motion.correct(&whitened, &innovation.motion);
         state.unknowns.correct(&whitened, &innovation.unknowns);
+        state.instruments.correct(&whitened, &innovation.instruments);
         if let Some(tolerances) = &innovation.tolerances {
             state.tolerances.correct(&whitened, tolerances);
         }

@@ -12,7 +12,7 @@ use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::motion::Square;
-use super::sums::{Prior, Solution, Sums};
+use super::sums::{PredictionErrorSolution, Prior, Solution, Sums};
 
 /// Memories τ of the models in s: from that of a bearing that does not change down to less than a block at 3000 rpm.
 const MEMORY_S: [f64; 5] = [f64::INFINITY, 0.3, 0.1, 0.03, 0.003];
@@ -225,7 +225,8 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     pub fn select(
         &mut self,
         widest: &Prior<U>,
-        found: &Solution<U, T>,
+        found: &PredictionErrorSolution<U, T>,
+        combined: &Solution<U, T>,
         forces: Range<usize>,
         variance: f64,
         is_plausible: bool,
@@ -244,8 +245,8 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             |unknowns: &SVector<f64, U>| SVector::<f64, FORCES>::from_fn(|n, _| at(n).map_or(0.0, |j| unknowns[j]));
         let posterior = covariance.try_inverse()?;
         let mut data = posterior - Square::identity() * precision;
-        let mut right = posterior * of(&found.unknowns);
-        let biased = posterior * of(&found.bias);
+        let mut right = posterior * of(&combined.unknowns);
+        let biased = posterior * of(&combined.bias);
         // Data that say nothing of a force leave a millionth of its prior.
         let by_bias = (data + Square::identity() * (1.0e-6 * precision)).try_inverse()? * biased;
         let lost = biased / (1.0 + biased.dot(&by_bias));

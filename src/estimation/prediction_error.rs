@@ -1,4 +1,4 @@
-//! The estimator: whitening filter, prediction errors, noise, models, validation.
+//! The estimator: whitening filter, prediction errors and instrumental variables, noise, models, validation.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -8,11 +8,12 @@ use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
 use super::CONDITION_CAP;
+use super::angle::turned;
 use super::config::Verdict;
 use super::innovations::{FilterState, Running, Sample, WhiteningFilter};
 use super::models::{Models, Weighed};
 use super::noise::{Noise, OUTLIER, USUAL_CURRENT_NOISE_A, Waiting};
-use super::sums::{Prior, Solution, Sums};
+use super::sums::{AngleTable, Prior, Solution, Sums};
 use super::validation::Validation;
 
 /// Blocks of samples in a revolution: a change is seen within half of one.
@@ -107,6 +108,7 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     /// Whether a revolution has ended; means of `i_k/gap_k²` and `i_k²/gap_k³` over the last one.
     turned: bool,
     field: [SVector<f64, K>; 2],
+    table: AngleTable<K>,
     /// Quarters that have ended; revolutions and samples since; revolutions in a sample at the present pace.
     quarters: u64,
     passed: f64,
@@ -178,6 +180,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             revolution: Box::new(Revolution::start()),
             turned: false,
             field: [SVector::zeros(); 2],
+            table: AngleTable::empty(),
             quarters: 0,
             passed: 0.0,
             quarter_samples: 0.0,
@@ -240,6 +243,16 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         };
         let (unknowns, estimated) = (state.running, state.estimated_at.is_some());
         let running = Running { unknowns, estimated, position_variance, current_variance };
+        let mut instrumented = false;
+        let table = &mut state.table;
+        let mut predict = |filter: &mut FilterState<N, K, U, T>, running: &Running<U>, sample: &Sample<N, K>| {
+            let (from_rad, to_rad) = (filter.last.rotation.theta_rad, sample.rotation.theta_rad);
+            self.filter.predict(filter, running, sample, |square| {
+                let instruments = table.exchange(from_rad + 0.5 * turned(from_rad, to_rad), square);
+                instrumented = instruments.is_some();
+                instruments.unwrap_or_else(SVector::zeros)
+            })
+        };
         let before = filter.last;
         for n in 0..sample.missing {
             // The current went from one value to the other at an unknown instant.
@@ -247,11 +260,11 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             let jump = (sample.current_a - before.current_a).amax();
             let running =
                 Running { current_variance: current_variance + f64::from(sample.missing) * jump * jump, ..running };
-            self.filter.predict(filter, &running, &lost);
+            predict(filter, &running, &lost);
             let innovation = self.filter.innovation(filter, &running);
             filter.last.position_m -= innovation.error_m;
         }
-        let field = self.filter.predict(filter, &running, &sample);
+        let field = predict(filter, &running, &sample);
         let innovation = self.filter.innovation(filter, &running);
         let nis = innovation.nis(position_variance);
         state.revolution.samples += 1.0;
@@ -282,7 +295,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         self.filter.correct(filter, &running, &innovation, sqrt(weight));
 
         state.samples += 1;
-        state.present.add(&innovation, sample.rotation.variance);
+        state.present.add(&innovation, sample.rotation.variance, instrumented);
         let per_revolution = state.per_revolution();
         state.validation.add(&innovation, sample.turn);
         let square = sample.current_a.norm_squared() / K as f64;
@@ -333,18 +346,20 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             return;
         }
         // The solutions with the widest prior of the backward forces, and with that of the model that is used.
-        let solutions = sums.solve(&self.prior, variances).and_then(|widest| {
+        let solutions = sums.solve(&self.prior, variances).and_then(|found| {
+            let widest = found.combine(&sums, &self.prior, variances[0]);
             let is_plausible = self.excess(variances[1]) <= FORCE_EXCESS;
-            let model = state.models.select(&self.prior, &widest, self.forces(), variances[0], is_plausible)?;
+            let model = state.models.select(&self.prior, &found, &widest, self.forces(), variances[0], is_plausible)?;
             let prior = state.models.prior(&self.prior, self.forces());
-            let solution = if prior == self.prior { widest.clone() } else { sums.solve(&prior, variances)? };
-            Some((widest, Solution { model, ..solution }))
+            let found = if prior == self.prior { found } else { sums.solve(&prior, variances)? };
+            let solution = Solution { model, ..found.combine(&sums, &prior, variances[0]) };
+            Some((widest, solution, found.condition))
         });
-        let Some((widest, solution)) = solutions else {
+        let Some((widest, solution, condition)) = solutions else {
             state.estimate.condition = CONDITION_CAP;
             return;
         };
-        state.estimate.condition = solution.condition;
+        state.estimate.condition = condition;
         let std = solution.relative_std::<K>();
         if !std.is_finite() {
             return;
@@ -524,7 +539,7 @@ impl<const K: usize, const U: usize, const T: usize> Revolution<K, U, T> {
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionErrorState<N, K, U, T> {
     /// Whether all places are within their lists.
     pub fn has_shape(&self) -> bool {
-        self.models.has_shape() && self.waiting.has_shape()
+        self.models.has_shape() && self.waiting.has_shape() && self.table.has_shape()
     }
 
     /// Counts what passes of a revolution with a sample.

@@ -1,22 +1,63 @@
 //! Sums of the normal equations, and the estimate that follows from them.
 //!
 //! Prediction errors (Ljung, section 7.2): `J = Σ φᵀ S⁻¹ φ`, `b = Σ φᵀ S⁻¹ e_0`, `ϑ = J⁻¹ b`, covariance `σ_z² J⁻¹`. Efficient, but noise of the currents
-//! in φ attenuates it, and noise that the controller feeds back pulls at it: a bias of the known direction `a = J⁻¹ D ϑ σ_i²`, with the contribution D of
-//! unit noise to J, and of unknown size, which counts as variance.
+//! in φ attenuates it, and noise that the controller feeds back pulls at it.
 //!
-//! A Gaussian [`Prior`] adds its precision R to J, and R times its mean to b.
+//! Instrumental variables (section 7.6): `H = Σ ζᵀ S⁻¹ φ`, `h = Σ ζᵀ S⁻¹ e_0`, `G = Σ ζᵀ S⁻¹ ζ`, `ϑ = H⁻¹ h`, covariance `σ_z² H⁻¹ G H⁻ᵀ`, with instruments ζ in
+//! place of φ for the λ. They are driven by the mean of `i_k²/gap_k²` at the same rotor angle over earlier revolutions, whose noise is
+//! not that of the sample: free of both. φ of load, unbalance and backward force holds no noise and is its own instrument. Samples at angles that the
+//! rotor has not passed before have no instruments and are left out.
+//!
+//! A Gaussian [`Prior`] adds its precision R to J, H and G, and R times its mean to b and h.
 
-use libm::log;
+use std::f64::consts::TAU;
+
+use libm::{log, sqrt};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::innovations::Innovation;
 use super::motion::{Square, add_product};
 
-/// Standard deviation of the size of the bias, in units of the attenuation: −1 without feedback, near 0 with usual controllers, which answer to noise of
-/// the positions. With 1 error/std was 0.2 to 0.8 where the attenuation decides (100 drawn bearings, seeds 51001 and 55001); 1/4 would
+/// Variance of the size of the bias, in units of the attenuation: −1 without feedback, near 0 with usual controllers, which answer to noise of
+/// the positions. With a variance of 1 error/std was 0.2 to 0.8 where the attenuation decides (100 drawn bearings, seeds 51001 and 55001); 1/16 would
 /// state four deviations where there is no feedback.
-const BIAS: f64 = 0.5;
+const ATTENUATION_VARIANCE: f64 = 0.25;
+
+/// Sums of R signals times e_0, times φ of U unknowns, and times ψ of T tolerances.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Products<const R: usize, const U: usize, const T: usize> {
+    right: SVector<f64, R>,
+    unknowns: SMatrix<f64, R, U>,
+    tolerances: SMatrix<f64, R, T>,
+}
+
+impl<const R: usize, const U: usize, const T: usize> Products<R, U, T> {
+    fn zeros() -> Self {
+        Self { right: SVector::zeros(), unknowns: SMatrix::zeros(), tolerances: SMatrix::zeros() }
+    }
+
+    #[inline(always)]
+    fn add<const N: usize, const K: usize>(&mut self, of: &SMatrix<f64, R, N>, innovation: &Innovation<N, K, U, T>) {
+        add_product(&mut self.right, of, &innovation.motion);
+        add_product(&mut self.unknowns, of, &innovation.unknowns);
+        if let Some(tolerances) = &innovation.tolerances {
+            add_product(&mut self.tolerances, of, tolerances);
+        }
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.right += other.right;
+        self.unknowns += other.unknowns;
+        self.tolerances += other.tolerances;
+    }
+
+    fn scale(&mut self, by: f64) {
+        self.right *= by;
+        self.unknowns *= by;
+        self.tolerances *= by;
+    }
+}
 
 /// Prior knowledge of the unknowns: inverse variances and means.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,9 +74,10 @@ pub struct Sums<const K: usize, const U: usize, const T: usize> {
     weight: f64,
     square: f64,
     /// b, J, and `C = Σ φᵀ S⁻¹ ψ`.
-    right: SVector<f64, U>,
-    information: Square<U>,
-    by_tolerance: SMatrix<f64, U, T>,
+    predicted: Products<U, U, T>,
+    /// h, H and the same of tolerances over the samples with instruments, and `Σ ζᵀ S⁻¹ ζ` of the λ.
+    instruments: Products<U, U, T>,
+    instrument_square: Square<K>,
     /// Contribution of unit noise of each current, and of the noise of the angle, to the diagonal of J.
     regressor_noise: SVector<f64, U>,
 }
@@ -47,30 +89,38 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
             samples: 0.0,
             weight: 0.0,
             square: 0.0,
-            right: SVector::zeros(),
-            information: Square::zeros(),
-            by_tolerance: SMatrix::zeros(),
+            predicted: Products::zeros(),
+            instruments: Products::zeros(),
+            instrument_square: Square::zeros(),
             regressor_noise: SVector::zeros(),
         }
     }
 
-    /// Takes in an innovation at an angle whose noise gives the force of an unbalance this relative variance.
+    /// Adds a sample with the variance of its angle, rad², with instruments or without.
     #[inline(always)]
-    pub fn add<const N: usize>(&mut self, innovation: &Innovation<N, K, U, T>, angle_variance: f64) {
-        let unknowns = &innovation.unknowns;
+    pub fn add<const N: usize>(
+        &mut self,
+        innovation: &Innovation<N, K, U, T>,
+        angle_variance: f64,
+        instrumented: bool,
+    ) {
         self.samples += 1.0;
         self.weight += 1.0;
         self.square += innovation.motion.norm_squared();
-        add_product(&mut self.right, unknowns, &innovation.motion);
-        add_product(&mut self.information, unknowns, unknowns);
-        if let Some(tolerances) = &innovation.tolerances {
-            add_product(&mut self.by_tolerance, unknowns, tolerances);
-        }
+        self.predicted.add(&innovation.unknowns, innovation);
+        // Noise of the angle, which no controller answers to, attenuates in full: by one standard deviation of the size.
+        let by_angle = angle_variance / sqrt(ATTENUATION_VARIANCE);
         for (j, noise) in self.regressor_noise.iter_mut().enumerate().take(U - N) {
             *noise += match j {
                 j if j < K => innovation.by_current_noise[j],
-                _ => angle_variance * unknowns.row(j).norm_squared(),
+                _ => by_angle * innovation.unknowns.row(j).norm_squared(),
             };
+        }
+        if instrumented {
+            let mut instruments = innovation.unknowns;
+            instruments.fixed_rows_mut::<K>(0).copy_from(&innovation.instruments);
+            self.instruments.add(&instruments, innovation);
+            add_product(&mut self.instrument_square, &innovation.instruments, &innovation.instruments);
         }
     }
 
@@ -79,9 +129,9 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         self.samples += other.samples;
         self.weight += other.weight;
         self.square += other.square;
-        self.right += other.right;
-        self.information += other.information;
-        self.by_tolerance += other.by_tolerance;
+        self.predicted.merge(&other.predicted);
+        self.instruments.merge(&other.instruments);
+        self.instrument_square += other.instrument_square;
         self.regressor_noise += other.regressor_noise;
     }
 
@@ -89,16 +139,16 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
     pub fn discount(&mut self, weight: f64) {
         self.weight *= weight;
         self.square *= weight;
-        self.right *= weight;
-        self.information *= weight;
-        self.by_tolerance *= weight;
+        self.predicted.scale(weight);
+        self.instruments.scale(weight);
+        self.instrument_square *= weight;
         self.regressor_noise *= weight;
     }
 
     /// `(J + R) and b + R m` in units of σ_z².
     fn with(&self, prior: &Prior<U>, position: f64) -> (Square<U>, SVector<f64, U>) {
-        let information = self.information + Square::from_diagonal(&(prior.precision * position));
-        (information, self.right + prior.precision.component_mul(&prior.mean) * position)
+        let information = self.predicted.unknowns + Square::from_diagonal(&(prior.precision * position));
+        (information, self.predicted.right + prior.precision.component_mul(&prior.mean) * position)
     }
 
     /// Degrees of freedom of the residuals of N coordinates.
@@ -121,29 +171,25 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         log.is_finite().then_some([log, self.square / position + prior - explained])
     }
 
-    /// The estimate with a prior, for noises of these variances.
-    pub fn solve(&self, prior: &Prior<U>, [position, current]: [f64; 2]) -> Option<Solution<U, T>> {
+    /// The prediction-error estimate with a prior, for noises of these variances.
+    pub fn solve(&self, prior: &Prior<U>, [position, current]: [f64; 2]) -> Option<PredictionErrorSolution<U, T>> {
         let (information, right) = self.with(prior, position);
         let (inverse, condition) = inverse(&information)?;
-        let biased = inverse * right;
-        let by = |noises: [f64; 2]| {
-            inverse * SVector::from_fn(|j, _| noises[usize::from(j >= K)] * self.regressor_noise[j] * biased[j])
-        };
-        // No controller answers to noise of the angle, and its filter leaves some: it attenuates in full or less.
-        let (unknowns, bias) = (biased + by([0.0, BIAS]), by([BIAS * current, BIAS]));
+        let unknowns = inverse * right;
+        let noise = SVector::from_fn(|j, _| if j < K { current } else { 1.0 } * self.regressor_noise[j] * unknowns[j]);
+        let attenuation = inverse * noise;
         let mut sensitivity = SMatrix::zeros();
         // Most bearings state no tolerance.
-        if self.by_tolerance.iter().any(|x| *x != 0.0) {
-            sensitivity = -inverse * self.by_tolerance;
+        let by_tolerance = &self.predicted.tolerances;
+        if by_tolerance.iter().any(|x| *x != 0.0) {
+            sensitivity = -inverse * by_tolerance;
         }
-        let variance = inverse.diagonal() * position + bias.component_mul(&bias);
-        unknowns.iter().chain(&bias).all(|x| x.is_finite()).then_some(Solution {
+        unknowns.iter().chain(&attenuation).all(|x| x.is_finite()).then_some(PredictionErrorSolution {
             unknowns,
-            variance,
-            bias,
-            model: SVector::zeros(),
-            sensitivity,
+            attenuation,
+            information,
             inverse,
+            sensitivity,
             condition,
         })
     }
@@ -155,7 +201,7 @@ pub struct Solution<const U: usize, const T: usize> {
     pub unknowns: SVector<f64, U>,
     /// Variance of the unknowns by noise.
     pub variance: SVector<f64, U>,
-    /// Standard deviation of the bias by noise in the regressors; part of that variance.
+    /// Standard deviation of the bias that is left in the direction of the attenuation; part of that variance.
     pub bias: SVector<f64, U>,
     /// Variance by the models that may be true instead.
     pub model: SVector<f64, U>,
@@ -163,7 +209,6 @@ pub struct Solution<const U: usize, const T: usize> {
     pub sensitivity: SMatrix<f64, U, T>,
     /// J⁻¹.
     pub inverse: Square<U>,
-    pub condition: f64,
 }
 
 impl<const U: usize, const T: usize> Solution<U, T> {
@@ -190,6 +235,82 @@ impl<const U: usize, const T: usize> Solution<U, T> {
             noise[k] + self.model[k] + tolerances
         });
         [noise, total]
+    }
+}
+
+/// The estimate of prediction errors alone.
+pub struct PredictionErrorSolution<const U: usize, const T: usize> {
+    pub unknowns: SVector<f64, U>,
+    /// How far noise of the currents in the regressors may pull the unknowns: `J⁻¹ D λ σ_i²`.
+    attenuation: SVector<f64, U>,
+    information: Square<U>,
+    pub inverse: Square<U>,
+    pub sensitivity: SMatrix<f64, U, T>,
+    pub condition: f64,
+}
+
+impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
+    /// The estimate of both: the attenuation counts as a bias of the known direction a and of a size s with
+    /// the variance V of [`ATTENUATION_VARIANCE`], which instruments, free of it, tell as far as they can.
+    ///
+    /// With `l = J a/(aᵀ J a)`, so that `lᵀ a = 1`, the difference `lᵀ (ϑ_IV − ϑ_PE)` is s with the variance `v = lᵀ (P_IV − P_PE) l`. So
+    /// `ŝ = V lᵀ (ϑ_IV − ϑ_PE)/(V + v)`, `ϑ = ϑ_PE + ŝ a`, and the variance is that of ϑ_PE and `a² V v/(V + v)`.
+    pub fn combine<const K: usize>(
+        &self,
+        sums: &Sums<K, U, T>,
+        prior: &Prior<U>,
+        position_variance: f64,
+    ) -> Solution<U, T> {
+        let a = &self.attenuation;
+        let l = self.information * a;
+        let weight = a.dot(&l);
+        let contrast = if weight > 0.0 { self.contrast(sums, l / weight, prior, position_variance) } else { None };
+        let (size, variance, sensitivity) = match contrast {
+            Some((difference, variance, sensitivity)) => {
+                let variance = (variance - position_variance / weight).max(0.0);
+                let part = ATTENUATION_VARIANCE / (ATTENUATION_VARIANCE + variance);
+                (part * difference, part * variance, sensitivity * part)
+            }
+            None => (0.0, ATTENUATION_VARIANCE, SVector::zeros()),
+        };
+        let mut by_tolerance = self.sensitivity;
+        add_product(&mut by_tolerance, a, &sensitivity);
+        Solution {
+            unknowns: self.unknowns + a * size,
+            variance: SVector::from_fn(|j, _| position_variance * self.inverse[(j, j)] + variance * a[j] * a[j]),
+            bias: a * variance.sqrt(),
+            model: SVector::zeros(),
+            sensitivity: by_tolerance,
+            inverse: self.inverse,
+        }
+    }
+
+    /// `lᵀ (ϑ_IV − ϑ_PE)` with the variance of `lᵀ ϑ_IV`, and its change by the tolerances.
+    fn contrast<const K: usize>(
+        &self,
+        sums: &Sums<K, U, T>,
+        l: SVector<f64, U>,
+        prior: &Prior<U>,
+        position_variance: f64,
+    ) -> Option<(f64, f64, SVector<f64, T>)> {
+        let Products { right, unknowns: h, tolerances: by_tolerance } = &sums.instruments;
+        let ridge = prior.precision * position_variance;
+        let right = right + ridge.component_mul(&prior.mean);
+        let h = h + Square::from_diagonal(&ridge);
+        let (scale, scaled) = scaled(&h);
+        let w = solve_transposed(&scaled, l.component_mul(&scale))?.component_mul(&scale);
+        let g = Square::from_fn(|r, c| match (r < K, c < K) {
+            (true, true) => sums.instrument_square[(r, c)] + if r == c { ridge[r] } else { 0.0 },
+            (false, true) => h[(c, r)],
+            _ => h[(r, c)],
+        });
+        let (difference, variance) = (w.dot(&right) - l.dot(&self.unknowns), position_variance * w.dot(&(g * w)));
+        let sensitivity = -by_tolerance.tr_mul(&w) - self.sensitivity.tr_mul(&l);
+        (difference.is_finite() && variance >= 0.0 && variance.is_finite()).then_some((
+            difference,
+            variance,
+            sensitivity,
+        ))
     }
 }
 
@@ -224,4 +345,90 @@ pub fn inverse<const U: usize>(matrix: &Square<U>) -> Option<(Square<U>, f64)> {
     let inverse = -left;
     let norm = |m: &Square<U>| m.column_iter().map(|column| column.abs().sum()).fold(0.0, f64::max);
     Some((Square::from_fn(|r, c| scale[r] * inverse[(r, c)] * scale[c]), norm(&scaled) * norm(&inverse)))
+}
+
+/// Solves `aᵀ x = b` by elimination with pivoting.
+fn solve_transposed<const U: usize>(a: &Square<U>, mut b: SVector<f64, U>) -> Option<SVector<f64, U>> {
+    let mut rows = a.data.0;
+    for k in 0..U {
+        let pivot = (k..U).max_by(|p, q| rows[*p][k].abs().total_cmp(&rows[*q][k].abs()))?;
+        rows.swap(k, pivot);
+        b.swap_rows(k, pivot);
+        let (own, reciprocal) = (rows[k], 1.0 / rows[k][k]);
+        for r in k + 1..U {
+            let factor = rows[r][k] * reciprocal;
+            rows[r].iter_mut().zip(&own).for_each(|(x, own)| *x -= own * factor);
+            b[r] -= b[k] * factor;
+        }
+    }
+    for k in (0..U).rev() {
+        let above: f64 = (k + 1..U).map(|c| rows[k][c] * b[c]).sum();
+        b[k] = (b[k] - above) / rows[k][k];
+    }
+    b.iter().all(|x| x.is_finite()).then_some(b)
+}
+
+/// Cells of the table of instruments around a revolution; what its harmonics above the eighth do is lost to the instruments.
+const CELLS: usize = 32;
+
+/// The mean of `i_k²/gap_k²` over earlier revolutions, over the rotor angle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AngleTable<const K: usize> {
+    cells: Vec<Cell<K>>,
+    /// The cell in which the rotor is.
+    present: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Cell<const K: usize> {
+    mean: SVector<f64, K>,
+    /// Revolutions in the mean, at most 8: speed and λ may change.
+    weight: f64,
+    /// Samples seen in this revolution, and their sum.
+    seen: f64,
+    sum: SVector<f64, K>,
+}
+
+impl<const K: usize> AngleTable<K> {
+    pub fn empty() -> Self {
+        let cell = Cell { mean: SVector::zeros(), weight: 0.0, seen: 0.0, sum: SVector::zeros() };
+        Self { cells: vec![cell; CELLS], present: 0 }
+    }
+
+    /// Whether the table is whole, and the place one of it.
+    pub fn has_shape(&self) -> bool {
+        self.cells.len() == CELLS && self.present < CELLS
+    }
+
+    /// The mean at an angle, interpolated, if the rotor has passed there before; then takes in what is there now.
+    #[inline(always)]
+    pub fn exchange(&mut self, angle_rad: f64, square: &SVector<f64, K>) -> Option<SVector<f64, K>> {
+        let turns = angle_rad / TAU;
+        let place = (turns - turns.floor()) * CELLS as f64;
+        let cell = (place as usize) % CELLS;
+        let part = place - place.floor() - 0.5;
+        let next = (if part > 0.0 { cell + 1 } else { cell + CELLS - 1 }) % CELLS;
+        if cell != self.present {
+            self.present = cell;
+            // Half a revolution late, so that no mean holds the noise of neighbouring samples.
+            self.cells[(cell + CELLS / 2) % CELLS].close();
+        }
+        let [here, beside] = [&self.cells[cell], &self.cells[next]];
+        let mean = here.mean.lerp(&beside.mean, part.abs());
+        let known = here.weight > 0.0 && beside.weight > 0.0;
+        self.cells[cell].seen += 1.0;
+        self.cells[cell].sum += square;
+        known.then_some(mean)
+    }
+}
+
+impl<const K: usize> Cell<K> {
+    /// Takes what was seen into the mean.
+    fn close(&mut self) {
+        if self.seen > 0.0 {
+            self.weight = (self.weight + 1.0).min(8.0);
+            self.mean += (self.sum / self.seen - self.mean) / self.weight;
+        }
+        (self.seen, self.sum) = (0.0, SVector::zeros());
+    }
 }

@@ -11,7 +11,7 @@ use super::config::Verdict;
 use super::innovations::Innovation;
 use super::motion::Square;
 use super::noise::OUTLIER;
-use super::sums::Solution;
+use super::sums::PredictionErrorSolution;
 
 /// Harmonics of the rotor angle that are tested.
 const HARMONICS: usize = 4;
@@ -84,7 +84,7 @@ impl<const N: usize, const U: usize, const T: usize> Harmonic<N, U, T> {
     /// χ² (score test): with the estimate `ϑ = J⁻¹ b`, the sums a of its innovations have the covariance
     /// `C − B J⁻¹ Bᵀ`, C that of white innovations and B the sums of φ, and what the tolerances make of them. It is `C + B J⁻¹ Bᵀ` where the
     /// unknowns may have moved since, as in the prediction of data that the estimate has not seen.
-    fn chi_square(&self, found: &Solution<U, T>, moved: bool, position_variance: f64) -> f64 {
+    fn chi_square(&self, found: &PredictionErrorSolution<U, T>, moved: bool, position_variance: f64) -> f64 {
         let sign = if moved { 1.0 } else { -1.0 };
         let [cc, cs, ss] = self.squares;
         // Whatever the estimate has absorbed of a harmonic, a part is taken to remain: gains change while it settles.
@@ -182,7 +182,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     }
 
     /// Judges the harmonics of what an estimate leaves unexplained; whether the unknowns may have moved while the sums were gathered.
-    pub fn judge_harmonics(&mut self, found: &Solution<U, T>, moved: bool, position_variance: f64) {
+    pub fn judge_harmonics(&mut self, found: &PredictionErrorSolution<U, T>, moved: bool, position_variance: f64) {
         // Less of a revolution holds no harmonic.
         let enough = self.quarters[1] > 3;
         let found = self.harmonics.iter().map(|harmonic| harmonic.chi_square(found, moved, position_variance));

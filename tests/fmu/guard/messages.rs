@@ -70,7 +70,7 @@ fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> 
     assert_eq!(fmu.step(0.0, -1.0), fmi2Status::fmi2Error);
     let messages = fmu.take_messages();
     for message in messages.iter().filter(|message| message.category == "logSingularLinearSystems") {
-        says(&message.text, &["does not tell the unknowns apart"]);
+        says(&message.text, &["does not determine all unknowns"]);
     }
     let mut categories: Vec<_> = messages.into_iter().map(|message| message.category).collect();
     categories.sort();
