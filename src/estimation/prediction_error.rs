@@ -23,7 +23,7 @@ const QUARTERS: usize = 4;
 const REVOLUTION_AT_REST_S: f64 = 4.0 / 150.0;
 
 /// Over so many missing samples the filter predicts; after more it starts again.
-pub const BRIDGED: u32 = 8;
+const BRIDGED: u32 = 8;
 
 /// At first the estimate is solved for every so many samples; then at the end of each quarter, whose samples are judged first.
 const SOLVE_EVERY: u64 = 4;

@@ -4,7 +4,6 @@ use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
 use super::angle::Rotation;
-use super::prediction_error::BRIDGED;
 
 /// As many samples of one position equal to the last bit, while others move, are a sensor that is stuck. More missing samples in a row are a
 /// measurement that is lost.
@@ -17,46 +16,19 @@ pub enum Taken<const N: usize> {
     Usable { stuck: [bool; N], contradiction: bool },
     /// Nothing: not finite, or outside the gap.
     Missing,
-    /// Nothing: readings of the sample before.
+    /// Nothing: the positions and currents of the sample before.
     Repeated,
-}
-
-/// One reading of late, in m or A.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Reading {
-    last: f64,
-    /// Since how many samples it has been the same.
-    same: u32,
-    /// The smallest of its steps, if there was one, and their mean.
-    smallest: Option<f64>,
-    mean: f64,
-}
-
-impl Reading {
-    fn take(&mut self, now: f64) {
-        let step = (now - self.last).abs();
-        self.last = now;
-        if step == 0.0 {
-            self.same = self.same.saturating_add(1);
-        } else {
-            self.same = 0;
-            self.smallest = Some(self.smallest.map_or(step, |smallest| smallest.min(step)));
-            self.mean += (step - self.mean) / f64::from(STUCK_SAMPLES);
-        }
-    }
-
-    /// Whether it is not by its steps that it may stay the same: steps of less than eight times the smallest one are those of a still rotor behind a
-    /// quantised sensor.
-    fn is_fine(&self) -> bool {
-        self.smallest.is_some_and(|smallest| self.mean > 8.0 * smallest)
-    }
 }
 
 /// The readings of N positions and K currents of late.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Readings<const N: usize, const K: usize> {
-    positions: SVector<Reading, N>,
-    currents: SVector<Reading, K>,
+    position_m: SVector<f64, N>,
+    current_a: SVector<f64, K>,
+    /// Since how many samples each position has read the same, its smallest step and the mean of its steps, m.
+    same: SVector<u32, N>,
+    smallest_m: SVector<f64, N>,
+    mean_m: SVector<f64, N>,
     /// Missing samples in a row.
     missing: u32,
     rotation: Option<Rotation>,
@@ -64,8 +36,15 @@ pub struct Readings<const N: usize, const K: usize> {
 
 impl<const N: usize, const K: usize> Readings<N, K> {
     pub fn start() -> Self {
-        let (positions, currents) = (SVector::repeat(Reading::default()), SVector::repeat(Reading::default()));
-        Self { positions, currents, missing: 0, rotation: None }
+        Self {
+            position_m: SVector::zeros(),
+            current_a: SVector::zeros(),
+            same: SVector::zeros(),
+            smallest_m: SVector::repeat(f64::MAX),
+            mean_m: SVector::zeros(),
+            missing: 0,
+            rotation: None,
+        }
     }
 
     /// Whether more samples are missing than a gap has.
@@ -100,19 +79,28 @@ impl<const N: usize, const K: usize> Readings<N, K> {
             self.missing = self.missing.saturating_add(1);
             return Taken::Missing;
         }
-        let of_positions = self.positions.iter_mut().zip(position_m);
-        of_positions.chain(self.currents.iter_mut().zip(current_a)).for_each(|(reading, now)| reading.take(now));
-        let all = || self.positions.iter().chain(&self.currents);
-        // One reading that was not taken anew makes a gap as long as that can be bridged: a current may really stay the same.
-        let held = |of: &Reading| of.is_fine() && (1..=BRIDGED).contains(&of.same);
-        if all().all(|of| of.same > 0) || all().any(held) {
+        let (position, current) = (SVector::from(position_m), SVector::from(current_a));
+        let repeated = position == self.position_m && current == self.current_a;
+        for n in 0..N {
+            let step_m = (position[n] - self.position_m[n]).abs();
+            if step_m == 0.0 {
+                self.same[n] = self.same[n].saturating_add(1);
+            } else {
+                self.same[n] = 0;
+                self.smallest_m[n] = self.smallest_m[n].min(step_m);
+                self.mean_m[n] += (step_m - self.mean_m[n]) / f64::from(STUCK_SAMPLES);
+            }
+        }
+        (self.position_m, self.current_a) = (position, current);
+        if repeated {
             self.missing = self.missing.saturating_add(1);
             return Taken::Repeated;
         }
         self.missing = 0;
-        let moving = self.positions.iter().any(|of| of.same == 0);
-        let stuck = |of: &Reading| moving && of.same >= STUCK_SAMPLES && of.is_fine();
+        let moving = self.same.min() == 0;
+        // Steps of less than eight times the smallest one are those of a still rotor behind a quantised sensor.
+        let stuck = |n: usize| self.same[n] >= STUCK_SAMPLES && self.mean_m[n] > 8.0 * self.smallest_m[n];
         let contradiction = self.rotation().contradicts();
-        Taken::Usable { stuck: std::array::from_fn(|n| stuck(&self.positions[n])), contradiction }
+        Taken::Usable { stuck: std::array::from_fn(|n| moving && stuck(n)), contradiction }
     }
 }

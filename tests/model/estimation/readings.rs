@@ -64,28 +64,6 @@ fn a_gap_while_the_noise_is_sought() {
     assert_never_wrong("gaps at the start", &rotor, &outputs);
 }
 
-/// One sensor that now and then gives the reading of the sample before.
-#[test]
-fn a_reading_that_repeats_is_a_gap() {
-    let rotor = noisy(9, 6001);
-    for channel in 0..5 {
-        let mut inputs = rotor.inputs(Hold::HeldBefore);
-        // One sample in twenty, without a pattern.
-        for j in (1..inputs.len()).filter(|j| ((j * j * 2_654_435_761) >> 8).is_multiple_of(20)) {
-            let last = inputs[j - 1].clone();
-            match channel {
-                0 | 1 => inputs[j].position_m[channel] = last.position_m[channel],
-                _ => inputs[j].current_a[channel - 2] = last.current_a[channel - 2],
-            }
-        }
-        for noise in [NOISE, (0.0, 0.0)] {
-            let outputs = run(&estimator(told(config(&rotor), noise)), &inputs).0;
-            let valid = assert_never_wrong(&format!("channel {channel} repeats"), &rotor, &outputs);
-            assert!(valid > 5000, "channel {channel}: {valid} samples valid");
-        }
-    }
-}
-
 #[test]
 fn a_stuck_sensor_is_named() {
     let rotor = noisy(7, 5001);
@@ -123,6 +101,7 @@ fn the_angle_may_be_wrapped() {
         for k in 0..3 {
             // Rounding of the angle may end a quarter of a revolution a sample later.
             let off = (one.lambda_hat[k] - other.lambda_hat[k]).abs() / one.lambda_std[k];
+            // A sample at the edge of a cell of the instruments may fall on either side.
             assert!(off < 0.1, "lambda[{}] is off by {off} standard deviations", k + 1);
         }
         assert!((one.unbalance_phase_rad[0] - other.unbalance_phase_rad[0]).abs() < 1e-3);
